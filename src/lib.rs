@@ -1,0 +1,7 @@
+#![doc = include_str!("ARCHITECTURE.md")]
+
+pub mod error;
+pub mod math;
+pub mod scene;
+
+pub use error::{Error, Result};

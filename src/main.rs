@@ -1,0 +1,3 @@
+//! The command `mrvis`.
+
+fn main() {}

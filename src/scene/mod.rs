@@ -1,0 +1,123 @@
+//! The resolved scene: everything that later rooms need, checked once at the door.
+//!
+//! Input formats, defaults, units and repairs end here; no later room re-checks. This room does not know that
+//! rays, hierarchies or radiosity exist.
+
+use crate::math::Aabb;
+use glam::{DVec3, Vec3};
+use std::path::PathBuf;
+
+/// A named run of faces: an OBJ object or group, a glTF node, a PLY file.
+#[derive(Clone, Debug)]
+pub struct Object {
+    /// The name in the file, or a made-up one (`object 3`).
+    pub name: String,
+}
+
+/// A surface description.
+#[derive(Clone, Debug)]
+pub struct Material {
+    /// The name in the file.
+    pub name: String,
+    /// Diffuse reflectance of both sides, linear RGB in `[0, 1)`.
+    pub reflectance: [f32; 3],
+    /// Emitted radiance on the front side, W/(m² sr), linear RGB, `>= 0`.
+    pub emission: [f32; 3],
+}
+
+/// A connected set of faces of one emissive material.
+#[derive(Clone, Debug)]
+pub struct Emitter {
+    /// Object name, with a number where one object has several emissive surfaces.
+    pub name: String,
+    /// Its faces, ascending indices into [`Scene::triangles`].
+    pub triangles: Vec<u32>,
+    /// One-sided area of those faces, scene units squared.
+    pub area: f64,
+    /// Area-weighted mean of the face normals: unit length if planar, shorter if curved, zero if closed.
+    pub normal: Vec3,
+    /// Minimum width: for a planar surface the smallest distance of two parallel lines in its plane that hold
+    /// it; for others the smallest width of its convex hull over the sampled directions. Scene units. This is
+    /// the `e` of the umbra criterion (method A.6: the smallest is the safe one).
+    pub min_width: f32,
+    /// Radiance, W/(m² sr), linear RGB (area-weighted mean over the faces).
+    pub emission: [f32; 3],
+}
+
+/// What was repaired or assumed while reading, counted. All zero for a clean file.
+#[derive(Clone, Debug, Default, serde::Serialize)]
+pub struct Repairs {
+    /// Faces dropped because they have no area.
+    pub zero_area_faces: usize,
+    /// Faces dropped because the same three vertices occurred before.
+    pub duplicate_faces: usize,
+    /// Polygons with more than three corners that were triangulated.
+    pub polygons_triangulated: usize,
+    /// Of those, the concave ones.
+    pub concave_polygons: usize,
+    /// Polygons that no triangulation could be found for (self-crossing); dropped.
+    pub broken_polygons: usize,
+    /// Vertices merged because they have the same position.
+    pub welded_vertices: usize,
+    /// Faces whose material is missing; they got the default (reflectance 0.5, no emission).
+    pub faces_without_material: usize,
+    /// Material libraries or textures that could not be read; defaults were used.
+    pub missing_files: usize,
+    /// Reflectances outside `[0, 1)` that were clamped.
+    pub clamped_reflectances: usize,
+    /// Vertices that no face uses.
+    pub unused_vertices: usize,
+    /// One readable line for each kind of repair, with names where they help.
+    pub messages: Vec<String>,
+}
+
+/// An immutable, checked scene of triangles. All vectors that start with `triangle_` have one entry a triangle.
+///
+/// Positions are relative to [`Scene::origin`] so that scenes far from zero (map coordinates) keep f32 precision.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// The file or generator it came from.
+    pub path: PathBuf,
+    /// Name of the length unit, `m` unless told otherwise.
+    pub unit: String,
+    /// What was subtracted from the file's coordinates, in f64.
+    pub origin: DVec3,
+    /// Welded vertex positions relative to `origin`, finite.
+    pub positions: Vec<Vec3>,
+    /// Corner indices into `positions`, each triangle with non-zero area.
+    pub triangles: Vec<[u32; 3]>,
+    /// Index into `objects`.
+    pub triangle_object: Vec<u32>,
+    /// Index into `materials`.
+    pub triangle_material: Vec<u32>,
+    /// Diffuse reflectance of the face: `Kd`, or the mean linear colour of its texture over the face.
+    pub triangle_reflectance: Vec<[f32; 3]>,
+    /// 1: the face bounds a closed solid, only its outside is seen; 2: sheet, seen from both sides.
+    pub triangle_sides: Vec<u8>,
+    /// Edge-connected component of the face, numbered from 0 in order of first face.
+    pub triangle_component: Vec<u32>,
+    /// Number of components that are closed (every edge has exactly two faces).
+    pub closed_parts: usize,
+    /// Number of the other components.
+    pub sheet_parts: usize,
+    /// Objects in file order.
+    pub objects: Vec<Object>,
+    /// Materials in file order.
+    pub materials: Vec<Material>,
+    /// Emissive surfaces, in order of their first face.
+    pub emitters: Vec<Emitter>,
+    /// Index into `emitters` of each face, `u32::MAX` for faces that do not emit.
+    pub triangle_emitter: Vec<u32>,
+    /// Box of all positions that faces use.
+    pub bounds: Aabb,
+    /// What was repaired.
+    pub repairs: Repairs,
+}
+
+impl Scene {
+    /// The three corners of a triangle.
+    #[inline]
+    pub fn corners(&self, triangle: u32) -> [Vec3; 3] {
+        self.triangles[triangle as usize].map(|v| self.positions[v as usize])
+    }
+}
