@@ -1,0 +1,96 @@
+//! Finds Embree 4, generates bindings from its installed headers and compiles the shim. Nothing else.
+//!
+//! Search order (architecture, "Getting Embree 4"):
+//! 1. `EMBREE_DIR`: a prefix with `include/embree4` and `lib` (or `lib64`, or Debian's `lib/<triplet>`);
+//! 2. the system: `/usr/include/embree4/rtcore.h`, also under `/usr/local` and `/opt/homebrew`;
+//! 3. the project's private prefix `.prefix/embree`, which `make` prepares.
+
+use std::env;
+use std::path::{Path, PathBuf};
+
+fn main() {
+    println!("cargo:rerun-if-env-changed=EMBREE_DIR");
+    println!("cargo:rerun-if-changed=ffi/embree/wrapper.h");
+    println!("cargo:rerun-if-changed=ffi/embree/shim.h");
+    println!("cargo:rerun-if-changed=ffi/embree/shim.c");
+    println!("cargo:rerun-if-changed=build.rs");
+
+    let embree = find_embree().unwrap_or_else(|message| {
+        eprintln!("error: {message}");
+        std::process::exit(1)
+    });
+    println!("cargo:rerun-if-changed={}", embree.include.join("embree4/rtcore_config.h").display());
+    println!("cargo:rustc-link-search=native={}", embree.lib.display());
+    println!("cargo:rustc-link-lib=dylib=embree4");
+    // Executables and tests find the library from any working directory without LD_LIBRARY_PATH.
+    println!("cargo:rustc-link-arg=-Wl,-rpath,{}", embree.lib.display());
+
+    let include = format!("-I{}", embree.include.display());
+    let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
+    bindgen::Builder::default()
+        .header("ffi/embree/wrapper.h")
+        .clang_arg(&include)
+        .allowlist_function("rtc(New|Release)(Device|Scene|Geometry)")
+        .allowlist_function("rtcRetain(Device|Scene)")
+        .allowlist_function(
+            "rtc(Get|Set)Device(Error|Property|ErrorFunction|MemoryMonitorFunction|ErrorMessage)",
+        )
+        .allowlist_function("rtcSetScene(Flags|BuildQuality)")
+        .allowlist_function("rtc(CommitScene|CommitGeometry|AttachGeometry)")
+        .allowlist_function("rtcSet(NewGeometryBuffer|GeometryMask)")
+        .allowlist_function("mrvis_.*")
+        .allowlist_var("RTC_(VERSION|VERSION_MAJOR|VERSION_STRING|INVALID_GEOMETRY_ID)")
+        // Codes that a newer library may return must not be undefined behaviour: constants, not Rust enums.
+        .default_enum_style(bindgen::EnumVariation::NewType { is_bitfield: false, is_global: false })
+        .bitfield_enum("RTCSceneFlags")
+        .layout_tests(true)
+        .generate()
+        .expect("bindgen could not read the Embree headers; is libclang installed (Debian: libclang-dev)?")
+        .write_to_file(out.join("embree.rs"))
+        .expect("OUT_DIR is writable");
+
+    cc::Build::new()
+        .file("ffi/embree/shim.c")
+        .include(&embree.include)
+        .opt_level(3)
+        .flag_if_supported("-std=c11")
+        .warnings(true)
+        .compile("mrvis_embree_shim");
+}
+
+struct Embree {
+    include: PathBuf,
+    lib: PathBuf,
+}
+
+fn find_embree() -> Result<Embree, String> {
+    if let Some(dir) = env::var_os("EMBREE_DIR") {
+        let dir = PathBuf::from(dir);
+        return probe(&dir).ok_or_else(|| {
+            format!(
+                "EMBREE_DIR is {} but include/embree4/rtcore.h or lib/libembree4.so is missing there",
+                dir.display()
+            )
+        });
+    }
+    let private =
+        Path::new(&env::var_os("CARGO_MANIFEST_DIR").expect("cargo sets it")).join(".prefix/embree");
+    println!("cargo:rerun-if-changed={}", private.display());
+    ["/usr", "/usr/local", "/opt/homebrew"].iter().map(Path::new).chain([private.as_path()]).find_map(probe).ok_or(
+        "Embree 4 was not found in EMBREE_DIR, in the system or in .prefix/embree. Run `make build` in the \
+         project folder, or install your distribution's Embree 4 development package (Debian 13: libembree-dev)"
+            .to_owned(),
+    )
+}
+
+fn probe(prefix: &Path) -> Option<Embree> {
+    let include = prefix.join("include");
+    if !include.join("embree4/rtcore.h").is_file() {
+        return None;
+    }
+    let triplet = format!("lib/{}-linux-gnu", env::var("CARGO_CFG_TARGET_ARCH").unwrap_or_default());
+    ["lib", "lib64", &triplet].iter().map(|l| prefix.join(l)).find_map(|lib| {
+        let found = ["libembree4.so", "libembree4.dylib"].iter().any(|f| lib.join(f).exists());
+        found.then(|| Embree { include: include.clone(), lib: lib.canonicalize().unwrap_or(lib) })
+    })
+}

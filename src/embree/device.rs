@@ -1,0 +1,133 @@
+//! The library handle: version check, configuration, errors.
+
+use super::bindings as sys;
+use crate::error::{Error, Result};
+use std::ffi::{CStr, CString, c_char, c_void};
+use std::sync::atomic::{AtomicIsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// An Embree device. Cheap to clone; scenes keep it alive.
+#[derive(Clone)]
+pub struct Device {
+    pub(super) inner: Arc<Inner>,
+}
+
+pub(super) struct Inner {
+    pub(super) raw: sys::RTCDevice,
+    // Boxed so that the address that Embree holds stays valid.
+    state: Box<CallbackState>,
+}
+
+#[derive(Default)]
+struct CallbackState {
+    first_error: Mutex<Option<String>>,
+    bytes: AtomicIsize,
+}
+
+// SAFETY: Embree devices may be used from any thread (Embree manual, "Thread safety"): creating scenes and
+// geometries is thread-safe, the callbacks only touch the mutex and the atomic of `CallbackState`.
+unsafe impl Send for Inner {}
+// SAFETY: as above; no method hands out interior references.
+unsafe impl Sync for Inner {}
+
+impl Device {
+    /// Opens Embree with at most `threads` build threads (0: all cores).
+    ///
+    /// # Errors
+    /// If the library is not of the headers' major version, or older than the headers it was compiled with.
+    pub fn new(threads: usize) -> Result<Device> {
+        // simd256 keeps the 8-wide BVH on machines where Embree would otherwise choose 128-bit nodes.
+        let config =
+            CString::new(format!("threads={threads},frequency_level=simd256")).expect("no NUL inside");
+        // SAFETY: `config` is a NUL-terminated string that outlives the call.
+        let raw = unsafe { sys::rtcNewDevice(config.as_ptr()) };
+        if raw.is_null() {
+            return Err(Error::Embree("the device could not be created".into()));
+        }
+        let state = Box::<CallbackState>::default();
+        let user = (&raw const *state).cast_mut().cast::<c_void>();
+        let device = Device { inner: Arc::new(Inner { raw, state }) };
+        // SAFETY: `raw` is live; `user` points to the boxed state, which lives until after the device's release.
+        unsafe {
+            sys::rtcSetDeviceErrorFunction(raw, Some(on_error), user);
+            sys::rtcSetDeviceMemoryMonitorFunction(raw, Some(on_memory), user);
+        }
+        let (found, wanted) =
+            (device.property(sys::RTCDeviceProperty::RTC_DEVICE_PROPERTY_VERSION), sys::RTC_VERSION as isize);
+        if found / 10_000 != wanted / 10_000 || found < wanted {
+            return Err(Error::Embree(format!(
+                "the library is version {} but mrvis was compiled for {}; rebuild mrvis against the installed \
+                 headers or install a library of that version",
+                version_text(found),
+                version_text(wanted)
+            )));
+        }
+        Ok(device)
+    }
+
+    /// The library's version, `4.a.b`.
+    pub fn version(&self) -> String {
+        version_text(self.property(sys::RTCDeviceProperty::RTC_DEVICE_PROPERTY_VERSION))
+    }
+
+    /// The widest packet that Embree traces natively on this machine: 16 (AVX-512), 8 (AVX2), 4 or 1.
+    pub fn native_width(&self) -> usize {
+        use sys::RTCDeviceProperty as P;
+        [
+            (16, P::RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED),
+            (8, P::RTC_DEVICE_PROPERTY_NATIVE_RAY8_SUPPORTED),
+            (4, P::RTC_DEVICE_PROPERTY_NATIVE_RAY4_SUPPORTED),
+        ]
+        .into_iter()
+        .find_map(|(width, property)| (self.property(property) != 0).then_some(width))
+        .unwrap_or(1)
+    }
+
+    /// Bytes that Embree holds now for all scenes of this device, as it reports them.
+    pub fn bytes(&self) -> usize {
+        self.inner.state.bytes.load(Ordering::Relaxed).max(0) as usize
+    }
+
+    fn property(&self, property: sys::RTCDeviceProperty) -> isize {
+        // SAFETY: `raw` is live; unknown properties give 0 and an error, which `check` would report.
+        unsafe { sys::rtcGetDeviceProperty(self.inner.raw, property) }
+    }
+
+    /// The first error since the last check. Ray queries set none; this is for set-up calls.
+    pub(super) fn check(&self) -> Result<()> {
+        let mut first = self.inner.state.first_error.lock().unwrap_or_else(PoisonError::into_inner);
+        first.take().map_or(Ok(()), |message| Err(Error::Embree(message)))
+    }
+}
+
+impl Drop for Inner {
+    fn drop(&mut self) {
+        // SAFETY: the last owner releases the device once; Embree itself keeps it while scenes refer to it, and
+        // those hold an `Arc` of `Inner`, so no callback can come after `state` is gone.
+        unsafe { sys::rtcReleaseDevice(self.raw) }
+    }
+}
+
+fn version_text(v: isize) -> String {
+    format!("{}.{}.{}", v / 10_000, v / 100 % 100, v % 100)
+}
+
+extern "C" fn on_error(user: *mut c_void, code: sys::RTCError, message: *const c_char) {
+    // SAFETY: Embree passes back the pointer given with the callback, which outlives the device.
+    let state = unsafe { &*user.cast::<CallbackState>() };
+    let text = if message.is_null() {
+        String::new()
+    } else {
+        // SAFETY: Embree passes a NUL-terminated string that is valid during the callback.
+        unsafe { CStr::from_ptr(message) }.to_string_lossy().into_owned()
+    };
+    let mut first = state.first_error.lock().unwrap_or_else(PoisonError::into_inner);
+    first.get_or_insert_with(|| format!("{text} (code {})", code.0));
+}
+
+extern "C" fn on_memory(user: *mut c_void, bytes: isize, _post: bool) -> bool {
+    // SAFETY: as in `on_error`.
+    let state = unsafe { &*user.cast::<CallbackState>() };
+    state.bytes.fetch_add(bytes, Ordering::Relaxed);
+    true
+}
