@@ -309,10 +309,10 @@ class Scene:
         elif "z" in piece:
             z = piece["z"]
         elif "on" in piece:
-            half = [
-                (px * 0.35 * width, py * 0.35 * depth) for px, py in ((0, 0), (-1, -1), (1, -1), (1, 1), (-1, 1))
+            steps = [k / 4 * 0.42 for k in range(-4, 5)]
+            spots = [
+                (x + c * u * width - s * v * depth, y + s * u * width + c * v * depth) for u in steps for v in steps
             ]
-            spots = [(x + c * u - s * v, y + s * u + c * v) for u, v in half]
             z = self.top_of(piece["on"], spots, piece.get("below", math.inf), piece["name"])
         else:
             z = model.elevation
@@ -340,10 +340,10 @@ class Scene:
 
     # what lies on what
 
-    def crossings(self, support, x, y):
-        """Heights at which the vertical line through (x, y) meets the piece, upwards."""
+    def crossings(self, triangles, x, y):
+        """Heights at which the vertical line through (x, y) meets the triangles, upwards."""
         found = []
-        for (ax, ay, az), (bx, by, bz), (cx, cy, cz) in self.kept[support]:
+        for (ax, ay, az), (bx, by, bz), (cx, cy, cz) in triangles:
             if (ax < x and bx < x and cx < x) or (ax > x and bx > x and cx > x):
                 continue
             if (ay < y and by < y and cy < y) or (ay > y and by > y and cy > y):
@@ -358,7 +358,15 @@ class Scene:
         return sorted(found)
 
     def top_of(self, support, spots, below, name):
-        heights = [z for x, y in spots for z in self.crossings(support, x, y) if z < below]
+        if support not in self.kept:
+            stop(f"{self.name}: {name!r} is to stand on {support!r}, which has no place yet: see layouts.py")
+        x0, x1, y0, y1 = (f(p[k] for p in spots) for k in (0, 1) for f in (min, max))
+        under = [
+            t for t in self.kept[support]
+            if max(p[0] for p in t) >= x0 and min(p[0] for p in t) <= x1
+            and max(p[1] for p in t) >= y0 and min(p[1] for p in t) <= y1
+        ]
+        heights = [z for x, y in spots for z in self.crossings(under, x, y) if z < below]
         if not heights:
             stop(f"{self.name}: {name!r} does not stand over {support!r}: see layouts.py")
         return max(heights)
@@ -377,6 +385,7 @@ class Scene:
             self.material(f"book_{k}", kd)
             for k, kd in enumerate(((0.35, 0.07, 0.06), (0.08, 0.16, 0.30), (0.10, 0.25, 0.12), (0.45, 0.36, 0.20), (0.6, 0.58, 0.52), (0.12, 0.10, 0.10)))
         ]
+        shelf = self.kept[support]
         depths = [middle - front * room_depth * f for f in (0.15, 0.0, -0.15)]
         quads, materials = [], []
         position, pause = start + 0.01, 0
@@ -386,7 +395,7 @@ class Scene:
             for t in (0.0, 0.5, 1.0):
                 at = position + t * thick
                 free = []
-                lines = [self.crossings(support, at, d) if along_x else self.crossings(support, d, at) for d in depths]
+                lines = [self.crossings(shelf, *((at, d) if along_x else (d, at))) for d in depths]
                 for k, z in enumerate(lines[1]):
                     above = lines[1][k + 1] if k + 1 < len(lines[1]) else (z_top if spec.get("top") is None else z + spec["top"])
                     boards = all(any(abs(o - z) < 0.004 for o in other) for other in (lines[0], lines[2]))
@@ -443,7 +452,7 @@ class Scene:
                 "W": lambda u, z, o: (-o, u, z),
                 "E": lambda u, z, o: (w + o, u, z),
             }[side]
-            flip = side in "SE"  # the order of corners that faces into the room
+            flip = side in "SE"  # the corners below turn the right way round for the other two
             quads = []
 
             def add(corners):
@@ -454,16 +463,16 @@ class Scene:
             u = 0.0
             for hole in holes:
                 a, b, z0, z1, t = hole["from"], hole["to"], hole["bottom"], hole["top"], hole.get("thick", 0.3)
-                add([(u, 0, 0), (u, h, 0), (a, h, 0), (a, 0, 0)]) if a > u else None
-                add([(a, z1, 0), (a, h, 0), (b, h, 0), (b, z1, 0)])
+                add([(a, 0, 0), (a, h, 0), (u, h, 0), (u, 0, 0)])
+                add([(b, z1, 0), (b, h, 0), (a, h, 0), (a, z1, 0)])
                 if z0 > 0:
-                    add([(a, 0, 0), (a, z0, 0), (b, z0, 0), (b, 0, 0)])
+                    add([(b, 0, 0), (b, z0, 0), (a, z0, 0), (a, 0, 0)])
                 add([(a, z0, 0), (a, z0, t), (b, z0, t), (b, z0, 0)][::-1])
                 add([(a, z1, 0), (a, z1, t), (b, z1, t), (b, z1, 0)])
                 add([(a, z0, 0), (a, z0, t), (a, z1, t), (a, z1, 0)])
                 add([(b, z0, 0), (b, z0, t), (b, z1, t), (b, z1, 0)][::-1])
                 u = b
-            add([(u, 0, 0), (u, h, 0), (length, h, 0), (length, 0, 0)])
+            add([(length, 0, 0), (length, h, 0), (u, h, 0), (u, 0, 0)])
             self.quads(f"wall_{long_name}", quads, wall)
 
     # files
@@ -665,7 +674,7 @@ def main():
         catalogue = Catalogue(args.furniture)  # one a scene: memory is given back
         scene = sponza(catalogue, args.out, stamp) if name == "sponza" else furnished(name, catalogue, args.out, stamp)
         vertices, triangles = check(path)
-        say(f"{name}: {triangles} triangles, {vertices} vertices, {os.path.getsize(path) / 1e6:.0f} MB, in {path}")
+        say(f"{name}: {triangles} triangles, {vertices} vertices, {os.path.getsize(path) / 1e6:.0f} MB, in {os.path.relpath(path)}")
     write_credits(args.out)
 
 

@@ -45,7 +45,7 @@ LIVINGROOM = {
         at("window_right", "Scopia/window_2x1_medium_with_large_pane", 5.2, -0.16, 180),
         at("door", "Scopia/puerta", 7.27, 4.55, -90),
         wall("radiator_left", "CCBY/modernRadiator", "S", 1.9),
-        wall("radiator_right", "CCBY/modernRadiator", "S", 5.2),
+        wall("radiator_right", "CC0/radiator1", "S", 5.2),
         # sitting
         at("rug", "Kator/oriental-rug", 4.98, 2.6),
         at("sofa", "Scopia/leather_sofa", 3.5, 2.6, 90),
@@ -56,29 +56,29 @@ LIVINGROOM = {
         at("side_table_2", "CCBY/bedsideTable", 3.5, 1.25, 90),
         at("lamp_1", "CCBY/lamp", 3.5, 3.95, on="side_table_1"),
         at("lamp_2", "Scopia/little_lamp2", 3.5, 1.25, on="side_table_2"),
-        at("floor_lamp", "Scopia/living_lamp", 6.35, 1.1, 150),
+        at("floor_lamp", "Scopia/living_lamp", 6.3, 1.25, 150),
         wall("tv_stand", "CCBY/tvStand", "E", 2.6),
-        at("tv", "CC0/led_tv", 6.95, 2.6, -90, on="tv_stand", scale=1.35),
-        at("game_console", "Scopia/playstation4", 6.95, 3.12, -90, on="tv_stand"),
+        at("tv", "CC0/led_tv", 6.95, 2.45, -90, on="tv_stand", scale=1.2),
+        at("game_console", "Scopia/playstation4", 6.95, 3.09, -90, on="tv_stand"),
         at("magazine", "Kator/newspaper", 4.93, 2.2, 75, on="coffee_table"),
-        at("tulips", "CCBY/tulips", 4.95, 2.7, 0, on="coffee_table"),
+        at("ivy", "CC0/augalas", 4.93, 2.62, 90, on="coffee_table", scale=0.8),
         at("remote_control", "Scopia/tv-remote-control", 5.02, 3.05, 40, on="coffee_table"),
         at("coffee_cup", "CC0/caffe_final", 4.85, 3.1, 0, on="coffee_table"),
         # eating
         at("dining_table", "CC0/table", 1.75, 2.6, 90),
-        at("dining_chair_1", "CC0/thonet", 2.42, 1.85, -90),
-        at("dining_chair_2", "CC0/thonet", 2.42, 2.6, -84),
-        at("dining_chair_3", "CC0/thonet", 2.42, 3.35, -90),
-        at("dining_chair_4", "CC0/thonet", 1.08, 1.85, 90),
-        at("dining_chair_5", "CC0/thonet", 1.08, 2.6, 97),
-        at("dining_chair_6", "CC0/thonet", 1.08, 3.35, 90),
+        at("dining_chair_1", "CC0/thonet", 2.48, 1.85, -90),
+        at("dining_chair_2", "CC0/thonet", 2.48, 2.6, -84),
+        at("dining_chair_3", "CC0/thonet", 2.48, 3.35, -90),
+        at("dining_chair_4", "CC0/thonet", 1.02, 1.85, 90),
+        at("dining_chair_5", "CC0/thonet", 1.02, 2.6, 97),
+        at("dining_chair_6", "CC0/thonet", 1.02, 3.35, 90),
         at("place_1", "Scopia/ensemble-assiette-couteau-fourchette-cuillere-verre", 2.02, 1.85, 90, on="dining_table"),
         at("place_2", "Scopia/ensemble-assiette-couteau-fourchette-cuillere-verre", 2.02, 2.6, 90, on="dining_table"),
         at("place_3", "Scopia/ensemble-assiette-couteau-fourchette-cuillere-verre", 2.02, 3.35, 90, on="dining_table"),
         at("place_4", "Scopia/ensemble-assiette-couteau-fourchette-cuillere-verre", 1.48, 1.85, -90, on="dining_table"),
         at("place_5", "Scopia/ensemble-assiette-couteau-fourchette-cuillere-verre", 1.48, 2.6, -90, on="dining_table"),
         at("place_6", "Scopia/ensemble-assiette-couteau-fourchette-cuillere-verre", 1.48, 3.35, -90, on="dining_table"),
-        at("fruit_bowl", "Scopia/bowlWithFruits", 1.75, 2.98, 20, on="dining_table"),
+        at("salad_bowl", "Scopia/bowlWithSalad", 1.75, 2.98, 20, on="dining_table"),
         at("wine_bottle", "Scopia/wine_bottle", 1.75, 2.25, 0, on="dining_table"),
         at("chandelier", "CC0/lamp2", 1.75, 2.6, 0, hang=True),
         # along the walls
@@ -157,14 +157,13 @@ KITCHEN = {
         at("place_3", "Kator/plate-and-ustensils", 1.08, 1.17, 0, on="table"),
         at("place_4", "Kator/plate-and-ustensils", 1.62, 1.17, 0, on="table"),
         at("salad", "Scopia/bowlWithSalad", 1.35, 1.42, 0, on="table"),
-        at("teapot", "Scopia/teapot", 1.35, 1.12, 40, on="table", scale=0.8),
+        at("sugar_pot", "Scopia/pottery", 1.35, 1.15, 40, on="table"),
         # the rest
         wall("washing_machine", "Scopia/clothes_washing_machine", "S", 3.9),
         at("shopping_basket", "Scopia/shopping-basket", 3.9, 0.31, 10, on="washing_machine", scale=0.7),
-        wall("shelf", "Kator/utility-shelving", "S", 2.6),
-        at("apples", "Scopia/apples", 2.6, 0.16, 0, on="shelf"),
+        wall("shelf", "CC0/verticalShelves", "S", 2.6),
+        at("apples", "Scopia/apples", 2.6, 0.2, 0, on="shelf"),
         at("waste_bin", "Kator/bullet-trash-can", 3.35, 0.25, 0),
-        wall("cuckoo_clock", "CC0/cuckooClock", "W", 2.2, z=1.4, scale=0.8),
     ],
 }
 
@@ -214,16 +213,16 @@ OFFICE = {
         *desk_pair(2, 4.9, 2.2),
         *desk_pair(3, 7.4, 2.2),
         at("pen_box", "Scopia/penbox", 2.75, 2.05, 0, on="desk_1a"),
-        at("laptop", "CCBY/laptop", 5.35, 2.62, 190, on="desk_2b"),
-        at("desk_lamp", "Scopia/desk_lamp1", 6.85, 1.85, 30, on="desk_3a"),
+        at("desk_lamp", "Scopia/desk_lamp1", 6.74, 2.05, 30, on="desk_3a"),
         # meetings
         at("meeting_table", "Scopia/round-table", 6.9, 5.3, 0),
         at("meeting_chair_1", "Scopia/plastic_chair", 7.72, 5.3, -90),
         at("meeting_chair_2", "Scopia/plastic_chair", 6.9, 6.12, 0),
         at("meeting_chair_3", "Scopia/plastic_chair", 6.08, 5.3, 90),
         at("meeting_chair_4", "Scopia/plastic_chair", 6.9, 4.48, 180),
+        at("laptop", "CCBY/laptop", 6.85, 5.12, 200, on="meeting_table"),
         at("cup_1", "Kator/coffee-mug", 7.15, 5.2, 30, on="meeting_table"),
-        at("cup_2", "Kator/coffee-mug", 6.75, 5.6, 200, on="meeting_table"),
+        at("cup_2", "Kator/coffee-mug", 6.75, 5.62, 200, on="meeting_table"),
         at("white_board", "CC0/whiteBoard", 4.9, 6.5, 0),
         # along the walls
         wall("low_cupboard", "Scopia/office_furniture1", "W", 2.9),
@@ -247,10 +246,10 @@ OFFICE = {
 # --- park -------------------------------------------------------------------------------------------------------------
 
 
-def row(name, model, places, turn=0, scale=1.0):
+def row(name, model, places, turn=0, scale=1.0, step=137):
     """Several of a kind; each turned by another angle and of slightly another size."""
     return [
-        at(f"{name}_{k}", model, x, y, turn=(turn + 137 * k) % 360, scale=scale * (1 + 0.12 * ((k * 5) % 3 - 1)))
+        at(f"{name}_{k}", model, x, y, turn=(turn + step * k) % 360, scale=scale * (1 + 0.12 * ((k * 5) % 3 - 1)))
         for k, (x, y) in enumerate(places, 1)
     ]
 
@@ -270,14 +269,14 @@ PARK = {
         at("acacia", "Scopia/acacia", 6.5, 7.0, 60),
         at("peach_blossom", "Scopia/peachBlossom", 15.5, 8.5, 10),
         at("poplar_1", "Scopia/poplar", 12.8, 31.5, 0),
-        at("poplar_2", "Scopia/poplar", 25.8, 24.5, 200, scale=0.85),
+        at("poplar_2", "Scopia/poplar", 25.6, 22.3, 200, scale=0.85),
         at("ficus", "Scopia/ficusTree", 23.0, 10.5, 33, scale=1.2),
         at("pine_1", "Scopia/pine", 31.0, 5.0, 0, scale=1.3),
         at("pine_2", "Scopia/pine", 27.5, 9.5, 120),
         at("palm", "Scopia/palm", 31.5, 13.0, 0, scale=0.7),
         *row("cypress", "Scopia/cypress", [(1.5, 21.5), (4.0, 21.5), (32.5, 21.5), (34.8, 21.5)]),
         *row("bush", "Scopia/bush", [(11.5, 3.5), (20.5, 4.0), (13.0, 22.0)]),
-        *row("hedge", "Scopia/hedge", [(1.6 + 1.55 * k, 34.8) for k in range(4)], turn=0, scale=0.95),
+        *row("hedge", "Scopia/hedge", [(1.6 + 1.55 * k, 34.8) for k in range(4)], scale=0.95, step=180),
         at("bamboo", "Scopia/bamboo", 34.0, 33.5, 0),
         at("fountain", "CCBY/fountain", 18.0, 18.0, 0),
         at("bench_1", "Kator/concrete-bench", 8.0, 20.0, 0),
@@ -291,7 +290,7 @@ PARK = {
         at("waste_basket_1", "Kator/park-trashcan", 10.3, 20.1),
         at("waste_basket_2", "Kator/park-trashcan", 28.0, 15.9),
         at("flower_box_1", "CC0/flowerBox", 18.0, 15.9, 180, scale=2.0),
-        at("flower_box_2", "CC0/flowerBox", 18.0, 20.1, 0, scale=2.0),
+        at("flower_box_2", "CC0/plantie", 18.0, 20.1, 0, scale=1.8),
         at("swing", "CC0/childSwing", 21.0, 14.0, 30),
         at("slide", "Scopia/parque", 7.5, 12.9, 10),
         at("boulder_1", "CC0/rock1", 14.5, 13.0, 0, scale=1.6),
