@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Sees to it that Embree 4 (headers and library) is there for build.rs, which looks for it in this order:
 #   1. EMBREE_DIR   a prefix with include/embree4 and lib
-#   2. the system   /usr/include/embree4/rtcore.h and libembree4.so
+#   2. the system   include/embree4/rtcore.h and libembree4.so under /usr, /usr/local or Homebrew's folder
 #   3. .prefix/embree under the project's root
 # Debian 13, Ubuntu 24.04 and later have Embree 4 as a package, which is installed. Debian 12 has only Embree 3, and the
 # library of Debian 13 needs a newer libc: there a private prefix is prepared, of which nothing is installed
@@ -37,10 +37,12 @@ fi
 
 # --- 2. the system's ------------------------------------------------------------------------------------------------
 on_system() {
-    [[ -f /usr/include/embree4/rtcore.h ]] || return 1
-    local f
-    for f in /usr/lib/libembree4.so /usr/lib64/libembree4.so /usr/lib/*/libembree4.so; do
-        if [[ -e $f ]]; then return 0; fi
+    local base lib
+    for base in /usr /usr/local /opt/homebrew; do
+        [[ -f $base/include/embree4/rtcore.h ]] || continue
+        for lib in "$base"/lib "$base"/lib64 "$base/lib/$(uname -m)-linux-gnu"; do
+            if [[ -e $lib/libembree4.so || -e $lib/libembree4.dylib ]]; then return 0; fi
+        done
     done
     return 1
 }
