@@ -14,7 +14,8 @@ RUST_VERSION := 1.88
 export PATH := $(PATH):$(HOME)/.cargo/bin
 SHELL := /bin/bash
 
-.PHONY: help demo test build scenes install clean distclean setup need-cargo need-packages need-embree need-furniture need-lint
+.PHONY: help demo test build scenes install clean distclean
+.PHONY: setup need-cargo need-packages need-embree need-furniture need-lint
 .DEFAULT_GOAL := help
 
 help:
