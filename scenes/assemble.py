@@ -36,6 +36,9 @@ CATALOGUES = {
     "Kator": ("KatorLegaz.sh3f", "CC-BY 3.0 US, (C) Andrew Kator & Jennifer Legaz"),
     "Scopia": ("Scopia.sh3f", "CC-BY 3.0, (C) Emmanuel Puybaret / eTeks and Scopia Visual Interfaces Systems"),
 }
+BOOK_COLOURS = (
+    (0.35, 0.07, 0.06), (0.08, 0.16, 0.30), (0.10, 0.25, 0.12), (0.45, 0.36, 0.20), (0.60, 0.58, 0.52), (0.12, 0.10, 0.10)
+)
 BVH_CRATE = "=0.12.0"
 SPONZA_SHA256 = "f109270c87e563790153e557890c1029eea4fda4ce360b4164fa8682627bd90d"
 
@@ -206,7 +209,12 @@ class Scene:
         key = (model.name, name)
         if key in self.written:
             return self.written[key]
-        written = self.written[key] = clean(model.name.replace("/", "_") + "__" + name)
+        written = base = clean(model.name.replace("/", "_") + "__" + name)
+        count = 1
+        while written in self.written.values():  # names that differed in what `clean` takes away
+            count += 1
+            written = f"{base}_{count}"
+        self.written[key] = written
         self.mtl.append(f"newmtl {written}")
         lines = model.materials.get(name)
         if not lines:
@@ -323,7 +331,7 @@ class Scene:
         tx, ty = x - ax * mx - bx * my, y - ay * mx - by * my
         cz, tz = scale[2], z - scale[2] * mz
         vertices = [(ax * u + bx * v + tx, ay * u + by * v + ty, cz * w + tz) for u, v, w in model.vertices]
-        names = {m: self.model_material(model, m) for m in {m for m, _ in model.faces}}
+        names = {m: self.model_material(model, m) for m in dict.fromkeys(m for m, _ in model.faces)}
         if model.texcoords and model.name not in self.texcoord_base:
             self.texcoord_base[model.name] = self.count_t
             self.obj.write("".join(["vt %.5f %.5f\n" % t for t in model.texcoords]))
@@ -383,7 +391,7 @@ class Scene:
         front = {0: -1, 180: 1, 90: 1, -90: -1}[side]
         leather = [
             self.material(f"book_{k}", kd)
-            for k, kd in enumerate(((0.35, 0.07, 0.06), (0.08, 0.16, 0.30), (0.10, 0.25, 0.12), (0.45, 0.36, 0.20), (0.6, 0.58, 0.52), (0.12, 0.10, 0.10)))
+            for k, kd in enumerate(BOOK_COLOURS)
         ]
         shelf = self.kept[support]
         depths = [middle - front * room_depth * f for f in (0.15, 0.0, -0.15)]
@@ -674,7 +682,8 @@ def main():
         catalogue = Catalogue(args.furniture)  # one a scene: memory is given back
         scene = sponza(catalogue, args.out, stamp) if name == "sponza" else furnished(name, catalogue, args.out, stamp)
         vertices, triangles = check(path)
-        say(f"{name}: {triangles} triangles, {vertices} vertices, {os.path.getsize(path) / 1e6:.0f} MB, in {os.path.relpath(path)}")
+        size = os.path.getsize(path) / 1e6
+        say(f"{name}: {triangles} triangles, {vertices} vertices, {size:.0f} MB, in {os.path.relpath(path)}")
     write_credits(args.out)
 
 

@@ -16,7 +16,8 @@ def wall(name, model, side, along, **more):
 
 
 def opening(side, middle, width, bottom, height, thick=0.3):
-    return {"wall": side, "from": middle - width / 2, "to": middle + width / 2, "bottom": bottom, "top": bottom + height, "thick": thick}
+    span = {"from": middle - width / 2, "to": middle + width / 2}
+    return {"wall": side, **span, "bottom": bottom, "top": bottom + height, "thick": thick}
 
 
 def panel(name, x, y, z, width, depth, ke):
