@@ -92,6 +92,7 @@ pip_python=python3
 if ! python3 -m pip --version >/dev/null 2>&1; then pip_python=/usr/bin/python3; fi # a foreign python3 without pip
 
 mkdir -p "$root/.prefix"
+find "$root/.prefix" -maxdepth 1 -name 'part.*' -mmin +60 -exec rm -rf {} + # left by a run that was killed
 work=$(mktemp -d "$root/.prefix/part.XXXXXX")
 trap 'rm -rf "$work"' EXIT
 trap 'exit 130' INT TERM
