@@ -3,7 +3,32 @@
 //! Input formats, defaults, units and repairs end here; no later room re-checks. This room does not know that
 //! rays, hierarchies or radiosity exist.
 
-use crate::math::Aabb;
+mod connect;
+mod emitters;
+pub mod generate;
+mod load;
+mod mtl;
+mod power;
+mod read_gltf;
+mod read_obj;
+mod read_ply;
+mod resolve;
+mod soup;
+#[cfg(test)]
+mod tests;
+mod texture;
+mod triangulate;
+mod weld;
+mod write_obj;
+
+pub use load::LoadOptions;
+pub use power::{parse_emitter, unit_in_metres};
+pub use resolve::{MAX_COORDINATE, MAX_REFLECTANCE, MIN_EXTENT, resolve};
+pub use soup::{Soup, SoupMaterial};
+pub use texture::Texture;
+pub use write_obj::{mtl_path, write_obj};
+
+use crate::{Result, math::Aabb};
 use glam::{DVec3, Vec3};
 use std::path::PathBuf;
 
@@ -67,6 +92,8 @@ pub struct Repairs {
     pub clamped_reflectances: usize,
     /// Vertices that no face uses.
     pub unused_vertices: usize,
+    /// Faces dropped because their material is fully transparent (`d 0`).
+    pub transparent_faces: usize,
     /// One readable line for each kind of repair, with names where they help.
     pub messages: Vec<String>,
 }
@@ -80,6 +107,8 @@ pub struct Scene {
     pub path: PathBuf,
     /// Name of the length unit, `m` unless told otherwise.
     pub unit: String,
+    /// Emissive faces emit from both sides instead of only from the front.
+    pub two_sided_emission: bool,
     /// What was subtracted from the file's coordinates, in f64.
     pub origin: DVec3,
     /// Welded vertex positions relative to `origin`, finite.
@@ -119,5 +148,35 @@ impl Scene {
     #[inline]
     pub fn corners(&self, triangle: u32) -> [Vec3; 3] {
         self.triangles[triangle as usize].map(|v| self.positions[v as usize])
+    }
+
+    /// The faces of the objects, groups or materials called `name`, ascending.
+    ///
+    /// # Errors
+    /// Nothing has that name; the message lists the first few that there are.
+    pub fn faces_named(&self, name: &str) -> Result<Vec<u32>> {
+        let objects: Vec<bool> = self.objects.iter().map(|o| o.name == name).collect();
+        let materials: Vec<bool> = self.materials.iter().map(|m| m.name == name).collect();
+        let faces: Vec<u32> = (0..self.triangles.len())
+            .filter(|&t| {
+                objects[self.triangle_object[t] as usize] || materials[self.triangle_material[t] as usize]
+            })
+            .map(|t| t as u32)
+            .collect();
+        if faces.is_empty() {
+            return Err(power::unknown(
+                name,
+                self.objects.iter().map(|o| &o.name).chain(self.materials.iter().map(|m| &m.name)),
+            ));
+        }
+        Ok(faces)
+    }
+
+    /// Total power of an emitter in watts, one value a channel: π L A, twice that for two-sided emission.
+    /// Units of length that are not known count as metres.
+    pub fn power(&self, emitter: &Emitter) -> [f64; 3] {
+        let metres = unit_in_metres(&self.unit).unwrap_or(1.0);
+        let sides = if self.two_sided_emission { 2.0 } else { 1.0 };
+        emitter.emission.map(|l| std::f64::consts::PI * f64::from(l) * emitter.area * metres * metres * sides)
     }
 }

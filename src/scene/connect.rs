@@ -1,0 +1,99 @@
+//! Which polygons hang together by edges, and which of the parts are closed.
+
+/// Disjoint sets of `0..n` (union by smaller root, so that the root is the first member).
+pub(super) struct Sets(Vec<u32>);
+
+impl Sets {
+    pub fn new(n: usize) -> Self {
+        Sets((0..n as u32).collect())
+    }
+
+    /// The first member of the set of `i`.
+    pub fn root(&mut self, mut i: u32) -> u32 {
+        while self.0[i as usize] != i {
+            let up = self.0[self.0[i as usize] as usize];
+            self.0[i as usize] = up;
+            i = up;
+        }
+        i
+    }
+
+    /// Joins the sets of `a` and `b`.
+    pub fn join(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.root(a), self.root(b));
+        self.0[a.max(b) as usize] = a.min(b);
+    }
+}
+
+/// Every undirected edge of every polygon, sorted so that equal edges are neighbours.
+pub(super) struct Edges(Vec<(u64, u32)>);
+
+impl Edges {
+    /// Edges of the polygons that `corners` yields; the number beside each is the polygon's place.
+    pub fn of<'a>(polygons: impl Iterator<Item = &'a [u32]>) -> Self {
+        let mut edges = Vec::new();
+        for (i, p) in polygons.enumerate() {
+            for (k, &a) in p.iter().enumerate() {
+                let b = p[(k + 1) % p.len()];
+                edges.push((u64::from(a.min(b)) << 32 | u64::from(a.max(b)), i as u32));
+            }
+        }
+        edges.sort_unstable();
+        Edges(edges)
+    }
+
+    /// For each edge the polygons that have it, ascending.
+    pub fn faces(&self) -> impl Iterator<Item = impl Iterator<Item = u32> + '_> + '_ {
+        self.0.chunk_by(|a, b| a.0 == b.0).map(|run| run.iter().map(|&(_, polygon)| polygon))
+    }
+}
+
+/// Parts of a scene.
+pub(super) struct Parts {
+    /// Part of each polygon, numbered from 0 in order of the first polygon.
+    pub part: Vec<u32>,
+    /// Whether every edge of the part has exactly two faces.
+    pub closed: Vec<bool>,
+}
+
+/// Finds the edge-connected parts.
+///
+/// Where more than two faces meet, faces of different objects are told apart: two bricks that touch along an
+/// edge are two closed solids, not one open thing. A solid whose faces are spread over several objects (one a
+/// material, say) still counts as one, because its edges have two faces.
+pub(super) fn parts(edges: &Edges, object: &[u32]) -> Parts {
+    let n = object.len();
+    let (mut sets, mut open) = (Sets::new(n), vec![false; n]);
+    let mut meeting = Vec::new();
+    for faces in edges.faces() {
+        meeting.clear();
+        meeting.extend(faces);
+        if let [a, b] = meeting[..] {
+            sets.join(a, b);
+            continue;
+        }
+        meeting.sort_unstable_by_key(|&f| (object[f as usize], f));
+        for same in meeting.chunk_by(|&a, &b| object[a as usize] == object[b as usize]) {
+            same.iter().for_each(|&f| sets.join(same[0], f));
+            if same.len() != 2 {
+                same.iter().for_each(|&f| open[f as usize] = true);
+            }
+        }
+    }
+    number(sets, &open)
+}
+
+fn number(mut sets: Sets, open: &[bool]) -> Parts {
+    let mut part = vec![u32::MAX; open.len()];
+    let mut closed = Vec::new();
+    for i in 0..open.len() {
+        let root = sets.root(i as u32) as usize;
+        if root == i {
+            part[i] = closed.len() as u32;
+            closed.push(true);
+        }
+        part[i] = part[root];
+        closed[part[i] as usize] &= !open[i];
+    }
+    Parts { part, closed }
+}

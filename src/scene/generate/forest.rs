@@ -1,0 +1,67 @@
+//! A loose orchard of leaf crowns under an overcast sky panel.
+
+use super::{
+    Spec,
+    shapes::{Builder, Random},
+};
+use crate::{Result, scene::Soup};
+use glam::DVec3;
+use std::f64::consts::PI;
+
+/// Mean radius of a crown, metres; each tree differs by up to 15 %.
+const RADIUS: f64 = 2.0;
+/// Height of a crown over its width.
+const SLENDERNESS: f64 = 1.2;
+/// Grid spacing in mean radii: crowns seldom touch, and the ground gets light and shade.
+const SPACING: f64 = 2.4;
+/// Height of the lowest leaves, metres.
+const CLEAR_HEIGHT: f64 = 2.0;
+/// Optical depth of a crown along the vertical through its middle.
+const OPTICAL_DEPTH: f64 = 1.5;
+
+/// Edge of the square leaves of a crown, such that its optical depth does not depend on their number.
+///
+/// With κ = Σ 2A/(4V) (`method.md` A.5, two-sided) = M a²/(2V), V = 4/3 π R² H and a chord of 2H the optical
+/// depth is κ 2H = 3 M a² / (4 π R²): so a = R sqrt(4 π OD / (3 M)).
+pub fn leaf_side(radius: f64, leaves: usize) -> f64 {
+    radius * (4.0 * PI * OPTICAL_DEPTH / (3.0 * leaves as f64)).sqrt()
+}
+
+pub(super) fn forest(spec: &Spec) -> Result<Soup> {
+    let (mut b, mut random) = (Builder::new("forest"), Random::new(spec.seed));
+    let rows = (spec.trees as f64).sqrt().ceil();
+    let spacing = SPACING * RADIUS;
+    let width = rows * spacing;
+    b.object("ground").material("ground", [0.25, 0.22, 0.18]);
+    b.rectangle(DVec3::ZERO, width * DVec3::X, width * DVec3::Y);
+    b.soup.positions.reserve(4 * spec.trees * spec.leaves);
+    for i in 0..spec.trees {
+        let (row, column) = ((i as f64 / rows).floor(), i as f64 % rows);
+        let jitter = 0.1 * spacing * DVec3::new(random.between(-1.0, 1.0), random.between(-1.0, 1.0), 0.0);
+        let place = spacing * (DVec3::new(column, row, 0.0) + DVec3::new(0.5, 0.5, 0.0));
+        let radius = RADIUS * random.between(0.85, 1.15);
+        b.object(format!("tree {}", i + 1));
+        tree(&mut b, &mut random, place + jitter - 0.5 * DVec3::new(width, width, 0.0), radius, spec);
+    }
+    let size = spec.light_size.unwrap_or(width);
+    // A far panel as wide as the forest: overcast sky without the grazing part. Clockwise from above: it
+    // faces down.
+    let height = 1.25 * width + CLEAR_HEIGHT + 2.0 * SLENDERNESS * RADIUS;
+    b.light(height * DVec3::Z, size * DVec3::Y, size * DVec3::X, 30.0);
+    Ok(b.soup)
+}
+
+fn tree(b: &mut Builder, random: &mut Random, foot: DVec3, radius: f64, spec: &Spec) {
+    let half = DVec3::new(radius, radius, SLENDERNESS * radius);
+    let centre = foot + (CLEAR_HEIGHT + half.z) * DVec3::Z;
+    if spec.trunks {
+        b.material("bark", [0.15, 0.1, 0.07]);
+        b.prism(foot, 0.06 * radius, CLEAR_HEIGHT + 0.5 * half.z, 8);
+    }
+    b.material("leaf", [0.08, 0.2, 0.05]);
+    let side = leaf_side(radius, spec.leaves);
+    for _ in 0..spec.leaves {
+        let turn = random.rotation();
+        b.rectangle(centre + half * random.in_ball(), side * turn.x_axis, side * turn.y_axis);
+    }
+}

@@ -1,0 +1,153 @@
+//! Procedural scenes: the paper's cube groups, forests, small rooms; each with a light, in metres and z up
+//! (the Cornell box keeps its own numbers: millimetres, y up).
+
+mod cornell;
+mod cubes;
+mod forest;
+mod indoor;
+mod shapes;
+
+use super::{LoadOptions, Scene, Soup, resolve};
+use crate::{Error, Result};
+
+pub use forest::leaf_side;
+
+/// A kind of scene.
+#[derive(Clone, Copy, Debug)]
+pub struct Kind {
+    /// Its name on the command line.
+    pub name: &'static str,
+    /// One line about it, with the options that matter.
+    pub about: &'static str,
+    /// Its length unit.
+    pub unit: &'static str,
+    make: fn(&Spec) -> Result<Soup>,
+}
+
+/// Every kind of scene that can be generated.
+pub const KINDS: &[Kind] = &[
+    Kind {
+        name: "cube-groups",
+        about: "four groups of cubes before a wall with a small light, as in the paper's Figures 1 and 9",
+        unit: "m",
+        make: cubes::groups,
+    },
+    Kind {
+        name: "forest",
+        about: "trees of two-sided leaves under a large sky panel (--trees, --leaves, --trunks, --light-size)",
+        unit: "m",
+        make: forest::forest,
+    },
+    Kind {
+        name: "cubes",
+        about: "randomly turned cubes above a floor (--count, 200)",
+        unit: "m",
+        make: cubes::random,
+    },
+    Kind {
+        name: "brick-wall",
+        about: "bricks that touch without mortar, each an object of its own (--count courses, 12)",
+        unit: "m",
+        make: indoor::brick_wall,
+    },
+    Kind {
+        name: "louvres",
+        about: "a blind of tilted slats (--count, 30)",
+        unit: "m",
+        make: indoor::louvres,
+    },
+    Kind {
+        name: "bookshelf",
+        about: "a shelf full of books that touch (--count boards, 5)",
+        unit: "m",
+        make: indoor::bookshelf,
+    },
+    Kind {
+        name: "desk-room",
+        about: "a closed room with a desk, a chair and small things, lit by a ceiling panel",
+        unit: "m",
+        make: indoor::desk_room,
+    },
+    Kind {
+        name: "cornell",
+        about: "the Cornell box with the original measurements in mm (load it with --unit mm)",
+        unit: "mm",
+        make: cornell::cornell,
+    },
+];
+
+/// What to generate. [`Spec::new`] has the defaults.
+#[derive(Clone, Debug)]
+pub struct Spec {
+    /// One of the names in [`KINDS`].
+    pub name: String,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// How many of the things that the kind counts; its own default if `None`.
+    pub count: Option<usize>,
+    /// Forest: number of trees.
+    pub trees: usize,
+    /// Forest: leaves of each tree.
+    pub leaves: usize,
+    /// Forest: whether trees have trunks.
+    pub trunks: bool,
+    /// Edge of the light in the kind's unit; its own default if `None`.
+    pub light_size: Option<f64>,
+}
+
+/// More triangles than this are refused: indices would leave 32 bits long before memory ends.
+const MAX_THINGS: usize = 100_000_000;
+
+impl Spec {
+    /// The defaults of the kind `name`: seed 1, forest of 100 trees with 1,000 leaves each.
+    pub fn new(name: impl Into<String>) -> Self {
+        let name = name.into();
+        Spec { name, seed: 1, count: None, trees: 100, leaves: 1000, trunks: false, light_size: None }
+    }
+
+    /// The kind.
+    ///
+    /// # Errors
+    /// There is none of that name.
+    pub fn kind(&self) -> Result<&'static Kind> {
+        KINDS.iter().find(|k| k.name == self.name).ok_or_else(|| {
+            let names: Vec<&str> = KINDS.iter().map(|k| k.name).collect();
+            Error::Argument(format!("no scene is called `{}`; there are {}", self.name, names.join(", ")))
+        })
+    }
+
+    fn check(&self) -> Result<()> {
+        let counts = [("count", self.count.unwrap_or(1)), ("trees", self.trees), ("leaves", self.leaves)];
+        for (name, n) in counts {
+            if n == 0 || n > MAX_THINGS {
+                return Err(Error::Argument(format!("--{name} {n}: must lie in 1..{MAX_THINGS}")));
+            }
+        }
+        if self.name == "forest" && self.trees.saturating_mul(self.leaves) > MAX_THINGS {
+            return Err(Error::Argument(format!("more than {MAX_THINGS} leaves: lower --trees or --leaves")));
+        }
+        if self.light_size.is_some_and(|s| !s.is_finite() || s <= 0.0 || s > 1e6) {
+            return Err(Error::Argument("--light-size must lie in 0..1e6".into()));
+        }
+        Ok(())
+    }
+}
+
+/// The polygons of a generated scene.
+///
+/// # Errors
+/// The name is unknown or a count is out of range.
+pub fn soup(spec: &Spec) -> Result<Soup> {
+    let kind = spec.kind()?;
+    spec.check()?;
+    (kind.make)(spec)
+}
+
+/// A generated scene, resolved in memory like one that was read from a file.
+///
+/// # Errors
+/// The name is unknown or a count is out of range.
+pub fn build(spec: &Spec) -> Result<Scene> {
+    let unit = spec.kind()?.unit.to_owned();
+    resolve(soup(spec)?, &LoadOptions { unit, ..LoadOptions::default() })
+}

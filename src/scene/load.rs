@@ -1,0 +1,48 @@
+//! The door: a file of a known format becomes a checked scene.
+
+use super::{Scene, read_gltf, read_obj, read_ply, resolve};
+use crate::{Error, Result};
+use std::path::Path;
+
+/// What a file does not say, or says wrongly.
+#[derive(Clone, Debug)]
+pub struct LoadOptions {
+    /// Name of the length unit; default `m`.
+    pub unit: String,
+    /// Objects, groups or materials that shall emit, with their total power in watts (in each channel).
+    pub emitters: Vec<(String, f64)>,
+    /// Emissive faces emit from both sides; default only from the front.
+    pub two_sided_emission: bool,
+    /// Overrides what connectivity says: 1 all faces bound solids, 2 all are sheets.
+    pub sides: Option<u8>,
+}
+
+impl Default for LoadOptions {
+    fn default() -> Self {
+        LoadOptions { unit: "m".into(), emitters: Vec::new(), two_sided_emission: false, sides: None }
+    }
+}
+
+impl Scene {
+    /// Reads a scene; the extension of `path` says the format: `obj`, `gltf`, `glb` or `ply`.
+    ///
+    /// # Errors
+    /// The file cannot be read, is not of its format, holds a value that is not finite or out of range, or has
+    /// no face with an area; an emitter that the options name does not exist. What can be mended is mended and
+    /// counted in [`Scene::repairs`].
+    pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene> {
+        let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        let soup = match extension.as_str() {
+            "obj" => read_obj::read(path)?,
+            "gltf" | "glb" => read_gltf::read(path)?,
+            "ply" => read_ply::read(path)?,
+            _ => {
+                let what = "unknown kind of scene; the extension must be .obj, .gltf, .glb or .ply";
+                // A name that is wrong altogether is the likelier mistake than one of an unknown kind.
+                std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
+                return Err(Error::format(path, None, what));
+            }
+        };
+        resolve(soup, options)
+    }
+}

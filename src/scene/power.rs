@@ -1,0 +1,100 @@
+//! Emission asked for by name: `--emitter NAME=W`.
+
+use super::{LoadOptions, Material};
+use crate::{Error, Result};
+use std::{collections::HashMap, f64::consts::PI};
+
+/// Length of one unit in metres; `None` for names that mean nothing here (taken as metres where it matters).
+pub fn unit_in_metres(unit: &str) -> Option<f64> {
+    Some(match unit {
+        "m" | "metre" | "meter" => 1.0,
+        "km" => 1e3,
+        "dm" => 0.1,
+        "cm" => 0.01,
+        "mm" => 0.001,
+        "in" | "inch" => 0.0254,
+        "ft" | "foot" => 0.3048,
+        _ => return None,
+    })
+}
+
+/// Parses `NAME=W`; the name may hold `=` itself.
+pub fn parse_emitter(text: &str) -> Result<(String, f64)> {
+    let wrong = || Error::Argument(format!("--emitter {text}: write NAME=W, with W > 0 in watts (lamp=60)"));
+    let (name, watts) = text.rsplit_once('=').ok_or_else(wrong)?;
+    let watts: f64 = watts.trim().parse().map_err(|_| wrong())?;
+    if name.is_empty() || !watts.is_finite() || watts <= 0.0 {
+        Err(wrong())
+    } else {
+        Ok((name.to_owned(), watts))
+    }
+}
+
+/// What decides about the emission of each face.
+pub(super) struct Surfaces<'a> {
+    pub objects: &'a [String],
+    pub materials: &'a mut Vec<Material>,
+    pub triangle_object: &'a [u32],
+    pub triangle_material: &'a mut [u32],
+    /// Area of each triangle in scene units squared.
+    pub triangle_area: &'a [f64],
+}
+
+/// Makes the faces that the options name emit: each power is spread evenly over the area of its faces, as
+/// exitance M = W/A in each of the three channels and radiance L = M/π.
+///
+/// The faces get copies of their materials, so that others of the same material stay dark.
+pub(super) fn apply(s: Surfaces, options: &LoadOptions) -> Result<()> {
+    let metres = unit_in_metres(&options.unit).unwrap_or(1.0);
+    let sides = if options.two_sided_emission { 2.0 } else { 1.0 };
+    for (name, watts) in &options.emitters {
+        // The same limits as for `parse_emitter`: options may come from elsewhere.
+        if !watts.is_finite() || *watts <= 0.0 {
+            return Err(Error::Argument(format!(
+                "emitter {name}: a power of {watts} W is not a number above 0"
+            )));
+        }
+        let faces: Vec<usize> = (0..s.triangle_object.len())
+            .filter(|&t| {
+                s.objects[s.triangle_object[t] as usize] == *name
+                    || s.materials[s.triangle_material[t] as usize].name == *name
+            })
+            .collect();
+        if faces.is_empty() {
+            return Err(unknown(name, s.objects.iter().chain(s.materials.iter().map(|m| &m.name))));
+        }
+        let area: f64 = faces.iter().map(|&t| s.triangle_area[t]).sum::<f64>() * metres * metres;
+        let radiance = (watts / (area * sides * PI)) as f32;
+        if !radiance.is_finite() {
+            return Err(Error::Scene(format!(
+                "emitter {name}: {watts} W on {area:e} m² is beyond every number"
+            )));
+        }
+        let mut lit = HashMap::new();
+        for t in faces {
+            let dark = s.triangle_material[t];
+            s.triangle_material[t] = *lit.entry(dark).or_insert_with(|| {
+                let material = s.materials[dark as usize].clone();
+                s.materials.push(Material { emission: [radiance; 3], ..material });
+                s.materials.len() as u32 - 1
+            });
+        }
+    }
+    Ok(())
+}
+
+/// The error for a name that nothing has.
+pub(super) fn unknown<'a>(name: &str, names: impl Iterator<Item = &'a String>) -> Error {
+    let some = some_names(names);
+    Error::Scene(format!("no object, group or material is called `{name}`; there are {some}"))
+}
+
+/// The first few distinct names, for messages.
+pub(super) fn some_names<'a>(names: impl Iterator<Item = &'a String>) -> String {
+    let mut seen = std::collections::HashSet::new();
+    let mut list: Vec<String> = names.filter(|n| seen.insert(*n)).take(9).map(|n| format!("`{n}`")).collect();
+    if list.len() == 9 {
+        list[8] = "others".into();
+    }
+    list.join(", ")
+}

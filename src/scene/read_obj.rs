@@ -1,0 +1,344 @@
+//! OBJ through `tobj`, with what `tobj` leaves out: line numbers in errors, names of materials that are
+//! missing, comments behind statements, continued lines, polylines told from faces, names in any encoding.
+//!
+//! The file passes through [`Lines`] on its way: a reader that checks each statement, notes objects and
+//! materials itself, and lets `v`, `vt` and `f` through in the form that `tobj` takes.
+
+use super::{
+    MAX_COORDINATE, Soup,
+    mtl::{Library, shorten},
+    soup::Names,
+};
+use crate::{Error, Result};
+use glam::DVec3;
+use std::{
+    fs::File,
+    io::{self, BufRead, BufReader, Read},
+    path::{Path, PathBuf},
+};
+
+/// Reads an OBJ file and its material libraries.
+pub(super) fn read(path: &Path) -> Result<Soup> {
+    let file = File::open(path).map_err(|e| Error::io(path, e))?;
+    let mut lines = Lines::new(path, BufReader::with_capacity(1 << 20, file));
+    // One model: objects and materials are noted by `Lines`. No libraries, for the same reason.
+    let options = tobj::LoadOptions { single_index: false, triangulate: false, ..Default::default() };
+    let read = tobj::load_obj_buf(&mut lines, &options, |_| Err(tobj::LoadError::GenericFailure));
+    if let Some(error) = lines.error.take() {
+        return Err(error);
+    }
+    lines.check_forward_references()?;
+    let (models, _) = read.map_err(|e| Error::format(path, Some(lines.number), e.to_string()))?;
+    let mesh = models.into_iter().next().map(|m| m.mesh).unwrap_or_default();
+    let mut soup = Soup::new(path);
+    soup.positions = mesh.positions.chunks_exact(3).map(DVec3::from_slice).collect();
+    lines.repairs.unused_vertices = lines.vertices - soup.positions.len();
+    soup.ends = if mesh.face_arities.is_empty() {
+        (1..=mesh.indices.len() as u32 / 3).map(|i| 3 * i).collect()
+    } else {
+        let sum = |end: &mut u32, &n: &u32| {
+            *end += n;
+            Some(*end)
+        };
+        mesh.face_arities.iter().scan(0, sum).collect()
+    };
+    soup.corners = mesh.indices;
+    soup.texcoords = mesh.texcoords.chunks_exact(2).map(|c| [c[0] as f32, c[1] as f32]).collect();
+    soup.corner_texcoords = mesh.texcoord_indices;
+    lines.give_names(&mut soup)?;
+    Ok(soup)
+}
+
+/// A run of faces with one object and one material.
+struct Run {
+    first: usize,
+    object: u32,
+    material: u32,
+}
+
+/// The checking reader between the file and `tobj`. Gives out one statement at a time, so that [`Lines::number`]
+/// is the line `tobj` is looking at.
+struct Lines<'a, R> {
+    path: &'a Path,
+    file: R,
+    /// Line of the file, from 1.
+    number: usize,
+    raw: Vec<u8>,
+    /// The statement being given out, and how much of it is.
+    out: Vec<u8>,
+    given: usize,
+    error: Option<Error>,
+    vertices: usize,
+    texcoords: usize,
+    faces: usize,
+    /// Largest vertex number met before that vertex, and its line.
+    forward: (usize, usize),
+    objects: Names,
+    materials: Names,
+    object: Option<u32>,
+    material: Option<u32>,
+    runs: Vec<Run>,
+    libraries: Vec<PathBuf>,
+    repairs: super::Repairs,
+}
+
+impl<'a, R: BufRead> Lines<'a, R> {
+    fn new(path: &'a Path, file: R) -> Self {
+        Lines {
+            path,
+            file,
+            number: 0,
+            raw: Vec::new(),
+            out: Vec::new(),
+            given: 0,
+            error: None,
+            vertices: 0,
+            texcoords: 0,
+            faces: 0,
+            forward: (0, 0),
+            objects: Names::default(),
+            materials: Names::default(),
+            object: None,
+            material: None,
+            runs: Vec::new(),
+            libraries: Vec::new(),
+            repairs: super::Repairs::default(),
+        }
+    }
+
+    fn wrong(&self, what: impl Into<String>) -> Error {
+        Error::format(self.path, Some(self.number), what)
+    }
+
+    /// Reads on until there is a statement for `tobj` in `out`; leaves it empty at the end of the file.
+    fn advance(&mut self) -> Result<()> {
+        self.out.clear();
+        self.given = 0;
+        while self.out.is_empty() {
+            self.raw.clear();
+            if self.file.read_until(b'\n', &mut self.raw).map_err(|e| Error::io(self.path, e))? == 0 {
+                break;
+            }
+            self.number += 1;
+            let mut extra = 0;
+            while self.raw.trim_ascii_end().ends_with(b"\\") {
+                self.raw.truncate(self.raw.trim_ascii_end().len() - 1);
+                self.raw.push(b' ');
+                if self.file.read_until(b'\n', &mut self.raw).map_err(|e| Error::io(self.path, e))? == 0 {
+                    break;
+                }
+                extra += 1;
+            }
+            // Taken out and put back, so that the statement may be read while `self` is written.
+            let raw = std::mem::take(&mut self.raw);
+            let done = self.statement(&String::from_utf8_lossy(&raw));
+            self.raw = raw;
+            done?;
+            self.number += extra;
+        }
+        Ok(())
+    }
+
+    fn statement(&mut self, line: &str) -> Result<()> {
+        let line = line.trim_start_matches('\u{feff}').trim();
+        let (key, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
+        let rest = rest.trim();
+        match key {
+            "v" => self.vertex(rest),
+            "vt" => {
+                self.texcoord(rest);
+                Ok(())
+            }
+            "f" | "fo" => self.face(rest),
+            "o" | "g" => {
+                self.object = Some(self.objects.of(if rest.is_empty() { "default" } else { rest }));
+                Ok(())
+            }
+            "usemtl" => {
+                self.material = Some(self.materials.of(rest));
+                Ok(())
+            }
+            "mtllib" => {
+                self.libraries.extend(libraries(self.path, rest));
+                Ok(())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn vertex(&mut self, rest: &str) -> Result<()> {
+        let mut words = uncommented(rest);
+        let mut keep: Vec<&str> = words.by_ref().take(3).collect();
+        if keep.len() < 3 {
+            return Err(self.wrong(format!("`v {}`: a vertex has three coordinates", shorten(rest))));
+        }
+        // One more number is the weight w, three or four are a colour, which does not matter here.
+        let more: Vec<&str> = words.take(2).collect();
+        if let [w] = more[..] {
+            keep.push(w);
+        }
+        let mut xyzw = [1.0f64; 4];
+        for (value, word) in xyzw.iter_mut().zip(&keep) {
+            *value = word.parse().map_err(|_| self.wrong(format!("`{}` is not a number", shorten(word))))?;
+        }
+        for c in &xyzw[..3] {
+            let c = c / xyzw[3];
+            if !c.is_finite() || c.abs() > MAX_COORDINATE {
+                let what = format!("the coordinate {c} is not finite or beyond ±{MAX_COORDINATE:e}");
+                return Err(self.wrong(format!("{what}; mend the vertex `v {}`", shorten(rest))));
+            }
+        }
+        self.vertices += 1;
+        self.out.push(b'v');
+        for word in keep {
+            self.out.push(b' ');
+            self.out.extend_from_slice(word.as_bytes());
+        }
+        self.out.push(b'\n');
+        Ok(())
+    }
+
+    /// A coordinate that is wrong becomes 0: it only picks a texel.
+    fn texcoord(&mut self, rest: &str) {
+        let mut words = uncommented(rest);
+        let mut next = || {
+            let value = words.next().and_then(|w| w.parse::<f32>().ok());
+            value.filter(|v| v.is_finite()).unwrap_or(0.0)
+        };
+        let (u, v) = (next(), next());
+        self.texcoords += 1;
+        self.out.extend_from_slice(format!("vt {u} {v}\n").as_bytes());
+    }
+
+    /// Corners become `position/texcoord` with numbers from 1, whatever they were.
+    fn face(&mut self, rest: &str) -> Result<()> {
+        use std::io::Write;
+        let mut out = std::mem::take(&mut self.out);
+        out.push(b'f');
+        let mut corners = 0;
+        for word in uncommented(rest) {
+            let mut parts = word.split('/');
+            let v = self.vertex_number(parts.next().unwrap_or_default(), word)?;
+            let vt = parts.next().and_then(|t| self.texcoord_number(t));
+            // Writing to a vector cannot fail.
+            let _ = match vt {
+                Some(vt) => write!(out, " {v}/{vt}"),
+                None => write!(out, " {v}"),
+            };
+            corners += 1;
+        }
+        out.push(b'\n');
+        if corners < 3 {
+            self.repairs.zero_area_faces += 1;
+            out.clear();
+        } else {
+            self.run();
+            self.faces += 1;
+        }
+        self.out = out;
+        Ok(())
+    }
+
+    fn vertex_number(&mut self, text: &str, word: &str) -> Result<usize> {
+        let number: i64 = text.parse().map_err(|_| {
+            self.wrong(format!("`{}` is not a corner of a face (write v, v/vt or v/vt/vn)", shorten(word)))
+        })?;
+        let absolute = if number < 0 { self.vertices as i64 + 1 + number } else { number };
+        if absolute < 1 || absolute > i64::from(u32::MAX) {
+            return Err(
+                self.wrong(format!("there is no vertex {number} (numbers start at 1; -1 is the last one)"))
+            );
+        }
+        if absolute as usize > self.forward.0.max(self.vertices) {
+            self.forward = (absolute as usize, self.number);
+        }
+        Ok(absolute as usize)
+    }
+
+    fn texcoord_number(&self, text: &str) -> Option<usize> {
+        let number: i64 = text.parse().ok()?;
+        let absolute = if number < 0 { (self.texcoords as i64 + 1).checked_add(number)? } else { number };
+        (1..=self.texcoords as i64).contains(&absolute).then_some(absolute as usize)
+    }
+
+    /// Starts a new run of faces where the object or the material changes.
+    fn run(&mut self) {
+        let stem = || self.path.file_stem().unwrap_or_default().to_string_lossy();
+        let object = *self.object.get_or_insert_with(|| self.objects.of(&stem()));
+        let material = *self.material.get_or_insert_with(|| self.materials.of(""));
+        if self.runs.last().is_none_or(|r| r.object != object || r.material != material) {
+            self.runs.push(Run { first: self.faces, object, material });
+        }
+    }
+
+    fn check_forward_references(&self) -> Result<()> {
+        let (number, line) = self.forward;
+        if number <= self.vertices {
+            return Ok(());
+        }
+        let what = format!("there is no vertex {number}, the file has {}", self.vertices);
+        Err(Error::format(self.path, Some(line), what))
+    }
+
+    /// Reads the libraries and gives objects and materials to the faces.
+    fn give_names(mut self, soup: &mut Soup) -> Result<()> {
+        let mut library = Library::default();
+        self.libraries.dedup();
+        for path in &self.libraries {
+            library.read(path, &mut self.repairs)?;
+        }
+        soup.materials = self.materials.list.iter().map(|name| library.get(name)).collect();
+        soup.materials.iter_mut().filter(|m| m.name.is_empty()).for_each(|m| m.name = "(none)".into());
+        soup.objects = self.objects.list;
+        let ends = self.runs.iter().skip(1).map(|r| r.first).chain([soup.ends.len()]);
+        for (run, end) in self.runs.iter().zip(ends) {
+            soup.polygon_object.resize(end, run.object);
+            soup.polygon_material.resize(end, run.material);
+        }
+        soup.repairs = self.repairs;
+        Ok(())
+    }
+}
+
+/// The words before a comment.
+fn uncommented(rest: &str) -> impl Iterator<Item = &str> {
+    rest.split_whitespace().take_while(|w| !w.starts_with('#'))
+}
+
+/// The files of a `mtllib` statement: one whose name may hold blanks, or several.
+fn libraries(obj: &Path, rest: &str) -> Vec<PathBuf> {
+    let beside = |name: &str| obj.with_file_name("").join(name.replace('\\', "/"));
+    let whole = beside(rest);
+    let several: Vec<PathBuf> = rest.split_whitespace().map(beside).collect();
+    if several.len() > 1 && !whole.exists() && several.iter().any(|p| p.exists()) {
+        several
+    } else {
+        vec![whole]
+    }
+}
+
+impl<R: BufRead> Read for Lines<'_, R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let n = self.fill_buf()?.read(buffer)?;
+        self.consume(n);
+        Ok(n)
+    }
+}
+
+impl<R: BufRead> BufRead for Lines<'_, R> {
+    fn fill_buf(&mut self) -> io::Result<&[u8]> {
+        if self.given == self.out.len() && self.error.is_none() {
+            if let Err(error) = self.advance() {
+                // `tobj` would drop the error: it is kept, and the file ends here.
+                self.error = Some(error);
+                self.out.clear();
+                self.given = 0;
+            }
+        }
+        Ok(&self.out[self.given..])
+    }
+
+    fn consume(&mut self, amount: usize) {
+        self.given += amount;
+    }
+}

@@ -1,0 +1,445 @@
+//! The one resolving step for all formats: soup in, checked scene out.
+//!
+//! Order: materials, origin and f32, weld, drop (transparent, duplicate, zero area), triangulate, parts and
+//! sides, emission, compaction. Nothing here has an absolute tolerance, so 50 km and millimetres both work.
+
+use super::{
+    Emitter, LoadOptions, Material, Object, Repairs, Scene, Soup, SoupMaterial,
+    connect::{self, Edges, Parts, Sets},
+    emitters::{self, Faces},
+    power::{self, Surfaces},
+    triangulate::{Shape, Triangulator, newell},
+    weld,
+};
+use crate::{Error, Result, math::Aabb};
+use glam::{DVec3, Vec3};
+
+/// Coordinates beyond this are refused: areas and volumes of them would leave f32.
+pub const MAX_COORDINATE: f64 = 1e12;
+/// Scenes smaller than this are refused: areas of them would leave f32.
+pub const MIN_EXTENT: f64 = 1e-12;
+/// Reflectances are clamped to this: with 1 a closed room never gets dark.
+pub const MAX_REFLECTANCE: f32 = 0.999;
+
+/// Checks, repairs and converts a soup.
+///
+/// # Errors
+/// See [`Scene::load`].
+pub fn resolve(mut soup: Soup, options: &LoadOptions) -> Result<Scene> {
+    if options.sides.is_some_and(|s| s != 1 && s != 2) {
+        return Err(Error::Argument("sides must be 1 (closed solids) or 2 (sheets)".into()));
+    }
+    let mut repairs = std::mem::take(&mut soup.repairs);
+    let mut materials = check_materials(&soup, &mut repairs)?;
+    let origin = origin(&soup)?;
+    let (number, positions) = weld::weld(soup.positions.iter().map(|p| (p - origin).as_vec3()));
+    soup.positions = Vec::new();
+
+    let kept = Kept::of(&soup, &number, &positions, &mut repairs);
+    let (mut faces, broken) = triangulate(&soup, &kept, &positions, &mut repairs);
+    // A broken polygon leaves a hole: its edges do not count. One without area leaves none: they do.
+    let edges =
+        Edges::of((0..kept.polygon.len()).map(|i| if broken[i] { &[] } else { &kept.corners[kept.span(i)] }));
+    let parts = connect::parts(&edges, &kept.object);
+    if faces.triangles.is_empty() {
+        return Err(empty(&soup, &repairs));
+    }
+    let area: Vec<f64> =
+        faces.triangles.iter().map(|t| twice_area(t.map(|v| positions[v as usize])) / 2.0).collect();
+    power::apply(
+        Surfaces {
+            objects: &soup.objects,
+            materials: &mut materials,
+            triangle_object: &faces.object,
+            triangle_material: &mut faces.material,
+            triangle_area: &area,
+        },
+        options,
+    )?;
+    let (emitters, triangle_emitter) = group_emitters(&soup, &edges, &faces, &positions, &materials);
+    summarise(&soup, &faces, &mut repairs);
+    let (positions, triangles) = compact(&number, positions, faces.triangles, &mut repairs);
+    let (objects, triangle_object) = used_objects(soup.objects, faces.object);
+    let sides = |part: u32| options.sides.unwrap_or(if parts.closed[part as usize] { 1 } else { 2 });
+    let (component, closed) = used_parts(&parts, &faces.polygon);
+    Ok(Scene {
+        path: soup.path,
+        unit: options.unit.clone(),
+        two_sided_emission: options.two_sided_emission,
+        origin,
+        bounds: Aabb::of(positions.iter().copied()),
+        positions,
+        triangles,
+        triangle_object,
+        triangle_material: faces.material,
+        triangle_reflectance: faces.reflectance,
+        triangle_sides: faces.polygon.iter().map(|&p| sides(parts.part[p as usize])).collect(),
+        triangle_component: component,
+        closed_parts: closed.iter().filter(|&&c| c).count(),
+        sheet_parts: closed.iter().filter(|&&c| !c).count(),
+        objects,
+        materials,
+        emitters,
+        triangle_emitter,
+        repairs,
+    })
+}
+
+fn check_materials(soup: &Soup, repairs: &mut Repairs) -> Result<Vec<Material>> {
+    let mut clamped = Vec::new();
+    let materials = soup.materials.iter().map(|m| {
+        let finite = m.emission.iter().chain(&m.reflectance).all(|v| v.is_finite());
+        if !finite || m.emission.iter().any(|&e| e < 0.0) {
+            let what = "a reflectance or emission that is not a finite number >= 0; mend its Kd and Ke";
+            return Err(Error::format(&soup.path, None, format!("material `{}` has {what}", m.name)));
+        }
+        let reflectance = m.reflectance.map(|v| v.clamp(0.0, MAX_REFLECTANCE));
+        if reflectance != m.reflectance {
+            clamped.push(&m.name);
+        }
+        Ok(Material { name: m.name.clone(), reflectance, emission: m.emission })
+    });
+    let materials = materials.collect::<Result<Vec<_>>>()?;
+    if !clamped.is_empty() {
+        repairs.clamped_reflectances += clamped.len();
+        let names = power::some_names(clamped.iter().copied());
+        repairs.messages.push(format!("reflectance clamped to 0..{MAX_REFLECTANCE} in {names}"));
+    }
+    Ok(materials)
+}
+
+/// What to subtract before the positions become f32: zero unless the scene lies far from zero for its size;
+/// then its centre, rounded so that the subtraction loses nothing.
+fn origin(soup: &Soup) -> Result<DVec3> {
+    let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for (i, p) in soup.positions.iter().enumerate() {
+        if !p.is_finite() || p.abs().max_element() > MAX_COORDINATE {
+            let what =
+                format!("vertex {} has a coordinate that is not finite or beyond {MAX_COORDINATE:e}", i + 1);
+            return Err(Error::format(&soup.path, None, what));
+        }
+        (min, max) = (min.min(*p), max.max(*p));
+    }
+    if soup.ends.is_empty() || soup.positions.is_empty() {
+        return Err(empty(soup, &Repairs::default()));
+    }
+    let extent = (max - min).max_element();
+    if extent < MIN_EXTENT {
+        let what = format!("all vertices lie within {extent:e} units; scale the scene up");
+        return Err(Error::format(&soup.path, None, what));
+    }
+    let centre = 0.5 * (min + max);
+    if centre.abs().max_element() <= extent {
+        return Ok(DVec3::ZERO);
+    }
+    let step = extent.log2().floor().exp2();
+    Ok((centre / step).round() * step)
+}
+
+fn empty(soup: &Soup, repairs: &Repairs) -> Error {
+    let dropped = repairs.zero_area_faces + repairs.broken_polygons + repairs.transparent_faces;
+    let what = if dropped == 0 { String::new() } else { format!(" ({dropped} unusable ones were dropped)") };
+    Error::format(&soup.path, None, format!("no face with an area{what}; is it a scene of polygons?"))
+}
+
+/// The polygons that are not dropped before triangulation.
+struct Kept {
+    /// Index of each in the soup.
+    polygon: Vec<u32>,
+    /// Welded corners, all one after the other, no two consecutive ones equal.
+    corners: Vec<u32>,
+    /// Which corner of the soup each came from.
+    source: Vec<u32>,
+    ends: Vec<usize>,
+    object: Vec<u32>,
+}
+
+impl Kept {
+    fn span(&self, i: usize) -> std::ops::Range<usize> {
+        (if i == 0 { 0 } else { self.ends[i - 1] })..self.ends[i]
+    }
+
+    fn of(soup: &Soup, number: &[u32], positions: &[Vec3], repairs: &mut Repairs) -> Kept {
+        let mut all = Kept {
+            polygon: Vec::with_capacity(soup.polygons()),
+            corners: Vec::with_capacity(soup.corners.len()),
+            source: Vec::with_capacity(soup.corners.len()),
+            ends: Vec::with_capacity(soup.polygons()),
+            object: Vec::new(),
+        };
+        for i in 0..soup.polygons() {
+            if soup.materials[soup.polygon_material[i] as usize].opacity <= 0.0 {
+                repairs.transparent_faces += 1;
+                continue;
+            }
+            let start = all.corners.len();
+            for k in soup.span(i) {
+                let v = number[soup.corners[k] as usize];
+                if all.corners.len() == start || all.corners.last() != Some(&v) {
+                    all.corners.push(v);
+                    all.source.push(k as u32);
+                }
+            }
+            while all.corners.len() > start + 1 && all.corners.last() == Some(&all.corners[start]) {
+                all.corners.pop();
+                all.source.pop();
+            }
+            if all.corners.len() < start + 3 {
+                all.corners.truncate(start);
+                all.source.truncate(start);
+                repairs.zero_area_faces += 1;
+                continue;
+            }
+            all.polygon.push(i as u32);
+            all.ends.push(all.corners.len());
+        }
+        all.drop_duplicates(soup, positions, repairs);
+        all.object = all.polygon.iter().map(|&p| soup.polygon_object[p as usize]).collect();
+        all
+    }
+
+    /// Drops every polygon with the same corners as an earlier one, unless it faces the other way and belongs
+    /// to another object: those are two solids that touch.
+    fn drop_duplicates(&mut self, soup: &Soup, positions: &[Vec3], repairs: &mut Repairs) {
+        let slices: Vec<&[u32]> = (0..self.polygon.len()).map(|i| &self.corners[self.span(i)]).collect();
+        let normal = |i: u32| {
+            let p: Vec<DVec3> =
+                slices[i as usize].iter().map(|&v| positions[v as usize].as_dvec3()).collect();
+            newell(&p)
+        };
+        let object = |i: u32| soup.polygon_object[self.polygon[i as usize] as usize];
+        let mut drop = vec![false; slices.len()];
+        for group in weld::same_corners(&slices) {
+            // Of a group few survive, so the search among the survivors is short; the cap keeps it so.
+            let mut survivors: Vec<(u32, DVec3)> = Vec::new();
+            for &i in &group {
+                let n = normal(i);
+                let twice = survivors.iter().any(|&(j, m)| object(i) == object(j) || n.dot(m) >= 0.0);
+                if twice {
+                    drop[i as usize] = true;
+                    repairs.duplicate_faces += 1;
+                } else {
+                    survivors.push((i, n));
+                }
+            }
+        }
+        if drop.contains(&true) {
+            self.retain(|i| !drop[i]);
+        }
+    }
+
+    fn retain(&mut self, keep: impl Fn(usize) -> bool) {
+        let (mut corners, mut source, mut polygon, mut ends) =
+            (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        for i in (0..self.polygon.len()).filter(|&i| keep(i)) {
+            corners.extend_from_slice(&self.corners[self.span(i)]);
+            source.extend_from_slice(&self.source[self.span(i)]);
+            polygon.push(self.polygon[i]);
+            ends.push(corners.len());
+        }
+        (self.corners, self.source, self.polygon, self.ends) = (corners, source, polygon, ends);
+    }
+}
+
+/// Triangles, one entry each.
+#[derive(Default)]
+struct Triangles {
+    triangles: Vec<[u32; 3]>,
+    /// Place of the polygon among the kept ones.
+    polygon: Vec<u32>,
+    object: Vec<u32>,
+    material: Vec<u32>,
+    reflectance: Vec<[f32; 3]>,
+}
+
+/// Triangulates all kept polygons; also says which of them are broken.
+fn triangulate(
+    soup: &Soup,
+    kept: &Kept,
+    positions: &[Vec3],
+    repairs: &mut Repairs,
+) -> (Triangles, Vec<bool>) {
+    let (mut out, mut broken) = (Triangles::default(), vec![false; kept.polygon.len()]);
+    let mut triangulator = Triangulator::new();
+    let mut points = Vec::new();
+    for i in 0..kept.polygon.len() {
+        let span = kept.span(i);
+        let corners = &kept.corners[span.clone()];
+        points.clear();
+        points.extend(corners.iter().map(|&v| positions[v as usize].as_dvec3()));
+        match triangulator.polygon(&points) {
+            Shape::NoArea => repairs.zero_area_faces += 1,
+            Shape::Broken => {
+                repairs.broken_polygons += 1;
+                broken[i] = true;
+            }
+            Shape::Convex if corners.len() == 3 => {}
+            Shape::Convex => repairs.polygons_triangulated += 1,
+            Shape::Concave => {
+                repairs.polygons_triangulated += 1;
+                repairs.concave_polygons += 1;
+            }
+        }
+        let polygon = kept.polygon[i] as usize;
+        let (object, material) = (soup.polygon_object[polygon], soup.polygon_material[polygon]);
+        let mut has_area = false;
+        for ordinals in &triangulator.triangles {
+            let triangle = ordinals.map(|k| corners[k as usize]);
+            // A corner in the middle of an edge makes such triangles too; the others fill the polygon.
+            if !self::has_area(triangle.map(|v| positions[v as usize])) {
+                continue;
+            }
+            has_area = true;
+            out.triangles.push(triangle);
+            out.polygon.push(i as u32);
+            out.object.push(object);
+            out.material.push(material);
+            let sources = ordinals.map(|k| kept.source[span.start + k as usize]);
+            out.reflectance.push(reflectance(soup, &soup.materials[material as usize], sources));
+            repairs.faces_without_material += usize::from(soup.materials[material as usize].missing);
+        }
+        repairs.zero_area_faces += usize::from(!has_area && !triangulator.triangles.is_empty());
+    }
+    (out, broken)
+}
+
+/// `Kd`, times the mean of the texture over the face; a black `Kd` beside a texture counts as white, because
+/// exporters write it where the texture alone is meant.
+fn reflectance(soup: &Soup, material: &SoupMaterial, corners: [u32; 3]) -> [f32; 3] {
+    let kd = material.reflectance.map(|v| v.clamp(0.0, MAX_REFLECTANCE));
+    let (Some(texture), false) = (&material.texture, soup.corner_texcoords.is_empty()) else { return kd };
+    let uv = corners.map(|k| soup.texcoords[soup.corner_texcoords[k as usize] as usize]);
+    let (mean, black) = (texture.mean(uv), kd == [0.0; 3]);
+    std::array::from_fn(|c| if black { mean[c] } else { mean[c] * kd[c] }.clamp(0.0, MAX_REFLECTANCE))
+}
+
+fn twice_area([a, b, c]: [Vec3; 3]) -> f64 {
+    let (a, b, c) = (a.as_dvec3(), b.as_dvec3(), c.as_dvec3());
+    (b - a).cross(c - a).length()
+}
+
+/// Whether the triangle is higher than f32 resolves at its longest edge and at its place.
+fn has_area(corners: [Vec3; 3]) -> bool {
+    let [a, b, c] = corners.map(|p| p.as_dvec3());
+    let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
+    let place = a.abs().max(b.abs()).max(c.abs()).max_element();
+    let quantum = 0.5 * f64::from(f32::EPSILON) * (longest + place);
+    twice_area(corners) > quantum * longest
+}
+
+fn group_emitters(
+    soup: &Soup,
+    edges: &Edges,
+    faces: &Triangles,
+    positions: &[Vec3],
+    materials: &[Material],
+) -> (Vec<Emitter>, Vec<u32>) {
+    let emission = |t: u32| materials[faces.material[t as usize] as usize].emission;
+    // After `--emitter` the material is known a triangle; all triangles of a polygon have the same.
+    let polygons = faces.polygon.last().map_or(0, |&p| p as usize + 1);
+    let mut material = vec![u32::MAX; polygons];
+    for (t, &p) in faces.polygon.iter().enumerate() {
+        if emission(t as u32) != [0.0; 3] {
+            material[p as usize] = faces.material[t];
+        }
+    }
+    let mut sets = Sets::new(polygons);
+    if material.iter().any(|&m| m != u32::MAX) {
+        let mut bright = Vec::new();
+        for edge in edges.faces() {
+            bright.clear();
+            bright.extend(
+                edge.filter_map(|f| material.get(f as usize).map(|&m| (m, f)))
+                    .filter(|&(m, _)| m != u32::MAX),
+            );
+            bright.sort_unstable();
+            bright.windows(2).filter(|w| w[0].0 == w[1].0).for_each(|w| sets.join(w[0].1, w[1].1));
+        }
+    }
+    let geometry = Faces { positions, triangles: &faces.triangles, polygon: &faces.polygon };
+    emitters::group(&geometry, &mut sets, emission, |t| {
+        soup.objects[faces.object[t as usize] as usize].clone()
+    })
+}
+
+/// One line for each kind of repair that has none yet.
+fn summarise(soup: &Soup, faces: &Triangles, r: &mut Repairs) {
+    let mut say = |count: usize, what: &str| {
+        if count > 0 {
+            r.messages.push(format!("{count} {what}"));
+        }
+    };
+    say(r.zero_area_faces, "faces without area dropped");
+    say(r.duplicate_faces, "faces dropped that occur twice");
+    say(r.broken_polygons, "polygons dropped that cross themselves");
+    say(r.transparent_faces, "faces of fully transparent materials dropped");
+    if r.faces_without_material > 0 {
+        let missing = soup.materials.iter().filter(|m| m.missing).map(|m| &m.name);
+        let names = power::some_names(missing);
+        let kd = SoupMaterial::DEFAULT_REFLECTANCE[0];
+        r.messages.push(format!(
+            "{} faces without a material got reflectance {kd} ({names})",
+            r.faces_without_material
+        ));
+    }
+    let mut used = vec![false; soup.materials.len()];
+    for &m in &faces.material {
+        // Copies that `--emitter` made lie beyond the end; nobody doubts that a lamp is there.
+        used.get_mut(m as usize).into_iter().for_each(|u| *u = true);
+    }
+    let sheer =
+        soup.materials.iter().zip(used).filter(|(m, used)| *used && m.opacity < 1.0).map(|(m, _)| &m.name);
+    let names = power::some_names(sheer);
+    if !names.is_empty() {
+        r.messages.push(format!("transparency is not modelled; taken as opaque: {names}"));
+    }
+}
+
+/// Drops the vertices that no triangle uses; keeps the order.
+fn compact(
+    number: &[u32],
+    positions: Vec<Vec3>,
+    mut triangles: Vec<[u32; 3]>,
+    repairs: &mut Repairs,
+) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+    let mut place = vec![u32::MAX; positions.len()];
+    triangles.iter().flatten().for_each(|&v| place[v as usize] = 0);
+    let referenced = number.iter().filter(|&&v| place[v as usize] == 0).count();
+    let mut used = Vec::with_capacity(positions.len());
+    for (p, place) in positions.into_iter().zip(&mut place).filter(|(_, place)| **place == 0) {
+        *place = used.len() as u32;
+        used.push(p);
+    }
+    triangles.iter_mut().flatten().for_each(|v| *v = place[*v as usize]);
+    repairs.unused_vertices += number.len() - referenced;
+    repairs.welded_vertices += referenced - used.len();
+    (used, triangles)
+}
+
+fn used_objects(names: Vec<String>, mut object: Vec<u32>) -> (Vec<Object>, Vec<u32>) {
+    let mut used = vec![false; names.len()];
+    object.iter().for_each(|&o| used[o as usize] = true);
+    let mut place = vec![0; names.len()];
+    let mut objects = Vec::new();
+    for (i, name) in names.into_iter().enumerate().filter(|(i, _)| used[*i]) {
+        place[i] = objects.len() as u32;
+        objects.push(Object { name });
+    }
+    object.iter_mut().for_each(|o| *o = place[*o as usize]);
+    (objects, object)
+}
+
+/// Parts numbered again without those that lost all faces (they had no area).
+fn used_parts(parts: &Parts, polygon: &[u32]) -> (Vec<u32>, Vec<bool>) {
+    let mut place = vec![u32::MAX; parts.closed.len()];
+    let mut closed = Vec::new();
+    let component = polygon.iter().map(|&p| {
+        let part = parts.part[p as usize] as usize;
+        if place[part] == u32::MAX {
+            place[part] = closed.len() as u32;
+            closed.push(parts.closed[part]);
+        }
+        place[part]
+    });
+    (component.collect(), closed)
+}

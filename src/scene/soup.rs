@@ -1,0 +1,138 @@
+//! The polygon soup: what a reader or a generator hands to the one resolving step, unchecked.
+
+use super::{Repairs, texture::Texture};
+use glam::DVec3;
+use std::{collections::HashMap, path::PathBuf};
+
+/// Polygons as they came from a file or a generator: nothing welded, triangulated or checked yet.
+///
+/// Polygon `i` has the corners `corners[ends[i - 1]..ends[i]]` (from 0 for the first).
+#[derive(Clone, Debug, Default)]
+pub struct Soup {
+    /// The file or generator it came from.
+    pub path: PathBuf,
+    /// Vertex positions, in scene units.
+    pub positions: Vec<DVec3>,
+    /// Indices into `positions`, all polygons one after the other.
+    pub corners: Vec<u32>,
+    /// Where each polygon ends in `corners`.
+    pub ends: Vec<u32>,
+    /// Index into `objects`, one a polygon.
+    pub polygon_object: Vec<u32>,
+    /// Index into `materials`, one a polygon.
+    pub polygon_material: Vec<u32>,
+    /// Texture coordinates, v up.
+    pub texcoords: Vec<[f32; 2]>,
+    /// Index into `texcoords` of each corner; empty if the soup has none.
+    pub corner_texcoords: Vec<u32>,
+    /// Names of objects, unique.
+    pub objects: Vec<String>,
+    /// Materials, names unique.
+    pub materials: Vec<SoupMaterial>,
+    /// What was repaired while reading.
+    pub repairs: Repairs,
+}
+
+/// A material as the file states it.
+#[derive(Clone, Debug)]
+pub struct SoupMaterial {
+    /// Its name.
+    pub name: String,
+    /// Diffuse reflectance (`Kd`), linear RGB, unchecked.
+    pub reflectance: [f32; 3],
+    /// Emitted radiance (`Ke`), W/(m² sr), linear RGB, unchecked.
+    pub emission: [f32; 3],
+    /// `d`: 1 opaque, 0 fully transparent.
+    pub opacity: f32,
+    /// Image that the reflectance is multiplied with.
+    pub texture: Option<Texture>,
+    /// Whether this stands in for a material that is missing.
+    pub missing: bool,
+}
+
+impl SoupMaterial {
+    /// Reflectance of a face whose material is missing.
+    pub const DEFAULT_REFLECTANCE: [f32; 3] = [0.5; 3];
+
+    /// An opaque surface without texture or emission.
+    pub fn diffuse(name: impl Into<String>, reflectance: [f32; 3]) -> Self {
+        let name = name.into();
+        SoupMaterial { name, reflectance, emission: [0.0; 3], opacity: 1.0, texture: None, missing: false }
+    }
+
+    /// A light: emitted radiance in W/(m² sr) on the front side, reflectance 0.
+    pub fn light(name: impl Into<String>, emission: [f32; 3]) -> Self {
+        SoupMaterial { emission, ..SoupMaterial::diffuse(name, [0.0; 3]) }
+    }
+
+    /// The stand-in for a material that is missing.
+    pub fn missing(name: impl Into<String>) -> Self {
+        SoupMaterial { missing: true, ..SoupMaterial::diffuse(name, Self::DEFAULT_REFLECTANCE) }
+    }
+}
+
+impl Soup {
+    /// An empty soup that says where it comes from.
+    pub fn new(path: impl Into<PathBuf>) -> Self {
+        Soup { path: path.into(), ..Soup::default() }
+    }
+
+    /// Number of polygons.
+    pub fn polygons(&self) -> usize {
+        self.ends.len()
+    }
+
+    /// Range of polygon `i` in `corners`.
+    pub fn span(&self, i: usize) -> std::ops::Range<usize> {
+        let start = if i == 0 { 0 } else { self.ends[i - 1] as usize };
+        start..self.ends[i] as usize
+    }
+
+    /// Adds a material, returns its index.
+    pub fn material(&mut self, material: SoupMaterial) -> u32 {
+        self.materials.push(material);
+        self.materials.len() as u32 - 1
+    }
+
+    /// Adds an object, returns its index. The caller keeps names unique.
+    pub fn object(&mut self, name: impl Into<String>) -> u32 {
+        self.objects.push(name.into());
+        self.objects.len() as u32 - 1
+    }
+
+    /// Adds a polygon with vertices of its own, counterclockwise seen from its front.
+    pub fn polygon(&mut self, object: u32, material: u32, corners: &[DVec3]) {
+        let first = self.positions.len() as u32;
+        self.positions.extend_from_slice(corners);
+        self.indexed_polygon(object, material, first..first + corners.len() as u32);
+    }
+
+    /// Adds a polygon of vertices that are there already.
+    pub fn indexed_polygon(&mut self, object: u32, material: u32, corners: impl IntoIterator<Item = u32>) {
+        self.corners.extend(corners);
+        self.ends.push(self.corners.len() as u32);
+        self.polygon_object.push(object);
+        self.polygon_material.push(material);
+    }
+}
+
+/// Numbers names in order of their first appearance.
+#[derive(Debug, Default)]
+pub(super) struct Names {
+    index: HashMap<String, u32>,
+    /// The names in order.
+    pub list: Vec<String>,
+}
+
+impl Names {
+    /// The number of `name`, new if it is new.
+    pub fn of(&mut self, name: &str) -> u32 {
+        if let Some(&i) = self.index.get(name) {
+            return i;
+        }
+        let i = self.list.len() as u32;
+        self.index.insert(name.to_owned(), i);
+        self.list.push(name.to_owned());
+        i
+    }
+}

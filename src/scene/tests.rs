@@ -1,0 +1,106 @@
+//! Tests of the room as a whole: files and soups in, scenes out.
+
+use super::{generate::*, *};
+use std::{fs, path::Path};
+
+/// Loads `obj` from a file in a scratch folder, beside the other files given.
+fn load_with(obj: &str, others: &[(&str, &[u8])], options: &LoadOptions) -> Result<Scene> {
+    let folder = tempfile::tempdir().expect("scratch folder");
+    for (name, bytes) in others {
+        fs::write(folder.path().join(name), bytes).expect("scratch file");
+    }
+    let path = folder.path().join("scene.obj");
+    fs::write(&path, obj).expect("scratch file");
+    Scene::load(&path, options)
+}
+
+fn load(obj: &str) -> Result<Scene> {
+    load_with(obj, &[], &LoadOptions::default())
+}
+
+/// The message without the scratch folder.
+fn message(result: Result<Scene>) -> String {
+    let text = result.expect_err("an error").to_string();
+    text.rsplit_once("scene.obj").map_or(text.clone(), |(_, tail)| tail.to_owned())
+}
+
+fn area(scene: &Scene) -> f64 {
+    (0..scene.triangles.len() as u32)
+        .map(|t| {
+            let [a, b, c] = scene.corners(t);
+            crate::math::triangle_area(a, b, c)
+        })
+        .sum()
+}
+
+/// Facts that hold for every scene.
+fn check_consistent(s: &Scene) {
+    let n = s.triangles.len();
+    assert!(n > 0);
+    for (name, len) in [
+        ("object", s.triangle_object.len()),
+        ("material", s.triangle_material.len()),
+        ("reflectance", s.triangle_reflectance.len()),
+        ("sides", s.triangle_sides.len()),
+        ("component", s.triangle_component.len()),
+        ("emitter", s.triangle_emitter.len()),
+    ] {
+        assert_eq!(len, n, "triangle_{name}");
+    }
+    let mut used = vec![false; s.positions.len()];
+    for t in 0..n {
+        let v = s.triangles[t];
+        v.iter().for_each(|&v| used[v as usize] = true);
+        let [a, b, c] = s.corners(t as u32);
+        assert!(crate::math::triangle_area(a, b, c) > 0.0, "triangle {t} has no area");
+        assert!((s.triangle_object[t] as usize) < s.objects.len());
+        assert!((s.triangle_material[t] as usize) < s.materials.len());
+        assert!((s.triangle_component[t] as usize) < s.closed_parts + s.sheet_parts);
+        assert!(matches!(s.triangle_sides[t], 1 | 2));
+        assert!(s.triangle_reflectance[t].iter().all(|r| (0.0..1.0).contains(r)));
+        let emits = s.materials[s.triangle_material[t] as usize].emission != [0.0; 3];
+        assert_eq!(emits, s.triangle_emitter[t] != u32::MAX);
+    }
+    assert!(used.iter().all(|&u| u), "unused vertices remain");
+    assert!(s.positions.iter().all(|p| p.is_finite() && s.bounds.contains(Aabb::of([*p]))));
+    for (i, e) in s.emitters.iter().enumerate() {
+        assert!(e.area > 0.0 && e.min_width >= 0.0 && e.normal.length() < 1.0001, "{e:?}");
+        assert!(e.triangles.iter().all(|&t| s.triangle_emitter[t as usize] == i as u32));
+    }
+}
+
+#[test]
+fn generators_make_consistent_scenes() {
+    for kind in KINDS {
+        let mut spec = Spec::new(kind.name);
+        (spec.trees, spec.leaves) = (9, 50);
+        let scene = build(&spec).expect(kind.name);
+        check_consistent(&scene);
+        assert_eq!(scene.emitters.len(), 1, "{}", kind.name);
+        assert!(scene.repairs.messages.is_empty(), "{}: {:?}", kind.name, scene.repairs.messages);
+        println!("{}: {} triangles, {:?}", kind.name, scene.triangles.len(), scene.emitters[0]);
+    }
+}
+
+#[test]
+fn written_scenes_load_as_they_were() {
+    let folder = tempfile::tempdir().expect("scratch folder");
+    for kind in KINDS {
+        let mut spec = Spec::new(kind.name);
+        (spec.trees, spec.leaves) = (4, 30);
+        let built = build(&spec).expect(kind.name);
+        let path = folder.path().join("scene.obj");
+        write_obj(&path, &soup(&spec).expect(kind.name), &["a", "b\nc"]).expect("written");
+        let loaded = Scene::load(&path, &LoadOptions { unit: kind.unit.into(), ..Default::default() })
+            .expect(kind.name);
+        check_consistent(&loaded);
+        // The file gives vertices in the order of their first use.
+        let corners = |s: &Scene| (0..s.triangles.len() as u32).map(|t| s.corners(t)).collect::<Vec<_>>();
+        assert_eq!(corners(&built), corners(&loaded), "{}", kind.name);
+        assert_eq!(built.triangle_object, loaded.triangle_object);
+        assert_eq!(built.triangle_sides, loaded.triangle_sides);
+        assert_eq!(built.triangle_reflectance, loaded.triangle_reflectance);
+        assert_eq!(format!("{:?}", built.emitters), format!("{:?}", loaded.emitters));
+    }
+    assert_eq!(fs::read_dir(folder.path()).expect("folder").count(), 2, "temporary files are left");
+}

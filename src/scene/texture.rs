@@ -1,0 +1,133 @@
+//! Mean linear colour of a texture over a triangle.
+
+use image::RgbaImage;
+use std::{path::Path, sync::Arc};
+
+/// An image that modulates a reflectance: 8 bits a channel, sRGB encoded, repeated in both directions.
+#[derive(Clone, Debug)]
+pub struct Texture {
+    image: Arc<RgbaImage>,
+}
+
+/// Barycentric sample points: centres of the 16 triangles that two midpoint subdivisions make, each of which
+/// stands for the same area. The mean is meant for radiosity, where a face has one colour.
+const SAMPLES: usize = 16;
+
+impl Texture {
+    /// Reads an image file; the reason as one phrase if that fails.
+    pub fn open(path: &Path) -> Result<Texture, String> {
+        let reader = image::ImageReader::open(path).map_err(|e| e.to_string())?;
+        let reader = reader.with_guessed_format().map_err(|e| e.to_string())?;
+        reader.decode().map(|i| Texture::of(i.to_rgba8())).map_err(|e| e.to_string().replace('\n', " "))
+    }
+
+    /// Decodes an image in memory (a glTF buffer or data URI).
+    pub fn decode(bytes: &[u8]) -> Result<Texture, String> {
+        image::load_from_memory(bytes).map(|i| Texture::of(i.to_rgba8())).map_err(|e| e.to_string())
+    }
+
+    /// Wraps an image.
+    pub fn of(image: RgbaImage) -> Texture {
+        Texture { image: Arc::new(image) }
+    }
+
+    /// Mean colour over the triangle with the given texture coordinates (v up), linear RGB in `[0, 1]`.
+    ///
+    /// Texels are weighted by their alpha, since the colour of invisible ones is arbitrary; a triangle that
+    /// meets only invisible ones gets the plain mean.
+    pub fn mean(&self, [a, b, c]: [[f32; 2]; 3]) -> [f32; 3] {
+        let (mut weighted, mut weights, mut plain) = ([0.0f32; 3], 0.0, [0.0f32; 3]);
+        for [i, j, k] in barycentric() {
+            let at = |x: usize| i * a[x] + j * b[x] + k * c[x];
+            let ([r, g, b], alpha) = self.texel(at(0), at(1));
+            for (ch, v) in [r, g, b].into_iter().enumerate() {
+                weighted[ch] += alpha * v;
+                plain[ch] += v;
+            }
+            weights += alpha;
+        }
+        if weights > 0.0 { weighted.map(|v| v / weights) } else { plain.map(|v| v / SAMPLES as f32) }
+    }
+
+    /// Linear colour and alpha of the nearest texel.
+    fn texel(&self, u: f32, v: f32) -> ([f32; 3], f32) {
+        let (w, h) = self.image.dimensions();
+        // rem_euclid may round to 1.0, and a coordinate that is not finite becomes 0 by the cast.
+        let x = ((u.rem_euclid(1.0) * w as f32) as u32).min(w.saturating_sub(1));
+        let y = (((1.0 - v).rem_euclid(1.0) * h as f32) as u32).min(h.saturating_sub(1));
+        match self.image.get_pixel_checked(x, y) {
+            Some(p) => ([linear(p[0]), linear(p[1]), linear(p[2])], f32::from(p[3]) / 255.0),
+            None => ([0.5; 3], 1.0),
+        }
+    }
+}
+
+/// The sample points.
+fn barycentric() -> impl Iterator<Item = [f32; 3]> {
+    let rows = 4;
+    (0..rows).flat_map(move |i| {
+        (0..2 * (rows - i) - 1).map(move |t| {
+            let (j, up) = (t / 2, t % 2 == 0);
+            let third = if up { 1.0 / 3.0 } else { 2.0 / 3.0 };
+            let (x, y) = (i as f32 + third, j as f32 + third);
+            [x / rows as f32, y / rows as f32, 1.0 - (x + y) / rows as f32]
+        })
+    })
+}
+
+/// sRGB to linear (IEC 61966-2-1).
+pub(super) fn linear(value: u8) -> f32 {
+    let v = f32::from(value) / 255.0;
+    if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::Rgba;
+
+    const HALF: [[f32; 2]; 3] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
+
+    #[test]
+    fn sample_points_are_inside_and_balanced() {
+        let points: Vec<_> = barycentric().collect();
+        assert_eq!(points.len(), SAMPLES);
+        for axis in 0..3 {
+            let mean = points.iter().map(|p| p[axis]).sum::<f32>() / SAMPLES as f32;
+            assert!((mean - 1.0 / 3.0).abs() < 1e-6, "axis {axis}: {mean}");
+        }
+        assert!(points.iter().flatten().all(|&x| x > 0.0 && x < 1.0));
+    }
+
+    #[test]
+    fn mean_is_linear_and_wraps() {
+        // Lower half black, upper half white: the triangle under the diagonal has 1/4 of its area in the upper.
+        let image =
+            RgbaImage::from_fn(8, 8, |_, y| if y < 4 { Rgba([255; 4]) } else { Rgba([0, 0, 0, 255]) });
+        let texture = Texture::of(image);
+        assert!((texture.mean(HALF)[0] - 0.25).abs() < 1e-6);
+        let shifted = HALF.map(|[u, v]| [u + 7.0, v - 3.0]);
+        assert!((texture.mean(shifted)[0] - 0.25).abs() < 1e-6);
+        let grey = Texture::of(RgbaImage::from_pixel(1, 1, Rgba([188, 188, 188, 255])));
+        assert!((grey.mean(HALF)[1] - 0.5029).abs() < 1e-3);
+    }
+
+    #[test]
+    fn invisible_texels_do_not_count() {
+        let image =
+            RgbaImage::from_fn(
+                2,
+                1,
+                |x, _| if x == 0 { Rgba([255, 0, 0, 255]) } else { Rgba([0, 255, 0, 0]) },
+            );
+        assert_eq!(Texture::of(image).mean(HALF), [1.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn strange_coordinates_do_not_panic() {
+        let texture = Texture::of(RgbaImage::from_pixel(3, 3, Rgba([255; 4])));
+        for v in [f32::NAN, f32::INFINITY, -1e30, 1e30, -1e-30] {
+            assert_eq!(texture.mean([[v, v]; 3]), [1.0; 3]);
+        }
+    }
+}
