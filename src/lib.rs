@@ -1,9 +1,15 @@
 #![doc = include_str!("ARCHITECTURE.md")]
 
+pub mod bench;
+pub mod characterise;
 pub mod embree;
 pub mod error;
+pub mod hierarchy;
 pub mod math;
+pub mod raster;
 pub mod ray;
 pub mod scene;
+pub mod simd;
+pub mod visibility;
 
 pub use error::{Error, Result};

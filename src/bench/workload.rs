@@ -1,0 +1,273 @@
+//! The questions of a benchmark: receiver points, the emitters they face, and the segments between them.
+
+use crate::ray::{EndRule, LANES, Packet};
+use crate::scene::{Emitter, Scene};
+use crate::visibility::reference::end_rule;
+use glam::Vec3;
+use rayon::prelude::*;
+use sobol_burley::sample;
+
+/// A point on a surface and the side that is asked for.
+#[derive(Clone, Copy, Debug)]
+pub struct Point {
+    /// Scene units, relative to the scene's origin.
+    pub position: Vec3,
+    /// Unit normal.
+    pub normal: Vec3,
+}
+
+/// A point and an emitter that face each other at least in part.
+#[derive(Clone, Copy, Debug)]
+pub struct Pair {
+    /// Index into [`Workload::points`].
+    pub point: u32,
+    /// Index into [`Scene::emitters`].
+    pub emitter: u32,
+    /// Smallest width of the emitter across the direction to the point.
+    pub emitter_size: f32,
+    /// Irradiance of the point from the unoccluded emitter relative to the others', by its centre: the weight in
+    /// images.
+    pub weight: f32,
+}
+
+/// Points and pairs of a scene, the same for every engine.
+#[derive(Clone, Debug)]
+pub struct Workload {
+    /// Receiver points, in an order that keeps neighbours together.
+    pub points: Vec<Point>,
+    /// Pairs in the order of their points.
+    pub pairs: Vec<Pair>,
+    seed: u64,
+    ends: EndRule,
+    samplers: Vec<EmitterSampler>,
+}
+
+impl Workload {
+    /// All pairs between these points and the scene's emitters.
+    pub fn new(scene: &Scene, points: Vec<Point>, seed: u64) -> Workload {
+        let samplers: Vec<EmitterSampler> = scene.emitters.iter().map(|e| EmitterSampler::new(scene, e)).collect();
+        let pairs = points
+            .par_iter()
+            .enumerate()
+            .flat_map_iter(|(p, point)| {
+                samplers.iter().enumerate().filter_map(move |(e, s)| {
+                    s.pair(point).map(|(emitter_size, weight)| Pair {
+                        point: p as u32,
+                        emitter: e as u32,
+                        emitter_size,
+                        weight,
+                    })
+                })
+            })
+            .collect();
+        Workload { points, pairs, seed, ends: end_rule(scene), samplers }
+    }
+
+    /// Puts `rays` segments of a pair into `packets` (cleared first), sixteen a packet.
+    ///
+    /// The segments of a smaller number are the first of a larger one. `stream` separates independent sample sets
+    /// of the same pair: engines under test share stream 0, references use others.
+    pub fn bundle(&self, scene: &Scene, pair: usize, rays: usize, stream: u64, packets: &mut Vec<Packet>) {
+        packets.clear();
+        self.each_segment(scene, pair, rays, stream, |i, a, b| {
+            if i % LANES == 0 {
+                packets.push(Packet::EMPTY);
+            }
+            packets.last_mut().expect("just pushed").set(i % LANES, a, b, self.ends);
+        });
+    }
+
+    /// Puts `rays` segments of each pair of a range into packets without gaps: for engines that need no bundles.
+    pub fn packed(
+        &self,
+        scene: &Scene,
+        pairs: std::ops::Range<usize>,
+        rays: usize,
+        stream: u64,
+        packets: &mut Vec<Packet>,
+    ) {
+        packets.clear();
+        let mut n = 0;
+        for pair in pairs {
+            self.each_segment(scene, pair, rays, stream, |_, a, b| {
+                if n % LANES == 0 {
+                    packets.push(Packet::EMPTY);
+                }
+                packets.last_mut().expect("just pushed").set(n % LANES, a, b, self.ends);
+                n += 1;
+            });
+        }
+    }
+
+    fn each_segment(&self, scene: &Scene, pair: usize, rays: usize, stream: u64, mut f: impl FnMut(usize, Vec3, Vec3)) {
+        let Pair { point, emitter, .. } = self.pairs[pair];
+        let point = &self.points[point as usize];
+        let seed = scramble(self.seed ^ stream << 56 ^ (pair as u64) << 8);
+        let sampler = &self.samplers[emitter as usize];
+        let facing = sampler.facing(scene, point);
+        for i in 0..rays {
+            // Owen-scrambled Sobol' points: stratified for every power of two, 65536 at most a scramble.
+            let seed = seed ^ (i as u32 >> 16).wrapping_mul(0x9e37_79b9);
+            let index = i as u32 & 0xffff;
+            f(i, point.position, facing.sample(scene, sample(index, 0, seed), sample(index, 1, seed)));
+        }
+    }
+}
+
+/// A well-mixed 32-bit seed.
+fn scramble(v: u64) -> u32 {
+    let v = (v ^ v >> 33).wrapping_mul(0xff51_afd7_ed55_8ccd);
+    let v = (v ^ v >> 33).wrapping_mul(0xc4ce_b9fe_1a85_ec53);
+    (v ^ v >> 33) as u32
+}
+
+/// Draws points on an emitter.
+#[derive(Clone, Debug)]
+struct EmitterSampler {
+    triangles: Vec<u32>,
+    /// Normals of the faces.
+    normals: Vec<Vec3>,
+    /// A corner of each face.
+    corners: Vec<Vec3>,
+    /// Running sums of the areas.
+    sums: Vec<f32>,
+    centre: Vec3,
+    normal: Vec3,
+    planar: bool,
+    area: f32,
+    width: f32,
+    radiance: f32,
+}
+
+impl EmitterSampler {
+    fn new(scene: &Scene, emitter: &Emitter) -> EmitterSampler {
+        let (mut sum, mut centre) = (0.0f64, glam::DVec3::ZERO);
+        let (mut normals, mut sums, mut corners) = (Vec::new(), Vec::new(), Vec::new());
+        for &t in &emitter.triangles {
+            let [a, b, c] = scene.corners(t);
+            let area = crate::math::triangle_area(a, b, c);
+            centre += area * ((a + b + c) / 3.0).as_dvec3();
+            sum += area;
+            normals.push(crate::math::triangle_normal(a, b, c));
+            corners.push(a);
+            sums.push(sum as f32);
+        }
+        EmitterSampler {
+            triangles: emitter.triangles.clone(),
+            normals,
+            corners,
+            sums,
+            centre: (centre / sum).as_vec3(),
+            normal: emitter.normal.normalize_or_zero(),
+            planar: emitter.normal.length() > 0.999,
+            area: emitter.area as f32,
+            width: emitter.min_width,
+            radiance: emitter.emission.iter().sum::<f32>() / 3.0,
+        }
+    }
+
+    /// Size and weight of the emitter for a point; none if no face of it can send light there.
+    fn pair(&self, point: &Point) -> Option<(f32, f32)> {
+        let seen = self.normals.iter().zip(&self.corners).any(|(n, &corner)| n.dot(point.position - corner) > 0.0);
+        // The centre decides: a point whose horizon cuts the emitter still counts if more than half is above.
+        let to = self.centre - point.position;
+        let distance = to.length();
+        let cosine = point.normal.dot(to) / distance;
+        if !seen || cosine.partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) {
+            return None;
+        }
+        let facing = if self.planar { (-self.normal.dot(to) / distance).max(0.0) } else { 1.0 };
+        let weight = self.radiance * self.area * cosine * facing / (distance * distance);
+        Some((self.width * facing, weight))
+    }
+
+    /// The faces that face a point, with their areas summed up.
+    fn facing<'a>(&'a self, scene: &Scene, point: &Point) -> Facing<'a> {
+        if self.planar {
+            return Facing { triangles: &self.triangles, sums: std::borrow::Cow::Borrowed(&self.sums) };
+        }
+        let mut sum = 0.0;
+        let sums = self
+            .triangles
+            .iter()
+            .enumerate()
+            .map(|(i, &t)| {
+                if self.normals[i].dot(point.position - scene.corners(t)[0]) > 0.0 {
+                    sum += self.sums[i] - if i > 0 { self.sums[i - 1] } else { 0.0 };
+                }
+                sum
+            })
+            .collect();
+        Facing { triangles: &self.triangles, sums: std::borrow::Cow::Owned(sums) }
+    }
+}
+
+struct Facing<'a> {
+    triangles: &'a [u32],
+    sums: std::borrow::Cow<'a, [f32]>,
+}
+
+impl Facing<'_> {
+    /// Area-uniform point from two numbers in `[0, 1)`: the first picks the face and is used again inside it.
+    fn sample(&self, scene: &Scene, u: f32, v: f32) -> Vec3 {
+        let total = *self.sums.last().expect("emitters have faces");
+        let target = u * total;
+        let i = self.sums.partition_point(|&s| s <= target).min(self.sums.len() - 1);
+        let before = if i > 0 { self.sums[i - 1] } else { 0.0 };
+        let u = ((target - before) / (self.sums[i] - before)).clamp(0.0, 1.0);
+        point_on(scene.corners(self.triangles[i]), u, v)
+    }
+}
+
+/// Area-uniform point of a triangle.
+pub(super) fn point_on([a, b, c]: [Vec3; 3], u: f32, v: f32) -> Vec3 {
+    let root = u.sqrt();
+    a + root * (1.0 - v) * (b - a) + root * v * (c - a)
+}
+
+/// `count` points on the surfaces that do not emit, area-weighted, low-discrepancy; sheets get either side.
+///
+/// # Errors
+/// If every surface emits.
+pub fn surface_points(scene: &Scene, count: usize, seed: u64) -> crate::Result<Vec<Point>> {
+    let receivers: Vec<u32> =
+        (0..scene.triangles.len() as u32).filter(|&t| scene.triangle_emitter[t as usize] == u32::MAX).collect();
+    let mut sums = Vec::with_capacity(receivers.len());
+    let mut sum = 0.0f64;
+    for &t in &receivers {
+        let [a, b, c] = scene.corners(t);
+        sum += crate::math::triangle_area(a, b, c);
+        sums.push(sum);
+    }
+    if receivers.is_empty() {
+        return Err(crate::Error::Scene("every surface of the scene emits: there is nothing to receive light".into()));
+    }
+    let seed = scramble(seed ^ 0x706f_696e_7473);
+    let mut points: Vec<(u64, Point)> = (0..count as u32)
+        .into_par_iter()
+        .map(|i| {
+            let draw = |dimension| sample(i & 0xffff, dimension, seed ^ (i >> 16).wrapping_mul(0x9e37_79b9));
+            let target = f64::from(draw(0)) * sum;
+            let k = sums.partition_point(|&s| s <= target).min(sums.len() - 1);
+            let corners = scene.corners(receivers[k]);
+            let position = point_on(corners, draw(1), draw(2));
+            let mut normal = crate::math::triangle_normal(corners[0], corners[1], corners[2]);
+            if scene.triangle_sides[receivers[k] as usize] == 2 && draw(3) < 0.5 {
+                normal = -normal;
+            }
+            (curve_key(scene, position), Point { position, normal })
+        })
+        .collect();
+    // Neighbours together: both engines find their caches warm.
+    points.par_sort_by_key(|(key, _)| *key);
+    Ok(points.into_iter().map(|(_, point)| point).collect())
+}
+
+/// Position along a Morton curve of 2^10 cells an axis.
+fn curve_key(scene: &Scene, p: Vec3) -> u64 {
+    let cell = ((p - scene.bounds.min) / scene.bounds.extent().max_element().max(f32::MIN_POSITIVE) * 1023.0).as_uvec3();
+    (0..10).fold(0, |key, bit| {
+        let pick = |v: u32| u64::from(v >> bit & 1);
+        key | (pick(cell.x) | pick(cell.y) << 1 | pick(cell.z) << 2) << (3 * bit)
+    })
+}

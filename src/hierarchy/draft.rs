@@ -1,0 +1,100 @@
+//! Clusters while they are being formed: what every builder hands to [`super::tree::Tree::arrange`].
+
+use super::FAN_OUT;
+use crate::math::Aabb;
+
+/// What a cluster groups: a triangle of the scene or another cluster of the draft.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Member {
+    Face(u32),
+    Cluster(u32),
+}
+
+/// A member with its box and its place in space.
+#[derive(Clone, Debug)]
+pub(super) struct Item {
+    pub member: Member,
+    pub bounds: Aabb,
+    /// Smallest face, for ties: the order of results must not depend on threads.
+    pub first_face: u32,
+    /// Volume that the faces' own boxes take, for the measure of empty space.
+    pub occupied: f64,
+    /// Number of faces if it is a face or a cluster of nothing but faces; `None` for clusters of clusters.
+    pub faces: Option<usize>,
+}
+
+/// Faces of several items together if they fit into one leaf.
+pub(super) fn one_leaf(a: Option<usize>, b: Option<usize>) -> Option<usize> {
+    Some(a? + b?).filter(|&faces| faces <= FAN_OUT)
+}
+
+impl Item {
+    pub fn new(member: Member, bounds: Aabb) -> Item {
+        let (first_face, faces) = match member {
+            Member::Face(t) => (t, Some(1)),
+            Member::Cluster(_) => (0, None),
+        };
+        Item { member, bounds, first_face, occupied: 0.0, faces }
+    }
+}
+
+#[derive(Clone, Debug)]
+pub(super) struct DraftCluster {
+    pub bounds: Aabb,
+    pub members: Vec<Member>,
+}
+
+/// An arena of clusters; the last one is the root.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Draft {
+    pub clusters: Vec<DraftCluster>,
+}
+
+impl Draft {
+    /// Makes a cluster of these items; small leaves among themselves become one leaf.
+    pub fn group(&mut self, items: &[Item]) -> Item {
+        let bounds = items.iter().fold(Aabb::EMPTY, |b, i| b.union(i.bounds));
+        let faces = items.iter().map(|i| i.faces).reduce(one_leaf).flatten();
+        let members = items
+            .iter()
+            .flat_map(|item| match item.member {
+                Member::Cluster(c) if faces.is_some() => self.clusters[c as usize].members.clone(),
+                member => vec![member],
+            })
+            .collect();
+        self.clusters.push(DraftCluster { bounds, members });
+        Item {
+            member: Member::Cluster(self.clusters.len() as u32 - 1),
+            bounds,
+            first_face: items.iter().map(|i| i.first_face).min().unwrap_or(0),
+            occupied: items.iter().map(|i| i.occupied).sum(),
+            faces,
+        }
+    }
+
+    /// Takes over another draft; its root becomes an item here.
+    pub fn adopt(&mut self, other: Draft) -> Item {
+        let offset = self.clusters.len() as u32;
+        let root = other.clusters.len() as u32 - 1 + offset;
+        let first_face = other.first_face();
+        self.clusters.extend(other.clusters.into_iter().map(|mut cluster| {
+            for member in &mut cluster.members {
+                if let Member::Cluster(c) = member {
+                    *c += offset;
+                }
+            }
+            cluster
+        }));
+        let bounds = self.clusters[root as usize].bounds;
+        let occupied = bounds.volume();
+        Item { member: Member::Cluster(root), bounds, first_face, occupied, faces: None }
+    }
+
+    fn first_face(&self) -> u32 {
+        let faces = self.clusters.iter().flat_map(|c| &c.members).filter_map(|m| match m {
+            Member::Face(t) => Some(*t),
+            Member::Cluster(_) => None,
+        });
+        faces.min().unwrap_or(0)
+    }
+}

@@ -1,0 +1,98 @@
+//! Large planar surfaces: the macro occluders that stay outside the clusters (method D.7, D.8).
+
+use crate::math::{Aabb, triangle_normal};
+use crate::raster::{BitImage, Edt, Outside, fill_triangle};
+use crate::scene::Scene;
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+/// Neighbours whose normals differ by less than about one degree belong to the same surface.
+const COPLANAR: f32 = 0.9998;
+/// Raster for the inscribed disc: three per cent of the diameter are enough for a class boundary.
+const PIXELS: usize = 64;
+
+/// Triangles of planar, edge-connected surfaces whose inscribed disc is at least `part` of the scene's diagonal
+/// across. Ascending.
+pub(super) fn surfaces(scene: &Scene, part: f32) -> Vec<u32> {
+    let size = part * scene.bounds.diagonal();
+    // Only components that are wide in two axes can hold such a surface; most scenes' detail stops here.
+    let mut extent = vec![Aabb::EMPTY; scene.triangle_component.iter().max().map_or(0, |&c| c as usize + 1)];
+    for (t, &c) in scene.triangle_component.iter().enumerate() {
+        extent[c as usize] = extent[c as usize].union(Aabb::of(scene.corners(t as u32)));
+    }
+    // A disc of diameter d spans at least d/sqrt(2)... in two axes whatever its tilt; be generous.
+    let wide = |c: u32| {
+        let mut e = extent[c as usize].extent().to_array();
+        e.sort_by(f32::total_cmp);
+        e[1] >= 0.5 * size && extent[c as usize].diagonal() >= size
+    };
+    let candidates: Vec<u32> =
+        (0..scene.triangles.len() as u32).filter(|&t| wide(scene.triangle_component[t as usize])).collect();
+    let patches = patches(scene, &candidates);
+    let mut large: Vec<u32> =
+        patches.into_par_iter().filter(|p| inscribed(scene, p) >= size).flatten().collect();
+    large.par_sort();
+    large
+}
+
+/// Connected coplanar patches of the candidates.
+fn patches(scene: &Scene, candidates: &[u32]) -> Vec<Vec<u32>> {
+    let normals: Vec<Vec3> = candidates
+        .par_iter()
+        .map(|&t| {
+            let [a, b, c] = scene.corners(t);
+            triangle_normal(a, b, c)
+        })
+        .collect();
+    let mut edges: Vec<(u32, u32, u32)> = candidates
+        .iter()
+        .enumerate()
+        .flat_map(|(i, &t)| {
+            let [a, b, c] = scene.triangles[t as usize];
+            [(a, b), (b, c), (c, a)].map(|(p, q)| (p.min(q), p.max(q), i as u32))
+        })
+        .collect();
+    edges.par_sort_unstable();
+    let mut leader: Vec<u32> = (0..candidates.len() as u32).collect();
+    fn find(leader: &mut [u32], mut i: u32) -> u32 {
+        while leader[i as usize] != i {
+            leader[i as usize] = leader[leader[i as usize] as usize];
+            i = leader[i as usize];
+        }
+        i
+    }
+    for pair in edges.windows(2) {
+        let ((a0, b0, i), (a1, b1, j)) = (pair[0], pair[1]);
+        if (a0, b0) == (a1, b1) && normals[i as usize].dot(normals[j as usize]).abs() > COPLANAR {
+            let (i, j) = (find(&mut leader, i), find(&mut leader, j));
+            leader[i.max(j) as usize] = i.min(j);
+        }
+    }
+    let mut labelled: Vec<(u32, u32)> =
+        (0..candidates.len() as u32).map(|i| (find(&mut leader, i), candidates[i as usize])).collect();
+    labelled.par_sort_unstable();
+    labelled.chunk_by(|a, b| a.0 == b.0).map(|patch| patch.iter().map(|&(_, t)| t).collect()).collect()
+}
+
+/// Diameter of the largest disc inside a planar patch.
+fn inscribed(scene: &Scene, patch: &[u32]) -> f32 {
+    let [a, b, c] = scene.corners(patch[0]);
+    let normal = triangle_normal(a, b, c);
+    let (u, v) = normal.any_orthonormal_pair();
+    let flat = |p: Vec3| Vec2::new(p.dot(u), p.dot(v));
+    let points = || patch.iter().flat_map(|&t| scene.corners(t)).map(flat);
+    let low = points().reduce(Vec2::min).unwrap_or_default();
+    let high = points().reduce(Vec2::max).unwrap_or_default();
+    let span = high - low;
+    let pixel = span.max_element() / PIXELS as f32;
+    if pixel <= 0.0 {
+        return 0.0;
+    }
+    // One free pixel around, so that the patch's own outline erodes it.
+    let size = (span / pixel).ceil().as_uvec2() + 2;
+    let mut image = BitImage::new(size.x as usize, size.y as usize);
+    for &t in patch {
+        fill_triangle(&mut image, scene.corners(t).map(|p| (flat(p) - low) / pixel + 1.0));
+    }
+    Edt::new().max_inscribed_diameter(&image, Outside::Free) * pixel
+}

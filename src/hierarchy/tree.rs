@@ -1,0 +1,150 @@
+//! The finished tree: flat arrays, children side by side, each cluster's triangles one range.
+
+use super::FAN_OUT;
+use super::draft::{Draft, Member};
+use crate::math::Aabb;
+use std::ops::Range;
+
+/// A node of the tree.
+#[derive(Clone, Copy, Debug)]
+pub struct Cluster {
+    /// Smallest box around its triangles.
+    pub bounds: Aabb,
+    /// Index of the parent; the root is its own.
+    pub parent: u32,
+    /// Index of the first child; children are neighbours and come after their parent.
+    pub first_child: u32,
+    /// Number of children, 0 for a leaf, at most [`FAN_OUT`].
+    pub children: u32,
+    /// First of its triangles in [`Tree::order`].
+    pub first_triangle: u32,
+    /// Number of triangles below it; at most [`FAN_OUT`] in a leaf.
+    pub triangles: u32,
+}
+
+impl Cluster {
+    /// Whether it holds triangles directly.
+    pub fn is_leaf(&self) -> bool {
+        self.children == 0
+    }
+
+    /// Indices of the children.
+    pub fn child_range(&self) -> Range<usize> {
+        self.first_child as usize..(self.first_child + self.children) as usize
+    }
+
+    /// Its triangles, a range of [`Tree::order`].
+    pub fn triangle_range(&self) -> Range<usize> {
+        self.first_triangle as usize..(self.first_triangle + self.triangles) as usize
+    }
+}
+
+/// Clusters in breadth order: a parent comes before its children, so a reverse pass is bottom-up.
+#[derive(Clone, Debug, Default)]
+pub struct Tree {
+    /// The clusters; the root is the first. Empty if there are no triangles.
+    pub clusters: Vec<Cluster>,
+    /// Triangle ids of the scene, each once, leaf by leaf in depth order.
+    pub order: Vec<u32>,
+}
+
+impl Tree {
+    /// Lays out a draft.
+    pub(super) fn arrange(draft: Draft) -> Tree {
+        let mut tree = Tree::default();
+        let Some(root) = draft.clusters.len().checked_sub(1) else { return tree };
+        // Boxes and ranges are filled in below, once the topology stands.
+        let blank = |parent| Cluster {
+            bounds: Aabb::EMPTY,
+            parent,
+            first_child: 0,
+            children: 0,
+            first_triangle: 0,
+            triangles: 0,
+        };
+        tree.clusters.push(blank(0));
+        // What each placed cluster is made of, in step with `tree.clusters`.
+        let mut contents: Vec<Vec<Member>> = vec![draft.clusters[root].members.clone()];
+        let mut next = 0;
+        while next < contents.len() {
+            let (mut faces, mut parts) = (Vec::new(), Vec::new());
+            for member in &contents[next] {
+                match member {
+                    Member::Face(_) => faces.push(*member),
+                    Member::Cluster(c) => parts.push(*c),
+                }
+            }
+            if !parts.is_empty() {
+                tree.clusters[next].first_child = tree.clusters.len() as u32;
+                let stray = (!faces.is_empty()).then(|| std::mem::take(&mut faces));
+                let children = parts
+                    .into_iter()
+                    .map(|c| draft.clusters[c as usize].members.clone())
+                    .chain(stray)
+                    .collect::<Vec<_>>();
+                tree.clusters[next].children = children.len() as u32;
+                for members in children {
+                    tree.clusters.push(blank(next as u32));
+                    contents.push(members);
+                }
+            }
+            next += 1;
+        }
+        tree.place_triangles(&contents);
+        tree
+    }
+
+    fn place_triangles(&mut self, contents: &[Vec<Member>]) {
+        let mut stack = vec![0u32];
+        while let Some(c) = stack.pop() {
+            let cluster = self.clusters[c as usize];
+            self.clusters[c as usize].first_triangle = self.order.len() as u32;
+            if cluster.is_leaf() {
+                self.order.extend(contents[c as usize].iter().filter_map(|m| match m {
+                    Member::Face(t) => Some(*t),
+                    Member::Cluster(_) => None,
+                }));
+            }
+            self.clusters[c as usize].triangles = self.order.len() as u32 - self.clusters[c as usize].first_triangle;
+            stack.extend(cluster.child_range().rev().map(|i| i as u32));
+        }
+        for c in (1..self.clusters.len()).rev() {
+            let (parent, triangles) = (self.clusters[c].parent as usize, self.clusters[c].triangles);
+            self.clusters[parent].triangles += triangles;
+        }
+        debug_assert!(self.clusters.iter().all(|c| c.children as usize <= FAN_OUT));
+    }
+
+    /// Shrinks every box to its triangles.
+    pub(super) fn fit(mut self, boxes: &[Aabb]) -> Tree {
+        for c in (0..self.clusters.len()).rev() {
+            let cluster = self.clusters[c];
+            self.clusters[c].bounds = if cluster.is_leaf() {
+                let faces = &self.order[cluster.triangle_range()];
+                faces.iter().fold(Aabb::EMPTY, |b, &t| b.union(boxes[t as usize]))
+            } else {
+                self.clusters[cluster.child_range()].iter().fold(Aabb::EMPTY, |b, c| b.union(c.bounds))
+            };
+        }
+        self
+    }
+
+    /// Triangles of a cluster.
+    pub fn triangles_of(&self, cluster: usize) -> &[u32] {
+        &self.order[self.clusters[cluster].triangle_range()]
+    }
+
+    /// Number of levels, 1 for a single leaf, 0 for an empty tree.
+    pub fn levels(&self) -> usize {
+        let mut depth = vec![1usize; self.clusters.len()];
+        for c in 1..self.clusters.len() {
+            depth[c] = depth[self.clusters[c].parent as usize] + 1;
+        }
+        depth.into_iter().max().unwrap_or(0)
+    }
+
+    /// Bytes of the arrays.
+    pub fn bytes(&self) -> usize {
+        size_of_val(self.clusters.as_slice()) + size_of_val(self.order.as_slice())
+    }
+}

@@ -1,0 +1,147 @@
+//! Two 256-bit registers a vector.
+#![allow(unsafe_code)]
+
+use super::{Kernel, LANES, Simd};
+use std::arch::x86_64::*;
+
+/// Proof that AVX2 is there: made only by [`run`].
+#[derive(Clone, Copy)]
+pub(super) struct Avx2(());
+
+pub(super) fn run<K: Kernel>(kernel: K) -> K::Output {
+    #[target_feature(enable = "avx2")]
+    fn inner<K: Kernel>(kernel: K) -> K::Output {
+        kernel.run(Avx2(()))
+    }
+    // A detection is one load and a test: cheap beside any kernel.
+    assert!(is_x86_feature_detected!("avx2"));
+    // SAFETY: the feature was just detected.
+    unsafe { inner(kernel) }
+}
+
+/// The body of an operation: intrinsics without memory access, or on references of the full width.
+macro_rules! op {
+    ($e:expr) => {
+        // SAFETY: a value of `Avx2` exists only inside `run`, which checked the feature; loads and stores are
+        // unaligned ones inside references to sixteen whole elements.
+        unsafe { $e }
+    };
+}
+
+type F = [__m256; 2];
+
+#[inline(always)]
+fn both(a: F, b: F, f: impl Fn(__m256, __m256) -> __m256) -> F {
+    [f(a[0], b[0]), f(a[1], b[1])]
+}
+
+impl Simd for Avx2 {
+    type F = F;
+    type M = F;
+    type I = [__m256i; 2];
+
+    #[inline(always)]
+    fn splat(self, v: f32) -> F {
+        op!([_mm256_set1_ps(v); 2])
+    }
+    #[inline(always)]
+    fn load(self, v: &[f32; LANES]) -> F {
+        op!([_mm256_loadu_ps(v.as_ptr()), _mm256_loadu_ps(v.as_ptr().add(8))])
+    }
+    #[inline(always)]
+    fn store(self, v: F, to: &mut [f32; LANES]) {
+        op!({
+            _mm256_storeu_ps(to.as_mut_ptr(), v[0]);
+            _mm256_storeu_ps(to.as_mut_ptr().add(8), v[1]);
+        })
+    }
+    #[inline(always)]
+    fn load_half(self, v: &[u16; LANES]) -> F {
+        op!([0, 8].map(|first| {
+            let half = _mm_loadu_si128(v.as_ptr().add(first).cast());
+            _mm256_castsi256_ps(_mm256_slli_epi32::<16>(_mm256_cvtepu16_epi32(half)))
+        }))
+    }
+    #[inline(always)]
+    fn add(self, a: F, b: F) -> F {
+        both(a, b, |a, b| op!(_mm256_add_ps(a, b)))
+    }
+    #[inline(always)]
+    fn sub(self, a: F, b: F) -> F {
+        both(a, b, |a, b| op!(_mm256_sub_ps(a, b)))
+    }
+    #[inline(always)]
+    fn mul(self, a: F, b: F) -> F {
+        both(a, b, |a, b| op!(_mm256_mul_ps(a, b)))
+    }
+    #[inline(always)]
+    fn div(self, a: F, b: F) -> F {
+        both(a, b, |a, b| op!(_mm256_div_ps(a, b)))
+    }
+    #[inline(always)]
+    fn min(self, a: F, b: F) -> F {
+        both(a, b, |a, b| op!(_mm256_min_ps(a, b)))
+    }
+    #[inline(always)]
+    fn max(self, a: F, b: F) -> F {
+        both(a, b, |a, b| op!(_mm256_max_ps(a, b)))
+    }
+    #[inline(always)]
+    fn abs(self, a: F) -> F {
+        both(a, a, |a, _| op!(_mm256_andnot_ps(_mm256_set1_ps(-0.0), a)))
+    }
+    #[inline(always)]
+    fn le(self, a: F, b: F) -> F {
+        both(a, b, |a, b| op!(_mm256_cmp_ps::<_CMP_LE_OQ>(a, b)))
+    }
+    #[inline(always)]
+    fn lt(self, a: F, b: F) -> F {
+        both(a, b, |a, b| op!(_mm256_cmp_ps::<_CMP_LT_OQ>(a, b)))
+    }
+    #[inline(always)]
+    fn and(self, a: F, b: F) -> F {
+        both(a, b, |a, b| op!(_mm256_and_ps(a, b)))
+    }
+    #[inline(always)]
+    fn or(self, a: F, b: F) -> F {
+        both(a, b, |a, b| op!(_mm256_or_ps(a, b)))
+    }
+    #[inline(always)]
+    fn and_not(self, a: F, b: F) -> F {
+        both(a, b, |a, b| op!(_mm256_andnot_ps(b, a)))
+    }
+    #[inline(always)]
+    fn bits(self, m: F) -> u32 {
+        op!(_mm256_movemask_ps(m[0]) as u32 | (_mm256_movemask_ps(m[1]) as u32) << 8)
+    }
+    #[inline(always)]
+    fn mask(self, bits: u32) -> F {
+        op!([0, 8].map(|shift| {
+            let lane = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+            let spread = _mm256_and_si256(_mm256_set1_epi32((bits >> shift) as i32), lane);
+            _mm256_castsi256_ps(_mm256_cmpeq_epi32(spread, lane))
+        }))
+    }
+    #[inline(always)]
+    fn keep(self, m: F, v: F) -> F {
+        self.and(m, v)
+    }
+    #[inline(always)]
+    fn zero_bits(self) -> Self::I {
+        op!([_mm256_setzero_si256(); 2])
+    }
+    #[inline(always)]
+    fn set_bit(self, to: Self::I, m: F, bit: u32) -> Self::I {
+        op!([0, 1].map(|h| {
+            let bit = _mm256_and_si256(_mm256_castps_si256(m[h]), _mm256_set1_epi32(bit as i32));
+            _mm256_or_si256(to[h], bit)
+        }))
+    }
+    #[inline(always)]
+    fn store_bits(self, v: Self::I, to: &mut [u32; LANES]) {
+        op!({
+            _mm256_storeu_si256(to.as_mut_ptr().cast(), v[0]);
+            _mm256_storeu_si256(to.as_mut_ptr().add(8).cast(), v[1]);
+        })
+    }
+}

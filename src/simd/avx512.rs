@@ -1,0 +1,127 @@
+//! One 512-bit register a vector.
+#![allow(unsafe_code)]
+
+use super::{Kernel, LANES, Simd};
+use std::arch::x86_64::*;
+
+/// Proof that AVX-512 F and BW are there: made only by [`run`].
+#[derive(Clone, Copy)]
+pub(super) struct Avx512(());
+
+pub(super) fn run<K: Kernel>(kernel: K) -> K::Output {
+    #[target_feature(enable = "avx512f,avx512bw")]
+    fn inner<K: Kernel>(kernel: K) -> K::Output {
+        kernel.run(Avx512(()))
+    }
+    // A detection is one load and a test: cheap beside any kernel.
+    assert!(is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512bw"));
+    // SAFETY: the features were just detected.
+    unsafe { inner(kernel) }
+}
+
+/// The body of an operation: intrinsics without memory access, or on references of the full width.
+macro_rules! op {
+    ($e:expr) => {
+        // SAFETY: a value of `Avx512` exists only inside `run`, which checked the features; loads and stores are
+        // unaligned ones on references to sixteen whole elements.
+        unsafe { $e }
+    };
+}
+
+impl Simd for Avx512 {
+    type F = __m512;
+    type M = __mmask16;
+    type I = __m512i;
+
+    #[inline(always)]
+    fn splat(self, v: f32) -> Self::F {
+        op!(_mm512_set1_ps(v))
+    }
+    #[inline(always)]
+    fn load(self, v: &[f32; LANES]) -> Self::F {
+        op!(_mm512_loadu_ps(v.as_ptr()))
+    }
+    #[inline(always)]
+    fn store(self, v: Self::F, to: &mut [f32; LANES]) {
+        op!(_mm512_storeu_ps(to.as_mut_ptr(), v))
+    }
+    #[inline(always)]
+    fn load_half(self, v: &[u16; LANES]) -> Self::F {
+        op!({
+            let wide = _mm512_cvtepu16_epi32(_mm256_loadu_si256(v.as_ptr().cast()));
+            _mm512_castsi512_ps(_mm512_slli_epi32::<16>(wide))
+        })
+    }
+    #[inline(always)]
+    fn add(self, a: Self::F, b: Self::F) -> Self::F {
+        op!(_mm512_add_ps(a, b))
+    }
+    #[inline(always)]
+    fn sub(self, a: Self::F, b: Self::F) -> Self::F {
+        op!(_mm512_sub_ps(a, b))
+    }
+    #[inline(always)]
+    fn mul(self, a: Self::F, b: Self::F) -> Self::F {
+        op!(_mm512_mul_ps(a, b))
+    }
+    #[inline(always)]
+    fn div(self, a: Self::F, b: Self::F) -> Self::F {
+        op!(_mm512_div_ps(a, b))
+    }
+    #[inline(always)]
+    fn min(self, a: Self::F, b: Self::F) -> Self::F {
+        op!(_mm512_min_ps(a, b))
+    }
+    #[inline(always)]
+    fn max(self, a: Self::F, b: Self::F) -> Self::F {
+        op!(_mm512_max_ps(a, b))
+    }
+    #[inline(always)]
+    fn abs(self, a: Self::F) -> Self::F {
+        op!(_mm512_abs_ps(a))
+    }
+    #[inline(always)]
+    fn le(self, a: Self::F, b: Self::F) -> Self::M {
+        op!(_mm512_cmp_ps_mask::<_CMP_LE_OQ>(a, b))
+    }
+    #[inline(always)]
+    fn lt(self, a: Self::F, b: Self::F) -> Self::M {
+        op!(_mm512_cmp_ps_mask::<_CMP_LT_OQ>(a, b))
+    }
+    #[inline(always)]
+    fn and(self, a: Self::M, b: Self::M) -> Self::M {
+        a & b
+    }
+    #[inline(always)]
+    fn or(self, a: Self::M, b: Self::M) -> Self::M {
+        a | b
+    }
+    #[inline(always)]
+    fn and_not(self, a: Self::M, b: Self::M) -> Self::M {
+        a & !b
+    }
+    #[inline(always)]
+    fn bits(self, m: Self::M) -> u32 {
+        u32::from(m)
+    }
+    #[inline(always)]
+    fn mask(self, bits: u32) -> Self::M {
+        bits as u16
+    }
+    #[inline(always)]
+    fn keep(self, m: Self::M, v: Self::F) -> Self::F {
+        op!(_mm512_maskz_mov_ps(m, v))
+    }
+    #[inline(always)]
+    fn zero_bits(self) -> Self::I {
+        op!(_mm512_setzero_si512())
+    }
+    #[inline(always)]
+    fn set_bit(self, to: Self::I, m: Self::M, bit: u32) -> Self::I {
+        op!(_mm512_mask_or_epi32(to, m, to, _mm512_set1_epi32(bit as i32)))
+    }
+    #[inline(always)]
+    fn store_bits(self, v: Self::I, to: &mut [u32; LANES]) {
+        op!(_mm512_storeu_si512(to.as_mut_ptr().cast(), v))
+    }
+}

@@ -1,0 +1,116 @@
+//! Sixteen lanes of f32 on whatever the machine has: AVX-512, AVX2 or plain code, chosen at run time.
+//!
+//! Kernels are written once against [`Simd`] and compiled three times by [`dispatch`]. No implementation fuses
+//! multiplications and additions, so results are the same bit for bit on every instruction set.
+//! The only room besides the Embree binding (and the C ABI) with `unsafe`.
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+mod portable;
+#[cfg(test)]
+mod tests;
+
+/// Lanes of a vector.
+pub const LANES: usize = 16;
+
+/// Operations on sixteen lanes. `F` holds f32, `M` a condition per lane, `I` u32 bits per lane.
+///
+/// Comparisons with NaN are false; `min` and `max` return the second operand if either is NaN.
+#[allow(missing_docs)] // The names are the operations.
+pub trait Simd: Copy {
+    type F: Copy;
+    type M: Copy;
+    type I: Copy;
+
+    fn splat(self, v: f32) -> Self::F;
+    fn load(self, v: &[f32; LANES]) -> Self::F;
+    fn store(self, v: Self::F, to: &mut [f32; LANES]);
+    /// Upper halves of f32 (bfloat16).
+    fn load_half(self, v: &[u16; LANES]) -> Self::F;
+    fn add(self, a: Self::F, b: Self::F) -> Self::F;
+    fn sub(self, a: Self::F, b: Self::F) -> Self::F;
+    fn mul(self, a: Self::F, b: Self::F) -> Self::F;
+    fn div(self, a: Self::F, b: Self::F) -> Self::F;
+    fn min(self, a: Self::F, b: Self::F) -> Self::F;
+    fn max(self, a: Self::F, b: Self::F) -> Self::F;
+    fn abs(self, a: Self::F) -> Self::F;
+    fn le(self, a: Self::F, b: Self::F) -> Self::M;
+    fn lt(self, a: Self::F, b: Self::F) -> Self::M;
+    fn and(self, a: Self::M, b: Self::M) -> Self::M;
+    fn or(self, a: Self::M, b: Self::M) -> Self::M;
+    /// `a` and not `b`.
+    fn and_not(self, a: Self::M, b: Self::M) -> Self::M;
+    /// Bit `i` is lane `i`.
+    fn bits(self, m: Self::M) -> u32;
+    fn mask(self, bits: u32) -> Self::M;
+    /// Zero where the condition is false.
+    fn keep(self, m: Self::M, v: Self::F) -> Self::F;
+    fn zero_bits(self) -> Self::I;
+    /// Sets `bit` (a value with that bit) in the lanes where the condition holds.
+    fn set_bit(self, to: Self::I, m: Self::M, bit: u32) -> Self::I;
+    fn store_bits(self, v: Self::I, to: &mut [u32; LANES]);
+}
+
+/// A computation that is compiled for each instruction set.
+pub trait Kernel {
+    /// What it returns.
+    type Output;
+    /// Does it. Implementations are `#[inline(always)]`.
+    fn run<S: Simd>(self, simd: S) -> Self::Output;
+}
+
+/// An instruction set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Isa {
+    /// 512-bit registers.
+    Avx512,
+    /// 256-bit registers in pairs.
+    Avx2,
+    /// What every machine has.
+    Portable,
+}
+
+impl Isa {
+    /// The best that this machine has.
+    pub fn detect() -> Isa {
+        #[cfg(target_arch = "x86_64")]
+        {
+            if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512bw") {
+                return Isa::Avx512;
+            }
+            if is_x86_feature_detected!("avx2") {
+                return Isa::Avx2;
+            }
+        }
+        Isa::Portable
+    }
+
+    /// Whether this machine can run it.
+    pub fn available(self) -> bool {
+        let best = Isa::detect();
+        self == Isa::Portable || self == best || (self == Isa::Avx2 && best == Isa::Avx512)
+    }
+
+    /// The name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Isa::Avx512 => "avx512",
+            Isa::Avx2 => "avx2",
+            Isa::Portable => "portable",
+        }
+    }
+}
+
+/// Runs a kernel compiled for `isa`, or portably if this machine lacks it.
+#[inline]
+pub fn dispatch<K: Kernel>(isa: Isa, kernel: K) -> K::Output {
+    #[cfg(target_arch = "x86_64")]
+    match isa {
+        Isa::Avx512 => return avx512::run(kernel),
+        Isa::Avx2 => return avx2::run(kernel),
+        Isa::Portable => {}
+    }
+    kernel.run(portable::Portable)
+}

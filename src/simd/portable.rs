@@ -1,0 +1,111 @@
+//! Plain arrays; compilers turn the loops into whatever the target has.
+
+use super::{LANES, Simd};
+
+#[derive(Clone, Copy)]
+pub(super) struct Portable;
+
+#[inline(always)]
+fn map(a: [f32; LANES], b: [f32; LANES], f: impl Fn(f32, f32) -> f32) -> [f32; LANES] {
+    std::array::from_fn(|i| f(a[i], b[i]))
+}
+
+#[inline(always)]
+fn compare(a: [f32; LANES], b: [f32; LANES], f: impl Fn(f32, f32) -> bool) -> u32 {
+    (0..LANES).fold(0, |m, i| m | u32::from(f(a[i], b[i])) << i)
+}
+
+impl Simd for Portable {
+    type F = [f32; LANES];
+    type M = u32;
+    type I = [u32; LANES];
+
+    #[inline(always)]
+    fn splat(self, v: f32) -> Self::F {
+        [v; LANES]
+    }
+    #[inline(always)]
+    fn load(self, v: &[f32; LANES]) -> Self::F {
+        *v
+    }
+    #[inline(always)]
+    fn store(self, v: Self::F, to: &mut [f32; LANES]) {
+        *to = v;
+    }
+    #[inline(always)]
+    fn load_half(self, v: &[u16; LANES]) -> Self::F {
+        v.map(|h| f32::from_bits(u32::from(h) << 16))
+    }
+    #[inline(always)]
+    fn add(self, a: Self::F, b: Self::F) -> Self::F {
+        map(a, b, |a, b| a + b)
+    }
+    #[inline(always)]
+    fn sub(self, a: Self::F, b: Self::F) -> Self::F {
+        map(a, b, |a, b| a - b)
+    }
+    #[inline(always)]
+    fn mul(self, a: Self::F, b: Self::F) -> Self::F {
+        map(a, b, |a, b| a * b)
+    }
+    #[inline(always)]
+    fn div(self, a: Self::F, b: Self::F) -> Self::F {
+        map(a, b, |a, b| a / b)
+    }
+    #[inline(always)]
+    fn min(self, a: Self::F, b: Self::F) -> Self::F {
+        map(a, b, |a, b| if a < b { a } else { b })
+    }
+    #[inline(always)]
+    fn max(self, a: Self::F, b: Self::F) -> Self::F {
+        map(a, b, |a, b| if a > b { a } else { b })
+    }
+    #[inline(always)]
+    fn abs(self, a: Self::F) -> Self::F {
+        a.map(f32::abs)
+    }
+    #[inline(always)]
+    fn le(self, a: Self::F, b: Self::F) -> u32 {
+        compare(a, b, |a, b| a <= b)
+    }
+    #[inline(always)]
+    fn lt(self, a: Self::F, b: Self::F) -> u32 {
+        compare(a, b, |a, b| a < b)
+    }
+    #[inline(always)]
+    fn and(self, a: u32, b: u32) -> u32 {
+        a & b
+    }
+    #[inline(always)]
+    fn or(self, a: u32, b: u32) -> u32 {
+        a | b
+    }
+    #[inline(always)]
+    fn and_not(self, a: u32, b: u32) -> u32 {
+        a & !b
+    }
+    #[inline(always)]
+    fn bits(self, m: u32) -> u32 {
+        m
+    }
+    #[inline(always)]
+    fn mask(self, bits: u32) -> u32 {
+        bits
+    }
+    #[inline(always)]
+    fn keep(self, m: u32, v: Self::F) -> Self::F {
+        std::array::from_fn(|i| if m >> i & 1 == 1 { v[i] } else { 0.0 })
+    }
+    #[inline(always)]
+    fn zero_bits(self) -> Self::I {
+        [0; LANES]
+    }
+    #[inline(always)]
+    fn set_bit(self, to: Self::I, m: u32, bit: u32) -> Self::I {
+        std::array::from_fn(|i| if m >> i & 1 == 1 { to[i] | bit } else { to[i] })
+    }
+    #[inline(always)]
+    fn store_bits(self, v: Self::I, to: &mut [u32; LANES]) {
+        *to = v;
+    }
+}

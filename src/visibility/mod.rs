@@ -1,0 +1,100 @@
+//! How much of the light between two ends gets through: one question, several engines.
+//!
+//! The unit of work is the [`Bundle`]: segments that run from one receiver point (or element) to one emitter.
+//! * [`Exact`]: Embree rays, every segment 0 or 1.
+//! * [`MultiResolution`]: clusters whose shadow features would be smaller than `s` are not opened, their extinction
+//!   transmittance is used instead [SD95 sec 3.2]; with [`Leaf::Extinction`] it is the paper's average visibility
+//!   [SD95 sec 5].
+//! * [`reference`]: the same rule, one ray and one node at a time; what the fast engine is tested against.
+//!
+//! The feature size and the emitter size are arguments, never state. This room knows nothing of links, energy or
+//! materials.
+
+mod exact;
+mod multires;
+pub mod reference;
+mod shaft;
+#[cfg(test)]
+mod tests;
+mod wide;
+
+pub use exact::{Exact, fastest_traversal};
+pub use multires::{Leaf, MultiResolution, Workspace};
+
+use crate::ray::Packet;
+
+/// Segments that share their ends: `origin` at the receiver, `origin + direction` on the emitter.
+#[derive(Clone, Copy, Debug)]
+pub struct Bundle<'a> {
+    /// The segments, at most 16 a packet.
+    pub packets: &'a [Packet],
+    /// Smallest width of the emitter as seen along the bundle (method A.6: the smallest is the safe one), 0 for a
+    /// point; scene units.
+    pub emitter_size: f32,
+}
+
+/// How an answer was found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// Nothing lies between the ends.
+    Clear,
+    /// Triangles were tested; nothing was aggregated.
+    Exact,
+    /// Clusters were aggregated; no triangle was tested.
+    Aggregated,
+    /// Both.
+    Mixed,
+}
+
+/// What an answer cost and what it rests on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Cost {
+    /// Segments asked for.
+    pub segments: u64,
+    /// Nodes of the wide tree that were visited, each counted once a bundle.
+    pub nodes: u64,
+    /// Segments that were tested against triangles (by this engine or by Embree).
+    pub exact_rays: u64,
+    /// Segments handed to Embree whole because the walk met too much that may not be aggregated.
+    pub handed_over: u64,
+    /// Segments whose answer contains an aggregated cluster.
+    pub aggregated: u64,
+}
+
+impl Cost {
+    /// Adds another cost.
+    pub fn add(&mut self, other: Cost) {
+        self.segments += other.segments;
+        self.nodes += other.nodes;
+        self.exact_rays += other.exact_rays;
+        self.handed_over += other.handed_over;
+        self.aggregated += other.aggregated;
+    }
+}
+
+/// The visible fraction of a bundle.
+#[derive(Clone, Copy, Debug)]
+pub struct Answer {
+    /// Mean transmittance of the segments, in `[0, 1]`.
+    pub transmittance: f32,
+    /// Stated 95 % interval, lower end: sampling error of the segments (Wilson) and dependence between the
+    /// aggregated clusters (Fréchet bounds, method D.7).
+    pub lo: f32,
+    /// Upper end.
+    pub hi: f32,
+    /// How it was found.
+    pub method: Method,
+    /// What it cost.
+    pub cost: Cost,
+}
+
+/// Wilson's 95 % interval for a mean of `n` values in `[0, 1]`.
+///
+/// Right for zero-one values and conservative for others with the same mean (their variance is smaller).
+fn wilson(mean: f32, n: f32) -> (f32, f32) {
+    let z2 = 1.96f32 * 1.96;
+    let centre = mean + z2 / (2.0 * n);
+    let half = 1.96 * (mean * (1.0 - mean) / n + z2 / (4.0 * n * n)).max(0.0).sqrt();
+    let scale = 1.0 / (1.0 + z2 / n);
+    (((centre - half) * scale).max(0.0), ((centre + half) * scale).min(1.0))
+}

@@ -1,0 +1,126 @@
+//! The rule of method A.6, one segment and one node at a time: what the fast engine is tested against.
+
+use super::multires::Leaf;
+use crate::characterise::{Traits, nearest_axis};
+use crate::hierarchy::{Hierarchy, Tree};
+use crate::scene::Scene;
+use glam::Vec3;
+
+/// Largest coordinate magnitude of a scene: the scale of rounding errors.
+pub fn magnitude(scene: &Scene) -> f32 {
+    scene.bounds.min.abs().max(scene.bounds.max.abs()).max_element()
+}
+
+/// Umbra width on the receiver of a blocker of width `b` at `d1` from an emitter of width `e` and `d2` from the
+/// receiver; negative if there is no umbra (method A.6). All lengths.
+pub fn umbra(e: f64, b: f64, d1: f64, d2: f64) -> f64 {
+    b + (b - e) * d2 / d1
+}
+
+/// Outer width of the penumbra of the same configuration (method A.6).
+pub fn penumbra(e: f64, b: f64, d1: f64, d2: f64) -> f64 {
+    b + (b + e) * d2 / d1
+}
+
+/// Largest occluded fraction of a disc emitter of diameter `e` behind a disc blocker of diameter `b` (A.6).
+pub fn peak_occlusion(e: f64, b: f64, d1: f64, d2: f64) -> f64 {
+    let ratio = b * (d1 + d2) / (e * d2);
+    (ratio * ratio).min(1.0)
+}
+
+/// A segment from a receiver point to an emitter point, open at both ends.
+#[derive(Clone, Copy, Debug)]
+pub struct Segment {
+    /// The receiver end.
+    pub origin: Vec3,
+    /// To the emitter end.
+    pub direction: Vec3,
+    /// First parameter that counts.
+    pub near: f32,
+    /// Last parameter that counts.
+    pub far: f32,
+}
+
+/// What a segment meets.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Met {
+    /// Optical depth of the aggregated clusters.
+    pub depth: f64,
+    /// Whether a triangle of an opened leaf or of a large surface blocks it.
+    pub blocked: bool,
+    /// Number of aggregated clusters.
+    pub aggregated: usize,
+}
+
+impl Met {
+    /// exp(-depth), or 0 if blocked.
+    pub fn transmittance(&self) -> f64 {
+        if self.blocked { 0.0 } else { (-self.depth).exp() }
+    }
+}
+
+/// Walks the clusters for one segment. `blocks(triangle)` says whether a triangle blocks it.
+pub fn walk(
+    hierarchy: &Hierarchy,
+    traits: &[Traits],
+    segment: Segment,
+    (e, s): (f32, f32),
+    leaf: Leaf,
+    mut blocks: impl FnMut(u32) -> bool,
+) -> Met {
+    let mut met = Met { depth: 0.0, blocked: false, aggregated: 0 };
+    met.blocked = hierarchy.large.order.iter().any(|&t| blocks(t));
+    if !hierarchy.micro.clusters.is_empty() {
+        let axis = nearest_axis(segment.direction);
+        visit(&hierarchy.micro, 0, traits, segment, (e, s), leaf, axis, &mut met, &mut blocks);
+    }
+    met
+}
+
+#[allow(clippy::too_many_arguments)] // The state of a recursion that exists to be read beside the paper.
+fn visit(
+    tree: &Tree,
+    c: usize,
+    traits: &[Traits],
+    segment: Segment,
+    (e, s): (f32, f32),
+    leaf: Leaf,
+    axis: usize,
+    met: &mut Met,
+    blocks: &mut impl FnMut(u32) -> bool,
+) {
+    let cluster = &tree.clusters[c];
+    let (mut enter, mut leave) = (0.0f32, 1.0f32);
+    for k in 0..3 {
+        let d = segment.direction[k];
+        let inverse = 1.0 / if d.abs() > 1e-30 { d } else { 1e-30f32.copysign(d) };
+        let a = (cluster.bounds.min[k] - segment.origin[k]) * inverse;
+        let b = (cluster.bounds.max[k] - segment.origin[k]) * inverse;
+        enter = enter.max(a.min(b));
+        leave = leave.min(a.max(b));
+    }
+    if enter > leave || leave <= segment.near || enter >= segment.far {
+        return;
+    }
+    let end_inside = enter <= segment.near || leave >= segment.far;
+    // The end of the overlap where the umbra is largest: receiver side if b < e, emitter side if b > e. In terms
+    // of the threshold that is the end where it is smaller.
+    let threshold = s + (e - s) * if e > s { enter } else { leave };
+    let small = traits[c].feature_size(axis) < threshold;
+    if (small && !end_inside) || (cluster.is_leaf() && leaf == Leaf::Extinction) {
+        let path = f64::from(leave - enter) * f64::from(segment.direction.length());
+        met.depth += path * f64::from(traits[c].extinction[axis]);
+        met.aggregated += 1;
+    } else if cluster.is_leaf() {
+        met.blocked |= tree.triangles_of(c).iter().any(|&t| blocks(t));
+    } else {
+        for child in cluster.child_range() {
+            visit(tree, child, traits, segment, (e, s), leaf, axis, met, blocks);
+        }
+    }
+}
+
+/// Largest coordinate of a scene's box, used by the end rule.
+pub fn end_rule(scene: &Scene) -> crate::ray::EndRule {
+    crate::ray::EndRule::new(magnitude(scene))
+}

@@ -1,0 +1,155 @@
+//! The clusters as the traversal wants them: sixteen children side by side, triangles in blocks of sixteen.
+
+use crate::characterise::{AXIS_COUNT, Traits};
+use crate::hierarchy::{Hierarchy, Tree};
+use crate::scene::Scene;
+use crate::simd::LANES;
+
+/// A child is a leaf block if this bit is set in its reference.
+pub(super) const LEAF: u32 = 1 << 31;
+
+/// Up to sixteen children. Unused lanes hold a box at the end of the number range that nothing reaches.
+#[repr(C, align(64))]
+pub(super) struct Node {
+    pub min: [[f32; LANES]; 3],
+    pub max: [[f32; LANES]; 3],
+    /// Smallest feature size over the axes: what no threshold below it can aggregate.
+    pub smallest: [f32; LANES],
+    pub child: [u32; LANES],
+    /// Children that are leaves and may be answered by extinction.
+    pub soft_leaves: u32,
+}
+
+/// Feature size and extinction of the children of a node along one axis, as upper halves of f32.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+pub(super) struct AxisTraits {
+    /// Rounded up: a size must never look smaller than it is.
+    pub size: [u16; LANES],
+    /// Rounded to nearest.
+    pub extinction: [u16; LANES],
+}
+
+/// Up to sixteen triangles as a corner and two edges. Unused lanes are degenerate and never hit.
+#[repr(C, align(64))]
+pub(super) struct Block {
+    pub corner: [[f32; LANES]; 3],
+    pub edge1: [[f32; LANES]; 3],
+    pub edge2: [[f32; LANES]; 3],
+    pub used: u32,
+}
+
+/// Both trees of a hierarchy under one top node.
+pub(super) struct WideTree {
+    pub nodes: Vec<Node>,
+    pub traits: Vec<[AxisTraits; AXIS_COUNT]>,
+    pub blocks: Vec<Block>,
+}
+
+fn half_up(v: f32) -> u16 {
+    // All bits of the lower half round away from zero; infinity stays infinity.
+    if v.is_finite() { (v.to_bits().saturating_add(0xffff) >> 16) as u16 } else { (v.to_bits() >> 16) as u16 }
+}
+
+fn half_nearest(v: f32) -> u16 {
+    ((v.to_bits().saturating_add(0x8000)) >> 16) as u16
+}
+
+impl Node {
+    fn empty() -> Node {
+        Node {
+            min: [[f32::MAX; LANES]; 3],
+            max: [[f32::MAX; LANES]; 3],
+            smallest: [f32::INFINITY; LANES],
+            child: [LEAF; LANES],
+            soft_leaves: 0,
+        }
+    }
+}
+
+impl WideTree {
+    pub fn build(scene: &Scene, hierarchy: &Hierarchy, traits: &[Traits]) -> WideTree {
+        let mut wide = WideTree { nodes: vec![Node::empty()], traits: vec![no_traits()], blocks: Vec::new() };
+        let trees = [(&hierarchy.micro, Some(traits)), (&hierarchy.large, None)];
+        for (lane, (tree, traits)) in trees.into_iter().filter(|(t, _)| !t.clusters.is_empty()).enumerate() {
+            let references = wide.append(scene, tree, traits);
+            wide.place(0, lane, tree, 0, traits, references[0]);
+        }
+        wide
+    }
+
+    /// Adds the nodes and blocks of a tree; gives the reference of each cluster.
+    fn append(&mut self, scene: &Scene, tree: &Tree, traits: Option<&[Traits]>) -> Vec<u32> {
+        let (mut node, mut block) = (self.nodes.len() as u32, self.blocks.len() as u32);
+        let references: Vec<u32> = tree
+            .clusters
+            .iter()
+            .map(|c| {
+                let next = if c.is_leaf() { &mut block } else { &mut node };
+                *next += 1;
+                (*next - 1) | if c.is_leaf() { LEAF } else { 0 }
+            })
+            .collect();
+        for (c, cluster) in tree.clusters.iter().enumerate() {
+            if cluster.is_leaf() {
+                self.blocks.push(block_of(scene, tree.triangles_of(c)));
+                continue;
+            }
+            let place = self.nodes.len();
+            self.nodes.push(Node::empty());
+            self.traits.push(no_traits());
+            for (lane, child) in cluster.child_range().enumerate() {
+                self.place(place, lane, tree, child, traits, references[child]);
+            }
+        }
+        references
+    }
+
+    /// Puts a cluster into a lane of a node; without traits it is never aggregated.
+    fn place(&mut self, node: usize, lane: usize, tree: &Tree, cluster: usize, traits: Option<&[Traits]>, reference: u32) {
+        let bounds = tree.clusters[cluster].bounds;
+        let target = &mut self.nodes[node];
+        for axis in 0..3 {
+            target.min[axis][lane] = bounds.min[axis];
+            target.max[axis][lane] = bounds.max[axis];
+        }
+        target.child[lane] = reference;
+        let Some(traits) = traits else { return };
+        let traits = &traits[cluster];
+        if reference & LEAF != 0 {
+            target.soft_leaves |= 1 << lane;
+        }
+        let mut smallest = f32::INFINITY;
+        for axis in 0..AXIS_COUNT {
+            let entry = &mut self.traits[node][axis];
+            entry.size[lane] = half_up(traits.feature_size(axis));
+            entry.extinction[lane] = half_nearest(traits.extinction[axis]);
+            smallest = smallest.min(f32::from_bits(u32::from(entry.size[lane]) << 16));
+        }
+        target.smallest[lane] = smallest;
+    }
+
+    /// Bytes of all arrays.
+    pub fn bytes(&self) -> usize {
+        size_of_val(self.nodes.as_slice()) + size_of_val(self.traits.as_slice()) + size_of_val(self.blocks.as_slice())
+    }
+}
+
+fn no_traits() -> [AxisTraits; AXIS_COUNT] {
+    [AxisTraits { size: [half_up(f32::INFINITY); LANES], extinction: [0; LANES] }; AXIS_COUNT]
+}
+
+fn block_of(scene: &Scene, triangles: &[u32]) -> Block {
+    let zero = [[0.0; LANES]; 3];
+    let mut block = Block { corner: zero, edge1: zero, edge2: zero, used: 0 };
+    for (lane, &t) in triangles.iter().enumerate() {
+        let [a, b, c] = scene.corners(t);
+        for axis in 0..3 {
+            block.corner[axis][lane] = a[axis];
+            block.edge1[axis][lane] = b[axis] - a[axis];
+            block.edge2[axis][lane] = c[axis] - a[axis];
+        }
+        block.used |= 1 << lane;
+    }
+    block
+}
