@@ -2,6 +2,7 @@
 
 pub mod error;
 pub mod math;
+pub mod raster;
 pub mod scene;
 
 pub use error::{Error, Result};
