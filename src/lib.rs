@@ -6,6 +6,7 @@ pub mod embree;
 pub mod error;
 pub mod hierarchy;
 pub mod math;
+pub mod metrics;
 pub mod raster;
 pub mod ray;
 pub mod scene;

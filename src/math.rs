@@ -47,6 +47,14 @@ impl Aabb {
         e.x * e.y * e.z
     }
 
+    /// The box with every extent at least a thousandth of the diagonal: what path lengths are measured in, so that
+    /// flat boxes have a path (method A.5, D.2).
+    #[must_use]
+    pub fn thickened(self) -> Aabb {
+        let missing = (Vec3::splat(1e-3 * self.diagonal()) - self.extent()).max(Vec3::ZERO);
+        Aabb { min: self.min - 0.5 * missing, max: self.max + 0.5 * missing }
+    }
+
     /// Whether `other` lies inside (touching allowed).
     pub fn contains(self, other: Aabb) -> bool {
         self.min.cmple(other.min).all() && self.max.cmpge(other.max).all()

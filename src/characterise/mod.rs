@@ -4,6 +4,7 @@
 //! feature size and no energy.
 
 mod axes;
+mod grain;
 mod silhouette;
 #[cfg(test)]
 mod tests;
@@ -11,11 +12,21 @@ mod tests;
 pub use axes::{AXES, AXIS_COUNT, nearest_axis};
 
 use crate::hierarchy::Tree;
-use crate::math::triangle_area;
+use crate::math::{Aabb, triangle_area};
 use crate::raster::Morphology;
 use crate::scene::Scene;
 use rayon::prelude::*;
 use silhouette::Silhouettes;
+
+/// Where extinction comes from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Extinction {
+    /// κ = Σ sides·A / 4V [SD95 sec 3.1], method A.5: the same in all directions.
+    Analytic,
+    /// Per axis, so that the mean transmission of the projected box is that of the silhouette (method D.1).
+    #[default]
+    Measured,
+}
 
 /// How clusters are measured.
 #[derive(Clone, Copy, Debug)]
@@ -24,18 +35,28 @@ pub struct Options {
     pub morphology: Morphology,
     /// One value for all directions (the mean over the axes) as in [SD95 sec 3.3], instead of one an axis.
     pub isotropic: bool,
+    /// Where extinction comes from.
+    pub extinction: Extinction,
+    /// Root mean square error of a cluster's transmission that the grain allows; 1 switches the grain off and
+    /// leaves the paper's BSIZE alone.
+    pub tolerance: f32,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Options { morphology: Morphology::Euclid, isotropic: false }
+        Options {
+            morphology: Morphology::Euclid,
+            isotropic: false,
+            extinction: Extinction::default(),
+            tolerance: std::env::var("TOL").map_or(0.1, |v| v.parse().unwrap()),
+        }
     }
 }
 
 /// What one cluster does to light along each of the [`AXES`].
 #[derive(Clone, Copy, Debug)]
 pub struct Traits {
-    /// Extinction κ = Σ sides·A / 4V [SD95 sec 3.1], method A.5; 1/length.
+    /// Extinction, 1/length; see [`Extinction`].
     pub extinction: [f32; AXIS_COUNT],
     /// Diameter of the largest disc inside the projected contents (number of erosions, [SD95 sec 3.3]); length.
     pub blocked: [f32; AXIS_COUNT],
@@ -43,6 +64,8 @@ pub struct Traits {
     pub free: [f32; AXIS_COUNT],
     /// Part of the projected box that the contents cover, in `[0, 1]`.
     pub coverage: [f32; AXIS_COUNT],
+    /// Width over which silhouette and extinction agree within the tolerance; length.
+    pub grain: [f32; AXIS_COUNT],
 }
 
 impl Traits {
@@ -53,7 +76,8 @@ impl Traits {
     /// per situation); a sparse cluster's gaps are no features.
     #[inline]
     pub fn feature_size(&self, axis: usize) -> f32 {
-        if self.coverage[axis] > 0.5 { self.blocked[axis].max(self.free[axis]) } else { self.blocked[axis] }
+        let paper = if self.coverage[axis] > 0.5 { self.free[axis] } else { 0.0 };
+        self.blocked[axis].max(paper).max(self.grain[axis])
     }
 }
 
@@ -73,19 +97,24 @@ pub fn characterise(scene: &Scene, tree: &Tree, options: &Options) -> Vec<Traits
         .map_init(Silhouettes::default, |silhouettes, c| {
             let cluster = &tree.clusters[c];
             let range = cluster.triangle_range();
-            let kappa = extinction(sums[range.end] - sums[range.start], cluster.bounds);
+            let bounds = cluster.bounds.thickened();
+            let kappa = extinction(sums[range.end] - sums[range.start], bounds);
             let mut traits = Traits {
                 extinction: [kappa; AXIS_COUNT],
                 blocked: [0.0; AXIS_COUNT],
                 free: [0.0; AXIS_COUNT],
                 coverage: [0.0; AXIS_COUNT],
+                grain: [0.0; AXIS_COUNT],
             };
             for axis in 0..AXIS_COUNT {
-                let m = silhouettes.measure(scene, &tree.order[range.clone()], cluster.bounds, axis, options);
+                let triangles = &tree.order[range.clone()];
+                let m = silhouettes.measure(scene, triangles, bounds, axis, kappa, options);
                 (traits.blocked[axis], traits.free[axis], traits.coverage[axis]) = (m.blocked, m.free, m.coverage);
+                (traits.extinction[axis], traits.grain[axis]) = (m.extinction, m.grain);
             }
             if options.isotropic {
-                for values in [&mut traits.blocked, &mut traits.free, &mut traits.coverage] {
+                let Traits { blocked, free, coverage, grain, extinction } = &mut traits;
+                for values in [blocked, free, coverage, grain, extinction] {
                     *values = [values.iter().sum::<f32>() / AXIS_COUNT as f32; AXIS_COUNT];
                 }
             }
@@ -94,10 +123,7 @@ pub fn characterise(scene: &Scene, tree: &Tree, options: &Options) -> Vec<Traits
         .collect()
 }
 
-/// κ = Σ sides·A / 4V with V the box that path lengths are measured in, flat boxes a thousandth of their
-/// diagonal thick (method A.5).
-pub fn extinction(sides_times_area: f64, bounds: crate::math::Aabb) -> f32 {
-    let e = bounds.extent().as_dvec3();
-    let e = e.max(glam::DVec3::splat(1e-3 * e.length()));
-    (sides_times_area / (4.0 * e.x * e.y * e.z)) as f32
+/// κ = Σ sides·A / 4V with V the volume of the box that path lengths are measured in (method A.5).
+pub fn extinction(sides_times_area: f64, thickened: Aabb) -> f32 {
+    (sides_times_area / (4.0 * thickened.volume()).max(f64::MIN_POSITIVE)) as f32
 }

@@ -1,7 +1,9 @@
 //! Orthographic projections of a cluster and the sizes measured on them [SD95 sec 3.3]; method A.7.
 
 use super::Options;
+use super::Extinction;
 use super::axes::AXES;
+use super::grain::Cells;
 use crate::math::Aabb;
 use crate::raster::{BitImage, Edt, Morphology, Opener, Outside, fill_triangle};
 use crate::scene::Scene;
@@ -13,6 +15,8 @@ pub(super) struct Silhouettes {
     contents: BitImage,
     gaps: BitImage,
     edt: Edt,
+    hull: BitImage,
+    cells: Cells,
 }
 
 /// What one projection shows. Lengths in scene units.
@@ -20,6 +24,8 @@ pub(super) struct Measured {
     pub blocked: f32,
     pub free: f32,
     pub coverage: f32,
+    pub extinction: f32,
+    pub grain: f32,
 }
 
 /// Pixels across the longer side: finer where more triangles share the picture.
@@ -38,6 +44,7 @@ impl Silhouettes {
         triangles: &[u32],
         bounds: Aabb,
         axis: usize,
+        analytic: f32,
         options: &Options,
     ) -> Measured {
         let direction = AXES[axis];
@@ -48,7 +55,7 @@ impl Silhouettes {
         let reach = Vec2::new(half.dot(u.abs()), half.dot(v.abs()));
         let pixel = 2.0 * reach.max_element() / resolution(triangles.len()) as f32;
         if pixel <= 0.0 {
-            return Measured { blocked: 0.0, free: 0.0, coverage: 0.0 };
+            return Measured { blocked: 0.0, free: 0.0, coverage: 0.0, extinction: analytic, grain: 0.0 };
         }
         // A free pixel around, so that outlines count as ends of blocked regions.
         let size = (2.0 * reach / pixel).ceil().as_uvec2() + 2;
@@ -58,15 +65,26 @@ impl Silhouettes {
         for &t in triangles {
             fill_triangle(&mut self.contents, scene.corners(t).map(to_pixels));
         }
-        self.gaps.reset(size.x as usize, size.y as usize);
-        fill_box(&mut self.gaps, bounds, direction, to_pixels);
-        let (covered, all) = (self.contents.count(), self.gaps.count().max(1));
+        self.hull.reset(size.x as usize, size.y as usize);
+        fill_box(&mut self.hull, bounds, direction, to_pixels);
+        // Outlines of both are sampled at the same centres; what the hull misses by rounding is no content.
+        let all = self.hull.count().max(1);
         // Outside the projected box counts as object: only gaps inside are free regions.
+        self.gaps.clone_from(&self.hull);
         self.gaps.subtract(&self.contents);
+        let coverage = 1.0 - self.gaps.count() as f32 / all as f32;
+        let origin = bounds.center() - pixel * (0.5 * size.x as f32 * u + 0.5 * size.y as f32 * v);
+        self.cells.fill(&self.hull, &self.gaps, bounds, direction, (origin, pixel * u, pixel * v));
+        let extinction = match options.extinction {
+            Extinction::Analytic => analytic,
+            Extinction::Measured => self.cells.fitted_extinction(),
+        };
         Measured {
             blocked: self.diameter(false, options.morphology) * pixel,
-            free: self.diameter(true, options.morphology) * pixel,
-            coverage: (covered as f32 / all as f32).min(1.0),
+            free: if coverage > 0.5 { self.diameter(true, options.morphology) * pixel } else { 0.0 },
+            coverage,
+            extinction,
+            grain: self.cells.grain(extinction, options.tolerance) * pixel,
         }
     }
 

@@ -123,6 +123,32 @@ impl Simd for Avx2 {
         }))
     }
     #[inline(always)]
+    fn select(self, m: F, a: F, b: F) -> F {
+        op!([_mm256_blendv_ps(b[0], a[0], m[0]), _mm256_blendv_ps(b[1], a[1], m[1])])
+    }
+    #[inline(always)]
+    fn least(self, v: F) -> f32 {
+        op!({
+            let m = _mm256_min_ps(v[0], v[1]);
+            let m = _mm_min_ps(_mm256_castps256_ps128(m), _mm256_extractf128_ps::<1>(m));
+            let m = _mm_min_ps(m, _mm_movehl_ps(m, m));
+            _mm_cvtss_f32(_mm_min_ss(m, _mm_shuffle_ps::<1>(m, m)))
+        })
+    }
+    #[inline(always)]
+    fn greatest(self, v: F) -> f32 {
+        op!({
+            let m = _mm256_max_ps(v[0], v[1]);
+            let m = _mm_max_ps(_mm256_castps256_ps128(m), _mm256_extractf128_ps::<1>(m));
+            let m = _mm_max_ps(m, _mm_movehl_ps(m, m));
+            _mm_cvtss_f32(_mm_max_ss(m, _mm_shuffle_ps::<1>(m, m)))
+        })
+    }
+    #[inline(always)]
+    fn sqrt(self, v: F) -> F {
+        both(v, v, |v, _| op!(_mm256_sqrt_ps(v)))
+    }
+    #[inline(always)]
     fn keep(self, m: F, v: F) -> F {
         self.and(m, v)
     }

@@ -109,6 +109,22 @@ impl Simd for Avx512 {
         bits as u16
     }
     #[inline(always)]
+    fn select(self, m: Self::M, a: Self::F, b: Self::F) -> Self::F {
+        op!(_mm512_mask_blend_ps(m, b, a))
+    }
+    #[inline(always)]
+    fn least(self, v: Self::F) -> f32 {
+        op!(_mm512_reduce_min_ps(v))
+    }
+    #[inline(always)]
+    fn greatest(self, v: Self::F) -> f32 {
+        op!(_mm512_reduce_max_ps(v))
+    }
+    #[inline(always)]
+    fn sqrt(self, v: Self::F) -> Self::F {
+        op!(_mm512_sqrt_ps(v))
+    }
+    #[inline(always)]
     fn keep(self, m: Self::M, v: Self::F) -> Self::F {
         op!(_mm512_maskz_mov_ps(m, v))
     }

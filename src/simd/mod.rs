@@ -45,6 +45,13 @@ pub trait Simd: Copy {
     /// Bit `i` is lane `i`.
     fn bits(self, m: Self::M) -> u32;
     fn mask(self, bits: u32) -> Self::M;
+    /// `a` where the condition holds, `b` elsewhere.
+    fn select(self, m: Self::M, a: Self::F, b: Self::F) -> Self::F;
+    /// Smallest lane.
+    fn least(self, v: Self::F) -> f32;
+    /// Largest lane.
+    fn greatest(self, v: Self::F) -> f32;
+    fn sqrt(self, v: Self::F) -> Self::F;
     /// Zero where the condition is false.
     fn keep(self, m: Self::M, v: Self::F) -> Self::F;
     fn zero_bits(self) -> Self::I;

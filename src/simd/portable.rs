@@ -93,6 +93,22 @@ impl Simd for Portable {
         bits
     }
     #[inline(always)]
+    fn select(self, m: u32, a: Self::F, b: Self::F) -> Self::F {
+        std::array::from_fn(|i| if m >> i & 1 == 1 { a[i] } else { b[i] })
+    }
+    #[inline(always)]
+    fn least(self, v: Self::F) -> f32 {
+        v.into_iter().fold(v[0], |a, b| if a < b { a } else { b })
+    }
+    #[inline(always)]
+    fn greatest(self, v: Self::F) -> f32 {
+        v.into_iter().fold(v[0], |a, b| if a > b { a } else { b })
+    }
+    #[inline(always)]
+    fn sqrt(self, v: Self::F) -> Self::F {
+        v.map(f32::sqrt)
+    }
+    #[inline(always)]
     fn keep(self, m: u32, v: Self::F) -> Self::F {
         std::array::from_fn(|i| if m >> i & 1 == 1 { v[i] } else { 0.0 })
     }

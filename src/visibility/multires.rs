@@ -214,19 +214,20 @@ struct Segments {
 
 impl Segments {
     #[inline(always)]
-    fn of(packet: &Packet) -> Segments {
+    fn of<S: Simd>(simd: S, packet: &Packet) -> Segments {
         let mut s = Segments { inverse: [[0.0; LANES]; 3], length: [0.0; LANES], axis: [0; LANES] };
+        let mut square = simd.splat(0.0);
         for axis in 0..3 {
-            for i in 0..LANES {
-                let d = packet.direction[axis][i];
-                // Finite even for zero, so that 0 · inverse is never NaN.
-                s.inverse[axis][i] = 1.0 / if d.abs() > 1e-30 { d } else { 1e-30f32.copysign(d) };
-            }
+            let d = simd.load(&packet.direction[axis]);
+            square = simd.add(square, simd.mul(d, d));
+            // Finite even for zero, so that 0 · inverse is never NaN.
+            let tiny = simd.lt(simd.abs(d), simd.splat(1e-30));
+            let d = simd.select(tiny, simd.splat(1e-30), d);
+            simd.store(simd.div(simd.splat(1.0), d), &mut s.inverse[axis]);
         }
-        for i in 0..LANES {
-            let [x, y, z] = packet.direction.map(|a| a[i]);
-            s.length[i] = (x * x + y * y + z * z).sqrt();
-            s.axis[i] = nearest_axis(Vec3::new(x, y, z)) as u8;
+        simd.store(simd.sqrt(square), &mut s.length);
+        for i in packet.lanes() {
+            s.axis[i] = nearest_axis(Vec3::from(packet.direction.map(|a| a[i]))) as u8;
         }
         s
     }
@@ -239,11 +240,10 @@ impl Kernel for Walk<'_, '_> {
     fn run<S: Simd>(self, simd: S) -> Walked {
         let Walk { engine, packet, e, s, workspace } = self;
         let tree = &engine.tree;
-        let shaft = Shaft::of(packet, engine.magnitude);
+        let shaft = Shaft::of(simd, packet, engine.magnitude);
         let mut walked = Walked { blocked: 0, aggregated: 0, tested: 0, nodes: 0, gave_up: false };
         let mut segments: Option<Segments> = None;
         let soft = engine.leaf == Leaf::Extinction;
-        let largest_threshold = simd.splat(s.max(e));
         let mut work = 0;
         workspace.stack.clear();
         workspace.stack.push((0, packet.active));
@@ -258,7 +258,8 @@ impl Kernel for Walk<'_, '_> {
                 work += BLOCK_WORK;
                 if candidates != 0 {
                     walked.tested |= active;
-                    walked.blocked |= intersect(simd, packet, block, candidates) & packet.active;
+                    // Only these lanes: for others the same leaf may have been aggregated (method D.11).
+                    walked.blocked |= intersect(simd, packet, block, candidates) & active;
                     if walked.blocked == packet.active {
                         break;
                     }
@@ -271,7 +272,7 @@ impl Kernel for Walk<'_, '_> {
                 if touched == 0 {
                     continue;
                 }
-                let small = simd.bits(simd.lt(simd.load(&node.smallest), largest_threshold));
+                let small = shaft.maybe_small(simd, node, e, s);
                 let may_aggregate = touched & (small | if soft { node.soft_leaves } else { 0 });
                 if may_aggregate == 0 && touched.count_ones() <= CROWD {
                     for lane in Lanes(touched) {
@@ -279,7 +280,7 @@ impl Kernel for Walk<'_, '_> {
                     }
                     continue;
                 }
-                let segments = segments.get_or_insert_with(|| Segments::of(packet));
+                let segments = segments.get_or_insert_with(|| Segments::of(simd, packet));
                 work += active.count_ones();
                 let touched = simd.mask(touched);
                 let soft_leaves = simd.mask(if soft { node.soft_leaves } else { 0 });

@@ -90,12 +90,13 @@ fn visit(
     blocks: &mut impl FnMut(u32) -> bool,
 ) {
     let cluster = &tree.clusters[c];
+    let bounds = cluster.bounds.thickened();
     let (mut enter, mut leave) = (0.0f32, 1.0f32);
     for k in 0..3 {
         let d = segment.direction[k];
-        let inverse = 1.0 / if d.abs() > 1e-30 { d } else { 1e-30f32.copysign(d) };
-        let a = (cluster.bounds.min[k] - segment.origin[k]) * inverse;
-        let b = (cluster.bounds.max[k] - segment.origin[k]) * inverse;
+        let inverse = 1.0 / if d.abs() < 1e-30 { 1e-30 } else { d };
+        let a = (bounds.min[k] - segment.origin[k]) * inverse;
+        let b = (bounds.max[k] - segment.origin[k]) * inverse;
         enter = enter.max(a.min(b));
         leave = leave.min(a.max(b));
     }

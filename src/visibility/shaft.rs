@@ -20,66 +20,102 @@ pub(super) struct Shaft {
     ends: [(Vec3, Vec3); 2],
     /// A few roundings of the scene's coordinates.
     slack: f32,
+    /// From receiver to emitter, divided by the squared distance: `axis · (x - receiver)` is the parameter t.
+    axis: Vec3,
 }
 
 impl Shaft {
     /// The shaft of the active segments of a packet in a scene of this coordinate magnitude.
     #[inline(always)]
-    pub fn of(packet: &Packet, magnitude: f32) -> Shaft {
+    pub fn of<S: Simd>(simd: S, packet: &Packet, magnitude: f32) -> Shaft {
         let first = packet.active.trailing_zeros() as usize % LANES;
-        let o = packet.point(first, 0.0);
-        let (mut o_lo, mut o_hi) = (o, o);
-        let (mut e_lo, mut e_hi) = (Vec3::splat(f32::MAX), Vec3::splat(f32::MIN));
-        let mut axis = Vec3::ZERO;
-        for i in packet.lanes() {
-            let a = Vec3::new(packet.origin[0][i], packet.origin[1][i], packet.origin[2][i]);
-            let d = Vec3::new(packet.direction[0][i], packet.direction[1][i], packet.direction[2][i]);
-            o_lo = o_lo.min(a);
-            o_hi = o_hi.max(a);
-            e_lo = e_lo.min(a + d);
-            e_hi = e_hi.max(a + d);
-            axis += d;
-        }
+        let active = simd.mask(packet.active);
+        // Unused lanes repeat the first segment, so that whole registers can be reduced.
+        let fill = |v: &[f32; LANES]| simd.select(active, simd.load(v), simd.splat(v[first]));
+        let origin = [0, 1, 2].map(|a| fill(&packet.origin[a]));
+        let direction = [0, 1, 2].map(|a| fill(&packet.direction[a]));
+        let box_of = |v: [S::F; 3]| {
+            (Vec3::from(v.map(|v| simd.least(v))), Vec3::from(v.map(|v| simd.greatest(v))))
+        };
+        let apex = packet.point(first, 0.0);
+        let same = |a: usize| simd.le(simd.abs(simd.sub(origin[a], simd.splat(apex[a]))), simd.splat(0.0));
+        let shared = simd.bits(simd.and(simd.and(same(0), same(1)), same(2))) == 0xffff;
+        let (o_lo, o_hi) = if shared { (apex, apex) } else { box_of(origin) };
+        let (e_lo, e_hi) = box_of([0, 1, 2].map(|a| simd.add(origin[a], direction[a])));
         let slack = 4e-7 * magnitude;
+        let ends = [(0.5 * (o_lo + o_hi), 0.5 * (o_hi - o_lo)), (0.5 * (e_lo + e_hi), 0.5 * (e_hi - e_lo))];
         let mut shaft = Shaft {
             lo: o_lo.min(e_lo) - slack,
             hi: o_hi.max(e_hi) + slack,
             normals: [Vec3::ZERO; 4],
             offsets: [0.0; 4],
             planes: 0,
-            ends: [(0.5 * (o_lo + o_hi), 0.5 * (o_hi - o_lo)), (0.5 * (e_lo + e_hi), 0.5 * (e_hi - e_lo))],
+            ends,
             slack,
+            axis: (ends[1].0 - ends[0].0) / (ends[1].0 - ends[0].0).length_squared().max(f32::MIN_POSITIVE),
         };
-        if o_lo == o_hi {
-            shaft.add_pyramid(packet, o, axis);
+        if shared {
+            shaft.add_pyramid(simd, direction, apex);
         }
         shaft
     }
 
-    /// Side planes through the common point: extreme slopes of the directions against their mean.
+    /// Side planes through the common point: extreme slopes of the directions against the axis.
     #[inline(always)]
-    fn add_pyramid(&mut self, packet: &Packet, apex: Vec3, axis: Vec3) {
-        let w = axis.normalize_or_zero();
+    fn add_pyramid<S: Simd>(&mut self, simd: S, direction: [S::F; 3], apex: Vec3) {
+        let w = self.axis.normalize_or_zero();
         if w == Vec3::ZERO {
             return;
         }
         let (u, v) = w.any_orthonormal_pair();
-        let (mut u_lo, mut u_hi, mut v_lo, mut v_hi) = (f32::MAX, f32::MIN, f32::MAX, f32::MIN);
-        for i in packet.lanes() {
-            let d = Vec3::new(packet.direction[0][i], packet.direction[1][i], packet.direction[2][i]);
-            let forward = d.dot(w);
-            if forward <= 0.1 * d.length() {
-                return;
-            }
-            let (a, b) = (d.dot(u) / forward, d.dot(v) / forward);
-            (u_lo, u_hi) = (u_lo.min(a), u_hi.max(a));
-            (v_lo, v_hi) = (v_lo.min(b), v_hi.max(b));
+        let along = |n: Vec3| {
+            let xy = simd.add(simd.mul(simd.splat(n.x), direction[0]), simd.mul(simd.splat(n.y), direction[1]));
+            simd.add(xy, simd.mul(simd.splat(n.z), direction[2]))
+        };
+        let forward = along(w);
+        let (a, b) = (along(u), along(v));
+        let steep = simd.splat(10.0);
+        let wide = simd.or(
+            simd.lt(simd.mul(steep, forward), simd.abs(a)),
+            simd.lt(simd.mul(steep, forward), simd.abs(b)),
+        );
+        if simd.bits(simd.or(wide, simd.le(forward, simd.splat(0.0)))) != 0 {
+            return;
         }
-        self.normals = [u - u_hi * w, u_lo * w - u, v - v_hi * w, v_lo * w - v];
+        let (a, b) = (simd.div(a, forward), simd.div(b, forward));
+        self.normals = [
+            u - simd.greatest(a) * w,
+            simd.least(a) * w - u,
+            v - simd.greatest(b) * w,
+            simd.least(b) * w - v,
+        ];
         for (offset, n) in self.offsets.iter_mut().zip(&self.normals) {
             *offset = n.dot(apex) + self.slack * n.abs().element_sum();
         }
         self.planes = 4;
+    }
+
+    /// Children whose feature size could be below the threshold `s (1 - t) + e t` at their place along the axis.
+    ///
+    /// A guess for the whole bundle, judged at the centre of each box: what it leaves out is opened, which is
+    /// always allowed; what it lets through is decided segment by segment.
+    #[inline(always)]
+    pub fn maybe_small<S: Simd>(&self, simd: S, node: &Node, e: f32, s: f32) -> u32 {
+        let mut t = simd.splat(0.0);
+        let mut holds_end = [simd.mask(0xffff); 2];
+        for axis in 0..3 {
+            let (min, max) = (simd.load(&node.min[axis]), simd.load(&node.max[axis]));
+            let middle = simd.mul(simd.splat(0.5), simd.add(min, max));
+            let from_receiver = simd.sub(middle, simd.splat(self.ends[0].0[axis]));
+            t = simd.add(t, simd.mul(from_receiver, simd.splat(self.axis[axis])));
+            for (holds, end) in holds_end.iter_mut().zip(&self.ends) {
+                let p = simd.splat(end.0[axis]);
+                *holds = simd.and(*holds, simd.and(simd.le(min, p), simd.le(p, max)));
+            }
+        }
+        let threshold = simd.add(simd.splat(s), simd.mul(simd.splat(e - s), t));
+        let small = simd.lt(simd.load(&node.smallest), threshold);
+        simd.bits(simd.and_not(small, simd.or(holds_end[0], holds_end[1])))
     }
 
     /// Children of a node that may touch the shaft.

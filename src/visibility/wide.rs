@@ -107,7 +107,7 @@ impl WideTree {
 
     /// Puts a cluster into a lane of a node; without traits it is never aggregated.
     fn place(&mut self, node: usize, lane: usize, tree: &Tree, cluster: usize, traits: Option<&[Traits]>, reference: u32) {
-        let bounds = tree.clusters[cluster].bounds;
+        let bounds = tree.clusters[cluster].bounds.thickened();
         let target = &mut self.nodes[node];
         for axis in 0..3 {
             target.min[axis][lane] = bounds.min[axis];

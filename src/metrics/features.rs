@@ -1,0 +1,147 @@
+//! Feature masks: which texels belong to a shadow, or a patch of light, of at least a given size [SD95 sec 2.4].
+
+use super::Image;
+use crate::raster::{BitImage, Morphology, Opener};
+use crate::{Error, Result};
+
+/// Least relative darkening that counts as shadow: 2 %. Where nothing is in the way every sample of visibility is
+/// exactly 1, so noise makes no objects of lit places; the faint rim of a penumbra, which nobody sees, is left out.
+pub const DEFAULT_THRESHOLD: f32 = 0.02;
+
+/// Which regions count as features.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Features {
+    /// Shadows and lit regions: the error of visibility v(1 − v) is symmetric in light and shadow [SD95 sec 3.2].
+    #[default]
+    Both,
+    /// Shadows only, as in the metric of the paper [SD95 sec 2.2, 2.4].
+    Shadow,
+}
+
+/// What makes a feature.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FeatureOptions {
+    /// Which regions.
+    pub features: Features,
+    /// How their size is measured.
+    pub morphology: Morphology,
+    /// The value of an unoccluded texel, greater than 0, in the image's units; 1 for visible fractions.
+    pub white: f32,
+    /// A texel is shadowed when its value is less than (1 − threshold) · white; within [0, 1).
+    pub threshold: f32,
+}
+
+impl Default for FeatureOptions {
+    fn default() -> Self {
+        FeatureOptions {
+            features: Features::Both,
+            morphology: Morphology::Euclid,
+            white: 1.0,
+            threshold: DEFAULT_THRESHOLD,
+        }
+    }
+}
+
+impl FeatureOptions {
+    /// [`Error::Argument`] when `white` or `threshold` is out of its range.
+    pub fn check(&self) -> Result<()> {
+        if !(self.white.is_finite() && self.white > 0.0) {
+            return Err(Error::Argument(format!(
+                "the unoccluded value {} is not greater than 0",
+                self.white
+            )));
+        }
+        if !(0.0..1.0).contains(&self.threshold) {
+            return Err(Error::Argument(format!(
+                "the shadow threshold {} is not within [0, 1)",
+                self.threshold
+            )));
+        }
+        Ok(())
+    }
+}
+
+/// The features of one image, ready to be asked for masks of many sizes.
+///
+/// What lies outside the image counts as neither shadow nor light: a feature at the border is measured by the part of
+/// it that the image shows (method A.4).
+#[derive(Clone, Debug)]
+pub struct FeatureSet {
+    texel: f64,
+    shadow: Opener,
+    lit: Option<Opener>,
+}
+
+impl FeatureSet {
+    /// Finds shadowed and lit texels of `reference` and measures how deep each lies in its region.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] when an option is out of its range.
+    pub fn new(reference: &Image, options: &FeatureOptions) -> Result<FeatureSet> {
+        options.check()?;
+        let limit = (1.0 - options.threshold) * options.white;
+        let shadow =
+            BitImage::from_fn(reference.width(), reference.height(), |x, y| reference.at(x, y) < limit);
+        let lit = (options.features == Features::Both)
+            .then(|| Opener::new(shadow.complement(), options.morphology));
+        Ok(FeatureSet { texel: reference.texel(), shadow: Opener::new(shadow, options.morphology), lit })
+    }
+
+    /// The shadowed texels (umbra and penumbra), of whatever size.
+    pub fn shadowed(&self) -> &BitImage {
+        self.shadow.image()
+    }
+
+    /// The feature mask F^s of [SD95 sec 2.2]: texels of features larger than `size` (scene units). At size 0 every
+    /// texel that is shadowed, or lit if those count. Sizes that are negative or not a number count as 0.
+    pub fn mask(&mut self, size: f64) -> BitImage {
+        let mut mask = self.shadow.open(size / self.texel);
+        if let Some(lit) = &mut self.lit {
+            mask.unite(&lit.open(size / self.texel));
+        }
+        mask
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A wall with a shadow of 10 texels and one of 4, of texels of 0.5.
+    fn wall() -> Image {
+        Image::from_fn(64, 64, 0.5, |x, y| match (x, y) {
+            (10..20, 10..20) => 0.0,
+            (40..44, 40..44) => 0.5,
+            _ => 0.99,
+        })
+        .unwrap()
+    }
+
+    #[test]
+    fn sizes_are_in_scene_units() {
+        let shadow = FeatureOptions { features: Features::Shadow, ..Default::default() };
+        let mut set = FeatureSet::new(&wall(), &shadow).unwrap();
+        let count = |set: &mut FeatureSet, s| set.mask(s).count();
+        assert_eq!(count(&mut set, 0.0), 116);
+        assert!(count(&mut set, 1.9) > 100);
+        assert!((80..=100).contains(&count(&mut set, 2.1)), "the small shadow of 2 units is gone");
+        assert_eq!(count(&mut set, 5.1), 0);
+    }
+
+    #[test]
+    fn lit_regions_join_the_mask() {
+        let mut set = FeatureSet::new(&wall(), &FeatureOptions::default()).unwrap();
+        assert_eq!(set.mask(0.0).count(), 64 * 64);
+        assert_eq!(set.mask(2.1).get(41, 41), false);
+        assert!(set.mask(2.1).get(60, 60));
+        assert_eq!(set.mask(100.0).count(), 0);
+    }
+
+    #[test]
+    fn options_are_checked() {
+        for (white, threshold) in [(0.0, 0.1), (f32::NAN, 0.1), (1.0, 1.0), (1.0, -0.1), (1.0, f32::NAN)] {
+            let options = FeatureOptions { white, threshold, ..Default::default() };
+            assert!(FeatureSet::new(&wall(), &options).is_err());
+        }
+    }
+}

@@ -1,0 +1,117 @@
+//! An image of one quantity on a receiver.
+
+use crate::{Error, Result};
+
+/// Values on a grid of square texels, row by row from the top left, each sampled at its texel's centre.
+///
+/// Every value is finite, and there is at least one: the constructor sees to it, so no metric has to ask again.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Image {
+    width: usize,
+    height: usize,
+    texel: f64,
+    data: Vec<f32>,
+}
+
+impl Image {
+    /// An image of `width` × `height` values with texels of side `texel` (scene units; 1 measures sizes in texels).
+    ///
+    /// # Errors
+    /// [`Error::Argument`] when a side is zero, the number of values is another, the texel is not a positive number
+    /// or a value is not finite (the message names the first such texel).
+    pub fn new(width: usize, height: usize, texel: f64, data: Vec<f32>) -> Result<Image> {
+        let argument = |what: String| Err(Error::Argument(what));
+        if width == 0 || height == 0 {
+            return argument(format!("an image of {width} x {height} texels is empty"));
+        }
+        if width.checked_mul(height) != Some(data.len()) {
+            return argument(format!(
+                "{} values do not make an image of {width} x {height} texels",
+                data.len()
+            ));
+        }
+        if !(texel.is_finite() && texel > 0.0) {
+            return argument(format!("the texel size {texel} is not a positive length"));
+        }
+        if let Some(i) = data.iter().position(|v| !v.is_finite()) {
+            return argument(format!("texel {},{} holds {}, not a number", i % width, i / width, data[i]));
+        }
+        Ok(Image { width, height, texel, data })
+    }
+
+    /// The image of `value(x, y)`, x and y counted in texels from the top left. Errors as for [`Image::new`].
+    pub fn from_fn(
+        width: usize,
+        height: usize,
+        texel: f64,
+        mut value: impl FnMut(usize, usize) -> f32,
+    ) -> Result<Image> {
+        let data =
+            (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| value(x, y)).collect();
+        Image::new(width, height, texel, data)
+    }
+
+    /// The same values on texels of another size. Errors as for [`Image::new`].
+    pub fn with_texel(self, texel: f64) -> Result<Image> {
+        Image::new(self.width, self.height, texel, self.data)
+    }
+
+    /// Number of columns, at least 1.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Number of rows, at least 1.
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// Side of a texel in scene units, greater than 0.
+    pub fn texel(&self) -> f64 {
+        self.texel
+    }
+
+    /// All values, row by row: `width × height`, finite.
+    pub fn data(&self) -> &[f32] {
+        &self.data
+    }
+
+    /// The value at (x, y). Panics outside the image.
+    #[inline]
+    pub fn at(&self, x: usize, y: usize) -> f32 {
+        self.data[y * self.width + x]
+    }
+
+    /// Least and greatest value.
+    pub fn range(&self) -> (f32, f32) {
+        self.data.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)))
+    }
+
+    /// An error unless `other` has the same number of columns and rows.
+    pub(crate) fn check_same_sides(&self, other: &Image) -> Result<()> {
+        if (self.width, self.height) == (other.width, other.height) {
+            return Ok(());
+        }
+        Err(Error::Argument(format!(
+            "the reference has {} x {} texels, the approximation {} x {}: compare images of the same size",
+            self.width, self.height, other.width, other.height
+        )))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bad_images_are_refused() {
+        assert!(Image::new(0, 3, 1.0, vec![]).is_err());
+        assert!(Image::new(2, 2, 1.0, vec![0.0; 3]).is_err());
+        assert!(Image::new(usize::MAX, 2, 1.0, vec![0.0; 3]).is_err());
+        for texel in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert!(Image::new(1, 1, texel, vec![0.0]).is_err());
+        }
+        let message = Image::new(2, 2, 1.0, vec![0.0, 0.0, 0.0, f32::NAN]).unwrap_err().to_string();
+        assert!(message.contains("1,1"), "{message}");
+    }
+}

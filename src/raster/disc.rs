@@ -1,0 +1,143 @@
+//! The largest distance in a small image, without a distance for each pixel.
+//!
+//! A pixel lies further than √n from the background exactly when the whole disc {o : |o|² ≤ n} around it is object.
+//! In an image of at most 64 × 64 pixels a row is one word, so "is there such a pixel?" is an AND of a few words per
+//! row: row y of the image eroded by the disc is the AND over dy of row y + dy eroded horizontally by the disc's half
+//! width at dy. Counting plain erosions first brackets the answer to a factor of two (in squared distance), bisection
+//! does the rest. This is the inner loop of characterisation: millions of images a scene.
+
+use super::{BitImage, NO_BACKGROUND, Outside};
+
+/// Largest side of an image that [`Discs`] can take.
+pub(super) const MAX_SIDE: usize = 64;
+
+/// Rows of an image with one row of what lies outside above and below.
+type Plane = [u64; MAX_SIDE + 2];
+
+/// Reusable memory: the image eroded horizontally by 0, 1, 2, … pixels to each side, and the disc's half widths.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Discs {
+    eroded: Vec<u64>,
+    half_widths: Vec<u32>,
+}
+
+impl Discs {
+    /// Largest squared distance from an object pixel to the nearest background pixel; 0 without object,
+    /// [`NO_BACKGROUND`] without background. The image has at most [`MAX_SIDE`] columns and rows.
+    pub(super) fn max_squared_distance(&mut self, image: &BitImage, outside: Outside) -> u32 {
+        let height = image.height();
+        let inside = image.last_word_mask();
+        let fill = if outside == Outside::Blocked { !0u64 } else { 0 };
+        let mut plane = [fill; MAX_SIDE + 2];
+        for (row, word) in plane[1..].iter_mut().zip(image.words()) {
+            *row = word | (fill & !inside);
+        }
+        if image.is_empty() {
+            return 0;
+        }
+        if fill != 0 && plane.iter().all(|&row| row == !0) {
+            return NO_BACKGROUND;
+        }
+        // Chebyshev radius c and city-block radius k bound the Euclidean radius d of the deepest pixel:
+        // c ≤ d ≤ √2·c and k/√2 ≤ d ≤ k.
+        let c = erosions(&plane, height, inside, fill, |_, [above, here, below]| above & here & below);
+        let k = erosions(&plane, height, inside, fill, |[above, below], [_, here, _]| above & here & below);
+        let (mut low, mut high) = ((c * c).max((k * k).div_ceil(2)), (2 * c * c).min(k * k));
+        if low < high {
+            self.erode_rows(&plane[1..=height], (high - 1).isqrt(), fill);
+        }
+        // The answer is the least n for which no disc of squared radius n fits.
+        while low < high {
+            let n = low.midpoint(high);
+            if self.disc_fits(n, height, inside, fill) {
+                low = n + 1;
+            } else {
+                high = n;
+            }
+        }
+        low
+    }
+
+    /// Fills `eroded` with the rows eroded horizontally by 0..=`widest` pixels to each side.
+    fn erode_rows(&mut self, rows: &[u64], widest: u32, fill: u64) {
+        let height = rows.len();
+        self.eroded.clear();
+        self.eroded.resize(height * (widest as usize + 1), 0);
+        self.eroded[..height].copy_from_slice(rows);
+        for w in 1..=widest as usize {
+            let (done, next) = self.eroded.split_at_mut(w * height);
+            for (out, &row) in next[..height].iter_mut().zip(&done[(w - 1) * height..]) {
+                *out = thin(row, fill);
+            }
+        }
+    }
+
+    /// Whether a disc of squared radius n fits into the object, centred on some pixel of the image.
+    fn disc_fits(&mut self, n: u32, height: usize, inside: u64, fill: u64) -> bool {
+        let radius = n.isqrt();
+        self.half_widths.clear();
+        let mut w = radius;
+        for dy in 0..=radius {
+            while w * w + dy * dy > n {
+                w -= 1;
+            }
+            self.half_widths.push(w);
+        }
+        let radius = radius as usize;
+        // With free surroundings the disc must lie inside the image altogether.
+        let rows = if fill == 0 { radius..height.saturating_sub(radius) } else { 0..height };
+        let widest = &self.eroded[self.half_widths[0] as usize * height..][..height];
+        for y in rows {
+            let mut fits = widest[y] & inside;
+            // From the pole inwards: together with the equator the poles fail first.
+            for dy in (1..=radius).rev() {
+                if fits == 0 {
+                    break;
+                }
+                let row = &self.eroded[self.half_widths[dy] as usize * height..][..height];
+                fits &= if y >= dy { row[y - dy] } else { fill };
+                fits &= if y + dy < height { row[y + dy] } else { fill };
+            }
+            if fits != 0 {
+                return true;
+            }
+        }
+        false
+    }
+}
+
+/// A row eroded by one pixel to each side.
+#[inline]
+fn thin(row: u64, fill: u64) -> u64 {
+    row & (row << 1 | (fill & 1)) & (row >> 1 | (fill & 1 << 63))
+}
+
+/// Number of erosions until no pixel inside the image is object. `step` combines the rows above and below with
+/// the rows above, here and below thinned. The image has background, or the surroundings are free.
+#[inline]
+fn erosions(
+    plane: &Plane,
+    height: usize,
+    inside: u64,
+    fill: u64,
+    step: impl Fn([u64; 2], [u64; 3]) -> u64,
+) -> u32 {
+    let (mut from, mut to) = (*plane, [fill; MAX_SIDE + 2]);
+    let mut thinned = [fill; MAX_SIDE + 2];
+    let mut count = 0;
+    loop {
+        count += 1;
+        for (t, &row) in thinned[1..=height].iter_mut().zip(&from[1..=height]) {
+            *t = thin(row, fill);
+        }
+        let mut left = 0;
+        for y in 1..=height {
+            to[y] = step([from[y - 1], from[y + 1]], [thinned[y - 1], thinned[y], thinned[y + 1]]);
+            left |= to[y];
+        }
+        if left & inside == 0 {
+            return count;
+        }
+        std::mem::swap(&mut from, &mut to);
+    }
+}

@@ -1,0 +1,136 @@
+//! Erosion and expansion by one pixel, 64 pixels an operation, between two bit planes [SD95 sec 2.4].
+//!
+//! The paper modified its image in place, which makes the result depend on the order of the scan; here the result
+//! goes to a second plane (method A.4).
+
+use super::{BitImage, Morphology, Outside};
+
+/// Erodes `from` into `to` by one step: an object pixel with a background neighbour (4 of them, or 8 for
+/// [`Morphology::Paper8`]) becomes background. The images have the same sides.
+pub(super) fn erode(from: &BitImage, to: &mut BitImage, mode: Morphology, outside: Outside) {
+    let (stride, height) = (from.stride(), from.height());
+    let fill = match outside {
+        Outside::Free => 0,
+        Outside::Blocked => !0u64,
+    };
+    let last = from.last_word_mask();
+    // Beyond the width the words hold zeros; with Blocked they must read as object.
+    let read = |y: isize, i: isize| -> u64 {
+        if y < 0 || y >= height as isize || i < 0 || i >= stride as isize {
+            return fill;
+        }
+        let word = from.words()[y as usize * stride + i as usize];
+        if i as usize + 1 == stride { word | (fill & !last) } else { word }
+    };
+    // A word with its left and right neighbours: object only where all three are.
+    let horizontal = |y: isize, i: isize| -> u64 {
+        let word = read(y, i);
+        word & (word << 1 | read(y, i - 1) >> 63) & (word >> 1 | read(y, i + 1) << 63)
+    };
+    for y in 0..height as isize {
+        for i in 0..stride as isize {
+            let column = match mode {
+                Morphology::Paper4 => read(y - 1, i) & read(y + 1, i),
+                Morphology::Paper8 | Morphology::Euclid => horizontal(y - 1, i) & horizontal(y + 1, i),
+            };
+            let mask = if i as usize + 1 == stride { last } else { !0 };
+            to.words_mut()[y as usize * stride + i as usize] = horizontal(y, i) & column & mask;
+        }
+    }
+}
+
+/// Erodes `image` by `steps` steps.
+pub(super) fn erode_by(image: &BitImage, steps: usize, mode: Morphology, outside: Outside) -> BitImage {
+    let (mut a, mut b) = (image.clone(), BitImage::new(image.width(), image.height()));
+    for _ in 0..steps {
+        erode(&a, &mut b, mode, outside);
+        std::mem::swap(&mut a, &mut b);
+        if a.is_empty() {
+            break;
+        }
+    }
+    a
+}
+
+/// Expands `image` by `steps` steps: the dual, an erosion of the background. Nothing comes in from outside.
+pub(super) fn expand_by(image: &BitImage, steps: usize, mode: Morphology) -> BitImage {
+    let mut result = erode_by(&image.complement(), steps, mode, Outside::Blocked);
+    result.invert();
+    result
+}
+
+/// Number of erosions until no object pixel is left; `None` when that never happens (outside is object, and the
+/// image has no background).
+pub(super) fn erosions_until_empty(
+    image: &BitImage,
+    planes: &mut [BitImage; 2],
+    mode: Morphology,
+    outside: Outside,
+) -> Option<u32> {
+    if outside == Outside::Blocked && image.count() == image.width() * image.height() && !image.is_empty() {
+        return None;
+    }
+    let [a, b] = planes;
+    a.reset(image.width(), image.height());
+    a.words_mut().copy_from_slice(image.words());
+    b.reset(image.width(), image.height());
+    let mut steps = 0;
+    while !a.is_empty() {
+        erode(a, b, mode, outside);
+        std::mem::swap(a, b);
+        steps += 1;
+    }
+    Some(steps)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Erosion pixel by pixel, as the definition says.
+    fn naive(image: &BitImage, mode: Morphology, outside: Outside) -> BitImage {
+        let (w, h) = (image.width() as isize, image.height() as isize);
+        let object = |x: isize, y: isize| match (0..w).contains(&x) && (0..h).contains(&y) {
+            true => image.get(x as usize, y as usize),
+            false => outside == Outside::Blocked,
+        };
+        BitImage::from_fn(image.width(), image.height(), |x, y| {
+            (-1..=1).all(|dx: isize| {
+                (-1..=1).all(|dy: isize| {
+                    let neighbour = mode == Morphology::Paper8 || dx == 0 || dy == 0;
+                    !neighbour || object(x as isize + dx, y as isize + dy)
+                })
+            })
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn one_step_matches_the_definition(w in 1usize..140, h in 1usize..12, seed: u64) {
+            let image = BitImage::from_fn(w, h, |x, y| {
+                (seed ^ (x * 31 + y * 17) as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 61 != 0
+            });
+            for mode in [Morphology::Paper4, Morphology::Paper8] {
+                for outside in [Outside::Free, Outside::Blocked] {
+                    let mut out = BitImage::new(w, h);
+                    erode(&image, &mut out, mode, outside);
+                    prop_assert_eq!(&out, &naive(&image, mode, outside));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_square_needs_half_its_side() {
+        let mut planes = Default::default();
+        for a in 1..20usize {
+            let image =
+                BitImage::from_fn(100, 40, |x, y| (60..60 + a).contains(&x) && (5..5 + a).contains(&y));
+            for mode in [Morphology::Paper4, Morphology::Paper8] {
+                let n = erosions_until_empty(&image, &mut planes, mode, Outside::Free);
+                assert_eq!(n, Some(a.div_ceil(2) as u32));
+            }
+        }
+    }
+}

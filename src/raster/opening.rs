@@ -1,0 +1,163 @@
+//! Opening: erosion, then expansion back. What is smaller than a size vanishes, the rest keeps nearly its shape
+//! [SD95 sec 2.4].
+
+use super::erode::{erode_by, erosions_until_empty, expand_by};
+use super::{BitImage, Edt, Morphology, Outside, diameter};
+
+/// The openings of one image for many sizes. Background lies outside the image: an object at the border is measured
+/// by the part of it that is seen.
+///
+/// With [`Morphology::Euclid`] the opening by size s (in pixels) is the union of all discs of radius s/2 around
+/// pixels of the object that fit into it, found by two distance transforms: the core {depth > s/2}, and what lies no
+/// further than s/2 from it (method A.4). The first does not depend on s and is kept. With the paper's modes it is ⌊s/2⌋ erosions and as many
+/// expansions, [SD95 sec 2.4].
+#[derive(Clone, Debug)]
+pub struct Opener {
+    image: BitImage,
+    mode: Morphology,
+    depth: Vec<u32>,
+    edt: Edt,
+}
+
+impl Opener {
+    /// Prepares the openings of `image`.
+    pub fn new(image: BitImage, mode: Morphology) -> Self {
+        let mut edt = Edt::new();
+        let depth = match mode {
+            Morphology::Euclid => edt.squared_distances(&image, Outside::Free).to_vec(),
+            Morphology::Paper8 | Morphology::Paper4 => Vec::new(),
+        };
+        Opener { image, mode, depth, edt }
+    }
+
+    /// The image as given, unopened.
+    pub fn image(&self) -> &BitImage {
+        &self.image
+    }
+
+    /// The opening by `size` pixels. A size that is negative or not a number counts as zero, which changes nothing.
+    pub fn open(&mut self, size: f64) -> BitImage {
+        let size = size.max(0.0);
+        match self.mode {
+            Morphology::Euclid => self.open_by_disc(size / 2.0),
+            Morphology::Paper8 | Morphology::Paper4 => {
+                // More steps than the image has pixels across change nothing more.
+                let steps = ((size / 2.0) as usize).min(self.image.width() + self.image.height());
+                expand_by(&erode_by(&self.image, steps, self.mode, Outside::Free), steps, self.mode)
+            }
+        }
+    }
+
+    /// Size in pixels of the largest object: the opening by any smaller size leaves something of it.
+    pub fn largest(&self) -> f32 {
+        match self.mode {
+            Morphology::Euclid => diameter(self.depth.iter().copied().max().unwrap_or(0)),
+            mode => {
+                let steps = erosions_until_empty(&self.image, &mut Default::default(), mode, Outside::Free);
+                steps.map_or(f32::INFINITY, |n| 2.0 * n as f32)
+            }
+        }
+    }
+
+    fn open_by_disc(&mut self, radius: f64) -> BitImage {
+        let (width, height) = (self.image.width(), self.image.height());
+        // The cast saturates: a radius beyond every image opens to nothing.
+        let squared = (radius * radius) as u32;
+        let outside_core = BitImage::from_fn(width, height, |x, y| self.depth[y * width + x] <= squared);
+        if outside_core.count() == width * height {
+            return BitImage::new(width, height);
+        }
+        let distance = self.edt.squared_distances(&outside_core, Outside::Blocked);
+        BitImage::from_fn(width, height, |x, y| distance[y * width + x] <= squared)
+    }
+}
+
+/// The opening of one image by one size in pixels; see [`Opener`].
+pub fn opening(image: &BitImage, size: f64, mode: Morphology) -> BitImage {
+    Opener::new(image.clone(), mode).open(size)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// The union of all discs in the object, pixel by pixel.
+    fn naive(image: &BitImage, size: f64) -> BitImage {
+        let r = size / 2.0;
+        let reach = r as i64;
+        let disc: Vec<(i64, i64)> = (-reach..=reach)
+            .flat_map(|y| (-reach..=reach).map(move |x| (x, y)))
+            .filter(|&(x, y)| ((x * x + y * y) as f64) <= r * r)
+            .collect();
+        let at = |x: usize, dx: i64| usize::try_from(x as i64 + dx).unwrap_or(usize::MAX);
+        let mut open = BitImage::new(image.width(), image.height());
+        for y in 0..image.height() {
+            for x in 0..image.width() {
+                if disc.iter().all(|&(dx, dy)| image.get(at(x, dx), at(y, dy))) {
+                    disc.iter().for_each(|&(dx, dy)| open.set(at(x, dx), at(y, dy), true));
+                }
+            }
+        }
+        open
+    }
+
+    proptest! {
+        #[test]
+        fn euclidean_opening_matches_the_definition(
+            w in 1usize..70,
+            h in 1usize..40,
+            rectangles in prop::collection::vec((0usize..64, 0usize..40, 1usize..20, 1usize..20), 0..7),
+            size in 0.0..14.0,
+        ) {
+            let image = BitImage::from_fn(w, h, |x, y| {
+                rectangles.iter().any(|&(l, t, a, b)| (l..l + a).contains(&x) && (t..t + b).contains(&y))
+            });
+            prop_assert_eq!(opening(&image, size, Morphology::Euclid), naive(&image, size));
+        }
+    }
+
+    #[test]
+    fn size_zero_changes_nothing_and_a_huge_one_leaves_nothing() {
+        let image = BitImage::from_fn(90, 50, |x, y| x * y % 5 == 1 || (x / 9 + y / 9) % 2 == 0);
+        for mode in [Morphology::Euclid, Morphology::Paper8, Morphology::Paper4] {
+            assert_eq!(opening(&image, 0.0, mode), image);
+            assert_eq!(opening(&image, f64::NAN, mode), image);
+            assert!(opening(&image, 1e9, mode).is_empty());
+            assert!(opening(&BitImage::new(0, 0), 3.0, mode).is_empty());
+        }
+    }
+
+    #[test]
+    fn a_square_survives_smaller_sizes_only() {
+        for a in 1..30usize {
+            let image =
+                BitImage::from_fn(100, 40, |x, y| (50..50 + a).contains(&x) && (4..4 + a).contains(&y));
+            for mode in [Morphology::Euclid, Morphology::Paper8, Morphology::Paper4] {
+                let mut opener = Opener::new(image.clone(), mode);
+                let largest = f64::from(opener.largest());
+                assert!((largest - a as f64).abs() <= 1.0, "{mode:?} {a}: {largest}");
+                assert!(!opener.open(largest - 0.01).is_empty());
+                assert!(opener.open(largest).is_empty());
+            }
+        }
+    }
+
+    /// The Euclidean size does not depend on direction; the paper's counts differ by √2 (method A.4).
+    #[test]
+    fn a_turned_square_keeps_its_size() {
+        let half = 20.0f64;
+        let image = |turned: bool| {
+            BitImage::from_fn(96, 96, |x, y| {
+                let (x, y) = (x as f64 - 47.3, y as f64 - 47.6);
+                let (u, v) = if turned { ((x + y) / 2f64.sqrt(), (x - y) / 2f64.sqrt()) } else { (x, y) };
+                u.abs() < half && v.abs() < half
+            })
+        };
+        let ratio =
+            |mode| Opener::new(image(true), mode).largest() / Opener::new(image(false), mode).largest();
+        assert!((ratio(Morphology::Euclid) - 1.0).abs() < 0.03);
+        assert!((ratio(Morphology::Paper4) - 2f32.sqrt()).abs() < 0.05);
+        assert!((ratio(Morphology::Paper8) - 0.5f32.sqrt()).abs() < 0.05);
+    }
+}
