@@ -25,35 +25,48 @@ pub const AXES: [Vec3; AXIS_COUNT] = [
     Vec3::new(CORNER, -CORNER, -CORNER),
 ];
 
-/// The axis closest to a direction of any length; the first of equals.
+/// Three axes around a direction and their weights, which sum to 1.
 ///
-/// By symmetry only |x|, |y|, |z| and their order matter: `|d·axis|` is the largest component, the sum of the
-/// two largest over √2, or the sum of all three over √3.
-#[inline]
-pub fn nearest_axis(d: Vec3) -> usize {
-    let a = d.abs();
-    let face = a.max_element();
-    let smallest = a.min_element();
-    let edge = (a.x + a.y + a.z - smallest) * EDGE;
-    let corner = (a.x + a.y + a.z) * CORNER;
-    let opposite = |p: f32, q: f32| usize::from(p * q < 0.0);
-    if face >= edge && face >= corner {
-        return if a.x == face {
+/// With |components| a >= b >= c the direction is (a-b)·face + (b-c)·edge + c·corner with the unnormalised face
+/// (1,0,0), edge (1,1,0) and corner (1,1,1) of its octant; divided by a these are barycentric coordinates.
+#[derive(Clone, Copy, Debug)]
+pub struct AxisMix {
+    /// Indices into [`AXES`]: a face, an edge and a corner of the cube.
+    pub axes: [usize; 3],
+    /// Their weights.
+    pub weights: [f32; 3],
+}
+
+impl AxisMix {
+    /// The axes around a direction of any length.
+    pub fn around(d: Vec3) -> AxisMix {
+        let a = d.abs();
+        let face = if a.x >= a.y && a.x >= a.z {
             0
-        } else if a.y == face {
+        } else if a.y >= a.z {
             1
         } else {
             2
         };
-    }
-    if edge >= corner {
-        return if a.z == smallest {
-            3 + opposite(d.x, d.y)
-        } else if a.y == smallest {
-            5 + opposite(d.x, d.z)
-        } else {
-            7 + opposite(d.y, d.z)
+        let (p, q) = ((face + 1) % 3, (face + 2) % 3);
+        let (second, third) = if a[p] >= a[q] { (p, q) } else { (q, p) };
+        let opposite = |i: usize, j: usize| usize::from(d[i] * d[j] < 0.0);
+        // The edge lies in the plane of the two largest components.
+        let edge = match third {
+            2 => 3 + opposite(0, 1),
+            1 => 5 + opposite(0, 2),
+            _ => 7 + opposite(1, 2),
         };
+        let corner = 9 + 2 * opposite(0, 1) + opposite(0, 2);
+        let largest = a[face].max(f32::MIN_POSITIVE);
+        AxisMix {
+            axes: [face, edge, corner],
+            weights: [(a[face] - a[second]) / largest, (a[second] - a[third]) / largest, a[third] / largest],
+        }
     }
-    9 + 2 * opposite(d.x, d.y) + opposite(d.x, d.z)
+
+    /// Value of a quantity that is known along the axes.
+    pub fn mix(&self, values: impl Fn(usize) -> f32) -> f32 {
+        self.axes.iter().zip(self.weights).map(|(&axis, w)| w * values(axis)).sum()
+    }
 }

@@ -9,7 +9,7 @@ mod silhouette;
 #[cfg(test)]
 mod tests;
 
-pub use axes::{AXES, AXIS_COUNT, nearest_axis};
+pub use axes::{AXES, AXIS_COUNT, AxisMix};
 
 use crate::hierarchy::Tree;
 use crate::math::{Aabb, triangle_area};

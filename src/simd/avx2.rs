@@ -145,7 +145,16 @@ impl Simd for Avx2 {
         })
     }
     #[inline(always)]
-    fn sqrt(self, v: F) -> F {
+    fn sum(self, v: F) -> f32 {
+        op!({
+            let s = _mm256_add_ps(v[0], v[1]);
+            let s = _mm_add_ps(_mm256_castps256_ps128(s), _mm256_extractf128_ps::<1>(s));
+            let s = _mm_add_ps(s, _mm_movehl_ps(s, s));
+            _mm_cvtss_f32(_mm_add_ss(s, _mm_shuffle_ps::<1>(s, s)))
+        })
+    }
+    #[inline(always)]
+    fn root(self, v: F) -> F {
         both(v, v, |v, _| op!(_mm256_sqrt_ps(v)))
     }
     #[inline(always)]

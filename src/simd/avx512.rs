@@ -121,7 +121,17 @@ impl Simd for Avx512 {
         op!(_mm512_reduce_max_ps(v))
     }
     #[inline(always)]
-    fn sqrt(self, v: Self::F) -> Self::F {
+    fn sum(self, v: Self::F) -> f32 {
+        op!({
+            let high = _mm256_castpd_ps(_mm512_extractf64x4_pd::<1>(_mm512_castps_pd(v)));
+            let s = _mm256_add_ps(_mm512_castps512_ps256(v), high);
+            let s = _mm_add_ps(_mm256_castps256_ps128(s), _mm256_extractf128_ps::<1>(s));
+            let s = _mm_add_ps(s, _mm_movehl_ps(s, s));
+            _mm_cvtss_f32(_mm_add_ss(s, _mm_shuffle_ps::<1>(s, s)))
+        })
+    }
+    #[inline(always)]
+    fn root(self, v: Self::F) -> Self::F {
         op!(_mm512_sqrt_ps(v))
     }
     #[inline(always)]

@@ -51,13 +51,31 @@ pub trait Simd: Copy {
     fn least(self, v: Self::F) -> f32;
     /// Largest lane.
     fn greatest(self, v: Self::F) -> f32;
-    fn sqrt(self, v: Self::F) -> Self::F;
+    /// Sum of the lanes, halves folded onto each other so that every instruction set rounds alike.
+    fn sum(self, v: Self::F) -> f32;
+    /// Square root.
+    fn root(self, v: Self::F) -> Self::F;
     /// Zero where the condition is false.
     fn keep(self, m: Self::M, v: Self::F) -> Self::F;
     fn zero_bits(self) -> Self::I;
     /// Sets `bit` (a value with that bit) in the lanes where the condition holds.
     fn set_bit(self, to: Self::I, m: Self::M, bit: u32) -> Self::I;
     fn store_bits(self, v: Self::I, to: &mut [u32; LANES]);
+}
+
+/// exp(-x) for x >= 0 to 1e-5, as (1 + y + y²/2 + y³/6 + y⁴/24)^-64 with y = x/64; the same on every machine.
+#[inline(always)]
+pub fn decay<S: Simd>(simd: S, x: S::F) -> S::F {
+    let one = simd.splat(1.0);
+    let y = simd.mul(simd.min(x, simd.splat(80.0)), simd.splat(1.0 / 64.0));
+    let mut p = simd.add(one, simd.mul(y, simd.splat(0.25)));
+    for k in [1.0 / 3.0, 0.5, 1.0] {
+        p = simd.add(one, simd.mul(simd.mul(y, simd.splat(k)), p));
+    }
+    for _ in 0..6 {
+        p = simd.mul(p, p);
+    }
+    simd.div(one, p)
 }
 
 /// A computation that is compiled for each instruction set.

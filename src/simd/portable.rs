@@ -105,7 +105,14 @@ impl Simd for Portable {
         v.into_iter().fold(v[0], |a, b| if a > b { a } else { b })
     }
     #[inline(always)]
-    fn sqrt(self, v: Self::F) -> Self::F {
+    fn sum(self, mut v: Self::F) -> f32 {
+        for half in [8, 4, 2, 1] {
+            (0..half).for_each(|i| v[i] += v[i + half]);
+        }
+        v[0]
+    }
+    #[inline(always)]
+    fn root(self, v: Self::F) -> Self::F {
         v.map(f32::sqrt)
     }
     #[inline(always)]

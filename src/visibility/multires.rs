@@ -16,13 +16,12 @@ use super::reference;
 use super::shaft::Shaft;
 use super::wide::{Block, LEAF, WideTree};
 use super::{Answer, Bundle, Cost, Method, wilson};
-use crate::characterise::{Traits, nearest_axis};
+use crate::characterise::{AxisMix, Traits};
 use crate::embree::{CommittedScene, Traversal};
 use crate::hierarchy::Hierarchy;
 use crate::ray::{Lanes, Packet};
 use crate::scene::Scene;
-use crate::simd::{Isa, Kernel, LANES, Simd, dispatch};
-use glam::Vec3;
+use crate::simd::{Isa, Kernel, LANES, Simd, decay, dispatch};
 
 /// What happens in a leaf that the criterion opens.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -55,18 +54,13 @@ pub struct MultiResolution<'a> {
 /// Buffers of a thread, kept between calls.
 pub struct Workspace {
     stack: Vec<(u32, u32)>,
-    /// Optical depth of each segment, summed lane by lane of the nodes.
-    depth: Box<[[f32; LANES]; LANES]>,
-    /// Largest single optical depth, for the upper Fréchet bound.
-    deepest: Box<[[f32; LANES]; LANES]>,
     /// Transmittance of each segment of the last packet.
     transmittance: [f32; LANES],
 }
 
 impl Default for Workspace {
     fn default() -> Self {
-        let zero = || Box::new([[0.0; LANES]; LANES]);
-        Workspace { stack: Vec::with_capacity(256), depth: zero(), deepest: zero(), transmittance: [0.0; LANES] }
+        Workspace { stack: Vec::with_capacity(256), transmittance: [0.0; LANES] }
     }
 }
 
@@ -77,9 +71,11 @@ struct Walked {
     tested: u32,
     nodes: u32,
     gave_up: bool,
+    totals: Totals,
 }
 
 /// Sums over the segments of a packet.
+#[derive(Clone, Copy, Default)]
 struct Totals {
     transmittance: f32,
     lo: f32,
@@ -129,7 +125,7 @@ impl<'a> MultiResolution<'a> {
     /// The visible fraction of a bundle for feature size `s` (scene units, on the receiver; finite, positive).
     pub fn answer(&self, bundle: Bundle, s: f32, workspace: &mut Workspace) -> Answer {
         let mut cost = Cost::default();
-        let mut sum = Totals { transmittance: 0.0, lo: 0.0, hi: 0.0 };
+        let mut sum = Totals::default();
         for packet in bundle.packets {
             let totals = self.packet(packet, bundle.emitter_size, s, workspace, &mut cost);
             sum.transmittance += totals.transmittance;
@@ -171,30 +167,8 @@ impl<'a> MultiResolution<'a> {
         }
         cost.exact_rays += u64::from(walked.tested.count_ones());
         cost.aggregated += u64::from((walked.aggregated & !walked.blocked).count_ones());
-        finish(packet, &walked, workspace)
+        walked.totals
     }
-}
-
-/// Sums the lanes of the depths and takes the exponentials.
-fn finish(packet: &Packet, walked: &Walked, workspace: &mut Workspace) -> Totals {
-    let mut totals = Totals { transmittance: 0.0, lo: 0.0, hi: 0.0 };
-    workspace.transmittance = [0.0; LANES];
-    for i in Lanes(packet.active & !walked.blocked) {
-        let (mut t, mut lo, mut hi) = (1.0, 1.0, 1.0);
-        if walked.aggregated >> i & 1 == 1 {
-            let depth: f32 = workspace.depth[i].iter().sum();
-            t = (-depth).exp();
-            // Any dependence between the clusters lies within Fréchet's bounds (method D.7); 1 - τ bounds
-            // 1 - Σ(1 - T_i) from below.
-            lo = (1.0 - depth).max(0.0);
-            hi = (-workspace.deepest[i].iter().fold(0.0f32, |a, &b| a.max(b))).exp();
-        }
-        workspace.transmittance[i] = t;
-        totals.transmittance += t;
-        totals.lo += lo;
-        totals.hi += hi;
-    }
-    totals
 }
 
 struct Walk<'a, 'b> {
@@ -205,32 +179,71 @@ struct Walk<'a, 'b> {
     workspace: &'a mut Workspace,
 }
 
-/// Lane by lane what a box test needs of a segment.
-struct Segments {
-    inverse: [[f32; LANES]; 3],
-    length: [f32; LANES],
-    axis: [u8; LANES],
+/// What box tests need of the segments, lane by lane.
+struct Segments<S: Simd> {
+    origin: [S::F; 3],
+    inverse: [S::F; 3],
+    /// The same as scalars.
+    inverses: [[f32; LANES]; 3],
+    near: S::F,
+    far: S::F,
 }
 
-impl Segments {
+impl<S: Simd> Segments<S> {
     #[inline(always)]
-    fn of<S: Simd>(simd: S, packet: &Packet) -> Segments {
-        let mut s = Segments { inverse: [[0.0; LANES]; 3], length: [0.0; LANES], axis: [0; LANES] };
-        let mut square = simd.splat(0.0);
-        for axis in 0..3 {
+    fn of(simd: S, packet: &Packet) -> Self {
+        let mut inverses = [[0.0; LANES]; 3];
+        let inverse = [0, 1, 2].map(|axis| {
             let d = simd.load(&packet.direction[axis]);
-            square = simd.add(square, simd.mul(d, d));
             // Finite even for zero, so that 0 · inverse is never NaN.
             let tiny = simd.lt(simd.abs(d), simd.splat(1e-30));
-            let d = simd.select(tiny, simd.splat(1e-30), d);
-            simd.store(simd.div(simd.splat(1.0), d), &mut s.inverse[axis]);
+            let inverse = simd.div(simd.splat(1.0), simd.select(tiny, simd.splat(1e-30), d));
+            simd.store(inverse, &mut inverses[axis]);
+            inverse
+        });
+        Segments {
+            origin: [0, 1, 2].map(|axis| simd.load(&packet.origin[axis])),
+            inverse,
+            inverses,
+            near: simd.load(&packet.near),
+            far: simd.load(&packet.far),
         }
-        simd.store(simd.sqrt(square), &mut s.length);
-        for i in packet.lanes() {
-            s.axis[i] = nearest_axis(Vec3::from(packet.direction.map(|a| a[i]))) as u8;
-        }
-        s
     }
+}
+
+/// Where segments and boxes overlap and what the criterion says of it.
+struct Overlap<S: Simd> {
+    hit: S::M,
+    aggregated: S::M,
+    path: S::F,
+}
+
+/// Boxes against segments, whichever of the two lies in the lanes.
+#[inline(always)]
+#[allow(clippy::too_many_arguments)] // One formula with its operands.
+fn overlap<S: Simd>(
+    simd: S,
+    (min, max): ([S::F; 3], [S::F; 3]),
+    (origin, inverse): ([S::F; 3], [S::F; 3]),
+    (near, far): (S::F, S::F),
+    size: S::F,
+    (e, s): (f32, f32),
+) -> Overlap<S> {
+    let mut enter = simd.splat(0.0);
+    let mut leave = simd.splat(1.0);
+    for axis in 0..3 {
+        let a = simd.mul(simd.sub(min[axis], origin[axis]), inverse[axis]);
+        let b = simd.mul(simd.sub(max[axis], origin[axis]), inverse[axis]);
+        enter = simd.max(simd.min(a, b), enter);
+        leave = simd.min(simd.max(a, b), leave);
+    }
+    let hit = simd.and(simd.le(enter, leave), simd.and(simd.lt(near, leave), simd.lt(enter, far)));
+    // An end inside, or within the end's margin: the cluster must be opened (method D.5).
+    let outside = simd.and(simd.lt(near, enter), simd.lt(leave, far));
+    let t = if e > s { enter } else { leave };
+    let threshold = simd.add(simd.splat(s), simd.mul(simd.splat(e - s), t));
+    let aggregated = simd.and(simd.and(hit, outside), simd.lt(size, threshold));
+    Overlap { hit, aggregated, path: simd.sub(leave, enter) }
 }
 
 impl Kernel for Walk<'_, '_> {
@@ -241,8 +254,12 @@ impl Kernel for Walk<'_, '_> {
         let Walk { engine, packet, e, s, workspace } = self;
         let tree = &engine.tree;
         let shaft = Shaft::of(simd, packet, engine.magnitude);
-        let mut walked = Walked { blocked: 0, aggregated: 0, tested: 0, nodes: 0, gave_up: false };
-        let mut segments: Option<Segments> = None;
+        let mix = AxisMix::around(shaft.direction());
+        let mut walked =
+            Walked { blocked: 0, aggregated: 0, tested: 0, nodes: 0, gave_up: false, totals: Totals::default() };
+        let segments = Segments::of(simd, packet);
+        // Optical depth in units of each segment's length, and its largest part.
+        let (mut depth, mut deepest) = ([0.0f32; LANES], [0.0f32; LANES]);
         let soft = engine.leaf == Leaf::Extinction;
         let mut work = 0;
         workspace.stack.clear();
@@ -272,74 +289,136 @@ impl Kernel for Walk<'_, '_> {
                 if touched == 0 {
                     continue;
                 }
-                let small = shaft.maybe_small(simd, node, e, s);
-                let may_aggregate = touched & (small | if soft { node.soft_leaves } else { 0 });
-                if may_aggregate == 0 && touched.count_ones() <= CROWD {
+                // Traits along the bundle's direction, between the three axes around it (method A.14).
+                let traits = &tree.traits[reference as usize];
+                let mut sizes = simd.splat(0.0);
+                let mut kappas = simd.splat(0.0);
+                for (&axis, weight) in mix.axes.iter().zip(mix.weights) {
+                    let weight = simd.splat(weight);
+                    sizes = simd.add(sizes, simd.mul(weight, simd.load_half(&traits[axis].size)));
+                    kappas = simd.add(kappas, simd.mul(weight, simd.load_half(&traits[axis].extinction)));
+                }
+                let soft_leaves = if soft { node.soft_leaves } else { 0 };
+                let small = shaft.maybe_small(simd, node, sizes, e, s);
+                let crowd = touched.count_ones();
+                if touched & (small | soft_leaves) == 0 && crowd <= CROWD {
                     for lane in Lanes(touched) {
                         workspace.stack.push((node.child[lane], active));
                     }
                     continue;
                 }
-                let segments = segments.get_or_insert_with(|| Segments::of(simd, packet));
-                work += active.count_ones();
-                let touched = simd.mask(touched);
-                let soft_leaves = simd.mask(if soft { node.soft_leaves } else { 0 });
-                let bounds = |b: &[[f32; LANES]; 3]| [simd.load(&b[0]), simd.load(&b[1]), simd.load(&b[2])];
-                let (min, max) = (bounds(&node.min), bounds(&node.max));
-                let mut opened = simd.zero_bits();
-                for i in Lanes(active) {
-                    let mut enter = simd.splat(0.0);
-                    let mut leave = simd.splat(1.0);
-                    for axis in 0..3 {
-                        let o = simd.splat(packet.origin[axis][i]);
-                        let inverse = simd.splat(segments.inverse[axis][i]);
-                        let a = simd.mul(simd.sub(min[axis], o), inverse);
-                        let b = simd.mul(simd.sub(max[axis], o), inverse);
-                        enter = simd.max(simd.min(a, b), enter);
-                        leave = simd.min(simd.max(a, b), leave);
-                    }
-                    let near = simd.splat(packet.near[i]);
-                    let far = simd.splat(packet.far[i]);
-                    let hit = simd.and(touched, simd.le(enter, leave));
-                    let hit = simd.and(hit, simd.and(simd.lt(near, leave), simd.lt(enter, far)));
-                    // An end inside, or within the end's margin: the cluster must be opened (method D.5).
-                    let outside = simd.and(simd.lt(near, enter), simd.lt(leave, far));
-                    let threshold = {
-                        let t = if e > s { enter } else { leave };
-                        simd.add(simd.splat(s), simd.mul(simd.splat(e - s), t))
-                    };
-                    let axis = &tree.traits[reference as usize][segments.axis[i] as usize];
-                    let small = simd.lt(simd.load_half(&axis.size), threshold);
-                    let passed = simd.or(simd.and(outside, small), soft_leaves);
-                    let aggregated = simd.and(hit, passed);
-                    if simd.bits(aggregated) != 0 {
-                        if walked.aggregated >> i & 1 == 0 {
-                            walked.aggregated |= 1 << i;
-                            workspace.depth[i] = [0.0; LANES];
-                            workspace.deepest[i] = [0.0; LANES];
+                let count = active.count_ones();
+                if crowd < count {
+                    // Few boxes, many segments: segments in the lanes.
+                    work += crowd;
+                    let (mut size_of, mut kappa_of) = ([0.0; LANES], [0.0; LANES]);
+                    simd.store(sizes, &mut size_of);
+                    simd.store(kappas, &mut kappa_of);
+                    let alive = simd.mask(active);
+                    for lane in Lanes(touched) {
+                        let bounds = |b: &[[f32; LANES]; 3]| [0, 1, 2].map(|axis| simd.splat(b[axis][lane]));
+                        let o = overlap(
+                            simd,
+                            (bounds(&node.min), bounds(&node.max)),
+                            (segments.origin, segments.inverse),
+                            (segments.near, segments.far),
+                            simd.splat(size_of[lane]),
+                            (e, s),
+                        );
+                        let hit = simd.and(o.hit, alive);
+                        let aggregated = if soft_leaves >> lane & 1 == 1 { hit } else { simd.and(o.aggregated, hit) };
+                        let bits = simd.bits(aggregated);
+                        if bits != 0 {
+                            walked.aggregated |= bits;
+                            let d = simd.keep(aggregated, simd.mul(o.path, simd.splat(kappa_of[lane])));
+                            simd.store(simd.add(simd.load(&depth), d), &mut depth);
+                            simd.store(simd.max(simd.load(&deepest), d), &mut deepest);
                         }
-                        let path = simd.mul(simd.sub(leave, enter), simd.splat(segments.length[i]));
-                        let depth = simd.keep(aggregated, simd.mul(path, simd.load_half(&axis.extinction)));
-                        simd.store(simd.add(simd.load(&workspace.depth[i]), depth), &mut workspace.depth[i]);
-                        simd.store(simd.max(simd.load(&workspace.deepest[i]), depth), &mut workspace.deepest[i]);
+                        let opened = simd.bits(hit) & !bits;
+                        if opened != 0 {
+                            workspace.stack.push((node.child[lane], opened));
+                        }
                     }
-                    opened = simd.set_bit(opened, simd.and_not(hit, aggregated), 1 << i);
-                }
-                let mut masks = [0; LANES];
-                simd.store_bits(opened, &mut masks);
-                for (lane, &mask) in masks.iter().enumerate() {
-                    if mask != 0 {
-                        workspace.stack.push((node.child[lane], mask));
+                } else {
+                    // Few segments, many boxes: boxes in the lanes.
+                    work += count;
+                    let touched = simd.mask(touched);
+                    let soft_leaves = simd.mask(soft_leaves);
+                    let bounds = |b: &[[f32; LANES]; 3]| [0, 1, 2].map(|axis| simd.load(&b[axis]));
+                    let (min, max) = (bounds(&node.min), bounds(&node.max));
+                    let mut opened = simd.zero_bits();
+                    for i in Lanes(active) {
+                        let o = overlap(
+                            simd,
+                            (min, max),
+                            (
+                                [0, 1, 2].map(|axis| simd.splat(packet.origin[axis][i])),
+                                [0, 1, 2].map(|axis| simd.splat(segments.inverses[axis][i])),
+                            ),
+                            (simd.splat(packet.near[i]), simd.splat(packet.far[i])),
+                            sizes,
+                            (e, s),
+                        );
+                        let hit = simd.and(o.hit, touched);
+                        let aggregated = simd.and(hit, simd.or(o.aggregated, soft_leaves));
+                        if simd.bits(aggregated) != 0 {
+                            walked.aggregated |= 1 << i;
+                            let d = simd.keep(aggregated, simd.mul(o.path, kappas));
+                            depth[i] += simd.sum(d);
+                            deepest[i] = deepest[i].max(simd.greatest(d));
+                        }
+                        opened = simd.set_bit(opened, simd.and_not(hit, aggregated), 1 << i);
+                    }
+                    let mut masks = [0; LANES];
+                    simd.store_bits(opened, &mut masks);
+                    for (lane, &mask) in masks.iter().enumerate() {
+                        if mask != 0 {
+                            workspace.stack.push((node.child[lane], mask));
+                        }
                     }
                 }
             }
             if work > WORK_LIMIT {
                 walked.gave_up = true;
-                break;
+                return walked;
             }
         }
+        walked.totals = finish(simd, packet, &walked, (&depth, &deepest), &mut workspace.transmittance);
         walked
     }
+}
+
+/// Transmittances from optical depths, and the sums of them and of their bounds.
+#[inline(always)]
+fn finish<S: Simd>(
+    simd: S,
+    packet: &Packet,
+    walked: &Walked,
+    (depth, deepest): (&[f32; LANES], &[f32; LANES]),
+    transmittance: &mut [f32; LANES],
+) -> Totals {
+    let clear = packet.active & !walked.blocked;
+    if walked.aggregated & clear == 0 {
+        *transmittance = std::array::from_fn(|i| (clear >> i & 1) as f32);
+        let n = clear.count_ones() as f32;
+        return Totals { transmittance: n, lo: n, hi: n };
+    }
+    let length = {
+        let [x, y, z] = [0, 1, 2].map(|axis| {
+            let d = simd.load(&packet.direction[axis]);
+            simd.mul(d, d)
+        });
+        simd.root(simd.add(simd.add(x, y), z))
+    };
+    let clear = simd.mask(clear);
+    let tau = simd.mul(simd.load(depth), length);
+    let t = simd.keep(clear, decay(simd, tau));
+    simd.store(t, transmittance);
+    // Any dependence between the clusters lies within Fréchet's bounds (method D.7): the smallest of the parts
+    // from above, 1 - Σ(1 - T_i) >= 1 - τ from below.
+    let lo = simd.keep(clear, simd.max(simd.sub(simd.splat(1.0), tau), simd.splat(0.0)));
+    let hi = simd.keep(clear, decay(simd, simd.mul(simd.load(deepest), length)));
+    Totals { transmittance: simd.sum(t), lo: simd.sum(lo), hi: simd.sum(hi) }
 }
 
 /// Segments that a candidate triangle of a block blocks (Möller & Trumbore 1997, one triangle for all lanes).

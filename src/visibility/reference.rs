@@ -1,7 +1,7 @@
 //! The rule of method A.6, one segment and one node at a time: what the fast engine is tested against.
 
 use super::multires::Leaf;
-use crate::characterise::{Traits, nearest_axis};
+use crate::characterise::{AxisMix, Traits};
 use crate::hierarchy::{Hierarchy, Tree};
 use crate::scene::Scene;
 use glam::Vec3;
@@ -59,11 +59,13 @@ impl Met {
     }
 }
 
-/// Walks the clusters for one segment. `blocks(triangle)` says whether a triangle blocks it.
+/// Walks the clusters for one segment. Traits are taken along `towards`, the direction of the segment's bundle;
+/// `blocks(triangle)` says whether a triangle blocks the segment.
 pub fn walk(
     hierarchy: &Hierarchy,
     traits: &[Traits],
     segment: Segment,
+    towards: Vec3,
     (e, s): (f32, f32),
     leaf: Leaf,
     mut blocks: impl FnMut(u32) -> bool,
@@ -71,8 +73,8 @@ pub fn walk(
     let mut met = Met { depth: 0.0, blocked: false, aggregated: 0 };
     met.blocked = hierarchy.large.order.iter().any(|&t| blocks(t));
     if !hierarchy.micro.clusters.is_empty() {
-        let axis = nearest_axis(segment.direction);
-        visit(&hierarchy.micro, 0, traits, segment, (e, s), leaf, axis, &mut met, &mut blocks);
+        let mix = AxisMix::around(towards);
+        visit(&hierarchy.micro, 0, traits, segment, (e, s), leaf, &mix, &mut met, &mut blocks);
     }
     met
 }
@@ -85,7 +87,7 @@ fn visit(
     segment: Segment,
     (e, s): (f32, f32),
     leaf: Leaf,
-    axis: usize,
+    mix: &AxisMix,
     met: &mut Met,
     blocks: &mut impl FnMut(u32) -> bool,
 ) {
@@ -107,16 +109,16 @@ fn visit(
     // The end of the overlap where the umbra is largest: receiver side if b < e, emitter side if b > e. In terms
     // of the threshold that is the end where it is smaller.
     let threshold = s + (e - s) * if e > s { enter } else { leave };
-    let small = traits[c].feature_size(axis) < threshold;
+    let small = mix.mix(|axis| traits[c].feature_size(axis)) < threshold;
     if (small && !end_inside) || (cluster.is_leaf() && leaf == Leaf::Extinction) {
         let path = f64::from(leave - enter) * f64::from(segment.direction.length());
-        met.depth += path * f64::from(traits[c].extinction[axis]);
+        met.depth += path * f64::from(mix.mix(|axis| traits[c].extinction[axis]));
         met.aggregated += 1;
     } else if cluster.is_leaf() {
         met.blocked |= tree.triangles_of(c).iter().any(|&t| blocks(t));
     } else {
         for child in cluster.child_range() {
-            visit(tree, child, traits, segment, (e, s), leaf, axis, met, blocks);
+            visit(tree, child, traits, segment, (e, s), leaf, mix, met, blocks);
         }
     }
 }

@@ -100,7 +100,7 @@ impl Shaft {
     /// A guess for the whole bundle, judged at the centre of each box: what it leaves out is opened, which is
     /// always allowed; what it lets through is decided segment by segment.
     #[inline(always)]
-    pub fn maybe_small<S: Simd>(&self, simd: S, node: &Node, e: f32, s: f32) -> u32 {
+    pub fn maybe_small<S: Simd>(&self, simd: S, node: &Node, sizes: S::F, e: f32, s: f32) -> u32 {
         let mut t = simd.splat(0.0);
         let mut holds_end = [simd.mask(0xffff); 2];
         for axis in 0..3 {
@@ -114,8 +114,13 @@ impl Shaft {
             }
         }
         let threshold = simd.add(simd.splat(s), simd.mul(simd.splat(e - s), t));
-        let small = simd.lt(simd.load(&node.smallest), threshold);
+        let small = simd.lt(sizes, threshold);
         simd.bits(simd.and_not(small, simd.or(holds_end[0], holds_end[1])))
+    }
+
+    /// From the middle of the receiver ends to the middle of the emitter ends, not normalised.
+    pub fn direction(&self) -> Vec3 {
+        self.ends[1].0 - self.ends[0].0
     }
 
     /// Children of a node that may touch the shaft.

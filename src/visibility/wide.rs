@@ -13,8 +13,6 @@ pub(super) const LEAF: u32 = 1 << 31;
 pub(super) struct Node {
     pub min: [[f32; LANES]; 3],
     pub max: [[f32; LANES]; 3],
-    /// Smallest feature size over the axes: what no threshold below it can aggregate.
-    pub smallest: [f32; LANES],
     pub child: [u32; LANES],
     /// Children that are leaves and may be answered by extinction.
     pub soft_leaves: u32,
@@ -47,8 +45,7 @@ pub(super) struct WideTree {
 }
 
 fn half_up(v: f32) -> u16 {
-    // All bits of the lower half round away from zero; infinity stays infinity.
-    if v.is_finite() { (v.to_bits().saturating_add(0xffff) >> 16) as u16 } else { (v.to_bits() >> 16) as u16 }
+    (v.to_bits().saturating_add(0xffff) >> 16) as u16
 }
 
 fn half_nearest(v: f32) -> u16 {
@@ -60,7 +57,6 @@ impl Node {
         Node {
             min: [[f32::MAX; LANES]; 3],
             max: [[f32::MAX; LANES]; 3],
-            smallest: [f32::INFINITY; LANES],
             child: [LEAF; LANES],
             soft_leaves: 0,
         }
@@ -119,14 +115,11 @@ impl WideTree {
         if reference & LEAF != 0 {
             target.soft_leaves |= 1 << lane;
         }
-        let mut smallest = f32::INFINITY;
         for axis in 0..AXIS_COUNT {
             let entry = &mut self.traits[node][axis];
             entry.size[lane] = half_up(traits.feature_size(axis));
             entry.extinction[lane] = half_nearest(traits.extinction[axis]);
-            smallest = smallest.min(f32::from_bits(u32::from(entry.size[lane]) << 16));
         }
-        target.smallest[lane] = smallest;
     }
 
     /// Bytes of all arrays.
@@ -136,7 +129,8 @@ impl WideTree {
 }
 
 fn no_traits() -> [AxisTraits; AXIS_COUNT] {
-    [AxisTraits { size: [half_up(f32::INFINITY); LANES], extinction: [0; LANES] }; AXIS_COUNT]
+    // The largest size, not infinity: weights of zero must not make NaN of it.
+    [AxisTraits { size: [half_up(1e30); LANES], extinction: [0; LANES] }; AXIS_COUNT]
 }
 
 fn block_of(scene: &Scene, triangles: &[u32]) -> Block {
