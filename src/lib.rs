@@ -1,8 +1,10 @@
 #![doc = include_str!("ARCHITECTURE.md")]
 
+pub mod bench;
 pub mod error;
 pub mod math;
 pub mod metrics;
+pub mod output;
 pub mod raster;
 pub mod scene;
 

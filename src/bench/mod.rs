@@ -1,0 +1,3 @@
+//! The measurement `mrvis bench`: exact against multi-resolution visibility on the same segments.
+
+pub mod record;
