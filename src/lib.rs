@@ -1,6 +1,8 @@
 #![doc = include_str!("ARCHITECTURE.md")]
 
 pub mod bench;
+#[cfg(feature = "cli")]
+pub mod cli;
 pub mod error;
 pub mod math;
 pub mod metrics;

@@ -6,12 +6,16 @@
 //!
 //! This room knows nothing of visibility or of how an image was computed.
 
+mod axis;
 mod picture;
+mod plot;
 mod read;
 mod write;
 
+pub use axis::{Scale, number};
 pub use picture::{
     DIVERGING, Picture, SEQUENTIAL, difference, false_colour, grey, linear_to_srgb, mask, mask_overlay,
 };
+pub use plot::{Plot, Point, Series};
 pub use read::{Channel, read_image, srgb_to_linear};
 pub use write::{exr_bytes, write_atomically, write_exr, write_png};
