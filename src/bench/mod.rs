@@ -1,3 +1,4 @@
 //! The measurement `mrvis bench`: exact against multi-resolution visibility on the same segments.
 
+pub mod page;
 pub mod record;
