@@ -2,11 +2,14 @@
 
 pub mod bench;
 pub mod characterise;
+#[cfg(feature = "cli")]
+pub mod cli;
 pub mod embree;
 pub mod error;
 pub mod hierarchy;
 pub mod math;
 pub mod metrics;
+pub mod output;
 pub mod raster;
 pub mod ray;
 pub mod scene;

@@ -1,1 +1,6 @@
-pub mod measure; pub mod workload;
+//! The measurement `mrvis bench`: exact against multi-resolution visibility on the same segments.
+
+pub mod measure;
+pub mod page;
+pub mod record;
+pub mod workload;

@@ -1,0 +1,193 @@
+//! `report.html`: what a run measured, for somebody who has not read the paper.
+//!
+//! One file without references to the network or to other files: pictures are inline PNG and SVG. The page is a pure
+//! function of the record and the images.
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+use super::record::{MrRow, Record};
+use crate::Result;
+use crate::metrics::Image;
+use crate::output::number;
+
+mod losses;
+mod plots;
+mod prose;
+mod receivers;
+mod tables;
+
+const STYLE: &str = include_str!("page/style.css");
+
+/// Shadow images of one receiver, all of the same sides and texel size: the visible fraction of the light at each
+/// texel, in [0, 1]. Feature masks are computed from the reference.
+#[derive(Clone, Debug)]
+pub struct ReceiverImages {
+    /// The receiver's name, as in the record.
+    pub name: String,
+    /// Exact, with very many rays.
+    pub reference: Image,
+    /// Exact, with 16 rays a texel.
+    pub exact16: Image,
+    /// Multi-resolution, by feature size (scene units).
+    pub mr: Vec<(f32, Image)>,
+}
+
+/// The page as HTML.
+///
+/// # Errors
+/// [`Error::Argument`](crate::Error::Argument) when the images of a receiver differ in columns or rows, or a feature
+/// size is not a length.
+pub fn render(record: &Record, receivers: &[ReceiverImages]) -> Result<String> {
+    let title = format!("mrvis bench: {}", file_name(&record.scene.path));
+    let shadows = receivers.iter().map(|r| receivers::section(record, r)).collect::<Result<Vec<_>>>()?;
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta name="color-scheme" content="light dark";
+                title { (title) }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                main {
+                    (headline(record))
+                    (tables::scene(record))
+                    section {
+                        h2 { "Error against time" }
+                        (plots::error_against_time(record)?)
+                    }
+                    (tables::measurements(record))
+                    section {
+                        h2 { "Shadow images" }
+                        @if receivers.is_empty() { p { "No receiver was imaged in this run." } }
+                        @else { (prose::shadow_images()) }
+                        @for shadow in shadows { (shadow) }
+                    }
+                    (losses::section(record, receivers)?)
+                    (prose::how_to_read())
+                    (footer(record))
+                }
+            }
+        }
+    };
+    Ok(page.into_string())
+}
+
+/// Title and the result in one sentence.
+fn headline(record: &Record) -> Markup {
+    let best_of = |speed: fn(&MrRow) -> Option<f64>| {
+        record
+            .mr
+            .iter()
+            .filter_map(speed)
+            .filter(|v| v.is_finite())
+            .fold(None, |m: Option<f64>, v| Some(m.map_or(v, |m| m.max(v))))
+    };
+    let figure = |value: Option<f64>, what: &str| {
+        html! {
+            div.figure { div.value { (times(value)) } div.what { (what) } }
+        }
+    };
+    html! {
+        header {
+            p.kicker { "Exact against multi-resolution visibility" }
+            h1 { (file_name(&record.scene.path)) }
+            (sentence(record))
+            div.figures {
+                (figure(best_of(|row| row.speedup_at_same_rms), "faster at the same error (RMS)"))
+                (figure(best_of(|row| row.speedup_at_same_fbem), "faster at the same feature error (FBEM)"))
+                (figure(best_of(|row| Some(row.speedup_per_segment)), "faster per segment"))
+            }
+            @for warning in &record.warnings { p.warning { (warning) } }
+        }
+    }
+}
+
+/// The best row in plain words.
+fn sentence(record: &Record) -> Markup {
+    let Some((best, speed)) = record.best().and_then(|row| Some((row, row.speedup_at_same_rms?))) else {
+        return html! { p.lead { "This run holds no multi-resolution row whose speed could be compared." } };
+    };
+    let size = length(best.feature_size, &record.unit);
+    html! {
+        p.lead {
+            @if speed >= 1.05 {
+                "Answering for features of " (size) ", multi-resolution visibility was "
+                strong { (times(Some(speed))) " faster" }
+                " than exact ray tracing (Embree) of the same accuracy"
+            } @else if speed > 0.95 {
+                "Multi-resolution visibility was " strong { "no faster" }
+                " than exact ray tracing (Embree) of the same accuracy on this scene; its best feature size was " (size)
+            } @else {
+                "On this scene multi-resolution visibility was " strong { "slower" }
+                " than exact ray tracing (Embree) of the same accuracy: " (times(Some(speed))) " of its speed at best, at "
+                (size)
+            }
+            ", with a root mean square error of " (percent(best.rms)) " of the light."
+        }
+        @if best.extrapolated {
+            p.note {
+                "No measured number of exact rays was that accurate. The time that exact would need is extrapolated: \
+                 halving its error takes four times the rays."
+            }
+        }
+    }
+}
+
+/// Where the figures come from, enough to repeat them.
+fn footer(record: &Record) -> Markup {
+    let plural = if record.threads == 1 { "thread" } else { "threads" };
+    html! {
+        footer {
+            h2 { "To repeat this" }
+            p {
+                "mrvis " (record.mrvis) " · Embree " (record.embree) " (" (record.isa) ") · "
+                (record.threads) " " (plural) " in the timed sections · seed " (record.seed) " · lengths in " (record.unit)
+            }
+            pre {
+                "mrvis bench " (record.scene.path)
+                " --points " (record.workload.points)
+                " --rays " (record.workload.rays)
+                " --reference-rays " (record.workload.reference_rays)
+                @for row in &record.mr { " --feature-size " (row.feature_size) }
+                " --seed " (record.seed) " --threads " (record.threads) " --unit " (record.unit)
+            }
+            p.note {
+                "The same command gives the same figures but for the times, which depend on the machine and on what \
+                 else runs on it. Speed-ups are ratios of times of one run."
+            }
+        }
+    }
+}
+
+/// The last part of a path.
+fn file_name(path: &str) -> &str {
+    let name = path.rsplit(['/', '\\']).next().unwrap_or(path);
+    if name.is_empty() { "unnamed scene" } else { name }
+}
+
+/// A factor, such as `27×`; a dash when unknown.
+fn times(value: Option<f64>) -> String {
+    match value {
+        Some(v) if !v.is_finite() => "–".into(),
+        Some(v) if v >= 100.0 => format!("{v:.0}×"),
+        Some(v) if v >= 10.0 => format!("{v:.1}×"),
+        Some(v) => format!("{v:.2}×"),
+        None => "–".into(),
+    }
+}
+
+/// A part as per cent, two significant digits or more.
+fn percent(part: f64) -> String {
+    format!("{} %", number(100.0 * part))
+}
+
+/// A length with its unit.
+fn length(value: f64, unit: &str) -> String {
+    format!("{} {unit}", number(value))
+}
+
+#[cfg(test)]
+mod tests;

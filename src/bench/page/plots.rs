@@ -1,0 +1,70 @@
+//! The two plots of the page.
+
+use maud::{Markup, PreEscaped, html};
+
+use super::length;
+use crate::Result;
+use crate::bench::record::Record;
+use crate::metrics::Fbem;
+use crate::output::{Plot, Point, Scale, Series};
+
+/// Error of each row against its time, both logarithmic.
+pub(super) fn error_against_time(record: &Record) -> Result<Markup> {
+    let rays = |n: usize| if n == 1 { "1 ray".to_string() } else { format!("{n} rays") };
+    let exact = record.exact.iter().map(|row| Point { x: row.seconds, y: row.rms, label: rays(row.rays) });
+    let mr = record.mr.iter().map(|row| Point {
+        x: row.seconds,
+        y: row.rms,
+        label: format!("s = {}", length(row.feature_size, &record.unit)),
+    });
+    let plot = Plot {
+        x_label: "time of the queries, seconds".into(),
+        y_label: "error (RMS of the visible fraction)".into(),
+        x_scale: Scale::Log,
+        y_scale: Scale::Log,
+        series: vec![
+            Series { name: "exact".into(), points: exact.collect(), line: true },
+            Series { name: "multi-resolution".into(), points: mr.collect(), line: false },
+        ],
+    };
+    Ok(html! {
+        figure.plot {
+            (PreEscaped(plot.svg(860, 460)?))
+            figcaption {
+                "Lower is more accurate, further left is faster; both axes are logarithmic. The line shows exact \
+                 visibility with more and more rays from each point to each light. A multi-resolution point below \
+                 and to the left of the line is a gain: go right from it to the line, and the ratio of the two times \
+                 is the speed-up at the same error."
+            }
+        }
+    })
+}
+
+/// FBEM of the exact image of 16 rays over all sizes, and of each MR image at its own size.
+pub(super) fn spectrum(exact: &[Fbem], mr: &[Fbem], unit: &str) -> Result<Markup> {
+    let point = |row: &Fbem| Point { x: row.size, y: row.value, label: String::new() };
+    let series = |name: &str, rows: &[Fbem], line| Series {
+        name: name.into(),
+        points: rows.iter().map(point).collect(),
+        line,
+    };
+    let plot = Plot {
+        x_label: format!("feature size s, {unit}"),
+        y_label: "feature-based error FBEM(s)".into(),
+        x_scale: Scale::Linear,
+        y_scale: Scale::Linear,
+        series: vec![
+            series("exact, 16 rays", exact, true),
+            series("multi-resolution, each image at its own s", mr, false),
+        ],
+    };
+    Ok(html! {
+        figure.plot {
+            (PreEscaped(plot.svg(860, 340)?))
+            figcaption {
+                "Error by the size of what is wrong: at s = 0 the ordinary RMS error, further right the error that \
+                 remains for somebody who cares only for features larger than s."
+            }
+        }
+    })
+}

@@ -1,0 +1,153 @@
+//! The page of an invented run; set `MRVIS_PAGE` to a file to look at it.
+
+use super::*;
+use crate::bench::record::{Build, ExactRow, Receiver, SceneFacts, Workload};
+
+/// Shadows of many small discs and a few large ones, blurred by `blur` texels, with noise of `noise`.
+fn shadows(large_only: bool, noise: f32, seed: u64) -> Image {
+    let mut state = 1u64;
+    let mut random = move || {
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (state >> 40) as f32 / (1 << 24) as f32
+    };
+    let discs: Vec<[f32; 3]> = (0..260)
+        .map(|i| [160.0 * random(), 120.0 * random(), if i < 6 { 12.0 } else { 1.5 + 2.0 * random() }])
+        .collect();
+    let mut grain = seed | 1;
+    Image::from_fn(160, 120, 0.05, |x, y| {
+        let mut light = if large_only { 0.66 } else { 1.0f32 };
+        for [cx, cy, r] in &discs {
+            if large_only && *r < 10.0 {
+                continue;
+            }
+            let d = (x as f32 - cx).hypot(y as f32 - cy) - r;
+            light *= ((d + 1.5) / 3.0).clamp(0.0, 1.0);
+        }
+        grain = grain.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        let sign = (grain >> 40) as f32 / (1 << 24) as f32 - 0.5;
+        (light + noise * sign).clamp(0.0, 1.0)
+    })
+    .unwrap()
+}
+
+fn example() -> (Record, Vec<ReceiverImages>) {
+    let exact = [1usize, 4, 16, 64, 256].map(|n| ExactRow {
+        rays: n,
+        seconds: 0.021 * n as f64,
+        mode: "occluded16".into(),
+        rms: 0.31 / (n as f64).sqrt(),
+        bias: 1e-5,
+    });
+    let mr = [
+        (0.1, 0.19, 0.021, 2.1),
+        (0.25, 0.121, 0.034, 3.4),
+        (0.6, 0.08, 0.052, 5.9),
+        (1.5, 0.05, 0.098, 0.8),
+    ];
+    let mr = mr.map(|(s, seconds, rms, per_segment)| MrRow {
+        feature_size: s,
+        rays: 16,
+        seconds,
+        rms,
+        bias: -0.004,
+        interval_coverage: 0.97,
+        aggregated_fraction: 0.81,
+        exact_rays: 48_212,
+        nodes_per_segment: 11.4,
+        speedup_per_segment: per_segment,
+        speedup_at_same_rms: Some(0.021 * (0.31 / rms).powi(2) / seconds),
+        speedup_at_same_fbem: (s > 0.2).then_some(7.0),
+        extrapolated: s < 0.2,
+    });
+    let record = Record {
+        mrvis: "0.1.0".into(),
+        embree: "4.4.0".into(),
+        threads: 1,
+        isa: "avx512".into(),
+        unit: "m".into(),
+        seed: 1,
+        scene: SceneFacts {
+            path: "scenes/park <b>.obj".into(),
+            triangles: 512_340,
+            objects: 41,
+            emitters: 1,
+            closed_parts: 310,
+            sheet_parts: 498_020,
+            clusters: 81_337,
+            levels: 9,
+        },
+        scene_repairs: serde_json::json!({"zero_area_faces": 41, "duplicate_faces": 0, "welded_vertices": 120311,
+            "messages": ["park.mtl:12: unknown material 'moss', grey used"]}),
+        warnings: vec!["Another process used the machine while timing.".into()],
+        build: Build {
+            load_s: 0.82,
+            embree_s: 0.4,
+            hierarchy_s: 0.61,
+            characterise_s: 4.2,
+            hierarchy_bytes: 21_000_000,
+            embree_bytes: 88_000_000,
+        },
+        workload: Workload {
+            points: 20_000,
+            rays: 16,
+            segments: 320_000,
+            reference_rays: 1024,
+            reference_rms: 0.0041,
+        },
+        exact: exact.into(),
+        mr: mr.into(),
+        receivers: vec![Receiver { name: "lawn".into(), ..Default::default() }],
+    };
+    let images = ReceiverImages {
+        name: "lawn".into(),
+        reference: shadows(false, 0.0, 1),
+        exact16: shadows(false, 0.3, 2),
+        mr: vec![(0.1, shadows(false, 0.1, 3)), (0.6, shadows(true, 0.02, 4))],
+    };
+    (record, vec![images])
+}
+
+#[test]
+fn a_page_stands_alone_and_escapes_names() {
+    let (record, receivers) = example();
+    let page = render(&record, &receivers).unwrap();
+    if let Some(path) = std::env::var_os("MRVIS_PAGE") {
+        std::fs::write(path, &page).unwrap();
+    }
+    assert!(page.starts_with("<!DOCTYPE html>") && page.ends_with("</html>"));
+    for outside in ["http://", "https://", "src=\"/", "href=", "@import", "url("] {
+        let found = page.match_indices(outside).map(|(i, _)| &page[i..i + 40]);
+        // The name of the SVG language is not fetched.
+        assert!(found.filter(|s| !s.starts_with("http://www.w3.org/2000/svg")).next().is_none(), "{outside}");
+    }
+    assert!(page.contains("park &lt;b&gt;.obj") && !page.contains("park <b>"));
+    assert_eq!(page.matches("<svg ").count(), 2);
+    assert_eq!(page.matches("data:image/png;base64,").count(), 3 + 2 * 3);
+    assert!(page.contains("24.1×") && page.contains("41 zero area faces"));
+    assert_eq!(page, render(&record, &receivers).unwrap());
+}
+
+#[test]
+fn empty_and_odd_records_still_make_a_page() {
+    let page = render(&Record::default(), &[]).unwrap();
+    assert!(page.contains("no multi-resolution row"));
+    let (mut record, mut receivers) = example();
+    for row in &mut record.mr {
+        (row.rms, row.seconds, row.speedup_at_same_rms, row.speedup_per_segment) =
+            (f64::NAN, 0.0, None, f64::INFINITY);
+    }
+    let page = render(&record, &receivers).unwrap();
+    // The letters may turn up within an image.
+    assert!(page.split("data:image").all(|part| !part.split_once('"').map_or(part, |p| p.1).contains("NaN")));
+    receivers[0].mr[0].1 = Image::new(2, 2, 1.0, vec![0.0; 4]).unwrap();
+    assert!(render(&record, &receivers).is_err());
+}
+
+#[test]
+fn the_headline_says_when_it_is_slower() {
+    let (mut record, _) = example();
+    record.mr.iter_mut().for_each(|row| row.speedup_at_same_rms = Some(0.5));
+    assert!(render(&record, &[]).unwrap().contains("<strong>slower</strong>"));
+    record.mr.iter_mut().for_each(|row| row.speedup_at_same_rms = Some(1.0));
+    assert!(render(&record, &[]).unwrap().contains("<strong>no faster</strong>"));
+}

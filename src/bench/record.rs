@@ -1,0 +1,235 @@
+//! What a run of `mrvis bench` measured: the JSON of `bench --json`, and the arithmetic of its speed-ups.
+//!
+//! Names and nesting are a contract with programs that nobody here sees (architecture section 6.1): fields may be
+//! added, never renamed or removed. The record holds no date, so that the same run gives the same record but for its
+//! times. Lengths are in the scene's unit, times in seconds of wall clock. `rms` and `bias` are of the visible
+//! fraction of each emitter at each point, in [0, 1], against the reference, whose own noise is subtracted.
+
+use serde::{Deserialize, Serialize};
+
+/// One run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    /// Version of mrvis.
+    pub mrvis: String,
+    /// Version of the Embree library in use.
+    pub embree: String,
+    /// Threads of the timed sections; 1 unless asked otherwise.
+    pub threads: usize,
+    /// Widest instruction set that Embree uses, such as `avx2`.
+    pub isa: String,
+    /// The scene's unit of length, such as `m`.
+    pub unit: String,
+    /// Seed of every random choice.
+    #[serde(default)]
+    pub seed: u64,
+    /// What was read.
+    pub scene: SceneFacts,
+    /// What was mended while reading: the counts of the scene's repairs, by name.
+    #[serde(default)]
+    pub scene_repairs: serde_json::Value,
+    /// What the reader of the figures should know, a sentence each.
+    #[serde(default)]
+    pub warnings: Vec<String>,
+    /// Preparation, not part of the timed sections.
+    pub build: Build,
+    /// What was asked of the engines.
+    pub workload: Workload,
+    /// Exact visibility, by number of rays.
+    pub exact: Vec<ExactRow>,
+    /// Multi-resolution visibility, by feature size.
+    pub mr: Vec<MrRow>,
+    /// Shadow images.
+    pub receivers: Vec<Receiver>,
+}
+
+/// Facts of the scene.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SceneFacts {
+    /// The file, as given.
+    pub path: String,
+    /// Triangles kept.
+    pub triangles: usize,
+    /// Named objects.
+    pub objects: usize,
+    /// Emissive surfaces.
+    pub emitters: usize,
+    /// Connected parts that bound a solid: seen from outside only.
+    pub closed_parts: usize,
+    /// Connected parts that are sheets: seen from both sides.
+    pub sheet_parts: usize,
+    /// Clusters of the hierarchy.
+    pub clusters: usize,
+    /// Levels of the hierarchy.
+    pub levels: usize,
+}
+
+/// Times and sizes of the preparation.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Build {
+    /// Reading and mending the scene, seconds.
+    pub load_s: f64,
+    /// Building Embree's own tree, seconds.
+    pub embree_s: f64,
+    /// Building the cluster hierarchy, seconds.
+    pub hierarchy_s: f64,
+    /// Measuring the clusters' extinction and feature sizes, seconds.
+    pub characterise_s: f64,
+    /// Memory of hierarchy and cluster properties, bytes.
+    pub hierarchy_bytes: u64,
+    /// Memory of Embree's scene, bytes.
+    pub embree_bytes: u64,
+}
+
+/// The question that all engines answer.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Workload {
+    /// Receiver points.
+    pub points: usize,
+    /// Segments from a point to an emitter.
+    pub rays: usize,
+    /// Segments in all.
+    pub segments: u64,
+    /// Rays from a point to an emitter in the reference.
+    pub reference_rays: usize,
+    /// Noise of the reference itself: its root mean square error, estimated from its rays.
+    pub reference_rms: f64,
+}
+
+/// Exact visibility with a number of rays.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ExactRow {
+    /// Rays from a point to an emitter.
+    pub rays: usize,
+    /// Time of the queries, seconds.
+    pub seconds: f64,
+    /// The fastest of Embree's ways of asking: `occluded1`, `occluded4`, `occluded8` or `occluded16`.
+    pub mode: String,
+    /// Root mean square error.
+    pub rms: f64,
+    /// Mean error; positive: too bright.
+    pub bias: f64,
+}
+
+/// Multi-resolution visibility with a feature size.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MrRow {
+    /// Shadows smaller than this may be averaged; length on the receiver.
+    pub feature_size: f64,
+    /// Segments from a point to an emitter.
+    pub rays: usize,
+    /// Time of the queries, seconds.
+    pub seconds: f64,
+    /// Root mean square error.
+    pub rms: f64,
+    /// Mean error; positive: too bright.
+    pub bias: f64,
+    /// Part of the answers, in [0, 1], whose stated interval holds the reference.
+    pub interval_coverage: f64,
+    /// Part of the segments, in [0, 1], that met at least one averaged cluster.
+    pub aggregated_fraction: f64,
+    /// Rays that were handed to Embree.
+    pub exact_rays: u64,
+    /// Clusters visited for a segment, on average.
+    pub nodes_per_segment: f64,
+    /// Best exact time for the same number of segments / this time.
+    pub speedup_per_segment: f64,
+    /// Time that exact needs to reach this rms / this time; see [`interpolate_log_log`]. Absent (null) when it cannot
+    /// be told, for instance without any error.
+    pub speedup_at_same_rms: Option<f64>,
+    /// The same with the feature-based error of the shadow images at this feature size in place of rms.
+    pub speedup_at_same_fbem: Option<f64>,
+    /// Whether `speedup_at_same_rms` rests on a time beyond the last exact row, extrapolated by rays^-1/2.
+    #[serde(default)]
+    pub extrapolated: bool,
+}
+
+/// Errors of the shadow images on one receiver, in the unit of visibility, [0, 1].
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Receiver {
+    /// Object, group or material.
+    pub name: String,
+    /// Columns of its images.
+    pub width: usize,
+    /// Rows of its images.
+    pub height: usize,
+    /// Side of a texel; length.
+    pub texel: f64,
+    /// Root mean square error of the exact image of 16 rays a texel.
+    pub l2: f64,
+    /// Feature-based errors, by feature size.
+    pub fbem: Vec<ReceiverFbem>,
+}
+
+/// Errors of one receiver's images at one feature size.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ReceiverFbem {
+    /// Feature size; length.
+    pub feature_size: f64,
+    /// Feature-based error of the exact image of 16 rays.
+    pub exact16: f64,
+    /// Feature-based error of the multi-resolution image made for this feature size.
+    pub mr: f64,
+    /// Root mean square error of the exact image of 16 rays (the same at every size).
+    #[serde(default)]
+    pub l2_exact16: f64,
+    /// Root mean square error of the multi-resolution image.
+    #[serde(default)]
+    pub l2_mr: f64,
+}
+
+impl Record {
+    /// The MR row with the greatest `speedup_at_same_rms`.
+    pub fn best(&self) -> Option<&MrRow> {
+        let speed = |row: &MrRow| row.speedup_at_same_rms.filter(|s| s.is_finite());
+        let rows = self.mr.iter().filter(|row| speed(row).is_some());
+        rows.max_by(|a, b| speed(a).partial_cmp(&speed(b)).unwrap_or(std::cmp::Ordering::Equal))
+    }
+}
+
+/// The answer of [`interpolate_log_log`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Interpolated {
+    /// Time to reach the error, seconds.
+    pub seconds: f64,
+    /// Whether no measured row is as good, so that the time comes from the law of errors ~ 1/√time.
+    pub extrapolated: bool,
+}
+
+/// The time that a method needs to reach `error`, from measured (seconds, error) rows in any order.
+///
+/// Only rows that are better than every faster one count. Between two of them the logarithm of time is linear in the
+/// logarithm of error. Beyond the best the time grows as error⁻² (the noise of n rays falls as n^-1/2). An error
+/// that the fastest row already undercuts takes the fastest row's time: nothing cheaper was measured.
+/// A row without any error reaches every error in its time. Rows that are not positive finite times with an error of
+/// at least 0 are ignored. `None` when no row is left or `error` is not a positive number.
+pub fn interpolate_log_log(points: &[(f64, f64)], error: f64) -> Option<Interpolated> {
+    if !(error.is_finite() && error > 0.0) {
+        return None;
+    }
+    let usable = |&&(t, e): &&(f64, f64)| t.is_finite() && t > 0.0 && e.is_finite() && e >= 0.0;
+    let mut rows: Vec<(f64, f64)> = points.iter().filter(usable).copied().collect();
+    rows.sort_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
+    let mut best: Vec<(f64, f64)> = Vec::new();
+    for row in rows {
+        if best.last().is_none_or(|last| row.1 < last.1) {
+            best.push(row);
+        }
+    }
+    let measured = |seconds| Some(Interpolated { seconds, extrapolated: false });
+    let &(last_time, last_error) = best.last()?;
+    let Some(reached) = best.iter().position(|&(_, e)| e <= error) else {
+        let seconds = last_time * (last_error / error).powi(2);
+        return Some(Interpolated { seconds, extrapolated: true });
+    };
+    let (t1, e1) = best[reached];
+    if reached == 0 || e1 == 0.0 {
+        return measured(t1);
+    }
+    let (t0, e0) = best[reached - 1];
+    let part = (e0 / error).ln() / (e0 / e1).ln();
+    measured(t0 * (t1 / t0).powf(part))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,290 @@
+//! `mrvis fbem REFERENCE APPROXIMATION`: the error of an image by the size of what is wrong in it.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::ValueEnum;
+use serde_json::json;
+
+use crate::metrics::{
+    DEFAULT_THRESHOLD, Fbem, FbemOptions, FeatureOptions, FeatureSet, Features, Filter, Image, Norms, norms,
+    spectrum, spectrum_sizes,
+};
+use crate::output::{
+    Channel, Plot, Point, Scale, Series, difference, mask_overlay, number, read_image, write_atomically,
+    write_exr, write_png,
+};
+use crate::raster::Morphology;
+use crate::{Error, Result};
+
+/// Compare two images by feature size: how wrong is the approximation for somebody who cares only for shadows larger
+/// than s? PNG, EXR, HDR, JPEG; 8- and 16-bit images are decoded from sRGB to linear values.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Args {
+    /// The image that is right
+    pub reference: PathBuf,
+    /// The image to judge, of the same size
+    pub approximation: PathBuf,
+    /// Feature size in scene units (in texels without --texel); may be given several times [default: a spectrum]
+    #[arg(short, long = "s", visible_alias = "feature-size", value_name = "S")]
+    pub sizes: Vec<f64>,
+    /// Side of a texel in scene units
+    #[arg(long, value_name = "T", default_value_t = 1.0)]
+    pub texel: f64,
+    /// How the size of a feature is measured
+    #[arg(long, value_enum, default_value_t = Mode::Euclid)]
+    pub mode: Mode,
+    /// Which regions are features
+    #[arg(long, value_enum, default_value_t = Kind::Both)]
+    pub features: Kind,
+    /// Leave features out of the averages taken outside of them
+    #[arg(long)]
+    pub unmasked_filter: bool,
+    /// Exponent of the norm
+    #[arg(long, default_value_t = 2.0)]
+    pub p: f64,
+    /// Value of an unoccluded texel [default: 1, or the reference's maximum if that is larger]
+    #[arg(long, value_name = "W")]
+    pub white: Option<f32>,
+    /// Least relative darkening that counts as shadow
+    #[arg(long, default_value_t = DEFAULT_THRESHOLD)]
+    pub threshold: f32,
+    /// Which number of a pixel is compared
+    #[arg(long, value_enum, default_value_t = Component::Luminance)]
+    pub channel: Component,
+    /// Folder for the feature masks, the difference image and the spectrum (made if missing)
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// File for the figures as JSON
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// Exit with 1 when the error at any of the sizes exceeds E (in image values)
+    #[arg(long, value_name = "E")]
+    pub tolerance: Option<f64>,
+    /// Print nothing
+    #[arg(long)]
+    pub quiet: bool,
+}
+
+/// `--mode`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Mode {
+    /// Largest disc that fits (independent of direction)
+    Euclid,
+    /// Erosions with 8 neighbours, as the paper's program did
+    Paper8,
+    /// Erosions with 4 neighbours, as the paper defines
+    Paper4,
+}
+
+/// `--features`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Kind {
+    /// Shadows and lit regions
+    Both,
+    /// Shadows only, as in the paper
+    Shadow,
+}
+
+/// `--channel`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[allow(missing_docs)]
+pub enum Component {
+    Luminance,
+    Red,
+    Green,
+    Blue,
+}
+
+/// Runs the command. Exit code 0, or 1 when a tolerance was given and missed.
+///
+/// # Errors
+/// An image cannot be read or used, the images differ in size, an option is out of range, an output is not writable.
+pub fn run(args: &Args) -> Result<ExitCode> {
+    if args.tolerance.is_some_and(|t| t.is_nan() || t < 0.0) {
+        return Err(Error::Argument("--tolerance must be a number of at least 0".into()));
+    }
+    let channel = match args.channel {
+        Component::Luminance => Channel::Luminance,
+        Component::Red => Channel::Red,
+        Component::Green => Channel::Green,
+        Component::Blue => Channel::Blue,
+    };
+    let reference = read_image(&args.reference, channel, args.texel)?;
+    let approximation = read_image(&args.approximation, channel, args.texel)?;
+    let white = args.white.unwrap_or_else(|| reference.range().1.max(1.0));
+    let options = options(args, white);
+    let sizes = if args.sizes.is_empty() { spectrum_sizes(&reference, 8) } else { args.sizes.clone() };
+    let norms = norms(&reference, &approximation)?;
+    let rows = spectrum(&reference, &approximation, &sizes, &options)?;
+    if !args.quiet {
+        // A reader that went away (`| head`) is no error of this command.
+        let _ = std::io::stdout().write_all(table(args, &reference, white, &norms, &rows).as_bytes());
+    }
+    if let Some(path) = &args.json {
+        let text = format!("{:#}\n", report(args, &reference, white, &norms, &rows));
+        write_atomically(path, text.as_bytes())?;
+    }
+    if let Some(folder) = &args.out {
+        write_pictures(folder, &reference, &approximation, &options.features, &rows)?;
+    }
+    let missed = args.tolerance.is_some_and(|t| rows.iter().any(|row| row.value > t));
+    Ok(ExitCode::from(u8::from(missed)))
+}
+
+fn options(args: &Args, white: f32) -> FbemOptions {
+    let morphology = match args.mode {
+        Mode::Euclid => Morphology::Euclid,
+        Mode::Paper8 => Morphology::Paper8,
+        Mode::Paper4 => Morphology::Paper4,
+    };
+    let features = if args.features == Kind::Both { Features::Both } else { Features::Shadow };
+    FbemOptions {
+        p: args.p,
+        features: FeatureOptions { features, morphology, white, threshold: args.threshold },
+        filter: if args.unmasked_filter { Filter::Unmasked } else { Filter::Whole },
+        ..FbemOptions::default()
+    }
+}
+
+/// The figures as text.
+fn table(args: &Args, image: &Image, white: f32, norms: &Norms, rows: &[Fbem]) -> String {
+    let mode = args.mode.to_possible_value().map_or(String::new(), |v| v.get_name().to_string());
+    let mut text = format!(
+        "{} x {} texels of {}, unoccluded value {}, sizes by {mode}\n\n",
+        image.width(),
+        image.height(),
+        number(args.texel),
+        number(f64::from(white)),
+    );
+    text += &format!("{:>10} {:>11} {:>9} {:>11}\n", "s", "FBEM", "FBEM %", "masked %");
+    for row in rows {
+        let percent = 100.0 * row.value / f64::from(white);
+        let masked = 100.0 * row.masked_fraction;
+        text += &format!("{:>10} {:>11.6} {percent:>9.3} {masked:>11.2}\n", number(row.size), row.value);
+    }
+    let Norms { l1, l2, bias, max } = norms;
+    text + &format!("\nL1 {l1:.6}   L2 {l2:.6}   bias {bias:+.6}   largest {max:.6}\n")
+}
+
+/// The figures as JSON.
+fn report(args: &Args, image: &Image, white: f32, norms: &Norms, rows: &[Fbem]) -> serde_json::Value {
+    let name = |v: Option<clap::builder::PossibleValue>| v.map(|v| v.get_name().to_string());
+    let row = |row: &Fbem| {
+        json!({
+            "feature_size": row.size,
+            "fbem": row.value,
+            "percent": 100.0 * row.value / f64::from(white),
+            "masked_fraction": row.masked_fraction,
+        })
+    };
+    json!({
+        "mrvis": env!("CARGO_PKG_VERSION"),
+        "reference": args.reference.display().to_string(),
+        "approximation": args.approximation.display().to_string(),
+        "width": image.width(),
+        "height": image.height(),
+        "texel": args.texel,
+        "mode": name(args.mode.to_possible_value()),
+        "features": name(args.features.to_possible_value()),
+        "channel": name(args.channel.to_possible_value()),
+        "filter": if args.unmasked_filter { "unmasked" } else { "whole" },
+        "p": args.p,
+        "white": white,
+        "threshold": args.threshold,
+        "l1": norms.l1,
+        "l2": norms.l2,
+        "bias": norms.bias,
+        "max": norms.max,
+        "fbem": rows.iter().map(row).collect::<Vec<_>>(),
+        "tolerance": args.tolerance,
+    })
+}
+
+/// Masks over the reference, the difference and the spectrum.
+fn write_pictures(
+    folder: &Path,
+    reference: &Image,
+    approximation: &Image,
+    features: &FeatureOptions,
+    rows: &[Fbem],
+) -> Result<()> {
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+    let mut set = FeatureSet::new(reference, features)?;
+    for row in rows {
+        let picture = mask_overlay(reference, features.white, &set.mask(row.size))?;
+        write_png(&folder.join(format!("mask-{}.png", row.size)), &picture)?;
+    }
+    let range = features.white;
+    write_png(&folder.join("difference.png"), &difference(reference, approximation, range)?)?;
+    let values = reference.data().iter().zip(approximation.data()).map(|(r, a)| a - r).collect();
+    let signed = Image::new(reference.width(), reference.height(), reference.texel(), values)?;
+    write_exr(&folder.join("difference.exr"), &signed)?;
+    let point = |row: &Fbem| Point { x: row.size, y: row.value, label: String::new() };
+    let plot = Plot {
+        x_label: "feature size s".into(),
+        y_label: "error that features larger than s see".into(),
+        x_scale: Scale::Linear,
+        y_scale: Scale::Linear,
+        series: vec![Series { name: "FBEM(s)".into(), points: rows.iter().map(point).collect(), line: true }],
+    };
+    write_atomically(&folder.join("spectrum.svg"), plot.svg(720, 420)?.as_bytes())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Command {
+        #[command(flatten)]
+        args: Args,
+    }
+
+    /// Runs the command on a shadow and on nothing, with more arguments.
+    fn run_on(folder: &Path, more: &[&str]) -> Result<ExitCode> {
+        let shadow =
+            |x: usize, y: usize| if (20..40).contains(&x) && (20..40).contains(&y) { 0.0 } else { 1.0 };
+        let (a, b) = (folder.join("a.exr"), folder.join("b.exr"));
+        write_exr(&a, &Image::from_fn(64, 64, 1.0, shadow)?)?;
+        write_exr(&b, &Image::from_fn(64, 64, 1.0, |_, _| 1.0)?)?;
+        let files = [Path::new("fbem"), &a, &b].map(|p| p.display().to_string());
+        let words = files.into_iter().chain(more.iter().map(|w| w.to_string()));
+        run(&Command::try_parse_from(words.chain(["--quiet".to_string()])).unwrap().args)
+    }
+
+    #[test]
+    fn figures_and_pictures_are_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let (out, json) = (folder.path().join("new/out"), folder.path().join("figures.json"));
+        let paths = [out.display().to_string(), json.display().to_string()];
+        let more = ["--s", "0", "--s", "2.5", "--texel", "0.1", "--out", &paths[0], "--json", &paths[1]];
+        assert_eq!(run_on(folder.path(), &more).unwrap(), ExitCode::SUCCESS);
+        for name in ["mask-0.png", "mask-2.5.png", "difference.png", "difference.exr", "spectrum.svg"] {
+            assert!(out.join(name).is_file(), "{name}");
+        }
+        let figures: serde_json::Value =
+            serde_json::from_str(&std::fs::read_to_string(json).unwrap()).unwrap();
+        let expected = (400.0f64 / 4096.0).sqrt();
+        assert!((figures["l2"].as_f64().unwrap() - expected).abs() < 1e-12);
+        assert_eq!(figures["fbem"][0]["fbem"], figures["l2"]);
+        assert!(figures["fbem"][1]["fbem"].as_f64().unwrap() < 0.9 * expected);
+    }
+
+    #[test]
+    fn a_missed_tolerance_is_exit_code_1() {
+        let folder = tempfile::tempdir().unwrap();
+        let code = |more: &[&str]| run_on(folder.path(), more);
+        assert_eq!(code(&["--tolerance", "0.2", "-s", "0"]).unwrap(), ExitCode::from(1));
+        assert_eq!(code(&["--tolerance", "0.4"]).unwrap(), ExitCode::SUCCESS);
+        for bad in [["--tolerance", "nan"], ["--s", "nan"], ["--texel", "0"], ["--p", "0"], ["--white", "0"]]
+        {
+            assert!(code(&bad).is_err(), "{bad:?}");
+        }
+        let unwritable = folder.path().join("a.exr/x").display().to_string();
+        assert!(code(&["--out", &unwritable]).is_err());
+        assert!(code(&["--json", &unwritable]).is_err());
+    }
+}

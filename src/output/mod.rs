@@ -1,0 +1,21 @@
+//! Images in and out of files, and pictures of them for people.
+//!
+//! Values are read into and written from [`metrics::Image`](crate::metrics::Image); a [`Picture`] is 8-bit colour for
+//! display and carries a value only through the mapping documented at the function that made it. Files are written
+//! beside their place and then renamed, so nobody ever reads half of one.
+//!
+//! This room knows nothing of visibility or of how an image was computed.
+
+mod axis;
+mod picture;
+mod plot;
+mod read;
+mod write;
+
+pub use axis::{Scale, number};
+pub use picture::{
+    DIVERGING, Picture, SEQUENTIAL, difference, false_colour, grey, linear_to_srgb, mask, mask_overlay,
+};
+pub use plot::{Plot, Point, Series};
+pub use read::{Channel, read_image, srgb_to_linear};
+pub use write::{exr_bytes, write_atomically, write_exr, write_png};

@@ -1,0 +1,175 @@
+//! Pictures: values as colours.
+
+use image::{DynamicImage, ImageFormat, RgbImage};
+
+use super::write::encode;
+use crate::metrics::Image;
+use crate::raster::BitImage;
+use crate::{Error, Result};
+
+/// Colours from low to high, dark blue to yellow, even in lightness: nine anchors of the map *viridis* (public
+/// domain, S. van der Walt and N. Smith), joined by straight lines in sRGB.
+pub const SEQUENTIAL: [[u8; 3]; 9] = [
+    [68, 1, 84],
+    [72, 40, 120],
+    [62, 74, 137],
+    [49, 104, 142],
+    [38, 130, 142],
+    [31, 158, 137],
+    [53, 183, 121],
+    [144, 215, 67],
+    [253, 231, 37],
+];
+
+/// Colours for signed values: blue for negative, nearly white for zero, red for positive (after the scheme *RdBu* of
+/// C. Brewer), joined by straight lines in sRGB.
+pub const DIVERGING: [[u8; 3]; 9] = [
+    [5, 48, 97],
+    [33, 102, 172],
+    [67, 147, 195],
+    [146, 197, 222],
+    [247, 247, 247],
+    [244, 165, 130],
+    [214, 96, 77],
+    [178, 24, 43],
+    [103, 0, 31],
+];
+
+/// An 8-bit sRGB picture, row by row.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Picture {
+    /// Number of columns.
+    pub width: usize,
+    /// Number of rows.
+    pub height: usize,
+    /// `width × height` pixels: red, green, blue.
+    pub pixels: Vec<[u8; 3]>,
+}
+
+impl Picture {
+    /// The picture as a PNG file.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] when the number of pixels is not `width × height`, or a side is zero or too large.
+    pub fn png(&self) -> Result<Vec<u8>> {
+        if self.pixels.len() != self.width * self.height || self.pixels.is_empty() {
+            return Err(Error::Argument(format!("{} pixels do not make a picture", self.pixels.len())));
+        }
+        let sides = u32::try_from(self.width).ok().zip(u32::try_from(self.height).ok());
+        let picture = sides.and_then(|(w, h)| RgbImage::from_raw(w, h, self.pixels.as_flattened().to_vec()));
+        encode(picture.map(DynamicImage::ImageRgb8), ImageFormat::Png)
+    }
+
+    /// The picture with each pixel repeated `times` × `times` (at least once), so that small images can be seen.
+    pub fn enlarged(&self, times: usize) -> Picture {
+        let times = times.max(1);
+        let (width, height) = (self.width * times, self.height * times);
+        let at = |i: usize| self.pixels[i / width / times * self.width + i % width / times];
+        Picture { width, height, pixels: (0..width * height).map(at).collect() }
+    }
+
+    /// The picture of `colour` at each value.
+    fn of(image: &Image, colour: impl Fn(f32) -> [u8; 3]) -> Picture {
+        let pixels = image.data().iter().map(|&v| colour(v)).collect();
+        Picture { width: image.width(), height: image.height(), pixels }
+    }
+}
+
+/// The sRGB component of a linear value, both in [0, 1] (IEC 61966-2-1).
+pub fn linear_to_srgb(v: f32) -> f32 {
+    if v <= 0.0031308 { v * 12.92 } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// Grey as the eye would see the light: value / `white` clamped to [0, 1], then sRGB encoded.
+/// [`read_image`](super::read_image) of the PNG gives value / `white` back, to 8 bits.
+pub fn grey(image: &Image, white: f32) -> Picture {
+    Picture::of(image, |v| [(linear_to_srgb((v / white).clamp(0.0, 1.0)) * 255.0).round() as u8; 3])
+}
+
+/// False colour: values `low` to `high` linearly onto [`SEQUENTIAL`], clamped at the ends.
+pub fn false_colour(image: &Image, low: f32, high: f32) -> Picture {
+    Picture::of(image, |v| colour(&SEQUENTIAL, (v - low) / (high - low)))
+}
+
+/// `approximation` − `reference` on [`DIVERGING`]: −`range` dark blue (too dark), 0 white, `range` dark red (too
+/// bright), linear between and clamped at the ends.
+///
+/// # Errors
+/// [`Error::Argument`] when the images differ in columns or rows.
+pub fn difference(reference: &Image, approximation: &Image, range: f32) -> Result<Picture> {
+    let d = crate::metrics::difference(reference, approximation)?;
+    let pixels = d.iter().map(|&d| colour(&DIVERGING, 0.5 + 0.5 * d as f32 / range)).collect();
+    Ok(Picture { width: reference.width(), height: reference.height(), pixels })
+}
+
+/// A feature mask in black (feature) on white, as the paper prints them [SD95 sec 2.4].
+pub fn mask(mask: &BitImage) -> Picture {
+    let pixel = |i: usize| if mask.get(i % mask.width(), i / mask.width()) { [0; 3] } else { [255; 3] };
+    let pixels = (0..mask.width() * mask.height()).map(pixel).collect();
+    Picture { width: mask.width(), height: mask.height(), pixels }
+}
+
+/// [`grey`] with the texels of `mask` tinted orange, so that both remain visible.
+///
+/// # Errors
+/// [`Error::Argument`] when mask and image differ in columns or rows.
+pub fn mask_overlay(image: &Image, white: f32, mask: &BitImage) -> Result<Picture> {
+    if (mask.width(), mask.height()) != (image.width(), image.height()) {
+        return Err(Error::Argument("the mask and the image differ in size".into()));
+    }
+    let mut picture = grey(image, white);
+    for (i, pixel) in picture.pixels.iter_mut().enumerate() {
+        if mask.get(i % image.width(), i / image.width()) {
+            for (c, tint) in pixel.iter_mut().zip([240u16, 130, 20]) {
+                *c = ((u16::from(*c) * 11 + tint * 9) / 20) as u8;
+            }
+        }
+    }
+    Ok(picture)
+}
+
+/// The colour at `t` in [0, 1] along the map; what is not a number becomes its middle.
+fn colour(map: &[[u8; 3]; 9], t: f32) -> [u8; 3] {
+    let t = if t.is_nan() { 0.5 } else { t.clamp(0.0, 1.0) } * 8.0;
+    let i = (t as usize).min(7);
+    let mix = |a: u8, b: u8| (f32::from(a) + (f32::from(b) - f32::from(a)) * (t - i as f32)).round() as u8;
+    std::array::from_fn(|c| mix(map[i][c], map[i + 1][c]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_hit_their_anchors() {
+        let image = Image::new(5, 1, 1.0, vec![-9.0, 0.0, 0.5, 1.0, 9.0]).unwrap();
+        let p = false_colour(&image, 0.0, 1.0).pixels;
+        assert_eq!((p[0], p[1], p[2], p[3], p[4]), {
+            (SEQUENTIAL[0], SEQUENTIAL[0], SEQUENTIAL[4], SEQUENTIAL[8], SEQUENTIAL[8])
+        });
+        assert_eq!(difference(&image, &image, 0.0).unwrap().pixels, [DIVERGING[4]; 5]);
+        let g = grey(&image, 1.0).pixels;
+        assert_eq!((g[0], g[2], g[4]), ([0; 3], [188; 3], [255; 3]));
+    }
+
+    #[test]
+    fn broken_pictures_are_errors() {
+        assert!(Picture { width: 2, height: 2, pixels: vec![[0; 3]; 3] }.png().is_err());
+        assert!(Picture { width: 0, height: 2, pixels: vec![] }.png().is_err());
+        let image = Image::new(2, 1, 1.0, vec![0.0, 1.0]).unwrap();
+        assert!(mask_overlay(&image, 1.0, &BitImage::new(3, 1)).is_err());
+    }
+
+    #[test]
+    fn masks_and_enlargements() {
+        let bits = BitImage::from_fn(2, 1, |x, _| x == 1);
+        assert_eq!(mask(&bits).pixels, [[255; 3], [0; 3]]);
+        let large = mask(&bits).enlarged(2);
+        assert_eq!((large.width, large.height), (4, 2));
+        assert_eq!(large.pixels[4..], [[255; 3], [255; 3], [0; 3], [0; 3]]);
+        let image = Image::new(2, 1, 1.0, vec![1.0, 1.0]).unwrap();
+        let overlay = mask_overlay(&image, 1.0, &bits).unwrap().pixels;
+        assert_eq!(overlay[0], [255; 3]);
+        assert!(overlay[1][0] > overlay[1][2]);
+    }
+}

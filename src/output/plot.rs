@@ -1,0 +1,236 @@
+//! Line plots as SVG, drawn through plotters: axes, grid, lines, labelled points.
+//!
+//! Colours are CSS variables with a fallback (`var(--plot-ink, #222)`), so that a plot inside a page follows the
+//! page's light or dark theme and a file by itself is right on white.
+
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+use super::axis::{Axis, Scale};
+use crate::{Error, Result};
+
+/// Colours of series, in order of use; told apart also by colour-blind eyes (scheme of M. Okabe and K. Ito).
+const HUES: [(RGBColor, &str); 4] = [
+    (RGBColor(0, 114, 178), "--plot-a"),
+    (RGBColor(213, 94, 0), "--plot-b"),
+    (RGBColor(0, 158, 115), "--plot-c"),
+    (RGBColor(204, 121, 167), "--plot-d"),
+];
+const INK: (RGBColor, &str) = (RGBColor(34, 34, 34), "--plot-ink");
+const FAINT: (RGBColor, &str) = (RGBColor(221, 221, 222), "--plot-faint");
+
+/// A plot.
+#[derive(Clone, Debug, Default)]
+pub struct Plot {
+    /// Name and unit of the horizontal axis.
+    pub x_label: String,
+    /// Name and unit of the vertical axis.
+    pub y_label: String,
+    /// Scale of the horizontal axis.
+    pub x_scale: Scale,
+    /// Scale of the vertical axis.
+    pub y_scale: Scale,
+    /// What is drawn, at most four that can be told apart.
+    pub series: Vec<Series>,
+}
+
+/// Points of one kind.
+#[derive(Clone, Debug, Default)]
+pub struct Series {
+    /// Name in the legend.
+    pub name: String,
+    /// The points. Those that an axis cannot show (not finite, or not positive on a logarithmic one) are left out.
+    pub points: Vec<Point>,
+    /// Whether the points are joined by a line, in their order.
+    pub line: bool,
+}
+
+/// A point of a series.
+#[derive(Clone, Debug, Default)]
+pub struct Point {
+    /// Horizontal value.
+    pub x: f64,
+    /// Vertical value.
+    pub y: f64,
+    /// Written beside the point; left out when empty or when there is no room.
+    pub label: String,
+}
+
+/// Pixels around the plotting area: left, top, right, bottom.
+const MARGIN: [i32; 4] = [74, 40, 24, 52];
+
+impl Plot {
+    /// The plot as an SVG element of these sides in pixels (at least 200 × 150). Without any point that can be shown
+    /// the axes stand alone.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] when the drawing fails, which no input should cause.
+    pub fn svg(&self, width: u32, height: u32) -> Result<String> {
+        let (width, height) = (width.max(200), height.max(150));
+        let mut svg = String::new();
+        {
+            let root = SVGBackend::with_string(&mut svg, (width, height)).into_drawing_area();
+            self.draw(&root).map_err(|e| Error::Argument(format!("the plot cannot be drawn: {e}")))?;
+        }
+        for (colour, name) in HUES.iter().chain([&INK, &FAINT]) {
+            let hex = format!("#{:02X}{:02X}{:02X}", colour.0, colour.1, colour.2);
+            svg = svg.replace(&format!("\"{hex}\""), &format!("\"var({name}, {hex})\""));
+        }
+        // A view box lets a page scale the plot.
+        Ok(svg.replacen("<svg ", "<svg role=\"img\" style=\"max-width:100%;height:auto\" ", 1))
+    }
+
+    fn draw(&self, root: &Area<'_>) -> Drawn {
+        let (width, height) = root.dim_in_pixel();
+        let [left, top, right, bottom] = MARGIN;
+        let shown = || {
+            self.series
+                .iter()
+                .flat_map(|s| &s.points)
+                .filter(|p| self.x_scale.shows(p.x) && self.y_scale.shows(p.y))
+        };
+        let x = Axis::new(self.x_scale, shown().map(|p| p.x), left, width as i32 - right);
+        let y = Axis::new(self.y_scale, shown().map(|p| p.y), height as i32 - bottom, top);
+        self.draw_frame(root, &x, &y)?;
+        self.draw_legend(root, left)?;
+        let mut boxes: Vec<[i32; 4]> = Vec::new();
+        for (series, (colour, _)) in self.series.iter().zip(HUES.iter().cycle()) {
+            let visible = series.points.iter().filter(|p| x.scale.shows(p.x) && y.scale.shows(p.y));
+            let pixels: Vec<(i32, i32)> = visible.map(|p| (x.pixel(p.x), y.pixel(p.y))).collect();
+            if series.line {
+                root.draw(&PathElement::new(pixels.clone(), colour.stroke_width(2)))?;
+                for pair in pixels.windows(2) {
+                    // Labels keep off the line: it is lined with small boxes.
+                    let along = |t: i32, a: i32, b: i32| a + (b - a) * t / 24;
+                    boxes.extend((0..=24).map(|t| {
+                        let (u, v) = (along(t, pair[0].0, pair[1].0), along(t, pair[0].1, pair[1].1));
+                        [u - 2, v - 2, u + 2, v + 2]
+                    }));
+                }
+            }
+            for &(u, v) in &pixels {
+                root.draw(&Circle::new((u, v), if series.line { 3 } else { 5 }, colour.filled()))?;
+                boxes.push([u - 5, v - 5, u + 5, v + 5]);
+            }
+        }
+        let limits = [left, top, width as i32 - 2, height as i32 - bottom];
+        for (series, (colour, _)) in self.series.iter().zip(HUES.iter().cycle()) {
+            for p in series
+                .points
+                .iter()
+                .filter(|p| x.scale.shows(p.x) && y.scale.shows(p.y) && !p.label.is_empty())
+            {
+                let place = label_place((x.pixel(p.x), y.pixel(p.y)), &p.label, limits, &boxes);
+                if let Some(rect) = place {
+                    boxes.push(rect);
+                    text(root, &p.label, (rect[0], (rect[1] + rect[3]) / 2), 12, *colour, HPos::Left)?;
+                }
+            }
+        }
+        root.present()
+    }
+
+    /// Grid, axes, their numbers and names.
+    fn draw_frame(&self, root: &Area<'_>, x: &Axis, y: &Axis) -> Drawn {
+        let (bottom, top, left, right) = (y.from, y.to, x.from, x.to);
+        for tick in x.ticks() {
+            let u = x.pixel(tick.value);
+            root.draw(&PathElement::new([(u, bottom), (u, top)], FAINT.0))?;
+            text(root, &tick.label, (u, bottom + 14), 12, INK.0, HPos::Center)?;
+        }
+        for tick in y.ticks() {
+            let v = y.pixel(tick.value);
+            root.draw(&PathElement::new([(left, v), (right, v)], FAINT.0))?;
+            text(root, &tick.label, (left - 8, v), 12, INK.0, HPos::Right)?;
+        }
+        root.draw(&PathElement::new([(left, top), (left, bottom), (right, bottom)], INK.0))?;
+        text(root, &self.x_label, ((left + right) / 2, bottom + 36), 13, INK.0, HPos::Center)?;
+        let upright = ("sans-serif", 13).into_font().transform(FontTransform::Rotate270).color(&INK.0);
+        let upright = upright.pos(Pos::new(HPos::Center, VPos::Center));
+        root.draw(&Text::new(self.y_label.clone(), (16, (top + bottom) / 2), upright))
+    }
+
+    /// Names of the series, in a row above the plotting area.
+    fn draw_legend(&self, root: &Area<'_>, left: i32) -> Drawn {
+        let mut u = left;
+        for (series, (colour, _)) in self.series.iter().zip(HUES.iter().cycle()) {
+            if series.line {
+                root.draw(&PathElement::new([(u, 16), (u + 18, 16)], colour.stroke_width(2)))?;
+            }
+            root.draw(&Circle::new((u + 9, 16), if series.line { 3 } else { 5 }, colour.filled()))?;
+            text(root, &series.name, (u + 25, 16), 13, INK.0, HPos::Left)?;
+            u += 25 + text_width(&series.name, 13) + 22;
+        }
+        Ok(())
+    }
+}
+
+type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
+type Drawn = std::result::Result<(), DrawingAreaErrorKind<std::io::Error>>;
+
+/// Writes text whose height is centred at `at`.
+fn text(root: &Area<'_>, what: &str, at: (i32, i32), size: i32, colour: RGBColor, horizontal: HPos) -> Drawn {
+    let style = ("sans-serif", size).into_font().color(&colour).pos(Pos::new(horizontal, VPos::Center));
+    root.draw(&Text::new(what.to_string(), at, style))
+}
+
+/// Width of a text in pixels, roughly: fonts are the viewer's.
+fn text_width(what: &str, size: i32) -> i32 {
+    (what.chars().count() as i32 * size * 58 + 99) / 100
+}
+
+/// A box (left, top, right, bottom) beside the point where the label covers nothing drawn so far.
+fn label_place((u, v): (i32, i32), label: &str, limits: [i32; 4], boxes: &[[i32; 4]]) -> Option<[i32; 4]> {
+    let (w, h) = (text_width(label, 12), 14);
+    let corners = [
+        (u + 9, v - h / 2),
+        (u + 6, v - h - 4),
+        (u + 6, v + 5),
+        (u - w - 9, v - h / 2),
+        (u - w / 2, v - h - 8),
+        (u - w / 2, v + 8),
+        (u - w - 6, v - h - 4),
+        (u - w - 6, v + 5),
+        (u + 14, v - h - 14),
+        (u + 14, v + 16),
+    ];
+    let overlaps = |a: &[i32; 4], b: &[i32; 4]| a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3];
+    let inside =
+        |a: &[i32; 4]| a[0] >= limits[0] && a[1] >= limits[1] && a[2] <= limits[2] && a[3] <= limits[3];
+    corners
+        .into_iter()
+        .map(|(l, t)| [l, t, l + w, t + h])
+        .find(|rect| inside(rect) && !boxes.iter().any(|b| overlaps(rect, b)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn point(x: f64, y: f64) -> Point {
+        Point { x, y, label: format!("label {x}") }
+    }
+
+    #[test]
+    fn any_input_gives_an_svg() {
+        let odd = vec![point(f64::NAN, 1.0), point(0.0, 0.0), point(-1.0, 2.0), point(1.0, f64::INFINITY)];
+        let inputs = [vec![], odd, vec![point(1.0, 1.0)], vec![point(1e-300, 1e300), point(1e300, 1e-300)]];
+        for points in inputs {
+            for scale in [Scale::Linear, Scale::Log] {
+                let series = vec![Series { name: "a < b & c".into(), points: points.clone(), line: true }];
+                let plot = Plot { series, x_scale: scale, y_scale: scale, ..Default::default() };
+                let svg = plot.svg(0, 0).unwrap();
+                assert!(svg.starts_with("<svg ") && svg.contains("a &lt; b &amp; c") && !svg.contains("NaN"));
+            }
+        }
+    }
+
+    #[test]
+    fn labels_do_not_cover_each_other() {
+        let limits = [0, 0, 400, 400];
+        let first = label_place((100, 100), "same", limits, &[]).unwrap();
+        let second = label_place((100, 100), "same", limits, &[first]).unwrap();
+        assert_ne!(first, second);
+        assert_eq!(label_place((100, 100), "same", limits, &[limits]), None);
+    }
+}

@@ -1,0 +1,91 @@
+//! Writing files whole or not at all.
+
+use std::io::{Cursor, Write};
+use std::path::Path;
+
+use image::{DynamicImage, ImageFormat, Rgb32FImage};
+
+use super::Picture;
+use crate::metrics::Image;
+use crate::{Error, Result};
+
+/// Writes `bytes` to `path`: into a temporary file of the same folder first, which then takes the name.
+///
+/// # Errors
+/// [`Error::Io`] with `path` when the folder is missing or not writable, or the disk is full; `path` is then as it
+/// was before.
+pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
+    let folder = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".mrvis-");
+    // As any program would create it: readable by others if the umask lets them.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let write = || -> std::io::Result<()> {
+        let mut file = builder.tempfile_in(folder)?;
+        file.write_all(bytes)?;
+        file.flush()?;
+        file.persist(path).map_err(|e| e.error)?;
+        Ok(())
+    };
+    write().map_err(|e| Error::io(path, e))
+}
+
+/// The image as an OpenEXR file of 32-bit floats: three equal channels R, G, B, values unchanged. The texel size is
+/// not stored.
+///
+/// # Errors
+/// [`Error::Argument`] when the image is too large for the format.
+pub fn exr_bytes(image: &Image) -> Result<Vec<u8>> {
+    let data: Vec<f32> = image.data().iter().flat_map(|&v| [v; 3]).collect();
+    encode(
+        u32::try_from(image.width())
+            .ok()
+            .zip(u32::try_from(image.height()).ok())
+            .and_then(|(w, h)| Rgb32FImage::from_raw(w, h, data).map(DynamicImage::ImageRgb32F)),
+        ImageFormat::OpenExr,
+    )
+}
+
+/// Writes [`exr_bytes`] to `path`. Errors of both.
+pub fn write_exr(path: &Path, image: &Image) -> Result<()> {
+    write_atomically(path, &exr_bytes(image)?)
+}
+
+/// Writes the picture to `path` as an 8-bit PNG. Errors as for [`Picture::png`] and [`write_atomically`].
+pub fn write_png(path: &Path, picture: &Picture) -> Result<()> {
+    write_atomically(path, &picture.png()?)
+}
+
+/// A picture in a file format, in memory.
+pub(super) fn encode(picture: Option<DynamicImage>, format: ImageFormat) -> Result<Vec<u8>> {
+    let picture = picture.ok_or_else(|| Error::Argument("the image is too large for a file".into()))?;
+    let mut bytes = Cursor::new(Vec::new());
+    picture
+        .write_to(&mut bytes, format)
+        .map_err(|e| Error::Argument(format!("the image cannot be encoded: {e}")))?;
+    Ok(bytes.into_inner())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_are_replaced_and_nothing_is_left_beside_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        for content in ["one", "two"] {
+            write_atomically(&path, content.as_bytes()).unwrap();
+            assert_eq!(std::fs::read_to_string(&path).unwrap(), content);
+        }
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+        let missing = folder.path().join("missing/a.txt");
+        assert!(write_atomically(&missing, b"x").unwrap_err().to_string().contains("missing/a.txt"));
+        // A folder cannot be replaced by a file.
+        assert!(write_atomically(folder.path(), b"x").is_err());
+    }
+}
