@@ -56,6 +56,9 @@ pub struct Point {
     pub label: String,
 }
 
+/// Size of the labels beside points, pixels.
+const LABEL: i32 = 13;
+
 /// Pixels around the plotting area: left, top, right, bottom.
 const MARGIN: [i32; 4] = [74, 40, 24, 52];
 
@@ -77,7 +80,7 @@ impl Plot {
             svg = svg.replace(&format!("\"{hex}\""), &format!("\"var({name}, {hex})\""));
         }
         // A view box lets a page scale the plot.
-        Ok(svg.replacen("<svg ", "<svg role=\"img\" style=\"max-width:100%;height:auto\" ", 1))
+        Ok(svg.replacen("<svg ", "<svg role=\"img\" style=\"height:auto\" ", 1))
     }
 
     fn draw(&self, root: &Area<'_>) -> Drawn {
@@ -123,7 +126,7 @@ impl Plot {
                 let place = label_place((x.pixel(p.x), y.pixel(p.y)), &p.label, limits, &boxes);
                 if let Some(rect) = place {
                     boxes.push(rect);
-                    text(root, &p.label, (rect[0], (rect[1] + rect[3]) / 2), 12, *colour, HPos::Left)?;
+                    text(root, &p.label, (rect[0], (rect[1] + rect[3]) / 2), LABEL, *colour, HPos::Left)?;
                 }
             }
         }
@@ -136,16 +139,16 @@ impl Plot {
         for tick in x.ticks() {
             let u = x.pixel(tick.value);
             root.draw(&PathElement::new([(u, bottom), (u, top)], FAINT.0))?;
-            text(root, &tick.label, (u, bottom + 14), 12, INK.0, HPos::Center)?;
+            text(root, &tick.label, (u, bottom + 14), 13, INK.0, HPos::Center)?;
         }
         for tick in y.ticks() {
             let v = y.pixel(tick.value);
             root.draw(&PathElement::new([(left, v), (right, v)], FAINT.0))?;
-            text(root, &tick.label, (left - 8, v), 12, INK.0, HPos::Right)?;
+            text(root, &tick.label, (left - 8, v), 13, INK.0, HPos::Right)?;
         }
         root.draw(&PathElement::new([(left, top), (left, bottom), (right, bottom)], INK.0))?;
-        text(root, &self.x_label, ((left + right) / 2, bottom + 36), 13, INK.0, HPos::Center)?;
-        let upright = ("sans-serif", 13).into_font().transform(FontTransform::Rotate270).color(&INK.0);
+        text(root, &self.x_label, ((left + right) / 2, bottom + 36), 14, INK.0, HPos::Center)?;
+        let upright = ("sans-serif", 14).into_font().transform(FontTransform::Rotate270).color(&INK.0);
         let upright = upright.pos(Pos::new(HPos::Center, VPos::Center));
         root.draw(&Text::new(self.y_label.clone(), (16, (top + bottom) / 2), upright))
     }
@@ -181,7 +184,7 @@ fn text_width(what: &str, size: i32) -> i32 {
 
 /// A box (left, top, right, bottom) beside the point where the label covers nothing drawn so far.
 fn label_place((u, v): (i32, i32), label: &str, limits: [i32; 4], boxes: &[[i32; 4]]) -> Option<[i32; 4]> {
-    let (w, h) = (text_width(label, 12), 14);
+    let (w, h) = (text_width(label, LABEL), LABEL + 2);
     let corners = [
         (u + 9, v - h / 2),
         (u + 6, v - h - 4),
