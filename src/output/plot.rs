@@ -117,7 +117,10 @@ impl Plot {
             }
         }
         let limits = [left, top, width as i32 - 2, height as i32 - bottom];
-        for (series, (colour, _)) in self.series.iter().zip(HUES.iter().cycle()) {
+        // Free points first: they are fewer, and a line tells what its unlabelled points are.
+        let mut order: Vec<_> = self.series.iter().zip(HUES.iter().cycle()).collect();
+        order.sort_by_key(|(series, _)| series.line);
+        for (series, (colour, _)) in order {
             for p in series
                 .points
                 .iter()
@@ -126,6 +129,11 @@ impl Plot {
                 let place = label_place((x.pixel(p.x), y.pixel(p.y)), &p.label, limits, &boxes);
                 if let Some(rect) = place {
                     boxes.push(rect);
+                    let (u, v) = (x.pixel(p.x), y.pixel(p.y));
+                    let near = (u.clamp(rect[0], rect[2]), v.clamp(rect[1], rect[3]));
+                    if (near.0 - u).abs().max((near.1 - v).abs()) > 12 {
+                        root.draw(&PathElement::new([(u, v), near], *colour))?;
+                    }
                     text(root, &p.label, (rect[0], (rect[1] + rect[3]) / 2), LABEL, *colour, HPos::Left)?;
                 }
             }
@@ -194,14 +202,20 @@ fn label_place((u, v): (i32, i32), label: &str, limits: [i32; 4], boxes: &[[i32;
         (u - w / 2, v + 8),
         (u - w - 6, v - h - 4),
         (u - w - 6, v + 5),
-        (u + 14, v - h - 14),
-        (u + 14, v + 16),
     ];
     let overlaps = |a: &[i32; 4], b: &[i32; 4]| a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3];
     let inside =
         |a: &[i32; 4]| a[0] >= limits[0] && a[1] >= limits[1] && a[2] <= limits[2] && a[3] <= limits[3];
+    // Crowded: further off, all around; the caller joins point and label.
+    let around =
+        (2..6).flat_map(|ring| (0..16).map(move |i| (16.0 * f64::from(ring), f64::from(i) * 0.3927)));
+    let around = around.map(|(r, angle)| {
+        let (du, dv) = ((r * angle.cos()) as i32, (r * angle.sin()) as i32);
+        (u + du - if du < 0 { w } else { 0 }, v + dv - h / 2)
+    });
     corners
         .into_iter()
+        .chain(around)
         .map(|(l, t)| [l, t, l + w, t + h])
         .find(|rect| inside(rect) && !boxes.iter().any(|b| overlaps(rect, b)))
 }
