@@ -207,8 +207,9 @@ fn label_place((u, v): (i32, i32), label: &str, limits: [i32; 4], boxes: &[[i32;
     let inside =
         |a: &[i32; 4]| a[0] >= limits[0] && a[1] >= limits[1] && a[2] <= limits[2] && a[3] <= limits[3];
     // Crowded: further off, all around; the caller joins point and label.
-    let around =
-        (2..6).flat_map(|ring| (0..16).map(move |i| (16.0 * f64::from(ring), f64::from(i) * 0.3927)));
+    let around = (2..6).flat_map(|ring| {
+        (0..16).map(move |i| (16.0 * f64::from(ring), f64::from(i) * std::f64::consts::FRAC_PI_8))
+    });
     let around = around.map(|(r, angle)| {
         let (du, dv) = ((r * angle.cos()) as i32, (r * angle.sin()) as i32);
         (u + du - if du < 0 { w } else { 0 }, v + dv - h / 2)
