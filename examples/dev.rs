@@ -37,13 +37,13 @@ fn main() {
     for n in [1,4,16,64,256] { let r = bench::measure::exact(&scene,&w,ex,n,&|_|()); let (rms,bias)=reference.errors(&r.visible); println!("exact {n:4} {:.4}s {:.3} us/seg rms {:.5} bias {:+.5}", r.seconds, r.seconds*1e6/(n*w.pairs.len()) as f64, rms, bias); rows.push((r.seconds,rms,n)); }
     let mr = visibility::MultiResolution::new(&scene,&h,&traits,&es,tr,visibility::Leaf::Exact);
     println!("wide MB {} isa {:?}", mr.bytes()/1000000, mr.isa());
-    if std::env::var("REP").is_ok() { let s:f32=args[2].parse().unwrap(); for _ in 0..1500 { bench::measure::multi_resolution(&scene,&w,&mr,s,16,&|_|()); } return; }
+    if std::env::var("REP").is_ok() { let s:f32=args[2].parse().unwrap(); for _ in 0..1500 { bench::measure::multi_resolution(&scene,&w,&mr,s,std::env::var("RAYS").map_or(16,|v|v.parse().unwrap()),&|_|()); } return; }
     let sizes: Vec<f32> = if args.len()>2 {args[2].split(',').map(|x|x.parse().unwrap()).collect()} else {vec![0.001,0.03,0.1,0.3,1.0]};
-    for &s in &sizes { let r = bench::measure::multi_resolution(&scene,&w,&mr,s,16,&|_|()); let (rms,bias)=reference.errors(&r.run.visible);
+    for &s in &sizes { let r = bench::measure::multi_resolution(&scene,&w,&mr,s,std::env::var("RAYS").map_or(16,|v|v.parse().unwrap()),&|_|()); let (rms,bias)=reference.errors(&r.run.visible);
       let mut q=[[0.0f64;3];2]; for (i,pr) in w.pairs.iter().enumerate() { let g = (w.points[pr.point as usize].normal.z.abs()>0.9999) as usize; let x=r.run.visible[i]; q[g][0]+=((x-reference.a[i])*(x-reference.b[i])) as f64; q[g][1]+=1.0; q[g][2]+=(x-0.5*(reference.a[i]+reference.b[i])) as f64; }
       println!("   leaf rms {:.4} bias {:+.4} ground rms {:.4} bias {:+.4}", (q[0][0]/q[0][1]).sqrt(), q[0][2]/q[0][1], (q[1][0]/q[1][1]).sqrt(), q[1][2]/q[1][1]);
-      let n=w.pairs.len()*16;
+      let rays=std::env::var("RAYS").map_or(16,|v|v.parse::<usize>().unwrap()); let n=w.pairs.len()*rays; let ri=match rays {16=>2,64=>3,_=>4};
       // time at same rms
       let mut te = f64::NAN; for k in 1..rows.len(){ let (a,b)=(rows[k-1],rows[k]); if rms<=a.1&&rms>=b.1 {let f=(a.1/rms).ln()/(a.1/b.1).ln(); te=(a.0.ln()+f*(b.0/a.0).ln()).exp();} } if rms<rows[4].1 { te=rows[4].0*(rows[4].1/rms).powi(2);} 
-      println!("s {s} {:.4}s {:.3} us/seg rms {:.5} bias {:+.5} nodes/seg {:.2} exact {:.3} handed {:.3} agg {:.3} cov {:.3} | per-seg x{:.2} same-rms x{:.1}", r.run.seconds, r.run.seconds*1e6/n as f64, rms,bias, r.cost.nodes as f64/n as f64, r.cost.exact_rays as f64/n as f64, r.cost.handed_over as f64/n as f64, r.cost.aggregated as f64/n as f64, reference.coverage(&r.intervals), rows[2].0/r.run.seconds, te/r.run.seconds); }
+      println!("s {s} {:.4}s {:.3} us/seg rms {:.5} bias {:+.5} nodes/seg {:.2} exact {:.3} handed {:.3} agg {:.3} cov {:.3} | per-seg x{:.2} same-rms x{:.1}", r.run.seconds, r.run.seconds*1e6/n as f64, rms,bias, r.cost.nodes as f64/n as f64, r.cost.exact_rays as f64/n as f64, r.cost.handed_over as f64/n as f64, r.cost.aggregated as f64/n as f64, reference.coverage(&r.intervals), rows[ri].0/r.run.seconds, te/r.run.seconds); }
 }
