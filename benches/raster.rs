@@ -1,7 +1,9 @@
-//! Time of the largest inscribed disc in silhouettes as characterisation meets them: `cargo bench --bench raster`.
+//! Time of the largest inscribed disc in silhouettes as characterisation meets them, and of the feature-based error
+//! of shadow images: `cargo bench --bench raster`.
 
 use divan::{Bencher, black_box};
-use mrvis::raster::{BitImage, Edt, Outside};
+use mrvis::metrics::{FbemOptions, Image, fbem};
+use mrvis::raster::{BitImage, Edt, Morphology, Outside};
 
 fn main() {
     divan::main();
@@ -45,9 +47,29 @@ fn max_inscribed_diameter<const N: usize>(bencher: Bencher, kind: &str) {
     });
 }
 
+#[divan::bench(args = KINDS, consts = [32, 64])]
+fn erosions_with_8_neighbours<const N: usize>(bencher: Bencher, kind: &str) {
+    let images = silhouettes(kind, N);
+    let mut edt = Edt::new();
+    let mut next = 0;
+    bencher.bench_local(|| {
+        next = (next + 1) % images.len();
+        edt.largest_size(black_box(&images[next]), Morphology::Paper8, Outside::Free)
+    });
+}
+
 #[divan::bench(args = [64, 256, 1024])]
 fn squared_distances(bencher: Bencher, n: usize) {
     let image = &silhouettes("dense", n)[0];
     let mut edt = Edt::new();
     bencher.bench_local(|| edt.squared_distances(black_box(image), Outside::Free).len());
+}
+
+#[divan::bench(args = [256, 1024], sample_count = 10)]
+fn feature_based_error(bencher: Bencher, n: usize) {
+    let shadow = &silhouettes("dense", n)[0];
+    let image = |dark: f32| Image::from_fn(n, n, 1.0, |x, y| if shadow.get(x, y) { dark } else { 1.0 });
+    let (Ok(reference), Ok(approximation)) = (image(0.0), image(0.1)) else { return };
+    let options = FbemOptions { size: n as f64 / 20.0, ..Default::default() };
+    bencher.bench_local(|| fbem(black_box(&reference), &approximation, &options).map(|f| f.value));
 }

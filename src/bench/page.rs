@@ -96,9 +96,9 @@ fn headline(record: &Record) -> Markup {
             h1 { (file_name(&record.scene.path)) }
             (sentence(record))
             div.figures {
-                (figure(best_of(|row| row.speedup_at_same_rms), "faster at the same error (RMS)"))
-                (figure(best_of(|row| row.speedup_at_same_fbem), "faster at the same feature error (FBEM)"))
-                (figure(best_of(|row| Some(row.speedup_per_segment)), "faster per segment"))
+                (figure(best_of(|row| row.speedup_at_same_rms), "speed-up at the same error (RMS)"))
+                (figure(best_of(|row| row.speedup_at_same_fbem), "speed-up at the same feature error (FBEM)"))
+                (figure(best_of(|row| Some(row.speedup_per_segment)), "speed-up per segment"))
             }
             @for warning in &record.warnings { p.warning { (warning) } }
         }
@@ -147,12 +147,13 @@ fn footer(record: &Record) -> Markup {
                 (record.threads) " " (plural) " in the timed sections · seed " (record.seed) " · lengths in " (record.unit)
             }
             pre {
-                "mrvis bench " (record.scene.path)
+                "mrvis bench " (shell_word(&record.scene.path))
                 " --points " (record.workload.points)
                 " --rays " (record.workload.rays)
                 " --reference-rays " (record.workload.reference_rays)
                 @for row in &record.mr { " --feature-size " (row.feature_size) }
-                " --seed " (record.seed) " --threads " (record.threads) " --unit " (record.unit)
+                @for receiver in &record.receivers { " --receiver " (shell_word(&receiver.name)) }
+                " --seed " (record.seed) " --threads " (record.threads) " --unit " (shell_word(&record.unit))
             }
             p.note {
                 "The same command gives the same figures but for the times, which depend on the machine and on what \
@@ -168,6 +169,16 @@ fn file_name(path: &str) -> &str {
     if name.is_empty() { "unnamed scene" } else { name }
 }
 
+/// The text as one word of a shell command.
+fn shell_word(text: &str) -> String {
+    let plain = |c: char| c.is_alphanumeric() || "/._-+:".contains(c);
+    if !text.is_empty() && text.chars().all(plain) {
+        text.into()
+    } else {
+        format!("'{}'", text.replace('\'', "'\\''"))
+    }
+}
+
 /// A factor, such as `27×`; a dash when unknown.
 fn times(value: Option<f64>) -> String {
     match value {
@@ -181,12 +192,12 @@ fn times(value: Option<f64>) -> String {
 
 /// A part as per cent, two significant digits or more.
 fn percent(part: f64) -> String {
-    format!("{} %", number(100.0 * part))
+    format!("{}\u{a0}%", number(100.0 * part))
 }
 
 /// A length with its unit.
 fn length(value: f64, unit: &str) -> String {
-    format!("{} {unit}", number(value))
+    format!("{}\u{a0}{unit}", number(value))
 }
 
 #[cfg(test)]

@@ -132,7 +132,7 @@ mod tests {
     fn lit_regions_join_the_mask() {
         let mut set = FeatureSet::new(&wall(), &FeatureOptions::default()).unwrap();
         assert_eq!(set.mask(0.0).count(), 64 * 64);
-        assert_eq!(set.mask(2.1).get(41, 41), false);
+        assert!(!set.mask(2.1).get(41, 41));
         assert!(set.mask(2.1).get(60, 60));
         assert_eq!(set.mask(100.0).count(), 0);
     }

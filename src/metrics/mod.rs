@@ -1,7 +1,7 @@
 //! How good an image of light is: ordinary norms, and the error by the size of what is wrong.
 //!
 //! Reference: F. Sillion and G. Drettakis, *Feature-based control of visibility error*, INRIA RR-2503, 1995
-//! (**[SD95]**), section 2. The choices that the paper leaves open are those of the project's `method.md` A.2-A.4 and
+//! (**\[SD95\]**), section 2. The choices that the paper leaves open are those of the project's `method.md` A.2-A.4 and
 //! are stated where they are made:
 //!
 //! * An image holds one value a texel (for instance the visible fraction of the light), sampled at texel centres; all

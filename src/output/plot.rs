@@ -56,6 +56,9 @@ pub struct Point {
     pub label: String,
 }
 
+/// Size of the labels beside points, pixels.
+const LABEL: i32 = 13;
+
 /// Pixels around the plotting area: left, top, right, bottom.
 const MARGIN: [i32; 4] = [74, 40, 24, 52];
 
@@ -77,7 +80,7 @@ impl Plot {
             svg = svg.replace(&format!("\"{hex}\""), &format!("\"var({name}, {hex})\""));
         }
         // A view box lets a page scale the plot.
-        Ok(svg.replacen("<svg ", "<svg role=\"img\" style=\"max-width:100%;height:auto\" ", 1))
+        Ok(svg.replacen("<svg ", "<svg role=\"img\" style=\"height:auto\" ", 1))
     }
 
     fn draw(&self, root: &Area<'_>) -> Drawn {
@@ -114,7 +117,10 @@ impl Plot {
             }
         }
         let limits = [left, top, width as i32 - 2, height as i32 - bottom];
-        for (series, (colour, _)) in self.series.iter().zip(HUES.iter().cycle()) {
+        // Free points first: they are fewer, and a line tells what its unlabelled points are.
+        let mut order: Vec<_> = self.series.iter().zip(HUES.iter().cycle()).collect();
+        order.sort_by_key(|(series, _)| series.line);
+        for (series, (colour, _)) in order {
             for p in series
                 .points
                 .iter()
@@ -123,7 +129,12 @@ impl Plot {
                 let place = label_place((x.pixel(p.x), y.pixel(p.y)), &p.label, limits, &boxes);
                 if let Some(rect) = place {
                     boxes.push(rect);
-                    text(root, &p.label, (rect[0], (rect[1] + rect[3]) / 2), 12, *colour, HPos::Left)?;
+                    let (u, v) = (x.pixel(p.x), y.pixel(p.y));
+                    let near = (u.clamp(rect[0], rect[2]), v.clamp(rect[1], rect[3]));
+                    if (near.0 - u).abs().max((near.1 - v).abs()) > 12 {
+                        root.draw(&PathElement::new([(u, v), near], *colour))?;
+                    }
+                    text(root, &p.label, (rect[0], (rect[1] + rect[3]) / 2), LABEL, *colour, HPos::Left)?;
                 }
             }
         }
@@ -136,16 +147,16 @@ impl Plot {
         for tick in x.ticks() {
             let u = x.pixel(tick.value);
             root.draw(&PathElement::new([(u, bottom), (u, top)], FAINT.0))?;
-            text(root, &tick.label, (u, bottom + 14), 12, INK.0, HPos::Center)?;
+            text(root, &tick.label, (u, bottom + 14), 13, INK.0, HPos::Center)?;
         }
         for tick in y.ticks() {
             let v = y.pixel(tick.value);
             root.draw(&PathElement::new([(left, v), (right, v)], FAINT.0))?;
-            text(root, &tick.label, (left - 8, v), 12, INK.0, HPos::Right)?;
+            text(root, &tick.label, (left - 8, v), 13, INK.0, HPos::Right)?;
         }
         root.draw(&PathElement::new([(left, top), (left, bottom), (right, bottom)], INK.0))?;
-        text(root, &self.x_label, ((left + right) / 2, bottom + 36), 13, INK.0, HPos::Center)?;
-        let upright = ("sans-serif", 13).into_font().transform(FontTransform::Rotate270).color(&INK.0);
+        text(root, &self.x_label, ((left + right) / 2, bottom + 36), 14, INK.0, HPos::Center)?;
+        let upright = ("sans-serif", 14).into_font().transform(FontTransform::Rotate270).color(&INK.0);
         let upright = upright.pos(Pos::new(HPos::Center, VPos::Center));
         root.draw(&Text::new(self.y_label.clone(), (16, (top + bottom) / 2), upright))
     }
@@ -181,7 +192,7 @@ fn text_width(what: &str, size: i32) -> i32 {
 
 /// A box (left, top, right, bottom) beside the point where the label covers nothing drawn so far.
 fn label_place((u, v): (i32, i32), label: &str, limits: [i32; 4], boxes: &[[i32; 4]]) -> Option<[i32; 4]> {
-    let (w, h) = (text_width(label, 12), 14);
+    let (w, h) = (text_width(label, LABEL), LABEL + 2);
     let corners = [
         (u + 9, v - h / 2),
         (u + 6, v - h - 4),
@@ -191,14 +202,21 @@ fn label_place((u, v): (i32, i32), label: &str, limits: [i32; 4], boxes: &[[i32;
         (u - w / 2, v + 8),
         (u - w - 6, v - h - 4),
         (u - w - 6, v + 5),
-        (u + 14, v - h - 14),
-        (u + 14, v + 16),
     ];
     let overlaps = |a: &[i32; 4], b: &[i32; 4]| a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3];
     let inside =
         |a: &[i32; 4]| a[0] >= limits[0] && a[1] >= limits[1] && a[2] <= limits[2] && a[3] <= limits[3];
+    // Crowded: further off, all around; the caller joins point and label.
+    let around = (2..6).flat_map(|ring| {
+        (0..16).map(move |i| (16.0 * f64::from(ring), f64::from(i) * std::f64::consts::FRAC_PI_8))
+    });
+    let around = around.map(|(r, angle)| {
+        let (du, dv) = ((r * angle.cos()) as i32, (r * angle.sin()) as i32);
+        (u + du - if du < 0 { w } else { 0 }, v + dv - h / 2)
+    });
     corners
         .into_iter()
+        .chain(around)
         .map(|(l, t)| [l, t, l + w, t + h])
         .find(|rect| inside(rect) && !boxes.iter().any(|b| overlaps(rect, b)))
 }

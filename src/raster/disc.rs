@@ -6,7 +6,7 @@
 //! width at dy. Counting plain erosions first brackets the answer to a factor of two (in squared distance), bisection
 //! does the rest. This is the inner loop of characterisation: millions of images a scene.
 
-use super::{BitImage, NO_BACKGROUND, Outside};
+use super::{BitImage, Morphology, NO_BACKGROUND, Outside};
 
 /// Largest side of an image that [`Discs`] can take.
 pub(super) const MAX_SIDE: usize = 64;
@@ -25,23 +25,18 @@ impl Discs {
     /// Largest squared distance from an object pixel to the nearest background pixel; 0 without object,
     /// [`NO_BACKGROUND`] without background. The image has at most [`MAX_SIDE`] columns and rows.
     pub(super) fn max_squared_distance(&mut self, image: &BitImage, outside: Outside) -> u32 {
-        let height = image.height();
-        let inside = image.last_word_mask();
-        let fill = if outside == Outside::Blocked { !0u64 } else { 0 };
-        let mut plane = [fill; MAX_SIDE + 2];
-        for (row, word) in plane[1..].iter_mut().zip(image.words()) {
-            *row = word | (fill & !inside);
-        }
+        let (height, inside) = (image.height(), image.last_word_mask());
+        let (plane, fill) = plane(image, outside);
         if image.is_empty() {
             return 0;
         }
-        if fill != 0 && plane.iter().all(|&row| row == !0) {
+        if endless(&plane, fill) {
             return NO_BACKGROUND;
         }
         // Chebyshev radius c and city-block radius k bound the Euclidean radius d of the deepest pixel:
         // c ≤ d ≤ √2·c and k/√2 ≤ d ≤ k.
-        let c = erosions(&plane, height, inside, fill, |_, [above, here, below]| above & here & below);
-        let k = erosions(&plane, height, inside, fill, |[above, below], [_, here, _]| above & here & below);
+        let c = erosions(&plane, height, inside, fill, SQUARE);
+        let k = erosions(&plane, height, inside, fill, DIAMOND);
         let (mut low, mut high) = ((c * c).max((k * k).div_ceil(2)), (2 * c * c).min(k * k));
         if low < high {
             self.erode_rows(&plane[1..=height], (high - 1).isqrt(), fill);
@@ -106,22 +101,52 @@ impl Discs {
     }
 }
 
+/// Number of erosions until no object is left, with 4 neighbours for [`Morphology::Paper4`] and 8 otherwise; `None`
+/// when that never happens. The image has at most [`MAX_SIDE`] columns and rows.
+pub(super) fn erosions_until_empty(image: &BitImage, mode: Morphology, outside: Outside) -> Option<u32> {
+    let (height, inside) = (image.height(), image.last_word_mask());
+    let (plane, fill) = plane(image, outside);
+    match mode {
+        _ if image.is_empty() => Some(0),
+        _ if endless(&plane, fill) => None,
+        Morphology::Paper4 => Some(erosions(&plane, height, inside, fill, DIAMOND)),
+        Morphology::Paper8 | Morphology::Euclid => Some(erosions(&plane, height, inside, fill, SQUARE)),
+    }
+}
+
+/// The image with its surroundings, and the word that stands for those.
+fn plane(image: &BitImage, outside: Outside) -> (Plane, u64) {
+    let inside = image.last_word_mask();
+    let fill = if outside == Outside::Blocked { !0u64 } else { 0 };
+    let mut plane = [fill; MAX_SIDE + 2];
+    for (row, word) in plane[1..].iter_mut().zip(image.words()) {
+        *row = word | (fill & !inside);
+    }
+    (plane, fill)
+}
+
+/// Whether all is object, surroundings included.
+fn endless(plane: &Plane, fill: u64) -> bool {
+    fill != 0 && plane.iter().all(|&row| row == !0)
+}
+
+/// One erosion of a row, from the rows above and below, and the rows above, here and below thinned.
+type Step = fn([u64; 2], [u64; 3]) -> u64;
+/// With 8 neighbours.
+const SQUARE: Step = |_, [above, here, below]| above & here & below;
+/// With 4 neighbours.
+const DIAMOND: Step = |[above, below], [_, here, _]| above & here & below;
+
 /// A row eroded by one pixel to each side.
 #[inline]
 fn thin(row: u64, fill: u64) -> u64 {
     row & (row << 1 | (fill & 1)) & (row >> 1 | (fill & 1 << 63))
 }
 
-/// Number of erosions until no pixel inside the image is object. `step` combines the rows above and below with
-/// the rows above, here and below thinned. The image has background, or the surroundings are free.
-#[inline]
-fn erosions(
-    plane: &Plane,
-    height: usize,
-    inside: u64,
-    fill: u64,
-    step: impl Fn([u64; 2], [u64; 3]) -> u64,
-) -> u32 {
+/// Number of erosions until no pixel inside the image is object. The image has background, or the surroundings are
+/// free.
+#[inline(always)]
+fn erosions(plane: &Plane, height: usize, inside: u64, fill: u64, step: Step) -> u32 {
     let (mut from, mut to) = (*plane, [fill; MAX_SIDE + 2]);
     let mut thinned = [fill; MAX_SIDE + 2];
     let mut count = 0;

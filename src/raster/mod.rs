@@ -4,7 +4,7 @@
 //! largest blocker in a silhouette (millions of small images), `metrics` for feature masks (few large ones).
 //!
 //! Reference: F. Sillion and G. Drettakis, *Feature-based control of visibility error*, INRIA RR-2503, 1995
-//! (**[SD95]**), section 2.4 and, for BSIZE, section 3.3.
+//! (**\[SD95\]**), section 2.4 and, for BSIZE, section 3.3.
 //!
 //! # What "size" means here
 //!

@@ -1,8 +1,8 @@
 //! Opening: erosion, then expansion back. What is smaller than a size vanishes, the rest keeps nearly its shape
 //! [SD95 sec 2.4].
 
-use super::erode::{erode_by, erosions_until_empty, expand_by};
-use super::{BitImage, Edt, Morphology, Outside, diameter};
+use super::erode::{erode_by, expand_by};
+use super::{BitImage, Edt, Morphology, Outside};
 
 /// The openings of one image for many sizes. Background lies outside the image: an object at the border is measured
 /// by the part of it that is seen.
@@ -49,14 +49,8 @@ impl Opener {
     }
 
     /// Size in pixels of the largest object: the opening by any smaller size leaves something of it.
-    pub fn largest(&self) -> f32 {
-        match self.mode {
-            Morphology::Euclid => diameter(self.depth.iter().copied().max().unwrap_or(0)),
-            mode => {
-                let steps = erosions_until_empty(&self.image, &mut Default::default(), mode, Outside::Free);
-                steps.map_or(f32::INFINITY, |n| 2.0 * n as f32)
-            }
-        }
+    pub fn largest(&mut self) -> f32 {
+        self.edt.largest_size(&self.image, self.mode, Outside::Free)
     }
 
     fn open_by_disc(&mut self, radius: f64) -> BitImage {

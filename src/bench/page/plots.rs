@@ -29,7 +29,7 @@ pub(super) fn error_against_time(record: &Record) -> Result<Markup> {
     };
     Ok(html! {
         figure.plot {
-            (PreEscaped(plot.svg(860, 460)?))
+            div.scroll { (PreEscaped(plot.svg(860, 460)?)) }
             figcaption {
                 "Lower is more accurate, further left is faster; both axes are logarithmic. The line shows exact \
                  visibility with more and more rays from each point to each light. A multi-resolution point below \
@@ -60,7 +60,7 @@ pub(super) fn spectrum(exact: &[Fbem], mr: &[Fbem], unit: &str) -> Result<Markup
     };
     Ok(html! {
         figure.plot {
-            (PreEscaped(plot.svg(860, 340)?))
+            div.scroll { (PreEscaped(plot.svg(860, 340)?)) }
             figcaption {
                 "Error by the size of what is wrong: at s = 0 the ordinary RMS error, further right the error that \
                  remains for somebody who cares only for features larger than s."

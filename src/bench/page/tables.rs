@@ -83,12 +83,12 @@ pub(super) fn measurements(record: &Record) -> Markup {
         ("RMS", "root mean square error of the visible fraction, the reference's noise subtracted"),
         ("bias", "mean error; positive: too bright"),
         (
-            "at same RMS",
+            "same RMS",
             "time that exact needs for this RMS error, divided by this row's time; ~ marks a time beyond \
             the most rays measured, extrapolated",
         ),
-        ("at same FBEM", "the same with the feature-based error of the shadow images at this s"),
-        ("per segment", "best exact time for as many segments, divided by this row's time"),
+        ("same FBEM", "the same with the feature-based error of the shadow images at this s"),
+        ("segment", "best exact time for as many segments, divided by this row's time"),
         ("averaged", "part of the segments that met at least one group treated as a haze"),
         ("exact rays", "rays that were handed to Embree because something large was in the way"),
         ("nodes", "groups visited for a segment, on average"),
@@ -118,7 +118,7 @@ pub(super) fn measurements(record: &Record) -> Markup {
                     tbody { @for row in &record.exact { (exact_row(row)) } }
                 }
             }
-            details {
+            details open {
                 summary { "What the columns mean" }
                 dl.columns-help {
                     @for (name, meaning) in columns { dt { (name) } dd { (meaning) } }
