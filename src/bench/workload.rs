@@ -63,18 +63,29 @@ impl Workload {
         Workload { points, pairs, seed, ends: end_rule(scene), samplers }
     }
 
-    /// Puts `rays` segments of a pair into `packets` (cleared first), sixteen a packet.
+    /// Appends `rays` segments of a pair to `packets`, sixteen a packet.
     ///
     /// The segments of a smaller number are the first of a larger one. `stream` separates independent sample sets
     /// of the same pair: engines under test share stream 0, references use others.
-    pub fn bundle(&self, scene: &Scene, pair: usize, rays: usize, stream: u64, packets: &mut Vec<Packet>) {
-        packets.clear();
+    pub fn add_bundle(&self, scene: &Scene, pair: usize, rays: usize, stream: u64, packets: &mut Vec<Packet>) {
         self.each_segment(scene, pair, rays, stream, |i, a, b| {
             if i % LANES == 0 {
                 packets.push(Packet::EMPTY);
             }
             packets.last_mut().expect("just pushed").set(i % LANES, a, b, self.ends);
         });
+    }
+
+    /// The mean of a value of each pair over the emitters of each point, weighted by their unoccluded irradiance:
+    /// the part of the light that arrives. 0 at points that face no emitter.
+    pub fn weighted(&self, values: &[f32]) -> Vec<f32> {
+        let mut sums = vec![(0.0f64, 0.0f64); self.points.len()];
+        for (pair, &value) in self.pairs.iter().zip(values) {
+            let (sum, weight) = &mut sums[pair.point as usize];
+            *sum += f64::from(pair.weight) * f64::from(value);
+            *weight += f64::from(pair.weight);
+        }
+        sums.into_iter().map(|(sum, weight)| if weight > 0.0 { (sum / weight) as f32 } else { 0.0 }).collect()
     }
 
     /// Puts `rays` segments of each pair of a range into packets without gaps: for engines that need no bundles.
