@@ -11,9 +11,11 @@ use std::time::Instant;
 
 /// Pairs whose segments are made at once, at most: small enough to stay in cache, large enough that a clock reading
 /// costs nothing.
-const CHUNK: usize = 128;
-/// Segments that are made at once, at most (but those of one pair are always made together).
-const CHUNK_SEGMENTS: usize = 1 << 15;
+const CHUNK: usize = 1024;
+/// Segments of a chunk, at most (but those of one pair are always together).
+const CHUNK_SEGMENTS: usize = 1 << 13;
+/// Chunks whose segments are made at once, on all cores, for each thread that asks: few enough to stay in cache.
+const AHEAD: usize = 8;
 
 /// Visible fraction of each pair, and the seconds that the queries alone took.
 #[derive(Clone, Debug, Default)]
@@ -138,8 +140,7 @@ impl Timer {
         result
     }
 
-    /// Prepares, asks and collects chunk after chunk; the seconds of asking. Several threads take several chunks at
-    /// a time; chunks are collected in their order.
+    /// Prepares, asks and collects a few chunks at a time, in their order; the seconds of asking.
     fn chunk_by_chunk<T: Send>(
         &self,
         ranges: Vec<Range<usize>>,
@@ -147,25 +148,18 @@ impl Timer {
         ask: impl Fn(&mut Chunk<T>) + Sync,
         mut collect: impl FnMut(&Chunk<T>),
     ) -> f64 {
-        let places = self.pool.as_ref().map_or(1, |pool| 8 * pool.current_num_threads());
+        let places = AHEAD * self.pool.as_ref().map_or(1, |pool| pool.current_num_threads());
         let blank = || Chunk { pairs: 0..0, packets: Vec::new(), answers: Vec::new(), workspace: Workspace::default() };
         let mut chunks: Vec<Chunk<T>> = (0..places).map(|_| blank()).collect();
         let mut seconds = 0.0;
         for group in ranges.chunks(places) {
             let chunks = &mut chunks[..group.len()];
             chunks.iter_mut().zip(group).for_each(|(chunk, pairs)| chunk.pairs = pairs.clone());
-            let start;
+            chunks.par_iter_mut().with_max_len(1).for_each(&prepare);
+            let start = Instant::now();
             match &self.pool {
-                None => {
-                    chunks.iter_mut().for_each(&prepare);
-                    start = Instant::now();
-                    chunks.iter_mut().for_each(&ask);
-                }
-                Some(pool) => {
-                    pool.install(|| chunks.par_iter_mut().for_each(&prepare));
-                    start = Instant::now();
-                    pool.install(|| chunks.par_iter_mut().with_max_len(1).for_each(&ask));
-                }
+                None => chunks.iter_mut().for_each(&ask),
+                Some(pool) => pool.install(|| chunks.par_iter_mut().with_max_len(1).for_each(&ask)),
             }
             seconds += start.elapsed().as_secs_f64();
             chunks.iter().for_each(&mut collect);

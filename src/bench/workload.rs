@@ -5,7 +5,7 @@ use crate::scene::{Emitter, Scene};
 use crate::visibility::reference::end_rule;
 use glam::Vec3;
 use rayon::prelude::*;
-use sobol_burley::sample;
+use sobol_burley::sample_4d;
 
 /// A point on a surface and the side that is asked for.
 #[derive(Clone, Copy, Debug)]
@@ -120,7 +120,8 @@ impl Workload {
             // Owen-scrambled Sobol' points: stratified for every power of two, 65536 at most a scramble.
             let seed = seed ^ (i as u32 >> 16).wrapping_mul(0x9e37_79b9);
             let index = i as u32 & 0xffff;
-            f(i, point.position, facing.sample(scene, sample(index, 0, seed), sample(index, 1, seed)));
+            let [u, v, ..] = sample_4d(index, 0, seed);
+            f(i, point.position, facing.sample(scene, u, v));
         }
     }
 }
@@ -257,13 +258,13 @@ pub fn surface_points(scene: &Scene, count: usize, seed: u64) -> crate::Result<V
     let mut points: Vec<(u64, Point)> = (0..count as u32)
         .into_par_iter()
         .map(|i| {
-            let draw = |dimension| sample(i & 0xffff, dimension, seed ^ (i >> 16).wrapping_mul(0x9e37_79b9));
-            let target = f64::from(draw(0)) * sum;
+            let draw = sample_4d(i & 0xffff, 0, seed ^ (i >> 16).wrapping_mul(0x9e37_79b9));
+            let target = f64::from(draw[0]) * sum;
             let k = sums.partition_point(|&s| s <= target).min(sums.len() - 1);
             let corners = scene.corners(receivers[k]);
-            let position = point_on(corners, draw(1), draw(2));
+            let position = point_on(corners, draw[1], draw[2]);
             let mut normal = crate::math::triangle_normal(corners[0], corners[1], corners[2]);
-            if scene.triangle_sides[receivers[k] as usize] == 2 && draw(3) < 0.5 {
+            if scene.triangle_sides[receivers[k] as usize] == 2 && draw[3] < 0.5 {
                 normal = -normal;
             }
             (curve_key(scene, position), Point { position, normal })

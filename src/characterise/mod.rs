@@ -16,7 +16,7 @@ use crate::math::{Aabb, triangle_area};
 use crate::raster::Morphology;
 use crate::scene::Scene;
 use rayon::prelude::*;
-use silhouette::Silhouettes;
+use silhouette::{Measure, Silhouettes};
 
 /// Where extinction comes from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -92,35 +92,94 @@ pub fn characterise(scene: &Scene, tree: &Tree, options: &Options) -> Vec<Traits
         sum += f64::from(scene.triangle_sides[t as usize]) * triangle_area(a, b, c);
         sums.push(sum);
     }
-    (0..tree.clusters.len())
+    let boxes: Vec<Aabb> = tree.clusters.par_iter().map(|c| c.bounds.thickened()).collect();
+    let analytic = |c: usize| {
+        let range = tree.clusters[c].triangle_range();
+        extinction(sums[range.end] - sums[range.start], boxes[c])
+    };
+    let is_direct = |c: usize| tree.clusters[c].triangles <= DIRECT;
+    // Clusters of few triangles are drawn; the topmost of them keep their pictures, from which the larger ones
+    // are put together, children first.
+    let drawn: Vec<(Option<Traits>, Option<Box<Silhouettes>>)> = (0..tree.clusters.len())
         .into_par_iter()
-        .map_init(Silhouettes::default, |silhouettes, c| {
-            let cluster = &tree.clusters[c];
-            let range = cluster.triangle_range();
-            let bounds = cluster.bounds.thickened();
-            let kappa = extinction(sums[range.end] - sums[range.start], bounds);
-            let mut traits = Traits {
-                extinction: [kappa; AXIS_COUNT],
-                blocked: [0.0; AXIS_COUNT],
-                free: [0.0; AXIS_COUNT],
-                coverage: [0.0; AXIS_COUNT],
-                grain: [0.0; AXIS_COUNT],
-            };
-            for axis in 0..AXIS_COUNT {
-                let triangles = &tree.order[range.clone()];
-                let m = silhouettes.measure(scene, triangles, bounds, axis, kappa, options);
-                (traits.blocked[axis], traits.free[axis], traits.coverage[axis]) = (m.blocked, m.free, m.coverage);
-                (traits.extinction[axis], traits.grain[axis]) = (m.extinction, m.grain);
+        .map_init(Scratch::default, |scratch, c| {
+            if !is_direct(c) {
+                return (None, None);
             }
-            if options.isotropic {
-                let Traits { blocked, free, coverage, grain, extinction } = &mut traits;
-                for values in [blocked, free, coverage, grain, extinction] {
-                    *values = [values.iter().sum::<f32>() / AXIS_COUNT as f32; AXIS_COUNT];
-                }
+            for (axis, silhouette) in scratch.silhouettes.iter_mut().enumerate() {
+                silhouette.draw(scene, tree.triangles_of(c), boxes[c], axis);
             }
-            traits
+            let traits = scratch.measure(analytic(c), options);
+            let keep = c > 0 && !is_direct(tree.clusters[c].parent as usize);
+            (Some(traits), keep.then(|| Box::new(scratch.silhouettes.clone())))
         })
-        .collect()
+        .collect();
+    let (mut traits, mut pictures): (Vec<_>, Vec<_>) = drawn.into_iter().unzip();
+    for level in levels_from_below(tree, is_direct) {
+        let made: Vec<(Traits, Box<Silhouettes>)> = level
+            .par_iter()
+            .map_init(Scratch::default, |scratch, &c| {
+                for (axis, silhouette) in scratch.silhouettes.iter_mut().enumerate() {
+                    let parts = pictures[tree.clusters[c].child_range()].iter().flatten();
+                    silhouette.compose(parts.map(|p| &p[axis]), boxes[c], axis);
+                }
+                (scratch.measure(analytic(c), options), Box::new(scratch.silhouettes.clone()))
+            })
+            .collect();
+        for (c, (t, p)) in level.into_iter().zip(made) {
+            (traits[c], pictures[c]) = (Some(t), Some(p));
+            pictures[tree.clusters[c].child_range()].fill(None);
+        }
+    }
+    traits.into_iter().map(|t| t.expect("every cluster is drawn or composed")).collect()
+}
+
+/// Clusters with at most this many triangles are drawn triangle by triangle.
+const DIRECT: u32 = 2048;
+
+/// The clusters that are not direct, grouped so that children come before parents.
+fn levels_from_below(tree: &Tree, is_direct: impl Fn(usize) -> bool) -> Vec<Vec<usize>> {
+    let mut height = vec![0usize; tree.clusters.len()];
+    let mut levels: Vec<Vec<usize>> = Vec::new();
+    for c in (0..tree.clusters.len()).rev().filter(|&c| !is_direct(c)) {
+        let h = tree.clusters[c].child_range().map(|k| height[k]).max().unwrap_or(0) + 1;
+        height[c] = h;
+        levels.resize(levels.len().max(h), Vec::new());
+        levels[h - 1].push(c);
+    }
+    levels
+}
+
+/// Buffers of a thread.
+#[derive(Default)]
+struct Scratch {
+    silhouettes: Silhouettes,
+    measure: Measure,
+}
+
+impl Scratch {
+    /// Traits of the cluster that the silhouettes show.
+    fn measure(&mut self, analytic: f32, options: &Options) -> Traits {
+        let mut traits = Traits {
+            extinction: [0.0; AXIS_COUNT],
+            blocked: [0.0; AXIS_COUNT],
+            free: [0.0; AXIS_COUNT],
+            coverage: [0.0; AXIS_COUNT],
+            grain: [0.0; AXIS_COUNT],
+        };
+        for (axis, silhouette) in self.silhouettes.iter().enumerate() {
+            let m = self.measure.take(silhouette, analytic, options);
+            (traits.blocked[axis], traits.free[axis], traits.coverage[axis]) = (m.blocked, m.free, m.coverage);
+            (traits.extinction[axis], traits.grain[axis]) = (m.extinction, m.grain);
+        }
+        if options.isotropic {
+            let Traits { blocked, free, coverage, grain, extinction } = &mut traits;
+            for values in [blocked, free, coverage, grain, extinction] {
+                *values = [values.iter().sum::<f32>() / AXIS_COUNT as f32; AXIS_COUNT];
+            }
+        }
+        traits
+    }
 }
 
 /// κ = Σ sides·A / 4V with V the volume of the box that path lengths are measured in (method A.5).

@@ -1,21 +1,113 @@
 //! Orthographic projections of a cluster and the sizes measured on them [SD95 sec 3.3]; method A.7.
 
-use super::Options;
-use super::Extinction;
-use super::axes::AXES;
+use super::axes::{AXES, AXIS_COUNT};
 use super::grain::Cells;
+use super::{Extinction, Options};
 use crate::math::Aabb;
 use crate::raster::{BitImage, Edt, Morphology, Opener, Outside, fill_triangle};
 use crate::scene::Scene;
-use glam::{Vec2, Vec3};
+use glam::{UVec2, Vec2, Vec3};
 
-/// Buffers that are kept from one projection to the next.
-#[derive(Default)]
-pub(super) struct Silhouettes {
+/// Where the pixels of a projection lie.
+#[derive(Clone, Copy)]
+pub(super) struct Frame {
+    axis: usize,
+    bounds: Aabb,
+    /// Length of a pixel; zero if there is nothing to see.
+    pixel: f32,
+    size: UVec2,
+    /// Pixel coordinates of a point are `(p · u, p · v) + offset`.
+    u: Vec3,
+    v: Vec3,
+    offset: Vec2,
+}
+
+impl Frame {
+    /// The projection of a box along an axis, `across` pixels on its longer side.
+    fn of(bounds: Aabb, axis: usize, across: usize) -> Frame {
+        let (u, v) = AXES[axis].any_orthonormal_pair();
+        let half = 0.5 * bounds.extent();
+        let reach = Vec2::new(half.dot(u.abs()), half.dot(v.abs()));
+        let pixel = 2.0 * reach.max_element() / across as f32;
+        let size = (2.0 * reach / pixel).ceil().as_uvec2().clamp(UVec2::ONE, UVec2::splat(across as u32));
+        let (u, v) = (u / pixel, v / pixel);
+        let centre = bounds.center();
+        let offset = 0.5 * size.as_vec2() - Vec2::new(centre.dot(u), centre.dot(v));
+        Frame { axis, bounds, pixel, size, u, v, offset }
+    }
+
+    #[inline(always)]
+    fn to_pixels(&self, p: Vec3) -> Vec2 {
+        Vec2::new(p.dot(self.u), p.dot(self.v)) + self.offset
+    }
+}
+
+/// The silhouette of a cluster along one axis.
+#[derive(Clone)]
+pub(super) struct Silhouette {
+    frame: Frame,
     contents: BitImage,
+}
+
+impl Default for Silhouette {
+    fn default() -> Self {
+        let nothing = Aabb { min: Vec3::ZERO, max: Vec3::ZERO };
+        Silhouette { frame: Frame { pixel: 0.0, ..Frame::of(nothing, 0, 1) }, contents: BitImage::default() }
+    }
+}
+
+impl Silhouette {
+    /// Draws triangles of the scene.
+    pub fn draw(&mut self, scene: &Scene, triangles: &[u32], bounds: Aabb, axis: usize) {
+        self.begin(bounds, axis, if triangles.len() <= 16 { 32 } else { ACROSS });
+        for &t in triangles {
+            fill_triangle(&mut self.contents, scene.corners(t).map(|p| self.frame.to_pixels(p)));
+        }
+    }
+
+    /// Puts together the silhouettes of the parts: each pixel centre is looked up in them. As fair a sample as
+    /// drawing the triangles, because their pixels are no larger than these.
+    pub fn compose<'a>(&mut self, parts: impl Iterator<Item = &'a Silhouette>, bounds: Aabb, axis: usize) {
+        self.begin(bounds, axis, ACROSS);
+        for part in parts.filter(|p| p.frame.pixel > 0.0) {
+            // The same axis has the same plane vectors, so pixels map by scale and shift.
+            let scale = self.frame.pixel / part.frame.pixel;
+            let shift = part.frame.offset - scale * self.frame.offset;
+            let corner = (-part.frame.offset / scale + self.frame.offset).floor().max(Vec2::ZERO).as_uvec2();
+            let end = ((part.frame.size.as_vec2() - part.frame.offset) / scale + self.frame.offset).ceil();
+            let end = end.max(Vec2::ZERO).as_uvec2().min(self.frame.size);
+            for y in corner.y..end.y {
+                let v = (y as f32 + 0.5) * scale + shift.y;
+                if v < 0.0 || v >= part.frame.size.y as f32 {
+                    continue;
+                }
+                for x in corner.x..end.x {
+                    let u = (x as f32 + 0.5) * scale + shift.x;
+                    if u >= 0.0 && u < part.frame.size.x as f32 && part.contents.get(u as usize, v as usize) {
+                        self.contents.set(x as usize, y as usize, true);
+                    }
+                }
+            }
+        }
+    }
+
+    fn begin(&mut self, bounds: Aabb, axis: usize, across: usize) {
+        self.frame = Frame::of(bounds, axis, across);
+        if self.frame.pixel > 0.0 {
+            self.contents.reset(self.frame.size.x as usize, self.frame.size.y as usize);
+        }
+    }
+}
+
+/// Pixels across the longer side: what the distance transform takes in one machine word a row. Leaves take half.
+const ACROSS: usize = 64;
+
+/// Buffers that are kept from one measurement to the next.
+#[derive(Default)]
+pub(super) struct Measure {
+    hull: BitImage,
     gaps: BitImage,
     edt: Edt,
-    hull: BitImage,
     cells: Cells,
 }
 
@@ -28,93 +120,60 @@ pub(super) struct Measured {
     pub grain: f32,
 }
 
-/// Pixels across the longer side: finer where more triangles share the picture.
-fn resolution(triangles: usize) -> usize {
-    match triangles {
-        0..=16 => 32,
-        17..=4096 => 64,
-        _ => 128,
-    }
-}
-
-impl Silhouettes {
-    pub fn measure(
-        &mut self,
-        scene: &Scene,
-        triangles: &[u32],
-        bounds: Aabb,
-        axis: usize,
-        analytic: f32,
-        options: &Options,
-    ) -> Measured {
-        let direction = AXES[axis];
-        let (u, v) = direction.any_orthonormal_pair();
-        let flat = |p: Vec3| Vec2::new(p.dot(u), p.dot(v));
-        let centre = flat(bounds.center());
-        let half = 0.5 * bounds.extent();
-        let reach = Vec2::new(half.dot(u.abs()), half.dot(v.abs()));
-        let pixel = 2.0 * reach.max_element() / resolution(triangles.len()) as f32;
+impl Measure {
+    /// Measures a silhouette; `analytic` is the extinction that stands where none is to be fitted.
+    pub fn take(&mut self, silhouette: &Silhouette, analytic: f32, options: &Options) -> Measured {
+        let Frame { axis, bounds, pixel, size, u, v, .. } = silhouette.frame;
         if pixel <= 0.0 {
             return Measured { blocked: 0.0, free: 0.0, coverage: 0.0, extinction: analytic, grain: 0.0 };
         }
-        // A free pixel around, so that outlines count as ends of blocked regions.
-        let size = (2.0 * reach / pixel).ceil().as_uvec2() + 2;
-        let offset = 0.5 * size.as_vec2() - centre / pixel;
-        let to_pixels = |p: Vec3| flat(p) / pixel + offset;
-        self.contents.reset(size.x as usize, size.y as usize);
-        for &t in triangles {
-            fill_triangle(&mut self.contents, scene.corners(t).map(to_pixels));
-        }
         self.hull.reset(size.x as usize, size.y as usize);
-        fill_box(&mut self.hull, bounds, direction, to_pixels);
-        // Outlines of both are sampled at the same centres; what the hull misses by rounding is no content.
-        let all = self.hull.count().max(1);
+        fill_box(&mut self.hull, &silhouette.frame);
         // Outside the projected box counts as object: only gaps inside are free regions.
         self.gaps.clone_from(&self.hull);
-        self.gaps.subtract(&self.contents);
-        let coverage = 1.0 - self.gaps.count() as f32 / all as f32;
-        let origin = bounds.center() - pixel * (0.5 * size.x as f32 * u + 0.5 * size.y as f32 * v);
-        self.cells.fill(&self.hull, &self.gaps, bounds, direction, (origin, pixel * u, pixel * v));
+        self.gaps.subtract(&silhouette.contents);
+        let coverage = 1.0 - self.gaps.count() as f32 / self.hull.count().max(1) as f32;
+        let (u, v) = (pixel * pixel * u, pixel * pixel * v);
+        let origin = bounds.center() - 0.5 * (size.x as f32 * u + size.y as f32 * v);
+        self.cells.fill(&self.hull, &self.gaps, bounds, AXES[axis], (origin, u, v));
         let extinction = match options.extinction {
             Extinction::Analytic => analytic,
             Extinction::Measured => self.cells.fitted_extinction(),
         };
+        let mut diameter = |image: &BitImage| match options.morphology {
+            Morphology::Euclid => self.edt.max_inscribed_diameter(image, Outside::Free),
+            counts => Opener::new(image.clone(), counts).largest(),
+        };
         Measured {
-            blocked: self.diameter(false, options.morphology) * pixel,
-            free: if coverage > 0.5 { self.diameter(true, options.morphology) * pixel } else { 0.0 },
+            blocked: diameter(&silhouette.contents) * pixel,
+            free: if coverage > 0.5 { diameter(&self.gaps) * pixel } else { 0.0 },
             coverage,
             extinction,
             grain: self.cells.grain(extinction, options.tolerance) * pixel,
         }
     }
-
-    /// Largest inscribed size in pixels of the contents or of the gaps.
-    fn diameter(&mut self, gaps: bool, morphology: Morphology) -> f32 {
-        let image = if gaps { &self.gaps } else { &self.contents };
-        match morphology {
-            Morphology::Euclid => self.edt.max_inscribed_diameter(image, Outside::Free),
-            counts => Opener::new(image.clone(), counts).largest(),
-        }
-    }
 }
 
-/// The projection of a box: its faces, each two triangles (opposite faces project alike or cover each other).
-fn fill_box(image: &mut BitImage, bounds: Aabb, direction: Vec3, to_pixels: impl Fn(Vec3) -> Vec2) {
+/// Silhouettes along all axes.
+pub(super) type Silhouettes = [Silhouette; AXIS_COUNT];
+
+/// The projection of a box: its three faces that the direction leaves through, each two triangles.
+fn fill_box(image: &mut BitImage, frame: &Frame) {
+    let (bounds, direction) = (frame.bounds, AXES[frame.axis]);
     for axis in 0..3 {
-        if direction[axis] == 0.0 && bounds.extent()[axis] > 0.0 {
+        if direction[axis] == 0.0 {
             continue;
         }
-        // The face that the direction leaves through.
-        let side = if direction[axis] >= 0.0 { bounds.max[axis] } else { bounds.min[axis] };
-        let corner = |i: usize, j: usize| {
-            let mut p = bounds.min;
-            p[axis] = side;
+        let side = if direction[axis] > 0.0 { bounds.max[axis] } else { bounds.min[axis] };
+        let corner = |i: bool, j: bool| {
             let (a, b) = ((axis + 1) % 3, (axis + 2) % 3);
-            p[a] = if i == 1 { bounds.max[a] } else { bounds.min[a] };
-            p[b] = if j == 1 { bounds.max[b] } else { bounds.min[b] };
-            to_pixels(p)
+            let mut p = Vec3::ZERO;
+            p[axis] = side;
+            p[a] = if i { bounds.max[a] } else { bounds.min[a] };
+            p[b] = if j { bounds.max[b] } else { bounds.min[b] };
+            frame.to_pixels(p)
         };
-        let (p, q, r, s) = (corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1));
+        let (p, q, r, s) = (corner(false, false), corner(true, false), corner(true, true), corner(false, true));
         fill_triangle(image, [p, q, r]);
         fill_triangle(image, [p, r, s]);
     }

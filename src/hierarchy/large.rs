@@ -8,8 +8,8 @@ use rayon::prelude::*;
 
 /// Neighbours whose normals differ by less than about one degree belong to the same surface.
 const COPLANAR: f32 = 0.9998;
-/// Raster for the inscribed disc: three per cent of the diameter are enough for a class boundary.
-const PIXELS: usize = 64;
+/// Raster for the inscribed disc, with a free border 64 across: three per cent are enough for a class boundary.
+const PIXELS: usize = 62;
 
 /// Triangles of planar, edge-connected surfaces whose inscribed disc is at least `part` of the scene's diagonal
 /// across. Ascending.

@@ -11,28 +11,34 @@ use glam::Vec2;
 #[inline]
 pub fn fill_triangle(image: &mut BitImage, corners: [Vec2; 3]) {
     let [a, b, c] = corners;
-    let (low, high) = (a.y.min(b.y).min(c.y), a.y.max(b.y).max(c.y));
-    // Rows whose centre is in [low, high].
-    let first = (low - 0.5).ceil().max(0.0);
-    let last = (high - 0.5).floor().min(image.height() as f32 - 1.0);
-    let mut y = first;
-    while y <= last {
-        let centre = y + 0.5;
+    // Centres in [low, high] along an axis, as a half-open range of pixels.
+    let pixels = |low: f32, high: f32, count: usize| {
+        let from = (low - 0.5).max(0.0);
+        let first = from as usize + usize::from(from > from as usize as f32);
+        let end = (high + 0.5).max(0.0).min(count as f32) as usize;
+        first..end
+    };
+    let rows = pixels(a.y.min(b.y).min(c.y), a.y.max(b.y).max(c.y), image.height());
+    for y in rows {
+        let centre = y as f32 + 0.5;
         let (mut from, mut to) = (f32::INFINITY, f32::NEG_INFINITY);
         for (p, q) in [(a, b), (b, c), (c, a)] {
             let (p, q) = if p.y <= q.y { (p, q) } else { (q, p) };
             if p.y <= centre && centre <= q.y {
-                let x = if q.y > p.y { p.x + (centre - p.y) / (q.y - p.y) * (q.x - p.x) } else { p.x };
-                from = from.min(x);
-                to = to.max(if q.y > p.y { x } else { q.x });
-                from = from.min(if q.y > p.y { x } else { q.x });
+                // A level edge counts with both its ends.
+                let (x, other) = if q.y > p.y {
+                    let x = p.x + (centre - p.y) / (q.y - p.y) * (q.x - p.x);
+                    (x, x)
+                } else {
+                    (p.x, q.x)
+                };
+                from = from.min(x).min(other);
+                to = to.max(x).max(other);
             }
         }
-        let start = (from - 0.5).ceil().max(0.0);
-        let end = (to - 0.5).floor().min(image.width() as f32 - 1.0);
-        if start <= end {
-            image.set_span(y as usize, start as usize, end as usize + 1);
+        let span = pixels(from, to, image.width());
+        if !span.is_empty() {
+            image.set_span(y, span.start, span.end);
         }
-        y += 1.0;
     }
 }

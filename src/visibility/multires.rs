@@ -22,6 +22,7 @@ use crate::hierarchy::Hierarchy;
 use crate::ray::{Lanes, Packet};
 use crate::scene::Scene;
 use crate::simd::{Isa, Kernel, LANES, Simd, decay, dispatch};
+use glam::Vec3;
 
 /// What happens in a leaf that the criterion opens.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -36,10 +37,6 @@ pub enum Leaf {
 /// Work after which a packet is handed to Embree, in units of one segment against sixteen boxes. An Embree packet
 /// costs about as much as three hundred of them in a large scene.
 const WORK_LIMIT: u32 = 400;
-/// Cost of one block of triangles in those units: the candidates test and about two triangles.
-const BLOCK_WORK: u32 = 8;
-/// With more children than this in the shaft, testing segment by segment prunes enough to pay.
-const CROWD: u32 = 4;
 
 /// The multi-resolution engine: the wide tree and the exact scene it falls back on.
 pub struct MultiResolution<'a> {
@@ -53,22 +50,23 @@ pub struct MultiResolution<'a> {
 
 /// Buffers of a thread, kept between calls.
 pub struct Workspace {
-    stack: Vec<(u32, u32)>,
-    /// Transmittance of each segment of the last packet.
+    stack: Vec<u32>,
+    /// Transmittance of each segment of the first packet.
     transmittance: [f32; LANES],
+    /// Blocked segments of each packet of a bundle.
+    blocked: Vec<u32>,
 }
 
 impl Default for Workspace {
     fn default() -> Self {
-        Workspace { stack: Vec::with_capacity(256), transmittance: [0.0; LANES] }
+        Workspace { stack: Vec::with_capacity(256), transmittance: [0.0; LANES], blocked: Vec::new() }
     }
 }
 
 /// What the walk found for one packet.
 struct Walked {
-    blocked: u32,
-    aggregated: u32,
-    tested: u32,
+    aggregated: bool,
+    tested: bool,
     nodes: u32,
     gave_up: bool,
     totals: Totals,
@@ -125,13 +123,10 @@ impl<'a> MultiResolution<'a> {
     /// The visible fraction of a bundle for feature size `s` (scene units, on the receiver; finite, positive).
     pub fn answer(&self, bundle: Bundle, s: f32, workspace: &mut Workspace) -> Answer {
         let mut cost = Cost::default();
-        let mut sum = Totals::default();
-        for packet in bundle.packets {
-            let totals = self.packet(packet, bundle.emitter_size, s, workspace, &mut cost);
-            sum.transmittance += totals.transmittance;
-            sum.lo += totals.lo;
-            sum.hi += totals.hi;
-        }
+        let sum = match bundle.packets {
+            [] => Totals::default(),
+            packets => self.packets(packets, bundle.emitter_size, s, workspace, &mut cost),
+        };
         let n = (cost.segments as f32).max(1.0);
         let method = match (cost.exact_rays > 0, cost.aggregated > 0) {
             (false, false) => Method::Clear,
@@ -143,48 +138,36 @@ impl<'a> MultiResolution<'a> {
         Answer { transmittance: sum.transmittance / n, lo, hi, method, cost }
     }
 
-    /// Transmittance of each segment of one packet; 0 in unused lanes.
-    pub fn transmittances(&self, packet: &Packet, e: f32, s: f32, workspace: &mut Workspace) -> [f32; LANES] {
-        self.packet(packet, e, s, workspace, &mut Cost::default());
-        workspace.transmittance
-    }
-
-    fn packet(&self, packet: &Packet, e: f32, s: f32, workspace: &mut Workspace, cost: &mut Cost) -> Totals {
-        let walked = dispatch(self.isa, Walk { engine: self, packet, e, s, workspace });
-        let n = u64::from(packet.active.count_ones());
+    fn packets(&self, packets: &[Packet], e: f32, s: f32, workspace: &mut Workspace, cost: &mut Cost) -> Totals {
+        let walked = dispatch(self.isa, Walk { engine: self, packets, e, s, workspace });
+        let n: u64 = packets.iter().map(|p| p.len() as u64).sum();
         cost.segments += n;
         cost.nodes += u64::from(walked.nodes);
         if walked.gave_up {
             cost.exact_rays += n;
             cost.handed_over += n;
-            let mut blocked = [0];
-            self.exact.occluded_by(self.traversal, u32::MAX, std::slice::from_ref(packet), &mut blocked);
-            for (i, t) in workspace.transmittance.iter_mut().enumerate() {
-                *t = ((packet.active & !blocked[0]) >> i & 1) as f32;
-            }
-            let clear = (packet.active & !blocked[0]).count_ones() as f32;
-            return Totals { transmittance: clear, lo: clear, hi: clear };
+            self.exact.occluded_by(self.traversal, u32::MAX, packets, &mut workspace.blocked);
+            let probe = packets[0].active & !workspace.blocked[0];
+            workspace.transmittance = std::array::from_fn(|i| (probe >> i & 1) as f32);
+            let clear = n - workspace.blocked.iter().map(|b| u64::from(b.count_ones())).sum::<u64>();
+            return Totals { transmittance: clear as f32, lo: clear as f32, hi: clear as f32 };
         }
-        cost.exact_rays += u64::from(walked.tested.count_ones());
-        cost.aggregated += u64::from((walked.aggregated & !walked.blocked).count_ones());
+        cost.exact_rays += if walked.tested { n } else { 0 };
+        cost.aggregated += if walked.aggregated { n } else { 0 };
         walked.totals
     }
-}
 
-struct Walk<'a, 'b> {
-    engine: &'a MultiResolution<'b>,
-    packet: &'a Packet,
-    e: f32,
-    s: f32,
-    workspace: &'a mut Workspace,
+    /// Transmittance of each segment of one packet; 0 in unused lanes.
+    pub fn transmittances(&self, packet: &Packet, e: f32, s: f32, workspace: &mut Workspace) -> [f32; LANES] {
+        self.packets(std::slice::from_ref(packet), e, s, workspace, &mut Cost::default());
+        workspace.transmittance
+    }
 }
 
 /// What box tests need of the segments, lane by lane.
 struct Segments<S: Simd> {
     origin: [S::F; 3],
     inverse: [S::F; 3],
-    /// The same as scalars.
-    inverses: [[f32; LANES]; 3],
     near: S::F,
     far: S::F,
 }
@@ -192,19 +175,15 @@ struct Segments<S: Simd> {
 impl<S: Simd> Segments<S> {
     #[inline(always)]
     fn of(simd: S, packet: &Packet) -> Self {
-        let mut inverses = [[0.0; LANES]; 3];
         let inverse = [0, 1, 2].map(|axis| {
             let d = simd.load(&packet.direction[axis]);
             // Finite even for zero, so that 0 · inverse is never NaN.
             let tiny = simd.lt(simd.abs(d), simd.splat(1e-30));
-            let inverse = simd.div(simd.splat(1.0), simd.select(tiny, simd.splat(1e-30), d));
-            simd.store(inverse, &mut inverses[axis]);
-            inverse
+            simd.div(simd.splat(1.0), simd.select(tiny, simd.splat(1e-30), d))
         });
         Segments {
             origin: [0, 1, 2].map(|axis| simd.load(&packet.origin[axis])),
             inverse,
-            inverses,
             near: simd.load(&packet.near),
             far: simd.load(&packet.far),
         }
@@ -218,7 +197,7 @@ struct Overlap<S: Simd> {
     path: S::F,
 }
 
-/// Boxes against segments, whichever of the two lies in the lanes.
+/// A box against the segments in the lanes.
 #[inline(always)]
 #[allow(clippy::too_many_arguments)] // One formula with its operands.
 fn overlap<S: Simd>(
@@ -246,38 +225,60 @@ fn overlap<S: Simd>(
     Overlap { hit, aggregated, path: simd.sub(leave, enter) }
 }
 
+/// One traversal for all packets of a bundle.
+struct Walk<'a, 'b> {
+    engine: &'a MultiResolution<'b>,
+    packets: &'a [Packet],
+    e: f32,
+    s: f32,
+    workspace: &'a mut Workspace,
+}
+
 impl Kernel for Walk<'_, '_> {
     type Output = Walked;
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) -> Walked {
-        let Walk { engine, packet, e, s, workspace } = self;
+        let Walk { engine, packets, e, s, workspace } = self;
         let tree = &engine.tree;
-        let shaft = Shaft::of(simd, packet, engine.magnitude);
+        let probe = &packets[0];
+        let shaft = Shaft::of(simd, packets, engine.magnitude);
         let mix = AxisMix::around(shaft.direction());
         let mut walked =
-            Walked { blocked: 0, aggregated: 0, tested: 0, nodes: 0, gave_up: false, totals: Totals::default() };
-        let segments = Segments::of(simd, packet);
-        // Optical depth in units of each segment's length, and its largest part.
-        let (mut depth, mut deepest) = ([0.0f32; LANES], [0.0f32; LANES]);
+            Walked { aggregated: false, tested: false, nodes: 0, gave_up: false, totals: Totals::default() };
+        let segments = Segments::of(simd, probe);
+        let alive = simd.mask(probe.active);
+        let (mut depth, mut deepest) = (simd.splat(0.0), simd.splat(0.0));
         let soft = engine.leaf == Leaf::Extinction;
+        let limit = WORK_LIMIT / 2 * (packets.len() as u32 + 1);
         let mut work = 0;
+        workspace.blocked.clear();
+        workspace.blocked.resize(packets.len(), 0);
         workspace.stack.clear();
-        workspace.stack.push((0, packet.active));
-        while let Some((reference, active)) = workspace.stack.pop() {
-            let active = active & !walked.blocked;
-            if active == 0 {
-                continue;
-            }
+        workspace.stack.push(0);
+        while let Some(reference) = workspace.stack.pop() {
             if reference & LEAF != 0 {
                 let block = &tree.blocks[(reference & !LEAF) as usize];
                 let candidates = shaft.candidates(simd, block);
-                work += BLOCK_WORK;
+                work += 4;
                 if candidates != 0 {
-                    walked.tested |= active;
-                    // Only these lanes: for others the same leaf may have been aggregated (method D.11).
-                    walked.blocked |= intersect(simd, packet, block, candidates) & active;
-                    if walked.blocked == packet.active {
+                    work += 2 * packets.len() as u32 * candidates.count_ones();
+                    walked.tested = true;
+                    let mut open = false;
+                    for k in Lanes(candidates) {
+                        let triangle = Triangle::of(block, k, shaft.apex());
+                        open = false;
+                        for (packet, blocked) in packets.iter().zip(&mut workspace.blocked) {
+                            if *blocked != packet.active {
+                                *blocked |= triangle.blocks(simd, packet) & packet.active;
+                                open |= *blocked != packet.active;
+                            }
+                        }
+                        if !open {
+                            break;
+                        }
+                    }
+                    if !open {
                         break;
                     }
                 }
@@ -289,7 +290,11 @@ impl Kernel for Walk<'_, '_> {
                 if touched == 0 {
                     continue;
                 }
-                // Traits along the bundle's direction, between the three axes around it (method A.14).
+                let soft_leaves = if soft { node.soft_leaves } else { 0 };
+                if node.smallest >= s.max(e) && soft_leaves == 0 {
+                    Lanes(touched).for_each(|lane| workspace.stack.push(node.child[lane]));
+                    continue;
+                }
                 let traits = &tree.traits[reference as usize];
                 let mut sizes = simd.splat(0.0);
                 let mut kappas = simd.splat(0.0);
@@ -298,159 +303,152 @@ impl Kernel for Walk<'_, '_> {
                     sizes = simd.add(sizes, simd.mul(weight, simd.load_half(&traits[axis].size)));
                     kappas = simd.add(kappas, simd.mul(weight, simd.load_half(&traits[axis].extinction)));
                 }
-                let soft_leaves = if soft { node.soft_leaves } else { 0 };
-                let small = shaft.maybe_small(simd, node, sizes, e, s);
-                let crowd = touched.count_ones();
-                if touched & (small | soft_leaves) == 0 && crowd <= CROWD {
-                    for lane in Lanes(touched) {
-                        workspace.stack.push((node.child[lane], active));
-                    }
+                let small = touched & (shaft.maybe_small(simd, node, sizes, e, s) | soft_leaves);
+                for lane in Lanes(touched & !small) {
+                    workspace.stack.push(node.child[lane]);
+                }
+                if small == 0 {
                     continue;
                 }
-                let count = active.count_ones();
-                if crowd < count {
-                    // Few boxes, many segments: segments in the lanes.
-                    work += crowd;
-                    let (mut size_of, mut kappa_of) = ([0.0; LANES], [0.0; LANES]);
-                    simd.store(sizes, &mut size_of);
-                    simd.store(kappas, &mut kappa_of);
-                    let alive = simd.mask(active);
-                    for lane in Lanes(touched) {
-                        let bounds = |b: &[[f32; LANES]; 3]| [0, 1, 2].map(|axis| simd.splat(b[axis][lane]));
-                        let o = overlap(
-                            simd,
-                            (bounds(&node.min), bounds(&node.max)),
-                            (segments.origin, segments.inverse),
-                            (segments.near, segments.far),
-                            simd.splat(size_of[lane]),
-                            (e, s),
-                        );
-                        let hit = simd.and(o.hit, alive);
-                        let aggregated = if soft_leaves >> lane & 1 == 1 { hit } else { simd.and(o.aggregated, hit) };
-                        let bits = simd.bits(aggregated);
-                        if bits != 0 {
-                            walked.aggregated |= bits;
-                            let d = simd.keep(aggregated, simd.mul(o.path, simd.splat(kappa_of[lane])));
-                            simd.store(simd.add(simd.load(&depth), d), &mut depth);
-                            simd.store(simd.max(simd.load(&deepest), d), &mut deepest);
-                        }
-                        let opened = simd.bits(hit) & !bits;
-                        if opened != 0 {
-                            workspace.stack.push((node.child[lane], opened));
-                        }
+                work += small.count_ones();
+                let (mut size_of, mut kappa_of) = ([0.0; LANES], [0.0; LANES]);
+                simd.store(sizes, &mut size_of);
+                simd.store(kappas, &mut kappa_of);
+                for lane in Lanes(small) {
+                    let bounds = |b: &[[f32; LANES]; 3]| [0, 1, 2].map(|axis| simd.splat(b[axis][lane]));
+                    let o = overlap(
+                        simd,
+                        (bounds(&node.min), bounds(&node.max)),
+                        (segments.origin, segments.inverse),
+                        (segments.near, segments.far),
+                        simd.splat(size_of[lane]),
+                        (e, s),
+                    );
+                    let hit = simd.and(o.hit, alive);
+                    // One decision for the whole bundle: what one segment may not aggregate is opened for all.
+                    if simd.bits(simd.and_not(hit, o.aggregated)) != 0 && soft_leaves >> lane & 1 == 0 {
+                        workspace.stack.push(node.child[lane]);
+                        continue;
                     }
-                } else {
-                    // Few segments, many boxes: boxes in the lanes.
-                    work += count;
-                    let touched = simd.mask(touched);
-                    let soft_leaves = simd.mask(soft_leaves);
-                    let bounds = |b: &[[f32; LANES]; 3]| [0, 1, 2].map(|axis| simd.load(&b[axis]));
-                    let (min, max) = (bounds(&node.min), bounds(&node.max));
-                    let mut opened = simd.zero_bits();
-                    for i in Lanes(active) {
-                        let o = overlap(
-                            simd,
-                            (min, max),
-                            (
-                                [0, 1, 2].map(|axis| simd.splat(packet.origin[axis][i])),
-                                [0, 1, 2].map(|axis| simd.splat(segments.inverses[axis][i])),
-                            ),
-                            (simd.splat(packet.near[i]), simd.splat(packet.far[i])),
-                            sizes,
-                            (e, s),
-                        );
-                        let hit = simd.and(o.hit, touched);
-                        let aggregated = simd.and(hit, simd.or(o.aggregated, soft_leaves));
-                        if simd.bits(aggregated) != 0 {
-                            walked.aggregated |= 1 << i;
-                            let d = simd.keep(aggregated, simd.mul(o.path, kappas));
-                            depth[i] += simd.sum(d);
-                            deepest[i] = deepest[i].max(simd.greatest(d));
-                        }
-                        opened = simd.set_bit(opened, simd.and_not(hit, aggregated), 1 << i);
-                    }
-                    let mut masks = [0; LANES];
-                    simd.store_bits(opened, &mut masks);
-                    for (lane, &mask) in masks.iter().enumerate() {
-                        if mask != 0 {
-                            workspace.stack.push((node.child[lane], mask));
-                        }
-                    }
+                    walked.aggregated |= simd.bits(hit) != 0;
+                    let d = simd.keep(hit, simd.mul(o.path, simd.splat(kappa_of[lane])));
+                    depth = simd.add(depth, d);
+                    deepest = simd.max(deepest, d);
                 }
             }
-            if work > WORK_LIMIT {
+            if work > limit {
                 walked.gave_up = true;
                 return walked;
             }
         }
-        walked.totals = finish(simd, packet, &walked, (&depth, &deepest), &mut workspace.transmittance);
+        walked.totals = finish(simd, packets, walked.aggregated, (depth, deepest), workspace);
         walked
     }
 }
 
-/// Transmittances from optical depths, and the sums of them and of their bounds.
+/// Totals of a bundle: triangles were tested with all segments, optical depths are those of the first packet.
 #[inline(always)]
 fn finish<S: Simd>(
     simd: S,
-    packet: &Packet,
-    walked: &Walked,
-    (depth, deepest): (&[f32; LANES], &[f32; LANES]),
-    transmittance: &mut [f32; LANES],
+    packets: &[Packet],
+    aggregated: bool,
+    (depth, deepest): (S::F, S::F),
+    workspace: &mut Workspace,
 ) -> Totals {
-    let clear = packet.active & !walked.blocked;
-    if walked.aggregated & clear == 0 {
-        *transmittance = std::array::from_fn(|i| (clear >> i & 1) as f32);
-        let n = clear.count_ones() as f32;
-        return Totals { transmittance: n, lo: n, hi: n };
+    let clear = |p: &Packet, blocked: u32| p.active & !blocked;
+    let all: u32 = packets.iter().zip(&workspace.blocked).map(|(p, &b)| clear(p, b).count_ones()).sum();
+    let seen = clear(&packets[0], workspace.blocked[0]);
+    if !aggregated {
+        workspace.transmittance = std::array::from_fn(|i| (seen >> i & 1) as f32);
+        let all = all as f32;
+        return Totals { transmittance: all, lo: all, hi: all };
     }
+    let n: usize = packets.iter().map(Packet::len).sum();
+    let probe = &packets[0];
     let length = {
         let [x, y, z] = [0, 1, 2].map(|axis| {
-            let d = simd.load(&packet.direction[axis]);
+            let d = simd.load(&probe.direction[axis]);
             simd.mul(d, d)
         });
         simd.root(simd.add(simd.add(x, y), z))
     };
-    let clear = simd.mask(clear);
-    let tau = simd.mul(simd.load(depth), length);
-    let t = simd.keep(clear, decay(simd, tau));
-    simd.store(t, transmittance);
-    // Any dependence between the clusters lies within Fréchet's bounds (method D.7): the smallest of the parts
-    // from above, 1 - Σ(1 - T_i) >= 1 - τ from below.
-    let lo = simd.keep(clear, simd.max(simd.sub(simd.splat(1.0), tau), simd.splat(0.0)));
-    let hi = simd.keep(clear, decay(simd, simd.mul(simd.load(deepest), length)));
-    Totals { transmittance: simd.sum(t), lo: simd.sum(lo), hi: simd.sum(hi) }
+    let active = simd.mask(probe.active);
+    let tau = simd.mul(depth, length);
+    // Mean of V·T over the probe, corrected by what the other segments saw of V (a control variate: T varies
+    // smoothly over the bundle, V does not).
+    let estimate = |t: S::F| {
+        let t = simd.keep(active, t);
+        let m = probe.len() as f32;
+        let mean = simd.sum(t) / m;
+        let product = simd.sum(simd.keep(simd.mask(seen), t)) / m;
+        let v = product + mean * (all as f32 / n as f32 - seen.count_ones() as f32 / m);
+        v.clamp(0.0, 1.0) * n as f32
+    };
+    let t = decay(simd, tau);
+    simd.store(simd.keep(simd.mask(seen), t), &mut workspace.transmittance);
+    Totals {
+        transmittance: estimate(t),
+        lo: estimate(simd.max(simd.sub(simd.splat(1.0), tau), simd.splat(0.0))),
+        hi: estimate(decay(simd, simd.mul(deepest, length))),
+    }
 }
 
-/// Segments that a candidate triangle of a block blocks (Möller & Trumbore 1997, one triangle for all lanes).
+/// A triangle as seen from the common receiver end of a bundle, or from the world's origin if there is none.
 ///
-/// Edges are widened by 1e-6 of the triangle, so that no segment slips between neighbours.
-#[inline(always)]
-fn intersect<S: Simd>(simd: S, packet: &Packet, block: &Block, candidates: u32) -> u32 {
-    let load = |v: &[[f32; LANES]; 3]| [simd.load(&v[0]), simd.load(&v[1]), simd.load(&v[2])];
-    let pick = |v: &[[f32; LANES]; 3], i: usize| [simd.splat(v[0][i]), simd.splat(v[1][i]), simd.splat(v[2][i])];
-    let cross = |a: &[S::F; 3], b: &[S::F; 3]| {
-        let part = |i: usize, j: usize| simd.sub(simd.mul(a[i], b[j]), simd.mul(a[j], b[i]));
-        [part(1, 2), part(2, 0), part(0, 1)]
-    };
-    let dot = |a: &[S::F; 3], b: &[S::F; 3]| {
-        simd.add(simd.add(simd.mul(a[0], b[0]), simd.mul(a[1], b[1])), simd.mul(a[2], b[2]))
-    };
-    let (origin, direction) = (load(&packet.origin), load(&packet.direction));
-    let (near, far) = (simd.load(&packet.near), simd.load(&packet.far));
-    let (low, high) = (simd.splat(-1e-6), simd.splat(1.0 + 1e-6));
-    let mut blocked = simd.mask(0);
-    for k in Lanes(candidates) {
-        let (e1, e2, v) = (pick(&block.edge1, k), pick(&block.edge2, k), pick(&block.corner, k));
-        let p = cross(&direction, &e2);
-        let inverse = simd.div(simd.splat(1.0), dot(&e1, &p));
-        let to = [0, 1, 2].map(|a| simd.sub(origin[a], v[a]));
-        let q = cross(&to, &e1);
-        let a = simd.mul(dot(&to, &p), inverse);
-        let b = simd.mul(dot(&direction, &q), inverse);
-        let t = simd.mul(dot(&e2, &q), inverse);
-        let inside = simd.and(simd.and(simd.le(low, a), simd.le(low, b)), simd.le(simd.add(a, b), high));
-        let between = simd.and(simd.le(near, t), simd.le(t, far));
-        blocked = simd.or(blocked, simd.and(inside, between));
+/// The volumes of Möller & Trumbore 1997, taken apart by direction: with v = o - corner,
+/// det = d · (e2 × e1), a det = d · (e2 × v), b det = d · (v × e1), t det = e2 · (v × e1). All but d is the same for
+/// every segment from o, and nothing is divided.
+struct Triangle {
+    corner: Vec3,
+    edge1: Vec3,
+    edge2: Vec3,
+    /// e2 × e1.
+    normal: Vec3,
+    apex: Option<[Vec3; 2]>,
+}
+
+impl Triangle {
+    #[inline(always)]
+    fn of(block: &Block, k: usize, apex: Option<Vec3>) -> Triangle {
+        let pick = |v: &[[f32; LANES]; 3]| Vec3::new(v[0][k], v[1][k], v[2][k]);
+        let (corner, edge1, edge2) = (pick(&block.corner), pick(&block.edge1), pick(&block.edge2));
+        let apex = apex.map(|o| [edge2.cross(o - corner), (o - corner).cross(edge1)]);
+        Triangle { corner, edge1, edge2, normal: edge2.cross(edge1), apex }
     }
-    simd.bits(blocked)
+
+    /// Lanes that it blocks. Edges are widened by 1e-6, so that no segment slips between neighbours.
+    #[inline(always)]
+    fn blocks<S: Simd>(&self, simd: S, packet: &Packet) -> u32 {
+        let splat = |v: Vec3| [simd.splat(v.x), simd.splat(v.y), simd.splat(v.z)];
+        let cross = |a: &[S::F; 3], b: &[S::F; 3]| {
+            let part = |i: usize, j: usize| simd.sub(simd.mul(a[i], b[j]), simd.mul(a[j], b[i]));
+            [part(1, 2), part(2, 0), part(0, 1)]
+        };
+        let dot = |a: &[S::F; 3], b: &[S::F; 3]| {
+            simd.add(simd.add(simd.mul(a[0], b[0]), simd.mul(a[1], b[1])), simd.mul(a[2], b[2]))
+        };
+        let (e1, e2) = (splat(self.edge1), splat(self.edge2));
+        let d = [0, 1, 2].map(|axis| simd.load(&packet.direction[axis]));
+        let (p, q) = match self.apex {
+            Some([p, q]) => (splat(p), splat(q)),
+            None => {
+                let v = [0, 1, 2].map(|a| simd.sub(simd.load(&packet.origin[a]), simd.splat(self.corner[a])));
+                (cross(&e2, &v), cross(&v, &e1))
+            }
+        };
+        let det = dot(&d, &splat(self.normal));
+        // Everything with the sign of the determinant.
+        let zero = simd.splat(0.0);
+        let back = simd.lt(det, zero);
+        let turn = |v: S::F| simd.select(back, simd.sub(zero, v), v);
+        let (det, a, b, t) = (turn(det), turn(dot(&d, &p)), turn(dot(&d, &q)), turn(dot(&e2, &q)));
+        let slack = simd.mul(det, simd.splat(-1e-6));
+        let inside = simd.and(simd.le(slack, a), simd.le(slack, b));
+        let inside = simd.and(inside, simd.le(simd.add(simd.add(a, b), slack), det));
+        let reach = simd.and(
+            simd.le(simd.mul(simd.load(&packet.near), det), t),
+            simd.le(t, simd.mul(simd.load(&packet.far), det)),
+        );
+        simd.bits(simd.and(simd.and(inside, reach), simd.lt(zero, det)))
+    }
 }

@@ -20,75 +20,88 @@ pub(super) struct Shaft {
     ends: [(Vec3, Vec3); 2],
     /// A few roundings of the scene's coordinates.
     slack: f32,
+    /// The common receiver end, if there is one.
+    apex: Option<Vec3>,
     /// From receiver to emitter, divided by the squared distance: `axis · (x - receiver)` is the parameter t.
     axis: Vec3,
 }
 
 impl Shaft {
-    /// The shaft of the active segments of a packet in a scene of this coordinate magnitude.
+    /// The shaft of the active segments of some packets in a scene of this coordinate magnitude.
     #[inline(always)]
-    pub fn of<S: Simd>(simd: S, packet: &Packet, magnitude: f32) -> Shaft {
-        let first = packet.active.trailing_zeros() as usize % LANES;
-        let active = simd.mask(packet.active);
-        // Unused lanes repeat the first segment, so that whole registers can be reduced.
-        let fill = |v: &[f32; LANES]| simd.select(active, simd.load(v), simd.splat(v[first]));
-        let origin = [0, 1, 2].map(|a| fill(&packet.origin[a]));
-        let direction = [0, 1, 2].map(|a| fill(&packet.direction[a]));
-        let box_of = |v: [S::F; 3]| {
-            (Vec3::from(v.map(|v| simd.least(v))), Vec3::from(v.map(|v| simd.greatest(v))))
+    pub fn of<S: Simd>(simd: S, packets: &[Packet], magnitude: f32) -> Shaft {
+        let apex = packets[0].point(packets[0].active.trailing_zeros() as usize % LANES, 0.0);
+        // Extremes lane by lane first, across lanes once.
+        let mut lanes = [[(simd.splat(f32::MAX), simd.splat(f32::MIN)); 3]; 2];
+        let mut apart = simd.mask(0);
+        for packet in packets {
+            let (origin, direction) = filled(simd, packet);
+            for axis in 0..3 {
+                let o = origin[axis];
+                let differs = simd.abs(simd.sub(o, simd.splat(apex[axis])));
+                apart = simd.or(apart, simd.lt(simd.splat(0.0), differs));
+                for (end, v) in lanes.iter_mut().zip([o, simd.add(o, direction[axis])]) {
+                    let (lo, hi) = &mut end[axis];
+                    (*lo, *hi) = (simd.min(*lo, v), simd.max(*hi, v));
+                }
+            }
+        }
+        let shared = simd.bits(apart) == 0;
+        let corners = |ends: [(S::F, S::F); 3]| {
+            [Vec3::from(ends.map(|(lo, _)| simd.least(lo))), Vec3::from(ends.map(|(_, hi)| simd.greatest(hi)))]
         };
-        let apex = packet.point(first, 0.0);
-        let same = |a: usize| simd.le(simd.abs(simd.sub(origin[a], simd.splat(apex[a]))), simd.splat(0.0));
-        let shared = simd.bits(simd.and(simd.and(same(0), same(1)), same(2))) == 0xffff;
-        let (o_lo, o_hi) = if shared { (apex, apex) } else { box_of(origin) };
-        let (e_lo, e_hi) = box_of([0, 1, 2].map(|a| simd.add(origin[a], direction[a])));
+        let bounds = [if shared { [apex, apex] } else { corners(lanes[0]) }, corners(lanes[1])];
         let slack = 4e-7 * magnitude;
-        let ends = [(0.5 * (o_lo + o_hi), 0.5 * (o_hi - o_lo)), (0.5 * (e_lo + e_hi), 0.5 * (e_hi - e_lo))];
+        let ends = bounds.map(|[lo, hi]| (0.5 * (lo + hi), 0.5 * (hi - lo)));
+        let along = ends[1].0 - ends[0].0;
         let mut shaft = Shaft {
-            lo: o_lo.min(e_lo) - slack,
-            hi: o_hi.max(e_hi) + slack,
+            lo: bounds[0][0].min(bounds[1][0]) - slack,
+            hi: bounds[0][1].max(bounds[1][1]) + slack,
             normals: [Vec3::ZERO; 4],
             offsets: [0.0; 4],
             planes: 0,
             ends,
             slack,
-            axis: (ends[1].0 - ends[0].0) / (ends[1].0 - ends[0].0).length_squared().max(f32::MIN_POSITIVE),
+            apex: shared.then_some(apex),
+            axis: along / along.length_squared().max(f32::MIN_POSITIVE),
         };
         if shared {
-            shaft.add_pyramid(simd, direction, apex);
+            shaft.add_pyramid(simd, packets, apex);
         }
         shaft
     }
 
     /// Side planes through the common point: extreme slopes of the directions against the axis.
     #[inline(always)]
-    fn add_pyramid<S: Simd>(&mut self, simd: S, direction: [S::F; 3], apex: Vec3) {
+    fn add_pyramid<S: Simd>(&mut self, simd: S, packets: &[Packet], apex: Vec3) {
         let w = self.axis.normalize_or_zero();
         if w == Vec3::ZERO {
             return;
         }
         let (u, v) = w.any_orthonormal_pair();
-        let along = |n: Vec3| {
-            let xy = simd.add(simd.mul(simd.splat(n.x), direction[0]), simd.mul(simd.splat(n.y), direction[1]));
-            simd.add(xy, simd.mul(simd.splat(n.z), direction[2]))
-        };
-        let forward = along(w);
-        let (a, b) = (along(u), along(v));
-        let steep = simd.splat(10.0);
-        let wide = simd.or(
-            simd.lt(simd.mul(steep, forward), simd.abs(a)),
-            simd.lt(simd.mul(steep, forward), simd.abs(b)),
-        );
-        if simd.bits(simd.or(wide, simd.le(forward, simd.splat(0.0)))) != 0 {
-            return;
+        let mut slopes = [(simd.splat(f32::MAX), simd.splat(f32::MIN)); 2];
+        for packet in packets {
+            let (_, direction) = filled(simd, packet);
+            let along = |n: Vec3| {
+                let xy = simd.add(simd.mul(simd.splat(n.x), direction[0]), simd.mul(simd.splat(n.y), direction[1]));
+                simd.add(xy, simd.mul(simd.splat(n.z), direction[2]))
+            };
+            let forward = along(w);
+            let steep = simd.mul(simd.splat(10.0), forward);
+            let inverse = simd.div(simd.splat(1.0), forward);
+            for ((low, high), n) in slopes.iter_mut().map(|(l, h)| (l, h)).zip([u, v]) {
+                let sideways = along(n);
+                // Directions that hardly go forward have no useful slope.
+                if simd.bits(simd.lt(simd.abs(sideways), steep)) != 0xffff {
+                    return;
+                }
+                let slope = simd.mul(sideways, inverse);
+                (*low, *high) = (simd.min(*low, slope), simd.max(*high, slope));
+            }
         }
-        let (a, b) = (simd.div(a, forward), simd.div(b, forward));
-        self.normals = [
-            u - simd.greatest(a) * w,
-            simd.least(a) * w - u,
-            v - simd.greatest(b) * w,
-            simd.least(b) * w - v,
-        ];
+        let low = slopes.map(|(low, _)| simd.least(low));
+        let high = slopes.map(|(_, high)| simd.greatest(high));
+        self.normals = [u - high[0] * w, low[0] * w - u, v - high[1] * w, low[1] * w - v];
         for (offset, n) in self.offsets.iter_mut().zip(&self.normals) {
             *offset = n.dot(apex) + self.slack * n.abs().element_sum();
         }
@@ -116,6 +129,11 @@ impl Shaft {
         let threshold = simd.add(simd.splat(s), simd.mul(simd.splat(e - s), t));
         let small = simd.lt(sizes, threshold);
         simd.bits(simd.and_not(small, simd.or(holds_end[0], holds_end[1])))
+    }
+
+    /// The receiver end that all segments share, if they do.
+    pub fn apex(&self) -> Option<Vec3> {
+        self.apex
     }
 
     /// From the middle of the receiver ends to the middle of the emitter ends, not normalised.
@@ -182,4 +200,13 @@ impl Shaft {
         let harmless = simd.or(outside, simd.or(above, below));
         block.used & !simd.bits(harmless)
     }
+}
+
+/// Origins and directions; unused lanes repeat the first segment, so that whole registers can be reduced.
+#[inline(always)]
+fn filled<S: Simd>(simd: S, packet: &Packet) -> ([S::F; 3], [S::F; 3]) {
+    let first = packet.active.trailing_zeros() as usize % LANES;
+    let active = simd.mask(packet.active);
+    let fill = |v: &[f32; LANES]| simd.select(active, simd.load(v), simd.splat(v[first]));
+    ([0, 1, 2].map(|a| fill(&packet.origin[a])), [0, 1, 2].map(|a| fill(&packet.direction[a])))
 }

@@ -14,6 +14,8 @@ pub(super) struct Node {
     pub min: [[f32; LANES]; 3],
     pub max: [[f32; LANES]; 3],
     pub child: [u32; LANES],
+    /// Smallest feature size of its children along any axis: below it nothing can be aggregated here.
+    pub smallest: f32,
     /// Children that are leaves and may be answered by extinction.
     pub soft_leaves: u32,
 }
@@ -58,6 +60,7 @@ impl Node {
             min: [[f32::MAX; LANES]; 3],
             max: [[f32::MAX; LANES]; 3],
             child: [LEAF; LANES],
+            smallest: f32::INFINITY,
             soft_leaves: 0,
         }
     }
@@ -119,6 +122,7 @@ impl WideTree {
             let entry = &mut self.traits[node][axis];
             entry.size[lane] = half_up(traits.feature_size(axis));
             entry.extinction[lane] = half_nearest(traits.extinction[axis]);
+            target.smallest = target.smallest.min(traits.feature_size(axis));
         }
     }
 
