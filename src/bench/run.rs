@@ -29,6 +29,8 @@ const MAX_POINTS: usize = 100_000_000;
 /// Rows faster than this many seconds are repeated, this often at most; the least time counts.
 const SHORT: f64 = 0.3;
 const REPEATS: usize = 6;
+/// Seconds after which they are not, with the time for making segments: a run shall end.
+const PATIENCE: f64 = 0.6;
 /// Pairs that are asked, untimed, before each timed row.
 const WARM_UP: usize = 1024;
 /// Segments that a traversal is chosen on.
@@ -482,10 +484,11 @@ impl Bench<'_> {
 
 /// The run with the least time of one or, if it is short, several. The closure is told whether it is the first.
 fn least<R>(mut run: impl FnMut(bool) -> R, seconds: impl Fn(&R) -> f64) -> R {
+    let start = Instant::now();
     let mut best = run(true);
     let mut total = seconds(&best);
     for _ in 1..REPEATS {
-        if total >= SHORT {
+        if total >= SHORT || start.elapsed().as_secs_f64() >= PATIENCE {
             break;
         }
         let again = run(false);
