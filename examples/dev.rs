@@ -24,7 +24,7 @@ fn main() {
     println!("characterise {:?}", t.elapsed());
     let points = bench::workload::surface_points(&scene, std::env::var("PTS").map_or(4000,|v|v.parse().unwrap()), 1).unwrap();
     let w = bench::workload::Workload::new(&scene, points, 1);
-    println!("pairs {}", w.pairs.len());
+    println!("pairs {}", w.pairs.len()); let timer = bench::measure::Timer::new(1).unwrap();
     let mut pk = Vec::new();
     w.packed(&scene, 0..w.pairs.len().min(2000), 16, 0, &mut pk);
     let tr = visibility::fastest_traversal(&es, device.native_width(), &pk);
@@ -34,12 +34,12 @@ fn main() {
     let reference = bench::measure::Reference::trace(&scene, &w, ex, 1024, &|_|());
     println!("reference {:?} se {:.5} mean V {:.3}", t.elapsed(), reference.standard_error(), reference.a.iter().sum::<f32>()/reference.a.len() as f32);
     let mut rows=vec![];
-    for n in [1,4,16,64,256] { let r = bench::measure::exact(&scene,&w,ex,n,&|_|()); let (rms,bias)=reference.errors(&r.visible); println!("exact {n:4} {:.4}s {:.3} us/seg rms {:.5} bias {:+.5}", r.seconds, r.seconds*1e6/(n*w.pairs.len()) as f64, rms, bias); rows.push((r.seconds,rms,n)); }
+    for n in [1,4,16,64,256] { let r = timer.exact(&scene,&w,0..w.pairs.len(),ex,n,&|_|()); let (rms,bias)=reference.errors(&r.visible); println!("exact {n:4} {:.4}s {:.3} us/seg rms {:.5} bias {:+.5}", r.seconds, r.seconds*1e6/(n*w.pairs.len()) as f64, rms, bias); rows.push((r.seconds,rms,n)); }
     let mr = visibility::MultiResolution::new(&scene,&h,&traits,&es,tr,visibility::Leaf::Exact);
     println!("wide MB {} isa {:?}", mr.bytes()/1000000, mr.isa());
-    if std::env::var("REP").is_ok() { let s:f32=args[2].parse().unwrap(); for _ in 0..1500 { bench::measure::multi_resolution(&scene,&w,&mr,s,std::env::var("RAYS").map_or(16,|v|v.parse().unwrap()),&|_|()); } return; }
+    if std::env::var("REP").is_ok() { let s:f32=args[2].parse().unwrap(); for _ in 0..1500 { timer.multi_resolution(&scene,&w,0..w.pairs.len(),&mr,s,std::env::var("RAYS").map_or(16,|v|v.parse().unwrap()),&|_|()); } return; }
     let sizes: Vec<f32> = if args.len()>2 {args[2].split(',').map(|x|x.parse().unwrap()).collect()} else {vec![0.001,0.03,0.1,0.3,1.0]};
-    for &s in &sizes { let r = bench::measure::multi_resolution(&scene,&w,&mr,s,std::env::var("RAYS").map_or(16,|v|v.parse().unwrap()),&|_|()); let (rms,bias)=reference.errors(&r.run.visible);
+    for &s in &sizes { let r = timer.multi_resolution(&scene,&w,0..w.pairs.len(),&mr,s,std::env::var("RAYS").map_or(16,|v|v.parse().unwrap()),&|_|()); let (rms,bias)=reference.errors(&r.run.visible);
       let mut q=[[0.0f64;3];2]; for (i,pr) in w.pairs.iter().enumerate() { let g = (w.points[pr.point as usize].normal.z.abs()>0.9999) as usize; let x=r.run.visible[i]; q[g][0]+=((x-reference.a[i])*(x-reference.b[i])) as f64; q[g][1]+=1.0; q[g][2]+=(x-0.5*(reference.a[i]+reference.b[i])) as f64; }
       println!("   leaf rms {:.4} bias {:+.4} ground rms {:.4} bias {:+.4}", (q[0][0]/q[0][1]).sqrt(), q[0][2]/q[0][1], (q[1][0]/q[1][1]).sqrt(), q[1][2]/q[1][1]);
       let rays=std::env::var("RAYS").map_or(16,|v|v.parse::<usize>().unwrap()); let n=w.pairs.len()*rays; let ri=match rays {16=>2,64=>3,_=>4};

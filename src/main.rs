@@ -1,3 +1,5 @@
 //! The command `mrvis`.
 
-fn main() {}
+fn main() -> std::process::ExitCode {
+    mrvis::cli::main()
+}

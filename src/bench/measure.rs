@@ -3,13 +3,19 @@
 use super::workload::Workload;
 use crate::ray::{LANES, Occluder, Packet};
 use crate::scene::Scene;
-use crate::visibility::{Bundle, Cost, Exact, MultiResolution, Workspace};
+use crate::visibility::{Answer, Bundle, Cost, Exact, MultiResolution, Workspace};
+use crate::{Error, Result};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::time::Instant;
 
-/// Pairs whose segments are made at once: small enough to stay in cache, large enough that a clock reading costs
-/// nothing.
-const CHUNK: usize = 128;
+/// Pairs whose segments are made at once, at most: small enough to stay in cache, large enough that a clock reading
+/// costs nothing.
+const CHUNK: usize = 1024;
+/// Segments of a chunk, at most (but those of one pair are always together).
+const CHUNK_SEGMENTS: usize = 1 << 13;
+/// Chunks whose segments are made at once, on all cores, for each thread that asks: few enough to stay in cache.
+const AHEAD: usize = 8;
 
 /// Visible fraction of each pair, and the seconds that the queries alone took.
 #[derive(Clone, Debug, Default)]
@@ -31,75 +37,141 @@ pub struct MrRun {
     pub cost: Cost,
 }
 
-/// What a chunk of pairs is asked; made outside the timed section.
-struct Chunk {
-    pairs: std::ops::Range<usize>,
+/// What a chunk of pairs is asked, made outside the timed section, and what was answered.
+#[derive(Default)]
+struct Chunk<T> {
+    pairs: Range<usize>,
     packets: Vec<Packet>,
+    answers: Vec<T>,
+    workspace: Workspace,
 }
 
-fn chunks(pairs: usize) -> Vec<std::ops::Range<usize>> {
-    (0..pairs.div_ceil(CHUNK)).map(|c| c * CHUNK..((c + 1) * CHUNK).min(pairs)).collect()
+/// Pairs in the order they are asked.
+fn chunks(pairs: Range<usize>, rays: usize) -> Vec<Range<usize>> {
+    let step = (CHUNK_SEGMENTS / rays.max(1)).clamp(1, CHUNK);
+    pairs.clone().step_by(step).map(|first| first..(first + step).min(pairs.end)).collect()
 }
 
-/// Exact visible fractions with `rays` segments a pair. `advance` is told how many pairs are done.
-pub fn exact(scene: &Scene, workload: &Workload, engine: Exact, rays: usize, advance: &dyn Fn(usize)) -> Run {
-    let mut run = Run { visible: vec![0.0; workload.pairs.len()], seconds: 0.0 };
-    let mut chunk = Chunk { pairs: 0..0, packets: Vec::new() };
-    let mut blocked = Vec::new();
-    for pairs in chunks(workload.pairs.len()) {
-        chunk.pairs = pairs;
-        workload.packed(scene, chunk.pairs.clone(), rays, 0, &mut chunk.packets);
-        blocked.clear();
-        blocked.resize(chunk.packets.len(), 0);
-        let start = Instant::now();
-        engine.occluded(&chunk.packets, &mut blocked);
-        run.seconds += start.elapsed().as_secs_f64();
-        for (k, pair) in chunk.pairs.clone().enumerate() {
-            run.visible[pair] = clear_fraction(&blocked, k * rays, rays);
-        }
-        advance(chunk.pairs.len());
+/// Asks engines and takes the time of the queries alone, on one thread or on several.
+pub struct Timer {
+    pool: Option<rayon::ThreadPool>,
+}
+
+impl Timer {
+    /// A timer for queries on `threads` threads; with one thread it is the calling one.
+    ///
+    /// # Errors
+    /// If the threads cannot be started.
+    pub fn new(threads: usize) -> Result<Timer> {
+        let pool = (threads > 1).then(|| rayon::ThreadPoolBuilder::new().num_threads(threads).build());
+        let pool = pool.transpose().map_err(|e| Error::Argument(format!("--threads {threads}: {e}")))?;
+        Ok(Timer { pool })
     }
-    run
+
+    /// Exact visible fractions of a range of pairs with `rays` segments each. `advance` is told how many pairs are
+    /// done.
+    pub fn exact(
+        &self,
+        scene: &Scene,
+        workload: &Workload,
+        pairs: Range<usize>,
+        engine: Exact,
+        rays: usize,
+        advance: &dyn Fn(usize),
+    ) -> Run {
+        let mut visible = Vec::with_capacity(pairs.len());
+        let seconds = self.chunk_by_chunk(
+            chunks(pairs, rays),
+            |chunk: &mut Chunk<u32>| {
+                workload.packed(scene, chunk.pairs.clone(), rays, 0, &mut chunk.packets);
+                chunk.answers.clear();
+                chunk.answers.resize(chunk.packets.len(), 0);
+            },
+            |chunk| engine.occluded(&chunk.packets, &mut chunk.answers),
+            |chunk| {
+                visible.extend((0..chunk.pairs.len()).map(|k| clear_fraction(&chunk.answers, k * rays, rays)));
+                advance(chunk.pairs.len());
+            },
+        );
+        Run { visible, seconds }
+    }
+
+    /// Visible fractions of a range of pairs by the multi-resolution engine, `rays` segments each at feature size
+    /// `s`. `advance` is told how many pairs are done.
+    #[allow(clippy::too_many_arguments)] // The question, the engine and its two parameters.
+    pub fn multi_resolution(
+        &self,
+        scene: &Scene,
+        workload: &Workload,
+        pairs: Range<usize>,
+        engine: &MultiResolution,
+        s: f32,
+        rays: usize,
+        advance: &dyn Fn(usize),
+    ) -> MrRun {
+        let per_pair = rays.div_ceil(LANES);
+        let mut result = MrRun::default();
+        result.run.seconds = self.chunk_by_chunk(
+            chunks(pairs, rays),
+            |chunk: &mut Chunk<Answer>| {
+                chunk.packets.clear();
+                chunk.answers.clear();
+                chunk.answers.reserve(chunk.pairs.len());
+                for pair in chunk.pairs.clone() {
+                    workload.add_bundle(scene, pair, rays, 0, &mut chunk.packets);
+                }
+            },
+            |chunk| {
+                let Chunk { pairs, packets, answers, workspace } = chunk;
+                for (packets, pair) in packets.chunks(per_pair).zip(pairs.clone()) {
+                    let emitter_size = workload.pairs[pair].emitter_size;
+                    answers.push(engine.answer(Bundle { packets, emitter_size }, s, workspace));
+                }
+            },
+            |chunk| {
+                for answer in &chunk.answers {
+                    result.run.visible.push(answer.transmittance);
+                    result.intervals.push((answer.lo, answer.hi));
+                    result.cost.add(answer.cost);
+                }
+                advance(chunk.pairs.len());
+            },
+        );
+        result
+    }
+
+    /// Prepares, asks and collects a few chunks at a time, in their order; the seconds of asking.
+    fn chunk_by_chunk<T: Send>(
+        &self,
+        ranges: Vec<Range<usize>>,
+        prepare: impl Fn(&mut Chunk<T>) + Sync,
+        ask: impl Fn(&mut Chunk<T>) + Sync,
+        mut collect: impl FnMut(&Chunk<T>),
+    ) -> f64 {
+        let places = AHEAD * self.pool.as_ref().map_or(1, |pool| pool.current_num_threads());
+        let blank = || Chunk { pairs: 0..0, packets: Vec::new(), answers: Vec::new(), workspace: Workspace::default() };
+        let mut chunks: Vec<Chunk<T>> = (0..places).map(|_| blank()).collect();
+        let mut seconds = 0.0;
+        for group in ranges.chunks(places) {
+            let chunks = &mut chunks[..group.len()];
+            chunks.iter_mut().zip(group).for_each(|(chunk, pairs)| chunk.pairs = pairs.clone());
+            chunks.par_iter_mut().with_max_len(1).for_each(&prepare);
+            let start = Instant::now();
+            match &self.pool {
+                None => chunks.iter_mut().for_each(&ask),
+                Some(pool) => pool.install(|| chunks.par_iter_mut().with_max_len(1).for_each(&ask)),
+            }
+            seconds += start.elapsed().as_secs_f64();
+            chunks.iter().for_each(&mut collect);
+        }
+        seconds
+    }
 }
 
 /// Clear part of `count` lanes from lane `first` of packets without gaps.
 fn clear_fraction(blocked: &[u32], first: usize, count: usize) -> f32 {
     let stopped = (first..first + count).filter(|i| blocked[i / LANES] >> (i % LANES) & 1 == 1).count();
     1.0 - stopped as f32 / count as f32
-}
-
-/// Visible fractions by the multi-resolution engine with `rays` segments a pair at feature size `s`.
-pub fn multi_resolution(
-    scene: &Scene,
-    workload: &Workload,
-    engine: &MultiResolution,
-    s: f32,
-    rays: usize,
-    advance: &dyn Fn(usize),
-) -> MrRun {
-    let mut result = MrRun::default();
-    let mut workspace = Workspace::default();
-    let per_pair = rays.div_ceil(LANES);
-    let (mut packets, mut bundle) = (Vec::new(), Vec::new());
-    for pairs in chunks(workload.pairs.len()) {
-        packets.clear();
-        for pair in pairs.clone() {
-            workload.bundle(scene, pair, rays, 0, &mut bundle);
-            packets.append(&mut bundle);
-        }
-        let count = pairs.len();
-        let start = Instant::now();
-        for (packets, pair) in packets.chunks(per_pair).zip(pairs) {
-            let emitter_size = workload.pairs[pair].emitter_size;
-            let answer = engine.answer(Bundle { packets, emitter_size }, s, &mut workspace);
-            result.run.visible.push(answer.transmittance);
-            result.intervals.push((answer.lo, answer.hi));
-            result.cost.add(answer.cost);
-        }
-        result.run.seconds += start.elapsed().as_secs_f64();
-        advance(count);
-    }
-    result
 }
 
 /// Two independent estimates of each pair's visible fraction, half of the rays each.
@@ -114,25 +186,28 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// Traces `rays` segments a pair, on all threads, with samples of its own.
-    pub fn trace(scene: &Scene, workload: &Workload, engine: Exact, rays: usize, advance: &(dyn Fn(usize) + Sync)) -> Reference {
+    /// Traces `rays` segments a pair, on all threads, with samples of its own. `advance` is told how many pairs are
+    /// done with one of the two halves.
+    pub fn trace(
+        scene: &Scene,
+        workload: &Workload,
+        engine: Exact,
+        rays: usize,
+        advance: &(dyn Fn(usize) + Sync),
+    ) -> Reference {
         let half = rays.div_ceil(2);
         let estimate = |stream: u64| -> Vec<f32> {
-            let parts: Vec<Vec<f32>> = chunks(workload.pairs.len())
+            let parts: Vec<Vec<f32>> = chunks(0..workload.pairs.len(), half)
                 .into_par_iter()
                 .map_init(
                     || (Vec::new(), Vec::new()),
                     |(packets, blocked), pairs| {
-                        let visible = pairs.clone().map(|pair| {
-                            workload.bundle(scene, pair, half, stream, packets);
-                            blocked.clear();
-                            blocked.resize(packets.len(), 0);
-                            engine.occluded(packets, blocked);
-                            clear_fraction(blocked, 0, half)
-                        });
-                        let visible = visible.collect();
+                        workload.packed(scene, pairs.clone(), half, stream, packets);
+                        blocked.clear();
+                        blocked.resize(packets.len(), 0);
+                        engine.occluded(packets, blocked);
                         advance(pairs.len());
-                        visible
+                        (0..pairs.len()).map(|k| clear_fraction(blocked, k * half, half)).collect()
                     },
                 )
                 .collect();
@@ -175,5 +250,35 @@ impl Reference {
             lo - noise <= p && p <= hi + noise
         });
         inside.count() as f64 / intervals.len().max(1) as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn chunks_cover_every_pair_once() {
+        for (pairs, rays) in [(0, 16), (1, 1), (1000, 16), (1000, 256), (7, 65536), (300, 1000)] {
+            let all: Vec<usize> = chunks(0..pairs, rays).into_iter().flatten().collect();
+            assert_eq!(all, (0..pairs).collect::<Vec<_>>());
+        }
+    }
+
+    #[test]
+    fn fractions_are_read_across_packets() {
+        let blocked = [0xffff_u32, 0x0003];
+        assert_eq!(clear_fraction(&blocked, 0, 16), 0.0);
+        assert_eq!(clear_fraction(&blocked, 16, 4), 0.5);
+        assert_eq!(clear_fraction(&blocked, 14, 6), 2.0 / 6.0);
+    }
+
+    #[test]
+    fn the_noise_of_the_reference_drops_out() {
+        let reference = Reference { a: vec![0.6, 0.4], b: vec![0.4, 0.6], rays: 2 };
+        assert!((reference.errors(&[0.7, 0.7]).0.powi(2) - 0.03).abs() < 1e-6);
+        assert!((reference.errors(&[0.7, 0.7]).1 - 0.2).abs() < 1e-6);
+        assert!((reference.standard_error() - 0.1).abs() < 1e-6);
+        assert_eq!(reference.coverage(&[(0.4, 0.6), (0.0, 0.0)]), 0.5);
     }
 }

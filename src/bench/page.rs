@@ -138,6 +138,9 @@ fn sentence(record: &Record) -> Markup {
 
 /// Where the figures come from, enough to repeat them.
 fn footer(record: &Record) -> Markup {
+    let mut sizes: Vec<f64> = record.mr.iter().map(|row| row.feature_size).collect();
+    sizes.sort_by(f64::total_cmp);
+    sizes.dedup();
     let plural = if record.threads == 1 { "thread" } else { "threads" };
     html! {
         footer {
@@ -151,7 +154,7 @@ fn footer(record: &Record) -> Markup {
                 " --points " (record.workload.points)
                 " --rays " (record.workload.rays)
                 " --reference-rays " (record.workload.reference_rays)
-                @for row in &record.mr { " --feature-size " (row.feature_size) }
+                @for size in sizes { " --feature-size " (size) }
                 @for receiver in &record.receivers { " --receiver " (shell_word(&receiver.name)) }
                 " --seed " (record.seed) " --threads " (record.threads) " --unit " (shell_word(&record.unit))
             }

@@ -105,6 +105,9 @@ pub struct ExactRow {
     pub seconds: f64,
     /// The fastest of Embree's ways of asking: `occluded1`, `occluded4`, `occluded8` or `occluded16`.
     pub mode: String,
+    /// Whether Embree was told that the rays of a call stay together.
+    #[serde(default)]
+    pub coherent: bool,
     /// Root mean square error.
     pub rms: f64,
     /// Mean error; positive: too bright.

@@ -5,7 +5,7 @@ use crate::scene::{Emitter, Scene};
 use crate::visibility::reference::end_rule;
 use glam::Vec3;
 use rayon::prelude::*;
-use sobol_burley::sample;
+use sobol_burley::sample_4d;
 
 /// A point on a surface and the side that is asked for.
 #[derive(Clone, Copy, Debug)]
@@ -63,18 +63,29 @@ impl Workload {
         Workload { points, pairs, seed, ends: end_rule(scene), samplers }
     }
 
-    /// Puts `rays` segments of a pair into `packets` (cleared first), sixteen a packet.
+    /// Appends `rays` segments of a pair to `packets`, sixteen a packet.
     ///
     /// The segments of a smaller number are the first of a larger one. `stream` separates independent sample sets
     /// of the same pair: engines under test share stream 0, references use others.
-    pub fn bundle(&self, scene: &Scene, pair: usize, rays: usize, stream: u64, packets: &mut Vec<Packet>) {
-        packets.clear();
+    pub fn add_bundle(&self, scene: &Scene, pair: usize, rays: usize, stream: u64, packets: &mut Vec<Packet>) {
         self.each_segment(scene, pair, rays, stream, |i, a, b| {
             if i % LANES == 0 {
                 packets.push(Packet::EMPTY);
             }
             packets.last_mut().expect("just pushed").set(i % LANES, a, b, self.ends);
         });
+    }
+
+    /// The mean of a value of each pair over the emitters of each point, weighted by their unoccluded irradiance:
+    /// the part of the light that arrives. 0 at points that face no emitter.
+    pub fn weighted(&self, values: &[f32]) -> Vec<f32> {
+        let mut sums = vec![(0.0f64, 0.0f64); self.points.len()];
+        for (pair, &value) in self.pairs.iter().zip(values) {
+            let (sum, weight) = &mut sums[pair.point as usize];
+            *sum += f64::from(pair.weight) * f64::from(value);
+            *weight += f64::from(pair.weight);
+        }
+        sums.into_iter().map(|(sum, weight)| if weight > 0.0 { (sum / weight) as f32 } else { 0.0 }).collect()
     }
 
     /// Puts `rays` segments of each pair of a range into packets without gaps: for engines that need no bundles.
@@ -109,7 +120,8 @@ impl Workload {
             // Owen-scrambled Sobol' points: stratified for every power of two, 65536 at most a scramble.
             let seed = seed ^ (i as u32 >> 16).wrapping_mul(0x9e37_79b9);
             let index = i as u32 & 0xffff;
-            f(i, point.position, facing.sample(scene, sample(index, 0, seed), sample(index, 1, seed)));
+            let [u, v, ..] = sample_4d(index, 0, seed);
+            f(i, point.position, facing.sample(scene, u, v));
         }
     }
 }
@@ -246,13 +258,13 @@ pub fn surface_points(scene: &Scene, count: usize, seed: u64) -> crate::Result<V
     let mut points: Vec<(u64, Point)> = (0..count as u32)
         .into_par_iter()
         .map(|i| {
-            let draw = |dimension| sample(i & 0xffff, dimension, seed ^ (i >> 16).wrapping_mul(0x9e37_79b9));
-            let target = f64::from(draw(0)) * sum;
+            let draw = sample_4d(i & 0xffff, 0, seed ^ (i >> 16).wrapping_mul(0x9e37_79b9));
+            let target = f64::from(draw[0]) * sum;
             let k = sums.partition_point(|&s| s <= target).min(sums.len() - 1);
             let corners = scene.corners(receivers[k]);
-            let position = point_on(corners, draw(1), draw(2));
+            let position = point_on(corners, draw[1], draw[2]);
             let mut normal = crate::math::triangle_normal(corners[0], corners[1], corners[2]);
-            if scene.triangle_sides[receivers[k] as usize] == 2 && draw(3) < 0.5 {
+            if scene.triangle_sides[receivers[k] as usize] == 2 && draw[3] < 0.5 {
                 normal = -normal;
             }
             (curve_key(scene, position), Point { position, normal })

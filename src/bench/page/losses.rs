@@ -49,7 +49,7 @@ pub(super) fn section(record: &Record, receivers: &[ReceiverImages]) -> Result<M
                 ul {
                     @for row in slow {
                         li {
-                            "s = " (length(row.feature_size, unit)) ": " (times(Some(row.speedup_per_segment)))
+                            "s = " (length(row.feature_size, unit)) ", " (row.rays) " segments: " (times(Some(row.speedup_per_segment)))
                             " per segment, " (times(row.speedup_at_same_rms)) " at the same RMS error"
                         }
                     }

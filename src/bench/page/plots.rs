@@ -12,20 +12,22 @@ use crate::output::{Plot, Point, Scale, Series};
 pub(super) fn error_against_time(record: &Record) -> Result<Markup> {
     let rays = |n: usize| if n == 1 { "1 ray".to_string() } else { format!("{n} rays") };
     let exact = record.exact.iter().map(|row| Point { x: row.seconds, y: row.rms, label: rays(row.rays) });
-    let mr = record.mr.iter().map(|row| Point {
-        x: row.seconds,
-        y: row.rms,
-        label: format!("s = {}", length(row.feature_size, &record.unit)),
-    });
+    let mut series = vec![Series { name: "exact".into(), points: exact.collect(), line: true }];
+    for row in &record.mr {
+        let name = format!("multi-resolution, {} segments", row.rays);
+        let label = format!("s = {}", length(row.feature_size, &record.unit));
+        let point = Point { x: row.seconds, y: row.rms, label };
+        match series.iter_mut().find(|s| s.name == name) {
+            Some(series) => series.points.push(point),
+            None => series.push(Series { name, points: vec![point], line: false }),
+        }
+    }
     let plot = Plot {
         x_label: "time of the queries, seconds".into(),
         y_label: "error (RMS of the visible fraction)".into(),
         x_scale: Scale::Log,
         y_scale: Scale::Log,
-        series: vec![
-            Series { name: "exact".into(), points: exact.collect(), line: true },
-            Series { name: "multi-resolution".into(), points: mr.collect(), line: false },
-        ],
+        series,
     };
     Ok(html! {
         figure.plot {

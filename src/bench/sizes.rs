@@ -1,0 +1,97 @@
+//! Feature sizes for a scene that nobody has given any for.
+//!
+//! The rule. The smallest size is the typical feature size of leaf clusters: the median over them, each weighted by
+//! its triangles, of the mean over the axes of [`Traits::feature_size`]. Below it nothing can be aggregated. The
+//! largest is the typical size of a thing with about a thousand triangles, a tree's crown or a plant: the median of
+//! the same mean over the clusters of 300 to 3000 triangles, or that of the largest cluster if there is none. The other
+//! two lie between them in equal ratios. Neighbours differ by a factor of 1.65 at least (the largest gives way
+//! upwards), no size exceeds a twentieth of the scene's diagonal (the smallest gives way downwards), and sizes are
+//! rounded to two digits so that they can be quoted.
+
+use crate::characterise::{AXIS_COUNT, Traits};
+use crate::hierarchy::Tree;
+use crate::scene::Scene;
+
+/// How many sizes.
+pub const COUNT: usize = 4;
+/// Least ratio of neighbours before rounding; after it, 1.5 is left.
+const RATIO: f64 = 1.65;
+/// Largest part of the scene's diagonal.
+const LARGEST_PART: f64 = 0.05;
+/// Triangles of a cluster that stands for a thing.
+const THING: std::ops::RangeInclusive<u32> = 300..=3000;
+
+/// Four feature sizes, ascending, scene units. `traits` are those of `tree`.
+pub fn default_sizes(scene: &Scene, tree: &Tree, traits: &[Traits]) -> Vec<f64> {
+    let size = |c: usize| {
+        let sum: f32 = (0..AXIS_COUNT).map(|axis| traits[c].feature_size(axis)).sum();
+        f64::from(sum) / AXIS_COUNT as f64
+    };
+    let of = |pick: &dyn Fn(usize) -> bool, weight: &dyn Fn(usize) -> f64| {
+        let chosen = (0..tree.clusters.len()).filter(|&c| pick(c));
+        weighted_median(chosen.map(|c| (size(c), weight(c))).filter(|(s, _)| s.is_finite() && *s > 0.0).collect())
+    };
+    let triangles = |c: usize| f64::from(tree.clusters[c].triangles);
+    let small = of(&|c| tree.clusters[c].is_leaf(), &triangles);
+    let large = of(&|c| THING.contains(&tree.clusters[c].triangles), &|_| 1.0).or_else(|| of(&|c| c == 0, &|_| 1.0));
+    between(small, large, f64::from(scene.bounds.diagonal()))
+}
+
+/// Sizes from the smallest to the largest wanted, made sane for a scene of this diagonal.
+fn between(small: Option<f64>, large: Option<f64>, diagonal: f64) -> Vec<f64> {
+    let spread = RATIO.powi(COUNT as i32 - 1);
+    let cap = LARGEST_PART * diagonal;
+    let large = large.or(small.map(|s| s * spread)).unwrap_or(cap).min(cap);
+    let small = small.unwrap_or(large / spread).min(cap / spread);
+    let large = large.max(small * spread);
+    let ratio = (large / small).powf(1.0 / (COUNT as f64 - 1.0));
+    (0..COUNT).map(|i| two_digits(small * ratio.powi(i as i32))).collect()
+}
+
+/// Half of the weight lies at or below it.
+fn weighted_median(mut values: Vec<(f64, f64)>) -> Option<f64> {
+    values.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let half = 0.5 * values.iter().map(|v| v.1).sum::<f64>();
+    let mut sum = 0.0;
+    values.into_iter().find(|&(_, weight)| {
+        sum += weight;
+        sum >= half
+    }).map(|(value, _)| value)
+}
+
+/// Rounded to two significant decimal digits.
+fn two_digits(v: f64) -> f64 {
+    // Through text, so that the nearest f64 of the decimal number comes out.
+    format!("{v:.1e}").parse().unwrap_or(v)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_sane_whatever_the_statistics() {
+        for small in [None, Some(1e-9), Some(0.01), Some(1.0), Some(1e3)] {
+            for large in [None, Some(1e-9), Some(0.02), Some(5.0), Some(1e4)] {
+                for diagonal in [1e-3, 1.0, 100.0, 1e6] {
+                    let sizes = between(small, large, diagonal);
+                    assert_eq!(sizes.len(), COUNT);
+                    assert!(sizes[0] > 0.0 && sizes[3] <= 0.1 * diagonal, "{small:?} {large:?} {diagonal}: {sizes:?}");
+                    assert!(sizes.windows(2).all(|s| s[1] >= 1.5 * s[0]), "{small:?} {large:?} {diagonal}: {sizes:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn sizes_span_what_the_scene_has() {
+        assert_eq!(between(Some(0.01), Some(0.27), 100.0), [0.01, 0.03, 0.09, 0.27]);
+    }
+
+    #[test]
+    fn medians_are_weighted() {
+        assert_eq!(weighted_median(vec![]), None);
+        assert_eq!(weighted_median(vec![(3.0, 1.0), (1.0, 1.0), (2.0, 1.0)]), Some(2.0));
+        assert_eq!(weighted_median(vec![(3.0, 9.0), (1.0, 1.0), (2.0, 1.0)]), Some(3.0));
+    }
+}
