@@ -397,7 +397,8 @@ mod tests {
             for corner in p.triangles.iter().flat_map(|&t| scene.corners(t)) {
                 let d = corner.as_dvec3() - centre;
                 assert!(d.dot(right).abs() < 0.5001 * width && d.dot(up).abs() < 0.5001 * height);
-                assert!(d.dot(normal).abs() < 1e-3 * width);
+                // The original measurements are not quite planar.
+                assert!(d.dot(normal).abs() < 1e-2 * width);
             }
         }
     }

@@ -567,7 +567,7 @@ mod tests {
         let mut next = times.into_iter();
         assert_eq!(least(|_| next.next().unwrap(), |t| *t), 0.02);
         let mut calls = 0;
-        let long = |first| {
+        let long = |first: bool| {
             assert!(first);
             calls += 1;
             1.0

@@ -68,7 +68,8 @@ impl Default for Workspace {
 
 /// What the walk found for one packet.
 struct Walked {
-    aggregated: bool,
+    /// Segments of the first packet that met an aggregated cluster.
+    aggregated: u32,
     tested: bool,
     nodes: u32,
     work: u32,
@@ -162,7 +163,11 @@ impl<'a> MultiResolution<'a> {
     }
 
     fn packets(&self, packets: &[Packet], e: f32, s: f32, workspace: &mut Workspace, cost: &mut Cost) -> Totals {
-        let limit = WORK_LIMIT * (packets.len() as u32 + 1);
+        let limit = match self.leaf {
+            Leaf::Exact => WORK_LIMIT * (packets.len() as u32 + 1),
+            // No rays, whatever it takes.
+            Leaf::Extinction => u32::MAX,
+        };
         let walked = dispatch(self.isa, Walk { engine: self, packets, e, s, limit, workspace });
         let n: u64 = packets.iter().map(|p| p.len() as u64).sum();
         cost.segments += n;
@@ -177,7 +182,9 @@ impl<'a> MultiResolution<'a> {
             return Totals { transmittance: clear as f32, lo: clear as f32, hi: clear as f32 };
         }
         cost.exact_rays += if walked.tested { n } else { 0 };
-        cost.aggregated += if walked.aggregated { n } else { 0 };
+        let probe = &packets[0];
+        let met = walked.aggregated & probe.active & !workspace.blocked[0];
+        cost.aggregated += n * u64::from(met.count_ones()) / probe.len() as u64;
         walked.totals
     }
 
@@ -270,7 +277,7 @@ impl Kernel for Walk<'_, '_> {
         let shaft = Shaft::of(simd, packets, engine.magnitude);
         let mix = AxisMix::around(shaft.direction());
         let mut walked =
-            Walked { aggregated: false, tested: false, nodes: 0, work: 0, gave_up: false, totals: Totals::default() };
+            Walked { aggregated: 0, tested: false, nodes: 0, work: 0, gave_up: false, totals: Totals::default() };
         let segments = Segments::of(simd, probe);
         let alive = simd.mask(probe.active);
         let (mut depth, mut deepest) = (simd.splat(0.0), simd.splat(0.0));
@@ -363,7 +370,7 @@ impl Kernel for Walk<'_, '_> {
                         push(&mut workspace.stack, node.child[lane]);
                         continue;
                     }
-                    walked.aggregated |= simd.bits(hit) != 0;
+                    walked.aggregated |= simd.bits(hit);
                     let d = simd.keep(hit, simd.mul(o.path, simd.splat(kappa_of[lane])));
                     depth = simd.add(depth, d);
                     deepest = simd.max(deepest, d);
@@ -376,7 +383,7 @@ impl Kernel for Walk<'_, '_> {
             }
         }
         walked.work = work;
-        walked.totals = finish(simd, packets, walked.aggregated, (depth, deepest), workspace);
+        walked.totals = finish(simd, packets, walked.aggregated != 0, (depth, deepest), workspace);
         walked
     }
 }
