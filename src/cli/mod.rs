@@ -1,0 +1,91 @@
+//! The command line: arguments to jobs, results to text and JSON. Uses the public API of the crate only.
+//!
+//! A subcommand is a module with `pub struct Args` (clap) and `pub fn run(&Args) -> Result<ExitCode>`, and one
+//! line in [`Command`] and in [`run`].
+
+mod args;
+mod generate;
+mod info;
+
+use clap::{Parser, Subcommand};
+use mrvis::{Error, Result};
+use std::{
+    error::Error as _,
+    io::{ErrorKind, Write},
+    process::ExitCode,
+};
+
+/// Visibility and radiosity in scenes full of small detail: exact rays beside multi-resolution visibility.
+#[derive(Parser)]
+#[command(version, max_term_width = 110)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// What was read and repaired: counts, bounds, closed and sheet parts, emitters, objects.
+    Info(info::Args),
+    /// Write a procedural scene as OBJ and MTL (list with --list).
+    Generate(generate::Args),
+}
+
+fn run(command: &Command) -> Result<ExitCode> {
+    match command {
+        Command::Info(args) => info::run(args),
+        Command::Generate(args) => generate::run(args),
+    }
+}
+
+/// Parses, runs, and reports an error as one line. Wrong usage exits with 2 as well (clap).
+pub fn main() -> ExitCode {
+    match run(&Cli::parse().command) {
+        Ok(code) => code,
+        // Whoever reads our output may stop when they have enough.
+        Err(Error::Io { source, .. }) if source.kind() == ErrorKind::BrokenPipe => ExitCode::SUCCESS,
+        Err(error) => {
+            // Standard error may be closed; there is nobody left to tell.
+            let _ = writeln!(std::io::stderr(), "mrvis: {}", one_line(&error));
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// The error and its causes, each once, on one line.
+fn one_line(error: &Error) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(e) = cause {
+        let next = e.to_string();
+        if !text.contains(&next) {
+            text = format!("{text}: {next}");
+        }
+        cause = e.source();
+    }
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// Writes to standard output.
+fn print(text: &str) -> Result<()> {
+    let mut out = std::io::stdout().lock();
+    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|e| Error::io("standard output", e))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn arguments_are_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn errors_are_one_line() {
+        let check = |error: Error, want| assert_eq!(one_line(&error), want);
+        check(Error::io("a b.obj", ErrorKind::NotFound.into()), "a b.obj: entity not found");
+        check(Error::format("a.obj", Some(3), "two\nlines"), "a.obj:3: two lines");
+    }
+}
