@@ -9,15 +9,15 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use crate::bench::page::{self, ReceiverImages};
-use crate::bench::record::{MrRow, Record};
-use crate::bench::{self, Options, Progress};
-use crate::metrics::{FeatureOptions, FeatureSet, Image};
-use crate::output::{
+use mrvis::bench::page::{self, ReceiverImages};
+use mrvis::bench::record::{MrRow, Record};
+use mrvis::bench::{self, Options, Progress};
+use mrvis::metrics::{FeatureOptions, FeatureSet, Image};
+use mrvis::output::{
     difference, grey, mask_overlay, number, write_atomically, write_exr, write_png,
 };
-use crate::scene::{LoadOptions, Scene, parse_emitter};
-use crate::{Error, Result};
+use mrvis::scene::{LoadOptions, Scene, parse_emitter};
+use mrvis::{Error, Result};
 
 /// Measure exact (Embree) against multi-resolution visibility on the same segments of a scene: table, JSON, images and
 /// a report page.
