@@ -132,10 +132,16 @@ fn large_surfaces_stay_outside_and_detail_inside() {
     };
     let is_large = large(&room);
     for name in ["floor", "ceiling", "wall back", "wall front", "wall left", "wall right"] {
-        assert!(room.faces_named(name).expect(name).iter().all(|&t| is_large[t as usize]), "{name} is not large");
+        assert!(
+            room.faces_named(name).expect(name).iter().all(|&t| is_large[t as usize]),
+            "{name} is not large"
+        );
     }
     for name in ["keyboard", "cup", "pencils", "sheets"] {
-        assert!(room.faces_named(name).expect(name).iter().all(|&t| !is_large[t as usize]), "{name} is large");
+        assert!(
+            room.faces_named(name).expect(name).iter().all(|&t| !is_large[t as usize]),
+            "{name} is large"
+        );
     }
     // The top of the desk is, its legs are not.
     let normal = |t: u32| {
@@ -265,6 +271,9 @@ fn build_time_grows_as_n_log_n() {
         let triangles = big.triangles.len() as f64 / small.triangles.len() as f64;
         // A busy machine can spoil one attempt, not three.
         let time = (0..3).map(|_| growth(&small, &big)).find(|g| *g < 2.0 * triangles);
-        assert!(time.is_some(), "{name}: {triangles:.1} times the triangles take more than twice as many times as long");
+        assert!(
+            time.is_some(),
+            "{name}: {triangles:.1} times the triangles take more than twice as many times as long"
+        );
     }
 }

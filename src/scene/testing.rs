@@ -24,7 +24,8 @@ pub fn direction(random: &mut Pcg64Mcg) -> Vec3 {
 
 /// A rotation, uniform (Shoemake 1992).
 pub fn rotation(random: &mut Pcg64Mcg) -> DMat3 {
-    let (u, a, b) = (unit(random), std::f64::consts::TAU * unit(random), std::f64::consts::TAU * unit(random));
+    let (u, a, b) =
+        (unit(random), std::f64::consts::TAU * unit(random), std::f64::consts::TAU * unit(random));
     let (r, q) = ((1.0 - u).sqrt(), u.sqrt());
     DMat3::from_quat(DQuat::from_xyzw(r * a.sin(), r * a.cos(), q * b.sin(), q * b.cos()))
 }
@@ -95,7 +96,11 @@ impl Pieces {
         self.light = Some(material);
         let object = self.soup.object(format!("light {}", self.soup.objects.len()));
         let (u, v) = (0.5 * u, 0.5 * v);
-        self.soup.polygon(object, material, &[centre - u - v, centre + u - v, centre + u + v, centre - u + v]);
+        self.soup.polygon(
+            object,
+            material,
+            &[centre - u - v, centre + u - v, centre + u + v, centre - u + v],
+        );
         self
     }
 

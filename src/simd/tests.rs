@@ -120,7 +120,8 @@ fn every_instruction_set_computes_the_same_bits() {
         let truth = run(Isa::Portable);
         for isa in available() {
             for ((name, expect), (_, found)) in truth.iter().zip(run(isa)) {
-                let equal = expect.len() == found.len() && expect.iter().zip(&found).all(|(&x, &y)| same(x, y));
+                let equal =
+                    expect.len() == found.len() && expect.iter().zip(&found).all(|(&x, &y)| same(x, y));
                 assert!(equal, "{name} on {}, round {round}: {a:?} {b:?} {mask:x}", isa.name());
             }
         }
@@ -141,7 +142,8 @@ fn operations_do_what_they_are_called() {
     let half = [0x3f80; LANES];
     for isa in available() {
         let results = dispatch(isa, EveryOperation { a, b, half, mask: 0b101 });
-        let word = |name: &str, lane: usize| results.iter().find(|(n, _)| *n == name).expect("operation").1[lane];
+        let word =
+            |name: &str, lane: usize| results.iter().find(|(n, _)| *n == name).expect("operation").1[lane];
         let number = |name: &str, lane: usize| f32::from_bits(word(name, lane));
         for lane in 0..LANES {
             let x = a[lane];
