@@ -89,7 +89,8 @@ impl Timer {
             },
             |chunk| engine.occluded(&chunk.packets, &mut chunk.answers),
             |chunk| {
-                visible.extend((0..chunk.pairs.len()).map(|k| clear_fraction(&chunk.answers, k * rays, rays)));
+                visible
+                    .extend((0..chunk.pairs.len()).map(|k| clear_fraction(&chunk.answers, k * rays, rays)));
                 advance(chunk.pairs.len());
             },
         );
@@ -149,7 +150,12 @@ impl Timer {
         mut collect: impl FnMut(&Chunk<T>),
     ) -> f64 {
         let places = AHEAD * self.pool.as_ref().map_or(1, |pool| pool.current_num_threads());
-        let blank = || Chunk { pairs: 0..0, packets: Vec::new(), answers: Vec::new(), workspace: Workspace::default() };
+        let blank = || Chunk {
+            pairs: 0..0,
+            packets: Vec::new(),
+            answers: Vec::new(),
+            workspace: Workspace::default(),
+        };
         let mut chunks: Vec<Chunk<T>> = (0..places).map(|_| blank()).collect();
         let mut seconds = 0.0;
         for group in ranges.chunks(places) {

@@ -89,7 +89,8 @@ impl Rectangle {
     /// Half a turn in its plane, if that brings up what is up: a wall is not shown upside down.
     fn upright(self) -> Rectangle {
         let up = self.normal.cross(self.right);
-        let largest = [up.x, up.y, up.z].into_iter().fold(0.0f64, |m, v| if v.abs() > m.abs() { v } else { m });
+        let largest =
+            [up.x, up.y, up.z].into_iter().fold(0.0f64, |m, v| if v.abs() > m.abs() { v } else { m });
         if largest < 0.0 { Rectangle { right: -self.right, ..self } } else { self }
     }
 }
@@ -174,7 +175,11 @@ fn by_size(scene: &Scene, exact: &dyn Occluder) -> Vec<(String, Candidate)> {
 
 fn by_name(scene: &Scene, exact: &dyn Occluder, names: &[String]) -> Result<Vec<(String, Candidate)>> {
     let mut distinct: Vec<&String> = Vec::new();
-    names.iter().for_each(|n| if !distinct.contains(&n) { distinct.push(n) });
+    names.iter().for_each(|n| {
+        if !distinct.contains(&n) {
+            distinct.push(n)
+        }
+    });
     let mut found = Vec::new();
     for name in distinct {
         let wanted = names.iter().filter(|n| *n == name).count();
@@ -389,7 +394,10 @@ mod tests {
         // The tall block's top is turned about the vertical; its rectangle is a square of 165 mm or so.
         let faces: Vec<u32> = (0..scene.triangles.len() as u32).collect();
         let patches = patches(&scene, &faces);
-        assert!(patches.iter().all(|p| p.filled() > 0.95 && p.filled() < 1.0 + 1e-5), "all its surfaces are quads");
+        assert!(
+            patches.iter().all(|p| p.filled() > 0.95 && p.filled() < 1.0 + 1e-5),
+            "all its surfaces are quads"
+        );
         for p in &patches {
             let Rectangle { right, normal, centre, width, height } = p.rectangle;
             assert!(right.dot(normal).abs() < 1e-5 && width >= height);
@@ -424,12 +432,14 @@ mod tests {
 
     #[test]
     fn images_show_what_is_up_at_the_top() {
-        let wall = Rectangle { centre: DVec3::ZERO, right: DVec3::X, normal: DVec3::Y, width: 2.0, height: 1.0 };
+        let wall =
+            Rectangle { centre: DVec3::ZERO, right: DVec3::X, normal: DVec3::Y, width: 2.0, height: 1.0 };
         let wall = wall.upright();
         assert_eq!(wall.normal.cross(wall.right), DVec3::Z);
         let back = wall.turned();
         assert_eq!((back.normal, back.normal.cross(back.right)), (-DVec3::Y, DVec3::Z));
-        let receiver = Receiver { name: String::new(), width: 2, height: 1, texel: 1.0, lit: true, rectangle: back };
+        let receiver =
+            Receiver { name: String::new(), width: 2, height: 1, texel: 1.0, lit: true, rectangle: back };
         let points: Vec<Vec3> = receiver.points().map(|p| p.position).collect();
         // Seen from -y with z up, x grows to the right.
         assert!(points[0].x < points[1].x);

@@ -162,7 +162,14 @@ impl<'a> MultiResolution<'a> {
         own < EMBREE_SHARE * exact
     }
 
-    fn packets(&self, packets: &[Packet], e: f32, s: f32, workspace: &mut Workspace, cost: &mut Cost) -> Totals {
+    fn packets(
+        &self,
+        packets: &[Packet],
+        e: f32,
+        s: f32,
+        workspace: &mut Workspace,
+        cost: &mut Cost,
+    ) -> Totals {
         let limit = match self.leaf {
             Leaf::Exact => WORK_LIMIT * (packets.len() as u32 + 1),
             // No rays, whatever it takes.
@@ -276,8 +283,14 @@ impl Kernel for Walk<'_, '_> {
         let probe = &packets[0];
         let shaft = Shaft::of(simd, packets, engine.magnitude);
         let mix = AxisMix::around(shaft.direction());
-        let mut walked =
-            Walked { aggregated: 0, tested: false, nodes: 0, work: 0, gave_up: false, totals: Totals::default() };
+        let mut walked = Walked {
+            aggregated: 0,
+            tested: false,
+            nodes: 0,
+            work: 0,
+            gave_up: false,
+            totals: Totals::default(),
+        };
         let segments = Segments::of(simd, probe);
         let alive = simd.mask(probe.active);
         let (mut depth, mut deepest) = (simd.splat(0.0), simd.splat(0.0));

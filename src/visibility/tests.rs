@@ -701,7 +701,10 @@ fn intervals_hold_their_answers() {
                             / n as f32;
                     }
                     // Larger bundles read optical depths off their first packet.
-                    assert!(packets.len() > 1 || (mean - answer.transmittance).abs() < 1e-5, "{mean}: {answer:?}");
+                    assert!(
+                        packets.len() > 1 || (mean - answer.transmittance).abs() < 1e-5,
+                        "{mean}: {answer:?}"
+                    );
                     match answer.method {
                         Method::Clear => assert!(answer.transmittance == 1.0 && answer.cost.exact_rays == 0),
                         Method::Exact => assert!(answer.cost.aggregated == 0 && answer.cost.exact_rays > 0),
