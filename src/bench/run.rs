@@ -90,7 +90,9 @@ impl Options {
         }
         let usable = |s: f64| s.is_finite() && s > 0.0 && (s as f32).is_normal();
         if let Some(s) = self.feature_sizes.iter().find(|&&s| !usable(s)) {
-            return Err(Error::Argument(format!("--feature-size {s}: must be a length above 0 in scene units")));
+            return Err(Error::Argument(format!(
+                "--feature-size {s}: must be a length above 0 in scene units"
+            )));
         }
         Ok(())
     }
@@ -160,7 +162,11 @@ impl Progress for () {
 ///
 /// # Errors
 /// An option is out of range, a name is unknown, nothing emits or receives light, Embree refuses.
-pub fn run(scene: &Scene, options: &Options, progress: &dyn Progress) -> Result<(Record, Vec<ReceiverImages>)> {
+pub fn run(
+    scene: &Scene,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<(Record, Vec<ReceiverImages>)> {
     options.check_for(scene)?;
     let timer = Timer::new(options.threads)?;
     let mut build = record::Build::default();
@@ -175,7 +181,8 @@ pub fn run(scene: &Scene, options: &Options, progress: &dyn Progress) -> Result<
     progress.stage("hierarchy", 0);
     let hierarchy = timed(&mut build.hierarchy_s, || hierarchy::build(scene, &Default::default()));
     progress.stage("measuring clusters", 0);
-    let traits = timed(&mut build.characterise_s, || characterise(scene, &hierarchy.micro, &Default::default()));
+    let traits =
+        timed(&mut build.characterise_s, || characterise(scene, &hierarchy.micro, &Default::default()));
 
     let points = surface_points(scene, options.points, options.seed)?;
     let workload = Workload::new(scene, points, options.seed);
@@ -188,16 +195,16 @@ pub fn run(scene: &Scene, options: &Options, progress: &dyn Progress) -> Result<
     }
     let sizes = sizes(scene, options, &hierarchy, &traits);
     let mut warnings = Vec::new();
-    let bench = Bench { scene, options, timer, traced: &traced, width: device.native_width(), sizes, progress };
+    let bench =
+        Bench { scene, options, timer, traced: &traced, width: device.native_width(), sizes, progress };
     let engine = |workload: &Workload| {
         let traversal = bench.traversal(workload, options.rays);
         MultiResolution::new(scene, &hierarchy, &traits, &traced, traversal, Leaf::Exact)
     };
     let mr = engine(&workload);
-    build.hierarchy_bytes = (hierarchy.micro.bytes()
-        + hierarchy.large.bytes()
-        + size_of_val(traits.as_slice())
-        + mr.bytes()) as u64;
+    build.hierarchy_bytes =
+        (hierarchy.micro.bytes() + hierarchy.large.bytes() + size_of_val(traits.as_slice()) + mr.bytes())
+            as u64;
 
     let (reference, exact, mut rows) = bench.points(&workload, &mr);
     let (receivers, images) = bench.images(&mr, &mut rows, &mut warnings)?;
@@ -313,7 +320,13 @@ impl Bench<'_> {
         };
         ask(pairs.min(WARM_UP), &|_| ());
         let run = least(
-            |first| ask(pairs, &|n| if first { self.progress.advance((n * rays) as u64) }),
+            |first| {
+                ask(pairs, &|n| {
+                    if first {
+                        self.progress.advance((n * rays) as u64)
+                    }
+                })
+            },
             |run: &Run| run.seconds,
         );
         (engine.traversal, run)
@@ -327,13 +340,23 @@ impl Bench<'_> {
         };
         ask(pairs.min(WARM_UP), &|_| ());
         least(
-            |first| ask(pairs, &|n| if first { self.progress.advance((n * rays) as u64) }),
+            |first| {
+                ask(pairs, &|n| {
+                    if first {
+                        self.progress.advance((n * rays) as u64)
+                    }
+                })
+            },
             |run: &MrRun| run.run.seconds,
         )
     }
 
     /// All rows over the receiver points.
-    fn points(&self, workload: &Workload, engine: &MultiResolution) -> (Reference, Vec<ExactRow>, Vec<MrRow>) {
+    fn points(
+        &self,
+        workload: &Workload,
+        engine: &MultiResolution,
+    ) -> (Reference, Vec<ExactRow>, Vec<MrRow>) {
         let pairs = workload.pairs.len() as u64;
         let reference = self.reference("reference", workload, self.options.reference_rays);
         let all_rays: usize = self.exact_rays().iter().sum();
@@ -567,7 +590,7 @@ mod tests {
         let mut next = times.into_iter();
         assert_eq!(least(|_| next.next().unwrap(), |t| *t), 0.02);
         let mut calls = 0;
-        let long = |first| {
+        let long = |first: bool| {
             assert!(first);
             calls += 1;
             1.0

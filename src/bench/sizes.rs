@@ -29,11 +29,14 @@ pub fn default_sizes(scene: &Scene, tree: &Tree, traits: &[Traits]) -> Vec<f64> 
     };
     let of = |pick: &dyn Fn(usize) -> bool, weight: &dyn Fn(usize) -> f64| {
         let chosen = (0..tree.clusters.len()).filter(|&c| pick(c));
-        weighted_median(chosen.map(|c| (size(c), weight(c))).filter(|(s, _)| s.is_finite() && *s > 0.0).collect())
+        weighted_median(
+            chosen.map(|c| (size(c), weight(c))).filter(|(s, _)| s.is_finite() && *s > 0.0).collect(),
+        )
     };
     let triangles = |c: usize| f64::from(tree.clusters[c].triangles);
     let small = of(&|c| tree.clusters[c].is_leaf(), &triangles);
-    let large = of(&|c| THING.contains(&tree.clusters[c].triangles), &|_| 1.0).or_else(|| of(&|c| c == 0, &|_| 1.0));
+    let large =
+        of(&|c| THING.contains(&tree.clusters[c].triangles), &|_| 1.0).or_else(|| of(&|c| c == 0, &|_| 1.0));
     between(small, large, f64::from(scene.bounds.diagonal()))
 }
 
@@ -53,10 +56,13 @@ fn weighted_median(mut values: Vec<(f64, f64)>) -> Option<f64> {
     values.sort_by(|a, b| a.0.total_cmp(&b.0));
     let half = 0.5 * values.iter().map(|v| v.1).sum::<f64>();
     let mut sum = 0.0;
-    values.into_iter().find(|&(_, weight)| {
-        sum += weight;
-        sum >= half
-    }).map(|(value, _)| value)
+    values
+        .into_iter()
+        .find(|&(_, weight)| {
+            sum += weight;
+            sum >= half
+        })
+        .map(|(value, _)| value)
 }
 
 /// Rounded to two significant decimal digits.
@@ -76,8 +82,14 @@ mod tests {
                 for diagonal in [1e-3, 1.0, 100.0, 1e6] {
                     let sizes = between(small, large, diagonal);
                     assert_eq!(sizes.len(), COUNT);
-                    assert!(sizes[0] > 0.0 && sizes[3] <= 0.1 * diagonal, "{small:?} {large:?} {diagonal}: {sizes:?}");
-                    assert!(sizes.windows(2).all(|s| s[1] >= 1.5 * s[0]), "{small:?} {large:?} {diagonal}: {sizes:?}");
+                    assert!(
+                        sizes[0] > 0.0 && sizes[3] <= 0.1 * diagonal,
+                        "{small:?} {large:?} {diagonal}: {sizes:?}"
+                    );
+                    assert!(
+                        sizes.windows(2).all(|s| s[1] >= 1.5 * s[0]),
+                        "{small:?} {large:?} {diagonal}: {sizes:?}"
+                    );
                 }
             }
         }

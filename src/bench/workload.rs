@@ -45,7 +45,8 @@ pub struct Workload {
 impl Workload {
     /// All pairs between these points and the scene's emitters.
     pub fn new(scene: &Scene, points: Vec<Point>, seed: u64) -> Workload {
-        let samplers: Vec<EmitterSampler> = scene.emitters.iter().map(|e| EmitterSampler::new(scene, e)).collect();
+        let samplers: Vec<EmitterSampler> =
+            scene.emitters.iter().map(|e| EmitterSampler::new(scene, e)).collect();
         let pairs = points
             .par_iter()
             .enumerate()
@@ -67,7 +68,14 @@ impl Workload {
     ///
     /// The segments of a smaller number are the first of a larger one. `stream` separates independent sample sets
     /// of the same pair: engines under test share stream 0, references use others.
-    pub fn add_bundle(&self, scene: &Scene, pair: usize, rays: usize, stream: u64, packets: &mut Vec<Packet>) {
+    pub fn add_bundle(
+        &self,
+        scene: &Scene,
+        pair: usize,
+        rays: usize,
+        stream: u64,
+        packets: &mut Vec<Packet>,
+    ) {
         self.each_segment(scene, pair, rays, stream, |i, a, b| {
             if i % LANES == 0 {
                 packets.push(Packet::EMPTY);
@@ -110,7 +118,14 @@ impl Workload {
         }
     }
 
-    fn each_segment(&self, scene: &Scene, pair: usize, rays: usize, stream: u64, mut f: impl FnMut(usize, Vec3, Vec3)) {
+    fn each_segment(
+        &self,
+        scene: &Scene,
+        pair: usize,
+        rays: usize,
+        stream: u64,
+        mut f: impl FnMut(usize, Vec3, Vec3),
+    ) {
         let Pair { point, emitter, .. } = self.pairs[pair];
         let point = &self.points[point as usize];
         let seed = scramble(self.seed ^ stream << 56 ^ (pair as u64) << 8);
@@ -180,7 +195,8 @@ impl EmitterSampler {
 
     /// Size and weight of the emitter for a point; none if no face of it can send light there.
     fn pair(&self, point: &Point) -> Option<(f32, f32)> {
-        let seen = self.normals.iter().zip(&self.corners).any(|(n, &corner)| n.dot(point.position - corner) > 0.0);
+        let seen =
+            self.normals.iter().zip(&self.corners).any(|(n, &corner)| n.dot(point.position - corner) > 0.0);
         // The centre decides: a point whose horizon cuts the emitter still counts if more than half is above.
         let to = self.centre - point.position;
         let distance = to.length();
@@ -242,8 +258,9 @@ pub(super) fn point_on([a, b, c]: [Vec3; 3], u: f32, v: f32) -> Vec3 {
 /// # Errors
 /// If every surface emits.
 pub fn surface_points(scene: &Scene, count: usize, seed: u64) -> crate::Result<Vec<Point>> {
-    let receivers: Vec<u32> =
-        (0..scene.triangles.len() as u32).filter(|&t| scene.triangle_emitter[t as usize] == u32::MAX).collect();
+    let receivers: Vec<u32> = (0..scene.triangles.len() as u32)
+        .filter(|&t| scene.triangle_emitter[t as usize] == u32::MAX)
+        .collect();
     let mut sums = Vec::with_capacity(receivers.len());
     let mut sum = 0.0f64;
     for &t in &receivers {
@@ -252,7 +269,9 @@ pub fn surface_points(scene: &Scene, count: usize, seed: u64) -> crate::Result<V
         sums.push(sum);
     }
     if receivers.is_empty() {
-        return Err(crate::Error::Scene("every surface of the scene emits: there is nothing to receive light".into()));
+        return Err(crate::Error::Scene(
+            "every surface of the scene emits: there is nothing to receive light".into(),
+        ));
     }
     let seed = scramble(seed ^ 0x706f_696e_7473);
     let mut points: Vec<(u64, Point)> = (0..count as u32)
@@ -277,7 +296,8 @@ pub fn surface_points(scene: &Scene, count: usize, seed: u64) -> crate::Result<V
 
 /// Position along a Morton curve of 2^10 cells an axis.
 fn curve_key(scene: &Scene, p: Vec3) -> u64 {
-    let cell = ((p - scene.bounds.min) / scene.bounds.extent().max_element().max(f32::MIN_POSITIVE) * 1023.0).as_uvec3();
+    let cell = ((p - scene.bounds.min) / scene.bounds.extent().max_element().max(f32::MIN_POSITIVE) * 1023.0)
+        .as_uvec3();
     (0..10).fold(0, |key, bit| {
         let pick = |v: u32| u64::from(v >> bit & 1);
         key | (pick(cell.x) | pick(cell.y) << 1 | pick(cell.z) << 2) << (3 * bit)

@@ -13,9 +13,7 @@ use crate::bench::page::{self, ReceiverImages};
 use crate::bench::record::{MrRow, Record};
 use crate::bench::{self, Options, Progress};
 use crate::metrics::{FeatureOptions, FeatureSet, Image};
-use crate::output::{
-    difference, grey, mask_overlay, number, write_atomically, write_exr, write_png,
-};
+use crate::output::{difference, grey, mask_overlay, number, write_atomically, write_exr, write_png};
 use crate::scene::{LoadOptions, Scene, parse_emitter};
 use crate::{Error, Result};
 
@@ -109,7 +107,8 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     record.build.load_s = load_s;
     drop(scene);
     bar.stage("writing", 0);
-    let text = serde_json::to_string_pretty(&record).map_err(|e| Error::Argument(format!("--json: {e}")))? + "\n";
+    let text =
+        serde_json::to_string_pretty(&record).map_err(|e| Error::Argument(format!("--json: {e}")))? + "\n";
     if let Some(folder) = &args.out {
         write_pictures(folder, &images)?;
         write_atomically(&folder.join("report.html"), page::render(&record, &images)?.as_bytes())?;
@@ -187,7 +186,9 @@ impl Drop for Bar {
 impl Progress for Bar {
     fn stage(&self, name: &str, steps: u64) {
         let template = if steps > 0 { "{msg:24} {wide_bar} {percent:>3} % {eta:>4}" } else { "{msg:24}" };
-        self.bar.set_style(ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar()));
+        self.bar.set_style(
+            ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar()),
+        );
         self.bar.set_message(name.to_string());
         self.bar.set_length(steps.max(1));
         self.bar.reset();
@@ -373,7 +374,12 @@ mod tests {
 
     #[test]
     fn losses_are_said_plainly() {
-        let row = |speed| MrRow { speedup_at_same_rms: Some(speed), rms: 0.01, feature_size: 0.1, ..MrRow::default() };
+        let row = |speed| MrRow {
+            speedup_at_same_rms: Some(speed),
+            rms: 0.01,
+            feature_size: 0.1,
+            ..MrRow::default()
+        };
         assert!(headline(Some(&row(2.0)), "m").contains("2 times faster"));
         assert!(headline(Some(&row(0.5)), "m").contains("2 times slower"));
         assert!(headline(None, "m").contains("no multi-resolution row"));
