@@ -2,10 +2,9 @@
 
 pub mod bench;
 pub mod characterise;
-#[cfg(feature = "cli")]
-pub mod cli;
 pub mod embree;
 pub mod error;
+pub mod files;
 pub mod hierarchy;
 pub mod math;
 pub mod metrics;

@@ -281,7 +281,7 @@ mod tests {
 
     #[test]
     fn the_noise_of_the_reference_drops_out() {
-        let reference = Reference { a: vec![0.6, 0.4], b: vec![0.4, 0.6], rays: 1000 };
+        let reference = Reference { a: vec![0.6, 0.4], b: vec![0.4, 0.6], rays: 2000 };
         assert!((reference.errors(&[0.7, 0.7]).0.powi(2) - 0.03).abs() < 1e-6);
         assert!((reference.errors(&[0.7, 0.7]).1 - 0.2).abs() < 1e-6);
         assert!((reference.standard_error() - 0.1).abs() < 1e-6);

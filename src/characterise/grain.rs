@@ -124,20 +124,22 @@ impl Cells {
             window *= 2.0;
         }
         self.inside = inside;
-        let errors = &errors[..levels];
-        let (largest, last) = errors[levels - 1];
-        if last > tolerance {
+        let (largest, bias) = errors[levels - 1];
+        if bias > tolerance {
             // Even the mean is off: beams wider than the box dilute the error with the square of their width.
-            return largest * (last / tolerance).sqrt();
+            return largest * (bias / tolerance).sqrt();
         }
+        // The window that holds the whole box says nothing about beams that hold part of it.
+        let errors = &errors[..(levels - 1).max(1)];
         match errors.iter().rposition(|(_, error)| *error > tolerance) {
-            // Below the first window errors of independent parts grow as the window shrinks.
-            None => errors[0].0 * errors[0].1 / tolerance,
-            Some(i) => {
+            Some(i) if i + 1 < errors.len() => {
                 let ((w0, e0), (w1, e1)) = (errors[i], errors[i + 1]);
-                let f = (e0 / tolerance).ln() / (e0 / e1.max(1e-6)).ln();
-                w0 * (w1 / w0).powf(f)
+                w0 * (w1 / w0).powf((e0 / tolerance).ln() / (e0 / e1.max(1e-6)).ln())
             }
+            // Beyond the windows measured, errors of independent parts fall and rise as the window grows and
+            // shrinks.
+            Some(i) => errors[i].0 * errors[i].1 / tolerance,
+            None => errors[0].0 * errors[0].1 / tolerance,
         }
     }
 }

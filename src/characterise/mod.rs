@@ -48,7 +48,7 @@ impl Default for Options {
             morphology: Morphology::Euclid,
             isotropic: false,
             extinction: Extinction::default(),
-            tolerance: std::env::var("TOL").map_or(0.1, |v| v.parse().unwrap()),
+            tolerance: 0.05,
         }
     }
 }

@@ -8,6 +8,9 @@ use crate::raster::{BitImage, Edt, Morphology, Opener, Outside, fill_triangle};
 use crate::scene::Scene;
 use glam::{UVec2, Vec2, Vec3};
 
+/// Cosine and sine of the angle between pixel rows and the coordinate axes.
+const TURN: (f32, f32) = (0.948_683_3, 0.316_227_76);
+
 /// Where the pixels of a projection lie.
 #[derive(Clone, Copy)]
 pub(super) struct Frame {
@@ -25,7 +28,10 @@ pub(super) struct Frame {
 impl Frame {
     /// The projection of a box along an axis, `across` pixels on its longer side.
     fn of(bounds: Aabb, axis: usize, across: usize) -> Frame {
+        // Turned against the coordinate axes: regular, axis-aligned bars thinner than a pixel would all fall between
+        // the pixel centres or all on them (method D.19).
         let (u, v) = AXES[axis].any_orthonormal_pair();
+        let (u, v) = (TURN.0 * u + TURN.1 * v, TURN.0 * v - TURN.1 * u);
         let half = 0.5 * bounds.extent();
         let reach = Vec2::new(half.dot(u.abs()), half.dot(v.abs()));
         let pixel = 2.0 * reach.max_element() / across as f32;

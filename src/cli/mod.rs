@@ -1,31 +1,55 @@
-//! The command `mrvis`: one file per subcommand, on the public API of the other rooms.
+//! The command line: arguments to jobs, results to text and JSON. Uses the public API of the crate only.
+//!
+//! A subcommand is a module with `pub struct Args` (clap) and `pub fn run(&Args) -> Result<ExitCode>`, and one
+//! line in [`Command`] and in [`run`].
+
+mod args;
+mod bench;
+mod fbem;
+mod generate;
+mod info;
 
 use clap::{Parser, Subcommand};
-use std::process::ExitCode;
+use mrvis::{Error, Result};
+use std::{
+    error::Error as _,
+    io::{ErrorKind, Write},
+    process::ExitCode,
+};
 
-pub mod bench;
-pub mod fbem;
-
-/// Visibility and radiosity in scenes full of small detail.
+/// Visibility and radiosity in scenes full of small detail: exact rays beside multi-resolution visibility.
 #[derive(Parser)]
-#[command(name = "mrvis", version)]
-struct Command {
+#[command(version, max_term_width = 110)]
+struct Cli {
     #[command(subcommand)]
-    what: What,
+    command: Command,
 }
 
 #[derive(Subcommand)]
-enum What {
+enum Command {
+    /// What was read and repaired: counts, bounds, closed and sheet parts, emitters, objects.
+    Info(info::Args),
     Bench(bench::Args),
     Fbem(fbem::Args),
+    /// Write a procedural scene as OBJ and MTL (list with --list).
+    Generate(generate::Args),
 }
 
-/// Runs the command line; errors are one line on stderr and exit code 2.
+fn run(command: &Command) -> Result<ExitCode> {
+    match command {
+        Command::Info(args) => info::run(args),
+        Command::Bench(args) => bench::run(args),
+        Command::Fbem(args) => fbem::run(args),
+        Command::Generate(args) => generate::run(args),
+    }
+}
+
+/// Parses, runs, and reports an error as one line, wrong usage too.
 pub fn main() -> ExitCode {
-    let command = match Command::try_parse() {
-        Ok(command) => command,
-        Err(e) if e.use_stderr() => {
-            eprintln!("mrvis: {} (see mrvis --help)", one_line(&e));
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) if error.use_stderr() => {
+            let _ = writeln!(std::io::stderr(), "mrvis: {} (see mrvis --help)", usage(&error));
             return ExitCode::from(2);
         }
         Err(help) => {
@@ -33,43 +57,72 @@ pub fn main() -> ExitCode {
             return ExitCode::SUCCESS;
         }
     };
-    let result = match &command.what {
-        What::Bench(args) => bench::run(args),
-        What::Fbem(args) => fbem::run(args),
-    };
-    result.unwrap_or_else(|e| {
-        eprintln!("mrvis: {e}");
-        ExitCode::from(2)
-    })
+    match run(&cli.command) {
+        Ok(code) => code,
+        // Whoever reads our output may stop when they have enough.
+        Err(Error::Io { source, .. }) if source.kind() == ErrorKind::BrokenPipe => ExitCode::SUCCESS,
+        Err(error) => {
+            // Standard error may be closed; there is nobody left to tell.
+            let _ = writeln!(std::io::stderr(), "mrvis: {}", one_line(&error));
+            ExitCode::from(2)
+        }
+    }
 }
 
 /// What is wrong with a command line, without usage and tips.
-fn one_line(error: &clap::Error) -> String {
+fn usage(error: &clap::Error) -> String {
     if error.kind() == clap::error::ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
         return "no command is given".into();
     }
     let text = error.to_string();
     let what: Vec<&str> = text.lines().take_while(|l| !l.trim().is_empty()).map(str::trim).collect();
-    what.join(" ").trim_start_matches("error: ").to_string()
+    what.join(" ").trim_start_matches("error: ").to_owned()
+}
+
+/// The error and its causes, each once, on one line.
+fn one_line(error: &Error) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(e) = cause {
+        let next = e.to_string();
+        if !text.contains(&next) {
+            text = format!("{text}: {next}");
+        }
+        cause = e.source();
+    }
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// Writes to standard output.
+fn print(text: &str) -> Result<()> {
+    let mut out = std::io::stdout().lock();
+    out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|e| Error::io("standard output", e))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn arguments_are_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn errors_are_one_line() {
+        let check = |error: Error, want| assert_eq!(one_line(&error), want);
+        check(Error::io("a b.obj", ErrorKind::NotFound.into()), "a b.obj: entity not found");
+        check(Error::format("a.obj", Some(3), "two\nlines"), "a.obj:3: two lines");
+    }
 
     #[test]
     fn usage_errors_are_one_line() {
         for words in
-            [&["mrvis"][..], &["mrvis", "bench"], &["mrvis", "bench", "a.obj", "--bogus"], &["mrvis", "nix"]]
+            [&["mrvis"][..], &["mrvis", "bench"], &["mrvis", "fbem", "a", "--bogus"], &["mrvis", "nix"]]
         {
-            let line = one_line(&Command::try_parse_from(words).err().unwrap());
+            let line = usage(&Cli::try_parse_from(words).err().unwrap());
             assert!(!line.contains('\n') && !line.is_empty() && !line.contains("Usage"), "{line}");
         }
-    }
-
-    #[test]
-    fn the_command_line_is_sound() {
-        use clap::CommandFactory;
-        Command::command().debug_assert();
     }
 }

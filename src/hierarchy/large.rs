@@ -6,7 +6,7 @@ use crate::scene::Scene;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-/// Neighbours whose normals differ by less than about one degree belong to the same surface.
+/// Neighbours whose normals differ by less than about one degree from the surface's first face belong to it.
 const COPLANAR: f32 = 0.9998;
 /// Raster for the inscribed disc, with a free border 64 across: three per cent are enough for a class boundary.
 const PIXELS: usize = 62;
@@ -63,9 +63,12 @@ fn patches(scene: &Scene, candidates: &[u32]) -> Vec<Vec<u32>> {
     }
     for pair in edges.windows(2) {
         let ((a0, b0, i), (a1, b1, j)) = (pair[0], pair[1]);
-        if (a0, b0) == (a1, b1) && normals[i as usize].dot(normals[j as usize]).abs() > COPLANAR {
+        if (a0, b0) == (a1, b1) {
+            // The leaders' normals are compared, not the neighbours': small turns must not add up around a column.
             let (i, j) = (find(&mut leader, i), find(&mut leader, j));
-            leader[i.max(j) as usize] = i.min(j);
+            if normals[i as usize].dot(normals[j as usize]).abs() > COPLANAR {
+                leader[i.max(j) as usize] = i.min(j);
+            }
         }
     }
     let mut labelled: Vec<(u32, u32)> =

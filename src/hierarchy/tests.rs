@@ -1,0 +1,279 @@
+//! Promises of every hierarchy, whatever the scene.
+
+use super::*;
+use crate::scene::generate::{self, KINDS, Spec};
+use crate::scene::testing::{Pieces, cloud, in_cube, rotation, unit};
+use glam::{DMat3, DVec3, Vec3};
+use proptest::prelude::*;
+use rand_pcg::Pcg64Mcg;
+use std::time::Instant;
+
+/// The validator's promises, and the partition counted once more by walking down from the roots.
+fn check(scene: &Scene) -> Hierarchy {
+    let hierarchy = build(scene, &Options::default());
+    if let Err(broken) = hierarchy.check(scene) {
+        panic!("{}: {broken}", scene.path.display());
+    }
+    let mut seen = vec![0; scene.triangles.len()];
+    for tree in [&hierarchy.micro, &hierarchy.large] {
+        let mut stack: Vec<usize> = (0..tree.clusters.len().min(1)).collect();
+        let mut visited = 0;
+        while let Some(c) = stack.pop() {
+            visited += 1;
+            let cluster = &tree.clusters[c];
+            if cluster.is_leaf() {
+                for &t in tree.triangles_of(c) {
+                    seen[t as usize] += 1;
+                    assert!(cluster.bounds.contains(Aabb::of(scene.corners(t))));
+                }
+            }
+            assert!(cluster.child_range().all(|k| cluster.bounds.contains(tree.clusters[k].bounds)));
+            stack.extend(cluster.child_range());
+        }
+        assert_eq!(visited, tree.clusters.len(), "clusters that no root leads to");
+    }
+    assert!(seen.iter().all(|&n| n == 1), "a triangle is in no leaf or in several");
+    hierarchy
+}
+
+#[test]
+fn every_generated_scene_is_partitioned() {
+    for kind in KINDS {
+        let mut spec = Spec::new(kind.name);
+        (spec.trees, spec.leaves, spec.trunks) = (16, 200, true);
+        let scene = generate::build(&spec).expect(kind.name);
+        let hierarchy = check(&scene);
+        // A tree, not a list: sixteenfold fan-out that is at least an eighth used has this depth.
+        let levels = hierarchy.micro.levels();
+        let log = (scene.triangles.len() as f64).log2().ceil() as usize;
+        assert!(levels <= log + 4, "{}: {levels} levels for {} triangles", kind.name, scene.triangles.len());
+    }
+}
+
+/// Pieces of very different sizes, clumped or spread, in several objects.
+fn jumble(seed: u64, count: usize, scale: f64, flat: bool, objects: usize) -> Scene {
+    let mut random = Pcg64Mcg::new(seed.into());
+    let mut pieces = Pieces::new();
+    for i in 0..count {
+        if i % count.div_ceil(objects) == 0 {
+            pieces.object(&format!("object {i}"));
+        }
+        let clump = if unit(&mut random) < 0.3 { 0.01 } else { 1.0 };
+        let mut centre = clump * in_cube(&mut random);
+        if flat {
+            centre.z = 0.0;
+        }
+        let edge = 10f64.powf(-4.0 * unit(&mut random));
+        let turn = if flat { DMat3::from_rotation_z(6.0 * unit(&mut random)) } else { rotation(&mut random) };
+        let (centre, turn) = (centre * scale, turn * edge * scale);
+        match i % 3 {
+            0 if !flat => pieces.block(centre, turn),
+            1 => pieces.quad(centre, turn.x_axis, 1e-3 * turn.y_axis),
+            _ => pieces.polygon(&[centre, centre + turn.x_axis, centre + turn.y_axis]),
+        };
+    }
+    pieces.scene()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
+    #[test]
+    fn random_scenes_are_partitioned(
+        seed in any::<u64>(),
+        count in 1usize..400,
+        magnitude in -6i32..=6,
+        flat in any::<bool>(),
+        objects in 1usize..40,
+    ) {
+        check(&jumble(seed, count, 10f64.powi(magnitude), flat, objects));
+    }
+}
+
+#[test]
+fn smallest_scenes_work() {
+    let mut one = Pieces::new();
+    one.polygon(&[DVec3::ZERO, DVec3::X, DVec3::Y]);
+    let hierarchy = check(&one.scene());
+    assert_eq!(hierarchy.micro.order.len() + hierarchy.large.order.len(), 1);
+    let mut room = Pieces::new();
+    room.cuboid(DVec3::ZERO, DVec3::ONE);
+    let hierarchy = check(&room.scene());
+    assert!(hierarchy.micro.clusters.is_empty() && hierarchy.micro.levels() == 0, "a room's walls are large");
+    assert_eq!(hierarchy.large.order.len(), 12);
+    // Far more triangles about one point than fit a leaf or a voxel.
+    let mut star = Pieces::new();
+    for k in 0..200 {
+        let turn = DMat3::from_rotation_z(0.01 * f64::from(k)) * DMat3::from_rotation_x(0.3 * f64::from(k));
+        star.block(DVec3::ZERO, turn);
+    }
+    check(&star.scene());
+}
+
+#[test]
+fn result_does_not_depend_on_threads() {
+    let mut spec = Spec::new("forest");
+    (spec.trees, spec.leaves, spec.trunks) = (25, 300, true);
+    for scene in [generate::build(&spec).expect("forest"), jumble(5, 3000, 1.0, false, 7)] {
+        let with = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+            format!("{:?}", pool.install(|| build(&scene, &Options::default())))
+        };
+        assert!(with(1) == with(2), "{}: differs with the number of threads", scene.path.display());
+    }
+}
+
+#[test]
+fn large_surfaces_stay_outside_and_detail_inside() {
+    let room = generate::build(&Spec::new("desk-room")).expect("room");
+    let large = |scene: &Scene| {
+        let mut is_large = vec![false; scene.triangles.len()];
+        check(scene).large.order.iter().for_each(|&t| is_large[t as usize] = true);
+        is_large
+    };
+    let is_large = large(&room);
+    for name in ["floor", "ceiling", "wall back", "wall front", "wall left", "wall right"] {
+        assert!(
+            room.faces_named(name).expect(name).iter().all(|&t| is_large[t as usize]),
+            "{name} is not large"
+        );
+    }
+    for name in ["keyboard", "cup", "pencils", "sheets"] {
+        assert!(
+            room.faces_named(name).expect(name).iter().all(|&t| !is_large[t as usize]),
+            "{name} is large"
+        );
+    }
+    // The top of the desk is, its legs are not.
+    let normal = |t: u32| {
+        let [a, b, c] = room.corners(t);
+        crate::math::triangle_normal(a, b, c)
+    };
+    let desk = room.faces_named("desk").expect("desk");
+    let span = |t: u32| Aabb::of(room.corners(t)).extent();
+    let top: Vec<u32> = desk.iter().copied().filter(|&t| normal(t).z > 0.9 && span(t).x > 1.0).collect();
+    assert!(top.len() == 2 && top.iter().all(|&t| is_large[t as usize]), "{top:?}");
+    let legs = desk.iter().filter(|&&t| span(t).x < 0.1 && span(t).y < 0.1);
+    assert!(legs.clone().count() > 0 && legs.into_iter().all(|&t| !is_large[t as usize]), "a leg is large");
+
+    let mut spec = Spec::new("forest");
+    (spec.trees, spec.leaves) = (16, 200);
+    let forest = generate::build(&spec).expect("forest");
+    let is_large = large(&forest);
+    for t in 0..forest.triangles.len() {
+        let object = &forest.objects[forest.triangle_object[t] as usize].name;
+        if object.starts_with("tree") {
+            assert!(!is_large[t], "a leaf of {object} is large");
+        } else if object == "ground" {
+            assert!(is_large[t], "the ground is not large");
+        }
+    }
+}
+
+/// A smooth round thing is not a plane, however small the angle between neighbouring faces is.
+///
+/// FAILS when written: neighbours are joined pairwise below one degree, so that the patch goes all around.
+#[test]
+fn finely_tessellated_columns_are_not_planar() {
+    let mut column = Pieces::new();
+    let n = 720;
+    let at = |k: usize, z: f64| {
+        let turn = std::f64::consts::TAU * (k % n) as f64 / n as f64;
+        DVec3::new(turn.cos(), turn.sin(), z)
+    };
+    for k in 0..n {
+        column.polygon(&[at(k, 0.0), at(k + 1, 0.0), at(k + 1, 2.0), at(k, 2.0)]);
+    }
+    let scene = column.scene();
+    let hierarchy = check(&scene);
+    // Facets of half a degree: a planar patch of some degrees may pass, the whole column may not.
+    let mut normals = hierarchy.large.order.iter().map(|&t| {
+        let [a, b, c] = scene.corners(t);
+        crate::math::triangle_normal(a, b, c)
+    });
+    if let Some(first) = normals.next() {
+        assert!(normals.all(|n| n.dot(first) > 0.0), "one `planar` surface goes all around a column");
+    }
+}
+
+#[test]
+fn validator_finds_every_kind_of_damage() {
+    let scene = jumble(11, 500, 1.0, false, 3);
+    let good = build(&scene, &Options::default());
+    good.check(&scene).expect("undamaged");
+    let leaf = good.micro.clusters.iter().position(|c| c.is_leaf() && c.triangles > 1).expect("leaf");
+    let inner = good.micro.clusters.iter().position(|c| !c.is_leaf()).expect("inner");
+    let child = good.micro.clusters[inner].first_child as usize;
+    type Damage<'a> = Box<dyn Fn(&mut Tree) + 'a>;
+    let damages: [(&str, Damage); 12] = [
+        ("a triangle twice", Box::new(|t| t.order[0] = t.order[1])),
+        ("a triangle lost", Box::new(|t| _ = t.order.pop())),
+        ("leaf box too small", Box::new(|t| t.clusters[leaf].bounds.max -= Vec3::splat(1e-3))),
+        ("leaf box too large", Box::new(|t| t.clusters[leaf].bounds.max.x += 1.0)),
+        ("inner box too small", Box::new(|t| t.clusters[inner].bounds.min += Vec3::splat(1e-3))),
+        ("wrong parent", Box::new(|t| t.clusters[child].parent += 1)),
+        ("a cycle", Box::new(|t| t.clusters[inner].first_child = inner as u32)),
+        ("a child outside the array", Box::new(|t| t.clusters[inner].first_child = t.clusters.len() as u32)),
+        ("an orphan", Box::new(|t| t.clusters[inner].children -= 1)),
+        ("a child twice", Box::new(|t| t.clusters[inner].first_child += 1)),
+        ("a leaf without triangles", Box::new(|t| t.clusters[leaf].triangles = 0)),
+        ("triangles counted wrongly", Box::new(|t| t.clusters[child].triangles += 1)),
+    ];
+    for (name, damage) in damages {
+        let mut bad = good.clone();
+        damage(&mut bad.micro);
+        assert!(bad.check(&scene).is_err(), "{name}: not found");
+    }
+    let mut bad = good.clone();
+    bad.large = bad.micro.clone();
+    assert!(bad.check(&scene).is_err(), "a triangle in both trees: not found");
+    bad = good.clone();
+    bad.micro.clusters.clear();
+    assert!(bad.check(&scene).is_err(), "triangles without a root: not found");
+}
+
+/// How many times longer `big` takes than `small` on one thread: the fastest of five builds each, taken in turns.
+fn growth(small: &Scene, big: &Scene) -> f64 {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("thread");
+    let once = |scene: &Scene| {
+        let start = Instant::now();
+        pool.install(|| build(scene, &Options::default()));
+        start.elapsed().as_secs_f64()
+    };
+    let mut best = [f64::INFINITY; 2];
+    for _ in 0..5 {
+        best = [best[0].min(once(small)), best[1].min(once(big))];
+    }
+    best[1] / best[0]
+}
+
+/// n log n: four times the triangles in less than five times the time. Eight leaves room for caches and for other
+/// programs on the machine; a quadratic step would show as sixteen.
+#[test]
+fn build_time_grows_as_n_log_n() {
+    let forest = |trees| {
+        let mut spec = Spec::new("forest");
+        (spec.trees, spec.leaves) = (trees, 500);
+        generate::build(&spec).expect("forest")
+    };
+    // One object of pieces that all overlap each other: every voxel is crowded.
+    let thicket = |n| cloud(3, n, 0.2, DVec3::ONE, true).scene();
+    let bricks = |courses| {
+        let mut spec = Spec::new("brick-wall");
+        spec.count = Some(courses);
+        generate::build(&spec).expect("bricks")
+    };
+    let cases = [
+        ("forest", forest(25), forest(100)),
+        ("thicket", thicket(2_000), thicket(8_000)),
+        ("bricks", bricks(40), bricks(80)),
+    ];
+    for (name, small, big) in cases {
+        let triangles = big.triangles.len() as f64 / small.triangles.len() as f64;
+        // A busy machine can spoil one attempt, not three.
+        let time = (0..3).map(|_| growth(&small, &big)).find(|g| *g < 2.0 * triangles);
+        assert!(
+            time.is_some(),
+            "{name}: {triangles:.1} times the triangles take more than twice as many times as long"
+        );
+    }
+}

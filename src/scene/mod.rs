@@ -15,6 +15,8 @@ mod read_ply;
 mod resolve;
 mod soup;
 #[cfg(test)]
+pub(crate) mod testing;
+#[cfg(test)]
 mod tests;
 mod texture;
 mod triangulate;

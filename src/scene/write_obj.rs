@@ -1,13 +1,11 @@
 //! Writing a soup as OBJ and MTL.
 
 use super::Soup;
-use crate::{Error, Result};
+use crate::{Error, Result, files::WholeFile};
 use std::{
-    fs::File,
-    io::{BufWriter, Write},
+    io::Write,
     path::{Path, PathBuf},
 };
-use tempfile::NamedTempFile;
 
 /// The material library that belongs to an OBJ file: the same name with the extension `mtl`.
 pub fn mtl_path(obj: &Path) -> PathBuf {
@@ -24,36 +22,12 @@ pub fn write_obj(path: &Path, soup: &Soup, comments: &[&str]) -> Result<()> {
         return Err(Error::Argument(format!("{}: the name of an .obj file is needed", path.display())));
     }
     let library = mtl_path(path);
-    let (mut mtl, mut obj) = (Draft::beside(&library)?, Draft::beside(path)?);
-    materials(&mut mtl.out, soup, comments).map_err(|e| Error::io(&library, e))?;
+    let (mut mtl, mut obj) = (WholeFile::create(&library)?, WholeFile::create(path)?);
+    materials(&mut mtl, soup, comments).map_err(|e| Error::io(&library, e))?;
     let name = library.file_name().unwrap_or_default().to_string_lossy();
-    faces(&mut obj.out, soup, comments, &name).map_err(|e| Error::io(path, e))?;
-    mtl.publish(&library)?;
-    obj.publish(path)
-}
-
-/// A file being written beside its target.
-struct Draft {
-    out: BufWriter<NamedTempFile>,
-}
-
-impl Draft {
-    fn beside(target: &Path) -> Result<Draft> {
-        let folder = target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(".mrvis-");
-        // Temporary files are private by default; the result shall be like any other file.
-        #[cfg(unix)]
-        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let file = builder.tempfile_in(folder).map_err(|e| Error::io(target, e))?;
-        Ok(Draft { out: BufWriter::with_capacity(1 << 20, file) })
-    }
-
-    fn publish(self, target: &Path) -> Result<()> {
-        let file = self.out.into_inner().map_err(|e| Error::io(target, e.into_error()))?;
-        let _: File = file.persist(target).map_err(|e| Error::io(target, e.error))?;
-        Ok(())
-    }
+    faces(&mut obj, soup, comments, &name).map_err(|e| Error::io(path, e))?;
+    mtl.commit()?;
+    obj.commit()
 }
 
 fn head(out: &mut impl Write, comments: &[&str]) -> std::io::Result<()> {
@@ -81,7 +55,13 @@ fn faces(out: &mut impl Write, soup: &Soup, comments: &[&str], library: &str) ->
     head(out, comments)?;
     writeln!(out, "mtllib {library}")?;
     for p in &soup.positions {
-        writeln!(out, "v {} {} {}", p.x, p.y, p.z)?;
+        // The shortest digits that read back as the same number.
+        let single = p.as_vec3();
+        if single.as_dvec3() == *p {
+            writeln!(out, "v {} {} {}", single.x, single.y, single.z)?;
+        } else {
+            writeln!(out, "v {} {} {}", p.x, p.y, p.z)?;
+        }
     }
     let (mut object, mut material) = (u32::MAX, u32::MAX);
     for i in 0..soup.polygons() {

@@ -34,6 +34,14 @@ impl Simd for Avx512 {
     type I = __m512i;
 
     #[inline(always)]
+    fn prefetch<T>(self, value: &T) {
+        let start: *const i8 = std::ptr::from_ref(value).cast();
+        for line in 0..size_of::<T>().div_ceil(64) {
+            // Prefetching has no effect on memory that is not there; these lines are the value's own.
+            op!(_mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(64 * line)));
+        }
+    }
+    #[inline(always)]
     fn splat(self, v: f32) -> Self::F {
         op!(_mm512_set1_ps(v))
     }

@@ -24,6 +24,8 @@ pub trait Simd: Copy {
     type M: Copy;
     type I: Copy;
 
+    /// Asks for the cache lines of a value that will be read soon.
+    fn prefetch<T>(self, value: &T);
     fn splat(self, v: f32) -> Self::F;
     fn load(self, v: &[f32; LANES]) -> Self::F;
     fn store(self, v: Self::F, to: &mut [f32; LANES]);

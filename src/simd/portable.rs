@@ -21,6 +21,8 @@ impl Simd for Portable {
     type I = [u32; LANES];
 
     #[inline(always)]
+    fn prefetch<T>(self, _: &T) {}
+    #[inline(always)]
     fn splat(self, v: f32) -> Self::F {
         [v; LANES]
     }

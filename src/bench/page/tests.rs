@@ -32,7 +32,7 @@ fn shadows(large_only: bool, noise: f32, seed: u64) -> Image {
 
 fn example() -> (Record, Vec<ReceiverImages>) {
     let exact = [1usize, 4, 16, 64, 256].map(|n| ExactRow {
-        coherent: false,
+        coherent: n > 4,
         rays: n,
         seconds: 0.021 * n as f64,
         mode: "occluded16".into(),

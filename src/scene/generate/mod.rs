@@ -95,7 +95,7 @@ pub struct Spec {
     pub light_size: Option<f64>,
 }
 
-/// More triangles than this are refused: indices would leave 32 bits long before memory ends.
+/// More things of a kind than this are refused: a forest of so many leaves fills 4 GB.
 const MAX_THINGS: usize = 100_000_000;
 
 impl Spec {
@@ -140,7 +140,10 @@ impl Spec {
 pub fn soup(spec: &Spec) -> Result<Soup> {
     let kind = spec.kind()?;
     spec.check()?;
-    (kind.make)(spec)
+    let mut soup = (kind.make)(spec)?;
+    // Scenes are f32 in the end; digits beyond that would only make files half as long again.
+    soup.positions.iter_mut().for_each(|p| *p = p.as_vec3().as_dvec3());
+    Ok(soup)
 }
 
 /// A generated scene, resolved in memory like one that was read from a file.

@@ -1,0 +1,183 @@
+//! `mrvis info SCENE`: what was read and repaired.
+
+use super::args::{Common, SceneArgs, grouped};
+use mrvis::{Result, scene::Scene};
+use serde_json::{Value, json};
+use std::{fmt::Write, process::ExitCode, time::Instant};
+
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    #[command(flatten)]
+    scene: SceneArgs,
+    /// List all objects instead of the 20 with the most faces.
+    #[arg(long)]
+    all: bool,
+    #[command(flatten)]
+    common: Common,
+}
+
+pub fn run(args: &Args) -> Result<ExitCode> {
+    let start = Instant::now();
+    let scene = args.scene.load(&args.common)?;
+    let seconds = start.elapsed().as_secs_f64();
+    args.common.write_json(&facts(&scene, seconds))?;
+    args.common.print(&text(&scene, seconds, if args.all { usize::MAX } else { 20 }))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// All sections as text. The clusters' section follows that of the parts when there is a hierarchy.
+fn text(scene: &Scene, seconds: f64, objects: usize) -> String {
+    let mut out = String::new();
+    // Writing to a string cannot fail.
+    let _ = summary(&mut out, scene, seconds)
+        .and_then(|()| emitters(&mut out, scene))
+        .and_then(|()| list_objects(&mut out, scene, objects))
+        .and_then(|()| repairs(&mut out, scene));
+    out
+}
+
+fn summary(out: &mut String, s: &Scene, seconds: f64) -> std::fmt::Result {
+    let (e, unit) = (s.bounds.extent(), &s.unit);
+    let (min, max) = (s.origin + s.bounds.min.as_dvec3(), s.origin + s.bounds.max.as_dvec3());
+    writeln!(out, "{} (read in {seconds:.2} s, unit {unit})", s.path.display())?;
+    writeln!(out, "  triangles   {:>12}", grouped(s.triangles.len()))?;
+    writeln!(out, "  vertices    {:>12}", grouped(s.positions.len()))?;
+    writeln!(out, "  objects     {:>12}", grouped(s.objects.len()))?;
+    writeln!(out, "  materials   {:>12}", grouped(s.materials.len()))?;
+    writeln!(out, "  parts       {:>12} closed, {} sheet", grouped(s.closed_parts), grouped(s.sheet_parts))?;
+    writeln!(out, "  size        {} x {} x {} {unit}", round(e.x), round(e.y), round(e.z))?;
+    writeln!(out, "  from        {} {} {}", round64(min.x), round64(min.y), round64(min.z))?;
+    writeln!(out, "  to          {} {} {}", round64(max.x), round64(max.y), round64(max.z))?;
+    if s.origin != glam::DVec3::ZERO {
+        writeln!(out, "  origin      {} {} {} (kept apart)", s.origin.x, s.origin.y, s.origin.z)?;
+    }
+    Ok(())
+}
+
+fn emitters(out: &mut String, s: &Scene) -> std::fmt::Result {
+    if s.emitters.is_empty() {
+        return writeln!(out, "no emitter: nothing has Ke; make one with --emitter NAME=W");
+    }
+    let sides = if s.two_sided_emission { "both sides" } else { "front side" };
+    writeln!(out, "emitters      {} ({sides})", s.emitters.len())?;
+    for e in s.emitters.iter().take(20) {
+        let n = e.normal;
+        let normal = if n.length() < 0.01 {
+            "all round".to_owned()
+        } else {
+            format!("{:.2} {:.2} {:.2}", n.x, n.y, n.z)
+        };
+        let power = s.power(e).map(round64).join(" ");
+        writeln!(
+            out,
+            "  {:24} area {} {u}², width {} {u}, normal {normal}, power {power} W (RGB)",
+            e.name,
+            round64(e.area),
+            round(e.min_width),
+            u = s.unit,
+        )?;
+    }
+    if s.emitters.len() > 20 {
+        writeln!(out, "  and {} more", s.emitters.len() - 20)?;
+    }
+    Ok(())
+}
+
+fn list_objects(out: &mut String, s: &Scene, limit: usize) -> std::fmt::Result {
+    let counts = face_counts(s);
+    writeln!(out, "objects by number of triangles")?;
+    for &(object, count) in counts.iter().take(limit) {
+        writeln!(out, "  {:>12}  {}", grouped(count), s.objects[object].name)?;
+    }
+    if counts.len() > limit {
+        writeln!(out, "  and {} more (--all)", counts.len() - limit)?;
+    }
+    Ok(())
+}
+
+fn repairs(out: &mut String, s: &Scene) -> std::fmt::Result {
+    let r = &s.repairs;
+    let counted = [
+        ("polygons triangulated", r.polygons_triangulated),
+        ("of them concave", r.concave_polygons),
+        ("vertices welded", r.welded_vertices),
+        ("unused vertices", r.unused_vertices),
+    ];
+    for (what, count) in counted.iter().filter(|(_, n)| *n > 0) {
+        writeln!(out, "  {:>12}  {what}", grouped(*count))?;
+    }
+    if r.messages.is_empty() {
+        return writeln!(out, "nothing had to be repaired");
+    }
+    writeln!(out, "repaired or assumed")?;
+    r.messages.iter().try_for_each(|m| writeln!(out, "  {m}"))
+}
+
+/// Objects with their numbers of triangles, most first.
+fn face_counts(s: &Scene) -> Vec<(usize, usize)> {
+    let mut counts: Vec<(usize, usize)> = (0..s.objects.len()).map(|i| (i, 0)).collect();
+    s.triangle_object.iter().for_each(|&o| counts[o as usize].1 += 1);
+    counts.sort_by_key(|&(i, n)| (std::cmp::Reverse(n), i));
+    counts
+}
+
+/// Four significant digits.
+fn round(value: f32) -> String {
+    round64(f64::from(value))
+}
+
+fn round64(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return "0".into();
+    }
+    let digits = (3 - value.abs().log10().floor() as i32).clamp(0, 12);
+    let text = format!("{value:.*}", digits as usize);
+    let short = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+    if value.abs() < 1e-9 { format!("{value:.3e}") } else { short.to_owned() }
+}
+
+fn facts(s: &Scene, seconds: f64) -> Value {
+    let emitters: Vec<Value> = s
+        .emitters
+        .iter()
+        .map(|e| {
+            json!({
+                "name": e.name, "triangles": e.triangles.len(), "area": e.area, "normal": e.normal.to_array(),
+                "min_width": e.min_width, "radiance": e.emission, "power_w": s.power(e),
+            })
+        })
+        .collect();
+    let objects: Vec<Value> =
+        face_counts(s).iter().map(|&(i, n)| json!({ "name": s.objects[i].name, "triangles": n })).collect();
+    json!({
+        "mrvis": env!("CARGO_PKG_VERSION"),
+        "unit": s.unit,
+        "scene": {
+            "path": s.path, "triangles": s.triangles.len(), "vertices": s.positions.len(),
+            "objects": s.objects.len(), "materials": s.materials.len(), "emitters": s.emitters.len(),
+            "closed_parts": s.closed_parts, "sheet_parts": s.sheet_parts,
+            "origin": s.origin.to_array(), "min": s.bounds.min.to_array(), "max": s.bounds.max.to_array(),
+            "two_sided_emission": s.two_sided_emission,
+        },
+        "build": { "load_s": seconds },
+        "emitters": emitters,
+        "objects": objects,
+        "repairs": s.repairs,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_four_digits() {
+        let check = |v, want: &str| assert_eq!(round64(v), want);
+        check(0.0, "0");
+        check(12.0, "12");
+        check(1234.5678, "1235");
+        check(0.00123456, "0.001235");
+        check(-5_000_000.25, "-5000000");
+        check(1e-11, "1.000e-11");
+    }
+}

@@ -1,0 +1,127 @@
+//! Files that appear whole or not at all.
+
+use crate::{Error, Result};
+use std::{
+    fs::File,
+    io::{self, BufWriter, Write},
+    path::{Path, PathBuf},
+};
+use tempfile::NamedTempFile;
+
+/// A file being written: it has a temporary name beside its target until [`WholeFile::commit`], and is removed
+/// if dropped before. Buffered.
+pub struct WholeFile {
+    target: PathBuf,
+    out: BufWriter<Sink>,
+}
+
+enum Sink {
+    Draft(NamedTempFile),
+    /// Pipes and devices (`/dev/stdout`) cannot be replaced by a renamed file.
+    Device(File),
+}
+
+impl Write for Sink {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match self {
+            Sink::Draft(file) => file.write(bytes),
+            Sink::Device(file) => file.write(bytes),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        match self {
+            Sink::Draft(file) => file.flush(),
+            Sink::Device(file) => file.flush(),
+        }
+    }
+}
+
+impl WholeFile {
+    /// Starts a file that is to become `target`; a link is followed.
+    ///
+    /// # Errors
+    /// Its folder cannot be written, or `target` is a folder.
+    pub fn create(target: &Path) -> Result<WholeFile> {
+        let at = |e| Error::io(target, e);
+        let resolved = target.canonicalize().unwrap_or_else(|_| target.to_owned());
+        let sink = match std::fs::metadata(&resolved) {
+            Ok(m) if m.is_dir() => return Err(at(io::ErrorKind::IsADirectory.into())),
+            Ok(m) if !m.is_file() => Sink::Device(File::options().write(true).open(&resolved).map_err(at)?),
+            _ => {
+                let folder =
+                    resolved.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+                let mut builder = tempfile::Builder::new();
+                builder.prefix(".mrvis-");
+                // Temporary files are private by default; the result shall be like any other file.
+                #[cfg(unix)]
+                builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+                Sink::Draft(builder.tempfile_in(folder).map_err(|e| at(plain(e)))?)
+            }
+        };
+        Ok(WholeFile { target: resolved, out: BufWriter::with_capacity(1 << 20, sink) })
+    }
+
+    /// Gives the file its name, replacing what was there.
+    ///
+    /// # Errors
+    /// The rest could not be written or the file not be renamed.
+    pub fn commit(self) -> Result<()> {
+        let at = |e| Error::io(&self.target, e);
+        match self.out.into_inner().map_err(|e| at(e.into_error()))? {
+            Sink::Draft(file) => file.persist(&self.target).map(drop).map_err(|e| at(e.error)),
+            Sink::Device(mut file) => file.flush().map_err(at),
+        }
+    }
+
+    /// Writes the whole of a file at once.
+    ///
+    /// # Errors
+    /// As for [`WholeFile::create`] and [`WholeFile::commit`].
+    pub fn write(target: &Path, content: impl AsRef<[u8]>) -> Result<()> {
+        let mut file = WholeFile::create(target)?;
+        file.write_all(content.as_ref()).map_err(|e| Error::io(target, e))?;
+        file.commit()
+    }
+}
+
+/// The error without the temporary name, which means nothing to the user.
+fn plain(error: io::Error) -> io::Error {
+    error.raw_os_error().map_or_else(|| error.kind().into(), io::Error::from_raw_os_error)
+}
+
+impl Write for WholeFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.out.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.out.flush()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_is_left_without_commit() {
+        let folder = tempfile::tempdir().expect("scratch folder");
+        let path = folder.path().join("a.txt");
+        WholeFile::write(&path, "old").expect("written");
+        let mut file = WholeFile::create(&path).expect("created");
+        file.write_all(b"half").expect("written");
+        drop(file);
+        assert_eq!(std::fs::read_to_string(&path).expect("read"), "old");
+        assert_eq!(std::fs::read_dir(folder.path()).expect("folder").count(), 1);
+    }
+
+    #[test]
+    fn errors_name_the_target() {
+        let missing = Path::new("/nowhere/at/all/a.txt");
+        let text = WholeFile::write(missing, "x").expect_err("no folder").to_string();
+        assert!(text.starts_with("/nowhere/at/all/a.txt: No such file"), "{text}");
+        assert!(WholeFile::write(Path::new("/"), "x").is_err());
+        WholeFile::write(Path::new("/dev/null"), "x").expect("a device is written, not replaced");
+    }
+}

@@ -1,0 +1,256 @@
+//! The command line as a contract: exit code 0 done, 1 done but a stated tolerance was missed, 2 error with one line
+//! on stderr.
+
+use crate::run::Scratch;
+use mrvis::scene::generate::Spec;
+use std::time::{Duration, Instant};
+
+/// A floor and a lamp above it.
+const SCENE: &str = "mtllib scene.mtl\no floor\nusemtl grey\nv 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nf 1 2 3 4\n\
+    o lamp\nusemtl light\nv 2 2 2\nv 2 3 2\nv 3 2 2\nf 5 6 7\n";
+const LIBRARY: &str = "newmtl grey\nKd 0.5 0.5 0.5\nnewmtl light\nKd 0 0 0\nKe 10 10 10\n";
+const QUICK: [&str; 6] = ["--points", "20", "--rays", "4", "--reference-rays", "16"];
+
+fn scratch() -> Scratch {
+    let scratch = Scratch::new();
+    scratch.write("scene.obj", SCENE);
+    scratch.write("scene.mtl", LIBRARY);
+    scratch.write("dark.obj", SCENE.replace("mtllib scene.mtl\n", ""));
+    scratch.write("empty.obj", "");
+    scratch.write("broken.obj", "v 0 0 0\nv 1 0 0\nv nan 1 0\nf 1 2 3\n");
+    scratch.write("noise.obj", [0xff, 0xfe, 0x00, 0x81].repeat(500));
+    scratch.write("file", "not a folder");
+    scratch
+}
+
+/// Calls that must fail, each with a word that its message must hold.
+fn check_refused(cases: &[(&[&str], &str)]) {
+    let scratch = scratch();
+    let mut wrong = Vec::new();
+    for (arguments, word) in cases {
+        let start = Instant::now();
+        let outcome = scratch.mrvis(arguments);
+        let mut fail = |what: &str| {
+            wrong.push(format!(
+                "mrvis {}: {what}\n    code {:?}, stderr: {:?}",
+                arguments.join(" "),
+                outcome.code,
+                outcome.stderr
+            ));
+        };
+        if outcome.code != Some(2) {
+            fail("the exit code is not 2");
+        } else if outcome.stderr.trim_end().lines().count() != 1 {
+            fail("stderr is not one line");
+        } else if !outcome.stderr.contains(word) {
+            fail(&format!("the message does not hold `{word}`"));
+        } else if outcome.stderr.contains("panicked") {
+            fail("panics");
+        } else if start.elapsed() > Duration::from_secs(20) {
+            fail("works long before it refuses");
+        }
+    }
+    assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
+}
+
+#[test]
+fn scenes_that_cannot_be_used_are_refused() {
+    check_refused(&[
+        (&["bench", "missing.obj"], "missing.obj"),
+        (&["bench", "empty.obj"], "empty.obj"),
+        (&["bench", "broken.obj"], "broken.obj:3"),
+        (&["bench", "noise.obj"], "noise.obj"),
+        (&["bench", "file"], "file"),
+        (&["bench", "."], "."),
+        (&["bench", "dark.obj"], "--emitter NAME=W"),
+        (&["bench", "dark.obj", "--emitter", "nothing=10"], "nothing"),
+        (&["bench", "dark.obj", "--emitter", "floor"], "NAME=W"),
+        (&["bench", "dark.obj", "--emitter", "floor=-1"], "floor=-1"),
+        (&["bench", "dark.obj", "--emitter", "floor=NaN"], "floor=NaN"),
+        (&["bench", "scene.obj", "--receiver", "nowhere"], "nowhere"),
+    ]);
+}
+
+#[test]
+fn options_out_of_range_are_refused() {
+    let huge = "1000000000000";
+    check_refused(&[
+        (&["bench", "scene.obj", "--feature-size", "0"], "feature-size"),
+        (&["bench", "scene.obj", "--feature-size=-1"], "feature-size"),
+        (&["bench", "scene.obj", "--feature-size", "NaN"], "feature-size"),
+        (&["bench", "scene.obj", "--feature-size", "inf"], "feature-size"),
+        (&["bench", "scene.obj", "--feature-size", "wide"], "feature-size"),
+        (&["bench", "scene.obj", "--feature-size", "0.1", "--feature-size", "NaN"], "feature-size"),
+        (&["bench", "scene.obj", "--points", "0"], "points"),
+        (&["bench", "scene.obj", "--points", huge], "points"),
+        (&["bench", "scene.obj", "--points=-5"], "points"),
+        (&["bench", "scene.obj", "--rays", "0"], "rays"),
+        (&["bench", "scene.obj", "--rays", huge], "rays"),
+        (&["bench", "scene.obj", "--reference-rays", "0"], "reference-rays"),
+        (&["bench", "scene.obj", "--reference-rays", huge], "reference-rays"),
+        (&["bench", "scene.obj", "--threads", huge], "threads"),
+        (&["bench", "scene.obj", "--seed", "x"], "seed"),
+        (&["bench", "scene.obj", "--no-such-option"], "no-such-option"),
+        (&["bench"], "mrvis"),
+        (&["no-such-command"], "no-such-command"),
+        (&[], "mrvis"),
+    ]);
+}
+
+#[test]
+fn outputs_that_cannot_be_written_are_refused() {
+    check_refused(&[
+        (&["bench", "scene.obj", "--points", "20", "--reference-rays", "16", "--out", "file"], "file"),
+        (&["bench", "scene.obj", "--points", "20", "--reference-rays", "16", "--out", "file/folder"], "file"),
+        (
+            &["bench", "scene.obj", "--points", "20", "--reference-rays", "16", "--json", "file/x.json"],
+            "x.json",
+        ),
+        (
+            &["bench", "scene.obj", "--points", "20", "--reference-rays", "16", "--json", "none/x.json"],
+            "x.json",
+        ),
+    ]);
+}
+
+#[test]
+fn other_commands_refuse_alike() {
+    check_refused(&[
+        (&["fbem", "missing.png", "missing.png"], "missing.png"),
+        (&["fbem", "scene.obj", "scene.obj"], "scene.obj"),
+        (&["info", "missing.obj"], "missing.obj"),
+        (&["info", "empty.obj"], "empty.obj"),
+        (&["generate", "no-such-scene", "--out", "x.obj"], "no-such-scene"),
+        (&["generate", "forest", "--trees", "0", "--out", "x.obj"], "trees"),
+        (&["generate", "cornell", "--out", "file/x.obj"], "x.obj"),
+    ]);
+}
+
+#[test]
+fn help_and_version_are_no_errors() {
+    let scratch = scratch();
+    for arguments in [&["--help"][..], &["--version"], &["bench", "--help"], &["fbem", "--help"]] {
+        let outcome = scratch.mrvis(arguments);
+        assert_eq!(outcome.code, Some(0), "{arguments:?}: {}", outcome.stderr);
+        assert!(!outcome.stdout.is_empty() && outcome.stderr.is_empty(), "{arguments:?}");
+    }
+    let help = scratch.mrvis(&["bench", "--help"]).stdout;
+    let options = ["--feature-size", "--rays", "--points", "--receiver", "--reference-rays", "--out"];
+    let common = ["--threads", "--seed", "--json", "--quiet", "--unit", "--emitter"];
+    for option in options.into_iter().chain(common) {
+        assert!(help.contains(option), "`mrvis bench --help` does not know {option}");
+    }
+}
+
+/// A missed tolerance is not an error: the work was done.
+#[test]
+fn missed_tolerances_are_exit_code_1() {
+    let scratch = scratch();
+    for (name, value) in [("black.png", 0u8), ("white.png", 255)] {
+        image::GrayImage::from_pixel(32, 32, image::Luma([value])).save(scratch.path(name)).expect("written");
+    }
+    let same = scratch.mrvis(&["fbem", "black.png", "black.png", "--tolerance", "0"]);
+    assert_eq!(same.code, Some(0), "{}", same.stderr);
+    let other = scratch.mrvis(&["fbem", "white.png", "black.png", "--tolerance", "0.5"]);
+    assert_eq!(other.code, Some(1), "{}", other.stderr);
+}
+
+/// The whole contract of architecture.md section 6.1 on a scene of three triangles, without a network or a terminal.
+#[test]
+fn bench_writes_what_it_promises() {
+    let scratch = scratch();
+    let mut arguments =
+        vec!["bench", "scene.obj", "--json", "r.json", "--out", "report", "--feature-size", "0.1"];
+    arguments.extend(QUICK);
+    let outcome = scratch.mrvis(&arguments);
+    assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+    let json = scratch.json("r.json");
+    let keys: &[(&str, &[&str])] = &[
+        ("", &["mrvis", "embree", "threads", "isa", "unit"]),
+        (
+            "/scene",
+            &[
+                "path",
+                "triangles",
+                "objects",
+                "emitters",
+                "closed_parts",
+                "sheet_parts",
+                "clusters",
+                "levels",
+            ],
+        ),
+        (
+            "/build",
+            &["load_s", "embree_s", "hierarchy_s", "characterise_s", "hierarchy_bytes", "embree_bytes"],
+        ),
+        ("/workload", &["points", "rays", "segments", "reference_rays", "reference_rms"]),
+        ("/exact/0", &["rays", "seconds", "mode", "rms", "bias"]),
+        (
+            "/mr/0",
+            &[
+                "feature_size",
+                "rays",
+                "seconds",
+                "rms",
+                "bias",
+                "interval_coverage",
+                "aggregated_fraction",
+                "exact_rays",
+                "nodes_per_segment",
+                "speedup_per_segment",
+                "speedup_at_same_rms",
+                "speedup_at_same_fbem",
+            ],
+        ),
+        ("/receivers/0", &["name", "width", "height", "texel", "l2", "fbem"]),
+    ];
+    for (place, names) in keys {
+        let at = json.pointer(place).unwrap_or_else(|| panic!("the JSON has no {place}"));
+        for name in *names {
+            assert!(at.get(name).is_some(), "the JSON has no {place}/{name}");
+        }
+    }
+    assert_eq!(json["scene"]["triangles"], 3);
+    assert_eq!(json["workload"]["points"], 20);
+    assert_eq!(json["threads"], 1, "single thread unless told otherwise");
+    let rays: Vec<u64> =
+        json["exact"].as_array().expect("rows").iter().map(|r| r["rays"].as_u64().expect("rays")).collect();
+    assert_eq!(rays, [1, 4, 16, 64, 256]);
+    let page = std::fs::read_to_string(scratch.path("report/report.html")).expect("a report page");
+    for sign in ["src=\"http", "href=\"http", "url(http", "@import"] {
+        assert!(!page.contains(sign), "the page needs a network: {sign}");
+    }
+    // Nothing hides the floor from the lamp: both engines must see all of it.
+    for row in json["exact"].as_array().into_iter().chain(json["mr"].as_array()).flatten() {
+        assert_eq!(row["rms"], 0.0, "{row}");
+        assert_eq!(row["bias"], 0.0, "{row}");
+        // What is all clear lies in the stated interval of a clear answer.
+        assert!(row.get("interval_coverage").is_none_or(|c| *c == 1.0), "{row}");
+    }
+    let quiet = scratch.mrvis(&[&["bench", "scene.obj", "--quiet"][..], &QUICK].concat());
+    assert_eq!((quiet.code, quiet.stdout.as_str(), quiet.stderr.as_str()), (Some(0), "", ""));
+}
+
+/// An emitter that the file lacks can be named.
+#[test]
+fn emitters_can_be_added() {
+    let scratch = scratch();
+    let call = ["bench", "dark.obj", "--emitter", "lamp=100", "--json", "r.json", "--quiet"];
+    let outcome = scratch.mrvis(&[&call[..], &QUICK].concat());
+    assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+    assert_eq!(scratch.json("r.json")["scene"]["emitters"], 1);
+}
+
+/// The kinds that the library generates come out of the command and can be measured.
+#[test]
+fn generated_scenes_can_be_read_back() {
+    let scratch = scratch();
+    let made = scratch.mrvis(&["generate", "louvres", "--out", "made.obj", "--seed", "1"]);
+    assert_eq!(made.code, Some(0), "{}", made.stderr);
+    let spec = Spec::new("louvres");
+    let library = std::fs::read(scratch.path(&scratch.generate(&spec))).expect("written");
+    let made = std::fs::read(scratch.path("made.obj")).expect("written");
+    let faces = |bytes: &[u8]| bytes.split(|b| *b == b'\n').filter(|l| l.starts_with(b"f ")).count();
+    assert!(faces(&made) > 0 && faces(&made) == faces(&library));
+}

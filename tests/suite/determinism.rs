@@ -1,0 +1,71 @@
+//! Same scene, same options, same seed: the same figures on any number of threads.
+
+use crate::run::Scratch;
+use mrvis::scene::generate::Spec;
+use serde_json::Value;
+
+/// Whether a key of the report holds time, or what follows from time.
+fn is_timing(key: &str) -> bool {
+    key.ends_with("_s")
+        || key == "seconds"
+        || key == "mode"
+        || key == "threads"
+        || key.starts_with("speedup")
+        // Embree keeps blocks of memory for each thread.
+        || key == "embree_bytes"
+}
+
+fn strip(value: &mut Value) {
+    match value {
+        Value::Object(map) => {
+            map.retain(|key, _| !is_timing(key));
+            map.values_mut().for_each(strip);
+        }
+        Value::Array(items) => items.iter_mut().for_each(strip),
+        _ => {}
+    }
+}
+
+/// The first few places where two values differ.
+fn differences(a: &Value, b: &Value, place: String, found: &mut Vec<String>) {
+    match (a, b) {
+        (Value::Object(x), Value::Object(y)) => {
+            for key in x.keys().chain(y.keys().filter(|k| !x.contains_key(*k))) {
+                let (x, y) = (x.get(key).unwrap_or(&Value::Null), y.get(key).unwrap_or(&Value::Null));
+                differences(x, y, format!("{place}/{key}"), found);
+            }
+        }
+        (Value::Array(x), Value::Array(y)) if x.len() == y.len() => {
+            for (i, (x, y)) in x.iter().zip(y).enumerate() {
+                differences(x, y, format!("{place}/{i}"), found);
+            }
+        }
+        _ if a == b => {}
+        _ => found.push(format!("{place}: {a} and {b}")),
+    }
+}
+
+#[test]
+fn bench_reports_the_same_figures_on_any_number_of_threads() {
+    let scratch = Scratch::new();
+    for name in ["forest", "desk-room"] {
+        let mut spec = Spec::new(name);
+        (spec.trees, spec.leaves) = (9, 150);
+        let scene = scratch.generate(&spec);
+        let report = |threads: &str| {
+            let file = format!("{name}-{threads}.json");
+            let options = ["--points", "400", "--reference-rays", "64", "--seed", "5", "--quiet"];
+            let call = ["bench", &scene, "--threads", threads, "--json", &file];
+            let outcome = scratch.mrvis(&[&call[..], &options].concat());
+            assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+            let mut json = scratch.json(&file);
+            strip(&mut json);
+            json
+        };
+        let (one, two) = (report("1"), report("2"));
+        assert!(one.to_string().len() > 500, "nothing left to compare: {one}");
+        let mut found = Vec::new();
+        differences(&one, &two, String::new(), &mut found);
+        assert!(found.is_empty(), "{name}, one thread and two:\n{}", found.join("\n"));
+    }
+}

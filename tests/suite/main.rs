@@ -1,0 +1,9 @@
+//! What holds for the project as a whole: one binary, so that it links once.
+
+#[cfg(feature = "cli")]
+mod cli;
+#[cfg(feature = "cli")]
+mod determinism;
+#[cfg(feature = "cli")]
+mod run;
+mod tidy;

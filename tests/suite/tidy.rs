@@ -1,0 +1,233 @@
+//! House rules that the compiler does not know. The table of rooms in `src/ARCHITECTURE.md` is the one copy of
+//! who may use whom.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+fn source() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("src")
+}
+
+/// All Rust files below a folder.
+fn rust_files(folder: &Path) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    for entry in fs::read_dir(folder).expect("a folder of the project") {
+        let path = entry.expect("an entry").path();
+        if path.is_dir() {
+            files.extend(rust_files(&path));
+        } else if path.extension().is_some_and(|e| e == "rs") {
+            files.push(path);
+        }
+    }
+    files.sort();
+    files
+}
+
+/// A file of the library with its place: `["hierarchy", "tree"]`, the path of its module.
+struct File {
+    path: PathBuf,
+    module: Vec<String>,
+    /// Without comments and without what is compiled for tests only.
+    code: String,
+}
+
+impl File {
+    fn room(&self) -> &str {
+        &self.module[0]
+    }
+
+    /// Path and line of a place in `code`, for messages.
+    fn at(&self, offset: usize) -> String {
+        format!("{}:{}", self.path.display(), 1 + self.code[..offset].matches('\n').count())
+    }
+}
+
+/// Comments replaced by nothing, line by line; strings that hold `//` keep what is before it.
+fn without_comments(text: &str) -> String {
+    text.lines().map(|line| line.split("//").next().unwrap_or_default()).collect::<Vec<_>>().join("\n")
+}
+
+fn library() -> Vec<File> {
+    let root = source();
+    let is_test = |p: &Path| {
+        p.components()
+            .any(|c| ["tests", "tests.rs", "testing.rs"].contains(&&*c.as_os_str().to_string_lossy()))
+    };
+    rust_files(&root)
+        .into_iter()
+        .filter_map(|path| {
+            let relative = path.strip_prefix(&root).expect("below src").with_extension("");
+            if is_test(path.strip_prefix(&root).expect("below src")) {
+                return None;
+            }
+            let mut module: Vec<String> =
+                relative.components().map(|c| c.as_os_str().to_string_lossy().into_owned()).collect();
+            if module.last().is_some_and(|m| m == "mod") {
+                module.pop();
+            }
+            let text = without_comments(&fs::read_to_string(&path).expect("a source file"));
+            // Inline test modules are last in their files.
+            let end = text.find("#[cfg(test)]\nmod tests {").unwrap_or(text.len());
+            Some(File { path, module, code: text[..end].to_owned() })
+        })
+        .collect()
+}
+
+/// Places where a word stands by itself.
+fn words<'a>(code: &'a str, word: &'a str) -> impl Iterator<Item = usize> + 'a {
+    let part = |c: char| c.is_alphanumeric() || c == '_';
+    code.match_indices(word).map(|(i, _)| i).filter(move |&i| {
+        !code[..i].chars().next_back().is_some_and(part)
+            && !code[i + word.len()..].chars().next().is_some_and(part)
+    })
+}
+
+/// First names after `crate::`, also in groups: `crate::{Error, math::Aabb}` uses `Error` and `math`.
+fn uses(code: &str) -> Vec<(usize, String)> {
+    let name =
+        |text: &str| -> String { text.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect() };
+    let mut found = Vec::new();
+    for start in words(code, "crate") {
+        let Some(rest) = code[start + 5..].strip_prefix("::") else { continue };
+        let Some(group) = rest.strip_prefix('{') else {
+            found.push((start, name(rest)));
+            continue;
+        };
+        let (mut depth, mut fresh) = (1, true);
+        for (i, c) in group.char_indices() {
+            match c {
+                '{' => depth += 1,
+                '}' => depth -= 1,
+                ',' if depth == 1 => fresh = true,
+                c if fresh && c.is_alphanumeric() => {
+                    found.push((start, name(&group[i..])));
+                    fresh = false;
+                }
+                _ => {}
+            }
+            if depth == 0 {
+                break;
+            }
+        }
+    }
+    found
+}
+
+/// Rows of the table of rooms: the room and what it may use besides `error` and `math`.
+fn table() -> BTreeMap<String, BTreeSet<String>> {
+    let text = fs::read_to_string(source().join("ARCHITECTURE.md")).expect("the map");
+    let names =
+        |cell: &str| -> Vec<String> { cell.split('`').skip(1).step_by(2).map(str::to_owned).collect() };
+    text.lines()
+        .filter_map(|line| {
+            let cells: Vec<&str> = line.strip_prefix("| [`")?.split('|').collect();
+            let room = cells[0].split('`').next()?.to_owned();
+            Some((room, names(cells.get(1)?).into_iter().collect()))
+        })
+        .collect()
+}
+
+#[test]
+fn the_map_names_every_room_and_no_other() {
+    let table = table();
+    let rooms: BTreeSet<String> =
+        library().iter().map(|f| f.room().to_owned()).filter(|r| r != "lib" && r != "main").collect();
+    let named: BTreeSet<String> = table.keys().cloned().collect();
+    assert_eq!(rooms, named, "rooms in src/ (left) and in the table of src/ARCHITECTURE.md (right)");
+    for (room, may) in &table {
+        let unknown: Vec<_> = may.difference(&rooms).collect();
+        assert!(unknown.is_empty(), "`{room}` may use {unknown:?}, which do not exist");
+    }
+}
+
+#[test]
+fn rooms_use_only_what_the_map_allows() {
+    let table = table();
+    let mut wrong = Vec::new();
+    for file in library().iter().filter(|f| table.contains_key(f.room())) {
+        for (at, name) in uses(&file.code) {
+            let room = if name == "Error" || name == "Result" { "error" } else { &name };
+            let open = room == "error" || room == "math" || room == file.room();
+            if !open && !table[file.room()].contains(room) {
+                wrong.push(format!("{}: `{}` may not use `{room}`", file.at(at), file.room()));
+            }
+        }
+        // The way out of a room by `super` is longer than the module is deep.
+        for (at, _) in file.code.match_indices("super::") {
+            let chain = file.code[at..].split("super::").take_while(|s| s.is_empty()).count();
+            if !file.code[..at].ends_with("super::") && chain >= file.module.len() {
+                wrong.push(format!("{}: leaves the room by `super`", file.at(at)));
+            }
+        }
+    }
+    assert!(
+        wrong.is_empty(),
+        "new uses are decisions to record in src/ARCHITECTURE.md:\n{}",
+        wrong.join("\n")
+    );
+}
+
+#[test]
+fn every_allowed_use_is_used() {
+    // What the map allows and nobody needs is an open door: better shut.
+    let mut used: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for file in library() {
+        used.entry(file.room().to_owned())
+            .or_default()
+            .extend(uses(&file.code).into_iter().map(|(_, name)| name));
+    }
+    for (room, may) in table().into_iter().filter(|(room, _)| room != "cli" && room != "bench") {
+        let idle: Vec<_> = may.iter().filter(|m| !used[&room].contains(*m)).collect();
+        assert!(idle.is_empty(), "`{room}` does not use {idle:?}");
+    }
+}
+
+#[test]
+fn rules_see_what_they_look_for() {
+    let code = "use crate::{Error, math::{Aabb, area}, scene::Scene};\nlet x = crate::ray::LANES; mycrate::no; super::y";
+    let names: Vec<String> = uses(code).into_iter().map(|(_, n)| n).collect();
+    assert_eq!(names, ["Error", "math", "scene", "ray"]);
+    assert_eq!(words("unsafe { } unsafe_code my_unsafe unsafe", "unsafe").collect::<Vec<_>>(), [0, 33]);
+    assert_eq!(without_comments("a // unsafe\nb"), "a \nb");
+    assert!(
+        library().iter().filter(|f| f.room() == "embree").any(|f| words(&f.code, "unsafe").next().is_some())
+    );
+}
+
+#[test]
+fn unsafe_code_is_confined() {
+    for file in library().iter().filter(|f| !["embree", "simd", "capi"].contains(&f.room())) {
+        if let Some(at) = words(&file.code, "unsafe").next() {
+            panic!("{}: `unsafe` outside of the rooms that may have it", file.at(at));
+        }
+    }
+}
+
+#[test]
+fn nothing_is_left_undone() {
+    for file in library() {
+        for word in ["todo!", "unimplemented!", "dbg!"] {
+            if let Some(at) = file.code.find(word) {
+                panic!("{}: {word}", file.at(at));
+            }
+        }
+    }
+}
+
+/// The library never prints, and its settings are arguments: only the command looks around in its surroundings.
+#[test]
+fn only_the_command_talks_and_listens() {
+    let mut wrong = Vec::new();
+    for file in library().iter().filter(|f| !["cli", "main"].contains(&f.room())) {
+        for word in ["println", "eprintln", "print", "eprint"] {
+            wrong.extend(
+                words(&file.code, word)
+                    .filter(|at| file.code[at + word.len()..].starts_with('!'))
+                    .map(|at| file.at(at)),
+            );
+        }
+        wrong.extend(file.code.match_indices("env::var").map(|(at, _)| file.at(at)));
+    }
+    assert!(wrong.is_empty(), "prints or reads the environment:\n{}", wrong.join("\n"));
+}
