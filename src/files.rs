@@ -51,6 +51,8 @@ impl WholeFile {
             _ => {
                 let folder =
                     resolved.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+                // A missing folder in the system's words, which temporary files do not pass on.
+                std::fs::metadata(folder).map_err(at)?;
                 let mut builder = tempfile::Builder::new();
                 builder.prefix(".mrvis-");
                 // Temporary files are private by default; the result shall be like any other file.

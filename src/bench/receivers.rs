@@ -55,9 +55,9 @@ pub struct Receiver {
 impl Receiver {
     /// The texels' centres, row by row from the top left as seen from the side that is lit.
     pub fn points(&self) -> impl Iterator<Item = Point> + '_ {
-        let Rectangle { centre, right, normal, .. } = self.rectangle;
+        let Rectangle { right, normal, .. } = self.rectangle;
         // Off the surface by a thousandth of a texel: coplanar faces of other objects do not flicker.
-        let centre = centre + 1e-3 * self.texel * normal;
+        let centre = self.rectangle.lifted() + 1e-3 * self.texel * normal;
         let up = normal.cross(right);
         let at = move |i: usize, n: usize| (i as f64 + 0.5 - 0.5 * n as f64) * self.texel;
         (0..self.height).flat_map(move |y| {
@@ -78,12 +78,20 @@ struct Rectangle {
     normal: DVec3,
     width: f64,
     height: f64,
+    /// How far the surface rises above the rectangle towards `normal`, and on the other side: planes are not perfect.
+    rise: [f64; 2],
 }
 
 impl Rectangle {
     /// The same seen from the other side.
     fn turned(self) -> Rectangle {
-        Rectangle { normal: -self.normal, right: -self.right, ..self }.upright()
+        let [front, back] = self.rise;
+        Rectangle { normal: -self.normal, right: -self.right, rise: [back, front], ..self }.upright()
+    }
+
+    /// Its middle, lifted so that no point is behind the surface.
+    fn lifted(self) -> DVec3 {
+        self.centre + self.rise[0] * self.normal
     }
 
     /// Half a turn in its plane, if that brings up what is up: a wall is not shown upside down.
@@ -237,7 +245,7 @@ fn light_on(scene: &Scene, exact: &dyn Occluder, rectangle: Rectangle) -> (f64, 
     let points = (0..PROBES * PROBES).map(|i| {
         let (x, y) = (at(i % PROBES) * rectangle.width, at(i / PROBES) * rectangle.height);
         Point {
-            position: (rectangle.centre + x * rectangle.right + y * up).as_vec3(),
+            position: (rectangle.lifted() + x * rectangle.right + y * up).as_vec3(),
             normal: rectangle.normal.as_vec3(),
         }
     });
@@ -375,7 +383,9 @@ fn fit(scene: &Scene, triangles: &[u32], normal: DVec3) -> Option<Rectangle> {
     let centre = space(middle.x * along + middle.y * across) + height * normal;
     let (right, width, height) =
         if span.x >= span.y { (space(along), span.x, span.y) } else { (space(across), span.y, span.x) };
-    Some(Rectangle { centre, right, normal, width, height }.upright())
+    let off = triangles.iter().flat_map(|&t| scene.corners(t)).map(|p| (p.as_dvec3() - centre).dot(normal));
+    let rise = off.fold([0.0f64; 2], |[front, back], d| [front.max(d), back.max(-d)]);
+    Some(Rectangle { centre, right, normal, width, height, rise }.upright())
 }
 
 #[cfg(test)]
@@ -399,14 +409,14 @@ mod tests {
             "all its surfaces are quads"
         );
         for p in &patches {
-            let Rectangle { right, normal, centre, width, height } = p.rectangle;
+            let Rectangle { right, normal, centre, width, height, rise } = p.rectangle;
             assert!(right.dot(normal).abs() < 1e-5 && width >= height);
             let up = normal.cross(right);
             for corner in p.triangles.iter().flat_map(|&t| scene.corners(t)) {
                 let d = corner.as_dvec3() - centre;
                 assert!(d.dot(right).abs() < 0.5001 * width && d.dot(up).abs() < 0.5001 * height);
-                // The original measurements are not quite planar.
-                assert!(d.dot(normal).abs() < 1e-2 * width);
+                assert!(d.dot(normal) <= rise[0] && -d.dot(normal) <= rise[1]);
+                assert!(d.dot(normal).abs() < 0.02 * width);
             }
         }
     }
@@ -432,8 +442,14 @@ mod tests {
 
     #[test]
     fn images_show_what_is_up_at_the_top() {
-        let wall =
-            Rectangle { centre: DVec3::ZERO, right: DVec3::X, normal: DVec3::Y, width: 2.0, height: 1.0 };
+        let wall = Rectangle {
+            centre: DVec3::ZERO,
+            right: DVec3::X,
+            normal: DVec3::Y,
+            width: 2.0,
+            height: 1.0,
+            rise: [0.0; 2],
+        };
         let wall = wall.upright();
         assert_eq!(wall.normal.cross(wall.right), DVec3::Z);
         let back = wall.turned();

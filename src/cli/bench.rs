@@ -14,15 +14,16 @@ use mrvis::bench::record::{MrRow, Record};
 use mrvis::bench::{self, Options, Progress};
 use mrvis::metrics::{FeatureOptions, FeatureSet, Image};
 use mrvis::output::{difference, grey, mask_overlay, number, write_atomically, write_exr, write_png};
-use mrvis::scene::{LoadOptions, Scene, parse_emitter};
 use mrvis::{Error, Result};
+
+use super::args::{Common, SceneArgs};
 
 /// Measure exact (Embree) against multi-resolution visibility on the same segments of a scene: table, JSON, images and
 /// a report page.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Args {
-    /// The scene: .obj, .gltf, .glb or .ply
-    pub scene: PathBuf,
+    #[command(flatten)]
+    pub scene: SceneArgs,
     /// Feature size in scene units, shadows smaller than this may be averaged; may be given several times [default:
     /// four sizes from the scene's statistics]
     #[arg(short = 's', long = "feature-size", value_name = "S")]
@@ -43,12 +44,6 @@ pub struct Args {
     /// Folder for images and report.html (made if missing)
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Make an object, group or material emit W watts in all; may be given several times
-    #[arg(long = "emitter", value_name = "NAME=W")]
-    pub emitters: Vec<String>,
-    /// Emissive faces emit from both sides
-    #[arg(long)]
-    pub two_sided_emission: bool,
     /// Threads of the timed sections; preparation and reference use all cores
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub threads: usize,
@@ -82,7 +77,6 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         seed: args.seed,
     };
     options.check()?;
-    let emitters = args.emitters.iter().map(|e| parse_emitter(e)).collect::<Result<Vec<_>>>()?;
     let to_stdout = args.json.as_deref() == Some(Path::new("-"));
     let json = args.json.as_deref().filter(|_| !to_stdout);
     if let Some(path) = json {
@@ -92,17 +86,12 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         check_folder(folder)?;
     }
 
-    let bar = Bar::new(args.quiet);
-    bar.stage("reading", 0);
     let start = Instant::now();
-    let load = LoadOptions {
-        unit: args.unit.clone(),
-        emitters,
-        two_sided_emission: args.two_sided_emission,
-        ..LoadOptions::default()
-    };
-    let scene = Scene::load(&args.scene, &load)?;
+    let common =
+        Common { threads: None, seed: args.seed, json: None, quiet: args.quiet, unit: args.unit.clone() };
+    let scene = args.scene.load(&common)?;
     let load_s = start.elapsed().as_secs_f64();
+    let bar = Bar::new(args.quiet);
     let (mut record, images) = bench::run(&scene, &options, &bar)?;
     record.build.load_s = load_s;
     drop(scene);

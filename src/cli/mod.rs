@@ -49,9 +49,7 @@ pub fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) if error.use_stderr() => {
-            let text = error.to_string();
-            let line = text.lines().next().unwrap_or_default().trim_start_matches("error: ").to_owned();
-            let _ = writeln!(std::io::stderr(), "mrvis: {line} (see mrvis --help)");
+            let _ = writeln!(std::io::stderr(), "mrvis: {} (see mrvis --help)", usage(&error));
             return ExitCode::from(2);
         }
         Err(help) => {
@@ -69,6 +67,16 @@ pub fn main() -> ExitCode {
             ExitCode::from(2)
         }
     }
+}
+
+/// What is wrong with a command line, without usage and tips.
+fn usage(error: &clap::Error) -> String {
+    if error.kind() == clap::error::ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+        return "no command is given".into();
+    }
+    let text = error.to_string();
+    let what: Vec<&str> = text.lines().take_while(|l| !l.trim().is_empty()).map(str::trim).collect();
+    what.join(" ").trim_start_matches("error: ").to_owned()
 }
 
 /// The error and its causes, each once, on one line.
@@ -106,5 +114,15 @@ mod tests {
         let check = |error: Error, want| assert_eq!(one_line(&error), want);
         check(Error::io("a b.obj", ErrorKind::NotFound.into()), "a b.obj: entity not found");
         check(Error::format("a.obj", Some(3), "two\nlines"), "a.obj:3: two lines");
+    }
+
+    #[test]
+    fn usage_errors_are_one_line() {
+        for words in
+            [&["mrvis"][..], &["mrvis", "bench"], &["mrvis", "fbem", "a", "--bogus"], &["mrvis", "nix"]]
+        {
+            let line = usage(&Cli::try_parse_from(words).err().unwrap());
+            assert!(!line.contains('\n') && !line.is_empty() && !line.contains("Usage"), "{line}");
+        }
     }
 }

@@ -1,11 +1,12 @@
 //! Writing files whole or not at all.
 
-use std::io::{Cursor, Write};
+use std::io::Cursor;
 use std::path::Path;
 
 use image::{DynamicImage, ImageFormat, Rgb32FImage};
 
 use super::Picture;
+use crate::files::WholeFile;
 use crate::metrics::Image;
 use crate::{Error, Result};
 
