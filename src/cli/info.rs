@@ -1,6 +1,7 @@
 //! `mrvis info SCENE`: what was read and repaired.
 
 use super::args::{Common, SceneArgs, grouped};
+use mrvis::hierarchy::{self, Hierarchy};
 use mrvis::{Result, scene::Scene};
 use serde_json::{Value, json};
 use std::{fmt::Write, process::ExitCode, time::Instant};
@@ -20,16 +21,21 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let start = Instant::now();
     let scene = args.scene.load(&args.common)?;
     let seconds = start.elapsed().as_secs_f64();
-    args.common.write_json(&facts(&scene, seconds))?;
-    args.common.print(&text(&scene, seconds, if args.all { usize::MAX } else { 20 }))?;
+    let hierarchy = {
+        let _spinner = args.common.spinner("clustering");
+        hierarchy::build(&scene, &hierarchy::Options::default())
+    };
+    args.common.write_json(&facts(&scene, &hierarchy, seconds))?;
+    args.common.print(&text(&scene, &hierarchy, seconds, if args.all { usize::MAX } else { 20 }))?;
     Ok(ExitCode::SUCCESS)
 }
 
-/// All sections as text. The clusters' section follows that of the parts when there is a hierarchy.
-fn text(scene: &Scene, seconds: f64, objects: usize) -> String {
+/// All sections as text.
+fn text(scene: &Scene, hierarchy: &Hierarchy, seconds: f64, objects: usize) -> String {
     let mut out = String::new();
     // Writing to a string cannot fail.
     let _ = summary(&mut out, scene, seconds)
+        .and_then(|()| clusters(&mut out, hierarchy))
         .and_then(|()| emitters(&mut out, scene))
         .and_then(|()| list_objects(&mut out, scene, objects))
         .and_then(|()| repairs(&mut out, scene));
@@ -52,6 +58,18 @@ fn summary(out: &mut String, s: &Scene, seconds: f64) -> std::fmt::Result {
         writeln!(out, "  origin      {} {} {} (kept apart)", s.origin.x, s.origin.y, s.origin.z)?;
     }
     Ok(())
+}
+
+fn clusters(out: &mut String, h: &Hierarchy) -> std::fmt::Result {
+    let (clusters, levels, large) = cluster_facts(h);
+    writeln!(out, "  clusters    {:>12} in {levels} levels", grouped(clusters))?;
+    writeln!(out, "  large       {:>12} triangles of large surfaces, never averaged", grouped(large))
+}
+
+/// Clusters, levels, and triangles of large surfaces, counted as `mrvis bench` counts them.
+fn cluster_facts(h: &Hierarchy) -> (usize, usize, usize) {
+    let clusters = h.micro.clusters.len() + h.large.clusters.len();
+    (clusters, h.micro.levels().max(h.large.levels()), h.large.order.len())
 }
 
 fn emitters(out: &mut String, s: &Scene) -> std::fmt::Result {
@@ -136,7 +154,8 @@ fn round64(value: f64) -> String {
     if value.abs() < 1e-9 { format!("{value:.3e}") } else { short.to_owned() }
 }
 
-fn facts(s: &Scene, seconds: f64) -> Value {
+fn facts(s: &Scene, h: &Hierarchy, seconds: f64) -> Value {
+    let (clusters, levels, large) = cluster_facts(h);
     let emitters: Vec<Value> = s
         .emitters
         .iter()
@@ -156,6 +175,7 @@ fn facts(s: &Scene, seconds: f64) -> Value {
             "path": s.path, "triangles": s.triangles.len(), "vertices": s.positions.len(),
             "objects": s.objects.len(), "materials": s.materials.len(), "emitters": s.emitters.len(),
             "closed_parts": s.closed_parts, "sheet_parts": s.sheet_parts,
+            "clusters": clusters, "levels": levels, "large_surface_triangles": large,
             "origin": s.origin.to_array(), "min": s.bounds.min.to_array(), "max": s.bounds.max.to_array(),
             "two_sided_emission": s.two_sided_emission,
         },
