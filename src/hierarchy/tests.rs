@@ -170,8 +170,6 @@ fn large_surfaces_stay_outside_and_detail_inside() {
 }
 
 /// A smooth round thing is not a plane, however small the angle between neighbouring faces is.
-///
-/// FAILS when written: neighbours are joined pairwise below one degree, so that the patch goes all around.
 #[test]
 fn finely_tessellated_columns_are_not_planar() {
     let mut column = Pieces::new();
