@@ -197,6 +197,8 @@ fn measured_extinction_passes_what_parallel_lines_pass() {
 
 /// Poles, slats and planks are thinner than a pixel of a picture that is as fine across as it is along: what is
 /// half a pixel off may be wrong by a seventh, but nothing may vanish.
+///
+/// FAILS when written: the plank's picture is three pixels wide; its extinction passes 0.23 where lines pass 0.04.
 #[test]
 fn long_thin_things_pass_what_parallel_lines_pass() {
     let along = |size: DVec3, turn: DMat3| {
