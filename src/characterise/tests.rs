@@ -403,7 +403,7 @@ fn traits_are_sane_everywhere() {
             assert_eq!(traits.len(), hierarchy.micro.clusters.len());
             for (c, (t, cluster)) in traits.iter().zip(&hierarchy.micro.clusters).enumerate() {
                 let size = cluster.bounds.thickened().diagonal();
-                for axis in 0..AXIS_COUNT {
+                for (axis, view) in AXES.iter().enumerate() {
                     let place = format!("{}, cluster {c}, axis {axis}: {t:?}", kind.name);
                     assert!(t.extinction[axis].is_finite() && t.extinction[axis] >= 0.0, "{place}");
                     assert!((0.0..=1.0).contains(&t.coverage[axis]), "{place}");
@@ -421,13 +421,13 @@ fn traits_are_sane_everywhere() {
                         .iter()
                         .map(|&t| {
                             let [a, b, c] = scene.corners(t);
-                            let facing = crate::math::triangle_normal(a, b, c).dot(AXES[axis]).abs();
+                            let facing = crate::math::triangle_normal(a, b, c).dot(*view).abs();
                             let sides = f64::from(scene.triangle_sides[t as usize]);
                             0.5 * sides * f64::from(facing) * crate::math::triangle_area(a, b, c)
                         })
                         .sum();
                     let e = cluster.bounds.thickened().extent();
-                    let front = Vec3::new(e.y * e.z, e.z * e.x, e.x * e.y).dot(AXES[axis].abs());
+                    let front = Vec3::new(e.y * e.z, e.z * e.x, e.x * e.y).dot(view.abs());
                     let edge_on = shown < 0.1 * f64::from(front);
                     assert!(feature > 0.0 || edge_on, "{} of the front: {place}", shown / f64::from(front));
                 }
