@@ -15,7 +15,7 @@
 use super::reference;
 use super::shaft::Shaft;
 use super::wide::{Block, LEAF, WideTree};
-use super::{Answer, Bundle, Cost, Method, wilson};
+use super::{Answer, Bundle, Cost, Exact, Method, wilson};
 use crate::characterise::{AxisMix, Traits};
 use crate::embree::{CommittedScene, Traversal};
 use crate::hierarchy::Hierarchy;
@@ -141,6 +141,14 @@ impl<'a> MultiResolution<'a> {
         };
         let (lo, hi) = (wilson(sum.lo / n, n).0, wilson(sum.hi / n, n).1);
         Answer { transmittance: sum.transmittance / n, lo, hi, method, cost }
+    }
+
+    /// The visible fraction of a bundle by exact rays: for bundles where [`MultiResolution::pays`] says no.
+    pub fn hand_over(&self, bundle: Bundle, workspace: &mut Workspace) -> Answer {
+        let exact = Exact { scene: self.exact, traversal: self.traversal };
+        let mut answer = exact.answer(bundle, &mut workspace.blocked);
+        answer.cost.handed_over = answer.cost.segments;
+        answer
     }
 
     /// Whether this engine is likely to take less time than exact rays for bundles like these.
