@@ -43,7 +43,7 @@ impl Frame {
     }
 
     #[inline(always)]
-    fn to_pixels(&self, p: Vec3) -> Vec2 {
+    fn project(self, p: Vec3) -> Vec2 {
         Vec2::new(p.dot(self.u), p.dot(self.v)) + self.offset
     }
 }
@@ -67,7 +67,7 @@ impl Silhouette {
     pub fn draw(&mut self, scene: &Scene, triangles: &[u32], bounds: Aabb, axis: usize) {
         self.begin(bounds, axis, if triangles.len() <= 16 { 32 } else { ACROSS });
         for &t in triangles {
-            fill_triangle(&mut self.contents, scene.corners(t).map(|p| self.frame.to_pixels(p)));
+            fill_triangle(&mut self.contents, scene.corners(t).map(|p| self.frame.project(p)));
         }
     }
 
@@ -140,9 +140,16 @@ impl Measure {
         fill_box(&mut self.hull, &silhouette.frame);
         if self.hull.count() < THINNEST * size.max_element() as usize {
             // Seen on its edge, thinner than the raster: nothing can be said but that it may block all it covers,
-            // and that only a beam wider than the whole averages it.
+            // and that only a beam wider than the whole averages it. Opaque is e^-7 on the mean path V / front.
             let grain = size.as_vec2().max_element() * pixel;
-            return Measured { blocked: pixel, free: 0.0, coverage: 1.0, extinction: analytic, grain };
+            let e = bounds.extent();
+            let front = Vec3::new(e.y * e.z, e.z * e.x, e.x * e.y).dot(AXES[axis].abs());
+            let opaque = (7.0 * f64::from(front) / bounds.volume().max(f64::MIN_POSITIVE)) as f32;
+            let extinction = match options.extinction {
+                Extinction::Analytic => analytic,
+                Extinction::Measured => opaque,
+            };
+            return Measured { blocked: pixel, free: 0.0, coverage: 1.0, extinction, grain };
         }
         // Outside the projected box counts as object: only gaps inside are free regions.
         self.gaps.clone_from(&self.hull);
@@ -186,7 +193,7 @@ fn fill_box(image: &mut BitImage, frame: &Frame) {
             p[axis] = side;
             p[a] = if i { bounds.max[a] } else { bounds.min[a] };
             p[b] = if j { bounds.max[b] } else { bounds.min[b] };
-            frame.to_pixels(p)
+            frame.project(p)
         };
         let (p, q, r, s) =
             (corner(false, false), corner(true, false), corner(true, true), corner(false, true));

@@ -265,7 +265,7 @@ fn triangulate(
     let (mut out, mut broken) = (Triangles::default(), vec![false; kept.polygon.len()]);
     let mut triangulator = Triangulator::new();
     let mut points = Vec::new();
-    for i in 0..kept.polygon.len() {
+    for (i, broken) in broken.iter_mut().enumerate() {
         let span = kept.span(i);
         let corners = &kept.corners[span.clone()];
         points.clear();
@@ -274,7 +274,7 @@ fn triangulate(
             Shape::NoArea => repairs.zero_area_faces += 1,
             Shape::Broken => {
                 repairs.broken_polygons += 1;
-                broken[i] = true;
+                *broken = true;
             }
             Shape::Convex if corners.len() == 3 => {}
             Shape::Convex => repairs.polygons_triangulated += 1,

@@ -5,7 +5,7 @@
 //! * [`MultiResolution`]: clusters whose shadow features would be smaller than `s` are not opened, their extinction
 //!   transmittance is used instead [SD95 sec 3.2]; with [`Leaf::Extinction`] it is the paper's average visibility
 //!   [SD95 sec 5].
-//! * [`reference`]: the same rule, one ray and one node at a time; what the fast engine is tested against.
+//! * [`mod@reference`]: the same rule, one ray and one node at a time; what the fast engine is tested against.
 //!
 //! The feature size and the emitter size are arguments, never state. This room knows nothing of links, energy or
 //! materials.

@@ -39,7 +39,7 @@ pub enum Leaf {
 const WORK_LIMIT: u32 = 200;
 /// What Embree needs for a packet, as part of this engine's own work when it aggregates nothing. Measured on rooms of
 /// 300,000 triangles and forests of 200,000 and 6 million.
-const EMBREE_SHARE: f64 = 0.45;
+const EMBREE_SHARE: f64 = 0.3;
 
 /// The multi-resolution engine: the wide tree and the exact scene it falls back on.
 pub struct MultiResolution<'a> {
