@@ -331,13 +331,14 @@ impl<R: BufRead> Read for Lines<'_, R> {
 
 impl<R: BufRead> BufRead for Lines<'_, R> {
     fn fill_buf(&mut self) -> io::Result<&[u8]> {
-        if self.given == self.out.len() && self.error.is_none() {
-            if let Err(error) = self.advance() {
-                // `tobj` would drop the error: it is kept, and the file ends here.
-                self.error = Some(error);
-                self.out.clear();
-                self.given = 0;
-            }
+        if self.given == self.out.len()
+            && self.error.is_none()
+            && let Err(error) = self.advance()
+        {
+            // `tobj` would drop the error: it is kept, and the file ends here.
+            self.error = Some(error);
+            self.out.clear();
+            self.given = 0;
         }
         Ok(&self.out[self.given..])
     }
