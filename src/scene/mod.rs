@@ -3,9 +3,12 @@
 //! Input formats, defaults, units and repairs end here; no later room re-checks. This room does not know that
 //! rays, hierarchies or radiosity exist.
 
+mod bent;
+mod compact;
 mod connect;
 mod emitters;
 pub mod generate;
+mod keep;
 mod load;
 mod mtl;
 mod power;
@@ -74,15 +77,16 @@ pub struct Emitter {
 /// What was repaired or assumed while reading, counted. All zero for a clean file.
 #[derive(Clone, Debug, Default, serde::Serialize)]
 pub struct Repairs {
-    /// Faces dropped because they have no area.
+    /// Polygons dropped because they have no area, or fewer than three corners.
     pub zero_area_faces: usize,
-    /// Faces dropped because the same three vertices occurred before.
+    /// Polygons dropped because their vertices occurred before as one polygon; two that face each other in
+    /// different objects stay (solids that touch).
     pub duplicate_faces: usize,
     /// Polygons with more than three corners that were triangulated.
     pub polygons_triangulated: usize,
-    /// Of those, the concave ones.
+    /// Of those, the concave or bent ones.
     pub concave_polygons: usize,
-    /// Polygons that no triangulation could be found for (self-crossing); dropped.
+    /// Polygons that no triangulation could be found for (flat and self-crossing); dropped.
     pub broken_polygons: usize,
     /// Vertices merged because they have the same position.
     pub welded_vertices: usize,
@@ -90,7 +94,7 @@ pub struct Repairs {
     pub faces_without_material: usize,
     /// Material libraries or textures that could not be read; defaults were used.
     pub missing_files: usize,
-    /// Reflectances outside `[0, 1)` that were clamped.
+    /// Materials whose reflectance lay outside `[0, 1)` and was clamped to [`MAX_REFLECTANCE`].
     pub clamped_reflectances: usize,
     /// Vertices that no face uses.
     pub unused_vertices: usize,
@@ -127,7 +131,7 @@ pub struct Scene {
     pub triangle_sides: Vec<u8>,
     /// Edge-connected component of the face, numbered from 0 in order of first face.
     pub triangle_component: Vec<u32>,
-    /// Number of components that are closed (every edge has exactly two faces).
+    /// Number of components that are closed: every edge has exactly two faces (of one object, where more meet).
     pub closed_parts: usize,
     /// Number of the other components.
     pub sheet_parts: usize,

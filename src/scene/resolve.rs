@@ -4,11 +4,13 @@
 //! sides, emission, compaction. Nothing here has an absolute tolerance, so 50 km and millimetres both work.
 
 use super::{
-    Emitter, LoadOptions, Material, Object, Repairs, Scene, Soup, SoupMaterial,
-    connect::{self, Edges, Parts, Sets},
+    Emitter, LoadOptions, Material, Repairs, Scene, Soup, SoupMaterial,
+    compact::{compact, used_objects, used_parts},
+    connect::{self, Edges, Sets},
     emitters::{self, Faces},
+    keep::Kept,
     power::{self, Surfaces},
-    triangulate::{Shape, Triangulator, newell},
+    triangulate::{Shape, Triangulator},
     weld,
 };
 use crate::{Error, Result, math::Aabb};
@@ -143,105 +145,6 @@ fn empty(soup: &Soup, repairs: &Repairs) -> Error {
     let dropped = repairs.zero_area_faces + repairs.broken_polygons + repairs.transparent_faces;
     let what = if dropped == 0 { String::new() } else { format!(" ({dropped} unusable ones were dropped)") };
     Error::format(&soup.path, None, format!("no face with an area{what}; is it a scene of polygons?"))
-}
-
-/// The polygons that are not dropped before triangulation.
-struct Kept {
-    /// Index of each in the soup.
-    polygon: Vec<u32>,
-    /// Welded corners, all one after the other, no two consecutive ones equal.
-    corners: Vec<u32>,
-    /// Which corner of the soup each came from.
-    source: Vec<u32>,
-    ends: Vec<usize>,
-    object: Vec<u32>,
-}
-
-impl Kept {
-    fn span(&self, i: usize) -> std::ops::Range<usize> {
-        (if i == 0 { 0 } else { self.ends[i - 1] })..self.ends[i]
-    }
-
-    fn of(soup: &Soup, number: &[u32], positions: &[Vec3], repairs: &mut Repairs) -> Kept {
-        let mut all = Kept {
-            polygon: Vec::with_capacity(soup.polygons()),
-            corners: Vec::with_capacity(soup.corners.len()),
-            source: Vec::with_capacity(soup.corners.len()),
-            ends: Vec::with_capacity(soup.polygons()),
-            object: Vec::new(),
-        };
-        for i in 0..soup.polygons() {
-            if soup.materials[soup.polygon_material[i] as usize].opacity <= 0.0 {
-                repairs.transparent_faces += 1;
-                continue;
-            }
-            let start = all.corners.len();
-            for k in soup.span(i) {
-                let v = number[soup.corners[k] as usize];
-                if all.corners.len() == start || all.corners.last() != Some(&v) {
-                    all.corners.push(v);
-                    all.source.push(k as u32);
-                }
-            }
-            while all.corners.len() > start + 1 && all.corners.last() == Some(&all.corners[start]) {
-                all.corners.pop();
-                all.source.pop();
-            }
-            if all.corners.len() < start + 3 {
-                all.corners.truncate(start);
-                all.source.truncate(start);
-                repairs.zero_area_faces += 1;
-                continue;
-            }
-            all.polygon.push(i as u32);
-            all.ends.push(all.corners.len());
-        }
-        all.drop_duplicates(soup, positions, repairs);
-        all.object = all.polygon.iter().map(|&p| soup.polygon_object[p as usize]).collect();
-        all
-    }
-
-    /// Drops every polygon with the same corners as an earlier one, unless it faces the other way and belongs
-    /// to another object: those are two solids that touch.
-    fn drop_duplicates(&mut self, soup: &Soup, positions: &[Vec3], repairs: &mut Repairs) {
-        let slices: Vec<&[u32]> = (0..self.polygon.len()).map(|i| &self.corners[self.span(i)]).collect();
-        let normal = |i: u32| {
-            let p: Vec<DVec3> =
-                slices[i as usize].iter().map(|&v| positions[v as usize].as_dvec3()).collect();
-            newell(&p)
-        };
-        let object = |i: u32| soup.polygon_object[self.polygon[i as usize] as usize];
-        let mut drop = vec![false; slices.len()];
-        for group in weld::same_corners(&slices) {
-            // Of a group few survive, so the search among the survivors is short; the cap keeps it so.
-            let mut survivors: Vec<(u32, DVec3)> = Vec::new();
-            for &i in &group {
-                let n = normal(i);
-                let twice = survivors.iter().any(|&(j, m)| object(i) == object(j) || n.dot(m) >= 0.0);
-                if twice {
-                    drop[i as usize] = true;
-                    repairs.duplicate_faces += 1;
-                } else {
-                    survivors.push((i, n));
-                }
-            }
-        }
-        if drop.contains(&true) {
-            self.retain(|i| !drop[i]);
-        }
-    }
-
-    fn retain(&mut self, keep: impl Fn(usize) -> bool) {
-        let (mut corners, mut source, mut polygon, mut ends) =
-            (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        for i in (0..self.polygon.len()).filter(|&i| keep(i)) {
-            corners.extend_from_slice(&self.corners[self.span(i)]);
-            source.extend_from_slice(&self.source[self.span(i)]);
-            polygon.push(self.polygon[i]);
-            ends.push(corners.len());
-        }
-        (self.corners, self.source, self.polygon, self.ends) = (corners, source, polygon, ends);
-    }
 }
 
 /// Triangles, one entry each.
@@ -396,53 +299,4 @@ fn summarise(soup: &Soup, faces: &Triangles, r: &mut Repairs) {
     if !names.is_empty() {
         r.messages.push(format!("transparency is not modelled; taken as opaque: {names}"));
     }
-}
-
-/// Drops the vertices that no triangle uses; keeps the order.
-fn compact(
-    number: &[u32],
-    positions: Vec<Vec3>,
-    mut triangles: Vec<[u32; 3]>,
-    repairs: &mut Repairs,
-) -> (Vec<Vec3>, Vec<[u32; 3]>) {
-    let mut place = vec![u32::MAX; positions.len()];
-    triangles.iter().flatten().for_each(|&v| place[v as usize] = 0);
-    let referenced = number.iter().filter(|&&v| place[v as usize] == 0).count();
-    let mut used = Vec::with_capacity(positions.len());
-    for (p, place) in positions.into_iter().zip(&mut place).filter(|(_, place)| **place == 0) {
-        *place = used.len() as u32;
-        used.push(p);
-    }
-    triangles.iter_mut().flatten().for_each(|v| *v = place[*v as usize]);
-    repairs.unused_vertices += number.len() - referenced;
-    repairs.welded_vertices += referenced - used.len();
-    (used, triangles)
-}
-
-fn used_objects(names: Vec<String>, mut object: Vec<u32>) -> (Vec<Object>, Vec<u32>) {
-    let mut used = vec![false; names.len()];
-    object.iter().for_each(|&o| used[o as usize] = true);
-    let mut place = vec![0; names.len()];
-    let mut objects = Vec::new();
-    for (i, name) in names.into_iter().enumerate().filter(|(i, _)| used[*i]) {
-        place[i] = objects.len() as u32;
-        objects.push(Object { name });
-    }
-    object.iter_mut().for_each(|o| *o = place[*o as usize]);
-    (objects, object)
-}
-
-/// Parts numbered again without those that lost all faces (they had no area).
-fn used_parts(parts: &Parts, polygon: &[u32]) -> (Vec<u32>, Vec<bool>) {
-    let mut place = vec![u32::MAX; parts.closed.len()];
-    let mut closed = Vec::new();
-    let component = polygon.iter().map(|&p| {
-        let part = parts.part[p as usize] as usize;
-        if place[part] == u32::MAX {
-            place[part] = closed.len() as u32;
-            closed.push(parts.closed[part]);
-        }
-        place[part]
-    });
-    (component.collect(), closed)
 }

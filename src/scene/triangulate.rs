@@ -1,8 +1,9 @@
 //! Triangulation of one polygon in its best-fit plane.
 //!
 //! Convex polygons become fans; the rest goes to ear clipping. The triangles' areas must add up to the
-//! polygon's, otherwise it crosses itself and there is no right answer.
+//! polygon's, otherwise it is bent ([`bent`]), or crosses itself and there is no right answer.
 
+use super::bent;
 use earcut::Earcut;
 use glam::{DVec2, DVec3};
 
@@ -13,7 +14,7 @@ pub(super) enum Shape {
     NoArea,
     /// Every corner turns the same way.
     Convex,
-    /// Some corner turns the other way.
+    /// Some corner turns the other way, or it is bent.
     Concave,
     /// It crosses itself: no triangulation has the area of the polygon.
     Broken,
@@ -53,7 +54,7 @@ impl Triangulator {
             let flat = p.windows(2).all(|e| {
                 (e[0] - p[0]).cross(e[1] - p[0]).length() <= RELATIVE_AREA * size.max(f64::MIN_POSITIVE)
             });
-            return if flat { Shape::NoArea } else { Shape::Broken };
+            return if flat { Shape::NoArea } else { self.bent(p) };
         }
         if p.len() == 3 {
             self.triangles.push([0, 1, 2]);
@@ -68,8 +69,8 @@ impl Triangulator {
             self.flat.iter_mut().for_each(|q| q[1] = -q[1]);
         }
         let area = area.abs();
-        let slack = 1e-12 * size;
-        if is_convex(&self.flat, slack) {
+        // The corners were rounded to f32: what turns the wrong way by less than that is noise.
+        if is_convex(&self.flat, 2.0 * f64::from(f32::EPSILON) * size.sqrt()) {
             self.triangles.extend((1..p.len() as u32 - 1).map(|i| [0, i, i + 1]));
             return Shape::Convex;
         }
@@ -85,9 +86,20 @@ impl Triangulator {
         }
         if (sum - area).abs() > AREA_AGREES * area {
             self.triangles.clear();
-            return Shape::Broken;
+            return self.bent(p);
         }
         Shape::Concave
+    }
+
+    /// What has no triangulation in a plane may be a good surface that lies in none.
+    fn bent(&mut self, p: &[DVec3]) -> Shape {
+        match bent::triangulate(p) {
+            Some(triangles) => {
+                self.triangles = triangles;
+                Shape::Concave
+            }
+            None => Shape::Broken,
+        }
     }
 }
 
@@ -111,11 +123,14 @@ fn cross(p: &[[f64; 2]], a: u32, b: u32, c: u32) -> f64 {
     (b - a).perp_dot(c - a)
 }
 
-/// No right turn, and seen from the first corner the others go round once.
+/// No right turn, and seen from the first corner the others go round once. Corners may be out by `slack`.
 fn is_convex(p: &[[f64; 2]], slack: f64) -> bool {
     let n = p.len() as u32;
-    (0..n).all(|i| cross(p, i, (i + 1) % n, (i + 2) % n) >= -slack)
-        && (1..n - 1).all(|i| cross(p, 0, i, i + 1) >= -slack)
+    let left = |a: u32, b: u32, c: u32| {
+        let reach = DVec2::from_array(p[a as usize]).distance(DVec2::from_array(p[c as usize]));
+        cross(p, a, b, c) >= -slack * reach
+    };
+    (0..n).all(|i| left(i, (i + 1) % n, (i + 2) % n)) && (1..n - 1).all(|i| left(0, i, i + 1))
 }
 
 /// Whether two edges properly cross (touching is allowed: holes are often bridged by a double edge).

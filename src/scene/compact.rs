@@ -1,0 +1,54 @@
+//! Leaving out what no face uses any more: vertices, objects, parts.
+
+use super::{Object, Repairs, connect::Parts};
+use glam::Vec3;
+
+/// Drops the vertices that no triangle uses; keeps the order.
+pub(super) fn compact(
+    number: &[u32],
+    positions: Vec<Vec3>,
+    mut triangles: Vec<[u32; 3]>,
+    repairs: &mut Repairs,
+) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+    let mut place = vec![u32::MAX; positions.len()];
+    triangles.iter().flatten().for_each(|&v| place[v as usize] = 0);
+    let referenced = number.iter().filter(|&&v| place[v as usize] == 0).count();
+    let mut used = Vec::with_capacity(positions.len());
+    for (p, place) in positions.into_iter().zip(&mut place).filter(|(_, place)| **place == 0) {
+        *place = used.len() as u32;
+        used.push(p);
+    }
+    triangles.iter_mut().flatten().for_each(|v| *v = place[*v as usize]);
+    repairs.unused_vertices += number.len() - referenced;
+    repairs.welded_vertices += referenced - used.len();
+    (used, triangles)
+}
+
+/// Objects that have a face, and their numbers a face.
+pub(super) fn used_objects(names: Vec<String>, mut object: Vec<u32>) -> (Vec<Object>, Vec<u32>) {
+    let mut used = vec![false; names.len()];
+    object.iter().for_each(|&o| used[o as usize] = true);
+    let mut place = vec![0; names.len()];
+    let mut objects = Vec::new();
+    for (i, name) in names.into_iter().enumerate().filter(|(i, _)| used[*i]) {
+        place[i] = objects.len() as u32;
+        objects.push(Object { name });
+    }
+    object.iter_mut().for_each(|o| *o = place[*o as usize]);
+    (objects, object)
+}
+
+/// Parts numbered again without those that lost all faces (they had no area).
+pub(super) fn used_parts(parts: &Parts, polygon: &[u32]) -> (Vec<u32>, Vec<bool>) {
+    let mut place = vec![u32::MAX; parts.closed.len()];
+    let mut closed = Vec::new();
+    let component = polygon.iter().map(|&p| {
+        let part = parts.part[p as usize] as usize;
+        if place[part] == u32::MAX {
+            place[part] = closed.len() as u32;
+            closed.push(parts.closed[part]);
+        }
+        place[part]
+    });
+    (component.collect(), closed)
+}

@@ -1,0 +1,106 @@
+//! Which polygons are worth triangulating.
+
+use super::{Repairs, Soup, triangulate::newell, weld};
+use glam::{DVec3, Vec3};
+
+/// The polygons that are not dropped before triangulation.
+pub(super) struct Kept {
+    /// Index of each in the soup.
+    pub polygon: Vec<u32>,
+    /// Welded corners, all one after the other, no two consecutive ones equal.
+    pub corners: Vec<u32>,
+    /// Which corner of the soup each came from.
+    pub source: Vec<u32>,
+    ends: Vec<usize>,
+    /// Object of each.
+    pub object: Vec<u32>,
+}
+
+impl Kept {
+    /// Range of a kept polygon in `corners` and `source`.
+    pub fn span(&self, i: usize) -> std::ops::Range<usize> {
+        (if i == 0 { 0 } else { self.ends[i - 1] })..self.ends[i]
+    }
+
+    /// Cleans the corners of all polygons and drops what is transparent, has no three corners, or occurs twice.
+    pub fn of(soup: &Soup, number: &[u32], positions: &[Vec3], repairs: &mut Repairs) -> Kept {
+        let mut all = Kept {
+            polygon: Vec::with_capacity(soup.polygons()),
+            corners: Vec::with_capacity(soup.corners.len()),
+            source: Vec::with_capacity(soup.corners.len()),
+            ends: Vec::with_capacity(soup.polygons()),
+            object: Vec::new(),
+        };
+        for i in 0..soup.polygons() {
+            if soup.materials[soup.polygon_material[i] as usize].opacity <= 0.0 {
+                repairs.transparent_faces += 1;
+                continue;
+            }
+            let start = all.corners.len();
+            for k in soup.span(i) {
+                let v = number[soup.corners[k] as usize];
+                if all.corners.len() == start || all.corners.last() != Some(&v) {
+                    all.corners.push(v);
+                    all.source.push(k as u32);
+                }
+            }
+            while all.corners.len() > start + 1 && all.corners.last() == Some(&all.corners[start]) {
+                all.corners.pop();
+                all.source.pop();
+            }
+            if all.corners.len() < start + 3 {
+                all.corners.truncate(start);
+                all.source.truncate(start);
+                repairs.zero_area_faces += 1;
+                continue;
+            }
+            all.polygon.push(i as u32);
+            all.ends.push(all.corners.len());
+        }
+        all.drop_duplicates(soup, positions, repairs);
+        all.object = all.polygon.iter().map(|&p| soup.polygon_object[p as usize]).collect();
+        all
+    }
+
+    /// Drops every polygon with the same corners as an earlier one, unless it faces the other way and belongs
+    /// to another object: those are two solids that touch.
+    fn drop_duplicates(&mut self, soup: &Soup, positions: &[Vec3], repairs: &mut Repairs) {
+        let slices: Vec<&[u32]> = (0..self.polygon.len()).map(|i| &self.corners[self.span(i)]).collect();
+        let normal = |i: u32| {
+            let p: Vec<DVec3> =
+                slices[i as usize].iter().map(|&v| positions[v as usize].as_dvec3()).collect();
+            newell(&p)
+        };
+        let object = |i: u32| soup.polygon_object[self.polygon[i as usize] as usize];
+        let mut drop = vec![false; slices.len()];
+        for group in weld::same_corners(&slices) {
+            // Of a group few survive, so the search among the survivors is short; the cap keeps it so.
+            let mut survivors: Vec<(u32, DVec3)> = Vec::new();
+            for &i in &group {
+                let n = normal(i);
+                let twice = survivors.iter().any(|&(j, m)| object(i) == object(j) || n.dot(m) >= 0.0);
+                if twice {
+                    drop[i as usize] = true;
+                    repairs.duplicate_faces += 1;
+                } else {
+                    survivors.push((i, n));
+                }
+            }
+        }
+        if drop.contains(&true) {
+            self.retain(|i| !drop[i]);
+        }
+    }
+
+    fn retain(&mut self, keep: impl Fn(usize) -> bool) {
+        let (mut corners, mut source, mut polygon, mut ends) =
+            (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        for i in (0..self.polygon.len()).filter(|&i| keep(i)) {
+            corners.extend_from_slice(&self.corners[self.span(i)]);
+            source.extend_from_slice(&self.source[self.span(i)]);
+            polygon.push(self.polygon[i]);
+            ends.push(corners.len());
+        }
+        (self.corners, self.source, self.polygon, self.ends) = (corners, source, polygon, ends);
+    }
+}
