@@ -176,6 +176,12 @@ fn check_against_lines(name: &str, pieces: Pieces, tolerance: f32) {
         let truth = clear(&traced, &lines).into_iter().filter(|c| *c).count() as f32 / n;
         let model = paths.iter().map(|l| (-traits[0].extinction[axis] * l).exp()).sum::<f32>() / n;
         let free = 1.0 - traits[0].coverage[axis];
+        // Views thinner than the raster are not measured: they count as opaque, and only beams wider than the whole
+        // may average them.
+        if traits[0].grain[axis] >= 0.7 * bounds.extent().max_element() && traits[0].coverage[axis] == 1.0 {
+            assert!(truth < 1.0, "{name}, axis {axis}");
+            continue;
+        }
         if (truth - model).abs() > tolerance || (truth - free).abs() > tolerance {
             wrong.push(format!(
                 "axis {axis} {view}: lines pass {truth}, extinction {model}, silhouette {free}"

@@ -121,7 +121,8 @@ fn table() -> BTreeMap<String, BTreeSet<String>> {
         |cell: &str| -> Vec<String> { cell.split('`').skip(1).step_by(2).map(str::to_owned).collect() };
     text.lines()
         .filter_map(|line| {
-            let cells: Vec<&str> = line.strip_prefix("| [`")?.split('|').collect();
+            let row = line.strip_prefix("| [`").or_else(|| line.strip_prefix("| `"))?;
+            let cells: Vec<&str> = row.split('|').collect();
             let room = cells[0].split('`').next()?.to_owned();
             Some((room, names(cells.get(1)?).into_iter().collect()))
         })
