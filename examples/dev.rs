@@ -34,7 +34,7 @@ fn main() {
     let reference = bench::measure::Reference::trace(&scene, &w, ex, 1024, &|_|());
     println!("reference {:?} se {:.5} mean V {:.3}", t.elapsed(), reference.standard_error(), reference.a.iter().sum::<f32>()/reference.a.len() as f32);
     let mut rows=vec![];
-    for n in [1,4,16,64,256] { let r = timer.exact(&scene,&w,0..w.pairs.len(),ex,n,&|_|()); let (rms,bias)=reference.errors(&r.visible); println!("exact {n:4} {:.4}s {:.3} us/seg rms {:.5} bias {:+.5}", r.seconds, r.seconds*1e6/(n*w.pairs.len()) as f64, rms, bias); rows.push((r.seconds,rms,n)); }
+    for n in [1,4,16,64,256] { let r = timer.exact(&scene,&w,0..w.pairs.len(),ex,n,&|_|()); let (rms,bias)=reference.errors(&r.visible); println!("exact {n:4} {:.4}s {:.3} us/seg rms {:.5} bias {:+.5}", r.seconds(), r.seconds()*1e6/(n*w.pairs.len()) as f64, rms, bias); rows.push((r.seconds(),rms,n)); }
     let mr = visibility::MultiResolution::new(&scene,&h,&traits,&es,tr,visibility::Leaf::Exact);
     println!("wide MB {} isa {:?}", mr.bytes()/1000000, mr.isa());
     if std::env::var("REP").is_ok() { let s:f32=args[2].parse().unwrap(); for _ in 0..1500 { timer.multi_resolution(&scene,&w,0..w.pairs.len(),&mr,s,std::env::var("RAYS").map_or(16,|v|v.parse().unwrap()),&|_|()); } return; }
@@ -45,5 +45,5 @@ fn main() {
       let rays=std::env::var("RAYS").map_or(16,|v|v.parse::<usize>().unwrap()); let n=w.pairs.len()*rays; let ri=match rays {16=>2,64=>3,_=>4};
       // time at same rms
       let mut te = f64::NAN; for k in 1..rows.len(){ let (a,b)=(rows[k-1],rows[k]); if rms<=a.1&&rms>=b.1 {let f=(a.1/rms).ln()/(a.1/b.1).ln(); te=(a.0.ln()+f*(b.0/a.0).ln()).exp();} } if rms<rows[4].1 { te=rows[4].0*(rows[4].1/rms).powi(2);} 
-      println!("s {s} {:.4}s {:.3} us/seg rms {:.5} bias {:+.5} nodes/seg {:.2} exact {:.3} handed {:.3} agg {:.3} cov {:.3} | per-seg x{:.2} same-rms x{:.1}", r.run.seconds, r.run.seconds*1e6/n as f64, rms,bias, r.cost.nodes as f64/n as f64, r.cost.exact_rays as f64/n as f64, r.cost.handed_over as f64/n as f64, r.cost.aggregated as f64/n as f64, reference.coverage(&r.intervals), rows[ri].0/r.run.seconds, te/r.run.seconds); }
+      println!("s {s} {:.4}s {:.3} us/seg rms {:.5} bias {:+.5} nodes/seg {:.2} exact {:.3} handed {:.3} agg {:.3} cov {:.3} | per-seg x{:.2} same-rms x{:.1}", r.run.seconds(), r.run.seconds()*1e6/n as f64, rms,bias, r.cost.nodes as f64/n as f64, r.cost.exact_rays as f64/n as f64, r.cost.handed_over as f64/n as f64, r.cost.aggregated as f64/n as f64, reference.coverage(&r.intervals), rows[ri].0/r.run.seconds(), te/r.run.seconds()); }
 }
