@@ -51,12 +51,19 @@ impl WholeFile {
             _ => {
                 let folder =
                     resolved.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+                // Asked first because the system names the reason better than the temporary file does.
+                std::fs::metadata(folder).map_err(at)?;
                 let mut builder = tempfile::Builder::new();
                 builder.prefix(".mrvis-");
                 // Temporary files are private by default; the result shall be like any other file.
                 #[cfg(unix)]
                 builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-                Sink::Draft(builder.tempfile_in(folder).map_err(|e| at(plain(e)))?)
+                Sink::Draft(
+                    builder
+                        .tempfile_in(folder)
+                        // Without the temporary name, which means nothing to the user.
+                        .map_err(|e| at(e.kind().into()))?,
+                )
             }
         };
         Ok(WholeFile { target: resolved, out: BufWriter::with_capacity(1 << 20, sink) })
@@ -83,11 +90,6 @@ impl WholeFile {
         file.write_all(content.as_ref()).map_err(|e| Error::io(target, e))?;
         file.commit()
     }
-}
-
-/// The error without the temporary name, which means nothing to the user.
-fn plain(error: io::Error) -> io::Error {
-    error.raw_os_error().map_or_else(|| error.kind().into(), io::Error::from_raw_os_error)
 }
 
 impl Write for WholeFile {

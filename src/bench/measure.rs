@@ -111,7 +111,7 @@ impl Timer {
     }
 
     /// Visible fractions of a range of pairs by the multi-resolution engine, `rays` segments each at feature size
-    /// `s`. `advance` is told how many pairs are done.
+    /// `s`. Where a sample of the bundles says that it cannot pay, all are handed to Embree. `advance` is told how many pairs are done.
     #[allow(clippy::too_many_arguments)] // The question, the engine and its two parameters.
     pub fn multi_resolution(
         &self,
@@ -124,6 +124,7 @@ impl Timer {
         advance: &dyn Fn(usize),
     ) -> MrRun {
         let per_pair = rays.div_ceil(LANES);
+        let pays = pays(scene, workload, engine, s, rays);
         let mut result = MrRun::default();
         result.run.sections = self.chunk_by_chunk(
             chunks(pairs, rays),
@@ -139,7 +140,12 @@ impl Timer {
                 let Chunk { pairs, packets, answers, workspace } = chunk;
                 for (packets, pair) in packets.chunks(per_pair).zip(pairs.clone()) {
                     let emitter_size = workload.pairs[pair].emitter_size;
-                    answers.push(engine.answer(Bundle { packets, emitter_size }, s, workspace));
+                    let bundle = Bundle { packets, emitter_size };
+                    answers.push(if pays {
+                        engine.answer(bundle, s, workspace)
+                    } else {
+                        engine.hand_over(bundle, workspace)
+                    });
                 }
             },
             |chunk| {
@@ -185,6 +191,23 @@ impl Timer {
         }
         seconds
     }
+}
+
+/// Whether the engine pays on an even sample of the whole workload's bundles.
+fn pays(scene: &Scene, workload: &Workload, engine: &MultiResolution, s: f32, rays: usize) -> bool {
+    const SAMPLE: usize = 256;
+    let step = workload.pairs.len().div_ceil(SAMPLE).max(1);
+    let sample: Vec<(Vec<Packet>, f32)> = (0..workload.pairs.len())
+        .step_by(step)
+        .map(|pair| {
+            let mut packets = Vec::new();
+            workload.add_bundle(scene, pair, rays, 0, &mut packets);
+            (packets, workload.pairs[pair].emitter_size)
+        })
+        .collect();
+    let bundles: Vec<Bundle> =
+        sample.iter().map(|(packets, e)| Bundle { packets, emitter_size: *e }).collect();
+    engine.pays(&bundles, s, &mut Workspace::default())
 }
 
 /// Clear part of `count` lanes from lane `first` of packets without gaps.

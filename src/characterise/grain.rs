@@ -31,7 +31,14 @@ pub(super) struct Cells {
 impl Cells {
     /// Counts pixels of `hull` (the projected box) and `gaps` (its free part) cell by cell. `origin` is the world
     /// position of pixel (0, 0) projected, with `u` and `v` one pixel wide.
-    pub fn fill(&mut self, hull: &BitImage, gaps: &BitImage, bounds: Aabb, view: Vec3, (origin, u, v): (Vec3, Vec3, Vec3)) {
+    pub fn fill(
+        &mut self,
+        hull: &BitImage,
+        gaps: &BitImage,
+        bounds: Aabb,
+        view: Vec3,
+        (origin, u, v): (Vec3, Vec3, Vec3),
+    ) {
         self.width = hull.width().div_ceil(CELL);
         self.height = hull.height().div_ceil(CELL);
         self.inside.clear();
@@ -43,7 +50,8 @@ impl Cells {
                 let count = |image: &BitImage| {
                     let rows = y * CELL..((y + 1) * CELL).min(image.height());
                     let shift = x * CELL % 64;
-                    rows.map(|row| (image.row(row)[x * CELL / 64] >> shift & 0xf).count_ones()).sum::<u32>() as f32
+                    rows.map(|row| (image.row(row)[x * CELL / 64] >> shift & 0xf).count_ones()).sum::<u32>()
+                        as f32
                 };
                 let n = count(hull);
                 if n == 0.0 {
@@ -65,7 +73,8 @@ impl Cells {
                 } else {
                     // The outline crosses the cell: the mean over the pixels inside, or extinction would have to
                     // make up for paths that are not there.
-                    let pixels = (0..CELL * CELL).map(|k| Vec2::new((k % CELL) as f32, (k / CELL) as f32) + 0.5);
+                    let pixels =
+                        (0..CELL * CELL).map(|k| Vec2::new((k % CELL) as f32, (k / CELL) as f32) + 0.5);
                     pixels.map(|k| path_at(corner + k)).sum::<f32>() / n
                 });
             }

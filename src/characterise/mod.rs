@@ -169,7 +169,8 @@ impl Scratch {
         };
         for (axis, silhouette) in self.silhouettes.iter().enumerate() {
             let m = self.measure.take(silhouette, analytic, options);
-            (traits.blocked[axis], traits.free[axis], traits.coverage[axis]) = (m.blocked, m.free, m.coverage);
+            (traits.blocked[axis], traits.free[axis], traits.coverage[axis]) =
+                (m.blocked, m.free, m.coverage);
             (traits.extinction[axis], traits.grain[axis]) = (m.extinction, m.grain);
         }
         if options.isotropic {

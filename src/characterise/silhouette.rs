@@ -105,6 +105,9 @@ impl Silhouette {
     }
 }
 
+/// A projected box thinner than this many pixels is no measurement.
+const THINNEST: usize = 3;
+
 /// Pixels across the longer side: what the distance transform takes in one machine word a row. Leaves take half.
 const ACROSS: usize = 64;
 
@@ -135,6 +138,12 @@ impl Measure {
         }
         self.hull.reset(size.x as usize, size.y as usize);
         fill_box(&mut self.hull, &silhouette.frame);
+        if self.hull.count() < THINNEST * size.max_element() as usize {
+            // Seen on its edge, thinner than the raster: nothing can be said but that it may block all it covers,
+            // and that only a beam wider than the whole averages it.
+            let grain = size.as_vec2().max_element() * pixel;
+            return Measured { blocked: pixel, free: 0.0, coverage: 1.0, extinction: analytic, grain };
+        }
         // Outside the projected box counts as object: only gaps inside are free regions.
         self.gaps.clone_from(&self.hull);
         self.gaps.subtract(&silhouette.contents);
@@ -179,7 +188,8 @@ fn fill_box(image: &mut BitImage, frame: &Frame) {
             p[b] = if j { bounds.max[b] } else { bounds.min[b] };
             frame.to_pixels(p)
         };
-        let (p, q, r, s) = (corner(false, false), corner(true, false), corner(true, true), corner(false, true));
+        let (p, q, r, s) =
+            (corner(false, false), corner(true, false), corner(true, true), corner(false, true));
         fill_triangle(image, [p, q, r]);
         fill_triangle(image, [p, r, s]);
     }

@@ -145,58 +145,75 @@ fn louvres() -> Pieces {
     pieces
 }
 
-/// Measured extinction and coverage against parallel rays along each axis.
-///
+/// What parallel lines through the box of everything pass, what extinction and coverage say, for each axis: the
+/// largest difference must stay below the tolerance.
+fn check_against_lines(name: &str, pieces: Pieces, tolerance: f32) {
+    let mut random = Pcg64Mcg::new(9);
+    let scene = pieces.scene();
+    let (tree, traits) = measured(&scene, &options());
+    let traced = committed(&scene);
+    let bounds = tree.clusters[0].bounds.thickened();
+    let centre = bounds.center();
+    let mut wrong = Vec::new();
+    for (axis, &view) in AXES.iter().enumerate() {
+        let (u, v) = view.any_orthonormal_pair();
+        let half = 0.5 * bounds.extent();
+        let reach = (half.dot(u.abs()), half.dot(v.abs()));
+        let inverse = Vec3::from(view.to_array().map(|d| if d == 0.0 { 1e30 } else { 1.0 / d }));
+        let (mut lines, mut paths) = (Vec::new(), Vec::new());
+        while lines.len() < 20_000 {
+            let mut offset = |reach: f32| (2.0 * unit(&mut random) as f32 - 1.0) * reach;
+            let p = centre + offset(reach.0) * u + offset(reach.1) * v;
+            let (a, b) = ((bounds.min - p) * inverse, (bounds.max - p) * inverse);
+            let path = a.max(b).min_element() - a.min(b).max_element();
+            if path > 0.0 {
+                let out = 2.0 * bounds.diagonal() * view;
+                lines.push((p - out, p + out));
+                paths.push(path);
+            }
+        }
+        let n = lines.len() as f32;
+        let truth = clear(&traced, &lines).into_iter().filter(|c| *c).count() as f32 / n;
+        let model = paths.iter().map(|l| (-traits[0].extinction[axis] * l).exp()).sum::<f32>() / n;
+        let free = 1.0 - traits[0].coverage[axis];
+        if (truth - model).abs() > tolerance || (truth - free).abs() > tolerance {
+            wrong.push(format!(
+                "axis {axis} {view}: lines pass {truth}, extinction {model}, silhouette {free}"
+            ));
+        }
+    }
+    assert!(wrong.is_empty(), "{name}:\n{}", wrong.join("\n"));
+}
+
 /// Tolerance 0.035 of transmission: the silhouette has 64 pixels across, of which outlines can lose or win half a
 /// one each; the 20,000 lines err by 0.0035.
 #[test]
 fn measured_extinction_passes_what_parallel_lines_pass() {
-    let cases = [
-        ("cubes", cloud(1, 200, 0.09, DVec3::ONE, false)),
-        ("leaves", cloud(2, 300, 0.08, DVec3::new(1.0, 1.0, 0.5), true)),
-        ("table", table()),
-        ("louvres", louvres()),
-    ];
-    let mut random = Pcg64Mcg::new(9);
-    for (name, pieces) in cases {
-        let scene = pieces.scene();
-        let (tree, traits) = measured(&scene, &options());
-        let traced = committed(&scene);
-        let bounds = tree.clusters[0].bounds.thickened();
-        let (centre, reach) = (bounds.center(), bounds.diagonal());
-        for (axis, &view) in AXES.iter().enumerate() {
-            let (u, v) = view.any_orthonormal_pair();
-            let (mut lines, mut paths) = (Vec::new(), Vec::new());
-            while lines.len() < 20_000 {
-                let mut offset = || (unit(&mut random) as f32 - 0.5) * reach;
-                let p = centre + offset() * u + offset() * v;
-                let inverse = Vec3::from(view.to_array().map(|d| if d == 0.0 { 1e30 } else { 1.0 / d }));
-                let (a, b) = ((bounds.min - p) * inverse, (bounds.max - p) * inverse);
-                let path = a.max(b).min_element() - a.min(b).max_element();
-                if path > 0.0 {
-                    lines.push((p - 2.0 * reach * view, p + 2.0 * reach * view));
-                    paths.push(path);
-                }
-            }
-            let n = lines.len() as f32;
-            let truth = clear(&traced, &lines).into_iter().filter(|c| *c).count() as f32 / n;
-            let model = paths.iter().map(|l| (-traits[0].extinction[axis] * l).exp()).sum::<f32>() / n;
-            assert!(
-                (truth - model).abs() < 0.035,
-                "{name}, axis {axis}: lines pass {truth}, extinction {model}"
-            );
-            let covered = traits[0].coverage[axis];
-            assert!(
-                (1.0 - truth - covered).abs() < 0.035,
-                "{name}, axis {axis}: {covered} covered, lines pass {truth}"
-            );
-        }
-    }
+    check_against_lines("cubes", cloud(1, 200, 0.09, DVec3::ONE, false), 0.035);
+    check_against_lines("leaves", cloud(2, 300, 0.08, DVec3::new(1.0, 1.0, 0.5), true), 0.035);
+    check_against_lines("table", table(), 0.035);
+    check_against_lines("louvres", louvres(), 0.035);
+}
+
+/// Poles, slats and planks are thinner than a pixel of a picture that is as fine across as it is along: what is
+/// half a pixel off may be wrong by a seventh, but nothing may vanish.
+///
+/// FAILS when written: the plank's picture is three pixels wide; its extinction passes 0.23 where lines pass 0.04.
+#[test]
+fn long_thin_things_pass_what_parallel_lines_pass() {
+    let along = |size: DVec3, turn: DMat3| {
+        let mut pieces = Pieces::new();
+        pieces.block(DVec3::ZERO, turn * DMat3::from_diagonal(size));
+        pieces
+    };
+    let pole = DVec3::new(0.02, 0.02, 2.0);
+    check_against_lines("pole", along(pole, DMat3::IDENTITY), 0.15);
+    check_against_lines("slat", along(DVec3::new(1.8, 0.064, 0.002), DMat3::from_rotation_x(0.61)), 0.15);
+    check_against_lines("plank", along(DVec3::new(0.3, 3.0, 0.02), DMat3::from_rotation_y(0.4)), 0.15);
+    check_against_lines("leaning pole", along(pole, DMat3::from_rotation_x(0.1)), 0.15);
 }
 
 /// Bars thinner than a pixel at regular distances: none may fall between the pixels together (method D.19).
-///
-/// FAILS when written: pixels are sampled at their centres, and these bars miss all of them.
 #[test]
 fn thin_bars_do_not_vanish() {
     for (bars, width) in [(5, 0.0125), (9, 0.00625)] {
@@ -321,17 +338,19 @@ fn the_papers_counts_bracket_the_disc() {
         let sizes = [p8.blocked[axis], disc.blocked[axis], p4.blocked[axis]];
         assert!(sizes[0] <= sizes[1] + slack && sizes[1] <= sizes[2] + slack, "axis {axis}: {sizes:?}");
     }
-    // A unit square turned so that its sides run along the pixel rows, which are themselves turned: all modes agree;
-    // turned by 45° from there: 1/√2, 1 and √2 (method A.4).
-    let [p8, disc, p4] = modes.map(|m| {
-        let turn = DMat3::from_rotation_z(std::f64::consts::FRAC_PI_4 + 1.0f64.atan2(3.0));
-        let mut plate = Pieces::new();
-        plate.quad(DVec3::ZERO, turn.x_axis, turn.y_axis);
-        with(m, plate).blocked[2]
-    });
+    // A square measures between 1/√2 and √2 by the counts, by its angle to the picture (method A.4); its disc is 1.
     let root = std::f32::consts::SQRT_2;
-    for (found, expect) in [(p8, 1.0 / root), (disc, 1.0), (p4, root)] {
-        assert!((found - expect).abs() < 3.0 * root / 32.0, "{found} instead of {expect}");
+    let slack = 3.0 * root / 32.0;
+    for angle in [0.0, 0.2, std::f64::consts::FRAC_PI_4] {
+        let [p8, disc, p4] = modes.map(|m| {
+            let turn = DMat3::from_rotation_z(angle);
+            let mut plate = Pieces::new();
+            plate.quad(DVec3::ZERO, turn.x_axis, turn.y_axis);
+            with(m, plate).blocked[2]
+        });
+        assert!((disc - 1.0).abs() < slack, "turned by {angle}: a unit square measures {disc}");
+        assert!((1.0 / root - slack..=1.0 + slack).contains(&p8), "turned by {angle}: {p8} by 8 neighbours");
+        assert!((1.0 - slack..=root + slack).contains(&p4), "turned by {angle}: {p4} by 4 neighbours");
     }
 }
 
@@ -369,6 +388,9 @@ fn grain_grows_with_the_structure() {
     assert!(lopsided > 2.0 * fine && lopsided > 0.3, "half a box: {lopsided}, a full one: {fine}");
 }
 
+/// FAILS when written: a slat of the louvres is fifty times as long as it is high, so that its picture is one or two
+/// pixels high; seen 10° from its plane it falls between their centres. Coverage, extinction and sizes are then 0:
+/// it is aggregated at every s and passes all light, where lines pass three quarters.
 #[test]
 fn traits_are_sane_everywhere() {
     for kind in KINDS {
@@ -381,7 +403,7 @@ fn traits_are_sane_everywhere() {
             assert_eq!(traits.len(), hierarchy.micro.clusters.len());
             for (c, (t, cluster)) in traits.iter().zip(&hierarchy.micro.clusters).enumerate() {
                 let size = cluster.bounds.thickened().diagonal();
-                for axis in 0..AXIS_COUNT {
+                for (axis, view) in AXES.iter().enumerate() {
                     let place = format!("{}, cluster {c}, axis {axis}: {t:?}", kind.name);
                     assert!(t.extinction[axis].is_finite() && t.extinction[axis] >= 0.0, "{place}");
                     assert!((0.0..=1.0).contains(&t.coverage[axis]), "{place}");
@@ -391,19 +413,21 @@ fn traits_are_sane_everywhere() {
                     assert!(t.grain[axis].is_finite() && t.grain[axis] >= 0.0, "{place}");
                     let feature = t.feature_size(axis);
                     assert!(feature >= t.blocked[axis] && feature.is_finite(), "{place}");
-                    // What covers less than a tenth may be thinner than a pixel; nothing else vanishes.
+                    // What covers less than a tenth may be thinner than a pixel; nothing else vanishes. Of closed
+                    // solids half of the faces are behind others.
                     let shown: f64 = hierarchy
                         .micro
                         .triangles_of(c)
                         .iter()
                         .map(|&t| {
                             let [a, b, c] = scene.corners(t);
-                            let facing = crate::math::triangle_normal(a, b, c).dot(AXES[axis]).abs();
-                            f64::from(facing) * crate::math::triangle_area(a, b, c)
+                            let facing = crate::math::triangle_normal(a, b, c).dot(*view).abs();
+                            let sides = f64::from(scene.triangle_sides[t as usize]);
+                            0.5 * sides * f64::from(facing) * crate::math::triangle_area(a, b, c)
                         })
                         .sum();
                     let e = cluster.bounds.thickened().extent();
-                    let front = Vec3::new(e.y * e.z, e.z * e.x, e.x * e.y).dot(AXES[axis].abs());
+                    let front = Vec3::new(e.y * e.z, e.z * e.x, e.x * e.y).dot(view.abs());
                     let edge_on = shown < 0.1 * f64::from(front);
                     assert!(feature > 0.0 || edge_on, "{} of the front: {place}", shown / f64::from(front));
                 }

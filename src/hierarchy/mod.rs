@@ -9,9 +9,9 @@ mod check;
 mod draft;
 mod grids;
 mod large;
-mod tree;
 #[cfg(test)]
 mod tests;
+mod tree;
 
 pub use tree::{Cluster, Tree};
 
@@ -91,14 +91,18 @@ fn by_objects(scene: &Scene, boxes: &[Aabb], mut triangles: Vec<u32>) -> Draft {
         part.iter().fold(Aabb::EMPTY, |b, &t| b.union(boxes[t as usize])).extent().max_element() > spread
     };
     let mut loose: Vec<u32> = Vec::new();
-    for object in triangles.chunk_by(|&a, &b| scene.triangle_object[a as usize] == scene.triangle_object[b as usize]) {
+    for object in
+        triangles.chunk_by(|&a, &b| scene.triangle_object[a as usize] == scene.triangle_object[b as usize])
+    {
         if !is_spread(object) {
             parts.push(object.to_vec());
             continue;
         }
         let mut object = object.to_vec();
         object.par_sort_by_key(|&t| (scene.triangle_component[t as usize], t));
-        for part in object.chunk_by(|&a, &b| scene.triangle_component[a as usize] == scene.triangle_component[b as usize]) {
+        for part in object
+            .chunk_by(|&a, &b| scene.triangle_component[a as usize] == scene.triangle_component[b as usize])
+        {
             if is_spread(part) || part.len() <= LARGE_OBJECT {
                 loose.extend_from_slice(part);
             } else {

@@ -105,7 +105,8 @@ impl Tree {
                     Member::Cluster(_) => None,
                 }));
             }
-            self.clusters[c as usize].triangles = self.order.len() as u32 - self.clusters[c as usize].first_triangle;
+            self.clusters[c as usize].triangles =
+                self.order.len() as u32 - self.clusters[c as usize].first_triangle;
             stack.extend(cluster.child_range().rev().map(|i| i as u32));
         }
         for c in (1..self.clusters.len()).rev() {

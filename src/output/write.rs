@@ -1,11 +1,12 @@
 //! Writing files whole or not at all.
 
-use std::io::{Cursor, Write};
+use std::io::Cursor;
 use std::path::Path;
 
 use image::{DynamicImage, ImageFormat, Rgb32FImage};
 
 use super::Picture;
+use crate::files::WholeFile;
 use crate::metrics::Image;
 use crate::{Error, Result};
 
@@ -15,23 +16,7 @@ use crate::{Error, Result};
 /// [`Error::Io`] with `path` when the folder is missing or not writable, or the disk is full; `path` is then as it
 /// was before.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
-    let folder = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".mrvis-");
-    // As any program would create it: readable by others if the umask lets them.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let write = || -> std::io::Result<()> {
-        let mut file = builder.tempfile_in(folder)?;
-        file.write_all(bytes)?;
-        file.flush()?;
-        file.persist(path).map_err(|e| e.error)?;
-        Ok(())
-    };
-    write().map_err(|e| Error::io(path, e))
+    WholeFile::write(path, bytes)
 }
 
 /// The image as an OpenEXR file of 32-bit floats: three equal channels R, G, B, values unchanged. The texel size is

@@ -96,7 +96,7 @@ fn clean(path: &Path, text: &str) -> Result<String> {
             let values: Option<Vec<f64>> =
                 words.map(|w| w.parse().ok().filter(|v: &f64| v.is_finite() && v.abs() < 1e30)).collect();
             values.filter(|v| !v.is_empty()).ok_or_else(|| {
-                Error::format(path, Some(i + 1), format!("`{}` is not a finite number", shorten(rest)))
+                Error::format(path, Some(i + 1), format!("`{}` is not a finite number", shorten(rest, 40)))
             })
         };
         // Writing to a string cannot fail.
@@ -133,8 +133,8 @@ fn clean(path: &Path, text: &str) -> Result<String> {
 }
 
 /// A piece of a file that is short enough for a message.
-pub(super) fn shorten(text: &str) -> String {
-    let mut short: String = text.chars().filter(|c| !c.is_control()).take(40).collect();
+pub(super) fn shorten(text: &str, limit: usize) -> String {
+    let mut short: String = text.chars().filter(|c| !c.is_control()).take(limit).collect();
     if short.len() < text.len() {
         short.push('…');
     }

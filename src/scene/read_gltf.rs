@@ -27,8 +27,15 @@ pub(super) fn read(path: &Path) -> Result<Soup> {
             ));
         }
     }
-    let Gltf { document, mut blob } =
-        Gltf::from_slice(&bytes).map_err(|e| wrong(format!("not a usable glTF file: {e}")))?;
+    let unusable = |e: gltf::Error| wrong(format!("not a usable glTF file: {e}"));
+    let Gltf { document, mut blob } = Gltf::from_slice_without_validation(&bytes).map_err(unusable)?;
+    // The crate's validation panics on a mesh whose accessor does not exist: that is looked for first.
+    let json = document.into_json();
+    let primitives = json.meshes.iter().flat_map(|m| &m.primitives);
+    if primitives.flat_map(|p| p.attributes.values()).any(|a| a.value() >= json.accessors.len()) {
+        return Err(wrong("a mesh refers to an accessor that does not exist".into()));
+    }
+    let document = gltf::Document::from_json(json).map_err(unusable)?;
     let mut buffers = Vec::new();
     for buffer in document.buffers() {
         let data = match buffer.source() {
@@ -52,7 +59,7 @@ fn resource(path: &Path, uri: &str) -> Result<Vec<u8>, String> {
         return STANDARD.decode(encoded).map_err(|e| format!("a data URI that is damaged: {e}"));
     }
     if uri.contains(':') {
-        return Err(format!("`{}`: only files beside the scene are read", super::mtl::shorten(uri)));
+        return Err(format!("`{}`: only files beside the scene are read", super::mtl::shorten(uri, 40)));
     }
     let file = path.with_file_name("").join(percent_decoded(uri));
     std::fs::read(&file).map_err(|e| format!("{}: {e}", file.display()))

@@ -170,7 +170,7 @@ impl<'a, R: BufRead> Lines<'a, R> {
         let mut words = uncommented(rest);
         let mut keep: Vec<&str> = words.by_ref().take(3).collect();
         if keep.len() < 3 {
-            return Err(self.wrong(format!("`v {}`: a vertex has three coordinates", shorten(rest))));
+            return Err(self.wrong(format!("`v {}`: a vertex has three coordinates", shorten(rest, 40))));
         }
         // One more number is the weight w, three or four are a colour, which does not matter here.
         let more: Vec<&str> = words.take(2).collect();
@@ -179,13 +179,14 @@ impl<'a, R: BufRead> Lines<'a, R> {
         }
         let mut xyzw = [1.0f64; 4];
         for (value, word) in xyzw.iter_mut().zip(&keep) {
-            *value = word.parse().map_err(|_| self.wrong(format!("`{}` is not a number", shorten(word))))?;
+            *value =
+                word.parse().map_err(|_| self.wrong(format!("`{}` is not a number", shorten(word, 40))))?;
         }
         for c in &xyzw[..3] {
             let c = c / xyzw[3];
             if !c.is_finite() || c.abs() > MAX_COORDINATE {
                 let what = format!("the coordinate {c} is not finite or beyond ±{MAX_COORDINATE:e}");
-                return Err(self.wrong(format!("{what}; mend the vertex `v {}`", shorten(rest))));
+                return Err(self.wrong(format!("{what}; mend the vertex `v {}`", shorten(rest, 40))));
             }
         }
         self.vertices += 1;
@@ -241,7 +242,10 @@ impl<'a, R: BufRead> Lines<'a, R> {
 
     fn vertex_number(&mut self, text: &str, word: &str) -> Result<usize> {
         let number: i64 = text.parse().map_err(|_| {
-            self.wrong(format!("`{}` is not a corner of a face (write v, v/vt or v/vt/vn)", shorten(word)))
+            self.wrong(format!(
+                "`{}` is not a corner of a face (write v, v/vt or v/vt/vn)",
+                shorten(word, 40)
+            ))
         })?;
         let absolute = if number < 0 { self.vertices as i64 + 1 + number } else { number };
         if absolute < 1 || absolute > i64::from(u32::MAX) {

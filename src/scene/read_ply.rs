@@ -1,11 +1,11 @@
 //! PLY, text and binary, through `ply-rs-bw`: `vertex` (x, y, z) and `face` (`vertex_indices`); colours and all
 //! else are skipped.
 
-use super::{MAX_COORDINATE, Soup, SoupMaterial};
+use super::{MAX_COORDINATE, Soup, SoupMaterial, mtl::shorten};
 use crate::{Error, Result};
 use glam::DVec3;
 use ply_rs_bw::{
-    parser::{Parser, Reader},
+    parser::{ParseError, Parser, Reader},
     ply::{ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult},
 };
 use std::path::Path;
@@ -61,9 +61,11 @@ impl File<'_> {
         read.map_err(|e| self.wrong(&e))
     }
 
-    fn wrong(&self, error: &dyn std::fmt::Display) -> Error {
-        let text = error.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
-        Error::format(self.path, None, format!("not a usable PLY file: {text}"))
+    fn wrong(&self, error: &ParseError) -> Error {
+        // The parser quotes the whole line, which may be long and of any bytes.
+        let text = error.to_string();
+        let what = shorten(&text.split_whitespace().collect::<Vec<_>>().join(" "), 120);
+        Error::format(self.path, error.line(), format!("not a usable PLY file: {what}"))
     }
 }
 

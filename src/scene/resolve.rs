@@ -124,6 +124,9 @@ fn origin(soup: &Soup) -> Result<DVec3> {
         return Err(empty(soup, &Repairs::default()));
     }
     let extent = (max - min).max_element();
+    if extent == 0.0 {
+        return Err(empty(soup, &Repairs { zero_area_faces: soup.ends.len(), ..Repairs::default() }));
+    }
     if extent < MIN_EXTENT {
         let what = format!("all vertices lie within {extent:e} units; scale the scene up");
         return Err(Error::format(&soup.path, None, what));

@@ -25,8 +25,8 @@ pub(super) const RELATIVE_AREA: f64 = 1e-7;
 const AREA_AGREES: f64 = 1e-6;
 /// Corners from which on crossings are looked for first: ear clipping's last resort takes cubic time.
 const LARGE: usize = 256;
-/// Edge pairs after which the search gives up, so that no file can make it hang (about a second).
-const MAX_PAIRS: usize = 200_000_000;
+/// Edge pairs after which the search gives up, so that no file can make it hang.
+const MAX_PAIRS: usize = 20_000_000;
 
 /// Triangulates polygons one after the other and reuses its buffers.
 pub(super) struct Triangulator {

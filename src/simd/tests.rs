@@ -113,7 +113,7 @@ fn every_instruction_set_computes_the_same_bits() {
     let mut random = Pcg64Mcg::new(7);
     for round in 0..4000 {
         let a = std::array::from_fn(|_| value(&mut random));
-        let b = std::array::from_fn(|i| if random.next_u32() % 8 == 0 { a[i] } else { value(&mut random) });
+        let b = std::array::from_fn(|i| if random.next_u32().is_multiple_of(8) { a[i] } else { value(&mut random) });
         let half = std::array::from_fn(|_| random.next_u32() as u16);
         let mask = random.next_u32() & 0xffff;
         let run = |isa| dispatch(isa, EveryOperation { a, b, half, mask });

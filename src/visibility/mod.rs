@@ -96,5 +96,6 @@ fn wilson(mean: f32, n: f32) -> (f32, f32) {
     let centre = mean + z2 / (2.0 * n);
     let half = 1.96 * (mean * (1.0 - mean) / n + z2 / (4.0 * n * n)).max(0.0).sqrt();
     let scale = 1.0 / (1.0 + z2 / n);
-    (((centre - half) * scale).max(0.0), ((centre + half) * scale).min(1.0))
+    // Rounding must not leave the mean outside.
+    (((centre - half) * scale).clamp(0.0, mean), ((centre + half) * scale).clamp(mean, 1.0))
 }

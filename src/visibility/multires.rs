@@ -15,7 +15,7 @@
 use super::reference;
 use super::shaft::Shaft;
 use super::wide::{Block, LEAF, WideTree};
-use super::{Answer, Bundle, Cost, Method, wilson};
+use super::{Answer, Bundle, Cost, Exact, Method, wilson};
 use crate::characterise::{AxisMix, Traits};
 use crate::embree::{CommittedScene, Traversal};
 use crate::hierarchy::Hierarchy;
@@ -143,6 +143,14 @@ impl<'a> MultiResolution<'a> {
         Answer { transmittance: sum.transmittance / n, lo, hi, method, cost }
     }
 
+    /// The visible fraction of a bundle by exact rays: for bundles where [`MultiResolution::pays`] says no.
+    pub fn hand_over(&self, bundle: Bundle, workspace: &mut Workspace) -> Answer {
+        let exact = Exact { scene: self.exact, traversal: self.traversal };
+        let mut answer = exact.answer(bundle, &mut workspace.blocked);
+        answer.cost.handed_over = answer.cost.segments;
+        answer
+    }
+
     /// Whether this engine is likely to take less time than exact rays for bundles like these.
     ///
     /// Counts work instead of measuring time, so that the same question has the same answer on every run: what the
@@ -162,7 +170,14 @@ impl<'a> MultiResolution<'a> {
         own < EMBREE_SHARE * exact
     }
 
-    fn packets(&self, packets: &[Packet], e: f32, s: f32, workspace: &mut Workspace, cost: &mut Cost) -> Totals {
+    fn packets(
+        &self,
+        packets: &[Packet],
+        e: f32,
+        s: f32,
+        workspace: &mut Workspace,
+        cost: &mut Cost,
+    ) -> Totals {
         let limit = match self.leaf {
             Leaf::Exact => WORK_LIMIT * (packets.len() as u32 + 1),
             // No rays, whatever it takes.
@@ -276,8 +291,14 @@ impl Kernel for Walk<'_, '_> {
         let probe = &packets[0];
         let shaft = Shaft::of(simd, packets, engine.magnitude);
         let mix = AxisMix::around(shaft.direction());
-        let mut walked =
-            Walked { aggregated: 0, tested: false, nodes: 0, work: 0, gave_up: false, totals: Totals::default() };
+        let mut walked = Walked {
+            aggregated: 0,
+            tested: false,
+            nodes: 0,
+            work: 0,
+            gave_up: false,
+            totals: Totals::default(),
+        };
         let segments = Segments::of(simd, probe);
         let alive = simd.mask(probe.active);
         let (mut depth, mut deepest) = (simd.splat(0.0), simd.splat(0.0));

@@ -48,7 +48,10 @@ impl Shaft {
         }
         let shared = simd.bits(apart) == 0;
         let corners = |ends: [(S::F, S::F); 3]| {
-            [Vec3::from(ends.map(|(lo, _)| simd.least(lo))), Vec3::from(ends.map(|(_, hi)| simd.greatest(hi)))]
+            [
+                Vec3::from(ends.map(|(lo, _)| simd.least(lo))),
+                Vec3::from(ends.map(|(_, hi)| simd.greatest(hi))),
+            ]
         };
         let bounds = [if shared { [apex, apex] } else { corners(lanes[0]) }, corners(lanes[1])];
         let slack = 4e-7 * magnitude;
@@ -83,7 +86,8 @@ impl Shaft {
         for packet in packets {
             let (_, direction) = filled(simd, packet);
             let along = |n: Vec3| {
-                let xy = simd.add(simd.mul(simd.splat(n.x), direction[0]), simd.mul(simd.splat(n.y), direction[1]));
+                let xy = simd
+                    .add(simd.mul(simd.splat(n.x), direction[0]), simd.mul(simd.splat(n.y), direction[1]));
                 simd.add(xy, simd.mul(simd.splat(n.z), direction[2]))
             };
             let forward = along(w);
@@ -176,7 +180,8 @@ impl Shaft {
         for plane in 0..self.planes {
             let n = self.normals[plane];
             let a = simd.sub(along(n, &corner), simd.splat(self.offsets[plane]));
-            let nearest = simd.add(a, simd.min(simd.min(along(n, &edge1), along(n, &edge2)), simd.splat(0.0)));
+            let nearest =
+                simd.add(a, simd.min(simd.min(along(n, &edge1), along(n, &edge2)), simd.splat(0.0)));
             outside = simd.or(outside, simd.lt(simd.splat(0.0), nearest));
         }
         // Both boxes of ends against the triangle's plane, its normal not normalised.

@@ -701,7 +701,10 @@ fn intervals_hold_their_answers() {
                             / n as f32;
                     }
                     // Larger bundles read optical depths off their first packet.
-                    assert!(packets.len() > 1 || (mean - answer.transmittance).abs() < 1e-5, "{mean}: {answer:?}");
+                    assert!(
+                        packets.len() > 1 || (mean - answer.transmittance).abs() < 1e-5,
+                        "{mean}: {answer:?}"
+                    );
                     match answer.method {
                         Method::Clear => assert!(answer.transmittance == 1.0 && answer.cost.exact_rays == 0),
                         Method::Exact => assert!(answer.cost.aggregated == 0 && answer.cost.exact_rays > 0),
@@ -768,16 +771,16 @@ fn extreme_scenes_are_answered_as_embree_does() {
                 let tiny = 1e-6 * stage.size();
                 let fast = engine.transmittances(&packet, tiny, tiny, &mut workspace);
                 let exact = stage.exact(&packet);
-                for lane in 0..LANES {
+                for (lane, &fast) in fast.iter().enumerate() {
                     let Segment { origin, direction, near, far } = segment(&packet, lane);
-                    let agree = (fast[lane] == 0.0) == (exact >> lane & 1 == 1);
+                    let agree = (fast == 0.0) == (exact >> lane & 1 == 1);
                     let verdict = brute.verdict(origin, direction, near, far, 1e-5);
                     assert!(
                         agree || verdict == Verdict::Marginal,
                         "{origin} {direction}: {} {verdict:?}",
-                        fast[lane]
+                        fast
                     );
-                    *if fast[lane] == 0.0 { &mut blocked } else { &mut clear } += 1;
+                    *if fast == 0.0 { &mut blocked } else { &mut clear } += 1;
                 }
             }
             assert!(clear > 0 && (blocked > 0 || stage.size() > 10.0), "{clear} clear, {blocked} blocked");

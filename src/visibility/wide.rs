@@ -105,7 +105,15 @@ impl WideTree {
     }
 
     /// Puts a cluster into a lane of a node; without traits it is never aggregated.
-    fn place(&mut self, node: usize, lane: usize, tree: &Tree, cluster: usize, traits: Option<&[Traits]>, reference: u32) {
+    fn place(
+        &mut self,
+        node: usize,
+        lane: usize,
+        tree: &Tree,
+        cluster: usize,
+        traits: Option<&[Traits]>,
+        reference: u32,
+    ) {
         let bounds = tree.clusters[cluster].bounds.thickened();
         let target = &mut self.nodes[node];
         for axis in 0..3 {
@@ -128,7 +136,9 @@ impl WideTree {
 
     /// Bytes of all arrays.
     pub fn bytes(&self) -> usize {
-        size_of_val(self.nodes.as_slice()) + size_of_val(self.traits.as_slice()) + size_of_val(self.blocks.as_slice())
+        size_of_val(self.nodes.as_slice())
+            + size_of_val(self.traits.as_slice())
+            + size_of_val(self.blocks.as_slice())
     }
 }
 

@@ -1,7 +1,12 @@
 //! Tests of the room as a whole: files and soups in, scenes out.
 
-use super::{generate::*, *};
-use std::{fs, path::Path};
+mod formats;
+mod generators;
+mod hostile;
+mod repairs;
+
+use super::*;
+use std::fs;
 
 /// Loads `obj` from a file in a scratch folder, beside the other files given.
 fn load_with(obj: &str, others: &[(&str, &[u8])], options: &LoadOptions) -> Result<Scene> {
@@ -67,40 +72,4 @@ fn check_consistent(s: &Scene) {
         assert!(e.area > 0.0 && e.min_width >= 0.0 && e.normal.length() < 1.0001, "{e:?}");
         assert!(e.triangles.iter().all(|&t| s.triangle_emitter[t as usize] == i as u32));
     }
-}
-
-#[test]
-fn generators_make_consistent_scenes() {
-    for kind in KINDS {
-        let mut spec = Spec::new(kind.name);
-        (spec.trees, spec.leaves) = (9, 50);
-        let scene = build(&spec).expect(kind.name);
-        check_consistent(&scene);
-        assert_eq!(scene.emitters.len(), 1, "{}", kind.name);
-        assert!(scene.repairs.messages.is_empty(), "{}: {:?}", kind.name, scene.repairs.messages);
-        println!("{}: {} triangles, {:?}", kind.name, scene.triangles.len(), scene.emitters[0]);
-    }
-}
-
-#[test]
-fn written_scenes_load_as_they_were() {
-    let folder = tempfile::tempdir().expect("scratch folder");
-    for kind in KINDS {
-        let mut spec = Spec::new(kind.name);
-        (spec.trees, spec.leaves) = (4, 30);
-        let built = build(&spec).expect(kind.name);
-        let path = folder.path().join("scene.obj");
-        write_obj(&path, &soup(&spec).expect(kind.name), &["a", "b\nc"]).expect("written");
-        let loaded = Scene::load(&path, &LoadOptions { unit: kind.unit.into(), ..Default::default() })
-            .expect(kind.name);
-        check_consistent(&loaded);
-        // The file gives vertices in the order of their first use.
-        let corners = |s: &Scene| (0..s.triangles.len() as u32).map(|t| s.corners(t)).collect::<Vec<_>>();
-        assert_eq!(corners(&built), corners(&loaded), "{}", kind.name);
-        assert_eq!(built.triangle_object, loaded.triangle_object);
-        assert_eq!(built.triangle_sides, loaded.triangle_sides);
-        assert_eq!(built.triangle_reflectance, loaded.triangle_reflectance);
-        assert_eq!(format!("{:?}", built.emitters), format!("{:?}", loaded.emitters));
-    }
-    assert_eq!(fs::read_dir(folder.path()).expect("folder").count(), 2, "temporary files are left");
 }

@@ -1,0 +1,190 @@
+//! Facts about the generated scenes.
+
+use super::*;
+use crate::math::{triangle_area, triangle_normal};
+use crate::scene::generate::*;
+
+/// Faces of the object `name`.
+fn object(s: &Scene, name: &str) -> Vec<u32> {
+    s.faces_named(name).expect(name)
+}
+
+fn area_of(s: &Scene, faces: &[u32]) -> f64 {
+    faces.iter().map(|&t| s.corners(t)).map(|[a, b, c]| triangle_area(a, b, c)).sum()
+}
+
+#[test]
+fn generators_make_consistent_scenes() {
+    for kind in KINDS {
+        let mut spec = Spec::new(kind.name);
+        (spec.trees, spec.leaves) = (9, 50);
+        let scene = build(&spec).expect(kind.name);
+        check_consistent(&scene);
+        assert_eq!(scene.emitters.len(), 1, "{}", kind.name);
+        assert!(scene.repairs.messages.is_empty(), "{}: {:?}", kind.name, scene.repairs.messages);
+    }
+}
+
+#[test]
+fn written_scenes_load_as_they_were() {
+    let folder = tempfile::tempdir().expect("scratch folder");
+    for kind in KINDS {
+        let mut spec = Spec::new(kind.name);
+        (spec.trees, spec.leaves) = (4, 30);
+        let built = build(&spec).expect(kind.name);
+        let path = folder.path().join("scene.obj");
+        write_obj(&path, &soup(&spec).expect(kind.name), &["a", "b\nc"]).expect("written");
+        let loaded = Scene::load(&path, &LoadOptions { unit: kind.unit.into(), ..Default::default() })
+            .expect(kind.name);
+        check_consistent(&loaded);
+        // The file gives vertices in the order of their first use.
+        let corners = |s: &Scene| (0..s.triangles.len() as u32).map(|t| s.corners(t)).collect::<Vec<_>>();
+        assert_eq!(corners(&built), corners(&loaded), "{}", kind.name);
+        assert_eq!(built.triangle_object, loaded.triangle_object);
+        assert_eq!(built.triangle_sides, loaded.triangle_sides);
+        assert_eq!(built.triangle_reflectance, loaded.triangle_reflectance);
+        assert_eq!(format!("{:?}", built.emitters), format!("{:?}", loaded.emitters));
+    }
+    assert_eq!(fs::read_dir(folder.path()).expect("folder").count(), 2, "temporary files are left");
+}
+
+#[test]
+fn the_same_seed_makes_the_same_scene() {
+    let make = |seed| build(&Spec { seed, count: Some(20), ..Spec::new("cubes") }).expect("cubes").positions;
+    assert_eq!(make(5), make(5));
+    assert_ne!(make(5), make(6));
+}
+
+#[test]
+fn wrong_requests_are_refused() {
+    let check = |spec: Spec, want: &str| {
+        let text = build(&spec).expect_err(want).to_string();
+        assert!(text.contains(want), "{text}");
+    };
+    check(Spec::new("wood"), "no scene is called `wood`; there are cube-groups");
+    check(Spec { count: Some(0), ..Spec::new("cubes") }, "--count 0");
+    check(Spec { trees: 1 << 20, leaves: 1 << 20, ..Spec::new("forest") }, "lower --trees");
+    check(Spec { light_size: Some(f64::NAN), ..Spec::new("cubes") }, "--light-size");
+}
+
+/// Fraction of the bounding rectangle that the faces cover, seen along `axis`.
+fn coverage(s: &Scene, faces: &[u32], axis: usize) -> f64 {
+    let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+    let bounds = Aabb::of(faces.iter().flat_map(|&t| s.corners(t)));
+    let n = 96;
+    let mut hit = vec![false; n * n];
+    for &t in faces {
+        let p = s.corners(t).map(|p| {
+            let at = |a: usize| f64::from((p[a] - bounds.min[a]) / bounds.extent()[a]) * n as f64;
+            [at(u), at(v)]
+        });
+        let (lo, hi) =
+            (|a: usize| p[0][a].min(p[1][a]).min(p[2][a]), |a: usize| p[0][a].max(p[1][a]).max(p[2][a]));
+        for y in lo(1) as usize..=(hi(1) as usize).min(n - 1) {
+            for x in lo(0) as usize..=(hi(0) as usize).min(n - 1) {
+                let q = [x as f64 + 0.5, y as f64 + 0.5];
+                let side =
+                    |a: [f64; 2], b: [f64; 2]| (b[0] - a[0]) * (q[1] - a[1]) - (b[1] - a[1]) * (q[0] - a[0]);
+                let w = [side(p[0], p[1]), side(p[1], p[2]), side(p[2], p[0])];
+                hit[y * n + x] |= w.iter().all(|&w| w >= 0.0) || w.iter().all(|&w| w <= 0.0);
+            }
+        }
+    }
+    hit.iter().filter(|&&h| h).count() as f64 / hit.len() as f64
+}
+
+#[test]
+fn cube_groups_cover_the_same() {
+    for seed in [1, 2, 77] {
+        let s = build(&Spec { seed, ..Spec::new("cube-groups") }).expect("groups");
+        let mut cubes = Vec::new();
+        for i in 1..=4 {
+            let faces = object(&s, &format!("group {i}"));
+            assert_eq!(faces.len() % 12, 0);
+            cubes.push(faces.len() / 12);
+            let covered = coverage(&s, &faces, 1);
+            // Of the group's 2 by 2 m front, of which the cubes leave a margin free.
+            let b = Aabb::of(faces.iter().flat_map(|&t| s.corners(t))).extent();
+            let covered = covered * f64::from(b.x * b.z) / 4.0;
+            assert!((covered - 0.43).abs() < 0.025, "seed {seed}, group {i}: {covered}");
+        }
+        assert!(cubes.is_sorted_by(|a, b| a > b), "fewer and larger to the right: {cubes:?}");
+        assert_eq!(s.closed_parts, cubes.iter().sum::<usize>(), "cubes do not touch");
+        assert_eq!(s.sheet_parts, 2);
+    }
+}
+
+#[test]
+fn crowns_have_the_stated_optical_depth() {
+    // Whatever the number of leaves: vertical lines near the axis of a crown meet 1.5 leaves on average.
+    for leaves in [300, 3000] {
+        let s = build(&Spec { trees: 16, leaves, ..Spec::new("forest") }).expect("forest");
+        assert_eq!(s.triangles.len(), 4 + 16 * 2 * leaves);
+        assert_eq!((s.closed_parts, s.sheet_parts), (0, 2 + 16 * leaves));
+        let (mut met, mut lines) = (0, 0);
+        for i in 1..=16 {
+            let faces = object(&s, &format!("tree {i}"));
+            let b = Aabb::of(faces.iter().flat_map(|&t| s.corners(t)));
+            let (c, r) = (b.center(), 0.25 * b.extent().x);
+            for k in 0..100 {
+                // A spiral over the middle quarter of the disc.
+                let (sin, cos) = (2.4 * k as f32).sin_cos();
+                let q = c + r * 0.5 * (k as f32 / 100.0).sqrt() * Vec3::new(cos, sin, 0.0);
+                lines += 1;
+                met += faces
+                    .iter()
+                    .filter(|&&t| {
+                        let p = s.corners(t);
+                        let side = |a: Vec3, b: Vec3| (b - a).truncate().perp_dot((q - a).truncate());
+                        let w = [side(p[0], p[1]), side(p[1], p[2]), side(p[2], p[0])];
+                        w.iter().all(|&w| w >= 0.0) || w.iter().all(|&w| w <= 0.0)
+                    })
+                    .count();
+            }
+        }
+        // Chords that far out are shorter by up to 3 % than the longest.
+        let depth = met as f64 / lines as f64;
+        assert!((depth - 1.48).abs() < 0.12, "{leaves} leaves: {depth}");
+    }
+}
+
+#[test]
+fn touching_bricks_stay_solids() {
+    let s = build(&Spec { count: Some(6), ..Spec::new("brick-wall") }).expect("wall");
+    let bricks = s.objects.iter().filter(|o| o.name.starts_with("brick")).count();
+    assert_eq!(s.closed_parts, bricks);
+    assert_eq!(s.repairs.duplicate_faces, 0);
+    assert_eq!(s.triangles.len(), 12 * bricks + 6);
+}
+
+#[test]
+fn cornell_box_is_the_measured_one() {
+    let s = build(&Spec::new("cornell")).expect("cornell");
+    assert_eq!(s.unit, "mm");
+    assert_eq!((s.closed_parts, s.sheet_parts, s.triangles.len()), (2, 1, 42));
+    let check = |name: &str, want: f64| {
+        let got = area_of(&s, &object(&s, name));
+        assert!((got - want).abs() < 1e-4 * want, "{name}: {got} instead of {want}");
+    };
+    // Trapezoids: mean of the parallel edges times the distance.
+    check("floor", 0.5 * (552.8 + 549.6) * 559.2);
+    check("back wall", 0.5 * (549.6 + 556.0) * 548.8);
+    check("right wall", 559.2 * 548.8);
+    check("light", 130.0 * 105.0);
+    check("ceiling", 556.0 * 559.2 - 130.0 * 105.0);
+    let light = &s.emitters[0];
+    assert_eq!((light.normal, light.min_width), (Vec3::NEG_Y, 105.0));
+    let middle = Vec3::new(278.0, 274.0, 280.0);
+    for name in
+        ["floor", "back wall", "right wall", "left wall", "ceiling", "light", "short block", "tall block"]
+    {
+        let faces = object(&s, name);
+        let inside = Aabb::of(faces.iter().flat_map(|&t| s.corners(t))).center();
+        for &t in &faces {
+            let [a, b, c] = s.corners(t);
+            let n = triangle_normal(a, b, c);
+            let good = if name.ends_with("block") { n.dot(a - inside) } else { n.dot(middle - a) };
+            assert!(good > 0.0, "{name} shows its back");
+        }
+    }
+}

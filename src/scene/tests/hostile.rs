@@ -1,0 +1,139 @@
+//! Files that mean harm: an answer or a clean error, soon, and never a panic.
+
+use super::{
+    formats::{binary_ply, glb, load_bytes},
+    *,
+};
+use proptest::prelude::*;
+use std::time::Instant;
+
+/// Loads, and checks what an answer promises.
+fn survives(extension: &str, bytes: &[u8]) {
+    match load_bytes(extension, bytes) {
+        Ok(scene) => check_consistent(&scene),
+        Err(error) => {
+            let text = error.to_string();
+            assert!(!text.contains('\n') && !text.is_empty(), "{text:?}");
+        }
+    }
+}
+
+const OBJ: &str = "mtllib a.mtl\no chair\nv 0 0 0\nv 1 0 0.5\nv 1 1 0\nv 0 1 0 1 0 0\nvt 0 0\nvt 1 1\nvn 0 0 1\n\
+    usemtl wood\nf 1/1/1 2/2/1 3/1/1 4\ng seat\nf -1 -2 -3\nf 1 2 4 # x\nf 4 2 \\\n 3\nl 1 2 3\n";
+
+/// Replaces, inserts and removes bytes at the given places.
+fn mutate(mut bytes: Vec<u8>, edits: &[(usize, u8, u8)]) -> Vec<u8> {
+    for &(place, byte, kind) in edits {
+        let at = place % bytes.len().max(1);
+        match kind % 4 {
+            0 if !bytes.is_empty() => bytes[at] = byte,
+            1 => bytes.insert(at, byte),
+            2 if !bytes.is_empty() => drop(bytes.remove(at)),
+            3 => bytes.truncate(bytes.len() - at % 8),
+            _ => {}
+        }
+    }
+    bytes
+}
+
+fn edits() -> impl Strategy<Value = Vec<(usize, u8, u8)>> {
+    // Digits, signs and blanks do more harm than random bytes.
+    let byte = prop_oneof![any::<u8>(), proptest::sample::select(b"0123456789-+.e/ \n\\#nafv".to_vec())];
+    prop::collection::vec((any::<usize>(), byte, any::<u8>()), 1..6)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn random_bytes(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+        for extension in ["obj", "ply", "glb", "gltf"] {
+            survives(extension, &bytes);
+        }
+    }
+
+    #[test]
+    fn mutated_obj(edits in edits()) {
+        survives("obj", &mutate(OBJ.into(), &edits));
+    }
+
+    #[test]
+    fn mutated_ply(edits in edits()) {
+        survives("ply", &mutate(binary_ply(), &edits));
+    }
+
+    #[test]
+    fn mutated_glb(edits in edits()) {
+        survives("glb", &mutate(glb(|j| j), &edits));
+    }
+
+    #[test]
+    fn mutated_gltf_json(edits in edits()) {
+        let keep = |j: String| String::from_utf8_lossy(&mutate(j.into_bytes(), &edits)).into_owned();
+        survives("glb", &glb(keep));
+    }
+
+    #[test]
+    fn random_polygons(corners in prop::collection::vec([-3i8..4, -3i8..4, -1i8..2], 3..14)) {
+        // Small integers: repeated, collinear and crossing corners all the time.
+        let mut obj: String = corners.iter().map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
+        obj += "f";
+        (1..=corners.len()).for_each(|i| obj += &format!(" {i}"));
+        survives("obj", obj.as_bytes());
+    }
+}
+
+#[test]
+fn mtl_of_any_bytes() {
+    let obj = "mtllib a.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    for mtl in [
+        "Kd",
+        "newmtl",
+        "newmtl a\nKd",
+        "newmtl a\nmap_Kd",
+        "newmtl a\nmap_Kd a.mtl",
+        "newmtl a\nmap_Kd .",
+        "d",
+        "newmtl a\nTr x",
+        "newmtl a\nKd 1e39 0 0",
+        "illum 999",
+        "newmtl a\nmap_Kd -s",
+        "\0\u{1}",
+        "newmtl a\nd -1",
+    ] {
+        let _ = load_with(obj, &[("a.mtl", mtl.as_bytes())], &LoadOptions::default());
+    }
+}
+
+#[test]
+fn a_face_of_a_million_corners() {
+    let n = 1_000_000;
+    let start = Instant::now();
+    // Convex.
+    let circle = |r: &dyn Fn(usize) -> f64| {
+        let mut obj = String::new();
+        for i in 0..n {
+            let (sin, cos) = (i as f64 / n as f64 * std::f64::consts::TAU).sin_cos();
+            obj += &format!("v {} {} 0\n", 1e4 * r(i) * cos, 1e4 * r(i) * sin);
+        }
+        obj += "f";
+        (1..=n).for_each(|i| obj += &format!(" {i}"));
+        obj
+    };
+    let s = load(&circle(&|_| 1.0)).expect("a circle");
+    assert!((area(&s) / 3.14159265e8 - 1.0).abs() < 1e-3, "{}", area(&s));
+    // A star that crosses itself everywhere.
+    let _ = load(&circle(&|i| ((i * 7919) % 1000) as f64 / 1000.0 - 0.5));
+    assert!(start.elapsed().as_secs() < 60, "{:?}", start.elapsed());
+}
+
+#[test]
+fn one_edge_of_very_many_faces() {
+    let n = 50_000;
+    let mut obj = String::from("v 0 0 0\nv 0 0 1\n");
+    for i in 0..n {
+        obj += &format!("v 1 {i} 0\no {}\nf 1 2 {}\n", i % 1000, i + 3);
+    }
+    let s = load(&obj).expect("a fan of pages");
+    assert_eq!((s.closed_parts, s.triangles.len()), (0, n));
+}
