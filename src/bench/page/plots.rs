@@ -14,7 +14,7 @@ pub(super) fn error_against_time(record: &Record) -> Result<Markup> {
     let exact = record.exact.iter().map(|row| Point { x: row.seconds, y: row.rms, label: rays(row.rays) });
     let mut series = vec![Series { name: "exact".into(), points: exact.collect(), line: true }];
     for row in &record.mr {
-        let name = format!("multi-resolution, {} segments", row.rays);
+        let name = format!("multi-res., {} segments", row.rays);
         let label = format!("s = {}", length(row.feature_size, &record.unit));
         let point = Point { x: row.seconds, y: row.rms, label };
         match series.iter_mut().find(|s| s.name == name) {
