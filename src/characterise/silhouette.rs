@@ -141,7 +141,7 @@ impl Measure {
         if self.hull.count() < THINNEST * size.max_element() as usize {
             // Seen on its edge, thinner than the raster: nothing can be said but that it may block all it covers,
             // and that only a beam wider than the whole averages it. Opaque is e^-7 on the mean path V / front.
-            let grain = size.as_vec2().max_element() * pixel;
+            let grain = bounds.diagonal();
             let e = bounds.extent();
             let front = Vec3::new(e.y * e.z, e.z * e.x, e.x * e.y).dot(AXES[axis].abs());
             let opaque = (7.0 * f64::from(front) / bounds.volume().max(f64::MIN_POSITIVE)) as f32;
