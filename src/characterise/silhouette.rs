@@ -105,8 +105,8 @@ impl Silhouette {
     }
 }
 
-/// A projected box thinner than this many pixels is no measurement.
-const THINNEST: usize = 3;
+/// A projected box thinner than this many pixels on average is no measurement: its outline alone decides.
+const THINNEST: usize = 6;
 
 /// Pixels across the longer side: what the distance transform takes in one machine word a row. Leaves take half.
 const ACROSS: usize = 64;
