@@ -8,7 +8,7 @@ DEMO_OPTIONS ?= --points 8000 --reference-rays 512
 
 TARGET_DIR := $(or $(CARGO_TARGET_DIR),target)
 BINARY := $(TARGET_DIR)/release/mrvis
-RUST_VERSION := 1.88
+RUST_VERSION := 1.89
 
 # rustup's folder is on the PATH of a login shell, but not always on that of a script.
 export PATH := $(PATH):$(HOME)/.cargo/bin
