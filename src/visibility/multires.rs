@@ -37,9 +37,10 @@ pub enum Leaf {
 /// Work after which a bundle is handed to Embree, a packet; in units of one box against sixteen segments. A node costs
 /// two, a block of triangles four, and each triangle that cannot be ruled out two a packet.
 const WORK_LIMIT: u32 = 200;
-/// What Embree needs for a packet, as part of this engine's own work when it aggregates nothing. Measured on rooms of
-/// 300,000 triangles and forests of 200,000 and 6 million.
-const EMBREE_SHARE: f64 = 0.3;
+/// What Embree needs for a packet, as part of this engine's own work when it aggregates nothing: right for rooms of
+/// 300,000 triangles. Under wide beams in foliage that work is too large a yardstick, and the engine is kept where it
+/// takes up to twice Embree's time for few segments.
+const EMBREE_SHARE: f64 = 0.15;
 
 /// The multi-resolution engine: the wide tree and the exact scene it falls back on.
 pub struct MultiResolution<'a> {
