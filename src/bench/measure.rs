@@ -128,28 +128,39 @@ impl Timer {
         let mut result = MrRun::default();
         result.run.sections = self.chunk_by_chunk(
             chunks(pairs, rays),
-            |chunk: &mut Chunk<Answer>| {
+            |chunk: &mut Chunk<Option<Answer>>| {
                 chunk.packets.clear();
-                chunk.answers.clear();
-                chunk.answers.reserve(chunk.pairs.len());
                 for pair in chunk.pairs.clone() {
                     workload.add_bundle(scene, pair, rays, 0, &mut chunk.packets);
                 }
             },
             |chunk| {
                 let Chunk { pairs, packets, answers, workspace } = chunk;
-                for (packets, pair) in packets.chunks(per_pair).zip(pairs.clone()) {
-                    let emitter_size = workload.pairs[pair].emitter_size;
-                    let bundle = Bundle { packets, emitter_size };
-                    answers.push(if pays {
-                        engine.answer(bundle, s, workspace)
-                    } else {
-                        engine.hand_over(bundle, workspace)
+                let bundle = |pair: usize| {
+                    let first = (pair - pairs.start) * per_pair;
+                    Bundle {
+                        packets: &packets[first..first + per_pair],
+                        emitter_size: workload.pairs[pair].emitter_size,
+                    }
+                };
+                answers.clear();
+                if pays {
+                    // Emitter by emitter: neighbours share the upper part of their traversal.
+                    let mut order: Vec<usize> = pairs.clone().collect();
+                    order.sort_by_key(|&pair| workload.pairs[pair].emitter);
+                    let bundles: Vec<Bundle> = order.iter().map(|&pair| bundle(pair)).collect();
+                    answers.resize(bundles.len(), None);
+                    let mut next = order.iter();
+                    engine.answers(&bundles, s, workspace, |answer| {
+                        let pair = next.next().expect("an answer a bundle");
+                        answers[pair - pairs.start] = Some(answer);
                     });
+                } else {
+                    answers.extend(pairs.clone().map(|pair| Some(engine.hand_over(bundle(pair), workspace))));
                 }
             },
             |chunk| {
-                for answer in &chunk.answers {
+                for answer in chunk.answers.iter().flatten() {
                     result.run.visible.push(answer.transmittance);
                     result.intervals.push((answer.lo, answer.hi));
                     result.cost.add(answer.cost);
@@ -193,21 +204,53 @@ impl Timer {
     }
 }
 
-/// Whether the engine pays on an even sample of the whole workload's bundles.
+/// Segments of runs of neighbouring pairs, spread evenly over a workload; what a sample is to decide on.
+pub struct Sample {
+    packets: Vec<Packet>,
+    /// Packets and emitter size of each pair, run by run.
+    runs: Vec<Vec<(Range<usize>, f32)>>,
+}
+
+impl Sample {
+    /// Runs and pairs of each.
+    const SHAPE: (usize, usize) = (16, 16);
+
+    /// `rays` segments of each pair.
+    pub fn of(scene: &Scene, workload: &Workload, rays: usize) -> Sample {
+        let mut sample = Sample { packets: Vec::new(), runs: Vec::new() };
+        let pairs = workload.pairs.len();
+        let length = (Self::SHAPE.1 * scene.emitters.len()).min(pairs);
+        for k in 0..Self::SHAPE.0.min(pairs / length.max(1)) {
+            let first = (pairs - length) * k / Self::SHAPE.0;
+            let range = first..first + length;
+            // The run is that of one emitter, as the engine is asked.
+            let emitter = workload.pairs[first].emitter;
+            let mut run = Vec::new();
+            for pair in range.filter(|&pair| workload.pairs[pair].emitter == emitter) {
+                let first = sample.packets.len();
+                workload.add_bundle(scene, pair, rays, 0, &mut sample.packets);
+                run.push((first..sample.packets.len(), workload.pairs[pair].emitter_size));
+            }
+            sample.runs.push(run);
+        }
+        sample
+    }
+
+    /// The bundles, run by run.
+    pub fn bundles(&self) -> Vec<Vec<Bundle<'_>>> {
+        let bundle = |(range, emitter_size): &(Range<usize>, f32)| Bundle {
+            packets: &self.packets[range.clone()],
+            emitter_size: *emitter_size,
+        };
+        self.runs.iter().map(|run| run.iter().map(bundle).collect()).collect()
+    }
+}
+
+/// Whether the engine pays on a sample of the workload.
 fn pays(scene: &Scene, workload: &Workload, engine: &MultiResolution, s: f32, rays: usize) -> bool {
-    const SAMPLE: usize = 256;
-    let step = workload.pairs.len().div_ceil(SAMPLE).max(1);
-    let sample: Vec<(Vec<Packet>, f32)> = (0..workload.pairs.len())
-        .step_by(step)
-        .map(|pair| {
-            let mut packets = Vec::new();
-            workload.add_bundle(scene, pair, rays, 0, &mut packets);
-            (packets, workload.pairs[pair].emitter_size)
-        })
-        .collect();
-    let bundles: Vec<Bundle> =
-        sample.iter().map(|(packets, e)| Bundle { packets, emitter_size: *e }).collect();
-    engine.pays(&bundles, s, &mut Workspace::default())
+    let sample = Sample::of(scene, workload, rays);
+    let runs = sample.bundles();
+    engine.pays(runs.iter().map(Vec::as_slice), s, &mut Workspace::default())
 }
 
 /// Clear part of `count` lanes from lane `first` of packets without gaps.

@@ -1,6 +1,6 @@
 //! One run from a scene to a record and images.
 
-use super::measure::{MrRun, Reference, Run, Timer};
+use super::measure::{MrRun, Reference, Run, Sample, Timer};
 use super::page::ReceiverImages;
 use super::receivers::{self, Receiver};
 use super::record::{self, ExactRow, MrRow, ReceiverFbem, Record, SceneFacts, interpolate_log_log};
@@ -12,7 +12,7 @@ use crate::hierarchy::{self, Hierarchy};
 use crate::metrics::{FbemOptions, Image, fbem, norms};
 use crate::ray::Packet;
 use crate::scene::Scene;
-use crate::visibility::{Exact, Leaf, MultiResolution, fastest_traversal};
+use crate::visibility::{Exact, Leaf, MultiResolution, Workspace, fastest_traversal};
 use crate::{Error, Result};
 use std::time::Instant;
 
@@ -199,7 +199,9 @@ pub fn run(
         Bench { scene, options, timer, traced: &traced, width: device.native_width(), sizes, progress };
     let engine = |workload: &Workload| {
         let traversal = bench.traversal(workload, options.rays);
-        MultiResolution::new(scene, &hierarchy, &traits, &traced, traversal, Leaf::Exact)
+        let engine = MultiResolution::new(scene, &hierarchy, &traits, &traced, traversal, Leaf::Exact);
+        let sample = Sample::of(scene, workload, options.rays);
+        engine.with_budget(&sample.bundles().concat(), &mut Workspace::default())
     };
     let mr = engine(&workload);
     build.hierarchy_bytes =

@@ -23,7 +23,7 @@ pub(super) struct Cells {
     /// Pixels of the projected box, and of them the free ones.
     inside: Vec<f32>,
     free: Vec<f32>,
-    /// Length of the view line through the box at the cell's centre.
+    /// Length of the view line through the box at the cell's centre, times the relative density there.
     path: Vec<f32>,
     residual: Vec<f32>,
 }
@@ -33,9 +33,8 @@ impl Cells {
     /// position of pixel (0, 0) projected, with `u` and `v` one pixel wide.
     pub fn fill(
         &mut self,
-        hull: &BitImage,
-        gaps: &BitImage,
-        bounds: Aabb,
+        (hull, gaps): (&BitImage, &BitImage),
+        (bounds, slope): (Aabb, Vec3),
         view: Vec3,
         (origin, u, v): (Vec3, Vec3, Vec3),
     ) {
@@ -65,7 +64,10 @@ impl Cells {
                 let path_at = |at: Vec2| {
                     let p = origin + at.x * u + at.y * v;
                     let (a, b) = ((bounds.min - p) * inverse, (bounds.max - p) * inverse);
-                    (a.max(b).min_element() - a.min(b).max_element()).max(0.0)
+                    let (enter, leave) = (a.min(b).max_element(), a.max(b).min_element());
+                    // Linear along the line, so its mean is that in the middle.
+                    let density = 1.0 + slope.dot(p + 0.5 * (enter + leave) * view - bounds.center());
+                    (leave - enter).max(0.0) * density.max(0.0)
                 };
                 let corner = Vec2::new((x * CELL) as f32, (y * CELL) as f32);
                 self.path.push(if n == (CELL * CELL) as f32 {

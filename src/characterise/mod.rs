@@ -15,6 +15,7 @@ use crate::hierarchy::Tree;
 use crate::math::{Aabb, triangle_area};
 use crate::raster::Morphology;
 use crate::scene::Scene;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use silhouette::{Measure, Silhouettes};
 
@@ -56,8 +57,11 @@ impl Default for Options {
 /// What one cluster does to light along each of the [`AXES`].
 #[derive(Clone, Copy, Debug)]
 pub struct Traits {
-    /// Extinction, 1/length; see [`Extinction`].
+    /// Extinction in the middle of the box, 1/length; see [`Extinction`].
     pub extinction: [f32; AXIS_COUNT],
+    /// How extinction changes across the box, 1/length: at an offset x from its middle it is
+    /// `max(0, 1 + slope · x)` times [`Traits::extinction`]. Zero for [`Extinction::Analytic`].
+    pub slope: Vec3,
     /// Diameter of the largest disc inside the projected contents (number of erosions, [SD95 sec 3.3]); length.
     pub blocked: [f32; AXIS_COUNT],
     /// Diameter of the largest disc of free space inside the projected box; length.
@@ -83,19 +87,27 @@ impl Traits {
 
 /// Measures every cluster of a tree. Parallel and deterministic.
 pub fn characterise(scene: &Scene, tree: &Tree, options: &Options) -> Vec<Traits> {
-    // Prefix sums of sides·A in the tree's order: any cluster's sum is one difference.
+    // Prefix sums over the tree's order: any cluster's sum is one difference.
     let mut sums = Vec::with_capacity(tree.order.len() + 1);
-    let mut sum = 0.0;
+    let mut sum = Moments::default();
     sums.push(sum);
     for &t in &tree.order {
         let [a, b, c] = scene.corners(t);
-        sum += f64::from(scene.triangle_sides[t as usize]) * triangle_area(a, b, c);
+        let area = f64::from(scene.triangle_sides[t as usize]) * triangle_area(a, b, c);
+        sum.area += area;
+        sum.first += area * (a + b + c).as_dvec3() / 3.0;
         sums.push(sum);
     }
     let boxes: Vec<Aabb> = tree.clusters.par_iter().map(|c| c.bounds.thickened()).collect();
-    let analytic = |c: usize| {
+    let average = |c: usize| {
         let range = tree.clusters[c].triangle_range();
-        extinction(sums[range.end] - sums[range.start], boxes[c])
+        let (from, to) = (sums[range.start], sums[range.end]);
+        let area = to.area - from.area;
+        let slope = match options.extinction {
+            Extinction::Analytic => Vec3::ZERO,
+            Extinction::Measured => slope(((to.first - from.first) / area).as_vec3(), boxes[c]),
+        };
+        (extinction(area, boxes[c]), slope)
     };
     let is_direct = |c: usize| tree.clusters[c].triangles <= DIRECT;
     // Clusters of few triangles are drawn; the topmost of them keep their pictures, from which the larger ones
@@ -109,7 +121,7 @@ pub fn characterise(scene: &Scene, tree: &Tree, options: &Options) -> Vec<Traits
             for (axis, silhouette) in scratch.silhouettes.iter_mut().enumerate() {
                 silhouette.draw(scene, tree.triangles_of(c), boxes[c], axis);
             }
-            let traits = scratch.measure(analytic(c), options);
+            let traits = scratch.measure(average(c), options);
             let keep = c > 0 && !is_direct(tree.clusters[c].parent as usize);
             (Some(traits), keep.then(|| Box::new(scratch.silhouettes.clone())))
         })
@@ -123,7 +135,7 @@ pub fn characterise(scene: &Scene, tree: &Tree, options: &Options) -> Vec<Traits
                     let parts = pictures[tree.clusters[c].child_range()].iter().flatten();
                     silhouette.compose(parts.map(|p| &p[axis]), boxes[c], axis);
                 }
-                (scratch.measure(analytic(c), options), Box::new(scratch.silhouettes.clone()))
+                (scratch.measure(average(c), options), Box::new(scratch.silhouettes.clone()))
             })
             .collect();
         for (c, (t, p)) in level.into_iter().zip(made) {
@@ -159,28 +171,48 @@ struct Scratch {
 
 impl Scratch {
     /// Traits of the cluster that the silhouettes show.
-    fn measure(&mut self, analytic: f32, options: &Options) -> Traits {
+    fn measure(&mut self, (analytic, slope): (f32, Vec3), options: &Options) -> Traits {
         let mut traits = Traits {
             extinction: [0.0; AXIS_COUNT],
+            slope,
             blocked: [0.0; AXIS_COUNT],
             free: [0.0; AXIS_COUNT],
             coverage: [0.0; AXIS_COUNT],
             grain: [0.0; AXIS_COUNT],
         };
         for (axis, silhouette) in self.silhouettes.iter().enumerate() {
-            let m = self.measure.take(silhouette, analytic, options);
+            let m = self.measure.take(silhouette, (analytic, slope), options);
             (traits.blocked[axis], traits.free[axis], traits.coverage[axis]) =
                 (m.blocked, m.free, m.coverage);
             (traits.extinction[axis], traits.grain[axis]) = (m.extinction, m.grain);
         }
         if options.isotropic {
-            let Traits { blocked, free, coverage, grain, extinction } = &mut traits;
+            let Traits { blocked, free, coverage, grain, extinction, slope: _ } = &mut traits;
             for values in [blocked, free, coverage, grain, extinction] {
                 *values = [values.iter().sum::<f32>() / AXIS_COUNT as f32; AXIS_COUNT];
             }
         }
         traits
     }
+}
+
+/// Area of a run of triangles, and area times place.
+#[derive(Clone, Copy, Default)]
+struct Moments {
+    area: f64,
+    first: DVec3,
+}
+
+/// The density 1 + slope · x over a box, linear in the offset x from its middle, whose first moment is that of the
+/// contents: the mean of x over a box of half extent h weighted so is slope h² / 3. Kept above zero inside the box.
+///
+/// Clusters at the rim of a crown fill their boxes on one side only. With even extinction the boxes behind each other
+/// darken rays that pass all of them by (method D.12); this takes most of that away for three numbers.
+fn slope(centroid: Vec3, bounds: Aabb) -> Vec3 {
+    let half = (0.5 * bounds.extent()).max(Vec3::splat(f32::MIN_POSITIVE));
+    let steep = 3.0 * (centroid - bounds.center()) / half;
+    let sum = steep.abs().element_sum();
+    if sum.is_finite() { steep / sum.max(1.0) / half } else { Vec3::ZERO }
 }
 
 /// κ = Σ sides·A / 4V with V the volume of the box that path lengths are measured in (method A.5).

@@ -130,8 +130,14 @@ pub(super) struct Measured {
 }
 
 impl Measure {
-    /// Measures a silhouette; `analytic` is the extinction that stands where none is to be fitted.
-    pub fn take(&mut self, silhouette: &Silhouette, analytic: f32, options: &Options) -> Measured {
+    /// Measures a silhouette; `analytic` is the extinction that stands where none is to be fitted, `slope` its
+    /// change across the box.
+    pub fn take(
+        &mut self,
+        silhouette: &Silhouette,
+        (analytic, slope): (f32, Vec3),
+        options: &Options,
+    ) -> Measured {
         let Frame { axis, bounds, pixel, size, u, v, .. } = silhouette.frame;
         if pixel <= 0.0 {
             return Measured { blocked: 0.0, free: 0.0, coverage: 0.0, extinction: analytic, grain: 0.0 };
@@ -157,7 +163,7 @@ impl Measure {
         let coverage = 1.0 - self.gaps.count() as f32 / self.hull.count().max(1) as f32;
         let (u, v) = (pixel * pixel * u, pixel * pixel * v);
         let origin = bounds.center() - 0.5 * (size.x as f32 * u + size.y as f32 * v);
-        self.cells.fill(&self.hull, &self.gaps, bounds, AXES[axis], (origin, u, v));
+        self.cells.fill((&self.hull, &self.gaps), (bounds, slope), AXES[axis], (origin, u, v));
         let extinction = match options.extinction {
             Extinction::Analytic => analytic,
             Extinction::Measured => self.cells.fitted_extinction(),

@@ -169,7 +169,8 @@ fn check_against_lines(name: &str, pieces: Pieces, tolerance: f32) {
             if path > 0.0 {
                 let out = 2.0 * bounds.diagonal() * view;
                 lines.push((p - out, p + out));
-                paths.push(path);
+                let middle = p + 0.5 * (a.max(b).min_element() + a.min(b).max_element()) * view;
+                paths.push(path * (1.0 + traits[0].slope.dot(middle - centre)).max(0.0));
             }
         }
         let n = lines.len() as f32;
@@ -199,6 +200,50 @@ fn measured_extinction_passes_what_parallel_lines_pass() {
     check_against_lines("leaves", cloud(2, 300, 0.08, DVec3::new(1.0, 1.0, 0.5), true), 0.035);
     check_against_lines("table", table(), 0.035);
     check_against_lines("louvres", louvres(), 0.035);
+}
+
+/// Leaves that fill a corner of their box: density falls from there, and nothing is darker or lighter for it.
+#[test]
+fn extinction_follows_the_contents_across_the_box() {
+    let mut random = Pcg64Mcg::new(4);
+    let mut pieces = Pieces::new();
+    for _ in 0..600 {
+        let at = in_cube(&mut random) * DVec3::new(1.0, 1.0, unit(&mut random).powi(2));
+        pieces.quad(at, 0.04 * direction(&mut random).as_dvec3(), 0.04 * direction(&mut random).as_dvec3());
+    }
+    let scene = pieces.scene();
+    let (tree, traits) = measured(&scene, &options());
+    let bounds = tree.clusters[0].bounds.thickened();
+    let half = 0.5 * bounds.extent();
+    // z = x y² with x, y uniform in [0, 1]: mean 1/6, so the steepest slope that stays positive, downwards.
+    assert!((traits[0].slope.z * half.z + 1.0).abs() < 0.1, "{:?}", traits[0].slope);
+    let mean = |low: bool| {
+        let steps = 40;
+        let sum: f32 = (0..steps)
+            .map(|i| {
+                let z = half.z * ((i as f32 + 0.5) / steps as f32 * if low { -1.0 } else { 1.0 });
+                (-traits[0].extinction[0] * 2.0 * half.x * (1.0 + traits[0].slope.z * z).max(0.0)).exp()
+            })
+            .sum();
+        sum / steps as f32
+    };
+    let traced = committed(&scene);
+    let through = |low: bool| {
+        let lines: Vec<(Vec3, Vec3)> = (0..20_000)
+            .map(|_| {
+                let up = unit(&mut random) as f32 * if low { -1.0 } else { 1.0 };
+                let side = 2.0 * unit(&mut random) as f32 - 1.0;
+                let at = bounds.center() + half * Vec3::new(0.0, side, up);
+                (at - 4.0 * half.x * Vec3::X, at + 4.0 * half.x * Vec3::X)
+            })
+            .collect();
+        clear(&traced, &lines).into_iter().filter(|c| *c).count() as f32 / 20_000.0
+    };
+    let mut through = through;
+    for low in [true, false] {
+        let (model, truth) = (mean(low), through(low));
+        assert!((model - truth).abs() < 0.1, "lower half {low}: model {model}, lines {truth}");
+    }
 }
 
 /// Poles, slats and planks are thinner than a pixel of a picture that is as fine across as it is along: what is

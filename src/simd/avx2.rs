@@ -4,25 +4,25 @@
 use super::{Kernel, LANES, Simd};
 use std::arch::x86_64::*;
 
-/// Proof that AVX2 is there: made only by [`run`].
+/// Proof that AVX2 and FMA are there: made only by [`run`].
 #[derive(Clone, Copy)]
 pub(super) struct Avx2(());
 
 pub(super) fn run<K: Kernel>(kernel: K) -> K::Output {
-    #[target_feature(enable = "avx2")]
+    #[target_feature(enable = "avx2,fma")]
     fn inner<K: Kernel>(kernel: K) -> K::Output {
         kernel.run(Avx2(()))
     }
     // A detection is one load and a test: cheap beside any kernel.
-    assert!(is_x86_feature_detected!("avx2"));
-    // SAFETY: the feature was just detected.
+    assert!(is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma"));
+    // SAFETY: the features were just detected.
     unsafe { inner(kernel) }
 }
 
 /// The body of an operation: intrinsics without memory access, or on references of the full width.
 macro_rules! op {
     ($e:expr) => {
-        // SAFETY: a value of `Avx2` exists only inside `run`, which checked the feature; loads and stores are
+        // SAFETY: a value of `Avx2` exists only inside `run`, which checked the features; loads and stores are
         // unaligned ones inside references to sixteen whole elements.
         unsafe { $e }
     };
@@ -38,7 +38,6 @@ fn both(a: F, b: F, f: impl Fn(__m256, __m256) -> __m256) -> F {
 impl Simd for Avx2 {
     type F = F;
     type M = F;
-    type I = [__m256i; 2];
 
     #[inline(always)]
     fn prefetch<T>(self, value: &T) {
@@ -65,10 +64,14 @@ impl Simd for Avx2 {
     }
     #[inline(always)]
     fn load_half(self, v: &[u16; LANES]) -> F {
-        op!([0, 8].map(|first| {
-            let half = _mm_loadu_si128(v.as_ptr().add(first).cast());
-            _mm256_castsi256_ps(_mm256_slli_epi32::<16>(_mm256_cvtepu16_epi32(half)))
-        }))
+        op!({
+            let low = _mm256_cvtepu16_epi32(_mm_loadu_si128(v.as_ptr().cast()));
+            let high = _mm256_cvtepu16_epi32(_mm_loadu_si128(v.as_ptr().add(8).cast()));
+            [
+                _mm256_castsi256_ps(_mm256_slli_epi32::<16>(low)),
+                _mm256_castsi256_ps(_mm256_slli_epi32::<16>(high)),
+            ]
+        })
     }
     #[inline(always)]
     fn add(self, a: F, b: F) -> F {
@@ -85,6 +88,10 @@ impl Simd for Avx2 {
     #[inline(always)]
     fn div(self, a: F, b: F) -> F {
         both(a, b, |a, b| op!(_mm256_div_ps(a, b)))
+    }
+    #[inline(always)]
+    fn fma(self, a: F, b: F, c: F) -> F {
+        op!([_mm256_fmadd_ps(a[0], b[0], c[0]), _mm256_fmadd_ps(a[1], b[1], c[1])])
     }
     #[inline(always)]
     fn min(self, a: F, b: F) -> F {
@@ -124,11 +131,15 @@ impl Simd for Avx2 {
     }
     #[inline(always)]
     fn mask(self, bits: u32) -> F {
-        op!([0, 8].map(|shift| {
+        op!({
             let lane = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
-            let spread = _mm256_and_si256(_mm256_set1_epi32((bits >> shift) as i32), lane);
-            _mm256_castsi256_ps(_mm256_cmpeq_epi32(spread, lane))
-        }))
+            let low = _mm256_and_si256(_mm256_set1_epi32(bits as i32), lane);
+            let high = _mm256_and_si256(_mm256_set1_epi32((bits >> 8) as i32), lane);
+            [
+                _mm256_castsi256_ps(_mm256_cmpeq_epi32(low, lane)),
+                _mm256_castsi256_ps(_mm256_cmpeq_epi32(high, lane)),
+            ]
+        })
     }
     #[inline(always)]
     fn select(self, m: F, a: F, b: F) -> F {
@@ -168,23 +179,5 @@ impl Simd for Avx2 {
     #[inline(always)]
     fn keep(self, m: F, v: F) -> F {
         self.and(m, v)
-    }
-    #[inline(always)]
-    fn zero_bits(self) -> Self::I {
-        op!([_mm256_setzero_si256(); 2])
-    }
-    #[inline(always)]
-    fn set_bit(self, to: Self::I, m: F, bit: u32) -> Self::I {
-        op!([0, 1].map(|h| {
-            let bit = _mm256_and_si256(_mm256_castps_si256(m[h]), _mm256_set1_epi32(bit as i32));
-            _mm256_or_si256(to[h], bit)
-        }))
-    }
-    #[inline(always)]
-    fn store_bits(self, v: Self::I, to: &mut [u32; LANES]) {
-        op!({
-            _mm256_storeu_si256(to.as_mut_ptr().cast(), v[0]);
-            _mm256_storeu_si256(to.as_mut_ptr().add(8).cast(), v[1]);
-        })
     }
 }

@@ -31,7 +31,6 @@ macro_rules! op {
 impl Simd for Avx512 {
     type F = __m512;
     type M = __mmask16;
-    type I = __m512i;
 
     #[inline(always)]
     fn prefetch<T>(self, value: &T) {
@@ -75,6 +74,10 @@ impl Simd for Avx512 {
     #[inline(always)]
     fn div(self, a: Self::F, b: Self::F) -> Self::F {
         op!(_mm512_div_ps(a, b))
+    }
+    #[inline(always)]
+    fn fma(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F {
+        op!(_mm512_fmadd_ps(a, b, c))
     }
     #[inline(always)]
     fn min(self, a: Self::F, b: Self::F) -> Self::F {
@@ -145,17 +148,5 @@ impl Simd for Avx512 {
     #[inline(always)]
     fn keep(self, m: Self::M, v: Self::F) -> Self::F {
         op!(_mm512_maskz_mov_ps(m, v))
-    }
-    #[inline(always)]
-    fn zero_bits(self) -> Self::I {
-        op!(_mm512_setzero_si512())
-    }
-    #[inline(always)]
-    fn set_bit(self, to: Self::I, m: Self::M, bit: u32) -> Self::I {
-        op!(_mm512_mask_or_epi32(to, m, to, _mm512_set1_epi32(bit as i32)))
-    }
-    #[inline(always)]
-    fn store_bits(self, v: Self::I, to: &mut [u32; LANES]) {
-        op!(_mm512_storeu_si512(to.as_mut_ptr().cast(), v))
     }
 }

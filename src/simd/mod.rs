@@ -1,7 +1,8 @@
 //! Sixteen lanes of f32 on whatever the machine has: AVX-512, AVX2 or plain code, chosen at run time.
 //!
-//! Kernels are written once against [`Simd`] and compiled three times by [`dispatch`]. No implementation fuses
-//! multiplications and additions, so results are the same bit for bit on every instruction set.
+//! Kernels are written once against [`Simd`] and compiled three times by [`dispatch`]. Multiplications and additions
+//! are fused exactly where a kernel says so, so results are the same bit for bit on every instruction set. (Plain code
+//! on a processor without fused operations pays a function call for each.)
 //! The only room besides the Embree binding (and the C ABI) with `unsafe`.
 
 #[cfg(target_arch = "x86_64")]
@@ -11,18 +12,18 @@ mod avx512;
 mod portable;
 #[cfg(test)]
 mod tests;
+pub mod vector;
 
 /// Lanes of a vector.
 pub const LANES: usize = 16;
 
-/// Operations on sixteen lanes. `F` holds f32, `M` a condition per lane, `I` u32 bits per lane.
+/// Operations on sixteen lanes. `F` holds f32, `M` a condition per lane.
 ///
 /// Comparisons with NaN are false; `min` and `max` return the second operand if either is NaN.
 #[allow(missing_docs)] // The names are the operations.
 pub trait Simd: Copy {
     type F: Copy;
     type M: Copy;
-    type I: Copy;
 
     /// Asks for the cache lines of a value that will be read soon.
     fn prefetch<T>(self, value: &T);
@@ -35,6 +36,8 @@ pub trait Simd: Copy {
     fn sub(self, a: Self::F, b: Self::F) -> Self::F;
     fn mul(self, a: Self::F, b: Self::F) -> Self::F;
     fn div(self, a: Self::F, b: Self::F) -> Self::F;
+    /// `a b + c`, rounded once.
+    fn fma(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F;
     fn min(self, a: Self::F, b: Self::F) -> Self::F;
     fn max(self, a: Self::F, b: Self::F) -> Self::F;
     fn abs(self, a: Self::F) -> Self::F;
@@ -59,10 +62,6 @@ pub trait Simd: Copy {
     fn root(self, v: Self::F) -> Self::F;
     /// Zero where the condition is false.
     fn keep(self, m: Self::M, v: Self::F) -> Self::F;
-    fn zero_bits(self) -> Self::I;
-    /// Sets `bit` (a value with that bit) in the lanes where the condition holds.
-    fn set_bit(self, to: Self::I, m: Self::M, bit: u32) -> Self::I;
-    fn store_bits(self, v: Self::I, to: &mut [u32; LANES]);
 }
 
 /// exp(-x) for x >= 0 to 1e-5, as (1 + y + y²/2 + y³/6 + y⁴/24)^-64 with y = x/64; the same on every machine.
@@ -70,9 +69,10 @@ pub trait Simd: Copy {
 pub fn decay<S: Simd>(simd: S, x: S::F) -> S::F {
     let one = simd.splat(1.0);
     let y = simd.mul(simd.min(x, simd.splat(80.0)), simd.splat(1.0 / 64.0));
-    let mut p = simd.add(one, simd.mul(y, simd.splat(0.25)));
-    for k in [1.0 / 3.0, 0.5, 1.0] {
-        p = simd.add(one, simd.mul(simd.mul(y, simd.splat(k)), p));
+    // Horner's rule.
+    let mut p = simd.splat(1.0 / 24.0);
+    for k in [1.0 / 6.0, 0.5, 1.0, 1.0] {
+        p = simd.fma(p, y, simd.splat(k));
     }
     for _ in 0..6 {
         p = simd.mul(p, p);
@@ -107,7 +107,7 @@ impl Isa {
             if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512bw") {
                 return Isa::Avx512;
             }
-            if is_x86_feature_detected!("avx2") {
+            if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
                 return Isa::Avx2;
             }
         }

@@ -18,7 +18,6 @@ fn compare(a: [f32; LANES], b: [f32; LANES], f: impl Fn(f32, f32) -> bool) -> u3
 impl Simd for Portable {
     type F = [f32; LANES];
     type M = u32;
-    type I = [u32; LANES];
 
     #[inline(always)]
     fn prefetch<T>(self, _: &T) {}
@@ -53,6 +52,10 @@ impl Simd for Portable {
     #[inline(always)]
     fn div(self, a: Self::F, b: Self::F) -> Self::F {
         map(a, b, |a, b| a / b)
+    }
+    #[inline(always)]
+    fn fma(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F {
+        std::array::from_fn(|i| a[i].mul_add(b[i], c[i]))
     }
     #[inline(always)]
     fn min(self, a: Self::F, b: Self::F) -> Self::F {
@@ -120,17 +123,5 @@ impl Simd for Portable {
     #[inline(always)]
     fn keep(self, m: u32, v: Self::F) -> Self::F {
         std::array::from_fn(|i| if m >> i & 1 == 1 { v[i] } else { 0.0 })
-    }
-    #[inline(always)]
-    fn zero_bits(self) -> Self::I {
-        [0; LANES]
-    }
-    #[inline(always)]
-    fn set_bit(self, to: Self::I, m: u32, bit: u32) -> Self::I {
-        std::array::from_fn(|i| if m >> i & 1 == 1 { to[i] | bit } else { to[i] })
-    }
-    #[inline(always)]
-    fn store_bits(self, v: Self::I, to: &mut [u32; LANES]) {
-        *to = v;
     }
 }

@@ -30,9 +30,6 @@ impl Kernel for EveryOperation {
             simd.store(v, &mut lanes);
             lanes.map(f32::to_bits).to_vec()
         };
-        let mut bits = [0; LANES];
-        let twice = simd.set_bit(simd.set_bit(simd.zero_bits(), m, 1 << 3), simd.le(a, b), 1 << 31);
-        simd.store_bits(twice, &mut bits);
         let truth = |m: S::M| vec![simd.bits(m)];
         vec![
             ("splat", words(simd.splat(self.a[3]))),
@@ -54,7 +51,7 @@ impl Kernel for EveryOperation {
             ("or", truth(simd.or(m, simd.lt(a, b)))),
             ("and_not", truth(simd.and_not(m, simd.lt(a, b)))),
             ("mask", truth(m)),
-            ("set_bit", bits.to_vec()),
+            ("fma", words(simd.fma(a, b, simd.abs(a)))),
             ("sum", vec![simd.sum(a).to_bits()]),
             ("decay", words(decay(simd, simd.abs(a)))),
         ]
@@ -159,8 +156,7 @@ fn operations_do_what_they_are_called() {
             let picked = 0b101 >> lane & 1 == 1;
             assert_eq!(number("select", lane), if picked { x } else { 2.0 });
             assert_eq!(number("keep", lane), if picked { x } else { 0.0 });
-            let expect = u32::from(picked) << 3 | u32::from(x <= 2.0) << 31;
-            assert_eq!(word("set_bit", lane), expect);
+            assert_eq!(number("fma", lane), x * 2.0 + x.abs());
         }
         // a < 2 in lanes 0 to 5, a = 2 in lane 6.
         assert_eq!([word("lt", 0), word("le", 0)], [0b11_1111, 0b111_1111]);

@@ -11,11 +11,15 @@
 //! materials.
 
 mod exact;
+mod front;
 mod multires;
 pub mod reference;
 mod shaft;
+mod slabs;
 #[cfg(test)]
 mod tests;
+mod triangles;
+mod walk;
 mod wide;
 
 pub use exact::{Exact, fastest_traversal};

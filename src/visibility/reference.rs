@@ -112,6 +112,9 @@ fn visit(
     let small = mix.mix(|axis| traits[c].feature_size(axis)) < threshold;
     if (small && !end_inside) || (cluster.is_leaf() && leaf == Leaf::Extinction) {
         let path = f64::from(leave - enter) * f64::from(segment.direction.length());
+        let middle = segment.origin + 0.5 * (enter + leave) * segment.direction;
+        let density = 1.0 + f64::from(traits[c].slope.dot(middle - bounds.center()));
+        let path = path * density.max(0.0);
         met.depth += path * f64::from(mix.mix(|axis| traits[c].extinction[axis]));
         met.aggregated += 1;
     } else if cluster.is_leaf() {

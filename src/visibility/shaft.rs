@@ -1,29 +1,74 @@
-//! The space that holds all segments of a packet, and what cannot touch it.
+//! The space that holds all segments of some bundles, and what it says about boxes.
 //!
-//! The union box of all ends, and where the segments share their receiver end also the four side planes of the
-//! pyramid around them (the planes of Haines' shaft for a point and an element). A statement about *these
+//! The union box of all ends and four side planes: through the common receiver end of one bundle (the planes of
+//! Haines' shaft for a point and an element), or along the boxes of the ends of several. A statement about *these
 //! segments*: what lies outside blocks none of them.
 
-use super::wide::{Block, Node};
+use super::wide::Node;
 use crate::ray::Packet;
+use crate::simd::vector::{self, Vector};
 use crate::simd::{LANES, Simd};
 use glam::Vec3;
 
+/// A box by its centre and half extent.
+#[derive(Clone, Copy)]
+pub(super) struct Ends {
+    pub centre: Vec3,
+    pub half: Vec3,
+}
+
+impl Ends {
+    fn of([lo, hi]: [Vec3; 2]) -> Ends {
+        Ends { centre: 0.5 * (lo + hi), half: 0.5 * (hi - lo) }
+    }
+
+    /// From the extremes of each axis, lane by lane.
+    #[inline(always)]
+    fn around<S: Simd>(simd: S, [x, y, z]: &[(S::F, S::F); 3]) -> Ends {
+        let lo = Vec3::new(simd.least(x.0), simd.least(y.0), simd.least(z.0));
+        Ends::of([lo, Vec3::new(simd.greatest(x.1), simd.greatest(y.1), simd.greatest(z.1))])
+    }
+
+    pub fn bounds(self) -> [Vec3; 2] {
+        [self.centre - self.half, self.centre + self.half]
+    }
+
+    /// Largest `n · x` of its points.
+    fn reach(self, n: Vec3) -> f32 {
+        self.centre.dot(n) + self.half.dot(n.abs())
+    }
+}
+
+/// The pyramid of a bundle whose segments share their receiver end.
+#[derive(Clone, Copy)]
+pub(super) struct Pyramid {
+    pub apex: Vec3,
+    /// Directions along its four edges.
+    pub corners: [Vec3; 4],
+}
+
+#[derive(Clone)]
 pub(super) struct Shaft {
     lo: Vec3,
     hi: Vec3,
     /// Inside is `normal · x <= offset` for the first `planes` of them.
-    normals: [Vec3; 4],
+    pub normals: [Vec3; 4],
     offsets: [f32; 4],
-    planes: usize,
-    /// Boxes of the receiver ends and of the emitter ends: centre and half extent.
-    ends: [(Vec3, Vec3); 2],
+    pub planes: usize,
+    /// Receiver ends and emitter ends.
+    pub ends: [Ends; 2],
     /// A few roundings of the scene's coordinates.
-    slack: f32,
+    pub slack: f32,
+    /// Largest `near` of its segments.
+    near: f32,
     /// The common receiver end, if there is one.
-    apex: Option<Vec3>,
-    /// From receiver to emitter, divided by the squared distance: `axis · (x - receiver)` is the parameter t.
+    pub apex: Option<Vec3>,
+    /// The pyramid around its segments, if there is a common receiver end and they all run forward.
+    pub pyramid: Option<Pyramid>,
+    /// `axis · (x - receiver)` is the parameter t of a point up to [`Shaft::parameters`].
     axis: Vec3,
+    /// How far receiver and emitter ends spread along the axis, in parameters, to either side.
+    spread: [f32; 2],
 }
 
 impl Shaft {
@@ -34,8 +79,10 @@ impl Shaft {
         // Extremes lane by lane first, across lanes once.
         let mut lanes = [[(simd.splat(f32::MAX), simd.splat(f32::MIN)); 3]; 2];
         let mut apart = simd.mask(0);
+        let mut near = simd.splat(0.0);
         for packet in packets {
             let (origin, direction) = filled(simd, packet);
+            near = simd.max(near, simd.load(&packet.near));
             for axis in 0..3 {
                 let o = origin[axis];
                 let differs = simd.abs(simd.sub(o, simd.splat(apex[axis])));
@@ -47,37 +94,91 @@ impl Shaft {
             }
         }
         let shared = simd.bits(apart) == 0;
-        let corners = |ends: [(S::F, S::F); 3]| {
-            [
-                Vec3::from(ends.map(|(lo, _)| simd.least(lo))),
-                Vec3::from(ends.map(|(_, hi)| simd.greatest(hi))),
-            ]
-        };
-        let bounds = [if shared { [apex, apex] } else { corners(lanes[0]) }, corners(lanes[1])];
-        let slack = 4e-7 * magnitude;
-        let ends = bounds.map(|[lo, hi]| (0.5 * (lo + hi), 0.5 * (hi - lo)));
-        let along = ends[1].0 - ends[0].0;
-        let mut shaft = Shaft {
-            lo: bounds[0][0].min(bounds[1][0]) - slack,
-            hi: bounds[0][1].max(bounds[1][1]) + slack,
+        let from = if shared { Ends::of([apex, apex]) } else { Ends::around(simd, &lanes[0]) };
+        let to = Ends::around(simd, &lanes[1]);
+        let mut shaft = Shaft::between([from, to], 4e-7 * magnitude, simd.greatest(near));
+        if shared {
+            shaft.apex = Some(apex);
+            shaft.add_pyramid(simd, packets, apex);
+        } else {
+            shaft.add_planes();
+        }
+        shaft
+    }
+
+    /// The shaft that holds all of these shafts.
+    ///
+    /// # Panics
+    /// If there is none.
+    pub fn around(shafts: &[Shaft]) -> Shaft {
+        let ends = [0, 1].map(|end| {
+            let boxes = shafts.iter().map(|s| s.ends[end].bounds());
+            Ends::of(boxes.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).expect("a shaft"))
+        });
+        let near = shafts.iter().map(|s| s.near).fold(0.0, f32::max);
+        let mut shaft = Shaft::between(ends, shafts[0].slack, near);
+        shaft.add_planes();
+        shaft
+    }
+
+    /// Boxes and parameters, without side planes.
+    fn between(ends: [Ends; 2], slack: f32, near: f32) -> Shaft {
+        let along = ends[1].centre - ends[0].centre;
+        // Among the directions that measure t, the one along which the ends spread least: for a panel that lies
+        // along two coordinate axes the third one, and then t is exact.
+        let mut axis = along / along.length_squared().max(f32::MIN_POSITIVE);
+        let spread_along = |axis: Vec3| (ends[0].half + ends[1].half).dot(axis.abs());
+        let mut least = spread_along(axis);
+        for k in 0..3 {
+            // Nearly across the segments the coordinate's own rounding would show.
+            if along[k].abs() > 0.05 * along.length() {
+                let candidate = Vec3::AXES[k] / along[k];
+                if spread_along(candidate) < least {
+                    (axis, least) = (candidate, spread_along(candidate));
+                }
+            }
+        }
+        let [a, b] = ends.map(Ends::bounds);
+        Shaft {
+            lo: a[0].min(b[0]) - slack,
+            hi: a[1].max(b[1]) + slack,
             normals: [Vec3::ZERO; 4],
             offsets: [0.0; 4],
             planes: 0,
             ends,
             slack,
-            apex: shared.then_some(apex),
-            axis: along / along.length_squared().max(f32::MIN_POSITIVE),
-        };
-        if shared {
-            shaft.add_pyramid(simd, packets, apex);
+            near,
+            apex: None,
+            pyramid: None,
+            axis,
+            spread: ends.map(|end| end.half.dot(axis.abs())),
         }
-        shaft
     }
 
-    /// Side planes through the common point: extreme slopes of the directions against the axis.
+    /// Side planes along the boxes of the ends. Any slope is safe, because the offset is that of the outermost
+    /// corner; this one touches both boxes where they lie apart along the axis.
+    fn add_planes(&mut self) {
+        let along = self.ends[1].centre - self.ends[0].centre;
+        let w = along.normalize_or_zero();
+        if w == Vec3::ZERO {
+            return;
+        }
+        let (u, v) = w.any_orthonormal_pair();
+        let width = |end: usize, n: Vec3| self.ends[end].half.dot(n.abs());
+        for (k, n) in [u, -u, v, -v].into_iter().enumerate() {
+            let slope = (width(1, n) - width(0, n)) / along.length();
+            let normal = n - slope * w;
+            self.normals[k] = normal;
+            self.offsets[k] = self.ends[0].reach(normal).max(self.ends[1].reach(normal))
+                + self.slack * normal.abs().element_sum();
+        }
+        self.planes = 4;
+    }
+
+    /// Side planes through the common point: extreme slopes of the directions against the middle one.
     #[inline(always)]
     fn add_pyramid<S: Simd>(&mut self, simd: S, packets: &[Packet], apex: Vec3) {
-        let w = self.axis.normalize_or_zero();
+        let w = self.direction().normalize_or_zero();
         if w == Vec3::ZERO {
             return;
         }
@@ -85,133 +186,188 @@ impl Shaft {
         let mut slopes = [(simd.splat(f32::MAX), simd.splat(f32::MIN)); 2];
         for packet in packets {
             let (_, direction) = filled(simd, packet);
-            let along = |n: Vec3| {
-                let xy = simd
-                    .add(simd.mul(simd.splat(n.x), direction[0]), simd.mul(simd.splat(n.y), direction[1]));
-                simd.add(xy, simd.mul(simd.splat(n.z), direction[2]))
-            };
-            let forward = along(w);
+            let forward = vector::dot(simd, &vector::splat(simd, w), &direction);
             let steep = simd.mul(simd.splat(10.0), forward);
             let inverse = simd.div(simd.splat(1.0), forward);
-            for ((low, high), n) in slopes.iter_mut().map(|(l, h)| (l, h)).zip([u, v]) {
-                let sideways = along(n);
+            for (slope_range, n) in slopes.iter_mut().zip([u, v]) {
+                let sideways = vector::dot(simd, &vector::splat(simd, n), &direction);
                 // Directions that hardly go forward have no useful slope.
                 if simd.bits(simd.lt(simd.abs(sideways), steep)) != 0xffff {
                     return;
                 }
                 let slope = simd.mul(sideways, inverse);
-                (*low, *high) = (simd.min(*low, slope), simd.max(*high, slope));
+                *slope_range = (simd.min(slope_range.0, slope), simd.max(slope_range.1, slope));
             }
         }
-        let low = slopes.map(|(low, _)| simd.least(low));
-        let high = slopes.map(|(_, high)| simd.greatest(high));
+        let low = [simd.least(slopes[0].0), simd.least(slopes[1].0)];
+        let high = [simd.greatest(slopes[0].1), simd.greatest(slopes[1].1)];
         self.normals = [u - high[0] * w, low[0] * w - u, v - high[1] * w, low[1] * w - v];
         for (offset, n) in self.offsets.iter_mut().zip(&self.normals) {
             *offset = n.dot(apex) + self.slack * n.abs().element_sum();
         }
         self.planes = 4;
-    }
-
-    /// Children whose feature size could be below the threshold `s (1 - t) + e t` at their place along the axis.
-    ///
-    /// A guess for the whole bundle, judged at the centre of each box: what it leaves out is opened, which is
-    /// always allowed; what it lets through is decided segment by segment.
-    #[inline(always)]
-    pub fn maybe_small<S: Simd>(&self, simd: S, node: &Node, sizes: S::F, e: f32, s: f32) -> u32 {
-        let mut t = simd.splat(0.0);
-        let mut holds_end = [simd.mask(0xffff); 2];
-        for axis in 0..3 {
-            let (min, max) = (simd.load(&node.min[axis]), simd.load(&node.max[axis]));
-            let middle = simd.mul(simd.splat(0.5), simd.add(min, max));
-            let from_receiver = simd.sub(middle, simd.splat(self.ends[0].0[axis]));
-            t = simd.add(t, simd.mul(from_receiver, simd.splat(self.axis[axis])));
-            for (holds, end) in holds_end.iter_mut().zip(&self.ends) {
-                let p = simd.splat(end.0[axis]);
-                *holds = simd.and(*holds, simd.and(simd.le(min, p), simd.le(p, max)));
-            }
-        }
-        let threshold = simd.add(simd.splat(s), simd.mul(simd.splat(e - s), t));
-        let small = simd.lt(sizes, threshold);
-        simd.bits(simd.and_not(small, simd.or(holds_end[0], holds_end[1])))
-    }
-
-    /// The receiver end that all segments share, if they do.
-    pub fn apex(&self) -> Option<Vec3> {
-        self.apex
+        let corner = |a: f32, b: f32| w + a * u + b * v;
+        let corners = [
+            corner(low[0], low[1]),
+            corner(high[0], low[1]),
+            corner(high[0], high[1]),
+            corner(low[0], high[1]),
+        ];
+        self.pyramid = Some(Pyramid { apex, corners });
     }
 
     /// From the middle of the receiver ends to the middle of the emitter ends, not normalised.
     pub fn direction(&self) -> Vec3 {
-        self.ends[1].0 - self.ends[0].0
+        self.ends[1].centre - self.ends[0].centre
+    }
+
+    /// Least and largest t, in `[0, 1]`, at which a segment can pass points that lie between `low` and `high`
+    /// along the axis, from the middle of the receiver ends.
+    ///
+    /// A segment from o to 1 + d along the axis passes a at t = (a - o) / (1 + d - o), which falls in d and, before
+    /// the end, in o.
+    #[inline(always)]
+    fn parameters<S: Simd>(&self, simd: S, low: S::F, high: S::F) -> (S::F, S::F) {
+        let [o, d] = self.spread;
+        let (longest, shortest) = (1.0 + d - o, 1.0 - d + o);
+        let first = simd.mul(simd.sub(low, simd.splat(o)), simd.splat(1.0 / longest));
+        let last = simd.mul(simd.add(high, simd.splat(o)), simd.splat(1.0 / shortest));
+        let (zero, one) = (simd.splat(0.0), simd.splat(1.0));
+        // Ends that overlap along the axis say nothing.
+        if d + o >= 0.9 {
+            return (zero, one);
+        }
+        (simd.min(simd.max(first, zero), one), simd.min(simd.max(last, zero), one))
+    }
+
+    /// How far a direction leads along the axis of the parameters.
+    #[inline(always)]
+    pub fn along(&self, direction: Vec3) -> f32 {
+        self.axis.dot(direction)
+    }
+
+    /// Least and greatest distance of triangles along the axis of the parameters from the middle of the receiver
+    /// ends.
+    #[inline(always)]
+    pub fn reach<S: Simd>(&self, simd: S, corner: &Vector<S>, edges: [&Vector<S>; 2]) -> (S::F, S::F) {
+        let axis = vector::splat(simd, self.axis);
+        let from = vector::sub(simd, corner, &vector::splat(simd, self.ends[0].centre));
+        let a = vector::dot(simd, &axis, &from);
+        let (b, c) = (vector::dot(simd, &axis, edges[0]), vector::dot(simd, &axis, edges[1]));
+        let zero = simd.splat(0.0);
+        (simd.add(a, simd.min(simd.min(b, c), zero)), simd.add(a, simd.max(simd.max(b, c), zero)))
+    }
+
+    /// Whether something lies beyond the margins at both ends of every segment, from its least and greatest
+    /// distance along the axis of the parameters from the middle of the receiver ends.
+    #[inline(always)]
+    pub fn amid<S: Simd>(&self, simd: S, low: S::F, high: S::F) -> S::M {
+        let (first, last) = self.parameters(simd, low, high);
+        let margin = simd.splat(1.001 * self.near + 1e-6);
+        simd.and(simd.lt(margin, first), simd.lt(simd.add(last, margin), simd.splat(1.0)))
+    }
+
+    /// Children whose contents may be averaged: their feature size is below `s (1 - t) + e t` at the less favourable
+    /// end of the box, for every segment, and no segment ends inside (method D.5).
+    #[inline(always)]
+    pub fn aggregates<S: Simd>(&self, simd: S, node: &Node, sizes: S::F, e: f32, s: f32) -> u32 {
+        let (mut low, mut high) = (simd.splat(0.0), simd.splat(0.0));
+        let [from, to] = self.ends;
+        // The end rule's margin as a length, for the longest segment.
+        let longest = self.direction().length() + (from.half + to.half).length();
+        let margin = 1.001 * self.near * longest + self.slack;
+        let mut holds = [simd.mask(0xffff); 2];
+        for axis in 0..3 {
+            let (min, max) = (simd.load(&node.min[axis]), simd.load(&node.max[axis]));
+            let (n, centre) = (simd.splat(self.axis[axis]), simd.splat(from.centre[axis]));
+            let a = simd.mul(n, simd.sub(min, centre));
+            let b = simd.mul(n, simd.sub(max, centre));
+            low = simd.add(low, simd.min(a, b));
+            high = simd.add(high, simd.max(a, b));
+            for (holds, end) in holds.iter_mut().zip(&self.ends) {
+                let upper = simd.splat(end.centre[axis] + end.half[axis] + margin);
+                let lower = simd.splat(end.centre[axis] - end.half[axis] - margin);
+                *holds = simd.and(*holds, simd.and(simd.le(min, upper), simd.le(lower, max)));
+            }
+        }
+        let (first, last) = self.parameters(simd, low, high);
+        let t = if e > s { first } else { last };
+        let threshold = simd.fma(simd.splat(e - s), t, simd.splat(s));
+        let before_emitter = simd.lt(last, simd.splat(1.0 - 1.001 * self.near - 1e-6));
+        let ends_inside = simd.or(holds[0], simd.and_not(holds[1], before_emitter));
+        simd.bits(simd.and_not(simd.lt(sizes, threshold), ends_inside))
     }
 
     /// Children of a node that may touch the shaft.
     #[inline(always)]
     pub fn touches<S: Simd>(&self, simd: S, node: &Node) -> u32 {
-        let overlap = |axis: usize| {
+        let mut touched = simd.mask(0xffff);
+        for axis in 0..3 {
             let below = simd.le(simd.load(&node.min[axis]), simd.splat(self.hi[axis]));
             let above = simd.le(simd.splat(self.lo[axis]), simd.load(&node.max[axis]));
-            simd.and(below, above)
-        };
-        let mut touched = simd.and(simd.and(overlap(0), overlap(1)), overlap(2));
+            touched = simd.and(touched, simd.and(below, above));
+        }
         for plane in 0..self.planes {
             let n = self.normals[plane];
             // The corner that lies deepest inside the plane.
-            let part = |axis: usize| {
+            let mut depth = simd.splat(0.0);
+            for axis in 0..3 {
                 let corner = if n[axis] > 0.0 { &node.min[axis] } else { &node.max[axis] };
-                simd.mul(simd.splat(n[axis]), simd.load(corner))
-            };
-            let depth = simd.add(simd.add(part(0), part(1)), part(2));
+                depth = simd.fma(simd.splat(n[axis]), simd.load(corner), depth);
+            }
             touched = simd.and(touched, simd.le(depth, simd.splat(self.offsets[plane])));
         }
         simd.bits(touched)
     }
 
-    /// Triangles of a block that may block a segment: not outside a side plane, and with ends on both sides.
+    /// Lanes whose triangle lies outside a side plane.
     #[inline(always)]
-    pub fn candidates<S: Simd>(&self, simd: S, block: &Block) -> u32 {
-        let load = |v: &[[f32; LANES]; 3]| [simd.load(&v[0]), simd.load(&v[1]), simd.load(&v[2])];
-        let (corner, edge1, edge2) = (load(&block.corner), load(&block.edge1), load(&block.edge2));
-        let along = |n: Vec3, v: &[S::F; 3]| {
-            let xy = simd.add(simd.mul(simd.splat(n.x), v[0]), simd.mul(simd.splat(n.y), v[1]));
-            simd.add(xy, simd.mul(simd.splat(n.z), v[2]))
-        };
+    pub fn misses<S: Simd>(&self, simd: S, corner: &Vector<S>, edges: [&Vector<S>; 2]) -> S::M {
         let mut outside = simd.mask(0);
         for plane in 0..self.planes {
-            let n = self.normals[plane];
-            let a = simd.sub(along(n, &corner), simd.splat(self.offsets[plane]));
-            let nearest =
-                simd.add(a, simd.min(simd.min(along(n, &edge1), along(n, &edge2)), simd.splat(0.0)));
+            let n = vector::splat(simd, self.normals[plane]);
+            let a = simd.sub(vector::dot(simd, &n, corner), simd.splat(self.offsets[plane]));
+            let (b, c) = (vector::dot(simd, &n, edges[0]), vector::dot(simd, &n, edges[1]));
+            let nearest = simd.add(a, simd.min(simd.min(b, c), simd.splat(0.0)));
             outside = simd.or(outside, simd.lt(simd.splat(0.0), nearest));
         }
-        // Both boxes of ends against the triangle's plane, its normal not normalised.
-        let cross = |i: usize, j: usize| simd.sub(simd.mul(edge1[i], edge2[j]), simd.mul(edge1[j], edge2[i]));
-        let n = [cross(1, 2), cross(2, 0), cross(0, 1)];
-        let size = simd.add(simd.add(simd.abs(n[0]), simd.abs(n[1])), simd.abs(n[2]));
-        let slack = simd.mul(size, simd.splat(self.slack));
+        outside
+    }
+
+    /// Lanes whose plane, with this normal through this corner, has all ends of the shaft on one side.
+    #[inline(always)]
+    pub fn on_one_side<S: Simd>(&self, simd: S, corner: &Vector<S>, normal: &Vector<S>) -> S::M {
+        let slack = simd.mul(vector::sum_abs(simd, normal), simd.splat(self.slack));
         let (mut above, mut below) = (simd.mask(0xffff), simd.mask(0xffff));
-        for (centre, half) in self.ends {
-            let mut height = simd.splat(0.0);
+        for Ends { centre, half } in self.ends {
+            let to = vector::sub(simd, &vector::splat(simd, centre), corner);
+            let height = vector::dot(simd, normal, &to);
             let mut reach = slack;
             for axis in 0..3 {
-                let to = simd.sub(simd.splat(centre[axis]), corner[axis]);
-                height = simd.add(height, simd.mul(n[axis], to));
-                reach = simd.sub(reach, simd.mul(simd.abs(n[axis]), simd.splat(half[axis])));
+                reach = simd.sub(reach, simd.mul(simd.abs(normal[axis]), simd.splat(half[axis])));
             }
             // Lowest point at height - (half · |n|) >= -slack: above, or in the plane up to rounding.
             above = simd.and(above, simd.le(simd.sub(simd.splat(0.0), reach), height));
             below = simd.and(below, simd.le(height, reach));
         }
-        let harmless = simd.or(outside, simd.or(above, below));
-        block.used & !simd.bits(harmless)
+        simd.or(above, below)
     }
 }
 
 /// Origins and directions; unused lanes repeat the first segment, so that whole registers can be reduced.
 #[inline(always)]
-fn filled<S: Simd>(simd: S, packet: &Packet) -> ([S::F; 3], [S::F; 3]) {
+fn filled<S: Simd>(simd: S, packet: &Packet) -> (Vector<S>, Vector<S>) {
+    if packet.active == 0xffff {
+        return (vector::load(simd, &packet.origin), vector::load(simd, &packet.direction));
+    }
     let first = packet.active.trailing_zeros() as usize % LANES;
     let active = simd.mask(packet.active);
-    let fill = |v: &[f32; LANES]| simd.select(active, simd.load(v), simd.splat(v[first]));
-    ([0, 1, 2].map(|a| fill(&packet.origin[a])), [0, 1, 2].map(|a| fill(&packet.direction[a])))
+    let mut filled = [vector::load(simd, &packet.origin), vector::load(simd, &packet.direction)];
+    for (filled, v) in filled.iter_mut().zip([&packet.origin, &packet.direction]) {
+        for axis in 0..3 {
+            filled[axis] = simd.select(active, filled[axis], simd.splat(v[axis][first]));
+        }
+    }
+    let [origin, direction] = filled;
+    (origin, direction)
 }

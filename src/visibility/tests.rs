@@ -215,6 +215,8 @@ struct Differences {
     segments: usize,
     large: usize,
     sum: f64,
+    /// Squared errors of the fast engine and of the reference.
+    squares: [f64; 2],
 }
 
 /// What must hold for every segment, with `tolerance` for the verdict of exact arithmetic:
@@ -272,6 +274,9 @@ fn compare(stage: &Stage, packets: &[Packet], e: f32, s: f32) -> Differences {
                 differences.segments += 1;
                 differences.large += usize::from((f64::from(t) - met.transmittance()).abs() > 0.01);
                 differences.sum += f64::from(t) - met.transmittance();
+                let truth = if verdict == Verdict::Clear { 1.0 } else { 0.0 };
+                differences.squares[0] += (f64::from(t) - truth).powi(2);
+                differences.squares[1] += (met.transmittance() - truth).powi(2);
             }
         }
         assert!(cost.aggregated <= aggregated, "s {s}: {cost:?}, the reference aggregates for {aggregated}");
@@ -292,10 +297,62 @@ fn fast_engine_keeps_the_rule_of_the_reference() {
                     let n = d.segments as f64;
                     let (large, mean) = (d.large as f64 / n, d.sum / n);
                     println!("{name}, {lanes} lanes, s {s:.4}, e {e:.2}: {large:.3} differ, mean {mean:+.4}");
-                    assert!(mean.abs() < 0.01, "{name}, s {s}, e {e}: fast - reference {mean:+.4}");
-                    assert!(large < 0.05, "{name}, s {s}, e {e}: {large} of the segments differ");
+                    // It judges whole boxes, opens more, and is nearer to the truth for it.
+                    let [fast, slow] = d.squares.map(|sum| (sum / n).sqrt());
+                    assert!(fast < 1.1 * slow + 0.005, "{name}, s {s}, e {e}: RMS {fast} and {slow}");
+                    assert!(mean.abs() < 0.03, "{name}, s {s}, e {e}: fast - reference {mean:+.4}");
+                    assert!(large < 0.1, "{name}, s {s}, e {e}: {large} of the segments differ");
                 }
             }
+        }
+    }
+}
+
+/// Neighbours that are asked together share the upper part of the traversal: what is exact stays the same bit for
+/// bit, and what is aggregated differs by no more than the direction that traits are taken along.
+#[test]
+fn groups_answer_as_their_bundles_do() {
+    for name in ["forest", "cubes", "desk-room", "bookshelf"] {
+        let stage = Stage::generated(name);
+        let engine = stage.engine(Leaf::Exact);
+        let emitter = &stage.scene.emitters[0].triangles;
+        let ends = end_rule(&stage.scene);
+        let mut random = Pcg64Mcg::new(12);
+        let surfaces: Vec<u32> =
+            (0..stage.scene.triangles.len() as u32).filter(|t| !emitter.contains(t)).collect();
+        let mut packets = Vec::new();
+        for _ in 0..20 {
+            // A crowd of points around one of a surface.
+            let middle = stage.point(&mut random, &surfaces);
+            for _ in 0..25 {
+                let from = middle + 0.02 * stage.size() * direction(&mut random);
+                let mut packet = Packet::EMPTY;
+                (0..16).for_each(|i| packet.set(i, from, stage.point(&mut random, emitter), ends));
+                packets.push(packet);
+            }
+        }
+        let width = stage.scene.emitters[0].min_width;
+        for (e, s) in [(1e-6 * width, 1e-6 * stage.size()), (width, 0.02 * stage.size())] {
+            let bundles: Vec<Bundle> = packets
+                .iter()
+                .map(|p| Bundle { packets: std::slice::from_ref(p), emitter_size: e })
+                .collect();
+            let mut workspace = Workspace::default();
+            let mut together = Vec::new();
+            engine.answers(&bundles, s, &mut workspace, |answer| together.push(answer));
+            assert_eq!(together.len(), bundles.len());
+            let (mut sum, mut nodes) = (0.0, [0, 0]);
+            for (bundle, shared) in bundles.iter().zip(&together) {
+                let alone = engine.answer(*bundle, s, &mut workspace);
+                nodes = [nodes[0] + alone.cost.nodes, nodes[1] + shared.cost.nodes];
+                if alone.cost.aggregated + shared.cost.aggregated == 0 {
+                    assert_eq!(alone.transmittance, shared.transmittance, "{name}, e {e}, s {s}");
+                }
+                sum += f64::from(shared.transmittance - alone.transmittance);
+            }
+            let mean = sum / bundles.len() as f64;
+            assert!(mean.abs() < 0.01, "{name}, e {e}, s {s}: groups answer {mean:+.4} more");
+            assert!(nodes[1] < nodes[0] / 2, "{name}, e {e}, s {s}: nothing is shared: {nodes:?}");
         }
     }
 }

@@ -1,9 +1,9 @@
 //! The clusters as the traversal wants them: sixteen children side by side, triangles in blocks of sixteen.
 
-use crate::characterise::{AXIS_COUNT, Traits};
+use crate::characterise::{AXIS_COUNT, AxisMix, Traits};
 use crate::hierarchy::{Hierarchy, Tree};
 use crate::scene::Scene;
-use crate::simd::LANES;
+use crate::simd::{LANES, Simd};
 
 /// A child is a leaf block if this bit is set in its reference.
 pub(super) const LEAF: u32 = 1 << 31;
@@ -13,6 +13,8 @@ pub(super) const LEAF: u32 = 1 << 31;
 pub(super) struct Node {
     pub min: [[f32; LANES]; 3],
     pub max: [[f32; LANES]; 3],
+    /// [`Traits::slope`].
+    pub slope: [[f32; LANES]; 3],
     pub child: [u32; LANES],
     /// Smallest feature size of its children along any axis: below it nothing can be aggregated here.
     pub smallest: f32,
@@ -55,20 +57,38 @@ fn half_nearest(v: f32) -> u16 {
 }
 
 impl Node {
-    fn empty() -> Node {
-        Node {
-            min: [[f32::MAX; LANES]; 3],
-            max: [[f32::MAX; LANES]; 3],
-            child: [LEAF; LANES],
-            smallest: f32::INFINITY,
-            soft_leaves: 0,
-        }
+    /// No child.
+    pub const EMPTY: Node = Node {
+        min: [[f32::MAX; LANES]; 3],
+        max: [[f32::MAX; LANES]; 3],
+        slope: [[0.0; LANES]; 3],
+        child: [LEAF; LANES],
+        smallest: f32::INFINITY,
+        soft_leaves: 0,
+    };
+}
+
+impl Block {
+    /// No triangle.
+    pub const EMPTY: Block =
+        Block { corner: [[0.0; LANES]; 3], edge1: [[0.0; LANES]; 3], edge2: [[0.0; LANES]; 3], used: 0 };
+}
+
+/// Feature sizes and extinctions of a node's children along a direction.
+#[inline(always)]
+pub(super) fn mixed<S: Simd>(simd: S, traits: &[AxisTraits; AXIS_COUNT], mix: &AxisMix) -> (S::F, S::F) {
+    let (mut sizes, mut extinctions) = (simd.splat(0.0), simd.splat(0.0));
+    for (&axis, weight) in mix.axes.iter().zip(mix.weights) {
+        let weight = simd.splat(weight);
+        sizes = simd.fma(weight, simd.load_half(&traits[axis].size), sizes);
+        extinctions = simd.fma(weight, simd.load_half(&traits[axis].extinction), extinctions);
     }
+    (sizes, extinctions)
 }
 
 impl WideTree {
     pub fn build(scene: &Scene, hierarchy: &Hierarchy, traits: &[Traits]) -> WideTree {
-        let mut wide = WideTree { nodes: vec![Node::empty()], traits: vec![no_traits()], blocks: Vec::new() };
+        let mut wide = WideTree { nodes: vec![Node::EMPTY], traits: vec![no_traits()], blocks: Vec::new() };
         let trees = [(&hierarchy.micro, Some(traits)), (&hierarchy.large, None)];
         for (lane, (tree, traits)) in trees.into_iter().filter(|(t, _)| !t.clusters.is_empty()).enumerate() {
             let references = wide.append(scene, tree, traits);
@@ -95,7 +115,7 @@ impl WideTree {
                 continue;
             }
             let place = self.nodes.len();
-            self.nodes.push(Node::empty());
+            self.nodes.push(Node::EMPTY);
             self.traits.push(no_traits());
             for (lane, child) in cluster.child_range().enumerate() {
                 self.place(place, lane, tree, child, traits, references[child]);
@@ -123,6 +143,9 @@ impl WideTree {
         target.child[lane] = reference;
         let Some(traits) = traits else { return };
         let traits = &traits[cluster];
+        for axis in 0..3 {
+            target.slope[axis][lane] = traits.slope[axis];
+        }
         if reference & LEAF != 0 {
             target.soft_leaves |= 1 << lane;
         }
@@ -148,8 +171,7 @@ fn no_traits() -> [AxisTraits; AXIS_COUNT] {
 }
 
 fn block_of(scene: &Scene, triangles: &[u32]) -> Block {
-    let zero = [[0.0; LANES]; 3];
-    let mut block = Block { corner: zero, edge1: zero, edge2: zero, used: 0 };
+    let mut block = Block::EMPTY;
     for (lane, &t) in triangles.iter().enumerate() {
         let [a, b, c] = scene.corners(t);
         for axis in 0..3 {

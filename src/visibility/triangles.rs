@@ -1,0 +1,267 @@
+//! The triangles of a block against the segments of a bundle.
+//!
+//! The volumes of Möller & Trumbore 1997: with v = o - corner, det = d · (e2 × e1), a det = d · (e2 × v),
+//! b det = d · (v × e1), t det = e2 · (v × e1). For segments from one point o all but d is the same, so a triangle is
+//! three planes through o and a segment is inside if it lies on the right side of each: three products a packet,
+//! nothing divided, and the corners of the bundle's pyramid rule out or accept all of its segments at once.
+
+use super::shaft::{Pyramid, Shaft};
+use super::wide::Block;
+use crate::ray::{Lanes, Packet};
+use crate::simd::vector::{self, Vector};
+use crate::simd::{LANES, Simd};
+use glam::Vec3;
+
+/// Edges are widened by this part of the determinant, so that no segment slips between neighbours.
+const WIDEN: f32 = 1e-6;
+
+/// What testing a block has told.
+pub(super) struct Tested {
+    /// Triangles that had to be tested segment by segment.
+    pub triangles: u32,
+    /// Whether every segment is blocked now.
+    pub all: bool,
+}
+
+/// Tests a block against all packets of a bundle; `blocked` collects the lanes of each.
+#[inline(always)]
+pub(super) fn block_all<S: Simd>(
+    simd: S,
+    shaft: &Shaft,
+    block: &Block,
+    packets: &[Packet],
+    blocked: &mut [u32],
+) -> Tested {
+    let corner = vector::load(simd, &block.corner);
+    let (edge1, edge2) = (vector::load(simd, &block.edge1), vector::load(simd, &block.edge2));
+    let misses = shaft.misses(simd, &corner, [&edge1, &edge2]);
+    let touched = block.used & !simd.bits(misses);
+    if touched == 0 {
+        return Tested { triangles: 0, all: false };
+    }
+    let normal = vector::cross(simd, &edge2, &edge1);
+    let harmless = shaft.on_one_side(simd, &corner, &normal);
+    let touched = touched & !simd.bits(harmless);
+    if touched == 0 {
+        return Tested { triangles: 0, all: false };
+    }
+    match &shaft.pyramid {
+        Some(pyramid) => {
+            let fans = Fans::of(simd, shaft, pyramid, (&corner, &edge1, &edge2, &normal));
+            fans.block(simd, touched, packets, blocked)
+        }
+        None => each(simd, block, touched, packets, blocked),
+    }
+}
+
+/// Whether the shaft of a group of bundles can meet triangles of a block.
+#[inline(always)]
+pub(super) fn candidates<S: Simd>(simd: S, shaft: &Shaft, block: &Block) -> u32 {
+    let corner = vector::load(simd, &block.corner);
+    let (edge1, edge2) = (vector::load(simd, &block.edge1), vector::load(simd, &block.edge2));
+    let misses = shaft.misses(simd, &corner, [&edge1, &edge2]);
+    let normal = vector::cross(simd, &edge2, &edge1);
+    let harmless = simd.or(misses, shaft.on_one_side(simd, &corner, &normal));
+    block.used & !simd.bits(harmless)
+}
+
+/// Triangles one by one, segment by segment.
+#[inline(always)]
+fn each<S: Simd>(simd: S, block: &Block, candidates: u32, packets: &[Packet], blocked: &mut [u32]) -> Tested {
+    for k in Lanes(candidates) {
+        let triangle = Triangle::of(block, k);
+        let mut all = true;
+        for (packet, blocked) in packets.iter().zip(&mut *blocked) {
+            if *blocked != packet.active {
+                *blocked |= triangle.blocks(simd, packet) & packet.active;
+                all &= *blocked == packet.active;
+            }
+        }
+        if all {
+            return Tested { triangles: candidates.count_ones(), all };
+        }
+    }
+    Tested { triangles: candidates.count_ones(), all: false }
+}
+
+/// The triangles of a block as fans of planes through the common receiver end.
+struct Fans {
+    /// A segment's line passes through the triangle, ahead of the receiver end, where all three products with its
+    /// direction are >= 0. They sum to the determinant but for the widening.
+    planes: [[[f32; LANES]; 3]; 3],
+    /// t times the determinant, >= 0.
+    height: [f32; LANES],
+    /// Triangles that block every segment.
+    covering: u32,
+    /// Triangles that no segment hits.
+    missed: u32,
+    /// Triangles that all segments that hit them hit beyond `near` and before `far`.
+    amid: u32,
+}
+
+impl Fans {
+    #[inline(always)]
+    fn of<S: Simd>(
+        simd: S,
+        shaft: &Shaft,
+        pyramid: &Pyramid,
+        (corner, edge1, edge2, normal): (&Vector<S>, &Vector<S>, &Vector<S>, &Vector<S>),
+    ) -> Fans {
+        let zero = simd.splat(0.0);
+        let v = vector::sub(simd, &vector::splat(simd, pyramid.apex), corner);
+        let q = vector::cross(simd, &v, edge1);
+        let height = vector::dot(simd, edge2, &q);
+        // What lies ahead has a determinant of the height's sign.
+        let sign = simd.select(simd.lt(height, zero), simd.splat(-1.0), simd.splat(1.0));
+        let height = simd.abs(height);
+        let normal = vector::scaled(simd, sign, normal);
+        let p = vector::scaled(simd, sign, &vector::cross(simd, edge2, &v));
+        let q = vector::scaled(simd, sign, &q);
+        let widen = simd.splat(WIDEN);
+        let a = vector::add_scaled(simd, &p, widen, &normal);
+        let b = vector::add_scaled(simd, &q, widen, &normal);
+        let c = vector::sub(simd, &vector::sub(simd, &normal, &p), &q);
+        let c = vector::add_scaled(simd, &c, widen, &normal);
+        let determinants = at_corners(simd, &normal, pyramid);
+        let (least, greatest) = extremes(simd, determinants);
+        // The corners are as exact as a few roundings of the products: they must be clearly inside or outside.
+        let clearly = simd.mul(simd.splat(1e-5), simd.max(greatest, simd.sub(zero, least)));
+        let (mut missed, mut covering) = (simd.mask(0), simd.mask(0xffff));
+        for plane in [&a, &b, &c] {
+            let (low, high) = extremes(simd, at_corners(simd, plane, pyramid));
+            missed = simd.or(missed, simd.lt(high, simd.sub(zero, clearly)));
+            covering = simd.and(covering, simd.lt(clearly, low));
+        }
+        // What is hit lies between the triangle's corners, and between the places where the pyramid's edges meet
+        // its plane if they all do.
+        let (low, high) = shaft.reach(simd, corner, [edge1, edge2]);
+        let mut amid = simd.bits(shaft.amid(simd, low, high));
+        let crossed = simd.bits(simd.lt(zero, least));
+        if crossed & !amid != 0 {
+            let mut places = determinants;
+            for (place, corner) in places.iter_mut().zip(&pyramid.corners) {
+                *place = simd.div(simd.mul(height, simd.splat(shaft.along(*corner))), *place);
+            }
+            let (low, high) = extremes(simd, places);
+            amid |= crossed & simd.bits(shaft.amid(simd, low, high));
+        }
+        let mut fans = Fans {
+            planes: [[[0.0; LANES]; 3]; 3],
+            height: [0.0; LANES],
+            covering: simd.bits(covering) & crossed & amid,
+            missed: simd.bits(missed),
+            amid,
+        };
+        vector::store(simd, &a, &mut fans.planes[0]);
+        vector::store(simd, &b, &mut fans.planes[1]);
+        vector::store(simd, &c, &mut fans.planes[2]);
+        simd.store(height, &mut fans.height);
+        fans
+    }
+
+    #[inline(always)]
+    fn block<S: Simd>(&self, simd: S, touched: u32, packets: &[Packet], blocked: &mut [u32]) -> Tested {
+        if touched & self.covering != 0 {
+            packets.iter().zip(blocked).for_each(|(packet, blocked)| *blocked = packet.active);
+            return Tested { triangles: 0, all: true };
+        }
+        let touched = touched & !self.missed;
+        let zero = simd.splat(0.0);
+        for k in Lanes(touched) {
+            let a = pick(simd, &self.planes[0], k);
+            let b = pick(simd, &self.planes[1], k);
+            let c = pick(simd, &self.planes[2], k);
+            let height = simd.splat(self.height[k]);
+            let amid = self.amid >> k & 1 == 1;
+            let mut all = true;
+            for (packet, blocked) in packets.iter().zip(&mut *blocked) {
+                let d = vector::load(simd, &packet.direction);
+                let a = vector::dot(simd, &a, &d);
+                let b = vector::dot(simd, &b, &d);
+                let c = vector::dot(simd, &c, &d);
+                // All three are >= 0 where the least is.
+                let mut hit = simd.le(zero, simd.min(simd.min(a, b), c));
+                if !amid {
+                    let det = simd.add(simd.add(a, b), c);
+                    let beyond = simd.le(simd.mul(simd.load(&packet.near), det), height);
+                    let before = simd.le(height, simd.mul(simd.load(&packet.far), det));
+                    hit = simd.and(hit, simd.and(beyond, before));
+                }
+                *blocked |= simd.bits(hit) & packet.active;
+                all &= *blocked == packet.active;
+            }
+            if all {
+                return Tested { triangles: touched.count_ones(), all };
+            }
+        }
+        Tested { triangles: touched.count_ones(), all: false }
+    }
+}
+
+/// One of sixteen vectors in every lane.
+#[inline(always)]
+fn pick<S: Simd>(simd: S, v: &[[f32; LANES]; 3], k: usize) -> Vector<S> {
+    vector::splat(simd, Vec3::new(v[0][k], v[1][k], v[2][k]))
+}
+
+/// The products of a plane with the pyramid's edges.
+#[inline(always)]
+fn at_corners<S: Simd>(simd: S, plane: &Vector<S>, pyramid: &Pyramid) -> [S::F; 4] {
+    let [a, b, c, d] = pyramid.corners;
+    [
+        vector::dot(simd, plane, &vector::splat(simd, a)),
+        vector::dot(simd, plane, &vector::splat(simd, b)),
+        vector::dot(simd, plane, &vector::splat(simd, c)),
+        vector::dot(simd, plane, &vector::splat(simd, d)),
+    ]
+}
+
+/// Least and greatest of four values, lane by lane.
+#[inline(always)]
+fn extremes<S: Simd>(simd: S, [i, j, k, l]: [S::F; 4]) -> (S::F, S::F) {
+    (simd.min(simd.min(i, j), simd.min(k, l)), simd.max(simd.max(i, j), simd.max(k, l)))
+}
+
+/// A triangle against segments from anywhere.
+struct Triangle {
+    corner: Vec3,
+    edge1: Vec3,
+    edge2: Vec3,
+    /// e2 × e1.
+    normal: Vec3,
+}
+
+impl Triangle {
+    #[inline(always)]
+    fn of(block: &Block, k: usize) -> Triangle {
+        let pick = |v: &[[f32; LANES]; 3]| Vec3::new(v[0][k], v[1][k], v[2][k]);
+        let (corner, edge1, edge2) = (pick(&block.corner), pick(&block.edge1), pick(&block.edge2));
+        Triangle { corner, edge1, edge2, normal: edge2.cross(edge1) }
+    }
+
+    /// Lanes that it blocks.
+    #[inline(always)]
+    fn blocks<S: Simd>(&self, simd: S, packet: &Packet) -> u32 {
+        let (e1, e2) = (vector::splat(simd, self.edge1), vector::splat(simd, self.edge2));
+        let d = vector::load(simd, &packet.direction);
+        let v = vector::sub(simd, &vector::load(simd, &packet.origin), &vector::splat(simd, self.corner));
+        let (p, q) = (vector::cross(simd, &e2, &v), vector::cross(simd, &v, &e1));
+        let det = vector::dot(simd, &d, &vector::splat(simd, self.normal));
+        // Everything with the sign of the determinant.
+        let zero = simd.splat(0.0);
+        let back = simd.lt(det, zero);
+        let sign = simd.select(back, simd.splat(-1.0), simd.splat(1.0));
+        let a = simd.mul(sign, vector::dot(simd, &d, &p));
+        let b = simd.mul(sign, vector::dot(simd, &d, &q));
+        let t = simd.mul(sign, vector::dot(simd, &e2, &q));
+        let det = simd.mul(sign, det);
+        let slack = simd.mul(det, simd.splat(-WIDEN));
+        let inside = simd.and(simd.le(slack, a), simd.le(slack, b));
+        let inside = simd.and(inside, simd.le(simd.add(simd.add(a, b), slack), det));
+        let reach = simd.and(
+            simd.le(simd.mul(simd.load(&packet.near), det), t),
+            simd.le(t, simd.mul(simd.load(&packet.far), det)),
+        );
+        simd.bits(simd.and(simd.and(inside, reach), simd.lt(zero, det)))
+    }
+}

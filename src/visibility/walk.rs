@@ -1,0 +1,196 @@
+//! One traversal for all packets of a bundle, from the root or from a group's front.
+//!
+//! The bundle's shaft throws out the children of a node that no segment can touch. A child is aggregated if its
+//! feature size b is below the threshold
+//!
+//! ```text
+//! b*(t) = s (1 - t) + e t          t = 0 at the receiver, 1 at the emitter
+//! ```
+//!
+//! at the less favourable end of its box and no segment ends inside. This is the umbra test
+//! u = b + (b - e) d2/d1 < s solved for b (method A.6), at the safe end (D.10). The rest is opened; opened leaves test
+//! their triangles.
+
+use super::front::Front;
+use super::shaft::Shaft;
+use super::slabs::{Slab, pass};
+use super::triangles;
+use super::wide::{LEAF, Node, WideTree, mixed};
+use crate::characterise::AxisMix;
+use crate::ray::{Lanes, Packet};
+use crate::simd::{LANES, Simd};
+use glam::Vec3;
+
+/// What a walk needs to know beside the segments.
+pub(super) struct Rule {
+    /// Emitter size and feature size.
+    pub e: f32,
+    pub s: f32,
+    /// Whether leaves are answered by extinction, always.
+    pub soft: bool,
+    /// Work after which the walk gives up.
+    pub limit: u32,
+}
+
+/// What a walk found.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Walked {
+    /// Sums over all segments.
+    pub transmittance: f32,
+    pub lo: f32,
+    pub hi: f32,
+    /// Segments that met an aggregated cluster.
+    pub aggregated: u32,
+    /// Whether triangles were tested.
+    pub tested: bool,
+    /// Nodes visited.
+    pub nodes: u32,
+    /// In units of about a box or triangle against a packet.
+    pub work: u32,
+    /// Whether it met too much work to go on.
+    pub gave_up: bool,
+}
+
+/// Work of a node's shaft test and of ruling out a block's triangles.
+pub(super) const NODE: u32 = 6;
+pub(super) const BLOCK: u32 = 12;
+
+/// Walks for one bundle.
+#[inline(always)]
+pub(super) fn walk<S: Simd>(
+    simd: S,
+    tree: &WideTree,
+    front: Option<&Front>,
+    (packets, shaft): (&[Packet], &Shaft),
+    rule: &Rule,
+    workspace: &mut Buffers,
+) -> Walked {
+    let Buffers { stack, slabs, blocked, transmittance } = workspace;
+    let mut walked = Walked::default();
+    let count = packets.len() as u32;
+    let from = shaft.apex.unwrap_or(Vec3::ZERO);
+    let mix = AxisMix::around(shaft.direction());
+    blocked.clear();
+    blocked.resize(packets.len(), 0);
+    slabs.clear();
+    stack.clear();
+    let push = |stack: &mut Vec<u32>, reference: u32| {
+        // Its lines arrive while others are worked on.
+        if reference & LEAF != 0 {
+            simd.prefetch(&tree.blocks[(reference & !LEAF) as usize]);
+        } else {
+            simd.prefetch(&tree.nodes[reference as usize]);
+            for axis in mix.axes {
+                simd.prefetch(&tree.traits[reference as usize][axis]);
+            }
+        }
+        stack.push(reference);
+    };
+    let mut all = false;
+    match front {
+        None => stack.push(0),
+        Some(front) => {
+            for block in &front.blocks {
+                let tested = triangles::block_all(simd, shaft, block, packets, blocked);
+                walked.work += BLOCK + tested.triangles * (1 + count);
+                walked.tested |= tested.triangles > 0 || tested.all;
+                all = tested.all;
+                if all {
+                    break;
+                }
+            }
+            for row in front.rows.iter().take(if all { 0 } else { usize::MAX }) {
+                walked.work += NODE;
+                let touched = shaft.touches(simd, &row.node);
+                if touched == 0 {
+                    continue;
+                }
+                let mut small = shaft.aggregates(simd, &row.node, simd.load(&row.sizes), rule.e, rule.s);
+                if rule.soft {
+                    small |= row.node.soft_leaves;
+                }
+                for lane in Lanes(touched & small) {
+                    slabs.push(Slab::of(&row.node, lane, row.extinctions[lane], from));
+                }
+                for lane in Lanes(touched & !small) {
+                    push(stack, row.node.child[lane]);
+                }
+            }
+        }
+    }
+    while let Some(reference) = stack.pop() {
+        if all {
+            break;
+        }
+        if reference & LEAF != 0 {
+            let block = &tree.blocks[(reference & !LEAF) as usize];
+            let tested = triangles::block_all(simd, shaft, block, packets, blocked);
+            walked.work += BLOCK + tested.triangles * (1 + count);
+            walked.tested |= tested.triangles > 0 || tested.all;
+            all = tested.all;
+        } else {
+            let node: &Node = &tree.nodes[reference as usize];
+            walked.nodes += 1;
+            walked.work += NODE;
+            let touched = shaft.touches(simd, node);
+            if touched == 0 {
+                continue;
+            }
+            let soft = if rule.soft { node.soft_leaves } else { 0 };
+            let mut small = soft;
+            if node.smallest < rule.s.max(rule.e) || soft != 0 {
+                let (sizes, extinctions) = mixed(simd, &tree.traits[reference as usize], &mix);
+                small = touched & (shaft.aggregates(simd, node, sizes, rule.e, rule.s) | soft);
+                if small != 0 {
+                    let mut extinction_of = [0.0; LANES];
+                    simd.store(extinctions, &mut extinction_of);
+                    for lane in Lanes(small) {
+                        slabs.push(Slab::of(node, lane, extinction_of[lane], from));
+                    }
+                }
+            }
+            for lane in Lanes(touched & !small) {
+                push(stack, node.child[lane]);
+            }
+        }
+        if walked.work > rule.limit {
+            walked.gave_up = true;
+            return walked;
+        }
+    }
+    if all {
+        *transmittance = [0.0; LANES];
+        return walked;
+    }
+    walked.work += slabs.len() as u32 * (1 + count);
+    for (k, (packet, blocked)) in packets.iter().zip(&*blocked).enumerate() {
+        let clear = packet.active & !blocked;
+        let each = (k == 0).then_some(&mut *transmittance);
+        if slabs.is_empty() {
+            let n = clear.count_ones() as f32;
+            (walked.transmittance, walked.lo, walked.hi) =
+                (walked.transmittance + n, walked.lo + n, walked.hi + n);
+            if let Some(each) = each {
+                *each = std::array::from_fn(|i| (clear >> i & 1) as f32);
+            }
+            continue;
+        }
+        let passed = pass(simd, slabs, packet, clear, shaft.apex.is_some(), each);
+        walked.transmittance += passed.transmittance;
+        walked.lo += passed.lo;
+        walked.hi += passed.hi;
+        walked.aggregated += (passed.met & clear).count_ones();
+    }
+    walked
+}
+
+/// What a walk writes to, kept between walks.
+#[derive(Default)]
+pub(super) struct Buffers {
+    stack: Vec<u32>,
+    slabs: Vec<Slab>,
+    /// Blocked segments of each packet of the bundle.
+    pub blocked: Vec<u32>,
+    /// Transmittance of each segment of the first packet.
+    pub transmittance: [f32; LANES],
+}
