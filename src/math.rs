@@ -47,11 +47,13 @@ impl Aabb {
         e.x * e.y * e.z
     }
 
-    /// The box with every extent at least a thousandth of the diagonal: what path lengths are measured in, so that
-    /// flat boxes have a path (method A.5, D.2).
+    /// The box with every extent at least a thousandth of the diagonal and sixteen roundings of its coordinates: what
+    /// path lengths are measured in, so that flat boxes have a path (method A.5, D.2).
     #[must_use]
     pub fn thickened(self) -> Aabb {
-        let missing = (Vec3::splat(1e-3 * self.diagonal()) - self.extent()).max(Vec3::ZERO);
+        let rounding = f32::EPSILON * self.min.abs().max(self.max.abs()).max_element();
+        let least = (1e-3 * self.diagonal()).max(16.0 * rounding);
+        let missing = (Vec3::splat(least) - self.extent()).max(Vec3::ZERO);
         Aabb { min: self.min - 0.5 * missing, max: self.max + 0.5 * missing }
     }
 

@@ -203,16 +203,20 @@ struct Moments {
     first: DVec3,
 }
 
+/// Boxes thinner than this part of their longest extent are sheets.
+const THIN: f32 = 1.0 / 64.0;
+
 /// The density 1 + slope · x over a box, linear in the offset x from its middle, whose first moment is that of the
 /// contents: the mean of x over a box of half extent h weighted so is slope h² / 3. Kept above zero inside the box.
 ///
 /// Clusters at the rim of a crown fill their boxes on one side only. With even extinction the boxes behind each other
 /// darken rays that pass all of them by (method D.12); this takes most of that away for three numbers.
 fn slope(centroid: Vec3, bounds: Aabb) -> Vec3 {
-    let half = (0.5 * bounds.extent()).max(Vec3::splat(f32::MIN_POSITIVE));
-    let steep = 3.0 * (centroid - bounds.center()) / half;
-    let sum = steep.abs().element_sum();
-    if sum.is_finite() { steep / sum.max(1.0) / half } else { Vec3::ZERO }
+    let half = 0.5 * bounds.extent();
+    // Across a box as thin as a sheet there is nothing to tell apart but rounding.
+    let thick = half.cmpgt(Vec3::splat(THIN * half.max_element()));
+    let steep = 3.0 * Vec3::select(thick, (centroid - bounds.center()) / half, Vec3::ZERO);
+    steep / steep.abs().element_sum().max(1.0) / half
 }
 
 /// κ = Σ sides·A / 4V with V the volume of the box that path lengths are measured in (method A.5).
