@@ -13,9 +13,9 @@ use std::time::Instant;
 /// costs nothing.
 const CHUNK: usize = 1024;
 /// Segments of a chunk, at most (but those of one pair are always together).
-const CHUNK_SEGMENTS: usize = 1 << 13;
+const CHUNK_SEGMENTS: usize = 1 << 15;
 /// Chunks whose segments are made at once, on all cores, for each thread that asks: few enough to stay in cache.
-const AHEAD: usize = 8;
+const AHEAD: usize = 2;
 
 /// Visible fraction of each pair, and the seconds that the queries alone took.
 #[derive(Clone, Debug, Default)]

@@ -29,11 +29,13 @@ const BUDGET: u32 = 200;
 /// What Embree needs for a packet in units of this engine's work, over the root of the work that testing every
 /// triangle in the shaft would be: measured between 3 (Sponza) and 20 (a forest of six million triangles), 5 to 7 in
 /// furnished rooms and a park.
-const EMBREE_WORK: f64 = 5.0;
+const EMBREE_WORK: f64 = 6.0;
+/// A walk gives up after so many times the work that exact rays are worth: many end soon after.
+const PATIENCE: u32 = 2;
 /// Bundles that share a front, at most.
-const GROUP: usize = 32;
+const GROUP: usize = 64;
 /// How far the receiver ends of a group may lie apart, as part of the distance to the emitter.
-const GROUP_WIDTH: f32 = 0.25;
+const GROUP_WIDTH: f32 = 0.5;
 
 /// The multi-resolution engine: the wide tree and the exact scene it falls back on.
 pub struct MultiResolution<'a> {
@@ -116,11 +118,11 @@ impl<'a> MultiResolution<'a> {
         mut each: impl FnMut(Answer),
     ) {
         let limit = match self.leaf {
-            Leaf::Exact => self.budget,
+            Leaf::Exact => PATIENCE * self.budget,
             // No rays, whatever it takes.
             Leaf::Extinction => u32::MAX,
         };
-        dispatch(self.isa, Ask { engine: self, bundles, s, limit, workspace });
+        self.walk_all(bundles, s, limit, workspace);
         for (k, bundle) in bundles.iter().enumerate() {
             each(self.finish(*bundle, k, workspace));
         }
@@ -144,7 +146,8 @@ impl<'a> MultiResolution<'a> {
         for bundle in sample.iter().filter(|b| !b.packets.is_empty()) {
             // No feature size is below zero: everything is opened.
             let one = Bundle { packets: &bundle.packets[..1], emitter_size: 0.0 };
-            work += self.work(&[one], 0.0, workspace).sqrt();
+            self.walk_all(&[one], 0.0, u32::MAX, workspace);
+            work += f64::from(workspace.walked[0].work).sqrt();
             count += 1.0;
         }
         if count > 0.0 {
@@ -163,16 +166,20 @@ impl<'a> MultiResolution<'a> {
     ) -> bool {
         let (mut own, mut exact) = (0.0, 0.0);
         for run in sample {
-            own += self.work(run, s, workspace);
-            exact += run.iter().map(|b| b.packets.len() as f64 * f64::from(self.budget)).sum::<f64>();
+            self.walk_all(run, s, u32::MAX, workspace);
+            for (bundle, walked) in run.iter().zip(&workspace.walked) {
+                let rays = bundle.packets.len() as f64 * f64::from(self.budget);
+                let limit = f64::from(PATIENCE) * rays;
+                let work = f64::from(walked.work);
+                own += if work > limit { limit + rays } else { work };
+                exact += rays;
+            }
         }
         own < exact
     }
 
-    /// Work of walks that never give up.
-    fn work(&self, bundles: &[Bundle], s: f32, workspace: &mut Workspace) -> f64 {
-        dispatch(self.isa, Ask { engine: self, bundles, s, limit: u32::MAX, workspace });
-        workspace.walked.iter().map(|w| f64::from(w.work)).sum()
+    fn walk_all(&self, bundles: &[Bundle], s: f32, limit: u32, workspace: &mut Workspace) {
+        dispatch(self.isa, Ask { engine: self, bundles, s, limit, workspace });
     }
 
     /// The answer that a walk found, or Embree's where it gave up.

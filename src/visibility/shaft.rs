@@ -183,35 +183,25 @@ impl Shaft {
             return;
         }
         let (u, v) = w.any_orthonormal_pair();
-        let mut slopes = [(simd.splat(f32::MAX), simd.splat(f32::MIN)); 2];
-        for packet in packets {
-            let (_, direction) = filled(simd, packet);
-            let forward = vector::dot(simd, &vector::splat(simd, w), &direction);
-            let steep = simd.mul(simd.splat(10.0), forward);
-            let inverse = simd.div(simd.splat(1.0), forward);
-            for (slope_range, n) in slopes.iter_mut().zip([u, v]) {
-                let sideways = vector::dot(simd, &vector::splat(simd, n), &direction);
-                // Directions that hardly go forward have no useful slope.
-                if simd.bits(simd.lt(simd.abs(sideways), steep)) != 0xffff {
-                    return;
-                }
-                let slope = simd.mul(sideways, inverse);
-                *slope_range = (simd.min(slope_range.0, slope), simd.max(slope_range.1, slope));
-            }
-        }
-        let low = [simd.least(slopes[0].0), simd.least(slopes[1].0)];
-        let high = [simd.greatest(slopes[0].1), simd.greatest(slopes[1].1)];
+        let to = self.ends[1];
+        // For a panel along two coordinate axes the corners of its box are those of the panel; else every segment
+        // is looked at.
+        let slopes = if to.half.min_element() <= 0.02 * to.half.max_element() {
+            slopes_of_box(to, apex, [u, v, w])
+        } else {
+            slopes_of_segments(simd, packets, [u, v, w])
+        };
+        let Some([low, high]) = slopes else { return };
         self.normals = [u - high[0] * w, low[0] * w - u, v - high[1] * w, low[1] * w - v];
         for (offset, n) in self.offsets.iter_mut().zip(&self.normals) {
             *offset = n.dot(apex) + self.slack * n.abs().element_sum();
         }
         self.planes = 4;
-        let corner = |a: f32, b: f32| w + a * u + b * v;
         let corners = [
-            corner(low[0], low[1]),
-            corner(high[0], low[1]),
-            corner(high[0], high[1]),
-            corner(low[0], high[1]),
+            w + low[0] * u + low[1] * v,
+            w + high[0] * u + low[1] * v,
+            w + high[0] * u + high[1] * v,
+            w + low[0] * u + high[1] * v,
         ];
         self.pyramid = Some(Pyramid { apex, corners });
     }
@@ -352,6 +342,56 @@ impl Shaft {
         }
         simd.or(above, below)
     }
+}
+
+/// Directions that go sideways by more than this times forward have no useful slope.
+const STEEP: f32 = 10.0;
+
+/// Least and greatest slope towards u and v against w of the corners of a box seen from a point.
+#[inline(always)]
+fn slopes_of_box(to: Ends, apex: Vec3, [u, v, w]: [Vec3; 3]) -> Option<[[f32; 2]; 2]> {
+    let [lo, hi] = to.bounds();
+    let (mut low, mut high) = ([f32::MAX; 2], [f32::MIN; 2]);
+    for k in 0..8 {
+        let corner = Vec3::select(glam::BVec3::new(k & 1 == 1, k & 2 == 2, k & 4 == 4), hi, lo) - apex;
+        let forward = corner.dot(w);
+        for (i, sideways) in [corner.dot(u), corner.dot(v)].into_iter().enumerate() {
+            if sideways.abs() >= STEEP * forward {
+                return None;
+            }
+            let slope = sideways / forward;
+            (low[i], high[i]) = (low[i].min(slope), high[i].max(slope));
+        }
+    }
+    Some([low, high])
+}
+
+/// The same of every direction.
+#[inline(always)]
+fn slopes_of_segments<S: Simd>(
+    simd: S,
+    packets: &[Packet],
+    [u, v, w]: [Vec3; 3],
+) -> Option<[[f32; 2]; 2]> {
+    let mut slopes = [(simd.splat(f32::MAX), simd.splat(f32::MIN)); 2];
+    for packet in packets {
+        let (_, direction) = filled(simd, packet);
+        let forward = vector::dot(simd, &vector::splat(simd, w), &direction);
+        let steep = simd.mul(simd.splat(STEEP), forward);
+        let inverse = simd.div(simd.splat(1.0), forward);
+        for (range, n) in slopes.iter_mut().zip([u, v]) {
+            let sideways = vector::dot(simd, &vector::splat(simd, n), &direction);
+            if simd.bits(simd.lt(simd.abs(sideways), steep)) != 0xffff {
+                return None;
+            }
+            let slope = simd.mul(sideways, inverse);
+            *range = (simd.min(range.0, slope), simd.max(range.1, slope));
+        }
+    }
+    Some([
+        [simd.least(slopes[0].0), simd.least(slopes[1].0)],
+        [simd.greatest(slopes[0].1), simd.greatest(slopes[1].1)],
+    ])
 }
 
 /// Origins and directions; unused lanes repeat the first segment, so that whole registers can be reduced.
