@@ -42,6 +42,8 @@ impl Run {
 /// A [`Run`] of the multi-resolution engine.
 #[derive(Clone, Debug, Default)]
 pub struct MrRun {
+    /// Time of deciding whether the engine pays, seconds; not part of the sections.
+    pub decide_s: f64,
     /// Fractions and seconds.
     pub run: Run,
     /// Stated interval of each pair.
@@ -124,8 +126,9 @@ impl Timer {
         advance: &dyn Fn(usize),
     ) -> MrRun {
         let per_pair = rays.div_ceil(LANES);
+        let start = Instant::now();
         let pays = pays(scene, workload, engine, s, rays);
-        let mut result = MrRun::default();
+        let mut result = MrRun { decide_s: start.elapsed().as_secs_f64(), ..MrRun::default() };
         result.run.sections = self.chunk_by_chunk(
             chunks(pairs, rays),
             |chunk: &mut Chunk<Option<Answer>>| {
@@ -220,8 +223,9 @@ impl Sample {
         let mut sample = Sample { packets: Vec::new(), runs: Vec::new() };
         let pairs = workload.pairs.len();
         let length = (Self::SHAPE.1 * scene.emitters.len()).min(pairs);
-        for k in 0..Self::SHAPE.0.min(pairs / length.max(1)) {
-            let first = (pairs - length) * k / Self::SHAPE.0;
+        let runs = Self::SHAPE.0.min(pairs / length.max(1));
+        for k in 0..runs {
+            let first = (pairs - length) * k / (runs - 1).max(1);
             let range = first..first + length;
             // The run is that of one emitter, as the engine is asked.
             let emitter = workload.pairs[first].emitter;

@@ -16,7 +16,7 @@ pub struct Record {
     pub embree: String,
     /// Threads of the timed sections; 1 unless asked otherwise.
     pub threads: usize,
-    /// Widest instruction set that Embree uses, such as `avx2`.
+    /// Instruction set that the multi-resolution engine uses, such as `avx2`; Embree picks its own, the best there is.
     pub isa: String,
     /// The scene's unit of length, such as `m`.
     pub unit: String,
@@ -75,6 +75,9 @@ pub struct Build {
     pub hierarchy_s: f64,
     /// Measuring the clusters' extinction and feature sizes, seconds.
     pub characterise_s: f64,
+    /// Estimating the cost of exact rays on a sample, seconds.
+    #[serde(default)]
+    pub budget_s: f64,
     /// Memory of hierarchy and cluster properties, bytes.
     pub hierarchy_bytes: u64,
     /// Memory of Embree's scene, bytes.
@@ -131,8 +134,14 @@ pub struct MrRow {
     pub interval_coverage: f64,
     /// Part of the segments, in [0, 1], that met at least one averaged cluster.
     pub aggregated_fraction: f64,
-    /// Rays that were handed to Embree.
+    /// Segments of bundles for which triangles were tested, by this engine or by Embree.
     pub exact_rays: u64,
+    /// Part of the segments, in [0, 1], that were handed to Embree whole; at 1 the row repeats exact's answer.
+    #[serde(default)]
+    pub handed_over: f64,
+    /// Time of deciding on a sample whether the engine pays, seconds; not part of `seconds`.
+    #[serde(default)]
+    pub decide_s: f64,
     /// Clusters visited for a segment, on average.
     pub nodes_per_segment: f64,
     /// Best exact time for the same number of segments / this time.

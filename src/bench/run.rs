@@ -197,13 +197,13 @@ pub fn run(
     let mut warnings = Vec::new();
     let bench =
         Bench { scene, options, timer, traced: &traced, width: device.native_width(), sizes, progress };
-    let engine = |workload: &Workload| {
+    let engine = |workload: &Workload, seconds: &mut f64| {
         let traversal = bench.traversal(workload, options.rays);
         let engine = MultiResolution::new(scene, &hierarchy, &traits, &traced, traversal, Leaf::Exact);
         let sample = Sample::of(scene, workload, options.rays);
-        engine.with_budget(&sample.bundles().concat(), &mut Workspace::default())
+        timed(seconds, || engine.with_budget(&sample.bundles().concat(), &mut Workspace::default()))
     };
-    let mr = engine(&workload);
+    let mr = engine(&workload, &mut build.budget_s);
     build.hierarchy_bytes =
         (hierarchy.micro.bytes() + hierarchy.large.bytes() + size_of_val(traits.as_slice()) + mr.bytes())
             as u64;
@@ -395,6 +395,8 @@ impl Bench<'_> {
                     interval_coverage: reference.coverage(&result.intervals),
                     aggregated_fraction: cost.aggregated as f64 / segments,
                     exact_rays: cost.exact_rays,
+                    handed_over: cost.handed_over as f64 / segments,
+                    decide_s: result.decide_s,
                     nodes_per_segment: cost.nodes as f64 / segments,
                     speedup_per_segment: ratio(as_many, seconds).unwrap_or(0.0),
                     speedup_at_same_rms: same_rms.and_then(|t| ratio(t.seconds, seconds)),

@@ -38,8 +38,9 @@ pub struct AxisMix {
 }
 
 impl AxisMix {
-    /// The axes around a direction of any length.
+    /// The axes around a direction of any length; without a direction, x.
     pub fn around(d: Vec3) -> AxisMix {
+        let d = if d == Vec3::ZERO { Vec3::X } else { d };
         let a = d.abs();
         let face = if a.x >= a.y && a.x >= a.z {
             0

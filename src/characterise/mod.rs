@@ -38,8 +38,8 @@ pub struct Options {
     pub isotropic: bool,
     /// Where extinction comes from.
     pub extinction: Extinction,
-    /// Root mean square error of a cluster's transmission that the grain allows; 1 switches the grain off and
-    /// leaves the paper's BSIZE alone.
+    /// Root mean square error of a cluster's transmission that the grain allows, above 0; at 1 little more than the
+    /// paper's BSIZE is left.
     pub tolerance: f32,
 }
 
@@ -70,6 +70,9 @@ pub struct Traits {
     pub coverage: [f32; AXIS_COUNT],
     /// Width over which silhouette and extinction agree within the tolerance; length.
     pub grain: [f32; AXIS_COUNT],
+    /// For a cluster that is mostly cut out of larger connected surfaces the blocked size of the smallest ancestor
+    /// that is not, else 0; length. Pieces of one thing cast one shadow, however small each is (method D.6).
+    pub joint: [f32; AXIS_COUNT],
 }
 
 impl Traits {
@@ -81,31 +84,19 @@ impl Traits {
     #[inline]
     pub fn feature_size(&self, axis: usize) -> f32 {
         let paper = if self.coverage[axis] > 0.5 { self.free[axis] } else { 0.0 };
-        self.blocked[axis].max(paper).max(self.grain[axis])
+        self.blocked[axis].max(paper).max(self.grain[axis]).max(self.joint[axis])
     }
 }
 
 /// Measures every cluster of a tree. Parallel and deterministic.
 pub fn characterise(scene: &Scene, tree: &Tree, options: &Options) -> Vec<Traits> {
-    // Prefix sums over the tree's order: any cluster's sum is one difference.
-    let mut sums = Vec::with_capacity(tree.order.len() + 1);
-    let mut sum = Moments::default();
-    sums.push(sum);
-    for &t in &tree.order {
-        let [a, b, c] = scene.corners(t);
-        let area = f64::from(scene.triangle_sides[t as usize]) * triangle_area(a, b, c);
-        sum.area += area;
-        sum.first += area * (a + b + c).as_dvec3() / 3.0;
-        sums.push(sum);
-    }
+    let sums = moments(scene, tree);
     let boxes: Vec<Aabb> = tree.clusters.par_iter().map(|c| c.bounds.thickened()).collect();
     let average = |c: usize| {
-        let range = tree.clusters[c].triangle_range();
-        let (from, to) = (sums[range.start], sums[range.end]);
-        let area = to.area - from.area;
+        let Moments { area, first } = sums[c];
         let slope = match options.extinction {
             Extinction::Analytic => Vec3::ZERO,
-            Extinction::Measured => slope(((to.first - from.first) / area).as_vec3(), boxes[c]),
+            Extinction::Measured => slope((first / area).as_vec3(), boxes[c]),
         };
         (extinction(area, boxes[c]), slope)
     };
@@ -143,7 +134,16 @@ pub fn characterise(scene: &Scene, tree: &Tree, options: &Options) -> Vec<Traits
             pictures[tree.clusters[c].child_range()].fill(None);
         }
     }
-    traits.into_iter().map(|t| t.expect("every cluster is drawn or composed")).collect()
+    let mut traits: Vec<Traits> =
+        traits.into_iter().map(|t| t.expect("every cluster is drawn or composed")).collect();
+    // Parents come before their children.
+    for (c, part) in fragments(scene, tree).into_iter().enumerate().skip(1) {
+        if part > FRAGMENT {
+            let parent = &traits[tree.clusters[c].parent as usize];
+            traits[c].joint = std::array::from_fn(|axis| parent.blocked[axis].max(parent.joint[axis]));
+        }
+    }
+    traits
 }
 
 /// Clusters with at most this many triangles are drawn triangle by triangle.
@@ -179,6 +179,7 @@ impl Scratch {
             free: [0.0; AXIS_COUNT],
             coverage: [0.0; AXIS_COUNT],
             grain: [0.0; AXIS_COUNT],
+            joint: [0.0; AXIS_COUNT],
         };
         for (axis, silhouette) in self.silhouettes.iter().enumerate() {
             let m = self.measure.take(silhouette, (analytic, slope), options);
@@ -187,13 +188,44 @@ impl Scratch {
             (traits.extinction[axis], traits.grain[axis]) = (m.extinction, m.grain);
         }
         if options.isotropic {
-            let Traits { blocked, free, coverage, grain, extinction, slope: _ } = &mut traits;
+            let Traits { blocked, free, coverage, grain, extinction, slope: _, joint: _ } = &mut traits;
             for values in [blocked, free, coverage, grain, extinction] {
                 *values = [values.iter().sum::<f32>() / AXIS_COUNT as f32; AXIS_COUNT];
             }
         }
         traits
     }
+}
+
+/// Clusters of which more than this part is cut out of larger surfaces count as pieces of them.
+const FRAGMENT: f32 = 0.5;
+
+/// Part of each cluster's area that belongs to connected surfaces that reach beyond it.
+fn fragments(scene: &Scene, tree: &Tree) -> Vec<f32> {
+    // First and last place of each surface in the tree's order: a cluster holds all of it if it holds both.
+    let surfaces = scene.triangle_component.iter().max().map_or(0, |&m| m as usize + 1);
+    let mut places = vec![(u32::MAX, 0); surfaces];
+    for (place, &t) in (0u32..).zip(&tree.order) {
+        let (first, last) = &mut places[scene.triangle_component[t as usize] as usize];
+        (*first, *last) = ((*first).min(place), (*last).max(place));
+    }
+    tree.clusters
+        .par_iter()
+        .map(|cluster| {
+            let range = cluster.triangle_range();
+            let (mut beyond, mut all) = (0.0, 0.0);
+            for &t in &tree.order[range.clone()] {
+                let [a, b, c] = scene.corners(t);
+                let area = triangle_area(a, b, c);
+                let (first, last) = places[scene.triangle_component[t as usize] as usize];
+                all += area;
+                if !range.contains(&(first as usize)) || !range.contains(&(last as usize)) {
+                    beyond += area;
+                }
+            }
+            (beyond / all) as f32
+        })
+        .collect()
 }
 
 /// Area of a run of triangles, and area times place.
@@ -205,6 +237,28 @@ struct Moments {
 
 /// Boxes thinner than this part of their longest extent are sheets.
 const THIN: f32 = 1.0 / 64.0;
+
+/// Moments of each cluster, children first: differences of large sums would lose the small clusters of large scenes.
+fn moments(scene: &Scene, tree: &Tree) -> Vec<Moments> {
+    let mut sums = vec![Moments::default(); tree.clusters.len()];
+    for (c, cluster) in tree.clusters.iter().enumerate().rev() {
+        let mut sum = Moments::default();
+        if cluster.is_leaf() {
+            for &t in tree.triangles_of(c) {
+                let [a, b, c] = scene.corners(t);
+                let area = f64::from(scene.triangle_sides[t as usize]) * triangle_area(a, b, c);
+                sum.area += area;
+                sum.first += area * (a.as_dvec3() + b.as_dvec3() + c.as_dvec3()) / 3.0;
+            }
+        }
+        for child in cluster.child_range() {
+            sum.area += sums[child].area;
+            sum.first += sums[child].first;
+        }
+        sums[c] = sum;
+    }
+    sums
+}
 
 /// The density 1 + slope · x over a box, linear in the offset x from its middle, whose first moment is that of the
 /// contents: the mean of x over a box of half extent h weighted so is slope h² / 3. Kept above zero inside the box.

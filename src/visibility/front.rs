@@ -7,8 +7,8 @@
 use super::shaft::Shaft;
 use super::triangles;
 use super::walk::{BLOCK, NODE};
-use super::wide::{Block, LEAF, Node, WideTree, mixed};
-use crate::characterise::AxisMix;
+use super::wide::{AxisTraits, Block, LEAF, NO_TRAITS, Node, WideTree, mixed, smallest};
+use crate::characterise::{AXIS_COUNT, AxisMix};
 use crate::ray::Lanes;
 use crate::simd::{LANES, Simd};
 
@@ -17,11 +17,10 @@ const BOXES: usize = 64;
 /// Triangles that are gathered, at most about.
 const TRIANGLES: usize = 128;
 
-/// Sixteen boxes of a front and what is known of them along the group's direction.
+/// Sixteen boxes of a front, as a node of their own.
 pub(super) struct Row {
     pub node: Node,
-    pub sizes: [f32; LANES],
-    pub extinctions: [f32; LANES],
+    pub traits: [AxisTraits; AXIS_COUNT],
 }
 
 /// A child of a node that the group's shaft touches.
@@ -29,8 +28,6 @@ pub(super) struct Row {
 struct Found {
     node: u32,
     lane: usize,
-    size: f32,
-    extinction: f32,
 }
 
 /// Where the walks of a group start.
@@ -44,8 +41,8 @@ pub(super) struct Front {
 }
 
 impl Front {
-    /// Opens the tree for a group whose bundles have emitters of sizes between two; returns its work.
-    /// `soft` says that leaves are never opened.
+    /// Opens the tree for a group whose bundles have emitters of sizes between two; returns the nodes it visited and
+    /// its work. `soft` says that leaves are never opened.
     #[inline(always)]
     pub fn open<S: Simd>(
         &mut self,
@@ -55,37 +52,34 @@ impl Front {
         (least, largest): (f32, f32),
         s: f32,
         soft: bool,
-    ) -> u32 {
+    ) -> (u32, u64) {
         self.rows.clear();
         self.blocks.clear();
         self.queue.clear();
         (self.boxes, self.triangles) = (0, 0);
         let mix = AxisMix::around(shaft.direction());
-        let (mut at, mut head, mut work) = (0, 0, 0);
+        let (mut at, mut head, mut work) = (0, 0, 0u64);
         loop {
             let node = &tree.nodes[at];
             work += NODE;
             let touched = shaft.touches(simd, node);
             if touched != 0 {
-                let (sizes, extinctions) = mixed(simd, &tree.traits[at], &mix);
-                // What every bundle of the group will aggregate need not be opened.
-                let aggregated = shaft.aggregates(simd, node, sizes, least, s);
-                let perhaps = simd.bits(simd.lt(sizes, simd.splat(s.max(largest))));
-                let (mut size_of, mut extinction_of) = ([0.0; LANES], [0.0; LANES]);
-                simd.store(sizes, &mut size_of);
-                simd.store(extinctions, &mut extinction_of);
+                let traits = &tree.traits[at];
+                // What the bundles will likely aggregate need not be opened.
+                let aggregated = shaft.aggregates(simd, node, mixed(simd, traits, &mix).0, least, s);
+                // Leaves that no bundle may aggregate, whatever its direction, are opened here.
+                let perhaps = simd.bits(simd.lt(smallest(simd, traits), simd.splat(s.max(largest))));
                 for lane in Lanes(touched) {
                     let child = node.child[lane];
-                    let found =
-                        Found { node: at as u32, lane, size: size_of[lane], extinction: extinction_of[lane] };
+                    let found = Found { node: at as u32, lane };
                     if child & LEAF == 0 {
                         if aggregated >> lane & 1 == 1 {
-                            self.add_box(node, &found);
+                            self.add_box(tree, found);
                         } else {
                             self.queue.push(found);
                         }
                     } else if perhaps >> lane & 1 == 1 || soft && node.soft_leaves >> lane & 1 == 1 {
-                        self.add_box(node, &found);
+                        self.add_box(tree, found);
                     } else {
                         let block = &tree.blocks[(child & !LEAF) as usize];
                         work += BLOCK;
@@ -93,7 +87,7 @@ impl Front {
                         if self.triangles + met.count_ones() as usize <= TRIANGLES {
                             self.gather(block, met);
                         } else {
-                            self.add_box(node, &found);
+                            self.add_box(tree, found);
                         }
                     }
                 }
@@ -101,21 +95,21 @@ impl Front {
             if head == self.queue.len() || self.queue.len() - head + self.boxes >= BOXES {
                 break;
             }
-            let Found { node, lane, .. } = self.queue[head];
+            let Found { node, lane } = self.queue[head];
             at = tree.nodes[node as usize].child[lane] as usize;
             head += 1;
         }
         for k in head..self.queue.len() {
-            let found = self.queue[k];
-            self.add_box(&tree.nodes[found.node as usize], &found);
+            self.add_box(tree, self.queue[k]);
         }
-        work
+        (head as u32 + 1, work)
     }
 
-    fn add_box(&mut self, from: &Node, &Found { lane, size, extinction, .. }: &Found) {
+    fn add_box(&mut self, tree: &WideTree, Found { node, lane }: Found) {
+        let (from, traits) = (&tree.nodes[node as usize], &tree.traits[node as usize]);
         let to = self.boxes % LANES;
         if to == 0 {
-            self.rows.push(Row { node: Node::EMPTY, sizes: [f32::MAX; LANES], extinctions: [0.0; LANES] });
+            self.rows.push(Row { node: Node::EMPTY, traits: NO_TRAITS });
         }
         self.boxes += 1;
         let row = self.rows.last_mut().expect("just pushed");
@@ -126,7 +120,11 @@ impl Front {
         }
         row.node.child[to] = from.child[lane];
         row.node.soft_leaves |= (from.soft_leaves >> lane & 1) << to;
-        (row.sizes[to], row.extinctions[to]) = (size, extinction);
+        row.node.smallest = row.node.smallest.min(from.smallest);
+        for (to_axis, from_axis) in row.traits.iter_mut().zip(traits) {
+            to_axis.size[to] = from_axis.size[lane];
+            to_axis.extinction[to] = from_axis.extinction[lane];
+        }
     }
 
     fn gather(&mut self, from: &Block, triangles: u32) {

@@ -57,7 +57,7 @@ pub struct Cost {
     pub segments: u64,
     /// Nodes of the wide tree that were visited, each counted once a bundle.
     pub nodes: u64,
-    /// Segments that were tested against triangles (by this engine or by Embree).
+    /// Segments of bundles for which triangles were tested (by this engine or by Embree).
     pub exact_rays: u64,
     /// Segments handed to Embree whole because the walk met too much that may not be aggregated.
     pub handed_over: u64,
@@ -82,7 +82,7 @@ pub struct Answer {
     /// Mean transmittance of the segments, in `[0, 1]`.
     pub transmittance: f32,
     /// Stated 95 % interval, lower end: sampling error of the segments (Wilson) and dependence between the
-    /// aggregated clusters (Fréchet bounds, method D.7).
+    /// aggregated clusters (Fréchet bounds, method D.7); not the error of the extinction model itself.
     pub lo: f32,
     /// Upper end.
     pub hi: f32,

@@ -25,13 +25,13 @@ pub enum Leaf {
 }
 
 /// Work that exact rays are worth before [`MultiResolution::with_budget`] knows the scene; a packet.
-const BUDGET: u32 = 200;
+const BUDGET: u64 = 200;
 /// What Embree needs for a packet in units of this engine's work, over the root of the work that testing every
 /// triangle in the shaft would be: measured between 3 (Sponza) and 20 (a forest of six million triangles), 5 to 7 in
 /// furnished rooms and a park.
 const EMBREE_WORK: f64 = 6.0;
 /// A walk gives up after so many times the work that exact rays are worth: many end soon after.
-const PATIENCE: u32 = 2;
+const PATIENCE: u64 = 2;
 /// Bundles that share a front, at most.
 const GROUP: usize = 64;
 /// How far the receiver ends of a group may lie apart, as part of the distance to the emitter.
@@ -46,7 +46,7 @@ pub struct MultiResolution<'a> {
     leaf: Leaf,
     isa: Isa,
     /// Work a packet that exact rays are worth.
-    budget: u32,
+    budget: u64,
 }
 
 /// Buffers of a thread, kept between calls.
@@ -108,8 +108,9 @@ impl<'a> MultiResolution<'a> {
 
     /// The visible fractions of several bundles, in their order.
     ///
-    /// Bundles that follow each other and whose ends lie close together share the upper part of the traversal. The
-    /// traits of clusters are then those along the group's direction instead of the bundle's own.
+    /// Bundles that follow each other and whose ends lie close together share the upper part of the traversal. Each
+    /// decides for itself what it aggregates: the answers are those of [`MultiResolution::answer`] up to rounding, but
+    /// for bundles that one way gives up on and the other does not.
     pub fn answers(
         &self,
         bundles: &[Bundle],
@@ -117,12 +118,8 @@ impl<'a> MultiResolution<'a> {
         workspace: &mut Workspace,
         mut each: impl FnMut(Answer),
     ) {
-        let limit = match self.leaf {
-            Leaf::Exact => PATIENCE * self.budget,
-            // No rays, whatever it takes.
-            Leaf::Extinction => u32::MAX,
-        };
-        self.walk_all(bundles, s, limit, workspace);
+        // Without rays a walk goes on whatever it takes.
+        self.walk_all(bundles, s, self.leaf == Leaf::Exact, workspace);
         for (k, bundle) in bundles.iter().enumerate() {
             each(self.finish(*bundle, k, workspace));
         }
@@ -146,12 +143,12 @@ impl<'a> MultiResolution<'a> {
         for bundle in sample.iter().filter(|b| !b.packets.is_empty()) {
             // No feature size is below zero: everything is opened.
             let one = Bundle { packets: &bundle.packets[..1], emitter_size: 0.0 };
-            self.walk_all(&[one], 0.0, u32::MAX, workspace);
-            work += f64::from(workspace.walked[0].work).sqrt();
+            self.walk_all(&[one], 0.0, false, workspace);
+            work += (workspace.walked[0].work as f64).sqrt();
             count += 1.0;
         }
         if count > 0.0 {
-            self.budget = (EMBREE_WORK * work / count) as u32;
+            self.budget = (EMBREE_WORK * work / count) as u64;
         }
         self
     }
@@ -164,22 +161,25 @@ impl<'a> MultiResolution<'a> {
         s: f32,
         workspace: &mut Workspace,
     ) -> bool {
-        let (mut own, mut exact) = (0.0, 0.0);
+        let (mut own, mut exact) = (0, 0);
         for run in sample {
-            self.walk_all(run, s, u32::MAX, workspace);
+            self.walk_all(run, s, false, workspace);
             for (bundle, walked) in run.iter().zip(&workspace.walked) {
-                let rays = bundle.packets.len() as f64 * f64::from(self.budget);
-                let limit = f64::from(PATIENCE) * rays;
-                let work = f64::from(walked.work);
-                own += if work > limit { limit + rays } else { work };
+                let (rays, limit) = (bundle.packets.len() as u64 * self.budget, self.limit(bundle));
+                own += if walked.work > limit { limit + rays } else { walked.work };
                 exact += rays;
             }
         }
         own < exact
     }
 
-    fn walk_all(&self, bundles: &[Bundle], s: f32, limit: u32, workspace: &mut Workspace) {
-        dispatch(self.isa, Ask { engine: self, bundles, s, limit, workspace });
+    /// Work after which a walk gives up.
+    fn limit(&self, bundle: &Bundle) -> u64 {
+        PATIENCE * self.budget * bundle.packets.len() as u64
+    }
+
+    fn walk_all(&self, bundles: &[Bundle], s: f32, bounded: bool, workspace: &mut Workspace) {
+        dispatch(self.isa, Ask { engine: self, bundles, s, bounded, workspace });
     }
 
     /// The answer that a walk found, or Embree's where it gave up.
@@ -206,7 +206,9 @@ impl<'a> MultiResolution<'a> {
             (true, true) => Method::Mixed,
         };
         let (lo, hi) = (wilson(walked.lo / n, n).0, wilson(walked.hi / n, n).1);
-        Answer { transmittance: (walked.transmittance / n).min(1.0), lo, hi, method, cost }
+        // Nothing blocks a bundle without segments.
+        let transmittance = if segments == 0 { 1.0 } else { (walked.transmittance / n).min(1.0) };
+        Answer { transmittance, lo, hi, method, cost }
     }
 
     /// Transmittance of each segment of one packet; 0 in unused lanes.
@@ -226,8 +228,8 @@ struct Ask<'a, 'b> {
     engine: &'a MultiResolution<'b>,
     bundles: &'a [Bundle<'a>],
     s: f32,
-    /// Work a packet after which a walk gives up.
-    limit: u32,
+    /// Whether walks give up at their limit.
+    bounded: bool,
     workspace: &'a mut Workspace,
 }
 
@@ -236,7 +238,7 @@ impl Kernel for Ask<'_, '_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let Ask { engine, bundles, s, limit, workspace } = self;
+        let Ask { engine, bundles, s, bounded, workspace } = self;
         let Workspace { buffers, front, shafts, walked } = workspace;
         let soft = engine.leaf == Leaf::Extinction;
         shafts.clear();
@@ -249,12 +251,12 @@ impl Kernel for Ask<'_, '_> {
         let mut first = 0;
         while first < bundles.len() {
             let group = group(bundles, shafts, first);
-            let (mut shared, mut work) = (None, 0);
+            let (mut shared, mut opened) = (None, (0, 0));
             if group.len() > 1 {
                 let around = Shaft::around(&shafts[group.clone()]);
                 let sizes = bundles[group.clone()].iter().map(|b| b.emitter_size);
                 let range = sizes.fold((f32::MAX, 0.0f32), |(a, b), e| (a.min(e), b.max(e)));
-                work = front.open(simd, &engine.tree, &around, range, s, soft);
+                opened = front.open(simd, &engine.tree, &around, range, s, soft);
                 shared = Some(&*front);
             }
             for k in group.clone() {
@@ -263,10 +265,11 @@ impl Kernel for Ask<'_, '_> {
                     walked.push(Walked::default());
                     continue;
                 }
-                let limit = limit.saturating_mul(packets.len() as u32 + 1);
+                let limit = if bounded { engine.limit(&bundles[k]) } else { u64::MAX };
                 let rule = Rule { e: emitter_size, s, soft, limit };
                 let mut found = walk(simd, &engine.tree, shared, (packets, &shafts[k]), &rule, buffers);
-                found.work += std::mem::take(&mut work);
+                let (nodes, work) = std::mem::take(&mut opened);
+                (found.nodes, found.work) = (found.nodes + nodes, found.work + work);
                 walked.push(found);
             }
             first = group.end;

@@ -6,7 +6,7 @@ use crate::hierarchy::{Hierarchy, Tree};
 use crate::scene::Scene;
 use glam::Vec3;
 
-/// Largest coordinate magnitude of a scene: the scale of rounding errors.
+/// Largest coordinate magnitude of a scene, scene units: the scale of rounding errors.
 pub fn magnitude(scene: &Scene) -> f32 {
     scene.bounds.min.abs().max(scene.bounds.max.abs()).max_element()
 }
@@ -126,7 +126,7 @@ fn visit(
     }
 }
 
-/// Largest coordinate of a scene's box, used by the end rule.
+/// The end rule of a scene.
 pub fn end_rule(scene: &Scene) -> crate::ray::EndRule {
     crate::ray::EndRule::new(magnitude(scene))
 }

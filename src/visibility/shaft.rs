@@ -45,6 +45,8 @@ pub(super) struct Pyramid {
     pub apex: Vec3,
     /// Directions along its four edges.
     pub corners: [Vec3; 4],
+    /// The longest of them.
+    pub longest: f32,
 }
 
 #[derive(Clone)]
@@ -203,12 +205,19 @@ impl Shaft {
             w + high[0] * u + high[1] * v,
             w + low[0] * u + high[1] * v,
         ];
-        self.pyramid = Some(Pyramid { apex, corners });
+        let longest = corners.iter().map(|c| c.length()).fold(0.0, f32::max);
+        self.pyramid = Some(Pyramid { apex, corners, longest });
     }
 
     /// From the middle of the receiver ends to the middle of the emitter ends, not normalised.
     pub fn direction(&self) -> Vec3 {
         self.ends[1].centre - self.ends[0].centre
+    }
+
+    /// No segment is longer.
+    #[inline(always)]
+    pub fn longest(&self) -> f32 {
+        self.direction().length() + (self.ends[0].half + self.ends[1].half).length()
     }
 
     /// Least and largest t, in `[0, 1]`, at which a segment can pass points that lie between `low` and `high`
@@ -262,10 +271,9 @@ impl Shaft {
     #[inline(always)]
     pub fn aggregates<S: Simd>(&self, simd: S, node: &Node, sizes: S::F, e: f32, s: f32) -> u32 {
         let (mut low, mut high) = (simd.splat(0.0), simd.splat(0.0));
-        let [from, to] = self.ends;
+        let from = self.ends[0];
         // The end rule's margin as a length, for the longest segment.
-        let longest = self.direction().length() + (from.half + to.half).length();
-        let margin = 1.001 * self.near * longest + self.slack;
+        let margin = 1.001 * self.near * self.longest() + self.slack;
         let mut holds = [simd.mask(0xffff); 2];
         for axis in 0..3 {
             let (min, max) = (simd.load(&node.min[axis]), simd.load(&node.max[axis]));
@@ -368,11 +376,7 @@ fn slopes_of_box(to: Ends, apex: Vec3, [u, v, w]: [Vec3; 3]) -> Option<[[f32; 2]
 
 /// The same of every direction.
 #[inline(always)]
-fn slopes_of_segments<S: Simd>(
-    simd: S,
-    packets: &[Packet],
-    [u, v, w]: [Vec3; 3],
-) -> Option<[[f32; 2]; 2]> {
+fn slopes_of_segments<S: Simd>(simd: S, packets: &[Packet], [u, v, w]: [Vec3; 3]) -> Option<[[f32; 2]; 2]> {
     let mut slopes = [(simd.splat(f32::MAX), simd.splat(f32::MIN)); 2];
     for packet in packets {
         let (_, direction) = filled(simd, packet);

@@ -82,7 +82,12 @@ pub(super) fn pass<S: Simd>(
         let path = simd.max(simd.sub(leave, enter), zero);
         let twice = simd.add(enter, leave);
         let climb = vector::dot(simd, &vector::splat(simd, slab.slope), &half);
-        let density = simd.max(simd.fma(climb, twice, simd.splat(slab.density)), zero);
+        let mut at_origin = simd.splat(slab.density);
+        if !shared {
+            at_origin = simd.add(at_origin, vector::dot(simd, &vector::splat(simd, slab.slope), &origin));
+        }
+        // No more than 2 in any box, and finite for boxes that are missed by far.
+        let density = simd.min(simd.max(simd.fma(climb, twice, at_origin), zero), simd.splat(2.0));
         let d = simd.mul(simd.mul(path, simd.splat(slab.extinction)), density);
         depth = simd.add(depth, d);
         deepest = simd.max(deepest, d);

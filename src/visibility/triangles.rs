@@ -14,6 +14,8 @@ use glam::Vec3;
 
 /// Edges are widened by this part of the determinant, so that no segment slips between neighbours.
 const WIDEN: f32 = 1e-6;
+/// Edges of fans are widened by this part of the largest product that goes into them: some roundings.
+const ROUNDINGS: f32 = 8.0 * f32::EPSILON;
 
 /// What testing a block has told.
 pub(super) struct Tested {
@@ -87,10 +89,12 @@ fn each<S: Simd>(simd: S, block: &Block, candidates: u32, packets: &[Packet], bl
 /// The triangles of a block as fans of planes through the common receiver end.
 struct Fans {
     /// A segment's line passes through the triangle, ahead of the receiver end, where all three products with its
-    /// direction are >= 0. They sum to the determinant but for the widening.
+    /// direction are >= 0. They sum to the determinant.
     planes: [[[f32; LANES]; 3]; 3],
     /// t times the determinant, >= 0.
     height: [f32; LANES],
+    /// How exact the products are.
+    rounding: [f32; LANES],
     /// Triangles that block every segment.
     covering: u32,
     /// Triangles that no segment hits.
@@ -117,15 +121,15 @@ impl Fans {
         let normal = vector::scaled(simd, sign, normal);
         let p = vector::scaled(simd, sign, &vector::cross(simd, edge2, &v));
         let q = vector::scaled(simd, sign, &q);
-        let widen = simd.splat(WIDEN);
-        let a = vector::add_scaled(simd, &p, widen, &normal);
-        let b = vector::add_scaled(simd, &q, widen, &normal);
-        let c = vector::sub(simd, &vector::sub(simd, &normal, &p), &q);
-        let c = vector::add_scaled(simd, &c, widen, &normal);
+        let (a, b) = (p, q);
+        let c = vector::sub(simd, &vector::sub(simd, &normal, &a), &b);
+        let edges = simd.add(vector::sum_abs(simd, edge1), vector::sum_abs(simd, edge2));
+        let reach = simd.add(vector::sum_abs(simd, &v), edges);
+        let rounding = simd.mul(simd.mul(edges, reach), simd.splat(ROUNDINGS));
         let determinants = at_corners(simd, &normal, pyramid);
-        let (least, greatest) = extremes(simd, determinants);
-        // The corners are as exact as a few roundings of the products: they must be clearly inside or outside.
-        let clearly = simd.mul(simd.splat(1e-5), simd.max(greatest, simd.sub(zero, least)));
+        let (least, _) = extremes(simd, determinants);
+        // The corners must be clearly inside or outside; they are no longer than STEEP allows.
+        let clearly = simd.mul(rounding, simd.splat(2.0 * pyramid.longest));
         let (mut missed, mut covering) = (simd.mask(0), simd.mask(0xffff));
         for plane in [&a, &b, &c] {
             let (low, high) = extremes(simd, at_corners(simd, plane, pyramid));
@@ -148,6 +152,7 @@ impl Fans {
         let mut fans = Fans {
             planes: [[[0.0; LANES]; 3]; 3],
             height: [0.0; LANES],
+            rounding: [0.0; LANES],
             covering: simd.bits(covering) & crossed & amid,
             missed: simd.bits(missed),
             amid,
@@ -156,6 +161,7 @@ impl Fans {
         vector::store(simd, &b, &mut fans.planes[1]);
         vector::store(simd, &c, &mut fans.planes[2]);
         simd.store(height, &mut fans.height);
+        simd.store(simd.mul(rounding, simd.splat(shaft.longest())), &mut fans.rounding);
         fans
     }
 
@@ -172,6 +178,8 @@ impl Fans {
             let b = pick(simd, &self.planes[1], k);
             let c = pick(simd, &self.planes[2], k);
             let height = simd.splat(self.height[k]);
+            let rounding = simd.splat(self.rounding[k]);
+            let beside = simd.sub(zero, rounding);
             let amid = self.amid >> k & 1 == 1;
             let mut all = true;
             for (packet, blocked) in packets.iter().zip(&mut *blocked) {
@@ -179,10 +187,11 @@ impl Fans {
                 let a = vector::dot(simd, &a, &d);
                 let b = vector::dot(simd, &b, &d);
                 let c = vector::dot(simd, &c, &d);
-                // All three are >= 0 where the least is.
-                let mut hit = simd.le(zero, simd.min(simd.min(a, b), c));
+                // All three are >= 0 where the least is; a triangle seen on its edge blocks nothing.
+                let det = simd.add(simd.add(a, b), c);
+                let inside = simd.le(beside, simd.min(simd.min(a, b), c));
+                let mut hit = simd.and(inside, simd.lt(rounding, det));
                 if !amid {
-                    let det = simd.add(simd.add(a, b), c);
                     let beyond = simd.le(simd.mul(simd.load(&packet.near), det), height);
                     let before = simd.le(height, simd.mul(simd.load(&packet.far), det));
                     hit = simd.and(hit, simd.and(beyond, before));

@@ -9,14 +9,14 @@
 //!
 //! at the less favourable end of its box and no segment ends inside. This is the umbra test
 //! u = b + (b - e) d2/d1 < s solved for b (method A.6), at the safe end (D.10). The rest is opened; opened leaves test
-//! their triangles.
+//! their triangles. Umbrae are measured across the segments, as the paper does: on a tilted receiver they are longer.
 
 use super::front::Front;
 use super::shaft::Shaft;
 use super::slabs::{Slab, pass};
 use super::triangles;
-use super::wide::{LEAF, Node, WideTree, mixed};
-use crate::characterise::AxisMix;
+use super::wide::{AxisTraits, LEAF, Node, WideTree, mixed};
+use crate::characterise::{AXIS_COUNT, AxisMix};
 use crate::ray::{Lanes, Packet};
 use crate::simd::{LANES, Simd};
 use glam::Vec3;
@@ -29,7 +29,7 @@ pub(super) struct Rule {
     /// Whether leaves are answered by extinction, always.
     pub soft: bool,
     /// Work after which the walk gives up.
-    pub limit: u32,
+    pub limit: u64,
 }
 
 /// What a walk found.
@@ -46,14 +46,14 @@ pub(super) struct Walked {
     /// Nodes visited.
     pub nodes: u32,
     /// In units of about a box or triangle against a packet.
-    pub work: u32,
+    pub work: u64,
     /// Whether it met too much work to go on.
     pub gave_up: bool,
 }
 
 /// Work of a node's shaft test and of ruling out a block's triangles.
-pub(super) const NODE: u32 = 6;
-pub(super) const BLOCK: u32 = 12;
+pub(super) const NODE: u64 = 6;
+pub(super) const BLOCK: u64 = 12;
 
 /// Walks for one bundle.
 #[inline(always)]
@@ -67,7 +67,7 @@ pub(super) fn walk<S: Simd>(
 ) -> Walked {
     let Buffers { stack, slabs, blocked, transmittance } = workspace;
     let mut walked = Walked::default();
-    let count = packets.len() as u32;
+    let count = packets.len() as u64;
     let from = shaft.apex.unwrap_or(Vec3::ZERO);
     let mix = AxisMix::around(shaft.direction());
     blocked.clear();
@@ -92,7 +92,7 @@ pub(super) fn walk<S: Simd>(
         Some(front) => {
             for block in &front.blocks {
                 let tested = triangles::block_all(simd, shaft, block, packets, blocked);
-                walked.work += BLOCK + tested.triangles * (1 + count);
+                walked.work += BLOCK + u64::from(tested.triangles) * (1 + count);
                 walked.tested |= tested.triangles > 0 || tested.all;
                 all = tested.all;
                 if all {
@@ -101,20 +101,9 @@ pub(super) fn walk<S: Simd>(
             }
             for row in front.rows.iter().take(if all { 0 } else { usize::MAX }) {
                 walked.work += NODE;
-                let touched = shaft.touches(simd, &row.node);
-                if touched == 0 {
-                    continue;
-                }
-                let mut small = shaft.aggregates(simd, &row.node, simd.load(&row.sizes), rule.e, rule.s);
-                if rule.soft {
-                    small |= row.node.soft_leaves;
-                }
-                for lane in Lanes(touched & small) {
-                    slabs.push(Slab::of(&row.node, lane, row.extinctions[lane], from));
-                }
-                for lane in Lanes(touched & !small) {
-                    push(stack, row.node.child[lane]);
-                }
+                visit(simd, (&row.node, &row.traits), (shaft, from), rule, &mix, slabs, &mut |child| {
+                    push(stack, child)
+                });
             }
         }
     }
@@ -125,33 +114,15 @@ pub(super) fn walk<S: Simd>(
         if reference & LEAF != 0 {
             let block = &tree.blocks[(reference & !LEAF) as usize];
             let tested = triangles::block_all(simd, shaft, block, packets, blocked);
-            walked.work += BLOCK + tested.triangles * (1 + count);
+            walked.work += BLOCK + u64::from(tested.triangles) * (1 + count);
             walked.tested |= tested.triangles > 0 || tested.all;
             all = tested.all;
         } else {
-            let node: &Node = &tree.nodes[reference as usize];
+            let at = reference as usize;
             walked.nodes += 1;
             walked.work += NODE;
-            let touched = shaft.touches(simd, node);
-            if touched == 0 {
-                continue;
-            }
-            let soft = if rule.soft { node.soft_leaves } else { 0 };
-            let mut small = soft;
-            if node.smallest < rule.s.max(rule.e) || soft != 0 {
-                let (sizes, extinctions) = mixed(simd, &tree.traits[reference as usize], &mix);
-                small = touched & (shaft.aggregates(simd, node, sizes, rule.e, rule.s) | soft);
-                if small != 0 {
-                    let mut extinction_of = [0.0; LANES];
-                    simd.store(extinctions, &mut extinction_of);
-                    for lane in Lanes(small) {
-                        slabs.push(Slab::of(node, lane, extinction_of[lane], from));
-                    }
-                }
-            }
-            for lane in Lanes(touched & !small) {
-                push(stack, node.child[lane]);
-            }
+            let node = (&tree.nodes[at], &tree.traits[at]);
+            visit(simd, node, (shaft, from), rule, &mix, slabs, &mut |child| push(stack, child));
         }
         if walked.work > rule.limit {
             walked.gave_up = true;
@@ -162,7 +133,7 @@ pub(super) fn walk<S: Simd>(
         *transmittance = [0.0; LANES];
         return walked;
     }
-    walked.work += slabs.len() as u32 * (1 + count);
+    walked.work += slabs.len() as u64 * (1 + count);
     for (k, (packet, blocked)) in packets.iter().zip(&*blocked).enumerate() {
         let clear = packet.active & !blocked;
         let each = (k == 0).then_some(&mut *transmittance);
@@ -182,6 +153,39 @@ pub(super) fn walk<S: Simd>(
         walked.aggregated += (passed.met & clear).count_ones();
     }
     walked
+}
+
+/// Tests the children of a node: aggregates some and has the others opened.
+#[inline(always)]
+fn visit<S: Simd>(
+    simd: S,
+    (node, traits): (&Node, &[AxisTraits; AXIS_COUNT]),
+    (shaft, from): (&Shaft, Vec3),
+    rule: &Rule,
+    mix: &AxisMix,
+    slabs: &mut Vec<Slab>,
+    open: &mut impl FnMut(u32),
+) {
+    let touched = shaft.touches(simd, node);
+    if touched == 0 {
+        return;
+    }
+    let soft = if rule.soft { node.soft_leaves } else { 0 };
+    let mut small = 0;
+    if node.smallest < rule.s.max(rule.e) || soft != 0 {
+        let (sizes, extinctions) = mixed(simd, traits, mix);
+        small = touched & (shaft.aggregates(simd, node, sizes, rule.e, rule.s) | soft);
+        if small != 0 {
+            let mut extinction_of = [0.0; LANES];
+            simd.store(extinctions, &mut extinction_of);
+            for lane in Lanes(small) {
+                slabs.push(Slab::of(node, lane, extinction_of[lane], from));
+            }
+        }
+    }
+    for lane in Lanes(touched & !small) {
+        open(node.child[lane]);
+    }
 }
 
 /// What a walk writes to, kept between walks.

@@ -48,7 +48,7 @@ pub(super) struct WideTree {
     pub blocks: Vec<Block>,
 }
 
-fn half_up(v: f32) -> u16 {
+const fn half_up(v: f32) -> u16 {
     (v.to_bits().saturating_add(0xffff) >> 16) as u16
 }
 
@@ -74,6 +74,20 @@ impl Block {
         Block { corner: [[0.0; LANES]; 3], edge1: [[0.0; LANES]; 3], edge2: [[0.0; LANES]; 3], used: 0 };
 }
 
+/// Traits of nothing: the largest size, not infinity, because weights of zero must not make NaN of it.
+pub(super) const NO_TRAITS: [AxisTraits; AXIS_COUNT] =
+    [AxisTraits { size: [half_up(1e30); LANES], extinction: [0; LANES] }; AXIS_COUNT];
+
+/// Smallest feature size of each child along any axis.
+#[inline(always)]
+pub(super) fn smallest<S: Simd>(simd: S, traits: &[AxisTraits; AXIS_COUNT]) -> S::F {
+    let mut least = simd.load_half(&traits[0].size);
+    for axis in &traits[1..] {
+        least = simd.min(least, simd.load_half(&axis.size));
+    }
+    least
+}
+
 /// Feature sizes and extinctions of a node's children along a direction.
 #[inline(always)]
 pub(super) fn mixed<S: Simd>(simd: S, traits: &[AxisTraits; AXIS_COUNT], mix: &AxisMix) -> (S::F, S::F) {
@@ -88,7 +102,7 @@ pub(super) fn mixed<S: Simd>(simd: S, traits: &[AxisTraits; AXIS_COUNT], mix: &A
 
 impl WideTree {
     pub fn build(scene: &Scene, hierarchy: &Hierarchy, traits: &[Traits]) -> WideTree {
-        let mut wide = WideTree { nodes: vec![Node::EMPTY], traits: vec![no_traits()], blocks: Vec::new() };
+        let mut wide = WideTree { nodes: vec![Node::EMPTY], traits: vec![NO_TRAITS], blocks: Vec::new() };
         let trees = [(&hierarchy.micro, Some(traits)), (&hierarchy.large, None)];
         for (lane, (tree, traits)) in trees.into_iter().filter(|(t, _)| !t.clusters.is_empty()).enumerate() {
             let references = wide.append(scene, tree, traits);
@@ -116,7 +130,7 @@ impl WideTree {
             }
             let place = self.nodes.len();
             self.nodes.push(Node::EMPTY);
-            self.traits.push(no_traits());
+            self.traits.push(NO_TRAITS);
             for (lane, child) in cluster.child_range().enumerate() {
                 self.place(place, lane, tree, child, traits, references[child]);
             }
@@ -163,11 +177,6 @@ impl WideTree {
             + size_of_val(self.traits.as_slice())
             + size_of_val(self.blocks.as_slice())
     }
-}
-
-fn no_traits() -> [AxisTraits; AXIS_COUNT] {
-    // The largest size, not infinity: weights of zero must not make NaN of it.
-    [AxisTraits { size: [half_up(1e30); LANES], extinction: [0; LANES] }; AXIS_COUNT]
 }
 
 fn block_of(scene: &Scene, triangles: &[u32]) -> Block {

@@ -9,6 +9,7 @@ fn is_timing(key: &str) -> bool {
     key.ends_with("_s")
         || key == "seconds"
         || key == "mode"
+        || key == "coherent"
         || key == "threads"
         || key.starts_with("speedup")
         // Embree keeps blocks of memory for each thread.

@@ -90,7 +90,10 @@ pub(super) fn measurements(record: &Record) -> Markup {
         ("same FBEM", "the same with the feature-based error of the shadow images at this s"),
         ("segment", "best exact time for as many segments, divided by this row's time"),
         ("averaged", "part of the segments that met at least one group treated as a haze"),
-        ("exact rays", "rays that were handed to Embree because something large was in the way"),
+        (
+            "exact rays",
+            "segments of bundles for which triangles had to be tested, by this engine or by Embree",
+        ),
         ("nodes", "groups visited for a segment, on average"),
         ("in bounds", "part of the answers whose stated interval holds the reference"),
     ];

@@ -46,6 +46,8 @@ fn example() -> (Record, Vec<ReceiverImages>) {
         (1.5, 0.05, 0.098, 0.8),
     ];
     let mr = mr.map(|(s, seconds, rms, per_segment)| MrRow {
+        handed_over: 0.0,
+        decide_s: 0.0,
         feature_size: s,
         rays: 16,
         seconds,
@@ -85,6 +87,7 @@ fn example() -> (Record, Vec<ReceiverImages>) {
             embree_s: 0.4,
             hierarchy_s: 0.61,
             characterise_s: 4.2,
+            budget_s: 0.1,
             hierarchy_bytes: 21_000_000,
             embree_bytes: 88_000_000,
         },
