@@ -14,8 +14,9 @@ use glam::Vec3;
 
 /// Edges are widened by this part of the determinant, so that no segment slips between neighbours.
 const WIDEN: f32 = 1e-6;
-/// Edges of fans are widened by this part of the largest product that goes into them: some roundings.
-const ROUNDINGS: f32 = 8.0 * f32::EPSILON;
+/// Edges of fans are widened by this part of the largest product that goes into them: two roundings. (At eight times
+/// that, some segments of real rooms were blocked by nothing.)
+const ROUNDINGS: f32 = f32::EPSILON;
 
 /// What testing a block has told.
 pub(super) struct Tested {
