@@ -13,6 +13,7 @@ pub mod raster;
 pub mod ray;
 pub mod scene;
 pub mod simd;
+pub mod solution;
 pub mod visibility;
 
 pub use error::{Error, Result};
