@@ -8,6 +8,7 @@ pub mod error;
 pub mod files;
 pub mod form_factor;
 pub mod hierarchy;
+pub mod link;
 pub mod math;
 pub mod metrics;
 pub mod output;
@@ -17,6 +18,7 @@ pub mod ray;
 pub mod scene;
 pub mod simd;
 pub mod solution;
+pub mod solver;
 pub mod visibility;
 
 pub use error::{Error, Result};

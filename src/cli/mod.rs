@@ -8,6 +8,7 @@ mod bench;
 mod fbem;
 mod generate;
 mod info;
+mod solve;
 
 use clap::{Parser, Subcommand};
 use mrvis::{Error, Result};
@@ -31,6 +32,7 @@ enum Command {
     Info(info::Args),
     Bench(bench::Args),
     Fbem(fbem::Args),
+    Solve(solve::Args),
     /// Write a procedural scene as OBJ and MTL (list with --list).
     Generate(generate::Args),
 }
@@ -40,6 +42,7 @@ fn run(command: &Command) -> Result<ExitCode> {
         Command::Info(args) => info::run(args),
         Command::Bench(args) => bench::run(args),
         Command::Fbem(args) => fbem::run(args),
+        Command::Solve(args) => solve::run(args),
         Command::Generate(args) => generate::run(args),
     }
 }
