@@ -9,6 +9,7 @@ pub mod form_factor;
 pub mod hierarchy;
 pub mod math;
 pub mod metrics;
+pub mod montecarlo;
 pub mod output;
 pub mod points;
 pub mod raster;

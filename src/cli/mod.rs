@@ -5,9 +5,11 @@
 
 mod args;
 mod bench;
+mod compare;
 mod fbem;
 mod generate;
 mod info;
+mod reference;
 
 use clap::{Parser, Subcommand};
 use mrvis::{Error, Result};
@@ -31,6 +33,8 @@ enum Command {
     Info(info::Args),
     Bench(bench::Args),
     Fbem(fbem::Args),
+    Reference(reference::Args),
+    Compare(compare::Args),
     /// Write a procedural scene as OBJ and MTL (list with --list).
     Generate(generate::Args),
 }
@@ -40,6 +44,8 @@ fn run(command: &Command) -> Result<ExitCode> {
         Command::Info(args) => info::run(args),
         Command::Bench(args) => bench::run(args),
         Command::Fbem(args) => fbem::run(args),
+        Command::Reference(args) => reference::run(args),
+        Command::Compare(args) => compare::run(args),
         Command::Generate(args) => generate::run(args),
     }
 }
