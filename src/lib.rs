@@ -2,6 +2,7 @@
 
 pub mod bench;
 pub mod characterise;
+pub mod element;
 pub mod embree;
 pub mod error;
 pub mod files;
@@ -16,6 +17,7 @@ pub mod raster;
 pub mod ray;
 pub mod scene;
 pub mod simd;
+pub mod solution;
 pub mod visibility;
 
 pub use error::{Error, Result};

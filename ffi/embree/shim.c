@@ -10,56 +10,32 @@ _Static_assert(sizeof(struct RTCRay) == 48, "RTCRay layout");
 _Static_assert(sizeof(struct RTCRay16) == 12 * 64, "RTCRay16 layout");
 _Static_assert(offsetof(struct RTCRay16, tfar) == 8 * 64, "RTCRay16 layout");
 _Static_assert(offsetof(mrvis_packet, active) == 8 * 64, "mrvis_packet layout");
-_Static_assert(sizeof(mrvis_hits) == 5 * 64, "mrvis_hits layout");
-_Static_assert(RTC_INVALID_GEOMETRY_ID == 0xffffffffu, "mrvis_hits: no hit");
 
-/* Writes lanes [first, first + W) of a packet as an Embree packet. */
-#define LOAD_LANES(W)                                                                                       \
-    const size_t bytes = W * sizeof(float);                                                                 \
-    memcpy(ray->org_x, p->origin[0] + first, bytes);                                                        \
-    memcpy(ray->org_y, p->origin[1] + first, bytes);                                                        \
-    memcpy(ray->org_z, p->origin[2] + first, bytes);                                                        \
-    memcpy(ray->dir_x, p->direction[0] + first, bytes);                                                     \
-    memcpy(ray->dir_y, p->direction[1] + first, bytes);                                                     \
-    memcpy(ray->dir_z, p->direction[2] + first, bytes);                                                     \
-    memcpy(ray->tnear, p->near_t + first, bytes);                                                           \
-    memcpy(ray->tfar, p->far_t + first, bytes);                                                             \
-    for (int i = 0; i < W; i++) {                                                                           \
-        valid[i] = (lanes >> i) & 1 ? -1 : 0;                                                               \
-        ray->time[i] = 0.0f;                                                                                \
-        ray->mask[i] = mask;                                                                                \
-        ray->id[i] = 0;                                                                                     \
-        ray->flags[i] = 0;                                                                                  \
-    }
-
-/* Traces a packet W lanes at a time and ors the blocked lanes into `result`. */
+/* Writes lanes [first, first + W) of a packet as an Embree packet and ors the blocked lanes into `result`. */
 #define TRACE_WIDE(W, ALIGN)                                                                                \
     for (int first = 0; first < 16; first += W) {                                                           \
         const uint32_t lanes = (p->active >> first) & (uint32_t)((1ull << W) - 1);                          \
         if (!lanes) continue;                                                                               \
-        _Alignas(ALIGN) struct RTCRay##W packet, *ray = &packet;                                            \
+        _Alignas(ALIGN) struct RTCRay##W ray;                                                               \
         _Alignas(ALIGN) int valid[W];                                                                       \
-        LOAD_LANES(W)                                                                                       \
-        rtcOccluded##W(valid, scene, ray, &args);                                                           \
-        for (int i = 0; i < W; i++) result |= (uint32_t)(valid[i] && ray->tfar[i] < 0.0f) << (first + i);   \
-    }
-
-/* Finds the first hits of a packet W lanes at a time. */
-#define INTERSECT_WIDE(W, ALIGN)                                                                            \
-    for (int first = 0; first < 16; first += W) {                                                           \
-        const uint32_t lanes = (p->active >> first) & (uint32_t)((1ull << W) - 1);                          \
-        if (!lanes) continue;                                                                               \
-        _Alignas(ALIGN) struct RTCRayHit##W packet;                                                         \
-        struct RTCRay##W *const ray = &packet.ray;                                                          \
-        _Alignas(ALIGN) int valid[W];                                                                       \
-        LOAD_LANES(W)                                                                                       \
-        for (int i = 0; i < W; i++) packet.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;                         \
-        rtcIntersect##W(valid, scene, &packet, &args);                                                      \
-        memcpy(h->t + first, ray->tfar, bytes);                                                             \
-        memcpy(h->u + first, packet.hit.u, bytes);                                                          \
-        memcpy(h->v + first, packet.hit.v, bytes);                                                          \
-        memcpy(h->geometry + first, packet.hit.geomID, bytes);                                              \
-        memcpy(h->primitive + first, packet.hit.primID, bytes);                                             \
+        const size_t bytes = W * sizeof(float);                                                             \
+        memcpy(ray.org_x, p->origin[0] + first, bytes);                                                     \
+        memcpy(ray.org_y, p->origin[1] + first, bytes);                                                     \
+        memcpy(ray.org_z, p->origin[2] + first, bytes);                                                     \
+        memcpy(ray.dir_x, p->direction[0] + first, bytes);                                                  \
+        memcpy(ray.dir_y, p->direction[1] + first, bytes);                                                  \
+        memcpy(ray.dir_z, p->direction[2] + first, bytes);                                                  \
+        memcpy(ray.tnear, p->near_t + first, bytes);                                                        \
+        memcpy(ray.tfar, p->far_t + first, bytes);                                                          \
+        for (int i = 0; i < W; i++) {                                                                       \
+            valid[i] = (lanes >> i) & 1 ? -1 : 0;                                                           \
+            ray.time[i] = 0.0f;                                                                             \
+            ray.mask[i] = mask;                                                                             \
+            ray.id[i] = 0;                                                                                  \
+            ray.flags[i] = 0;                                                                               \
+        }                                                                                                   \
+        rtcOccluded##W(valid, scene, &ray, &args);                                                          \
+        for (int i = 0; i < W; i++) result |= (uint32_t)(valid[i] && ray.tfar[i] < 0.0f) << (first + i);    \
     }
 
 static uint32_t trace_single(RTCScene scene, const mrvis_packet *p, uint32_t mask,
@@ -80,28 +56,6 @@ static uint32_t trace_single(RTCScene scene, const mrvis_packet *p, uint32_t mas
         result |= (uint32_t)(ray.tfar < 0.0f) << i;
     }
     return result;
-}
-
-static void intersect_single(RTCScene scene, const mrvis_packet *p, uint32_t mask,
-                             struct RTCIntersectArguments *args, mrvis_hits *h) {
-    for (uint32_t left = p->active; left; left &= left - 1) {
-        const int i = __builtin_ctz(left);
-        struct RTCRayHit single;
-        memset(&single, 0, sizeof single);
-        const float head[4] = {p->origin[0][i], p->origin[1][i], p->origin[2][i], p->near_t[i]};
-        const float tail[4] = {p->direction[0][i], p->direction[1][i], p->direction[2][i], 0.0f};
-        memcpy(&single.ray.org_x, head, sizeof head);
-        memcpy(&single.ray.dir_x, tail, sizeof tail);
-        single.ray.tfar = p->far_t[i];
-        single.ray.mask = mask;
-        single.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-        rtcIntersect1(scene, &single, args);
-        h->t[i] = single.ray.tfar;
-        h->u[i] = single.hit.u;
-        h->v[i] = single.hit.v;
-        h->geometry[i] = single.hit.geomID;
-        h->primitive[i] = single.hit.primID;
-    }
 }
 
 void mrvis_occluded(RTCScene scene, const mrvis_packet *packets, size_t count, int width, int coherent,
@@ -129,8 +83,60 @@ void mrvis_occluded(RTCScene scene, const mrvis_packet *packets, size_t count, i
 #endif
 }
 
-void mrvis_intersect(RTCScene scene, const mrvis_packet *packets, size_t count, int width, int coherent,
-                     uint32_t mask, mrvis_hits *hits) {
+#define HIT_WIDE(W, ALIGN)                                                                                  \
+    for (int first = 0; first < 16; first += W) {                                                           \
+        const uint32_t lanes = (p->active >> first) & (uint32_t)((1ull << W) - 1);                          \
+        if (!lanes) continue;                                                                               \
+        _Alignas(ALIGN) struct RTCRayHit##W query;                                                          \
+        _Alignas(ALIGN) int valid[W];                                                                       \
+        const size_t bytes = W * sizeof(float);                                                             \
+        memcpy(query.ray.org_x, p->origin[0] + first, bytes);                                               \
+        memcpy(query.ray.org_y, p->origin[1] + first, bytes);                                               \
+        memcpy(query.ray.org_z, p->origin[2] + first, bytes);                                               \
+        memcpy(query.ray.dir_x, p->direction[0] + first, bytes);                                            \
+        memcpy(query.ray.dir_y, p->direction[1] + first, bytes);                                            \
+        memcpy(query.ray.dir_z, p->direction[2] + first, bytes);                                            \
+        memcpy(query.ray.tnear, p->near_t + first, bytes);                                                  \
+        memcpy(query.ray.tfar, p->far_t + first, bytes);                                                    \
+        for (int i = 0; i < W; i++) {                                                                       \
+            valid[i] = (lanes >> i) & 1 ? -1 : 0;                                                           \
+            query.ray.time[i] = 0.0f;                                                                       \
+            query.ray.mask[i] = mask;                                                                       \
+            query.ray.id[i] = 0;                                                                            \
+            query.ray.flags[i] = 0;                                                                         \
+            query.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;                                                  \
+            query.hit.primID[i] = RTC_INVALID_GEOMETRY_ID;                                                  \
+            query.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;                                               \
+        }                                                                                                   \
+        rtcIntersect##W(valid, scene, &query, &args);                                                       \
+        for (int i = 0; i < W; i++) {                                                                       \
+            hits[k].triangle[first + i] = valid[i] ? query.hit.primID[i] : RTC_INVALID_GEOMETRY_ID;         \
+            hits[k].t[first + i] = query.ray.tfar[i];                                                       \
+        }                                                                                                   \
+    }
+
+static void hit_single(RTCScene scene, const mrvis_packet *p, uint32_t mask, struct RTCIntersectArguments *args,
+                       mrvis_hits *hits) {
+    for (uint32_t left = p->active; left; left &= left - 1) {
+        const int i = __builtin_ctz(left);
+        struct RTCRayHit query;
+        memset(&query, 0, sizeof query);
+        const float head[4] = {p->origin[0][i], p->origin[1][i], p->origin[2][i], p->near_t[i]};
+        const float tail[4] = {p->direction[0][i], p->direction[1][i], p->direction[2][i], 0.0f};
+        memcpy(&query.ray.org_x, head, sizeof head);
+        memcpy(&query.ray.dir_x, tail, sizeof tail);
+        query.ray.tfar = p->far_t[i];
+        query.ray.mask = mask;
+        query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+        query.hit.primID = RTC_INVALID_GEOMETRY_ID;
+        rtcIntersect1(scene, &query, args);
+        hits->triangle[i] = query.hit.primID;
+        hits->t[i] = query.ray.tfar;
+    }
+}
+
+void mrvis_first_hits(RTCScene scene, const mrvis_packet *packets, size_t count, int width, int coherent,
+                      uint32_t mask, mrvis_hits *hits) {
 #if defined(__SSE2__)
     const unsigned int csr = _mm_getcsr();
     _mm_setcsr(csr | 0x8040u); /* FTZ | DAZ */
@@ -140,13 +146,12 @@ void mrvis_intersect(RTCScene scene, const mrvis_packet *packets, size_t count, 
     args.flags = coherent ? RTC_RAY_QUERY_FLAG_COHERENT : RTC_RAY_QUERY_FLAG_INCOHERENT;
     for (size_t k = 0; k < count; k++) {
         const mrvis_packet *p = packets + k;
-        mrvis_hits *h = hits + k;
-        for (int i = 0; i < 16; i++) h->geometry[i] = RTC_INVALID_GEOMETRY_ID;
+        for (int i = 0; i < 16; i++) hits[k].triangle[i] = RTC_INVALID_GEOMETRY_ID;
         switch (width) {
-        case 16: INTERSECT_WIDE(16, 64) break;
-        case 8: INTERSECT_WIDE(8, 32) break;
-        case 4: INTERSECT_WIDE(4, 16) break;
-        default: intersect_single(scene, p, mask, &args, h); break;
+        case 16: HIT_WIDE(16, 64) break;
+        case 8: HIT_WIDE(8, 32) break;
+        case 4: HIT_WIDE(4, 16) break;
+        default: hit_single(scene, p, mask, &args, hits + k); break;
         }
     }
 #if defined(__SSE2__)

@@ -24,17 +24,14 @@ typedef struct {
 void mrvis_occluded(RTCScene scene, const mrvis_packet *packets, size_t count, int width, int coherent,
                     uint32_t mask, uint32_t *occluded);
 
-/* The first hit of each lane; mirrors `embree::Hits` field by field. Lanes without one, and inactive ones, have
- * `geometry` RTC_INVALID_GEOMETRY_ID; their other fields hold no meaning. */
+/* The first hit of 16 segments: the triangle's number within its geometry (0xffffffff where nothing is hit) and
+ * the parameter t of the hit. */
 typedef struct {
-    _Alignas(64) float t[16];
-    float u[16];
-    float v[16];
-    uint32_t geometry[16];
-    uint32_t primitive[16];
+    uint32_t triangle[16];
+    float t[16];
 } mrvis_hits;
 
-/* As mrvis_occluded, but finds the first hit of each lane. */
-void mrvis_intersect(RTCScene scene, const mrvis_packet *packets, size_t count, int width, int coherent,
-                     uint32_t mask, mrvis_hits *hits);
+/* Traces `count` packets for their first hits; the arguments are those of mrvis_occluded. */
+void mrvis_first_hits(RTCScene scene, const mrvis_packet *packets, size_t count, int width, int coherent,
+                      uint32_t mask, mrvis_hits *hits);
 #endif

@@ -195,47 +195,6 @@ impl SceneBuilder {
     }
 }
 
-/// First hits of the 16 lanes of a packet.
-///
-/// Field order and layout are those of `mrvis_hits` in `ffi/embree/shim.h`.
-#[derive(Clone, Debug)]
-#[repr(C, align(64))]
-pub struct Hits {
-    /// Parameter of the hit along the lane's segment; without meaning where there is no hit.
-    pub t: [f32; LANES],
-    /// First barycentric coordinate: the hit is `(1 − u − v) a + u b + v c`.
-    pub u: [f32; LANES],
-    /// Second barycentric coordinate.
-    pub v: [f32; LANES],
-    /// Which call of [`SceneBuilder::add_triangles`] (those with triangles, counted from 0), [`Hits::NOTHING`] if
-    /// nothing is hit.
-    pub geometry: [u32; LANES],
-    /// Which triangle of that call.
-    pub primitive: [u32; LANES],
-}
-
-impl Hits {
-    /// In [`Hits::geometry`]: nothing is hit.
-    pub const NOTHING: u32 = u32::MAX;
-
-    /// No hits.
-    pub const NONE: Hits = Hits {
-        t: [0.0; LANES],
-        u: [0.0; LANES],
-        v: [0.0; LANES],
-        geometry: [Self::NOTHING; LANES],
-        primitive: [0; LANES],
-    };
-}
-
-const _: () = {
-    assert!(size_of::<Hits>() == size_of::<sys::mrvis_hits>());
-    assert!(std::mem::offset_of!(Hits, u) == std::mem::offset_of!(sys::mrvis_hits, u));
-    assert!(std::mem::offset_of!(Hits, v) == std::mem::offset_of!(sys::mrvis_hits, v));
-    assert!(std::mem::offset_of!(Hits, geometry) == std::mem::offset_of!(sys::mrvis_hits, geometry));
-    assert!(std::mem::offset_of!(Hits, primitive) == std::mem::offset_of!(sys::mrvis_hits, primitive));
-};
-
 const _: () = {
     assert!(size_of::<Packet>() == size_of::<sys::mrvis_packet>());
     assert!(std::mem::offset_of!(Packet, direction) == std::mem::offset_of!(sys::mrvis_packet, direction));
@@ -280,23 +239,45 @@ impl CommittedScene {
             );
         }
     }
+}
 
-    /// The first hit of each lane of each packet, against geometries that `mask` selects.
+/// What the segments of a packet meet first. Field order and layout are those of `mrvis_hits` in
+/// `ffi/embree/shim.h`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct Hits {
+    /// The triangle's number within its geometry; [`Hits::NOTHING`] where nothing is met.
+    pub triangle: [u32; LANES],
+    /// The parameter of the hit; without meaning where nothing is met.
+    pub t: [f32; LANES],
+}
+
+impl Hits {
+    /// The number that stands for no triangle.
+    pub const NOTHING: u32 = u32::MAX;
+    /// No lane meets anything.
+    pub const NONE: Hits = Hits { triangle: [Self::NOTHING; LANES], t: [0.0; LANES] };
+}
+
+const _: () = assert!(size_of::<Hits>() == size_of::<sys::mrvis_hits>());
+
+impl CommittedScene {
+    /// What each segment meets first, traced the way `traversal` says.
     ///
     /// # Panics
     /// If the slices differ in length.
-    pub fn intersect(&self, traversal: Traversal, mask: u32, packets: &[Packet], hits: &mut [Hits]) {
+    pub fn first_hits(&self, traversal: Traversal, packets: &[Packet], hits: &mut [Hits]) {
         assert_eq!(packets.len(), hits.len());
-        // SAFETY: the scene is committed and live; `Packet` and `Hits` have the layouts and alignments of
-        // `mrvis_packet` and `mrvis_hits` (asserted above); both slices hold `packets.len()` items.
+        // SAFETY: the scene is committed and live; `Packet` and `Hits` have the layouts of the C structs (asserted
+        // above) and their alignment; both slices hold `packets.len()` items.
         unsafe {
-            sys::mrvis_intersect(
+            sys::mrvis_first_hits(
                 self.handle.raw,
                 packets.as_ptr().cast(),
                 packets.len(),
                 traversal.width as i32,
                 i32::from(traversal.coherent),
-                mask,
+                u32::MAX,
                 hits.as_mut_ptr().cast(),
             );
         }

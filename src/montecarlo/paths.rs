@@ -106,7 +106,7 @@ impl<'a> Paths<'a> {
                     add(sum, direct[lane]);
                 }
                 let direction = directions[lane];
-                let Some(place) = self.surfaces.place(&hits, lane, direction) else { continue };
+                let Some(place) = self.surfaces.place(&rays, &hits, lane, direction) else { continue };
                 if place.emission != [0.0; 3]
                     && let Some(cosine) = lights.facing(place.cosine)
                 {

@@ -46,7 +46,7 @@ impl<'a> Surfaces<'a> {
         Ok(Surfaces {
             traced: builder.commit()?,
             normals: corners.map(|[a, b, c]| triangle_normal(a, b, c)).collect(),
-            skin: 1e-6 * magnitude,
+            skin: 2e-6 * magnitude,
             slack: 1e-5 * scene.bounds.diagonal() + 1e-6 * magnitude,
             ends: EndRule::new(magnitude),
             scene,
@@ -65,22 +65,20 @@ impl<'a> Surfaces<'a> {
 
     /// First hits.
     pub fn intersect(&self, packets: &[Packet], hits: &mut [Hits]) {
-        self.traced.intersect(TRAVERSAL, u32::MAX, packets, hits);
+        self.traced.first_hits(TRAVERSAL, packets, hits);
     }
 
     /// Where the ray of a lane along the unit vector `direction` has arrived; nothing if it left the scene.
-    pub fn place(&self, hits: &Hits, lane: usize, direction: Vec3) -> Option<Place> {
-        if hits.geometry[lane] == Hits::NOTHING {
+    pub fn place(&self, ray: &Packet, hits: &Hits, lane: usize, direction: Vec3) -> Option<Place> {
+        let t = hits.triangle[lane];
+        if t == Hits::NOTHING {
             return None;
         }
-        let t = hits.primitive[lane];
-        let [a, b, c] = self.scene.corners(t);
-        let (u, v) = (hits.u[lane], hits.v[lane]);
         let front = self.normals[t as usize];
         let cosine = -front.dot(direction);
         let normal = if cosine < 0.0 { -front } else { front };
         Some(Place {
-            position: a + u * (b - a) + v * (c - a) + self.skin * normal,
+            position: ray.point(lane, hits.t[lane]) + self.skin * normal,
             normal,
             reflectance: self.scene.triangle_reflectance[t as usize],
             emission: self.scene.materials[self.scene.triangle_material[t as usize] as usize].emission,
