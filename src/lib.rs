@@ -11,6 +11,7 @@ pub mod hierarchy;
 pub mod link;
 pub mod math;
 pub mod metrics;
+pub mod montecarlo;
 pub mod output;
 pub mod points;
 pub mod raster;

@@ -7,6 +7,7 @@ use mrvis::{
     scene::{LoadOptions, Scene, parse_emitter},
 };
 use std::{
+    io::Write,
     path::{Path, PathBuf},
     time::Duration,
 };
@@ -47,6 +48,29 @@ impl Common {
         Spinner(bar)
     }
 
+    /// A bar on a terminal that counts to `total`, until it is dropped.
+    pub fn bar(&self, what: impl Into<String>, total: usize) -> Bar {
+        if self.quiet {
+            return Bar(ProgressBar::hidden());
+        }
+        let bar = ProgressBar::new(total as u64).with_message(what.into());
+        if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {percent:>3} % {eta:>4}") {
+            bar.set_style(style);
+        }
+        bar.enable_steady_tick(Duration::from_millis(200));
+        Bar(bar)
+    }
+
+    /// Does `work` on as many threads as `--threads` says.
+    ///
+    /// # Errors
+    /// The system refuses that many threads, or the work fails.
+    pub fn on_threads<T: Send>(&self, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
+        let threads = usize::from(self.threads.unwrap_or(0));
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.map_err(|e| Error::Argument(format!("--threads {threads}: {e}")))?.install(work)
+    }
+
     /// Writes text to standard output unless `--quiet`.
     ///
     /// # Errors
@@ -71,6 +95,22 @@ impl Common {
 pub struct Spinner(ProgressBar);
 
 impl Drop for Spinner {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
+    }
+}
+
+/// See [`Common::bar`].
+pub struct Bar(ProgressBar);
+
+impl Bar {
+    /// So much more is done.
+    pub fn advance(&self, steps: u64) {
+        self.0.inc(steps);
+    }
+}
+
+impl Drop for Bar {
     fn drop(&mut self) {
         self.0.finish_and_clear();
     }
@@ -108,6 +148,15 @@ impl SceneArgs {
         };
         let _spinner = common.spinner(format!("reading {}", file_name(&self.scene)));
         Scene::load(&self.scene, &options)
+    }
+}
+
+/// Says on standard error what was mended or assumed, a line each.
+///
+/// A standard error that is closed is nobody's concern.
+pub fn warn(common: &Common, messages: &[String]) {
+    for message in messages.iter().filter(|_| !common.quiet) {
+        let _ = writeln!(std::io::stderr(), "mrvis: warning: {message}");
     }
 }
 

@@ -5,9 +5,11 @@
 
 mod args;
 mod bench;
+mod compare;
 mod fbem;
 mod generate;
 mod info;
+mod reference;
 mod solve;
 
 use clap::{Parser, Subcommand};
@@ -33,6 +35,8 @@ enum Command {
     Bench(bench::Args),
     Fbem(fbem::Args),
     Solve(solve::Args),
+    Reference(reference::Args),
+    Compare(compare::Args),
     /// Write a procedural scene as OBJ and MTL (list with --list).
     Generate(generate::Args),
 }
@@ -43,6 +47,8 @@ fn run(command: &Command) -> Result<ExitCode> {
         Command::Bench(args) => bench::run(args),
         Command::Fbem(args) => fbem::run(args),
         Command::Solve(args) => solve::run(args),
+        Command::Reference(args) => reference::run(args),
+        Command::Compare(args) => compare::run(args),
         Command::Generate(args) => generate::run(args),
     }
 }

@@ -32,8 +32,9 @@ pub struct Receiver<'a> {
     /// Low-discrepancy numbers for shadow rays.
     table: Vec<[f32; 2]>,
     light_rays: usize,
-    /// Rows of cells of the gathered hemisphere, a multiple of 4; 0 for direct light only.
-    rows: usize,
+    /// Directions about +z for the final gather, blocks of 4 by 4 neighbours together; several sets that points choose
+    /// from, none for direct light only.
+    hemispheres: Vec<Vec<Vec3>>,
     feature_size: f32,
     magnitude: f32,
     length: f32,
@@ -71,11 +72,9 @@ impl<'a> Receiver<'a> {
                 area: element.area as f32,
             });
         }
-        let rows = if options.direct_only {
-            0
-        } else {
-            ((options.gather_rays as f64).sqrt() / 4.0).ceil() as usize * 4
-        };
+        let rows = ((options.gather_rays as f64).sqrt() / 4.0).ceil() as usize * 4;
+        let sets = if options.direct_only { 0 } else { SETS };
+        let hemispheres = (0..sets).map(|k| hemisphere(rows, mix(options.seed ^ k as u64))).collect();
         let table = (0..options.light_rays as u32)
             .map(|i| [sample(i & 0xffff, 0, 7), sample(i & 0xffff, 1, 7)])
             .collect();
@@ -86,7 +85,7 @@ impl<'a> Receiver<'a> {
             emitters,
             table,
             light_rays: options.light_rays,
-            rows,
+            hemispheres,
             feature_size: options.feature_size.unwrap_or(1e-2 * scene.bounds.diagonal()),
             magnitude: crate::visibility::reference::magnitude(scene),
             length: 1.01 * scene.bounds.diagonal(),
@@ -107,7 +106,7 @@ impl<'a> Receiver<'a> {
                     .map(|(i, &(at, normal))| {
                         let seed = mix(self.solver.seed ^ (64 * chunk + i) as u64);
                         let mut sum = self.direct(at, normal, seed, buffers);
-                        if self.rows > 0 {
+                        if !self.hemispheres.is_empty() {
                             add(&mut sum, 1.0, self.gathered(at, normal, seed, buffers));
                         }
                         sum
@@ -194,18 +193,22 @@ impl<'a> Receiver<'a> {
     fn gathered(&self, at: Vec3, normal: Vec3, seed: u64, buffers: &mut Buffers) -> Rgb {
         let Buffers { packets, hits, scratch } = buffers;
         let from = at + 2e-6 * self.magnitude * normal;
-        packets.clear();
-        let blocks = self.rows / 4;
-        for block in 0..blocks * blocks {
-            let mut packet = Packet::EMPTY;
-            for lane in 0..LANES {
-                let (i, j) = (block % blocks * 4 + lane % 4, block / blocks * 4 + lane / 4);
-                let [r, s, ..] = numbers(seed, (i * self.rows + j) as u64);
-                let (u, v) = ((i as f32 + r) / self.rows as f32, (j as f32 + s) / self.rows as f32);
-                packet.set(lane, from, from + self.length * cosine_direction(normal, u, v), self.solver.ends);
-                packet.near[lane] = 0.0;
+        let (x, y) = normal.any_orthonormal_pair();
+        let [turn, ..] = numbers(seed, 1);
+        let (sin, cos) = (std::f32::consts::TAU * turn).sin_cos();
+        let (x, y) = (self.length * (cos * x + sin * y), self.length * (cos * y - sin * x));
+        let z = self.length * normal;
+        let directions = &self.hemispheres[(seed % SETS as u64) as usize];
+        packets.resize(directions.len() / LANES, Packet::EMPTY);
+        for (packet, directions) in packets.iter_mut().zip(directions.chunks_exact(LANES)) {
+            for (lane, d) in directions.iter().enumerate() {
+                let to = d.x * x + d.y * y + d.z * z;
+                for axis in 0..3 {
+                    packet.origin[axis][lane] = from[axis];
+                    packet.direction[axis][lane] = to[axis];
+                }
             }
-            packets.push(packet);
+            (packet.near, packet.far, packet.active) = ([0.0; LANES], [1.0; LANES], 0xffff);
         }
         hits.clear();
         hits.resize(packets.len(), Hits::NONE);
@@ -226,11 +229,27 @@ impl<'a> Receiver<'a> {
                 }
             }
         }
-        let rays = (self.rows * self.rows) as u64;
+        let rays = directions.len() as u64;
         scratch.tally.segments += rays;
         scratch.tally.exact_rays += rays;
         sum.map(|s| s / rays as f64)
     }
+}
+
+/// Sets of directions.
+const SETS: usize = 64;
+
+/// Directions about +z with the density cos/π: one in each cell of a grid of `rows` by `rows`.
+fn hemisphere(rows: usize, seed: u64) -> Vec<Vec3> {
+    let blocks = rows / 4;
+    (0..rows * rows)
+        .map(|k| {
+            let (block, lane) = (k / LANES, k % LANES);
+            let (i, j) = (block % blocks * 4 + lane % 4, block / blocks * 4 + lane / 4);
+            let [r, s, ..] = numbers(seed, k as u64);
+            cosine_direction(Vec3::Z, (i as f32 + r) / rows as f32, (j as f32 + s) / rows as f32)
+        })
+        .collect()
 }
 
 /// A point and the faces of an emitter, with running sums of their unoccluded irradiance.
