@@ -36,12 +36,12 @@ pub struct Args {
     /// Feature size in scene units: shadows smaller than this may be averaged [default: each receiver's diameter].
     #[arg(short = 's', long, value_name = "S", allow_negative_numbers = true)]
     feature_size: Option<f32>,
-    /// Shadow rays from a point to an emitter, at most.
-    #[arg(long, value_name = "N", default_value_t = Options::default().light_rays)]
-    light_rays: usize,
-    /// Rays from a point that gather reflected light.
-    #[arg(long, value_name = "N", default_value_t = Options::default().gather_rays)]
-    gather_rays: usize,
+    /// Shadow rays from a point to an emitter that is partly visible [default: by the error].
+    #[arg(long, value_name = "N")]
+    light_rays: Option<usize>,
+    /// Rays from a point that gather reflected light [default: by the error].
+    #[arg(long, value_name = "N")]
+    gather_rays: Option<usize>,
     /// Refine in steps of this many seconds.
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     step_seconds: Option<f64>,

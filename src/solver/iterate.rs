@@ -6,6 +6,8 @@ use crate::element::Shape;
 
 /// A leaf in a closed scene that gathers more than this many times too much or too little is not mended.
 const MENDED: f64 = 3.0;
+/// Rounds of balancing.
+const BALANCING: usize = 3;
 
 impl Solver<'_> {
     /// What is emitted, without any link.
@@ -31,15 +33,43 @@ impl Solver<'_> {
         irradiance(&self.elements, neighbours, &ones).into_iter().map(|e| e[0]).collect()
     }
 
-    /// Makes the row sums of leaves that see no way out 1, and those of the others at most 1: rows of closed scenes sum up
-    /// to 1 (method E.7), and what sampling errors add or take away would be multiplied by every bounce.
-    pub(super) fn close(&mut self, neighbours: &Neighbours) {
-        let sums = self.row_sums(neighbours);
-        for (e, &sum) in sums.iter().enumerate() {
-            let Shape::Surface { side, .. } = self.elements.elements[e].shape else { continue };
-            let close = self.probe.closed[side as usize] && sum > 1.0 / MENDED;
-            self.closure[e] = if close || sum > 1.0 { (1.0 / sum) as f32 } else { 1.0 };
+    /// Makes the row sums of leaves that see no way out 1: rows of closed scenes sum up to 1 (method E.7), and what
+    /// sampling errors add or take away would be multiplied by every bounce.
+    ///
+    /// First couplings are scaled by the means over their ends, which leaves factors reciprocal (the balancing of Sinkhorn
+    /// and Knopp 1967, a few rounds of it); what is left is made up at each leaf.
+    pub(super) fn close(&mut self) {
+        for _ in 0..BALANCING {
+            let neighbours = self.neighbours();
+            let sums = self.row_sums(&neighbours);
+            let mean = self.mean_closure(|e| self.missing(e, sums[e]));
+            for l in &mut self.links {
+                l.coupling *= (mean[l.a as usize] * mean[l.b as usize]).sqrt() as f32;
+            }
         }
+        let sums = self.row_sums(&self.neighbours());
+        self.closure = (0..self.elements.len()).map(|e| self.missing(e, sums[e]) as f32).collect();
+    }
+
+    /// What a leaf must gather more, by its row sum.
+    fn missing(&self, e: usize, sum: f64) -> f64 {
+        let Shape::Surface { side, .. } = self.elements.elements[e].shape else { return 1.0 };
+        if self.probe.closed[side as usize] && sum > 1.0 / MENDED { 1.0 / sum } else { 1.0 }
+    }
+
+    /// Means by area of a value of the leaves.
+    pub(super) fn mean_closure(&self, of_leaf: impl Fn(usize) -> f64) -> Vec<f64> {
+        let mut mean = vec![1.0; self.elements.len()];
+        for e in (0..self.elements.len()).rev() {
+            let element = &self.elements.elements[e];
+            if !element.is_cluster() && element.is_leaf() {
+                mean[e] = of_leaf(e);
+            } else if element.area > 0.0 {
+                let parts = element.child_range();
+                mean[e] = parts.map(|c| self.elements.elements[c].area * mean[c]).sum::<f64>() / element.area;
+            }
+        }
+        mean
     }
 
     /// Sweeps until the radiosity changes by less than `tolerance` of itself (area-weighted mean), `most` times at most.

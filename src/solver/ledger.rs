@@ -20,7 +20,7 @@ pub struct Ledger {
     pub reciprocity_residual: f64,
     /// Least and greatest sum of the form factors of an element that sees no way out of the scene.
     pub row_sums: Option<[f64; 2]>,
-    /// The same before they were made 1: what sampling and refinement leave.
+    /// The same before they were made 1 at each element: what sampling and refinement leave.
     pub row_sums_sampled: Option<[f64; 2]>,
     /// Part of the scene's area whose elements see no way out.
     pub closed_area: f64,
@@ -32,7 +32,6 @@ impl Solver<'_> {
         let sums = self.row_sums(neighbours);
         let mut ledger = Ledger::default();
         let (mut received, mut sent, mut closed) = (0.0, 0.0, 0.0);
-        let mut closure = vec![0.0; self.elements.len()];
         let widen = |range: &mut Option<[f64; 2]>, v: f64| {
             let [low, high] = range.unwrap_or([v, v]);
             *range = Some([low.min(v), high.max(v)]);
@@ -52,21 +51,13 @@ impl Solver<'_> {
             received += power(self.incident[e]);
             sent += power(self.outgoing.radiosity[e]) * row.min(1.0);
             ledger.escaped += power(self.outgoing.radiosity[e]) * (1.0 - row).max(0.0);
-            closure[e] = f64::from(self.closure[e]);
             if self.probe.closed[side as usize] {
                 closed += element.area;
                 widen(&mut ledger.row_sums, row);
                 widen(&mut ledger.row_sums_sampled, sums[e]);
             }
         }
-        for e in (0..self.elements.len()).rev() {
-            let element = &self.elements.elements[e];
-            if !element.is_leaf() && element.area > 0.0 {
-                let parts = element.child_range();
-                closure[e] =
-                    parts.map(|c| self.elements.elements[c].area * closure[c]).sum::<f64>() / element.area;
-            }
-        }
+        let closure = self.mean_closure(|e| f64::from(self.closure[e]));
         let (mut off, mut all) = (0.0, 0.0);
         for l in &self.links {
             let (a, b, c) = (closure[l.a as usize], closure[l.b as usize], f64::from(l.coupling));

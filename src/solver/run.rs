@@ -182,8 +182,8 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
         || progress.stopped() || options.max_seconds.is_some_and(|s| begun.elapsed().as_secs_f64() > s);
     let iterations = solve(&mut solver, options, progress, &late);
     progress.stage("last sweeps");
+    solver.close();
     let neighbours = solver.neighbours();
-    solver.close(&neighbours);
     solver.settle(&neighbours, FINE, 400);
     solver.look();
     seconds.solve = start.elapsed().as_secs_f64();
@@ -249,7 +249,6 @@ fn solve(
         let refined = solver.refine(&errors, threshold, once, late);
         let refining = start.elapsed().as_secs_f64();
         let neighbours = solver.neighbours();
-        solver.close(&neighbours);
         let residual = solver.settle(&neighbours, ROUGH, if once { 2 } else { 12 });
         solver.look();
         let taken = start.elapsed().as_secs_f64();
