@@ -158,7 +158,7 @@ impl Meter<'_> {
         let towards = (eb.centre - ea.centre).normalize_or(Vec3::X);
         let from = Ends::draw(self.elements, ids[0], towards, 0, seed);
         let to = Ends::draw(self.elements, ids[1], -towards, 1, mix(seed));
-        let nearest = 0.05 * (ea.radius + eb.radius);
+        let nearest = 0.2 * (ea.radius + eb.radius);
         let distance = (eb.centre - ea.centre).length();
         let weights: [f32; LANES] = std::array::from_fn(|l| {
             kernel(from.points[l], from.normals[l], to.points[l], to.normals[l], nearest)

@@ -1,6 +1,7 @@
 //! Where the energy went.
 
-use super::field::{Neighbours, Rgb};
+use super::cut::Cut;
+use super::field::Rgb;
 use super::{Solver, mean};
 use crate::element::Shape;
 
@@ -28,8 +29,8 @@ pub struct Ledger {
 
 impl Solver<'_> {
     /// The ledger of the present solution.
-    pub(super) fn ledger(&self, neighbours: &Neighbours) -> Ledger {
-        let sums = self.row_sums(neighbours);
+    pub(super) fn ledger(&self, cut: &Cut) -> Ledger {
+        let sums = self.row_sums(cut);
         let mut ledger = Ledger::default();
         let (mut received, mut sent, mut closed) = (0.0, 0.0, 0.0);
         let widen = |range: &mut Option<[f64; 2]>, v: f64| {
@@ -49,15 +50,15 @@ impl Solver<'_> {
             ledger.emitted += power(s.exitance);
             ledger.absorbed += power(absorbed);
             received += power(self.incident[e]);
-            sent += power(self.outgoing.radiosity[e]) * row.min(1.0);
-            ledger.escaped += power(self.outgoing.radiosity[e]) * (1.0 - row).max(0.0);
+            sent += power(self.radiosity[e]) * row.min(1.0);
+            ledger.escaped += power(self.radiosity[e]) * (1.0 - row).max(0.0);
             if self.probe.closed[side as usize] {
                 closed += element.area;
                 widen(&mut ledger.row_sums, row);
                 widen(&mut ledger.row_sums_sampled, sums[e]);
             }
         }
-        let closure = self.mean_closure(|e| f64::from(self.closure[e]));
+        let closure = self.means(|e| f64::from(self.closure[e]));
         let (mut off, mut all) = (0.0, 0.0);
         for l in &self.links {
             let (a, b, c) = (closure[l.a as usize], closure[l.b as usize], f64::from(l.coupling));

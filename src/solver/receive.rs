@@ -81,14 +81,13 @@ impl<'a> Receiver<'a> {
         let table = (0..options.light_rays() as u32)
             .map(|i| [sample(i & 0xffff, 0, 7), sample(i & 0xffff, 1, 7)])
             .collect();
-        let reflected =
-            elements.elements.iter().zip(&solver.outgoing.radiosity).map(|(e, radiosity)| match e.shape {
-                Shape::Cluster(_) => [0.0; 3],
-                Shape::Surface { side, .. } => {
-                    let emitted = elements.sides[side as usize].exitance;
-                    std::array::from_fn(|k| (radiosity[k] - emitted[k]) as f32)
-                }
-            });
+        let reflected = elements.elements.iter().zip(&solver.radiosity).map(|(e, radiosity)| match e.shape {
+            Shape::Cluster(_) => [0.0; 3],
+            Shape::Surface { side, .. } => {
+                let emitted = elements.sides[side as usize].exitance;
+                std::array::from_fn(|k| (radiosity[k] - emitted[k]) as f32)
+            }
+        });
         Receiver {
             lookup: Lookup::new(elements),
             reflected: reflected.collect(),
