@@ -135,8 +135,8 @@ fn summary(r: &Record) -> String {
     let l = &r.ledger;
     let _ = writeln!(
         text,
-        "emitted {:.6} absorbed {:.6} escaped {:.6} created {:.2e}; row sums {:?} (sampled {:?}); reciprocity {:.2e}",
-        l.emitted, l.absorbed, l.escaped, l.created, l.row_sums, l.row_sums_sampled, l.reciprocity_residual
+        "emitted {:.6} absorbed {:.6} escaped {:.6} created {:.2e}; row sums {:?}, error {:.2e} (sampled {:.2e})",
+        l.emitted, l.absorbed, l.escaped, l.created, l.row_sums, l.row_sum_error, l.row_sum_error_sampled
     );
     let _ =
         writeln!(text, "mean irradiance {:?}, estimated error {:.3}", r.mean_irradiance, r.error_estimate);

@@ -21,6 +21,8 @@ pub struct Response {
     reflect: [[f32; ENTRIES]; 3],
     /// `Σ A M g_p` by channel.
     emit: [Rgb; BASIS],
+    /// `Σ A g_p`: what radiosity 1 gives.
+    pub ones: [Rgb; BASIS],
 }
 
 /// What becomes of light at a place of the cut.
@@ -57,7 +59,7 @@ impl Cut {
     /// Stands for no place.
     pub const NONE: u32 = u32::MAX;
 
-    /// The cut for a set of links. `closure` by element multiplies what leaves gather.
+    /// The cut for a set of links. `closure` by element multiplies what leaves gather and what they send.
     pub fn new(elements: &Elements, links: &[Link], closure: &[f32]) -> Cut {
         let n = elements.len();
         let mut below = vec![false; n];
@@ -210,15 +212,18 @@ fn response(elements: &Elements, cluster: u32, closure: &[f32]) -> Response {
     let [from, to] = elements.clusters[cluster as usize].sides;
     let mut reflect = [[0.0f64; ENTRIES]; 3];
     let mut emit = [[0.0; 3]; BASIS];
+    let mut ones = [[0.0; 3]; BASIS];
     for side in &elements.sides[from as usize..to as usize] {
         let faces = facing(side.normal);
         let basis: [f64; BASIS] =
             std::array::from_fn(|p| if p < DIRECTIONS { f64::from(faces[p]) } else { 1.0 });
         let area = elements.elements[side.element as usize].area;
-        let gain = area * f64::from(closure[side.element as usize]);
+        let closure = f64::from(closure[side.element as usize]);
+        let gain = area * closure * closure;
         let mut entry = 0;
         for p in 0..BASIS {
-            add(&mut emit[p], area * basis[p], side.exitance);
+            add(&mut emit[p], closure * area * basis[p], side.exitance);
+            add(&mut ones[p], closure * area * basis[p], [1.0; 3]);
             for q in 0..=p {
                 let product = gain * basis[p] * basis[q];
                 for k in 0..3 {
@@ -228,5 +233,5 @@ fn response(elements: &Elements, cluster: u32, closure: &[f32]) -> Response {
             }
         }
     }
-    Response { reflect: reflect.map(|r| r.map(|v| v as f32)), emit }
+    Response { reflect: reflect.map(|r| r.map(|v| v as f32)), emit, ones }
 }

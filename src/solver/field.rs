@@ -48,9 +48,14 @@ pub struct Incoming {
 }
 
 impl Outgoing {
-    /// From the radiosity of surfaces without links below (by place less the number of clusters) and what arrives at
-    /// sealed clusters.
-    pub fn pull(elements: &Elements, cut: &Cut, surfaces: &[Rgb], clusters: &[Arriving]) -> Outgoing {
+    /// From the radiosity of surfaces without links below (by place less the number of clusters) and what sealed clusters
+    /// send out by direction and in all, by place and index of the response.
+    pub fn pull(
+        elements: &Elements,
+        cut: &Cut,
+        surfaces: &[Rgb],
+        sealed: impl Fn(usize, usize) -> [Rgb; DIRECTIONS + 1],
+    ) -> Outgoing {
         let n = cut.elements.len();
         let mut beams = vec![[[0.0; 3]; DIRECTIONS]; cut.clusters];
         // Power, until divided by the area at the end.
@@ -60,7 +65,7 @@ impl Outgoing {
             match cut.kinds[p] {
                 Kind::Open => {}
                 Kind::Sealed(r) => {
-                    let answer = cut.responses[r as usize].answer(&clusters[p]);
+                    let answer = sealed(p, r as usize);
                     beams[p] = std::array::from_fn(|k| answer[k]);
                     power[p] = answer[DIRECTIONS];
                 }
@@ -89,20 +94,6 @@ impl Outgoing {
             *power = power.map(|p| p / area);
         }
         Outgoing { radiosity: power, beams }
-    }
-
-    /// Radiosity 1 everywhere.
-    pub fn ones(elements: &Elements, cut: &Cut) -> Outgoing {
-        let beams = |&e: &u32| {
-            let Shape::Cluster(c) = elements.elements[e as usize].shape else {
-                return [[0.0; 3]; DIRECTIONS];
-            };
-            elements.clusters[c as usize].projected.map(|p| [p; 3])
-        };
-        Outgoing {
-            radiosity: vec![[1.0; 3]; cut.elements.len()],
-            beams: cut.elements[..cut.clusters].iter().map(beams).collect(),
-        }
     }
 
     /// Mean radiosity that a cluster shows in a direction (a unit vector).

@@ -5,12 +5,14 @@ use super::cut::{Cut, Kind};
 use super::field::{Incoming, Outgoing, Rgb, add, gather};
 use crate::element::Shape;
 
-/// A leaf without a way out whose row sum is less than one part in so many is not mended: nothing is known of it.
-const MENDED: f64 = 3.0;
+/// A leaf without a way out that sees hardly anything along its links is not mended: nothing is known of it.
+const NOTHING: f64 = 0.01;
 /// Row sums of other leaves above this are wrong.
 const TOO_MUCH: f64 = 1.25;
 /// Rounds of balancing.
-const BALANCING: usize = 3;
+const BALANCING: usize = 12;
+/// Largest factor of a leaf, and one over the smallest.
+const MOST: f64 = 30.0;
 /// Largest and least share of the last step that is taken back or on.
 const STEPS: [f64; 2] = [-50.0, 0.9];
 
@@ -56,9 +58,12 @@ impl Solver<'_> {
         self.radiosity = radiosity;
     }
 
-    /// The part of each element's view that its links cover: the irradiance that radiosity 1 everywhere would cause.
+    /// The sum of each surface element's form factors along its links, before it is multiplied by its own closure: the
+    /// irradiance that radiosity 1 everywhere would cause.
     pub(super) fn row_sums(&self, cut: &Cut) -> Vec<f64> {
-        let ones = Outgoing::ones(&self.elements, cut);
+        let of = |&e: &u32| [f64::from(self.closure[e as usize]); 3];
+        let surfaces: Vec<Rgb> = cut.elements[cut.clusters..].iter().map(of).collect();
+        let ones = Outgoing::pull(&self.elements, cut, &surfaces, |_, r| cut.responses[r].ones);
         let Incoming { clusters, surfaces } = gather(&self.elements, cut, &ones);
         cut.expand(&self.elements, &clusters, &surfaces).into_iter().map(|e| e[0]).collect()
     }
@@ -66,40 +71,30 @@ impl Solver<'_> {
     /// Makes the row sums of leaves that see no way out 1: rows of closed scenes sum up to 1 (method E.7), and what
     /// sampling errors add or take away would be multiplied by every bounce.
     ///
-    /// First couplings are scaled by the means over their ends, which leaves factors reciprocal (the balancing of Sinkhorn
-    /// and Knopp 1967, a few rounds of it); what is left is made up at each leaf.
-    pub(super) fn close(&mut self) {
-        for _ in 0..BALANCING {
-            let sums = self.row_sums(&self.cut());
-            let mean = self.means(|e| self.missing(e, sums[e]));
-            for l in &mut self.links {
-                l.coupling *= (mean[l.a as usize] * mean[l.b as usize]).sqrt() as f32;
+    /// Every leaf gets a factor for what it gathers and for what it sends alike (the symmetric balancing of Sinkhorn and
+    /// Knopp 1967), so that factors stay reciprocal and no energy is made. Returns the row sums there were.
+    pub(super) fn close(&mut self) -> Vec<f64> {
+        self.closure.fill(1.0);
+        let sampled = self.row_sums(&self.cut());
+        let mut sums = sampled.clone();
+        for round in 0..BALANCING {
+            if round > 0 {
+                sums = self.row_sums(&self.cut());
+            }
+            for e in 0..self.closure.len() {
+                let closure = f64::from(self.closure[e]);
+                let missing = self.missing(e, closure * sums[e]);
+                self.closure[e] = (closure * missing.sqrt()).clamp(1.0 / MOST, MOST) as f32;
             }
         }
-        let sums = self.row_sums(&self.cut());
-        self.closure = (0..self.elements.len()).map(|e| self.missing(e, sums[e]) as f32).collect();
+        sampled
     }
 
     /// What a leaf must gather more, by its row sum.
     fn missing(&self, e: usize, sum: f64) -> f64 {
         let Shape::Surface { side, .. } = self.elements.elements[e].shape else { return 1.0 };
-        let closed = self.probe.closed[side as usize] && sum > 1.0 / MENDED;
+        let closed = self.probe.closed[side as usize] && sum > NOTHING;
         if closed || sum > TOO_MUCH { 1.0 / sum } else { 1.0 }
-    }
-
-    /// Means by area of a value of the leaves.
-    pub(super) fn means(&self, of_leaf: impl Fn(usize) -> f64) -> Vec<f64> {
-        let mut mean = vec![1.0; self.elements.len()];
-        for e in (0..self.elements.len()).rev() {
-            let element = &self.elements.elements[e];
-            if !element.is_cluster() && element.is_leaf() {
-                mean[e] = of_leaf(e);
-            } else if element.area > 0.0 {
-                let parts = element.child_range();
-                mean[e] = parts.map(|c| self.elements.elements[c].area * mean[c]).sum::<f64>() / element.area;
-            }
-        }
-        mean
     }
 
     /// Sweeps until the radiosity changes by less than `tolerance` of itself (area-weighted mean), `most` times at most,
@@ -181,7 +176,7 @@ impl Solver<'_> {
                 std::array::from_fn(|k| s.exitance[k] + f64::from(s.reflectance[k]) * closure * incident[k])
             })
             .collect();
-        Outgoing::pull(&self.elements, cut, &surfaces, &state.clusters)
+        Outgoing::pull(&self.elements, cut, &surfaces, |p, r| cut.responses[r].answer(&state.clusters[p]))
     }
 
     /// What the change of an unknown counts: area times reflectance of what it lights.

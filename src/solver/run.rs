@@ -182,7 +182,7 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
         || progress.stopped() || options.max_seconds.is_some_and(|s| begun.elapsed().as_secs_f64() > s);
     let iterations = solve(&mut solver, options, progress, &late);
     progress.stage("last sweeps");
-    solver.close();
+    let sampled = solver.close();
     let cut = solver.cut();
     solver.settle(&cut, FINE, 400);
     solver.look();
@@ -216,7 +216,7 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
         bytes: solver.elements.bytes() + size_of_val(solver.links.as_slice()) + cut.bytes(),
         exact_rays: bundles.exact_rays,
         bundles,
-        ledger: solver.ledger(&cut),
+        ledger: solver.ledger(&cut, &sampled),
         error_estimate: solver.error_estimate(&uncertainty),
         mean_irradiance: solver.mean_irradiance(),
         interrupted: progress.stopped(),
