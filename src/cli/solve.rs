@@ -3,7 +3,7 @@
 use super::args::{Common, SceneArgs, grouped};
 use mrvis::files::WholeFile;
 use mrvis::points::{Irradiance, read_points, write_irradiance};
-use mrvis::solver::{self, Options, Record, Visibility};
+use mrvis::solver::{self, Options, Record, Rows, Visibility};
 use mrvis::{Error, Result};
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -30,6 +30,9 @@ pub struct Args {
     /// Smallest element as part of the scene's area.
     #[arg(long, value_name = "PART", default_value_t = Options::default().min_area, allow_negative_numbers = true)]
     min_area: f64,
+    /// What is done so that form factors of elements in closed scenes sum up to 1.
+    #[arg(long, value_enum, default_value = "closed")]
+    rows: RowSums,
     /// How visibility is answered.
     #[arg(long, value_enum, default_value = "exact")]
     visibility: Engine,
@@ -59,6 +62,16 @@ pub struct Args {
 }
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum RowSums {
+    /// Nothing.
+    Sampled,
+    /// What each element gathers is scaled.
+    Closed,
+    /// What each element gathers and sends is scaled alike: exactly reciprocal.
+    Balanced,
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
 enum Engine {
     /// Embree rays.
     Exact,
@@ -72,6 +85,11 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let options = Options {
         error: args.error,
         min_area: args.min_area,
+        rows: match args.rows {
+            RowSums::Sampled => Rows::Sampled,
+            RowSums::Closed => Rows::Closed,
+            RowSums::Balanced => Rows::Balanced,
+        },
         visibility: match args.visibility {
             Engine::Exact => Visibility::Exact,
             Engine::Mr => Visibility::Mr,

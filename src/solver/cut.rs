@@ -15,6 +15,20 @@ const BASIS: usize = DIRECTIONS + 1;
 /// Entries of a symmetric matrix over the basis.
 const ENTRIES: usize = BASIS * (BASIS + 1) / 2;
 
+/// What a leaf's light is multiplied with so that its row sums are right.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Closure {
+    /// What arrives.
+    pub gathers: f32,
+    /// What is sent.
+    pub sends: f32,
+}
+
+impl Closure {
+    /// Nothing is changed.
+    pub const NONE: Closure = Closure { gathers: 1.0, sends: 1.0 };
+}
+
 /// What a sealed cluster does to light.
 pub struct Response {
     /// `Σ A ρ g_p g_q` by channel over its sides, row by row of the lower half.
@@ -60,7 +74,7 @@ impl Cut {
     pub const NONE: u32 = u32::MAX;
 
     /// The cut for a set of links. `closure` by element multiplies what leaves gather and what they send.
-    pub fn new(elements: &Elements, links: &[Link], closure: &[f32]) -> Cut {
+    pub fn new(elements: &Elements, links: &[Link], closure: &[Closure]) -> Cut {
         let n = elements.len();
         let mut below = vec![false; n];
         let mut linked = vec![false; n];
@@ -208,7 +222,7 @@ impl Response {
     }
 }
 
-fn response(elements: &Elements, cluster: u32, closure: &[f32]) -> Response {
+fn response(elements: &Elements, cluster: u32, closure: &[Closure]) -> Response {
     let [from, to] = elements.clusters[cluster as usize].sides;
     let mut reflect = [[0.0f64; ENTRIES]; 3];
     let mut emit = [[0.0; 3]; BASIS];
@@ -218,12 +232,12 @@ fn response(elements: &Elements, cluster: u32, closure: &[f32]) -> Response {
         let basis: [f64; BASIS] =
             std::array::from_fn(|p| if p < DIRECTIONS { f64::from(faces[p]) } else { 1.0 });
         let area = elements.elements[side.element as usize].area;
-        let closure = f64::from(closure[side.element as usize]);
-        let gain = area * closure * closure;
+        let Closure { gathers, sends } = closure[side.element as usize];
+        let (gain, sends) = (area * f64::from(gathers * sends), f64::from(sends));
         let mut entry = 0;
         for p in 0..BASIS {
-            add(&mut emit[p], closure * area * basis[p], side.exitance);
-            add(&mut ones[p], closure * area * basis[p], [1.0; 3]);
+            add(&mut emit[p], sends * area * basis[p], side.exitance);
+            add(&mut ones[p], sends * area * basis[p], [1.0; 3]);
             for q in 0..=p {
                 let product = gain * basis[p] * basis[q];
                 for k in 0..3 {

@@ -17,7 +17,7 @@ mod run;
 mod show;
 
 pub use ledger::Ledger;
-pub use options::{Options, Visibility};
+pub use options::{Options, Rows, Visibility};
 pub use receive::Receiver;
 pub use run::{Iteration, Outcome, Progress, Record, SceneFacts, Seconds, run};
 
@@ -45,7 +45,9 @@ pub struct Solver<'a> {
     /// Where sweeps ended, with the size of their cut.
     state: Option<(usize, Incoming)>,
     /// By element: what leaves that see no way out must gather more to gather all (1 elsewhere).
-    closure: Vec<f32>,
+    closure: Vec<cut::Closure>,
+    /// How that is made.
+    rows: Rows,
     /// What the oracle knows of each element's light.
     light: Vec<Light>,
     tally: Tally,
@@ -90,6 +92,7 @@ impl<'a> Solver<'a> {
             state: None,
             incident: Vec::new(),
             closure: Vec::new(),
+            rows: options.rows,
             light: Vec::new(),
             tally: Tally::default(),
             max_links: options.max_links,

@@ -15,6 +15,20 @@ pub enum Visibility {
     Average,
 }
 
+/// What is done so that the form factors of an element that sees no way out of the scene sum up to 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Rows {
+    /// Nothing.
+    Sampled,
+    /// What each leaf gathers is multiplied: each irradiance is a mean of radiosities.
+    #[default]
+    Closed,
+    /// What each leaf gathers and what it sends is multiplied alike (Sinkhorn and Knopp 1967): factors stay reciprocal and
+    /// no energy is made.
+    Balanced,
+}
+
 /// Options of [`super::run`].
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Options {
@@ -22,6 +36,8 @@ pub struct Options {
     pub error: f64,
     /// Smallest element as part of the scene's area; above 0.
     pub min_area: f64,
+    /// What is done about row sums.
+    pub rows: Rows,
     /// The engine.
     pub visibility: Visibility,
     /// Feature size for all receivers, scene units; by default each one's own diameter.
@@ -50,6 +66,7 @@ impl Default for Options {
         Options {
             error: 0.02,
             min_area: 2e-5,
+            rows: Rows::default(),
             visibility: Visibility::default(),
             feature_size: None,
             direct_only: false,
