@@ -5,6 +5,7 @@ pub mod characterise;
 pub mod element;
 pub mod embree;
 pub mod error;
+pub mod factor_matrix;
 pub mod files;
 pub mod form_factor;
 pub mod hierarchy;

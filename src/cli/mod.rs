@@ -7,6 +7,7 @@ mod args;
 mod bench;
 mod compare;
 mod fbem;
+mod form_factors;
 mod generate;
 mod info;
 mod reference;
@@ -35,6 +36,7 @@ enum Command {
     Fbem(fbem::Args),
     Reference(reference::Args),
     Compare(compare::Args),
+    FormFactors(form_factors::Args),
     /// Write a procedural scene as OBJ and MTL (list with --list).
     Generate(generate::Args),
 }
@@ -46,6 +48,7 @@ fn run(command: &Command) -> Result<ExitCode> {
         Command::Fbem(args) => fbem::run(args),
         Command::Reference(args) => reference::run(args),
         Command::Compare(args) => compare::run(args),
+        Command::FormFactors(args) => form_factors::run(args),
         Command::Generate(args) => generate::run(args),
     }
 }

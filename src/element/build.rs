@@ -62,8 +62,7 @@ impl Build {
         self.ranges[root as usize] = [u32::MAX, 0];
         for (c, cluster) in tree.clusters.iter().enumerate().filter(|(_, c)| !c.is_leaf()) {
             let e = &mut self.elements[place(c) as usize];
-            (e.first_child, e.children) =
-                (place(cluster.first_child as usize), cluster.children as u16);
+            (e.first_child, e.children) = (place(cluster.first_child as usize), cluster.children as u16);
         }
         // Leaves in the order of their triangles, so that the sides of every cluster are neighbours.
         let mut leaves: Vec<usize> =
@@ -135,8 +134,7 @@ fn sides_of(scene: &Scene, faces: &[u32], seen: &[[bool; 2]]) -> Vec<(Side, [gla
             let normal = triangle_normal(a, b, c);
             let emits = front || scene.two_sided_emission;
             let emission = scene.materials[scene.triangle_material[t] as usize].emission;
-            let exitance =
-                emission.map(|l| if emits { std::f64::consts::PI * f64::from(l) } else { 0.0 });
+            let exitance = emission.map(|l| if emits { std::f64::consts::PI * f64::from(l) } else { 0.0 });
             let side = Side {
                 triangles,
                 normal: if front { normal } else { -normal },

@@ -89,9 +89,12 @@ fn quarters(c: [Vec3; 4]) -> [[Vec3; 4]; 4] {
     }
     let m = [middle(0, 1), middle(1, 2), middle(2, 3), middle(3, 0)];
     let centre = 0.5 * (m[0] + m[2]);
-    [[c[0], m[0], centre, m[3]], [m[0], c[1], m[1], centre], [centre, m[1], c[2], m[2]], [
-        m[3], centre, m[2], c[3],
-    ]]
+    [
+        [c[0], m[0], centre, m[3]],
+        [m[0], c[1], m[1], centre],
+        [centre, m[1], c[2], m[2]],
+        [m[3], centre, m[2], c[3]],
+    ]
 }
 
 /// The quarter of a surface with this normal that a point lies in.
