@@ -22,19 +22,22 @@ pub struct Args {
     /// What rows and columns are: polygons of the file, its objects (and groups), or materials.
     #[arg(long, value_name = "WHAT", value_enum, default_value_t = By::Face)]
     by: By,
-    /// Rays of every polygon that look for what it sees [default: 1024, more where there are few polygons]
+    /// Rays of every polygon that look for what it sees [default: 2048, more where there are few polygons]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
     rays: Option<u32>,
-    /// Rays between two polygons that are partly hidden from each other [default: 64, more where there are few]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(16..=1 << 22))]
+    /// Largest number of rays between two polygons that are partly hidden from each other [default: 256, more where
+    /// there are few]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(4..=1 << 22))]
     pair_rays: Option<u32>,
-    /// Scale rows that nothing escapes from so that they add up to 1, keeping A F symmetric.
-    #[arg(long)]
-    enforce: bool,
+    /// What is enforced: closure scales the rows that nothing escapes from so that they add up to 1, and keeps A F
+    /// symmetric; none leaves estimates as they are (A F is symmetric all the same).
+    #[arg(long, value_name = "WHAT", value_enum, default_value_t = Enforce::Closure, num_args = 0..=1,
+          default_missing_value = "closure", require_equals = true)]
+    enforce: Enforce,
     /// Refuse to begin when the matrix could take more memory than this, in GiB.
     #[arg(long, value_name = "G", default_value_t = 16.0)]
     max_memory: f64,
-    /// Largest mean |row sum + escaped + lost - 1| that is accepted (exit code 1 beyond).
+    /// Largest mean |row sum + escaped + lost - 1| of closed rows that is accepted (exit code 1 beyond).
     #[arg(long, value_name = "R")]
     tolerance: Option<f64>,
     #[command(flatten)]
@@ -46,6 +49,12 @@ enum By {
     Face,
     Object,
     Material,
+}
+
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq)]
+enum Enforce {
+    Closure,
+    None,
 }
 
 const GIB: f64 = (1u64 << 30) as f64;
@@ -61,7 +70,11 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let scene = args.scene.load(common)?;
     warn(common, &scene.repairs.messages);
     let facets = Facets::new(&scene);
-    let mut settings = Settings { enforce: args.enforce, seed: common.seed, ..Settings::new(facets.len()) };
+    let mut settings = Settings {
+        enforce: args.enforce == Enforce::Closure,
+        seed: common.seed,
+        ..Settings::new(facets.len())
+    };
     settings.rays = args.rays.unwrap_or(settings.rays);
     settings.largest_bundle = args.pair_rays.unwrap_or(settings.largest_bundle);
     settings.bundle = settings.bundle.min(settings.largest_bundle);
@@ -105,7 +118,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         "warnings": scene.repairs.messages,
     }))?;
     common.print(&text(args, &matrix, &report, seconds))?;
-    let missed = args.tolerance.is_some_and(|t| report.row_sum_error > t);
+    let missed = args.tolerance.is_some_and(|t| report.closed_row_sum_error > t);
     Ok(if missed { ExitCode::from(1) } else { ExitCode::SUCCESS })
 }
 
@@ -131,7 +144,7 @@ fn text(args: &Args, matrix: &Matrix, r: &Report, seconds: f64) -> String {
     );
     let _ = writeln!(
         out,
-        "{} of {} rows are closed, mean |row sum - 1| {:.2e}; row sums {:.6} to {:.6}; reciprocity residual {:.1e}",
+        "{} of {} rows are closed, off by {:.1e} in the mean; row sums {:.6} to {:.6}; reciprocity residual {:.1e}",
         grouped(r.closed_rows),
         grouped(r.facets),
         r.closed_row_sum_error,

@@ -5,11 +5,12 @@
 //!
 //! 1. *Discovery*: every facet sends out rays spread by the cosine. What they meet are its partners; what meets nothing is
 //!    its escaped share, what meets a back side its lost share.
-//! 2. *Pairs*: for two facets that found each other `A F` is a closed form (see `form_factor`) times the transmittance,
-//!    which rays between them sample: a bundle at first, more where that is neither all clear nor all blocked. A pair is
-//!    computed once, so that reciprocity `A_i F_ij = A_j F_ji` holds by construction, and what sees all of each other has
-//!    no sampling error at all.
-//! 3. *Closure*, where asked for: rows that nothing escapes from are scaled to the sum 1, symmetrically.
+//! 2. *Pairs*: for two facets of which one found the other `A F` is a closed form (see `form_factor`) times the
+//!    transmittance, which rays between them sample: a bundle at first, more where that is neither all clear nor all
+//!    blocked. What is so small that it was found by chance also stands for what was not found. A pair is computed once, so
+//!    that reciprocity `A_i F_ij = A_j F_ji` holds by construction, and large factors between facets that see all of each
+//!    other have no sampling error at all.
+//! 3. *Closure*, unless unwanted: rows that nothing escapes from are scaled to the sum 1, symmetrically.
 //!
 //! Everything is the same on any number of threads. Memory is proportional to facets times rays, see [`memory_bound`].
 
@@ -39,11 +40,11 @@ use rays::Traced;
 pub struct Settings {
     /// Rays of discovery a facet, at least 1.
     pub rays: u32,
-    /// Rays between two facets to begin with, at least 16.
+    /// Rays between two facets to begin with, at most; at least 4.
     pub bundle: u32,
-    /// Rays between two facets that are partly blocked, not below `bundle`.
+    /// Rays between two facets that are partly blocked, at most; not below `bundle`.
     pub largest_bundle: u32,
-    /// Scale rows that nothing escapes from to the sum 1.
+    /// Scale rows that nothing escapes from to the sum 1; the default.
     pub enforce: bool,
     /// Seed of everything random.
     pub seed: u64,
@@ -54,11 +55,11 @@ impl Settings {
     /// up for what there are few of.
     pub fn new(facets: usize) -> Settings {
         let n = facets.max(1) as u64;
-        let rays = ((1 << 22) / n).clamp(1024, 1 << 16).next_power_of_two().min(1 << 16) as u32;
+        let rays = ((1 << 22) / n).clamp(2048, 1 << 16).next_power_of_two().min(1 << 16) as u32;
         let pairs = (n * n / 2).max(1);
-        let bundle = ((1 << 24) / pairs).clamp(16, 1 << 14).next_power_of_two() as u32;
-        let largest = ((1 << 26) / pairs).clamp(64, 1 << 20).next_power_of_two() as u32;
-        Settings { rays, bundle, largest_bundle: largest, enforce: false, seed: 1 }
+        let bundle = ((1 << 24) / pairs).clamp(64, 1 << 14).next_power_of_two() as u32;
+        let largest = ((1 << 26) / pairs).clamp(256, 1 << 20).next_power_of_two() as u32;
+        Settings { rays, bundle, largest_bundle: largest, enforce: true, seed: 1 }
     }
 }
 
@@ -77,9 +78,9 @@ pub struct Report {
     pub worst_row_sum_error: f64,
     /// Smallest and largest row sum, after closure if that was asked for.
     pub row_sums: [f64; 2],
-    /// Mean of |row sum − 1| over the rows that nothing escapes from, as in the matrix that is given out.
+    /// Mean of |row sum + escaped + lost − 1| over the closed rows, as in the matrix that is given out.
     pub closed_row_sum_error: f64,
-    /// Number of rows that nothing escapes from.
+    /// Number of rows that nothing escapes from, but for stray rays ([`Report::STRAY`]).
     pub closed_rows: usize,
     /// Area-weighted mean of the escaped share.
     pub escaped: f64,
@@ -101,6 +102,8 @@ pub struct Report {
 impl Report {
     /// Length of the list of bad facets.
     pub const MAX_BAD: usize = 20;
+    /// Escaped and lost shares up to this are stray rays through corners.
+    pub const STRAY: f32 = 2e-3;
     /// A facet whose row sum, escaped and lost shares are off by more, or that loses more on back sides, is bad.
     pub const BAD: f64 = 0.05;
 }
@@ -110,7 +113,7 @@ impl Report {
 pub fn memory_bound(facets: usize, settings: &Settings) -> u64 {
     let found = facets as u64 * u64::from(settings.rays).min(facets as u64);
     // Lists of partners and their transpose, pairs with their values, and both entries of each pair.
-    found * (4 + 4 + 12 + 16) + facets as u64 * 256
+    found * (8 + 8 + 12 + 16) + facets as u64 * 256
 }
 
 /// The matrix of all facets. `done` is called with steps out of `2 × facets`, from any thread.
@@ -123,8 +126,8 @@ pub fn compute(
     settings: &Settings,
     done: &(dyn Fn(u64) + Sync),
 ) -> Result<(Matrix, Report)> {
-    if settings.rays == 0 || settings.bundle < 16 || settings.largest_bundle < settings.bundle {
-        return Err(Error::Argument("rays must be at least 1, bundles at least 16 and not shrink".into()));
+    if settings.rays == 0 || settings.bundle < 4 || settings.largest_bundle < settings.bundle {
+        return Err(Error::Argument("rays must be at least 1, bundles at least 4 and not shrink".into()));
     }
     let device = Device::new(rayon::current_num_threads())?;
     let traced = Traced::new(scene, facets, &device)?;

@@ -28,45 +28,57 @@ pub struct Pairs<'a> {
     pub ends: EndRule,
 }
 
-/// Kept from row to row.
+/// Kept from row to row: tables of 4, 16, 64 ... points.
 #[derive(Default)]
-pub struct Buffers {
-    first: Option<Table>,
-    more: Option<Table>,
-}
+pub struct Buffers(Vec<Table>);
 
 /// Two facets nearer than this many times the sum of their radii get the double integral over both.
 const NEAR: f64 = 1.5;
-/// Two facets farther than this many times the sum of their radii need no more than one point on the smaller.
-const FAR: f64 = 12.0;
+/// Factors from here on get it too.
+const LARGE: f64 = 0.02;
+/// Rays of discovery that a pair must expect before more than one point on the smaller facet is worth its time.
+const WORTH: f64 = 16.0;
+/// As many that the transmittance matters for the chance of being found.
+const MATTERS: f64 = 0.5;
 
 impl Pairs<'_> {
     /// All pairs of facet `i` with `partners`.
+    ///
+    /// Small pairs are found by chance, and each stands for those like it that were not: the value is divided by the
+    /// chance `1 − exp(−c T)` of being found, where `c` is the number of rays of discovery that the two would exchange if
+    /// nothing were in between (Horvitz and Thompson 1952). Large ones are found for sure and stand for themselves.
     pub fn row(&self, i: u32, partners: &[u32], buffers: &mut Buffers) -> Row {
-        let Settings { bundle, largest_bundle, seed, .. } = *self.settings;
-        let first = buffers.first.get_or_insert_with(|| Table::new(bundle, seed as u32));
+        let Settings { rays, bundle, largest_bundle, seed, .. } = *self.settings;
         let a = self.facets.get(i);
         let mut row = Row::default();
         for &j in partners {
             let b = self.facets.get(j);
-            let open = exchange(a, b);
-            if open <= 0.0 {
+            let expected = |exchange: f64| f64::from(rays) * (exchange / a.area + exchange / b.area);
+            let open = exchange(a, b, |rough| expected(rough) < WORTH);
+            let c = expected(open);
+            if c <= 0.0 {
                 continue;
             }
             let key = mix_pair(seed, i, j);
-            let mut found = self.transmittance(a, b, first, key);
-            row.rays += u64::from(bundle);
-            let mixed = found.value > 0.0 && found.value < 1.0;
-            if mixed && largest_bundle > bundle {
-                let more = buffers.more.get_or_insert_with(|| Table::new(largest_bundle, !seed as u32));
-                found = self.transmittance(a, b, more, !key);
-                row.rays += u64::from(largest_bundle);
+            let mut sample = |wanted: f64, limit: u32, key: u64| {
+                let size = power_of_4(wanted.clamp(4.0, f64::from(limit)));
+                row.rays += 1 << (2 * size);
+                self.transmittance(a, b, table(buffers, size, seed as u32), key)
+            };
+            let mut seen = Transmittance { value: 0.5, error: 0.0 };
+            if c > MATTERS {
+                seen = sample(c, bundle, key);
+                if seen.error > 0.0 && c > WORTH {
+                    seen = sample(16.0 * c, largest_bundle, !key);
+                }
             }
-            if found.value > 0.0 {
-                row.partner.push(j);
-                row.exchange.push((open * found.value) as f32);
-                row.error.push((open * found.error) as f32);
-            }
+            let found = -(-c * seen.value).exp_m1();
+            // What T / (1 − exp(−c T)) tends to as T vanishes.
+            let value = if c * seen.value > 1e-6 { seen.value / found } else { 1.0 / c };
+            row.partner.push(j);
+            row.exchange.push((open * value) as f32);
+            let error = (seen.error * found.min(1.0)).hypot(value * (1.0 - found).max(0.0).sqrt());
+            row.error.push((open * error) as f32);
         }
         row
     }
@@ -120,25 +132,44 @@ struct Transmittance {
     error: f64,
 }
 
-/// `A F` of two facets with nothing in between.
-fn exchange(a: &Facet, b: &Facet) -> f64 {
+/// `A F` of two facets with nothing in between; by one point on the smaller if `small` says that this value of it is
+/// small.
+fn exchange(a: &Facet, b: &Facet, small: impl Fn(f64) -> bool) -> f64 {
+    let exact = || {
+        let all = |p: &[DVec3]| b.pieces.iter().map(|q| polygon_to_polygon(p, q)).sum::<f64>();
+        a.pieces.iter().map(|p| area(p) * all(p)).sum::<f64>()
+    };
     let apart = a.centre.distance(b.centre) / (a.radius + b.radius);
     if apart < NEAR {
-        return a
-            .pieces
-            .iter()
-            .map(|p| area(p) * b.pieces.iter().map(|q| polygon_to_polygon(p, q)).sum::<f64>())
-            .sum();
+        return exact();
     }
     // Points on the smaller, the whole of the larger.
-    let (small, large) = if a.area <= b.area { (a, b) } else { (b, a) };
+    let (less, more) = if a.area <= b.area { (a, b) } else { (b, a) };
     let seen = |point: DVec3, normal: DVec3| -> f64 {
-        large.pieces.iter().map(|q| point_to_polygon(point, normal, q).max(0.0)).sum()
+        more.pieces.iter().map(|q| point_to_polygon(point, normal, q).max(0.0)).sum()
     };
-    if apart > FAR && small.pieces.len() == 1 {
-        return small.area * seen(centroid(&small.pieces[0]), small.nodes[0].1);
+    if less.pieces.len() == 1 {
+        let rough = less.area * seen(centroid(&less.pieces[0]), less.nodes[0].1);
+        if rough > 0.0 && small(rough) {
+            return rough;
+        }
     }
-    small.area * small.nodes.iter().map(|&(p, n, w)| w * seen(p, n)).sum::<f64>()
+    let fine = less.area * less.nodes.iter().map(|&(p, n, w)| w * seen(p, n)).sum::<f64>();
+    // A ray went from one to the other: if no point of the rule sees it, a corner does.
+    if fine > 0.0 && fine < LARGE * less.area { fine } else { exact() }
+}
+
+fn table(buffers: &mut Buffers, size: u32, seed: u32) -> &Table {
+    while buffers.0.len() <= size as usize {
+        let k = buffers.0.len() as u32;
+        buffers.0.push(Table::new(1 << (2 * k), seed.wrapping_add(k << 8)));
+    }
+    &buffers.0[size as usize]
+}
+
+/// The exponent of the largest power of 4 that is not above `x >= 1`.
+fn power_of_4(x: f64) -> u32 {
+    (x as u32).ilog2() / 2
 }
 
 fn area(polygon: &[DVec3]) -> f64 {

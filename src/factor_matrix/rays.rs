@@ -45,7 +45,8 @@ impl Traced {
     }
 
     pub fn blocked(&self, packets: &[Packet], blocked: &mut [u32]) {
-        self.scene.occluded_by(TRAVERSAL, u32::MAX, packets, blocked);
+        let width = if packets.iter().all(|p| p.active >> 4 == 0) { 4 } else { TRAVERSAL.width };
+        self.scene.occluded_by(Traversal { width, ..TRAVERSAL }, u32::MAX, packets, blocked);
     }
 }
 

@@ -132,9 +132,12 @@ pub fn assemble(
     let off: Vec<f64> = (0..n)
         .map(|i| sums[i] / areas[i] + f64::from(shares[i][0]) + f64::from(shares[i][1]) - 1.0)
         .collect();
-    let closed: Vec<bool> = shares.iter().map(|s| *s == [0.0; 2]).collect();
+    // A stray ray through a corner does not open a row.
+    let closed: Vec<bool> = shares.iter().map(|s| s[0] + s[1] <= Report::STRAY).collect();
     let (scale, steps) = if settings.enforce {
-        let wanted: Vec<Option<f64>> = (0..n).map(|i| closed[i].then_some(areas[i])).collect();
+        let wanted: Vec<Option<f64>> = (0..n)
+            .map(|i| closed[i].then_some(areas[i] * (1.0 - f64::from(shares[i][0] + shares[i][1]))))
+            .collect();
         closure::factors(&wanted, |d| {
             let mut sums = vec![0.0; n];
             each(&upper, |i, j, exchange, _| {
@@ -202,7 +205,8 @@ fn report(m: &Matrix, off: &[f64], closed: &[bool], variance: &[f64], rays: u64,
         }
     }
     let closed_rows = closed.iter().filter(|&&c| c).count();
-    let closed_off: f64 = (0..m.len()).filter(|&i| closed[i]).map(|i| (sums[i] - 1.0).abs()).sum();
+    let short = |i: usize| sums[i] + f64::from(m.escaped[i] + m.lost[i]) - 1.0;
+    let closed_off: f64 = (0..m.len()).filter(|&i| closed[i]).map(|i| short(i).abs()).sum();
     let mut bad = Vec::new();
     for (i, off) in off.iter().enumerate() {
         if f64::from(m.lost[i]) > Report::BAD {
