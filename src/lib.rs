@@ -9,6 +9,7 @@ pub mod factor_matrix;
 pub mod files;
 pub mod form_factor;
 pub mod hierarchy;
+pub mod link;
 pub mod math;
 pub mod metrics;
 pub mod montecarlo;
@@ -19,6 +20,7 @@ pub mod ray;
 pub mod scene;
 pub mod simd;
 pub mod solution;
+pub mod solver;
 pub mod visibility;
 
 pub use error::{Error, Result};

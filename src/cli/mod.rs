@@ -11,6 +11,7 @@ mod form_factors;
 mod generate;
 mod info;
 mod reference;
+mod solve;
 
 use clap::{Parser, Subcommand};
 use mrvis::{Error, Result};
@@ -34,6 +35,7 @@ enum Command {
     Info(info::Args),
     Bench(bench::Args),
     Fbem(fbem::Args),
+    Solve(solve::Args),
     Reference(reference::Args),
     Compare(compare::Args),
     FormFactors(form_factors::Args),
@@ -46,6 +48,7 @@ fn run(command: &Command) -> Result<ExitCode> {
         Command::Info(args) => info::run(args),
         Command::Bench(args) => bench::run(args),
         Command::Fbem(args) => fbem::run(args),
+        Command::Solve(args) => solve::run(args),
         Command::Reference(args) => reference::run(args),
         Command::Compare(args) => compare::run(args),
         Command::FormFactors(args) => form_factors::run(args),

@@ -13,8 +13,6 @@ mod build;
 mod sample;
 mod sides;
 mod split;
-#[cfg(test)]
-mod tests;
 
 pub use sample::{Samples, spread};
 
@@ -144,6 +142,14 @@ impl Elements {
     pub fn is_part_of(&self, part: u32, whole: u32) -> bool {
         let (part, whole) = (self.elements[part as usize].ids, self.elements[whole as usize].ids);
         whole[0] <= part[0] && part[1] <= whole[1]
+    }
+
+    /// The side of a face that a ray of this direction meets; [`Elements::NONE`] if light cannot reach it.
+    pub fn met(&self, triangle: u32, direction: Vec3) -> u32 {
+        let [front, back] = self.sides_of_triangle[triangle as usize];
+        let (known, sense) = if front == Self::NONE { (back, -1.0) } else { (front, 1.0) };
+        let Some(side) = self.sides.get(known as usize) else { return Self::NONE };
+        if sense * side.normal.dot(direction) < 0.0 { front } else { back }
     }
 
     /// Where a cluster's sides are drawn from.

@@ -38,13 +38,22 @@ impl Elements {
     pub fn leaf_at(&self, side: u32, point: Vec3) -> u32 {
         let Side { normal, element, .. } = &self.sides[side as usize];
         let mut at = *element;
+        let e = &self.elements[at as usize];
+        let Shape::Surface { corners, .. } = &e.shape else { return at };
+        if e.is_leaf() {
+            return at;
+        }
+        let triangle = is_triangle(corners);
+        let [mut u, mut v] =
+            if triangle { barycentric(corners, *normal, point) } else { bilinear(corners, *normal, point) };
         loop {
             let e = &self.elements[at as usize];
-            let Shape::Surface { corners, .. } = &e.shape else { return at };
             if e.is_leaf() {
                 return at;
             }
-            at = e.first_child + quarter_of(corners, *normal, point);
+            let part;
+            (part, u, v) = if triangle { quarter_of_triangle(u, v) } else { quarter_of_quad(u, v) };
+            at = e.first_child + part;
         }
     }
 }
@@ -97,22 +106,52 @@ fn quarters(c: [Vec3; 4]) -> [[Vec3; 4]; 4] {
     ]
 }
 
-/// The quarter of a surface with this normal that a point lies in.
-fn quarter_of(c: &[Vec3; 4], normal: Vec3, point: Vec3) -> u32 {
-    let middle = |i: usize, j: usize| 0.5 * (c[i] + c[j]);
-    // Left of the line from a to b, seen from the side.
-    let left = |a: Vec3, b: Vec3| (b - a).cross(point - a).dot(normal) > 0.0;
-    if is_triangle(c) {
-        let (ab, bc, ca) = (middle(0, 1), middle(1, 2), middle(2, 0));
-        let corners = [left(ab, ca), left(bc, ab), left(ca, bc)];
-        return corners.iter().position(|&inside| inside).unwrap_or(3) as u32;
+/// Parameters of a point in a planar quad: corners at (0, 0), (1, 0), (1, 1), (0, 1), bilinear in between, so that quarters
+/// are halves of both parameters. Newton's method; exact after one step for parallelograms.
+fn bilinear(c: &[Vec3; 4], normal: Vec3, point: Vec3) -> [f32; 2] {
+    let (e, f, g) = (c[1] - c[0], c[3] - c[0], c[0] - c[1] + c[2] - c[3]);
+    let h = point - c[0];
+    let (mut u, mut v) = (0.5, 0.5);
+    let steps = if g == Vec3::ZERO { 1 } else { 4 };
+    for _ in 0..steps {
+        let rest = h - u * e - v * f - u * v * g;
+        let (along_u, along_v) = (e + v * g, f + u * g);
+        let area = along_u.cross(along_v).dot(normal);
+        u = (u + rest.cross(along_v).dot(normal) / area).clamp(0.0, 1.0);
+        v = (v + along_u.cross(rest).dot(normal) / area).clamp(0.0, 1.0);
     }
-    let upper = left(middle(3, 0), middle(1, 2));
-    let leftmost = left(middle(0, 1), middle(2, 3));
-    match (upper, leftmost) {
-        (false, true) => 0,
-        (false, false) => 1,
-        (true, false) => 2,
-        (true, true) => 3,
+    [u, v]
+}
+
+/// Weights of the second and third corner.
+fn barycentric(c: &[Vec3; 4], normal: Vec3, point: Vec3) -> [f32; 2] {
+    let (e, f, h) = (c[1] - c[0], c[2] - c[0], point - c[0]);
+    let area = e.cross(f).dot(normal);
+    [h.cross(f).dot(normal) / area, e.cross(h).dot(normal) / area]
+}
+
+/// The quarter that parameters lie in, and the parameters there.
+fn quarter_of_quad(u: f32, v: f32) -> (u32, f32, f32) {
+    let half = |x: f32| if x < 0.5 { 2.0 * x } else { 2.0 * x - 1.0 };
+    let part = match (u < 0.5, v < 0.5) {
+        (true, true) => 0,
+        (false, true) => 1,
+        (false, false) => 2,
+        (true, false) => 3,
+    };
+    (part, half(u), half(v))
+}
+
+/// The same for weights of the second and third corner.
+fn quarter_of_triangle(b: f32, c: f32) -> (u32, f32, f32) {
+    let a = 1.0 - b - c;
+    if a > 0.5 {
+        (0, 2.0 * b, 2.0 * c)
+    } else if b > 0.5 {
+        (1, 2.0 * b - 1.0, 2.0 * c)
+    } else if c > 0.5 {
+        (2, 2.0 * b, 2.0 * c - 1.0)
+    } else {
+        (3, 1.0 - 2.0 * a, 1.0 - 2.0 * b)
     }
 }

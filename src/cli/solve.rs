@@ -1,0 +1,147 @@
+//! `mrvis solve SCENE --out DIR`: the light in a scene.
+
+use super::args::{Common, SceneArgs, grouped};
+use mrvis::files::WholeFile;
+use mrvis::points::{Irradiance, read_points, write_irradiance};
+use mrvis::solver::{self, Options, Record, Visibility};
+use mrvis::{Error, Result};
+use std::fmt::Write;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Instant;
+
+/// Compute the light in a scene: radiosity of all surfaces, irradiance at points.
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    #[command(flatten)]
+    scene: SceneArgs,
+    /// Folder for the results (made if missing).
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Points x,y,z,nx,ny,nz at which irradiance is computed, to irradiance.csv.
+    #[arg(long, value_name = "FILE.csv")]
+    points: Option<PathBuf>,
+    /// Leave the bounces out at points.
+    #[arg(long)]
+    direct_only: bool,
+    /// Error to refine to, relative to the mean irradiance.
+    #[arg(long, value_name = "E", default_value_t = Options::default().error, allow_negative_numbers = true)]
+    error: f64,
+    /// Smallest element as part of the scene's area.
+    #[arg(long, value_name = "PART", default_value_t = Options::default().min_area, allow_negative_numbers = true)]
+    min_area: f64,
+    /// How visibility is answered.
+    #[arg(long, value_enum, default_value = "exact")]
+    visibility: Engine,
+    /// Feature size in scene units: shadows smaller than this may be averaged [default: each receiver's diameter].
+    #[arg(short = 's', long, value_name = "S", allow_negative_numbers = true)]
+    feature_size: Option<f32>,
+    /// Shadow rays from a point to an emitter, at most.
+    #[arg(long, value_name = "N", default_value_t = Options::default().light_rays)]
+    light_rays: usize,
+    /// Rays from a point that gather reflected light.
+    #[arg(long, value_name = "N", default_value_t = Options::default().gather_rays)]
+    gather_rays: usize,
+    /// Refine in steps of this many seconds.
+    #[arg(long, value_name = "T", allow_negative_numbers = true)]
+    step_seconds: Option<f64>,
+    /// Stop refining after so many seconds.
+    #[arg(long, value_name = "T", allow_negative_numbers = true)]
+    max_seconds: Option<f64>,
+    /// Stop refining when the estimated error is no larger.
+    #[arg(long, value_name = "E", allow_negative_numbers = true)]
+    target_error: Option<f64>,
+    /// Stop refining at so many links.
+    #[arg(long, value_name = "N", default_value_t = Options::default().max_links)]
+    max_links: usize,
+    #[command(flatten)]
+    common: Common,
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Engine {
+    /// Embree rays.
+    Exact,
+    /// Multi-resolution: clusters with small features are averaged.
+    Mr,
+    /// Extinction only.
+    Average,
+}
+
+pub fn run(args: &Args) -> Result<ExitCode> {
+    let options = Options {
+        error: args.error,
+        min_area: args.min_area,
+        visibility: match args.visibility {
+            Engine::Exact => Visibility::Exact,
+            Engine::Mr => Visibility::Mr,
+            Engine::Average => Visibility::Average,
+        },
+        feature_size: args.feature_size,
+        direct_only: args.direct_only,
+        light_rays: args.light_rays,
+        gather_rays: args.gather_rays,
+        step_seconds: args.step_seconds,
+        max_seconds: args.max_seconds,
+        target_error: args.target_error,
+        max_links: args.max_links,
+        seed: args.common.seed,
+    };
+    options.check()?;
+    if let Some(threads) = args.common.threads {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads.into())
+            .build_global()
+            .map_err(|e| Error::Argument(format!("--threads {threads}: {e}")))?;
+    }
+    std::fs::create_dir_all(&args.out).map_err(|e| Error::io(&args.out, e))?;
+    let points = args.points.as_deref().map(read_points).transpose()?.unwrap_or_default();
+    let start = Instant::now();
+    let scene = args.scene.load(&args.common)?;
+    let load = start.elapsed().as_secs_f64();
+    let mut outcome = {
+        let _spinner = args.common.spinner("solving");
+        solver::run(&scene, &points, &options, &())?
+    };
+    outcome.record.seconds.load = load;
+    let text = serde_json::to_string_pretty(&outcome.record)
+        .map_err(|e| Error::format(args.out.join("solution.json"), None, e.to_string()))?;
+    WholeFile::write(&args.out.join("solution.json"), text + "\n")?;
+    if args.points.is_some() {
+        let file = Irradiance { points, values: outcome.irradiance, standard_errors: Vec::new() };
+        write_irradiance(&args.out.join("irradiance.csv"), &file)?;
+    }
+    args.common.write_json(&outcome.record)?;
+    args.common.print(&summary(&outcome.record))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn summary(r: &Record) -> String {
+    let mut text = String::new();
+    let s = &r.seconds;
+    // Writing to a string cannot fail.
+    let _ = writeln!(
+        text,
+        "{} elements, {} links, {} exact rays",
+        grouped(r.elements),
+        grouped(r.links),
+        grouped(r.exact_rays as usize)
+    );
+    let _ = writeln!(
+        text,
+        "read {:.2} s, Embree {:.2} s, clusters {:.2} s, measured {:.2} s, elements {:.2} s, solved {:.2} s, points {:.2} s",
+        s.load, s.embree, s.hierarchy, s.characterise, s.elements, s.solve, s.points
+    );
+    let l = &r.ledger;
+    let _ = writeln!(
+        text,
+        "emitted {:.6} absorbed {:.6} escaped {:.6} created {:.2e}; row sums {:?} (sampled {:?}); reciprocity {:.2e}",
+        l.emitted, l.absorbed, l.escaped, l.created, l.row_sums, l.row_sums_sampled, l.reciprocity_residual
+    );
+    let _ =
+        writeln!(text, "mean irradiance {:?}, estimated error {:.3}", r.mean_irradiance, r.error_estimate);
+    for warning in &r.warnings {
+        let _ = writeln!(text, "note: {warning}");
+    }
+    text
+}

@@ -1,0 +1,230 @@
+//! The coupling of two elements: unoccluded exchange and transmittance.
+
+use super::ends::{Ends, four, kernel, mix};
+use super::{Link, Scratch, Sight};
+use crate::element::{Element, Elements, Shape};
+use crate::form_factor::{point_to_polygon, polygon_to_polygon};
+use crate::ray::{EndRule, LANES, Packet};
+use glam::{DVec3, Vec3};
+
+/// Nearer than this many times the sum of their radii two surfaces are integrated with Lambert's formula.
+const NEAR: f32 = 4.0;
+/// Nearer than this many times, and worth it, with the contour integral.
+const TOUCHING: f32 = 1.2;
+/// Relative deviation of the coupling that is assumed where every sampled segment got through.
+const UNSEEN: f32 = 0.03;
+/// What part of the unoccluded coupling the deviation is taken as where none did.
+const HIDDEN: f32 = 0.1;
+/// Relative deviation inside a cluster that faces its directions only on average.
+const ROUGH: f32 = 0.3;
+/// Part of the largest coupling there can be that is assumed where no sample faced another.
+const MISSED: f32 = 0.02;
+
+/// Measures links.
+#[derive(Clone, Copy)]
+pub struct Meter<'a> {
+    /// The elements.
+    pub elements: &'a Elements,
+    /// The engine that is asked.
+    pub sight: Sight<'a>,
+    /// What counts as the end of a segment.
+    pub ends: EndRule,
+    /// Seed of all samples.
+    pub seed: u64,
+}
+
+/// How carefully a link is to be measured.
+#[derive(Clone, Copy, Debug)]
+pub struct Care {
+    /// Error that a coupling of one square unit would be, in units of what is tolerated.
+    pub worth: f32,
+    /// Shadow features smaller than this need not be resolved; scene units.
+    pub feature_size: f32,
+}
+
+impl Meter<'_> {
+    /// The link between two elements that do not hold each other; none if neither sees the other's front.
+    ///
+    /// Surfaces: Lambert's formula from four points of the smaller one or, for pairs that touch, the contour integral;
+    /// far ones by the kernel alone. Clusters: an unbiased estimate over their sides, drawn with a preference for those
+    /// that face the other end. Visibility is asked for the same points, weighted by their kernel.
+    pub fn measure(&self, a: u32, b: u32, care: Care, scratch: &mut Scratch) -> Option<Link> {
+        let (ea, eb) = (&self.elements.elements[a as usize], &self.elements.elements[b as usize]);
+        if ea.area <= 0.0 || eb.area <= 0.0 || self.behind(ea, eb) || self.behind(eb, ea) {
+            return None;
+        }
+        let seed =
+            mix(self.seed ^ mix(ea.ids[0].min(eb.ids[0])) ^ mix(ea.ids[0].max(eb.ids[0])).rotate_left(17));
+        match (&ea.shape, &eb.shape) {
+            (Shape::Surface { side: sa, corners: ca }, Shape::Surface { side: sb, corners: cb }) => {
+                let normals = [sa, sb].map(|&s| self.elements.sides[s as usize].normal);
+                self.surfaces([a, b], [ea, eb], [ca, cb], normals, care, seed, scratch)
+            }
+            _ => self.clusters([a, b], [ea, eb], care, seed, scratch),
+        }
+    }
+
+    /// Whether all of `other` lies behind a surface.
+    fn behind(&self, surface: &Element, other: &Element) -> bool {
+        let Shape::Surface { side, corners } = &surface.shape else { return false };
+        let normal = self.elements.sides[*side as usize].normal;
+        let height = |p: Vec3| normal.dot(p - corners[0]);
+        let highest = match &other.shape {
+            Shape::Surface { corners, .. } => corners.iter().map(|&p| height(p)).fold(f32::MIN, f32::max),
+            Shape::Cluster(c) => {
+                let bounds = self.elements.clusters[*c as usize].bounds;
+                height(Vec3::select(normal.cmpgt(Vec3::ZERO), bounds.max, bounds.min))
+            }
+        };
+        highest <= 1e-5 * (surface.radius + other.radius)
+    }
+
+    #[allow(clippy::too_many_arguments)] // Both ends in parallel: ids, elements, corners, normals.
+    fn surfaces(
+        &self,
+        ids: [u32; 2],
+        [ea, eb]: [&Element; 2],
+        [ca, cb]: [&[Vec3; 4]; 2],
+        [na, nb]: [Vec3; 2],
+        care: Care,
+        seed: u64,
+        scratch: &mut Scratch,
+    ) -> Option<Link> {
+        let (pa, pb) = (four(ca, seed), four(cb, mix(seed)));
+        let nearest = 1e-3 * (ea.radius + eb.radius);
+        // Lane i + 4 j: point i of a, point j of b.
+        let weights: [f32; LANES] = std::array::from_fn(|l| kernel(pa[l & 3], na, pb[l >> 2], nb, nearest));
+        let distance = (ea.centre - eb.centre).length();
+        let reach = ea.radius + eb.radius;
+        let areas = (ea.area * eb.area) as f32;
+        let mean = weights.iter().sum::<f32>() / LANES as f32;
+        let mut free = mean * areas;
+        let mut deviation = [
+            spread([0, 1, 2, 3].map(|i| weights.iter().skip(i).step_by(4).sum::<f32>() / 4.0)) * areas,
+            spread([0, 1, 2, 3].map(|j| weights[4 * j..4 * j + 4].iter().sum::<f32>() / 4.0)) * areas,
+        ];
+        if distance < NEAR * reach {
+            let small_is_a = ea.area <= eb.area;
+            let (small, points, normal, large) = if small_is_a { (ea, pa, na, cb) } else { (eb, pb, nb, ca) };
+            let polygon = doubles(large);
+            let corners = if large[2] == large[3] { &polygon[..3] } else { &polygon[..] };
+            let factors =
+                points.map(|p| point_to_polygon(p.as_dvec3(), normal.as_dvec3(), corners).max(0.0) as f32);
+            free = small.area as f32 * factors.iter().sum::<f32>() / 4.0;
+            deviation[usize::from(!small_is_a)] = small.area as f32 * spread(factors);
+            if distance < TOUCHING * reach && care.worth * deviation[usize::from(!small_is_a)] > 0.2 {
+                let other = doubles(if small_is_a { ca } else { cb });
+                let is_triangle = other[2] == other[3];
+                let first = if is_triangle { &other[..3] } else { &other[..] };
+                free = (small.area * polygon_to_polygon(first, corners)) as f32;
+            }
+        }
+        if free <= 0.0 {
+            return None;
+        }
+        let few = care.worth * free < 0.5;
+        let mut packet = Packet::EMPTY;
+        for l in 0..LANES {
+            // Few: each point of either end once.
+            if weights[l] > 0.0 && (!few || (l & 3) == (l >> 2)) {
+                packet.set(l, pa[l & 3], pb[l >> 2], self.ends);
+            }
+        }
+        if packet.is_empty() {
+            // Only slivers face each other; a link without a segment counts as clear.
+            let noise = free;
+            return Some(link(ids, free, 1.0, deviation, noise, 0));
+        }
+        let width = shortest(ca).min(shortest(cb));
+        let seen = self.sight.transmittances(&packet, width, care.feature_size, scratch);
+        Some(finish(ids, free, deviation, &weights, &seen, &packet))
+    }
+
+    fn clusters(
+        &self,
+        ids: [u32; 2],
+        [ea, eb]: [&Element; 2],
+        care: Care,
+        seed: u64,
+        scratch: &mut Scratch,
+    ) -> Option<Link> {
+        let towards = (eb.centre - ea.centre).normalize_or(Vec3::X);
+        let from = Ends::draw(self.elements, ids[0], towards, 0, seed);
+        let to = Ends::draw(self.elements, ids[1], -towards, 1, mix(seed));
+        let nearest = 0.05 * (ea.radius + eb.radius);
+        let weights: [f32; LANES] = std::array::from_fn(|l| {
+            kernel(from.points[l], from.normals[l], to.points[l], to.normals[l], nearest)
+                / (from.density[l] * to.density[l])
+        });
+        let most = 0.9 * ea.area.min(eb.area) as f32;
+        let free = (weights.iter().sum::<f32>() / LANES as f32).min(most);
+        if free <= 0.0 {
+            // No sample says that there is nothing; where it would matter the parts are asked.
+            let unknown = MISSED * most;
+            return (care.worth * unknown > 1.0).then(|| link(ids, 0.0, 0.0, [unknown; 2], unknown, 0));
+        }
+        let few = care.worth * free < 0.25;
+        let mut packet = Packet::EMPTY;
+        for l in (0..LANES).filter(|&l| weights[l] > 0.0 && (!few || l % 4 == 0)) {
+            packet.set(l, from.points[l], to.points[l], self.ends);
+        }
+        if packet.is_empty() {
+            return Some(link(ids, free, 1.0, [ROUGH * free; 2], free, 0));
+        }
+        let distance = (eb.centre - ea.centre).length();
+        let width = ea.radius.min(eb.radius);
+        let seen = self.sight.transmittances(&packet, width, care.feature_size, scratch);
+        let deviation = [ea, eb].map(|e| {
+            let near = (2.0 * e.radius / distance.max(1e-6 * e.radius)).min(4.0);
+            let rough = if e.is_cluster() { ROUGH } else { 0.0 };
+            free * near.hypot(rough)
+        });
+        Some(finish(ids, free, deviation, &weights, &seen, &packet))
+    }
+}
+
+/// Puts unoccluded coupling and visibility together.
+fn finish(
+    ids: [u32; 2],
+    free: f32,
+    deviation: [f32; 2],
+    weights: &[f32; LANES],
+    seen: &[f32; LANES],
+    packet: &Packet,
+) -> Link {
+    let (mut sum, mut visible, mut squares) = (0.0, 0.0, 0.0);
+    for l in packet.lanes() {
+        sum += weights[l];
+        visible += weights[l] * seen[l];
+        squares += weights[l] * seen[l] * seen[l];
+    }
+    let transmittance = visible / sum;
+    let n = packet.len() as f32;
+    // Relative to the unoccluded coupling: √(T (1 - T)) for zero-one visibility (method A.9).
+    let mixed = (squares / sum - transmittance * transmittance).max(0.0).sqrt();
+    let hidden = if transmittance == 0.0 { HIDDEN } else { 0.0 };
+    let shadow = free * mixed.max(hidden).max(UNSEEN * transmittance);
+    let noise = shadow / n.sqrt();
+    let variation = deviation.map(|d| (d * transmittance).hypot(shadow));
+    link(ids, free, transmittance, variation, noise, packet.len() as u32)
+}
+
+fn link([a, b]: [u32; 2], free: f32, transmittance: f32, variation: [f32; 2], noise: f32, rays: u32) -> Link {
+    Link { a, b, coupling: free * transmittance, transmittance, variation, noise, rays }
+}
+
+/// Standard deviation of four values.
+fn spread(v: [f32; 4]) -> f32 {
+    let mean = v.iter().sum::<f32>() / 4.0;
+    (v.iter().map(|x| (x - mean) * (x - mean)).sum::<f32>() / 4.0).sqrt()
+}
+
+fn doubles(corners: &[Vec3; 4]) -> [DVec3; 4] {
+    corners.map(|p| p.as_dvec3())
+}
+
+/// The shortest edge that is one.
+fn shortest(c: &[Vec3; 4]) -> f32 {
+    let edges = [(0, 1), (1, 2), (2, 3), (3, 0)].map(|(i, j)| c[i].distance(c[j]));
+    edges.into_iter().filter(|&l| l > 0.0).fold(f32::MAX, f32::min)
+}

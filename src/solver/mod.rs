@@ -1,0 +1,125 @@
+//! Hierarchical radiosity: refinement of links by their errors, sweeps of light along them, and what comes out.
+//!
+//! [`run`] does all of it for a scene. The solver starts with the link of the root with itself, which stands for all
+//! exchange of light [Sillion 95], and refines the links with the greatest errors in steps (progressive multi-gridding
+//! [SD95 sec 6.2], method A.12): after every step the light is consistent, so that a solution can be had at any time.
+
+mod field;
+mod histogram;
+mod iterate;
+mod ledger;
+mod options;
+mod probe;
+mod receive;
+mod refine;
+mod run;
+mod show;
+
+pub use ledger::Ledger;
+pub use options::{Options, Visibility};
+pub use receive::Receiver;
+pub use run::{Iteration, Outcome, Progress, Record, SceneFacts, Seconds, run};
+
+use crate::element::Elements;
+use crate::link::{Light, Link, Meter, Sight, Tally};
+use crate::ray::EndRule;
+use field::{Neighbours, Outgoing, Rgb};
+use probe::Probe;
+
+/// A solution under way.
+pub struct Solver<'a> {
+    elements: Elements,
+    links: Vec<Link>,
+    probe: Probe,
+    sight: Sight<'a>,
+    ends: EndRule,
+    seed: u64,
+    /// Feature size for a given receiver: given for all, or the receiver's own diameter.
+    feature_size: Option<f32>,
+    /// Mean irradiance by the emitted power and the mean reflectance, W/m²: what errors are relative to.
+    scale: f64,
+    /// Radiosity and irradiance of all elements.
+    outgoing: Outgoing,
+    incident: Vec<Rgb>,
+    /// By element: what leaves that see no way out must gather more to gather all (1 elsewhere).
+    closure: Vec<f32>,
+    /// What the oracle knows of each element's light.
+    light: Vec<Light>,
+    tally: Tally,
+    /// Links at which refinement stops for lack of memory.
+    max_links: usize,
+}
+
+impl<'a> Solver<'a> {
+    /// Starts with the root's link.
+    pub fn new(
+        elements: Elements,
+        probe: Probe,
+        sight: Sight<'a>,
+        ends: EndRule,
+        options: &Options,
+    ) -> Solver<'a> {
+        let (mut power, mut absorbed) = (0.0, 0.0);
+        for side in &elements.sides {
+            let area = elements.elements[side.element as usize].area;
+            power += area * mean(side.exitance);
+            absorbed += area * (1.0 - mean(side.reflectance.map(f64::from)));
+        }
+        let scale = if absorbed > 0.0 { power / absorbed } else { 0.0 };
+        let root = Link {
+            a: 0,
+            b: 0,
+            coupling: (f64::from(probe.enclosed[0]) * elements.area) as f32,
+            transmittance: 1.0,
+            variation: [elements.area as f32; 2],
+            noise: elements.area as f32,
+            rays: 0,
+        };
+        let mut solver = Solver {
+            links: vec![root],
+            probe,
+            sight,
+            ends,
+            seed: options.seed,
+            feature_size: options.feature_size,
+            scale,
+            outgoing: Outgoing::default(),
+            incident: Vec::new(),
+            closure: Vec::new(),
+            light: Vec::new(),
+            tally: Tally::default(),
+            max_links: options.max_links,
+            elements,
+        };
+        solver.start();
+        solver
+    }
+
+    /// The elements.
+    pub fn elements(&self) -> &Elements {
+        &self.elements
+    }
+
+    /// The links.
+    pub fn links(&self) -> &[Link] {
+        &self.links
+    }
+
+    /// How visibility was answered so far.
+    pub fn tally(&self) -> Tally {
+        self.tally
+    }
+
+    fn meter(&self) -> Meter<'_> {
+        Meter { elements: &self.elements, sight: self.sight, ends: self.ends, seed: self.seed }
+    }
+
+    fn neighbours(&self) -> Neighbours {
+        Neighbours::new(&self.elements, &self.links)
+    }
+}
+
+/// Mean of the channels.
+fn mean(v: [f64; 3]) -> f64 {
+    (v[0] + v[1] + v[2]) / 3.0
+}

@@ -1,0 +1,102 @@
+//! What a solution is asked for.
+
+use crate::{Error, Result};
+
+/// Which engine answers visibility.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Visibility {
+    /// Embree rays.
+    #[default]
+    Exact,
+    /// Clusters whose features are smaller than the feature size are not opened [SD95 sec 3.2].
+    Mr,
+    /// Extinction only [SD95 sec 5].
+    Average,
+}
+
+/// Options of [`super::run`].
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct Options {
+    /// Tolerated error of the solution relative to the mean irradiance; above 0.
+    pub error: f64,
+    /// Smallest element as part of the scene's area; above 0.
+    pub min_area: f64,
+    /// The engine.
+    pub visibility: Visibility,
+    /// Feature size for all receivers, scene units; by default each one's own diameter.
+    pub feature_size: Option<f32>,
+    /// Leave the bounces out of what points receive.
+    pub direct_only: bool,
+    /// Rays from a point to an emitter that is partly visible, at most.
+    pub light_rays: usize,
+    /// Rays from a point to gather what surfaces reflect; rounded up to a square of a multiple of 4.
+    pub gather_rays: usize,
+    /// Seconds of refinement a step: progressive multi-gridding; all at once if none.
+    pub step_seconds: Option<f64>,
+    /// Seconds after which refinement ends.
+    pub max_seconds: Option<f64>,
+    /// Error estimate at which refinement ends.
+    pub target_error: Option<f64>,
+    /// Links at which refinement ends.
+    pub max_links: usize,
+    /// Seed of everything random.
+    pub seed: u64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options {
+            error: 0.02,
+            min_area: 2e-5,
+            visibility: Visibility::default(),
+            feature_size: None,
+            direct_only: false,
+            light_rays: 64,
+            gather_rays: 256,
+            step_seconds: None,
+            max_seconds: None,
+            target_error: None,
+            max_links: 10_000_000,
+            seed: 1,
+        }
+    }
+}
+
+impl Options {
+    /// Whether the options make sense for any scene.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] that names the option and its range.
+    pub fn check(&self) -> Result<()> {
+        let above_zero = [
+            ("--error", Some(self.error)),
+            ("--min-area", Some(self.min_area)),
+            ("--feature-size", self.feature_size.map(f64::from)),
+            ("--step-seconds", self.step_seconds),
+            ("--max-seconds", self.max_seconds),
+            ("--target-error", self.target_error),
+        ];
+        for (name, value) in above_zero {
+            if let Some(v) = value.filter(|v| !v.is_finite() || *v <= 0.0) {
+                return Err(Error::Argument(format!("{name} {v}: must be a number above 0")));
+            }
+        }
+        for (name, value, most) in [
+            ("--light-rays", self.light_rays, 1 << 16),
+            ("--gather-rays", self.gather_rays, 1 << 20),
+            ("--max-links", self.max_links, 1 << 30),
+        ] {
+            if value == 0 || value > most {
+                return Err(Error::Argument(format!("{name} {value}: must lie in 1..{most}")));
+            }
+        }
+        if self.min_area > 1.0 {
+            return Err(Error::Argument(format!(
+                "--min-area {}: is a part of the scene's area, at most 1",
+                self.min_area
+            )));
+        }
+        Ok(())
+    }
+}
