@@ -2,6 +2,7 @@
 
 pub mod bench;
 pub mod characterise;
+pub mod display;
 pub mod element;
 pub mod embree;
 pub mod error;

@@ -78,13 +78,7 @@ pub fn partners(
             packets.push(Packet::EMPTY);
         }
         if let Some(packet) = packets.last_mut() {
-            let origin = (point + traced.skin * normal).to_array();
-            for axis in 0..3 {
-                packet.origin[axis][lane] = origin[axis];
-                packet.direction[axis][lane] = direction[axis];
-            }
-            packet.far[lane] = f32::INFINITY;
-            packet.active |= 1 << lane;
+            packet.set_ray(lane, point + traced.skin * normal, direction);
         }
     }
     trace(packets);

@@ -88,25 +88,25 @@ fn published_obstructed_pairs_at_default_settings() {
 
 #[test]
 fn a_town_under_the_sky_is_closed() {
-    let scene = town(600);
-    let (raw, report) = run(&scene, |s| s.enforce = false);
+    let scene = town(250);
+    let (raw, report) = run(&scene, |s| (s.enforce, s.rays) = (false, 512));
     assert_eq!((report.closed_rows, report.bad_facets), (raw.len(), 0), "{report:?}");
-    assert!(report.row_sum_error < 0.01, "{}", report.row_sum_error);
+    assert!(report.row_sum_error < 0.02, "{}", report.row_sum_error);
     // More rays are better: this is an estimate, and it converges.
-    let (_, fine) = run(&scene, |s| (s.enforce, s.rays) = (false, 8 * s.rays));
+    let (_, fine) = run(&scene, |s| (s.enforce, s.rays) = (false, 8192));
     assert!(
         fine.row_sum_error < 0.4 * report.row_sum_error,
         "{} {}",
         fine.row_sum_error,
         report.row_sum_error
     );
-    let (closed, report) = run(&scene, |_| ());
+    let (closed, report) = run(&scene, |s| s.rays = 512);
     assert!(report.closed_row_sum_error < 1e-6 && report.reciprocity_residual < 1e-6, "{report:?}");
     let worst = (0..closed.len()).map(|i| (closed.row_sum(i) - 1.0).abs()).fold(0.0, f64::max);
     assert!(worst < 3e-3, "{worst}: only stray rays are missing");
     assert!((0..closed.len()).all(|i| closed.row(i).all(|(j, f)| j != i && f > 0.0 && f < 1.0)));
     // Against many more rays, entries of the scaled matrix are better than those it was made from.
-    let (truth, _) = run(&scene, |s| s.rays = 1 << 16);
+    let (truth, _) = run(&scene, |s| s.rays = 1 << 14);
     let distance = |m: &Matrix| -> f64 {
         (0..m.len()).map(|i| (0..m.len()).map(|j| (m.get(i, j) - truth.get(i, j)).powi(2)).sum::<f64>()).sum()
     };
