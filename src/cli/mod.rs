@@ -10,6 +10,7 @@ mod fbem;
 mod form_factors;
 mod generate;
 mod info;
+mod outputs;
 mod reference;
 mod solve;
 

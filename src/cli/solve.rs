@@ -1,6 +1,7 @@
 //! `mrvis solve SCENE --out DIR`: the light in a scene.
 
 use super::args::{Common, SceneArgs, grouped};
+use super::outputs::{Outputs, prepare};
 use mrvis::files::WholeFile;
 use mrvis::points::{Irradiance, read_points, write_irradiance};
 use mrvis::solver::{self, Options, Record, Visibility};
@@ -55,6 +56,8 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = Options::default().max_links)]
     max_links: usize,
     #[command(flatten)]
+    outputs: Outputs,
+    #[command(flatten)]
     common: Common,
 }
 
@@ -94,7 +97,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
             .build_global()
             .map_err(|e| Error::Argument(format!("--threads {threads}: {e}")))?;
     }
-    std::fs::create_dir_all(&args.out).map_err(|e| Error::io(&args.out, e))?;
+    prepare(&args.out)?;
     let points = args.points.as_deref().map(read_points).transpose()?.unwrap_or_default();
     let start = Instant::now();
     let scene = args.scene.load(&args.common)?;
@@ -111,8 +114,13 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         let file = Irradiance { points, values: outcome.irradiance, standard_errors: Vec::new() };
         write_irradiance(&args.out.join("irradiance.csv"), &file)?;
     }
+    let shown =
+        args.outputs.write(&args.common, &scene, &outcome.solution, &args.out, args.points.is_some())?;
     args.common.write_json(&outcome.record)?;
     args.common.print(&summary(&outcome.record))?;
+    for file in shown {
+        args.common.print(&format!("wrote {}\n", file.display()))?;
+    }
     Ok(ExitCode::SUCCESS)
 }
 
