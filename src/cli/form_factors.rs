@@ -29,8 +29,8 @@ pub struct Args {
     /// there are few]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(4..=1 << 22))]
     pair_rays: Option<u32>,
-    /// What is enforced: closure scales the rows that nothing escapes from so that they add up to 1, and keeps A F
-    /// symmetric; none leaves estimates as they are (A F is symmetric all the same).
+    /// What is enforced: closure adjusts the rows that nothing escapes from so that they add up to 1, each entry by as
+    /// much as it is uncertain, and keeps A F symmetric; none leaves estimates as they are (A F is symmetric all the same).
     #[arg(long, value_name = "WHAT", value_enum, default_value_t = Enforce::Closure, num_args = 0..=1,
           default_missing_value = "closure", require_equals = true)]
     enforce: Enforce,

@@ -4,7 +4,7 @@ use super::args::Common;
 use mrvis::{
     Error, Result,
     display::{
-        Camera, Frame, Mesh, Stage, Tone, best_view, lightmap, render, write_glb, write_lightmap, write_ply,
+        Camera, Mesh, Stage, Tone, best_view, lightmap, render, write_glb, write_lightmap, write_ply,
         write_vtu,
     },
     output::{Picture, write_exr_rgb, write_png},
@@ -40,7 +40,7 @@ enum Kind {
     Glb,
     /// solution.vtu: elements with their fields, for ParaView.
     Vtu,
-    /// lightmap.exr: irradiance, a chart for each plane; lightmap.obj: the mesh that it belongs to.
+    /// lightmap.exr: irradiance, a chart for each plane; lightmap.obj: the mesh that it belongs to; lightmap.png.
     Lightmap,
     /// A picture for each camera: .png as the eye sees it, .exr radiance.
     Image,
@@ -96,6 +96,7 @@ impl Outputs {
             let map = lightmap(&mesh, solution, scene, self.lightmap_texels)?;
             let (image, model) = (file("lightmap.exr".into()), file("lightmap.obj".into()));
             write_lightmap(&image, &model, &map, &mesh, solution)?;
+            write_png(&file("lightmap.png".into()), &developed(map.width, &map.irradiance))?;
         }
         if wants(Kind::Image) {
             let _spinner = common.spinner("rendering");
@@ -105,7 +106,7 @@ impl Outputs {
                 let frame = render(&stage, &camera, width, height, SAMPLES);
                 let exr = file(format!("{}.exr", camera.name));
                 write_exr_rgb(&exr, width, &frame.radiance)?;
-                write_png(&file(format!("{}.png", camera.name)), &developed(&frame))?;
+                write_png(&file(format!("{}.png", camera.name)), &developed(width, &frame.radiance))?;
             }
         }
         Ok(written)
@@ -130,11 +131,11 @@ impl Outputs {
     }
 }
 
-/// The picture as the eye would see it.
-fn developed(frame: &Frame) -> Picture {
-    let tone = Tone::of(frame.radiance.iter().copied());
-    let pixels = frame.radiance.iter().map(|&r| tone.srgb(r)).collect();
-    Picture { width: frame.width, height: frame.height, pixels }
+/// Light as the eye would see it.
+fn developed(width: usize, light: &[[f32; 3]]) -> Picture {
+    let tone = Tone::of(light.iter().copied());
+    let pixels = light.iter().map(|&r| tone.srgb(r)).collect();
+    Picture { width, height: light.len() / width.max(1), pixels }
 }
 
 fn size(text: &str) -> Result<[usize; 2], String> {

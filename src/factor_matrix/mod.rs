@@ -10,7 +10,8 @@
 //!    blocked. What is so small that it was found by chance also stands for what was not found. A pair is computed once, so
 //!    that reciprocity `A_i F_ij = A_j F_ji` holds by construction, and large factors between facets that see all of each
 //!    other have no sampling error at all.
-//! 3. *Closure*, unless unwanted: rows that nothing escapes from are scaled to the sum 1, symmetrically.
+//! 3. *Closure*, unless unwanted: rows that nothing escapes from are adjusted to the sum 1, symmetrically, each entry by
+//!    as much as it is uncertain.
 //!
 //! Everything is the same on any number of threads. Memory is proportional to facets times rays, see [`memory_bound`].
 
@@ -44,7 +45,7 @@ pub struct Settings {
     pub bundle: u32,
     /// Rays between two facets that are partly blocked, at most; not below `bundle`.
     pub largest_bundle: u32,
-    /// Scale rows that nothing escapes from to the sum 1; the default.
+    /// Adjust rows that nothing escapes from to the sum 1; the default.
     pub enforce: bool,
     /// Seed of everything random.
     pub seed: u64,

@@ -1,6 +1,6 @@
 //! The matrix by rows, its quality, and sums over groups.
 
-use super::closure;
+use super::closure::{self, each};
 use super::facets::Facets;
 use super::pair::Row;
 use super::{Report, Settings};
@@ -109,10 +109,10 @@ pub enum Grouping {
     Material,
 }
 
-/// Both halves of the matrix from the upper one, scaled if asked for, and its report.
+/// Both halves of the matrix from the upper one, adjusted if asked for, and its report.
 pub fn assemble(
     facets: &Facets,
-    upper: Vec<Row>,
+    mut upper: Vec<Row>,
     shares: Vec<[f32; 2]>,
     settings: &Settings,
 ) -> (Matrix, Report) {
@@ -134,20 +134,12 @@ pub fn assemble(
         .collect();
     // A stray ray through a corner does not open a row.
     let closed: Vec<bool> = shares.iter().map(|s| s[0] + s[1] <= Report::STRAY).collect();
-    let (scale, steps) = if settings.enforce {
-        let wanted: Vec<Option<f64>> = (0..n)
-            .map(|i| closed[i].then_some(areas[i] * (1.0 - f64::from(shares[i][0] + shares[i][1]))))
-            .collect();
-        closure::factors(&wanted, |d| {
-            let mut sums = vec![0.0; n];
-            each(&upper, |i, j, exchange, _| {
-                sums[i] += exchange * d[j];
-                sums[j] += exchange * d[i];
-            });
-            sums
-        })
+    let steps = if settings.enforce {
+        let kept = |i: usize| 1.0 - f64::from(shares[i][0] + shares[i][1]);
+        let wanted: Vec<Option<f64>> = (0..n).map(|i| closed[i].then_some(areas[i] * kept(i))).collect();
+        closure::adjust(&mut upper, &wanted)
     } else {
-        (vec![1.0; n], 0)
+        0
     };
     (0..n).for_each(|i| offsets[i + 1] += offsets[i]);
     let entries = offsets[n] as usize;
@@ -155,7 +147,6 @@ pub fn assemble(
     let mut next = offsets.clone();
     // Rows of the upper half come in order, so that the columns of every row do too.
     each(&upper, |i, j, exchange, _| {
-        let exchange = exchange * scale[i] * scale[j];
         for (row, column) in [(i, j), (j, i)] {
             let at = next[row] as usize;
             next[row] += 1;
@@ -175,15 +166,6 @@ pub fn assemble(
     };
     let report = report(&matrix, &off, &closed, &variance, rays, steps);
     (matrix, report)
-}
-
-/// Calls `take` with both facets, exchange and error of every pair, in order.
-fn each(upper: &[Row], mut take: impl FnMut(usize, usize, f64, f64)) {
-    for (i, row) in upper.iter().enumerate() {
-        for (k, &j) in row.partner.iter().enumerate() {
-            take(i, j as usize, f64::from(row.exchange[k]), f64::from(row.error[k]));
-        }
-    }
 }
 
 fn report(m: &Matrix, off: &[f64], closed: &[bool], variance: &[f64], rays: u64, steps: usize) -> Report {
