@@ -136,7 +136,7 @@ fn text(args: &Args, matrix: &Matrix, r: &Report, seconds: f64) -> String {
     );
     let _ = writeln!(
         out,
-        "row sum + escaped + lost - 1: mean size {:.2e}, largest {:.2e}{}; standard error of a row at most {:.1e}",
+        "row sum + escaped + lost - 1: mean size {:.2e}, largest {:.2e}{}; standard error of a row {:.1e}",
         r.row_sum_error,
         r.worst_row_sum_error,
         if r.closure_steps > 0 { " (before closure)" } else { "" },

@@ -89,8 +89,8 @@ pub struct Report {
     pub lost: f64,
     /// Σ |A_i F_ij − A_j F_ji| / Σ A_i F_ij.
     pub reciprocity_residual: f64,
-    /// Root mean square over rows of the standard error of a row's sum that the sampled transmittances have; an upper
-    /// bound, since samples are spread evenly.
+    /// Root mean square over rows of the standard error of a row's sum before closure: what was found by chance, and
+    /// sampled transmittances, as if all were independent.
     pub row_standard_error: f64,
     /// Steps of the closure, 0 without.
     pub closure_steps: usize,
@@ -105,7 +105,8 @@ impl Report {
     pub const MAX_BAD: usize = 20;
     /// Escaped and lost shares up to this are stray rays through corners.
     pub const STRAY: f32 = 2e-3;
-    /// A facet whose row sum, escaped and lost shares are off by more, or that loses more on back sides, is bad.
+    /// A facet whose row sum, escaped and lost shares are off by more, or that loses more on back sides, is bad; sums
+    /// only if they are off by more than six standard errors too.
     pub const BAD: f64 = 0.05;
 }
 

@@ -39,7 +39,9 @@ const LARGE: f64 = 0.02;
 /// Rays of discovery that a pair must expect before more than one point on the smaller facet is worth its time.
 const WORTH: f64 = 16.0;
 /// As many that the transmittance matters for the chance of being found.
-const MATTERS: f64 = 0.5;
+const MATTERS: f64 = 0.25;
+/// Transmittance of a pair that was found, where it does not matter.
+const LIKELY: f64 = 0.8;
 
 impl Pairs<'_> {
     /// All pairs of facet `i` with `partners`.
@@ -65,7 +67,7 @@ impl Pairs<'_> {
                 row.rays += 1 << (2 * size);
                 self.transmittance(a, b, table(buffers, size, seed as u32), key)
             };
-            let mut seen = Transmittance { value: 0.5, error: 0.0 };
+            let mut seen = Transmittance { value: LIKELY, error: 0.0 };
             if c > MATTERS {
                 seen = sample(c, bundle, key);
                 if seen.error > 0.0 && c > WORTH {

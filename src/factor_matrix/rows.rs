@@ -197,7 +197,7 @@ fn report(m: &Matrix, off: &[f64], closed: &[bool], variance: &[f64], rays: u64,
                 i,
                 format!("{share:.1} % of what it sends out falls on back sides: is it wound the wrong way?"),
             ));
-        } else if off.abs() > Report::BAD {
+        } else if off.abs() > Report::BAD.max(6.0 * variance[i].sqrt() / m.areas[i]) {
             bad.push((i, format!("row sum, escaped and lost shares add up to {:.4}", 1.0 + off)));
         }
     }
