@@ -37,12 +37,12 @@ pub struct Args {
     /// Feature size in scene units: shadows smaller than this may be averaged [default: each receiver's diameter].
     #[arg(short = 's', long, value_name = "S", allow_negative_numbers = true)]
     feature_size: Option<f32>,
-    /// Shadow rays from a point to an emitter, at most.
-    #[arg(long, value_name = "N", default_value_t = Options::default().light_rays)]
-    light_rays: usize,
-    /// Rays from a point that gather reflected light.
-    #[arg(long, value_name = "N", default_value_t = Options::default().gather_rays)]
-    gather_rays: usize,
+    /// Shadow rays from a point to an emitter that is partly visible [default: by the error].
+    #[arg(long, value_name = "N")]
+    light_rays: Option<usize>,
+    /// Rays from a point that gather reflected light [default: by the error].
+    #[arg(long, value_name = "N")]
+    gather_rays: Option<usize>,
     /// Refine in steps of this many seconds.
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     step_seconds: Option<f64>,
@@ -143,8 +143,8 @@ fn summary(r: &Record) -> String {
     let l = &r.ledger;
     let _ = writeln!(
         text,
-        "emitted {:.6} absorbed {:.6} escaped {:.6} created {:.2e}; row sums {:?} (sampled {:?}); reciprocity {:.2e}",
-        l.emitted, l.absorbed, l.escaped, l.created, l.row_sums, l.row_sums_sampled, l.reciprocity_residual
+        "emitted {:.6} absorbed {:.6} escaped {:.6} created {:.2e}; row sums {:?}, error {:.2e} (sampled {:.2e})",
+        l.emitted, l.absorbed, l.escaped, l.created, l.row_sums, l.row_sum_error, l.row_sum_error_sampled
     );
     let _ =
         writeln!(text, "mean irradiance {:?}, estimated error {:.3}", r.mean_irradiance, r.error_estimate);

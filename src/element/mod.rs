@@ -10,10 +10,12 @@
 //! come and go. Light is not kept here: vectors that are as long as the arena hold it.
 
 mod build;
+mod lookup;
 mod sample;
 mod sides;
 mod split;
 
+pub use lookup::Lookup;
 pub use sample::{Samples, spread};
 
 use crate::math::Aabb;

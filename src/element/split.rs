@@ -1,6 +1,6 @@
 //! Surfaces in four, and which part of a surface a point lies on.
 
-use super::{Element, Elements, Shape, Side};
+use super::{Element, Elements, Shape};
 use glam::Vec3;
 
 impl Elements {
@@ -32,29 +32,6 @@ impl Elements {
         }
         let parent = &mut self.elements[element as usize];
         (parent.first_child, parent.children) = (first, 4);
-    }
-
-    /// The leaf of a side that holds a point of its plane; the nearest one for points beside it.
-    pub fn leaf_at(&self, side: u32, point: Vec3) -> u32 {
-        let Side { normal, element, .. } = &self.sides[side as usize];
-        let mut at = *element;
-        let e = &self.elements[at as usize];
-        let Shape::Surface { corners, .. } = &e.shape else { return at };
-        if e.is_leaf() {
-            return at;
-        }
-        let triangle = is_triangle(corners);
-        let [mut u, mut v] =
-            if triangle { barycentric(corners, *normal, point) } else { bilinear(corners, *normal, point) };
-        loop {
-            let e = &self.elements[at as usize];
-            if e.is_leaf() {
-                return at;
-            }
-            let part;
-            (part, u, v) = if triangle { quarter_of_triangle(u, v) } else { quarter_of_quad(u, v) };
-            at = e.first_child + part;
-        }
     }
 }
 
@@ -104,54 +81,4 @@ fn quarters(c: [Vec3; 4]) -> [[Vec3; 4]; 4] {
         [centre, m[1], c[2], m[2]],
         [m[3], centre, m[2], c[3]],
     ]
-}
-
-/// Parameters of a point in a planar quad: corners at (0, 0), (1, 0), (1, 1), (0, 1), bilinear in between, so that quarters
-/// are halves of both parameters. Newton's method; exact after one step for parallelograms.
-fn bilinear(c: &[Vec3; 4], normal: Vec3, point: Vec3) -> [f32; 2] {
-    let (e, f, g) = (c[1] - c[0], c[3] - c[0], c[0] - c[1] + c[2] - c[3]);
-    let h = point - c[0];
-    let (mut u, mut v) = (0.5, 0.5);
-    let steps = if g == Vec3::ZERO { 1 } else { 4 };
-    for _ in 0..steps {
-        let rest = h - u * e - v * f - u * v * g;
-        let (along_u, along_v) = (e + v * g, f + u * g);
-        let area = along_u.cross(along_v).dot(normal);
-        u = (u + rest.cross(along_v).dot(normal) / area).clamp(0.0, 1.0);
-        v = (v + along_u.cross(rest).dot(normal) / area).clamp(0.0, 1.0);
-    }
-    [u, v]
-}
-
-/// Weights of the second and third corner.
-fn barycentric(c: &[Vec3; 4], normal: Vec3, point: Vec3) -> [f32; 2] {
-    let (e, f, h) = (c[1] - c[0], c[2] - c[0], point - c[0]);
-    let area = e.cross(f).dot(normal);
-    [h.cross(f).dot(normal) / area, e.cross(h).dot(normal) / area]
-}
-
-/// The quarter that parameters lie in, and the parameters there.
-fn quarter_of_quad(u: f32, v: f32) -> (u32, f32, f32) {
-    let half = |x: f32| if x < 0.5 { 2.0 * x } else { 2.0 * x - 1.0 };
-    let part = match (u < 0.5, v < 0.5) {
-        (true, true) => 0,
-        (false, true) => 1,
-        (false, false) => 2,
-        (true, false) => 3,
-    };
-    (part, half(u), half(v))
-}
-
-/// The same for weights of the second and third corner.
-fn quarter_of_triangle(b: f32, c: f32) -> (u32, f32, f32) {
-    let a = 1.0 - b - c;
-    if a > 0.5 {
-        (0, 2.0 * b, 2.0 * c)
-    } else if b > 0.5 {
-        (1, 2.0 * b - 1.0, 2.0 * c)
-    } else if c > 0.5 {
-        (2, 2.0 * b, 2.0 * c - 1.0)
-    } else {
-        (3, 1.0 - 2.0 * a, 1.0 - 2.0 * b)
-    }
 }

@@ -55,6 +55,25 @@ pub(super) fn four(corners: &[Vec3; 4], seed: u64) -> [Vec3; 4] {
     })
 }
 
+/// Points and weights (their sum is 1) that integrate polynomials over a surface: to the third degree over parallelograms
+/// (Gauss and Legendre), the second over triangles.
+pub(super) fn gauss(c: &[Vec3; 4]) -> ([Vec3; 4], [f32; 4]) {
+    if c[2] == c[3] {
+        let at = |i: usize, j: usize, k: usize| (4.0 * c[i] + c[j] + c[k]) / 6.0;
+        return ([at(0, 1, 2), at(1, 2, 0), at(2, 0, 1), c[0]], [1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0, 0.0]);
+    }
+    let (near, far) = (0.5 - 0.288_675_13, 0.5 + 0.288_675_13);
+    let (mut points, mut weights) = ([Vec3::ZERO; 4], [0.0; 4]);
+    for (k, (u, v)) in [(near, near), (far, near), (far, far), (near, far)].into_iter().enumerate() {
+        points[k] = (1.0 - v) * ((1.0 - u) * c[0] + u * c[1]) + v * ((1.0 - u) * c[3] + u * c[2]);
+        let along_u = (1.0 - v) * (c[1] - c[0]) + v * (c[2] - c[3]);
+        let along_v = (1.0 - u) * (c[3] - c[0]) + u * (c[2] - c[1]);
+        weights[k] = along_u.cross(along_v).length();
+    }
+    let sum: f32 = weights.iter().sum();
+    (points, weights.map(|w| w / sum))
+}
+
 /// `cos cos' / π r²` between two places, 0 if one is behind the other. `nearest` bounds the distance from below.
 #[inline]
 pub(super) fn kernel(x: Vec3, nx: Vec3, y: Vec3, ny: Vec3, nearest: f32) -> f32 {
@@ -100,11 +119,16 @@ pub fn mix(v: u64) -> u64 {
     v ^ v >> 31
 }
 
-/// A direction about a unit normal, with the density cos/π, by two numbers in `[0, 1)`: around the normal and away from
-/// it.
+/// A direction about a unit normal, with the density cos/π, for a place in the unit square: squares around its middle
+/// become circles around the normal (Shirley and Chiu 1997), so that neighbours stay neighbours.
 pub fn cosine_direction(normal: Vec3, u: f32, v: f32) -> Vec3 {
+    let (a, b) = (2.0 * u - 1.0, 2.0 * v - 1.0);
+    let (radius, angle) = if a.abs() > b.abs() {
+        (a, std::f32::consts::FRAC_PI_4 * b / a)
+    } else {
+        (b, std::f32::consts::FRAC_PI_2 - std::f32::consts::FRAC_PI_4 * if b == 0.0 { 0.0 } else { a / b })
+    };
     let (x, y) = normal.any_orthonormal_pair();
-    let (sin, cos) = (std::f32::consts::TAU * u).sin_cos();
-    let radius = v.sqrt();
-    (radius * cos * x + radius * sin * y + (1.0 - v).max(0.0).sqrt() * normal).normalize()
+    let (sin, cos) = angle.sin_cos();
+    (radius * cos * x + radius * sin * y + (1.0 - radius * radius).max(0.0).sqrt() * normal).normalize()
 }

@@ -1,8 +1,8 @@
 //! The coupling of two elements: unoccluded exchange and transmittance.
 
-use super::ends::{Ends, four, kernel, mix};
+use super::ends::{Ends, four, gauss, kernel, mix};
 use super::{Link, Scratch, Sight};
-use crate::element::{Element, Elements, Shape};
+use crate::element::{Element, Elements, Shape, facing};
 use crate::form_factor::{point_to_polygon, polygon_to_polygon};
 use crate::ray::{EndRule, LANES, Packet};
 use glam::{DVec3, Vec3};
@@ -17,9 +17,6 @@ const UNSEEN: f32 = 0.03;
 const HIDDEN: f32 = 0.1;
 /// Relative deviation inside a cluster that faces its directions only on average.
 const ROUGH: f32 = 0.3;
-/// Part of the largest coupling there can be that is assumed where no sample faced another.
-const MISSED: f32 = 0.02;
-
 /// Measures links.
 #[derive(Clone, Copy)]
 pub struct Meter<'a> {
@@ -90,38 +87,48 @@ impl Meter<'_> {
         seed: u64,
         scratch: &mut Scratch,
     ) -> Option<Link> {
-        let (pa, pb) = (four(ca, seed), four(cb, mix(seed)));
         let nearest = 1e-3 * (ea.radius + eb.radius);
-        // Lane i + 4 j: point i of a, point j of b.
-        let weights: [f32; LANES] = std::array::from_fn(|l| kernel(pa[l & 3], na, pb[l >> 2], nb, nearest));
         let distance = (ea.centre - eb.centre).length();
         let reach = ea.radius + eb.radius;
-        let areas = (ea.area * eb.area) as f32;
-        let mean = weights.iter().sum::<f32>() / LANES as f32;
-        let mut free = mean * areas;
-        let mut deviation = [
-            spread([0, 1, 2, 3].map(|i| weights.iter().skip(i).step_by(4).sum::<f32>() / 4.0)) * areas,
-            spread([0, 1, 2, 3].map(|j| weights[4 * j..4 * j + 4].iter().sum::<f32>() / 4.0)) * areas,
-        ];
+        // The unoccluded part by fixed rules: a noisy one would be refined where it is too large and kept where it is too
+        // small.
+        let (ga, gb) = (gauss(ca), gauss(cb));
+        let (mut free, mut deviation);
+        {
+            let rows: [f32; 4] = std::array::from_fn(|i| {
+                (0..4).map(|j| gb.1[j] * kernel(ga.0[i], na, gb.0[j], nb, nearest)).sum::<f32>()
+            });
+            let columns: [f32; 4] = std::array::from_fn(|j| {
+                (0..4).map(|i| ga.1[i] * kernel(ga.0[i], na, gb.0[j], nb, nearest)).sum::<f32>()
+            });
+            let areas = (ea.area * eb.area) as f32;
+            let (mean, of_a) = moments(rows, ga.1);
+            free = mean * areas;
+            deviation = [of_a * areas, moments(columns, gb.1).1 * areas];
+        }
         if distance < NEAR * reach {
             let small_is_a = ea.area <= eb.area;
-            let (small, points, normal, large) = if small_is_a { (ea, pa, na, cb) } else { (eb, pb, nb, ca) };
+            let (small, from, normal, large) = if small_is_a { (ea, ca, na, cb) } else { (eb, cb, nb, ca) };
             let polygon = doubles(large);
             let corners = if large[2] == large[3] { &polygon[..3] } else { &polygon[..] };
+            let (points, shares) = if small_is_a { ga } else { gb };
             let factors =
                 points.map(|p| point_to_polygon(p.as_dvec3(), normal.as_dvec3(), corners).max(0.0) as f32);
-            free = small.area as f32 * factors.iter().sum::<f32>() / 4.0;
-            deviation[usize::from(!small_is_a)] = small.area as f32 * spread(factors);
-            if distance < TOUCHING * reach && care.worth * deviation[usize::from(!small_is_a)] > 0.2 {
-                let other = doubles(if small_is_a { ca } else { cb });
-                let is_triangle = other[2] == other[3];
-                let first = if is_triangle { &other[..3] } else { &other[..] };
+            let (factor, of_small) = moments(factors, shares);
+            free = small.area as f32 * factor;
+            deviation[usize::from(!small_is_a)] = small.area as f32 * of_small;
+            if distance < TOUCHING * reach && care.worth * free > 0.3 {
+                let other = doubles(from);
+                let first = if from[2] == from[3] { &other[..3] } else { &other[..] };
                 free = (small.area * polygon_to_polygon(first, corners)) as f32;
             }
         }
         if free <= 0.0 {
             return None;
         }
+        // Lane i + 4 j: point i of a, point j of b.
+        let (pa, pb) = (four(ca, seed), four(cb, mix(seed)));
+        let weights: [f32; LANES] = std::array::from_fn(|l| kernel(pa[l & 3], na, pb[l >> 2], nb, nearest));
         let few = care.worth * free < 0.5;
         let mut packet = Packet::EMPTY;
         for l in 0..LANES {
@@ -137,7 +144,7 @@ impl Meter<'_> {
         }
         let width = shortest(ca).min(shortest(cb));
         let seen = self.sight.transmittances(&packet, width, care.feature_size, scratch);
-        Some(finish(ids, free, deviation, &weights, &seen, &packet))
+        Some(finish(ids, [free, free], deviation, &weights, &seen, &packet))
     }
 
     fn clusters(
@@ -151,42 +158,57 @@ impl Meter<'_> {
         let towards = (eb.centre - ea.centre).normalize_or(Vec3::X);
         let from = Ends::draw(self.elements, ids[0], towards, 0, seed);
         let to = Ends::draw(self.elements, ids[1], -towards, 1, mix(seed));
-        let nearest = 0.05 * (ea.radius + eb.radius);
+        let nearest = 0.2 * (ea.radius + eb.radius);
+        let distance = (eb.centre - ea.centre).length();
         let weights: [f32; LANES] = std::array::from_fn(|l| {
             kernel(from.points[l], from.normals[l], to.points[l], to.normals[l], nearest)
                 / (from.density[l] * to.density[l])
         });
         let most = 0.9 * ea.area.min(eb.area) as f32;
         let free = (weights.iter().sum::<f32>() / LANES as f32).min(most);
-        if free <= 0.0 {
-            // No sample says that there is nothing; where it would matter the parts are asked.
-            let unknown = MISSED * most;
-            return (care.worth * unknown > 1.0).then(|| link(ids, 0.0, 0.0, [unknown; 2], unknown, 0));
-        }
-        let few = care.worth * free < 0.25;
-        let mut packet = Packet::EMPTY;
-        for l in (0..LANES).filter(|&l| weights[l] > 0.0 && (!few || l % 4 == 0)) {
-            packet.set(l, from.points[l], to.points[l], self.ends);
-        }
-        if packet.is_empty() {
-            return Some(link(ids, free, 1.0, [ROUGH * free; 2], free, 0));
-        }
-        let distance = (eb.centre - ea.centre).length();
-        let width = ea.radius.min(eb.radius);
-        let seen = self.sight.transmittances(&packet, width, care.feature_size, scratch);
+        // What the oracle sees is free of noise: else overestimates would be refined and underestimates kept.
+        let model = (self.projected(ea, towards) * self.projected(eb, -towards)
+            / (std::f32::consts::PI * distance.max(0.5 * (ea.radius + eb.radius)).powi(2)))
+        .min(most);
         let deviation = [ea, eb].map(|e| {
             let near = (2.0 * e.radius / distance.max(1e-6 * e.radius)).min(4.0);
             let rough = if e.is_cluster() { ROUGH } else { 0.0 };
-            free * near.hypot(rough)
+            model * near.hypot(rough)
         });
-        Some(finish(ids, free, deviation, &weights, &seen, &packet))
+        let few = care.worth * model < 0.25;
+        let mut packet = Packet::EMPTY;
+        let most_rays = if few { 4 } else { LANES };
+        for l in (0..LANES).filter(|&l| weights[l] > 0.0).take(most_rays) {
+            packet.set(l, from.points[l], to.points[l], self.ends);
+        }
+        if packet.is_empty() {
+            // No sample says that there is nothing; where it would matter the parts are asked.
+            let worthwhile = free > 0.0 || care.worth * deviation[0].max(deviation[1]) > 1.0;
+            return worthwhile.then(|| link(ids, free, 1.0, deviation, free, 0));
+        }
+        let width = ea.radius.min(eb.radius);
+        let seen = self.sight.transmittances(&packet, width, care.feature_size, scratch);
+        Some(finish(ids, [free, model], deviation, &weights, &seen, &packet))
+    }
+
+    /// Projected area of an element towards a direction; of a surface seen edge-on a little.
+    fn projected(&self, e: &Element, towards: Vec3) -> f32 {
+        match &e.shape {
+            Shape::Surface { side, .. } => {
+                e.area as f32 * self.elements.sides[*side as usize].normal.dot(towards).max(0.2)
+            }
+            Shape::Cluster(c) => {
+                let projected = self.elements.clusters[*c as usize].projected;
+                facing(towards).into_iter().zip(projected).map(|(f, p)| f * p as f32).sum()
+            }
+        }
     }
 }
 
-/// Puts unoccluded coupling and visibility together.
+/// Puts unoccluded coupling and visibility together; `scale` is the coupling that deviations are relative to.
 fn finish(
     ids: [u32; 2],
-    free: f32,
+    [free, scale]: [f32; 2],
     deviation: [f32; 2],
     weights: &[f32; LANES],
     seen: &[f32; LANES],
@@ -203,7 +225,7 @@ fn finish(
     // Relative to the unoccluded coupling: √(T (1 - T)) for zero-one visibility (method A.9).
     let mixed = (squares / sum - transmittance * transmittance).max(0.0).sqrt();
     let hidden = if transmittance == 0.0 { HIDDEN } else { 0.0 };
-    let shadow = free * mixed.max(hidden).max(UNSEEN * transmittance);
+    let shadow = scale * mixed.max(hidden).max(UNSEEN * transmittance);
     let noise = shadow / n.sqrt();
     let variation = deviation.map(|d| (d * transmittance).hypot(shadow));
     link(ids, free, transmittance, variation, noise, packet.len() as u32)
@@ -213,10 +235,11 @@ fn link([a, b]: [u32; 2], free: f32, transmittance: f32, variation: [f32; 2], no
     Link { a, b, coupling: free * transmittance, transmittance, variation, noise, rays }
 }
 
-/// Standard deviation of four values.
-fn spread(v: [f32; 4]) -> f32 {
-    let mean = v.iter().sum::<f32>() / 4.0;
-    (v.iter().map(|x| (x - mean) * (x - mean)).sum::<f32>() / 4.0).sqrt()
+/// Mean and standard deviation of values with weights whose sum is 1.
+fn moments(v: [f32; 4], weights: [f32; 4]) -> (f32, f32) {
+    let mean: f32 = v.iter().zip(weights).map(|(v, w)| v * w).sum();
+    let squares: f32 = v.iter().zip(weights).map(|(v, w)| w * (v - mean) * (v - mean)).sum();
+    (mean, squares.sqrt())
 }
 
 fn doubles(corners: &[Vec3; 4]) -> [DVec3; 4] {

@@ -1,6 +1,7 @@
 //! Where the energy went.
 
-use super::field::{Neighbours, Rgb};
+use super::cut::Cut;
+use super::field::Rgb;
 use super::{Solver, mean};
 use crate::element::Shape;
 
@@ -16,23 +17,26 @@ pub struct Ledger {
     pub escaped: f64,
     /// Received less sent.
     pub created: f64,
-    /// Mean difference of the two factors that a link's coupling is used with, as part of it.
+    /// Difference of `A_a F(a→b)` and `A_b F(b→a)` as part of them: 0, since a link has one coupling for both directions
+    /// and each leaf one factor for gathering and sending.
     pub reciprocity_residual: f64,
     /// Least and greatest sum of the form factors of an element that sees no way out of the scene.
     pub row_sums: Option<[f64; 2]>,
-    /// The same before they were made 1: what sampling and refinement leave.
-    pub row_sums_sampled: Option<[f64; 2]>,
+    /// Root mean square difference of the row sums from 1 by area, before they were made 1: what sampling and refinement
+    /// leave.
+    pub row_sum_error_sampled: f64,
+    /// The same of the row sums used.
+    pub row_sum_error: f64,
     /// Part of the scene's area whose elements see no way out.
     pub closed_area: f64,
 }
 
 impl Solver<'_> {
-    /// The ledger of the present solution.
-    pub(super) fn ledger(&self, neighbours: &Neighbours) -> Ledger {
-        let sums = self.row_sums(neighbours);
+    /// The ledger of the present solution. `sampled`: the row sums before they were made 1.
+    pub(super) fn ledger(&self, cut: &Cut, sampled: &[f64]) -> Ledger {
+        let sums = self.row_sums(cut);
         let mut ledger = Ledger::default();
         let (mut received, mut sent, mut closed) = (0.0, 0.0, 0.0);
-        let mut closure = vec![0.0; self.elements.len()];
         let widen = |range: &mut Option<[f64; 2]>, v: f64| {
             let [low, high] = range.unwrap_or([v, v]);
             *range = Some([low.min(v), high.max(v)]);
@@ -50,31 +54,19 @@ impl Solver<'_> {
             ledger.emitted += power(s.exitance);
             ledger.absorbed += power(absorbed);
             received += power(self.incident[e]);
-            sent += power(self.outgoing.radiosity[e]) * row.min(1.0);
-            ledger.escaped += power(self.outgoing.radiosity[e]) * (1.0 - row).max(0.0);
-            closure[e] = f64::from(self.closure[e]);
+            sent += power(self.radiosity[e]) * row.min(1.0);
+            ledger.escaped += power(self.radiosity[e]) * (1.0 - row).max(0.0);
             if self.probe.closed[side as usize] {
                 closed += element.area;
                 widen(&mut ledger.row_sums, row);
-                widen(&mut ledger.row_sums_sampled, sums[e]);
+                ledger.row_sum_error += element.area * (row - 1.0).powi(2);
+                ledger.row_sum_error_sampled += element.area * (sampled[e] - 1.0).powi(2);
             }
         }
-        for e in (0..self.elements.len()).rev() {
-            let element = &self.elements.elements[e];
-            if !element.is_leaf() && element.area > 0.0 {
-                let parts = element.child_range();
-                closure[e] =
-                    parts.map(|c| self.elements.elements[c].area * closure[c]).sum::<f64>() / element.area;
-            }
-        }
-        let (mut off, mut all) = (0.0, 0.0);
-        for l in &self.links {
-            let (a, b, c) = (closure[l.a as usize], closure[l.b as usize], f64::from(l.coupling));
-            off += c * (a - b).abs();
-            all += 0.5 * c * (a + b);
+        for error in [&mut ledger.row_sum_error, &mut ledger.row_sum_error_sampled] {
+            *error = if closed > 0.0 { (*error / closed).sqrt() } else { 0.0 };
         }
         ledger.created = received - sent;
-        ledger.reciprocity_residual = if all > 0.0 { off / all } else { 0.0 };
         ledger.closed_area = if self.elements.area > 0.0 { closed / self.elements.area } else { 0.0 };
         ledger
     }

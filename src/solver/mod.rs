@@ -4,6 +4,7 @@
 //! exchange of light [Sillion 95], and refines the links with the greatest errors in steps (progressive multi-gridding
 //! [SD95 sec 6.2], method A.12): after every step the light is consistent, so that a solution can be had at any time.
 
+mod cut;
 mod field;
 mod histogram;
 mod iterate;
@@ -23,7 +24,7 @@ pub use run::{Iteration, Outcome, Progress, Record, SceneFacts, Seconds, run};
 use crate::element::Elements;
 use crate::link::{Light, Link, Meter, Sight, Tally};
 use crate::ray::EndRule;
-use field::{Neighbours, Outgoing, Rgb};
+use field::{Incoming, Rgb};
 use probe::Probe;
 
 /// A solution under way.
@@ -38,9 +39,11 @@ pub struct Solver<'a> {
     feature_size: Option<f32>,
     /// Mean irradiance by the emitted power and the mean reflectance, W/m²: what errors are relative to.
     scale: f64,
-    /// Radiosity and irradiance of all elements.
-    outgoing: Outgoing,
+    /// Radiosity of all elements, irradiance of all surface elements.
+    radiosity: Vec<Rgb>,
     incident: Vec<Rgb>,
+    /// Where sweeps ended, with the size of their cut.
+    state: Option<(usize, Incoming)>,
     /// By element: what leaves that see no way out must gather more to gather all (1 elsewhere).
     closure: Vec<f32>,
     /// What the oracle knows of each element's light.
@@ -83,7 +86,8 @@ impl<'a> Solver<'a> {
             seed: options.seed,
             feature_size: options.feature_size,
             scale,
-            outgoing: Outgoing::default(),
+            radiosity: Vec::new(),
+            state: None,
             incident: Vec::new(),
             closure: Vec::new(),
             light: Vec::new(),
@@ -112,10 +116,6 @@ impl<'a> Solver<'a> {
 
     fn meter(&self) -> Meter<'_> {
         Meter { elements: &self.elements, sight: self.sight, ends: self.ends, seed: self.seed }
-    }
-
-    fn neighbours(&self) -> Neighbours {
-        Neighbours::new(&self.elements, &self.links)
     }
 }
 

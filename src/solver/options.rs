@@ -28,10 +28,11 @@ pub struct Options {
     pub feature_size: Option<f32>,
     /// Leave the bounces out of what points receive.
     pub direct_only: bool,
-    /// Rays from a point to an emitter that is partly visible, at most.
-    pub light_rays: usize,
-    /// Rays from a point to gather what surfaces reflect; rounded up to a square of a multiple of 4.
-    pub gather_rays: usize,
+    /// Rays from a point to an emitter that is partly visible; by default what the error asks for.
+    pub light_rays: Option<usize>,
+    /// Rays from a point to gather what surfaces reflect, rounded up to a square of a multiple of 4; by default what the
+    /// error asks for.
+    pub gather_rays: Option<usize>,
     /// Seconds of refinement a step: progressive multi-gridding; all at once if none.
     pub step_seconds: Option<f64>,
     /// Seconds after which refinement ends.
@@ -52,8 +53,8 @@ impl Default for Options {
             visibility: Visibility::default(),
             feature_size: None,
             direct_only: false,
-            light_rays: 64,
-            gather_rays: 256,
+            light_rays: None,
+            gather_rays: None,
             step_seconds: None,
             max_seconds: None,
             target_error: None,
@@ -82,9 +83,10 @@ impl Options {
                 return Err(Error::Argument(format!("{name} {v}: must be a number above 0")));
             }
         }
+        let [light, gather] = [self.light_rays, self.gather_rays].map(|n| n.unwrap_or(1));
         for (name, value, most) in [
-            ("--light-rays", self.light_rays, 1 << 16),
-            ("--gather-rays", self.gather_rays, 1 << 20),
+            ("--light-rays", light, 1 << 16),
+            ("--gather-rays", gather, 1 << 20),
             ("--max-links", self.max_links, 1 << 30),
         ] {
             if value == 0 || value > most {
@@ -98,5 +100,15 @@ impl Options {
             )));
         }
         Ok(())
+    }
+
+    /// Shadow rays to a partly visible emitter.
+    pub fn light_rays(&self) -> usize {
+        self.light_rays.unwrap_or((5.0 / self.error).clamp(64.0, 4096.0) as usize)
+    }
+
+    /// Rays of a final gather: its noise is about a quarter of the error.
+    pub fn gather_rays(&self) -> usize {
+        self.gather_rays.unwrap_or((0.45 / self.error).powi(2).clamp(64.0, 16384.0) as usize)
     }
 }

@@ -2,7 +2,7 @@
 
 use super::Solver;
 use super::field::{Rgb, add};
-use crate::element::Shape;
+use crate::element::{Elements, Lookup, Shape};
 use crate::embree::{CommittedScene, Hits, Traversal};
 use crate::form_factor::point_to_polygon;
 use crate::link::{Scratch, Tally, cosine_direction, mix, numbers, point_on};
@@ -27,8 +27,14 @@ pub struct Receiver<'a> {
     solver: &'a Solver<'a>,
     traced: &'a CommittedScene,
     traversal: Traversal,
+    lookup: Lookup,
+    /// Reflected radiosity by element.
+    reflected: Vec<[f32; 3]>,
     /// By emitter, its lit faces.
     emitters: Vec<(Vec<Face>, f32)>,
+    /// Every lit face, as emitter and face, and the running sums of their power.
+    lit: Vec<(u32, u32)>,
+    powers: Vec<f32>,
     /// Low-discrepancy numbers for shadow rays.
     table: Vec<[f32; 2]>,
     light_rays: usize,
@@ -46,6 +52,16 @@ struct Buffers {
     scratch: Scratch,
     packets: Vec<Packet>,
     hits: Vec<Hits>,
+    near: Vec<Met>,
+}
+
+/// Where a ray ended.
+#[derive(Clone, Copy)]
+struct Met {
+    place: Vec3,
+    side: u32,
+    leaf: u32,
+    distance: f32,
 }
 
 impl<'a> Receiver<'a> {
@@ -72,19 +88,38 @@ impl<'a> Receiver<'a> {
                 area: element.area as f32,
             });
         }
-        let rows = ((options.gather_rays as f64).sqrt() / 4.0).ceil() as usize * 4;
+        let (mut lit, mut powers, mut power) = (Vec::new(), Vec::new(), 0.0);
+        for (e, (faces, _)) in (0u32..).zip(&emitters) {
+            for (k, face) in (0u32..).zip(faces) {
+                power += face.area * super::mean(face.exitance) as f32;
+                lit.push((e, k));
+                powers.push(power);
+            }
+        }
+        let rows = ((options.gather_rays() as f64).sqrt() / 4.0).ceil() as usize * 4;
         let sets = if options.direct_only { 0 } else { SETS };
         let hemispheres = (0..sets).map(|k| hemisphere(rows, mix(options.seed ^ k as u64))).collect();
-        let table = (0..options.light_rays as u32)
+        let table = (0..options.light_rays() as u32)
             .map(|i| [sample(i & 0xffff, 0, 7), sample(i & 0xffff, 1, 7)])
             .collect();
+        let reflected = elements.elements.iter().zip(&solver.radiosity).map(|(e, radiosity)| match e.shape {
+            Shape::Cluster(_) => [0.0; 3],
+            Shape::Surface { side, .. } => {
+                let emitted = elements.sides[side as usize].exitance;
+                std::array::from_fn(|k| (radiosity[k] - emitted[k]) as f32)
+            }
+        });
         Receiver {
+            lookup: Lookup::new(elements),
+            reflected: reflected.collect(),
             solver,
             traced,
             traversal,
             emitters,
+            lit,
+            powers,
             table,
-            light_rays: options.light_rays,
+            light_rays: options.light_rays(),
             hemispheres,
             feature_size: options.feature_size.unwrap_or(1e-2 * scene.bounds.diagonal()),
             magnitude: crate::visibility::reference::magnitude(scene),
@@ -146,11 +181,12 @@ impl<'a> Receiver<'a> {
         sum
     }
 
-    /// The part of an emitter's irradiance that arrives: sixteen rays, and all where they disagree.
+    /// The part of an emitter's irradiance that arrives: a few rays, and all where they disagree.
     fn visible(&self, ask: Ask, buffers: &mut Buffers) -> f64 {
         let [shift_u, shift_v, ..] = numbers(ask.seed, 0);
         let total = *ask.shares.last().expect("emitters have faces");
         let (mut sum, mut seen) = (0.0f64, 0.0f64);
+        let (mut before, mut agree) = (None, true);
         for first in (0..self.light_rays).step_by(LANES) {
             let mut packet = Packet::EMPTY;
             let mut weights = [0.0f32; LANES];
@@ -176,13 +212,14 @@ impl<'a> Receiver<'a> {
             }
             let through =
                 self.solver.sight.transmittances(&packet, ask.width, self.feature_size, &mut buffers.scratch);
-            let before = sum;
             for lane in packet.lanes() {
                 sum += f64::from(weights[lane]);
                 seen += f64::from(weights[lane] * through[lane]);
+                agree &= before.is_none_or(|b| b == through[lane])
+                    && (through[lane] == 0.0 || through[lane] == 1.0);
+                before = Some(through[lane]);
             }
-            let all = |value: f32| packet.lanes().all(|l| through[l] == value);
-            if before == 0.0 && (all(0.0) || all(1.0)) {
+            if agree && first + LANES >= PILOT {
                 break;
             }
         }
@@ -191,7 +228,7 @@ impl<'a> Receiver<'a> {
 
     /// What surfaces reflect: one ray in each cell of a hemisphere of equal cosine weight.
     fn gathered(&self, at: Vec3, normal: Vec3, seed: u64, buffers: &mut Buffers) -> Rgb {
-        let Buffers { packets, hits, scratch } = buffers;
+        let Buffers { packets, hits, near, .. } = buffers;
         let from = at + 2e-6 * self.magnitude * normal;
         let (x, y) = normal.any_orthonormal_pair();
         let [turn, ..] = numbers(seed, 1);
@@ -213,22 +250,24 @@ impl<'a> Receiver<'a> {
         hits.clear();
         hits.resize(packets.len(), Hits::NONE);
         self.traced.first_hits(self.traversal, packets, hits);
-        let (elements, outgoing) = (&self.solver.elements, &self.solver.outgoing);
+        let elements = &self.solver.elements;
         let mut sum = [0.0; 3];
+        near.clear();
         for (packet, hits) in packets.iter().zip(hits.iter()) {
+            // Sixteen terms in f32, then f64.
+            let mut part = Vec3::ZERO;
             for lane in 0..LANES {
-                if hits.triangle[lane] == Hits::NOTHING {
-                    continue;
-                }
-                let met = packet.point(lane, hits.t[lane]);
-                let side = elements.met(hits.triangle[lane], met - from);
-                if let Some(s) = elements.sides.get(side as usize) {
-                    let leaf = elements.leaf_at(side, met) as usize;
-                    add(&mut sum, 1.0, outgoing.radiosity[leaf]);
-                    add(&mut sum, -1.0, s.exitance);
+                let Some(met) = self.met(packet, hits, lane) else { continue };
+                if met.distance < NEAR * elements.elements[met.leaf as usize].radius {
+                    near.push(met);
+                } else {
+                    part += Vec3::from(self.reflected[met.leaf as usize]);
                 }
             }
+            add(&mut sum, 1.0, part.to_array().map(f64::from));
         }
+        self.continued(seed, &mut sum, buffers);
+        let Buffers { scratch, .. } = buffers;
         let rays = directions.len() as u64;
         scratch.tally.segments += rays;
         scratch.tally.exact_rays += rays;
@@ -236,6 +275,8 @@ impl<'a> Receiver<'a> {
     }
 }
 
+/// Shadow rays that must agree before the others are left out.
+const PILOT: usize = 2 * LANES;
 /// Sets of directions.
 const SETS: usize = 64;
 
@@ -250,6 +291,98 @@ fn hemisphere(rows: usize, seed: u64) -> Vec<Vec3> {
             cosine_direction(Vec3::Z, (i as f32 + r) / rows as f32, (j as f32 + s) / rows as f32)
         })
         .collect()
+}
+
+/// Nearer than this many radii of the element that is met its mean light says too little.
+const NEAR: f32 = 3.0;
+
+impl Receiver<'_> {
+    fn met(&self, packet: &Packet, hits: &Hits, lane: usize) -> Option<Met> {
+        let triangle = hits.triangle[lane];
+        if triangle == Hits::NOTHING {
+            return None;
+        }
+        let (from, place) = (packet.point(lane, 0.0), packet.point(lane, hits.t[lane]));
+        let side = self.solver.elements.met(triangle, place - from);
+        if side == Elements::NONE {
+            return None;
+        }
+        let leaf = self.lookup.leaf(side, place);
+        Some(Met { place, side, leaf, distance: hits.t[lane] * self.length })
+    }
+
+    /// Adds what the near places reflect: the light of one emitter through one shadow ray, and of what one more ray meets.
+    fn continued(&self, seed: u64, sum: &mut Rgb, buffers: &mut Buffers) {
+        let Buffers { packets, hits, near, scratch } = buffers;
+        if near.is_empty() {
+            return;
+        }
+        let elements = &self.solver.elements;
+        packets.clear();
+        for (i, met) in near.iter().enumerate() {
+            if i % LANES == 0 {
+                packets.push(Packet::EMPTY);
+            }
+            let [u, v, ..] = numbers(seed, 2 + i as u64);
+            let normal = elements.sides[met.side as usize].normal;
+            let from = met.place + 2e-6 * self.magnitude * normal;
+            let to = from + self.length * cosine_direction(normal, u, v);
+            let (packet, lane) = (&mut packets[i / LANES], i % LANES);
+            packet.set(lane, from, to, self.solver.ends);
+            packet.near[lane] = 0.0;
+        }
+        hits.clear();
+        hits.resize(packets.len(), Hits::NONE);
+        self.traced.first_hits(self.traversal, packets, hits);
+        scratch.tally.segments += near.len() as u64;
+        scratch.tally.exact_rays += near.len() as u64;
+        for (g, (group, (packet, hits))) in
+            near.chunks(LANES).zip(packets.iter().zip(hits.iter())).enumerate()
+        {
+            let mut shadow = Packet::EMPTY;
+            let mut light = [[0.0f32; 3]; LANES];
+            for (lane, met) in group.iter().enumerate() {
+                let reflectance = Vec3::from(elements.sides[met.side as usize].reflectance);
+                if let Some(beyond) = self.met(packet, hits, lane) {
+                    let received = Vec3::from(self.reflected[beyond.leaf as usize]);
+                    add(sum, 1.0, (reflectance * received).to_array().map(f64::from));
+                }
+                let [.., u, v] =
+                    numbers(seed, 2 + u64::from(met.leaf) ^ u64::from(met.place.x.to_bits()) << 20);
+                if let Some((from, kernel)) = self.lit_by(met, u, v) {
+                    shadow.set(lane, met.place, from, self.solver.ends);
+                    light[lane] = (reflectance * kernel).to_array();
+                }
+            }
+            if shadow.is_empty() {
+                continue;
+            }
+            let width = self.emitters.iter().map(|(_, w)| *w).fold(f32::MAX, f32::min);
+            let through = self.solver.sight.transmittances(&shadow, width, self.feature_size, scratch);
+            for lane in shadow.lanes() {
+                add(sum, f64::from(through[lane]), light[lane].map(f64::from));
+            }
+        }
+    }
+
+    /// A point on an emitter by two numbers in `[0, 1)`, faces chosen by their power, and the unoccluded irradiance from
+    /// there over the density; none if they do not face each other.
+    fn lit_by(&self, met: &Met, u: f32, v: f32) -> Option<(Vec3, Vec3)> {
+        let total = *self.powers.last()?;
+        let target = u * total;
+        let f = self.powers.partition_point(|&p| p <= target).min(self.powers.len() - 1);
+        let before = if f > 0 { self.powers[f - 1] } else { 0.0 };
+        let (e, k) = self.lit[f];
+        let face = &self.emitters[e as usize].0[k as usize];
+        let share = (self.powers[f] - before) / total;
+        let at = point_on(&face.corners, ((target - before) / (self.powers[f] - before)).clamp(0.0, 1.0), v);
+        let d = at - met.place;
+        let r2 = d.length_squared().max(f32::MIN_POSITIVE);
+        let normal = self.solver.elements.sides[met.side as usize].normal;
+        let cosines = normal.dot(d).max(0.0) * (-face.normal.dot(d)).max(0.0);
+        let kernel = cosines / (std::f32::consts::PI * r2 * r2) * face.area / share;
+        (kernel > 0.0).then(|| (at, kernel * Vec3::from(face.exitance.map(|m| m as f32))))
+    }
 }
 
 /// A point and the faces of an emitter, with running sums of their unoccluded irradiance.

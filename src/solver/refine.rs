@@ -95,7 +95,7 @@ impl Solver<'_> {
         self.elements.split(element);
         for _ in before..self.elements.len() {
             let e = element as usize;
-            self.outgoing.radiosity.push(self.outgoing.radiosity[e]);
+            self.radiosity.push(self.radiosity[e]);
             self.incident.push(self.incident[e]);
             self.closure.push(self.closure[e]);
             let light = self.light[e];
@@ -167,7 +167,7 @@ impl Solver<'_> {
         let mut squares = vec![0.0f64; n];
         for e in (0..n).rev() {
             let element = &self.elements.elements[e];
-            let mean = super::mean(self.outgoing.radiosity[e]);
+            let mean = super::mean(self.radiosity[e]);
             let weight = match element.shape {
                 Shape::Cluster(c) => self.elements.clusters[c as usize].reflectance,
                 Shape::Surface { side, .. } => {

@@ -182,9 +182,9 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
         || progress.stopped() || options.max_seconds.is_some_and(|s| begun.elapsed().as_secs_f64() > s);
     let iterations = solve(&mut solver, options, progress, &late);
     progress.stage("last sweeps");
-    let neighbours = solver.neighbours();
-    solver.close(&neighbours);
-    solver.settle(&neighbours, FINE, 400);
+    let sampled = solver.close();
+    let cut = solver.cut();
+    solver.settle(&cut, FINE, 400);
     solver.look();
     seconds.solve = start.elapsed().as_secs_f64();
 
@@ -213,15 +213,15 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
         seconds,
         links: solver.links.len(),
         elements: solver.elements.len(),
-        bytes: solver.elements.bytes() + size_of_val(solver.links.as_slice()) + neighbours.bytes(),
+        bytes: solver.elements.bytes() + size_of_val(solver.links.as_slice()) + cut.bytes(),
         exact_rays: bundles.exact_rays,
         bundles,
-        ledger: solver.ledger(&neighbours),
+        ledger: solver.ledger(&cut, &sampled),
         error_estimate: solver.error_estimate(&uncertainty),
         mean_irradiance: solver.mean_irradiance(),
         interrupted: progress.stopped(),
     };
-    Ok(Outcome { solution: solver.solution(scene, &neighbours, &uncertainty), record, irradiance })
+    Ok(Outcome { solution: solver.solution(scene, &uncertainty), record, irradiance })
 }
 
 /// Refines in steps until the error asked for is reached or time is up.
@@ -248,9 +248,8 @@ fn solve(
         };
         let refined = solver.refine(&errors, threshold, once, late);
         let refining = start.elapsed().as_secs_f64();
-        let neighbours = solver.neighbours();
-        solver.close(&neighbours);
-        let residual = solver.settle(&neighbours, ROUGH, if once { 2 } else { 12 });
+        let cut = solver.cut();
+        let residual = solver.settle(&cut, ROUGH, if once { 2 } else { 12 });
         solver.look();
         let taken = start.elapsed().as_secs_f64();
         if let Some(step) = options.step_seconds {

@@ -1,6 +1,5 @@
 //! The solution as plain data, with error bars.
 
-use super::field::Neighbours;
 use super::{Solver, mean};
 use crate::element::Shape;
 use crate::scene::Scene;
@@ -47,12 +46,16 @@ impl Solver<'_> {
     }
 
     /// All leaves of the surfaces.
-    pub(super) fn solution(&self, scene: &Scene, neighbours: &Neighbours, uncertainty: &[f64]) -> Solution {
+    pub(super) fn solution(&self, scene: &Scene, uncertainty: &[f64]) -> Solution {
         let mut places: HashMap<[u32; 3], u32> = HashMap::new();
         let mut solution = Solution { origin: scene.origin, unit: scene.unit.clone(), ..Solution::default() };
         let mut links = vec![0u32; self.elements.len()];
+        for l in &self.links {
+            links[l.a as usize] += 1;
+            links[l.b as usize] += u32::from(l.a != l.b);
+        }
         for (e, element) in self.elements.elements.iter().enumerate() {
-            links[e] = neighbours.of(e).len() as u32 + if e > 0 { links[element.parent as usize] } else { 0 };
+            links[e] += if e > 0 { links[element.parent as usize] } else { 0 };
             let Shape::Surface { side, corners } = &element.shape else { continue };
             if !element.is_leaf() {
                 continue;
@@ -73,7 +76,7 @@ impl Solver<'_> {
             let t = s.triangles[0] as usize;
             solution.elements.push(Element {
                 corners,
-                radiosity: self.outgoing.radiosity[e],
+                radiosity: self.radiosity[e],
                 irradiance: self.incident[e],
                 error,
                 albedo: s.reflectance,
