@@ -467,9 +467,9 @@ fn grain_grows_with_the_structure() {
     assert!(lopsided > 2.0 * fine && lopsided > 0.3, "half a box: {lopsided}, a full one: {fine}");
 }
 
-/// FAILS when written: a slat of the louvres is fifty times as long as it is high, so that its picture is one or two
-/// pixels high; seen 10° from its plane it falls between their centres. Coverage, extinction and sizes are then 0:
-/// it is aggregated at every s and passes all light, where lines pass three quarters.
+/// A slat of the louvres is fifty times as long as it is high, so that its picture is one or two pixels high; seen 10°
+/// from its plane it must not fall between their centres. Coverage, extinction and sizes would then be 0: it would be
+/// aggregated at every s and pass all light, where lines pass three quarters.
 #[test]
 fn traits_are_sane_everywhere() {
     for kind in KINDS {

@@ -8,6 +8,7 @@ mod bench;
 mod fbem;
 mod generate;
 mod info;
+mod progress;
 
 use clap::{Parser, Subcommand};
 use mrvis::{Error, Result};

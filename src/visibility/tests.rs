@@ -850,8 +850,8 @@ fn intervals_hold_their_answers() {
 
 /// Wilson's interval for 4 of 16: 0.1018 to 0.4950 (Wilson 1927, z = 1.96), and its ends.
 ///
-/// FAILS when written: for a mean of 1 the upper end rounds to 0.99999994, so that the interval of a clear bundle
-/// does not hold its own answer (and `interval_coverage` of an unoccluded scene is 0).
+/// For a mean of 1 the upper end must not be rounded to 0.99999994: the interval of a clear bundle would not hold its
+/// own answer (and `interval_coverage` of an unoccluded scene would be 0).
 #[test]
 fn wilson_interval() {
     let (lo, hi) = wilson(0.25, 16.0);
