@@ -1,5 +1,6 @@
 //! What a run measures, and whether it makes sense for a scene.
 
+use crate::cache::Place;
 use crate::scene::Scene;
 use crate::{Error, Result};
 
@@ -27,6 +28,8 @@ pub struct Options {
     pub threads: usize,
     /// Seed of every random choice.
     pub seed: u64,
+    /// Where the measured clusters are kept for the next run.
+    pub cache: Place,
 }
 
 impl Default for Options {
@@ -39,6 +42,7 @@ impl Default for Options {
             reference_rays: 1024,
             threads: 1,
             seed: 1,
+            cache: Place::Off,
         }
     }
 }

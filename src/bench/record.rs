@@ -75,6 +75,16 @@ pub struct Build {
     pub hierarchy_s: f64,
     /// Measuring the clusters' extinction and feature sizes, seconds.
     pub characterise_s: f64,
+    /// Whether hierarchy and measures came from a file (`hit`; their times are then 0), were kept in one for the next
+    /// run (`made`), or neither (`off`).
+    #[serde(default)]
+    pub cache: String,
+    /// Looking for that file, reading or writing it, seconds.
+    #[serde(default)]
+    pub cache_s: f64,
+    /// What the user should know about the file: it was damaged, could not be written.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cache_note: Option<String>,
     /// Estimating the cost of exact rays on a sample, seconds.
     #[serde(default)]
     pub budget_s: f64,

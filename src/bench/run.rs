@@ -8,6 +8,7 @@ use super::record::{self, Record, SceneFacts};
 use super::rows::Bench;
 use super::sizes::default_sizes;
 use super::workload::{Workload, surface_points};
+use crate::cache::{self, Table};
 use crate::characterise::{Traits, characterise};
 use crate::embree::{CommittedScene, Device, SceneBuilder};
 use crate::hierarchy::{self, Hierarchy};
@@ -19,7 +20,8 @@ use std::time::Instant;
 /// Measures a scene.
 ///
 /// The record has everything but `build.load_s`, which only the caller knows. Everything in it but times, ratios of
-/// times and the choice of Embree's call is the same for the same options, whatever the threads.
+/// times, the choice of Embree's call and where the clusters came from is the same for the same options, whatever the
+/// threads.
 ///
 /// # Errors
 /// An option is out of range, a name is unknown, nothing emits or receives light, Embree refuses.
@@ -39,11 +41,7 @@ pub fn run(
         builder.commit()
     })?;
     build.embree_bytes = device.bytes() as u64;
-    progress.stage("hierarchy", 0);
-    let hierarchy = timed(&mut build.hierarchy_s, || hierarchy::build(scene, &Default::default()));
-    progress.stage("measuring clusters", 0);
-    let traits =
-        timed(&mut build.characterise_s, || characterise(scene, &hierarchy.micro, &Default::default()));
+    let Table { hierarchy, traits } = table(scene, options, &mut build, progress);
 
     let points = surface_points(scene, options.points, options.seed)?;
     let workload = Workload::new(scene, points, options.seed);
@@ -94,6 +92,24 @@ pub fn run(
         receivers,
     };
     Ok((record, images))
+}
+
+/// Clusters and their measures: made, or from the cache.
+fn table(scene: &Scene, options: &Options, build: &mut record::Build, progress: &dyn Progress) -> Table {
+    let how = cache::Options::default();
+    let start = Instant::now();
+    progress.stage("looking for measured clusters", 0);
+    let (table, origin, note) = cache::table(scene, &options.cache, &how, || {
+        progress.stage("hierarchy", 0);
+        let hierarchy = timed(&mut build.hierarchy_s, || hierarchy::build(scene, &how.hierarchy));
+        progress.stage("measuring clusters", 0);
+        let traits =
+            timed(&mut build.characterise_s, || characterise(scene, &hierarchy.micro, &how.characterise));
+        Table { hierarchy, traits }
+    });
+    build.cache_s = start.elapsed().as_secs_f64() - build.hierarchy_s - build.characterise_s;
+    (build.cache, build.cache_note) = (origin.name().into(), note);
+    table
 }
 
 /// The result and, added up, the seconds it took.

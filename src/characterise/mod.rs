@@ -18,6 +18,7 @@ use crate::raster::Morphology;
 use crate::scene::Scene;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use silhouette::{Measure, Silhouettes};
 
 /// Where extinction comes from.
@@ -56,7 +57,7 @@ impl Default for Options {
 }
 
 /// What one cluster does to light along each of the [`AXES`].
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Traits {
     /// Extinction in the middle of the box, 1/length; see [`Extinction`].
     pub extinction: [f32; AXIS_COUNT],

@@ -3,6 +3,7 @@
 use indicatif::{ProgressBar, ProgressStyle};
 use mrvis::{
     Error, Result,
+    cache::Place,
     files::WholeFile,
     scene::{LoadOptions, Scene, parse_emitter},
 };
@@ -133,6 +134,28 @@ impl SceneArgs {
         };
         let _spinner = common.spinner(format!("reading {}", file_name(&self.scene)));
         Scene::load(&self.scene, &options)
+    }
+}
+
+/// Where measured clusters are kept.
+#[derive(clap::Args, Clone, Debug)]
+pub struct CacheArgs {
+    /// Keep the measured clusters for the next run in the folder DIR, or not at all (off) [default: beside the scene]
+    #[arg(long, value_name = "DIR|off")]
+    pub cache: Option<PathBuf>,
+}
+
+impl CacheArgs {
+    /// The place; a folder is made if it is missing.
+    ///
+    /// # Errors
+    /// The folder that was asked for cannot be written.
+    pub fn place(&self) -> Result<Place> {
+        match &self.cache {
+            None => Ok(Place::Beside),
+            Some(folder) if folder == Path::new("off") => Ok(Place::Off),
+            Some(folder) => check_folder(folder).map(|()| Place::Folder(folder.clone())),
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 mod pictures;
 mod table;
 
-use super::args::{Common, SceneArgs, check_folder};
+use super::args::{CacheArgs, Common, SceneArgs, check_folder};
 use super::progress::Bar;
 use mrvis::Result;
 use mrvis::bench::{self, Options, Progress, page};
@@ -40,6 +40,8 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     #[command(flatten)]
+    pub cache: CacheArgs,
+    #[command(flatten)]
     pub common: Common,
 }
 
@@ -58,6 +60,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         reference_rays: args.reference_rays,
         threads: common.threads.map_or(1, usize::from),
         seed: common.seed,
+        cache: args.cache.place()?,
     };
     options.check()?;
     common.check_json()?;

@@ -1,6 +1,6 @@
 //! The record for a terminal.
 
-use mrvis::bench::record::{MrRow, Record};
+use mrvis::bench::record::{Build, MrRow, Record};
 use mrvis::output::number;
 use std::fmt::Write as _;
 
@@ -23,11 +23,10 @@ pub fn table(record: &Record) -> String {
     );
     let _ = writeln!(
         text,
-        "built in: reading {}, Embree {}, hierarchy {}, measuring clusters {}",
+        "built in: reading {}, Embree {}, {}",
         seconds(build.load_s),
         seconds(build.embree_s),
-        seconds(build.hierarchy_s),
-        seconds(build.characterise_s)
+        clusters(build)
     );
     let _ = writeln!(
         text,
@@ -41,7 +40,7 @@ pub fn table(record: &Record) -> String {
         if record.threads == 1 { "" } else { "s" },
         record.isa
     );
-    for warning in &record.warnings {
+    for warning in record.warnings.iter().chain(&build.cache_note) {
         let _ = writeln!(text, "note: {warning}");
     }
     let _ = writeln!(text, "\nexact    rays       time        RMS       bias  call");
@@ -83,6 +82,20 @@ pub fn table(record: &Record) -> String {
     }
     let _ = writeln!(text, "\n{}", headline(record.best(), unit));
     text
+}
+
+/// How the clusters were come by.
+fn clusters(build: &Build) -> String {
+    if build.cache == "hit" {
+        return format!("clusters from the cache {}", seconds(build.cache_s));
+    }
+    let kept =
+        if build.cache == "made" { format!(", kept in {}", seconds(build.cache_s)) } else { String::new() };
+    format!(
+        "hierarchy {}, measuring clusters {}{kept}",
+        seconds(build.hierarchy_s),
+        seconds(build.characterise_s)
+    )
 }
 
 /// The result in one sentence.
