@@ -1,6 +1,7 @@
 #![doc = include_str!("ARCHITECTURE.md")]
 
 pub mod bench;
+pub mod cache;
 pub mod characterise;
 pub mod display;
 pub mod element;

@@ -1,8 +1,10 @@
 //! `mrvis form-factors SCENE --out FILE`: the matrix of obstructed form factors.
 
-use super::args::{Common, SceneArgs, file_name, grouped, warn};
+use super::args::{Common, SceneArgs, check_file, file_name, grouped, warn};
+use super::progress::Bar;
 use mrvis::{
     Error, Result,
+    bench::Progress,
     factor_matrix::{Facets, Format, Grouping, Matrix, Report, Settings, compute, memory_bound, write},
     output::number,
 };
@@ -62,6 +64,8 @@ const GIB: f64 = (1u64 << 30) as f64;
 pub fn run(args: &Args) -> Result<ExitCode> {
     let common = &args.common;
     let format = Format::of(&args.out)?;
+    check_file(&args.out)?;
+    common.check_json()?;
     for (name, value) in [("max-memory", Some(args.max_memory)), ("tolerance", args.tolerance)] {
         if let Some(v) = value.filter(|v| !(v.is_finite() && *v >= 0.0)) {
             return Err(Error::Argument(format!("--{name} {v}: must be a number not below 0")));
@@ -89,7 +93,8 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     }
     let count = grouped(facets.len());
     common.print(&format!("{count} facets, at most {:.2} GiB for their matrix\n", bound as f64 / GIB))?;
-    let bar = common.bar("form factors", 2 * facets.len());
+    let bar = Bar::new(common.quiet);
+    bar.stage("form factors", 2 * facets.len() as u64);
     let start = Instant::now();
     let (faces, report) = common.on_threads(|| compute(&scene, &facets, &settings, &|n| bar.advance(n)))?;
     let seconds = start.elapsed().as_secs_f64();

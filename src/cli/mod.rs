@@ -11,6 +11,7 @@ mod form_factors;
 mod generate;
 mod info;
 mod outputs;
+mod progress;
 mod reference;
 mod solve;
 

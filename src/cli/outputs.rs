@@ -2,7 +2,7 @@
 
 use super::args::Common;
 use mrvis::{
-    Error, Result,
+    Result,
     display::{
         Camera, Mesh, Stage, Tone, best_view, lightmap, render, write_glb, write_lightmap, write_ply,
         write_vtu,
@@ -152,13 +152,4 @@ fn camera(text: &str) -> Result<[f64; 7], String> {
     let distinct = (0..3).any(|k| camera[k] != camera[k + 3]);
     let fine = camera.iter().all(|v| v.is_finite()) && distinct && (1.0..=170.0).contains(&camera[6]);
     if fine { Ok(camera) } else { Err(bad()) }
-}
-
-/// Checks a folder before the work begins.
-///
-/// # Errors
-/// It cannot be made or written to.
-pub fn prepare(folder: &Path) -> Result<()> {
-    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-    tempfile::tempfile_in(folder).map(drop).map_err(|e| Error::io(folder, e))
 }

@@ -1,7 +1,7 @@
 //! `mrvis solve SCENE --out DIR`: the light in a scene.
 
-use super::args::{Common, SceneArgs, grouped};
-use super::outputs::{Outputs, prepare};
+use super::args::{Common, SceneArgs, check_folder, grouped};
+use super::outputs::Outputs;
 use mrvis::files::WholeFile;
 use mrvis::points::{Irradiance, read_points, write_irradiance};
 use mrvis::solver::{self, Options, Record, Visibility};
@@ -97,7 +97,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
             .build_global()
             .map_err(|e| Error::Argument(format!("--threads {threads}: {e}")))?;
     }
-    prepare(&args.out)?;
+    check_folder(&args.out)?;
     let points = args.points.as_deref().map(read_points).transpose()?.unwrap_or_default();
     let start = Instant::now();
     let scene = args.scene.load(&args.common)?;
