@@ -1,11 +1,14 @@
-//! Finds Embree 4, generates bindings from its installed headers and compiles the shim. Nothing else.
+//! Finds Embree 4, generates bindings from its installed headers and compiles the shim; and fingerprints the code that
+//! measures clusters, so that no cache outlives it.
 //!
 //! Search order (architecture, "Getting Embree 4"):
 //! 1. `EMBREE_DIR`: a prefix with `include/embree4` and `lib` (or `lib64`, or Debian's `lib/<triplet>`);
 //! 2. the system: `/usr/include/embree4/rtcore.h`, also under `/usr/local` and `/opt/homebrew`;
 //! 3. the project's private prefix `.prefix/embree`, which `make` prepares.
 
+use std::collections::hash_map::DefaultHasher;
 use std::env;
+use std::hash::{Hash, Hasher};
 use std::path::{Path, PathBuf};
 
 fn main() {
@@ -14,6 +17,7 @@ fn main() {
     println!("cargo:rerun-if-changed=ffi/embree/shim.h");
     println!("cargo:rerun-if-changed=ffi/embree/shim.c");
     println!("cargo:rerun-if-changed=build.rs");
+    println!("cargo:rustc-env=MRVIS_TABLE_CODE={:016x}", fingerprint(TABLE_ROOMS));
 
     let embree = find_embree().unwrap_or_else(|message| {
         eprintln!("error: {message}");
@@ -56,6 +60,38 @@ fn main() {
         .flag_if_supported("-std=c11")
         .warnings(true)
         .compile("mrvis_embree_shim");
+}
+
+/// What decides the side table of a scene, that is what room `cache` keeps: the rooms that make it and all that they may
+/// use. `tests/suite/tidy.rs` compares it with the map.
+const TABLE_ROOMS: &[&str] = &[
+    "src/characterise",
+    "src/error.rs",
+    "src/files.rs",
+    "src/hierarchy",
+    "src/math.rs",
+    "src/raster",
+    "src/scene",
+    "Cargo.lock",
+];
+
+/// A hash of the files at and below some paths. Only compared within one build.
+fn fingerprint(paths: &[&str]) -> u64 {
+    let mut waiting: Vec<PathBuf> = paths.iter().map(PathBuf::from).collect();
+    let mut files = Vec::new();
+    while let Some(path) = waiting.pop() {
+        println!("cargo:rerun-if-changed={}", path.display());
+        match std::fs::read_dir(&path) {
+            Ok(entries) => waiting.extend(entries.flatten().map(|e| e.path())),
+            Err(_) => files.push(path),
+        }
+    }
+    files.sort();
+    let mut hash = DefaultHasher::new();
+    for file in files {
+        (file.to_string_lossy(), std::fs::read(&file).unwrap_or_default()).hash(&mut hash);
+    }
+    hash.finish()
 }
 
 struct Embree {

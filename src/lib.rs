@@ -1,10 +1,13 @@
 #![doc = include_str!("ARCHITECTURE.md")]
 
 pub mod bench;
+pub mod cache;
 pub mod characterise;
+pub mod display;
 pub mod element;
 pub mod embree;
 pub mod error;
+pub mod factor_matrix;
 pub mod files;
 pub mod form_factor;
 pub mod hierarchy;

@@ -1,9 +1,10 @@
 //! Small geometry: axis-aligned boxes and what several rooms need of triangles.
 
 use glam::Vec3;
+use serde::{Deserialize, Serialize};
 
 /// An axis-aligned box, `min <= max` on every axis unless it is [`Aabb::EMPTY`]. Scene units.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Aabb {
     /// The corner with the smallest coordinates.
     pub min: Vec3,

@@ -1,13 +1,19 @@
 //! The measurement `mrvis bench`: exact against multi-resolution visibility on the same segments.
 
+mod gallery;
 pub mod measure;
+mod options;
 pub mod page;
+mod progress;
 mod receivers;
 pub mod record;
+mod rows;
 mod run;
 mod sizes;
 pub mod workload;
 
+pub use options::Options;
+pub use progress::Progress;
 pub use receivers::{Receiver, choose as choose_receivers};
-pub use run::{Options, Progress, run};
+pub use run::run;
 pub use sizes::default_sizes;

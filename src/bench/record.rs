@@ -75,6 +75,16 @@ pub struct Build {
     pub hierarchy_s: f64,
     /// Measuring the clusters' extinction and feature sizes, seconds.
     pub characterise_s: f64,
+    /// Whether hierarchy and measures came from a file (`hit`; their times are then 0), were kept in one for the next
+    /// run (`made`), or neither (`off`).
+    #[serde(default)]
+    pub cache: String,
+    /// Looking for that file, reading or writing it, seconds.
+    #[serde(default)]
+    pub cache_s: f64,
+    /// What the user should know about the file: it was damaged, could not be written.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cache_note: Option<String>,
     /// Estimating the cost of exact rays on a sample, seconds.
     #[serde(default)]
     pub budget_s: f64,
@@ -188,6 +198,12 @@ pub struct ReceiverFbem {
     /// Root mean square error of the multi-resolution image.
     #[serde(default)]
     pub l2_mr: f64,
+    /// Connected shadows and lit regions of the reference that are larger than the feature size, at three levels.
+    #[serde(default)]
+    pub features: usize,
+    /// Of these, those that the multi-resolution image lacks: see [`missing_features`](crate::metrics::missing_features).
+    #[serde(default)]
+    pub missing_features: usize,
 }
 
 impl Record {

@@ -3,11 +3,12 @@
 use indicatif::{ProgressBar, ProgressStyle};
 use mrvis::{
     Error, Result,
+    cache::Place,
     files::WholeFile,
     scene::{LoadOptions, Scene, parse_emitter},
 };
 use std::{
-    io::Write,
+    io::Write as _,
     path::{Path, PathBuf},
     time::Duration,
 };
@@ -16,13 +17,13 @@ use std::{
 #[derive(clap::Args, Clone, Debug)]
 #[command(next_help_heading = "Common options")]
 pub struct Common {
-    /// Number of threads; default one for each core.
+    /// Number of threads; default one for each core, but for the timed sections of `bench`, which have one.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=4096))]
     pub threads: Option<u16>,
     /// Seed of everything random.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
-    /// Write the results to FILE as JSON too.
+    /// Write the results to FILE as JSON too; - is the standard output, and the text goes to standard error.
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
     /// No progress and no text: files and exit code only.
@@ -48,19 +49,6 @@ impl Common {
         Spinner(bar)
     }
 
-    /// A bar on a terminal that counts to `total`, until it is dropped.
-    pub fn bar(&self, what: impl Into<String>, total: usize) -> Bar {
-        if self.quiet {
-            return Bar(ProgressBar::hidden());
-        }
-        let bar = ProgressBar::new(total as u64).with_message(what.into());
-        if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {percent:>3} % {eta:>4}") {
-            bar.set_style(style);
-        }
-        bar.enable_steady_tick(Duration::from_millis(200));
-        Bar(bar)
-    }
-
     /// Does `work` on as many threads as `--threads` says.
     ///
     /// # Errors
@@ -71,46 +59,61 @@ impl Common {
         pool.map_err(|e| Error::Argument(format!("--threads {threads}: {e}")))?.install(work)
     }
 
-    /// Writes text to standard output unless `--quiet`.
+    /// Whether the JSON goes to standard output.
+    fn json_is_piped(&self) -> bool {
+        self.json.as_deref() == Some(Path::new("-"))
+    }
+
+    /// Writes text to standard output, or to standard error if the JSON goes there, unless `--quiet`.
     ///
     /// # Errors
     /// It cannot be written.
     pub fn print(&self, text: &str) -> Result<()> {
-        if self.quiet { Ok(()) } else { super::print(text) }
+        if self.quiet {
+            return Ok(());
+        }
+        if self.json_is_piped() {
+            // There may be nobody who reads it.
+            let _ = std::io::stderr().write_all(text.as_bytes());
+            return Ok(());
+        }
+        super::print(text)
     }
 
-    /// Writes the JSON file if one was asked for.
+    /// Whether the JSON file can be written, before the work begins.
+    ///
+    /// # Errors
+    /// It cannot.
+    pub fn check_json(&self) -> Result<()> {
+        match &self.json {
+            Some(path) if !self.json_is_piped() => check_file(path),
+            _ => Ok(()),
+        }
+    }
+
+    /// Writes the JSON if it was asked for.
     ///
     /// # Errors
     /// It cannot be written.
     pub fn write_json(&self, value: &impl serde::Serialize) -> Result<()> {
         let Some(path) = &self.json else { return Ok(()) };
         let text =
-            serde_json::to_string_pretty(value).map_err(|e| Error::format(path, None, e.to_string()))?;
-        WholeFile::write(path, text + "\n")
+            serde_json::to_string_pretty(value).map_err(|e| Error::format(path, None, e.to_string()))? + "\n";
+        if self.json_is_piped() { super::print(&text) } else { WholeFile::write(path, text) }
     }
 }
 
 /// See [`Common::spinner`].
 pub struct Spinner(ProgressBar);
 
+impl Spinner {
+    /// Shows something else.
+    pub fn say(&self, what: &str) {
+        self.0.set_message(what.to_owned());
+    }
+}
+
 impl Drop for Spinner {
-    fn drop(&mut self) {
-        self.0.finish_and_clear();
-    }
-}
-
-/// See [`Common::bar`].
-pub struct Bar(ProgressBar);
-
-impl Bar {
-    /// So much more is done.
-    pub fn advance(&self, steps: u64) {
-        self.0.inc(steps);
-    }
-}
-
-impl Drop for Bar {
     fn drop(&mut self) {
         self.0.finish_and_clear();
     }
@@ -160,6 +163,28 @@ pub fn warn(common: &Common, messages: &[String]) {
     }
 }
 
+/// Where measured clusters are kept.
+#[derive(clap::Args, Clone, Debug)]
+pub struct CacheArgs {
+    /// Keep the measured clusters for the next run in the folder DIR, or not at all (off) [default: beside the scene]
+    #[arg(long, value_name = "DIR|off")]
+    pub cache: Option<PathBuf>,
+}
+
+impl CacheArgs {
+    /// The place; a folder is made if it is missing.
+    ///
+    /// # Errors
+    /// The folder that was asked for cannot be written.
+    pub fn place(&self) -> Result<Place> {
+        match &self.cache {
+            None => Ok(Place::Beside),
+            Some(folder) if folder == Path::new("off") => Ok(Place::Off),
+            Some(folder) => check_folder(folder).map(|()| Place::Folder(folder.clone())),
+        }
+    }
+}
+
 /// The last part of a path, for messages.
 pub fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
@@ -178,6 +203,21 @@ pub fn grouped(n: usize) -> String {
     out
 }
 
+/// Whether a file can be written, without touching it.
+pub fn check_file(path: &Path) -> Result<()> {
+    if path.is_dir() {
+        return Err(Error::io(path, std::io::ErrorKind::IsADirectory.into()));
+    }
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    tempfile::tempfile_in(folder).map(drop).map_err(|e| Error::io(path, e))
+}
+
+/// Whether files can be written into a folder that exists, or one can be made.
+pub fn check_folder(folder: &Path) -> Result<()> {
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+    tempfile::tempfile_in(folder).map(drop).map_err(|e| Error::io(folder, e))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -187,5 +227,18 @@ mod tests {
         for (n, want) in [(0, "0"), (999, "999"), (1000, "1,000"), (1234567, "1,234,567")] {
             assert_eq!(grouped(n), want);
         }
+    }
+
+    #[test]
+    fn outputs_are_checked_without_being_touched() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a.json");
+        check_file(&file).unwrap();
+        assert!(!file.exists());
+        assert!(check_file(folder.path()).is_err());
+        assert!(check_file(&folder.path().join("missing/a.json")).is_err());
+        std::fs::write(&file, "x").unwrap();
+        assert!(check_folder(&file).is_err());
+        check_folder(&folder.path().join("new")).unwrap();
     }
 }

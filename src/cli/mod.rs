@@ -7,8 +7,11 @@ mod args;
 mod bench;
 mod compare;
 mod fbem;
+mod form_factors;
 mod generate;
 mod info;
+mod outputs;
+mod progress;
 mod reference;
 mod solve;
 
@@ -37,6 +40,7 @@ enum Command {
     Solve(solve::Args),
     Reference(reference::Args),
     Compare(compare::Args),
+    FormFactors(form_factors::Args),
     /// Write a procedural scene as OBJ and MTL (list with --list).
     Generate(generate::Args),
 }
@@ -49,6 +53,7 @@ fn run(command: &Command) -> Result<ExitCode> {
         Command::Solve(args) => solve::run(args),
         Command::Reference(args) => reference::run(args),
         Command::Compare(args) => compare::run(args),
+        Command::FormFactors(args) => form_factors::run(args),
         Command::Generate(args) => generate::run(args),
     }
 }

@@ -1,8 +1,10 @@
 //! `mrvis reference SCENE --points FILE`: irradiance by brute force.
 
-use super::args::{Common, SceneArgs, file_name, grouped, warn};
+use super::args::{Common, SceneArgs, check_file, file_name, grouped, warn};
+use super::progress::Bar;
 use mrvis::{
     Result,
+    bench::Progress,
     montecarlo::{Settings, irradiance},
     output::number,
     points::{Irradiance, read_points, write_irradiance},
@@ -33,6 +35,8 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<ExitCode> {
     let common = &args.common;
+    check_file(&args.out)?;
+    common.check_json()?;
     let points = read_points(&args.points)?;
     let scene = args.scene.load(common)?;
     warn(common, &scene.repairs.messages);
@@ -40,7 +44,8 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         warn(common, &["the scene has no light: all irradiance is zero (see --emitter NAME=W)".into()]);
     }
     let settings = Settings { samples: args.samples, direct_only: args.direct_only, seed: common.seed };
-    let bar = common.bar("following paths", points.len());
+    let bar = Bar::new(common.quiet);
+    bar.stage("following paths", points.len() as u64);
     let start = Instant::now();
     let found = common.on_threads(|| irradiance(&scene, &points, settings, &|n| bar.advance(n)))?;
     let seconds = start.elapsed().as_secs_f64();

@@ -6,7 +6,8 @@ use crate::math::Aabb;
 use crate::scene::Scene;
 
 impl Hierarchy {
-    /// Checks topology, boxes and the strict partition of the scene's triangles.
+    /// Checks topology, boxes and the strict partition of the scene's triangles; also of a hierarchy from outside,
+    /// whatever its numbers.
     ///
     /// # Errors
     /// The first broken promise, in words.
@@ -14,7 +15,7 @@ impl Hierarchy {
         let mut seen = vec![0u8; scene.triangles.len()];
         for (name, tree) in [("micro", &self.micro), ("large", &self.large)] {
             check_tree(tree, scene).map_err(|e| format!("{name} tree: {e}"))?;
-            tree.order.iter().for_each(|&t| seen[t as usize] += 1);
+            tree.order.iter().for_each(|&t| seen[t as usize] = seen[t as usize].saturating_add(1));
         }
         match seen.iter().position(|&n| n != 1) {
             Some(t) => Err(format!("triangle {t} is in {} leaves", seen[t])),
@@ -27,6 +28,17 @@ fn check_tree(tree: &Tree, scene: &Scene) -> Result<(), String> {
     let Some(root) = tree.clusters.first() else {
         return if tree.order.is_empty() { Ok(()) } else { Err("triangles without a root".into()) };
     };
+    let inside = |first: u32, count: u32, all: usize| u64::from(first) + u64::from(count) <= all as u64;
+    for (c, k) in tree.clusters.iter().enumerate() {
+        if !inside(k.first_triangle, k.triangles, tree.order.len())
+            || !inside(k.first_child, k.children, tree.clusters.len())
+        {
+            return Err(format!("cluster {c} reaches beyond the end"));
+        }
+    }
+    if let Some(&t) = tree.order.iter().find(|&&t| t as usize >= scene.triangles.len()) {
+        return Err(format!("there is no triangle {t}"));
+    }
     if root.triangle_range() != (0..tree.order.len()) {
         return Err("the root does not hold all triangles".into());
     }

@@ -19,6 +19,7 @@ use crate::math::Aabb;
 use crate::scene::Scene;
 use draft::{Draft, Item, Member};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// Most children of a cluster, and most triangles of a leaf: the width of a SIMD register.
 pub const FAN_OUT: usize = 16;
@@ -54,7 +55,7 @@ impl Default for Options {
 }
 
 /// The clusters of a scene. Every triangle is in exactly one leaf of exactly one of the two trees.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Hierarchy {
     /// Everything that may be aggregated.
     pub micro: Tree,

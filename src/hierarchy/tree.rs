@@ -3,10 +3,11 @@
 use super::FAN_OUT;
 use super::draft::{Draft, Member};
 use crate::math::Aabb;
+use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
 /// A node of the tree.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cluster {
     /// Smallest box around its triangles.
     pub bounds: Aabb,
@@ -40,7 +41,7 @@ impl Cluster {
 }
 
 /// Clusters in breadth order: a parent comes before its children, so a reverse pass is bottom-up.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Tree {
     /// The clusters; the root is the first. Empty if there are no triangles.
     pub clusters: Vec<Cluster>,

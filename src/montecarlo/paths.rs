@@ -94,7 +94,7 @@ impl<'a> Paths<'a> {
                 }
                 directions[lane] = cosine_direction(path.normal, u[0], u[1]);
                 roulette[lane] = v[1];
-                set_ray(&mut rays, lane, path.position, directions[lane]);
+                rays.set_ray(lane, path.position, directions[lane]);
             }
             let mut blocked = [0];
             self.surfaces.blocked(std::slice::from_ref(&shadow), &mut blocked);
@@ -173,17 +173,6 @@ fn cosine_direction(normal: Vec3, u: f32, v: f32) -> Vec3 {
     let r = u.sqrt();
     let (x, y) = normal.any_orthonormal_pair();
     (x * (r * cos) + y * (r * sin) + normal * (1.0 - u).sqrt()).normalize()
-}
-
-/// A ray without end.
-fn set_ray(packet: &mut Packet, lane: usize, origin: Vec3, direction: Vec3) {
-    for (axis, (o, d)) in origin.to_array().into_iter().zip(direction.to_array()).enumerate() {
-        packet.origin[axis][lane] = o;
-        packet.direction[axis][lane] = d;
-    }
-    packet.near[lane] = 0.0;
-    packet.far[lane] = f32::INFINITY;
-    packet.active |= 1 << lane;
 }
 
 fn product(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {

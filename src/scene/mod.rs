@@ -98,7 +98,7 @@ pub struct Repairs {
     pub clamped_reflectances: usize,
     /// Vertices that no face uses.
     pub unused_vertices: usize,
-    /// Faces dropped because their material is fully transparent (`d 0`).
+    /// Faces dropped because their material is more transparent than opaque (`d` below 0.5) and does not emit.
     pub transparent_faces: usize,
     /// One readable line for each kind of repair, with names where they help.
     pub messages: Vec<String>,
@@ -125,6 +125,8 @@ pub struct Scene {
     pub triangle_object: Vec<u32>,
     /// Index into `materials`.
     pub triangle_material: Vec<u32>,
+    /// Polygon of the file that it is a part of, numbered from 0 in file order, ascending.
+    pub triangle_polygon: Vec<u32>,
     /// Diffuse reflectance of the face: `Kd`, or the mean linear colour of its texture over the face.
     pub triangle_reflectance: Vec<[f32; 3]>,
     /// 1: the face bounds a closed solid, only its outside is seen; 2: sheet, seen from both sides.

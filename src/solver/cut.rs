@@ -34,7 +34,7 @@ pub struct Response {
     /// `Σ A ρ g_p g_q` by channel over its sides, row by row of the lower half.
     reflect: [[f32; ENTRIES]; 3],
     /// `Σ A M g_p` by channel.
-    emit: [Rgb; BASIS],
+    pub emit: [Rgb; BASIS],
     /// `Σ A g_p`: what radiosity 1 gives.
     pub ones: [Rgb; BASIS],
 }
@@ -151,6 +151,15 @@ impl Cut {
         &self.others[self.starts[place] as usize..self.starts[place + 1] as usize]
     }
 
+    /// Places of the sealed clusters, in the order of their responses.
+    pub fn sealed(&self) -> impl Iterator<Item = usize> {
+        self.kinds
+            .iter()
+            .enumerate()
+            .filter(|(_, kind)| matches!(kind, Kind::Sealed(_)))
+            .map(|(place, _)| place)
+    }
+
     /// Bytes.
     pub fn bytes(&self) -> usize {
         4 * (self.elements.capacity()
@@ -199,10 +208,11 @@ impl Cut {
 }
 
 impl Response {
-    /// What a cluster sends out for what arrives: by direction and, last, in all; radiosity times area.
+    /// What a cluster sends out for what arrives, and by itself (`emit`): by direction and, last, in all; radiosity times
+    /// area.
     #[inline]
-    pub fn answer(&self, arriving: &Arriving) -> [Rgb; BASIS] {
-        let mut out = self.emit;
+    pub fn answer(&self, arriving: &Arriving, emit: [Rgb; BASIS]) -> [Rgb; BASIS] {
+        let mut out = emit;
         let arriving: [Rgb; BASIS] =
             std::array::from_fn(|q| if q < DIRECTIONS { arriving.beams[q] } else { arriving.even });
         for (k, reflect) in self.reflect.iter().enumerate() {
@@ -220,6 +230,19 @@ impl Response {
         }
         out
     }
+}
+
+/// `Σ A v g_p` over the sides of a cluster, for a value of each side.
+pub fn sent(elements: &Elements, cluster: u32, of: impl Fn(u32) -> Rgb) -> [Rgb; BASIS] {
+    let [from, to] = elements.clusters[cluster as usize].sides;
+    let mut sum = [[0.0; 3]; BASIS];
+    for s in from..to {
+        let side = &elements.sides[s as usize];
+        let area = elements.elements[side.element as usize].area;
+        let faces = facing(side.normal).into_iter().chain([1.0]);
+        sum.iter_mut().zip(faces).for_each(|(sum, face)| add(sum, area * f64::from(face), of(s)));
+    }
+    sum
 }
 
 fn response(elements: &Elements, cluster: u32, closure: &[Closure]) -> Response {

@@ -7,13 +7,13 @@ use super::options::Rows;
 use crate::element::Shape;
 
 /// A leaf without a way out that sees hardly anything along its links is not mended: nothing is known of it.
-const NOTHING: f64 = 0.01;
+const NOTHING: f64 = 0.1;
 /// Row sums of other leaves above this are wrong.
 const TOO_MUCH: f64 = 1.25;
 /// Rounds of balancing.
 const BALANCING: usize = 12;
 /// Largest factor of a leaf, and one over the smallest.
-const MOST: f32 = 30.0;
+const MOST: f32 = 4.0;
 /// Least and largest factor by which the reflected light is scaled after a sweep.
 const LEAST_SCALE: f64 = 0.2;
 const MOST_SCALE: f64 = 50.0;
@@ -178,7 +178,9 @@ impl Solver<'_> {
                 })
             })
             .collect();
-        Outgoing::pull(&self.elements, cut, &surfaces, |p, r| cut.responses[r].answer(&state.clusters[p]))
+        Outgoing::pull(&self.elements, cut, &surfaces, |p, r| {
+            cut.responses[r].answer(&state.clusters[p], cut.responses[r].emit)
+        })
     }
 
     /// What the change of an unknown counts: area times reflectance of what it lights.

@@ -37,6 +37,9 @@ pub struct Receiver<'a> {
     powers: Vec<f32>,
     /// Low-discrepancy numbers for shadow rays.
     table: Vec<[f32; 2]>,
+    /// Nearer than this many radii of the element that is met its mean light says too little. In scenes with clusters the
+    /// first thing met is never taken at its word: what lies in clusters knows its light on average only.
+    near: f32,
     light_rays: usize,
     /// Directions about +z for the final gather, blocks of 4 by 4 neighbours together; several sets that points choose
     /// from, none for direct light only.
@@ -119,6 +122,7 @@ impl<'a> Receiver<'a> {
             lit,
             powers,
             table,
+            near: if elements.large_from > 0 { f32::INFINITY } else { NEAR },
             light_rays: options.light_rays(),
             hemispheres,
             feature_size: options.feature_size.unwrap_or(1e-2 * scene.bounds.diagonal()),
@@ -258,7 +262,7 @@ impl<'a> Receiver<'a> {
             let mut part = Vec3::ZERO;
             for lane in 0..LANES {
                 let Some(met) = self.met(packet, hits, lane) else { continue };
-                if met.distance < NEAR * elements.elements[met.leaf as usize].radius {
+                if met.distance < self.near * elements.elements[met.leaf as usize].radius {
                     near.push(met);
                 } else {
                     part += Vec3::from(self.reflected[met.leaf as usize]);
@@ -293,7 +297,7 @@ fn hemisphere(rows: usize, seed: u64) -> Vec<Vec3> {
         .collect()
 }
 
-/// Nearer than this many radii of the element that is met its mean light says too little.
+/// See [`Receiver::near`].
 const NEAR: f32 = 3.0;
 
 impl Receiver<'_> {

@@ -110,6 +110,7 @@ fn outputs_that_cannot_be_written_are_refused() {
             &["bench", "scene.obj", "--points", "20", "--reference-rays", "16", "--json", "none/x.json"],
             "x.json",
         ),
+        (&["bench", "scene.obj", "--points", "20", "--cache", "file"], "file"),
     ]);
 }
 
@@ -135,7 +136,8 @@ fn help_and_version_are_no_errors() {
         assert!(!outcome.stdout.is_empty() && outcome.stderr.is_empty(), "{arguments:?}");
     }
     let help = scratch.mrvis(&["bench", "--help"]).stdout;
-    let options = ["--feature-size", "--rays", "--points", "--receiver", "--reference-rays", "--out"];
+    let options =
+        ["--feature-size", "--rays", "--points", "--receiver", "--reference-rays", "--out", "--cache"];
     let common = ["--threads", "--seed", "--json", "--quiet", "--unit", "--emitter"];
     for option in options.into_iter().chain(common) {
         assert!(help.contains(option), "`mrvis bench --help` does not know {option}");

@@ -14,6 +14,8 @@ fn is_timing(key: &str) -> bool {
         || key.starts_with("speedup")
         // Embree keeps blocks of memory for each thread.
         || key == "embree_bytes"
+        // Where the clusters came from.
+        || key.starts_with("cache")
 }
 
 fn strip(value: &mut Value) {
@@ -55,7 +57,8 @@ fn bench_reports_the_same_figures_on_any_number_of_threads() {
         let scene = scratch.generate(&spec);
         let report = |threads: &str| {
             let file = format!("{name}-{threads}.json");
-            let options = ["--points", "120", "--reference-rays", "32", "--seed", "5", "--quiet"];
+            let options =
+                ["--points", "120", "--reference-rays", "32", "--seed", "5", "--quiet", "--cache", "off"];
             let call = ["bench", &scene, "--threads", threads, "--json", &file];
             let outcome = scratch.mrvis(&[&call[..], &options].concat());
             assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
@@ -69,4 +72,37 @@ fn bench_reports_the_same_figures_on_any_number_of_threads() {
         differences(&one, &two, String::new(), &mut found);
         assert!(found.is_empty(), "{name}, one thread and two:\n{}", found.join("\n"));
     }
+}
+
+/// Clusters that were read are those that were measured; a damaged file is not read.
+#[test]
+fn bench_reports_the_same_figures_with_a_cache() {
+    let scratch = Scratch::new();
+    let mut spec = Spec::new("forest");
+    (spec.trees, spec.leaves) = (4, 150);
+    let scene = scratch.generate(&spec);
+    let report = |cache: &[&str], want: &str| {
+        let options = ["--points", "60", "--reference-rays", "32", "--quiet", "--json", "r.json"];
+        let outcome = scratch.mrvis(&[&["bench", &scene][..], &options, cache].concat());
+        assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+        let mut json = scratch.json("r.json");
+        assert_eq!(json["build"]["cache"], want);
+        let noted = json["build"].get("cache_note").is_some();
+        strip(&mut json);
+        (json, noted)
+    };
+    let measured = report(&["--cache", "off"], "off");
+    assert!(!measured.1);
+    assert_eq!(report(&[], "made"), measured);
+    assert_eq!(report(&[], "hit"), measured);
+    assert_eq!(report(&["--cache", "folder"], "made"), measured);
+    assert_eq!(report(&["--cache", "folder"], "hit"), measured);
+    let kept = std::fs::read_dir(scratch.path("")).expect("the folder").flatten().map(|e| e.path());
+    let file = kept.into_iter().find(|p| p.extension().is_some_and(|e| e == "mrvis-cache")).expect("a cache");
+    let mut bytes = std::fs::read(&file).expect("read");
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(&file, &bytes).expect("written");
+    assert_eq!(report(&[], "made"), (measured.0.clone(), true));
+    assert_eq!(report(&[], "hit"), measured);
 }

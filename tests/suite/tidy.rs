@@ -216,6 +216,49 @@ fn nothing_is_left_undone() {
     }
 }
 
+/// What a cache file of room `cache` must go stale with: all code that the side table may come from.
+#[test]
+fn caches_know_the_code_that_made_them() {
+    let build = fs::read_to_string(source().join("../build.rs")).expect("the build script");
+    let table = table();
+    let mut rooms = BTreeSet::from(["error".to_owned(), "math".to_owned()]);
+    let mut waiting = vec!["characterise".to_owned(), "hierarchy".to_owned()];
+    while let Some(room) = waiting.pop() {
+        waiting.extend(table[&room].difference(&rooms).cloned());
+        rooms.insert(room);
+    }
+    let missing: Vec<_> = rooms
+        .iter()
+        .filter(|r| ["", ".rs"].iter().all(|e| !build.contains(&format!("\"src/{r}{e}\""))))
+        .collect();
+    assert!(missing.is_empty(), "TABLE_ROOMS in build.rs lacks {missing:?}");
+}
+
+/// What the key of a cache file leaves out must not matter to the table.
+#[test]
+fn clusters_depend_only_on_what_their_cache_knows() {
+    let left_out = [
+        "triangle_material",
+        "triangle_reflectance",
+        "triangle_emitter",
+        "materials",
+        "emitters",
+        "objects",
+        "two_sided_emission",
+        "unit",
+        "closed_parts",
+        "sheet_parts",
+        "repairs",
+    ];
+    for file in library().iter().filter(|f| ["hierarchy", "characterise"].contains(&f.room())) {
+        for field in left_out {
+            if let Some(at) = file.code.find(&format!(".{field}")) {
+                panic!("{}: `{field}` is not in the key of room `cache`", file.at(at));
+            }
+        }
+    }
+}
+
 /// The library never prints, and its settings are arguments: only the command looks around in its surroundings.
 #[test]
 fn only_the_command_talks_and_listens() {

@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use super::{length, percent, times};
-use crate::bench::record::{ExactRow, MrRow, Record};
+use crate::bench::record::{Build, ExactRow, MrRow, Record};
 use crate::output::number;
 
 /// What was read, how long the preparation took, what was asked.
@@ -35,6 +35,7 @@ pub(super) fn scene(record: &Record) -> Markup {
                     ("Embree's tree", seconds(build.embree_s)),
                     ("hierarchy", seconds(build.hierarchy_s)),
                     ("measuring clusters", seconds(build.characterise_s)),
+                    ("clusters' cache", cache(build)),
                     ("memory, clusters", bytes(build.hierarchy_bytes)),
                     ("memory, Embree", bytes(build.embree_bytes)),
                 ]))
@@ -46,8 +47,18 @@ pub(super) fn scene(record: &Record) -> Markup {
                     ("its own noise (RMS)", number(work.reference_rms)),
                 ]))
             }
+            @if let Some(note) = &build.cache_note { p.note { (note) } }
             (repairs(record))
         }
+    }
+}
+
+/// Where the clusters came from.
+fn cache(build: &Build) -> String {
+    match build.cache.as_str() {
+        "hit" => format!("read in {}", seconds(build.cache_s)),
+        "made" => format!("written in {}", seconds(build.cache_s)),
+        _ => "not used".into(),
     }
 }
 

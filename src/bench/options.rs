@@ -1,0 +1,142 @@
+//! What a run measures, and whether it makes sense for a scene.
+
+use crate::cache::Place;
+use crate::scene::Scene;
+use crate::{Error, Result};
+
+/// Most segments from a point to an emitter: what one scrambled sequence holds.
+pub(super) const MAX_RAYS: usize = 1 << 16;
+/// Most receiver points.
+const MAX_POINTS: usize = 100_000_000;
+/// Part of the memory at hand that results may take.
+const MEMORY_PART: f64 = 0.7;
+
+/// What is measured.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Feature sizes, scene units; none: [`default_sizes`].
+    pub feature_sizes: Vec<f64>,
+    /// Segments from a point to an emitter for the multi-resolution engine; 4 and 16 times as many are measured too.
+    pub rays: usize,
+    /// Receiver points.
+    pub points: usize,
+    /// Names of the receivers of shadow images; none: [`choose_receivers`](super::choose_receivers) says which.
+    pub receivers: Vec<String>,
+    /// Rays from a point to an emitter in the reference.
+    pub reference_rays: usize,
+    /// Threads of the timed sections; everything else uses all cores.
+    pub threads: usize,
+    /// Seed of every random choice.
+    pub seed: u64,
+    /// Where the measured clusters are kept for the next run.
+    pub cache: Place,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options {
+            feature_sizes: Vec::new(),
+            rays: 16,
+            points: 20_000,
+            receivers: Vec::new(),
+            reference_rays: 1024,
+            threads: 1,
+            seed: 1,
+            cache: Place::Off,
+        }
+    }
+}
+
+impl Options {
+    /// Whether the options make sense for any scene.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] that names the option and its range.
+    pub fn check(&self) -> Result<()> {
+        let counts = [
+            ("--rays", self.rays, MAX_RAYS),
+            ("--reference-rays", self.reference_rays, MAX_RAYS),
+            ("--points", self.points, MAX_POINTS),
+            ("--threads", self.threads, 1024),
+        ];
+        for (name, count, most) in counts {
+            if count == 0 || count > most {
+                return Err(Error::Argument(format!("{name} {count}: must lie in 1..{most}")));
+            }
+        }
+        let usable = |s: f64| s.is_finite() && s > 0.0 && (s as f32).is_normal();
+        if let Some(s) = self.feature_sizes.iter().find(|&&s| !usable(s)) {
+            return Err(Error::Argument(format!(
+                "--feature-size {s}: must be a length above 0 in scene units"
+            )));
+        }
+        Ok(())
+    }
+
+    /// The same for this scene.
+    pub(super) fn check_for(&self, scene: &Scene) -> Result<()> {
+        self.check()?;
+        if scene.emitters.is_empty() {
+            let names: Vec<&str> = scene.objects.iter().take(4).map(|o| o.name.as_str()).collect();
+            return Err(Error::Scene(format!(
+                "{}: nothing emits light; add --emitter NAME=W with the name of an object, group or material and its \
+                 power in watts (there are `{}`{})",
+                scene.path.display(),
+                names.join("`, `"),
+                if scene.objects.len() > names.len() { ", …" } else { "" },
+            )));
+        }
+        let diagonal = f64::from(scene.bounds.diagonal());
+        if let Some(s) = self.feature_sizes.iter().find(|&&s| s > 10.0 * diagonal) {
+            return Err(Error::Argument(format!(
+                "--feature-size {s}: the whole scene is only {diagonal:.3} {} across",
+                scene.unit
+            )));
+        }
+        for name in &self.receivers {
+            scene.faces_named(name)?;
+        }
+        // Points, pairs, both halves of the reference and the largest row with its intervals.
+        let bytes = self.points as f64 * (32.0 + scene.emitters.len() as f64 * 40.0);
+        match available_memory() {
+            Some(available) if bytes > MEMORY_PART * available => Err(Error::Argument(format!(
+                "--points {} with {} emitters need about {:.1} GB of memory, {:.1} GB are available: lower --points",
+                self.points,
+                scene.emitters.len(),
+                bytes / 1e9,
+                available / 1e9
+            ))),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Bytes that could be allocated now, where the system says so.
+fn available_memory() -> Option<f64> {
+    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let line = text.lines().find_map(|l| l.strip_prefix("MemAvailable:"))?;
+    Some(line.trim().trim_end_matches("kB").trim().parse::<f64>().ok()? * 1024.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_out_of_range_are_errors() {
+        let good = Options::default();
+        good.check().unwrap();
+        let bad = [
+            Options { rays: 0, ..good.clone() },
+            Options { rays: 100_000, ..good.clone() },
+            Options { points: 0, ..good.clone() },
+            Options { points: 1_000_000_000, ..good.clone() },
+            Options { reference_rays: 0, ..good.clone() },
+            Options { threads: 0, ..good.clone() },
+        ];
+        assert!(bad.iter().all(|o| o.check().is_err()));
+        for s in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-300, 1e300] {
+            assert!(Options { feature_sizes: vec![s], ..good.clone() }.check().is_err(), "{s}");
+        }
+    }
+}

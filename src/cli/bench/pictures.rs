@@ -1,0 +1,58 @@
+//! The images of a run as files.
+
+use mrvis::Result;
+use mrvis::bench::page::ReceiverImages;
+use mrvis::metrics::{FeatureOptions, FeatureSet, Image};
+use mrvis::output::{difference, grey, mask_overlay, write_exr, write_png};
+use std::fmt::Write as _;
+use std::path::Path;
+
+/// Images as PNG (as the eye would see them) and EXR (values), differences and feature masks.
+pub fn write_pictures(folder: &Path, receivers: &[ReceiverImages]) -> Result<()> {
+    let mut used: Vec<String> = Vec::new();
+    for receiver in receivers {
+        let mut stem = file_stem(&receiver.name);
+        let same = used.iter().filter(|u| **u == stem).count();
+        used.push(stem.clone());
+        if same > 0 {
+            let _ = write!(stem, "-{}", same + 1);
+        }
+        let both = |what: &str, image: &Image| -> Result<()> {
+            write_png(&folder.join(format!("{stem}-{what}.png")), &grey(image, 1.0))?;
+            write_exr(&folder.join(format!("{stem}-{what}.exr")), image)
+        };
+        let reference = &receiver.reference;
+        both("reference", reference)?;
+        let compared = |what: &str, image: &Image| -> Result<()> {
+            both(what, image)?;
+            let picture = difference(reference, image, 0.5)?;
+            write_png(&folder.join(format!("{stem}-{what}-difference.png")), &picture)
+        };
+        compared("exact16", &receiver.exact16)?;
+        let mut features = FeatureSet::new(reference, &FeatureOptions::default())?;
+        for (s, image) in &receiver.mr {
+            compared(&format!("mr-{s}"), image)?;
+            let mask = mask_overlay(reference, 1.0, &features.mask(f64::from(*s)))?;
+            write_png(&folder.join(format!("{stem}-mask-{s}.png")), &mask)?;
+        }
+    }
+    Ok(())
+}
+
+/// A name that every file system takes.
+fn file_stem(name: &str) -> String {
+    let plain = |c: char| if c.is_alphanumeric() || "-_".contains(c) { c } else { '_' };
+    let stem: String = name.chars().take(60).map(plain).collect();
+    if stem.is_empty() { "receiver".into() } else { stem }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_become_file_names() {
+        assert_eq!(file_stem("a/b: c"), "a_b__c");
+        assert_eq!(file_stem(""), "receiver");
+    }
+}

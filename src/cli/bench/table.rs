@@ -1,0 +1,144 @@
+//! The record for a terminal.
+
+use mrvis::bench::record::{Build, MrRow, Record};
+use mrvis::output::number;
+use std::fmt::Write as _;
+
+/// The record for a terminal.
+pub fn table(record: &Record) -> String {
+    let Record { scene, build, workload, unit, .. } = record;
+    let mut text = String::new();
+    // Writing to a string cannot fail.
+    let _ = writeln!(
+        text,
+        "{}: {} triangles, {} objects, {} emitters, {} closed parts, {} sheets, {} clusters in {} levels",
+        scene.path,
+        scene.triangles,
+        scene.objects,
+        scene.emitters,
+        scene.closed_parts,
+        scene.sheet_parts,
+        scene.clusters,
+        scene.levels
+    );
+    let _ = writeln!(
+        text,
+        "built in: reading {}, Embree {}, {}",
+        seconds(build.load_s),
+        seconds(build.embree_s),
+        clusters(build)
+    );
+    let _ = writeln!(
+        text,
+        "{} points, {} segments at {} rays; reference of {} rays, its own noise {}; {} thread{}, {}",
+        workload.points,
+        workload.segments,
+        workload.rays,
+        workload.reference_rays,
+        number(workload.reference_rms),
+        record.threads,
+        if record.threads == 1 { "" } else { "s" },
+        record.isa
+    );
+    for warning in record.warnings.iter().chain(&build.cache_note) {
+        let _ = writeln!(text, "note: {warning}");
+    }
+    let _ = writeln!(text, "\nexact    rays       time        RMS       bias  call");
+    for row in &record.exact {
+        let coherent = if row.coherent { ", coherent" } else { "" };
+        let _ = writeln!(
+            text,
+            "{:>13} {:>10} {:>10.5} {:>+10.5}  {}{coherent}",
+            row.rays,
+            seconds(row.seconds),
+            row.rms,
+            row.bias,
+            row.mode
+        );
+    }
+    let _ = writeln!(text, "\nmulti-resolution                                           speed-up at same");
+    let _ = writeln!(
+        text,
+        "       s   rays       time        RMS       bias       RMS      FBEM   segment  averaged  nodes"
+    );
+    for row in &record.mr {
+        let _ = writeln!(
+            text,
+            "{:>8} {:>6} {:>10} {:>10.5} {:>+10.5} {:>9} {:>9} {:>9} {:>7.1} % {:>6}",
+            number(row.feature_size),
+            row.rays,
+            seconds(row.seconds),
+            row.rms,
+            row.bias,
+            times(row.speedup_at_same_rms, row.extrapolated),
+            times(row.speedup_at_same_fbem, false),
+            times(Some(row.speedup_per_segment), false),
+            100.0 * row.aggregated_fraction,
+            number(row.nodes_per_segment)
+        );
+    }
+    if record.mr.iter().any(|row| row.extrapolated) {
+        let _ = writeln!(text, "~ beyond the most exact rays measured, extrapolated");
+    }
+    let _ = writeln!(text, "\n{}", headline(record.best(), unit));
+    text
+}
+
+/// How the clusters were come by.
+fn clusters(build: &Build) -> String {
+    if build.cache == "hit" {
+        return format!("clusters from the cache {}", seconds(build.cache_s));
+    }
+    let kept =
+        if build.cache == "made" { format!(", kept in {}", seconds(build.cache_s)) } else { String::new() };
+    format!(
+        "hierarchy {}, measuring clusters {}{kept}",
+        seconds(build.hierarchy_s),
+        seconds(build.characterise_s)
+    )
+}
+
+/// The result in one sentence.
+fn headline(best: Option<&MrRow>, unit: &str) -> String {
+    let Some((row, speed)) = best.and_then(|row| Some((row, row.speedup_at_same_rms?))) else {
+        return "no multi-resolution row could be compared with exact at the same error".into();
+    };
+    let speed = if speed >= 1.0 {
+        format!("{} times faster than exact", number(speed))
+    } else {
+        format!("{} times slower than exact", number(1.0 / speed))
+    };
+    format!(
+        "best: s = {} {unit} with {} segments is {speed} at the same RMS error of {} % (per segment {})",
+        number(row.feature_size),
+        row.rays,
+        number(100.0 * row.rms),
+        times(Some(row.speedup_per_segment), false)
+    )
+}
+
+fn seconds(s: f64) -> String {
+    if s < 0.1 { format!("{:.2} ms", 1000.0 * s) } else { format!("{s:.3} s") }
+}
+
+fn times(v: Option<f64>, about: bool) -> String {
+    v.map_or("-".into(), |v| format!("{}{v:.2}x", if about { "~" } else { "" }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn losses_are_said_plainly() {
+        let row = |speed| MrRow {
+            speedup_at_same_rms: Some(speed),
+            rms: 0.01,
+            feature_size: 0.1,
+            ..MrRow::default()
+        };
+        assert!(headline(Some(&row(2.0)), "m").contains("2 times faster"));
+        assert!(headline(Some(&row(0.5)), "m").contains("2 times slower"));
+        assert!(headline(None, "m").contains("no multi-resolution row"));
+    }
+}
