@@ -111,7 +111,8 @@ fn samples_prefer_what_faces_and_leave_nothing_out() {
         for j in 0..n {
             let (u, v) = ((i as f32 + 0.5) / n as f32, (j as f32 + 0.5) / n as f32);
             let side = elements.samples().pick(root, towards, u, v);
-            sum += 1.0 / f64::from(elements.samples().density(root, towards, elements.sides[side as usize].normal));
+            sum += 1.0
+                / f64::from(elements.samples().density(root, towards, elements.sides[side as usize].normal));
         }
     }
     let mean = sum / f64::from(n * n);

@@ -12,7 +12,8 @@ use glam::DVec3;
 fn coupling(pieces: Pieces, worth: f32, seed: u64) -> Option<(Link, f64)> {
     let scene = pieces.scene();
     let elements = Elements::build(&scene, &hierarchy::build(&scene, &Default::default()), 1e-4);
-    let mut builder = SceneBuilder::new(&Device::new(1).expect("Embree"), Default::default()).expect("a scene");
+    let mut builder =
+        SceneBuilder::new(&Device::new(1).expect("Embree"), Default::default()).expect("a scene");
     builder.add_triangles(&scene.positions, &scene.triangles, 1).expect("triangles");
     let traced = builder.commit().expect("committed");
     let meter = Meter {
@@ -23,7 +24,8 @@ fn coupling(pieces: Pieces, worth: f32, seed: u64) -> Option<(Link, f64)> {
         inside: Inside::default(),
     };
     let of = |object: u32| {
-        let own = |s: &&crate::element::Side| scene.triangle_object[s.triangles[0] as usize] == object && s.front;
+        let own =
+            |s: &&crate::element::Side| scene.triangle_object[s.triangles[0] as usize] == object && s.front;
         elements.sides.iter().find(own).expect("a side").element
     };
     let (a, b) = (of(0), of(1));
@@ -44,11 +46,10 @@ fn opposed(distance: f64) -> Pieces {
 
 #[test]
 fn free_couplings_are_those_of_the_closed_forms() {
-    let side = |from, to| crate::form_factor::Span { from, to };
     for distance in [0.5, 1.0, 2.0, 5.0, 20.0] {
         let (link, area) = coupling(opposed(distance), 1e3, 1).expect("they face each other");
         let factor = f64::from(link.coupling) / area;
-        let want = crate::form_factor::parallel_rectangles([side(0.0, 1.0); 2], [side(0.0, 1.0); 2], distance);
+        let want = crate::form_factor::parallel_rectangles([[0.0, 1.0]; 2], [[0.0, 1.0]; 2], distance);
         assert!((factor / want - 1.0).abs() < 1e-3, "{distance}: {factor} {want}");
         assert_eq!(link.transmittance, 1.0);
     }

@@ -197,8 +197,7 @@ impl<'a> Receiver<'a> {
         for first in (0..self.light_rays).step_by(LANES) {
             let mut packet = Packet::EMPTY;
             let mut weights = [0.0f32; LANES];
-            for lane in 0..LANES.min(self.light_rays - first) {
-                let [u, v] = self.table[first + lane];
+            for (lane, (weight, [u, v])) in weights.iter_mut().zip(&self.table[first..]).enumerate() {
                 let (u, v) = ((u + shift_u).fract(), (v + shift_v).fract());
                 let target = u * total;
                 let f = ask.shares.partition_point(|&s| s <= target).min(ask.faces.len() - 1);
@@ -209,8 +208,8 @@ impl<'a> Receiver<'a> {
                 let d = y - ask.at;
                 let r2 = d.length_squared().max(f32::MIN_POSITIVE);
                 let kernel = ask.normal.dot(d).max(0.0) * (-face.normal.dot(d)).max(0.0) / (r2 * r2);
-                weights[lane] = kernel * face.area * super::mean(face.exitance) as f32 / share;
-                if weights[lane] > 0.0 {
+                *weight = kernel * face.area * super::mean(face.exitance) as f32 / share;
+                if *weight > 0.0 {
                     packet.set(lane, ask.at, y, self.solver.ends);
                 }
             }
