@@ -11,9 +11,10 @@ const NOTHING: f64 = 0.1;
 /// Row sums of other leaves above this are wrong.
 const TOO_MUCH: f64 = 1.25;
 /// Most rounds of balancing, and the root mean square error of the row sums (by area) at which it ends.
-const ROUNDS: usize = 40;
+const ROUNDS: usize = 20;
 const BALANCED: f64 = 3e-5;
-/// Largest factor of a leaf, and one over the smallest.
+/// Least and largest factor of a leaf.
+const LEAST: f32 = 1e-4;
 const MOST: f32 = 4.0;
 /// Least and largest factor by which the reflected light is scaled after a sweep.
 const LEAST_SCALE: f64 = 0.2;
@@ -89,7 +90,7 @@ impl Solver<'_> {
                     Rows::Sampled => Closure::NONE,
                     Rows::Closed => Closure { gathers: missing as f32, sends: 1.0 },
                     Rows::Balanced => {
-                        let factor = (before * missing.sqrt() as f32).clamp(1.0 / MOST, MOST);
+                        let factor = (before * missing.sqrt() as f32).clamp(LEAST, MOST);
                         Closure { gathers: factor, sends: factor }
                     }
                 };
@@ -104,6 +105,13 @@ impl Solver<'_> {
             }
             cut.reclose(&self.elements, &self.closure);
             sums = self.row_sums(&cut);
+        }
+        // Whatever balancing has left, no leaf gathers more than all.
+        for (e, &sum) in sums.iter().enumerate() {
+            let row = f64::from(self.closure[e].gathers) * sum;
+            if row > TOO_MUCH && self.rows == Rows::Balanced {
+                self.closure[e].gathers /= row as f32;
+            }
         }
         sampled
     }

@@ -101,7 +101,7 @@ impl<'a> Receiver<'a> {
                 powers.push(power);
             }
         }
-        let rows = ((options.gather_rays() as f64).sqrt() / 4.0).ceil() as usize * 4;
+        let rows = ((options.gather_rays(elements.large_from > 0) as f64).sqrt() / 4.0).ceil() as usize * 4;
         let sets = if options.direct_only { 0 } else { SETS };
         let hemispheres = (0..sets).map(|k| hemisphere(rows, mix(options.seed ^ k as u64))).collect();
         let table = (0..options.light_rays() as u32)
