@@ -3,7 +3,7 @@
 use super::args::{Common, SceneArgs, check_folder, grouped};
 use super::outputs::Outputs;
 use mrvis::files::WholeFile;
-use mrvis::points::{Irradiance, read_points, write_irradiance};
+use mrvis::points::{Irradiance, Point, read_points, write_irradiance};
 use mrvis::solver::{self, Options, Record, Visibility};
 use mrvis::{Error, Result};
 use std::fmt::Write;
@@ -114,8 +114,9 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         let file = Irradiance { points, values: outcome.irradiance, standard_errors: Vec::new() };
         write_irradiance(&args.out.join("irradiance.csv"), &file)?;
     }
-    let shown =
-        args.outputs.write(&args.common, &scene, &outcome.solution, &args.out, args.points.is_some())?;
+    let at = |points: &[Point]| Ok(solver::run(&scene, points, &options, &())?.irradiance);
+    let with_points = args.points.is_some();
+    let shown = args.outputs.write(&args.common, &scene, &outcome.solution, &args.out, with_points, at)?;
     args.common.write_json(&outcome.record)?;
     args.common.print(&summary(&outcome.record))?;
     for file in shown {
