@@ -25,6 +25,21 @@ pub const AXES: [Vec3; AXIS_COUNT] = [
     Vec3::new(CORNER, -CORNER, -CORNER),
 ];
 
+/// Number of directions that are measured to check what the axes say of them.
+pub(super) const PROBE_COUNT: usize = 3;
+
+/// Unit directions as far from all axes as can be, nearly at right angles: their mixes hold each axis in equal parts.
+pub(super) const PROBES: [Vec3; PROBE_COUNT] = [
+    Vec3::new(0.801_783_7, 0.534_522_5, 0.267_261_24),
+    Vec3::new(0.267_261_24, -0.801_783_7, 0.534_522_5),
+    Vec3::new(0.534_522_5, -0.267_261_24, -0.801_783_7),
+];
+
+/// The axes, then the probes.
+pub(super) fn view(k: usize) -> Vec3 {
+    if k < AXIS_COUNT { AXES[k] } else { PROBES[k - AXIS_COUNT] }
+}
+
 /// Three axes around a direction and their weights, which sum to 1.
 ///
 /// With |components| a >= b >= c the direction is (a-b)·face + (b-c)·edge + c·corner with the unnormalised face

@@ -107,6 +107,12 @@ impl Cells {
         kappa
     }
 
+    /// Mean transmission that an extinction says less the one that is there.
+    pub fn mean_error(&self, kappa: f32) -> f32 {
+        let said: f32 = self.inside.iter().zip(&self.path).map(|(n, l)| n * decay(kappa * l)).sum();
+        (said - self.free.iter().sum::<f32>()) / self.inside.iter().sum::<f32>().max(1.0)
+    }
+
     /// The grain, in pixels, for an extinction and a tolerance (root mean square of the transmission's error).
     pub fn grain(&mut self, kappa: f32, tolerance: f32) -> f32 {
         let total: f32 = self.inside.iter().sum();

@@ -10,6 +10,7 @@ mod silhouette;
 mod tests;
 
 pub use axes::{AXES, AXIS_COUNT, AxisMix};
+use axes::{PROBES, view};
 
 use crate::hierarchy::Tree;
 use crate::math::{Aabb, triangle_area};
@@ -74,6 +75,9 @@ pub struct Traits {
     /// For a cluster that is mostly cut out of larger connected surfaces the blocked size of the smallest ancestor
     /// that is not, else 0; length. Pieces of one thing cast one shadow, however small each is (method D.6).
     pub joint: [f32; AXIS_COUNT],
+    /// Root mean square error of the mean transmission in directions between the axes, which were measured but not
+    /// fitted: the cluster's certificate (method E.2), in `[0, 1]`.
+    pub error: f32,
 }
 
 impl Traits {
@@ -110,8 +114,8 @@ pub fn characterise(scene: &Scene, tree: &Tree, options: &Options) -> Vec<Traits
             if !is_direct(c) {
                 return (None, None);
             }
-            for (axis, silhouette) in scratch.silhouettes.iter_mut().enumerate() {
-                silhouette.draw(scene, tree.triangles_of(c), boxes[c], axis);
+            for (k, silhouette) in scratch.silhouettes.iter_mut().enumerate() {
+                silhouette.draw(scene, tree.triangles_of(c), boxes[c], view(k));
             }
             let traits = scratch.measure(average(c), options);
             let keep = c > 0 && !is_direct(tree.clusters[c].parent as usize);
@@ -123,9 +127,9 @@ pub fn characterise(scene: &Scene, tree: &Tree, options: &Options) -> Vec<Traits
         let made: Vec<(Traits, Box<Silhouettes>)> = level
             .par_iter()
             .map_init(Scratch::default, |scratch, &c| {
-                for (axis, silhouette) in scratch.silhouettes.iter_mut().enumerate() {
+                for (k, silhouette) in scratch.silhouettes.iter_mut().enumerate() {
                     let parts = pictures[tree.clusters[c].child_range()].iter().flatten();
-                    silhouette.compose(parts.map(|p| &p[axis]), boxes[c], axis);
+                    silhouette.compose(parts.map(|p| &p[k]), boxes[c], view(k));
                 }
                 (scratch.measure(average(c), options), Box::new(scratch.silhouettes.clone()))
             })
@@ -181,18 +185,34 @@ impl Scratch {
             coverage: [0.0; AXIS_COUNT],
             grain: [0.0; AXIS_COUNT],
             joint: [0.0; AXIS_COUNT],
+            error: 0.0,
         };
-        for (axis, silhouette) in self.silhouettes.iter().enumerate() {
+        let (axes, probes) = self.silhouettes.split_at(AXIS_COUNT);
+        for (axis, silhouette) in axes.iter().enumerate() {
             let m = self.measure.take(silhouette, (analytic, slope), options);
             (traits.blocked[axis], traits.free[axis], traits.coverage[axis]) =
                 (m.blocked, m.free, m.coverage);
             (traits.extinction[axis], traits.grain[axis]) = (m.extinction, m.grain);
         }
         if options.isotropic {
-            let Traits { blocked, free, coverage, grain, extinction, slope: _, joint: _ } = &mut traits;
+            let Traits { blocked, free, coverage, grain, extinction, slope: _, joint: _, error: _ } =
+                &mut traits;
             for values in [blocked, free, coverage, grain, extinction] {
                 *values = [values.iter().sum::<f32>() / AXIS_COUNT as f32; AXIS_COUNT];
             }
+        }
+        // The tolerance holds for beams so wide that what they pass beside the cluster dilutes its error.
+        let (mut square, mut largest, mut count) = (0.0f32, 0.0f32, 0.0f32);
+        for (silhouette, probe) in probes.iter().zip(PROBES) {
+            let kappa = AxisMix::around(probe).mix(|axis| traits.extinction[axis]);
+            if let Some((error, area)) = self.measure.probe(silhouette, kappa, slope) {
+                (square, largest, count) = (square + error * error, largest.max(area), count + 1.0);
+            }
+        }
+        traits.error = (square / count.max(1.0)).sqrt();
+        if traits.error > options.tolerance {
+            let width = (largest * traits.error / options.tolerance).sqrt();
+            traits.grain.iter_mut().for_each(|grain| *grain = grain.max(width));
         }
         traits
     }

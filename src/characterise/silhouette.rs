@@ -1,6 +1,6 @@
 //! Orthographic projections of a cluster and the sizes measured on them [SD95 sec 3.3]; method A.7.
 
-use super::axes::{AXES, AXIS_COUNT};
+use super::axes::{AXIS_COUNT, PROBE_COUNT};
 use super::grain::Cells;
 use super::{Extinction, Options};
 use crate::math::Aabb;
@@ -14,7 +14,8 @@ const TURN: (f32, f32) = (0.948_683_3, 0.316_227_76);
 /// Where the pixels of a projection lie.
 #[derive(Clone, Copy)]
 pub(super) struct Frame {
-    axis: usize,
+    /// Direction of the view, a unit vector.
+    view: Vec3,
     bounds: Aabb,
     /// Length of a pixel; zero if there is nothing to see.
     pixel: f32,
@@ -26,11 +27,11 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    /// The projection of a box along an axis, `across` pixels on its longer side.
-    fn of(bounds: Aabb, axis: usize, across: usize) -> Frame {
+    /// The projection of a box along a direction, `across` pixels on its longer side.
+    fn of(bounds: Aabb, view: Vec3, across: usize) -> Frame {
         // Turned against the coordinate axes: regular, axis-aligned bars thinner than a pixel would all fall between
         // the pixel centres or all on them (method D.19).
-        let (u, v) = AXES[axis].any_orthonormal_pair();
+        let (u, v) = view.any_orthonormal_pair();
         let (u, v) = (TURN.0 * u + TURN.1 * v, TURN.0 * v - TURN.1 * u);
         let half = 0.5 * bounds.extent();
         let reach = Vec2::new(half.dot(u.abs()), half.dot(v.abs()));
@@ -39,7 +40,7 @@ impl Frame {
         let (u, v) = (u / pixel, v / pixel);
         let centre = bounds.center();
         let offset = 0.5 * size.as_vec2() - Vec2::new(centre.dot(u), centre.dot(v));
-        Frame { axis, bounds, pixel, size, u, v, offset }
+        Frame { view, bounds, pixel, size, u, v, offset }
     }
 
     #[inline(always)]
@@ -48,7 +49,7 @@ impl Frame {
     }
 }
 
-/// The silhouette of a cluster along one axis.
+/// The silhouette of a cluster along one direction.
 #[derive(Clone)]
 pub(super) struct Silhouette {
     frame: Frame,
@@ -58,14 +59,17 @@ pub(super) struct Silhouette {
 impl Default for Silhouette {
     fn default() -> Self {
         let nothing = Aabb { min: Vec3::ZERO, max: Vec3::ZERO };
-        Silhouette { frame: Frame { pixel: 0.0, ..Frame::of(nothing, 0, 1) }, contents: BitImage::default() }
+        Silhouette {
+            frame: Frame { pixel: 0.0, ..Frame::of(nothing, Vec3::X, 1) },
+            contents: BitImage::default(),
+        }
     }
 }
 
 impl Silhouette {
     /// Draws triangles of the scene.
-    pub fn draw(&mut self, scene: &Scene, triangles: &[u32], bounds: Aabb, axis: usize) {
-        self.begin(bounds, axis, if triangles.len() <= 16 { 32 } else { ACROSS });
+    pub fn draw(&mut self, scene: &Scene, triangles: &[u32], bounds: Aabb, view: Vec3) {
+        self.begin(bounds, view, if triangles.len() <= 16 { 32 } else { ACROSS });
         for &t in triangles {
             fill_triangle(&mut self.contents, scene.corners(t).map(|p| self.frame.project(p)));
         }
@@ -73,10 +77,10 @@ impl Silhouette {
 
     /// Puts together the silhouettes of the parts: each pixel centre is looked up in them. As fair a sample as
     /// drawing the triangles, because their pixels are no larger than these.
-    pub fn compose<'a>(&mut self, parts: impl Iterator<Item = &'a Silhouette>, bounds: Aabb, axis: usize) {
-        self.begin(bounds, axis, ACROSS);
+    pub fn compose<'a>(&mut self, parts: impl Iterator<Item = &'a Silhouette>, bounds: Aabb, view: Vec3) {
+        self.begin(bounds, view, ACROSS);
         for part in parts.filter(|p| p.frame.pixel > 0.0) {
-            // The same axis has the same plane vectors, so pixels map by scale and shift.
+            // The same direction has the same plane vectors, so pixels map by scale and shift.
             let scale = self.frame.pixel / part.frame.pixel;
             let shift = part.frame.offset - scale * self.frame.offset;
             let corner = (-part.frame.offset / scale + self.frame.offset).floor().max(Vec2::ZERO).as_uvec2();
@@ -97,8 +101,8 @@ impl Silhouette {
         }
     }
 
-    fn begin(&mut self, bounds: Aabb, axis: usize, across: usize) {
-        self.frame = Frame::of(bounds, axis, across);
+    fn begin(&mut self, bounds: Aabb, view: Vec3, across: usize) {
+        self.frame = Frame::of(bounds, view, across);
         if self.frame.pixel > 0.0 {
             self.contents.reset(self.frame.size.x as usize, self.frame.size.y as usize);
         }
@@ -138,18 +142,16 @@ impl Measure {
         (analytic, slope): (f32, Vec3),
         options: &Options,
     ) -> Measured {
-        let Frame { axis, bounds, pixel, size, u, v, .. } = silhouette.frame;
+        let Frame { view, bounds, pixel, .. } = silhouette.frame;
         if pixel <= 0.0 {
             return Measured { blocked: 0.0, free: 0.0, coverage: 0.0, extinction: analytic, grain: 0.0 };
         }
-        self.hull.reset(size.x as usize, size.y as usize);
-        fill_box(&mut self.hull, &silhouette.frame);
-        if self.hull.count() < THINNEST * size.max_element() as usize {
+        if !self.project(silhouette, slope) {
             // Seen on its edge, thinner than the raster: nothing can be said but that it may block all it covers,
             // and that only a beam wider than the whole averages it. Opaque is e^-7 on the mean path V / front.
             let grain = bounds.diagonal();
             let e = bounds.extent();
-            let front = Vec3::new(e.y * e.z, e.z * e.x, e.x * e.y).dot(AXES[axis].abs());
+            let front = Vec3::new(e.y * e.z, e.z * e.x, e.x * e.y).dot(view.abs());
             let opaque = (7.0 * f64::from(front) / bounds.volume().max(f64::MIN_POSITIVE)) as f32;
             let extinction = match options.extinction {
                 Extinction::Analytic => analytic,
@@ -157,13 +159,7 @@ impl Measure {
             };
             return Measured { blocked: pixel, free: 0.0, coverage: 1.0, extinction, grain };
         }
-        // Outside the projected box counts as object: only gaps inside are free regions.
-        self.gaps.clone_from(&self.hull);
-        self.gaps.subtract(&silhouette.contents);
         let coverage = 1.0 - self.gaps.count() as f32 / self.hull.count().max(1) as f32;
-        let (u, v) = (pixel * pixel * u, pixel * pixel * v);
-        let origin = bounds.center() - 0.5 * (size.x as f32 * u + size.y as f32 * v);
-        self.cells.fill((&self.hull, &self.gaps), (bounds, slope), AXES[axis], (origin, u, v));
         let extinction = match options.extinction {
             Extinction::Analytic => analytic,
             Extinction::Measured => self.cells.fitted_extinction(),
@@ -180,14 +176,41 @@ impl Measure {
             grain: self.cells.grain(extinction, options.tolerance) * pixel,
         }
     }
+
+    /// What extinction `kappa` says of the mean transmission of a projection, less what it is, and the projected
+    /// area. None if the projection is too thin to be measured.
+    pub fn probe(&mut self, silhouette: &Silhouette, kappa: f32, slope: Vec3) -> Option<(f32, f32)> {
+        let pixel = silhouette.frame.pixel;
+        if pixel <= 0.0 || !self.project(silhouette, slope) {
+            return None;
+        }
+        Some((self.cells.mean_error(kappa), self.hull.count() as f32 * pixel * pixel))
+    }
+
+    /// Makes the projected box, its free part and their cells; false if it is too thin.
+    fn project(&mut self, silhouette: &Silhouette, slope: Vec3) -> bool {
+        let Frame { view, bounds, pixel, size, u, v, .. } = silhouette.frame;
+        self.hull.reset(size.x as usize, size.y as usize);
+        fill_box(&mut self.hull, &silhouette.frame);
+        if self.hull.count() < THINNEST * size.max_element() as usize {
+            return false;
+        }
+        // Outside the projected box counts as object: only gaps inside are free regions.
+        self.gaps.clone_from(&self.hull);
+        self.gaps.subtract(&silhouette.contents);
+        let (u, v) = (pixel * pixel * u, pixel * pixel * v);
+        let origin = bounds.center() - 0.5 * (size.x as f32 * u + size.y as f32 * v);
+        self.cells.fill((&self.hull, &self.gaps), (bounds, slope), view, (origin, u, v));
+        true
+    }
 }
 
-/// Silhouettes along all axes.
-pub(super) type Silhouettes = [Silhouette; AXIS_COUNT];
+/// Silhouettes along all axes, then along the probes.
+pub(super) type Silhouettes = [Silhouette; AXIS_COUNT + PROBE_COUNT];
 
 /// The projection of a box: its three faces that the direction leaves through, each two triangles.
 fn fill_box(image: &mut BitImage, frame: &Frame) {
-    let (bounds, direction) = (frame.bounds, AXES[frame.axis]);
+    let (bounds, direction) = (frame.bounds, frame.view);
     for axis in 0..3 {
         if direction[axis] == 0.0 {
             continue;
