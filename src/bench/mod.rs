@@ -1,5 +1,6 @@
 //! The measurement `mrvis bench`: exact against multi-resolution visibility on the same segments.
 
+mod audit;
 mod gallery;
 pub mod measure;
 mod options;
@@ -7,6 +8,7 @@ pub mod page;
 mod progress;
 mod receivers;
 pub mod record;
+pub mod reference;
 mod rows;
 mod run;
 mod sizes;

@@ -1,6 +1,7 @@
 //! What a run measures, and whether it makes sense for a scene.
 
 use crate::cache::Place;
+use crate::characterise;
 use crate::scene::Scene;
 use crate::{Error, Result};
 
@@ -28,6 +29,10 @@ pub struct Options {
     pub threads: usize,
     /// Seed of every random choice.
     pub seed: u64,
+    /// Part of the pairs, in `[0, 1]`, on which a few exact rays of its own check each row; 0: none.
+    pub audit: f64,
+    /// How clusters are measured.
+    pub clusters: characterise::Options,
     /// Where the measured clusters are kept for the next run.
     pub cache: Place,
 }
@@ -42,6 +47,8 @@ impl Default for Options {
             reference_rays: 1024,
             threads: 1,
             seed: 1,
+            audit: 0.05,
+            clusters: characterise::Options::default(),
             cache: Place::Off,
         }
     }
@@ -68,6 +75,18 @@ impl Options {
         if let Some(s) = self.feature_sizes.iter().find(|&&s| !usable(s)) {
             return Err(Error::Argument(format!(
                 "--feature-size {s}: must be a length above 0 in scene units"
+            )));
+        }
+        if !(0.0..=1.0).contains(&self.audit) {
+            return Err(Error::Argument(format!(
+                "--audit {}: must be a part of the bundles, in 0..1",
+                self.audit
+            )));
+        }
+        let tolerance = self.clusters.tolerance;
+        if !(tolerance > 0.0 && tolerance <= 1.0) {
+            return Err(Error::Argument(format!(
+                "--tolerance {tolerance}: must be an error of the transmission above 0, at most 1"
             )));
         }
         Ok(())
@@ -97,7 +116,7 @@ impl Options {
             scene.faces_named(name)?;
         }
         // Points, pairs, both halves of the reference and the largest row with its intervals.
-        let bytes = self.points as f64 * (32.0 + scene.emitters.len() as f64 * 40.0);
+        let bytes = self.points as f64 * (32.0 + scene.emitters.len() as f64 * 48.0);
         match available_memory() {
             Some(available) if bytes > MEMORY_PART * available => Err(Error::Argument(format!(
                 "--points {} with {} emitters need about {:.1} GB of memory, {:.1} GB are available: lower --points",
@@ -133,8 +152,15 @@ mod tests {
             Options { points: 1_000_000_000, ..good.clone() },
             Options { reference_rays: 0, ..good.clone() },
             Options { threads: 0, ..good.clone() },
+            Options { audit: -0.1, ..good.clone() },
+            Options { audit: 1.5, ..good.clone() },
+            Options { audit: f64::NAN, ..good.clone() },
         ];
         assert!(bad.iter().all(|o| o.check().is_err()));
+        for tolerance in [0.0, -1.0, 1.5, f32::NAN] {
+            let clusters = characterise::Options { tolerance, ..Default::default() };
+            assert!(Options { clusters, ..good.clone() }.check().is_err(), "{tolerance}");
+        }
         for s in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-300, 1e300] {
             assert!(Options { feature_sizes: vec![s], ..good.clone() }.check().is_err(), "{s}");
         }

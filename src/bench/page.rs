@@ -15,6 +15,7 @@ mod plots;
 mod prose;
 mod receivers;
 mod tables;
+mod trust;
 
 const STYLE: &str = include_str!("page/style.css");
 
@@ -59,6 +60,7 @@ pub fn render(record: &Record, receivers: &[ReceiverImages]) -> Result<String> {
                         (plots::error_against_time(record)?)
                     }
                     (tables::measurements(record))
+                    (trust::calibration(record)?)
                     section {
                         h2 { "Shadow images" }
                         @if receivers.is_empty() { p { "No receiver was imaged in this run." } }

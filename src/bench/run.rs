@@ -1,6 +1,6 @@
 //! One run from a scene to a record and images.
 
-use super::measure::{Sample, Timer};
+use super::measure::{Questions, Sample, Timer};
 use super::options::Options;
 use super::page::ReceiverImages;
 use super::progress::Progress;
@@ -9,7 +9,7 @@ use super::rows::Bench;
 use super::sizes::default_sizes;
 use super::workload::{Workload, surface_points};
 use crate::cache::{self, Table};
-use crate::characterise::{Traits, characterise};
+use crate::characterise::{Extinction, Traits, characterise};
 use crate::embree::{CommittedScene, Device, SceneBuilder};
 use crate::hierarchy::{self, Hierarchy};
 use crate::scene::Scene;
@@ -67,7 +67,9 @@ pub fn run(
         (hierarchy.micro.bytes() + hierarchy.large.bytes() + size_of_val(traits.as_slice()) + mr.bytes())
             as u64;
 
-    let (reference, exact, mut rows) = bench.points(&workload, &mr);
+    let every: Vec<usize> = (0..workload.pairs.len()).collect();
+    let questions = Questions { scene, workload: &workload, pairs: &every };
+    let (reference, exact, mut rows) = bench.points(questions, &mr);
     let (receivers, images) = bench.images(&mr, &mut rows, &mut warnings)?;
     let record = Record {
         mrvis: env!("CARGO_PKG_VERSION").into(),
@@ -79,6 +81,13 @@ pub fn run(
         scene: facts(scene, &hierarchy),
         scene_repairs: serde_json::to_value(&scene.repairs).unwrap_or_default(),
         warnings,
+        clusters: record::Clusters {
+            extinction: match options.clusters.extinction {
+                Extinction::Measured => "measured".into(),
+                Extinction::Analytic => "analytic".into(),
+            },
+            tolerance: options.clusters.tolerance.into(),
+        },
         build,
         workload: record::Workload {
             points: options.points,
@@ -96,7 +105,7 @@ pub fn run(
 
 /// Clusters and their measures: made, or from the cache.
 fn table(scene: &Scene, options: &Options, build: &mut record::Build, progress: &dyn Progress) -> Table {
-    let how = cache::Options::default();
+    let how = cache::Options { characterise: options.clusters, ..Default::default() };
     let start = Instant::now();
     progress.stage("looking for measured clusters", 0);
     let (table, origin, note) = cache::table(scene, &options.cache, &how, || {

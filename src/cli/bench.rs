@@ -7,6 +7,7 @@ use super::args::{CacheArgs, Common, SceneArgs, check_folder};
 use super::progress::Bar;
 use mrvis::Result;
 use mrvis::bench::{self, Options, Progress, page};
+use mrvis::characterise::{self, Extinction};
 use mrvis::output::write_atomically;
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -36,6 +37,16 @@ pub struct Args {
     /// Rays from a point to an emitter in the reference
     #[arg(long, value_name = "N", default_value_t = 1024)]
     pub reference_rays: usize,
+    /// Check the stated intervals with a few exact rays of their own on this part of the bundles; 0: do not
+    #[arg(long, value_name = "FRACTION", default_value_t = 0.05)]
+    pub audit: f64,
+    /// Error of a cluster's transmission that is let pass; clusters that err by more are averaged only for beams wide
+    /// enough to make up for it
+    #[arg(long, value_name = "TOL", default_value_t = 0.05)]
+    pub tolerance: f32,
+    /// Where the extinction of a cluster comes from
+    #[arg(long, value_enum, default_value_t)]
+    pub extinction: ExtinctionLaw,
     /// Folder for images and report.html (made if missing)
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
@@ -43,6 +54,25 @@ pub struct Args {
     pub cache: CacheArgs,
     #[command(flatten)]
     pub common: Common,
+}
+
+/// Where extinction comes from; see [`Extinction`].
+#[derive(Clone, Copy, Debug, Default, clap::ValueEnum)]
+pub enum ExtinctionLaw {
+    /// from what the cluster lets through, seen from several sides
+    #[default]
+    Measured,
+    /// from its surface and volume, as in the paper
+    Analytic,
+}
+
+impl From<ExtinctionLaw> for Extinction {
+    fn from(law: ExtinctionLaw) -> Extinction {
+        match law {
+            ExtinctionLaw::Measured => Extinction::Measured,
+            ExtinctionLaw::Analytic => Extinction::Analytic,
+        }
+    }
 }
 
 /// Runs the command. Exit code 0.
@@ -60,6 +90,12 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         reference_rays: args.reference_rays,
         threads: common.threads.map_or(1, usize::from),
         seed: common.seed,
+        audit: args.audit,
+        clusters: characterise::Options {
+            extinction: args.extinction.into(),
+            tolerance: args.tolerance,
+            ..characterise::Options::default()
+        },
         cache: args.cache.place()?,
     };
     options.check()?;

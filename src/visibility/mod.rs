@@ -92,10 +92,10 @@ pub struct Answer {
     pub cost: Cost,
 }
 
-/// Wilson's 95 % interval for a mean of `n` values in `[0, 1]`.
+/// Wilson's 95 % interval for a mean of `n` (at least 1) values in `[0, 1]`.
 ///
 /// Right for zero-one values and conservative for others with the same mean (their variance is smaller).
-fn wilson(mean: f32, n: f32) -> (f32, f32) {
+pub fn wilson(mean: f32, n: f32) -> (f32, f32) {
     let z2 = 1.96f32 * 1.96;
     let centre = mean + z2 / (2.0 * n);
     let half = 1.96 * (mean * (1.0 - mean) / n + z2 / (4.0 * n * n)).max(0.0).sqrt();

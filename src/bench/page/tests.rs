@@ -1,7 +1,9 @@
 //! The page of an invented run; set `MRVIS_PAGE` to a file to look at it.
 
 use super::*;
-use crate::bench::record::{Build, ExactRow, Receiver, SceneFacts, Workload};
+use crate::bench::record::{
+    Audit, Build, CalibrationBin, Clusters, ExactRow, Receiver, SceneFacts, Workload,
+};
 
 /// Shadows of many small discs and a few large ones, blurred by `blur` texels, with noise of `noise`.
 fn shadows(large_only: bool, noise: f32, seed: u64) -> Image {
@@ -30,8 +32,32 @@ fn shadows(large_only: bool, noise: f32, seed: u64) -> Image {
     .unwrap()
 }
 
+fn audit() -> Audit {
+    let bin = |claimed: f64, observed: f64| CalibrationBin {
+        count: 100,
+        claimed,
+        observed,
+        observed_lo: 0.8 * observed,
+        observed_hi: 1.1 * observed,
+    };
+    Audit {
+        fraction: 0.05,
+        bundles: 300,
+        rays: 64,
+        claimed_rms: 0.07,
+        observed_rms: 0.05,
+        observed_lo: 0.045,
+        observed_hi: 0.056,
+        coverage: 0.98,
+        coverage_lo: 0.95,
+        coverage_hi: 0.99,
+        bins: vec![bin(0.02, 0.01), bin(0.05, 0.04), bin(0.12, 0.09)],
+    }
+}
+
 fn example() -> (Record, Vec<ReceiverImages>) {
     let exact = [1usize, 4, 16, 64, 256].map(|n| ExactRow {
+        certificates: false,
         coherent: n > 4,
         rays: n,
         seconds: 0.021 * n as f64,
@@ -54,6 +80,7 @@ fn example() -> (Record, Vec<ReceiverImages>) {
         rms,
         bias: -0.004,
         interval_coverage: 0.97,
+        audit: Some(audit()),
         aggregated_fraction: 0.81,
         exact_rays: 48_212,
         nodes_per_segment: 11.4,
@@ -79,6 +106,7 @@ fn example() -> (Record, Vec<ReceiverImages>) {
             clusters: 81_337,
             levels: 9,
         },
+        clusters: Clusters { extinction: "measured".into(), tolerance: 0.05 },
         scene_repairs: serde_json::json!({"zero_area_faces": 41, "duplicate_faces": 0, "welded_vertices": 120311,
             "messages": ["park.mtl:12: unknown material 'moss', grey used"]}),
         warnings: vec!["Another process used the machine while timing.".into()],
@@ -128,7 +156,7 @@ fn a_page_stands_alone_and_escapes_names() {
         assert!(found.all(|s| s.starts_with("http://www.w3.org/2000/svg")), "{outside}");
     }
     assert!(page.contains("park &lt;b&gt;.obj") && !page.contains("park <b>"));
-    assert_eq!(page.matches("<svg ").count(), 2);
+    assert_eq!(page.matches("<svg ").count(), 3);
     assert_eq!(page.matches("data:image/png;base64,").count(), 3 + 2 * 3);
     assert!(page.contains("24.1×") && page.contains("41 zero area faces"));
     assert_eq!(page, render(&record, &receivers).unwrap());

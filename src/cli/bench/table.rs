@@ -59,12 +59,12 @@ pub fn table(record: &Record) -> String {
     let _ = writeln!(text, "\nmulti-resolution                                           speed-up at same");
     let _ = writeln!(
         text,
-        "       s   rays       time        RMS       bias       RMS      FBEM   segment  averaged  nodes"
+        "       s   rays       time        RMS       bias       RMS      FBEM   segment  averaged  nodes  in bounds"
     );
     for row in &record.mr {
         let _ = writeln!(
             text,
-            "{:>8} {:>6} {:>10} {:>10.5} {:>+10.5} {:>9} {:>9} {:>9} {:>7.1} % {:>6}",
+            "{:>8} {:>6} {:>10} {:>10.5} {:>+10.5} {:>9} {:>9} {:>9} {:>7.1} % {:>6} {:>8.1} %",
             number(row.feature_size),
             row.rays,
             seconds(row.seconds),
@@ -74,12 +74,14 @@ pub fn table(record: &Record) -> String {
             times(row.speedup_at_same_fbem, false),
             times(Some(row.speedup_per_segment), false),
             100.0 * row.aggregated_fraction,
-            number(row.nodes_per_segment)
+            number(row.nodes_per_segment),
+            100.0 * row.interval_coverage
         );
     }
     if record.mr.iter().any(|row| row.extrapolated) {
         let _ = writeln!(text, "~ beyond the most exact rays measured, extrapolated");
     }
+    text += &audits(&record.mr);
     let _ = writeln!(text, "\n{}", headline(record.best(), unit));
     text
 }
@@ -95,6 +97,22 @@ fn clusters(build: &Build) -> String {
         "hierarchy {}, measuring clusters {}{kept}",
         seconds(build.hierarchy_s),
         seconds(build.characterise_s)
+    )
+}
+
+/// What the audits found, in one line.
+fn audits(rows: &[MrRow]) -> String {
+    let audits: Vec<_> = rows.iter().filter_map(|row| row.audit.as_ref()).collect();
+    let Some(first) = audits.first() else { return String::new() };
+    let bold = audits.iter().filter(|a| a.observed_lo > a.claimed_rms).count();
+    let lowest = audits.iter().map(|a| a.coverage).fold(1.0, f64::min);
+    format!(
+        "audit of {} bundles, {} exact rays each: {bold} of {} rows err by more than they claim; at least {:.1} % of \
+         the intervals agree\n",
+        first.bundles,
+        first.rays,
+        audits.len(),
+        100.0 * lowest
     )
 }
 
