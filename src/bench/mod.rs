@@ -12,6 +12,7 @@ pub mod reference;
 mod rows;
 mod run;
 mod sizes;
+mod unbiased;
 pub mod workload;
 
 pub use options::Options;

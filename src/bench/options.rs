@@ -31,6 +31,8 @@ pub struct Options {
     pub seed: u64,
     /// Part of the pairs, in `[0, 1]`, on which a few exact rays of its own check each row; 0: none.
     pub audit: f64,
+    /// Whether estimates without bias are measured too.
+    pub unbiased: bool,
     /// How clusters are measured.
     pub clusters: characterise::Options,
     /// Where the measured clusters are kept for the next run.
@@ -48,6 +50,7 @@ impl Default for Options {
             threads: 1,
             seed: 1,
             audit: 0.05,
+            unbiased: false,
             clusters: characterise::Options::default(),
             cache: Place::Off,
         }

@@ -7,7 +7,7 @@
 
 mod trust;
 
-pub use trust::{Audit, CalibrationBin};
+pub use trust::{Audit, CalibrationBin, UnbiasedLevel, UnbiasedRow};
 
 use serde::{Deserialize, Serialize};
 
@@ -46,6 +46,9 @@ pub struct Record {
     pub exact: Vec<ExactRow>,
     /// Multi-resolution visibility, by feature size.
     pub mr: Vec<MrRow>,
+    /// Estimates without bias, if they were asked for.
+    #[serde(default)]
+    pub unbiased: Vec<UnbiasedRow>,
     /// Shadow images.
     pub receivers: Vec<Receiver>,
 }

@@ -5,7 +5,7 @@ use super::options::Options;
 use super::page::ReceiverImages;
 use super::progress::Progress;
 use super::record::{self, Record, SceneFacts};
-use super::rows::Bench;
+use super::rows::{Bench, plain_curve};
 use super::sizes::default_sizes;
 use super::workload::{Workload, surface_points};
 use crate::cache::{self, Table};
@@ -70,6 +70,10 @@ pub fn run(
     let every: Vec<usize> = (0..workload.pairs.len()).collect();
     let questions = Questions { scene, workload: &workload, pairs: &every };
     let (reference, exact, mut rows) = bench.points(questions, &mr);
+    let unbiased = match options.unbiased {
+        true => bench.unbiased(questions, &mr, &reference, &plain_curve(&exact)),
+        false => Vec::new(),
+    };
     let (receivers, images) = bench.images(&mr, &mut rows, &mut warnings)?;
     let record = Record {
         mrvis: env!("CARGO_PKG_VERSION").into(),
@@ -98,6 +102,7 @@ pub fn run(
         },
         exact,
         mr: rows,
+        unbiased,
         receivers,
     };
     Ok((record, images))

@@ -40,6 +40,9 @@ pub struct Args {
     /// Check the stated intervals with a few exact rays of their own on this part of the bundles; 0: do not
     #[arg(long, value_name = "FRACTION", default_value_t = 0.05)]
     pub audit: f64,
+    /// Also measure estimates whose mean is the exact answer: averaged ones, corrected by a few exact segments
+    #[arg(long)]
+    pub unbiased: bool,
     /// Error of a cluster's transmission that is let pass; clusters that err by more are averaged only for beams wide
     /// enough to make up for it
     #[arg(long, value_name = "TOL", default_value_t = 0.05)]
@@ -91,6 +94,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         threads: common.threads.map_or(1, usize::from),
         seed: common.seed,
         audit: args.audit,
+        unbiased: args.unbiased,
         clusters: characterise::Options {
             extinction: args.extinction.into(),
             tolerance: args.tolerance,

@@ -19,11 +19,13 @@ mod slabs;
 #[cfg(test)]
 mod tests;
 mod triangles;
+mod unbiased;
 mod walk;
 mod wide;
 
 pub use exact::{Exact, fastest_traversal};
 pub use multires::{Leaf, MultiResolution, Workspace};
+pub use unbiased::{Correction, Estimate, Unbiased};
 
 use crate::ray::Packet;
 

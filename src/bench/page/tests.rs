@@ -131,6 +131,7 @@ fn example() -> (Record, Vec<ReceiverImages>) {
         },
         exact: exact.into(),
         mr: mr.into(),
+        unbiased: Vec::new(),
         receivers: vec![Receiver { name: "lawn".into(), ..Default::default() }],
     };
     let images = ReceiverImages {

@@ -33,6 +33,40 @@ pub struct Audit {
     pub bins: Vec<CalibrationBin>,
 }
 
+/// Estimates whose mean is the exact answer: an averaged level, corrected by exact segments.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct UnbiasedRow {
+    /// The averaged level, then the exact one.
+    pub levels: Vec<UnbiasedLevel>,
+    /// Segments from a point to an emitter of the averaged level.
+    pub rays: usize,
+    /// Time of the queries, seconds.
+    pub seconds: f64,
+    /// Time of measuring on a sample how to divide the work, seconds; not part of `seconds`.
+    pub pilot_s: f64,
+    /// Root mean square error.
+    pub rms: f64,
+    /// Mean error; positive: too bright. 0 but for chance.
+    pub bias: f64,
+    /// Standard error of `bias`.
+    pub bias_error: f64,
+    /// Time that plain exact rays need to reach this rms / this time; absent (null) when it cannot be told.
+    pub speedup_at_same_rms: Option<f64>,
+    /// Whether that rests on a time beyond the last exact row, extrapolated by rays^-1/2.
+    pub extrapolated: bool,
+}
+
+/// A level of an [`UnbiasedRow`].
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct UnbiasedLevel {
+    /// Feature size; length. Absent (null): exact.
+    pub feature_size: Option<f64>,
+    /// Part of their size, in `(0, 1]`, that emitters are taken for in deciding what is averaged.
+    pub emitter_part: f64,
+    /// Segments from a point to an emitter, on average.
+    pub rays: f64,
+}
+
 /// Bundles that claimed about the same error.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CalibrationBin {
