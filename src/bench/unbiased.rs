@@ -28,7 +28,7 @@ const PILOT: (usize, usize) = (16, 64);
 /// Least probability of a correction: rarer ones would make errors that nobody sees until they happen.
 const RAREST: f32 = 1.0 / 32.0;
 /// Least pairs that a class of the pilot is believed with.
-const FEW: f64 = 8.0;
+const FEW: f64 = 16.0;
 const CLASSES: usize = Correction::CLASSES;
 
 /// An averaged level and how it is corrected.
@@ -227,14 +227,14 @@ impl<'a> Pilot<'a> {
             engine.answers(&bundles, s, &mut workspace, |a| answers.push(a));
             seconds = seconds.min(start.elapsed().as_secs_f64() / pairs.len() as f64);
         }
-        let mut classes = [Class::default(); CLASSES];
+        let mut classes = vec![Class::default(); CLASSES];
         for ((answer, sums), &k) in answers.iter().zip(workspace.sums().chunks(per_pair)).zip(&order) {
             if answer.cost.aggregated > 0 {
                 let clear = &self.clear[k * per_pair..(k + 1) * per_pair];
                 classes[Correction::class(answer.transmittance)].add(clear, sums);
             }
         }
-        let (correction, work) = allocate(&classes, pairs.len(), per_pair, |corrections, packets| {
+        let (correction, work) = allocate(&classes, pairs.len(), |corrections, packets| {
             (self.variance + corrections) * (seconds + packets * self.seconds)
         });
         Plan { segments: self.segments, feature_size, emitter_part, correction, work }
@@ -242,97 +242,108 @@ impl<'a> Pilot<'a> {
 }
 
 /// Differences of exact and averaged packets of some pairs.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Class {
     count: f64,
-    /// Summed variance of a packet's mean difference within its pair.
-    variance: f64,
+    /// Summed variance within the pairs of the mean difference of 1, 2, 4, ... neighbouring packets: what is left when
+    /// so many of them, picked at random, stand for all.
+    left: Vec<f64>,
     /// Summed square of the pairs' mean differences.
     square: f64,
 }
 
 impl Class {
     fn add(&mut self, clear: &[f32], sums: &[f32]) {
-        let n = clear.len() as f64;
-        let difference = |(c, t): (&f32, &f32)| f64::from(c - t) / LANES as f64;
-        let mean = clear.iter().zip(sums).map(difference).sum::<f64>() / n;
-        let spread: f64 = clear.iter().zip(sums).map(|p| (difference(p) - mean).powi(2)).sum();
+        let differences: Vec<f64> =
+            clear.iter().zip(sums).map(|(c, t)| f64::from(c - t) / LANES as f64).collect();
+        let mean = differences.iter().sum::<f64>() / differences.len() as f64;
         self.count += 1.0;
-        self.variance += spread / (n - 1.0).max(1.0);
         self.square += mean * mean;
+        for (j, left) in sizes(clear.len()).enumerate() {
+            let parts = differences.chunks(left);
+            let n = parts.len() as f64;
+            let error = |part: &[f64]| (part.iter().sum::<f64>() / part.len() as f64 - mean).powi(2);
+            self.left.resize(self.left.len().max(j + 1), 0.0);
+            self.left[j] += parts.map(error).sum::<f64>() / n;
+        }
     }
 
-    /// Summed variance of corrections by `packets` of `all`; below 1: by one with that probability.
-    fn left(&self, packets: f64, all: f64) -> f64 {
-        let one = self.variance * (1.0 - 1.0 / all);
-        if packets >= 1.0 {
-            (self.variance * (1.0 / packets.min(all) - 1.0 / all)).max(0.0)
-        } else {
-            (one + self.square) / packets - self.square
-        }
+    fn join(mut self, other: &Class) -> Class {
+        self.left.resize(self.left.len().max(other.left.len()), 0.0);
+        self.left.iter_mut().zip(&other.left).for_each(|(a, b)| *a += b);
+        Class { count: self.count + other.count, square: self.square + other.square, ..self }
+    }
+
+    /// Numbers of packets to choose from, below 1 with that probability, and the summed variance that each leaves.
+    fn choices(&self) -> impl Iterator<Item = (f32, f64)> {
+        let one = self.left.first().copied().unwrap_or(0.0);
+        let rare = (1..=RAREST.log2().abs() as i32).map(move |k| {
+            let q = 0.5f64.powi(k);
+            (q as f32, (one + self.square) / q - self.square)
+        });
+        rare.chain(self.left.iter().enumerate().map(|(j, &left)| ((1usize << j) as f32, left)))
     }
 }
 
-/// Packets by class in proportion to the classes' deviations, as many in all as make `work(variance, packets)` least,
-/// where both are means over all `pairs`.
-fn allocate(
-    classes: &[Class; CLASSES],
-    pairs: usize,
-    per_pair: usize,
-    work: impl Fn(f64, f64) -> f64,
-) -> (Correction, f64) {
-    let (n, all) = (pairs.max(1) as f64, per_pair as f64);
-    let whole = classes.iter().fold(Class::default(), |a, b| Class {
-        count: a.count + b.count,
-        variance: a.variance + b.variance,
-        square: a.square + b.square,
-    });
-    // Classes that the pilot hardly saw are taken for what all are like.
-    let believed = classes.map(|c| if c.count < FEW { whole } else { c });
-    let deviation = believed.map(|c| (c.variance / c.count.max(1.0)).sqrt());
-    let choice = |scale: f64| {
-        let packets = deviation.map(|d| ((scale * d) as f32).clamp(RAREST, per_pair as f32));
-        let sums = classes.iter().zip(packets).fold((0.0, 0.0), |(v, p), (class, m)| {
-            (v + class.left(m.into(), all), p + class.count * f64::from(m))
-        });
-        (Correction { packets }, work(sums.0 / n, sums.1 / n))
+/// The powers of two that divide a number of packets.
+fn sizes(packets: usize) -> impl Iterator<Item = usize> {
+    (0..=packets.trailing_zeros()).map(|j| 1 << j)
+}
+
+/// Packets by class so that `work(variance, packets)` is least, where both are means over all `pairs`: each class takes
+/// what is best for it at a price for a packet (Lagrange), and the price is tried out.
+fn allocate(classes: &[Class], pairs: usize, work: impl Fn(f64, f64) -> f64) -> (Correction, f64) {
+    let n = pairs.max(1) as f64;
+    let whole = classes.iter().fold(Class::default(), Class::join);
+    let choice = |price: f64| {
+        let (mut packets, mut variance, mut asked) = ([1.0; CLASSES], 0.0, 0.0);
+        for (class, packets) in classes.iter().zip(&mut packets) {
+            // Classes that the pilot hardly saw are taken for what all are like.
+            let believed = if class.count < FEW { &whole } else { class };
+            let price = price * believed.count;
+            let best = believed
+                .choices()
+                .min_by(|a, b| (a.1 + price * f64::from(a.0)).total_cmp(&(b.1 + price * f64::from(b.0))));
+            let Some((m, left)) = best else { continue };
+            *packets = m;
+            let part = class.count / believed.count.max(1.0);
+            (variance, asked) = (variance + left * part, asked + class.count * f64::from(m));
+        }
+        (Correction { packets }, work(variance / n, asked / n))
     };
-    let largest = deviation.iter().fold(1e-6f64, |a, &b| a.max(b));
-    // From a thirty-second of a packet for the widest class to all for all.
-    let scales = (-10..=24).map(|k| f64::from(k as f32 * 0.5).exp2() / largest);
-    scales.map(choice).min_by(|a, b| a.1.total_cmp(&b.1)).expect("there are scales")
+    let prices = (-60..=4).map(|k| f64::from(k as f32 * 0.5).exp2());
+    prices.map(choice).min_by(|a, b| a.1.total_cmp(&b.1)).expect("there are prices")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn class(count: f64, variance: f64) -> Class {
-        Class { count, variance: count * variance, square: 0.0 }
+    /// As many pairs, whose differences have this variance for one packet of `all` and are independent.
+    fn class(count: f64, variance: f64, all: usize) -> Class {
+        let left = sizes(all).map(|m| count * variance * (1.0 / m as f64 - 1.0 / all as f64)).collect();
+        Class { count, left, square: 0.0 }
     }
 
     #[test]
     fn corrections_go_where_the_answers_vary() {
-        let mut classes = [Class::default(); CLASSES];
-        (classes[2], classes[11]) = (class(100.0, 0.0001), class(100.0, 0.01));
+        let mut classes = vec![Class::default(); CLASSES];
+        (classes[2], classes[11]) = (class(100.0, 0.0001, 64), class(100.0, 0.01, 64));
         let work = |variance: f64, packets: f64| (1e-5 + variance) * (1.0 + packets);
-        let (correction, least) = allocate(&classes, 200, 64, work);
+        let (correction, least) = allocate(&classes, 200, work);
         let [rare, often] = [2, 11].map(|c| f64::from(correction.packets[c]));
-        assert!((often / rare - 10.0).abs() < 0.1, "in proportion to the deviation: {rare} {often}");
+        assert!((4.0..=32.0).contains(&(often / rare)), "about in proportion: {rare} {often}");
         // No other number for all is better.
-        for k in 0..12 {
-            let m = 2f64.powi(k) / 32.0;
-            let left = (classes[2].left(m, 64.0) + classes[11].left(m, 64.0)) / 200.0;
-            assert!(work(left, m) > 0.999 * least, "{m}");
+        for ((m, a), (_, b)) in classes[2].choices().zip(classes[11].choices()) {
+            assert!(work((a + b) / 200.0, m.into()) > 0.999 * least, "{m}");
         }
     }
 
     #[test]
     fn costly_corrections_are_rare_and_never_left_out() {
-        let mut classes = [Class::default(); CLASSES];
-        classes[0] = class(1000.0, 1e-9);
-        classes[11] = class(50.0, 0.02);
-        let (correction, _) = allocate(&classes, 1050, 16, |v, p| (0.01 + v) * (1.0 + 100.0 * p));
+        let mut classes = vec![Class::default(); CLASSES];
+        (classes[0], classes[11]) = (class(1000.0, 1e-9, 16), class(50.0, 0.02, 16));
+        let (correction, _) = allocate(&classes, 1050, |v, p| (0.01 + v) * (1.0 + 100.0 * p));
         assert!(correction.packets.iter().all(|&m| m >= RAREST));
         assert_eq!(correction.packets[0], RAREST);
     }
@@ -341,8 +352,11 @@ mod tests {
     fn all_packets_leave_nothing() {
         let mut one = Class::default();
         one.add(&[16.0, 0.0, 8.0, 8.0], &[8.0; 4]);
-        assert_eq!((one.left(4.0, 4.0), one.square), (0.0, 0.0));
-        assert!(one.left(0.5, 4.0) > one.left(1.0, 4.0) && one.left(1.0, 4.0) > one.left(2.0, 4.0));
+        assert_eq!((one.left.len(), one.left[2], one.square), (3, 0.0, 0.0));
+        // Neighbours that make up for each other leave nothing either.
+        assert!(one.left[0] > 0.1 && one.left[1] == 0.0);
+        let left: Vec<f64> = one.choices().map(|c| c.1).collect();
+        assert!(left.windows(2).all(|w| w[0] > w[1] || w[1] == 0.0), "{left:?}");
     }
 
     #[test]

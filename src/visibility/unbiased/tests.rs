@@ -82,10 +82,15 @@ fn mean(stage: &Stage, from: Vec3, wanted: f32, packets: usize, runs: usize) -> 
         let chance = random.next_u64();
         let bundle = Bundle { packets: &all, emitter_size: 1.0 };
         averaged += f64::from(engine.answer(bundle, 10.0, &mut workspace).transmittance);
-        unbiased.estimates(&[bundle], |_| chance, &mut workspace, |e| {
-            sum += f64::from(e.visible);
-            square += f64::from(e.visible).powi(2);
-        });
+        unbiased.estimates(
+            &[bundle],
+            |_| chance,
+            &mut workspace,
+            |e| {
+                sum += f64::from(e.visible);
+                square += f64::from(e.visible).powi(2);
+            },
+        );
     }
     let n = runs as f64;
     let deviation = (square / n - (sum / n).powi(2)).max(0.0).sqrt();
@@ -109,7 +114,10 @@ fn the_mean_is_the_closed_form() {
     for wanted in [0.25, 1.0, 2.0] {
         let (found, error, _, averaged) = mean(&stage, from, wanted, 4, 1500);
         assert!((averaged - 0.5).abs() > 0.01, "nothing to mend: {averaged}");
-        assert!((found - 0.5).abs() < 4.0 * error + 1e-4, "{wanted}: {found} +- {error}, averaged {averaged}");
+        assert!(
+            (found - 0.5).abs() < 4.0 * error + 1e-4,
+            "{wanted}: {found} +- {error}, averaged {averaged}"
+        );
     }
 }
 
@@ -127,7 +135,10 @@ fn the_mean_is_that_of_exact_rays_in_random_clouds() {
         for wanted in [0.1, 1.0] {
             let (found, error, _, averaged) = mean(&stage, from, wanted, 8, 1200);
             assert!((averaged - truth).abs() > 4.0 * noise, "nothing to mend: {averaged}, {truth}");
-            assert!((found - truth).abs() < 4.0 * error.hypot(noise), "{wanted}: {found} +- {error}, {truth}");
+            assert!(
+                (found - truth).abs() < 4.0 * error.hypot(noise),
+                "{wanted}: {found} +- {error}, {truth}"
+            );
         }
     }
 }
