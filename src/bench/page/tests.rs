@@ -1,7 +1,9 @@
 //! The page of an invented run; set `MRVIS_PAGE` to a file to look at it.
 
 use super::*;
-use crate::bench::record::{Build, ExactRow, Receiver, SceneFacts, Workload};
+use crate::bench::record::{
+    Build, BytesPerTriangle, ExactRow, Receiver, ScalingRecord, ScalingRow, SceneFacts, Workload,
+};
 
 /// Shadows of many small discs and a few large ones, blurred by `blur` texels, with noise of `noise`.
 fn shadows(large_only: bool, noise: f32, seed: u64) -> Image {
@@ -93,6 +95,10 @@ fn example() -> (Record, Vec<ReceiverImages>) {
             budget_s: 0.1,
             hierarchy_bytes: 21_000_000,
             embree_bytes: 88_000_000,
+            bytes_per_triangle: BytesPerTriangle::of(
+                1_000_000,
+                [65_000_000, 8_000_000, 28_000_000, 64_000_000, 88_000_000],
+            ),
         },
         workload: Workload {
             points: 20_000,
@@ -104,6 +110,7 @@ fn example() -> (Record, Vec<ReceiverImages>) {
         exact: exact.into(),
         mr: mr.into(),
         receivers: vec![Receiver { name: "lawn".into(), ..Default::default() }],
+        scaling: Vec::new(),
     };
     let images = ReceiverImages {
         name: "lawn".into(),
@@ -148,6 +155,31 @@ fn empty_and_odd_records_still_make_a_page() {
     assert!(page.split("data:image").all(|part| !part.split_once('"').map_or(part, |p| p.1).contains("NaN")));
     receivers[0].mr[0].1 = Image::new(2, 2, 1.0, vec![0.0; 4]).unwrap();
     assert!(render(&record, &receivers).is_err());
+}
+
+#[test]
+fn growth_has_a_plot_and_a_verdict() {
+    let row = |series: &str, triangles: usize, mr: f64| ScalingRow {
+        series: series.into(),
+        triangles,
+        seconds_per_bundle_mr: mr,
+        seconds_per_bundle_exact: 1e-5,
+        ..Default::default()
+    };
+    let scaling =
+        vec![row("wider", 10_000, 1e-6), row("wider", 1_000_000, 1.25e-6), row("finer", 10_000, 1e-6)];
+    let (mut record, receivers) = example();
+    record.scaling = scaling.clone();
+    let page = render(&record, &receivers).unwrap();
+    let alone = render_scaling(&ScalingRecord { scaling, ..Default::default() }).unwrap();
+    assert_eq!((page.matches("<svg ").count(), alone.matches("<svg ").count()), (3, 1));
+    for page in [page, alone] {
+        assert!(page.contains("more trees: 100 times the triangles take 1.25 times the time"), "{page}");
+        assert!(page.contains("their logarithm is 1.5 times as large"));
+        assert!(!page.contains("finer leaves: "), "one row says nothing about growth");
+    }
+    let empty = render_scaling(&ScalingRecord::default()).unwrap();
+    assert!(empty.ends_with("</html>") && !empty.contains("<svg "));
 }
 
 #[test]

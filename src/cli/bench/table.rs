@@ -1,6 +1,7 @@
 //! The record for a terminal.
 
-use mrvis::bench::record::{Build, MrRow, Record};
+use super::super::args::grouped;
+use mrvis::bench::record::{Build, MrRow, Record, ScalingRow};
 use mrvis::output::number;
 use std::fmt::Write as _;
 
@@ -27,6 +28,12 @@ pub fn table(record: &Record) -> String {
         seconds(build.load_s),
         seconds(build.embree_s),
         clusters(build)
+    );
+    let b = build.bytes_per_triangle;
+    let _ = writeln!(
+        text,
+        "memory: {:.0} bytes a triangle (scene {:.0}, clusters {:.0}, measures {:.0}, traversal {:.0}, Embree {:.0})",
+        b.total, b.scene, b.hierarchy, b.traits, b.wide, b.embree
     );
     let _ = writeln!(
         text,
@@ -80,7 +87,34 @@ pub fn table(record: &Record) -> String {
     if record.mr.iter().any(|row| row.extrapolated) {
         let _ = writeln!(text, "~ beyond the most exact rays measured, extrapolated");
     }
+    if !record.scaling.is_empty() {
+        let _ = write!(text, "\n{}", scaling(&record.scaling));
+    }
     let _ = writeln!(text, "\n{}", headline(record.best(), unit));
+    text
+}
+
+/// How cost grows, for a terminal.
+pub fn scaling(rows: &[ScalingRow]) -> String {
+    let mut text = String::from(
+        "growth   triangles   a bundle: exact         RMS  multi-res.         RMS   nodes      built     memory  a triangle\n",
+    );
+    for row in rows {
+        let _ = writeln!(
+            text,
+            "{:<6} {:>11} {:>13.3} µs {:>11.5} {:>8.3} µs {:>11.5} {:>7} {:>10} {:>7.1} MB {:>9.1} B",
+            row.series,
+            grouped(row.triangles),
+            1e6 * row.seconds_per_bundle_exact,
+            row.rms_exact,
+            1e6 * row.seconds_per_bundle_mr,
+            row.rms_mr,
+            number(row.nodes_per_segment),
+            seconds(row.build_s),
+            row.bytes as f64 / 1e6,
+            row.bytes_per_triangle.total
+        );
+    }
     text
 }
 
