@@ -1,10 +1,10 @@
 //! How cost grows with the scene: the same question in forests of 10 thousand, 100 thousand, a million triangles.
 //!
 //! Two series, both at one feature size. *Wider*: more trees of the same kind over more ground, as dense as before,
-//! under a sky panel that covers the same part of the sky, and as many points on each tree. What a bundle meets stays the same,
-//! so time grows only with the depth of the trees that are searched. *Finer*: as many trees, with more and smaller
-//! leaves that shade as much; what grows is detail below the feature size, of which multi-resolution visibility should
-//! take no notice at all.
+//! under a sky panel that covers the same part of the sky, and as many points on each tree. What a bundle meets stays
+//! the same, so time grows only with the depth of the trees that are searched. *Finer*: as many trees, with more and
+//! smaller leaves that shade as much; what grows is detail below the feature size, of which multi-resolution visibility
+//! should take no notice at all.
 
 use super::measure::Timer;
 use super::options::Options;
