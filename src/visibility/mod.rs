@@ -81,8 +81,9 @@ impl Cost {
 pub struct Answer {
     /// Mean transmittance of the segments, in `[0, 1]`.
     pub transmittance: f32,
-    /// Stated 95 % interval, lower end: sampling error of the segments (Wilson) and dependence between the
-    /// aggregated clusters (Fréchet bounds, method D.7); not the error of the extinction model itself.
+    /// Stated 95 % interval, lower end: sampling error of the segments, certified errors of the aggregated clusters
+    /// for a beam as wide as the bundle, both within what any dependence between the clusters allows (Fréchet
+    /// bounds, method D.7).
     pub lo: f32,
     /// Upper end.
     pub hi: f32,
@@ -92,14 +93,22 @@ pub struct Answer {
     pub cost: Cost,
 }
 
-/// Wilson's 95 % interval for a mean of `n` values in `[0, 1]`.
-///
-/// Right for zero-one values and conservative for others with the same mean (their variance is smaller).
+/// Wilson's 95 % interval for a mean of `n` zero-one values.
 fn wilson(mean: f32, n: f32) -> (f32, f32) {
-    let z2 = 1.96f32 * 1.96;
-    let centre = mean + z2 / (2.0 * n);
-    let half = 1.96 * (mean * (1.0 - mean) / n + z2 / (4.0 * n * n)).max(0.0).sqrt();
-    let scale = 1.0 / (1.0 + z2 / n);
+    interval(mean, mean * (1.0 - mean), n, 0.0)
+}
+
+/// 95 % interval for a mean of `n` values in `[0, 1]` with this variance, to which a model adds an error of its own
+/// (root mean square).
+///
+/// Wilson's, with the values' variance where zero-one values have mean (1 - mean): what values that are all the same
+/// say of those that were not sampled is the same for both.
+fn interval(mean: f32, variance: f32, n: f32, model: f32) -> (f32, f32) {
+    const Z: f32 = 1.96;
+    let unseen = Z * Z / n;
+    let scale = 1.0 / (1.0 + unseen);
+    let centre = (mean + 0.5 * unseen) * scale;
+    let half = Z * scale * (variance / n + 0.25 * unseen / n + (model / scale).powi(2)).max(0.0).sqrt();
     // Rounding must not leave the mean outside.
-    (((centre - half) * scale).clamp(0.0, mean), ((centre + half) * scale).clamp(mean, 1.0))
+    ((centre - half).clamp(0.0, mean), (centre + half).clamp(mean, 1.0))
 }

@@ -5,8 +5,8 @@ use super::reference;
 use super::shaft::Shaft;
 use super::walk::{Buffers, Rule, Walked, walk};
 use super::wide::WideTree;
-use super::{Answer, Bundle, Cost, Exact, Method, wilson};
-use crate::characterise::Traits;
+use super::{Answer, Bundle, Cost, Exact, Method, interval, wilson};
+use crate::characterise::{self, Traits};
 use crate::embree::{CommittedScene, Traversal};
 use crate::hierarchy::Hierarchy;
 use crate::ray::Packet;
@@ -32,6 +32,9 @@ const BUDGET: u64 = 200;
 const EMBREE_WORK: f64 = 6.0;
 /// A walk gives up after so many times the work that exact rays are worth: many end soon after.
 const PATIENCE: u64 = 2;
+/// Part of the distance between Fréchet's bounds that counts as error: clusters are neither independent nor do they
+/// ever hide each other wholly. Measured in forests and a park.
+const DEPENDENCE: f32 = 0.1;
 /// Bundles that share a front, at most.
 const GROUP: usize = 64;
 /// How far the receiver ends of a group may lie apart, as part of the distance to the emitter.
@@ -47,6 +50,8 @@ pub struct MultiResolution<'a> {
     isa: Isa,
     /// Work a packet that exact rays are worth.
     budget: u64,
+    /// Error of transmission that feature sizes were measured for.
+    tolerance: f32,
 }
 
 /// Buffers of a thread, kept between calls.
@@ -79,7 +84,16 @@ impl<'a> MultiResolution<'a> {
             leaf,
             isa: Isa::detect(),
             budget: BUDGET,
+            tolerance: characterise::Options::default().tolerance,
         }
+    }
+
+    /// Says that the traits were measured with another [`characterise::Options::tolerance`]; stated intervals rest
+    /// on it.
+    #[must_use]
+    pub fn with_tolerance(mut self, tolerance: f32) -> Self {
+        self.tolerance = tolerance;
+        self
     }
 
     /// Uses another instruction set; one that the machine lacks is replaced by plain code.
@@ -119,7 +133,20 @@ impl<'a> MultiResolution<'a> {
         mut each: impl FnMut(Answer),
     ) {
         // Without rays a walk goes on whatever it takes.
-        self.walk_all(bundles, s, self.leaf == Leaf::Exact, workspace);
+        self.walk_all(bundles, Some(s), self.leaf == Leaf::Exact, workspace);
+        for (k, bundle) in bundles.iter().enumerate() {
+            each(self.finish(*bundle, k, workspace));
+        }
+    }
+
+    /// The visible fractions of several bundles, in their order, with nothing aggregated: exact visibility that asks
+    /// for certificates first.
+    ///
+    /// A shaft that meets nothing is clear and one that a single triangle covers is blocked without any ray (method
+    /// E.6); what few triangles the rest may meet are tested against all segments at once, and where they are many
+    /// Embree is asked.
+    pub fn certified(&self, bundles: &[Bundle], workspace: &mut Workspace, mut each: impl FnMut(Answer)) {
+        self.walk_all(bundles, None, true, workspace);
         for (k, bundle) in bundles.iter().enumerate() {
             each(self.finish(*bundle, k, workspace));
         }
@@ -141,9 +168,8 @@ impl<'a> MultiResolution<'a> {
     pub fn with_budget(mut self, sample: &[Bundle], workspace: &mut Workspace) -> Self {
         let (mut work, mut count) = (0.0, 0.0);
         for bundle in sample.iter().filter(|b| !b.packets.is_empty()) {
-            // No feature size is below zero: everything is opened.
-            let one = Bundle { packets: &bundle.packets[..1], emitter_size: 0.0 };
-            self.walk_all(&[one], 0.0, false, workspace);
+            let one = Bundle { packets: &bundle.packets[..1], ..*bundle };
+            self.walk_all(&[one], None, false, workspace);
             work += (workspace.walked[0].work as f64).sqrt();
             count += 1.0;
         }
@@ -163,7 +189,7 @@ impl<'a> MultiResolution<'a> {
     ) -> bool {
         let (mut own, mut exact) = (0, 0);
         for run in sample {
-            self.walk_all(run, s, false, workspace);
+            self.walk_all(run, Some(s), false, workspace);
             for (bundle, walked) in run.iter().zip(&workspace.walked) {
                 let (rays, limit) = (bundle.packets.len() as u64 * self.budget, self.limit(bundle));
                 own += if walked.work > limit { limit + rays } else { walked.work };
@@ -178,7 +204,7 @@ impl<'a> MultiResolution<'a> {
         PATIENCE * self.budget * bundle.packets.len() as u64
     }
 
-    fn walk_all(&self, bundles: &[Bundle], s: f32, bounded: bool, workspace: &mut Workspace) {
+    fn walk_all(&self, bundles: &[Bundle], s: Option<f32>, bounded: bool, workspace: &mut Workspace) {
         dispatch(self.isa, Ask { engine: self, bundles, s, bounded, workspace });
     }
 
@@ -205,9 +231,16 @@ impl<'a> MultiResolution<'a> {
             (false, true) => Method::Aggregated,
             (true, true) => Method::Mixed,
         };
-        let (lo, hi) = (wilson(walked.lo / n, n).0, wilson(walked.hi / n, n).1);
         // Nothing blocks a bundle without segments.
         let transmittance = if segments == 0 { 1.0 } else { (walked.transmittance / n).min(1.0) };
+        let variance = (walked.square / n - transmittance * transmittance).max(0.0);
+        let dependence = DEPENDENCE * (walked.hi - walked.lo).max(0.0) / n;
+        let model = (walked.model * walked.model + dependence * dependence).sqrt();
+        let (lo, hi) = interval(transmittance, variance, n, model);
+        // Whatever the dependence between the clusters, their own errors aside, the mean lies between Fréchet's
+        // bounds (method D.7), of which only samples are known.
+        let lo = lo.max(wilson(walked.lo / n, n).0 - 2.0 * model).clamp(0.0, transmittance);
+        let hi = hi.min(wilson(walked.hi / n, n).1 + 2.0 * model).clamp(transmittance, 1.0);
         Answer { transmittance, lo, hi, method, cost }
     }
 
@@ -227,7 +260,8 @@ impl<'a> MultiResolution<'a> {
 struct Ask<'a, 'b> {
     engine: &'a MultiResolution<'b>,
     bundles: &'a [Bundle<'a>],
-    s: f32,
+    /// Feature size; without one everything is opened.
+    s: Option<f32>,
     /// Whether walks give up at their limit.
     bounded: bool,
     workspace: &'a mut Workspace,
@@ -240,7 +274,10 @@ impl Kernel for Ask<'_, '_> {
     fn run<S: Simd>(self, simd: S) {
         let Ask { engine, bundles, s, bounded, workspace } = self;
         let Workspace { buffers, front, shafts, walked } = workspace;
-        let soft = engine.leaf == Leaf::Extinction;
+        let soft = engine.leaf == Leaf::Extinction && s.is_some();
+        // No feature size is below zero.
+        let size = |bundle: &Bundle| if s.is_some() { bundle.emitter_size } else { 0.0 };
+        let s = s.unwrap_or(0.0);
         shafts.clear();
         for bundle in bundles {
             let nothing = &[Packet::EMPTY][..];
@@ -254,19 +291,19 @@ impl Kernel for Ask<'_, '_> {
             let (mut shared, mut opened) = (None, (0, 0));
             if group.len() > 1 {
                 let around = Shaft::around(&shafts[group.clone()]);
-                let sizes = bundles[group.clone()].iter().map(|b| b.emitter_size);
+                let sizes = bundles[group.clone()].iter().map(size);
                 let range = sizes.fold((f32::MAX, 0.0f32), |(a, b), e| (a.min(e), b.max(e)));
                 opened = front.open(simd, &engine.tree, &around, range, s, soft);
                 shared = Some(&*front);
             }
             for k in group.clone() {
-                let Bundle { packets, emitter_size } = bundles[k];
+                let packets = bundles[k].packets;
                 if packets.is_empty() {
                     walked.push(Walked::default());
                     continue;
                 }
                 let limit = if bounded { engine.limit(&bundles[k]) } else { u64::MAX };
-                let rule = Rule { e: emitter_size, s, soft, limit };
+                let rule = Rule { e: size(&bundles[k]), s, soft, limit, tolerance: engine.tolerance };
                 let mut found = walk(simd, &engine.tree, shared, (packets, &shafts[k]), &rule, buffers);
                 let (nodes, work) = std::mem::take(&mut opened);
                 (found.nodes, found.work) = (found.nodes + nodes, found.work + work);

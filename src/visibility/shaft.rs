@@ -239,6 +239,12 @@ impl Shaft {
         (simd.min(simd.max(first, zero), one), simd.min(simd.max(last, zero), one))
     }
 
+    /// About the parameter at which segments pass a point.
+    #[inline(always)]
+    pub fn place(&self, p: Vec3) -> f32 {
+        self.axis.dot(p - self.ends[0].centre)
+    }
+
     /// How far a direction leads along the axis of the parameters.
     #[inline(always)]
     pub fn along(&self, direction: Vec3) -> f32 {

@@ -848,6 +848,73 @@ fn intervals_hold_their_answers() {
     }
 }
 
+/// Certificates change no answer: bundles that are asked as exact visibility does, but for those that nothing or one
+/// triangle decides, agree with rays segment by segment, and no cluster is ever aggregated.
+#[test]
+fn certified_answers_are_exact() {
+    for name in ["forest", "cubes", "desk-room"] {
+        let stage = Stage::generated(name);
+        let engine = stage.engine(Leaf::Exact);
+        let exact = Exact { scene: &stage.traced, traversal: SINGLE };
+        let (mut workspace, mut blocked) = (Workspace::default(), Vec::new());
+        let packets = stage.bundles(29, 600, 16);
+        let e = stage.scene.emitters[0].min_width;
+        let bundles: Vec<Bundle> =
+            packets.chunks(1).map(|packets| Bundle { packets, emitter_size: e }).collect();
+        let (mut k, mut without_rays, mut apart) = (0, 0, 0);
+        engine.certified(&bundles, &mut workspace, |answer| {
+            let truth = exact.answer(bundles[k], &mut blocked);
+            assert_eq!(answer.cost.aggregated, 0);
+            without_rays += usize::from(answer.cost.exact_rays == 0);
+            apart += usize::from((answer.transmittance - truth.transmittance).abs() > 1e-6);
+            k += 1;
+        });
+        assert_eq!(k, bundles.len());
+        // Grazing segments may differ by a rounding.
+        assert!(apart <= bundles.len() / 100, "{name}: {apart} of {} differ", bundles.len());
+        assert!(without_rays > 0, "{name}: no certificate in {} bundles", bundles.len());
+    }
+}
+
+/// Stated intervals hold the truth as often as they say, for fields of leaves at every distance where aggregation
+/// begins; and they are no wider than they must be: the claimed error is of the size of the one that is there.
+#[test]
+fn claimed_errors_are_those_that_are_there() {
+    let mut spec = generate::Spec::new("forest");
+    (spec.trees, spec.leaves) = (20, 300);
+    let stage = Stage::new(generate::build(&spec).expect("forest"));
+    let engine = stage.engine(Leaf::Exact).with_tolerance(0.1);
+    let points = crate::bench::workload::surface_points(&stage.scene, 600, 3).expect("points");
+    let workload = crate::bench::workload::Workload::new(&stage.scene, points, 3);
+    let exact = Exact { scene: &stage.traced, traversal: SINGLE };
+    let (mut workspace, mut blocked) = (Workspace::default(), Vec::new());
+    for s in [0.1f32, 0.4] {
+        let (mut inside, mut count, mut claimed, mut there, mut aggregated) = (0, 0, 0.0f64, 0.0f64, 0);
+        for pair in 0..workload.pairs.len() {
+            let (mut packets, mut truth) = (Vec::new(), Vec::new());
+            workload.add_bundle(&stage.scene, pair, 256, 0, &mut packets);
+            workload.add_bundle(&stage.scene, pair, 4096, 1, &mut truth);
+            let e = workload.pairs[pair].emitter_size;
+            let answer = engine.answer(Bundle { packets: &packets, emitter_size: e }, s, &mut workspace);
+            if answer.cost.aggregated == 0 {
+                continue;
+            }
+            let truth = exact.answer(Bundle { packets: &truth, emitter_size: e }, &mut blocked).transmittance;
+            let Answer { transmittance, lo, hi, .. } = answer;
+            count += 1;
+            aggregated += usize::from(answer.method == Method::Aggregated);
+            inside += u32::from(lo - 0.01 <= truth && truth <= hi + 0.01);
+            claimed += f64::from((hi - lo) / 3.92).powi(2);
+            there += f64::from(transmittance - truth).powi(2);
+        }
+        let (claimed, there) = ((claimed / f64::from(count)).sqrt(), (there / f64::from(count)).sqrt());
+        assert!(count > 200 && aggregated > 20, "{count} answers, {aggregated} of them without a triangle");
+        let coverage = f64::from(inside) / f64::from(count);
+        assert!(coverage >= 0.93, "s {s}: {coverage} of {count} inside, claimed {claimed}, there {there}");
+        assert!(claimed < 2.5 * there && there < 1.5 * claimed, "s {s}: claimed {claimed}, there {there}");
+    }
+}
+
 /// Wilson's interval for 4 of 16: 0.1018 to 0.4950 (Wilson 1927, z = 1.96), and its ends.
 ///
 /// For a mean of 1 the upper end must not be rounded to 0.99999994: the interval of a clear bundle would not hold its

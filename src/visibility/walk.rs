@@ -13,7 +13,7 @@
 
 use super::front::Front;
 use super::shaft::Shaft;
-use super::slabs::{Slab, pass};
+use super::slabs::{Slab, pass, spread};
 use super::triangles;
 use super::wide::{AxisTraits, LEAF, Node, WideTree, mixed};
 use crate::characterise::{AXIS_COUNT, AxisMix};
@@ -30,15 +30,20 @@ pub(super) struct Rule {
     pub soft: bool,
     /// Work after which the walk gives up.
     pub limit: u64,
+    /// Error of transmission that feature sizes were measured for.
+    pub tolerance: f32,
 }
 
 /// What a walk found.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Walked {
-    /// Sums over all segments.
+    /// Sums over all segments: transmittances, their squares, and Fréchet's bounds.
     pub transmittance: f32,
+    pub square: f32,
     pub lo: f32,
     pub hi: f32,
+    /// Root mean square error of the mean that the aggregated clusters' own errors make.
+    pub model: f32,
     /// Segments that met an aggregated cluster.
     pub aggregated: u32,
     /// Whether triangles were tested.
@@ -139,15 +144,21 @@ pub(super) fn walk<S: Simd>(
         let each = (k == 0).then_some(&mut *transmittance);
         if slabs.is_empty() {
             let n = clear.count_ones() as f32;
-            (walked.transmittance, walked.lo, walked.hi) =
-                (walked.transmittance + n, walked.lo + n, walked.hi + n);
+            walked.transmittance += n;
+            walked.square += n;
+            (walked.lo, walked.hi) = (walked.lo + n, walked.hi + n);
             if let Some(each) = each {
                 *each = std::array::from_fn(|i| (clear >> i & 1) as f32);
             }
             continue;
         }
         let passed = pass(simd, slabs, packet, clear, shaft.apex.is_some(), each);
+        if k == 0 {
+            // The clusters are the same for all packets, and so is the error of each.
+            walked.model = spread(simd, slabs, packet, clear, shaft.apex.is_some());
+        }
         walked.transmittance += passed.transmittance;
+        walked.square += passed.square;
         walked.lo += passed.lo;
         walked.hi += passed.hi;
         walked.aggregated += (passed.met & clear).count_ones();
@@ -176,10 +187,16 @@ fn visit<S: Simd>(
         let (sizes, extinctions) = mixed(simd, traits, mix);
         small = touched & (shaft.aggregates(simd, node, sizes, rule.e, rule.s) | soft);
         if small != 0 {
-            let mut extinction_of = [0.0; LANES];
+            let (mut size_of, mut extinction_of) = ([0.0; LANES], [0.0; LANES]);
+            simd.store(sizes, &mut size_of);
             simd.store(extinctions, &mut extinction_of);
             for lane in Lanes(small) {
-                slabs.push(Slab::of(node, lane, extinction_of[lane], from));
+                let mut slab = Slab::of(node, lane, extinction_of[lane], from);
+                // The tolerance is that of a beam as wide as the feature size; errors of independent parts of a
+                // cluster average out as the beam grows. A point sees through the cluster with a beam of width e t.
+                let beam = rule.e * shaft.place(slab.centre() + from).clamp(0.0, 1.0);
+                slab.error = (rule.tolerance * size_of[lane] / beam.max(f32::MIN_POSITIVE)).min(1.0);
+                slabs.push(slab);
             }
         }
     }
