@@ -4,7 +4,7 @@ use super::front::Front;
 use super::reference;
 use super::shaft::Shaft;
 use super::steps::Steps;
-use super::walk::{Buffers, Rule, Walked, walk};
+use super::walk::{Buffers, FETCH, Rule, Walked, walk};
 use super::wide::WideTree;
 use super::{Answer, Bundle, Cost, Exact, Method, interval, wilson};
 use crate::characterise::{self, Traits};
@@ -33,6 +33,8 @@ const BUDGET: u64 = 200;
 const EMBREE_WORK: f64 = 6.0;
 /// A walk gives up after so many times the work that exact rays are worth: many end soon after.
 const PATIENCE: u64 = 2;
+/// Bytes that caches near a core hold, about.
+const NEAR: usize = 64 << 20;
 /// Part of the distance between Fréchet's bounds that counts as error: clusters are neither independent nor do they
 /// ever hide each other wholly. Measured in forests and a park.
 const DEPENDENCE: f32 = 0.1;
@@ -51,6 +53,8 @@ pub struct MultiResolution<'a> {
     isa: Isa,
     /// Work a packet that exact rays are worth.
     budget: u64,
+    /// Whether the tree is larger than the caches near a core.
+    far: bool,
     /// Error of transmission that feature sizes were measured for.
     tolerance: f32,
 }
@@ -77,8 +81,10 @@ impl<'a> MultiResolution<'a> {
         traversal: Traversal,
         leaf: Leaf,
     ) -> MultiResolution<'a> {
+        let tree = WideTree::build(scene, hierarchy, traits);
         MultiResolution {
-            tree: WideTree::build(scene, hierarchy, traits),
+            far: tree.bytes() > NEAR,
+            tree,
             exact,
             traversal,
             magnitude: reference::magnitude(scene),
@@ -284,6 +290,8 @@ impl Kernel for Ask<'_, '_> {
         // No feature size is below zero.
         let size = |bundle: &Bundle| if s.is_some() { bundle.emitter_size } else { 0.0 };
         let s = s.unwrap_or(0.0);
+        // Embree's work is estimated in steps, not in time: only a walk that is asked for pays for what it waits for.
+        let fetch = if engine.far && s > 0.0 { FETCH } else { 0 };
         shafts.clear();
         for bundle in bundles {
             let nothing = &[Packet::EMPTY][..];
@@ -309,7 +317,7 @@ impl Kernel for Ask<'_, '_> {
                     continue;
                 }
                 let limit = if bounded { engine.limit(&bundles[k]) } else { u64::MAX };
-                let rule = Rule { e: size(&bundles[k]), s, soft, limit, tolerance: engine.tolerance };
+                let rule = Rule { e: size(&bundles[k]), s, soft, limit, fetch, tolerance: engine.tolerance };
                 let mut found = walk(simd, &engine.tree, shared, (packets, &shafts[k]), &rule, buffers);
                 let (nodes, work) = std::mem::take(&mut opened);
                 (found.nodes, found.work) = (found.nodes + nodes, found.work + work);

@@ -1,6 +1,5 @@
 //! The steps of a walk by themselves, so that micro-benchmarks can time them (`benches/visibility.rs`).
 
-use super::MultiResolution;
 use super::shaft::Shaft;
 use super::slabs::{Slab, pass};
 use super::triangles;

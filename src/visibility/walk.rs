@@ -30,6 +30,8 @@ pub(super) struct Rule {
     pub soft: bool,
     /// Work after which the walk gives up.
     pub limit: u64,
+    /// Work of waiting for a node.
+    pub fetch: u64,
     /// Error of transmission that feature sizes were measured for.
     pub tolerance: f32,
 }
@@ -59,6 +61,8 @@ pub(super) struct Walked {
 /// Work of a node's shaft test and of ruling out a block's triangles.
 pub(super) const NODE: u64 = 6;
 pub(super) const BLOCK: u64 = 12;
+/// Work of waiting for a node, where the tree is too large for the caches that are near.
+pub(super) const FETCH: u64 = 10;
 
 /// Walks for one bundle.
 #[inline(always)]
@@ -125,7 +129,7 @@ pub(super) fn walk<S: Simd>(
         } else {
             let at = reference as usize;
             walked.nodes += 1;
-            walked.work += NODE;
+            walked.work += NODE + rule.fetch;
             let node = (&tree.nodes[at], &tree.traits[at]);
             visit(simd, node, (shaft, from), rule, &mix, slabs, &mut |child| push(stack, child));
         }
