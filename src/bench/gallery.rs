@@ -7,7 +7,7 @@ use super::rows::{Bench, ratio};
 use super::workload::Workload;
 use crate::Result;
 use crate::embree::Traversal;
-use crate::metrics::{FbemOptions, Image, fbem, norms};
+use crate::metrics::{FbemOptions, Image, fbem, missing_features, norms};
 use crate::visibility::{Exact, MultiResolution};
 
 /// The exact image that is shown and compared in the record.
@@ -96,12 +96,15 @@ impl Bench<'_> {
             let mut mr = Vec::new();
             for (&s, images) in self.sizes.iter().zip(&mut shown_mr) {
                 let image = images.pop().expect("an image a receiver");
+                let features = missing_features(&reference, &image, s)?;
                 errors.push(ReceiverFbem {
                     feature_size: s,
                     exact16: fbem_of(&reference, &exact16, s)?,
                     mr: fbem_of(&reference, &image, s)?,
                     l2_exact16: l2,
                     l2_mr: norms(&reference, &image)?.l2,
+                    features: features.features(),
+                    missing_features: features.missing(),
                 });
                 mr.push((s as f32, image));
             }

@@ -16,10 +16,12 @@ mod fbem;
 mod features;
 mod filter;
 mod image;
+mod missing;
 mod norms;
 
 pub use fbem::{Fbem, FbemOptions, Filter, fbem, spectrum, spectrum_sizes};
 pub use features::{DEFAULT_THRESHOLD, FeatureOptions, FeatureSet, Features};
 pub use filter::box_filter;
 pub use image::Image;
+pub use missing::{Missing, missing_features};
 pub use norms::{Norms, difference, norms};

@@ -33,6 +33,8 @@ const BUDGET: u64 = 200;
 const EMBREE_WORK: f64 = 6.0;
 /// A walk gives up after so many times the work that exact rays are worth: many end soon after.
 const PATIENCE: u64 = 2;
+/// Work of a bundle before it meets anything: its shaft and its answer.
+const BUNDLE: u64 = 30;
 /// Bytes that caches near a core hold, about.
 const NEAR: usize = 64 << 20;
 /// Part of the distance between Fréchet's bounds that counts as error: clusters are neither independent nor do they
@@ -204,7 +206,7 @@ impl<'a> MultiResolution<'a> {
             self.walk_all(run, Some(s), false, workspace);
             for (bundle, walked) in run.iter().zip(&workspace.walked) {
                 let (rays, limit) = (bundle.packets.len() as u64 * self.budget, self.limit(bundle));
-                own += if walked.work > limit { limit + rays } else { walked.work };
+                own += BUNDLE + if walked.work > limit { limit + rays } else { walked.work };
                 exact += rays;
             }
         }
