@@ -18,5 +18,5 @@ pub use options::Options;
 pub use progress::Progress;
 pub use receivers::{Receiver, choose as choose_receivers};
 pub use run::run;
-pub use scaling::{MOST as MOST_SCALING, scaling};
+pub use scaling::{check_scaling, scaling};
 pub use sizes::default_sizes;

@@ -20,7 +20,7 @@ use crate::{Error, Result};
 /// Triangles of the smallest forest.
 const FIRST: usize = 10_000;
 /// Most triangles of the largest forest.
-pub const MOST: usize = 100_000_000;
+const MOST: usize = 100_000_000;
 /// Feature size where none is given, metres: a quarter of a crown's radius.
 const FEATURE_SIZE: f64 = 0.5;
 /// Leaves of a tree in the forests that grow wider, and trees of those that grow finer.
@@ -62,6 +62,17 @@ impl Series {
     }
 }
 
+/// Whether forests of up to so many triangles can be measured.
+///
+/// # Errors
+/// [`Error::Argument`]: there are too few or too many.
+pub fn check_scaling(largest: usize) -> Result<()> {
+    if !(FIRST..=MOST).contains(&largest) {
+        return Err(Error::Argument(format!("--scaling={largest}: must lie in {FIRST}..{MOST} triangles")));
+    }
+    Ok(())
+}
+
 /// Measures both series up to `largest` triangles, from ten thousand in steps of ten.
 ///
 /// Of the options the first feature size (half a metre if there is none), the segments, points, reference, threads and
@@ -71,9 +82,7 @@ impl Series {
 /// An option is out of range, Embree refuses.
 pub fn scaling(options: &Options, largest: usize, progress: &dyn Progress) -> Result<ScalingRecord> {
     options.check()?;
-    if !(FIRST..=MOST).contains(&largest) {
-        return Err(Error::Argument(format!("--scaling={largest}: must lie in {FIRST}..{MOST} triangles")));
-    }
+    check_scaling(largest)?;
     let mut record = ScalingRecord { seed: options.seed, threads: options.threads, ..Default::default() };
     let options = Options {
         points: options.points.min(POINTS),
@@ -185,7 +194,7 @@ mod tests {
     #[test]
     fn sizes_out_of_range_are_refused() {
         for n in [0, FIRST - 1, MOST + 1] {
-            assert!(scaling(&Options::default(), n, &()).is_err(), "{n}");
+            assert!(check_scaling(n).is_err() && scaling(&Options::default(), n, &()).is_err(), "{n}");
         }
     }
 

@@ -67,6 +67,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         cache: args.cache.place()?,
     };
     options.check()?;
+    args.scaling.map_or(Ok(()), bench::check_scaling)?;
     common.check_json()?;
     if let Some(folder) = &args.out {
         check_folder(folder)?;
