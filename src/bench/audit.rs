@@ -2,7 +2,7 @@
 
 use super::measure::{MrRun, Questions};
 use super::record;
-use super::reference::Reference;
+use super::reference::{Found, Reference};
 use crate::visibility::{Exact, wilson};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::Rng;
@@ -13,6 +13,8 @@ pub(super) const RAYS: usize = 64;
 const STREAMS: [u64; 2] = [3, 4];
 /// Standard errors in half a 95 % interval.
 const Z: f64 = 1.96;
+/// Bundles, at least, where there are as many: fewer say little.
+const LEAST: usize = 400;
 /// Bins of the calibration, at most.
 const BINS: usize = 8;
 
@@ -27,7 +29,7 @@ pub(super) struct Audit {
 impl Audit {
     /// Traces them, on all threads.
     pub fn trace(questions: Questions, engine: Exact, fraction: f64, seed: u64) -> Audit {
-        let count = (fraction * questions.pairs.len() as f64).ceil() as usize;
+        let count = ((fraction * questions.pairs.len() as f64).ceil() as usize).max(LEAST);
         let chosen = one_of_each(questions.pairs.len(), count, seed);
         let pairs: Vec<usize> = chosen.iter().map(|&k| questions.pairs[k]).collect();
         let truth =
@@ -44,12 +46,7 @@ impl Audit {
 
     /// The same for answers to the chosen questions alone.
     fn compare(&self, visible: &[f32], intervals: &[(f32, f32)]) -> record::Audit {
-        // E[(x - a)(x - b)] = (x - truth)², see `Reference::errors`.
-        let squares: Vec<f64> = visible
-            .iter()
-            .zip(self.truth.a.iter().zip(&self.truth.b))
-            .map(|(&x, (&a, &b))| f64::from(x - a) * f64::from(x - b))
-            .collect();
+        let squares = self.truth.squares(visible);
         let claims: Vec<f64> = intervals.iter().map(|&(lo, hi)| f64::from(hi - lo) / (2.0 * Z)).collect();
         let agree = intervals.iter().enumerate().filter(|&(k, &(lo, hi))| {
             let (from, to) = wilson(self.truth.mean(k), RAYS as f32);
@@ -104,15 +101,14 @@ fn bins<'a>(order: &'a [usize], claims: &[f64]) -> Vec<&'a [usize]> {
 fn bin(part: &[usize], claims: &[f64], squares: &[f64]) -> record::CalibrationBin {
     let n = part.len().max(1) as f64;
     let mean = |f: &dyn Fn(usize) -> f64| part.iter().map(|&k| f(k)).sum::<f64>() / n;
-    let square = mean(&|k| squares[k]);
-    let variance = mean(&|k| (squares[k] - square).powi(2));
-    let half = Z * (variance / (n - 1.0).max(1.0)).sqrt();
+    let own: Vec<f64> = part.iter().map(|&k| squares[k]).collect();
+    let found = Found::of(&own, 1);
     record::CalibrationBin {
         count: part.len(),
         claimed: mean(&|k| claims[k] * claims[k]).sqrt(),
-        observed: square.max(0.0).sqrt(),
-        observed_lo: (square - half).max(0.0).sqrt(),
-        observed_hi: (square + half).max(0.0).sqrt(),
+        observed: found.rms,
+        observed_lo: found.lo,
+        observed_hi: found.hi,
     }
 }
 

@@ -174,6 +174,32 @@ impl Timer {
         rays: usize,
         advance: &dyn Fn(usize),
     ) -> MrRun {
+        self.bundled(questions, rays, advance, |bundles, workspace, each| {
+            engine.answers(bundles, s, workspace, each)
+        })
+    }
+
+    /// Exact visible fractions with certificates, `rays` segments a pair.
+    pub fn certified(
+        &self,
+        questions: Questions,
+        engine: &MultiResolution,
+        rays: usize,
+        advance: &dyn Fn(usize),
+    ) -> MrRun {
+        self.bundled(questions, rays, advance, |bundles, workspace, each| {
+            engine.certified(bundles, workspace, each)
+        })
+    }
+
+    /// Asks chunk by chunk for the answers to bundles, in their order.
+    fn bundled(
+        &self,
+        questions: Questions,
+        rays: usize,
+        advance: &dyn Fn(usize),
+        ask: impl Fn(&[Bundle], &mut Workspace, &mut dyn FnMut(Answer)) + Sync,
+    ) -> MrRun {
         let mut result = MrRun::default();
         result.run.sections = self.chunk_by_chunk(
             chunks(questions.pairs.len(), rays),
@@ -184,7 +210,7 @@ impl Timer {
                 answers.clear();
                 answers.resize(bundles.len(), None);
                 let mut next = order.iter();
-                engine.answers(&bundles, s, workspace, |answer| {
+                ask(&bundles, workspace, &mut |answer| {
                     answers[*next.next().expect("an answer a bundle")] = Some(answer);
                 });
             },

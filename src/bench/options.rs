@@ -12,6 +12,15 @@ const MAX_POINTS: usize = 100_000_000;
 /// Part of the memory at hand that results may take.
 const MEMORY_PART: f64 = 0.7;
 
+/// What an answer may err or cost.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Target {
+    /// Root mean square error of the visible fraction, in `(0, 1]`.
+    Error(f64),
+    /// Time of the queries, seconds, above 0.
+    Seconds(f64),
+}
+
 /// What is measured.
 #[derive(Clone, Debug)]
 pub struct Options {
@@ -33,6 +42,8 @@ pub struct Options {
     pub audit: f64,
     /// Whether estimates without bias are measured too.
     pub unbiased: bool,
+    /// An error or a time that the answers shall have.
+    pub target: Option<Target>,
     /// How clusters are measured.
     pub clusters: characterise::Options,
     /// Where the measured clusters are kept for the next run.
@@ -51,6 +62,7 @@ impl Default for Options {
             seed: 1,
             audit: 0.05,
             unbiased: false,
+            target: None,
             clusters: characterise::Options::default(),
             cache: Place::Off,
         }
@@ -85,6 +97,17 @@ impl Options {
                 "--audit {}: must be a part of the bundles, in 0..1",
                 self.audit
             )));
+        }
+        match self.target {
+            Some(Target::Error(e)) if !(e > 0.0 && e <= 1.0) => {
+                return Err(Error::Argument(format!(
+                    "--target-error {e}: must be an error of the visible fraction above 0, at most 1"
+                )));
+            }
+            Some(Target::Seconds(t)) if !(t > 0.0 && t.is_finite()) => {
+                return Err(Error::Argument(format!("--target-seconds {t}: must be a time above 0")));
+            }
+            _ => {}
         }
         let tolerance = self.clusters.tolerance;
         if !(tolerance > 0.0 && tolerance <= 1.0) {
@@ -158,6 +181,10 @@ mod tests {
             Options { audit: -0.1, ..good.clone() },
             Options { audit: 1.5, ..good.clone() },
             Options { audit: f64::NAN, ..good.clone() },
+            Options { target: Some(Target::Error(0.0)), ..good.clone() },
+            Options { target: Some(Target::Error(f64::NAN)), ..good.clone() },
+            Options { target: Some(Target::Seconds(-1.0)), ..good.clone() },
+            Options { target: Some(Target::Seconds(f64::INFINITY)), ..good.clone() },
         ];
         assert!(bad.iter().all(|o| o.check().is_err()));
         for tolerance in [0.0, -1.0, 1.5, f32::NAN] {

@@ -59,6 +59,13 @@ impl Reference {
         0.5 * (sum / self.a.len().max(1) as f64).sqrt()
     }
 
+    /// Squared errors of estimates, each of them right in the mean only: see [`Reference::errors`]; single ones may be
+    /// below 0.
+    pub fn squares(&self, visible: &[f32]) -> Vec<f64> {
+        let halves = self.a.iter().zip(&self.b);
+        visible.iter().zip(halves).map(|(&x, (&a, &b))| f64::from(x - a) * f64::from(x - b)).collect()
+    }
+
     /// RMS and bias of estimates against the truth.
     ///
     /// E[(x - a)(x - b)] = (x - truth)² because a and b err independently: the reference's noise drops out of
@@ -84,6 +91,31 @@ impl Reference {
             lo - noise <= p && p <= hi + noise
         });
         inside.count() as f64 / intervals.len().max(1) as f64
+    }
+}
+
+/// A root mean square and what it is worth.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Found {
+    /// The root mean square.
+    pub rms: f64,
+    /// 95 % interval, lower end.
+    pub lo: f64,
+    /// Upper end.
+    pub hi: f64,
+}
+
+impl Found {
+    /// Of squares that come in independent runs of this length; 1: each is independent.
+    pub fn of(squares: &[f64], run: usize) -> Found {
+        let means: Vec<f64> =
+            squares.chunks(run.max(1)).map(|run| run.iter().sum::<f64>() / run.len() as f64).collect();
+        let n = means.len().max(1) as f64;
+        let mean = means.iter().sum::<f64>() / n;
+        let variance = means.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+        let half = 1.96 * (variance / n).sqrt();
+        let root = |square: f64| square.max(0.0).sqrt();
+        Found { rms: root(mean), lo: root(mean - half), hi: root(mean + half) }
     }
 }
 

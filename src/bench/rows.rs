@@ -69,19 +69,19 @@ impl Bench<'_> {
     }
 
     /// Embree as it traces so many rays a pair fastest.
-    pub fn engine(&self, workload: &Workload, rays: usize) -> Exact<'_> {
+    pub fn embree(&self, workload: &Workload, rays: usize) -> Exact<'_> {
         Exact { scene: self.traced, traversal: self.traversal(workload, rays) }
     }
 
     pub fn reference(&self, stage: &str, questions: Questions, rays: usize) -> Reference {
         self.progress.stage(stage, 2 * questions.pairs.len() as u64);
-        let exact = self.engine(questions.workload, rays);
+        let exact = self.embree(questions.workload, rays);
         Reference::trace(questions, exact, rays, [1, 2], &|n| self.progress.advance(n as u64))
     }
 
     /// An exact row: warm, then the least time of one or several runs.
     pub fn exact(&self, questions: Questions, rays: usize) -> (Traversal, Run) {
-        let engine = self.engine(questions.workload, rays);
+        let engine = self.embree(questions.workload, rays);
         self.timer.exact(questions.first(WARM_UP), engine, rays, &|_| ());
         let run = least(
             |first| self.timer.exact(questions, engine, rays, &self.advance(first, rays)),
@@ -108,6 +108,15 @@ impl Bench<'_> {
         MrRun { decide_s, ..run }
     }
 
+    /// A row of exact rays with certificates, likewise.
+    fn certified(&self, questions: Questions, engine: &MultiResolution, rays: usize) -> MrRun {
+        self.timer.certified(questions.first(WARM_UP), engine, rays, &|_| ());
+        least(
+            |first| self.timer.certified(questions, engine, rays, &self.advance(first, rays)),
+            |run: &mut MrRun| &mut run.run,
+        )
+    }
+
     /// Tells the progress of a run with `rays` segments a pair, if it is the first.
     fn advance(&self, first: bool, rays: usize) -> impl Fn(usize) {
         let progress = self.progress;
@@ -127,26 +136,23 @@ impl Bench<'_> {
         let pairs = questions.pairs.len() as u64;
         let reference = self.reference("reference", questions, self.options.reference_rays);
         let audit = self.audit(questions);
-        let all_rays: usize = self.exact_rays().iter().sum();
+        let all_rays: usize = self.exact_rays().iter().chain(&self.mr_rays()).sum();
         self.progress.stage("exact", pairs * all_rays as u64);
-        let exact: Vec<ExactRow> = self
-            .exact_rays()
-            .into_iter()
-            .map(|rays| {
-                let (traversal, run) = self.exact(questions, rays);
-                let (rms, bias) = reference.errors(&run.visible);
-                let mode = format!("occluded{}", traversal.width);
-                ExactRow {
-                    rays,
-                    certificates: false,
-                    seconds: run.seconds(),
-                    mode,
-                    coherent: traversal.coherent,
-                    rms,
-                    bias,
-                }
-            })
-            .collect();
+        let mut exact = Vec::new();
+        for rays in self.exact_rays() {
+            let (traversal, run) = self.exact(questions, rays);
+            let (rms, bias) = reference.errors(&run.visible);
+            let mode = format!("occluded{}", traversal.width);
+            let coherent = traversal.coherent;
+            let seconds = run.seconds();
+            exact.push(ExactRow { rays, certificates: false, seconds, mode, coherent, rms, bias });
+        }
+        for rays in self.mr_rays() {
+            let run = self.certified(questions, engine, rays).run;
+            let (rms, bias) = reference.errors(&run.visible);
+            let (mode, seconds) = ("certified".into(), run.seconds());
+            exact.push(ExactRow { rays, certificates: true, seconds, mode, coherent: false, rms, bias });
+        }
         let curve = plain_curve(&exact);
         let mr_rays: usize = self.mr_rays().iter().sum();
         self.progress.stage("multi-resolution", pairs * (mr_rays * self.sizes.len()) as u64);
@@ -187,12 +193,12 @@ impl Bench<'_> {
     }
 
     /// The audit's own rays, if one was asked for.
-    fn audit(&self, questions: Questions) -> Option<Audit> {
+    pub fn audit(&self, questions: Questions) -> Option<Audit> {
         (self.options.audit > 0.0).then(|| {
             self.progress.stage("audit", 0);
             Audit::trace(
                 questions,
-                self.engine(questions.workload, RAYS),
+                self.embree(questions.workload, RAYS),
                 self.options.audit,
                 self.options.seed,
             )

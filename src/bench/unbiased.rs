@@ -24,7 +24,7 @@ const EMITTER_PARTS: [f32; 3] = [1.0, 0.5, 0.25];
 const STREAM: u64 = 5;
 const PILOT_STREAMS: [u64; 2] = [6, 7];
 /// Runs of neighbouring pairs in the pilot, and the pairs of each.
-const PILOT: (usize, usize) = (16, 64);
+pub(super) const PILOT: (usize, usize) = (32, 32);
 /// Least probability of a correction: rarer ones would make errors that nobody sees until they happen.
 const RAREST: f32 = 1.0 / 32.0;
 /// Least pairs that a class of the pilot is believed with.
@@ -58,7 +58,7 @@ impl Bench<'_> {
             .iter()
             .map(|&segments| {
                 let start = Instant::now();
-                let exact = self.engine(questions.workload, segments);
+                let exact = self.embree(questions.workload, segments);
                 let pilot = Pilot::new(questions_of_pilot, exact, segments);
                 let sizes = [self.sizes.first(), self.sizes.last()].into_iter().flatten();
                 let plans = sizes.flat_map(|&s| EMITTER_PARTS.map(|part| (s, part)));
@@ -158,7 +158,7 @@ fn chance(seed: u64, pair: usize) -> u64 {
 }
 
 /// Runs of neighbouring questions, evenly spread.
-fn sample(questions: Questions) -> Vec<usize> {
+pub(super) fn sample(questions: Questions) -> Vec<usize> {
     let all = questions.pairs.len();
     let length = PILOT.1.min(all);
     let runs = PILOT.0.min(all / length.max(1));

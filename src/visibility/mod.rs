@@ -16,6 +16,7 @@ mod multires;
 pub mod reference;
 mod shaft;
 mod slabs;
+pub mod steps;
 #[cfg(test)]
 mod tests;
 mod triangles;

@@ -3,6 +3,7 @@
 use super::front::Front;
 use super::reference;
 use super::shaft::Shaft;
+use super::steps::Steps;
 use super::walk::{Buffers, FETCH, Rule, Walked, walk};
 use super::wide::WideTree;
 use super::{Answer, Bundle, Cost, Exact, Method, interval, wilson};
@@ -123,6 +124,11 @@ impl<'a> MultiResolution<'a> {
     /// The instruction set in use.
     pub fn isa(&self) -> Isa {
         self.isa
+    }
+
+    /// The steps of a walk for a bundle's packets, one at a time.
+    pub fn steps<'s>(&'s self, packets: &'s [Packet]) -> Steps<'s> {
+        Steps::new(&self.tree, self.magnitude, self.isa, packets)
     }
 
     /// Bytes of the traversal structure.

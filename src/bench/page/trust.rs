@@ -2,9 +2,10 @@
 
 use maud::{Markup, PreEscaped, html};
 
-use super::{length, percent};
+use super::tables::{seconds, signed};
+use super::{length, percent, times};
 use crate::Result;
-use crate::bench::record::{Audit, MrRow, Record};
+use crate::bench::record::{Audit, MrRow, Record, TargetChoice, UnbiasedRow};
 use crate::output::{Plot, Point, Scale, Series, number};
 
 /// Feature sizes in the plot, at most; with the diagonal as many as there are colours.
@@ -99,4 +100,103 @@ fn plot(rows: &[(&MrRow, &Audit)], unit: &str) -> Result<Markup> {
             }
         }
     })
+}
+
+/// What was asked for, chosen, expected and found; nothing without a target.
+pub(super) fn target(record: &Record) -> Markup {
+    let Some(target) = &record.target else { return html! {} };
+    let asked = match (target.asked.error, target.asked.seconds) {
+        (Some(error), _) => format!("an RMS error of at most {}", percent(error)),
+        (_, time) => format!("at most {}", seconds(time.unwrap_or(0.0))),
+    };
+    html! {
+        section {
+            h2 { "What was asked for" }
+            p {
+                "Asked for: " (asked) ". A pilot on a sample tried feature sizes and numbers of segments, and exact \
+                 rays, and chose " (choice(&target.chosen, &record.unit)) ". It expected an RMS error of "
+                (percent(target.expected_rms)) " (" (percent(target.expected_rms_lo)) " to "
+                (percent(target.expected_rms_hi)) ") in " (seconds(target.expected_seconds)) "; found: "
+                strong { (percent(target.rms)) " in " (seconds(target.seconds)) }
+                @if let Some(audit) = &target.audit { ", by the audit " (percent(audit.observed_rms)) }
+                "."
+            }
+            @if !target.reachable { p.warning { "Nothing that was tried was expected to do; this is the nearest." } }
+            @if !target.met { p.warning { "What was asked for was missed." } }
+            @if !target.as_expected { p.warning { "The error found is not the one that was expected." } }
+        }
+    }
+}
+
+/// A choice in words.
+fn choice(chosen: &TargetChoice, unit: &str) -> String {
+    let engine = match chosen.feature_size {
+        Some(s) => {
+            format!("multi-resolution visibility at s = {} with {} segments", length(s, unit), chosen.rays)
+        }
+        None => format!("exact visibility with {} rays", chosen.rays),
+    };
+    match chosen.rays_where_partly_visible {
+        Some(more) => {
+            format!(
+                "{engine}, and {more} where the light was partly visible ({})",
+                percent(chosen.partly_visible)
+            )
+        }
+        None => engine,
+    }
+}
+
+/// The rows without bias; nothing if there are none.
+pub(super) fn unbiased(record: &Record) -> Markup {
+    if record.unbiased.is_empty() {
+        return html! {};
+    }
+    let gain = |row: &UnbiasedRow| row.speedup_at_same_rms.is_some_and(|s| s > 1.05);
+    let gains = record.unbiased.iter().filter(|row| gain(row)).count();
+    html! {
+        section {
+            h2 { "Without bias" }
+            p {
+                "An averaged answer errs in the same direction however many segments are averaged. Here a few of its \
+                 segments, picked at random, are traced exactly as well, and the mean difference is added: the mean \
+                 of such answers is the exact one. They get better with every segment, as exact rays do; the question \
+                 is whether they do so in less time. At the same error "
+                @if gains == 0 { "none of these rows is faster than plain exact rays." }
+                @else { (gains) " of " (record.unbiased.len()) " rows are faster than plain exact rays." }
+            }
+            div.scroll {
+                table.rows {
+                    thead {
+                        tr {
+                            @for name in [
+                                "s", "segments", "exact segments", "time", "RMS", "bias", "its error", "same RMS",
+                            ] { th scope="col" { (name) } }
+                        }
+                    }
+                    tbody { @for row in &record.unbiased { (unbiased_row(row, &record.unit)) } }
+                }
+            }
+        }
+    }
+}
+
+fn unbiased_row(row: &UnbiasedRow, unit: &str) -> Markup {
+    let averaged = row.levels.iter().find_map(|level| level.feature_size);
+    let exact: f64 = row.levels.iter().filter(|level| level.feature_size.is_none()).map(|l| l.rays).sum();
+    let loss = row.speedup_at_same_rms.is_some_and(|s| s < 1.0);
+    html! {
+        tr {
+            td { (averaged.map_or("–".into(), |s| length(s, unit))) }
+            td { (row.rays) }
+            td { (number(exact)) }
+            td { (seconds(row.seconds)) }
+            td { (number(row.rms)) }
+            td { (signed(row.bias)) }
+            td { (number(row.bias_error)) }
+            td class=(if loss { "loss" } else { "" }) {
+                (if row.extrapolated { "~" } else { "" }) (times(row.speedup_at_same_rms))
+            }
+        }
+    }
 }

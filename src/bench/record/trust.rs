@@ -33,6 +33,67 @@ pub struct Audit {
     pub bins: Vec<CalibrationBin>,
 }
 
+/// What was asked for, chosen, expected and found.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Target {
+    /// What was asked for.
+    pub asked: TargetAsked,
+    /// What was chosen.
+    pub chosen: TargetChoice,
+    /// Root mean square error that the pilot expects.
+    pub expected_rms: f64,
+    /// 95 % interval of `expected_rms`, lower end.
+    pub expected_rms_lo: f64,
+    /// Upper end.
+    pub expected_rms_hi: f64,
+    /// Time of the queries that the pilot expects, seconds.
+    pub expected_seconds: f64,
+    /// Time of the pilot, seconds.
+    pub pilot_s: f64,
+    /// Time of the queries, seconds.
+    pub seconds: f64,
+    /// Root mean square error found.
+    pub rms: f64,
+    /// Mean error; positive: too bright.
+    pub bias: f64,
+    /// 95 % interval of `rms`, lower end.
+    pub rms_lo: f64,
+    /// Upper end.
+    pub rms_hi: f64,
+    /// Whether any choice was expected to do.
+    pub reachable: bool,
+    /// Whether error or time is what was asked for, or less.
+    pub met: bool,
+    /// Whether the intervals of the expected and the found error have something in common.
+    pub as_expected: bool,
+    /// The audit of the answers; absent (null) without one.
+    pub audit: Option<Audit>,
+}
+
+/// What a [`Target`] asks: one of the two.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TargetAsked {
+    /// Root mean square error, at most.
+    pub error: Option<f64>,
+    /// Time of the queries, at most; seconds.
+    pub seconds: Option<f64>,
+}
+
+/// How a [`Target`] is reached.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TargetChoice {
+    /// Feature size; length. Absent (null): exact.
+    pub feature_size: Option<f64>,
+    /// Whether nothing is averaged.
+    pub exact: bool,
+    /// Segments from a point to an emitter.
+    pub rays: usize,
+    /// Segments for those pairs that the first ones find partly visible; absent (null): the same.
+    pub rays_where_partly_visible: Option<usize>,
+    /// Part of the pairs, in `[0, 1]`, that the pilot found partly visible and asked again.
+    pub partly_visible: f64,
+}
+
 /// Estimates whose mean is the exact answer: an averaged level, corrected by exact segments.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct UnbiasedRow {
