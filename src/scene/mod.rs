@@ -197,6 +197,24 @@ impl Scene {
         Ok(faces)
     }
 
+    /// Bytes of all that there is a vertex, a face, an object or a material of.
+    pub fn bytes(&self) -> usize {
+        fn of<T>(list: &[T]) -> usize {
+            size_of_val(list)
+        }
+        of(&self.positions)
+            + of(&self.triangles)
+            + of(&self.triangle_object)
+            + of(&self.triangle_material)
+            + of(&self.triangle_reflectance)
+            + of(&self.triangle_sides)
+            + of(&self.triangle_component)
+            + of(&self.triangle_emitter)
+            + of(&self.objects)
+            + of(&self.materials)
+            + self.emitters.iter().map(|e| of(&e.triangles)).sum::<usize>()
+    }
+
     /// Total power of an emitter in watts, one value a channel: π L A, twice that for two-sided emission.
     /// Units of length that are not known count as metres.
     pub fn power(&self, emitter: &Emitter) -> [f64; 3] {
