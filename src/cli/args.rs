@@ -106,6 +106,13 @@ impl Common {
 /// See [`Common::spinner`].
 pub struct Spinner(ProgressBar);
 
+impl Spinner {
+    /// Shows something else.
+    pub fn say(&self, what: &str) {
+        self.0.set_message(what.to_owned());
+    }
+}
+
 impl Drop for Spinner {
     fn drop(&mut self) {
         self.0.finish_and_clear();

@@ -52,11 +52,15 @@ enum Kind {
     None,
 }
 
+/// Irradiance at points.
+pub type Gather<'a> = &'a dyn Fn(&[Point]) -> Result<Vec<[f64; 3]>>;
+
 /// Rays a pixel along either side.
 const SAMPLES: usize = 2;
 
 impl Outputs {
-    /// Writes what was asked for into a folder; gives the names of the files. `irradiance` is asked for light at pixels.
+    /// Writes what was asked for into a folder; gives the names of the files. `irradiance` is asked for light at pixels,
+    /// if it is there and that is wanted.
     ///
     /// # Errors
     /// A file cannot be written, or a lightmap does not hold the scene.
@@ -67,7 +71,7 @@ impl Outputs {
         solution: &Solution,
         folder: &Path,
         with_points: bool,
-        irradiance: impl Fn(&[Point]) -> Result<Vec<[f64; 3]>>,
+        irradiance: Option<Gather>,
     ) -> Result<Vec<PathBuf>> {
         let default: &[Kind] = if with_points { &[] } else { &[Kind::Glb, Kind::Vtu, Kind::Image] };
         let wanted = self.outputs.as_deref().unwrap_or(default);
@@ -108,7 +112,7 @@ impl Outputs {
             let stage = Stage::new(&mesh, solution)?;
             for camera in self.cameras(scene, solution, &stage) {
                 let [width, height] = self.image_size;
-                let radiance = if self.gather {
+                let radiance = if let Some(irradiance) = irradiance.filter(|_| self.gather) {
                     let frame = render(&stage, &camera, width, height, 1);
                     light_of(&frame, solution, &irradiance(&places(&frame, solution))?)
                 } else {

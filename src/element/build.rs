@@ -30,11 +30,15 @@ impl Elements {
             build.ranges.push([0, 0]);
         }
         (build.elements[0].first_child, build.elements[0].children) = (1, trees.len() as u16);
+        let mut large_from = 0;
         for (k, tree) in trees.iter().enumerate() {
             build.tree(scene, tree, 1 + k as u32, &seen);
+            if std::ptr::eq(*tree, &hierarchy.micro) {
+                large_from = build.sides.len() as u32;
+            }
         }
         build.ranges[0] = [0, build.sides.len() as u32];
-        build.finish(scene, min_area)
+        Elements { large_from, ..build.finish(scene, min_area) }
     }
 }
 
@@ -118,7 +122,16 @@ impl Build {
             }
         }
         let area = elements[0].area;
-        Elements { elements, clusters: made, sides, sides_of_triangle, area, min_area, samples }
+        Elements {
+            elements,
+            clusters: made,
+            sides,
+            sides_of_triangle,
+            area,
+            large_from: 0,
+            min_area,
+            samples,
+        }
     }
 }
 

@@ -121,6 +121,8 @@ pub struct Elements {
     pub sides_of_triangle: Vec<[u32; 2]>,
     /// Area of all sides.
     pub area: f64,
+    /// The first side of the large surfaces; those before it are in clusters that may be averaged.
+    pub large_from: u32,
     /// Smallest area of an element that comes from splitting.
     pub min_area: f64,
     samples: Samples,

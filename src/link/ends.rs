@@ -74,12 +74,15 @@ pub(super) fn gauss(c: &[Vec3; 4]) -> ([Vec3; 4], [f32; 4]) {
     (points, weights.map(|w| w / sum))
 }
 
-/// `cos cos' / π r²` between two places, 0 if one is behind the other. `nearest` bounds the distance from below.
+/// `cos cos' / π r²` between two places, 0 if one is behind the other; 1/4 for the cosine of a place without a normal, its
+/// mean over all of them. `nearest` bounds the distance from below.
 #[inline]
-pub(super) fn kernel(x: Vec3, nx: Vec3, y: Vec3, ny: Vec3, nearest: f32) -> f32 {
+pub(super) fn kernel(x: Vec3, nx: Option<Vec3>, y: Vec3, ny: Option<Vec3>, nearest: f32) -> f32 {
     let d = y - x;
     let r2 = d.length_squared().max(nearest * nearest).max(f32::MIN_POSITIVE);
-    nx.dot(d).max(0.0) * (-ny.dot(d)).max(0.0) / (std::f32::consts::PI * r2 * r2)
+    let from = nx.map_or(0.25 * r2.sqrt(), |n| n.dot(d).max(0.0));
+    let to = ny.map_or(0.25 * r2.sqrt(), |n| (-n.dot(d)).max(0.0));
+    from * to / (std::f32::consts::PI * r2 * r2)
 }
 
 /// The place of a triangle or convex quad that stands for `(u, v)` in the unit square: equal areas for equal areas.

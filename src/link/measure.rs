@@ -28,6 +28,21 @@ pub struct Meter<'a> {
     pub ends: EndRule,
     /// Seed of all samples.
     pub seed: u64,
+    /// What light does inside clusters.
+    pub inside: Inside,
+}
+
+/// What happens to light between the surfaces of a cluster that a link ends at and its box [SD95 sec 6.1; method A.11].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Inside {
+    /// Surfaces face all directions alike and hide nothing: the cluster kernel of Sillion 95, a quarter of the area.
+    Isotropic,
+    /// Surfaces have their orientations and hide nothing: more light arrives than the cluster's silhouette lets in.
+    Oriented,
+    /// Segments end on the surfaces: what the cluster hides from itself gets nothing, and no energy is made.
+    #[default]
+    Visible,
 }
 
 /// How carefully a link is to be measured.
@@ -96,10 +111,10 @@ impl Meter<'_> {
         let (mut free, mut deviation);
         {
             let rows: [f32; 4] = std::array::from_fn(|i| {
-                (0..4).map(|j| gb.1[j] * kernel(ga.0[i], na, gb.0[j], nb, nearest)).sum::<f32>()
+                (0..4).map(|j| gb.1[j] * kernel(ga.0[i], Some(na), gb.0[j], Some(nb), nearest)).sum::<f32>()
             });
             let columns: [f32; 4] = std::array::from_fn(|j| {
-                (0..4).map(|i| ga.1[i] * kernel(ga.0[i], na, gb.0[j], nb, nearest)).sum::<f32>()
+                (0..4).map(|i| ga.1[i] * kernel(ga.0[i], Some(na), gb.0[j], Some(nb), nearest)).sum::<f32>()
             });
             let areas = (ea.area * eb.area) as f32;
             let (mean, of_a) = moments(rows, ga.1);
@@ -128,7 +143,8 @@ impl Meter<'_> {
         }
         // Lane i + 4 j: point i of a, point j of b.
         let (pa, pb) = (four(ca, seed), four(cb, mix(seed)));
-        let weights: [f32; LANES] = std::array::from_fn(|l| kernel(pa[l & 3], na, pb[l >> 2], nb, nearest));
+        let weights: [f32; LANES] =
+            std::array::from_fn(|l| kernel(pa[l & 3], Some(na), pb[l >> 2], Some(nb), nearest));
         let few = care.worth * free < 0.5;
         let mut packet = Packet::EMPTY;
         for l in 0..LANES {
@@ -160,8 +176,13 @@ impl Meter<'_> {
         let to = Ends::draw(self.elements, ids[1], -towards, 1, mix(seed));
         let nearest = 0.2 * (ea.radius + eb.radius);
         let distance = (eb.centre - ea.centre).length();
+        let isotropic = [ea, eb].map(|e| self.inside == Inside::Isotropic && e.is_cluster());
         let weights: [f32; LANES] = std::array::from_fn(|l| {
-            kernel(from.points[l], from.normals[l], to.points[l], to.normals[l], nearest)
+            let facing = [
+                if isotropic[0] { None } else { Some(from.normals[l]) },
+                if isotropic[1] { None } else { Some(to.normals[l]) },
+            ];
+            kernel(from.points[l], facing[0], to.points[l], facing[1], nearest)
                 / (from.density[l] * to.density[l])
         });
         let most = 0.9 * ea.area.min(eb.area) as f32;
@@ -186,9 +207,32 @@ impl Meter<'_> {
             let worthwhile = free > 0.0 || care.worth * deviation[0].max(deviation[1]) > 1.0;
             return worthwhile.then(|| link(ids, free, 1.0, deviation, free, 0));
         }
+        if self.inside != Inside::Visible {
+            self.between_boxes(&mut packet, [ea, eb]);
+        }
         let width = ea.radius.min(eb.radius);
         let seen = self.sight.transmittances(&packet, width, care.feature_size, scratch);
         Some(finish(ids, [free, model], deviation, &weights, &seen, &packet))
+    }
+
+    /// Leaves out what segments meet inside the boxes of clusters they end in.
+    fn between_boxes(&self, packet: &mut Packet, ends: [&Element; 2]) {
+        for (k, end) in ends.into_iter().enumerate() {
+            let Shape::Cluster(c) = end.shape else { continue };
+            let bounds = self.elements.clusters[c as usize].bounds;
+            for lane in packet.lanes() {
+                let (o, d) = (packet.point(lane, 0.0), packet.point(lane, 1.0) - packet.point(lane, 0.0));
+                // Where the line leaves the box, and where it enters it.
+                let (first, last) = ((bounds.min - o) / d, (bounds.max - o) / d);
+                let leaves = first.max(last).min_element();
+                let enters = first.min(last).max_element();
+                if k == 0 {
+                    packet.near[lane] = leaves.clamp(packet.near[lane], packet.far[lane]);
+                } else {
+                    packet.far[lane] = enters.clamp(packet.near[lane], packet.far[lane]);
+                }
+            }
+        }
     }
 
     /// Projected area of an element towards a direction; of a surface seen edge-on a little.

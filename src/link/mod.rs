@@ -10,7 +10,7 @@ mod oracle;
 mod sight;
 
 pub use ends::{cosine_direction, mix, numbers, point_on};
-pub use measure::{Care, Meter};
+pub use measure::{Care, Inside, Meter};
 pub use oracle::{Light, Split, judge};
 pub use sight::{Scratch, Sight, Tally};
 

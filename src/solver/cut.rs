@@ -15,12 +15,26 @@ const BASIS: usize = DIRECTIONS + 1;
 /// Entries of a symmetric matrix over the basis.
 const ENTRIES: usize = BASIS * (BASIS + 1) / 2;
 
+/// What a leaf's light is multiplied with so that its row sums are right.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Closure {
+    /// What arrives.
+    pub gathers: f32,
+    /// What is sent.
+    pub sends: f32,
+}
+
+impl Closure {
+    /// Nothing is changed.
+    pub const NONE: Closure = Closure { gathers: 1.0, sends: 1.0 };
+}
+
 /// What a sealed cluster does to light.
 pub struct Response {
     /// `Σ A ρ g_p g_q` by channel over its sides, row by row of the lower half.
     reflect: [[f32; ENTRIES]; 3],
     /// `Σ A M g_p` by channel.
-    emit: [Rgb; BASIS],
+    pub emit: [Rgb; BASIS],
     /// `Σ A g_p`: what radiosity 1 gives.
     pub ones: [Rgb; BASIS],
 }
@@ -60,7 +74,7 @@ impl Cut {
     pub const NONE: u32 = u32::MAX;
 
     /// The cut for a set of links. `closure` by element multiplies what leaves gather and what they send.
-    pub fn new(elements: &Elements, links: &[Link], closure: &[f32]) -> Cut {
+    pub fn new(elements: &Elements, links: &[Link], closure: &[Closure]) -> Cut {
         let n = elements.len();
         let mut below = vec![false; n];
         let mut linked = vec![false; n];
@@ -137,6 +151,15 @@ impl Cut {
         &self.others[self.starts[place] as usize..self.starts[place + 1] as usize]
     }
 
+    /// Places of the sealed clusters, in the order of their responses.
+    pub fn sealed(&self) -> impl Iterator<Item = usize> {
+        self.kinds
+            .iter()
+            .enumerate()
+            .filter(|(_, kind)| matches!(kind, Kind::Sealed(_)))
+            .map(|(place, _)| place)
+    }
+
     /// Bytes.
     pub fn bytes(&self) -> usize {
         4 * (self.elements.capacity()
@@ -185,10 +208,11 @@ impl Cut {
 }
 
 impl Response {
-    /// What a cluster sends out for what arrives: by direction and, last, in all; radiosity times area.
+    /// What a cluster sends out for what arrives, and by itself (`emit`): by direction and, last, in all; radiosity times
+    /// area.
     #[inline]
-    pub fn answer(&self, arriving: &Arriving) -> [Rgb; BASIS] {
-        let mut out = self.emit;
+    pub fn answer(&self, arriving: &Arriving, emit: [Rgb; BASIS]) -> [Rgb; BASIS] {
+        let mut out = emit;
         let arriving: [Rgb; BASIS] =
             std::array::from_fn(|q| if q < DIRECTIONS { arriving.beams[q] } else { arriving.even });
         for (k, reflect) in self.reflect.iter().enumerate() {
@@ -208,7 +232,20 @@ impl Response {
     }
 }
 
-fn response(elements: &Elements, cluster: u32, closure: &[f32]) -> Response {
+/// `Σ A v g_p` over the sides of a cluster, for a value of each side.
+pub fn sent(elements: &Elements, cluster: u32, of: impl Fn(u32) -> Rgb) -> [Rgb; BASIS] {
+    let [from, to] = elements.clusters[cluster as usize].sides;
+    let mut sum = [[0.0; 3]; BASIS];
+    for s in from..to {
+        let side = &elements.sides[s as usize];
+        let area = elements.elements[side.element as usize].area;
+        let faces = facing(side.normal).into_iter().chain([1.0]);
+        sum.iter_mut().zip(faces).for_each(|(sum, face)| add(sum, area * f64::from(face), of(s)));
+    }
+    sum
+}
+
+fn response(elements: &Elements, cluster: u32, closure: &[Closure]) -> Response {
     let [from, to] = elements.clusters[cluster as usize].sides;
     let mut reflect = [[0.0f64; ENTRIES]; 3];
     let mut emit = [[0.0; 3]; BASIS];
@@ -218,12 +255,12 @@ fn response(elements: &Elements, cluster: u32, closure: &[f32]) -> Response {
         let basis: [f64; BASIS] =
             std::array::from_fn(|p| if p < DIRECTIONS { f64::from(faces[p]) } else { 1.0 });
         let area = elements.elements[side.element as usize].area;
-        let closure = f64::from(closure[side.element as usize]);
-        let gain = area * closure * closure;
+        let Closure { gathers, sends } = closure[side.element as usize];
+        let (gain, sends) = (area * f64::from(gathers * sends), f64::from(sends));
         let mut entry = 0;
         for p in 0..BASIS {
-            add(&mut emit[p], closure * area * basis[p], side.exitance);
-            add(&mut ones[p], closure * area * basis[p], [1.0; 3]);
+            add(&mut emit[p], sends * area * basis[p], side.exitance);
+            add(&mut ones[p], sends * area * basis[p], [1.0; 3]);
             for q in 0..=p {
                 let product = gain * basis[p] * basis[q];
                 for k in 0..3 {

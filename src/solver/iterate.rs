@@ -1,26 +1,28 @@
 //! Sweeps until the light no longer changes.
 
 use super::Solver;
-use super::cut::{Cut, Kind};
+use super::cut::{Closure, Cut, Kind};
 use super::field::{Incoming, Outgoing, Rgb, add, gather};
+use super::options::Rows;
 use crate::element::Shape;
 
 /// A leaf without a way out that sees hardly anything along its links is not mended: nothing is known of it.
-const NOTHING: f64 = 0.01;
+const NOTHING: f64 = 0.1;
 /// Row sums of other leaves above this are wrong.
 const TOO_MUCH: f64 = 1.25;
 /// Rounds of balancing.
 const BALANCING: usize = 12;
 /// Largest factor of a leaf, and one over the smallest.
-const MOST: f64 = 30.0;
-/// Largest and least share of the last step that is taken back or on.
-const STEPS: [f64; 2] = [-50.0, 0.9];
+const MOST: f32 = 4.0;
+/// Least and largest factor by which the reflected light is scaled after a sweep.
+const LEAST_SCALE: f64 = 0.2;
+const MOST_SCALE: f64 = 50.0;
 
 impl Solver<'_> {
     /// What is emitted, without any link.
     pub(super) fn start(&mut self) {
         self.incident = vec![[0.0; 3]; self.elements.len()];
-        self.closure = vec![1.0; self.elements.len()];
+        self.closure = vec![Closure::NONE; self.elements.len()];
         self.shine();
         self.look();
     }
@@ -61,7 +63,7 @@ impl Solver<'_> {
     /// The sum of each surface element's form factors along its links, before it is multiplied by its own closure: the
     /// irradiance that radiosity 1 everywhere would cause.
     pub(super) fn row_sums(&self, cut: &Cut) -> Vec<f64> {
-        let of = |&e: &u32| [f64::from(self.closure[e as usize]); 3];
+        let of = |&e: &u32| [f64::from(self.closure[e as usize].sends); 3];
         let surfaces: Vec<Rgb> = cut.elements[cut.clusters..].iter().map(of).collect();
         let ones = Outgoing::pull(&self.elements, cut, &surfaces, |_, r| cut.responses[r].ones);
         let Incoming { clusters, surfaces } = gather(&self.elements, cut, &ones);
@@ -71,20 +73,26 @@ impl Solver<'_> {
     /// Makes the row sums of leaves that see no way out 1: rows of closed scenes sum up to 1 (method E.7), and what
     /// sampling errors add or take away would be multiplied by every bounce.
     ///
-    /// Every leaf gets a factor for what it gathers and for what it sends alike (the symmetric balancing of Sinkhorn and
-    /// Knopp 1967), so that factors stay reciprocal and no energy is made. Returns the row sums there were.
+    /// Returns the row sums there were.
     pub(super) fn close(&mut self) -> Vec<f64> {
-        self.closure.fill(1.0);
+        self.closure.fill(Closure::NONE);
         let sampled = self.row_sums(&self.cut());
         let mut sums = sampled.clone();
-        for round in 0..BALANCING {
+        for round in 0..if self.rows == Rows::Balanced { BALANCING } else { 1 } {
             if round > 0 {
                 sums = self.row_sums(&self.cut());
             }
             for e in 0..self.closure.len() {
-                let closure = f64::from(self.closure[e]);
-                let missing = self.missing(e, closure * sums[e]);
-                self.closure[e] = (closure * missing.sqrt()).clamp(1.0 / MOST, MOST) as f32;
+                let before = self.closure[e].gathers;
+                let missing = self.missing(e, f64::from(before) * sums[e]);
+                self.closure[e] = match self.rows {
+                    Rows::Sampled => Closure::NONE,
+                    Rows::Closed => Closure { gathers: missing as f32, sends: 1.0 },
+                    Rows::Balanced => {
+                        let factor = (before * missing.sqrt() as f32).clamp(1.0 / MOST, MOST);
+                        Closure { gathers: factor, sends: factor }
+                    }
+                };
             }
         }
         sampled
@@ -100,69 +108,60 @@ impl Solver<'_> {
     /// Sweeps until the radiosity changes by less than `tolerance` of itself (area-weighted mean), `most` times at most,
     /// then works out the light of all elements. Returns the last change.
     ///
-    /// Every sweep gathers from the last one's radiosity (Jacobi), so that threads do not matter; the two last residuals
-    /// are combined to make the next start better (Anderson 1965, depth 1, by channel), which takes out the slow even
-    /// mode of bright scenes.
+    /// Every sweep gathers from the last one's radiosity (Jacobi), so that threads do not matter. After it all that was
+    /// reflected is scaled, by channel, so that its sum is right: the slow even mode of bright scenes, from a coarse level
+    /// of one unknown.
     pub(super) fn settle(&mut self, cut: &Cut, tolerance: f64, most: usize) -> f64 {
-        // The unknowns: what arrives at the ends of the cut.
-        let mut state = self.arriving(cut);
-        let mut last: Option<(Vec<Rgb>, Vec<Rgb>)> = None;
+        let nothing = Incoming {
+            clusters: vec![Default::default(); cut.clusters],
+            surfaces: vec![[0.0; 3]; cut.elements.len() - cut.clusters],
+        };
+        let direct = gather(&self.elements, cut, &self.outgoing(cut, &nothing));
+        let fixed = flat(&direct);
+        // What arrives, from the last solution if the cut has not changed.
+        let mut state = match self.state.take() {
+            Some((places, state)) if places == cut.elements.len() => state,
+            _ => direct,
+        };
         let mut change = 0.0;
         for _ in 0..most {
             let outgoing = self.outgoing(cut, &state);
             let next = gather(&self.elements, cut, &outgoing);
-            let made = flat(&next);
-            let then = flat(&state);
+            let (made, then) = (flat(&next), flat(&state));
             let (mut moved, mut total) = (0.0, 0.0);
-            let mut products = [[0.0; 2]; 3];
+            let (mut emitted, mut reflected, mut before) = ([0.0; 3], [0.0; 3], [0.0; 3]);
             for i in 0..made.len() {
                 let weight = self.weight(cut, i);
                 for k in 0..3 {
-                    let residual = made[i][k] - then[i][k];
-                    moved += weight * residual.abs();
+                    moved += weight * (made[i][k] - then[i][k]).abs();
                     total += weight * made[i][k];
-                    if let Some((before, result)) = &last {
-                        let difference = residual - (result[i][k] - before[i][k]);
-                        products[k][0] += weight * residual * difference;
-                        products[k][1] += weight * difference * difference;
-                    }
+                    emitted[k] += weight * fixed[i][k];
+                    reflected[k] += weight * (made[i][k] - fixed[i][k]);
+                    before[k] += weight * then[i][k];
                 }
             }
             change = if total > 0.0 { moved / total } else { 0.0 };
-            state = next;
             if change < tolerance {
+                state = next;
                 break;
             }
-            if let Some((_, result)) = &last {
-                let share =
-                    products.map(|[a, b]| if b > 0.0 { (a / b).clamp(STEPS[0], STEPS[1]) } else { 0.0 });
-                let mixed = |i: usize| {
-                    std::array::from_fn(|k| (made[i][k] - share[k] * (made[i][k] - result[i][k])).max(0.0))
-                };
-                state = shaped(cut, (0..made.len()).map(mixed));
-            }
-            last = Some((then, made));
+            let scale: Rgb = std::array::from_fn(|k| {
+                let kept = before[k] - reflected[k];
+                if kept > 0.0 { (emitted[k] / kept).clamp(LEAST_SCALE, MOST_SCALE) } else { 1.0 }
+            });
+            let scaled =
+                |i: usize| std::array::from_fn(|k| fixed[i][k] + scale[k] * (made[i][k] - fixed[i][k]));
+            state = shaped(cut, (0..made.len()).map(scaled));
         }
         let incident = cut.expand(&self.elements, &state.clusters, &state.surfaces);
         self.incident = incident
             .into_iter()
             .zip(&self.closure)
-            .map(|(e, &closure)| e.map(|v| v * f64::from(closure)))
+            .map(|(e, &closure)| e.map(|v| v * f64::from(closure.gathers)))
             .collect();
         self.shine();
         self.state = Some((cut.elements.len(), state));
         change
-    }
-
-    /// What arrives, from the last solution if the cut has not changed; nothing otherwise.
-    fn arriving(&mut self, cut: &Cut) -> Incoming {
-        match self.state.take() {
-            Some((places, state)) if places == cut.elements.len() => state,
-            _ => Incoming {
-                clusters: vec![Default::default(); cut.clusters],
-                surfaces: vec![[0.0; 3]; cut.elements.len() - cut.clusters],
-            },
-        }
     }
 
     fn outgoing(&self, cut: &Cut, state: &Incoming) -> Outgoing {
@@ -171,12 +170,17 @@ impl Solver<'_> {
                 let e = cut.elements[p] as usize;
                 let Shape::Surface { side, .. } = self.elements.elements[e].shape else { return [0.0; 3] };
                 let s = &self.elements.sides[side as usize];
-                let closure = f64::from(self.closure[e]);
+                let Closure { gathers, sends } = self.closure[e];
+                let (gathers, sends) = (f64::from(gathers), f64::from(sends));
                 let incident = state.surfaces[p - cut.clusters];
-                std::array::from_fn(|k| s.exitance[k] + f64::from(s.reflectance[k]) * closure * incident[k])
+                std::array::from_fn(|k| {
+                    sends * (s.exitance[k] + f64::from(s.reflectance[k]) * gathers * incident[k])
+                })
             })
             .collect();
-        Outgoing::pull(&self.elements, cut, &surfaces, |p, r| cut.responses[r].answer(&state.clusters[p]))
+        Outgoing::pull(&self.elements, cut, &surfaces, |p, r| {
+            cut.responses[r].answer(&state.clusters[p], cut.responses[r].emit)
+        })
     }
 
     /// What the change of an unknown counts: area times reflectance of what it lights.

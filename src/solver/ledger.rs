@@ -50,7 +50,7 @@ impl Solver<'_> {
             let power = |v: Rgb| element.area * mean(v);
             let absorbed: Rgb =
                 std::array::from_fn(|k| (1.0 - f64::from(s.reflectance[k])) * self.incident[e][k]);
-            let row = sums[e] * f64::from(self.closure[e]);
+            let row = sums[e] * f64::from(self.closure[e].gathers);
             ledger.emitted += power(s.exitance);
             ledger.absorbed += power(absorbed);
             received += power(self.incident[e]);

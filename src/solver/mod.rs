@@ -7,6 +7,7 @@
 mod cut;
 mod field;
 mod histogram;
+mod importance;
 mod iterate;
 mod ledger;
 mod options;
@@ -17,7 +18,7 @@ mod run;
 mod show;
 
 pub use ledger::Ledger;
-pub use options::{Options, Visibility};
+pub use options::{Inside, Options, Rows, Visibility};
 pub use receive::Receiver;
 pub use run::{Iteration, Outcome, Progress, Record, SceneFacts, Seconds, run};
 
@@ -35,8 +36,15 @@ pub struct Solver<'a> {
     sight: Sight<'a>,
     ends: EndRule,
     seed: u64,
-    /// Feature size for a given receiver: given for all, or the receiver's own diameter.
-    feature_size: Option<f32>,
+    /// Feature size for each element as a receiver: what was given, or its own diameter.
+    feature_sizes: Vec<f32>,
+    /// Whether a feature size was given for all.
+    fixed_size: bool,
+    /// What errors count at each element, relative to the most important one; empty if all count.
+    importance: Vec<f32>,
+    /// By side, whether it is important by itself.
+    important: Vec<bool>,
+    inside: Inside,
     /// Mean irradiance by the emitted power and the mean reflectance, W/m²: what errors are relative to.
     scale: f64,
     /// Radiosity of all elements, irradiance of all surface elements.
@@ -45,7 +53,9 @@ pub struct Solver<'a> {
     /// Where sweeps ended, with the size of their cut.
     state: Option<(usize, Incoming)>,
     /// By element: what leaves that see no way out must gather more to gather all (1 elsewhere).
-    closure: Vec<f32>,
+    closure: Vec<cut::Closure>,
+    /// How that is made.
+    rows: Rows,
     /// What the oracle knows of each element's light.
     light: Vec<Light>,
     tally: Tally,
@@ -84,17 +94,23 @@ impl<'a> Solver<'a> {
             sight,
             ends,
             seed: options.seed,
-            feature_size: options.feature_size,
+            feature_sizes: Vec::new(),
+            fixed_size: options.feature_size.is_some(),
+            importance: Vec::new(),
+            important: Vec::new(),
+            inside: options.inside,
             scale,
             radiosity: Vec::new(),
             state: None,
             incident: Vec::new(),
             closure: Vec::new(),
+            rows: options.rows,
             light: Vec::new(),
             tally: Tally::default(),
             max_links: options.max_links,
             elements,
         };
+        solver.size(options.feature_size, &[]);
         solver.start();
         solver
     }
@@ -115,7 +131,13 @@ impl<'a> Solver<'a> {
     }
 
     fn meter(&self) -> Meter<'_> {
-        Meter { elements: &self.elements, sight: self.sight, ends: self.ends, seed: self.seed }
+        Meter {
+            elements: &self.elements,
+            sight: self.sight,
+            ends: self.ends,
+            seed: self.seed,
+            inside: self.inside,
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! What a solution is asked for.
 
+pub use crate::link::Inside;
 use crate::{Error, Result};
 
 /// Which engine answers visibility.
@@ -15,6 +16,20 @@ pub enum Visibility {
     Average,
 }
 
+/// What is done so that the form factors of an element that sees no way out of the scene sum up to 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Rows {
+    /// Nothing.
+    Sampled,
+    /// What each leaf gathers is multiplied: each irradiance is a mean of radiosities.
+    Closed,
+    /// What each leaf gathers and what it sends is multiplied alike (Sinkhorn and Knopp 1967): factors stay reciprocal and
+    /// no energy is made.
+    #[default]
+    Balanced,
+}
+
 /// Options of [`super::run`].
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Options {
@@ -22,10 +37,19 @@ pub struct Options {
     pub error: f64,
     /// Smallest element as part of the scene's area; above 0.
     pub min_area: f64,
+    /// What is done about row sums.
+    pub rows: Rows,
     /// The engine.
     pub visibility: Visibility,
     /// Feature size for all receivers, scene units; by default each one's own diameter.
     pub feature_size: Option<f32>,
+    /// Feature sizes of objects, groups or materials by name, scene units: they go before `feature_size`.
+    pub feature_sizes: Vec<(String, f32)>,
+    /// What light does inside the clusters that a link ends at.
+    pub inside: Inside,
+    /// Objects, groups or materials whose light matters: errors elsewhere count as much as they show there; everything if
+    /// empty.
+    pub importance: Vec<String>,
     /// Leave the bounces out of what points receive.
     pub direct_only: bool,
     /// Rays from a point to an emitter that is partly visible; by default what the error asks for.
@@ -50,8 +74,12 @@ impl Default for Options {
         Options {
             error: 0.02,
             min_area: 2e-5,
+            rows: Rows::default(),
             visibility: Visibility::default(),
             feature_size: None,
+            feature_sizes: Vec::new(),
+            inside: Inside::default(),
+            importance: Vec::new(),
             direct_only: false,
             light_rays: None,
             gather_rays: None,
@@ -82,6 +110,9 @@ impl Options {
             if let Some(v) = value.filter(|v| !v.is_finite() || *v <= 0.0) {
                 return Err(Error::Argument(format!("{name} {v}: must be a number above 0")));
             }
+        }
+        if let Some((name, s)) = self.feature_sizes.iter().find(|(_, s)| !s.is_finite() || *s <= 0.0) {
+            return Err(Error::Argument(format!("feature size {s} of `{name}`: must be a number above 0")));
         }
         let [light, gather] = [self.light_rays, self.gather_rays].map(|n| n.unwrap_or(1));
         for (name, value, most) in [

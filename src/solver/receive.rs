@@ -37,6 +37,9 @@ pub struct Receiver<'a> {
     powers: Vec<f32>,
     /// Low-discrepancy numbers for shadow rays.
     table: Vec<[f32; 2]>,
+    /// Nearer than this many radii of the element that is met its mean light says too little. In scenes with clusters the
+    /// first thing met is never taken at its word: what lies in clusters knows its light on average only.
+    near: f32,
     light_rays: usize,
     /// Directions about +z for the final gather, blocks of 4 by 4 neighbours together; several sets that points choose
     /// from, none for direct light only.
@@ -119,6 +122,7 @@ impl<'a> Receiver<'a> {
             lit,
             powers,
             table,
+            near: if elements.large_from > 0 { f32::INFINITY } else { NEAR },
             light_rays: options.light_rays(),
             hemispheres,
             feature_size: options.feature_size.unwrap_or(1e-2 * scene.bounds.diagonal()),
@@ -258,7 +262,7 @@ impl<'a> Receiver<'a> {
             let mut part = Vec3::ZERO;
             for lane in 0..LANES {
                 let Some(met) = self.met(packet, hits, lane) else { continue };
-                if met.distance < NEAR * elements.elements[met.leaf as usize].radius {
+                if met.distance < self.near * elements.elements[met.leaf as usize].radius {
                     near.push(met);
                 } else {
                     part += Vec3::from(self.reflected[met.leaf as usize]);
@@ -293,7 +297,7 @@ fn hemisphere(rows: usize, seed: u64) -> Vec<Vec3> {
         .collect()
 }
 
-/// Nearer than this many radii of the element that is met its mean light says too little.
+/// See [`Receiver::near`].
 const NEAR: f32 = 3.0;
 
 impl Receiver<'_> {
@@ -344,14 +348,22 @@ impl Receiver<'_> {
             for (lane, met) in group.iter().enumerate() {
                 let reflectance = Vec3::from(elements.sides[met.side as usize].reflectance);
                 if let Some(beyond) = self.met(packet, hits, lane) {
-                    let received = Vec3::from(self.reflected[beyond.leaf as usize]);
+                    let mut received = Vec3::from(self.reflected[beyond.leaf as usize]);
+                    let from = &elements.sides[beyond.side as usize];
+                    if from.exitance.iter().any(|&m| m > 0.0) {
+                        let q = self.ratio(met, beyond.place, from.normal, from.exitance);
+                        received += q / (1.0 + q) * Vec3::from(from.exitance.map(|m| m as f32));
+                    }
                     add(sum, 1.0, (reflectance * received).to_array().map(f64::from));
                 }
-                let [.., u, v] =
-                    numbers(seed, 2 + u64::from(met.leaf) ^ u64::from(met.place.x.to_bits()) << 20);
-                if let Some((from, kernel)) = self.lit_by(met, u, v) {
-                    shadow.set(lane, met.place, from, self.solver.ends);
-                    light[lane] = (reflectance * kernel).to_array();
+                let [.., u, v] = numbers(seed, 2 + (g * LANES + lane) as u64);
+                if let Some((from, face)) = self.on_emitter(u, v) {
+                    let q = self.ratio(met, from, face.normal, face.exitance);
+                    if q > 0.0 {
+                        shadow.set(lane, met.place, from, self.solver.ends);
+                        let arriving = q / (1.0 + q) * Vec3::from(face.exitance.map(|m| m as f32));
+                        light[lane] = (reflectance * arriving).to_array();
+                    }
                 }
             }
             if shadow.is_empty() {
@@ -365,23 +377,26 @@ impl Receiver<'_> {
         }
     }
 
-    /// A point on an emitter by two numbers in `[0, 1)`, faces chosen by their power, and the unoccluded irradiance from
-    /// there over the density; none if they do not face each other.
-    fn lit_by(&self, met: &Met, u: f32, v: f32) -> Option<(Vec3, Vec3)> {
-        let total = *self.powers.last()?;
-        let target = u * total;
+    /// A point on an emitter by two numbers in `[0, 1)`; faces are chosen by their power.
+    fn on_emitter(&self, u: f32, v: f32) -> Option<(Vec3, &Face)> {
+        let target = u * *self.powers.last()?;
         let f = self.powers.partition_point(|&p| p <= target).min(self.powers.len() - 1);
         let before = if f > 0 { self.powers[f - 1] } else { 0.0 };
         let (e, k) = self.lit[f];
         let face = &self.emitters[e as usize].0[k as usize];
-        let share = (self.powers[f] - before) / total;
-        let at = point_on(&face.corners, ((target - before) / (self.powers[f] - before)).clamp(0.0, 1.0), v);
+        let u = ((target - before) / (self.powers[f] - before)).clamp(0.0, 1.0);
+        Some((point_on(&face.corners, u, v), face))
+    }
+
+    /// Density with which a cosine-weighted ray from a near place finds a point of an emitter, over the density of
+    /// [`Receiver::on_emitter`]. Both find it; weighted by their densities (the balance heuristic of Veach and Guibas
+    /// 1995) each contributes less than the emitter's exitance, however near it is.
+    fn ratio(&self, met: &Met, at: Vec3, normal: Vec3, exitance: Rgb) -> f32 {
         let d = at - met.place;
         let r2 = d.length_squared().max(f32::MIN_POSITIVE);
-        let normal = self.solver.elements.sides[met.side as usize].normal;
-        let cosines = normal.dot(d).max(0.0) * (-face.normal.dot(d)).max(0.0);
-        let kernel = cosines / (std::f32::consts::PI * r2 * r2) * face.area / share;
-        (kernel > 0.0).then(|| (at, kernel * Vec3::from(face.exitance.map(|m| m as f32))))
+        let own = self.solver.elements.sides[met.side as usize].normal;
+        let kernel = own.dot(d).max(0.0) * (-normal.dot(d)).max(0.0) / (std::f32::consts::PI * r2 * r2);
+        kernel * self.powers.last().copied().unwrap_or(0.0) / super::mean(exitance) as f32
     }
 }
 

@@ -98,6 +98,14 @@ impl Solver<'_> {
             self.radiosity.push(self.radiosity[e]);
             self.incident.push(self.incident[e]);
             self.closure.push(self.closure[e]);
+            // A size of its own is the parent's unless it followed from the diameter.
+            let own = 2.0 * self.elements.elements[self.feature_sizes.len()].radius;
+            let parent = 2.0 * self.elements.elements[e].radius;
+            let follows = !self.fixed_size && self.feature_sizes[e] == parent;
+            self.feature_sizes.push(if follows { own } else { self.feature_sizes[e] });
+            if let Some(&importance) = self.importance.get(e) {
+                self.importance.push(importance);
+            }
             let light = self.light[e];
             self.light.push(Light { deviation: 0.5 * light.deviation, ..light });
         }
@@ -156,8 +164,9 @@ impl Solver<'_> {
         };
         let tolerated = f64::from(threshold) * self.scale;
         let worth = (worth(a, b).max(worth(b, a)) / tolerated) as f32;
-        let own = self.elements.elements[a as usize].radius.max(self.elements.elements[b as usize].radius);
-        Care { worth, feature_size: self.feature_size.unwrap_or(2.0 * own) }
+        let sizes = [a, b].map(|e| self.feature_sizes[e as usize]);
+        let feature_size = if self.fixed_size { sizes[0].min(sizes[1]) } else { sizes[0].max(sizes[1]) };
+        Care { worth, feature_size }
     }
 
     /// What the oracle must know of every element's light, from the present solution.
@@ -174,6 +183,7 @@ impl Solver<'_> {
                     self.elements.sides[side as usize].reflectance.iter().sum::<f32>() / 3.0
                 }
             };
+            let weight = weight.max(LEAST_WEIGHT) * self.importance.get(e).copied().unwrap_or(1.0);
             if element.is_leaf() {
                 squares[e] = mean * mean;
             } else {
@@ -182,8 +192,7 @@ impl Solver<'_> {
                 squares[e] = sum / element.area.max(f64::MIN_POSITIVE);
             }
             let deviation = (squares[e] - mean * mean).max(0.0).sqrt();
-            light[e] =
-                Light { mean: mean as f32, deviation: deviation as f32, weight: weight.max(LEAST_WEIGHT) };
+            light[e] = Light { mean: mean as f32, deviation: deviation as f32, weight };
         }
         self.light = light;
     }

@@ -177,6 +177,7 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
         (elements, found)
     });
     let mut solver = Solver::new(elements, found, sight, ends, options);
+    solver.name(scene, &options.feature_sizes, &options.importance)?;
     let start = Instant::now();
     let late =
         || progress.stopped() || options.max_seconds.is_some_and(|s| begun.elapsed().as_secs_f64() > s);
@@ -250,6 +251,7 @@ fn solve(
         let refining = start.elapsed().as_secs_f64();
         let cut = solver.cut();
         let residual = solver.settle(&cut, ROUGH, if once { 2 } else { 12 });
+        solver.spread_importance(&cut);
         solver.look();
         let taken = start.elapsed().as_secs_f64();
         if let Some(step) = options.step_seconds {
