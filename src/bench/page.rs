@@ -14,7 +14,11 @@ mod losses;
 mod plots;
 mod prose;
 mod receivers;
+mod scaling;
 mod tables;
+mod trust;
+
+pub use scaling::render_scaling;
 
 const STYLE: &str = include_str!("page/style.css");
 
@@ -40,6 +44,33 @@ pub struct ReceiverImages {
 pub fn render(record: &Record, receivers: &[ReceiverImages]) -> Result<String> {
     let title = format!("mrvis bench: {}", file_name(&record.scene.path));
     let shadows = receivers.iter().map(|r| receivers::section(record, r)).collect::<Result<Vec<_>>>()?;
+    let body = html! {
+        (headline(record))
+        (tables::scene(record))
+        section {
+            h2 { "Error against time" }
+            (plots::error_against_time(record)?)
+        }
+        (tables::measurements(record))
+        (trust::calibration(record)?)
+        (trust::target(record))
+        (trust::unbiased(record))
+        section {
+            h2 { "Shadow images" }
+            @if receivers.is_empty() { p { "No receiver was imaged in this run." } }
+            @else { (prose::shadow_images()) }
+            @for shadow in shadows { (shadow) }
+        }
+        (losses::section(record, receivers)?)
+        (scaling::section(&record.scaling, &record.unit)?)
+        (prose::how_to_read())
+        (footer(record))
+    };
+    Ok(document(&title, body))
+}
+
+/// A page around its content.
+fn document(title: &str, body: Markup) -> String {
     let page = html! {
         (DOCTYPE)
         html lang="en" {
@@ -50,29 +81,10 @@ pub fn render(record: &Record, receivers: &[ReceiverImages]) -> Result<String> {
                 title { (title) }
                 style { (PreEscaped(STYLE)) }
             }
-            body {
-                main {
-                    (headline(record))
-                    (tables::scene(record))
-                    section {
-                        h2 { "Error against time" }
-                        (plots::error_against_time(record)?)
-                    }
-                    (tables::measurements(record))
-                    section {
-                        h2 { "Shadow images" }
-                        @if receivers.is_empty() { p { "No receiver was imaged in this run." } }
-                        @else { (prose::shadow_images()) }
-                        @for shadow in shadows { (shadow) }
-                    }
-                    (losses::section(record, receivers)?)
-                    (prose::how_to_read())
-                    (footer(record))
-                }
-            }
+            body { main { (body) } }
         }
     };
-    Ok(page.into_string())
+    page.into_string()
 }
 
 /// Title and the result in one sentence.

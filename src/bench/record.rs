@@ -5,6 +5,12 @@
 //! times. Lengths are in the scene's unit, times in seconds of wall clock. `rms` and `bias` are of the visible
 //! fraction of each emitter at each point, in [0, 1], against the reference, whose own noise is subtracted.
 
+mod scaling;
+mod trust;
+
+pub use scaling::{ScalingRecord, ScalingRow};
+pub use trust::{Audit, CalibrationBin, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow};
+
 use serde::{Deserialize, Serialize};
 
 /// One run.
@@ -31,6 +37,9 @@ pub struct Record {
     /// What the reader of the figures should know, a sentence each.
     #[serde(default)]
     pub warnings: Vec<String>,
+    /// How clusters were measured.
+    #[serde(default)]
+    pub clusters: Clusters,
     /// Preparation, not part of the timed sections.
     pub build: Build,
     /// What was asked of the engines.
@@ -39,8 +48,17 @@ pub struct Record {
     pub exact: Vec<ExactRow>,
     /// Multi-resolution visibility, by feature size.
     pub mr: Vec<MrRow>,
+    /// Estimates without bias, if they were asked for.
+    #[serde(default)]
+    pub unbiased: Vec<UnbiasedRow>,
+    /// What came of a target, if there was one.
+    #[serde(default)]
+    pub target: Option<Target>,
     /// Shadow images.
     pub receivers: Vec<Receiver>,
+    /// How cost grows with the scene, when it was asked for.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub scaling: Vec<ScalingRow>,
 }
 
 /// Facts of the scene.
@@ -62,6 +80,15 @@ pub struct SceneFacts {
     pub clusters: usize,
     /// Levels of the hierarchy.
     pub levels: usize,
+}
+
+/// How clusters were measured.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Clusters {
+    /// `measured` or `analytic`.
+    pub extinction: String,
+    /// Error of a cluster's transmission that is let pass, in `(0, 1]`.
+    pub tolerance: f64,
 }
 
 /// Times and sizes of the preparation.
@@ -92,6 +119,41 @@ pub struct Build {
     pub hierarchy_bytes: u64,
     /// Memory of Embree's scene, bytes.
     pub embree_bytes: u64,
+    /// Memory by part, for each triangle of the scene.
+    #[serde(default)]
+    pub bytes_per_triangle: BytesPerTriangle,
+}
+
+/// Memory while the engines are asked, bytes for each triangle of the scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct BytesPerTriangle {
+    /// Vertices, faces, and what is known of each face.
+    pub scene: f64,
+    /// The clusters.
+    pub hierarchy: f64,
+    /// Their measures.
+    pub traits: f64,
+    /// Both laid out for traversal.
+    pub wide: f64,
+    /// Embree's scene.
+    pub embree: f64,
+    /// All of it.
+    pub total: f64,
+}
+
+impl BytesPerTriangle {
+    /// From bytes of scene, hierarchy, traits, wide tree and Embree's scene.
+    pub fn of(triangles: usize, [scene, hierarchy, traits, wide, embree]: [usize; 5]) -> BytesPerTriangle {
+        let per = |bytes: usize| bytes as f64 / triangles.max(1) as f64;
+        BytesPerTriangle {
+            scene: per(scene),
+            hierarchy: per(hierarchy),
+            traits: per(traits),
+            wide: per(wide),
+            embree: per(embree),
+            total: per(scene + hierarchy + traits + wide + embree),
+        }
+    }
 }
 
 /// The question that all engines answer.
@@ -114,9 +176,14 @@ pub struct Workload {
 pub struct ExactRow {
     /// Rays from a point to an emitter.
     pub rays: usize,
+    /// Whether pairs that are certainly clear or blocked were recognised without rays; speed-ups are measured against
+    /// the rows where they were not.
+    #[serde(default)]
+    pub certificates: bool,
     /// Time of the queries, seconds.
     pub seconds: f64,
-    /// The fastest of Embree's ways of asking: `occluded1`, `occluded4`, `occluded8` or `occluded16`.
+    /// The fastest of Embree's ways of asking: `occluded1`, `occluded4`, `occluded8` or `occluded16`; with
+    /// certificates `certified`.
     pub mode: String,
     /// Whether Embree was told that the rays of a call stay together.
     #[serde(default)]
@@ -142,6 +209,9 @@ pub struct MrRow {
     pub bias: f64,
     /// Part of the answers, in [0, 1], whose stated interval holds the reference.
     pub interval_coverage: f64,
+    /// What a few exact rays of its own say of the stated intervals; absent (null) without an audit.
+    #[serde(default)]
+    pub audit: Option<Audit>,
     /// Part of the segments, in [0, 1], that met at least one averaged cluster.
     pub aggregated_fraction: f64,
     /// Segments of bundles for which triangles were tested, by this engine or by Embree.

@@ -1,21 +1,18 @@
 //! One run from a scene to a record and images.
 
-use super::measure::{Sample, Timer};
+use super::measure::{Questions, Timer};
 use super::options::Options;
 use super::page::ReceiverImages;
+use super::prepare::Prepared;
 use super::progress::Progress;
 use super::record::{self, Record, SceneFacts};
-use super::rows::Bench;
+use super::rows::{Bench, plain_curve};
 use super::sizes::default_sizes;
 use super::workload::{Workload, surface_points};
-use crate::cache::{self, Table};
-use crate::characterise::{Traits, characterise};
-use crate::embree::{CommittedScene, Device, SceneBuilder};
-use crate::hierarchy::{self, Hierarchy};
+use crate::characterise::{Extinction, Traits};
+use crate::hierarchy::Hierarchy;
 use crate::scene::Scene;
-use crate::visibility::{Leaf, MultiResolution, Workspace};
 use crate::{Error, Result};
-use std::time::Instant;
 
 /// Measures a scene.
 ///
@@ -32,16 +29,7 @@ pub fn run(
 ) -> Result<(Record, Vec<ReceiverImages>)> {
     options.check_for(scene)?;
     let timer = Timer::new(options.threads)?;
-    let mut build = record::Build::default();
-    let device = Device::new(0)?;
-    progress.stage("Embree's tree", 0);
-    let traced = timed(&mut build.embree_s, || -> Result<CommittedScene> {
-        let mut builder = SceneBuilder::new(&device, Default::default())?;
-        builder.add_triangles(&scene.positions, &scene.triangles, 1)?;
-        builder.commit()
-    })?;
-    build.embree_bytes = device.bytes() as u64;
-    let Table { hierarchy, traits } = table(scene, options, &mut build, progress);
+    let Prepared { device, traced, table, mut build } = Prepared::of(scene, options, progress)?;
 
     let points = surface_points(scene, options.points, options.seed)?;
     let workload = Workload::new(scene, points, options.seed);
@@ -52,22 +40,20 @@ pub fn run(
             scene.path.display()
         )));
     }
-    let sizes = sizes(scene, options, &hierarchy, &traits);
+    let sizes = sizes(scene, options, &table.hierarchy, &table.traits);
     let mut warnings = Vec::new();
     let bench =
         Bench { scene, options, timer, traced: &traced, width: device.native_width(), sizes, progress };
-    let engine = |workload: &Workload, seconds: &mut f64| {
-        let traversal = bench.traversal(workload, options.rays);
-        let engine = MultiResolution::new(scene, &hierarchy, &traits, &traced, traversal, Leaf::Exact);
-        let sample = Sample::of(scene, workload, options.rays);
-        timed(seconds, || engine.with_budget(&sample.bundles().concat(), &mut Workspace::default()))
-    };
-    let mr = engine(&workload, &mut build.budget_s);
-    build.hierarchy_bytes =
-        (hierarchy.micro.bytes() + hierarchy.large.bytes() + size_of_val(traits.as_slice()) + mr.bytes())
-            as u64;
+    let mr = bench.engine(&table, &workload, &mut build);
 
-    let (reference, exact, mut rows) = bench.points(&workload, &mr);
+    let every: Vec<usize> = (0..workload.pairs.len()).collect();
+    let questions = Questions { scene, workload: &workload, pairs: &every };
+    let (reference, exact, mut rows) = bench.points(questions, &mr);
+    let unbiased = match options.unbiased {
+        true => bench.unbiased(questions, &mr, &reference, &plain_curve(&exact)),
+        false => Vec::new(),
+    };
+    let target = options.target.map(|target| bench.target(target, questions, &mr, &reference));
     let (receivers, images) = bench.images(&mr, &mut rows, &mut warnings)?;
     let record = Record {
         mrvis: env!("CARGO_PKG_VERSION").into(),
@@ -76,9 +62,16 @@ pub fn run(
         isa: mr.isa().name().into(),
         unit: scene.unit.clone(),
         seed: options.seed,
-        scene: facts(scene, &hierarchy),
+        scene: facts(scene, &table.hierarchy),
         scene_repairs: serde_json::to_value(&scene.repairs).unwrap_or_default(),
         warnings,
+        clusters: record::Clusters {
+            extinction: match options.clusters.extinction {
+                Extinction::Measured => "measured".into(),
+                Extinction::Analytic => "analytic".into(),
+            },
+            tolerance: options.clusters.tolerance.into(),
+        },
         build,
         workload: record::Workload {
             points: options.points,
@@ -89,35 +82,12 @@ pub fn run(
         },
         exact,
         mr: rows,
+        unbiased,
+        target,
         receivers,
+        scaling: Vec::new(),
     };
     Ok((record, images))
-}
-
-/// Clusters and their measures: made, or from the cache.
-fn table(scene: &Scene, options: &Options, build: &mut record::Build, progress: &dyn Progress) -> Table {
-    let how = cache::Options::default();
-    let start = Instant::now();
-    progress.stage("looking for measured clusters", 0);
-    let (table, origin, note) = cache::table(scene, &options.cache, &how, || {
-        progress.stage("hierarchy", 0);
-        let hierarchy = timed(&mut build.hierarchy_s, || hierarchy::build(scene, &how.hierarchy));
-        progress.stage("measuring clusters", 0);
-        let traits =
-            timed(&mut build.characterise_s, || characterise(scene, &hierarchy.micro, &how.characterise));
-        Table { hierarchy, traits }
-    });
-    build.cache_s = start.elapsed().as_secs_f64() - build.hierarchy_s - build.characterise_s;
-    (build.cache, build.cache_note) = (origin.name().into(), note);
-    table
-}
-
-/// The result and, added up, the seconds it took.
-fn timed<R>(seconds: &mut f64, make: impl FnOnce() -> R) -> R {
-    let start = Instant::now();
-    let result = make();
-    *seconds += start.elapsed().as_secs_f64();
-    result
 }
 
 fn facts(scene: &Scene, hierarchy: &Hierarchy) -> SceneFacts {

@@ -4,11 +4,12 @@ use super::args::Common;
 use mrvis::{
     Result,
     display::{
-        Camera, Mesh, Stage, Tone, best_view, lightmap, render, write_glb, write_lightmap, write_ply,
-        write_vtu,
+        Camera, Mesh, Stage, Tone, best_view, light_of, lightmap, places, render, write_glb, write_lightmap,
+        write_ply, write_vtu,
     },
     output::{Picture, write_exr_rgb, write_png},
-    scene::Scene,
+    points::Point,
+    scene::{Scene, StoredCamera},
     solution::Solution,
 };
 use std::path::{Path, PathBuf};
@@ -26,6 +27,9 @@ pub struct Outputs {
     /// Camera instead of the file's own or an automatic one: eye, target, vertical angle of view in degrees.
     #[arg(long, value_name = "X,Y,Z,X,Y,Z,DEG", value_parser = camera, allow_hyphen_values = true)]
     camera: Option<[f64; 7]>,
+    /// Compute the light of every pixel of images anew instead of interpolating it: slow and sharp.
+    #[arg(long)]
+    gather: bool,
     /// About how many texels a lightmap has.
     #[arg(long, value_name = "N", default_value_t = 1 << 20,
           value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=1 << 28))]
@@ -42,17 +46,21 @@ enum Kind {
     Vtu,
     /// lightmap.exr: irradiance, a chart for each plane; lightmap.obj: the mesh that it belongs to; lightmap.png.
     Lightmap,
-    /// A picture for each camera: .png as the eye sees it, .exr radiance.
+    /// A picture for each camera (those of a glTF file, or an automatic view.*): .png as the eye sees it, .exr radiance.
     Image,
     /// Nothing.
     None,
 }
 
+/// Irradiance at points.
+pub type Gather<'a> = &'a dyn Fn(&[Point]) -> Result<Vec<[f64; 3]>>;
+
 /// Rays a pixel along either side.
 const SAMPLES: usize = 2;
 
 impl Outputs {
-    /// Writes what was asked for into a folder; gives the names of the files.
+    /// Writes what was asked for into a folder; gives the names of the files. `irradiance` is asked for light at pixels,
+    /// if it is there and that is wanted.
     ///
     /// # Errors
     /// A file cannot be written, or a lightmap does not hold the scene.
@@ -63,6 +71,7 @@ impl Outputs {
         solution: &Solution,
         folder: &Path,
         with_points: bool,
+        irradiance: Option<Gather>,
     ) -> Result<Vec<PathBuf>> {
         let default: &[Kind] = if with_points { &[] } else { &[Kind::Glb, Kind::Vtu, Kind::Image] };
         let wanted = self.outputs.as_deref().unwrap_or(default);
@@ -103,10 +112,14 @@ impl Outputs {
             let stage = Stage::new(&mesh, solution)?;
             for camera in self.cameras(scene, solution, &stage) {
                 let [width, height] = self.image_size;
-                let frame = render(&stage, &camera, width, height, SAMPLES);
-                let exr = file(format!("{}.exr", camera.name));
-                write_exr_rgb(&exr, width, &frame.radiance)?;
-                write_png(&file(format!("{}.png", camera.name)), &developed(width, &frame.radiance))?;
+                let radiance = if let Some(irradiance) = irradiance.filter(|_| self.gather) {
+                    let frame = render(&stage, &camera, width, height, 1);
+                    light_of(&frame, solution, &irradiance(&places(&frame, solution))?)
+                } else {
+                    render(&stage, &camera, width, height, SAMPLES).radiance
+                };
+                write_exr_rgb(&file(format!("{}.exr", camera.name)), width, &radiance)?;
+                write_png(&file(format!("{}.png", camera.name)), &developed(width, &radiance))?;
             }
         }
         Ok(written)
@@ -117,7 +130,8 @@ impl Outputs {
         let gltf = scene.path.extension().is_some_and(|e| e == "gltf" || e == "glb");
         let up = if gltf { glam::Vec3::Y } else { glam::Vec3::Z };
         let Some([x, y, z, u, v, w, degrees]) = self.camera else {
-            return vec![best_view(stage, solution, up)];
+            let stored: Vec<Camera> = scene.cameras.iter().map(|c| stored(c, solution)).collect();
+            return if stored.is_empty() { vec![best_view(stage, solution, up)] } else { stored };
         };
         let eye = (glam::DVec3::new(x, y, z) - solution.origin).as_vec3();
         let forward = (glam::DVec3::new(u, v, w) - glam::DVec3::new(x, y, z)).normalize().as_vec3();
@@ -128,6 +142,18 @@ impl Outputs {
             forward.any_orthonormal_vector()
         };
         vec![Camera { name: "view".into(), eye, forward, up, angle: degrees.to_radians() as f32 }]
+    }
+}
+
+/// A camera of the file; its name becomes that of its pictures.
+fn stored(c: &StoredCamera, solution: &Solution) -> Camera {
+    let plain = |c: char| if c.is_alphanumeric() || "-_".contains(c) { c } else { '_' };
+    Camera {
+        name: format!("view-{}", c.name.chars().take(60).map(plain).collect::<String>()),
+        eye: (c.eye - solution.origin).as_vec3(),
+        forward: c.forward.as_vec3(),
+        up: c.up.as_vec3(),
+        angle: c.angle as f32,
     }
 }
 

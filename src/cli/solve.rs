@@ -1,9 +1,9 @@
 //! `mrvis solve SCENE --out DIR`: the light in a scene.
 
 use super::args::{Common, SceneArgs, Spinner, check_folder, grouped};
-use super::outputs::Outputs;
+use super::outputs::{Gather, Outputs};
 use mrvis::files::WholeFile;
-use mrvis::points::{Irradiance, read_points, write_irradiance};
+use mrvis::points::{Irradiance, Point, read_points, write_irradiance};
 use mrvis::solver::{self, Inside, Options, Progress, Record, Rows, Visibility};
 use mrvis::{Error, Result};
 use std::collections::BTreeMap;
@@ -168,8 +168,11 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         let file = Irradiance { points, values: outcome.irradiance, standard_errors: Vec::new() };
         write_irradiance(&args.out.join("irradiance.csv"), &file)?;
     }
-    let shown =
-        args.outputs.write(&args.common, &scene, &outcome.solution, &args.out, args.points.is_some())?;
+    let anew = |points: &[Point]| Ok(solver::run(&scene, points, &options, &())?.irradiance);
+    // Whoever interrupts does not want to wait for every pixel.
+    let anew = (!outcome.record.interrupted).then_some(&anew as Gather);
+    let with_points = args.points.is_some();
+    let shown = args.outputs.write(&args.common, &scene, &outcome.solution, &args.out, with_points, anew)?;
     args.common.write_json(&outcome.record)?;
     args.common.print(&summary(&outcome.record))?;
     for file in shown {

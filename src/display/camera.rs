@@ -32,9 +32,23 @@ pub struct Frame {
     pub height: usize,
     /// Radiance in linear RGB, W/(m² sr), row by row from the top; black where nothing is seen.
     pub radiance: Vec<[f32; 3]>,
-    /// What is at each pixel's centre: distance from the eye and element, nothing where nothing is.
-    pub first: Vec<Option<(f32, u32)>>,
+    /// What one of each pixel's rays meets (that through its centre, where there is one ray), nothing where nothing is.
+    pub first: Vec<Option<First>>,
 }
+
+/// What a ray meets first.
+#[derive(Clone, Copy, Debug)]
+pub struct First {
+    /// Distance from the eye, scene units.
+    pub distance: f32,
+    /// The place, relative to [`Solution::origin`].
+    pub position: Vec3,
+    /// Index of the element.
+    pub element: u32,
+}
+
+/// A pixel's radiance, and what is there.
+type Pixel = ([f32; 3], Option<First>);
 
 /// A mesh that rays can meet.
 pub struct Stage<'a> {
@@ -126,7 +140,7 @@ pub fn render(stage: &Stage, camera: &Camera, width: usize, height: usize, sampl
     let samples = samples.max(1);
     let share = 1.0 / (samples * samples) as f32;
     let step = 1.0 / samples as f32;
-    let rows: Vec<Vec<([f32; 3], Option<(f32, u32)>)>> = (0..height)
+    let rows: Vec<Vec<Pixel>> = (0..height)
         .into_par_iter()
         .map(|y| {
             let mut row = vec![([0f32; 3], None); width];
@@ -141,12 +155,13 @@ pub fn render(stage: &Stage, camera: &Camera, width: usize, height: usize, sampl
                     }
                     for (lane, hit) in stage.first(&rays).into_iter().enumerate().take(lanes) {
                         let Some((triangle, t)) = hit else { continue };
-                        let radiance = stage.radiance(triangle, rays.point(lane, t));
+                        let position = rays.point(lane, t);
+                        let radiance = stage.radiance(triangle, position);
                         let (sum, first) = &mut row[left + lane];
                         sum.iter_mut().zip(radiance).for_each(|(s, x)| *s += share * x);
-                        // The sample nearest to the centre, or the one before it.
                         if k == samples * samples / 2 {
-                            *first = Some((t, stage.mesh.element[triangle as usize]));
+                            let element = stage.mesh.element[triangle as usize];
+                            *first = Some(First { distance: t, position, element });
                         }
                     }
                 }

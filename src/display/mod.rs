@@ -6,6 +6,7 @@
 //! Knows nothing of links or of how light was computed.
 
 mod camera;
+mod gather;
 mod gltf;
 mod lightmap;
 mod mesh;
@@ -16,7 +17,8 @@ mod tone;
 mod view;
 mod vtu;
 
-pub use camera::{Camera, Frame, Stage, render};
+pub use camera::{Camera, First, Frame, Stage, render};
+pub use gather::{light_of, places};
 pub use gltf::write_glb;
 pub use lightmap::{Lightmap, lightmap, write_lightmap};
 pub use mesh::Mesh;

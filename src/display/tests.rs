@@ -112,7 +112,7 @@ fn pictures_show_the_lit_side() {
     // 0.5 × 2 W/m² over π; the picture's middle row and column see the square at the distance 1.
     let middle = frame.radiance[7 * 21 + 10];
     assert!((middle[0] - 1.0 / std::f32::consts::PI).abs() < 1e-5, "{middle:?}");
-    assert!(frame.first[7 * 21 + 10].is_some_and(|f| (f.0 - 1.0).abs() < 0.01));
+    assert!(frame.first[7 * 21 + 10].is_some_and(|f| (f.distance - 1.0).abs() < 0.01));
     let behind = render(&stage, &camera(-1.0), 21, 15, 1);
     assert!(behind.radiance.iter().flatten().all(|&l| l == 0.0), "surfaces cannot be seen from behind");
     let view = best_view(&stage, &solution, Vec3::Z);

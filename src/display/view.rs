@@ -74,12 +74,12 @@ fn judge(stage: &Stage, solution: &Solution, camera: &Camera, radius: f32) -> f3
     lights.sort_by(f32::total_cmp);
     let dim = 0.02 * lights[lights.len() * 9 / 10];
     let lit = frame.radiance.iter().filter(|&&r| luminance(r) > dim).count() as f32;
-    let near = frame.first.iter().flatten().filter(|f| f.0 < 0.08 * radius).count() as f32;
+    let near = frame.first.iter().flatten().filter(|f| f.distance < 0.08 * radius).count() as f32;
     let surfaces: HashSet<(u32, bool)> = frame
         .first
         .iter()
         .flatten()
-        .map(|f| &solution.elements[f.1 as usize])
+        .map(|f| &solution.elements[f.element as usize])
         .map(|e| (e.triangle, e.front))
         .collect();
     let all = frame.radiance.len() as f32;

@@ -55,6 +55,21 @@ pub struct Material {
     pub emission: [f32; 3],
 }
 
+/// A camera that the file holds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StoredCamera {
+    /// Its name in the file, or a made-up one (`camera 0`).
+    pub name: String,
+    /// Where it is, in the file's coordinates.
+    pub eye: DVec3,
+    /// Where it looks, a unit vector.
+    pub forward: DVec3,
+    /// What is up in its picture, a unit vector.
+    pub up: DVec3,
+    /// Angle of view from top to bottom, radians in `(0, π)`.
+    pub angle: f64,
+}
+
 /// A connected set of faces of one emissive material.
 #[derive(Clone, Debug)]
 pub struct Emitter {
@@ -145,6 +160,8 @@ pub struct Scene {
     pub emitters: Vec<Emitter>,
     /// Index into `emitters` of each face, `u32::MAX` for faces that do not emit.
     pub triangle_emitter: Vec<u32>,
+    /// Perspective cameras of the file.
+    pub cameras: Vec<StoredCamera>,
     /// Box of all positions that faces use.
     pub bounds: Aabb,
     /// What was repaired.
@@ -178,6 +195,24 @@ impl Scene {
             ));
         }
         Ok(faces)
+    }
+
+    /// Bytes of all that there is a vertex, a face, an object or a material of.
+    pub fn bytes(&self) -> usize {
+        fn of<T>(list: &[T]) -> usize {
+            size_of_val(list)
+        }
+        of(&self.positions)
+            + of(&self.triangles)
+            + of(&self.triangle_object)
+            + of(&self.triangle_material)
+            + of(&self.triangle_reflectance)
+            + of(&self.triangle_sides)
+            + of(&self.triangle_component)
+            + of(&self.triangle_emitter)
+            + of(&self.objects)
+            + of(&self.materials)
+            + self.emitters.iter().map(|e| of(&e.triangles)).sum::<usize>()
     }
 
     /// Total power of an emitter in watts, one value a channel: π L A, twice that for two-sided emission.

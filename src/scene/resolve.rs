@@ -66,6 +66,7 @@ pub fn resolve(mut soup: Soup, options: &LoadOptions) -> Result<Scene> {
     let (component, closed) = used_parts(&parts, &faces.polygon);
     Ok(Scene {
         path: soup.path,
+        cameras: soup.cameras,
         unit: options.unit.clone(),
         two_sided_emission: options.two_sided_emission,
         origin,

@@ -3,6 +3,7 @@
 use super::front::Front;
 use super::reference;
 use super::shaft::Shaft;
+use super::steps::Steps;
 use super::walk::{Buffers, FETCH, Rule, Walked, walk};
 use super::wide::WideTree;
 use super::{Answer, Bundle, Cost, Exact, Method, interval, wilson};
@@ -69,6 +70,15 @@ pub struct Workspace {
     walked: Vec<Walked>,
 }
 
+impl Workspace {
+    /// Transmittance of each packet's segments, summed up, of all bundles of the last call of
+    /// [`MultiResolution::answers`] or [`MultiResolution::certified`], one after the other; zeros for bundles that were
+    /// handed over.
+    pub fn sums(&self) -> &[f32] {
+        &self.buffers.sums
+    }
+}
+
 impl<'a> MultiResolution<'a> {
     /// Lays out a hierarchy for traversal.
     ///
@@ -114,6 +124,11 @@ impl<'a> MultiResolution<'a> {
     /// The instruction set in use.
     pub fn isa(&self) -> Isa {
         self.isa
+    }
+
+    /// The steps of a walk for a bundle's packets, one at a time.
+    pub fn steps<'s>(&'s self, packets: &'s [Packet]) -> Steps<'s> {
+        Steps::new(&self.tree, self.magnitude, self.isa, packets)
     }
 
     /// Bytes of the traversal structure.
@@ -306,6 +321,8 @@ impl Kernel for Ask<'_, '_> {
             shafts.push(Shaft::of(simd, packets, engine.magnitude));
         }
         walked.clear();
+        buffers.sums.clear();
+        let mut packets_before = 0;
         let mut first = 0;
         while first < bundles.len() {
             let group = group(bundles, shafts, first);
@@ -326,6 +343,9 @@ impl Kernel for Ask<'_, '_> {
                 let limit = if bounded { engine.limit(&bundles[k]) } else { u64::MAX };
                 let rule = Rule { e: size(&bundles[k]), s, soft, limit, fetch, tolerance: engine.tolerance };
                 let mut found = walk(simd, &engine.tree, shared, (packets, &shafts[k]), &rule, buffers);
+                // Walks that end early say nothing of their packets: all are blocked, or Embree is asked.
+                packets_before += packets.len();
+                buffers.sums.resize(packets_before, 0.0);
                 let (nodes, work) = std::mem::take(&mut opened);
                 (found.nodes, found.work) = (found.nodes + nodes, found.work + work);
                 walked.push(found);

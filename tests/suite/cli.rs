@@ -88,9 +88,18 @@ fn options_out_of_range_are_refused() {
         (&["bench", "scene.obj", "--rays", huge], "rays"),
         (&["bench", "scene.obj", "--reference-rays", "0"], "reference-rays"),
         (&["bench", "scene.obj", "--reference-rays", huge], "reference-rays"),
+        (&["bench", "scene.obj", "--audit", "2"], "audit"),
+        (&["bench", "scene.obj", "--audit=-0.1"], "audit"),
+        (&["bench", "scene.obj", "--audit", "NaN"], "audit"),
+        (&["bench", "scene.obj", "--tolerance", "0"], "tolerance"),
+        (&["bench", "scene.obj", "--tolerance", "1.5"], "tolerance"),
+        (&["bench", "scene.obj", "--extinction", "guessed"], "extinction"),
         (&["bench", "scene.obj", "--threads", huge], "threads"),
         (&["bench", "scene.obj", "--seed", "x"], "seed"),
         (&["bench", "scene.obj", "--no-such-option"], "no-such-option"),
+        (&["bench", "--scaling=0"], "scaling"),
+        (&["bench", "scene.obj", "--scaling=9999"], "scaling"),
+        (&["bench", "--scaling=huge"], "scaling"),
         (&["bench"], "mrvis"),
         (&["no-such-command"], "no-such-command"),
         (&[], "mrvis"),
@@ -136,8 +145,16 @@ fn help_and_version_are_no_errors() {
         assert!(!outcome.stdout.is_empty() && outcome.stderr.is_empty(), "{arguments:?}");
     }
     let help = scratch.mrvis(&["bench", "--help"]).stdout;
-    let options =
-        ["--feature-size", "--rays", "--points", "--receiver", "--reference-rays", "--out", "--cache"];
+    let options = [
+        "--feature-size",
+        "--rays",
+        "--points",
+        "--receiver",
+        "--reference-rays",
+        "--out",
+        "--cache",
+        "--scaling",
+    ];
     let common = ["--threads", "--seed", "--json", "--quiet", "--unit", "--emitter"];
     for option in options.into_iter().chain(common) {
         assert!(help.contains(option), "`mrvis bench --help` does not know {option}");
@@ -186,6 +203,7 @@ fn bench_writes_what_it_promises() {
             "/build",
             &["load_s", "embree_s", "hierarchy_s", "characterise_s", "hierarchy_bytes", "embree_bytes"],
         ),
+        ("/build/bytes_per_triangle", &["scene", "hierarchy", "traits", "wide", "embree", "total"]),
         ("/workload", &["points", "rays", "segments", "reference_rays", "reference_rms"]),
         ("/exact/0", &["rays", "seconds", "mode", "rms", "bias"]),
         (
@@ -232,6 +250,33 @@ fn bench_writes_what_it_promises() {
     }
     let quiet = scratch.mrvis(&[&["bench", "scene.obj", "--quiet"][..], &QUICK].concat());
     assert_eq!((quiet.code, quiet.stdout.as_str(), quiet.stderr.as_str()), (Some(0), "", ""));
+}
+
+/// Growth is measured with a scene and without; the smallest series has one forest each.
+#[test]
+fn scaling_needs_no_scene() {
+    let scratch = scratch();
+    let options =
+        ["--scaling=10000", "--points", "100", "--reference-rays", "16", "--json", "r.json", "--out", "o"];
+    for scene in [&[][..], &["scene.obj"]] {
+        let outcome = scratch.mrvis(&[&["bench"][..], scene, &options].concat());
+        assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+        let json = scratch.json("r.json");
+        let rows = json["scaling"].as_array().expect("rows");
+        assert_eq!(rows.iter().map(|r| &r["series"]).collect::<Vec<_>>(), ["wider", "finer"]);
+        for row in rows {
+            for key in ["triangles", "seconds_per_bundle_mr", "seconds_per_bundle_exact", "bytes", "build_s"]
+            {
+                assert!(row[key].as_f64().is_some_and(|v| v > 0.0), "{key}: {row}");
+            }
+        }
+        assert_eq!(json.get("scene").is_some(), !scene.is_empty());
+        assert!(
+            std::fs::read_to_string(scratch.path("o/report.html"))
+                .expect("a page")
+                .contains("How cost grows")
+        );
+    }
 }
 
 /// An emitter that the file lacks can be named.

@@ -14,6 +14,7 @@ fn is_timing(key: &str) -> bool {
         || key.starts_with("speedup")
         // Embree keeps blocks of memory for each thread.
         || key == "embree_bytes"
+        || key == "bytes_per_triangle"
         // Where the clusters came from.
         || key.starts_with("cache")
 }

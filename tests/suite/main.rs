@@ -5,5 +5,7 @@ mod cli;
 #[cfg(feature = "cli")]
 mod determinism;
 #[cfg(feature = "cli")]
+mod light;
+#[cfg(feature = "cli")]
 mod run;
 mod tidy;

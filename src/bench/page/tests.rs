@@ -1,7 +1,10 @@
 //! The page of an invented run; set `MRVIS_PAGE` to a file to look at it.
 
 use super::*;
-use crate::bench::record::{Build, ExactRow, Receiver, SceneFacts, Workload};
+use crate::bench::record::{
+    Audit, Build, BytesPerTriangle, CalibrationBin, Clusters, ExactRow, Receiver, ScalingRecord, ScalingRow,
+    SceneFacts, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow, Workload,
+};
 
 /// Shadows of many small discs and a few large ones, blurred by `blur` texels, with noise of `noise`.
 fn shadows(large_only: bool, noise: f32, seed: u64) -> Image {
@@ -30,8 +33,56 @@ fn shadows(large_only: bool, noise: f32, seed: u64) -> Image {
     .unwrap()
 }
 
+fn audit() -> Audit {
+    let bin = |claimed: f64, observed: f64| CalibrationBin {
+        count: 100,
+        claimed,
+        observed,
+        observed_lo: 0.8 * observed,
+        observed_hi: 1.1 * observed,
+    };
+    Audit {
+        fraction: 0.05,
+        bundles: 300,
+        rays: 64,
+        claimed_rms: 0.07,
+        observed_rms: 0.05,
+        observed_lo: 0.045,
+        observed_hi: 0.056,
+        coverage: 0.98,
+        coverage_lo: 0.95,
+        coverage_hi: 0.99,
+        bins: vec![bin(0.02, 0.01), bin(0.05, 0.04), bin(0.12, 0.09)],
+    }
+}
+
+fn unbiased() -> UnbiasedRow {
+    let level = |feature_size, rays| UnbiasedLevel { feature_size, emitter_part: 0.5, rays };
+    UnbiasedRow {
+        levels: vec![level(Some(0.1), 64.0), level(None, 21.5)],
+        rays: 64,
+        rms: 0.03,
+        seconds: 0.5,
+        speedup_at_same_rms: Some(1.25),
+        ..Default::default()
+    }
+}
+
+fn target() -> Target {
+    Target {
+        asked: TargetAsked { error: Some(0.02), seconds: None },
+        chosen: TargetChoice { exact: true, rays: 64, ..Default::default() },
+        expected_rms: 0.018,
+        rms: 0.019,
+        met: true,
+        audit: Some(audit()),
+        ..Default::default()
+    }
+}
+
 fn example() -> (Record, Vec<ReceiverImages>) {
     let exact = [1usize, 4, 16, 64, 256].map(|n| ExactRow {
+        certificates: false,
         coherent: n > 4,
         rays: n,
         seconds: 0.021 * n as f64,
@@ -54,6 +105,7 @@ fn example() -> (Record, Vec<ReceiverImages>) {
         rms,
         bias: -0.004,
         interval_coverage: 0.97,
+        audit: Some(audit()),
         aggregated_fraction: 0.81,
         exact_rays: 48_212,
         nodes_per_segment: 11.4,
@@ -79,6 +131,7 @@ fn example() -> (Record, Vec<ReceiverImages>) {
             clusters: 81_337,
             levels: 9,
         },
+        clusters: Clusters { extinction: "measured".into(), tolerance: 0.05 },
         scene_repairs: serde_json::json!({"zero_area_faces": 41, "duplicate_faces": 0, "welded_vertices": 120311,
             "messages": ["park.mtl:12: unknown material 'moss', grey used"]}),
         warnings: vec!["Another process used the machine while timing.".into()],
@@ -93,6 +146,10 @@ fn example() -> (Record, Vec<ReceiverImages>) {
             budget_s: 0.1,
             hierarchy_bytes: 21_000_000,
             embree_bytes: 88_000_000,
+            bytes_per_triangle: BytesPerTriangle::of(
+                1_000_000,
+                [65_000_000, 8_000_000, 28_000_000, 64_000_000, 88_000_000],
+            ),
         },
         workload: Workload {
             points: 20_000,
@@ -103,7 +160,10 @@ fn example() -> (Record, Vec<ReceiverImages>) {
         },
         exact: exact.into(),
         mr: mr.into(),
+        unbiased: vec![unbiased()],
+        target: Some(target()),
         receivers: vec![Receiver { name: "lawn".into(), ..Default::default() }],
+        scaling: Vec::new(),
     };
     let images = ReceiverImages {
         name: "lawn".into(),
@@ -128,7 +188,7 @@ fn a_page_stands_alone_and_escapes_names() {
         assert!(found.all(|s| s.starts_with("http://www.w3.org/2000/svg")), "{outside}");
     }
     assert!(page.contains("park &lt;b&gt;.obj") && !page.contains("park <b>"));
-    assert_eq!(page.matches("<svg ").count(), 2);
+    assert_eq!(page.matches("<svg ").count(), 3);
     assert_eq!(page.matches("data:image/png;base64,").count(), 3 + 2 * 3);
     assert!(page.contains("24.1×") && page.contains("41 zero area faces"));
     assert_eq!(page, render(&record, &receivers).unwrap());
@@ -148,6 +208,31 @@ fn empty_and_odd_records_still_make_a_page() {
     assert!(page.split("data:image").all(|part| !part.split_once('"').map_or(part, |p| p.1).contains("NaN")));
     receivers[0].mr[0].1 = Image::new(2, 2, 1.0, vec![0.0; 4]).unwrap();
     assert!(render(&record, &receivers).is_err());
+}
+
+#[test]
+fn growth_has_a_plot_and_a_verdict() {
+    let row = |series: &str, triangles: usize, mr: f64| ScalingRow {
+        series: series.into(),
+        triangles,
+        seconds_per_bundle_mr: mr,
+        seconds_per_bundle_exact: 1e-5,
+        ..Default::default()
+    };
+    let scaling =
+        vec![row("wider", 10_000, 1e-6), row("wider", 1_000_000, 1.25e-6), row("finer", 10_000, 1e-6)];
+    let (mut record, receivers) = example();
+    record.scaling = scaling.clone();
+    let page = render(&record, &receivers).unwrap();
+    let alone = render_scaling(&ScalingRecord { scaling, ..Default::default() }).unwrap();
+    assert_eq!((page.matches("<svg ").count(), alone.matches("<svg ").count()), (3, 1));
+    for page in [page, alone] {
+        assert!(page.contains("more trees: 100 times the triangles take 1.25 times the time"), "{page}");
+        assert!(page.contains("their logarithm is 1.5 times as large"));
+        assert!(!page.contains("finer leaves: "), "one row says nothing about growth");
+    }
+    let empty = render_scaling(&ScalingRecord::default()).unwrap();
+    assert!(empty.ends_with("</html>") && !empty.contains("<svg "));
 }
 
 #[test]

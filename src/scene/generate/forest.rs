@@ -27,11 +27,19 @@ pub fn leaf_side(radius: f64, leaves: usize) -> f64 {
     radius * (4.0 * PI * OPTICAL_DEPTH / (3.0 * leaves as f64)).sqrt()
 }
 
+/// Edge of the ground of a forest of so many trees, and height of the sky panel over it; metres.
+///
+/// A far panel as wide as the forest: overcast sky without the grazing part.
+pub fn ground_and_sky(trees: usize) -> (f64, f64) {
+    let width = (trees as f64).sqrt().ceil() * SPACING * RADIUS;
+    (width, 1.25 * width + CLEAR_HEIGHT + 2.0 * SLENDERNESS * RADIUS)
+}
+
 pub(super) fn forest(spec: &Spec) -> Result<Soup> {
     let (mut b, mut random) = (Builder::new("forest"), Random::new(spec.seed));
     let rows = (spec.trees as f64).sqrt().ceil();
     let spacing = SPACING * RADIUS;
-    let width = rows * spacing;
+    let (width, height) = ground_and_sky(spec.trees);
     b.object("ground").material("ground", [0.25, 0.22, 0.18]);
     b.rectangle(DVec3::ZERO, width * DVec3::X, width * DVec3::Y);
     b.soup.positions.reserve(4 * spec.trees * spec.leaves);
@@ -44,9 +52,7 @@ pub(super) fn forest(spec: &Spec) -> Result<Soup> {
         tree(&mut b, &mut random, place + jitter - 0.5 * DVec3::new(width, width, 0.0), radius, spec);
     }
     let size = spec.light_size.unwrap_or(width);
-    // A far panel as wide as the forest: overcast sky without the grazing part. Clockwise from above: it
-    // faces down.
-    let height = 1.25 * width + CLEAR_HEIGHT + 2.0 * SLENDERNESS * RADIUS;
+    // Clockwise from above: it faces down.
     b.light(height * DVec3::Z, size * DVec3::Y, size * DVec3::X, 30.0);
     Ok(b.soup)
 }

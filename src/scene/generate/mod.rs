@@ -11,7 +11,7 @@ mod urban;
 use super::{LoadOptions, Scene, Soup, resolve};
 use crate::{Error, Result};
 
-pub use forest::leaf_side;
+pub use forest::{ground_and_sky, leaf_side};
 
 /// A kind of scene.
 #[derive(Clone, Copy, Debug)]

@@ -1,0 +1,52 @@
+//! Time of preparing a scene: clusters, their measures, and reading both from a cache: `cargo bench --bench preparation`.
+
+use divan::{Bencher, counter::ItemsCount};
+use mrvis::cache::{self, Origin, Place, Table};
+use mrvis::characterise::{Extinction, characterise};
+use mrvis::hierarchy;
+use mrvis::scene::{Scene, generate};
+
+fn main() {
+    divan::main();
+}
+
+fn forest(trees: usize) -> Scene {
+    let spec = generate::Spec { trees, leaves: 500, ..generate::Spec::new("forest") };
+    generate::build(&spec).expect("a forest")
+}
+
+#[divan::bench(args = [9, 36], sample_count = 5)]
+fn clusters(bencher: Bencher, trees: usize) {
+    let scene = forest(trees);
+    bencher
+        .counter(ItemsCount::new(scene.triangles.len()))
+        .bench_local(|| hierarchy::build(&scene, &Default::default()));
+}
+
+#[divan::bench(args = [Extinction::Analytic, Extinction::Measured], sample_count = 5)]
+fn measures(bencher: Bencher, extinction: Extinction) {
+    let scene = forest(9);
+    let tree = hierarchy::build(&scene, &Default::default()).micro;
+    let options = mrvis::characterise::Options { extinction, ..Default::default() };
+    bencher
+        .counter(ItemsCount::new(scene.triangles.len()))
+        .bench_local(|| characterise(&scene, &tree, &options));
+}
+
+#[divan::bench(args = [9, 100], sample_count = 20)]
+fn cache_hit(bencher: Bencher, trees: usize) {
+    let (scene, options) = (forest(trees), cache::Options::default());
+    let folder = tempfile::tempdir().expect("scratch folder");
+    let place = Place::Folder(folder.path().to_owned());
+    let make = || {
+        let hierarchy = hierarchy::build(&scene, &options.hierarchy);
+        let traits = characterise(&scene, &hierarchy.micro, &options.characterise);
+        Table { hierarchy, traits }
+    };
+    cache::table(&scene, &place, &options, make);
+    bencher.counter(ItemsCount::new(scene.triangles.len())).bench_local(|| {
+        let (table, origin, _) = cache::table(&scene, &place, &options, make);
+        assert_eq!(origin, Origin::Hit);
+        table
+    });
+}

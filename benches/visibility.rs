@@ -1,0 +1,141 @@
+//! Time of the steps of a walk, of whole walks, and of Embree's packets, on a forest: `cargo bench --bench visibility`.
+
+use divan::{Bencher, black_box, counter::ItemsCount};
+use mrvis::bench::workload::{Workload, surface_points};
+use mrvis::cache::Table;
+use mrvis::characterise::characterise;
+use mrvis::embree::{CommittedScene, Device, SceneBuilder, Traversal};
+use mrvis::hierarchy;
+use mrvis::ray::{Occluder, Packet};
+use mrvis::scene::{Scene, generate};
+use mrvis::simd::Isa;
+use mrvis::visibility::steps::Steps;
+use mrvis::visibility::{Bundle, Exact, Leaf, MultiResolution, Workspace};
+use std::sync::OnceLock;
+
+fn main() {
+    divan::main();
+}
+
+/// Feature sizes: below all clusters, in between, above most.
+const SIZES: [f32; 3] = [0.05, 0.3, 1.0];
+const ISAS: [Isa; 3] = [Isa::Portable, Isa::Avx2, Isa::Avx512];
+const RAYS: usize = 16;
+const BUNDLES: usize = 256;
+
+/// 16 trees of 600 leaves, and the bundles of neighbouring points.
+struct Forest {
+    scene: Scene,
+    table: Table,
+    traced: CommittedScene,
+    width: usize,
+    packets: Vec<Packet>,
+    emitter_size: f32,
+}
+
+fn forest() -> &'static Forest {
+    static FOREST: OnceLock<Forest> = OnceLock::new();
+    FOREST.get_or_init(|| {
+        let spec = generate::Spec { trees: 16, leaves: 600, ..generate::Spec::new("forest") };
+        let scene = generate::build(&spec).expect("a forest");
+        let hierarchy = hierarchy::build(&scene, &Default::default());
+        let traits = characterise(&scene, &hierarchy.micro, &Default::default());
+        let device = Device::new(1).expect("Embree");
+        let mut builder = SceneBuilder::new(&device, Default::default()).expect("a scene");
+        builder.add_triangles(&scene.positions, &scene.triangles, 1).expect("triangles");
+        let traced = builder.commit().expect("committed");
+        let points = surface_points(&scene, 20_000, 1).expect("points");
+        let workload = Workload::new(&scene, points, 1);
+        let first = workload.pairs.len() / 2;
+        let mut packets = Vec::new();
+        (first..first + BUNDLES).for_each(|pair| workload.add_bundle(&scene, pair, RAYS, 0, &mut packets));
+        let emitter_size = workload.pairs[first].emitter_size;
+        let table = Table { hierarchy, traits };
+        Forest { scene, table, traced, width: device.native_width(), packets, emitter_size }
+    })
+}
+
+impl Forest {
+    fn engine(&self, isa: Isa) -> MultiResolution<'_> {
+        let Table { hierarchy, traits } = &self.table;
+        let traversal = Traversal { width: 1, coherent: false };
+        MultiResolution::new(&self.scene, hierarchy, traits, &self.traced, traversal, Leaf::Exact)
+            .with_isa(isa)
+    }
+
+    fn bundles(&self) -> Vec<Bundle<'_>> {
+        let packets = self.packets.chunks(self.packets.len() / BUNDLES);
+        packets.map(|packets| Bundle { packets, emitter_size: self.emitter_size }).collect()
+    }
+}
+
+/// Runs a step if the machine has the instruction set.
+fn step(bencher: Bencher, isa: Isa, items: impl Fn(&Steps) -> usize, run: impl Fn(&Steps) -> f32) {
+    if !isa.available() {
+        return;
+    }
+    let forest = forest();
+    let engine = forest.engine(isa);
+    let steps = engine.steps(&forest.packets[..1]);
+    bencher.counter(ItemsCount::new(items(&steps))).bench_local(|| run(black_box(&steps)));
+}
+
+#[divan::bench(args = ISAS)]
+fn shaft(bencher: Bencher, isa: Isa) {
+    step(bencher, isa, |_| 1, |s| s.make_shaft());
+}
+
+#[divan::bench(args = ISAS)]
+fn nodes_of_sixteen_children(bencher: Bencher, isa: Isa) {
+    step(bencher, isa, |s| s.nodes(), |s| s.test_nodes(black_box(0.3)));
+}
+
+#[divan::bench(args = ISAS)]
+fn blocks_of_sixteen_triangles(bencher: Bencher, isa: Isa) {
+    step(bencher, isa, |s| s.blocks(), |s| s.test_blocks());
+}
+
+#[divan::bench(args = ISAS)]
+fn boxes_with_extinction(bencher: Bencher, isa: Isa) {
+    step(bencher, isa, |s| 16 * s.nodes(), |s| s.pass_slabs());
+}
+
+/// Bundle by bundle, from the root.
+#[divan::bench(args = SIZES)]
+fn walks_alone(bencher: Bencher, s: f32) {
+    let forest = forest();
+    let (engine, bundles) = (forest.engine(Isa::detect()), forest.bundles());
+    let mut workspace = Workspace::default();
+    bencher.counter(ItemsCount::new(BUNDLES * RAYS)).bench_local(|| {
+        bundles.iter().map(|&bundle| engine.answer(bundle, s, &mut workspace).transmittance).sum::<f32>()
+    });
+}
+
+/// Neighbours together.
+#[divan::bench(args = SIZES)]
+fn walks_in_groups(bencher: Bencher, s: f32) {
+    let forest = forest();
+    let (engine, bundles) = (forest.engine(Isa::detect()), forest.bundles());
+    let mut workspace = Workspace::default();
+    bencher.counter(ItemsCount::new(BUNDLES * RAYS)).bench_local(|| {
+        let mut sum = 0.0;
+        engine.answers(&bundles, s, &mut workspace, |answer| sum += answer.transmittance);
+        sum
+    });
+}
+
+/// The same segments by Embree, so many a call.
+#[divan::bench(args = [1, 4, 8, 16])]
+fn exact_packets(bencher: Bencher, width: usize) {
+    let forest = forest();
+    if width > forest.width {
+        return;
+    }
+    let traversal = Traversal { width, coherent: false };
+    let exact = Exact { scene: &forest.traced, traversal };
+    let mut blocked = vec![0; forest.packets.len()];
+    bencher.counter(ItemsCount::new(BUNDLES * RAYS)).bench_local(|| {
+        exact.occluded(&forest.packets, &mut blocked);
+        blocked[0]
+    });
+}

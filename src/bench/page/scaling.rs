@@ -1,0 +1,145 @@
+//! How cost grows: the plot, the table, and a page of its own for runs that measure nothing else.
+
+use maud::{Markup, PreEscaped, html};
+
+use super::tables::{bytes, count, seconds};
+use super::{document, length};
+use crate::Result;
+use crate::bench::record::{ScalingRecord, ScalingRow};
+use crate::output::{Plot, Point, Scale, Series, number};
+
+/// The rows of a series, smallest first.
+fn series<'a>(rows: &'a [ScalingRow], name: &str) -> Vec<&'a ScalingRow> {
+    rows.iter().filter(|r| r.series == name).collect()
+}
+
+/// Times of a bundle by triangles; the section is empty without rows.
+pub(super) fn section(rows: &[ScalingRow], unit: &str) -> Result<Markup> {
+    let Some(first) = rows.first() else { return Ok(html! {}) };
+    Ok(html! {
+        section {
+            h2 { "How cost grows" }
+            p {
+                "Forests of the same trees, asked " (first.rays) " segments from each point to the sky at the one feature \
+                 size of " (length(first.feature_size, unit)) ". "
+                em { "More trees" } ": as dense over more ground, under the same part of the sky. "
+                em { "Finer leaves" } ": as many trees with more and smaller leaves that shade as much."
+            }
+            (plot(rows)?)
+            (table(rows))
+            @for (name, words) in SERIES { @if let Some(text) = verdict(&series(rows, name), words) { p.note { (text) } } }
+        }
+    })
+}
+
+/// Names of the series in the record and in words.
+const SERIES: [(&str, &str); 2] = [("wider", "more trees"), ("finer", "finer leaves")];
+
+fn plot(rows: &[ScalingRow]) -> Result<Markup> {
+    let mut lines = Vec::new();
+    for (name, words) in SERIES {
+        let line = |engine: &str, time: fn(&ScalingRow) -> f64| Series {
+            name: format!("{engine}, {words}"),
+            points: series(rows, name)
+                .iter()
+                .map(|r| Point { x: r.triangles as f64, y: 1e6 * time(r), label: String::new() })
+                .collect(),
+            line: true,
+        };
+        lines.push(line("exact", |r| r.seconds_per_bundle_exact));
+        lines.push(line("multi-res.", |r| r.seconds_per_bundle_mr));
+    }
+    lines.retain(|line| !line.points.is_empty());
+    let plot = Plot {
+        x_label: "triangles".into(),
+        y_label: "time of a bundle, microseconds".into(),
+        x_scale: Scale::Log,
+        y_scale: Scale::Log,
+        series: lines,
+    };
+    Ok(html! {
+        figure.plot {
+            div.scroll { (PreEscaped(plot.svg(860, 400)?)) }
+            figcaption { "Both axes are logarithmic: a level line is a cost that does not depend on the scene's size." }
+        }
+    })
+}
+
+fn table(rows: &[ScalingRow]) -> Markup {
+    let columns = [
+        "series",
+        "triangles",
+        "time, exact",
+        "time, multi-res.",
+        "RMS, exact",
+        "RMS, multi-res.",
+        "groups",
+        "preparation",
+        "memory",
+        "a triangle",
+    ];
+    html! {
+        div.scroll {
+            table.rows {
+                thead { tr { @for name in columns { th scope="col" { (name) } } } }
+                tbody {
+                    @for row in rows {
+                        tr {
+                            td { (row.series) }
+                            td { (count(row.triangles as u64)) }
+                            td { (seconds(row.seconds_per_bundle_exact)) }
+                            td { (seconds(row.seconds_per_bundle_mr)) }
+                            td { (number(row.rms_exact)) }
+                            td { (number(row.rms_mr)) }
+                            td { (number(row.nodes_per_segment)) }
+                            td { (seconds(row.build_s)) }
+                            td { (bytes(row.bytes)) }
+                            td { (number(row.bytes_per_triangle.total)) " B" }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// How much more the largest forest takes than the smallest, beside the logarithm of its size.
+fn verdict(rows: &[&ScalingRow], words: &str) -> Option<String> {
+    let (first, last) = (rows.first()?, rows.last()?);
+    if first.triangles >= last.triangles {
+        return None;
+    }
+    let log = (last.triangles as f64).ln() / (first.triangles as f64).ln();
+    let times = |time: fn(&ScalingRow) -> f64| number(time(last) / time(first));
+    Some(format!(
+        "{words}: {} times the triangles take {} times the time by multi-resolution visibility and {} times by exact \
+         rays; their logarithm is {} times as large.",
+        number(last.triangles as f64 / first.triangles as f64),
+        times(|r| r.seconds_per_bundle_mr),
+        times(|r| r.seconds_per_bundle_exact),
+        number(log)
+    ))
+}
+
+/// The page of a run that measured nothing else.
+///
+/// # Errors
+/// The plot cannot be drawn, which no record should cause.
+pub fn render_scaling(record: &ScalingRecord) -> Result<String> {
+    let ScalingRecord { mrvis, embree, threads, isa, unit, seed, scaling } = record;
+    let plural = if *threads == 1 { "thread" } else { "threads" };
+    let body = html! {
+        header {
+            p.kicker { "Exact against multi-resolution visibility" }
+            h1 { "Cost by size of the scene" }
+        }
+        (section(scaling, unit)?)
+        footer {
+            p {
+                "mrvis " (mrvis) " · Embree " (embree) " (" (isa) ") · " (threads) " " (plural)
+                " in the timed sections · seed " (seed) " · lengths in " (unit)
+            }
+        }
+    };
+    Ok(document("mrvis bench: cost by size of the scene", body))
+}

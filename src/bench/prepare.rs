@@ -1,0 +1,99 @@
+//! What must stand before the engines can be asked: Embree's tree, the clusters, their measures.
+
+use super::measure::Sample;
+use super::options::Options;
+use super::progress::Progress;
+use super::record::{Build, BytesPerTriangle};
+use super::rows::Bench;
+use super::workload::Workload;
+use crate::Result;
+use crate::cache::{self, Table};
+use crate::characterise::characterise;
+use crate::embree::{CommittedScene, Device, SceneBuilder};
+use crate::hierarchy;
+use crate::scene::Scene;
+use crate::visibility::{Leaf, MultiResolution, Workspace};
+use std::time::Instant;
+
+/// A scene ready for both engines.
+pub(super) struct Prepared {
+    pub device: Device,
+    pub traced: CommittedScene,
+    pub table: Table,
+    /// Times and sizes of all this.
+    pub build: Build,
+}
+
+impl Prepared {
+    /// Builds everything, or takes the clusters from the cache.
+    ///
+    /// # Errors
+    /// Embree refuses.
+    pub fn of(scene: &Scene, options: &Options, progress: &dyn Progress) -> Result<Prepared> {
+        let mut build = Build::default();
+        let device = Device::new(0)?;
+        progress.stage("Embree's tree", 0);
+        let traced = timed(&mut build.embree_s, || -> Result<CommittedScene> {
+            let mut builder = SceneBuilder::new(&device, Default::default())?;
+            builder.add_triangles(&scene.positions, &scene.triangles, 1)?;
+            builder.commit()
+        })?;
+        build.embree_bytes = device.bytes() as u64;
+        let table = table(scene, options, &mut build, progress);
+        Ok(Prepared { device, traced, table, build })
+    }
+}
+
+/// Clusters and their measures: made, or from the cache.
+fn table(scene: &Scene, options: &Options, build: &mut Build, progress: &dyn Progress) -> Table {
+    let how = cache::Options { characterise: options.clusters, ..Default::default() };
+    let start = Instant::now();
+    progress.stage("looking for measured clusters", 0);
+    let (table, origin, note) = cache::table(scene, &options.cache, &how, || {
+        progress.stage("hierarchy", 0);
+        let hierarchy = timed(&mut build.hierarchy_s, || hierarchy::build(scene, &how.hierarchy));
+        progress.stage("measuring clusters", 0);
+        let traits =
+            timed(&mut build.characterise_s, || characterise(scene, &hierarchy.micro, &how.characterise));
+        Table { hierarchy, traits }
+    });
+    build.cache_s = start.elapsed().as_secs_f64() - build.hierarchy_s - build.characterise_s;
+    (build.cache, build.cache_note) = (origin.name().into(), note);
+    table
+}
+
+impl Bench<'_> {
+    /// The multi-resolution engine for a workload; notes its times and sizes.
+    pub fn engine<'a>(
+        &'a self,
+        table: &Table,
+        workload: &Workload,
+        build: &mut Build,
+    ) -> MultiResolution<'a> {
+        let Bench { scene, options, traced, .. } = self;
+        let Table { hierarchy, traits } = table;
+        let traversal = self.traversal(workload, options.rays);
+        let engine = MultiResolution::new(scene, hierarchy, traits, traced, traversal, Leaf::Exact)
+            .with_tolerance(options.clusters.tolerance);
+        let sample = Sample::of(scene, workload, options.rays);
+        let engine = timed(&mut build.budget_s, || {
+            engine.with_budget(&sample.bundles().concat(), &mut Workspace::default())
+        });
+        let clusters = hierarchy.micro.bytes() + hierarchy.large.bytes();
+        let [traits, wide] = [size_of_val(traits.as_slice()), engine.bytes()];
+        build.hierarchy_bytes = (clusters + traits + wide) as u64;
+        build.bytes_per_triangle = BytesPerTriangle::of(
+            scene.triangles.len(),
+            [scene.bytes(), clusters, traits, wide, build.embree_bytes as usize],
+        );
+        engine
+    }
+}
+
+/// The result and, added up, the seconds it took.
+pub(super) fn timed<R>(seconds: &mut f64, make: impl FnOnce() -> R) -> R {
+    let start = Instant::now();
+    let result = make();
+    *seconds += start.elapsed().as_secs_f64();
+    result
+}

@@ -1,0 +1,231 @@
+//! How cost grows with the scene: the same question in forests of 10 thousand, 100 thousand, a million triangles.
+//!
+//! Two series, both at one feature size. *Wider*: more trees of the same kind over more ground, as dense as before,
+//! under a sky panel that covers the same part of the sky, and as many points on each tree. What a bundle meets stays
+//! the same, so time grows only with the depth of the trees that are searched. *Finer*: as many trees, with more and
+//! smaller leaves that shade as much; what grows is detail below the feature size, of which multi-resolution visibility
+//! should take no notice at all.
+
+use super::measure::{Questions, Timer};
+use super::options::Options;
+use super::prepare::Prepared;
+use super::progress::Progress;
+use super::record::{ScalingRecord, ScalingRow};
+use super::rows::Bench;
+use super::workload::{Point, Workload, surface_points};
+use crate::cache::Place;
+use crate::scene::Scene;
+use crate::scene::generate::{self, Spec, ground_and_sky};
+use crate::{Error, Result};
+
+/// Triangles of the smallest forest.
+const FIRST: usize = 10_000;
+/// Most triangles of the largest forest.
+const MOST: usize = 100_000_000;
+/// Feature size where none is given, metres: a quarter of a crown's radius.
+const FEATURE_SIZE: f64 = 0.5;
+/// Leaves of a tree in the forests that grow wider, and trees of those that grow finer.
+const LEAVES: usize = 500;
+const TREES: usize = 25;
+/// Edge of the sky panel over its height.
+const SKY: f64 = 0.8;
+/// Receiver points and rays of the reference, at most: times of many bundles agree long before errors do.
+const POINTS: usize = 8000;
+const REFERENCE_RAYS: usize = 256;
+/// Places that the points lie in.
+const PLACES: usize = 16;
+
+/// How a forest grows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Series {
+    Wider,
+    Finer,
+}
+
+impl Series {
+    fn name(self) -> &'static str {
+        match self {
+            Series::Wider => "wider",
+            Series::Finer => "finer",
+        }
+    }
+
+    /// The forest of about so many triangles; of trees there is a square number, so that the ground is full.
+    fn forest(self, triangles: usize, seed: u64) -> Spec {
+        let leaves = triangles as f64 / 2.0;
+        let (trees, leaves) = match self {
+            Series::Wider => (((leaves / LEAVES as f64).sqrt().round() as usize).max(1).pow(2), LEAVES),
+            Series::Finer => (TREES, ((leaves / TREES as f64).round() as usize).max(1)),
+        };
+        // The panel covers the same part of the sky over every forest: it is high above small ones.
+        let (_, height) = ground_and_sky(trees);
+        Spec { seed, trees, leaves, light_size: Some(SKY * height), ..Spec::new("forest") }
+    }
+}
+
+/// Whether forests of up to so many triangles can be measured.
+///
+/// # Errors
+/// [`Error::Argument`]: there are too few or too many.
+pub fn check_scaling(largest: usize) -> Result<()> {
+    if !(FIRST..=MOST).contains(&largest) {
+        return Err(Error::Argument(format!("--scaling={largest}: must lie in {FIRST}..{MOST} triangles")));
+    }
+    Ok(())
+}
+
+/// Measures both series up to `largest` triangles, from ten thousand in steps of ten.
+///
+/// Of the options the first feature size (half a metre if there is none), the segments, points, reference, threads and
+/// seed count. Everything is made in memory.
+///
+/// # Errors
+/// An option is out of range, Embree refuses.
+pub fn scaling(options: &Options, largest: usize, progress: &dyn Progress) -> Result<ScalingRecord> {
+    options.check()?;
+    check_scaling(largest)?;
+    let mut record = ScalingRecord { seed: options.seed, threads: options.threads, ..Default::default() };
+    let options = Options {
+        points: options.points.min(POINTS),
+        reference_rays: options.reference_rays.min(REFERENCE_RAYS),
+        ..options.clone()
+    };
+    for series in [Series::Wider, Series::Finer] {
+        for triangles in
+            std::iter::successors(Some(FIRST), |n| n.checked_mul(10)).take_while(|&n| n <= largest)
+        {
+            let row = measure(series, triangles, &options, &mut record, progress)?;
+            record.scaling.push(row);
+        }
+    }
+    Ok(record)
+}
+
+/// One forest; notes in `record` what made the figures.
+fn measure(
+    series: Series,
+    triangles: usize,
+    options: &Options,
+    record: &mut ScalingRecord,
+    progress: &dyn Progress,
+) -> Result<ScalingRow> {
+    let options = &Options { cache: Place::Off, ..options.clone() };
+    let spec = series.forest(triangles, options.seed);
+    progress.stage(&format!("forest of {triangles}"), 0);
+    let scene = generate::build(&spec)?;
+    let Prepared { device, traced, table, mut build } = Prepared::of(&scene, options, progress)?;
+    let s = options.feature_sizes.first().copied().unwrap_or(FEATURE_SIZE);
+    let bench = Bench {
+        scene: &scene,
+        options,
+        timer: Timer::new(options.threads)?,
+        traced: &traced,
+        width: device.native_width(),
+        sizes: vec![s],
+        progress,
+    };
+    let density = spec.trees as f64 / series.forest(FIRST, options.seed).trees as f64;
+    let workload = Workload::new(&scene, points(&scene, options, density)?, options.seed);
+    let engine = bench.engine(&table, &workload, &mut build);
+    let (bundles, rays) = (workload.pairs.len(), options.rays);
+    let every: Vec<usize> = (0..bundles).collect();
+    let questions = Questions { scene: &scene, workload: &workload, pairs: &every };
+    let reference = bench.reference(&format!("reference of {triangles}"), questions, options.reference_rays);
+    progress.stage(&format!("both engines, {triangles}"), 2 * (bundles * rays) as u64);
+    let (_, exact) = bench.exact(questions, rays);
+    let mr = bench.mr(questions, &engine, s, rays);
+    record.embree = device.version();
+    record.isa = engine.isa().name().into();
+    (record.mrvis, record.unit) = (env!("CARGO_PKG_VERSION").into(), scene.unit.clone());
+    let per_bundle = |seconds: f64| seconds / bundles.max(1) as f64;
+    let segments = mr.cost.segments.max(1) as f64;
+    Ok(ScalingRow {
+        series: series.name().into(),
+        triangles: scene.triangles.len(),
+        trees: spec.trees,
+        leaves: spec.leaves,
+        feature_size: s,
+        rays,
+        bundles,
+        seconds_per_bundle_mr: per_bundle(mr.run.seconds()),
+        seconds_per_bundle_exact: per_bundle(exact.seconds()),
+        rms_mr: reference.errors(&mr.run.visible).0,
+        rms_exact: reference.errors(&exact.visible).0,
+        nodes_per_segment: mr.cost.nodes as f64 / segments,
+        handed_over: mr.cost.handed_over as f64 / segments,
+        bytes: (build.bytes_per_triangle.total * scene.triangles.len() as f64).round() as u64,
+        bytes_per_triangle: build.bytes_per_triangle,
+        build_s: build.embree_s + build.hierarchy_s + build.characterise_s,
+        embree_s: build.embree_s,
+        hierarchy_s: build.hierarchy_s,
+        characterise_s: build.characterise_s,
+    })
+}
+
+/// Receiver points in a few places spread over the forest, at a density that is the same in every forest: as if all of
+/// it were asked. Few points all over a large one would measure how long memory takes to answer.
+fn points(scene: &Scene, options: &Options, density: f64) -> Result<Vec<Point>> {
+    let all = surface_points(scene, (options.points as f64 * density.max(1.0)) as usize, options.seed)?;
+    let run = (options.points / PLACES).max(1);
+    let places = (0..PLACES).map(|k| (all.len() - run) * k / (PLACES - 1));
+    Ok(places.flat_map(|first| &all[first..first + run]).copied().collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rows(series: Series, sizes: &[usize], s: f64) -> Vec<ScalingRow> {
+        let options =
+            Options { points: 2000, reference_rays: 64, feature_sizes: vec![s], ..Options::default() };
+        let mut record = ScalingRecord::default();
+        let row = |&n| measure(series, n, &options, &mut record, &()).expect("a forest");
+        sizes.iter().map(row).collect()
+    }
+
+    #[test]
+    fn forests_have_the_size_asked_for() {
+        for triangles in [FIRST, 100_000, 1_000_000, 10_000_000] {
+            for series in [Series::Wider, Series::Finer] {
+                let spec = series.forest(triangles, 1);
+                let made = 2 * spec.trees * spec.leaves;
+                assert!((made as f64 / triangles as f64 - 1.0).abs() < 0.11, "{series:?}: {made}");
+                assert_eq!((spec.trees as f64).sqrt().fract(), 0.0, "{series:?}: {} trees", spec.trees);
+            }
+        }
+    }
+
+    #[test]
+    fn sizes_out_of_range_are_refused() {
+        for n in [0, FIRST - 1, MOST + 1] {
+            assert!(check_scaling(n).is_err() && scaling(&Options::default(), n, &()).is_err(), "{n}");
+        }
+    }
+
+    /// In clusters visited, which depend on no clock: an eightfold forest is less than a level deeper, and a bundle
+    /// visits less than a few clusters of it.
+    #[test]
+    fn a_wider_forest_costs_a_level_and_memory_in_proportion() {
+        let rows = rows(Series::Wider, &[9_000, 64_000], 0.5);
+        let [small, large] = &rows[..] else { panic!("two rows") };
+        let [few, many] = [small, large].map(|r| r.rays as f64 * r.nodes_per_segment);
+        assert!(few > 0.0 && many - few < 3.0, "{few} and {many} clusters a bundle");
+        let bytes = [small, large].map(|r| {
+            let b = r.bytes_per_triangle;
+            // Embree's own blocks are large for small scenes.
+            b.scene + b.hierarchy + b.traits + b.wide
+        });
+        assert!((bytes[1] / bytes[0] - 1.0).abs() < 0.1, "{bytes:?} bytes a triangle");
+        let b = large.bytes_per_triangle;
+        let total = b.scene + b.hierarchy + b.traits + b.wide + b.embree;
+        assert!((b.total / total - 1.0).abs() < 1e-9 && b.scene >= 60.0 && b.traits > 0.0, "{b:?}");
+    }
+
+    /// Detail far below the feature size costs nothing.
+    #[test]
+    fn finer_leaves_cost_nothing() {
+        let rows = rows(Series::Finer, &[50_000, 200_000], 1.0);
+        let nodes: Vec<f64> = rows.iter().map(|r| r.nodes_per_segment).collect();
+        assert!(nodes[0] > 0.0 && nodes[1] < 1.15 * nodes[0], "{nodes:?} clusters a segment");
+    }
+}

@@ -1,0 +1,108 @@
+//! The steps of a walk by themselves, so that micro-benchmarks can time them (`benches/visibility.rs`).
+
+use super::shaft::Shaft;
+use super::slabs::{Slab, pass};
+use super::triangles;
+use super::wide::{WideTree, mixed};
+use crate::characterise::AxisMix;
+use crate::ray::{Lanes, Packet};
+use crate::simd::{Isa, Kernel, Simd, dispatch};
+use glam::Vec3;
+
+/// Nodes and triangle blocks that a step goes through, at most: they stay in the nearest caches.
+const MOST: usize = 16;
+
+/// The first nodes and blocks of an engine's tree beside one bundle.
+pub struct Steps<'a> {
+    tree: &'a WideTree,
+    magnitude: f32,
+    isa: Isa,
+    packets: &'a [Packet],
+}
+
+impl<'a> Steps<'a> {
+    pub(super) fn new(tree: &'a WideTree, magnitude: f32, isa: Isa, packets: &'a [Packet]) -> Steps<'a> {
+        Steps { tree, magnitude, isa, packets }
+    }
+
+    /// Nodes that [`Steps::test_nodes`] and [`Steps::pass_slabs`] go through.
+    pub fn nodes(&self) -> usize {
+        self.tree.nodes.len().min(MOST)
+    }
+
+    /// Blocks of up to sixteen triangles that [`Steps::test_blocks`] goes through.
+    pub fn blocks(&self) -> usize {
+        self.tree.blocks.len().min(MOST)
+    }
+
+    /// Makes the shaft of the bundle.
+    pub fn make_shaft(&self) -> f32 {
+        dispatch(self.isa, Run(self, Step::Shaft))
+    }
+
+    /// Tests the children of the nodes against the shaft and for aggregation at feature size `s`.
+    pub fn test_nodes(&self, s: f32) -> f32 {
+        dispatch(self.isa, Run(self, Step::Nodes(s)))
+    }
+
+    /// Tests the blocks' triangles against all segments.
+    pub fn test_blocks(&self) -> f32 {
+        dispatch(self.isa, Run(self, Step::Blocks))
+    }
+
+    /// Sends the segments through all children of the nodes as boxes with extinction.
+    pub fn pass_slabs(&self) -> f32 {
+        dispatch(self.isa, Run(self, Step::Slabs))
+    }
+}
+
+enum Step {
+    Shaft,
+    Nodes(f32),
+    Blocks,
+    Slabs,
+}
+
+/// A step; its result only keeps the compiler from leaving it out.
+struct Run<'a>(&'a Steps<'a>, Step);
+
+impl Kernel for Run<'_> {
+    type Output = f32;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> f32 {
+        let Run(steps, step) = self;
+        let Steps { tree, packets, .. } = steps;
+        let shaft = Shaft::of(simd, packets, steps.magnitude);
+        let mix = AxisMix::around(shaft.direction());
+        let nodes = tree.nodes.iter().zip(&tree.traits).take(steps.nodes());
+        match step {
+            Step::Shaft => shaft.direction().x,
+            Step::Nodes(s) => nodes
+                .map(|(node, traits)| {
+                    let (sizes, _) = mixed(simd, traits, &mix);
+                    shaft.touches(simd, node) & shaft.aggregates(simd, node, sizes, 0.0, s)
+                })
+                .fold(0, u32::wrapping_add) as f32,
+            Step::Blocks => {
+                let mut blocked = vec![0; packets.len()];
+                let tested = tree.blocks.iter().take(steps.blocks()).map(|block| {
+                    blocked.fill(0);
+                    triangles::block_all(simd, &shaft, block, packets, &mut blocked).triangles
+                });
+                tested.sum::<u32>() as f32
+            }
+            Step::Slabs => {
+                let from = shaft.apex.unwrap_or(Vec3::ZERO);
+                let slabs: Vec<Slab> = nodes
+                    .flat_map(|(node, _)| Lanes(0xffff).map(move |lane| Slab::of(node, lane, 0.1, from)))
+                    .collect();
+                let shared = shaft.apex.is_some();
+                packets
+                    .iter()
+                    .map(|packet| pass(simd, &slabs, packet, packet.active, shared, None).transmittance)
+                    .sum()
+            }
+        }
+    }
+}
