@@ -6,6 +6,7 @@ use super::options::{MAX_RAYS, Options};
 use super::progress::Progress;
 use super::record::{ExactRow, MrRow, interpolate_log_log};
 use super::reference::Reference;
+use super::unbiased::SEGMENTS;
 use super::workload::Workload;
 use crate::embree::{CommittedScene, Traversal};
 use crate::ray::Packet;
@@ -47,7 +48,8 @@ impl Bench<'_> {
 
     /// Numbers of rays of the exact rows: the fixed ones and those that multi-resolution rows are compared with.
     pub fn exact_rays(&self) -> Vec<usize> {
-        let mut rays: Vec<usize> = EXACT_RAYS.into_iter().chain(self.mr_rays()).collect();
+        let unbiased = if self.options.unbiased { &SEGMENTS[..] } else { &[] };
+        let mut rays: Vec<usize> = EXACT_RAYS.iter().chain(unbiased).copied().chain(self.mr_rays()).collect();
         rays.sort_unstable();
         rays.dedup();
         rays
