@@ -24,7 +24,7 @@ const REPEATS: usize = 6;
 /// Seconds after which they are not, with the time for making segments: a run shall end.
 const PATIENCE: f64 = 1.0;
 /// Pairs that are asked, untimed, before each timed row.
-const WARM_UP: usize = 1024;
+pub(super) const WARM_UP: usize = 1024;
 /// Segments that a traversal is chosen on.
 const TRIAL: usize = 1 << 14;
 
@@ -215,7 +215,7 @@ pub(super) fn plain_curve(rows: &[ExactRow]) -> Vec<(f64, f64)> {
 
 /// One run or, if it is short, several, with the least times. `run` is told whether it is the first; `times` finds the
 /// times in what it returns.
-fn least<R>(mut run: impl FnMut(bool) -> R, times: impl Fn(&mut R) -> &mut Run) -> R {
+pub(super) fn least<R>(mut run: impl FnMut(bool) -> R, times: impl Fn(&mut R) -> &mut Run) -> R {
     let start = Instant::now();
     let mut best = run(true);
     let mut total = times(&mut best).seconds();

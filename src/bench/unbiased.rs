@@ -9,7 +9,7 @@
 use super::measure::{Questions, Run, Timer, bundles};
 use super::record::{UnbiasedLevel, UnbiasedRow, interpolate_log_log};
 use super::reference::Reference;
-use super::rows::{Bench, ratio};
+use super::rows::{Bench, WARM_UP, least, ratio};
 use crate::ray::{LANES, Occluder, Packet};
 use crate::visibility::{Bundle, Correction, Estimate, Exact, MultiResolution, Unbiased, Workspace};
 use rand_pcg::Pcg64Mcg;
@@ -77,9 +77,13 @@ impl Bench<'_> {
                     correction: &plan.correction,
                 };
                 let seed = self.options.seed;
-                let (run, corrections) = self.timer.unbiased(questions, &unbiased, segments, seed, &|n| {
-                    self.progress.advance(n as u64);
-                });
+                let ask = |questions: Questions, advance: &dyn Fn(usize)| {
+                    self.timer.unbiased(questions, &unbiased, segments, seed, advance)
+                };
+                ask(questions.first(WARM_UP), &|_| ());
+                let advance = |first: bool, n: usize| self.progress.advance(if first { n as u64 } else { 0 });
+                let (run, corrections) =
+                    least(|first| ask(questions, &|n| advance(first, n)), |found| &mut found.0);
                 row(&plan, &run, corrections, reference, curve, pilot_s)
             })
             .collect()

@@ -6,4 +6,6 @@ mod cli;
 mod determinism;
 #[cfg(feature = "cli")]
 mod run;
+#[cfg(feature = "cli")]
+mod target;
 mod tidy;
