@@ -82,7 +82,6 @@ fn target() -> Target {
 
 fn example() -> (Record, Vec<ReceiverImages>) {
     let exact = [1usize, 4, 16, 64, 256].map(|n| ExactRow {
-        certificates: false,
         coherent: n > 4,
         rays: n,
         seconds: 0.021 * n as f64,
@@ -159,6 +158,7 @@ fn example() -> (Record, Vec<ReceiverImages>) {
             reference_rms: 0.0041,
         },
         exact: exact.into(),
+        certified: Vec::new(),
         mr: mr.into(),
         unbiased: vec![unbiased()],
         target: Some(target()),
