@@ -4,6 +4,7 @@
 mod cli;
 #[cfg(feature = "cli")]
 mod determinism;
+mod features;
 #[cfg(feature = "cli")]
 mod run;
 mod tidy;
