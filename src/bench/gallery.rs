@@ -1,5 +1,6 @@
 //! The shadow images of a run: both engines over the receivers' texels, and the feature-based errors.
 
+use super::measure::Questions;
 use super::page::ReceiverImages;
 use super::receivers::{self, Receiver};
 use super::record::{self, MrRow, ReceiverFbem, interpolate_log_log};
@@ -36,8 +37,10 @@ impl Bench<'_> {
             return Ok((Vec::new(), Vec::new()));
         }
         let gallery = Gallery { receivers: &receivers, workload: &workload };
+        let every: Vec<usize> = (0..workload.pairs.len()).collect();
+        let questions = Questions { scene: self.scene, workload: &workload, pairs: &every };
         let pairs = workload.pairs.len() as u64;
-        let reference = self.reference("reference images", &workload, self.options.reference_rays);
+        let reference = self.reference("reference images", questions, self.options.reference_rays);
         let means: Vec<f32> = (0..workload.pairs.len()).map(|pair| reference.mean(pair)).collect();
         let references = gallery.images(&means)?;
 
@@ -45,7 +48,7 @@ impl Bench<'_> {
         self.progress.stage("exact images", pairs * all_rays as u64);
         let mut exact = Vec::new();
         for rays in self.exact_rays() {
-            let (_, run) = self.exact(&workload, rays);
+            let (_, run) = self.exact(questions, rays);
             exact.push((rays, run.seconds(), gallery.images(&run.visible)?));
         }
         let shown = &exact.iter().find(|e| e.0 == SHOWN_RAYS).expect("one of the fixed numbers").2;
@@ -65,7 +68,7 @@ impl Bench<'_> {
         let mut row = rows.iter_mut();
         for rays in self.mr_rays() {
             for (&s, curve) in self.sizes.iter().zip(&curves) {
-                let run = self.mr(&workload, engine, s, rays).run;
+                let run = self.mr(questions, engine, s, rays).run;
                 let images = gallery.images(&run.visible)?;
                 let error = gallery.pooled_fbem(&references, &images, s)?;
                 let same = interpolate_log_log(curve, error);

@@ -1,9 +1,9 @@
-//! Running the engines over a workload: seconds, visible fractions, errors.
+//! Running the engines over a workload: seconds and visible fractions.
 
 use super::workload::Workload;
 use crate::ray::{LANES, Occluder, Packet};
 use crate::scene::Scene;
-use crate::visibility::{Answer, Bundle, Cost, Exact, MultiResolution, Workspace};
+use crate::visibility::{Answer, Bundle, Cost, Exact, MultiResolution, Workspace, wilson};
 use crate::{Error, Result};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -52,19 +52,79 @@ pub struct MrRun {
     pub cost: Cost,
 }
 
-/// What a chunk of pairs is asked, made outside the timed section, and what was answered.
-#[derive(Default)]
-struct Chunk<T> {
-    pairs: Range<usize>,
-    packets: Vec<Packet>,
-    answers: Vec<T>,
-    workspace: Workspace,
+impl MrRun {
+    /// The answers of exact rays, `rays` a pair, in the engine's place.
+    pub fn handed_over(run: Run, rays: usize) -> MrRun {
+        let intervals = run.visible.iter().map(|&v| wilson(v, rays as f32)).collect();
+        let segments = (run.visible.len() * rays) as u64;
+        let cost = Cost { segments, exact_rays: segments, handed_over: segments, ..Cost::default() };
+        MrRun { decide_s: 0.0, run, intervals, cost }
+    }
 }
 
-/// Pairs in the order they are asked.
-fn chunks(pairs: Range<usize>, rays: usize) -> Vec<Range<usize>> {
+/// Pairs of a workload, in the order they are asked.
+#[derive(Clone, Copy)]
+pub struct Questions<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// Points and emitters.
+    pub workload: &'a Workload,
+    /// Indices into [`Workload::pairs`]; neighbours together.
+    pub pairs: &'a [usize],
+}
+
+impl<'a> Questions<'a> {
+    /// The first `count` of them.
+    pub fn first(self, count: usize) -> Questions<'a> {
+        Questions { pairs: &self.pairs[..count.min(self.pairs.len())], ..self }
+    }
+}
+
+/// What a chunk of pairs is asked, made outside the timed section, and what was answered.
+#[derive(Default)]
+pub(super) struct Chunk<T> {
+    /// Which of the questions.
+    pub pairs: Range<usize>,
+    pub packets: Vec<Packet>,
+    pub answers: Vec<T>,
+    pub workspace: Workspace,
+}
+
+/// So many questions in chunks.
+pub(super) fn chunks(count: usize, rays: usize) -> Vec<Range<usize>> {
     let step = (CHUNK_SEGMENTS / rays.max(1)).clamp(1, CHUNK);
-    pairs.clone().step_by(step).map(|first| first..(first + step).min(pairs.end)).collect()
+    (0..count).step_by(step).map(|first| first..(first + step).min(count)).collect()
+}
+
+impl<T> Chunk<T> {
+    /// Makes the bundles of the questions, of `rays` segments each.
+    pub fn prepare(&mut self, questions: Questions, rays: usize, stream: u64) {
+        self.packets.clear();
+        for &pair in &questions.pairs[self.pairs.clone()] {
+            questions.workload.add_bundle(questions.scene, pair, rays, stream, &mut self.packets);
+        }
+    }
+}
+
+/// The bundles of a chunk of questions emitter by emitter, so that neighbours share the upper part of their traversal,
+/// and which question of the chunk each of them is.
+pub(super) fn bundles<'a>(
+    questions: Questions,
+    chunk: Range<usize>,
+    packets: &'a [Packet],
+    rays: usize,
+) -> (Vec<usize>, Vec<Bundle<'a>>) {
+    let per_pair = rays.div_ceil(LANES);
+    let pairs = &questions.pairs[chunk];
+    let pair = |k: usize| &questions.workload.pairs[pairs[k]];
+    let mut order: Vec<usize> = (0..pairs.len()).collect();
+    order.sort_by_key(|&k| pair(k).emitter);
+    let bundle = |&k: &usize| Bundle {
+        packets: &packets[k * per_pair..(k + 1) * per_pair],
+        emitter_size: pair(k).emitter_size,
+    };
+    let bundles = order.iter().map(bundle).collect();
+    (order, bundles)
 }
 
 /// Asks engines and takes the time of the queries alone, on one thread or on several.
@@ -83,22 +143,14 @@ impl Timer {
         Ok(Timer { pool })
     }
 
-    /// Exact visible fractions of a range of pairs with `rays` segments each. `advance` is told how many pairs are
-    /// done.
-    pub fn exact(
-        &self,
-        scene: &Scene,
-        workload: &Workload,
-        pairs: Range<usize>,
-        engine: Exact,
-        rays: usize,
-        advance: &dyn Fn(usize),
-    ) -> Run {
+    /// Exact visible fractions with `rays` segments a pair. `advance` is told how many pairs are done.
+    pub fn exact(&self, questions: Questions, engine: Exact, rays: usize, advance: &dyn Fn(usize)) -> Run {
+        let Questions { scene, workload, pairs } = questions;
         let mut visible = Vec::with_capacity(pairs.len());
         let sections = self.chunk_by_chunk(
-            chunks(pairs, rays),
+            chunks(pairs.len(), rays),
             |chunk: &mut Chunk<u32>| {
-                workload.packed(scene, chunk.pairs.clone(), rays, 0, &mut chunk.packets);
+                workload.packed(scene, &pairs[chunk.pairs.clone()], rays, 0, &mut chunk.packets);
                 chunk.answers.clear();
                 chunk.answers.resize(chunk.packets.len(), 0);
             },
@@ -112,55 +164,55 @@ impl Timer {
         Run { visible, sections }
     }
 
-    /// Visible fractions of a range of pairs by the multi-resolution engine, `rays` segments each at feature size
-    /// `s`. Where a sample of the bundles says that it cannot pay, all are handed to Embree. `advance` is told how many pairs are done.
-    #[allow(clippy::too_many_arguments)] // The question, the engine and its two parameters.
+    /// Visible fractions by the multi-resolution engine, `rays` segments a pair at feature size `s`. `advance` is
+    /// told how many pairs are done.
     pub fn multi_resolution(
         &self,
-        scene: &Scene,
-        workload: &Workload,
-        pairs: Range<usize>,
+        questions: Questions,
         engine: &MultiResolution,
         s: f32,
         rays: usize,
         advance: &dyn Fn(usize),
     ) -> MrRun {
-        let per_pair = rays.div_ceil(LANES);
-        let start = Instant::now();
-        let pays = pays(scene, workload, engine, s, rays);
-        let mut result = MrRun { decide_s: start.elapsed().as_secs_f64(), ..MrRun::default() };
+        self.bundled(questions, rays, advance, |bundles, workspace, each| {
+            engine.answers(bundles, s, workspace, each)
+        })
+    }
+
+    /// Exact visible fractions with certificates, `rays` segments a pair.
+    pub fn certified(
+        &self,
+        questions: Questions,
+        engine: &MultiResolution,
+        rays: usize,
+        advance: &dyn Fn(usize),
+    ) -> MrRun {
+        self.bundled(questions, rays, advance, |bundles, workspace, each| {
+            engine.certified(bundles, workspace, each)
+        })
+    }
+
+    /// Asks chunk by chunk for the answers to bundles, in their order.
+    fn bundled(
+        &self,
+        questions: Questions,
+        rays: usize,
+        advance: &dyn Fn(usize),
+        ask: impl Fn(&[Bundle], &mut Workspace, &mut dyn FnMut(Answer)) + Sync,
+    ) -> MrRun {
+        let mut result = MrRun::default();
         result.run.sections = self.chunk_by_chunk(
-            chunks(pairs, rays),
-            |chunk: &mut Chunk<Option<Answer>>| {
-                chunk.packets.clear();
-                for pair in chunk.pairs.clone() {
-                    workload.add_bundle(scene, pair, rays, 0, &mut chunk.packets);
-                }
-            },
+            chunks(questions.pairs.len(), rays),
+            |chunk: &mut Chunk<Option<Answer>>| chunk.prepare(questions, rays, 0),
             |chunk| {
                 let Chunk { pairs, packets, answers, workspace } = chunk;
-                let bundle = |pair: usize| {
-                    let first = (pair - pairs.start) * per_pair;
-                    Bundle {
-                        packets: &packets[first..first + per_pair],
-                        emitter_size: workload.pairs[pair].emitter_size,
-                    }
-                };
+                let (order, bundles) = bundles(questions, pairs.clone(), packets, rays);
                 answers.clear();
-                if pays {
-                    // Emitter by emitter: neighbours share the upper part of their traversal.
-                    let mut order: Vec<usize> = pairs.clone().collect();
-                    order.sort_by_key(|&pair| workload.pairs[pair].emitter);
-                    let bundles: Vec<Bundle> = order.iter().map(|&pair| bundle(pair)).collect();
-                    answers.resize(bundles.len(), None);
-                    let mut next = order.iter();
-                    engine.answers(&bundles, s, workspace, |answer| {
-                        let pair = next.next().expect("an answer a bundle");
-                        answers[pair - pairs.start] = Some(answer);
-                    });
-                } else {
-                    answers.extend(pairs.clone().map(|pair| Some(engine.hand_over(bundle(pair), workspace))));
-                }
+                answers.resize(bundles.len(), None);
+                let mut next = order.iter();
+                ask(&bundles, workspace, &mut |answer| {
+                    answers[*next.next().expect("an answer a bundle")] = Some(answer);
+                });
             },
             |chunk| {
                 for answer in chunk.answers.iter().flatten() {
@@ -175,7 +227,7 @@ impl Timer {
     }
 
     /// Prepares, asks and collects a few chunks at a time, in their order; the seconds of each asking.
-    fn chunk_by_chunk<T: Send>(
+    pub(super) fn chunk_by_chunk<T: Send>(
         &self,
         ranges: Vec<Range<usize>>,
         prepare: impl Fn(&mut Chunk<T>) + Sync,
@@ -251,97 +303,16 @@ impl Sample {
 }
 
 /// Whether the engine pays on a sample of the workload.
-fn pays(scene: &Scene, workload: &Workload, engine: &MultiResolution, s: f32, rays: usize) -> bool {
+pub fn pays(scene: &Scene, workload: &Workload, engine: &MultiResolution, s: f32, rays: usize) -> bool {
     let sample = Sample::of(scene, workload, rays);
     let runs = sample.bundles();
     engine.pays(runs.iter().map(Vec::as_slice), s, &mut Workspace::default())
 }
 
 /// Clear part of `count` lanes from lane `first` of packets without gaps.
-fn clear_fraction(blocked: &[u32], first: usize, count: usize) -> f32 {
+pub(super) fn clear_fraction(blocked: &[u32], first: usize, count: usize) -> f32 {
     let stopped = (first..first + count).filter(|i| blocked[i / LANES] >> (i % LANES) & 1 == 1).count();
     1.0 - stopped as f32 / count as f32
-}
-
-/// Two independent estimates of each pair's visible fraction, half of the rays each.
-#[derive(Clone, Debug)]
-pub struct Reference {
-    /// From the first half.
-    pub a: Vec<f32>,
-    /// From the second half, with other samples.
-    pub b: Vec<f32>,
-    /// Rays of both halves together, a pair.
-    pub rays: usize,
-}
-
-impl Reference {
-    /// Traces `rays` segments a pair, on all threads, with samples of its own. `advance` is told how many pairs are
-    /// done with one of the two halves.
-    pub fn trace(
-        scene: &Scene,
-        workload: &Workload,
-        engine: Exact,
-        rays: usize,
-        advance: &(dyn Fn(usize) + Sync),
-    ) -> Reference {
-        let half = rays.div_ceil(2);
-        let estimate = |stream: u64| -> Vec<f32> {
-            let parts: Vec<Vec<f32>> = chunks(0..workload.pairs.len(), half)
-                .into_par_iter()
-                .map_init(
-                    || (Vec::new(), Vec::new()),
-                    |(packets, blocked), pairs| {
-                        workload.packed(scene, pairs.clone(), half, stream, packets);
-                        blocked.clear();
-                        blocked.resize(packets.len(), 0);
-                        engine.occluded(packets, blocked);
-                        advance(pairs.len());
-                        (0..pairs.len()).map(|k| clear_fraction(blocked, k * half, half)).collect()
-                    },
-                )
-                .collect();
-            parts.concat()
-        };
-        Reference { a: estimate(1), b: estimate(2), rays: 2 * half }
-    }
-
-    /// Mean of both halves.
-    pub fn mean(&self, pair: usize) -> f32 {
-        0.5 * (self.a[pair] + self.b[pair])
-    }
-
-    /// Standard error of [`Reference::mean`], root mean square over the pairs: half the RMS difference of the halves.
-    pub fn standard_error(&self) -> f64 {
-        let sum: f64 = self.a.iter().zip(&self.b).map(|(a, b)| f64::from(a - b).powi(2)).sum();
-        0.5 * (sum / self.a.len().max(1) as f64).sqrt()
-    }
-
-    /// RMS and bias of estimates against the truth.
-    ///
-    /// E[(x - a)(x - b)] = (x - truth)² because a and b err independently: the reference's noise drops out of
-    /// the RMS without having to be known.
-    pub fn errors(&self, visible: &[f32]) -> (f64, f64) {
-        let n = visible.len().max(1) as f64;
-        let (mut square, mut bias) = (0.0, 0.0);
-        for ((&x, &a), &b) in visible.iter().zip(&self.a).zip(&self.b) {
-            square += f64::from(x - a) * f64::from(x - b);
-            bias += f64::from(x) - 0.5 * f64::from(a + b);
-        }
-        ((square / n).max(0.0).sqrt(), bias / n)
-    }
-
-    /// Part of the pairs whose reference lies in the stated interval, widened by two of its own standard errors.
-    pub fn coverage(&self, intervals: &[(f32, f32)]) -> f64 {
-        /// An interval that ends a bit or two short of 1 still holds 1.
-        const ROUNDING: f32 = 1e-6;
-        let n = self.rays as f32;
-        let inside = intervals.iter().enumerate().filter(|&(pair, &(lo, hi))| {
-            let p = self.mean(pair);
-            let noise = 2.0 * (p * (1.0 - p) / n).sqrt() + ROUNDING;
-            lo - noise <= p && p <= hi + noise
-        });
-        inside.count() as f64 / intervals.len().max(1) as f64
-    }
 }
 
 #[cfg(test)]
@@ -351,7 +322,7 @@ mod tests {
     #[test]
     fn chunks_cover_every_pair_once() {
         for (pairs, rays) in [(0, 16), (1, 1), (1000, 16), (1000, 256), (7, 65536), (300, 1000)] {
-            let all: Vec<usize> = chunks(0..pairs, rays).into_iter().flatten().collect();
+            let all: Vec<usize> = chunks(pairs, rays).into_iter().flatten().collect();
             assert_eq!(all, (0..pairs).collect::<Vec<_>>());
         }
     }
@@ -369,14 +340,5 @@ mod tests {
         assert_eq!(clear_fraction(&blocked, 0, 16), 0.0);
         assert_eq!(clear_fraction(&blocked, 16, 4), 0.5);
         assert!((clear_fraction(&blocked, 14, 6) - 2.0 / 6.0).abs() < 1e-6);
-    }
-
-    #[test]
-    fn the_noise_of_the_reference_drops_out() {
-        let reference = Reference { a: vec![0.6, 0.4], b: vec![0.4, 0.6], rays: 2000 };
-        assert!((reference.errors(&[0.7, 0.7]).0.powi(2) - 0.03).abs() < 1e-6);
-        assert!((reference.errors(&[0.7, 0.7]).1 - 0.2).abs() < 1e-6);
-        assert!((reference.standard_error() - 0.1).abs() < 1e-6);
-        assert_eq!(reference.coverage(&[(0.4, 0.6), (0.0, 0.0)]), 0.5);
     }
 }

@@ -1,5 +1,6 @@
 //! The measurement `mrvis bench`: exact against multi-resolution visibility on the same segments.
 
+mod audit;
 mod gallery;
 pub mod measure;
 mod options;
@@ -8,13 +9,16 @@ mod prepare;
 mod progress;
 mod receivers;
 pub mod record;
+pub mod reference;
 mod rows;
 mod run;
 mod scaling;
 mod sizes;
+mod target;
+mod unbiased;
 pub mod workload;
 
-pub use options::Options;
+pub use options::{Options, Target};
 pub use progress::Progress;
 pub use receivers::{Receiver, choose as choose_receivers};
 pub use run::run;

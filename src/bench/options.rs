@@ -1,6 +1,7 @@
 //! What a run measures, and whether it makes sense for a scene.
 
 use crate::cache::Place;
+use crate::characterise;
 use crate::scene::Scene;
 use crate::{Error, Result};
 
@@ -10,6 +11,15 @@ pub(super) const MAX_RAYS: usize = 1 << 16;
 const MAX_POINTS: usize = 100_000_000;
 /// Part of the memory at hand that results may take.
 const MEMORY_PART: f64 = 0.7;
+
+/// What an answer may err or cost.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Target {
+    /// Root mean square error of the visible fraction, in `(0, 1]`.
+    Error(f64),
+    /// Time of the queries, seconds, above 0.
+    Seconds(f64),
+}
 
 /// What is measured.
 #[derive(Clone, Debug)]
@@ -28,6 +38,14 @@ pub struct Options {
     pub threads: usize,
     /// Seed of every random choice.
     pub seed: u64,
+    /// Part of the pairs, in `[0, 1]`, on which a few exact rays of its own check each row; 0: none.
+    pub audit: f64,
+    /// Whether estimates without bias are measured too.
+    pub unbiased: bool,
+    /// An error or a time that the answers shall have.
+    pub target: Option<Target>,
+    /// How clusters are measured.
+    pub clusters: characterise::Options,
     /// Where the measured clusters are kept for the next run.
     pub cache: Place,
 }
@@ -42,6 +60,10 @@ impl Default for Options {
             reference_rays: 1024,
             threads: 1,
             seed: 1,
+            audit: 0.05,
+            unbiased: false,
+            target: None,
+            clusters: characterise::Options::default(),
             cache: Place::Off,
         }
     }
@@ -68,6 +90,29 @@ impl Options {
         if let Some(s) = self.feature_sizes.iter().find(|&&s| !usable(s)) {
             return Err(Error::Argument(format!(
                 "--feature-size {s}: must be a length above 0 in scene units"
+            )));
+        }
+        if !(0.0..=1.0).contains(&self.audit) {
+            return Err(Error::Argument(format!(
+                "--audit {}: must be a part of the bundles, in 0..1",
+                self.audit
+            )));
+        }
+        match self.target {
+            Some(Target::Error(e)) if !(e > 0.0 && e <= 1.0) => {
+                return Err(Error::Argument(format!(
+                    "--target-error {e}: must be an error of the visible fraction above 0, at most 1"
+                )));
+            }
+            Some(Target::Seconds(t)) if !(t > 0.0 && t.is_finite()) => {
+                return Err(Error::Argument(format!("--target-seconds {t}: must be a time above 0")));
+            }
+            _ => {}
+        }
+        let tolerance = self.clusters.tolerance;
+        if !(tolerance > 0.0 && tolerance <= 1.0) {
+            return Err(Error::Argument(format!(
+                "--tolerance {tolerance}: must be an error of the transmission above 0, at most 1"
             )));
         }
         Ok(())
@@ -97,7 +142,7 @@ impl Options {
             scene.faces_named(name)?;
         }
         // Points, pairs, both halves of the reference and the largest row with its intervals.
-        let bytes = self.points as f64 * (32.0 + scene.emitters.len() as f64 * 40.0);
+        let bytes = self.points as f64 * (32.0 + scene.emitters.len() as f64 * 48.0);
         match available_memory() {
             Some(available) if bytes > MEMORY_PART * available => Err(Error::Argument(format!(
                 "--points {} with {} emitters need about {:.1} GB of memory, {:.1} GB are available: lower --points",
@@ -133,8 +178,19 @@ mod tests {
             Options { points: 1_000_000_000, ..good.clone() },
             Options { reference_rays: 0, ..good.clone() },
             Options { threads: 0, ..good.clone() },
+            Options { audit: -0.1, ..good.clone() },
+            Options { audit: 1.5, ..good.clone() },
+            Options { audit: f64::NAN, ..good.clone() },
+            Options { target: Some(Target::Error(0.0)), ..good.clone() },
+            Options { target: Some(Target::Error(f64::NAN)), ..good.clone() },
+            Options { target: Some(Target::Seconds(-1.0)), ..good.clone() },
+            Options { target: Some(Target::Seconds(f64::INFINITY)), ..good.clone() },
         ];
         assert!(bad.iter().all(|o| o.check().is_err()));
+        for tolerance in [0.0, -1.0, 1.5, f32::NAN] {
+            let clusters = characterise::Options { tolerance, ..Default::default() };
+            assert!(Options { clusters, ..good.clone() }.check().is_err(), "{tolerance}");
+        }
         for s in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-300, 1e300] {
             assert!(Options { feature_sizes: vec![s], ..good.clone() }.check().is_err(), "{s}");
         }

@@ -16,6 +16,7 @@ mod prose;
 mod receivers;
 mod scaling;
 mod tables;
+mod trust;
 
 pub use scaling::render_scaling;
 
@@ -51,6 +52,9 @@ pub fn render(record: &Record, receivers: &[ReceiverImages]) -> Result<String> {
             (plots::error_against_time(record)?)
         }
         (tables::measurements(record))
+        (trust::calibration(record)?)
+        (trust::target(record))
+        (trust::unbiased(record))
         section {
             h2 { "Shadow images" }
             @if receivers.is_empty() { p { "No receiver was imaged in this run." } }

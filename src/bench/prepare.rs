@@ -1,12 +1,13 @@
 //! What must stand before the engines can be asked: Embree's tree, the clusters, their measures.
 
 use super::measure::Sample;
+use super::options::Options;
 use super::progress::Progress;
 use super::record::{Build, BytesPerTriangle};
 use super::rows::Bench;
 use super::workload::Workload;
 use crate::Result;
-use crate::cache::{self, Place, Table};
+use crate::cache::{self, Table};
 use crate::characterise::characterise;
 use crate::embree::{CommittedScene, Device, SceneBuilder};
 use crate::hierarchy;
@@ -28,7 +29,7 @@ impl Prepared {
     ///
     /// # Errors
     /// Embree refuses.
-    pub fn of(scene: &Scene, cache: &Place, progress: &dyn Progress) -> Result<Prepared> {
+    pub fn of(scene: &Scene, options: &Options, progress: &dyn Progress) -> Result<Prepared> {
         let mut build = Build::default();
         let device = Device::new(0)?;
         progress.stage("Embree's tree", 0);
@@ -38,17 +39,17 @@ impl Prepared {
             builder.commit()
         })?;
         build.embree_bytes = device.bytes() as u64;
-        let table = table(scene, cache, &mut build, progress);
+        let table = table(scene, options, &mut build, progress);
         Ok(Prepared { device, traced, table, build })
     }
 }
 
 /// Clusters and their measures: made, or from the cache.
-fn table(scene: &Scene, place: &Place, build: &mut Build, progress: &dyn Progress) -> Table {
-    let how = cache::Options::default();
+fn table(scene: &Scene, options: &Options, build: &mut Build, progress: &dyn Progress) -> Table {
+    let how = cache::Options { characterise: options.clusters, ..Default::default() };
     let start = Instant::now();
     progress.stage("looking for measured clusters", 0);
-    let (table, origin, note) = cache::table(scene, place, &how, || {
+    let (table, origin, note) = cache::table(scene, &options.cache, &how, || {
         progress.stage("hierarchy", 0);
         let hierarchy = timed(&mut build.hierarchy_s, || hierarchy::build(scene, &how.hierarchy));
         progress.stage("measuring clusters", 0);
@@ -72,7 +73,8 @@ impl Bench<'_> {
         let Bench { scene, options, traced, .. } = self;
         let Table { hierarchy, traits } = table;
         let traversal = self.traversal(workload, options.rays);
-        let engine = MultiResolution::new(scene, hierarchy, traits, traced, traversal, Leaf::Exact);
+        let engine = MultiResolution::new(scene, hierarchy, traits, traced, traversal, Leaf::Exact)
+            .with_tolerance(options.clusters.tolerance);
         let sample = Sample::of(scene, workload, options.rays);
         let engine = timed(&mut build.budget_s, || {
             engine.with_budget(&sample.bundles().concat(), &mut Workspace::default())

@@ -6,8 +6,10 @@
 //! fraction of each emitter at each point, in [0, 1], against the reference, whose own noise is subtracted.
 
 mod scaling;
+mod trust;
 
 pub use scaling::{ScalingRecord, ScalingRow};
+pub use trust::{Audit, CalibrationBin, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow};
 
 use serde::{Deserialize, Serialize};
 
@@ -35,6 +37,9 @@ pub struct Record {
     /// What the reader of the figures should know, a sentence each.
     #[serde(default)]
     pub warnings: Vec<String>,
+    /// How clusters were measured.
+    #[serde(default)]
+    pub clusters: Clusters,
     /// Preparation, not part of the timed sections.
     pub build: Build,
     /// What was asked of the engines.
@@ -43,6 +48,12 @@ pub struct Record {
     pub exact: Vec<ExactRow>,
     /// Multi-resolution visibility, by feature size.
     pub mr: Vec<MrRow>,
+    /// Estimates without bias, if they were asked for.
+    #[serde(default)]
+    pub unbiased: Vec<UnbiasedRow>,
+    /// What came of a target, if there was one.
+    #[serde(default)]
+    pub target: Option<Target>,
     /// Shadow images.
     pub receivers: Vec<Receiver>,
     /// How cost grows with the scene, when it was asked for.
@@ -69,6 +80,15 @@ pub struct SceneFacts {
     pub clusters: usize,
     /// Levels of the hierarchy.
     pub levels: usize,
+}
+
+/// How clusters were measured.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Clusters {
+    /// `measured` or `analytic`.
+    pub extinction: String,
+    /// Error of a cluster's transmission that is let pass, in `(0, 1]`.
+    pub tolerance: f64,
 }
 
 /// Times and sizes of the preparation.
@@ -156,9 +176,14 @@ pub struct Workload {
 pub struct ExactRow {
     /// Rays from a point to an emitter.
     pub rays: usize,
+    /// Whether pairs that are certainly clear or blocked were recognised without rays; speed-ups are measured against
+    /// the rows where they were not.
+    #[serde(default)]
+    pub certificates: bool,
     /// Time of the queries, seconds.
     pub seconds: f64,
-    /// The fastest of Embree's ways of asking: `occluded1`, `occluded4`, `occluded8` or `occluded16`.
+    /// The fastest of Embree's ways of asking: `occluded1`, `occluded4`, `occluded8` or `occluded16`; with
+    /// certificates `certified`.
     pub mode: String,
     /// Whether Embree was told that the rays of a call stay together.
     #[serde(default)]
@@ -184,6 +209,9 @@ pub struct MrRow {
     pub bias: f64,
     /// Part of the answers, in [0, 1], whose stated interval holds the reference.
     pub interval_coverage: f64,
+    /// What a few exact rays of its own say of the stated intervals; absent (null) without an audit.
+    #[serde(default)]
+    pub audit: Option<Audit>,
     /// Part of the segments, in [0, 1], that met at least one averaged cluster.
     pub aggregated_fraction: f64,
     /// Segments of bundles for which triangles were tested, by this engine or by Embree.

@@ -1,9 +1,11 @@
 //! The rows of a run: both engines over the receiver points, timed.
 
-use super::measure::{MrRun, Reference, Run, Timer};
+use super::audit::{Audit, RAYS};
+use super::measure::{MrRun, Questions, Run, Timer, pays};
 use super::options::{MAX_RAYS, Options};
 use super::progress::Progress;
 use super::record::{ExactRow, MrRow, interpolate_log_log};
+use super::reference::Reference;
 use super::workload::Workload;
 use crate::embree::{CommittedScene, Traversal};
 use crate::ray::Packet;
@@ -59,91 +61,114 @@ impl Bench<'_> {
         let (mut sample, mut part): (Vec<Packet>, Vec<Packet>) = (Vec::new(), Vec::new());
         for k in 0..runs {
             let first = (pairs - run) * k / runs;
-            workload.packed(self.scene, first..first + run, rays, 0, &mut part);
+            let pairs: Vec<usize> = (first..first + run).collect();
+            workload.packed(self.scene, &pairs, rays, 0, &mut part);
             sample.append(&mut part);
         }
         fastest_traversal(self.traced, self.width, &sample)
     }
 
-    pub fn reference(&self, stage: &str, workload: &Workload, rays: usize) -> Reference {
-        self.progress.stage(stage, 2 * workload.pairs.len() as u64);
-        let exact = Exact { scene: self.traced, traversal: self.traversal(workload, rays) };
-        Reference::trace(self.scene, workload, exact, rays, &|n| self.progress.advance(n as u64))
+    /// Embree as it traces so many rays a pair fastest.
+    pub fn embree(&self, workload: &Workload, rays: usize) -> Exact<'_> {
+        Exact { scene: self.traced, traversal: self.traversal(workload, rays) }
+    }
+
+    pub fn reference(&self, stage: &str, questions: Questions, rays: usize) -> Reference {
+        self.progress.stage(stage, 2 * questions.pairs.len() as u64);
+        let exact = self.embree(questions.workload, rays);
+        Reference::trace(questions, exact, rays, [1, 2], &|n| self.progress.advance(n as u64))
     }
 
     /// An exact row: warm, then the least time of one or several runs.
-    pub fn exact(&self, workload: &Workload, rays: usize) -> (Traversal, Run) {
-        let engine = Exact { scene: self.traced, traversal: self.traversal(workload, rays) };
-        let pairs = workload.pairs.len();
-        let ask = |n: usize, advance: &dyn Fn(usize)| {
-            self.timer.exact(self.scene, workload, 0..n, engine, rays, advance)
-        };
-        ask(pairs.min(WARM_UP), &|_| ());
+    pub fn exact(&self, questions: Questions, rays: usize) -> (Traversal, Run) {
+        let engine = self.embree(questions.workload, rays);
+        self.timer.exact(questions.first(WARM_UP), engine, rays, &|_| ());
         let run = least(
-            |first| {
-                ask(pairs, &|n| {
-                    if first {
-                        self.progress.advance((n * rays) as u64)
-                    }
-                })
-            },
+            |first| self.timer.exact(questions, engine, rays, &self.advance(first, rays)),
             |run: &mut Run| run,
         );
         (engine.traversal, run)
     }
 
-    /// A multi-resolution row, likewise.
-    pub fn mr(&self, workload: &Workload, engine: &MultiResolution, s: f64, rays: usize) -> MrRun {
-        let pairs = workload.pairs.len();
-        let ask = |n: usize, advance: &dyn Fn(usize)| {
-            self.timer.multi_resolution(self.scene, workload, 0..n, engine, s as f32, rays, advance)
-        };
-        ask(pairs.min(WARM_UP), &|_| ());
+    /// A multi-resolution row, likewise. Where a sample of the bundles says that the engine cannot pay, exact rays
+    /// answer in its place.
+    pub fn mr(&self, questions: Questions, engine: &MultiResolution, s: f64, rays: usize) -> MrRun {
+        let s = s as f32;
+        let start = Instant::now();
+        let pays = pays(self.scene, questions.workload, engine, s, rays);
+        let decide_s = start.elapsed().as_secs_f64();
+        if !pays {
+            return MrRun { decide_s, ..MrRun::handed_over(self.exact(questions, rays).1, rays) };
+        }
+        self.timer.multi_resolution(questions.first(WARM_UP), engine, s, rays, &|_| ());
+        let run = least(
+            |first| self.timer.multi_resolution(questions, engine, s, rays, &self.advance(first, rays)),
+            |run: &mut MrRun| &mut run.run,
+        );
+        MrRun { decide_s, ..run }
+    }
+
+    /// A row of exact rays with certificates, likewise.
+    fn certified(&self, questions: Questions, engine: &MultiResolution, rays: usize) -> MrRun {
+        self.timer.certified(questions.first(WARM_UP), engine, rays, &|_| ());
         least(
-            |first| {
-                ask(pairs, &|n| {
-                    if first {
-                        self.progress.advance((n * rays) as u64)
-                    }
-                })
-            },
+            |first| self.timer.certified(questions, engine, rays, &self.advance(first, rays)),
             |run: &mut MrRun| &mut run.run,
         )
+    }
+
+    /// Tells the progress of a run with `rays` segments a pair, if it is the first.
+    fn advance(&self, first: bool, rays: usize) -> impl Fn(usize) {
+        let progress = self.progress;
+        move |pairs| {
+            if first {
+                progress.advance((pairs * rays) as u64)
+            }
+        }
     }
 
     /// All rows over the receiver points.
     pub fn points(
         &self,
-        workload: &Workload,
+        questions: Questions,
         engine: &MultiResolution,
     ) -> (Reference, Vec<ExactRow>, Vec<MrRow>) {
-        let pairs = workload.pairs.len() as u64;
-        let reference = self.reference("reference", workload, self.options.reference_rays);
-        let all_rays: usize = self.exact_rays().iter().sum();
+        let pairs = questions.pairs.len() as u64;
+        let reference = self.reference("reference", questions, self.options.reference_rays);
+        let audit = self.audit(questions);
+        let all_rays: usize = self.exact_rays().iter().chain(&self.mr_rays()).sum();
         self.progress.stage("exact", pairs * all_rays as u64);
-        let exact: Vec<ExactRow> = self
-            .exact_rays()
-            .into_iter()
-            .map(|rays| {
-                let (traversal, run) = self.exact(workload, rays);
-                let (rms, bias) = reference.errors(&run.visible);
-                let mode = format!("occluded{}", traversal.width);
-                ExactRow { rays, seconds: run.seconds(), mode, coherent: traversal.coherent, rms, bias }
-            })
-            .collect();
-        let curve: Vec<(f64, f64)> = exact.iter().map(|row| (row.seconds, row.rms)).collect();
+        let mut exact = Vec::new();
+        for rays in self.exact_rays() {
+            let (traversal, run) = self.exact(questions, rays);
+            let (rms, bias) = reference.errors(&run.visible);
+            let mode = format!("occluded{}", traversal.width);
+            let coherent = traversal.coherent;
+            let seconds = run.seconds();
+            exact.push(ExactRow { rays, certificates: false, seconds, mode, coherent, rms, bias });
+        }
+        for rays in self.mr_rays() {
+            let run = self.certified(questions, engine, rays).run;
+            let (rms, bias) = reference.errors(&run.visible);
+            let (mode, seconds) = ("certified".into(), run.seconds());
+            exact.push(ExactRow { rays, certificates: true, seconds, mode, coherent: false, rms, bias });
+        }
+        let curve = plain_curve(&exact);
         let mr_rays: usize = self.mr_rays().iter().sum();
         self.progress.stage("multi-resolution", pairs * (mr_rays * self.sizes.len()) as u64);
         let mut rows = Vec::new();
         for rays in self.mr_rays() {
             for &s in &self.sizes {
-                let result = self.mr(workload, engine, s, rays);
+                let result = self.mr(questions, engine, s, rays);
                 let seconds = result.run.seconds();
                 let (rms, bias) = reference.errors(&result.run.visible);
                 let same_rms = interpolate_log_log(&curve, rms);
                 let cost = result.cost;
                 let segments = cost.segments.max(1) as f64;
-                let as_many = exact.iter().find(|row| row.rays == rays).map_or(0.0, |row| row.seconds);
+                let as_many = exact
+                    .iter()
+                    .find(|row| row.rays == rays && !row.certificates)
+                    .map_or(0.0, |row| row.seconds);
                 rows.push(MrRow {
                     feature_size: s,
                     rays,
@@ -151,6 +176,7 @@ impl Bench<'_> {
                     rms,
                     bias,
                     interval_coverage: reference.coverage(&result.intervals),
+                    audit: audit.as_ref().map(|audit| audit.judge(&result)),
                     aggregated_fraction: cost.aggregated as f64 / segments,
                     exact_rays: cost.exact_rays,
                     handed_over: cost.handed_over as f64 / segments,
@@ -165,6 +191,24 @@ impl Bench<'_> {
         }
         (reference, exact, rows)
     }
+
+    /// The audit's own rays, if one was asked for.
+    pub fn audit(&self, questions: Questions) -> Option<Audit> {
+        (self.options.audit > 0.0).then(|| {
+            self.progress.stage("audit", 0);
+            Audit::trace(
+                questions,
+                self.embree(questions.workload, RAYS),
+                self.options.audit,
+                self.options.seed,
+            )
+        })
+    }
+}
+
+/// Seconds and errors of the plain exact rows: what speed-ups are measured against.
+pub(super) fn plain_curve(rows: &[ExactRow]) -> Vec<(f64, f64)> {
+    rows.iter().filter(|row| !row.certificates).map(|row| (row.seconds, row.rms)).collect()
 }
 
 /// One run or, if it is short, several, with the least times. `run` is told whether it is the first; `times` finds the

@@ -1,15 +1,15 @@
 //! One run from a scene to a record and images.
 
-use super::measure::Timer;
+use super::measure::{Questions, Timer};
 use super::options::Options;
 use super::page::ReceiverImages;
 use super::prepare::Prepared;
 use super::progress::Progress;
 use super::record::{self, Record, SceneFacts};
-use super::rows::Bench;
+use super::rows::{Bench, plain_curve};
 use super::sizes::default_sizes;
 use super::workload::{Workload, surface_points};
-use crate::characterise::Traits;
+use crate::characterise::{Extinction, Traits};
 use crate::hierarchy::Hierarchy;
 use crate::scene::Scene;
 use crate::{Error, Result};
@@ -29,7 +29,7 @@ pub fn run(
 ) -> Result<(Record, Vec<ReceiverImages>)> {
     options.check_for(scene)?;
     let timer = Timer::new(options.threads)?;
-    let Prepared { device, traced, table, mut build } = Prepared::of(scene, &options.cache, progress)?;
+    let Prepared { device, traced, table, mut build } = Prepared::of(scene, options, progress)?;
 
     let points = surface_points(scene, options.points, options.seed)?;
     let workload = Workload::new(scene, points, options.seed);
@@ -46,7 +46,14 @@ pub fn run(
         Bench { scene, options, timer, traced: &traced, width: device.native_width(), sizes, progress };
     let mr = bench.engine(&table, &workload, &mut build);
 
-    let (reference, exact, mut rows) = bench.points(&workload, &mr);
+    let every: Vec<usize> = (0..workload.pairs.len()).collect();
+    let questions = Questions { scene, workload: &workload, pairs: &every };
+    let (reference, exact, mut rows) = bench.points(questions, &mr);
+    let unbiased = match options.unbiased {
+        true => bench.unbiased(questions, &mr, &reference, &plain_curve(&exact)),
+        false => Vec::new(),
+    };
+    let target = options.target.map(|target| bench.target(target, questions, &mr, &reference));
     let (receivers, images) = bench.images(&mr, &mut rows, &mut warnings)?;
     let record = Record {
         mrvis: env!("CARGO_PKG_VERSION").into(),
@@ -58,6 +65,13 @@ pub fn run(
         scene: facts(scene, &table.hierarchy),
         scene_repairs: serde_json::to_value(&scene.repairs).unwrap_or_default(),
         warnings,
+        clusters: record::Clusters {
+            extinction: match options.clusters.extinction {
+                Extinction::Measured => "measured".into(),
+                Extinction::Analytic => "analytic".into(),
+            },
+            tolerance: options.clusters.tolerance.into(),
+        },
         build,
         workload: record::Workload {
             points: options.points,
@@ -68,6 +82,8 @@ pub fn run(
         },
         exact,
         mr: rows,
+        unbiased,
+        target,
         receivers,
         scaling: Vec::new(),
     };

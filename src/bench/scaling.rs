@@ -6,13 +6,14 @@
 //! smaller leaves that shade as much; what grows is detail below the feature size, of which multi-resolution visibility
 //! should take no notice at all.
 
-use super::measure::Timer;
+use super::measure::{Questions, Timer};
 use super::options::Options;
 use super::prepare::Prepared;
 use super::progress::Progress;
 use super::record::{ScalingRecord, ScalingRow};
 use super::rows::Bench;
 use super::workload::{Point, Workload, surface_points};
+use crate::cache::Place;
 use crate::scene::Scene;
 use crate::scene::generate::{self, Spec, ground_and_sky};
 use crate::{Error, Result};
@@ -108,10 +109,11 @@ fn measure(
     record: &mut ScalingRecord,
     progress: &dyn Progress,
 ) -> Result<ScalingRow> {
+    let options = &Options { cache: Place::Off, ..options.clone() };
     let spec = series.forest(triangles, options.seed);
     progress.stage(&format!("forest of {triangles}"), 0);
     let scene = generate::build(&spec)?;
-    let Prepared { device, traced, table, mut build } = Prepared::of(&scene, &Default::default(), progress)?;
+    let Prepared { device, traced, table, mut build } = Prepared::of(&scene, options, progress)?;
     let s = options.feature_sizes.first().copied().unwrap_or(FEATURE_SIZE);
     let bench = Bench {
         scene: &scene,
@@ -126,10 +128,12 @@ fn measure(
     let workload = Workload::new(&scene, points(&scene, options, density)?, options.seed);
     let engine = bench.engine(&table, &workload, &mut build);
     let (bundles, rays) = (workload.pairs.len(), options.rays);
-    let reference = bench.reference(&format!("reference of {triangles}"), &workload, options.reference_rays);
+    let every: Vec<usize> = (0..bundles).collect();
+    let questions = Questions { scene: &scene, workload: &workload, pairs: &every };
+    let reference = bench.reference(&format!("reference of {triangles}"), questions, options.reference_rays);
     progress.stage(&format!("both engines, {triangles}"), 2 * (bundles * rays) as u64);
-    let (_, exact) = bench.exact(&workload, rays);
-    let mr = bench.mr(&workload, &engine, s, rays);
+    let (_, exact) = bench.exact(questions, rays);
+    let mr = bench.mr(questions, &engine, s, rays);
     record.embree = device.version();
     record.isa = engine.isa().name().into();
     (record.mrvis, record.unit) = (env!("CARGO_PKG_VERSION").into(), scene.unit.clone());

@@ -96,18 +96,18 @@ impl Workload {
         sums.into_iter().map(|(sum, weight)| if weight > 0.0 { (sum / weight) as f32 } else { 0.0 }).collect()
     }
 
-    /// Puts `rays` segments of each pair of a range into packets without gaps: for engines that need no bundles.
+    /// Puts `rays` segments of each of these pairs into packets without gaps: for engines that need no bundles.
     pub fn packed(
         &self,
         scene: &Scene,
-        pairs: std::ops::Range<usize>,
+        pairs: &[usize],
         rays: usize,
         stream: u64,
         packets: &mut Vec<Packet>,
     ) {
         packets.clear();
         let mut n = 0;
-        for pair in pairs {
+        for &pair in pairs {
             self.each_segment(scene, pair, rays, stream, |_, a, b| {
                 if n % LANES == 0 {
                     packets.push(Packet::EMPTY);

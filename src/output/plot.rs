@@ -10,11 +10,12 @@ use super::axis::{Axis, Scale};
 use crate::{Error, Result};
 
 /// Colours of series, in order of use; told apart also by colour-blind eyes (scheme of M. Okabe and K. Ito).
-const HUES: [(RGBColor, &str); 4] = [
+const HUES: [(RGBColor, &str); 5] = [
     (RGBColor(0, 114, 178), "--plot-a"),
     (RGBColor(213, 94, 0), "--plot-b"),
     (RGBColor(0, 158, 115), "--plot-c"),
     (RGBColor(204, 121, 167), "--plot-d"),
+    (RGBColor(230, 159, 0), "--plot-e"),
 ];
 const INK: (RGBColor, &str) = (RGBColor(34, 34, 34), "--plot-ink");
 const FAINT: (RGBColor, &str) = (RGBColor(221, 221, 222), "--plot-faint");
@@ -30,7 +31,7 @@ pub struct Plot {
     pub x_scale: Scale,
     /// Scale of the vertical axis.
     pub y_scale: Scale,
-    /// What is drawn, at most four that can be told apart.
+    /// What is drawn, at most five that can be told apart.
     pub series: Vec<Series>,
 }
 

@@ -20,11 +20,13 @@ pub mod steps;
 #[cfg(test)]
 mod tests;
 mod triangles;
+mod unbiased;
 mod walk;
 mod wide;
 
 pub use exact::{Exact, fastest_traversal};
 pub use multires::{Leaf, MultiResolution, Workspace};
+pub use unbiased::{Correction, Estimate, Unbiased};
 
 use crate::ray::Packet;
 
@@ -94,8 +96,8 @@ pub struct Answer {
     pub cost: Cost,
 }
 
-/// Wilson's 95 % interval for a mean of `n` zero-one values.
-fn wilson(mean: f32, n: f32) -> (f32, f32) {
+/// Wilson's 95 % interval for a mean of `n` (at least 1) zero-one values.
+pub fn wilson(mean: f32, n: f32) -> (f32, f32) {
     interval(mean, mean * (1.0 - mean), n, 0.0)
 }
 

@@ -70,6 +70,15 @@ pub struct Workspace {
     walked: Vec<Walked>,
 }
 
+impl Workspace {
+    /// Transmittance of each packet's segments, summed up, of all bundles of the last call of
+    /// [`MultiResolution::answers`] or [`MultiResolution::certified`], one after the other; zeros for bundles that were
+    /// handed over.
+    pub fn sums(&self) -> &[f32] {
+        &self.buffers.sums
+    }
+}
+
 impl<'a> MultiResolution<'a> {
     /// Lays out a hierarchy for traversal.
     ///
@@ -301,6 +310,8 @@ impl Kernel for Ask<'_, '_> {
             shafts.push(Shaft::of(simd, packets, engine.magnitude));
         }
         walked.clear();
+        buffers.sums.clear();
+        let mut packets_before = 0;
         let mut first = 0;
         while first < bundles.len() {
             let group = group(bundles, shafts, first);
@@ -321,6 +332,9 @@ impl Kernel for Ask<'_, '_> {
                 let limit = if bounded { engine.limit(&bundles[k]) } else { u64::MAX };
                 let rule = Rule { e: size(&bundles[k]), s, soft, limit, fetch, tolerance: engine.tolerance };
                 let mut found = walk(simd, &engine.tree, shared, (packets, &shafts[k]), &rule, buffers);
+                // Walks that end early say nothing of their packets: all are blocked, or Embree is asked.
+                packets_before += packets.len();
+                buffers.sums.resize(packets_before, 0.0);
                 let (nodes, work) = std::mem::take(&mut opened);
                 (found.nodes, found.work) = (found.nodes + nodes, found.work + work);
                 walked.push(found);

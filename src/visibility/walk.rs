@@ -74,7 +74,7 @@ pub(super) fn walk<S: Simd>(
     rule: &Rule,
     workspace: &mut Buffers,
 ) -> Walked {
-    let Buffers { stack, slabs, blocked, transmittance } = workspace;
+    let Buffers { stack, slabs, blocked, transmittance, sums } = workspace;
     let mut walked = Walked::default();
     let count = packets.len() as u64;
     let from = shaft.apex.unwrap_or(Vec3::ZERO);
@@ -148,6 +148,7 @@ pub(super) fn walk<S: Simd>(
         let each = (k == 0).then_some(&mut *transmittance);
         if slabs.is_empty() {
             let n = clear.count_ones() as f32;
+            sums.push(n);
             walked.transmittance += n;
             walked.square += n;
             (walked.lo, walked.hi) = (walked.lo + n, walked.hi + n);
@@ -161,6 +162,7 @@ pub(super) fn walk<S: Simd>(
             // The clusters are the same for all packets, and so is the error of each.
             walked.model = spread(simd, slabs, packet, clear, shaft.apex.is_some());
         }
+        sums.push(passed.transmittance);
         walked.transmittance += passed.transmittance;
         walked.square += passed.square;
         walked.lo += passed.lo;
@@ -218,4 +220,6 @@ pub(super) struct Buffers {
     pub blocked: Vec<u32>,
     /// Transmittance of each segment of the first packet.
     pub transmittance: [f32; LANES],
+    /// Transmittance of each packet's segments, summed up; walk after walk.
+    pub sums: Vec<f32>,
 }

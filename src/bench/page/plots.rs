@@ -11,8 +11,15 @@ use crate::output::{Plot, Point, Scale, Series};
 /// Error of each row against its time, both logarithmic.
 pub(super) fn error_against_time(record: &Record) -> Result<Markup> {
     let rays = |n: usize| if n == 1 { "1 ray".to_string() } else { format!("{n} rays") };
-    let exact = record.exact.iter().map(|row| Point { x: row.seconds, y: row.rms, label: rays(row.rays) });
-    let mut series = vec![Series { name: "exact".into(), points: exact.collect(), line: true }];
+    let points = |certificates: bool| -> Vec<Point> {
+        let rows = record.exact.iter().filter(|row| row.certificates == certificates);
+        rows.map(|row| Point { x: row.seconds, y: row.rms, label: rays(row.rays) }).collect()
+    };
+    let mut series = vec![Series { name: "exact".into(), points: points(false), line: true }];
+    let certified = points(true);
+    if !certified.is_empty() {
+        series.push(Series { name: "exact with certificates".into(), points: certified, line: true });
+    }
     for row in &record.mr {
         let name = format!("multi-res., {} segments", row.rays);
         let label = format!("s = {}", length(row.feature_size, &record.unit));

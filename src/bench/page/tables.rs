@@ -151,7 +151,10 @@ pub(super) fn measurements(record: &Record) -> Markup {
                 summary { "What the columns mean" }
                 dl.columns-help {
                     @for (name, meaning) in columns { dt { (name) } dd { (meaning) } }
-                    dt { "call" } dd { "the fastest of Embree's ways of asking: 1, 4, 8 or 16 rays at once" }
+                    dt { "call" } dd {
+                        "the fastest of Embree's ways of asking: 1, 4, 8 or 16 rays at once; certified: pairs that are \
+                         certainly clear or blocked were recognised without rays"
+                    }
                 }
             }
         }

@@ -2,7 +2,8 @@
 
 use super::*;
 use crate::bench::record::{
-    Build, BytesPerTriangle, ExactRow, Receiver, ScalingRecord, ScalingRow, SceneFacts, Workload,
+    Audit, Build, BytesPerTriangle, CalibrationBin, Clusters, ExactRow, Receiver, ScalingRecord, ScalingRow,
+    SceneFacts, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow, Workload,
 };
 
 /// Shadows of many small discs and a few large ones, blurred by `blur` texels, with noise of `noise`.
@@ -32,8 +33,56 @@ fn shadows(large_only: bool, noise: f32, seed: u64) -> Image {
     .unwrap()
 }
 
+fn audit() -> Audit {
+    let bin = |claimed: f64, observed: f64| CalibrationBin {
+        count: 100,
+        claimed,
+        observed,
+        observed_lo: 0.8 * observed,
+        observed_hi: 1.1 * observed,
+    };
+    Audit {
+        fraction: 0.05,
+        bundles: 300,
+        rays: 64,
+        claimed_rms: 0.07,
+        observed_rms: 0.05,
+        observed_lo: 0.045,
+        observed_hi: 0.056,
+        coverage: 0.98,
+        coverage_lo: 0.95,
+        coverage_hi: 0.99,
+        bins: vec![bin(0.02, 0.01), bin(0.05, 0.04), bin(0.12, 0.09)],
+    }
+}
+
+fn unbiased() -> UnbiasedRow {
+    let level = |feature_size, rays| UnbiasedLevel { feature_size, emitter_part: 0.5, rays };
+    UnbiasedRow {
+        levels: vec![level(Some(0.1), 64.0), level(None, 21.5)],
+        rays: 64,
+        rms: 0.03,
+        seconds: 0.5,
+        speedup_at_same_rms: Some(1.25),
+        ..Default::default()
+    }
+}
+
+fn target() -> Target {
+    Target {
+        asked: TargetAsked { error: Some(0.02), seconds: None },
+        chosen: TargetChoice { exact: true, rays: 64, ..Default::default() },
+        expected_rms: 0.018,
+        rms: 0.019,
+        met: true,
+        audit: Some(audit()),
+        ..Default::default()
+    }
+}
+
 fn example() -> (Record, Vec<ReceiverImages>) {
     let exact = [1usize, 4, 16, 64, 256].map(|n| ExactRow {
+        certificates: false,
         coherent: n > 4,
         rays: n,
         seconds: 0.021 * n as f64,
@@ -56,6 +105,7 @@ fn example() -> (Record, Vec<ReceiverImages>) {
         rms,
         bias: -0.004,
         interval_coverage: 0.97,
+        audit: Some(audit()),
         aggregated_fraction: 0.81,
         exact_rays: 48_212,
         nodes_per_segment: 11.4,
@@ -81,6 +131,7 @@ fn example() -> (Record, Vec<ReceiverImages>) {
             clusters: 81_337,
             levels: 9,
         },
+        clusters: Clusters { extinction: "measured".into(), tolerance: 0.05 },
         scene_repairs: serde_json::json!({"zero_area_faces": 41, "duplicate_faces": 0, "welded_vertices": 120311,
             "messages": ["park.mtl:12: unknown material 'moss', grey used"]}),
         warnings: vec!["Another process used the machine while timing.".into()],
@@ -109,6 +160,8 @@ fn example() -> (Record, Vec<ReceiverImages>) {
         },
         exact: exact.into(),
         mr: mr.into(),
+        unbiased: vec![unbiased()],
+        target: Some(target()),
         receivers: vec![Receiver { name: "lawn".into(), ..Default::default() }],
         scaling: Vec::new(),
     };
@@ -135,7 +188,7 @@ fn a_page_stands_alone_and_escapes_names() {
         assert!(found.all(|s| s.starts_with("http://www.w3.org/2000/svg")), "{outside}");
     }
     assert!(page.contains("park &lt;b&gt;.obj") && !page.contains("park <b>"));
-    assert_eq!(page.matches("<svg ").count(), 2);
+    assert_eq!(page.matches("<svg ").count(), 3);
     assert_eq!(page.matches("data:image/png;base64,").count(), 3 + 2 * 3);
     assert!(page.contains("24.1×") && page.contains("41 zero area faces"));
     assert_eq!(page, render(&record, &receivers).unwrap());

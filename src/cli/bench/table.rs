@@ -1,7 +1,7 @@
 //! The record for a terminal.
 
 use super::super::args::grouped;
-use mrvis::bench::record::{Build, MrRow, Record, ScalingRow};
+use mrvis::bench::record::{Build, MrRow, Record, ScalingRow, Target, UnbiasedRow};
 use mrvis::output::number;
 use std::fmt::Write as _;
 
@@ -52,7 +52,13 @@ pub fn table(record: &Record) -> String {
     }
     let _ = writeln!(text, "\nexact    rays       time        RMS       bias  call");
     for row in &record.exact {
-        let coherent = if row.coherent { ", coherent" } else { "" };
+        let coherent = if row.certificates {
+            ", with certificates"
+        } else if row.coherent {
+            ", coherent"
+        } else {
+            ""
+        };
         let _ = writeln!(
             text,
             "{:>13} {:>10} {:>10.5} {:>+10.5}  {}{coherent}",
@@ -66,12 +72,12 @@ pub fn table(record: &Record) -> String {
     let _ = writeln!(text, "\nmulti-resolution                                           speed-up at same");
     let _ = writeln!(
         text,
-        "       s   rays       time        RMS       bias       RMS      FBEM   segment  averaged  nodes"
+        "       s   rays       time        RMS       bias       RMS      FBEM   segment  averaged  nodes  in bounds"
     );
     for row in &record.mr {
         let _ = writeln!(
             text,
-            "{:>8} {:>6} {:>10} {:>10.5} {:>+10.5} {:>9} {:>9} {:>9} {:>7.1} % {:>6}",
+            "{:>8} {:>6} {:>10} {:>10.5} {:>+10.5} {:>9} {:>9} {:>9} {:>7.1} % {:>6} {:>8.1} %",
             number(row.feature_size),
             row.rays,
             seconds(row.seconds),
@@ -81,11 +87,17 @@ pub fn table(record: &Record) -> String {
             times(row.speedup_at_same_fbem, false),
             times(Some(row.speedup_per_segment), false),
             100.0 * row.aggregated_fraction,
-            number(row.nodes_per_segment)
+            number(row.nodes_per_segment),
+            100.0 * row.interval_coverage
         );
     }
     if record.mr.iter().any(|row| row.extrapolated) {
         let _ = writeln!(text, "~ beyond the most exact rays measured, extrapolated");
+    }
+    text += &audits(&record.mr);
+    text += &unbiased(&record.unbiased, unit);
+    if let Some(target) = &record.target {
+        text += &aim(target, unit);
     }
     if !record.scaling.is_empty() {
         let _ = write!(text, "\n{}", scaling(&record.scaling));
@@ -129,6 +141,73 @@ fn clusters(build: &Build) -> String {
         "hierarchy {}, measuring clusters {}{kept}",
         seconds(build.hierarchy_s),
         seconds(build.characterise_s)
+    )
+}
+
+/// The rows without bias.
+fn unbiased(rows: &[UnbiasedRow], unit: &str) -> String {
+    let mut text = String::new();
+    if !rows.is_empty() {
+        text += "\nunbiased  rays      exact       time        RMS       bias  same RMS\n";
+    }
+    for row in rows {
+        let size = row.levels.iter().find_map(|level| level.feature_size);
+        let exact: f64 = row.levels.iter().filter(|l| l.feature_size.is_none()).map(|l| l.rays).sum();
+        let _ = writeln!(
+            text,
+            "{:>14} {:>10} {:>10} {:>10.5} {:>+10.5} {:>9}  s = {} {unit}",
+            row.rays,
+            number(exact),
+            seconds(row.seconds),
+            row.rms,
+            row.bias,
+            times(row.speedup_at_same_rms, row.extrapolated),
+            number(size.unwrap_or(0.0)),
+        );
+    }
+    text
+}
+
+/// What came of a target.
+fn aim(target: &Target, unit: &str) -> String {
+    let asked = match (target.asked.error, target.asked.seconds) {
+        (Some(error), _) => format!("RMS {error}"),
+        (_, time) => format!("{} of queries", seconds(time.unwrap_or(0.0))),
+    };
+    let chosen = &target.chosen;
+    let engine = chosen.feature_size.map_or("exact".into(), |s| format!("s = {} {unit}", number(s)));
+    let more = chosen.rays_where_partly_visible.map_or(String::new(), |more| {
+        format!(", {more} where partly visible ({:.0} %)", 100.0 * chosen.partly_visible)
+    });
+    let unreached = if target.reachable { "" } else { " (nothing was expected to do)" };
+    let surprise = if target.as_expected { "" } else { ", not as expected" };
+    format!(
+        "\ntarget {asked}{unreached}: {engine} with {} segments{more}; expected RMS {:.5} ({:.5} to {:.5}) in {}; found \
+         {:.5} in {}: {}{surprise}\n",
+        chosen.rays,
+        target.expected_rms,
+        target.expected_rms_lo,
+        target.expected_rms_hi,
+        seconds(target.expected_seconds),
+        target.rms,
+        seconds(target.seconds),
+        if target.met { "met" } else { "missed" },
+    )
+}
+
+/// What the audits found, in one line.
+fn audits(rows: &[MrRow]) -> String {
+    let audits: Vec<_> = rows.iter().filter_map(|row| row.audit.as_ref()).collect();
+    let Some(first) = audits.first() else { return String::new() };
+    let bold = audits.iter().filter(|a| a.observed_lo > a.claimed_rms).count();
+    let lowest = audits.iter().map(|a| a.coverage).fold(1.0, f64::min);
+    format!(
+        "audit of {} bundles, {} exact rays each: {bold} of {} rows err by more than they claim; at least {:.1} % of \
+         the intervals agree\n",
+        first.bundles,
+        first.rays,
+        audits.len(),
+        100.0 * lowest
     )
 }
 

@@ -45,7 +45,7 @@ pub(super) fn brick_wall(spec: &Spec) -> Result<Soup> {
         }
     }
     let size = spec.light_size.unwrap_or(0.5);
-    b.light(at(0.0, -2.0 * length, 1.5 * height), size * DVec3::Z, -size * DVec3::X, 200.0);
+    b.light(at(0.0, -2.0 * length, 1.5 * height), size * DVec3::Z, size * DVec3::X, 200.0);
     Ok(b.soup)
 }
 

@@ -188,3 +188,23 @@ fn cornell_box_is_the_measured_one() {
         }
     }
 }
+
+/// A light that shines away from everything makes a scene that nothing can be measured on.
+#[test]
+fn every_scene_is_lit() {
+    for kind in KINDS {
+        let mut spec = Spec::new(kind.name);
+        (spec.trees, spec.leaves) = (4, 50);
+        let scene = generate::build(&spec).expect(kind.name);
+        let (mut before, mut all) = (0, 0);
+        for t in (0..scene.triangles.len()).filter(|&t| scene.triangle_emitter[t] == u32::MAX) {
+            let [a, b, c] = scene.corners(t as u32);
+            let seen = |e: &crate::scene::Emitter| {
+                let corner = scene.corners(e.triangles[0])[0];
+                e.normal.dot((a + b + c) / 3.0 - corner) > 0.0
+            };
+            (before, all) = (before + u32::from(scene.emitters.iter().any(seen)), all + 1);
+        }
+        assert!(2 * before > all, "{}: {before} of {all} triangles lie before a light", kind.name);
+    }
+}

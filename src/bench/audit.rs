@@ -1,0 +1,180 @@
+//! Claimed against observed error: a few exact rays of their own on a random part of the bundles (method E.1).
+
+use super::measure::{MrRun, Questions};
+use super::record;
+use super::reference::{Found, Reference};
+use crate::visibility::{Exact, wilson};
+use rand_pcg::Pcg64Mcg;
+use rand_pcg::rand_core::Rng;
+
+/// Exact rays a bundle.
+pub(super) const RAYS: usize = 64;
+/// Sample sets of both halves of them.
+const STREAMS: [u64; 2] = [3, 4];
+/// Standard errors in half a 95 % interval.
+const Z: f64 = 1.96;
+/// Bundles, at least, where there are as many: fewer say little.
+const LEAST: usize = 400;
+/// Bins of the calibration, at most.
+const BINS: usize = 8;
+
+/// Exact rays on a random part of the questions; every row is judged by the same ones.
+pub(super) struct Audit {
+    fraction: f64,
+    /// Which of the questions.
+    chosen: Vec<usize>,
+    truth: Reference,
+}
+
+impl Audit {
+    /// Traces them, on all threads.
+    pub fn trace(questions: Questions, engine: Exact, fraction: f64, seed: u64) -> Audit {
+        let count = ((fraction * questions.pairs.len() as f64).ceil() as usize).max(LEAST);
+        let chosen = one_of_each(questions.pairs.len(), count, seed);
+        let pairs: Vec<usize> = chosen.iter().map(|&k| questions.pairs[k]).collect();
+        let truth =
+            Reference::trace(Questions { pairs: &pairs, ..questions }, engine, RAYS, STREAMS, &|_| ());
+        Audit { fraction, chosen, truth }
+    }
+
+    /// What they say of a run over all questions.
+    pub fn judge(&self, run: &MrRun) -> record::Audit {
+        let visible: Vec<f32> = self.chosen.iter().map(|&k| run.run.visible[k]).collect();
+        let intervals: Vec<(f32, f32)> = self.chosen.iter().map(|&k| run.intervals[k]).collect();
+        self.compare(&visible, &intervals)
+    }
+
+    /// The same for answers to the chosen questions alone.
+    fn compare(&self, visible: &[f32], intervals: &[(f32, f32)]) -> record::Audit {
+        let squares = self.truth.squares(visible);
+        let claims: Vec<f64> = intervals.iter().map(|&(lo, hi)| f64::from(hi - lo) / (2.0 * Z)).collect();
+        let agree = intervals.iter().enumerate().filter(|&(k, &(lo, hi))| {
+            let (from, to) = wilson(self.truth.mean(k), RAYS as f32);
+            from <= hi && lo <= to
+        });
+        let n = intervals.len();
+        let coverage = agree.count() as f64 / n.max(1) as f64;
+        let (coverage_lo, coverage_hi) = wilson(coverage as f32, n.max(1) as f32);
+        let mut order: Vec<usize> = (0..n).collect();
+        order.sort_by(|&i, &j| claims[i].total_cmp(&claims[j]).then(i.cmp(&j)));
+        let all = bin(&order, &claims, &squares);
+        record::Audit {
+            fraction: self.fraction,
+            bundles: n,
+            rays: self.truth.rays,
+            claimed_rms: all.claimed,
+            observed_rms: all.observed,
+            observed_lo: all.observed_lo,
+            observed_hi: all.observed_hi,
+            coverage,
+            coverage_lo: coverage_lo.into(),
+            coverage_hi: coverage_hi.into(),
+            bins: bins(&order, &claims).into_iter().map(|part| bin(part, &claims, &squares)).collect(),
+        }
+    }
+}
+
+/// `count` places out of `all`, one at random in each of as many equal parts.
+fn one_of_each(all: usize, count: usize, seed: u64) -> Vec<usize> {
+    let mut random = Pcg64Mcg::new(u128::from(seed) ^ 0x6175_6469_74);
+    let count = count.min(all);
+    let start = |k: usize| k * all / count;
+    let mut within = |k: usize| random.next_u64() as usize % (start(k + 1) - start(k));
+    (0..count).map(|k| start(k) + within(k)).collect()
+}
+
+/// Runs of about equal length in an order by claim; equal claims stay together.
+fn bins<'a>(order: &'a [usize], claims: &[f64]) -> Vec<&'a [usize]> {
+    let least = order.len().div_ceil(BINS).max(1);
+    let mut bins = Vec::new();
+    let mut rest = order;
+    while !rest.is_empty() {
+        let last = claims[rest[least.min(rest.len()) - 1]];
+        let (bin, others) = rest.split_at(rest.partition_point(|&k| claims[k] <= last));
+        bins.push(bin);
+        rest = others;
+    }
+    bins
+}
+
+/// The claims and squared errors of some bundles, summed up.
+fn bin(part: &[usize], claims: &[f64], squares: &[f64]) -> record::CalibrationBin {
+    let n = part.len().max(1) as f64;
+    let mean = |f: &dyn Fn(usize) -> f64| part.iter().map(|&k| f(k)).sum::<f64>() / n;
+    let own: Vec<f64> = part.iter().map(|&k| squares[k]).collect();
+    let found = Found::of(&own, 1);
+    record::CalibrationBin {
+        count: part.len(),
+        claimed: mean(&|k| claims[k] * claims[k]).sqrt(),
+        observed: found.rms,
+        observed_lo: found.lo,
+        observed_hi: found.hi,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Uniform in `[0, 1)`.
+    fn unit(random: &mut Pcg64Mcg) -> f32 {
+        (random.next_u64() >> 40) as f32 / (1u64 << 24) as f32
+    }
+
+    /// Answers to invented questions: fractions between 0 and 1, their audit, and answers that err by `error`
+    /// standard errors of what they claim.
+    fn invented(error: f32) -> (Audit, Vec<f32>, Vec<(f32, f32)>) {
+        let mut random = Pcg64Mcg::new(7);
+        let (mut a, mut b, mut visible, mut intervals) = (vec![], vec![], vec![], vec![]);
+        for _ in 0..4000 {
+            let truth = unit(&mut random);
+            let mut half = || (0..RAYS / 2).filter(|_| unit(&mut random) < truth).count() as f32 / 32.0;
+            a.push(half());
+            b.push(half());
+            let claim = 0.02 + 0.1 * unit(&mut random);
+            // The sum of twelve is nearly normal.
+            let normal = (0..12).map(|_| unit(&mut random)).sum::<f32>() - 6.0;
+            let x = truth + error * claim * normal;
+            visible.push(x);
+            intervals.push((x - 1.96 * claim, x + 1.96 * claim));
+        }
+        let truth = Reference { a, b, rays: RAYS };
+        (Audit { fraction: 1.0, chosen: (0..4000).collect(), truth }, visible, intervals)
+    }
+
+    #[test]
+    fn honest_claims_are_found_honest() {
+        let (audit, visible, intervals) = invented(1.0);
+        let found = audit.compare(&visible, &intervals);
+        assert_eq!((found.bundles, found.rays), (4000, 64));
+        assert!(found.observed_lo < found.claimed_rms && found.claimed_rms < found.observed_hi, "{found:?}");
+        assert!(found.observed_hi < 1.2 * found.observed_lo, "the audit is sharp: {found:?}");
+        assert!(found.coverage > 0.95, "{found:?}");
+        let inside = |b: &&record::CalibrationBin| b.observed_lo < b.claimed && b.claimed < b.observed_hi;
+        assert_eq!(found.bins.len(), BINS);
+        assert!(found.bins.iter().filter(inside).count() >= BINS - 2, "{:?}", found.bins);
+        assert_eq!(found.bins.iter().map(|b| b.count).sum::<usize>(), 4000);
+        assert!(found.bins.windows(2).all(|b| b[0].claimed < b[1].claimed));
+    }
+
+    #[test]
+    fn bold_claims_are_found_out() {
+        let (audit, visible, intervals) = invented(4.0);
+        let found = audit.compare(&visible, &intervals);
+        assert!(found.observed_lo > 3.5 * found.claimed_rms, "{found:?}");
+        assert!(found.coverage_hi < 0.9 && found.coverage_lo < found.coverage, "{found:?}");
+    }
+
+    #[test]
+    fn places_are_distinct_and_equal_claims_stay_together() {
+        for (all, count) in [(1, 1), (10, 10), (1000, 37), (5, 9), (3, 0)] {
+            let chosen = one_of_each(all, count, 1);
+            assert_eq!(chosen.len(), count.min(all));
+            assert!(chosen.windows(2).all(|w| w[0] < w[1]) && chosen.iter().all(|&k| k < all));
+        }
+        let claims = [0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.3];
+        let order: Vec<usize> = (0..10).collect();
+        assert_eq!(bins(&order, &claims), [&order[..9], &order[9..]]);
+        assert!(bins(&[], &[]).is_empty());
+    }
+}

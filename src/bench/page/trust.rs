@@ -1,0 +1,202 @@
+//! How far the answers can be trusted: claimed against observed error.
+
+use maud::{Markup, PreEscaped, html};
+
+use super::tables::{seconds, signed};
+use super::{length, percent, times};
+use crate::Result;
+use crate::bench::record::{Audit, MrRow, Record, TargetChoice, UnbiasedRow};
+use crate::output::{Plot, Point, Scale, Series, number};
+
+/// Feature sizes in the plot, at most; with the diagonal as many as there are colours.
+const SIZES: usize = 4;
+
+/// The calibration plot and its table; nothing without an audit.
+pub(super) fn calibration(record: &Record) -> Result<Markup> {
+    let audited = record.mr.iter().filter_map(|row| Some((row, row.audit.as_ref()?)));
+    let rows: Vec<(&MrRow, &Audit)> = audited.filter(|(row, _)| row.rays == record.workload.rays).collect();
+    let Some(&(_, any)) = rows.first() else { return Ok(html! {}) };
+    Ok(html! {
+        section {
+            h2 { "How far to trust an answer" }
+            p {
+                "Every answer comes with an interval that is stated to hold the true visible fraction in 95 of 100 \
+                 cases. Whoever states an interval claims an error: a narrow one claims to be accurate. The audit \
+                 checks this: on " (any.bundles) " bundles picked at random it traced " (any.rays) " exact rays \
+                 each, which no engine had seen, and compared. In the plot each point is a group of bundles that \
+                 claimed about the same error. On the diagonal the claim is right; below it the answers are better \
+                 than they say, above it they say too much."
+            }
+            (plot(&rows, &record.unit)?)
+            div.scroll {
+                table.rows {
+                    thead {
+                        tr {
+                            th scope="col" { "s" }
+                            th scope="col" { "claimed RMS" }
+                            th scope="col" { "observed RMS" }
+                            th scope="col" { "its 95 % interval" }
+                            th scope="col" { "intervals that agree" }
+                            th scope="col" { "its 95 % interval" }
+                            th scope="col" { "in bounds, all bundles" }
+                        }
+                    }
+                    tbody { @for (row, audit) in &rows { (line(row, audit, &record.unit)) } }
+                }
+            }
+            p.note {
+                "Rows of " (record.workload.rays) " segments. The noise of the audit's own rays is subtracted from \
+                 what it observed. “In bounds” is judged by the reference of " (record.workload.reference_rays)
+                " rays on every bundle."
+            }
+        }
+    })
+}
+
+fn line(row: &MrRow, audit: &Audit, unit: &str) -> Markup {
+    html! {
+        tr {
+            td { (length(row.feature_size, unit)) }
+            td { (number(audit.claimed_rms)) }
+            td { (number(audit.observed_rms)) }
+            td { (number(audit.observed_lo)) " to " (number(audit.observed_hi)) }
+            td class=(if audit.coverage_hi < 0.95 { "loss" } else { "" }) { (percent(audit.coverage)) }
+            td { (percent(audit.coverage_lo)) " to " (percent(audit.coverage_hi)) }
+            td class=(if row.interval_coverage < 0.95 { "loss" } else { "" }) { (percent(row.interval_coverage)) }
+        }
+    }
+}
+
+fn plot(rows: &[(&MrRow, &Audit)], unit: &str) -> Result<Markup> {
+    let point = |x: f64, y: f64| Point { x, y, label: String::new() };
+    let shown: Vec<Series> = rows
+        .iter()
+        .take(SIZES)
+        .map(|(row, audit)| Series {
+            name: format!("s = {}", length(row.feature_size, unit)),
+            points: audit.bins.iter().map(|bin| point(bin.claimed, bin.observed)).collect(),
+            line: false,
+        })
+        .collect();
+    let claims = shown.iter().flat_map(|s| &s.points).map(|p| p.x).filter(|x| *x > 0.0);
+    let ends = claims.fold((f64::MAX, 0.0), |(a, b): (f64, f64), x| (a.min(x), b.max(x)));
+    let diagonal = Series {
+        name: "claimed = observed".into(),
+        points: vec![point(ends.0, ends.0), point(ends.1, ends.1)],
+        line: true,
+    };
+    let plot = Plot {
+        x_label: "claimed standard error of the visible fraction".into(),
+        y_label: "observed error (RMS)".into(),
+        x_scale: Scale::Log,
+        y_scale: Scale::Log,
+        series: std::iter::once(diagonal).chain(shown).collect(),
+    };
+    Ok(html! {
+        figure.plot {
+            div.scroll { (PreEscaped(plot.svg(860, 380)?)) }
+            figcaption {
+                "Claimed against observed error, both axes logarithmic. Groups without any observed error are not shown."
+            }
+        }
+    })
+}
+
+/// What was asked for, chosen, expected and found; nothing without a target.
+pub(super) fn target(record: &Record) -> Markup {
+    let Some(target) = &record.target else { return html! {} };
+    let asked = match (target.asked.error, target.asked.seconds) {
+        (Some(error), _) => format!("an RMS error of at most {}", percent(error)),
+        (_, time) => format!("at most {}", seconds(time.unwrap_or(0.0))),
+    };
+    html! {
+        section {
+            h2 { "What was asked for" }
+            p {
+                "Asked for: " (asked) ". A pilot on a sample tried feature sizes and numbers of segments, and exact \
+                 rays, and chose " (choice(&target.chosen, &record.unit)) ". It expected an RMS error of "
+                (percent(target.expected_rms)) " (" (percent(target.expected_rms_lo)) " to "
+                (percent(target.expected_rms_hi)) ") in " (seconds(target.expected_seconds)) "; found: "
+                strong { (percent(target.rms)) " in " (seconds(target.seconds)) }
+                @if let Some(audit) = &target.audit { ", by the audit " (percent(audit.observed_rms)) }
+                "."
+            }
+            @if !target.reachable { p.warning { "Nothing that was tried was expected to do; this is the nearest." } }
+            @if !target.met { p.warning { "What was asked for was missed." } }
+            @if !target.as_expected { p.warning { "The error found is not the one that was expected." } }
+        }
+    }
+}
+
+/// A choice in words.
+fn choice(chosen: &TargetChoice, unit: &str) -> String {
+    let engine = match chosen.feature_size {
+        Some(s) => {
+            format!("multi-resolution visibility at s = {} with {} segments", length(s, unit), chosen.rays)
+        }
+        None => format!("exact visibility with {} rays", chosen.rays),
+    };
+    match chosen.rays_where_partly_visible {
+        Some(more) => {
+            format!(
+                "{engine}, and {more} where the light was partly visible ({})",
+                percent(chosen.partly_visible)
+            )
+        }
+        None => engine,
+    }
+}
+
+/// The rows without bias; nothing if there are none.
+pub(super) fn unbiased(record: &Record) -> Markup {
+    if record.unbiased.is_empty() {
+        return html! {};
+    }
+    let gain = |row: &UnbiasedRow| row.speedup_at_same_rms.is_some_and(|s| s > 1.05);
+    let gains = record.unbiased.iter().filter(|row| gain(row)).count();
+    html! {
+        section {
+            h2 { "Without bias" }
+            p {
+                "An averaged answer errs in the same direction however many segments are averaged. Here a few of its \
+                 segments, picked at random, are traced exactly as well, and the mean difference is added: the mean \
+                 of such answers is the exact one. They get better with every segment, as exact rays do; the question \
+                 is whether they do so in less time. At the same error "
+                @if gains == 0 { "none of these rows is faster than plain exact rays." }
+                @else { (gains) " of " (record.unbiased.len()) " rows are faster than plain exact rays." }
+            }
+            div.scroll {
+                table.rows {
+                    thead {
+                        tr {
+                            @for name in [
+                                "s", "segments", "exact segments", "time", "RMS", "bias", "its error", "same RMS",
+                            ] { th scope="col" { (name) } }
+                        }
+                    }
+                    tbody { @for row in &record.unbiased { (unbiased_row(row, &record.unit)) } }
+                }
+            }
+        }
+    }
+}
+
+fn unbiased_row(row: &UnbiasedRow, unit: &str) -> Markup {
+    let averaged = row.levels.iter().find_map(|level| level.feature_size);
+    let exact: f64 = row.levels.iter().filter(|level| level.feature_size.is_none()).map(|l| l.rays).sum();
+    let loss = row.speedup_at_same_rms.is_some_and(|s| s < 1.0);
+    html! {
+        tr {
+            td { (averaged.map_or("–".into(), |s| length(s, unit))) }
+            td { (row.rays) }
+            td { (number(exact)) }
+            td { (seconds(row.seconds)) }
+            td { (number(row.rms)) }
+            td { (signed(row.bias)) }
+            td { (number(row.bias_error)) }
+            td class=(if loss { "loss" } else { "" }) {
+                (if row.extrapolated { "~" } else { "" }) (times(row.speedup_at_same_rms))
+            }
+        }
+    }
+}

@@ -1,0 +1,170 @@
+//! The mean of the estimates is the truth, whatever the averaged level says and however rarely it is corrected.
+
+use super::*;
+use crate::characterise::{Traits, characterise};
+use crate::embree::{CommittedScene, Device, SceneBuilder, Traversal};
+use crate::hierarchy::{self, Hierarchy};
+use crate::ray::LANES;
+use crate::scene::Scene;
+use crate::scene::testing::{Pieces, cloud, unit};
+use crate::visibility::Leaf;
+use crate::visibility::reference::end_rule;
+use glam::{DVec3, Vec3};
+use rand_pcg::Pcg64Mcg;
+use rand_pcg::rand_core::Rng;
+
+const SINGLE: Traversal = Traversal { width: 1, coherent: false };
+/// Where the light of all scenes is.
+const LIGHT: DVec3 = DVec3::new(0.5, 0.5, 3.0);
+
+struct Stage {
+    scene: Scene,
+    hierarchy: Hierarchy,
+    traits: Vec<Traits>,
+    traced: CommittedScene,
+}
+
+impl Stage {
+    /// With a light of side 1 above that looks down. Nothing counts as large.
+    fn new(mut pieces: Pieces) -> Stage {
+        pieces.light(LIGHT, DVec3::Y, DVec3::X);
+        let scene = pieces.scene();
+        let apart = hierarchy::Options { large_surface: f32::INFINITY, ..Default::default() };
+        let hierarchy = hierarchy::build(&scene, &apart);
+        let traits = characterise(&scene, &hierarchy.micro, &Default::default());
+        let device = Device::new(1).expect("device");
+        let mut builder = SceneBuilder::new(&device, Default::default()).expect("builder");
+        builder.add_triangles(&scene.positions, &scene.triangles, 1).expect("triangles");
+        let traced = builder.commit().expect("scene");
+        Stage { scene, hierarchy, traits, traced }
+    }
+
+    /// Packets of random segments from a point to the light.
+    fn packets(&self, from: Vec3, count: usize, random: &mut Pcg64Mcg) -> Vec<Packet> {
+        let ends = end_rule(&self.scene);
+        let mut packet = || {
+            let mut packet = Packet::EMPTY;
+            for lane in 0..LANES {
+                let (x, y) = (unit(random) - 0.5, unit(random) - 0.5);
+                packet.set(lane, from, (LIGHT + DVec3::new(x, y, 0.0)).as_vec3(), ends);
+            }
+            packet
+        };
+        (0..count).map(|_| packet()).collect()
+    }
+
+    fn exact(&self) -> Exact<'_> {
+        Exact { scene: &self.traced, traversal: SINGLE }
+    }
+
+    fn engine(&self) -> MultiResolution<'_> {
+        let Stage { scene, hierarchy, traits, traced } = self;
+        MultiResolution::new(scene, hierarchy, traits, traced, SINGLE, Leaf::Exact)
+    }
+}
+
+/// Mean of many independent estimates of a point's visible fraction with `packets` packets each, its standard error,
+/// the standard deviation of one, and the averaged level's own mean.
+fn mean(stage: &Stage, from: Vec3, wanted: f32, packets: usize, runs: usize) -> (f64, f64, f64, f64) {
+    let (engine, mut workspace) = (stage.engine(), Workspace::default());
+    let correction = Correction { packets: [wanted; Correction::CLASSES] };
+    let unbiased = Unbiased {
+        engine: &engine,
+        exact: stage.exact(),
+        feature_size: 10.0,
+        emitter_part: 1.0,
+        correction: &correction,
+    };
+    let mut random = Pcg64Mcg::new(5);
+    let (mut sum, mut square, mut averaged) = (0.0, 0.0, 0.0);
+    for _ in 0..runs {
+        let all = stage.packets(from, packets, &mut random);
+        let chance = random.next_u64();
+        let bundle = Bundle { packets: &all, emitter_size: 1.0 };
+        averaged += f64::from(engine.answer(bundle, 10.0, &mut workspace).transmittance);
+        unbiased.estimates(
+            &[bundle],
+            |_| chance,
+            &mut workspace,
+            |e| {
+                sum += f64::from(e.visible);
+                square += f64::from(e.visible).powi(2);
+            },
+        );
+    }
+    let n = runs as f64;
+    let deviation = (square / n - (sum / n).powi(2)).max(0.0).sqrt();
+    (sum / n, deviation / n.sqrt(), deviation, averaged / n)
+}
+
+/// Half of the light is behind an upright-cut plate: one quarter of the way up it covers x < 0.5 as seen from the
+/// middle, closed form 1/2. The plate is one cluster, which a huge feature size averages.
+#[test]
+fn the_mean_is_the_closed_form() {
+    let mut pieces = Pieces::new();
+    // Small tiles make clusters that are averaged, in a plate that is not.
+    for k in 0..40 {
+        let (x, y) = (f64::from(k % 4) * 0.125, f64::from(k / 4) * 0.1);
+        let centre = DVec3::new(0.0625 + x, 0.05 + y, 1.5);
+        pieces.quad(centre, 0.125 * DVec3::X, 0.1 * DVec3::Y);
+    }
+    // From the middle the plate at half height covers x in [-0.5, 0.5] of the light's plane.
+    let stage = Stage::new(pieces);
+    let from = Vec3::new(0.5, 0.5, 0.0);
+    for wanted in [0.25, 1.0, 2.0] {
+        let (found, error, _, averaged) = mean(&stage, from, wanted, 4, 1500);
+        assert!((averaged - 0.5).abs() > 0.01, "nothing to mend: {averaged}");
+        assert!(
+            (found - 0.5).abs() < 4.0 * error + 1e-4,
+            "{wanted}: {found} +- {error}, averaged {averaged}"
+        );
+    }
+}
+
+#[test]
+fn the_mean_is_that_of_exact_rays_in_random_clouds() {
+    for (seed, sheets) in [(1, true), (2, false)] {
+        let stage = Stage::new(cloud(seed, 150, 0.1, DVec3::new(1.0, 1.0, 2.0), sheets));
+        let from = Vec3::new(0.4, 0.6, -0.1);
+        let mut random = Pcg64Mcg::new(9);
+        let all = stage.packets(from, 4000, &mut random);
+        let mut blocked = vec![0; all.len()];
+        stage.exact().occluded(&all, &mut blocked);
+        let truth = 1.0 - blocked.iter().map(|b| f64::from(b.count_ones())).sum::<f64>() / 64_000.0;
+        let noise = (truth * (1.0 - truth) / 64_000.0).sqrt();
+        for wanted in [0.1, 1.0] {
+            let (found, error, _, averaged) = mean(&stage, from, wanted, 8, 1200);
+            assert!((averaged - truth).abs() > 4.0 * noise, "nothing to mend: {averaged}, {truth}");
+            assert!(
+                (found - truth).abs() < 4.0 * error.hypot(noise),
+                "{wanted}: {found} +- {error}, {truth}"
+            );
+        }
+    }
+}
+
+/// Four times the segments, half the error: it converges to exact, which the averaged level alone does not.
+#[test]
+fn estimates_converge() {
+    let stage = Stage::new(cloud(3, 150, 0.1, DVec3::new(1.0, 1.0, 2.0), true));
+    let from = Vec3::new(0.4, 0.6, -0.1);
+    let deviation = |packets: usize| mean(&stage, from, 1024.0, packets, 400).2;
+    let (few, many) = (deviation(1), deviation(16));
+    assert!(few > 0.02 && many < 0.33 * few && many > 0.18 * few, "{few} {many}");
+    // As many packets as there are: the difference is that of exact rays, whatever was averaged.
+    let rare = mean(&stage, from, 0.1, 16, 400).2;
+    assert!(rare > 1.5 * many, "rare corrections are noisy: {rare} {many}");
+}
+
+#[test]
+fn classes_cover_all_transmittances() {
+    assert_eq!((Correction::class(0.0), Correction::class(1.0)), (0, 1));
+    let classes: Vec<usize> = (1..1000).map(|i| Correction::class(i as f32 / 1000.0)).collect();
+    assert!(classes.iter().all(|&c| (2..Correction::CLASSES).contains(&c)));
+    assert_eq!((classes[0], classes[499]), (2, Correction::CLASSES - 1));
+    let correction = Correction { packets: [5.0; Correction::CLASSES] };
+    assert_eq!(correction.choose(0.5, 16), (4, 1.0));
+    // What does not divide the packets would leave some out.
+    assert_eq!(correction.choose(0.5, 6), (2, 1.0));
+    assert_eq!(Correction { packets: [0.25; Correction::CLASSES] }.choose(0.5, 4), (1, 0.25));
+}
