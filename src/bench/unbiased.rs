@@ -154,7 +154,7 @@ impl Timer {
 
 /// Random bits of a pair.
 fn chance(seed: u64, pair: usize) -> u64 {
-    Pcg64Mcg::new(u128::from(seed) << 64 | pair as u128 * 2 + 1).next_u64()
+    Pcg64Mcg::new((u128::from(seed) << 64) | (pair as u128 * 2 + 1)).next_u64()
 }
 
 /// Runs of neighbouring questions, evenly spread.

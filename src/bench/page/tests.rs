@@ -225,7 +225,7 @@ fn growth_has_a_plot_and_a_verdict() {
     record.scaling = scaling.clone();
     let page = render(&record, &receivers).unwrap();
     let alone = render_scaling(&ScalingRecord { scaling, ..Default::default() }).unwrap();
-    assert_eq!((page.matches("<svg ").count(), alone.matches("<svg ").count()), (3, 1));
+    assert_eq!((page.matches("<svg ").count(), alone.matches("<svg ").count()), (4, 1));
     for page in [page, alone] {
         assert!(page.contains("more trees: 100 times the triangles take 1.25 times the time"), "{page}");
         assert!(page.contains("their logarithm is 1.5 times as large"));
