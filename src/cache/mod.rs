@@ -143,6 +143,8 @@ fn key(scene: &Scene, settings: &str, code: &str) -> blake3::Hash {
         bounds: _,
         // Clusters do not know what their faces look like; `tests/suite/tidy.rs` makes sure of it.
         triangle_material: _,
+        triangle_polygon: _,
+        cameras: _,
         triangle_reflectance: _,
         triangle_emitter: _,
         materials: _,

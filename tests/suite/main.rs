@@ -6,5 +6,7 @@ mod cli;
 mod determinism;
 mod features;
 #[cfg(feature = "cli")]
+mod light;
+#[cfg(feature = "cli")]
 mod run;
 mod tidy;
