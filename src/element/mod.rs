@@ -14,6 +14,8 @@ mod lookup;
 mod sample;
 mod sides;
 mod split;
+#[cfg(test)]
+mod tests;
 
 pub use lookup::Lookup;
 pub use sample::{Samples, spread};

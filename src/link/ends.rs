@@ -23,8 +23,8 @@ impl Ends {
         let mut ends =
             Ends { points: [Vec3::ZERO; LANES], normals: [Vec3::ZERO; LANES], density: [0.0; LANES] };
         let e = &elements.elements[element as usize];
-        for lane in 0..LANES {
-            let cell = if order == 0 { lane } else { PERMUTED[lane] };
+        for (lane, permuted) in PERMUTED.into_iter().enumerate() {
+            let cell = if order == 0 { lane } else { permuted };
             let [r, s, t, q] = numbers(seed, lane as u64);
             let (u, v) = (((cell & 3) as f32 + r) / 4.0, ((cell >> 2) as f32 + s) / 4.0);
             (ends.points[lane], ends.normals[lane], ends.density[lane]) = match &e.shape {

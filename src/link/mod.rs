@@ -8,6 +8,8 @@ mod ends;
 mod measure;
 mod oracle;
 mod sight;
+#[cfg(test)]
+mod tests;
 
 pub use ends::{cosine_direction, mix, numbers, point_on};
 pub use measure::{Care, Inside, Meter};

@@ -263,8 +263,8 @@ fn response(elements: &Elements, cluster: u32, closure: &[Closure]) -> Response 
             add(&mut ones[p], sends * area * basis[p], [1.0; 3]);
             for q in 0..=p {
                 let product = gain * basis[p] * basis[q];
-                for k in 0..3 {
-                    reflect[k][entry] += f64::from(side.reflectance[k]) * product;
+                for (reflect, reflectance) in reflect.iter_mut().zip(side.reflectance) {
+                    reflect[entry] += f64::from(reflectance) * product;
                 }
                 entry += 1;
             }

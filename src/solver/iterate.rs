@@ -82,9 +82,9 @@ impl Solver<'_> {
             if round > 0 {
                 sums = self.row_sums(&self.cut());
             }
-            for e in 0..self.closure.len() {
+            for (e, &sum) in sums.iter().enumerate() {
                 let before = self.closure[e].gathers;
-                let missing = self.missing(e, f64::from(before) * sums[e]);
+                let missing = self.missing(e, f64::from(before) * sum);
                 self.closure[e] = match self.rows {
                     Rows::Sampled => Closure::NONE,
                     Rows::Closed => Closure { gathers: missing as f32, sends: 1.0 },

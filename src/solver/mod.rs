@@ -16,6 +16,8 @@ mod receive;
 mod refine;
 mod run;
 mod show;
+#[cfg(test)]
+mod tests;
 
 pub use ledger::Ledger;
 pub use options::{Inside, Options, Rows, Visibility};

@@ -56,6 +56,7 @@ struct Buffers {
     packets: Vec<Packet>,
     hits: Vec<Hits>,
     near: Vec<Met>,
+    beyond: Vec<Met>,
 }
 
 /// Where a ray ended.
@@ -65,6 +66,8 @@ struct Met {
     side: u32,
     leaf: u32,
     distance: f32,
+    /// What has become of a unit of its light where it arrives, by channel.
+    share: Vec3,
 }
 
 impl<'a> Receiver<'a> {
@@ -194,8 +197,7 @@ impl<'a> Receiver<'a> {
         for first in (0..self.light_rays).step_by(LANES) {
             let mut packet = Packet::EMPTY;
             let mut weights = [0.0f32; LANES];
-            for lane in 0..LANES.min(self.light_rays - first) {
-                let [u, v] = self.table[first + lane];
+            for (lane, (weight, [u, v])) in weights.iter_mut().zip(&self.table[first..]).enumerate() {
                 let (u, v) = ((u + shift_u).fract(), (v + shift_v).fract());
                 let target = u * total;
                 let f = ask.shares.partition_point(|&s| s <= target).min(ask.faces.len() - 1);
@@ -206,8 +208,8 @@ impl<'a> Receiver<'a> {
                 let d = y - ask.at;
                 let r2 = d.length_squared().max(f32::MIN_POSITIVE);
                 let kernel = ask.normal.dot(d).max(0.0) * (-face.normal.dot(d)).max(0.0) / (r2 * r2);
-                weights[lane] = kernel * face.area * super::mean(face.exitance) as f32 / share;
-                if weights[lane] > 0.0 {
+                *weight = kernel * face.area * super::mean(face.exitance) as f32 / share;
+                if *weight > 0.0 {
                     packet.set(lane, ask.at, y, self.solver.ends);
                 }
             }
@@ -297,6 +299,8 @@ fn hemisphere(rows: usize, seed: u64) -> Vec<Vec3> {
         .collect()
 }
 
+/// Bounces that are followed in scenes with clusters before the elements' light is taken.
+const BOUNCES: u64 = 3;
 /// See [`Receiver::near`].
 const NEAR: f32 = 3.0;
 
@@ -312,15 +316,25 @@ impl Receiver<'_> {
             return None;
         }
         let leaf = self.lookup.leaf(side, place);
-        Some(Met { place, side, leaf, distance: hits.t[lane] * self.length })
+        Some(Met { place, side, leaf, distance: hits.t[lane] * self.length, share: Vec3::ONE })
     }
 
-    /// Adds what the near places reflect: the light of one emitter through one shadow ray, and of what one more ray meets.
+    /// Adds what the near places reflect: the light of one emitter through one shadow ray, and of what one more ray meets,
+    /// which where nothing is taken at its word is followed further in turn.
     fn continued(&self, seed: u64, sum: &mut Rgb, buffers: &mut Buffers) {
-        let Buffers { packets, hits, near, scratch } = buffers;
-        if near.is_empty() {
-            return;
+        let bounces = if self.near.is_finite() { 1 } else { BOUNCES };
+        for bounce in (0..bounces).rev() {
+            if buffers.near.is_empty() {
+                return;
+            }
+            self.bounce(mix(seed ^ bounce), bounce == 0, sum, buffers);
         }
+    }
+
+    /// One more ray and a shadow ray from each near place, which are replaced by those beyond unless this is the last.
+    fn bounce(&self, seed: u64, last: bool, sum: &mut Rgb, buffers: &mut Buffers) {
+        let Buffers { packets, hits, near, beyond: further, scratch } = buffers;
+        further.clear();
         let elements = &self.solver.elements;
         packets.clear();
         for (i, met) in near.iter().enumerate() {
@@ -346,9 +360,14 @@ impl Receiver<'_> {
             let mut shadow = Packet::EMPTY;
             let mut light = [[0.0f32; 3]; LANES];
             for (lane, met) in group.iter().enumerate() {
-                let reflectance = Vec3::from(elements.sides[met.side as usize].reflectance);
+                let reflectance = met.share * Vec3::from(elements.sides[met.side as usize].reflectance);
                 if let Some(beyond) = self.met(packet, hits, lane) {
-                    let mut received = Vec3::from(self.reflected[beyond.leaf as usize]);
+                    let mut received = Vec3::ZERO;
+                    if last {
+                        received = Vec3::from(self.reflected[beyond.leaf as usize]);
+                    } else {
+                        further.push(Met { share: reflectance, ..beyond });
+                    }
                     let from = &elements.sides[beyond.side as usize];
                     if from.exitance.iter().any(|&m| m > 0.0) {
                         let q = self.ratio(met, beyond.place, from.normal, from.exitance);
@@ -375,6 +394,7 @@ impl Receiver<'_> {
                 add(sum, f64::from(through[lane]), light[lane].map(f64::from));
             }
         }
+        std::mem::swap(near, further);
     }
 
     /// A point on an emitter by two numbers in `[0, 1)`; faces are chosen by their power.
