@@ -23,4 +23,15 @@ typedef struct {
  * recommends, and restored: Rust code may not change them itself. */
 void mrvis_occluded(RTCScene scene, const mrvis_packet *packets, size_t count, int width, int coherent,
                     uint32_t mask, uint32_t *occluded);
+
+/* The first hit of 16 segments: the triangle's number within its geometry (0xffffffff where nothing is hit) and
+ * the parameter t of the hit. */
+typedef struct {
+    uint32_t triangle[16];
+    float t[16];
+} mrvis_hits;
+
+/* Traces `count` packets for their first hits; the arguments are those of mrvis_occluded. */
+void mrvis_first_hits(RTCScene scene, const mrvis_packet *packets, size_t count, int width, int coherent,
+                      uint32_t mask, mrvis_hits *hits);
 #endif

@@ -49,6 +49,16 @@ impl Common {
         Spinner(bar)
     }
 
+    /// Does `work` on as many threads as `--threads` says.
+    ///
+    /// # Errors
+    /// The system refuses that many threads, or the work fails.
+    pub fn on_threads<T: Send>(&self, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
+        let threads = usize::from(self.threads.unwrap_or(0));
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.map_err(|e| Error::Argument(format!("--threads {threads}: {e}")))?.install(work)
+    }
+
     /// Whether the JSON goes to standard output.
     fn json_is_piped(&self) -> bool {
         self.json.as_deref() == Some(Path::new("-"))
@@ -96,6 +106,13 @@ impl Common {
 /// See [`Common::spinner`].
 pub struct Spinner(ProgressBar);
 
+impl Spinner {
+    /// Shows something else.
+    pub fn say(&self, what: &str) {
+        self.0.set_message(what.to_owned());
+    }
+}
+
 impl Drop for Spinner {
     fn drop(&mut self) {
         self.0.finish_and_clear();
@@ -134,6 +151,15 @@ impl SceneArgs {
         };
         let _spinner = common.spinner(format!("reading {}", file_name(&self.scene)));
         Scene::load(&self.scene, &options)
+    }
+}
+
+/// Says on standard error what was mended or assumed, a line each.
+///
+/// A standard error that is closed is nobody's concern.
+pub fn warn(common: &Common, messages: &[String]) {
+    for message in messages.iter().filter(|_| !common.quiet) {
+        let _ = writeln!(std::io::stderr(), "mrvis: warning: {message}");
     }
 }
 
@@ -178,7 +204,7 @@ pub fn grouped(n: usize) -> String {
 }
 
 /// Whether a file can be written, without touching it.
-fn check_file(path: &Path) -> Result<()> {
+pub fn check_file(path: &Path) -> Result<()> {
     if path.is_dir() {
         return Err(Error::io(path, std::io::ErrorKind::IsADirectory.into()));
     }

@@ -5,10 +5,15 @@
 
 mod args;
 mod bench;
+mod compare;
 mod fbem;
+mod form_factors;
 mod generate;
 mod info;
+mod outputs;
 mod progress;
+mod reference;
+mod solve;
 
 use clap::{Parser, Subcommand};
 use mrvis::{Error, Result};
@@ -32,6 +37,10 @@ enum Command {
     Info(info::Args),
     Bench(bench::Args),
     Fbem(fbem::Args),
+    Solve(solve::Args),
+    Reference(reference::Args),
+    Compare(compare::Args),
+    FormFactors(form_factors::Args),
     /// Write a procedural scene as OBJ and MTL (list with --list).
     Generate(generate::Args),
 }
@@ -41,6 +50,10 @@ fn run(command: &Command) -> Result<ExitCode> {
         Command::Info(args) => info::run(args),
         Command::Bench(args) => bench::run(args),
         Command::Fbem(args) => fbem::run(args),
+        Command::Solve(args) => solve::run(args),
+        Command::Reference(args) => reference::run(args),
+        Command::Compare(args) => compare::run(args),
+        Command::FormFactors(args) => form_factors::run(args),
         Command::Generate(args) => generate::run(args),
     }
 }

@@ -3,7 +3,7 @@
 use super::bindings as sys;
 use super::device::Device;
 use crate::error::{Error, Result};
-use crate::ray::{Occluder, Packet};
+use crate::ray::{LANES, Occluder, Packet};
 use glam::Vec3;
 
 /// Build quality of the acceleration structure.
@@ -236,6 +236,49 @@ impl CommittedScene {
                 i32::from(traversal.coherent),
                 mask,
                 blocked.as_mut_ptr(),
+            );
+        }
+    }
+}
+
+/// What the segments of a packet meet first. Field order and layout are those of `mrvis_hits` in
+/// `ffi/embree/shim.h`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct Hits {
+    /// The triangle's number within its geometry; [`Hits::NOTHING`] where nothing is met.
+    pub triangle: [u32; LANES],
+    /// The parameter of the hit; without meaning where nothing is met.
+    pub t: [f32; LANES],
+}
+
+impl Hits {
+    /// The number that stands for no triangle.
+    pub const NOTHING: u32 = u32::MAX;
+    /// No lane meets anything.
+    pub const NONE: Hits = Hits { triangle: [Self::NOTHING; LANES], t: [0.0; LANES] };
+}
+
+const _: () = assert!(size_of::<Hits>() == size_of::<sys::mrvis_hits>());
+
+impl CommittedScene {
+    /// What each segment meets first, traced the way `traversal` says.
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn first_hits(&self, traversal: Traversal, packets: &[Packet], hits: &mut [Hits]) {
+        assert_eq!(packets.len(), hits.len());
+        // SAFETY: the scene is committed and live; `Packet` and `Hits` have the layouts of the C structs (asserted
+        // above) and their alignment; both slices hold `packets.len()` items.
+        unsafe {
+            sys::mrvis_first_hits(
+                self.handle.raw,
+                packets.as_ptr().cast(),
+                packets.len(),
+                traversal.width as i32,
+                i32::from(traversal.coherent),
+                u32::MAX,
+                hits.as_mut_ptr().cast(),
             );
         }
     }

@@ -199,3 +199,31 @@ fn scenes_outlive_the_device_handle_and_count_bytes() {
     scene.occluded(&[packet], &mut blocked);
     assert_eq!(blocked, [1]);
 }
+
+#[test]
+fn first_hits_are_the_nearest() {
+    // Squares at z = 1, 2, 3: seen from below the first is met, from above the last; a short segment meets nothing.
+    let mut positions = Vec::new();
+    let mut triangles = Vec::new();
+    for z in [1.0f32, 2.0, 3.0] {
+        let base = positions.len() as u32;
+        positions.extend([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[x, y]| Vec3::new(x, y, z)));
+        triangles.extend([[base, base + 1, base + 2], [base, base + 2, base + 3]]);
+    }
+    let scene = committed(&positions, &triangles);
+    let ends = EndRule::new(3.0);
+    let mut packet = Packet::EMPTY;
+    packet.set(0, Vec3::new(0.7, 0.2, 0.0), Vec3::new(0.7, 0.2, 4.0), ends);
+    packet.set(3, Vec3::new(0.2, 0.7, 4.0), Vec3::new(0.2, 0.7, 0.0), ends);
+    packet.set(15, Vec3::new(0.2, 0.7, 0.0), Vec3::new(0.2, 0.7, 0.5), ends);
+    for width in [1, 4, 8, 16] {
+        for coherent in [false, true] {
+            let mut hits = [Hits::NONE];
+            scene.first_hits(Traversal { width, coherent }, std::slice::from_ref(&packet), &mut hits);
+            let mut want = [Hits::NOTHING; LANES];
+            (want[0], want[3]) = (0, 5);
+            assert_eq!(hits[0].triangle, want, "{width} {coherent}");
+            assert!((hits[0].t[0] - 0.25).abs() < 1e-6 && (hits[0].t[3] - 0.25).abs() < 1e-6);
+        }
+    }
+}

@@ -18,4 +18,4 @@ pub use picture::{
 };
 pub use plot::{Plot, Point, Series};
 pub use read::{Channel, read_image, srgb_to_linear};
-pub use write::{exr_bytes, write_atomically, write_exr, write_png};
+pub use write::{exr_bytes, write_atomically, write_exr, write_exr_rgb, write_png};

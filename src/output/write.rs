@@ -35,6 +35,19 @@ pub fn exr_bytes(image: &Image) -> Result<Vec<u8>> {
     )
 }
 
+/// Writes `width` columns of linear RGB, row by row from the top, as an OpenEXR file of 32-bit floats.
+///
+/// # Errors
+/// [`Error::Argument`] when the image is too large for the format or its rows are not full; those of
+/// [`write_atomically`].
+pub fn write_exr_rgb(path: &Path, width: usize, pixels: &[[f32; 3]]) -> Result<()> {
+    let side = |n: usize| u32::try_from(n).ok();
+    let image = side(width)
+        .zip(side(pixels.len() / width.max(1)))
+        .and_then(|(w, h)| Rgb32FImage::from_raw(w, h, pixels.as_flattened().to_vec()));
+    write_atomically(path, &encode(image.map(DynamicImage::ImageRgb32F), ImageFormat::OpenExr)?)
+}
+
 /// Writes [`exr_bytes`] to `path`. Errors of both.
 pub fn write_exr(path: &Path, image: &Image) -> Result<()> {
     write_atomically(path, &exr_bytes(image)?)

@@ -52,6 +52,18 @@ impl Packet {
         self.active |= 1 << lane;
     }
 
+    /// Puts the ray from `origin` along the unit vector `direction`, without end, into a lane: parameters are lengths.
+    #[inline]
+    pub fn set_ray(&mut self, lane: usize, origin: Vec3, direction: Vec3) {
+        for (axis, (o, d)) in origin.to_array().into_iter().zip(direction.to_array()).enumerate() {
+            self.origin[axis][lane] = o;
+            self.direction[axis][lane] = d;
+        }
+        self.near[lane] = 0.0;
+        self.far[lane] = f32::INFINITY;
+        self.active |= 1 << lane;
+    }
+
     /// The point of a lane at parameter `t`.
     #[inline]
     pub fn point(&self, lane: usize, t: f32) -> Vec3 {

@@ -3,6 +3,9 @@
 use super::{Repairs, Soup, triangulate::newell, weld};
 use glam::{DVec3, Vec3};
 
+/// Glass: faces of a material less opaque than this do not block light and are left out; others are opaque.
+const MIN_OPACITY: f32 = 0.5;
+
 /// The polygons that are not dropped before triangulation.
 pub(super) struct Kept {
     /// Index of each in the soup.
@@ -32,7 +35,9 @@ impl Kept {
             object: Vec::new(),
         };
         for i in 0..soup.polygons() {
-            if soup.materials[soup.polygon_material[i] as usize].opacity <= 0.0 {
+            let material = &soup.materials[soup.polygon_material[i] as usize];
+            // Lamps stay, whatever they say: dropping them would put out the light.
+            if material.opacity < MIN_OPACITY && material.emission == [0.0; 3] {
                 repairs.transparent_faces += 1;
                 continue;
             }

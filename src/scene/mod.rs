@@ -55,6 +55,21 @@ pub struct Material {
     pub emission: [f32; 3],
 }
 
+/// A camera that the file holds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StoredCamera {
+    /// Its name in the file, or a made-up one (`camera 0`).
+    pub name: String,
+    /// Where it is, in the file's coordinates.
+    pub eye: DVec3,
+    /// Where it looks, a unit vector.
+    pub forward: DVec3,
+    /// What is up in its picture, a unit vector.
+    pub up: DVec3,
+    /// Angle of view from top to bottom, radians in `(0, π)`.
+    pub angle: f64,
+}
+
 /// A connected set of faces of one emissive material.
 #[derive(Clone, Debug)]
 pub struct Emitter {
@@ -98,7 +113,7 @@ pub struct Repairs {
     pub clamped_reflectances: usize,
     /// Vertices that no face uses.
     pub unused_vertices: usize,
-    /// Faces dropped because their material is fully transparent (`d 0`).
+    /// Faces dropped because their material is more transparent than opaque (`d` below 0.5) and does not emit.
     pub transparent_faces: usize,
     /// One readable line for each kind of repair, with names where they help.
     pub messages: Vec<String>,
@@ -125,6 +140,8 @@ pub struct Scene {
     pub triangle_object: Vec<u32>,
     /// Index into `materials`.
     pub triangle_material: Vec<u32>,
+    /// Polygon of the file that it is a part of, numbered from 0 in file order, ascending.
+    pub triangle_polygon: Vec<u32>,
     /// Diffuse reflectance of the face: `Kd`, or the mean linear colour of its texture over the face.
     pub triangle_reflectance: Vec<[f32; 3]>,
     /// 1: the face bounds a closed solid, only its outside is seen; 2: sheet, seen from both sides.
@@ -143,6 +160,8 @@ pub struct Scene {
     pub emitters: Vec<Emitter>,
     /// Index into `emitters` of each face, `u32::MAX` for faces that do not emit.
     pub triangle_emitter: Vec<u32>,
+    /// Perspective cameras of the file.
+    pub cameras: Vec<StoredCamera>,
     /// Box of all positions that faces use.
     pub bounds: Aabb,
     /// What was repaired.

@@ -1,7 +1,7 @@
 //! glTF 2.0 and GLB: the document through the crate `gltf`; buffers are read here, with every access checked,
 //! because the crate's own readers panic on accessors that lie.
 
-use super::{Soup, SoupMaterial, texture::Texture};
+use super::{Soup, SoupMaterial, StoredCamera, texture::Texture};
 use crate::{Error, Result};
 use base64::{Engine, engine::general_purpose::STANDARD};
 use glam::{DMat4, DVec3};
@@ -46,7 +46,8 @@ pub(super) fn read(path: &Path) -> Result<Soup> {
         };
         buffers.push(data);
     }
-    let mut reader = Reader { path, buffers, soup: Soup::new(path), names: UniqueNames::default() };
+    let (names, camera_names) = Default::default();
+    let mut reader = Reader { path, buffers, soup: Soup::new(path), names, camera_names };
     reader.materials(&document);
     reader.nodes(&document)?;
     Ok(reader.soup)
@@ -88,6 +89,7 @@ struct Reader<'a> {
     buffers: Vec<Vec<u8>>,
     soup: Soup,
     names: UniqueNames,
+    camera_names: UniqueNames,
 }
 
 impl Reader<'_> {
@@ -162,10 +164,27 @@ impl Reader<'_> {
                     self.primitive(object, &primitive, world)?;
                 }
             }
+            if let Some(camera) = node.camera() {
+                self.camera(&camera, node.name(), world);
+            }
             let children: Vec<_> = node.children().map(|c| (c, world)).collect();
             stack.extend(children.into_iter().rev());
         }
         Ok(())
+    }
+
+    /// Cameras look along -z with y up (glTF 2.0, section 3.10); those that make no picture are left out.
+    fn camera(&mut self, camera: &gltf::Camera, node: Option<&str>, world: DMat4) {
+        let gltf::camera::Projection::Perspective(lens) = camera.projection() else { return };
+        let name = camera.name().or(node).map_or(format!("camera {}", camera.index()), str::to_owned);
+        let (eye, angle) = (world.transform_point3(DVec3::ZERO), f64::from(lens.yfov()));
+        let along = |v: DVec3| world.transform_vector3(v).try_normalize();
+        let (Some(forward), Some(up)) = (along(DVec3::NEG_Z), along(DVec3::Y)) else { return };
+        let upright = eye.is_finite() && forward.cross(up).length() > 1e-6;
+        if upright && angle > 0.0 && angle < std::f64::consts::PI {
+            let name = self.camera_names.of(&name);
+            self.soup.cameras.push(StoredCamera { name, eye, forward, up, angle });
+        }
     }
 
     fn primitive(&mut self, object: u32, primitive: &Primitive, world: DMat4) -> Result<()> {

@@ -66,6 +66,7 @@ pub fn resolve(mut soup: Soup, options: &LoadOptions) -> Result<Scene> {
     let (component, closed) = used_parts(&parts, &faces.polygon);
     Ok(Scene {
         path: soup.path,
+        cameras: soup.cameras,
         unit: options.unit.clone(),
         two_sided_emission: options.two_sided_emission,
         origin,
@@ -74,6 +75,7 @@ pub fn resolve(mut soup: Soup, options: &LoadOptions) -> Result<Scene> {
         triangles,
         triangle_object,
         triangle_material: faces.material,
+        triangle_polygon: faces.polygon.iter().map(|&p| kept.polygon[p as usize]).collect(),
         triangle_reflectance: faces.reflectance,
         triangle_sides: faces.polygon.iter().map(|&p| sides(parts.part[p as usize])).collect(),
         triangle_component: component,
@@ -278,7 +280,7 @@ fn summarise(soup: &Soup, faces: &Triangles, r: &mut Repairs) {
     say(r.zero_area_faces, "faces without area dropped");
     say(r.duplicate_faces, "faces dropped that occur twice");
     say(r.broken_polygons, "polygons dropped that cross themselves");
-    say(r.transparent_faces, "faces of fully transparent materials dropped");
+    say(r.transparent_faces, "faces of transparent materials (d < 0.5) dropped: they do not block light");
     if r.faces_without_material > 0 {
         let missing = soup.materials.iter().filter(|m| m.missing).map(|m| &m.name);
         let names = power::some_names(missing);
@@ -297,6 +299,6 @@ fn summarise(soup: &Soup, faces: &Triangles, r: &mut Repairs) {
         soup.materials.iter().zip(used).filter(|(m, used)| *used && m.opacity < 1.0).map(|(m, _)| &m.name);
     let names = power::some_names(sheer);
     if !names.is_empty() {
-        r.messages.push(format!("transparency is not modelled; taken as opaque: {names}"));
+        r.messages.push(format!("transparency is not modelled; taken as opaque (d not below 0.5): {names}"));
     }
 }

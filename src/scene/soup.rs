@@ -1,6 +1,6 @@
 //! The polygon soup: what a reader or a generator hands to the one resolving step, unchecked.
 
-use super::{Repairs, texture::Texture};
+use super::{Repairs, StoredCamera, texture::Texture};
 use glam::DVec3;
 use std::{collections::HashMap, path::PathBuf};
 
@@ -29,6 +29,8 @@ pub struct Soup {
     pub objects: Vec<String>,
     /// Materials, names unique.
     pub materials: Vec<SoupMaterial>,
+    /// Perspective cameras.
+    pub cameras: Vec<StoredCamera>,
     /// What was repaired while reading.
     pub repairs: Repairs,
 }

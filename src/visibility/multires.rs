@@ -269,13 +269,24 @@ impl<'a> MultiResolution<'a> {
 
     /// Transmittance of each segment of one packet; 0 in unused lanes.
     pub fn transmittances(&self, packet: &Packet, e: f32, s: f32, workspace: &mut Workspace) -> [f32; LANES] {
+        self.answer_lanes(packet, e, s, workspace).1
+    }
+
+    /// The answer for one packet and the transmittance of each segment, 0 in unused lanes.
+    pub fn answer_lanes(
+        &self,
+        packet: &Packet,
+        e: f32,
+        s: f32,
+        workspace: &mut Workspace,
+    ) -> (Answer, [f32; LANES]) {
         let bundle = Bundle { packets: std::slice::from_ref(packet), emitter_size: e };
         let answer = self.answer(bundle, s, workspace);
         if answer.cost.handed_over > 0 {
             let clear = packet.active & !workspace.buffers.blocked[0];
-            return std::array::from_fn(|i| (clear >> i & 1) as f32);
+            return (answer, std::array::from_fn(|i| (clear >> i & 1) as f32));
         }
-        workspace.buffers.transmittance
+        (answer, workspace.buffers.transmittance)
     }
 }
 

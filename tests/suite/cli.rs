@@ -275,6 +275,10 @@ fn scaling_needs_no_scene() {
             }
         }
         assert_eq!(json.get("scene").is_some(), !scene.is_empty());
+        // Clusters of the scene are kept, those of the generated forests are not.
+        let files = std::fs::read_dir(scratch.path("")).expect("the folder").flatten();
+        let kept = files.filter(|f| f.path().extension().is_some_and(|e| e == "mrvis-cache")).count();
+        assert_eq!(kept, scene.len());
         assert!(
             std::fs::read_to_string(scratch.path("o/report.html"))
                 .expect("a page")

@@ -4,6 +4,9 @@
 mod cli;
 #[cfg(feature = "cli")]
 mod determinism;
+mod features;
+#[cfg(feature = "cli")]
+mod light;
 #[cfg(feature = "cli")]
 mod run;
 #[cfg(feature = "cli")]

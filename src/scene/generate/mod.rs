@@ -6,6 +6,7 @@ mod cubes;
 mod forest;
 mod indoor;
 mod shapes;
+mod urban;
 
 use super::{LoadOptions, Scene, Soup, resolve};
 use crate::{Error, Result};
@@ -67,6 +68,12 @@ pub const KINDS: &[Kind] = &[
         about: "a closed room with a desk, a chair and small things, lit by a ceiling panel",
         unit: "m",
         make: indoor::desk_room,
+    },
+    Kind {
+        name: "urban-block",
+        about: "streets and houses in a box of sky, closed, cut into facets (--count, about 5000)",
+        unit: "m",
+        make: urban::urban_block,
     },
     Kind {
         name: "cornell",

@@ -178,6 +178,17 @@ fn gltf_nodes_and_materials() {
     // The mirrored strip still faces +z, both triangles.
     let e = &s.emitters[0];
     assert_eq!((e.emission, e.normal), ([4.0, 4.0, 2.0], Vec3::Z));
+    assert!(s.cameras.is_empty());
+    let seen = glb(|j| {
+        let lens = r#""cameras":[{"type":"perspective","perspective":{"yfov":0.7,"znear":1}}],"accessors""#;
+        j.replace(r#""mesh":0,"#, r#""mesh":0,"camera":0,"#).replace("\"accessors\"", lens)
+    });
+    let cameras = load_bytes("glb", &seen).expect("a square and a camera").cameras;
+    assert_eq!(
+        (cameras.len(), cameras[0].name.as_str(), cameras[0].eye),
+        (1, "leaf", DVec3::new(0.0, 0.0, 3.0))
+    );
+    assert_eq!((cameras[0].forward, cameras[0].up, cameras[0].angle as f32), (DVec3::NEG_Z, DVec3::Y, 0.7));
     let check = |from: &str, to: &str, want: &str| {
         let text = load_bytes("glb", &glb(|j| j.replace(from, to))).expect_err(want).to_string();
         assert!(text.contains(want), "{text}");

@@ -153,9 +153,11 @@ fn materials_and_their_absence() {
     assert_eq!((s.repairs.missing_files, s.repairs.faces_without_material), (1, 1));
     let s = load(&obj.replace("usemtl grün\n", "").replace("mtllib a.mtl\n", "")).expect("no material");
     assert_eq!((s.repairs.missing_files, s.repairs.faces_without_material), (0, 1));
-    let s = mtl("newmtl grün\nd 0.3\n");
-    assert!(s.repairs.messages[0].contains("transparency is not modelled; taken as opaque: `grün`"));
-    let glass = [("a.mtl", "newmtl grün\nd 0\n".as_bytes())];
+    let s = mtl("newmtl grün\nd 0.5\n");
+    assert!(s.repairs.messages[0].contains("taken as opaque (d not below 0.5): `grün`"));
+    let s = mtl("newmtl grün\nd 0.4\nKe 1 1 1\n");
+    assert_eq!((s.repairs.transparent_faces, s.emitters.len()), (0, 1), "lamps stay");
+    let glass = [("a.mtl", "newmtl grün\nd 0.4\n".as_bytes())];
     assert!(
         message(load_with(obj, &glass, &LoadOptions::default())).contains("no face with an area (1 unusable")
     );

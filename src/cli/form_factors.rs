@@ -1,0 +1,168 @@
+//! `mrvis form-factors SCENE --out FILE`: the matrix of obstructed form factors.
+
+use super::args::{Common, SceneArgs, check_file, file_name, grouped, warn};
+use super::progress::Bar;
+use mrvis::{
+    Error, Result,
+    bench::Progress,
+    factor_matrix::{Facets, Format, Grouping, Matrix, Report, Settings, compute, memory_bound, write},
+    output::number,
+};
+use std::{fmt::Write as _, path::PathBuf, process::ExitCode, time::Instant};
+
+/// Form factors between all polygons of a scene, or between its objects or materials, with what stands between them.
+///
+/// F(from, to) is the share of what the front of `from` sends out that arrives at the front of `to`. Row sums, what
+/// escapes and what is lost on back sides are reported; A F is symmetric by construction.
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    #[command(flatten)]
+    scene: SceneArgs,
+    /// The matrix: .npz (as scipy.sparse.load_npz reads it), .csv (from,to,factor) or .mtx (Matrix Market).
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// What rows and columns are: polygons of the file, its objects (and groups), or materials.
+    #[arg(long, value_name = "WHAT", value_enum, default_value_t = By::Face)]
+    by: By,
+    /// Rays of every polygon that look for what it sees [default: 2048, more where there are few polygons]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
+    rays: Option<u32>,
+    /// Largest number of rays between two polygons that are partly hidden from each other [default: 256, more where
+    /// there are few]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(4..=1 << 22))]
+    pair_rays: Option<u32>,
+    /// What is enforced: closure adjusts the rows that nothing escapes from so that they add up to 1, each entry by as
+    /// much as it is uncertain, and keeps A F symmetric; none leaves estimates as they are (A F is symmetric all the same).
+    #[arg(long, value_name = "WHAT", value_enum, default_value_t = Enforce::Closure, num_args = 0..=1,
+          default_missing_value = "closure", require_equals = true)]
+    enforce: Enforce,
+    /// Refuse to begin when the matrix could take more memory than this, in GiB.
+    #[arg(long, value_name = "G", default_value_t = 16.0)]
+    max_memory: f64,
+    /// Largest mean |row sum + escaped + lost - 1| of closed rows that is accepted (exit code 1 beyond).
+    #[arg(long, value_name = "R")]
+    tolerance: Option<f64>,
+    #[command(flatten)]
+    common: Common,
+}
+
+#[derive(clap::ValueEnum, Clone, Copy, Debug)]
+enum By {
+    Face,
+    Object,
+    Material,
+}
+
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq)]
+enum Enforce {
+    Closure,
+    None,
+}
+
+const GIB: f64 = (1u64 << 30) as f64;
+
+pub fn run(args: &Args) -> Result<ExitCode> {
+    let common = &args.common;
+    let format = Format::of(&args.out)?;
+    check_file(&args.out)?;
+    common.check_json()?;
+    for (name, value) in [("max-memory", Some(args.max_memory)), ("tolerance", args.tolerance)] {
+        if let Some(v) = value.filter(|v| !(v.is_finite() && *v >= 0.0)) {
+            return Err(Error::Argument(format!("--{name} {v}: must be a number not below 0")));
+        }
+    }
+    let scene = args.scene.load(common)?;
+    warn(common, &scene.repairs.messages);
+    let facets = Facets::new(&scene);
+    let mut settings = Settings {
+        enforce: args.enforce == Enforce::Closure,
+        seed: common.seed,
+        ..Settings::new(facets.len())
+    };
+    settings.rays = args.rays.unwrap_or(settings.rays);
+    settings.largest_bundle = args.pair_rays.unwrap_or(settings.largest_bundle);
+    settings.bundle = settings.bundle.min(settings.largest_bundle);
+    let bound = memory_bound(facets.len(), &settings);
+    if bound as f64 > args.max_memory * GIB {
+        return Err(Error::Argument(format!(
+            "the matrix of {} facets could take {:.2} GiB: raise --max-memory or lower --rays (now {})",
+            grouped(facets.len()),
+            bound as f64 / GIB,
+            settings.rays
+        )));
+    }
+    let count = grouped(facets.len());
+    common.print(&format!("{count} facets, at most {:.2} GiB for their matrix\n", bound as f64 / GIB))?;
+    let bar = Bar::new(common.quiet);
+    bar.stage("form factors", 2 * facets.len() as u64);
+    let start = Instant::now();
+    let (faces, report) = common.on_threads(|| compute(&scene, &facets, &settings, &|n| bar.advance(n)))?;
+    let seconds = start.elapsed().as_secs_f64();
+    drop(bar);
+    let matrix = match args.by {
+        By::Face => faces,
+        By::Object => faces.grouped(&scene, &facets, Grouping::Object),
+        By::Material => faces.grouped(&scene, &facets, Grouping::Material),
+    };
+    let spinner = common.spinner(format!("writing {}", file_name(&args.out)));
+    write(&args.out, &matrix, format)?;
+    drop(spinner);
+    common.write_json(&serde_json::json!({
+        "mrvis": env!("CARGO_PKG_VERSION"),
+        "scene": args.scene.scene,
+        "unit": scene.unit,
+        "seconds": seconds,
+        "memory_bound": bound,
+        "rows": matrix.len(),
+        "entries": matrix.columns.len(),
+        "settings": {
+            "rays": settings.rays, "bundle": settings.bundle, "largest_bundle": settings.largest_bundle,
+            "enforce": settings.enforce, "seed": settings.seed,
+        },
+        "report": report,
+        "warnings": scene.repairs.messages,
+    }))?;
+    common.print(&text(args, &matrix, &report, seconds))?;
+    let missed = args.tolerance.is_some_and(|t| report.closed_row_sum_error > t);
+    Ok(if missed { ExitCode::from(1) } else { ExitCode::SUCCESS })
+}
+
+fn text(args: &Args, matrix: &Matrix, r: &Report, seconds: f64) -> String {
+    let mut out = String::new();
+    // Writing to a string cannot fail.
+    let _ = writeln!(
+        out,
+        "{}: {} rows, {} entries; {} s, {} rays",
+        file_name(&args.out),
+        grouped(matrix.len()),
+        grouped(matrix.columns.len()),
+        number(seconds),
+        grouped(r.rays as usize)
+    );
+    let _ = writeln!(
+        out,
+        "row sum + escaped + lost - 1: mean size {:.2e}, largest {:.2e}{}; standard error of a row {:.1e}",
+        r.row_sum_error,
+        r.worst_row_sum_error,
+        if r.closure_steps > 0 { " (before closure)" } else { "" },
+        r.row_standard_error
+    );
+    let _ = writeln!(
+        out,
+        "{} of {} rows are closed, off by {:.1e} in the mean; row sums {:.6} to {:.6}; reciprocity residual {:.1e}",
+        grouped(r.closed_rows),
+        grouped(r.facets),
+        r.closed_row_sum_error,
+        r.row_sums[0],
+        r.row_sums[1],
+        r.reciprocity_residual
+    );
+    let _ = writeln!(out, "escaped {:.3} %, lost on back sides {:.3} %", 100.0 * r.escaped, 100.0 * r.lost);
+    for (facet, why) in &r.bad {
+        let _ = writeln!(out, "  facet {facet}: {why}");
+    }
+    if r.bad_facets > r.bad.len() {
+        let _ = writeln!(out, "  and {} more", r.bad_facets - r.bad.len());
+    }
+    out
+}

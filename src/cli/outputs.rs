@@ -1,0 +1,181 @@
+//! What `mrvis solve` writes for others to see.
+
+use super::args::Common;
+use mrvis::{
+    Result,
+    display::{
+        Camera, Mesh, Stage, Tone, best_view, light_of, lightmap, places, render, write_glb, write_lightmap,
+        write_ply, write_vtu,
+    },
+    output::{Picture, write_exr_rgb, write_png},
+    points::Point,
+    scene::{Scene, StoredCamera},
+    solution::Solution,
+};
+use std::path::{Path, PathBuf};
+
+/// Options of the files that show a solution.
+#[derive(clap::Args, Clone, Debug)]
+#[command(next_help_heading = "Outputs")]
+pub struct Outputs {
+    /// What to write beside solution.json, separated by commas [default: glb,vtu,image; nothing with --points]
+    #[arg(long = "output", value_name = "WHAT", value_enum, value_delimiter = ',')]
+    outputs: Option<Vec<Kind>>,
+    /// Columns and rows of images.
+    #[arg(long, value_name = "WxH", default_value = "800x600", value_parser = size)]
+    image_size: [usize; 2],
+    /// Camera instead of the file's own or an automatic one: eye, target, vertical angle of view in degrees.
+    #[arg(long, value_name = "X,Y,Z,X,Y,Z,DEG", value_parser = camera, allow_hyphen_values = true)]
+    camera: Option<[f64; 7]>,
+    /// Compute the light of every pixel of images anew instead of interpolating it: slow and sharp.
+    #[arg(long)]
+    gather: bool,
+    /// About how many texels a lightmap has.
+    #[arg(long, value_name = "N", default_value_t = 1 << 20,
+          value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=1 << 28))]
+    lightmap_texels: usize,
+}
+
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    /// solution.ply: mesh with colours, radiosity and irradiance at the vertices.
+    Ply,
+    /// solution.glb: binary glTF with vertex colours.
+    Glb,
+    /// solution.vtu: elements with their fields, for ParaView.
+    Vtu,
+    /// lightmap.exr: irradiance, a chart for each plane; lightmap.obj: the mesh that it belongs to; lightmap.png.
+    Lightmap,
+    /// A picture for each camera (those of a glTF file, or an automatic view.*): .png as the eye sees it, .exr radiance.
+    Image,
+    /// Nothing.
+    None,
+}
+
+/// Irradiance at points.
+pub type Gather<'a> = &'a dyn Fn(&[Point]) -> Result<Vec<[f64; 3]>>;
+
+/// Rays a pixel along either side.
+const SAMPLES: usize = 2;
+
+impl Outputs {
+    /// Writes what was asked for into a folder; gives the names of the files. `irradiance` is asked for light at pixels,
+    /// if it is there and that is wanted.
+    ///
+    /// # Errors
+    /// A file cannot be written, or a lightmap does not hold the scene.
+    pub fn write(
+        &self,
+        common: &Common,
+        scene: &Scene,
+        solution: &Solution,
+        folder: &Path,
+        with_points: bool,
+        irradiance: Option<Gather>,
+    ) -> Result<Vec<PathBuf>> {
+        let default: &[Kind] = if with_points { &[] } else { &[Kind::Glb, Kind::Vtu, Kind::Image] };
+        let wanted = self.outputs.as_deref().unwrap_or(default);
+        let wants = |kind| wanted.contains(&kind) && !wanted.contains(&Kind::None);
+        let mut written = Vec::new();
+        let mut file = |name: String| {
+            written.push(folder.join(name));
+            written[written.len() - 1].clone()
+        };
+        if wants(Kind::Vtu) {
+            let _spinner = common.spinner("writing solution.vtu");
+            write_vtu(&file("solution.vtu".into()), solution)?;
+        }
+        if ![Kind::Ply, Kind::Glb, Kind::Lightmap, Kind::Image].into_iter().any(wants) {
+            return Ok(written);
+        }
+        let spinner = common.spinner("smoothing");
+        let mesh = Mesh::new(solution);
+        let tone = Tone::of(mesh.radiosity.iter().copied());
+        drop(spinner);
+        if wants(Kind::Ply) {
+            let _spinner = common.spinner("writing solution.ply");
+            write_ply(&file("solution.ply".into()), &mesh, solution.origin, tone)?;
+        }
+        if wants(Kind::Glb) {
+            let _spinner = common.spinner("writing solution.glb");
+            write_glb(&file("solution.glb".into()), &mesh, solution.origin, tone)?;
+        }
+        if wants(Kind::Lightmap) {
+            let _spinner = common.spinner("writing lightmap.exr");
+            let map = lightmap(&mesh, solution, scene, self.lightmap_texels)?;
+            let (image, model) = (file("lightmap.exr".into()), file("lightmap.obj".into()));
+            write_lightmap(&image, &model, &map, &mesh, solution)?;
+            write_png(&file("lightmap.png".into()), &developed(map.width, &map.irradiance))?;
+        }
+        if wants(Kind::Image) {
+            let _spinner = common.spinner("rendering");
+            let stage = Stage::new(&mesh, solution)?;
+            for camera in self.cameras(scene, solution, &stage) {
+                let [width, height] = self.image_size;
+                let radiance = if let Some(irradiance) = irradiance.filter(|_| self.gather) {
+                    let frame = render(&stage, &camera, width, height, 1);
+                    light_of(&frame, solution, &irradiance(&places(&frame, solution))?)
+                } else {
+                    render(&stage, &camera, width, height, SAMPLES).radiance
+                };
+                write_exr_rgb(&file(format!("{}.exr", camera.name)), width, &radiance)?;
+                write_png(&file(format!("{}.png", camera.name)), &developed(width, &radiance))?;
+            }
+        }
+        Ok(written)
+    }
+
+    fn cameras(&self, scene: &Scene, solution: &Solution, stage: &Stage) -> Vec<Camera> {
+        // glTF says that y is up; elsewhere z is as good a guess as any.
+        let gltf = scene.path.extension().is_some_and(|e| e == "gltf" || e == "glb");
+        let up = if gltf { glam::Vec3::Y } else { glam::Vec3::Z };
+        let Some([x, y, z, u, v, w, degrees]) = self.camera else {
+            let stored: Vec<Camera> = scene.cameras.iter().map(|c| stored(c, solution)).collect();
+            return if stored.is_empty() { vec![best_view(stage, solution, up)] } else { stored };
+        };
+        let eye = (glam::DVec3::new(x, y, z) - solution.origin).as_vec3();
+        let forward = (glam::DVec3::new(u, v, w) - glam::DVec3::new(x, y, z)).normalize().as_vec3();
+        let automatic = best_view(stage, solution, up).up;
+        let up = if automatic.cross(forward).length() > 1e-3 {
+            automatic
+        } else {
+            forward.any_orthonormal_vector()
+        };
+        vec![Camera { name: "view".into(), eye, forward, up, angle: degrees.to_radians() as f32 }]
+    }
+}
+
+/// A camera of the file; its name becomes that of its pictures.
+fn stored(c: &StoredCamera, solution: &Solution) -> Camera {
+    let plain = |c: char| if c.is_alphanumeric() || "-_".contains(c) { c } else { '_' };
+    Camera {
+        name: format!("view-{}", c.name.chars().take(60).map(plain).collect::<String>()),
+        eye: (c.eye - solution.origin).as_vec3(),
+        forward: c.forward.as_vec3(),
+        up: c.up.as_vec3(),
+        angle: c.angle as f32,
+    }
+}
+
+/// Light as the eye would see it.
+fn developed(width: usize, light: &[[f32; 3]]) -> Picture {
+    let tone = Tone::of(light.iter().copied());
+    let pixels = light.iter().map(|&r| tone.srgb(r)).collect();
+    Picture { width, height: light.len() / width.max(1), pixels }
+}
+
+fn size(text: &str) -> Result<[usize; 2], String> {
+    let sides = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    sides
+        .filter(|s: &[usize; 2]| s.iter().all(|n| (1..=16_384).contains(n)))
+        .ok_or_else(|| "columns x rows, 1 to 16384 each, such as 800x600".into())
+}
+
+fn camera(text: &str) -> Result<[f64; 7], String> {
+    let numbers: Vec<f64> = text.split(',').filter_map(|w| w.trim().parse().ok()).collect();
+    let bad = || "seven numbers: eye x,y,z, target x,y,z, angle of view in degrees (1 to 170)".to_owned();
+    let camera: [f64; 7] = numbers.try_into().map_err(|_| bad())?;
+    let distinct = (0..3).any(|k| camera[k] != camera[k + 3]);
+    let fine = camera.iter().all(|v| v.is_finite()) && distinct && (1.0..=170.0).contains(&camera[6]);
+    if fine { Ok(camera) } else { Err(bad()) }
+}

@@ -1,0 +1,238 @@
+//! `mrvis solve SCENE --out DIR`: the light in a scene.
+
+use super::args::{Common, SceneArgs, Spinner, check_folder, grouped};
+use super::outputs::{Gather, Outputs};
+use mrvis::files::WholeFile;
+use mrvis::points::{Irradiance, Point, read_points, write_irradiance};
+use mrvis::solver::{self, Inside, Options, Progress, Record, Rows, Visibility};
+use mrvis::{Error, Result};
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+/// Compute the light in a scene: radiosity of all surfaces, irradiance at points.
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    #[command(flatten)]
+    scene: SceneArgs,
+    /// Folder for the results (made if missing).
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Points x,y,z,nx,ny,nz at which irradiance is computed, to irradiance.csv.
+    #[arg(long, value_name = "FILE.csv")]
+    points: Option<PathBuf>,
+    /// Leave the bounces out at points.
+    #[arg(long)]
+    direct_only: bool,
+    /// Error to refine to, relative to the mean irradiance.
+    #[arg(long, value_name = "E", default_value_t = Options::default().error, allow_negative_numbers = true)]
+    error: f64,
+    /// Smallest element as part of the scene's area.
+    #[arg(long, value_name = "PART", default_value_t = Options::default().min_area, allow_negative_numbers = true)]
+    min_area: f64,
+    /// What is done so that form factors of elements in closed scenes sum up to 1.
+    #[arg(long, value_enum, default_value = "balanced")]
+    rows: RowSums,
+    /// How visibility is answered.
+    #[arg(long, value_enum, default_value = "exact")]
+    visibility: Engine,
+    /// Feature size in scene units: shadows smaller than this may be averaged [default: each receiver's diameter].
+    #[arg(short = 's', long, value_name = "S", allow_negative_numbers = true)]
+    feature_size: Option<f32>,
+    /// Feature sizes of objects, groups or materials: a TOML file with lines `name = size`.
+    #[arg(long, value_name = "FILE.toml")]
+    feature_sizes: Option<PathBuf>,
+    /// What light does inside the clusters that links end at.
+    #[arg(long, value_enum, default_value = "visible")]
+    inside: Clusters,
+    /// Object, group or material whose light matters; may be given several times [default: all].
+    #[arg(long, value_name = "NAME")]
+    importance: Vec<String>,
+    /// Shadow rays from a point to an emitter that is partly visible [default: by the error].
+    #[arg(long, value_name = "N")]
+    light_rays: Option<usize>,
+    /// Rays from a point that gather reflected light [default: by the error].
+    #[arg(long, value_name = "N")]
+    gather_rays: Option<usize>,
+    /// Refine in steps of this many seconds.
+    #[arg(long, value_name = "T", allow_negative_numbers = true)]
+    step_seconds: Option<f64>,
+    /// Stop refining after so many seconds.
+    #[arg(long, value_name = "T", allow_negative_numbers = true)]
+    max_seconds: Option<f64>,
+    /// Stop refining when the estimated error is no larger.
+    #[arg(long, value_name = "E", allow_negative_numbers = true)]
+    target_error: Option<f64>,
+    /// Stop refining at so many links.
+    #[arg(long, value_name = "N", default_value_t = Options::default().max_links)]
+    max_links: usize,
+    #[command(flatten)]
+    outputs: Outputs,
+    #[command(flatten)]
+    common: Common,
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Clusters {
+    /// Surfaces face all directions alike and hide nothing.
+    Isotropic,
+    /// Surfaces have orientations and hide nothing.
+    Oriented,
+    /// Surfaces hide each other.
+    Visible,
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum RowSums {
+    /// Nothing.
+    Sampled,
+    /// What each element gathers is scaled.
+    Closed,
+    /// What each element gathers and sends is scaled alike: exactly reciprocal.
+    Balanced,
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Engine {
+    /// Embree rays.
+    Exact,
+    /// Multi-resolution: clusters with small features are averaged.
+    Mr,
+    /// Extinction only.
+    Average,
+}
+
+pub fn run(args: &Args) -> Result<ExitCode> {
+    let options = Options {
+        error: args.error,
+        min_area: args.min_area,
+        rows: match args.rows {
+            RowSums::Sampled => Rows::Sampled,
+            RowSums::Closed => Rows::Closed,
+            RowSums::Balanced => Rows::Balanced,
+        },
+        visibility: match args.visibility {
+            Engine::Exact => Visibility::Exact,
+            Engine::Mr => Visibility::Mr,
+            Engine::Average => Visibility::Average,
+        },
+        feature_size: args.feature_size,
+        feature_sizes: args.feature_sizes.as_deref().map(read_sizes).transpose()?.unwrap_or_default(),
+        inside: match args.inside {
+            Clusters::Isotropic => Inside::Isotropic,
+            Clusters::Oriented => Inside::Oriented,
+            Clusters::Visible => Inside::Visible,
+        },
+        importance: args.importance.clone(),
+        direct_only: args.direct_only,
+        light_rays: args.light_rays,
+        gather_rays: args.gather_rays,
+        step_seconds: args.step_seconds,
+        max_seconds: args.max_seconds,
+        target_error: args.target_error,
+        max_links: args.max_links,
+        seed: args.common.seed,
+    };
+    options.check()?;
+    if let Some(threads) = args.common.threads {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads.into())
+            .build_global()
+            .map_err(|e| Error::Argument(format!("--threads {threads}: {e}")))?;
+    }
+    check_folder(&args.out)?;
+    let points = args.points.as_deref().map(read_points).transpose()?.unwrap_or_default();
+    let start = Instant::now();
+    let scene = args.scene.load(&args.common)?;
+    let load = start.elapsed().as_secs_f64();
+    let mut outcome = {
+        let watch = Watch { spinner: args.common.spinner("solving"), stopped: Arc::default() };
+        let stopped = watch.stopped.clone();
+        // A second interruption finds the handler in place and ends nothing: what is left takes seconds. Where handlers
+        // cannot be set, interruption ends the program as it always did.
+        let _ = ctrlc::set_handler(move || stopped.store(true, Ordering::Relaxed));
+        solver::run(&scene, &points, &options, &watch)?
+    };
+    if outcome.record.interrupted {
+        outcome.record.warnings.push("interrupted: this is the consistent solution reached so far".into());
+    }
+    outcome.record.seconds.load = load;
+    let text = serde_json::to_string_pretty(&outcome.record)
+        .map_err(|e| Error::format(args.out.join("solution.json"), None, e.to_string()))?;
+    WholeFile::write(&args.out.join("solution.json"), text + "\n")?;
+    if args.points.is_some() {
+        let file = Irradiance { points, values: outcome.irradiance, standard_errors: Vec::new() };
+        write_irradiance(&args.out.join("irradiance.csv"), &file)?;
+    }
+    let anew = |points: &[Point]| Ok(solver::run(&scene, points, &options, &())?.irradiance);
+    // Whoever interrupts does not want to wait for every pixel.
+    let anew = (!outcome.record.interrupted).then_some(&anew as Gather);
+    let with_points = args.points.is_some();
+    let shown = args.outputs.write(&args.common, &scene, &outcome.solution, &args.out, with_points, anew)?;
+    args.common.write_json(&outcome.record)?;
+    args.common.print(&summary(&outcome.record))?;
+    for file in shown {
+        args.common.print(&format!("wrote {}\n", file.display()))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Shows what is going on, and passes an interruption on.
+struct Watch {
+    spinner: Spinner,
+    stopped: Arc<AtomicBool>,
+}
+
+impl Progress for Watch {
+    fn stage(&self, name: &str) {
+        self.spinner.say(name);
+    }
+
+    fn stopped(&self) -> bool {
+        self.stopped.load(Ordering::Relaxed)
+    }
+}
+
+/// Feature sizes by name.
+fn read_sizes(path: &Path) -> Result<Vec<(String, f32)>> {
+    let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
+    let sizes: BTreeMap<String, f32> = toml::from_str(&text).map_err(|e| {
+        let line = e.span().map(|s| 1 + text[..s.start].matches('\n').count());
+        Error::format(path, line, format!("{}; write lines like `sofa = 0.05`", e.message()))
+    })?;
+    Ok(sizes.into_iter().collect())
+}
+
+fn summary(r: &Record) -> String {
+    let mut text = String::new();
+    let s = &r.seconds;
+    // Writing to a string cannot fail.
+    let _ = writeln!(
+        text,
+        "{} elements, {} links, {} exact rays",
+        grouped(r.elements),
+        grouped(r.links),
+        grouped(r.exact_rays as usize)
+    );
+    let _ = writeln!(
+        text,
+        "read {:.2} s, Embree {:.2} s, clusters {:.2} s, measured {:.2} s, elements {:.2} s, solved {:.2} s, points {:.2} s",
+        s.load, s.embree, s.hierarchy, s.characterise, s.elements, s.solve, s.points
+    );
+    let l = &r.ledger;
+    let _ = writeln!(
+        text,
+        "emitted {:.6} absorbed {:.6} escaped {:.6} created {:.2e}; row sums {:?}, error {:.2e} (sampled {:.2e})",
+        l.emitted, l.absorbed, l.escaped, l.created, l.row_sums, l.row_sum_error, l.row_sum_error_sampled
+    );
+    let _ =
+        writeln!(text, "mean irradiance {:?}, estimated error {:.3}", r.mean_irradiance, r.error_estimate);
+    for warning in &r.warnings {
+        let _ = writeln!(text, "note: {warning}");
+    }
+    text
+}

@@ -1,0 +1,76 @@
+//! Binary glTF: for every viewer.
+
+use super::{Mesh, Tone};
+use crate::math::Aabb;
+use crate::{Error, Result, files::WholeFile};
+use gltf::binary::{Glb, Header};
+use serde_json::json;
+use std::borrow::Cow;
+use std::path::Path;
+
+const FLOAT: u32 = 5126;
+const UNSIGNED_INT: u32 = 5125;
+const VERTICES: u32 = 34962;
+const INDICES: u32 = 34963;
+
+/// Writes a mesh as binary glTF 2.0, with linear vertex colours through `tone` and a material that is not lit again
+/// (`KHR_materials_unlit`). Coordinates are relative to the solution's origin, which the node's `extras` hold.
+///
+/// # Errors
+/// The file cannot be written, or the mesh is larger than the 4 GiB that the format has room for.
+pub fn write_glb(path: &Path, mesh: &Mesh, origin: glam::DVec3, tone: Tone) -> Result<()> {
+    let colours: Vec<[f32; 3]> = mesh.radiosity.iter().map(|&r| tone.linear(r)).collect();
+    let positions: Vec<[f32; 3]> = mesh.positions.iter().map(|p| p.to_array()).collect();
+    let normals: Vec<[f32; 3]> = mesh.normals.iter().map(|n| n.to_array()).collect();
+    let parts: [&[u8]; 4] = [
+        bytemuck::cast_slice(&positions),
+        bytemuck::cast_slice(&normals),
+        bytemuck::cast_slice(&colours),
+        bytemuck::cast_slice(&mesh.triangles),
+    ];
+    let mut views = Vec::new();
+    let mut binary: Vec<u8> = Vec::new();
+    for (i, part) in parts.iter().enumerate() {
+        let target = if i == 3 { INDICES } else { VERTICES };
+        views.push(
+            json!({ "buffer": 0, "byteOffset": binary.len(), "byteLength": part.len(), "target": target }),
+        );
+        binary.extend_from_slice(part);
+    }
+    let vertices = positions.len();
+    let bounds = Aabb::of(mesh.positions.iter().copied());
+    let vector = |view: usize| json!({ "bufferView": view, "componentType": FLOAT, "count": vertices, "type": "VEC3" });
+    let mut place = vector(0);
+    place["min"] = json!(bounds.min.to_array());
+    place["max"] = json!(bounds.max.to_array());
+    let root = json!({
+        "asset": { "version": "2.0", "generator": concat!("mrvis ", env!("CARGO_PKG_VERSION")) },
+        "extensionsUsed": ["KHR_materials_unlit"],
+        "scene": 0,
+        "scenes": [{ "nodes": [0] }],
+        "nodes": [{ "mesh": 0, "extras": { "origin": origin.to_array() } }],
+        "meshes": [{ "primitives": [{
+            "attributes": { "POSITION": 0, "NORMAL": 1, "COLOR_0": 2 }, "indices": 3, "material": 0
+        }] }],
+        "materials": [{
+            "name": "radiosity", "extensions": { "KHR_materials_unlit": {} },
+            "pbrMetallicRoughness": { "metallicFactor": 0.0, "roughnessFactor": 1.0 }
+        }],
+        "accessors": [place, vector(1), vector(2), {
+            "bufferView": 3, "componentType": UNSIGNED_INT, "count": 3 * mesh.triangles.len(), "type": "SCALAR"
+        }],
+        "bufferViews": views,
+        "buffers": [{ "byteLength": binary.len() }],
+    });
+    let json = root.to_string().into_bytes();
+    let length = json.len() + binary.len() + 64;
+    let too_large = |_| Error::format(path, None, "more than 4 GiB: write .ply instead");
+    let header = Header { magic: *b"glTF", version: 2, length: u32::try_from(length).map_err(too_large)? };
+    let glb = Glb { header, json: Cow::Owned(json), bin: Some(Cow::Owned(binary)) };
+    let mut file = WholeFile::create(path)?;
+    glb.to_writer(&mut file).map_err(|e| match e {
+        gltf::Error::Io(e) => Error::io(path, e),
+        other => Error::format(path, None, other.to_string()),
+    })?;
+    file.commit()
+}

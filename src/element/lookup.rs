@@ -1,0 +1,121 @@
+//! Which part of a surface a point lies on, for many points.
+
+use super::split::is_triangle;
+use super::{Elements, Shape};
+use glam::{Vec2, Vec3};
+
+/// The quadtrees of all sides, packed: elements must not be split while it is in use.
+pub struct Lookup {
+    frames: Vec<Frame>,
+    /// First child of each element, 0 for leaves.
+    first_child: Vec<u32>,
+}
+
+/// Where a side lies.
+struct Frame {
+    origin: Vec3,
+    axes: [Vec3; 2],
+    /// From the first corner to the second, to the last, and what keeps a quad from being a parallelogram; in the axes.
+    edges: [Vec2; 3],
+    element: u32,
+    triangle: bool,
+}
+
+impl Lookup {
+    /// Of the present elements.
+    pub fn new(elements: &Elements) -> Lookup {
+        let frames = elements.sides.iter().map(|side| {
+            let Shape::Surface { corners: c, .. } = elements.elements[side.element as usize].shape else {
+                unreachable!("a side is a surface")
+            };
+            let (x, y) = side.normal.any_orthonormal_pair();
+            let flat = |v: Vec3| Vec2::new(v.dot(x), v.dot(y));
+            let triangle = is_triangle(&c);
+            let (second, rest) =
+                if triangle { (c[2], Vec3::ZERO) } else { (c[3], c[0] - c[1] + c[2] - c[3]) };
+            Frame {
+                origin: c[0],
+                axes: [x, y],
+                edges: [flat(c[1] - c[0]), flat(second - c[0]), flat(rest)],
+                element: side.element,
+                triangle,
+            }
+        });
+        Lookup {
+            frames: frames.collect(),
+            first_child: elements
+                .elements
+                .iter()
+                .map(|e| if e.is_leaf() { 0 } else { e.first_child })
+                .collect(),
+        }
+    }
+
+    /// The leaf of a side that holds a point of its plane; the nearest one for points beside it.
+    #[inline]
+    pub fn leaf(&self, side: u32, point: Vec3) -> u32 {
+        let frame = &self.frames[side as usize];
+        let mut at = frame.element;
+        let mut first = self.first_child[at as usize];
+        if first == 0 {
+            return at;
+        }
+        let from = point - frame.origin;
+        let (mut u, mut v) = frame.parameters(Vec2::new(from.dot(frame.axes[0]), from.dot(frame.axes[1])));
+        while first != 0 {
+            let part;
+            (part, u, v) = if frame.triangle { quarter_of_triangle(u, v) } else { quarter_of_quad(u, v) };
+            at = first + part;
+            first = self.first_child[at as usize];
+        }
+        at
+    }
+}
+
+impl Frame {
+    /// Weights of a triangle's second and third corner; for a quad parameters with the corners at (0, 0), (1, 0), (1, 1),
+    /// (0, 1), bilinear in between, so that quarters are halves of both (Newton's method; parallelograms need one step).
+    #[inline]
+    fn parameters(&self, h: Vec2) -> (f32, f32) {
+        let [e, f, g] = self.edges;
+        let area = e.perp_dot(f);
+        let (mut u, mut v) = (h.perp_dot(f) / area, e.perp_dot(h) / area);
+        if g != Vec2::ZERO {
+            (u, v) = (u.clamp(0.0, 1.0), v.clamp(0.0, 1.0));
+            for _ in 0..4 {
+                let rest = h - u * e - v * f - u * v * g;
+                let (along_u, along_v) = (e + v * g, f + u * g);
+                let area = along_u.perp_dot(along_v);
+                let (du, dv) = (rest.perp_dot(along_v) / area, along_u.perp_dot(rest) / area);
+                (u, v) = ((u + du).clamp(0.0, 1.0), (v + dv).clamp(0.0, 1.0));
+                if du.abs().max(dv.abs()) < 1e-4 {
+                    break;
+                }
+            }
+        }
+        (u, v)
+    }
+}
+
+/// The quarter that parameters lie in, and the parameters there.
+#[inline]
+fn quarter_of_quad(u: f32, v: f32) -> (u32, f32, f32) {
+    let (right, upper) = (u >= 0.5, v >= 0.5);
+    let part = [[0, 3], [1, 2]][usize::from(right)][usize::from(upper)];
+    (part, 2.0 * u - f32::from(right), 2.0 * v - f32::from(upper))
+}
+
+/// The same for weights of the second and third corner.
+#[inline]
+fn quarter_of_triangle(b: f32, c: f32) -> (u32, f32, f32) {
+    let a = 1.0 - b - c;
+    if a > 0.5 {
+        (0, 2.0 * b, 2.0 * c)
+    } else if b > 0.5 {
+        (1, 2.0 * b - 1.0, 2.0 * c)
+    } else if c > 0.5 {
+        (2, 2.0 * b, 2.0 * c - 1.0)
+    } else {
+        (3, 1.0 - 2.0 * a, 1.0 - 2.0 * b)
+    }
+}

@@ -1,0 +1,125 @@
+//! Facets: the polygons of the input, as pieces that closed forms take and places that rays start from.
+
+use crate::math::triangle_area;
+use crate::scene::Scene;
+use glam::{DVec3, Vec3};
+
+/// All facets of a scene, in the order of the input's polygons.
+pub struct Facets {
+    /// Where each facet's triangles begin in the scene's; one more for the end.
+    first: Vec<u32>,
+    /// One entry a facet.
+    facets: Vec<Facet>,
+    /// Facet of each triangle.
+    of_triangle: Vec<u32>,
+}
+
+/// One facet.
+pub(super) struct Facet {
+    /// Convex planar pieces, corners counterclockwise.
+    pub pieces: Vec<Vec<DVec3>>,
+    /// Area, scene units squared.
+    pub area: f64,
+    /// Centre of its box.
+    pub centre: DVec3,
+    /// Half the diagonal of its box.
+    pub radius: f64,
+    /// Places to take the mean over, each with its unit normal and its share of the area.
+    pub nodes: Vec<(DVec3, DVec3, f64)>,
+    /// Triangles, with the running sum of their shares of the area.
+    pub triangles: Vec<([Vec3; 3], f32)>,
+}
+
+impl Facets {
+    /// The facets of a scene: its triangles by the polygons that they came from.
+    pub fn new(scene: &Scene) -> Facets {
+        let polygon = &scene.triangle_polygon;
+        let mut first: Vec<u32> = (0..polygon.len())
+            .filter(|&t| t == 0 || polygon[t] != polygon[t - 1])
+            .map(|t| t as u32)
+            .collect();
+        first.push(polygon.len() as u32);
+        let facets = first.windows(2).map(|w| facet(scene, w[0]..w[1])).collect();
+        let mut of_triangle = Vec::with_capacity(polygon.len());
+        for (f, w) in first.windows(2).enumerate() {
+            of_triangle.resize(w[1] as usize, f as u32);
+        }
+        Facets { first, facets, of_triangle }
+    }
+
+    /// Number of facets.
+    pub fn len(&self) -> usize {
+        self.facets.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.facets.is_empty()
+    }
+
+    /// Area of a facet, scene units squared.
+    pub fn area(&self, facet: usize) -> f64 {
+        self.facets[facet].area
+    }
+
+    /// A triangle of a facet: it tells object and material.
+    pub fn triangle(&self, facet: usize) -> usize {
+        self.first[facet] as usize
+    }
+
+    pub(super) fn get(&self, facet: u32) -> &Facet {
+        &self.facets[facet as usize]
+    }
+
+    pub(super) fn of_triangle(&self, triangle: u32) -> u32 {
+        self.of_triangle[triangle as usize]
+    }
+}
+
+/// Barycentric coordinates of a rule that is exact for polynomials of the second degree (Strang and Fix 1973).
+const RULE: [[f64; 3]; 3] =
+    [[2.0 / 3.0, 1.0 / 6.0, 1.0 / 6.0], [1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0], [1.0 / 6.0, 1.0 / 6.0, 2.0 / 3.0]];
+
+fn facet(scene: &Scene, triangles: std::ops::Range<u32>) -> Facet {
+    let corners: Vec<[Vec3; 3]> = triangles.clone().map(|t| scene.corners(t)).collect();
+    let areas: Vec<f64> = corners.iter().map(|&[a, b, c]| triangle_area(a, b, c)).collect();
+    let area: f64 = areas.iter().sum();
+    let points = || corners.iter().flatten().map(|p| p.as_dvec3());
+    let (low, high) = points().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
+    let mut nodes = Vec::new();
+    let mut sum = 0.0;
+    let mut shares = Vec::new();
+    for (t, a) in corners.iter().zip(&areas) {
+        let [p, q, r] = t.map(|p| p.as_dvec3());
+        let normal = (q - p).cross(r - p).normalize_or_zero();
+        nodes.extend(RULE.map(|[u, v, w]| (p * u + q * v + r * w, normal, a / area / 3.0)));
+        sum += a / area;
+        shares.push((*t, sum as f32));
+    }
+    let pieces = match scene.triangles.get(triangles.start as usize..triangles.end as usize) {
+        Some(&[a, b]) => quad(scene, a, b).map(|q| vec![q]),
+        _ => None,
+    };
+    let apart = || corners.iter().map(|t| t.map(|p| p.as_dvec3()).to_vec()).collect();
+    Facet {
+        pieces: pieces.unwrap_or_else(apart),
+        area,
+        centre: 0.5 * (low + high),
+        radius: 0.5 * (high - low).length(),
+        nodes,
+        triangles: shares,
+    }
+}
+
+/// The convex planar quad that two triangles with a common edge make, if they do.
+fn quad(scene: &Scene, a: [u32; 3], b: [u32; 3]) -> Option<Vec<DVec3>> {
+    let k = (0..3).find(|&k| !b.contains(&a[k]))?;
+    let other = b.into_iter().find(|v| !a.contains(v))?;
+    let quad = [a[k], a[(k + 1) % 3], other, a[(k + 2) % 3]].map(|v| scene.positions[v as usize].as_dvec3());
+    let turns: [DVec3; 4] =
+        std::array::from_fn(|i| (quad[(i + 1) % 4] - quad[i]).cross(quad[(i + 2) % 4] - quad[(i + 1) % 4]));
+    let normal = (quad[2] - quad[0]).cross(quad[3] - quad[1]);
+    let size = (quad[2] - quad[0]).length().max((quad[3] - quad[1]).length());
+    let flat = (quad[1] - quad[0]).dot(normal.normalize_or_zero()).abs() <= 1e-6 * size;
+    (flat && turns.iter().all(|t| t.dot(normal) > 0.0)).then(|| quad.to_vec())
+}

@@ -1,0 +1,194 @@
+//! Two facets: a closed form times sampled transmittance.
+
+use super::Settings;
+use super::facets::{Facet, Facets};
+use super::rays::{Table, Traced};
+use crate::form_factor::{point_to_polygon, polygon_to_polygon};
+use crate::ray::{EndRule, LANES, Packet};
+use glam::DVec3;
+
+/// The pairs of one facet with those of higher numbers.
+#[derive(Default)]
+pub struct Row {
+    /// The other facet, ascending.
+    pub partner: Vec<u32>,
+    /// `A F` of the pair, scene units squared.
+    pub exchange: Vec<f32>,
+    /// Upper bound of its standard error.
+    pub error: Vec<f32>,
+    /// Rays traced.
+    pub rays: u64,
+}
+
+/// What all pairs share.
+pub struct Pairs<'a> {
+    pub traced: &'a Traced,
+    pub facets: &'a Facets,
+    pub settings: &'a Settings,
+    pub ends: EndRule,
+}
+
+/// Kept from row to row: tables of 4, 16, 64 ... points.
+#[derive(Default)]
+pub struct Buffers(Vec<Table>);
+
+/// Two facets nearer than this many times the sum of their radii get the double integral over both.
+const NEAR: f64 = 1.5;
+/// Factors from here on get it too.
+const LARGE: f64 = 0.02;
+/// Rays of discovery that a pair must expect before more than one point on the smaller facet is worth its time.
+const WORTH: f64 = 16.0;
+/// As many that the transmittance matters for the chance of being found.
+const MATTERS: f64 = 0.25;
+/// Transmittance of a pair that was found, where it does not matter.
+const LIKELY: f64 = 0.8;
+
+impl Pairs<'_> {
+    /// All pairs of facet `i` with `partners`.
+    ///
+    /// Small pairs are found by chance, and each stands for those like it that were not: the value is divided by the
+    /// chance `1 − exp(−c T)` of being found, where `c` is the number of rays of discovery that the two would exchange if
+    /// nothing were in between (Horvitz and Thompson 1952). Large ones are found for sure and stand for themselves.
+    pub fn row(&self, i: u32, partners: &[u32], buffers: &mut Buffers) -> Row {
+        let Settings { rays, bundle, largest_bundle, seed, .. } = *self.settings;
+        let a = self.facets.get(i);
+        let mut row = Row::default();
+        for &j in partners {
+            let b = self.facets.get(j);
+            let expected = |exchange: f64| f64::from(rays) * (exchange / a.area + exchange / b.area);
+            let open = exchange(a, b, |rough| expected(rough) < WORTH);
+            let c = expected(open);
+            if c <= 0.0 {
+                continue;
+            }
+            let key = mix_pair(seed, i, j);
+            let mut sample = |wanted: f64, limit: u32, key: u64| {
+                let size = power_of_4(wanted.clamp(4.0, f64::from(limit)));
+                row.rays += 1 << (2 * size);
+                self.transmittance(a, b, table(buffers, size, seed as u32), key)
+            };
+            let mut seen = Transmittance { value: LIKELY, error: 0.0 };
+            if c > MATTERS {
+                seen = sample(c, bundle, key);
+                if seen.error > 0.0 && c > WORTH {
+                    seen = sample(16.0 * c, largest_bundle, !key);
+                }
+            }
+            let found = -(-c * seen.value).exp_m1();
+            // What T / (1 − exp(−c T)) tends to as T vanishes.
+            let value = if c * seen.value > 1e-6 { seen.value / found } else { 1.0 / c };
+            row.partner.push(j);
+            row.exchange.push((open * value) as f32);
+            let error = (seen.error * found.min(1.0)).hypot(value * (1.0 - found).max(0.0).sqrt());
+            row.error.push((open * error) as f32);
+        }
+        row
+    }
+
+    /// The mean of the visibility between two facets, weighted by what rays transport.
+    fn transmittance(&self, a: &Facet, b: &Facet, table: &Table, key: u64) -> Transmittance {
+        let (mut clear, mut all, mut squares) = (0.0, 0.0, 0.0);
+        let mut any_blocked = false;
+        let mut packet = Packet::EMPTY;
+        let mut weights = [0f64; LANES];
+        let mut trace = |packet: &mut Packet, weights: &mut [f64; LANES]| {
+            let mut blocked = [0];
+            self.traced.blocked(std::slice::from_ref(packet), &mut blocked);
+            any_blocked |= blocked[0] != 0;
+            for (lane, w) in weights.iter_mut().enumerate() {
+                all += *w;
+                squares += *w * *w;
+                clear += if blocked[0] >> lane & 1 == 0 { *w } else { 0.0 };
+                *w = 0.0;
+            }
+            *packet = Packet::EMPTY;
+        };
+        for (k, [s, t, u, v]) in table.shifted(key).enumerate() {
+            let ((p, m), (q, n)) = (a.point(s, t), b.point(u, v));
+            let to = (q - p).as_dvec3();
+            let (here, there) = (a.normal(m).dot(to), -b.normal(n).dot(to));
+            if here > 0.0 && there > 0.0 {
+                let lane = k % LANES;
+                weights[lane] = here * there / to.length_squared().powi(2);
+                packet.set(lane, p, q, self.ends);
+            }
+            if k % LANES == LANES - 1 && !packet.is_empty() {
+                trace(&mut packet, &mut weights);
+            }
+        }
+        if !packet.is_empty() {
+            trace(&mut packet, &mut weights);
+        }
+        // Facets that face each other in a corner that no sample met have nothing in between that is known.
+        if all == 0.0 || !any_blocked {
+            return Transmittance { value: 1.0, error: 0.0 };
+        }
+        let value = clear / all;
+        Transmittance { value, error: (value * (1.0 - value) * squares).sqrt() / all }
+    }
+}
+
+struct Transmittance {
+    value: f64,
+    /// Standard error if the rays were independent.
+    error: f64,
+}
+
+/// `A F` of two facets with nothing in between; by one point on the smaller if `small` says that this value of it is
+/// small.
+fn exchange(a: &Facet, b: &Facet, small: impl Fn(f64) -> bool) -> f64 {
+    let exact = || {
+        let all = |p: &[DVec3]| b.pieces.iter().map(|q| polygon_to_polygon(p, q)).sum::<f64>();
+        a.pieces.iter().map(|p| area(p) * all(p)).sum::<f64>()
+    };
+    let apart = a.centre.distance(b.centre) / (a.radius + b.radius);
+    if apart < NEAR {
+        return exact();
+    }
+    // Points on the smaller, the whole of the larger.
+    let (less, more) = if a.area <= b.area { (a, b) } else { (b, a) };
+    let seen = |point: DVec3, normal: DVec3| -> f64 {
+        more.pieces.iter().map(|q| point_to_polygon(point, normal, q).max(0.0)).sum()
+    };
+    if less.pieces.len() == 1 {
+        let rough = less.area * seen(centroid(&less.pieces[0]), less.nodes[0].1);
+        if rough > 0.0 && small(rough) {
+            return rough;
+        }
+    }
+    let fine = less.area * less.nodes.iter().map(|&(p, n, w)| w * seen(p, n)).sum::<f64>();
+    // A ray went from one to the other: if no point of the rule sees it, a corner does.
+    if fine > 0.0 && fine < LARGE * less.area { fine } else { exact() }
+}
+
+fn table(buffers: &mut Buffers, size: u32, seed: u32) -> &Table {
+    while buffers.0.len() <= size as usize {
+        let k = buffers.0.len() as u32;
+        buffers.0.push(Table::new(1 << (2 * k), seed.wrapping_add(k << 8)));
+    }
+    &buffers.0[size as usize]
+}
+
+/// The exponent of the largest power of 4 that is not above `x >= 1`.
+fn power_of_4(x: f64) -> u32 {
+    (x as u32).ilog2() / 2
+}
+
+fn area(polygon: &[DVec3]) -> f64 {
+    let fan = polygon.windows(2).skip(1).map(|w| (w[0] - polygon[0]).cross(w[1] - polygon[0]));
+    0.5 * fan.sum::<DVec3>().length()
+}
+
+/// Centre of the area of a convex polygon.
+fn centroid(polygon: &[DVec3]) -> DVec3 {
+    let mut sum = (DVec3::ZERO, 0.0);
+    for w in polygon.windows(2).skip(1) {
+        let weight = (w[0] - polygon[0]).cross(w[1] - polygon[0]).length();
+        sum = (sum.0 + weight * (polygon[0] + w[0] + w[1]) / 3.0, sum.1 + weight);
+    }
+    sum.0 / sum.1
+}
+
+fn mix_pair(seed: u64, i: u32, j: u32) -> u64 {
+    super::rays::mix(seed ^ super::rays::mix(u64::from(i) << 32 | u64::from(j)))
+}

@@ -1,0 +1,134 @@
+//! Two polygons: the double contour integral, its inner half in closed form.
+
+use glam::DVec3;
+
+/// `F(first → second)` between the front sides of two planar convex polygons, corners counterclockwise, in `[0, 1]`.
+///
+/// Each is first clipped to what lies in front of the other's plane; what is left sees all of the other. There
+/// `A1 F12 = 1/2π ∮∮ ln r dr1·dr2` holds (Sparrow 1963, by Stokes' theorem twice). Along an edge of the second polygon the
+/// integral of `ln r` is elementary (see `along`); along the edges of the first it is summed by Gauss-Legendre quadrature
+/// between the feet of the other edge's ends, where alone it is not smooth, with nodes drawn to both ends of each piece
+/// so that the `x ln x` of edges that touch costs no digits. Relative error below 1e-9 for pairs that touch.
+pub fn polygon_to_polygon(first: &[DVec3], second: &[DVec3]) -> f64 {
+    let (Some(p), Some(q)) = (Plane::of(first), Plane::of(second)) else { return 0.0 };
+    let (a, b) = (clip(first, q.point, q.normal), clip(second, p.point, p.normal));
+    if a.len() < 3 || b.len() < 3 {
+        return 0.0;
+    }
+    let mut sum = 0.0;
+    for (a0, a1) in edges(&a) {
+        for (b0, b1) in edges(&b) {
+            let (da, db) = (a1 - a0, b1 - b0);
+            let (la, lb) = (da.length(), db.length());
+            if la == 0.0 || lb == 0.0 {
+                continue;
+            }
+            let cosine = da.dot(db) / (la * lb);
+            if cosine != 0.0 {
+                sum += cosine * between(a0, da / la, la, b0, db / lb, lb);
+            }
+        }
+    }
+    // The contours turn against each other.
+    (sum / (std::f64::consts::TAU * p.area)).clamp(0.0, 1.0)
+}
+
+/// The integral of `ln r` over two edges, each given by its start, unit direction and length.
+fn between(a: DVec3, u: DVec3, la: f64, b: DVec3, v: DVec3, lb: f64) -> f64 {
+    let foot = |p: DVec3| ((p - a).dot(u) / la).clamp(0.0, 1.0);
+    let (f, g) = (foot(b), foot(b + v * lb));
+    let cuts = [0.0, f.min(g), f.max(g), 1.0];
+    let mut sum = 0.0;
+    for piece in cuts.windows(2) {
+        let width = piece[1] - piece[0];
+        if width <= 0.0 {
+            continue;
+        }
+        for (x, w) in NODES {
+            for x in [0.5 - 0.5 * x, 0.5 + 0.5 * x] {
+                // t = x³(10 − 15x + 6x²) has no slope at either end.
+                let t = x * x * x * (10.0 - 15.0 * x + 6.0 * x * x);
+                let slope = 30.0 * (x * (1.0 - x)).powi(2);
+                let point = a + u * (la * (piece[0] + width * t));
+                sum += 0.5 * w * slope * width * along(point, b, v, lb);
+            }
+        }
+    }
+    sum * la
+}
+
+/// `∫ ln r ds` from `point` along the edge that starts at `b`: with the foot's distance `h` and the ends at `s0` and `s1`
+/// from it, `[s ln r − s + h atan(s/h)]`.
+fn along(point: DVec3, b: DVec3, v: DVec3, length: f64) -> f64 {
+    let to = b - point;
+    let start = to.dot(v);
+    let h = (to - v * start).length();
+    let value = |s: f64| {
+        let r2 = s * s + h * h;
+        let log = if r2 > 0.0 { 0.5 * s * r2.ln() } else { 0.0 };
+        log - s + if h > 0.0 { h * (s / h).atan() } else { 0.0 }
+    };
+    value(start + length) - value(start)
+}
+
+/// Positive nodes and weights of 24-point Gauss-Legendre quadrature on `[-1, 1]` (Abramowitz and Stegun, table 25.4).
+const NODES: [(f64, f64); 12] = [
+    (0.064_056_892_862_605_63, 0.127_938_195_346_752_16),
+    (0.191_118_867_473_616_3, 0.125_837_456_346_828_3),
+    (0.315_042_679_696_163_4, 0.121_670_472_927_803_39),
+    (0.433_793_507_626_045_1, 0.115_505_668_053_725_6),
+    (0.545_421_471_388_839_5, 0.107_444_270_115_965_63),
+    (0.648_093_651_936_975_6, 0.097_618_652_104_113_89),
+    (0.740_124_191_578_554_4, 0.086_190_161_531_953_28),
+    (0.820_001_985_973_903, 0.073_346_481_411_080_3),
+    (0.886_415_527_004_401, 0.059_298_584_915_436_78),
+    (0.938_274_552_002_732_8, 0.044_277_438_817_419_81),
+    (0.974_728_555_971_309_5, 0.028_531_388_628_933_663),
+    (0.995_187_219_997_021_4, 0.012_341_229_799_987_2),
+];
+
+struct Plane {
+    point: DVec3,
+    normal: DVec3,
+    area: f64,
+}
+
+impl Plane {
+    /// Nothing for polygons without an area.
+    fn of(polygon: &[DVec3]) -> Option<Plane> {
+        let &point = polygon.first()?;
+        let twice: DVec3 = edges(polygon).map(|(a, b)| (a - point).cross(b - point)).sum();
+        let normal = twice.try_normalize()?;
+        Some(Plane { point, normal, area: 0.5 * twice.length() })
+    }
+}
+
+fn edges(polygon: &[DVec3]) -> impl Iterator<Item = (DVec3, DVec3)> {
+    let next = polygon.iter().cycle().skip(1);
+    polygon.iter().copied().zip(next.copied())
+}
+
+/// The part of a convex polygon in front of the plane through `point` with the normal `normal` (Sutherland and Hodgman
+/// 1974). Corners within `1e-12` of the polygon's size count as in the plane and do not cut it.
+fn clip(polygon: &[DVec3], point: DVec3, normal: DVec3) -> Vec<DVec3> {
+    let size = polygon.iter().map(|&p| (p - point).length()).fold(0.0, f64::max);
+    let height = |p: DVec3| {
+        let h = (p - point).dot(normal);
+        if h.abs() <= 1e-12 * size { 0.0 } else { h }
+    };
+    let mut out = Vec::with_capacity(polygon.len() + 1);
+    for (a, b) in edges(polygon) {
+        let (ha, hb) = (height(a), height(b));
+        if ha >= 0.0 {
+            out.push(a);
+        }
+        if ha * hb < 0.0 {
+            out.push(a + (b - a) * (ha / (ha - hb)));
+        }
+    }
+    // A polygon that only touches the plane from behind has nothing in front.
+    if !polygon.iter().any(|&p| height(p) > 0.0) || out.len() < 3 {
+        out.clear();
+    }
+    out
+}

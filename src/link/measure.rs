@@ -1,0 +1,297 @@
+//! The coupling of two elements: unoccluded exchange and transmittance.
+
+use super::ends::{Ends, four, gauss, kernel, mix};
+use super::{Link, Scratch, Sight};
+use crate::element::{Element, Elements, Shape, facing};
+use crate::form_factor::{point_to_polygon, polygon_to_polygon};
+use crate::ray::{EndRule, LANES, Packet};
+use glam::{DVec3, Vec3};
+
+/// Nearer than this many times the sum of their radii two surfaces are integrated with Lambert's formula.
+const NEAR: f32 = 4.0;
+/// Nearer than this many times, and worth it, with the contour integral.
+const TOUCHING: f32 = 1.2;
+/// Relative deviation of the coupling that is assumed where every sampled segment got through.
+const UNSEEN: f32 = 0.03;
+/// What part of the unoccluded coupling the deviation is taken as where none did.
+const HIDDEN: f32 = 0.1;
+/// Relative deviation inside a cluster that faces its directions only on average.
+const ROUGH: f32 = 0.3;
+/// Measures links.
+#[derive(Clone, Copy)]
+pub struct Meter<'a> {
+    /// The elements.
+    pub elements: &'a Elements,
+    /// The engine that is asked.
+    pub sight: Sight<'a>,
+    /// What counts as the end of a segment.
+    pub ends: EndRule,
+    /// Seed of all samples.
+    pub seed: u64,
+    /// What light does inside clusters.
+    pub inside: Inside,
+}
+
+/// What happens to light between the surfaces of a cluster that a link ends at and its box [SD95 sec 6.1; method A.11].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Inside {
+    /// Surfaces face all directions alike and hide nothing: the cluster kernel of Sillion 95, a quarter of the area.
+    Isotropic,
+    /// Surfaces have their orientations and hide nothing: more light arrives than the cluster's silhouette lets in.
+    Oriented,
+    /// Segments end on the surfaces: what the cluster hides from itself gets nothing, and no energy is made.
+    #[default]
+    Visible,
+}
+
+/// How carefully a link is to be measured.
+#[derive(Clone, Copy, Debug)]
+pub struct Care {
+    /// Error that a coupling of one square unit would be, in units of what is tolerated.
+    pub worth: f32,
+    /// Shadow features smaller than this need not be resolved; scene units.
+    pub feature_size: f32,
+}
+
+impl Meter<'_> {
+    /// The link between two elements that do not hold each other; none if neither sees the other's front.
+    ///
+    /// Surfaces: Lambert's formula from four points of the smaller one or, for pairs that touch, the contour integral;
+    /// far ones by the kernel alone. Clusters: an unbiased estimate over their sides, drawn with a preference for those
+    /// that face the other end. Visibility is asked for the same points, weighted by their kernel.
+    pub fn measure(&self, a: u32, b: u32, care: Care, scratch: &mut Scratch) -> Option<Link> {
+        let (ea, eb) = (&self.elements.elements[a as usize], &self.elements.elements[b as usize]);
+        if ea.area <= 0.0 || eb.area <= 0.0 || self.behind(ea, eb) || self.behind(eb, ea) {
+            return None;
+        }
+        let seed =
+            mix(self.seed ^ mix(ea.ids[0].min(eb.ids[0])) ^ mix(ea.ids[0].max(eb.ids[0])).rotate_left(17));
+        match (&ea.shape, &eb.shape) {
+            (Shape::Surface { side: sa, corners: ca }, Shape::Surface { side: sb, corners: cb }) => {
+                let normals = [sa, sb].map(|&s| self.elements.sides[s as usize].normal);
+                self.surfaces([a, b], [ea, eb], [ca, cb], normals, care, seed, scratch)
+            }
+            _ => self.clusters([a, b], [ea, eb], care, seed, scratch),
+        }
+    }
+
+    /// Whether all of `other` lies behind a surface.
+    fn behind(&self, surface: &Element, other: &Element) -> bool {
+        let Shape::Surface { side, corners } = &surface.shape else { return false };
+        let normal = self.elements.sides[*side as usize].normal;
+        let height = |p: Vec3| normal.dot(p - corners[0]);
+        let highest = match &other.shape {
+            Shape::Surface { corners, .. } => corners.iter().map(|&p| height(p)).fold(f32::MIN, f32::max),
+            Shape::Cluster(c) => {
+                let bounds = self.elements.clusters[*c as usize].bounds;
+                height(Vec3::select(normal.cmpgt(Vec3::ZERO), bounds.max, bounds.min))
+            }
+        };
+        highest <= 1e-5 * (surface.radius + other.radius)
+    }
+
+    #[allow(clippy::too_many_arguments)] // Both ends in parallel: ids, elements, corners, normals.
+    fn surfaces(
+        &self,
+        ids: [u32; 2],
+        [ea, eb]: [&Element; 2],
+        [ca, cb]: [&[Vec3; 4]; 2],
+        [na, nb]: [Vec3; 2],
+        care: Care,
+        seed: u64,
+        scratch: &mut Scratch,
+    ) -> Option<Link> {
+        let nearest = 1e-3 * (ea.radius + eb.radius);
+        let distance = (ea.centre - eb.centre).length();
+        let reach = ea.radius + eb.radius;
+        // The unoccluded part by fixed rules: a noisy one would be refined where it is too large and kept where it is too
+        // small.
+        let (ga, gb) = (gauss(ca), gauss(cb));
+        let (mut free, mut deviation);
+        {
+            let rows: [f32; 4] = std::array::from_fn(|i| {
+                (0..4).map(|j| gb.1[j] * kernel(ga.0[i], Some(na), gb.0[j], Some(nb), nearest)).sum::<f32>()
+            });
+            let columns: [f32; 4] = std::array::from_fn(|j| {
+                (0..4).map(|i| ga.1[i] * kernel(ga.0[i], Some(na), gb.0[j], Some(nb), nearest)).sum::<f32>()
+            });
+            let areas = (ea.area * eb.area) as f32;
+            let (mean, of_a) = moments(rows, ga.1);
+            free = mean * areas;
+            deviation = [of_a * areas, moments(columns, gb.1).1 * areas];
+        }
+        if distance < NEAR * reach {
+            let small_is_a = ea.area <= eb.area;
+            let (small, from, normal, large) = if small_is_a { (ea, ca, na, cb) } else { (eb, cb, nb, ca) };
+            let polygon = doubles(large);
+            let corners = if large[2] == large[3] { &polygon[..3] } else { &polygon[..] };
+            let (points, shares) = if small_is_a { ga } else { gb };
+            let factors =
+                points.map(|p| point_to_polygon(p.as_dvec3(), normal.as_dvec3(), corners).max(0.0) as f32);
+            let (factor, of_small) = moments(factors, shares);
+            free = small.area as f32 * factor;
+            deviation[usize::from(!small_is_a)] = small.area as f32 * of_small;
+            if distance < TOUCHING * reach && care.worth * free > 0.3 {
+                let other = doubles(from);
+                let first = if from[2] == from[3] { &other[..3] } else { &other[..] };
+                free = (small.area * polygon_to_polygon(first, corners)) as f32;
+            }
+        }
+        if free <= 0.0 {
+            return None;
+        }
+        // Lane i + 4 j: point i of a, point j of b.
+        let (pa, pb) = (four(ca, seed), four(cb, mix(seed)));
+        let weights: [f32; LANES] =
+            std::array::from_fn(|l| kernel(pa[l & 3], Some(na), pb[l >> 2], Some(nb), nearest));
+        let few = care.worth * free < 0.5;
+        let mut packet = Packet::EMPTY;
+        for l in 0..LANES {
+            // Few: each point of either end once.
+            if weights[l] > 0.0 && (!few || (l & 3) == (l >> 2)) {
+                packet.set(l, pa[l & 3], pb[l >> 2], self.ends);
+            }
+        }
+        if packet.is_empty() {
+            // Only slivers face each other; a link without a segment counts as clear.
+            let noise = free;
+            return Some(link(ids, free, 1.0, deviation, noise, 0));
+        }
+        let width = shortest(ca).min(shortest(cb));
+        let seen = self.sight.transmittances(&packet, width, care.feature_size, scratch);
+        Some(finish(ids, [free, free], deviation, &weights, &seen, &packet))
+    }
+
+    fn clusters(
+        &self,
+        ids: [u32; 2],
+        [ea, eb]: [&Element; 2],
+        care: Care,
+        seed: u64,
+        scratch: &mut Scratch,
+    ) -> Option<Link> {
+        let towards = (eb.centre - ea.centre).normalize_or(Vec3::X);
+        let from = Ends::draw(self.elements, ids[0], towards, 0, seed);
+        let to = Ends::draw(self.elements, ids[1], -towards, 1, mix(seed));
+        let nearest = 0.2 * (ea.radius + eb.radius);
+        let distance = (eb.centre - ea.centre).length();
+        let isotropic = [ea, eb].map(|e| self.inside == Inside::Isotropic && e.is_cluster());
+        let weights: [f32; LANES] = std::array::from_fn(|l| {
+            let facing = [
+                if isotropic[0] { None } else { Some(from.normals[l]) },
+                if isotropic[1] { None } else { Some(to.normals[l]) },
+            ];
+            kernel(from.points[l], facing[0], to.points[l], facing[1], nearest)
+                / (from.density[l] * to.density[l])
+        });
+        let most = 0.9 * ea.area.min(eb.area) as f32;
+        let free = (weights.iter().sum::<f32>() / LANES as f32).min(most);
+        // What the oracle sees is free of noise: else overestimates would be refined and underestimates kept.
+        let model = (self.projected(ea, towards) * self.projected(eb, -towards)
+            / (std::f32::consts::PI * distance.max(0.5 * (ea.radius + eb.radius)).powi(2)))
+        .min(most);
+        let deviation = [ea, eb].map(|e| {
+            let near = (2.0 * e.radius / distance.max(1e-6 * e.radius)).min(4.0);
+            let rough = if e.is_cluster() { ROUGH } else { 0.0 };
+            model * near.hypot(rough)
+        });
+        let few = care.worth * model < 0.25;
+        let mut packet = Packet::EMPTY;
+        let most_rays = if few { 4 } else { LANES };
+        for l in (0..LANES).filter(|&l| weights[l] > 0.0).take(most_rays) {
+            packet.set(l, from.points[l], to.points[l], self.ends);
+        }
+        if packet.is_empty() {
+            // No sample says that there is nothing; where it would matter the parts are asked.
+            let worthwhile = free > 0.0 || care.worth * deviation[0].max(deviation[1]) > 1.0;
+            return worthwhile.then(|| link(ids, free, 1.0, deviation, free, 0));
+        }
+        if self.inside != Inside::Visible {
+            self.between_boxes(&mut packet, [ea, eb]);
+        }
+        let width = ea.radius.min(eb.radius);
+        let seen = self.sight.transmittances(&packet, width, care.feature_size, scratch);
+        Some(finish(ids, [free, model], deviation, &weights, &seen, &packet))
+    }
+
+    /// Leaves out what segments meet inside the boxes of clusters they end in.
+    fn between_boxes(&self, packet: &mut Packet, ends: [&Element; 2]) {
+        for (k, end) in ends.into_iter().enumerate() {
+            let Shape::Cluster(c) = end.shape else { continue };
+            let bounds = self.elements.clusters[c as usize].bounds;
+            for lane in packet.lanes() {
+                let (o, d) = (packet.point(lane, 0.0), packet.point(lane, 1.0) - packet.point(lane, 0.0));
+                // Where the line leaves the box, and where it enters it.
+                let (first, last) = ((bounds.min - o) / d, (bounds.max - o) / d);
+                let leaves = first.max(last).min_element();
+                let enters = first.min(last).max_element();
+                if k == 0 {
+                    packet.near[lane] = leaves.clamp(packet.near[lane], packet.far[lane]);
+                } else {
+                    packet.far[lane] = enters.clamp(packet.near[lane], packet.far[lane]);
+                }
+            }
+        }
+    }
+
+    /// Projected area of an element towards a direction; of a surface seen edge-on a little.
+    fn projected(&self, e: &Element, towards: Vec3) -> f32 {
+        match &e.shape {
+            Shape::Surface { side, .. } => {
+                e.area as f32 * self.elements.sides[*side as usize].normal.dot(towards).max(0.2)
+            }
+            Shape::Cluster(c) => {
+                let projected = self.elements.clusters[*c as usize].projected;
+                facing(towards).into_iter().zip(projected).map(|(f, p)| f * p as f32).sum()
+            }
+        }
+    }
+}
+
+/// Puts unoccluded coupling and visibility together; `scale` is the coupling that deviations are relative to.
+fn finish(
+    ids: [u32; 2],
+    [free, scale]: [f32; 2],
+    deviation: [f32; 2],
+    weights: &[f32; LANES],
+    seen: &[f32; LANES],
+    packet: &Packet,
+) -> Link {
+    let (mut sum, mut visible, mut squares) = (0.0, 0.0, 0.0);
+    for l in packet.lanes() {
+        sum += weights[l];
+        visible += weights[l] * seen[l];
+        squares += weights[l] * seen[l] * seen[l];
+    }
+    let transmittance = visible / sum;
+    let n = packet.len() as f32;
+    // Relative to the unoccluded coupling: √(T (1 - T)) for zero-one visibility (method A.9).
+    let mixed = (squares / sum - transmittance * transmittance).max(0.0).sqrt();
+    let hidden = if transmittance == 0.0 { HIDDEN } else { 0.0 };
+    let shadow = scale * mixed.max(hidden).max(UNSEEN * transmittance);
+    let noise = shadow / n.sqrt();
+    let variation = deviation.map(|d| (d * transmittance).hypot(shadow));
+    link(ids, free, transmittance, variation, noise, packet.len() as u32)
+}
+
+fn link([a, b]: [u32; 2], free: f32, transmittance: f32, variation: [f32; 2], noise: f32, rays: u32) -> Link {
+    Link { a, b, coupling: free * transmittance, transmittance, variation, noise, rays }
+}
+
+/// Mean and standard deviation of values with weights whose sum is 1.
+fn moments(v: [f32; 4], weights: [f32; 4]) -> (f32, f32) {
+    let mean: f32 = v.iter().zip(weights).map(|(v, w)| v * w).sum();
+    let squares: f32 = v.iter().zip(weights).map(|(v, w)| w * (v - mean) * (v - mean)).sum();
+    (mean, squares.sqrt())
+}
+
+fn doubles(corners: &[Vec3; 4]) -> [DVec3; 4] {
+    corners.map(|p| p.as_dvec3())
+}
+
+/// The shortest edge that is one.
+fn shortest(c: &[Vec3; 4]) -> f32 {
+    let edges = [(0, 1), (1, 2), (2, 3), (3, 0)].map(|(i, j)| c[i].distance(c[j]));
+    edges.into_iter().filter(|&l| l > 0.0).fold(f32::MAX, f32::min)
+}

@@ -1,0 +1,37 @@
+//! Links: the light that two elements exchange, how it is measured, and how wrong it may be.
+//!
+//! A link serves both directions. With the coupling `C = ∫∫ K V` over both ends (`K = cos cos' / π r²`), `A_a F(a→b) T =
+//! A_b F(b→a) T = C`: reciprocity holds exactly, and the power that goes from b to a is `C B_b`. Unoccluded factor and
+//! transmittance are kept apart. Knows where light can go, not how much there is: brightness comes as an argument.
+
+mod ends;
+mod measure;
+mod oracle;
+mod sight;
+#[cfg(test)]
+mod tests;
+
+pub use ends::{cosine_direction, mix, numbers, point_on};
+pub use measure::{Care, Inside, Meter};
+pub use oracle::{Light, Split, judge};
+pub use sight::{Scratch, Sight, Tally};
+
+/// The exchange of two elements, or of the parts of one cluster with each other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Link {
+    /// One end.
+    pub a: u32,
+    /// The other; the same for the inside of a cluster.
+    pub b: u32,
+    /// `A_a F(a→b) T`, scene units squared.
+    pub coupling: f32,
+    /// Visible part of the unoccluded exchange, in `[0, 1]`.
+    pub transmittance: f32,
+    /// How much the coupling varies over each end: the standard deviation that places (and, for clusters, directions)
+    /// in it have about the mean; scene units squared.
+    pub variation: [f32; 2],
+    /// Standard error of the coupling, from sampling; scene units squared.
+    pub noise: f32,
+    /// Segments traced.
+    pub rays: u32,
+}

@@ -1,0 +1,184 @@
+//! Many paths from one point, a bounce at a time so that rays go to Embree in packets.
+
+use super::light::Lights;
+use super::surfaces::Surfaces;
+use super::{Estimate, Settings};
+use crate::embree::Hits;
+use crate::points::Point;
+use crate::ray::{LANES, Packet};
+use glam::Vec3;
+use sobol_burley::sample_4d;
+use std::f32::consts::PI;
+
+/// Independent groups of samples: their spread is the standard error. Within a group samples are spread evenly (Owen
+/// 1997), so that their own spread would overstate it.
+const GROUPS: u32 = 8;
+/// Paths that are followed together.
+const BATCH: u32 = 512;
+/// Bounces that no path is ended before.
+const SURE_BOUNCES: u32 = 3;
+/// Length of the sample sequence; longer runs begin it anew with another seed.
+const SEQUENCE: u32 = 1 << 16;
+
+/// A path at a vertex.
+struct Path {
+    position: Vec3,
+    normal: Vec3,
+    throughput: [f32; 3],
+    sample: u32,
+}
+
+/// Follows paths; keeps its buffers from point to point.
+pub struct Paths<'a> {
+    surfaces: &'a Surfaces<'a>,
+    lights: Option<&'a Lights>,
+    settings: Settings,
+    active: Vec<Path>,
+    next: Vec<Path>,
+    sums: [[f64; 3]; GROUPS as usize],
+}
+
+impl<'a> Paths<'a> {
+    pub fn new(surfaces: &'a Surfaces<'a>, lights: Option<&'a Lights>, settings: Settings) -> Paths<'a> {
+        Paths { surfaces, lights, settings, active: Vec::new(), next: Vec::new(), sums: Default::default() }
+    }
+
+    /// Irradiance at one point, the `number`th of its file.
+    pub fn estimate(&mut self, number: u64, point: &Point) -> Estimate {
+        let Some(lights) = self.lights else {
+            return Estimate { mean: [0.0; 3], standard_error: [0.0; 3] };
+        };
+        self.sums = Default::default();
+        let normal = point.normal.as_vec3();
+        let start = self.surfaces.local(point.position) + self.surfaces.slack * normal;
+        let stream = mix(self.settings.seed ^ mix(number));
+        let total = self.settings.samples;
+        for first in (0..total).step_by(BATCH as usize) {
+            self.active.clear();
+            self.active.extend((first..total.min(first.saturating_add(BATCH))).map(|sample| Path {
+                position: start,
+                normal,
+                // Irradiance is π times the mean radiance of directions spread by the cosine.
+                throughput: [PI; 3],
+                sample,
+            }));
+            let mut bounce = 0;
+            while !self.active.is_empty() {
+                self.step(lights, stream, bounce);
+                std::mem::swap(&mut self.active, &mut self.next);
+                bounce += 1;
+            }
+        }
+        self.summary()
+    }
+
+    /// One bounce of all active paths; those that go on are then in `next`.
+    fn step(&mut self, lights: &Lights, stream: u64, bounce: u32) {
+        self.next.clear();
+        for chunk in self.active.chunks(LANES) {
+            let mut shadow = Packet::EMPTY;
+            let mut rays = Packet::EMPTY;
+            let mut direct = [[0f32; 3]; LANES];
+            let mut roulette = [0f32; LANES];
+            let mut directions = [Vec3::ZERO; LANES];
+            for (lane, path) in chunk.iter().enumerate() {
+                let (u, v) = numbers(stream, bounce, path.sample);
+                if let Some(sight) = lights.sample(path.position, [u[2], u[3], v[0]]) {
+                    let chance = path.normal.dot(sight.direction) / PI;
+                    if chance > 0.0 {
+                        // What the next direction may find too, weighted by the balance heuristic.
+                        let share = chance / (chance + sight.density);
+                        direct[lane] = product(path.throughput, sight.radiance).map(|x| x * share);
+                        shadow.set(lane, path.position, sight.point, self.surfaces.ends);
+                    }
+                }
+                directions[lane] = cosine_direction(path.normal, u[0], u[1]);
+                roulette[lane] = v[1];
+                rays.set_ray(lane, path.position, directions[lane]);
+            }
+            let mut blocked = [0];
+            self.surfaces.blocked(std::slice::from_ref(&shadow), &mut blocked);
+            let mut hits = Hits::NONE;
+            self.surfaces.intersect(std::slice::from_ref(&rays), std::slice::from_mut(&mut hits));
+            for (lane, path) in chunk.iter().enumerate() {
+                let sum = &mut self.sums[(path.sample % GROUPS) as usize];
+                if (shadow.active & !blocked[0]) >> lane & 1 == 1 {
+                    add(sum, direct[lane]);
+                }
+                let direction = directions[lane];
+                let Some(place) = self.surfaces.place(&rays, &hits, lane, direction) else { continue };
+                if place.emission != [0.0; 3]
+                    && let Some(cosine) = lights.facing(place.cosine)
+                {
+                    let chance = path.normal.dot(direction) / PI;
+                    let density = lights.density(place.emission, hits.t[lane], cosine);
+                    let share = chance / (chance + density);
+                    add(sum, product(path.throughput, place.emission).map(|x| x * share));
+                }
+                if self.settings.direct_only {
+                    continue;
+                }
+                let mut throughput = product(path.throughput, place.reflectance);
+                let brightest = throughput.into_iter().fold(0.0, f32::max);
+                let survival = if bounce < SURE_BOUNCES { 1.0 } else { (brightest / PI).min(1.0) };
+                if brightest == 0.0 || roulette[lane] >= survival {
+                    continue;
+                }
+                throughput = throughput.map(|x| x / survival);
+                let Path { sample, .. } = *path;
+                self.next.push(Path { position: place.position, normal: place.normal, throughput, sample });
+            }
+        }
+    }
+
+    /// Mean over the groups, and the standard error of that mean.
+    fn summary(&self) -> Estimate {
+        let total = self.settings.samples;
+        let groups = GROUPS.min(total);
+        let mut mean = [0.0; 3];
+        let mut standard_error = [0.0; 3];
+        for c in 0..3 {
+            mean[c] = self.sums.iter().map(|s| s[c]).sum::<f64>() / f64::from(total);
+            let spread: f64 = (0..groups)
+                .map(|g| {
+                    let size = total / groups + u32::from(g < total % groups);
+                    (self.sums[g as usize][c] / f64::from(size) - mean[c]).powi(2)
+                })
+                .sum();
+            standard_error[c] = (spread / f64::from(groups * (groups - 1))).sqrt();
+        }
+        Estimate { mean, standard_error }
+    }
+}
+
+/// Numbers in `[0, 1)` of one bounce of one sample: two for the direction, three for the emitter, one for the roulette.
+fn numbers(stream: u64, bounce: u32, sample: u32) -> ([f32; 4], [f32; 4]) {
+    let (group, index) = (sample % GROUPS, sample / GROUPS);
+    let seed = stream ^ u64::from(group) << 32 ^ u64::from(index / SEQUENCE) << 40 ^ u64::from(bounce);
+    let seed = mix(seed) as u32;
+    (sample_4d(index % SEQUENCE, 0, seed), sample_4d(index % SEQUENCE, 1, seed))
+}
+
+/// SplitMix64's finaliser (Steele, Lea and Flood 2014): neighbouring numbers become unrelated ones.
+fn mix(x: u64) -> u64 {
+    let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ (x >> 31)
+}
+
+/// A direction about `normal` with density cos θ / π (Malley: a disc point, lifted).
+fn cosine_direction(normal: Vec3, u: f32, v: f32) -> Vec3 {
+    let (sin, cos) = (std::f32::consts::TAU * v).sin_cos();
+    let r = u.sqrt();
+    let (x, y) = normal.any_orthonormal_pair();
+    (x * (r * cos) + y * (r * sin) + normal * (1.0 - u).sqrt()).normalize()
+}
+
+fn product(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    std::array::from_fn(|c| a[c] * b[c])
+}
+
+fn add(sum: &mut [f64; 3], x: [f32; 3]) {
+    sum.iter_mut().zip(x).for_each(|(s, x)| *s += f64::from(x));
+}

@@ -1,0 +1,73 @@
+//! Where the energy went.
+
+use super::cut::Cut;
+use super::field::Rgb;
+use super::{Solver, mean};
+use crate::element::Shape;
+
+/// Powers in W for scenes in metres (W/m² times scene units squared otherwise), means of the channels; sums over all
+/// surfaces.
+#[derive(Clone, Debug, Default, serde::Serialize)]
+pub struct Ledger {
+    /// Emitted.
+    pub emitted: f64,
+    /// Absorbed.
+    pub absorbed: f64,
+    /// Left the scene, or was not followed any further: what elements send out along no link.
+    pub escaped: f64,
+    /// Received less sent.
+    pub created: f64,
+    /// Difference of `A_a F(a→b)` and `A_b F(b→a)` as part of them: 0, since a link has one coupling for both directions
+    /// and each leaf one factor for gathering and sending.
+    pub reciprocity_residual: f64,
+    /// Least and greatest sum of the form factors of an element that sees no way out of the scene.
+    pub row_sums: Option<[f64; 2]>,
+    /// Root mean square difference of the row sums from 1 by area, before they were made 1: what sampling and refinement
+    /// leave.
+    pub row_sum_error_sampled: f64,
+    /// The same of the row sums used.
+    pub row_sum_error: f64,
+    /// Part of the scene's area whose elements see no way out.
+    pub closed_area: f64,
+}
+
+impl Solver<'_> {
+    /// The ledger of the present solution. `sampled`: the row sums before they were made 1.
+    pub(super) fn ledger(&self, cut: &Cut, sampled: &[f64]) -> Ledger {
+        let sums = self.row_sums(cut);
+        let mut ledger = Ledger::default();
+        let (mut received, mut sent, mut closed) = (0.0, 0.0, 0.0);
+        let widen = |range: &mut Option<[f64; 2]>, v: f64| {
+            let [low, high] = range.unwrap_or([v, v]);
+            *range = Some([low.min(v), high.max(v)]);
+        };
+        for (e, element) in self.elements.elements.iter().enumerate() {
+            let Shape::Surface { side, .. } = element.shape else { continue };
+            if !element.is_leaf() {
+                continue;
+            }
+            let s = &self.elements.sides[side as usize];
+            let power = |v: Rgb| element.area * mean(v);
+            let absorbed: Rgb =
+                std::array::from_fn(|k| (1.0 - f64::from(s.reflectance[k])) * self.incident[e][k]);
+            let row = sums[e] * f64::from(self.closure[e].gathers);
+            ledger.emitted += power(s.exitance);
+            ledger.absorbed += power(absorbed);
+            received += power(self.incident[e]);
+            sent += power(self.radiosity[e]) * row.min(1.0);
+            ledger.escaped += power(self.radiosity[e]) * (1.0 - row).max(0.0);
+            if self.probe.closed[side as usize] {
+                closed += element.area;
+                widen(&mut ledger.row_sums, row);
+                ledger.row_sum_error += element.area * (row - 1.0).powi(2);
+                ledger.row_sum_error_sampled += element.area * (sampled[e] - 1.0).powi(2);
+            }
+        }
+        for error in [&mut ledger.row_sum_error, &mut ledger.row_sum_error_sampled] {
+            *error = if closed > 0.0 { (*error / closed).sqrt() } else { 0.0 };
+        }
+        ledger.created = received - sent;
+        ledger.closed_area = if self.elements.area > 0.0 { closed / self.elements.area } else { 0.0 };
+        ledger
+    }
+}

@@ -1,0 +1,149 @@
+//! Hierarchical radiosity: refinement of links by their errors, sweeps of light along them, and what comes out.
+//!
+//! [`run`] does all of it for a scene. The solver starts with the link of the root with itself, which stands for all
+//! exchange of light [Sillion 95], and refines the links with the greatest errors in steps (progressive multi-gridding
+//! [SD95 sec 6.2], method A.12): after every step the light is consistent, so that a solution can be had at any time.
+
+mod cut;
+mod field;
+mod histogram;
+mod importance;
+mod iterate;
+mod ledger;
+mod options;
+mod probe;
+mod receive;
+mod refine;
+mod run;
+mod show;
+#[cfg(test)]
+mod tests;
+
+pub use ledger::Ledger;
+pub use options::{Inside, Options, Rows, Visibility};
+pub use receive::Receiver;
+pub use run::{Iteration, Outcome, Progress, Record, SceneFacts, Seconds, run};
+
+use crate::element::Elements;
+use crate::link::{Light, Link, Meter, Sight, Tally};
+use crate::ray::EndRule;
+use field::{Incoming, Rgb};
+use probe::Probe;
+
+/// A solution under way.
+pub struct Solver<'a> {
+    elements: Elements,
+    links: Vec<Link>,
+    probe: Probe,
+    sight: Sight<'a>,
+    ends: EndRule,
+    seed: u64,
+    /// Feature size for each element as a receiver: what was given, or its own diameter.
+    feature_sizes: Vec<f32>,
+    /// Whether a feature size was given for all.
+    fixed_size: bool,
+    /// What errors count at each element, relative to the most important one; empty if all count.
+    importance: Vec<f32>,
+    /// By side, whether it is important by itself.
+    important: Vec<bool>,
+    inside: Inside,
+    /// Mean irradiance by the emitted power and the mean reflectance, W/m²: what errors are relative to.
+    scale: f64,
+    /// Radiosity of all elements, irradiance of all surface elements.
+    radiosity: Vec<Rgb>,
+    incident: Vec<Rgb>,
+    /// Where sweeps ended, with the size of their cut.
+    state: Option<(usize, Incoming)>,
+    /// By element: what leaves that see no way out must gather more to gather all (1 elsewhere).
+    closure: Vec<cut::Closure>,
+    /// How that is made.
+    rows: Rows,
+    /// What the oracle knows of each element's light.
+    light: Vec<Light>,
+    tally: Tally,
+    /// Links at which refinement stops for lack of memory.
+    max_links: usize,
+}
+
+impl<'a> Solver<'a> {
+    /// Starts with the root's link.
+    pub fn new(
+        elements: Elements,
+        probe: Probe,
+        sight: Sight<'a>,
+        ends: EndRule,
+        options: &Options,
+    ) -> Solver<'a> {
+        let (mut power, mut absorbed) = (0.0, 0.0);
+        for side in &elements.sides {
+            let area = elements.elements[side.element as usize].area;
+            power += area * mean(side.exitance);
+            absorbed += area * (1.0 - mean(side.reflectance.map(f64::from)));
+        }
+        let scale = if absorbed > 0.0 { power / absorbed } else { 0.0 };
+        let root = Link {
+            a: 0,
+            b: 0,
+            coupling: (f64::from(probe.enclosed[0]) * elements.area) as f32,
+            transmittance: 1.0,
+            variation: [elements.area as f32; 2],
+            noise: elements.area as f32,
+            rays: 0,
+        };
+        let mut solver = Solver {
+            links: vec![root],
+            probe,
+            sight,
+            ends,
+            seed: options.seed,
+            feature_sizes: Vec::new(),
+            fixed_size: options.feature_size.is_some(),
+            importance: Vec::new(),
+            important: Vec::new(),
+            inside: options.inside,
+            scale,
+            radiosity: Vec::new(),
+            state: None,
+            incident: Vec::new(),
+            closure: Vec::new(),
+            rows: options.rows,
+            light: Vec::new(),
+            tally: Tally::default(),
+            max_links: options.max_links,
+            elements,
+        };
+        solver.size(options.feature_size, &[]);
+        solver.start();
+        solver
+    }
+
+    /// The elements.
+    pub fn elements(&self) -> &Elements {
+        &self.elements
+    }
+
+    /// The links.
+    pub fn links(&self) -> &[Link] {
+        &self.links
+    }
+
+    /// How visibility was answered so far.
+    pub fn tally(&self) -> Tally {
+        self.tally
+    }
+
+    fn meter(&self) -> Meter<'_> {
+        Meter {
+            elements: &self.elements,
+            sight: self.sight,
+            ends: self.ends,
+            seed: self.seed,
+            inside: self.inside,
+        }
+    }
+}
+
+/// Mean of the channels.
+fn mean(v: [f64; 3]) -> f64 {
+    (v[0] + v[1] + v[2]) / 3.0
+}

@@ -1,0 +1,145 @@
+//! What a solution is asked for.
+
+pub use crate::link::Inside;
+use crate::{Error, Result};
+
+/// Which engine answers visibility.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Visibility {
+    /// Embree rays.
+    #[default]
+    Exact,
+    /// Clusters whose features are smaller than the feature size are not opened [SD95 sec 3.2].
+    Mr,
+    /// Extinction only [SD95 sec 5].
+    Average,
+}
+
+/// What is done so that the form factors of an element that sees no way out of the scene sum up to 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Rows {
+    /// Nothing.
+    Sampled,
+    /// What each leaf gathers is multiplied: each irradiance is a mean of radiosities.
+    Closed,
+    /// What each leaf gathers and what it sends is multiplied alike (Sinkhorn and Knopp 1967): factors stay reciprocal and
+    /// no energy is made.
+    #[default]
+    Balanced,
+}
+
+/// Options of [`super::run`].
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct Options {
+    /// Tolerated error of the solution relative to the mean irradiance; above 0.
+    pub error: f64,
+    /// Smallest element as part of the scene's area; above 0.
+    pub min_area: f64,
+    /// What is done about row sums.
+    pub rows: Rows,
+    /// The engine.
+    pub visibility: Visibility,
+    /// Feature size for all receivers, scene units; by default each one's own diameter.
+    pub feature_size: Option<f32>,
+    /// Feature sizes of objects, groups or materials by name, scene units: they go before `feature_size`.
+    pub feature_sizes: Vec<(String, f32)>,
+    /// What light does inside the clusters that a link ends at.
+    pub inside: Inside,
+    /// Objects, groups or materials whose light matters: errors elsewhere count as much as they show there; everything if
+    /// empty.
+    pub importance: Vec<String>,
+    /// Leave the bounces out of what points receive.
+    pub direct_only: bool,
+    /// Rays from a point to an emitter that is partly visible; by default what the error asks for.
+    pub light_rays: Option<usize>,
+    /// Rays from a point to gather what surfaces reflect, rounded up to a square of a multiple of 4; by default what the
+    /// error asks for.
+    pub gather_rays: Option<usize>,
+    /// Seconds of refinement a step: progressive multi-gridding; all at once if none.
+    pub step_seconds: Option<f64>,
+    /// Seconds after which refinement ends.
+    pub max_seconds: Option<f64>,
+    /// Error estimate at which refinement ends.
+    pub target_error: Option<f64>,
+    /// Links at which refinement ends.
+    pub max_links: usize,
+    /// Seed of everything random.
+    pub seed: u64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options {
+            error: 0.02,
+            min_area: 2e-5,
+            rows: Rows::default(),
+            visibility: Visibility::default(),
+            feature_size: None,
+            feature_sizes: Vec::new(),
+            inside: Inside::default(),
+            importance: Vec::new(),
+            direct_only: false,
+            light_rays: None,
+            gather_rays: None,
+            step_seconds: None,
+            max_seconds: None,
+            target_error: None,
+            max_links: 10_000_000,
+            seed: 1,
+        }
+    }
+}
+
+impl Options {
+    /// Whether the options make sense for any scene.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] that names the option and its range.
+    pub fn check(&self) -> Result<()> {
+        let above_zero = [
+            ("--error", Some(self.error)),
+            ("--min-area", Some(self.min_area)),
+            ("--feature-size", self.feature_size.map(f64::from)),
+            ("--step-seconds", self.step_seconds),
+            ("--max-seconds", self.max_seconds),
+            ("--target-error", self.target_error),
+        ];
+        for (name, value) in above_zero {
+            if let Some(v) = value.filter(|v| !v.is_finite() || *v <= 0.0) {
+                return Err(Error::Argument(format!("{name} {v}: must be a number above 0")));
+            }
+        }
+        if let Some((name, s)) = self.feature_sizes.iter().find(|(_, s)| !s.is_finite() || *s <= 0.0) {
+            return Err(Error::Argument(format!("feature size {s} of `{name}`: must be a number above 0")));
+        }
+        let [light, gather] = [self.light_rays, self.gather_rays].map(|n| n.unwrap_or(1));
+        for (name, value, most) in [
+            ("--light-rays", light, 1 << 16),
+            ("--gather-rays", gather, 1 << 20),
+            ("--max-links", self.max_links, 1 << 30),
+        ] {
+            if value == 0 || value > most {
+                return Err(Error::Argument(format!("{name} {value}: must lie in 1..{most}")));
+            }
+        }
+        if self.min_area > 1.0 {
+            return Err(Error::Argument(format!(
+                "--min-area {}: is a part of the scene's area, at most 1",
+                self.min_area
+            )));
+        }
+        Ok(())
+    }
+
+    /// Shadow rays to a partly visible emitter.
+    pub fn light_rays(&self) -> usize {
+        self.light_rays.unwrap_or((5.0 / self.error).clamp(64.0, 4096.0) as usize)
+    }
+
+    /// Rays of a final gather: its noise is about a quarter of the error.
+    pub fn gather_rays(&self) -> usize {
+        self.gather_rays.unwrap_or((0.45 / self.error).powi(2).clamp(64.0, 16384.0) as usize)
+    }
+}

@@ -1,0 +1,126 @@
+//! A few rays from every side: how much of what a cluster sends out meets itself, and which sides see out of the scene.
+
+use crate::element::{Elements, Shape};
+use crate::embree::{CommittedScene, Hits, Traversal};
+use crate::link::{cosine_direction, numbers, point_on};
+use crate::ray::{EndRule, LANES, Packet};
+use rayon::prelude::*;
+
+/// What the rays found.
+pub struct Probe {
+    /// By cluster: part of what its sides send out that meets its own sides, in `[0, 1]`.
+    pub enclosed: Vec<f32>,
+    /// By side: none of its rays left the scene.
+    pub closed: Vec<bool>,
+}
+
+/// Most rays of a side; sides of a whole scene share about [`SHARED`] more of them by area.
+const MOST: f64 = 256.0;
+const SHARED: f64 = 1e5;
+const LEAST: f64 = 2.0;
+/// Rays that a cluster's closed sides must have together before a side's own few count.
+const SURE: u32 = 24;
+
+/// Traces the rays. `length` exceeds the scene's diagonal.
+pub fn probe(
+    elements: &Elements,
+    traced: &CommittedScene,
+    traversal: Traversal,
+    ends: EndRule,
+    length: f32,
+    seed: u64,
+) -> Probe {
+    let sides = elements.sides.len();
+    let found: Vec<Vec<(f64, u32)>> = (0..sides)
+        .into_par_iter()
+        .with_min_len(64)
+        .map_init(Vec::new, |packets: &mut Vec<Packet>, s| {
+            from_side(elements, (traced, traversal), ends, length, seed, s, packets)
+        })
+        .collect();
+    let mut meets = vec![0.0; elements.clusters.len()];
+    let mut rays_of_leaf = vec![(0u32, 0u32); elements.clusters.len()];
+    for (s, rays) in found.iter().enumerate() {
+        let leaf = elements.elements[elements.sides[s].element as usize].parent as usize;
+        for &(power, met) in rays {
+            rays_of_leaf[leaf].0 += 1;
+            rays_of_leaf[leaf].1 += u32::from(met == ESCAPED);
+            if met < sides as u32 {
+                meets[holding(elements, leaf, met)] += power;
+            }
+        }
+    }
+    let mut enclosed = meets;
+    for c in (1..enclosed.len()).rev() {
+        enclosed[elements.elements[c].parent as usize] += enclosed[c];
+    }
+    let closed = found
+        .iter()
+        .enumerate()
+        .map(|(s, rays)| {
+            let leaf = elements.elements[elements.sides[s].element as usize].parent as usize;
+            let own = rays.iter().all(|&(_, met)| met != ESCAPED);
+            let (all, escaped) = rays_of_leaf[leaf];
+            own && (rays.len() as u32 >= SURE || (escaped == 0 && all >= SURE))
+        })
+        .collect();
+    let enclosed = enclosed
+        .iter()
+        .zip(&elements.elements)
+        .map(|(power, e)| if e.area > 0.0 { (power / e.area).min(1.0) as f32 } else { 0.0 })
+        .collect();
+    Probe { enclosed, closed }
+}
+
+/// Stands for a ray that left the scene.
+const ESCAPED: u32 = u32::MAX - 1;
+
+/// The smallest cluster above `leaf` that holds a side.
+fn holding(elements: &Elements, leaf: usize, side: u32) -> usize {
+    let mut c = leaf;
+    loop {
+        let [from, to] = elements.clusters[c].sides;
+        if (from..to).contains(&side) || c == 0 {
+            return c;
+        }
+        c = elements.elements[c].parent as usize;
+    }
+}
+
+/// What each ray of a side carries and meets: a side, [`ESCAPED`], or [`Elements::NONE`] for the dark side of a face.
+fn from_side(
+    elements: &Elements,
+    (traced, traversal): (&CommittedScene, Traversal),
+    ends: EndRule,
+    length: f32,
+    seed: u64,
+    s: usize,
+    packets: &mut Vec<Packet>,
+) -> Vec<(f64, u32)> {
+    let side = &elements.sides[s];
+    let element = &elements.elements[side.element as usize];
+    let Shape::Surface { corners, .. } = &element.shape else { return Vec::new() };
+    let count = (LEAST + SHARED * element.area / elements.area).min(MOST) as usize;
+    packets.clear();
+    for i in 0..count {
+        if i % LANES == 0 {
+            packets.push(Packet::EMPTY);
+        }
+        let [u, v, p, q] = numbers(seed ^ (s as u64) << 20, i as u64);
+        let from = point_on(corners, u, (i as f32 + v) / count as f32);
+        let to = from + length * cosine_direction(side.normal, p, q);
+        packets.last_mut().expect("just pushed").set(i % LANES, from, to, ends);
+    }
+    let mut hits = vec![Hits::NONE; packets.len()];
+    traced.first_hits(traversal, packets, &mut hits);
+    (0..count)
+        .map(|i| {
+            let packet = &packets[i / LANES];
+            let met = match hits[i / LANES].triangle[i % LANES] {
+                Hits::NOTHING => ESCAPED,
+                t => elements.met(t, packet.point(i % LANES, 1.0) - packet.point(i % LANES, 0.0)),
+            };
+            (element.area / count as f64, met)
+        })
+        .collect()
+}

@@ -1,0 +1,202 @@
+//! Links whose error is too large are replaced by links of their ends' parts.
+
+use super::{Solver, histogram::Histogram};
+use crate::element::Shape;
+use crate::link::{Care, Light, Link, Scratch, Split, Tally, judge};
+use rayon::prelude::*;
+
+/// Pairs that one task measures.
+const CHUNK: usize = 64;
+
+impl Solver<'_> {
+    /// Errors of all links, relative to the scene's mean irradiance, and the ends to split.
+    pub(super) fn errors(&self) -> Vec<(f32, Split)> {
+        let scale = 1.0 / self.scale as f32;
+        self.links
+            .par_iter()
+            .with_min_len(4096)
+            .map(|l| {
+                let (error, split) = judge(&self.elements, l, &self.light);
+                (error * scale, split)
+            })
+            .collect()
+    }
+
+    /// The error above which there are at most `count` links, `least` or more.
+    pub(super) fn threshold(&self, errors: &[(f32, Split)], count: usize, least: f32) -> f32 {
+        let open = errors.iter().filter(|(_, split)| *split != Split::Neither);
+        Histogram::new(open.map(|(error, _)| *error)).threshold(count, least)
+    }
+
+    /// Refines all links with errors above a threshold, with `once` not their parts in turn; `stop` is asked between
+    /// waves. Returns the number of links replaced.
+    pub(super) fn refine(
+        &mut self,
+        errors: &[(f32, Split)],
+        threshold: f32,
+        once: bool,
+        stop: &dyn Fn() -> bool,
+    ) -> usize {
+        let open = |(error, split): (f32, Split)| error > threshold && split != Split::Neither;
+        let mut wave: Vec<(Link, Split)> = Vec::new();
+        let mut kept = Vec::with_capacity(self.links.len());
+        for (link, &error) in self.links.iter().zip(errors) {
+            if open(error) { wave.push((*link, error.1)) } else { kept.push(*link) }
+        }
+        self.links = kept;
+        let mut replaced = 0;
+        while !wave.is_empty() {
+            if (replaced > 0 && stop()) || self.links.len() + 4 * wave.len() > self.max_links {
+                self.links.extend(wave.iter().map(|(link, _)| *link));
+                break;
+            }
+            replaced += wave.len();
+            let pairs = self.parts(&wave);
+            let made = self.measure(&pairs, threshold);
+            wave.clear();
+            let scale = 1.0 / self.scale as f32;
+            let judged: Vec<(f32, Split)> =
+                made.par_iter().with_min_len(1024).map(|l| judge(&self.elements, l, &self.light)).collect();
+            for (link, (error, split)) in made.into_iter().zip(judged) {
+                if !once && open((error * scale, split)) {
+                    wave.push((link, split));
+                } else {
+                    self.links.push(link);
+                }
+            }
+        }
+        replaced
+    }
+
+    /// The pairs that replace links; ends are split as needed.
+    fn parts(&mut self, wave: &[(Link, Split)]) -> Vec<[u32; 2]> {
+        let mut pairs = Vec::new();
+        for (link, split) in wave {
+            let (end, other) = if *split == Split::A { (link.a, link.b) } else { (link.b, link.a) };
+            self.open(end);
+            let children = self.elements.elements[end as usize].child_range();
+            if link.a != link.b {
+                pairs.extend(children.map(|c| [c as u32, other]));
+                continue;
+            }
+            for c in children.clone() {
+                if self.elements.elements[c].is_cluster() {
+                    pairs.push([c as u32; 2]);
+                }
+                pairs.extend((c + 1..children.end).map(|d| [c as u32, d as u32]));
+            }
+        }
+        pairs
+    }
+
+    /// Gives an element children that send out what it does.
+    fn open(&mut self, element: u32) {
+        let before = self.elements.len();
+        self.elements.split(element);
+        for _ in before..self.elements.len() {
+            let e = element as usize;
+            self.radiosity.push(self.radiosity[e]);
+            self.incident.push(self.incident[e]);
+            self.closure.push(self.closure[e]);
+            // A size of its own is the parent's unless it followed from the diameter.
+            let own = 2.0 * self.elements.elements[self.feature_sizes.len()].radius;
+            let parent = 2.0 * self.elements.elements[e].radius;
+            let follows = !self.fixed_size && self.feature_sizes[e] == parent;
+            self.feature_sizes.push(if follows { own } else { self.feature_sizes[e] });
+            if let Some(&importance) = self.importance.get(e) {
+                self.importance.push(importance);
+            }
+            let light = self.light[e];
+            self.light.push(Light { deviation: 0.5 * light.deviation, ..light });
+        }
+    }
+
+    /// Measures pairs, in their order; those that exchange nothing are left out.
+    fn measure(&mut self, pairs: &[[u32; 2]], threshold: f32) -> Vec<Link> {
+        let meter = self.meter();
+        let made: Vec<(Vec<Link>, Tally)> = pairs
+            .par_chunks(CHUNK)
+            .map_init(Scratch::default, |scratch, chunk| {
+                scratch.tally = Tally::default();
+                let links = chunk
+                    .iter()
+                    .filter_map(|&[a, b]| {
+                        if a == b {
+                            Some(self.inside(a))
+                        } else {
+                            meter.measure(a, b, self.care(a, b, threshold), scratch)
+                        }
+                    })
+                    .collect();
+                (links, scratch.tally)
+            })
+            .collect();
+        let mut links = Vec::with_capacity(pairs.len());
+        for (part, tally) in made {
+            links.extend(part);
+            self.tally.add(tally);
+        }
+        links
+    }
+
+    /// The link of a cluster with itself: what the probe found.
+    fn inside(&self, cluster: u32) -> Link {
+        let area = self.elements.elements[cluster as usize].area as f32;
+        let coupling = self.probe.enclosed[cluster as usize] * area;
+        Link {
+            a: cluster,
+            b: cluster,
+            coupling,
+            transmittance: 1.0,
+            variation: [coupling; 2],
+            noise: 0.3 * coupling,
+            rays: 0,
+        }
+    }
+
+    /// How much an error of the coupling of two elements matters.
+    fn care(&self, a: u32, b: u32, threshold: f32) -> Care {
+        let worth = |receiver: u32, source: u32| {
+            let e = &self.elements.elements[receiver as usize];
+            let (l, from) = (self.light[receiver as usize], self.light[source as usize]);
+            let of_area = (e.area / self.elements.area).sqrt() / e.area.max(f64::MIN_POSITIVE);
+            f64::from(l.weight) * f64::from(from.mean + from.deviation) * of_area
+        };
+        let tolerated = f64::from(threshold) * self.scale;
+        let worth = (worth(a, b).max(worth(b, a)) / tolerated) as f32;
+        let sizes = [a, b].map(|e| self.feature_sizes[e as usize]);
+        let feature_size = if self.fixed_size { sizes[0].min(sizes[1]) } else { sizes[0].max(sizes[1]) };
+        Care { worth, feature_size }
+    }
+
+    /// What the oracle must know of every element's light, from the present solution.
+    pub(super) fn look(&mut self) {
+        let n = self.elements.len();
+        let mut light = vec![Light::default(); n];
+        let mut squares = vec![0.0f64; n];
+        for e in (0..n).rev() {
+            let element = &self.elements.elements[e];
+            let mean = super::mean(self.radiosity[e]);
+            let weight = match element.shape {
+                Shape::Cluster(c) => self.elements.clusters[c as usize].reflectance,
+                Shape::Surface { side, .. } => {
+                    self.elements.sides[side as usize].reflectance.iter().sum::<f32>() / 3.0
+                }
+            };
+            let weight = weight.max(LEAST_WEIGHT) * self.importance.get(e).copied().unwrap_or(1.0);
+            if element.is_leaf() {
+                squares[e] = mean * mean;
+            } else {
+                let parts = element.child_range();
+                let sum: f64 = parts.map(|c| self.elements.elements[c].area * squares[c]).sum();
+                squares[e] = sum / element.area.max(f64::MIN_POSITIVE);
+            }
+            let deviation = (squares[e] - mean * mean).max(0.0).sqrt();
+            light[e] = Light { mean: mean as f32, deviation: deviation as f32, weight };
+        }
+        self.light = light;
+    }
+}
+
+/// Dark surfaces count as if they reflected this much: their irradiance is an output too.
+const LEAST_WEIGHT: f32 = 0.1;

@@ -1,0 +1,149 @@
+//! The commands around the solver: reference, compare, form-factors, what solve writes.
+
+use crate::run::{Outcome, Scratch};
+use mrvis::scene::generate::Spec;
+
+/// A box seen from inside: everything emits 1/π and reflects 0.5, so that irradiance is 1/(1 − 0.5) = 2.
+const BOX: &str = "mtllib box.mtl\nusemtl glow\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n\
+    f 1 2 3 4\nf 5 8 7 6\nf 1 5 6 2\nf 4 3 7 8\nf 1 4 8 5\nf 2 6 7 3\n";
+const GLOW: &str = "newmtl glow\nKd 0.5 0.5 0.5\nKe 0.318309886 0.318309886 0.318309886\n";
+const POINTS: &str = "x,y,z,nx,ny,nz\n0.5,0.5,0,0,0,1\n0.1,0.9,1,0,0,-1\n";
+
+fn scratch() -> Scratch {
+    let scratch = Scratch::new();
+    scratch.write("box.obj", BOX);
+    scratch.write("box.mtl", GLOW);
+    scratch.write("dark.obj", BOX.replace("mtllib box.mtl\n", ""));
+    scratch.write("points.csv", POINTS);
+    scratch.write("bad.csv", POINTS.replace("0.9", "nan"));
+    scratch
+}
+
+fn done(outcome: &Outcome) {
+    assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+}
+
+/// The values of an irradiance file, `Er` first.
+fn values(scratch: &Scratch, name: &str) -> Vec<Vec<f64>> {
+    let text = std::fs::read_to_string(scratch.path(name)).expect("a file");
+    text.lines()
+        .skip(1)
+        .map(|l| l.split(',').skip(6).map(|x| x.parse().expect("a number")).collect())
+        .collect()
+}
+
+#[test]
+fn a_reference_says_how_sure_it_is() {
+    let scratch = scratch();
+    let arguments =
+        ["reference", "box.obj", "--points", "points.csv", "--samples", "512", "--json", "r.json"];
+    done(&scratch.mrvis(&[&arguments[..], &["--out", "a.csv"]].concat()));
+    for row in values(&scratch, "a.csv") {
+        let [e, _, _, se, ..] = row[..] else { panic!("{} columns", row.len()) };
+        assert!((e - 2.0).abs() < 6.0 * se + 1e-3 && se < 0.05, "{e} ± {se}");
+    }
+    assert_eq!(scratch.json("r.json")["samples"], 512);
+    // The same on any number of threads, another with another seed.
+    done(&scratch.mrvis(&[&arguments[..], &["--out", "b.csv", "--threads", "3"]].concat()));
+    done(&scratch.mrvis(&[&arguments[..], &["--out", "c.csv", "--seed", "2"]].concat()));
+    let text = |name: &str| std::fs::read_to_string(scratch.path(name)).expect("a file");
+    assert_eq!(text("a.csv"), text("b.csv"));
+    assert_ne!(text("a.csv"), text("c.csv"));
+    // Comparing says so, and the tolerance decides the exit code.
+    let compared = scratch.mrvis(&["compare", "a.csv", "c.csv", "--tolerance", "0.2", "--json", "d.json"]);
+    done(&compared);
+    assert!(compared.stdout.contains("RMS") && compared.stdout.contains("bias"), "{}", compared.stdout);
+    assert!(scratch.json("d.json")["rms"].as_f64().is_some_and(|r| r > 0.0 && r < 0.2));
+    assert_eq!(scratch.mrvis(&["compare", "a.csv", "c.csv", "--tolerance", "1e-9"]).code, Some(1));
+    done(&scratch.mrvis(&["compare", "a.csv", "b.csv", "--tolerance", "0"]));
+}
+
+#[test]
+fn scenes_without_light_are_zero_with_a_warning() {
+    let scratch = scratch();
+    let outcome = scratch.mrvis(&["reference", "dark.obj", "--points", "points.csv", "--out", "a.csv"]);
+    done(&outcome);
+    assert!(outcome.stderr.contains("no light"), "{}", outcome.stderr);
+    assert!(values(&scratch, "a.csv").iter().flatten().all(|&v| v == 0.0));
+}
+
+#[test]
+fn bad_input_is_refused_in_one_line() {
+    let scratch = scratch();
+    let reference = ["reference", "box.obj", "--points"];
+    let factors = ["form-factors", "box.obj", "--out"];
+    for (arguments, word) in [
+        ([&reference[..], &["bad.csv"]].concat(), "bad.csv:3"),
+        ([&reference[..], &["missing.csv"]].concat(), "missing.csv"),
+        ([&reference[..], &["points.csv", "--samples", "1"]].concat(), "samples"),
+        ([&reference[..], &["points.csv", "--out", "nowhere/a.csv"]].concat(), "nowhere/a.csv"),
+        (vec!["compare", "points.csv", "points.csv"], "Er,Eg,Eb"),
+        (vec!["compare", "points.csv", "points.csv", "--tolerance=-1"], "tolerance"),
+        ([&factors[..], &["f.txt"]].concat(), ".npz, .csv or .mtx"),
+        ([&factors[..], &["f.npz", "--rays", "0"]].concat(), "rays"),
+        ([&factors[..], &["f.npz", "--max-memory", "0"]].concat(), "--max-memory"),
+        ([&factors[..], &["f.npz", "--max-memory", "NaN"]].concat(), "max-memory"),
+        ([&factors[..], &["nowhere/f.npz"]].concat(), "nowhere/f.npz"),
+    ] {
+        let outcome = scratch.mrvis(&arguments);
+        let said = format!("{}: {:?} {}", arguments.join(" "), outcome.code, outcome.stderr);
+        assert_eq!(outcome.code, Some(2), "{said}");
+        assert!(outcome.stderr.trim_end().lines().count() == 1 && outcome.stderr.contains(word), "{said}");
+    }
+}
+
+#[test]
+fn form_factors_of_a_box_are_the_closed_forms() {
+    let scratch = scratch();
+    done(&scratch.mrvis(&[
+        "form-factors",
+        "box.obj",
+        "--out",
+        "f.csv",
+        "--json",
+        "f.json",
+        "--tolerance",
+        "1e-3",
+    ]));
+    let text = std::fs::read_to_string(scratch.path("f.csv")).expect("a file");
+    let entry = |from: &str, to: &str| -> f64 {
+        let start = format!("{from},{to},");
+        text.lines().find_map(|l| l.strip_prefix(&start)).and_then(|f| f.parse().ok()).expect("an entry")
+    };
+    // Floor and ceiling, floor and wall of the unit cube.
+    assert!((entry("0", "1") / 0.199825 - 1.0).abs() < 1e-3);
+    assert!((entry("0", "2") / 0.200044 - 1.0).abs() < 1e-3);
+    let report = &scratch.json("f.json")["report"];
+    assert_eq!(report["closed_rows"], 6);
+    assert!(report["reciprocity_residual"].as_f64().is_some_and(|r| r < 1e-6));
+    let town = scratch.generate(&Spec { count: Some(120), ..Spec::new("urban-block") });
+    for out in ["g.npz", "g.mtx"] {
+        done(&scratch.mrvis(&["form-factors", &town, "--by", "material", "--out", out, "--quiet"]));
+        assert!(scratch.path(out).exists());
+    }
+}
+
+#[test]
+fn a_solution_is_shown() {
+    let scratch = scratch();
+    let all = "ply,glb,vtu,lightmap,image";
+    let size = ["--image-size", "64x48"];
+    done(
+        &scratch
+            .mrvis(&[&["solve", "box.obj", "--out", "s", "--output", all, "--quiet"][..], &size].concat()),
+    );
+    let files = ["solution.ply", "solution.glb", "solution.vtu", "lightmap.exr", "view.exr", "view.png"];
+    for name in files {
+        let path = scratch.path("s").join(name);
+        assert!(std::fs::metadata(&path).is_ok_and(|m| m.len() > 100), "{name}");
+    }
+    // A furnace: everything that is seen has the radiosity 1 + 0.5 · 2 = 2.
+    let image = mrvis::output::read_image(&scratch.path("s").join("view.exr"), Default::default(), 1.0)
+        .expect("an image");
+    let want = 2.0 / std::f32::consts::PI;
+    let seen: Vec<f32> = image.data().iter().copied().filter(|&v| v > 0.0).collect();
+    assert!(seen.len() > 64 * 48 / 10, "{} pixels", seen.len());
+    assert!(seen.iter().filter(|&&v| (v / want - 1.0).abs() < 0.02).count() > seen.len() * 8 / 10);
+    let refused = scratch.mrvis(&["solve", "box.obj", "--out", "s", "--camera", "0,0,0,0,0,0,40"]);
+    assert!(refused.code == Some(2) && refused.stderr.contains("camera"), "{}", refused.stderr);
+}
