@@ -61,6 +61,12 @@ impl Meter<'_> {
     /// far ones by the kernel alone. Clusters: an unbiased estimate over their sides, drawn with a preference for those
     /// that face the other end. Visibility is asked for the same points, weighted by their kernel.
     pub fn measure(&self, a: u32, b: u32, care: Care, scratch: &mut Scratch) -> Option<Link> {
+        // The same samples whichever end is named first.
+        if self.elements.elements[a as usize].ids > self.elements.elements[b as usize].ids {
+            let link = self.measure(b, a, care, scratch)?;
+            let [of_b, of_a] = link.variation;
+            return Some(Link { a, b, variation: [of_a, of_b], ..link });
+        }
         let (ea, eb) = (&self.elements.elements[a as usize], &self.elements.elements[b as usize]);
         if ea.area <= 0.0 || eb.area <= 0.0 || self.behind(ea, eb) || self.behind(eb, ea) {
             return None;

@@ -32,7 +32,7 @@ fn coupling(pieces: Pieces, worth: f32, seed: u64) -> Option<(Link, f64)> {
     let care = Care { worth, feature_size: 1.0 };
     let link = meter.measure(a, b, care, &mut Scratch::default())?;
     let back = meter.measure(b, a, care, &mut Scratch::default()).expect("both ways or none");
-    assert!((link.coupling - back.coupling).abs() <= 1e-4 * link.coupling, "{link:?} {back:?}");
+    assert!(link.coupling == back.coupling, "{link:?} {back:?}");
     Some((link, elements.elements[a as usize].area))
 }
 
@@ -50,7 +50,7 @@ fn free_couplings_are_those_of_the_closed_forms() {
         let (link, area) = coupling(opposed(distance), 1e3, 1).expect("they face each other");
         let factor = f64::from(link.coupling) / area;
         let want = crate::form_factor::parallel_rectangles([[0.0, 1.0]; 2], [[0.0, 1.0]; 2], distance);
-        assert!((factor / want - 1.0).abs() < 1e-3, "{distance}: {factor} {want}");
+        assert!((factor / want - 1.0).abs() < 2e-3, "{distance}: {factor} {want}");
         assert_eq!(link.transmittance, 1.0);
     }
     // Unit squares with a common edge.

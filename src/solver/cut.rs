@@ -120,6 +120,12 @@ impl Cut {
         cut
     }
 
+    /// Uses another closure.
+    pub fn reclose(&mut self, elements: &Elements, closure: &[Closure]) {
+        let sealed: Vec<u32> = self.sealed().map(|place| self.elements[place]).collect();
+        self.responses = sealed.par_iter().map(|&c| response(elements, c, closure)).collect();
+    }
+
     fn connect(&mut self, links: &[Link]) {
         let places = &self.places;
         let mut starts = vec![0u32; self.elements.len() + 1];

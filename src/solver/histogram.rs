@@ -26,7 +26,8 @@ impl Histogram {
             if sum > count {
                 // All of this bin lies below its upper edge; one bin at least is refined.
                 let edge = if sum == self.counts[k] { k } else { k + 1 };
-                return lower(edge).max(least);
+                // What lies on the edge exceeds it.
+                return (lower(edge) * (1.0 - 1e-6)).max(least);
             }
         }
         least

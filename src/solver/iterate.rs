@@ -10,8 +10,9 @@ use crate::element::Shape;
 const NOTHING: f64 = 0.1;
 /// Row sums of other leaves above this are wrong.
 const TOO_MUCH: f64 = 1.25;
-/// Rounds of balancing.
-const BALANCING: usize = 12;
+/// Most rounds of balancing, and the root mean square error of the row sums (by area) at which it ends.
+const ROUNDS: usize = 40;
+const BALANCED: f64 = 3e-5;
 /// Largest factor of a leaf, and one over the smallest.
 const MOST: f32 = 4.0;
 /// Least and largest factor by which the reflected light is scaled after a sweep.
@@ -76,12 +77,11 @@ impl Solver<'_> {
     /// Returns the row sums there were.
     pub(super) fn close(&mut self) -> Vec<f64> {
         self.closure.fill(Closure::NONE);
-        let sampled = self.row_sums(&self.cut());
+        let mut cut = self.cut();
+        let sampled = self.row_sums(&cut);
         let mut sums = sampled.clone();
-        for round in 0..if self.rows == Rows::Balanced { BALANCING } else { 1 } {
-            if round > 0 {
-                sums = self.row_sums(&self.cut());
-            }
+        for _ in 0..if self.rows == Rows::Balanced { ROUNDS } else { 1 } {
+            let (mut off, mut all) = (0.0, 0.0);
             for (e, &sum) in sums.iter().enumerate() {
                 let before = self.closure[e].gathers;
                 let missing = self.missing(e, f64::from(before) * sum);
@@ -93,7 +93,17 @@ impl Solver<'_> {
                         Closure { gathers: factor, sends: factor }
                     }
                 };
+                let element = &self.elements.elements[e];
+                if element.is_leaf() && self.closure[e].gathers < MOST && missing != 1.0 {
+                    off += element.area * (1.0 / missing - 1.0).powi(2);
+                    all += element.area;
+                }
             }
+            if off <= BALANCED * BALANCED * all {
+                break;
+            }
+            cut.reclose(&self.elements, &self.closure);
+            sums = self.row_sums(&cut);
         }
         sampled
     }

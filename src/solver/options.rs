@@ -138,8 +138,8 @@ impl Options {
         self.light_rays.unwrap_or((5.0 / self.error).clamp(64.0, 4096.0) as usize)
     }
 
-    /// Rays of a final gather: its noise is about a quarter of the error.
+    /// Rays of a final gather: its noise is less than the error.
     pub fn gather_rays(&self) -> usize {
-        self.gather_rays.unwrap_or((0.45 / self.error).powi(2).clamp(64.0, 16384.0) as usize)
+        self.gather_rays.unwrap_or((0.45 / self.error).powi(2).clamp(64.0, 2304.0) as usize)
     }
 }

@@ -37,9 +37,9 @@ pub struct Receiver<'a> {
     powers: Vec<f32>,
     /// Low-discrepancy numbers for shadow rays.
     table: Vec<[f32; 2]>,
-    /// Nearer than this many radii of the element that is met its mean light says too little. In scenes with clusters the
-    /// first thing met is never taken at its word: what lies in clusters knows its light on average only.
-    near: f32,
+    /// Bounces that are followed before an element's light is taken: in scenes with clusters the first things met are not
+    /// taken at their word, since what lies in clusters knows its light on average only.
+    bounces: u64,
     light_rays: usize,
     /// Directions about +z for the final gather, blocks of 4 by 4 neighbours together; several sets that points choose
     /// from, none for direct light only.
@@ -55,7 +55,7 @@ struct Buffers {
     scratch: Scratch,
     packets: Vec<Packet>,
     hits: Vec<Hits>,
-    near: Vec<Met>,
+    places: Vec<Met>,
     beyond: Vec<Met>,
 }
 
@@ -65,7 +65,6 @@ struct Met {
     place: Vec3,
     side: u32,
     leaf: u32,
-    distance: f32,
     /// What has become of a unit of its light where it arrives, by channel.
     share: Vec3,
 }
@@ -125,7 +124,7 @@ impl<'a> Receiver<'a> {
             lit,
             powers,
             table,
-            near: if elements.large_from > 0 { f32::INFINITY } else { NEAR },
+            bounces: if elements.large_from > 0 { BOUNCES } else { 0 },
             light_rays: options.light_rays(),
             hemispheres,
             feature_size: options.feature_size.unwrap_or(1e-2 * scene.bounds.diagonal()),
@@ -234,7 +233,7 @@ impl<'a> Receiver<'a> {
 
     /// What surfaces reflect: one ray in each cell of a hemisphere of equal cosine weight.
     fn gathered(&self, at: Vec3, normal: Vec3, seed: u64, buffers: &mut Buffers) -> Rgb {
-        let Buffers { packets, hits, near, .. } = buffers;
+        let Buffers { packets, hits, places, .. } = buffers;
         let from = at + 2e-6 * self.magnitude * normal;
         let (x, y) = normal.any_orthonormal_pair();
         let [turn, ..] = numbers(seed, 1);
@@ -256,16 +255,15 @@ impl<'a> Receiver<'a> {
         hits.clear();
         hits.resize(packets.len(), Hits::NONE);
         self.traced.first_hits(self.traversal, packets, hits);
-        let elements = &self.solver.elements;
         let mut sum = [0.0; 3];
-        near.clear();
+        places.clear();
         for (packet, hits) in packets.iter().zip(hits.iter()) {
             // Sixteen terms in f32, then f64.
             let mut part = Vec3::ZERO;
             for lane in 0..LANES {
                 let Some(met) = self.met(packet, hits, lane) else { continue };
-                if met.distance < self.near * elements.elements[met.leaf as usize].radius {
-                    near.push(met);
+                if self.bounces > 0 {
+                    places.push(met);
                 } else {
                     part += Vec3::from(self.reflected[met.leaf as usize]);
                 }
@@ -299,10 +297,8 @@ fn hemisphere(rows: usize, seed: u64) -> Vec<Vec3> {
         .collect()
 }
 
-/// Bounces that are followed in scenes with clusters before the elements' light is taken.
+/// See [`Receiver::bounces`].
 const BOUNCES: u64 = 3;
-/// See [`Receiver::near`].
-const NEAR: f32 = 3.0;
 
 impl Receiver<'_> {
     fn met(&self, packet: &Packet, hits: &Hits, lane: usize) -> Option<Met> {
@@ -316,28 +312,27 @@ impl Receiver<'_> {
             return None;
         }
         let leaf = self.lookup.leaf(side, place);
-        Some(Met { place, side, leaf, distance: hits.t[lane] * self.length, share: Vec3::ONE })
+        Some(Met { place, side, leaf, share: Vec3::ONE })
     }
 
-    /// Adds what the near places reflect: the light of one emitter through one shadow ray, and of what one more ray meets,
-    /// which where nothing is taken at its word is followed further in turn.
+    /// Adds what the places met reflect: the light of one emitter through one shadow ray, and of what one more ray meets,
+    /// which is followed further in turn.
     fn continued(&self, seed: u64, sum: &mut Rgb, buffers: &mut Buffers) {
-        let bounces = if self.near.is_finite() { 1 } else { BOUNCES };
-        for bounce in (0..bounces).rev() {
-            if buffers.near.is_empty() {
+        for bounce in (0..self.bounces).rev() {
+            if buffers.places.is_empty() {
                 return;
             }
             self.bounce(mix(seed ^ bounce), bounce == 0, sum, buffers);
         }
     }
 
-    /// One more ray and a shadow ray from each near place, which are replaced by those beyond unless this is the last.
+    /// One more ray and a shadow ray from each place, which are replaced by those beyond unless this is the last.
     fn bounce(&self, seed: u64, last: bool, sum: &mut Rgb, buffers: &mut Buffers) {
-        let Buffers { packets, hits, near, beyond: further, scratch } = buffers;
+        let Buffers { packets, hits, places, beyond: further, scratch } = buffers;
         further.clear();
         let elements = &self.solver.elements;
         packets.clear();
-        for (i, met) in near.iter().enumerate() {
+        for (i, met) in places.iter().enumerate() {
             if i % LANES == 0 {
                 packets.push(Packet::EMPTY);
             }
@@ -352,10 +347,10 @@ impl Receiver<'_> {
         hits.clear();
         hits.resize(packets.len(), Hits::NONE);
         self.traced.first_hits(self.traversal, packets, hits);
-        scratch.tally.segments += near.len() as u64;
-        scratch.tally.exact_rays += near.len() as u64;
+        scratch.tally.segments += places.len() as u64;
+        scratch.tally.exact_rays += places.len() as u64;
         for (g, (group, (packet, hits))) in
-            near.chunks(LANES).zip(packets.iter().zip(hits.iter())).enumerate()
+            places.chunks(LANES).zip(packets.iter().zip(hits.iter())).enumerate()
         {
             let mut shadow = Packet::EMPTY;
             let mut light = [[0.0f32; 3]; LANES];
@@ -394,7 +389,7 @@ impl Receiver<'_> {
                 add(sum, f64::from(through[lane]), light[lane].map(f64::from));
             }
         }
-        std::mem::swap(near, further);
+        std::mem::swap(places, further);
     }
 
     /// A point on an emitter by two numbers in `[0, 1)`; faces are chosen by their power.
@@ -408,7 +403,7 @@ impl Receiver<'_> {
         Some((point_on(&face.corners, u, v), face))
     }
 
-    /// Density with which a cosine-weighted ray from a near place finds a point of an emitter, over the density of
+    /// Density with which a cosine-weighted ray from a place finds a point of an emitter, over the density of
     /// [`Receiver::on_emitter`]. Both find it; weighted by their densities (the balance heuristic of Veach and Guibas
     /// 1995) each contributes less than the emitter's exitance, however near it is.
     fn ratio(&self, met: &Met, at: Vec3, normal: Vec3, exitance: Rgb) -> f32 {
