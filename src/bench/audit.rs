@@ -76,7 +76,7 @@ impl Audit {
 
 /// `count` places out of `all`, one at random in each of as many equal parts.
 fn one_of_each(all: usize, count: usize, seed: u64) -> Vec<usize> {
-    let mut random = Pcg64Mcg::new(u128::from(seed) ^ 0x6175_6469_74);
+    let mut random = Pcg64Mcg::new(u128::from(seed) ^ 0x0061_7564_6974);
     let count = count.min(all);
     let start = |k: usize| k * all / count;
     let mut within = |k: usize| random.next_u64() as usize % (start(k + 1) - start(k));

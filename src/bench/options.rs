@@ -24,7 +24,7 @@ pub enum Target {
 /// What is measured.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Feature sizes, scene units; none: [`default_sizes`].
+    /// Feature sizes, scene units; none: [`default_sizes`](super::default_sizes).
     pub feature_sizes: Vec<f64>,
     /// Segments from a point to an emitter for the multi-resolution engine; 4 and 16 times as many are measured too.
     pub rays: usize,

@@ -46,6 +46,10 @@ pub struct Record {
     pub workload: Workload,
     /// Exact visibility, by number of rays.
     pub exact: Vec<ExactRow>,
+    /// Exact visibility where pairs that are certainly clear or blocked are recognised without rays. Speed-ups are
+    /// measured against the rows of `exact`.
+    #[serde(default)]
+    pub certified: Vec<ExactRow>,
     /// Multi-resolution visibility, by feature size.
     pub mr: Vec<MrRow>,
     /// Estimates without bias, if they were asked for.
@@ -176,10 +180,6 @@ pub struct Workload {
 pub struct ExactRow {
     /// Rays from a point to an emitter.
     pub rays: usize,
-    /// Whether pairs that are certainly clear or blocked were recognised without rays; speed-ups are measured against
-    /// the rows where they were not.
-    #[serde(default)]
-    pub certificates: bool,
     /// Time of the queries, seconds.
     pub seconds: f64,
     /// The fastest of Embree's ways of asking: `occluded1`, `occluded4`, `occluded8` or `occluded16`; with

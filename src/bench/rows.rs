@@ -6,6 +6,7 @@ use super::options::{MAX_RAYS, Options};
 use super::progress::Progress;
 use super::record::{ExactRow, MrRow, interpolate_log_log};
 use super::reference::Reference;
+use super::unbiased::SEGMENTS;
 use super::workload::Workload;
 use crate::embree::{CommittedScene, Traversal};
 use crate::ray::Packet;
@@ -23,9 +24,18 @@ const REPEATS: usize = 6;
 /// Seconds after which they are not, with the time for making segments: a run shall end.
 const PATIENCE: f64 = 1.0;
 /// Pairs that are asked, untimed, before each timed row.
-const WARM_UP: usize = 1024;
+pub(super) const WARM_UP: usize = 1024;
 /// Segments that a traversal is chosen on.
 const TRIAL: usize = 1 << 14;
+
+/// What the rows are judged by, and the rows.
+pub(super) struct Measured {
+    pub reference: Reference,
+    pub exact: Vec<ExactRow>,
+    /// With certificates.
+    pub certified: Vec<ExactRow>,
+    pub mr: Vec<MrRow>,
+}
 
 /// What all rows of a run share.
 pub(super) struct Bench<'a> {
@@ -47,7 +57,8 @@ impl Bench<'_> {
 
     /// Numbers of rays of the exact rows: the fixed ones and those that multi-resolution rows are compared with.
     pub fn exact_rays(&self) -> Vec<usize> {
-        let mut rays: Vec<usize> = EXACT_RAYS.into_iter().chain(self.mr_rays()).collect();
+        let unbiased = if self.options.unbiased { &SEGMENTS[..] } else { &[] };
+        let mut rays: Vec<usize> = EXACT_RAYS.iter().chain(unbiased).copied().chain(self.mr_rays()).collect();
         rays.sort_unstable();
         rays.dedup();
         rays
@@ -128,11 +139,7 @@ impl Bench<'_> {
     }
 
     /// All rows over the receiver points.
-    pub fn points(
-        &self,
-        questions: Questions,
-        engine: &MultiResolution,
-    ) -> (Reference, Vec<ExactRow>, Vec<MrRow>) {
+    pub fn points(&self, questions: Questions, engine: &MultiResolution) -> Measured {
         let pairs = questions.pairs.len() as u64;
         let reference = self.reference("reference", questions, self.options.reference_rays);
         let audit = self.audit(questions);
@@ -145,15 +152,16 @@ impl Bench<'_> {
             let mode = format!("occluded{}", traversal.width);
             let coherent = traversal.coherent;
             let seconds = run.seconds();
-            exact.push(ExactRow { rays, certificates: false, seconds, mode, coherent, rms, bias });
+            exact.push(ExactRow { rays, seconds, mode, coherent, rms, bias });
         }
+        let mut certified = Vec::new();
         for rays in self.mr_rays() {
             let run = self.certified(questions, engine, rays).run;
             let (rms, bias) = reference.errors(&run.visible);
             let (mode, seconds) = ("certified".into(), run.seconds());
-            exact.push(ExactRow { rays, certificates: true, seconds, mode, coherent: false, rms, bias });
+            certified.push(ExactRow { rays, seconds, mode, coherent: false, rms, bias });
         }
-        let curve = plain_curve(&exact);
+        let curve = curve(&exact);
         let mr_rays: usize = self.mr_rays().iter().sum();
         self.progress.stage("multi-resolution", pairs * (mr_rays * self.sizes.len()) as u64);
         let mut rows = Vec::new();
@@ -165,10 +173,7 @@ impl Bench<'_> {
                 let same_rms = interpolate_log_log(&curve, rms);
                 let cost = result.cost;
                 let segments = cost.segments.max(1) as f64;
-                let as_many = exact
-                    .iter()
-                    .find(|row| row.rays == rays && !row.certificates)
-                    .map_or(0.0, |row| row.seconds);
+                let as_many = exact.iter().find(|row| row.rays == rays).map_or(0.0, |row| row.seconds);
                 rows.push(MrRow {
                     feature_size: s,
                     rays,
@@ -189,7 +194,7 @@ impl Bench<'_> {
                 });
             }
         }
-        (reference, exact, rows)
+        Measured { reference, exact, certified, mr: rows }
     }
 
     /// The audit's own rays, if one was asked for.
@@ -206,14 +211,14 @@ impl Bench<'_> {
     }
 }
 
-/// Seconds and errors of the plain exact rows: what speed-ups are measured against.
-pub(super) fn plain_curve(rows: &[ExactRow]) -> Vec<(f64, f64)> {
-    rows.iter().filter(|row| !row.certificates).map(|row| (row.seconds, row.rms)).collect()
+/// Seconds and errors of exact rows: what speed-ups are measured against.
+pub(super) fn curve(rows: &[ExactRow]) -> Vec<(f64, f64)> {
+    rows.iter().map(|row| (row.seconds, row.rms)).collect()
 }
 
 /// One run or, if it is short, several, with the least times. `run` is told whether it is the first; `times` finds the
 /// times in what it returns.
-fn least<R>(mut run: impl FnMut(bool) -> R, times: impl Fn(&mut R) -> &mut Run) -> R {
+pub(super) fn least<R>(mut run: impl FnMut(bool) -> R, times: impl Fn(&mut R) -> &mut Run) -> R {
     let start = Instant::now();
     let mut best = run(true);
     let mut total = times(&mut best).seconds();

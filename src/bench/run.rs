@@ -6,7 +6,7 @@ use super::page::ReceiverImages;
 use super::prepare::Prepared;
 use super::progress::Progress;
 use super::record::{self, Record, SceneFacts};
-use super::rows::{Bench, plain_curve};
+use super::rows::{Bench, Measured, curve};
 use super::sizes::default_sizes;
 use super::workload::{Workload, surface_points};
 use crate::characterise::{Extinction, Traits};
@@ -48,9 +48,9 @@ pub fn run(
 
     let every: Vec<usize> = (0..workload.pairs.len()).collect();
     let questions = Questions { scene, workload: &workload, pairs: &every };
-    let (reference, exact, mut rows) = bench.points(questions, &mr);
+    let Measured { reference, exact, certified, mr: mut rows } = bench.points(questions, &mr);
     let unbiased = match options.unbiased {
-        true => bench.unbiased(questions, &mr, &reference, &plain_curve(&exact)),
+        true => bench.unbiased(questions, &mr, &reference, &curve(&exact)),
         false => Vec::new(),
     };
     let target = options.target.map(|target| bench.target(target, questions, &mr, &reference));
@@ -81,6 +81,7 @@ pub fn run(
             reference_rms: reference.standard_error(),
         },
         exact,
+        certified,
         mr: rows,
         unbiased,
         target,

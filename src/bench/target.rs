@@ -170,7 +170,8 @@ fn choose(plans: &[Expected], target: Target) -> (Expected, bool) {
         plans.iter().filter(|p| good(p)).min_by(|a, b| key(a).total_cmp(&key(b))).copied()
     };
     let all = |_: &Expected| true;
-    let (seconds, error): (fn(&Expected) -> f64, fn(&Expected) -> f64) = (|p| p.seconds, |p| p.error.rms);
+    let seconds: fn(&Expected) -> f64 = |p| p.seconds;
+    let error: fn(&Expected) -> f64 = |p| p.error.rms;
     let (found, otherwise) = match target {
         // The pilot itself is uncertain: the upper end has to do.
         Target::Error(most) => (least(seconds, &|p| p.error.hi <= most), least(error, &all)),

@@ -2,14 +2,14 @@
 //! (method E.4).
 //!
 //! A pilot on a sample, with segments of its own, measures for some averaged levels what they cost, how far they are
-//! from exact, segment by segment, and how that depends on the answer. The numbers of corrections by class follow from
-//! the least product of variance and cost (N ~ sqrt(variance / cost), class by class); the level with the least product
-//! of all is run.
+//! from exact, segment by segment, and how that depends on the answer. The numbers of corrections by class are those
+//! that leave the least variance at a price for a correction; price and level are those that promise the least time
+//! relative to that of exact rays with the same error.
 
 use super::measure::{Questions, Run, Timer, bundles};
 use super::record::{UnbiasedLevel, UnbiasedRow, interpolate_log_log};
 use super::reference::Reference;
-use super::rows::{Bench, ratio};
+use super::rows::{Bench, WARM_UP, least, ratio};
 use crate::ray::{LANES, Occluder, Packet};
 use crate::visibility::{Bundle, Correction, Estimate, Exact, MultiResolution, Unbiased, Workspace};
 use rand_pcg::Pcg64Mcg;
@@ -17,7 +17,7 @@ use rand_pcg::rand_core::Rng;
 use std::time::Instant;
 
 /// Segments of the averaged level.
-const SEGMENTS: [usize; 3] = [64, 256, 1024];
+pub(super) const SEGMENTS: [usize; 3] = [64, 256, 1024];
 /// Parts of their size that emitters are taken for: smaller ones open more.
 const EMITTER_PARTS: [f32; 3] = [1.0, 0.5, 0.25];
 /// Sample set of the rows, and those of the pilot.
@@ -38,7 +38,7 @@ struct Plan {
     feature_size: f64,
     emitter_part: f32,
     correction: Correction,
-    /// Variance of an estimate times seconds for it, expected.
+    /// Time for an estimate over that of exact rays with the same error, expected.
     work: f64,
 }
 
@@ -62,8 +62,10 @@ impl Bench<'_> {
                 let pilot = Pilot::new(questions_of_pilot, exact, segments);
                 let sizes = [self.sizes.first(), self.sizes.last()].into_iter().flatten();
                 let plans = sizes.flat_map(|&s| EMITTER_PARTS.map(|part| (s, part)));
+                let pairs = questions.pairs.len() as f64;
+                let exactly = |rms| interpolate_log_log(curve, rms).map_or(f64::MAX, |t| t.seconds / pairs);
                 let plan = plans
-                    .map(|(s, part)| pilot.plan(engine, s, part))
+                    .map(|(s, part)| pilot.plan(engine, (s, part), &exactly))
                     .min_by(|a, b| a.work.total_cmp(&b.work))
                     .expect("there are sizes");
                 let pilot_s = start.elapsed().as_secs_f64();
@@ -75,9 +77,13 @@ impl Bench<'_> {
                     correction: &plan.correction,
                 };
                 let seed = self.options.seed;
-                let (run, corrections) = self.timer.unbiased(questions, &unbiased, segments, seed, &|n| {
-                    self.progress.advance(n as u64);
-                });
+                let ask = |questions: Questions, advance: &dyn Fn(usize)| {
+                    self.timer.unbiased(questions, &unbiased, segments, seed, advance)
+                };
+                ask(questions.first(WARM_UP), &|_| ());
+                let advance = |first: bool, n: usize| self.progress.advance(if first { n as u64 } else { 0 });
+                let (run, corrections) =
+                    least(|first| ask(questions, &|n| advance(first, n)), |found| &mut found.0);
                 row(&plan, &run, corrections, reference, curve, pilot_s)
             })
             .collect()
@@ -154,7 +160,7 @@ impl Timer {
 
 /// Random bits of a pair.
 fn chance(seed: u64, pair: usize) -> u64 {
-    Pcg64Mcg::new(u128::from(seed) << 64 | pair as u128 * 2 + 1).next_u64()
+    Pcg64Mcg::new((u128::from(seed) << 64) | (pair as u128 * 2 + 1)).next_u64()
 }
 
 /// Runs of neighbouring questions, evenly spread.
@@ -209,8 +215,14 @@ impl<'a> Pilot<'a> {
         Pilot { questions, segments, packets, clear, variance, seconds }
     }
 
-    /// The best use of an averaged level.
-    fn plan(&self, engine: &MultiResolution, feature_size: f64, emitter_part: f32) -> Plan {
+    /// The best use of an averaged level. `exactly` says how many seconds exact rays take to answer a pair with this
+    /// error.
+    fn plan(
+        &self,
+        engine: &MultiResolution,
+        (feature_size, emitter_part): (f64, f32),
+        exactly: &dyn Fn(f64) -> f64,
+    ) -> Plan {
         let per_pair = self.segments / LANES;
         let pairs = self.questions.pairs;
         let (order, bundles) = bundles(self.questions, 0..pairs.len(), &self.packets, self.segments);
@@ -235,7 +247,7 @@ impl<'a> Pilot<'a> {
             }
         }
         let (correction, work) = allocate(&classes, pairs.len(), |corrections, packets| {
-            (self.variance + corrections) * (seconds + packets * self.seconds)
+            (seconds + packets * self.seconds) / exactly((self.variance + corrections).max(1e-12).sqrt())
         });
         Plan { segments: self.segments, feature_size, emitter_part, correction, work }
     }
@@ -277,7 +289,7 @@ impl Class {
     /// Numbers of packets to choose from, below 1 with that probability, and the summed variance that each leaves.
     fn choices(&self) -> impl Iterator<Item = (f32, f64)> {
         let one = self.left.first().copied().unwrap_or(0.0);
-        let rare = (1..=RAREST.log2().abs() as i32).map(move |k| {
+        let rare = (1..=RAREST.log2().abs() as i32).rev().map(move |k| {
             let q = 0.5f64.powi(k);
             (q as f32, (one + self.square) / q - self.square)
         });

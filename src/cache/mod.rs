@@ -4,7 +4,7 @@
 //! only if its checksum is right. Anything else (of another version, cut off, damaged, somebody else's) is made again
 //! and replaced. It is written whole or not at all, so that runs at the same time do not disturb each other.
 //!
-//! Layout: [`MAGIC`], the key, the table by `postcard`, the BLAKE3 hash of all that. The key holds a fingerprint of the
+//! Layout: `MAGIC`, the key, the table by `postcard`, the BLAKE3 hash of all that. The key holds a fingerprint of the
 //! source code that measures (see `build.rs`), so that nobody has to count up a version when a field or a formula
 //! changes.
 

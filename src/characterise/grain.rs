@@ -130,7 +130,13 @@ impl Cells {
         loop {
             let square: f32 =
                 self.residual.iter().zip(&inside).map(|(r, n)| if *n > 0.0 { r * r / n } else { 0.0 }).sum();
-            errors[levels] = (window, (square / total).sqrt());
+            let mut error = (square / total).sqrt();
+            if let Some((_, before)) = errors[..levels].last() {
+                // Parts that are independent average out as the width grows. What falls faster does so because the
+                // windows happen to lie as the parts do; beams lie anywhere.
+                error = error.max(0.5 * before);
+            }
+            errors[levels] = (window, error);
             levels += 1;
             if (width == 1 && height == 1) || levels == errors.len() {
                 break;

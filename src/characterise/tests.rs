@@ -359,6 +359,32 @@ fn thin_bars_do_not_vanish() {
     }
 }
 
+/// Method D.13: of clumps of eight adjoining cubes half of the faces are inside. Counting their area makes the field
+/// too dark; what is measured is not fooled.
+#[test]
+fn hidden_faces_darken_nothing() {
+    let mut random = Pcg64Mcg::new(17);
+    let mut clumps = Pieces::new();
+    for _ in 0..120 {
+        let corner = in_cube(&mut random) * 0.9;
+        for k in 0..8 {
+            let step = DVec3::new(f64::from(k & 1), f64::from(k >> 1 & 1), f64::from(k >> 2)) * 0.05;
+            clumps.cuboid(corner + step, corner + step + 0.05);
+        }
+    }
+    let scene = clumps.scene();
+    let (tree, traits) = measured(&scene, &options());
+    let analytic =
+        measured(&scene, &Options { extinction: Extinction::Analytic, ..options() }).1[0].extinction[0];
+    let (traced, bounds) = (committed(&scene), tree.clusters[0].bounds.thickened());
+    for axis in [0, 4, 10] {
+        let [truth, model] = pass_along(AXES[axis], traits[0].extinction[axis], &traits[0], bounds, &traced);
+        let [_, formula] = pass_along(AXES[axis], analytic, &traits[0], bounds, &traced);
+        assert!((truth - model).abs() < 0.035, "axis {axis}: lines pass {truth}, measured {model}");
+        assert!(formula < truth - 0.1, "axis {axis}: lines pass {truth}, the formula {formula}");
+    }
+}
+
 /// A closed cube alone is opaque whatever its area says (method D.1, first row).
 #[test]
 fn solids_are_opaque() {

@@ -571,6 +571,47 @@ fn brick_walls_leak_little() {
     }
 }
 
+/// Method D.9: a disc of half the emitter's size has no umbra, yet hides three quarters of it. Two such discs side by
+/// side are one cluster; by the size of its umbra alone it may be averaged at any s, and the shadow behind each disc
+/// is gone. The grain keeps it.
+#[test]
+fn penumbrae_of_strong_contrast_stay() {
+    let mut discs = Pieces::new();
+    for x in [0.0, 2.0] {
+        let rim = (0..8).map(|k| (f64::from(k) + 0.5) * std::f64::consts::TAU / 8.0);
+        discs.polygon(&rim.map(|t| DVec3::new(x + 0.25 * t.cos(), 0.25 * t.sin(), 4.0)).collect::<Vec<_>>());
+    }
+    let stage = Stage::with(
+        discs.scene(),
+        &hierarchy::Options { large_surface: f32::INFINITY, ..Default::default() },
+        Extinction::Measured,
+    );
+    // What the paper's rule sees of both together: less than the emitter, so no umbra whatever s is.
+    let both = &stage.traits[0];
+    assert!(umbra(1.0, f64::from(both.blocked[2]), 3.0, 4.0) < 0.0, "{both:?}");
+    assert!(both.coverage[2] < 0.4 && both.feature_size(2) > 0.6, "{both:?}");
+    let (mut random, mut workspace) = (Pcg64Mcg::new(31), Workspace::default());
+    let at = |p: DVec3| (p - stage.scene.origin).as_vec3();
+    let mut packets = vec![Packet::EMPTY; 64];
+    let mut hit = 0;
+    for k in 0..64 * LANES {
+        let turn = std::f64::consts::TAU * unit(&mut random);
+        let rim = 0.5 * unit(&mut random).sqrt();
+        // At the disc's height the segment has come four sevenths of its way.
+        hit += usize::from(rim * 4.0 / 7.0 < 0.25);
+        let end = DVec3::new(rim * turn.cos(), rim * turn.sin(), 7.0);
+        packets[k / LANES].set(k % LANES, at(DVec3::ZERO), at(end), end_rule(&stage.scene));
+    }
+    let truth = 1.0 - hit as f32 / (64 * LANES) as f32;
+    assert!((1.0 - peak_occlusion(1.0, 0.5, 3.0, 4.0) as f32 - truth).abs() < 0.05, "{truth}");
+    let bundle = Bundle { packets: &packets, emitter_size: 1.0 };
+    for s in [0.05, 0.2, 0.4] {
+        let found = stage.engine(Leaf::Exact).answer(bundle, s, &mut workspace).transmittance;
+        // An octagon covers nine tenths of its disc.
+        assert!((found - truth).abs() < 0.12, "s {s}: {found} passes, {truth} should");
+    }
+}
+
 /// A segment in the plane of a triangle that it passes aside, between others that cross the plane.
 #[test]
 fn triangles_on_their_edge_block_nothing() {

@@ -94,6 +94,10 @@ fn options_out_of_range_are_refused() {
         (&["bench", "scene.obj", "--tolerance", "0"], "tolerance"),
         (&["bench", "scene.obj", "--tolerance", "1.5"], "tolerance"),
         (&["bench", "scene.obj", "--extinction", "guessed"], "extinction"),
+        (&["bench", "scene.obj", "--target-error", "0"], "target-error"),
+        (&["bench", "scene.obj", "--target-error", "2"], "target-error"),
+        (&["bench", "scene.obj", "--target-seconds", "NaN"], "target-seconds"),
+        (&["bench", "scene.obj", "--target-seconds", "1", "--target-error", "0.1"], "target"),
         (&["bench", "scene.obj", "--threads", huge], "threads"),
         (&["bench", "scene.obj", "--seed", "x"], "seed"),
         (&["bench", "scene.obj", "--no-such-option"], "no-such-option"),
@@ -271,6 +275,10 @@ fn scaling_needs_no_scene() {
             }
         }
         assert_eq!(json.get("scene").is_some(), !scene.is_empty());
+        // Clusters of the scene are kept, those of the generated forests are not.
+        let files = std::fs::read_dir(scratch.path("")).expect("the folder").flatten();
+        let kept = files.filter(|f| f.path().extension().is_some_and(|e| e == "mrvis-cache")).count();
+        assert_eq!(kept, scene.len());
         assert!(
             std::fs::read_to_string(scratch.path("o/report.html"))
                 .expect("a page")

@@ -4,8 +4,11 @@
 mod cli;
 #[cfg(feature = "cli")]
 mod determinism;
+mod features;
 #[cfg(feature = "cli")]
 mod light;
 #[cfg(feature = "cli")]
 mod run;
+#[cfg(feature = "cli")]
+mod target;
 mod tidy;

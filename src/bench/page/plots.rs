@@ -4,21 +4,20 @@ use maud::{Markup, PreEscaped, html};
 
 use super::length;
 use crate::Result;
-use crate::bench::record::Record;
+use crate::bench::record::{ExactRow, Record};
 use crate::metrics::Fbem;
 use crate::output::{Plot, Point, Scale, Series};
 
 /// Error of each row against its time, both logarithmic.
 pub(super) fn error_against_time(record: &Record) -> Result<Markup> {
     let rays = |n: usize| if n == 1 { "1 ray".to_string() } else { format!("{n} rays") };
-    let points = |certificates: bool| -> Vec<Point> {
-        let rows = record.exact.iter().filter(|row| row.certificates == certificates);
-        rows.map(|row| Point { x: row.seconds, y: row.rms, label: rays(row.rays) }).collect()
+    let points = |rows: &[ExactRow]| -> Vec<Point> {
+        rows.iter().map(|row| Point { x: row.seconds, y: row.rms, label: rays(row.rays) }).collect()
     };
-    let mut series = vec![Series { name: "exact".into(), points: points(false), line: true }];
-    let certified = points(true);
-    if !certified.is_empty() {
-        series.push(Series { name: "exact with certificates".into(), points: certified, line: true });
+    let mut series = vec![Series { name: "exact".into(), points: points(&record.exact), line: true }];
+    if !record.certified.is_empty() {
+        let points = points(&record.certified);
+        series.push(Series { name: "exact with certificates".into(), points, line: true });
     }
     for row in &record.mr {
         let name = format!("multi-res., {} segments", row.rays);

@@ -69,12 +69,12 @@ fn table(rows: &[ScalingRow]) -> Markup {
     let columns = [
         "series",
         "triangles",
-        "time, exact",
-        "time, multi-res.",
+        "µs, exact",
+        "µs, multi-res.",
         "RMS, exact",
         "RMS, multi-res.",
-        "groups",
-        "preparation",
+        "nodes",
+        "built in",
         "memory",
         "a triangle",
     ];
@@ -87,8 +87,8 @@ fn table(rows: &[ScalingRow]) -> Markup {
                         tr {
                             td { (row.series) }
                             td { (count(row.triangles as u64)) }
-                            td { (seconds(row.seconds_per_bundle_exact)) }
-                            td { (seconds(row.seconds_per_bundle_mr)) }
+                            td { (number(1e6 * row.seconds_per_bundle_exact)) }
+                            td { (number(1e6 * row.seconds_per_bundle_mr)) }
                             td { (number(row.rms_exact)) }
                             td { (number(row.rms_mr)) }
                             td { (number(row.nodes_per_segment)) }

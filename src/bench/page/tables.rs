@@ -144,7 +144,7 @@ pub(super) fn measurements(record: &Record) -> Markup {
                     thead {
                         tr { @for name in ["rays", "time", "RMS", "bias", "call"] { th scope="col" { (name) } } }
                     }
-                    tbody { @for row in &record.exact { (exact_row(row)) } }
+                    tbody { @for row in record.exact.iter().chain(&record.certified) { (exact_row(row)) } }
                 }
             }
             details open {

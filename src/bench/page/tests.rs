@@ -82,7 +82,6 @@ fn target() -> Target {
 
 fn example() -> (Record, Vec<ReceiverImages>) {
     let exact = [1usize, 4, 16, 64, 256].map(|n| ExactRow {
-        certificates: false,
         coherent: n > 4,
         rays: n,
         seconds: 0.021 * n as f64,
@@ -159,6 +158,7 @@ fn example() -> (Record, Vec<ReceiverImages>) {
             reference_rms: 0.0041,
         },
         exact: exact.into(),
+        certified: Vec::new(),
         mr: mr.into(),
         unbiased: vec![unbiased()],
         target: Some(target()),
@@ -225,7 +225,7 @@ fn growth_has_a_plot_and_a_verdict() {
     record.scaling = scaling.clone();
     let page = render(&record, &receivers).unwrap();
     let alone = render_scaling(&ScalingRecord { scaling, ..Default::default() }).unwrap();
-    assert_eq!((page.matches("<svg ").count(), alone.matches("<svg ").count()), (3, 1));
+    assert_eq!((page.matches("<svg ").count(), alone.matches("<svg ").count()), (4, 1));
     for page in [page, alone] {
         assert!(page.contains("more trees: 100 times the triangles take 1.25 times the time"), "{page}");
         assert!(page.contains("their logarithm is 1.5 times as large"));

@@ -51,14 +51,8 @@ pub fn table(record: &Record) -> String {
         let _ = writeln!(text, "note: {warning}");
     }
     let _ = writeln!(text, "\nexact    rays       time        RMS       bias  call");
-    for row in &record.exact {
-        let coherent = if row.certificates {
-            ", with certificates"
-        } else if row.coherent {
-            ", coherent"
-        } else {
-            ""
-        };
+    for row in record.exact.iter().chain(&record.certified) {
+        let coherent = if row.coherent { ", coherent" } else { "" };
         let _ = writeln!(
             text,
             "{:>13} {:>10} {:>10.5} {:>+10.5}  {}{coherent}",

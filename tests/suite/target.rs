@@ -1,0 +1,66 @@
+//! Error as the input: what is chosen, expected and found agree; what cannot be reached is said.
+
+use crate::run::Scratch;
+use mrvis::scene::generate::Spec;
+use serde_json::Value;
+
+/// Runs `bench` on a small forest; the exit code and the record.
+fn bench(scratch: &Scratch, scene: &str, more: &[&str]) -> (Option<i32>, Value) {
+    let options = ["--points", "600", "--reference-rays", "256", "--quiet", "--json", "found.json"];
+    let outcome = scratch.mrvis(&[&["bench", scene, "--cache", "off"], &options[..], more].concat());
+    assert_eq!(outcome.stderr, "");
+    (outcome.code, scratch.json("found.json"))
+}
+
+#[test]
+fn targets_are_met_or_said_to_be_missed() {
+    let scratch = Scratch::new();
+    let mut spec = Spec::new("forest");
+    (spec.trees, spec.leaves) = (9, 200);
+    let scene = scratch.generate(&spec);
+
+    let (code, record) = bench(&scratch, &scene, &["--target-error", "0.05"]);
+    let target = &record["target"];
+    let value = |key: &str| target[key].as_f64().expect(key);
+    assert_eq!(
+        (code, &target["met"], &target["reachable"]),
+        (Some(0), &Value::from(true), &Value::from(true))
+    );
+    assert_eq!(target["asked"]["error"], 0.05);
+    assert!(target["asked"]["seconds"].is_null());
+    assert!(value("expected_rms_hi") <= 0.05 && value("rms") <= 0.05, "{target}");
+    assert_eq!(target["as_expected"], true, "{target}");
+    // The audit has rays of its own and finds the same.
+    let audit = |key: &str| target["audit"][key].as_f64().expect(key);
+    assert!(audit("observed_lo") <= value("rms_hi") && value("rms_lo") <= audit("observed_hi"), "{target}");
+
+    // Nothing takes no time.
+    let (code, record) = bench(&scratch, &scene, &["--target-seconds", "1e-7", "--audit", "0"]);
+    let target = &record["target"];
+    assert_eq!(
+        (code, &target["met"], &target["reachable"]),
+        (Some(1), &Value::from(false), &Value::from(false))
+    );
+    assert!(target["audit"].is_null() && record["mr"][0]["audit"].is_null());
+}
+
+#[test]
+fn estimates_without_bias_have_none() {
+    let scratch = Scratch::new();
+    let mut spec = Spec::new("forest");
+    (spec.trees, spec.leaves) = (9, 200);
+    let scene = scratch.generate(&spec);
+    let (code, record) =
+        bench(&scratch, &scene, &["--unbiased", "--tolerance", "0.2", "--extinction", "analytic"]);
+    assert_eq!(code, Some(0));
+    assert_eq!(record["clusters"]["extinction"], "analytic");
+    let rows = record["unbiased"].as_array().expect("rows");
+    let figure = |row: &Value, key: &str| row[key].as_f64().expect("a number");
+    for row in rows {
+        let (bias, error) = (figure(row, "bias"), figure(row, "bias_error"));
+        assert!(bias.abs() < 4.0 * error, "{row}");
+        assert_eq!(row["levels"].as_array().expect("levels").len(), 2);
+    }
+    // They converge.
+    assert!(figure(&rows[2], "rms") < 0.5 * figure(&rows[0], "rms"), "{rows:?}");
+}
