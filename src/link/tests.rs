@@ -69,13 +69,13 @@ fn what_stands_between_counts() {
     assert_eq!((link.transmittance, link.coupling), (0.0, 0.0));
     assert!(link.variation[0] > 0.0, "what is hidden from every sample may be seen elsewhere");
     // A screen over one half, close to the lower square: half of it sees nothing but through the side.
-    let (mut sum, n) = (0.0, 64);
+    let (mut sum, n) = (0.0, 256);
     for seed in 0..n {
         let mut pieces = opposed(1.0);
         pieces.object("screen").quad(DVec3::new(0.5, 0.0, 1e-2), DVec3::X, DVec3::Y * 3.0);
         sum += coupling(pieces, 1e3, seed).expect("they face each other").0.transmittance;
     }
-    assert!((sum / n as f32 - 0.5).abs() < 0.03, "{}", sum / n as f32);
+    assert!((sum / n as f32 - 0.5).abs() < 0.04, "{}", sum / n as f32);
 }
 
 #[test]

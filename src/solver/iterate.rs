@@ -106,10 +106,10 @@ impl Solver<'_> {
             cut.reclose(&self.elements, &self.closure);
             sums = self.row_sums(&cut);
         }
-        // Whatever balancing has left, no leaf gathers more than all.
-        for (e, &sum) in sums.iter().enumerate() {
+        // What balancing has left is made up where it is gathered.
+        for (e, &sum) in sums.iter().enumerate().filter(|_| self.rows == Rows::Balanced) {
             let row = f64::from(self.closure[e].gathers) * sum;
-            if row > TOO_MUCH && self.rows == Rows::Balanced {
+            if row > TOO_MUCH || (row > 1.0 / TOO_MUCH && self.missing(e, row) != 1.0) {
                 self.closure[e].gathers /= row as f32;
             }
         }

@@ -1,6 +1,6 @@
 //! Where the energy went.
 
-use super::cut::Cut;
+use super::cut::{Closure, Cut};
 use super::field::Rgb;
 use super::{Solver, mean};
 use crate::element::Shape;
@@ -17,8 +17,8 @@ pub struct Ledger {
     pub escaped: f64,
     /// Received less sent.
     pub created: f64,
-    /// Difference of `A_a F(a→b)` and `A_b F(b→a)` as part of them: 0, since a link has one coupling for both directions
-    /// and each leaf one factor for gathering and sending.
+    /// Mean difference, by area, of the factors with which a leaf gathers and sends, as part of them: a link has one
+    /// coupling for both directions, so nothing else sets `A_a F(a→b)` and `A_b F(b→a)` apart.
     pub reciprocity_residual: f64,
     /// Least and greatest sum of the form factors of an element that sees no way out of the scene.
     pub row_sums: Option<[f64; 2]>,
@@ -50,6 +50,8 @@ impl Solver<'_> {
             let power = |v: Rgb| element.area * mean(v);
             let absorbed: Rgb =
                 std::array::from_fn(|k| (1.0 - f64::from(s.reflectance[k])) * self.incident[e][k]);
+            let Closure { gathers, sends } = self.closure[e];
+            ledger.reciprocity_residual += element.area * f64::from(gathers / sends - 1.0).abs();
             let row = sums[e] * f64::from(self.closure[e].gathers);
             ledger.emitted += power(s.exitance);
             ledger.absorbed += power(absorbed);
@@ -66,6 +68,7 @@ impl Solver<'_> {
         for error in [&mut ledger.row_sum_error, &mut ledger.row_sum_error_sampled] {
             *error = if closed > 0.0 { (*error / closed).sqrt() } else { 0.0 };
         }
+        ledger.reciprocity_residual /= self.elements.area.max(f64::MIN_POSITIVE);
         ledger.created = received - sent;
         ledger.closed_area = if self.elements.area > 0.0 { closed / self.elements.area } else { 0.0 };
         ledger

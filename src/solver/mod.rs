@@ -1,6 +1,6 @@
 //! Hierarchical radiosity: refinement of links by their errors, sweeps of light along them, and what comes out.
 //!
-//! [`run`] does all of it for a scene. The solver starts with the link of the root with itself, which stands for all
+//! [`run()`] does all of it for a scene. The solver starts with the link of the root with itself, which stands for all
 //! exchange of light [Sillion 95], and refines the links with the greatest errors in steps (progressive multi-gridding
 //! [SD95 sec 6.2], method A.12): after every step the light is consistent, so that a solution can be had at any time.
 

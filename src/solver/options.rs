@@ -30,7 +30,7 @@ pub enum Rows {
     Balanced,
 }
 
-/// Options of [`super::run`].
+/// Options of [`super::run()`].
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Options {
     /// Tolerated error of the solution relative to the mean irradiance; above 0.
