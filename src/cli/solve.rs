@@ -25,7 +25,7 @@ pub struct Args {
     /// Points x,y,z,nx,ny,nz at which irradiance is computed, to irradiance.csv.
     #[arg(long, value_name = "FILE.csv")]
     points: Option<PathBuf>,
-    /// Leave the bounces out at points.
+    /// Leave the bounces out at points; with --points nothing else is computed.
     #[arg(long)]
     direct_only: bool,
     /// Error to refine to, relative to the mean irradiance.

@@ -50,7 +50,7 @@ pub struct Options {
     /// Objects, groups or materials whose light matters: errors elsewhere count as much as they show there; everything if
     /// empty.
     pub importance: Vec<String>,
-    /// Leave the bounces out of what points receive.
+    /// Leave the bounces out of what points receive; with points nothing else is computed.
     pub direct_only: bool,
     /// Rays from a point to an emitter that is partly visible; by default what the error asks for.
     pub light_rays: Option<usize>,

@@ -181,7 +181,9 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
     let start = Instant::now();
     let late =
         || progress.stopped() || options.max_seconds.is_some_and(|s| begun.elapsed().as_secs_f64() > s);
-    let iterations = solve(&mut solver, options, progress, &late);
+    // Points need no elements for what emitters send them directly.
+    let idle = options.direct_only && !points.is_empty();
+    let iterations = if idle { Vec::new() } else { solve(&mut solver, options, progress, &late) };
     progress.stage("last sweeps");
     let sampled = solver.close();
     let cut = solver.cut();
