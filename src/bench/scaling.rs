@@ -176,8 +176,13 @@ mod tests {
     use super::*;
 
     fn rows(series: Series, sizes: &[usize], s: f64) -> Vec<ScalingRow> {
-        let options =
-            Options { points: 2000, reference_rays: 64, feature_sizes: vec![s], ..Options::default() };
+        let options = Options {
+            points: 2000,
+            rays: 64,
+            reference_rays: 64,
+            feature_sizes: vec![s],
+            ..Options::default()
+        };
         let mut record = ScalingRecord::default();
         let row = |&n| measure(series, n, &options, &mut record, &()).expect("a forest");
         sizes.iter().map(row).collect()
