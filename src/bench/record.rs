@@ -268,7 +268,7 @@ pub struct ReceiverFbem {
     /// Root mean square error of the multi-resolution image.
     #[serde(default)]
     pub l2_mr: f64,
-    /// Connected shadows and lit regions of the reference that are larger than the feature size, at three levels.
+    /// Connected shadows and lit regions of the reference that are larger than the feature size, at two levels.
     #[serde(default)]
     pub features: usize,
     /// Of these, those that the multi-resolution image lacks: see [`missing_features`](crate::metrics::missing_features).

@@ -18,7 +18,7 @@ use crate::{Error, Result};
 ///
 /// The record has everything but `build.load_s`, which only the caller knows. Everything in it but times, ratios of
 /// times, the choice of Embree's call and where the clusters came from is the same for the same options, whatever the
-/// threads.
+/// threads. What targets and unbiased rows ask is planned by measured times and may differ from run to run.
 ///
 /// # Errors
 /// An option is out of range, a name is unknown, nothing emits or receives light, Embree refuses.

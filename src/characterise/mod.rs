@@ -209,7 +209,8 @@ impl Scratch {
                 (square, largest, count) = (square + error * error, largest.max(area), count + 1.0);
             }
         }
-        traits.error = (square / count.max(1.0)).sqrt();
+        // Nothing measured is nothing certified.
+        traits.error = if count > 0.0 { (square / count).sqrt() } else { 1.0 };
         if traits.error > options.tolerance {
             let width = (largest * traits.error / options.tolerance).sqrt();
             traits.grain.iter_mut().for_each(|grain| *grain = grain.max(width));

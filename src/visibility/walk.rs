@@ -158,8 +158,9 @@ pub(super) fn walk<S: Simd>(
             continue;
         }
         let passed = pass(simd, slabs, packet, clear, shaft.apex.is_some(), each);
-        if k == 0 {
-            // The clusters are the same for all packets, and so is the error of each.
+        if clear != 0 && walked.model == 0.0 {
+            // The clusters are the same for all packets, and so is the error of each: the first that gets through
+            // stands for the rest.
             walked.model = spread(simd, slabs, packet, clear, shaft.apex.is_some());
         }
         sums.push(passed.transmittance);

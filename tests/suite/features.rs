@@ -4,7 +4,8 @@ use mrvis::bench::{self, Options};
 use mrvis::scene::generate::{self, Spec};
 
 /// On fields, on touching bricks and books, on rows of slats: at all four sizes every connected feature of the exact
-/// shadow images is in the multi-resolution images (method D.6, E.8). At 64 segments, where nothing is handed over.
+/// shadow images is in the multi-resolution images (method D.6, E.8). At 64 segments, where the fields are averaged and
+/// not handed over.
 #[test]
 fn no_feature_of_the_size_is_missing() {
     for (name, receivers) in
@@ -18,9 +19,10 @@ fn no_feature_of_the_size_is_missing() {
         let rows: Vec<_> = record.receivers.iter().flat_map(|r| &r.fbem).collect();
         let features: usize = rows.iter().map(|f| f.features).sum();
         let missing: usize = rows.iter().map(|f| f.missing_features).sum();
-        assert!(record.receivers.len() >= receivers && features >= 20, "{name}: {features} features");
+        assert!(record.receivers.len() >= receivers && features >= 10, "{name}: {features} features");
         assert_eq!(missing, 0, "{name}: {rows:?}");
+        let field = ["forest", "cubes"].contains(&name);
         let averaged = record.mr.iter().any(|row| row.aggregated_fraction > 0.0 && row.handed_over < 0.5);
-        assert!(averaged, "{name}: nothing is averaged at any size");
+        assert!(averaged || !field, "{name}: nothing is averaged at any size");
     }
 }
