@@ -131,7 +131,8 @@ impl Cells {
             let square: f32 =
                 self.residual.iter().zip(&inside).map(|(r, n)| if *n > 0.0 { r * r / n } else { 0.0 }).sum();
             let mut error = (square / total).sqrt();
-            if let Some((_, before)) = errors[..levels].last() {
+            let whole = width == 1 && height == 1;
+            if let Some((_, before)) = errors[..levels].last().filter(|_| !whole) {
                 // Parts that are independent average out as the width grows. What falls faster does so because the
                 // windows happen to lie as the parts do; beams lie anywhere.
                 error = error.max(0.5 * before);
