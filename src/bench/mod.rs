@@ -18,7 +18,7 @@ mod target;
 mod unbiased;
 pub mod workload;
 
-pub use options::{Options, Target};
+pub use options::{MOST_THREADS, Options, Target};
 pub use progress::Progress;
 pub use receivers::{Receiver, choose as choose_receivers};
 pub use run::run;

@@ -7,6 +7,8 @@ use crate::{Error, Result};
 
 /// Most segments from a point to an emitter: what one scrambled sequence holds.
 pub(super) const MAX_RAYS: usize = 1 << 16;
+/// Most threads of any command: one limit, in one place.
+pub const MOST_THREADS: u16 = 1024;
 /// Most receiver points.
 const MAX_POINTS: usize = 100_000_000;
 /// Part of the memory at hand that results may take.
@@ -79,7 +81,7 @@ impl Options {
             ("--rays", self.rays, MAX_RAYS),
             ("--reference-rays", self.reference_rays, MAX_RAYS),
             ("--points", self.points, MAX_POINTS),
-            ("--threads", self.threads, 1024),
+            ("--threads", self.threads, MOST_THREADS.into()),
         ];
         for (name, count, most) in counts {
             if count == 0 || count > most {

@@ -1,8 +1,9 @@
 //! What a run of `mrvis bench` measured: the JSON of `bench --json`, and the arithmetic of its speed-ups.
 //!
 //! Names and nesting are a contract with programs that nobody here sees (architecture section 6.1): fields may be
-//! added, never renamed or removed. The record holds no date, so that the same run gives the same record but for its
-//! times. Lengths are in the scene's unit, times in seconds of wall clock. `rms` and `bias` are of the visible
+//! added, never renamed or removed. The record holds no date. The same run gives the same record but for its times, what is
+//! derived from them (speed-ups, Embree's fastest call), and what is planned by them: the choice of a target and its
+//! answers, and the levels and figures of the rows without bias. Lengths are in the scene's unit, times in seconds of wall clock. `rms` and `bias` are of the visible
 //! fraction of each emitter at each point, in [0, 1], against the reference, whose own noise is subtracted.
 
 mod scaling;
@@ -11,6 +12,7 @@ mod trust;
 pub use scaling::{ScalingRecord, ScalingRow};
 pub use trust::{Audit, CalibrationBin, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow};
 
+pub use crate::hierarchy::SceneFacts;
 use serde::{Deserialize, Serialize};
 
 /// One run.
@@ -63,27 +65,6 @@ pub struct Record {
     /// How cost grows with the scene, when it was asked for.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub scaling: Vec<ScalingRow>,
-}
-
-/// Facts of the scene.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct SceneFacts {
-    /// The file, as given.
-    pub path: String,
-    /// Triangles kept.
-    pub triangles: usize,
-    /// Named objects.
-    pub objects: usize,
-    /// Emissive surfaces.
-    pub emitters: usize,
-    /// Connected parts that bound a solid: seen from outside only.
-    pub closed_parts: usize,
-    /// Connected parts that are sheets: seen from both sides.
-    pub sheet_parts: usize,
-    /// Clusters of the hierarchy.
-    pub clusters: usize,
-    /// Levels of the hierarchy.
-    pub levels: usize,
 }
 
 /// How clusters were measured.
@@ -207,7 +188,8 @@ pub struct MrRow {
     pub rms: f64,
     /// Mean error; positive: too bright.
     pub bias: f64,
-    /// Part of the answers, in [0, 1], whose stated interval holds the reference.
+    /// Part of the answers, in [0, 1], whose stated 95 % interval the reference bears out, its own noise allowed for
+    /// as in [`Audit::coverage`].
     pub interval_coverage: f64,
     /// What a few exact rays of its own say of the stated intervals; absent (null) without an audit.
     #[serde(default)]

@@ -180,7 +180,7 @@ impl Bench<'_> {
                     seconds,
                     rms,
                     bias,
-                    interval_coverage: reference.coverage(&result.intervals),
+                    interval_coverage: reference.coverage(&result.run.visible, &result.intervals),
                     audit: audit.as_ref().map(|audit| audit.judge(&result)),
                     aggregated_fraction: cost.aggregated as f64 / segments,
                     exact_rays: cost.exact_rays,

@@ -173,8 +173,11 @@ fn choose(plans: &[Expected], target: Target) -> (Expected, bool) {
     let seconds: fn(&Expected) -> f64 = |p| p.seconds;
     let error: fn(&Expected) -> f64 = |p| p.error.rms;
     let (found, otherwise) = match target {
-        // The pilot itself is uncertain: the upper end has to do.
-        Target::Error(most) => (least(seconds, &|p| p.error.hi <= most), least(error, &all)),
+        // The pilot itself is uncertain: the upper end has to do. Where it has seen no error at all there is nothing
+        // better to choose.
+        Target::Error(most) => {
+            (least(seconds, &|p| p.error.hi <= most || p.error.rms == 0.0), least(error, &all))
+        }
         Target::Seconds(most) => (least(error, &|p| p.seconds <= CAREFUL * most), least(seconds, &all)),
     };
     (found.or(otherwise).expect("exact rays are always a plan"), found.is_some())
