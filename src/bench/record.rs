@@ -97,9 +97,18 @@ pub struct Build {
     /// What the user should know about the file: it was damaged, could not be written.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cache_note: Option<String>,
-    /// Estimating the cost of exact rays on a sample, seconds.
+    /// Estimating the cost of exact rays on a sample, and finding Embree's fastest call for bundles that are handed
+    /// over, seconds.
     #[serde(default)]
     pub budget_s: f64,
+    /// All that exact visibility needs before it can be asked: Embree's tree and its fastest calls for the rows, seconds.
+    #[serde(default)]
+    pub exact_setup_s: f64,
+    /// All that the multi-resolution engine needs beside Embree's tree: clusters, their measures, their cache, budget
+    /// and the decisions of all rows, seconds. What targets and rows without bias are planned by, `pilot_s`, comes on
+    /// top.
+    #[serde(default)]
+    pub mr_setup_s: f64,
     /// Memory of hierarchy and cluster properties, bytes.
     pub hierarchy_bytes: u64,
     /// Memory of Embree's scene, bytes.
@@ -154,6 +163,9 @@ pub struct Workload {
     pub reference_rays: usize,
     /// Noise of the reference itself: its root mean square error, estimated from its rays.
     pub reference_rms: f64,
+    /// How often each row was run, in turns; the least time of each section counts.
+    #[serde(default)]
+    pub rounds: usize,
 }
 
 /// Exact visibility with a number of rays.
@@ -169,6 +181,9 @@ pub struct ExactRow {
     /// Whether Embree was told that the rays of a call stay together.
     #[serde(default)]
     pub coherent: bool,
+    /// Time of finding the fastest way on a sample, seconds; not part of `seconds`.
+    #[serde(default)]
+    pub setup_s: f64,
     /// Root mean square error.
     pub rms: f64,
     /// Mean error; positive: too bright.

@@ -47,7 +47,7 @@ pub struct Args {
     /// Choose feature size and segments so that the RMS error of the visible fraction is at most E
     #[arg(long, value_name = "E", conflicts_with = "target_seconds")]
     pub target_error: Option<f64>,
-    /// Choose them so that the error is the least that T seconds of queries allow
+    /// Choose them so that the error is the least that T seconds of choosing and queries allow
     #[arg(long, value_name = "T")]
     pub target_seconds: Option<f64>,
     /// Error of a cluster's transmission that is let pass; clusters that err by more are averaged only for beams wide

@@ -49,9 +49,9 @@ pub struct Target {
     pub expected_rms_hi: f64,
     /// Time of the queries that the pilot expects, seconds.
     pub expected_seconds: f64,
-    /// Time of the pilot, seconds.
+    /// Time of the pilot, seconds: what the choice took.
     pub pilot_s: f64,
-    /// Time of the queries, seconds.
+    /// Time of the queries, seconds; a target of time is met by both together.
     pub seconds: f64,
     /// Root mean square error found.
     pub rms: f64,
@@ -76,7 +76,7 @@ pub struct Target {
 pub struct TargetAsked {
     /// Root mean square error, at most.
     pub error: Option<f64>,
-    /// Time of the queries, at most; seconds.
+    /// Time of choosing and of the queries together, at most; seconds.
     pub seconds: Option<f64>,
 }
 
