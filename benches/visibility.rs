@@ -65,7 +65,7 @@ impl Forest {
 
     fn bundles(&self) -> Vec<Bundle<'_>> {
         let packets = self.packets.chunks(self.packets.len() / BUNDLES);
-        packets.map(|packets| Bundle { packets, emitter_size: self.emitter_size }).collect()
+        packets.map(|packets| Bundle { packets, emitter_size: self.emitter_size, emitter: &[] }).collect()
     }
 }
 

@@ -101,7 +101,7 @@ impl<T> Chunk<T> {
 /// The bundles of a chunk of questions emitter by emitter, so that neighbours share the upper part of their traversal,
 /// and which question of the chunk each of them is.
 pub(super) fn bundles<'a>(
-    questions: Questions,
+    questions: Questions<'a>,
     chunk: Range<usize>,
     packets: &'a [Packet],
     rays: usize,
@@ -114,6 +114,7 @@ pub(super) fn bundles<'a>(
     let bundle = |&k: &usize| Bundle {
         packets: &packets[k * per_pair..(k + 1) * per_pair],
         emitter_size: pair(k).emitter_size,
+        emitter: questions.workload.hull(pairs[k]),
     };
     let bundles = order.iter().map(bundle).collect();
     (order, bundles)

@@ -4,6 +4,7 @@ use super::workload::Workload;
 use crate::ray::{LANES, Packet};
 use crate::scene::Scene;
 use crate::visibility::{Bundle, MultiResolution, Workspace};
+use glam::Vec3;
 use std::ops::Range;
 
 /// Runs and pairs of each.
@@ -13,8 +14,15 @@ const SHAPE: (usize, usize) = (16, 16);
 /// asks; fewer are the first of them.
 pub struct Sample {
     packets: Vec<Packet>,
-    /// Packets and emitter size of each pair, run by run.
-    runs: Vec<Vec<(Range<usize>, f32)>>,
+    runs: Vec<Run>,
+}
+
+/// Neighbouring pairs of one emitter.
+struct Run {
+    /// See [`Workload::hull`].
+    hull: Vec<Vec3>,
+    /// Packets and emitter size of each pair.
+    pairs: Vec<(Range<usize>, f32)>,
 }
 
 impl Sample {
@@ -29,11 +37,11 @@ impl Sample {
             // The run is that of one emitter, as the engine is asked.
             let emitter = workload.pairs[first].emitter;
             let same = (first..first + length).filter(|&pair| workload.pairs[pair].emitter == emitter);
-            let mut run = Vec::new();
+            let mut run = Run { hull: workload.hull(first).to_vec(), pairs: Vec::new() };
             for pair in same.take(SHAPE.1) {
                 let first = sample.packets.len();
                 workload.add_bundle(scene, pair, rays, 0, &mut sample.packets);
-                run.push((first..sample.packets.len(), workload.pairs[pair].emitter_size));
+                run.pairs.push((first..sample.packets.len(), workload.pairs[pair].emitter_size));
             }
             sample.runs.push(run);
         }
@@ -47,14 +55,17 @@ impl Sample {
 
     /// The bundles of about `rays` segments (whole packets, as many as there are), run by run.
     pub fn bundles(&self, rays: usize) -> Vec<Vec<Bundle<'_>>> {
-        let bundle = |(range, emitter_size): &(Range<usize>, f32)| {
-            let packets = &self.packets[range.clone()];
-            Bundle {
-                packets: &packets[..rays.div_ceil(LANES).min(packets.len())],
-                emitter_size: *emitter_size,
-            }
-        };
-        self.runs.iter().map(|run| run.iter().map(bundle).collect()).collect()
+        let count = rays.div_ceil(LANES);
+        let mut all = Vec::with_capacity(self.runs.len());
+        for Run { hull, pairs } in &self.runs {
+            let bundle = |(range, emitter_size): &(Range<usize>, f32)| {
+                let packets = &self.packets[range.clone()];
+                let packets = &packets[..count.min(packets.len())];
+                Bundle { packets, emitter_size: *emitter_size, emitter: hull }
+            };
+            all.push(pairs.iter().map(bundle).collect());
+        }
+        all
     }
 
     /// Whether the engine pays for bundles like these.

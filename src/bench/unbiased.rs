@@ -238,10 +238,8 @@ impl<'a> Pilot<'a> {
         let per_pair = self.segments / LANES;
         let pairs = self.questions.pairs;
         let (order, bundles) = bundles(self.questions, 0..pairs.len(), &self.packets, self.segments);
-        let bundles: Vec<Bundle> = bundles
-            .iter()
-            .map(|b| Bundle { packets: b.packets, emitter_size: b.emitter_size * emitter_part })
-            .collect();
+        let bundles: Vec<Bundle> =
+            bundles.iter().map(|b| Bundle { emitter_size: b.emitter_size * emitter_part, ..*b }).collect();
         let mut workspace = Workspace::default();
         let (mut answers, mut seconds) = (Vec::new(), f64::MAX);
         for _ in 0..2 {

@@ -1,9 +1,10 @@
 //! The questions of a benchmark: receiver points, the emitters they face, and the segments between them.
 
+use crate::math::Aabb;
 use crate::ray::{EndRule, LANES, Packet};
 use crate::scene::{Emitter, Scene};
 use crate::visibility::reference::end_rule;
-use glam::Vec3;
+use glam::{BVec3, Vec3};
 use rayon::prelude::*;
 use sobol_burley::sample_4d;
 
@@ -84,6 +85,11 @@ impl Workload {
         });
     }
 
+    /// Points whose convex hull holds the emitter of a pair.
+    pub fn hull(&self, pair: usize) -> &[Vec3] {
+        &self.samplers[self.pairs[pair].emitter as usize].hull
+    }
+
     /// The mean of a value of each pair over the emitters of each point, weighted by their unoccluded irradiance:
     /// the part of the light that arrives. 0 at points that face no emitter.
     pub fn weighted(&self, values: &[f32]) -> Vec<f32> {
@@ -141,6 +147,23 @@ impl Workload {
     }
 }
 
+/// The points, each once, if there are few, or the corners of the box around them.
+fn hull(points: impl Iterator<Item = Vec3> + Clone) -> Vec<Vec3> {
+    const FEW: usize = 8;
+    let mut distinct: Vec<Vec3> = Vec::new();
+    for p in points.clone() {
+        if distinct.len() <= FEW && !distinct.contains(&p) {
+            distinct.push(p);
+        }
+    }
+    if distinct.len() <= FEW {
+        return distinct;
+    }
+    let bounds = Aabb::of(points);
+    let corner = |k: u32| BVec3::new(k & 1 == 1, k & 2 == 2, k & 4 == 4);
+    (0..8).map(|k| Vec3::select(corner(k), bounds.max, bounds.min)).collect()
+}
+
 /// A well-mixed 32-bit seed.
 fn scramble(v: u64) -> u32 {
     let v = (v ^ v >> 33).wrapping_mul(0xff51_afd7_ed55_8ccd);
@@ -156,6 +179,8 @@ struct EmitterSampler {
     normals: Vec<Vec3>,
     /// A corner of each face.
     corners: Vec<Vec3>,
+    /// All corners or, of a many-cornered emitter, those of the box around them: their hull holds it.
+    hull: Vec<Vec3>,
     /// Running sums of the areas.
     sums: Vec<f32>,
     centre: Vec3,
@@ -180,6 +205,7 @@ impl EmitterSampler {
             sums.push(sum as f32);
         }
         EmitterSampler {
+            hull: hull(emitter.triangles.iter().flat_map(|&t| scene.corners(t))),
             triangles: emitter.triangles.clone(),
             normals,
             corners,

@@ -240,15 +240,18 @@ impl<'a> MultiResolution<'a> {
             return answer;
         }
         let segments: u64 = bundle.packets.iter().map(|p| p.len() as u64).sum();
+        let certain = workspace.shafts[k].whole && (walked.clear || walked.covered);
         let cost = Cost {
             segments,
             nodes: walked.nodes.into(),
-            exact_rays: if walked.tested { segments } else { 0 },
+            exact_rays: if walked.tested && !walked.covered { segments } else { 0 },
             handed_over: 0,
             aggregated: walked.aggregated.into(),
+            certified: if certain { segments } else { 0 },
         };
         let n = (segments as f32).max(1.0);
         let method = match (walked.tested, walked.aggregated > 0) {
+            _ if walked.covered => Method::Covered,
             (false, false) => Method::Clear,
             (true, false) => Method::Exact,
             (false, true) => Method::Aggregated,
@@ -256,6 +259,9 @@ impl<'a> MultiResolution<'a> {
         };
         // Nothing blocks a bundle without segments.
         let transmittance = if segments == 0 { 1.0 } else { (walked.transmittance / n).min(1.0) };
+        if certain {
+            return Answer { transmittance, lo: transmittance, hi: transmittance, method, cost };
+        }
         let variance = (walked.square / n - transmittance * transmittance).max(0.0);
         let dependence = DEPENDENCE * (walked.hi - walked.lo).max(0.0) / n;
         let model = (walked.model * walked.model + dependence * dependence).sqrt();
@@ -280,7 +286,7 @@ impl<'a> MultiResolution<'a> {
         s: f32,
         workspace: &mut Workspace,
     ) -> (Answer, [f32; LANES]) {
-        let bundle = Bundle { packets: std::slice::from_ref(packet), emitter_size: e };
+        let bundle = Bundle { packets: std::slice::from_ref(packet), emitter_size: e, emitter: &[] };
         let answer = self.answer(bundle, s, workspace);
         if answer.cost.handed_over > 0 {
             let clear = packet.active & !workspace.buffers.blocked[0];
@@ -318,7 +324,7 @@ impl Kernel for Ask<'_, '_> {
         for bundle in bundles {
             let nothing = &[Packet::EMPTY][..];
             let packets = if bundle.packets.is_empty() { nothing } else { bundle.packets };
-            shafts.push(Shaft::of(simd, packets, engine.magnitude));
+            shafts.push(Shaft::of(simd, packets, bundle.emitter, engine.magnitude));
         }
         walked.clear();
         buffers.sums.clear();

@@ -2,10 +2,14 @@
 //!
 //! The union box of all ends and four side planes: through the common receiver end of one bundle (the planes of
 //! Haines' shaft for a point and an element), or along the boxes of the ends of several. A statement about *these
-//! segments*: what lies outside blocks none of them.
+//! segments*: what lies outside blocks none of them. Where the emitter is known the shaft from a common receiver end
+//! holds all segments to all of it, so that what it says is certain for the emitter as a whole.
+//!
+//! Segments are open at their ends by [`EndRule::LEAST`] at least, and so is that shaft: a lamp's frame that begins at
+//! the lamp's edge is not inside, unless it hides something of the lamp.
 
 use super::wide::Node;
-use crate::ray::Packet;
+use crate::ray::{EndRule, Packet};
 use crate::simd::vector::{self, Vector};
 use crate::simd::{LANES, Simd};
 use glam::Vec3;
@@ -31,6 +35,11 @@ impl Ends {
 
     pub fn bounds(self) -> [Vec3; 2] {
         [self.centre - self.half, self.centre + self.half]
+    }
+
+    fn corners(self) -> impl Iterator<Item = Vec3> {
+        let [lo, hi] = self.bounds();
+        (0..8).map(move |k| Vec3::select(glam::BVec3::new(k & 1 == 1, k & 2 == 2, k & 4 == 4), hi, lo))
     }
 
     /// Largest `n · x` of its points.
@@ -59,6 +68,8 @@ pub(super) struct Shaft {
     pub planes: usize,
     /// Receiver ends and emitter ends.
     pub ends: [Ends; 2],
+    /// Whether it holds all segments between the common receiver end and the emitter, not only those asked.
+    pub whole: bool,
     /// A few roundings of the scene's coordinates.
     pub slack: f32,
     /// Largest `near` of its segments.
@@ -74,17 +85,22 @@ pub(super) struct Shaft {
 }
 
 impl Shaft {
-    /// The shaft of the active segments of some packets in a scene of this coordinate magnitude.
+    /// The shaft of the active segments of some packets, and of all others to an emitter inside the hull of these points
+    /// if there are any, in a scene of this coordinate magnitude.
     #[inline(always)]
-    pub fn of<S: Simd>(simd: S, packets: &[Packet], magnitude: f32) -> Shaft {
+    pub fn of<S: Simd>(simd: S, packets: &[Packet], emitter: &[Vec3], magnitude: f32) -> Shaft {
         let apex = packets[0].point(packets[0].active.trailing_zeros() as usize % LANES, 0.0);
         // Extremes lane by lane first, across lanes once.
         let mut lanes = [[(simd.splat(f32::MAX), simd.splat(f32::MIN)); 3]; 2];
         let mut apart = simd.mask(0);
         let mut near = simd.splat(0.0);
+        let mut open = simd.splat(EndRule::LEAST);
         for packet in packets {
             let (origin, direction) = filled(simd, packet);
-            near = simd.max(near, simd.load(&packet.near));
+            let margin = simd.load(&packet.near);
+            near = simd.max(near, margin);
+            let both = simd.min(margin, simd.sub(simd.splat(1.0), simd.load(&packet.far)));
+            open = simd.select(simd.mask(packet.active), simd.min(open, both), open);
             for axis in 0..3 {
                 let o = origin[axis];
                 let differs = simd.abs(simd.sub(o, simd.splat(apex[axis])));
@@ -97,11 +113,19 @@ impl Shaft {
         }
         let shared = simd.bits(apart) == 0;
         let from = if shared { Ends::of([apex, apex]) } else { Ends::around(simd, &lanes[0]) };
-        let to = Ends::around(simd, &lanes[1]);
+        let mut to = Ends::around(simd, &lanes[1]);
+        let whole = shared && !emitter.is_empty();
+        if whole {
+            let [lo, hi] = to.bounds();
+            to = Ends::of(emitter.iter().fold([lo, hi], |[lo, hi], &p| [lo.min(p), hi.max(p)]));
+        }
         let mut shaft = Shaft::between([from, to], 4e-7 * magnitude, simd.greatest(near));
         if shared {
             shaft.apex = Some(apex);
-            shaft.add_pyramid(simd, packets, apex);
+            if whole {
+                shaft.hold_all(apex, simd.least(open));
+            }
+            shaft.add_pyramid(simd, packets, emitter, apex);
         } else {
             shaft.add_planes();
         }
@@ -148,6 +172,7 @@ impl Shaft {
             offsets: [0.0; 4],
             planes: 0,
             ends,
+            whole: false,
             slack,
             near,
             apex: None,
@@ -155,6 +180,24 @@ impl Shaft {
             axis,
             spread: ends.map(|end| end.half.dot(axis.abs())),
         }
+    }
+
+    /// Makes the shaft that of all segments to the emitter, each open by `open` at least (and by no more than their
+    /// shortest may be, for what has to lie amid them all).
+    #[inline(always)]
+    fn hold_all(&mut self, apex: Vec3, open: f32) {
+        self.whole = true;
+        let [lo, hi] = self.ends[1].bounds();
+        let nearest = apex.clamp(lo, hi).distance(apex);
+        self.near = self.near.max(EndRule::MOST.min(EndRule::LEAST + self.slack / nearest));
+        // Half of it, for the roundings of what is computed here.
+        let open = 0.5 * open.max(0.0);
+        let inner = |corner: Vec3| {
+            let [first, last] = [open, 1.0 - open].map(|t| apex + t * (corner - apex));
+            (first.min(last), first.max(last))
+        };
+        self.lo = inner(lo).0 - self.slack;
+        self.hi = inner(hi).1 + self.slack;
     }
 
     /// Side planes along the boxes of the ends. Any slope is safe, because the offset is that of the outermost
@@ -179,7 +222,7 @@ impl Shaft {
 
     /// Side planes through the common point: extreme slopes of the directions against the middle one.
     #[inline(always)]
-    fn add_pyramid<S: Simd>(&mut self, simd: S, packets: &[Packet], apex: Vec3) {
+    fn add_pyramid<S: Simd>(&mut self, simd: S, packets: &[Packet], emitter: &[Vec3], apex: Vec3) {
         let w = self.direction().normalize_or_zero();
         if w == Vec3::ZERO {
             return;
@@ -188,10 +231,13 @@ impl Shaft {
         let to = self.ends[1];
         // For a panel along two coordinate axes the corners of its box are those of the panel; else every segment
         // is looked at.
-        let slopes = if to.half.min_element() <= 0.02 * to.half.max_element() {
-            slopes_of_box(to, apex, [u, v, w])
+        let axes = [u, v, w];
+        let slopes = if self.whole {
+            slopes_of_points(emitter.iter().copied(), apex, axes)
+        } else if to.half.min_element() <= 0.02 * to.half.max_element() {
+            slopes_of_points(to.corners(), apex, axes)
         } else {
-            slopes_of_segments(simd, packets, [u, v, w])
+            slopes_of_segments(simd, packets, axes)
         };
         let Some([low, high]) = slopes else { return };
         self.normals = [u - high[0] * w, low[0] * w - u, v - high[1] * w, low[1] * w - v];
@@ -338,6 +384,20 @@ impl Shaft {
         outside
     }
 
+    /// Lanes whose triangle lies outside the box of the shaft's open segments.
+    #[inline(always)]
+    pub fn beside<S: Simd>(&self, simd: S, corner: &Vector<S>, edges: [&Vector<S>; 2]) -> S::M {
+        let (zero, mut outside) = (simd.splat(0.0), simd.mask(0));
+        for axis in 0..3 {
+            let (a, b) = (edges[0][axis], edges[1][axis]);
+            let low = simd.add(corner[axis], simd.min(simd.min(a, b), zero));
+            let high = simd.add(corner[axis], simd.max(simd.max(a, b), zero));
+            outside = simd.or(outside, simd.lt(simd.splat(self.hi[axis]), low));
+            outside = simd.or(outside, simd.lt(high, simd.splat(self.lo[axis])));
+        }
+        outside
+    }
+
     /// Lanes whose plane, with this normal through this corner, has all ends of the shaft on one side.
     #[inline(always)]
     pub fn on_one_side<S: Simd>(&self, simd: S, corner: &Vector<S>, normal: &Vector<S>) -> S::M {
@@ -361,13 +421,15 @@ impl Shaft {
 /// Directions that go sideways by more than this times forward have no useful slope.
 const STEEP: f32 = 10.0;
 
-/// Least and greatest slope towards u and v against w of the corners of a box seen from a point.
+/// Least and greatest slope towards u and v against w of points seen from another.
 #[inline(always)]
-fn slopes_of_box(to: Ends, apex: Vec3, [u, v, w]: [Vec3; 3]) -> Option<[[f32; 2]; 2]> {
-    let [lo, hi] = to.bounds();
+fn slopes_of_points(
+    points: impl Iterator<Item = Vec3>,
+    apex: Vec3,
+    [u, v, w]: [Vec3; 3],
+) -> Option<[[f32; 2]; 2]> {
     let (mut low, mut high) = ([f32::MAX; 2], [f32::MIN; 2]);
-    for k in 0..8 {
-        let corner = Vec3::select(glam::BVec3::new(k & 1 == 1, k & 2 == 2, k & 4 == 4), hi, lo) - apex;
+    for corner in points.map(|p| p - apex) {
         let forward = corner.dot(w);
         for (i, sideways) in [corner.dot(u), corner.dot(v)].into_iter().enumerate() {
             if sideways.abs() >= STEEP * forward {

@@ -48,8 +48,11 @@ pub(super) struct Walked {
     pub model: f32,
     /// Segments that met an aggregated cluster.
     pub aggregated: u32,
-    /// Whether triangles were tested.
+    /// Whether triangles were tested segment by segment.
     pub tested: bool,
+    /// Whether the shaft met nothing, and whether a single triangle covers it.
+    pub clear: bool,
+    pub covered: bool,
     /// Nodes visited.
     pub nodes: u32,
     /// In units of about a box or triangle against a packet.
@@ -102,7 +105,8 @@ pub(super) fn walk<S: Simd>(
             for block in &front.blocks {
                 let tested = triangles::block_all(simd, shaft, block, packets, blocked);
                 walked.work += BLOCK + u64::from(tested.triangles) * (1 + count);
-                walked.tested |= tested.triangles > 0 || tested.all;
+                walked.tested |= tested.triangles > 0;
+                walked.covered |= tested.all && tested.triangles == 0;
                 all = tested.all;
                 if all {
                     break;
@@ -124,7 +128,8 @@ pub(super) fn walk<S: Simd>(
             let block = &tree.blocks[(reference & !LEAF) as usize];
             let tested = triangles::block_all(simd, shaft, block, packets, blocked);
             walked.work += BLOCK + u64::from(tested.triangles) * (1 + count);
-            walked.tested |= tested.triangles > 0 || tested.all;
+            walked.tested |= tested.triangles > 0;
+            walked.covered |= tested.all && tested.triangles == 0;
             all = tested.all;
         } else {
             let at = reference as usize;
@@ -142,6 +147,7 @@ pub(super) fn walk<S: Simd>(
         *transmittance = [0.0; LANES];
         return walked;
     }
+    walked.clear = !walked.tested && slabs.is_empty();
     walked.work += slabs.len() as u64 * (1 + count);
     for (k, (packet, blocked)) in packets.iter().zip(&*blocked).enumerate() {
         let clear = packet.active & !blocked;

@@ -36,7 +36,7 @@ fn compare(stage: &Stage, packets: &[Packet], e: f32, s: f32) -> Differences {
     let mut differences = Differences::default();
     for packet in packets {
         let fast = engine.transmittances(packet, e, s, &mut workspace);
-        let bundle = Bundle { packets: std::slice::from_ref(packet), emitter_size: e };
+        let bundle = Bundle { packets: std::slice::from_ref(packet), emitter_size: e, emitter: &[] };
         let cost = engine.answer(bundle, s, &mut workspace).cost;
         let mut aggregated = 0;
         for lane in packet.lanes() {
@@ -149,7 +149,7 @@ fn vanishing_sizes_are_exact() {
         let mut workspace = Workspace::default();
         let (mut aggregated, mut marginal, mut segments) = (0, 0, 0);
         for packet in stage.bundles(17, 150, 16) {
-            let bundle = Bundle { packets: std::slice::from_ref(&packet), emitter_size: tiny };
+            let bundle = Bundle { packets: std::slice::from_ref(&packet), emitter_size: tiny, emitter: &[] };
             let cost = engine.answer(bundle, tiny, &mut workspace).cost;
             (aggregated, segments) = (aggregated + cost.aggregated, segments + cost.segments);
             if cost.aggregated > 0 {
@@ -189,7 +189,8 @@ fn aggregation_grows_with_the_feature_size() {
             let mut before = Cost::default();
             for (k, sum) in sums.iter_mut().enumerate() {
                 let s = 1e-4 * stage.size() * 2f32.powi(k as i32);
-                let bundle = Bundle { packets: std::slice::from_ref(&packet), emitter_size: 0.0 };
+                let bundle =
+                    Bundle { packets: std::slice::from_ref(&packet), emitter_size: 0.0, emitter: &[] };
                 let cost = engine.answer(bundle, s, &mut workspace).cost;
                 if before.handed_over + cost.handed_over == 0 {
                     assert!(

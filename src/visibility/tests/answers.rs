@@ -14,7 +14,11 @@ fn intervals_hold_their_answers() {
             for packets in bundles.chunks(1).chain(bundles.chunks(2)) {
                 let n = packets.iter().map(Packet::len).sum::<usize>() as u64;
                 for s in stage.sizes() {
-                    let bundle = Bundle { packets, emitter_size: 0.2 * stage.scene.emitters[0].min_width };
+                    let bundle = Bundle {
+                        packets,
+                        emitter_size: 0.2 * stage.scene.emitters[0].min_width,
+                        emitter: &[],
+                    };
                     let answer = engine.answer(bundle, s, &mut workspace);
                     let truth = exact.answer(bundle, &mut blocked);
                     for Answer { transmittance, lo, hi, cost, .. } in [answer, truth] {
@@ -44,6 +48,9 @@ fn intervals_hold_their_answers() {
                     );
                     match answer.method {
                         Method::Clear => assert!(answer.transmittance == 1.0 && answer.cost.exact_rays == 0),
+                        Method::Covered => {
+                            assert!(answer.transmittance == 0.0 && answer.cost.exact_rays == 0)
+                        }
                         Method::Exact => assert!(answer.cost.aggregated == 0 && answer.cost.exact_rays > 0),
                         Method::Aggregated => {
                             assert!(answer.cost.exact_rays == 0 && answer.cost.aggregated > 0)
@@ -69,7 +76,7 @@ fn certified_answers_are_exact() {
         let packets = stage.bundles(29, 600, 16);
         let e = stage.scene.emitters[0].min_width;
         let bundles: Vec<Bundle> =
-            packets.chunks(1).map(|packets| Bundle { packets, emitter_size: e }).collect();
+            packets.chunks(1).map(|packets| Bundle { packets, emitter_size: e, emitter: &[] }).collect();
         let (mut k, mut without_rays, mut apart) = (0, 0, 0);
         engine.certified(&bundles, &mut workspace, |answer| {
             let truth = exact.answer(bundles[k], &mut blocked);
@@ -104,11 +111,14 @@ fn claimed_errors_are_those_that_are_there() {
             workload.add_bundle(&stage.scene, pair, 256, 0, &mut packets);
             workload.add_bundle(&stage.scene, pair, 4096, 1, &mut truth);
             let e = workload.pairs[pair].emitter_size;
-            let answer = engine.answer(Bundle { packets: &packets, emitter_size: e }, s, &mut workspace);
+            let answer =
+                engine.answer(Bundle { packets: &packets, emitter_size: e, emitter: &[] }, s, &mut workspace);
             if answer.cost.aggregated == 0 {
                 continue;
             }
-            let truth = exact.answer(Bundle { packets: &truth, emitter_size: e }, &mut blocked).transmittance;
+            let truth = exact
+                .answer(Bundle { packets: &truth, emitter_size: e, emitter: &[] }, &mut blocked)
+                .transmittance;
             let Answer { transmittance, lo, hi, .. } = answer;
             count += 1;
             aggregated += usize::from(answer.method == Method::Aggregated);

@@ -114,7 +114,7 @@ fn lanes_without_segments_do_not_count() {
     let mut workspace = Workspace::default();
     // Nothing is aggregated: that depends on the direction of the whole bundle.
     let tiny = 1e-6 * stage.size();
-    let none = engine.answer(Bundle { packets: &[], emitter_size: 0.1 }, 0.1, &mut workspace);
+    let none = engine.answer(Bundle { packets: &[], emitter_size: 0.1, emitter: &[] }, 0.1, &mut workspace);
     assert_eq!(none.cost, Cost::default());
     assert!(none.transmittance.is_finite() && none.lo.is_finite() && none.hi.is_finite(), "{none:?}");
     for packet in stage.bundles(2, 100, 16) {

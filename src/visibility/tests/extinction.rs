@@ -69,7 +69,7 @@ fn average_visibility_traces_no_rays() {
     for s in [1e-6, 0.01, 0.1, 1.0] {
         let (packets, _) = parallel(&stage, direction(&mut random), 16, &mut random);
         for packet in &packets {
-            let bundle = Bundle { packets: std::slice::from_ref(packet), emitter_size: 0.0 };
+            let bundle = Bundle { packets: std::slice::from_ref(packet), emitter_size: 0.0, emitter: &[] };
             cost.add(engine.answer(bundle, s, &mut Workspace::default()).cost);
         }
     }

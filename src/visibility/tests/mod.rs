@@ -2,6 +2,7 @@
 
 mod against_reference;
 mod answers;
+mod certificates;
 mod edges;
 mod extinction;
 mod rule;

@@ -85,7 +85,7 @@ fn a_cluster_is_aggregated_where_its_umbra_is_small() {
             // Two per cent for sizes stored in 16 bits, rounded up, and for the plate's thickness.
             for (s, aggregated) in [(0.98 * critical, 0), (1.02 * critical, 1)] {
                 let (s, aggregated) = if critical <= 0.0 { (1e-6, 1) } else { (s, aggregated) };
-                let bundle = Bundle { packets: std::slice::from_ref(&packet), emitter_size: e };
+                let bundle = Bundle { packets: std::slice::from_ref(&packet), emitter_size: e, emitter: &[] };
                 let answer = engine.answer(bundle, s, &mut Workspace::default());
                 let place = format!("height {height}, e {e}, b {b}, s {s}, umbra {critical}: {answer:?}");
                 assert_eq!(answer.cost.aggregated, aggregated, "{place}");
@@ -130,7 +130,7 @@ fn penumbrae_of_strong_contrast_stay() {
     }
     let truth = 1.0 - hit as f32 / (64 * LANES) as f32;
     assert!((1.0 - peak_occlusion(1.0, 0.5, 3.0, 4.0) as f32 - truth).abs() < 0.05, "{truth}");
-    let bundle = Bundle { packets: &packets, emitter_size: 1.0 };
+    let bundle = Bundle { packets: &packets, emitter_size: 1.0, emitter: &[] };
     for s in [0.05, 0.2, 0.4] {
         let found = stage.engine(Leaf::Exact).answer(bundle, s, &mut workspace).transmittance;
         // An octagon covers nine tenths of its disc.

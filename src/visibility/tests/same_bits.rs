@@ -34,7 +34,7 @@ fn groups_answer_as_their_bundles_do() {
         for (e, s) in [(1e-6 * width, 1e-6 * stage.size()), (width, 0.02 * stage.size())] {
             let bundles: Vec<Bundle> = packets
                 .iter()
-                .map(|p| Bundle { packets: std::slice::from_ref(p), emitter_size: e })
+                .map(|p| Bundle { packets: std::slice::from_ref(p), emitter_size: e, emitter: &[] })
                 .collect();
             let mut workspace = Workspace::default();
             let mut together = Vec::new();
@@ -65,7 +65,8 @@ fn instruction_sets_threads_and_history_change_no_bit() {
         for leaf in [Leaf::Exact, Leaf::Extinction] {
             for s in stage.sizes() {
                 let ask = |engine: &MultiResolution, packet: &Packet, workspace: &mut Workspace| {
-                    let bundle = Bundle { packets: std::slice::from_ref(packet), emitter_size: e };
+                    let bundle =
+                        Bundle { packets: std::slice::from_ref(packet), emitter_size: e, emitter: &[] };
                     let answer = engine.answer(bundle, s, workspace);
                     let bits = [answer.transmittance, answer.lo, answer.hi].map(f32::to_bits);
                     (engine.transmittances(packet, e, s, workspace).map(f32::to_bits), bits, answer.cost)

@@ -81,7 +81,7 @@ fn mean(stage: &Stage, from: Vec3, wanted: f32, packets: usize, runs: usize) -> 
     for _ in 0..runs {
         let all = stage.packets(from, packets, &mut random);
         let chance = random.next_u64();
-        let bundle = Bundle { packets: &all, emitter_size: 1.0 };
+        let bundle = Bundle { packets: &all, emitter_size: 1.0, emitter: &[] };
         averaged += f64::from(engine.answer(bundle, 10.0, &mut workspace).transmittance);
         unbiased.estimates(
             &[bundle],
