@@ -27,7 +27,7 @@ impl Bench<'_> {
         let single = Exact { scene: self.traced, traversal: Traversal { width: 1, coherent: false } };
         let receivers = receivers::choose(self.scene, &single, &self.options.receivers)?;
         if receivers.is_empty() {
-            warnings.push("No planar surface sees an emitter: there are no shadow images.".into());
+            warnings.push("No surface that is flat, or faces one way as a terrain does, sees an emitter: there are no shadow images.".into());
         }
         for receiver in receivers.iter().filter(|r| !r.lit) {
             warnings.push(format!("No light arrives at the receiver `{}`.", receiver.name));

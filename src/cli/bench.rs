@@ -30,8 +30,8 @@ pub struct Args {
     /// Receiver points, spread over all surfaces that do not emit
     #[arg(long, value_name = "N", default_value_t = 20_000)]
     pub points: usize,
-    /// Object, group or material to make shadow images of; may be given several times [default: the largest planar
-    /// ones]
+    /// Object, group or material to make shadow images of; may be given several times [default: the largest flat ones,
+    /// and terrain]
     #[arg(long = "receiver", value_name = "NAME")]
     pub receivers: Vec<String>,
     /// Rays from a point to an emitter in the reference
