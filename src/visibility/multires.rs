@@ -219,6 +219,7 @@ impl<'a> MultiResolution<'a> {
                 exact += rays;
             }
         }
+        eprintln!("PAYS s {s} own/exact {}", own as f64 / exact as f64);
         own < exact
     }
 
