@@ -219,7 +219,6 @@ impl<'a> MultiResolution<'a> {
                 exact += rays;
             }
         }
-        eprintln!("PAYS s {s} own/exact {}", own as f64 / exact as f64);
         own < exact
     }
 
