@@ -6,7 +6,7 @@
 //! where there is nothing to see, come last. A name stands for the largest such patch of the object, group or
 //! material; given k times it stands for the k largest.
 
-use super::workload::{Point, Workload};
+use super::workload::{Order, Point, Workload};
 use crate::math::{Aabb, triangle_area, triangle_normal};
 use crate::ray::{Occluder, Packet};
 use crate::scene::Scene;
@@ -254,7 +254,7 @@ fn light_on(scene: &Scene, exact: &dyn Occluder, rectangle: Rectangle) -> (f64, 
     let (mut arrives, mut could) = (0.0, 0.0);
     for (i, pair) in workload.pairs.iter().enumerate() {
         packets.clear();
-        workload.add_bundle(scene, i, PROBE_RAYS, 0, &mut packets);
+        workload.add_bundle(scene, i, (PROBE_RAYS, Order::Near), 0, &mut packets);
         blocked.clear();
         blocked.resize(packets.len(), 0);
         exact.occluded(&packets, &mut blocked);

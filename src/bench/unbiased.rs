@@ -6,6 +6,7 @@
 //! that leave the least variance at a price for a correction; price and level are those that promise the least time
 //! relative to that of exact rays with the same error.
 
+use super::workload::Order;
 use super::measure::{Questions, Run, Timer, bundles};
 use super::record::{UnbiasedLevel, UnbiasedRow, interpolate_log_log};
 use super::reference::Reference;
@@ -136,7 +137,7 @@ impl Timer {
         let (mut visible, mut corrections) = (Vec::with_capacity(questions.pairs.len()), 0);
         let sections = self.chunk_by_chunk(
             super::measure::chunks(questions.pairs.len(), rays),
-            |chunk: &mut super::measure::Chunk<Estimate>| chunk.prepare(questions, rays, STREAM),
+            |chunk: &mut super::measure::Chunk<Estimate>| chunk.prepare(questions, (rays, Order::Spread), STREAM),
             |chunk| {
                 let (order, bundles) = bundles(questions, chunk.pairs.clone(), &chunk.packets, rays);
                 chunk.answers.clear();
@@ -190,7 +191,8 @@ impl<'a> Pilot<'a> {
         let make = |stream: u64| {
             let mut packets = Vec::new();
             for &pair in questions.pairs {
-                questions.workload.add_bundle(questions.scene, pair, segments, stream, &mut packets);
+                let how = (segments, Order::Spread);
+                questions.workload.add_bundle(questions.scene, pair, how, stream, &mut packets);
             }
             packets
         };

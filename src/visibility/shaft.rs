@@ -177,34 +177,27 @@ impl Shaft {
         self.planes = 4;
     }
 
-    /// Side planes through the common point: extreme slopes of the directions against the middle one.
+    /// Side planes through the common point: those of the panel that the segments end on, or else of extreme slopes
+    /// of the directions against the middle one.
     #[inline(always)]
     fn add_pyramid<S: Simd>(&mut self, simd: S, packets: &[Packet], apex: Vec3) {
-        let w = self.direction().normalize_or_zero();
+        let w = self.direction();
         if w == Vec3::ZERO {
             return;
         }
-        let (u, v) = w.any_orthonormal_pair();
-        let to = self.ends[1];
-        // For a panel along two coordinate axes the corners of its box are those of the panel; else every segment
-        // is looked at.
-        let slopes = if to.half.min_element() <= 0.02 * to.half.max_element() {
-            slopes_of_box(to, apex, [u, v, w])
-        } else {
-            slopes_of_segments(simd, packets, [u, v, w])
+        let corners = match corners_of_panel(self.ends[1], apex, self.slack) {
+            Some(corners) => corners,
+            None => match corners_of_segments(simd, packets, w.normalize()) {
+                Some(corners) => corners,
+                None => return,
+            },
         };
-        let Some([low, high]) = slopes else { return };
-        self.normals = [u - high[0] * w, low[0] * w - u, v - high[1] * w, low[1] * w - v];
-        for (offset, n) in self.offsets.iter_mut().zip(&self.normals) {
-            *offset = n.dot(apex) + self.slack * n.abs().element_sum();
+        for (k, (normal, offset)) in self.normals.iter_mut().zip(&mut self.offsets).enumerate() {
+            let n = corners[k].cross(corners[(k + 1) % 4]);
+            *normal = if n.dot(w) > 0.0 { -n } else { n };
+            *offset = normal.dot(apex) + self.slack * normal.abs().element_sum();
         }
         self.planes = 4;
-        let corners = [
-            w + low[0] * u + low[1] * v,
-            w + high[0] * u + low[1] * v,
-            w + high[0] * u + high[1] * v,
-            w + low[0] * u + high[1] * v,
-        ];
         let longest = corners.iter().map(|c| c.length()).fold(0.0, f32::max);
         self.pyramid = Some(Pyramid { apex, corners, longest });
     }
@@ -361,28 +354,25 @@ impl Shaft {
 /// Directions that go sideways by more than this times forward have no useful slope.
 const STEEP: f32 = 10.0;
 
-/// Least and greatest slope towards u and v against w of the corners of a box seen from a point.
+/// The corners of a box without thickness, in turn, seen from a point.
 #[inline(always)]
-fn slopes_of_box(to: Ends, apex: Vec3, [u, v, w]: [Vec3; 3]) -> Option<[[f32; 2]; 2]> {
-    let [lo, hi] = to.bounds();
-    let (mut low, mut high) = ([f32::MAX; 2], [f32::MIN; 2]);
-    for k in 0..8 {
-        let corner = Vec3::select(glam::BVec3::new(k & 1 == 1, k & 2 == 2, k & 4 == 4), hi, lo) - apex;
-        let forward = corner.dot(w);
-        for (i, sideways) in [corner.dot(u), corner.dot(v)].into_iter().enumerate() {
-            if sideways.abs() >= STEEP * forward {
-                return None;
-            }
-            let slope = sideways / forward;
-            (low[i], high[i]) = (low[i].min(slope), high[i].max(slope));
-        }
+fn corners_of_panel(to: Ends, apex: Vec3, slack: f32) -> Option<[Vec3; 4]> {
+    let flat = to.half.min_position();
+    if to.half[flat] > slack {
+        return None;
     }
-    Some([low, high])
+    let (u, v) = ((flat + 1) % 3, (flat + 2) % 3);
+    Some([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(i, j)| {
+        let mut half = Vec3::ZERO;
+        (half[u], half[v]) = (i * to.half[u], j * to.half[v]);
+        to.centre + half - apex
+    }))
 }
 
-/// The same of every direction.
+/// The edges of the pyramid of extreme slopes of all directions against the middle one.
 #[inline(always)]
-fn slopes_of_segments<S: Simd>(simd: S, packets: &[Packet], [u, v, w]: [Vec3; 3]) -> Option<[[f32; 2]; 2]> {
+fn corners_of_segments<S: Simd>(simd: S, packets: &[Packet], w: Vec3) -> Option<[Vec3; 4]> {
+    let (u, v) = w.any_orthonormal_pair();
     let mut slopes = [(simd.splat(f32::MAX), simd.splat(f32::MIN)); 2];
     for packet in packets {
         let (_, direction) = filled(simd, packet);
@@ -398,15 +388,19 @@ fn slopes_of_segments<S: Simd>(simd: S, packets: &[Packet], [u, v, w]: [Vec3; 3]
             *range = (simd.min(range.0, slope), simd.max(range.1, slope));
         }
     }
+    let low = slopes.map(|range| simd.least(range.0));
+    let high = slopes.map(|range| simd.greatest(range.1));
     Some([
-        [simd.least(slopes[0].0), simd.least(slopes[1].0)],
-        [simd.greatest(slopes[0].1), simd.greatest(slopes[1].1)],
+        w + low[0] * u + low[1] * v,
+        w + high[0] * u + low[1] * v,
+        w + high[0] * u + high[1] * v,
+        w + low[0] * u + high[1] * v,
     ])
 }
 
 /// Origins and directions; unused lanes repeat the first segment, so that whole registers can be reduced.
 #[inline(always)]
-fn filled<S: Simd>(simd: S, packet: &Packet) -> (Vector<S>, Vector<S>) {
+pub(super) fn filled<S: Simd>(simd: S, packet: &Packet) -> (Vector<S>, Vector<S>) {
     if packet.active == 0xffff {
         return (vector::load(simd, &packet.origin), vector::load(simd, &packet.direction));
     }

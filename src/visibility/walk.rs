@@ -14,7 +14,7 @@
 use super::front::Front;
 use super::shaft::Shaft;
 use super::slabs::{Slab, pass, spread};
-use super::triangles;
+use super::triangles::{self, Tiles};
 use super::wide::{AxisTraits, LEAF, Node, WideTree, mixed};
 use crate::characterise::{AXIS_COUNT, AxisMix};
 use crate::ray::{Lanes, Packet};
@@ -74,7 +74,7 @@ pub(super) fn walk<S: Simd>(
     rule: &Rule,
     workspace: &mut Buffers,
 ) -> Walked {
-    let Buffers { stack, slabs, blocked, transmittance, sums } = workspace;
+    let Buffers { stack, slabs, tiles, blocked, transmittance, sums } = workspace;
     let mut walked = Walked::default();
     let count = packets.len() as u64;
     let from = shaft.apex.unwrap_or(Vec3::ZERO);
@@ -82,6 +82,7 @@ pub(super) fn walk<S: Simd>(
     blocked.clear();
     blocked.resize(packets.len(), 0);
     slabs.clear();
+    tiles.clear();
     stack.clear();
     let push = |stack: &mut Vec<u32>, reference: u32| {
         // Its lines arrive while others are worked on.
@@ -100,9 +101,9 @@ pub(super) fn walk<S: Simd>(
         None => stack.push(0),
         Some(front) => {
             for block in &front.blocks {
-                let tested = triangles::block_all(simd, shaft, block, packets, blocked);
-                walked.work += BLOCK + u64::from(tested.triangles) * (1 + count);
-                walked.tested |= tested.triangles > 0 || tested.all;
+                let tested = triangles::block_all(simd, shaft, block, packets, (tiles, blocked));
+                walked.work += BLOCK + tested.work;
+                walked.tested |= tested.any || tested.all;
                 all = tested.all;
                 if all {
                     break;
@@ -122,9 +123,9 @@ pub(super) fn walk<S: Simd>(
         }
         if reference & LEAF != 0 {
             let block = &tree.blocks[(reference & !LEAF) as usize];
-            let tested = triangles::block_all(simd, shaft, block, packets, blocked);
-            walked.work += BLOCK + u64::from(tested.triangles) * (1 + count);
-            walked.tested |= tested.triangles > 0 || tested.all;
+            let tested = triangles::block_all(simd, shaft, block, packets, (tiles, blocked));
+            walked.work += BLOCK + tested.work;
+            walked.tested |= tested.any || tested.all;
             all = tested.all;
         } else {
             let at = reference as usize;
@@ -217,6 +218,7 @@ fn visit<S: Simd>(
 pub(super) struct Buffers {
     stack: Vec<u32>,
     slabs: Vec<Slab>,
+    tiles: Tiles,
     /// Blocked segments of each packet of the bundle.
     pub blocked: Vec<u32>,
     /// Transmittance of each segment of the first packet.
