@@ -1,9 +1,10 @@
 //! The questions of a benchmark: receiver points, the emitters they face, and the segments between them.
 
+use crate::math::Aabb;
 use crate::ray::{EndRule, LANES, Packet, gather_neighbours};
 use crate::scene::{Emitter, Scene};
 use crate::visibility::reference::end_rule;
-use glam::Vec3;
+use glam::{BVec3, Vec3};
 use rayon::prelude::*;
 use sobol_burley::sample_4d;
 
@@ -93,6 +94,11 @@ impl Workload {
         });
     }
 
+    /// Points whose convex hull holds the emitter of a pair.
+    pub fn hull(&self, pair: usize) -> &[Vec3] {
+        &self.samplers[self.pairs[pair].emitter as usize].hull
+    }
+
     /// The mean of a value of each pair over the emitters of each point, weighted by their unoccluded irradiance:
     /// the part of the light that arrives. 0 at points that face no emitter.
     pub fn weighted(&self, values: &[f32]) -> Vec<f32> {
@@ -142,15 +148,30 @@ impl Workload {
         let facing = sampler.facing(scene, point);
         // Owen-scrambled Sobol' points: stratified for every power of two, 65536 at most a scramble.
         let draw = |i: u32| sample_4d(i & 0xffff, 0, seed ^ (i >> 16).wrapping_mul(0x9e37_79b9));
-        let mut ends: Vec<Vec3> = (0..rays as u32)
-            .map(draw)
-            .map(|[u, v, ..]| facing.sample(scene, u, v))
-            .collect();
+        let mut ends: Vec<Vec3> =
+            (0..rays as u32).map(draw).map(|[u, v, ..]| facing.sample(scene, u, v)).collect();
         if order == Order::Near {
             gather_neighbours(&mut ends);
         }
         ends.into_iter().enumerate().for_each(|(i, end)| f(i, point.position, end));
     }
+}
+
+/// The points, each once, if there are few, or the corners of the box around them.
+fn hull(points: impl Iterator<Item = Vec3> + Clone) -> Vec<Vec3> {
+    const FEW: usize = 8;
+    let mut distinct: Vec<Vec3> = Vec::new();
+    for p in points.clone() {
+        if distinct.len() <= FEW && !distinct.contains(&p) {
+            distinct.push(p);
+        }
+    }
+    if distinct.len() <= FEW {
+        return distinct;
+    }
+    let bounds = Aabb::of(points);
+    let corner = |k: u32| BVec3::new(k & 1 == 1, k & 2 == 2, k & 4 == 4);
+    (0..8).map(|k| Vec3::select(corner(k), bounds.max, bounds.min)).collect()
 }
 
 /// A well-mixed 32-bit seed.
@@ -168,6 +189,8 @@ struct EmitterSampler {
     normals: Vec<Vec3>,
     /// A corner of each face.
     corners: Vec<Vec3>,
+    /// All corners or, of a many-cornered emitter, those of the box around them: their hull holds it.
+    hull: Vec<Vec3>,
     /// Running sums of the areas.
     sums: Vec<f32>,
     centre: Vec3,
@@ -192,6 +215,7 @@ impl EmitterSampler {
             sums.push(sum as f32);
         }
         EmitterSampler {
+            hull: hull(emitter.triangles.iter().flat_map(|&t| scene.corners(t))),
             triangles: emitter.triangles.clone(),
             normals,
             corners,

@@ -134,6 +134,11 @@ pub struct EndRule {
 }
 
 impl EndRule {
+    /// No segment is open by less than this at either end, and none by more than [`EndRule::MOST`]; parameters.
+    pub const LEAST: f32 = 1e-4;
+    /// See [`EndRule::LEAST`].
+    pub const MOST: f32 = 0.05;
+
     /// The rule for a scene whose coordinates do not exceed `magnitude`.
     pub fn new(magnitude: f32) -> EndRule {
         EndRule { magnitude }
@@ -143,7 +148,7 @@ impl EndRule {
     #[inline]
     pub fn margin(self, length: f32) -> f32 {
         // `min` also mends the NaN of a segment without length.
-        (1e-4 + 4e-7 * self.magnitude / length).min(0.05)
+        (Self::LEAST + 4e-7 * self.magnitude / length).min(Self::MOST)
     }
 }
 

@@ -73,7 +73,7 @@ impl Kernel for Run<'_> {
     fn run<S: Simd>(self, simd: S) -> f32 {
         let Run(steps, step) = self;
         let Steps { tree, packets, .. } = steps;
-        let shaft = Shaft::of(simd, packets, steps.magnitude);
+        let shaft = Shaft::of(simd, packets, &[], steps.magnitude);
         let mix = AxisMix::around(shaft.direction());
         let nodes = tree.nodes.iter().zip(&tree.traits).take(steps.nodes());
         match step {

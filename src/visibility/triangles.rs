@@ -47,7 +47,10 @@ pub(super) fn block_all<S: Simd>(
     }
     let normal = vector::cross(simd, &edge2, &edge1);
     let harmless = shaft.on_one_side(simd, &corner, &normal);
-    let touched = touched & !simd.bits(harmless);
+    let mut touched = touched & !simd.bits(harmless);
+    if shaft.whole && touched != 0 {
+        touched &= !simd.bits(shaft.beside(simd, &corner, [&edge1, &edge2]));
+    }
     if touched == 0 {
         return Tested::default();
     }

@@ -1,0 +1,68 @@
+//! Which plan a target takes, and what choosing costs.
+
+use super::*;
+
+fn expected(rays: usize, rms: f64, seconds: f64) -> Expected {
+    let error = Found { rms, lo: 0.9 * rms, hi: 1.1 * rms };
+    Expected { plan: Plan { feature_size: None, rays, more: None }, error, seconds, partly: 0.0 }
+}
+
+#[test]
+fn the_cheapest_that_is_good_enough_or_the_best_that_is_cheap_enough() {
+    let plans = [expected(1, 0.4, 0.1), expected(4, 0.2, 0.4), expected(16, 0.05, 1.6)];
+    let rays = |target| {
+        let (best, reachable) = choose(&plans, target, 0.0);
+        (best.plan.rays, reachable)
+    };
+    assert_eq!(rays(Target::Error(0.25)), (4, true));
+    // 0.2 may well be 0.22.
+    assert_eq!(rays(Target::Error(0.21)), (16, true));
+    assert_eq!(rays(Target::Error(0.01)), (16, false));
+    assert_eq!(rays(Target::Seconds(1.0)), (4, true));
+    assert_eq!(rays(Target::Seconds(100.0)), (16, true));
+    assert_eq!(rays(Target::Seconds(0.01)), (1, false));
+    // What choosing took is gone.
+    assert_eq!(choose(&plans, Target::Seconds(1.0), 0.7).0.plan.rays, 1);
+    assert!(!choose(&plans, Target::Seconds(1.0), 0.85).1);
+}
+
+#[test]
+fn a_smaller_pilot_is_spread_as_evenly() {
+    let all: Vec<usize> = (0..32).collect();
+    assert_eq!(evenly(&all, 4, 2), [0, 1, 2, 3, 28, 29, 30, 31]);
+    assert_eq!(evenly(&all, 4, 8), all);
+    assert_eq!(evenly(&all, 4, 9), all);
+    assert_eq!(evenly(&all[..3], 4, 2), [0, 1, 2]);
+    assert!(evenly(&[], 4, 2).is_empty());
+}
+
+/// A target of time counts the choice: met or not is told by both together, and the choice keeps to its part.
+#[test]
+fn choosing_is_part_of_the_time() {
+    use super::super::{Options, run};
+    use crate::scene::generate::{Spec, build};
+    let mut spec = Spec::new("forest");
+    (spec.trees, spec.leaves) = (9, 200);
+    let scene = build(&spec).expect("a forest");
+    let with = |seconds: f64| {
+        let options = Options {
+            points: 3000,
+            reference_rays: 64,
+            target: Some(Target::Seconds(seconds)),
+            ..Options::default()
+        };
+        run(&scene, &options, &()).expect("a record").0.target.expect("a target")
+    };
+    let tight = with(1e-6);
+    assert!(!tight.met && !tight.reachable && tight.pilot_s > 1e-6, "{tight:?}");
+    let wide = with(4.0);
+    assert_eq!(wide.met, wide.pilot_s + wide.seconds <= 4.0, "{wide:?}");
+    assert!(wide.reachable && wide.pilot_s < 3.0, "{wide:?}");
+}
+
+#[test]
+fn more_rays_than_were_tried_follow_the_law() {
+    let all: Vec<Expected> = beyond(expected(1024, 0.01, 2.0)).collect();
+    assert_eq!(all.iter().map(|p| p.plan.rays).collect::<Vec<_>>(), [4096, 16384, 65536]);
+    assert!((all[0].error.rms - 0.005).abs() < 1e-12 && all[0].seconds == 8.0);
+}
