@@ -5,7 +5,7 @@ use super::page::ReceiverImages;
 use super::receivers::{self, Receiver};
 use super::record::{self, MrRow, ReceiverFbem, interpolate_log_log};
 use super::rounds::rounds;
-use super::rows::{Bench, ratio};
+use super::rows::{Asked, Bench, ratio};
 use super::workload::Workload;
 use crate::Result;
 use crate::embree::Traversal;
@@ -49,14 +49,15 @@ impl Bench<'_> {
         let sample = self.sample(&workload);
         let call = |rays| (rays, self.embree(&workload, rays));
         let calls: Vec<(usize, Exact)> = self.exact_rays().into_iter().map(call).collect();
-        let asked = self.decisions(&sample, engine, &calls);
-        let all_rays: usize = calls.iter().map(|call| call.0).chain(asked.iter().map(|row| row.rays)).sum();
+        let asked = self.decisions(&sample, engine);
+        let walked: Vec<&Asked> = asked.iter().filter(|row| row.pays).collect();
+        let all_rays: usize = calls.iter().map(|call| call.0).chain(walked.iter().map(|row| row.rays)).sum();
         self.progress.stage("images", pairs * all_rays as u64);
         let (mut exact, mut mr) = (Vec::new(), Vec::new());
-        let timed = rounds(calls.len() + asked.len(), |k, first| {
+        let timed = rounds(calls.len() + walked.len(), |k, first| {
             let (run, made) = match calls.get(k) {
                 Some(&(rays, call)) => (self.exact(questions, call, rays, first), &mut exact),
-                None => (self.mr(questions, engine, &asked[k - calls.len()], first).run, &mut mr),
+                None => (self.mr(questions, engine, walked[k - calls.len()], first).run, &mut mr),
             };
             if first {
                 made.push(gallery.images(&run.visible));
@@ -76,10 +77,15 @@ impl Bench<'_> {
             curves.push(curve);
         }
         let mut shown_mr: Vec<Vec<Image>> = Vec::new();
-        let seconds = &timed.seconds[calls.len()..];
-        for (((row, images), &seconds), curve) in
-            rows.iter_mut().zip(mr).zip(seconds).zip(curves.iter().cycle())
-        {
+        let mut walked = mr.into_iter().zip(&timed.seconds[calls.len()..]);
+        for ((row, asked), curve) in rows.iter_mut().zip(&asked).zip(curves.iter().cycle()) {
+            let (images, &seconds) = if asked.pays {
+                walked.next().expect("a run of every row that was walked")
+            } else {
+                let k =
+                    calls.iter().position(|call| call.0 == row.rays).expect("exact has all numbers of rays");
+                (exact[k].clone(), &timed.seconds[k])
+            };
             let error = gallery.pooled_fbem(&references, &images, row.feature_size)?;
             let same = interpolate_log_log(curve, error);
             row.speedup_at_same_fbem = same.and_then(|t| ratio(t.seconds, seconds));

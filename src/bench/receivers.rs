@@ -186,6 +186,9 @@ fn by_size(scene: &Scene, exact: &dyn Occluder) -> Vec<(String, Candidate)> {
     };
     let reliefs: Vec<Patch> =
         by_object.chunk_by(|&a, &b| object(a) == object(b)).filter_map(relief).collect();
+    // What little is flat of an object that is not is no receiver of its own.
+    let rough: Vec<u32> = reliefs.iter().map(|r| object(r.triangles[0])).collect();
+    patches.retain(|p| !rough.contains(&object(p.triangles[0])));
     patches.extend(reliefs);
     patches.retain(|p| p.filled() >= FILLED && p.rectangle.width >= f64::from(least));
     let mut candidates = candidates(scene, exact, patches);

@@ -213,7 +213,8 @@ pub struct MrRow {
     pub aggregated_fraction: f64,
     /// Segments of bundles for which triangles were tested, by this engine or by Embree.
     pub exact_rays: u64,
-    /// Part of the segments, in [0, 1], that were handed to Embree whole; at 1 the row repeats exact's answer.
+    /// Part of the segments, in [0, 1], that were handed to Embree whole. At 1 the row was decided to be the exact row of
+    /// as many rays before anything was walked, and has its answers and its time; what the decision took is `decide_s`.
     #[serde(default)]
     pub handed_over: f64,
     /// Time of deciding on a sample whether the engine pays, seconds; not part of `seconds`.

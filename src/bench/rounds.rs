@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 const LEAST: usize = 2;
 const MOST: usize = 6;
 /// No round begins that is likely to end later than this after the first: a run shall end.
-const PATIENCE: Duration = Duration::from_secs(5);
+const PATIENCE: Duration = Duration::from_secs(10);
 
 /// Times of rows that were run equally often.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,11 +24,16 @@ pub(super) struct Timed {
 
 /// Runs `rows` rows in rounds. `run` is told which row and whether it is its first time; it returns the seconds of the
 /// row's timed sections, the same sections every time.
-pub(super) fn rounds(rows: usize, mut run: impl FnMut(usize, bool) -> Vec<f64>) -> Timed {
+pub(super) fn rounds(rows: usize, run: impl FnMut(usize, bool) -> Vec<f64>) -> Timed {
+    within(PATIENCE, rows, run)
+}
+
+/// The same with another patience.
+fn within(patience: Duration, rows: usize, mut run: impl FnMut(usize, bool) -> Vec<f64>) -> Timed {
     let start = Instant::now();
     let goes_on = |rounds: usize| {
         let likely_end = start.elapsed().mul_f64((rounds + 1) as f64 / rounds as f64);
-        rounds < LEAST || rounds < MOST && likely_end < PATIENCE
+        rounds < LEAST || rounds < MOST && likely_end < patience
     };
     let mut best: Vec<Vec<f64>> = (0..rows).map(|row| run(row, true)).collect();
     let mut rounds = 1;
@@ -75,9 +80,10 @@ mod tests {
     #[test]
     fn long_rows_hold_short_ones_back() {
         let mut calls = [0, 0];
-        rounds(2, |row, _| {
+        let patience = Duration::from_millis(100);
+        within(patience, 2, |row, _| {
             calls[row] += 1;
-            std::thread::sleep(if row == 0 { PATIENCE.mul_f64(0.4) } else { Duration::ZERO });
+            std::thread::sleep(if row == 0 { patience.mul_f64(0.4) } else { Duration::ZERO });
             vec![0.0]
         });
         assert_eq!(calls, [LEAST; 2]);

@@ -35,17 +35,18 @@ pub(super) struct Measured {
 }
 
 /// A multi-resolution row as it is asked.
-pub(super) struct Asked<'a> {
+pub(super) struct Asked {
     /// Feature size and segments.
     pub s: f64,
     pub rays: usize,
-    /// Embree, where a sample of the bundles says that the engine cannot pay.
-    pub instead: Option<Exact<'a>>,
+    /// Whether a sample of the bundles says that the engine pays. If not the row is handed over whole: it asks what the
+    /// exact row of as many rays asks, so it is that row, with its answers and its time.
+    pub pays: bool,
     /// Seconds of deciding that.
     pub decide_s: f64,
 }
 
-impl Asked<'_> {
+impl Asked {
     /// A row without figures.
     fn row(&self) -> MrRow {
         MrRow { feature_size: self.s, rays: self.rays, decide_s: self.decide_s, ..Default::default() }
@@ -118,13 +119,9 @@ impl Bench<'_> {
         self.timer.exact(questions, engine, rays, &self.advance(first, rays))
     }
 
-    /// A run of a multi-resolution row, likewise; where the engine does not pay, Embree answers in its place.
+    /// A run of a multi-resolution row, likewise.
     pub fn mr(&self, questions: Questions, engine: &MultiResolution, row: &Asked, first: bool) -> MrRun {
-        let Asked { s, rays, instead, .. } = *row;
-        if let Some(exact) = instead {
-            return MrRun::handed_over(self.exact(questions, exact, rays, first), rays);
-        }
-        let s = s as f32;
+        let (s, rays) = (row.s as f32, row.rays);
         self.timer.multi_resolution(questions.first(WARM_UP), engine, s, rays, &|_| ());
         self.timer.multi_resolution(questions, engine, s, rays, &self.advance(first, rays))
     }
@@ -135,30 +132,17 @@ impl Bench<'_> {
         self.timer.certified(questions, engine, rays, &self.advance(first, rays))
     }
 
-    /// Decides on a sample of the bundles whether the engine pays at a feature size; if not, `exact` answers in its
-    /// place.
-    pub fn decide<'a>(
-        &self,
-        sample: &Sample,
-        engine: &MultiResolution,
-        (s, rays): (f64, usize),
-        exact: Exact<'a>,
-    ) -> Asked<'a> {
+    /// Decides on a sample of the bundles whether the engine pays at a feature size.
+    pub fn decide(&self, sample: &Sample, engine: &MultiResolution, s: f64, rays: usize) -> Asked {
         let mut decide_s = 0.0;
         let pays = timed(&mut decide_s, || sample.pays(engine, s as f32, rays));
-        Asked { s, rays, instead: (!pays).then_some(exact), decide_s }
+        Asked { s, rays, pays, decide_s }
     }
 
-    /// The decisions for all rows, in their order; `calls` has Embree for each number of rays.
-    pub fn decisions<'a>(
-        &self,
-        sample: &Sample,
-        engine: &MultiResolution,
-        calls: &[(usize, Exact<'a>)],
-    ) -> Vec<Asked<'a>> {
-        let exact = |rays| calls.iter().find(|call| call.0 == rays).expect("exact has all of them").1;
+    /// The decisions for all rows, in their order.
+    pub fn decisions(&self, sample: &Sample, engine: &MultiResolution) -> Vec<Asked> {
         let rows = self.mr_rays().into_iter().flat_map(|rays| self.sizes.iter().map(move |&s| (s, rays)));
-        rows.map(|row| self.decide(sample, engine, row, exact(row.1))).collect()
+        rows.map(|(s, rays)| self.decide(sample, engine, s, rays)).collect()
     }
 
     /// Tells the progress of a run with `rays` segments a pair, if it is the first.
@@ -186,18 +170,25 @@ impl Bench<'_> {
         }
         let row = |rays| ExactRow { rays, mode: "certified".into(), ..Default::default() };
         let mut certified: Vec<ExactRow> = self.mr_rays().into_iter().map(row).collect();
-        let asked = self.decisions(sample, engine, &calls);
+        let asked = self.decisions(sample, engine);
         let mut rows: Vec<MrRow> = asked.iter().map(Asked::row).collect();
 
+        let walked: Vec<usize> = (0..rows.len()).filter(|&k| asked[k].pays).collect();
         let all_rays: usize = calls.iter().map(|call| call.0).sum::<usize>()
-            + self.mr_rays().iter().sum::<usize>() * (1 + self.sizes.len());
+            + self.mr_rays().iter().sum::<usize>()
+            + walked.iter().map(|&k| rows[k].rays).sum::<usize>();
         self.progress.stage("both engines", pairs * all_rays as u64);
         let (first_certified, first_mr) = (exact.len(), exact.len() + certified.len());
-        let timed = rounds(first_mr + rows.len(), |k, first| {
+        let timed = rounds(first_mr + walked.len(), |k, first| {
             if k < first_certified {
                 let (rays, engine) = calls[k];
                 let run = self.exact(questions, engine, rays, first);
                 exact[k].judge(first, &reference, &run);
+                for (row, _) in
+                    rows.iter_mut().zip(&asked).filter(|(r, a)| first && r.rays == rays && !a.pays)
+                {
+                    row.judge(&reference, audit.as_ref(), &MrRun::handed_over(run.clone(), rays));
+                }
                 run.sections
             } else if k < first_mr {
                 let row = &mut certified[k - first_certified];
@@ -205,7 +196,7 @@ impl Bench<'_> {
                 row.judge(first, &reference, &run);
                 run.sections
             } else {
-                let k = k - first_mr;
+                let k = walked[k - first_mr];
                 let result = self.mr(questions, engine, &asked[k], first);
                 if first {
                     rows[k].judge(&reference, audit.as_ref(), &result);
@@ -216,12 +207,12 @@ impl Bench<'_> {
         let mut seconds = timed.seconds.iter().copied();
         exact.iter_mut().chain(&mut certified).zip(&mut seconds).for_each(|(row, s)| row.seconds = s);
         let curve = curve(&exact);
-        for (row, seconds) in rows.iter_mut().zip(seconds) {
-            let same_rms = interpolate_log_log(&curve, row.rms);
+        for (row, asked) in rows.iter_mut().zip(&asked) {
             let as_many = exact.iter().find(|e| e.rays == row.rays).map_or(0.0, |e| e.seconds);
-            row.seconds = seconds;
-            row.speedup_per_segment = ratio(as_many, seconds).unwrap_or(0.0);
-            row.speedup_at_same_rms = same_rms.and_then(|t| ratio(t.seconds, seconds));
+            row.seconds = if asked.pays { seconds.next().unwrap_or(0.0) } else { as_many };
+            let same_rms = interpolate_log_log(&curve, row.rms);
+            row.speedup_per_segment = ratio(as_many, row.seconds).unwrap_or(0.0);
+            row.speedup_at_same_rms = same_rms.and_then(|t| ratio(t.seconds, row.seconds));
             row.extrapolated = same_rms.is_some_and(|t| t.extrapolated);
         }
         Measured { reference, exact, certified, mr: rows, rounds: timed.rounds }

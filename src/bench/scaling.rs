@@ -135,21 +135,25 @@ fn measure(
     let reference = bench.reference(&format!("reference of {triangles}"), questions, options.reference_rays);
     progress.stage(&format!("both engines, {triangles}"), 2 * (bundles * rays) as u64);
     let (call, _) = bench.embree_timed(&workload, rays);
-    let asked = bench.decide(&sample, &engine, (s, rays), call);
+    let asked = bench.decide(&sample, &engine, s, rays);
     let (mut exact, mut mr) = (Run::default(), MrRun::default());
-    let timed = rounds(2, |row, first| {
+    let timed = rounds(if asked.pays { 2 } else { 1 }, |row, first| {
         let run = match row {
             0 => MrRun { run: bench.exact(questions, call, rays, first), ..MrRun::default() },
             _ => bench.mr(questions, &engine, &asked, first),
         };
         let sections = run.run.sections.clone();
-        if first && row == 0 {
-            exact = run.run;
-        } else if first {
-            mr = run;
+        match (first, row) {
+            (true, 0) => exact = run.run,
+            (true, _) => mr = run,
+            _ => {}
         }
         sections
     });
+    if !asked.pays {
+        mr = MrRun::handed_over(exact.clone(), rays);
+    }
+    let seconds = [0, timed.seconds.len() - 1].map(|k| timed.seconds[k]);
     record.embree = device.version();
     record.isa = engine.isa().name().into();
     (record.mrvis, record.unit) = (env!("CARGO_PKG_VERSION").into(), scene.unit.clone());
@@ -163,8 +167,8 @@ fn measure(
         feature_size: s,
         rays,
         bundles,
-        seconds_per_bundle_mr: per_bundle(timed.seconds[1]),
-        seconds_per_bundle_exact: per_bundle(timed.seconds[0]),
+        seconds_per_bundle_mr: per_bundle(seconds[1]),
+        seconds_per_bundle_exact: per_bundle(seconds[0]),
         rms_mr: reference.errors(&mr.run.visible).0,
         rms_exact: reference.errors(&exact.visible).0,
         nodes_per_segment: mr.cost.nodes as f64 / segments,

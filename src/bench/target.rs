@@ -24,9 +24,9 @@ const STREAMS: [u64; 2] = [8, 9];
 /// Part of a time asked for that the pilot may take, about, and part of that for its truth.
 const PILOT_PART: f64 = 0.4;
 const TRUTH_PART: f64 = 0.3;
-/// Least rays of its truth, and runs of pairs.
+/// Least rays of its truth, and pairs of its runs.
 const LEAST_TRUTH: usize = 64;
-const LEAST_RUNS: usize = 8;
+const LEAST_RUN: usize = 4;
 /// Part of the time asked for that a plan may be expected to take: clocks wander.
 const CAREFUL: f64 = 0.9;
 
@@ -117,19 +117,20 @@ impl Bench<'_> {
         };
         let spent = || start.elapsed().as_secs_f64();
         let mut pairs = sample(questions);
-        // A pilot that may take no longer than this looks at fewer pairs, with fewer rays, for its truth.
-        let mut rays = TRUTH;
+        // A pilot that may take no longer than this looks at fewer pairs, with fewer rays for its truth.
+        let (mut rays, mut run) = (TRUTH, PILOT.1.min(pairs.len().max(1)));
         if most.is_finite() {
-            let few = Questions { pairs: &pairs[..pairs.len().min(PILOT.1)], ..questions };
+            let few = Questions { pairs: &pairs[..run.min(pairs.len())], ..questions };
             let call = self.embree(questions.workload, LEAST_TRUTH);
             let before = spent();
             Reference::trace(few, call, LEAST_TRUTH, STREAMS, &|_| ());
             let each = (spent() - before) / (few.pairs.len() * LEAST_TRUTH).max(1) as f64;
             let affordable = (TRUTH_PART * (most - spent()).max(0.0) / each.max(1e-12)) as usize;
-            let per_pair = affordable / pairs.len().max(1);
-            rays = (per_pair / 2 * 2).clamp(LEAST_TRUTH, TRUTH);
-            let runs = (affordable / (rays * PILOT.1)).clamp(LEAST_RUNS, PILOT.0);
-            pairs = evenly(&pairs, PILOT.1, runs);
+            rays = (affordable / pairs.len().max(1) / 2 * 2).clamp(LEAST_TRUTH, TRUTH);
+            let runs = pairs.len().div_ceil(run);
+            let shorter = (affordable / (rays * runs.max(1))).clamp(LEAST_RUN.min(run), run);
+            pairs = first_of_each(&pairs, run, shorter);
+            run = shorter;
         }
         let pilot = Questions { pairs: &pairs, ..questions };
         let exact = self.embree(questions.workload, rays);
@@ -140,12 +141,19 @@ impl Bench<'_> {
             if !found.is_empty() && spent() > most {
                 break;
             }
+            if too_dear(plan, &found, target) {
+                continue;
+            }
             // The first call finds cold caches.
-            let (run, partly) = self.follow(plan, pilot, engine);
+            let (first, partly) = self.follow(plan, pilot, engine);
             let again = self.follow(plan, pilot, engine).0.run.seconds();
-            let error = Found::of(&truth.squares(&run.run.visible), PILOT.1);
-            let seconds = scale * run.run.seconds().min(again);
-            found.push(Expected { plan, error, seconds, partly });
+            let error = Found::of(&truth.squares(&first.run.visible), run);
+            // The least time tells plans apart; the greater one promises less.
+            let seconds = match target {
+                Target::Error(_) => first.run.seconds().min(again),
+                Target::Seconds(_) => first.run.seconds().max(again),
+            };
+            found.push(Expected { plan, error, seconds: scale * seconds, partly });
         }
         let dearest = found.iter().rfind(|p| p.plan.feature_size.is_none() && p.plan.more.is_none()).copied();
         found.extend(dearest.into_iter().flat_map(beyond));
@@ -210,12 +218,26 @@ fn beyond(most: Expected) -> impl Iterator<Item = Expected> {
     })
 }
 
-/// `count` of the runs of this length that questions come in, evenly spread.
-fn evenly(pairs: &[usize], length: usize, count: usize) -> Vec<usize> {
-    let runs: Vec<&[usize]> = pairs.chunks(length).collect();
-    let count = count.clamp(1, runs.len().max(1));
-    let run = |k: usize| runs.get(k * runs.len().saturating_sub(1) / (count - 1).max(1));
-    (0..count).filter_map(run).copied().flatten().copied().collect()
+/// The first `count` of each run of this length.
+fn first_of_each(pairs: &[usize], length: usize, count: usize) -> Vec<usize> {
+    pairs.chunks(length).flat_map(|run| &run[..count.min(run.len())]).copied().collect()
+}
+
+/// Whether a plan cannot be the cheapest that is good enough: it begins as one does, or with more segments of the same
+/// engine, that took as long as another that is good enough.
+fn too_dear(plan: Plan, found: &[Expected], target: Target) -> bool {
+    let Target::Error(most) = target else { return false };
+    let good = found.iter().filter(|p| good_enough(p, most)).map(|p| p.seconds).fold(f64::MAX, f64::min);
+    let begins = |p: &&Expected| {
+        p.plan.more.is_none() && p.plan.feature_size == plan.feature_size && p.plan.rays <= plan.rays
+    };
+    found.iter().filter(begins).any(|p| p.seconds >= good)
+}
+
+/// Whether a plan is expected to err by no more than this. The pilot itself is uncertain: the upper end has to do. Where
+/// it has seen no error at all there is nothing better to choose.
+fn good_enough(plan: &Expected, most: f64) -> bool {
+    plan.error.hi <= most || plan.error.rms == 0.0
 }
 
 /// The plan for a target, and whether it is expected to do.
@@ -229,11 +251,7 @@ fn choose(plans: &[Expected], target: Target, spent: f64) -> (Expected, bool) {
     let seconds: fn(&Expected) -> f64 = |p| p.seconds;
     let error: fn(&Expected) -> f64 = |p| p.error.rms;
     let (found, otherwise) = match target {
-        // The pilot itself is uncertain: the upper end has to do. Where it has seen no error at all there is nothing
-        // better to choose.
-        Target::Error(most) => {
-            (least(seconds, &|p| p.error.hi <= most || p.error.rms == 0.0), least(error, &all))
-        }
+        Target::Error(most) => (least(seconds, &|p| good_enough(p, most)), least(error, &all)),
         Target::Seconds(most) => {
             (least(error, &|p| spent + p.seconds <= CAREFUL * most), least(seconds, &all))
         }

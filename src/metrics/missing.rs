@@ -11,6 +11,9 @@ const LEVELS: [f32; 2] = [0.25, 0.5];
 /// more than this.
 const CONTRAST: f32 = 0.25;
 
+/// Texels across the smallest feature that an image can show: what one or two of them say is the noise of their rays.
+const LEAST: f64 = 3.0;
+
 /// How many features there are, and how many of them are missing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Missing {
@@ -36,8 +39,8 @@ impl Missing {
     }
 }
 
-/// Looks for the features of `reference` of more than `size` (scene units, inscribed disc) in an approximation. Both
-/// images hold visible fractions.
+/// Looks for the features of `reference` of more than `size` (scene units, inscribed disc; three texels at least) in an
+/// approximation. Both images hold visible fractions.
 ///
 /// A shadow is a connected region, opened by the size, where the reference is below a level (1/4, 1/2): the union of all
 /// discs of that size that fit. It is missing if over any of these discs the approximation's mean is more than 1/4 above
@@ -55,7 +58,7 @@ pub fn missing_features(reference: &Image, approximation: &Image, size: f64) -> 
         let bright = BitImage::from_fn(width, height, |x, y| reference.at(x, y) > 1.0 - level);
         for (image, is_shadow) in [(dark, true), (bright, false)] {
             let mut opener = Opener::new(image, Morphology::Euclid);
-            let pixels = size / reference.texel();
+            let pixels = (size / reference.texel()).max(LEAST);
             let (opened, core) = (opener.open(pixels), opener.core(pixels));
             let disc = Disc::new(pixels);
             for region in regions(opened) {

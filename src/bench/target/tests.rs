@@ -28,12 +28,25 @@ fn the_cheapest_that_is_good_enough_or_the_best_that_is_cheap_enough() {
 
 #[test]
 fn a_smaller_pilot_is_spread_as_evenly() {
-    let all: Vec<usize> = (0..32).collect();
-    assert_eq!(evenly(&all, 4, 2), [0, 1, 2, 3, 28, 29, 30, 31]);
-    assert_eq!(evenly(&all, 4, 8), all);
-    assert_eq!(evenly(&all, 4, 9), all);
-    assert_eq!(evenly(&all[..3], 4, 2), [0, 1, 2]);
-    assert!(evenly(&[], 4, 2).is_empty());
+    let all: Vec<usize> = (0..10).collect();
+    assert_eq!(first_of_each(&all, 4, 2), [0, 1, 4, 5, 8, 9]);
+    assert_eq!(first_of_each(&all, 4, 4), all);
+    assert!(first_of_each(&[], 4, 2).is_empty());
+}
+
+/// Plans that begin with what already took longer than one that is good enough are not tried.
+#[test]
+fn plans_that_cannot_win_are_left_out() {
+    let found = [expected(1, 0.4, 0.1), expected(4, 0.1, 0.4), expected(16, 0.05, 1.6)];
+    let dear = |rays, more, error| {
+        let plan = Plan { feature_size: None, rays, more };
+        too_dear(plan, &found, Target::Error(error))
+    };
+    assert!(!dear(1, Some(64), 0.2) && dear(4, Some(64), 0.2) && dear(64, None, 0.2));
+    assert!(!dear(64, None, 0.01), "nothing is good enough yet");
+    let averaged = Plan { feature_size: Some(0.1), rays: 64, more: None };
+    assert!(!too_dear(averaged, &found, Target::Error(0.2)), "another engine may be faster");
+    assert!(!too_dear(Plan { feature_size: None, rays: 64, more: None }, &found, Target::Seconds(0.1)));
 }
 
 /// A target of time counts the choice: met or not is told by both together, and the choice keeps to its part.

@@ -88,6 +88,14 @@ pub fn table(record: &Record) -> String {
     if record.mr.iter().any(|row| row.extrapolated) {
         let _ = writeln!(text, "~ beyond the most exact rays measured, extrapolated");
     }
+    let whole = record.mr.iter().filter(|row| row.handed_over == 1.0).count();
+    if whole > 0 {
+        let _ = writeln!(
+            text,
+            "{whole} of {} rows could not pay: their bundles were handed over, they are the exact rows",
+            record.mr.len()
+        );
+    }
     text += &setup(record);
     text += &audits(&record.mr);
     text += &unbiased(&record.unbiased, unit);

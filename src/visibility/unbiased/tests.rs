@@ -100,15 +100,19 @@ fn mean(stage: &Stage, from: Vec3, wanted: f32, packets: usize, runs: usize) -> 
 
 /// From below the middle a plate at half the light's height, from x = 0 to the middle, hides exactly half of the light.
 /// A huge feature size averages the plate; with the extinction of the formula it lets light through.
-#[test]
-fn the_mean_is_the_closed_form() {
+fn half_a_plate() -> Stage {
     let mut pieces = Pieces::new();
     for k in 0..40 {
         let (x, y) = (f64::from(k % 4) * 0.125, f64::from(k / 4) * 0.1);
         let centre = DVec3::new(0.0625 + x, 0.05 + y, 1.5);
         pieces.quad(centre, 0.125 * DVec3::X, 0.1 * DVec3::Y);
     }
-    let stage = Stage::new(pieces, Extinction::Analytic);
+    Stage::new(pieces, Extinction::Analytic)
+}
+
+#[test]
+fn the_mean_is_the_closed_form() {
+    let stage = half_a_plate();
     let from = Vec3::new(0.5, 0.5, 0.0);
     for wanted in [0.25, 1.0, 2.0] {
         let (found, error, _, averaged) = mean(&stage, from, wanted, 4, 1500);
@@ -147,13 +151,7 @@ fn the_mean_is_that_of_exact_rays_in_random_clouds() {
 /// to exact, which the averaged level alone does not.
 #[test]
 fn estimates_converge() {
-    let stage = Stage::new(cloud(3, 150, 0.1, DVec3::new(1.0, 1.0, 2.0), true), Extinction::Measured);
-    let from = Vec3::new(0.4, 0.6, -0.1);
-    let mut random = Pcg64Mcg::new(10);
-    let all = stage.packets(from, 8000, &mut random);
-    let mut blocked = vec![0; all.len()];
-    stage.exact().occluded(&all, &mut blocked);
-    let truth = 1.0 - blocked.iter().map(|b| f64::from(b.count_ones())).sum::<f64>() / 128_000.0;
+    let (stage, from, truth) = (half_a_plate(), Vec3::new(0.5, 0.5, 0.0), 0.5);
     // Root mean square errors against the truth of the estimates and of the averaged level alone.
     let errors = |packets: usize| {
         let (found, _, deviation, averaged) = mean(&stage, from, packets as f32 / 4.0, packets, 600);
