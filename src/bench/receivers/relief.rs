@@ -32,7 +32,7 @@ pub(super) fn of<'a>(
 }
 
 /// The highest points of the faces over the middles of the texels of a rectangle, row by row from the top left, a
-/// thousandth of a texel above the surface; beside the faces the points of the rectangle itself.
+/// thousandth of a texel above the surface; beside the faces as high as the surface is nearest in the row.
 pub(super) fn points(
     scene: &Scene,
     triangles: &[u32],
@@ -78,12 +78,18 @@ pub(super) fn points(
             }
         }
     }
+    for row in highest.chunks_mut(width) {
+        let outline: Vec<usize> = (0..row.len()).filter(|&x| row[x].0 > f64::MIN).collect();
+        for x in (0..row.len()).filter(|x| !outline.contains(x)) {
+            let nearest = outline.iter().min_by_key(|o| o.abs_diff(x));
+            row[x] = nearest.map_or((rectangle.rise[0], normal), |&o| row[o]);
+        }
+    }
     highest
         .into_iter()
         .enumerate()
         .map(|(i, (rise, face))| {
             let p = middle(i % width, i / width);
-            let rise = if rise == f64::MIN { rectangle.rise[0] } else { rise };
             let position = centre + p.x * right + p.y * up + rise * normal + 1e-3 * texel * face;
             Point { position: position.as_vec3(), normal: face.as_vec3() }
         })

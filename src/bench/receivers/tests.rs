@@ -104,8 +104,10 @@ fn a_terrain_is_a_receiver() {
         assert_eq!(points.len(), receivers[0].width * receivers[0].height);
         for p in &points {
             let q = p.position.as_dvec3() + scene.origin;
-            // Chords of the sine: step² / 8 times its curvature.
-            assert!((q.z - height(q.x, q.y)).abs() < 0.005, "{q}: {}", height(q.x, q.y));
+            // Chords of the sine: step² / 8 times its curvature, both ways. Beside the edge there is no surface.
+            let inside = q.x.min(q.y) > 0.2 && q.x.max(q.y) < 7.8;
+            let off = (q.z - height(q.x, q.y)).abs();
+            assert!(off < if inside { 0.01 } else { 0.1 }, "{q}: {}", height(q.x, q.y));
             assert!(p.normal.z > 0.8, "{p:?}");
         }
     }
