@@ -69,6 +69,11 @@ impl Table {
         Table(points)
     }
 
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
     /// The points, shifted by the bits of `key`.
     pub fn shifted(&self, key: u64) -> impl Iterator<Item = [f32; 4]> + '_ {
         let (a, b) = (mix(key), mix(!key));
