@@ -269,3 +269,21 @@ fn an_interrupted_solution_is_consistent_and_says_so() {
     assert!((gone / power("emitted") - 1.0).abs() < 1e-3, "{}", record["ledger"]);
     assert!(scratch.path("s/solution.vtu").exists() && scratch.path("s/view.png").exists());
 }
+
+#[test]
+fn ten_million_links_take_less_than_a_gibibyte() {
+    // Stored, and 32 bytes more for what refinement and sweeps note of each while they last.
+    let stored = size_of::<mrvis::link::Link>();
+    assert!(stored <= 40, "{stored}");
+    assert!(10_000_000 * (stored + 32) < 1 << 30);
+    let options = Options { error: 0.01, ..Options::default() };
+    let outcome = solver::run(&plates(dvec3(0.25, 0.25, 0.5), 0.5), &[], &options, &()).expect("a solution");
+    let (links, elements) = (outcome.record.links, outcome.record.elements);
+    assert!(links > 2000, "{links}");
+    // Elements, links and sweeps together: nothing else grows with the solution.
+    assert!(
+        outcome.record.bytes < 80 * links + 400 * elements + 100_000,
+        "{} {links} {elements}",
+        outcome.record.bytes
+    );
+}
