@@ -82,7 +82,7 @@ impl Pairs<'_> {
             }
             let mut seen = Transmittance { value: LIKELY, error: 0.0 };
             if c > MATTERS {
-                let size = power_of_4((2.0 * c).clamp(4.0, f64::from(bundle)));
+                let size = power_of_4(c.clamp(4.0, f64::from(bundle)));
                 let table = table(buffers, size, seed as u32);
                 seen = self.transmittance((a, b), c, table, mix_pair(seed, i, j), &mut row.rays);
             }
