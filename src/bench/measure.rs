@@ -1,6 +1,6 @@
 //! Running the engines over a workload: seconds and visible fractions.
 
-use super::workload::Workload;
+use super::workload::{Order, Workload};
 use crate::ray::{LANES, Occluder, Packet};
 use crate::scene::Scene;
 use crate::visibility::{Answer, Bundle, Cost, Exact, MultiResolution, Workspace, wilson};
@@ -89,11 +89,11 @@ pub(super) fn chunks(count: usize, rays: usize) -> Vec<Range<usize>> {
 }
 
 impl<T> Chunk<T> {
-    /// Makes the bundles of the questions, of `rays` segments each.
-    pub fn prepare(&mut self, questions: Questions, rays: usize, stream: u64) {
+    /// Makes the bundles of the questions, of so many segments each.
+    pub fn prepare(&mut self, questions: Questions, how: (usize, Order), stream: u64) {
         self.packets.clear();
         for &pair in &questions.pairs[self.pairs.clone()] {
-            questions.workload.add_bundle(questions.scene, pair, rays, stream, &mut self.packets);
+            questions.workload.add_bundle(questions.scene, pair, how, stream, &mut self.packets);
         }
     }
 }
@@ -196,7 +196,7 @@ impl Timer {
         let mut result = MrRun::default();
         result.run.sections = self.chunk_by_chunk(
             chunks(questions.pairs.len(), rays),
-            |chunk: &mut Chunk<Option<Answer>>| chunk.prepare(questions, rays, 0),
+            |chunk: &mut Chunk<Option<Answer>>| chunk.prepare(questions, (rays, Order::Near), 0),
             |chunk| {
                 let Chunk { pairs, packets, answers, workspace } = chunk;
                 let (order, bundles) = bundles(questions, pairs.clone(), packets, rays);

@@ -9,7 +9,7 @@
 
 mod relief;
 
-use super::workload::{Point, Workload};
+use super::workload::{Order, Point, Workload};
 use crate::math::{Aabb, triangle_area, triangle_normal};
 use crate::ray::{Occluder, Packet};
 use crate::scene::Scene;
@@ -291,7 +291,7 @@ fn light_on(scene: &Scene, exact: &dyn Occluder, patch: &Patch, rectangle: Recta
     let (mut arrives, mut could) = (0.0, 0.0);
     for (i, pair) in workload.pairs.iter().enumerate() {
         packets.clear();
-        workload.add_bundle(scene, i, PROBE_RAYS, 0, &mut packets);
+        workload.add_bundle(scene, i, (PROBE_RAYS, Order::Near), 0, &mut packets);
         blocked.clear();
         blocked.resize(packets.len(), 0);
         exact.occluded(&packets, &mut blocked);

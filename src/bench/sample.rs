@@ -1,6 +1,6 @@
 //! What decisions are made on: runs of neighbouring bundles spread over the workload.
 
-use super::workload::Workload;
+use super::workload::{Order, Workload};
 use crate::ray::{LANES, Packet};
 use crate::scene::Scene;
 use crate::visibility::{Bundle, MultiResolution, Workspace};
@@ -40,7 +40,7 @@ impl Sample {
             let mut run = Run { hull: workload.hull(first).to_vec(), pairs: Vec::new() };
             for pair in same.take(SHAPE.1) {
                 let first = sample.packets.len();
-                workload.add_bundle(scene, pair, rays, 0, &mut sample.packets);
+                workload.add_bundle(scene, pair, (rays, Order::Near), 0, &mut sample.packets);
                 run.pairs.push((first..sample.packets.len(), workload.pairs[pair].emitter_size));
             }
             sample.runs.push(run);

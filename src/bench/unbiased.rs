@@ -11,6 +11,7 @@ use super::record::{UnbiasedLevel, UnbiasedRow, interpolate_log_log};
 use super::reference::Reference;
 use super::rounds::as_often;
 use super::rows::{Bench, Measured, WARM_UP, curve, ratio};
+use super::workload::Order;
 use crate::ray::{LANES, Occluder, Packet};
 use crate::visibility::{Bundle, Correction, Estimate, Exact, MultiResolution, Unbiased, Workspace};
 use rand_pcg::Pcg64Mcg;
@@ -148,7 +149,9 @@ impl Timer {
         let (mut visible, mut corrections) = (Vec::with_capacity(questions.pairs.len()), 0);
         let sections = self.chunk_by_chunk(
             super::measure::chunks(questions.pairs.len(), rays),
-            |chunk: &mut super::measure::Chunk<Estimate>| chunk.prepare(questions, rays, STREAM),
+            |chunk: &mut super::measure::Chunk<Estimate>| {
+                chunk.prepare(questions, (rays, Order::Spread), STREAM)
+            },
             |chunk| {
                 let (order, bundles) = bundles(questions, chunk.pairs.clone(), &chunk.packets, rays);
                 chunk.answers.clear();
@@ -202,7 +205,8 @@ impl<'a> Pilot<'a> {
         let make = |stream: u64| {
             let mut packets = Vec::new();
             for &pair in questions.pairs {
-                questions.workload.add_bundle(questions.scene, pair, segments, stream, &mut packets);
+                let how = (segments, Order::Spread);
+                questions.workload.add_bundle(questions.scene, pair, how, stream, &mut packets);
             }
             packets
         };

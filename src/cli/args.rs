@@ -112,6 +112,11 @@ impl Spinner {
     pub fn say(&self, what: &str) {
         self.0.set_message(what.to_owned());
     }
+
+    /// Takes it away before its time.
+    pub fn clear(&self) {
+        self.0.finish_and_clear();
+    }
 }
 
 impl Drop for Spinner {

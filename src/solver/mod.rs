@@ -22,7 +22,7 @@ mod tests;
 pub use ledger::Ledger;
 pub use options::{Inside, Options, Rows, Visibility};
 pub use receive::Receiver;
-pub use run::{Iteration, Outcome, Progress, Record, SceneFacts, Seconds, run};
+pub use run::{Iteration, More, Outcome, Progress, Record, SceneFacts, Seconds, run, run_then};
 
 use crate::element::Elements;
 use crate::link::{Light, Link, Meter, Sight, Tally};

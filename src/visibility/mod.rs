@@ -40,7 +40,11 @@ pub struct Bundle<'a> {
     /// point; scene units.
     pub emitter_size: f32,
     /// Points whose convex hull holds the whole emitter, not only the ends of these segments; none where nobody knows.
-    /// With them, and a receiver end that all segments share, an answer can be certain.
+    /// With them an answer can be certain, and bundles that meet nothing, or that one triangle covers, cost the same
+    /// however many segments they have.
+    ///
+    /// Who gives them promises that all segments begin at one point, end inside the hull, and are open by an
+    /// [`crate::ray::EndRule`] of the scene.
     pub emitter: &'a [Vec3],
 }
 

@@ -77,7 +77,7 @@ pub struct Workspace {
 impl Workspace {
     /// Transmittance of each packet's segments, summed up, of all bundles of the last call of
     /// [`MultiResolution::answers`] or [`MultiResolution::certified`], one after the other; zeros for bundles that were
-    /// handed over.
+    /// handed over, or that met nothing.
     pub fn sums(&self) -> &[f32] {
         &self.buffers.sums
     }
@@ -261,19 +261,22 @@ impl<'a> MultiResolution<'a> {
             (false, true) => Method::Aggregated,
             (true, true) => Method::Mixed,
         };
-        // Nothing blocks a bundle without segments.
-        let transmittance = if segments == 0 { 1.0 } else { (walked.transmittance / n).min(1.0) };
+        // Nothing blocks a bundle without segments either.
+        let clear = walked.clear || segments == 0;
+        let mean = |sum: f32| if clear { 1.0 } else { (sum / n).min(1.0) };
+        let [transmittance, square, least, greatest] =
+            [walked.transmittance, walked.square, walked.lo, walked.hi].map(mean);
         if certain {
             return Answer { transmittance, lo: transmittance, hi: transmittance, method, cost };
         }
-        let variance = (walked.square / n - transmittance * transmittance).max(0.0);
-        let dependence = DEPENDENCE * (walked.hi - walked.lo).max(0.0) / n;
+        let variance = (square - transmittance * transmittance).max(0.0);
+        let dependence = DEPENDENCE * (greatest - least).max(0.0);
         let model = (walked.model * walked.model + dependence * dependence).sqrt();
         let (lo, hi) = interval(transmittance, variance, n, model);
         // Whatever the dependence between the clusters, their own errors aside, the mean lies between Fréchet's
         // bounds (method D.7), of which only samples are known.
-        let lo = lo.max(wilson(walked.lo / n, n).0 - 2.0 * model).clamp(0.0, transmittance);
-        let hi = hi.min(wilson(walked.hi / n, n).1 + 2.0 * model).clamp(transmittance, 1.0);
+        let lo = lo.max(wilson(least, n).0 - 2.0 * model).clamp(0.0, transmittance);
+        let hi = hi.min(wilson(greatest, n).1 + 2.0 * model).clamp(transmittance, 1.0);
         Answer { transmittance, lo, hi, method, cost }
     }
 

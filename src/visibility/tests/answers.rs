@@ -101,15 +101,16 @@ fn claimed_errors_are_those_that_are_there() {
     let stage = Stage::new(generate::build(&spec).expect("forest"));
     let engine = stage.engine(Leaf::Exact).with_tolerance(0.1);
     let points = crate::bench::workload::surface_points(&stage.scene, 600, 3).expect("points");
-    let workload = crate::bench::workload::Workload::new(&stage.scene, points, 3);
+    use crate::bench::workload::{Order, Workload};
+    let workload = Workload::new(&stage.scene, points, 3);
     let exact = Exact { scene: &stage.traced, traversal: SINGLE };
     let (mut workspace, mut blocked) = (Workspace::default(), Vec::new());
     for s in [0.1f32, 0.4] {
         let (mut inside, mut count, mut claimed, mut there, mut aggregated) = (0, 0, 0.0f64, 0.0f64, 0);
         for pair in 0..workload.pairs.len() {
             let (mut packets, mut truth) = (Vec::new(), Vec::new());
-            workload.add_bundle(&stage.scene, pair, 256, 0, &mut packets);
-            workload.add_bundle(&stage.scene, pair, 4096, 1, &mut truth);
+            workload.add_bundle(&stage.scene, pair, (256, Order::Near), 0, &mut packets);
+            workload.add_bundle(&stage.scene, pair, (4096, Order::Near), 1, &mut truth);
             let e = workload.pairs[pair].emitter_size;
             let answer =
                 engine.answer(Bundle { packets: &packets, emitter_size: e, emitter: &[] }, s, &mut workspace);
