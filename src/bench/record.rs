@@ -211,6 +211,10 @@ pub struct MrRow {
     pub audit: Option<Audit>,
     /// Part of the segments, in [0, 1], that met at least one averaged cluster.
     pub aggregated_fraction: f64,
+    /// Part of the segments, in [0, 1], of bundles whose answer is certain without a ray: the whole light is visible, or
+    /// one triangle covers it.
+    #[serde(default)]
+    pub certified_fraction: f64,
     /// Segments of bundles for which triangles were tested, by this engine or by Embree.
     pub exact_rays: u64,
     /// Part of the segments, in [0, 1], that were handed to Embree whole. At 1 the row was decided to be the exact row of

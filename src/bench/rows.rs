@@ -250,6 +250,7 @@ impl MrRow {
         self.interval_coverage = reference.coverage(&result.run.visible, &result.intervals);
         self.audit = audit.map(|audit| audit.judge(result));
         self.aggregated_fraction = cost.aggregated as f64 / segments;
+        self.certified_fraction = cost.certified as f64 / segments;
         self.exact_rays = cost.exact_rays;
         self.handed_over = cost.handed_over as f64 / segments;
         self.nodes_per_segment = cost.nodes as f64 / segments;

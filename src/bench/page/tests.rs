@@ -106,6 +106,7 @@ fn example() -> (Record, Vec<ReceiverImages>) {
         bias: -0.004,
         interval_coverage: 0.97,
         audit: Some(audit()),
+        certified_fraction: 0.4,
         aggregated_fraction: 0.81,
         exact_rays: 48_212,
         nodes_per_segment: 11.4,
