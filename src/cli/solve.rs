@@ -1,6 +1,6 @@
 //! `mrvis solve SCENE --out DIR`: the light in a scene.
 
-use super::args::{Common, SceneArgs, Spinner, check_folder, grouped};
+use super::args::{CacheArgs, Common, SceneArgs, Spinner, check_folder, grouped};
 use super::outputs::{Gather, Outputs};
 use mrvis::files::WholeFile;
 use mrvis::points::{Irradiance, Point, read_points, write_irradiance};
@@ -71,6 +71,8 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = Options::default().max_links)]
     max_links: usize,
     #[command(flatten)]
+    cache: CacheArgs,
+    #[command(flatten)]
     outputs: Outputs,
     #[command(flatten)]
     common: Common,
@@ -135,6 +137,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         max_seconds: args.max_seconds,
         target_error: args.target_error,
         max_links: args.max_links,
+        cache: args.cache.place()?,
         seed: args.common.seed,
     };
     options.check()?;

@@ -11,6 +11,7 @@ mod importance;
 mod iterate;
 mod ledger;
 mod options;
+mod prepare;
 mod probe;
 mod receive;
 mod refine;

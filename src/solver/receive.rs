@@ -5,7 +5,7 @@ use super::field::{Rgb, add};
 use crate::element::{Elements, Lookup, Shape};
 use crate::embree::{CommittedScene, Hits, Traversal};
 use crate::form_factor::point_to_polygon;
-use crate::link::{Scratch, Tally, cosine_direction, mix, numbers, point_on};
+use crate::link::{Question, Scratch, Tally, cosine_direction, mix, numbers, point_on};
 use crate::ray::{LANES, Packet};
 use crate::scene::Scene;
 use glam::{DVec3, Vec3};
@@ -215,8 +215,9 @@ impl<'a> Receiver<'a> {
             if packet.is_empty() {
                 continue;
             }
-            let through =
-                self.solver.sight.transmittances(&packet, ask.width, self.feature_size, &mut buffers.scratch);
+            let question = Question { packet, emitter_size: ask.width, feature_size: self.feature_size };
+            let through = self.solver.sight.transmittances(&question, &mut buffers.scratch);
+            let packet = question.packet;
             for lane in packet.lanes() {
                 sum += f64::from(weights[lane]);
                 seen += f64::from(weights[lane] * through[lane]);
@@ -384,8 +385,9 @@ impl Receiver<'_> {
                 continue;
             }
             let width = self.emitters.iter().map(|(_, w)| *w).fold(f32::MAX, f32::min);
-            let through = self.solver.sight.transmittances(&shadow, width, self.feature_size, scratch);
-            for lane in shadow.lanes() {
+            let question = Question { packet: shadow, emitter_size: width, feature_size: self.feature_size };
+            let through = self.solver.sight.scattered().transmittances(&question, scratch);
+            for lane in question.packet.lanes() {
                 add(sum, f64::from(through[lane]), light[lane].map(f64::from));
             }
         }

@@ -2,13 +2,16 @@
 
 use super::{Solver, histogram::Histogram};
 use crate::element::Shape;
-use crate::link::{Care, Light, Link, Scratch, Split, Tally, judge};
+use crate::link::{Care, Light, Link, Meter, Question, Scratch, Sight, Split, Tally, judge};
 use rayon::prelude::*;
 
 /// Pairs that one task measures.
 const CHUNK: usize = 64;
+/// Runs of neighbouring pairs that stand for a wave, about, and the length of each.
+const RUNS: usize = 16;
+const RUN: usize = 16;
 
-impl Solver<'_> {
+impl<'a> Solver<'a> {
     /// Errors of all links, relative to the scene's mean irradiance, and the ends to split.
     pub(super) fn errors(&self) -> Vec<(f32, Split)> {
         let scale = 1.0 / self.scale as f32;
@@ -113,21 +116,16 @@ impl Solver<'_> {
 
     /// Measures pairs, in their order; those that exchange nothing are left out.
     fn measure(&mut self, pairs: &[[u32; 2]], threshold: f32) -> Vec<Link> {
-        let meter = self.meter();
+        let meter = Meter { sight: self.sight_for(pairs, threshold), ..self.meter() };
         let made: Vec<(Vec<Link>, Tally)> = pairs
             .par_chunks(CHUNK)
             .map_init(Scratch::default, |scratch, chunk| {
                 scratch.tally = Tally::default();
-                let links = chunk
-                    .iter()
-                    .filter_map(|&[a, b]| {
-                        if a == b {
-                            Some(self.inside(a))
-                        } else {
-                            meter.measure(a, b, self.care(a, b, threshold), scratch)
-                        }
-                    })
-                    .collect();
+                let (own, others): (Vec<[u32; 2]>, Vec<[u32; 2]>) = chunk.iter().partition(|[a, b]| a == b);
+                let asked: Vec<_> =
+                    others.iter().map(|&[a, b]| ([a, b], self.care(a, b, threshold))).collect();
+                let mut links = meter.measure_all(&asked, scratch);
+                links.extend(own.iter().map(|&[a, _]| self.inside(a)));
                 (links, scratch.tally)
             })
             .collect();
@@ -137,6 +135,19 @@ impl Solver<'_> {
             self.tally.add(tally);
         }
         links
+    }
+
+    /// The engine for a wave of pairs: exact rays where multi-resolution visibility is not likely to take less time for
+    /// them, by a sample of the wave.
+    fn sight_for(&self, pairs: &[[u32; 2]], threshold: f32) -> Sight<'a> {
+        let meter = self.meter();
+        let step = (pairs.len() / RUNS).max(RUN);
+        let sample = pairs.chunks(step).flat_map(|part| &part[..RUN.min(part.len())]);
+        let questions: Vec<Question> = sample
+            .filter(|[a, b]| a != b)
+            .filter_map(|&[a, b]| Some(meter.draft(a, b, self.care(a, b, threshold))?.1))
+            .collect();
+        self.sight.for_these(&questions, &mut Scratch::default())
     }
 
     /// The link of a cluster with itself: what the probe found.
@@ -163,10 +174,11 @@ impl Solver<'_> {
             f64::from(l.weight) * f64::from(from.mean + from.deviation) * of_area
         };
         let tolerated = f64::from(threshold) * self.scale;
-        let worth = (worth(a, b).max(worth(b, a)) / tolerated) as f32;
-        let sizes = [a, b].map(|e| self.feature_sizes[e as usize]);
-        let feature_size = if self.fixed_size { sizes[0].min(sizes[1]) } else { sizes[0].max(sizes[1]) };
-        Care { worth, feature_size }
+        let (at_a, at_b) = (worth(a, b), worth(b, a));
+        let first_receives = at_a >= at_b;
+        let receiver = if first_receives { a } else { b };
+        let feature_size = self.feature_sizes[receiver as usize];
+        Care { worth: (at_a.max(at_b) / tolerated) as f32, feature_size, first_receives }
     }
 
     /// What the oracle must know of every element's light, from the present solution.

@@ -1,17 +1,16 @@
 //! From a scene to a solution: preparation, steps of refinement, and what is written down about them.
 
 use super::field::Rgb;
-use super::{Ledger, Options, Receiver, Solver, Visibility, probe};
+use super::prepare::Prepared;
+use super::{Ledger, Options, Receiver, Solver, probe};
 use crate::Result;
-use crate::characterise::characterise;
 use crate::element::Elements;
-use crate::embree::{CommittedScene, Device, SceneBuilder, Traversal};
-use crate::hierarchy::{self, Hierarchy};
+use crate::hierarchy::Hierarchy;
 use crate::link::{Sight, Tally};
 use crate::points::Point;
 use crate::scene::Scene;
 use crate::solution::Solution;
-use crate::visibility::{Exact, Leaf, MultiResolution, reference};
+use crate::visibility::reference;
 use glam::Vec3;
 use serde::Serialize;
 use std::time::Instant;
@@ -55,9 +54,9 @@ pub struct Seconds {
     pub load: f64,
     /// Embree's tree.
     pub embree: f64,
-    /// Clusters.
+    /// Clusters, made or (for exact visibility) read.
     pub hierarchy: f64,
-    /// What clusters do to light (not for exact visibility).
+    /// What clusters do to light, measured or read, and what exact rays are worth (not for exact visibility).
     pub characterise: f64,
     /// Elements and the rays that probe their surroundings.
     pub elements: f64,
@@ -109,6 +108,8 @@ pub struct Record {
     pub iterations: Vec<Iteration>,
     /// Seconds by stage.
     pub seconds: Seconds,
+    /// Where the clusters came from: `off` (made, not kept), `made` (and kept for the next run) or `hit` (kept by another).
+    pub cache: String,
     /// Links at the end.
     pub links: usize,
     /// Elements at the end, clusters included.
@@ -157,25 +158,17 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
     let mut seconds = Seconds::default();
     let begun = Instant::now();
     progress.stage("preparing");
-    let device = Device::new(0)?;
-    let traced = timed(&mut seconds.embree, || -> Result<CommittedScene> {
-        let mut builder = SceneBuilder::new(&device, Default::default())?;
-        builder.add_triangles(&scene.positions, &scene.triangles, 1)?;
-        builder.commit()
-    })?;
-    let traversal = Traversal { width: device.native_width(), coherent: false };
-    let hierarchy = timed(&mut seconds.hierarchy, || hierarchy::build(scene, &Default::default()));
-    let exact = Exact { scene: &traced, traversal };
-    let engine = timed(&mut seconds.characterise, || engine(scene, &hierarchy, &exact, options));
-    let sight = engine.as_ref().map_or(Sight::Exact(exact), Sight::MultiResolution);
-    let ends = reference::end_rule(scene);
+    let prepared = Prepared::of(scene, options, &mut seconds, progress)?;
+    let (exact, ends) = (prepared.exact(), reference::end_rule(scene));
     let (elements, found) = timed(&mut seconds.elements, || {
         let area: f64 = areas(scene);
-        let elements = Elements::build(scene, &hierarchy, options.min_area * area);
+        let elements = Elements::build(scene, &prepared.hierarchy, options.min_area * area);
         let length = 1.01 * scene.bounds.diagonal();
-        let found = probe::probe(&elements, &traced, traversal, ends, length, options.seed);
+        let found = probe::probe(&elements, exact.scene, exact.traversal, ends, length, options.seed);
         (elements, found)
     });
+    let engine = timed(&mut seconds.characterise, || prepared.engine(scene, &elements, ends, options));
+    let sight = engine.as_ref().map_or(Sight::Exact(exact), Sight::MultiResolution);
     let mut solver = Solver::new(elements, found, sight, ends, options);
     solver.name(scene, &options.feature_sizes, &options.importance)?;
     let start = Instant::now();
@@ -194,26 +187,28 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
     progress.stage("points");
     let asked: Vec<(Vec3, Vec3)> =
         points.iter().map(|p| ((p.position - scene.origin).as_vec3(), p.normal.as_vec3())).collect();
-    let receiver = Receiver::new(scene, &solver, (&traced, traversal), options);
+    let receiver = Receiver::new(scene, &solver, (exact.scene, exact.traversal), options);
     let (irradiance, tally) = timed(&mut seconds.points, || receiver.irradiance(&asked));
     let mut bundles = solver.tally();
     bundles.add(tally);
     let uncertainty = solver.uncertainty();
     let mut warnings = scene.repairs.messages.clone();
+    warnings.extend(prepared.note.clone());
     if scene.emitters.is_empty() {
         warnings
             .push("nothing emits light: everything is black (--emitter NAME=W makes something emit)".into());
     }
     let record = Record {
         mrvis: env!("CARGO_PKG_VERSION").into(),
-        embree: device.version(),
+        embree: prepared.device.version(),
         threads: rayon::current_num_threads(),
         unit: scene.unit.clone(),
         options: options.clone(),
-        scene: facts(scene, &hierarchy),
+        scene: facts(scene, &prepared.hierarchy),
         warnings,
         iterations,
         seconds,
+        cache: prepared.origin.into(),
         links: solver.links.len(),
         elements: solver.elements.len(),
         bytes: solver.elements.bytes() + size_of_val(solver.links.as_slice()) + cut.bytes(),
@@ -283,22 +278,6 @@ fn solve(
     }
 }
 
-/// The multi-resolution engine, if one is asked for.
-fn engine<'a>(
-    scene: &Scene,
-    hierarchy: &Hierarchy,
-    exact: &Exact<'a>,
-    options: &Options,
-) -> Option<MultiResolution<'a>> {
-    let leaf = match options.visibility {
-        Visibility::Exact => return None,
-        Visibility::Mr => Leaf::Exact,
-        Visibility::Average => Leaf::Extinction,
-    };
-    let traits = characterise(scene, &hierarchy.micro, &Default::default());
-    Some(MultiResolution::new(scene, hierarchy, &traits, exact.scene, exact.traversal, leaf))
-}
-
 impl Solver<'_> {
     fn mean_irradiance(&self) -> Rgb {
         let mut sum = [0.0; 3];
@@ -334,7 +313,7 @@ fn facts(scene: &Scene, hierarchy: &Hierarchy) -> SceneFacts {
 }
 
 /// The result and, added up, the seconds it took.
-fn timed<R>(seconds: &mut f64, make: impl FnOnce() -> R) -> R {
+pub(super) fn timed<R>(seconds: &mut f64, make: impl FnOnce() -> R) -> R {
     let start = Instant::now();
     let result = make();
     *seconds += start.elapsed().as_secs_f64();
