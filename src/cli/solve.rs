@@ -4,7 +4,7 @@ use super::args::{CacheArgs, Common, SceneArgs, Spinner, check_folder, grouped};
 use super::outputs::{Gather, Outputs};
 use mrvis::files::WholeFile;
 use mrvis::points::{Irradiance, Point, read_points, write_irradiance};
-use mrvis::solver::{self, Inside, Options, Progress, Record, Rows, Visibility};
+use mrvis::solver::{self, Inside, Options, Progress, Record, Rows, Versus, Visibility};
 use mrvis::{Error, Result};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -40,6 +40,9 @@ pub struct Args {
     /// How visibility is answered.
     #[arg(long, value_enum, default_value = "exact")]
     visibility: Engine,
+    /// Solve once more with this engine, side by side: time of both and the difference at the points.
+    #[arg(long, value_enum, value_name = "ENGINE", requires = "points")]
+    compare: Option<Engine>,
     /// Feature size in scene units: shadows smaller than this may be averaged [default: each receiver's diameter].
     #[arg(short = 's', long, value_name = "S", allow_negative_numbers = true)]
     feature_size: Option<f32>,
@@ -108,6 +111,16 @@ enum Engine {
     Average,
 }
 
+impl From<Engine> for Visibility {
+    fn from(engine: Engine) -> Visibility {
+        match engine {
+            Engine::Exact => Visibility::Exact,
+            Engine::Mr => Visibility::Mr,
+            Engine::Average => Visibility::Average,
+        }
+    }
+}
+
 pub fn run(args: &Args) -> Result<ExitCode> {
     let options = Options {
         error: args.error,
@@ -117,11 +130,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
             RowSums::Closed => Rows::Closed,
             RowSums::Balanced => Rows::Balanced,
         },
-        visibility: match args.visibility {
-            Engine::Exact => Visibility::Exact,
-            Engine::Mr => Visibility::Mr,
-            Engine::Average => Visibility::Average,
-        },
+        visibility: args.visibility.into(),
         feature_size: args.feature_size,
         feature_sizes: args.feature_sizes.as_deref().map(read_sizes).transpose()?.unwrap_or_default(),
         inside: match args.inside {
@@ -158,7 +167,11 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         // A second interruption finds the handler in place and ends nothing: what is left takes seconds. Where handlers
         // cannot be set, interruption ends the program as it always did.
         let _ = ctrlc::set_handler(move || stopped.store(true, Ordering::Relaxed));
-        solver::run(&scene, &points, &options, &watch)?
+        let mut outcome = solver::run(&scene, &points, &options, &watch)?;
+        if let Some(other) = args.compare.filter(|_| !outcome.record.interrupted) {
+            outcome.record.versus = Some(solver::versus(&scene, &points, &outcome, other.into(), &watch)?);
+        }
+        outcome
     };
     if outcome.record.interrupted {
         outcome.record.warnings.push("interrupted: this is the consistent solution reached so far".into());
@@ -234,8 +247,49 @@ fn summary(r: &Record) -> String {
     );
     let _ =
         writeln!(text, "mean irradiance {:?}, estimated error {:.3}", r.mean_irradiance, r.error_estimate);
+    if let Some(v) = &r.versus {
+        text += &side_by_side(r, v);
+    }
     for warning in &r.warnings {
         let _ = writeln!(text, "note: {warning}");
     }
+    text
+}
+
+/// A table of both engines.
+fn side_by_side(r: &Record, v: &Versus) -> String {
+    let name = |visibility| match visibility {
+        Visibility::Exact => "exact",
+        Visibility::Mr => "mr",
+        Visibility::Average => "average",
+    };
+    let mut text = format!(
+        "{:<9}{:>11}{:>11}{:>11}{:>11}{:>11}{:>12}\n",
+        "", "clusters s", "solved s", "points s", "all s", "links", "exact rays"
+    );
+    for (visibility, s, links, rays) in [
+        (r.options.visibility, &r.seconds, r.links, r.bundles.exact_rays),
+        (v.visibility, &v.seconds, v.links, v.bundles.exact_rays),
+    ] {
+        let clusters = s.hierarchy + s.characterise;
+        let _ = writeln!(
+            text,
+            "{:<9}{clusters:>11.2}{:>11.2}{:>11.2}{:>11.2}{:>11}{:>12}",
+            name(visibility),
+            s.solve,
+            s.points,
+            s.work(),
+            grouped(links),
+            grouped(rays as usize)
+        );
+    }
+    let (own, other) = (name(r.options.visibility), name(v.visibility));
+    let _ = writeln!(
+        text,
+        "{other} took {:.2} times as long as {own}; at the points they differ by {:.2} % RMS, {:+.2} % in the mean",
+        v.speedup,
+        100.0 * v.difference.rms,
+        100.0 * v.difference.bias
+    );
     text
 }

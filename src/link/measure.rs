@@ -17,6 +17,9 @@ const UNSEEN: f32 = 0.03;
 const HIDDEN: f32 = 0.1;
 /// Relative deviation inside a cluster that faces its directions only on average.
 const ROUGH: f32 = 0.3;
+/// Four segments instead of sixteen are enough where visibility is expected to make the error of a coupling less than this,
+/// in units of what is tolerated; half of it between clusters, whose samples vary for other reasons too.
+const FEW: f32 = 0.25;
 /// Measures links.
 #[derive(Clone, Copy)]
 pub struct Meter<'a> {
@@ -52,6 +55,9 @@ pub struct Care {
     pub worth: f32,
     /// Shadow features smaller than this on the end that receives need not be resolved; scene units.
     pub feature_size: f32,
+    /// Standard deviation that the transmittance of a segment is expected to have, in `[0, 1/2]`: where it is small, few
+    /// segments say as much as many.
+    pub mixed: f32,
     /// Whether it is the first end whose light matters more: features are those of its shadows.
     pub first_receives: bool,
 }
@@ -182,7 +188,7 @@ impl Meter<'_> {
         let (pa, pb) = (four(ca, seed), four(cb, mix(seed)));
         let weights: [f32; LANES] =
             std::array::from_fn(|l| kernel(pa[l & 3], Some(na), pb[l >> 2], Some(nb), nearest));
-        let few = care.worth * free < 0.5;
+        let few = care.worth * free * care.mixed < FEW;
         let mut packet = Packet::EMPTY;
         for l in 0..LANES {
             // Few: each point of either end once.
@@ -226,7 +232,7 @@ impl Meter<'_> {
             let rough = if e.is_cluster() { ROUGH } else { 0.0 };
             model * near.hypot(rough)
         });
-        let few = care.worth * model < 0.25;
+        let few = care.worth * model * care.mixed < 0.5 * FEW;
         let mut packet = Packet::EMPTY;
         let most_rays = if few { 4 } else { LANES };
         for l in (0..LANES).filter(|&l| weights[l] > 0.0).take(most_rays) {

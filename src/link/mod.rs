@@ -35,3 +35,14 @@ pub struct Link {
     /// Segments traced.
     pub rays: u32,
 }
+
+impl Link {
+    /// Standard deviation that the transmittance of a segment between parts of the ends is expected to have: that of this
+    /// link's (at most √(T (1 - T)), method A.9), and what so many segments that all got through, or none, leave possible.
+    pub fn mixed(&self) -> f32 {
+        // Two more segments, one of each kind (Agresti and Coull 1998).
+        let n = self.rays as f32;
+        let t = (n * self.transmittance + 1.0) / (n + 2.0);
+        (t * (1.0 - t)).sqrt()
+    }
+}

@@ -29,7 +29,7 @@ fn coupling(pieces: Pieces, worth: f32, seed: u64) -> Option<(Link, f64)> {
         elements.sides.iter().find(own).expect("a side").element
     };
     let (a, b) = (of(0), of(1));
-    let care = Care { worth, feature_size: 1.0, first_receives: true };
+    let care = Care { worth, feature_size: 1.0, mixed: 0.5, first_receives: true };
     let link = meter.measure(a, b, care, &mut Scratch::default())?;
     let back = meter.measure(b, a, care, &mut Scratch::default()).expect("both ways or none");
     assert!(link.coupling == back.coupling, "{link:?} {back:?}");

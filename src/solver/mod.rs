@@ -19,11 +19,13 @@ mod run;
 mod show;
 #[cfg(test)]
 mod tests;
+mod versus;
 
 pub use ledger::Ledger;
 pub use options::{Inside, Options, Rows, Visibility};
 pub use receive::Receiver;
 pub use run::{Iteration, Outcome, Progress, Record, SceneFacts, Seconds, run};
+pub use versus::{Versus, versus};
 
 use crate::element::Elements;
 use crate::link::{Light, Link, Meter, Sight, Tally};

@@ -7,9 +7,21 @@ use rayon::prelude::*;
 
 /// Pairs that one task measures.
 const CHUNK: usize = 64;
-/// Runs of neighbouring pairs that stand for a wave, about, and the length of each.
+/// Runs of neighbouring pairs that stand for a wave, about, and the length of each; at most an eighth of it but for the first.
 const RUNS: usize = 16;
 const RUN: usize = 16;
+
+/// Two elements that a link is to be measured for.
+#[derive(Clone, Copy)]
+struct Pair {
+    a: u32,
+    b: u32,
+    /// What the link that held them says of visibility: [`Link::mixed`].
+    mixed: f32,
+}
+
+/// [`Pair::mixed`] where nothing was measured.
+const UNKNOWN: f32 = 0.5;
 
 impl<'a> Solver<'a> {
     /// Errors of all links, relative to the scene's mean irradiance, and the ends to split.
@@ -72,21 +84,26 @@ impl<'a> Solver<'a> {
     }
 
     /// The pairs that replace links; ends are split as needed.
-    fn parts(&mut self, wave: &[(Link, Split)]) -> Vec<[u32; 2]> {
+    fn parts(&mut self, wave: &[(Link, Split)]) -> Vec<Pair> {
         let mut pairs = Vec::new();
         for (link, split) in wave {
             let (end, other) = if *split == Split::A { (link.a, link.b) } else { (link.b, link.a) };
             self.open(end);
             let children = self.elements.elements[end as usize].child_range();
             if link.a != link.b {
-                pairs.extend(children.map(|c| [c as u32, other]));
+                let mixed = link.mixed();
+                pairs.extend(children.map(|c| Pair { a: c as u32, b: other, mixed }));
                 continue;
             }
             for c in children.clone() {
                 if self.elements.elements[c].is_cluster() {
-                    pairs.push([c as u32; 2]);
+                    pairs.push(Pair { a: c as u32, b: c as u32, mixed: UNKNOWN });
                 }
-                pairs.extend((c + 1..children.end).map(|d| [c as u32, d as u32]));
+                pairs.extend((c + 1..children.end).map(|d| Pair {
+                    a: c as u32,
+                    b: d as u32,
+                    mixed: UNKNOWN,
+                }));
             }
         }
         pairs
@@ -115,17 +132,17 @@ impl<'a> Solver<'a> {
     }
 
     /// Measures pairs, in their order; those that exchange nothing are left out.
-    fn measure(&mut self, pairs: &[[u32; 2]], threshold: f32) -> Vec<Link> {
+    fn measure(&mut self, pairs: &[Pair], threshold: f32) -> Vec<Link> {
         let meter = Meter { sight: self.sight_for(pairs, threshold), ..self.meter() };
         let made: Vec<(Vec<Link>, Tally)> = pairs
             .par_chunks(CHUNK)
             .map_init(Scratch::default, |scratch, chunk| {
                 scratch.tally = Tally::default();
-                let (own, others): (Vec<[u32; 2]>, Vec<[u32; 2]>) = chunk.iter().partition(|[a, b]| a == b);
+                let (own, others): (Vec<Pair>, Vec<Pair>) = chunk.iter().partition(|p| p.a == p.b);
                 let asked: Vec<_> =
-                    others.iter().map(|&[a, b]| ([a, b], self.care(a, b, threshold))).collect();
+                    others.iter().map(|pair| ([pair.a, pair.b], self.care(pair, threshold))).collect();
                 let mut links = meter.measure_all(&asked, scratch);
-                links.extend(own.iter().map(|&[a, _]| self.inside(a)));
+                links.extend(own.iter().map(|pair| self.inside(pair.a)));
                 (links, scratch.tally)
             })
             .collect();
@@ -139,13 +156,13 @@ impl<'a> Solver<'a> {
 
     /// The engine for a wave of pairs: exact rays where multi-resolution visibility is not likely to take less time for
     /// them, by a sample of the wave.
-    fn sight_for(&self, pairs: &[[u32; 2]], threshold: f32) -> Sight<'a> {
+    fn sight_for(&self, pairs: &[Pair], threshold: f32) -> Sight<'a> {
         let meter = self.meter();
-        let step = (pairs.len() / RUNS).max(RUN);
+        let step = (pairs.len() / RUNS).max(8 * RUN);
         let sample = pairs.chunks(step).flat_map(|part| &part[..RUN.min(part.len())]);
         let questions: Vec<Question> = sample
-            .filter(|[a, b]| a != b)
-            .filter_map(|&[a, b]| Some(meter.draft(a, b, self.care(a, b, threshold))?.1))
+            .filter(|pair| pair.a != pair.b)
+            .filter_map(|pair| Some(meter.draft(pair.a, pair.b, self.care(pair, threshold))?.1))
             .collect();
         self.sight.for_these(&questions, &mut Scratch::default())
     }
@@ -166,7 +183,7 @@ impl<'a> Solver<'a> {
     }
 
     /// How much an error of the coupling of two elements matters.
-    fn care(&self, a: u32, b: u32, threshold: f32) -> Care {
+    fn care(&self, &Pair { a, b, mixed }: &Pair, threshold: f32) -> Care {
         let worth = |receiver: u32, source: u32| {
             let e = &self.elements.elements[receiver as usize];
             let (l, from) = (self.light[receiver as usize], self.light[source as usize]);
@@ -178,7 +195,7 @@ impl<'a> Solver<'a> {
         let first_receives = at_a >= at_b;
         let receiver = if first_receives { a } else { b };
         let feature_size = self.feature_sizes[receiver as usize];
-        Care { worth: (at_a.max(at_b) / tolerated) as f32, feature_size, first_receives }
+        Care { worth: (at_a.max(at_b) / tolerated) as f32, feature_size, mixed, first_receives }
     }
 
     /// What the oracle must know of every element's light, from the present solution.

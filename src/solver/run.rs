@@ -2,7 +2,7 @@
 
 use super::field::Rgb;
 use super::prepare::Prepared;
-use super::{Ledger, Options, Receiver, Solver, probe};
+use super::{Ledger, Options, Receiver, Solver, Versus, probe};
 use crate::Result;
 use crate::element::Elements;
 use crate::hierarchy::Hierarchy;
@@ -64,6 +64,14 @@ pub struct Seconds {
     pub solve: f64,
     /// Irradiance at points.
     pub points: f64,
+}
+
+impl Seconds {
+    /// All of them but reading the scene.
+    pub fn work(&self) -> f64 {
+        let Seconds { load: _, embree, hierarchy, characterise, elements, solve, points } = self;
+        embree + hierarchy + characterise + elements + solve + points
+    }
 }
 
 /// What the scene is.
@@ -128,6 +136,8 @@ pub struct Record {
     pub mean_irradiance: Rgb,
     /// Whether refinement was ended from outside.
     pub interrupted: bool,
+    /// Another engine's solution, where it was asked for.
+    pub versus: Option<Versus>,
 }
 
 /// A solution.
@@ -218,6 +228,7 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
         error_estimate: solver.error_estimate(&uncertainty),
         mean_irradiance: solver.mean_irradiance(),
         interrupted: progress.stopped(),
+        versus: None,
     };
     Ok(Outcome { solution: solver.solution(scene, &uncertainty), record, irradiance })
 }

@@ -228,10 +228,10 @@ impl<'a> MultiResolution<'a> {
     /// Work for a run of bundles by this engine, and by exact rays.
     fn worth(&self, run: &[Bundle], sizes: Sizes, workspace: &mut Workspace) -> (u64, u64) {
         let (mut own, mut exact) = (0, 0);
-        self.walk_all(run, sizes, false, workspace);
+        self.walk_all(run, sizes, true, workspace);
         for (bundle, walked) in run.iter().zip(&workspace.walked) {
             let (rays, limit) = (bundle.packets.len() as u64 * self.budget, self.limit(bundle));
-            own += BUNDLE + if walked.work > limit { limit + rays } else { walked.work };
+            own += BUNDLE + if walked.gave_up || walked.work > limit { limit + rays } else { walked.work };
             exact += rays;
         }
         (own, exact)
