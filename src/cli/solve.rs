@@ -58,6 +58,10 @@ pub struct Args {
     /// Rays from a point that gather reflected light [default: by the error].
     #[arg(long, value_name = "N")]
     gather_rays: Option<usize>,
+    /// Rays by which elements of scenes with clusters gather their light in the end, in all; 0 for none [default: by the
+    /// error].
+    #[arg(long, value_name = "N")]
+    local_rays: Option<usize>,
     /// Refine in steps of this many seconds.
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     step_seconds: Option<f64>,
@@ -131,6 +135,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         direct_only: args.direct_only,
         light_rays: args.light_rays,
         gather_rays: args.gather_rays,
+        local_rays: args.local_rays,
         step_seconds: args.step_seconds,
         max_seconds: args.max_seconds,
         target_error: args.target_error,
@@ -220,8 +225,8 @@ fn summary(r: &Record) -> String {
     );
     let _ = writeln!(
         text,
-        "read {:.2} s, Embree {:.2} s, clusters {:.2} s, measured {:.2} s, elements {:.2} s, solved {:.2} s, points {:.2} s",
-        s.load, s.embree, s.hierarchy, s.characterise, s.elements, s.solve, s.points
+        "read {:.2} s, Embree {:.2} s, clusters {:.2} s, measured {:.2} s, elements {:.2} s, solved {:.2} s, local {:.2} s, points {:.2} s",
+        s.load, s.embree, s.hierarchy, s.characterise, s.elements, s.solve, s.local, s.points
     );
     let l = &r.ledger;
     let _ = writeln!(

@@ -3,6 +3,7 @@
 use super::Solver;
 use super::cut::{Closure, Cut, Kind};
 use super::field::{Incoming, Outgoing, Rgb, add, gather};
+use super::local::Local;
 use super::options::Rows;
 use crate::element::Shape;
 
@@ -32,6 +33,15 @@ impl Solver<'_> {
     /// The cut for the present links.
     pub(super) fn cut(&self) -> Cut {
         Cut::new(&self.elements, &self.links, &self.closure)
+    }
+
+    /// Takes over what the local pass found.
+    pub(super) fn adopt(&mut self, local: Local) {
+        self.incident.clone_from(&local.incident);
+        self.tally.add(local.tally);
+        self.local = Some(local);
+        self.shine();
+        self.look();
     }
 
     /// Radiosity of all elements from their irradiance: the mean by area for those with parts.

@@ -9,7 +9,9 @@ mod field;
 mod histogram;
 mod importance;
 mod iterate;
+mod lamps;
 mod ledger;
+mod local;
 mod options;
 mod probe;
 mod receive;
@@ -18,6 +20,7 @@ mod run;
 mod show;
 #[cfg(test)]
 mod tests;
+mod walk;
 
 pub use ledger::Ledger;
 pub use options::{Inside, Options, Rows, Visibility};
@@ -28,6 +31,7 @@ use crate::element::Elements;
 use crate::link::{Light, Link, Meter, Sight, Tally};
 use crate::ray::EndRule;
 use field::{Incoming, Rgb};
+use local::Local;
 use probe::Probe;
 
 /// A solution under way.
@@ -60,6 +64,8 @@ pub struct Solver<'a> {
     rows: Rows,
     /// What the oracle knows of each element's light.
     light: Vec<Light>,
+    /// What the local pass found, if there was one.
+    local: Option<Local>,
     tally: Tally,
     /// Links at which refinement stops for lack of memory.
     max_links: usize,
@@ -108,6 +114,7 @@ impl<'a> Solver<'a> {
             closure: Vec::new(),
             rows: options.rows,
             light: Vec::new(),
+            local: None,
             tally: Tally::default(),
             max_links: options.max_links,
             elements,

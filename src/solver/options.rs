@@ -57,6 +57,9 @@ pub struct Options {
     /// Rays from a point to gather what surfaces reflect, rounded up to a square of a multiple of 4; by default what the
     /// error asks for.
     pub gather_rays: Option<usize>,
+    /// Rays by which the elements of a scene with clusters gather their light in the end, in all; none for 0, by default
+    /// what the error asks for.
+    pub local_rays: Option<usize>,
     /// Seconds of refinement a step: progressive multi-gridding; all at once if none.
     pub step_seconds: Option<f64>,
     /// Seconds after which refinement ends.
@@ -83,6 +86,7 @@ impl Default for Options {
             direct_only: false,
             light_rays: None,
             gather_rays: None,
+            local_rays: None,
             step_seconds: None,
             max_seconds: None,
             target_error: None,
@@ -138,10 +142,16 @@ impl Options {
         self.light_rays.unwrap_or((5.0 / self.error).clamp(64.0, 4096.0) as usize)
     }
 
-    /// Rays of a final gather: its noise is less than the error. In scenes with clusters each is followed for some
-    /// bounces, which is noisier, and there are twice as many.
-    pub fn gather_rays(&self, clusters: bool) -> usize {
-        let rays = if clusters { 2.0 } else { 1.0 } * (0.3 / self.error).powi(2);
-        self.gather_rays.unwrap_or(rays.clamp(64.0, 2304.0) as usize)
+    /// Rays of a final gather: its noise is less than the error.
+    pub fn gather_rays(&self) -> usize {
+        self.gather_rays.unwrap_or((0.3 / self.error).powi(2).clamp(64.0, 2304.0) as usize)
+    }
+
+    /// Rays of the local pass.
+    pub fn local_rays(&self) -> usize {
+        self.local_rays.unwrap_or((LOCAL / self.error.powi(2)).clamp(1e5, 1e8) as usize)
     }
 }
+
+/// Rays of the local pass times the square of the error.
+const LOCAL: f64 = 1600.0;

@@ -63,6 +63,8 @@ pub struct Seconds {
     pub elements: f64,
     /// Refinement and sweeps.
     pub solve: f64,
+    /// Rays of elements and the light on them.
+    pub local: f64,
     /// Irradiance at points.
     pub points: f64,
 }
@@ -190,6 +192,14 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
     solver.settle(&cut, FINE, 400);
     solver.look();
     seconds.solve = start.elapsed().as_secs_f64();
+    let rays = options.local_rays();
+    if solver.elements.large_from > 0 && rays > 0 && !options.direct_only && solver.scale > 0.0 && !progress.stopped() {
+        progress.stage("local pass");
+        let local = timed(&mut seconds.local, || {
+            Receiver::new(scene, &solver, (&traced, traversal), options).local(rays as f64)
+        });
+        solver.adopt(local);
+    }
 
     progress.stage("points");
     let asked: Vec<(Vec3, Vec3)> =

@@ -1,0 +1,229 @@
+//! The local pass: what each element of a cluttered scene receives, by rays of its own.
+//!
+//! What arrives at a cluster is shared out among its surfaces by their orientation; what they hide from each other is known
+//! on average only, and insides of furniture get light that never comes there (method D.13). So in the end every
+//! element traces a few rays: its row of the form factors is the share of its rays that end on each other element, and
+//! rows of closed scenes sum up to 1. The rows are kept, four bytes a ray, and the light is solved on them to the last
+//! bounce, which costs a few sweeps and no more rays; the solution along links is where the sweeps start.
+
+use super::field::{Rgb, add};
+use super::receive::{Buffers, Receiver};
+use super::walk::Place;
+use crate::element::{Elements, Shape};
+use crate::link::{Tally, mix, point_on};
+use glam::Vec3;
+use rayon::prelude::*;
+use sobol_burley::sample_4d;
+
+/// Rays of an element at least and at most.
+const LEAST: f64 = 4.0;
+const MOST: f64 = 4096.0;
+/// Elements that one task traces for.
+const CHUNK: usize = 64;
+/// Change of the light in a sweep at which they end, relative to it, and their largest number.
+const SETTLED: f64 = 1e-4;
+const SWEEPS: usize = 200;
+/// Bounds of the factor that scales reflected light after a sweep.
+const LEAST_SCALE: f64 = 0.5;
+const MOST_SCALE: f64 = 5.0;
+/// Rays of its neighbours that an element's own spread is mixed with: few rays say little about it.
+const PRIOR: f64 = 8.0;
+
+/// What the local pass has found, by element; 0 for clusters.
+pub struct Local {
+    /// Irradiance of leaves, W/m².
+    pub incident: Vec<Rgb>,
+    /// Standard error of its mean over the channels, from the spread of the rays.
+    pub noise: Vec<f32>,
+    /// Part of the rays that met something.
+    pub met: Vec<f32>,
+    /// What the rays cost.
+    pub tally: Tally,
+}
+
+/// The rays of one leaf.
+struct Row {
+    leaf: u32,
+    /// End of its rays among all.
+    end: usize,
+    /// Sums over the rays of what emitters send, and of the square of its mean over the channels.
+    direct: Vec3,
+    squares: f32,
+}
+
+/// Elements that the rays of leaves meet; [`Elements::NONE`] for nothing.
+struct Rows {
+    rows: Vec<Row>,
+    met: Vec<u32>,
+    tally: Tally,
+}
+
+impl Receiver<'_> {
+    /// Traces about `rays` rays and solves the light on them, starting from the solver's.
+    pub(super) fn local(&self, rays: f64) -> Local {
+        let rows = self.rows(rays);
+        let incident = self.solve(&rows);
+        let mut local = Local {
+            noise: vec![0.0; incident.len()],
+            met: vec![0.0; incident.len()],
+            incident,
+            tally: rows.tally,
+        };
+        self.judge(&rows, &mut local);
+        local
+    }
+
+    /// The rays.
+    fn rows(&self, rays: f64) -> Rows {
+        let elements = &self.solver.elements;
+        let leaves: Vec<u32> = (0..elements.len() as u32)
+            .filter(|&e| {
+                let element = &elements.elements[e as usize];
+                element.is_leaf() && !element.is_cluster() && element.area > 0.0
+            })
+            .collect();
+        let made: Vec<Rows> = leaves
+            .par_chunks(CHUNK)
+            .map_init(Buffers::default, |buffers, leaves| {
+                let mut made = Rows { rows: Vec::new(), met: Vec::new(), tally: Tally::default() };
+                buffers.scratch.tally = Tally::default();
+                for &leaf in leaves {
+                    let share = elements.elements[leaf as usize].area / elements.area;
+                    self.row(leaf, (LEAST + rays * share).min(MOST) as u32, buffers, &mut made);
+                }
+                made.tally = buffers.scratch.tally;
+                made
+            })
+            .collect();
+        let mut all = Rows { rows: Vec::with_capacity(leaves.len()), met: Vec::new(), tally: Tally::default() };
+        all.met.reserve_exact(made.iter().map(|m| m.met.len()).sum());
+        for part in made {
+            let before = all.met.len();
+            all.rows.extend(part.rows.into_iter().map(|r| Row { end: before + r.end, ..r }));
+            all.met.extend(part.met);
+            all.tally.add(part.tally);
+        }
+        all
+    }
+
+    /// Traces the rays of a leaf.
+    fn row(&self, leaf: u32, count: u32, buffers: &mut Buffers, made: &mut Rows) {
+        let element = &self.solver.elements.elements[leaf as usize];
+        let Shape::Surface { side, corners } = element.shape else { return };
+        let seed = mix(self.solver.seed ^ mix(element.ids[0])) as u32;
+        buffers.places.clear();
+        buffers.places.extend((0..count).map(|k| {
+            let [u, v, ..] = sample_4d(k, 1, seed);
+            Place { at: point_on(&corners, u, v), side, leaf, share: Vec3::ONE }
+        }));
+        self.look_around(|k| sample_4d(k as u32, 0, seed), buffers);
+        let (mut direct, mut squares) = (Vec3::ZERO, 0.0);
+        for found in &buffers.found {
+            direct += found.direct;
+            squares += (found.direct.element_sum() / 3.0).powi(2);
+            let nothing = found.met.side == Elements::NONE;
+            made.met.push(if nothing { Elements::NONE } else { found.met.leaf });
+        }
+        made.rows.push(Row { leaf, end: made.met.len(), direct, squares });
+    }
+
+    /// Irradiance of all leaves: sweeps (Jacobi, so that threads do not matter), after each of which all that was reflected
+    /// is scaled so that its sum is right.
+    fn solve(&self, rows: &Rows) -> Vec<Rgb> {
+        let elements = &self.solver.elements;
+        let reflectance = |row: &Row| match elements.elements[row.leaf as usize].shape {
+            Shape::Surface { side, .. } => elements.sides[side as usize].reflectance.map(f64::from),
+            Shape::Cluster(_) => [0.0; 3],
+        };
+        let mut reflected = self.reflected.clone();
+        let mut incident: Vec<Rgb> = Vec::new();
+        for _ in 0..SWEEPS {
+            incident = (0..rows.rows.len())
+                .into_par_iter()
+                .with_min_len(1024)
+                .map(|i| {
+                    let (row, met) = rows.of(i);
+                    let mut sum = row.direct.to_array().map(f64::from);
+                    for &e in met.iter().filter(|&&e| e != Elements::NONE) {
+                        add(&mut sum, 1.0, reflected[e as usize].map(f64::from));
+                    }
+                    sum.map(|s| s / met.len() as f64)
+                })
+                .collect();
+            let (mut moved, mut total) = (0.0, 0.0);
+            let (mut emitted, mut bounced, mut before) = ([0.0; 3], [0.0; 3], [0.0; 3]);
+            for (i, now) in incident.iter().enumerate() {
+                let (row, met) = rows.of(i);
+                let area = elements.elements[row.leaf as usize].area;
+                let (rho, then) = (reflectance(row), reflected[row.leaf as usize]);
+                for k in 0..3 {
+                    let direct = f64::from(row.direct[k]) / met.len() as f64;
+                    emitted[k] += area * rho[k] * direct;
+                    bounced[k] += area * rho[k] * (now[k] - direct);
+                    before[k] += area * f64::from(then[k]);
+                    moved += area * (rho[k] * now[k] - f64::from(then[k])).abs();
+                    total += area * rho[k] * now[k];
+                }
+            }
+            if moved <= SETTLED * total {
+                break;
+            }
+            let scale: Rgb = std::array::from_fn(|k| {
+                let kept = before[k] - bounced[k];
+                if kept > 0.0 { (emitted[k] / kept).clamp(LEAST_SCALE, MOST_SCALE) } else { 1.0 }
+            });
+            for (i, now) in incident.iter().enumerate() {
+                let (row, met) = rows.of(i);
+                let rho = reflectance(row);
+                reflected[row.leaf as usize] = std::array::from_fn(|k| {
+                    let direct = f64::from(row.direct[k]) / met.len() as f64;
+                    (rho[k] * (direct + scale[k] * (now[k] - direct))) as f32
+                });
+            }
+        }
+        let mut all = vec![[0.0; 3]; elements.len()];
+        for (row, now) in rows.rows.iter().zip(incident) {
+            all[row.leaf as usize] = now;
+        }
+        all
+    }
+
+    /// How sure each leaf's irradiance is, and what its rays met.
+    fn judge(&self, rows: &Rows, local: &mut Local) {
+        let elements = &self.solver.elements;
+        // Sum of squared differences and degrees of freedom, by leaf and by what holds it.
+        let mut spread = vec![(0.0, 0.0); elements.len()];
+        for i in 0..rows.rows.len() {
+            let (row, met) = rows.of(i);
+            let (mut sum, mut squares, mut hits) = (0.0, f64::from(row.squares), 0u32);
+            for &e in met.iter().filter(|&&e| e != Elements::NONE) {
+                let Shape::Surface { side, .. } = elements.elements[e as usize].shape else { continue };
+                let rho = elements.sides[side as usize].reflectance;
+                let incident = local.incident[e as usize];
+                let b = (0..3).map(|k| f64::from(rho[k]) * incident[k]).sum::<f64>() / 3.0;
+                (sum, squares, hits) = (sum + b, squares + b * b, hits + 1);
+            }
+            let n = met.len() as f64;
+            let direct = f64::from(row.direct.element_sum()) / 3.0;
+            let own = (squares - (sum * sum + direct * direct) / n).max(0.0);
+            local.met[row.leaf as usize] = hits as f32 / n as f32;
+            spread[row.leaf as usize] = (own, n - 1.0);
+            let parent = &mut spread[elements.elements[row.leaf as usize].parent as usize];
+            *parent = (parent.0 + own, parent.1 + n - 1.0);
+        }
+        for i in 0..rows.rows.len() {
+            let (row, met) = rows.of(i);
+            let (own, freedom) = spread[row.leaf as usize];
+            let (all, of_all) = spread[elements.elements[row.leaf as usize].parent as usize];
+            let variance = (own + PRIOR * all / of_all.max(1.0)) / (freedom + PRIOR);
+            local.noise[row.leaf as usize] = (variance / met.len() as f64).sqrt() as f32;
+        }
+    }
+}
+
+impl Rows {
+    fn of(&self, i: usize) -> (&Row, &[u32]) {
+        let from = if i > 0 { self.rows[i - 1].end } else { 0 };
+        (&self.rows[i], &self.met[from..self.rows[i].end])
+    }
+}
