@@ -35,6 +35,19 @@ impl Solver<'_> {
         Cut::new(&self.elements, &self.links, &self.closure)
     }
 
+    /// Splits all surfaces as far as they can be: for the local pass. What hides a part of a surface from all others, as
+    /// furniture does with the floor, dims the mean of the whole, but not what is seen of it.
+    pub(super) fn split_all(&mut self) {
+        let mut e = 0;
+        while e < self.elements.len() {
+            if self.elements.elements[e].is_leaf() && self.elements.can_open(e as u32) {
+                self.open(e as u32);
+            }
+            e += 1;
+        }
+        self.state = None;
+    }
+
     /// Takes over what the local pass found.
     pub(super) fn adopt(&mut self, local: Local) {
         self.incident.clone_from(&local.incident);

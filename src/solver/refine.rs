@@ -90,7 +90,7 @@ impl Solver<'_> {
     }
 
     /// Gives an element children that send out what it does.
-    fn open(&mut self, element: u32) {
+    pub(super) fn open(&mut self, element: u32) {
         let before = self.elements.len();
         self.elements.split(element);
         for _ in before..self.elements.len() {

@@ -187,15 +187,23 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
     let idle = options.direct_only && !points.is_empty();
     let iterations = if idle { Vec::new() } else { solve(&mut solver, options, progress, &late) };
     progress.stage("last sweeps");
-    let sampled = solver.close();
-    let cut = solver.cut();
-    solver.settle(&cut, FINE, 400);
-    solver.look();
-    seconds.solve = start.elapsed().as_secs_f64();
     let rays = options.local_rays();
-    if solver.elements.large_from > 0 && rays > 0 && !options.direct_only && solver.scale > 0.0 && !progress.stopped() {
+    let local = solver.elements.large_from > 0 && rays > 0 && !options.direct_only && solver.scale > 0.0;
+    let mut row_sums = None;
+    let mut bytes = 0;
+    if !local || progress.stopped() {
+        let sampled = solver.close();
+        let cut = solver.cut();
+        solver.settle(&cut, FINE, 400);
+        bytes = cut.bytes();
+        row_sums = Some((sampled, solver.row_sums(&cut)));
+        solver.look();
+    }
+    seconds.solve = start.elapsed().as_secs_f64();
+    if row_sums.is_none() {
         progress.stage("local pass");
         let local = timed(&mut seconds.local, || {
+            solver.split_all();
             Receiver::new(scene, &solver, (&traced, traversal), options).local(rays as f64)
         });
         solver.adopt(local);
@@ -226,10 +234,10 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
         seconds,
         links: solver.links.len(),
         elements: solver.elements.len(),
-        bytes: solver.elements.bytes() + size_of_val(solver.links.as_slice()) + cut.bytes(),
+        bytes: solver.elements.bytes() + size_of_val(solver.links.as_slice()) + bytes,
         exact_rays: bundles.exact_rays,
         bundles,
-        ledger: solver.ledger(&cut, &sampled),
+        ledger: solver.ledger(row_sums.as_ref().map(|(before, after)| [&before[..], &after[..]])),
         error_estimate: solver.error_estimate(&uncertainty),
         mean_irradiance: solver.mean_irradiance(),
         interrupted: progress.stopped(),
