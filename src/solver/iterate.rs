@@ -35,9 +35,10 @@ impl Solver<'_> {
         Cut::new(&self.elements, &self.links, &self.closure)
     }
 
-    /// Splits all surfaces as far as they can be: for the local pass. What hides a part of a surface from all others, as
+    /// Splits all surfaces down to an area (one that there are ids for): for the local pass. What hides a part of a surface from all others, as
     /// furniture does with the floor, dims the mean of the whole, but not what is seen of it.
-    pub(super) fn split_all(&mut self) {
+    pub(super) fn split_all(&mut self, min_area: f64) {
+        self.elements.min_area = min_area;
         let mut e = 0;
         while e < self.elements.len() {
             if self.elements.elements[e].is_leaf() && self.elements.can_open(e as u32) {

@@ -37,9 +37,11 @@ impl Solver<'_> {
     pub(super) fn ledger(&self, row_sums: Option<[&[f64]; 2]>) -> Ledger {
         let row_of = |e: usize| match (row_sums, &self.local) {
             (Some([before, after]), _) => [before[e], after[e] * f64::from(self.closure[e].gathers)],
-            (None, Some(local)) => [f64::from(local.met[e]); 2],
+            (None, Some(local)) => [f64::from(local.kept[e]); 2],
             (None, None) => [0.0; 2],
         };
+        // What meets the dark side of a face is not sent to anybody either.
+        let sent_of = |e: usize, row: f64| self.local.as_ref().map_or(row, |local| f64::from(local.met[e]));
         let mut ledger = Ledger::default();
         let (mut received, mut sent, mut closed) = (0.0, 0.0, 0.0);
         let widen = |range: &mut Option<[f64; 2]>, v: f64| {
@@ -61,8 +63,8 @@ impl Solver<'_> {
             ledger.emitted += power(s.exitance);
             ledger.absorbed += power(absorbed);
             received += power(self.incident[e]);
-            sent += power(self.radiosity[e]) * row.min(1.0);
-            ledger.escaped += power(self.radiosity[e]) * (1.0 - row).max(0.0);
+            sent += power(self.radiosity[e]) * sent_of(e, row).min(1.0);
+            ledger.escaped += power(self.radiosity[e]) * (1.0 - sent_of(e, row)).max(0.0);
             if self.probe.closed[side as usize] {
                 closed += element.area;
                 widen(&mut ledger.row_sums, row);

@@ -4,10 +4,11 @@
 //! on average only, and insides of furniture get light that never comes there (method D.13). So in the end every
 //! element traces a few rays: its row of the form factors is the share of its rays that end on each other element, and
 //! rows of closed scenes sum up to 1. The rows are kept, four bytes a ray, and the light is solved on them to the last
-//! bounce, which costs a few sweeps and no more rays; the solution along links is where the sweeps start.
+//! bounce, which costs no more rays; it starts from the solution along links.
 
-use super::field::{Rgb, add};
+use super::field::Rgb;
 use super::receive::{Buffers, Receiver};
+use super::system::System;
 use super::walk::Place;
 use crate::element::{Elements, Shape};
 use crate::link::{Tally, mix, point_on};
@@ -20,12 +21,6 @@ const LEAST: f64 = 4.0;
 const MOST: f64 = 4096.0;
 /// Elements that one task traces for.
 const CHUNK: usize = 64;
-/// Change of the light in a sweep at which they end, relative to it, and their largest number.
-const SETTLED: f64 = 1e-4;
-const SWEEPS: usize = 200;
-/// Bounds of the factor that scales reflected light after a sweep.
-const LEAST_SCALE: f64 = 0.5;
-const MOST_SCALE: f64 = 5.0;
 /// Rays of its neighbours that an element's own spread is mixed with: few rays say little about it.
 const PRIOR: f64 = 8.0;
 
@@ -35,8 +30,10 @@ pub struct Local {
     pub incident: Vec<Rgb>,
     /// Standard error of its mean over the channels, from the spread of the rays.
     pub noise: Vec<f32>,
-    /// Part of the rays that met something.
+    /// Part of the rays that met a side that light can reach.
     pub met: Vec<f32>,
+    /// Part of the rays that did not leave the scene.
+    pub kept: Vec<f32>,
     /// What the rays cost.
     pub tally: Tally,
 }
@@ -49,6 +46,8 @@ struct Row {
     /// Sums over the rays of what emitters send, and of the square of its mean over the channels.
     direct: Vec3,
     squares: f32,
+    /// Rays that left the scene.
+    gone: u32,
 }
 
 /// Elements that the rays of leaves meet; [`Elements::NONE`] for nothing.
@@ -66,6 +65,7 @@ impl Receiver<'_> {
         let mut local = Local {
             noise: vec![0.0; incident.len()],
             met: vec![0.0; incident.len()],
+            kept: vec![0.0; incident.len()],
             incident,
             tally: rows.tally,
         };
@@ -117,75 +117,46 @@ impl Receiver<'_> {
             Place { at: point_on(&corners, u, v), side, leaf, share: Vec3::ONE }
         }));
         self.look_around(|k| sample_4d(k as u32, 0, seed), buffers);
-        let (mut direct, mut squares) = (Vec3::ZERO, 0.0);
+        let (mut direct, mut squares, mut gone) = (Vec3::ZERO, 0.0, 0);
         for found in &buffers.found {
             direct += found.direct;
+            gone += u32::from(found.gone);
             squares += (found.direct.element_sum() / 3.0).powi(2);
             let nothing = found.met.side == Elements::NONE;
             made.met.push(if nothing { Elements::NONE } else { found.met.leaf });
         }
-        made.rows.push(Row { leaf, end: made.met.len(), direct, squares });
+        made.rows.push(Row { leaf, end: made.met.len(), direct, squares, gone });
     }
 
-    /// Irradiance of all leaves: sweeps (Jacobi, so that threads do not matter), after each of which all that was reflected
-    /// is scaled so that its sum is right.
+    /// Irradiance of all leaves.
     fn solve(&self, rows: &Rows) -> Vec<Rgb> {
         let elements = &self.solver.elements;
-        let reflectance = |row: &Row| match elements.elements[row.leaf as usize].shape {
-            Shape::Surface { side, .. } => elements.sides[side as usize].reflectance.map(f64::from),
-            Shape::Cluster(_) => [0.0; 3],
+        let mut place = vec![Elements::NONE; elements.len()];
+        for (i, row) in (0..).zip(&rows.rows) {
+            place[row.leaf as usize] = i;
+        }
+        let side = |row: &Row| match elements.elements[row.leaf as usize].shape {
+            Shape::Surface { side, .. } => &elements.sides[side as usize],
+            Shape::Cluster(_) => unreachable!("rows are those of surfaces"),
         };
-        let mut reflected = self.reflected.clone();
-        let mut incident: Vec<Rgb> = Vec::new();
-        for _ in 0..SWEEPS {
-            incident = (0..rows.rows.len())
-                .into_par_iter()
-                .with_min_len(1024)
-                .map(|i| {
-                    let (row, met) = rows.of(i);
-                    let mut sum = row.direct.to_array().map(f64::from);
-                    for &e in met.iter().filter(|&&e| e != Elements::NONE) {
-                        add(&mut sum, 1.0, reflected[e as usize].map(f64::from));
-                    }
-                    sum.map(|s| s / met.len() as f64)
-                })
-                .collect();
-            let (mut moved, mut total) = (0.0, 0.0);
-            let (mut emitted, mut bounced, mut before) = ([0.0; 3], [0.0; 3], [0.0; 3]);
-            for (i, now) in incident.iter().enumerate() {
+        let system = System {
+            ends: rows.rows.iter().map(|r| r.end).collect(),
+            others: rows.met.iter().map(|&e| if e == Elements::NONE { e } else { place[e as usize] }).collect(),
+            reflectance: rows.rows.iter().map(|r| side(r).reflectance).collect(),
+            weight: rows.rows.iter().map(|r| elements.elements[r.leaf as usize].area).collect(),
+        };
+        let direct: Vec<Rgb> = (0..rows.rows.len())
+            .map(|i| {
                 let (row, met) = rows.of(i);
-                let area = elements.elements[row.leaf as usize].area;
-                let (rho, then) = (reflectance(row), reflected[row.leaf as usize]);
-                for k in 0..3 {
-                    let direct = f64::from(row.direct[k]) / met.len() as f64;
-                    emitted[k] += area * rho[k] * direct;
-                    bounced[k] += area * rho[k] * (now[k] - direct);
-                    before[k] += area * f64::from(then[k]);
-                    moved += area * (rho[k] * now[k] - f64::from(then[k])).abs();
-                    total += area * rho[k] * now[k];
-                }
-            }
-            if moved <= SETTLED * total {
-                break;
-            }
-            let scale: Rgb = std::array::from_fn(|k| {
-                let kept = before[k] - bounced[k];
-                if kept > 0.0 { (emitted[k] / kept).clamp(LEAST_SCALE, MOST_SCALE) } else { 1.0 }
-            });
-            for (i, now) in incident.iter().enumerate() {
-                let (row, met) = rows.of(i);
-                let rho = reflectance(row);
-                reflected[row.leaf as usize] = std::array::from_fn(|k| {
-                    let direct = f64::from(row.direct[k]) / met.len() as f64;
-                    (rho[k] * (direct + scale[k] * (now[k] - direct))) as f32
-                });
-            }
+                row.direct.to_array().map(|d| f64::from(d) / met.len() as f64)
+            })
+            .collect();
+        let start = rows.rows.iter().map(|r| self.solver.incident[r.leaf as usize]).collect();
+        let mut incident = vec![[0.0; 3]; elements.len()];
+        for (row, now) in rows.rows.iter().zip(system.solve(&direct, start)) {
+            incident[row.leaf as usize] = now;
         }
-        let mut all = vec![[0.0; 3]; elements.len()];
-        for (row, now) in rows.rows.iter().zip(incident) {
-            all[row.leaf as usize] = now;
-        }
-        all
+        incident
     }
 
     /// How sure each leaf's irradiance is, and what its rays met.
@@ -207,6 +178,7 @@ impl Receiver<'_> {
             let direct = f64::from(row.direct.element_sum()) / 3.0;
             let own = (squares - (sum * sum + direct * direct) / n).max(0.0);
             local.met[row.leaf as usize] = hits as f32 / n as f32;
+            local.kept[row.leaf as usize] = 1.0 - row.gone as f32 / n as f32;
             spread[row.leaf as usize] = (own, n - 1.0);
             let parent = &mut spread[elements.elements[row.leaf as usize].parent as usize];
             *parent = (parent.0 + own, parent.1 + n - 1.0);

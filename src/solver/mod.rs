@@ -18,6 +18,7 @@ mod receive;
 mod refine;
 mod run;
 mod show;
+mod system;
 #[cfg(test)]
 mod tests;
 mod walk;

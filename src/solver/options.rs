@@ -151,7 +151,15 @@ impl Options {
     pub fn local_rays(&self) -> usize {
         self.local_rays.unwrap_or((LOCAL / self.error.powi(2)).clamp(1e5, 1e8) as usize)
     }
+
+    /// Smallest element of the local pass as part of the scene's area: its share of the rays is enough to tell it from its
+    /// neighbours.
+    pub fn local_area(&self) -> f64 {
+        self.min_area.min(EACH / self.local_rays().max(1) as f64)
+    }
 }
 
+/// Rays of the smallest element that the local pass splits others into.
+const EACH: f64 = 20.0;
 /// Rays of the local pass times the square of the error.
 const LOCAL: f64 = 1600.0;

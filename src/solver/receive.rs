@@ -225,7 +225,7 @@ impl<'a> Receiver<'a> {
             }
             add(&mut sum, 1.0, part.to_array().map(f64::from));
         }
-        self.follow(seed, &mut sum, buffers);
+        self.follow(seed, false, &mut sum, buffers);
         let Buffers { scratch, .. } = buffers;
         let rays = directions.len() as u64;
         scratch.tally.segments += rays;

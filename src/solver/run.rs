@@ -173,7 +173,9 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
     let ends = reference::end_rule(scene);
     let (elements, found) = timed(&mut seconds.elements, || {
         let area: f64 = areas(scene);
-        let elements = Elements::build(scene, &hierarchy, options.min_area * area);
+        // Ids for all that the local pass splits.
+        let mut elements = Elements::build(scene, &hierarchy, options.local_area() * area);
+        elements.min_area = options.min_area * area;
         let length = 1.01 * scene.bounds.diagonal();
         let found = probe::probe(&elements, &traced, traversal, ends, length, options.seed);
         (elements, found)
@@ -203,7 +205,7 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
     if row_sums.is_none() {
         progress.stage("local pass");
         let local = timed(&mut seconds.local, || {
-            solver.split_all();
+            solver.split_all(options.local_area() * areas(scene));
             Receiver::new(scene, &solver, (&traced, traversal), options).local(rays as f64)
         });
         solver.adopt(local);

@@ -33,6 +33,8 @@ pub struct Found {
     pub met: Place,
     /// How far away that is, scene units.
     pub distance: f32,
+    /// The ray left the scene.
+    pub gone: bool,
 }
 
 impl Found {
@@ -40,6 +42,7 @@ impl Found {
         direct: Vec3::ZERO,
         met: Place { at: Vec3::ZERO, side: Elements::NONE, leaf: 0, share: Vec3::ZERO },
         distance: 0.0,
+        gone: false,
     };
 }
 
@@ -96,7 +99,8 @@ impl Receiver<'_> {
             let mut light = [Vec3::ZERO; LANES];
             for (lane, place) in group.iter().enumerate() {
                 let own = (place.at, elements.sides[place.side as usize].normal);
-                let mut here = Found::NOTHING;
+                let gone = hits.triangle[lane] == Hits::NOTHING;
+                let mut here = Found { gone, ..Found::NOTHING };
                 if let Some(met) = self.met(packet, hits, lane) {
                     (here.met, here.distance) = (met, hits.t[lane] * self.length);
                     let side = &elements.sides[met.side as usize];
@@ -127,8 +131,8 @@ impl Receiver<'_> {
     }
 
     /// Adds what all of `buffers.places` send on, each times its share: what emitters light it with, and what a ray finds,
-    /// which is followed until what it meets may be trusted.
-    pub(super) fn follow(&self, seed: u64, sum: &mut Rgb, buffers: &mut Buffers) {
+    /// which is followed until what it meets may be trusted, or to the last bounce (`doubting`).
+    pub(super) fn follow(&self, seed: u64, doubting: bool, sum: &mut Rgb, buffers: &mut Buffers) {
         for bounce in 1..=BOUNCES {
             if buffers.places.is_empty() {
                 return;
@@ -140,7 +144,7 @@ impl Receiver<'_> {
             for (place, found) in places.iter().zip(found.iter()) {
                 let mut received = found.direct;
                 if found.met.side != Elements::NONE {
-                    if bounce == BOUNCES || self.trusted(&found.met, found.distance) {
+                    if bounce == BOUNCES || (!doubting && self.trusted(&found.met, found.distance)) {
                         received += Vec3::from(self.reflected[found.met.leaf as usize]);
                     } else {
                         beyond.push(self.onward(found.met, place.share));
