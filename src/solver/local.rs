@@ -82,20 +82,24 @@ impl Receiver<'_> {
                 element.is_leaf() && !element.is_cluster() && element.area > 0.0
             })
             .collect();
+        let importance = |e: u32| f64::from(self.solver.importance.get(e as usize).copied().unwrap_or(1.0));
+        let counted = |e: u32| elements.elements[e as usize].area * importance(e);
+        let all_counted: f64 = leaves.iter().map(|&e| counted(e)).sum();
         let made: Vec<Rows> = leaves
             .par_chunks(CHUNK)
             .map_init(Buffers::default, |buffers, leaves| {
                 let mut made = Rows { rows: Vec::new(), met: Vec::new(), tally: Tally::default() };
                 buffers.scratch.tally = Tally::default();
                 for &leaf in leaves {
-                    let share = elements.elements[leaf as usize].area / elements.area;
+                    let share = counted(leaf) / all_counted;
                     self.row(leaf, (LEAST + rays * share).min(MOST) as u32, buffers, &mut made);
                 }
                 made.tally = buffers.scratch.tally;
                 made
             })
             .collect();
-        let mut all = Rows { rows: Vec::with_capacity(leaves.len()), met: Vec::new(), tally: Tally::default() };
+        let mut all =
+            Rows { rows: Vec::with_capacity(leaves.len()), met: Vec::new(), tally: Tally::default() };
         all.met.reserve_exact(made.iter().map(|m| m.met.len()).sum());
         for part in made {
             let before = all.met.len();
@@ -141,7 +145,11 @@ impl Receiver<'_> {
         };
         let system = System {
             ends: rows.rows.iter().map(|r| r.end).collect(),
-            others: rows.met.iter().map(|&e| if e == Elements::NONE { e } else { place[e as usize] }).collect(),
+            others: rows
+                .met
+                .iter()
+                .map(|&e| if e == Elements::NONE { e } else { place[e as usize] })
+                .collect(),
             reflectance: rows.rows.iter().map(|r| side(r).reflectance).collect(),
             weight: rows.rows.iter().map(|r| elements.elements[r.leaf as usize].area).collect(),
         };

@@ -4,6 +4,7 @@
 //! exchange of light [Sillion 95], and refines the links with the greatest errors in steps (progressive multi-gridding
 //! [SD95 sec 6.2], method A.12): after every step the light is consistent, so that a solution can be had at any time.
 
+mod audit;
 mod cut;
 mod field;
 mod histogram;
@@ -17,16 +18,20 @@ mod probe;
 mod receive;
 mod refine;
 mod run;
+mod scaling;
 mod show;
 mod system;
 #[cfg(test)]
 mod tests;
 mod walk;
 
+pub use audit::Audit;
+pub use importance::View;
 pub use ledger::Ledger;
 pub use options::{Inside, Options, Rows, Visibility};
 pub use receive::Receiver;
 pub use run::{Iteration, Outcome, Progress, Record, SceneFacts, Seconds, run};
+pub use scaling::{Scaling, ScalingRow, check_scaling, scaling};
 
 use crate::element::Elements;
 use crate::link::{Light, Link, Meter, Sight, Tally};

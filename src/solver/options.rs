@@ -1,5 +1,6 @@
 //! What a solution is asked for.
 
+pub use super::importance::View;
 pub use crate::link::Inside;
 use crate::{Error, Result};
 
@@ -50,6 +51,10 @@ pub struct Options {
     /// Objects, groups or materials whose light matters: errors elsewhere count as much as they show there; everything if
     /// empty.
     pub importance: Vec<String>,
+    /// Cameras whose pictures matter: what they see, and by default features of a few pixels in them.
+    pub views: Vec<View>,
+    /// Elements whose error bars are checked.
+    pub audit: usize,
     /// Leave the bounces out of what points receive; with points nothing else is computed.
     pub direct_only: bool,
     /// Rays from a point to an emitter that is partly visible; by default what the error asks for.
@@ -83,6 +88,8 @@ impl Default for Options {
             feature_sizes: Vec::new(),
             inside: Inside::default(),
             importance: Vec::new(),
+            views: Vec::new(),
+            audit: 200,
             direct_only: false,
             light_rays: None,
             gather_rays: None,
@@ -123,6 +130,7 @@ impl Options {
             ("--light-rays", light, 1 << 16),
             ("--gather-rays", gather, 1 << 20),
             ("--max-links", self.max_links, 1 << 30),
+            ("--audit", self.audit + 1, 1 << 20),
         ] {
             if value == 0 || value > most {
                 return Err(Error::Argument(format!("{name} {value}: must lie in 1..{most}")));

@@ -32,6 +32,8 @@ pub struct Receiver<'a> {
     /// Directions about +z for the final gather, blocks of 4 by 4 neighbours together; several sets that points choose
     /// from, none for direct light only.
     hemispheres: Vec<Vec<Vec3>>,
+    /// How far off their surface given points are taken to lie: files round them, and sheets lie on desks.
+    slack: f32,
     pub(super) feature_size: f32,
     pub(super) magnitude: f32,
     /// Of rays: more than the scene's diagonal.
@@ -83,6 +85,7 @@ impl<'a> Receiver<'a> {
             table,
             light_rays: options.light_rays(),
             hemispheres,
+            slack: 1e-5 * scene.bounds.diagonal() + 1e-6 * crate::visibility::reference::magnitude(scene),
             feature_size: options.feature_size.unwrap_or(1e-2 * scene.bounds.diagonal()),
             magnitude: crate::visibility::reference::magnitude(scene),
             length: 1.01 * scene.bounds.diagonal(),
@@ -102,6 +105,7 @@ impl<'a> Receiver<'a> {
                     .enumerate()
                     .map(|(i, &(at, normal))| {
                         let seed = mix(self.solver.seed ^ (64 * chunk + i) as u64);
+                        let at = at + self.slack * normal;
                         let mut sum = self.direct(at, normal, seed, buffers);
                         if !self.hemispheres.is_empty() {
                             add(&mut sum, 1.0, self.gathered(at, normal, seed, buffers));
@@ -190,7 +194,6 @@ impl<'a> Receiver<'a> {
     /// What surfaces reflect: one ray in each cell of a hemisphere of equal cosine weight.
     fn gathered(&self, at: Vec3, normal: Vec3, seed: u64, buffers: &mut Buffers) -> Rgb {
         let Buffers { packets, hits, places, .. } = buffers;
-        let from = at + 2e-6 * self.magnitude * normal;
         let (x, y) = normal.any_orthonormal_pair();
         let [turn, ..] = numbers(seed, 1);
         let (sin, cos) = (std::f32::consts::TAU * turn).sin_cos();
@@ -202,7 +205,7 @@ impl<'a> Receiver<'a> {
             for (lane, d) in directions.iter().enumerate() {
                 let to = d.x * x + d.y * y + d.z * z;
                 for axis in 0..3 {
-                    packet.origin[axis][lane] = from[axis];
+                    packet.origin[axis][lane] = at[axis];
                     packet.direction[axis][lane] = to[axis];
                 }
             }

@@ -5,6 +5,8 @@ use crate::element::Shape;
 use crate::link::{Care, Light, Link, Scratch, Split, Tally, judge};
 use rayon::prelude::*;
 
+/// Links refined between two looks at the clock.
+const SLICE: usize = 64;
 /// Pairs that one task measures.
 const CHUNK: usize = 64;
 
@@ -28,8 +30,8 @@ impl Solver<'_> {
         Histogram::new(open.map(|(error, _)| *error)).threshold(count, least)
     }
 
-    /// Refines all links with errors above a threshold, with `once` not their parts in turn; `stop` is asked between
-    /// waves. Returns the number of links replaced.
+    /// Refines all links with errors above a threshold, with `once` not their parts in turn but [`SLICE`] at a time;
+    /// `stop` is asked between waves or slices, and not before something is refined. Returns the number of links replaced.
     pub(super) fn refine(
         &mut self,
         errors: &[(f32, Split)],
@@ -50,10 +52,11 @@ impl Solver<'_> {
                 self.links.extend(wave.iter().map(|(link, _)| *link));
                 break;
             }
+            let rest = if once { wave.split_off(SLICE.min(wave.len())) } else { Vec::new() };
             replaced += wave.len();
             let pairs = self.parts(&wave);
             let made = self.measure(&pairs, threshold);
-            wave.clear();
+            wave = rest;
             let scale = 1.0 / self.scale as f32;
             let judged: Vec<(f32, Split)> =
                 made.par_iter().with_min_len(1024).map(|l| judge(&self.elements, l, &self.light)).collect();

@@ -1,7 +1,7 @@
 //! From a scene to a solution: preparation, steps of refinement, and what is written down about them.
 
 use super::field::Rgb;
-use super::{Ledger, Options, Receiver, Solver, Visibility, probe};
+use super::{Audit, Ledger, Options, Receiver, Solver, Visibility, probe};
 use crate::Result;
 use crate::characterise::characterise;
 use crate::element::Elements;
@@ -67,6 +67,8 @@ pub struct Seconds {
     pub local: f64,
     /// Irradiance at points.
     pub points: f64,
+    /// Checking error bars.
+    pub audit: f64,
 }
 
 /// What the scene is.
@@ -125,6 +127,8 @@ pub struct Record {
     pub ledger: Ledger,
     /// Estimated RMS error of the elements' irradiance relative to its mean.
     pub error_estimate: f64,
+    /// How error bars compare with errors; none where no bounces were asked for.
+    pub audit: Option<Audit>,
     /// Mean irradiance over all elements, W/m², RGB.
     pub mean_irradiance: Rgb,
     /// Whether refinement was ended from outside.
@@ -146,6 +150,9 @@ const SHARE: f64 = 0.01;
 /// Each step's threshold is this much below the last one's, starting so many steps above the final one.
 const STEP: f64 = 4.0;
 const STEPS: i32 = 4;
+/// Part of a step that is for refinement at least, and how much longer sweeps may take than last time.
+const LEAST_ROOM: f64 = 0.05;
+const SWEEP_MARGIN: f64 = 1.2;
 /// Change of the radiosity at which sweeps end: between steps and at the end.
 const ROUGH: f64 = 3e-3;
 const FINE: f64 = 1e-6;
@@ -181,7 +188,7 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
         (elements, found)
     });
     let mut solver = Solver::new(elements, found, sight, ends, options);
-    solver.name(scene, &options.feature_sizes, &options.importance)?;
+    solver.name(scene, options, (&traced, traversal))?;
     let start = Instant::now();
     let late =
         || progress.stopped() || options.max_seconds.is_some_and(|s| begun.elapsed().as_secs_f64() > s);
@@ -219,6 +226,10 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
     let mut bundles = solver.tally();
     bundles.add(tally);
     let uncertainty = solver.uncertainty();
+    let audited = if options.direct_only || progress.stopped() { 0 } else { options.audit };
+    progress.stage("audit");
+    let (audit, tally) = timed(&mut seconds.audit, || receiver.audit(&uncertainty, audited));
+    bundles.add(tally);
     let mut warnings = scene.repairs.messages.clone();
     if scene.emitters.is_empty() {
         warnings
@@ -241,6 +252,7 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
         bundles,
         ledger: solver.ledger(row_sums.as_ref().map(|(before, after)| [&before[..], &after[..]])),
         error_estimate: solver.error_estimate(&uncertainty),
+        audit: (audit.elements > 0).then_some(audit),
         mean_irradiance: solver.mean_irradiance(),
         interrupted: progress.stopped(),
     };
@@ -259,8 +271,9 @@ fn solve(
         return iterations;
     }
     let least = (options.error * SHARE) as f32;
-    // Links a step and the time one takes, learnt from step to step.
-    let (mut work, mut next) = (64.0, f64::from(least) * STEP.powi(STEPS));
+    // Links a step and what sweeps and looks take, learnt from step to step.
+    let (mut work, mut sweeping) = (64.0, 0.0);
+    let mut next = f64::from(least) * STEP.powi(STEPS);
     loop {
         let start = Instant::now();
         let errors = solver.errors();
@@ -269,16 +282,20 @@ fn solve(
             true => solver.threshold(&errors, work as usize, least),
             false => (next as f32).max(least),
         };
-        let refined = solver.refine(&errors, threshold, once, late);
+        let room =
+            options.step_seconds.map_or(f64::INFINITY, |step| (step - sweeping).max(LEAST_ROOM * step));
+        let over = || late() || start.elapsed().as_secs_f64() > room;
+        let refined = solver.refine(&errors, threshold, once, &over);
         let refining = start.elapsed().as_secs_f64();
         let cut = solver.cut();
-        let residual = solver.settle(&cut, ROUGH, if once { 2 } else { 12 });
+        let residual = solver.settle(&cut, ROUGH, if once { 1 } else { 12 });
         solver.spread_importance(&cut);
         solver.look();
         let taken = start.elapsed().as_secs_f64();
-        if let Some(step) = options.step_seconds {
-            // What sweeps take is gone; the rest is for refinement.
-            let room = (step - (taken - refining)).max(0.05 * step);
+        if options.step_seconds.is_some() {
+            // A margin for the next step, which has more links; a step that was held up by others counts half.
+            let now = SWEEP_MARGIN * (taken - refining);
+            sweeping = if sweeping > 0.0 { 0.5 * (sweeping + now) } else { now };
             let factor = room * refined.max(1) as f64 / (refining.max(1e-6) * work);
             work = (work * factor.clamp(0.25, 2.0)).max(1.0);
         }
