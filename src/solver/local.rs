@@ -170,16 +170,19 @@ impl Receiver<'_> {
     /// How sure each leaf's irradiance is, and what its rays met.
     fn judge(&self, rows: &Rows, local: &mut Local) {
         let elements = &self.solver.elements;
+        let (mut area, mut level) = (0.0, 0.0);
+        for row in &rows.rows {
+            let of = elements.elements[row.leaf as usize].area;
+            (area, level) = (area + of, level + of * self.brightness(row.leaf, &local.incident));
+        }
+        let level = level / f64::max(area, f64::MIN_POSITIVE);
         // Sum of squared differences and degrees of freedom, by leaf and by what holds it.
         let mut spread = vec![(0.0, 0.0); elements.len()];
         for i in 0..rows.rows.len() {
             let (row, met) = rows.of(i);
             let (mut sum, mut squares, mut hits) = (0.0, f64::from(row.squares), 0u32);
             for &e in met.iter().filter(|&&e| e != Elements::NONE) {
-                let Shape::Surface { side, .. } = elements.elements[e as usize].shape else { continue };
-                let rho = elements.sides[side as usize].reflectance;
-                let incident = local.incident[e as usize];
-                let b = (0..3).map(|k| f64::from(rho[k]) * incident[k]).sum::<f64>() / 3.0;
+                let b = self.brightness(e, &local.incident);
                 (sum, squares, hits) = (sum + b, squares + b * b, hits + 1);
             }
             let n = met.len() as f64;
@@ -196,8 +199,18 @@ impl Receiver<'_> {
             let (own, freedom) = spread[row.leaf as usize];
             let (all, of_all) = spread[elements.elements[row.leaf as usize].parent as usize];
             let variance = (own + PRIOR * all / of_all.max(1.0)) / (freedom + PRIOR);
-            local.noise[row.leaf as usize] = (variance / met.len() as f64).sqrt() as f32;
+            // One ray more might have met what no other has: something as bright as all there is on average.
+            let n = met.len() as f64;
+            local.noise[row.leaf as usize] = (variance / n).sqrt().hypot(level / n) as f32;
         }
+    }
+
+    /// What an element reflects, mean over the channels.
+    fn brightness(&self, element: u32, incident: &[Rgb]) -> f64 {
+        let elements = &self.solver.elements;
+        let Shape::Surface { side, .. } = elements.elements[element as usize].shape else { return 0.0 };
+        let rho = elements.sides[side as usize].reflectance;
+        (0..3).map(|k| f64::from(rho[k]) * incident[element as usize][k]).sum::<f64>() / 3.0
     }
 }
 

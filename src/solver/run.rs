@@ -181,11 +181,15 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
     let (elements, found) = timed(&mut seconds.elements, || {
         let area: f64 = areas(scene);
         // Ids for all that the local pass splits.
-        let mut elements = Elements::build(scene, &hierarchy, options.local_area() * area);
-        elements.min_area = options.min_area * area;
-        let length = 1.01 * scene.bounds.diagonal();
-        let found = probe::probe(&elements, &traced, traversal, ends, length, options.seed);
-        (elements, found)
+        let build = |entered: &[u32]| {
+            let mut elements = Elements::build(scene, &hierarchy, options.local_area() * area, entered);
+            elements.min_area = options.min_area * area;
+            let length = 1.01 * scene.bounds.diagonal();
+            let found = probe::probe(&elements, &traced, traversal, ends, length, options.seed);
+            (elements, found)
+        };
+        let (elements, found) = build(&[]);
+        if found.entered.is_empty() { (elements, found) } else { build(&found.entered) }
     });
     let mut solver = Solver::new(elements, found, sight, ends, options);
     solver.name(scene, options, (&traced, traversal))?;
