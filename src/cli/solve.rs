@@ -2,9 +2,11 @@
 
 use super::args::{CacheArgs, Common, SceneArgs, Spinner, check_folder, grouped};
 use super::outputs::{Gather, Outputs};
+use glam::DVec3;
 use mrvis::files::WholeFile;
 use mrvis::points::{Irradiance, Point, read_points, write_irradiance};
-use mrvis::solver::{self, Inside, Options, Progress, Record, Rows, Versus, Visibility};
+use mrvis::scene::{Scene, StoredCamera};
+use mrvis::solver::{self, Inside, Options, Progress, Record, Rows, Versus, View, Visibility};
 use mrvis::{Error, Result};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -16,12 +18,17 @@ use std::time::Instant;
 
 /// Compute the light in a scene: radiosity of all surfaces, irradiance at points.
 #[derive(clap::Args, Debug)]
+#[command(mut_arg("scene", |a| a.required(false).required_unless_present("scaling")))]
 pub struct Args {
     #[command(flatten)]
-    scene: SceneArgs,
+    scene: Option<SceneArgs>,
     /// Folder for the results (made if missing).
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    #[arg(long, value_name = "DIR", required_unless_present = "scaling")]
+    out: Option<PathBuf>,
+    /// Measure how time grows instead: scenes of a thousand triangles and ten times more each, up to N [default: a
+    /// million], solved to the same error; table and --json.
+    #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "1000000", conflicts_with = "scene")]
+    scaling: Option<usize>,
     /// Points x,y,z,nx,ny,nz at which irradiance is computed, to irradiance.csv.
     #[arg(long, value_name = "FILE.csv")]
     points: Option<PathBuf>,
@@ -55,12 +62,23 @@ pub struct Args {
     /// Object, group or material whose light matters; may be given several times [default: all].
     #[arg(long, value_name = "NAME")]
     importance: Vec<String>,
+    /// What cameras see matters (--camera, or those of the file): errors count by what they do there, and features smaller
+    /// than a few pixels need no resolving.
+    #[arg(long)]
+    importance_camera: bool,
+    /// Elements whose error bars are checked by paths of their own; 0 for none.
+    #[arg(long, value_name = "N", default_value_t = Options::default().audit)]
+    audit: usize,
     /// Shadow rays from a point to an emitter that is partly visible [default: by the error].
     #[arg(long, value_name = "N")]
     light_rays: Option<usize>,
     /// Rays from a point that gather reflected light [default: by the error].
     #[arg(long, value_name = "N")]
     gather_rays: Option<usize>,
+    /// Rays by which elements of scenes with clusters gather their light in the end, in all; 0 for none [default: by the
+    /// error].
+    #[arg(long, value_name = "N")]
+    local_rays: Option<usize>,
     /// Refine in steps of this many seconds.
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     step_seconds: Option<f64>,
@@ -122,7 +140,7 @@ impl From<Engine> for Visibility {
 }
 
 pub fn run(args: &Args) -> Result<ExitCode> {
-    let options = Options {
+    let mut options = Options {
         error: args.error,
         min_area: args.min_area,
         rows: match args.rows {
@@ -139,9 +157,12 @@ pub fn run(args: &Args) -> Result<ExitCode> {
             Clusters::Visible => Inside::Visible,
         },
         importance: args.importance.clone(),
+        views: Vec::new(),
+        audit: args.audit,
         direct_only: args.direct_only,
         light_rays: args.light_rays,
         gather_rays: args.gather_rays,
+        local_rays: args.local_rays,
         step_seconds: args.step_seconds,
         max_seconds: args.max_seconds,
         target_error: args.target_error,
@@ -156,10 +177,19 @@ pub fn run(args: &Args) -> Result<ExitCode> {
             .build_global()
             .map_err(|e| Error::Argument(format!("--threads {threads}: {e}")))?;
     }
-    check_folder(&args.out)?;
+    if let Some(largest) = args.scaling {
+        return scaling(&args.common, &options, largest);
+    }
+    let (Some(scene), Some(out)) = (&args.scene, &args.out) else {
+        return Err(Error::Argument("give a scene and --out DIR, or --scaling".into()));
+    };
+    check_folder(out)?;
     let points = args.points.as_deref().map(read_points).transpose()?.unwrap_or_default();
     let start = Instant::now();
-    let scene = args.scene.load(&args.common)?;
+    let scene = scene.load(&args.common)?;
+    if args.importance_camera {
+        options.views = views(&scene, args.outputs.camera)?;
+    }
     let load = start.elapsed().as_secs_f64();
     let mut outcome = {
         let watch = Watch { spinner: args.common.spinner("solving"), stopped: Arc::default() };
@@ -178,23 +208,74 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     }
     outcome.record.seconds.load = load;
     let text = serde_json::to_string_pretty(&outcome.record)
-        .map_err(|e| Error::format(args.out.join("solution.json"), None, e.to_string()))?;
-    WholeFile::write(&args.out.join("solution.json"), text + "\n")?;
+        .map_err(|e| Error::format(out.join("solution.json"), None, e.to_string()))?;
+    WholeFile::write(&out.join("solution.json"), text + "\n")?;
     if args.points.is_some() {
         let file = Irradiance { points, values: outcome.irradiance, standard_errors: Vec::new() };
-        write_irradiance(&args.out.join("irradiance.csv"), &file)?;
+        write_irradiance(&out.join("irradiance.csv"), &file)?;
     }
-    let anew = |points: &[Point]| Ok(solver::run(&scene, points, &options, &())?.irradiance);
+    // The same solution again, of which only the points count.
+    let again = Options { audit: 0, ..options.clone() };
+    let anew = |points: &[Point]| Ok(solver::run(&scene, points, &again, &())?.irradiance);
     // Whoever interrupts does not want to wait for every pixel.
     let anew = (!outcome.record.interrupted).then_some(&anew as Gather);
     let with_points = args.points.is_some();
-    let shown = args.outputs.write(&args.common, &scene, &outcome.solution, &args.out, with_points, anew)?;
+    let shown = args.outputs.write(&args.common, &scene, &outcome.solution, out, with_points, anew)?;
     args.common.write_json(&outcome.record)?;
     args.common.print(&summary(&outcome.record))?;
     for file in shown {
         args.common.print(&format!("wrote {}\n", file.display()))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Solves the series of scenes and shows how time grows.
+fn scaling(common: &Common, options: &Options, largest: usize) -> Result<ExitCode> {
+    solver::check_scaling(largest)?;
+    common.check_json()?;
+    let watch = Watch { spinner: common.spinner("solving"), stopped: Arc::default() };
+    let found = solver::scaling(options, largest, &watch)?;
+    drop(watch);
+    common.write_json(&found)?;
+    let mut text =
+        String::from("triangles    elements       links        rays     memory     error        time\n");
+    for r in &found.rows {
+        let _ = writeln!(
+            text,
+            "{:>9} {:>11} {:>11} {:>11} {:>7.1} MB {:>9.4} {:>9.2} s",
+            grouped(r.triangles),
+            grouped(r.elements),
+            grouped(r.links),
+            grouped(r.exact_rays as usize),
+            r.bytes as f64 / 1e6,
+            r.rms_error,
+            r.seconds
+        );
+    }
+    let _ = writeln!(text, "time grows as triangles to the power of {:.3}", found.slope);
+    common.print(&text)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The cameras whose pictures matter.
+fn views(scene: &Scene, given: Option<[f64; 7]>) -> Result<Vec<View>> {
+    let views: Vec<View> = match given {
+        Some([x, y, z, u, v, w, degrees]) => {
+            let eye = DVec3::new(x, y, z);
+            let forward = (DVec3::new(u, v, w) - eye).normalize();
+            vec![View { eye, forward, angle: degrees.to_radians() }]
+        }
+        None => {
+            let of = |c: &StoredCamera| View { eye: c.eye, forward: c.forward, angle: c.angle };
+            scene.cameras.iter().map(of).collect()
+        }
+    };
+    if views.is_empty() {
+        return Err(Error::Argument(
+            "--importance-camera: the scene has no camera; give one with --camera".into(),
+        ));
+    }
+    Ok(views)
 }
 
 /// Shows what is going on, and passes an interruption on.
@@ -236,8 +317,8 @@ fn summary(r: &Record) -> String {
     );
     let _ = writeln!(
         text,
-        "read {:.2} s, Embree {:.2} s, clusters {:.2} s, measured {:.2} s, elements {:.2} s, solved {:.2} s, points {:.2} s",
-        s.load, s.embree, s.hierarchy, s.characterise, s.elements, s.solve, s.points
+        "read {:.2} s, Embree {:.2} s, clusters {:.2} s, measured {:.2} s, elements {:.2} s, solved {:.2} s, local {:.2} s, points {:.2} s",
+        s.load, s.embree, s.hierarchy, s.characterise, s.elements, s.solve, s.local, s.points
     );
     let l = &r.ledger;
     let _ = writeln!(
@@ -249,6 +330,17 @@ fn summary(r: &Record) -> String {
         writeln!(text, "mean irradiance {:?}, estimated error {:.3}", r.mean_irradiance, r.error_estimate);
     if let Some(v) = &r.versus {
         text += &side_by_side(r, v);
+    }
+    if let Some(a) = &r.audit {
+        let _ = writeln!(
+            text,
+            "error bars: {:.0} % of {} elements within one, {:.0} % within two; RMS error {:.3} of the mean, bars say {:.3}",
+            100.0 * a.within_one,
+            a.elements,
+            100.0 * a.within_two,
+            a.rms_error,
+            a.rms_bar
+        );
     }
     for warning in &r.warnings {
         let _ = writeln!(text, "note: {warning}");

@@ -11,7 +11,7 @@ use glam::DVec3;
 /// Links of the first and the second surface of a scene, both ways, by `sides` that face each other.
 fn coupling(pieces: Pieces, worth: f32, seed: u64) -> Option<(Link, f64)> {
     let scene = pieces.scene();
-    let elements = Elements::build(&scene, &hierarchy::build(&scene, &Default::default()), 1e-4);
+    let elements = Elements::build(&scene, &hierarchy::build(&scene, &Default::default()), 1e-4, &[]);
     let mut builder =
         SceneBuilder::new(&Device::new(1).expect("Embree"), Default::default()).expect("a scene");
     builder.add_triangles(&scene.positions, &scene.triangles, 1).expect("triangles");

@@ -5,6 +5,8 @@ use crate::element::Shape;
 use crate::link::{Care, Light, Link, Meter, Question, Scratch, Sight, Split, Tally, judge};
 use rayon::prelude::*;
 
+/// Links refined between two looks at the clock.
+const SLICE: usize = 64;
 /// Pairs that one task measures.
 const CHUNK: usize = 64;
 /// Runs of neighbouring pairs that stand for a wave, about, and the length of each; at most an eighth of it but for the first.
@@ -43,8 +45,8 @@ impl<'a> Solver<'a> {
         Histogram::new(open.map(|(error, _)| *error)).threshold(count, least)
     }
 
-    /// Refines all links with errors above a threshold, with `once` not their parts in turn; `stop` is asked between
-    /// waves. Returns the number of links replaced.
+    /// Refines all links with errors above a threshold, with `once` not their parts in turn but [`SLICE`] at a time;
+    /// `stop` is asked between waves or slices, and not before something is refined. Returns the number of links replaced.
     pub(super) fn refine(
         &mut self,
         errors: &[(f32, Split)],
@@ -65,10 +67,11 @@ impl<'a> Solver<'a> {
                 self.links.extend(wave.iter().map(|(link, _)| *link));
                 break;
             }
+            let rest = if once { wave.split_off(SLICE.min(wave.len())) } else { Vec::new() };
             replaced += wave.len();
             let pairs = self.parts(&wave);
             let made = self.measure(&pairs, threshold);
-            wave.clear();
+            wave = rest;
             let scale = 1.0 / self.scale as f32;
             let judged: Vec<(f32, Split)> =
                 made.par_iter().with_min_len(1024).map(|l| judge(&self.elements, l, &self.light)).collect();
@@ -110,7 +113,7 @@ impl<'a> Solver<'a> {
     }
 
     /// Gives an element children that send out what it does.
-    fn open(&mut self, element: u32) {
+    pub(super) fn open(&mut self, element: u32) {
         let before = self.elements.len();
         self.elements.split(element);
         for _ in before..self.elements.len() {

@@ -2,7 +2,7 @@
 
 use super::field::Rgb;
 use super::prepare::Prepared;
-use super::{Ledger, Options, Receiver, Solver, Versus, probe};
+use super::{Audit, Ledger, Options, Receiver, Solver, Versus, probe};
 use crate::Result;
 use crate::element::Elements;
 use crate::hierarchy::Hierarchy;
@@ -62,15 +62,20 @@ pub struct Seconds {
     pub elements: f64,
     /// Refinement and sweeps.
     pub solve: f64,
+    /// Rays of elements and the light on them.
+    pub local: f64,
     /// Irradiance at points.
     pub points: f64,
+    /// Checking error bars.
+    pub audit: f64,
 }
 
 impl Seconds {
-    /// All of them but reading the scene.
+    /// All of them but reading the scene and checking error bars.
     pub fn work(&self) -> f64 {
-        let Seconds { load: _, embree, hierarchy, characterise, elements, solve, points } = self;
-        embree + hierarchy + characterise + elements + solve + points
+        let Seconds { load: _, embree, hierarchy, characterise, elements, solve, local, points, audit: _ } =
+            self;
+        embree + hierarchy + characterise + elements + solve + local + points
     }
 }
 
@@ -132,6 +137,8 @@ pub struct Record {
     pub ledger: Ledger,
     /// Estimated RMS error of the elements' irradiance relative to its mean.
     pub error_estimate: f64,
+    /// How error bars compare with errors; none where no bounces were asked for.
+    pub audit: Option<Audit>,
     /// Mean irradiance over all elements, W/m², RGB.
     pub mean_irradiance: Rgb,
     /// Whether refinement was ended from outside.
@@ -155,6 +162,9 @@ const SHARE: f64 = 0.01;
 /// Each step's threshold is this much below the last one's, starting so many steps above the final one.
 const STEP: f64 = 4.0;
 const STEPS: i32 = 4;
+/// Part of a step that is for refinement at least, and how much longer sweeps may take than last time.
+const LEAST_ROOM: f64 = 0.05;
+const SWEEP_MARGIN: f64 = 1.2;
 /// Change of the radiosity at which sweeps end: between steps and at the end.
 const ROUGH: f64 = 3e-3;
 const FINE: f64 = 1e-6;
@@ -172,15 +182,22 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
     let (exact, ends) = (prepared.exact(), reference::end_rule(scene));
     let (elements, found) = timed(&mut seconds.elements, || {
         let area: f64 = areas(scene);
-        let elements = Elements::build(scene, &prepared.hierarchy, options.min_area * area);
-        let length = 1.01 * scene.bounds.diagonal();
-        let found = probe::probe(&elements, exact.scene, exact.traversal, ends, length, options.seed);
-        (elements, found)
+        // Ids for all that the local pass splits.
+        let build = |entered: &[u32]| {
+            let mut elements =
+                Elements::build(scene, &prepared.hierarchy, options.local_area() * area, entered);
+            elements.min_area = options.min_area * area;
+            let length = 1.01 * scene.bounds.diagonal();
+            let found = probe::probe(&elements, exact.scene, exact.traversal, ends, length, options.seed);
+            (elements, found)
+        };
+        let (elements, found) = build(&[]);
+        if found.entered.is_empty() { (elements, found) } else { build(&found.entered) }
     });
     let engine = timed(&mut seconds.characterise, || prepared.engine(scene, &elements, ends, options));
     let sight = engine.as_ref().map_or(Sight::Exact(exact), Sight::MultiResolution);
     let mut solver = Solver::new(elements, found, sight, ends, options);
-    solver.name(scene, &options.feature_sizes, &options.importance)?;
+    solver.name(scene, options, (exact.scene, exact.traversal))?;
     let start = Instant::now();
     let late =
         || progress.stopped() || options.max_seconds.is_some_and(|s| begun.elapsed().as_secs_f64() > s);
@@ -188,11 +205,27 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
     let idle = options.direct_only && !points.is_empty();
     let iterations = if idle { Vec::new() } else { solve(&mut solver, options, progress, &late) };
     progress.stage("last sweeps");
-    let sampled = solver.close();
-    let cut = solver.cut();
-    solver.settle(&cut, FINE, 400);
-    solver.look();
+    let rays = options.local_rays();
+    let local = solver.elements.large_from > 0 && rays > 0 && !options.direct_only && solver.scale > 0.0;
+    let mut row_sums = None;
+    let mut bytes = 0;
+    if !local || progress.stopped() {
+        let sampled = solver.close();
+        let cut = solver.cut();
+        solver.settle(&cut, FINE, 400);
+        bytes = cut.bytes();
+        row_sums = Some((sampled, solver.row_sums(&cut)));
+        solver.look();
+    }
     seconds.solve = start.elapsed().as_secs_f64();
+    if row_sums.is_none() {
+        progress.stage("local pass");
+        let local = timed(&mut seconds.local, || {
+            solver.split_all(options.local_area() * areas(scene));
+            Receiver::new(scene, &solver, (exact.scene, exact.traversal), options).local(rays as f64)
+        });
+        solver.adopt(local);
+    }
 
     progress.stage("points");
     let asked: Vec<(Vec3, Vec3)> =
@@ -202,6 +235,10 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
     let mut bundles = solver.tally();
     bundles.add(tally);
     let uncertainty = solver.uncertainty();
+    let audited = if options.direct_only || progress.stopped() { 0 } else { options.audit };
+    progress.stage("audit");
+    let (audit, tally) = timed(&mut seconds.audit, || receiver.audit(&uncertainty, audited));
+    bundles.add(tally);
     let mut warnings = scene.repairs.messages.clone();
     warnings.extend(prepared.note.clone());
     if scene.emitters.is_empty() {
@@ -221,11 +258,12 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
         cache: prepared.origin.into(),
         links: solver.links.len(),
         elements: solver.elements.len(),
-        bytes: solver.elements.bytes() + size_of_val(solver.links.as_slice()) + cut.bytes(),
+        bytes: solver.elements.bytes() + size_of_val(solver.links.as_slice()) + bytes,
         exact_rays: bundles.exact_rays,
         bundles,
-        ledger: solver.ledger(&cut, &sampled),
+        ledger: solver.ledger(row_sums.as_ref().map(|(before, after)| [&before[..], &after[..]])),
         error_estimate: solver.error_estimate(&uncertainty),
+        audit: (audit.elements > 0).then_some(audit),
         mean_irradiance: solver.mean_irradiance(),
         interrupted: progress.stopped(),
         versus: None,
@@ -245,8 +283,9 @@ fn solve(
         return iterations;
     }
     let least = (options.error * SHARE) as f32;
-    // Links a step and the time one takes, learnt from step to step.
-    let (mut work, mut next) = (64.0, f64::from(least) * STEP.powi(STEPS));
+    // Links a step and what sweeps and looks take, learnt from step to step.
+    let (mut work, mut sweeping) = (64.0, 0.0);
+    let mut next = f64::from(least) * STEP.powi(STEPS);
     loop {
         let start = Instant::now();
         let errors = solver.errors();
@@ -255,16 +294,20 @@ fn solve(
             true => solver.threshold(&errors, work as usize, least),
             false => (next as f32).max(least),
         };
-        let refined = solver.refine(&errors, threshold, once, late);
+        let room =
+            options.step_seconds.map_or(f64::INFINITY, |step| (step - sweeping).max(LEAST_ROOM * step));
+        let over = || late() || start.elapsed().as_secs_f64() > room;
+        let refined = solver.refine(&errors, threshold, once, &over);
         let refining = start.elapsed().as_secs_f64();
         let cut = solver.cut();
-        let residual = solver.settle(&cut, ROUGH, if once { 2 } else { 12 });
+        let residual = solver.settle(&cut, ROUGH, if once { 1 } else { 12 });
         solver.spread_importance(&cut);
         solver.look();
         let taken = start.elapsed().as_secs_f64();
-        if let Some(step) = options.step_seconds {
-            // What sweeps take is gone; the rest is for refinement.
-            let room = (step - (taken - refining)).max(0.05 * step);
+        if options.step_seconds.is_some() {
+            // A margin for the next step, which has more links; a step that was held up by others counts half.
+            let now = SWEEP_MARGIN * (taken - refining);
+            sweeping = if sweeping > 0.0 { 0.5 * (sweeping + now) } else { now };
             let factor = room * refined.max(1) as f64 / (refining.max(1e-6) * work);
             work = (work * factor.clamp(0.25, 2.0)).max(1.0);
         }
