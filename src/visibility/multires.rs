@@ -230,7 +230,7 @@ impl<'a> MultiResolution<'a> {
         let (mut own, mut exact) = (0, 0);
         self.walk_all(run, sizes, true, workspace);
         for (bundle, walked) in run.iter().zip(&workspace.walked) {
-            let (rays, limit) = (bundle.packets.len() as u64 * self.budget, self.limit(bundle));
+            let (rays, limit) = (self.exact_work(bundle), self.limit(bundle));
             own += BUNDLE + if walked.gave_up || walked.work > limit { limit + rays } else { walked.work };
             exact += rays;
         }
@@ -239,7 +239,13 @@ impl<'a> MultiResolution<'a> {
 
     /// Work after which a walk gives up.
     fn limit(&self, bundle: &Bundle) -> u64 {
-        PATIENCE * self.budget * bundle.packets.len() as u64
+        PATIENCE * self.exact_work(bundle)
+    }
+
+    /// Work that exact rays are worth: by their number, but no packet is less than a quarter of a full one.
+    fn exact_work(&self, bundle: &Bundle) -> u64 {
+        let lanes: usize = bundle.packets.iter().map(|p| p.len().max(LANES / 4)).sum();
+        self.budget * lanes as u64 / LANES as u64
     }
 
     fn walk_all(&self, bundles: &[Bundle], sizes: Sizes, bounded: bool, workspace: &mut Workspace) {
