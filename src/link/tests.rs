@@ -146,5 +146,5 @@ fn few_segments_where_visibility_is_certain() {
     // Sixteen that agree say more than four, and none say nothing.
     let certain = [16, 4, 0].map(|rays| link(1.0, rays).mixed());
     assert!(certain[0] > 0.0 && certain[0] < certain[1] && certain[1] < certain[2], "{certain:?}");
-    assert_eq!((certain[2], certain[0]), (0.5, link(0.0, 16).mixed()));
+    assert!(certain[2] == 0.5 && (certain[0] - link(0.0, 16).mixed()).abs() < 1e-6);
 }
