@@ -8,6 +8,7 @@
 mod scaling;
 mod trust;
 
+pub use crate::hierarchy::SceneFacts;
 pub use scaling::{ScalingRecord, ScalingRow};
 pub use trust::{Audit, CalibrationBin, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow};
 
@@ -63,27 +64,6 @@ pub struct Record {
     /// How cost grows with the scene, when it was asked for.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub scaling: Vec<ScalingRow>,
-}
-
-/// Facts of the scene.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct SceneFacts {
-    /// The file, as given.
-    pub path: String,
-    /// Triangles kept.
-    pub triangles: usize,
-    /// Named objects.
-    pub objects: usize,
-    /// Emissive surfaces.
-    pub emitters: usize,
-    /// Connected parts that bound a solid: seen from outside only.
-    pub closed_parts: usize,
-    /// Connected parts that are sheets: seen from both sides.
-    pub sheet_parts: usize,
-    /// Clusters of the hierarchy.
-    pub clusters: usize,
-    /// Levels of the hierarchy.
-    pub levels: usize,
 }
 
 /// How clusters were measured.

@@ -5,12 +5,12 @@ use super::options::Options;
 use super::page::ReceiverImages;
 use super::prepare::Prepared;
 use super::progress::Progress;
-use super::record::{self, Record, SceneFacts};
+use super::record::{self, Record};
 use super::rows::{Bench, Measured, curve};
 use super::sizes::default_sizes;
 use super::workload::{Workload, surface_points};
 use crate::characterise::{Extinction, Traits};
-use crate::hierarchy::Hierarchy;
+use crate::hierarchy::{Hierarchy, SceneFacts};
 use crate::scene::Scene;
 use crate::{Error, Result};
 
@@ -62,7 +62,7 @@ pub fn run(
         isa: mr.isa().name().into(),
         unit: scene.unit.clone(),
         seed: options.seed,
-        scene: facts(scene, &table.hierarchy),
+        scene: SceneFacts::of(scene, &table.hierarchy),
         scene_repairs: serde_json::to_value(&scene.repairs).unwrap_or_default(),
         warnings,
         clusters: record::Clusters {
@@ -89,19 +89,6 @@ pub fn run(
         scaling: Vec::new(),
     };
     Ok((record, images))
-}
-
-fn facts(scene: &Scene, hierarchy: &Hierarchy) -> SceneFacts {
-    SceneFacts {
-        path: scene.path.display().to_string(),
-        triangles: scene.triangles.len(),
-        objects: scene.objects.len(),
-        emitters: scene.emitters.len(),
-        closed_parts: scene.closed_parts,
-        sheet_parts: scene.sheet_parts,
-        clusters: hierarchy.micro.clusters.len() + hierarchy.large.clusters.len(),
-        levels: hierarchy.micro.levels().max(hierarchy.large.levels()),
-    }
 }
 
 /// Feature sizes asked for or found, ascending, each once.

@@ -19,6 +19,8 @@ pub struct Ledger {
     pub created: f64,
     /// Mean difference, by area, of the factors with which a leaf gathers and sends, as part of them: a link has one
     /// coupling for both directions, so nothing else sets `A_a F(a→b)` and `A_b F(b→a)` apart.
+    /// After a local pass: the mean difference of what large groups exchange by the rays of the one and of the other, which
+    /// the noise of the rays is part of.
     pub reciprocity_residual: f64,
     /// Least and greatest sum of the form factors of an element that sees no way out of the scene.
     pub row_sums: Option<[f64; 2]>,
@@ -76,6 +78,9 @@ impl Solver<'_> {
             *error = if closed > 0.0 { (*error / closed).sqrt() } else { 0.0 };
         }
         ledger.reciprocity_residual /= self.elements.area.max(f64::MIN_POSITIVE);
+        if let Some(local) = &self.local {
+            ledger.reciprocity_residual = local.reciprocity;
+        }
         ledger.created = received - sent;
         ledger.closed_area = if self.elements.area > 0.0 { closed / self.elements.area } else { 0.0 };
         ledger

@@ -21,6 +21,8 @@ const LEAST: f64 = 4.0;
 const MOST: f64 = 4096.0;
 /// Elements that one task traces for.
 const CHUNK: usize = 64;
+/// Groups between which reciprocity is measured, or a few more.
+const GROUPS: usize = 8;
 /// Rays of its neighbours that an element's own spread is mixed with: few rays say little about it.
 const PRIOR: f64 = 8.0;
 
@@ -34,6 +36,8 @@ pub struct Local {
     pub met: Vec<f32>,
     /// Part of the rays that did not leave the scene.
     pub kept: Vec<f32>,
+    /// Mean difference of what two groups of the scene exchange by the rays of one and of the other, as part of it.
+    pub reciprocity: f64,
     /// What the rays cost.
     pub tally: Tally,
 }
@@ -66,6 +70,7 @@ impl Receiver<'_> {
             noise: vec![0.0; incident.len()],
             met: vec![0.0; incident.len()],
             kept: vec![0.0; incident.len()],
+            reciprocity: self.reciprocity(&rows),
             incident,
             tally: rows.tally,
         };
@@ -203,6 +208,47 @@ impl Receiver<'_> {
             let n = met.len() as f64;
             local.noise[row.leaf as usize] = (variance / n).sqrt().hypot(level / n) as f32;
         }
+    }
+
+    /// See [`Local::reciprocity`]: rows are reciprocal on average only, and between large groups the average shows.
+    fn reciprocity(&self, rows: &Rows) -> f64 {
+        let elements = &self.solver.elements;
+        // The largest clusters are opened until there are some groups.
+        let mut groups = vec![0u32];
+        while groups.len() < GROUPS {
+            let opens = |&e: &u32| {
+                let element = &elements.elements[e as usize];
+                element.child_range().any(|c| elements.elements[c].is_cluster())
+            };
+            let area = |e: u32| elements.elements[e as usize].area;
+            let Some(largest) =
+                groups.iter().copied().filter(opens).max_by(|&a, &b| area(a).total_cmp(&area(b)))
+            else {
+                break;
+            };
+            groups.retain(|&g| g != largest);
+            groups.extend(elements.elements[largest as usize].child_range().map(|c| c as u32));
+        }
+        let mut group = vec![0usize; elements.len()];
+        for e in 1..elements.len() {
+            let parent = group[elements.elements[e].parent as usize];
+            group[e] = groups.iter().position(|&g| g as usize == e).map_or(parent, |g| g + 1);
+        }
+        let n = groups.len() + 1;
+        let mut exchange = vec![0.0; n * n];
+        for i in 0..rows.rows.len() {
+            let (row, met) = rows.of(i);
+            let each = elements.elements[row.leaf as usize].area / met.len() as f64;
+            for &e in met.iter().filter(|&&e| e != Elements::NONE) {
+                exchange[group[row.leaf as usize] * n + group[e as usize]] += each;
+            }
+        }
+        let (mut differ, mut all) = (0.0, 0.0);
+        for (g, h) in (0..n).flat_map(|g| (0..g).map(move |h| (g, h))) {
+            let (there, back) = (exchange[g * n + h], exchange[h * n + g]);
+            (differ, all) = (differ + (there - back).abs(), all + 0.5 * (there + back));
+        }
+        if all > 0.0 { differ / all } else { 0.0 }
     }
 
     /// What an element reflects, mean over the channels.

@@ -3,6 +3,7 @@
 //! [`run()`] does all of it for a scene. The solver starts with the link of the root with itself, which stands for all
 //! exchange of light [Sillion 95], and refines the links with the greatest errors in steps (progressive multi-gridding
 //! [SD95 sec 6.2], method A.12): after every step the light is consistent, so that a solution can be had at any time.
+//! In scenes with clusters a local pass ends it: links say what reaches a cluster, rays what reaches each surface in it.
 
 mod audit;
 mod cut;
@@ -18,6 +19,7 @@ mod options;
 mod prepare;
 mod probe;
 mod receive;
+mod record;
 mod refine;
 mod run;
 mod scaling;
@@ -33,7 +35,8 @@ pub use importance::View;
 pub use ledger::Ledger;
 pub use options::{Inside, Options, Rows, Visibility};
 pub use receive::Receiver;
-pub use run::{Iteration, Outcome, Progress, Record, SceneFacts, Seconds, run};
+pub use record::{Iteration, Outcome, Record, Seconds};
+pub use run::{Progress, run};
 pub use scaling::{Scaling, ScalingRow, check_scaling, scaling};
 pub use versus::{Versus, versus};
 

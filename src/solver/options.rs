@@ -39,7 +39,7 @@ pub struct Options {
     pub error: f64,
     /// Smallest element as part of the scene's area; above 0.
     pub min_area: f64,
-    /// What is done about row sums.
+    /// What is done about row sums along links; those of a local pass are shares of rays.
     pub rows: Rows,
     /// The engine.
     pub visibility: Visibility,

@@ -1,7 +1,8 @@
 //! What must stand before light can be computed: Embree's tree, clusters and, for engines that average, their measures.
 
 use super::options::{Options, Visibility};
-use super::run::{Progress, Seconds, timed};
+use super::record::Seconds;
+use super::run::{Progress, timed};
 use crate::Result;
 use crate::cache::{self, Table};
 use crate::characterise::{Traits, characterise};

@@ -2,17 +2,16 @@
 
 use super::field::Rgb;
 use super::prepare::Prepared;
-use super::{Audit, Ledger, Options, Receiver, Solver, Versus, probe};
+use super::record::{Iteration, Outcome, Record, Seconds};
+use super::{Options, Receiver, Solver, probe};
 use crate::Result;
 use crate::element::Elements;
-use crate::hierarchy::Hierarchy;
-use crate::link::{Sight, Tally};
+use crate::hierarchy::SceneFacts;
+use crate::link::Sight;
 use crate::points::Point;
 use crate::scene::Scene;
-use crate::solution::Solution;
 use crate::visibility::reference;
 use glam::Vec3;
-use serde::Serialize;
 use std::time::Instant;
 
 /// Told what is going on, and asked whether to go on.
@@ -30,135 +29,10 @@ impl Progress for () {
     }
 }
 
-/// One step of refinement with the sweeps after it.
-#[derive(Clone, Debug, Serialize)]
-pub struct Iteration {
-    /// Time it took.
-    pub seconds: f64,
-    /// Links after it.
-    pub links: usize,
-    /// Elements after it.
-    pub elements: usize,
-    /// Links that were replaced.
-    pub refined: usize,
-    /// Largest link error left that could be refined, relative to the mean irradiance.
-    pub error_bound: f64,
-    /// Relative change of the radiosity in the last sweep.
-    pub residual: f64,
-}
-
-/// Seconds by stage.
-#[derive(Clone, Debug, Default, Serialize)]
-pub struct Seconds {
-    /// Reading the scene; filled in by who read it.
-    pub load: f64,
-    /// Embree's tree.
-    pub embree: f64,
-    /// Clusters, made or (for exact visibility) read.
-    pub hierarchy: f64,
-    /// What clusters do to light, measured or read, and what exact rays are worth (not for exact visibility).
-    pub characterise: f64,
-    /// Elements and the rays that probe their surroundings.
-    pub elements: f64,
-    /// Refinement and sweeps.
-    pub solve: f64,
-    /// Rays of elements and the light on them.
-    pub local: f64,
-    /// Irradiance at points.
-    pub points: f64,
-    /// Checking error bars.
-    pub audit: f64,
-}
-
-impl Seconds {
-    /// All of them but reading the scene and checking error bars.
-    pub fn work(&self) -> f64 {
-        let Seconds { load: _, embree, hierarchy, characterise, elements, solve, local, points, audit: _ } =
-            self;
-        embree + hierarchy + characterise + elements + solve + local + points
-    }
-}
-
-/// What the scene is.
-#[derive(Clone, Debug, Serialize)]
-pub struct SceneFacts {
-    /// The file, as given.
-    pub path: String,
-    /// Triangles kept.
-    pub triangles: usize,
-    /// Named objects.
-    pub objects: usize,
-    /// Emissive surfaces.
-    pub emitters: usize,
-    /// Connected parts that bound a solid.
-    pub closed_parts: usize,
-    /// Connected parts that are sheets.
-    pub sheet_parts: usize,
-    /// Clusters of the hierarchy.
-    pub clusters: usize,
-    /// Levels of the hierarchy.
-    pub levels: usize,
-}
-
-/// Everything about a solution but its light: what `solution.json` holds.
-#[derive(Clone, Debug, Serialize)]
-pub struct Record {
-    /// Version of this program.
-    pub mrvis: String,
-    /// Version of Embree.
-    pub embree: String,
-    /// Threads used.
-    pub threads: usize,
-    /// Unit of length.
-    pub unit: String,
-    /// The options.
-    pub options: Options,
-    /// The scene.
-    pub scene: SceneFacts,
-    /// What a user should know.
-    pub warnings: Vec<String>,
-    /// Steps of refinement.
-    pub iterations: Vec<Iteration>,
-    /// Seconds by stage.
-    pub seconds: Seconds,
-    /// Where the clusters came from: `off` (made, not kept), `made` (and kept for the next run) or `hit` (kept by another).
-    pub cache: String,
-    /// Links at the end.
-    pub links: usize,
-    /// Elements at the end, clusters included.
-    pub elements: usize,
-    /// Bytes of elements and links.
-    pub bytes: usize,
-    /// Exact segments traced, for links, probes and points.
-    pub exact_rays: u64,
-    /// Bundles by method.
-    pub bundles: Tally,
-    /// Where the energy went.
-    pub ledger: Ledger,
-    /// Estimated RMS error of the elements' irradiance relative to its mean.
-    pub error_estimate: f64,
-    /// How error bars compare with errors; none where no bounces were asked for.
-    pub audit: Option<Audit>,
-    /// Mean irradiance over all elements, W/m², RGB.
-    pub mean_irradiance: Rgb,
-    /// Whether refinement was ended from outside.
-    pub interrupted: bool,
-    /// Another engine's solution, where it was asked for.
-    pub versus: Option<Versus>,
-}
-
-/// A solution.
-pub struct Outcome {
-    /// The light.
-    pub solution: Solution,
-    /// About it.
-    pub record: Record,
-    /// At the points asked for.
-    pub irradiance: Vec<Rgb>,
-}
-
 /// Link errors that are refined, as part of the error asked for: many links end at an element, and their errors add up.
 const SHARE: f64 = 0.01;
+/// How many times larger they may be where a local pass follows: there links are only where it starts.
+const COARSE: f64 = 4.0;
 /// Each step's threshold is this much below the last one's, starting so many steps above the final one.
 const STEP: f64 = 4.0;
 const STEPS: i32 = 4;
@@ -205,8 +79,7 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
     let idle = options.direct_only && !points.is_empty();
     let iterations = if idle { Vec::new() } else { solve(&mut solver, options, progress, &late) };
     progress.stage("last sweeps");
-    let rays = options.local_rays();
-    let local = solver.elements.large_from > 0 && rays > 0 && !options.direct_only && solver.scale > 0.0;
+    let local = solver.local_pass(options);
     let mut row_sums = None;
     let mut bytes = 0;
     if !local || progress.stopped() {
@@ -222,7 +95,8 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
         progress.stage("local pass");
         let local = timed(&mut seconds.local, || {
             solver.split_all(options.local_area() * areas(scene));
-            Receiver::new(scene, &solver, (exact.scene, exact.traversal), options).local(rays as f64)
+            Receiver::new(scene, &solver, (exact.scene, exact.traversal), options)
+                .local(options.local_rays() as f64)
         });
         solver.adopt(local);
     }
@@ -251,7 +125,7 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
         threads: rayon::current_num_threads(),
         unit: scene.unit.clone(),
         options: options.clone(),
-        scene: facts(scene, &prepared.hierarchy),
+        scene: SceneFacts::of(scene, &prepared.hierarchy),
         warnings,
         iterations,
         seconds,
@@ -282,7 +156,8 @@ fn solve(
     if solver.scale <= 0.0 {
         return iterations;
     }
-    let least = (options.error * SHARE) as f32;
+    let coarse = if solver.local_pass(options) { COARSE } else { 1.0 };
+    let least = (options.error * SHARE * coarse) as f32;
     // Links a step and what sweeps and looks take, learnt from step to step.
     let (mut work, mut sweeping) = (64.0, 0.0);
     let mut next = f64::from(least) * STEP.powi(STEPS);
@@ -333,6 +208,11 @@ fn solve(
 }
 
 impl Solver<'_> {
+    /// Whether a local pass is to follow refinement: in scenes with clusters.
+    fn local_pass(&self, options: &Options) -> bool {
+        self.elements.large_from > 0 && options.local_rays() > 0 && !options.direct_only && self.scale > 0.0
+    }
+
     fn mean_irradiance(&self) -> Rgb {
         let mut sum = [0.0; 3];
         for (e, element) in self.elements.elements.iter().enumerate() {
@@ -351,19 +231,6 @@ fn areas(scene: &Scene) -> f64 {
             crate::math::triangle_area(a, b, c)
         })
         .sum()
-}
-
-fn facts(scene: &Scene, hierarchy: &Hierarchy) -> SceneFacts {
-    SceneFacts {
-        path: scene.path.display().to_string(),
-        triangles: scene.triangles.len(),
-        objects: scene.objects.len(),
-        emitters: scene.emitters.len(),
-        closed_parts: scene.closed_parts,
-        sheet_parts: scene.sheet_parts,
-        clusters: hierarchy.micro.clusters.len() + hierarchy.large.clusters.len(),
-        levels: hierarchy.micro.levels().max(hierarchy.large.levels()),
-    }
 }
 
 /// The result and, added up, the seconds it took.

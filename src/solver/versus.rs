@@ -1,6 +1,7 @@
 //! The same question to two engines: whole solutions side by side, timed and compared.
 
-use super::run::{Outcome, Progress, Seconds, run};
+use super::record::{Outcome, Seconds};
+use super::run::{Progress, run};
 use super::{Options, Visibility};
 use crate::Result;
 use crate::link::Tally;

@@ -6,7 +6,7 @@ use crate::element::Shape;
 use crate::link::Scratch;
 use crate::scene::generate::{Spec, build};
 use crate::solver::prepare::Prepared;
-use crate::solver::run::Seconds;
+use crate::solver::record::Seconds;
 use crate::visibility::reference;
 use glam::Vec3;
 
