@@ -33,7 +33,7 @@ pub fn probe(
     seed: u64,
 ) -> Probe {
     let sides = elements.sides.len();
-    let found: Vec<(Vec<(f64, u32)>, Vec<u32>)> = (0..sides)
+    let found: Vec<(Rays, Vec<u32>)> = (0..sides)
         .into_par_iter()
         .with_min_len(64)
         .map_init(Vec::new, |packets: &mut Vec<Packet>, s| {
@@ -43,7 +43,7 @@ pub fn probe(
     let mut entered: Vec<u32> = found.iter().flat_map(|f| &f.1).copied().collect();
     entered.sort_unstable();
     entered.dedup();
-    let found: Vec<&Vec<(f64, u32)>> = found.iter().map(|f| &f.0).collect();
+    let found: Vec<&Rays> = found.iter().map(|f| &f.0).collect();
     let mut meets = vec![0.0; elements.clusters.len()];
     let mut rays_of_leaf = vec![(0u32, 0u32); elements.clusters.len()];
     for (s, rays) in found.iter().enumerate() {
@@ -93,6 +93,9 @@ fn holding(elements: &Elements, leaf: usize, side: u32) -> usize {
     }
 }
 
+/// What each ray of a side carries and meets.
+type Rays = Vec<(f64, u32)>;
+
 /// What each ray of a side carries and meets: a side, [`ESCAPED`], or [`Elements::NONE`] for the dark side of a face; and
 /// those faces.
 fn from_side(
@@ -103,7 +106,7 @@ fn from_side(
     seed: u64,
     s: usize,
     packets: &mut Vec<Packet>,
-) -> (Vec<(f64, u32)>, Vec<u32>) {
+) -> (Rays, Vec<u32>) {
     let side = &elements.sides[s];
     let element = &elements.elements[side.element as usize];
     let Shape::Surface { corners, .. } = &element.shape else { return (Vec::new(), Vec::new()) };
