@@ -33,7 +33,7 @@ pub fn probe(
     seed: u64,
 ) -> Probe {
     let sides = elements.sides.len();
-    let found: Vec<(Vec<(f64, u32)>, Vec<u32>)> = (0..sides)
+    let found: Vec<(Rays, Vec<u32>)> = (0..sides)
         .into_par_iter()
         .with_min_len(64)
         .map_init(Vec::new, |packets: &mut Vec<Packet>, s| {
@@ -43,7 +43,7 @@ pub fn probe(
     let mut entered: Vec<u32> = found.iter().flat_map(|f| &f.1).copied().collect();
     entered.sort_unstable();
     entered.dedup();
-    let found: Vec<&Vec<(f64, u32)>> = found.iter().map(|f| &f.0).collect();
+    let found: Vec<&Rays> = found.iter().map(|f| &f.0).collect();
     let mut meets = vec![0.0; elements.clusters.len()];
     let mut rays_of_leaf = vec![(0u32, 0u32); elements.clusters.len()];
     for (s, rays) in found.iter().enumerate() {
@@ -78,6 +78,9 @@ pub fn probe(
     Probe { enclosed, closed, entered }
 }
 
+/// What each ray of a side carries, and the side that it meets.
+type Rays = Vec<(f64, u32)>;
+
 /// Stands for a ray that left the scene.
 const ESCAPED: u32 = u32::MAX - 1;
 
@@ -103,7 +106,7 @@ fn from_side(
     seed: u64,
     s: usize,
     packets: &mut Vec<Packet>,
-) -> (Vec<(f64, u32)>, Vec<u32>) {
+) -> (Rays, Vec<u32>) {
     let side = &elements.sides[s];
     let element = &elements.elements[side.element as usize];
     let Shape::Surface { corners, .. } = &element.shape else { return (Vec::new(), Vec::new()) };
