@@ -78,6 +78,9 @@ pub fn probe(
     Probe { enclosed, closed, entered }
 }
 
+/// What each ray of a side carries, and the side that it meets.
+type Rays = Vec<(f64, u32)>;
+
 /// Stands for a ray that left the scene.
 const ESCAPED: u32 = u32::MAX - 1;
 
