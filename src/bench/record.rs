@@ -9,10 +9,10 @@
 mod scaling;
 mod trust;
 
+pub use crate::hierarchy::SceneFacts;
 pub use scaling::{ScalingRecord, ScalingRow};
 pub use trust::{Audit, CalibrationBin, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow};
 
-pub use crate::hierarchy::SceneFacts;
 use serde::{Deserialize, Serialize};
 
 /// One run.

@@ -26,7 +26,7 @@ pub struct Outputs {
     image_size: [usize; 2],
     /// Camera instead of the file's own or an automatic one: eye, target, vertical angle of view in degrees.
     #[arg(long, value_name = "X,Y,Z,X,Y,Z,DEG", value_parser = camera, allow_hyphen_values = true)]
-    camera: Option<[f64; 7]>,
+    pub camera: Option<[f64; 7]>,
     /// Compute the light of every pixel of images anew instead of interpolating it: slow and sharp.
     #[arg(long)]
     gather: bool,

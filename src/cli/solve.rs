@@ -1,12 +1,13 @@
 //! `mrvis solve SCENE --out DIR`: the light in a scene.
 
-use super::args::{Common, SceneArgs, Spinner, check_folder, grouped};
+use super::args::{CacheArgs, Common, SceneArgs, Spinner, check_folder, grouped};
 use super::outputs::Outputs;
+use glam::DVec3;
 use mrvis::files::WholeFile;
 use mrvis::output::number;
 use mrvis::points::{Irradiance, Point, read_points, write_irradiance};
-use mrvis::scene::Scene;
-use mrvis::solver::{self, Inside, More, Options, Outcome, Progress, Record, Rows, Visibility};
+use mrvis::scene::{Scene, StoredCamera};
+use mrvis::solver::{self, Inside, More, Options, Outcome, Progress, Record, Rows, Versus, View, Visibility};
 use mrvis::{Error, Result};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -18,12 +19,17 @@ use std::time::Instant;
 
 /// Compute the light in a scene: radiosity of all surfaces, irradiance at points.
 #[derive(clap::Args, Debug)]
+#[command(mut_arg("scene", |a| a.required(false).required_unless_present("scaling")))]
 pub struct Args {
     #[command(flatten)]
-    scene: SceneArgs,
+    scene: Option<SceneArgs>,
     /// Folder for the results (made if missing).
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    #[arg(long, value_name = "DIR", required_unless_present = "scaling")]
+    out: Option<PathBuf>,
+    /// Measure how time grows instead: scenes of a thousand triangles and ten times more each, up to N [default: a
+    /// million], solved to the same error; table and --json.
+    #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "1000000", conflicts_with = "scene")]
+    scaling: Option<usize>,
     /// Points x,y,z,nx,ny,nz at which irradiance is computed, to irradiance.csv.
     #[arg(long, value_name = "FILE.csv")]
     points: Option<PathBuf>,
@@ -42,6 +48,9 @@ pub struct Args {
     /// How visibility is answered.
     #[arg(long, value_enum, default_value = "exact")]
     visibility: Engine,
+    /// Solve once more with this engine, side by side: time of both and the difference at the points.
+    #[arg(long, value_enum, value_name = "ENGINE", requires = "points")]
+    compare: Option<Engine>,
     /// Feature size in scene units: shadows smaller than this may be averaged [default: each receiver's diameter].
     #[arg(short = 's', long, value_name = "S", allow_negative_numbers = true)]
     feature_size: Option<f32>,
@@ -54,12 +63,23 @@ pub struct Args {
     /// Object, group or material whose light matters; may be given several times [default: all].
     #[arg(long, value_name = "NAME")]
     importance: Vec<String>,
+    /// What cameras see matters (--camera, or those of the file): errors count by what they do there, and features smaller
+    /// than a few pixels need no resolving.
+    #[arg(long)]
+    importance_camera: bool,
+    /// Elements whose error bars are checked by paths of their own; 0 for none.
+    #[arg(long, value_name = "N", default_value_t = Options::default().audit)]
+    audit: usize,
     /// Shadow rays from a point to an emitter that is partly visible [default: by the error].
     #[arg(long, value_name = "N")]
     light_rays: Option<usize>,
     /// Rays from a point that gather reflected light [default: by the error].
     #[arg(long, value_name = "N")]
     gather_rays: Option<usize>,
+    /// Rays by which elements of scenes with clusters gather their light in the end, in all; 0 for none [default: by the
+    /// error].
+    #[arg(long, value_name = "N")]
+    local_rays: Option<usize>,
     /// Refine in steps of this many seconds.
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     step_seconds: Option<f64>,
@@ -72,6 +92,8 @@ pub struct Args {
     /// Stop refining at so many links.
     #[arg(long, value_name = "N", default_value_t = Options::default().max_links)]
     max_links: usize,
+    #[command(flatten)]
+    cache: CacheArgs,
     #[command(flatten)]
     outputs: Outputs,
     #[command(flatten)]
@@ -108,8 +130,18 @@ enum Engine {
     Average,
 }
 
+impl From<Engine> for Visibility {
+    fn from(engine: Engine) -> Visibility {
+        match engine {
+            Engine::Exact => Visibility::Exact,
+            Engine::Mr => Visibility::Mr,
+            Engine::Average => Visibility::Average,
+        }
+    }
+}
+
 pub fn run(args: &Args) -> Result<ExitCode> {
-    let options = Options {
+    let mut options = Options {
         error: args.error,
         min_area: args.min_area,
         rows: match args.rows {
@@ -117,11 +149,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
             RowSums::Closed => Rows::Closed,
             RowSums::Balanced => Rows::Balanced,
         },
-        visibility: match args.visibility {
-            Engine::Exact => Visibility::Exact,
-            Engine::Mr => Visibility::Mr,
-            Engine::Average => Visibility::Average,
-        },
+        visibility: args.visibility.into(),
         feature_size: args.feature_size,
         feature_sizes: args.feature_sizes.as_deref().map(read_sizes).transpose()?.unwrap_or_default(),
         inside: match args.inside {
@@ -130,13 +158,17 @@ pub fn run(args: &Args) -> Result<ExitCode> {
             Clusters::Visible => Inside::Visible,
         },
         importance: args.importance.clone(),
+        views: Vec::new(),
+        audit: args.audit,
         direct_only: args.direct_only,
         light_rays: args.light_rays,
         gather_rays: args.gather_rays,
+        local_rays: args.local_rays,
         step_seconds: args.step_seconds,
         max_seconds: args.max_seconds,
         target_error: args.target_error,
         max_links: args.max_links,
+        cache: args.cache.place()?,
         seed: args.common.seed,
     };
     options.check()?;
@@ -146,10 +178,19 @@ pub fn run(args: &Args) -> Result<ExitCode> {
             .build_global()
             .map_err(|e| Error::Argument(format!("--threads {threads}: {e}")))?;
     }
-    check_folder(&args.out)?;
+    if let Some(largest) = args.scaling {
+        return scaling(&args.common, &options, largest);
+    }
+    let (Some(scene), Some(out)) = (&args.scene, &args.out) else {
+        return Err(Error::Argument("give a scene and --out DIR, or --scaling".into()));
+    };
+    check_folder(out)?;
     let points = args.points.as_deref().map(read_points).transpose()?.unwrap_or_default();
     let start = Instant::now();
-    let scene = args.scene.load(&args.common)?;
+    let scene = scene.load(&args.common)?;
+    if args.importance_camera {
+        options.views = views(&scene, args.outputs.camera)?;
+    }
     let load = start.elapsed().as_secs_f64();
     let watch = Watch { spinner: args.common.spinner("solving"), stopped: Arc::default() };
     let stopped = watch.stopped.clone();
@@ -157,13 +198,16 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     // be set, interruption ends the program as it always did.
     let _ = ctrlc::set_handler(move || stopped.store(true, Ordering::Relaxed));
     solver::run_then(&scene, &points, &options, &watch, |mut outcome, more| {
+        if let Some(other) = args.compare.filter(|_| !outcome.record.interrupted) {
+            outcome.record.versus = Some(solver::versus(&scene, &points, &outcome, other.into(), &watch)?);
+        }
         watch.spinner.clear();
         outcome.record.seconds.load = load;
         if outcome.record.interrupted {
             let note = "interrupted: this is the consistent solution reached so far";
             outcome.record.warnings.push(note.into());
         }
-        write(args, &scene, &points, outcome, more, &watch)
+        write(args, out, (&scene, &points), outcome, more, &watch)
     })?;
     Ok(ExitCode::SUCCESS)
 }
@@ -171,19 +215,19 @@ pub fn run(args: &Args) -> Result<ExitCode> {
 /// Writes all files and says so.
 fn write(
     args: &Args,
-    scene: &Scene,
-    points: &[Point],
+    out: &Path,
+    (scene, points): (&Scene, &[Point]),
     outcome: Outcome,
     more: More,
     watch: &Watch,
 ) -> Result<()> {
     let Outcome { solution, record, irradiance } = outcome;
     let text = serde_json::to_string_pretty(&record)
-        .map_err(|e| Error::format(args.out.join("solution.json"), None, e.to_string()))?;
-    WholeFile::write(&args.out.join("solution.json"), text + "\n")?;
+        .map_err(|e| Error::format(out.join("solution.json"), None, e.to_string()))?;
+    WholeFile::write(&out.join("solution.json"), text + "\n")?;
     if args.points.is_some() {
         let file = Irradiance { points: points.to_vec(), values: irradiance, standard_errors: Vec::new() };
-        write_irradiance(&args.out.join("irradiance.csv"), &file)?;
+        write_irradiance(&out.join("irradiance.csv"), &file)?;
     }
     // Whoever interrupts does not want to wait for every pixel.
     let gather = |points: &[Point]| -> Option<Vec<[f64; 3]>> {
@@ -197,13 +241,62 @@ fn write(
         Some(light)
     };
     let with_points = args.points.is_some();
-    let shown = args.outputs.write(&args.common, scene, &solution, &args.out, with_points, &gather)?;
+    let shown = args.outputs.write(&args.common, scene, &solution, out, with_points, &gather)?;
     args.common.write_json(&record)?;
     args.common.print(&summary(&record))?;
     for file in shown {
         args.common.print(&format!("wrote {}\n", file.display()))?;
     }
     Ok(())
+}
+
+/// Solves the series of scenes and shows how time grows.
+fn scaling(common: &Common, options: &Options, largest: usize) -> Result<ExitCode> {
+    solver::check_scaling(largest)?;
+    common.check_json()?;
+    let watch = Watch { spinner: common.spinner("solving"), stopped: Arc::default() };
+    let found = solver::scaling(options, largest, &watch)?;
+    drop(watch);
+    common.write_json(&found)?;
+    let mut text =
+        String::from("triangles    elements       links        rays     memory     error        time\n");
+    for r in &found.rows {
+        let _ = writeln!(
+            text,
+            "{:>9} {:>11} {:>11} {:>11} {:>7.1} MB {:>9.4} {:>9.2} s",
+            grouped(r.triangles),
+            grouped(r.elements),
+            grouped(r.links),
+            grouped(r.exact_rays as usize),
+            r.bytes as f64 / 1e6,
+            r.rms_error,
+            r.seconds
+        );
+    }
+    let _ = writeln!(text, "time grows as triangles to the power of {:.3}", found.slope);
+    common.print(&text)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The cameras whose pictures matter.
+fn views(scene: &Scene, given: Option<[f64; 7]>) -> Result<Vec<View>> {
+    let views: Vec<View> = match given {
+        Some([x, y, z, u, v, w, degrees]) => {
+            let eye = DVec3::new(x, y, z);
+            let forward = (DVec3::new(u, v, w) - eye).normalize();
+            vec![View { eye, forward, angle: degrees.to_radians() }]
+        }
+        None => {
+            let of = |c: &StoredCamera| View { eye: c.eye, forward: c.forward, angle: c.angle };
+            scene.cameras.iter().map(of).collect()
+        }
+    };
+    if views.is_empty() {
+        return Err(Error::Argument(
+            "--importance-camera: the scene has no camera; give one with --camera".into(),
+        ));
+    }
+    Ok(views)
 }
 
 /// Shows what is going on, and passes an interruption on.
@@ -245,8 +338,8 @@ fn summary(r: &Record) -> String {
     );
     let _ = writeln!(
         text,
-        "read {:.2} s, Embree {:.2} s, clusters {:.2} s, measured {:.2} s, elements {:.2} s, solved {:.2} s, points {:.2} s",
-        s.load, s.embree, s.hierarchy, s.characterise, s.elements, s.solve, s.points
+        "read {:.2} s, Embree {:.2} s, clusters {:.2} s, measured {:.2} s, elements {:.2} s, solved {:.2} s, local {:.2} s, points {:.2} s",
+        s.load, s.embree, s.hierarchy, s.characterise, s.elements, s.solve, s.local, s.points
     );
     let l = &r.ledger;
     let _ = writeln!(
@@ -270,8 +363,60 @@ fn summary(r: &Record) -> String {
         "mean irradiance {red}, {green}, {blue} W/m\u{b2} (red, green, blue); estimated error {} %",
         number(100.0 * r.error_estimate)
     );
+    if let Some(v) = &r.versus {
+        text += &side_by_side(r, v);
+    }
+    if let Some(a) = &r.audit {
+        let _ = writeln!(
+            text,
+            "error bars: {:.0} % of {} elements within one, {:.0} % within two; RMS error {:.3} of the mean, bars say {:.3}",
+            100.0 * a.within_one,
+            a.elements,
+            100.0 * a.within_two,
+            a.rms_error,
+            a.rms_bar
+        );
+    }
     for warning in &r.warnings {
         let _ = writeln!(text, "note: {warning}");
     }
+    text
+}
+
+/// A table of both engines.
+fn side_by_side(r: &Record, v: &Versus) -> String {
+    let name = |visibility| match visibility {
+        Visibility::Exact => "exact",
+        Visibility::Mr => "mr",
+        Visibility::Average => "average",
+    };
+    let mut text = format!(
+        "{:<9}{:>11}{:>11}{:>11}{:>11}{:>11}{:>12}\n",
+        "", "clusters s", "solved s", "points s", "all s", "links", "exact rays"
+    );
+    for (visibility, s, links, rays) in [
+        (r.options.visibility, &r.seconds, r.links, r.bundles.exact_rays),
+        (v.visibility, &v.seconds, v.links, v.bundles.exact_rays),
+    ] {
+        let clusters = s.hierarchy + s.characterise;
+        let _ = writeln!(
+            text,
+            "{:<9}{clusters:>11.2}{:>11.2}{:>11.2}{:>11.2}{:>11}{:>12}",
+            name(visibility),
+            s.solve,
+            s.points,
+            s.work(),
+            grouped(links),
+            grouped(rays as usize)
+        );
+    }
+    let (own, other) = (name(r.options.visibility), name(v.visibility));
+    let _ = writeln!(
+        text,
+        "{other} took {:.2} times as long as {own}; at the points they differ by {:.2} % RMS, {:+.2} % in the mean",
+        v.speedup,
+        100.0 * v.difference.rms,
+        100.0 * v.difference.bias
+    );
     text
 }

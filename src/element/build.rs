@@ -13,9 +13,10 @@ const MAX_LEVEL: u32 = 14;
 impl Elements {
     /// The elements of a scene: its clusters and the sides that light can reach, nothing split yet.
     ///
-    /// `min_area` (scene units squared, above 0) bounds what splitting makes.
-    pub fn build(scene: &Scene, hierarchy: &Hierarchy, min_area: f64) -> Elements {
-        let seen = sides::seen(scene);
+    /// `min_area` (scene units squared, above 0) bounds what splitting makes. Faces that are known to have been met on a
+    /// side that a first build took for dark are `entered`: their parts have two sides.
+    pub fn build(scene: &Scene, hierarchy: &Hierarchy, min_area: f64, entered: &[u32]) -> Elements {
+        let seen = sides::seen(scene, entered);
         let trees: Vec<&Tree> =
             [&hierarchy.micro, &hierarchy.large].into_iter().filter(|t| !t.clusters.is_empty()).collect();
         let mut build = Build {

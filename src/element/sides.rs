@@ -10,9 +10,11 @@ use std::collections::HashMap;
 ///
 /// Sheets have two sides. A closed part has the side that some emitter is on: outside for a chair, inside for a room
 /// that is one closed box, whichever way it is wound; the winding number at a point in front of the emitter tells. Parts
-/// that claim to be closed but are not wound one way count as sheets.
-pub(super) fn seen(scene: &Scene) -> Vec<[bool; 2]> {
-    let parts = closed_parts(scene);
+/// that claim to be closed but are not wound one way count as sheets, and so do those that rays have `entered` (faces
+/// whose other side was met): where solids cross each other, light finds its way in.
+pub(super) fn seen(scene: &Scene, entered: &[u32]) -> Vec<[bool; 2]> {
+    let mut parts = closed_parts(scene);
+    entered.iter().for_each(|&t| parts[scene.triangle_component[t as usize] as usize].clear());
     let lights = light_points(scene);
     let seen_of_part: Vec<[bool; 2]> = parts
         .par_iter()

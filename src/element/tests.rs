@@ -15,7 +15,7 @@ fn load(obj: &str, emitters: &[(&str, f64)]) -> Scene {
 
 fn elements(obj: &str, min_area: f64) -> Elements {
     let scene = load(obj, &[]);
-    Elements::build(&scene, &hierarchy::build(&scene, &Default::default()), min_area)
+    Elements::build(&scene, &hierarchy::build(&scene, &Default::default()), min_area, &[])
 }
 
 /// A trapezoid, a triangle and a cube.
@@ -94,7 +94,7 @@ fn light_reaches_the_inside_of_what_holds_an_emitter() {
     // A cube wound outward around a lamp, and one without.
     let lamp = "v 0.4 5.4 0.5\nv 0.6 5.4 0.5\nv 0.5 5.6 0.5\no lamp\nf 16 17 18\n";
     let scene = load(&format!("{MIXED}{lamp}"), &[("lamp", 1.0)]);
-    let elements = Elements::build(&scene, &hierarchy::build(&scene, &Default::default()), 0.01);
+    let elements = Elements::build(&scene, &hierarchy::build(&scene, &Default::default()), 0.01, &[]);
     let inward = elements.sides.iter().filter(|s| s.triangles[0] != s.triangles[1] && !s.front).count();
     // The six faces of the cube and the back of the trapezoid.
     assert_eq!(inward, 7);
@@ -117,4 +117,14 @@ fn samples_prefer_what_faces_and_leave_nothing_out() {
     }
     let mean = sum / f64::from(n * n);
     assert!((mean / elements.area - 1.0).abs() < 0.02, "{mean} {}", elements.area);
+}
+
+#[test]
+fn a_solid_that_was_entered_has_two_sides() {
+    let scene = load(MIXED, &[]);
+    let hierarchy = hierarchy::build(&scene, &Default::default());
+    let sides = |entered: &[u32]| Elements::build(&scene, &hierarchy, 0.01, entered).sides.len();
+    // The cube's faces come last.
+    let last = scene.triangles.len() as u32 - 1;
+    assert_eq!(sides(&[last]), sides(&[]) + 6);
 }

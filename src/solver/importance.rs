@@ -1,44 +1,127 @@
 //! What matters where: feature sizes of surfaces and importance (method A.13).
 
-use super::Solver;
 use super::cut::{Cut, sent};
 use super::field::{Arriving, Outgoing, Rgb, gather};
+use super::{Options, Solver};
 use crate::Result;
-use crate::element::Shape;
+use crate::element::{Elements, Shape};
+use crate::embree::{CommittedScene, Hits, Traversal};
+use crate::ray::{LANES, Packet};
 use crate::scene::Scene;
+use glam::DVec3;
 
 /// Bounces that importance is followed for.
 const BOUNCES: usize = 4;
 /// What errors count at least, relative to the most important element.
 const LEAST: f64 = 0.02;
 
+/// Rays of a camera's square picture, along an edge; a multiple of 16.
+const GRID: usize = 256;
+/// Width over height that the square allows for.
+const WIDE: f32 = 4.0 / 3.0;
+/// Features of fewer pixels of a picture with so many rows are not looked for.
+const PIXELS: f64 = 2.0;
+const ROWS: usize = 480;
+
+/// Where a camera is, for importance.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct View {
+    /// Its place, in the file's coordinates.
+    pub eye: DVec3,
+    /// Where it looks, a unit vector.
+    pub forward: DVec3,
+    /// Angle of view from top to bottom, radians in `(0, π)`.
+    pub angle: f64,
+}
+
 impl Solver<'_> {
-    /// Feature sizes and important surfaces by name.
+    /// Feature sizes and important surfaces: by name, and by what cameras see.
     ///
     /// # Errors
     /// Nothing in the scene has a name.
     pub(super) fn name(
         &mut self,
         scene: &Scene,
-        sizes: &[(String, f32)],
-        important: &[String],
+        options: &Options,
+        (traced, traversal): (&CommittedScene, Traversal),
     ) -> Result<()> {
         let mut painted = vec![0.0f32; scene.triangles.len()];
-        for (name, size) in sizes {
+        let mut chosen = vec![false; self.elements.sides.len()];
+        for view in &options.views {
+            let far = 1.01 * scene.bounds.diagonal();
+            for (side, distance) in self.seen(view, scene.origin, far, traced, traversal) {
+                chosen[side as usize] = true;
+                // Of the places of a face the nearest shows the most.
+                let size = (PIXELS * f64::from(distance) * view.angle / ROWS as f64) as f32;
+                for t in self.elements.sides[side as usize].triangles {
+                    let painted = &mut painted[t as usize];
+                    *painted = if *painted > 0.0 { painted.min(size) } else { size };
+                }
+            }
+        }
+        if self.fixed_size {
+            painted.fill(0.0);
+        }
+        for (name, size) in &options.feature_sizes {
             scene.faces_named(name)?.into_iter().for_each(|t| painted[t as usize] = *size);
         }
-        if !sizes.is_empty() {
+        if painted.iter().any(|&s| s > 0.0) {
             let fixed = self.fixed_size.then(|| self.feature_sizes[0]);
             self.size(fixed, &painted);
         }
-        if !important.is_empty() {
-            let mut chosen = vec![false; scene.triangles.len()];
-            for name in important {
-                scene.faces_named(name)?.into_iter().for_each(|t| chosen[t as usize] = true);
-            }
-            self.important = self.elements.sides.iter().map(|s| chosen[s.triangles[0] as usize]).collect();
+        for name in &options.importance {
+            let mut named = vec![false; scene.triangles.len()];
+            scene.faces_named(name)?.into_iter().for_each(|t| named[t as usize] = true);
+            let sides = self.elements.sides.iter().zip(&mut chosen);
+            sides.for_each(|(side, chosen)| *chosen |= named[side.triangles[0] as usize]);
+        }
+        if chosen.contains(&true) {
+            self.important = chosen;
         }
         Ok(())
+    }
+
+    /// The sides that a camera sees, one for each ray of a square picture, with their distances (scene units).
+    fn seen(
+        &self,
+        view: &View,
+        origin: DVec3,
+        far: f32,
+        traced: &CommittedScene,
+        traversal: Traversal,
+    ) -> Vec<(u32, f32)> {
+        let eye = (view.eye - origin).as_vec3();
+        let forward = view.forward.as_vec3();
+        let (x, y) = forward.any_orthonormal_pair();
+        let half = WIDE * (0.5 * view.angle as f32).tan();
+        // Cameras may stand anywhere outside.
+        let reach = far + eye.length();
+        let at = |i: usize| half * ((2 * i + 1) as f32 / GRID as f32 - 1.0);
+        let mut packets = Vec::with_capacity(GRID * GRID / LANES);
+        for first in (0..GRID * GRID).step_by(LANES) {
+            let mut packet = Packet::EMPTY;
+            for lane in 0..LANES {
+                let (row, column) = ((first + lane) / GRID, (first + lane) % GRID);
+                packet.set_ray(lane, eye, (forward + at(column) * x + at(row) * y).normalize());
+                packet.far[lane] = reach;
+            }
+            packets.push(packet);
+        }
+        let mut hits = vec![Hits::NONE; packets.len()];
+        traced.first_hits(traversal, &packets, &mut hits);
+        let mut seen = Vec::new();
+        for (packet, hits) in packets.iter().zip(&hits) {
+            for lane in 0..LANES {
+                if hits.triangle[lane] != Hits::NOTHING {
+                    let direction = packet.point(lane, 1.0) - packet.point(lane, 0.0);
+                    let side = self.elements.met(hits.triangle[lane], direction);
+                    if side != Elements::NONE {
+                        seen.push((side, hits.t[lane]));
+                    }
+                }
+            }
+        }
+        seen
     }
 
     /// The feature size of every element: painted on its face (above 0), given for all, or its diameter; the smallest of

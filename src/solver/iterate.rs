@@ -3,6 +3,7 @@
 use super::Solver;
 use super::cut::{Closure, Cut, Kind};
 use super::field::{Incoming, Outgoing, Rgb, add, gather};
+use super::local::Local;
 use super::options::Rows;
 use crate::element::Shape;
 
@@ -32,6 +33,29 @@ impl Solver<'_> {
     /// The cut for the present links.
     pub(super) fn cut(&self) -> Cut {
         Cut::new(&self.elements, &self.links, &self.closure)
+    }
+
+    /// Splits all surfaces down to an area (one that there are ids for): for the local pass. What hides a part of a surface from all others, as
+    /// furniture does with the floor, dims the mean of the whole, but not what is seen of it.
+    pub(super) fn split_all(&mut self, min_area: f64) {
+        self.elements.min_area = min_area;
+        let mut e = 0;
+        while e < self.elements.len() {
+            if self.elements.elements[e].is_leaf() && self.elements.can_open(e as u32) {
+                self.open(e as u32);
+            }
+            e += 1;
+        }
+        self.state = None;
+    }
+
+    /// Takes over what the local pass found.
+    pub(super) fn adopt(&mut self, local: Local) {
+        self.incident.clone_from(&local.incident);
+        self.tally.add(local.tally);
+        self.local = Some(local);
+        self.shine();
+        self.look();
     }
 
     /// Radiosity of all elements from their irradiance: the mean by area for those with parts.
@@ -126,7 +150,8 @@ impl Solver<'_> {
     /// Sweeps until the radiosity changes by less than `tolerance` of itself (area-weighted mean), `most` times at most,
     /// then works out the light of all elements. Returns the last change.
     ///
-    /// Every sweep gathers from the last one's radiosity (Jacobi), so that threads do not matter. After it all that was
+    /// Every sweep gathers from the last one's radiosity (Jacobi), so that threads do not matter; relaxing one element at a
+    /// time, in turn or by its residual (Southwell), takes more work and one thread (measured in the tests of `system`). After it all that was
     /// reflected is scaled, by channel, so that its sum is right: the slow even mode of bright scenes, from a coarse level
     /// of one unknown.
     pub(super) fn settle(&mut self, cut: &Cut, tolerance: f64, most: usize) -> f64 {

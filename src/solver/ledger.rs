@@ -1,6 +1,6 @@
 //! Where the energy went.
 
-use super::cut::{Closure, Cut};
+use super::cut::Closure;
 use super::field::Rgb;
 use super::{Solver, mean};
 use crate::element::Shape;
@@ -19,6 +19,8 @@ pub struct Ledger {
     pub created: f64,
     /// Mean difference, by area, of the factors with which a leaf gathers and sends, as part of them: a link has one
     /// coupling for both directions, so nothing else sets `A_a F(a→b)` and `A_b F(b→a)` apart.
+    /// After a local pass: the mean difference of what large groups exchange by the rays of the one and of the other, which
+    /// the noise of the rays is part of.
     pub reciprocity_residual: f64,
     /// Least and greatest sum of the form factors of an element that sees no way out of the scene.
     pub row_sums: Option<[f64; 2]>,
@@ -32,9 +34,16 @@ pub struct Ledger {
 }
 
 impl Solver<'_> {
-    /// The ledger of the present solution. `sampled`: the row sums before they were made 1.
-    pub(super) fn ledger(&self, cut: &Cut, sampled: &[f64]) -> Ledger {
-        let sums = self.row_sums(cut);
+    /// The ledger of the present solution. `row_sums` along the links: before they were made 1, and after; none after a
+    /// local pass, whose rows are shares of rays.
+    pub(super) fn ledger(&self, row_sums: Option<[&[f64]; 2]>) -> Ledger {
+        let row_of = |e: usize| match (row_sums, &self.local) {
+            (Some([before, after]), _) => [before[e], after[e] * f64::from(self.closure[e].gathers)],
+            (None, Some(local)) => [f64::from(local.kept[e]); 2],
+            (None, None) => [0.0; 2],
+        };
+        // What meets the dark side of a face is not sent to anybody either.
+        let sent_of = |e: usize, row: f64| self.local.as_ref().map_or(row, |local| f64::from(local.met[e]));
         let mut ledger = Ledger::default();
         let (mut received, mut sent, mut closed) = (0.0, 0.0, 0.0);
         let widen = |range: &mut Option<[f64; 2]>, v: f64| {
@@ -52,23 +61,26 @@ impl Solver<'_> {
                 std::array::from_fn(|k| (1.0 - f64::from(s.reflectance[k])) * self.incident[e][k]);
             let Closure { gathers, sends } = self.closure[e];
             ledger.reciprocity_residual += element.area * f64::from(gathers / sends - 1.0).abs();
-            let row = sums[e] * f64::from(self.closure[e].gathers);
+            let [sampled, row] = row_of(e);
             ledger.emitted += power(s.exitance);
             ledger.absorbed += power(absorbed);
             received += power(self.incident[e]);
-            sent += power(self.radiosity[e]) * row.min(1.0);
-            ledger.escaped += power(self.radiosity[e]) * (1.0 - row).max(0.0);
+            sent += power(self.radiosity[e]) * sent_of(e, row).min(1.0);
+            ledger.escaped += power(self.radiosity[e]) * (1.0 - sent_of(e, row)).max(0.0);
             if self.probe.closed[side as usize] {
                 closed += element.area;
                 widen(&mut ledger.row_sums, row);
                 ledger.row_sum_error += element.area * (row - 1.0).powi(2);
-                ledger.row_sum_error_sampled += element.area * (sampled[e] - 1.0).powi(2);
+                ledger.row_sum_error_sampled += element.area * (sampled - 1.0).powi(2);
             }
         }
         for error in [&mut ledger.row_sum_error, &mut ledger.row_sum_error_sampled] {
             *error = if closed > 0.0 { (*error / closed).sqrt() } else { 0.0 };
         }
         ledger.reciprocity_residual /= self.elements.area.max(f64::MIN_POSITIVE);
+        if let Some(local) = &self.local {
+            ledger.reciprocity_residual = local.reciprocity;
+        }
         ledger.created = received - sent;
         ledger.closed_area = if self.elements.area > 0.0 { closed / self.elements.area } else { 0.0 };
         ledger

@@ -3,31 +3,48 @@
 //! [`run()`] does all of it for a scene. The solver starts with the link of the root with itself, which stands for all
 //! exchange of light [Sillion 95], and refines the links with the greatest errors in steps (progressive multi-gridding
 //! [SD95 sec 6.2], method A.12): after every step the light is consistent, so that a solution can be had at any time.
+//! In scenes with clusters a local pass ends it: links say what reaches a cluster, rays what reaches each surface in it.
 
+mod audit;
 mod cut;
+mod direct;
 mod field;
 mod histogram;
 mod importance;
 mod iterate;
+mod lamps;
 mod ledger;
+mod local;
 mod options;
+mod prepare;
 mod probe;
 mod receive;
+mod record;
 mod refine;
 mod run;
+mod scaling;
 mod show;
+mod system;
 #[cfg(test)]
 mod tests;
+mod versus;
+mod walk;
 
+pub use audit::Audit;
+pub use importance::View;
 pub use ledger::Ledger;
 pub use options::{Inside, Options, Rows, Visibility};
 pub use receive::Receiver;
-pub use run::{Iteration, More, Outcome, Progress, Record, SceneFacts, Seconds, run, run_then};
+pub use record::{Iteration, Outcome, Record, Seconds};
+pub use run::{More, Progress, run, run_then};
+pub use scaling::{Scaling, ScalingRow, check_scaling, scaling};
+pub use versus::{Versus, versus};
 
 use crate::element::Elements;
 use crate::link::{Light, Link, Meter, Sight, Tally};
 use crate::ray::EndRule;
 use field::{Incoming, Rgb};
+use local::Local;
 use probe::Probe;
 
 /// A solution under way.
@@ -60,6 +77,8 @@ pub struct Solver<'a> {
     rows: Rows,
     /// What the oracle knows of each element's light.
     light: Vec<Light>,
+    /// What the local pass found, if there was one.
+    local: Option<Local>,
     tally: Tally,
     /// Links at which refinement stops for lack of memory.
     max_links: usize,
@@ -108,6 +127,7 @@ impl<'a> Solver<'a> {
             closure: Vec::new(),
             rows: options.rows,
             light: Vec::new(),
+            local: None,
             tally: Tally::default(),
             max_links: options.max_links,
             elements,

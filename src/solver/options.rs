@@ -1,5 +1,7 @@
 //! What a solution is asked for.
 
+pub use super::importance::View;
+use crate::cache::Place;
 pub use crate::link::Inside;
 use crate::{Error, Result};
 
@@ -37,7 +39,7 @@ pub struct Options {
     pub error: f64,
     /// Smallest element as part of the scene's area; above 0.
     pub min_area: f64,
-    /// What is done about row sums.
+    /// What is done about row sums along links; those of a local pass are shares of rays.
     pub rows: Rows,
     /// The engine.
     pub visibility: Visibility,
@@ -50,6 +52,10 @@ pub struct Options {
     /// Objects, groups or materials whose light matters: errors elsewhere count as much as they show there; everything if
     /// empty.
     pub importance: Vec<String>,
+    /// Cameras whose pictures matter: what they see, and by default features of a few pixels in them.
+    pub views: Vec<View>,
+    /// Elements whose error bars are checked.
+    pub audit: usize,
     /// Leave the bounces out of what points receive; with points nothing else is computed.
     pub direct_only: bool,
     /// Rays from a point to an emitter that is partly visible; by default what the error asks for.
@@ -57,6 +63,9 @@ pub struct Options {
     /// Rays from a point to gather what surfaces reflect, rounded up to a square of a multiple of 4; by default what the
     /// error asks for.
     pub gather_rays: Option<usize>,
+    /// Rays by which the elements of a scene with clusters gather their light in the end, in all; none for 0, by default
+    /// what the error asks for.
+    pub local_rays: Option<usize>,
     /// Seconds of refinement a step: progressive multi-gridding; all at once if none.
     pub step_seconds: Option<f64>,
     /// Seconds after which refinement ends.
@@ -65,6 +74,9 @@ pub struct Options {
     pub target_error: Option<f64>,
     /// Links at which refinement ends.
     pub max_links: usize,
+    /// Where measured clusters are kept.
+    #[serde(skip)]
+    pub cache: Place,
     /// Seed of everything random.
     pub seed: u64,
 }
@@ -80,13 +92,17 @@ impl Default for Options {
             feature_sizes: Vec::new(),
             inside: Inside::default(),
             importance: Vec::new(),
+            views: Vec::new(),
+            audit: 200,
             direct_only: false,
             light_rays: None,
             gather_rays: None,
+            local_rays: None,
             step_seconds: None,
             max_seconds: None,
             target_error: None,
             max_links: 10_000_000,
+            cache: Place::Off,
             seed: 1,
         }
     }
@@ -119,6 +135,7 @@ impl Options {
             ("--light-rays", light, 1 << 16),
             ("--gather-rays", gather, 1 << 20),
             ("--max-links", self.max_links, 1 << 30),
+            ("--audit", self.audit + 1, 1 << 20),
         ] {
             if value == 0 || value > most {
                 return Err(Error::Argument(format!("{name} {value}: must lie in 1..{most}")));
@@ -138,10 +155,24 @@ impl Options {
         self.light_rays.unwrap_or((5.0 / self.error).clamp(64.0, 4096.0) as usize)
     }
 
-    /// Rays of a final gather: its noise is less than the error. In scenes with clusters each is followed for some
-    /// bounces, which is noisier, and there are twice as many.
-    pub fn gather_rays(&self, clusters: bool) -> usize {
-        let rays = if clusters { 2.0 } else { 1.0 } * (0.3 / self.error).powi(2);
-        self.gather_rays.unwrap_or(rays.clamp(64.0, 2304.0) as usize)
+    /// Rays of a final gather: its noise is less than the error.
+    pub fn gather_rays(&self) -> usize {
+        self.gather_rays.unwrap_or((0.3 / self.error).powi(2).clamp(64.0, 2304.0) as usize)
+    }
+
+    /// Rays of the local pass.
+    pub fn local_rays(&self) -> usize {
+        self.local_rays.unwrap_or((LOCAL / self.error.powi(2)).clamp(1e5, 1e8) as usize)
+    }
+
+    /// Smallest element of the local pass as part of the scene's area: its share of the rays is enough to tell it from its
+    /// neighbours.
+    pub fn local_area(&self) -> f64 {
+        self.min_area.min(EACH / self.local_rays().max(1) as f64)
     }
 }
+
+/// Rays of the smallest element that the local pass splits others into.
+const EACH: f64 = 20.0;
+/// Rays of the local pass times the square of the error.
+const LOCAL: f64 = 1600.0;

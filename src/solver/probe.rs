@@ -12,6 +12,8 @@ pub struct Probe {
     pub enclosed: Vec<f32>,
     /// By side: none of its rays left the scene.
     pub closed: Vec<bool>,
+    /// Faces that were met on a side that has no element, ascending.
+    pub entered: Vec<u32>,
 }
 
 /// Most rays of a side; sides of a whole scene share about [`SHARED`] more of them by area.
@@ -31,18 +33,22 @@ pub fn probe(
     seed: u64,
 ) -> Probe {
     let sides = elements.sides.len();
-    let found: Vec<Vec<(f64, u32)>> = (0..sides)
+    let found: Vec<(Rays, Vec<u32>)> = (0..sides)
         .into_par_iter()
         .with_min_len(64)
         .map_init(Vec::new, |packets: &mut Vec<Packet>, s| {
             from_side(elements, (traced, traversal), ends, length, seed, s, packets)
         })
         .collect();
+    let mut entered: Vec<u32> = found.iter().flat_map(|f| &f.1).copied().collect();
+    entered.sort_unstable();
+    entered.dedup();
+    let found: Vec<&Rays> = found.iter().map(|f| &f.0).collect();
     let mut meets = vec![0.0; elements.clusters.len()];
     let mut rays_of_leaf = vec![(0u32, 0u32); elements.clusters.len()];
     for (s, rays) in found.iter().enumerate() {
         let leaf = elements.elements[elements.sides[s].element as usize].parent as usize;
-        for &(power, met) in rays {
+        for &(power, met) in *rays {
             rays_of_leaf[leaf].0 += 1;
             rays_of_leaf[leaf].1 += u32::from(met == ESCAPED);
             if met < sides as u32 {
@@ -69,8 +75,11 @@ pub fn probe(
         .zip(&elements.elements)
         .map(|(power, e)| if e.area > 0.0 { (power / e.area).min(1.0) as f32 } else { 0.0 })
         .collect();
-    Probe { enclosed, closed }
+    Probe { enclosed, closed, entered }
 }
+
+/// What each ray of a side carries, and the side that it meets.
+type Rays = Vec<(f64, u32)>;
 
 /// Stands for a ray that left the scene.
 const ESCAPED: u32 = u32::MAX - 1;
@@ -87,7 +96,8 @@ fn holding(elements: &Elements, leaf: usize, side: u32) -> usize {
     }
 }
 
-/// What each ray of a side carries and meets: a side, [`ESCAPED`], or [`Elements::NONE`] for the dark side of a face.
+/// What each ray of a side carries and meets: a side, [`ESCAPED`], or [`Elements::NONE`] for the dark side of a face; and
+/// those faces.
 fn from_side(
     elements: &Elements,
     (traced, traversal): (&CommittedScene, Traversal),
@@ -96,10 +106,10 @@ fn from_side(
     seed: u64,
     s: usize,
     packets: &mut Vec<Packet>,
-) -> Vec<(f64, u32)> {
+) -> (Rays, Vec<u32>) {
     let side = &elements.sides[s];
     let element = &elements.elements[side.element as usize];
-    let Shape::Surface { corners, .. } = &element.shape else { return Vec::new() };
+    let Shape::Surface { corners, .. } = &element.shape else { return (Vec::new(), Vec::new()) };
     let count = (LEAST + SHARED * element.area / elements.area).min(MOST) as usize;
     packets.clear();
     for i in 0..count {
@@ -113,14 +123,21 @@ fn from_side(
     }
     let mut hits = vec![Hits::NONE; packets.len()];
     traced.first_hits(traversal, packets, &mut hits);
-    (0..count)
+    let mut entered = Vec::new();
+    let met = (0..count)
         .map(|i| {
             let packet = &packets[i / LANES];
             let met = match hits[i / LANES].triangle[i % LANES] {
                 Hits::NOTHING => ESCAPED,
-                t => elements.met(t, packet.point(i % LANES, 1.0) - packet.point(i % LANES, 0.0)),
+                t => {
+                    let direction = packet.point(i % LANES, 1.0) - packet.point(i % LANES, 0.0);
+                    let met = elements.met(t, direction);
+                    entered.extend((met == Elements::NONE).then_some(t));
+                    met
+                }
             };
             (element.area / count as f64, met)
         })
-        .collect()
+        .collect();
+    (met, entered)
 }

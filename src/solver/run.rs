@@ -1,19 +1,17 @@
 //! From a scene to a solution: preparation, steps of refinement, and what is written down about them.
 
 use super::field::Rgb;
-use super::{Ledger, Options, Receiver, Solver, Visibility, probe};
+use super::prepare::Prepared;
+use super::record::{Iteration, Outcome, Record, Seconds};
+use super::{Options, Receiver, Solver, probe};
 use crate::Result;
-use crate::characterise::characterise;
 use crate::element::Elements;
-use crate::embree::{CommittedScene, Device, SceneBuilder, Traversal};
-use crate::hierarchy::{self, Hierarchy};
-use crate::link::{Sight, Tally};
+use crate::hierarchy::SceneFacts;
+use crate::link::Sight;
 use crate::points::Point;
 use crate::scene::Scene;
-use crate::solution::Solution;
-use crate::visibility::{Exact, Leaf, MultiResolution, reference};
+use crate::visibility::reference;
 use glam::Vec3;
-use serde::Serialize;
 use std::time::Instant;
 
 /// Told what is going on, and asked whether to go on.
@@ -31,119 +29,16 @@ impl Progress for () {
     }
 }
 
-/// One step of refinement with the sweeps after it.
-#[derive(Clone, Debug, Serialize)]
-pub struct Iteration {
-    /// Time it took.
-    pub seconds: f64,
-    /// Links after it.
-    pub links: usize,
-    /// Elements after it.
-    pub elements: usize,
-    /// Links that were replaced.
-    pub refined: usize,
-    /// Largest link error left that could be refined, relative to the mean irradiance.
-    pub error_bound: f64,
-    /// Relative change of the radiosity in the last sweep.
-    pub residual: f64,
-}
-
-/// Seconds by stage.
-#[derive(Clone, Debug, Default, Serialize)]
-pub struct Seconds {
-    /// Reading the scene; filled in by who read it.
-    pub load: f64,
-    /// Embree's tree.
-    pub embree: f64,
-    /// Clusters.
-    pub hierarchy: f64,
-    /// What clusters do to light (not for exact visibility).
-    pub characterise: f64,
-    /// Elements and the rays that probe their surroundings.
-    pub elements: f64,
-    /// Refinement and sweeps.
-    pub solve: f64,
-    /// Irradiance at points.
-    pub points: f64,
-}
-
-/// What the scene is.
-#[derive(Clone, Debug, Serialize)]
-pub struct SceneFacts {
-    /// The file, as given.
-    pub path: String,
-    /// Triangles kept.
-    pub triangles: usize,
-    /// Named objects.
-    pub objects: usize,
-    /// Emissive surfaces.
-    pub emitters: usize,
-    /// Connected parts that bound a solid.
-    pub closed_parts: usize,
-    /// Connected parts that are sheets.
-    pub sheet_parts: usize,
-    /// Clusters of the hierarchy.
-    pub clusters: usize,
-    /// Levels of the hierarchy.
-    pub levels: usize,
-}
-
-/// Everything about a solution but its light: what `solution.json` holds.
-#[derive(Clone, Debug, Serialize)]
-pub struct Record {
-    /// Version of this program.
-    pub mrvis: String,
-    /// Version of Embree.
-    pub embree: String,
-    /// Threads used.
-    pub threads: usize,
-    /// Unit of length.
-    pub unit: String,
-    /// The options.
-    pub options: Options,
-    /// The scene.
-    pub scene: SceneFacts,
-    /// What a user should know.
-    pub warnings: Vec<String>,
-    /// Steps of refinement.
-    pub iterations: Vec<Iteration>,
-    /// Seconds by stage.
-    pub seconds: Seconds,
-    /// Links at the end.
-    pub links: usize,
-    /// Elements at the end, clusters included.
-    pub elements: usize,
-    /// Bytes of elements and links.
-    pub bytes: usize,
-    /// Exact segments traced, for links, probes and points.
-    pub exact_rays: u64,
-    /// Bundles by method.
-    pub bundles: Tally,
-    /// Where the energy went.
-    pub ledger: Ledger,
-    /// Estimated RMS error of the elements' irradiance relative to its mean.
-    pub error_estimate: f64,
-    /// Mean irradiance over all elements, W/m², RGB.
-    pub mean_irradiance: Rgb,
-    /// Whether refinement was ended from outside.
-    pub interrupted: bool,
-}
-
-/// A solution.
-pub struct Outcome {
-    /// The light.
-    pub solution: Solution,
-    /// About it.
-    pub record: Record,
-    /// At the points asked for.
-    pub irradiance: Vec<Rgb>,
-}
-
 /// Link errors that are refined, as part of the error asked for: many links end at an element, and their errors add up.
 const SHARE: f64 = 0.01;
+/// How many times larger they may be where a local pass follows: there links are only where it starts.
+const COARSE: f64 = 4.0;
 /// Each step's threshold is this much below the last one's, starting so many steps above the final one.
 const STEP: f64 = 4.0;
 const STEPS: i32 = 4;
+/// Part of a step that is for refinement at least, and how much longer sweeps may take than last time.
+const LEAST_ROOM: f64 = 0.05;
+const SWEEP_MARGIN: f64 = 1.2;
 /// Change of the radiosity at which sweeps end: between steps and at the end.
 const ROUGH: f64 = 3e-3;
 const FINE: f64 = 1e-6;
@@ -175,27 +70,26 @@ pub fn run_then<T>(
     let mut seconds = Seconds::default();
     let begun = Instant::now();
     progress.stage("preparing");
-    let device = Device::new(0)?;
-    let traced = timed(&mut seconds.embree, || -> Result<CommittedScene> {
-        let mut builder = SceneBuilder::new(&device, Default::default())?;
-        builder.add_triangles(&scene.positions, &scene.triangles, 1)?;
-        builder.commit()
-    })?;
-    let traversal = Traversal { width: device.native_width(), coherent: false };
-    let hierarchy = timed(&mut seconds.hierarchy, || hierarchy::build(scene, &Default::default()));
-    let exact = Exact { scene: &traced, traversal };
-    let engine = timed(&mut seconds.characterise, || engine(scene, &hierarchy, &exact, options));
-    let sight = engine.as_ref().map_or(Sight::Exact(exact), Sight::MultiResolution);
-    let ends = reference::end_rule(scene);
+    let prepared = Prepared::of(scene, options, &mut seconds, progress)?;
+    let (exact, ends) = (prepared.exact(), reference::end_rule(scene));
     let (elements, found) = timed(&mut seconds.elements, || {
         let area: f64 = areas(scene);
-        let elements = Elements::build(scene, &hierarchy, options.min_area * area);
-        let length = 1.01 * scene.bounds.diagonal();
-        let found = probe::probe(&elements, &traced, traversal, ends, length, options.seed);
-        (elements, found)
+        // Ids for all that the local pass splits.
+        let build = |entered: &[u32]| {
+            let mut elements =
+                Elements::build(scene, &prepared.hierarchy, options.local_area() * area, entered);
+            elements.min_area = options.min_area * area;
+            let length = 1.01 * scene.bounds.diagonal();
+            let found = probe::probe(&elements, exact.scene, exact.traversal, ends, length, options.seed);
+            (elements, found)
+        };
+        let (elements, found) = build(&[]);
+        if found.entered.is_empty() { (elements, found) } else { build(&found.entered) }
     });
+    let engine = timed(&mut seconds.characterise, || prepared.engine(scene, &elements, ends, options));
+    let sight = engine.as_ref().map_or(Sight::Exact(exact), Sight::MultiResolution);
     let mut solver = Solver::new(elements, found, sight, ends, options);
-    solver.name(scene, &options.feature_sizes, &options.importance)?;
+    solver.name(scene, options, (exact.scene, exact.traversal))?;
     let start = Instant::now();
     let late =
         || progress.stopped() || options.max_seconds.is_some_and(|s| begun.elapsed().as_secs_f64() > s);
@@ -203,48 +97,72 @@ pub fn run_then<T>(
     let idle = options.direct_only && !points.is_empty();
     let iterations = if idle { Vec::new() } else { solve(&mut solver, options, progress, &late) };
     progress.stage("last sweeps");
-    let sampled = solver.close();
-    let cut = solver.cut();
-    solver.settle(&cut, FINE, 400);
-    solver.look();
+    let local = solver.local_pass(options);
+    let mut row_sums = None;
+    let mut bytes = 0;
+    if !local || progress.stopped() {
+        let sampled = solver.close();
+        let cut = solver.cut();
+        solver.settle(&cut, FINE, 400);
+        bytes = cut.bytes();
+        row_sums = Some((sampled, solver.row_sums(&cut)));
+        solver.look();
+    }
     seconds.solve = start.elapsed().as_secs_f64();
+    if row_sums.is_none() {
+        progress.stage("local pass");
+        let local = timed(&mut seconds.local, || {
+            solver.split_all(options.local_area() * areas(scene));
+            Receiver::new(scene, &solver, (exact.scene, exact.traversal), options)
+                .local(options.local_rays() as f64)
+        });
+        solver.adopt(local);
+    }
 
     progress.stage("points");
-    let local = |points: &[Point]| -> Vec<(Vec3, Vec3)> {
+    let asked = |points: &[Point]| -> Vec<(Vec3, Vec3)> {
         points.iter().map(|p| ((p.position - scene.origin).as_vec3(), p.normal.as_vec3())).collect()
     };
-    let receiver = Receiver::new(scene, &solver, (&traced, traversal), options);
-    let (irradiance, tally) = timed(&mut seconds.points, || receiver.irradiance(&local(points)));
+    let receiver = Receiver::new(scene, &solver, (exact.scene, exact.traversal), options);
+    let (irradiance, tally) = timed(&mut seconds.points, || receiver.irradiance(&asked(points)));
     let mut bundles = solver.tally();
     bundles.add(tally);
     let uncertainty = solver.uncertainty();
+    let audited = if options.direct_only || progress.stopped() { 0 } else { options.audit };
+    progress.stage("audit");
+    let (audit, tally) = timed(&mut seconds.audit, || receiver.audit(&uncertainty, audited));
+    bundles.add(tally);
     let mut warnings = scene.repairs.messages.clone();
+    warnings.extend(prepared.note.clone());
     if scene.emitters.is_empty() {
         warnings
             .push("nothing emits light: everything is black (--emitter NAME=W makes something emit)".into());
     }
     let record = Record {
         mrvis: env!("CARGO_PKG_VERSION").into(),
-        embree: device.version(),
+        embree: prepared.device.version(),
         threads: rayon::current_num_threads(),
         unit: scene.unit.clone(),
         options: options.clone(),
-        scene: facts(scene, &hierarchy),
+        scene: SceneFacts::of(scene, &prepared.hierarchy),
         warnings,
         iterations,
         seconds,
+        cache: prepared.origin.into(),
         links: solver.links.len(),
         elements: solver.elements.len(),
-        bytes: solver.elements.bytes() + size_of_val(solver.links.as_slice()) + cut.bytes(),
+        bytes: solver.elements.bytes() + size_of_val(solver.links.as_slice()) + bytes,
         exact_rays: bundles.exact_rays,
         bundles,
-        ledger: solver.ledger(&cut, &sampled),
+        ledger: solver.ledger(row_sums.as_ref().map(|(before, after)| [&before[..], &after[..]])),
         error_estimate: solver.error_estimate(&uncertainty),
+        audit: (audit.elements > 0).then_some(audit),
         mean_irradiance: solver.mean_irradiance(),
         interrupted: progress.stopped(),
+        versus: None,
     };
     let outcome = Outcome { solution: solver.solution(scene, &uncertainty), record, irradiance };
-    then(outcome, &|points| receiver.irradiance(&local(points)).0)
+    then(outcome, &|points| receiver.irradiance(&asked(points)).0)
 }
 
 /// Refines in steps until the error asked for is reached or time is up.
@@ -258,9 +176,11 @@ fn solve(
     if solver.scale <= 0.0 {
         return iterations;
     }
-    let least = (options.error * SHARE) as f32;
-    // Links a step and the time one takes, learnt from step to step.
-    let (mut work, mut next) = (64.0, f64::from(least) * STEP.powi(STEPS));
+    let coarse = if solver.local_pass(options) { COARSE } else { 1.0 };
+    let least = (options.error * SHARE * coarse) as f32;
+    // Links a step and what sweeps and looks take, learnt from step to step.
+    let (mut work, mut sweeping) = (64.0, 0.0);
+    let mut next = f64::from(least) * STEP.powi(STEPS);
     loop {
         let start = Instant::now();
         let errors = solver.errors();
@@ -269,16 +189,20 @@ fn solve(
             true => solver.threshold(&errors, work as usize, least),
             false => (next as f32).max(least),
         };
-        let refined = solver.refine(&errors, threshold, once, late);
+        let room =
+            options.step_seconds.map_or(f64::INFINITY, |step| (step - sweeping).max(LEAST_ROOM * step));
+        let over = || late() || start.elapsed().as_secs_f64() > room;
+        let refined = solver.refine(&errors, threshold, once, &over);
         let refining = start.elapsed().as_secs_f64();
         let cut = solver.cut();
-        let residual = solver.settle(&cut, ROUGH, if once { 2 } else { 12 });
+        let residual = solver.settle(&cut, ROUGH, if once { 1 } else { 12 });
         solver.spread_importance(&cut);
         solver.look();
         let taken = start.elapsed().as_secs_f64();
-        if let Some(step) = options.step_seconds {
-            // What sweeps take is gone; the rest is for refinement.
-            let room = (step - (taken - refining)).max(0.05 * step);
+        if options.step_seconds.is_some() {
+            // A margin for the next step, which has more links; a step that was held up by others counts half.
+            let now = SWEEP_MARGIN * (taken - refining);
+            sweeping = if sweeping > 0.0 { 0.5 * (sweeping + now) } else { now };
             let factor = room * refined.max(1) as f64 / (refining.max(1e-6) * work);
             work = (work * factor.clamp(0.25, 2.0)).max(1.0);
         }
@@ -303,23 +227,12 @@ fn solve(
     }
 }
 
-/// The multi-resolution engine, if one is asked for.
-fn engine<'a>(
-    scene: &Scene,
-    hierarchy: &Hierarchy,
-    exact: &Exact<'a>,
-    options: &Options,
-) -> Option<MultiResolution<'a>> {
-    let leaf = match options.visibility {
-        Visibility::Exact => return None,
-        Visibility::Mr => Leaf::Exact,
-        Visibility::Average => Leaf::Extinction,
-    };
-    let traits = characterise(scene, &hierarchy.micro, &Default::default());
-    Some(MultiResolution::new(scene, hierarchy, &traits, exact.scene, exact.traversal, leaf))
-}
-
 impl Solver<'_> {
+    /// Whether a local pass is to follow refinement: in scenes with clusters.
+    fn local_pass(&self, options: &Options) -> bool {
+        self.elements.large_from > 0 && options.local_rays() > 0 && !options.direct_only && self.scale > 0.0
+    }
+
     fn mean_irradiance(&self) -> Rgb {
         let mut sum = [0.0; 3];
         for (e, element) in self.elements.elements.iter().enumerate() {
@@ -340,21 +253,8 @@ fn areas(scene: &Scene) -> f64 {
         .sum()
 }
 
-fn facts(scene: &Scene, hierarchy: &Hierarchy) -> SceneFacts {
-    SceneFacts {
-        path: scene.path.display().to_string(),
-        triangles: scene.triangles.len(),
-        objects: scene.objects.len(),
-        emitters: scene.emitters.len(),
-        closed_parts: scene.closed_parts,
-        sheet_parts: scene.sheet_parts,
-        clusters: hierarchy.micro.clusters.len() + hierarchy.large.clusters.len(),
-        levels: hierarchy.micro.levels().max(hierarchy.large.levels()),
-    }
-}
-
 /// The result and, added up, the seconds it took.
-fn timed<R>(seconds: &mut f64, make: impl FnOnce() -> R) -> R {
+pub(super) fn timed<R>(seconds: &mut f64, make: impl FnOnce() -> R) -> R {
     let start = Instant::now();
     let result = make();
     *seconds += start.elapsed().as_secs_f64();

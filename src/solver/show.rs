@@ -10,7 +10,12 @@ impl Solver<'_> {
     /// Standard uncertainty of the irradiance of every surface element, W/m²: what each link may vary over the element
     /// and what sampling leaves, added up as independent errors, pushed down like light; later bounces add as much again
     /// as they do to light.
+    ///
+    /// After a local pass it is the standard error of the element's rays.
     pub(super) fn uncertainty(&self) -> Vec<f64> {
+        if let Some(local) = &self.local {
+            return local.noise.iter().map(|&n| f64::from(n)).collect();
+        }
         let mut variance = vec![0.0; self.elements.len()];
         for l in &self.links {
             let mut put = |at: u32, variation: f32, other: u32| {

@@ -1,5 +1,7 @@
 //! Promises of the solver: conservation, closed forms, and that it can be stopped.
 
+mod sight;
+
 use super::*;
 use crate::points::Point;
 use crate::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
@@ -151,6 +153,77 @@ fn importance_moves_the_work() {
     assert!(links_at(&["box"]) > 1.5 * links_at(&[]));
     let unknown = Options { importance: vec!["nothing".into()], ..Options::default() };
     assert!(run(&scene, &[], &unknown, &()).is_err());
+}
+
+#[test]
+fn cameras_make_important_what_they_see() {
+    let scene = room(true);
+    let view = View { eye: DVec3::new(0.5, 2.0, 1.25), forward: DVec3::X, angle: 0.8 };
+    let options = Options { views: vec![view], ..Options::default() };
+    let at = |options: &Options, x: f64| {
+        let outcome = solved(&scene, &[], options);
+        let on = |e: &&crate::solution::Element| {
+            e.corners.iter().all(|&c| (f64::from(outcome.solution.vertices[c as usize].x) - x).abs() < 1e-6)
+        };
+        outcome.solution.elements.iter().filter(on).count() as f64
+    };
+    // The vertices are relative to the scene's origin.
+    let (seen, behind) = (3.0 - scene.origin.x, -scene.origin.x);
+    let ratio = |options: &Options| at(options, seen) / at(options, behind);
+    assert!(ratio(&options) > 1.3 * ratio(&Options::default()), "{}", ratio(&options));
+}
+
+#[test]
+fn steps_are_cut_short_when_time_is_up() {
+    let hurry = Options { step_seconds: Some(1e-6), max_seconds: Some(0.3), ..Options::default() };
+    let outcome = solved(&room(true), &[], &hurry);
+    let steps = &outcome.record.iterations;
+    assert!(steps.len() > 3 && steps.iter().all(|s| (1..=64).contains(&s.refined)), "{steps:?}");
+    assert!(outcome.record.ledger.created.abs() < 2e-3 * outcome.record.ledger.emitted);
+}
+
+/// A room full of small things: what the local pass is for.
+#[test]
+fn clutter_is_lit_as_paths_say() {
+    let scene =
+        crate::scene::generate::build(&crate::scene::generate::Spec::new("desk-room")).expect("a scene");
+    // Elements tell where surfaces are.
+    let coarse = solved(&scene, &[], &Options { error: 0.5, ..Options::default() });
+    let elements = &coarse.solution.elements;
+    let step = elements.len() / 150;
+    let points: Vec<Point> = (elements.iter().step_by(step))
+        .map(|e| {
+            let [a, b, c, _] = e.corners.map(|v| coarse.solution.vertices[v as usize].as_dvec3());
+            Point { position: (a + b + c) / 3.0 + scene.origin, normal: (b - a).cross(c - a).normalize() }
+        })
+        .collect();
+    let outcome = solved(&scene, &points, &Options { error: 0.04, ..Options::default() });
+    let settings = crate::montecarlo::Settings { samples: 1024, direct_only: false, seed: 3 };
+    let truth = crate::montecarlo::irradiance(&scene, &points, settings, &|_| {}).expect("a reference");
+    let grey = |v: [f64; 3]| v.iter().sum::<f64>() / 3.0;
+    let (mut squares, mut sum) = (0.0, 0.0);
+    for (got, want) in outcome.irradiance.iter().zip(&truth.values) {
+        squares += (grey(*got) - grey(*want)).powi(2);
+        sum += grey(*want);
+    }
+    let n = points.len() as f64;
+    let rms = (squares / n).sqrt() / (sum / n);
+    assert!(rms < 0.08, "{rms}");
+    let Record { ledger, audit, .. } = outcome.record;
+    assert!(ledger.created.abs() < 2e-3 * ledger.emitted, "{ledger:?}");
+    assert!(ledger.reciprocity_residual > 0.0 && ledger.reciprocity_residual < 2e-2, "{ledger:?}");
+    assert!(ledger.row_sum_error < 5e-3 && ledger.closed_area > 0.5, "{ledger:?}");
+    let audit = audit.expect("an audit");
+    assert!(audit.within_two > 0.85 && audit.rms_bar < 4.0 * audit.rms_error, "{audit:?}");
+}
+
+/// Bars tell how wrong elements are, and neither nothing nor anything; wrong bars are found out.
+#[test]
+fn bars_hold_the_truth() {
+    let outcome = solved(&room(true), &[], &Options { error: 0.05, ..Options::default() });
+    let audit = outcome.record.audit.expect("an audit");
+    assert!(audit.within_one > 0.6 && audit.within_two > 0.9, "{audit:?}");
+    assert!(audit.rms_bar < 4.0 * audit.rms_error, "{audit:?}");
 }
 
 #[test]

@@ -1,0 +1,188 @@
+//! Light between elements whose form factors are known row by row.
+
+use super::field::Rgb;
+use rayon::prelude::*;
+
+/// Residual at which a solution is good, relative to what emitters send (root mean squares by area), and iterations at
+/// most.
+const SETTLED: f64 = 1e-4;
+const ITERATIONS: usize = 100;
+/// Terms that are summed up in a row: sums do not depend on threads.
+const BLOCK: usize = 4096;
+
+/// `E_i - 1/n_i Σ_k ρ E` over the others that row i names is what emitters send to i.
+pub struct System {
+    /// Ends of the rows.
+    pub ends: Vec<usize>,
+    /// By row, the places met; `u32::MAX` for nothing.
+    pub others: Vec<u32>,
+    /// Reflectance of the places, RGB.
+    pub reflectance: Vec<[f32; 3]>,
+    /// Areas.
+    pub weight: Vec<f64>,
+}
+
+type Field = Vec<Rgb>;
+
+impl System {
+    /// The irradiance for what emitters send, from a first guess.
+    ///
+    /// The stabilised bi-conjugate gradients of van der Vorst (1992), each channel by itself: sampled rows are reciprocal on
+    /// average only. Sweeps that take turns, of whatever order, need hundreds where light is caught between white
+    /// surfaces; a Krylov space has these few slow modes after a few steps.
+    pub fn solve(&self, direct: &Field, start: Field) -> Field {
+        self.iterate(direct, start).0
+    }
+
+    /// The solution, and how often all rows were gathered for it.
+    fn iterate(&self, direct: &Field, start: Field) -> (Field, usize) {
+        let mut sweeps = 1;
+        let mut x = start;
+        let mut r = combined(direct, &[([-1.0; 3], &self.apply(&x))]);
+        let shadow = r.clone();
+        let mut p = r.clone();
+        let mut rho = self.dot(&shadow, &r);
+        let want = self.dot(direct, direct).map(|d| d * SETTLED * SETTLED);
+        for _ in 0..ITERATIONS {
+            sweeps += 2;
+            let left = self.dot(&r, &r);
+            if (0..3).all(|k| left[k] <= want[k]) {
+                break;
+            }
+            let v = self.apply(&p);
+            let alpha = divide(rho, self.dot(&shadow, &v));
+            let s = combined(&r, &[(alpha.map(|a| -a), &v)]);
+            let t = self.apply(&s);
+            let omega = divide(self.dot(&t, &s), self.dot(&t, &t));
+            x = combined(&x, &[(alpha, &p), (omega, &s)]);
+            r = combined(&s, &[(omega.map(|o| -o), &t)]);
+            let next = self.dot(&shadow, &r);
+            let beta: Rgb = std::array::from_fn(|k| divide(next, rho)[k] * divide(alpha, omega)[k]);
+            rho = next;
+            p = combined(&r, &[(beta, &p), (std::array::from_fn(|k| -beta[k] * omega[k]), &v)]);
+        }
+        // Factors are not negative, and neither is light: what rounding leaves below zero in the dark is nothing.
+        (x.into_par_iter().map(|e| e.map(|v| v.max(0.0))).collect(), sweeps)
+    }
+
+    fn apply(&self, x: &Field) -> Field {
+        let sent: Vec<[f32; 3]> = x
+            .par_iter()
+            .zip(&self.reflectance)
+            .with_min_len(BLOCK)
+            .map(|(x, rho)| std::array::from_fn(|k| rho[k] * x[k] as f32))
+            .collect();
+        (0..x.len())
+            .into_par_iter()
+            .with_min_len(256)
+            .map(|i| {
+                let from = if i > 0 { self.ends[i - 1] } else { 0 };
+                let others = &self.others[from..self.ends[i]];
+                let mut sum = [0.0; 3];
+                for &j in others.iter().filter(|&&j| j != u32::MAX) {
+                    super::field::add(&mut sum, 1.0, sent[j as usize].map(f64::from));
+                }
+                std::array::from_fn(|k| x[i][k] - sum[k] / others.len() as f64)
+            })
+            .collect()
+    }
+
+    fn dot(&self, a: &Field, b: &Field) -> Rgb {
+        let parts: Vec<Rgb> = (0..a.len().div_ceil(BLOCK))
+            .into_par_iter()
+            .map(|block| {
+                let range = block * BLOCK..((block + 1) * BLOCK).min(a.len());
+                let mut sum = [0.0; 3];
+                for i in range {
+                    (0..3).for_each(|k| sum[k] += self.weight[i] * a[i][k] * b[i][k]);
+                }
+                sum
+            })
+            .collect();
+        parts.iter().fold([0.0; 3], |sum, part| std::array::from_fn(|k| sum[k] + part[k]))
+    }
+}
+
+/// `a + Σ c b`.
+fn combined(a: &Field, more: &[(Rgb, &Field)]) -> Field {
+    a.par_iter()
+        .enumerate()
+        .with_min_len(BLOCK)
+        .map(|(i, a)| std::array::from_fn(|k| more.iter().fold(a[k], |sum, (c, b)| sum + c[k] * b[i][k])))
+        .collect()
+}
+
+/// By channel; 0 where a channel has come to rest.
+fn divide(a: Rgb, b: Rgb) -> Rgb {
+    std::array::from_fn(|k| if b[k] == 0.0 { 0.0 } else { a[k] / b[k] })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::link::numbers;
+
+    /// Two rooms of white walls, joined by a door: every `DOOR`th ray goes through.
+    fn rooms(n: u32, rays: u32, reflectance: f32) -> System {
+        const DOOR: u64 = 50;
+        let mut system = System {
+            ends: (1..=n as usize).map(|i| i * rays as usize).collect(),
+            others: Vec::new(),
+            reflectance: vec![[reflectance; 3]; n as usize],
+            weight: vec![1.0; n as usize],
+        };
+        for k in 0..u64::from(n * rays) {
+            let [u, ..] = numbers(7, k);
+            let room = u32::from((k / u64::from(rays)) as u32 >= n / 2) ^ u32::from(k % DOOR == 0);
+            system.others.push(room * (n / 2) + (u * (n / 2) as f32) as u32);
+        }
+        system
+    }
+
+    #[test]
+    fn a_furnace_has_the_same_light_everywhere() {
+        let system = rooms(200, 64, 0.95);
+        let found = system.solve(&vec![[1.0; 3]; 200], vec![[0.0; 3]; 200]);
+        assert!(found.iter().flatten().all(|e| (e / 20.0 - 1.0).abs() < 1e-3), "{found:?}");
+        assert!(system.solve(&vec![[0.0; 3]; 200], vec![[0.0; 3]; 200]).iter().flatten().all(|&e| e == 0.0));
+    }
+
+    /// Why the light is not found by relaxing rows one at a time, be they in turn (Gauss and Seidel) or that with the
+    /// largest residual first (Southwell): both look at more rays in white rooms, and neither can use two threads.
+    #[test]
+    fn krylov_takes_less_work_than_southwell_and_gauss_seidel() {
+        let (n, rays) = (200usize, 64usize);
+        let system = rooms(n as u32, rays as u32, 0.97);
+        let direct: Field = (0..n).map(|i| [f64::from(u8::from(i < 10)); 3]).collect();
+        let (found, sweeps) = system.iterate(&direct, vec![[0.0; 3]; n]);
+        let krylov = sweeps * n * rays;
+        // In columns: who has rays that meet j.
+        let mut columns = vec![Vec::new(); n];
+        for (k, &j) in system.others.iter().enumerate() {
+            columns[j as usize].push(k / rays);
+        }
+        let settled = |r: &[f64]| r.iter().map(|v| v * v).sum::<f64>() <= 10.0 * SETTLED * SETTLED;
+        let relax = |i: usize, x: &mut [f64], r: &mut [f64]| {
+            let d = std::mem::take(&mut r[i]);
+            x[i] += d;
+            columns[i].iter().for_each(|&j| r[j] += 0.97 * d / rays as f64);
+            columns[i].len()
+        };
+        let run = |southwell: bool| {
+            let (mut x, mut r) = (vec![0.0; n], direct.iter().map(|d| d[0]).collect::<Vec<f64>>());
+            let mut work = 0;
+            for step in 0.. {
+                let largest = || (0..n).max_by(|&a, &b| r[a].total_cmp(&r[b])).unwrap_or(0);
+                let i = if southwell { largest() } else { step % n };
+                work += relax(i, &mut x, &mut r);
+                if settled(&r) {
+                    break;
+                }
+            }
+            assert!((0..n).all(|i| (x[i] / found[i][0] - 1.0).abs() < 1e-2));
+            work
+        };
+        let (southwell, seidel) = (run(true), run(false));
+        assert!(4 * krylov < southwell && 4 * krylov < seidel, "{krylov} {southwell} {seidel}");
+    }
+}
