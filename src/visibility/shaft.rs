@@ -244,9 +244,11 @@ impl Shaft {
                     .map(|[i, j]| w + i * u + j * v)
             }
         };
+        // Inside whatever the polygon: the middle of the box around a triangle lies on its edge or beyond.
+        let inside: Vec3 = corners.iter().sum();
         for (k, (normal, offset)) in self.normals.iter_mut().zip(&mut self.offsets).enumerate() {
             let n = corners[k].cross(corners[(k + 1) % 4]);
-            *normal = if n.dot(w) > 0.0 { -n } else { n };
+            *normal = if n.dot(inside) > 0.0 { -n } else { n };
             *offset = normal.dot(apex) + self.slack * normal.abs().element_sum();
         }
         self.planes = 4;
