@@ -1,7 +1,7 @@
 //! Time of the steps of a walk, of whole walks, and of Embree's packets, on a forest: `cargo bench --bench visibility`.
 
 use divan::{Bencher, black_box, counter::ItemsCount};
-use mrvis::bench::workload::{Workload, surface_points};
+use mrvis::bench::workload::{Order, Workload, surface_points};
 use mrvis::cache::Table;
 use mrvis::characterise::characterise;
 use mrvis::embree::{CommittedScene, Device, SceneBuilder, Traversal};
@@ -48,7 +48,8 @@ fn forest() -> &'static Forest {
         let workload = Workload::new(&scene, points, 1);
         let first = workload.pairs.len() / 2;
         let mut packets = Vec::new();
-        (first..first + BUNDLES).for_each(|pair| workload.add_bundle(&scene, pair, RAYS, 0, &mut packets));
+        (first..first + BUNDLES)
+            .for_each(|pair| workload.add_bundle(&scene, pair, (RAYS, Order::Near), 0, &mut packets));
         let emitter_size = workload.pairs[first].emitter_size;
         let table = Table { hierarchy, traits };
         Forest { scene, table, traced, width: device.native_width(), packets, emitter_size }
@@ -65,7 +66,7 @@ impl Forest {
 
     fn bundles(&self) -> Vec<Bundle<'_>> {
         let packets = self.packets.chunks(self.packets.len() / BUNDLES);
-        packets.map(|packets| Bundle { packets, emitter_size: self.emitter_size }).collect()
+        packets.map(|packets| Bundle { packets, emitter_size: self.emitter_size, emitter: &[] }).collect()
     }
 }
 

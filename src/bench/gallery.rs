@@ -4,7 +4,8 @@ use super::measure::Questions;
 use super::page::ReceiverImages;
 use super::receivers::{self, Receiver};
 use super::record::{self, MrRow, ReceiverFbem, interpolate_log_log};
-use super::rows::{Bench, ratio};
+use super::rounds::rounds;
+use super::rows::{Asked, Bench, ratio};
 use super::workload::Workload;
 use crate::Result;
 use crate::embree::Traversal;
@@ -26,7 +27,7 @@ impl Bench<'_> {
         let single = Exact { scene: self.traced, traversal: Traversal { width: 1, coherent: false } };
         let receivers = receivers::choose(self.scene, &single, &self.options.receivers)?;
         if receivers.is_empty() {
-            warnings.push("No planar surface sees an emitter: there are no shadow images.".into());
+            warnings.push("No surface that is flat, or faces one way as a terrain does, sees an emitter: there are no shadow images.".into());
         }
         for receiver in receivers.iter().filter(|r| !r.lit) {
             warnings.push(format!("No light arrives at the receiver `{}`.", receiver.name));
@@ -44,42 +45,55 @@ impl Bench<'_> {
         let means: Vec<f32> = (0..workload.pairs.len()).map(|pair| reference.mean(pair)).collect();
         let references = gallery.images(&means)?;
 
-        let all_rays: usize = self.exact_rays().iter().sum();
-        self.progress.stage("exact images", pairs * all_rays as u64);
-        let mut exact = Vec::new();
-        for rays in self.exact_rays() {
-            let (_, run) = self.exact(questions, rays);
-            exact.push((rays, run.seconds(), gallery.images(&run.visible)?));
-        }
-        let shown = &exact.iter().find(|e| e.0 == SHOWN_RAYS).expect("one of the fixed numbers").2;
+        self.progress.stage("choosing", 0);
+        let sample = self.sample(&workload);
+        let call = |rays| (rays, self.embree(&workload, rays));
+        let calls: Vec<(usize, Exact)> = self.exact_rays().into_iter().map(call).collect();
+        let asked = self.decisions(&sample, engine);
+        let walked: Vec<&Asked> = asked.iter().filter(|row| row.pays).collect();
+        let all_rays: usize = calls.iter().map(|call| call.0).chain(walked.iter().map(|row| row.rays)).sum();
+        self.progress.stage("images", pairs * all_rays as u64);
+        let (mut exact, mut mr) = (Vec::new(), Vec::new());
+        let timed = rounds(calls.len() + walked.len(), |k, first| {
+            let (run, made) = match calls.get(k) {
+                Some(&(rays, call)) => (self.exact(questions, call, rays, first), &mut exact),
+                None => (self.mr(questions, engine, walked[k - calls.len()], first).run, &mut mr),
+            };
+            if first {
+                made.push(gallery.images(&run.visible));
+            }
+            run.sections
+        });
+        let exact = exact.into_iter().collect::<Result<Vec<Vec<Image>>>>()?;
+        let mr = mr.into_iter().collect::<Result<Vec<Vec<Image>>>>()?;
+        let shown = calls.iter().position(|call| call.0 == SHOWN_RAYS).expect("one of the fixed numbers");
         // The feature-based error of the exact images by size: one curve against time for each.
         let mut curves = Vec::new();
         for &s in &self.sizes {
             let mut curve = Vec::new();
-            for (_, seconds, images) in &exact {
-                curve.push((*seconds, gallery.pooled_fbem(&references, images, s)?));
+            for (images, &seconds) in exact.iter().zip(&timed.seconds) {
+                curve.push((seconds, gallery.pooled_fbem(&references, images, s)?));
             }
             curves.push(curve);
         }
-
-        let mr_rays: usize = self.mr_rays().iter().sum();
-        self.progress.stage("multi-resolution images", pairs * (mr_rays * self.sizes.len()) as u64);
         let mut shown_mr: Vec<Vec<Image>> = Vec::new();
-        let mut row = rows.iter_mut();
-        for rays in self.mr_rays() {
-            for (&s, curve) in self.sizes.iter().zip(&curves) {
-                let run = self.mr(questions, engine, s, rays).run;
-                let images = gallery.images(&run.visible)?;
-                let error = gallery.pooled_fbem(&references, &images, s)?;
-                let same = interpolate_log_log(curve, error);
-                let row = row.next().expect("rows have the same order");
-                debug_assert!(row.rays == rays && row.feature_size == s);
-                row.speedup_at_same_fbem = same.and_then(|t| ratio(t.seconds, run.seconds()));
-                if rays == self.options.rays {
-                    shown_mr.push(images);
-                }
+        let mut walked = mr.into_iter().zip(&timed.seconds[calls.len()..]);
+        for ((row, asked), curve) in rows.iter_mut().zip(&asked).zip(curves.iter().cycle()) {
+            let (images, &seconds) = if asked.pays {
+                walked.next().expect("a run of every row that was walked")
+            } else {
+                let k =
+                    calls.iter().position(|call| call.0 == row.rays).expect("exact has all numbers of rays");
+                (exact[k].clone(), &timed.seconds[k])
+            };
+            let error = gallery.pooled_fbem(&references, &images, row.feature_size)?;
+            let same = interpolate_log_log(curve, error);
+            row.speedup_at_same_fbem = same.and_then(|t| ratio(t.seconds, seconds));
+            if row.rays == self.options.rays {
+                shown_mr.push(images);
             }
         }
+        let shown = &exact[shown];
         self.gather(&receivers, references, shown, shown_mr)
     }
 

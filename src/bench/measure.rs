@@ -1,6 +1,6 @@
 //! Running the engines over a workload: seconds and visible fractions.
 
-use super::workload::Workload;
+use super::workload::{Order, Workload};
 use crate::ray::{LANES, Occluder, Packet};
 use crate::scene::Scene;
 use crate::visibility::{Answer, Bundle, Cost, Exact, MultiResolution, Workspace, wilson};
@@ -31,19 +31,11 @@ impl Run {
     pub fn seconds(&self) -> f64 {
         self.sections.iter().sum()
     }
-
-    /// Takes the shorter time of each section from another run of the same question: what else the machine does
-    /// only ever makes a section longer, and rarely the same one twice.
-    pub fn shorten(&mut self, other: &Run) {
-        self.sections.iter_mut().zip(&other.sections).for_each(|(a, &b)| *a = a.min(b));
-    }
 }
 
 /// A [`Run`] of the multi-resolution engine.
 #[derive(Clone, Debug, Default)]
 pub struct MrRun {
-    /// Time of deciding whether the engine pays, seconds; not part of the sections.
-    pub decide_s: f64,
     /// Fractions and seconds.
     pub run: Run,
     /// Stated interval of each pair.
@@ -58,7 +50,7 @@ impl MrRun {
         let intervals = run.visible.iter().map(|&v| wilson(v, rays as f32)).collect();
         let segments = (run.visible.len() * rays) as u64;
         let cost = Cost { segments, exact_rays: segments, handed_over: segments, ..Cost::default() };
-        MrRun { decide_s: 0.0, run, intervals, cost }
+        MrRun { run, intervals, cost }
     }
 }
 
@@ -97,11 +89,11 @@ pub(super) fn chunks(count: usize, rays: usize) -> Vec<Range<usize>> {
 }
 
 impl<T> Chunk<T> {
-    /// Makes the bundles of the questions, of `rays` segments each.
-    pub fn prepare(&mut self, questions: Questions, rays: usize, stream: u64) {
+    /// Makes the bundles of the questions, of so many segments each.
+    pub fn prepare(&mut self, questions: Questions, how: (usize, Order), stream: u64) {
         self.packets.clear();
         for &pair in &questions.pairs[self.pairs.clone()] {
-            questions.workload.add_bundle(questions.scene, pair, rays, stream, &mut self.packets);
+            questions.workload.add_bundle(questions.scene, pair, how, stream, &mut self.packets);
         }
     }
 }
@@ -109,7 +101,7 @@ impl<T> Chunk<T> {
 /// The bundles of a chunk of questions emitter by emitter, so that neighbours share the upper part of their traversal,
 /// and which question of the chunk each of them is.
 pub(super) fn bundles<'a>(
-    questions: Questions,
+    questions: Questions<'a>,
     chunk: Range<usize>,
     packets: &'a [Packet],
     rays: usize,
@@ -122,6 +114,7 @@ pub(super) fn bundles<'a>(
     let bundle = |&k: &usize| Bundle {
         packets: &packets[k * per_pair..(k + 1) * per_pair],
         emitter_size: pair(k).emitter_size,
+        emitter: questions.workload.hull(pairs[k]),
     };
     let bundles = order.iter().map(bundle).collect();
     (order, bundles)
@@ -203,7 +196,7 @@ impl Timer {
         let mut result = MrRun::default();
         result.run.sections = self.chunk_by_chunk(
             chunks(questions.pairs.len(), rays),
-            |chunk: &mut Chunk<Option<Answer>>| chunk.prepare(questions, rays, 0),
+            |chunk: &mut Chunk<Option<Answer>>| chunk.prepare(questions, (rays, Order::Near), 0),
             |chunk| {
                 let Chunk { pairs, packets, answers, workspace } = chunk;
                 let (order, bundles) = bundles(questions, pairs.clone(), packets, rays);
@@ -259,56 +252,6 @@ impl Timer {
     }
 }
 
-/// Segments of runs of neighbouring pairs, spread evenly over a workload; what a sample is to decide on.
-pub struct Sample {
-    packets: Vec<Packet>,
-    /// Packets and emitter size of each pair, run by run.
-    runs: Vec<Vec<(Range<usize>, f32)>>,
-}
-
-impl Sample {
-    /// Runs and pairs of each.
-    const SHAPE: (usize, usize) = (16, 16);
-
-    /// `rays` segments of each pair.
-    pub fn of(scene: &Scene, workload: &Workload, rays: usize) -> Sample {
-        let mut sample = Sample { packets: Vec::new(), runs: Vec::new() };
-        let pairs = workload.pairs.len();
-        let length = (Self::SHAPE.1 * scene.emitters.len()).min(pairs);
-        let runs = Self::SHAPE.0.min(pairs / length.max(1));
-        for k in 0..runs {
-            let first = (pairs - length) * k / (runs - 1).max(1);
-            let range = first..first + length;
-            // The run is that of one emitter, as the engine is asked.
-            let emitter = workload.pairs[first].emitter;
-            let mut run = Vec::new();
-            for pair in range.filter(|&pair| workload.pairs[pair].emitter == emitter) {
-                let first = sample.packets.len();
-                workload.add_bundle(scene, pair, rays, 0, &mut sample.packets);
-                run.push((first..sample.packets.len(), workload.pairs[pair].emitter_size));
-            }
-            sample.runs.push(run);
-        }
-        sample
-    }
-
-    /// The bundles, run by run.
-    pub fn bundles(&self) -> Vec<Vec<Bundle<'_>>> {
-        let bundle = |(range, emitter_size): &(Range<usize>, f32)| Bundle {
-            packets: &self.packets[range.clone()],
-            emitter_size: *emitter_size,
-        };
-        self.runs.iter().map(|run| run.iter().map(bundle).collect()).collect()
-    }
-}
-
-/// Whether the engine pays on a sample of the workload.
-pub fn pays(scene: &Scene, workload: &Workload, engine: &MultiResolution, s: f32, rays: usize) -> bool {
-    let sample = Sample::of(scene, workload, rays);
-    let runs = sample.bundles();
-    engine.pays(runs.iter().map(Vec::as_slice), s, &mut Workspace::default())
-}
-
 /// Clear part of `count` lanes from lane `first` of packets without gaps.
 pub(super) fn clear_fraction(blocked: &[u32], first: usize, count: usize) -> f32 {
     let stopped = (first..first + count).filter(|i| blocked[i / LANES] >> (i % LANES) & 1 == 1).count();
@@ -325,13 +268,6 @@ mod tests {
             let all: Vec<usize> = chunks(pairs, rays).into_iter().flatten().collect();
             assert_eq!(all, (0..pairs).collect::<Vec<_>>());
         }
-    }
-
-    #[test]
-    fn sections_keep_their_shorter_times() {
-        let mut run = Run { visible: vec![], sections: vec![1.0, 5.0, 2.0] };
-        run.shorten(&Run { visible: vec![], sections: vec![2.0, 1.0, 2.0] });
-        assert_eq!(run.seconds(), 4.0);
     }
 
     #[test]

@@ -10,15 +10,17 @@ mod progress;
 mod receivers;
 pub mod record;
 pub mod reference;
+mod rounds;
 mod rows;
 mod run;
+mod sample;
 mod scaling;
 mod sizes;
 mod target;
 mod unbiased;
 pub mod workload;
 
-pub use options::{Options, Target};
+pub use options::{MOST_THREADS, Options, Target};
 pub use progress::Progress;
 pub use receivers::{Receiver, choose as choose_receivers};
 pub use run::run;

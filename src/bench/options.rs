@@ -1,5 +1,7 @@
 //! What a run measures, and whether it makes sense for a scene.
 
+use super::sample::Sample;
+use super::unbiased;
 use crate::cache::Place;
 use crate::characterise;
 use crate::scene::Scene;
@@ -7,6 +9,10 @@ use crate::{Error, Result};
 
 /// Most segments from a point to an emitter: what one scrambled sequence holds.
 pub(super) const MAX_RAYS: usize = 1 << 16;
+/// Multi-resolution rows have this many times the segments asked for.
+const MR_FACTORS: [usize; 3] = [1, 4, 16];
+/// Most threads of any command: one limit, in one place.
+pub const MOST_THREADS: u16 = 1024;
 /// Most receiver points.
 const MAX_POINTS: usize = 100_000_000;
 /// Part of the memory at hand that results may take.
@@ -17,7 +23,7 @@ const MEMORY_PART: f64 = 0.7;
 pub enum Target {
     /// Root mean square error of the visible fraction, in `(0, 1]`.
     Error(f64),
-    /// Time of the queries, seconds, above 0.
+    /// Time of choosing and of the queries together, seconds, above 0.
     Seconds(f64),
 }
 
@@ -70,6 +76,21 @@ impl Default for Options {
 }
 
 impl Options {
+    /// Segments from a point to an emitter of the multi-resolution rows.
+    pub(super) fn mr_rays(&self) -> Vec<usize> {
+        MR_FACTORS.iter().map(|f| f * self.rays).filter(|&n| n <= MAX_RAYS).collect()
+    }
+
+    /// Bytes that a run holds at its worst, beside the scene, its clusters and Embree's tree, about.
+    fn bytes(&self, emitters: usize) -> f64 {
+        // Points, pairs, both halves of the reference and the largest row with its intervals.
+        let rows = self.points as f64 * (32.0 + emitters as f64 * 48.0);
+        // The samples that are decided on, for the points and for the images, and the pilot of the rows without bias.
+        let samples = 2 * Sample::bytes(self.mr_rays().into_iter().max().unwrap_or(self.rays));
+        let pilot = if self.unbiased { unbiased::pilot_bytes() } else { 0 };
+        rows + (samples + pilot) as f64
+    }
+
     /// Whether the options make sense for any scene.
     ///
     /// # Errors
@@ -79,7 +100,7 @@ impl Options {
             ("--rays", self.rays, MAX_RAYS),
             ("--reference-rays", self.reference_rays, MAX_RAYS),
             ("--points", self.points, MAX_POINTS),
-            ("--threads", self.threads, 1024),
+            ("--threads", self.threads, MOST_THREADS.into()),
         ];
         for (name, count, most) in counts {
             if count == 0 || count > most {
@@ -141,13 +162,18 @@ impl Options {
         for name in &self.receivers {
             scene.faces_named(name)?;
         }
-        // Points, pairs, both halves of the reference and the largest row with its intervals.
-        let bytes = self.points as f64 * (32.0 + scene.emitters.len() as f64 * 48.0);
-        match available_memory() {
+        self.check_memory(scene.emitters.len(), available_memory())
+    }
+
+    /// Whether a run fits into this many bytes, if they are known.
+    fn check_memory(&self, emitters: usize, available: Option<f64>) -> Result<()> {
+        let bytes = self.bytes(emitters);
+        match available {
             Some(available) if bytes > MEMORY_PART * available => Err(Error::Argument(format!(
-                "--points {} with {} emitters need about {:.1} GB of memory, {:.1} GB are available: lower --points",
+                "--points {} with {emitters} emitters and --rays {} need about {:.1} GB of memory, {:.1} GB are \
+                 available: lower --points or --rays",
                 self.points,
-                scene.emitters.len(),
+                self.rays,
                 bytes / 1e9,
                 available / 1e9
             ))),
@@ -166,6 +192,20 @@ fn available_memory() -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Points and pairs, and the samples that decisions are made on: with many rays these are the larger part.
+    #[test]
+    fn memory_is_checked_with_all_that_is_held() {
+        let fits = |rays: usize, points: usize, gigabytes: f64| {
+            let options = Options { rays, points, ..Options::default() };
+            options.check_memory(4, Some(gigabytes * 1e9)).is_ok()
+        };
+        assert!(fits(16, 20_000, 0.1) && !fits(16, 10_000_000, 1.0));
+        // 256 bundles of 65,536 segments, twice: 1.2 GB.
+        assert!(!fits(65_536, 100, 1.5) && fits(65_536, 100, 2.0));
+        let message = Options { rays: 65_536, ..Options::default() }.check_memory(1, Some(1e6)).unwrap_err();
+        assert!(message.to_string().contains("--rays"), "{message}");
+    }
 
     #[test]
     fn options_out_of_range_are_errors() {

@@ -1,10 +1,10 @@
 //! What must stand before the engines can be asked: Embree's tree, the clusters, their measures.
 
-use super::measure::Sample;
 use super::options::Options;
 use super::progress::Progress;
 use super::record::{Build, BytesPerTriangle};
 use super::rows::Bench;
+use super::sample::Sample;
 use super::workload::Workload;
 use crate::Result;
 use crate::cache::{self, Table};
@@ -63,21 +63,26 @@ fn table(scene: &Scene, options: &Options, build: &mut Build, progress: &dyn Pro
 }
 
 impl Bench<'_> {
+    /// What is decided on for a workload, large enough for every row.
+    pub fn sample(&self, workload: &Workload) -> Sample {
+        Sample::of(self.scene, workload, self.mr_rays().into_iter().max().unwrap_or(self.options.rays))
+    }
+
     /// The multi-resolution engine for a workload; notes its times and sizes.
     pub fn engine<'a>(
         &'a self,
         table: &Table,
         workload: &Workload,
+        sample: &Sample,
         build: &mut Build,
     ) -> MultiResolution<'a> {
         let Bench { scene, options, traced, .. } = self;
         let Table { hierarchy, traits } = table;
-        let traversal = self.traversal(workload, options.rays);
+        let traversal = timed(&mut build.budget_s, || self.traversal(workload, options.rays));
         let engine = MultiResolution::new(scene, hierarchy, traits, traced, traversal, Leaf::Exact)
             .with_tolerance(options.clusters.tolerance);
-        let sample = Sample::of(scene, workload, options.rays);
         let engine = timed(&mut build.budget_s, || {
-            engine.with_budget(&sample.bundles().concat(), &mut Workspace::default())
+            engine.with_budget(&sample.bundles(1).concat(), &mut Workspace::default())
         });
         let clusters = hierarchy.micro.bytes() + hierarchy.large.bytes();
         let [traits, wide] = [size_of_val(traits.as_slice()), engine.bytes()];

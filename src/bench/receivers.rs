@@ -1,12 +1,15 @@
 //! Which surfaces get shadow images, and the grid of texels on each.
 //!
-//! A receiver is a planar patch: triangles that hang together by edges, belong to one object and have one normal. Its
-//! image covers the smallest rectangle around it, the longer side across. Without names the largest patches are
-//! taken that are nearly rectangular and see an emitter, one an object before any object gets two; those in full light,
-//! where there is nothing to see, come last. A name stands for the largest such patch of the object, group or
-//! material; given k times it stands for the k largest.
+//! A receiver is a planar patch: triangles that hang together by edges, belong to one object and have one normal; or a
+//! relief: all of an object that has no such patch to speak of and faces one way by and large, as a terrain does. Its
+//! image covers the smallest rectangle around it, the longer side across; a relief is seen from straight above. Without
+//! names the largest patches are taken that are nearly rectangular and see an emitter, one an object before any object
+//! gets two; those in full light, where there is nothing to see, come last. A name stands for the largest such patch of
+//! the object, group or material; given k times it stands for the k largest.
 
-use super::workload::{Point, Workload};
+mod relief;
+
+use super::workload::{Order, Point, Workload};
 use crate::math::{Aabb, triangle_area, triangle_normal};
 use crate::ray::{Occluder, Packet};
 use crate::scene::Scene;
@@ -36,7 +39,10 @@ const PROBE_RAYS: usize = 16;
 /// Less than this part of the light counts as none, more than the rest to 1 as all.
 const TRACE: f64 = 0.02;
 
-/// A planar receiver and its grid of texels.
+/// An object has no planar patch to speak of if its largest is below this part of its area.
+const LITTLE: f64 = 0.25;
+
+/// A receiver and its grid of texels.
 #[derive(Clone, Debug)]
 pub struct Receiver {
     /// Object, or the name that was asked for.
@@ -50,22 +56,26 @@ pub struct Receiver {
     /// Whether any light arrives at its test points.
     pub lit: bool,
     rectangle: Rectangle,
+    /// The points of a relief.
+    relief: Option<Vec<Point>>,
 }
 
 impl Receiver {
     /// The texels' centres, row by row from the top left as seen from the side that is lit.
-    pub fn points(&self) -> impl Iterator<Item = Point> + '_ {
+    pub fn points(&self) -> Vec<Point> {
+        if let Some(points) = &self.relief {
+            return points.clone();
+        }
         let Rectangle { right, normal, .. } = self.rectangle;
         // Off the surface by a thousandth of a texel: coplanar faces of other objects do not flicker.
         let centre = self.rectangle.lifted() + 1e-3 * self.texel * normal;
         let up = normal.cross(right);
         let at = move |i: usize, n: usize| (i as f64 + 0.5 - 0.5 * n as f64) * self.texel;
-        (0..self.height).flat_map(move |y| {
-            (0..self.width).map(move |x| Point {
-                position: (centre + at(x, self.width) * right - at(y, self.height) * up).as_vec3(),
-                normal: normal.as_vec3(),
-            })
-        })
+        let texel = move |x, y| Point {
+            position: (centre + at(x, self.width) * right - at(y, self.height) * up).as_vec3(),
+            normal: normal.as_vec3(),
+        };
+        (0..self.height).flat_map(|y| (0..self.width).map(move |x| texel(x, y))).collect()
     }
 }
 
@@ -103,11 +113,13 @@ impl Rectangle {
     }
 }
 
-/// Connected triangles in one plane.
+/// Connected triangles in one plane, or a relief.
 struct Patch {
     triangles: Vec<u32>,
+    /// As seen from the front of the rectangle.
     area: f64,
     rectangle: Rectangle,
+    relief: bool,
 }
 
 impl Patch {
@@ -145,7 +157,11 @@ pub fn choose(scene: &Scene, exact: &dyn Occluder, names: &[String]) -> Result<V
             let rectangle = candidate.rectangle;
             let texel = rectangle.width / side;
             let height = (rectangle.height / texel).round().max(1.0) as usize;
-            Receiver { name, width: side as usize, height, texel, lit: candidate.lit, rectangle }
+            let (width, Candidate { patch, lit, .. }) = (side as usize, candidate);
+            let relief = patch
+                .relief
+                .then(|| relief::points(scene, &patch.triangles, &rectangle, (width, height, texel)));
+            Receiver { name, width, height, texel, lit, rectangle, relief }
         })
         .collect())
 }
@@ -162,6 +178,18 @@ fn by_size(scene: &Scene, exact: &dyn Occluder) -> Vec<(String, Candidate)> {
     };
     let triangles: Vec<u32> = (0..scene.triangles.len() as u32).filter(large).collect();
     let mut patches = patches(scene, &triangles);
+    let mut by_object = triangles;
+    let object = |t: u32| scene.triangle_object[t as usize];
+    by_object.sort_by_key(|&t| object(t));
+    let relief = |own: &[u32]| {
+        relief::of(scene, own, patches.iter().filter(|p| object(p.triangles[0]) == object(own[0])))
+    };
+    let reliefs: Vec<Patch> =
+        by_object.chunk_by(|&a, &b| object(a) == object(b)).filter_map(relief).collect();
+    // What little is flat of an object that is not is no receiver of its own.
+    let rough: Vec<u32> = reliefs.iter().map(|r| object(r.triangles[0])).collect();
+    patches.retain(|p| !rough.contains(&object(p.triangles[0])));
+    patches.extend(reliefs);
     patches.retain(|p| p.filled() >= FILLED && p.rectangle.width >= f64::from(least));
     let mut candidates = candidates(scene, exact, patches);
     candidates.retain(|c| c.lit);
@@ -191,7 +219,9 @@ fn by_name(scene: &Scene, exact: &dyn Occluder, names: &[String]) -> Result<Vec<
     let mut found = Vec::new();
     for name in distinct {
         let wanted = names.iter().filter(|n| *n == name).count();
-        let mut patches = patches(scene, &scene.faces_named(name)?);
+        let faces = scene.faces_named(name)?;
+        let mut patches = patches(scene, &faces);
+        patches.extend(relief::of(scene, &faces, patches.iter()));
         if patches.len() < wanted {
             return Err(Error::Scene(format!(
                 "receiver `{name}` is named {wanted} times but has {} planar patches",
@@ -216,12 +246,12 @@ fn candidates(scene: &Scene, exact: &dyn Occluder, mut patches: Vec<Patch>) -> V
         .map(|patch| {
             let object = scene.triangle_object[patch.triangles[0] as usize];
             let front = patch.rectangle;
-            let (light, part) = light_on(scene, exact, front);
+            let (light, part) = light_on(scene, exact, &patch, front);
             let sheet = scene.triangle_sides[patch.triangles[0] as usize] == 2;
             let (mut best, mut rectangle) = ((light, part), front);
             if sheet || part < TRACE {
                 let back = front.turned();
-                let there = light_on(scene, exact, back);
+                let there = light_on(scene, exact, &patch, back);
                 if there.0 > best.0 {
                     (best, rectangle) = (there, back);
                 }
@@ -238,23 +268,30 @@ fn candidates(scene: &Scene, exact: &dyn Occluder, mut patches: Vec<Patch>) -> V
 
 /// Irradiance (in units of the pairs' weights) and the part of the unoccluded irradiance that arrives at a grid of
 /// test points.
-fn light_on(scene: &Scene, exact: &dyn Occluder, rectangle: Rectangle) -> (f64, f64) {
+fn light_on(scene: &Scene, exact: &dyn Occluder, patch: &Patch, rectangle: Rectangle) -> (f64, f64) {
     let n = PROBES as f64;
     let up = rectangle.normal.cross(rectangle.right);
     let at = |i: usize| (i as f64 + 0.5) / n - 0.5;
-    let points = (0..PROBES * PROBES).map(|i| {
+    let plane = (0..PROBES * PROBES).map(|i| {
         let (x, y) = (at(i % PROBES) * rectangle.width, at(i / PROBES) * rectangle.height);
         Point {
             position: (rectangle.lifted() + x * rectangle.right + y * up).as_vec3(),
             normal: rectangle.normal.as_vec3(),
         }
     });
-    let workload = Workload::new(scene, points.collect(), 0);
+    let points = if patch.relief {
+        let texel = rectangle.width / n;
+        let rows = (rectangle.height / texel).round().max(1.0) as usize;
+        relief::points(scene, &patch.triangles, &rectangle, (PROBES, rows, texel))
+    } else {
+        plane.collect()
+    };
+    let workload = Workload::new(scene, points, 0);
     let (mut packets, mut blocked): (Vec<Packet>, Vec<u32>) = (Vec::new(), Vec::new());
     let (mut arrives, mut could) = (0.0, 0.0);
     for (i, pair) in workload.pairs.iter().enumerate() {
         packets.clear();
-        workload.add_bundle(scene, i, PROBE_RAYS, 0, &mut packets);
+        workload.add_bundle(scene, i, (PROBE_RAYS, Order::Near), 0, &mut packets);
         blocked.clear();
         blocked.resize(packets.len(), 0);
         exact.occluded(&packets, &mut blocked);
@@ -310,7 +347,7 @@ fn patches(scene: &Scene, triangles: &[u32]) -> Vec<Patch> {
         let area = members.iter().map(|&i| areas[i as usize]).sum();
         let triangles: Vec<u32> = members.iter().map(|&i| triangles[i as usize]).collect();
         if let Some(rectangle) = fit(scene, &triangles, normal.as_dvec3()) {
-            patches.push(Patch { triangles, area, rectangle });
+            patches.push(Patch { triangles, area, rectangle, relief: false });
         }
     }
     patches
@@ -389,75 +426,4 @@ fn fit(scene: &Scene, triangles: &[u32], normal: DVec3) -> Option<Rectangle> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::ray::Brute;
-    use crate::scene::generate::{Spec, build};
-
-    fn cornell() -> Scene {
-        build(&Spec::new("cornell")).unwrap()
-    }
-
-    #[test]
-    fn rectangles_fit_tilted_quads() {
-        let scene = cornell();
-        // The tall block's top is turned about the vertical; its rectangle is a square of 165 mm or so.
-        let faces: Vec<u32> = (0..scene.triangles.len() as u32).collect();
-        let patches = patches(&scene, &faces);
-        assert!(
-            patches.iter().all(|p| p.filled() > 0.95 && p.filled() < 1.0 + 1e-5),
-            "all its surfaces are quads"
-        );
-        for p in &patches {
-            let Rectangle { right, normal, centre, width, height, rise } = p.rectangle;
-            assert!(right.dot(normal).abs() < 1e-5 && width >= height);
-            let up = normal.cross(right);
-            for corner in p.triangles.iter().flat_map(|&t| scene.corners(t)) {
-                let d = corner.as_dvec3() - centre;
-                assert!(d.dot(right).abs() < 0.5001 * width && d.dot(up).abs() < 0.5001 * height);
-                assert!(d.dot(normal) <= rise[0] && -d.dot(normal) <= rise[1]);
-                assert!(d.dot(normal).abs() < 0.02 * width);
-            }
-        }
-    }
-
-    #[test]
-    fn default_receivers_are_lit_and_distinct() {
-        let scene = cornell();
-        let receivers = choose(&scene, &Brute::new(&scene.positions, &scene.triangles), &[]).unwrap();
-        assert!(!receivers.is_empty() && receivers.len() <= DEFAULT_COUNT);
-        for r in &receivers {
-            assert!(r.lit && r.width == SIDE && r.height <= SIDE, "{r:?}");
-            assert_eq!(r.points().count(), r.width * r.height);
-        }
-    }
-
-    #[test]
-    fn names_that_nothing_has_are_errors() {
-        let scene = cornell();
-        let brute = Brute::new(&scene.positions, &scene.triangles);
-        let message = choose(&scene, &brute, &["nothing".into()]).unwrap_err().to_string();
-        assert!(message.contains("nothing") && message.contains(&scene.objects[0].name), "{message}");
-    }
-
-    #[test]
-    fn images_show_what_is_up_at_the_top() {
-        let wall = Rectangle {
-            centre: DVec3::ZERO,
-            right: DVec3::X,
-            normal: DVec3::Y,
-            width: 2.0,
-            height: 1.0,
-            rise: [0.0; 2],
-        };
-        let wall = wall.upright();
-        assert_eq!(wall.normal.cross(wall.right), DVec3::Z);
-        let back = wall.turned();
-        assert_eq!((back.normal, back.normal.cross(back.right)), (-DVec3::Y, DVec3::Z));
-        let receiver =
-            Receiver { name: String::new(), width: 2, height: 1, texel: 1.0, lit: true, rectangle: back };
-        let points: Vec<Vec3> = receiver.points().map(|p| p.position).collect();
-        // Seen from -y with z up, x grows to the right.
-        assert!(points[0].x < points[1].x);
-    }
-}
+mod tests;

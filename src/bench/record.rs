@@ -1,8 +1,9 @@
 //! What a run of `mrvis bench` measured: the JSON of `bench --json`, and the arithmetic of its speed-ups.
 //!
 //! Names and nesting are a contract with programs that nobody here sees (architecture section 6.1): fields may be
-//! added, never renamed or removed. The record holds no date, so that the same run gives the same record but for its
-//! times. Lengths are in the scene's unit, times in seconds of wall clock. `rms` and `bias` are of the visible
+//! added, never renamed or removed. The record holds no date. The same run gives the same record but for its times, what is
+//! derived from them (speed-ups, Embree's fastest call), and what is planned by them: the choice of a target and its
+//! answers, and the levels and figures of the rows without bias. Lengths are in the scene's unit, times in seconds of wall clock. `rms` and `bias` are of the visible
 //! fraction of each emitter at each point, in [0, 1], against the reference, whose own noise is subtracted.
 
 mod scaling;
@@ -96,9 +97,18 @@ pub struct Build {
     /// What the user should know about the file: it was damaged, could not be written.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cache_note: Option<String>,
-    /// Estimating the cost of exact rays on a sample, seconds.
+    /// Estimating the cost of exact rays on a sample, and finding Embree's fastest call for bundles that are handed
+    /// over, seconds.
     #[serde(default)]
     pub budget_s: f64,
+    /// All that exact visibility needs before it can be asked: Embree's tree and its fastest calls for the rows, seconds.
+    #[serde(default)]
+    pub exact_setup_s: f64,
+    /// All that the multi-resolution engine needs beside Embree's tree: clusters, their measures, their cache, budget
+    /// and the decisions of all rows, seconds. What targets and rows without bias are planned by, `pilot_s`, comes on
+    /// top.
+    #[serde(default)]
+    pub mr_setup_s: f64,
     /// Memory of hierarchy and cluster properties, bytes.
     pub hierarchy_bytes: u64,
     /// Memory of Embree's scene, bytes.
@@ -153,6 +163,9 @@ pub struct Workload {
     pub reference_rays: usize,
     /// Noise of the reference itself: its root mean square error, estimated from its rays.
     pub reference_rms: f64,
+    /// How often each row was run, in turns; the least time of each section counts.
+    #[serde(default)]
+    pub rounds: usize,
 }
 
 /// Exact visibility with a number of rays.
@@ -168,6 +181,9 @@ pub struct ExactRow {
     /// Whether Embree was told that the rays of a call stay together.
     #[serde(default)]
     pub coherent: bool,
+    /// Time of finding the fastest way on a sample, seconds; not part of `seconds`.
+    #[serde(default)]
+    pub setup_s: f64,
     /// Root mean square error.
     pub rms: f64,
     /// Mean error; positive: too bright.
@@ -187,7 +203,8 @@ pub struct MrRow {
     pub rms: f64,
     /// Mean error; positive: too bright.
     pub bias: f64,
-    /// Part of the answers, in [0, 1], whose stated interval holds the reference.
+    /// Part of the answers, in [0, 1], whose stated 95 % interval the reference bears out, its own noise allowed for
+    /// as in [`Audit::coverage`].
     pub interval_coverage: f64,
     /// What a few exact rays of its own say of the stated intervals; absent (null) without an audit.
     #[serde(default)]
@@ -196,7 +213,8 @@ pub struct MrRow {
     pub aggregated_fraction: f64,
     /// Segments of bundles for which triangles were tested, by this engine or by Embree.
     pub exact_rays: u64,
-    /// Part of the segments, in [0, 1], that were handed to Embree whole; at 1 the row repeats exact's answer.
+    /// Part of the segments, in [0, 1], that were handed to Embree whole. At 1 the row was decided to be the exact row of
+    /// as many rays before anything was walked, and has its answers and its time; what the decision took is `decide_s`.
     #[serde(default)]
     pub handed_over: f64,
     /// Time of deciding on a sample whether the engine pays, seconds; not part of `seconds`.

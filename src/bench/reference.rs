@@ -80,18 +80,32 @@ impl Reference {
         ((square / n).max(0.0).sqrt(), bias / n)
     }
 
-    /// Part of the pairs whose reference lies in the stated interval, widened by two of its own standard errors.
-    pub fn coverage(&self, intervals: &[(f32, f32)]) -> f64 {
-        /// An interval that ends a bit or two short of 1 still holds 1.
-        const ROUNDING: f32 = 1e-6;
-        let n = self.rays as f32;
-        let inside = intervals.iter().enumerate().filter(|&(pair, &(lo, hi))| {
-            let p = self.mean(pair);
-            let noise = 2.0 * (p * (1.0 - p) / n).sqrt() + ROUNDING;
-            lo - noise <= p && p <= hi + noise
-        });
-        inside.count() as f64 / intervals.len().max(1) as f64
+    /// Part of the answers that the reference agrees with: see [`agrees`].
+    pub fn coverage(&self, visible: &[f32], intervals: &[(f32, f32)]) -> f64 {
+        let answers = visible.iter().zip(intervals).enumerate();
+        let agree = answers.filter(|&(k, (&x, &interval))| agrees(x, interval, self.mean(k), self.rays));
+        agree.count() as f64 / intervals.len().max(1) as f64
     }
+}
+
+/// Whether an answer `x` with the stated 95 % interval `[lo, hi]` is borne out by the mean `p` of `rays` rays of its
+/// own.
+///
+/// ```text
+/// |p - x| <= √(h² + 1.96² q (1 - q) / rays)      h = x - lo or hi - x, on p's side;  q = p moved into [lo, hi]
+/// ```
+///
+/// The answer claims a standard error of h / 1.96 and the mean has one of √(q (1 - q) / rays) if the truth is where the
+/// interval allows it nearest to p. Both err independently, so that an honest claim is borne out in 95 of 100 cases,
+/// however many rays there are, and a bold one in fewer. A certificate, lo = hi = 0 or 1, is refuted by one ray.
+pub fn agrees(x: f32, (lo, hi): (f32, f32), p: f32, rays: usize) -> bool {
+    /// An interval that ends a bit or two short of 1 still holds 1.
+    const ROUNDING: f64 = 1e-6;
+    let [x, lo, hi, p] = [x, lo, hi, p].map(f64::from);
+    let half = if p < x { x - lo } else { hi - x };
+    let q = p.clamp(lo.min(hi), hi);
+    let noise = 1.96f64.powi(2) * (q * (1.0 - q)).max(0.0) / rays.max(1) as f64;
+    (p - x).abs() <= (half * half + noise).sqrt() + ROUNDING
 }
 
 /// A root mean square and what it is worth.
@@ -106,16 +120,42 @@ pub struct Found {
 }
 
 impl Found {
-    /// Of squares that come in independent runs of this length; 1: each is independent.
+    /// Of squares, at most 1 each, that come in independent runs of this length; 1: each is independent.
+    ///
+    /// The interval is Student's for the runs' mean squares. A single run says nothing of others: its interval is
+    /// everything. Where all runs say the same, nothing differs in the part of the squares that was seen, and with
+    /// 95 % in no more than 3 / N of those that were not (the rule of three; N squares), by 1 at most.
     pub fn of(squares: &[f64], run: usize) -> Found {
         let means: Vec<f64> =
             squares.chunks(run.max(1)).map(|run| run.iter().sum::<f64>() / run.len() as f64).collect();
         let n = means.len().max(1) as f64;
         let mean = means.iter().sum::<f64>() / n;
-        let variance = means.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
-        let half = 1.96 * (variance / n).sqrt();
-        let root = |square: f64| square.max(0.0).sqrt();
+        let root = |square: f64| square.clamp(0.0, 1.0).sqrt();
+        if means.len() < 2 {
+            return Found { rms: root(mean), lo: 0.0, hi: 1.0 };
+        }
+        let variance = means.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / (n - 1.0);
+        let half = match variance > 0.0 {
+            true => student(means.len() - 1) * (variance / n).sqrt(),
+            false => 3.0 / squares.len() as f64,
+        };
         Found { rms: root(mean), lo: root(mean - half), hi: root(mean + half) }
+    }
+}
+
+/// How many standard errors, estimated with so many degrees of freedom, half a 95 % interval has (Student 1908): the
+/// first from the table, the rest by the expansion of Cornish and Fisher (Abramowitz and Stegun 26.7.5).
+fn student(freedom: usize) -> f64 {
+    const FIRST: [f64; 4] = [12.706, 4.303, 3.182, 2.776];
+    const Z: f64 = 1.959_964;
+    let v = freedom as f64;
+    let first = (Z.powi(3) + Z) / 4.0;
+    let second = (5.0 * Z.powi(5) + 16.0 * Z.powi(3) + 3.0 * Z) / 96.0;
+    let third = (3.0 * Z.powi(7) + 19.0 * Z.powi(5) + 17.0 * Z.powi(3) - 15.0 * Z) / 384.0;
+    match freedom {
+        0 => f64::INFINITY,
+        1..=4 => FIRST[freedom - 1],
+        _ => Z + first / v + second / (v * v) + third / v.powi(3),
     }
 }
 
@@ -129,6 +169,38 @@ mod tests {
         assert!((reference.errors(&[0.7, 0.7]).0.powi(2) - 0.03).abs() < 1e-6);
         assert!((reference.errors(&[0.7, 0.7]).1 - 0.2).abs() < 1e-6);
         assert!((reference.standard_error() - 0.1).abs() < 1e-6);
-        assert_eq!(reference.coverage(&[(0.4, 0.6), (0.0, 0.0)]), 0.5);
+        assert_eq!(reference.coverage(&[0.5, 0.0], &[(0.4, 0.6), (0.0, 0.0)]), 0.5);
+    }
+
+    #[test]
+    fn one_ray_refutes_a_certificate() {
+        assert!(agrees(1.0, (1.0, 1.0), 1.0, 64) && agrees(0.0, (0.0, 0.0), 0.0, 64));
+        assert!(!agrees(1.0, (1.0, 1.0), 1023.0 / 1024.0, 1024) && !agrees(0.0, (0.0, 0.0), 1.0 / 64.0, 64));
+        // An interval's own width and the rays' noise add up as squares: 0.1 and 1.96 · 0.0625 to 0.158.
+        assert!(agrees(0.4, (0.3, 0.5), 0.557, 64) && !agrees(0.4, (0.3, 0.5), 0.56, 64));
+    }
+
+    #[test]
+    fn intervals_of_errors_are_honest_where_little_was_seen() {
+        // One run says nothing of others; two say little.
+        let one = Found::of(&[0.04], 1);
+        assert_eq!((one.lo, one.hi), (0.0, 1.0));
+        assert!((one.rms - 0.2).abs() < 1e-12);
+        let together = Found::of(&[0.04; 32], 32);
+        assert_eq!((together.lo, together.hi), (0.0, 1.0));
+        assert_eq!(Found::of(&[], 1).hi, 1.0);
+        let two = Found::of(&[0.03, 0.05], 1);
+        assert!(two.lo == 0.0 && (two.hi.powi(2) - (0.04 + 12.706 * 0.01)).abs() < 1e-9, "{two:?}");
+        // No error seen in 300 pairs: one pair of 100 may be wrong altogether.
+        let none = Found::of(&[0.0; 300], 10);
+        assert!(none.rms == 0.0 && none.lo == 0.0 && (none.hi - 0.1).abs() < 1e-9, "{none:?}");
+    }
+
+    /// Student's table: 2.571 for 5 degrees of freedom, 2.228 for 10, 2.042 for 30.
+    #[test]
+    fn quantiles_are_those_of_the_table() {
+        for (freedom, quantile) in [(1, 12.706), (5, 2.571), (10, 2.228), (30, 2.042), (100_000, 1.960)] {
+            assert!((student(freedom) - quantile).abs() < 0.01, "{freedom}: {}", student(freedom));
+        }
     }
 }

@@ -1,28 +1,23 @@
 //! The rows of a run: both engines over the receiver points, timed.
 
 use super::audit::{Audit, RAYS};
-use super::measure::{MrRun, Questions, Run, Timer, pays};
-use super::options::{MAX_RAYS, Options};
+use super::measure::{MrRun, Questions, Run, Timer};
+use super::options::Options;
+use super::prepare::timed;
 use super::progress::Progress;
 use super::record::{ExactRow, MrRow, interpolate_log_log};
 use super::reference::Reference;
+use super::rounds::rounds;
+use super::sample::Sample;
 use super::unbiased::SEGMENTS;
 use super::workload::Workload;
 use crate::embree::{CommittedScene, Traversal};
 use crate::ray::Packet;
 use crate::scene::Scene;
 use crate::visibility::{Exact, MultiResolution, fastest_traversal};
-use std::time::Instant;
 
 /// Rays of the exact rows.
 const EXACT_RAYS: [usize; 5] = [1, 4, 16, 64, 256];
-/// Multi-resolution rows have this many times the segments asked for.
-const MR_FACTORS: [usize; 3] = [1, 4, 16];
-/// Rows faster than this many seconds are run again, this often in all; the least time of each section counts.
-const SHORT: f64 = 0.3;
-const REPEATS: usize = 6;
-/// Seconds after which they are not, with the time for making segments: a run shall end.
-const PATIENCE: f64 = 1.0;
 /// Pairs that are asked, untimed, before each timed row.
 pub(super) const WARM_UP: usize = 1024;
 /// Segments that a traversal is chosen on.
@@ -35,6 +30,27 @@ pub(super) struct Measured {
     /// With certificates.
     pub certified: Vec<ExactRow>,
     pub mr: Vec<MrRow>,
+    /// How often each row was run.
+    pub rounds: usize,
+}
+
+/// A multi-resolution row as it is asked.
+pub(super) struct Asked {
+    /// Feature size and segments.
+    pub s: f64,
+    pub rays: usize,
+    /// Whether a sample of the bundles says that the engine pays. If not the row is handed over whole: it asks what the
+    /// exact row of as many rays asks, so it is that row, with its answers and its time.
+    pub pays: bool,
+    /// Seconds of deciding that.
+    pub decide_s: f64,
+}
+
+impl Asked {
+    /// A row without figures.
+    fn row(&self) -> MrRow {
+        MrRow { feature_size: self.s, rays: self.rays, decide_s: self.decide_s, ..Default::default() }
+    }
 }
 
 /// What all rows of a run share.
@@ -52,7 +68,7 @@ pub(super) struct Bench<'a> {
 impl Bench<'_> {
     /// Numbers of segments of the multi-resolution rows.
     pub fn mr_rays(&self) -> Vec<usize> {
-        MR_FACTORS.iter().map(|f| f * self.options.rays).filter(|&n| n <= MAX_RAYS).collect()
+        self.options.mr_rays()
     }
 
     /// Numbers of rays of the exact rows: the fixed ones and those that multi-resolution rows are compared with.
@@ -90,42 +106,43 @@ impl Bench<'_> {
         Reference::trace(questions, exact, rays, [1, 2], &|n| self.progress.advance(n as u64))
     }
 
-    /// An exact row: warm, then the least time of one or several runs.
-    pub fn exact(&self, questions: Questions, rays: usize) -> (Traversal, Run) {
-        let engine = self.embree(questions.workload, rays);
+    /// Embree as it traces so many rays a pair fastest, and the seconds that it took to find out.
+    pub fn embree_timed(&self, workload: &Workload, rays: usize) -> (Exact<'_>, f64) {
+        let mut seconds = 0.0;
+        let exact = timed(&mut seconds, || self.embree(workload, rays));
+        (exact, seconds)
+    }
+
+    /// A run of an exact row, after an untimed one of a few pairs.
+    pub fn exact(&self, questions: Questions, engine: Exact, rays: usize, first: bool) -> Run {
         self.timer.exact(questions.first(WARM_UP), engine, rays, &|_| ());
-        let run = least(
-            |first| self.timer.exact(questions, engine, rays, &self.advance(first, rays)),
-            |run: &mut Run| run,
-        );
-        (engine.traversal, run)
+        self.timer.exact(questions, engine, rays, &self.advance(first, rays))
     }
 
-    /// A multi-resolution row, likewise. Where a sample of the bundles says that the engine cannot pay, exact rays
-    /// answer in its place.
-    pub fn mr(&self, questions: Questions, engine: &MultiResolution, s: f64, rays: usize) -> MrRun {
-        let s = s as f32;
-        let start = Instant::now();
-        let pays = pays(self.scene, questions.workload, engine, s, rays);
-        let decide_s = start.elapsed().as_secs_f64();
-        if !pays {
-            return MrRun { decide_s, ..MrRun::handed_over(self.exact(questions, rays).1, rays) };
-        }
+    /// A run of a multi-resolution row, likewise.
+    pub fn mr(&self, questions: Questions, engine: &MultiResolution, row: &Asked, first: bool) -> MrRun {
+        let (s, rays) = (row.s as f32, row.rays);
         self.timer.multi_resolution(questions.first(WARM_UP), engine, s, rays, &|_| ());
-        let run = least(
-            |first| self.timer.multi_resolution(questions, engine, s, rays, &self.advance(first, rays)),
-            |run: &mut MrRun| &mut run.run,
-        );
-        MrRun { decide_s, ..run }
+        self.timer.multi_resolution(questions, engine, s, rays, &self.advance(first, rays))
     }
 
-    /// A row of exact rays with certificates, likewise.
-    fn certified(&self, questions: Questions, engine: &MultiResolution, rays: usize) -> MrRun {
+    /// A run of a row of exact rays with certificates, likewise.
+    fn certified(&self, questions: Questions, engine: &MultiResolution, rays: usize, first: bool) -> MrRun {
         self.timer.certified(questions.first(WARM_UP), engine, rays, &|_| ());
-        least(
-            |first| self.timer.certified(questions, engine, rays, &self.advance(first, rays)),
-            |run: &mut MrRun| &mut run.run,
-        )
+        self.timer.certified(questions, engine, rays, &self.advance(first, rays))
+    }
+
+    /// Decides on a sample of the bundles whether the engine pays at a feature size.
+    pub fn decide(&self, sample: &Sample, engine: &MultiResolution, s: f64, rays: usize) -> Asked {
+        let mut decide_s = 0.0;
+        let pays = timed(&mut decide_s, || sample.pays(engine, s as f32, rays));
+        Asked { s, rays, pays, decide_s }
+    }
+
+    /// The decisions for all rows, in their order.
+    pub fn decisions(&self, sample: &Sample, engine: &MultiResolution) -> Vec<Asked> {
+        let rows = self.mr_rays().into_iter().flat_map(|rays| self.sizes.iter().map(move |&s| (s, rays)));
+        rows.map(|(s, rays)| self.decide(sample, engine, s, rays)).collect()
     }
 
     /// Tells the progress of a run with `rays` segments a pair, if it is the first.
@@ -139,62 +156,66 @@ impl Bench<'_> {
     }
 
     /// All rows over the receiver points.
-    pub fn points(&self, questions: Questions, engine: &MultiResolution) -> Measured {
+    pub fn points(&self, questions: Questions, engine: &MultiResolution, sample: &Sample) -> Measured {
         let pairs = questions.pairs.len() as u64;
         let reference = self.reference("reference", questions, self.options.reference_rays);
         let audit = self.audit(questions);
-        let all_rays: usize = self.exact_rays().iter().chain(&self.mr_rays()).sum();
-        self.progress.stage("exact", pairs * all_rays as u64);
-        let mut exact = Vec::new();
+        self.progress.stage("choosing", 0);
+        let (mut exact, mut calls) = (Vec::new(), Vec::new());
         for rays in self.exact_rays() {
-            let (traversal, run) = self.exact(questions, rays);
-            let (rms, bias) = reference.errors(&run.visible);
-            let mode = format!("occluded{}", traversal.width);
-            let coherent = traversal.coherent;
-            let seconds = run.seconds();
-            exact.push(ExactRow { rays, seconds, mode, coherent, rms, bias });
+            let (engine, setup_s) = self.embree_timed(questions.workload, rays);
+            let (mode, coherent) = (format!("occluded{}", engine.traversal.width), engine.traversal.coherent);
+            exact.push(ExactRow { rays, mode, coherent, setup_s, ..Default::default() });
+            calls.push((rays, engine));
         }
-        let mut certified = Vec::new();
-        for rays in self.mr_rays() {
-            let run = self.certified(questions, engine, rays).run;
-            let (rms, bias) = reference.errors(&run.visible);
-            let (mode, seconds) = ("certified".into(), run.seconds());
-            certified.push(ExactRow { rays, seconds, mode, coherent: false, rms, bias });
-        }
-        let curve = curve(&exact);
-        let mr_rays: usize = self.mr_rays().iter().sum();
-        self.progress.stage("multi-resolution", pairs * (mr_rays * self.sizes.len()) as u64);
-        let mut rows = Vec::new();
-        for rays in self.mr_rays() {
-            for &s in &self.sizes {
-                let result = self.mr(questions, engine, s, rays);
-                let seconds = result.run.seconds();
-                let (rms, bias) = reference.errors(&result.run.visible);
-                let same_rms = interpolate_log_log(&curve, rms);
-                let cost = result.cost;
-                let segments = cost.segments.max(1) as f64;
-                let as_many = exact.iter().find(|row| row.rays == rays).map_or(0.0, |row| row.seconds);
-                rows.push(MrRow {
-                    feature_size: s,
-                    rays,
-                    seconds,
-                    rms,
-                    bias,
-                    interval_coverage: reference.coverage(&result.intervals),
-                    audit: audit.as_ref().map(|audit| audit.judge(&result)),
-                    aggregated_fraction: cost.aggregated as f64 / segments,
-                    exact_rays: cost.exact_rays,
-                    handed_over: cost.handed_over as f64 / segments,
-                    decide_s: result.decide_s,
-                    nodes_per_segment: cost.nodes as f64 / segments,
-                    speedup_per_segment: ratio(as_many, seconds).unwrap_or(0.0),
-                    speedup_at_same_rms: same_rms.and_then(|t| ratio(t.seconds, seconds)),
-                    speedup_at_same_fbem: None,
-                    extrapolated: same_rms.is_some_and(|t| t.extrapolated),
-                });
+        let row = |rays| ExactRow { rays, mode: "certified".into(), ..Default::default() };
+        let mut certified: Vec<ExactRow> = self.mr_rays().into_iter().map(row).collect();
+        let asked = self.decisions(sample, engine);
+        let mut rows: Vec<MrRow> = asked.iter().map(Asked::row).collect();
+
+        let walked: Vec<usize> = (0..rows.len()).filter(|&k| asked[k].pays).collect();
+        let all_rays: usize = calls.iter().map(|call| call.0).sum::<usize>()
+            + self.mr_rays().iter().sum::<usize>()
+            + walked.iter().map(|&k| rows[k].rays).sum::<usize>();
+        self.progress.stage("both engines", pairs * all_rays as u64);
+        let (first_certified, first_mr) = (exact.len(), exact.len() + certified.len());
+        let timed = rounds(first_mr + walked.len(), |k, first| {
+            if k < first_certified {
+                let (rays, engine) = calls[k];
+                let run = self.exact(questions, engine, rays, first);
+                exact[k].judge(first, &reference, &run);
+                for (row, _) in
+                    rows.iter_mut().zip(&asked).filter(|(r, a)| first && r.rays == rays && !a.pays)
+                {
+                    row.judge(&reference, audit.as_ref(), &MrRun::handed_over(run.clone(), rays));
+                }
+                run.sections
+            } else if k < first_mr {
+                let row = &mut certified[k - first_certified];
+                let run = self.certified(questions, engine, row.rays, first).run;
+                row.judge(first, &reference, &run);
+                run.sections
+            } else {
+                let k = walked[k - first_mr];
+                let result = self.mr(questions, engine, &asked[k], first);
+                if first {
+                    rows[k].judge(&reference, audit.as_ref(), &result);
+                }
+                result.run.sections
             }
+        });
+        let mut seconds = timed.seconds.iter().copied();
+        exact.iter_mut().chain(&mut certified).zip(&mut seconds).for_each(|(row, s)| row.seconds = s);
+        let curve = curve(&exact);
+        for (row, asked) in rows.iter_mut().zip(&asked) {
+            let as_many = exact.iter().find(|e| e.rays == row.rays).map_or(0.0, |e| e.seconds);
+            row.seconds = if asked.pays { seconds.next().unwrap_or(0.0) } else { as_many };
+            let same_rms = interpolate_log_log(&curve, row.rms);
+            row.speedup_per_segment = ratio(as_many, row.seconds).unwrap_or(0.0);
+            row.speedup_at_same_rms = same_rms.and_then(|t| ratio(t.seconds, row.seconds));
+            row.extrapolated = same_rms.is_some_and(|t| t.extrapolated);
         }
-        Measured { reference, exact, certified, mr: rows }
+        Measured { reference, exact, certified, mr: rows, rounds: timed.rounds }
     }
 
     /// The audit's own rays, if one was asked for.
@@ -211,51 +232,37 @@ impl Bench<'_> {
     }
 }
 
+impl ExactRow {
+    /// Notes what a first run's answers are worth.
+    fn judge(&mut self, first: bool, reference: &Reference, run: &Run) {
+        if first {
+            (self.rms, self.bias) = reference.errors(&run.visible);
+        }
+    }
+}
+
+impl MrRow {
+    /// Notes what a run's answers are worth and what they rest on.
+    fn judge(&mut self, reference: &Reference, audit: Option<&Audit>, result: &MrRun) {
+        let cost = result.cost;
+        let segments = cost.segments.max(1) as f64;
+        (self.rms, self.bias) = reference.errors(&result.run.visible);
+        self.interval_coverage = reference.coverage(&result.run.visible, &result.intervals);
+        self.audit = audit.map(|audit| audit.judge(result));
+        self.aggregated_fraction = cost.aggregated as f64 / segments;
+        self.exact_rays = cost.exact_rays;
+        self.handed_over = cost.handed_over as f64 / segments;
+        self.nodes_per_segment = cost.nodes as f64 / segments;
+    }
+}
+
 /// Seconds and errors of exact rows: what speed-ups are measured against.
 pub(super) fn curve(rows: &[ExactRow]) -> Vec<(f64, f64)> {
     rows.iter().map(|row| (row.seconds, row.rms)).collect()
-}
-
-/// One run or, if it is short, several, with the least times. `run` is told whether it is the first; `times` finds the
-/// times in what it returns.
-pub(super) fn least<R>(mut run: impl FnMut(bool) -> R, times: impl Fn(&mut R) -> &mut Run) -> R {
-    let start = Instant::now();
-    let mut best = run(true);
-    let mut total = times(&mut best).seconds();
-    for _ in 1..REPEATS {
-        if total >= SHORT || start.elapsed().as_secs_f64() >= PATIENCE {
-            break;
-        }
-        let mut again = run(false);
-        let again = times(&mut again);
-        total += again.seconds();
-        times(&mut best).shorten(again);
-    }
-    best
 }
 
 /// `a / b` if that is a number.
 pub(super) fn ratio(a: f64, b: f64) -> Option<f64> {
     let ratio = a / b;
     ratio.is_finite().then_some(ratio)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn short_runs_are_repeated_and_the_least_times_count() {
-        let run = |seconds: f64| Run { visible: Vec::new(), sections: vec![seconds] };
-        let mut next = [0.04, 0.02, 0.03, 0.05, 0.06, 0.07, 0.001].into_iter();
-        assert_eq!(least(|_| run(next.next().unwrap()), |r| r).seconds(), 0.02);
-        let mut calls = 0;
-        let long = |first: bool| {
-            assert!(first);
-            calls += 1;
-            run(1.0)
-        };
-        assert_eq!(least(long, |r| r).seconds(), 1.0);
-        assert_eq!(calls, 1);
-    }
 }

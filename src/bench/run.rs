@@ -6,7 +6,7 @@ use super::page::ReceiverImages;
 use super::prepare::Prepared;
 use super::progress::Progress;
 use super::record::{self, Record};
-use super::rows::{Bench, Measured, curve};
+use super::rows::{Bench, Measured};
 use super::sizes::default_sizes;
 use super::workload::{Workload, surface_points};
 use crate::characterise::{Extinction, Traits};
@@ -44,17 +44,25 @@ pub fn run(
     let mut warnings = Vec::new();
     let bench =
         Bench { scene, options, timer, traced: &traced, width: device.native_width(), sizes, progress };
-    let mr = bench.engine(&table, &workload, &mut build);
+    let sample = bench.sample(&workload);
+    let mr = bench.engine(&table, &workload, &sample, &mut build);
 
     let every: Vec<usize> = (0..workload.pairs.len()).collect();
     let questions = Questions { scene, workload: &workload, pairs: &every };
-    let Measured { reference, exact, certified, mr: mut rows } = bench.points(questions, &mr);
+    let measured = bench.points(questions, &mr, &sample);
     let unbiased = match options.unbiased {
-        true => bench.unbiased(questions, &mr, &reference, &curve(&exact)),
+        true => bench.unbiased(questions, &mr, &measured),
         false => Vec::new(),
     };
+    let Measured { reference, exact, certified, mr: mut rows, rounds } = measured;
     let target = options.target.map(|target| bench.target(target, questions, &mr, &reference));
     let (receivers, images) = bench.images(&mr, &mut rows, &mut warnings)?;
+    build.exact_setup_s = build.embree_s + exact.iter().map(|row| row.setup_s).sum::<f64>();
+    build.mr_setup_s = build.hierarchy_s
+        + build.characterise_s
+        + build.cache_s
+        + build.budget_s
+        + rows.iter().map(|row| row.decide_s).sum::<f64>();
     let record = Record {
         mrvis: env!("CARGO_PKG_VERSION").into(),
         embree: device.version(),
@@ -79,6 +87,7 @@ pub fn run(
             segments: (workload.pairs.len() * options.rays) as u64,
             reference_rays: reference.rays,
             reference_rms: reference.standard_error(),
+            rounds,
         },
         exact,
         certified,

@@ -6,11 +6,12 @@
 //! smaller leaves that shade as much; what grows is detail below the feature size, of which multi-resolution visibility
 //! should take no notice at all.
 
-use super::measure::{Questions, Timer};
+use super::measure::{MrRun, Questions, Run, Timer};
 use super::options::Options;
 use super::prepare::Prepared;
 use super::progress::Progress;
 use super::record::{ScalingRecord, ScalingRow};
+use super::rounds::rounds;
 use super::rows::Bench;
 use super::workload::{Point, Workload, surface_points};
 use crate::cache::Place;
@@ -126,14 +127,33 @@ fn measure(
     };
     let density = spec.trees as f64 / series.forest(FIRST, options.seed).trees as f64;
     let workload = Workload::new(&scene, points(&scene, options, density)?, options.seed);
-    let engine = bench.engine(&table, &workload, &mut build);
+    let sample = bench.sample(&workload);
+    let engine = bench.engine(&table, &workload, &sample, &mut build);
     let (bundles, rays) = (workload.pairs.len(), options.rays);
     let every: Vec<usize> = (0..bundles).collect();
     let questions = Questions { scene: &scene, workload: &workload, pairs: &every };
     let reference = bench.reference(&format!("reference of {triangles}"), questions, options.reference_rays);
     progress.stage(&format!("both engines, {triangles}"), 2 * (bundles * rays) as u64);
-    let (_, exact) = bench.exact(questions, rays);
-    let mr = bench.mr(questions, &engine, s, rays);
+    let (call, _) = bench.embree_timed(&workload, rays);
+    let asked = bench.decide(&sample, &engine, s, rays);
+    let (mut exact, mut mr) = (Run::default(), MrRun::default());
+    let timed = rounds(if asked.pays { 2 } else { 1 }, |row, first| {
+        let run = match row {
+            0 => MrRun { run: bench.exact(questions, call, rays, first), ..MrRun::default() },
+            _ => bench.mr(questions, &engine, &asked, first),
+        };
+        let sections = run.run.sections.clone();
+        match (first, row) {
+            (true, 0) => exact = run.run,
+            (true, _) => mr = run,
+            _ => {}
+        }
+        sections
+    });
+    if !asked.pays {
+        mr = MrRun::handed_over(exact.clone(), rays);
+    }
+    let seconds = [0, timed.seconds.len() - 1].map(|k| timed.seconds[k]);
     record.embree = device.version();
     record.isa = engine.isa().name().into();
     (record.mrvis, record.unit) = (env!("CARGO_PKG_VERSION").into(), scene.unit.clone());
@@ -147,8 +167,8 @@ fn measure(
         feature_size: s,
         rays,
         bundles,
-        seconds_per_bundle_mr: per_bundle(mr.run.seconds()),
-        seconds_per_bundle_exact: per_bundle(exact.seconds()),
+        seconds_per_bundle_mr: per_bundle(seconds[1]),
+        seconds_per_bundle_exact: per_bundle(seconds[0]),
         rms_mr: reference.errors(&mr.run.visible).0,
         rms_exact: reference.errors(&exact.visible).0,
         nodes_per_segment: mr.cost.nodes as f64 / segments,

@@ -21,6 +21,12 @@ const LEAST_WALKED: usize = 16;
 /// Rays of the pilot's truth, and their sample sets.
 const TRUTH: usize = 2048;
 const STREAMS: [u64; 2] = [8, 9];
+/// Part of a time asked for that the pilot may take, about, and part of that for its truth.
+const PILOT_PART: f64 = 0.4;
+const TRUTH_PART: f64 = 0.3;
+/// Least rays of its truth, and pairs of its runs.
+const LEAST_TRUTH: usize = 64;
+const LEAST_RUN: usize = 4;
 /// Part of the time asked for that a plan may be expected to take: clocks wander.
 const CAREFUL: f64 = 0.9;
 
@@ -56,7 +62,9 @@ impl Bench<'_> {
     ) -> record::Target {
         self.progress.stage("choosing", 0);
         let start = Instant::now();
-        let (best, reachable) = choose(&self.pilot(questions, engine), target);
+        let plans = self.pilot(questions, engine, target, start);
+        let spent = start.elapsed().as_secs_f64();
+        let (best, reachable) = choose(&plans, target, spent);
         let pilot_s = start.elapsed().as_secs_f64();
         self.progress.stage("the choice", 0);
         let (run, _) = self.follow(best.plan, questions, engine);
@@ -88,38 +96,84 @@ impl Bench<'_> {
             reachable,
             met: match target {
                 Target::Error(error) => rms <= error,
-                Target::Seconds(most) => seconds <= most,
+                Target::Seconds(most) => pilot_s + seconds <= most,
             },
             as_expected: found.lo <= best.error.hi && best.error.lo <= found.hi,
             audit: self.audit(questions).map(|audit| audit.judge(&run)),
         }
     }
 
-    /// Every plan on a sample.
-    fn pilot(&self, questions: Questions, engine: &MultiResolution) -> Vec<Expected> {
-        let pairs = sample(questions);
+    /// Plans on a sample, the cheap ones first: every one, or as many as there is time for.
+    fn pilot(
+        &self,
+        questions: Questions,
+        engine: &MultiResolution,
+        target: Target,
+        start: Instant,
+    ) -> Vec<Expected> {
+        let most = match target {
+            Target::Error(_) => f64::INFINITY,
+            Target::Seconds(most) => PILOT_PART * most,
+        };
+        let spent = || start.elapsed().as_secs_f64();
+        let mut pairs = sample(questions);
+        // A pilot that may take no longer than this looks at fewer pairs, with fewer rays for its truth.
+        let (mut rays, mut run) = (TRUTH, PILOT.1.min(pairs.len().max(1)));
+        if most.is_finite() {
+            let few = Questions { pairs: &pairs[..run.min(pairs.len())], ..questions };
+            let call = self.embree(questions.workload, LEAST_TRUTH);
+            let before = spent();
+            Reference::trace(few, call, LEAST_TRUTH, STREAMS, &|_| ());
+            let each = (spent() - before) / (few.pairs.len() * LEAST_TRUTH).max(1) as f64;
+            let affordable = (TRUTH_PART * (most - spent()).max(0.0) / each.max(1e-12)) as usize;
+            rays = (affordable / pairs.len().max(1) / 2 * 2).clamp(LEAST_TRUTH, TRUTH);
+            let runs = pairs.len().div_ceil(run);
+            let shorter = (affordable / (rays * runs.max(1))).clamp(LEAST_RUN.min(run), run);
+            pairs = first_of_each(&pairs, run, shorter);
+            run = shorter;
+        }
         let pilot = Questions { pairs: &pairs, ..questions };
-        let exact = self.embree(questions.workload, TRUTH);
-        let truth = Reference::trace(pilot, exact, TRUTH, STREAMS, &|_| ());
+        let exact = self.embree(questions.workload, rays);
+        let truth = Reference::trace(pilot, exact, rays, STREAMS, &|_| ());
         let scale = questions.pairs.len() as f64 / pairs.len() as f64;
-        let mut found = Vec::new();
-        for feature_size in self.sizes.iter().map(|&s| Some(s)).chain([None]) {
-            let least = if feature_size.is_some() { LEAST_WALKED } else { 1 };
-            for (k, &rays) in LADDER.iter().enumerate().filter(|&(_, &n)| n >= least) {
-                for more in [None].into_iter().chain(LADDER[k + 1..].iter().map(|&n| Some(n))) {
-                    let plan = Plan { feature_size, rays, more };
-                    // The first call finds cold caches.
-                    let (run, partly) = self.follow(plan, pilot, engine);
-                    let again = self.follow(plan, pilot, engine).0.run.seconds();
-                    let error = Found::of(&truth.squares(&run.run.visible), PILOT.1);
-                    let seconds = scale * run.run.seconds().min(again);
-                    found.push(Expected { plan, error, seconds, partly });
+        let mut found: Vec<Expected> = Vec::new();
+        for plan in self.plans() {
+            if !found.is_empty() && spent() > most {
+                break;
+            }
+            if too_dear(plan, &found, target) {
+                continue;
+            }
+            // The first call finds cold caches.
+            let (first, partly) = self.follow(plan, pilot, engine);
+            let again = self.follow(plan, pilot, engine).0.run.seconds();
+            let error = Found::of(&truth.squares(&first.run.visible), run);
+            // The least time tells plans apart; the greater one promises less.
+            let seconds = match target {
+                Target::Error(_) => first.run.seconds().min(again),
+                Target::Seconds(_) => first.run.seconds().max(again),
+            };
+            found.push(Expected { plan, error, seconds: scale * seconds, partly });
+        }
+        let dearest = found.iter().rfind(|p| p.plan.feature_size.is_none() && p.plan.more.is_none()).copied();
+        found.extend(dearest.into_iter().flat_map(beyond));
+        found
+    }
+
+    /// All plans, by the segments that they start with; exact rays first, so that there always is one of them.
+    fn plans(&self) -> Vec<Plan> {
+        let mut plans = Vec::new();
+        for (k, &rays) in LADDER.iter().enumerate() {
+            for feature_size in [None].into_iter().chain(self.sizes.iter().map(|&s| Some(s))) {
+                if feature_size.is_none() || rays >= LEAST_WALKED {
+                    let more = LADDER[k + 1..].iter().map(|&n| Some(n));
+                    let plan = |more| Plan { feature_size, rays, more };
+                    plans.extend([None].into_iter().chain(more).map(plan));
                 }
             }
         }
-        let most = *found.last().expect("exact rays are always a plan");
-        found.extend(beyond(most));
-        found
+        plans.sort_by_key(|plan| plan.rays + plan.more.unwrap_or(0));
+        plans
     }
 
     /// Runs a plan; the answers and the part of the pairs that were asked again.
@@ -164,8 +218,32 @@ fn beyond(most: Expected) -> impl Iterator<Item = Expected> {
     })
 }
 
+/// The first `count` of each run of this length.
+fn first_of_each(pairs: &[usize], length: usize, count: usize) -> Vec<usize> {
+    pairs.chunks(length).flat_map(|run| &run[..count.min(run.len())]).copied().collect()
+}
+
+/// Whether a plan cannot be the cheapest that is good enough: it begins as one does, or with more segments of the same
+/// engine, that took as long as another that is good enough.
+fn too_dear(plan: Plan, found: &[Expected], target: Target) -> bool {
+    let Target::Error(most) = target else { return false };
+    let good = found.iter().filter(|p| good_enough(p, most)).map(|p| p.seconds).fold(f64::MAX, f64::min);
+    let begins = |p: &&Expected| {
+        p.plan.more.is_none() && p.plan.feature_size == plan.feature_size && p.plan.rays <= plan.rays
+    };
+    found.iter().filter(begins).any(|p| p.seconds >= good)
+}
+
+/// Whether a plan is expected to err by no more than this. The pilot itself is uncertain: the upper end has to do. Where
+/// it has seen no error at all there is nothing better to choose.
+fn good_enough(plan: &Expected, most: f64) -> bool {
+    plan.error.hi <= most || plan.error.rms == 0.0
+}
+
 /// The plan for a target, and whether it is expected to do.
-fn choose(plans: &[Expected], target: Target) -> (Expected, bool) {
+///
+/// `spent` seconds of a target of time are gone.
+fn choose(plans: &[Expected], target: Target, spent: f64) -> (Expected, bool) {
     let least = |key: fn(&Expected) -> f64, good: &dyn Fn(&Expected) -> bool| {
         plans.iter().filter(|p| good(p)).min_by(|a, b| key(a).total_cmp(&key(b))).copied()
     };
@@ -173,42 +251,13 @@ fn choose(plans: &[Expected], target: Target) -> (Expected, bool) {
     let seconds: fn(&Expected) -> f64 = |p| p.seconds;
     let error: fn(&Expected) -> f64 = |p| p.error.rms;
     let (found, otherwise) = match target {
-        // The pilot itself is uncertain: the upper end has to do.
-        Target::Error(most) => (least(seconds, &|p| p.error.hi <= most), least(error, &all)),
-        Target::Seconds(most) => (least(error, &|p| p.seconds <= CAREFUL * most), least(seconds, &all)),
+        Target::Error(most) => (least(seconds, &|p| good_enough(p, most)), least(error, &all)),
+        Target::Seconds(most) => {
+            (least(error, &|p| spent + p.seconds <= CAREFUL * most), least(seconds, &all))
+        }
     };
     (found.or(otherwise).expect("exact rays are always a plan"), found.is_some())
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn expected(rays: usize, rms: f64, seconds: f64) -> Expected {
-        let error = Found { rms, lo: 0.9 * rms, hi: 1.1 * rms };
-        Expected { plan: Plan { feature_size: None, rays, more: None }, error, seconds, partly: 0.0 }
-    }
-
-    #[test]
-    fn the_cheapest_that_is_good_enough_or_the_best_that_is_cheap_enough() {
-        let plans = [expected(1, 0.4, 0.1), expected(4, 0.2, 0.4), expected(16, 0.05, 1.6)];
-        let rays = |target| {
-            let (best, reachable) = choose(&plans, target);
-            (best.plan.rays, reachable)
-        };
-        assert_eq!(rays(Target::Error(0.25)), (4, true));
-        // 0.2 may well be 0.22.
-        assert_eq!(rays(Target::Error(0.21)), (16, true));
-        assert_eq!(rays(Target::Error(0.01)), (16, false));
-        assert_eq!(rays(Target::Seconds(1.0)), (4, true));
-        assert_eq!(rays(Target::Seconds(100.0)), (16, true));
-        assert_eq!(rays(Target::Seconds(0.01)), (1, false));
-    }
-
-    #[test]
-    fn more_rays_than_were_tried_follow_the_law() {
-        let all: Vec<Expected> = beyond(expected(1024, 0.01, 2.0)).collect();
-        assert_eq!(all.iter().map(|p| p.plan.rays).collect::<Vec<_>>(), [4096, 16384, 65536]);
-        assert!((all[0].error.rms - 0.005).abs() < 1e-12 && all[0].seconds == 8.0);
-    }
-}
+mod tests;

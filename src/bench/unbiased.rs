@@ -9,7 +9,9 @@
 use super::measure::{Questions, Run, Timer, bundles};
 use super::record::{UnbiasedLevel, UnbiasedRow, interpolate_log_log};
 use super::reference::Reference;
-use super::rows::{Bench, WARM_UP, least, ratio};
+use super::rounds::as_often;
+use super::rows::{Bench, Measured, WARM_UP, curve, ratio};
+use super::workload::Order;
 use crate::ray::{LANES, Occluder, Packet};
 use crate::visibility::{Bundle, Correction, Estimate, Exact, MultiResolution, Unbiased, Workspace};
 use rand_pcg::Pcg64Mcg;
@@ -31,6 +33,12 @@ const RAREST: f32 = 1.0 / 32.0;
 const FEW: f64 = 16.0;
 const CLASSES: usize = Correction::CLASSES;
 
+/// Bytes of a pilot's segments, both sets of them, at most.
+pub(super) fn pilot_bytes() -> usize {
+    let packets = SEGMENTS.map(|n| n.div_ceil(LANES)).into_iter().max().unwrap_or(0);
+    2 * PILOT.0 * PILOT.1 * packets * size_of::<Packet>()
+}
+
 /// An averaged level and how it is corrected.
 #[derive(Clone)]
 struct Plan {
@@ -43,14 +51,14 @@ struct Plan {
 }
 
 impl Bench<'_> {
-    /// Rows without bias; `curve` holds seconds and errors of the plain exact rows.
+    /// Rows without bias, each run as often as the rows that were measured.
     pub fn unbiased(
         &self,
         questions: Questions,
         engine: &MultiResolution,
-        reference: &Reference,
-        curve: &[(f64, f64)],
+        measured: &Measured,
     ) -> Vec<UnbiasedRow> {
+        let (reference, curve) = (&measured.reference, &curve(&measured.exact)[..]);
         self.progress.stage("unbiased", (SEGMENTS.len() * questions.pairs.len()) as u64);
         let sample = sample(questions);
         let questions_of_pilot = Questions { pairs: &sample, ..questions };
@@ -82,9 +90,15 @@ impl Bench<'_> {
                 };
                 ask(questions.first(WARM_UP), &|_| ());
                 let advance = |first: bool, n: usize| self.progress.advance(if first { n as u64 } else { 0 });
-                let (run, corrections) =
-                    least(|first| ask(questions, &|n| advance(first, n)), |found| &mut found.0);
-                row(&plan, &run, corrections, reference, curve, pilot_s)
+                let mut found = None;
+                let seconds = as_often(measured.rounds, |first| {
+                    let (mut run, corrections) = ask(questions, &|n| advance(first, n));
+                    let sections = std::mem::take(&mut run.sections);
+                    found.get_or_insert((run, corrections));
+                    sections
+                });
+                let (run, corrections) = found.expect("at least one run");
+                row(&plan, (&run, seconds), corrections, reference, curve, pilot_s)
             })
             .collect()
     }
@@ -93,7 +107,7 @@ impl Bench<'_> {
 /// What a run has to say for itself.
 fn row(
     plan: &Plan,
-    run: &Run,
+    (run, seconds): (&Run, f64),
     corrections: u64,
     reference: &Reference,
     curve: &[(f64, f64)],
@@ -101,7 +115,6 @@ fn row(
 ) -> UnbiasedRow {
     let (rms, bias) = reference.errors(&run.visible);
     let pairs = run.visible.len().max(1) as f64;
-    let seconds = run.seconds();
     let same = interpolate_log_log(curve, rms);
     let averaged = UnbiasedLevel {
         feature_size: Some(plan.feature_size * f64::from(plan.emitter_part)),
@@ -136,7 +149,9 @@ impl Timer {
         let (mut visible, mut corrections) = (Vec::with_capacity(questions.pairs.len()), 0);
         let sections = self.chunk_by_chunk(
             super::measure::chunks(questions.pairs.len(), rays),
-            |chunk: &mut super::measure::Chunk<Estimate>| chunk.prepare(questions, rays, STREAM),
+            |chunk: &mut super::measure::Chunk<Estimate>| {
+                chunk.prepare(questions, (rays, Order::Spread), STREAM)
+            },
             |chunk| {
                 let (order, bundles) = bundles(questions, chunk.pairs.clone(), &chunk.packets, rays);
                 chunk.answers.clear();
@@ -190,7 +205,8 @@ impl<'a> Pilot<'a> {
         let make = |stream: u64| {
             let mut packets = Vec::new();
             for &pair in questions.pairs {
-                questions.workload.add_bundle(questions.scene, pair, segments, stream, &mut packets);
+                let how = (segments, Order::Spread);
+                questions.workload.add_bundle(questions.scene, pair, how, stream, &mut packets);
             }
             packets
         };
@@ -226,10 +242,8 @@ impl<'a> Pilot<'a> {
         let per_pair = self.segments / LANES;
         let pairs = self.questions.pairs;
         let (order, bundles) = bundles(self.questions, 0..pairs.len(), &self.packets, self.segments);
-        let bundles: Vec<Bundle> = bundles
-            .iter()
-            .map(|b| Bundle { packets: b.packets, emitter_size: b.emitter_size * emitter_part })
-            .collect();
+        let bundles: Vec<Bundle> =
+            bundles.iter().map(|b| Bundle { emitter_size: b.emitter_size * emitter_part, ..*b }).collect();
         let mut workspace = Workspace::default();
         let (mut answers, mut seconds) = (Vec::new(), f64::MAX);
         for _ in 0..2 {

@@ -1,9 +1,10 @@
 //! The questions of a benchmark: receiver points, the emitters they face, and the segments between them.
 
-use crate::ray::{EndRule, LANES, Packet};
+use crate::math::Aabb;
+use crate::ray::{EndRule, LANES, Packet, gather_neighbours};
 use crate::scene::{Emitter, Scene};
 use crate::visibility::reference::end_rule;
-use glam::Vec3;
+use glam::{BVec3, Vec3};
 use rayon::prelude::*;
 use sobol_burley::sample_4d;
 
@@ -28,6 +29,15 @@ pub struct Pair {
     /// Irradiance of the point from the unoccluded emitter relative to the others', by its centre: the weight in
     /// images.
     pub weight: f32,
+}
+
+/// Which segments of a pair share a packet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// Those that end close together: packets are coherent.
+    Near,
+    /// As drawn: every packet is spread over the whole emitter, and so is every power of two of them.
+    Spread,
 }
 
 /// Points and pairs of a scene, the same for every engine.
@@ -66,22 +76,27 @@ impl Workload {
 
     /// Appends `rays` segments of a pair to `packets`, sixteen a packet.
     ///
-    /// The segments of a smaller number are the first of a larger one. `stream` separates independent sample sets
+    /// The segments of a smaller number are among those of a larger one. `stream` separates independent sample sets
     /// of the same pair: engines under test share stream 0, references use others.
     pub fn add_bundle(
         &self,
         scene: &Scene,
         pair: usize,
-        rays: usize,
+        (rays, order): (usize, Order),
         stream: u64,
         packets: &mut Vec<Packet>,
     ) {
-        self.each_segment(scene, pair, rays, stream, |i, a, b| {
+        self.each_segment(scene, pair, (rays, order), stream, |i, a, b| {
             if i % LANES == 0 {
                 packets.push(Packet::EMPTY);
             }
             packets.last_mut().expect("just pushed").set(i % LANES, a, b, self.ends);
         });
+    }
+
+    /// Points whose convex hull holds the emitter of a pair.
+    pub fn hull(&self, pair: usize) -> &[Vec3] {
+        &self.samplers[self.pairs[pair].emitter as usize].hull
     }
 
     /// The mean of a value of each pair over the emitters of each point, weighted by their unoccluded irradiance:
@@ -108,7 +123,7 @@ impl Workload {
         packets.clear();
         let mut n = 0;
         for &pair in pairs {
-            self.each_segment(scene, pair, rays, stream, |_, a, b| {
+            self.each_segment(scene, pair, (rays, Order::Near), stream, |_, a, b| {
                 if n % LANES == 0 {
                     packets.push(Packet::EMPTY);
                 }
@@ -122,7 +137,7 @@ impl Workload {
         &self,
         scene: &Scene,
         pair: usize,
-        rays: usize,
+        (rays, order): (usize, Order),
         stream: u64,
         mut f: impl FnMut(usize, Vec3, Vec3),
     ) {
@@ -131,14 +146,32 @@ impl Workload {
         let seed = scramble(self.seed ^ stream << 56 ^ (pair as u64) << 8);
         let sampler = &self.samplers[emitter as usize];
         let facing = sampler.facing(scene, point);
-        for i in 0..rays {
-            // Owen-scrambled Sobol' points: stratified for every power of two, 65536 at most a scramble.
-            let seed = seed ^ (i as u32 >> 16).wrapping_mul(0x9e37_79b9);
-            let index = i as u32 & 0xffff;
-            let [u, v, ..] = sample_4d(index, 0, seed);
-            f(i, point.position, facing.sample(scene, u, v));
+        // Owen-scrambled Sobol' points: stratified for every power of two, 65536 at most a scramble.
+        let draw = |i: u32| sample_4d(i & 0xffff, 0, seed ^ (i >> 16).wrapping_mul(0x9e37_79b9));
+        let mut ends: Vec<Vec3> =
+            (0..rays as u32).map(draw).map(|[u, v, ..]| facing.sample(scene, u, v)).collect();
+        if order == Order::Near {
+            gather_neighbours(&mut ends);
+        }
+        ends.into_iter().enumerate().for_each(|(i, end)| f(i, point.position, end));
+    }
+}
+
+/// The points, each once, if there are few, or the corners of the box around them.
+fn hull(points: impl Iterator<Item = Vec3> + Clone) -> Vec<Vec3> {
+    const FEW: usize = 8;
+    let mut distinct: Vec<Vec3> = Vec::new();
+    for p in points.clone() {
+        if distinct.len() <= FEW && !distinct.contains(&p) {
+            distinct.push(p);
         }
     }
+    if distinct.len() <= FEW {
+        return distinct;
+    }
+    let bounds = Aabb::of(points);
+    let corner = |k: u32| BVec3::new(k & 1 == 1, k & 2 == 2, k & 4 == 4);
+    (0..8).map(|k| Vec3::select(corner(k), bounds.max, bounds.min)).collect()
 }
 
 /// A well-mixed 32-bit seed.
@@ -156,6 +189,8 @@ struct EmitterSampler {
     normals: Vec<Vec3>,
     /// A corner of each face.
     corners: Vec<Vec3>,
+    /// All corners or, of a many-cornered emitter, those of the box around them: their hull holds it.
+    hull: Vec<Vec3>,
     /// Running sums of the areas.
     sums: Vec<f32>,
     centre: Vec3,
@@ -180,6 +215,7 @@ impl EmitterSampler {
             sums.push(sum as f32);
         }
         EmitterSampler {
+            hull: hull(emitter.triangles.iter().flat_map(|&t| scene.corners(t))),
             triangles: emitter.triangles.clone(),
             normals,
             corners,

@@ -147,6 +147,7 @@ fn key(scene: &Scene, settings: &str, code: &str) -> blake3::Hash {
         cameras: _,
         triangle_reflectance: _,
         triangle_emitter: _,
+        triangle_texcoords: _,
         materials: _,
         emitters: _,
         objects: _,

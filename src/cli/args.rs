@@ -3,6 +3,7 @@
 use indicatif::{ProgressBar, ProgressStyle};
 use mrvis::{
     Error, Result,
+    bench::MOST_THREADS,
     cache::Place,
     files::WholeFile,
     scene::{LoadOptions, Scene, parse_emitter},
@@ -18,7 +19,7 @@ use std::{
 #[command(next_help_heading = "Common options")]
 pub struct Common {
     /// Number of threads; default one for each core, but for the timed sections of `bench`, which have one.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=4096))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MOST_THREADS)))]
     pub threads: Option<u16>,
     /// Seed of everything random.
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -110,6 +111,11 @@ impl Spinner {
     /// Shows something else.
     pub fn say(&self, what: &str) {
         self.0.set_message(what.to_owned());
+    }
+
+    /// Takes it away before its time.
+    pub fn clear(&self) {
+        self.0.finish_and_clear();
     }
 }
 

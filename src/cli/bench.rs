@@ -5,10 +5,10 @@ mod table;
 
 use super::args::{CacheArgs, Common, SceneArgs, check_folder};
 use super::progress::Bar;
-use mrvis::Result;
 use mrvis::bench::{self, Options, Progress, Target, page};
 use mrvis::characterise::{self, Extinction};
 use mrvis::output::write_atomically;
+use mrvis::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
@@ -30,23 +30,24 @@ pub struct Args {
     /// Receiver points, spread over all surfaces that do not emit
     #[arg(long, value_name = "N", default_value_t = 20_000)]
     pub points: usize,
-    /// Object, group or material to make shadow images of; may be given several times [default: the largest planar
-    /// ones]
+    /// Object, group or material to make shadow images of; may be given several times [default: the largest flat ones,
+    /// and terrain]
     #[arg(long = "receiver", value_name = "NAME")]
     pub receivers: Vec<String>,
     /// Rays from a point to an emitter in the reference
     #[arg(long, value_name = "N", default_value_t = 1024)]
     pub reference_rays: usize,
-    /// Check the stated intervals with a few exact rays of their own on this part of the bundles; 0: do not
-    #[arg(long, value_name = "FRACTION", default_value_t = 0.05)]
-    pub audit: f64,
+    /// Check the stated intervals with a few exact rays of their own on this part of the bundles; 0: do not [default:
+    /// 0.05]
+    #[arg(long, value_name = "FRACTION")]
+    pub audit: Option<f64>,
     /// Also measure estimates whose mean is the exact answer: averaged ones, corrected by a few exact segments
     #[arg(long)]
     pub unbiased: bool,
     /// Choose feature size and segments so that the RMS error of the visible fraction is at most E
     #[arg(long, value_name = "E", conflicts_with = "target_seconds")]
     pub target_error: Option<f64>,
-    /// Choose them so that the error is the least that T seconds of queries allow
+    /// Choose them so that the error is the least that T seconds of choosing and queries allow
     #[arg(long, value_name = "T")]
     pub target_seconds: Option<f64>,
     /// Error of a cluster's transmission that is let pass; clusters that err by more are averaged only for beams wide
@@ -67,6 +68,30 @@ pub struct Args {
     pub cache: CacheArgs,
     #[command(flatten)]
     pub common: Common,
+}
+
+impl Args {
+    /// Whether the options make sense for growing forests alone, without a scene.
+    fn check_scaling_alone(&self) -> Result<()> {
+        let needs_scene = [
+            ("--target-error", self.target_error.is_some()),
+            ("--target-seconds", self.target_seconds.is_some()),
+            ("--unbiased", self.unbiased),
+            ("--receiver", !self.receivers.is_empty()),
+            ("--audit", self.audit.is_some()),
+        ];
+        if let Some((name, _)) = needs_scene.into_iter().find(|&(_, given)| given) {
+            return Err(Error::Argument(format!(
+                "{name} says nothing of the forests of --scaling: name a SCENE, or leave {name} out"
+            )));
+        }
+        if self.feature_sizes.len() > 1 {
+            return Err(Error::Argument(
+                "--scaling measures one feature size: name a SCENE, or give one --feature-size".into(),
+            ));
+        }
+        Ok(())
+    }
 }
 
 /// Where extinction comes from; see [`Extinction`].
@@ -103,7 +128,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         reference_rays: args.reference_rays,
         threads: common.threads.map_or(1, usize::from),
         seed: common.seed,
-        audit: args.audit,
+        audit: args.audit.unwrap_or(Options::default().audit),
         unbiased: args.unbiased,
         target: args.target_error.map(Target::Error).or(args.target_seconds.map(Target::Seconds)),
         clusters: characterise::Options {
@@ -114,6 +139,9 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         cache: args.cache.place()?,
     };
     options.check()?;
+    if args.scene.is_none() {
+        args.check_scaling_alone()?;
+    }
     args.scaling.map_or(Ok(()), bench::check_scaling)?;
     common.check_json()?;
     if let Some(folder) = &args.out {

@@ -85,14 +85,14 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let bound = memory_bound(facets.len(), &settings);
     if bound as f64 > args.max_memory * GIB {
         return Err(Error::Argument(format!(
-            "the matrix of {} facets could take {:.2} GiB: raise --max-memory or lower --rays (now {})",
+            "the matrix of {} facets could take {}: raise --max-memory or lower --rays (now {})",
             grouped(facets.len()),
-            bound as f64 / GIB,
+            size(bound),
             settings.rays
         )));
     }
     let count = grouped(facets.len());
-    common.print(&format!("{count} facets, at most {:.2} GiB for their matrix\n", bound as f64 / GIB))?;
+    common.print(&format!("{count} facets, at most {} for their matrix\n", size(bound)))?;
     let bar = Bar::new(common.quiet);
     bar.stage("form factors", 2 * facets.len() as u64);
     let start = Instant::now();
@@ -125,6 +125,11 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     common.print(&text(args, &matrix, &report, seconds))?;
     let missed = args.tolerance.is_some_and(|t| report.closed_row_sum_error > t);
     Ok(if missed { ExitCode::from(1) } else { ExitCode::SUCCESS })
+}
+
+fn size(bytes: u64) -> String {
+    let (bytes, mib) = (bytes as f64, GIB / 1024.0);
+    if bytes < GIB { format!("{:.0} MiB", (bytes / mib).ceil()) } else { format!("{:.2} GiB", bytes / GIB) }
 }
 
 fn text(args: &Args, matrix: &Matrix, r: &Report, seconds: f64) -> String {

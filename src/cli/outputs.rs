@@ -4,8 +4,8 @@ use super::args::Common;
 use mrvis::{
     Result,
     display::{
-        Camera, Mesh, Stage, Tone, best_view, light_of, lightmap, places, render, write_glb, write_lightmap,
-        write_ply, write_vtu,
+        Camera, Mesh, Stage, Tone, best_view, light_of, lightmap, places, render, unwrapped_lightmap,
+        write_glb, write_lightmap, write_ply, write_vtu,
     },
     output::{Picture, write_exr_rgb, write_png},
     points::Point,
@@ -32,7 +32,7 @@ pub struct Outputs {
     gather: bool,
     /// About how many texels a lightmap has.
     #[arg(long, value_name = "N", default_value_t = 1 << 20,
-          value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=1 << 28))]
+          value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=1 << 26))]
     lightmap_texels: usize,
 }
 
@@ -44,7 +44,8 @@ enum Kind {
     Glb,
     /// solution.vtu: elements with their fields, for ParaView.
     Vtu,
-    /// lightmap.exr: irradiance, a chart for each plane; lightmap.obj: the mesh that it belongs to; lightmap.png.
+    /// lightmap.exr, .png: irradiance in the file's own texture coordinates (fronts only) if they hold it, else a chart for
+    /// each plane and lightmap.obj, the mesh that they belong to.
     Lightmap,
     /// A picture for each camera (those of a glTF file, or an automatic view.*): .png as the eye sees it, .exr radiance.
     Image,
@@ -52,15 +53,17 @@ enum Kind {
     None,
 }
 
-/// Irradiance at points.
-pub type Gather<'a> = &'a dyn Fn(&[Point]) -> Result<Vec<[f64; 3]>>;
+/// Irradiance at points; nothing if that was interrupted.
+pub type Gather<'a> = &'a dyn Fn(&[Point]) -> Option<Vec<[f64; 3]>>;
 
+/// The largest image: a gigabyte while it is made.
+const MAX_PIXELS: usize = 1 << 25;
 /// Rays a pixel along either side.
 const SAMPLES: usize = 2;
 
 impl Outputs {
-    /// Writes what was asked for into a folder; gives the names of the files. `irradiance` is asked for light at pixels,
-    /// if it is there and that is wanted.
+    /// Writes what was asked for into a folder; gives the names of the files. `irradiance` is asked for light at pixels if
+    /// that is wanted; where it has none, light is interpolated.
     ///
     /// # Errors
     /// A file cannot be written, or a lightmap does not hold the scene.
@@ -71,7 +74,7 @@ impl Outputs {
         solution: &Solution,
         folder: &Path,
         with_points: bool,
-        irradiance: Option<Gather>,
+        irradiance: Gather,
     ) -> Result<Vec<PathBuf>> {
         let default: &[Kind] = if with_points { &[] } else { &[Kind::Glb, Kind::Vtu, Kind::Image] };
         let wanted = self.outputs.as_deref().unwrap_or(default);
@@ -101,10 +104,22 @@ impl Outputs {
             write_glb(&file("solution.glb".into()), &mesh, solution.origin, tone)?;
         }
         if wants(Kind::Lightmap) {
-            let _spinner = common.spinner("writing lightmap.exr");
-            let map = lightmap(&mesh, solution, scene, self.lightmap_texels)?;
-            let (image, model) = (file("lightmap.exr".into()), file("lightmap.obj".into()));
-            write_lightmap(&image, &model, &map, &mesh, solution)?;
+            let spinner = common.spinner("writing lightmap.exr");
+            let stage = Stage::new(&mesh, solution)?;
+            let image = file("lightmap.exr".into());
+            let map = match unwrapped_lightmap(&stage, scene, self.lightmap_texels) {
+                Ok(map) => {
+                    write_exr_rgb(&image, map.width, &map.irradiance)?;
+                    map
+                }
+                Err(why) => {
+                    spinner.clear();
+                    common.print(&format!("note: lightmap with a chart for each plane: {why}\n"))?;
+                    let map = lightmap(&mesh, solution, scene, self.lightmap_texels)?;
+                    write_lightmap(&image, &file("lightmap.obj".into()), &map, &mesh, solution)?;
+                    map
+                }
+            };
             write_png(&file("lightmap.png".into()), &developed(map.width, &map.irradiance))?;
         }
         if wants(Kind::Image) {
@@ -112,12 +127,12 @@ impl Outputs {
             let stage = Stage::new(&mesh, solution)?;
             for camera in self.cameras(scene, solution, &stage) {
                 let [width, height] = self.image_size;
-                let radiance = if let Some(irradiance) = irradiance.filter(|_| self.gather) {
-                    let frame = render(&stage, &camera, width, height, 1);
-                    light_of(&frame, solution, &irradiance(&places(&frame, solution))?)
-                } else {
-                    render(&stage, &camera, width, height, SAMPLES).radiance
-                };
+                let gathered =
+                    self.gather.then(|| render(&stage, &camera, width, height, 1)).and_then(|frame| {
+                        Some(light_of(&frame, solution, &irradiance(&places(&frame, solution))?))
+                    });
+                let radiance =
+                    gathered.unwrap_or_else(|| render(&stage, &camera, width, height, SAMPLES).radiance);
                 write_exr_rgb(&file(format!("{}.exr", camera.name)), width, &radiance)?;
                 write_png(&file(format!("{}.png", camera.name)), &developed(width, &radiance))?;
             }
@@ -167,8 +182,8 @@ fn developed(width: usize, light: &[[f32; 3]]) -> Picture {
 fn size(text: &str) -> Result<[usize; 2], String> {
     let sides = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
     sides
-        .filter(|s: &[usize; 2]| s.iter().all(|n| (1..=16_384).contains(n)))
-        .ok_or_else(|| "columns x rows, 1 to 16384 each, such as 800x600".into())
+        .filter(|s: &[usize; 2]| s.iter().all(|n| (1..=16_384).contains(n)) && s[0] * s[1] <= MAX_PIXELS)
+        .ok_or_else(|| "columns x rows, 1 to 16384 each and at most 2^25 pixels, such as 800x600".into())
 }
 
 fn camera(text: &str) -> Result<[f64; 7], String> {

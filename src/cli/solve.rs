@@ -1,12 +1,13 @@
 //! `mrvis solve SCENE --out DIR`: the light in a scene.
 
 use super::args::{Common, SceneArgs, Spinner, check_folder, grouped};
-use super::outputs::{Gather, Outputs};
+use super::outputs::Outputs;
 use glam::DVec3;
 use mrvis::files::WholeFile;
+use mrvis::output::number;
 use mrvis::points::{Irradiance, Point, read_points, write_irradiance};
 use mrvis::scene::{Scene, StoredCamera};
-use mrvis::solver::{self, Inside, Options, Progress, Record, Rows, View, Visibility};
+use mrvis::solver::{self, Inside, More, Options, Outcome, Progress, Record, Rows, View, Visibility};
 use mrvis::{Error, Result};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -179,38 +180,59 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         options.views = views(&scene, args.outputs.camera)?;
     }
     let load = start.elapsed().as_secs_f64();
-    let mut outcome = {
-        let watch = Watch { spinner: args.common.spinner("solving"), stopped: Arc::default() };
-        let stopped = watch.stopped.clone();
-        // A second interruption finds the handler in place and ends nothing: what is left takes seconds. Where handlers
-        // cannot be set, interruption ends the program as it always did.
-        let _ = ctrlc::set_handler(move || stopped.store(true, Ordering::Relaxed));
-        solver::run(&scene, &points, &options, &watch)?
-    };
-    if outcome.record.interrupted {
-        outcome.record.warnings.push("interrupted: this is the consistent solution reached so far".into());
-    }
-    outcome.record.seconds.load = load;
-    let text = serde_json::to_string_pretty(&outcome.record)
+    let watch = Watch { spinner: args.common.spinner("solving"), stopped: Arc::default() };
+    let stopped = watch.stopped.clone();
+    // A second interruption finds the handler in place and ends nothing: what is left takes seconds. Where handlers cannot
+    // be set, interruption ends the program as it always did.
+    let _ = ctrlc::set_handler(move || stopped.store(true, Ordering::Relaxed));
+    solver::run_then(&scene, &points, &options, &watch, |mut outcome, more| {
+        watch.spinner.clear();
+        outcome.record.seconds.load = load;
+        if outcome.record.interrupted {
+            let note = "interrupted: this is the consistent solution reached so far";
+            outcome.record.warnings.push(note.into());
+        }
+        write((args, out), &scene, &points, outcome, more, &watch)
+    })?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Writes all files and says so.
+fn write(
+    (args, out): (&Args, &Path),
+    scene: &Scene,
+    points: &[Point],
+    outcome: Outcome,
+    more: More,
+    watch: &Watch,
+) -> Result<()> {
+    let Outcome { solution, record, irradiance } = outcome;
+    let text = serde_json::to_string_pretty(&record)
         .map_err(|e| Error::format(out.join("solution.json"), None, e.to_string()))?;
     WholeFile::write(&out.join("solution.json"), text + "\n")?;
     if args.points.is_some() {
-        let file = Irradiance { points, values: outcome.irradiance, standard_errors: Vec::new() };
+        let file = Irradiance { points: points.to_vec(), values: irradiance, standard_errors: Vec::new() };
         write_irradiance(&out.join("irradiance.csv"), &file)?;
     }
-    // The same solution again, of which only the points count.
-    let again = Options { audit: 0, ..options.clone() };
-    let anew = |points: &[Point]| Ok(solver::run(&scene, points, &again, &())?.irradiance);
     // Whoever interrupts does not want to wait for every pixel.
-    let anew = (!outcome.record.interrupted).then_some(&anew as Gather);
+    let gather = |points: &[Point]| -> Option<Vec<[f64; 3]>> {
+        let mut light = Vec::with_capacity(points.len());
+        for some in points.chunks(1 << 14) {
+            if watch.stopped() {
+                return None;
+            }
+            light.extend(more(some));
+        }
+        Some(light)
+    };
     let with_points = args.points.is_some();
-    let shown = args.outputs.write(&args.common, &scene, &outcome.solution, out, with_points, anew)?;
-    args.common.write_json(&outcome.record)?;
-    args.common.print(&summary(&outcome.record))?;
+    let shown = args.outputs.write(&args.common, scene, &solution, out, with_points, &gather)?;
+    args.common.write_json(&record)?;
+    args.common.print(&summary(&record))?;
     for file in shown {
         args.common.print(&format!("wrote {}\n", file.display()))?;
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// Solves the series of scenes and shows how time grows.
@@ -307,11 +329,25 @@ fn summary(r: &Record) -> String {
     let l = &r.ledger;
     let _ = writeln!(
         text,
-        "emitted {:.6} absorbed {:.6} escaped {:.6} created {:.2e}; row sums {:?}, error {:.2e} (sampled {:.2e})",
-        l.emitted, l.absorbed, l.escaped, l.created, l.row_sums, l.row_sum_error, l.row_sum_error_sampled
+        "emitted {}, absorbed {}, escaped {}, created {:.1e} (power, mean of the channels)",
+        number(l.emitted),
+        number(l.absorbed),
+        number(l.escaped),
+        l.created
     );
-    let _ =
-        writeln!(text, "mean irradiance {:?}, estimated error {:.3}", r.mean_irradiance, r.error_estimate);
+    if let Some([low, high]) = l.row_sums {
+        let _ = writeln!(
+            text,
+            "row sums of closed elements {low:.4} to {high:.4}, off by {:.1e} in the mean (as sampled {:.1e})",
+            l.row_sum_error, l.row_sum_error_sampled
+        );
+    }
+    let [red, green, blue] = r.mean_irradiance.map(number);
+    let _ = writeln!(
+        text,
+        "mean irradiance {red}, {green}, {blue} W/m\u{b2} (red, green, blue); estimated error {} %",
+        number(100.0 * r.error_estimate)
+    );
     if let Some(a) = &r.audit {
         let _ = writeln!(
             text,

@@ -118,13 +118,27 @@ impl<'a> Stage<'a> {
 
     /// Radiance of a place of a triangle.
     fn radiance(&self, triangle: u32, point: Vec3) -> [f32; 3] {
+        self.interpolate(triangle, point, &self.mesh.radiosity).map(|b| b / std::f32::consts::PI)
+    }
+
+    /// A place of a triangle between the values at its vertices.
+    fn interpolate(&self, triangle: u32, point: Vec3, values: &[[f32; 3]]) -> [f32; 3] {
         let [a, b, c] = self.mesh.corners(triangle as usize);
         let normal = (b - a).cross(c - a);
         let square = normal.length_squared();
         let share = |p: Vec3, q: Vec3| ((q - p).cross(point - p).dot(normal) / square).clamp(0.0, 1.0);
         let weights = [share(b, c), share(c, a), share(a, b)];
-        let light = self.mesh.triangles[triangle as usize].map(|v| self.mesh.radiosity[v as usize]);
-        std::array::from_fn(|k| (0..3).map(|i| weights[i] * light[i][k]).sum::<f32>() / std::f32::consts::PI)
+        let values = self.mesh.triangles[triangle as usize].map(|v| values[v as usize]);
+        std::array::from_fn(|k| (0..3).map(|i| weights[i] * values[i][k]).sum())
+    }
+
+    /// Irradiance of what each ray of a packet meets first, W/m²; nothing where that is nothing.
+    pub(super) fn irradiance(&self, rays: &Packet) -> [Option<[f32; 3]>; LANES] {
+        let met = self.first(rays);
+        std::array::from_fn(|lane| {
+            let (triangle, t) = met[lane]?;
+            Some(self.interpolate(triangle, rays.point(lane, t), &self.mesh.irradiance))
+        })
     }
 }
 

@@ -1,4 +1,5 @@
-//! Lightmaps: irradiance of all surfaces in one image, a chart for each plane of a surface.
+//! Lightmaps: irradiance of all surfaces in one image, a chart for each plane of a surface. See `unwrapped` for those in the
+//! file's own texture coordinates.
 
 use super::Mesh;
 use crate::output::write_exr_rgb;
@@ -23,7 +24,8 @@ pub struct Lightmap {
     pub irradiance: Vec<[f32; 3]>,
     /// Whether a texel's centre lies on a surface; others hold the light of a neighbour or nothing.
     pub covered: Vec<bool>,
-    /// Texture coordinates of the corners of each triangle of the mesh, from the lower left corner of the image.
+    /// Texture coordinates of the corners of each triangle of the mesh, from the lower left corner of the image; empty where
+    /// the scene's own are meant.
     pub texcoords: Vec<[Vec2; 3]>,
     /// Number of charts.
     pub charts: usize,
@@ -32,7 +34,7 @@ pub struct Lightmap {
 /// Texels around each chart that are filled from inside, so that filtering does not mix charts.
 const MARGIN: usize = 2;
 /// The largest side of an image.
-const MAX_SIDE: usize = 16_384;
+pub(super) const MAX_SIDE: usize = 16_384;
 
 struct Chart {
     triangles: Vec<u32>,
@@ -194,7 +196,7 @@ impl Lightmap {
     }
 
     /// Gives texels beside covered ones the mean of those, once for each texel of the margin.
-    fn bleed(&mut self) {
+    pub(super) fn bleed(&mut self) {
         let mut known = self.covered.clone();
         for _ in 0..MARGIN {
             let before = known.clone();

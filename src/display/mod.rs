@@ -14,6 +14,7 @@ mod ply;
 #[cfg(test)]
 mod tests;
 mod tone;
+mod unwrapped;
 mod view;
 mod vtu;
 
@@ -24,5 +25,6 @@ pub use lightmap::{Lightmap, lightmap, write_lightmap};
 pub use mesh::Mesh;
 pub use ply::write_ply;
 pub use tone::Tone;
+pub use unwrapped::unwrapped_lightmap;
 pub use view::best_view;
 pub use vtu::write_vtu;

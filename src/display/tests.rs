@@ -140,6 +140,129 @@ fn lightmaps_hold_the_light_where_they_say() {
     assert!(map.irradiance.iter().flatten().all(|e| (0.0..=1.0).contains(e)));
 }
 
+/// Two unit squares side by side, the second 100 times as bright, with texture coordinates in two parts of an image that are
+/// `gap` apart; and what is seen from them.
+fn unwrapped(gap: f32, texels: usize) -> Result<Lightmap, String> {
+    let mut soup = Soup::new("test");
+    soup.object("squares");
+    soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
+    let mut solution = Solution { unit: "m".into(), ..Solution::default() };
+    for k in 0..2u32 {
+        let corners =
+            [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[x, y]| dvec3(x + f64::from(k), y, 0.0));
+        soup.polygon(0, 0, &corners);
+        let left = k as f32 * (0.4 + gap) + 0.05;
+        let uv = [[left, 0.1], [left + 0.4, 0.1], [left + 0.4, 0.9], [left, 0.9]];
+        let start = soup.texcoords.len() as u32;
+        soup.texcoords.extend(uv);
+        soup.corner_texcoords.extend((0..4).map(|i| start + i));
+        let first = solution.vertices.len() as u32;
+        solution.vertices.extend(corners.map(|p| p.as_vec3()));
+        let e = if k == 0 { 1.0 } else { 100.0 };
+        solution.elements.push(Element {
+            corners: [first, first + 1, first + 2, first + 3],
+            radiosity: [0.5 * e; 3],
+            irradiance: [e; 3],
+            error: [0.0; 3],
+            albedo: [0.5; 3],
+            exitance: [0.0; 3],
+            area: 1.0,
+            level: 0,
+            links: 1,
+            triangle: 2 * k,
+            object: 0,
+            material: 0,
+            front: true,
+        });
+    }
+    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+    let mesh = Mesh::new(&solution);
+    let stage = Stage::new(&mesh, &solution).expect("a stage");
+    unwrapped_lightmap(&stage, &scene, texels)
+}
+
+/// Light at texture coordinates between the four nearest texels, as a viewer takes it.
+fn bilinear(map: &Lightmap, u: f32, v: f32) -> f32 {
+    let (x, y) = (u * map.width as f32 - 0.5, (1.0 - v) * map.height as f32 - 0.5);
+    let (i, j) = (x.floor() as usize, y.floor() as usize);
+    let (s, t) = (x - x.floor(), y - y.floor());
+    let at = |i: usize, j: usize| map.irradiance[j * map.width + i][0];
+    (1.0 - t) * ((1.0 - s) * at(i, j) + s * at(i + 1, j))
+        + t * ((1.0 - s) * at(i, j + 1) + s * at(i + 1, j + 1))
+}
+
+#[test]
+fn lightmaps_in_the_files_coordinates_do_not_bleed() {
+    // Parts of the image are five texels apart, the light on them differs a hundredfold.
+    let map = unwrapped(0.1, 50 * 50).expect("a lightmap");
+    assert_eq!((map.width, map.height, map.texcoords.len()), (50, 50, 0));
+    let covered = map.covered.iter().filter(|&&c| c).count() as f32 / 2500.0;
+    // Edges run through centres of texels, which both sides count.
+    assert!((covered - 0.64).abs() < 0.06, "{covered}");
+    for k in 0..=100 {
+        let share = k as f32 / 100.0;
+        for (left, want) in [(0.05, 1.0), (0.55, 100.0)] {
+            for (u, v) in [(share, 0.0), (share, 1.0), (0.0, share), (1.0, share), (share, share)] {
+                let got = bilinear(&map, left + 0.4 * u, 0.1 + 0.8 * v);
+                assert!((got / want - 1.0).abs() < 1e-5, "{u} {v}: {got} instead of {want}");
+            }
+        }
+    }
+}
+
+#[test]
+fn lightmaps_refuse_coordinates_that_cannot_hold_them() {
+    let why = |gap: f32| unwrapped(gap, 10_000).map(|_| ()).expect_err("no lightmap");
+    assert!(why(-0.2).contains("overlap"), "{}", why(-0.2));
+    assert!(why(0.3).contains("leave 0..1"), "{}", why(0.3));
+    let (scene, solution) = square(|_| 1.0);
+    let mesh = Mesh::new(&solution);
+    let stage = Stage::new(&mesh, &solution).expect("a stage");
+    assert!(unwrapped_lightmap(&stage, &scene, 100).expect_err("no lightmap").contains("no texture"));
+    // Shared edges do not count as overlap.
+    assert!(unwrapped(0.0, 10_000).is_ok());
+}
+
+#[test]
+fn what_is_shown_of_a_solved_room_has_no_cracks() {
+    use crate::scene::generate::{Spec, build};
+    use crate::solver::{Options, run};
+    let scene = build(&Spec::new("cornell")).expect("a scene");
+    let options = Options { error: 0.05, ..Options::default() };
+    let outcome = run(&scene, &[], &options, &()).expect("a solution");
+    let levels: std::collections::HashSet<u8> = outcome.solution.elements.iter().map(|e| e.level).collect();
+    assert!(levels.len() >= 3, "mixed levels: {levels:?}");
+    let mesh = Mesh::new(&outcome.solution);
+    // Edges by place: each is shared by two triangles that turn alike, or lies on the outline of a wall.
+    let mut edges: HashMap<[[u32; 3]; 2], i32> = HashMap::new();
+    let place = |v: u32| (mesh.positions[v as usize] + Vec3::ZERO).to_array().map(f32::to_bits);
+    for t in &mesh.triangles {
+        for k in 0..3 {
+            let (a, b) = (place(t[k]), place(t[(k + 1) % 3]));
+            *edges.entry(if a < b { [a, b] } else { [b, a] }).or_default() += if a < b { 1 } else { -1 };
+        }
+    }
+    // The input's own edges: an open one of the mesh must lie on one of them that is open too.
+    let mut open: HashMap<[u32; 2], i32> = HashMap::new();
+    for t in &scene.triangles {
+        for k in 0..3 {
+            let (a, b) = (t[k], t[(k + 1) % 3]);
+            *open.entry([a.min(b), a.max(b)]).or_default() += 1;
+        }
+    }
+    let outline: Vec<[Vec3; 2]> =
+        open.iter().filter(|(_, n)| **n == 1).map(|(e, _)| e.map(|v| scene.positions[v as usize])).collect();
+    let near = |p: Vec3, [a, b]: [Vec3; 2]| {
+        let along = ((p - a).dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0);
+        p.distance(a + along * (b - a)) < 1e-3
+    };
+    for (edge, _) in edges.iter().filter(|(_, n)| **n != 0) {
+        let ends = edge.map(|p| Vec3::from(p.map(f32::from_bits)));
+        let along = |&line: &[Vec3; 2]| ends.iter().all(|&p| near(p, line));
+        assert!(outline.iter().any(along), "a crack at {ends:?}");
+    }
+}
+
 #[test]
 fn files_are_what_their_formats_say() {
     let (_, solution) = square(|p| f64::from(p.y) + 1.0);

@@ -7,10 +7,48 @@ use crate::embree::Hits;
 use crate::ray::{LANES, Packet};
 use glam::Vec3;
 
+/// A facet whose front was met, and how often, up to [`Partner::MOST`], in one number: there are very many of them.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Partner(u32);
+
+impl Partner {
+    const BITS: u32 = 6;
+    /// Hits that are told apart.
+    pub const MOST: u32 = (1 << Partner::BITS) - 1;
+    /// Facets that there can be.
+    pub const FACETS: usize = 1 << (32 - Partner::BITS);
+
+    fn new(facet: u32, hits: u32) -> Partner {
+        Partner(facet << Partner::BITS | hits.min(Partner::MOST))
+    }
+
+    /// The facet.
+    pub fn facet(self) -> u32 {
+        self.0 >> Partner::BITS
+    }
+
+    /// How often it was met.
+    pub fn hits(self) -> u32 {
+        self.0 & Partner::MOST
+    }
+
+    /// Adds the hits of equal facets in a sorted list.
+    fn merge(list: &mut Vec<Partner>) {
+        list.sort_unstable();
+        list.dedup_by(|next, first| {
+            let same = next.facet() == first.facet();
+            if same {
+                *first = Partner::new(first.facet(), first.hits() + next.hits());
+            }
+            same
+        });
+    }
+}
+
 /// What the rays of a facet found.
 pub struct Found {
     /// Facets whose fronts were met, ascending.
-    pub partners: Vec<u32>,
+    pub partners: Vec<Partner>,
     /// Share of the rays that met nothing.
     pub escaped: f32,
     /// Share that met a back side, or the facet itself.
@@ -23,7 +61,7 @@ pub struct Buffers {
     table: Option<Table>,
     packets: Vec<Packet>,
     hits: Vec<Hits>,
-    seen: Vec<u32>,
+    seen: Vec<Partner>,
 }
 
 /// Rays that go to Embree at once.
@@ -56,7 +94,7 @@ pub fn partners(
                 if traced.normals[t as usize].dot(direction) >= 0.0 || other == facet {
                     lost += 1;
                 } else {
-                    seen.push(other);
+                    seen.push(Partner::new(other, 1));
                 }
             }
         }
@@ -82,23 +120,21 @@ pub fn partners(
         }
     }
     trace(packets);
-    seen.sort_unstable();
-    seen.dedup();
+    Partner::merge(seen);
     let share = |n: u32| n as f32 / settings.rays as f32;
     Found { partners: seen.clone(), escaped: share(escaped), lost: share(lost) }
 }
 
-/// For each facet the partners with a higher number, ascending: found by either of the two.
-pub fn upper(found: &[Found]) -> Vec<Vec<u32>> {
-    let mut upper: Vec<Vec<u32>> = vec![Vec::new(); found.len()];
-    for (i, f) in found.iter().enumerate() {
-        for &j in &f.partners {
-            upper[i.min(j as usize)].push(j.max(i as u32));
+/// For each facet the partners with a higher number, ascending: found by either of the two, with the hits of both.
+pub fn upper(found: &[Found]) -> Vec<Vec<Partner>> {
+    let mut upper: Vec<Vec<Partner>> = vec![Vec::new(); found.len()];
+    for (i, f) in (0u32..).zip(found) {
+        for p in &f.partners {
+            upper[i.min(p.facet()) as usize].push(Partner::new(p.facet().max(i), p.hits()));
         }
     }
     upper.iter_mut().for_each(|u| {
-        u.sort_unstable();
-        u.dedup();
+        Partner::merge(u);
         u.shrink_to_fit();
     });
     upper

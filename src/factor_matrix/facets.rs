@@ -28,6 +28,8 @@ pub(super) struct Facet {
     pub nodes: Vec<(DVec3, DVec3, f64)>,
     /// Triangles, with the running sum of their shares of the area.
     pub triangles: Vec<([Vec3; 3], f32)>,
+    /// Corner and edges if it is a parallelogram: points are found without looking for a triangle.
+    pub parallelogram: Option<[Vec3; 3]>,
 }
 
 impl Facets {
@@ -100,6 +102,12 @@ fn facet(scene: &Scene, triangles: std::ops::Range<u32>) -> Facet {
         Some(&[a, b]) => quad(scene, a, b).map(|q| vec![q]),
         _ => None,
     };
+    let parallelogram = pieces.as_ref().and_then(|p| match p[0][..] {
+        [a, b, c, d] if (a + c - b - d).length() <= 1e-6 * (c - a).length() => {
+            Some([a, b - a, d - a].map(|p| p.as_vec3()))
+        }
+        _ => None,
+    });
     let apart = || corners.iter().map(|t| t.map(|p| p.as_dvec3()).to_vec()).collect();
     Facet {
         pieces: pieces.unwrap_or_else(apart),
@@ -108,6 +116,7 @@ fn facet(scene: &Scene, triangles: std::ops::Range<u32>) -> Facet {
         radius: 0.5 * (high - low).length(),
         nodes,
         triangles: shares,
+        parallelogram,
     }
 }
 

@@ -115,7 +115,7 @@ impl Report {
 pub fn memory_bound(facets: usize, settings: &Settings) -> u64 {
     let found = facets as u64 * u64::from(settings.rays).min(facets as u64);
     // Lists of partners and their transpose, pairs with their values, and both entries of each pair.
-    found * (8 + 8 + 12 + 16) + facets as u64 * 256
+    found * (8 + 8 + 13 + 16) + facets as u64 * 640
 }
 
 /// The matrix of all facets. `done` is called with steps out of `2 × facets`, from any thread.
@@ -130,6 +130,9 @@ pub fn compute(
 ) -> Result<(Matrix, Report)> {
     if settings.rays == 0 || settings.bundle < 4 || settings.largest_bundle < settings.bundle {
         return Err(Error::Argument("rays must be at least 1, bundles at least 4 and not shrink".into()));
+    }
+    if facets.len() > discover::Partner::FACETS {
+        return Err(Error::Scene(format!("more than {} facets", discover::Partner::FACETS)));
     }
     let device = Device::new(rayon::current_num_threads())?;
     let traced = Traced::new(scene, facets, &device)?;
@@ -146,7 +149,7 @@ pub fn compute(
     drop(found);
     let magnitude = scene.bounds.min.abs().max(scene.bounds.max.abs()).max_element();
     let pairs = pair::Pairs { traced: &traced, facets, settings, ends: EndRule::new(magnitude) };
-    let upper: Vec<pair::Row> = partners
+    let mut upper: Vec<pair::Row> = partners
         .par_iter()
         .enumerate()
         .map_init(pair::Buffers::default, |buffers, (i, partners)| {
@@ -156,5 +159,6 @@ pub fn compute(
         })
         .collect();
     drop(partners);
+    pair::balance(&mut upper);
     Ok(rows::assemble(facets, upper, shares, settings))
 }

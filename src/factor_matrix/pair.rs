@@ -1,11 +1,13 @@
 //! Two facets: a closed form times sampled transmittance.
 
 use super::Settings;
+use super::discover::Partner;
 use super::facets::{Facet, Facets};
 use super::rays::{Table, Traced};
 use crate::form_factor::{point_to_polygon, polygon_to_polygon};
 use crate::ray::{EndRule, LANES, Packet};
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// The pairs of one facet with those of higher numbers.
 #[derive(Default)]
@@ -16,8 +18,23 @@ pub struct Row {
     pub exchange: Vec<f32>,
     /// Upper bound of its standard error.
     pub error: Vec<f32>,
+    /// How sure it was to be found, see [`chance`].
+    pub chance: Vec<u8>,
+    /// Rays that met any of them, by that.
+    pub tally: Tally,
     /// Rays traced.
     pub rays: u64,
+}
+
+/// By [`chance`]: rays of discovery that met a pair, and how many were expected from what the pairs are said to exchange.
+pub type Tally = [[f64; 2]; CHANCES];
+
+/// Classes of pairs by the rays of discovery that they expect: two an octave, from under 1/16 to 32. Beyond, pairs are found
+/// for sure, and the class is `CHANCES`.
+pub const CHANCES: usize = 20;
+
+fn chance(c: f64) -> usize {
+    ((2.0 * c.log2()).floor() + 9.0).clamp(0.0, CHANCES as f64) as usize
 }
 
 /// What all pairs share.
@@ -48,12 +65,14 @@ impl Pairs<'_> {
     ///
     /// Small pairs are found by chance, and each stands for those like it that were not: the value is divided by the
     /// chance `1 − exp(−c T)` of being found, where `c` is the number of rays of discovery that the two would exchange if
-    /// nothing were in between (Horvitz and Thompson 1952). Large ones are found for sure and stand for themselves.
-    pub fn row(&self, i: u32, partners: &[u32], buffers: &mut Buffers) -> Row {
-        let Settings { rays, bundle, largest_bundle, seed, .. } = *self.settings;
+    /// nothing were in between (Horvitz and Thompson 1952). Large ones are found for sure and stand for themselves. What is
+    /// left is done by [`balance`].
+    pub fn row(&self, i: u32, partners: &[Partner], buffers: &mut Buffers) -> Row {
+        let Settings { rays, bundle, seed, .. } = *self.settings;
         let a = self.facets.get(i);
         let mut row = Row::default();
-        for &j in partners {
+        for partner in partners {
+            let j = partner.facet();
             let b = self.facets.get(j);
             let expected = |exchange: f64| f64::from(rays) * (exchange / a.area + exchange / b.area);
             let open = exchange(a, b, |rough| expected(rough) < WORTH);
@@ -61,22 +80,20 @@ impl Pairs<'_> {
             if c <= 0.0 {
                 continue;
             }
-            let key = mix_pair(seed, i, j);
-            let mut sample = |wanted: f64, limit: u32, key: u64| {
-                let size = power_of_4(wanted.clamp(4.0, f64::from(limit)));
-                row.rays += 1 << (2 * size);
-                self.transmittance(a, b, table(buffers, size, seed as u32), key)
-            };
             let mut seen = Transmittance { value: LIKELY, error: 0.0 };
             if c > MATTERS {
-                seen = sample(c, bundle, key);
-                if seen.error > 0.0 && c > WORTH {
-                    seen = sample(16.0 * c, largest_bundle, !key);
-                }
+                let size = power_of_4(c.clamp(4.0, f64::from(bundle)));
+                let table = table(buffers, size, seed as u32);
+                seen = self.transmittance((a, b), c, table, mix_pair(seed, i, j), &mut row.rays);
             }
             let found = -(-c * seen.value).exp_m1();
-            // What T / (1 − exp(−c T)) tends to as T vanishes.
-            let value = if c * seen.value > 1e-6 { seen.value / found } else { 1.0 / c };
+            let value = share(seen, c);
+            let class = chance(c);
+            if let Some([met, expected]) = row.tally.get_mut(class) {
+                *met += f64::from(partner.hits());
+                *expected += c * value;
+            }
+            row.chance.push(class as u8);
             row.partner.push(j);
             row.exchange.push((open * value) as f32);
             let error = (seen.error * found.min(1.0)).hypot(value * (1.0 - found).max(0.0).sqrt());
@@ -85,8 +102,39 @@ impl Pairs<'_> {
         row
     }
 
+    /// The transmittance of a pair that expects `c` rays of discovery: from one bundle if that is all clear or all blocked,
+    /// or if `c` is small; else the mean of many bundles, of those that are neither. Each of these stands for a first bundle
+    /// that was neither, so that going on where the first one is mixed does not favour what is mixed.
+    fn transmittance(
+        &self,
+        pair: (&Facet, &Facet),
+        c: f64,
+        table: &Table,
+        key: u64,
+        rays: &mut u64,
+    ) -> Transmittance {
+        let size = table.len() as f64;
+        let first = self.bundle(pair, table, key);
+        *rays += table.len() as u64;
+        if first.error == 0.0 || c <= WORTH {
+            return first;
+        }
+        let wanted = (16.0 * c).min(f64::from(self.settings.largest_bundle)) / size;
+        let (mut sum, mut squares, mut count) = (first.value, first.error.powi(2), 1.0);
+        for k in 1..wanted as u64 {
+            *rays += table.len() as u64;
+            let next = self.bundle(pair, table, super::rays::mix(key ^ k));
+            if next.error > 0.0 {
+                sum += next.value;
+                squares += next.error.powi(2);
+                count += 1.0;
+            }
+        }
+        Transmittance { value: sum / count, error: squares.sqrt() / count }
+    }
+
     /// The mean of the visibility between two facets, weighted by what rays transport.
-    fn transmittance(&self, a: &Facet, b: &Facet, table: &Table, key: u64) -> Transmittance {
+    fn bundle(&self, (a, b): (&Facet, &Facet), table: &Table, key: u64) -> Transmittance {
         let (mut clear, mut all, mut squares) = (0.0, 0.0, 0.0);
         let mut any_blocked = false;
         let mut packet = Packet::EMPTY;
@@ -124,14 +172,51 @@ impl Pairs<'_> {
             return Transmittance { value: 1.0, error: 0.0 };
         }
         let value = clear / all;
-        Transmittance { value, error: (value * (1.0 - value) * squares).sqrt() / all }
+        // The sample's variance by n − 1, where n is as many rays as count.
+        let counted = squares / (all * all);
+        Transmittance { value, error: (value * (1.0 - value) * counted / (1.0 - counted).max(0.5)).sqrt() }
     }
 }
 
+#[derive(Clone, Copy)]
 struct Transmittance {
     value: f64,
     /// Standard error if the rays were independent.
     error: f64,
+}
+
+/// Scales pairs that were found by chance so that, class by class, they expect as many rays as met them. Rays of discovery
+/// are evenly spread, which makes pairs more likely to be found than rays at random would: by a few percent where few rays
+/// are expected. The number of rays that meet a class is right in the mean whatever the spread (a ratio estimator; Cochran
+/// 1977, chapter 6). Classes that met few are left about as they are.
+pub fn balance(rows: &mut [Row]) {
+    const PRIOR: f64 = 1000.0;
+    let mut tally: Tally = Default::default();
+    for row in &*rows {
+        for (sum, [met, expected]) in tally.iter_mut().zip(row.tally) {
+            *sum = [sum[0] + met, sum[1] + expected];
+        }
+    }
+    let factors = tally.map(|[met, expected]| ((met + PRIOR) / (expected + PRIOR)) as f32);
+    rows.par_iter_mut().for_each(|row| {
+        for (exchange, class) in row.exchange.iter_mut().zip(std::mem::take(&mut row.chance)) {
+            *exchange *= factors.get(usize::from(class)).copied().unwrap_or(1.0);
+        }
+    });
+}
+
+/// What a pair that was found stands for, as a part of what it would exchange if nothing were in between:
+/// `f(T) = T / (1 − exp(−c T))`. That is convex, so that its mean over an uncertain `T` is too large, by `½ f″ σ²` to the
+/// second order, which is taken off.
+fn share(seen: Transmittance, c: f64) -> f64 {
+    let t = seen.value;
+    let x = c * t;
+    if x < 1e-3 {
+        return 1.0 / c + 0.5 * t;
+    }
+    let (gone, found) = ((-x).exp(), -(-x).exp_m1());
+    let bend = c * gone * (x * (1.0 + gone) - 2.0 * found) / found.powi(3);
+    t / found - 0.5 * bend * seen.error * seen.error
 }
 
 /// `A F` of two facets with nothing in between; by one point on the smaller if `small` says that this value of it is

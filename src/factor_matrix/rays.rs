@@ -69,6 +69,11 @@ impl Table {
         Table(points)
     }
 
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
     /// The points, shifted by the bits of `key`.
     pub fn shifted(&self, key: u64) -> impl Iterator<Item = [f32; 4]> + '_ {
         let (a, b) = (mix(key), mix(!key));
@@ -98,7 +103,11 @@ pub fn mix(x: u64) -> u64 {
 
 impl Facet {
     /// The point of the facet for two numbers in `[0, 1)`, uniform by area, and its triangle's place among the facet's.
+    #[inline]
     pub fn point(&self, mut u: f32, v: f32) -> (Vec3, usize) {
+        if let Some([corner, first, second]) = self.parallelogram {
+            return (corner + first * u + second * v, 0);
+        }
         let mut k = 0;
         if self.triangles.len() > 1 {
             k = self.triangles.partition_point(|t| t.1 <= u).min(self.triangles.len() - 1);

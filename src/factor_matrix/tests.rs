@@ -114,6 +114,19 @@ fn a_town_under_the_sky_is_closed() {
 }
 
 #[test]
+fn what_is_found_by_chance_is_right_in_the_mean() {
+    // Rays enough to find most pairs, not all, and most of them partly hidden: sums over all rows see the least bias.
+    let scene = town(900);
+    for rays in [1024, 4096] {
+        let (m, report) = run(&scene, |s| (s.enforce, s.rays) = (false, rays));
+        let total: f64 = m.areas.iter().sum();
+        let sums: f64 = (0..m.len()).map(|i| m.areas[i] * (m.row_sum(i) + f64::from(m.escaped[i]))).sum();
+        assert!((sums / total - 1.0).abs() < 5e-4, "{rays}: {}", sums / total - 1.0);
+        assert!(report.row_sum_error < 2.0 * report.row_standard_error, "{report:?}");
+    }
+}
+
+#[test]
 fn groups_are_sums_of_their_facets() {
     let scene = town(200);
     let facets = Facets::new(&scene);

@@ -1,4 +1,4 @@
-//! What a scene and its hierarchy are, for records.
+//! The facts of a scene that every output states.
 
 use super::Hierarchy;
 use crate::scene::Scene;
@@ -26,7 +26,7 @@ pub struct SceneFacts {
 }
 
 impl SceneFacts {
-    /// Of a scene and its clusters.
+    /// Those of a scene and its clusters.
     pub fn of(scene: &Scene, hierarchy: &Hierarchy) -> SceneFacts {
         SceneFacts {
             path: scene.path.display().to_string(),

@@ -75,7 +75,7 @@ impl Sight<'_> {
                 let (answer, lanes) = engine.answer_lanes(packet, emitter_size, feature_size, workspace);
                 match answer.method {
                     Method::Clear => tally.clear += 1,
-                    Method::Exact => tally.exact += 1,
+                    Method::Exact | Method::Covered => tally.exact += 1,
                     Method::Aggregated => tally.aggregated += 1,
                     Method::Mixed => tally.mixed += 1,
                 }

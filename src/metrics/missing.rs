@@ -7,8 +7,12 @@ use crate::raster::{BitImage, Morphology, Opener};
 
 /// Visible fractions below which there is shadow: deep and half. Lights mirror them.
 const LEVELS: [f32; 2] = [0.25, 0.5];
-/// A feature is missing if the approximation's mean over it lies on the wrong side of its level by more than this.
+/// A feature is missing where the approximation's mean over a disc of the size lies on the wrong side of its level by
+/// more than this.
 const CONTRAST: f32 = 0.25;
+
+/// Texels across the smallest feature that an image can show: what one or two of them say is the noise of their rays.
+const LEAST: f64 = 3.0;
 
 /// How many features there are, and how many of them are missing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -35,12 +39,13 @@ impl Missing {
     }
 }
 
-/// Looks for the features of `reference` of more than `size` (scene units, inscribed disc) in an approximation. Both
-/// images hold visible fractions.
+/// Looks for the features of `reference` of more than `size` (scene units, inscribed disc; three texels at least) in an
+/// approximation. Both images hold visible fractions.
 ///
-/// A shadow is a connected region, opened by the size, where the reference is below a level (1/4, 1/2); it is missing if
-/// the approximation's mean over it is more than 1/4 above that level. Lights likewise, the other way round. Regions
-/// that only touch a larger one count with it.
+/// A shadow is a connected region, opened by the size, where the reference is below a level (1/4, 1/2): the union of all
+/// discs of that size that fit. It is missing if over any of these discs the approximation's mean is more than 1/4 above
+/// that level: a large shadow that has lost a part as large as the size lacks a feature, however much of it is left.
+/// Lights likewise, the other way round. Regions that only touch a larger one count with it.
 ///
 /// # Errors
 /// [`crate::Error::Argument`] when the images differ in shape.
@@ -52,21 +57,53 @@ pub fn missing_features(reference: &Image, approximation: &Image, size: f64) -> 
         let dark = BitImage::from_fn(width, height, |x, y| reference.at(x, y) < level);
         let bright = BitImage::from_fn(width, height, |x, y| reference.at(x, y) > 1.0 - level);
         for (image, is_shadow) in [(dark, true), (bright, false)] {
-            let opened = Opener::new(image, Morphology::Euclid).open(size / reference.texel());
+            let mut opener = Opener::new(image, Morphology::Euclid);
+            let pixels = (size / reference.texel()).max(LEAST);
+            let (opened, core) = (opener.open(pixels), opener.core(pixels));
+            let disc = Disc::new(pixels);
             for region in regions(opened) {
-                let sum: f64 = region.iter().map(|&(x, y)| f64::from(approximation.at(x, y))).sum();
-                let mean = (sum / region.len() as f64) as f32;
+                let centres = region.iter().filter(|&&(x, y)| core.get(x, y));
+                let mut means = centres.map(|&centre| disc.mean(approximation, centre));
                 if is_shadow {
                     found.shadows += 1;
-                    found.missing_shadows += usize::from(mean > level + CONTRAST);
+                    found.missing_shadows += usize::from(means.any(|mean| mean > level + CONTRAST));
                 } else {
                     found.lights += 1;
-                    found.missing_lights += usize::from(mean < 1.0 - level - CONTRAST);
+                    found.missing_lights += usize::from(means.any(|mean| mean < 1.0 - level - CONTRAST));
                 }
             }
         }
     }
     Ok(found)
+}
+
+/// A disc of texels, row by row.
+struct Disc {
+    /// How far each row reaches to either side, from the middle row downwards and upwards.
+    reach: Vec<usize>,
+}
+
+impl Disc {
+    /// Of a diameter in texels; of one texel at least.
+    fn new(diameter: f64) -> Disc {
+        let squared = (0.5 * diameter.max(0.0)).powi(2);
+        let rows = squared.sqrt() as usize;
+        Disc { reach: (0..=rows).map(|y| (squared - (y * y) as f64).max(0.0).sqrt() as usize).collect() }
+    }
+
+    /// The mean of an image over the disc around a texel; what lies outside the image does not count.
+    fn mean(&self, image: &Image, (x, y): (usize, usize)) -> f32 {
+        let (mut sum, mut count) = (0.0f64, 0);
+        let last = self.reach.len() - 1;
+        for row in y.saturating_sub(last)..(y + last + 1).min(image.height()) {
+            let reach = self.reach[row.abs_diff(y)];
+            for column in x.saturating_sub(reach)..(x + reach + 1).min(image.width()) {
+                sum += f64::from(image.at(column, row));
+                count += 1;
+            }
+        }
+        (sum / f64::from(count)) as f32
+    }
 }
 
 /// The texels of each connected region (of four neighbours) of an image.
@@ -123,6 +160,38 @@ mod tests {
         let large = found(1.0, 6.0);
         assert_eq!((large.shadows, large.missing()), (0, 0), "{large:?}");
         assert_eq!(missing_features(&reference, &wall(0.0), 0.0).expect("shapes").shadows, 6);
+    }
+
+    /// A shadow of 40 by 30 texels that loses a part of 12 by 12, a tenth: its mean hardly changes, but a feature of 6
+    /// texels is gone. Noise and a rim that is lost all around are no features.
+    #[test]
+    fn a_part_of_a_large_shadow_that_is_lost_is_missed() {
+        let shadow = |lost: &dyn Fn(usize, usize) -> f32| {
+            Image::from_fn(64, 48, 1.0, |x, y| match (x, y) {
+                (10..50, 10..40) => lost(x, y),
+                _ => 1.0,
+            })
+            .expect("image")
+        };
+        let reference = shadow(&|_, _| 0.0);
+        let found = |lost: &dyn Fn(usize, usize) -> f32, size| {
+            missing_features(&reference, &shadow(lost), size).expect("shapes").missing_shadows
+        };
+        let part = |x, y| if (20..32).contains(&x) && (20..32).contains(&y) { 1.0 } else { 0.0 };
+        assert_eq!((found(&part, 6.0), found(&part, 20.0)), (2, 0));
+        let noise = |x, y| if (7 * x + 5 * y) % 4 == 0 { 1.0 } else { 0.0 };
+        assert_eq!(found(&noise, 6.0), 0);
+        let rim = |x: usize, y: usize| if x < 12 || y < 12 || x > 47 || y > 37 { 1.0 } else { 0.0 };
+        assert_eq!(found(&rim, 8.0), 0);
+    }
+
+    #[test]
+    fn discs_have_the_texels_of_the_opening() {
+        let disc = Disc::new(6.0);
+        assert_eq!(disc.reach, [3, 2, 2, 0]);
+        let ramp = Image::from_fn(9, 9, 1.0, |x, y| (x + y) as f32).expect("image");
+        assert_eq!(disc.mean(&ramp, (4, 4)), 8.0);
+        assert_eq!((Disc::new(0.0).mean(&ramp, (0, 8)), Disc::new(f64::NAN).mean(&ramp, (2, 1))), (8.0, 3.0));
     }
 
     #[test]

@@ -43,7 +43,24 @@ impl Opener {
             Morphology::Paper8 | Morphology::Paper4 => {
                 // More steps than the image has pixels across change nothing more.
                 let steps = ((size / 2.0) as usize).min(self.image.width() + self.image.height());
-                expand_by(&erode_by(&self.image, steps, self.mode, Outside::Free), steps, self.mode)
+                expand_by(&self.core(size), steps, self.mode)
+            }
+        }
+    }
+
+    /// The middles of all discs of `size` pixels that fit into the image's object, for [`Morphology::Euclid`]: what
+    /// [`Opener::open`] expands back. Other modes erode as often as they do for that.
+    pub fn core(&self, size: f64) -> BitImage {
+        let radius = size.max(0.0) / 2.0;
+        let (width, height) = (self.image.width(), self.image.height());
+        match self.mode {
+            Morphology::Euclid => {
+                let squared = (radius * radius) as u32;
+                BitImage::from_fn(width, height, |x, y| self.depth[y * width + x] > squared)
+            }
+            Morphology::Paper8 | Morphology::Paper4 => {
+                let steps = (radius as usize).min(width + height);
+                erode_by(&self.image, steps, self.mode, Outside::Free)
             }
         }
     }
@@ -57,7 +74,7 @@ impl Opener {
         let (width, height) = (self.image.width(), self.image.height());
         // The cast saturates: a radius beyond every image opens to nothing.
         let squared = (radius * radius) as u32;
-        let outside_core = BitImage::from_fn(width, height, |x, y| self.depth[y * width + x] <= squared);
+        let outside_core = self.core(2.0 * radius).complement();
         if outside_core.count() == width * height {
             return BitImage::new(width, height);
         }

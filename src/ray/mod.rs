@@ -90,6 +90,22 @@ impl Packet {
     }
 }
 
+/// Orders points so that each run of [`LANES`] of them lies close together: halves along the longer side of their box,
+/// again and again. Segments from one place to these, in this order, make packets that meet the same things.
+pub fn gather_neighbours(points: &mut [Vec3]) {
+    let runs = points.len().div_ceil(LANES);
+    if runs < 2 {
+        return;
+    }
+    let (lo, hi) = points.iter().fold((points[0], points[0]), |(lo, hi), &p| (lo.min(p), hi.max(p)));
+    let axis = (hi - lo).max_position();
+    let half = runs / 2 * LANES;
+    points.select_nth_unstable_by(half, |a, b| a[axis].total_cmp(&b[axis]));
+    let (near, far) = points.split_at_mut(half);
+    gather_neighbours(near);
+    gather_neighbours(far);
+}
+
 /// The set bits of a lane mask, ascending.
 #[derive(Clone, Copy, Debug)]
 pub struct Lanes(pub u32);
@@ -118,6 +134,11 @@ pub struct EndRule {
 }
 
 impl EndRule {
+    /// No segment is open by less than this at either end, and none by more than [`EndRule::MOST`]; parameters.
+    pub const LEAST: f32 = 1e-4;
+    /// See [`EndRule::LEAST`].
+    pub const MOST: f32 = 0.05;
+
     /// The rule for a scene whose coordinates do not exceed `magnitude`.
     pub fn new(magnitude: f32) -> EndRule {
         EndRule { magnitude }
@@ -127,7 +148,7 @@ impl EndRule {
     #[inline]
     pub fn margin(self, length: f32) -> f32 {
         // `min` also mends the NaN of a segment without length.
-        (1e-4 + 4e-7 * self.magnitude / length).min(0.05)
+        (Self::LEAST + 4e-7 * self.magnitude / length).min(Self::MOST)
     }
 }
 

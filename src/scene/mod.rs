@@ -160,6 +160,8 @@ pub struct Scene {
     pub emitters: Vec<Emitter>,
     /// Index into `emitters` of each face, `u32::MAX` for faces that do not emit.
     pub triangle_emitter: Vec<u32>,
+    /// Texture coordinates of the corners of each face, from the lower left corner of an image; empty if the file has none.
+    pub triangle_texcoords: Vec<[[f32; 2]; 3]>,
     /// Perspective cameras of the file.
     pub cameras: Vec<StoredCamera>,
     /// Box of all positions that faces use.
@@ -210,6 +212,7 @@ impl Scene {
             + of(&self.triangle_sides)
             + of(&self.triangle_component)
             + of(&self.triangle_emitter)
+            + of(&self.triangle_texcoords)
             + of(&self.objects)
             + of(&self.materials)
             + self.emitters.iter().map(|e| of(&e.triangles)).sum::<usize>()

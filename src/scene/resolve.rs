@@ -85,6 +85,7 @@ pub fn resolve(mut soup: Soup, options: &LoadOptions) -> Result<Scene> {
         materials,
         emitters,
         triangle_emitter,
+        triangle_texcoords: faces.texcoords,
         repairs,
     })
 }
@@ -158,6 +159,8 @@ struct Triangles {
     object: Vec<u32>,
     material: Vec<u32>,
     reflectance: Vec<[f32; 3]>,
+    /// Empty if the soup has none.
+    texcoords: Vec<[[f32; 2]; 3]>,
 }
 
 /// Triangulates all kept polygons; also says which of them are broken.
@@ -203,6 +206,9 @@ fn triangulate(
             out.object.push(object);
             out.material.push(material);
             let sources = ordinals.map(|k| kept.source[span.start + k as usize]);
+            if !soup.corner_texcoords.is_empty() {
+                out.texcoords.push(texcoords(soup, sources));
+            }
             out.reflectance.push(reflectance(soup, &soup.materials[material as usize], sources));
             repairs.faces_without_material += usize::from(soup.materials[material as usize].missing);
         }
@@ -211,12 +217,17 @@ fn triangulate(
     (out, broken)
 }
 
+/// Texture coordinates of corners of the soup, which has some.
+fn texcoords(soup: &Soup, corners: [u32; 3]) -> [[f32; 2]; 3] {
+    corners.map(|k| soup.texcoords[soup.corner_texcoords[k as usize] as usize])
+}
+
 /// `Kd`, times the mean of the texture over the face; a black `Kd` beside a texture counts as white, because
 /// exporters write it where the texture alone is meant.
 fn reflectance(soup: &Soup, material: &SoupMaterial, corners: [u32; 3]) -> [f32; 3] {
     let kd = material.reflectance.map(|v| v.clamp(0.0, MAX_REFLECTANCE));
     let (Some(texture), false) = (&material.texture, soup.corner_texcoords.is_empty()) else { return kd };
-    let uv = corners.map(|k| soup.texcoords[soup.corner_texcoords[k as usize] as usize]);
+    let uv = texcoords(soup, corners);
     let (mean, black) = (texture.mean(uv), kd == [0.0; 3]);
     std::array::from_fn(|c| if black { mean[c] } else { mean[c] * kd[c] }.clamp(0.0, MAX_REFLECTANCE))
 }

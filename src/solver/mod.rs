@@ -33,7 +33,7 @@ pub use ledger::Ledger;
 pub use options::{Inside, Options, Rows, Visibility};
 pub use receive::Receiver;
 pub use record::{Iteration, Outcome, Record, Seconds};
-pub use run::{Progress, run};
+pub use run::{More, Progress, run, run_then};
 pub use scaling::{Scaling, ScalingRow, check_scaling, scaling};
 
 use crate::element::Elements;

@@ -49,6 +49,24 @@ const FINE: f64 = 1e-6;
 /// # Errors
 /// Options are out of range, or Embree refuses.
 pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Progress) -> Result<Outcome> {
+    run_then(scene, points, options, progress, |outcome, _| Ok(outcome))
+}
+
+/// Irradiance at more points (file coordinates), W/m², by the solution that was found.
+pub type More<'a> = &'a dyn Fn(&[Point]) -> Vec<Rgb>;
+
+/// Like [`run()`], and hands the outcome to `then` while light at more points can still be asked for, without solving
+/// again: pixels of pictures are known only when there is something to see.
+///
+/// # Errors
+/// Those of [`run()`] and of `then`.
+pub fn run_then<T>(
+    scene: &Scene,
+    points: &[Point],
+    options: &Options,
+    progress: &dyn Progress,
+    then: impl FnOnce(Outcome, More) -> Result<T>,
+) -> Result<T> {
     options.check()?;
     let mut seconds = Seconds::default();
     let begun = Instant::now();
@@ -109,10 +127,11 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
     }
 
     progress.stage("points");
-    let asked: Vec<(Vec3, Vec3)> =
-        points.iter().map(|p| ((p.position - scene.origin).as_vec3(), p.normal.as_vec3())).collect();
+    let local = |points: &[Point]| -> Vec<(Vec3, Vec3)> {
+        points.iter().map(|p| ((p.position - scene.origin).as_vec3(), p.normal.as_vec3())).collect()
+    };
     let receiver = Receiver::new(scene, &solver, (&traced, traversal), options);
-    let (irradiance, tally) = timed(&mut seconds.points, || receiver.irradiance(&asked));
+    let (irradiance, tally) = timed(&mut seconds.points, || receiver.irradiance(&local(points)));
     let mut bundles = solver.tally();
     bundles.add(tally);
     let uncertainty = solver.uncertainty();
@@ -146,7 +165,8 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
         mean_irradiance: solver.mean_irradiance(),
         interrupted: progress.stopped(),
     };
-    Ok(Outcome { solution: solver.solution(scene, &uncertainty), record, irradiance })
+    let outcome = Outcome { solution: solver.solution(scene, &uncertainty), record, irradiance };
+    then(outcome, &|points| receiver.irradiance(&local(points)).0)
 }
 
 /// Refines in steps until the error asked for is reached or time is up.

@@ -29,6 +29,7 @@ pub use multires::{Leaf, MultiResolution, Workspace};
 pub use unbiased::{Correction, Estimate, Unbiased};
 
 use crate::ray::Packet;
+use glam::Vec3;
 
 /// Segments that share their ends: `origin` at the receiver, `origin + direction` on the emitter.
 #[derive(Clone, Copy, Debug)]
@@ -38,6 +39,13 @@ pub struct Bundle<'a> {
     /// Smallest width of the emitter as seen along the bundle (method A.6: the smallest is the safe one), 0 for a
     /// point; scene units.
     pub emitter_size: f32,
+    /// Points whose convex hull holds the whole emitter, not only the ends of these segments; none where nobody knows.
+    /// With them an answer can be certain, and bundles that meet nothing, or that one triangle covers, cost the same
+    /// however many segments they have.
+    ///
+    /// Who gives them promises that all segments begin at one point, end inside the hull, and are open by an
+    /// [`crate::ray::EndRule`] of the scene.
+    pub emitter: &'a [Vec3],
 }
 
 /// How an answer was found.
@@ -45,6 +53,8 @@ pub struct Bundle<'a> {
 pub enum Method {
     /// Nothing lies between the ends.
     Clear,
+    /// A single triangle lies before the whole of the emitter's end; no segment was tested.
+    Covered,
     /// Triangles were tested; nothing was aggregated.
     Exact,
     /// Clusters were aggregated; no triangle was tested.
@@ -66,6 +76,8 @@ pub struct Cost {
     pub handed_over: u64,
     /// Segments whose answer contains an aggregated cluster.
     pub aggregated: u64,
+    /// Segments of bundles whose answer is certain without a ray.
+    pub certified: u64,
 }
 
 impl Cost {
@@ -76,6 +88,7 @@ impl Cost {
         self.exact_rays += other.exact_rays;
         self.handed_over += other.handed_over;
         self.aggregated += other.aggregated;
+        self.certified += other.certified;
     }
 }
 
@@ -84,9 +97,13 @@ impl Cost {
 pub struct Answer {
     /// Mean transmittance of the segments, in `[0, 1]`.
     pub transmittance: f32,
-    /// Stated 95 % interval, lower end: sampling error of the segments, certified errors of the aggregated clusters
-    /// for a beam as wide as the bundle, both within what any dependence between the clusters allows (Fréchet
-    /// bounds, method D.7).
+    /// Stated 95 % interval, lower end: sampling error of the segments, and that of the aggregated clusters, both within
+    /// what any dependence between the clusters allows (Fréchet bounds, method D.7). The error of a cluster is the
+    /// tolerance that its feature size was measured for, times that size over the width of the bundle where it passes
+    /// the cluster, 1 at most: errors of independent parts average out over a wider beam.
+    ///
+    /// Where the answer is certain for the whole of [`Bundle::emitter`], because the space between it and the receiver
+    /// end is empty or one triangle covers it, both ends of the interval are the answer.
     pub lo: f32,
     /// Upper end.
     pub hi: f32,

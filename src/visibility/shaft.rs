@@ -2,10 +2,14 @@
 //!
 //! The union box of all ends and four side planes: through the common receiver end of one bundle (the planes of
 //! Haines' shaft for a point and an element), or along the boxes of the ends of several. A statement about *these
-//! segments*: what lies outside blocks none of them.
+//! segments*: what lies outside blocks none of them. Where the emitter is known the shaft from a common receiver end
+//! holds all segments to all of it, so that what it says is certain for the emitter as a whole.
+//!
+//! Segments are open at their ends by [`EndRule::LEAST`] at least, and so is that shaft: a lamp's frame that begins at
+//! the lamp's edge is not inside, unless it hides something of the lamp.
 
 use super::wide::Node;
-use crate::ray::Packet;
+use crate::ray::{EndRule, Packet};
 use crate::simd::vector::{self, Vector};
 use crate::simd::{LANES, Simd};
 use glam::Vec3;
@@ -59,6 +63,8 @@ pub(super) struct Shaft {
     pub planes: usize,
     /// Receiver ends and emitter ends.
     pub ends: [Ends; 2],
+    /// Whether it holds all segments between the common receiver end and the emitter, not only those asked.
+    pub whole: bool,
     /// A few roundings of the scene's coordinates.
     pub slack: f32,
     /// Largest `near` of its segments.
@@ -74,10 +80,16 @@ pub(super) struct Shaft {
 }
 
 impl Shaft {
-    /// The shaft of the active segments of some packets in a scene of this coordinate magnitude.
+    /// The shaft of the active segments of some packets, and of all others to an emitter inside the hull of these points
+    /// if there are any, in a scene of this coordinate magnitude.
     #[inline(always)]
-    pub fn of<S: Simd>(simd: S, packets: &[Packet], magnitude: f32) -> Shaft {
-        let apex = packets[0].point(packets[0].active.trailing_zeros() as usize % LANES, 0.0);
+    pub fn of<S: Simd>(simd: S, packets: &[Packet], emitter: &[Vec3], magnitude: f32) -> Shaft {
+        let first = packets[0].active.trailing_zeros() as usize % LANES;
+        let apex = packets[0].point(first, 0.0);
+        let slack = 4e-7 * magnitude;
+        if !emitter.is_empty() {
+            return Shaft::whole(simd, packets, emitter, apex, slack);
+        }
         // Extremes lane by lane first, across lanes once.
         let mut lanes = [[(simd.splat(f32::MAX), simd.splat(f32::MIN)); 3]; 2];
         let mut apart = simd.mask(0);
@@ -98,13 +110,39 @@ impl Shaft {
         let shared = simd.bits(apart) == 0;
         let from = if shared { Ends::of([apex, apex]) } else { Ends::around(simd, &lanes[0]) };
         let to = Ends::around(simd, &lanes[1]);
-        let mut shaft = Shaft::between([from, to], 4e-7 * magnitude, simd.greatest(near));
+        let mut shaft = Shaft::between([from, to], slack, simd.greatest(near));
         if shared {
             shaft.apex = Some(apex);
-            shaft.add_pyramid(simd, packets, apex);
+            shaft.add_pyramid(simd, packets, emitter, apex);
         } else {
             shaft.add_planes();
         }
+        shaft
+    }
+
+    /// The shaft of all segments from a point to an emitter, without a look at those that are asked.
+    ///
+    /// Each is open by the [`EndRule`]: by no less than its least margin, and by no more than the shortest may be, for
+    /// what has to lie amid them all.
+    #[inline(always)]
+    fn whole<S: Simd>(simd: S, packets: &[Packet], emitter: &[Vec3], apex: Vec3, slack: f32) -> Shaft {
+        let bounds = [
+            emitter.iter().fold(emitter[0], |a, &b| a.min(b)),
+            emitter.iter().fold(emitter[0], |a, &b| a.max(b)),
+        ];
+        let [lo, hi] = bounds;
+        let nearest = apex.clamp(lo, hi).distance(apex);
+        let near = EndRule::MOST.min(EndRule::LEAST + slack / nearest);
+        let mut shaft = Shaft::between([Ends::of([apex, apex]), Ends::of(bounds)], slack, near);
+        // Half of it, for the roundings of what is computed here.
+        let inner = |corner: Vec3| {
+            let [first, last] =
+                [0.5 * EndRule::LEAST, 1.0 - 0.5 * EndRule::LEAST].map(|t| apex + t * (corner - apex));
+            (first.min(last), first.max(last))
+        };
+        (shaft.lo, shaft.hi) = (inner(lo).0 - slack, inner(hi).1 + slack);
+        (shaft.whole, shaft.apex) = (true, Some(apex));
+        shaft.add_pyramid(simd, packets, emitter, apex);
         shaft
     }
 
@@ -148,6 +186,7 @@ impl Shaft {
             offsets: [0.0; 4],
             planes: 0,
             ends,
+            whole: false,
             slack,
             near,
             apex: None,
@@ -177,34 +216,36 @@ impl Shaft {
         self.planes = 4;
     }
 
-    /// Side planes through the common point: extreme slopes of the directions against the middle one.
+    /// Side planes through the common point and the edges of the polygon or panel that the segments end on, or else of
+    /// extreme slopes against the middle direction.
     #[inline(always)]
-    fn add_pyramid<S: Simd>(&mut self, simd: S, packets: &[Packet], apex: Vec3) {
-        let w = self.direction().normalize_or_zero();
+    fn add_pyramid<S: Simd>(&mut self, simd: S, packets: &[Packet], emitter: &[Vec3], apex: Vec3) {
+        let w = self.direction();
         if w == Vec3::ZERO {
             return;
         }
-        let (u, v) = w.any_orthonormal_pair();
         let to = self.ends[1];
-        // For a panel along two coordinate axes the corners of its box are those of the panel; else every segment
-        // is looked at.
-        let slopes = if to.half.min_element() <= 0.02 * to.half.max_element() {
-            slopes_of_box(to, apex, [u, v, w])
-        } else {
-            slopes_of_segments(simd, packets, [u, v, w])
+        let corners = corners_of_polygon(emitter, apex).or_else(|| corners_of_panel(to, apex, self.slack));
+        let corners = match corners {
+            Some(corners) => corners,
+            None => {
+                let w = w.normalize();
+                let (u, v) = w.any_orthonormal_pair();
+                let slopes = match self.whole {
+                    true => slopes_of_points(emitter, apex, [u, v, w]),
+                    false => slopes_of_segments(simd, packets, [u, v, w]),
+                };
+                let Some([low, high]) = slopes else { return };
+                [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]]
+                    .map(|[i, j]| w + i * u + j * v)
+            }
         };
-        let Some([low, high]) = slopes else { return };
-        self.normals = [u - high[0] * w, low[0] * w - u, v - high[1] * w, low[1] * w - v];
-        for (offset, n) in self.offsets.iter_mut().zip(&self.normals) {
-            *offset = n.dot(apex) + self.slack * n.abs().element_sum();
+        for (k, (normal, offset)) in self.normals.iter_mut().zip(&mut self.offsets).enumerate() {
+            let n = corners[k].cross(corners[(k + 1) % 4]);
+            *normal = if n.dot(w) > 0.0 { -n } else { n };
+            *offset = normal.dot(apex) + self.slack * normal.abs().element_sum();
         }
         self.planes = 4;
-        let corners = [
-            w + low[0] * u + low[1] * v,
-            w + high[0] * u + low[1] * v,
-            w + high[0] * u + high[1] * v,
-            w + low[0] * u + high[1] * v,
-        ];
         let longest = corners.iter().map(|c| c.length()).fold(0.0, f32::max);
         self.pyramid = Some(Pyramid { apex, corners, longest });
     }
@@ -338,6 +379,20 @@ impl Shaft {
         outside
     }
 
+    /// Lanes whose triangle lies outside the box of the shaft's open segments.
+    #[inline(always)]
+    pub fn beside<S: Simd>(&self, simd: S, corner: &Vector<S>, edges: [&Vector<S>; 2]) -> S::M {
+        let (zero, mut outside) = (simd.splat(0.0), simd.mask(0));
+        for axis in 0..3 {
+            let (a, b) = (edges[0][axis], edges[1][axis]);
+            let low = simd.add(corner[axis], simd.min(simd.min(a, b), zero));
+            let high = simd.add(corner[axis], simd.max(simd.max(a, b), zero));
+            outside = simd.or(outside, simd.lt(simd.splat(self.hi[axis]), low));
+            outside = simd.or(outside, simd.lt(high, simd.splat(self.lo[axis])));
+        }
+        outside
+    }
+
     /// Lanes whose plane, with this normal through this corner, has all ends of the shaft on one side.
     #[inline(always)]
     pub fn on_one_side<S: Simd>(&self, simd: S, corner: &Vector<S>, normal: &Vector<S>) -> S::M {
@@ -361,13 +416,49 @@ impl Shaft {
 /// Directions that go sideways by more than this times forward have no useful slope.
 const STEEP: f32 = 10.0;
 
-/// Least and greatest slope towards u and v against w of the corners of a box seen from a point.
+/// Three or four points seen from another, in the order that makes them the edges of a convex pyramid; none if there
+/// is no such order.
 #[inline(always)]
-fn slopes_of_box(to: Ends, apex: Vec3, [u, v, w]: [Vec3; 3]) -> Option<[[f32; 2]; 2]> {
-    let [lo, hi] = to.bounds();
+fn corners_of_polygon(points: &[Vec3], apex: Vec3) -> Option<[Vec3; 4]> {
+    const ORDERS: [[usize; 4]; 3] = [[0, 1, 2, 3], [0, 1, 3, 2], [0, 2, 1, 3]];
+    let points = match *points {
+        [a, b, c] => return Some([a, b, c, c].map(|p| p - apex)),
+        [a, b, c, d] => [a, b, c, d].map(|p| p - apex),
+        _ => return None,
+    };
+    let [first, ..] = points;
+    let in_turn = |corners: &[Vec3; 4]| {
+        // Every side plane has the other two corners on the same side.
+        let side = |k: usize| corners[k].cross(corners[(k + 1) % 4]);
+        let inside = side(1).dot(first).signum();
+        (0..4).all(|k| {
+            let n = inside * side(k);
+            n.dot(corners[(k + 2) % 4]) > 0.0 && n.dot(corners[(k + 3) % 4]) > 0.0
+        })
+    };
+    ORDERS.iter().map(|order| order.map(|k| points[k])).find(in_turn)
+}
+
+/// The corners of a box without thickness, in turn, seen from a point.
+#[inline(always)]
+fn corners_of_panel(to: Ends, apex: Vec3, slack: f32) -> Option<[Vec3; 4]> {
+    let flat = to.half.min_position();
+    if to.half[flat] > slack {
+        return None;
+    }
+    let (u, v) = ((flat + 1) % 3, (flat + 2) % 3);
+    Some([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(i, j)| {
+        let mut half = Vec3::ZERO;
+        (half[u], half[v]) = (i * to.half[u], j * to.half[v]);
+        to.centre + half - apex
+    }))
+}
+
+/// Least and greatest slope towards u and v against w of points seen from another.
+#[inline(always)]
+fn slopes_of_points(points: &[Vec3], apex: Vec3, [u, v, w]: [Vec3; 3]) -> Option<[[f32; 2]; 2]> {
     let (mut low, mut high) = ([f32::MAX; 2], [f32::MIN; 2]);
-    for k in 0..8 {
-        let corner = Vec3::select(glam::BVec3::new(k & 1 == 1, k & 2 == 2, k & 4 == 4), hi, lo) - apex;
+    for corner in points.iter().map(|&p| p - apex) {
         let forward = corner.dot(w);
         for (i, sideways) in [corner.dot(u), corner.dot(v)].into_iter().enumerate() {
             if sideways.abs() >= STEEP * forward {
@@ -398,15 +489,12 @@ fn slopes_of_segments<S: Simd>(simd: S, packets: &[Packet], [u, v, w]: [Vec3; 3]
             *range = (simd.min(range.0, slope), simd.max(range.1, slope));
         }
     }
-    Some([
-        [simd.least(slopes[0].0), simd.least(slopes[1].0)],
-        [simd.greatest(slopes[0].1), simd.greatest(slopes[1].1)],
-    ])
+    Some([slopes.map(|range| simd.least(range.0)), slopes.map(|range| simd.greatest(range.1))])
 }
 
 /// Origins and directions; unused lanes repeat the first segment, so that whole registers can be reduced.
 #[inline(always)]
-fn filled<S: Simd>(simd: S, packet: &Packet) -> (Vector<S>, Vector<S>) {
+pub(super) fn filled<S: Simd>(simd: S, packet: &Packet) -> (Vector<S>, Vector<S>) {
     if packet.active == 0xffff {
         return (vector::load(simd, &packet.origin), vector::load(simd, &packet.direction));
     }

@@ -2,7 +2,7 @@
 
 use super::shaft::Shaft;
 use super::slabs::{Slab, pass};
-use super::triangles;
+use super::triangles::{self, Tiles};
 use super::wide::{WideTree, mixed};
 use crate::characterise::AxisMix;
 use crate::ray::{Lanes, Packet};
@@ -73,7 +73,7 @@ impl Kernel for Run<'_> {
     fn run<S: Simd>(self, simd: S) -> f32 {
         let Run(steps, step) = self;
         let Steps { tree, packets, .. } = steps;
-        let shaft = Shaft::of(simd, packets, steps.magnitude);
+        let shaft = Shaft::of(simd, packets, &[], steps.magnitude);
         let mix = AxisMix::around(shaft.direction());
         let nodes = tree.nodes.iter().zip(&tree.traits).take(steps.nodes());
         match step {
@@ -85,12 +85,13 @@ impl Kernel for Run<'_> {
                 })
                 .fold(0, u32::wrapping_add) as f32,
             Step::Blocks => {
-                let mut blocked = vec![0; packets.len()];
+                let (mut tiles, mut blocked) = (Tiles::default(), vec![0; packets.len()]);
                 let tested = tree.blocks.iter().take(steps.blocks()).map(|block| {
                     blocked.fill(0);
-                    triangles::block_all(simd, &shaft, block, packets, &mut blocked).triangles
+                    tiles.clear();
+                    triangles::block_all(simd, &shaft, block, packets, (&mut tiles, &mut blocked)).work
                 });
-                tested.sum::<u32>() as f32
+                tested.sum::<u64>() as f32
             }
             Step::Slabs => {
                 let from = shaft.apex.unwrap_or(Vec3::ZERO);

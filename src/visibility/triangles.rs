@@ -5,7 +5,7 @@
 //! three planes through o and a segment is inside if it lies on the right side of each: three products a packet,
 //! nothing divided, and the corners of the bundle's pyramid rule out or accept all of its segments at once.
 
-use super::shaft::{Pyramid, Shaft};
+use super::shaft::{Pyramid, Shaft, filled};
 use super::wide::Block;
 use crate::ray::{Lanes, Packet};
 use crate::simd::vector::{self, Vector};
@@ -19,9 +19,12 @@ const WIDEN: f32 = 1e-6;
 const ROUNDINGS: f32 = f32::EPSILON;
 
 /// What testing a block has told.
+#[derive(Clone, Copy, Default)]
 pub(super) struct Tested {
-    /// Triangles that had to be tested segment by segment.
-    pub triangles: u32,
+    /// Whether a triangle had to be tested segment by segment.
+    pub any: bool,
+    /// Tests of a triangle against a packet, or against what is about as much work.
+    pub work: u64,
     /// Whether every segment is blocked now.
     pub all: bool,
 }
@@ -33,25 +36,28 @@ pub(super) fn block_all<S: Simd>(
     shaft: &Shaft,
     block: &Block,
     packets: &[Packet],
-    blocked: &mut [u32],
+    (tiles, blocked): (&mut Tiles, &mut [u32]),
 ) -> Tested {
     let corner = vector::load(simd, &block.corner);
     let (edge1, edge2) = (vector::load(simd, &block.edge1), vector::load(simd, &block.edge2));
     let misses = shaft.misses(simd, &corner, [&edge1, &edge2]);
     let touched = block.used & !simd.bits(misses);
     if touched == 0 {
-        return Tested { triangles: 0, all: false };
+        return Tested::default();
     }
     let normal = vector::cross(simd, &edge2, &edge1);
     let harmless = shaft.on_one_side(simd, &corner, &normal);
-    let touched = touched & !simd.bits(harmless);
+    let mut touched = touched & !simd.bits(harmless);
+    if shaft.whole && touched != 0 {
+        touched &= !simd.bits(shaft.beside(simd, &corner, [&edge1, &edge2]));
+    }
     if touched == 0 {
-        return Tested { triangles: 0, all: false };
+        return Tested::default();
     }
     match &shaft.pyramid {
         Some(pyramid) => {
             let fans = Fans::of(simd, shaft, pyramid, (&corner, &edge1, &edge2, &normal));
-            fans.block(simd, touched, packets, blocked)
+            fans.block(simd, touched, packets, (tiles, blocked))
         }
         None => each(simd, block, touched, packets, blocked),
     }
@@ -71,20 +77,83 @@ pub(super) fn candidates<S: Simd>(simd: S, shaft: &Shaft, block: &Block) -> u32 
 /// Triangles one by one, segment by segment.
 #[inline(always)]
 fn each<S: Simd>(simd: S, block: &Block, candidates: u32, packets: &[Packet], blocked: &mut [u32]) -> Tested {
+    let mut tested = Tested { any: true, ..Tested::default() };
     for k in Lanes(candidates) {
         let triangle = Triangle::of(block, k);
-        let mut all = true;
+        tested.work += 1 + packets.len() as u64;
+        tested.all = true;
         for (packet, blocked) in packets.iter().zip(&mut *blocked) {
             if *blocked != packet.active {
                 *blocked |= triangle.blocks(simd, packet) & packet.active;
-                all &= *blocked == packet.active;
+                tested.all &= *blocked == packet.active;
             }
         }
-        if all {
-            return Tested { triangles: candidates.count_ones(), all };
+        if tested.all {
+            break;
         }
     }
-    Tested { triangles: candidates.count_ones(), all: false }
+    tested
+}
+
+/// Bundles of more packets than this are tested tile by tile.
+const FEW: usize = 2;
+
+/// Where the packets of a bundle point, sixteen side by side.
+struct Row {
+    lo: [[f32; LANES]; 3],
+    hi: [[f32; LANES]; 3],
+    /// Packets with a segment that is not blocked yet.
+    open: u32,
+}
+
+/// The packets of a bundle as tiles of what it sees: boxes around their directions. Made when a triangle asks for them.
+///
+/// What misses a box misses its packet, and a triangle in front of all of it blocks the packet, without a look at the
+/// segments. It pays where the segments of a packet lie close together, see [`crate::ray::gather_neighbours`].
+#[derive(Default)]
+pub(super) struct Tiles {
+    rows: Vec<Row>,
+}
+
+impl Tiles {
+    /// Forgets the last bundle.
+    pub fn clear(&mut self) {
+        self.rows.clear();
+    }
+
+    #[inline(always)]
+    fn make<S: Simd>(&mut self, simd: S, packets: &[Packet], blocked: &[u32]) {
+        for (packets, blocked) in packets.chunks(LANES).zip(blocked.chunks(LANES)) {
+            let mut row = Row { lo: [[0.0; LANES]; 3], hi: [[0.0; LANES]; 3], open: 0 };
+            for (k, (packet, blocked)) in packets.iter().zip(blocked).enumerate() {
+                let (_, direction) = filled(simd, packet);
+                for (axis, d) in direction.into_iter().enumerate() {
+                    row.lo[axis][k] = simd.least(d);
+                    row.hi[axis][k] = simd.greatest(d);
+                }
+                row.open |= u32::from(*blocked != packet.active) << k;
+            }
+            self.rows.push(row);
+        }
+    }
+}
+
+impl Row {
+    /// Least and greatest product of a plane with the directions of each packet.
+    #[inline(always)]
+    fn products<S: Simd>(&self, simd: S, plane: Vec3) -> (S::F, S::F) {
+        let (mut least, mut greatest) = (simd.splat(0.0), simd.splat(0.0));
+        for axis in 0..3 {
+            let n = simd.splat(plane[axis]);
+            let (near, far) = match plane[axis] > 0.0 {
+                true => (&self.lo[axis], &self.hi[axis]),
+                false => (&self.hi[axis], &self.lo[axis]),
+            };
+            least = simd.fma(n, simd.load(near), least);
+            greatest = simd.fma(n, simd.load(far), greatest);
+        }
+        (least, greatest)
+    }
 }
 
 /// The triangles of a block as fans of planes through the common receiver end.
@@ -167,44 +236,121 @@ impl Fans {
     }
 
     #[inline(always)]
-    fn block<S: Simd>(&self, simd: S, touched: u32, packets: &[Packet], blocked: &mut [u32]) -> Tested {
+    fn block<S: Simd>(
+        &self,
+        simd: S,
+        touched: u32,
+        packets: &[Packet],
+        (tiles, blocked): (&mut Tiles, &mut [u32]),
+    ) -> Tested {
         if touched & self.covering != 0 {
             packets.iter().zip(blocked).for_each(|(packet, blocked)| *blocked = packet.active);
-            return Tested { triangles: 0, all: true };
+            return Tested { all: true, ..Tested::default() };
         }
         let touched = touched & !self.missed;
-        let zero = simd.splat(0.0);
-        for k in Lanes(touched) {
-            let a = pick(simd, &self.planes[0], k);
-            let b = pick(simd, &self.planes[1], k);
-            let c = pick(simd, &self.planes[2], k);
-            let height = simd.splat(self.height[k]);
-            let rounding = simd.splat(self.rounding[k]);
-            let beside = simd.sub(zero, rounding);
-            let amid = self.amid >> k & 1 == 1;
-            let mut all = true;
-            for (packet, blocked) in packets.iter().zip(&mut *blocked) {
-                let d = vector::load(simd, &packet.direction);
-                let a = vector::dot(simd, &a, &d);
-                let b = vector::dot(simd, &b, &d);
-                let c = vector::dot(simd, &c, &d);
-                // All three are >= 0 where the least is; a triangle seen on its edge blocks nothing.
-                let det = simd.add(simd.add(a, b), c);
-                let inside = simd.le(beside, simd.min(simd.min(a, b), c));
-                let mut hit = simd.and(inside, simd.lt(rounding, det));
-                if !amid {
-                    let beyond = simd.le(simd.mul(simd.load(&packet.near), det), height);
-                    let before = simd.le(height, simd.mul(simd.load(&packet.far), det));
-                    hit = simd.and(hit, simd.and(beyond, before));
+        let mut tested = Tested { any: touched != 0, ..Tested::default() };
+        if packets.len() <= FEW {
+            for k in Lanes(touched) {
+                let plane = self.planes_of(simd, k);
+                tested.work += 1 + packets.len() as u64;
+                tested.all = true;
+                for (packet, blocked) in packets.iter().zip(&mut *blocked) {
+                    *blocked |= plane.hits(simd, packet);
+                    tested.all &= *blocked == packet.active;
                 }
-                *blocked |= simd.bits(hit) & packet.active;
-                all &= *blocked == packet.active;
+                if tested.all {
+                    break;
+                }
             }
-            if all {
-                return Tested { triangles: touched.count_ones(), all };
+            return tested;
+        }
+        if tested.any && tiles.rows.is_empty() {
+            tiles.make(simd, packets, blocked);
+            tested.work += packets.len() as u64;
+        }
+        for k in Lanes(touched) {
+            let plane = self.planes_of(simd, k);
+            tested.work += 1;
+            tested.all = true;
+            for (row, first) in tiles.rows.iter_mut().zip((0..).step_by(LANES)) {
+                if row.open == 0 {
+                    continue;
+                }
+                tested.work += 2;
+                let (met, covered) = self.tiles(simd, k, row);
+                for i in Lanes(covered) {
+                    blocked[first + i] = packets[first + i].active;
+                }
+                row.open &= !covered;
+                for i in Lanes(met & row.open) {
+                    let (packet, blocked) = (&packets[first + i], &mut blocked[first + i]);
+                    tested.work += 1;
+                    *blocked |= plane.hits(simd, packet);
+                    row.open &= !(u32::from(*blocked == packet.active) << i);
+                }
+                tested.all &= row.open == 0;
+            }
+            if tested.all {
+                break;
             }
         }
-        Tested { triangles: touched.count_ones(), all: false }
+        tested
+    }
+
+    /// Open packets of a row that triangle `k` may block some segments of, and those of them that it blocks wholly.
+    #[inline(always)]
+    fn tiles<S: Simd>(&self, simd: S, k: usize, row: &Row) -> (u32, u32) {
+        // Twice what single products need: these add their own roundings.
+        let clearly = simd.splat(2.0 * self.rounding[k]);
+        let beside = simd.sub(simd.splat(0.0), clearly);
+        let (mut met, mut covered) = (simd.mask(row.open), simd.mask(row.open));
+        for plane in &self.planes {
+            let n = Vec3::new(plane[0][k], plane[1][k], plane[2][k]);
+            let (least, greatest) = row.products(simd, n);
+            met = simd.and(met, simd.le(beside, greatest));
+            covered = simd.and(covered, simd.lt(clearly, least));
+        }
+        let amid = self.amid >> k & 1 == 1;
+        (simd.bits(met), if amid { simd.bits(covered) } else { 0 })
+    }
+
+    #[inline(always)]
+    fn planes_of<S: Simd>(&self, simd: S, k: usize) -> Planes<S> {
+        Planes {
+            planes: [0, 1, 2].map(|i| pick(simd, &self.planes[i], k)),
+            height: simd.splat(self.height[k]),
+            rounding: simd.splat(self.rounding[k]),
+            amid: self.amid >> k & 1 == 1,
+        }
+    }
+}
+
+/// The planes of one triangle in every lane, see [`Fans`].
+struct Planes<S: Simd> {
+    planes: [Vector<S>; 3],
+    height: S::F,
+    rounding: S::F,
+    amid: bool,
+}
+
+impl<S: Simd> Planes<S> {
+    /// Active lanes of a packet that the triangle blocks.
+    #[inline(always)]
+    fn hits(&self, simd: S, packet: &Packet) -> u32 {
+        let d = vector::load(simd, &packet.direction);
+        let [a, b, c] = &self.planes;
+        let [a, b, c] = [vector::dot(simd, a, &d), vector::dot(simd, b, &d), vector::dot(simd, c, &d)];
+        // All three are >= 0 where the least is; a triangle seen on its edge blocks nothing.
+        let det = simd.add(simd.add(a, b), c);
+        let beside = simd.sub(simd.splat(0.0), self.rounding);
+        let inside = simd.le(beside, simd.min(simd.min(a, b), c));
+        let mut hit = simd.and(inside, simd.lt(self.rounding, det));
+        if !self.amid {
+            let beyond = simd.le(simd.mul(simd.load(&packet.near), det), self.height);
+            let before = simd.le(self.height, simd.mul(simd.load(&packet.far), det));
+            hit = simd.and(hit, simd.and(beyond, before));
+        }
+        simd.bits(hit) & packet.active
     }
 }
 

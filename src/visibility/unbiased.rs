@@ -93,8 +93,7 @@ impl Unbiased<'_> {
         mut each: impl FnMut(Estimate),
     ) {
         let smaller = |b: &Bundle<'_>| b.emitter_size * self.emitter_part;
-        let opened: Vec<Bundle> =
-            bundles.iter().map(|b| Bundle { packets: b.packets, emitter_size: smaller(b) }).collect();
+        let opened: Vec<Bundle> = bundles.iter().map(|b| Bundle { emitter_size: smaller(b), ..*b }).collect();
         let mut levels = Vec::with_capacity(bundles.len());
         self.engine.answers(&opened, self.feature_size, workspace, |a| levels.push(Level::of(a)));
         let (mut packets, mut sums) = (Vec::new(), workspace.sums());

@@ -14,7 +14,7 @@
 use super::front::Front;
 use super::shaft::Shaft;
 use super::slabs::{Slab, pass, spread};
-use super::triangles;
+use super::triangles::{self, Tiles};
 use super::wide::{AxisTraits, LEAF, Node, WideTree, mixed};
 use crate::characterise::{AXIS_COUNT, AxisMix};
 use crate::ray::{Lanes, Packet};
@@ -48,8 +48,11 @@ pub(super) struct Walked {
     pub model: f32,
     /// Segments that met an aggregated cluster.
     pub aggregated: u32,
-    /// Whether triangles were tested.
+    /// Whether triangles were tested segment by segment.
     pub tested: bool,
+    /// Whether the shaft met nothing, and whether a single triangle covers it.
+    pub clear: bool,
+    pub covered: bool,
     /// Nodes visited.
     pub nodes: u32,
     /// In units of about a box or triangle against a packet.
@@ -74,7 +77,7 @@ pub(super) fn walk<S: Simd>(
     rule: &Rule,
     workspace: &mut Buffers,
 ) -> Walked {
-    let Buffers { stack, slabs, blocked, transmittance, sums } = workspace;
+    let Buffers { stack, slabs, tiles, blocked, transmittance, sums } = workspace;
     let mut walked = Walked::default();
     let count = packets.len() as u64;
     let from = shaft.apex.unwrap_or(Vec3::ZERO);
@@ -82,6 +85,7 @@ pub(super) fn walk<S: Simd>(
     blocked.clear();
     blocked.resize(packets.len(), 0);
     slabs.clear();
+    tiles.clear();
     stack.clear();
     let push = |stack: &mut Vec<u32>, reference: u32| {
         // Its lines arrive while others are worked on.
@@ -100,9 +104,10 @@ pub(super) fn walk<S: Simd>(
         None => stack.push(0),
         Some(front) => {
             for block in &front.blocks {
-                let tested = triangles::block_all(simd, shaft, block, packets, blocked);
-                walked.work += BLOCK + u64::from(tested.triangles) * (1 + count);
-                walked.tested |= tested.triangles > 0 || tested.all;
+                let tested = triangles::block_all(simd, shaft, block, packets, (tiles, blocked));
+                walked.work += BLOCK + tested.work;
+                walked.tested |= tested.any;
+                walked.covered |= tested.all && !tested.any;
                 all = tested.all;
                 if all {
                     break;
@@ -122,9 +127,10 @@ pub(super) fn walk<S: Simd>(
         }
         if reference & LEAF != 0 {
             let block = &tree.blocks[(reference & !LEAF) as usize];
-            let tested = triangles::block_all(simd, shaft, block, packets, blocked);
-            walked.work += BLOCK + u64::from(tested.triangles) * (1 + count);
-            walked.tested |= tested.triangles > 0 || tested.all;
+            let tested = triangles::block_all(simd, shaft, block, packets, (tiles, blocked));
+            walked.work += BLOCK + tested.work;
+            walked.tested |= tested.any;
+            walked.covered |= tested.all && !tested.any;
             all = tested.all;
         } else {
             let at = reference as usize;
@@ -140,6 +146,16 @@ pub(super) fn walk<S: Simd>(
     }
     if all {
         *transmittance = [0.0; LANES];
+        return walked;
+    }
+    if packets.len() > 1 && !slabs.is_empty() {
+        let (drawn, clear) = drawn(packets, blocked);
+        walked.model = spread(simd, slabs, &drawn, clear, shaft.apex.is_some());
+    }
+    walked.clear = !walked.tested && slabs.is_empty();
+    if walked.clear {
+        let active = packets[0].active;
+        *transmittance = std::array::from_fn(|i| (active >> i & 1) as f32);
         return walked;
     }
     walked.work += slabs.len() as u64 * (1 + count);
@@ -171,6 +187,23 @@ pub(super) fn walk<S: Simd>(
         walked.aggregated += (passed.met & clear).count_ones();
     }
     walked
+}
+
+/// Sixteen segments from all over a bundle, and which of them are clear.
+#[inline(always)]
+fn drawn(packets: &[Packet], blocked: &[u32]) -> (Packet, u32) {
+    let (mut drawn, mut clear) = (Packet::EMPTY, 0);
+    for lane in 0..LANES {
+        let k = lane * packets.len() / LANES;
+        let (packet, from) = (&packets[k], lane * 5 % LANES);
+        for axis in 0..3 {
+            drawn.origin[axis][lane] = packet.origin[axis][from];
+            drawn.direction[axis][lane] = packet.direction[axis][from];
+        }
+        drawn.active |= (packet.active >> from & 1) << lane;
+        clear |= ((packet.active & !blocked[k]) >> from & 1) << lane;
+    }
+    (drawn, clear)
 }
 
 /// Tests the children of a node: aggregates some and has the others opened.
@@ -217,6 +250,7 @@ fn visit<S: Simd>(
 pub(super) struct Buffers {
     stack: Vec<u32>,
     slabs: Vec<Slab>,
+    tiles: Tiles,
     /// Blocked segments of each packet of the bundle.
     pub blocked: Vec<u32>,
     /// Transmittance of each segment of the first packet.

@@ -16,6 +16,9 @@ fn scratch() -> Scratch {
     scratch.write("dark.obj", BOX.replace("mtllib box.mtl\n", ""));
     scratch.write("points.csv", POINTS);
     scratch.write("bad.csv", POINTS.replace("0.9", "nan"));
+    scratch.write("flat.csv", POINTS.replace("0,0,1\n", "0,0,0\n"));
+    scratch.write("columns.csv", POINTS.replace(",nz", ""));
+    scratch.write("none.csv", "x,y,z,nx,ny,nz\n");
     scratch
 }
 
@@ -79,6 +82,16 @@ fn bad_input_is_refused_in_one_line() {
         ([&reference[..], &["points.csv", "--out", "nowhere/a.csv"]].concat(), "nowhere/a.csv"),
         (vec!["compare", "points.csv", "points.csv"], "Er,Eg,Eb"),
         (vec!["compare", "points.csv", "points.csv", "--tolerance=-1"], "tolerance"),
+        (vec!["solve", "box.obj", "--out", "s", "--points", "flat.csv"], "flat.csv:2"),
+        (vec!["solve", "box.obj", "--out", "s", "--points", "columns.csv"], "x,y,z,nx,ny,nz"),
+        (vec!["solve", "box.obj", "--out", "s", "--points", "none.csv"], "no point"),
+        (vec!["solve", "none.obj", "--out", "s"], "none.obj"),
+        (vec!["solve", "box.obj", "--out", "box.mtl"], "box.mtl"),
+        (vec!["solve", "box.obj", "--out", "s", "--error", "0"], "--error"),
+        (vec!["solve", "box.obj", "--out", "s", "--error", "-1"], "--error"),
+        (vec!["solve", "box.obj", "--out", "s", "--max-seconds", "0"], "--max-seconds"),
+        (vec!["solve", "box.obj", "--out", "s", "--image-size", "16384x16384"], "image-size"),
+        (vec!["solve", "box.obj", "--out", "s", "--lightmap-texels", "0"], "lightmap-texels"),
         ([&factors[..], &["f.txt"]].concat(), ".npz, .csv or .mtx"),
         ([&factors[..], &["f.npz", "--rays", "0"]].concat(), "rays"),
         ([&factors[..], &["f.npz", "--max-memory", "0"]].concat(), "--max-memory"),
@@ -89,6 +102,21 @@ fn bad_input_is_refused_in_one_line() {
         let said = format!("{}: {:?} {}", arguments.join(" "), outcome.code, outcome.stderr);
         assert_eq!(outcome.code, Some(2), "{said}");
         assert!(outcome.stderr.trim_end().lines().count() == 1 && outcome.stderr.contains(word), "{said}");
+    }
+}
+
+#[test]
+fn reflectances_of_one_are_clamped_by_name() {
+    let scratch = scratch();
+    scratch.write("box.mtl", GLOW.replace("Kd 0.5 0.5", "Kd 1 1.5"));
+    for arguments in [
+        &["solve", "box.obj", "--out", "s", "--output", "none"][..],
+        &["reference", "box.obj", "--points", "points.csv", "--samples", "4", "--out", "a.csv"],
+    ] {
+        let outcome = scratch.mrvis(arguments);
+        done(&outcome);
+        let said = outcome.stdout + &outcome.stderr;
+        assert!(said.contains("clamped") && said.contains("`glow`"), "{said}");
     }
 }
 

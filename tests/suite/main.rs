@@ -10,5 +10,7 @@ mod light;
 #[cfg(feature = "cli")]
 mod run;
 #[cfg(feature = "cli")]
+mod shown;
+#[cfg(feature = "cli")]
 mod target;
 mod tidy;

@@ -36,6 +36,9 @@ pub(super) fn scene(record: &Record) -> Markup {
                     ("hierarchy", seconds(build.hierarchy_s)),
                     ("measuring clusters", seconds(build.characterise_s)),
                     ("clusters' cache", cache(build)),
+                    ("budget of exact rays", seconds(build.budget_s)),
+                    ("set-up, exact", seconds(build.exact_setup_s)),
+                    ("set-up, multi-resolution", seconds(build.mr_setup_s)),
                     ("memory, clusters", bytes(build.hierarchy_bytes)),
                     ("memory, Embree", bytes(build.embree_bytes)),
                     ("memory a triangle", per_triangle(build)),
@@ -105,7 +108,11 @@ pub(super) fn measurements(record: &Record) -> Markup {
     let columns = [
         ("s", "feature size, a length on the receiving surface"),
         ("rays", "segments from a point to a light"),
-        ("time", "time of the queries alone; preparation is listed above"),
+        (
+            "time",
+            "time of the queries alone, the least of several runs, as many for every row; preparation is listed above",
+        ),
+        ("decision", "time of deciding on a sample whether averaging pays, part of the set-up"),
         ("RMS", "root mean square error of the visible fraction, the reference's noise subtracted"),
         ("bias", "mean error; positive: too bright"),
         (
@@ -131,7 +138,7 @@ pub(super) fn measurements(record: &Record) -> Markup {
                 table.rows {
                     thead {
                         tr {
-                            th colspan="5" {} th.group colspan="3" { "speed-up" } th colspan="4" {}
+                            th colspan="6" {} th.group colspan="3" { "speed-up" } th colspan="4" {}
                         }
                         tr { @for (name, meaning) in &columns { th scope="col" title=(meaning) { (name) } } }
                     }
@@ -169,6 +176,7 @@ fn mr_row(row: &MrRow, unit: &str) -> Markup {
             td { (length(row.feature_size, unit)) }
             td { (row.rays) }
             td { (seconds(row.seconds)) }
+            td { (seconds(row.decide_s)) }
             td { (number(row.rms)) }
             td { (signed(row.bias)) }
             td class=(loss(row.speedup_at_same_rms)) { (about) (times(row.speedup_at_same_rms)) }

@@ -86,6 +86,7 @@ fn example() -> (Record, Vec<ReceiverImages>) {
         rays: n,
         seconds: 0.021 * n as f64,
         mode: "occluded16".into(),
+        setup_s: 0.002,
         rms: 0.31 / (n as f64).sqrt(),
         bias: 1e-5,
     });
@@ -97,7 +98,7 @@ fn example() -> (Record, Vec<ReceiverImages>) {
     ];
     let mr = mr.map(|(s, seconds, rms, per_segment)| MrRow {
         handed_over: 0.0,
-        decide_s: 0.0,
+        decide_s: 0.031,
         feature_size: s,
         rays: 16,
         seconds,
@@ -143,6 +144,8 @@ fn example() -> (Record, Vec<ReceiverImages>) {
             cache_s: 0.02,
             cache_note: Some("a cache was damaged".into()),
             budget_s: 0.1,
+            exact_setup_s: 0.41,
+            mr_setup_s: 4.97,
             hierarchy_bytes: 21_000_000,
             embree_bytes: 88_000_000,
             bytes_per_triangle: BytesPerTriangle::of(
@@ -156,6 +159,7 @@ fn example() -> (Record, Vec<ReceiverImages>) {
             segments: 320_000,
             reference_rays: 1024,
             reference_rms: 0.0041,
+            rounds: 3,
         },
         exact: exact.into(),
         certified: Vec::new(),

@@ -36,7 +36,7 @@ pub(super) fn calibration(record: &Record) -> Result<Markup> {
                             th scope="col" { "claimed RMS" }
                             th scope="col" { "observed RMS" }
                             th scope="col" { "its 95 % interval" }
-                            th scope="col" { "intervals that agree" }
+                            th scope="col" { "intervals borne out" }
                             th scope="col" { "its 95 % interval" }
                             th scope="col" { "in bounds, all bundles" }
                         }
@@ -46,7 +46,9 @@ pub(super) fn calibration(record: &Record) -> Result<Markup> {
             }
             p.note {
                 "Rows of " (record.workload.rays) " segments. The noise of the audit's own rays is subtracted from \
-                 what it observed. “In bounds” is judged by the reference of " (record.workload.reference_rays)
+                 what it observed. An interval is borne out where the mean of the rays differs from the answer by no \
+                 more than the stated half width and 1.96 standard errors of the rays, added as squares: honest \
+                 claims are in 95 of 100 cases, a certificate is refuted by a single ray. “In bounds” is judged by the reference of " (record.workload.reference_rays)
                 " rays on every bundle."
             }
         }
@@ -107,7 +109,7 @@ pub(super) fn target(record: &Record) -> Markup {
     let Some(target) = &record.target else { return html! {} };
     let asked = match (target.asked.error, target.asked.seconds) {
         (Some(error), _) => format!("an RMS error of at most {}", percent(error)),
-        (_, time) => format!("at most {}", seconds(time.unwrap_or(0.0))),
+        (_, time) => format!("at most {}, with choosing", seconds(time.unwrap_or(0.0))),
     };
     html! {
         section {
@@ -118,6 +120,7 @@ pub(super) fn target(record: &Record) -> Markup {
                 (percent(target.expected_rms)) " (" (percent(target.expected_rms_lo)) " to "
                 (percent(target.expected_rms_hi)) ") in " (seconds(target.expected_seconds)) "; found: "
                 strong { (percent(target.rms)) " in " (seconds(target.seconds)) }
+                ", after choosing for " (seconds(target.pilot_s))
                 @if let Some(audit) = &target.audit { ", by the audit " (percent(audit.observed_rms)) }
                 "."
             }
@@ -170,7 +173,8 @@ pub(super) fn unbiased(record: &Record) -> Markup {
                     thead {
                         tr {
                             @for name in [
-                                "s", "segments", "exact segments", "time", "RMS", "bias", "its error", "same RMS",
+                                "s", "segments", "exact segments", "time", "pilot", "RMS", "bias", "its error",
+                                "same RMS",
                             ] { th scope="col" { (name) } }
                         }
                     }
@@ -191,6 +195,7 @@ fn unbiased_row(row: &UnbiasedRow, unit: &str) -> Markup {
             td { (row.rays) }
             td { (number(exact)) }
             td { (seconds(row.seconds)) }
+            td { (seconds(row.pilot_s)) }
             td { (number(row.rms)) }
             td { (signed(row.bias)) }
             td { (number(row.bias_error)) }

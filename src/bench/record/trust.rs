@@ -22,8 +22,9 @@ pub struct Audit {
     pub observed_lo: f64,
     /// Upper end.
     pub observed_hi: f64,
-    /// Part of the stated intervals, in `[0, 1]`, that agree with the audit's rays: the 95 % interval of the rays and
-    /// the stated one have something in common.
+    /// Part of the stated intervals, in `[0, 1]`, that the audit's rays bear out: their mean p and the answer x differ
+    /// by no more than √(h² + 1.96² q (1 - q) / rays), where h is the half of the stated interval on p's side and q is p
+    /// moved into the interval. 0.95 for honest claims, whatever the rays' own noise.
     pub coverage: f64,
     /// 95 % interval (Wilson) of `coverage`, lower end.
     pub coverage_lo: f64,
@@ -48,9 +49,9 @@ pub struct Target {
     pub expected_rms_hi: f64,
     /// Time of the queries that the pilot expects, seconds.
     pub expected_seconds: f64,
-    /// Time of the pilot, seconds.
+    /// Time of the pilot, seconds: what the choice took.
     pub pilot_s: f64,
-    /// Time of the queries, seconds.
+    /// Time of the queries, seconds; a target of time is met by both together.
     pub seconds: f64,
     /// Root mean square error found.
     pub rms: f64,
@@ -75,7 +76,7 @@ pub struct Target {
 pub struct TargetAsked {
     /// Root mean square error, at most.
     pub error: Option<f64>,
-    /// Time of the queries, at most; seconds.
+    /// Time of choosing and of the queries together, at most; seconds.
     pub seconds: Option<f64>,
 }
 

@@ -88,6 +88,15 @@ pub fn table(record: &Record) -> String {
     if record.mr.iter().any(|row| row.extrapolated) {
         let _ = writeln!(text, "~ beyond the most exact rays measured, extrapolated");
     }
+    let whole = record.mr.iter().filter(|row| row.handed_over == 1.0).count();
+    if whole > 0 {
+        let _ = writeln!(
+            text,
+            "{whole} of {} rows could not pay: their bundles were handed over, they are the exact rows",
+            record.mr.len()
+        );
+    }
+    text += &setup(record);
     text += &audits(&record.mr);
     text += &unbiased(&record.unbiased, unit);
     if let Some(target) = &record.target {
@@ -142,17 +151,18 @@ fn clusters(build: &Build) -> String {
 fn unbiased(rows: &[UnbiasedRow], unit: &str) -> String {
     let mut text = String::new();
     if !rows.is_empty() {
-        text += "\nunbiased  rays      exact       time        RMS       bias  same RMS\n";
+        text += "\nunbiased  rays      exact       time      pilot        RMS       bias  same RMS\n";
     }
     for row in rows {
         let size = row.levels.iter().find_map(|level| level.feature_size);
         let exact: f64 = row.levels.iter().filter(|l| l.feature_size.is_none()).map(|l| l.rays).sum();
         let _ = writeln!(
             text,
-            "{:>14} {:>10} {:>10} {:>10.5} {:>+10.5} {:>9}  s = {} {unit}",
+            "{:>14} {:>10} {:>10} {:>10} {:>10.5} {:>+10.5} {:>9}  s = {} {unit}",
             row.rays,
             number(exact),
             seconds(row.seconds),
+            seconds(row.pilot_s),
             row.rms,
             row.bias,
             times(row.speedup_at_same_rms, row.extrapolated),
@@ -166,7 +176,7 @@ fn unbiased(rows: &[UnbiasedRow], unit: &str) -> String {
 fn aim(target: &Target, unit: &str) -> String {
     let asked = match (target.asked.error, target.asked.seconds) {
         (Some(error), _) => format!("RMS {error}"),
-        (_, time) => format!("{} of queries", seconds(time.unwrap_or(0.0))),
+        (_, time) => format!("{} of choosing and queries", seconds(time.unwrap_or(0.0))),
     };
     let chosen = &target.chosen;
     let engine = chosen.feature_size.map_or("exact".into(), |s| format!("s = {} {unit}", number(s)));
@@ -177,7 +187,7 @@ fn aim(target: &Target, unit: &str) -> String {
     let surprise = if target.as_expected { "" } else { ", not as expected" };
     format!(
         "\ntarget {asked}{unreached}: {engine} with {} segments{more}; expected RMS {:.5} ({:.5} to {:.5}) in {}; found \
-         {:.5} in {}: {}{surprise}\n",
+         {:.5} in {}, after choosing for {}: {}{surprise}\n",
         chosen.rays,
         target.expected_rms,
         target.expected_rms_lo,
@@ -185,7 +195,27 @@ fn aim(target: &Target, unit: &str) -> String {
         seconds(target.expected_seconds),
         target.rms,
         seconds(target.seconds),
+        seconds(target.pilot_s),
         if target.met { "met" } else { "missed" },
+    )
+}
+
+/// What both sides need beside the queries, in one line: the times of the rows leave it out.
+fn setup(record: &Record) -> String {
+    let build = &record.build;
+    let decisions: f64 = record.mr.iter().map(|row| row.decide_s).sum();
+    format!(
+        "set-up beside the queries: exact {} (Embree's tree {}, its calls {}); multi-resolution {} besides (clusters {}, \
+         budget {}, decisions of {} rows {}); each row is the least of {} runs\n",
+        seconds(build.exact_setup_s),
+        seconds(build.embree_s),
+        seconds(build.exact_setup_s - build.embree_s),
+        seconds(build.mr_setup_s),
+        seconds(build.hierarchy_s + build.characterise_s + build.cache_s),
+        seconds(build.budget_s),
+        record.mr.len(),
+        seconds(decisions),
+        record.workload.rounds
     )
 }
 
@@ -197,7 +227,7 @@ fn audits(rows: &[MrRow]) -> String {
     let lowest = audits.iter().map(|a| a.coverage).fold(1.0, f64::min);
     format!(
         "audit of {} bundles, {} exact rays each: {bold} of {} rows err by more than they claim; at least {:.1} % of \
-         the intervals agree\n",
+         the intervals are borne out\n",
         first.bundles,
         first.rays,
         audits.len(),

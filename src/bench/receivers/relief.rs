@@ -1,0 +1,97 @@
+//! Receivers that are not flat: what of a terrain is seen from straight above, texel by texel.
+
+use super::super::workload::Point;
+use super::{FILLED, LITTLE, Patch, Rectangle, fit};
+use crate::math::{triangle_area, triangle_normal};
+use crate::scene::Scene;
+use glam::{DVec2, DVec3};
+
+/// The faces' mean normal is at least this long if they face one way by and large: a terrain, not a tree.
+const ONE_WAY: f64 = 0.8;
+
+/// The relief of some faces, unless one of their planar patches is large enough to speak for them, or they face all
+/// ways.
+pub(super) fn of<'a>(
+    scene: &Scene,
+    triangles: &[u32],
+    patches: impl Iterator<Item = &'a Patch>,
+) -> Option<Patch> {
+    let (mut sum, mut area) = (DVec3::ZERO, 0.0);
+    for &t in triangles {
+        let [a, b, c] = scene.corners(t);
+        let own = triangle_area(a, b, c);
+        sum += own * triangle_normal(a, b, c).as_dvec3();
+        area += own;
+    }
+    let largest = patches.filter(|p| p.filled() >= FILLED).map(|p| p.area).fold(0.0, f64::max);
+    if largest >= LITTLE * area || sum.length() < ONE_WAY * area {
+        return None;
+    }
+    let rectangle = fit(scene, triangles, sum.normalize())?;
+    Some(Patch { triangles: triangles.to_vec(), area: sum.length(), rectangle, relief: true })
+}
+
+/// The highest points of the faces over the middles of the texels of a rectangle, row by row from the top left, a
+/// thousandth of a texel above the surface; beside the faces as high as the surface is nearest in the row.
+pub(super) fn points(
+    scene: &Scene,
+    triangles: &[u32],
+    rectangle: &Rectangle,
+    (width, height, texel): (usize, usize, f64),
+) -> Vec<Point> {
+    let Rectangle { right, normal, centre, .. } = *rectangle;
+    let up = normal.cross(right);
+    let middle = |x: usize, y: usize| {
+        let at = |i: usize, n: usize| (i as f64 + 0.5 - 0.5 * n as f64) * texel;
+        DVec2::new(at(x, width), -at(y, height))
+    };
+    let mut highest: Vec<(f64, DVec3)> = vec![(f64::MIN, normal); width * height];
+    for &t in triangles {
+        let [a, b, c] = scene.corners(t);
+        let corners = [a, b, c].map(|p| p.as_dvec3() - centre);
+        let flat = corners.map(|p| DVec2::new(p.dot(right), p.dot(up)));
+        let heights = corners.map(|p| p.dot(normal));
+        let twice = (flat[1] - flat[0]).perp_dot(flat[2] - flat[0]);
+        if twice == 0.0 {
+            continue;
+        }
+        let face = triangle_normal(a, b, c).as_dvec3();
+        let face = if face.dot(normal) < 0.0 { -face } else { face };
+        let (low, high) = (flat[0].min(flat[1]).min(flat[2]), flat[0].max(flat[1]).max(flat[2]));
+        // Texels from one step before to one after the first and last whose middles may be inside.
+        let span = |from: f64, to: f64, n: usize| {
+            let place = |v: f64| (v / texel + 0.5 * n as f64 - 0.5).clamp(0.0, n as f64);
+            place(from) as usize..((place(to) as usize) + 2).min(n)
+        };
+        for y in span(-high.y, -low.y, height) {
+            for x in span(low.x, high.x, width) {
+                let p = middle(x, y);
+                let part = |i: usize, j: usize| (flat[i] - p).perp_dot(flat[j] - p) / twice;
+                let weights = [part(1, 2), part(2, 0), part(0, 1)];
+                if weights.iter().all(|&w| w >= -1e-9) {
+                    let rise = weights.iter().zip(heights).map(|(w, h)| w * h).sum::<f64>();
+                    let found = &mut highest[y * width + x];
+                    if rise > found.0 {
+                        *found = (rise, face);
+                    }
+                }
+            }
+        }
+    }
+    for row in highest.chunks_mut(width) {
+        let outline: Vec<usize> = (0..row.len()).filter(|&x| row[x].0 > f64::MIN).collect();
+        for x in (0..row.len()).filter(|x| !outline.contains(x)) {
+            let nearest = outline.iter().min_by_key(|o| o.abs_diff(x));
+            row[x] = nearest.map_or((rectangle.rise[0], normal), |&o| row[o]);
+        }
+    }
+    highest
+        .into_iter()
+        .enumerate()
+        .map(|(i, (rise, face))| {
+            let p = middle(i % width, i / width);
+            let position = centre + p.x * right + p.y * up + rise * normal + 1e-3 * texel * face;
+            Point { position: position.as_vec3(), normal: face.as_vec3() }
+        })
+        .collect()
+}

@@ -1,0 +1,114 @@
+//! What becomes a receiver, and where its texels are.
+
+use super::*;
+use crate::ray::Brute;
+use crate::scene::generate::{Spec, build};
+
+fn cornell() -> Scene {
+    build(&Spec::new("cornell")).unwrap()
+}
+
+#[test]
+fn rectangles_fit_tilted_quads() {
+    let scene = cornell();
+    // The tall block's top is turned about the vertical; its rectangle is a square of 165 mm or so.
+    let faces: Vec<u32> = (0..scene.triangles.len() as u32).collect();
+    let patches = patches(&scene, &faces);
+    assert!(
+        patches.iter().all(|p| p.filled() > 0.95 && p.filled() < 1.0 + 1e-5),
+        "all its surfaces are quads"
+    );
+    for p in &patches {
+        let Rectangle { right, normal, centre, width, height, rise } = p.rectangle;
+        assert!(right.dot(normal).abs() < 1e-5 && width >= height);
+        let up = normal.cross(right);
+        for corner in p.triangles.iter().flat_map(|&t| scene.corners(t)) {
+            let d = corner.as_dvec3() - centre;
+            assert!(d.dot(right).abs() < 0.5001 * width && d.dot(up).abs() < 0.5001 * height);
+            assert!(d.dot(normal) <= rise[0] && -d.dot(normal) <= rise[1]);
+            assert!(d.dot(normal).abs() < 0.02 * width);
+        }
+    }
+}
+
+#[test]
+fn default_receivers_are_lit_and_distinct() {
+    let scene = cornell();
+    let receivers = choose(&scene, &Brute::new(&scene.positions, &scene.triangles), &[]).unwrap();
+    assert!(!receivers.is_empty() && receivers.len() <= DEFAULT_COUNT);
+    for r in &receivers {
+        assert!(r.lit && r.width == SIDE && r.height <= SIDE, "{r:?}");
+        assert_eq!(r.points().len(), r.width * r.height);
+    }
+}
+
+#[test]
+fn names_that_nothing_has_are_errors() {
+    let scene = cornell();
+    let brute = Brute::new(&scene.positions, &scene.triangles);
+    let message = choose(&scene, &brute, &["nothing".into()]).unwrap_err().to_string();
+    assert!(message.contains("nothing") && message.contains(&scene.objects[0].name), "{message}");
+}
+
+#[test]
+fn images_show_what_is_up_at_the_top() {
+    let wall = Rectangle {
+        centre: DVec3::ZERO,
+        right: DVec3::X,
+        normal: DVec3::Y,
+        width: 2.0,
+        height: 1.0,
+        rise: [0.0; 2],
+    };
+    let wall = wall.upright();
+    assert_eq!(wall.normal.cross(wall.right), DVec3::Z);
+    let back = wall.turned();
+    assert_eq!((back.normal, back.normal.cross(back.right)), (-DVec3::Y, DVec3::Z));
+    let receiver = Receiver {
+        name: String::new(),
+        width: 2,
+        height: 1,
+        texel: 1.0,
+        lit: true,
+        rectangle: back,
+        relief: None,
+    };
+    let points: Vec<Vec3> = receiver.points().iter().map(|p| p.position).collect();
+    // Seen from -y with z up, x grows to the right.
+    assert!(points[0].x < points[1].x);
+}
+
+/// Rolling ground under a lamp: its image is taken from above, every texel on the surface and facing up.
+#[test]
+fn a_terrain_is_a_receiver() {
+    use crate::scene::testing::Pieces;
+    let height = |x: f64, y: f64| 0.3 * (0.9 * x).sin() * (0.7 * y).cos();
+    let mut pieces = Pieces::new();
+    pieces.object("hills");
+    let (n, step) = (40, 0.2);
+    let at = |i: i32, j: i32| {
+        let (x, y) = (step * f64::from(i), step * f64::from(j));
+        DVec3::new(x, y, height(x, y))
+    };
+    for (i, j) in (0..n * n).map(|k| (k % n, k / n)) {
+        pieces.polygon(&[at(i, j), at(i + 1, j), at(i + 1, j + 1)]);
+        pieces.polygon(&[at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
+    }
+    pieces.light(DVec3::new(4.0, 4.0, 6.0), DVec3::Y, DVec3::X);
+    let scene = pieces.scene();
+    let brute = Brute::new(&scene.positions, &scene.triangles);
+    for names in [vec![], vec!["hills".to_owned()]] {
+        let receivers = choose(&scene, &brute, &names).expect("receivers");
+        assert_eq!(receivers.iter().map(|r| r.name.as_str()).collect::<Vec<_>>(), ["hills"]);
+        let points = receivers[0].points();
+        assert_eq!(points.len(), receivers[0].width * receivers[0].height);
+        for p in &points {
+            let q = p.position.as_dvec3() + scene.origin;
+            // Chords of the sine: step² / 8 times its curvature, both ways. Beside the edge there is no surface.
+            let inside = q.x.min(q.y) > 0.2 && q.x.max(q.y) < 7.8;
+            let off = (q.z - height(q.x, q.y)).abs();
+            assert!(off < if inside { 0.01 } else { 0.1 }, "{q}: {}", height(q.x, q.y));
+            assert!(p.normal.z > 0.8, "{p:?}");
+        }
+    }
+}

@@ -1,0 +1,97 @@
+//! One rule of timing for all rows, whatever engine they ask.
+//!
+//! The least of several times is shorter than a single one, so rows that are compared must be run equally often. All
+//! rows are run once, then all of them again: what else the machine does, and how its clock wanders, meets all of them
+//! alike. Of each timed section the least time counts: other work only ever makes a section longer, and rarely the same
+//! one twice.
+
+use std::time::{Duration, Instant};
+
+/// Rounds, at least and at most.
+const LEAST: usize = 2;
+const MOST: usize = 6;
+/// No round begins that is likely to end later than this after the first: a run shall end.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// Times of rows that were run equally often.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Timed {
+    /// Seconds of each row, in their order.
+    pub seconds: Vec<f64>,
+    /// How often each was run.
+    pub rounds: usize,
+}
+
+/// Runs `rows` rows in rounds. `run` is told which row and whether it is its first time; it returns the seconds of the
+/// row's timed sections, the same sections every time.
+pub(super) fn rounds(rows: usize, run: impl FnMut(usize, bool) -> Vec<f64>) -> Timed {
+    within(PATIENCE, rows, run)
+}
+
+/// The same with another patience.
+fn within(patience: Duration, rows: usize, mut run: impl FnMut(usize, bool) -> Vec<f64>) -> Timed {
+    let start = Instant::now();
+    let goes_on = |rounds: usize| {
+        let likely_end = start.elapsed().mul_f64((rounds + 1) as f64 / rounds as f64);
+        rounds < LEAST || rounds < MOST && likely_end < patience
+    };
+    let mut best: Vec<Vec<f64>> = (0..rows).map(|row| run(row, true)).collect();
+    let mut rounds = 1;
+    while goes_on(rounds) {
+        for (row, best) in best.iter_mut().enumerate() {
+            shorten(best, &run(row, false));
+        }
+        rounds += 1;
+    }
+    Timed { seconds: best.iter().map(|sections| sections.iter().sum()).collect(), rounds }
+}
+
+/// Runs one more row as often as others were; its seconds.
+pub(super) fn as_often(rounds: usize, mut run: impl FnMut(bool) -> Vec<f64>) -> f64 {
+    let mut best = run(true);
+    (1..rounds).for_each(|_| shorten(&mut best, &run(false)));
+    best.iter().sum()
+}
+
+/// Takes the shorter time of each section.
+fn shorten(best: &mut [f64], again: &[f64]) {
+    best.iter_mut().zip(again).for_each(|(a, &b)| *a = a.min(b));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_take_turns_and_are_run_equally_often() {
+        let mut calls = Vec::new();
+        let timed = rounds(3, |row, first| {
+            calls.push((row, first));
+            vec![1.0 + row as f64]
+        });
+        assert_eq!((timed.rounds, &timed.seconds[..]), (MOST, &[1.0, 2.0, 3.0][..]));
+        let turns: Vec<(usize, bool)> =
+            (0..MOST).flat_map(|round| (0..3).map(move |row| (row, round == 0))).collect();
+        assert_eq!(calls, turns);
+        assert!(rounds(0, |_, _| Vec::new()).seconds.is_empty());
+    }
+
+    /// A long row is run as often as a short one: neither has more chances of a short time.
+    #[test]
+    fn long_rows_hold_short_ones_back() {
+        let mut calls = [0, 0];
+        let patience = Duration::from_millis(100);
+        within(patience, 2, |row, _| {
+            calls[row] += 1;
+            std::thread::sleep(if row == 0 { patience.mul_f64(0.4) } else { Duration::ZERO });
+            vec![0.0]
+        });
+        assert_eq!(calls, [LEAST; 2]);
+    }
+
+    #[test]
+    fn sections_keep_their_shorter_times() {
+        let mut next = [vec![1.0, 5.0, 2.0], vec![2.0, 1.0, 2.0]].into_iter();
+        assert_eq!(as_often(2, |_| next.next().expect("two runs")), 4.0);
+    }
+}

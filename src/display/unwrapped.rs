@@ -1,0 +1,147 @@
+//! Lightmaps in the texture coordinates of the scene's own file, so that its model can be shown with them as it is.
+
+use super::lightmap::MAX_SIDE;
+use super::{Lightmap, Stage};
+use crate::math::triangle_normal;
+use crate::ray::{LANES, Packet};
+use crate::scene::Scene;
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+/// Texture coordinates may leave 0..1 by this much.
+const SLACK: f32 = 1e-4;
+/// Nothing was drawn here.
+const FREE: u32 = u32::MAX;
+
+/// The light of the fronts of all faces, in a square image of about `texels` texels.
+///
+/// # Errors
+/// A sentence that says why the file's coordinates do not hold a lightmap: there are none, they leave 0..1, faces have no
+/// area in them, or faces overlap.
+pub fn unwrapped_lightmap(stage: &Stage, scene: &Scene, texels: usize) -> Result<Lightmap, String> {
+    let side = ((texels as f64).sqrt().ceil() as usize).clamp(1, MAX_SIDE);
+    let faces = placed(scene, side)?;
+    let owner = owners(scene, &faces, side)?;
+    let mut map = Lightmap {
+        width: side,
+        height: side,
+        texel: texel(scene, &faces),
+        irradiance: vec![[0.0; 3]; side * side],
+        covered: vec![false; side * side],
+        texcoords: Vec::new(),
+        charts: 0,
+    };
+    let rows = map.irradiance.par_chunks_mut(side).zip(map.covered.par_chunks_mut(side));
+    rows.zip(owner.par_chunks(side)).enumerate().for_each(|(y, ((light, covered), owner))| {
+        for left in (0..side).step_by(LANES) {
+            let rays = inquiry(scene, &faces, owner, [left, y]);
+            for (lane, met) in stage.irradiance(&rays).into_iter().enumerate() {
+                if let Some(found) = met {
+                    (light[left + lane], covered[left + lane]) = (found, true);
+                }
+            }
+        }
+    });
+    map.bleed();
+    Ok(map)
+}
+
+/// Corners of each face in texels, from the upper left corner.
+fn placed(scene: &Scene, side: usize) -> Result<Vec<[Vec2; 3]>, String> {
+    if scene.triangle_texcoords.is_empty() {
+        return Err("the file has no texture coordinates".into());
+    }
+    let name = |t: usize| &scene.objects[scene.triangle_object[t] as usize].name;
+    let inside = |[u, v]: [f32; 2]| [u, v].iter().all(|x| (-SLACK..=1.0 + SLACK).contains(x));
+    let place = |(t, uv): (usize, &[[f32; 2]; 3])| {
+        if !uv.iter().all(|&uv| inside(uv)) {
+            return Err(format!("texture coordinates of `{}` leave 0..1", name(t)));
+        }
+        let [a, b, c] = uv.map(|[u, v]| side as f32 * Vec2::new(u, 1.0 - v));
+        match (b - a).perp_dot(c - a) {
+            0.0 => Err(format!("faces of `{}` have no area in texture coordinates", name(t))),
+            _ => Ok([a, b, c]),
+        }
+    };
+    scene.triangle_texcoords.iter().enumerate().map(place).collect()
+}
+
+/// Shares of the corners of a face in a place.
+fn weights([a, b, c]: [Vec2; 3], p: Vec2) -> [f32; 3] {
+    let area = (b - a).perp_dot(c - a);
+    [(c - b).perp_dot(p - b), (a - c).perp_dot(p - c), (b - a).perp_dot(p - a)].map(|e| e / area)
+}
+
+fn middle(x: usize, y: usize) -> Vec2 {
+    Vec2::new(x as f32 + 0.5, y as f32 + 0.5)
+}
+
+/// The face at each texel's centre, [`FREE`] where there is none.
+fn owners(scene: &Scene, faces: &[[Vec2; 3]], side: usize) -> Result<Vec<u32>, String> {
+    let mut owner = vec![FREE; side * side];
+    let (mut all, mut taken) = (0.0, 0usize);
+    // Half a texel inside the face, where neighbours do not reach.
+    let deep = |face: [Vec2; 3], p: Vec2| {
+        let [a, b, c] = face;
+        let area = (b - a).perp_dot(c - a).abs();
+        let sides = [b.distance(c), c.distance(a), a.distance(b)];
+        weights(face, p).iter().zip(sides).all(|(w, s)| w * area > 0.5 * s)
+    };
+    for (t, &face) in faces.iter().enumerate() {
+        let [a, b, c] = face;
+        all += f64::from(0.5 * (b - a).perp_dot(c - a).abs());
+        let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+        let span =
+            |lo: f32, hi: f32| (lo - 0.5).floor().max(0.0) as usize..((hi + 0.5).ceil() as usize).min(side);
+        for y in span(low.y, high.y) {
+            for x in span(low.x, high.x) {
+                let p = middle(x, y);
+                if weights(face, p).iter().any(|&w| w < -1e-4) {
+                    continue;
+                }
+                let at = &mut owner[y * side + x];
+                if *at == FREE {
+                    taken += 1;
+                    *at = t as u32;
+                } else if deep(face, p) && deep(faces[*at as usize], p) {
+                    let name = |t: usize| &scene.objects[scene.triangle_object[t] as usize].name;
+                    let (one, other) = (name(*at as usize), name(t));
+                    return Err(format!("faces of `{one}` and `{other}` overlap in texture coordinates"));
+                }
+            }
+        }
+    }
+    // Faces smaller than texels: centres meet an area as often as it is large, but for chance.
+    if all > 1.1 * taken as f64 + 4.0 * (faces.len() as f64).sqrt() {
+        return Err("faces overlap in texture coordinates".into());
+    }
+    Ok(owner)
+}
+
+/// Rays onto the surface at up to sixteen texels of a row, from just in front.
+fn inquiry(scene: &Scene, faces: &[[Vec2; 3]], owner: &[u32], [left, y]: [usize; 2]) -> Packet {
+    let magnitude = scene.bounds.min.abs().max(scene.bounds.max.abs()).max_element();
+    let off = 1e-5 * scene.bounds.diagonal() + 2e-6 * magnitude;
+    let mut rays = Packet::EMPTY;
+    for (lane, &t) in owner[left..].iter().take(LANES).enumerate().filter(|(_, t)| **t != FREE) {
+        let corners = scene.corners(t);
+        let shares = weights(faces[t as usize], middle(left + lane, y));
+        let place: Vec3 = corners.into_iter().zip(shares).map(|(p, w)| w * p).sum();
+        let [a, b, c] = corners;
+        let normal = triangle_normal(a, b, c);
+        rays.set_ray(lane, place + off * normal, -normal);
+        rays.far[lane] = 2.0 * off;
+    }
+    rays
+}
+
+/// Side of a texel in the mean, scene units.
+fn texel(scene: &Scene, faces: &[[Vec2; 3]]) -> f32 {
+    let area = |t: u32| {
+        let [a, b, c] = scene.corners(t);
+        crate::math::triangle_area(a, b, c)
+    };
+    let surface: f64 = (0..faces.len() as u32).map(area).sum();
+    let shown: f64 = faces.iter().map(|[a, b, c]| f64::from(0.5 * (*b - *a).perp_dot(*c - *a).abs())).sum();
+    (surface / shown).sqrt() as f32
+}

@@ -1,0 +1,210 @@
+//! The fast engine against the reference, segment by segment.
+
+use super::*;
+use crate::ray::{Brute, Verdict};
+use crate::scene::testing::{cloud, direction, in_cube};
+use crate::visibility::reference::walk;
+use glam::DVec3;
+
+/// How often fast engine and reference differ by more than a hundredth, and by how much in the mean.
+#[derive(Default)]
+struct Differences {
+    segments: usize,
+    large: usize,
+    sum: f64,
+    /// Squared errors of the fast engine and of the reference.
+    squares: [f64; 2],
+}
+
+/// What must hold for every segment, with `tolerance` for the verdict of exact arithmetic:
+///
+/// * whatever the reference blocks with a triangle, the fast engine blocks too: it never aggregates more;
+/// * a segment that the fast engine blocks is blocked, one that is clear passes something;
+/// * where the reference aggregates nothing, so does the fast engine, and the answer is 0 or 1 and right.
+///
+/// A fast answer may rest on more triangles than the reference's, so the transmittances are compared in the mean.
+fn compare(stage: &Stage, packets: &[Packet], e: f32, s: f32) -> Differences {
+    let brute = Brute::new(&stage.scene.positions, &stage.scene.triangles);
+    let single: Vec<Brute> = stage
+        .scene
+        .triangles
+        .iter()
+        .map(|t| Brute::new(&stage.scene.positions, std::slice::from_ref(t)))
+        .collect();
+    let engine = stage.engine(Leaf::Exact);
+    let mut workspace = Workspace::default();
+    let mut differences = Differences::default();
+    for packet in packets {
+        let fast = engine.transmittances(packet, e, s, &mut workspace);
+        let bundle = Bundle { packets: std::slice::from_ref(packet), emitter_size: e, emitter: &[] };
+        let cost = engine.answer(bundle, s, &mut workspace).cost;
+        let mut aggregated = 0;
+        for lane in packet.lanes() {
+            let Segment { origin, direction, near, far } = segment(packet, lane);
+            let verdict = brute.verdict(origin, direction, near, far, 1e-5);
+            let mut clearly = false;
+            let met = walk(
+                &stage.hierarchy,
+                &stage.traits,
+                segment(packet, lane),
+                towards(packet),
+                (e, s),
+                Leaf::Exact,
+                |t| {
+                    let one = |tolerance| single[t as usize].verdict(origin, direction, near, far, tolerance);
+                    clearly |= one(1e-5) == Verdict::Blocked;
+                    one(0.0) != Verdict::Clear
+                },
+            );
+            let t = fast[lane];
+            let place =
+                format!("s {s}, e {e}: {t} against {met:?}, {verdict:?}, {:?}", segment(packet, lane));
+            assert!((0.0..=1.0).contains(&t), "{place}");
+            assert!(!clearly || t == 0.0, "a triangle that the reference tests was not tested: {place}");
+            assert!(t > 0.0 || verdict != Verdict::Clear, "blocked by nothing: {place}");
+            if met.aggregated == 0 {
+                assert!(t == 0.0 || t == 1.0, "aggregated more than the reference: {place}");
+                assert!(verdict != Verdict::Blocked || t == 0.0, "missed: {place}");
+            }
+            aggregated += u64::from(met.aggregated > 0 && !met.blocked);
+            if verdict != Verdict::Marginal {
+                differences.segments += 1;
+                differences.large += usize::from((f64::from(t) - met.transmittance()).abs() > 0.01);
+                differences.sum += f64::from(t) - met.transmittance();
+                let truth = if verdict == Verdict::Clear { 1.0 } else { 0.0 };
+                differences.squares[0] += (f64::from(t) - truth).powi(2);
+                differences.squares[1] += (met.transmittance() - truth).powi(2);
+            }
+        }
+        assert!(cost.aggregated <= aggregated, "s {s}: {cost:?}, the reference aggregates for {aggregated}");
+    }
+    differences
+}
+
+#[test]
+fn fast_engine_keeps_the_rule_of_the_reference() {
+    for name in ["forest", "cubes", "desk-room", "louvres"] {
+        let stage = Stage::generated(name);
+        let e = stage.scene.emitters[0].min_width;
+        for (lanes, count) in [(1, 300), (16, 25)] {
+            let packets = stage.bundles(3, count, lanes);
+            for s in stage.sizes() {
+                for e in [0.0, 0.5 * e] {
+                    let d = compare(&stage, &packets, e, s);
+                    let n = d.segments as f64;
+                    let (large, mean) = (d.large as f64 / n, d.sum / n);
+                    println!("{name}, {lanes} lanes, s {s:.4}, e {e:.2}: {large:.3} differ, mean {mean:+.4}");
+                    // It judges whole boxes, opens more, and is nearer to the truth for it.
+                    let [fast, slow] = d.squares.map(|sum| (sum / n).sqrt());
+                    assert!(fast < 1.1 * slow + 0.005, "{name}, s {s}, e {e}: RMS {fast} and {slow}");
+                    assert!(mean.abs() < 0.03, "{name}, s {s}, e {e}: fast - reference {mean:+.4}");
+                    assert!(large < 0.1, "{name}, s {s}, e {e}: {large} of the segments differ");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn fast_engine_keeps_the_rule_in_random_clouds() {
+    for seed in 0..12 {
+        let mut random = Pcg64Mcg::new(seed);
+        let count = 1 << (random.next_u32() % 9);
+        let edge = 10f64.powf(-1.5 * unit(&mut random));
+        let mut pieces = cloud(seed as u64, count, edge, in_cube(&mut random) + 0.1, seed % 2 == 0);
+        pieces.light(DVec3::new(0.5, 0.5, 2.0), 0.4 * DVec3::Y, 0.4 * DVec3::X);
+        let stage = Stage::new(pieces.scene());
+        let packets = stage.bundles(seed as u64, 20, 16);
+        // From an element instead of a point: no end is shared.
+        let apart: Vec<Packet> = packets
+            .iter()
+            .map(|p| {
+                let mut apart = Packet::EMPTY;
+                for lane in p.lanes() {
+                    let from = p.point(lane, 0.0) + 0.02 * direction(&mut random);
+                    apart.set(lane, from, p.point(lane, 1.0), end_rule(&stage.scene));
+                }
+                apart
+            })
+            .collect();
+        for (s, e) in stage.sizes().into_iter().flat_map(|s| [(s, 0.0), (s, 0.1), (s, 0.4)]) {
+            let d = compare(&stage, &apart, e, s);
+            let mean = d.sum / d.segments.max(1) as f64;
+            assert!(mean.abs() < 0.05, "seed {seed}, apart, {count} of {edge:.3}, s {s}, e {e}: {mean:+.4}");
+            let d = compare(&stage, &packets, e, s);
+            let mean = d.sum / d.segments.max(1) as f64;
+            assert!(mean.abs() < 0.05, "seed {seed}, {count} of {edge:.3}, s {s}, e {e}: {mean:+.4}");
+        }
+    }
+}
+
+/// Feature sizes and emitters of a millionth of the scene leave nothing to aggregate but what lies edge-on.
+#[test]
+fn vanishing_sizes_are_exact() {
+    for name in ["forest", "cubes", "desk-room", "brick-wall", "louvres", "bookshelf", "cube-groups"] {
+        let stage = Stage::generated(name);
+        let brute = Brute::new(&stage.scene.positions, &stage.scene.triangles);
+        let tiny = 1e-6 * stage.size();
+        let engine = stage.engine(Leaf::Exact);
+        let mut workspace = Workspace::default();
+        let (mut aggregated, mut marginal, mut segments) = (0, 0, 0);
+        for packet in stage.bundles(17, 150, 16) {
+            let bundle = Bundle { packets: std::slice::from_ref(&packet), emitter_size: tiny, emitter: &[] };
+            let cost = engine.answer(bundle, tiny, &mut workspace).cost;
+            (aggregated, segments) = (aggregated + cost.aggregated, segments + cost.segments);
+            if cost.aggregated > 0 {
+                continue;
+            }
+            let fast = engine.transmittances(&packet, tiny, tiny, &mut workspace);
+            let blocked = stage.exact(&packet);
+            for lane in packet.lanes() {
+                let exact = if blocked >> lane & 1 == 1 { 0.0 } else { 1.0 };
+                if fast[lane] != exact {
+                    let Segment { origin, direction, near, far } = segment(&packet, lane);
+                    let verdict = brute.verdict(origin, direction, near, far, 1e-5);
+                    assert_eq!(
+                        verdict,
+                        Verdict::Marginal,
+                        "{name}: {} and Embree {exact}: {origin} {direction}",
+                        fast[lane]
+                    );
+                    marginal += 1;
+                }
+            }
+        }
+        assert!(aggregated * 50 <= segments, "{name}: {aggregated} of {segments} aggregated");
+        assert!(marginal * 200 <= segments, "{name}: {marginal} of {segments} segments are marginal");
+    }
+}
+
+/// Larger features to resolve, more to aggregate; one segment a bundle, so that each is judged on its own.
+#[test]
+fn aggregation_grows_with_the_feature_size() {
+    for name in ["forest", "cubes", "desk-room"] {
+        let stage = Stage::generated(name);
+        let engine = stage.engine(Leaf::Exact);
+        let mut workspace = Workspace::default();
+        let (mut sums, mut nodes) = ([0u64; 12], [0u64; 12]);
+        for packet in stage.bundles(5, 400, 1) {
+            let mut before = Cost::default();
+            for (k, sum) in sums.iter_mut().enumerate() {
+                let s = 1e-4 * stage.size() * 2f32.powi(k as i32);
+                let bundle =
+                    Bundle { packets: std::slice::from_ref(&packet), emitter_size: 0.0, emitter: &[] };
+                let cost = engine.answer(bundle, s, &mut workspace).cost;
+                if before.handed_over + cost.handed_over == 0 {
+                    assert!(
+                        cost.aggregated >= before.aggregated,
+                        "{name}: opened again at s {s}: {packet:?}"
+                    );
+                }
+                *sum += cost.aggregated;
+                nodes[k] += cost.nodes;
+                before = cost;
+            }
+        }
+        assert!(sums.windows(2).all(|w| w[0] <= w[1]), "{name}: {sums:?}");
+        assert!(sums[11] > sums[0], "{name}: {sums:?}");
+        assert!(nodes[11] < nodes[0], "{name}: {nodes:?} nodes");
+    }
+}

@@ -1,0 +1,138 @@
+//! The rule of method A.6 against brute force, the engines against each other, and what no feature size may change.
+
+mod against_reference;
+mod answers;
+mod certificates;
+mod edges;
+mod extinction;
+mod rule;
+mod same_bits;
+mod solid;
+
+use super::reference::{Segment, end_rule};
+use super::*;
+use crate::characterise::{self, Extinction, Traits, characterise};
+use crate::embree::{CommittedScene, Device, SceneBuilder, Traversal};
+use crate::hierarchy::{self, Hierarchy};
+use crate::ray::{EndRule, LANES};
+use crate::scene::Scene;
+use crate::scene::generate::{self, Spec};
+use crate::scene::testing::unit;
+use glam::Vec3;
+use rand_pcg::Pcg64Mcg;
+use rand_pcg::rand_core::Rng;
+
+const SINGLE: Traversal = Traversal { width: 1, coherent: false };
+
+/// A scene with all that the engines need.
+struct Stage {
+    scene: Scene,
+    hierarchy: Hierarchy,
+    traits: Vec<Traits>,
+    traced: CommittedScene,
+}
+
+impl Stage {
+    fn new(scene: Scene) -> Stage {
+        Stage::with(scene, &Default::default(), Extinction::Measured)
+    }
+
+    /// Nothing counts as large; extinction by the formula.
+    fn soft(scene: Scene) -> Stage {
+        let apart = hierarchy::Options { large_surface: f32::INFINITY, ..Default::default() };
+        Stage::with(scene, &apart, Extinction::Analytic)
+    }
+
+    fn with(scene: Scene, options: &hierarchy::Options, extinction: Extinction) -> Stage {
+        let hierarchy = hierarchy::build(&scene, options);
+        hierarchy.check(&scene).expect("hierarchy");
+        let options = characterise::Options { extinction, tolerance: 0.1, ..Default::default() };
+        let traits = characterise(&scene, &hierarchy.micro, &options);
+        let device = Device::new(1).expect("device");
+        let mut builder = SceneBuilder::new(&device, Default::default()).expect("builder");
+        builder.add_triangles(&scene.positions, &scene.triangles, 1).expect("triangles");
+        let traced = builder.commit().expect("scene");
+        Stage { scene, hierarchy, traits, traced }
+    }
+
+    fn generated(name: &str) -> Stage {
+        let mut spec = Spec::new(name);
+        (spec.trees, spec.leaves, spec.trunks, spec.count) = (9, 120, true, None);
+        Stage::new(generate::build(&spec).expect(name))
+    }
+
+    fn engine(&self, leaf: Leaf) -> MultiResolution<'_> {
+        MultiResolution::new(&self.scene, &self.hierarchy, &self.traits, &self.traced, SINGLE, leaf)
+    }
+
+    /// Blocked lanes by Embree.
+    fn exact(&self, packet: &Packet) -> u32 {
+        let mut blocked = [0];
+        self.traced.occluded_by(SINGLE, u32::MAX, std::slice::from_ref(packet), &mut blocked);
+        blocked[0]
+    }
+
+    fn size(&self) -> f32 {
+        self.scene.bounds.diagonal()
+    }
+
+    /// A random point of a random triangle, and the triangle.
+    fn point(&self, random: &mut Pcg64Mcg, triangles: &[u32]) -> Vec3 {
+        let corners = self.scene.corners(triangles[random.next_u32() as usize % triangles.len()]);
+        let (u, v) = (unit(random).sqrt() as f32, unit(random) as f32);
+        corners[0] + u * (1.0 - v) * (corners[1] - corners[0]) + u * v * (corners[2] - corners[0])
+    }
+
+    /// Bundles of `lanes` segments from points on surfaces to points on the first emitter.
+    fn bundles(&self, seed: u64, count: usize, lanes: usize) -> Vec<Packet> {
+        let mut random = Pcg64Mcg::new(seed.into());
+        let emitter = &self.scene.emitters[0].triangles;
+        let surfaces: Vec<u32> =
+            (0..self.scene.triangles.len() as u32).filter(|t| !emitter.contains(t)).collect();
+        let ends = end_rule(&self.scene);
+        (0..count)
+            .map(|_| {
+                let from = self.point(&mut random, &surfaces);
+                let mut packet = Packet::EMPTY;
+                (0..lanes).for_each(|i| packet.set(i, from, self.point(&mut random, emitter), ends));
+                packet
+            })
+            .collect()
+    }
+
+    fn sizes(&self) -> [f32; 5] {
+        [1e-6, 0.003, 0.01, 0.05, 0.3].map(|part| part * self.size())
+    }
+}
+
+fn segment(packet: &Packet, lane: usize) -> Segment {
+    Segment {
+        origin: packet.point(lane, 0.0),
+        direction: Vec3::from(packet.direction.map(|axis| axis[lane])),
+        near: packet.near[lane],
+        far: packet.far[lane],
+    }
+}
+
+/// From the middle of the receiver ends to the middle of the emitter ends.
+fn towards(packet: &Packet) -> Vec3 {
+    let middle = |t: f32| crate::math::Aabb::of(packet.lanes().map(|i| packet.point(i, t))).center();
+    middle(1.0) - middle(0.0)
+}
+
+/// Parallel lines over a square that covers the scene, and the area that each stands for.
+fn parallel(stage: &Stage, view: Vec3, lanes: usize, random: &mut Pcg64Mcg) -> (Vec<Packet>, f64) {
+    let (u, v) = view.any_orthonormal_pair();
+    let (centre, reach, n) = (stage.scene.bounds.center(), 1.01 * stage.size(), 160);
+    let mut packets: Vec<Packet> = Vec::new();
+    for i in 0..n * n {
+        let mut at = |k: usize| ((k as f64 + unit(random)) / n as f64 - 0.5) as f32 * reach;
+        let p = centre + at(i % n) * u + at(i / n) * v;
+        if i % lanes == 0 {
+            packets.push(Packet::EMPTY);
+        }
+        let last = packets.last_mut().expect("just pushed");
+        last.set(i % lanes, p - 2.0 * reach * view, p + 2.0 * reach * view, EndRule::new(0.0));
+    }
+    (packets, f64::from(reach * reach) / (n * n) as f64)
+}

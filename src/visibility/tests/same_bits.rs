@@ -1,0 +1,96 @@
+//! What must not change an answer: neighbours, instruction sets, threads, what was asked before.
+
+use super::*;
+use crate::scene::testing::direction;
+use crate::simd::Isa;
+use rayon::prelude::*;
+
+const ISAS: [Isa; 3] = [Isa::Portable, Isa::Avx2, Isa::Avx512];
+
+/// Neighbours that are asked together share the upper part of the traversal: what is exact stays the same bit for
+/// bit, and what is aggregated differs by no more than the direction that traits are taken along.
+#[test]
+fn groups_answer_as_their_bundles_do() {
+    for name in ["forest", "cubes", "desk-room", "bookshelf"] {
+        let stage = Stage::generated(name);
+        let engine = stage.engine(Leaf::Exact);
+        let emitter = &stage.scene.emitters[0].triangles;
+        let ends = end_rule(&stage.scene);
+        let mut random = Pcg64Mcg::new(12);
+        let surfaces: Vec<u32> =
+            (0..stage.scene.triangles.len() as u32).filter(|t| !emitter.contains(t)).collect();
+        let mut packets = Vec::new();
+        for _ in 0..20 {
+            // A crowd of points around one of a surface.
+            let middle = stage.point(&mut random, &surfaces);
+            for _ in 0..25 {
+                let from = middle + 0.02 * stage.size() * direction(&mut random);
+                let mut packet = Packet::EMPTY;
+                (0..16).for_each(|i| packet.set(i, from, stage.point(&mut random, emitter), ends));
+                packets.push(packet);
+            }
+        }
+        let width = stage.scene.emitters[0].min_width;
+        for (e, s) in [(1e-6 * width, 1e-6 * stage.size()), (width, 0.02 * stage.size())] {
+            let bundles: Vec<Bundle> = packets
+                .iter()
+                .map(|p| Bundle { packets: std::slice::from_ref(p), emitter_size: e, emitter: &[] })
+                .collect();
+            let mut workspace = Workspace::default();
+            let mut together = Vec::new();
+            engine.answers(&bundles, s, &mut workspace, |answer| together.push(answer));
+            assert_eq!(together.len(), bundles.len());
+            let (mut sum, mut nodes) = (0.0, [0, 0]);
+            for (bundle, shared) in bundles.iter().zip(&together) {
+                let alone = engine.answer(*bundle, s, &mut workspace);
+                nodes = [nodes[0] + alone.cost.nodes, nodes[1] + shared.cost.nodes];
+                if alone.cost.aggregated + shared.cost.aggregated == 0 {
+                    assert_eq!(alone.transmittance, shared.transmittance, "{name}, e {e}, s {s}");
+                }
+                sum += f64::from(shared.transmittance - alone.transmittance);
+            }
+            let mean = sum / bundles.len() as f64;
+            assert!(mean.abs() < 0.01, "{name}, e {e}, s {s}: groups answer {mean:+.4} more");
+            assert!(nodes[1] < nodes[0] / 2, "{name}, e {e}, s {s}: nothing is shared: {nodes:?}");
+        }
+    }
+}
+
+#[test]
+fn instruction_sets_threads_and_history_change_no_bit() {
+    for name in ["forest", "desk-room"] {
+        let stage = Stage::generated(name);
+        let packets = stage.bundles(8, 300, 16);
+        let e = 0.3 * stage.scene.emitters[0].min_width;
+        for leaf in [Leaf::Exact, Leaf::Extinction] {
+            for s in stage.sizes() {
+                let ask = |engine: &MultiResolution, packet: &Packet, workspace: &mut Workspace| {
+                    let bundle =
+                        Bundle { packets: std::slice::from_ref(packet), emitter_size: e, emitter: &[] };
+                    let answer = engine.answer(bundle, s, workspace);
+                    let bits = [answer.transmittance, answer.lo, answer.hi].map(f32::to_bits);
+                    (engine.transmittances(packet, e, s, workspace).map(f32::to_bits), bits, answer.cost)
+                };
+                let plain = stage.engine(leaf).with_isa(Isa::Portable);
+                let truth: Vec<_> =
+                    packets.iter().map(|p| ask(&plain, p, &mut Workspace::default())).collect();
+                for isa in ISAS.into_iter().filter(|isa| isa.available()) {
+                    let engine = stage.engine(leaf).with_isa(isa);
+                    assert_eq!(engine.isa(), isa);
+                    // Backwards with one workspace: what came before must not show.
+                    let mut kept = Workspace::default();
+                    let mut again: Vec<_> =
+                        packets.iter().rev().map(|p| ask(&engine, p, &mut kept)).collect();
+                    again.reverse();
+                    assert!(again == truth, "{name}, {leaf:?}, s {s}: {} differs", isa.name());
+                }
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("threads");
+                let engine = stage.engine(leaf);
+                let shared: Vec<_> = pool.install(|| {
+                    packets.par_iter().map_init(Workspace::default, |w, p| ask(&engine, p, w)).collect()
+                });
+                assert!(shared == truth, "{name}, {leaf:?}, s {s}: two threads differ");
+            }
+        }
+    }
+}

@@ -1,0 +1,280 @@
+//! What solve and form-factors say about published cases, about glass, and when they are interrupted.
+
+use crate::run::Scratch;
+use glam::{DVec3, dvec3};
+use mrvis::factor_matrix::{Facets, Grouping, Matrix, Settings, compute};
+use mrvis::points::Point;
+use mrvis::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
+use mrvis::solver::{self, Options};
+use std::f64::consts::{PI, TAU};
+
+/// A value of a table of published cases, by its first columns and the column that holds it.
+fn published(text: &str, id: &str, quantity: (usize, &str), value: usize) -> f64 {
+    let mut reader =
+        csv::ReaderBuilder::new().comment(Some(b'#')).flexible(true).from_reader(text.as_bytes());
+    let row = reader.records().map(|r| r.expect("a row"));
+    let row =
+        row.into_iter().find(|r| &r[0] == id && r[quantity.0].starts_with(quantity.1)).expect("the row");
+    row[value].parse().expect("a number")
+}
+
+fn obstructed(id: &str, quantity: &str) -> f64 {
+    published(include_str!("../validation/viewfactors_obstructed.csv"), id, (2, quantity), 5)
+}
+
+fn unobstructed(id: &str) -> (Vec<f64>, f64) {
+    let text = include_str!("../validation/viewfactors_unobstructed.csv");
+    let sizes = (2..6).map_while(|k| {
+        let mut reader =
+            csv::ReaderBuilder::new().comment(Some(b'#')).flexible(true).from_reader(text.as_bytes());
+        let row = reader.records().map(|r| r.expect("a row")).find(|r| &r[0] == id).expect("the row");
+        row[k].parse().ok()
+    });
+    (sizes.collect(), published(text, id, (1, ""), 6))
+}
+
+/// Polygons, each an object of its own unless `object` says otherwise.
+#[derive(Default)]
+struct Builder(Soup);
+
+impl Builder {
+    fn new() -> Builder {
+        let mut soup = Soup::new("test");
+        soup.material(SoupMaterial::diffuse("black", [0.0; 3]));
+        soup.material(SoupMaterial::light("lamp", [1.0 / PI as f32; 3]));
+        Builder(soup)
+    }
+
+    fn object(&mut self, name: &str, material: u32, polygons: &[Vec<DVec3>]) -> &mut Builder {
+        let object = self.0.object(name);
+        polygons.iter().for_each(|p| self.0.polygon(object, material, p));
+        self
+    }
+
+    fn scene(&mut self) -> Scene {
+        resolve(std::mem::take(&mut self.0), &LoadOptions::default()).expect("a scene")
+    }
+}
+
+const BLACK: u32 = 0;
+const LAMP: u32 = 1;
+
+fn rectangle(corner: DVec3, u: DVec3, v: DVec3) -> Vec<DVec3> {
+    vec![corner, corner + u, corner + u + v, corner + v]
+}
+
+/// A unit lamp at z = 1 that shines down on a unit square at z = 0, and between them a square of side `size`.
+fn plates(low: DVec3, size: f64) -> Scene {
+    Builder::new()
+        .object("lamp", LAMP, &[rectangle(DVec3::Z, DVec3::Y, DVec3::X)])
+        .object("floor", BLACK, &[rectangle(DVec3::ZERO, DVec3::X, DVec3::Y)])
+        .object("blocker", BLACK, &[rectangle(low, size * DVec3::X, size * DVec3::Y)])
+        .scene()
+}
+
+#[test]
+fn solutions_of_published_obstructed_pairs() {
+    // The lamp's radiosity is 1: the floor's mean irradiance is the form factor.
+    let n = 40;
+    let at = |k: usize| (k as f64 + 0.5) / n as f64;
+    let grid: Vec<Point> =
+        (0..n * n).map(|k| Point { position: dvec3(at(k % n), at(k / n), 0.0), normal: DVec3::Z }).collect();
+    for (id, quantity, low, size) in [
+        ("facet_shapiro", "F(y=1 -> y=0)", dvec3(0.25, 0.25, 0.75), 0.5),
+        ("view3d_square_obstruction", "F(z=0 -> z=1)", dvec3(0.0, 0.0, 0.5), 0.5),
+        ("centred_half_obstruction", "F12", dvec3(0.25, 0.25, 0.5), 0.5),
+    ] {
+        let want = obstructed(id, quantity);
+        let scene = plates(low, size);
+        let outcome = solver::run(&scene, &grid, &Options::default(), &()).expect("a solution");
+        let points = outcome.irradiance.iter().map(|e| e[0]).sum::<f64>() / grid.len() as f64;
+        assert!((points / want - 1.0).abs() < 5e-3, "{id} at points: {points} instead of {want}");
+    }
+    let hidden = plates(dvec3(-0.1, -0.1, 0.5), 1.2);
+    let outcome = solver::run(&hidden, &grid, &Options::default(), &()).expect("a solution");
+    assert!(outcome.irradiance.iter().all(|e| *e == [0.0; 3]));
+}
+
+fn factors(scene: &Scene) -> Matrix {
+    let facets = Facets::new(scene);
+    let settings = Settings::new(facets.len());
+    let (matrix, _) = compute(scene, &facets, &settings, &|_| ()).expect("a matrix");
+    matrix.grouped(scene, &facets, Grouping::Object)
+}
+
+/// A regular polygon at the height `z` with the area of a disc; seen from above it turns counterclockwise.
+fn disc(radius: f64, z: f64, up: bool) -> Vec<DVec3> {
+    const SIDES: usize = 96;
+    let step = TAU / SIDES as f64;
+    let r = radius * (step / step.sin()).sqrt();
+    let mut corners: Vec<DVec3> =
+        (0..SIDES).map(|k| dvec3(r * (k as f64 * step).cos(), r * (k as f64 * step).sin(), z)).collect();
+    if !up {
+        corners.reverse();
+    }
+    corners
+}
+
+#[test]
+fn unobstructed_factors_of_the_published_suite() {
+    let check = |id: &str, scene: &Scene, want: f64| {
+        let found = factors(scene).get(0, 1);
+        assert!((found / want - 1.0).abs() < 1e-3, "{id}: {found} instead of {want}");
+    };
+    let text = include_str!("../validation/viewfactors_unobstructed.csv");
+    let ids: Vec<&str> = text.lines().filter_map(|l| l.split(',').next()).collect();
+    let mut seen = 0;
+    for id in ids {
+        let kind = id.rsplit_once('-').map_or("", |(kind, _)| kind);
+        let mut builder = Builder::new();
+        match kind {
+            "par-plate" => {
+                let (size, _) = unobstructed(id);
+                let (u, v) = (size[0] * DVec3::X, size[1] * DVec3::Y);
+                builder.object("one", BLACK, &[rectangle(DVec3::ZERO, u, v)]);
+                builder.object("other", BLACK, &[rectangle(DVec3::Z, v, u)]);
+            }
+            "coaxial-discs" => {
+                let (size, _) = unobstructed(id);
+                builder.object("one", BLACK, &[disc(size[0], 0.0, true)]);
+                builder.object("other", BLACK, &[disc(size[1], 1.0, false)]);
+            }
+            _ => continue,
+        }
+        check(id, &builder.scene(), unobstructed(id).1);
+        seen += 1;
+    }
+    assert!(seen >= 12, "{seen} cases");
+}
+
+#[test]
+fn curved_surfaces_are_sums_of_their_facets() {
+    // A cylinder in a cylinder, as prisms with the same circumference.
+    const SIDES: usize = 180;
+    let wall = |radius: f64, outward: bool| -> Vec<Vec<DVec3>> {
+        let step = TAU / SIDES as f64;
+        let r = radius * 0.5 * step / (0.5 * step).sin();
+        let at = |k: usize, z: f64| dvec3(r * (k as f64 * step).cos(), r * (k as f64 * step).sin(), z);
+        (0..SIDES)
+            .map(|k| {
+                let quad = [at(k, 0.0), at(k + 1, 0.0), at(k + 1, 1.0), at(k, 1.0)];
+                if outward { quad.to_vec() } else { quad.into_iter().rev().collect() }
+            })
+            .collect()
+    };
+    for id in ["coaxial-cylinders-002", "coaxial-cylinders-005"] {
+        let (size, want) = unobstructed(id);
+        let mut builder = Builder::new();
+        builder.object("inner", BLACK, &wall(size[0], true)).object("outer", BLACK, &wall(size[1], false));
+        let found = factors(&builder.scene()).get(0, 1);
+        assert!((found / want - 1.0).abs() < 2e-3, "{id}: {found} instead of {want}");
+    }
+}
+
+/// A lamp over two points of a floor, and a pane of glass over one of them.
+fn pane(scratch: &Scratch, d: &str) {
+    scratch.write(
+        "pane.obj",
+        "mtllib pane.mtl\nv 0 0 0\nv 4 0 0\nv 4 1 0\nv 0 1 0\nv 0 0 1\nv 4 0 1\nv 4 1 1\nv 0 1 1\n\
+         v -9 -9 .5\nv 2 -9 .5\nv 2 9 .5\nv -9 9 .5\no floor\nusemtl floor\nf 1 2 3 4\no lamp\nusemtl lamp\nf 8 7 6 5\n\
+         o pane\nusemtl glass\nf 9 10 11 12\n",
+    );
+    let materials =
+        "newmtl floor\nKd 0 0 0\nnewmtl lamp\nKd 0 0 0\nKe 1 1 1\nnewmtl glass\nKd 0 0 0\n".to_owned();
+    scratch.write("pane.mtl", materials + d + "\n");
+    scratch.write("points.csv", "x,y,z,nx,ny,nz\n0.2,0.5,0,0,0,1\n");
+}
+
+#[test]
+fn glass_blocks_from_one_half_on_in_every_command() {
+    let irradiance = |scratch: &Scratch, name: &str| -> f64 {
+        let text = std::fs::read_to_string(scratch.path(name)).expect("a file");
+        text.lines().nth(1).and_then(|l| l.split(',').nth(6)).and_then(|e| e.parse().ok()).expect("a number")
+    };
+    let mut clear = None;
+    for (d, blocks) in [
+        ("d 0", false),
+        ("d 0.2", false),
+        ("d 0.499", false),
+        ("Tr 0.6", false),
+        ("d 0.5", true),
+        ("d 0.7", true),
+        ("d 1", true),
+    ] {
+        let scratch = Scratch::new();
+        pane(&scratch, d);
+        let said = |arguments: &[&str]| {
+            let outcome = scratch.mrvis(arguments);
+            assert_eq!(outcome.code, Some(0), "{d}: {}", outcome.stderr);
+        };
+        let points = ["--points", "points.csv"];
+        said(&[&["solve", "pane.obj", "--out", "s", "--quiet"], &points[..]].concat());
+        said(&[&["reference", "pane.obj", "--out", "r.csv", "--quiet"], &points[..]].concat());
+        said(&["form-factors", "pane.obj", "--out", "f.csv", "--by", "object", "--quiet"]);
+        said(&["bench", "pane.obj", "--points", "50", "--json", "b.json", "--cache", "off", "--quiet"]);
+        let (solved, traced) = (irradiance(&scratch, "s/irradiance.csv"), irradiance(&scratch, "r.csv"));
+        let triangles = scratch.json("b.json")["scene"]["triangles"].as_u64();
+        let factors = std::fs::read_to_string(scratch.path("f.csv")).expect("a file");
+        let factor = |from: &str, to: &str| -> f64 {
+            let start = format!("{from},{to},");
+            factors.lines().find_map(|l| l.strip_prefix(&start)).map_or(0.0, |f| f.parse().expect("a number"))
+        };
+        assert_eq!(triangles, Some(if blocks { 6 } else { 4 }), "{d}");
+        assert!((factor("floor", "lamp") > 0.3) != blocks, "{d}: {factors}");
+        if blocks {
+            assert!(
+                solved < 0.5 * clear.expect("d 0 comes first") && traced < 0.5 * solved.max(1.0),
+                "{d}: {solved} {traced}"
+            );
+        } else {
+            assert!((solved / traced - 1.0).abs() < 0.02, "{d}: {solved} {traced}");
+            assert_eq!(*clear.get_or_insert(solved), solved, "{d}: glass is not there");
+        }
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_solution_is_consistent_and_says_so() {
+    use std::process::{Command, Stdio};
+    let scratch = Scratch::new();
+    let scene = scratch.generate(&mrvis::scene::generate::Spec::new("desk-room"));
+    let child = Command::new(env!("CARGO_BIN_EXE_mrvis"))
+        .args(["solve", &scene, "--out", "s", "--error", "1e-5", "--output", "vtu,image", "--gather"])
+        .current_dir(scratch.path("."))
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the command runs");
+    std::thread::sleep(std::time::Duration::from_secs(3));
+    let kill = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill");
+    assert!(kill.success());
+    let output = child.wait_with_output().expect("it ends");
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(said.contains("interrupted"), "{said}");
+    let record = scratch.json("s/solution.json");
+    assert_eq!(record["interrupted"], true);
+    let power = |what: &str| record["ledger"][what].as_f64().expect("a number");
+    let gone = power("absorbed") + power("escaped") - power("created");
+    assert!((gone / power("emitted") - 1.0).abs() < 1e-3, "{}", record["ledger"]);
+    assert!(scratch.path("s/solution.vtu").exists() && scratch.path("s/view.png").exists());
+}
+
+#[test]
+fn ten_million_links_take_less_than_a_gibibyte() {
+    // Stored, and 32 bytes more for what refinement and sweeps note of each while they last.
+    let stored = size_of::<mrvis::link::Link>();
+    assert!(stored <= 40, "{stored}");
+    assert!(10_000_000 * (stored + 32) < 1 << 30);
+    let options = Options { error: 0.01, ..Options::default() };
+    let outcome = solver::run(&plates(dvec3(0.25, 0.25, 0.5), 0.5), &[], &options, &()).expect("a solution");
+    let (links, elements) = (outcome.record.links, outcome.record.elements);
+    assert!(links > 2000, "{links}");
+    // Elements, links and sweeps together: nothing else grows with the solution.
+    assert!(
+        outcome.record.bytes < 80 * links + 400 * elements + 100_000,
+        "{} {links} {elements}",
+        outcome.record.bytes
+    );
+}
