@@ -87,7 +87,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--mrvis", default="target/release/mrvis", help="the command (target/release/mrvis)")
     parser.add_argument("--out", default="out/cornell", help="folder for all files (out/cornell)")
-    parser.add_argument("--samples", type=int, default=4096, help="paths a point of the reference (4096)")
+    parser.add_argument("--samples", type=int, default=2048, help="paths a point of the reference (2048)")
     args = parser.parse_args()
     mrvis = str(pathlib.Path(args.mrvis).resolve())
     os.makedirs(args.out, exist_ok=True)

@@ -1,8 +1,8 @@
 //! What a run of `mrvis bench` measured: the JSON of `bench --json`, and the arithmetic of its speed-ups.
 //!
 //! Names and nesting are a contract with programs that nobody here sees (architecture section 6.1): fields may be
-//! added, never renamed or removed. The record holds no date. The same run gives the same record but for its times, what is
-//! derived from them (speed-ups, Embree's fastest call), and what is planned by them: the choice of a target and its
+//! added, never renamed or removed. The record holds no date. The same run gives the same record but for its times, how
+//! often they were taken, what is derived from them (speed-ups, Embree's fastest call), and what is planned by them: the choice of a target and its
 //! answers, and the levels and figures of the rows without bias. Lengths are in the scene's unit, times in seconds of wall clock. `rms` and `bias` are of the visible
 //! fraction of each emitter at each point, in [0, 1], against the reference, whose own noise is subtracted.
 

@@ -112,6 +112,12 @@ pub fn table(
     (table, origin, note)
 }
 
+/// The table of a scene if it is kept and can be believed.
+pub fn find(scene: &Scene, place: &Place, options: &Options) -> Option<Table> {
+    let settings = format!("{options:?}");
+    load(&path(&scene.path, place, &settings)?, &key(scene, &settings, CODE), scene).ok()
+}
+
 /// The file of a scene: one for each set of options, so that files do not pile up while a scene is edited.
 fn path(scene: &Path, place: &Place, settings: &str) -> Option<PathBuf> {
     let mut name = scene.file_name()?.to_os_string();

@@ -37,7 +37,7 @@ enum Command {
     Info(info::Args),
     Bench(bench::Args),
     Fbem(fbem::Args),
-    Solve(solve::Args),
+    Solve(Box<solve::Args>),
     Reference(reference::Args),
     Compare(compare::Args),
     FormFactors(form_factors::Args),

@@ -1,13 +1,13 @@
 //! `mrvis solve SCENE --out DIR`: the light in a scene.
 
-use super::args::{Common, SceneArgs, Spinner, check_folder, grouped};
+use super::args::{CacheArgs, Common, SceneArgs, Spinner, check_folder, grouped};
 use super::outputs::Outputs;
 use glam::DVec3;
 use mrvis::files::WholeFile;
 use mrvis::output::number;
 use mrvis::points::{Irradiance, Point, read_points, write_irradiance};
 use mrvis::scene::{Scene, StoredCamera};
-use mrvis::solver::{self, Inside, More, Options, Outcome, Progress, Record, Rows, View, Visibility};
+use mrvis::solver::{self, Inside, More, Options, Outcome, Progress, Record, Rows, Versus, View, Visibility};
 use mrvis::{Error, Result};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -48,6 +48,9 @@ pub struct Args {
     /// How visibility is answered.
     #[arg(long, value_enum, default_value = "exact")]
     visibility: Engine,
+    /// Solve once more with this engine, side by side: time of both and the difference at the points.
+    #[arg(long, value_enum, value_name = "ENGINE", requires = "points")]
+    compare: Option<Engine>,
     /// Feature size in scene units: shadows smaller than this may be averaged [default: each receiver's diameter].
     #[arg(short = 's', long, value_name = "S", allow_negative_numbers = true)]
     feature_size: Option<f32>,
@@ -90,6 +93,8 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = Options::default().max_links)]
     max_links: usize,
     #[command(flatten)]
+    cache: CacheArgs,
+    #[command(flatten)]
     outputs: Outputs,
     #[command(flatten)]
     common: Common,
@@ -125,6 +130,16 @@ enum Engine {
     Average,
 }
 
+impl From<Engine> for Visibility {
+    fn from(engine: Engine) -> Visibility {
+        match engine {
+            Engine::Exact => Visibility::Exact,
+            Engine::Mr => Visibility::Mr,
+            Engine::Average => Visibility::Average,
+        }
+    }
+}
+
 pub fn run(args: &Args) -> Result<ExitCode> {
     let mut options = Options {
         error: args.error,
@@ -134,11 +149,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
             RowSums::Closed => Rows::Closed,
             RowSums::Balanced => Rows::Balanced,
         },
-        visibility: match args.visibility {
-            Engine::Exact => Visibility::Exact,
-            Engine::Mr => Visibility::Mr,
-            Engine::Average => Visibility::Average,
-        },
+        visibility: args.visibility.into(),
         feature_size: args.feature_size,
         feature_sizes: args.feature_sizes.as_deref().map(read_sizes).transpose()?.unwrap_or_default(),
         inside: match args.inside {
@@ -157,6 +168,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         max_seconds: args.max_seconds,
         target_error: args.target_error,
         max_links: args.max_links,
+        cache: args.cache.place()?,
         seed: args.common.seed,
     };
     options.check()?;
@@ -186,22 +198,25 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     // be set, interruption ends the program as it always did.
     let _ = ctrlc::set_handler(move || stopped.store(true, Ordering::Relaxed));
     solver::run_then(&scene, &points, &options, &watch, |mut outcome, more| {
+        if let Some(other) = args.compare.filter(|_| !outcome.record.interrupted) {
+            outcome.record.versus = Some(solver::versus(&scene, &points, &outcome, other.into(), &watch)?);
+        }
         watch.spinner.clear();
         outcome.record.seconds.load = load;
         if outcome.record.interrupted {
             let note = "interrupted: this is the consistent solution reached so far";
             outcome.record.warnings.push(note.into());
         }
-        write((args, out), &scene, &points, outcome, more, &watch)
+        write(args, out, (&scene, &points), outcome, more, &watch)
     })?;
     Ok(ExitCode::SUCCESS)
 }
 
 /// Writes all files and says so.
 fn write(
-    (args, out): (&Args, &Path),
-    scene: &Scene,
-    points: &[Point],
+    args: &Args,
+    out: &Path,
+    (scene, points): (&Scene, &[Point]),
     outcome: Outcome,
     more: More,
     watch: &Watch,
@@ -348,6 +363,9 @@ fn summary(r: &Record) -> String {
         "mean irradiance {red}, {green}, {blue} W/m\u{b2} (red, green, blue); estimated error {} %",
         number(100.0 * r.error_estimate)
     );
+    if let Some(v) = &r.versus {
+        text += &side_by_side(r, v);
+    }
     if let Some(a) = &r.audit {
         let _ = writeln!(
             text,
@@ -362,5 +380,43 @@ fn summary(r: &Record) -> String {
     for warning in &r.warnings {
         let _ = writeln!(text, "note: {warning}");
     }
+    text
+}
+
+/// A table of both engines.
+fn side_by_side(r: &Record, v: &Versus) -> String {
+    let name = |visibility| match visibility {
+        Visibility::Exact => "exact",
+        Visibility::Mr => "mr",
+        Visibility::Average => "average",
+    };
+    let mut text = format!(
+        "{:<9}{:>11}{:>11}{:>11}{:>11}{:>11}{:>12}\n",
+        "", "clusters s", "solved s", "points s", "all s", "links", "exact rays"
+    );
+    for (visibility, s, links, rays) in [
+        (r.options.visibility, &r.seconds, r.links, r.bundles.exact_rays),
+        (v.visibility, &v.seconds, v.links, v.bundles.exact_rays),
+    ] {
+        let clusters = s.hierarchy + s.characterise;
+        let _ = writeln!(
+            text,
+            "{:<9}{clusters:>11.2}{:>11.2}{:>11.2}{:>11.2}{:>11}{:>12}",
+            name(visibility),
+            s.solve,
+            s.points,
+            s.work(),
+            grouped(links),
+            grouped(rays as usize)
+        );
+    }
+    let (own, other) = (name(r.options.visibility), name(v.visibility));
+    let _ = writeln!(
+        text,
+        "{other} took {:.2} times as long as {own}; at the points they differ by {:.2} % RMS, {:+.2} % in the mean",
+        v.speedup,
+        100.0 * v.difference.rms,
+        100.0 * v.difference.bias
+    );
     text
 }

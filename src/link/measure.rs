@@ -1,7 +1,7 @@
 //! The coupling of two elements: unoccluded exchange and transmittance.
 
 use super::ends::{Ends, four, gauss, kernel, mix};
-use super::{Link, Scratch, Sight};
+use super::{Link, Question, Scratch, Sight};
 use crate::element::{Element, Elements, Shape, facing};
 use crate::form_factor::{point_to_polygon, polygon_to_polygon};
 use crate::ray::{EndRule, LANES, Packet};
@@ -17,6 +17,9 @@ const UNSEEN: f32 = 0.03;
 const HIDDEN: f32 = 0.1;
 /// Relative deviation inside a cluster that faces its directions only on average.
 const ROUGH: f32 = 0.3;
+/// Four segments instead of sixteen are enough where visibility is expected to make the error of a coupling less than this,
+/// in units of what is tolerated; half of it between clusters, whose samples vary for other reasons too.
+const FEW: f32 = 0.25;
 /// Measures links.
 #[derive(Clone, Copy)]
 pub struct Meter<'a> {
@@ -50,22 +53,57 @@ pub enum Inside {
 pub struct Care {
     /// Error that a coupling of one square unit would be, in units of what is tolerated.
     pub worth: f32,
-    /// Shadow features smaller than this need not be resolved; scene units.
+    /// Shadow features smaller than this on the end that receives need not be resolved; scene units.
     pub feature_size: f32,
+    /// Standard deviation that the transmittance of a segment is expected to have, in `[0, 1/2]`: where it is small, few
+    /// segments say as much as many.
+    pub mixed: f32,
+    /// Whether it is the first end whose light matters more: features are those of its shadows.
+    pub first_receives: bool,
+}
+
+/// A pair of elements, not yet a link: the unoccluded exchange is known, and what to ask of visibility.
+pub struct Draft {
+    ids: [u32; 2],
+    swapped: bool,
+    /// Unoccluded coupling, and the one that deviations are relative to.
+    free: [f32; 2],
+    deviation: [f32; 2],
+    weights: [f32; LANES],
 }
 
 impl Meter<'_> {
     /// The link between two elements that do not hold each other; none if neither sees the other's front.
+    pub fn measure(&self, a: u32, b: u32, care: Care, scratch: &mut Scratch) -> Option<Link> {
+        self.measure_all(&[([a, b], care)], scratch).pop()
+    }
+
+    /// The links of pairs of elements that do not hold each other, in their order; pairs that do not see each other's fronts
+    /// are left out.
     ///
     /// Surfaces: Lambert's formula from four points of the smaller one or, for pairs that touch, the contour integral;
     /// far ones by the kernel alone. Clusters: an unbiased estimate over their sides, drawn with a preference for those
-    /// that face the other end. Visibility is asked for the same points, weighted by their kernel.
-    pub fn measure(&self, a: u32, b: u32, care: Care, scratch: &mut Scratch) -> Option<Link> {
+    /// that face the other end. Visibility is asked for the same points, weighted by their kernel, for all pairs together.
+    pub fn measure_all(&self, pairs: &[([u32; 2], Care)], scratch: &mut Scratch) -> Vec<Link> {
+        let (mut drafts, mut questions) = (Vec::with_capacity(pairs.len()), Vec::with_capacity(pairs.len()));
+        for &([a, b], care) in pairs {
+            if let Some((draft, question)) = self.draft(a, b, care) {
+                drafts.push(draft);
+                questions.push(question);
+            }
+        }
+        let mut links = Vec::with_capacity(drafts.len());
+        self.sight.ask(&questions, scratch, |k, seen| links.push(drafts[k].link(&questions[k].packet, seen)));
+        links
+    }
+
+    /// All of a pair but its visibility.
+    pub fn draft(&self, a: u32, b: u32, care: Care) -> Option<(Draft, Question)> {
         // The same samples whichever end is named first.
         if self.elements.elements[a as usize].ids > self.elements.elements[b as usize].ids {
-            let link = self.measure(b, a, care, scratch)?;
-            let [of_b, of_a] = link.variation;
-            return Some(Link { a, b, variation: [of_a, of_b], ..link });
+            let care = Care { first_receives: !care.first_receives, ..care };
+            let (draft, question) = self.draft(b, a, care)?;
+            return Some((Draft { swapped: true, ..draft }, question));
         }
         let (ea, eb) = (&self.elements.elements[a as usize], &self.elements.elements[b as usize]);
         if ea.area <= 0.0 || eb.area <= 0.0 || self.behind(ea, eb) || self.behind(eb, ea) {
@@ -76,9 +114,9 @@ impl Meter<'_> {
         match (&ea.shape, &eb.shape) {
             (Shape::Surface { side: sa, corners: ca }, Shape::Surface { side: sb, corners: cb }) => {
                 let normals = [sa, sb].map(|&s| self.elements.sides[s as usize].normal);
-                self.surfaces([a, b], [ea, eb], [ca, cb], normals, care, seed, scratch)
+                self.surfaces([a, b], [ea, eb], [ca, cb], normals, care, seed)
             }
-            _ => self.clusters([a, b], [ea, eb], care, seed, scratch),
+            _ => self.clusters([a, b], [ea, eb], care, seed),
         }
     }
 
@@ -106,8 +144,7 @@ impl Meter<'_> {
         [na, nb]: [Vec3; 2],
         care: Care,
         seed: u64,
-        scratch: &mut Scratch,
-    ) -> Option<Link> {
+    ) -> Option<(Draft, Question)> {
         let nearest = 1e-3 * (ea.radius + eb.radius);
         let distance = (ea.centre - eb.centre).length();
         let reach = ea.radius + eb.radius;
@@ -151,22 +188,16 @@ impl Meter<'_> {
         let (pa, pb) = (four(ca, seed), four(cb, mix(seed)));
         let weights: [f32; LANES] =
             std::array::from_fn(|l| kernel(pa[l & 3], Some(na), pb[l >> 2], Some(nb), nearest));
-        let few = care.worth * free < 0.5;
+        let few = care.worth * free * care.mixed < FEW;
         let mut packet = Packet::EMPTY;
         for l in 0..LANES {
             // Few: each point of either end once.
             if weights[l] > 0.0 && (!few || (l & 3) == (l >> 2)) {
-                packet.set(l, pa[l & 3], pb[l >> 2], self.ends);
+                self.set(&mut packet, l, [pa[l & 3], pb[l >> 2]], care);
             }
         }
-        if packet.is_empty() {
-            // Only slivers face each other; a link without a segment counts as clear.
-            let noise = free;
-            return Some(link(ids, free, 1.0, deviation, noise, 0));
-        }
-        let width = shortest(ca).min(shortest(cb));
-        let seen = self.sight.transmittances(&packet, width, care.feature_size, scratch);
-        Some(finish(ids, [free, free], deviation, &weights, &seen, &packet))
+        let draft = Draft { ids, swapped: false, free: [free; 2], deviation, weights };
+        Some((draft, question(packet, [shortest(ca), shortest(cb)], care)))
     }
 
     fn clusters(
@@ -175,8 +206,7 @@ impl Meter<'_> {
         [ea, eb]: [&Element; 2],
         care: Care,
         seed: u64,
-        scratch: &mut Scratch,
-    ) -> Option<Link> {
+    ) -> Option<(Draft, Question)> {
         let towards = (eb.centre - ea.centre).normalize_or(Vec3::X);
         let from = Ends::draw(self.elements, ids[0], towards, 0, seed);
         let to = Ends::draw(self.elements, ids[1], -towards, 1, mix(seed));
@@ -202,23 +232,27 @@ impl Meter<'_> {
             let rough = if e.is_cluster() { ROUGH } else { 0.0 };
             model * near.hypot(rough)
         });
-        let few = care.worth * model < 0.25;
+        let few = care.worth * model * care.mixed < 0.5 * FEW;
         let mut packet = Packet::EMPTY;
         let most_rays = if few { 4 } else { LANES };
         for l in (0..LANES).filter(|&l| weights[l] > 0.0).take(most_rays) {
-            packet.set(l, from.points[l], to.points[l], self.ends);
+            self.set(&mut packet, l, [from.points[l], to.points[l]], care);
         }
-        if packet.is_empty() {
-            // No sample says that there is nothing; where it would matter the parts are asked.
-            let worthwhile = free > 0.0 || care.worth * deviation[0].max(deviation[1]) > 1.0;
-            return worthwhile.then(|| link(ids, free, 1.0, deviation, free, 0));
+        // No sample says that there is nothing; where it would matter the parts are asked.
+        if packet.is_empty() && free <= 0.0 && care.worth * deviation[0].max(deviation[1]) <= 1.0 {
+            return None;
         }
         if self.inside != Inside::Visible {
-            self.between_boxes(&mut packet, [ea, eb]);
+            self.between_boxes(&mut packet, if care.first_receives { [ea, eb] } else { [eb, ea] });
         }
-        let width = ea.radius.min(eb.radius);
-        let seen = self.sight.transmittances(&packet, width, care.feature_size, scratch);
-        Some(finish(ids, [free, model], deviation, &weights, &seen, &packet))
+        let draft = Draft { ids, swapped: false, free: [free, model], deviation, weights };
+        Some((draft, question(packet, [ea.radius, eb.radius], care)))
+    }
+
+    /// Puts a segment between the ends into a lane, from the one that receives.
+    fn set(&self, packet: &mut Packet, lane: usize, [a, b]: [Vec3; 2], care: Care) {
+        let (from, to) = if care.first_receives { (a, b) } else { (b, a) };
+        packet.set(lane, from, to, self.ends);
     }
 
     /// Leaves out what segments meet inside the boxes of clusters they end in.
@@ -255,33 +289,48 @@ impl Meter<'_> {
     }
 }
 
-/// Puts unoccluded coupling and visibility together; `scale` is the coupling that deviations are relative to.
-fn finish(
-    ids: [u32; 2],
-    [free, scale]: [f32; 2],
-    deviation: [f32; 2],
-    weights: &[f32; LANES],
-    seen: &[f32; LANES],
-    packet: &Packet,
-) -> Link {
-    let (mut sum, mut visible, mut squares) = (0.0, 0.0, 0.0);
-    for l in packet.lanes() {
-        sum += weights[l];
-        visible += weights[l] * seen[l];
-        squares += weights[l] * seen[l] * seen[l];
-    }
-    let transmittance = visible / sum;
-    let n = packet.len() as f32;
-    // Relative to the unoccluded coupling: √(T (1 - T)) for zero-one visibility (method A.9).
-    let mixed = (squares / sum - transmittance * transmittance).max(0.0).sqrt();
-    let hidden = if transmittance == 0.0 { HIDDEN } else { 0.0 };
-    let shadow = scale * mixed.max(hidden).max(UNSEEN * transmittance);
-    let noise = shadow / n.sqrt();
-    let variation = deviation.map(|d| (d * transmittance).hypot(shadow));
-    link(ids, free, transmittance, variation, noise, packet.len() as u32)
+/// What is asked for segments between ends of these widths.
+fn question(packet: Packet, [a, b]: [f32; 2], care: Care) -> Question {
+    let emitter_size = if care.first_receives { b } else { a };
+    Question { packet, emitter_size, feature_size: care.feature_size }
 }
 
-fn link([a, b]: [u32; 2], free: f32, transmittance: f32, variation: [f32; 2], noise: f32, rays: u32) -> Link {
+impl Draft {
+    /// Puts unoccluded coupling and visibility together.
+    fn link(&self, packet: &Packet, seen: &[f32; LANES]) -> Link {
+        let Draft { ids, swapped, free: [free, scale], deviation, weights } = self;
+        if packet.is_empty() {
+            // Only slivers face each other; a link without a segment counts as clear.
+            return link(*ids, *swapped, *free, 1.0, *deviation, *free, 0);
+        }
+        let (mut sum, mut visible, mut squares) = (0.0, 0.0, 0.0);
+        for l in packet.lanes() {
+            sum += weights[l];
+            visible += weights[l] * seen[l];
+            squares += weights[l] * seen[l] * seen[l];
+        }
+        let transmittance = visible / sum;
+        let n = packet.len() as f32;
+        // Relative to the unoccluded coupling: √(T (1 - T)) for zero-one visibility (method A.9).
+        let mixed = (squares / sum - transmittance * transmittance).max(0.0).sqrt();
+        let hidden = if transmittance == 0.0 { HIDDEN } else { 0.0 };
+        let shadow = scale * mixed.max(hidden).max(UNSEEN * transmittance);
+        let noise = shadow / n.sqrt();
+        let variation = deviation.map(|d| (d * transmittance).hypot(shadow));
+        link(*ids, *swapped, *free, transmittance, variation, noise, packet.len() as u32)
+    }
+}
+
+fn link(
+    [a, b]: [u32; 2],
+    swapped: bool,
+    free: f32,
+    transmittance: f32,
+    [of_a, of_b]: [f32; 2],
+    noise: f32,
+    rays: u32,
+) -> Link {
+    let (a, b, variation) = if swapped { (b, a, [of_b, of_a]) } else { (a, b, [of_a, of_b]) };
     Link { a, b, coupling: free * transmittance, transmittance, variation, noise, rays }
 }
 

@@ -14,7 +14,7 @@ mod tests;
 pub use ends::{cosine_direction, mix, numbers, point_on};
 pub use measure::{Care, Inside, Meter};
 pub use oracle::{Light, Split, judge};
-pub use sight::{Scratch, Sight, Tally};
+pub use sight::{Question, Scratch, Sight, Tally, across};
 
 /// The exchange of two elements, or of the parts of one cluster with each other.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,4 +34,15 @@ pub struct Link {
     pub noise: f32,
     /// Segments traced.
     pub rays: u32,
+}
+
+impl Link {
+    /// Standard deviation that the transmittance of a segment between parts of the ends is expected to have: that of this
+    /// link's (at most √(T (1 - T)), method A.9), and what so many segments that all got through, or none, leave possible.
+    pub fn mixed(&self) -> f32 {
+        // Two more segments, one of each kind (Agresti and Coull 1998).
+        let n = self.rays as f32;
+        let t = (n * self.transmittance + 1.0) / (n + 2.0);
+        (t * (1.0 - t)).sqrt()
+    }
 }

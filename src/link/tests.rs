@@ -10,6 +10,21 @@ use glam::DVec3;
 
 /// Links of the first and the second surface of a scene, both ways, by `sides` that face each other.
 fn coupling(pieces: Pieces, worth: f32, seed: u64) -> Option<(Link, f64)> {
+    staged_with(pieces, seed, |meter, [a, b]| {
+        let care = Care { worth, feature_size: 1.0, mixed: 0.5, first_receives: true };
+        let link = meter.measure(a, b, care, &mut Scratch::default())?;
+        let back = meter.measure(b, a, care, &mut Scratch::default()).expect("both ways or none");
+        assert!(link.coupling == back.coupling, "{link:?} {back:?}");
+        Some((link, meter.elements.elements[a as usize].area))
+    })
+}
+
+fn staged(pieces: Pieces, see: impl FnOnce(&Meter, [u32; 2])) {
+    staged_with(pieces, 1, see);
+}
+
+/// A meter for a scene, and its first and second surface.
+fn staged_with<R>(pieces: Pieces, seed: u64, see: impl FnOnce(&Meter, [u32; 2]) -> R) -> R {
     let scene = pieces.scene();
     let elements = Elements::build(&scene, &hierarchy::build(&scene, &Default::default()), 1e-4, &[]);
     let mut builder =
@@ -28,12 +43,7 @@ fn coupling(pieces: Pieces, worth: f32, seed: u64) -> Option<(Link, f64)> {
             |s: &&crate::element::Side| scene.triangle_object[s.triangles[0] as usize] == object && s.front;
         elements.sides.iter().find(own).expect("a side").element
     };
-    let (a, b) = (of(0), of(1));
-    let care = Care { worth, feature_size: 1.0 };
-    let link = meter.measure(a, b, care, &mut Scratch::default())?;
-    let back = meter.measure(b, a, care, &mut Scratch::default()).expect("both ways or none");
-    assert!(link.coupling == back.coupling, "{link:?} {back:?}");
-    Some((link, elements.elements[a as usize].area))
+    see(&meter, [of(0), of(1)])
 }
 
 /// Squares of edge 1 that face each other at a distance.
@@ -84,4 +94,57 @@ fn what_lies_behind_has_no_link() {
     pieces.object("low").quad(DVec3::ZERO, DVec3::X, DVec3::Y);
     pieces.object("high, turned away").quad(DVec3::Z, DVec3::X, DVec3::Y);
     assert!(coupling(pieces, 1e3, 1).is_none());
+}
+
+/// Opposed squares, the upper one three times as large.
+fn unequal() -> Pieces {
+    let mut pieces = Pieces::new();
+    pieces.object("low").quad(DVec3::ZERO, DVec3::X, DVec3::Y);
+    pieces.object("high").quad(DVec3::Z, DVec3::Y * 3.0, DVec3::X * 3.0);
+    pieces
+}
+
+#[test]
+fn features_are_those_of_the_end_that_receives() {
+    staged(unequal(), |meter, [low, high]| {
+        for (a, b) in [(low, high), (high, low)] {
+            for first_receives in [true, false] {
+                let care = Care { worth: 1e3, feature_size: 0.3, mixed: 0.5, first_receives };
+                let (_, question) = meter.draft(a, b, care).expect("they face each other");
+                let receiver = if first_receives { a } else { b };
+                // Segments start at the receiver; the other end is the emitter, and its width counts.
+                let (from, width) = if receiver == low { (0.0, 3.0) } else { (1.0, 1.0) };
+                for lane in question.packet.lanes() {
+                    assert_eq!(question.packet.point(lane, 0.0).z, from);
+                }
+                assert!((question.emitter_size - width).abs() < 1e-6 && question.feature_size == 0.3);
+            }
+        }
+    });
+}
+
+#[test]
+fn few_segments_where_visibility_is_certain() {
+    staged(opposed(1.0), |meter, [low, high]| {
+        let rays = |worth: f32, mixed: f32| {
+            let care = Care { worth, feature_size: 1.0, mixed, first_receives: true };
+            meter.measure(low, high, care, &mut Scratch::default()).expect("they face each other").rays
+        };
+        // What the coupling is worth, 1 to 5, times how mixed visibility may be.
+        assert_eq!([rays(5.0, 0.5), rays(5.0, 0.05), rays(1e3, 0.05), rays(0.1, 0.5)], [16, 4, 16, 4]);
+    });
+    let link = |transmittance: f32, rays: u32| Link {
+        a: 0,
+        b: 1,
+        coupling: 1.0,
+        transmittance,
+        variation: [0.0; 2],
+        noise: 0.0,
+        rays,
+    };
+    assert!((link(0.5, 16).mixed() - 0.5).abs() < 1e-6);
+    // Sixteen that agree say more than four, and none say nothing.
+    let certain = [16, 4, 0].map(|rays| link(1.0, rays).mixed());
+    assert!(certain[0] > 0.0 && certain[0] < certain[1] && certain[1] < certain[2], "{certain:?}");
+    assert!(certain[2] == 0.5 && (certain[0] - link(0.0, 16).mixed()).abs() < 1e-6);
 }

@@ -7,6 +7,7 @@
 
 mod audit;
 mod cut;
+mod direct;
 mod field;
 mod histogram;
 mod importance;
@@ -15,6 +16,7 @@ mod lamps;
 mod ledger;
 mod local;
 mod options;
+mod prepare;
 mod probe;
 mod receive;
 mod record;
@@ -25,6 +27,7 @@ mod show;
 mod system;
 #[cfg(test)]
 mod tests;
+mod versus;
 mod walk;
 
 pub use audit::Audit;
@@ -35,6 +38,7 @@ pub use receive::Receiver;
 pub use record::{Iteration, Outcome, Record, Seconds};
 pub use run::{More, Progress, run, run_then};
 pub use scaling::{Scaling, ScalingRow, check_scaling, scaling};
+pub use versus::{Versus, versus};
 
 use crate::element::Elements;
 use crate::link::{Light, Link, Meter, Sight, Tally};

@@ -1,6 +1,7 @@
 //! What a solution is asked for.
 
 pub use super::importance::View;
+use crate::cache::Place;
 pub use crate::link::Inside;
 use crate::{Error, Result};
 
@@ -73,6 +74,9 @@ pub struct Options {
     pub target_error: Option<f64>,
     /// Links at which refinement ends.
     pub max_links: usize,
+    /// Where measured clusters are kept.
+    #[serde(skip)]
+    pub cache: Place,
     /// Seed of everything random.
     pub seed: u64,
 }
@@ -98,6 +102,7 @@ impl Default for Options {
             max_seconds: None,
             target_error: None,
             max_links: 10_000_000,
+            cache: Place::Off,
             seed: 1,
         }
     }

@@ -1,18 +1,21 @@
 //! Irradiance at points: light of emitters by Lambert's formula and shadow rays, light of surfaces by a final gather.
 
 use super::Solver;
+use super::direct::Spot;
 use super::field::{Rgb, add};
-use super::lamps::{Face, Lamps};
+use super::lamps::Lamps;
 use super::walk::{Found, Place};
 use crate::element::{Lookup, Shape};
 use crate::embree::{CommittedScene, Hits, Traversal};
-use crate::form_factor::point_to_polygon;
-use crate::link::{Scratch, Tally, cosine_direction, mix, numbers, point_on};
+use crate::link::{Scratch, Tally, cosine_direction, mix, numbers};
 use crate::ray::{LANES, Packet};
 use crate::scene::Scene;
 use glam::Vec3;
 use rayon::prelude::*;
 use sobol_burley::sample;
+
+/// Points that are asked for together.
+pub(super) const CHUNK: usize = 64;
 
 /// What points receive.
 pub struct Receiver<'a> {
@@ -27,13 +30,13 @@ pub struct Receiver<'a> {
     /// as their light asks for.
     pub(super) sizes: Vec<f32>,
     /// Low-discrepancy numbers for shadow rays.
-    table: Vec<[f32; 2]>,
-    light_rays: usize,
+    pub(super) table: Vec<[f32; 2]>,
+    pub(super) light_rays: usize,
     /// Directions about +z for the final gather, blocks of 4 by 4 neighbours together; several sets that points choose
     /// from, none for direct light only.
     hemispheres: Vec<Vec<Vec3>>,
     /// How far off their surface given points are taken to lie: files round them, and sheets lie on desks.
-    slack: f32,
+    pub(super) slack: f32,
     pub(super) feature_size: f32,
     pub(super) magnitude: f32,
     /// Of rays: more than the scene's diagonal.
@@ -95,24 +98,24 @@ impl<'a> Receiver<'a> {
     /// Irradiance at points (scene units relative to the scene's origin, unit normals), in their order, and how
     /// visibility was answered.
     pub fn irradiance(&self, points: &[(Vec3, Vec3)]) -> (Vec<Rgb>, Tally) {
+        let sights = self.sights(points);
         let made: Vec<(Vec<Rgb>, Tally)> = points
-            .par_chunks(64)
+            .par_chunks(CHUNK)
             .enumerate()
             .map_init(Buffers::default, |buffers, (chunk, points)| {
                 buffers.scratch.tally = Tally::default();
-                let values = points
+                let seed = |i: usize| mix(self.solver.seed ^ (CHUNK * chunk + i) as u64);
+                let points: Vec<Spot> = points
                     .iter()
                     .enumerate()
-                    .map(|(i, &(at, normal))| {
-                        let seed = mix(self.solver.seed ^ (64 * chunk + i) as u64);
-                        let at = at + self.slack * normal;
-                        let mut sum = self.direct(at, normal, seed, buffers);
-                        if !self.hemispheres.is_empty() {
-                            add(&mut sum, 1.0, self.gathered(at, normal, seed, buffers));
-                        }
-                        sum
-                    })
+                    .map(|(i, &(at, normal))| Spot { at: at + self.slack * normal, normal, seed: seed(i) })
                     .collect();
+                let mut values = self.direct(&points, &sights, &mut buffers.scratch);
+                if !self.hemispheres.is_empty() {
+                    for (value, &Spot { at, normal, seed }) in values.iter_mut().zip(&points) {
+                        add(value, 1.0, self.gathered(at, normal, seed, buffers));
+                    }
+                }
                 (values, buffers.scratch.tally)
             })
             .collect();
@@ -122,73 +125,6 @@ impl<'a> Receiver<'a> {
             tally.add(counts);
         }
         (values, tally)
-    }
-
-    /// What emitters send directly.
-    fn direct(&self, at: Vec3, normal: Vec3, seed: u64, buffers: &mut Buffers) -> Rgb {
-        let mut sum = [0.0; 3];
-        let place = (at.as_dvec3(), normal.as_dvec3());
-        let mut shares: Vec<f32> = Vec::new();
-        for (e, (faces, width)) in self.lamps.emitters.iter().enumerate() {
-            let mut free = [0.0; 3];
-            shares.clear();
-            let mut total = 0.0;
-            for face in faces {
-                let factor = point_to_polygon(place.0, place.1, &face.polygon[..face.count]).max(0.0);
-                add(&mut free, factor, face.exitance);
-                total += (factor * super::mean(face.exitance)) as f32;
-                shares.push(total);
-            }
-            if total > 0.0 {
-                let ask = Ask { at, normal, faces, shares: &shares, width: *width, seed: seed ^ e as u64 };
-                add(&mut sum, self.visible(ask, buffers), free);
-            }
-        }
-        sum
-    }
-
-    /// The part of an emitter's irradiance that arrives: a few rays, and all where they disagree.
-    fn visible(&self, ask: Ask, buffers: &mut Buffers) -> f64 {
-        let [shift_u, shift_v, ..] = numbers(ask.seed, 0);
-        let total = *ask.shares.last().expect("emitters have faces");
-        let (mut sum, mut seen) = (0.0f64, 0.0f64);
-        let (mut before, mut agree) = (None, true);
-        for first in (0..self.light_rays).step_by(LANES) {
-            let mut packet = Packet::EMPTY;
-            let mut weights = [0.0f32; LANES];
-            for (lane, (weight, [u, v])) in weights.iter_mut().zip(&self.table[first..]).enumerate() {
-                let (u, v) = ((u + shift_u).fract(), (v + shift_v).fract());
-                let target = u * total;
-                let f = ask.shares.partition_point(|&s| s <= target).min(ask.faces.len() - 1);
-                let before = if f > 0 { ask.shares[f - 1] } else { 0.0 };
-                let share = ask.shares[f] - before;
-                let face = &ask.faces[f];
-                let y = point_on(&face.corners, ((target - before) / share).clamp(0.0, 1.0), v);
-                let d = y - ask.at;
-                let r2 = d.length_squared().max(f32::MIN_POSITIVE);
-                let kernel = ask.normal.dot(d).max(0.0) * (-face.normal.dot(d)).max(0.0) / (r2 * r2);
-                *weight = kernel * face.area * super::mean(face.exitance) as f32 / share;
-                if *weight > 0.0 {
-                    packet.set(lane, ask.at, y, self.solver.ends);
-                }
-            }
-            if packet.is_empty() {
-                continue;
-            }
-            let through =
-                self.solver.sight.transmittances(&packet, ask.width, self.feature_size, &mut buffers.scratch);
-            for lane in packet.lanes() {
-                sum += f64::from(weights[lane]);
-                seen += f64::from(weights[lane] * through[lane]);
-                agree &= before.is_none_or(|b| b == through[lane])
-                    && (through[lane] == 0.0 || through[lane] == 1.0);
-                before = Some(through[lane]);
-            }
-            if agree && first + LANES >= PILOT {
-                break;
-            }
-        }
-        if sum > 0.0 { seen / sum } else { 1.0 }
     }
 
     /// What surfaces reflect: one ray in each cell of a hemisphere of equal cosine weight.
@@ -237,8 +173,6 @@ impl<'a> Receiver<'a> {
     }
 }
 
-/// Shadow rays that must agree before the others are left out.
-const PILOT: usize = 2 * LANES;
 /// Sets of directions.
 const SETS: usize = 64;
 
@@ -253,14 +187,4 @@ fn hemisphere(rows: usize, seed: u64) -> Vec<Vec3> {
             cosine_direction(Vec3::Z, (i as f32 + r) / rows as f32, (j as f32 + s) / rows as f32)
         })
         .collect()
-}
-
-/// A point and the faces of an emitter, with running sums of their unoccluded irradiance.
-struct Ask<'a> {
-    at: Vec3,
-    normal: Vec3,
-    faces: &'a [Face],
-    shares: &'a [f32],
-    width: f32,
-    seed: u64,
 }

@@ -1,7 +1,7 @@
 //! What is written down about a solution.
 
 use super::field::Rgb;
-use super::{Audit, Ledger, Options};
+use super::{Audit, Ledger, Options, Versus};
 use crate::hierarchy::SceneFacts;
 use crate::link::Tally;
 use crate::solution::Solution;
@@ -31,9 +31,9 @@ pub struct Seconds {
     pub load: f64,
     /// Embree's tree.
     pub embree: f64,
-    /// Clusters.
+    /// Clusters, made or (for exact visibility) read.
     pub hierarchy: f64,
-    /// What clusters do to light (not for exact visibility).
+    /// What clusters do to light, measured or read, and what exact rays are worth (not for exact visibility).
     pub characterise: f64,
     /// Elements and the rays that probe their surroundings.
     pub elements: f64,
@@ -45,6 +45,15 @@ pub struct Seconds {
     pub points: f64,
     /// Checking error bars.
     pub audit: f64,
+}
+
+impl Seconds {
+    /// All of them but reading the scene and checking error bars.
+    pub fn work(&self) -> f64 {
+        let Seconds { load: _, embree, hierarchy, characterise, elements, solve, local, points, audit: _ } =
+            self;
+        embree + hierarchy + characterise + elements + solve + local + points
+    }
 }
 
 /// Everything about a solution but its light: what `solution.json` holds.
@@ -68,6 +77,8 @@ pub struct Record {
     pub iterations: Vec<Iteration>,
     /// Seconds by stage.
     pub seconds: Seconds,
+    /// Where the clusters came from: `off` (made, not kept), `made` (and kept for the next run) or `hit` (kept by another).
+    pub cache: String,
     /// Links at the end.
     pub links: usize,
     /// Elements at the end, clusters included.
@@ -88,6 +99,8 @@ pub struct Record {
     pub mean_irradiance: Rgb,
     /// Whether refinement was ended from outside.
     pub interrupted: bool,
+    /// Another engine's solution, where it was asked for.
+    pub versus: Option<Versus>,
 }
 
 /// A solution.

@@ -2,15 +2,30 @@
 
 use super::{Solver, histogram::Histogram};
 use crate::element::Shape;
-use crate::link::{Care, Light, Link, Scratch, Split, Tally, judge};
+use crate::link::{Care, Light, Link, Meter, Question, Scratch, Sight, Split, Tally, judge};
 use rayon::prelude::*;
 
 /// Links refined between two looks at the clock.
 const SLICE: usize = 64;
 /// Pairs that one task measures.
 const CHUNK: usize = 64;
+/// Runs of neighbouring pairs that stand for a wave, about, and the length of each; at most an eighth of it but for the first.
+const RUNS: usize = 16;
+const RUN: usize = 16;
 
-impl Solver<'_> {
+/// Two elements that a link is to be measured for.
+#[derive(Clone, Copy)]
+struct Pair {
+    a: u32,
+    b: u32,
+    /// What the link that held them says of visibility: [`Link::mixed`].
+    mixed: f32,
+}
+
+/// [`Pair::mixed`] where nothing was measured.
+const UNKNOWN: f32 = 0.5;
+
+impl<'a> Solver<'a> {
     /// Errors of all links, relative to the scene's mean irradiance, and the ends to split.
     pub(super) fn errors(&self) -> Vec<(f32, Split)> {
         let scale = 1.0 / self.scale as f32;
@@ -72,21 +87,26 @@ impl Solver<'_> {
     }
 
     /// The pairs that replace links; ends are split as needed.
-    fn parts(&mut self, wave: &[(Link, Split)]) -> Vec<[u32; 2]> {
+    fn parts(&mut self, wave: &[(Link, Split)]) -> Vec<Pair> {
         let mut pairs = Vec::new();
         for (link, split) in wave {
             let (end, other) = if *split == Split::A { (link.a, link.b) } else { (link.b, link.a) };
             self.open(end);
             let children = self.elements.elements[end as usize].child_range();
             if link.a != link.b {
-                pairs.extend(children.map(|c| [c as u32, other]));
+                let mixed = link.mixed();
+                pairs.extend(children.map(|c| Pair { a: c as u32, b: other, mixed }));
                 continue;
             }
             for c in children.clone() {
                 if self.elements.elements[c].is_cluster() {
-                    pairs.push([c as u32; 2]);
+                    pairs.push(Pair { a: c as u32, b: c as u32, mixed: UNKNOWN });
                 }
-                pairs.extend((c + 1..children.end).map(|d| [c as u32, d as u32]));
+                pairs.extend((c + 1..children.end).map(|d| Pair {
+                    a: c as u32,
+                    b: d as u32,
+                    mixed: UNKNOWN,
+                }));
             }
         }
         pairs
@@ -115,22 +135,17 @@ impl Solver<'_> {
     }
 
     /// Measures pairs, in their order; those that exchange nothing are left out.
-    fn measure(&mut self, pairs: &[[u32; 2]], threshold: f32) -> Vec<Link> {
-        let meter = self.meter();
+    fn measure(&mut self, pairs: &[Pair], threshold: f32) -> Vec<Link> {
+        let meter = Meter { sight: self.sight_for(pairs, threshold), ..self.meter() };
         let made: Vec<(Vec<Link>, Tally)> = pairs
             .par_chunks(CHUNK)
             .map_init(Scratch::default, |scratch, chunk| {
                 scratch.tally = Tally::default();
-                let links = chunk
-                    .iter()
-                    .filter_map(|&[a, b]| {
-                        if a == b {
-                            Some(self.inside(a))
-                        } else {
-                            meter.measure(a, b, self.care(a, b, threshold), scratch)
-                        }
-                    })
-                    .collect();
+                let (own, others): (Vec<Pair>, Vec<Pair>) = chunk.iter().partition(|p| p.a == p.b);
+                let asked: Vec<_> =
+                    others.iter().map(|pair| ([pair.a, pair.b], self.care(pair, threshold))).collect();
+                let mut links = meter.measure_all(&asked, scratch);
+                links.extend(own.iter().map(|pair| self.inside(pair.a)));
                 (links, scratch.tally)
             })
             .collect();
@@ -140,6 +155,19 @@ impl Solver<'_> {
             self.tally.add(tally);
         }
         links
+    }
+
+    /// The engine for a wave of pairs: exact rays where multi-resolution visibility is not likely to take less time for
+    /// them, by a sample of the wave.
+    fn sight_for(&self, pairs: &[Pair], threshold: f32) -> Sight<'a> {
+        let meter = self.meter();
+        let step = (pairs.len() / RUNS).max(8 * RUN);
+        let sample = pairs.chunks(step).flat_map(|part| &part[..RUN.min(part.len())]);
+        let questions: Vec<Question> = sample
+            .filter(|pair| pair.a != pair.b)
+            .filter_map(|pair| Some(meter.draft(pair.a, pair.b, self.care(pair, threshold))?.1))
+            .collect();
+        self.sight.for_these(&questions, &mut Scratch::default())
     }
 
     /// The link of a cluster with itself: what the probe found.
@@ -158,7 +186,7 @@ impl Solver<'_> {
     }
 
     /// How much an error of the coupling of two elements matters.
-    fn care(&self, a: u32, b: u32, threshold: f32) -> Care {
+    fn care(&self, &Pair { a, b, mixed }: &Pair, threshold: f32) -> Care {
         let worth = |receiver: u32, source: u32| {
             let e = &self.elements.elements[receiver as usize];
             let (l, from) = (self.light[receiver as usize], self.light[source as usize]);
@@ -166,10 +194,11 @@ impl Solver<'_> {
             f64::from(l.weight) * f64::from(from.mean + from.deviation) * of_area
         };
         let tolerated = f64::from(threshold) * self.scale;
-        let worth = (worth(a, b).max(worth(b, a)) / tolerated) as f32;
-        let sizes = [a, b].map(|e| self.feature_sizes[e as usize]);
-        let feature_size = if self.fixed_size { sizes[0].min(sizes[1]) } else { sizes[0].max(sizes[1]) };
-        Care { worth, feature_size }
+        let (at_a, at_b) = (worth(a, b), worth(b, a));
+        let first_receives = at_a >= at_b;
+        let receiver = if first_receives { a } else { b };
+        let feature_size = self.feature_sizes[receiver as usize];
+        Care { worth: (at_a.max(at_b) / tolerated) as f32, feature_size, mixed, first_receives }
     }
 
     /// What the oracle must know of every element's light, from the present solution.

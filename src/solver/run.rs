@@ -1,17 +1,16 @@
 //! From a scene to a solution: preparation, steps of refinement, and what is written down about them.
 
 use super::field::Rgb;
+use super::prepare::Prepared;
 use super::record::{Iteration, Outcome, Record, Seconds};
-use super::{Options, Receiver, Solver, Visibility, probe};
+use super::{Options, Receiver, Solver, probe};
 use crate::Result;
-use crate::characterise::characterise;
 use crate::element::Elements;
-use crate::embree::{CommittedScene, Device, SceneBuilder, Traversal};
-use crate::hierarchy::{self, Hierarchy, SceneFacts};
+use crate::hierarchy::SceneFacts;
 use crate::link::Sight;
 use crate::points::Point;
 use crate::scene::Scene;
-use crate::visibility::{Exact, Leaf, MultiResolution, reference};
+use crate::visibility::reference;
 use glam::Vec3;
 use std::time::Instant;
 
@@ -71,33 +70,26 @@ pub fn run_then<T>(
     let mut seconds = Seconds::default();
     let begun = Instant::now();
     progress.stage("preparing");
-    let device = Device::new(0)?;
-    let traced = timed(&mut seconds.embree, || -> Result<CommittedScene> {
-        let mut builder = SceneBuilder::new(&device, Default::default())?;
-        builder.add_triangles(&scene.positions, &scene.triangles, 1)?;
-        builder.commit()
-    })?;
-    let traversal = Traversal { width: device.native_width(), coherent: false };
-    let hierarchy = timed(&mut seconds.hierarchy, || hierarchy::build(scene, &Default::default()));
-    let exact = Exact { scene: &traced, traversal };
-    let engine = timed(&mut seconds.characterise, || engine(scene, &hierarchy, &exact, options));
-    let sight = engine.as_ref().map_or(Sight::Exact(exact), Sight::MultiResolution);
-    let ends = reference::end_rule(scene);
+    let prepared = Prepared::of(scene, options, &mut seconds, progress)?;
+    let (exact, ends) = (prepared.exact(), reference::end_rule(scene));
     let (elements, found) = timed(&mut seconds.elements, || {
         let area: f64 = areas(scene);
         // Ids for all that the local pass splits.
         let build = |entered: &[u32]| {
-            let mut elements = Elements::build(scene, &hierarchy, options.local_area() * area, entered);
+            let mut elements =
+                Elements::build(scene, &prepared.hierarchy, options.local_area() * area, entered);
             elements.min_area = options.min_area * area;
             let length = 1.01 * scene.bounds.diagonal();
-            let found = probe::probe(&elements, &traced, traversal, ends, length, options.seed);
+            let found = probe::probe(&elements, exact.scene, exact.traversal, ends, length, options.seed);
             (elements, found)
         };
         let (elements, found) = build(&[]);
         if found.entered.is_empty() { (elements, found) } else { build(&found.entered) }
     });
+    let engine = timed(&mut seconds.characterise, || prepared.engine(scene, &elements, ends, options));
+    let sight = engine.as_ref().map_or(Sight::Exact(exact), Sight::MultiResolution);
     let mut solver = Solver::new(elements, found, sight, ends, options);
-    solver.name(scene, options, (&traced, traversal))?;
+    solver.name(scene, options, (exact.scene, exact.traversal))?;
     let start = Instant::now();
     let late =
         || progress.stopped() || options.max_seconds.is_some_and(|s| begun.elapsed().as_secs_f64() > s);
@@ -121,17 +113,18 @@ pub fn run_then<T>(
         progress.stage("local pass");
         let local = timed(&mut seconds.local, || {
             solver.split_all(options.local_area() * areas(scene));
-            Receiver::new(scene, &solver, (&traced, traversal), options).local(options.local_rays() as f64)
+            Receiver::new(scene, &solver, (exact.scene, exact.traversal), options)
+                .local(options.local_rays() as f64)
         });
         solver.adopt(local);
     }
 
     progress.stage("points");
-    let local = |points: &[Point]| -> Vec<(Vec3, Vec3)> {
+    let asked = |points: &[Point]| -> Vec<(Vec3, Vec3)> {
         points.iter().map(|p| ((p.position - scene.origin).as_vec3(), p.normal.as_vec3())).collect()
     };
-    let receiver = Receiver::new(scene, &solver, (&traced, traversal), options);
-    let (irradiance, tally) = timed(&mut seconds.points, || receiver.irradiance(&local(points)));
+    let receiver = Receiver::new(scene, &solver, (exact.scene, exact.traversal), options);
+    let (irradiance, tally) = timed(&mut seconds.points, || receiver.irradiance(&asked(points)));
     let mut bundles = solver.tally();
     bundles.add(tally);
     let uncertainty = solver.uncertainty();
@@ -140,20 +133,22 @@ pub fn run_then<T>(
     let (audit, tally) = timed(&mut seconds.audit, || receiver.audit(&uncertainty, audited));
     bundles.add(tally);
     let mut warnings = scene.repairs.messages.clone();
+    warnings.extend(prepared.note.clone());
     if scene.emitters.is_empty() {
         warnings
             .push("nothing emits light: everything is black (--emitter NAME=W makes something emit)".into());
     }
     let record = Record {
         mrvis: env!("CARGO_PKG_VERSION").into(),
-        embree: device.version(),
+        embree: prepared.device.version(),
         threads: rayon::current_num_threads(),
         unit: scene.unit.clone(),
         options: options.clone(),
-        scene: SceneFacts::of(scene, &hierarchy),
+        scene: SceneFacts::of(scene, &prepared.hierarchy),
         warnings,
         iterations,
         seconds,
+        cache: prepared.origin.into(),
         links: solver.links.len(),
         elements: solver.elements.len(),
         bytes: solver.elements.bytes() + size_of_val(solver.links.as_slice()) + bytes,
@@ -164,9 +159,10 @@ pub fn run_then<T>(
         audit: (audit.elements > 0).then_some(audit),
         mean_irradiance: solver.mean_irradiance(),
         interrupted: progress.stopped(),
+        versus: None,
     };
     let outcome = Outcome { solution: solver.solution(scene, &uncertainty), record, irradiance };
-    then(outcome, &|points| receiver.irradiance(&local(points)).0)
+    then(outcome, &|points| receiver.irradiance(&asked(points)).0)
 }
 
 /// Refines in steps until the error asked for is reached or time is up.
@@ -231,22 +227,6 @@ fn solve(
     }
 }
 
-/// The multi-resolution engine, if one is asked for.
-fn engine<'a>(
-    scene: &Scene,
-    hierarchy: &Hierarchy,
-    exact: &Exact<'a>,
-    options: &Options,
-) -> Option<MultiResolution<'a>> {
-    let leaf = match options.visibility {
-        Visibility::Exact => return None,
-        Visibility::Mr => Leaf::Exact,
-        Visibility::Average => Leaf::Extinction,
-    };
-    let traits = characterise(scene, &hierarchy.micro, &Default::default());
-    Some(MultiResolution::new(scene, hierarchy, &traits, exact.scene, exact.traversal, leaf))
-}
-
 impl Solver<'_> {
     /// Whether a local pass is to follow refinement: in scenes with clusters.
     fn local_pass(&self, options: &Options) -> bool {
@@ -274,7 +254,7 @@ fn areas(scene: &Scene) -> f64 {
 }
 
 /// The result and, added up, the seconds it took.
-fn timed<R>(seconds: &mut f64, make: impl FnOnce() -> R) -> R {
+pub(super) fn timed<R>(seconds: &mut f64, make: impl FnOnce() -> R) -> R {
     let start = Instant::now();
     let result = make();
     *seconds += start.elapsed().as_secs_f64();

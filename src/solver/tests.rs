@@ -1,5 +1,7 @@
 //! Promises of the solver: conservation, closed forms, and that it can be stopped.
 
+mod sight;
+
 use super::*;
 use crate::points::Point;
 use crate::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};

@@ -4,7 +4,7 @@ use super::field::{Rgb, add};
 use super::receive::{Buffers, Receiver};
 use crate::element::Elements;
 use crate::embree::Hits;
-use crate::link::{cosine_direction, mix, numbers};
+use crate::link::{Question, cosine_direction, mix, numbers};
 use crate::ray::{LANES, Packet};
 use glam::Vec3;
 
@@ -122,9 +122,13 @@ impl Receiver<'_> {
             if shadow.is_empty() {
                 continue;
             }
-            let through =
-                self.solver.sight.transmittances(&shadow, self.lamps.width, self.feature_size, scratch);
-            for lane in shadow.lanes() {
+            // Rays of one element to one emitter lie together.
+            let together = self.lamps.emitters.len() == 1 && group.iter().all(|p| p.leaf == group[0].leaf);
+            let sight = if together { self.solver.sight } else { self.solver.sight.scattered() };
+            let question =
+                Question { packet: shadow, emitter_size: self.lamps.width, feature_size: self.feature_size };
+            let through = sight.transmittances(&question, scratch);
+            for lane in question.packet.lanes() {
                 found[g * LANES + lane].direct += through[lane] * light[lane];
             }
         }

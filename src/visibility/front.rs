@@ -41,8 +41,8 @@ pub(super) struct Front {
 }
 
 impl Front {
-    /// Opens the tree for a group whose bundles have emitters of sizes between two; returns the nodes it visited and
-    /// its work. `soft` says that leaves are never opened.
+    /// Opens the tree for a group whose bundles have emitters of sizes between two, and feature sizes between two;
+    /// returns the nodes it visited and its work. `soft` says that leaves are never opened.
     #[inline(always)]
     pub fn open<S: Simd>(
         &mut self,
@@ -50,7 +50,7 @@ impl Front {
         tree: &WideTree,
         shaft: &Shaft,
         (least, largest): (f32, f32),
-        s: f32,
+        (finest, coarsest): (f32, f32),
         soft: bool,
     ) -> (u32, u64) {
         self.rows.clear();
@@ -66,9 +66,9 @@ impl Front {
             if touched != 0 {
                 let traits = &tree.traits[at];
                 // What the bundles will likely aggregate need not be opened.
-                let aggregated = shaft.aggregates(simd, node, mixed(simd, traits, &mix).0, least, s);
+                let aggregated = shaft.aggregates(simd, node, mixed(simd, traits, &mix).0, least, finest);
                 // Leaves that no bundle may aggregate, whatever its direction, are opened here.
-                let perhaps = simd.bits(simd.lt(smallest(simd, traits), simd.splat(s.max(largest))));
+                let perhaps = simd.bits(simd.lt(smallest(simd, traits), simd.splat(coarsest.max(largest))));
                 for lane in Lanes(touched) {
                     let child = node.child[lane];
                     let found = Found { node: at as u32, lane };

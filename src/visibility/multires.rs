@@ -72,6 +72,8 @@ pub struct Workspace {
     front: Front,
     shafts: Vec<Shaft>,
     walked: Vec<Walked>,
+    /// Transmittance of each segment of the first packet of each bundle, where it is kept.
+    lanes: Vec<[f32; LANES]>,
 }
 
 impl Workspace {
@@ -160,7 +162,7 @@ impl<'a> MultiResolution<'a> {
         mut each: impl FnMut(Answer),
     ) {
         // Without rays a walk goes on whatever it takes.
-        self.walk_all(bundles, Some(s), self.leaf == Leaf::Exact, workspace);
+        self.walk_all(bundles, Sizes::All(s), self.leaf == Leaf::Exact, workspace);
         for (k, bundle) in bundles.iter().enumerate() {
             each(self.finish(*bundle, k, workspace));
         }
@@ -173,7 +175,7 @@ impl<'a> MultiResolution<'a> {
     /// E.6); what few triangles the rest may meet are tested against all segments at once, and where they are many
     /// Embree is asked.
     pub fn certified(&self, bundles: &[Bundle], workspace: &mut Workspace, mut each: impl FnMut(Answer)) {
-        self.walk_all(bundles, None, true, workspace);
+        self.walk_all(bundles, Sizes::Nothing, true, workspace);
         for (k, bundle) in bundles.iter().enumerate() {
             each(self.finish(*bundle, k, workspace));
         }
@@ -181,8 +183,7 @@ impl<'a> MultiResolution<'a> {
 
     /// The visible fraction of a bundle by exact rays: for bundles where [`MultiResolution::pays`] says no.
     pub fn hand_over(&self, bundle: Bundle, workspace: &mut Workspace) -> Answer {
-        let exact = Exact { scene: self.exact, traversal: self.traversal };
-        let mut answer = exact.answer(bundle, &mut workspace.buffers.blocked);
+        let mut answer = self.exact().answer(bundle, &mut workspace.buffers.blocked);
         answer.cost.handed_over = answer.cost.segments;
         answer
     }
@@ -196,7 +197,7 @@ impl<'a> MultiResolution<'a> {
         let (mut work, mut count) = (0.0, 0.0);
         for bundle in sample.iter().filter(|b| !b.packets.is_empty()) {
             let one = Bundle { packets: &bundle.packets[..1], ..*bundle };
-            self.walk_all(&[one], None, false, workspace);
+            self.walk_all(&[one], Sizes::Nothing, false, workspace);
             work += (workspace.walked[0].work as f64).sqrt();
             count += 1.0;
         }
@@ -216,23 +217,43 @@ impl<'a> MultiResolution<'a> {
     ) -> bool {
         let (mut own, mut exact) = (0, 0);
         for run in sample {
-            self.walk_all(run, Some(s), false, workspace);
-            for (bundle, walked) in run.iter().zip(&workspace.walked) {
-                let (rays, limit) = (bundle.packets.len() as u64 * self.budget, self.limit(bundle));
-                own += BUNDLE + if walked.work > limit { limit + rays } else { walked.work };
-                exact += rays;
-            }
+            let (o, e) = self.worth(run, Sizes::All(s), workspace);
+            (own, exact) = (own + o, exact + e);
         }
         (own as f64) < SURELY * exact as f64
     }
 
-    /// Work after which a walk gives up.
-    fn limit(&self, bundle: &Bundle) -> u64 {
-        PATIENCE * self.budget * bundle.packets.len() as u64
+    /// [`MultiResolution::pays`] for one run of bundles with feature sizes of their own.
+    pub fn pays_each(&self, run: &[Bundle], sizes: &[f32], workspace: &mut Workspace) -> bool {
+        let (own, exact) = self.worth(run, Sizes::Each(sizes), workspace);
+        own < exact
     }
 
-    fn walk_all(&self, bundles: &[Bundle], s: Option<f32>, bounded: bool, workspace: &mut Workspace) {
-        dispatch(self.isa, Ask { engine: self, bundles, s, bounded, workspace });
+    /// Work for a run of bundles by this engine, and by exact rays.
+    fn worth(&self, run: &[Bundle], sizes: Sizes, workspace: &mut Workspace) -> (u64, u64) {
+        let (mut own, mut exact) = (0, 0);
+        self.walk_all(run, sizes, true, workspace);
+        for (bundle, walked) in run.iter().zip(&workspace.walked) {
+            let (rays, limit) = (self.exact_work(bundle), self.limit(bundle));
+            own += BUNDLE + if walked.gave_up || walked.work > limit { limit + rays } else { walked.work };
+            exact += rays;
+        }
+        (own, exact)
+    }
+
+    /// Work after which a walk gives up.
+    fn limit(&self, bundle: &Bundle) -> u64 {
+        PATIENCE * self.exact_work(bundle)
+    }
+
+    /// Work that exact rays are worth: by their number, but no packet is less than a quarter of a full one.
+    fn exact_work(&self, bundle: &Bundle) -> u64 {
+        let lanes: usize = bundle.packets.iter().map(|p| p.len().max(LANES / 4)).sum();
+        self.budget * lanes as u64 / LANES as u64
+    }
+
+    fn walk_all(&self, bundles: &[Bundle], sizes: Sizes, bounded: bool, workspace: &mut Workspace) {
+        dispatch(self.isa, Ask { engine: self, bundles, sizes, bounded, workspace });
     }
 
     /// The answer that a walk found, or Embree's where it gave up.
@@ -294,12 +315,65 @@ impl<'a> MultiResolution<'a> {
         workspace: &mut Workspace,
     ) -> (Answer, [f32; LANES]) {
         let bundle = Bundle { packets: std::slice::from_ref(packet), emitter_size: e, emitter: &[] };
-        let answer = self.answer(bundle, s, workspace);
-        if answer.cost.handed_over > 0 {
-            let clear = packet.active & !workspace.buffers.blocked[0];
-            return (answer, std::array::from_fn(|i| (clear >> i & 1) as f32));
+        let mut found = None;
+        self.answers_lanes(&[bundle], &[s], workspace, |_, answer, lanes| found = Some((answer, *lanes)));
+        found.expect("one bundle, one answer")
+    }
+
+    /// The answers for bundles of one packet each, with feature sizes of their own, and the transmittance of each segment,
+    /// 0 in unused lanes; see [`MultiResolution::answers`]. `each` is told which bundle is meant.
+    ///
+    /// # Panics
+    /// If there are fewer sizes than bundles.
+    pub fn answers_lanes(
+        &self,
+        bundles: &[Bundle],
+        sizes: &[f32],
+        workspace: &mut Workspace,
+        mut each: impl FnMut(usize, Answer, &[f32; LANES]),
+    ) {
+        self.walk_all(bundles, Sizes::Each(sizes), self.leaf == Leaf::Exact, workspace);
+        for (k, bundle) in bundles.iter().enumerate() {
+            let answer = self.finish(*bundle, k, workspace);
+            let mut lanes = workspace.lanes[k];
+            if answer.cost.handed_over > 0 {
+                let clear = bundle.packets[0].active & !workspace.buffers.blocked[0];
+                lanes = std::array::from_fn(|i| (clear >> i & 1) as f32);
+            }
+            each(k, answer, &lanes);
         }
-        (answer, workspace.buffers.transmittance)
+    }
+
+    /// The rays that it hands over to.
+    pub fn exact(&self) -> Exact<'a> {
+        Exact { scene: self.exact, traversal: self.traversal }
+    }
+
+    /// What happens in leaves.
+    pub fn leaf(&self) -> Leaf {
+        self.leaf
+    }
+}
+
+/// Feature sizes of bundles.
+#[derive(Clone, Copy)]
+enum Sizes<'a> {
+    /// Nothing may be averaged.
+    Nothing,
+    /// One for all.
+    All(f32),
+    /// One for each; the transmittance of each segment is kept.
+    Each(&'a [f32]),
+}
+
+impl Sizes<'_> {
+    /// No feature size is below zero.
+    fn of(self, k: usize) -> f32 {
+        match self {
+            Sizes::Nothing => 0.0,
+            Sizes::All(s) => s,
+            Sizes::Each(sizes) => sizes[k],
+        }
     }
 }
 
@@ -307,8 +381,7 @@ impl<'a> MultiResolution<'a> {
 struct Ask<'a, 'b> {
     engine: &'a MultiResolution<'b>,
     bundles: &'a [Bundle<'a>],
-    /// Feature size; without one everything is opened.
-    s: Option<f32>,
+    sizes: Sizes<'a>,
     /// Whether walks give up at their limit.
     bounded: bool,
     workspace: &'a mut Workspace,
@@ -319,14 +392,14 @@ impl Kernel for Ask<'_, '_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let Ask { engine, bundles, s, bounded, workspace } = self;
-        let Workspace { buffers, front, shafts, walked } = workspace;
-        let soft = engine.leaf == Leaf::Extinction && s.is_some();
-        // No feature size is below zero.
-        let size = |bundle: &Bundle| if s.is_some() { bundle.emitter_size } else { 0.0 };
-        let s = s.unwrap_or(0.0);
+        let Ask { engine, bundles, sizes, bounded, workspace } = self;
+        let Workspace { buffers, front, shafts, walked, lanes } = workspace;
+        let averages = !matches!(sizes, Sizes::Nothing);
+        let soft = engine.leaf == Leaf::Extinction && averages;
+        let size = |bundle: &Bundle| if averages { bundle.emitter_size } else { 0.0 };
         // Embree's work is estimated in steps, not in time: only a walk that is asked for pays for what it waits for.
-        let fetch = if engine.far && s > 0.0 { FETCH } else { 0 };
+        let fetch = if engine.far && averages { FETCH } else { 0 };
+        lanes.clear();
         shafts.clear();
         for bundle in bundles {
             let nothing = &[Packet::EMPTY][..];
@@ -342,17 +415,20 @@ impl Kernel for Ask<'_, '_> {
             let (mut shared, mut opened) = (None, (0, 0));
             if group.len() > 1 {
                 let around = Shaft::around(&shafts[group.clone()]);
-                let sizes = bundles[group.clone()].iter().map(size);
-                let range = sizes.fold((f32::MAX, 0.0f32), |(a, b), e| (a.min(e), b.max(e)));
-                opened = front.open(simd, &engine.tree, &around, range, s, soft);
+                let range = |(a, b): (f32, f32), v: f32| (a.min(v), b.max(v));
+                let emitters = bundles[group.clone()].iter().map(size).fold((f32::MAX, 0.0), range);
+                let features = group.clone().map(|k| sizes.of(k)).fold((f32::MAX, 0.0), range);
+                opened = front.open(simd, &engine.tree, &around, emitters, features, soft);
                 shared = Some(&*front);
             }
             for k in group.clone() {
                 let packets = bundles[k].packets;
                 if packets.is_empty() {
                     walked.push(Walked::default());
+                    lanes.push([0.0; LANES]);
                     continue;
                 }
+                let s = sizes.of(k);
                 let limit = if bounded { engine.limit(&bundles[k]) } else { u64::MAX };
                 let rule = Rule { e: size(&bundles[k]), s, soft, limit, fetch, tolerance: engine.tolerance };
                 let mut found = walk(simd, &engine.tree, shared, (packets, &shafts[k]), &rule, buffers);
@@ -362,6 +438,9 @@ impl Kernel for Ask<'_, '_> {
                 let (nodes, work) = std::mem::take(&mut opened);
                 (found.nodes, found.work) = (found.nodes + nodes, found.work + work);
                 walked.push(found);
+                if let Sizes::Each(_) = sizes {
+                    lanes.push(buffers.transmittance);
+                }
             }
             first = group.end;
         }

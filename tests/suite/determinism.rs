@@ -7,6 +7,7 @@ use serde_json::Value;
 /// Whether a key of the report holds time, or what follows from time.
 fn is_timing(key: &str) -> bool {
     key.ends_with("_s")
+        || key == "rounds"
         || key == "seconds"
         || key == "mode"
         || key == "coherent"

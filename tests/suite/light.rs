@@ -194,3 +194,21 @@ fn scaling_is_a_table_and_a_slope() {
     assert_eq!(scratch.mrvis(&["solve"]).code, Some(2));
     assert_eq!(scratch.mrvis(&["solve", "box.obj", "--out", "o", "--importance-camera"]).code, Some(2));
 }
+
+#[test]
+fn engines_are_compared_at_points() {
+    let scratch = scratch();
+    let solve =
+        ["solve", "box.obj", "--out", "s", "--points", "points.csv", "--compare", "mr", "--json", "v.json"];
+    let outcome = scratch.mrvis(&[&solve[..], &["--cache", "off"]].concat());
+    done(&outcome);
+    let json = scratch.json("v.json");
+    let versus = &json["versus"];
+    assert!(versus["visibility"] == "mr" && versus["difference"]["points"] == 2, "{versus}");
+    assert!(versus["speedup"].as_f64().is_some_and(|s| s > 0.0));
+    assert!(versus["difference"]["rms"].as_f64().is_some_and(|rms| rms < 0.01), "{versus}");
+    assert!(outcome.stdout.contains("times as long as exact"), "{}", outcome.stdout);
+    // Light is compared where it was asked for.
+    let refused = scratch.mrvis(&["solve", "box.obj", "--out", "s", "--compare", "mr"]);
+    assert!(refused.code == Some(2) && refused.stderr.contains("--points"), "{}", refused.stderr);
+}
