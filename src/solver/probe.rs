@@ -96,9 +96,6 @@ fn holding(elements: &Elements, leaf: usize, side: u32) -> usize {
     }
 }
 
-/// What each ray of a side carries and meets.
-type Rays = Vec<(f64, u32)>;
-
 /// What each ray of a side carries and meets: a side, [`ESCAPED`], or [`Elements::NONE`] for the dark side of a face; and
 /// those faces.
 fn from_side(
