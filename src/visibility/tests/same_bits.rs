@@ -1,7 +1,7 @@
 //! What must not change an answer: neighbours, instruction sets, threads, what was asked before.
 
 use super::*;
-use crate::scene::testing::direction;
+use crate::scene::testing::{direction, in_cube};
 use crate::simd::Isa;
 use rayon::prelude::*;
 
@@ -93,4 +93,51 @@ fn instruction_sets_threads_and_history_change_no_bit() {
             }
         }
     }
+}
+
+#[test]
+fn bundles_with_sizes_of_their_own_answer_as_they_do_alone() {
+    let stage = Stage::generated("forest");
+    let engine = stage.engine(Leaf::Extinction);
+    let mut random = Pcg64Mcg::new(5);
+    let (mut workspace, mut differ, mut fractions) = (Workspace::default(), 0.0, 0);
+    let bounds = stage.scene.bounds;
+    for _ in 0..20 {
+        // Neighbours, so that they share a front.
+        let [a, b] = [0, 1].map(|_| bounds.min + in_cube(&mut random).as_vec3() * (bounds.max - bounds.min));
+        let packets: Vec<Packet> = (0..12).map(|_| around(a, b, 0.3, &mut random)).collect();
+        let sizes: Vec<f32> = (0..12).map(|k| 0.02 * 1.5f32.powi(k)).collect();
+        let bundles: Vec<Bundle> = packets
+            .iter()
+            .map(|p| Bundle { packets: std::slice::from_ref(p), emitter_size: 0.3, emitter: &[] })
+            .collect();
+        let mut together = Vec::new();
+        engine.answers_lanes(&bundles, &sizes, &mut workspace, |k, answer, lanes| {
+            assert_eq!(k, together.len());
+            let mean = packets[k].lanes().map(|l| lanes[l]).sum::<f32>() / packets[k].len() as f32;
+            assert!((mean - answer.transmittance).abs() < 1e-5, "{mean} {answer:?}");
+            together.push(*lanes);
+        });
+        for (k, lanes) in together.iter().enumerate() {
+            let (_, alone) = engine.answer_lanes(&packets[k], 0.3, sizes[k], &mut workspace);
+            for (x, y) in lanes.iter().zip(alone) {
+                differ += x - y;
+                fractions += usize::from(*x > 0.0 && *x < 1.0);
+            }
+        }
+    }
+    // As in groups: what is aggregated may differ, the mean does not.
+    let mean = differ / (20 * 12 * LANES) as f32;
+    assert!(mean.abs() < 0.01 && fractions > 100, "{mean} {fractions}");
+}
+
+/// Segments between boxes about two places.
+fn around(a: Vec3, b: Vec3, width: f32, random: &mut Pcg64Mcg) -> Packet {
+    let ends = EndRule::new(1.0);
+    let mut packet = Packet::EMPTY;
+    for lane in 0..LANES {
+        let [from, to] = [a, b].map(|p| p + width * (in_cube(random).as_vec3() - 0.5));
+        packet.set(lane, from, to, ends);
+    }
+    packet
 }
