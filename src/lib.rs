@@ -8,6 +8,7 @@ pub mod element;
 pub mod embree;
 pub mod error;
 pub mod factor_matrix;
+pub mod facts;
 pub mod files;
 pub mod form_factor;
 pub mod hierarchy;

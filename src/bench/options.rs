@@ -86,7 +86,7 @@ impl Options {
         // Points, pairs, both halves of the reference and the largest row with its intervals.
         let rows = self.points as f64 * (32.0 + emitters as f64 * 48.0);
         // The samples that are decided on, for the points and for the images, and the pilot of the rows without bias.
-        let samples = 2 * Sample::bytes(self.mr_rays().into_iter().max().unwrap_or(self.rays));
+        let samples = 2 * Sample::bytes(&self.mr_rays());
         let pilot = if self.unbiased { unbiased::pilot_bytes() } else { 0 };
         rows + (samples + pilot) as f64
     }

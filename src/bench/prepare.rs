@@ -65,7 +65,7 @@ fn table(scene: &Scene, options: &Options, build: &mut Build, progress: &dyn Pro
 impl Bench<'_> {
     /// What is decided on for a workload, large enough for every row.
     pub fn sample(&self, workload: &Workload) -> Sample {
-        Sample::of(self.scene, workload, self.mr_rays().into_iter().max().unwrap_or(self.options.rays))
+        Sample::of(self.scene, workload, &self.mr_rays())
     }
 
     /// The multi-resolution engine for a workload; notes its times and sizes.

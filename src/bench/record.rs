@@ -9,7 +9,7 @@
 mod scaling;
 mod trust;
 
-pub use crate::hierarchy::SceneFacts;
+pub use crate::facts::SceneFacts;
 pub use scaling::{ScalingRecord, ScalingRow};
 pub use trust::{Audit, CalibrationBin, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow};
 

@@ -10,7 +10,8 @@ use super::rows::{Bench, Measured};
 use super::sizes::default_sizes;
 use super::workload::{Workload, surface_points};
 use crate::characterise::{Extinction, Traits};
-use crate::hierarchy::{Hierarchy, SceneFacts};
+use crate::facts::SceneFacts;
+use crate::hierarchy::Hierarchy;
 use crate::scene::Scene;
 use crate::{Error, Result};
 

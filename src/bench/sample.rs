@@ -5,67 +5,76 @@ use crate::ray::{LANES, Packet};
 use crate::scene::Scene;
 use crate::visibility::{Bundle, MultiResolution, Workspace};
 use glam::Vec3;
-use std::ops::Range;
 
 /// Runs and pairs of each.
 const SHAPE: (usize, usize) = (16, 16);
 
-/// Segments of runs of neighbouring pairs, spread evenly over a workload. Made once, for the most segments that any row
-/// asks; fewer are the first of them.
+/// Segments of runs of neighbouring pairs, spread evenly over a workload. Made once, for every number of segments that a
+/// row asks: fewer are among more, but in packets of their own.
 pub struct Sample {
-    packets: Vec<Packet>,
+    sets: Vec<Set>,
     runs: Vec<Run>,
+}
+
+/// All bundles with one number of segments, one after the other.
+struct Set {
+    rays: usize,
+    packets: Vec<Packet>,
 }
 
 /// Neighbouring pairs of one emitter.
 struct Run {
     /// See [`Workload::hull`].
     hull: Vec<Vec3>,
-    /// Packets and emitter size of each pair.
-    pairs: Vec<(Range<usize>, f32)>,
+    /// Emitter size of each pair.
+    sizes: Vec<f32>,
 }
 
 impl Sample {
-    /// `rays` segments of each pair.
-    pub fn of(scene: &Scene, workload: &Workload, rays: usize) -> Sample {
-        let mut sample = Sample { packets: Vec::new(), runs: Vec::new() };
+    /// These numbers of segments of each pair, and single packets.
+    pub fn of(scene: &Scene, workload: &Workload, rays: &[usize]) -> Sample {
+        let mut sample = Sample { sets: Vec::new(), runs: Vec::new() };
         let pairs = workload.pairs.len();
         let length = (SHAPE.1 * scene.emitters.len()).min(pairs);
         let runs = SHAPE.0.min(pairs / length.max(1));
+        let mut chosen = Vec::new();
         for k in 0..runs {
             let first = (pairs - length) * k / (runs - 1).max(1);
             // The run is that of one emitter, as the engine is asked.
             let emitter = workload.pairs[first].emitter;
             let same = (first..first + length).filter(|&pair| workload.pairs[pair].emitter == emitter);
-            let mut run = Run { hull: workload.hull(first).to_vec(), pairs: Vec::new() };
-            for pair in same.take(SHAPE.1) {
-                let first = sample.packets.len();
-                workload.add_bundle(scene, pair, (rays, Order::Near), 0, &mut sample.packets);
-                run.pairs.push((first..sample.packets.len(), workload.pairs[pair].emitter_size));
+            let first_of_run = chosen.len();
+            chosen.extend(same.take(SHAPE.1));
+            let sizes =
+                chosen[first_of_run..].iter().map(|&pair| workload.pairs[pair].emitter_size).collect();
+            sample.runs.push(Run { hull: workload.hull(first).to_vec(), sizes });
+        }
+        for rays in numbers(rays) {
+            let mut packets = Vec::new();
+            for &pair in &chosen {
+                workload.add_bundle(scene, pair, (rays, Order::Near), 0, &mut packets);
             }
-            sample.runs.push(run);
+            sample.sets.push(Set { rays, packets });
         }
         sample
     }
 
     /// Bytes of a sample of so many segments of each pair, at most.
-    pub fn bytes(rays: usize) -> usize {
-        SHAPE.0 * SHAPE.1 * rays.div_ceil(LANES) * size_of::<Packet>()
+    pub fn bytes(rays: &[usize]) -> usize {
+        let packets: usize = numbers(rays).iter().map(|n| n.div_ceil(LANES)).sum();
+        SHAPE.0 * SHAPE.1 * packets * size_of::<Packet>()
     }
 
-    /// The bundles of about `rays` segments (whole packets, as many as there are), run by run.
+    /// The bundles of `rays` segments, or of one packet if it was not made for that number, run by run.
     pub fn bundles(&self, rays: usize) -> Vec<Vec<Bundle<'_>>> {
-        let count = rays.div_ceil(LANES);
-        let mut all = Vec::with_capacity(self.runs.len());
-        for Run { hull, pairs } in &self.runs {
-            let bundle = |(range, emitter_size): &(Range<usize>, f32)| {
-                let packets = &self.packets[range.clone()];
-                let packets = &packets[..count.min(packets.len())];
-                Bundle { packets, emitter_size: *emitter_size, emitter: hull }
-            };
-            all.push(pairs.iter().map(bundle).collect());
-        }
-        all
+        let set = self.sets.iter().find(|set| set.rays == rays).unwrap_or(&self.sets[0]);
+        let mut packets = set.packets.chunks(set.rays.div_ceil(LANES));
+        let mut bundle = |hull, &emitter_size: &f32| Bundle {
+            packets: packets.next().expect("a bundle a pair"),
+            emitter_size,
+            emitter: hull,
+        };
+        self.runs.iter().map(|run| run.sizes.iter().map(|size| bundle(&run.hull, size)).collect()).collect()
     }
 
     /// Whether the engine pays for bundles like these.
@@ -75,6 +84,14 @@ impl Sample {
     }
 }
 
+/// The numbers of segments that a sample is made for, ascending.
+fn numbers(rays: &[usize]) -> Vec<usize> {
+    let mut numbers = [&[LANES], rays].concat();
+    numbers.sort_unstable();
+    numbers.dedup();
+    numbers
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -82,19 +99,24 @@ mod tests {
     use crate::scene::generate::{Spec, build};
 
     #[test]
-    fn fewer_segments_are_the_first_of_more_and_memory_is_as_stated() {
+    fn every_number_has_its_bundles_and_memory_is_as_stated() {
         let scene = build(&Spec::new("desk-room")).expect("a room");
         let points = surface_points(&scene, 3000, 1).expect("points");
         let workload = Workload::new(&scene, points, 1);
-        let (many, few) = (Sample::of(&scene, &workload, 256), Sample::of(&scene, &workload, 64));
-        let (many_at_64, few_at_64) = (many.bundles(64).concat(), few.bundles(64).concat());
-        assert!(many_at_64.len() > 100 && many_at_64.len() == few_at_64.len());
-        for (a, b) in many_at_64.iter().zip(&few_at_64) {
-            assert_eq!((a.packets.len(), a.emitter_size), (b.packets.len(), b.emitter_size));
-            for (a, b) in a.packets.iter().zip(b.packets) {
-                assert!(a.origin == b.origin && a.direction == b.direction && a.active == b.active);
-            }
+        let sample = Sample::of(&scene, &workload, &[64, 256]);
+        let ends = |bundle: &Bundle| -> Vec<[u32; 3]> {
+            let of = |p: &Packet, l: usize| p.point(l, 1.0).to_array().map(f32::to_bits);
+            bundle.packets.iter().flat_map(|p| p.lanes().map(|l| of(p, l))).collect()
+        };
+        let [one, few, many] = [1, 64, 256].map(|rays| sample.bundles(rays).concat());
+        assert!(many.len() > 100 && many.len() == few.len() && one.len() == few.len());
+        for ((one, few), many) in one.iter().zip(&few).zip(&many) {
+            assert_eq!((one.packets.len(), few.packets.len(), many.packets.len()), (1, 4, 16));
+            assert_eq!(few.emitter_size, many.emitter_size);
+            let [one, few, many] = [one, few, many].map(ends);
+            assert!(one.iter().all(|end| few.contains(end)) && few.iter().all(|end| many.contains(end)));
         }
-        assert!(many.packets.len() * size_of::<Packet>() <= Sample::bytes(256));
+        let packets: usize = sample.sets.iter().map(|set| set.packets.len()).sum();
+        assert!(packets * size_of::<Packet>() <= Sample::bytes(&[64, 256]));
     }
 }

@@ -157,6 +157,18 @@ impl Workload {
     }
 }
 
+/// The corners of a convex polygon in turn; as they are if there is no such order.
+fn in_turn(points: [Vec3; 4]) -> [Vec3; 4] {
+    let [a, b, c, d] = points;
+    let orders = [points, [a, b, d, c], [a, c, b, d]];
+    let convex = |p: &[Vec3; 4]| {
+        let edge = |k: usize| p[(k + 1) % 4] - p[k % 4];
+        let turn = |k: usize| edge(k).cross(edge(k + 1));
+        (1..4).all(|k| turn(0).dot(turn(k)) > 0.0)
+    };
+    orders.into_iter().find(convex).unwrap_or(points)
+}
+
 /// The points, each once, if there are few, or the corners of the box around them.
 fn hull(points: impl Iterator<Item = Vec3> + Clone) -> Vec<Vec3> {
     const FEW: usize = 8;
@@ -165,6 +177,9 @@ fn hull(points: impl Iterator<Item = Vec3> + Clone) -> Vec<Vec3> {
         if distinct.len() <= FEW && !distinct.contains(&p) {
             distinct.push(p);
         }
+    }
+    if let [a, b, c, d] = distinct[..] {
+        return in_turn([a, b, c, d]).to_vec();
     }
     if distinct.len() <= FEW {
         return distinct;

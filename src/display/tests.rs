@@ -140,7 +140,7 @@ fn lightmaps_hold_the_light_where_they_say() {
     assert!(map.irradiance.iter().flatten().all(|e| (0.0..=1.0).contains(e)));
 }
 
-/// Two unit squares side by side, the second 100 times as bright, with texture coordinates in two parts of an image that are
+/// Two unit squares apart from each other, the second 100 times as bright, with texture coordinates in two parts of an image that are
 /// `gap` apart; and what is seen from them.
 fn unwrapped(gap: f32, texels: usize) -> Result<Lightmap, String> {
     let mut soup = Soup::new("test");
@@ -148,8 +148,8 @@ fn unwrapped(gap: f32, texels: usize) -> Result<Lightmap, String> {
     soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
     let mut solution = Solution { unit: "m".into(), ..Solution::default() };
     for k in 0..2u32 {
-        let corners =
-            [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[x, y]| dvec3(x + f64::from(k), y, 0.0));
+        let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
+            .map(|[x, y]| dvec3(x + 2.0 * f64::from(k), y, 0.0));
         soup.polygon(0, 0, &corners);
         let left = k as f32 * (0.4 + gap) + 0.05;
         let uv = [[left, 0.1], [left + 0.4, 0.1], [left + 0.4, 0.9], [left, 0.9]];

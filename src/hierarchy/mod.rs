@@ -7,14 +7,12 @@
 
 mod check;
 mod draft;
-mod facts;
 mod grids;
 mod large;
 #[cfg(test)]
 mod tests;
 mod tree;
 
-pub use facts::SceneFacts;
 pub use tree::{Cluster, Tree};
 
 use crate::math::Aabb;

@@ -2,7 +2,7 @@
 
 use super::field::Rgb;
 use super::{Audit, Ledger, Options, Versus};
-use crate::hierarchy::SceneFacts;
+use crate::facts::SceneFacts;
 use crate::link::Tally;
 use crate::solution::Solution;
 use serde::Serialize;

@@ -6,7 +6,7 @@ use super::record::{Iteration, Outcome, Record, Seconds};
 use super::{Options, Receiver, Solver, probe};
 use crate::Result;
 use crate::element::Elements;
-use crate::hierarchy::SceneFacts;
+use crate::facts::SceneFacts;
 use crate::link::Sight;
 use crate::points::Point;
 use crate::scene::Scene;

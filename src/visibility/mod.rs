@@ -43,6 +43,8 @@ pub struct Bundle<'a> {
     /// With them an answer can be certain, and bundles that meet nothing, or that one triangle covers, cost the same
     /// however many segments they have.
     ///
+    /// Of a convex polygon with four corners in turn its own pyramid is looked into, else that of extreme slopes.
+    ///
     /// Who gives them promises that all segments begin at one point, end inside the hull, and are open by an
     /// [`crate::ray::EndRule`] of the scene.
     pub emitter: &'a [Vec3],

@@ -130,21 +130,18 @@ impl Shaft {
     /// what has to lie amid them all.
     #[inline(always)]
     fn whole<S: Simd>(simd: S, packets: &[Packet], emitter: &[Vec3], apex: Vec3, slack: f32) -> Shaft {
-        let bounds = [
-            emitter.iter().fold(emitter[0], |a, &b| a.min(b)),
-            emitter.iter().fold(emitter[0], |a, &b| a.max(b)),
-        ];
-        let [lo, hi] = bounds;
+        let (mut lo, mut hi) = (emitter[0], emitter[0]);
+        for &p in emitter {
+            (lo, hi) = (lo.min(p), hi.max(p));
+        }
         let nearest = apex.clamp(lo, hi).distance(apex);
         let near = EndRule::MOST.min(EndRule::LEAST + slack / nearest);
-        let mut shaft = Shaft::between([Ends::of([apex, apex]), Ends::of(bounds)], slack, near);
-        // Half of it, for the roundings of what is computed here.
-        let inner = |corner: Vec3| {
-            let [first, last] =
-                [0.5 * EndRule::LEAST, 1.0 - 0.5 * EndRule::LEAST].map(|t| apex + t * (corner - apex));
-            (first.min(last), first.max(last))
-        };
-        (shaft.lo, shaft.hi) = (inner(lo).0 - slack, inner(hi).1 + slack);
+        let mut shaft = Shaft::between([Ends::of([apex, apex]), Ends::of([lo, hi])], slack, near);
+        // Half of the margin, for the roundings of what is computed here.
+        let open = 0.5 * EndRule::LEAST;
+        let (to_lo, to_hi) = (lo - apex, hi - apex);
+        shaft.lo = (apex + open * to_lo).min(apex + (1.0 - open) * to_lo) - slack;
+        shaft.hi = (apex + open * to_hi).max(apex + (1.0 - open) * to_hi) + slack;
         (shaft.whole, shaft.apex) = (true, Some(apex));
         shaft.add_pyramid(simd, packets, emitter, apex);
         shaft
@@ -229,8 +226,8 @@ impl Shaft {
             return;
         }
         let to = self.ends[1];
-        let corners = corners_of_polygon(emitter, apex).or_else(|| corners_of_panel(to, apex, self.slack));
-        let corners = match corners {
+        let polygon = corners_of_polygon(emitter, apex);
+        let corners = match if polygon.is_none() { corners_of_panel(to, apex, self.slack) } else { polygon } {
             Some(corners) => corners,
             None => {
                 let w = w.normalize();
@@ -240,19 +237,21 @@ impl Shaft {
                     false => slopes_of_segments(simd, packets, [u, v, w]),
                 };
                 let Some([low, high]) = slopes else { return };
-                [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]]
-                    .map(|[i, j]| w + i * u + j * v)
+                let ([left, right], [down, up]) = ([low[0] * u, high[0] * u], [low[1] * v, high[1] * v]);
+                [w + left + down, w + right + down, w + right + up, w + left + up]
             }
         };
         // Inside whatever the polygon: the middle of the box around a triangle lies on its edge or beyond.
-        let inside: Vec3 = corners.iter().sum();
+        let inside = corners[0] + corners[1] + corners[2] + corners[3];
         for (k, (normal, offset)) in self.normals.iter_mut().zip(&mut self.offsets).enumerate() {
             let n = corners[k].cross(corners[(k + 1) % 4]);
             *normal = if n.dot(inside) > 0.0 { -n } else { n };
             *offset = normal.dot(apex) + self.slack * normal.abs().element_sum();
         }
         self.planes = 4;
-        let longest = corners.iter().map(|c| c.length()).fold(0.0, f32::max);
+        let [a, b, c, d] = corners;
+        let longest =
+            a.length_squared().max(b.length_squared()).max(c.length_squared()).max(d.length_squared()).sqrt();
         self.pyramid = Some(Pyramid { apex, corners, longest });
     }
 

@@ -96,7 +96,7 @@ fn each<S: Simd>(simd: S, block: &Block, candidates: u32, packets: &[Packet], bl
 }
 
 /// Bundles of more packets than this are tested tile by tile.
-const FEW: usize = 2;
+const FEW: usize = 4;
 
 /// Where the packets of a bundle point, sixteen side by side.
 struct Row {
@@ -317,7 +317,11 @@ impl Fans {
     #[inline(always)]
     fn planes_of<S: Simd>(&self, simd: S, k: usize) -> Planes<S> {
         Planes {
-            planes: [0, 1, 2].map(|i| pick(simd, &self.planes[i], k)),
+            planes: [
+                pick(simd, &self.planes[0], k),
+                pick(simd, &self.planes[1], k),
+                pick(simd, &self.planes[2], k),
+            ],
             height: simd.splat(self.height[k]),
             rounding: simd.splat(self.rounding[k]),
             amid: self.amid >> k & 1 == 1,

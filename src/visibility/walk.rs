@@ -149,7 +149,7 @@ pub(super) fn walk<S: Simd>(
         return walked;
     }
     if packets.len() > 1 && !slabs.is_empty() {
-        let (drawn, clear) = drawn(packets, blocked);
+        let (drawn, clear) = drawn(packets, blocked, shaft.apex.is_some());
         walked.model = spread(simd, slabs, &drawn, clear, shaft.apex.is_some());
     }
     walked.clear = !walked.tested && slabs.is_empty();
@@ -189,15 +189,17 @@ pub(super) fn walk<S: Simd>(
     walked
 }
 
-/// Sixteen segments from all over a bundle, and which of them are clear.
+/// Sixteen segments from all over a bundle, and which of them are clear. Without origins if these are shared.
 #[inline(always)]
-fn drawn(packets: &[Packet], blocked: &[u32]) -> (Packet, u32) {
+fn drawn(packets: &[Packet], blocked: &[u32], shared: bool) -> (Packet, u32) {
     let (mut drawn, mut clear) = (Packet::EMPTY, 0);
     for lane in 0..LANES {
         let k = lane * packets.len() / LANES;
         let (packet, from) = (&packets[k], lane * 5 % LANES);
         for axis in 0..3 {
-            drawn.origin[axis][lane] = packet.origin[axis][from];
+            if !shared {
+                drawn.origin[axis][lane] = packet.origin[axis][from];
+            }
             drawn.direction[axis][lane] = packet.direction[axis][from];
         }
         drawn.active |= (packet.active >> from & 1) << lane;

@@ -9,27 +9,23 @@ use glam::Vec3;
 /// Directions that go sideways by more than this times forward have no useful slope.
 const STEEP: f32 = 10.0;
 
-/// Three or four points seen from another, in the order that makes them the edges of a convex pyramid; none if there
-/// is no such order.
+/// Three or four points seen from another, if in their order they are the edges of a convex pyramid.
 #[inline(always)]
 pub(super) fn corners_of_polygon(points: &[Vec3], apex: Vec3) -> Option<[Vec3; 4]> {
-    const ORDERS: [[usize; 4]; 3] = [[0, 1, 2, 3], [0, 1, 3, 2], [0, 2, 1, 3]];
-    let points = match *points {
-        [a, b, c] => return Some([a, b, c, c].map(|p| p - apex)),
-        [a, b, c, d] => [a, b, c, d].map(|p| p - apex),
+    let corners = match *points {
+        [a, b, c] => return Some([a - apex, b - apex, c - apex, c - apex]),
+        [a, b, c, d] => [a - apex, b - apex, c - apex, d - apex],
         _ => return None,
     };
-    let [first, ..] = points;
-    let in_turn = |corners: &[Vec3; 4]| {
-        // Every side plane has the other two corners on the same side.
-        let side = |k: usize| corners[k].cross(corners[(k + 1) % 4]);
-        let inside = side(1).dot(first).signum();
-        (0..4).all(|k| {
-            let n = inside * side(k);
-            n.dot(corners[(k + 2) % 4]) > 0.0 && n.dot(corners[(k + 3) % 4]) > 0.0
-        })
-    };
-    ORDERS.iter().map(|order| order.map(|k| points[k])).find(in_turn)
+    // Every side plane has the other two corners on the same side.
+    let (mut left, mut right) = (true, true);
+    for k in 0..4 {
+        let side = corners[k].cross(corners[(k + 1) % 4]);
+        let (a, b) = (side.dot(corners[(k + 2) % 4]), side.dot(corners[(k + 3) % 4]));
+        left &= a > 0.0 && b > 0.0;
+        right &= a < 0.0 && b < 0.0;
+    }
+    (left || right).then_some(corners)
 }
 
 /// The corners of a box without thickness, in turn, seen from a point.
@@ -39,12 +35,11 @@ pub(super) fn corners_of_panel(to: Ends, apex: Vec3, slack: f32) -> Option<[Vec3
     if to.half[flat] > slack {
         return None;
     }
-    let (u, v) = ((flat + 1) % 3, (flat + 2) % 3);
-    Some([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(i, j)| {
-        let mut half = Vec3::ZERO;
-        (half[u], half[v]) = (i * to.half[u], j * to.half[v]);
-        to.centre + half - apex
-    }))
+    let (mut u, mut v) = (Vec3::ZERO, Vec3::ZERO);
+    u[(flat + 1) % 3] = to.half[(flat + 1) % 3];
+    v[(flat + 2) % 3] = to.half[(flat + 2) % 3];
+    let middle = to.centre - apex;
+    Some([middle - u - v, middle + u - v, middle + u + v, middle - u + v])
 }
 
 /// Least and greatest slope towards u and v against w of points seen from another.

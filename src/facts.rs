@@ -1,6 +1,6 @@
 //! The facts of a scene that every output states.
 
-use super::Hierarchy;
+use crate::hierarchy::Hierarchy;
 use crate::scene::Scene;
 use serde::{Deserialize, Serialize};
 
