@@ -241,6 +241,13 @@ impl<'a> MultiResolution<'a> {
         (own, exact)
     }
 
+    /// Never hands over, so that its own answers can be looked at.
+    #[cfg(test)]
+    pub(super) fn with_patience(mut self) -> Self {
+        self.budget = 1 << 40;
+        self
+    }
+
     /// Work after which a walk gives up.
     fn limit(&self, bundle: &Bundle) -> u64 {
         PATIENCE * self.exact_work(bundle)

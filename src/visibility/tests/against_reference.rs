@@ -31,15 +31,12 @@ fn compare(stage: &Stage, packets: &[Packet], e: f32, s: f32) -> Differences {
         .iter()
         .map(|t| Brute::new(&stage.scene.positions, std::slice::from_ref(t)))
         .collect();
-    let engine = stage.engine(Leaf::Exact);
+    let engine = stage.engine(Leaf::Exact).with_patience();
     let mut workspace = Workspace::default();
     let mut differences = Differences::default();
     for packet in packets {
         let (Answer { cost, .. }, fast) = engine.answer_lanes(packet, e, s, &mut workspace);
-        if cost.handed_over > 0 {
-            // By exact rays, which keep no rule.
-            continue;
-        }
+        assert_eq!(cost.handed_over, 0);
         let mut aggregated = 0;
         for lane in packet.lanes() {
             let Segment { origin, direction, near, far } = segment(packet, lane);
@@ -94,7 +91,6 @@ fn fast_engine_keeps_the_rule_of_the_reference() {
                 for e in [0.0, 0.5 * e] {
                     let d = compare(&stage, &packets, e, s);
                     let n = d.segments as f64;
-                    assert!(d.segments * 3 > count * lanes, "most are handed over: {}", d.segments);
                     let (large, mean) = (d.large as f64 / n, d.sum / n);
                     println!("{name}, {lanes} lanes, s {s:.4}, e {e:.2}: {large:.3} differ, mean {mean:+.4}");
                     // It judges whole boxes, opens more, and is nearer to the truth for it.
