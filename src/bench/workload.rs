@@ -291,7 +291,11 @@ impl Facing<'_> {
     fn sample(&self, scene: &Scene, u: f32, v: f32) -> Vec3 {
         let total = *self.sums.last().expect("emitters have faces");
         let target = u * total;
-        let i = self.sums.partition_point(|&s| s <= target).min(self.sums.len() - 1);
+        let mut i = self.sums.partition_point(|&s| s <= target).min(self.sums.len() - 1);
+        // Rounded up to the total: the last face that counts.
+        while i > 0 && self.sums[i] == self.sums[i - 1] {
+            i -= 1;
+        }
         let before = if i > 0 { self.sums[i - 1] } else { 0.0 };
         let u = ((target - before) / (self.sums[i] - before)).clamp(0.0, 1.0);
         point_on(scene.corners(self.triangles[i]), u, v)

@@ -88,8 +88,8 @@ impl Shaft {
     /// if there are any, in a scene of this coordinate magnitude.
     #[inline(always)]
     pub fn of<S: Simd>(simd: S, packets: &[Packet], emitter: &[Vec3], magnitude: f32) -> Shaft {
-        let first = packets[0].active.trailing_zeros() as usize % LANES;
-        let apex = packets[0].point(first, 0.0);
+        let some = packets.iter().find(|packet| !packet.is_empty()).unwrap_or(&packets[0]);
+        let apex = some.point(some.active.trailing_zeros() as usize % LANES, 0.0);
         let slack = 4e-7 * magnitude;
         if !emitter.is_empty() {
             return Shaft::whole(simd, packets, emitter, apex, slack);
@@ -241,17 +241,23 @@ impl Shaft {
                 [w + left + down, w + right + down, w + right + up, w + left + up]
             }
         };
-        // Inside whatever the polygon: the middle of the box around a triangle lies on its edge or beyond.
-        let inside = corners[0] + corners[1] + corners[2] + corners[3];
-        for (k, (normal, offset)) in self.normals.iter_mut().zip(&mut self.offsets).enumerate() {
-            let n = corners[k].cross(corners[(k + 1) % 4]);
-            *normal = if n.dot(inside) > 0.0 { -n } else { n };
-            *offset = normal.dot(apex) + self.slack * normal.abs().element_sum();
-        }
-        self.planes = 4;
         let [a, b, c, d] = corners;
         let longest =
             a.length_squared().max(b.length_squared()).max(c.length_squared()).max(d.length_squared()).sqrt();
+        for k in 0..4 {
+            // With the difference, because the product of two long vectors that are nearly the same has few digits.
+            let (corner, edge) = (corners[k], corners[(k + 1) % 4] - corners[k]);
+            let n = corner.cross(edge);
+            let rounding =
+                4.0 * f32::EPSILON * corner.abs().element_sum() * edge.abs().element_sum() * longest;
+            // The other corners lie inside; a plane that cannot tell says nothing.
+            let inside = n.dot(corners[(k + 2) % 4] + corners[(k + 3) % 4]);
+            let sign = if inside.abs() <= 2.0 * rounding { 0.0 } else { -inside.signum() };
+            self.normals[k] = sign * n;
+            self.offsets[k] =
+                self.normals[k].dot(apex) + self.slack * self.normals[k].abs().element_sum() + rounding;
+        }
+        self.planes = 4;
         self.pyramid = Some(Pyramid { apex, corners, longest });
     }
 
@@ -415,5 +421,52 @@ impl Shaft {
             below = simd.and(below, simd.le(height, reach));
         }
         simd.or(above, below)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simd::{Isa, Kernel, dispatch};
+
+    struct Make<'a>(&'a [Packet], &'a [Vec3]);
+
+    impl Kernel for Make<'_> {
+        type Output = Shaft;
+
+        fn run<S: Simd>(self, simd: S) -> Shaft {
+            Shaft::of(simd, self.0, self.1, 60.0)
+        }
+    }
+
+    /// Lamps that are small for their distance, off every axis, as polygons, panels and points of no order.
+    #[test]
+    fn small_lamps_far_away_are_held_whole() {
+        let apex = Vec3::new(0.1, 0.2, 0.3);
+        for width in [1.0f32, 0.1, 0.03, 0.01] {
+            for (u, v) in [(Vec3::X, Vec3::Y), (Vec3::new(0.6, 0.0, 0.8), Vec3::new(-0.48, 0.8, 0.36))] {
+                for centre in
+                    [Vec3::new(33.3, 31.7, 35.1), Vec3::new(-50.0, 3.0, 1.0), Vec3::new(0.3, -7.0, 40.0)]
+                {
+                    let (u, v) = (0.5 * width * u, 0.5 * width * v);
+                    let quad = [centre - u - v, centre + u - v, centre + u + v, centre - u + v];
+                    let twice = [quad, quad.map(|p| p + 0.3 * (u + v))].concat();
+                    for emitter in [&quad[..], &quad[..3], &twice[..]] {
+                        let mut packet = Packet::EMPTY;
+                        packet.set(0, apex, emitter[0], EndRule::new(60.0));
+                        let shaft = dispatch(Isa::Portable, Make(&[packet], emitter));
+                        for (normal, offset) in shaft.normals.iter().zip(shaft.offsets).take(shaft.planes) {
+                            for &p in emitter {
+                                let beyond = normal.as_dvec3().dot(p.as_dvec3()) - f64::from(offset);
+                                assert!(
+                                    beyond <= 0.0,
+                                    "{width} {centre}: {p} is {beyond} outside of {normal}"
+                                );
+                            }
+                        }
+                    }
+                }
+            }
+        }
     }
 }

@@ -20,7 +20,7 @@ pub(super) fn corners_of_polygon(points: &[Vec3], apex: Vec3) -> Option<[Vec3; 4
     // Every side plane has the other two corners on the same side.
     let (mut left, mut right) = (true, true);
     for k in 0..4 {
-        let side = corners[k].cross(corners[(k + 1) % 4]);
+        let side = corners[k].cross(corners[(k + 1) % 4] - corners[k]);
         let (a, b) = (side.dot(corners[(k + 2) % 4]), side.dot(corners[(k + 3) % 4]));
         left &= a > 0.0 && b > 0.0;
         right &= a < 0.0 && b < 0.0;
