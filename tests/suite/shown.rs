@@ -91,9 +91,8 @@ fn solutions_of_published_obstructed_pairs() {
         assert!((points / want - 1.0).abs() < 5e-3, "{id} at points: {points} instead of {want}");
         // Elements know visibility from few segments: those that all get through are believed too soon.
         let floor = outcome.solution.elements.iter().filter(|e| e.object == 1 && e.front);
-        let (light, area) = floor.fold((0.0, 0.0), |(light, area), e| {
-            (light + f64::from(e.irradiance[0]) * e.area, area + e.area)
-        });
+        let (light, area) =
+            floor.fold((0.0, 0.0), |(light, area), e| (light + e.irradiance[0] * e.area, area + e.area));
         let mean = light / area;
         assert!((mean / want - 1.0).abs() < 0.08, "{id} of the elements: {mean} instead of {want}");
     }
