@@ -17,6 +17,7 @@
 
 mod closure;
 mod discover;
+mod every;
 mod facets;
 mod pair;
 mod rays;
@@ -45,6 +46,8 @@ pub struct Settings {
     pub bundle: u32,
     /// Rays between two facets that are partly blocked, at most; not below `bundle`.
     pub largest_bundle: u32,
+    /// Try every pair of facets that face each other, rather than those that rays find.
+    pub every: bool,
     /// Adjust rows that nothing escapes from to the sum 1; the default.
     pub enforce: bool,
     /// Seed of everything random.
@@ -52,6 +55,9 @@ pub struct Settings {
 }
 
 impl Settings {
+    /// Up to so many facets every pair is tried: it costs less than to find most of them by rays.
+    pub const EVERY: usize = 8192;
+
     /// Few facets get many rays: about four million of discovery in all (1,024 to 65,536 a facet) and bundles that make
     /// up for what there are few of.
     pub fn new(facets: usize) -> Settings {
@@ -60,7 +66,7 @@ impl Settings {
         let pairs = (n * n / 2).max(1);
         let bundle = ((1 << 24) / pairs).clamp(64, 1 << 14).next_power_of_two() as u32;
         let largest = ((1 << 26) / pairs).clamp(256, 1 << 20).next_power_of_two() as u32;
-        Settings { rays, bundle, largest_bundle: largest, enforce: true, seed: 1 }
+        Settings { rays, bundle, largest_bundle: largest, every: facets <= Settings::EVERY, enforce: true, seed: 1 }
     }
 }
 
@@ -153,7 +159,7 @@ pub fn compute(
         .par_iter()
         .enumerate()
         .map_init(pair::Buffers::default, |buffers, (i, partners)| {
-            let row = pairs.row(i as u32, partners, buffers);
+            let row = if settings.every { pairs.every(i as u32, buffers) } else { pairs.row(i as u32, partners, buffers) };
             done(1);
             row
         })

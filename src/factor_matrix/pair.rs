@@ -26,6 +26,16 @@ pub struct Row {
     pub rays: u64,
 }
 
+impl Row {
+    /// One more pair: the other facet, its exchange, the error of that, and its class by [`chance`].
+    pub fn push(&mut self, partner: u32, exchange: f64, error: f64, class: usize) {
+        self.partner.push(partner);
+        self.exchange.push(exchange as f32);
+        self.error.push(error as f32);
+        self.chance.push(class as u8);
+    }
+}
+
 /// By [`chance`]: rays of discovery that met a pair, and how many were expected from what the pairs are said to exchange.
 pub type Tally = [[f64; 2]; CHANCES];
 
@@ -68,23 +78,20 @@ impl Pairs<'_> {
     /// nothing were in between (Horvitz and Thompson 1952). Large ones are found for sure and stand for themselves. What is
     /// left is done by [`balance`].
     pub fn row(&self, i: u32, partners: &[Partner], buffers: &mut Buffers) -> Row {
-        let Settings { rays, bundle, seed, .. } = *self.settings;
+        let seed = self.settings.seed;
         let a = self.facets.get(i);
         let mut row = Row::default();
         for partner in partners {
             let j = partner.facet();
             let b = self.facets.get(j);
-            let expected = |exchange: f64| f64::from(rays) * (exchange / a.area + exchange / b.area);
-            let open = exchange(a, b, |rough| expected(rough) < WORTH);
-            let c = expected(open);
+            let open = self.open(a, b);
+            let c = self.expected(a, b, open);
             if c <= 0.0 {
                 continue;
             }
             let mut seen = Transmittance { value: LIKELY, error: 0.0 };
             if c > MATTERS {
-                let size = power_of_4(c.clamp(4.0, f64::from(bundle)));
-                let table = table(buffers, size, seed as u32);
-                seen = self.transmittance((a, b), c, table, mix_pair(seed, i, j), &mut row.rays);
+                seen = self.sampled((a, b), c, buffers, mix_pair(seed, i, j), &mut row.rays);
             }
             let found = -(-c * seen.value).exp_m1();
             let value = share(seen, c);
@@ -93,13 +100,34 @@ impl Pairs<'_> {
                 *met += f64::from(partner.hits());
                 *expected += c * value;
             }
-            row.chance.push(class as u8);
-            row.partner.push(j);
-            row.exchange.push((open * value) as f32);
             let error = (seen.error * found.min(1.0)).hypot(value * (1.0 - found).max(0.0).sqrt());
-            row.error.push((open * error) as f32);
+            row.push(j, open * value, open * error, class);
         }
         row
+    }
+
+    /// `A F` of two facets with nothing in between.
+    pub fn open(&self, a: &Facet, b: &Facet) -> f64 {
+        exchange(a, b, |rough| self.expected(a, b, rough) < WORTH)
+    }
+
+    /// How many rays of discovery, from either, two facets would expect that exchange so much.
+    pub fn expected(&self, a: &Facet, b: &Facet, exchange: f64) -> f64 {
+        f64::from(self.settings.rays) * (exchange / a.area + exchange / b.area)
+    }
+
+    /// The transmittance of a pair that expects `c` rays of discovery, from bundles of its own.
+    pub fn sampled(
+        &self,
+        pair: (&Facet, &Facet),
+        c: f64,
+        buffers: &mut Buffers,
+        key: u64,
+        rays: &mut u64,
+    ) -> Transmittance {
+        let Settings { bundle, seed, .. } = *self.settings;
+        let size = power_of_4(c.clamp(4.0, f64::from(bundle)));
+        self.transmittance(pair, c, table(buffers, size, seed as u32), key, rays)
     }
 
     /// The transmittance of a pair that expects `c` rays of discovery: from one bundle if that is all clear or all blocked,
@@ -179,10 +207,10 @@ impl Pairs<'_> {
 }
 
 #[derive(Clone, Copy)]
-struct Transmittance {
-    value: f64,
+pub struct Transmittance {
+    pub value: f64,
     /// Standard error if the rays were independent.
-    error: f64,
+    pub error: f64,
 }
 
 /// Scales pairs that were found by chance so that, class by class, they expect as many rays as met them. Rays of discovery
@@ -274,6 +302,6 @@ fn centroid(polygon: &[DVec3]) -> DVec3 {
     sum.0 / sum.1
 }
 
-fn mix_pair(seed: u64, i: u32, j: u32) -> u64 {
+pub fn mix_pair(seed: u64, i: u32, j: u32) -> u64 {
     super::rays::mix(seed ^ super::rays::mix(u64::from(i) << 32 | u64::from(j)))
 }

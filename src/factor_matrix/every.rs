@@ -1,0 +1,230 @@
+//! Every pair of facets that face each other, where there are few: none is left to chance.
+//!
+//! A pair begins with one ray or four, which share packets with those of the facet's other pairs. Where four do not agree,
+//! more follow. All points of a facet's rays are one evenly spread sequence, so that errors of neighbours cancel in sums.
+
+use super::facets::Facet;
+use super::pair::{Buffers, CHANCES, Pairs, Row, Transmittance};
+use super::rays::mix;
+use crate::ray::{LANES, Packet};
+use glam::DVec3;
+
+/// Rays of discovery that a pair would expect, from which on it gets a bundle of its own at once.
+const OWN: f64 = 16.0;
+/// From which on it gets [`FIRST`] rays to begin with rather than one.
+const SEVERAL: f64 = 0.5;
+/// So many.
+const FIRST: u32 = 4;
+/// Rays of a pair whose first ones do not agree, by the rays of discovery that it would expect.
+const MORE: f64 = 16.0;
+/// Heights above a plane up to this part of the distance are in the plane: coordinates are in single precision.
+const FLAT: f64 = 1e-6;
+/// Points that are drawn for a ray until two see each other's fronts.
+const DRAWS: u32 = 8;
+
+/// A pair and what its rays say.
+struct Candidate {
+    partner: u32,
+    /// Rays of discovery that it would expect if nothing were in between, roughly.
+    expected: f64,
+    tally: Tally,
+}
+
+/// Rays, and those that are clear, by number and by what they transport.
+#[derive(Clone, Copy, Default)]
+struct Tally {
+    rays: u32,
+    clear_rays: u32,
+    all: f64,
+    clear: f64,
+}
+
+impl Tally {
+    fn add(&mut self, weight: f64, clear: bool) {
+        self.rays += 1;
+        self.all += weight;
+        if clear {
+            self.clear_rays += 1;
+            self.clear += weight;
+        }
+    }
+
+    fn mixed(&self) -> bool {
+        self.clear_rays > 0 && self.clear_rays < self.rays
+    }
+
+    /// The transmittance. Most pairs see all or nothing of each other; that is all that is known before (a beta
+    /// distribution with both parameters `PRIOR`), and the error is what that leaves after the rays.
+    fn transmittance(&self) -> Transmittance {
+        const PRIOR: f64 = 0.1;
+        if self.rays == 0 {
+            // Only corners face each other, and nothing is known to be in between.
+            return Transmittance { value: 1.0, error: 0.0 };
+        }
+        let (clear, blocked) =
+            (f64::from(self.clear_rays) + PRIOR, f64::from(self.rays - self.clear_rays) + PRIOR);
+        let all = clear + blocked;
+        Transmittance { value: self.clear / self.all, error: (clear * blocked / (all * all * (all + 1.0))).sqrt() }
+    }
+}
+
+/// Points of a pair of facets, evenly spread in four dimensions: an additive recurrence with powers of the root of
+/// `x⁵ = x + 1` (Roberts 2018), begun at random.
+struct Sequence([u32; 4]);
+
+impl Sequence {
+    fn new(key: u64) -> Sequence {
+        let (a, b) = (mix(key), mix(!key));
+        Sequence([a as u32, (a >> 32) as u32, b as u32, (b >> 32) as u32])
+    }
+
+    fn next(&mut self) -> [f32; 4] {
+        const STEPS: [u32; 4] = [3_679_390_609, 3_152_041_523, 2_700_274_805, 2_313_257_605];
+        for (x, step) in self.0.iter_mut().zip(STEPS) {
+            *x = x.wrapping_add(step);
+        }
+        self.0.map(|x| (x >> 8) as f32 / (1 << 24) as f32)
+    }
+}
+
+impl Pairs<'_> {
+    /// All pairs of facet `i` with facets of higher numbers that it faces.
+    pub fn every(&self, i: u32, buffers: &mut Buffers) -> Row {
+        let mut row = Row::default();
+        let seed = self.settings.seed;
+        let a = self.facets.get(i);
+        let mut candidates: Vec<Candidate> = (i + 1..self.facets.len() as u32)
+            .filter_map(|j| {
+                let b = self.facets.get(j);
+                let expected = self.expected(a, b, rough(a, b)?);
+                Some(Candidate { partner: j, expected, tally: Tally::default() })
+            })
+            .collect();
+        self.first_rays(i, &mut candidates, &mut row.rays);
+        for c in &candidates {
+            let j = c.partner;
+            let b = self.facets.get(j);
+            let key = super::pair::mix_pair(seed, i, j);
+            let mut seen = c.tally.transmittance();
+            if c.expected >= OWN {
+                seen = self.sampled((a, b), c.expected, buffers, key, &mut row.rays);
+            } else if c.tally.mixed() {
+                seen = self.further((a, b), c, key, &mut row.rays);
+            }
+            if seen.value > 0.0 {
+                let open = self.open(a, b);
+                row.push(j, open * seen.value, open * seen.error, CHANCES);
+            }
+        }
+        row
+    }
+
+    /// The first rays of all but the largest pairs of facet `i`.
+    fn first_rays(&self, i: u32, candidates: &mut [Candidate], rays: &mut u64) {
+        let a = self.facets.get(i);
+        let mut sequence = Sequence::new(self.settings.seed << 32 ^ u64::from(i));
+        let (mut packet, mut owners, mut used) = (Packet::EMPTY, [(0usize, 0f64); LANES], 0);
+        let mut trace = |packet: &mut Packet, owners: &[(usize, f64)], candidates: &mut [Candidate]| {
+            let mut blocked = [0];
+            self.traced.blocked(std::slice::from_ref(packet), &mut blocked);
+            for (lane, &(k, weight)) in owners.iter().enumerate() {
+                candidates[k].tally.add(weight, blocked[0] >> lane & 1 == 0);
+            }
+            *rays += owners.len() as u64;
+            *packet = Packet::EMPTY;
+        };
+        for k in 0..candidates.len() {
+            let Candidate { partner, expected, .. } = candidates[k];
+            let b = self.facets.get(partner);
+            let wanted = if expected >= OWN { 0 } else { 1 + (FIRST - 1) * u32::from(expected >= SEVERAL) };
+            for _ in 0..wanted {
+                let Some(weight) = self.segment((a, b), &mut sequence, &mut packet, used) else { continue };
+                owners[used] = (k, weight);
+                used += 1;
+                if used == LANES {
+                    trace(&mut packet, &owners, candidates);
+                    used = 0;
+                }
+            }
+        }
+        if used > 0 {
+            trace(&mut packet, &owners[..used], candidates);
+        }
+    }
+
+    /// A ray from front to front in a lane of a packet, and its weight: what it transports.
+    #[inline]
+    fn segment(
+        &self,
+        (a, b): (&Facet, &Facet),
+        sequence: &mut Sequence,
+        packet: &mut Packet,
+        lane: usize,
+    ) -> Option<f64> {
+        for _ in 0..DRAWS {
+            let [s, t, u, v] = sequence.next();
+            let ((p, m), (q, n)) = (a.point(s, t), b.point(u, v));
+            let to = (q - p).as_dvec3();
+            let (here, there) = (a.normal(m).dot(to), -b.normal(n).dot(to));
+            if here > 0.0 && there > 0.0 {
+                packet.set(lane, p, q, self.ends);
+                return Some(here * there / to.length_squared().powi(2));
+            }
+        }
+        None
+    }
+
+    /// The transmittance of a pair whose first rays did not agree: from more like them, four packets' parts at a time. Of
+    /// these only those count that do not agree either, so that going on where the first are mixed does not favour that.
+    fn further(&self, (a, b): (&Facet, &Facet), c: &Candidate, key: u64, rays: &mut u64) -> Transmittance {
+        let packets = (MORE * c.expected).min(f64::from(self.settings.largest_bundle)) / LANES as f64;
+        let mut sequence = Sequence::new(key);
+        let mut sum = c.tally;
+        for _ in 0..packets.ceil() as u32 {
+            let mut packet = Packet::EMPTY;
+            let weights: [Option<f64>; LANES] =
+                std::array::from_fn(|lane| self.segment((a, b), &mut sequence, &mut packet, lane));
+            let mut blocked = [0];
+            self.traced.blocked(std::slice::from_ref(&packet), &mut blocked);
+            *rays += LANES as u64;
+            for first in (0..LANES).step_by(FIRST as usize) {
+                let mut tally = Tally::default();
+                for lane in first..first + FIRST as usize {
+                    if let Some(weight) = weights[lane] {
+                        tally.add(weight, blocked[0] >> lane & 1 == 0);
+                    }
+                }
+                if tally.mixed() {
+                    sum.rays += tally.rays;
+                    sum.clear_rays += tally.clear_rays;
+                    sum.all += tally.all;
+                    sum.clear += tally.clear;
+                }
+            }
+        }
+        sum.transmittance()
+    }
+}
+
+/// About what two facets exchange if nothing is in between, rather too much; nothing if they do not face each other.
+fn rough(a: &Facet, b: &Facet) -> Option<f64> {
+    let distance = a.centre.distance(b.centre);
+    let size = a.radius + b.radius;
+    let least = FLAT * (distance + size);
+    let here = rise(a, b, least)?;
+    let there = rise(b, a, least)?;
+    let square = (distance * distance).max(0.25 * size * size);
+    Some(a.area * b.area * (here * there / square).min(1.0) / (std::f64::consts::PI * square))
+}
+
+/// How high `b` comes above a plane of `a`, if by more than `least`.
+fn rise(a: &Facet, b: &Facet, least: f64) -> Option<f64> {
+    let mut most = 0f64;
+    for (k, piece) in a.pieces.iter().enumerate() {
+        let (point, normal): (DVec3, DVec3) = (piece[0], a.normal(k));
+        if normal.dot(b.centre - point) + b.radius > most.max(least) {
+            most = b.pieces.iter().flatten().map(|p| normal.dot(*p - point)).fold(most, f64::max);
+        }
+    }
+    (most > least).then_some(most)
+}
