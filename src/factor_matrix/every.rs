@@ -4,10 +4,15 @@
 //! more follow. All points of a facet's rays are one evenly spread sequence, so that errors of neighbours cancel in sums.
 
 use super::facets::Facet;
-use super::pair::{Buffers, CHANCES, Pairs, Row, Transmittance};
+use super::pair::{exchange, Buffers, CHANCES, Pairs, Row, Transmittance};
 use super::rays::mix;
 use crate::ray::{LANES, Packet};
 use glam::DVec3;
+
+fn knob(k: usize) -> f64 {
+    static K: std::sync::OnceLock<Vec<f64>> = std::sync::OnceLock::new();
+    K.get_or_init(|| std::env::var("KNOBS").unwrap_or("16,.5,16,1".into()).split(',').map(|x| x.parse().unwrap()).collect())[k]
+}
 
 /// Rays of discovery that a pair would expect, from which on it gets a bundle of its own at once.
 const OWN: f64 = 16.0;
@@ -106,13 +111,13 @@ impl Pairs<'_> {
             let b = self.facets.get(j);
             let key = super::pair::mix_pair(seed, i, j);
             let mut seen = c.tally.transmittance();
-            if c.expected >= OWN {
+            if c.expected >= knob(0) {
                 seen = self.sampled((a, b), c.expected, buffers, key, &mut row.rays);
             } else if c.tally.mixed() {
                 seen = self.further((a, b), c, key, &mut row.rays);
             }
             if seen.value > 0.0 {
-                let open = self.open(a, b);
+                let open = exchange(a, b);
                 row.push(j, open * seen.value, open * seen.error, CHANCES);
             }
         }
@@ -136,7 +141,7 @@ impl Pairs<'_> {
         for k in 0..candidates.len() {
             let Candidate { partner, expected, .. } = candidates[k];
             let b = self.facets.get(partner);
-            let wanted = if expected >= OWN { 0 } else { 1 + (FIRST - 1) * u32::from(expected >= SEVERAL) };
+            let wanted = if expected >= knob(0) { 0 } else { 1 + (FIRST - 1) * u32::from(expected >= knob(1)) };
             for _ in 0..wanted {
                 let Some(weight) = self.segment((a, b), &mut sequence, &mut packet, used) else { continue };
                 owners[used] = (k, weight);
@@ -177,7 +182,7 @@ impl Pairs<'_> {
     /// The transmittance of a pair whose first rays did not agree: from more like them, four packets' parts at a time. Of
     /// these only those count that do not agree either, so that going on where the first are mixed does not favour that.
     fn further(&self, (a, b): (&Facet, &Facet), c: &Candidate, key: u64, rays: &mut u64) -> Transmittance {
-        let packets = (MORE * c.expected).min(f64::from(self.settings.largest_bundle)) / LANES as f64;
+        let packets = (knob(2) * c.expected).min(f64::from(self.settings.largest_bundle)) / LANES as f64;
         let mut sequence = Sequence::new(key);
         let mut sum = c.tally;
         for _ in 0..packets.ceil() as u32 {
@@ -208,23 +213,10 @@ impl Pairs<'_> {
 
 /// About what two facets exchange if nothing is in between, rather too much; nothing if they do not face each other.
 fn rough(a: &Facet, b: &Facet) -> Option<f64> {
-    let distance = a.centre.distance(b.centre);
+    let square = a.centre.distance_squared(b.centre);
     let size = a.radius + b.radius;
-    let least = FLAT * (distance + size);
-    let here = rise(a, b, least)?;
-    let there = rise(b, a, least)?;
-    let square = (distance * distance).max(0.25 * size * size);
+    let least = FLAT * (square.sqrt() + size);
+    let (here, there) = (a.rise(b, least)?, b.rise(a, least)?);
+    let square = square.max(0.25 * size * size);
     Some(a.area * b.area * (here * there / square).min(1.0) / (std::f64::consts::PI * square))
-}
-
-/// How high `b` comes above a plane of `a`, if by more than `least`.
-fn rise(a: &Facet, b: &Facet, least: f64) -> Option<f64> {
-    let mut most = 0f64;
-    for (k, piece) in a.pieces.iter().enumerate() {
-        let (point, normal): (DVec3, DVec3) = (piece[0], a.normal(k));
-        if normal.dot(b.centre - point) + b.radius > most.max(least) {
-            most = b.pieces.iter().flatten().map(|p| normal.dot(*p - point)).fold(most, f64::max);
-        }
-    }
-    (most > least).then_some(most)
 }

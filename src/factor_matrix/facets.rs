@@ -24,8 +24,11 @@ pub(super) struct Facet {
     pub centre: DVec3,
     /// Half the diagonal of its box.
     pub radius: f64,
-    /// Places to take the mean over, each with its unit normal and its share of the area.
+    /// Places to take the mean over, each with its unit normal and its share of the area: exact for polynomials of the
+    /// third degree on a parallelogram, of the second on triangles.
     pub nodes: Vec<(DVec3, DVec3, f64)>,
+    /// Unit normals of the triangles; of the quad, where there is one piece.
+    pub normals: Vec<DVec3>,
     /// Triangles, with the running sum of their shares of the area.
     pub triangles: Vec<([Vec3; 3], f32)>,
     /// Corner and edges if it is a parallelogram: points are found without looking for a triangle.
@@ -78,6 +81,27 @@ impl Facets {
     }
 }
 
+impl Facet {
+    /// How high another facet comes above the plane of any piece, if by more than `least`.
+    pub fn rise(&self, other: &Facet, least: f64) -> Option<f64> {
+        let mut most = least;
+        for (piece, normal) in self.pieces.iter().zip(&self.normals) {
+            let height = normal.dot(other.centre - piece[0]) + other.radius;
+            if height > most {
+                let corners = other.pieces.iter().flatten();
+                most = corners.map(|p| normal.dot(*p - piece[0])).fold(most, f64::max);
+            }
+        }
+        (most > least).then_some(most)
+    }
+
+    /// Whether it is one piece and no corner of the other is behind it.
+    pub fn sees_all_of(&self, other: &Facet) -> bool {
+        let (point, normal) = (self.pieces[0][0], self.normals[0]);
+        self.pieces.len() == 1 && other.pieces.iter().flatten().all(|p| normal.dot(*p - point) >= 0.0)
+    }
+}
+
 /// Barycentric coordinates of a rule that is exact for polynomials of the second degree (Strang and Fix 1973).
 const RULE: [[f64; 3]; 3] =
     [[2.0 / 3.0, 1.0 / 6.0, 1.0 / 6.0], [1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0], [1.0 / 6.0, 1.0 / 6.0, 2.0 / 3.0]];
@@ -88,12 +112,13 @@ fn facet(scene: &Scene, triangles: std::ops::Range<u32>) -> Facet {
     let area: f64 = areas.iter().sum();
     let points = || corners.iter().flatten().map(|p| p.as_dvec3());
     let (low, high) = points().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
-    let mut nodes = Vec::new();
+    let (mut nodes, mut normals) = (Vec::new(), Vec::new());
     let mut sum = 0.0;
     let mut shares = Vec::new();
     for (t, a) in corners.iter().zip(&areas) {
         let [p, q, r] = t.map(|p| p.as_dvec3());
         let normal = (q - p).cross(r - p).normalize_or_zero();
+        normals.push(normal);
         nodes.extend(RULE.map(|[u, v, w]| (p * u + q * v + r * w, normal, a / area / 3.0)));
         sum += a / area;
         shares.push((*t, sum as f32));
@@ -108,6 +133,12 @@ fn facet(scene: &Scene, triangles: std::ops::Range<u32>) -> Facet {
         }
         _ => None,
     });
+    if let (Some(_), Some([quad])) = (&parallelogram, pieces.as_deref()) {
+        // Gauss' two points along either side.
+        let at = [0.5 - 0.5 / 3f64.sqrt(), 0.5 + 0.5 / 3f64.sqrt()];
+        let place = |u: f64, v: f64| quad[0] + (quad[1] - quad[0]) * u + (quad[3] - quad[0]) * v;
+        nodes = at.iter().flat_map(|&u| at.map(|v| (place(u, v), normals[0], 0.25))).collect();
+    }
     let apart = || corners.iter().map(|t| t.map(|p| p.as_dvec3()).to_vec()).collect();
     Facet {
         pieces: pieces.unwrap_or_else(apart),
@@ -115,6 +146,7 @@ fn facet(scene: &Scene, triangles: std::ops::Range<u32>) -> Facet {
         centre: 0.5 * (low + high),
         radius: 0.5 * (high - low).length(),
         nodes,
+        normals,
         triangles: shares,
         parallelogram,
     }

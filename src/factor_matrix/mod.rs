@@ -153,6 +153,7 @@ pub fn compute(
     let partners = discover::upper(&found);
     let shares: Vec<[f32; 2]> = found.iter().map(|f| [f.escaped, f.lost]).collect();
     drop(found);
+    eprintln!("discovery done {:?}", std::time::Instant::now());
     let magnitude = scene.bounds.min.abs().max(scene.bounds.max.abs()).max_element();
     let pairs = pair::Pairs { traced: &traced, facets, settings, ends: EndRule::new(magnitude) };
     let mut upper: Vec<pair::Row> = partners

@@ -63,7 +63,9 @@ pub struct Buffers(Vec<Table>);
 const NEAR: f64 = 1.5;
 /// Factors from here on get it too.
 const LARGE: f64 = 0.02;
-/// Rays of discovery that a pair must expect before more than one point on the smaller facet is worth its time.
+/// Beyond this many, points on both do, where all of each sees all of the other.
+const FAR: f64 = 3.0;
+/// Rays of discovery that a pair must expect before a second bundle is worth its time.
 const WORTH: f64 = 16.0;
 /// As many that the transmittance matters for the chance of being found.
 const MATTERS: f64 = 0.25;
@@ -84,7 +86,7 @@ impl Pairs<'_> {
         for partner in partners {
             let j = partner.facet();
             let b = self.facets.get(j);
-            let open = self.open(a, b);
+            let open = exchange(a, b);
             let c = self.expected(a, b, open);
             if c <= 0.0 {
                 continue;
@@ -104,11 +106,6 @@ impl Pairs<'_> {
             row.push(j, open * value, open * error, class);
         }
         row
-    }
-
-    /// `A F` of two facets with nothing in between.
-    pub fn open(&self, a: &Facet, b: &Facet) -> f64 {
-        exchange(a, b, |rough| self.expected(a, b, rough) < WORTH)
     }
 
     /// How many rays of discovery, from either, two facets would expect that exchange so much.
@@ -247,9 +244,8 @@ fn share(seen: Transmittance, c: f64) -> f64 {
     t / found - 0.5 * bend * seen.error * seen.error
 }
 
-/// `A F` of two facets with nothing in between; by one point on the smaller if `small` says that this value of it is
-/// small.
-fn exchange(a: &Facet, b: &Facet, small: impl Fn(f64) -> bool) -> f64 {
+/// `A F` of two facets with nothing in between.
+pub fn exchange(a: &Facet, b: &Facet) -> f64 {
     let exact = || {
         let all = |p: &[DVec3]| b.pieces.iter().map(|q| polygon_to_polygon(p, q)).sum::<f64>();
         a.pieces.iter().map(|p| area(p) * all(p)).sum::<f64>()
@@ -258,20 +254,30 @@ fn exchange(a: &Facet, b: &Facet, small: impl Fn(f64) -> bool) -> f64 {
     if apart < NEAR {
         return exact();
     }
+    if apart > FAR && a.sees_all_of(b) && b.sees_all_of(a) {
+        return by_points(a, b);
+    }
     // Points on the smaller, the whole of the larger.
     let (less, more) = if a.area <= b.area { (a, b) } else { (b, a) };
     let seen = |point: DVec3, normal: DVec3| -> f64 {
         more.pieces.iter().map(|q| point_to_polygon(point, normal, q).max(0.0)).sum()
     };
-    if less.pieces.len() == 1 {
-        let rough = less.area * seen(centroid(&less.pieces[0]), less.nodes[0].1);
-        if rough > 0.0 && small(rough) {
-            return rough;
-        }
-    }
     let fine = less.area * less.nodes.iter().map(|&(p, n, w)| w * seen(p, n)).sum::<f64>();
     // A ray went from one to the other: if no point of the rule sees it, a corner does.
     if fine > 0.0 && fine < LARGE * less.area { fine } else { exact() }
+}
+
+/// The double sum over points of both.
+fn by_points(a: &Facet, b: &Facet) -> f64 {
+    let mut sum = 0.0;
+    for &(p, n, w) in &a.nodes {
+        for &(q, m, v) in &b.nodes {
+            let to = q - p;
+            let square = to.length_squared();
+            sum += w * v * n.dot(to) * -m.dot(to) / (square * square);
+        }
+    }
+    a.area * b.area * sum / std::f64::consts::PI
 }
 
 fn table(buffers: &mut Buffers, size: u32, seed: u32) -> &Table {
@@ -290,16 +296,6 @@ fn power_of_4(x: f64) -> u32 {
 fn area(polygon: &[DVec3]) -> f64 {
     let fan = polygon.windows(2).skip(1).map(|w| (w[0] - polygon[0]).cross(w[1] - polygon[0]));
     0.5 * fan.sum::<DVec3>().length()
-}
-
-/// Centre of the area of a convex polygon.
-fn centroid(polygon: &[DVec3]) -> DVec3 {
-    let mut sum = (DVec3::ZERO, 0.0);
-    for w in polygon.windows(2).skip(1) {
-        let weight = (w[0] - polygon[0]).cross(w[1] - polygon[0]).length();
-        sum = (sum.0 + weight * (polygon[0] + w[0] + w[1]) / 3.0, sum.1 + weight);
-    }
-    sum.0 / sum.1
 }
 
 pub fn mix_pair(seed: u64, i: u32, j: u32) -> u64 {
