@@ -1,33 +1,25 @@
 //! Every pair of facets that face each other, where there are few: none is left to chance.
 //!
-//! A pair begins with one ray or four, which share packets with those of the facet's other pairs. Where four do not agree,
-//! more follow. All points of a facet's rays are one evenly spread sequence, so that errors of neighbours cancel in sums.
+//! Small pairs get one ray or four, which share packets with those of the facet's other pairs: the points of all of them
+//! are one evenly spread sequence, so that errors of neighbours cancel in sums. Large pairs get bundles of their own.
 
 use super::facets::Facet;
-use super::pair::{exchange, Buffers, CHANCES, Pairs, Row, Transmittance};
+use super::pair::{Buffers, CHANCES, Pairs, Row, Transmittance, exchange, mix_pair};
 use super::rays::mix;
 use crate::ray::{LANES, Packet};
-use glam::DVec3;
 
-fn knob(k: usize) -> f64 {
-    static K: std::sync::OnceLock<Vec<f64>> = std::sync::OnceLock::new();
-    K.get_or_init(|| std::env::var("KNOBS").unwrap_or("16,.5,16,1".into()).split(',').map(|x| x.parse().unwrap()).collect())[k]
-}
-
-/// Rays of discovery that a pair would expect, from which on it gets a bundle of its own at once.
-const OWN: f64 = 16.0;
-/// From which on it gets [`FIRST`] rays to begin with rather than one.
-const SEVERAL: f64 = 0.5;
-/// So many.
-const FIRST: u32 = 4;
-/// Rays of a pair whose first ones do not agree, by the rays of discovery that it would expect.
-const MORE: f64 = 16.0;
+/// Rays of discovery that a pair would expect, from which on it gets a bundle of its own.
+const OWN: f64 = 2.5;
+/// From which on it gets four rays rather than one.
+const FOUR: f64 = 0.6;
+/// Rays in the smallest bundle: a whole packet.
+const BUNDLE: f64 = LANES as f64;
 /// Heights above a plane up to this part of the distance are in the plane: coordinates are in single precision.
 const FLAT: f64 = 1e-6;
 /// Points that are drawn for a ray until two see each other's fronts.
 const DRAWS: u32 = 8;
 
-/// A pair and what its rays say.
+/// A pair, and what its rays say.
 struct Candidate {
     partner: u32,
     /// Rays of discovery that it would expect if nothing were in between, roughly.
@@ -54,10 +46,6 @@ impl Tally {
         }
     }
 
-    fn mixed(&self) -> bool {
-        self.clear_rays > 0 && self.clear_rays < self.rays
-    }
-
     /// The transmittance. Most pairs see all or nothing of each other; that is all that is known before (a beta
     /// distribution with both parameters `PRIOR`), and the error is what that leaves after the rays.
     fn transmittance(&self) -> Transmittance {
@@ -69,7 +57,10 @@ impl Tally {
         let (clear, blocked) =
             (f64::from(self.clear_rays) + PRIOR, f64::from(self.rays - self.clear_rays) + PRIOR);
         let all = clear + blocked;
-        Transmittance { value: self.clear / self.all, error: (clear * blocked / (all * all * (all + 1.0))).sqrt() }
+        Transmittance {
+            value: self.clear / self.all,
+            error: (clear * blocked / (all * all * (all + 1.0))).sqrt(),
+        }
     }
 }
 
@@ -95,37 +86,34 @@ impl Sequence {
 impl Pairs<'_> {
     /// All pairs of facet `i` with facets of higher numbers that it faces.
     pub fn every(&self, i: u32, buffers: &mut Buffers) -> Row {
-        let mut row = Row::default();
-        let seed = self.settings.seed;
         let a = self.facets.get(i);
         let mut candidates: Vec<Candidate> = (i + 1..self.facets.len() as u32)
             .filter_map(|j| {
-                let b = self.facets.get(j);
+                let b = self.facets.rising(a, j)?;
                 let expected = self.expected(a, b, rough(a, b)?);
                 Some(Candidate { partner: j, expected, tally: Tally::default() })
             })
             .collect();
-        self.first_rays(i, &mut candidates, &mut row.rays);
+        let mut row = Row::with_capacity(candidates.len());
+        self.few_rays(i, &mut candidates, &mut row.rays);
         for c in &candidates {
-            let j = c.partner;
-            let b = self.facets.get(j);
-            let key = super::pair::mix_pair(seed, i, j);
-            let mut seen = c.tally.transmittance();
-            if c.expected >= knob(0) {
-                seen = self.sampled((a, b), c.expected, buffers, key, &mut row.rays);
-            } else if c.tally.mixed() {
-                seen = self.further((a, b), c, key, &mut row.rays);
-            }
+            let b = self.facets.get(c.partner);
+            let seen = if c.expected < OWN {
+                c.tally.transmittance()
+            } else {
+                let key = mix_pair(self.settings.seed, i, c.partner);
+                self.sampled((a, b), (c.expected, c.expected.max(BUNDLE)), buffers, key, &mut row.rays)
+            };
             if seen.value > 0.0 {
                 let open = exchange(a, b);
-                row.push(j, open * seen.value, open * seen.error, CHANCES);
+                row.push(c.partner, open * seen.value, open * seen.error, CHANCES);
             }
         }
         row
     }
 
-    /// The first rays of all but the largest pairs of facet `i`.
-    fn first_rays(&self, i: u32, candidates: &mut [Candidate], rays: &mut u64) {
+    /// The rays of all but the large pairs of facet `i`.
+    fn few_rays(&self, i: u32, candidates: &mut [Candidate], rays: &mut u64) {
         let a = self.facets.get(i);
         let mut sequence = Sequence::new(self.settings.seed << 32 ^ u64::from(i));
         let (mut packet, mut owners, mut used) = (Packet::EMPTY, [(0usize, 0f64); LANES], 0);
@@ -141,7 +129,11 @@ impl Pairs<'_> {
         for k in 0..candidates.len() {
             let Candidate { partner, expected, .. } = candidates[k];
             let b = self.facets.get(partner);
-            let wanted = if expected >= knob(0) { 0 } else { 1 + (FIRST - 1) * u32::from(expected >= knob(1)) };
+            let wanted = match expected {
+                e if e >= OWN => 0,
+                e if e >= FOUR => 4,
+                _ => 1,
+            };
             for _ in 0..wanted {
                 let Some(weight) = self.segment((a, b), &mut sequence, &mut packet, used) else { continue };
                 owners[used] = (k, weight);
@@ -177,37 +169,6 @@ impl Pairs<'_> {
             }
         }
         None
-    }
-
-    /// The transmittance of a pair whose first rays did not agree: from more like them, four packets' parts at a time. Of
-    /// these only those count that do not agree either, so that going on where the first are mixed does not favour that.
-    fn further(&self, (a, b): (&Facet, &Facet), c: &Candidate, key: u64, rays: &mut u64) -> Transmittance {
-        let packets = (knob(2) * c.expected).min(f64::from(self.settings.largest_bundle)) / LANES as f64;
-        let mut sequence = Sequence::new(key);
-        let mut sum = c.tally;
-        for _ in 0..packets.ceil() as u32 {
-            let mut packet = Packet::EMPTY;
-            let weights: [Option<f64>; LANES] =
-                std::array::from_fn(|lane| self.segment((a, b), &mut sequence, &mut packet, lane));
-            let mut blocked = [0];
-            self.traced.blocked(std::slice::from_ref(&packet), &mut blocked);
-            *rays += LANES as u64;
-            for first in (0..LANES).step_by(FIRST as usize) {
-                let mut tally = Tally::default();
-                for lane in first..first + FIRST as usize {
-                    if let Some(weight) = weights[lane] {
-                        tally.add(weight, blocked[0] >> lane & 1 == 0);
-                    }
-                }
-                if tally.mixed() {
-                    sum.rays += tally.rays;
-                    sum.clear_rays += tally.clear_rays;
-                    sum.all += tally.all;
-                    sum.clear += tally.clear;
-                }
-            }
-        }
-        sum.transmittance()
     }
 }
 

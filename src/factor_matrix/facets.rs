@@ -10,6 +10,8 @@ pub struct Facets {
     first: Vec<u32>,
     /// One entry a facet.
     facets: Vec<Facet>,
+    /// Centre and radius of each facet, side by side for those who look at all of them.
+    balls: Vec<(DVec3, f64)>,
     /// Facet of each triangle.
     of_triangle: Vec<u32>,
 }
@@ -18,6 +20,8 @@ pub struct Facets {
 pub(super) struct Facet {
     /// Convex planar pieces, corners counterclockwise.
     pub pieces: Vec<Vec<DVec3>>,
+    /// Corners of all pieces.
+    pub corners: Vec<DVec3>,
     /// Area, scene units squared.
     pub area: f64,
     /// Centre of its box.
@@ -44,12 +48,13 @@ impl Facets {
             .map(|t| t as u32)
             .collect();
         first.push(polygon.len() as u32);
-        let facets = first.windows(2).map(|w| facet(scene, w[0]..w[1])).collect();
+        let facets: Vec<Facet> = first.windows(2).map(|w| facet(scene, w[0]..w[1])).collect();
+        let balls = facets.iter().map(|f| (f.centre, f.radius)).collect();
         let mut of_triangle = Vec::with_capacity(polygon.len());
         for (f, w) in first.windows(2).enumerate() {
             of_triangle.resize(w[1] as usize, f as u32);
         }
-        Facets { first, facets, of_triangle }
+        Facets { first, facets, balls, of_triangle }
     }
 
     /// Number of facets.
@@ -76,6 +81,13 @@ impl Facets {
         &self.facets[facet as usize]
     }
 
+    /// A facet, unless all of its ball is below every plane of `from`.
+    pub(super) fn rising(&self, from: &Facet, facet: u32) -> Option<&Facet> {
+        let (centre, radius) = self.balls[facet as usize];
+        let mut planes = from.pieces.iter().zip(&from.normals);
+        planes.any(|(piece, n)| n.dot(centre - piece[0]) + radius > 0.0).then(|| self.get(facet))
+    }
+
     pub(super) fn of_triangle(&self, triangle: u32) -> u32 {
         self.of_triangle[triangle as usize]
     }
@@ -88,8 +100,7 @@ impl Facet {
         for (piece, normal) in self.pieces.iter().zip(&self.normals) {
             let height = normal.dot(other.centre - piece[0]) + other.radius;
             if height > most {
-                let corners = other.pieces.iter().flatten();
-                most = corners.map(|p| normal.dot(*p - piece[0])).fold(most, f64::max);
+                most = other.corners.iter().map(|p| normal.dot(*p - piece[0])).fold(most, f64::max);
             }
         }
         (most > least).then_some(most)
@@ -98,7 +109,7 @@ impl Facet {
     /// Whether it is one piece and no corner of the other is behind it.
     pub fn sees_all_of(&self, other: &Facet) -> bool {
         let (point, normal) = (self.pieces[0][0], self.normals[0]);
-        self.pieces.len() == 1 && other.pieces.iter().flatten().all(|p| normal.dot(*p - point) >= 0.0)
+        self.pieces.len() == 1 && other.corners.iter().all(|p| normal.dot(*p - point) >= 0.0)
     }
 }
 
@@ -140,8 +151,10 @@ fn facet(scene: &Scene, triangles: std::ops::Range<u32>) -> Facet {
         nodes = at.iter().flat_map(|&u| at.map(|v| (place(u, v), normals[0], 0.25))).collect();
     }
     let apart = || corners.iter().map(|t| t.map(|p| p.as_dvec3()).to_vec()).collect();
+    let pieces: Vec<Vec<DVec3>> = pieces.unwrap_or_else(apart);
     Facet {
-        pieces: pieces.unwrap_or_else(apart),
+        corners: pieces.concat(),
+        pieces,
         area,
         centre: 0.5 * (low + high),
         radius: 0.5 * (high - low).length(),

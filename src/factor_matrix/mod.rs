@@ -4,7 +4,8 @@
 //! polygon of the input; groups of facets can be summed to objects or materials. Three steps:
 //!
 //! 1. *Discovery*: every facet sends out rays spread by the cosine. What they meet are its partners; what meets nothing is
-//!    its escaped share, what meets a back side its lost share.
+//!    its escaped share, what meets a back side its lost share. Up to [`Settings::EVERY`] facets the rays are for these
+//!    shares alone, and the partners are all facets that face it.
 //! 2. *Pairs*: for two facets of which one found the other `A F` is a closed form (see `form_factor`) times the
 //!    transmittance, which rays between them sample: a bundle at first, more where that is neither all clear nor all
 //!    blocked. What is so small that it was found by chance also stands for what was not found. A pair is computed once, so
@@ -66,7 +67,14 @@ impl Settings {
         let pairs = (n * n / 2).max(1);
         let bundle = ((1 << 24) / pairs).clamp(64, 1 << 14).next_power_of_two() as u32;
         let largest = ((1 << 26) / pairs).clamp(256, 1 << 20).next_power_of_two() as u32;
-        Settings { rays, bundle, largest_bundle: largest, every: facets <= Settings::EVERY, enforce: true, seed: 1 }
+        Settings {
+            rays,
+            bundle,
+            largest_bundle: largest,
+            every: facets <= Settings::EVERY,
+            enforce: true,
+            seed: 1,
+        }
     }
 }
 
@@ -116,9 +124,13 @@ impl Report {
     pub const BAD: f64 = 0.05;
 }
 
-/// The most memory that a matrix of so many facets takes while it is made, in bytes: every ray finds at most one new
-/// pair. The scene and Embree come on top.
+/// The most memory that a matrix of so many facets takes while it is made, in bytes: there are no more pairs than every
+/// facet with every other, and every ray finds at most one new. The scene and Embree come on top.
 pub fn memory_bound(facets: usize, settings: &Settings) -> u64 {
+    if settings.every {
+        // Pairs with their values, and both entries of each.
+        return facets as u64 * (facets as u64 * (13 + 16) / 2 + 640);
+    }
     let found = facets as u64 * u64::from(settings.rays).min(facets as u64);
     // Lists of partners and their transpose, pairs with their values, and both entries of each pair.
     found * (8 + 8 + 13 + 16) + facets as u64 * 640
@@ -153,14 +165,17 @@ pub fn compute(
     let partners = discover::upper(&found);
     let shares: Vec<[f32; 2]> = found.iter().map(|f| [f.escaped, f.lost]).collect();
     drop(found);
-    eprintln!("discovery done {:?}", std::time::Instant::now());
     let magnitude = scene.bounds.min.abs().max(scene.bounds.max.abs()).max_element();
     let pairs = pair::Pairs { traced: &traced, facets, settings, ends: EndRule::new(magnitude) };
     let mut upper: Vec<pair::Row> = partners
         .par_iter()
         .enumerate()
         .map_init(pair::Buffers::default, |buffers, (i, partners)| {
-            let row = if settings.every { pairs.every(i as u32, buffers) } else { pairs.row(i as u32, partners, buffers) };
+            let row = if settings.every {
+                pairs.every(i as u32, buffers)
+            } else {
+                pairs.row(i as u32, partners, buffers)
+            };
             done(1);
             row
         })

@@ -27,6 +27,17 @@ pub struct Row {
 }
 
 impl Row {
+    /// Nothing yet, and room for so many pairs.
+    pub fn with_capacity(pairs: usize) -> Row {
+        Row {
+            partner: Vec::with_capacity(pairs),
+            exchange: Vec::with_capacity(pairs),
+            error: Vec::with_capacity(pairs),
+            chance: Vec::with_capacity(pairs),
+            ..Row::default()
+        }
+    }
+
     /// One more pair: the other facet, its exchange, the error of that, and its class by [`chance`].
     pub fn push(&mut self, partner: u32, exchange: f64, error: f64, class: usize) {
         self.partner.push(partner);
@@ -82,7 +93,7 @@ impl Pairs<'_> {
     pub fn row(&self, i: u32, partners: &[Partner], buffers: &mut Buffers) -> Row {
         let seed = self.settings.seed;
         let a = self.facets.get(i);
-        let mut row = Row::default();
+        let mut row = Row::with_capacity(partners.len());
         for partner in partners {
             let j = partner.facet();
             let b = self.facets.get(j);
@@ -93,7 +104,7 @@ impl Pairs<'_> {
             }
             let mut seen = Transmittance { value: LIKELY, error: 0.0 };
             if c > MATTERS {
-                seen = self.sampled((a, b), c, buffers, mix_pair(seed, i, j), &mut row.rays);
+                seen = self.sampled((a, b), (c, c.max(4.0)), buffers, mix_pair(seed, i, j), &mut row.rays);
             }
             let found = -(-c * seen.value).exp_m1();
             let value = share(seen, c);
@@ -113,17 +124,17 @@ impl Pairs<'_> {
         f64::from(self.settings.rays) * (exchange / a.area + exchange / b.area)
     }
 
-    /// The transmittance of a pair that expects `c` rays of discovery, from bundles of its own.
+    /// The transmittance of a pair that expects `c` rays of discovery, from bundles of its own of about `size` rays.
     pub fn sampled(
         &self,
         pair: (&Facet, &Facet),
-        c: f64,
+        (c, size): (f64, f64),
         buffers: &mut Buffers,
         key: u64,
         rays: &mut u64,
     ) -> Transmittance {
         let Settings { bundle, seed, .. } = *self.settings;
-        let size = power_of_4(c.clamp(4.0, f64::from(bundle)));
+        let size = power_of_4(size.min(f64::from(bundle)));
         self.transmittance(pair, c, table(buffers, size, seed as u32), key, rays)
     }
 
