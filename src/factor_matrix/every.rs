@@ -172,7 +172,7 @@ impl Pairs<'_> {
     }
 }
 
-/// About what two facets exchange if nothing is in between, rather too much; nothing if they do not face each other.
+/// About what two facets exchange if nothing is in between; nothing if they do not face each other.
 fn rough(a: &Facet, b: &Facet) -> Option<f64> {
     let square = a.centre.distance_squared(b.centre);
     let size = a.radius + b.radius;

@@ -94,12 +94,15 @@ impl Facets {
 }
 
 impl Facet {
-    /// How high another facet comes above the plane of any piece, if by more than `least`.
+    /// About how high another facet comes above the plane of any piece, if by more than `least`: its centre where all of its
+    /// ball is above, else its highest corner.
     pub fn rise(&self, other: &Facet, least: f64) -> Option<f64> {
         let mut most = least;
         for (piece, normal) in self.pieces.iter().zip(&self.normals) {
-            let height = normal.dot(other.centre - piece[0]) + other.radius;
-            if height > most {
+            let height = normal.dot(other.centre - piece[0]);
+            if height > other.radius {
+                most = most.max(height);
+            } else if height + other.radius > most {
                 most = other.corners.iter().map(|p| normal.dot(*p - piece[0])).fold(most, f64::max);
             }
         }
@@ -109,7 +112,9 @@ impl Facet {
     /// Whether it is one piece and no corner of the other is behind it.
     pub fn sees_all_of(&self, other: &Facet) -> bool {
         let (point, normal) = (self.pieces[0][0], self.normals[0]);
-        self.pieces.len() == 1 && other.corners.iter().all(|p| normal.dot(*p - point) >= 0.0)
+        let above = |p: DVec3| normal.dot(p - point);
+        self.pieces.len() == 1
+            && (above(other.centre) > other.radius || other.corners.iter().all(|&p| above(p) >= 0.0))
     }
 }
 
