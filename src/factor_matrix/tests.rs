@@ -131,7 +131,7 @@ fn a_room_cut_into_facets_has_sums_of_closed_forms() {
     }
     let (m, report) = run(&quads(&list), |s| s.enforce = false);
     assert_eq!(report.entries, m.len() * (m.len() - (n * n) as usize), "each sees all but its own wall");
-    assert!(report.worst_row_sum_error < 3e-4 && report.row_sum_error < 1e-4, "{report:?}");
+    assert!(report.worst_row_sum_error < 5e-4 && report.row_sum_error < 1e-4, "{report:?}");
 }
 
 /// Form factors of one facet by counting what rays from it meet: independent random points and directions, no closed
@@ -184,7 +184,6 @@ fn single_factors_agree_with_counting() {
     assert!(report.row_sum_error < 1e-3, "{report:?}");
     let (found, _) = run(&scene, |s| (s.enforce, s.every) = (false, false));
     let (tried, found) = (excess(&tried), excess(&found));
-    eprintln!("excess {tried:e} {found:e}");
     assert!(tried < found, "trying every pair is better than finding them: {tried} {found}");
 }
 
