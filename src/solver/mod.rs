@@ -21,6 +21,7 @@ mod probe;
 mod receive;
 mod record;
 mod refine;
+mod rows;
 mod run;
 mod scaling;
 mod show;
@@ -33,7 +34,7 @@ mod walk;
 pub use audit::Audit;
 pub use importance::View;
 pub use ledger::Ledger;
-pub use options::{Inside, Options, Rows, Visibility};
+pub use options::{Inside, Options, Oracle, Rows, Visibility};
 pub use receive::Receiver;
 pub use record::{Iteration, Outcome, Record, Seconds};
 pub use run::{More, Progress, run, run_then};
@@ -41,7 +42,7 @@ pub use scaling::{Scaling, ScalingRow, check_scaling, scaling};
 pub use versus::{Versus, versus};
 
 use crate::element::Elements;
-use crate::link::{Light, Link, Meter, Sight, Tally};
+use crate::link::{Between, Light, Link, Meter, Sight, Tally};
 use crate::ray::EndRule;
 use field::{Incoming, Rgb};
 use local::Local;
@@ -64,6 +65,7 @@ pub struct Solver<'a> {
     /// By side, whether it is important by itself.
     important: Vec<bool>,
     inside: Inside,
+    oracle: Oracle,
     /// Mean irradiance by the emitted power and the mean reflectance, W/m²: what errors are relative to.
     scale: f64,
     /// Radiosity of all elements, irradiance of all surface elements.
@@ -108,6 +110,7 @@ impl<'a> Solver<'a> {
             variation: [elements.area as f32; 2],
             noise: elements.area as f32,
             rays: 0,
+            between: Between::SOMETHING,
         };
         let mut solver = Solver {
             links: vec![root],
@@ -120,6 +123,7 @@ impl<'a> Solver<'a> {
             importance: Vec::new(),
             important: Vec::new(),
             inside: options.inside,
+            oracle: options.oracle,
             scale,
             radiosity: Vec::new(),
             state: None,

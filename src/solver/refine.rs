@@ -2,7 +2,7 @@
 
 use super::{Solver, histogram::Histogram};
 use crate::element::Shape;
-use crate::link::{Care, Light, Link, Meter, Question, Scratch, Sight, Split, Tally, judge};
+use crate::link::{Between, Care, Light, Link, Meter, Question, Scratch, Sight, Split, Tally, judge, mix};
 use rayon::prelude::*;
 
 /// Links refined between two looks at the clock.
@@ -20,10 +20,18 @@ struct Pair {
     b: u32,
     /// What the link that held them says of visibility: [`Link::mixed`].
     mixed: f32,
+    /// What it knows to stand between its ends.
+    between: Between,
+    /// Whether none of its segments got through.
+    hidden: bool,
 }
 
-/// [`Pair::mixed`] where nothing was measured.
-const UNKNOWN: f32 = 0.5;
+impl Pair {
+    /// Two elements of which nothing is known.
+    fn new(a: u32, b: u32) -> Pair {
+        Pair { a, b, mixed: 0.5, between: Between::SOMETHING, hidden: false }
+    }
+}
 
 impl<'a> Solver<'a> {
     /// Errors of all links, relative to the scene's mean irradiance, and the ends to split.
@@ -33,7 +41,7 @@ impl<'a> Solver<'a> {
             .par_iter()
             .with_min_len(4096)
             .map(|l| {
-                let (error, split) = judge(&self.elements, l, &self.light);
+                let (error, split) = judge(&self.elements, l, &self.light, self.oracle);
                 (error * scale, split)
             })
             .collect()
@@ -70,11 +78,11 @@ impl<'a> Solver<'a> {
             let rest = if once { wave.split_off(SLICE.min(wave.len())) } else { Vec::new() };
             replaced += wave.len();
             let pairs = self.parts(&wave);
-            let made = self.measure(&pairs, threshold);
+            let made = self.measure(&pairs, threshold, self.seed);
             wave = rest;
             let scale = 1.0 / self.scale as f32;
             let judged: Vec<(f32, Split)> =
-                made.par_iter().with_min_len(1024).map(|l| judge(&self.elements, l, &self.light)).collect();
+                made.par_iter().with_min_len(1024).map(|l| judge(&self.elements, l, &self.light, self.oracle)).collect();
             for (link, (error, split)) in made.into_iter().zip(judged) {
                 if !once && open((error * scale, split)) {
                     wave.push((link, split));
@@ -94,19 +102,20 @@ impl<'a> Solver<'a> {
             self.open(end);
             let children = self.elements.elements[end as usize].child_range();
             if link.a != link.b {
-                let mixed = link.mixed();
-                pairs.extend(children.map(|c| Pair { a: c as u32, b: other, mixed }));
+                let known = Pair {
+                    mixed: link.mixed(),
+                    between: link.between,
+                    hidden: link.transmittance == 0.0,
+                    ..Pair::new(0, other)
+                };
+                pairs.extend(children.map(|c| Pair { a: c as u32, ..known }));
                 continue;
             }
             for c in children.clone() {
                 if self.elements.elements[c].is_cluster() {
-                    pairs.push(Pair { a: c as u32, b: c as u32, mixed: UNKNOWN });
+                    pairs.push(Pair::new(c as u32, c as u32));
                 }
-                pairs.extend((c + 1..children.end).map(|d| Pair {
-                    a: c as u32,
-                    b: d as u32,
-                    mixed: UNKNOWN,
-                }));
+                pairs.extend((c + 1..children.end).map(|d| Pair::new(c as u32, d as u32)));
             }
         }
         pairs
@@ -135,8 +144,8 @@ impl<'a> Solver<'a> {
     }
 
     /// Measures pairs, in their order; those that exchange nothing are left out.
-    fn measure(&mut self, pairs: &[Pair], threshold: f32) -> Vec<Link> {
-        let meter = Meter { sight: self.sight_for(pairs, threshold), ..self.meter() };
+    fn measure(&mut self, pairs: &[Pair], threshold: f32, seed: u64) -> Vec<Link> {
+        let meter = Meter { sight: self.sight_for(pairs, threshold), seed, ..self.meter() };
         let made: Vec<(Vec<Link>, Tally)> = pairs
             .par_chunks(CHUNK)
             .map_init(Scratch::default, |scratch, chunk| {
@@ -155,6 +164,19 @@ impl<'a> Solver<'a> {
             self.tally.add(tally);
         }
         links
+    }
+
+    /// Measures all links anew, but those that are certain, with samples of their own. Which links are kept
+    /// depends on what was seen of them: the same samples' values are too large where most is seen, and too small where
+    /// little is.
+    pub(super) fn look_again(&mut self, threshold: f32) {
+        let (certain, doubtful): (Vec<Link>, Vec<Link>) =
+            std::mem::take(&mut self.links).into_iter().partition(|l| l.rays == 0);
+        let again = |l: &Link| Pair { mixed: l.mixed(), between: l.between, ..Pair::new(l.a, l.b) };
+        let pairs: Vec<Pair> = doubtful.iter().map(again).collect();
+        self.links = certain;
+        let made = self.measure(&pairs, threshold, mix(self.seed));
+        self.links.extend(made);
     }
 
     /// The engine for a wave of pairs: exact rays where multi-resolution visibility is not likely to take less time for
@@ -182,11 +204,12 @@ impl<'a> Solver<'a> {
             variation: [coupling; 2],
             noise: 0.3 * coupling,
             rays: 0,
+            between: Between::SOMETHING,
         }
     }
 
     /// How much an error of the coupling of two elements matters.
-    fn care(&self, &Pair { a, b, mixed }: &Pair, threshold: f32) -> Care {
+    fn care(&self, &Pair { a, b, mixed, between, hidden }: &Pair, threshold: f32) -> Care {
         let worth = |receiver: u32, source: u32| {
             let e = &self.elements.elements[receiver as usize];
             let (l, from) = (self.light[receiver as usize], self.light[source as usize]);
@@ -198,7 +221,7 @@ impl<'a> Solver<'a> {
         let first_receives = at_a >= at_b;
         let receiver = if first_receives { a } else { b };
         let feature_size = self.feature_sizes[receiver as usize];
-        Care { worth: (at_a.max(at_b) / tolerated) as f32, feature_size, mixed, first_receives }
+        Care { worth: (at_a.max(at_b) / tolerated) as f32, feature_size, mixed, between, hidden, first_receives }
     }
 
     /// What the oracle must know of every element's light, from the present solution.
