@@ -18,6 +18,7 @@ mod local;
 mod options;
 mod prepare;
 mod probe;
+mod reach;
 mod receive;
 mod record;
 mod refine;

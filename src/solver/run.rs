@@ -3,7 +3,7 @@
 use super::field::Rgb;
 use super::prepare::Prepared;
 use super::record::{Iteration, Outcome, Record, Seconds};
-use super::{Options, Receiver, Solver, probe};
+use super::{Options, Receiver, Solver, probe, reach};
 use crate::Result;
 use crate::element::Elements;
 use crate::facts::SceneFacts;
@@ -74,17 +74,28 @@ pub fn run_then<T>(
     let (exact, ends) = (prepared.exact(), reference::end_rule(scene));
     let (elements, found) = timed(&mut seconds.elements, || {
         let area: f64 = areas(scene);
+        let length = 1.01 * scene.bounds.diagonal();
+        let look = |elements: &Elements| {
+            probe::probe(elements, exact.scene, exact.traversal, ends, length, options.seed)
+        };
         // Ids for all that the local pass splits.
         let build = |entered: &[u32]| {
             let mut elements =
                 Elements::build(scene, &prepared.hierarchy, options.local_area() * area, entered);
             elements.min_area = options.min_area * area;
-            let length = 1.01 * scene.bounds.diagonal();
-            let found = probe::probe(&elements, exact.scene, exact.traversal, ends, length, options.seed);
+            let found = look(&elements);
             (elements, found)
         };
         let (elements, found) = build(&[]);
-        if found.entered.is_empty() { (elements, found) } else { build(&found.entered) }
+        let (elements, found) =
+            if found.entered.is_empty() { (elements, found) } else { build(&found.entered) };
+        let unlit = reach::unlit(scene, &elements, exact, ends, options.seed);
+        if unlit.is_empty() {
+            return (elements, found);
+        }
+        let elements = elements.without(&unlit, scene, &prepared.hierarchy);
+        let found = look(&elements);
+        (elements, found)
     });
     let engine = timed(&mut seconds.characterise, || prepared.engine(scene, &elements, ends, options));
     let sight = engine.as_ref().map_or(Sight::Exact(exact), Sight::MultiResolution);
