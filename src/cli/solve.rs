@@ -10,7 +10,8 @@ use mrvis::scene::{Scene, StoredCamera};
 use mrvis::solver::{self, Inside, More, Options, Outcome, Progress, Record, Rows, Versus, View, Visibility};
 use mrvis::{Error, Result};
 use std::collections::BTreeMap;
-use std::fmt::Write;
+use std::fmt::Write as _;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -83,10 +84,11 @@ pub struct Args {
     /// Refine in steps of this many seconds.
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     step_seconds: Option<f64>,
-    /// Stop refining after so many seconds.
+    /// Do with about so many seconds, from the triangles to the light (at least for preparing the scene and a first coarse
+    /// solution): refine less, and trace fewer rays.
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     max_seconds: Option<f64>,
-    /// Stop refining when the estimated error is no larger.
+    /// Stop refining when the estimated error is no larger; exit code 1 if it is larger in the end.
     #[arg(long, value_name = "E", allow_negative_numbers = true)]
     target_error: Option<f64>,
     /// Stop refining at so many links.
@@ -140,6 +142,9 @@ impl From<Engine> for Visibility {
     }
 }
 
+/// Exit code of a program that an interruption has ended, as shells count.
+const INTERRUPTED: i32 = 130;
+
 pub fn run(args: &Args) -> Result<ExitCode> {
     let mut options = Options {
         error: args.error,
@@ -185,6 +190,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         return Err(Error::Argument("give a scene and --out DIR, or --scaling".into()));
     };
     check_folder(out)?;
+    args.common.check_json()?;
     let points = args.points.as_deref().map(read_points).transpose()?.unwrap_or_default();
     let start = Instant::now();
     let scene = scene.load(&args.common)?;
@@ -194,10 +200,18 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let load = start.elapsed().as_secs_f64();
     let watch = Watch { spinner: args.common.spinner("solving"), stopped: Arc::default() };
     let stopped = watch.stopped.clone();
-    // A second interruption finds the handler in place and ends nothing: what is left takes seconds. Where handlers cannot
-    // be set, interruption ends the program as it always did.
-    let _ = ctrlc::set_handler(move || stopped.store(true, Ordering::Relaxed));
-    solver::run_then(&scene, &points, &options, &watch, |mut outcome, more| {
+    let quiet = args.common.quiet;
+    // Where handlers cannot be set, interruption ends the program as it always did.
+    let _ = ctrlc::set_handler(move || {
+        if stopped.swap(true, Ordering::Relaxed) {
+            std::process::exit(INTERRUPTED);
+        }
+        if !quiet {
+            // There may be nobody who reads it.
+            let _ = writeln!(std::io::stderr(), "mrvis: stopping with the light there is; once more ends at once");
+        }
+    });
+    let met = solver::run_then(&scene, &points, &options, &watch, |mut outcome, more| {
         if let Some(other) = args.compare.filter(|_| !outcome.record.interrupted) {
             outcome.record.versus = Some(solver::versus(&scene, &points, &outcome, other.into(), &watch)?);
         }
@@ -207,9 +221,10 @@ pub fn run(args: &Args) -> Result<ExitCode> {
             let note = "interrupted: this is the consistent solution reached so far";
             outcome.record.warnings.push(note.into());
         }
-        write(args, out, (&scene, &points), outcome, more, &watch)
+        let met = outcome.record.target_met != Some(false);
+        write(args, out, (&scene, &points), outcome, more, &watch).map(|()| met)
     })?;
-    Ok(ExitCode::SUCCESS)
+    Ok(if met { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
 /// Writes all files and says so.

@@ -82,7 +82,8 @@ pub(super) fn kernel(x: Vec3, nx: Option<Vec3>, y: Vec3, ny: Option<Vec3>, neare
     let r2 = d.length_squared().max(nearest * nearest).max(f32::MIN_POSITIVE);
     let from = nx.map_or(0.25 * r2.sqrt(), |n| n.dot(d).max(0.0));
     let to = ny.map_or(0.25 * r2.sqrt(), |n| (-n.dot(d)).max(0.0));
-    from * to / (std::f32::consts::PI * r2 * r2)
+    // Not over r⁴, which few lengths have in these numbers.
+    (from / r2) * (to / r2) / std::f32::consts::PI
 }
 
 /// The place of a triangle or convex quad that stands for `(u, v)` in the unit square: equal areas for equal areas.

@@ -6,6 +6,7 @@
 //! In scenes with clusters a local pass ends it: links say what reaches a cluster, rays what reaches each surface in it.
 
 mod audit;
+mod clock;
 mod cut;
 mod direct;
 mod field;
@@ -36,7 +37,7 @@ pub use importance::View;
 pub use ledger::Ledger;
 pub use options::{Inside, Options, Rows, Visibility};
 pub use receive::Receiver;
-pub use record::{Iteration, Outcome, Record, Seconds};
+pub use record::{Ended, Iteration, Outcome, Record, Seconds, Settled};
 pub use run::{More, Progress, run, run_then};
 pub use scaling::{Scaling, ScalingRow, check_scaling, scaling};
 pub use versus::{Versus, versus};

@@ -1,6 +1,7 @@
 //! Irradiance at points: light of emitters by Lambert's formula and shadow rays, light of surfaces by a final gather.
 
-use super::Solver;
+use super::clock::Clock;
+use super::{Options, Solver};
 use super::direct::Spot;
 use super::field::{Rgb, add};
 use super::lamps::Lamps;
@@ -13,6 +14,7 @@ use crate::scene::Scene;
 use glam::Vec3;
 use rayon::prelude::*;
 use sobol_burley::sample;
+use std::time::Instant;
 
 /// Points that are asked for together.
 pub(super) const CHUNK: usize = 64;
@@ -60,7 +62,7 @@ impl<'a> Receiver<'a> {
         scene: &Scene,
         solver: &'a Solver<'a>,
         (traced, traversal): (&'a CommittedScene, Traversal),
-        options: &super::Options,
+        options: &Options,
     ) -> Receiver<'a> {
         let elements = &solver.elements;
         let cluttered = elements.large_from > 0;
@@ -127,6 +129,61 @@ impl<'a> Receiver<'a> {
         (values, tally)
     }
 
+    /// Options with fewer rays, if there is no time for all of them at these points, by a sample of them; even then each point
+    /// has some.
+    pub(super) fn hurried(
+        &self,
+        points: &[(Vec3, Vec3)],
+        options: &Options,
+        clock: &Clock,
+    ) -> Option<Options> {
+        let sampled = TIMED * rayon::current_num_threads();
+        if points.len() <= 2 * sampled || !(clock.limited() || clock.late()) {
+            return None;
+        }
+        let sample: Vec<(Vec3, Vec3)> =
+            points.iter().copied().step_by(points.len().div_ceil(sampled)).collect();
+        let start = Instant::now();
+        self.irradiance(&sample);
+        let needed = start.elapsed().as_secs_f64() * points.len() as f64 / sample.len() as f64;
+        let part = clock.left() / needed;
+        let fewer = |rays: usize| Some(((rays as f64 * part) as usize).clamp(FEWEST.min(rays), rays));
+        (part < 1.0).then(|| Options {
+            light_rays: fewer(options.light_rays()),
+            gather_rays: fewer(options.gather_rays()),
+            ..options.clone()
+        })
+    }
+
+    /// A warning if points lie off all surfaces.
+    pub(super) fn far_off(&self, points: &[(Vec3, Vec3)]) -> Option<String> {
+        let reach = FAR_OFF * self.length;
+        let off: usize = points
+            .par_chunks(LANES)
+            .map(|points| {
+                let mut packet = Packet::EMPTY;
+                for (lane, &(at, normal)) in points.iter().enumerate() {
+                    for axis in 0..3 {
+                        packet.origin[axis][lane] = (at + reach * normal)[axis];
+                        packet.direction[axis][lane] = -2.0 * reach * normal[axis];
+                    }
+                    (packet.near[lane], packet.far[lane]) = (0.0, 1.0);
+                    packet.active |= 1 << lane;
+                }
+                let mut hits = [Hits::NONE];
+                self.traced.first_hits(self.traversal, &[packet], &mut hits);
+                (0..points.len()).filter(|&lane| hits[0].triangle[lane] == Hits::NOTHING).count()
+            })
+            .sum();
+        (off > 0).then(|| {
+            format!(
+                "{off} of {} points lie more than {reach:.1e} off every surface along their normals: taken as they are, with what \
+                 arrives there",
+                points.len()
+            )
+        })
+    }
+
     /// What surfaces reflect: one ray in each cell of a hemisphere of equal cosine weight.
     fn gathered(&self, at: Vec3, normal: Vec3, seed: u64, buffers: &mut Buffers) -> Rgb {
         let Buffers { packets, hits, places, .. } = buffers;
@@ -173,6 +230,12 @@ impl<'a> Receiver<'a> {
     }
 }
 
+/// Points a thread whose rays are timed.
+const TIMED: usize = 2 * CHUNK;
+/// Rays of each kind that are left when there is no time.
+const FEWEST: usize = 64;
+/// Distance from surfaces, as part of the scene's diagonal, at which it is told that points are not on them.
+const FAR_OFF: f32 = 1e-3;
 /// Sets of directions.
 const SETS: usize = 64;
 

@@ -1,6 +1,7 @@
 //! Row sums of the form factors along links: what they are, what they must be, and how they are made so.
 
 use super::Solver;
+use super::clock::Clock;
 use super::cut::{Closure, Cut};
 use super::field::{Incoming, Outgoing, Rgb, gather};
 use super::options::Rows;
@@ -17,6 +18,10 @@ const TOO_MUCH: f64 = 1.25;
 /// Most rounds of balancing, and the root mean square error of the row sums (by area) at which it ends.
 const ROUNDS: usize = 20;
 const BALANCED: f64 = 3e-5;
+/// Rounds before the clock is looked at.
+const LEAST_ROUNDS: usize = 1;
+/// Part of the light that a row sum above 1 gives back of what it gets, beyond which it is cut down.
+const GROWS: f64 = 0.98;
 /// Least and largest factor of a leaf.
 const LEAST: f32 = 1e-4;
 const MOST: f32 = 4.0;
@@ -37,14 +42,15 @@ impl Solver<'_> {
     /// Makes the row sums of leaves what they must be: 1 where there is no way out of the scene (method E.7), elsewhere
     /// what rays say. What the errors of links add or take away would be multiplied by every bounce.
     ///
-    /// Returns the row sums there were.
-    pub(super) fn close(&mut self) -> Vec<f64> {
+    /// Returns the row sums there were, and the number of leaves that would have made light grow without end (see
+    /// [`Solver::bound`]). When it is late nobody asks rays, and less is balanced.
+    pub(super) fn close(&mut self, clock: &Clock) -> (Vec<f64>, usize) {
         self.closure.fill(Closure::NONE);
         let mut cut = self.cut();
         let sampled = self.row_sums(&cut);
-        let goals = self.goals();
+        let goals = self.goals(clock);
         let mut sums = sampled.clone();
-        for _ in 0..if self.rows == Rows::Balanced { ROUNDS } else { 1 } {
+        for round in 0..if self.rows == Rows::Balanced { ROUNDS } else { 1 } {
             let (mut off, mut all) = (0.0, 0.0);
             for (e, &sum) in sums.iter().enumerate() {
                 let before = self.closure[e].gathers;
@@ -63,7 +69,7 @@ impl Solver<'_> {
                     all += element.area;
                 }
             }
-            if off <= BALANCED * BALANCED * all {
+            if off <= BALANCED * BALANCED * all || (round >= LEAST_ROUNDS && clock.late()) {
                 break;
             }
             cut.reclose(&self.elements, &self.closure);
@@ -77,11 +83,27 @@ impl Solver<'_> {
                 self.closure[e].gathers *= missing as f32;
             }
         }
-        sampled
+        (sampled, self.bound(&sums))
+    }
+
+    /// Leaves whose row sum (before closure) is above 1, which no form factors have, and so far that light which is reflected
+    /// again and again would hardly lose or even gain, gather as if it were 1. Returns their number.
+    fn bound(&mut self, sums: &[f64]) -> usize {
+        let mut bounded = 0;
+        for (e, &sum) in sums.iter().enumerate() {
+            let Shape::Surface { side, .. } = self.elements.elements[e].shape else { continue };
+            let reflectance = self.elements.sides[side as usize].reflectance.into_iter().fold(0.0, f32::max);
+            let row = f64::from(self.closure[e].gathers) * sum;
+            if row > 1.0 && row * f64::from(reflectance) > GROWS {
+                self.closure[e].gathers = (1.0 / sum) as f32;
+                bounded += usize::from(self.elements.elements[e].is_leaf());
+            }
+        }
+        bounded
     }
 
     /// By element, what the row sums of leaves are to be; 0 where it is not known.
-    fn goals(&self) -> Vec<f64> {
+    fn goals(&self, clock: &Clock) -> Vec<f64> {
         let open = |e: &Element| match e.shape {
             Shape::Surface { side, .. } => e.is_leaf() && !self.probe.closed[side as usize],
             Shape::Cluster(_) => false,
@@ -93,7 +115,9 @@ impl Solver<'_> {
             .into_par_iter()
             .with_min_len(64)
             .map_init(Scratch::default, |scratch, e| match elements[e].shape {
-                Shape::Surface { .. } if open(&elements[e]) => self.met(e, packets, scratch),
+                Shape::Surface { .. } if open(&elements[e]) => {
+                    if clock.late() { 0.0 } else { self.met(e, packets, scratch) }
+                }
                 Shape::Surface { .. } if elements[e].is_leaf() => 1.0,
                 _ => 0.0,
             })

@@ -1,10 +1,12 @@
 //! From a scene to a solution: preparation, steps of refinement, and what is written down about them.
 
+use super::clock::Clock;
 use super::field::Rgb;
 use super::prepare::Prepared;
-use super::record::{Iteration, Outcome, Record, Seconds};
+use super::record::{Ended, Iteration, Outcome, Record, Seconds, Settled};
+use super::refine::Refined;
 use super::{Options, Receiver, Solver, probe};
-use crate::Result;
+use crate::{Error, Result};
 use crate::element::Elements;
 use crate::facts::SceneFacts;
 use crate::link::Sight;
@@ -42,6 +44,18 @@ const SWEEP_MARGIN: f64 = 1.2;
 /// Change of the radiosity at which sweeps end: between steps and at the end.
 const ROUGH: f64 = 3e-3;
 const FINE: f64 = 1e-6;
+/// Sweeps at the end, at most.
+const MOST_SWEEPS: usize = 400;
+/// Sweeps that rows and the last light are expected to take when the time is nearly up.
+const CLOSING: f64 = 12.0;
+/// Parts of the time: for the light where nothing and where points come after it, and of that for links where a local pass
+/// follows.
+const LIGHT: f64 = 0.9;
+const LIGHT_AND_POINTS: f64 = 0.75;
+const LINKS: f64 = 0.4;
+
+const NOT_FINITE: &str = "the light in this scene is beyond all numbers: give it in other units of length or power, so that \
+     neither are far from 1";
 
 /// Solves a scene for elements and points (file coordinates).
 ///
@@ -68,75 +82,113 @@ pub fn run_then<T>(
 ) -> Result<T> {
     options.check()?;
     let mut seconds = Seconds::default();
-    let begun = Instant::now();
+    let clock = Clock::start(progress, options.max_seconds);
     progress.stage("preparing");
-    let prepared = Prepared::of(scene, options, &mut seconds, progress)?;
+    let prepared = Prepared::of(scene, options, &mut seconds, progress, &clock)?;
     let (exact, ends) = (prepared.exact(), reference::end_rule(scene));
+    let area = areas(scene);
+    let finest = options.local_area(options.local_rays() as f64);
     let (elements, found) = timed(&mut seconds.elements, || {
-        let area: f64 = areas(scene);
         // Ids for all that the local pass splits.
         let build = |entered: &[u32]| {
-            let mut elements =
-                Elements::build(scene, &prepared.hierarchy, options.local_area() * area, entered);
+            let mut elements = Elements::build(scene, &prepared.hierarchy, finest * area, entered);
             elements.min_area = options.min_area * area;
             let length = 1.01 * scene.bounds.diagonal();
             let found = probe::probe(&elements, exact.scene, exact.traversal, ends, length, options.seed);
             (elements, found)
         };
         let (elements, found) = build(&[]);
-        if found.entered.is_empty() { (elements, found) } else { build(&found.entered) }
+        if found.entered.is_empty() || clock.late() { (elements, found) } else { build(&found.entered) }
     });
     let engine = timed(&mut seconds.characterise, || prepared.engine(scene, &elements, ends, options));
     let sight = engine.as_ref().map_or(Sight::Exact(exact), Sight::MultiResolution);
     let mut solver = Solver::new(elements, found, sight, ends, options);
     solver.name(scene, options, (exact.scene, exact.traversal))?;
+    let mut warnings = scene.repairs.messages.clone();
+    warnings.extend(prepared.note.clone());
+    if let Some(limit) = options.max_seconds.filter(|_| clock.late() && !clock.interrupted()) {
+        let taken = clock.elapsed();
+        warnings.push(format!(
+            "--max-seconds {limit}: preparing the scene took {taken:.1} s; this is the coarsest light there is"
+        ));
+    }
+    let light = clock.part(if points.is_empty() { LIGHT } else { LIGHT_AND_POINTS });
     let start = Instant::now();
-    let late =
-        || progress.stopped() || options.max_seconds.is_some_and(|s| begun.elapsed().as_secs_f64() > s);
     // Points need no elements for what emitters send them directly.
     let idle = options.direct_only && !points.is_empty();
-    let iterations = if idle { Vec::new() } else { solve(&mut solver, options, progress, &late) };
+    let local = !idle && solver.local_pass(options);
+    let refining = if local { light.part(LINKS) } else { light };
+    let (iterations, ended) = match idle {
+        true => (Vec::new(), Ended::Nothing),
+        false => solve(&mut solver, options, progress, &refining),
+    };
     progress.stage("last sweeps");
-    let local = solver.local_pass(options);
-    let mut row_sums = None;
+    let mut closed = None;
+    let mut settled = iterations.last().map_or_else(Settled::default, |(_, settled)| *settled);
     let mut bytes = 0;
-    if !local || progress.stopped() {
-        let sampled = solver.close();
+    if !local {
+        let (sampled, bounded) = solver.close(&light);
         let cut = solver.cut();
-        solver.settle(&cut, FINE, 400);
+        settled = solver.settle(&cut, FINE, MOST_SWEEPS, &light);
         bytes = cut.bytes();
-        row_sums = Some((sampled, solver.row_sums(&cut)));
+        closed = Some((sampled, solver.row_sums(&cut)));
         solver.look();
+        warnings.extend(unsettled(&settled, bounded, &light));
     }
     seconds.solve = start.elapsed().as_secs_f64();
-    if row_sums.is_none() {
+    let mut settled_local = None;
+    if local {
         progress.stage("local pass");
-        let local = timed(&mut seconds.local, || {
-            solver.split_all(options.local_area() * areas(scene));
-            Receiver::new(scene, &solver, (exact.scene, exact.traversal), options)
-                .local(options.local_rays() as f64)
+        let found = timed(&mut seconds.local, || {
+            let traced = (exact.scene, exact.traversal);
+            let rays = Receiver::new(scene, &solver, traced, options)
+                .affordable(options.local_rays() as f64, &light);
+            if !light.late() {
+                solver.split_all(options.local_area(rays) * area);
+            }
+            Receiver::new(scene, &solver, traced, options).local(rays, &light)
         });
-        solver.adopt(local);
+        settled_local = Some(found.settled);
+        warnings.extend(unsettled(&found.settled, 0, &light));
+        solver.adopt(found);
     }
 
     progress.stage("points");
     let asked = |points: &[Point]| -> Vec<(Vec3, Vec3)> {
         points.iter().map(|p| ((p.position - scene.origin).as_vec3(), p.normal.as_vec3())).collect()
     };
+    let relative = asked(points);
     let receiver = Receiver::new(scene, &solver, (exact.scene, exact.traversal), options);
-    let (irradiance, tally) = timed(&mut seconds.points, || receiver.irradiance(&asked(points)));
+    let hurried = timed(&mut seconds.points, || receiver.hurried(&relative, options, &clock.with_grace()));
+    let receiver = match &hurried {
+        Some(options) => Receiver::new(scene, &solver, (exact.scene, exact.traversal), options),
+        None => receiver,
+    };
+    let (irradiance, tally) = timed(&mut seconds.points, || receiver.irradiance(&relative));
+    warnings.extend(receiver.far_off(&relative));
     let mut bundles = solver.tally();
     bundles.add(tally);
     let uncertainty = solver.uncertainty();
-    let audited = if options.direct_only || progress.stopped() { 0 } else { options.audit };
+    let audited = if options.direct_only { 0 } else { options.audit };
     progress.stage("audit");
-    let (audit, tally) = timed(&mut seconds.audit, || receiver.audit(&uncertainty, audited));
+    let late = || clock.with_grace().late();
+    let (audit, tally) = timed(&mut seconds.audit, || receiver.audit(&uncertainty, audited, &late));
     bundles.add(tally);
-    let mut warnings = scene.repairs.messages.clone();
-    warnings.extend(prepared.note.clone());
     if scene.emitters.is_empty() {
         warnings
             .push("nothing emits light: everything is black (--emitter NAME=W makes something emit)".into());
+    }
+    if solver.incident.iter().chain(&solver.radiosity).chain(&irradiance).flatten().any(|v| !v.is_finite()) {
+        return Err(Error::Scene(NOT_FINITE.into()));
+    }
+    let error_estimate = solver.error_estimate(&uncertainty);
+    let target_met = options.target_error.map(|target| error_estimate <= target);
+    warnings.extend(ended.note(options, iterations.last().map(|(i, _)| i), error_estimate));
+    if let (Some(false), Some(target)) = (target_met, options.target_error) {
+        warnings.push(format!(
+            "--target-error {target} was missed: the estimated error is {error_estimate:.2e}; a smaller --error or \
+             --min-area, more time or more links bring it down"
+        ));
     }
     let record = Record {
         mrvis: env!("CARGO_PKG_VERSION").into(),
@@ -146,7 +198,11 @@ pub fn run_then<T>(
         options: options.clone(),
         scene: SceneFacts::of(scene, &prepared.hierarchy),
         warnings,
-        iterations,
+        iterations: iterations.into_iter().map(|(iteration, _)| iteration).collect(),
+        ended,
+        settled,
+        settled_local,
+        target_met,
         seconds,
         cache: prepared.origin.into(),
         links: solver.links.len(),
@@ -154,8 +210,8 @@ pub fn run_then<T>(
         bytes: solver.elements.bytes() + size_of_val(solver.links.as_slice()) + bytes,
         exact_rays: bundles.exact_rays,
         bundles,
-        ledger: solver.ledger(row_sums.as_ref().map(|(before, after)| [&before[..], &after[..]])),
-        error_estimate: solver.error_estimate(&uncertainty),
+        ledger: solver.ledger(closed.as_ref().map(|(before, after)| [&before[..], &after[..]])),
+        error_estimate,
         audit: (audit.elements > 0).then_some(audit),
         mean_irradiance: solver.mean_irradiance(),
         interrupted: progress.stopped(),
@@ -165,21 +221,23 @@ pub fn run_then<T>(
     then(outcome, &|points| receiver.irradiance(&asked(points)).0)
 }
 
-/// Refines in steps until the error asked for is reached or time is up.
+/// Refines in steps until the error asked for is reached or time is up. Says how the light settled after each.
 fn solve(
     solver: &mut Solver,
     options: &Options,
     progress: &dyn Progress,
-    late: &dyn Fn() -> bool,
-) -> Vec<Iteration> {
+    clock: &Clock,
+) -> (Vec<(Iteration, Settled)>, Ended) {
     let mut iterations = Vec::new();
     if solver.scale <= 0.0 {
-        return iterations;
+        return (iterations, Ended::Nothing);
     }
-    let coarse = if solver.local_pass(options) { COARSE } else { 1.0 };
-    let least = (options.error * SHARE * coarse) as f32;
+    let local = solver.local_pass(options);
+    let least = (options.error * SHARE * if local { COARSE } else { 1.0 }) as f32;
     // Links a step and what sweeps and looks take, learnt from step to step.
     let (mut work, mut sweeping) = (64.0, 0.0);
+    // Seconds that the last sweeps over all links take, for each of them.
+    let mut closing = 0.0;
     let mut next = f64::from(least) * STEP.powi(STEPS);
     loop {
         let start = Instant::now();
@@ -191,40 +249,91 @@ fn solve(
         };
         let room =
             options.step_seconds.map_or(f64::INFINITY, |step| (step - sweeping).max(LEAST_ROOM * step));
-        let over = || late() || start.elapsed().as_secs_f64() > room;
-        let refined = solver.refine(&errors, threshold, once, &over);
+        let late = |closing: f64, links: usize| clock.left() <= closing * links as f64;
+        let over = |links: usize| late(closing, links) || start.elapsed().as_secs_f64() > room;
+        let Refined { replaced, full } = solver.refine(&errors, threshold, once, &over);
         let refining = start.elapsed().as_secs_f64();
         let cut = solver.cut();
-        let residual = solver.settle(&cut, ROUGH, if once { 1 } else { 12 });
+        let settled = solver.settle(&cut, ROUGH, if once { 1 } else { 12 }, clock);
         solver.spread_importance(&cut);
         solver.look();
         let taken = start.elapsed().as_secs_f64();
-        if options.step_seconds.is_some() {
+        let links = solver.links.len();
+        closing = CLOSING * (taken - refining) / (settled.sweeps.max(1) * links) as f64;
+        if once {
             // A margin for the next step, which has more links; a step that was held up by others counts half.
             let now = SWEEP_MARGIN * (taken - refining);
             sweeping = if sweeping > 0.0 { 0.5 * (sweeping + now) } else { now };
-            let factor = room * refined.max(1) as f64 / (refining.max(1e-6) * work);
+            let factor = room * replaced.max(1) as f64 / (refining.max(1e-6) * work);
             work = (work * factor.clamp(0.25, 2.0)).max(1.0);
         }
-        iterations.push(Iteration {
+        let iteration = Iteration {
             seconds: taken,
-            links: solver.links.len(),
+            links,
             elements: solver.elements.len(),
-            refined,
+            refined: replaced,
             error_bound: threshold.into(),
-            residual,
-        });
-        progress.stage(&format!("{} links, error {:.2e}", solver.links.len(), threshold));
+            residual: settled.residual,
+        };
+        iterations.push((iteration, settled));
+        progress.stage(&format!("{links} links, error {threshold:.2e}"));
         next /= STEP;
-        let done = match once {
-            true => refined == 0,
+        let is_done = match once {
+            true => replaced == 0,
             false => f64::from(threshold) <= f64::from(least),
         };
-        let reached = options.target_error.is_some_and(|t| solver.error_estimate(&solver.uncertainty()) <= t);
-        if done || reached || late() || solver.links.len() >= solver.max_links {
-            return iterations;
-        }
+        let reached =
+            || options.target_error.is_some_and(|t| solver.error_estimate(&solver.uncertainty()) <= t);
+        let ended = if clock.interrupted() {
+            Ended::Interrupted
+        } else if late(closing, links) {
+            Ended::Time
+        } else if full {
+            Ended::Links
+        } else if is_done {
+            Ended::Error
+        } else if reached() {
+            Ended::Target
+        } else {
+            continue;
+        };
+        return (iterations, ended);
     }
+}
+
+impl Ended {
+    /// What a user should know, if refinement ended before the error asked for.
+    fn note(self, options: &Options, last: Option<&Iteration>, estimate: f64) -> Option<String> {
+        let why = match self {
+            Ended::Error | Ended::Target | Ended::Interrupted | Ended::Nothing => return None,
+            Ended::Time => format!("--max-seconds {}", options.max_seconds.unwrap_or_default()),
+            Ended::Links => format!("--max-links {}", options.max_links),
+        };
+        let bound = last.map_or(f64::INFINITY, |i| i.error_bound);
+        let error = options.error;
+        Some(format!(
+            "{why} ended refinement before --error {error} was reached: links with errors below {bound:.1e} are as they were, \
+             the estimated error is {estimate:.2e}"
+        ))
+    }
+}
+
+/// What a user should know about light that has not settled although there was time, and about leaves that were bounded.
+fn unsettled(settled: &Settled, bounded: usize, clock: &Clock) -> Vec<String> {
+    let mut notes = Vec::new();
+    if bounded > 0 {
+        notes.push(format!(
+            "the links of {bounded} elements bring more light than form factors can: cut down, so that light does not grow \
+             without end (--rows balanced, --inside visible or a smaller --error avoid it)"
+        ));
+    }
+    if !settled.converged && !clock.late() {
+        notes.push(format!(
+            "the light has not settled after {} sweeps: it still changes by {:.1e} of itself",
+            settled.sweeps, settled.residual
+        ));
+    }
+    notes
 }
 
 impl Solver<'_> {

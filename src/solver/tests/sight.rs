@@ -6,7 +6,9 @@ use crate::element::Shape;
 use crate::link::Scratch;
 use crate::scene::generate::{Spec, build};
 use crate::solver::prepare::Prepared;
+use crate::solver::clock::Clock;
 use crate::solver::record::Seconds;
+use crate::solver::refine::Refined;
 use crate::visibility::reference;
 use glam::Vec3;
 
@@ -31,7 +33,8 @@ fn with(visibility: Visibility) -> Options {
 
 /// A solver after refinement.
 fn refined<R>(scene: &Scene, options: &Options, see: impl FnOnce(&mut Solver) -> R) -> R {
-    let prepared = Prepared::of(scene, options, &mut Seconds::default(), &()).expect("Embree");
+    let clock = Clock::start(&(), None);
+    let prepared = Prepared::of(scene, options, &mut Seconds::default(), &(), &clock).expect("Embree");
     let (exact, ends) = (prepared.exact(), reference::end_rule(scene));
     let area = scene.triangles.len() as f64;
     let elements = Elements::build(scene, &prepared.hierarchy, options.min_area * area, &[]);
@@ -42,9 +45,9 @@ fn refined<R>(scene: &Scene, options: &Options, see: impl FnOnce(&mut Solver) ->
     let mut solver = Solver::new(elements, found, sight, ends, options);
     for _ in 0..3 {
         let errors = solver.errors();
-        solver.refine(&errors, 1e-3, false, &|| false);
+        solver.refine(&errors, 1e-3, false, &|_| false);
         let cut = solver.cut();
-        solver.settle(&cut, 1e-3, 12);
+        solver.settle(&cut, 1e-3, 12, &clock);
         solver.look();
     }
     see(&mut solver)
@@ -126,12 +129,12 @@ fn visibility_is_kept_with_the_link() {
     refined(&room(true), &with(Visibility::Exact), |solver| {
         let before = (solver.tally(), solver.links.clone());
         let errors = solver.errors();
-        assert_eq!(solver.refine(&errors, f32::INFINITY, false, &|| false), 0);
+        assert_eq!(solver.refine(&errors, f32::INFINITY, false, &|_| false), Refined::default());
         assert_eq!((solver.tally(), solver.links.clone()), before);
         // One link more than refined: only its parts are measured.
         let worst = errors.iter().filter(|(_, split)| *split != crate::link::Split::Neither);
         let worst = worst.map(|(error, _)| *error).fold(0.0, f32::max);
-        let refined = solver.refine(&errors, 0.999 * worst, true, &|| false);
+        let refined = solver.refine(&errors, 0.999 * worst, true, &|_| false).replaced;
         let asked = solver.tally().segments - before.0.segments;
         assert!(refined >= 1 && asked <= 16 * 64 * refined as u64, "{refined} {asked}");
     });
