@@ -278,17 +278,22 @@ fn scaling(common: &Common, options: &Options, largest: usize) -> Result<ExitCod
     for r in &found.rows {
         let _ = writeln!(
             text,
-            "{:>9} {:>11} {:>11} {:>11} {:>7.1} MB {:>9.4} {:>9.2} s",
+            "{:>9} {:>11} {:>11} {:>11} {:>7.1} MB {:>9} {:>9.2} s",
             grouped(r.triangles),
             grouped(r.elements),
             grouped(r.links),
             grouped(r.exact_rays as usize),
             r.bytes as f64 / 1e6,
-            r.rms_error,
+            r.rms_error.map_or_else(|| "-".into(), |e| format!("{e:.4}")),
             r.seconds
         );
     }
-    let _ = writeln!(text, "time grows as triangles to the power of {:.3}", found.slope);
+    let _ = writeln!(
+        text,
+        "time grows as triangles to the power of {:.3} over all scenes, {:.3} over the last two, where what costs the same in \
+         all of them (rays of the local pass) counts least",
+        found.slope, found.slope_last
+    );
     common.print(&text)?;
     Ok(ExitCode::SUCCESS)
 }
@@ -359,11 +364,12 @@ fn summary(r: &Record) -> String {
     let l = &r.ledger;
     let _ = writeln!(
         text,
-        "emitted {}, absorbed {}, escaped {}, created {:.1e} (power, mean of the channels)",
+        "emitted {0} {unit}, absorbed {1} {unit}, escaped {2} {unit}, created {3:.1e} {unit} (mean of the channels)",
         number(l.emitted),
         number(l.absorbed),
         number(l.escaped),
-        l.created
+        l.created,
+        unit = l.unit
     );
     if let Some([low, high]) = l.row_sums {
         let _ = writeln!(

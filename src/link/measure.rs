@@ -173,10 +173,10 @@ impl Meter<'_> {
             let columns: [f32; 4] = std::array::from_fn(|j| {
                 (0..4).map(|i| ga.1[i] * kernel(ga.0[i], Some(na), gb.0[j], Some(nb), nearest)).sum::<f32>()
             });
-            let areas = (ea.area * eb.area) as f32;
+            let over_both = |v: f32| (f64::from(v) * ea.area * eb.area) as f32;
             let (mean, of_a) = moments(rows, ga.1);
-            free = mean * areas;
-            deviation = [of_a * areas, moments(columns, gb.1).1 * areas];
+            free = over_both(mean);
+            deviation = [over_both(of_a), over_both(moments(columns, gb.1).1)];
         }
         if distance < NEAR * reach {
             let small_is_a = ea.area <= eb.area;
@@ -371,8 +371,9 @@ impl Draft {
 /// Mean and standard deviation of values with weights whose sum is 1.
 fn moments(v: [f32; 4], weights: [f32; 4]) -> (f32, f32) {
     let mean: f32 = v.iter().zip(weights).map(|(v, w)| v * w).sum();
-    let squares: f32 = v.iter().zip(weights).map(|(v, w)| w * (v - mean) * (v - mean)).sum();
-    (mean, squares.sqrt())
+    // Kernels of small things are large numbers, and their squares too large ones.
+    let squares: f64 = v.iter().zip(weights).map(|(v, w)| f64::from(w) * f64::from(v - mean).powi(2)).sum();
+    (mean, squares.sqrt() as f32)
 }
 
 fn doubles(corners: &[Vec3; 4]) -> [DVec3; 4] {

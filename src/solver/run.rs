@@ -54,6 +54,10 @@ const LIGHT: f64 = 0.9;
 const LIGHT_AND_POINTS: f64 = 0.75;
 const LINKS: f64 = 0.4;
 
+/// Diagonals of scenes whose areas and form factors 32 bits hold.
+const SMALLEST: f64 = 1e-9;
+const LARGEST: f64 = 1e12;
+
 const NOT_FINITE: &str = "the light in this scene is beyond all numbers: give it in other units of length or power, so that \
      neither are far from 1";
 
@@ -81,6 +85,14 @@ pub fn run_then<T>(
     then: impl FnOnce(Outcome, More) -> Result<T>,
 ) -> Result<T> {
     options.check()?;
+    let diagonal = f64::from(scene.bounds.diagonal());
+    if !(SMALLEST..=LARGEST).contains(&diagonal) {
+        let unit = &scene.unit;
+        return Err(Error::Scene(format!(
+            "the scene measures {diagonal:.1e} {unit} across: give it in another unit of length, in which that lies in \
+             {SMALLEST:e}..{LARGEST:e}"
+        )));
+    }
     let mut seconds = Seconds::default();
     let clock = Clock::start(progress, options.max_seconds);
     progress.stage("preparing");
@@ -210,7 +222,8 @@ pub fn run_then<T>(
         bytes: solver.elements.bytes() + size_of_val(solver.links.as_slice()) + bytes,
         exact_rays: bundles.exact_rays,
         bundles,
-        ledger: solver.ledger(closed.as_ref().map(|(before, after)| [&before[..], &after[..]])),
+        ledger: solver
+            .ledger(&scene.unit, closed.as_ref().map(|(before, after)| [&before[..], &after[..]])),
         error_estimate,
         audit: (audit.elements > 0).then_some(audit),
         mean_irradiance: solver.mean_irradiance(),
@@ -353,7 +366,8 @@ impl Solver<'_> {
     }
 }
 
-fn areas(scene: &Scene) -> f64 {
+/// Area of all triangles, one side of each.
+pub(super) fn areas(scene: &Scene) -> f64 {
     (0..scene.triangles.len() as u32)
         .map(|t| {
             let [a, b, c] = scene.corners(t);
