@@ -67,7 +67,7 @@ impl<'a> Solver<'a> {
     }
 
     /// Refines all links with errors above a threshold and their parts in turn, with `once` not these, a slice at a time;
-    /// `stop` is told the number of links and asked between slices, and not before something is refined.
+    /// `stop` is told the number of links and elements and asked between slices, and not before something is refined.
     pub(super) fn refine(
         &mut self,
         errors: &[(f32, Split)],
@@ -87,7 +87,7 @@ impl<'a> Solver<'a> {
             let held = self.links.len() + wave.len();
             let most = self.max_links.saturating_sub(held) / MORE;
             refined.full = most == 0;
-            if refined.full || (refined.replaced > 0 && stop(held)) {
+            if refined.full || (refined.replaced > 0 && stop(held + self.elements.len())) {
                 break;
             }
             let slice = if once { SHORT_SLICE } else { SLICE };

@@ -35,9 +35,11 @@ impl Progress for () {
 const SHARE: f64 = 0.01;
 /// How many times larger they may be where a local pass follows: there links are only where it starts.
 const COARSE: f64 = 4.0;
-/// Each step's threshold is this much below the last one's, starting so many steps above the final one.
+/// Each step's threshold is this much below the last one's, starting so many steps above the final one and not below this
+/// error: what is refined by halves when the time is up is then the last of many steps.
 const STEP: f64 = 4.0;
 const STEPS: i32 = 4;
+const FIRST: f64 = 0.05;
 /// Part of a step that is for refinement at least, and how much longer sweeps may take than last time.
 const LEAST_ROOM: f64 = 0.05;
 const SWEEP_MARGIN: f64 = 1.2;
@@ -249,9 +251,10 @@ fn solve(
     let least = (options.error * SHARE * if local { COARSE } else { 1.0 }) as f32;
     // Links a step and what sweeps and looks take, learnt from step to step.
     let (mut work, mut sweeping) = (64.0, 0.0);
-    // Seconds that the last sweeps over all links take, for each of them.
+    // Seconds that the last sweeps over all links and elements take, for each of them.
     let mut closing = 0.0;
-    let mut next = f64::from(least) * STEP.powi(STEPS);
+    let steps = (FIRST / f64::from(least)).log(STEP).ceil().max(f64::from(STEPS));
+    let mut next = f64::from(least) * STEP.powf(steps);
     loop {
         let start = Instant::now();
         let errors = solver.errors();
@@ -262,8 +265,8 @@ fn solve(
         };
         let room =
             options.step_seconds.map_or(f64::INFINITY, |step| (step - sweeping).max(LEAST_ROOM * step));
-        let late = |closing: f64, links: usize| clock.left() <= closing * links as f64;
-        let over = |links: usize| late(closing, links) || start.elapsed().as_secs_f64() > room;
+        let late = |closing: f64, size: usize| clock.left() <= closing * size as f64;
+        let over = |size: usize| late(closing, size) || start.elapsed().as_secs_f64() > room;
         let Refined { replaced, full } = solver.refine(&errors, threshold, once, &over);
         let refining = start.elapsed().as_secs_f64();
         let cut = solver.cut();
@@ -271,8 +274,9 @@ fn solve(
         solver.spread_importance(&cut);
         solver.look();
         let taken = start.elapsed().as_secs_f64();
-        let links = solver.links.len();
-        closing = CLOSING * (taken - refining) / (settled.sweeps.max(1) * links) as f64;
+        let (links, elements) = (solver.links.len(), solver.elements.len());
+        let size = links + elements;
+        closing = CLOSING * (taken - refining) / (settled.sweeps.max(1) * size) as f64;
         if once {
             // A margin for the next step, which has more links; a step that was held up by others counts half.
             let now = SWEEP_MARGIN * (taken - refining);
@@ -283,7 +287,7 @@ fn solve(
         let iteration = Iteration {
             seconds: taken,
             links,
-            elements: solver.elements.len(),
+            elements,
             refined: replaced,
             error_bound: threshold.into(),
             residual: settled.residual,
@@ -299,7 +303,7 @@ fn solve(
             || options.target_error.is_some_and(|t| solver.error_estimate(&solver.uncertainty()) <= t);
         let ended = if clock.interrupted() {
             Ended::Interrupted
-        } else if late(closing, links) {
+        } else if late(closing, size) {
             Ended::Time
         } else if full {
             Ended::Links
