@@ -220,7 +220,8 @@ pub fn check_file(path: &Path) -> Result<()> {
 
 /// Whether files can be written into a folder that exists, or one can be made.
 pub fn check_folder(folder: &Path) -> Result<()> {
-    let unusable = |what: &str| Error::format(folder, None, format!("{what}; give a folder that can be written"));
+    let unusable =
+        |what: &str| Error::format(folder, None, format!("{what}; give a folder that can be written"));
     if folder.exists() && !folder.is_dir() {
         return Err(unusable("is not a folder"));
     }

@@ -208,7 +208,10 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         }
         if !quiet {
             // There may be nobody who reads it.
-            let _ = writeln!(std::io::stderr(), "mrvis: stopping with the light there is; once more ends at once");
+            let _ = writeln!(
+                std::io::stderr(),
+                "mrvis: stopping with the light there is; once more ends at once"
+            );
         }
     });
     let met = solver::run_then(&scene, &points, &options, &watch, |mut outcome, more| {

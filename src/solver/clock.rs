@@ -70,7 +70,9 @@ mod tests {
     #[test]
     fn parts_end_before_the_whole() {
         let endless = Clock::start(&(), None);
-        assert!(!endless.late() && !endless.part(0.1).limited() && endless.with_grace().left() == f64::INFINITY);
+        assert!(
+            !endless.late() && !endless.part(0.1).limited() && endless.with_grace().left() == f64::INFINITY
+        );
         let clock = Clock::start(&(), Some(100.0));
         let left = clock.part(0.25).left();
         assert!(left > 20.0 && left < 25.1 && clock.left() > 99.0 && clock.with_grace().left() > 104.0);

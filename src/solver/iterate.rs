@@ -1,10 +1,10 @@
 //! Sweeps until the light no longer changes.
 
 use super::clock::Clock;
-use super::{Settled, Solver};
 use super::cut::{Closure, Cut, Kind};
 use super::field::{Incoming, Outgoing, Rgb, add, gather};
 use super::local::Local;
+use super::{Settled, Solver};
 use crate::element::Shape;
 
 /// Least and largest factor by which the reflected light is scaled after a sweep.

@@ -30,6 +30,8 @@ const TIMED: usize = 2000;
 const TIMED_RAYS: u32 = 16;
 /// Part of the time that rays may take; the rest is for the light on them.
 const TRACING: f64 = 0.7;
+/// Part of the rays that is left when surfaces have been split for so many rays, and each part has its few.
+const SHARED: f64 = 0.8;
 /// Elements that one task traces for.
 const CHUNK: usize = 64;
 /// Groups between which reciprocity is measured, or a few more.
@@ -75,9 +77,9 @@ struct Rows {
 }
 
 impl Receiver<'_> {
-    /// Traces about `rays` rays and solves the light on them, starting from the solver's. When it is late the elements
-    /// whose turn has not come yet trace but a few: enough for the light of the whole, not for each of them.
-    pub(super) fn local(&self, rays: f64, clock: &Clock) -> Local {
+    /// Traces about `rays` rays and solves the light on them, starting from the solver's. Without a number, or when it gets
+    /// late, elements trace but a few: enough for the light of the whole, not for each of them.
+    pub(super) fn local(&self, rays: Option<f64>, clock: &Clock) -> Local {
         let rows = self.rows(rays, clock);
         let (incident, settled) = self.solve(&rows, clock);
         let mut local = Local {
@@ -93,17 +95,19 @@ impl Receiver<'_> {
         local
     }
 
-    /// So many of the rays asked for as there is time for, by a sample of them.
-    pub(super) fn affordable(&self, rays: f64, clock: &Clock) -> f64 {
-        if !clock.limited() || clock.late() {
-            return rays;
+    /// So many of the rays asked for as there is limited time for, by a sample of them; none if there is not even time for the few of
+    /// each element.
+    pub(super) fn affordable(&self, rays: f64, clock: &Clock) -> Option<f64> {
+        if clock.late() {
+            return None;
         }
         let leaves = self.leaves();
         let sample: Vec<u32> = leaves.iter().copied().step_by(leaves.len().div_ceil(TIMED).max(1)).collect();
         let start = Instant::now();
         let traced = self.trace(&sample, |_| TIMED_RAYS);
         let each = start.elapsed().as_secs_f64() / traced.met.len().max(1) as f64;
-        (TRACING * clock.left() / each - LEAST * leaves.len() as f64).clamp(LATE.min(rays), rays)
+        let shared = (TRACING * clock.left() / each - LEAST * leaves.len() as f64) * SHARED;
+        (shared >= LATE.min(rays)).then_some(shared.min(rays))
     }
 
     /// All surfaces without parts.
@@ -118,7 +122,7 @@ impl Receiver<'_> {
     }
 
     /// The rays: each leaf's share by its area and importance.
-    fn rows(&self, rays: f64, clock: &Clock) -> Rows {
+    fn rows(&self, rays: Option<f64>, clock: &Clock) -> Rows {
         let elements = &self.solver.elements;
         let leaves = self.leaves();
         let importance = |e: u32| f64::from(self.solver.importance.get(e as usize).copied().unwrap_or(1.0));
@@ -126,7 +130,10 @@ impl Receiver<'_> {
         let all_counted: f64 = leaves.iter().map(|&e| counted(e)).sum();
         self.trace(&leaves, |leaf| {
             let share = counted(leaf) / all_counted;
-            let (least, rays) = if clock.late() { (LATE_LEAST, LATE.min(rays)) } else { (LEAST, rays) };
+            let (least, rays) = match rays.filter(|_| !clock.late()) {
+                Some(rays) => (LEAST, rays),
+                None => (LATE_LEAST, LATE),
+            };
             (least + rays * share).min(MOST) as u32
         })
     }

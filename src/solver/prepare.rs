@@ -4,7 +4,6 @@ use super::clock::Clock;
 use super::options::{Options, Visibility};
 use super::record::Seconds;
 use super::run::{Progress, timed};
-use crate::{Error, Result};
 use crate::cache::{self, Table};
 use crate::characterise::{Traits, characterise};
 use crate::element::Elements;
@@ -14,6 +13,7 @@ use crate::link::across;
 use crate::ray::EndRule;
 use crate::scene::Scene;
 use crate::visibility::{Bundle, Exact, Leaf, MultiResolution, Workspace};
+use crate::{Error, Result};
 
 /// A scene ready for the engine that was asked for.
 pub(super) struct Prepared {

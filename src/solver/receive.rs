@@ -1,11 +1,11 @@
 //! Irradiance at points: light of emitters by Lambert's formula and shadow rays, light of surfaces by a final gather.
 
 use super::clock::Clock;
-use super::{Options, Solver};
 use super::direct::Spot;
 use super::field::{Rgb, add};
 use super::lamps::Lamps;
 use super::walk::{Found, Place};
+use super::{Options, Solver};
 use crate::element::{Lookup, Shape};
 use crate::embree::{CommittedScene, Hits, Traversal};
 use crate::link::{Scratch, Tally, cosine_direction, mix, numbers};
@@ -137,16 +137,19 @@ impl<'a> Receiver<'a> {
         options: &Options,
         clock: &Clock,
     ) -> Option<Options> {
-        let sampled = TIMED * rayon::current_num_threads();
-        if points.len() <= 2 * sampled || !(clock.limited() || clock.late()) {
-            return None;
-        }
-        let sample: Vec<(Vec3, Vec3)> =
-            points.iter().copied().step_by(points.len().div_ceil(sampled)).collect();
-        let start = Instant::now();
-        self.irradiance(&sample);
-        let needed = start.elapsed().as_secs_f64() * points.len() as f64 / sample.len() as f64;
-        let part = clock.left() / needed;
+        let part = if clock.late() {
+            0.0
+        } else if clock.limited() && points.len() > TIMED {
+            let sample: Vec<(Vec3, Vec3)> =
+                points.iter().copied().step_by(points.len().div_ceil(TIMED)).collect();
+            let start = Instant::now();
+            // They are one task; the others are for all threads.
+            self.irradiance(&sample);
+            let each = start.elapsed().as_secs_f64() / sample.len() as f64;
+            clock.left() * rayon::current_num_threads() as f64 / (each * points.len() as f64)
+        } else {
+            1.0
+        };
         let fewer = |rays: usize| Some(((rays as f64 * part) as usize).clamp(FEWEST.min(rays), rays));
         (part < 1.0).then(|| Options {
             light_rays: fewer(options.light_rays()),
@@ -230,8 +233,8 @@ impl<'a> Receiver<'a> {
     }
 }
 
-/// Points a thread whose rays are timed.
-const TIMED: usize = 2 * CHUNK;
+/// Points whose rays are timed.
+const TIMED: usize = CHUNK / 4;
 /// Rays of each kind that are left when there is no time.
 const FEWEST: usize = 64;
 /// Distance from surfaces, as part of the scene's diagonal, at which it is told that points are not on them.

@@ -224,7 +224,14 @@ impl<'a> Solver<'a> {
         let first_receives = at_a >= at_b;
         let receiver = if first_receives { a } else { b };
         let feature_size = self.feature_sizes[receiver as usize];
-        Care { worth: (at_a.max(at_b) / tolerated) as f32, feature_size, mixed, between, hidden, first_receives }
+        Care {
+            worth: (at_a.max(at_b) / tolerated) as f32,
+            feature_size,
+            mixed,
+            between,
+            hidden,
+            first_receives,
+        }
     }
 
     /// What the oracle must know of every element's light, from the present solution.

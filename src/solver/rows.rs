@@ -116,7 +116,11 @@ impl Solver<'_> {
             .with_min_len(64)
             .map_init(Scratch::default, |scratch, e| match elements[e].shape {
                 Shape::Surface { .. } if open(&elements[e]) => {
-                    if clock.late() { 0.0 } else { self.met(e, packets, scratch) }
+                    if clock.late() {
+                        0.0
+                    } else {
+                        self.met(e, packets, scratch)
+                    }
                 }
                 Shape::Surface { .. } if elements[e].is_leaf() => 1.0,
                 _ => 0.0,
@@ -150,4 +154,3 @@ impl Solver<'_> {
 fn missing(goal: f64, sum: f64) -> f64 {
     if sum > NOTHING * goal && goal > 0.0 { goal / sum } else { 1.0 }
 }
-

@@ -6,13 +6,13 @@ use super::prepare::Prepared;
 use super::record::{Ended, Iteration, Outcome, Record, Seconds, Settled};
 use super::refine::Refined;
 use super::{Options, Receiver, Solver, probe};
-use crate::{Error, Result};
 use crate::element::Elements;
 use crate::facts::SceneFacts;
 use crate::link::Sight;
 use crate::points::Point;
 use crate::scene::Scene;
 use crate::visibility::reference;
+use crate::{Error, Result};
 use glam::Vec3;
 use std::time::Instant;
 
@@ -155,9 +155,12 @@ pub fn run_then<T>(
         progress.stage("local pass");
         let found = timed(&mut seconds.local, || {
             let traced = (exact.scene, exact.traversal);
-            let rays = Receiver::new(scene, &solver, traced, options)
-                .affordable(options.local_rays() as f64, &light);
-            if !light.late() {
+            let all = options.local_rays() as f64;
+            let rays = match light.limited() {
+                true => Receiver::new(scene, &solver, traced, options).affordable(all, &light),
+                false => Some(all).filter(|_| !light.late()),
+            };
+            if let Some(rays) = rays {
                 solver.split_all(options.local_area(rays) * area);
             }
             Receiver::new(scene, &solver, traced, options).local(rays, &light)
@@ -224,8 +227,7 @@ pub fn run_then<T>(
         bytes: solver.elements.bytes() + size_of_val(solver.links.as_slice()) + bytes,
         exact_rays: bundles.exact_rays,
         bundles,
-        ledger: solver
-            .ledger(&scene.unit, closed.as_ref().map(|(before, after)| [&before[..], &after[..]])),
+        ledger: solver.ledger(&scene.unit, closed.as_ref().map(|(before, after)| [&before[..], &after[..]])),
         error_estimate,
         audit: (audit.elements > 0).then_some(audit),
         mean_irradiance: solver.mean_irradiance(),

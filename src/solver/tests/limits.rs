@@ -91,7 +91,7 @@ fn time_limits_bound_the_time() {
         let Record { ended, warnings, ledger, .. } = solved(&scene, &points, &options).record;
         let taken = start.elapsed().as_secs_f64();
         // Other tests run at the same time.
-        assert!(taken < 2.0 * limit + 2.0, "{taken}");
+        assert!(taken < 4.0 * limit + 2.0, "{taken}");
         assert_eq!(ended, Ended::Time);
         assert!(warnings.iter().any(|w| w.contains("--max-seconds 1.5 ended refinement")), "{warnings:?}");
         assert!(ledger.created.abs() < 1e-2 * ledger.emitted, "{ledger:?}");
@@ -154,7 +154,10 @@ fn light_does_not_depend_on_the_unit_of_length() {
     }
     for scale in [1e-18, 1e18] {
         let refused = run(&furnace_of(0.5, scale), &[], &Options::default(), &());
-        assert!(refused.err().is_some_and(|e| e.to_string().contains("--unit") || e.to_string().contains("unit")), "{scale}");
+        assert!(
+            refused.err().is_some_and(|e| e.to_string().contains("--unit") || e.to_string().contains("unit")),
+            "{scale}"
+        );
     }
 }
 
