@@ -35,7 +35,7 @@ mod walk;
 pub use audit::Audit;
 pub use importance::View;
 pub use ledger::Ledger;
-pub use options::{Inside, Options, Rows, Visibility};
+pub use options::{Inside, Options, Oracle, Rows, Visibility};
 pub use receive::Receiver;
 pub use record::{Ended, Iteration, Outcome, Record, Seconds, Settled};
 pub use run::{More, Progress, run, run_then};
@@ -66,6 +66,7 @@ pub struct Solver<'a> {
     /// By side, whether it is important by itself.
     important: Vec<bool>,
     inside: Inside,
+    oracle: Oracle,
     /// Mean irradiance by the emitted power and the mean reflectance, W/m²: what errors are relative to.
     scale: f64,
     /// Radiosity of all elements, irradiance of all surface elements.
@@ -82,6 +83,8 @@ pub struct Solver<'a> {
     /// What the local pass found, if there was one.
     local: Option<Local>,
     tally: Tally,
+    /// Seconds that the last sweeps over all links and elements take, for each of them.
+    closing: f64,
     /// Links at which refinement stops for lack of memory.
     max_links: usize,
 }
@@ -123,6 +126,7 @@ impl<'a> Solver<'a> {
             importance: Vec::new(),
             important: Vec::new(),
             inside: options.inside,
+            oracle: options.oracle,
             scale,
             radiosity: Vec::new(),
             state: None,
@@ -132,6 +136,7 @@ impl<'a> Solver<'a> {
             light: Vec::new(),
             local: None,
             tally: Tally::default(),
+            closing: 0.0,
             max_links: options.max_links,
             elements,
         };

@@ -1,8 +1,8 @@
 //! Links whose error is too large are replaced by links of their ends' parts.
 
-use super::{Solver, histogram::Histogram};
+use super::{Solver, clock::Clock, histogram::Histogram};
 use crate::element::Shape;
-use crate::link::{Between, Care, Light, Link, Meter, Question, Scratch, Sight, Split, Tally, judge};
+use crate::link::{Between, Care, Light, Link, Meter, Question, Scratch, Sight, Split, Tally, judge, mix};
 use rayon::prelude::*;
 use std::collections::VecDeque;
 
@@ -54,7 +54,7 @@ impl<'a> Solver<'a> {
             .par_iter()
             .with_min_len(4096)
             .map(|l| {
-                let (error, split) = judge(&self.elements, l, &self.light);
+                let (error, split) = judge(&self.elements, l, &self.light, self.oracle);
                 (error * scale, split)
             })
             .collect()
@@ -94,10 +94,10 @@ impl<'a> Solver<'a> {
             let slice: Vec<_> = wave.drain(..slice.min(most).min(wave.len())).collect();
             refined.replaced += slice.len();
             let pairs = self.parts(&slice);
-            let made = self.measure(&pairs, threshold);
+            let made = self.measure(&pairs, threshold, self.seed);
             let scale = 1.0 / self.scale as f32;
             let judged: Vec<(f32, Split)> =
-                made.par_iter().with_min_len(1024).map(|l| judge(&self.elements, l, &self.light)).collect();
+                made.par_iter().with_min_len(1024).map(|l| judge(&self.elements, l, &self.light, self.oracle)).collect();
             for (link, (error, split)) in made.into_iter().zip(judged) {
                 if !once && open((error * scale, split)) {
                     wave.push_back((link, split));
@@ -160,8 +160,8 @@ impl<'a> Solver<'a> {
     }
 
     /// Measures pairs, in their order; those that exchange nothing are left out.
-    fn measure(&mut self, pairs: &[Pair], threshold: f32) -> Vec<Link> {
-        let meter = Meter { sight: self.sight_for(pairs, threshold), ..self.meter() };
+    fn measure(&mut self, pairs: &[Pair], threshold: f32, seed: u64) -> Vec<Link> {
+        let meter = Meter { sight: self.sight_for(pairs, threshold), seed, ..self.meter() };
         let made: Vec<(Vec<Link>, Tally)> = pairs
             .par_chunks(CHUNK)
             .map_init(Scratch::default, |scratch, chunk| {
@@ -180,6 +180,26 @@ impl<'a> Solver<'a> {
             self.tally.add(tally);
         }
         links
+    }
+
+    /// Measures all links anew, but those that are certain, with samples of their own. Which links are kept
+    /// depends on what was seen of them: the same samples' values are too large where most is seen, and too small where
+    /// little is. Those whose turn has not come when it is late stay as they are.
+    pub(super) fn look_again(&mut self, threshold: f32, clock: &Clock) {
+        let (certain, doubtful): (Vec<Link>, Vec<Link>) =
+            std::mem::take(&mut self.links).into_iter().partition(|l| l.rays == 0);
+        let again = |l: &Link| Pair { mixed: l.mixed(), between: l.between, ..Pair::new(l.a, l.b) };
+        let closing = self.closing * (certain.len() + doubtful.len() + self.elements.len()) as f64;
+        self.links = certain;
+        for slice in doubtful.chunks(SLICE) {
+            if clock.left() <= closing {
+                self.links.extend(slice);
+                continue;
+            }
+            let pairs: Vec<Pair> = slice.iter().map(again).collect();
+            let made = self.measure(&pairs, threshold, mix(self.seed));
+            self.links.extend(made);
+        }
     }
 
     /// The engine for a wave of pairs: exact rays where multi-resolution visibility is not likely to take less time for

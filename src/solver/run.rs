@@ -50,11 +50,12 @@ const FINE: f64 = 1e-6;
 const MOST_SWEEPS: usize = 400;
 /// Sweeps that rows and the last light are expected to take when the time is nearly up.
 const CLOSING: f64 = 12.0;
-/// Parts of the time: for the light where nothing and where points come after it, and of that for links where a local pass
-/// follows.
+/// Parts of the time: for the light where nothing and where points come after it, and of that for refining links where a
+/// local pass and where another look at all of them follows.
 const LIGHT: f64 = 0.9;
 const LIGHT_AND_POINTS: f64 = 0.75;
 const LINKS: f64 = 0.4;
+const LINKS_ALONE: f64 = 0.6;
 
 /// Diagonals of scenes whose areas and form factors 32 bits hold.
 const SMALLEST: f64 = 1e-9;
@@ -131,7 +132,7 @@ pub fn run_then<T>(
     // Points need no elements for what emitters send them directly.
     let idle = options.direct_only && !points.is_empty();
     let local = !idle && solver.local_pass(options);
-    let refining = if local { light.part(LINKS) } else { light };
+    let refining = light.part(if local { LINKS } else { LINKS_ALONE });
     let (iterations, ended) = match idle {
         true => (Vec::new(), Ended::Nothing),
         false => solve(&mut solver, options, progress, &refining),
@@ -141,6 +142,7 @@ pub fn run_then<T>(
     let mut settled = iterations.last().map_or_else(Settled::default, |(_, settled)| *settled);
     let mut bytes = 0;
     if !local {
+        solver.look_again(least(&solver, options), &light);
         let (sampled, bounded) = solver.close(&light);
         let cut = solver.cut();
         settled = solver.settle(&cut, FINE, MOST_SWEEPS, &light);
@@ -249,12 +251,9 @@ fn solve(
     if solver.scale <= 0.0 {
         return (iterations, Ended::Nothing);
     }
-    let local = solver.local_pass(options);
-    let least = (options.error * SHARE * if local { COARSE } else { 1.0 }) as f32;
+    let least = least(solver, options);
     // Links a step and what sweeps and looks take, learnt from step to step.
     let (mut work, mut sweeping) = (64.0, 0.0);
-    // Seconds that the last sweeps over all links and elements take, for each of them.
-    let mut closing = 0.0;
     let steps = (FIRST / f64::from(least)).log(STEP).ceil().max(f64::from(STEPS));
     let mut next = f64::from(least) * STEP.powf(steps);
     loop {
@@ -268,6 +267,7 @@ fn solve(
         let room =
             options.step_seconds.map_or(f64::INFINITY, |step| (step - sweeping).max(LEAST_ROOM * step));
         let late = |closing: f64, size: usize| clock.left() <= closing * size as f64;
+        let closing = solver.closing;
         let over = |size: usize| late(closing, size) || start.elapsed().as_secs_f64() > room;
         let Refined { replaced, full } = solver.refine(&errors, threshold, once, &over);
         let refining = start.elapsed().as_secs_f64();
@@ -278,7 +278,7 @@ fn solve(
         let taken = start.elapsed().as_secs_f64();
         let (links, elements) = (solver.links.len(), solver.elements.len());
         let size = links + elements;
-        closing = CLOSING * (taken - refining) / (settled.sweeps.max(1) * size) as f64;
+        solver.closing = CLOSING * (taken - refining) / (settled.sweeps.max(1) * size) as f64;
         if once {
             // A margin for the next step, which has more links; a step that was held up by others counts half.
             let now = SWEEP_MARGIN * (taken - refining);
@@ -305,7 +305,7 @@ fn solve(
             || options.target_error.is_some_and(|t| solver.error_estimate(&solver.uncertainty()) <= t);
         let ended = if clock.interrupted() {
             Ended::Interrupted
-        } else if late(closing, size) {
+        } else if late(solver.closing, size) {
             Ended::Time
         } else if full {
             Ended::Links
@@ -353,6 +353,12 @@ fn unsettled(settled: &Settled, bounded: usize, clock: &Clock) -> Vec<String> {
         ));
     }
     notes
+}
+
+/// The error that links are refined to, relative to the mean irradiance.
+fn least(solver: &Solver, options: &Options) -> f32 {
+    let coarse = if solver.local_pass(options) { COARSE } else { 1.0 };
+    (options.error * SHARE * coarse) as f32
 }
 
 impl Solver<'_> {
