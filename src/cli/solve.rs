@@ -7,7 +7,9 @@ use mrvis::files::WholeFile;
 use mrvis::output::number;
 use mrvis::points::{Irradiance, Point, read_points, write_irradiance};
 use mrvis::scene::{Scene, StoredCamera};
-use mrvis::solver::{self, Inside, More, Options, Oracle, Outcome, Progress, Record, Rows, Versus, View, Visibility};
+use mrvis::solver::{
+    self, Inside, More, Options, Oracle, Outcome, Progress, Record, Rows, Versus, View, Visibility,
+};
 use mrvis::{Error, Result};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

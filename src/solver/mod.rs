@@ -16,6 +16,7 @@ mod iterate;
 mod lamps;
 mod ledger;
 mod local;
+mod notes;
 mod options;
 mod prepare;
 mod probe;
@@ -26,6 +27,7 @@ mod rows;
 mod run;
 mod scaling;
 mod show;
+mod steps;
 mod system;
 #[cfg(test)]
 mod tests;

@@ -96,8 +96,11 @@ impl<'a> Solver<'a> {
             let pairs = self.parts(&slice);
             let made = self.measure(&pairs, threshold, self.seed);
             let scale = 1.0 / self.scale as f32;
-            let judged: Vec<(f32, Split)> =
-                made.par_iter().with_min_len(1024).map(|l| judge(&self.elements, l, &self.light, self.oracle)).collect();
+            let judged: Vec<(f32, Split)> = made
+                .par_iter()
+                .with_min_len(1024)
+                .map(|l| judge(&self.elements, l, &self.light, self.oracle))
+                .collect();
             for (link, (error, split)) in made.into_iter().zip(judged) {
                 if !once && open((error * scale, split)) {
                     wave.push_back((link, split));

@@ -1,10 +1,10 @@
 //! Row sums of the form factors along links: what they are, what they must be, and how they are made so.
 
 use super::clock::Clock;
-use super::{Solver, mean};
 use super::cut::{Closure, Cut};
 use super::field::{Incoming, Outgoing, Rgb, gather};
 use super::options::Rows;
+use super::{Solver, mean};
 use crate::element::{Element, Shape};
 use crate::link::{Question, Scratch, cosine_direction, point_on};
 use crate::ray::{LANES, Packet};

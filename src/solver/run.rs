@@ -2,9 +2,10 @@
 
 use super::clock::Clock;
 use super::field::Rgb;
+use super::notes::unsettled;
 use super::prepare::Prepared;
-use super::record::{Ended, Iteration, Outcome, Record, Seconds, Settled};
-use super::refine::Refined;
+use super::record::{Ended, Outcome, Record, Seconds, Settled};
+use super::steps::{least, solve};
 use super::{Options, Receiver, Solver, probe};
 use crate::element::Elements;
 use crate::facts::SceneFacts;
@@ -31,25 +32,9 @@ impl Progress for () {
     }
 }
 
-/// Link errors that are refined, as part of the error asked for: many links end at an element, and their errors add up.
-const SHARE: f64 = 0.01;
-/// How many times larger they may be where a local pass follows: there links are only where it starts.
-const COARSE: f64 = 4.0;
-/// Each step's threshold is this much below the last one's, starting so many steps above the final one and not below this
-/// error: what is refined by halves when the time is up is then the last of many steps.
-const STEP: f64 = 4.0;
-const STEPS: i32 = 4;
-const FIRST: f64 = 0.05;
-/// Part of a step that is for refinement at least, and how much longer sweeps may take than last time.
-const LEAST_ROOM: f64 = 0.05;
-const SWEEP_MARGIN: f64 = 1.2;
-/// Change of the radiosity at which sweeps end: between steps and at the end.
-const ROUGH: f64 = 3e-3;
+/// Change of the radiosity at which the last sweeps end, and how many there are at most.
 const FINE: f64 = 1e-6;
-/// Sweeps at the end, at most.
 const MOST_SWEEPS: usize = 400;
-/// Sweeps that rows and the last light are expected to take when the time is nearly up.
-const CLOSING: f64 = 12.0;
 /// Parts of the time: for the light where nothing and where points come after it, and of that for refining links where a
 /// local pass and where another look at all of them follows.
 const LIGHT: f64 = 0.9;
@@ -240,130 +225,9 @@ pub fn run_then<T>(
     then(outcome, &|points| receiver.irradiance(&asked(points)).0)
 }
 
-/// Refines in steps until the error asked for is reached or time is up. Says how the light settled after each.
-fn solve(
-    solver: &mut Solver,
-    options: &Options,
-    progress: &dyn Progress,
-    clock: &Clock,
-) -> (Vec<(Iteration, Settled)>, Ended) {
-    let mut iterations = Vec::new();
-    if solver.scale <= 0.0 {
-        return (iterations, Ended::Nothing);
-    }
-    let least = least(solver, options);
-    // Links a step and what sweeps and looks take, learnt from step to step.
-    let (mut work, mut sweeping) = (64.0, 0.0);
-    let steps = (FIRST / f64::from(least)).log(STEP).ceil().max(f64::from(STEPS));
-    let mut next = f64::from(least) * STEP.powf(steps);
-    loop {
-        let start = Instant::now();
-        let errors = solver.errors();
-        let once = options.step_seconds.is_some();
-        let threshold = match once {
-            true => solver.threshold(&errors, work as usize, least),
-            false => (next as f32).max(least),
-        };
-        let room =
-            options.step_seconds.map_or(f64::INFINITY, |step| (step - sweeping).max(LEAST_ROOM * step));
-        let late = |closing: f64, size: usize| clock.left() <= closing * size as f64;
-        let closing = solver.closing;
-        let over = |size: usize| late(closing, size) || start.elapsed().as_secs_f64() > room;
-        let Refined { replaced, full } = solver.refine(&errors, threshold, once, &over);
-        let refining = start.elapsed().as_secs_f64();
-        let cut = solver.cut();
-        let settled = solver.settle(&cut, ROUGH, if once { 1 } else { 12 }, clock);
-        solver.spread_importance(&cut);
-        solver.look();
-        let taken = start.elapsed().as_secs_f64();
-        let (links, elements) = (solver.links.len(), solver.elements.len());
-        let size = links + elements;
-        solver.closing = CLOSING * (taken - refining) / (settled.sweeps.max(1) * size) as f64;
-        if once {
-            // A margin for the next step, which has more links; a step that was held up by others counts half.
-            let now = SWEEP_MARGIN * (taken - refining);
-            sweeping = if sweeping > 0.0 { 0.5 * (sweeping + now) } else { now };
-            let factor = room * replaced.max(1) as f64 / (refining.max(1e-6) * work);
-            work = (work * factor.clamp(0.25, 2.0)).max(1.0);
-        }
-        let iteration = Iteration {
-            seconds: taken,
-            links,
-            elements,
-            refined: replaced,
-            error_bound: threshold.into(),
-            residual: settled.residual,
-        };
-        iterations.push((iteration, settled));
-        progress.stage(&format!("{links} links, error {threshold:.2e}"));
-        next /= STEP;
-        let is_done = match once {
-            true => replaced == 0,
-            false => f64::from(threshold) <= f64::from(least),
-        };
-        let reached =
-            || options.target_error.is_some_and(|t| solver.error_estimate(&solver.uncertainty()) <= t);
-        let ended = if clock.interrupted() {
-            Ended::Interrupted
-        } else if late(solver.closing, size) {
-            Ended::Time
-        } else if full {
-            Ended::Links
-        } else if is_done {
-            Ended::Error
-        } else if reached() {
-            Ended::Target
-        } else {
-            continue;
-        };
-        return (iterations, ended);
-    }
-}
-
-impl Ended {
-    /// What a user should know, if refinement ended before the error asked for.
-    fn note(self, options: &Options, last: Option<&Iteration>, estimate: f64) -> Option<String> {
-        let why = match self {
-            Ended::Error | Ended::Target | Ended::Interrupted | Ended::Nothing => return None,
-            Ended::Time => format!("--max-seconds {}", options.max_seconds.unwrap_or_default()),
-            Ended::Links => format!("--max-links {}", options.max_links),
-        };
-        let bound = last.map_or(f64::INFINITY, |i| i.error_bound);
-        let error = options.error;
-        Some(format!(
-            "{why} ended refinement before --error {error} was reached: links with errors below {bound:.1e} are as they were, \
-             the estimated error is {estimate:.2e}"
-        ))
-    }
-}
-
-/// What a user should know about light that has not settled although there was time, and about leaves that were bounded.
-fn unsettled(settled: &Settled, bounded: usize, clock: &Clock) -> Vec<String> {
-    let mut notes = Vec::new();
-    if bounded > 0 {
-        notes.push(format!(
-            "the links of {bounded} elements bring more light than form factors can: cut down, so that light does not grow \
-             without end (--rows balanced, --inside visible or a smaller --error avoid it)"
-        ));
-    }
-    if !settled.converged && !clock.late() {
-        notes.push(format!(
-            "the light has not settled after {} sweeps: it still changes by {:.1e} of itself",
-            settled.sweeps, settled.residual
-        ));
-    }
-    notes
-}
-
-/// The error that links are refined to, relative to the mean irradiance.
-fn least(solver: &Solver, options: &Options) -> f32 {
-    let coarse = if solver.local_pass(options) { COARSE } else { 1.0 };
-    (options.error * SHARE * coarse) as f32
-}
-
 impl Solver<'_> {
     /// Whether a local pass is to follow refinement: in scenes with clusters.
-    fn local_pass(&self, options: &Options) -> bool {
+    pub(super) fn local_pass(&self, options: &Options) -> bool {
         self.elements.large_from > 0 && options.local_rays() > 0 && !options.direct_only && self.scale > 0.0
     }
 
