@@ -24,7 +24,7 @@ const LEAST: f64 = 4.0;
 const MOST: f64 = 4096.0;
 /// When it is late: rays of an element at least, and those that all share.
 const LATE_LEAST: f64 = 1.0;
-const LATE: f64 = 1e5;
+pub(super) const LATE: f64 = 1e5;
 /// Leaves whose rays are timed to see how many there is time for, about, and the rays of each.
 const TIMED: usize = 2000;
 const TIMED_RAYS: u32 = 16;

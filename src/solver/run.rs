@@ -2,6 +2,7 @@
 
 use super::clock::Clock;
 use super::field::Rgb;
+use super::local::LATE;
 use super::notes::unsettled;
 use super::prepare::Prepared;
 use super::record::{Ended, Outcome, Record, Seconds, Settled};
@@ -42,9 +43,9 @@ const LIGHT_AND_POINTS: f64 = 0.75;
 const LINKS: f64 = 0.4;
 const LINKS_ALONE: f64 = 0.6;
 
-/// Diagonals of scenes whose areas and form factors 32 bits hold.
+/// Diagonals of scenes whose areas, and the squares of large ones, 32 bits hold.
 const SMALLEST: f64 = 1e-9;
-const LARGEST: f64 = 1e12;
+const LARGEST: f64 = 5e9;
 
 const NOT_FINITE: &str = "the light in this scene is beyond all numbers: give it in other units of length or power, so that \
      neither are far from 1";
@@ -147,9 +148,7 @@ pub fn run_then<T>(
                 true => Receiver::new(scene, &solver, traced, options).affordable(all, &light),
                 false => Some(all).filter(|_| !light.late()),
             };
-            if let Some(rays) = rays {
-                solver.split_all(options.local_area(rays) * area);
-            }
+            solver.split_all(options.local_area(rays.unwrap_or(LATE)).max(finest) * area);
             Receiver::new(scene, &solver, traced, options).local(rays, &light)
         });
         settled_local = Some(found.settled);

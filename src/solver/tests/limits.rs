@@ -152,12 +152,9 @@ fn light_does_not_depend_on_the_unit_of_length() {
         }
         assert!((outcome.record.mean_irradiance[0] / 2.0 - 1.0).abs() < 2e-3, "{scale}");
     }
-    for scale in [1e-18, 1e18] {
+    for scale in [1e-10, 1e10] {
         let refused = run(&furnace_of(0.5, scale), &[], &Options::default(), &());
-        assert!(
-            refused.err().is_some_and(|e| e.to_string().contains("--unit") || e.to_string().contains("unit")),
-            "{scale}"
-        );
+        assert!(refused.err().is_some_and(|e| e.to_string().contains("another unit")), "{scale}");
     }
 }
 
