@@ -20,6 +20,7 @@ mod notes;
 mod options;
 mod prepare;
 mod probe;
+mod reach;
 mod receive;
 mod record;
 mod refine;

@@ -5,8 +5,9 @@ use super::cut::{Closure, Cut};
 use super::field::{Incoming, Outgoing, Rgb, gather};
 use super::options::Rows;
 use super::{Solver, mean};
-use crate::element::{Element, Shape};
-use crate::link::{Question, Scratch, cosine_direction, point_on};
+use crate::element::{Element, Elements, Shape};
+use crate::embree::Hits;
+use crate::link::{cosine_direction, point_on};
 use crate::ray::{LANES, Packet};
 use rayon::prelude::*;
 use sobol_burley::sample_4d;
@@ -117,7 +118,7 @@ impl Solver<'_> {
         (0..elements.len())
             .into_par_iter()
             .with_min_len(64)
-            .map_init(Scratch::default, |scratch, e| {
+            .map(|e| {
                 let element = &elements[e];
                 match element.shape {
                     Shape::Surface { side, .. } if element.is_leaf() => {
@@ -129,7 +130,7 @@ impl Solver<'_> {
                         }
                         // What much light comes from, or goes to, must be known well.
                         let share = (element.area / self.elements.area).max(power(element) / emitted);
-                        self.met(e, ((RAYS * share) as usize).clamp(LEAST_RAYS, MOST_RAYS) / LANES, scratch)
+                        self.met(e, ((RAYS * share) as usize).clamp(LEAST_RAYS, MOST_RAYS) / LANES)
                     }
                     _ => 0.0,
                 }
@@ -137,13 +138,13 @@ impl Solver<'_> {
             .collect()
     }
 
-    /// Part of the rays from a leaf that meet something, by so many times sixteen.
-    fn met(&self, e: usize, packets: usize, scratch: &mut Scratch) -> f64 {
+    /// Part of the rays from a leaf that meet a side that light can reach, by so many times sixteen.
+    fn met(&self, e: usize, packets: usize) -> f64 {
         let Shape::Surface { side, corners } = &self.elements.elements[e].shape else { return 0.0 };
         let normal = self.elements.sides[*side as usize].normal;
         let length = 1.01 * self.elements.clusters[0].bounds.diagonal();
-        let sight = self.sight.scattered();
-        let mut met = 0.0;
+        let exact = self.sight.exact();
+        let mut met = 0;
         for k in 0..packets {
             let mut packet = Packet::EMPTY;
             for lane in 0..LANES {
@@ -151,11 +152,19 @@ impl Solver<'_> {
                 let from = point_on(corners, u, v);
                 packet.set(lane, from, from + length * cosine_direction(normal, p, q), self.ends);
             }
-            let question = Question { packet, emitter_size: 0.0, feature_size: 0.0 };
-            let through = sight.transmittances(&question, scratch);
-            met += through.into_iter().map(|t| 1.0 - f64::from(t)).sum::<f64>();
+            let mut hits = [Hits::NONE];
+            exact.scene.first_hits(exact.traversal, std::slice::from_ref(&packet), &mut hits);
+            met += (0..LANES)
+                .filter(|&lane| match hits[0].triangle[lane] {
+                    Hits::NOTHING => false,
+                    t => {
+                        let direction = packet.point(lane, 1.0) - packet.point(lane, 0.0);
+                        self.elements.met(t, direction) != Elements::NONE
+                    }
+                })
+                .count();
         }
-        met / (packets * LANES) as f64
+        met as f64 / (packets * LANES) as f64
     }
 }
 

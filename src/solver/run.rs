@@ -7,7 +7,7 @@ use super::notes::unsettled;
 use super::prepare::Prepared;
 use super::record::{Ended, Outcome, Record, Seconds, Settled};
 use super::steps::{least, solve};
-use super::{Options, Receiver, Solver, probe};
+use super::{Options, Receiver, Solver, probe, reach};
 use crate::element::Elements;
 use crate::facts::SceneFacts;
 use crate::link::Sight;
@@ -90,16 +90,30 @@ pub fn run_then<T>(
     let area = areas(scene);
     let finest = options.local_area(options.local_rays() as f64);
     let (elements, found) = timed(&mut seconds.elements, || {
+        let length = 1.01 * scene.bounds.diagonal();
+        let look = |elements: &Elements| {
+            probe::probe(elements, exact.scene, exact.traversal, ends, length, options.seed)
+        };
         // Ids for all that the local pass splits.
         let build = |entered: &[u32]| {
             let mut elements = Elements::build(scene, &prepared.hierarchy, finest * area, entered);
             elements.min_area = options.min_area * area;
-            let length = 1.01 * scene.bounds.diagonal();
-            let found = probe::probe(&elements, exact.scene, exact.traversal, ends, length, options.seed);
+            let found = look(&elements);
             (elements, found)
         };
         let (elements, found) = build(&[]);
-        if found.entered.is_empty() || clock.late() { (elements, found) } else { build(&found.entered) }
+        if clock.late() {
+            return (elements, found);
+        }
+        let (elements, found) =
+            if found.entered.is_empty() { (elements, found) } else { build(&found.entered) };
+        let unlit = reach::unlit(scene, &elements, exact, ends, options.seed);
+        if unlit.is_empty() {
+            return (elements, found);
+        }
+        let elements = elements.without(&unlit, scene, &prepared.hierarchy);
+        let found = look(&elements);
+        (elements, found)
     });
     let engine = timed(&mut seconds.characterise, || prepared.engine(scene, &elements, ends, options));
     let sight = engine.as_ref().map_or(Sight::Exact(exact), Sight::MultiResolution);
