@@ -52,6 +52,8 @@ impl Kernel for EveryOperation {
             ("and_not", truth(simd.and_not(m, simd.lt(a, b)))),
             ("mask", truth(m)),
             ("fma", words(simd.fma(a, b, simd.abs(a)))),
+            ("sum_twos", words(simd.sum_twos(a))),
+            ("sum_fours", words(simd.sum_fours(a))),
             ("sum", vec![simd.sum(a).to_bits()]),
             ("decay", words(decay(simd, simd.abs(a)))),
         ]
