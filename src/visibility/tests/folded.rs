@@ -2,13 +2,15 @@
 
 use super::*;
 use crate::ray::gather_neighbours;
+use crate::simd::Isa;
 
 /// The same segments in another order, in which neighbouring lanes end far apart, pass one by one: the answers are the
-/// same on the average, and nearly the same each.
+/// same on the average, and nearly the same each. And they are the same bits on every instruction set.
 #[test]
 fn neighbours_pass_as_one() {
     let stage = Stage::generated("forest");
     let engine = stage.engine(Leaf::Exact);
+    let others = [Isa::Avx2, Isa::Portable].map(|isa| stage.engine(Leaf::Exact).with_isa(isa));
     let ends = end_rule(&stage.scene);
     let emitter = &stage.scene.emitters[0];
     let surfaces: Vec<u32> =
@@ -29,8 +31,15 @@ fn neighbours_pass_as_one() {
                 (0..n).for_each(|i| bundle[i / LANES].set(i % LANES, from, to(i), ends));
                 let question = Bundle { packets: &bundle, emitter_size: emitter.min_width, emitter: &[] };
                 let answer = engine.answer(question, s, &mut workspace);
+                let sums = workspace.sums().to_vec();
+                for other in &others {
+                    let again = other.answer(question, s, &mut workspace);
+                    let bits = |a: Answer| [a.transmittance, a.lo, a.hi].map(f32::to_bits);
+                    assert_eq!((bits(again), again.cost), (bits(answer), answer.cost));
+                    assert_eq!(workspace.sums(), sums);
+                }
                 // What is said of packets is what is said of the bundle.
-                let whole: f32 = workspace.sums().iter().sum::<f32>() / n as f32;
+                let whole: f32 = sums.iter().sum::<f32>() / n as f32;
                 let silent = answer.cost.handed_over > 0 || answer.method == Method::Clear;
                 assert!(silent || (whole - answer.transmittance).abs() < 1e-5, "{whole}: {answer:?}");
                 answer
