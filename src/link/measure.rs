@@ -1,7 +1,8 @@
 //! The coupling of two elements: unoccluded exchange and transmittance.
 
 use super::ends::{Ends, four, gauss, kernel, mix};
-use super::{Link, Question, Scratch, Sight};
+use super::between::between;
+use super::{Between, Link, Question, Scratch, Sight};
 use crate::element::{Element, Elements, Shape, facing};
 use crate::form_factor::{point_to_polygon, polygon_to_polygon};
 use crate::ray::{EndRule, LANES, Packet};
@@ -59,6 +60,10 @@ pub struct Care {
     /// Standard deviation that the transmittance of a segment is expected to have, in `[0, 1/2]`: where it is small, few
     /// segments say as much as many.
     pub mixed: f32,
+    /// What is known to stand between surfaces that the ends are parts of.
+    pub between: Between,
+    /// Whether rays between those found no way: then it is worth looking for a surface that hides all.
+    pub hidden: bool,
     /// Whether it is the first end whose light matters more: features are those of its shadows.
     pub first_receives: bool,
 }
@@ -71,6 +76,7 @@ pub struct Draft {
     free: [f32; 2],
     deviation: [f32; 2],
     weights: [f32; LANES],
+    between: Between,
 }
 
 impl Meter<'_> {
@@ -86,15 +92,22 @@ impl Meter<'_> {
     /// far ones by the kernel alone. Clusters: an unbiased estimate over their sides, drawn with a preference for those
     /// that face the other end. Visibility is asked for the same points, weighted by their kernel, for all pairs together.
     pub fn measure_all(&self, pairs: &[([u32; 2], Care)], scratch: &mut Scratch) -> Vec<Link> {
+        let mut links = Vec::with_capacity(pairs.len());
         let (mut drafts, mut questions) = (Vec::with_capacity(pairs.len()), Vec::with_capacity(pairs.len()));
         for &([a, b], care) in pairs {
-            if let Some((draft, question)) = self.draft(a, b, care) {
-                drafts.push(draft);
+            let Some((draft, question)) = self.draft(a, b, care) else { continue };
+            links.push(draft.link(&Packet::EMPTY, &[0.0; LANES]));
+            if !question.packet.is_empty() {
+                drafts.push((links.len() - 1, draft));
                 questions.push(question);
+            } else if draft.between == Between::NOTHING {
+                scratch.tally.clear += 1;
             }
         }
-        let mut links = Vec::with_capacity(drafts.len());
-        self.sight.ask(&questions, scratch, |k, seen| links.push(drafts[k].link(&questions[k].packet, seen)));
+        self.sight.ask(&questions, scratch, |k, seen| {
+            let (place, draft) = &drafts[k];
+            links[*place] = draft.link(&questions[k].packet, seen);
+        });
         links
     }
 
@@ -185,6 +198,17 @@ impl Meter<'_> {
         if free <= 0.0 {
             return None;
         }
+        // A certificate first: it needs no ray and leaves no doubt, for the parts neither.
+        let between =
+            between(self.elements, [ca, cb], [na, nb], self.ends, care.between, care.hidden);
+        if between == Between::WALL {
+            return None;
+        }
+        if between == Between::NOTHING {
+            let draft =
+                Draft { ids, swapped: false, free: [free; 2], deviation, weights: [0.0; LANES], between };
+            return Some((draft, question(Packet::EMPTY, [shortest(ca), shortest(cb)], care)));
+        }
         // Lane i + 4 j: point i of a, point j of b.
         let (pa, pb) = (four(ca, seed), four(cb, mix(seed)));
         let weights: [f32; LANES] =
@@ -197,7 +221,7 @@ impl Meter<'_> {
                 self.set(&mut packet, l, [pa[l & 3], pb[l >> 2]], care);
             }
         }
-        let draft = Draft { ids, swapped: false, free: [free; 2], deviation, weights };
+        let draft = Draft { ids, swapped: false, free: [free; 2], deviation, weights, between };
         Some((draft, question(packet, [shortest(ca), shortest(cb)], care)))
     }
 
@@ -246,7 +270,14 @@ impl Meter<'_> {
         if self.inside != Inside::Visible {
             self.between_boxes(&mut packet, if care.first_receives { [ea, eb] } else { [eb, ea] });
         }
-        let draft = Draft { ids, swapped: false, free: [free, model], deviation, weights };
+        let draft = Draft {
+            ids,
+            swapped: false,
+            free: [free, model],
+            deviation,
+            weights,
+            between: Between::SOMETHING,
+        };
         Some((draft, question(packet, [ea.radius, eb.radius], care)))
     }
 
@@ -297,12 +328,13 @@ fn question(packet: Packet, [a, b]: [f32; 2], care: Care) -> Question {
 }
 
 impl Draft {
-    /// Puts unoccluded coupling and visibility together.
+    /// Puts unoccluded coupling and visibility together; a link without a segment counts as clear.
     fn link(&self, packet: &Packet, seen: &[f32; LANES]) -> Link {
-        let Draft { ids, swapped, free: [free, scale], deviation, weights } = self;
+        let Draft { free: [free, scale], deviation, weights, between, .. } = *self;
         if packet.is_empty() {
-            // Only slivers face each other; a link without a segment counts as clear.
-            return link(*ids, *swapped, *free, 1.0, *deviation, *free, 0);
+            // Without a certificate only slivers face each other.
+            let noise = if between == Between::NOTHING { 0.0 } else { free };
+            return self.with(1.0, deviation, noise, 0);
         }
         let (mut sum, mut visible, mut squares) = (0.0, 0.0, 0.0);
         for l in packet.lanes() {
@@ -318,21 +350,15 @@ impl Draft {
         let shadow = scale * mixed.max(hidden).max(UNSEEN * transmittance);
         let noise = shadow / n.sqrt();
         let variation = deviation.map(|d| (d * transmittance).hypot(shadow));
-        link(*ids, *swapped, *free, transmittance, variation, noise, packet.len() as u32)
+        self.with(transmittance, variation, noise, packet.len() as u32)
     }
-}
 
-fn link(
-    [a, b]: [u32; 2],
-    swapped: bool,
-    free: f32,
-    transmittance: f32,
-    [of_a, of_b]: [f32; 2],
-    noise: f32,
-    rays: u32,
-) -> Link {
-    let (a, b, variation) = if swapped { (b, a, [of_b, of_a]) } else { (a, b, [of_a, of_b]) };
-    Link { a, b, coupling: free * transmittance, transmittance, variation, noise, rays }
+    fn with(&self, transmittance: f32, [of_a, of_b]: [f32; 2], noise: f32, rays: u32) -> Link {
+        let [a, b] = self.ids;
+        let (a, b, variation) = if self.swapped { (b, a, [of_b, of_a]) } else { (a, b, [of_a, of_b]) };
+        let coupling = self.free[0] * transmittance;
+        Link { a, b, coupling, transmittance, variation, noise, rays, between: self.between }
+    }
 }
 
 /// Mean and standard deviation of values with weights whose sum is 1.

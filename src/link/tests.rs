@@ -11,7 +11,7 @@ use glam::DVec3;
 /// Links of the first and the second surface of a scene, both ways, by `sides` that face each other.
 fn coupling(pieces: Pieces, worth: f32, seed: u64) -> Option<(Link, f64)> {
     staged_with(pieces, seed, |meter, [a, b]| {
-        let care = Care { worth, feature_size: 1.0, mixed: 0.5, first_receives: true };
+        let care = Care { worth, feature_size: 1.0, mixed: 0.5, between: Between::SOMETHING, hidden: false, first_receives: true };
         let link = meter.measure(a, b, care, &mut Scratch::default())?;
         let back = meter.measure(b, a, care, &mut Scratch::default()).expect("both ways or none");
         assert!(link.coupling == back.coupling, "{link:?} {back:?}");
@@ -109,7 +109,7 @@ fn features_are_those_of_the_end_that_receives() {
     staged(unequal(), |meter, [low, high]| {
         for (a, b) in [(low, high), (high, low)] {
             for first_receives in [true, false] {
-                let care = Care { worth: 1e3, feature_size: 0.3, mixed: 0.5, first_receives };
+                let care = Care { worth: 1e3, feature_size: 0.3, mixed: 0.5, between: Between::SOMETHING, hidden: false, first_receives };
                 let (_, question) = meter.draft(a, b, care).expect("they face each other");
                 let receiver = if first_receives { a } else { b };
                 // Segments start at the receiver; the other end is the emitter, and its width counts.
@@ -127,7 +127,7 @@ fn features_are_those_of_the_end_that_receives() {
 fn few_segments_where_visibility_is_certain() {
     staged(opposed(1.0), |meter, [low, high]| {
         let rays = |worth: f32, mixed: f32| {
-            let care = Care { worth, feature_size: 1.0, mixed, first_receives: true };
+            let care = Care { worth, feature_size: 1.0, mixed, between: Between::SOMETHING, hidden: false, first_receives: true };
             meter.measure(low, high, care, &mut Scratch::default()).expect("they face each other").rays
         };
         // What the coupling is worth, 1 to 5, times how mixed visibility may be.

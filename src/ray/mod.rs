@@ -146,11 +146,16 @@ impl EndRule {
         EndRule { magnitude }
     }
 
+    /// A few roundings of the scene's coordinates, scene units.
+    pub fn slack(self) -> f32 {
+        4e-7 * self.magnitude
+    }
+
     /// Margin at either end of a segment of this length, a parameter in `(0, 0.05]`.
     #[inline]
     pub fn margin(self, length: f32) -> f32 {
         // `min` also mends the NaN of a segment without length.
-        (Self::LEAST + 4e-7 * self.magnitude / length).min(Self::MOST)
+        (Self::LEAST + self.slack() / length).min(Self::MOST)
     }
 }
 

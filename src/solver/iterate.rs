@@ -4,19 +4,8 @@ use super::Solver;
 use super::cut::{Closure, Cut, Kind};
 use super::field::{Incoming, Outgoing, Rgb, add, gather};
 use super::local::Local;
-use super::options::Rows;
 use crate::element::Shape;
 
-/// A leaf without a way out that sees hardly anything along its links is not mended: nothing is known of it.
-const NOTHING: f64 = 0.1;
-/// Row sums of other leaves above this are wrong.
-const TOO_MUCH: f64 = 1.25;
-/// Most rounds of balancing, and the root mean square error of the row sums (by area) at which it ends.
-const ROUNDS: usize = 20;
-const BALANCED: f64 = 3e-5;
-/// Least and largest factor of a leaf.
-const LEAST: f32 = 1e-4;
-const MOST: f32 = 4.0;
 /// Least and largest factor by which the reflected light is scaled after a sweep.
 const LEAST_SCALE: f64 = 0.2;
 const MOST_SCALE: f64 = 50.0;
@@ -84,67 +73,6 @@ impl Solver<'_> {
             }
         }
         self.radiosity = radiosity;
-    }
-
-    /// The sum of each surface element's form factors along its links, before it is multiplied by its own closure: the
-    /// irradiance that radiosity 1 everywhere would cause.
-    pub(super) fn row_sums(&self, cut: &Cut) -> Vec<f64> {
-        let of = |&e: &u32| [f64::from(self.closure[e as usize].sends); 3];
-        let surfaces: Vec<Rgb> = cut.elements[cut.clusters..].iter().map(of).collect();
-        let ones = Outgoing::pull(&self.elements, cut, &surfaces, |_, r| cut.responses[r].ones);
-        let Incoming { clusters, surfaces } = gather(&self.elements, cut, &ones);
-        cut.expand(&self.elements, &clusters, &surfaces).into_iter().map(|e| e[0]).collect()
-    }
-
-    /// Makes the row sums of leaves that see no way out 1: rows of closed scenes sum up to 1 (method E.7), and what
-    /// sampling errors add or take away would be multiplied by every bounce.
-    ///
-    /// Returns the row sums there were.
-    pub(super) fn close(&mut self) -> Vec<f64> {
-        self.closure.fill(Closure::NONE);
-        let mut cut = self.cut();
-        let sampled = self.row_sums(&cut);
-        let mut sums = sampled.clone();
-        for _ in 0..if self.rows == Rows::Balanced { ROUNDS } else { 1 } {
-            let (mut off, mut all) = (0.0, 0.0);
-            for (e, &sum) in sums.iter().enumerate() {
-                let before = self.closure[e].gathers;
-                let missing = self.missing(e, f64::from(before) * sum);
-                self.closure[e] = match self.rows {
-                    Rows::Sampled => Closure::NONE,
-                    Rows::Closed => Closure { gathers: missing as f32, sends: 1.0 },
-                    Rows::Balanced => {
-                        let factor = (before * missing.sqrt() as f32).clamp(LEAST, MOST);
-                        Closure { gathers: factor, sends: factor }
-                    }
-                };
-                let element = &self.elements.elements[e];
-                if element.is_leaf() && self.closure[e].gathers < MOST && missing != 1.0 {
-                    off += element.area * (1.0 / missing - 1.0).powi(2);
-                    all += element.area;
-                }
-            }
-            if off <= BALANCED * BALANCED * all {
-                break;
-            }
-            cut.reclose(&self.elements, &self.closure);
-            sums = self.row_sums(&cut);
-        }
-        // What balancing has left is made up where it is gathered.
-        for (e, &sum) in sums.iter().enumerate().filter(|_| self.rows == Rows::Balanced) {
-            let row = f64::from(self.closure[e].gathers) * sum;
-            if row > TOO_MUCH || (row > 1.0 / TOO_MUCH && self.missing(e, row) != 1.0) {
-                self.closure[e].gathers /= row as f32;
-            }
-        }
-        sampled
-    }
-
-    /// What a leaf must gather more, by its row sum.
-    fn missing(&self, e: usize, sum: f64) -> f64 {
-        let Shape::Surface { side, .. } = self.elements.elements[e].shape else { return 1.0 };
-        let closed = self.probe.closed[side as usize] && sum > NOTHING;
-        if closed || sum > TOO_MUCH { 1.0 / sum } else { 1.0 }
     }
 
     /// Sweeps until the radiosity changes by less than `tolerance` of itself (area-weighted mean), `most` times at most,

@@ -21,6 +21,7 @@ mod probe;
 mod receive;
 mod record;
 mod refine;
+mod rows;
 mod run;
 mod scaling;
 mod show;
@@ -41,7 +42,7 @@ pub use scaling::{Scaling, ScalingRow, check_scaling, scaling};
 pub use versus::{Versus, versus};
 
 use crate::element::Elements;
-use crate::link::{Light, Link, Meter, Sight, Tally};
+use crate::link::{Between, Light, Link, Meter, Sight, Tally};
 use crate::ray::EndRule;
 use field::{Incoming, Rgb};
 use local::Local;
@@ -108,6 +109,7 @@ impl<'a> Solver<'a> {
             variation: [elements.area as f32; 2],
             noise: elements.area as f32,
             rays: 0,
+            between: Between::SOMETHING,
         };
         let mut solver = Solver {
             links: vec![root],

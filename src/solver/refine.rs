@@ -2,7 +2,7 @@
 
 use super::{Solver, histogram::Histogram};
 use crate::element::Shape;
-use crate::link::{Care, Light, Link, Meter, Question, Scratch, Sight, Split, Tally, judge};
+use crate::link::{Between, Care, Light, Link, Meter, Question, Scratch, Sight, Split, Tally, judge};
 use rayon::prelude::*;
 
 /// Links refined between two looks at the clock.
@@ -20,10 +20,18 @@ struct Pair {
     b: u32,
     /// What the link that held them says of visibility: [`Link::mixed`].
     mixed: f32,
+    /// What it knows to stand between its ends.
+    between: Between,
+    /// Whether none of its segments got through.
+    hidden: bool,
 }
 
-/// [`Pair::mixed`] where nothing was measured.
-const UNKNOWN: f32 = 0.5;
+impl Pair {
+    /// Two elements of which nothing is known.
+    fn new(a: u32, b: u32) -> Pair {
+        Pair { a, b, mixed: 0.5, between: Between::SOMETHING, hidden: false }
+    }
+}
 
 impl<'a> Solver<'a> {
     /// Errors of all links, relative to the scene's mean irradiance, and the ends to split.
@@ -94,19 +102,20 @@ impl<'a> Solver<'a> {
             self.open(end);
             let children = self.elements.elements[end as usize].child_range();
             if link.a != link.b {
-                let mixed = link.mixed();
-                pairs.extend(children.map(|c| Pair { a: c as u32, b: other, mixed }));
+                let known = Pair {
+                    mixed: link.mixed(),
+                    between: link.between,
+                    hidden: link.transmittance == 0.0,
+                    ..Pair::new(0, other)
+                };
+                pairs.extend(children.map(|c| Pair { a: c as u32, ..known }));
                 continue;
             }
             for c in children.clone() {
                 if self.elements.elements[c].is_cluster() {
-                    pairs.push(Pair { a: c as u32, b: c as u32, mixed: UNKNOWN });
+                    pairs.push(Pair::new(c as u32, c as u32));
                 }
-                pairs.extend((c + 1..children.end).map(|d| Pair {
-                    a: c as u32,
-                    b: d as u32,
-                    mixed: UNKNOWN,
-                }));
+                pairs.extend((c + 1..children.end).map(|d| Pair::new(c as u32, d as u32)));
             }
         }
         pairs
@@ -182,11 +191,12 @@ impl<'a> Solver<'a> {
             variation: [coupling; 2],
             noise: 0.3 * coupling,
             rays: 0,
+            between: Between::SOMETHING,
         }
     }
 
     /// How much an error of the coupling of two elements matters.
-    fn care(&self, &Pair { a, b, mixed }: &Pair, threshold: f32) -> Care {
+    fn care(&self, &Pair { a, b, mixed, between, hidden }: &Pair, threshold: f32) -> Care {
         let worth = |receiver: u32, source: u32| {
             let e = &self.elements.elements[receiver as usize];
             let (l, from) = (self.light[receiver as usize], self.light[source as usize]);
@@ -198,7 +208,7 @@ impl<'a> Solver<'a> {
         let first_receives = at_a >= at_b;
         let receiver = if first_receives { a } else { b };
         let feature_size = self.feature_sizes[receiver as usize];
-        Care { worth: (at_a.max(at_b) / tolerated) as f32, feature_size, mixed, first_receives }
+        Care { worth: (at_a.max(at_b) / tolerated) as f32, feature_size, mixed, between, hidden, first_receives }
     }
 
     /// What the oracle must know of every element's light, from the present solution.

@@ -210,7 +210,7 @@ fn clusters_do_not_shine_alike_to_all_sides() {
 fn pairs_do_not_depend_on_their_company() {
     refined(&forest(), &with(Visibility::Exact), |solver| {
         let meter = solver.meter();
-        let care = crate::link::Care { worth: 10.0, feature_size: 0.1, mixed: 0.5, first_receives: true };
+        let care = crate::link::Care { worth: 10.0, feature_size: 0.1, mixed: 0.5, between: crate::link::Between::SOMETHING, hidden: false, first_receives: true };
         let pairs: Vec<_> =
             solver.links.iter().filter(|l| l.a != l.b).take(300).map(|l| ([l.a, l.b], care)).collect();
         let scratch = &mut Scratch::default();

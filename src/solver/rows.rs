@@ -1,0 +1,129 @@
+//! Row sums of the form factors along links: what they are, what they must be, and how they are made so.
+
+use super::Solver;
+use super::cut::{Closure, Cut};
+use super::field::{Incoming, Outgoing, Rgb, gather};
+use super::options::Rows;
+use crate::element::{Element, Shape};
+use crate::link::{Question, Scratch, cosine_direction, point_on};
+use crate::ray::{LANES, Packet};
+use rayon::prelude::*;
+use sobol_burley::sample_4d;
+
+/// A leaf that sees hardly anything of what it should along its links is not mended: nothing is known of it.
+const NOTHING: f64 = 0.1;
+/// What balancing leaves of more than this has not been balanced.
+const TOO_MUCH: f64 = 1.25;
+/// Most rounds of balancing, and the root mean square error of the row sums (by area) at which it ends.
+const ROUNDS: usize = 20;
+const BALANCED: f64 = 3e-5;
+/// Least and largest factor of a leaf.
+const LEAST: f32 = 1e-4;
+const MOST: f32 = 4.0;
+/// Rays by which all leaves together find out what they see of the scene; a leaf gets sixteen to sixty-four.
+const RAYS: usize = 2_000_000;
+
+impl Solver<'_> {
+    /// The sum of each surface element's form factors along its links, before it is multiplied by its own closure: the
+    /// irradiance that radiosity 1 everywhere would cause.
+    pub(super) fn row_sums(&self, cut: &Cut) -> Vec<f64> {
+        let of = |&e: &u32| [f64::from(self.closure[e as usize].sends); 3];
+        let surfaces: Vec<Rgb> = cut.elements[cut.clusters..].iter().map(of).collect();
+        let ones = Outgoing::pull(&self.elements, cut, &surfaces, |_, r| cut.responses[r].ones);
+        let Incoming { clusters, surfaces } = gather(&self.elements, cut, &ones);
+        cut.expand(&self.elements, &clusters, &surfaces).into_iter().map(|e| e[0]).collect()
+    }
+
+    /// Makes the row sums of leaves what they must be: 1 where there is no way out of the scene (method E.7), elsewhere
+    /// what rays say. What the errors of links add or take away would be multiplied by every bounce.
+    ///
+    /// Returns the row sums there were.
+    pub(super) fn close(&mut self) -> Vec<f64> {
+        self.closure.fill(Closure::NONE);
+        let mut cut = self.cut();
+        let sampled = self.row_sums(&cut);
+        let goals = self.goals();
+        let mut sums = sampled.clone();
+        for _ in 0..if self.rows == Rows::Balanced { ROUNDS } else { 1 } {
+            let (mut off, mut all) = (0.0, 0.0);
+            for (e, &sum) in sums.iter().enumerate() {
+                let before = self.closure[e].gathers;
+                let missing = missing(goals[e], f64::from(before) * sum);
+                self.closure[e] = match self.rows {
+                    Rows::Sampled => Closure::NONE,
+                    Rows::Closed => Closure { gathers: missing as f32, sends: 1.0 },
+                    Rows::Balanced => {
+                        let factor = (before * missing.sqrt() as f32).clamp(LEAST, MOST);
+                        Closure { gathers: factor, sends: factor }
+                    }
+                };
+                let element = &self.elements.elements[e];
+                if element.is_leaf() && self.closure[e].gathers < MOST && missing != 1.0 {
+                    off += element.area * (1.0 / missing - 1.0).powi(2);
+                    all += element.area;
+                }
+            }
+            if off <= BALANCED * BALANCED * all {
+                break;
+            }
+            cut.reclose(&self.elements, &self.closure);
+            sums = self.row_sums(&cut);
+        }
+        // What balancing has left is made up where it is gathered.
+        for (e, &sum) in sums.iter().enumerate().filter(|_| self.rows == Rows::Balanced) {
+            let row = f64::from(self.closure[e].gathers) * sum;
+            let missing = missing(goals[e], row);
+            if missing < TOO_MUCH {
+                self.closure[e].gathers *= missing as f32;
+            }
+        }
+        sampled
+    }
+
+    /// By element, what the row sums of leaves are to be; 0 where it is not known.
+    fn goals(&self) -> Vec<f64> {
+        let open = |e: &Element| match e.shape {
+            Shape::Surface { side, .. } => e.is_leaf() && !self.probe.closed[side as usize],
+            Shape::Cluster(_) => false,
+        };
+        let elements = &self.elements.elements;
+        let count = elements.iter().filter(|e| open(e)).count();
+        let packets = (RAYS / (LANES * count.max(1))).clamp(1, 4);
+        (0..elements.len())
+            .into_par_iter()
+            .with_min_len(64)
+            .map_init(Scratch::default, |scratch, e| match elements[e].shape {
+                Shape::Surface { .. } if open(&elements[e]) => self.met(e, packets, scratch),
+                Shape::Surface { .. } if elements[e].is_leaf() => 1.0,
+                _ => 0.0,
+            })
+            .collect()
+    }
+
+    /// Part of the rays from a leaf that meet something, by so many times sixteen.
+    fn met(&self, e: usize, packets: usize, scratch: &mut Scratch) -> f64 {
+        let Shape::Surface { side, corners } = &self.elements.elements[e].shape else { return 0.0 };
+        let normal = self.elements.sides[*side as usize].normal;
+        let length = 1.01 * self.elements.clusters[0].bounds.diagonal();
+        let sight = self.sight.scattered();
+        let mut met = 0.0;
+        for k in 0..packets {
+            let mut packet = Packet::EMPTY;
+            for lane in 0..LANES {
+                let [u, v, p, q] = sample_4d((k * LANES + lane) as u32, 0, self.seed as u32 ^ e as u32);
+                let from = point_on(corners, u, v);
+                packet.set(lane, from, from + length * cosine_direction(normal, p, q), self.ends);
+            }
+            let question = Question { packet, emitter_size: 0.0, feature_size: 0.0 };
+            let through = sight.transmittances(&question, scratch);
+            met += through.into_iter().map(|t| 1.0 - f64::from(t)).sum::<f64>();
+        }
+        met / (packets * LANES) as f64
+    }
+}
+
+/// What a leaf must gather more, by what its row sum is to be and what it is.
+fn missing(goal: f64, sum: f64) -> f64 {
+    if sum > NOTHING * goal && goal > 0.0 { goal / sum } else { 1.0 }
+}
+
