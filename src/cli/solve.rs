@@ -7,7 +7,7 @@ use mrvis::files::WholeFile;
 use mrvis::output::number;
 use mrvis::points::{Irradiance, Point, read_points, write_irradiance};
 use mrvis::scene::{Scene, StoredCamera};
-use mrvis::solver::{self, Inside, More, Options, Outcome, Progress, Record, Rows, Versus, View, Visibility};
+use mrvis::solver::{self, Inside, More, Options, Oracle, Outcome, Progress, Record, Rows, Versus, View, Visibility};
 use mrvis::{Error, Result};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -36,12 +36,15 @@ pub struct Args {
     /// Leave the bounces out at points; with --points nothing else is computed.
     #[arg(long)]
     direct_only: bool,
-    /// Error to refine to, relative to the mean irradiance.
+    /// Error that links are refined to, relative to the mean irradiance; what they leave together is estimated and audited.
     #[arg(long, value_name = "E", default_value_t = Options::default().error, allow_negative_numbers = true)]
     error: f64,
     /// Smallest element as part of the scene's area.
     #[arg(long, value_name = "PART", default_value_t = Options::default().min_area, allow_negative_numbers = true)]
     min_area: f64,
+    /// What links are refined for.
+    #[arg(long, value_enum, default_value = "error")]
+    oracle: Criterion,
     /// What is done so that form factors of elements in closed scenes sum up to 1.
     #[arg(long, value_enum, default_value = "balanced")]
     rows: RowSums,
@@ -111,6 +114,14 @@ enum Clusters {
 }
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Criterion {
+    /// The error of the light they carry.
+    Error,
+    /// The light they carry (BF refinement).
+    Bf,
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
 enum RowSums {
     /// Nothing.
     Sampled,
@@ -144,6 +155,10 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let mut options = Options {
         error: args.error,
         min_area: args.min_area,
+        oracle: match args.oracle {
+            Criterion::Error => Oracle::Error,
+            Criterion::Bf => Oracle::Bf,
+        },
         rows: match args.rows {
             RowSums::Sampled => Rows::Sampled,
             RowSums::Closed => Rows::Closed,

@@ -9,6 +9,8 @@ pub struct Lookup {
     frames: Vec<Frame>,
     /// First child of each element, 0 for leaves.
     first_child: Vec<u32>,
+    /// The elements of grids over sides, each as deep as pays: one access instead of one a level.
+    cells: Vec<u32>,
 }
 
 /// Where a side lies.
@@ -19,7 +21,13 @@ struct Frame {
     edges: [Vec2; 3],
     element: u32,
     triangle: bool,
+    /// Levels that its grid spans, and where that begins: `2^depth` rows of as many cells, of twice as many for triangles.
+    depth: u32,
+    first_cell: usize,
 }
+
+/// Levels of a grid at most.
+const DEEPEST: u32 = 8;
 
 impl Lookup {
     /// Of the present elements.
@@ -39,15 +47,46 @@ impl Lookup {
                 edges: [flat(c[1] - c[0]), flat(second - c[0]), flat(rest)],
                 element: side.element,
                 triangle,
+                depth: 0,
+                first_cell: 0,
             }
         });
-        Lookup {
+        let mut lookup = Lookup {
             frames: frames.collect(),
             first_child: elements
                 .elements
                 .iter()
                 .map(|e| if e.is_leaf() { 0 } else { e.first_child })
                 .collect(),
+            cells: Vec::new(),
+        };
+        let mut parts = vec![0u32; elements.sides.len()];
+        for element in &elements.elements {
+            if let Shape::Surface { side, .. } = element.shape {
+                parts[side as usize] += 1;
+            }
+        }
+        for (side, &parts) in parts.iter().enumerate().filter(|(_, parts)| **parts > 1) {
+            lookup.lay_grid(side, parts);
+        }
+        lookup
+    }
+
+    /// A grid with about as many cells as the side has parts.
+    fn lay_grid(&mut self, side: usize, parts: u32) {
+        let frame = &mut self.frames[side];
+        frame.depth = (parts.ilog2() / 2).clamp(1, DEEPEST);
+        frame.first_cell = self.cells.len();
+        let Frame { depth, triangle, element, .. } = *frame;
+        let rows = 1 << depth;
+        let halves: &[f32] = if triangle { &[1.0 / 3.0, 2.0 / 3.0] } else { &[0.5] };
+        for j in 0..rows {
+            for i in 0..rows {
+                for &middle in halves {
+                    let place = [i, j].map(|k| (k as f32 + middle) / rows as f32);
+                    self.cells.push(self.descend(triangle, element, place, depth));
+                }
+            }
         }
     }
 
@@ -55,18 +94,37 @@ impl Lookup {
     #[inline]
     pub fn leaf(&self, side: u32, point: Vec3) -> u32 {
         let frame = &self.frames[side as usize];
-        let mut at = frame.element;
-        let mut first = self.first_child[at as usize];
-        if first == 0 {
-            return at;
+        if frame.depth == 0 {
+            return frame.element;
         }
         let from = point - frame.origin;
-        let (mut u, mut v) = frame.parameters(Vec2::new(from.dot(frame.axes[0]), from.dot(frame.axes[1])));
-        while first != 0 {
+        let (u, v) = frame.parameters(Vec2::new(from.dot(frame.axes[0]), from.dot(frame.axes[1])));
+        let rows = 1u32 << frame.depth;
+        let (x, y) = (u * rows as f32, v * rows as f32);
+        // NaN becomes 0.
+        let (i, j) = ((x as u32).min(rows - 1), (y as u32).min(rows - 1));
+        let (x, y) = (x - i as f32, y - j as f32);
+        let cell = (j * rows + i) as usize;
+        if !frame.triangle {
+            let at = self.cells[frame.first_cell + cell];
+            return self.descend(false, at, [x, y], u32::MAX);
+        }
+        let at = self.cells[frame.first_cell + 2 * cell + usize::from(x + y > 1.0)];
+        // The parts of the middle quarter are turned: from the top again.
+        if self.first_child[at as usize] == 0 { at } else { self.descend(true, frame.element, [u, v], u32::MAX) }
+    }
+
+    /// The part of an element that holds a place, `levels` below it at most.
+    #[inline]
+    fn descend(&self, triangle: bool, element: u32, [mut u, mut v]: [f32; 2], levels: u32) -> u32 {
+        let (mut at, mut left) = (element, levels);
+        let mut first = self.first_child[at as usize];
+        while first != 0 && left > 0 {
             let part;
-            (part, u, v) = if frame.triangle { quarter_of_triangle(u, v) } else { quarter_of_quad(u, v) };
+            (part, u, v) = if triangle { quarter_of_triangle(u, v) } else { quarter_of_quad(u, v) };
             at = first + part;
             first = self.first_child[at as usize];
+            left -= 1;
         }
         at
     }

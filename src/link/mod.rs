@@ -14,7 +14,7 @@ mod tests;
 
 pub use ends::{cosine_direction, mix, numbers, point_on};
 pub use measure::{Care, Inside, Meter};
-pub use oracle::{Light, Split, judge};
+pub use oracle::{Light, Oracle, Split, judge};
 pub use sight::{Question, Scratch, Sight, Tally, across};
 
 /// The exchange of two elements, or of the parts of one cluster with each other.

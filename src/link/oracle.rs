@@ -25,14 +25,25 @@ pub enum Split {
     Neither,
 }
 
+/// What a link is refined for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Oracle {
+    /// The error of what it carries: how much form factor, visibility and radiosity vary over its ends.
+    #[default]
+    Error,
+    /// What it carries, whether that varies or not: the classic criterion [Hanrahan, Salzman and Aupperle 1991, BF].
+    Bf,
+}
+
 /// The error of a link: in units of radiosity, as the root of its square's integral over the receiver, relative to the
 /// root of the scene's area. Errors of receivers of all sizes then count as much as they show, and refinement that makes
 /// the greatest of them small makes their sum small. The end to split is the one whose variation is behind it.
 ///
 /// At the receiver a the irradiance that b sends varies by `variation_a B_b / A_a`; where b's radiosity varies, what
 /// arrives from its parts differs by as much of it as the coupling varies over b (method D.17, A.9: visibility is part of
-/// both variations).
-pub fn judge(elements: &Elements, link: &Link, light: &[Light]) -> (f32, Split) {
+/// both variations). With [`Oracle::Bf`] all that arrives counts as error.
+pub fn judge(elements: &Elements, link: &Link, light: &[Light], oracle: Oracle) -> (f32, Split) {
     let ends = [link.a, link.b].map(|e| (&elements.elements[e as usize], light[e as usize]));
     if link.a == link.b {
         let (e, l) = ends[0];
@@ -50,15 +61,19 @@ pub fn judge(elements: &Elements, link: &Link, light: &[Light]) -> (f32, Split) 
         let scale = weigh(1.0, l.weight, e.area, elements.area) / e.area as f32;
         gain[receiver] = gain[receiver].max(of_receiver * scale);
         gain[source] = gain[source].max(of_source * scale);
-        let error = of_receiver.hypot(of_source) * scale;
+        let error = match oracle {
+            Oracle::Error => of_receiver.hypot(of_source) * scale,
+            Oracle::Bf => link.coupling * from.mean * scale,
+        };
         if error > worst.0 {
             worst.0 = error;
         }
     }
     let open = [link.a, link.b].map(|e| elements.can_open(e));
-    // A larger end is split first unless the other's variation clearly dominates: kernels need ends of like size.
+    // A larger end is split first unless the other's variation clearly dominates: kernels need ends of like size, and
+    // errors of the same coupling count the more the smaller the receiver (as one over its radius).
     let (ra, rb) = (ends[0].0.radius, ends[1].0.radius);
-    let prefer_a = gain[0] * ra >= gain[1] * rb;
+    let prefer_a = gain[0] * ra * ra >= gain[1] * rb * rb;
     worst.1 = match open {
         [true, true] => {
             if prefer_a {

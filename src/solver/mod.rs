@@ -34,7 +34,7 @@ mod walk;
 pub use audit::Audit;
 pub use importance::View;
 pub use ledger::Ledger;
-pub use options::{Inside, Options, Rows, Visibility};
+pub use options::{Inside, Options, Oracle, Rows, Visibility};
 pub use receive::Receiver;
 pub use record::{Iteration, Outcome, Record, Seconds};
 pub use run::{More, Progress, run, run_then};
@@ -65,6 +65,7 @@ pub struct Solver<'a> {
     /// By side, whether it is important by itself.
     important: Vec<bool>,
     inside: Inside,
+    oracle: Oracle,
     /// Mean irradiance by the emitted power and the mean reflectance, W/m²: what errors are relative to.
     scale: f64,
     /// Radiosity of all elements, irradiance of all surface elements.
@@ -122,6 +123,7 @@ impl<'a> Solver<'a> {
             importance: Vec::new(),
             important: Vec::new(),
             inside: options.inside,
+            oracle: options.oracle,
             scale,
             radiosity: Vec::new(),
             state: None,

@@ -2,7 +2,7 @@
 
 pub use super::importance::View;
 use crate::cache::Place;
-pub use crate::link::Inside;
+pub use crate::link::{Inside, Oracle};
 use crate::{Error, Result};
 
 /// Which engine answers visibility.
@@ -35,8 +35,11 @@ pub enum Rows {
 /// Options of [`super::run()`].
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Options {
-    /// Tolerated error of the solution relative to the mean irradiance; above 0.
+    /// Error relative to the mean irradiance that links are refined to, each to a share of it; above 0. What errors they
+    /// leave together is estimated and audited, not promised.
     pub error: f64,
+    /// What links are refined for.
+    pub oracle: Oracle,
     /// Smallest element as part of the scene's area; above 0.
     pub min_area: f64,
     /// What is done about row sums along links; those of a local pass are shares of rays.
@@ -85,6 +88,7 @@ impl Default for Options {
     fn default() -> Self {
         Options {
             error: 0.02,
+            oracle: Oracle::default(),
             min_area: 2e-5,
             rows: Rows::default(),
             visibility: Visibility::default(),

@@ -2,7 +2,7 @@
 
 use super::{Solver, histogram::Histogram};
 use crate::element::Shape;
-use crate::link::{Between, Care, Light, Link, Meter, Question, Scratch, Sight, Split, Tally, judge};
+use crate::link::{Between, Care, Light, Link, Meter, Question, Scratch, Sight, Split, Tally, judge, mix};
 use rayon::prelude::*;
 
 /// Links refined between two looks at the clock.
@@ -41,7 +41,7 @@ impl<'a> Solver<'a> {
             .par_iter()
             .with_min_len(4096)
             .map(|l| {
-                let (error, split) = judge(&self.elements, l, &self.light);
+                let (error, split) = judge(&self.elements, l, &self.light, self.oracle);
                 (error * scale, split)
             })
             .collect()
@@ -78,11 +78,11 @@ impl<'a> Solver<'a> {
             let rest = if once { wave.split_off(SLICE.min(wave.len())) } else { Vec::new() };
             replaced += wave.len();
             let pairs = self.parts(&wave);
-            let made = self.measure(&pairs, threshold);
+            let made = self.measure(&pairs, threshold, self.seed);
             wave = rest;
             let scale = 1.0 / self.scale as f32;
             let judged: Vec<(f32, Split)> =
-                made.par_iter().with_min_len(1024).map(|l| judge(&self.elements, l, &self.light)).collect();
+                made.par_iter().with_min_len(1024).map(|l| judge(&self.elements, l, &self.light, self.oracle)).collect();
             for (link, (error, split)) in made.into_iter().zip(judged) {
                 if !once && open((error * scale, split)) {
                     wave.push((link, split));
@@ -144,8 +144,8 @@ impl<'a> Solver<'a> {
     }
 
     /// Measures pairs, in their order; those that exchange nothing are left out.
-    fn measure(&mut self, pairs: &[Pair], threshold: f32) -> Vec<Link> {
-        let meter = Meter { sight: self.sight_for(pairs, threshold), ..self.meter() };
+    fn measure(&mut self, pairs: &[Pair], threshold: f32, seed: u64) -> Vec<Link> {
+        let meter = Meter { sight: self.sight_for(pairs, threshold), seed, ..self.meter() };
         let made: Vec<(Vec<Link>, Tally)> = pairs
             .par_chunks(CHUNK)
             .map_init(Scratch::default, |scratch, chunk| {
@@ -164,6 +164,19 @@ impl<'a> Solver<'a> {
             self.tally.add(tally);
         }
         links
+    }
+
+    /// Measures all links anew, but those that are certain, with samples of their own. Which links are kept
+    /// depends on what was seen of them: the same samples' values are too large where most is seen, and too small where
+    /// little is.
+    pub(super) fn look_again(&mut self, threshold: f32) {
+        let (certain, doubtful): (Vec<Link>, Vec<Link>) =
+            std::mem::take(&mut self.links).into_iter().partition(|l| l.rays == 0);
+        let again = |l: &Link| Pair { mixed: l.mixed(), between: l.between, ..Pair::new(l.a, l.b) };
+        let pairs: Vec<Pair> = doubtful.iter().map(again).collect();
+        self.links = certain;
+        let made = self.measure(&pairs, threshold, mix(self.seed));
+        self.links.extend(made);
     }
 
     /// The engine for a wave of pairs: exact rays where multi-resolution visibility is not likely to take less time for

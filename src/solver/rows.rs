@@ -1,6 +1,6 @@
 //! Row sums of the form factors along links: what they are, what they must be, and how they are made so.
 
-use super::Solver;
+use super::{Solver, mean};
 use super::cut::{Closure, Cut};
 use super::field::{Incoming, Outgoing, Rgb, gather};
 use super::options::Rows;
@@ -20,8 +20,10 @@ const BALANCED: f64 = 3e-5;
 /// Least and largest factor of a leaf.
 const LEAST: f32 = 1e-4;
 const MOST: f32 = 4.0;
-/// Rays by which all leaves together find out what they see of the scene; a leaf gets sixteen to sixty-four.
-const RAYS: usize = 2_000_000;
+/// Rays by which a leaf finds out what it sees of the scene: its share of these, by area or emitted power, within limits.
+const RAYS: f64 = 1e6;
+const LEAST_RAYS: usize = 64;
+const MOST_RAYS: usize = 8192;
 
 impl Solver<'_> {
     /// The sum of each surface element's form factors along its links, before it is multiplied by its own closure: the
@@ -82,20 +84,30 @@ impl Solver<'_> {
 
     /// By element, what the row sums of leaves are to be; 0 where it is not known.
     fn goals(&self) -> Vec<f64> {
-        let open = |e: &Element| match e.shape {
-            Shape::Surface { side, .. } => e.is_leaf() && !self.probe.closed[side as usize],
-            Shape::Cluster(_) => false,
-        };
         let elements = &self.elements.elements;
-        let count = elements.iter().filter(|e| open(e)).count();
-        let packets = (RAYS / (LANES * count.max(1))).clamp(1, 4);
+        let power = |e: &Element| match e.shape {
+            Shape::Surface { side, .. } if e.is_leaf() => {
+                e.area * mean(self.elements.sides[side as usize].exitance)
+            }
+            _ => 0.0,
+        };
+        let emitted = elements.iter().map(power).sum::<f64>().max(f64::MIN_POSITIVE);
         (0..elements.len())
             .into_par_iter()
             .with_min_len(64)
-            .map_init(Scratch::default, |scratch, e| match elements[e].shape {
-                Shape::Surface { .. } if open(&elements[e]) => self.met(e, packets, scratch),
-                Shape::Surface { .. } if elements[e].is_leaf() => 1.0,
-                _ => 0.0,
+            .map_init(Scratch::default, |scratch, e| {
+                let element = &elements[e];
+                match element.shape {
+                    Shape::Surface { side, .. } if element.is_leaf() => {
+                        if self.probe.closed[side as usize] {
+                            return 1.0;
+                        }
+                        // What much light comes from, or goes to, must be known well.
+                        let share = (element.area / self.elements.area).max(power(element) / emitted);
+                        self.met(e, ((RAYS * share) as usize).clamp(LEAST_RAYS, MOST_RAYS) / LANES, scratch)
+                    }
+                    _ => 0.0,
+                }
             })
             .collect()
     }

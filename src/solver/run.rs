@@ -101,6 +101,7 @@ pub fn run_then<T>(
     let mut row_sums = None;
     let mut bytes = 0;
     if !local || progress.stopped() {
+        solver.look_again(least(&solver, options));
         let sampled = solver.close();
         let cut = solver.cut();
         solver.settle(&cut, FINE, 400);
@@ -176,8 +177,7 @@ fn solve(
     if solver.scale <= 0.0 {
         return iterations;
     }
-    let coarse = if solver.local_pass(options) { COARSE } else { 1.0 };
-    let least = (options.error * SHARE * coarse) as f32;
+    let least = least(solver, options);
     // Links a step and what sweeps and looks take, learnt from step to step.
     let (mut work, mut sweeping) = (64.0, 0.0);
     let mut next = f64::from(least) * STEP.powi(STEPS);
@@ -225,6 +225,12 @@ fn solve(
             return iterations;
         }
     }
+}
+
+/// The error that links are refined to, relative to the mean irradiance.
+fn least(solver: &Solver, options: &Options) -> f32 {
+    let coarse = if solver.local_pass(options) { COARSE } else { 1.0 };
+    (options.error * SHARE * coarse) as f32
 }
 
 impl Solver<'_> {

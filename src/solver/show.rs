@@ -1,6 +1,6 @@
 //! The solution as plain data, with error bars.
 
-use super::{Solver, mean};
+use super::{Rows, Solver, mean};
 use crate::element::Shape;
 use crate::scene::Scene;
 use crate::solution::{Element, Solution};
@@ -9,7 +9,6 @@ use std::collections::HashMap;
 impl Solver<'_> {
     /// Standard uncertainty of the irradiance of every surface element, W/m²: what each link may vary over the element
     /// and what sampling leaves, added up as independent errors, pushed down like light; later bounces add as much again
-    /// as they do to light.
     ///
     /// After a local pass it is the standard error of the element's rays.
     pub(super) fn uncertainty(&self) -> Vec<f64> {
@@ -34,8 +33,14 @@ impl Solver<'_> {
         for e in 1..self.elements.len() {
             variance[e] += variance[self.elements.elements[e].parent as usize];
         }
+        // What is reflected is wrong, too. Where rows have their right sums nothing is lost or made on the way, and errors
+        // from all around make up for each other after a bounce or two; else they add up with every one.
         let reflectance = f64::from(self.elements.clusters[0].reflectance);
-        variance.into_iter().map(|v| v.sqrt() / (1.0 - reflectance).max(0.05)).collect()
+        let carried = match self.rows {
+            Rows::Sampled => 1.0 / (1.0 - reflectance).max(0.05),
+            Rows::Closed | Rows::Balanced => 1.0 / (1.0 - reflectance).max(0.5),
+        };
+        variance.into_iter().map(|v| carried * v.sqrt()).collect()
     }
 
     /// Root mean square of the uncertainty over the surfaces relative to their mean irradiance.
