@@ -141,6 +141,7 @@ fn few_segments_where_visibility_is_certain() {
         variation: [0.0; 2],
         noise: 0.0,
         rays,
+        between: Between::SOMETHING,
     };
     assert!((link(0.5, 16).mixed() - 0.5).abs() < 1e-6);
     // Sixteen that agree say more than four, and none say nothing.

@@ -74,11 +74,10 @@ impl Slabs {
         let row = &mut self.rows[self.used];
         (self.used, self.boxes) = (self.used + 1, self.boxes + lanes.count_ones() as usize);
         row.lanes = lanes;
-        let from = vector::splat(simd, from);
         let mut density = simd.splat(1.0);
-        for axis in 0..3 {
-            let min = simd.sub(simd.load(&node.min[axis]), from[axis]);
-            let max = simd.sub(simd.load(&node.max[axis]), from[axis]);
+        for (axis, from) in vector::splat(simd, from).into_iter().enumerate() {
+            let min = simd.sub(simd.load(&node.min[axis]), from);
+            let max = simd.sub(simd.load(&node.max[axis]), from);
             let slope = simd.load(&node.slope[axis]);
             density = simd.fma(simd.mul(simd.splat(-0.5), slope), simd.add(min, max), density);
             simd.store(min, &mut row.min[axis]);
