@@ -220,8 +220,13 @@ pub fn check_file(path: &Path) -> Result<()> {
 
 /// Whether files can be written into a folder that exists, or one can be made.
 pub fn check_folder(folder: &Path) -> Result<()> {
-    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-    tempfile::tempfile_in(folder).map(drop).map_err(|e| Error::io(folder, e))
+    let unusable =
+        |what: &str| Error::format(folder, None, format!("{what}; give a folder that can be written"));
+    if folder.exists() && !folder.is_dir() {
+        return Err(unusable("is not a folder"));
+    }
+    std::fs::create_dir_all(folder).map_err(|e| unusable(&format!("cannot be made ({e})")))?;
+    tempfile::tempfile_in(folder).map(drop).map_err(|e| unusable(&format!("cannot be written ({e})")))
 }
 
 #[cfg(test)]

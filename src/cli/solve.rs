@@ -7,10 +7,13 @@ use mrvis::files::WholeFile;
 use mrvis::output::number;
 use mrvis::points::{Irradiance, Point, read_points, write_irradiance};
 use mrvis::scene::{Scene, StoredCamera};
-use mrvis::solver::{self, Inside, More, Options, Oracle, Outcome, Progress, Record, Rows, Versus, View, Visibility};
+use mrvis::solver::{
+    self, Inside, More, Options, Oracle, Outcome, Progress, Record, Rows, Versus, View, Visibility,
+};
 use mrvis::{Error, Result};
 use std::collections::BTreeMap;
-use std::fmt::Write;
+use std::fmt::Write as _;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -86,10 +89,11 @@ pub struct Args {
     /// Refine in steps of this many seconds.
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     step_seconds: Option<f64>,
-    /// Stop refining after so many seconds.
+    /// Do with about so many seconds, from the triangles to the light (at least for preparing the scene and a first coarse
+    /// solution): refine less, and trace fewer rays.
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     max_seconds: Option<f64>,
-    /// Stop refining when the estimated error is no larger.
+    /// Stop refining when the estimated error is no larger; exit code 1 if it is larger in the end.
     #[arg(long, value_name = "E", allow_negative_numbers = true)]
     target_error: Option<f64>,
     /// Stop refining at so many links.
@@ -151,6 +155,9 @@ impl From<Engine> for Visibility {
     }
 }
 
+/// Exit code of a program that an interruption has ended, as shells count.
+const INTERRUPTED: i32 = 130;
+
 pub fn run(args: &Args) -> Result<ExitCode> {
     let mut options = Options {
         error: args.error,
@@ -200,6 +207,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         return Err(Error::Argument("give a scene and --out DIR, or --scaling".into()));
     };
     check_folder(out)?;
+    args.common.check_json()?;
     let points = args.points.as_deref().map(read_points).transpose()?.unwrap_or_default();
     let start = Instant::now();
     let scene = scene.load(&args.common)?;
@@ -209,10 +217,21 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let load = start.elapsed().as_secs_f64();
     let watch = Watch { spinner: args.common.spinner("solving"), stopped: Arc::default() };
     let stopped = watch.stopped.clone();
-    // A second interruption finds the handler in place and ends nothing: what is left takes seconds. Where handlers cannot
-    // be set, interruption ends the program as it always did.
-    let _ = ctrlc::set_handler(move || stopped.store(true, Ordering::Relaxed));
-    solver::run_then(&scene, &points, &options, &watch, |mut outcome, more| {
+    let quiet = args.common.quiet;
+    // Where handlers cannot be set, interruption ends the program as it always did.
+    let _ = ctrlc::set_handler(move || {
+        if stopped.swap(true, Ordering::Relaxed) {
+            std::process::exit(INTERRUPTED);
+        }
+        if !quiet {
+            // There may be nobody who reads it.
+            let _ = writeln!(
+                std::io::stderr(),
+                "mrvis: stopping with the light there is; once more ends at once"
+            );
+        }
+    });
+    let met = solver::run_then(&scene, &points, &options, &watch, |mut outcome, more| {
         if let Some(other) = args.compare.filter(|_| !outcome.record.interrupted) {
             outcome.record.versus = Some(solver::versus(&scene, &points, &outcome, other.into(), &watch)?);
         }
@@ -222,9 +241,10 @@ pub fn run(args: &Args) -> Result<ExitCode> {
             let note = "interrupted: this is the consistent solution reached so far";
             outcome.record.warnings.push(note.into());
         }
-        write(args, out, (&scene, &points), outcome, more, &watch)
+        let met = outcome.record.target_met != Some(false);
+        write(args, out, (&scene, &points), outcome, more, &watch).map(|()| met)
     })?;
-    Ok(ExitCode::SUCCESS)
+    Ok(if met { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
 /// Writes all files and says so.
@@ -278,17 +298,22 @@ fn scaling(common: &Common, options: &Options, largest: usize) -> Result<ExitCod
     for r in &found.rows {
         let _ = writeln!(
             text,
-            "{:>9} {:>11} {:>11} {:>11} {:>7.1} MB {:>9.4} {:>9.2} s",
+            "{:>9} {:>11} {:>11} {:>11} {:>7.1} MB {:>9} {:>9.2} s",
             grouped(r.triangles),
             grouped(r.elements),
             grouped(r.links),
             grouped(r.exact_rays as usize),
             r.bytes as f64 / 1e6,
-            r.rms_error,
+            r.rms_error.map_or_else(|| "-".into(), |e| format!("{e:.4}")),
             r.seconds
         );
     }
-    let _ = writeln!(text, "time grows as triangles to the power of {:.3}", found.slope);
+    let _ = writeln!(
+        text,
+        "time grows as triangles to the power of {:.3} over all scenes, {:.3} over the last two, where what costs the same in \
+         all of them (rays of the local pass) counts least",
+        found.slope, found.slope_last
+    );
     common.print(&text)?;
     Ok(ExitCode::SUCCESS)
 }
@@ -359,11 +384,12 @@ fn summary(r: &Record) -> String {
     let l = &r.ledger;
     let _ = writeln!(
         text,
-        "emitted {}, absorbed {}, escaped {}, created {:.1e} (power, mean of the channels)",
+        "emitted {0} {unit}, absorbed {1} {unit}, escaped {2} {unit}, created {3:.1e} {unit} (mean of the channels)",
         number(l.emitted),
         number(l.absorbed),
         number(l.escaped),
-        l.created
+        l.created,
+        unit = l.unit
     );
     if let Some([low, high]) = l.row_sums {
         let _ = writeln!(

@@ -16,7 +16,18 @@ impl Elements {
     /// `min_area` (scene units squared, above 0) bounds what splitting makes. Faces that are known to have been met on a
     /// side that a first build took for dark are `entered`: their parts have two sides.
     pub fn build(scene: &Scene, hierarchy: &Hierarchy, min_area: f64, entered: &[u32]) -> Elements {
-        let seen = sides::seen(scene, entered);
+        Elements::of_seen(scene, hierarchy, min_area, &sides::seen(scene, entered))
+    }
+
+    /// The same elements without some sides (ascending indices), which no light reaches.
+    pub fn without(self, unlit: &[u32], scene: &Scene, hierarchy: &Hierarchy) -> Elements {
+        let lit = |side: u32| side != Elements::NONE && unlit.binary_search(&side).is_err();
+        let seen: Vec<[bool; 2]> = self.sides_of_triangle.iter().map(|sides| sides.map(lit)).collect();
+        Elements::of_seen(scene, hierarchy, self.min_area, &seen)
+    }
+
+    /// With the sides of each face, front and back, that light can reach.
+    fn of_seen(scene: &Scene, hierarchy: &Hierarchy, min_area: f64, seen: &[[bool; 2]]) -> Elements {
         let trees: Vec<&Tree> =
             [&hierarchy.micro, &hierarchy.large].into_iter().filter(|t| !t.clusters.is_empty()).collect();
         let mut build = Build {
@@ -33,7 +44,7 @@ impl Elements {
         (build.elements[0].first_child, build.elements[0].children) = (1, trees.len() as u16);
         let mut large_from = 0;
         for (k, tree) in trees.iter().enumerate() {
-            build.tree(scene, tree, 1 + k as u32, &seen);
+            build.tree(scene, tree, 1 + k as u32, seen);
             if std::ptr::eq(*tree, &hierarchy.micro) {
                 large_from = build.sides.len() as u32;
             }

@@ -68,7 +68,7 @@ pub(super) fn gauss(c: &[Vec3; 4]) -> ([Vec3; 4], [f32; 4]) {
         points[k] = (1.0 - v) * ((1.0 - u) * c[0] + u * c[1]) + v * ((1.0 - u) * c[3] + u * c[2]);
         let along_u = (1.0 - v) * (c[1] - c[0]) + v * (c[2] - c[3]);
         let along_v = (1.0 - u) * (c[3] - c[0]) + u * (c[2] - c[1]);
-        weights[k] = along_u.cross(along_v).length();
+        weights[k] = size(along_u.cross(along_v));
     }
     let sum: f32 = weights.iter().sum();
     (points, weights.map(|w| w / sum))
@@ -82,7 +82,8 @@ pub(super) fn kernel(x: Vec3, nx: Option<Vec3>, y: Vec3, ny: Option<Vec3>, neare
     let r2 = d.length_squared().max(nearest * nearest).max(f32::MIN_POSITIVE);
     let from = nx.map_or(0.25 * r2.sqrt(), |n| n.dot(d).max(0.0));
     let to = ny.map_or(0.25 * r2.sqrt(), |n| (-n.dot(d)).max(0.0));
-    from * to / (std::f32::consts::PI * r2 * r2)
+    // Not over r⁴, which few lengths have in these numbers.
+    (from / r2) * (to / r2) / std::f32::consts::PI
 }
 
 /// The place of a triangle or convex quad that stands for `(u, v)` in the unit square: equal areas for equal areas.
@@ -91,13 +92,19 @@ pub fn point_on(corners: &[Vec3; 4], u: f32, v: f32) -> Vec3 {
     if c == d {
         return on_triangle([a, b, c], u, v);
     }
-    let (first, second) = ((b - a).cross(c - a).length(), (c - a).cross(d - a).length());
+    let (first, second) = (size((b - a).cross(c - a)), size((c - a).cross(d - a)));
     let share = first / (first + second);
     if u < share {
         on_triangle([a, b, c], u / share, v)
     } else {
         on_triangle([a, c, d], ((u - share) / (1.0 - share)).min(1.0), v)
     }
+}
+
+/// What compares vectors along one line as their lengths do, without squares: these are areas already, and few areas have
+/// squares in these numbers.
+fn size(v: Vec3) -> f32 {
+    v.abs().element_sum()
 }
 
 fn on_triangle([a, b, c]: [Vec3; 3], u: f32, v: f32) -> Vec3 {

@@ -168,10 +168,10 @@ impl Meter<'_> {
             let columns: [f32; 4] = std::array::from_fn(|j| {
                 (0..4).map(|i| ga.1[i] * kernel(ga.0[i], Some(na), gb.0[j], Some(nb), nearest)).sum::<f32>()
             });
-            let areas = (ea.area * eb.area) as f32;
+            let over_both = |v: f32| (f64::from(v) * ea.area * eb.area) as f32;
             let (mean, of_a) = moments(rows, ga.1);
-            free = mean * areas;
-            deviation = [of_a * areas, moments(columns, gb.1).1 * areas];
+            free = over_both(mean);
+            deviation = [over_both(of_a), over_both(moments(columns, gb.1).1)];
         }
         if distance < NEAR * reach {
             let small_is_a = ea.area <= eb.area;
@@ -184,10 +184,15 @@ impl Meter<'_> {
             let (factor, of_small) = moments(factors, shares);
             free = small.area as f32 * factor;
             deviation[usize::from(!small_is_a)] = small.area as f32 * of_small;
-            if distance < TOUCHING * reach && care.worth * free > 0.3 {
+            // A surface that reaches behind the other may be seen by a corner only, which no fixed point lies in.
+            let cut = reaches_behind(ca, cb, nb, nearest) || reaches_behind(cb, ca, na, nearest);
+            if cut || (distance < TOUCHING * reach && care.worth * free > 0.3) {
                 let other = doubles(from);
                 let first = if from[2] == from[3] { &other[..3] } else { &other[..] };
                 free = (small.area * polygon_to_polygon(first, corners)) as f32;
+            }
+            if cut {
+                deviation = deviation.map(|d| d.max(free));
             }
         }
         if free <= 0.0 {
@@ -239,7 +244,8 @@ impl Meter<'_> {
                 if isotropic[1] { None } else { Some(to.normals[l]) },
             ];
             kernel(from.points[l], facing[0], to.points[l], facing[1], nearest)
-                / (from.density[l] * to.density[l])
+                / from.density[l]
+                / to.density[l]
         });
         let most = 0.9 * ea.area.min(eb.area) as f32;
         let free = (weights.iter().sum::<f32>() / LANES as f32).min(most);
@@ -289,14 +295,20 @@ impl Meter<'_> {
             let bounds = self.elements.clusters[c as usize].bounds;
             for lane in packet.lanes() {
                 let (o, d) = (packet.point(lane, 0.0), packet.point(lane, 1.0) - packet.point(lane, 0.0));
-                // Where the line leaves the box, and where it enters it.
-                let (first, last) = ((bounds.min - o) / d, (bounds.max - o) / d);
-                let leaves = first.max(last).min_element();
-                let enters = first.min(last).max_element();
+                // Where the line leaves the box, and where it enters it. Along an axis that it does not follow it does neither;
+                // on a face of the box the quotient would be 0/0.
+                let (mut enters, mut leaves) = (f32::MIN, f32::MAX);
+                for axis in (0..3).filter(|&axis| d[axis] != 0.0) {
+                    let first = (bounds.min[axis] - o[axis]) / d[axis];
+                    let last = (bounds.max[axis] - o[axis]) / d[axis];
+                    enters = enters.max(first.min(last));
+                    leaves = leaves.min(first.max(last));
+                }
+                let (near, far) = (packet.near[lane], packet.far[lane]);
                 if k == 0 {
-                    packet.near[lane] = leaves.clamp(packet.near[lane], packet.far[lane]);
+                    packet.near[lane] = leaves.max(near).min(far);
                 } else {
-                    packet.far[lane] = enters.clamp(packet.near[lane], packet.far[lane]);
+                    packet.far[lane] = enters.max(near).min(far);
                 }
             }
         }
@@ -360,8 +372,15 @@ impl Draft {
 /// Mean and standard deviation of values with weights whose sum is 1.
 fn moments(v: [f32; 4], weights: [f32; 4]) -> (f32, f32) {
     let mean: f32 = v.iter().zip(weights).map(|(v, w)| v * w).sum();
-    let squares: f32 = v.iter().zip(weights).map(|(v, w)| w * (v - mean) * (v - mean)).sum();
-    (mean, squares.sqrt())
+    // Kernels of small things are large numbers, and their squares too large ones.
+    let squares: f64 = v.iter().zip(weights).map(|(v, w)| f64::from(w) * f64::from(v - mean).powi(2)).sum();
+    (mean, squares.sqrt() as f32)
+}
+
+/// Whether a surface lies partly in front of and partly behind another's plane, by more than a distance.
+fn reaches_behind(corners: &[Vec3; 4], other: &[Vec3; 4], normal: Vec3, distance: f32) -> bool {
+    let heights = corners.map(|p| normal.dot(p - other[0]));
+    heights.iter().any(|&h| h < -distance) && heights.iter().any(|&h| h > distance)
 }
 
 fn doubles(corners: &[Vec3; 4]) -> [DVec3; 4] {

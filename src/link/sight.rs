@@ -137,6 +137,14 @@ impl<'a> Sight<'a> {
         }
     }
 
+    /// Embree rays, whatever else is asked.
+    pub fn exact(&self) -> Exact<'a> {
+        match self {
+            Sight::Exact(exact) => *exact,
+            Sight::MultiResolution(engine) => engine.exact(),
+        }
+    }
+
     /// What to ask for packets whose segments have nothing in common, and so no clusters that one would look at for all:
     /// exact rays, unless visibility is average.
     pub fn scattered(self) -> Sight<'a> {

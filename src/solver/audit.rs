@@ -30,8 +30,14 @@ pub struct Audit {
 }
 
 impl Receiver<'_> {
-    /// Audits the solver's irradiance and `bars` (standard uncertainty by element, W/m²) at `count` elements.
-    pub(super) fn audit(&self, bars: &[f64], count: usize) -> (Audit, Tally) {
+    /// Audits the solver's irradiance and `bars` (standard uncertainty by element, W/m²) at `count` elements; none if it is
+    /// stopped before it is done.
+    pub(super) fn audit(
+        &self,
+        bars: &[f64],
+        count: usize,
+        stop: &(dyn Fn() -> bool + Sync),
+    ) -> (Audit, Tally) {
         let elements = &self.solver.elements;
         let (mut areas, mut sum, mut light) = (Vec::new(), 0.0, 0.0);
         for (e, element) in elements.elements.iter().enumerate() {
@@ -48,14 +54,18 @@ impl Receiver<'_> {
             let at = (k as f64 + 0.5) / count as f64 * sum;
             areas[areas.partition_point(|a| a.0 <= at).min(areas.len() - 1)].1
         };
-        let truths: Vec<(u32, f64, f64, Tally)> = (0..count)
+        let truths: Option<Vec<(u32, f64, f64, Tally)>> = (0..count)
             .into_par_iter()
             .map_init(Buffers::default, |buffers, k| {
+                if stop() {
+                    return None;
+                }
                 buffers.scratch.tally = Tally::default();
                 let (truth, error) = self.truth(drawn(k), buffers);
-                (drawn(k), truth, error, buffers.scratch.tally)
+                Some((drawn(k), truth, error, buffers.scratch.tally))
             })
             .collect();
+        let Some(truths) = truths else { return (Audit::default(), Tally::default()) };
         let (mut audit, mut tally) = (Audit { elements: count, ..Audit::default() }, Tally::default());
         for (e, truth, noise, cost) in truths {
             tally.add(cost);

@@ -88,7 +88,9 @@ impl<'a> Receiver<'a> {
                 asks[left[k]].add(&questions[k].packet, &weights[k], through);
             });
             left.retain(|&k| {
-                first + LANES < PILOT || asks[k].variance() > asks[k].count * tolerance * tolerance
+                // Where all rays so far went below the horizon nothing is known.
+                let open = asks[k].count == 0.0;
+                open || first + LANES < PILOT || asks[k].variance() > asks[k].count * tolerance * tolerance
             });
             if left.is_empty() {
                 return;
@@ -114,7 +116,7 @@ impl<'a> Receiver<'a> {
             let y = point_on(&face.corners, ((target - before) / share).clamp(0.0, 1.0), v);
             let d = y - at;
             let r2 = d.length_squared().max(f32::MIN_POSITIVE);
-            let kernel = normal.dot(d).max(0.0) * (-face.normal.dot(d)).max(0.0) / (r2 * r2);
+            let kernel = (normal.dot(d).max(0.0) / r2) * ((-face.normal.dot(d)).max(0.0) / r2);
             *weight = kernel * face.area * super::mean(face.exitance) as f32 / share;
             if *weight > 0.0 {
                 packet.set(lane, at, y, self.solver.ends);

@@ -1,14 +1,17 @@
 //! Sweeps until the light no longer changes.
 
-use super::Solver;
+use super::clock::Clock;
 use super::cut::{Closure, Cut, Kind};
 use super::field::{Incoming, Outgoing, Rgb, add, gather};
 use super::local::Local;
+use super::{Settled, Solver};
 use crate::element::Shape;
 
 /// Least and largest factor by which the reflected light is scaled after a sweep.
 const LEAST_SCALE: f64 = 0.2;
 const MOST_SCALE: f64 = 50.0;
+/// Sweeps that are made however late it is: light goes on a few times, and what is left to come is scaled to the right sum.
+const LEAST_SWEEPS: usize = 4;
 
 impl Solver<'_> {
     /// What is emitted, without any link.
@@ -75,14 +78,14 @@ impl Solver<'_> {
         self.radiosity = radiosity;
     }
 
-    /// Sweeps until the radiosity changes by less than `tolerance` of itself (area-weighted mean), `most` times at most,
-    /// then works out the light of all elements. Returns the last change.
+    /// Sweeps until the radiosity changes by less than `tolerance` of itself (area-weighted mean), `most` times at most and a
+    /// few times when it is late, then works out the light of all elements.
     ///
     /// Every sweep gathers from the last one's radiosity (Jacobi), so that threads do not matter; relaxing one element at a
     /// time, in turn or by its residual (Southwell), takes more work and one thread (measured in the tests of `system`). After it all that was
     /// reflected is scaled, by channel, so that its sum is right: the slow even mode of bright scenes, from a coarse level
-    /// of one unknown.
-    pub(super) fn settle(&mut self, cut: &Cut, tolerance: f64, most: usize) -> f64 {
+    /// of one unknown. Links that give back more than they get cannot make light grow without end.
+    pub(super) fn settle(&mut self, cut: &Cut, tolerance: f64, most: usize, clock: &Clock) -> Settled {
         let nothing = Incoming {
             clusters: vec![Default::default(); cut.clusters],
             surfaces: vec![[0.0; 3]; cut.elements.len() - cut.clusters],
@@ -94,8 +97,9 @@ impl Solver<'_> {
             Some((places, state)) if places == cut.elements.len() => state,
             _ => direct,
         };
-        let mut change = 0.0;
-        for _ in 0..most {
+        let mut settled = Settled::default();
+        while settled.sweeps < most && !(settled.sweeps >= LEAST_SWEEPS && clock.late()) {
+            settled.sweeps += 1;
             let outgoing = self.outgoing(cut, &state);
             let next = gather(&self.elements, cut, &outgoing);
             let (made, then) = (flat(&next), flat(&state));
@@ -111,14 +115,21 @@ impl Solver<'_> {
                     before[k] += weight * then[i][k];
                 }
             }
-            change = if total > 0.0 { moved / total } else { 0.0 };
-            if change < tolerance {
+            settled.residual = if total > 0.0 { moved / total } else { 0.0 };
+            settled.converged = settled.residual < tolerance;
+            if settled.converged {
                 state = next;
                 break;
             }
             let scale: Rgb = std::array::from_fn(|k| {
                 let kept = before[k] - reflected[k];
-                if kept > 0.0 { (emitted[k] / kept).clamp(LEAST_SCALE, MOST_SCALE) } else { 1.0 }
+                if kept > 0.0 {
+                    (emitted[k] / kept).clamp(LEAST_SCALE, MOST_SCALE)
+                } else if reflected[k] > 0.0 {
+                    before[k] / reflected[k]
+                } else {
+                    1.0
+                }
             });
             let scaled =
                 |i: usize| std::array::from_fn(|k| fixed[i][k] + scale[k] * (made[i][k] - fixed[i][k]));
@@ -132,7 +143,7 @@ impl Solver<'_> {
             .collect();
         self.shine();
         self.state = Some((cut.elements.len(), state));
-        change
+        settled
     }
 
     fn outgoing(&self, cut: &Cut, state: &Incoming) -> Outgoing {

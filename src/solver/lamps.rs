@@ -81,7 +81,8 @@ impl Lamps {
     pub fn ratio(&self, from: (Vec3, Vec3), to: (Vec3, Vec3), exitance: Rgb) -> f32 {
         let d = to.0 - from.0;
         let r2 = d.length_squared().max(f32::MIN_POSITIVE);
-        let kernel = from.1.dot(d).max(0.0) * (-to.1.dot(d)).max(0.0) / (std::f32::consts::PI * r2 * r2);
+        // Not over r⁴, which few lengths have in these numbers.
+        let kernel = (from.1.dot(d).max(0.0) / r2) * ((-to.1.dot(d)).max(0.0) / r2) / std::f32::consts::PI;
         kernel * self.powers.last().copied().unwrap_or(0.0) / mean(exitance) as f32
     }
 }

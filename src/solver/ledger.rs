@@ -4,11 +4,13 @@ use super::cut::Closure;
 use super::field::Rgb;
 use super::{Solver, mean};
 use crate::element::Shape;
+use crate::scene::unit_in_metres;
 
-/// Powers in W for scenes in metres (W/m² times scene units squared otherwise), means of the channels; sums over all
-/// surfaces.
+/// Powers, means of the channels; sums over all surfaces.
 #[derive(Clone, Debug, Default, serde::Serialize)]
 pub struct Ledger {
+    /// What powers are given in: W, or W/m² times scene units squared where it is not known how long one is.
+    pub unit: String,
     /// Emitted.
     pub emitted: f64,
     /// Absorbed.
@@ -34,9 +36,9 @@ pub struct Ledger {
 }
 
 impl Solver<'_> {
-    /// The ledger of the present solution. `row_sums` along the links: before they were made 1, and after; none after a
+    /// The ledger of the present solution in a scene with this unit of length. `row_sums` along the links: before they were made 1, and after; none after a
     /// local pass, whose rows are shares of rays.
-    pub(super) fn ledger(&self, row_sums: Option<[&[f64]; 2]>) -> Ledger {
+    pub(super) fn ledger(&self, unit: &str, row_sums: Option<[&[f64]; 2]>) -> Ledger {
         let row_of = |e: usize| match (row_sums, &self.local) {
             (Some([before, after]), _) => [before[e], after[e] * f64::from(self.closure[e].gathers)],
             (None, Some(local)) => [f64::from(local.kept[e]); 2],
@@ -82,6 +84,15 @@ impl Solver<'_> {
             ledger.reciprocity_residual = local.reciprocity;
         }
         ledger.created = received - sent;
+        let (metres, unit) = match unit_in_metres(unit) {
+            Some(metres) => (metres, "W".into()),
+            None => (1.0, format!("W/m\u{b2} {unit}\u{b2}")),
+        };
+        let Ledger { emitted, absorbed, escaped, created, .. } = &mut ledger;
+        for power in [emitted, absorbed, escaped, created] {
+            *power *= metres * metres;
+        }
+        ledger.unit = unit;
         ledger.closed_area = if self.elements.area > 0.0 { closed / self.elements.area } else { 0.0 };
         ledger
     }

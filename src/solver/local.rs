@@ -6,6 +6,8 @@
 //! rows of closed scenes sum up to 1. The rows are kept, four bytes a ray, and the light is solved on them to the last
 //! bounce, which costs no more rays; it starts from the solution along links.
 
+use super::Settled;
+use super::clock::Clock;
 use super::field::Rgb;
 use super::receive::{Buffers, Receiver};
 use super::system::System;
@@ -15,10 +17,21 @@ use crate::link::{Tally, mix, point_on};
 use glam::Vec3;
 use rayon::prelude::*;
 use sobol_burley::sample_4d;
+use std::time::Instant;
 
 /// Rays of an element at least and at most.
 const LEAST: f64 = 4.0;
 const MOST: f64 = 4096.0;
+/// When it is late: rays of an element at least, and those that all share.
+const LATE_LEAST: f64 = 1.0;
+pub(super) const LATE: f64 = 1e5;
+/// Leaves whose rays are timed to see how many there is time for, about, and the rays of each.
+const TIMED: usize = 2000;
+const TIMED_RAYS: u32 = 16;
+/// Part of the time that rays may take; the rest is for the light on them.
+const TRACING: f64 = 0.7;
+/// Part of the rays that is left when surfaces have been split for so many rays, and each part has its few.
+const SHARED: f64 = 0.8;
 /// Elements that one task traces for.
 const CHUNK: usize = 64;
 /// Groups between which reciprocity is measured, or a few more.
@@ -38,6 +51,8 @@ pub struct Local {
     pub kept: Vec<f32>,
     /// Mean difference of what two groups of the scene exchange by the rays of one and of the other, as part of it.
     pub reciprocity: f64,
+    /// How the light on the rays settled.
+    pub settled: Settled,
     /// What the rays cost.
     pub tally: Tally,
 }
@@ -62,42 +77,76 @@ struct Rows {
 }
 
 impl Receiver<'_> {
-    /// Traces about `rays` rays and solves the light on them, starting from the solver's.
-    pub(super) fn local(&self, rays: f64) -> Local {
-        let rows = self.rows(rays);
-        let incident = self.solve(&rows);
+    /// Traces about `rays` rays and solves the light on them, starting from the solver's. Without a number, or when it gets
+    /// late, elements trace but a few: enough for the light of the whole, not for each of them.
+    pub(super) fn local(&self, rays: Option<f64>, clock: &Clock) -> Local {
+        let rows = self.rows(rays, clock);
+        let (incident, settled) = self.solve(&rows, clock);
         let mut local = Local {
             noise: vec![0.0; incident.len()],
             met: vec![0.0; incident.len()],
             kept: vec![0.0; incident.len()],
             reciprocity: self.reciprocity(&rows),
             incident,
+            settled,
             tally: rows.tally,
         };
         self.judge(&rows, &mut local);
         local
     }
 
-    /// The rays.
-    fn rows(&self, rays: f64) -> Rows {
+    /// So many of the rays asked for as there is limited time for, by a sample of them; none if there is not even time for the few of
+    /// each element.
+    pub(super) fn affordable(&self, rays: f64, clock: &Clock) -> Option<f64> {
+        if clock.late() {
+            return None;
+        }
+        let leaves = self.leaves();
+        let sample: Vec<u32> = leaves.iter().copied().step_by(leaves.len().div_ceil(TIMED).max(1)).collect();
+        let start = Instant::now();
+        let traced = self.trace(&sample, |_| TIMED_RAYS);
+        let each = start.elapsed().as_secs_f64() / traced.met.len().max(1) as f64;
+        let shared = (TRACING * clock.left() / each - LEAST * leaves.len() as f64) * SHARED;
+        (shared >= LATE.min(rays)).then_some(shared.min(rays))
+    }
+
+    /// All surfaces without parts.
+    fn leaves(&self) -> Vec<u32> {
         let elements = &self.solver.elements;
-        let leaves: Vec<u32> = (0..elements.len() as u32)
+        (0..elements.len() as u32)
             .filter(|&e| {
                 let element = &elements.elements[e as usize];
                 element.is_leaf() && !element.is_cluster() && element.area > 0.0
             })
-            .collect();
+            .collect()
+    }
+
+    /// The rays: each leaf's share by its area and importance.
+    fn rows(&self, rays: Option<f64>, clock: &Clock) -> Rows {
+        let elements = &self.solver.elements;
+        let leaves = self.leaves();
         let importance = |e: u32| f64::from(self.solver.importance.get(e as usize).copied().unwrap_or(1.0));
         let counted = |e: u32| elements.elements[e as usize].area * importance(e);
         let all_counted: f64 = leaves.iter().map(|&e| counted(e)).sum();
+        self.trace(&leaves, |leaf| {
+            let share = counted(leaf) / all_counted;
+            let (least, rays) = match rays.filter(|_| !clock.late()) {
+                Some(rays) => (LEAST, rays),
+                None => (LATE_LEAST, LATE),
+            };
+            (least + rays * share).min(MOST) as u32
+        })
+    }
+
+    /// Traces as many rays of each leaf as `count` says.
+    fn trace(&self, leaves: &[u32], count: impl Fn(u32) -> u32 + Sync) -> Rows {
         let made: Vec<Rows> = leaves
             .par_chunks(CHUNK)
             .map_init(Buffers::default, |buffers, leaves| {
                 let mut made = Rows { rows: Vec::new(), met: Vec::new(), tally: Tally::default() };
                 buffers.scratch.tally = Tally::default();
                 for &leaf in leaves {
-                    let share = counted(leaf) / all_counted;
-                    self.row(leaf, (LEAST + rays * share).min(MOST) as u32, buffers, &mut made);
+                    self.row(leaf, count(leaf), buffers, &mut made);
                 }
                 made.tally = buffers.scratch.tally;
                 made
@@ -138,7 +187,7 @@ impl Receiver<'_> {
     }
 
     /// Irradiance of all leaves.
-    fn solve(&self, rows: &Rows) -> Vec<Rgb> {
+    fn solve(&self, rows: &Rows, clock: &Clock) -> (Vec<Rgb>, Settled) {
         let elements = &self.solver.elements;
         let mut place = vec![Elements::NONE; elements.len()];
         for (i, row) in (0..).zip(&rows.rows) {
@@ -166,10 +215,11 @@ impl Receiver<'_> {
             .collect();
         let start = rows.rows.iter().map(|r| self.solver.incident[r.leaf as usize]).collect();
         let mut incident = vec![[0.0; 3]; elements.len()];
-        for (row, now) in rows.rows.iter().zip(system.solve(&direct, start)) {
+        let (found, settled) = system.solve(&direct, start, clock);
+        for (row, now) in rows.rows.iter().zip(found) {
             incident[row.leaf as usize] = now;
         }
-        incident
+        (incident, settled)
     }
 
     /// How sure each leaf's irradiance is, and what its rays met.

@@ -6,6 +6,7 @@
 //! In scenes with clusters a local pass ends it: links say what reaches a cluster, rays what reaches each surface in it.
 
 mod audit;
+mod clock;
 mod cut;
 mod direct;
 mod field;
@@ -15,9 +16,11 @@ mod iterate;
 mod lamps;
 mod ledger;
 mod local;
+mod notes;
 mod options;
 mod prepare;
 mod probe;
+mod reach;
 mod receive;
 mod record;
 mod refine;
@@ -25,6 +28,7 @@ mod rows;
 mod run;
 mod scaling;
 mod show;
+mod steps;
 mod system;
 #[cfg(test)]
 mod tests;
@@ -36,7 +40,7 @@ pub use importance::View;
 pub use ledger::Ledger;
 pub use options::{Inside, Options, Oracle, Rows, Visibility};
 pub use receive::Receiver;
-pub use record::{Iteration, Outcome, Record, Seconds};
+pub use record::{Ended, Iteration, Outcome, Record, Seconds, Settled};
 pub use run::{More, Progress, run, run_then};
 pub use scaling::{Scaling, ScalingRow, check_scaling, scaling};
 pub use versus::{Versus, versus};
@@ -82,6 +86,8 @@ pub struct Solver<'a> {
     /// What the local pass found, if there was one.
     local: Option<Local>,
     tally: Tally,
+    /// Seconds that the last sweeps over all links and elements take, for each of them.
+    closing: f64,
     /// Links at which refinement stops for lack of memory.
     max_links: usize,
 }
@@ -133,6 +139,7 @@ impl<'a> Solver<'a> {
             light: Vec::new(),
             local: None,
             tally: Tally::default(),
+            closing: 0.0,
             max_links: options.max_links,
             elements,
         };

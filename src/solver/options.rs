@@ -71,7 +71,8 @@ pub struct Options {
     pub local_rays: Option<usize>,
     /// Seconds of refinement a step: progressive multi-gridding; all at once if none.
     pub step_seconds: Option<f64>,
-    /// Seconds after which refinement ends.
+    /// Seconds from the start of [`super::run()`] for preparation, refinement, the local pass and points; less is refined and
+    /// fewer rays are traced, so that they are enough.
     pub max_seconds: Option<f64>,
     /// Error estimate at which refinement ends.
     pub target_error: Option<f64>,
@@ -169,10 +170,10 @@ impl Options {
         self.local_rays.unwrap_or((LOCAL / self.error.powi(2)).clamp(1e5, 1e8) as usize)
     }
 
-    /// Smallest element of the local pass as part of the scene's area: its share of the rays is enough to tell it from its
-    /// neighbours.
-    pub fn local_area(&self) -> f64 {
-        self.min_area.min(EACH / self.local_rays().max(1) as f64)
+    /// Smallest element of a local pass of so many rays as part of the scene's area: its share of the rays is enough to tell
+    /// it from its neighbours.
+    pub fn local_area(&self, rays: f64) -> f64 {
+        self.min_area.min(EACH / rays.max(1.0))
     }
 }
 

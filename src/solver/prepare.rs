@@ -1,9 +1,9 @@
 //! What must stand before light can be computed: Embree's tree, clusters and, for engines that average, their measures.
 
+use super::clock::Clock;
 use super::options::{Options, Visibility};
 use super::record::Seconds;
 use super::run::{Progress, timed};
-use crate::Result;
 use crate::cache::{self, Table};
 use crate::characterise::{Traits, characterise};
 use crate::element::Elements;
@@ -13,6 +13,7 @@ use crate::link::across;
 use crate::ray::EndRule;
 use crate::scene::Scene;
 use crate::visibility::{Bundle, Exact, Leaf, MultiResolution, Workspace};
+use crate::{Error, Result};
 
 /// A scene ready for the engine that was asked for.
 pub(super) struct Prepared {
@@ -32,12 +33,13 @@ impl Prepared {
     /// none, but takes clusters that are there.
     ///
     /// # Errors
-    /// Embree refuses.
+    /// Embree refuses, or the time is up before clusters are measured.
     pub fn of(
         scene: &Scene,
         options: &Options,
         seconds: &mut Seconds,
         progress: &dyn Progress,
+        clock: &Clock,
     ) -> Result<Prepared> {
         let device = Device::new(0)?;
         let traced = timed(&mut seconds.embree, || -> Result<CommittedScene> {
@@ -60,6 +62,9 @@ impl Prepared {
                 origin: origin.name(),
                 note: None,
             });
+        }
+        if clock.late() {
+            return Err(too_late(options, clock));
         }
         let (mut built, mut looked) = (0.0, 0.0);
         let (table, origin, note) = timed(&mut looked, || {
@@ -105,6 +110,16 @@ impl Prepared {
             .collect();
         Some(engine.with_budget(&bundles, &mut Workspace::default()))
     }
+}
+
+fn too_late(options: &Options, clock: &Clock) -> Error {
+    Error::Argument(match options.max_seconds {
+        Some(seconds) if !clock.interrupted() => format!(
+            "--max-seconds {seconds}: the time was up before the clusters were measured; allow more (they are kept for the \
+             next run) or take --visibility exact"
+        ),
+        _ => "interrupted before the clusters were measured: there is no light yet".into(),
+    })
 }
 
 /// Bundles that say what exact rays are worth.

@@ -1,10 +1,11 @@
 //! Irradiance at points: light of emitters by Lambert's formula and shadow rays, light of surfaces by a final gather.
 
-use super::Solver;
+use super::clock::Clock;
 use super::direct::Spot;
 use super::field::{Rgb, add};
 use super::lamps::Lamps;
 use super::walk::{Found, Place};
+use super::{Options, Solver};
 use crate::element::{Lookup, Shape};
 use crate::embree::{CommittedScene, Hits, Traversal};
 use crate::link::{Scratch, Tally, cosine_direction, mix, numbers};
@@ -13,6 +14,7 @@ use crate::scene::Scene;
 use glam::Vec3;
 use rayon::prelude::*;
 use sobol_burley::sample;
+use std::time::Instant;
 
 /// Points that are asked for together.
 pub(super) const CHUNK: usize = 64;
@@ -60,7 +62,7 @@ impl<'a> Receiver<'a> {
         scene: &Scene,
         solver: &'a Solver<'a>,
         (traced, traversal): (&'a CommittedScene, Traversal),
-        options: &super::Options,
+        options: &Options,
     ) -> Receiver<'a> {
         let elements = &solver.elements;
         let cluttered = elements.large_from > 0;
@@ -127,6 +129,64 @@ impl<'a> Receiver<'a> {
         (values, tally)
     }
 
+    /// Options with fewer rays, if there is no time for all of them at these points, by a sample of them; even then each point
+    /// has some.
+    pub(super) fn hurried(
+        &self,
+        points: &[(Vec3, Vec3)],
+        options: &Options,
+        clock: &Clock,
+    ) -> Option<Options> {
+        let part = if clock.late() {
+            0.0
+        } else if clock.limited() && points.len() > TIMED {
+            let sample: Vec<(Vec3, Vec3)> =
+                points.iter().copied().step_by(points.len().div_ceil(TIMED)).collect();
+            let start = Instant::now();
+            // They are one task; the others are for all threads.
+            self.irradiance(&sample);
+            let each = start.elapsed().as_secs_f64() / sample.len() as f64;
+            clock.left() * rayon::current_num_threads() as f64 / (each * points.len() as f64)
+        } else {
+            1.0
+        };
+        let fewer = |rays: usize| Some(((rays as f64 * part) as usize).clamp(FEWEST.min(rays), rays));
+        (part < 1.0).then(|| Options {
+            light_rays: fewer(options.light_rays()),
+            gather_rays: fewer(options.gather_rays()),
+            ..options.clone()
+        })
+    }
+
+    /// A warning if points lie off all surfaces.
+    pub(super) fn far_off(&self, points: &[(Vec3, Vec3)]) -> Option<String> {
+        let reach = FAR_OFF * self.length;
+        let off: usize = points
+            .par_chunks(LANES)
+            .map(|points| {
+                let mut packet = Packet::EMPTY;
+                for (lane, &(at, normal)) in points.iter().enumerate() {
+                    for axis in 0..3 {
+                        packet.origin[axis][lane] = (at + reach * normal)[axis];
+                        packet.direction[axis][lane] = -2.0 * reach * normal[axis];
+                    }
+                    (packet.near[lane], packet.far[lane]) = (0.0, 1.0);
+                    packet.active |= 1 << lane;
+                }
+                let mut hits = [Hits::NONE];
+                self.traced.first_hits(self.traversal, &[packet], &mut hits);
+                (0..points.len()).filter(|&lane| hits[0].triangle[lane] == Hits::NOTHING).count()
+            })
+            .sum();
+        (off > 0).then(|| {
+            format!(
+                "{off} of {} points lie more than {reach:.1e} off every surface along their normals: taken as they are, with what \
+                 arrives there",
+                points.len()
+            )
+        })
+    }
+
     /// What surfaces reflect: one ray in each cell of a hemisphere of equal cosine weight.
     fn gathered(&self, at: Vec3, normal: Vec3, seed: u64, buffers: &mut Buffers) -> Rgb {
         let Buffers { packets, hits, places, .. } = buffers;
@@ -173,6 +233,12 @@ impl<'a> Receiver<'a> {
     }
 }
 
+/// Points whose rays are timed.
+const TIMED: usize = CHUNK / 4;
+/// Rays of each kind that are left when there is no time.
+const FEWEST: usize = 64;
+/// Distance from surfaces, as part of the scene's diagonal, at which it is told that points are not on them.
+const FAR_OFF: f32 = 1e-3;
 /// Sets of directions.
 const SETS: usize = 64;
 

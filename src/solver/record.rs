@@ -24,6 +24,35 @@ pub struct Iteration {
     pub residual: f64,
 }
 
+/// Why refinement ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Ended {
+    /// No link that could be refined is above the error asked for.
+    Error,
+    /// The estimated error was no larger than the target.
+    Target,
+    /// The time was up.
+    Time,
+    /// There were as many links as allowed.
+    Links,
+    /// Somebody asked for it.
+    Interrupted,
+    /// There was nothing to refine: no light, or only what emitters send to points.
+    Nothing,
+}
+
+/// How sweeps of light ended.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Settled {
+    /// Sweeps made.
+    pub sweeps: usize,
+    /// What is left to change, relative to the light (along links: in the last sweep; by rays: to what emitters send).
+    pub residual: f64,
+    /// Whether that is as little as asked for.
+    pub converged: bool,
+}
+
 /// Seconds by stage.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Seconds {
@@ -75,6 +104,14 @@ pub struct Record {
     pub warnings: Vec<String>,
     /// Steps of refinement.
     pub iterations: Vec<Iteration>,
+    /// Why there are no more of them.
+    pub ended: Ended,
+    /// The last sweeps along links.
+    pub settled: Settled,
+    /// Those of the local pass, if there was one.
+    pub settled_local: Option<Settled>,
+    /// Whether the error estimate is no larger than [`Options::target_error`], where that is given.
+    pub target_met: Option<bool>,
     /// Seconds by stage.
     pub seconds: Seconds,
     /// Where the clusters came from: `off` (made, not kept), `made` (and kept for the next run) or `hit` (kept by another).

@@ -1,17 +1,30 @@
 //! Links whose error is too large are replaced by links of their ends' parts.
 
-use super::{Solver, histogram::Histogram};
+use super::{Solver, clock::Clock, histogram::Histogram};
 use crate::element::Shape;
 use crate::link::{Between, Care, Light, Link, Meter, Question, Scratch, Sight, Split, Tally, judge, mix};
 use rayon::prelude::*;
+use std::collections::VecDeque;
 
-/// Links refined between two looks at the clock.
-const SLICE: usize = 64;
+/// Links refined between two looks at the clock, with their parts in turn and once.
+const SLICE: usize = 2048;
+const SHORT_SLICE: usize = 64;
+/// Links that a link becomes more, about.
+const MORE: usize = 3;
 /// Pairs that one task measures.
 const CHUNK: usize = 64;
 /// Runs of neighbouring pairs that stand for a wave, about, and the length of each; at most an eighth of it but for the first.
 const RUNS: usize = 16;
 const RUN: usize = 16;
+
+/// What became of links that were to be refined.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Refined {
+    /// Links that were replaced.
+    pub replaced: usize,
+    /// There is no memory for more.
+    pub full: bool,
+}
 
 /// Two elements that a link is to be measured for.
 #[derive(Clone, Copy)]
@@ -53,45 +66,51 @@ impl<'a> Solver<'a> {
         Histogram::new(open.map(|(error, _)| *error)).threshold(count, least)
     }
 
-    /// Refines all links with errors above a threshold, with `once` not their parts in turn but [`SLICE`] at a time;
-    /// `stop` is asked between waves or slices, and not before something is refined. Returns the number of links replaced.
+    /// Refines all links with errors above a threshold and their parts in turn, with `once` not these, a slice at a time;
+    /// `stop` is told the number of links and elements and asked between slices, and not before something is refined.
     pub(super) fn refine(
         &mut self,
         errors: &[(f32, Split)],
         threshold: f32,
         once: bool,
-        stop: &dyn Fn() -> bool,
-    ) -> usize {
+        stop: &dyn Fn(usize) -> bool,
+    ) -> Refined {
         let open = |(error, split): (f32, Split)| error > threshold && split != Split::Neither;
-        let mut wave: Vec<(Link, Split)> = Vec::new();
+        let mut wave: VecDeque<(Link, Split)> = VecDeque::new();
         let mut kept = Vec::with_capacity(self.links.len());
         for (link, &error) in self.links.iter().zip(errors) {
-            if open(error) { wave.push((*link, error.1)) } else { kept.push(*link) }
+            if open(error) { wave.push_back((*link, error.1)) } else { kept.push(*link) }
         }
         self.links = kept;
-        let mut replaced = 0;
+        let mut refined = Refined::default();
         while !wave.is_empty() {
-            if (replaced > 0 && stop()) || self.links.len() + 4 * wave.len() > self.max_links {
-                self.links.extend(wave.iter().map(|(link, _)| *link));
+            let held = self.links.len() + wave.len();
+            let most = self.max_links.saturating_sub(held) / MORE;
+            refined.full = most == 0;
+            if refined.full || (refined.replaced > 0 && stop(held + self.elements.len())) {
                 break;
             }
-            let rest = if once { wave.split_off(SLICE.min(wave.len())) } else { Vec::new() };
-            replaced += wave.len();
-            let pairs = self.parts(&wave);
+            let slice = if once { SHORT_SLICE } else { SLICE };
+            let slice: Vec<_> = wave.drain(..slice.min(most).min(wave.len())).collect();
+            refined.replaced += slice.len();
+            let pairs = self.parts(&slice);
             let made = self.measure(&pairs, threshold, self.seed);
-            wave = rest;
             let scale = 1.0 / self.scale as f32;
-            let judged: Vec<(f32, Split)> =
-                made.par_iter().with_min_len(1024).map(|l| judge(&self.elements, l, &self.light, self.oracle)).collect();
+            let judged: Vec<(f32, Split)> = made
+                .par_iter()
+                .with_min_len(1024)
+                .map(|l| judge(&self.elements, l, &self.light, self.oracle))
+                .collect();
             for (link, (error, split)) in made.into_iter().zip(judged) {
                 if !once && open((error * scale, split)) {
-                    wave.push((link, split));
+                    wave.push_back((link, split));
                 } else {
                     self.links.push(link);
                 }
             }
         }
-        replaced
+        self.links.extend(wave.into_iter().map(|(link, _)| link));
+        refined
     }
 
     /// The pairs that replace links; ends are split as needed.
@@ -168,15 +187,22 @@ impl<'a> Solver<'a> {
 
     /// Measures all links anew, but those that are certain, with samples of their own. Which links are kept
     /// depends on what was seen of them: the same samples' values are too large where most is seen, and too small where
-    /// little is.
-    pub(super) fn look_again(&mut self, threshold: f32) {
+    /// little is. Those whose turn has not come when it is late stay as they are.
+    pub(super) fn look_again(&mut self, threshold: f32, clock: &Clock) {
         let (certain, doubtful): (Vec<Link>, Vec<Link>) =
             std::mem::take(&mut self.links).into_iter().partition(|l| l.rays == 0);
         let again = |l: &Link| Pair { mixed: l.mixed(), between: l.between, ..Pair::new(l.a, l.b) };
-        let pairs: Vec<Pair> = doubtful.iter().map(again).collect();
+        let closing = self.closing * (certain.len() + doubtful.len() + self.elements.len()) as f64;
         self.links = certain;
-        let made = self.measure(&pairs, threshold, mix(self.seed));
-        self.links.extend(made);
+        for slice in doubtful.chunks(SLICE) {
+            if clock.left() <= closing {
+                self.links.extend(slice);
+                continue;
+            }
+            let pairs: Vec<Pair> = slice.iter().map(again).collect();
+            let made = self.measure(&pairs, threshold, mix(self.seed));
+            self.links.extend(made);
+        }
     }
 
     /// The engine for a wave of pairs: exact rays where multi-resolution visibility is not likely to take less time for
@@ -221,7 +247,14 @@ impl<'a> Solver<'a> {
         let first_receives = at_a >= at_b;
         let receiver = if first_receives { a } else { b };
         let feature_size = self.feature_sizes[receiver as usize];
-        Care { worth: (at_a.max(at_b) / tolerated) as f32, feature_size, mixed, between, hidden, first_receives }
+        Care {
+            worth: (at_a.max(at_b) / tolerated) as f32,
+            feature_size,
+            mixed,
+            between,
+            hidden,
+            first_receives,
+        }
     }
 
     /// What the oracle must know of every element's light, from the present solution.

@@ -1,11 +1,13 @@
 //! Row sums of the form factors along links: what they are, what they must be, and how they are made so.
 
-use super::{Solver, mean};
+use super::clock::Clock;
 use super::cut::{Closure, Cut};
 use super::field::{Incoming, Outgoing, Rgb, gather};
 use super::options::Rows;
-use crate::element::{Element, Shape};
-use crate::link::{Question, Scratch, cosine_direction, point_on};
+use super::{Solver, mean};
+use crate::element::{Element, Elements, Shape};
+use crate::embree::Hits;
+use crate::link::{cosine_direction, point_on};
 use crate::ray::{LANES, Packet};
 use rayon::prelude::*;
 use sobol_burley::sample_4d;
@@ -17,6 +19,10 @@ const TOO_MUCH: f64 = 1.25;
 /// Most rounds of balancing, and the root mean square error of the row sums (by area) at which it ends.
 const ROUNDS: usize = 20;
 const BALANCED: f64 = 3e-5;
+/// Rounds before the clock is looked at.
+const LEAST_ROUNDS: usize = 1;
+/// Part of the light that a row sum above 1 gives back of what it gets, beyond which it is cut down.
+const GROWS: f64 = 0.98;
 /// Least and largest factor of a leaf.
 const LEAST: f32 = 1e-4;
 const MOST: f32 = 4.0;
@@ -39,14 +45,15 @@ impl Solver<'_> {
     /// Makes the row sums of leaves what they must be: 1 where there is no way out of the scene (method E.7), elsewhere
     /// what rays say. What the errors of links add or take away would be multiplied by every bounce.
     ///
-    /// Returns the row sums there were.
-    pub(super) fn close(&mut self) -> Vec<f64> {
+    /// Returns the row sums there were, and the number of leaves that would have made light grow without end (see
+    /// [`Solver::bound`]). When it is late nobody asks rays, and less is balanced.
+    pub(super) fn close(&mut self, clock: &Clock) -> (Vec<f64>, usize) {
         self.closure.fill(Closure::NONE);
         let mut cut = self.cut();
         let sampled = self.row_sums(&cut);
-        let goals = self.goals();
+        let goals = self.goals(clock);
         let mut sums = sampled.clone();
-        for _ in 0..if self.rows == Rows::Balanced { ROUNDS } else { 1 } {
+        for round in 0..if self.rows == Rows::Balanced { ROUNDS } else { 1 } {
             let (mut off, mut all) = (0.0, 0.0);
             for (e, &sum) in sums.iter().enumerate() {
                 let before = self.closure[e].gathers;
@@ -65,7 +72,7 @@ impl Solver<'_> {
                     all += element.area;
                 }
             }
-            if off <= BALANCED * BALANCED * all {
+            if off <= BALANCED * BALANCED * all || (round >= LEAST_ROUNDS && clock.late()) {
                 break;
             }
             cut.reclose(&self.elements, &self.closure);
@@ -79,11 +86,27 @@ impl Solver<'_> {
                 self.closure[e].gathers *= missing as f32;
             }
         }
-        sampled
+        (sampled, self.bound(&sums))
+    }
+
+    /// Leaves whose row sum (before closure) is above 1, which no form factors have, and so far that light which is reflected
+    /// again and again would hardly lose or even gain, gather as if it were 1. Returns their number.
+    fn bound(&mut self, sums: &[f64]) -> usize {
+        let mut bounded = 0;
+        for (e, &sum) in sums.iter().enumerate() {
+            let Shape::Surface { side, .. } = self.elements.elements[e].shape else { continue };
+            let reflectance = self.elements.sides[side as usize].reflectance.into_iter().fold(0.0, f32::max);
+            let row = f64::from(self.closure[e].gathers) * sum;
+            if row > 1.0 && row * f64::from(reflectance) > GROWS {
+                self.closure[e].gathers = (1.0 / sum) as f32;
+                bounded += usize::from(self.elements.elements[e].is_leaf());
+            }
+        }
+        bounded
     }
 
     /// By element, what the row sums of leaves are to be; 0 where it is not known.
-    fn goals(&self) -> Vec<f64> {
+    fn goals(&self, clock: &Clock) -> Vec<f64> {
         let elements = &self.elements.elements;
         let power = |e: &Element| match e.shape {
             Shape::Surface { side, .. } if e.is_leaf() => {
@@ -95,16 +118,19 @@ impl Solver<'_> {
         (0..elements.len())
             .into_par_iter()
             .with_min_len(64)
-            .map_init(Scratch::default, |scratch, e| {
+            .map(|e| {
                 let element = &elements[e];
                 match element.shape {
                     Shape::Surface { side, .. } if element.is_leaf() => {
                         if self.probe.closed[side as usize] {
                             return 1.0;
                         }
+                        if clock.late() {
+                            return 0.0;
+                        }
                         // What much light comes from, or goes to, must be known well.
                         let share = (element.area / self.elements.area).max(power(element) / emitted);
-                        self.met(e, ((RAYS * share) as usize).clamp(LEAST_RAYS, MOST_RAYS) / LANES, scratch)
+                        self.met(e, ((RAYS * share) as usize).clamp(LEAST_RAYS, MOST_RAYS) / LANES)
                     }
                     _ => 0.0,
                 }
@@ -112,13 +138,13 @@ impl Solver<'_> {
             .collect()
     }
 
-    /// Part of the rays from a leaf that meet something, by so many times sixteen.
-    fn met(&self, e: usize, packets: usize, scratch: &mut Scratch) -> f64 {
+    /// Part of the rays from a leaf that meet a side that light can reach, by so many times sixteen.
+    fn met(&self, e: usize, packets: usize) -> f64 {
         let Shape::Surface { side, corners } = &self.elements.elements[e].shape else { return 0.0 };
         let normal = self.elements.sides[*side as usize].normal;
         let length = 1.01 * self.elements.clusters[0].bounds.diagonal();
-        let sight = self.sight.scattered();
-        let mut met = 0.0;
+        let exact = self.sight.exact();
+        let mut met = 0;
         for k in 0..packets {
             let mut packet = Packet::EMPTY;
             for lane in 0..LANES {
@@ -126,11 +152,19 @@ impl Solver<'_> {
                 let from = point_on(corners, u, v);
                 packet.set(lane, from, from + length * cosine_direction(normal, p, q), self.ends);
             }
-            let question = Question { packet, emitter_size: 0.0, feature_size: 0.0 };
-            let through = sight.transmittances(&question, scratch);
-            met += through.into_iter().map(|t| 1.0 - f64::from(t)).sum::<f64>();
+            let mut hits = [Hits::NONE];
+            exact.scene.first_hits(exact.traversal, std::slice::from_ref(&packet), &mut hits);
+            met += (0..LANES)
+                .filter(|&lane| match hits[0].triangle[lane] {
+                    Hits::NOTHING => false,
+                    t => {
+                        let direction = packet.point(lane, 1.0) - packet.point(lane, 0.0);
+                        self.elements.met(t, direction) != Elements::NONE
+                    }
+                })
+                .count();
         }
-        met / (packets * LANES) as f64
+        met as f64 / (packets * LANES) as f64
     }
 }
 
@@ -138,4 +172,3 @@ impl Solver<'_> {
 fn missing(goal: f64, sum: f64) -> f64 {
     if sum > NOTHING * goal && goal > 0.0 { goal / sum } else { 1.0 }
 }
-

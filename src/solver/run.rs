@@ -1,16 +1,20 @@
 //! From a scene to a solution: preparation, steps of refinement, and what is written down about them.
 
+use super::clock::Clock;
 use super::field::Rgb;
+use super::local::LATE;
+use super::notes::unsettled;
 use super::prepare::Prepared;
-use super::record::{Iteration, Outcome, Record, Seconds};
-use super::{Options, Receiver, Solver, probe};
-use crate::Result;
+use super::record::{Ended, Outcome, Record, Seconds, Settled};
+use super::steps::{least, solve};
+use super::{Options, Receiver, Solver, probe, reach};
 use crate::element::Elements;
 use crate::facts::SceneFacts;
 use crate::link::Sight;
 use crate::points::Point;
 use crate::scene::Scene;
 use crate::visibility::reference;
+use crate::{Error, Result};
 use glam::Vec3;
 use std::time::Instant;
 
@@ -29,19 +33,22 @@ impl Progress for () {
     }
 }
 
-/// Link errors that are refined, as part of the error asked for: many links end at an element, and their errors add up.
-const SHARE: f64 = 0.01;
-/// How many times larger they may be where a local pass follows: there links are only where it starts.
-const COARSE: f64 = 4.0;
-/// Each step's threshold is this much below the last one's, starting so many steps above the final one.
-const STEP: f64 = 4.0;
-const STEPS: i32 = 4;
-/// Part of a step that is for refinement at least, and how much longer sweeps may take than last time.
-const LEAST_ROOM: f64 = 0.05;
-const SWEEP_MARGIN: f64 = 1.2;
-/// Change of the radiosity at which sweeps end: between steps and at the end.
-const ROUGH: f64 = 3e-3;
+/// Change of the radiosity at which the last sweeps end, and how many there are at most.
 const FINE: f64 = 1e-6;
+const MOST_SWEEPS: usize = 400;
+/// Parts of the time: for the light where nothing and where points come after it, and of that for refining links where a
+/// local pass and where another look at all of them follows.
+const LIGHT: f64 = 0.9;
+const LIGHT_AND_POINTS: f64 = 0.75;
+const LINKS: f64 = 0.4;
+const LINKS_ALONE: f64 = 0.6;
+
+/// Diagonals of scenes whose areas, and the squares of large ones, 32 bits hold.
+const SMALLEST: f64 = 1e-9;
+const LARGEST: f64 = 5e9;
+
+const NOT_FINITE: &str = "the light in this scene is beyond all numbers: give it in other units of length or power, so that \
+     neither are far from 1";
 
 /// Solves a scene for elements and points (file coordinates).
 ///
@@ -67,77 +74,138 @@ pub fn run_then<T>(
     then: impl FnOnce(Outcome, More) -> Result<T>,
 ) -> Result<T> {
     options.check()?;
+    let diagonal = f64::from(scene.bounds.diagonal());
+    if !(SMALLEST..=LARGEST).contains(&diagonal) {
+        let unit = &scene.unit;
+        return Err(Error::Scene(format!(
+            "the scene measures {diagonal:.1e} {unit} across: give it in another unit of length, in which that lies in \
+             {SMALLEST:e}..{LARGEST:e}"
+        )));
+    }
     let mut seconds = Seconds::default();
-    let begun = Instant::now();
+    let clock = Clock::start(progress, options.max_seconds);
     progress.stage("preparing");
-    let prepared = Prepared::of(scene, options, &mut seconds, progress)?;
+    let prepared = Prepared::of(scene, options, &mut seconds, progress, &clock)?;
     let (exact, ends) = (prepared.exact(), reference::end_rule(scene));
+    let area = areas(scene);
+    let finest = options.local_area(options.local_rays() as f64);
     let (elements, found) = timed(&mut seconds.elements, || {
-        let area: f64 = areas(scene);
+        let length = 1.01 * scene.bounds.diagonal();
+        let look = |elements: &Elements| {
+            probe::probe(elements, exact.scene, exact.traversal, ends, length, options.seed)
+        };
         // Ids for all that the local pass splits.
         let build = |entered: &[u32]| {
-            let mut elements =
-                Elements::build(scene, &prepared.hierarchy, options.local_area() * area, entered);
+            let mut elements = Elements::build(scene, &prepared.hierarchy, finest * area, entered);
             elements.min_area = options.min_area * area;
-            let length = 1.01 * scene.bounds.diagonal();
-            let found = probe::probe(&elements, exact.scene, exact.traversal, ends, length, options.seed);
+            let found = look(&elements);
             (elements, found)
         };
         let (elements, found) = build(&[]);
-        if found.entered.is_empty() { (elements, found) } else { build(&found.entered) }
+        if clock.late() {
+            return (elements, found);
+        }
+        let (elements, found) =
+            if found.entered.is_empty() { (elements, found) } else { build(&found.entered) };
+        let unlit = reach::unlit(scene, &elements, exact, ends, options.seed);
+        if unlit.is_empty() {
+            return (elements, found);
+        }
+        let elements = elements.without(&unlit, scene, &prepared.hierarchy);
+        let found = look(&elements);
+        (elements, found)
     });
     let engine = timed(&mut seconds.characterise, || prepared.engine(scene, &elements, ends, options));
     let sight = engine.as_ref().map_or(Sight::Exact(exact), Sight::MultiResolution);
     let mut solver = Solver::new(elements, found, sight, ends, options);
     solver.name(scene, options, (exact.scene, exact.traversal))?;
+    let mut warnings = scene.repairs.messages.clone();
+    warnings.extend(prepared.note.clone());
+    if let Some(limit) = options.max_seconds.filter(|_| clock.late() && !clock.interrupted()) {
+        let taken = clock.elapsed();
+        warnings.push(format!(
+            "--max-seconds {limit}: preparing the scene took {taken:.1} s; this is the coarsest light there is"
+        ));
+    }
+    let light = clock.part(if points.is_empty() { LIGHT } else { LIGHT_AND_POINTS });
     let start = Instant::now();
-    let late =
-        || progress.stopped() || options.max_seconds.is_some_and(|s| begun.elapsed().as_secs_f64() > s);
     // Points need no elements for what emitters send them directly.
     let idle = options.direct_only && !points.is_empty();
-    let iterations = if idle { Vec::new() } else { solve(&mut solver, options, progress, &late) };
+    let local = !idle && solver.local_pass(options);
+    let refining = light.part(if local { LINKS } else { LINKS_ALONE });
+    let (iterations, ended) = match idle {
+        true => (Vec::new(), Ended::Nothing),
+        false => solve(&mut solver, options, progress, &refining),
+    };
     progress.stage("last sweeps");
-    let local = solver.local_pass(options);
-    let mut row_sums = None;
+    let mut closed = None;
+    let mut settled = iterations.last().map_or_else(Settled::default, |(_, settled)| *settled);
     let mut bytes = 0;
-    if !local || progress.stopped() {
-        solver.look_again(least(&solver, options));
-        let sampled = solver.close();
+    if !local {
+        solver.look_again(least(&solver, options), &light);
+        let (sampled, bounded) = solver.close(&light);
         let cut = solver.cut();
-        solver.settle(&cut, FINE, 400);
+        settled = solver.settle(&cut, FINE, MOST_SWEEPS, &light);
         bytes = cut.bytes();
-        row_sums = Some((sampled, solver.row_sums(&cut)));
+        closed = Some((sampled, solver.row_sums(&cut)));
         solver.look();
+        warnings.extend(unsettled(&settled, bounded, &light));
     }
     seconds.solve = start.elapsed().as_secs_f64();
-    if row_sums.is_none() {
+    let mut settled_local = None;
+    if local {
         progress.stage("local pass");
-        let local = timed(&mut seconds.local, || {
-            solver.split_all(options.local_area() * areas(scene));
-            Receiver::new(scene, &solver, (exact.scene, exact.traversal), options)
-                .local(options.local_rays() as f64)
+        let found = timed(&mut seconds.local, || {
+            let traced = (exact.scene, exact.traversal);
+            let all = options.local_rays() as f64;
+            let rays = match light.limited() {
+                true => Receiver::new(scene, &solver, traced, options).affordable(all, &light),
+                false => Some(all).filter(|_| !light.late()),
+            };
+            solver.split_all(options.local_area(rays.unwrap_or(LATE)).max(finest) * area);
+            Receiver::new(scene, &solver, traced, options).local(rays, &light)
         });
-        solver.adopt(local);
+        settled_local = Some(found.settled);
+        warnings.extend(unsettled(&found.settled, 0, &light));
+        solver.adopt(found);
     }
 
     progress.stage("points");
     let asked = |points: &[Point]| -> Vec<(Vec3, Vec3)> {
         points.iter().map(|p| ((p.position - scene.origin).as_vec3(), p.normal.as_vec3())).collect()
     };
+    let relative = asked(points);
     let receiver = Receiver::new(scene, &solver, (exact.scene, exact.traversal), options);
-    let (irradiance, tally) = timed(&mut seconds.points, || receiver.irradiance(&asked(points)));
+    let hurried = timed(&mut seconds.points, || receiver.hurried(&relative, options, &clock.with_grace()));
+    let receiver = match &hurried {
+        Some(options) => Receiver::new(scene, &solver, (exact.scene, exact.traversal), options),
+        None => receiver,
+    };
+    let (irradiance, tally) = timed(&mut seconds.points, || receiver.irradiance(&relative));
+    warnings.extend(receiver.far_off(&relative));
     let mut bundles = solver.tally();
     bundles.add(tally);
     let uncertainty = solver.uncertainty();
-    let audited = if options.direct_only || progress.stopped() { 0 } else { options.audit };
+    let audited = if options.direct_only { 0 } else { options.audit };
     progress.stage("audit");
-    let (audit, tally) = timed(&mut seconds.audit, || receiver.audit(&uncertainty, audited));
+    let late = || clock.with_grace().late();
+    let (audit, tally) = timed(&mut seconds.audit, || receiver.audit(&uncertainty, audited, &late));
     bundles.add(tally);
-    let mut warnings = scene.repairs.messages.clone();
-    warnings.extend(prepared.note.clone());
     if scene.emitters.is_empty() {
         warnings
             .push("nothing emits light: everything is black (--emitter NAME=W makes something emit)".into());
+    }
+    if solver.incident.iter().chain(&solver.radiosity).chain(&irradiance).flatten().any(|v| !v.is_finite()) {
+        return Err(Error::Scene(NOT_FINITE.into()));
+    }
+    let error_estimate = solver.error_estimate(&uncertainty);
+    let target_met = options.target_error.map(|target| error_estimate <= target);
+    warnings.extend(ended.note(options, iterations.last().map(|(i, _)| i), error_estimate));
+    if let (Some(false), Some(target)) = (target_met, options.target_error) {
+        warnings.push(format!(
+            "--target-error {target} was missed: the estimated error is {error_estimate:.2e}; a smaller --error or \
+             --min-area, more time or more links bring it down"
+        ));
     }
     let record = Record {
         mrvis: env!("CARGO_PKG_VERSION").into(),
@@ -147,7 +215,11 @@ pub fn run_then<T>(
         options: options.clone(),
         scene: SceneFacts::of(scene, &prepared.hierarchy),
         warnings,
-        iterations,
+        iterations: iterations.into_iter().map(|(iteration, _)| iteration).collect(),
+        ended,
+        settled,
+        settled_local,
+        target_met,
         seconds,
         cache: prepared.origin.into(),
         links: solver.links.len(),
@@ -155,8 +227,8 @@ pub fn run_then<T>(
         bytes: solver.elements.bytes() + size_of_val(solver.links.as_slice()) + bytes,
         exact_rays: bundles.exact_rays,
         bundles,
-        ledger: solver.ledger(row_sums.as_ref().map(|(before, after)| [&before[..], &after[..]])),
-        error_estimate: solver.error_estimate(&uncertainty),
+        ledger: solver.ledger(&scene.unit, closed.as_ref().map(|(before, after)| [&before[..], &after[..]])),
+        error_estimate,
         audit: (audit.elements > 0).then_some(audit),
         mean_irradiance: solver.mean_irradiance(),
         interrupted: progress.stopped(),
@@ -166,76 +238,9 @@ pub fn run_then<T>(
     then(outcome, &|points| receiver.irradiance(&asked(points)).0)
 }
 
-/// Refines in steps until the error asked for is reached or time is up.
-fn solve(
-    solver: &mut Solver,
-    options: &Options,
-    progress: &dyn Progress,
-    late: &dyn Fn() -> bool,
-) -> Vec<Iteration> {
-    let mut iterations = Vec::new();
-    if solver.scale <= 0.0 {
-        return iterations;
-    }
-    let least = least(solver, options);
-    // Links a step and what sweeps and looks take, learnt from step to step.
-    let (mut work, mut sweeping) = (64.0, 0.0);
-    let mut next = f64::from(least) * STEP.powi(STEPS);
-    loop {
-        let start = Instant::now();
-        let errors = solver.errors();
-        let once = options.step_seconds.is_some();
-        let threshold = match once {
-            true => solver.threshold(&errors, work as usize, least),
-            false => (next as f32).max(least),
-        };
-        let room =
-            options.step_seconds.map_or(f64::INFINITY, |step| (step - sweeping).max(LEAST_ROOM * step));
-        let over = || late() || start.elapsed().as_secs_f64() > room;
-        let refined = solver.refine(&errors, threshold, once, &over);
-        let refining = start.elapsed().as_secs_f64();
-        let cut = solver.cut();
-        let residual = solver.settle(&cut, ROUGH, if once { 1 } else { 12 });
-        solver.spread_importance(&cut);
-        solver.look();
-        let taken = start.elapsed().as_secs_f64();
-        if options.step_seconds.is_some() {
-            // A margin for the next step, which has more links; a step that was held up by others counts half.
-            let now = SWEEP_MARGIN * (taken - refining);
-            sweeping = if sweeping > 0.0 { 0.5 * (sweeping + now) } else { now };
-            let factor = room * refined.max(1) as f64 / (refining.max(1e-6) * work);
-            work = (work * factor.clamp(0.25, 2.0)).max(1.0);
-        }
-        iterations.push(Iteration {
-            seconds: taken,
-            links: solver.links.len(),
-            elements: solver.elements.len(),
-            refined,
-            error_bound: threshold.into(),
-            residual,
-        });
-        progress.stage(&format!("{} links, error {:.2e}", solver.links.len(), threshold));
-        next /= STEP;
-        let done = match once {
-            true => refined == 0,
-            false => f64::from(threshold) <= f64::from(least),
-        };
-        let reached = options.target_error.is_some_and(|t| solver.error_estimate(&solver.uncertainty()) <= t);
-        if done || reached || late() || solver.links.len() >= solver.max_links {
-            return iterations;
-        }
-    }
-}
-
-/// The error that links are refined to, relative to the mean irradiance.
-fn least(solver: &Solver, options: &Options) -> f32 {
-    let coarse = if solver.local_pass(options) { COARSE } else { 1.0 };
-    (options.error * SHARE * coarse) as f32
-}
-
 impl Solver<'_> {
     /// Whether a local pass is to follow refinement: in scenes with clusters.
-    fn local_pass(&self, options: &Options) -> bool {
+    pub(super) fn local_pass(&self, options: &Options) -> bool {
         self.elements.large_from > 0 && options.local_rays() > 0 && !options.direct_only && self.scale > 0.0
     }
 
@@ -250,7 +255,8 @@ impl Solver<'_> {
     }
 }
 
-fn areas(scene: &Scene) -> f64 {
+/// Area of all triangles, one side of each.
+pub(super) fn areas(scene: &Scene) -> f64 {
     (0..scene.triangles.len() as u32)
         .map(|t| {
             let [a, b, c] = scene.corners(t);

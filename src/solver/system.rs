@@ -1,5 +1,7 @@
 //! Light between elements whose form factors are known row by row.
 
+use super::Settled;
+use super::clock::Clock;
 use super::field::Rgb;
 use rayon::prelude::*;
 
@@ -7,6 +9,9 @@ use rayon::prelude::*;
 /// most.
 const SETTLED: f64 = 1e-4;
 const ITERATIONS: usize = 100;
+/// Iterations however late it is; more where they are quick: so many rays over all iterations.
+const LEAST: usize = 3;
+const QUICK: usize = 50_000_000;
 /// Terms that are summed up in a row: sums do not depend on threads.
 const BLOCK: usize = 4096;
 
@@ -25,44 +30,41 @@ pub struct System {
 type Field = Vec<Rgb>;
 
 impl System {
-    /// The irradiance for what emitters send, from a first guess.
+    /// The irradiance for what emitters send, from a first guess, and how good it is.
     ///
     /// The stabilised bi-conjugate gradients of van der Vorst (1992), each channel by itself: sampled rows are reciprocal on
     /// average only. Sweeps that take turns, of whatever order, need hundreds where light is caught between white
-    /// surfaces; a Krylov space has these few slow modes after a few steps.
-    pub fn solve(&self, direct: &Field, start: Field) -> Field {
-        self.iterate(direct, start).0
-    }
-
-    /// The solution, and how often all rows were gathered for it.
-    fn iterate(&self, direct: &Field, start: Field) -> (Field, usize) {
-        let mut sweeps = 1;
-        let mut x = start;
-        let mut r = combined(direct, &[([-1.0; 3], &self.apply(&x))]);
-        let shadow = r.clone();
-        let mut p = r.clone();
-        let mut rho = self.dot(&shadow, &r);
+    /// surfaces; a Krylov space has these few slow modes after a few steps. Where its recurrence breaks down, it begins
+    /// anew from the best solution so far; that is also what is left if it does not converge, or has to stop.
+    pub fn solve(&self, direct: &Field, start: Field, clock: &Clock) -> (Field, Settled) {
         let want = self.dot(direct, direct).map(|d| d * SETTLED * SETTLED);
-        for _ in 0..ITERATIONS {
-            sweeps += 2;
-            let left = self.dot(&r, &r);
-            if (0..3).all(|k| left[k] <= want[k]) {
+        let mut settled = Settled { sweeps: 1, residual: f64::INFINITY, converged: false };
+        let mut best = start;
+        let mut space = Space::new(self, direct, best.clone());
+        let mut sound = true;
+        let least = (QUICK / self.others.len().max(1)).clamp(LEAST, ITERATIONS);
+        for iteration in 0..ITERATIONS {
+            let left = self.dot(&space.r, &space.r);
+            let worst = (0..3).map(|k| left[k] / want[k].max(f64::MIN_POSITIVE)).fold(0.0, f64::max);
+            let residual = SETTLED * worst.sqrt();
+            if residual < settled.residual && left.iter().all(|l| l.is_finite()) {
+                settled.residual = residual;
+                best.clone_from(&space.x);
+            }
+            let done: [bool; 3] = std::array::from_fn(|k| left[k] <= want[k]);
+            settled.converged = done == [true; 3];
+            if settled.converged || (iteration >= least && clock.late()) {
                 break;
             }
-            let v = self.apply(&p);
-            let alpha = divide(rho, self.dot(&shadow, &v));
-            let s = combined(&r, &[(alpha.map(|a| -a), &v)]);
-            let t = self.apply(&s);
-            let omega = divide(self.dot(&t, &s), self.dot(&t, &t));
-            x = combined(&x, &[(alpha, &p), (omega, &s)]);
-            r = combined(&s, &[(omega.map(|o| -o), &t)]);
-            let next = self.dot(&shadow, &r);
-            let beta: Rgb = std::array::from_fn(|k| divide(next, rho)[k] * divide(alpha, omega)[k]);
-            rho = next;
-            p = combined(&r, &[(beta, &p), (std::array::from_fn(|k| -beta[k] * omega[k]), &v)]);
+            if !sound {
+                settled.sweeps += 1;
+                space = Space::new(self, direct, best.clone());
+            }
+            settled.sweeps += 2;
+            sound = space.advance(self, done);
         }
         // Factors are not negative, and neither is light: what rounding leaves below zero in the dark is nothing.
-        (x.into_par_iter().map(|e| e.map(|v| v.max(0.0))).collect(), sweeps)
+        (best.into_par_iter().map(|e| e.map(|v| v.max(0.0))).collect(), settled)
     }
 
     fn apply(&self, x: &Field) -> Field {
@@ -100,6 +102,44 @@ impl System {
             })
             .collect();
         parts.iter().fold([0.0; 3], |sum, part| std::array::from_fn(|k| sum[k] + part[k]))
+    }
+}
+
+/// Where the iteration is.
+struct Space {
+    x: Field,
+    /// Residual, search direction, and the shadow of the first residual.
+    r: Field,
+    p: Field,
+    shadow: Field,
+    rho: Rgb,
+}
+
+impl Space {
+    fn new(system: &System, direct: &Field, x: Field) -> Space {
+        let r = combined(direct, &[([-1.0; 3], &system.apply(&x))]);
+        let rho = system.dot(&r, &r);
+        Space { x, p: r.clone(), shadow: r.clone(), r, rho }
+    }
+
+    /// One step; whether it can go on, `done` by channel.
+    fn advance(&mut self, system: &System, done: [bool; 3]) -> bool {
+        let v = system.apply(&self.p);
+        let alpha = divide(self.rho, system.dot(&self.shadow, &v));
+        let s = combined(&self.r, &[(alpha.map(|a| -a), &v)]);
+        let t = system.apply(&s);
+        let omega = divide(system.dot(&t, &s), system.dot(&t, &t));
+        self.x = combined(&self.x, &[(alpha, &self.p), (omega, &s)]);
+        self.r = combined(&s, &[(omega.map(|o| -o), &t)]);
+        let next = system.dot(&self.shadow, &self.r);
+        let beta: Rgb = std::array::from_fn(|k| divide(next, self.rho)[k] * divide(alpha, omega)[k]);
+        let sound = (0..3).all(|k| {
+            let product = next[k] * beta[k];
+            product.is_finite() && (done[k] || product != 0.0)
+        });
+        self.rho = next;
+        self.p = combined(&self.r, &[(beta, &self.p), (std::array::from_fn(|k| -beta[k] * omega[k]), &v)]);
+        sound
     }
 }
 
@@ -142,9 +182,23 @@ mod tests {
     #[test]
     fn a_furnace_has_the_same_light_everywhere() {
         let system = rooms(200, 64, 0.95);
-        let found = system.solve(&vec![[1.0; 3]; 200], vec![[0.0; 3]; 200]);
+        let solve = |direct: f64| {
+            system.solve(&vec![[direct; 3]; 200], vec![[0.0; 3]; 200], &Clock::start(&(), None))
+        };
+        let (found, settled) = solve(1.0);
+        assert!(settled.converged && settled.residual <= SETTLED, "{settled:?}");
         assert!(found.iter().flatten().all(|e| (e / 20.0 - 1.0).abs() < 1e-3), "{found:?}");
-        assert!(system.solve(&vec![[0.0; 3]; 200], vec![[0.0; 3]; 200]).iter().flatten().all(|&e| e == 0.0));
+        assert!(solve(0.0).0.iter().flatten().all(|&e| e == 0.0));
+    }
+
+    /// Rows that give back more than they get have no light that would be a solution; what is written is finite, and the
+    /// record says that it is not converged.
+    #[test]
+    fn what_does_not_converge_says_so() {
+        let system = rooms(200, 64, 1.5);
+        let direct: Field = (0..200).map(|i| [f64::from(u8::from(i < 10)), 0.0, f64::NAN]).collect();
+        let (found, settled) = system.solve(&direct, vec![[0.0; 3]; 200], &Clock::start(&(), None));
+        assert!(!settled.converged && found.iter().flatten().all(|e| e.is_finite()), "{settled:?}");
     }
 
     /// Why the light is not found by relaxing rows one at a time, be they in turn (Gauss and Seidel) or that with the
@@ -154,8 +208,8 @@ mod tests {
         let (n, rays) = (200usize, 64usize);
         let system = rooms(n as u32, rays as u32, 0.97);
         let direct: Field = (0..n).map(|i| [f64::from(u8::from(i < 10)); 3]).collect();
-        let (found, sweeps) = system.iterate(&direct, vec![[0.0; 3]; n]);
-        let krylov = sweeps * n * rays;
+        let (found, settled) = system.solve(&direct, vec![[0.0; 3]; n], &Clock::start(&(), None));
+        let krylov = settled.sweeps * n * rays;
         // In columns: who has rays that meet j.
         let mut columns = vec![Vec::new(); n];
         for (k, &j) in system.others.iter().enumerate() {

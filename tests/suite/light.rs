@@ -86,7 +86,10 @@ fn bad_input_is_refused_in_one_line() {
         (vec!["solve", "box.obj", "--out", "s", "--points", "columns.csv"], "x,y,z,nx,ny,nz"),
         (vec!["solve", "box.obj", "--out", "s", "--points", "none.csv"], "no point"),
         (vec!["solve", "none.obj", "--out", "s"], "none.obj"),
-        (vec!["solve", "box.obj", "--out", "box.mtl"], "box.mtl"),
+        (vec!["solve", "box.obj", "--out", "box.mtl"], "box.mtl: is not a folder"),
+        (vec!["solve", "box.obj", "--out", "/dev/full"], "give a folder that can be written"),
+        (vec!["solve", "box.obj", "--out", "/proc/nothing"], "give a folder that can be written"),
+        (vec!["solve", "box.obj", "--out", "s", "--json", "nowhere/s.json"], "nowhere/s.json"),
         (vec!["solve", "box.obj", "--out", "s", "--error", "0"], "--error"),
         (vec!["solve", "box.obj", "--out", "s", "--error", "-1"], "--error"),
         (vec!["solve", "box.obj", "--out", "s", "--max-seconds", "0"], "--max-seconds"),
@@ -186,13 +189,43 @@ fn scaling_is_a_table_and_a_slope() {
     let found = scratch.json("s.json");
     let rows = found["rows"].as_array().expect("rows");
     assert_eq!(rows.len(), 2);
-    assert!(rows.iter().all(|r| r["seconds"].as_f64().is_some_and(|s| s > 0.0)));
-    assert!(found["slope"].as_f64().is_some_and(|s| s > 0.0 && s < 3.0));
+    let [small, large] = [0, 1].map(|k| {
+        let number = |what: &str| rows[k][what].as_f64().expect("a number");
+        (number("triangles"), number("seconds"))
+    });
+    let slope = (large.1 / small.1).ln() / (large.0 / small.0).ln();
+    for name in ["slope", "slope_last"] {
+        assert!(found[name].as_f64().is_some_and(|s| (s - slope).abs() < 1e-6), "{found}");
+    }
+    // The bar is 1.15; other tests run at the same time.
+    assert!(slope > 0.0 && slope < 1.3, "{found}");
+    // No error was measured, and none is shown.
+    assert!(rows.iter().all(|r| r["rms_error"].is_null()), "{found}");
+    assert!(outcome.stdout.lines().skip(1).take(2).all(|l| l.contains(" - ")), "{}", outcome.stdout);
     let refused = scratch.mrvis(&["solve", "--scaling=10"]);
     assert!(refused.code == Some(2) && refused.stderr.contains("--scaling=10"), "{}", refused.stderr);
     // Nothing to solve, and nowhere to put it.
     assert_eq!(scratch.mrvis(&["solve"]).code, Some(2));
     assert_eq!(scratch.mrvis(&["solve", "box.obj", "--out", "o", "--importance-camera"]).code, Some(2));
+}
+
+#[test]
+fn a_missed_target_is_told_by_the_exit_code() {
+    let scratch = scratch();
+    let scene = scratch.generate(&Spec::new("cornell"));
+    let solve = |target: &str, links: &str| {
+        let options = ["--output", "none", "--target-error", target, "--max-links", links];
+        scratch.mrvis(&[&["solve", &scene, "--unit", "mm", "--out", "s"][..], &options].concat())
+    };
+    let missed = solve("1e-6", "2000");
+    assert_eq!(missed.code, Some(1), "{}", missed.stderr);
+    assert!(missed.stdout.contains("--target-error 0.000001 was missed"), "{}", missed.stdout);
+    assert!(missed.stdout.contains("--max-links 2000 ended refinement"), "{}", missed.stdout);
+    let record = scratch.json("s/solution.json");
+    assert!(record["target_met"] == false && record["ended"] == "links", "{record}");
+    // Watts, although the scene is in millimetres.
+    assert!(missed.stdout.contains(" W, absorbed ") && record["ledger"]["unit"] == "W", "{}", missed.stdout);
+    done(&solve("0.9", "1000000"));
 }
 
 #[test]

@@ -267,6 +267,39 @@ fn an_interrupted_solution_is_consistent_and_says_so() {
     assert!(scratch.path("s/solution.vtu").exists() && scratch.path("s/view.png").exists());
 }
 
+/// Whoever interrupts twice does not want to wait.
+#[cfg(unix)]
+#[test]
+fn a_second_interruption_ends_at_once() {
+    use std::process::{Command, Stdio};
+    use std::time::{Duration, Instant};
+    let scratch = Scratch::new();
+    let mut spec = mrvis::scene::generate::Spec::new("forest");
+    (spec.trees, spec.leaves) = (100, 2000);
+    let scene = scratch.generate(&spec);
+    let child = Command::new(env!("CARGO_BIN_EXE_mrvis"))
+        .args(["solve", &scene, "--out", "s", "--visibility", "mr", "--cache", "off", "--error", "1e-5"])
+        .current_dir(scratch.path("."))
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the command runs");
+    // Clusters are being measured, which nothing but this interrupts.
+    std::thread::sleep(Duration::from_secs(2));
+    let start = Instant::now();
+    for _ in 0..2 {
+        let kill = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill");
+        assert!(kill.success());
+        std::thread::sleep(Duration::from_millis(200));
+    }
+    let output = child.wait_with_output().expect("it ends");
+    assert!(start.elapsed() < Duration::from_secs(3), "{:?}", start.elapsed());
+    assert_eq!(output.status.code(), Some(130));
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(said.contains("once more ends at once"), "{said}");
+    assert!(!scratch.path("s/solution.json").exists());
+}
+
 #[test]
 fn ten_million_links_take_less_than_a_gibibyte() {
     // Stored, and 32 bytes more for what refinement and sweeps note of each while they last.
