@@ -1,7 +1,7 @@
 //! The coupling of two elements: unoccluded exchange and transmittance.
 
-use super::ends::{Ends, four, gauss, kernel, mix};
 use super::between::between;
+use super::ends::{Ends, four, gauss, kernel, mix};
 use super::{Between, Link, Question, Scratch, Sight};
 use crate::element::{Element, Elements, Shape, facing};
 use crate::form_factor::{point_to_polygon, polygon_to_polygon};
@@ -199,8 +199,7 @@ impl Meter<'_> {
             return None;
         }
         // A certificate first: it needs no ray and leaves no doubt, for the parts neither.
-        let between =
-            between(self.elements, [ca, cb], [na, nb], self.ends, care.between, care.hidden);
+        let between = between(self.elements, [ca, cb], [na, nb], self.ends, care.between, care.hidden);
         if between == Between::WALL {
             return None;
         }
