@@ -90,8 +90,11 @@ fn a_floor_under_the_edge_of_a_block_sees_its_side() {
         DVec3::new(0.9, 1.0, 0.0),
     ];
     let want = 0.5 * crate::form_factor::polygon_to_polygon(&[a, b, c, d], &strip);
-    let (link, _) = coupling(pieces, 1.0, 1).expect("a strip of it is in front");
+    let (link, _) = coupling(pieces.clone(), 1e3, 1).expect("a strip of it is in front");
     assert!((f64::from(link.coupling) / want - 1.0).abs() < 1e-3, "{link:?} {want}");
+    // By a few points where it matters less.
+    let (link, _) = coupling(pieces, 0.1, 1).expect("a strip of it is in front");
+    assert!((f64::from(link.coupling) / want - 1.0).abs() < 0.2, "{link:?} {want}");
     assert!(
         link.variation.iter().all(|&v| v >= 0.9 * link.coupling),
         "most of the floor sees nothing: {link:?}"
