@@ -24,7 +24,8 @@ pub struct Args {
     /// What rows and columns are: polygons of the file, its objects (and groups), or materials.
     #[arg(long, value_name = "WHAT", value_enum, default_value_t = By::Face)]
     by: By,
-    /// Rays of every polygon that look for what it sees [default: 2048, more where there are few polygons]
+    /// Rays of every polygon that look for what it sees, and the measure of how many go to each pair [default: 2048, more
+    /// where there are few polygons]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
     rays: Option<u32>,
     /// Largest number of rays between two polygons that are partly hidden from each other [default: 256, more where
@@ -85,10 +86,11 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let bound = memory_bound(facets.len(), &settings);
     if bound as f64 > args.max_memory * GIB {
         return Err(Error::Argument(format!(
-            "the matrix of {} facets could take {}: raise --max-memory or lower --rays (now {})",
+            "the matrix of {} facets could take {}: raise --max-memory{}",
             grouped(facets.len()),
             size(bound),
-            settings.rays
+            // Where every pair is tried, rays do not matter.
+            if settings.every { String::new() } else { format!(" or lower --rays (now {})", settings.rays) }
         )));
     }
     let count = grouped(facets.len());
@@ -117,7 +119,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         "entries": matrix.columns.len(),
         "settings": {
             "rays": settings.rays, "bundle": settings.bundle, "largest_bundle": settings.largest_bundle,
-            "enforce": settings.enforce, "seed": settings.seed,
+            "every": settings.every, "enforce": settings.enforce, "seed": settings.seed,
         },
         "report": report,
         "warnings": scene.repairs.messages,

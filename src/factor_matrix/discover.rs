@@ -58,15 +58,19 @@ pub struct Found {
 /// Kept from facet to facet.
 #[derive(Default)]
 pub struct Buffers {
-    table: Option<Table>,
+    tables: Option<[Table; 2]>,
     packets: Vec<Packet>,
     hits: Vec<Hits>,
     seen: Vec<Partner>,
 }
 
+/// Rays that tell a closed row from an open one: what they overlook is a stray share ([`super::Report::STRAY`]).
+const FEW: u32 = 512;
 /// Rays that go to Embree at once.
 const BATCH: usize = 64;
 
+/// The partners of a facet, unless every pair is tried, and its escaped and lost shares. Without partners to find, a few
+/// rays say whether there are such shares, and only if so all go to measure them.
 pub fn partners(
     traced: &Traced,
     facets: &Facets,
@@ -74,10 +78,36 @@ pub fn partners(
     facet: u32,
     buffers: &mut Buffers,
 ) -> Found {
-    let Buffers { table, packets, hits, seen } = buffers;
-    let table = table.get_or_insert_with(|| Table::new(settings.rays, settings.seed as u32));
+    let Buffers { tables, packets, hits, seen } = buffers;
+    let [few, all] = tables.get_or_insert_with(|| {
+        [settings.rays.min(FEW), settings.rays].map(|rays| Table::new(rays, settings.seed as u32))
+    });
+    let mut shares = [0.0; 2];
+    let tables: &[&Table] = if settings.every { &[few, all] } else { &[all] };
+    for table in tables {
+        seen.clear();
+        shares = spread(traced, facets, settings, facet, table, (packets, hits, seen));
+        if shares == [0.0; 2] {
+            break;
+        }
+    }
+    if settings.every {
+        seen.clear();
+    }
+    Partner::merge(seen);
+    Found { partners: seen.clone(), escaped: shares[0], lost: shares[1] }
+}
+
+/// Sends out the rays of a table; adds to the partners seen, and gives the shares that escaped and that were lost.
+fn spread(
+    traced: &Traced,
+    facets: &Facets,
+    settings: &Settings,
+    facet: u32,
+    table: &Table,
+    (packets, hits, seen): (&mut Vec<Packet>, &mut Vec<Hits>, &mut Vec<Partner>),
+) -> [f32; 2] {
     let from = facets.get(facet);
-    seen.clear();
     let (mut escaped, mut lost) = (0u32, 0u32);
     let mut trace = |packets: &mut Vec<Packet>| {
         hits.resize(packets.len(), Hits::NONE);
@@ -120,9 +150,7 @@ pub fn partners(
         }
     }
     trace(packets);
-    Partner::merge(seen);
-    let share = |n: u32| n as f32 / settings.rays as f32;
-    Found { partners: seen.clone(), escaped: share(escaped), lost: share(lost) }
+    [escaped, lost].map(|n| n as f32 / table.len() as f32)
 }
 
 /// For each facet the partners with a higher number, ascending: found by either of the two, with the hits of both.

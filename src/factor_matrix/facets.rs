@@ -10,6 +10,8 @@ pub struct Facets {
     first: Vec<u32>,
     /// One entry a facet.
     facets: Vec<Facet>,
+    /// Centre and radius of each facet, side by side for those who look at all of them.
+    balls: Vec<(DVec3, f64)>,
     /// Facet of each triangle.
     of_triangle: Vec<u32>,
 }
@@ -18,14 +20,19 @@ pub struct Facets {
 pub(super) struct Facet {
     /// Convex planar pieces, corners counterclockwise.
     pub pieces: Vec<Vec<DVec3>>,
+    /// Corners of all pieces.
+    pub corners: Vec<DVec3>,
     /// Area, scene units squared.
     pub area: f64,
     /// Centre of its box.
     pub centre: DVec3,
     /// Half the diagonal of its box.
     pub radius: f64,
-    /// Places to take the mean over, each with its unit normal and its share of the area.
+    /// Places to take the mean over, each with its unit normal and its share of the area: exact for polynomials of the
+    /// third degree on a parallelogram, of the second on triangles.
     pub nodes: Vec<(DVec3, DVec3, f64)>,
+    /// Unit normals of the triangles; of the quad, where there is one piece.
+    pub normals: Vec<DVec3>,
     /// Triangles, with the running sum of their shares of the area.
     pub triangles: Vec<([Vec3; 3], f32)>,
     /// Corner and edges if it is a parallelogram: points are found without looking for a triangle.
@@ -41,12 +48,13 @@ impl Facets {
             .map(|t| t as u32)
             .collect();
         first.push(polygon.len() as u32);
-        let facets = first.windows(2).map(|w| facet(scene, w[0]..w[1])).collect();
+        let facets: Vec<Facet> = first.windows(2).map(|w| facet(scene, w[0]..w[1])).collect();
+        let balls = facets.iter().map(|f| (f.centre, f.radius)).collect();
         let mut of_triangle = Vec::with_capacity(polygon.len());
         for (f, w) in first.windows(2).enumerate() {
             of_triangle.resize(w[1] as usize, f as u32);
         }
-        Facets { first, facets, of_triangle }
+        Facets { first, facets, balls, of_triangle }
     }
 
     /// Number of facets.
@@ -73,8 +81,40 @@ impl Facets {
         &self.facets[facet as usize]
     }
 
+    /// A facet, unless all of its ball is below every plane of `from`.
+    pub(super) fn rising(&self, from: &Facet, facet: u32) -> Option<&Facet> {
+        let (centre, radius) = self.balls[facet as usize];
+        let mut planes = from.pieces.iter().zip(&from.normals);
+        planes.any(|(piece, n)| n.dot(centre - piece[0]) + radius > 0.0).then(|| self.get(facet))
+    }
+
     pub(super) fn of_triangle(&self, triangle: u32) -> u32 {
         self.of_triangle[triangle as usize]
+    }
+}
+
+impl Facet {
+    /// About how high another facet comes above the plane of any piece, if by more than `least`: its centre where all of its
+    /// ball is above, else its highest corner.
+    pub fn rise(&self, other: &Facet, least: f64) -> Option<f64> {
+        let mut most = least;
+        for (piece, normal) in self.pieces.iter().zip(&self.normals) {
+            let height = normal.dot(other.centre - piece[0]);
+            if height > other.radius {
+                most = most.max(height);
+            } else if height + other.radius > most {
+                most = other.corners.iter().map(|p| normal.dot(*p - piece[0])).fold(most, f64::max);
+            }
+        }
+        (most > least).then_some(most)
+    }
+
+    /// Whether it is one piece and no corner of the other is behind it.
+    pub fn sees_all_of(&self, other: &Facet) -> bool {
+        let (point, normal) = (self.pieces[0][0], self.normals[0]);
+        let above = |p: DVec3| normal.dot(p - point);
+        self.pieces.len() == 1
+            && (above(other.centre) > other.radius || other.corners.iter().all(|&p| above(p) >= 0.0))
     }
 }
 
@@ -88,12 +128,13 @@ fn facet(scene: &Scene, triangles: std::ops::Range<u32>) -> Facet {
     let area: f64 = areas.iter().sum();
     let points = || corners.iter().flatten().map(|p| p.as_dvec3());
     let (low, high) = points().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
-    let mut nodes = Vec::new();
+    let (mut nodes, mut normals) = (Vec::new(), Vec::new());
     let mut sum = 0.0;
     let mut shares = Vec::new();
     for (t, a) in corners.iter().zip(&areas) {
         let [p, q, r] = t.map(|p| p.as_dvec3());
         let normal = (q - p).cross(r - p).normalize_or_zero();
+        normals.push(normal);
         nodes.extend(RULE.map(|[u, v, w]| (p * u + q * v + r * w, normal, a / area / 3.0)));
         sum += a / area;
         shares.push((*t, sum as f32));
@@ -108,13 +149,22 @@ fn facet(scene: &Scene, triangles: std::ops::Range<u32>) -> Facet {
         }
         _ => None,
     });
+    if let (Some(_), Some([quad])) = (&parallelogram, pieces.as_deref()) {
+        // Gauss' two points along either side.
+        let at = [0.5 - 0.5 / 3f64.sqrt(), 0.5 + 0.5 / 3f64.sqrt()];
+        let place = |u: f64, v: f64| quad[0] + (quad[1] - quad[0]) * u + (quad[3] - quad[0]) * v;
+        nodes = at.iter().flat_map(|&u| at.map(|v| (place(u, v), normals[0], 0.25))).collect();
+    }
     let apart = || corners.iter().map(|t| t.map(|p| p.as_dvec3()).to_vec()).collect();
+    let pieces: Vec<Vec<DVec3>> = pieces.unwrap_or_else(apart);
     Facet {
-        pieces: pieces.unwrap_or_else(apart),
+        corners: pieces.concat(),
+        pieces,
         area,
         centre: 0.5 * (low + high),
         radius: 0.5 * (high - low).length(),
         nodes,
+        normals,
         triangles: shares,
         parallelogram,
     }

@@ -4,7 +4,8 @@
 //! polygon of the input; groups of facets can be summed to objects or materials. Three steps:
 //!
 //! 1. *Discovery*: every facet sends out rays spread by the cosine. What they meet are its partners; what meets nothing is
-//!    its escaped share, what meets a back side its lost share.
+//!    its escaped share, what meets a back side its lost share. Up to [`Settings::EVERY`] facets the rays are for these
+//!    shares alone, and the partners are all facets that face it.
 //! 2. *Pairs*: for two facets of which one found the other `A F` is a closed form (see `form_factor`) times the
 //!    transmittance, which rays between them sample: a bundle at first, more where that is neither all clear nor all
 //!    blocked. What is so small that it was found by chance also stands for what was not found. A pair is computed once, so
@@ -17,6 +18,7 @@
 
 mod closure;
 mod discover;
+mod every;
 mod facets;
 mod pair;
 mod rays;
@@ -45,6 +47,8 @@ pub struct Settings {
     pub bundle: u32,
     /// Rays between two facets that are partly blocked, at most; not below `bundle`.
     pub largest_bundle: u32,
+    /// Try every pair of facets that face each other, rather than those that rays find.
+    pub every: bool,
     /// Adjust rows that nothing escapes from to the sum 1; the default.
     pub enforce: bool,
     /// Seed of everything random.
@@ -52,6 +56,9 @@ pub struct Settings {
 }
 
 impl Settings {
+    /// Up to so many facets every pair is tried: it costs less than to find most of them by rays.
+    pub const EVERY: usize = 8192;
+
     /// Few facets get many rays: about four million of discovery in all (1,024 to 65,536 a facet) and bundles that make
     /// up for what there are few of.
     pub fn new(facets: usize) -> Settings {
@@ -60,7 +67,14 @@ impl Settings {
         let pairs = (n * n / 2).max(1);
         let bundle = ((1 << 24) / pairs).clamp(64, 1 << 14).next_power_of_two() as u32;
         let largest = ((1 << 26) / pairs).clamp(256, 1 << 20).next_power_of_two() as u32;
-        Settings { rays, bundle, largest_bundle: largest, enforce: true, seed: 1 }
+        Settings {
+            rays,
+            bundle,
+            largest_bundle: largest,
+            every: facets <= Settings::EVERY,
+            enforce: true,
+            seed: 1,
+        }
     }
 }
 
@@ -110,9 +124,13 @@ impl Report {
     pub const BAD: f64 = 0.05;
 }
 
-/// The most memory that a matrix of so many facets takes while it is made, in bytes: every ray finds at most one new
-/// pair. The scene and Embree come on top.
+/// The most memory that a matrix of so many facets takes while it is made, in bytes: there are no more pairs than every
+/// facet with every other, and every ray finds at most one new. The scene and Embree come on top.
 pub fn memory_bound(facets: usize, settings: &Settings) -> u64 {
+    if settings.every {
+        // Pairs with their values, and both entries of each.
+        return facets as u64 * (facets as u64 * (13 + 16) / 2 + 640);
+    }
     let found = facets as u64 * u64::from(settings.rays).min(facets as u64);
     // Lists of partners and their transpose, pairs with their values, and both entries of each pair.
     found * (8 + 8 + 13 + 16) + facets as u64 * 640
@@ -153,7 +171,11 @@ pub fn compute(
         .par_iter()
         .enumerate()
         .map_init(pair::Buffers::default, |buffers, (i, partners)| {
-            let row = pairs.row(i as u32, partners, buffers);
+            let row = if settings.every {
+                pairs.every(i as u32, buffers)
+            } else {
+                pairs.row(i as u32, partners, buffers)
+            };
             done(1);
             row
         })

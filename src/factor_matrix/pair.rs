@@ -26,6 +26,27 @@ pub struct Row {
     pub rays: u64,
 }
 
+impl Row {
+    /// Nothing yet, and room for so many pairs.
+    pub fn with_capacity(pairs: usize) -> Row {
+        Row {
+            partner: Vec::with_capacity(pairs),
+            exchange: Vec::with_capacity(pairs),
+            error: Vec::with_capacity(pairs),
+            chance: Vec::with_capacity(pairs),
+            ..Row::default()
+        }
+    }
+
+    /// One more pair: the other facet, its exchange, the error of that, and its class by [`chance`].
+    pub fn push(&mut self, partner: u32, exchange: f64, error: f64, class: usize) {
+        self.partner.push(partner);
+        self.exchange.push(exchange as f32);
+        self.error.push(error as f32);
+        self.chance.push(class as u8);
+    }
+}
+
 /// By [`chance`]: rays of discovery that met a pair, and how many were expected from what the pairs are said to exchange.
 pub type Tally = [[f64; 2]; CHANCES];
 
@@ -53,7 +74,9 @@ pub struct Buffers(Vec<Table>);
 const NEAR: f64 = 1.5;
 /// Factors from here on get it too.
 const LARGE: f64 = 0.02;
-/// Rays of discovery that a pair must expect before more than one point on the smaller facet is worth its time.
+/// Beyond this many, points on both do, where all of each sees all of the other.
+const FAR: f64 = 3.0;
+/// Rays of discovery that a pair must expect before a second bundle is worth its time.
 const WORTH: f64 = 16.0;
 /// As many that the transmittance matters for the chance of being found.
 const MATTERS: f64 = 0.25;
@@ -68,23 +91,20 @@ impl Pairs<'_> {
     /// nothing were in between (Horvitz and Thompson 1952). Large ones are found for sure and stand for themselves. What is
     /// left is done by [`balance`].
     pub fn row(&self, i: u32, partners: &[Partner], buffers: &mut Buffers) -> Row {
-        let Settings { rays, bundle, seed, .. } = *self.settings;
+        let seed = self.settings.seed;
         let a = self.facets.get(i);
-        let mut row = Row::default();
+        let mut row = Row::with_capacity(partners.len());
         for partner in partners {
             let j = partner.facet();
             let b = self.facets.get(j);
-            let expected = |exchange: f64| f64::from(rays) * (exchange / a.area + exchange / b.area);
-            let open = exchange(a, b, |rough| expected(rough) < WORTH);
-            let c = expected(open);
+            let open = exchange(a, b);
+            let c = self.expected(a, b, open);
             if c <= 0.0 {
                 continue;
             }
             let mut seen = Transmittance { value: LIKELY, error: 0.0 };
             if c > MATTERS {
-                let size = power_of_4(c.clamp(4.0, f64::from(bundle)));
-                let table = table(buffers, size, seed as u32);
-                seen = self.transmittance((a, b), c, table, mix_pair(seed, i, j), &mut row.rays);
+                seen = self.sampled((a, b), (c, c.max(4.0)), buffers, mix_pair(seed, i, j), &mut row.rays);
             }
             let found = -(-c * seen.value).exp_m1();
             let value = share(seen, c);
@@ -93,13 +113,29 @@ impl Pairs<'_> {
                 *met += f64::from(partner.hits());
                 *expected += c * value;
             }
-            row.chance.push(class as u8);
-            row.partner.push(j);
-            row.exchange.push((open * value) as f32);
             let error = (seen.error * found.min(1.0)).hypot(value * (1.0 - found).max(0.0).sqrt());
-            row.error.push((open * error) as f32);
+            row.push(j, open * value, open * error, class);
         }
         row
+    }
+
+    /// How many rays of discovery, from either, two facets would expect that exchange so much.
+    pub fn expected(&self, a: &Facet, b: &Facet, exchange: f64) -> f64 {
+        f64::from(self.settings.rays) * (exchange / a.area + exchange / b.area)
+    }
+
+    /// The transmittance of a pair that expects `c` rays of discovery, from bundles of its own of about `size` rays.
+    pub fn sampled(
+        &self,
+        pair: (&Facet, &Facet),
+        (c, size): (f64, f64),
+        buffers: &mut Buffers,
+        key: u64,
+        rays: &mut u64,
+    ) -> Transmittance {
+        let Settings { bundle, seed, .. } = *self.settings;
+        let size = power_of_4(size.min(f64::from(bundle)));
+        self.transmittance(pair, c, table(buffers, size, seed as u32), key, rays)
     }
 
     /// The transmittance of a pair that expects `c` rays of discovery: from one bundle if that is all clear or all blocked,
@@ -179,10 +215,10 @@ impl Pairs<'_> {
 }
 
 #[derive(Clone, Copy)]
-struct Transmittance {
-    value: f64,
+pub struct Transmittance {
+    pub value: f64,
     /// Standard error if the rays were independent.
-    error: f64,
+    pub error: f64,
 }
 
 /// Scales pairs that were found by chance so that, class by class, they expect as many rays as met them. Rays of discovery
@@ -219,9 +255,8 @@ fn share(seen: Transmittance, c: f64) -> f64 {
     t / found - 0.5 * bend * seen.error * seen.error
 }
 
-/// `A F` of two facets with nothing in between; by one point on the smaller if `small` says that this value of it is
-/// small.
-fn exchange(a: &Facet, b: &Facet, small: impl Fn(f64) -> bool) -> f64 {
+/// `A F` of two facets with nothing in between.
+pub fn exchange(a: &Facet, b: &Facet) -> f64 {
     let exact = || {
         let all = |p: &[DVec3]| b.pieces.iter().map(|q| polygon_to_polygon(p, q)).sum::<f64>();
         a.pieces.iter().map(|p| area(p) * all(p)).sum::<f64>()
@@ -230,20 +265,30 @@ fn exchange(a: &Facet, b: &Facet, small: impl Fn(f64) -> bool) -> f64 {
     if apart < NEAR {
         return exact();
     }
+    if apart > FAR && a.sees_all_of(b) && b.sees_all_of(a) {
+        return by_points(a, b);
+    }
     // Points on the smaller, the whole of the larger.
     let (less, more) = if a.area <= b.area { (a, b) } else { (b, a) };
     let seen = |point: DVec3, normal: DVec3| -> f64 {
         more.pieces.iter().map(|q| point_to_polygon(point, normal, q).max(0.0)).sum()
     };
-    if less.pieces.len() == 1 {
-        let rough = less.area * seen(centroid(&less.pieces[0]), less.nodes[0].1);
-        if rough > 0.0 && small(rough) {
-            return rough;
-        }
-    }
     let fine = less.area * less.nodes.iter().map(|&(p, n, w)| w * seen(p, n)).sum::<f64>();
     // A ray went from one to the other: if no point of the rule sees it, a corner does.
     if fine > 0.0 && fine < LARGE * less.area { fine } else { exact() }
+}
+
+/// The double sum over points of both.
+fn by_points(a: &Facet, b: &Facet) -> f64 {
+    let mut sum = 0.0;
+    for &(p, n, w) in &a.nodes {
+        for &(q, m, v) in &b.nodes {
+            let to = q - p;
+            let square = to.length_squared();
+            sum += w * v * n.dot(to) * -m.dot(to) / (square * square);
+        }
+    }
+    a.area * b.area * sum / std::f64::consts::PI
 }
 
 fn table(buffers: &mut Buffers, size: u32, seed: u32) -> &Table {
@@ -264,16 +309,6 @@ fn area(polygon: &[DVec3]) -> f64 {
     0.5 * fan.sum::<DVec3>().length()
 }
 
-/// Centre of the area of a convex polygon.
-fn centroid(polygon: &[DVec3]) -> DVec3 {
-    let mut sum = (DVec3::ZERO, 0.0);
-    for w in polygon.windows(2).skip(1) {
-        let weight = (w[0] - polygon[0]).cross(w[1] - polygon[0]).length();
-        sum = (sum.0 + weight * (polygon[0] + w[0] + w[1]) / 3.0, sum.1 + weight);
-    }
-    sum.0 / sum.1
-}
-
-fn mix_pair(seed: u64, i: u32, j: u32) -> u64 {
+pub fn mix_pair(seed: u64, i: u32, j: u32) -> u64 {
     super::rays::mix(seed ^ super::rays::mix(u64::from(i) << 32 | u64::from(j)))
 }

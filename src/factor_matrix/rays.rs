@@ -120,6 +120,6 @@ impl Facet {
 
     /// The normal at one of its triangles.
     pub fn normal(&self, triangle: usize) -> DVec3 {
-        self.nodes[3 * triangle].1
+        self.normals[triangle]
     }
 }

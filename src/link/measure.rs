@@ -184,10 +184,15 @@ impl Meter<'_> {
             let (factor, of_small) = moments(factors, shares);
             free = small.area as f32 * factor;
             deviation[usize::from(!small_is_a)] = small.area as f32 * of_small;
-            if distance < TOUCHING * reach && care.worth * free > 0.3 {
+            // A surface that reaches behind the other may be seen by a corner only, which no fixed point lies in.
+            let cut = reaches_behind(ca, cb, nb, nearest) || reaches_behind(cb, ca, na, nearest);
+            if cut || (distance < TOUCHING * reach && care.worth * free > 0.3) {
                 let other = doubles(from);
                 let first = if from[2] == from[3] { &other[..3] } else { &other[..] };
                 free = (small.area * polygon_to_polygon(first, corners)) as f32;
+            }
+            if cut {
+                deviation = deviation.map(|d| d.max(free));
             }
         }
         if free <= 0.0 {
@@ -370,6 +375,12 @@ fn moments(v: [f32; 4], weights: [f32; 4]) -> (f32, f32) {
     // Kernels of small things are large numbers, and their squares too large ones.
     let squares: f64 = v.iter().zip(weights).map(|(v, w)| f64::from(w) * f64::from(v - mean).powi(2)).sum();
     (mean, squares.sqrt() as f32)
+}
+
+/// Whether a surface lies partly in front of and partly behind another's plane, by more than a distance.
+fn reaches_behind(corners: &[Vec3; 4], other: &[Vec3; 4], normal: Vec3, distance: f32) -> bool {
+    let heights = corners.map(|p| normal.dot(p - other[0]));
+    heights.iter().any(|&h| h < -distance) && heights.iter().any(|&h| h > distance)
 }
 
 fn doubles(corners: &[Vec3; 4]) -> [DVec3; 4] {

@@ -90,16 +90,18 @@ impl Packet {
     }
 }
 
-/// Orders points so that each run of [`LANES`] of them lies close together: halves along the longer side of their box,
-/// again and again. Segments from one place to these, in this order, make packets that meet the same things.
+/// Orders points so that each run of [`LANES`] of them lies close together, and within it each run of four and of two: halves along
+/// the longer side of their box, again and again. Segments from one place to these, in this order, make packets that meet
+/// the same things.
 pub fn gather_neighbours(points: &mut [Vec3]) {
-    let runs = points.len().div_ceil(LANES);
+    let run = if points.len() > LANES { LANES } else { 2 };
+    let runs = points.len().div_ceil(run);
     if runs < 2 {
         return;
     }
     let (lo, hi) = points.iter().fold((points[0], points[0]), |(lo, hi), &p| (lo.min(p), hi.max(p)));
     let axis = (hi - lo).max_position();
-    let half = runs / 2 * LANES;
+    let half = runs / 2 * run;
     points.select_nth_unstable_by(half, |a, b| a[axis].total_cmp(&b[axis]));
     let (near, far) = points.split_at_mut(half);
     gather_neighbours(near);

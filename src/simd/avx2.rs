@@ -173,6 +173,15 @@ impl Simd for Avx2 {
         })
     }
     #[inline(always)]
+    fn sum_twos(self, v: F) -> F {
+        both(v, v, |v, _| op!(_mm256_add_ps(v, _mm256_permute_ps::<0b10_11_00_01>(v))))
+    }
+    #[inline(always)]
+    fn sum_fours(self, v: F) -> F {
+        let twos = self.sum_twos(v);
+        both(twos, twos, |v, _| op!(_mm256_add_ps(v, _mm256_permute_ps::<0b01_00_11_10>(v))))
+    }
+    #[inline(always)]
     fn root(self, v: F) -> F {
         both(v, v, |v, _| op!(_mm256_sqrt_ps(v)))
     }

@@ -142,6 +142,15 @@ impl Simd for Avx512 {
         })
     }
     #[inline(always)]
+    fn sum_twos(self, v: Self::F) -> Self::F {
+        op!(_mm512_add_ps(v, _mm512_permute_ps::<0b10_11_00_01>(v)))
+    }
+    #[inline(always)]
+    fn sum_fours(self, v: Self::F) -> Self::F {
+        let twos = self.sum_twos(v);
+        op!(_mm512_add_ps(twos, _mm512_permute_ps::<0b01_00_11_10>(twos)))
+    }
+    #[inline(always)]
     fn root(self, v: Self::F) -> Self::F {
         op!(_mm512_sqrt_ps(v))
     }

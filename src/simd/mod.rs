@@ -58,6 +58,10 @@ pub trait Simd: Copy {
     fn greatest(self, v: Self::F) -> f32;
     /// Sum of the lanes, halves folded onto each other so that every instruction set rounds alike.
     fn sum(self, v: Self::F) -> f32;
+    /// Sum of each two neighbouring lanes, in both of them.
+    fn sum_twos(self, v: Self::F) -> Self::F;
+    /// Sum of each four neighbouring lanes, (0 + 1) + (2 + 3), in all of them.
+    fn sum_fours(self, v: Self::F) -> Self::F;
     /// Square root.
     fn root(self, v: Self::F) -> Self::F;
     /// Zero where the condition is false.

@@ -117,6 +117,15 @@ impl Simd for Portable {
         v[0]
     }
     #[inline(always)]
+    fn sum_twos(self, v: Self::F) -> Self::F {
+        std::array::from_fn(|i| v[i] + v[i ^ 1])
+    }
+    #[inline(always)]
+    fn sum_fours(self, v: Self::F) -> Self::F {
+        let twos = self.sum_twos(v);
+        std::array::from_fn(|i| twos[i] + twos[i ^ 2])
+    }
+    #[inline(always)]
     fn root(self, v: Self::F) -> Self::F {
         v.map(f32::sqrt)
     }

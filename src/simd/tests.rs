@@ -52,6 +52,8 @@ impl Kernel for EveryOperation {
             ("and_not", truth(simd.and_not(m, simd.lt(a, b)))),
             ("mask", truth(m)),
             ("fma", words(simd.fma(a, b, simd.abs(a)))),
+            ("sum_twos", words(simd.sum_twos(a))),
+            ("sum_fours", words(simd.sum_fours(a))),
             ("sum", vec![simd.sum(a).to_bits()]),
             ("decay", words(decay(simd, simd.abs(a)))),
         ]
@@ -157,6 +159,9 @@ fn operations_do_what_they_are_called() {
             assert_eq!(number("select", lane), if picked { x } else { 2.0 });
             assert_eq!(number("keep", lane), if picked { x } else { 0.0 });
             assert_eq!(number("fma", lane), x * 2.0 + x.abs());
+            let (two, four) = (lane / 2 * 2, lane / 4 * 4);
+            assert_eq!(number("sum_twos", lane), a[two] + a[two + 1]);
+            assert_eq!(number("sum_fours", lane), a[four..four + 4].iter().sum::<f32>());
         }
         // a < 2 in lanes 0 to 5, a = 2 in lane 6.
         assert_eq!([word("lt", 0), word("le", 0)], [0b11_1111, 0b111_1111]);

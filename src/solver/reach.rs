@@ -15,8 +15,8 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 /// Paths from all lamps, in sixteens, and how far each is followed.
-const PACKETS: usize = 1 << 10;
-const BOUNCES: usize = 12;
+const PACKETS: usize = 1 << 9;
+const BOUNCES: usize = 8;
 /// Hits that a side of a scene lit evenly must be able to expect before it is called dark, and the part of them that are
 /// taken for paths that slipped through an edge.
 const EXPECTED: f64 = 32.0;

@@ -25,7 +25,7 @@ const LEAST_ROUNDS: usize = 1;
 const GROWS: f64 = 0.98;
 /// Least and largest factor of a leaf.
 const LEAST: f32 = 1e-4;
-const MOST: f32 = 4.0;
+const MOST: f32 = 2.0;
 /// Rays by which a leaf finds out what it sees of the scene: its share of these, by area or emitted power, within limits.
 const RAYS: f64 = 1e6;
 const LEAST_RAYS: usize = 64;

@@ -291,10 +291,15 @@ impl Shaft {
         (simd.min(simd.max(first, zero), one), simd.min(simd.max(last, zero), one))
     }
 
-    /// About the parameter at which segments pass a point.
+    /// About the parameters at which segments pass the middles of a node's boxes.
     #[inline(always)]
-    pub fn place(&self, p: Vec3) -> f32 {
-        self.axis.dot(p - self.ends[0].centre)
+    pub fn places<S: Simd>(&self, simd: S, node: &Node) -> S::F {
+        let mut place = simd.splat(-self.axis.dot(self.ends[0].centre));
+        for axis in 0..3 {
+            let twice = simd.add(simd.load(&node.min[axis]), simd.load(&node.max[axis]));
+            place = simd.fma(simd.splat(0.5 * self.axis[axis]), twice, place);
+        }
+        place
     }
 
     /// How far a direction leads along the axis of the parameters.

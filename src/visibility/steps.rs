@@ -1,12 +1,12 @@
 //! The steps of a walk by themselves, so that micro-benchmarks can time them (`benches/visibility.rs`).
 
 use super::shaft::Shaft;
-use super::slabs::{Slab, pass};
+use super::slabs::{Slabs, pass};
 use super::triangles::{self, Tiles};
 use super::wide::{WideTree, mixed};
 use crate::characterise::AxisMix;
-use crate::ray::{Lanes, Packet};
-use crate::simd::{Isa, Kernel, Simd, dispatch};
+use crate::ray::Packet;
+use crate::simd::{Isa, Kernel, LANES, Simd, dispatch};
 use glam::Vec3;
 
 /// Nodes and triangle blocks that a step goes through, at most: they stay in the nearest caches.
@@ -95,14 +95,13 @@ impl Kernel for Run<'_> {
             }
             Step::Slabs => {
                 let from = shaft.apex.unwrap_or(Vec3::ZERO);
-                let slabs: Vec<Slab> = nodes
-                    .flat_map(|(node, _)| Lanes(0xffff).map(move |lane| Slab::of(node, lane, 0.1, from)))
-                    .collect();
-                let shared = shaft.apex.is_some();
-                packets
-                    .iter()
-                    .map(|packet| pass(simd, &slabs, packet, packet.active, shared, None).transmittance)
-                    .sum()
+                let mut slabs = Slabs::default();
+                for (node, _) in nodes {
+                    slabs.add(simd, (node, 0xffff), from, (simd.splat(0.1), simd.splat(0.1)));
+                }
+                let (blocked, mut sums) = (vec![0; packets.len()], Vec::new());
+                let how = (shaft.apex.is_some(), f32::MAX);
+                pass(simd, &slabs, (packets, &blocked), how, &mut sums, &mut [0.0; LANES]).transmittance
             }
         }
     }

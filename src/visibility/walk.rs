@@ -13,7 +13,7 @@
 
 use super::front::Front;
 use super::shaft::Shaft;
-use super::slabs::{Slab, pass, spread};
+use super::slabs::{Slabs, pass};
 use super::triangles::{self, Tiles};
 use super::wide::{AxisTraits, LEAF, Node, WideTree, mixed};
 use crate::characterise::{AXIS_COUNT, AxisMix};
@@ -77,18 +77,17 @@ pub(super) fn walk<S: Simd>(
     rule: &Rule,
     workspace: &mut Buffers,
 ) -> Walked {
-    let Buffers { stack, slabs, tiles, blocked, transmittance, sums } = workspace;
+    let Buffers { queue, slabs, tiles, blocked, transmittance, sums } = workspace;
     let mut walked = Walked::default();
-    let count = packets.len() as u64;
     let from = shaft.apex.unwrap_or(Vec3::ZERO);
     let mix = AxisMix::around(shaft.direction());
     blocked.clear();
     blocked.resize(packets.len(), 0);
     slabs.clear();
     tiles.clear();
-    stack.clear();
-    let push = |stack: &mut Vec<u32>, reference: u32| {
-        // Its lines arrive while others are worked on.
+    queue.clear();
+    let push = |queue: &mut Vec<u32>, reference: u32| {
+        // Its lines arrive while those that came before are worked on.
         if reference & LEAF != 0 {
             simd.prefetch(&tree.blocks[(reference & !LEAF) as usize]);
         } else {
@@ -97,11 +96,11 @@ pub(super) fn walk<S: Simd>(
                 simd.prefetch(&tree.traits[reference as usize][axis]);
             }
         }
-        stack.push(reference);
+        queue.push(reference);
     };
     let mut all = false;
     match front {
-        None => stack.push(0),
+        None => queue.push(0),
         Some(front) => {
             for block in &front.blocks {
                 let tested = triangles::block_all(simd, shaft, block, packets, (tiles, blocked));
@@ -116,12 +115,14 @@ pub(super) fn walk<S: Simd>(
             for row in front.rows.iter().take(if all { 0 } else { usize::MAX }) {
                 walked.work += NODE;
                 visit(simd, (&row.node, &row.traits), (shaft, from), rule, &mix, slabs, &mut |child| {
-                    push(stack, child)
+                    push(queue, child)
                 });
             }
         }
     }
-    while let Some(reference) = stack.pop() {
+    let mut next = 0;
+    while let Some(&reference) = queue.get(next) {
+        next += 1;
         if all {
             break;
         }
@@ -137,7 +138,7 @@ pub(super) fn walk<S: Simd>(
             walked.nodes += 1;
             walked.work += NODE + rule.fetch;
             let node = (&tree.nodes[at], &tree.traits[at]);
-            visit(simd, node, (shaft, from), rule, &mix, slabs, &mut |child| push(stack, child));
+            visit(simd, node, (shaft, from), rule, &mix, slabs, &mut |child| push(queue, child));
         }
         if walked.work > rule.limit {
             walked.gave_up = true;
@@ -148,64 +149,34 @@ pub(super) fn walk<S: Simd>(
         *transmittance = [0.0; LANES];
         return walked;
     }
-    if packets.len() > 1 && !slabs.is_empty() {
-        let (drawn, clear) = drawn(packets, blocked, shaft.apex.is_some());
-        walked.model = spread(simd, slabs, &drawn, clear, shaft.apex.is_some());
-    }
     walked.clear = !walked.tested && slabs.is_empty();
     if walked.clear {
         let active = packets[0].active;
         *transmittance = std::array::from_fn(|i| (active >> i & 1) as f32);
         return walked;
     }
-    walked.work += slabs.len() as u64 * (1 + count);
-    for (k, (packet, blocked)) in packets.iter().zip(&*blocked).enumerate() {
-        let clear = packet.active & !blocked;
-        let each = (k == 0).then_some(&mut *transmittance);
-        if slabs.is_empty() {
-            let n = clear.count_ones() as f32;
-            sums.push(n);
-            walked.transmittance += n;
-            walked.square += n;
-            (walked.lo, walked.hi) = (walked.lo + n, walked.hi + n);
-            if let Some(each) = each {
-                *each = std::array::from_fn(|i| (clear >> i & 1) as f32);
-            }
-            continue;
+    if slabs.is_empty() {
+        for (packet, blocked) in packets.iter().zip(&*blocked) {
+            sums.push((packet.active & !blocked).count_ones() as f32);
         }
-        let passed = pass(simd, slabs, packet, clear, shaft.apex.is_some(), each);
-        if clear != 0 && walked.model == 0.0 {
-            // The clusters are the same for all packets, and so is the error of each: the first that gets through
-            // stands for the rest.
-            walked.model = spread(simd, slabs, packet, clear, shaft.apex.is_some());
-        }
-        sums.push(passed.transmittance);
-        walked.transmittance += passed.transmittance;
-        walked.square += passed.square;
-        walked.lo += passed.lo;
-        walked.hi += passed.hi;
-        walked.aggregated += (passed.met & clear).count_ones();
+        let clear = packets[0].active & !blocked[0];
+        *transmittance = std::array::from_fn(|i| (clear >> i & 1) as f32);
+        let n: f32 = sums[sums.len() - packets.len()..].iter().sum();
+        (walked.transmittance, walked.square, walked.lo, walked.hi) = (n, n, n, n);
+        return walked;
     }
+    // Neighbours end close together if they are no farther apart than the quarters of the bundle.
+    let reach = 0.5 * shaft.ends[0].half.max(shaft.ends[1].half).max_element();
+    let how = (shaft.apex.is_some(), reach);
+    let passed = pass(simd, slabs, (packets, blocked), how, sums, transmittance);
+    let segments: usize = packets.iter().map(Packet::len).sum();
+    walked.work += slabs.len() as u64 * (1 + passed.times);
+    walked.transmittance = passed.transmittance;
+    walked.square = passed.square;
+    (walked.lo, walked.hi) = (passed.lo, passed.hi);
+    walked.model = passed.error / (segments as f32).max(1.0);
+    walked.aggregated = passed.met as u32;
     walked
-}
-
-/// Sixteen segments from all over a bundle, and which of them are clear. Without origins if these are shared.
-#[inline(always)]
-fn drawn(packets: &[Packet], blocked: &[u32], shared: bool) -> (Packet, u32) {
-    let (mut drawn, mut clear) = (Packet::EMPTY, 0);
-    for lane in 0..LANES {
-        let k = lane * packets.len() / LANES;
-        let (packet, from) = (&packets[k], lane * 5 % LANES);
-        for axis in 0..3 {
-            if !shared {
-                drawn.origin[axis][lane] = packet.origin[axis][from];
-            }
-            drawn.direction[axis][lane] = packet.direction[axis][from];
-        }
-        drawn.active |= (packet.active >> from & 1) << lane;
-        clear |= ((packet.active & !blocked[k]) >> from & 1) << lane;
-    }
-    (drawn, clear)
 }
 
 /// Tests the children of a node: aggregates some and has the others opened.
@@ -216,7 +187,7 @@ fn visit<S: Simd>(
     (shaft, from): (&Shaft, Vec3),
     rule: &Rule,
     mix: &AxisMix,
-    slabs: &mut Vec<Slab>,
+    slabs: &mut Slabs,
     open: &mut impl FnMut(u32),
 ) {
     let touched = shaft.touches(simd, node);
@@ -229,17 +200,13 @@ fn visit<S: Simd>(
         let (sizes, extinctions) = mixed(simd, traits, mix);
         small = touched & (shaft.aggregates(simd, node, sizes, rule.e, rule.s) | soft);
         if small != 0 {
-            let (mut size_of, mut extinction_of) = ([0.0; LANES], [0.0; LANES]);
-            simd.store(sizes, &mut size_of);
-            simd.store(extinctions, &mut extinction_of);
-            for lane in Lanes(small) {
-                let mut slab = Slab::of(node, lane, extinction_of[lane], from);
-                // The tolerance is that of a beam as wide as the feature size; errors of independent parts of a
-                // cluster average out as the beam grows. A point sees through the cluster with a beam of width e t.
-                let beam = rule.e * shaft.place(slab.centre() + from).clamp(0.0, 1.0);
-                slab.error = (rule.tolerance * size_of[lane] / beam.max(f32::MIN_POSITIVE)).min(1.0);
-                slabs.push(slab);
-            }
+            // The tolerance is that of a beam as wide as the feature size; errors of independent parts of a cluster
+            // average out as the beam grows. A point sees through the cluster with a beam of width e t.
+            let (zero, one) = (simd.splat(0.0), simd.splat(1.0));
+            let place = simd.min(simd.max(shaft.places(simd, node), zero), one);
+            let beam = simd.max(simd.mul(simd.splat(rule.e), place), simd.splat(f32::MIN_POSITIVE));
+            let error = simd.div(simd.mul(simd.splat(rule.tolerance), sizes), beam);
+            slabs.add(simd, (node, small), from, (extinctions, simd.min(error, one)));
         }
     }
     for lane in Lanes(touched & !small) {
@@ -250,12 +217,12 @@ fn visit<S: Simd>(
 /// What a walk writes to, kept between walks.
 #[derive(Default)]
 pub(super) struct Buffers {
-    stack: Vec<u32>,
-    slabs: Vec<Slab>,
+    queue: Vec<u32>,
+    slabs: Slabs,
     tiles: Tiles,
     /// Blocked segments of each packet of the bundle.
     pub blocked: Vec<u32>,
-    /// Transmittance of each segment of the first packet.
+    /// Transmittance of each segment of a bundle of one packet.
     pub transmittance: [f32; LANES],
     /// Transmittance of each packet's segments, summed up; walk after walk.
     pub sums: Vec<f32>,

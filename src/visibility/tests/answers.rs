@@ -41,7 +41,7 @@ fn intervals_hold_their_answers() {
                             .sum::<f32>()
                             / n as f32;
                     }
-                    // Larger bundles read optical depths off their first packet.
+                    // Larger bundles may be opened otherwise, and neighbours pass as one.
                     assert!(
                         packets.len() > 1 || (mean - answer.transmittance).abs() < 1e-5,
                         "{mean}: {answer:?}"

@@ -5,6 +5,7 @@ mod answers;
 mod certificates;
 mod edges;
 mod extinction;
+mod folded;
 mod rule;
 mod same_bits;
 mod solid;

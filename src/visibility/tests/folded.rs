@@ -1,0 +1,61 @@
+//! Bundles of many packets send means of neighbouring segments through the clusters.
+
+use super::*;
+use crate::ray::gather_neighbours;
+use crate::simd::Isa;
+
+/// The same segments in another order, in which neighbouring lanes end far apart, pass one by one: the answers are the
+/// same on the average, and nearly the same each. And they are the same bits on every instruction set.
+#[test]
+fn neighbours_pass_as_one() {
+    let stage = Stage::generated("forest");
+    let engine = stage.engine(Leaf::Exact);
+    let others = [Isa::Avx2, Isa::Portable].map(|isa| stage.engine(Leaf::Exact).with_isa(isa));
+    let ends = end_rule(&stage.scene);
+    let emitter = &stage.scene.emitters[0];
+    let surfaces: Vec<u32> =
+        (0..stage.scene.triangles.len() as u32).filter(|t| !emitter.triangles.contains(t)).collect();
+    let mut random = Pcg64Mcg::new(41);
+    let mut workspace = Workspace::default();
+    let s = 0.02 * stage.size();
+    // Two by two, then four by four: packets, and what the difference may be.
+    for (packets, each) in [(4, 0.01), (16, 0.005)] {
+        let n = packets * LANES;
+        let (mut squares, mut sum, mut apart, mut count) = (0.0f64, 0.0f64, 0, 0);
+        for _ in 0..400 {
+            let from = stage.point(&mut random, &surfaces);
+            let mut to: Vec<Vec3> = (0..n).map(|_| stage.point(&mut random, &emitter.triangles)).collect();
+            gather_neighbours(&mut to);
+            let mut ask = |to: &dyn Fn(usize) -> Vec3| {
+                let mut bundle = vec![Packet::EMPTY; packets];
+                (0..n).for_each(|i| bundle[i / LANES].set(i % LANES, from, to(i), ends));
+                let question = Bundle { packets: &bundle, emitter_size: emitter.min_width, emitter: &[] };
+                let answer = engine.answer(question, s, &mut workspace);
+                let sums = workspace.sums().to_vec();
+                for other in &others {
+                    let again = other.answer(question, s, &mut workspace);
+                    let bits = |a: Answer| [a.transmittance, a.lo, a.hi].map(f32::to_bits);
+                    assert_eq!((bits(again), again.cost), (bits(answer), answer.cost));
+                    assert_eq!(workspace.sums(), sums);
+                }
+                // What is said of packets is what is said of the bundle.
+                let whole: f32 = sums.iter().sum::<f32>() / n as f32;
+                let silent = answer.cost.handed_over > 0 || answer.method == Method::Clear;
+                assert!(silent || (whole - answer.transmittance).abs() < 1e-5, "{whole}: {answer:?}");
+                answer
+            };
+            let near = ask(&|i| to[i]);
+            let far = ask(&|i| to[i * (n / 2 - 3) % n]);
+            assert!(near.lo <= near.transmittance && near.transmittance <= near.hi);
+            if near.cost.aggregated > 0 && near.cost.handed_over + far.cost.handed_over == 0 {
+                let difference = f64::from(near.transmittance - far.transmittance);
+                (squares, sum) = (squares + difference * difference, sum + difference);
+                apart += usize::from(difference.abs() > 1e-6);
+                count += 1;
+            }
+        }
+        let (rms, bias) = ((squares / f64::from(count)).sqrt(), sum / f64::from(count));
+        assert!(count > 100 && apart > count as usize / 4, "{apart} of {count} differ: none is folded");
+        assert!(rms < each && bias.abs() < 0.25 * each, "{packets} packets: {rms}, {bias}");
+    }
+}
