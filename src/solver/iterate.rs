@@ -10,8 +10,10 @@ use crate::element::Shape;
 /// Least and largest factor by which the reflected light is scaled after a sweep.
 const LEAST_SCALE: f64 = 0.2;
 const MOST_SCALE: f64 = 50.0;
-/// Sweeps that are made however late it is: light goes on a few times, and what is left to come is scaled to the right sum.
-const LEAST_SWEEPS: usize = 4;
+/// Change at which sweeps end when it is late, and their number then at most: light goes on a few times, and what is left to
+/// come is scaled to the right sum.
+const LATE_CHANGE: f64 = 1e-3;
+const LATE_SWEEPS: usize = 16;
 
 impl Solver<'_> {
     /// What is emitted, without any link.
@@ -98,7 +100,8 @@ impl Solver<'_> {
             _ => direct,
         };
         let mut settled = Settled::default();
-        while settled.sweeps < most && !(settled.sweeps >= LEAST_SWEEPS && clock.late()) {
+        let enough = |s: &Settled| s.sweeps >= LATE_SWEEPS || (s.sweeps > 0 && s.residual < LATE_CHANGE);
+        while settled.sweeps < most && !(enough(&settled) && clock.late()) {
             settled.sweeps += 1;
             let outgoing = self.outgoing(cut, &state);
             let next = gather(&self.elements, cut, &outgoing);

@@ -170,10 +170,15 @@ impl Options {
         self.local_rays.unwrap_or((LOCAL / self.error.powi(2)).clamp(1e5, 1e8) as usize)
     }
 
-    /// Smallest element of a local pass of so many rays as part of the scene's area: its share of the rays is enough to tell
-    /// it from its neighbours.
-    pub fn local_area(&self, rays: f64) -> f64 {
-        self.min_area.min(EACH / rays.max(1.0))
+    /// Smallest element of the local pass as part of the scene's area: its share of the rays is enough to tell it from its
+    /// neighbours.
+    pub fn local_area(&self) -> f64 {
+        self.min_area.min(Self::area_for(self.local_rays() as f64))
+    }
+
+    /// The same of a pass of fewer rays than were asked for.
+    pub fn area_for(rays: f64) -> f64 {
+        EACH / rays.max(1.0)
     }
 }
 

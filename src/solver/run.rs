@@ -88,7 +88,7 @@ pub fn run_then<T>(
     let prepared = Prepared::of(scene, options, &mut seconds, progress, &clock)?;
     let (exact, ends) = (prepared.exact(), reference::end_rule(scene));
     let area = areas(scene);
-    let finest = options.local_area(options.local_rays() as f64);
+    let finest = options.local_area();
     let (elements, found) = timed(&mut seconds.elements, || {
         let length = 1.01 * scene.bounds.diagonal();
         let look = |elements: &Elements| {
@@ -102,9 +102,6 @@ pub fn run_then<T>(
             (elements, found)
         };
         let (elements, found) = build(&[]);
-        if clock.late() {
-            return (elements, found);
-        }
         let (elements, found) =
             if found.entered.is_empty() { (elements, found) } else { build(&found.entered) };
         let unlit = reach::unlit(scene, &elements, exact, ends, options.seed);
@@ -162,7 +159,11 @@ pub fn run_then<T>(
                 true => Receiver::new(scene, &solver, traced, options).affordable(all, &light),
                 false => Some(all).filter(|_| !light.late()),
             };
-            solver.split_all(options.local_area(rays.unwrap_or(LATE)).max(finest) * area);
+            let smallest = match rays {
+                Some(rays) if rays >= all => finest,
+                fewer => Options::area_for(fewer.unwrap_or(LATE)).max(finest),
+            };
+            solver.split_all(smallest * area);
             Receiver::new(scene, &solver, traced, options).local(rays, &light)
         });
         settled_local = Some(found.settled);

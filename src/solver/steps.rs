@@ -22,7 +22,7 @@ const SWEEP_MARGIN: f64 = 1.2;
 /// Change of the radiosity at which sweeps between steps end.
 const ROUGH: f64 = 3e-3;
 /// Sweeps that rows and the last light are expected to take when the time is nearly up.
-const CLOSING: f64 = 12.0;
+const CLOSING: f64 = 16.0;
 
 /// Refines in steps until the error asked for is reached or time is up. Says how the light settled after each.
 pub(super) fn solve(

@@ -192,7 +192,7 @@ fn steps_are_cut_short_when_time_is_up() {
     let outcome = solved(&room(true), &[], &hurry);
     let steps = &outcome.record.iterations;
     assert!(steps.len() > 3 && steps.iter().all(|s| (1..=64).contains(&s.refined)), "{steps:?}");
-    assert!(outcome.record.ledger.created.abs() < 2e-3 * outcome.record.ledger.emitted);
+    assert!(outcome.record.ledger.created.abs() < 5e-3 * outcome.record.ledger.emitted);
 }
 
 /// A room full of small things: what the local pass is for.
