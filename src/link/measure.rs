@@ -173,29 +173,27 @@ impl Meter<'_> {
             free = over_both(mean);
             deviation = [over_both(of_a), over_both(moments(columns, gb.1).1)];
         }
-        if distance < NEAR * reach {
+        // A surface that reaches behind the other may be seen by a corner only, which no fixed point lies in.
+        let cut = [reaches_behind(ca, cb, nb, nearest), reaches_behind(cb, ca, na, nearest)];
+        if distance < NEAR * reach || cut[0] || cut[1] {
             let small_is_a = ea.area <= eb.area;
             let (small, from, normal, large) = if small_is_a { (ea, ca, na, cb) } else { (eb, cb, nb, ca) };
-            let polygon = doubles(large);
+            let (polygon, other) = (doubles(large), doubles(from));
             let corners = if large[2] == large[3] { &polygon[..3] } else { &polygon[..] };
+            let first = if from[2] == from[3] { &other[..3] } else { &other[..] };
             let (points, shares) = if small_is_a { ga } else { gb };
             let factors =
                 points.map(|p| point_to_polygon(p.as_dvec3(), normal.as_dvec3(), corners).max(0.0) as f32);
             let (factor, of_small) = moments(factors, shares);
             free = small.area as f32 * factor;
             deviation[usize::from(!small_is_a)] = small.area as f32 * of_small;
-            // A surface that reaches behind the other may be seen by a corner only, which no fixed point lies in.
-            let (of_small, of_large) =
-                (reaches_behind(from, corners, nearest), reaches_behind(large, &doubles(from), nearest));
-            if of_small {
-                free = in_front(&doubles(from), normal.as_dvec3(), corners) as f32;
+            if cut[usize::from(!small_is_a)] {
+                free = in_front(first, normal.as_dvec3(), corners) as f32;
             }
-            if of_small || of_large {
+            if cut[0] || cut[1] {
                 deviation = deviation.map(|d| d.max(free));
             }
             if distance < TOUCHING * reach && care.worth * free > 0.3 {
-                let other = doubles(from);
-                let first = if from[2] == from[3] { &other[..3] } else { &other[..] };
                 free = (small.area * polygon_to_polygon(first, corners)) as f32;
             }
         }
@@ -381,15 +379,13 @@ fn moments(v: [f32; 4], weights: [f32; 4]) -> (f32, f32) {
 }
 
 /// Whether a surface lies partly in front of and partly behind another's plane, by more than a distance.
-fn reaches_behind(corners: &[Vec3; 4], other: &[DVec3], distance: f32) -> bool {
-    let normal = (other[1] - other[0]).cross(other[2] - other[0]).normalize_or_zero();
-    let heights = corners.map(|p| normal.dot(p.as_dvec3() - other[0]));
-    let distance = f64::from(distance);
+fn reaches_behind(corners: &[Vec3; 4], other: &[Vec3; 4], normal: Vec3, distance: f32) -> bool {
+    let heights = corners.map(|p| normal.dot(p - other[0]));
     heights.iter().any(|&h| h < -distance) && heights.iter().any(|&h| h > distance)
 }
 
 /// Coupling of the part of a surface in front of another's plane, by three points of each triangle that it makes.
-fn in_front(surface: &[DVec3; 4], normal: DVec3, other: &[DVec3]) -> f64 {
+fn in_front(surface: &[DVec3], normal: DVec3, other: &[DVec3]) -> f64 {
     let facing = (other[1] - other[0]).cross(other[2] - other[0]).normalize_or_zero();
     let part = clip(surface, other[0], facing);
     let triangle = |k: usize| {
