@@ -94,7 +94,7 @@ fn solutions_of_published_obstructed_pairs() {
         let (light, area) =
             floor.fold((0.0, 0.0), |(light, area), e| (light + e.irradiance[0] * e.area, area + e.area));
         let mean = light / area;
-        assert!((mean / want - 1.0).abs() < 0.01, "{id} of the elements: {mean} instead of {want}");
+        assert!((mean / want - 1.0).abs() < 0.02, "{id} of the elements: {mean} instead of {want}");
     }
     let hidden = plates(dvec3(-0.1, -0.1, 0.5), 1.2);
     let outcome = solver::run(&hidden, &grid, &Options::default(), &()).expect("a solution");
