@@ -111,7 +111,11 @@ impl Lookup {
         }
         let at = self.cells[frame.first_cell + 2 * cell + usize::from(x + y > 1.0)];
         // The parts of the middle quarter are turned: from the top again.
-        if self.first_child[at as usize] == 0 { at } else { self.descend(true, frame.element, [u, v], u32::MAX) }
+        if self.first_child[at as usize] == 0 {
+            at
+        } else {
+            self.descend(true, frame.element, [u, v], u32::MAX)
+        }
     }
 
     /// The part of an element that holds a place, `levels` below it at most.

@@ -12,6 +12,6 @@ mod rectangles;
 mod tests;
 
 pub use discs::{coaxial_discs, point_to_disc, point_to_sphere};
-pub use pair::polygon_to_polygon;
+pub use pair::{clip, polygon_to_polygon};
 pub use polygon::point_to_polygon;
 pub use rectangles::{Span, parallel_rectangles, perpendicular_rectangles};

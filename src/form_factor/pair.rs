@@ -110,7 +110,7 @@ fn edges(polygon: &[DVec3]) -> impl Iterator<Item = (DVec3, DVec3)> {
 
 /// The part of a convex polygon in front of the plane through `point` with the normal `normal` (Sutherland and Hodgman
 /// 1974). Corners within `1e-12` of the polygon's size count as in the plane and do not cut it.
-fn clip(polygon: &[DVec3], point: DVec3, normal: DVec3) -> Vec<DVec3> {
+pub fn clip(polygon: &[DVec3], point: DVec3, normal: DVec3) -> Vec<DVec3> {
     let size = polygon.iter().map(|&p| (p - point).length()).fold(0.0, f64::max);
     let height = |p: DVec3| {
         let h = (p - point).dot(normal);

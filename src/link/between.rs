@@ -85,9 +85,9 @@ impl Shaft {
     fn meets_box(&self, b: &Aabb) -> bool {
         b.min.cmple(self.bounds.max).all()
             && b.max.cmpge(self.bounds.min).all()
-            && self.planes[..self.count].iter().all(|(n, offset)| {
-                n.dot(Vec3::select(n.cmplt(Vec3::ZERO), b.max, b.min)) < *offset
-            })
+            && self.planes[..self.count]
+                .iter()
+                .all(|(n, offset)| n.dot(Vec3::select(n.cmplt(Vec3::ZERO), b.max, b.min)) < *offset)
     }
 
     fn meets(&self, polygon: &[Vec3; 4], normal: Vec3) -> bool {
@@ -143,7 +143,9 @@ pub(super) fn between(
     let shaft = Shaft::new(corners, normals, ends.slack());
     let look = |side: u32| -> Option<Between> {
         let s = &elements.sides[side as usize];
-        let Shape::Surface { corners, .. } = &elements.elements[s.element as usize].shape else { return None };
+        let Shape::Surface { corners, .. } = &elements.elements[s.element as usize].shape else {
+            return None;
+        };
         if !shaft.meets(corners, s.normal) {
             return None;
         }

@@ -1,10 +1,10 @@
 //! The coupling of two elements: unoccluded exchange and transmittance.
 
-use super::ends::{Ends, four, gauss, kernel, mix};
 use super::between::between;
+use super::ends::{Ends, four, gauss, kernel, mix};
 use super::{Between, Link, Question, Scratch, Sight};
 use crate::element::{Element, Elements, Shape, facing};
-use crate::form_factor::{point_to_polygon, polygon_to_polygon};
+use crate::form_factor::{clip, point_to_polygon, polygon_to_polygon};
 use crate::ray::{EndRule, LANES, Packet};
 use glam::{DVec3, Vec3};
 
@@ -185,22 +185,25 @@ impl Meter<'_> {
             free = small.area as f32 * factor;
             deviation[usize::from(!small_is_a)] = small.area as f32 * of_small;
             // A surface that reaches behind the other may be seen by a corner only, which no fixed point lies in.
-            let cut = reaches_behind(ca, cb, nb, nearest) || reaches_behind(cb, ca, na, nearest);
-            if cut || (distance < TOUCHING * reach && care.worth * free > 0.3) {
+            let (of_small, of_large) =
+                (reaches_behind(from, corners, nearest), reaches_behind(large, &doubles(from), nearest));
+            if of_small {
+                free = in_front(&doubles(from), normal.as_dvec3(), corners) as f32;
+            }
+            if of_small || of_large {
+                deviation = deviation.map(|d| d.max(free));
+            }
+            if distance < TOUCHING * reach && care.worth * free > 0.3 {
                 let other = doubles(from);
                 let first = if from[2] == from[3] { &other[..3] } else { &other[..] };
                 free = (small.area * polygon_to_polygon(first, corners)) as f32;
-            }
-            if cut {
-                deviation = deviation.map(|d| d.max(free));
             }
         }
         if free <= 0.0 {
             return None;
         }
         // A certificate first: it needs no ray and leaves no doubt, for the parts neither.
-        let between =
-            between(self.elements, [ca, cb], [na, nb], self.ends, care.between, care.hidden);
+        let between = between(self.elements, [ca, cb], [na, nb], self.ends, care.between, care.hidden);
         if between == Between::WALL {
             return None;
         }
@@ -378,9 +381,24 @@ fn moments(v: [f32; 4], weights: [f32; 4]) -> (f32, f32) {
 }
 
 /// Whether a surface lies partly in front of and partly behind another's plane, by more than a distance.
-fn reaches_behind(corners: &[Vec3; 4], other: &[Vec3; 4], normal: Vec3, distance: f32) -> bool {
-    let heights = corners.map(|p| normal.dot(p - other[0]));
+fn reaches_behind(corners: &[Vec3; 4], other: &[DVec3], distance: f32) -> bool {
+    let normal = (other[1] - other[0]).cross(other[2] - other[0]).normalize_or_zero();
+    let heights = corners.map(|p| normal.dot(p.as_dvec3() - other[0]));
+    let distance = f64::from(distance);
     heights.iter().any(|&h| h < -distance) && heights.iter().any(|&h| h > distance)
+}
+
+/// Coupling of the part of a surface in front of another's plane, by three points of each triangle that it makes.
+fn in_front(surface: &[DVec3; 4], normal: DVec3, other: &[DVec3]) -> f64 {
+    let facing = (other[1] - other[0]).cross(other[2] - other[0]).normalize_or_zero();
+    let part = clip(surface, other[0], facing);
+    let triangle = |k: usize| {
+        let [a, b, c] = [part[0], part[k], part[k + 1]];
+        let seen = |p: DVec3| point_to_polygon(p, normal, other).max(0.0);
+        let points = [(4.0 * a + b + c) / 6.0, (a + 4.0 * b + c) / 6.0, (a + b + 4.0 * c) / 6.0];
+        0.5 * (b - a).cross(c - a).length() * points.into_iter().map(seen).sum::<f64>() / 3.0
+    };
+    (1..part.len().saturating_sub(1)).map(triangle).sum()
 }
 
 fn doubles(corners: &[Vec3; 4]) -> [DVec3; 4] {

@@ -1,4 +1,5 @@
-//! Error bars against the truth: paths from a few elements that are followed to the end, and share nothing with the solution.
+//! Error bars against the truth: paths from a few elements that are followed to the end by exact rays; they share nothing
+//! with the solution but the sides that are taken for unlit.
 
 use super::field::{Rgb, add};
 use super::mean;
@@ -12,7 +13,7 @@ use sobol_burley::sample_4d;
 
 /// Paths an element, in groups whose spread says how sure the truth is.
 const GROUPS: u32 = 8;
-const PATHS: u32 = 64;
+const PATHS: u32 = 16;
 
 /// How error bars compare with errors, over some elements drawn by area.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]

@@ -63,7 +63,7 @@ pub struct Options {
     pub direct_only: bool,
     /// Rays from a point to an emitter that is partly visible; by default what the error asks for.
     pub light_rays: Option<usize>,
-    /// Rays from a point to gather what surfaces reflect, rounded up to a square of a multiple of 4; by default what the
+    /// Rays from a point to gather what surfaces reflect, rounded up to a grid of blocks of sixteen; by default what the
     /// error asks for.
     pub gather_rays: Option<usize>,
     /// Rays by which the elements of a scene with clusters gather their light in the end, in all; none for 0, by default
@@ -162,7 +162,7 @@ impl Options {
 
     /// Rays of a final gather: its noise is less than the error.
     pub fn gather_rays(&self) -> usize {
-        self.gather_rays.unwrap_or((0.3 / self.error).powi(2).clamp(64.0, 2304.0) as usize)
+        self.gather_rays.unwrap_or((0.27 / self.error).powi(2).clamp(64.0, 2304.0) as usize)
     }
 
     /// Rays of the local pass.

@@ -66,9 +66,9 @@ impl<'a> Receiver<'a> {
     ) -> Receiver<'a> {
         let elements = &solver.elements;
         let cluttered = elements.large_from > 0;
-        let rows = ((options.gather_rays() as f64).sqrt() / 4.0).ceil() as usize * 4;
+        let gathered = options.gather_rays();
         let sets = if options.direct_only { 0 } else { SETS };
-        let hemispheres = (0..sets).map(|k| hemisphere(rows, mix(options.seed ^ k as u64))).collect();
+        let hemispheres = (0..sets).map(|k| hemisphere(gathered, mix(options.seed ^ k as u64))).collect();
         let table = (0..options.light_rays() as u32)
             .map(|i| [sample(i & 0xffff, 0, 7), sample(i & 0xffff, 1, 7)])
             .collect();
@@ -242,15 +242,18 @@ const FAR_OFF: f32 = 1e-3;
 /// Sets of directions.
 const SETS: usize = 64;
 
-/// Directions about +z with the density cos/π: one in each cell of a grid of `rows` by `rows`.
-fn hemisphere(rows: usize, seed: u64) -> Vec<Vec3> {
-    let blocks = rows / 4;
-    (0..rows * rows)
+/// So many directions about +z or a few more, with the density cos/π: one in each cell of a grid, in blocks of 4 by 4.
+fn hemisphere(count: usize, seed: u64) -> Vec<Vec3> {
+    let blocks = count.div_ceil(LANES);
+    let across = (blocks as f64).sqrt().ceil() as usize;
+    let down = blocks.div_ceil(across);
+    (0..across * down * LANES)
         .map(|k| {
             let (block, lane) = (k / LANES, k % LANES);
-            let (i, j) = (block % blocks * 4 + lane % 4, block / blocks * 4 + lane / 4);
+            let (i, j) = (block % across * 4 + lane % 4, block / across * 4 + lane / 4);
             let [r, s, ..] = numbers(seed, k as u64);
-            cosine_direction(Vec3::Z, (i as f32 + r) / rows as f32, (j as f32 + s) / rows as f32)
+            let place = |cell: usize, within: f32, blocks: usize| (cell as f32 + within) / (4 * blocks) as f32;
+            cosine_direction(Vec3::Z, place(i, r, across), place(j, s, down))
         })
         .collect()
 }

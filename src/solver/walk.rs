@@ -4,12 +4,16 @@ use super::field::{Rgb, add};
 use super::receive::{Buffers, Receiver};
 use crate::element::Elements;
 use crate::embree::Hits;
-use crate::link::{Question, cosine_direction, mix, numbers};
+use crate::link::{Question, Sight, cosine_direction, mix, numbers};
 use crate::ray::{LANES, Packet};
 use glam::Vec3;
 
 /// Bounces of a path at most: in narrow gaps all elements are near.
 const BOUNCES: u64 = 8;
+/// The same of one that is to be independent of the solution, and the bounce from which it ends by chance (Russian roulette,
+/// Arvo and Kirk 1990).
+const LAST: u64 = 256;
+const CHANCE: u64 = 3;
 
 /// A place on a surface.
 #[derive(Clone, Copy)]
@@ -69,8 +73,8 @@ impl Receiver<'_> {
     }
 
     /// One cosine-weighted ray and one shadow ray from each of `buffers.places`, to `buffers.found`. `of` gives four
-    /// numbers in `[0, 1)` for each: the direction and the place on an emitter.
-    pub(super) fn look_around(&self, of: impl Fn(usize) -> [f32; 4], buffers: &mut Buffers) {
+    /// numbers in `[0, 1)` for each: the direction and the place on an emitter; `sight` says whether that is seen.
+    pub(super) fn look_around(&self, sight: Sight, of: impl Fn(usize) -> [f32; 4], buffers: &mut Buffers) {
         let Buffers { packets, hits, places, found, scratch, .. } = buffers;
         let elements = &self.solver.elements;
         packets.clear();
@@ -124,7 +128,7 @@ impl Receiver<'_> {
             }
             // Rays of one element to one emitter lie together.
             let together = self.lamps.emitters.len() == 1 && group.iter().all(|p| p.leaf == group[0].leaf);
-            let sight = if together { self.solver.sight } else { self.solver.sight.scattered() };
+            let sight = if together { sight } else { sight.scattered() };
             let question =
                 Question { packet: shadow, emitter_size: self.lamps.width, feature_size: self.feature_size };
             let through = sight.transmittances(&question, scratch);
@@ -135,23 +139,35 @@ impl Receiver<'_> {
     }
 
     /// Adds what all of `buffers.places` send on, each times its share: what emitters light it with, and what a ray finds,
-    /// which is followed until what it meets may be trusted, or to the last bounce (`doubting`).
+    /// which is followed until what it meets may be trusted. With `doubting` nothing is, and exact rays answer.
     pub(super) fn follow(&self, seed: u64, doubting: bool, sum: &mut Rgb, buffers: &mut Buffers) {
-        for bounce in 1..=BOUNCES {
+        let (last, sight) = if doubting {
+            (LAST, Sight::Exact(self.solver.sight.exact()))
+        } else {
+            (BOUNCES, self.solver.sight)
+        };
+        for bounce in 1..=last {
             if buffers.places.is_empty() {
                 return;
             }
             let seed = mix(seed ^ bounce);
-            self.look_around(|i| numbers(seed, i as u64), buffers);
+            self.look_around(sight, |i| numbers(seed, i as u64), buffers);
             let Buffers { places, found, beyond, .. } = buffers;
             beyond.clear();
-            for (place, found) in places.iter().zip(found.iter()) {
+            for (i, (place, found)) in places.iter().zip(found.iter()).enumerate() {
                 let mut received = found.direct;
                 if found.met.side != Elements::NONE {
-                    if bounce == BOUNCES || (!doubting && self.trusted(&found.met, found.distance)) {
+                    if bounce == last || (!doubting && self.trusted(&found.met, found.distance)) {
                         received += Vec3::from(self.reflected[found.met.leaf as usize]);
                     } else {
-                        beyond.push(self.onward(found.met, place.share));
+                        let next = self.onward(found.met, place.share);
+                        let stays = next.share.max_element().min(1.0);
+                        let [chance, ..] = numbers(!seed, i as u64);
+                        if !doubting || bounce < CHANCE {
+                            beyond.push(next);
+                        } else if chance < stays {
+                            beyond.push(Place { share: next.share / stays, ..next });
+                        }
                     }
                 }
                 add(sum, 1.0, (place.share * received).to_array().map(f64::from));

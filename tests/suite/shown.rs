@@ -89,12 +89,12 @@ fn solutions_of_published_obstructed_pairs() {
         let outcome = solver::run(&scene, &grid, &Options::default(), &()).expect("a solution");
         let points = outcome.irradiance.iter().map(|e| e[0]).sum::<f64>() / grid.len() as f64;
         assert!((points / want - 1.0).abs() < 5e-3, "{id} at points: {points} instead of {want}");
-        // Elements know visibility from few segments: those that all get through are believed too soon.
+        // Elements know visibility from few segments, whose errors do not lean to either side.
         let floor = outcome.solution.elements.iter().filter(|e| e.object == 1 && e.front);
         let (light, area) =
             floor.fold((0.0, 0.0), |(light, area), e| (light + e.irradiance[0] * e.area, area + e.area));
         let mean = light / area;
-        assert!((mean / want - 1.0).abs() < 0.08, "{id} of the elements: {mean} instead of {want}");
+        assert!((mean / want - 1.0).abs() < 0.01, "{id} of the elements: {mean} instead of {want}");
     }
     let hidden = plates(dvec3(-0.1, -0.1, 0.5), 1.2);
     let outcome = solver::run(&hidden, &grid, &Options::default(), &()).expect("a solution");
