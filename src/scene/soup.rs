@@ -119,7 +119,7 @@ impl Soup {
 }
 
 /// Numbers names in order of their first appearance.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Names {
     index: HashMap<String, u32>,
     /// The names in order.

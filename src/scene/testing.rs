@@ -31,6 +31,7 @@ pub fn rotation(random: &mut Pcg64Mcg) -> DMat3 {
 }
 
 /// A scene under construction. Faces belong to the last object named.
+#[derive(Clone)]
 pub struct Pieces {
     soup: Soup,
     light: Option<u32>,

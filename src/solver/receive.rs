@@ -252,7 +252,8 @@ fn hemisphere(count: usize, seed: u64) -> Vec<Vec3> {
             let (block, lane) = (k / LANES, k % LANES);
             let (i, j) = (block % across * 4 + lane % 4, block / across * 4 + lane / 4);
             let [r, s, ..] = numbers(seed, k as u64);
-            let place = |cell: usize, within: f32, blocks: usize| (cell as f32 + within) / (4 * blocks) as f32;
+            let place =
+                |cell: usize, within: f32, blocks: usize| (cell as f32 + within) / (4 * blocks) as f32;
             cosine_direction(Vec3::Z, place(i, r, across), place(j, s, down))
         })
         .collect()

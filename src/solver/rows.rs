@@ -27,8 +27,8 @@ const GROWS: f64 = 0.98;
 const LEAST: f32 = 1e-4;
 const MOST: f32 = 2.0;
 /// Rays by which a leaf finds out what it sees of the scene: its share of these, by area or emitted power, within limits.
-const RAYS: f64 = 1e6;
-const LEAST_RAYS: usize = 64;
+const RAYS: f64 = 2e5;
+const LEAST_RAYS: usize = 48;
 const MOST_RAYS: usize = 8192;
 
 impl Solver<'_> {
