@@ -22,8 +22,8 @@ use std::time::Instant;
 /// Rays of an element at least and at most.
 const LEAST: f64 = 4.0;
 const MOST: f64 = 4096.0;
-/// When it is late: rays of an element at least, and those that all share.
-const LATE_LEAST: f64 = 1.0;
+/// Rays that all elements share when it is late. Not fewer of each: between elements that meet but each other light would not
+/// get lost.
 pub(super) const LATE: f64 = 1e5;
 /// Leaves whose rays are timed to see how many there is time for, about, and the rays of each.
 const TIMED: usize = 2000;
@@ -130,11 +130,8 @@ impl Receiver<'_> {
         let all_counted: f64 = leaves.iter().map(|&e| counted(e)).sum();
         self.trace(&leaves, |leaf| {
             let share = counted(leaf) / all_counted;
-            let (least, rays) = match rays.filter(|_| !clock.late()) {
-                Some(rays) => (LEAST, rays),
-                None => (LATE_LEAST, LATE),
-            };
-            (least + rays * share).min(MOST) as u32
+            let rays = rays.filter(|_| !clock.late()).unwrap_or(LATE);
+            (LEAST + rays * share).min(MOST) as u32
         })
     }
 
