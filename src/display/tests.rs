@@ -242,9 +242,17 @@ fn what_is_shown_of_a_solved_room_has_no_cracks() {
             *edges.entry(if a < b { [a, b] } else { [b, a] }).or_default() += if a < b { 1 } else { -1 };
         }
     }
-    // The input's own edges: an open one of the mesh must lie on one of them that is open too.
+    // The input's own edges: an open one of the mesh must lie on one of them that is open too, when what no light reaches
+    // (the blocks' lower faces) is left out.
+    let facing = |t: u32| {
+        let [a, b, c] = scene.corners(t);
+        let normal = (b - a).cross(c - a).normalize().to_array().map(|v| (100.0 * v).round() as i32);
+        (scene.triangle_object[t as usize], normal)
+    };
+    let lit: std::collections::HashSet<_> =
+        outcome.solution.elements.iter().map(|e| facing(e.triangle)).collect();
     let mut open: HashMap<[u32; 2], i32> = HashMap::new();
-    for t in &scene.triangles {
+    for (_, t) in (0u32..).zip(&scene.triangles).filter(|(k, _)| lit.contains(&facing(*k))) {
         for k in 0..3 {
             let (a, b) = (t[k], t[(k + 1) % 3]);
             *open.entry([a.min(b), a.max(b)]).or_default() += 1;
