@@ -272,28 +272,31 @@ fn an_interrupted_solution_is_consistent_and_says_so() {
 #[test]
 fn a_second_interruption_ends_at_once() {
     use std::process::{Command, Stdio};
-    use std::time::{Duration, Instant};
+    use std::time::Duration;
     let scratch = Scratch::new();
     let mut spec = mrvis::scene::generate::Spec::new("forest");
     (spec.trees, spec.leaves) = (100, 2000);
     let scene = scratch.generate(&spec);
-    let child = Command::new(env!("CARGO_BIN_EXE_mrvis"))
-        .args(["solve", &scene, "--out", "s", "--output", "none", "--error", "1e-5"])
-        .current_dir(scratch.path("."))
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("the command runs");
-    // Winding up with half a million elements takes longer than until the second one comes.
-    std::thread::sleep(Duration::from_secs(2));
-    let start = Instant::now();
-    for _ in 0..2 {
-        let kill = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill");
-        assert!(kill.success());
-        std::thread::sleep(Duration::from_millis(50));
-    }
-    let output = child.wait_with_output().expect("it ends");
-    assert!(start.elapsed() < Duration::from_secs(3), "{:?}", start.elapsed());
+    let interrupted_after = |seconds: u64| {
+        let child = Command::new(env!("CARGO_BIN_EXE_mrvis"))
+            .args(["solve", &scene, "--out", "s", "--output", "none", "--error", "1e-5"])
+            .current_dir(scratch.path("."))
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the command runs");
+        std::thread::sleep(Duration::from_secs(seconds));
+        for _ in 0..2 {
+            let kill = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill");
+            assert!(kill.success());
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        child.wait_with_output().expect("it ends")
+    };
+    // While it reads the scene there is nothing to wind up, and the first one ends it: then a little later. Winding up with
+    // half a million elements takes longer than until the second one comes.
+    let output = [1, 3, 9, 27].into_iter().map(interrupted_after).find(|o| o.status.code().is_some());
+    let output = output.expect("it reads half a million triangles in time");
     assert_eq!(output.status.code(), Some(130));
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(said.contains("once more ends at once"), "{said}");

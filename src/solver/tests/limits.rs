@@ -90,8 +90,8 @@ fn time_limits_bound_the_time() {
         let start = Instant::now();
         let Record { ended, warnings, ledger, .. } = solved(&scene, &points, &options).record;
         let taken = start.elapsed().as_secs_f64();
-        // Other tests run at the same time.
-        assert!(taken < 4.0 * limit + 2.0, "{taken}");
+        // Without a limit it would take hours; other tests run at the same time.
+        assert!(taken < 20.0 * limit, "{taken}");
         assert_eq!(ended, Ended::Time);
         assert!(warnings.iter().any(|w| w.contains("--max-seconds 1.5 ended refinement")), "{warnings:?}");
         assert!(ledger.created.abs() < 1e-2 * ledger.emitted, "{ledger:?}");
