@@ -41,8 +41,9 @@ impl Shaft {
             slack,
         };
         for (corners, normal) in corners.into_iter().zip(normals) {
-            // What is behind a surface or in its plane hides nothing in front of it.
-            let height = corners.iter().map(|c| normal.dot(*c)).fold(f32::MIN, f32::max);
+            // What is behind a surface or in its plane hides nothing in front of it; one that is bent a little may hide
+            // itself.
+            let height = corners.iter().map(|c| normal.dot(*c)).fold(f32::MAX, f32::min);
             shaft.add(-normal, -height);
         }
         for (own, other) in [(corners[0], corners[1]), (corners[1], corners[0])] {
@@ -99,16 +100,21 @@ impl Shaft {
         let height = |p: &Vec3| normal.dot(*p - polygon[0]);
         let heights = self.corners.as_flattened().iter().map(height);
         let (least, most) = heights.fold((f32::MAX, f32::MIN), |(l, m), h| (l.min(h), m.max(h)));
-        least < -self.slack && most > self.slack
+        let flat = self.slack - bend(polygon, normal);
+        least < -flat && most > flat
     }
 
     /// Whether every segment between the ends crosses a convex polygon, well inside and away from the ends.
     fn covered_by(&self, polygon: &[Vec3; 4], normal: Vec3, ends: EndRule) -> bool {
+        if bend(polygon, normal) > self.slack {
+            return false;
+        }
         let size = (polygon[2] - polygon[0]).length().max((polygon[3] - polygon[1]).length());
+        let rim = (INSIDE * size).max(2.0 * self.slack);
         let mut edges = [(Vec3::ZERO, 0.0); 4];
         for k in 0..4 {
             let inward = normal.cross(polygon[(k + 1) & 3] - polygon[k]).normalize_or_zero();
-            edges[k] = (inward, inward.dot(polygon[k]) + INSIDE * size);
+            edges[k] = (inward, inward.dot(polygon[k]) + rim);
         }
         self.corners[0].iter().all(|a| {
             self.corners[1].iter().all(|b| {
@@ -124,6 +130,11 @@ impl Shaft {
             })
         })
     }
+}
+
+/// How far a quad's corners are off its plane.
+fn bend(polygon: &[Vec3; 4], normal: Vec3) -> f32 {
+    polygon.iter().map(|p| normal.dot(*p - polygon[0]).abs()).fold(0.0, f32::max)
 }
 
 /// What is known about the space between two surfaces that face each other, `before` that of surfaces they are parts of.
@@ -160,7 +171,7 @@ pub(super) fn between(
             None => {}
         }
     }
-    let mut stack = [0u32; LOOKS];
+    let mut stack = [0u32; LOOKS + 1];
     let (mut height, mut looks) = (1, 0);
     while height > 0 {
         height -= 1;
@@ -172,7 +183,8 @@ pub(super) fn between(
             }
             match elements.elements[child].shape {
                 Shape::Cluster(c) => {
-                    if height < LOOKS && shaft.meets_box(&elements.clusters[c as usize].bounds) {
+                    // One push a look: there is room.
+                    if shaft.meets_box(&elements.clusters[c as usize].bounds) {
                         stack[height] = child as u32;
                         height += 1;
                     }

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 pub struct Probe {
     /// By cluster: part of what its sides send out that meets its own sides, in `[0, 1]`.
     pub enclosed: Vec<f32>,
-    /// By side: none of its rays left the scene.
+    /// By side: all of its rays met sides that light can reach.
     pub closed: Vec<bool>,
     /// Faces that were met on a side that has no element, ascending.
     pub entered: Vec<u32>,
@@ -22,6 +22,9 @@ const SHARED: f64 = 1e5;
 const LEAST: f64 = 2.0;
 /// Rays that a cluster's closed sides must have together before a side's own few count.
 const SURE: u32 = 24;
+
+/// Rays leave so many roundings above their surface, and meet all from there on: walls that it ends at, too.
+pub(super) const OFF: f32 = 5.0;
 
 /// Traces the rays. `length` exceeds the scene's diagonal.
 pub fn probe(
@@ -50,7 +53,7 @@ pub fn probe(
         let leaf = elements.elements[elements.sides[s].element as usize].parent as usize;
         for &(power, met) in *rays {
             rays_of_leaf[leaf].0 += 1;
-            rays_of_leaf[leaf].1 += u32::from(met == ESCAPED);
+            rays_of_leaf[leaf].1 += u32::from(met >= sides as u32);
             if met < sides as u32 {
                 meets[holding(elements, leaf, met)] += power;
             }
@@ -65,7 +68,7 @@ pub fn probe(
         .enumerate()
         .map(|(s, rays)| {
             let leaf = elements.elements[elements.sides[s].element as usize].parent as usize;
-            let own = rays.iter().all(|&(_, met)| met != ESCAPED);
+            let own = rays.iter().all(|&(_, met)| met < sides as u32);
             let (all, escaped) = rays_of_leaf[leaf];
             own && (rays.len() as u32 >= SURE || (escaped == 0 && all >= SURE))
         })
@@ -117,9 +120,11 @@ fn from_side(
             packets.push(Packet::EMPTY);
         }
         let [u, v, p, q] = numbers(seed ^ (s as u64) << 20, i as u64);
-        let from = point_on(corners, u, (i as f32 + v) / count as f32);
+        let from = point_on(corners, u, (i as f32 + v) / count as f32) + OFF * ends.slack() * side.normal;
         let to = from + length * cosine_direction(side.normal, p, q);
-        packets.last_mut().expect("just pushed").set(i % LANES, from, to, ends);
+        let packet = packets.last_mut().expect("just pushed");
+        packet.set(i % LANES, from, to, ends);
+        packet.near[i % LANES] = 0.0;
     }
     let mut hits = vec![Hits::NONE; packets.len()];
     traced.first_hits(traversal, packets, &mut hits);

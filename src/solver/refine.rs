@@ -189,8 +189,9 @@ impl<'a> Solver<'a> {
     /// depends on what was seen of them: the same samples' values are too large where most is seen, and too small where
     /// little is. Those whose turn has not come when it is late stay as they are.
     pub(super) fn look_again(&mut self, threshold: f32, clock: &Clock) {
-        let (certain, doubtful): (Vec<Link>, Vec<Link>) =
-            std::mem::take(&mut self.links).into_iter().partition(|l| l.rays == 0);
+        let (certain, doubtful): (Vec<Link>, Vec<Link>) = std::mem::take(&mut self.links)
+            .into_iter()
+            .partition(|l| l.between == Between::NOTHING || l.a == l.b);
         let again = |l: &Link| Pair { mixed: l.mixed(), between: l.between, ..Pair::new(l.a, l.b) };
         let closing = self.closing * (certain.len() + doubtful.len() + self.elements.len()) as f64;
         self.links = certain;

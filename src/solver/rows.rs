@@ -4,6 +4,7 @@ use super::clock::Clock;
 use super::cut::{Closure, Cut};
 use super::field::{Incoming, Outgoing, Rgb, gather};
 use super::options::Rows;
+use super::probe::OFF;
 use super::{Solver, mean};
 use crate::element::{Element, Elements, Shape};
 use crate::embree::Hits;
@@ -30,6 +31,8 @@ const MOST: f32 = 2.0;
 const RAYS: f64 = 2e5;
 const LEAST_RAYS: usize = 48;
 const MOST_RAYS: usize = 8192;
+/// Standard errors by which rows may differ from that.
+const SURE: f64 = 1.5;
 
 impl Solver<'_> {
     /// The sum of each surface element's form factors along its links, before it is multiplied by its own closure: the
@@ -51,7 +54,7 @@ impl Solver<'_> {
         self.closure.fill(Closure::NONE);
         let mut cut = self.cut();
         let sampled = self.row_sums(&cut);
-        let goals = self.goals(clock);
+        let goals = self.goals(&sampled, clock);
         let mut sums = sampled.clone();
         for round in 0..if self.rows == Rows::Balanced { ROUNDS } else { 1 } {
             let (mut off, mut all) = (0.0, 0.0);
@@ -105,8 +108,32 @@ impl Solver<'_> {
         bounded
     }
 
-    /// By element, what the row sums of leaves are to be; 0 where it is not known.
-    fn goals(&self, clock: &Clock) -> Vec<f64> {
+    /// By element, what the row sums of leaves are to be; 0 where it is not known. Rays have noise that links, whose form
+    /// factors are computed, need not have: rows are brought towards what rays say only as far as that is sure, of all
+    /// leaves of a side together first.
+    fn goals(&self, sums: &[f64], clock: &Clock) -> Vec<f64> {
+        let elements = &self.elements.elements;
+        let found = self.looks(clock);
+        let mut sides = vec![Pool::default(); self.elements.sides.len()];
+        for (e, seen) in found.iter().enumerate() {
+            if let (Shape::Surface { side, .. }, Seen::Part(met, rays)) = (&elements[e].shape, seen) {
+                sides[*side as usize].add(elements[e].area, sums[e], *met, *rays);
+            }
+        }
+        (0..elements.len())
+            .map(|e| match (&elements[e].shape, found[e]) {
+                (_, Seen::All) => 1.0,
+                (Shape::Surface { side, .. }, Seen::Part(met, rays)) => {
+                    let row = sums[e] * sides[*side as usize].factor();
+                    row + surely(met / rays - row, variance(met, rays))
+                }
+                _ => 0.0,
+            })
+            .collect()
+    }
+
+    /// By element, what rays of leaves say that they see.
+    fn looks(&self, clock: &Clock) -> Vec<Seen> {
         let elements = &self.elements.elements;
         let power = |e: &Element| match e.shape {
             Shape::Surface { side, .. } if e.is_leaf() => {
@@ -118,29 +145,27 @@ impl Solver<'_> {
         (0..elements.len())
             .into_par_iter()
             .with_min_len(64)
-            .map(|e| {
-                let element = &elements[e];
-                match element.shape {
-                    Shape::Surface { side, .. } if element.is_leaf() => {
-                        if self.probe.closed[side as usize] {
-                            return 1.0;
-                        }
-                        if clock.late() {
-                            return 0.0;
-                        }
-                        // What much light comes from, or goes to, must be known well.
-                        let share = (element.area / self.elements.area).max(power(element) / emitted);
-                        self.met(e, ((RAYS * share) as usize).clamp(LEAST_RAYS, MOST_RAYS) / LANES)
+            .map(|e| match elements[e].shape {
+                Shape::Surface { side, .. } if elements[e].is_leaf() => {
+                    if self.probe.closed[side as usize] {
+                        return Seen::All;
                     }
-                    _ => 0.0,
+                    if clock.late() {
+                        return Seen::Nothing;
+                    }
+                    // What much light comes from, or goes to, must be known well.
+                    let share = (elements[e].area / self.elements.area).max(power(&elements[e]) / emitted);
+                    let packets = ((RAYS * share) as usize).clamp(LEAST_RAYS, MOST_RAYS) / LANES;
+                    Seen::Part(self.met(e, packets) as f64, (packets * LANES) as f64)
                 }
+                _ => Seen::Nothing,
             })
             .collect()
     }
 
-    /// Part of the rays from a leaf that meet a side that light can reach, by so many times sixteen.
-    fn met(&self, e: usize, packets: usize) -> f64 {
-        let Shape::Surface { side, corners } = &self.elements.elements[e].shape else { return 0.0 };
+    /// How many rays from a leaf, out of so many times sixteen, meet a side that light can reach.
+    fn met(&self, e: usize, packets: usize) -> usize {
+        let Shape::Surface { side, corners } = &self.elements.elements[e].shape else { return 0 };
         let normal = self.elements.sides[*side as usize].normal;
         let length = 1.01 * self.elements.clusters[0].bounds.diagonal();
         let exact = self.sight.exact();
@@ -149,9 +174,10 @@ impl Solver<'_> {
             let mut packet = Packet::EMPTY;
             for lane in 0..LANES {
                 let [u, v, p, q] = sample_4d((k * LANES + lane) as u32, 0, self.seed as u32 ^ e as u32);
-                let from = point_on(corners, u, v);
+                let from = point_on(corners, u, v) + OFF * self.ends.slack() * normal;
                 packet.set(lane, from, from + length * cosine_direction(normal, p, q), self.ends);
             }
+            packet.near = [0.0; LANES];
             let mut hits = [Hits::NONE];
             exact.scene.first_hits(exact.traversal, std::slice::from_ref(&packet), &mut hits);
             met += (0..LANES)
@@ -164,8 +190,57 @@ impl Solver<'_> {
                 })
                 .count();
         }
-        met as f64 / (packets * LANES) as f64
+        met
     }
+}
+
+/// What is known of the part of what an element sees that is not sky.
+#[derive(Clone, Copy)]
+enum Seen {
+    /// Not asked.
+    Nothing,
+    /// There is no way out.
+    All,
+    /// So many of so many rays.
+    Part(f64, f64),
+}
+
+/// Leaves of a side together: area, and sums by area of their rows, of what rays say, and of that one's variance by area
+/// squared.
+#[derive(Clone, Copy, Default)]
+struct Pool {
+    area: f64,
+    row: f64,
+    seen: f64,
+    variance: f64,
+}
+
+impl Pool {
+    fn add(&mut self, area: f64, row: f64, met: f64, rays: f64) {
+        self.area += area;
+        self.row += area * row;
+        self.seen += area * met / rays;
+        self.variance += area * area * variance(met, rays);
+    }
+
+    /// What rows are to be multiplied by.
+    fn factor(&self) -> f64 {
+        if self.row <= NOTHING * self.seen || self.row <= 0.0 {
+            return 1.0;
+        }
+        1.0 + surely(self.seen - self.row, self.variance) / self.row
+    }
+}
+
+/// Of a part of so many rays; never 0.
+fn variance(met: f64, rays: f64) -> f64 {
+    let p = (met + 1.0) / (rays + 2.0);
+    p * (1.0 - p) / rays
+}
+
+/// What is left of a difference when what may be chance is taken off.
+fn surely(difference: f64, variance: f64) -> f64 {
+    difference.signum() * (difference.abs() - SURE * variance.sqrt()).max(0.0)
 }
 
 /// What a leaf must gather more, by what its row sum is to be and what it is.
