@@ -10,7 +10,7 @@ use rayon::prelude::*;
 pub struct Probe {
     /// By cluster: part of what its sides send out that meets its own sides, in `[0, 1]`.
     pub enclosed: Vec<f32>,
-    /// By side: all of its rays met sides that light can reach.
+    /// By side: none of its rays left the scene.
     pub closed: Vec<bool>,
     /// Faces that were met on a side that has no element, ascending.
     pub entered: Vec<u32>,
@@ -53,7 +53,7 @@ pub fn probe(
         let leaf = elements.elements[elements.sides[s].element as usize].parent as usize;
         for &(power, met) in *rays {
             rays_of_leaf[leaf].0 += 1;
-            rays_of_leaf[leaf].1 += u32::from(met >= sides as u32);
+            rays_of_leaf[leaf].1 += u32::from(met == ESCAPED);
             if met < sides as u32 {
                 meets[holding(elements, leaf, met)] += power;
             }
@@ -68,7 +68,7 @@ pub fn probe(
         .enumerate()
         .map(|(s, rays)| {
             let leaf = elements.elements[elements.sides[s].element as usize].parent as usize;
-            let own = rays.iter().all(|&(_, met)| met < sides as u32);
+            let own = rays.iter().all(|&(_, met)| met != ESCAPED);
             let (all, escaped) = rays_of_leaf[leaf];
             own && (rays.len() as u32 >= SURE || (escaped == 0 && all >= SURE))
         })

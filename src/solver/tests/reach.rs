@@ -68,3 +68,63 @@ fn a_plate_from_wall_to_wall_keeps_the_energy() {
     let ledger = &outcome.record.ledger;
     assert!(ledger.created.abs() < 2e-3 * ledger.emitted, "{ledger:?}");
 }
+
+/// Two rooms with a sheet between them that has a slit or a door: what gets through is what paths find. Seen edge-on the
+/// sheet and the wall beside it are not nothing.
+#[test]
+fn a_sheet_with_a_door_keeps_rooms_apart() {
+    // What gets through a slit is little, and known the less.
+    for (door, rough, off) in [(0.05, 0.7, 0.35), (1.0, 0.25, 0.1)] {
+        let mut soup = Soup::new("two rooms");
+        let grey = soup.material(SoupMaterial::diffuse("grey", [0.8; 3]));
+        let walls = soup.object("walls");
+        inward(&mut soup, walls, grey, DVec3::ZERO, DVec3::new(6.0, 3.0, 2.5));
+        let light = soup.material(SoupMaterial::light("light", [10.0; 3]));
+        let lamp = soup.object("lamp");
+        let corner = |x: f64, y: f64| DVec3::new(x, y, 2.4);
+        soup.polygon(lamp, light, &[corner(1.0, 1.0), corner(1.0, 2.0), corner(2.0, 2.0), corner(2.0, 1.0)]);
+        let sheet = soup.object("sheet");
+        let at = |y: f64, z: f64| DVec3::new(3.0, y, z);
+        soup.polygon(sheet, grey, &[at(0.0, 0.0), at(3.0 - door, 0.0), at(3.0 - door, 2.5), at(0.0, 2.5)]);
+        let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+        let points: Vec<Point> = (0..60)
+            .map(|k| DVec3::new(3.2 + (k % 10) as f64 * 0.28, 0.2 + (k / 10) as f64 * 0.5, 0.0))
+            .map(|position| Point { position, normal: DVec3::Z })
+            .collect();
+        let want = limits::truth(&scene, &points, 1024);
+        let outcome = solved(&scene, &points, &Options { audit: 0, ..Options::default() });
+        let (rms, bias) = limits::off(&outcome.irradiance, &want);
+        assert!(bias.abs() < off && rms < rough, "{door}: {rms} {bias}");
+    }
+}
+
+/// A lamp above the middle of a square floor: all four parts of it are alike, and yet they are not even; off the middle no
+/// element has another light than its place.
+#[test]
+fn open_floors_are_lit_by_the_closed_form() {
+    for middle in [0.0, 0.7] {
+        let mut soup = Soup::new("floor");
+        let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
+        let floor = soup.object("floor");
+        let at = |x: f64, y: f64| DVec3::new(x, y, 0.0);
+        soup.polygon(floor, grey, &[at(-5.0, -5.0), at(5.0, -5.0), at(5.0, 5.0), at(-5.0, 5.0)]);
+        let light = soup.material(SoupMaterial::light("light", [10.0; 3]));
+        let lamp = soup.object("lamp");
+        let corner = |x: f64, y: f64| DVec3::new(middle + x, y, 3.0);
+        let corners = [corner(-0.5, -0.5), corner(-0.5, 0.5), corner(0.5, 0.5), corner(0.5, -0.5)];
+        soup.polygon(lamp, light, &corners);
+        let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+        let outcome = solved(&scene, &[], &Options { audit: 0, ..Options::default() });
+        let solution = &outcome.solution;
+        let (mut squares, mut sum, mut area) = (0.0, 0.0, 0.0);
+        for e in solution.elements.iter().filter(|e| e.object == 0 && e.front) {
+            let [a, _, c, _] = e.corners.map(|v| solution.vertices[v as usize].as_dvec3() + scene.origin);
+            let want = 31.415_926 * crate::form_factor::point_to_polygon(0.5 * (a + c), DVec3::Z, &corners);
+            squares += e.area * (e.irradiance[0] - want).powi(2);
+            sum += e.area * want;
+            area += e.area;
+        }
+        let rms = (squares * area).sqrt() / sum;
+        assert!(rms < 0.05 && solution.elements.len() > 500, "{middle}: {rms} {}", solution.elements.len());
+    }
+}
