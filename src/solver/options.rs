@@ -162,7 +162,7 @@ impl Options {
 
     /// Rays of a final gather: its noise is less than the error.
     pub fn gather_rays(&self) -> usize {
-        self.gather_rays.unwrap_or((0.3 / self.error).powi(2).clamp(64.0, 2304.0) as usize)
+        self.gather_rays.unwrap_or((0.27 / self.error).powi(2).clamp(64.0, 2304.0) as usize)
     }
 
     /// Rays of the local pass.
