@@ -13,10 +13,10 @@ const MAX_LEVEL: u32 = 14;
 impl Elements {
     /// The elements of a scene: its clusters and the sides that light can reach, nothing split yet.
     ///
-    /// `min_area` (scene units squared, above 0) bounds what splitting makes. Faces that are known to have been met on a
-    /// side that a first build took for dark are `entered`: their parts have two sides.
-    pub fn build(scene: &Scene, hierarchy: &Hierarchy, min_area: f64, entered: &[u32]) -> Elements {
-        Elements::of_seen(scene, hierarchy, min_area, &sides::seen(scene, entered))
+    /// `min_area` (scene units squared, above 0) bounds what splitting makes. Parts of the scene that are known to be lit
+    /// on both sides are `open`, closed or not ([`lit_inside`](super::lit_inside)).
+    pub fn build(scene: &Scene, hierarchy: &Hierarchy, min_area: f64, open: &[u32]) -> Elements {
+        Elements::of_seen(scene, hierarchy, min_area, &sides::seen(scene, open))
     }
 
     /// The same elements without some sides (ascending indices), which no light reaches.

@@ -19,6 +19,7 @@ mod tests;
 
 pub use lookup::Lookup;
 pub use sample::{Samples, spread};
+pub use sides::{Entered, lit_inside};
 
 use crate::math::Aabb;
 use glam::Vec3;

@@ -10,11 +10,10 @@ use std::collections::HashMap;
 ///
 /// Sheets have two sides. A closed part has the side that some emitter is on: outside for a chair, inside for a room
 /// that is one closed box, whichever way it is wound; the winding number at a point in front of the emitter tells. Parts
-/// that claim to be closed but are not wound one way count as sheets, and so do those that rays have `entered` (faces
-/// whose other side was met): where solids cross each other, light finds its way in.
-pub(super) fn seen(scene: &Scene, entered: &[u32]) -> Vec<[bool; 2]> {
+/// that claim to be closed but are not wound one way count as sheets, and so do `open` ones.
+pub(super) fn seen(scene: &Scene, open: &[u32]) -> Vec<[bool; 2]> {
     let mut parts = closed_parts(scene);
-    entered.iter().for_each(|&t| parts[scene.triangle_component[t as usize] as usize].clear());
+    open.iter().for_each(|&part| parts[part as usize].clear());
     let lights = light_points(scene);
     let seen_of_part: Vec<[bool; 2]> = parts
         .par_iter()
@@ -35,6 +34,43 @@ pub(super) fn seen(scene: &Scene, entered: &[u32]) -> Vec<[bool; 2]> {
         })
         .collect();
     scene.triangle_component.iter().map(|&part| seen_of_part[part as usize]).collect()
+}
+
+/// A ray that met a face on the side that was taken for dark.
+#[derive(Clone, Copy, Debug)]
+pub struct Entered {
+    /// The face.
+    pub triangle: u32,
+    /// Where the ray came from, scene units.
+    pub from: Vec3,
+    /// Whether that is on an emitter.
+    pub emits: bool,
+}
+
+/// Rays of a part that are looked into, and how many of them must have come from outside.
+const LOOKED_INTO: usize = 8;
+const FROM_OUTSIDE: f64 = 0.25;
+
+/// The closed parts (components of the scene, ascending) that have light on both sides: rays from outside have met their
+/// inside, because some of their faces are turned over, or rays from an emitter have. What else meets a closed part from
+/// within starts on something that reaches into it or stands on the same floor, and is dark there.
+pub fn lit_inside(scene: &Scene, entered: &[Entered]) -> Vec<u32> {
+    let parts = closed_parts(scene);
+    let mut by_part: Vec<Vec<Entered>> = vec![Vec::new(); parts.len()];
+    for ray in entered {
+        by_part[scene.triangle_component[ray.triangle as usize] as usize].push(*ray);
+    }
+    let is_lit = |(rays, faces): (&Vec<Entered>, &Vec<u32>)| {
+        if rays.is_empty() || faces.is_empty() {
+            return false;
+        }
+        let looked: Vec<&Entered> = rays.iter().step_by(rays.len().div_ceil(LOOKED_INTO)).collect();
+        let outside = |ray: &&&Entered| winding(scene, faces, ray.from).abs() < 0.5;
+        let came = looked.iter().filter(outside).count() as f64;
+        rays.iter().any(|ray| ray.emits) || came >= FROM_OUTSIDE * looked.len() as f64
+    };
+    let lit: Vec<bool> = by_part.par_iter().zip(&parts).map(is_lit).collect();
+    (0..).zip(lit).filter_map(|(part, lit)| lit.then_some(part)).collect()
 }
 
 /// The faces of each part that is closed and wound one way; nothing for the others.

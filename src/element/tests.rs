@@ -120,11 +120,22 @@ fn samples_prefer_what_faces_and_leave_nothing_out() {
 }
 
 #[test]
-fn a_solid_that_was_entered_has_two_sides() {
+fn a_solid_that_light_enters_has_two_sides() {
     let scene = load(MIXED, &[]);
     let hierarchy = hierarchy::build(&scene, &Default::default());
-    let sides = |entered: &[u32]| Elements::build(&scene, &hierarchy, 0.01, entered).sides.len();
     // The cube's faces come last.
-    let last = scene.triangles.len() as u32 - 1;
-    assert_eq!(sides(&[last]), sides(&[]) + 6);
+    let triangle = scene.triangles.len() as u32 - 1;
+    let cube: Vec<u32> = (0..=triangle)
+        .filter(|&t| scene.triangle_component[t as usize] == scene.triangle_component[triangle as usize])
+        .collect();
+    let bounds = crate::math::Aabb::of(cube.iter().flat_map(|&t| scene.corners(t)));
+    let outside = bounds.max + 0.1 * (bounds.max - bounds.min);
+    let sides =
+        |rays: &[Entered]| Elements::build(&scene, &hierarchy, 0.01, &lit_inside(&scene, rays)).sides.len();
+    let ray = |from, emits| Entered { triangle, from, emits };
+    let (within, beyond) = (ray(bounds.center(), false), ray(outside, false));
+    // What starts inside is dark, unless it is a lamp; some of the rays may be.
+    assert_eq!(sides(&[within; 20]), sides(&[]));
+    assert_eq!(sides(&[within, beyond, within]), sides(&[]) + 6);
+    assert_eq!(sides(&[ray(bounds.center(), true)]), sides(&[]) + 6);
 }

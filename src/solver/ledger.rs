@@ -21,8 +21,7 @@ pub struct Ledger {
     pub created: f64,
     /// Mean difference, by area, of the factors with which a leaf gathers and sends, as part of them: a link has one
     /// coupling for both directions, so nothing else sets `A_a F(a→b)` and `A_b F(b→a)` apart.
-    /// After a local pass: the mean difference of what large groups exchange by the rays of the one and of the other, which
-    /// the noise of the rays is part of.
+    /// After a local pass the same, each as part of what the leaf exchanges.
     pub reciprocity_residual: f64,
     /// Least and greatest sum of the form factors of an element that sees no way out of the scene.
     pub row_sums: Option<[f64; 2]>,
@@ -45,7 +44,7 @@ impl Solver<'_> {
             (None, None) => [0.0; 2],
         };
         // What meets the dark side of a face is not sent to anybody either.
-        let sent_of = |e: usize, row: f64| self.local.as_ref().map_or(row, |local| f64::from(local.met[e]));
+        let sent_of = |e: usize, row: f64| self.local.as_ref().map_or(row, |local| f64::from(local.row[e]));
         let mut ledger = Ledger::default();
         let (mut received, mut sent, mut closed) = (0.0, 0.0, 0.0);
         let widen = |range: &mut Option<[f64; 2]>, v: f64| {

@@ -2,15 +2,15 @@
 //!
 //! What arrives at a cluster is shared out among its surfaces by their orientation; what they hide from each other is known
 //! on average only, and insides of furniture get light that never comes there (method D.13). So in the end every
-//! element traces a few rays: its row of the form factors is the share of its rays that end on each other element, and
-//! rows of closed scenes sum up to 1. The rows are kept, four bytes a ray, and the light is solved on them to the last
-//! bounce, which costs no more rays; it starts from the solution along links.
+//! element traces a few rays: what two elements exchange is estimated by the rays that join them, whichever they come from
+//! ([`System`]), so that no energy is made. The rays are kept, twelve bytes each, and the light is solved on them to the
+//! last bounce, which costs no more rays; it starts from the solution along links.
 
 use super::Settled;
 use super::clock::Clock;
 use super::field::Rgb;
 use super::receive::{Buffers, Receiver};
-use super::system::System;
+use super::system::{Place as Spot, System};
 use super::walk::Place;
 use crate::element::{Elements, Shape};
 use crate::link::{Tally, mix, point_on};
@@ -34,8 +34,6 @@ const TRACING: f64 = 0.7;
 const SHARED: f64 = 0.8;
 /// Elements that one task traces for.
 const CHUNK: usize = 64;
-/// Groups between which reciprocity is measured, or a few more.
-const GROUPS: usize = 8;
 /// Rays of its neighbours that an element's own spread is mixed with: few rays say little about it.
 const PRIOR: f64 = 8.0;
 
@@ -45,11 +43,11 @@ pub struct Local {
     pub incident: Vec<Rgb>,
     /// Standard error of its mean over the channels, from the spread of the rays.
     pub noise: Vec<f32>,
-    /// Part of the rays that met a side that light can reach.
-    pub met: Vec<f32>,
+    /// Sum of the form factors with sides that light can reach.
+    pub row: Vec<f32>,
     /// Part of the rays that did not leave the scene.
     pub kept: Vec<f32>,
-    /// Mean difference of what two groups of the scene exchange by the rays of one and of the other, as part of it.
+    /// [`System::reciprocity`] of the factors that the light was solved with.
     pub reciprocity: f64,
     /// How the light on the rays settled.
     pub settled: Settled,
@@ -81,17 +79,18 @@ impl Receiver<'_> {
     /// late, elements trace but a few: enough for the light of the whole, not for each of them.
     pub(super) fn local(&self, rays: Option<f64>, clock: &Clock) -> Local {
         let rows = self.rows(rays, clock);
-        let (incident, settled) = self.solve(&rows, clock);
+        let system = self.system(&rows, clock);
+        let (incident, settled) = self.solve(&rows, &system, clock);
         let mut local = Local {
             noise: vec![0.0; incident.len()],
-            met: vec![0.0; incident.len()],
+            row: vec![0.0; incident.len()],
             kept: vec![0.0; incident.len()],
-            reciprocity: self.reciprocity(&rows),
+            reciprocity: system.reciprocity(),
             incident,
             settled,
             tally: rows.tally,
         };
-        self.judge(&rows, &mut local);
+        self.judge(&rows, &system, &mut local);
         local
     }
 
@@ -183,27 +182,32 @@ impl Receiver<'_> {
         made.rows.push(Row { leaf, end: made.met.len(), direct, squares, gone });
     }
 
-    /// Irradiance of all leaves.
-    fn solve(&self, rows: &Rows, clock: &Clock) -> (Vec<Rgb>, Settled) {
+    /// What the leaves exchange, by their rays.
+    fn system(&self, rows: &Rows, clock: &Clock) -> System {
         let elements = &self.solver.elements;
         let mut place = vec![Elements::NONE; elements.len()];
         for (i, row) in (0..).zip(&rows.rows) {
             place[row.leaf as usize] = i;
         }
-        let side = |row: &Row| match elements.elements[row.leaf as usize].shape {
-            Shape::Surface { side, .. } => &elements.sides[side as usize],
-            Shape::Cluster(_) => unreachable!("rows are those of surfaces"),
-        };
-        let system = System {
-            ends: rows.rows.iter().map(|r| r.end).collect(),
-            others: rows
-                .met
-                .iter()
-                .map(|&e| if e == Elements::NONE { e } else { place[e as usize] })
-                .collect(),
-            reflectance: rows.rows.iter().map(|r| side(r).reflectance).collect(),
-            weight: rows.rows.iter().map(|r| elements.elements[r.leaf as usize].area).collect(),
-        };
+        let met: Vec<u32> =
+            rows.met.iter().map(|&e| if e == Elements::NONE { e } else { place[e as usize] }).collect();
+        let places: Vec<Spot> = rows
+            .rows
+            .iter()
+            .map(|row| match elements.elements[row.leaf as usize].shape {
+                Shape::Surface { side, .. } => Spot {
+                    area: elements.elements[row.leaf as usize].area,
+                    reflectance: elements.sides[side as usize].reflectance,
+                    end: row.end,
+                },
+                Shape::Cluster(_) => unreachable!("rows are those of surfaces"),
+            })
+            .collect();
+        System::new(&places, &met, self.solver.rows, clock)
+    }
+
+    /// Irradiance of all elements that have rows.
+    fn solve(&self, rows: &Rows, system: &System, clock: &Clock) -> (Vec<Rgb>, Settled) {
         let direct: Vec<Rgb> = (0..rows.rows.len())
             .map(|i| {
                 let (row, met) = rows.of(i);
@@ -211,7 +215,7 @@ impl Receiver<'_> {
             })
             .collect();
         let start = rows.rows.iter().map(|r| self.solver.incident[r.leaf as usize]).collect();
-        let mut incident = vec![[0.0; 3]; elements.len()];
+        let mut incident = vec![[0.0; 3]; self.solver.elements.len()];
         let (found, settled) = system.solve(&direct, start, clock);
         for (row, now) in rows.rows.iter().zip(found) {
             incident[row.leaf as usize] = now;
@@ -220,82 +224,46 @@ impl Receiver<'_> {
     }
 
     /// How sure each leaf's irradiance is, and what its rays met.
-    fn judge(&self, rows: &Rows, local: &mut Local) {
+    fn judge(&self, rows: &Rows, system: &System, local: &mut Local) {
         let elements = &self.solver.elements;
-        let (mut area, mut level) = (0.0, 0.0);
-        for row in &rows.rows {
-            let of = elements.elements[row.leaf as usize].area;
-            (area, level) = (area + of, level + of * self.brightness(row.leaf, &local.incident));
+        let brightness: Vec<f64> =
+            rows.rows.iter().map(|r| self.brightness(r.leaf, &local.incident)).collect();
+        let area = |row: &Row| elements.elements[row.leaf as usize].area;
+        let all: f64 = rows.rows.iter().map(area).sum();
+        let level: f64 = rows.rows.iter().zip(&brightness).map(|(r, b)| area(r) * b).sum();
+        let level = level / all.max(f64::MIN_POSITIVE);
+        let seen: Vec<Seen> = (0..rows.rows.len())
+            .into_par_iter()
+            .with_min_len(CHUNK)
+            .map(|i| {
+                let (row, met) = rows.of(i);
+                Seen::new(
+                    row,
+                    met.len() as f64,
+                    system.weights(i).map(|(j, w)| (f64::from(w), brightness[j as usize])),
+                )
+            })
+            .collect();
+        let mut around = vec![[Spread::default(); 2]; elements.len()];
+        for (row, seen) in rows.rows.iter().zip(&seen) {
+            let around = &mut around[elements.elements[row.leaf as usize].parent as usize];
+            around.iter_mut().zip(seen.spreads).for_each(|(a, s)| a.add(s));
         }
-        let level = level / f64::max(area, f64::MIN_POSITIVE);
-        // Sum of squared differences and degrees of freedom, by leaf and by what holds it.
-        let mut spread = vec![(0.0, 0.0); elements.len()];
-        for i in 0..rows.rows.len() {
-            let (row, met) = rows.of(i);
-            let (mut sum, mut squares, mut hits) = (0.0, f64::from(row.squares), 0u32);
-            for &e in met.iter().filter(|&&e| e != Elements::NONE) {
-                let b = self.brightness(e, &local.incident);
-                (sum, squares, hits) = (sum + b, squares + b * b, hits + 1);
-            }
-            let n = met.len() as f64;
-            let direct = f64::from(row.direct.element_sum()) / 3.0;
-            let own = (squares - (sum * sum + direct * direct) / n).max(0.0);
-            local.met[row.leaf as usize] = hits as f32 / n as f32;
-            local.kept[row.leaf as usize] = 1.0 - row.gone as f32 / n as f32;
-            spread[row.leaf as usize] = (own, n - 1.0);
-            let parent = &mut spread[elements.elements[row.leaf as usize].parent as usize];
-            *parent = (parent.0 + own, parent.1 + n - 1.0);
-        }
-        for i in 0..rows.rows.len() {
-            let (row, met) = rows.of(i);
-            let (own, freedom) = spread[row.leaf as usize];
-            let (all, of_all) = spread[elements.elements[row.leaf as usize].parent as usize];
-            let variance = (own + PRIOR * all / of_all.max(1.0)) / (freedom + PRIOR);
+        let sums = system.rows();
+        for (i, (row, seen)) in rows.rows.iter().zip(&seen).enumerate() {
+            let leaf = row.leaf as usize;
+            let n = rows.of(i).1.len() as f64;
+            local.row[leaf] = sums[i] as f32;
+            local.kept[leaf] = 1.0 - row.gone as f32 / n as f32;
+            let around = around[elements.elements[leaf].parent as usize];
+            let [direct, reflected] = [0, 1].map(|k| seen.spreads[k].with(around[k]));
+            let rays = (seen.spreads[1].freedom + 1.0).max(1.0);
+            let variance = direct / n
+                + sums[i] * sums[i] * reflected / rays
+                + sums[i] * (1.0 - sums[i]).max(0.0) * seen.mean * seen.mean / n;
             // One ray more might have met what no other has: something as bright as all there is on average.
-            let n = met.len() as f64;
-            local.noise[row.leaf as usize] = (variance / n).sqrt().hypot(level / n) as f32;
+            local.noise[leaf] = variance.sqrt().hypot(level / n) as f32;
         }
-    }
-
-    /// See [`Local::reciprocity`]: rows are reciprocal on average only, and between large groups the average shows.
-    fn reciprocity(&self, rows: &Rows) -> f64 {
-        let elements = &self.solver.elements;
-        // The largest clusters are opened until there are some groups.
-        let mut groups = vec![0u32];
-        while groups.len() < GROUPS {
-            let opens = |&e: &u32| {
-                let element = &elements.elements[e as usize];
-                element.child_range().any(|c| elements.elements[c].is_cluster())
-            };
-            let area = |e: u32| elements.elements[e as usize].area;
-            let Some(largest) =
-                groups.iter().copied().filter(opens).max_by(|&a, &b| area(a).total_cmp(&area(b)))
-            else {
-                break;
-            };
-            groups.retain(|&g| g != largest);
-            groups.extend(elements.elements[largest as usize].child_range().map(|c| c as u32));
-        }
-        let mut group = vec![0usize; elements.len()];
-        for e in 1..elements.len() {
-            let parent = group[elements.elements[e].parent as usize];
-            group[e] = groups.iter().position(|&g| g as usize == e).map_or(parent, |g| g + 1);
-        }
-        let n = groups.len() + 1;
-        let mut exchange = vec![0.0; n * n];
-        for i in 0..rows.rows.len() {
-            let (row, met) = rows.of(i);
-            let each = elements.elements[row.leaf as usize].area / met.len() as f64;
-            for &e in met.iter().filter(|&&e| e != Elements::NONE) {
-                exchange[group[row.leaf as usize] * n + group[e as usize]] += each;
-            }
-        }
-        let (mut differ, mut all) = (0.0, 0.0);
-        for (g, h) in (0..n).flat_map(|g| (0..g).map(move |h| (g, h))) {
-            let (there, back) = (exchange[g * n + h], exchange[h * n + g]);
-            (differ, all) = (differ + (there - back).abs(), all + 0.5 * (there + back));
-        }
-        if all > 0.0 { differ / all } else { 0.0 }
     }
 
     /// What an element reflects, mean over the channels.
@@ -304,6 +272,57 @@ impl Receiver<'_> {
         let Shape::Surface { side, .. } = elements.elements[element as usize].shape else { return 0.0 };
         let rho = elements.sides[side as usize].reflectance;
         (0..3).map(|k| f64::from(rho[k]) * incident[element as usize][k]).sum::<f64>() / 3.0
+    }
+}
+
+/// What a leaf sees.
+struct Seen {
+    /// Mean of what that sends, W/m².
+    mean: f64,
+    /// How what emitters send differs from ray to ray, and what others do.
+    spreads: [Spread; 2],
+}
+
+impl Seen {
+    /// For `n` rays; `others` are the weights and the brightness of what rays from and to it join it with.
+    fn new(row: &Row, n: f64, others: impl Iterator<Item = (f64, f64)>) -> Seen {
+        let direct = f64::from(row.direct.element_sum()) / 3.0;
+        let (mut weights, mut squared_weights, mut sum, mut squares) = (0.0, 0.0, 0.0, 0.0);
+        for (w, b) in others {
+            (weights, squared_weights) = (weights + w, squared_weights + w * w);
+            (sum, squares) = (sum + w * b, squares + w * b * b);
+        }
+        let some = |v: f64| if weights > 0.0 { v / weights } else { 0.0 };
+        let (mean, rays) = (some(sum), if weights > 0.0 { weights * weights / squared_weights } else { 0.0 });
+        Seen {
+            mean,
+            spreads: [
+                Spread::new(n, (f64::from(row.squares) - direct * direct / n).max(0.0)),
+                Spread::new(rays, rays * (some(squares) - mean * mean).max(0.0)),
+            ],
+        }
+    }
+}
+
+/// Sum of squared differences from the mean, and degrees of freedom.
+#[derive(Clone, Copy, Default)]
+struct Spread {
+    squares: f64,
+    freedom: f64,
+}
+
+impl Spread {
+    fn new(rays: f64, squares: f64) -> Spread {
+        Spread { squares, freedom: (rays - 1.0).max(0.0) }
+    }
+
+    fn add(&mut self, other: Spread) {
+        (self.squares, self.freedom) = (self.squares + other.squares, self.freedom + other.freedom);
+    }
+
+    /// The variance, by its own rays and some of those around.
+    fn with(self, around: Spread) -> f64 {
+        (self.squares + PRIOR * around.squares / around.freedom.max(1.0)) / (self.freedom + PRIOR)
     }
 }
 

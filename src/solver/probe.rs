@@ -1,6 +1,6 @@
 //! A few rays from every side: how much of what a cluster sends out meets itself, and which sides see out of the scene.
 
-use crate::element::{Elements, Shape};
+use crate::element::{Elements, Entered, Shape};
 use crate::embree::{CommittedScene, Hits, Traversal};
 use crate::link::{cosine_direction, numbers, point_on};
 use crate::ray::{EndRule, LANES, Packet};
@@ -12,8 +12,8 @@ pub struct Probe {
     pub enclosed: Vec<f32>,
     /// By side: none of its rays left the scene.
     pub closed: Vec<bool>,
-    /// Faces that were met on a side that has no element, ascending.
-    pub entered: Vec<u32>,
+    /// Rays that met faces on a side that has no element, in the order of their sides.
+    pub entered: Vec<Entered>,
 }
 
 /// Most rays of a side; sides of a whole scene share about [`SHARED`] more of them by area.
@@ -36,16 +36,14 @@ pub fn probe(
     seed: u64,
 ) -> Probe {
     let sides = elements.sides.len();
-    let found: Vec<(Rays, Vec<u32>)> = (0..sides)
+    let found: Vec<(Rays, Vec<Entered>)> = (0..sides)
         .into_par_iter()
         .with_min_len(64)
         .map_init(Vec::new, |packets: &mut Vec<Packet>, s| {
             from_side(elements, (traced, traversal), ends, length, seed, s, packets)
         })
         .collect();
-    let mut entered: Vec<u32> = found.iter().flat_map(|f| &f.1).copied().collect();
-    entered.sort_unstable();
-    entered.dedup();
+    let entered = found.iter().flat_map(|f| &f.1).copied().collect();
     let found: Vec<&Rays> = found.iter().map(|f| &f.0).collect();
     let mut meets = vec![0.0; elements.clusters.len()];
     let mut rays_of_leaf = vec![(0u32, 0u32); elements.clusters.len()];
@@ -109,7 +107,7 @@ fn from_side(
     seed: u64,
     s: usize,
     packets: &mut Vec<Packet>,
-) -> (Rays, Vec<u32>) {
+) -> (Rays, Vec<Entered>) {
     let side = &elements.sides[s];
     let element = &elements.elements[side.element as usize];
     let Shape::Surface { corners, .. } = &element.shape else { return (Vec::new(), Vec::new()) };
@@ -129,6 +127,7 @@ fn from_side(
     let mut hits = vec![Hits::NONE; packets.len()];
     traced.first_hits(traversal, packets, &mut hits);
     let mut entered = Vec::new();
+    let emits = side.exitance.iter().any(|&m| m > 0.0);
     let met = (0..count)
         .map(|i| {
             let packet = &packets[i / LANES];
@@ -137,7 +136,10 @@ fn from_side(
                 t => {
                     let direction = packet.point(i % LANES, 1.0) - packet.point(i % LANES, 0.0);
                     let met = elements.met(t, direction);
-                    entered.extend((met == Elements::NONE).then_some(t));
+                    if met == Elements::NONE {
+                        let from = packet.point(i % LANES, 0.0);
+                        entered.push(Entered { triangle: t, from, emits });
+                    }
                     met
                 }
             };

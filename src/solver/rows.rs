@@ -79,6 +79,15 @@ impl Solver<'_> {
         (sampled, self.bound(&sums))
     }
 
+    /// Lets leaves whose row sum is above 1 gather as if it were 1: rows of a few coarse links may sum up to several times 1,
+    /// and the light that they make all others would be refined for.
+    pub(super) fn tame(&mut self, cut: &mut Cut) {
+        self.closure.fill(Closure::NONE);
+        let at_most_one = |sum: f64| Closure { gathers: (1.0 / sum).min(1.0) as f32, ..Closure::NONE };
+        self.closure = self.row_sums(cut).into_iter().map(at_most_one).collect();
+        cut.reclose(&self.elements, &self.closure);
+    }
+
     /// Leaves whose row sum (before closure) is above 1, which no form factors have, and so far that light which is reflected
     /// again and again would hardly lose or even gain, gather as if it were 1. Returns their number.
     fn bound(&mut self, sums: &[f64]) -> usize {

@@ -8,7 +8,7 @@ use super::prepare::Prepared;
 use super::record::{Ended, Outcome, Record, Seconds, Settled};
 use super::steps::{least, solve};
 use super::{Options, Receiver, Solver, probe, reach};
-use crate::element::Elements;
+use crate::element::{Elements, lit_inside};
 use crate::facts::SceneFacts;
 use crate::link::Sight;
 use crate::points::Point;
@@ -95,15 +95,15 @@ pub fn run_then<T>(
             probe::probe(elements, exact.scene, exact.traversal, ends, length, options.seed)
         };
         // Ids for all that the local pass splits.
-        let build = |entered: &[u32]| {
-            let mut elements = Elements::build(scene, &prepared.hierarchy, finest * area, entered);
+        let build = |open: &[u32]| {
+            let mut elements = Elements::build(scene, &prepared.hierarchy, finest * area, open);
             elements.min_area = options.min_area * area;
             let found = look(&elements);
             (elements, found)
         };
         let (elements, found) = build(&[]);
-        let (elements, found) =
-            if found.entered.is_empty() { (elements, found) } else { build(&found.entered) };
+        let open = lit_inside(scene, &found.entered);
+        let (elements, found) = if open.is_empty() { (elements, found) } else { build(&open) };
         let unlit = reach::unlit(scene, &elements, exact, ends, options.seed);
         if unlit.is_empty() {
             return (elements, found);

@@ -55,7 +55,8 @@ pub(super) fn solve(
         let over = |size: usize| late(closing, size) || start.elapsed().as_secs_f64() > room;
         let Refined { replaced, full } = solver.refine(&errors, threshold, once, &over);
         let refining = start.elapsed().as_secs_f64();
-        let cut = solver.cut();
+        let mut cut = solver.cut();
+        solver.tame(&mut cut);
         let settled = solver.settle(&cut, ROUGH, if once { 1 } else { 12 }, clock);
         solver.spread_importance(&cut);
         solver.look();
