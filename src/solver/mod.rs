@@ -28,6 +28,7 @@ mod rows;
 mod run;
 mod scaling;
 mod show;
+mod sizes;
 mod steps;
 mod system;
 #[cfg(test)]
@@ -60,10 +61,9 @@ pub struct Solver<'a> {
     sight: Sight<'a>,
     ends: EndRule,
     seed: u64,
-    /// Feature size for each element as a receiver: what was given, or its own diameter.
+    /// Feature size for each element as a receiver, and where they come from.
     feature_sizes: Vec<f32>,
-    /// Whether a feature size was given for all.
-    fixed_size: bool,
+    sizes: sizes::Sizes,
     /// What errors count at each element, relative to the most important one; empty if all count.
     importance: Vec<f32>,
     /// By side, whether it is important by itself.
@@ -125,7 +125,10 @@ impl<'a> Solver<'a> {
             ends,
             seed: options.seed,
             feature_sizes: Vec::new(),
-            fixed_size: options.feature_size.is_some(),
+            sizes: sizes::Sizes {
+                all: options.feature_size,
+                own: vec![f32::INFINITY; elements.sides.len()],
+            },
             importance: Vec::new(),
             important: Vec::new(),
             inside: options.inside,
@@ -143,7 +146,7 @@ impl<'a> Solver<'a> {
             max_links: options.max_links,
             elements,
         };
-        solver.size(options.feature_size, &[]);
+        solver.size();
         solver.start();
         solver
     }
