@@ -16,6 +16,7 @@ mod iterate;
 mod lamps;
 mod ledger;
 mod local;
+mod more;
 mod notes;
 mod options;
 mod prepare;
@@ -39,10 +40,11 @@ mod walk;
 pub use audit::Audit;
 pub use importance::View;
 pub use ledger::Ledger;
+pub use more::{Answer, More};
 pub use options::{Inside, Options, Oracle, Rows, Visibility};
 pub use receive::Receiver;
 pub use record::{Ended, Iteration, Outcome, Record, Seconds, Settled};
-pub use run::{More, Progress, run, run_then};
+pub use run::{Progress, run, run_then};
 pub use scaling::{Scaling, ScalingRow, check_scaling, scaling};
 pub use versus::{Versus, versus};
 
@@ -125,10 +127,7 @@ impl<'a> Solver<'a> {
             ends,
             seed: options.seed,
             feature_sizes: Vec::new(),
-            sizes: sizes::Sizes {
-                all: options.feature_size,
-                own: vec![f32::INFINITY; elements.sides.len()],
-            },
+            sizes: sizes::Sizes { all: options.feature_size, own: vec![f32::INFINITY; elements.sides.len()] },
             importance: Vec::new(),
             important: Vec::new(),
             inside: options.inside,

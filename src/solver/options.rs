@@ -74,6 +74,8 @@ pub struct Options {
     /// Seconds from the start of [`super::run()`] for preparation, refinement, the local pass and points; less is refined and
     /// fewer rays are traced, so that they are enough.
     pub max_seconds: Option<f64>,
+    /// Whether light at more points is asked for when there is a solution ([`super::run_then()`]): part of the time is kept.
+    pub more_points: bool,
     /// Error estimate at which refinement ends.
     pub target_error: Option<f64>,
     /// Links at which refinement ends.
@@ -105,6 +107,7 @@ impl Default for Options {
             local_rays: None,
             step_seconds: None,
             max_seconds: None,
+            more_points: false,
             target_error: None,
             max_links: 10_000_000,
             cache: Place::Off,

@@ -3,6 +3,7 @@
 use super::clock::Clock;
 use super::field::Rgb;
 use super::local::LATE;
+use super::more::{More, relative};
 use super::notes::unsettled;
 use super::prepare::Prepared;
 use super::record::{Ended, Outcome, Record, Seconds, Settled};
@@ -15,7 +16,6 @@ use crate::points::Point;
 use crate::scene::Scene;
 use crate::visibility::reference;
 use crate::{Error, Result};
-use glam::Vec3;
 use std::time::Instant;
 
 /// Told what is going on, and asked whether to go on.
@@ -58,9 +58,6 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
     run_then(scene, points, options, progress, |outcome, _| Ok(outcome))
 }
 
-/// Irradiance at more points (file coordinates), W/m², by the solution that was found.
-pub type More<'a> = &'a dyn Fn(&[Point]) -> Vec<Rgb>;
-
 /// Like [`run()`], and hands the outcome to `then` while light at more points can still be asked for, without solving
 /// again: pixels of pictures are known only when there is something to see.
 ///
@@ -71,7 +68,7 @@ pub fn run_then<T>(
     points: &[Point],
     options: &Options,
     progress: &dyn Progress,
-    then: impl FnOnce(Outcome, More) -> Result<T>,
+    then: impl FnOnce(Outcome, &More) -> Result<T>,
 ) -> Result<T> {
     options.check()?;
     let diagonal = f64::from(scene.bounds.diagonal());
@@ -124,7 +121,8 @@ pub fn run_then<T>(
             "--max-seconds {limit}: preparing the scene took {taken:.1} s; this is the coarsest light there is"
         ));
     }
-    let light = clock.part(if points.is_empty() { LIGHT } else { LIGHT_AND_POINTS });
+    let asked = !points.is_empty() || options.more_points;
+    let light = clock.part(if asked { LIGHT_AND_POINTS } else { LIGHT });
     let start = Instant::now();
     // Points need no elements for what emitters send them directly.
     let idle = options.direct_only && !points.is_empty();
@@ -172,10 +170,7 @@ pub fn run_then<T>(
     }
 
     progress.stage("points");
-    let asked = |points: &[Point]| -> Vec<(Vec3, Vec3)> {
-        points.iter().map(|p| ((p.position - scene.origin).as_vec3(), p.normal.as_vec3())).collect()
-    };
-    let relative = asked(points);
+    let relative = relative(scene, points);
     let receiver = Receiver::new(scene, &solver, (exact.scene, exact.traversal), options);
     let hurried = timed(&mut seconds.points, || receiver.hurried(&relative, options, &clock.with_grace()));
     let receiver = match &hurried {
@@ -236,7 +231,7 @@ pub fn run_then<T>(
         versus: None,
     };
     let outcome = Outcome { solution: solver.solution(scene, &uncertainty), record, irradiance };
-    then(outcome, &|points| receiver.irradiance(&asked(points)).0)
+    then(outcome, &More { scene, solver: &solver, traced: (exact.scene, exact.traversal), options, clock })
 }
 
 impl Solver<'_> {
