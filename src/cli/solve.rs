@@ -381,6 +381,15 @@ fn summary(r: &Record) -> String {
         grouped(r.links),
         grouped(r.exact_rays as usize)
     );
+    if r.unlit.sides > 0 {
+        let _ = writeln!(
+            text,
+            "{} of {} sides, {:.1} % of the surface, are reached by no light",
+            grouped(r.unlit.sides),
+            grouped(r.unlit.of),
+            100.0 * r.unlit.area
+        );
+    }
     let _ = writeln!(
         text,
         "read {:.2} s, Embree {:.2} s, clusters {:.2} s, measured {:.2} s, elements {:.2} s, solved {:.2} s, local {:.2} s, points {:.2} s",

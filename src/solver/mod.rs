@@ -43,7 +43,7 @@ pub use ledger::Ledger;
 pub use more::{Answer, More};
 pub use options::{Inside, Options, Oracle, Rows, Visibility};
 pub use receive::Receiver;
-pub use record::{Ended, Iteration, Outcome, Record, Seconds, Settled};
+pub use record::{Ended, Iteration, Outcome, Record, Seconds, Settled, Unlit};
 pub use run::{Progress, run, run_then};
 pub use scaling::{Scaling, ScalingRow, check_scaling, scaling};
 pub use versus::{Versus, versus};

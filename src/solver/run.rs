@@ -6,7 +6,7 @@ use super::local::LATE;
 use super::more::{More, relative};
 use super::notes::unsettled;
 use super::prepare::Prepared;
-use super::record::{Ended, Outcome, Record, Seconds, Settled};
+use super::record::{Ended, Outcome, Record, Seconds, Settled, Unlit};
 use super::steps::{least, solve};
 use super::{Options, Receiver, Solver, probe, reach};
 use crate::element::Elements;
@@ -86,7 +86,7 @@ pub fn run_then<T>(
     let (exact, ends) = (prepared.exact(), reference::end_rule(scene));
     let area = areas(scene);
     let finest = options.local_area();
-    let (elements, found) = timed(&mut seconds.elements, || {
+    let (elements, found, unlit) = timed(&mut seconds.elements, || {
         let length = 1.01 * scene.bounds.diagonal();
         let look = |elements: &Elements| {
             probe::probe(elements, exact.scene, exact.traversal, ends, length, options.seed)
@@ -101,13 +101,15 @@ pub fn run_then<T>(
         let (elements, found) = build(&[]);
         let (elements, found) =
             if found.entered.is_empty() { (elements, found) } else { build(&found.entered) };
-        let unlit = reach::unlit(scene, &elements, exact, ends, options.seed);
-        if unlit.is_empty() {
-            return (elements, found);
+        let dark = reach::unlit(scene, &elements, exact, ends, options.seed);
+        let (sides, before) = (elements.sides.len(), elements.area);
+        if dark.is_empty() {
+            return (elements, found, Unlit { of: sides, ..Unlit::default() });
         }
-        let elements = elements.without(&unlit, scene, &prepared.hierarchy);
+        let elements = elements.without(&dark, scene, &prepared.hierarchy);
         let found = look(&elements);
-        (elements, found)
+        let unlit = Unlit { sides: dark.len(), of: sides, area: 1.0 - elements.area / before };
+        (elements, found, unlit)
     });
     let engine = timed(&mut seconds.characterise, || prepared.engine(scene, &elements, ends, options));
     let sight = engine.as_ref().map_or(Sight::Exact(exact), Sight::MultiResolution);
@@ -115,6 +117,7 @@ pub fn run_then<T>(
     solver.name(scene, options, (exact.scene, exact.traversal))?;
     let mut warnings = scene.repairs.messages.clone();
     warnings.extend(prepared.note.clone());
+    warnings.extend(unlit.note());
     if let Some(limit) = options.max_seconds.filter(|_| clock.late() && !clock.interrupted()) {
         let taken = clock.elapsed();
         warnings.push(format!(
@@ -220,6 +223,7 @@ pub fn run_then<T>(
         cache: prepared.origin.into(),
         links: solver.links.len(),
         elements: solver.elements.len(),
+        unlit,
         bytes: solver.elements.bytes() + size_of_val(solver.links.as_slice()) + bytes,
         exact_rays: bundles.exact_rays,
         bundles,
