@@ -46,9 +46,10 @@ pub struct Options {
     pub rows: Rows,
     /// The engine.
     pub visibility: Visibility,
-    /// Feature size for all receivers, scene units; by default each one's own diameter.
+    /// Feature size for all receivers, scene units; by default each one's own diameter. With importance it is that of what is
+    /// important by itself, and grows with √(I_max / I), up to 7 times, elsewhere (method A.13).
     pub feature_size: Option<f32>,
-    /// Feature sizes of objects, groups or materials by name, scene units: they go before `feature_size`.
+    /// Feature sizes of objects, groups or materials by name, scene units: they go before `feature_size` and never grow.
     pub feature_sizes: Vec<(String, f32)>,
     /// What light does inside the clusters that a link ends at.
     pub inside: Inside,
