@@ -53,8 +53,8 @@ enum Kind {
     None,
 }
 
-/// Irradiance at points; nothing if that was interrupted.
-pub type Gather<'a> = &'a dyn Fn(&[Point]) -> Option<Vec<[f64; 3]>>;
+/// Irradiance at points in a part of the time there is; nothing if that is not enough.
+pub type Gather<'a> = &'a dyn Fn(&[Point], f64) -> Option<Vec<[f64; 3]>>;
 
 /// The largest image: a gigabyte while it is made.
 const MAX_PIXELS: usize = 1 << 25;
@@ -76,9 +76,7 @@ impl Outputs {
         with_points: bool,
         irradiance: Gather,
     ) -> Result<Vec<PathBuf>> {
-        let default: &[Kind] = if with_points { &[] } else { &[Kind::Glb, Kind::Vtu, Kind::Image] };
-        let wanted = self.outputs.as_deref().unwrap_or(default);
-        let wants = |kind| wanted.contains(&kind) && !wanted.contains(&Kind::None);
+        let wants = |kind| self.wants(kind, with_points);
         let mut written = Vec::new();
         let mut file = |name: String| {
             written.push(folder.join(name));
@@ -125,19 +123,32 @@ impl Outputs {
         if wants(Kind::Image) {
             let _spinner = common.spinner("rendering");
             let stage = Stage::new(&mesh, solution)?;
-            for camera in self.cameras(scene, solution, &stage) {
+            let cameras = self.cameras(scene, solution, &stage);
+            for (k, camera) in cameras.iter().enumerate() {
+                let part = 1.0 / (cameras.len() - k) as f64;
                 let [width, height] = self.image_size;
                 let gathered =
-                    self.gather.then(|| render(&stage, &camera, width, height, 1)).and_then(|frame| {
-                        Some(light_of(&frame, solution, &irradiance(&places(&frame, solution))?))
+                    self.gather.then(|| render(&stage, camera, width, height, 1)).and_then(|frame| {
+                        Some(light_of(&frame, solution, &irradiance(&places(&frame, solution), part)?))
                     });
                 let radiance =
-                    gathered.unwrap_or_else(|| render(&stage, &camera, width, height, SAMPLES).radiance);
+                    gathered.unwrap_or_else(|| render(&stage, camera, width, height, SAMPLES).radiance);
                 write_exr_rgb(&file(format!("{}.exr", camera.name)), width, &radiance)?;
                 write_png(&file(format!("{}.png", camera.name)), &developed(width, &radiance))?;
             }
         }
         Ok(written)
+    }
+
+    fn wants(&self, kind: Kind, with_points: bool) -> bool {
+        let default: &[Kind] = if with_points { &[] } else { &[Kind::Glb, Kind::Vtu, Kind::Image] };
+        let wanted = self.outputs.as_deref().unwrap_or(default);
+        wanted.contains(&kind) && !wanted.contains(&Kind::None)
+    }
+
+    /// Whether light will be asked for at pixels.
+    pub fn gathers(&self, with_points: bool) -> bool {
+        self.gather && self.wants(Kind::Image, with_points)
     }
 
     fn cameras(&self, scene: &Scene, solution: &Solution, stage: &Stage) -> Vec<Camera> {

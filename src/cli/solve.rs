@@ -8,9 +8,10 @@ use mrvis::output::number;
 use mrvis::points::{Irradiance, Point, read_points, write_irradiance};
 use mrvis::scene::{Scene, StoredCamera};
 use mrvis::solver::{
-    self, Inside, More, Options, Oracle, Outcome, Progress, Record, Rows, Versus, View, Visibility,
+    self, Answer, Inside, More, Options, Oracle, Outcome, Progress, Record, Rows, Versus, View, Visibility,
 };
 use mrvis::{Error, Result};
+use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -57,7 +58,8 @@ pub struct Args {
     /// Solve once more with this engine, side by side: time of both and the difference at the points.
     #[arg(long, value_enum, value_name = "ENGINE", requires = "points")]
     compare: Option<Engine>,
-    /// Feature size in scene units: shadows smaller than this may be averaged [default: each receiver's diameter].
+    /// Feature size in scene units: shadows smaller than this may be averaged [default: each receiver's diameter]. With
+    /// --importance or --importance-camera it grows, up to 7 times, where surfaces matter only by the light they send on.
     #[arg(short = 's', long, value_name = "S", allow_negative_numbers = true)]
     feature_size: Option<f32>,
     /// Feature sizes of objects, groups or materials: a TOML file with lines `name = size`.
@@ -90,7 +92,7 @@ pub struct Args {
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     step_seconds: Option<f64>,
     /// Do with about so many seconds, from the triangles to the light (at least for preparing the scene and a first coarse
-    /// solution): refine less, and trace fewer rays.
+    /// solution): refine less, and trace fewer rays. Pixels of --gather for which it is not enough show the light of elements.
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     max_seconds: Option<f64>,
     /// Stop refining when the estimated error is no larger; exit code 1 if it is larger in the end.
@@ -188,6 +190,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         local_rays: args.local_rays,
         step_seconds: args.step_seconds,
         max_seconds: args.max_seconds,
+        more_points: args.outputs.gathers(args.points.is_some()),
         target_error: args.target_error,
         max_links: args.max_links,
         cache: args.cache.place()?,
@@ -242,7 +245,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
             outcome.record.warnings.push(note.into());
         }
         let met = outcome.record.target_met != Some(false);
-        write(args, out, (&scene, &points), outcome, more, &watch).map(|()| met)
+        write(args, out, (&scene, &points), outcome, more).map(|()| met)
     })?;
     Ok(if met { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
@@ -253,30 +256,32 @@ fn write(
     out: &Path,
     (scene, points): (&Scene, &[Point]),
     outcome: Outcome,
-    more: More,
-    watch: &Watch,
+    more: &More,
 ) -> Result<()> {
-    let Outcome { solution, record, irradiance } = outcome;
-    let text = serde_json::to_string_pretty(&record)
-        .map_err(|e| Error::format(out.join("solution.json"), None, e.to_string()))?;
-    WholeFile::write(&out.join("solution.json"), text + "\n")?;
+    let Outcome { solution, mut record, irradiance } = outcome;
+    let save = |record: &Record| {
+        let text = serde_json::to_string_pretty(record)
+            .map_err(|e| Error::format(out.join("solution.json"), None, e.to_string()))?;
+        WholeFile::write(&out.join("solution.json"), text + "\n")
+    };
+    save(&record)?;
     if args.points.is_some() {
         let file = Irradiance { points: points.to_vec(), values: irradiance, standard_errors: Vec::new() };
         write_irradiance(&out.join("irradiance.csv"), &file)?;
     }
-    // Whoever interrupts does not want to wait for every pixel.
-    let gather = |points: &[Point]| -> Option<Vec<[f64; 3]>> {
-        let mut light = Vec::with_capacity(points.len());
-        for some in points.chunks(1 << 14) {
-            if watch.stopped() {
-                return None;
-            }
-            light.extend(more(some));
-        }
-        Some(light)
+    let notes = RefCell::new(Vec::new());
+    let gather = |points: &[Point], part: f64| {
+        let Answer { irradiance, note } = more.irradiance(points, part);
+        notes.borrow_mut().extend(note);
+        irradiance
     };
     let with_points = args.points.is_some();
     let shown = args.outputs.write(&args.common, scene, &solution, out, with_points, &gather)?;
+    let notes = notes.into_inner();
+    if !notes.is_empty() {
+        record.warnings.extend(notes);
+        save(&record)?;
+    }
     args.common.write_json(&record)?;
     args.common.print(&summary(&record))?;
     for file in shown {
@@ -376,6 +381,15 @@ fn summary(r: &Record) -> String {
         grouped(r.links),
         grouped(r.exact_rays as usize)
     );
+    if r.unlit.sides > 0 {
+        let _ = writeln!(
+            text,
+            "{} of {} sides, {:.1} % of the surface, are reached by no light",
+            grouped(r.unlit.sides),
+            grouped(r.unlit.of),
+            100.0 * r.unlit.area
+        );
+    }
     let _ = writeln!(
         text,
         "read {:.2} s, Embree {:.2} s, clusters {:.2} s, measured {:.2} s, elements {:.2} s, solved {:.2} s, local {:.2} s, points {:.2} s",

@@ -1,4 +1,4 @@
-//! What matters where: feature sizes of surfaces and importance (method A.13).
+//! What matters where: surfaces that are important by themselves, and those that send light to them (method A.13).
 
 use super::cut::{Cut, sent};
 use super::field::{Arriving, Outgoing, Rgb, gather};
@@ -13,7 +13,7 @@ use glam::DVec3;
 /// Bounces that importance is followed for.
 const BOUNCES: usize = 4;
 /// What errors count at least, relative to the most important element.
-const LEAST: f64 = 0.02;
+pub(super) const LEAST: f64 = 0.02;
 
 /// Rays of a camera's square picture, along an edge; a multiple of 16.
 const GRID: usize = 256;
@@ -45,29 +45,26 @@ impl Solver<'_> {
         options: &Options,
         (traced, traversal): (&CommittedScene, Traversal),
     ) -> Result<()> {
-        let mut painted = vec![0.0f32; scene.triangles.len()];
         let mut chosen = vec![false; self.elements.sides.len()];
         for view in &options.views {
             let far = 1.01 * scene.bounds.diagonal();
             for (side, distance) in self.seen(view, scene.origin, far, traced, traversal) {
                 chosen[side as usize] = true;
-                // Of the places of a face the nearest shows the most.
+                // Of the places of a side the nearest shows the most.
                 let size = (PIXELS * f64::from(distance) * view.angle / ROWS as f64) as f32;
-                for t in self.elements.sides[side as usize].triangles {
-                    let painted = &mut painted[t as usize];
-                    *painted = if *painted > 0.0 { painted.min(size) } else { size };
+                if self.sizes.all.is_none() {
+                    let own = &mut self.sizes.own[side as usize];
+                    *own = own.min(size);
                 }
             }
         }
-        if self.fixed_size {
-            painted.fill(0.0);
-        }
+        let mut painted = vec![f32::INFINITY; scene.triangles.len()];
         for (name, size) in &options.feature_sizes {
             scene.faces_named(name)?.into_iter().for_each(|t| painted[t as usize] = *size);
         }
-        if painted.iter().any(|&s| s > 0.0) {
-            let fixed = self.fixed_size.then(|| self.feature_sizes[0]);
-            self.size(fixed, &painted);
+        for (side, own) in self.elements.sides.iter().zip(&mut self.sizes.own) {
+            let painted = painted[side.triangles[0] as usize];
+            *own = if painted.is_finite() { painted } else { *own };
         }
         for name in &options.importance {
             let mut named = vec![false; scene.triangles.len()];
@@ -78,6 +75,7 @@ impl Solver<'_> {
         if chosen.contains(&true) {
             self.important = chosen;
         }
+        self.size();
         Ok(())
     }
 
@@ -124,25 +122,8 @@ impl Solver<'_> {
         seen
     }
 
-    /// The feature size of every element: painted on its face (above 0), given for all, or its diameter; the smallest of
-    /// the painted ones in a cluster.
-    pub(super) fn size(&mut self, fixed: Option<f32>, painted: &[f32]) {
-        let elements = &self.elements.elements;
-        let mut sizes = vec![f32::INFINITY; elements.len()];
-        for e in (0..elements.len()).rev() {
-            if let Shape::Surface { side, .. } = elements[e].shape {
-                let t = self.elements.sides[side as usize].triangles[0] as usize;
-                sizes[e] = painted.get(t).copied().filter(|&s| s > 0.0).unwrap_or(f32::INFINITY);
-            }
-            let parent = elements[e].parent as usize;
-            sizes[parent] = sizes[parent].min(sizes[e]);
-        }
-        let own = |e: usize| fixed.unwrap_or(2.0 * elements[e].radius);
-        self.feature_sizes =
-            (0..elements.len()).map(|e| if sizes[e].is_finite() { sizes[e] } else { own(e) }).collect();
-    }
-
-    /// Follows importance, which spreads like light from the important surfaces [Smits, Arvo and Salesin 1992].
+    /// Follows importance, which spreads like light from the important surfaces [Smits, Arvo and Salesin 1992]. Feature
+    /// sizes follow it.
     pub(super) fn spread_importance(&mut self, cut: &Cut) {
         if self.important.is_empty() {
             return;
@@ -183,5 +164,6 @@ impl Solver<'_> {
         }
         let most = importance.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
         self.importance = importance.into_iter().map(|i| (i / most).clamp(LEAST, 1.0) as f32).collect();
+        self.size();
     }
 }

@@ -16,6 +16,7 @@ mod iterate;
 mod lamps;
 mod ledger;
 mod local;
+mod more;
 mod notes;
 mod options;
 mod prepare;
@@ -28,6 +29,7 @@ mod rows;
 mod run;
 mod scaling;
 mod show;
+mod sizes;
 mod steps;
 mod system;
 #[cfg(test)]
@@ -38,10 +40,11 @@ mod walk;
 pub use audit::Audit;
 pub use importance::View;
 pub use ledger::Ledger;
+pub use more::{Answer, More};
 pub use options::{Inside, Options, Oracle, Rows, Visibility};
 pub use receive::Receiver;
-pub use record::{Ended, Iteration, Outcome, Record, Seconds, Settled};
-pub use run::{More, Progress, run, run_then};
+pub use record::{Ended, Iteration, Outcome, Record, Seconds, Settled, Unlit};
+pub use run::{Progress, run, run_then};
 pub use scaling::{Scaling, ScalingRow, check_scaling, scaling};
 pub use versus::{Versus, versus};
 
@@ -60,10 +63,9 @@ pub struct Solver<'a> {
     sight: Sight<'a>,
     ends: EndRule,
     seed: u64,
-    /// Feature size for each element as a receiver: what was given, or its own diameter.
+    /// Feature size for each element as a receiver, and where they come from.
     feature_sizes: Vec<f32>,
-    /// Whether a feature size was given for all.
-    fixed_size: bool,
+    sizes: sizes::Sizes,
     /// What errors count at each element, relative to the most important one; empty if all count.
     importance: Vec<f32>,
     /// By side, whether it is important by itself.
@@ -125,7 +127,7 @@ impl<'a> Solver<'a> {
             ends,
             seed: options.seed,
             feature_sizes: Vec::new(),
-            fixed_size: options.feature_size.is_some(),
+            sizes: sizes::Sizes { all: options.feature_size, own: vec![f32::INFINITY; elements.sides.len()] },
             importance: Vec::new(),
             important: Vec::new(),
             inside: options.inside,
@@ -143,7 +145,7 @@ impl<'a> Solver<'a> {
             max_links: options.max_links,
             elements,
         };
-        solver.size(options.feature_size, &[]);
+        solver.size();
         solver.start();
         solver
     }

@@ -2,7 +2,7 @@
 
 use super::Options;
 use super::clock::Clock;
-use super::record::{Ended, Iteration, Settled};
+use super::record::{Ended, Iteration, Settled, Unlit};
 
 impl Ended {
     /// What a user should know, if refinement ended before the error asked for.
@@ -18,6 +18,24 @@ impl Ended {
             "{why} ended refinement before --error {error} was reached: links with errors below {bound:.1e} are as they were, \
              the estimated error is {estimate:.2e}"
         ))
+    }
+}
+
+/// Part of the surfaces that may be dark without a word: insides of boxes are.
+const DARK: f64 = 0.5;
+
+impl Unlit {
+    /// What a user should know, if more of the scene is dark than things in it hide.
+    pub(super) fn note(&self) -> Option<String> {
+        (self.area > DARK).then(|| {
+            format!(
+                "no light reaches {} of {} sides, {:.0} % of the surface: lamps shine on the front of their faces only, and not \
+                 through closed doors",
+                self.sides,
+                self.of,
+                100.0 * self.area
+            )
+        })
     }
 }
 

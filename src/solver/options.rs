@@ -46,9 +46,10 @@ pub struct Options {
     pub rows: Rows,
     /// The engine.
     pub visibility: Visibility,
-    /// Feature size for all receivers, scene units; by default each one's own diameter.
+    /// Feature size for all receivers, scene units; by default each one's own diameter. With importance it is that of what is
+    /// important by itself, and grows with √(I_max / I), up to 7 times, elsewhere (method A.13).
     pub feature_size: Option<f32>,
-    /// Feature sizes of objects, groups or materials by name, scene units: they go before `feature_size`.
+    /// Feature sizes of objects, groups or materials by name, scene units: they go before `feature_size` and never grow.
     pub feature_sizes: Vec<(String, f32)>,
     /// What light does inside the clusters that a link ends at.
     pub inside: Inside,
@@ -74,6 +75,8 @@ pub struct Options {
     /// Seconds from the start of [`super::run()`] for preparation, refinement, the local pass and points; less is refined and
     /// fewer rays are traced, so that they are enough.
     pub max_seconds: Option<f64>,
+    /// Whether light at more points is asked for when there is a solution ([`super::run_then()`]): part of the time is kept.
+    pub more_points: bool,
     /// Error estimate at which refinement ends.
     pub target_error: Option<f64>,
     /// Links at which refinement ends.
@@ -105,6 +108,7 @@ impl Default for Options {
             local_rays: None,
             step_seconds: None,
             max_seconds: None,
+            more_points: false,
             target_error: None,
             max_links: 10_000_000,
             cache: Place::Off,

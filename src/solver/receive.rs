@@ -137,7 +137,13 @@ impl<'a> Receiver<'a> {
         options: &Options,
         clock: &Clock,
     ) -> Option<Options> {
-        let part = if clock.late() {
+        let part = self.possible(points, clock);
+        (part < 1.0).then(|| fewer(options, part))
+    }
+
+    /// The part of the rays at these points that there is time for, by a sample of them.
+    pub(super) fn possible(&self, points: &[(Vec3, Vec3)], clock: &Clock) -> f64 {
+        if clock.late() {
             0.0
         } else if clock.limited() && points.len() > TIMED {
             let sample: Vec<(Vec3, Vec3)> =
@@ -149,13 +155,7 @@ impl<'a> Receiver<'a> {
             clock.left() * rayon::current_num_threads() as f64 / (each * points.len() as f64)
         } else {
             1.0
-        };
-        let fewer = |rays: usize| Some(((rays as f64 * part) as usize).clamp(FEWEST.min(rays), rays));
-        (part < 1.0).then(|| Options {
-            light_rays: fewer(options.light_rays()),
-            gather_rays: fewer(options.gather_rays()),
-            ..options.clone()
-        })
+        }
     }
 
     /// A warning if points lie off all surfaces.
@@ -237,6 +237,16 @@ impl<'a> Receiver<'a> {
 const TIMED: usize = CHUNK / 4;
 /// Rays of each kind that are left when there is no time.
 const FEWEST: usize = 64;
+/// Options with a part of the rays, but some of each kind.
+pub(super) fn fewer(options: &Options, part: f64) -> Options {
+    let fewer = |rays: usize| Some(((rays as f64 * part) as usize).clamp(FEWEST.min(rays), rays));
+    Options {
+        light_rays: fewer(options.light_rays()),
+        gather_rays: fewer(options.gather_rays()),
+        ..options.clone()
+    }
+}
+
 /// Distance from surfaces, as part of the scene's diagonal, at which it is told that points are not on them.
 const FAR_OFF: f32 = 1e-3;
 /// Sets of directions.

@@ -53,6 +53,17 @@ pub struct Settled {
     pub converged: bool,
 }
 
+/// Sides of surfaces that no light reaches: they have no elements. None are looked for in scenes with clusters.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Unlit {
+    /// How many.
+    pub sides: usize,
+    /// Of so many.
+    pub of: usize,
+    /// Their part of the area of all, in `[0, 1]`.
+    pub area: f64,
+}
+
 /// Seconds by stage.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Seconds {
@@ -120,6 +131,8 @@ pub struct Record {
     pub links: usize,
     /// Elements at the end, clusters included.
     pub elements: usize,
+    /// Sides without elements.
+    pub unlit: Unlit,
     /// Bytes of elements and links.
     pub bytes: usize,
     /// Exact segments traced, for links, probes and points.

@@ -149,14 +149,10 @@ impl<'a> Solver<'a> {
             self.radiosity.push(self.radiosity[e]);
             self.incident.push(self.incident[e]);
             self.closure.push(self.closure[e]);
-            // A size of its own is the parent's unless it followed from the diameter.
-            let own = 2.0 * self.elements.elements[self.feature_sizes.len()].radius;
-            let parent = 2.0 * self.elements.elements[e].radius;
-            let follows = !self.fixed_size && self.feature_sizes[e] == parent;
-            self.feature_sizes.push(if follows { own } else { self.feature_sizes[e] });
             if let Some(&importance) = self.importance.get(e) {
                 self.importance.push(importance);
             }
+            self.feature_sizes.push(self.size_of(self.feature_sizes.len()));
             let light = self.light[e];
             self.light.push(Light { deviation: 0.5 * light.deviation, ..light });
         }

@@ -3,9 +3,10 @@
 use super::clock::Clock;
 use super::field::Rgb;
 use super::local::LATE;
+use super::more::{More, relative};
 use super::notes::unsettled;
 use super::prepare::Prepared;
-use super::record::{Ended, Outcome, Record, Seconds, Settled};
+use super::record::{Ended, Outcome, Record, Seconds, Settled, Unlit};
 use super::steps::{least, solve};
 use super::{Options, Receiver, Solver, probe, reach};
 use crate::element::{Elements, lit_inside};
@@ -15,7 +16,6 @@ use crate::points::Point;
 use crate::scene::Scene;
 use crate::visibility::reference;
 use crate::{Error, Result};
-use glam::Vec3;
 use std::time::Instant;
 
 /// Told what is going on, and asked whether to go on.
@@ -58,9 +58,6 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
     run_then(scene, points, options, progress, |outcome, _| Ok(outcome))
 }
 
-/// Irradiance at more points (file coordinates), W/m², by the solution that was found.
-pub type More<'a> = &'a dyn Fn(&[Point]) -> Vec<Rgb>;
-
 /// Like [`run()`], and hands the outcome to `then` while light at more points can still be asked for, without solving
 /// again: pixels of pictures are known only when there is something to see.
 ///
@@ -71,7 +68,7 @@ pub fn run_then<T>(
     points: &[Point],
     options: &Options,
     progress: &dyn Progress,
-    then: impl FnOnce(Outcome, More) -> Result<T>,
+    then: impl FnOnce(Outcome, &More) -> Result<T>,
 ) -> Result<T> {
     options.check()?;
     let diagonal = f64::from(scene.bounds.diagonal());
@@ -89,7 +86,7 @@ pub fn run_then<T>(
     let (exact, ends) = (prepared.exact(), reference::end_rule(scene));
     let area = areas(scene);
     let finest = options.local_area();
-    let (elements, found) = timed(&mut seconds.elements, || {
+    let (elements, found, unlit) = timed(&mut seconds.elements, || {
         let length = 1.01 * scene.bounds.diagonal();
         let look = |elements: &Elements| {
             probe::probe(elements, exact.scene, exact.traversal, ends, length, options.seed)
@@ -104,13 +101,15 @@ pub fn run_then<T>(
         let (elements, found) = build(&[]);
         let open = lit_inside(scene, &found.entered);
         let (elements, found) = if open.is_empty() { (elements, found) } else { build(&open) };
-        let unlit = reach::unlit(scene, &elements, exact, ends, options.seed);
-        if unlit.is_empty() {
-            return (elements, found);
+        let dark = reach::unlit(scene, &elements, exact, ends, options.seed);
+        let (sides, before) = (elements.sides.len(), elements.area);
+        if dark.is_empty() {
+            return (elements, found, Unlit { of: sides, ..Unlit::default() });
         }
-        let elements = elements.without(&unlit, scene, &prepared.hierarchy);
+        let elements = elements.without(&dark, scene, &prepared.hierarchy);
         let found = look(&elements);
-        (elements, found)
+        let unlit = Unlit { sides: dark.len(), of: sides, area: 1.0 - elements.area / before };
+        (elements, found, unlit)
     });
     let engine = timed(&mut seconds.characterise, || prepared.engine(scene, &elements, ends, options));
     let sight = engine.as_ref().map_or(Sight::Exact(exact), Sight::MultiResolution);
@@ -118,13 +117,15 @@ pub fn run_then<T>(
     solver.name(scene, options, (exact.scene, exact.traversal))?;
     let mut warnings = scene.repairs.messages.clone();
     warnings.extend(prepared.note.clone());
+    warnings.extend(unlit.note());
     if let Some(limit) = options.max_seconds.filter(|_| clock.late() && !clock.interrupted()) {
         let taken = clock.elapsed();
         warnings.push(format!(
             "--max-seconds {limit}: preparing the scene took {taken:.1} s; this is the coarsest light there is"
         ));
     }
-    let light = clock.part(if points.is_empty() { LIGHT } else { LIGHT_AND_POINTS });
+    let asked = !points.is_empty() || options.more_points;
+    let light = clock.part(if asked { LIGHT_AND_POINTS } else { LIGHT });
     let start = Instant::now();
     // Points need no elements for what emitters send them directly.
     let idle = options.direct_only && !points.is_empty();
@@ -172,10 +173,7 @@ pub fn run_then<T>(
     }
 
     progress.stage("points");
-    let asked = |points: &[Point]| -> Vec<(Vec3, Vec3)> {
-        points.iter().map(|p| ((p.position - scene.origin).as_vec3(), p.normal.as_vec3())).collect()
-    };
-    let relative = asked(points);
+    let relative = relative(scene, points);
     let receiver = Receiver::new(scene, &solver, (exact.scene, exact.traversal), options);
     let hurried = timed(&mut seconds.points, || receiver.hurried(&relative, options, &clock.with_grace()));
     let receiver = match &hurried {
@@ -225,6 +223,7 @@ pub fn run_then<T>(
         cache: prepared.origin.into(),
         links: solver.links.len(),
         elements: solver.elements.len(),
+        unlit,
         bytes: solver.elements.bytes() + size_of_val(solver.links.as_slice()) + bytes,
         exact_rays: bundles.exact_rays,
         bundles,
@@ -236,7 +235,7 @@ pub fn run_then<T>(
         versus: None,
     };
     let outcome = Outcome { solution: solver.solution(scene, &uncertainty), record, irradiance };
-    then(outcome, &|points| receiver.irradiance(&asked(points)).0)
+    then(outcome, &More { scene, solver: &solver, traced: (exact.scene, exact.traversal), options, clock })
 }
 
 impl Solver<'_> {

@@ -3,6 +3,7 @@
 mod limits;
 mod reach;
 mod sight;
+mod sizes;
 
 use super::*;
 use crate::points::Point;

@@ -129,8 +129,9 @@ impl Receiver<'_> {
             // Rays of one element to one emitter lie together.
             let together = self.lamps.emitters.len() == 1 && group.iter().all(|p| p.leaf == group[0].leaf);
             let sight = if together { sight } else { sight.scattered() };
-            let question =
-                Question { packet: shadow, emitter_size: self.lamps.width, feature_size: self.feature_size };
+            let given = self.solver.given_size(group[0].leaf as usize);
+            let feature_size = given.unwrap_or(self.feature_size);
+            let question = Question { packet: shadow, emitter_size: self.lamps.width, feature_size };
             let through = sight.transmittances(&question, scratch);
             for lane in question.packet.lanes() {
                 found[g * LANES + lane].direct += through[lane] * light[lane];

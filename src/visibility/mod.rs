@@ -18,6 +18,8 @@ mod shaft;
 mod slabs;
 pub mod steps;
 #[cfg(test)]
+mod testing;
+#[cfg(test)]
 mod tests;
 mod triangles;
 mod unbiased;

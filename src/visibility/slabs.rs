@@ -90,10 +90,11 @@ impl Slabs {
     }
 }
 
-/// What passes through, summed over clear segments.
+/// What passes through, summed over clear segments. Where neighbouring segments of several packets pass as one (see
+/// [`pass`]), each counts with the values of the mean of its two or four.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Passed {
-    /// Product of the boxes' transmittances [SD95 sec 3.1].
+    /// Product of the boxes' transmittances along the line [SD95 sec 3.1].
     pub transmittance: f32,
     /// Squares of them.
     pub square: f32,
@@ -106,7 +107,7 @@ pub(super) struct Passed {
     pub error: f32,
     /// Segments that meet a box.
     pub met: f32,
-    /// How many lines were sent through the boxes, in packets.
+    /// How many lines were sent through the boxes, in packets: fewer than the packets asked for where those are folded.
     pub times: u64,
 }
 
@@ -282,8 +283,9 @@ const MANY: usize = 8;
 /// lanes end close together (see [`crate::ray::gather_neighbours`]) the means of a few of them. `reach` is how far from
 /// their mean they may end.
 ///
-/// The sums of each packet are added to `sums`; `each` gets the transmittance of every segment of a single packet, 0 in
-/// other lanes.
+/// The summed transmittance of each packet is added to `sums`, folded or not: a fold holds neighbours of one packet, never of
+/// two. `each` is for bundles of a single packet, which is not folded: it gets the transmittance of every segment, 0 in other
+/// lanes; with several packets it holds that of the last one that passed one by one, and means nothing.
 #[inline(always)]
 pub(super) fn pass<S: Simd>(
     simd: S,

@@ -245,3 +245,28 @@ fn engines_are_compared_at_points() {
     let refused = scratch.mrvis(&["solve", "box.obj", "--out", "s", "--compare", "mr"]);
     assert!(refused.code == Some(2) && refused.stderr.contains("--points"), "{}", refused.stderr);
 }
+
+/// Pixels that there is no time for show the light of elements, as pictures without --gather do, and that is said.
+#[test]
+fn pictures_are_whole_when_time_is_short() {
+    let scratch = scratch();
+    let arguments = ["solve", "box.obj", "--output", "image", "--image-size", "1000x800", "--audit", "0"];
+    let solve = |more: &[&str]| scratch.mrvis(&[&arguments[..], more].concat());
+    done(&solve(&["--out", "plain"]));
+    let hurried = solve(&["--out", "hurried", "--gather", "--error", "0.001", "--max-seconds", "0.2"]);
+    done(&hurried);
+    assert!(hurried.stdout.contains("pixels is that of elements"), "{}", hurried.stdout);
+    let record = scratch.json("hurried/solution.json");
+    assert!(record["warnings"].to_string().contains("--max-seconds 0.2: light at"), "{}", record["warnings"]);
+    let names = |folder: &str| {
+        let files = std::fs::read_dir(scratch.path(folder)).expect("a folder");
+        let mut names: Vec<_> = files.map(|f| f.expect("a file").file_name()).collect();
+        names.sort();
+        names
+    };
+    assert_eq!(names("plain"), names("hurried"));
+    for folder in ["plain", "hurried"] {
+        let picture = image::open(scratch.path(folder).join("view.png")).expect("a whole picture");
+        assert_eq!((picture.width(), picture.height()), (1000, 800));
+    }
+}

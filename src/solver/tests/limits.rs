@@ -180,3 +180,49 @@ fn points_off_surfaces_are_counted() {
     assert!(found.iter().any(|w| w.starts_with("1 of 5 points lie")), "{found:?}");
     assert!(!warnings(&floor(5)).iter().any(|w| w.contains("points lie")));
 }
+
+/// Light at pixels is asked for when refinement is over; what time is left is enough, or it is said that it is not.
+#[test]
+fn light_at_more_points_keeps_to_the_time() {
+    let scene = room(true);
+    let asked = |count: usize, options: &Options| {
+        let start = Instant::now();
+        let (points, one) = (floor(count), After(AtomicUsize::new(0), usize::MAX));
+        let options = Options { more_points: true, audit: 0, ..options.clone() };
+        let answer = run_then(&scene, &[], &options, &one, |_, more| Ok(more.irradiance(&points, 1.0)));
+        (answer.expect("an answer"), start.elapsed().as_secs_f64())
+    };
+    let many_rays =
+        Options { light_rays: Some(4096), gather_rays: Some(4096), error: 0.1, ..Options::default() };
+    let hurried = Options { max_seconds: Some(1.5), ..many_rays.clone() };
+    // With all the time in the world all rays are traced.
+    let (all, _) = asked(50, &many_rays);
+    assert!(all.note.is_none());
+    let all = all.irradiance.expect("light");
+    assert_eq!(all, asked(50, &many_rays).0.irradiance.expect("light"));
+    // A hundred million rays are too many, a few of each point are not.
+    let (some, taken) = asked(12_000, &hurried);
+    let note = some.note.expect("a note");
+    assert!(note.starts_with("--max-seconds 1.5: light at pixels by ") && taken < 6.0, "{note} {taken}");
+    let some = some.irradiance.expect("light");
+    assert!(some.len() == 12_000 && some.iter().all(|e| e[0] > 0.0 && e[0].is_finite()));
+    // Here not even those are possible.
+    let (none, taken) = asked(3_000_000, &hurried);
+    let note = none.note.expect("a note");
+    assert!(none.irradiance.is_none() && note.contains("3000000 pixels") && taken < 8.0, "{note} {taken}");
+    // Interrupted in the middle of it.
+    let (points, stop) = (floor(100_000), After(AtomicUsize::new(0), 1_000_000));
+    let answer = run_then(&scene, &[], &Options { audit: 0, ..many_rays }, &stop, |_, more| {
+        std::thread::scope(|s| {
+            s.spawn(|| {
+                std::thread::sleep(std::time::Duration::from_millis(300));
+                stop.0.store(1_000_000, Ordering::Relaxed);
+            });
+            let start = Instant::now();
+            Ok((more.irradiance(&points, 1.0), start.elapsed().as_secs_f64()))
+        })
+    });
+    let (none, taken) = answer.expect("an answer");
+    assert!(none.irradiance.is_none() && none.note.expect("a note").starts_with("interrupted"));
+    assert!(taken < 6.0, "{taken}");
+}

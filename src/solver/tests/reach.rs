@@ -30,6 +30,9 @@ fn boxes_without_a_bottom_are_dark_inside() {
     let inside = outcome.solution.elements.iter().filter(|e| e.object == 2 && !e.front).count();
     assert_eq!(inside, 0, "no light gets there");
     assert!(outcome.solution.elements.iter().any(|e| e.object == 2 && e.front));
+    let Record { unlit, warnings, .. } = &outcome.record;
+    assert!(unlit.sides == 5 && unlit.of > 16 && (0.01..0.2).contains(&unlit.area), "{unlit:?}");
+    assert!(warnings.is_empty(), "{warnings:?}");
     let ledger = &outcome.record.ledger;
     assert!(ledger.created.abs() < 2e-3 * ledger.emitted, "{ledger:?}");
 }
@@ -51,6 +54,20 @@ fn rooms_with_a_weak_lamp_of_their_own_are_not_dark() {
     let there =
         |e: &&crate::solution::Element| e.object == 0 && e.irradiance[0] > 0.0 && e.irradiance[0] < 1e-5;
     assert!(outcome.solution.elements.iter().filter(there).count() > 5);
+}
+
+/// Nobody expects most of a scene to be dark.
+#[test]
+fn a_large_room_without_a_lamp_is_told_of() {
+    let mut soup = Soup::new("two rooms");
+    let (grey, walls) = hall(&mut soup);
+    inward(&mut soup, walls, grey, DVec3::new(5.0, 0.0, 0.0), DVec3::new(15.0, 8.0, 5.0));
+    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+    let Record { unlit, warnings, .. } =
+        solved(&scene, &[], &Options { audit: 0, ..Options::default() }).record;
+    // Its walls, 340 square metres, and what it could see of the other room from outside, beside 59 and the lamp's two sides.
+    assert!(unlit.sides == 12 && (unlit.area - 399.0 / 460.0).abs() < 1e-4, "{unlit:?}");
+    assert!(warnings.iter().any(|w| w.contains("no light reaches 12 of 20")), "{warnings:?}");
 }
 
 /// A plate from wall to wall: the walls' elements reach past it, the light does not.

@@ -13,7 +13,7 @@ use crate::visibility::reference;
 use glam::Vec3;
 
 /// A few trees under a sky.
-fn forest() -> Scene {
+pub(super) fn forest() -> Scene {
     let mut spec = Spec::new("forest");
     (spec.trees, spec.leaves, spec.trunks) = (9, 120, true);
     build(&spec).expect("a forest")
@@ -32,7 +32,7 @@ fn with(visibility: Visibility) -> Options {
 }
 
 /// A solver after refinement.
-fn refined<R>(scene: &Scene, options: &Options, see: impl FnOnce(&mut Solver) -> R) -> R {
+pub(super) fn refined<R>(scene: &Scene, options: &Options, see: impl FnOnce(&mut Solver) -> R) -> R {
     let clock = Clock::start(&(), None);
     let prepared = Prepared::of(scene, options, &mut Seconds::default(), &(), &clock).expect("Embree");
     let (exact, ends) = (prepared.exact(), reference::end_rule(scene));
@@ -43,11 +43,13 @@ fn refined<R>(scene: &Scene, options: &Options, see: impl FnOnce(&mut Solver) ->
     let engine = prepared.engine(scene, &elements, ends, options);
     let sight = engine.as_ref().map_or(Sight::Exact(exact), Sight::MultiResolution);
     let mut solver = Solver::new(elements, found, sight, ends, options);
+    solver.name(scene, options, (exact.scene, exact.traversal)).expect("names of the scene");
     for _ in 0..3 {
         let errors = solver.errors();
         solver.refine(&errors, 1e-3, false, &|_| false);
         let cut = solver.cut();
         solver.settle(&cut, 1e-3, 12, &clock);
+        solver.spread_importance(&cut);
         solver.look();
     }
     see(&mut solver)

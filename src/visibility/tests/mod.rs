@@ -11,10 +11,10 @@ mod same_bits;
 mod solid;
 
 use super::reference::{Segment, end_rule};
+use super::testing::{SINGLE, Stage};
 use super::*;
-use crate::characterise::{self, Extinction, Traits, characterise};
-use crate::embree::{CommittedScene, Device, SceneBuilder, Traversal};
-use crate::hierarchy::{self, Hierarchy};
+use crate::characterise::{self, Extinction};
+use crate::hierarchy;
 use crate::ray::{EndRule, LANES};
 use crate::scene::Scene;
 use crate::scene::generate::{self, Spec};
@@ -23,47 +23,25 @@ use glam::Vec3;
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::Rng;
 
-const SINGLE: Traversal = Traversal { width: 1, coherent: false };
-
-/// A scene with all that the engines need.
-struct Stage {
-    scene: Scene,
-    hierarchy: Hierarchy,
-    traits: Vec<Traits>,
-    traced: CommittedScene,
+/// How clusters are measured.
+fn measured(extinction: Extinction) -> characterise::Options {
+    characterise::Options { extinction, tolerance: 0.1, ..Default::default() }
 }
 
 impl Stage {
     fn new(scene: Scene) -> Stage {
-        Stage::with(scene, &Default::default(), Extinction::Measured)
+        Stage::with(scene, &Default::default(), &measured(Extinction::Measured))
     }
 
     /// Nothing counts as large; extinction by the formula.
     fn soft(scene: Scene) -> Stage {
-        let apart = hierarchy::Options { large_surface: f32::INFINITY, ..Default::default() };
-        Stage::with(scene, &apart, Extinction::Analytic)
-    }
-
-    fn with(scene: Scene, options: &hierarchy::Options, extinction: Extinction) -> Stage {
-        let hierarchy = hierarchy::build(&scene, options);
-        hierarchy.check(&scene).expect("hierarchy");
-        let options = characterise::Options { extinction, tolerance: 0.1, ..Default::default() };
-        let traits = characterise(&scene, &hierarchy.micro, &options);
-        let device = Device::new(1).expect("device");
-        let mut builder = SceneBuilder::new(&device, Default::default()).expect("builder");
-        builder.add_triangles(&scene.positions, &scene.triangles, 1).expect("triangles");
-        let traced = builder.commit().expect("scene");
-        Stage { scene, hierarchy, traits, traced }
+        Stage::apart(scene, &measured(Extinction::Analytic))
     }
 
     fn generated(name: &str) -> Stage {
         let mut spec = Spec::new(name);
         (spec.trees, spec.leaves, spec.trunks, spec.count) = (9, 120, true, None);
         Stage::new(generate::build(&spec).expect(name))
-    }
-
-    fn engine(&self, leaf: Leaf) -> MultiResolution<'_> {
-        MultiResolution::new(&self.scene, &self.hierarchy, &self.traits, &self.traced, SINGLE, leaf)
     }
 
     /// Blocked lanes by Embree.

@@ -111,7 +111,7 @@ fn penumbrae_of_strong_contrast_stay() {
     let stage = Stage::with(
         discs.scene(),
         &hierarchy::Options { large_surface: f32::INFINITY, ..Default::default() },
-        Extinction::Measured,
+        &measured(Extinction::Measured),
     );
     // What the paper's rule sees of both together: less than the emitter, so no umbra whatever s is.
     let both = &stage.traits[0];

@@ -1,44 +1,26 @@
 //! The mean of the estimates is the truth, whatever the averaged level says and however rarely it is corrected.
 
 use super::*;
-use crate::characterise::{Extinction, Options, Traits, characterise};
-use crate::embree::{CommittedScene, Device, SceneBuilder, Traversal};
-use crate::hierarchy::{self, Hierarchy};
+use crate::characterise::{Extinction, Options};
 use crate::ray::LANES;
-use crate::scene::Scene;
 use crate::scene::testing::{Pieces, cloud, unit};
 use crate::visibility::Leaf;
 use crate::visibility::reference::end_rule;
+use crate::visibility::testing::{SINGLE, Stage};
 use glam::{DVec3, Vec3};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::Rng;
 
-const SINGLE: Traversal = Traversal { width: 1, coherent: false };
 /// Where the light of all scenes is.
 const LIGHT: DVec3 = DVec3::new(0.5, 0.5, 3.0);
 
-struct Stage {
-    scene: Scene,
-    hierarchy: Hierarchy,
-    traits: Vec<Traits>,
-    traced: CommittedScene,
+/// With a light of side 1 above that looks down. Nothing counts as large.
+fn below_a_light(mut pieces: Pieces, extinction: Extinction) -> Stage {
+    pieces.light(LIGHT, DVec3::Y, DVec3::X);
+    Stage::apart(pieces.scene(), &Options { extinction, ..Options::default() })
 }
 
 impl Stage {
-    /// With a light of side 1 above that looks down. Nothing counts as large.
-    fn new(mut pieces: Pieces, extinction: Extinction) -> Stage {
-        pieces.light(LIGHT, DVec3::Y, DVec3::X);
-        let scene = pieces.scene();
-        let apart = hierarchy::Options { large_surface: f32::INFINITY, ..Default::default() };
-        let hierarchy = hierarchy::build(&scene, &apart);
-        let traits = characterise(&scene, &hierarchy.micro, &Options { extinction, ..Options::default() });
-        let device = Device::new(1).expect("device");
-        let mut builder = SceneBuilder::new(&device, Default::default()).expect("builder");
-        builder.add_triangles(&scene.positions, &scene.triangles, 1).expect("triangles");
-        let traced = builder.commit().expect("scene");
-        Stage { scene, hierarchy, traits, traced }
-    }
-
     /// Packets of random segments from a point to the light.
     fn packets(&self, from: Vec3, count: usize, random: &mut Pcg64Mcg) -> Vec<Packet> {
         let (ends, origin) = (end_rule(&self.scene), self.scene.origin);
@@ -54,24 +36,19 @@ impl Stage {
         (0..count).map(|_| packet()).collect()
     }
 
-    fn exact(&self) -> Exact<'_> {
+    fn rays(&self) -> Exact<'_> {
         Exact { scene: &self.traced, traversal: SINGLE }
-    }
-
-    fn engine(&self) -> MultiResolution<'_> {
-        let Stage { scene, hierarchy, traits, traced } = self;
-        MultiResolution::new(scene, hierarchy, traits, traced, SINGLE, Leaf::Exact)
     }
 }
 
 /// Mean of many independent estimates of a point's visible fraction with `packets` packets each, its standard error,
 /// the standard deviation of one, and the averaged level's own mean.
 fn mean(stage: &Stage, from: Vec3, wanted: f32, packets: usize, runs: usize) -> (f64, f64, f64, f64) {
-    let (engine, mut workspace) = (stage.engine(), Workspace::default());
+    let (engine, mut workspace) = (stage.engine(Leaf::Exact), Workspace::default());
     let correction = Correction { packets: [wanted; Correction::CLASSES] };
     let unbiased = Unbiased {
         engine: &engine,
-        exact: stage.exact(),
+        exact: stage.rays(),
         feature_size: 10.0,
         emitter_part: 1.0,
         correction: &correction,
@@ -107,7 +84,7 @@ fn half_a_plate() -> Stage {
         let centre = DVec3::new(0.0625 + x, 0.05 + y, 1.5);
         pieces.quad(centre, 0.125 * DVec3::X, 0.1 * DVec3::Y);
     }
-    Stage::new(pieces, Extinction::Analytic)
+    below_a_light(pieces, Extinction::Analytic)
 }
 
 #[test]
@@ -128,12 +105,12 @@ fn the_mean_is_the_closed_form() {
 fn the_mean_is_that_of_exact_rays_in_random_clouds() {
     for (seed, sheets) in [(1, true), (2, false)] {
         let stage =
-            Stage::new(cloud(seed, 150, 0.1, DVec3::new(1.0, 1.0, 2.0), sheets), Extinction::Measured);
+            below_a_light(cloud(seed, 150, 0.1, DVec3::new(1.0, 1.0, 2.0), sheets), Extinction::Measured);
         let from = Vec3::new(0.4, 0.6, -0.1);
         let mut random = Pcg64Mcg::new(9);
         let all = stage.packets(from, 4000, &mut random);
         let mut blocked = vec![0; all.len()];
-        stage.exact().occluded(&all, &mut blocked);
+        stage.rays().occluded(&all, &mut blocked);
         let truth = 1.0 - blocked.iter().map(|b| f64::from(b.count_ones())).sum::<f64>() / 64_000.0;
         let noise = (truth * (1.0 - truth) / 64_000.0).sqrt();
         for wanted in [0.1, 1.0] {
