@@ -23,7 +23,8 @@ pub struct Ledger {
     /// coupling for both directions, so nothing else sets `A_a F(a→b)` and `A_b F(b→a)` apart.
     /// After a local pass the same, each as part of what the leaf exchanges.
     pub reciprocity_residual: f64,
-    /// Least and greatest sum of the form factors of an element that sees no way out of the scene.
+    /// Least and greatest sum of the form factors of an element that sees no way out of the scene, with the part that meets
+    /// dark insides.
     pub row_sums: Option<[f64; 2]>,
     /// Root mean square difference of the row sums from 1 by area, before they were made 1: what sampling and refinement
     /// leave.
@@ -70,6 +71,8 @@ impl Solver<'_> {
             ledger.escaped += power(self.radiosity[e]) * (1.0 - sent_of(e, row)).max(0.0);
             if self.probe.closed[side as usize] {
                 closed += element.area;
+                let covered = 1.0 - self.whole.get(e).map_or(1.0, |&whole| f64::from(whole));
+                let [sampled, row] = [sampled + covered, row + covered];
                 widen(&mut ledger.row_sums, row);
                 ledger.row_sum_error += element.area * (row - 1.0).powi(2);
                 ledger.row_sum_error_sampled += element.area * (sampled - 1.0).powi(2);

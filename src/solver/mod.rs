@@ -81,6 +81,8 @@ pub struct Solver<'a> {
     state: Option<(usize, Incoming)>,
     /// By element: what leaves that see no way out must gather more to gather all (1 elsewhere).
     closure: Vec<cut::Closure>,
+    /// By element: what the row of a leaf that sees no way out must sum up to: 1, or less where something covers part of it.
+    whole: Vec<f32>,
     /// How that is made.
     rows: Rows,
     /// What the oracle knows of each element's light.
@@ -137,6 +139,7 @@ impl<'a> Solver<'a> {
             state: None,
             incident: Vec::new(),
             closure: Vec::new(),
+            whole: Vec::new(),
             rows: options.rows,
             light: Vec::new(),
             local: None,

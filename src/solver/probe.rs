@@ -1,9 +1,11 @@
 //! A few rays from every side: how much of what a cluster sends out meets itself, and which sides see out of the scene.
 
-use crate::element::{Elements, Entered, Shape};
+use super::Solver;
+use crate::element::{Element, Elements, Entered, Shape};
 use crate::embree::{CommittedScene, Hits, Traversal};
-use crate::link::{cosine_direction, numbers, point_on};
+use crate::link::{cosine_direction, mix, numbers, point_on};
 use crate::ray::{EndRule, LANES, Packet};
+use glam::Vec3;
 use rayon::prelude::*;
 
 /// What the rays found.
@@ -12,6 +14,8 @@ pub struct Probe {
     pub enclosed: Vec<f32>,
     /// By side: none of its rays left the scene.
     pub closed: Vec<bool>,
+    /// How far rays go, scene units: more than the scene's diagonal.
+    pub length: f32,
     /// Rays that met faces on a side that has no element, in the order of their sides.
     pub entered: Vec<Entered>,
 }
@@ -76,7 +80,7 @@ pub fn probe(
         .zip(&elements.elements)
         .map(|(power, e)| if e.area > 0.0 { (power / e.area).min(1.0) as f32 } else { 0.0 })
         .collect();
-    Probe { enclosed, closed, entered }
+    Probe { enclosed, closed, length, entered }
 }
 
 /// What each ray of a side carries, and the side that it meets.
@@ -98,7 +102,7 @@ fn holding(elements: &Elements, leaf: usize, side: u32) -> usize {
 }
 
 /// What each ray of a side carries and meets: a side, [`ESCAPED`], or [`Elements::NONE`] for the dark side of a face; and
-/// those faces.
+/// those rays.
 fn from_side(
     elements: &Elements,
     (traced, traversal): (&CommittedScene, Traversal),
@@ -110,41 +114,75 @@ fn from_side(
 ) -> (Rays, Vec<Entered>) {
     let side = &elements.sides[s];
     let element = &elements.elements[side.element as usize];
-    let Shape::Surface { corners, .. } = &element.shape else { return (Vec::new(), Vec::new()) };
     let count = (LEAST + SHARED * element.area / elements.area).min(MOST) as usize;
+    let mut entered = Vec::new();
+    let emits = side.exitance.iter().any(|&m| m > 0.0);
+    let mut rays = Vec::with_capacity(count);
+    let seed = seed ^ (s as u64) << 20;
+    look(elements, (traced, traversal), ends, length, (element, count, seed), packets, |met, triangle, from| {
+        rays.push((element.area / count as f64, met));
+        if met == Elements::NONE {
+            entered.push(Entered { triangle, from, emits });
+        }
+    });
+    (rays, entered)
+}
+
+/// Tells of each of `count` rays from a surface what side it meets, [`ESCAPED`] or [`Elements::NONE`], on what face, and where
+/// it comes from.
+fn look(
+    elements: &Elements,
+    (traced, traversal): (&CommittedScene, Traversal),
+    ends: EndRule,
+    length: f32,
+    (element, count, seed): (&Element, usize, u64),
+    packets: &mut Vec<Packet>,
+    mut tell: impl FnMut(u32, u32, Vec3),
+) {
+    let Shape::Surface { side, corners } = &element.shape else { return };
+    let normal = elements.sides[*side as usize].normal;
     packets.clear();
     for i in 0..count {
         if i % LANES == 0 {
             packets.push(Packet::EMPTY);
         }
-        let [u, v, p, q] = numbers(seed ^ (s as u64) << 20, i as u64);
-        let from = point_on(corners, u, (i as f32 + v) / count as f32) + OFF * ends.slack() * side.normal;
-        let to = from + length * cosine_direction(side.normal, p, q);
+        let [u, v, p, q] = numbers(seed, i as u64);
+        let from = point_on(corners, u, (i as f32 + v) / count as f32) + OFF * ends.slack() * normal;
+        let to = from + length * cosine_direction(normal, p, q);
         let packet = packets.last_mut().expect("just pushed");
         packet.set(i % LANES, from, to, ends);
         packet.near[i % LANES] = 0.0;
     }
     let mut hits = vec![Hits::NONE; packets.len()];
     traced.first_hits(traversal, packets, &mut hits);
-    let mut entered = Vec::new();
-    let emits = side.exitance.iter().any(|&m| m > 0.0);
-    let met = (0..count)
-        .map(|i| {
-            let packet = &packets[i / LANES];
-            let met = match hits[i / LANES].triangle[i % LANES] {
-                Hits::NOTHING => ESCAPED,
-                t => {
-                    let direction = packet.point(i % LANES, 1.0) - packet.point(i % LANES, 0.0);
-                    let met = elements.met(t, direction);
-                    if met == Elements::NONE {
-                        let from = packet.point(i % LANES, 0.0);
-                        entered.push(Entered { triangle: t, from, emits });
-                    }
-                    met
-                }
-            };
-            (element.area / count as f64, met)
-        })
-        .collect();
-    (met, entered)
+    for i in 0..count {
+        let packet = &packets[i / LANES];
+        let from = packet.point(i % LANES, 0.0);
+        let triangle = hits[i / LANES].triangle[i % LANES];
+        let met = match triangle {
+            Hits::NOTHING => ESCAPED,
+            t => elements.met(t, packet.point(i % LANES, 1.0) - from),
+        };
+        tell(met, triangle, from);
+    }
+}
+
+/// Rays of a leaf whose row is short.
+const DOUBTED: usize = 64;
+
+impl Solver<'_> {
+    /// Part of what each of some surfaces sends out that meets a side light can reach, by a few rays of their own.
+    pub(super) fn received(&self, surfaces: &[u32]) -> Vec<f64> {
+        let exact = self.sight.exact();
+        let of = |packets: &mut Vec<Packet>, e: &u32| {
+            let element = &self.elements.elements[*e as usize];
+            let (mut met, rays) = (0, (element, DOUBTED, mix(!self.seed ^ element.ids[0])));
+            let traced = (exact.scene, exact.traversal);
+            look(&self.elements, traced, self.ends, self.probe.length, rays, packets, |side, _, _| {
+                met += usize::from(side < ESCAPED);
+            });
+            met as f64 / DOUBTED as f64
+        };
+        surfaces.par_iter().with_min_len(16).map_init(Vec::new, of).collect()
+    }
 }

@@ -11,6 +11,8 @@ use crate::element::Shape;
 const NOTHING: f64 = 0.1;
 /// Row sums of other leaves above this are wrong.
 const TOO_MUCH: f64 = 1.25;
+/// Leaves without a way out whose row sum is below this are looked at: part of them may lie under something.
+const SHORT: f64 = 0.8;
 /// Most rounds of balancing, and the root mean square error of the row sums (by area) at which it ends.
 const ROUNDS: usize = 20;
 const BALANCED: f64 = 3e-5;
@@ -43,6 +45,7 @@ impl Solver<'_> {
         self.closure.fill(Closure::NONE);
         let mut cut = self.cut();
         let sampled = self.row_sums(&cut);
+        self.doubt(&sampled);
         let mut sums = sampled.clone();
         for round in 0..if self.rows == Rows::Balanced { ROUNDS } else { 1 } {
             let (mut off, mut all) = (0.0, 0.0);
@@ -72,8 +75,9 @@ impl Solver<'_> {
         // What balancing has left is made up where it is gathered.
         for (e, &sum) in sums.iter().enumerate().filter(|_| self.rows == Rows::Balanced) {
             let row = f64::from(self.closure[e].gathers) * sum;
-            if row > TOO_MUCH || (row > 1.0 / TOO_MUCH && self.missing(e, row) != 1.0) {
-                self.closure[e].gathers /= row as f32;
+            let missing = self.missing(e, row);
+            if missing < TOO_MUCH {
+                self.closure[e].gathers *= missing as f32;
             }
         }
         (sampled, self.bound(&sums))
@@ -104,10 +108,27 @@ impl Solver<'_> {
         bounded
     }
 
+    /// Looks what the rows of leaves without a way out must be where links say that they are short: what touches the
+    /// leaf covers part of it, or links have missed something.
+    fn doubt(&mut self, sums: &[f64]) {
+        let is_short = |&e: &u32| match self.elements.elements[e as usize].shape {
+            Shape::Surface { side, .. } => {
+                let leaf = self.elements.elements[e as usize].is_leaf();
+                leaf && self.probe.closed[side as usize] && sums[e as usize] < SHORT
+            }
+            Shape::Cluster(_) => false,
+        };
+        let short: Vec<u32> = (0..sums.len() as u32).filter(is_short).collect();
+        self.whole = vec![1.0; sums.len()];
+        for (e, part) in short.iter().zip(self.received(&short)) {
+            self.whole[*e as usize] = part as f32;
+        }
+    }
+
     /// What a leaf must gather more, by its row sum.
     fn missing(&self, e: usize, sum: f64) -> f64 {
         let Shape::Surface { side, .. } = self.elements.elements[e].shape else { return 1.0 };
         let closed = self.probe.closed[side as usize] && sum > NOTHING;
-        if closed || sum > TOO_MUCH { 1.0 / sum } else { 1.0 }
+        if closed || sum > TOO_MUCH { f64::from(self.whole[e]) / sum } else { 1.0 }
     }
 }

@@ -1,0 +1,105 @@
+#!/usr/bin/env python3
+"""The error of `mrvis solve` in a furnished room, exact and multi-resolution, and the time it takes.
+
+Random points on the fronts of all faces, evenly by area; a path-traced reference (`mrvis reference`), made once and kept
+in the output folder; then solutions, each compared with it (`mrvis compare`). Prints a table in Markdown. Python's standard
+library is all it needs; `make scenes` assembles the rooms.
+
+    python3 scenes/room.py scenes/real/livingroom.obj --out out/livingroom-solved
+"""
+
+import argparse
+import bisect
+import json
+import os
+import pathlib
+import random
+import time
+
+from cornell import cross, run, subtract, unit
+
+SEED = 5
+# Options of solve, beside the default.
+RUNS = [
+    ("exact", []),
+    ("MR", ["--visibility", "mr"]),
+    ("exact, finer", ["--error", "0.01"]),
+    ("MR, finer", ["--error", "0.01", "--visibility", "mr"]),
+]
+
+
+def triangles(path):
+    """The corners of all triangles of an OBJ file."""
+    corners = []
+    with open(path, encoding="utf-8", errors="replace") as file:
+        for line in file:
+            words = line.split()
+            if words[:1] == ["v"]:
+                corners.append(tuple(map(float, words[1:4])))
+            elif words[:1] == ["f"]:
+                index = [int(w.split("/")[0]) for w in words[1:]]
+                a, *rest = [corners[i - 1 if i > 0 else i] for i in index]
+                yield from ((a, b, c) for b, c in zip(rest, rest[1:]))
+
+
+def points(path, count):
+    """Places and normals."""
+    faces, sums, area = [], [], 0.0
+    for a, b, c in triangles(path):
+        normal = cross(subtract(b, a), subtract(c, a))
+        size = sum(x * x for x in normal) ** 0.5
+        if size > 0.0:
+            area += size
+            faces.append((a, b, c, unit(normal)))
+            sums.append(area)
+    draw = random.Random(SEED)
+    for k in range(count):
+        at = bisect.bisect(sums, (k + draw.random()) / count * area)
+        a, b, c, normal = faces[min(at, len(faces) - 1)]
+        r, v = draw.random() ** 0.5, draw.random()
+        yield tuple(p + r * ((1 - v) * (q - p) + v * (s - p)) for p, q, s in zip(a, b, c)), normal
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("scene", help="an OBJ file")
+    parser.add_argument("--mrvis", default="target/release/mrvis", help="the command (target/release/mrvis)")
+    parser.add_argument("--out", default="out/room", help="folder for all files (out/room)")
+    parser.add_argument("--points", type=int, default=2000, help="number of points (2000)")
+    parser.add_argument("--samples", type=int, default=4096, help="paths a point of the reference (4096)")
+    args = parser.parse_args()
+    mrvis, scene = (str(pathlib.Path(p).resolve()) for p in (args.mrvis, args.scene))
+    os.makedirs(args.out, exist_ok=True)
+    os.chdir(args.out)
+    with open("points.csv", "w", encoding="utf-8") as file:
+        file.write("x,y,z,nx,ny,nz\n")
+        for place, normal in points(scene, args.points):
+            file.write(",".join(repr(float(x)) for x in place + normal) + "\n")
+    common = [scene, "--points", "points.csv", "--quiet"]
+    reference = f"reference-{args.points}-{args.samples}.csv"
+    if not os.path.exists(reference):
+        seconds = run([mrvis, "reference", *common, "--samples", str(args.samples), "--out", reference])
+        print(f"{reference}: {seconds:.0f} s of one thread", flush=True)
+    # Clusters are measured once and kept beside the scene; not part of the times below.
+    run([mrvis, "solve", *common, "--visibility", "mr", "--error", "1", "--out", "warm"])
+    print(f"\n| {args.points} points | options | RMS / mean | bias | time | of one thread |")
+    print("| --- | --- | --- | --- | --- | --- |")
+    for name, options in RUNS:
+        begun = time.monotonic()
+        seconds = run([mrvis, "solve", *common, "--out", "solution", *options])
+        wall = time.monotonic() - begun
+        run([mrvis, "compare", reference, "solution/irradiance.csv", "--quiet", "--json", "compare.json"])
+        with open("compare.json", encoding="utf-8") as file:
+            found = json.load(file)
+        # The reference's own noise is in the difference too.
+        rms = max(found["rms"] ** 2 - found["reference_noise"] ** 2, 0.0) ** 0.5
+        options = " ".join(options) or "none"
+        print(
+            f"| {name} | `{options}` | {100 * rms:.1f} % | {100 * found['bias']:+.1f} % | {wall:.1f} s | {seconds:.1f} s |",
+            flush=True,
+        )
+    print("\nThe reference's own noise is taken off.")
+
+
+if __name__ == "__main__":
+    main()
