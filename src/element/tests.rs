@@ -133,8 +133,8 @@ fn a_solid_that_was_entered_has_two_sides() {
 fn parts_lie_in_faces_that_are_bent_a_little() {
     // A file that rounds to a thousandth, a corner up and a corner down.
     for lift in [5e-4, -5e-4] {
-        let mut elements = elements(&format!("v 0 0 0\nv 1 0 0\nv 1 1 {lift}\nv 0 1 0\nf 1 2 3 4\n"), 1e-3);
-        let scene = load(&format!("v 0 0 0\nv 1 0 0\nv 1 1 {lift}\nv 0 1 0\nf 1 2 3 4\n"), &[]);
+        let text = format!("v 0 0 0\nv 1 0 0\nv 1 1 {lift}\nv 0 1 0\nf 1 2 3 4\n");
+        let (mut elements, scene) = (elements(&text, 1e-3), load(&text, &[]));
         assert!(elements.sides.len() == 2 && elements.sides[0].triangles == [0, 1], "one quad of two sides");
         split_some(&mut elements);
         let off_face = |p: Vec3| {

@@ -91,25 +91,32 @@ fn coaxial_cylinders_converge_to_published_values() {
             m.get(0, 1) / want - 1.0
         };
         let (coarse, fine) = (off(16), off(64));
-        println!("{} {coarse} {fine}", &row[0]);
         assert!(fine.abs() < 1e-3 && fine.abs() < 0.2 * coarse.abs() + 2e-4, "{}: {coarse} {fine}", &row[0]);
         tried += 1;
     }
     assert_eq!(tried, 7);
 }
 
-/// A case in two dimensions, as long plates: what is missing at their ends is less than their distance over their length.
+/// A case in two dimensions, as long plates. Their ends cost some thousandths: what is blocked is compared as a part of what
+/// would get through, and the rest to that.
 #[test]
 fn a_published_case_in_two_dimensions() {
-    let long = 1000.0 * DVec3::Z;
+    let length = 1000.0;
+    let long = length * DVec3::Z;
     let scene = quads(&[
         (DVec3::ZERO, long, 10.0 * DVec3::X),
         (5.0 * DVec3::Y, 10.0 * DVec3::X, long),
         (2.0 * DVec3::Y, long, 5.0 * DVec3::X),
     ]);
     let (m, _) = run(&scene, |s| s.enforce = false);
-    println!("{} {} {} {}", m.get(0, 1), m.get(1, 2), m.get(2, 1), m.get(0, 2));
-    near(m.get(0, 1), published("lbnl_2d_block1", "F12"), 5e-3, "blocked");
+    let open = crate::form_factor::parallel_rectangles(
+        [[0.0, 10.0], [0.0, length]],
+        [[0.0, 10.0], [0.0, length]],
+        5.0,
+    );
+    // Crossed strings without the blocker.
+    let open_strings = 1.25f64.sqrt() - 0.5;
+    near(m.get(0, 1) / open, published("lbnl_2d_block1", "F12") / open_strings, 5e-3, "blocked");
     near(m.get(1, 2), 0.372015325, 5e-3, "above");
     near(m.get(2, 1), 0.744030651, 5e-3, "below");
     assert_eq!(m.get(0, 2), 0.0, "its back");
