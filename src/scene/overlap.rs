@@ -13,7 +13,6 @@ use crate::math::Aabb;
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
-use std::hash::{DefaultHasher, Hash, Hasher};
 
 /// What is looked at.
 pub(super) struct Faces<'a> {
@@ -117,21 +116,25 @@ impl Tolerance {
             let intercept = from[axis] - slopes[0] * from[i] - slopes[1] * from[j];
             let numbers = [slopes[0], slopes[1], intercept];
             // What is exactly 0 lies in the middle of a cell.
-            let cell = move |k: usize, off: f64| (numbers[k] / sizes[k] + 0.5 + off / CELL).floor() as i64;
-            (0..8u8).filter_map(move |upper| {
-                let mut hasher = DefaultHasher::new();
-                for k in 0..3 {
-                    let [low, high] = [cell(k, -1.0), cell(k, 1.0)];
-                    let is_upper = upper >> k & 1 == 1;
-                    if is_upper && low == high {
-                        return None;
-                    }
-                    (if is_upper { high } else { low }).hash(&mut hasher);
-                }
-                Some(hasher.finish() << 2 | axis as u64)
+            let cells: [[i64; 2]; 3] = std::array::from_fn(|k| {
+                let place = numbers[k] / sizes[k] + 0.5;
+                [-1.0, 1.0].map(|off| (place + off / CELL).floor() as i64)
+            });
+            (0..8usize).filter_map(move |upper| {
+                let is_upper = |k: usize| upper >> k & 1;
+                let distinct = (0..3).all(|k| is_upper(k) == 0 || cells[k][0] != cells[k][1]);
+                distinct.then(|| mixed(std::array::from_fn(|k| cells[k][is_upper(k)])) << 2 | axis as u64)
             })
         })
     }
+}
+
+/// A number that few other cells have: what meets by chance is told apart later.
+fn mixed(cell: [i64; 3]) -> u64 {
+    cell.iter().fold(0u64, |h, &c| {
+        let h = (h ^ c as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        h ^ h >> 29
+    })
 }
 
 fn others(axis: usize) -> [usize; 2] {
