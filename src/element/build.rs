@@ -155,7 +155,8 @@ fn sides_of(scene: &Scene, faces: &[u32], seen: &[[bool; 2]]) -> Vec<(Side, [gla
         let [a, b, c] = scene.corners(triangles[0]);
         for front in [true, false].into_iter().filter(|&front| seen[t][usize::from(!front)]) {
             let [p, q, r, s] = corners;
-            let turned = if r == s { [r, q, p, p] } else { [s, r, q, p] };
+            // The first diagonal stays the edge of the two faces.
+            let turned = if r == s { [r, q, p, p] } else { [r, q, p, s] };
             let normal = triangle_normal(a, b, c);
             let emits = front || scene.two_sided_emission;
             let emission = scene.materials[scene.triangle_material[t] as usize].emission;

@@ -17,8 +17,9 @@ pub struct Lookup {
 struct Frame {
     origin: Vec3,
     axes: [Vec3; 2],
-    /// From the first corner to the second, to the last, and what keeps a quad from being a parallelogram; in the axes.
-    edges: [Vec2; 3],
+    /// What the two parameters run along, in the axes: a triangle's edges from its first corner, twice; of a quad the edges
+    /// 0-1 and 1-2 on one side of its diagonal, 3-2 and 0-3 on the other.
+    edges: [[Vec2; 2]; 2],
     element: u32,
     triangle: bool,
     /// Levels that its grid spans, and where that begins: `2^depth` rows of as many cells, of twice as many for triangles.
@@ -39,12 +40,15 @@ impl Lookup {
             let (x, y) = side.normal.any_orthonormal_pair();
             let flat = |v: Vec3| Vec2::new(v.dot(x), v.dot(y));
             let triangle = is_triangle(&c);
-            let (second, rest) =
-                if triangle { (c[2], Vec3::ZERO) } else { (c[3], c[0] - c[1] + c[2] - c[3]) };
+            let edges = if triangle {
+                [[c[1] - c[0], c[2] - c[0]]; 2]
+            } else {
+                [[c[1] - c[0], c[2] - c[1]], [c[2] - c[3], c[3] - c[0]]]
+            };
             Frame {
                 origin: c[0],
                 axes: [x, y],
-                edges: [flat(c[1] - c[0]), flat(second - c[0]), flat(rest)],
+                edges: edges.map(|pair| pair.map(flat)),
                 element: side.element,
                 triangle,
                 depth: 0,
@@ -136,26 +140,15 @@ impl Lookup {
 
 impl Frame {
     /// Weights of a triangle's second and third corner; for a quad parameters with the corners at (0, 0), (1, 0), (1, 1),
-    /// (0, 1), bilinear in between, so that quarters are halves of both (Newton's method; parallelograms need one step).
+    /// (0, 1), linear on either side of the diagonal u = v, so that quarters are halves of both.
     #[inline]
     fn parameters(&self, h: Vec2) -> (f32, f32) {
-        let [e, f, g] = self.edges;
-        let area = e.perp_dot(f);
-        let (mut u, mut v) = (h.perp_dot(f) / area, e.perp_dot(h) / area);
-        if g != Vec2::ZERO {
-            (u, v) = (u.clamp(0.0, 1.0), v.clamp(0.0, 1.0));
-            for _ in 0..4 {
-                let rest = h - u * e - v * f - u * v * g;
-                let (along_u, along_v) = (e + v * g, f + u * g);
-                let area = along_u.perp_dot(along_v);
-                let (du, dv) = (rest.perp_dot(along_v) / area, along_u.perp_dot(rest) / area);
-                (u, v) = ((u + du).clamp(0.0, 1.0), (v + dv).clamp(0.0, 1.0));
-                if du.abs().max(dv.abs()) < 1e-4 {
-                    break;
-                }
-            }
-        }
-        (u, v)
+        let along = |[e, f]: [Vec2; 2]| {
+            let area = e.perp_dot(f);
+            (h.perp_dot(f) / area, e.perp_dot(h) / area)
+        };
+        let (u, v) = along(self.edges[0]);
+        if self.triangle || v <= u { (u, v) } else { along(self.edges[1]) }
     }
 }
 

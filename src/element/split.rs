@@ -12,7 +12,7 @@ impl Elements {
     }
 
     /// Splits a surface into four of half its size, unless it has children already: at the middles of the edges. The
-    /// parts of a planar quad and of a triangle meet their neighbours' along whole edges or halves of them.
+    /// parts of a quad and of a triangle meet their neighbours' along whole edges or halves of them.
     pub fn split(&mut self, element: u32) {
         let parent = self.elements[element as usize].clone();
         let Shape::Surface { side, corners } = parent.shape else { return };
@@ -67,6 +67,10 @@ fn area(corners: &[Vec3; 4]) -> f64 {
 
 /// The four parts; each keeps its place: corner k of the whole is a corner of part k (the middle one of a triangle is
 /// the last).
+///
+/// A quad's meet at the middle of its first diagonal, the edge of its two faces: two parts are its likeness, two are
+/// parallelograms, and all lie in the faces even where these are bent a little. (Parts that meet at the mean of the corners lie
+/// behind such faces, which hide them.)
 fn quarters(c: [Vec3; 4]) -> [[Vec3; 4]; 4] {
     let middle = |i: usize, j: usize| 0.5 * (c[i] + c[j]);
     if is_triangle(&c) {
@@ -74,7 +78,7 @@ fn quarters(c: [Vec3; 4]) -> [[Vec3; 4]; 4] {
         return [[c[0], ab, ca, ca], [ab, c[1], bc, bc], [ca, bc, c[2], c[2]], [ab, bc, ca, ca]];
     }
     let m = [middle(0, 1), middle(1, 2), middle(2, 3), middle(3, 0)];
-    let centre = 0.5 * (m[0] + m[2]);
+    let centre = middle(0, 2);
     [
         [c[0], m[0], centre, m[3]],
         [m[0], c[1], m[1], centre],

@@ -139,3 +139,30 @@ fn a_solid_that_light_enters_has_two_sides() {
     assert_eq!(sides(&[within, beyond, within]), sides(&[]) + 6);
     assert_eq!(sides(&[ray(bounds.center(), true)]), sides(&[]) + 6);
 }
+
+#[test]
+fn parts_lie_in_faces_that_are_bent_a_little() {
+    // A file that rounds to a thousandth, a corner up and a corner down.
+    for lift in [5e-4, -5e-4] {
+        let text = format!("v 0 0 0\nv 1 0 0\nv 1 1 {lift}\nv 0 1 0\nf 1 2 3 4\n");
+        let (mut elements, scene) = (elements(&text, 1e-3), load(&text, &[]));
+        assert!(elements.sides.len() == 2 && elements.sides[0].triangles == [0, 1], "one quad of two sides");
+        split_some(&mut elements);
+        let off_face = |p: Vec3| {
+            let off = |t: u32| {
+                let [a, b, c] = scene.corners(t);
+                let n = (b - a).cross(c - a).normalize();
+                let inside =
+                    [(a, b), (b, c), (c, a)].iter().all(|(p0, p1)| (*p1 - *p0).cross(p - *p0).dot(n) > -1e-6);
+                if inside { n.dot(p - a).abs() } else { f32::MAX }
+            };
+            off(0).min(off(1))
+        };
+        for element in &elements.elements {
+            let Shape::Surface { corners: c, .. } = element.shape else { continue };
+            for p in [c[0], c[1], c[2], c[3], 0.5 * (c[0] + c[2]), (c[0] + c[1] + c[2]) / 3.0] {
+                assert!(off_face(p) < 1e-6, "{lift} {p} {}", off_face(p));
+            }
+        }
+    }
+}

@@ -16,6 +16,10 @@ const FOUR: f64 = 0.6;
 const BUNDLE: f64 = LANES as f64;
 /// Heights above a plane up to this part of the distance are in the plane: coordinates are in single precision.
 const FLAT: f64 = 1e-6;
+/// Middles nearer than this part of the sum of their radii, or than all of it where one is as slim as that (its area by its
+/// radius squared, 2 for a square), say little of two facets.
+const NEAR: f64 = 0.5;
+const SLIM: f64 = 0.3;
 /// Points that are drawn for a ray until two see each other's fronts.
 const DRAWS: u32 = 8;
 
@@ -178,6 +182,11 @@ fn rough(a: &Facet, b: &Facet) -> Option<f64> {
     let size = a.radius + b.radius;
     let least = FLAT * (square.sqrt() + size);
     let (here, there) = (a.rise(b, least)?, b.rise(a, least)?);
-    let square = square.max(0.25 * size * size);
+    // Plates close to each other exchange far more than their middles say, slim ones beside each other too.
+    let slim = |f: &Facet| f.area < SLIM * f.radius * f.radius;
+    let near = if slim(a) || slim(b) { 1.0 } else { NEAR };
+    if square < (near * size).powi(2) {
+        return Some(exchange(a, b)).filter(|&open| open > 0.0);
+    }
     Some(a.area * b.area * (here * there / square).min(1.0) / (std::f64::consts::PI * square))
 }

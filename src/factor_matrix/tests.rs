@@ -287,3 +287,5 @@ fn files_hold_the_matrix() {
         assert!(archive.by_name(&format!("{name}.npy")).is_ok(), "{name}");
     }
 }
+
+mod curved;

@@ -20,6 +20,8 @@ const ROUGH: f32 = 0.3;
 /// Four segments instead of sixteen are enough where visibility is expected to make the error of a coupling less than this,
 /// in units of what is tolerated; half of it between clusters, whose samples vary for other reasons too.
 const FEW: f32 = 0.25;
+const FEW_RAYS: usize = 4;
+
 /// Measures links.
 #[derive(Clone, Copy)]
 pub struct Meter<'a> {
@@ -223,11 +225,8 @@ impl Meter<'_> {
             std::array::from_fn(|l| kernel(pa[l & 3], Some(na), pb[l >> 2], Some(nb), nearest));
         let few = care.worth * free * care.mixed < FEW;
         let mut packet = Packet::EMPTY;
-        for l in 0..LANES {
-            // Few: each point of either end once.
-            if weights[l] > 0.0 && (!few || (l & 3) == (l >> 2)) {
-                self.set(&mut packet, l, [pa[l & 3], pb[l >> 2]], care);
-            }
+        for l in lanes(seed).filter(|&l| weights[l] > 0.0).take(if few { FEW_RAYS } else { LANES }) {
+            self.set(&mut packet, l, [pa[l & 3], pb[l >> 2]], care);
         }
         let draft = Draft { ids, swapped: false, free: [free; 2], deviation, weights, between };
         Some((draft, question(packet, [shortest(ca), shortest(cb)], care)))
@@ -268,8 +267,7 @@ impl Meter<'_> {
         });
         let few = care.worth * model * care.mixed < 0.5 * FEW;
         let mut packet = Packet::EMPTY;
-        let most_rays = if few { 4 } else { LANES };
-        for l in (0..LANES).filter(|&l| weights[l] > 0.0).take(most_rays) {
+        for l in lanes(seed).filter(|&l| weights[l] > 0.0).take(if few { FEW_RAYS } else { LANES }) {
             self.set(&mut packet, l, [from.points[l], to.points[l]], care);
         }
         // No sample says that there is nothing; where it would matter the parts are asked.
@@ -336,6 +334,13 @@ impl Meter<'_> {
             }
         }
     }
+}
+
+/// All lanes; every four of them have each row and each column of the grids of both ends once (and, between surfaces, each of
+/// the four points). Which come first is by chance: where few are asked for, all pairs of places have their turn in the mean.
+fn lanes(seed: u64) -> impl Iterator<Item = usize> {
+    let turn = (seed >> 32) as usize & 3;
+    (0..LANES).map(move |k| 4 * (k & 3) + ([0, 3, 2, 1][k & 3] ^ (k >> 2) ^ turn))
 }
 
 /// What is asked for segments between ends of these widths.

@@ -33,7 +33,15 @@ fn staged(pieces: Pieces, see: impl FnOnce(&Meter, [u32; 2])) {
 /// A meter for a scene, and its first and second surface.
 fn staged_with<R>(pieces: Pieces, seed: u64, see: impl FnOnce(&Meter, [u32; 2]) -> R) -> R {
     let scene = pieces.scene();
-    let elements = Elements::build(&scene, &hierarchy::build(&scene, &Default::default()), 1e-4, &[]);
+    let mut elements = Elements::build(&scene, &hierarchy::build(&scene, &Default::default()), 1e-4, &[]);
+    // Two levels of parts, for those who ask for them.
+    let mut next = 0;
+    while next < elements.len() as u32 {
+        if elements.elements[next as usize].level < 2 && elements.can_open(next) {
+            elements.split(next);
+        }
+        next += 1;
+    }
     let mut builder =
         SceneBuilder::new(&Device::new(1).expect("Embree"), Default::default()).expect("a scene");
     builder.add_triangles(&scene.positions, &scene.triangles, 1).expect("triangles");

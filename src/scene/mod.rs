@@ -11,6 +11,7 @@ pub mod generate;
 mod keep;
 mod load;
 mod mtl;
+mod overlap;
 mod power;
 mod read_gltf;
 mod read_obj;
@@ -115,6 +116,9 @@ pub struct Repairs {
     pub unused_vertices: usize,
     /// Faces dropped because their material is more transparent than opaque (`d` below 0.5) and does not emit.
     pub transparent_faces: usize,
+    /// Pairs of objects of which faces lie in one plane, overlap, face the same way and do not look the same: which of them
+    /// is seen is chance.
+    pub overlapping_objects: usize,
     /// One readable line for each kind of repair, with names where they help.
     pub messages: Vec<String>,
 }

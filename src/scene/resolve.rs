@@ -9,6 +9,7 @@ use super::{
     connect::{self, Edges, Sets},
     emitters::{self, Faces},
     keep::Kept,
+    overlap,
     power::{self, Surfaces},
     triangulate::{Shape, Triangulator},
     weld,
@@ -64,6 +65,16 @@ pub fn resolve(mut soup: Soup, options: &LoadOptions) -> Result<Scene> {
     let (objects, triangle_object) = used_objects(soup.objects, faces.object);
     let sides = |part: u32| options.sides.unwrap_or(if parts.closed[part as usize] { 1 } else { 2 });
     let (component, closed) = used_parts(&parts, &faces.polygon);
+    let emission = |t: usize| materials[faces.material[t] as usize].emission;
+    let alike =
+        |s: usize, t: usize| faces.reflectance[s] == faces.reflectance[t] && emission(s) == emission(t);
+    let planes = overlap::Faces {
+        positions: &positions,
+        triangles: &triangles,
+        object: &triangle_object,
+        alike: &alike,
+    };
+    overlap::tell(&planes, &objects, &options.unit, &mut repairs);
     Ok(Scene {
         path: soup.path,
         cameras: soup.cameras,

@@ -1,5 +1,6 @@
 //! Promises of the solver: conservation, closed forms, and that it can be stopped.
 
+mod again;
 mod limits;
 mod reach;
 mod sight;

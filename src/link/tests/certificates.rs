@@ -30,49 +30,101 @@ fn seen(meter: &Meter, ends: [u32; 2], random: &mut Pcg64Mcg) -> Vec<f32> {
     found
 }
 
+/// A parallelogram or half of one, somewhere in a cube of edge 2.
+fn surface(pieces: &mut Pieces, name: &str, random: &mut Pcg64Mcg, size: f64) {
+    let (turn, at) = (rotation(random), 2.0 * in_cube(random));
+    let (u, v) = (turn.x_axis * size, turn.y_axis * size);
+    pieces.object(name);
+    if unit(random) < 0.5 {
+        pieces.quad(at, u, v);
+    } else {
+        pieces.polygon(&[at, at + u, at + unit(random) * u + v]);
+    }
+}
+
+/// Two small surfaces and up to two larger ones, quads and triangles.
+fn some(random: &mut Pcg64Mcg) -> Pieces {
+    let mut pieces = Pieces::new();
+    for name in ["low", "high"] {
+        let size = 0.05 + 0.4 * unit(random);
+        surface(&mut pieces, name, random, size);
+    }
+    for _ in 0..(3.0 * unit(random)) as usize {
+        let size = 0.1 + 2.0 * unit(random);
+        surface(&mut pieces, "between", random, size);
+    }
+    pieces
+}
+
+/// What is known of two elements, by what was known of what they are parts of: nothing, a wall, or neither (`None`), held
+/// against random rays. The second result is what their parts are told; none if they have no link.
+fn certified(
+    meter: &Meter,
+    ends: [u32; 2],
+    before: Between,
+    random: &mut Pcg64Mcg,
+) -> (Option<Between>, Option<Between>) {
+    let rays = seen(meter, ends, random);
+    let hidden = !rays.is_empty() && rays.iter().all(|&t| t == 0.0);
+    let care =
+        Care { worth: 1.0, feature_size: 1.0, mixed: 0.5, between: before, hidden, first_receives: true };
+    match meter.measure(ends[0], ends[1], care, &mut Scratch::default()) {
+        // Nothing faces, or a wall.
+        None => {
+            assert!(rays.iter().all(|&t| t == 0.0), "a wall that rays get through");
+            ((!rays.is_empty()).then_some(Between::WALL), None)
+        }
+        Some(link) if link.between == Between::NOTHING => {
+            assert!(rays.iter().all(|&t| t == 1.0), "rays are blocked by nothing");
+            assert_eq!((link.transmittance, link.rays, link.noise), (1.0, 0, 0.0));
+            (Some(Between::NOTHING), Some(Between::NOTHING))
+        }
+        Some(link) => (None, Some(link.between)),
+    }
+}
+
 #[test]
 fn certificates_are_what_all_rays_say() {
     let mut random = Pcg64Mcg::new(5);
     let (mut nothing, mut walls, mut unsure) = (0, 0, 0);
-    for _ in 0..1000 {
-        let mut pieces = Pieces::new();
-        for name in ["low", "high"] {
-            let (turn, size) = (rotation(&mut random), 0.05 + 0.4 * unit(&mut random));
-            let at = 2.0 * in_cube(&mut random);
-            pieces.object(name).quad(at, turn.x_axis * size, turn.y_axis * size);
-        }
-        for _ in 0..(3.0 * unit(&mut random)) as usize {
-            let (turn, size) = (rotation(&mut random), 0.1 + 2.0 * unit(&mut random));
-            let at = 2.0 * in_cube(&mut random);
-            pieces.object("between").quad(at, turn.x_axis * size, turn.y_axis * size);
-        }
-        staged(pieces, |meter, ends| {
-            let rays = seen(meter, ends, &mut random);
-            let hidden = !rays.is_empty() && rays.iter().all(|&t| t == 0.0);
-            let care = Care {
-                worth: 1.0,
-                feature_size: 1.0,
-                mixed: 0.5,
-                between: Between::SOMETHING,
-                hidden,
-                first_receives: true,
-            };
-            match meter.measure(ends[0], ends[1], care, &mut Scratch::default()) {
-                // Nothing faces, or a wall.
-                None => {
-                    assert!(rays.iter().all(|&t| t == 0.0), "a wall that rays get through");
-                    walls += usize::from(!rays.is_empty());
-                }
-                Some(link) if link.between == Between::NOTHING => {
-                    assert!(rays.iter().all(|&t| t == 1.0), "rays are blocked by nothing");
-                    assert_eq!((link.transmittance, link.rays, link.noise), (1.0, 0, 0.0));
-                    nothing += 1;
-                }
-                Some(_) => unsure += 1,
+    for _ in 0..1500 {
+        staged(some(&mut random), |meter, ends| {
+            match certified(meter, ends, Between::SOMETHING, &mut random) {
+                (Some(Between::NOTHING), _) => nothing += 1,
+                (Some(_), _) => walls += 1,
+                (None, found) => unsure += usize::from(found.is_some()),
             }
         });
     }
     assert!(nothing > 100 && walls > 8 && unsure > 20, "{nothing} {walls} {unsure}");
+}
+
+/// What a link knows is true for the links of its parts, which believe it: down two levels of both ends.
+#[test]
+fn certificates_are_true_for_parts() {
+    let mut random = Pcg64Mcg::new(6);
+    let (mut nothing, mut by, mut decided) = (0, 0, 0);
+    for _ in 0..1500 {
+        staged(some(&mut random), |meter, mut ends| {
+            let mut before = Between::SOMETHING;
+            for level in 0..=2 {
+                let (certain, next) = certified(meter, ends, before, &mut random);
+                if level > 0 {
+                    nothing += usize::from(before == Between::NOTHING);
+                    by += usize::from(before.side().is_some());
+                    decided += usize::from(before.side().is_some() && certain.is_some());
+                }
+                let Some(next) = next else { break };
+                before = next;
+                ends = ends.map(|e| {
+                    let parts = meter.elements.elements[e as usize].child_range();
+                    let k = (unit(&mut random) * parts.len() as f64) as usize;
+                    parts.clone().nth(k).map_or(e, |part| part as u32)
+                });
+            }
+        });
+    }
+    assert!(nothing > 200 && by > 20 && decided > 5, "{nothing} {by} {decided}");
 }
 
 #[test]

@@ -1,0 +1,341 @@
+//! Faces of one plane that overlap and face the same way: which of them is seen, and lit, is chance.
+//!
+//! A rug whose top lies at the height of the floor, a poster in the plane of its wall. Faces that face each other are not
+//! meant (a box that stands on a floor): there is nothing between them to be seen. That is so for most sheets as well, the
+//! bottoms of furniture that is not quite closed, so that a poster whose front is turned to its wall passes for one of these.
+//!
+//! Planes are written as slopes and intercept along the axis that their normal is nearest to. Faces with about the same three
+//! numbers are neighbours after sorting; within such a group they are held against those whose boxes they meet, by a grid of
+//! cells as large as each face (n log n in all).
+
+use super::{Object, Repairs};
+use crate::math::Aabb;
+use glam::{DVec2, DVec3, Vec3};
+use rayon::prelude::*;
+use std::collections::{BTreeMap, HashMap};
+
+/// What is looked at.
+pub(super) struct Faces<'a> {
+    pub positions: &'a [Vec3],
+    pub triangles: &'a [[u32; 3]],
+    /// Object of each triangle.
+    pub object: &'a [u32],
+    /// Whether two triangles look the same: then it does not matter which of them is seen.
+    pub alike: &'a (dyn Fn(usize, usize) -> bool + Sync),
+}
+
+/// Counts the overlaps and names the largest.
+pub(super) fn tell(faces: &Faces, objects: &[Object], unit: &str, repairs: &mut Repairs) {
+    const NAMED: usize = 4;
+    let found = overlaps(faces);
+    repairs.overlapping_objects = found.len();
+    if found.is_empty() {
+        return;
+    }
+    let one = |&([a, b], area): &([u32; 2], f64)| {
+        let [first, second] = [a, b].map(|k| &objects[k as usize].name);
+        let other = if a == b { "itself".to_owned() } else { format!("`{second}`") };
+        format!("`{first}` and {other} {area:.2e} {unit}²")
+    };
+    let mut list: Vec<String> = found.iter().take(NAMED).map(one).collect();
+    if found.len() > NAMED {
+        list.push(format!("{} more", found.len() - NAMED));
+    }
+    repairs.messages.push(format!(
+        "faces of one plane overlap and face the same way: which of them is seen and lit is chance; move one of them off a \
+         little ({})",
+        list.join(", ")
+    ));
+}
+
+/// Pairs of objects, the smaller number first, with the area in which they overlap, scene units squared; largest first.
+fn overlaps(faces: &Faces) -> Vec<([u32; 2], f64)> {
+    let tolerance = Tolerance::of(&Aabb::of(faces.positions.iter().copied()));
+    let mut keys: Vec<(u64, u32)> = (0..faces.triangles.len())
+        .into_par_iter()
+        .with_min_len(4096)
+        .flat_map_iter(|t| tolerance.keys(corners(faces, t)).map(move |key| (key, t as u32)))
+        .collect();
+    keys.par_sort_unstable();
+    let groups = keys.chunk_by(|a, b| a.0 == b.0).filter(|group| {
+        let first = group[0].1 as usize;
+        group.len() > 1 && group[1..].iter().any(|&(_, t)| !(faces.alike)(first, t as usize))
+    });
+    let groups: Vec<&[(u64, u32)]> = groups.collect();
+    // A face at the border of its cell is in several groups: each pair counts once.
+    let mut pairs: Vec<(u32, u32, f64)> =
+        groups.into_par_iter().flat_map_iter(|group| within(faces, group, &tolerance)).collect();
+    pairs.par_sort_unstable_by_key(|&(a, b, _)| (a, b));
+    pairs.dedup_by_key(|&mut (a, b, _)| (a, b));
+    let mut by_objects = BTreeMap::<[u32; 2], f64>::new();
+    for (a, b, area) in pairs {
+        let [a, b] = [a, b].map(|t| faces.object[t as usize]);
+        *by_objects.entry([a.min(b), a.max(b)]).or_default() += area;
+    }
+    let mut found: Vec<_> = by_objects.into_iter().collect();
+    found.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+    found
+}
+
+/// What counts as one plane.
+#[derive(Clone, Copy)]
+struct Tolerance {
+    middle: DVec3,
+    /// Of heights, scene units: some roundings of the coordinates.
+    height: f64,
+}
+
+/// Roundings that heights may differ by.
+const ROUNDINGS: f64 = 8.0;
+/// Slopes that may differ.
+const SLOPE: f64 = 1e-5;
+/// Cells of slopes and intercepts by what they may differ: few faces lie at the border of one.
+const CELL: f64 = 32.0;
+/// Part of the smaller face in which two must overlap.
+const LEAST: f64 = 1e-3;
+
+impl Tolerance {
+    fn of(bounds: &Aabb) -> Tolerance {
+        let largest = f64::from(bounds.min.abs().max(bounds.max.abs()).max_element());
+        Tolerance {
+            middle: bounds.center().as_dvec3(),
+            height: ROUNDINGS * f64::from(f32::EPSILON) * largest.max(f64::from(bounds.diagonal())),
+        }
+    }
+
+    /// The cell of a triangle's plane, and those that it almost lies in: a hash of slopes and intercept of
+    /// `x_axis = intercept + slopes · (the other two)` about the middle of the scene, and in its last bits the axis. Planes
+    /// in between two axes have cells for both.
+    fn keys(&self, [a, b, c]: [DVec3; 3]) -> impl Iterator<Item = u64> + use<> {
+        let n = (b - a).cross(c - a);
+        let (from, sizes) = (a - self.middle, [SLOPE, SLOPE, 2.0 * self.height].map(|t| CELL * t));
+        let least = (1.0 - SLOPE) * n.abs().max_element();
+        (0..3).filter(move |&axis| n[axis].abs() >= least && least > 0.0).flat_map(move |axis| {
+            let [i, j] = others(axis);
+            let slopes = [-n[i] / n[axis], -n[j] / n[axis]];
+            let intercept = from[axis] - slopes[0] * from[i] - slopes[1] * from[j];
+            let numbers = [slopes[0], slopes[1], intercept];
+            // What is exactly 0 lies in the middle of a cell.
+            let cells: [[i64; 2]; 3] = std::array::from_fn(|k| {
+                let place = numbers[k] / sizes[k] + 0.5;
+                [-1.0, 1.0].map(|off| (place + off / CELL).floor() as i64)
+            });
+            (0..8usize).filter_map(move |upper| {
+                let is_upper = |k: usize| upper >> k & 1;
+                let distinct = (0..3).all(|k| is_upper(k) == 0 || cells[k][0] != cells[k][1]);
+                distinct.then(|| mixed(std::array::from_fn(|k| cells[k][is_upper(k)])) << 2 | axis as u64)
+            })
+        })
+    }
+}
+
+/// A number that few other cells have: what meets by chance is told apart later.
+fn mixed(cell: [i64; 3]) -> u64 {
+    cell.iter().fold(0u64, |h, &c| {
+        let h = (h ^ c as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        h ^ h >> 29
+    })
+}
+
+fn others(axis: usize) -> [usize; 2] {
+    [(axis + 1) % 3, (axis + 2) % 3]
+}
+
+fn corners(faces: &Faces, t: usize) -> [DVec3; 3] {
+    faces.triangles[t].map(|v| faces.positions[v as usize].as_dvec3())
+}
+
+/// Groups up to this size need no grid.
+const FEW: usize = 12;
+
+/// The pairs of a group that overlap, with the areas.
+fn within(faces: &Faces, group: &[(u64, u32)], tolerance: &Tolerance) -> Vec<(u32, u32, f64)> {
+    let [i, j] = others((group[0].0 & 3) as usize);
+    let flat_box = |t: u32| {
+        let [a, b, c] = corners(faces, t as usize).map(|p| DVec2::new(p[i], p[j]));
+        [a.min(b).min(c), a.max(b).max(c)]
+    };
+    let boxes: Vec<[DVec2; 2]> = group.iter().map(|&(_, t)| flat_box(t)).collect();
+    let mut found = Vec::new();
+    let mut look = |k: usize, m: usize| {
+        let ([low, high], [from, to]) = (boxes[k], boxes[m]);
+        if low.cmplt(to).all() && from.cmplt(high).all() {
+            let (s, t) = (group[k].1, group[m].1);
+            let area = overlap(faces, [s, t], tolerance);
+            if area > 0.0 {
+                found.push((s.min(t), s.max(t), area));
+            }
+        }
+    };
+    if group.len() <= FEW {
+        (0..group.len()).for_each(|m| (0..m).for_each(|k| look(k, m)));
+        return found;
+    }
+    // Each in the cells of a grid as coarse as it is large; looked for in its own grid and in coarser ones.
+    let level = |b: &[DVec2; 2]| (b[1] - b[0]).max_element().max(f64::MIN_POSITIVE).log2().ceil() as i32;
+    let cells = |b: &[DVec2; 2], level: i32| {
+        let size = f64::from(level).exp2();
+        let [low, high] = b.map(|p| (p / size).floor().as_i64vec2());
+        (low.x..=high.x).flat_map(move |x| (low.y..=high.y).map(move |y| (level, x, y)))
+    };
+    let own: Vec<i32> = boxes.iter().map(level).collect();
+    let mut grid = HashMap::<(i32, i64, i64), Vec<usize>>::new();
+    for (k, b) in boxes.iter().enumerate() {
+        cells(b, own[k]).for_each(|cell| grid.entry(cell).or_default().push(k));
+    }
+    let mut levels = own.clone();
+    levels.sort_unstable();
+    levels.dedup();
+    for (k, b) in boxes.iter().enumerate() {
+        for &level in levels.iter().filter(|&&level| level >= own[k]) {
+            for &m in cells(b, level).flat_map(|cell| grid.get(&cell)).flatten() {
+                if own[m] > own[k] || m > k {
+                    look(k, m);
+                }
+            }
+        }
+    }
+    found
+}
+
+/// The area in which two faces of about one plane overlap, if that matters; 0 otherwise.
+fn overlap(faces: &Faces, [s, t]: [u32; 2], tolerance: &Tolerance) -> f64 {
+    let [s, t] = [s as usize, t as usize];
+    if (faces.alike)(s, t) {
+        return 0.0;
+    }
+    let [p, q] = [corners(faces, s), corners(faces, t)];
+    let [n, m] = [&p, &q].map(|c| (c[1] - c[0]).cross(c[2] - c[0]));
+    if n.dot(m) <= 0.0 || beside(&p, &q, m) || beside(&q, &p, n) {
+        return 0.0;
+    }
+    let part = clipped(&p, &q, m);
+    let turns = part.windows(2).skip(1).map(|w| (w[0] - part[0]).cross(w[1] - part[0]).length());
+    let area = 0.5 * turns.sum::<f64>();
+    let normal = m.normalize_or_zero();
+    let apart = part.iter().map(|c| normal.dot(*c - q[0]).abs()).fold(0.0, f64::max);
+    let matters = area > LEAST * 0.5 * n.length().min(m.length());
+    if matters && apart <= tolerance.height { area } else { 0.0 }
+}
+
+/// Whether a triangle lies outside of an edge of another, whose normal is given.
+fn beside(p: &[DVec3; 3], q: &[DVec3; 3], normal: DVec3) -> bool {
+    (0..3).any(|k| {
+        let inward = normal.cross(q[(k + 1) % 3] - q[k]);
+        p.iter().all(|c| inward.dot(*c - q[k]) <= 0.0)
+    })
+}
+
+/// The part of a triangle over another, whose normal is given (Sutherland and Hodgman 1974).
+fn clipped(p: &[DVec3; 3], q: &[DVec3; 3], normal: DVec3) -> Vec<DVec3> {
+    let mut part = p.to_vec();
+    for k in 0..3 {
+        let inward = normal.cross(q[(k + 1) % 3] - q[k]);
+        let height = |c: DVec3| inward.dot(c - q[k]);
+        let mut kept = Vec::with_capacity(part.len() + 1);
+        for (l, &from) in part.iter().enumerate() {
+            let to = part[(l + 1) % part.len()];
+            let (a, b) = (height(from), height(to));
+            if a >= 0.0 {
+                kept.push(from);
+            }
+            if (a > 0.0 && b < 0.0) || (a < 0.0 && b > 0.0) {
+                kept.push(from.lerp(to, a / (a - b)));
+            }
+        }
+        part = kept;
+        if part.len() < 3 {
+            return Vec::new();
+        }
+    }
+    part
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
+    use glam::{DMat3, DVec3};
+
+    /// Rectangles by middle and half sides, each an object of its own grey, turned and moved together.
+    fn sheets(turn: DMat3, at: DVec3, list: &[(&str, DVec3, DVec3, DVec3)]) -> Scene {
+        let mut soup = Soup::new("sheets");
+        for (k, &(name, middle, u, v)) in list.iter().enumerate() {
+            let grey = soup.material(SoupMaterial::diffuse(name, [0.1 * (k + 1) as f32; 3]));
+            let object = soup.object(name);
+            let corners = [middle - u - v, middle + u - v, middle + u + v, middle - u + v];
+            soup.polygon(object, grey, &corners.map(|p| turn * p + at));
+        }
+        resolve(soup, &LoadOptions::default()).expect("a scene")
+    }
+
+    fn said(scene: &Scene) -> Option<&String> {
+        scene.repairs.messages.iter().find(|m| m.contains("of one plane"))
+    }
+
+    const X: DVec3 = DVec3::X;
+    const Y: DVec3 = DVec3::Y;
+
+    #[test]
+    fn posters_in_their_wall_are_told() {
+        let turns = [DMat3::IDENTITY, DMat3::from_rotation_y(0.7) * DMat3::from_rotation_x(0.3)];
+        for turn in turns {
+            for at in [DVec3::ZERO, DVec3::new(31.7, -12.3, 7.1)] {
+                let wall = ("wall", DVec3::ZERO, 3.0 * X, 2.0 * Y);
+                let poster = |z: f64, x: f64| ("poster", DVec3::new(x, 0.0, z), 0.5 * X, 0.25 * Y);
+                let scene = sheets(turn, at, &[wall, poster(0.0, 1.0)]);
+                let text = said(&scene).expect("a warning");
+                assert!(text.contains("`wall` and `poster`") && text.contains("5.00e-1 m²"), "{text}");
+                assert_eq!(scene.repairs.overlapping_objects, 1);
+                // A little in front of it, beside it, and half beside it.
+                assert!(said(&sheets(turn, at, &[wall, poster(1e-3, 1.0)])).is_none());
+                assert!(said(&sheets(turn, at, &[wall, poster(0.0, 3.5)])).is_none());
+                let half = sheets(turn, at, &[wall, poster(0.0, 3.0)]);
+                assert!(said(&half).is_some_and(|m| m.contains("2.50e-1 m²")), "{:?}", said(&half));
+            }
+        }
+    }
+
+    #[test]
+    fn boxes_on_each_other_and_meshes_are_fine() {
+        let mut soup = Soup::new("boxes");
+        for (k, low) in [0.0, 1.0].into_iter().enumerate() {
+            let grey = soup.material(SoupMaterial::diffuse("grey", [0.3 + 0.1 * k as f32; 3]));
+            let object = soup.object(format!("box {k}"));
+            let first = soup.positions.len() as u32;
+            for c in 0..8 {
+                let at = |bit: usize| (c >> bit & 1) as f64;
+                soup.positions.push(DVec3::new(at(0), at(1), low + at(2)));
+            }
+            for f in [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]] {
+                soup.indexed_polygon(object, grey, f.map(|v| first + v));
+            }
+        }
+        assert!(said(&resolve(soup.clone(), &LoadOptions::default()).expect("a scene")).is_none());
+        // The same as sheets.
+        let sheets = LoadOptions { sides: Some(2), ..LoadOptions::default() };
+        assert!(said(&resolve(soup, &sheets).expect("a scene")).is_none());
+    }
+
+    /// A tiled floor, each tile of another grey, in no order: tiles touch and do not overlap; one large rug covers all.
+    #[test]
+    fn tiles_touch_and_a_rug_covers_them() {
+        let mut soup = Soup::new("tiles");
+        let (tiles, rug) = (soup.object("tiles"), soup.object("rug"));
+        let tile = |soup: &mut Soup, k: u32, low: DVec3, size: f64, object: u32| {
+            let grey =
+                soup.material(SoupMaterial::diffuse(format!("grey {k}"), [0.001 * (k % 900) as f32; 3]));
+            let corners = [low, low + size * X, low + size * (X + Y), low + size * Y];
+            soup.polygon(object, grey, &corners);
+        };
+        let n = 60;
+        for k in 0..n * n {
+            let k = k * 7 % (n * n);
+            let at = DVec3::new(0.1 * f64::from(k % n), 0.1 * f64::from(k / n), 0.3);
+            tile(&mut soup, k, at, 0.1, tiles);
+        }
+        assert!(said(&resolve(soup.clone(), &LoadOptions::default()).expect("a scene")).is_none());
+        tile(&mut soup, 950, DVec3::new(1.03, 1.02, 0.3), 4.0, rug);
+        let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+        assert!(said(&scene).is_some_and(|m| m.contains("1.60e1 m²")), "{:?}", said(&scene));
+    }
+}
