@@ -119,12 +119,20 @@ fn from_side(
     let emits = side.exitance.iter().any(|&m| m > 0.0);
     let mut rays = Vec::with_capacity(count);
     let seed = seed ^ (s as u64) << 20;
-    look(elements, (traced, traversal), ends, length, (element, count, seed), packets, |met, triangle, from| {
-        rays.push((element.area / count as f64, met));
-        if met == Elements::NONE {
-            entered.push(Entered { triangle, from, emits });
-        }
-    });
+    look(
+        elements,
+        (traced, traversal),
+        ends,
+        length,
+        (element, count, seed),
+        packets,
+        |met, triangle, from| {
+            rays.push((element.area / count as f64, met));
+            if met == Elements::NONE {
+                entered.push(Entered { triangle, from, emits });
+            }
+        },
+    );
     (rays, entered)
 }
 

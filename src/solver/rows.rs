@@ -75,10 +75,7 @@ impl Solver<'_> {
         // What balancing has left is made up where it is gathered.
         for (e, &sum) in sums.iter().enumerate().filter(|_| self.rows == Rows::Balanced) {
             let row = f64::from(self.closure[e].gathers) * sum;
-            let missing = self.missing(e, row);
-            if missing < TOO_MUCH {
-                self.closure[e].gathers *= missing as f32;
-            }
+            self.closure[e].gathers *= self.missing(e, row) as f32;
         }
         (sampled, self.bound(&sums))
     }
