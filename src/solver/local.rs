@@ -240,7 +240,7 @@ impl Receiver<'_> {
                 Seen::new(
                     row,
                     met.len() as f64,
-                    system.weights(i).map(|(j, w)| (f64::from(w), brightness[j as usize])),
+                    system.form_factors(i).map(|(j, f)| (f, brightness[j as usize])),
                 )
             })
             .collect();
@@ -284,7 +284,7 @@ struct Seen {
 }
 
 impl Seen {
-    /// For `n` rays; `others` are the weights and the brightness of what rays from and to it join it with.
+    /// For `n` rays; `others` are the form factors and the brightness of what rays from and to it join it with.
     fn new(row: &Row, n: f64, others: impl Iterator<Item = (f64, f64)>) -> Seen {
         let direct = f64::from(row.direct.element_sum()) / 3.0;
         let (mut weights, mut squared_weights, mut sum, mut squares) = (0.0, 0.0, 0.0, 0.0);

@@ -13,6 +13,7 @@ mod field;
 mod histogram;
 mod importance;
 mod iterate;
+mod krylov;
 mod lamps;
 mod ledger;
 mod local;

@@ -1,20 +1,10 @@
 //! Light between elements that rays join.
 
-use super::Settled;
 use super::clock::Clock;
 use super::field::{Rgb, add};
 use super::options::Rows;
 use rayon::prelude::*;
 
-/// Residual at which a solution is good, relative to what emitters send (root mean squares by area), and iterations at
-/// most.
-const SETTLED: f64 = 1e-4;
-const ITERATIONS: usize = 100;
-/// Iterations however late it is; more where they are quick: so many rays over all iterations.
-const LEAST: usize = 3;
-const QUICK: usize = 50_000_000;
-/// Terms that are summed up in a row: sums do not depend on threads.
-const BLOCK: usize = 4096;
 /// Rows that one task takes.
 const CHUNK: usize = 256;
 /// Most rounds of balancing, the mean error of the row sums, as part of them, at which it ends, and the factors that it may
@@ -26,7 +16,8 @@ const BALANCED: f64 = 1e-3;
 const POWERS: [f64; 4] = [0.517, 0.685, 1.27, 3.16];
 const FACTORS: [f32; 2] = [1e-3, 8.0];
 
-type Field = Vec<Rgb>;
+/// A value a place, RGB.
+pub(super) type Field = Vec<Rgb>;
 
 /// Exchange of light between places, by the rays that join them.
 ///
@@ -47,7 +38,7 @@ pub struct System {
     /// Reflectance of the places, RGB.
     reflectance: Vec<[f32; 3]>,
     /// Areas.
-    area: Vec<f64>,
+    pub(super) area: Vec<f64>,
     /// `d` and `g`.
     factors: Vec<f32>,
     rests: Vec<f32>,
@@ -118,8 +109,19 @@ impl System {
         (met / rays * of_sum + sum * of_part) / (of_sum + of_part)
     }
 
+    /// Ends of all rays.
+    pub fn joined(&self) -> usize {
+        self.others.len()
+    }
+
+    /// The other ends of i's rays, with what each adds to the form factor with them.
+    pub fn form_factors(&self, i: usize) -> impl Iterator<Item = (u32, f64)> {
+        let own = f64::from(self.factors[i] * self.rests[i]) / self.area[i];
+        self.weights(i).map(move |(j, w)| (j, own * f64::from(w * self.factors[j as usize])))
+    }
+
     /// The other ends of i's rays, with their weights.
-    pub fn weights(&self, i: usize) -> impl Iterator<Item = (u32, f32)> {
+    fn weights(&self, i: usize) -> impl Iterator<Item = (u32, f32)> {
         let own = self.density[i];
         let from = if i > 0 { self.ends[i - 1] } else { 0 };
         self.others[from..self.ends[i]].iter().map(move |&j| (j, 1.0 / (own + self.density[j as usize])))
@@ -160,47 +162,11 @@ impl System {
         (0..self.area.len()).into_par_iter().with_min_len(CHUNK).map(sum).collect()
     }
 
-    /// The irradiance for what emitters send, from a first guess, and how good it is.
-    ///
-    /// The stabilised bi-conjugate gradients of van der Vorst (1992), each channel by itself: what the rows lack is made up on
-    /// one side only. Sweeps that take turns, of whatever order, need hundreds where light is caught between white
-    /// surfaces; a Krylov space has these few slow modes after a few steps. Where its recurrence breaks down, it begins
-    /// anew from the best solution so far; that is also what is left if it does not converge, or has to stop.
-    pub fn solve(&self, direct: &Field, start: Field, clock: &Clock) -> (Field, Settled) {
-        let want = self.dot(direct, direct).map(|d| d * SETTLED * SETTLED);
-        let mut settled = Settled { sweeps: 1, residual: f64::INFINITY, converged: false };
-        let mut best = start;
-        let mut space = Space::new(self, direct, best.clone());
-        let mut sound = true;
-        let least = (QUICK / self.others.len().max(1)).clamp(LEAST, ITERATIONS);
-        for iteration in 0..ITERATIONS {
-            let left = self.dot(&space.r, &space.r);
-            let worst = (0..3).map(|k| left[k] / want[k].max(f64::MIN_POSITIVE)).fold(0.0, f64::max);
-            let residual = SETTLED * worst.sqrt();
-            if residual < settled.residual && left.iter().all(|l| l.is_finite()) {
-                settled.residual = residual;
-                best.clone_from(&space.x);
-            }
-            let done: [bool; 3] = std::array::from_fn(|k| left[k] <= want[k]);
-            settled.converged = done == [true; 3];
-            if settled.converged || (iteration >= least && clock.late()) {
-                break;
-            }
-            if !sound {
-                settled.sweeps += 1;
-                space = Space::new(self, direct, best.clone());
-            }
-            settled.sweeps += 2;
-            sound = space.advance(self, done);
-        }
-        // Factors are not negative, and neither is light: what rounding leaves below zero in the dark is nothing.
-        (best.into_par_iter().map(|e| e.map(|v| v.max(0.0))).collect(), settled)
-    }
-
-    fn apply(&self, x: &Field) -> Field {
+    /// What emitters must send for the irradiance to be `x`.
+    pub(super) fn apply(&self, x: &Field) -> Field {
         let sent: Vec<[f32; 4]> = (0..x.len())
             .into_par_iter()
-            .with_min_len(BLOCK)
+            .with_min_len(CHUNK)
             .map(|j| {
                 let rho = self.reflectance[j].map(|rho| rho * self.factors[j]);
                 let [r, g, b] = std::array::from_fn(|k| rho[k] * x[j][k] as f32);
@@ -222,21 +188,6 @@ impl System {
                 std::array::from_fn(|k| x[i][k] - gathers * sum[k])
             })
             .collect()
-    }
-
-    fn dot(&self, a: &Field, b: &Field) -> Rgb {
-        let parts: Vec<Rgb> = (0..a.len().div_ceil(BLOCK))
-            .into_par_iter()
-            .map(|block| {
-                let range = block * BLOCK..((block + 1) * BLOCK).min(a.len());
-                let mut sum = [0.0; 3];
-                for i in range {
-                    (0..3).for_each(|k| sum[k] += self.area[i] * a[i][k] * b[i][k]);
-                }
-                sum
-            })
-            .collect();
-        parts.iter().fold([0.0; 3], |sum, part| std::array::from_fn(|k| sum[k] + part[k]))
     }
 }
 
@@ -263,58 +214,6 @@ fn both_ways(places: &[Place], met: &[u32]) -> (Vec<usize>, Vec<u32>) {
         ends[i] += 1;
     });
     (ends, others)
-}
-
-/// Where the iteration is.
-struct Space {
-    x: Field,
-    /// Residual, search direction, and the shadow of the first residual.
-    r: Field,
-    p: Field,
-    shadow: Field,
-    rho: Rgb,
-}
-
-impl Space {
-    fn new(system: &System, direct: &Field, x: Field) -> Space {
-        let r = combined(direct, &[([-1.0; 3], &system.apply(&x))]);
-        let rho = system.dot(&r, &r);
-        Space { x, p: r.clone(), shadow: r.clone(), r, rho }
-    }
-
-    /// One step; whether it can go on, `done` by channel.
-    fn advance(&mut self, system: &System, done: [bool; 3]) -> bool {
-        let v = system.apply(&self.p);
-        let alpha = divide(self.rho, system.dot(&self.shadow, &v));
-        let s = combined(&self.r, &[(alpha.map(|a| -a), &v)]);
-        let t = system.apply(&s);
-        let omega = divide(system.dot(&t, &s), system.dot(&t, &t));
-        self.x = combined(&self.x, &[(alpha, &self.p), (omega, &s)]);
-        self.r = combined(&s, &[(omega.map(|o| -o), &t)]);
-        let next = system.dot(&self.shadow, &self.r);
-        let beta: Rgb = std::array::from_fn(|k| divide(next, self.rho)[k] * divide(alpha, omega)[k]);
-        let sound = (0..3).all(|k| {
-            let product = next[k] * beta[k];
-            product.is_finite() && (done[k] || product != 0.0)
-        });
-        self.rho = next;
-        self.p = combined(&self.r, &[(beta, &self.p), (std::array::from_fn(|k| -beta[k] * omega[k]), &v)]);
-        sound
-    }
-}
-
-/// `a + Σ c b`.
-fn combined(a: &Field, more: &[(Rgb, &Field)]) -> Field {
-    a.par_iter()
-        .enumerate()
-        .with_min_len(BLOCK)
-        .map(|(i, a)| std::array::from_fn(|k| more.iter().fold(a[k], |sum, (c, b)| sum + c[k] * b[i][k])))
-        .collect()
-}
-
-/// By channel; 0 where a channel has come to rest.
-fn divide(a: Rgb, b: Rgb) -> Rgb {
-    std::array::from_fn(|k| if b[k] == 0.0 { 0.0 } else { a[k] / b[k] })
 }
 
 #[cfg(test)]
@@ -355,85 +254,5 @@ mod tests {
             let found = system.reciprocity();
             assert!(found > 0.0 && found < differ, "{rows:?} {found}");
         }
-    }
-
-    /// Two rooms of white walls, joined by a door: every `DOOR`th ray goes through.
-    fn rooms(n: u32, rays: u32, reflectance: f32) -> (System, Vec<u32>) {
-        const DOOR: u64 = 50;
-        let met: Vec<u32> = (0..u64::from(n * rays))
-            .map(|k| {
-                let [u, ..] = numbers(7, k);
-                let room = u32::from((k / u64::from(rays)) as u32 >= n / 2) ^ u32::from(k % DOOR == 0);
-                room * (n / 2) + (u * (n / 2) as f32) as u32
-            })
-            .collect();
-        let places: Vec<Place> = (1..=n as usize)
-            .map(|i| Place { area: 1.0, reflectance: [reflectance; 3], end: i * rays as usize })
-            .collect();
-        (System::new(&places, &met, Rows::Balanced, &Clock::start(&(), None)), met)
-    }
-
-    #[test]
-    fn a_furnace_has_the_same_light_everywhere() {
-        let (system, _) = rooms(200, 64, 0.95);
-        let solve = |direct: f64| {
-            system.solve(&vec![[direct; 3]; 200], vec![[0.0; 3]; 200], &Clock::start(&(), None))
-        };
-        let (found, settled) = solve(1.0);
-        assert!(settled.converged && settled.residual <= SETTLED, "{settled:?}");
-        assert!(found.iter().flatten().all(|e| (e / 20.0 - 1.0).abs() < 1e-3), "{found:?}");
-        assert!(solve(0.0).0.iter().flatten().all(|&e| e == 0.0));
-    }
-
-    /// Rows that give back more than they get have no light that would be a solution; what is written is finite, and the
-    /// record says that it is not converged.
-    #[test]
-    fn what_does_not_converge_says_so() {
-        let (system, _) = rooms(200, 64, 1.5);
-        let direct: Field = (0..200).map(|i| [f64::from(u8::from(i < 10)), 0.0, f64::NAN]).collect();
-        let (found, settled) = system.solve(&direct, vec![[0.0; 3]; 200], &Clock::start(&(), None));
-        assert!(!settled.converged && found.iter().flatten().all(|e| e.is_finite()), "{settled:?}");
-    }
-
-    /// Why the light is not found by relaxing rows one at a time, be they in turn (Gauss and Seidel) or that with the
-    /// largest residual first (Southwell): both look at more rays in white rooms, and neither can use two threads.
-    #[test]
-    fn krylov_takes_less_work_than_southwell_and_gauss_seidel() {
-        let (n, rays) = (200usize, 64usize);
-        let (system, met) = rooms(n as u32, rays as u32, 0.97);
-        let direct: Field = (0..n).map(|i| [f64::from(u8::from(i < 10)); 3]).collect();
-        let (found, settled) = system.solve(&direct, vec![[0.0; 3]; n], &Clock::start(&(), None));
-        let krylov = settled.sweeps * system.others.len();
-        // In columns: who gets what from j.
-        let mut columns = vec![Vec::new(); n];
-        for i in 0..n {
-            for (j, w) in system.weights(i) {
-                let factors = system.factors[i] * system.rests[i] * system.factors[j as usize];
-                columns[j as usize].push((i, f64::from(w * factors)));
-            }
-        }
-        let settled = |r: &[f64]| r.iter().map(|v| v * v).sum::<f64>() <= 10.0 * SETTLED * SETTLED;
-        let relax = |i: usize, x: &mut [f64], r: &mut [f64]| {
-            let d = std::mem::take(&mut r[i]);
-            x[i] += d;
-            columns[i].iter().for_each(|&(j, factor)| r[j] += 0.97 * d * factor);
-            columns[i].len()
-        };
-        let run = |southwell: bool| {
-            let (mut x, mut r) = (vec![0.0; n], direct.iter().map(|d| d[0]).collect::<Vec<f64>>());
-            let mut work = 0;
-            for step in 0.. {
-                let largest = || (0..n).max_by(|&a, &b| r[a].total_cmp(&r[b])).unwrap_or(0);
-                let i = if southwell { largest() } else { step % n };
-                work += relax(i, &mut x, &mut r);
-                if settled(&r) {
-                    break;
-                }
-            }
-            assert!((0..n).all(|i| (x[i] / found[i][0] - 1.0).abs() < 1e-2));
-            work
-        };
-        let (southwell, seidel) = (run(true), run(false));
-        assert!(4 * krylov < southwell && 4 * krylov < seidel, "{krylov} {southwell} {seidel}");
     }
 }
