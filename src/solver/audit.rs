@@ -28,6 +28,28 @@ pub struct Audit {
     pub rms_error: f64,
     /// Root mean square of the bars, relative to the same.
     pub rms_bar: f64,
+    /// What bars have been multiplied with, in `[1/4, 4]`, by as many other elements.
+    pub factor: f64,
+}
+
+/// Least and largest factor that an audit brings bars to the truth with, and elements that it takes.
+const FACTORS: [f64; 2] = [0.25, 4.0];
+const ENOUGH: usize = 40;
+/// Part of the errors that should lie within twice the bars. Errors have longer tails than a normal distribution: bars that
+/// hold two thirds of them would be too small.
+const WITHIN_TWO: f64 = 0.9545;
+/// Where in its part of the area an element is drawn: for the factor, and for the audit.
+const FOR_FACTOR: f64 = 0.25;
+const FOR_AUDIT: f64 = 0.75;
+
+/// An element that was looked at, W/m².
+struct Check {
+    /// How far off the solution is.
+    error: f64,
+    /// Standard error of that.
+    noise: f64,
+    /// What its bar says.
+    bar: f64,
 }
 
 impl Receiver<'_> {
@@ -39,45 +61,18 @@ impl Receiver<'_> {
         count: usize,
         stop: &(dyn Fn() -> bool + Sync),
     ) -> (Audit, Tally) {
-        let elements = &self.solver.elements;
-        let (mut areas, mut sum, mut light) = (Vec::new(), 0.0, 0.0);
-        for (e, element) in elements.elements.iter().enumerate() {
-            if element.is_leaf() && !element.is_cluster() && element.area > 0.0 {
-                sum += element.area;
-                light += element.area * mean(self.solver.incident[e]);
-                areas.push((sum, e as u32));
-            }
+        let (checks, tally) = self.checks(bars, count, FOR_AUDIT, stop);
+        if checks.is_empty() {
+            return (Audit::default(), tally);
         }
-        if areas.is_empty() || light <= 0.0 || count == 0 {
-            return (Audit::default(), Tally::default());
-        }
-        let drawn = |k: usize| {
-            let at = (k as f64 + 0.5) / count as f64 * sum;
-            areas[areas.partition_point(|a| a.0 <= at).min(areas.len() - 1)].1
-        };
-        let truths: Option<Vec<(u32, f64, f64, Tally)>> = (0..count)
-            .into_par_iter()
-            .map_init(Buffers::default, |buffers, k| {
-                if stop() {
-                    return None;
-                }
-                buffers.scratch.tally = Tally::default();
-                let (truth, error) = self.truth(drawn(k), buffers);
-                Some((drawn(k), truth, error, buffers.scratch.tally))
-            })
-            .collect();
-        let Some(truths) = truths else { return (Audit::default(), Tally::default()) };
-        let (mut audit, mut tally) = (Audit { elements: count, ..Audit::default() }, Tally::default());
-        for (e, truth, noise, cost) in truths {
-            tally.add(cost);
-            let error = (mean(self.solver.incident[e as usize]) - truth).abs();
-            let bar = bars[e as usize];
+        let mut audit = Audit { elements: checks.len(), ..Audit::default() };
+        for Check { error, noise, bar } in checks {
             audit.within_one += f64::from(u8::from(error <= bar.hypot(noise)));
             audit.within_two += f64::from(u8::from(error <= 2.0 * bar.hypot(noise)));
             audit.rms_error += error * error - noise * noise;
             audit.rms_bar += bar * bar;
         }
-        let (n, level) = (count as f64, light / sum);
+        let (n, level) = (audit.elements as f64, self.level());
         audit.within_one /= n;
         audit.within_two /= n;
         audit.rms_error = (audit.rms_error.max(0.0) / n).sqrt() / level;
@@ -85,12 +80,93 @@ impl Receiver<'_> {
         (audit, tally)
     }
 
+    /// What bars must be multiplied with so that as many of `count` elements (others than an audit looks at) lie within twice
+    /// them as should; 1 where too few of them have bars that the truth's own noise does not hide. Samples that are spread evenly are
+    /// better than the independent ones that bars are made of, and errors of links are not independent.
+    pub(super) fn factor(
+        &self,
+        bars: &[f64],
+        count: usize,
+        stop: &(dyn Fn() -> bool + Sync),
+    ) -> (f64, Tally) {
+        let (mut checks, tally) = self.checks(bars, count, FOR_FACTOR, stop);
+        checks.retain(|check| check.noise < check.bar);
+        if checks.len() < ENOUGH {
+            return (1.0, tally);
+        }
+        let within = |factor: f64| {
+            let held = checks.iter().filter(|c| c.error <= 2.0 * (factor * c.bar).hypot(c.noise)).count();
+            held as f64 / checks.len() as f64
+        };
+        let [mut low, mut high] = FACTORS;
+        for _ in 0..20 {
+            let middle = (low * high).sqrt();
+            if within(middle) < WITHIN_TWO { low = middle } else { high = middle }
+        }
+        (high, tally)
+    }
+
+    /// Mean irradiance of all elements.
+    fn level(&self) -> f64 {
+        let (mut area, mut light) = (0.0, 0.0);
+        for (e, element) in self.solver.elements.elements.iter().enumerate() {
+            if element.is_leaf() && !element.is_cluster() {
+                (area, light) = (area + element.area, light + element.area * mean(self.solver.incident[e]));
+            }
+        }
+        if area > 0.0 { light / area } else { 0.0 }
+    }
+
+    /// Looks at `count` elements, drawn by area; `place` in `[0, 1)` says which. None without light, or if it is stopped.
+    fn checks(
+        &self,
+        bars: &[f64],
+        count: usize,
+        place: f64,
+        stop: &(dyn Fn() -> bool + Sync),
+    ) -> (Vec<Check>, Tally) {
+        let elements = &self.solver.elements;
+        let (mut areas, mut sum) = (Vec::new(), 0.0);
+        for (e, element) in elements.elements.iter().enumerate() {
+            if element.is_leaf() && !element.is_cluster() && element.area > 0.0 {
+                sum += element.area;
+                areas.push((sum, e as u32));
+            }
+        }
+        if areas.is_empty() || self.level() <= 0.0 {
+            return (Vec::new(), Tally::default());
+        }
+        let drawn = |k: usize| {
+            let at = (k as f64 + place) / count as f64 * sum;
+            areas[areas.partition_point(|a| a.0 <= at).min(areas.len() - 1)].1
+        };
+        let made: Option<Vec<(Check, Tally)>> = (0..count)
+            .into_par_iter()
+            .map_init(Buffers::default, |buffers, k| {
+                if stop() {
+                    return None;
+                }
+                buffers.scratch.tally = Tally::default();
+                let e = drawn(k);
+                let (truth, noise) = self.truth(e, place.to_bits(), buffers);
+                let error = (mean(self.solver.incident[e as usize]) - truth).abs();
+                Some((Check { error, noise, bar: bars[e as usize] }, buffers.scratch.tally))
+            })
+            .collect();
+        let (mut checks, mut tally) = (Vec::new(), Tally::default());
+        for (check, cost) in made.into_iter().flatten() {
+            checks.push(check);
+            tally.add(cost);
+        }
+        (checks, tally)
+    }
+
     /// Mean irradiance of an element over the channels, and its standard error.
-    fn truth(&self, element: u32, buffers: &mut Buffers) -> (f64, f64) {
+    fn truth(&self, element: u32, seed: u64, buffers: &mut Buffers) -> (f64, f64) {
         let Shape::Surface { side, corners } = self.solver.elements.elements[element as usize].shape else {
             return (0.0, 0.0);
         };
-        let seed = mix(!self.solver.seed ^ mix(u64::from(element)));
+        let seed = mix(!self.solver.seed ^ mix(seed ^ u64::from(element)));
         let groups: Vec<f64> = (0..GROUPS)
             .map(|g| {
                 let seed = mix(seed ^ u64::from(g));

@@ -8,7 +8,7 @@ use super::notes::unsettled;
 use super::prepare::Prepared;
 use super::record::{Ended, Outcome, Record, Seconds, Settled, Unlit};
 use super::steps::{least, solve};
-use super::{Options, Receiver, Solver, probe, reach};
+use super::{Audit, Options, Receiver, Solver, probe, reach};
 use crate::element::{Elements, lit_inside};
 use crate::facts::SceneFacts;
 use crate::link::Sight;
@@ -184,11 +184,15 @@ pub fn run_then<T>(
     warnings.extend(receiver.far_off(&relative));
     let mut bundles = solver.tally();
     bundles.add(tally);
-    let uncertainty = solver.uncertainty();
+    let mut uncertainty = solver.uncertainty();
     let audited = if options.direct_only { 0 } else { options.audit };
     progress.stage("audit");
     let late = || clock.with_grace().late();
+    let (factor, tally) = timed(&mut seconds.audit, || receiver.factor(&uncertainty, audited, &late));
+    bundles.add(tally);
+    uncertainty.iter_mut().for_each(|u| *u *= factor);
     let (audit, tally) = timed(&mut seconds.audit, || receiver.audit(&uncertainty, audited, &late));
+    let audit = Audit { factor, ..audit };
     bundles.add(tally);
     if scene.emitters.is_empty() {
         warnings

@@ -211,7 +211,7 @@ fn clutter_is_lit_as_paths_say() {
     assert!(ledger.reciprocity_residual > 0.0 && ledger.reciprocity_residual < 5e-3, "{ledger:?}");
     assert!(ledger.row_sum_error < 5e-3 && ledger.closed_area > 0.5, "{ledger:?}");
     let audit = audit.expect("an audit");
-    assert!(audit.within_two > 0.85 && audit.rms_bar < 4.0 * audit.rms_error, "{audit:?}");
+    assert!(audit.within_two > 0.85 && audit.rms_bar < 3.0 * audit.rms_error, "{audit:?}");
 }
 
 /// Bars tell how wrong elements are, and neither nothing nor anything.
@@ -219,8 +219,8 @@ fn clutter_is_lit_as_paths_say() {
 fn bars_hold_the_truth() {
     let outcome = solved(&room(true), &[], &Options { error: 0.05, ..Options::default() });
     let audit = outcome.record.audit.expect("an audit");
-    assert!(audit.within_one > 0.6 && audit.within_two > 0.9, "{audit:?}");
-    assert!(audit.rms_bar < 4.0 * audit.rms_error, "{audit:?}");
+    assert!(audit.within_one > 0.55 && audit.within_two > 0.88 && audit.factor != 1.0, "{audit:?}");
+    assert!(audit.rms_bar < 3.0 * audit.rms_error, "{audit:?}");
 }
 
 #[test]
