@@ -23,8 +23,10 @@ SEED = 5
 RUNS = [
     ("exact", []),
     ("MR", ["--visibility", "mr"]),
-    ("exact, finer", ["--error", "0.01"]),
-    ("MR, finer", ["--error", "0.01", "--visibility", "mr"]),
+    ("exact, fine", ["--error", "0.007"]),
+    ("MR, fine", ["--error", "0.007", "--visibility", "mr"]),
+    ("exact, links alone", ["--local-rays", "0"]),
+    ("MR, links alone", ["--local-rays", "0", "--visibility", "mr"]),
 ]
 
 
