@@ -30,11 +30,11 @@ impl Solver<'_> {
     }
 
     /// Splits all surfaces down to an area (one that there are ids for): for the local pass. What hides a part of a surface from all others, as
-    /// furniture does with the floor, dims the mean of the whole, but not what is seen of it.
-    pub(super) fn split_all(&mut self, min_area: f64) {
+    /// furniture does with the floor, dims the mean of the whole, but not what is seen of it. It ends when interrupted.
+    pub(super) fn split_all(&mut self, min_area: f64, clock: &Clock) {
         self.elements.min_area = min_area;
         let mut e = 0;
-        while e < self.elements.len() {
+        while e < self.elements.len() && !clock.interrupted() {
             if self.elements.elements[e].is_leaf() && self.elements.can_open(e as u32) {
                 self.open(e as u32);
             }

@@ -140,7 +140,7 @@ mod tests {
             })
             .collect();
         let places: Vec<Place> = (1..=n as usize)
-            .map(|i| Place { area: 1.0, reflectance: [reflectance; 3], end: i * rays as usize })
+            .map(|i| Place { area: 1.0, reflectance: [reflectance; 3], end: i * rays as usize, closed: true })
             .collect();
         System::new(&places, &met, Rows::Balanced, &Clock::start(&(), None))
     }

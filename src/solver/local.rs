@@ -29,7 +29,7 @@ pub(super) const LATE: f64 = 1e5;
 const TIMED: usize = 2000;
 const TIMED_RAYS: u32 = 16;
 /// Part of the time that rays may take; the rest is for the light on them.
-const TRACING: f64 = 0.7;
+const TRACING: f64 = 0.5;
 /// Part of the rays that is left when surfaces have been split for so many rays, and each part has its few.
 const SHARED: f64 = 0.8;
 /// Elements that one task traces for.
@@ -199,6 +199,7 @@ impl Receiver<'_> {
                     area: elements.elements[row.leaf as usize].area,
                     reflectance: elements.sides[side as usize].reflectance,
                     end: row.end,
+                    closed: self.solver.probe.closed[side as usize],
                 },
                 Shape::Cluster(_) => unreachable!("rows are those of surfaces"),
             })

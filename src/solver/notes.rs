@@ -39,6 +39,19 @@ impl Unlit {
     }
 }
 
+/// What a user should know about a local pass that had time for fewer rays than were asked for; none: a few each.
+pub(super) fn hurried(rays: Option<f64>, all: f64, clock: &Clock) -> Option<String> {
+    let fewer = match rays {
+        Some(rays) if rays >= all => return None,
+        Some(rays) => format!("{rays:.1e}"),
+        None => "the least".into(),
+    };
+    let why = if clock.interrupted() { "an interruption" } else { "--max-seconds" };
+    Some(format!(
+        "{why} left the local pass {fewer} of {all:.1e} rays: elements are noisier than --error says"
+    ))
+}
+
 /// What a user should know about light that has not settled although there was time, and about leaves that were bounded.
 pub(super) fn unsettled(settled: &Settled, bounded: usize, clock: &Clock) -> Vec<String> {
     let mut notes = Vec::new();

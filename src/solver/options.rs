@@ -144,7 +144,8 @@ impl Options {
             ("--light-rays", light, 1 << 16),
             ("--gather-rays", gather, 1 << 20),
             ("--max-links", self.max_links, 1 << 30),
-            ("--audit", self.audit + 1, 1 << 20),
+            ("--local-rays", self.local_rays.unwrap_or(0).saturating_add(1), 1 << 30),
+            ("--audit", self.audit.saturating_add(1), 1 << 20),
         ] {
             if value == 0 || value > most {
                 return Err(Error::Argument(format!("{name} {value}: must lie in 1..{most}")));

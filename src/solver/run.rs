@@ -4,7 +4,7 @@ use super::clock::Clock;
 use super::field::Rgb;
 use super::local::LATE;
 use super::more::{More, relative};
-use super::notes::unsettled;
+use super::notes::{hurried, unsettled};
 use super::prepare::Prepared;
 use super::record::{Ended, Outcome, Record, Seconds, Settled, Unlit};
 use super::steps::{least, solve};
@@ -153,7 +153,7 @@ pub fn run_then<T>(
     let mut settled_local = None;
     if local {
         progress.stage("local pass");
-        let found = timed(&mut seconds.local, || {
+        let (found, note) = timed(&mut seconds.local, || {
             let traced = (exact.scene, exact.traversal);
             let all = options.local_rays() as f64;
             let rays = match light.limited() {
@@ -164,9 +164,10 @@ pub fn run_then<T>(
                 Some(rays) if rays >= all => finest,
                 fewer => Options::area_for(fewer.unwrap_or(LATE)).max(finest),
             };
-            solver.split_all(smallest * area);
-            Receiver::new(scene, &solver, traced, options).local(rays, &light)
+            solver.split_all(smallest * area, &light);
+            (Receiver::new(scene, &solver, traced, options).local(rays, &light), hurried(rays, all, &light))
         });
+        warnings.extend(note);
         settled_local = Some(found.settled);
         warnings.extend(unsettled(&found.settled, 0, &light));
         solver.adopt(found);

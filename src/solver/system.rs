@@ -25,7 +25,7 @@ pub(super) type Field = Vec<Rgb>;
 /// ends on j and one of j that ends on i sample the same exchange `X_ij = A_i F_ij = A_j F_ji`, so both count for both ends,
 /// with the weight `1/(r_i + r_j)` (balance heuristic, Veach and Guibas 1995): `X` is symmetric whatever chance does.
 /// Its row sums are right on average only; those of the scaled `d_i X_ij d_j` are what is known of them: 1 where no ray
-/// of i is lost (method E.7).
+/// is lost (method E.7).
 ///
 /// `E_i - g_i d_i/A_i Σ_j X_ij d_j ρ_j E_j` is what emitters send to i.
 pub struct System {
@@ -52,6 +52,8 @@ pub struct Place {
     pub reflectance: [f32; 3],
     /// End of its rays among all.
     pub end: usize,
+    /// Nothing that leaves it leaves the scene, as more rays than its own say.
+    pub closed: bool,
 }
 
 impl System {
@@ -72,7 +74,7 @@ impl System {
         let want: Vec<f64> = (0..n)
             .map(|i| {
                 let own = &met[places[i].end - rays(i)..places[i].end];
-                system.row(i, own.len(), own.iter().filter(|&&j| j != u32::MAX).count())
+                system.row(i, places[i].closed, own.len(), own.iter().filter(|&&j| j != u32::MAX).count())
             })
             .collect();
         system.balance(&want, rows, clock);
@@ -94,8 +96,8 @@ impl System {
     }
 
     /// The row sum of i, by what became of its rays and by those that met it, each as sure as it is.
-    fn row(&self, i: usize, rays: usize, met: usize) -> f64 {
-        if met == rays {
+    fn row(&self, i: usize, closed: bool, rays: usize, met: usize) -> f64 {
+        if closed && met == rays {
             return 1.0;
         }
         let (mut sum, mut squares) = (0.0, 0.0);
@@ -231,7 +233,7 @@ mod tests {
             .map(|i| {
                 let rays = 20 + 40 * u64::from(i % 5);
                 met.extend((0..rays).map(|k| (numbers(u64::from(i), k)[0] * n as f32) as u32));
-                Place { area: 0.5 + f64::from(i % 3), reflectance: [0.5; 3], end: met.len() }
+                Place { area: 0.5 + f64::from(i % 3), reflectance: [0.5; 3], end: met.len(), closed: true }
             })
             .collect();
         let system = |rows| System::new(&places, &met, rows, &Clock::start(&(), None));

@@ -181,7 +181,10 @@ fn wrong_bars_are_found_out() {
         let audit = |solver: &Solver, factor: f64| look(solver, factor).0;
         // Bars that are too large or too small are brought to the same.
         let [small, same, large] = [0.7, 1.0, 2.0].map(|factor| factor * look(solver, factor).1);
-        assert!((small / same - 1.0).abs() < 0.3 && (large / same - 1.0).abs() < 0.3, "{small} {same} {large}");
+        assert!(
+            (small / same - 1.0).abs() < 0.3 && (large / same - 1.0).abs() < 0.3,
+            "{small} {same} {large}"
+        );
         let [bold, right, shy] = [0.02, 1.0, 50.0].map(|factor| audit(solver, factor));
         assert!(right.within_two > 0.9 && right.rms_bar < 6.0 * right.rms_error, "{right:?}");
         assert!(bold.within_two < 0.8 * right.within_two, "{bold:?} {right:?}");
