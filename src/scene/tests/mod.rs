@@ -3,6 +3,7 @@
 mod formats;
 mod generators;
 mod hostile;
+mod overlaps;
 mod repairs;
 
 use super::*;

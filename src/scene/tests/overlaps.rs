@@ -1,0 +1,105 @@
+//! Faces of one plane that overlap.
+
+use crate::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
+use glam::{DMat3, DVec3};
+
+/// Rectangles by middle and half sides, each an object of its own grey, turned and moved together.
+fn sheets(turn: DMat3, at: DVec3, list: &[(&str, DVec3, DVec3, DVec3)]) -> Scene {
+    let mut soup = Soup::new("sheets");
+    for (k, &(name, middle, u, v)) in list.iter().enumerate() {
+        let grey = soup.material(SoupMaterial::diffuse(name, [0.1 * (k + 1) as f32; 3]));
+        let object = soup.object(name);
+        let corners = [middle - u - v, middle + u - v, middle + u + v, middle - u + v];
+        soup.polygon(object, grey, &corners.map(|p| turn * p + at));
+    }
+    resolve(soup, &LoadOptions::default()).expect("a scene")
+}
+
+fn said(scene: &Scene) -> Option<&String> {
+    scene.repairs.messages.iter().find(|m| m.contains("of one plane"))
+}
+
+const X: DVec3 = DVec3::X;
+const Y: DVec3 = DVec3::Y;
+
+#[test]
+fn posters_in_their_wall_are_told() {
+    let turns = [DMat3::IDENTITY, DMat3::from_rotation_y(0.7) * DMat3::from_rotation_x(0.3)];
+    for turn in turns {
+        for at in [DVec3::ZERO, DVec3::new(31.7, -12.3, 7.1)] {
+            let wall = ("wall", DVec3::ZERO, 3.0 * X, 2.0 * Y);
+            let poster = |z: f64, x: f64| ("poster", DVec3::new(x, 0.0, z), 0.5 * X, 0.25 * Y);
+            let scene = sheets(turn, at, &[wall, poster(0.0, 1.0)]);
+            let text = said(&scene).expect("a warning");
+            assert!(text.contains("`wall` and `poster`") && text.contains("5.00e-1 m²"), "{text}");
+            assert_eq!(scene.repairs.overlapping_objects, 1);
+            // A little in front of it, beside it, and half beside it.
+            assert!(said(&sheets(turn, at, &[wall, poster(1e-3, 1.0)])).is_none());
+            assert!(said(&sheets(turn, at, &[wall, poster(0.0, 3.5)])).is_none());
+            let half = sheets(turn, at, &[wall, poster(0.0, 3.0)]);
+            assert!(said(&half).is_some_and(|m| m.contains("2.50e-1 m²")), "{:?}", said(&half));
+        }
+    }
+}
+
+#[test]
+fn boxes_on_each_other_and_meshes_are_fine() {
+    let mut soup = Soup::new("boxes");
+    for (k, low) in [0.0, 1.0].into_iter().enumerate() {
+        let grey = soup.material(SoupMaterial::diffuse("grey", [0.3 + 0.1 * k as f32; 3]));
+        let object = soup.object(format!("box {k}"));
+        let first = soup.positions.len() as u32;
+        for c in 0..8 {
+            let at = |bit: usize| (c >> bit & 1) as f64;
+            soup.positions.push(DVec3::new(at(0), at(1), low + at(2)));
+        }
+        for f in [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]] {
+            soup.indexed_polygon(object, grey, f.map(|v| first + v));
+        }
+    }
+    assert!(said(&resolve(soup.clone(), &LoadOptions::default()).expect("a scene")).is_none());
+    // The same as sheets.
+    let sheets = LoadOptions { sides: Some(2), ..LoadOptions::default() };
+    assert!(said(&resolve(soup, &sheets).expect("a scene")).is_none());
+}
+
+/// Needles as long as their floor, which all lie in the same cells, take no time for each pair; each that is covered
+/// by its neighbour is still told.
+#[test]
+fn needles_take_no_time_for_each_pair() {
+    let mut soup = Soup::new("needles");
+    let object = soup.object("needles");
+    let greys = [0.2f32, 0.4].map(|g| soup.material(SoupMaterial::diffuse(format!("grey {g}"), [g; 3])));
+    let n = 100_000;
+    for k in 0..n {
+        let low = DVec3::new(0.0, f64::from(k) * 1e-2, 0.0);
+        soup.polygon(object, greys[k as usize % 2], &[low, low + 1000.0 * X, low + 1.5e-2 * Y]);
+    }
+    let start = std::time::Instant::now();
+    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+    assert!(said(&scene).is_some_and(|m| m.contains("`needles` and itself")), "{:?}", said(&scene));
+    // Half a second; all pairs take half a minute.
+    assert!(start.elapsed().as_secs() < 10);
+}
+
+/// A tiled floor, each tile of another grey, in no order: tiles touch and do not overlap; one large rug covers all.
+#[test]
+fn tiles_touch_and_a_rug_covers_them() {
+    let mut soup = Soup::new("tiles");
+    let (tiles, rug) = (soup.object("tiles"), soup.object("rug"));
+    let tile = |soup: &mut Soup, k: u32, low: DVec3, size: f64, object: u32| {
+        let grey = soup.material(SoupMaterial::diffuse(format!("grey {k}"), [0.001 * (k % 900) as f32; 3]));
+        let corners = [low, low + size * X, low + size * (X + Y), low + size * Y];
+        soup.polygon(object, grey, &corners);
+    };
+    let n = 60;
+    for k in 0..n * n {
+        let k = k * 7 % (n * n);
+        let at = DVec3::new(0.1 * f64::from(k % n), 0.1 * f64::from(k / n), 0.3);
+        tile(&mut soup, k, at, 0.1, tiles);
+    }
+    assert!(said(&resolve(soup.clone(), &LoadOptions::default()).expect("a scene")).is_none());
+    tile(&mut soup, 950, DVec3::new(1.03, 1.02, 0.3), 4.0, rug);
+    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+    assert!(said(&scene).is_some_and(|m| m.contains("1.60e1 m²")), "{:?}", said(&scene));
+}
