@@ -22,7 +22,8 @@ pub struct Lightmap {
     pub texel: f32,
     /// Irradiance, W/m², row by row from the top.
     pub irradiance: Vec<[f32; 3]>,
-    /// Whether a texel's centre lies on a surface; others hold the light of a neighbour or nothing.
+    /// Whether a texel's centre lies on a surface, or it holds the middle of a triangle that is too small for that; others have
+    /// the light of a neighbour or nothing.
     pub covered: Vec<bool>,
     /// Texture coordinates of the corners of each triangle of the mesh, from the lower left corner of the image; empty where
     /// the scene's own are meant.
@@ -69,11 +70,11 @@ pub fn lightmap(mesh: &Mesh, solution: &Solution, scene: &Scene, texels: usize) 
     let filled = |charts: &[Chart], texel: f32| -> usize {
         charts.iter().map(|c| c.size(texel).iter().product::<usize>()).sum()
     };
-    // Margins take room too: coarser texels until all fits, or charts are as small as they get.
-    for _ in 0..20 {
-        if filled(&charts, texel) <= texels + texels / 4 {
-            break;
-        }
+    // Margins take room too: coarser texels until all fits. Where there are so many charts that even one texel of each does not,
+    // margins are most of the image, and what is as large as they are is for the large ones.
+    let least = charts.len() * (1 + 2 * MARGIN).pow(2);
+    let room = (texels + texels / 4).max(least + least / 2);
+    while filled(&charts, texel) > room {
         texel *= 1.25;
     }
     let [width, height] = pack(&mut charts, texel).ok_or_else(|| {
@@ -92,9 +93,8 @@ pub fn lightmap(mesh: &Mesh, solution: &Solution, scene: &Scene, texels: usize) 
         charts: charts.len(),
     };
     for chart in &charts {
-        for &t in &chart.triangles {
-            map.draw(mesh, chart, t);
-        }
+        chart.triangles.iter().for_each(|&t| map.draw(mesh, chart, t));
+        chart.triangles.iter().for_each(|&t| map.hold(mesh, t));
     }
     map.bleed();
     Ok(map)
@@ -192,6 +192,19 @@ impl Lightmap {
                     });
                 }
             }
+        }
+    }
+
+    /// Gives the texel at the middle of a triangle its mean light if no surface covers that texel's centre.
+    fn hold(&mut self, mesh: &Mesh, t: u32) {
+        let [a, b, c] = self.texcoords[t as usize];
+        let middle = (a + b + c) / 3.0;
+        let place = |part: f32, count: usize| ((part * count as f32).max(0.0) as usize).min(count - 1);
+        let at = place(1.0 - middle.y, self.height) * self.width + place(middle.x, self.width);
+        if !self.covered[at] {
+            self.covered[at] = true;
+            let light = mesh.triangles[t as usize].map(|v| mesh.irradiance[v as usize]);
+            self.irradiance[at] = std::array::from_fn(|k| light.iter().map(|l| l[k] / 3.0).sum());
         }
     }
 

@@ -140,6 +140,48 @@ fn lightmaps_hold_the_light_where_they_say() {
     assert!(map.irradiance.iter().flatten().all(|e| (0.0..=1.0).contains(e)));
 }
 
+/// A square and so many crumbs that a texel for each takes more room than there is: the square still has its share of the
+/// image, and no crumb is black.
+#[test]
+fn lightmaps_of_crumbs_leave_room_for_walls() {
+    let mut soup = Soup::new("test");
+    soup.object("all");
+    soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
+    let mut solution = Solution { unit: "m".into(), ..Solution::default() };
+    for k in 0..1001u32 {
+        let (at, side) = if k == 0 { (0.0, 1.0) } else { (2.0 + 0.01 * f64::from(k), 1e-3) };
+        let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
+            .map(|[x, y]| dvec3(at + side * x, side * y, 0.01 * f64::from(k)));
+        soup.polygon(0, 0, &corners);
+        let first = solution.vertices.len() as u32;
+        solution.vertices.extend(corners.map(|p| p.as_vec3()));
+        solution.elements.push(Element {
+            corners: [first, first + 1, first + 2, first + 3],
+            radiosity: [0.5; 3],
+            irradiance: [1.0; 3],
+            error: [0.0; 3],
+            albedo: [0.5; 3],
+            exitance: [0.0; 3],
+            area: side * side,
+            level: 0,
+            links: 0,
+            triangle: 2 * k,
+            object: 0,
+            material: 0,
+            front: true,
+        });
+    }
+    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+    let mesh = Mesh::new(&solution);
+    let map = lightmap(&mesh, &solution, &scene, 1000).expect("a lightmap");
+    assert_eq!(map.charts, 1001);
+    assert!(map.texel < 0.04 && map.width * map.height < 60_000, "{} {}", map.texel, map.width);
+    for uv in &map.texcoords {
+        let middle = (uv[0] + uv[1] + uv[2]) / 3.0;
+        assert!((bilinear(&map, middle.x, middle.y) - 1.0).abs() < 1e-5);
+    }
+}
+
 /// Two unit squares apart from each other, the second 100 times as bright, with texture coordinates in two parts of an image that are
 /// `gap` apart; and what is seen from them.
 fn unwrapped(gap: f32, texels: usize) -> Result<Lightmap, String> {
