@@ -5,6 +5,25 @@ use glam::{DVec3, Vec3, dvec3};
 use std::collections::HashMap;
 use std::path::Path;
 
+/// The front of a grey triangle or quad with an irradiance.
+fn grey(corners: [u32; 4], irradiance: f64, area: f64, triangle: u32) -> Element {
+    Element {
+        corners,
+        radiosity: [0.5 * irradiance; 3],
+        irradiance: [irradiance; 3],
+        error: [0.0; 3],
+        albedo: [0.5; 3],
+        exitance: [0.0; 3],
+        area,
+        level: 0,
+        links: 1,
+        triangle,
+        object: 0,
+        material: 0,
+        front: true,
+    }
+}
+
 /// The unit square at z = 0, facing up: one corner quarter split once more, irradiance `light` of an element's centre.
 fn square(light: impl Fn(Vec3) -> f64) -> (Scene, Solution) {
     let mut soup = Soup::new("test");
@@ -155,21 +174,7 @@ fn lightmaps_of_crumbs_leave_room_for_walls() {
         soup.polygon(0, 0, &corners);
         let first = solution.vertices.len() as u32;
         solution.vertices.extend(corners.map(|p| p.as_vec3()));
-        solution.elements.push(Element {
-            corners: [first, first + 1, first + 2, first + 3],
-            radiosity: [0.5; 3],
-            irradiance: [1.0; 3],
-            error: [0.0; 3],
-            albedo: [0.5; 3],
-            exitance: [0.0; 3],
-            area: side * side,
-            level: 0,
-            links: 0,
-            triangle: 2 * k,
-            object: 0,
-            material: 0,
-            front: true,
-        });
+        solution.elements.push(grey([first, first + 1, first + 2, first + 3], 1.0, side * side, 2 * k));
     }
     let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
     let mesh = Mesh::new(&solution);
@@ -201,21 +206,7 @@ fn unwrapped(gap: f32, texels: usize) -> Result<Lightmap, String> {
         let first = solution.vertices.len() as u32;
         solution.vertices.extend(corners.map(|p| p.as_vec3()));
         let e = if k == 0 { 1.0 } else { 100.0 };
-        solution.elements.push(Element {
-            corners: [first, first + 1, first + 2, first + 3],
-            radiosity: [0.5 * e; 3],
-            irradiance: [e; 3],
-            error: [0.0; 3],
-            albedo: [0.5; 3],
-            exitance: [0.0; 3],
-            area: 1.0,
-            level: 0,
-            links: 1,
-            triangle: 2 * k,
-            object: 0,
-            material: 0,
-            front: true,
-        });
+        solution.elements.push(grey([first, first + 1, first + 2, first + 3], e, 1.0, 2 * k));
     }
     let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
     let mesh = Mesh::new(&solution);

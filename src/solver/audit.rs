@@ -125,13 +125,10 @@ impl Receiver<'_> {
         place: f64,
         stop: &(dyn Fn() -> bool + Sync),
     ) -> (Vec<Check>, Tally) {
-        let elements = &self.solver.elements;
         let (mut areas, mut sum) = (Vec::new(), 0.0);
-        for (e, element) in elements.elements.iter().enumerate() {
-            if element.is_leaf() && !element.is_cluster() && element.area > 0.0 {
-                sum += element.area;
-                areas.push((sum, e as u32));
-            }
+        for e in self.leaves() {
+            sum += self.solver.elements.elements[e as usize].area;
+            areas.push((sum, e));
         }
         if areas.is_empty() || self.level() <= 0.0 {
             return (Vec::new(), Tally::default());

@@ -110,7 +110,7 @@ impl Receiver<'_> {
     }
 
     /// All surfaces without parts.
-    fn leaves(&self) -> Vec<u32> {
+    pub(super) fn leaves(&self) -> Vec<u32> {
         let elements = &self.solver.elements;
         (0..elements.len() as u32)
             .filter(|&e| {
