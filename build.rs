@@ -65,10 +65,10 @@ fn main() {
 /// What decides the side table of a scene, that is what room `cache` keeps: the rooms that make it and all that they may
 /// use. `tests/suite/tidy.rs` compares it with the map.
 const TABLE_ROOMS: &[&str] = &[
-    "src/characterise",
+    "src/optics",
     "src/error.rs",
     "src/files.rs",
-    "src/hierarchy",
+    "src/clusters",
     "src/math.rs",
     "src/raster",
     "src/scene",

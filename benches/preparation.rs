@@ -1,9 +1,9 @@
 //! Time of preparing a scene: clusters, their measures, and reading both from a cache: `cargo bench --bench preparation`.
 
 use divan::{Bencher, counter::ItemsCount};
-use mrvis::cache::{self, Origin, Place, Table};
-use mrvis::characterise::{Extinction, characterise};
-use mrvis::hierarchy;
+use mrvis::clusters;
+use mrvis::model::cache::{self, Origin, Place, PreparedClusters};
+use mrvis::optics::{self, Extinction};
 use mrvis::scene::{Scene, generate};
 
 fn main() {
@@ -20,17 +20,17 @@ fn clusters(bencher: Bencher, trees: usize) {
     let scene = forest(trees);
     bencher
         .counter(ItemsCount::new(scene.triangles.len()))
-        .bench_local(|| hierarchy::build(&scene, &Default::default()));
+        .bench_local(|| clusters::build(&scene, &Default::default()));
 }
 
 #[divan::bench(args = [Extinction::Analytic, Extinction::Measured], sample_count = 5)]
 fn measures(bencher: Bencher, extinction: Extinction) {
     let scene = forest(9);
-    let tree = hierarchy::build(&scene, &Default::default()).micro;
-    let options = mrvis::characterise::Options { extinction, ..Default::default() };
+    let tree = clusters::build(&scene, &Default::default()).micro;
+    let options = mrvis::optics::Options { extinction, ..Default::default() };
     bencher
         .counter(ItemsCount::new(scene.triangles.len()))
-        .bench_local(|| characterise(&scene, &tree, &options));
+        .bench_local(|| optics::measure(&scene, &tree, &options));
 }
 
 #[divan::bench(args = [9, 100], sample_count = 20)]
@@ -39,9 +39,9 @@ fn cache_hit(bencher: Bencher, trees: usize) {
     let folder = tempfile::tempdir().expect("scratch folder");
     let place = Place::Folder(folder.path().to_owned());
     let make = || {
-        let hierarchy = hierarchy::build(&scene, &options.hierarchy);
-        let traits = characterise(&scene, &hierarchy.micro, &options.characterise);
-        Table { hierarchy, traits }
+        let hierarchy = clusters::build(&scene, &options.clusters);
+        let optics = optics::measure(&scene, &hierarchy.micro, &options.optics);
+        PreparedClusters { hierarchy, optics }
     };
     cache::table(&scene, &place, &options, make);
     bencher.counter(ItemsCount::new(scene.triangles.len())).bench_local(|| {

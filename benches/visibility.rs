@@ -2,10 +2,10 @@
 
 use divan::{Bencher, black_box, counter::ItemsCount};
 use mrvis::bench::workload::{Order, Workload, surface_points};
-use mrvis::cache::Table;
-use mrvis::characterise::characterise;
+use mrvis::clusters;
 use mrvis::embree::{CommittedScene, Device, SceneBuilder, Traversal};
-use mrvis::hierarchy;
+use mrvis::model::cache::PreparedClusters;
+use mrvis::optics;
 use mrvis::ray::{Occluder, Packet};
 use mrvis::scene::{Scene, generate};
 use mrvis::simd::Isa;
@@ -26,7 +26,7 @@ const BUNDLES: usize = 256;
 /// 16 trees of 600 leaves, and the bundles of neighbouring points.
 struct Forest {
     scene: Scene,
-    table: Table,
+    table: PreparedClusters,
     traced: CommittedScene,
     width: usize,
     packets: Vec<Packet>,
@@ -38,8 +38,8 @@ fn forest() -> &'static Forest {
     FOREST.get_or_init(|| {
         let spec = generate::Spec { trees: 16, leaves: 600, ..generate::Spec::new("forest") };
         let scene = generate::build(&spec).expect("a forest");
-        let hierarchy = hierarchy::build(&scene, &Default::default());
-        let traits = characterise(&scene, &hierarchy.micro, &Default::default());
+        let hierarchy = clusters::build(&scene, &Default::default());
+        let optics = optics::measure(&scene, &hierarchy.micro, &Default::default());
         let device = Device::new(1).expect("Embree");
         let mut builder = SceneBuilder::new(&device, Default::default()).expect("a scene");
         builder.add_triangles(&scene.positions, &scene.triangles, 1).expect("triangles");
@@ -51,16 +51,16 @@ fn forest() -> &'static Forest {
         (first..first + BUNDLES)
             .for_each(|pair| workload.add_bundle(&scene, pair, (RAYS, Order::Near), 0, &mut packets));
         let emitter_size = workload.pairs[first].emitter_size;
-        let table = Table { hierarchy, traits };
+        let table = PreparedClusters { hierarchy, optics };
         Forest { scene, table, traced, width: device.native_width(), packets, emitter_size }
     })
 }
 
 impl Forest {
     fn engine(&self, isa: Isa) -> MultiResolution<'_> {
-        let Table { hierarchy, traits } = &self.table;
+        let PreparedClusters { hierarchy, optics } = &self.table;
         let traversal = Traversal { width: 1, coherent: false };
-        MultiResolution::new(&self.scene, hierarchy, traits, &self.traced, traversal, Leaf::Exact)
+        MultiResolution::new(&self.scene, hierarchy, optics, &self.traced, traversal, Leaf::Exact)
             .with_isa(isa)
     }
 

@@ -1,29 +1,28 @@
 #![doc = include_str!("ARCHITECTURE.md")]
 
 pub mod bench;
-pub mod cache;
-pub mod characterise;
-pub mod display;
-pub mod element;
+#[cfg(feature = "cli")]
+#[doc(hidden)]
+pub mod cli;
+pub mod clusters;
 pub mod embree;
 pub mod error;
-pub mod factor_matrix;
-pub mod facts;
+pub mod export;
 pub mod files;
-pub mod form_factor;
-pub mod hierarchy;
-pub mod link;
+pub mod form_factors;
+pub mod image_io;
 pub mod math;
 pub mod metrics;
-pub mod montecarlo;
-pub mod output;
+pub mod model;
+pub mod optics;
+pub mod path_tracer;
+pub mod plot;
 pub mod points;
+pub mod radiosity;
 pub mod raster;
 pub mod ray;
 pub mod scene;
 pub mod simd;
-pub mod solution;
-pub mod solver;
 pub mod visibility;
 
 pub use error::{Error, Result};

@@ -1,9 +1,5 @@
 //! The command `mrvis`. Exit code 0: done; 1: done, but a stated tolerance was missed; 2: error.
 
-mod cli;
-
-use std::process::ExitCode;
-
-fn main() -> ExitCode {
-    cli::main()
+fn main() -> std::process::ExitCode {
+    mrvis::cli::main()
 }

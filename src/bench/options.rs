@@ -2,8 +2,8 @@
 
 use super::sample::Sample;
 use super::unbiased;
-use crate::cache::Place;
-use crate::characterise;
+use crate::model::cache::Place;
+use crate::optics;
 use crate::scene::Scene;
 use crate::{Error, Result};
 
@@ -51,7 +51,7 @@ pub struct Options {
     /// An error or a time that the answers shall have.
     pub target: Option<Target>,
     /// How clusters are measured.
-    pub clusters: characterise::Options,
+    pub clusters: optics::Options,
     /// Where the measured clusters are kept for the next run.
     pub cache: Place,
 }
@@ -69,7 +69,7 @@ impl Default for Options {
             audit: 0.05,
             unbiased: false,
             target: None,
-            clusters: characterise::Options::default(),
+            clusters: optics::Options::default(),
             cache: Place::Off,
         }
     }
@@ -228,7 +228,7 @@ mod tests {
         ];
         assert!(bad.iter().all(|o| o.check().is_err()));
         for tolerance in [0.0, -1.0, 1.5, f32::NAN] {
-            let clusters = characterise::Options { tolerance, ..Default::default() };
+            let clusters = optics::Options { tolerance, ..Default::default() };
             assert!(Options { clusters, ..good.clone() }.check().is_err(), "{tolerance}");
         }
         for s in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-300, 1e300] {

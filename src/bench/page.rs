@@ -8,7 +8,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use super::record::{MrRow, Record};
 use crate::Result;
 use crate::metrics::Image;
-use crate::output::number;
+use crate::plot::number;
 
 mod losses;
 mod plots;

@@ -7,10 +7,10 @@ use super::rows::Bench;
 use super::sample::Sample;
 use super::workload::Workload;
 use crate::Result;
-use crate::cache::{self, Table};
-use crate::characterise::characterise;
+use crate::clusters;
 use crate::embree::{CommittedScene, Device, SceneBuilder};
-use crate::hierarchy;
+use crate::model::cache::{self, PreparedClusters};
+use crate::optics;
 use crate::scene::Scene;
 use crate::visibility::{Leaf, MultiResolution, Workspace};
 use std::time::Instant;
@@ -19,7 +19,7 @@ use std::time::Instant;
 pub(super) struct Prepared {
     pub device: Device,
     pub traced: CommittedScene,
-    pub table: Table,
+    pub table: PreparedClusters,
     /// Times and sizes of all this.
     pub build: Build,
 }
@@ -45,17 +45,17 @@ impl Prepared {
 }
 
 /// Clusters and their measures: made, or from the cache.
-fn table(scene: &Scene, options: &Options, build: &mut Build, progress: &dyn Progress) -> Table {
-    let how = cache::Options { characterise: options.clusters, ..Default::default() };
+fn table(scene: &Scene, options: &Options, build: &mut Build, progress: &dyn Progress) -> PreparedClusters {
+    let how = cache::Options { optics: options.clusters, ..Default::default() };
     let start = Instant::now();
     progress.stage("looking for measured clusters", 0);
     let (table, origin, note) = cache::table(scene, &options.cache, &how, || {
         progress.stage("hierarchy", 0);
-        let hierarchy = timed(&mut build.hierarchy_s, || hierarchy::build(scene, &how.hierarchy));
+        let hierarchy = timed(&mut build.hierarchy_s, || clusters::build(scene, &how.clusters));
         progress.stage("measuring clusters", 0);
-        let traits =
-            timed(&mut build.characterise_s, || characterise(scene, &hierarchy.micro, &how.characterise));
-        Table { hierarchy, traits }
+        let optics =
+            timed(&mut build.characterise_s, || optics::measure(scene, &hierarchy.micro, &how.optics));
+        PreparedClusters { hierarchy, optics }
     });
     build.cache_s = start.elapsed().as_secs_f64() - build.hierarchy_s - build.characterise_s;
     (build.cache, build.cache_note) = (origin.name().into(), note);
@@ -71,25 +71,25 @@ impl Bench<'_> {
     /// The multi-resolution engine for a workload; notes its times and sizes.
     pub fn engine<'a>(
         &'a self,
-        table: &Table,
+        table: &PreparedClusters,
         workload: &Workload,
         sample: &Sample,
         build: &mut Build,
     ) -> MultiResolution<'a> {
         let Bench { scene, options, traced, .. } = self;
-        let Table { hierarchy, traits } = table;
+        let PreparedClusters { hierarchy, optics } = table;
         let traversal = timed(&mut build.budget_s, || self.traversal(workload, options.rays));
-        let engine = MultiResolution::new(scene, hierarchy, traits, traced, traversal, Leaf::Exact)
+        let engine = MultiResolution::new(scene, hierarchy, optics, traced, traversal, Leaf::Exact)
             .with_tolerance(options.clusters.tolerance);
         let engine = timed(&mut build.budget_s, || {
             engine.with_budget(&sample.bundles(1).concat(), &mut Workspace::default())
         });
         let clusters = hierarchy.micro.bytes() + hierarchy.large.bytes();
-        let [traits, wide] = [size_of_val(traits.as_slice()), engine.bytes()];
-        build.hierarchy_bytes = (clusters + traits + wide) as u64;
+        let [optics, wide] = [size_of_val(optics.as_slice()), engine.bytes()];
+        build.hierarchy_bytes = (clusters + optics + wide) as u64;
         build.bytes_per_triangle = BytesPerTriangle::of(
             scene.triangles.len(),
-            [scene.bytes(), clusters, traits, wide, build.embree_bytes as usize],
+            [scene.bytes(), clusters, optics, wide, build.embree_bytes as usize],
         );
         engine
     }

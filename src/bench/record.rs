@@ -9,7 +9,7 @@
 mod scaling;
 mod trust;
 
-pub use crate::facts::SceneFacts;
+pub use crate::model::summary::SceneFacts;
 pub use scaling::{ScalingRecord, ScalingRow};
 pub use trust::{Audit, CalibrationBin, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow};
 
@@ -126,7 +126,7 @@ pub struct BytesPerTriangle {
     /// The clusters.
     pub hierarchy: f64,
     /// Their measures.
-    pub traits: f64,
+    pub optics: f64,
     /// Both laid out for traversal.
     pub wide: f64,
     /// Embree's scene.
@@ -136,16 +136,16 @@ pub struct BytesPerTriangle {
 }
 
 impl BytesPerTriangle {
-    /// From bytes of scene, hierarchy, traits, wide tree and Embree's scene.
-    pub fn of(triangles: usize, [scene, hierarchy, traits, wide, embree]: [usize; 5]) -> BytesPerTriangle {
+    /// From bytes of scene, hierarchy, optics, wide tree and Embree's scene.
+    pub fn of(triangles: usize, [scene, hierarchy, optics, wide, embree]: [usize; 5]) -> BytesPerTriangle {
         let per = |bytes: usize| bytes as f64 / triangles.max(1) as f64;
         BytesPerTriangle {
             scene: per(scene),
             hierarchy: per(hierarchy),
-            traits: per(traits),
+            optics: per(optics),
             wide: per(wide),
             embree: per(embree),
-            total: per(scene + hierarchy + traits + wide + embree),
+            total: per(scene + hierarchy + optics + wide + embree),
         }
     }
 }

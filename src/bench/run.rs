@@ -9,9 +9,9 @@ use super::record::{self, Record};
 use super::rows::{Bench, Measured};
 use super::sizes::default_sizes;
 use super::workload::{Workload, surface_points};
-use crate::characterise::{Extinction, Traits};
-use crate::facts::SceneFacts;
-use crate::hierarchy::Hierarchy;
+use crate::clusters::Hierarchy;
+use crate::model::summary::SceneFacts;
+use crate::optics::{ClusterOptics, Extinction};
 use crate::scene::Scene;
 use crate::{Error, Result};
 
@@ -41,7 +41,7 @@ pub fn run(
             scene.path.display()
         )));
     }
-    let sizes = sizes(scene, options, &table.hierarchy, &table.traits);
+    let sizes = sizes(scene, options, &table.hierarchy, &table.optics);
     let mut warnings = Vec::new();
     let bench =
         Bench { scene, options, timer, traced: &traced, width: device.native_width(), sizes, progress };
@@ -102,9 +102,9 @@ pub fn run(
 }
 
 /// Feature sizes asked for or found, ascending, each once.
-fn sizes(scene: &Scene, options: &Options, hierarchy: &Hierarchy, traits: &[Traits]) -> Vec<f64> {
+fn sizes(scene: &Scene, options: &Options, hierarchy: &Hierarchy, optics: &[ClusterOptics]) -> Vec<f64> {
     let mut sizes = match &options.feature_sizes[..] {
-        [] => default_sizes(scene, &hierarchy.micro, traits),
+        [] => default_sizes(scene, &hierarchy.micro, optics),
         sizes => sizes.to_vec(),
     };
     sizes.sort_by(f64::total_cmp);

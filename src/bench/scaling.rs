@@ -14,7 +14,7 @@ use super::record::{ScalingRecord, ScalingRow};
 use super::rounds::rounds;
 use super::rows::Bench;
 use super::workload::{Point, Workload, surface_points};
-use crate::cache::Place;
+use crate::model::cache::Place;
 use crate::scene::Scene;
 use crate::scene::generate::{self, Spec, ground_and_sky};
 use crate::{Error, Result};
@@ -238,12 +238,12 @@ mod tests {
         let bytes = [small, large].map(|r| {
             let b = r.bytes_per_triangle;
             // Embree's own blocks are large for small scenes.
-            b.scene + b.hierarchy + b.traits + b.wide
+            b.scene + b.hierarchy + b.optics + b.wide
         });
         assert!((bytes[1] / bytes[0] - 1.0).abs() < 0.1, "{bytes:?} bytes a triangle");
         let b = large.bytes_per_triangle;
-        let total = b.scene + b.hierarchy + b.traits + b.wide + b.embree;
-        assert!((b.total / total - 1.0).abs() < 1e-9 && b.scene >= 60.0 && b.traits > 0.0, "{b:?}");
+        let total = b.scene + b.hierarchy + b.optics + b.wide + b.embree;
+        assert!((b.total / total - 1.0).abs() < 1e-9 && b.scene >= 60.0 && b.optics > 0.0, "{b:?}");
     }
 
     /// Detail far below the feature size costs nothing.

@@ -1,15 +1,15 @@
 //! Feature sizes for a scene that nobody has given any for.
 //!
 //! The rule. The smallest size is the typical feature size of leaf clusters: the median over them, each weighted by
-//! its triangles, of the mean over the axes of the blocked size ([`Traits::blocked`]). Below it little can be
+//! its triangles, of the mean over the axes of the blocked size ([`ClusterOptics::blocked`]). Below it little can be
 //! aggregated that the emitter's own size does not let pass. The largest is the typical size of a thing with about a thousand triangles, a tree's crown or a plant: the median of
 //! the same mean over the clusters of 300 to 3000 triangles, or that of the largest cluster if there is none. The other
 //! two lie between them in equal ratios. Neighbours differ by a factor of 1.65 at least (the largest gives way
 //! upwards), no size exceeds a twentieth of the scene's diagonal (the smallest gives way downwards), and sizes are
 //! rounded to two digits so that they can be quoted.
 
-use crate::characterise::{AXIS_COUNT, Traits};
-use crate::hierarchy::Tree;
+use crate::clusters::Tree;
+use crate::optics::{AXIS_COUNT, ClusterOptics};
 use crate::scene::Scene;
 
 /// How many sizes.
@@ -21,10 +21,10 @@ const LARGEST_PART: f64 = 0.05;
 /// Triangles of a cluster that stands for a thing.
 const THING: std::ops::RangeInclusive<u32> = 300..=3000;
 
-/// Four feature sizes, ascending, scene units. `traits` are those of `tree`.
-pub fn default_sizes(scene: &Scene, tree: &Tree, traits: &[Traits]) -> Vec<f64> {
+/// Four feature sizes, ascending, scene units. `optics` are those of `tree`.
+pub fn default_sizes(scene: &Scene, tree: &Tree, optics: &[ClusterOptics]) -> Vec<f64> {
     let size = |c: usize| {
-        let sum: f32 = (0..AXIS_COUNT).map(|axis| traits[c].blocked[axis]).sum();
+        let sum: f32 = (0..AXIS_COUNT).map(|axis| optics[c].blocker_size[axis]).sum();
         f64::from(sum) / AXIS_COUNT as f64
     };
     let of = |pick: &dyn Fn(usize) -> bool, weight: &dyn Fn(usize) -> f64| {

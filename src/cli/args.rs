@@ -1,13 +1,13 @@
 //! Arguments that several subcommands share.
 
-use indicatif::{ProgressBar, ProgressStyle};
-use mrvis::{
+use crate::{
     Error, Result,
     bench::MOST_THREADS,
-    cache::Place,
     files::WholeFile,
+    model::cache::Place,
     scene::{LoadOptions, Scene, parse_emitter},
 };
+use indicatif::{ProgressBar, ProgressStyle};
 use std::{
     io::Write as _,
     path::{Path, PathBuf},

@@ -5,10 +5,10 @@ mod table;
 
 use super::args::{CacheArgs, Common, SceneArgs, check_folder};
 use super::progress::Bar;
-use mrvis::bench::{self, Options, Progress, Target, page};
-use mrvis::characterise::{self, Extinction};
-use mrvis::output::write_atomically;
-use mrvis::{Error, Result};
+use crate::bench::{self, Options, Progress, Target, page};
+use crate::image_io::write_atomically;
+use crate::optics::{self, Extinction};
+use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
@@ -131,10 +131,10 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         audit: args.audit.unwrap_or(Options::default().audit),
         unbiased: args.unbiased,
         target: args.target_error.map(Target::Error).or(args.target_seconds.map(Target::Seconds)),
-        clusters: characterise::Options {
+        clusters: optics::Options {
             extinction: args.extinction.into(),
             tolerance: args.tolerance,
-            ..characterise::Options::default()
+            ..optics::Options::default()
         },
         cache: args.cache.place()?,
     };

@@ -1,9 +1,9 @@
 //! `mrvis compare REF.csv TEST.csv`: how far one irradiance file is from another.
 
 use super::args::Common;
-use mrvis::{
+use crate::{
     Error, Result,
-    output::number,
+    plot::number,
     points::{Comparison, compare, read_irradiance},
 };
 use std::{path::PathBuf, process::ExitCode};

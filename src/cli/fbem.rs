@@ -7,16 +7,16 @@ use std::process::ExitCode;
 use clap::ValueEnum;
 use serde_json::json;
 
-use mrvis::metrics::{
+use crate::image_io::{
+    Channel, difference, mask_overlay, read_image, write_atomically, write_exr, write_png,
+};
+use crate::metrics::{
     DEFAULT_THRESHOLD, Fbem, FbemOptions, FeatureOptions, FeatureSet, Features, Filter, Image, Norms, norms,
     spectrum, spectrum_sizes,
 };
-use mrvis::output::{
-    Channel, Plot, Point, Scale, Series, difference, mask_overlay, number, read_image, write_atomically,
-    write_exr, write_png,
-};
-use mrvis::raster::Morphology;
-use mrvis::{Error, Result};
+use crate::plot::{Plot, Point, Scale, Series, number};
+use crate::raster::Morphology;
+use crate::{Error, Result};
 
 /// Compare two images by feature size: how wrong is the approximation for somebody who cares only for shadows larger
 /// than s? PNG, EXR, HDR, JPEG; 8- and 16-bit images are decoded from sRGB to linear values.

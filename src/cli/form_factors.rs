@@ -2,11 +2,13 @@
 
 use super::args::{Common, SceneArgs, check_file, file_name, grouped, warn};
 use super::progress::Bar;
-use mrvis::{
+use crate::{
     Error, Result,
     bench::Progress,
-    factor_matrix::{Facets, Format, Grouping, Matrix, Report, Settings, compute, memory_bound, write},
-    output::number,
+    form_factors::matrix::{
+        Facets, Format, Grouping, Matrix, Report, Settings, compute, memory_bound, write,
+    },
+    plot::number,
 };
 use std::{fmt::Write as _, path::PathBuf, process::ExitCode, time::Instant};
 

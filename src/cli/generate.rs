@@ -1,7 +1,7 @@
 //! `mrvis generate NAME --out FILE`: procedural scenes.
 
 use super::args::{Common, file_name, grouped};
-use mrvis::{
+use crate::{
     Error, Result,
     scene::{
         generate::{KINDS, Spec, soup},

@@ -1,8 +1,8 @@
 //! `mrvis info SCENE`: what was read and repaired.
 
 use super::args::{Common, SceneArgs, grouped};
-use mrvis::hierarchy::{self, Hierarchy};
-use mrvis::{Result, scene::Scene};
+use crate::clusters::{self, Hierarchy};
+use crate::{Result, scene::Scene};
 use serde_json::{Value, json};
 use std::{fmt::Write, process::ExitCode, time::Instant};
 
@@ -23,7 +23,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let seconds = start.elapsed().as_secs_f64();
     let hierarchy = {
         let _spinner = args.common.spinner("clustering");
-        hierarchy::build(&scene, &hierarchy::Options::default())
+        clusters::build(&scene, &clusters::Options::default())
     };
     args.common.write_json(&facts(&scene, &hierarchy, seconds))?;
     args.common.print(&text(&scene, &hierarchy, seconds, if args.all { usize::MAX } else { 20 }))?;

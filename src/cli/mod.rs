@@ -15,8 +15,8 @@ mod progress;
 mod reference;
 mod solve;
 
+use crate::{Error, Result};
 use clap::{Parser, Subcommand};
-use mrvis::{Error, Result};
 use std::{
     error::Error as _,
     io::{ErrorKind, Write},

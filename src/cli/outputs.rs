@@ -1,16 +1,16 @@
 //! What `mrvis solve` writes for others to see.
 
 use super::args::Common;
-use mrvis::{
+use crate::{
     Result,
-    display::{
+    export::{
         Camera, Mesh, Stage, Tone, best_view, light_of, lightmap, places, render, unwrapped_lightmap,
         write_glb, write_lightmap, write_ply, write_vtu,
     },
-    output::{Picture, write_exr_rgb, write_png},
+    image_io::{Picture, write_exr_rgb, write_png},
     points::Point,
+    radiosity::solution::Solution,
     scene::{Scene, StoredCamera},
-    solution::Solution,
 };
 use std::path::{Path, PathBuf};
 

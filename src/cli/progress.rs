@@ -1,7 +1,7 @@
 //! How long it still takes.
 
+use crate::bench::Progress;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use mrvis::bench::Progress;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 

@@ -2,11 +2,11 @@
 
 use super::args::{Common, SceneArgs, check_file, file_name, grouped, warn};
 use super::progress::Bar;
-use mrvis::{
+use crate::{
     Result,
     bench::Progress,
-    montecarlo::{Settings, irradiance},
-    output::number,
+    path_tracer::{Settings, irradiance},
+    plot::number,
     points::{Irradiance, read_points, write_irradiance},
 };
 use std::{path::PathBuf, process::ExitCode, time::Instant};

@@ -2,15 +2,15 @@
 
 use super::args::{CacheArgs, Common, SceneArgs, Spinner, check_folder, grouped};
 use super::outputs::Outputs;
-use glam::DVec3;
-use mrvis::files::WholeFile;
-use mrvis::output::number;
-use mrvis::points::{Irradiance, Point, read_points, write_irradiance};
-use mrvis::scene::{Scene, StoredCamera};
-use mrvis::solver::{
+use crate::files::WholeFile;
+use crate::plot::number;
+use crate::points::{Irradiance, Point, read_points, write_irradiance};
+use crate::radiosity::{
     self, Answer, Inside, More, Options, Oracle, Outcome, Progress, Record, Rows, Versus, View, Visibility,
 };
-use mrvis::{Error, Result};
+use crate::scene::{Scene, StoredCamera};
+use crate::{Error, Result};
+use glam::DVec3;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -234,9 +234,9 @@ pub fn run(args: &Args) -> Result<ExitCode> {
             );
         }
     });
-    let met = solver::run_then(&scene, &points, &options, &watch, |mut outcome, more| {
+    let met = radiosity::run_then(&scene, &points, &options, &watch, |mut outcome, more| {
         if let Some(other) = args.compare.filter(|_| !outcome.record.interrupted) {
-            outcome.record.versus = Some(solver::versus(&scene, &points, &outcome, other.into(), &watch)?);
+            outcome.record.versus = Some(radiosity::versus(&scene, &points, &outcome, other.into(), &watch)?);
         }
         watch.spinner.clear();
         outcome.record.seconds.load = load;
@@ -292,10 +292,10 @@ fn write(
 
 /// Solves the series of scenes and shows how time grows.
 fn scaling(common: &Common, options: &Options, largest: usize) -> Result<ExitCode> {
-    solver::check_scaling(largest)?;
+    radiosity::check_scaling(largest)?;
     common.check_json()?;
     let watch = Watch { spinner: common.spinner("solving"), stopped: Arc::default() };
-    let found = solver::scaling(options, largest, &watch)?;
+    let found = radiosity::scaling(options, largest, &watch)?;
     drop(watch);
     common.write_json(&found)?;
     let mut text =

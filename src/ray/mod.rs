@@ -136,10 +136,10 @@ pub struct EndRule {
 }
 
 impl EndRule {
-    /// No segment is open by less than this at either end, and none by more than [`EndRule::MOST`]; parameters.
-    pub const LEAST: f32 = 1e-4;
-    /// See [`EndRule::LEAST`].
-    pub const MOST: f32 = 0.05;
+    /// No segment is open by less than this at either end, and none by more than [`EndRule::MAX_MARGIN`]; parameters.
+    pub const MIN_MARGIN: f32 = 1e-4;
+    /// See [`EndRule::MIN_MARGIN`].
+    pub const MAX_MARGIN: f32 = 0.05;
 
     /// The rule for a scene whose coordinates do not exceed `magnitude`.
     pub fn new(magnitude: f32) -> EndRule {
@@ -155,7 +155,7 @@ impl EndRule {
     #[inline]
     pub fn margin(self, length: f32) -> f32 {
         // `min` also mends the NaN of a segment without length.
-        (Self::LEAST + self.slack() / length).min(Self::MOST)
+        (Self::MIN_MARGIN + self.slack() / length).min(Self::MAX_MARGIN)
     }
 }
 

@@ -7,8 +7,8 @@
 use super::shaft::Shaft;
 use super::triangles;
 use super::walk::{BLOCK, NODE};
-use super::wide::{AxisTraits, Block, LEAF, NO_TRAITS, Node, WideTree, mixed, smallest};
-use crate::characterise::{AXIS_COUNT, AxisMix};
+use super::wide::{AxisOptics, Block, LEAF, NO_OPTICS, Node, WideTree, mixed, smallest};
+use crate::optics::{AXIS_COUNT, AxisMix};
 use crate::ray::Lanes;
 use crate::simd::{LANES, Simd};
 
@@ -20,7 +20,7 @@ const TRIANGLES: usize = 128;
 /// Sixteen boxes of a front, as a node of their own.
 pub(super) struct Row {
     pub node: Node,
-    pub traits: [AxisTraits; AXIS_COUNT],
+    pub optics: [AxisOptics; AXIS_COUNT],
 }
 
 /// A child of a node that the group's shaft touches.
@@ -64,11 +64,11 @@ impl Front {
             work += NODE;
             let touched = shaft.touches(simd, node);
             if touched != 0 {
-                let traits = &tree.traits[at];
+                let optics = &tree.optics[at];
                 // What the bundles will likely aggregate need not be opened.
-                let aggregated = shaft.aggregates(simd, node, mixed(simd, traits, &mix).0, least, finest);
+                let aggregated = shaft.aggregates(simd, node, mixed(simd, optics, &mix).0, least, finest);
                 // Leaves that no bundle may aggregate, whatever its direction, are opened here.
-                let perhaps = simd.bits(simd.lt(smallest(simd, traits), simd.splat(coarsest.max(largest))));
+                let perhaps = simd.bits(simd.lt(smallest(simd, optics), simd.splat(coarsest.max(largest))));
                 for lane in Lanes(touched) {
                     let child = node.child[lane];
                     let found = Found { node: at as u32, lane };
@@ -106,10 +106,10 @@ impl Front {
     }
 
     fn add_box(&mut self, tree: &WideTree, Found { node, lane }: Found) {
-        let (from, traits) = (&tree.nodes[node as usize], &tree.traits[node as usize]);
+        let (from, optics) = (&tree.nodes[node as usize], &tree.optics[node as usize]);
         let to = self.boxes % LANES;
         if to == 0 {
-            self.rows.push(Row { node: Node::EMPTY, traits: NO_TRAITS });
+            self.rows.push(Row { node: Node::EMPTY, optics: NO_OPTICS });
         }
         self.boxes += 1;
         let row = self.rows.last_mut().expect("just pushed");
@@ -121,7 +121,7 @@ impl Front {
         row.node.child[to] = from.child[lane];
         row.node.soft_leaves |= (from.soft_leaves >> lane & 1) << to;
         row.node.smallest = row.node.smallest.min(from.smallest);
-        for (to_axis, from_axis) in row.traits.iter_mut().zip(traits) {
+        for (to_axis, from_axis) in row.optics.iter_mut().zip(optics) {
             to_axis.size[to] = from_axis.size[lane];
             to_axis.extinction[to] = from_axis.extinction[lane];
         }

@@ -7,9 +7,9 @@ use super::steps::Steps;
 use super::walk::{Buffers, FETCH, Rule, Walked, walk};
 use super::wide::WideTree;
 use super::{Answer, Bundle, Cost, Exact, Method, interval, wilson};
-use crate::characterise::{self, Traits};
+use crate::clusters::Hierarchy;
 use crate::embree::{CommittedScene, Traversal};
-use crate::hierarchy::Hierarchy;
+use crate::optics::{self, ClusterOptics};
 use crate::ray::Packet;
 use crate::scene::Scene;
 use crate::simd::{Isa, Kernel, LANES, Simd, dispatch};
@@ -88,17 +88,17 @@ impl Workspace {
 impl<'a> MultiResolution<'a> {
     /// Lays out a hierarchy for traversal.
     ///
-    /// `traits` are those of `hierarchy.micro`; `exact` is the whole scene, traced as `traversal` says when a
+    /// `optics` are those of `hierarchy.micro`; `exact` is the whole scene, traced as `traversal` says when a
     /// packet is handed over.
     pub fn new(
         scene: &Scene,
         hierarchy: &Hierarchy,
-        traits: &[Traits],
+        optics: &[ClusterOptics],
         exact: &'a CommittedScene,
         traversal: Traversal,
         leaf: Leaf,
     ) -> MultiResolution<'a> {
-        let tree = WideTree::build(scene, hierarchy, traits);
+        let tree = WideTree::build(scene, hierarchy, optics);
         MultiResolution {
             far: tree.bytes() > NEAR,
             tree,
@@ -108,11 +108,11 @@ impl<'a> MultiResolution<'a> {
             leaf,
             isa: Isa::detect(),
             budget: BUDGET,
-            tolerance: characterise::Options::default().tolerance,
+            tolerance: optics::Options::default().tolerance,
         }
     }
 
-    /// Says that the traits were measured with another [`characterise::Options::tolerance`]; stated intervals rest
+    /// Says that the optics were measured with another [`optics::Options::tolerance`]; stated intervals rest
     /// on it.
     #[must_use]
     pub fn with_tolerance(mut self, tolerance: f32) -> Self {

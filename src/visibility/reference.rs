@@ -1,8 +1,8 @@
 //! The rule of method A.6, one segment and one node at a time: what the fast engine is tested against.
 
 use super::multires::Leaf;
-use crate::characterise::{AxisMix, Traits};
-use crate::hierarchy::{Hierarchy, Tree};
+use crate::clusters::{Hierarchy, Tree};
+use crate::optics::{AxisMix, ClusterOptics};
 use crate::scene::Scene;
 use glam::Vec3;
 
@@ -59,11 +59,11 @@ impl Met {
     }
 }
 
-/// Walks the clusters for one segment. Traits are taken along `towards`, the direction of the segment's bundle;
+/// Walks the clusters for one segment. ClusterOptics are taken along `towards`, the direction of the segment's bundle;
 /// `blocks(triangle)` says whether a triangle blocks the segment.
 pub fn walk(
     hierarchy: &Hierarchy,
-    traits: &[Traits],
+    optics: &[ClusterOptics],
     segment: Segment,
     towards: Vec3,
     (e, s): (f32, f32),
@@ -74,7 +74,7 @@ pub fn walk(
     met.blocked = hierarchy.large.order.iter().any(|&t| blocks(t));
     if !hierarchy.micro.clusters.is_empty() {
         let mix = AxisMix::around(towards);
-        visit(&hierarchy.micro, 0, traits, segment, (e, s), leaf, &mix, &mut met, &mut blocks);
+        visit(&hierarchy.micro, 0, optics, segment, (e, s), leaf, &mix, &mut met, &mut blocks);
     }
     met
 }
@@ -83,7 +83,7 @@ pub fn walk(
 fn visit(
     tree: &Tree,
     c: usize,
-    traits: &[Traits],
+    optics: &[ClusterOptics],
     segment: Segment,
     (e, s): (f32, f32),
     leaf: Leaf,
@@ -109,19 +109,19 @@ fn visit(
     // The end of the overlap where the umbra is largest: receiver side if b < e, emitter side if b > e. In terms
     // of the threshold that is the end where it is smaller.
     let threshold = s + (e - s) * if e > s { enter } else { leave };
-    let small = mix.mix(|axis| traits[c].feature_size(axis)) < threshold;
+    let small = mix.mix(|axis| optics[c].feature_size(axis)) < threshold;
     if (small && !end_inside) || (cluster.is_leaf() && leaf == Leaf::Extinction) {
         let path = f64::from(leave - enter) * f64::from(segment.direction.length());
         let middle = segment.origin + 0.5 * (enter + leave) * segment.direction;
-        let density = 1.0 + f64::from(traits[c].slope.dot(middle - bounds.center()));
+        let density = 1.0 + f64::from(optics[c].slope.dot(middle - bounds.center()));
         let path = path * density.max(0.0);
-        met.depth += path * f64::from(mix.mix(|axis| traits[c].extinction[axis]));
+        met.depth += path * f64::from(mix.mix(|axis| optics[c].extinction[axis]));
         met.aggregated += 1;
     } else if cluster.is_leaf() {
         met.blocked |= tree.triangles_of(c).iter().any(|&t| blocks(t));
     } else {
         for child in cluster.child_range() {
-            visit(tree, child, traits, segment, (e, s), leaf, mix, met, blocks);
+            visit(tree, child, optics, segment, (e, s), leaf, mix, met, blocks);
         }
     }
 }

@@ -5,7 +5,7 @@
 //! segments*: what lies outside blocks none of them. Where the emitter is known the shaft from a common receiver end
 //! holds all segments to all of it, so that what it says is certain for the emitter as a whole.
 //!
-//! Segments are open at their ends by [`EndRule::LEAST`] at least, and so is that shaft: a lamp's frame that begins at
+//! Segments are open at their ends by [`EndRule::MIN_MARGIN`] at least, and so is that shaft: a lamp's frame that begins at
 //! the lamp's edge is not inside, unless it hides something of the lamp.
 
 mod slopes;
@@ -135,10 +135,10 @@ impl Shaft {
             (lo, hi) = (lo.min(p), hi.max(p));
         }
         let nearest = apex.clamp(lo, hi).distance(apex);
-        let near = EndRule::MOST.min(EndRule::LEAST + slack / nearest);
+        let near = EndRule::MAX_MARGIN.min(EndRule::MIN_MARGIN + slack / nearest);
         let mut shaft = Shaft::between([Ends::of([apex, apex]), Ends::of([lo, hi])], slack, near);
         // Half of the margin, for the roundings of what is computed here.
-        let open = 0.5 * EndRule::LEAST;
+        let open = 0.5 * EndRule::MIN_MARGIN;
         let (to_lo, to_hi) = (lo - apex, hi - apex);
         shaft.lo = (apex + open * to_lo).min(apex + (1.0 - open) * to_lo) - slack;
         shaft.hi = (apex + open * to_hi).max(apex + (1.0 - open) * to_hi) + slack;

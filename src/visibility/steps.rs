@@ -4,7 +4,7 @@ use super::shaft::Shaft;
 use super::slabs::{Slabs, pass};
 use super::triangles::{self, Tiles};
 use super::wide::{WideTree, mixed};
-use crate::characterise::AxisMix;
+use crate::optics::AxisMix;
 use crate::ray::Packet;
 use crate::simd::{Isa, Kernel, LANES, Simd, dispatch};
 use glam::Vec3;
@@ -75,12 +75,12 @@ impl Kernel for Run<'_> {
         let Steps { tree, packets, .. } = steps;
         let shaft = Shaft::of(simd, packets, &[], steps.magnitude);
         let mix = AxisMix::around(shaft.direction());
-        let nodes = tree.nodes.iter().zip(&tree.traits).take(steps.nodes());
+        let nodes = tree.nodes.iter().zip(&tree.optics).take(steps.nodes());
         match step {
             Step::Shaft => shaft.direction().x,
             Step::Nodes(s) => nodes
-                .map(|(node, traits)| {
-                    let (sizes, _) = mixed(simd, traits, &mix);
+                .map(|(node, optics)| {
+                    let (sizes, _) = mixed(simd, optics, &mix);
                     shaft.touches(simd, node) & shaft.aggregates(simd, node, sizes, 0.0, s)
                 })
                 .fold(0, u32::wrapping_add) as f32,

@@ -15,8 +15,8 @@ use super::front::Front;
 use super::shaft::Shaft;
 use super::slabs::{Slabs, pass};
 use super::triangles::{self, Tiles};
-use super::wide::{AxisTraits, LEAF, Node, WideTree, mixed};
-use crate::characterise::{AXIS_COUNT, AxisMix};
+use super::wide::{AxisOptics, LEAF, Node, WideTree, mixed};
+use crate::optics::{AXIS_COUNT, AxisMix};
 use crate::ray::{Lanes, Packet};
 use crate::simd::{LANES, Simd};
 use glam::Vec3;
@@ -93,7 +93,7 @@ pub(super) fn walk<S: Simd>(
         } else {
             simd.prefetch(&tree.nodes[reference as usize]);
             for axis in mix.axes {
-                simd.prefetch(&tree.traits[reference as usize][axis]);
+                simd.prefetch(&tree.optics[reference as usize][axis]);
             }
         }
         queue.push(reference);
@@ -114,7 +114,7 @@ pub(super) fn walk<S: Simd>(
             }
             for row in front.rows.iter().take(if all { 0 } else { usize::MAX }) {
                 walked.work += NODE;
-                visit(simd, (&row.node, &row.traits), (shaft, from), rule, &mix, slabs, &mut |child| {
+                visit(simd, (&row.node, &row.optics), (shaft, from), rule, &mix, slabs, &mut |child| {
                     push(queue, child)
                 });
             }
@@ -137,7 +137,7 @@ pub(super) fn walk<S: Simd>(
             let at = reference as usize;
             walked.nodes += 1;
             walked.work += NODE + rule.fetch;
-            let node = (&tree.nodes[at], &tree.traits[at]);
+            let node = (&tree.nodes[at], &tree.optics[at]);
             visit(simd, node, (shaft, from), rule, &mix, slabs, &mut |child| push(queue, child));
         }
         if walked.work > rule.limit {
@@ -183,7 +183,7 @@ pub(super) fn walk<S: Simd>(
 #[inline(always)]
 fn visit<S: Simd>(
     simd: S,
-    (node, traits): (&Node, &[AxisTraits; AXIS_COUNT]),
+    (node, optics): (&Node, &[AxisOptics; AXIS_COUNT]),
     (shaft, from): (&Shaft, Vec3),
     rule: &Rule,
     mix: &AxisMix,
@@ -197,7 +197,7 @@ fn visit<S: Simd>(
     let soft = if rule.soft { node.soft_leaves } else { 0 };
     let mut small = 0;
     if node.smallest < rule.s.max(rule.e) || soft != 0 {
-        let (sizes, extinctions) = mixed(simd, traits, mix);
+        let (sizes, extinctions) = mixed(simd, optics, mix);
         small = touched & (shaft.aggregates(simd, node, sizes, rule.e, rule.s) | soft);
         if small != 0 {
             // The tolerance is that of a beam as wide as the feature size; errors of independent parts of a cluster

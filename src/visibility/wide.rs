@@ -1,7 +1,7 @@
 //! The clusters as the traversal wants them: sixteen children side by side, triangles in blocks of sixteen.
 
-use crate::characterise::{AXIS_COUNT, AxisMix, Traits};
-use crate::hierarchy::{Hierarchy, Tree};
+use crate::clusters::{Hierarchy, Tree};
+use crate::optics::{AXIS_COUNT, AxisMix, ClusterOptics};
 use crate::scene::Scene;
 use crate::simd::{LANES, Simd};
 
@@ -13,7 +13,7 @@ pub(super) const LEAF: u32 = 1 << 31;
 pub(super) struct Node {
     pub min: [[f32; LANES]; 3],
     pub max: [[f32; LANES]; 3],
-    /// [`Traits::slope`].
+    /// [`ClusterOptics::slope`].
     pub slope: [[f32; LANES]; 3],
     pub child: [u32; LANES],
     /// Smallest feature size of its children along any axis: below it nothing can be aggregated here.
@@ -25,7 +25,7 @@ pub(super) struct Node {
 /// Feature size and extinction of the children of a node along one axis, as upper halves of f32.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
-pub(super) struct AxisTraits {
+pub(super) struct AxisOptics {
     /// Rounded up: a size must never look smaller than it is.
     pub size: [u16; LANES],
     /// Rounded to nearest.
@@ -44,7 +44,7 @@ pub(super) struct Block {
 /// Both trees of a hierarchy under one top node.
 pub(super) struct WideTree {
     pub nodes: Vec<Node>,
-    pub traits: Vec<[AxisTraits; AXIS_COUNT]>,
+    pub optics: Vec<[AxisOptics; AXIS_COUNT]>,
     pub blocks: Vec<Block>,
 }
 
@@ -74,15 +74,15 @@ impl Block {
         Block { corner: [[0.0; LANES]; 3], edge1: [[0.0; LANES]; 3], edge2: [[0.0; LANES]; 3], used: 0 };
 }
 
-/// Traits of nothing: the largest size, not infinity, because weights of zero must not make NaN of it.
-pub(super) const NO_TRAITS: [AxisTraits; AXIS_COUNT] =
-    [AxisTraits { size: [half_up(1e30); LANES], extinction: [0; LANES] }; AXIS_COUNT];
+/// ClusterOptics of nothing: the largest size, not infinity, because weights of zero must not make NaN of it.
+pub(super) const NO_OPTICS: [AxisOptics; AXIS_COUNT] =
+    [AxisOptics { size: [half_up(1e30); LANES], extinction: [0; LANES] }; AXIS_COUNT];
 
 /// Smallest feature size of each child along any axis.
 #[inline(always)]
-pub(super) fn smallest<S: Simd>(simd: S, traits: &[AxisTraits; AXIS_COUNT]) -> S::F {
-    let mut least = simd.load_half(&traits[0].size);
-    for axis in &traits[1..] {
+pub(super) fn smallest<S: Simd>(simd: S, optics: &[AxisOptics; AXIS_COUNT]) -> S::F {
+    let mut least = simd.load_half(&optics[0].size);
+    for axis in &optics[1..] {
         least = simd.min(least, simd.load_half(&axis.size));
     }
     least
@@ -90,29 +90,29 @@ pub(super) fn smallest<S: Simd>(simd: S, traits: &[AxisTraits; AXIS_COUNT]) -> S
 
 /// Feature sizes and extinctions of a node's children along a direction.
 #[inline(always)]
-pub(super) fn mixed<S: Simd>(simd: S, traits: &[AxisTraits; AXIS_COUNT], mix: &AxisMix) -> (S::F, S::F) {
+pub(super) fn mixed<S: Simd>(simd: S, optics: &[AxisOptics; AXIS_COUNT], mix: &AxisMix) -> (S::F, S::F) {
     let (mut sizes, mut extinctions) = (simd.splat(0.0), simd.splat(0.0));
     for (&axis, weight) in mix.axes.iter().zip(mix.weights) {
         let weight = simd.splat(weight);
-        sizes = simd.fma(weight, simd.load_half(&traits[axis].size), sizes);
-        extinctions = simd.fma(weight, simd.load_half(&traits[axis].extinction), extinctions);
+        sizes = simd.fma(weight, simd.load_half(&optics[axis].size), sizes);
+        extinctions = simd.fma(weight, simd.load_half(&optics[axis].extinction), extinctions);
     }
     (sizes, extinctions)
 }
 
 impl WideTree {
-    pub fn build(scene: &Scene, hierarchy: &Hierarchy, traits: &[Traits]) -> WideTree {
-        let mut wide = WideTree { nodes: vec![Node::EMPTY], traits: vec![NO_TRAITS], blocks: Vec::new() };
-        let trees = [(&hierarchy.micro, Some(traits)), (&hierarchy.large, None)];
-        for (lane, (tree, traits)) in trees.into_iter().filter(|(t, _)| !t.clusters.is_empty()).enumerate() {
-            let references = wide.append(scene, tree, traits);
-            wide.place(0, lane, tree, 0, traits, references[0]);
+    pub fn build(scene: &Scene, hierarchy: &Hierarchy, optics: &[ClusterOptics]) -> WideTree {
+        let mut wide = WideTree { nodes: vec![Node::EMPTY], optics: vec![NO_OPTICS], blocks: Vec::new() };
+        let trees = [(&hierarchy.micro, Some(optics)), (&hierarchy.large, None)];
+        for (lane, (tree, optics)) in trees.into_iter().filter(|(t, _)| !t.clusters.is_empty()).enumerate() {
+            let references = wide.append(scene, tree, optics);
+            wide.place(0, lane, tree, 0, optics, references[0]);
         }
         wide
     }
 
     /// Adds the nodes and blocks of a tree; gives the reference of each cluster.
-    fn append(&mut self, scene: &Scene, tree: &Tree, traits: Option<&[Traits]>) -> Vec<u32> {
+    fn append(&mut self, scene: &Scene, tree: &Tree, optics: Option<&[ClusterOptics]>) -> Vec<u32> {
         let (mut node, mut block) = (self.nodes.len() as u32, self.blocks.len() as u32);
         let references: Vec<u32> = tree
             .clusters
@@ -130,22 +130,22 @@ impl WideTree {
             }
             let place = self.nodes.len();
             self.nodes.push(Node::EMPTY);
-            self.traits.push(NO_TRAITS);
+            self.optics.push(NO_OPTICS);
             for (lane, child) in cluster.child_range().enumerate() {
-                self.place(place, lane, tree, child, traits, references[child]);
+                self.place(place, lane, tree, child, optics, references[child]);
             }
         }
         references
     }
 
-    /// Puts a cluster into a lane of a node; without traits it is never aggregated.
+    /// Puts a cluster into a lane of a node; without optics it is never aggregated.
     fn place(
         &mut self,
         node: usize,
         lane: usize,
         tree: &Tree,
         cluster: usize,
-        traits: Option<&[Traits]>,
+        optics: Option<&[ClusterOptics]>,
         reference: u32,
     ) {
         let bounds = tree.clusters[cluster].bounds.thickened();
@@ -155,26 +155,26 @@ impl WideTree {
             target.max[axis][lane] = bounds.max[axis];
         }
         target.child[lane] = reference;
-        let Some(traits) = traits else { return };
-        let traits = &traits[cluster];
+        let Some(optics) = optics else { return };
+        let optics = &optics[cluster];
         for axis in 0..3 {
-            target.slope[axis][lane] = traits.slope[axis];
+            target.slope[axis][lane] = optics.slope[axis];
         }
         if reference & LEAF != 0 {
             target.soft_leaves |= 1 << lane;
         }
         for axis in 0..AXIS_COUNT {
-            let entry = &mut self.traits[node][axis];
-            entry.size[lane] = half_up(traits.feature_size(axis));
-            entry.extinction[lane] = half_nearest(traits.extinction[axis]);
-            target.smallest = target.smallest.min(traits.feature_size(axis));
+            let entry = &mut self.optics[node][axis];
+            entry.size[lane] = half_up(optics.feature_size(axis));
+            entry.extinction[lane] = half_nearest(optics.extinction[axis]);
+            target.smallest = target.smallest.min(optics.feature_size(axis));
         }
     }
 
     /// Bytes of all arrays.
     pub fn bytes(&self) -> usize {
         size_of_val(self.nodes.as_slice())
-            + size_of_val(self.traits.as_slice())
+            + size_of_val(self.optics.as_slice())
             + size_of_val(self.blocks.as_slice())
     }
 }

@@ -169,7 +169,7 @@ fn a_solution_is_shown() {
         assert!(std::fs::metadata(&path).is_ok_and(|m| m.len() > 100), "{name}");
     }
     // A furnace: everything that is seen has the radiosity 1 + 0.5 · 2 = 2.
-    let image = mrvis::output::read_image(&scratch.path("s").join("view.exr"), Default::default(), 1.0)
+    let image = mrvis::image_io::read_image(&scratch.path("s").join("view.exr"), Default::default(), 1.0)
         .expect("an image");
     let want = 2.0 / std::f32::consts::PI;
     let seen: Vec<f32> = image.data().iter().copied().filter(|&v| v > 0.0).collect();

@@ -2,10 +2,10 @@
 
 use crate::run::Scratch;
 use glam::{DVec3, dvec3};
-use mrvis::factor_matrix::{Facets, Grouping, Matrix, Settings, compute};
+use mrvis::form_factors::matrix::{Facets, Grouping, Matrix, Settings, compute};
 use mrvis::points::Point;
+use mrvis::radiosity::{self, Options};
 use mrvis::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
-use mrvis::solver::{self, Options};
 use std::f64::consts::{PI, TAU};
 
 /// A value of a table of published cases, by its first columns and the column that holds it.
@@ -86,7 +86,7 @@ fn solutions_of_published_obstructed_pairs() {
     ] {
         let want = obstructed(id, quantity);
         let scene = plates(low, size);
-        let outcome = solver::run(&scene, &grid, &Options::default(), &()).expect("a solution");
+        let outcome = radiosity::run(&scene, &grid, &Options::default(), &()).expect("a solution");
         let points = outcome.irradiance.iter().map(|e| e[0]).sum::<f64>() / grid.len() as f64;
         assert!((points / want - 1.0).abs() < 5e-3, "{id} at points: {points} instead of {want}");
         // Elements know visibility from few segments, whose errors do not lean to either side.
@@ -97,7 +97,7 @@ fn solutions_of_published_obstructed_pairs() {
         assert!((mean / want - 1.0).abs() < 0.02, "{id} of the elements: {mean} instead of {want}");
     }
     let hidden = plates(dvec3(-0.1, -0.1, 0.5), 1.2);
-    let outcome = solver::run(&hidden, &grid, &Options::default(), &()).expect("a solution");
+    let outcome = radiosity::run(&hidden, &grid, &Options::default(), &()).expect("a solution");
     assert!(outcome.irradiance.iter().all(|e| *e == [0.0; 3]));
 }
 
@@ -306,11 +306,12 @@ fn a_second_interruption_ends_at_once() {
 #[test]
 fn ten_million_links_take_less_than_a_gibibyte() {
     // Stored, and 32 bytes more for what refinement and sweeps note of each while they last.
-    let stored = size_of::<mrvis::link::Link>();
+    let stored = size_of::<mrvis::radiosity::links::Link>();
     assert!(stored <= 40, "{stored}");
     assert!(10_000_000 * (stored + 32) < 1 << 30);
     let options = Options { error: 0.01, ..Options::default() };
-    let outcome = solver::run(&plates(dvec3(0.25, 0.25, 0.5), 0.5), &[], &options, &()).expect("a solution");
+    let outcome =
+        radiosity::run(&plates(dvec3(0.25, 0.25, 0.5), 0.5), &[], &options, &()).expect("a solution");
     let (links, elements) = (outcome.record.links, outcome.record.elements);
     assert!(links > 2000, "{links}");
     // Elements, links and sweeps together: nothing else grows with the solution.

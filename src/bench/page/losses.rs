@@ -6,7 +6,7 @@ use super::{ReceiverImages, length, receivers::fbem_at, tables::signed, times};
 use crate::Result;
 use crate::bench::record::Record;
 use crate::metrics::difference;
-use crate::output::number;
+use crate::plot::number;
 
 /// The section: slow rows, receivers where exact with 16 rays is better, the largest differences.
 pub(super) fn section(record: &Record, receivers: &[ReceiverImages]) -> Result<Markup> {

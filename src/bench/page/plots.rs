@@ -6,7 +6,7 @@ use super::length;
 use crate::Result;
 use crate::bench::record::{ExactRow, Record};
 use crate::metrics::Fbem;
-use crate::output::{Plot, Point, Scale, Series};
+use crate::plot::{Plot, Point, Scale, Series};
 
 /// Error of each row against its time, both logarithmic.
 pub(super) fn error_against_time(record: &Record) -> Result<Markup> {

@@ -6,11 +6,12 @@ use maud::{Markup, html};
 use super::{ReceiverImages, length, plots};
 use crate::Result;
 use crate::bench::record::Record;
+use crate::image_io::{Picture, difference, grey, mask_overlay};
 use crate::metrics::{
     Fbem, FbemOptions, FeatureOptions, FeatureSet, Image, difference as differences, fbem, norms, spectrum,
     spectrum_sizes,
 };
-use crate::output::{Picture, difference, grey, mask_overlay, number};
+use crate::plot::number;
 
 /// Images smaller than this many pixels a side are enlarged by whole factors, so that texels stay sharp in print.
 const LEAST_SIDE: usize = 256;

@@ -6,7 +6,7 @@ use super::tables::{bytes, count, seconds};
 use super::{document, length};
 use crate::Result;
 use crate::bench::record::{ScalingRecord, ScalingRow};
-use crate::output::{Plot, Point, Scale, Series, number};
+use crate::plot::{Plot, Point, Scale, Series, number};
 
 /// The rows of a series, smallest first.
 fn series<'a>(rows: &'a [ScalingRow], name: &str) -> Vec<&'a ScalingRow> {

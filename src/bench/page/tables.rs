@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use super::{length, percent, times};
 use crate::bench::record::{Build, ExactRow, MrRow, Record};
-use crate::output::number;
+use crate::plot::number;
 
 /// What was read, how long the preparation took, what was asked.
 pub(super) fn scene(record: &Record) -> Markup {
@@ -63,7 +63,7 @@ fn per_triangle(build: &Build) -> String {
     let parts = [
         ("scene", b.scene),
         ("clusters", b.hierarchy),
-        ("measures", b.traits),
+        ("measures", b.optics),
         ("traversal", b.wide),
         ("Embree", b.embree),
     ];

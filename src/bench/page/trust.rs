@@ -6,7 +6,7 @@ use super::tables::{seconds, signed};
 use super::{length, percent, times};
 use crate::Result;
 use crate::bench::record::{Audit, MrRow, Record, TargetChoice, UnbiasedRow};
-use crate::output::{Plot, Point, Scale, Series, number};
+use crate::plot::{Plot, Point, Scale, Series, number};
 
 /// Feature sizes in the plot, at most; with the diagonal as many as there are colours.
 const SIZES: usize = 4;

@@ -1,9 +1,9 @@
 //! The images of a run as files.
 
-use mrvis::Result;
-use mrvis::bench::page::ReceiverImages;
-use mrvis::metrics::{FeatureOptions, FeatureSet, Image};
-use mrvis::output::{difference, grey, mask_overlay, write_exr, write_png};
+use crate::Result;
+use crate::bench::page::ReceiverImages;
+use crate::image_io::{difference, grey, mask_overlay, write_exr, write_png};
+use crate::metrics::{FeatureOptions, FeatureSet, Image};
 use std::fmt::Write as _;
 use std::path::Path;
 

@@ -1,8 +1,8 @@
 //! The record for a terminal.
 
 use super::super::args::grouped;
-use mrvis::bench::record::{Build, MrRow, Record, ScalingRow, Target, UnbiasedRow};
-use mrvis::output::number;
+use crate::bench::record::{Build, MrRow, Record, ScalingRow, Target, UnbiasedRow};
+use crate::plot::number;
 use std::fmt::Write as _;
 
 /// The record for a terminal.
@@ -33,7 +33,7 @@ pub fn table(record: &Record) -> String {
     let _ = writeln!(
         text,
         "memory: {:.0} bytes a triangle (scene {:.0}, clusters {:.0}, measures {:.0}, traversal {:.0}, Embree {:.0})",
-        b.total, b.scene, b.hierarchy, b.traits, b.wide, b.embree
+        b.total, b.scene, b.hierarchy, b.optics, b.wide, b.embree
     );
     let _ = writeln!(
         text,

@@ -1,4 +1,4 @@
-//! Identities of the metric, and the shape of the paper's Table 1.
+//! Identities of the metric, and the shape of the paper's PreparedClusters 1.
 
 use super::*;
 use crate::metrics::{Features, norms};
@@ -101,7 +101,7 @@ fn coarse(image: &Image) -> Image {
     Image::from_fn(128, 128, 1.0, |x, y| mean(x / cell, y / cell)).unwrap()
 }
 
-/// Table 1 of [SD95 sec 2.3] in small (method A.3): the order by cube size and the fall-off, not the numbers.
+/// PreparedClusters 1 of [SD95 sec 2.3] in small (method A.3): the order by cube size and the fall-off, not the numbers.
 #[test]
 fn table_1_orders_by_cube_size_and_falls_off() {
     let sizes = [5.0, 16.0, 24.0, 30.0, 40.0];

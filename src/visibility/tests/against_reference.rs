@@ -44,7 +44,7 @@ fn compare(stage: &Stage, packets: &[Packet], e: f32, s: f32) -> Differences {
             let mut clearly = false;
             let met = walk(
                 &stage.hierarchy,
-                &stage.traits,
+                &stage.optics,
                 segment(packet, lane),
                 towards(packet),
                 (e, s),

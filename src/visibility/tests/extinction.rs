@@ -34,7 +34,7 @@ fn optical_depth_is_the_same_for_every_cut() {
                     let segment = segment(packet, lane);
                     let met = walk(
                         &stage.hierarchy,
-                        &stage.traits,
+                        &stage.optics,
                         segment,
                         towards(packet),
                         (s, s),

@@ -13,8 +13,8 @@ mod solid;
 use super::reference::{Segment, end_rule};
 use super::testing::{SINGLE, Stage};
 use super::*;
-use crate::characterise::{self, Extinction};
-use crate::hierarchy;
+use crate::clusters;
+use crate::optics::{self, Extinction};
 use crate::ray::{EndRule, LANES};
 use crate::scene::Scene;
 use crate::scene::generate::{self, Spec};
@@ -24,8 +24,8 @@ use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::Rng;
 
 /// How clusters are measured.
-fn measured(extinction: Extinction) -> characterise::Options {
-    characterise::Options { extinction, tolerance: 0.1, ..Default::default() }
+fn measured(extinction: Extinction) -> optics::Options {
+    optics::Options { extinction, tolerance: 0.1, ..Default::default() }
 }
 
 impl Stage {

@@ -1,7 +1,7 @@
 //! The rule of method A.6: umbra, penumbra and peak of discs, and what is aggregated by it.
 
 use super::*;
-use crate::characterise::AxisMix;
+use crate::optics::AxisMix;
 use crate::scene::testing::Pieces;
 use crate::visibility::reference::{peak_occlusion, penumbra, umbra};
 use glam::{DVec2, DVec3};
@@ -79,7 +79,7 @@ fn a_cluster_is_aggregated_where_its_umbra_is_small() {
         let mut packet = Packet::EMPTY;
         packet.set(0, at(0.013, 0.007, 0.0), at(0.013, 0.007, 1.0), EndRule::new(1.0));
         let mix = AxisMix::around(towards(&packet));
-        let b = mix.mix(|axis| stage.traits[0].feature_size(axis));
+        let b = mix.mix(|axis| stage.optics[0].feature_size(axis));
         for e in [0.0, 0.3 * b, 0.9 * b, 2.2 * b] {
             let critical = umbra(f64::from(e), f64::from(b), 1.0 - height, height) as f32;
             // Two per cent for sizes stored in 16 bits, rounded up, and for the plate's thickness.
@@ -110,12 +110,12 @@ fn penumbrae_of_strong_contrast_stay() {
     }
     let stage = Stage::with(
         discs.scene(),
-        &hierarchy::Options { large_surface: f32::INFINITY, ..Default::default() },
+        &clusters::Options { large_surface: f32::INFINITY, ..Default::default() },
         &measured(Extinction::Measured),
     );
     // What the paper's rule sees of both together: less than the emitter, so no umbra whatever s is.
-    let both = &stage.traits[0];
-    assert!(umbra(1.0, f64::from(both.blocked[2]), 3.0, 4.0) < 0.0, "{both:?}");
+    let both = &stage.optics[0];
+    assert!(umbra(1.0, f64::from(both.blocker_size[2]), 3.0, 4.0) < 0.0, "{both:?}");
     assert!(both.coverage[2] < 0.4 && both.feature_size(2) > 0.6, "{both:?}");
     let (mut random, mut workspace) = (Pcg64Mcg::new(31), Workspace::default());
     let at = |p: DVec3| (p - stage.scene.origin).as_vec3();

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 const ISAS: [Isa; 3] = [Isa::Portable, Isa::Avx2, Isa::Avx512];
 
 /// Neighbours that are asked together share the upper part of the traversal: what is exact stays the same bit for
-/// bit, and what is aggregated differs by no more than the direction that traits are taken along.
+/// bit, and what is aggregated differs by no more than the direction that optics are taken along.
 #[test]
 fn groups_answer_as_their_bundles_do() {
     for name in ["forest", "cubes", "desk-room", "bookshelf"] {

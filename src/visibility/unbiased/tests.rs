@@ -1,7 +1,7 @@
 //! The mean of the estimates is the truth, whatever the averaged level says and however rarely it is corrected.
 
 use super::*;
-use crate::characterise::{Extinction, Options};
+use crate::optics::{Extinction, Options};
 use crate::ray::LANES;
 use crate::scene::testing::{Pieces, cloud, unit};
 use crate::visibility::Leaf;

@@ -1,0 +1,188 @@
+//! Pictures: what a camera sees of a mesh.
+
+use super::Mesh;
+use crate::Result;
+use crate::embree::{CommittedScene, Device, Hits, Options, SceneBuilder, Traversal};
+use crate::radiosity::solution::Solution;
+use crate::ray::{LANES, Packet};
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// A pinhole camera.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Camera {
+    /// Name for files.
+    pub name: String,
+    /// Where it is, relative to [`Solution::origin`].
+    pub eye: Vec3,
+    /// Where it looks, a unit vector.
+    pub forward: Vec3,
+    /// What is up in the picture; not along `forward`.
+    pub up: Vec3,
+    /// Angle of view from top to bottom, radians.
+    pub angle: f32,
+}
+
+/// A picture of radiance.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Radiance in linear RGB, W/(m² sr), row by row from the top; black where nothing is seen.
+    pub radiance: Vec<[f32; 3]>,
+    /// What one of each pixel's rays meets (that through its centre, where there is one ray), nothing where nothing is.
+    pub first: Vec<Option<First>>,
+}
+
+/// What a ray meets first.
+#[derive(Clone, Copy, Debug)]
+pub struct First {
+    /// Distance from the eye, scene units.
+    pub distance: f32,
+    /// The place, relative to [`Solution::origin`].
+    pub position: Vec3,
+    /// Index of the element.
+    pub element: u32,
+}
+
+/// A pixel's radiance, and what is there.
+type Pixel = ([f32; 3], Option<First>);
+
+/// A mesh that rays can meet.
+pub struct Stage<'a> {
+    /// What is shown.
+    pub mesh: &'a Mesh,
+    /// Fronts and backs of sheets lie in one place: a scene for either, with the mesh's triangle of each of its own.
+    sides: [(CommittedScene, Vec<u32>); 2],
+}
+
+/// How packets of neighbouring pixels are traced.
+const TRAVERSAL: Traversal = Traversal { width: 16, coherent: false };
+/// Sides seen from behind that a ray may pass.
+const LAYERS: usize = 64;
+
+impl<'a> Stage<'a> {
+    /// Builds what is needed to see `mesh`, which belongs to `solution`.
+    ///
+    /// # Errors
+    /// Embree refuses.
+    pub fn new(mesh: &'a Mesh, solution: &Solution) -> Result<Stage<'a>> {
+        let device = Device::new(rayon::current_num_threads())?;
+        let side = |front: bool| -> Result<(CommittedScene, Vec<u32>)> {
+            let of = |t: &u32| solution.elements[mesh.element[*t as usize] as usize].front == front;
+            let chosen: Vec<u32> = (0..mesh.triangles.len() as u32).filter(of).collect();
+            let triangles: Vec<[u32; 3]> = chosen.iter().map(|&t| mesh.triangles[t as usize]).collect();
+            let mut builder = SceneBuilder::new(&device, Options::default())?;
+            builder.add_triangles(&mesh.positions, &triangles, 1)?;
+            Ok((builder.commit()?, chosen))
+        };
+        Ok(Stage { mesh, sides: [side(true)?, side(false)?] })
+    }
+
+    /// The first triangle that each ray of a packet meets from its lit side, and how far away; surfaces are transparent
+    /// from behind, so that a room can be looked into from outside.
+    fn first(&self, rays: &Packet) -> [Option<(u32, f32)>; LANES] {
+        let mut best: [Option<(u32, f32)>; LANES] = [None; LANES];
+        for (scene, chosen) in &self.sides {
+            let mut rays = rays.clone();
+            for _ in 0..LAYERS {
+                let mut hits = [Hits::NONE];
+                scene.first_hits(TRAVERSAL, std::slice::from_ref(&rays), &mut hits);
+                let mut again = 0;
+                for lane in rays.lanes() {
+                    let hit = hits[0].triangle[lane];
+                    if hit == Hits::NOTHING {
+                        continue;
+                    }
+                    let (triangle, t) = (chosen[hit as usize], hits[0].t[lane]);
+                    let normal = self.mesh.normals[self.mesh.triangles[triangle as usize][0] as usize];
+                    if normal.dot(Vec3::from(rays.direction.map(|axis| axis[lane]))) < 0.0 {
+                        if best[lane].is_none_or(|b| t < b.1) {
+                            best[lane] = Some((triangle, t));
+                        }
+                    } else {
+                        rays.near[lane] = t * (1.0 + 1e-5);
+                        again |= 1 << lane;
+                    }
+                }
+                rays.active = again;
+                if again == 0 {
+                    break;
+                }
+            }
+        }
+        best
+    }
+
+    /// Radiance of a place of a triangle.
+    fn radiance(&self, triangle: u32, point: Vec3) -> [f32; 3] {
+        self.interpolate(triangle, point, &self.mesh.radiosity).map(|b| b / std::f32::consts::PI)
+    }
+
+    /// A place of a triangle between the values at its vertices.
+    fn interpolate(&self, triangle: u32, point: Vec3, values: &[[f32; 3]]) -> [f32; 3] {
+        let [a, b, c] = self.mesh.corners(triangle as usize);
+        let normal = (b - a).cross(c - a);
+        let square = normal.length_squared();
+        let share = |p: Vec3, q: Vec3| ((q - p).cross(point - p).dot(normal) / square).clamp(0.0, 1.0);
+        let weights = [share(b, c), share(c, a), share(a, b)];
+        let values = self.mesh.triangles[triangle as usize].map(|v| values[v as usize]);
+        std::array::from_fn(|k| (0..3).map(|i| weights[i] * values[i][k]).sum())
+    }
+
+    /// Irradiance of what each ray of a packet meets first, W/m²; nothing where that is nothing.
+    pub(super) fn irradiance(&self, rays: &Packet) -> [Option<[f32; 3]>; LANES] {
+        let met = self.first(rays);
+        std::array::from_fn(|lane| {
+            let (triangle, t) = met[lane]?;
+            Some(self.interpolate(triangle, rays.point(lane, t), &self.mesh.irradiance))
+        })
+    }
+}
+
+/// Renders a picture with `samples` × `samples` rays a pixel.
+pub fn render(stage: &Stage, camera: &Camera, width: usize, height: usize, samples: usize) -> Frame {
+    let right = camera.forward.cross(camera.up).normalize();
+    let up = right.cross(camera.forward);
+    let half = (0.5 * camera.angle).tan();
+    let direction = |x: f32, y: f32| {
+        let (u, v) = (2.0 * x / width as f32 - 1.0, 1.0 - 2.0 * y / height as f32);
+        (camera.forward + right * (u * half * width as f32 / height as f32) + up * (v * half)).normalize()
+    };
+    let samples = samples.max(1);
+    let share = 1.0 / (samples * samples) as f32;
+    let step = 1.0 / samples as f32;
+    let rows: Vec<Vec<Pixel>> = (0..height)
+        .into_par_iter()
+        .map(|y| {
+            let mut row = vec![([0f32; 3], None); width];
+            for left in (0..width).step_by(LANES) {
+                let lanes = LANES.min(width - left);
+                for k in 0..samples * samples {
+                    let mut rays = Packet::EMPTY;
+                    for lane in 0..lanes {
+                        let (i, j) = ((k % samples) as f32 + 0.5, (k / samples) as f32 + 0.5);
+                        let d = direction((left + lane) as f32 + i * step, y as f32 + j * step);
+                        rays.set_ray(lane, camera.eye, d);
+                    }
+                    for (lane, hit) in stage.first(&rays).into_iter().enumerate().take(lanes) {
+                        let Some((triangle, t)) = hit else { continue };
+                        let position = rays.point(lane, t);
+                        let radiance = stage.radiance(triangle, position);
+                        let (sum, first) = &mut row[left + lane];
+                        sum.iter_mut().zip(radiance).for_each(|(s, x)| *s += share * x);
+                        if k == samples * samples / 2 {
+                            let element = stage.mesh.element[triangle as usize];
+                            *first = Some(First { distance: t, position, element });
+                        }
+                    }
+                }
+            }
+            row
+        })
+        .collect();
+    let (radiance, first) = rows.into_iter().flatten().unzip();
+    Frame { width, height, radiance, first }
+}

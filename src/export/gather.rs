@@ -1,0 +1,34 @@
+//! Pictures whose light is asked for anew at every pixel, instead of interpolated between elements.
+
+use super::{First, Frame};
+use crate::points::Point;
+use crate::radiosity::solution::Solution;
+
+/// The points that a picture's rays meet, in the coordinates of the scene's file, with the normals of their elements: those
+/// at which irradiance is to be computed for [`light_of`]. Pixels that see nothing are left out.
+pub fn places(frame: &Frame, solution: &Solution) -> Vec<Point> {
+    let point = |f: &First| {
+        let element = &solution.elements[f.element as usize];
+        let [a, b, c, d] = element.corners.map(|v| solution.vertices[v as usize].as_dvec3());
+        let normal = (c - a).cross(d - b).normalize_or_zero();
+        Point { position: solution.origin + f.position.as_dvec3(), normal }
+    };
+    frame.first.iter().flatten().map(point).collect()
+}
+
+/// The radiance of a picture's pixels for the irradiance at its [`places`], W/(m² sr).
+///
+/// # Panics
+/// If there are fewer values than places.
+pub fn light_of(frame: &Frame, solution: &Solution, irradiance: &[[f64; 3]]) -> Vec<[f32; 3]> {
+    let mut next = irradiance.iter();
+    let mut radiance = |f: &First| {
+        let element = &solution.elements[f.element as usize];
+        let e = next.next().expect("there is a value for each place");
+        std::array::from_fn(|c| {
+            let radiosity = element.exitance[c] + f64::from(element.albedo[c]) * e[c];
+            (radiosity / std::f64::consts::PI) as f32
+        })
+    };
+    frame.first.iter().map(|f| f.as_ref().map_or([0.0; 3], &mut radiance)).collect()
+}

@@ -1,0 +1,267 @@
+//! Lightmaps: irradiance of all surfaces in one image, a chart for each plane of a surface. See `unwrapped` for those in the
+//! file's own texture coordinates.
+
+use super::Mesh;
+use crate::image_io::write_exr_rgb;
+use crate::radiosity::solution::Solution;
+use crate::scene::Scene;
+use crate::{Error, Result, files::WholeFile};
+use glam::{Vec2, Vec3};
+use std::collections::HashMap;
+use std::io::Write;
+use std::path::Path;
+
+/// An image of irradiance and where surfaces are in it.
+#[derive(Clone, Debug)]
+pub struct Lightmap {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Side of a texel, scene units.
+    pub texel: f32,
+    /// Irradiance, W/m², row by row from the top.
+    pub irradiance: Vec<[f32; 3]>,
+    /// Whether a texel's centre lies on a surface, or it holds the middle of a triangle that is too small for that; others have
+    /// the light of a neighbour or nothing.
+    pub covered: Vec<bool>,
+    /// Texture coordinates of the corners of each triangle of the mesh, from the lower left corner of the image; empty where
+    /// the scene's own are meant.
+    pub texcoords: Vec<[Vec2; 3]>,
+    /// Number of charts.
+    pub charts: usize,
+}
+
+/// Texels around each chart that are filled from inside, so that filtering does not mix charts.
+const MARGIN: usize = 2;
+/// The largest side of an image.
+pub(super) const MAX_SIDE: usize = 16_384;
+
+struct Chart {
+    triangles: Vec<u32>,
+    u: Vec3,
+    v: Vec3,
+    low: Vec2,
+    high: Vec2,
+    at: [usize; 2],
+}
+
+impl Chart {
+    fn plane(&self, p: Vec3) -> Vec2 {
+        Vec2::new(p.dot(self.u), p.dot(self.v))
+    }
+
+    /// Columns and rows at a texel size, with margins.
+    fn size(&self, texel: f32) -> [usize; 2] {
+        let side = |x: f32| (x / texel).ceil().max(1.0) as usize + 2 * MARGIN;
+        let extent = self.high - self.low;
+        [side(extent.x), side(extent.y)]
+    }
+}
+
+/// The lightmap of a mesh with about `texels` texels, more where there are more charts than that.
+///
+/// # Errors
+/// There are so many charts that an image of 16,384 texels a side does not hold them.
+pub fn lightmap(mesh: &Mesh, solution: &Solution, scene: &Scene, texels: usize) -> Result<Lightmap> {
+    let mut charts = charts(mesh, solution, scene);
+    let area: f32 = charts.iter().map(|c| (c.high - c.low).element_product()).sum();
+    let mut texel = (area / texels.max(1) as f32).sqrt().max(f32::MIN_POSITIVE);
+    let filled = |charts: &[Chart], texel: f32| -> usize {
+        charts.iter().map(|c| c.size(texel).iter().product::<usize>()).sum()
+    };
+    // Margins take room too: coarser texels until all fits. Where there are so many charts that even one texel of each does not,
+    // margins are most of the image, and what is as large as they are is for the large ones.
+    let least = charts.len() * (1 + 2 * MARGIN).pow(2);
+    let room = (texels + texels / 4).max(least + least / 2);
+    while filled(&charts, texel) > room {
+        texel *= 1.25;
+    }
+    let [width, height] = pack(&mut charts, texel).ok_or_else(|| {
+        Error::Scene(format!(
+            "{} charts do not fit into a lightmap of {MAX_SIDE} texels a side",
+            charts.len()
+        ))
+    })?;
+    let mut map = Lightmap {
+        width,
+        height,
+        texel,
+        irradiance: vec![[0.0; 3]; width * height],
+        covered: vec![false; width * height],
+        texcoords: vec![[Vec2::ZERO; 3]; mesh.triangles.len()],
+        charts: charts.len(),
+    };
+    for chart in &charts {
+        chart.triangles.iter().for_each(|&t| map.draw(mesh, chart, t));
+        chart.triangles.iter().for_each(|&t| map.hold(mesh, t));
+    }
+    map.bleed();
+    Ok(map)
+}
+
+/// Groups triangles that lie in one plane of one connected surface, on one side of it.
+fn charts(mesh: &Mesh, solution: &Solution, scene: &Scene) -> Vec<Chart> {
+    let size = scene.bounds.diagonal().max(f32::MIN_POSITIVE);
+    let mut known: HashMap<(u32, bool, [i32; 4]), usize> = HashMap::new();
+    let mut charts: Vec<Chart> = Vec::new();
+    for t in 0..mesh.triangles.len() {
+        let element = &solution.elements[mesh.element[t] as usize];
+        let normal = mesh.normals[mesh.triangles[t][0] as usize];
+        let [a, b, c] = mesh.corners(t);
+        let plane = (normal * 500.0).round().as_ivec3().to_array();
+        let height = (normal.dot(a) / size * 20_000.0).round() as i32;
+        let key = (
+            scene.triangle_component[element.triangle as usize],
+            element.front,
+            [plane[0], plane[1], plane[2], height],
+        );
+        let i = *known.entry(key).or_insert_with(|| {
+            // Along an edge of the element, so that rectangles stand upright.
+            let [p, q] = [0, 1].map(|k| solution.vertices[element.corners[k] as usize]);
+            let u = (q - p).reject_from(normal).normalize_or(normal.any_orthonormal_vector());
+            charts.push(Chart {
+                triangles: Vec::new(),
+                u,
+                v: normal.cross(u),
+                low: Vec2::INFINITY,
+                high: Vec2::NEG_INFINITY,
+                at: [0; 2],
+            });
+            charts.len() - 1
+        });
+        let chart = &mut charts[i];
+        chart.triangles.push(t as u32);
+        for p in [a, b, c] {
+            let place = chart.plane(p);
+            (chart.low, chart.high) = (chart.low.min(place), chart.high.max(place));
+        }
+    }
+    charts
+}
+
+/// Places charts on shelves, tallest first; gives columns and rows, nothing if they do not fit.
+fn pack(charts: &mut [Chart], texel: f32) -> Option<[usize; 2]> {
+    let sizes: Vec<[usize; 2]> = charts.iter().map(|c| c.size(texel)).collect();
+    let mut order: Vec<usize> = (0..charts.len()).collect();
+    order.sort_by_key(|&i| (std::cmp::Reverse(sizes[i][1]), i));
+    let total: usize = sizes.iter().map(|s| s[0] * s[1]).sum();
+    let widest = sizes.iter().map(|s| s[0]).max().unwrap_or(1);
+    let width = ((total as f64 * 1.1).sqrt().ceil() as usize).max(widest);
+    let (mut x, mut y, mut shelf) = (0, 0, 0);
+    for i in order {
+        let [w, h] = sizes[i];
+        if x + w > width {
+            (x, y, shelf) = (0, y + shelf, 0);
+        }
+        charts[i].at = [x, y];
+        x += w;
+        shelf = shelf.max(h);
+    }
+    let height = y + shelf;
+    (width <= MAX_SIDE && height <= MAX_SIDE).then_some([width, height])
+}
+
+impl Lightmap {
+    /// Fills the texels whose centres lie in a triangle, and the triangle's texture coordinates.
+    fn draw(&mut self, mesh: &Mesh, chart: &Chart, t: u32) {
+        let corner = Vec2::new(chart.at[0] as f32, chart.at[1] as f32) + MARGIN as f32;
+        let [a, b, c] = mesh.corners(t as usize).map(|p| corner + (chart.plane(p) - chart.low) / self.texel);
+        let (w, h) = (self.width as f32, self.height as f32);
+        self.texcoords[t as usize] = [a, b, c].map(|p| Vec2::new(p.x / w, 1.0 - p.y / h));
+        let area = (b - a).perp_dot(c - a);
+        if area == 0.0 {
+            return;
+        }
+        let light = mesh.triangles[t as usize].map(|v| mesh.irradiance[v as usize]);
+        let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+        let span = |lo: f32, hi: f32, end: usize| {
+            (lo - 0.5).floor().max(0.0) as usize..((hi + 0.5).ceil() as usize).min(end)
+        };
+        for y in span(low.y, high.y, self.height) {
+            for x in span(low.x, high.x, self.width) {
+                let p = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+                let weights = [(c - b).perp_dot(p - b), (a - c).perp_dot(p - c), (b - a).perp_dot(p - a)]
+                    .map(|e| e / area);
+                // Centres on common edges belong to both; a hair's breadth outside closes rounding gaps.
+                if weights.iter().all(|&w| w >= -1e-4) {
+                    let at = y * self.width + x;
+                    self.covered[at] = true;
+                    self.irradiance[at] = std::array::from_fn(|k| {
+                        (0..3).map(|i| weights[i] * light[i][k]).sum::<f32>().max(0.0)
+                    });
+                }
+            }
+        }
+    }
+
+    /// Gives the texel at the middle of a triangle its mean light if no surface covers that texel's centre.
+    fn hold(&mut self, mesh: &Mesh, t: u32) {
+        let [a, b, c] = self.texcoords[t as usize];
+        let middle = (a + b + c) / 3.0;
+        let place = |part: f32, count: usize| ((part * count as f32).max(0.0) as usize).min(count - 1);
+        let at = place(1.0 - middle.y, self.height) * self.width + place(middle.x, self.width);
+        if !self.covered[at] {
+            self.covered[at] = true;
+            let light = mesh.triangles[t as usize].map(|v| mesh.irradiance[v as usize]);
+            self.irradiance[at] = std::array::from_fn(|k| light.iter().map(|l| l[k] / 3.0).sum());
+        }
+    }
+
+    /// Gives texels beside covered ones the mean of those, once for each texel of the margin.
+    pub(super) fn bleed(&mut self) {
+        let mut known = self.covered.clone();
+        for _ in 0..MARGIN {
+            let before = known.clone();
+            for y in 0..self.height {
+                for x in (0..self.width).filter(|x| !before[y * self.width + x]) {
+                    let (mut sum, mut count) = ([0.0; 3], 0.0);
+                    for j in y.saturating_sub(1)..(y + 2).min(self.height) {
+                        for i in x.saturating_sub(1)..(x + 2).min(self.width) {
+                            if before[j * self.width + i] {
+                                let light = self.irradiance[j * self.width + i];
+                                sum.iter_mut().zip(light).for_each(|(s, l)| *s += l);
+                                count += 1.0;
+                            }
+                        }
+                    }
+                    if count > 0.0 {
+                        self.irradiance[y * self.width + x] = sum.map(|s| s / count);
+                        known[y * self.width + x] = true;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Writes `image` (EXR) and `model` (OBJ: the mesh with texture coordinates, coordinates of the scene's file).
+///
+/// # Errors
+/// A file cannot be written.
+pub fn write_lightmap(
+    image: &Path,
+    model: &Path,
+    map: &Lightmap,
+    mesh: &Mesh,
+    solution: &Solution,
+) -> Result<()> {
+    write_exr_rgb(image, map.width, &map.irradiance)?;
+    let mut file = WholeFile::create(model)?;
+    let mut write = || -> std::io::Result<()> {
+        let name = image.file_name().unwrap_or_default().to_string_lossy();
+        writeln!(file, "# irradiance, W/m\u{b2}: {name}, {} x {} texels", map.width, map.height)?;
+        for p in &mesh.positions {
+            let p = solution.origin + p.as_dvec3();
+            writeln!(file, "v {} {} {}", p.x, p.y, p.z)?;
+        }
+        map.texcoords.iter().flatten().try_for_each(|t| writeln!(file, "vt {} {}", t.x, t.y))?;
+        for (i, [a, b, c]) in mesh.triangles.iter().enumerate() {
+            let t = 3 * i + 1;
+            writeln!(file, "f {}/{} {}/{} {}/{}", a + 1, t, b + 1, t + 1, c + 1, t + 2)?;
+        }
+        Ok(())
+    };
+    write().map_err(|e| Error::io(model, e))?;
+    file.commit()
+}

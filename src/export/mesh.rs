@@ -1,0 +1,177 @@
+//! Triangles with light at their vertices.
+
+use crate::radiosity::solution::{Element, Solution};
+use glam::Vec3;
+use std::collections::HashMap;
+
+/// A triangle mesh of all sides of surfaces, with light at the vertices. The vectors of vertices have one entry each, as
+/// have those of triangles.
+#[derive(Clone, Debug, Default)]
+pub struct Mesh {
+    /// Places relative to [`Solution::origin`], scene units.
+    pub positions: Vec<Vec3>,
+    /// Unit normals of the lit side.
+    pub normals: Vec<Vec3>,
+    /// Irradiance, W/m².
+    pub irradiance: Vec<[f32; 3]>,
+    /// Radiosity: emission and what is reflected, W/m².
+    pub radiosity: Vec<[f32; 3]>,
+    /// Counterclockwise seen from the lit side.
+    pub triangles: Vec<[u32; 3]>,
+    /// The element that each triangle is a part of.
+    pub element: Vec<u32>,
+}
+
+/// Elements whose normals have at least this cosine (25 degrees) are one smooth surface.
+const SMOOTH: f32 = 0.9;
+/// Halvings of an edge that are looked for: no quadtree is deeper.
+const DEPTH: u32 = 24;
+
+impl Mesh {
+    /// The mesh of a solution.
+    pub fn new(solution: &Solution) -> Mesh {
+        let places: HashMap<[u32; 3], u32> =
+            solution.vertices.iter().enumerate().map(|(i, &p)| (bits(p), i as u32)).collect();
+        let normals: Vec<Vec3> = solution.elements.iter().map(|e| normal(solution, e)).collect();
+        let outlines: Vec<Vec<u32>> =
+            solution.elements.iter().map(|e| outline(solution, &places, e)).collect();
+        let around = Around::new(solution.vertices.len(), &outlines);
+        let mut out = Builder::default();
+        for (e, (element, outline)) in solution.elements.iter().zip(&outlines).enumerate() {
+            let vertex = |out: &mut Builder, v: u32| {
+                let irradiance = mean(solution, &normals, normals[e], around.of(v));
+                out.vertex(solution.vertices[v as usize], normals[e], irradiance, element)
+            };
+            let ring: Vec<u32> = outline.iter().map(|&v| vertex(&mut out, v)).collect();
+            match ring[..] {
+                [a, b, c] => out.triangle([a, b, c], e),
+                [a, b, c, d] if !element.is_triangle() => {
+                    out.triangle([a, b, c], e);
+                    out.triangle([a, c, d], e);
+                }
+                _ => {
+                    let corners = &element.corners[..if element.is_triangle() { 3 } else { 4 }];
+                    let sum: Vec3 = corners.iter().map(|&v| solution.vertices[v as usize]).sum();
+                    let irradiance = element.irradiance.map(|x| x as f32);
+                    let centre = out.vertex(sum / corners.len() as f32, normals[e], irradiance, element);
+                    for k in 0..ring.len() {
+                        out.triangle([centre, ring[k], ring[(k + 1) % ring.len()]], e);
+                    }
+                }
+            }
+        }
+        out.mesh
+    }
+
+    /// The three corners of a triangle.
+    pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
+        self.triangles[triangle].map(|v| self.positions[v as usize])
+    }
+}
+
+fn bits(p: Vec3) -> [u32; 3] {
+    // Zero has two signs and one place.
+    (p + Vec3::ZERO).to_array().map(f32::to_bits)
+}
+
+fn normal(solution: &Solution, e: &Element) -> Vec3 {
+    let [a, b, c, d] = e.corners.map(|v| solution.vertices[v as usize].as_dvec3());
+    (c - a).cross(d - b).normalize_or_zero().as_vec3()
+}
+
+/// The vertices along an element's edges: its corners, and where finer neighbours have theirs.
+fn outline(solution: &Solution, places: &HashMap<[u32; 3], u32>, e: &Element) -> Vec<u32> {
+    let corners = &e.corners[..if e.is_triangle() { 3 } else { 4 }];
+    let mut out = Vec::with_capacity(corners.len());
+    for (k, &a) in corners.iter().enumerate() {
+        out.push(a);
+        halves(solution, places, a, corners[(k + 1) % corners.len()], DEPTH, &mut out);
+    }
+    out
+}
+
+/// Pushes the vertices between two, found by halving: elements are split at the middles of their edges.
+fn halves(
+    solution: &Solution,
+    places: &HashMap<[u32; 3], u32>,
+    a: u32,
+    b: u32,
+    depth: u32,
+    out: &mut Vec<u32>,
+) {
+    let (p, q) = (solution.vertices[a as usize], solution.vertices[b as usize]);
+    let Some(&m) = places.get(&bits(0.5 * (p + q))).filter(|&&m| m != a && m != b && depth > 0) else {
+        return;
+    };
+    halves(solution, places, a, m, depth - 1, out);
+    out.push(m);
+    halves(solution, places, m, b, depth - 1, out);
+}
+
+/// Elements around each vertex.
+struct Around {
+    first: Vec<u32>,
+    elements: Vec<u32>,
+}
+
+impl Around {
+    fn new(vertices: usize, outlines: &[Vec<u32>]) -> Around {
+        let mut first = vec![0u32; vertices + 1];
+        outlines.iter().flatten().for_each(|&v| first[v as usize + 1] += 1);
+        (0..vertices).for_each(|v| first[v + 1] += first[v]);
+        let mut next = first.clone();
+        let mut elements = vec![0; first[vertices] as usize];
+        for (e, outline) in outlines.iter().enumerate() {
+            for &v in outline {
+                elements[next[v as usize] as usize] = e as u32;
+                next[v as usize] += 1;
+            }
+        }
+        Around { first, elements }
+    }
+
+    fn of(&self, vertex: u32) -> &[u32] {
+        &self.elements[self.first[vertex as usize] as usize..self.first[vertex as usize + 1] as usize]
+    }
+}
+
+/// Mean irradiance of the elements that face along `normal`, those with near centres counting more.
+fn mean(solution: &Solution, normals: &[Vec3], normal: Vec3, around: &[u32]) -> [f32; 3] {
+    let (mut sum, mut weights) = ([0.0; 3], 0.0);
+    for &e in around.iter().filter(|&&e| normals[e as usize].dot(normal) >= SMOOTH) {
+        let element = &solution.elements[e as usize];
+        let weight = 1.0 / element.area.sqrt();
+        weights += weight;
+        sum.iter_mut().zip(element.irradiance).for_each(|(s, x)| *s += weight * x);
+    }
+    sum.map(|s| if weights > 0.0 { (s / weights) as f32 } else { 0.0 })
+}
+
+/// What makes vertices one: place, normal and light, bit by bit.
+type Key = ([u32; 3], [u32; 3], [u32; 3]);
+
+#[derive(Default)]
+struct Builder {
+    mesh: Mesh,
+    known: HashMap<Key, u32>,
+}
+
+impl Builder {
+    fn vertex(&mut self, position: Vec3, normal: Vec3, irradiance: [f32; 3], element: &Element) -> u32 {
+        let radiosity: [f32; 3] =
+            std::array::from_fn(|c| element.exitance[c] as f32 + element.albedo[c] * irradiance[c]);
+        let mesh = &mut self.mesh;
+        *self.known.entry((bits(position), bits(normal), radiosity.map(f32::to_bits))).or_insert_with(|| {
+            mesh.positions.push(position);
+            mesh.normals.push(normal);
+            mesh.irradiance.push(irradiance);
+            mesh.radiosity.push(radiosity);
+            mesh.positions.len() as u32 - 1
+        })
+    }
+
+    fn triangle(&mut self, corners: [u32; 3], element: usize) {
+        self.mesh.triangles.push(corners);
+        self.mesh.element.push(element as u32);
+    }
+}

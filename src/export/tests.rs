@@ -1,0 +1,369 @@
+use super::*;
+use crate::radiosity::solution::{Element, Solution};
+use crate::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
+use glam::{DVec3, Vec3, dvec3};
+use std::collections::HashMap;
+use std::path::Path;
+
+/// The front of a grey triangle or quad with an irradiance.
+fn grey(corners: [u32; 4], irradiance: f64, area: f64, triangle: u32) -> Element {
+    Element {
+        corners,
+        radiosity: [0.5 * irradiance; 3],
+        irradiance: [irradiance; 3],
+        error: [0.0; 3],
+        albedo: [0.5; 3],
+        exitance: [0.0; 3],
+        area,
+        level: 0,
+        links: 1,
+        triangle,
+        object: 0,
+        material: 0,
+        front: true,
+    }
+}
+
+/// The unit square at z = 0, facing up: one corner quarter split once more, irradiance `light` of an element's centre.
+fn square(light: impl Fn(Vec3) -> f64) -> (Scene, Solution) {
+    let mut soup = Soup::new("test");
+    soup.object("square");
+    soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
+    let corner = [DVec3::ZERO, DVec3::X, dvec3(1.0, 1.0, 0.0), DVec3::Y];
+    soup.polygon(0, 0, &corner);
+    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+    let mut solution = Solution { unit: "m".into(), ..Solution::default() };
+    let mut places: HashMap<[u32; 3], u32> = HashMap::new();
+    let mut add = |low: [f32; 2], side: f32| {
+        let at = |x: f32, y: f32| Vec3::new(low[0] + x * side, low[1] + y * side, 0.0);
+        let corners = [at(0.0, 0.0), at(1.0, 0.0), at(1.0, 1.0), at(0.0, 1.0)].map(|p| {
+            *places.entry(p.to_array().map(f32::to_bits)).or_insert_with(|| {
+                solution.vertices.push(p);
+                solution.vertices.len() as u32 - 1
+            })
+        });
+        let e = light(at(0.5, 0.5));
+        solution.elements.push(Element {
+            corners,
+            radiosity: [0.5 * e; 3],
+            irradiance: [e; 3],
+            error: [0.01; 3],
+            albedo: [0.5; 3],
+            exitance: [0.0; 3],
+            area: f64::from(side * side),
+            level: if side < 0.5 { 2 } else { 1 },
+            links: 7,
+            triangle: 0,
+            object: 0,
+            material: 0,
+            front: true,
+        });
+    };
+    for (x, y) in [(0.5, 0.0), (0.0, 0.5), (0.5, 0.5)] {
+        add([x, y], 0.5);
+    }
+    for (x, y) in [(0.0, 0.0), (0.25, 0.0), (0.0, 0.25), (0.25, 0.25)] {
+        add([x, y], 0.25);
+    }
+    (scene, solution)
+}
+
+#[test]
+fn meshes_have_no_cracks() {
+    let (_, solution) = square(|p| f64::from(p.x) + 1.0);
+    let mesh = Mesh::new(&solution);
+    let area: f32 = (0..mesh.triangles.len())
+        .map(|t| mesh.corners(t))
+        .map(|[a, b, c]| 0.5 * (b - a).cross(c - a).z)
+        .sum();
+    assert!((area - 1.0).abs() < 1e-6, "{area}");
+    // Every edge inside the square has a twin the other way between the same places: no vertex lies in the middle of an
+    // edge, and light is the same on both sides.
+    let mut edges: HashMap<[[u32; 2]; 2], i32> = HashMap::new();
+    let place = |v: u32| {
+        let p = mesh.positions[v as usize];
+        [p.x.to_bits(), p.y.to_bits()]
+    };
+    for t in &mesh.triangles {
+        for k in 0..3 {
+            let (a, b) = (place(t[k]), place(t[(k + 1) % 3]));
+            if a < b {
+                *edges.entry([a, b]).or_default() += 1;
+            } else {
+                *edges.entry([b, a]).or_default() -= 1;
+            }
+        }
+    }
+    let on_border = |[a, b]: [[u32; 2]; 2]| {
+        let [a, b] = [a, b].map(|p| p.map(f32::from_bits));
+        (0..2).any(|k| a[k] == b[k] && (a[k] == 0.0 || a[k] == 1.0))
+    };
+    for (&edge, &count) in &edges {
+        assert_eq!(count != 0, on_border(edge), "{:?}", edge.map(|p| p.map(f32::from_bits)));
+    }
+    let mut light: HashMap<[u32; 2], [f32; 3]> = HashMap::new();
+    for (v, e) in mesh.irradiance.iter().enumerate() {
+        assert_eq!(*light.entry(place(v as u32)).or_insert(*e), *e, "one light at one place");
+        assert_eq!(mesh.radiosity[v], e.map(|x| 0.5 * x));
+    }
+}
+
+#[test]
+fn constant_light_stays_constant() {
+    let (_, solution) = square(|_| 3.0);
+    assert!(Mesh::new(&solution).irradiance.iter().flatten().all(|e| (e - 3.0).abs() < 1e-6));
+}
+
+#[test]
+fn pictures_show_the_lit_side() {
+    let (_, solution) = square(|_| 2.0);
+    let mesh = Mesh::new(&solution);
+    let stage = Stage::new(&mesh, &solution).expect("a stage");
+    let camera = |z: f32| Camera {
+        name: "test".into(),
+        eye: Vec3::new(0.5, 0.5, z),
+        forward: Vec3::NEG_Z * z.signum(),
+        up: Vec3::Y,
+        angle: 0.8,
+    };
+    let frame = render(&stage, &camera(1.0), 21, 15, 2);
+    assert_eq!((frame.radiance.len(), frame.first.len()), (21 * 15, 21 * 15));
+    // 0.5 × 2 W/m² over π; the picture's middle row and column see the square at the distance 1.
+    let middle = frame.radiance[7 * 21 + 10];
+    assert!((middle[0] - 1.0 / std::f32::consts::PI).abs() < 1e-5, "{middle:?}");
+    assert!(frame.first[7 * 21 + 10].is_some_and(|f| (f.distance - 1.0).abs() < 0.01));
+    let behind = render(&stage, &camera(-1.0), 21, 15, 1);
+    assert!(behind.radiance.iter().flatten().all(|&l| l == 0.0), "surfaces cannot be seen from behind");
+    let view = best_view(&stage, &solution, Vec3::Z);
+    assert!(view.eye.z > 0.0, "{view:?}");
+    assert!(render(&stage, &view, 32, 24, 1).first.iter().flatten().count() > 50);
+}
+
+#[test]
+fn lightmaps_hold_the_light_where_they_say() {
+    let (scene, solution) = square(|p| f64::from(p.x));
+    let mesh = Mesh::new(&solution);
+    let map = lightmap(&mesh, &solution, &scene, 4096).expect("a lightmap");
+    assert_eq!(map.charts, 1);
+    let covered = map.covered.iter().filter(|&&c| c).count() as f32 * map.texel * map.texel;
+    assert!((covered - 1.0).abs() < 0.05, "{covered}");
+    for (t, uv) in mesh.triangles.iter().zip(&map.texcoords) {
+        // The texel at the triangle's centre has its light, to within a texel's change of it.
+        let middle = (uv[0] + uv[1] + uv[2]) / 3.0;
+        let x = (middle.x * map.width as f32) as usize;
+        let y = ((1.0 - middle.y) * map.height as f32) as usize;
+        let want: f32 = t.iter().map(|&v| mesh.irradiance[v as usize][0]).sum::<f32>() / 3.0;
+        let got = map.irradiance[y * map.width + x][0];
+        assert!((got - want).abs() < 2.0 * map.texel + 1e-3, "{got} instead of {want}");
+    }
+    assert!(map.irradiance.iter().flatten().all(|e| (0.0..=1.0).contains(e)));
+}
+
+/// A square and so many crumbs that a texel for each takes more room than there is: the square still has its share of the
+/// image, and no crumb is black.
+#[test]
+fn lightmaps_of_crumbs_leave_room_for_walls() {
+    let mut soup = Soup::new("test");
+    soup.object("all");
+    soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
+    let mut solution = Solution { unit: "m".into(), ..Solution::default() };
+    for k in 0..1001u32 {
+        let (at, side) = if k == 0 { (0.0, 1.0) } else { (2.0 + 0.01 * f64::from(k), 1e-3) };
+        let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
+            .map(|[x, y]| dvec3(at + side * x, side * y, 0.01 * f64::from(k)));
+        soup.polygon(0, 0, &corners);
+        let first = solution.vertices.len() as u32;
+        solution.vertices.extend(corners.map(|p| p.as_vec3()));
+        solution.elements.push(grey([first, first + 1, first + 2, first + 3], 1.0, side * side, 2 * k));
+    }
+    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+    let mesh = Mesh::new(&solution);
+    let map = lightmap(&mesh, &solution, &scene, 1000).expect("a lightmap");
+    assert_eq!(map.charts, 1001);
+    assert!(map.texel < 0.04 && map.width * map.height < 60_000, "{} {}", map.texel, map.width);
+    for uv in &map.texcoords {
+        let middle = (uv[0] + uv[1] + uv[2]) / 3.0;
+        assert!((bilinear(&map, middle.x, middle.y) - 1.0).abs() < 1e-5);
+    }
+}
+
+/// Two unit squares apart from each other, the second 100 times as bright, with texture coordinates in two parts of an image that are
+/// `gap` apart; and what is seen from them.
+fn unwrapped(gap: f32, texels: usize) -> Result<Lightmap, String> {
+    let mut soup = Soup::new("test");
+    soup.object("squares");
+    soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
+    let mut solution = Solution { unit: "m".into(), ..Solution::default() };
+    for k in 0..2u32 {
+        let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
+            .map(|[x, y]| dvec3(x + 2.0 * f64::from(k), y, 0.0));
+        soup.polygon(0, 0, &corners);
+        let left = k as f32 * (0.4 + gap) + 0.05;
+        let uv = [[left, 0.1], [left + 0.4, 0.1], [left + 0.4, 0.9], [left, 0.9]];
+        let start = soup.texcoords.len() as u32;
+        soup.texcoords.extend(uv);
+        soup.corner_texcoords.extend((0..4).map(|i| start + i));
+        let first = solution.vertices.len() as u32;
+        solution.vertices.extend(corners.map(|p| p.as_vec3()));
+        let e = if k == 0 { 1.0 } else { 100.0 };
+        solution.elements.push(grey([first, first + 1, first + 2, first + 3], e, 1.0, 2 * k));
+    }
+    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+    let mesh = Mesh::new(&solution);
+    let stage = Stage::new(&mesh, &solution).expect("a stage");
+    unwrapped_lightmap(&stage, &scene, texels)
+}
+
+/// Light at texture coordinates between the four nearest texels, as a viewer takes it.
+fn bilinear(map: &Lightmap, u: f32, v: f32) -> f32 {
+    let (x, y) = (u * map.width as f32 - 0.5, (1.0 - v) * map.height as f32 - 0.5);
+    let (i, j) = (x.floor() as usize, y.floor() as usize);
+    let (s, t) = (x - x.floor(), y - y.floor());
+    let at = |i: usize, j: usize| map.irradiance[j * map.width + i][0];
+    (1.0 - t) * ((1.0 - s) * at(i, j) + s * at(i + 1, j))
+        + t * ((1.0 - s) * at(i, j + 1) + s * at(i + 1, j + 1))
+}
+
+#[test]
+fn lightmaps_in_the_files_coordinates_do_not_bleed() {
+    // Parts of the image are five texels apart, the light on them differs a hundredfold.
+    let map = unwrapped(0.1, 50 * 50).expect("a lightmap");
+    assert_eq!((map.width, map.height, map.texcoords.len()), (50, 50, 0));
+    let covered = map.covered.iter().filter(|&&c| c).count() as f32 / 2500.0;
+    // Edges run through centres of texels, which both sides count.
+    assert!((covered - 0.64).abs() < 0.06, "{covered}");
+    for k in 0..=100 {
+        let share = k as f32 / 100.0;
+        for (left, want) in [(0.05, 1.0), (0.55, 100.0)] {
+            for (u, v) in [(share, 0.0), (share, 1.0), (0.0, share), (1.0, share), (share, share)] {
+                let got = bilinear(&map, left + 0.4 * u, 0.1 + 0.8 * v);
+                assert!((got / want - 1.0).abs() < 1e-5, "{u} {v}: {got} instead of {want}");
+            }
+        }
+    }
+}
+
+#[test]
+fn lightmaps_refuse_coordinates_that_cannot_hold_them() {
+    let why = |gap: f32| unwrapped(gap, 10_000).map(|_| ()).expect_err("no lightmap");
+    assert!(why(-0.2).contains("overlap"), "{}", why(-0.2));
+    assert!(why(0.3).contains("leave 0..1"), "{}", why(0.3));
+    let (scene, solution) = square(|_| 1.0);
+    let mesh = Mesh::new(&solution);
+    let stage = Stage::new(&mesh, &solution).expect("a stage");
+    assert!(unwrapped_lightmap(&stage, &scene, 100).expect_err("no lightmap").contains("no texture"));
+    // Shared edges do not count as overlap.
+    assert!(unwrapped(0.0, 10_000).is_ok());
+}
+
+#[test]
+fn what_is_shown_of_a_solved_room_has_no_cracks() {
+    use crate::radiosity::{Options, run};
+    use crate::scene::generate::{Spec, build};
+    let scene = build(&Spec::new("cornell")).expect("a scene");
+    let options = Options { error: 0.05, ..Options::default() };
+    let outcome = run(&scene, &[], &options, &()).expect("a solution");
+    let levels: std::collections::HashSet<u8> = outcome.solution.elements.iter().map(|e| e.level).collect();
+    assert!(levels.len() >= 3, "mixed levels: {levels:?}");
+    let mesh = Mesh::new(&outcome.solution);
+    // Edges by place: each is shared by two triangles that turn alike, or lies on the outline of a wall.
+    let mut edges: HashMap<[[u32; 3]; 2], i32> = HashMap::new();
+    let place = |v: u32| (mesh.positions[v as usize] + Vec3::ZERO).to_array().map(f32::to_bits);
+    for t in &mesh.triangles {
+        for k in 0..3 {
+            let (a, b) = (place(t[k]), place(t[(k + 1) % 3]));
+            *edges.entry(if a < b { [a, b] } else { [b, a] }).or_default() += if a < b { 1 } else { -1 };
+        }
+    }
+    // The input's own edges: an open one of the mesh must lie on one of them that is open too, when what no light reaches
+    // (the blocks' lower faces) is left out.
+    let facing = |t: u32| {
+        let [a, b, c] = scene.corners(t);
+        let normal = (b - a).cross(c - a).normalize().to_array().map(|v| (100.0 * v).round() as i32);
+        (scene.triangle_object[t as usize], normal)
+    };
+    let lit: std::collections::HashSet<_> =
+        outcome.solution.elements.iter().map(|e| facing(e.triangle)).collect();
+    let mut open: HashMap<[u32; 2], i32> = HashMap::new();
+    for (_, t) in (0u32..).zip(&scene.triangles).filter(|(k, _)| lit.contains(&facing(*k))) {
+        for k in 0..3 {
+            let (a, b) = (t[k], t[(k + 1) % 3]);
+            *open.entry([a.min(b), a.max(b)]).or_default() += 1;
+        }
+    }
+    let outline: Vec<[Vec3; 2]> =
+        open.iter().filter(|(_, n)| **n == 1).map(|(e, _)| e.map(|v| scene.positions[v as usize])).collect();
+    let near = |p: Vec3, [a, b]: [Vec3; 2]| {
+        let along = ((p - a).dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0);
+        p.distance(a + along * (b - a)) < 1e-3
+    };
+    for (edge, _) in edges.iter().filter(|(_, n)| **n != 0) {
+        let ends = edge.map(|p| Vec3::from(p.map(f32::from_bits)));
+        let along = |&line: &[Vec3; 2]| ends.iter().all(|&p| near(p, line));
+        assert!(outline.iter().any(along), "a crack at {ends:?}");
+    }
+}
+
+#[test]
+fn files_are_what_their_formats_say() {
+    let (_, solution) = square(|p| f64::from(p.y) + 1.0);
+    let mesh = Mesh::new(&solution);
+    let tone = Tone::of(mesh.radiosity.iter().copied());
+    let folder = tempfile::tempdir().expect("scratch folder");
+    let path = |name: &str| folder.path().join(name);
+    write_glb(&path("a.glb"), &mesh, DVec3::ZERO, tone).expect("written");
+    let (document, buffers, _) = ::gltf::import(path("a.glb")).expect("glTF that its own crate takes");
+    let primitive = document.meshes().next().and_then(|m| m.primitives().next()).expect("a mesh");
+    let reader = primitive.reader(|b| Some(&buffers[b.index()]));
+    let indices: Vec<u32> = reader.read_indices().expect("indices").into_u32().collect();
+    assert_eq!(indices, mesh.triangles.as_flattened());
+    assert_eq!(reader.read_positions().expect("positions").len(), mesh.positions.len());
+    assert!(
+        reader.read_colors(0).expect("colours").into_rgb_f32().flatten().all(|c| (0.0..=1.0).contains(&c))
+    );
+
+    write_ply(&path("a.ply"), &mesh, solution.origin, tone).expect("written");
+    let scene = Scene::load(&path("a.ply"), &LoadOptions::default()).expect("PLY that we take ourselves");
+    assert_eq!(scene.triangles.len(), mesh.triangles.len());
+
+    write_vtu(&path("a.vtu"), &solution).expect("written");
+    check_vtu(&path("a.vtu"), &solution);
+}
+
+/// The offsets in the header lead to arrays of the stated lengths.
+fn check_vtu(path: &Path, solution: &Solution) {
+    let bytes = std::fs::read(path).expect("bytes");
+    let mark = b"<AppendedData encoding=\"raw\">\n_";
+    let data = bytes.windows(mark.len()).position(|w| w == mark).expect("appended data") + mark.len();
+    let header = String::from_utf8_lossy(&bytes[..data]).into_owned();
+    let cells = solution.elements.len();
+    assert!(header.contains(&format!("NumberOfCells=\"{cells}\"")));
+    let array = |name: &str| -> &[u8] {
+        let line = header.lines().find(|l| l.contains(&format!("Name=\"{name}\""))).expect("the array");
+        let offset = line.split("offset=\"").nth(1).and_then(|r| r.split('"').next()).expect("an offset");
+        let at = data + offset.parse::<usize>().expect("a number");
+        let length = u64::from_le_bytes(bytes[at..at + 8].try_into().expect("eight")) as usize;
+        &bytes[at + 8..at + 8 + length]
+    };
+    assert_eq!(array("points").len(), 24 * solution.vertices.len());
+    assert_eq!(array("connectivity").len(), 16 * cells, "quads");
+    assert!(array("types").iter().all(|&t| t == 9));
+    let light: Vec<f32> = array("irradiance")
+        .chunks_exact(4)
+        .map(|b| f32::from_le_bytes(b.try_into().expect("four")))
+        .collect();
+    assert_eq!(light.len(), 3 * cells);
+    assert_eq!(light[0], solution.elements[0].irradiance[0] as f32);
+    assert!(array("links").chunks_exact(4).all(|b| b == 7u32.to_le_bytes()));
+    for name in ["radiosity", "error", "level", "area", "object", "material", "triangle", "front"] {
+        assert!(!array(name).is_empty(), "{name}");
+    }
+}
+
+#[test]
+fn tones_keep_order_and_range() {
+    let tone = Tone::of((1..100).map(|i| [i as f32; 3]));
+    let shown: Vec<f32> = (0..500).map(|i| tone.linear([i as f32; 3])[0]).collect();
+    assert!(shown.windows(2).all(|w| w[0] <= w[1]) && shown[0] == 0.0 && shown[499] == 1.0);
+    assert_eq!(Tone::of([]).srgb([0.0; 3]), [0; 3]);
+}

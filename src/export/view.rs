@@ -1,0 +1,87 @@
+//! A camera for a scene that has none.
+
+use super::camera::{Camera, Stage, render};
+use super::tone::luminance;
+use crate::math::Aabb;
+use crate::radiosity::solution::Solution;
+use glam::Vec3;
+use std::collections::HashSet;
+
+/// Columns and rows of the pictures that views are judged by.
+const SMALL: [usize; 2] = [64, 48];
+
+/// The most telling of some views of the scene: from outside all around at three heights, and from corners inside.
+///
+/// A view is good if much of it is lit, little of it is close to the camera, and many different surfaces are seen. Up is
+/// against the direction that emitters face on the whole, or `up` if they face all ways.
+pub fn best_view(stage: &Stage, solution: &Solution, up: Vec3) -> Camera {
+    let bounds = Aabb::of(stage.mesh.positions.iter().copied());
+    let up = upward(stage, solution).unwrap_or(up);
+    let (x, y) = up.any_orthonormal_pair();
+    let (centre, radius) = (bounds.center(), 0.5 * bounds.diagonal());
+    let turns = (0..8).map(|k| std::f32::consts::TAU * (k as f32) / 8.0);
+    let mut cameras = Vec::new();
+    for side in turns.map(|turn| x * turn.cos() + y * turn.sin()) {
+        for rise in [0.0f32, 0.35, 0.8] {
+            let back = (side * rise.cos() + up * rise.sin()).normalize();
+            cameras.push(camera(centre + back * (2.4 * radius), centre, up, 0.8));
+        }
+        // Inside: near the wall in that direction, at two thirds of the height.
+        let reach = 0.46 * bounds.extent();
+        let far = (reach / side.abs().max(Vec3::splat(1e-6))).min_element();
+        let height = 0.17 * bounds.extent().dot(up.abs());
+        let eye = centre + side * far + up * height;
+        cameras.push(camera(eye, centre - up * (0.5 * height), up, 1.1));
+    }
+    // A scene always has the first view.
+    let mut best = (f32::NEG_INFINITY, 0);
+    for (i, camera) in cameras.iter().enumerate() {
+        let score = judge(stage, solution, camera, radius);
+        if score > best.0 {
+            best = (score, i);
+        }
+    }
+    cameras.swap_remove(best.1)
+}
+
+fn camera(eye: Vec3, at: Vec3, up: Vec3, angle: f32) -> Camera {
+    let forward = (at - eye).normalize();
+    Camera { name: "view".into(), eye, forward, up, angle }
+}
+
+/// Against the mean direction of emission, along an axis; nothing if emission goes all ways.
+fn upward(stage: &Stage, solution: &Solution) -> Option<Vec3> {
+    let (mut sum, mut total) = (Vec3::ZERO, 0.0);
+    for (t, corners) in stage.mesh.triangles.iter().enumerate() {
+        let element = &solution.elements[stage.mesh.element[t] as usize];
+        let strength = element.exitance.iter().sum::<f64>() as f32;
+        if strength > 0.0 {
+            let [a, b, c] = stage.mesh.corners(t);
+            let weight = strength * (b - a).cross(c - a).length();
+            sum += weight * stage.mesh.normals[corners[0] as usize];
+            total += weight;
+        }
+    }
+    let axis = sum.abs().max_position();
+    let mut up = Vec3::ZERO;
+    up[axis] = -sum[axis].signum();
+    (total > 0.0 && sum[axis].abs() > 0.15 * total).then_some(up)
+}
+
+fn judge(stage: &Stage, solution: &Solution, camera: &Camera, radius: f32) -> f32 {
+    let frame = render(stage, camera, SMALL[0], SMALL[1], 1);
+    let mut lights: Vec<f32> = frame.radiance.iter().map(|&r| luminance(r)).collect();
+    lights.sort_by(f32::total_cmp);
+    let dim = 0.02 * lights[lights.len() * 9 / 10];
+    let lit = frame.radiance.iter().filter(|&&r| luminance(r) > dim).count() as f32;
+    let near = frame.first.iter().flatten().filter(|f| f.distance < 0.08 * radius).count() as f32;
+    let surfaces: HashSet<(u32, bool)> = frame
+        .first
+        .iter()
+        .flatten()
+        .map(|f| &solution.elements[f.element as usize])
+        .map(|e| (e.triangle, e.front))
+        .collect();
+    let all = frame.radiance.len() as f32;
+    lit / all * (1.0 - near / all) * (1.0 + surfaces.len() as f32).ln()
+}

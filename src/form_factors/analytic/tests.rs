@@ -1,0 +1,168 @@
+use super::*;
+use glam::{DMat3, DQuat, DVec3, dvec3};
+
+const PUBLISHED: &str = include_str!("../../../tests/validation/viewfactors_unobstructed.csv");
+
+fn quad(corner: DVec3, u: DVec3, v: DVec3) -> Vec<DVec3> {
+    vec![corner, corner + u, corner + u + v, corner + v]
+}
+
+fn near(got: f64, want: f64, tolerance: f64, what: &str) {
+    assert!((got - want).abs() <= tolerance, "{what}: {got} instead of {want}");
+}
+
+/// Published rows whose name begins so: the numbers of the geometry and the factor.
+fn published(prefix: &str) -> Vec<(String, [f64; 4], f64)> {
+    let mut reader =
+        csv::ReaderBuilder::new().comment(Some(b'#')).flexible(true).from_reader(PUBLISHED.as_bytes());
+    let rows: Vec<_> = reader
+        .records()
+        .map(|r| r.expect("a row"))
+        .filter(|r| r[0].starts_with(prefix))
+        .map(|r| {
+            let p = std::array::from_fn(|k| r[2 + k].parse().unwrap_or(f64::NAN));
+            (r[0].to_owned(), p, r[6].parse().expect("a factor"))
+        })
+        .collect();
+    assert!(!rows.is_empty(), "no row {prefix}");
+    rows
+}
+
+/// The mean of the point factor over a rectangle, by the midpoint rule: an integration that shares no formula with the
+/// closed forms of pairs.
+fn integrated(corner: DVec3, u: DVec3, v: DVec3, other: &[DVec3], n: usize) -> f64 {
+    let normal = u.cross(v).normalize();
+    let at = |i: usize| (i as f64 + 0.5) / n as f64;
+    let sum: f64 = (0..n * n)
+        .map(|k| point_to_polygon(corner + u * at(k % n) + v * at(k / n), normal, other).max(0.0))
+        .sum();
+    sum / (n * n) as f64
+}
+
+#[test]
+fn published_parallel_rectangles() {
+    for (id, [a, b, ..], want) in published("par-plate") {
+        near(parallel_rectangles([[0.0, a], [0.0, b]], [[0.0, a], [0.0, b]], 1.0), want, 1e-9, &id);
+        let below = quad(DVec3::ZERO, a * DVec3::X, b * DVec3::Y);
+        let above = quad(DVec3::Z, b * DVec3::Y, a * DVec3::X);
+        near(polygon_to_polygon(&below, &above), want, 1e-9, &id);
+    }
+}
+
+#[test]
+fn published_perpendicular_rectangles() {
+    for (id, [y, z, ..], want) in published("per-plate-sharing") {
+        near(perpendicular_rectangles([[0.0, y], [0.0, 1.0]], [[0.0, z], [0.0, 1.0]]), want, 1e-9, &id);
+        let floor = quad(DVec3::ZERO, y * DVec3::X, DVec3::Y);
+        let wall = quad(DVec3::ZERO, DVec3::Y, z * DVec3::Z);
+        near(polygon_to_polygon(&floor, &wall), want, 1e-8, &id);
+    }
+    for (id, [y, offset, z, rise], want) in published("per-plate-nonsharing") {
+        let (across, up) = ([offset, offset + y], [rise, rise + z]);
+        near(perpendicular_rectangles([across, [0.0, 1.0]], [up, [0.0, 1.0]]), want, 1e-9, &id);
+        let floor = quad(offset * DVec3::X, y * DVec3::X, DVec3::Y);
+        let wall = quad(rise * DVec3::Z, DVec3::Y, z * DVec3::Z);
+        near(polygon_to_polygon(&floor, &wall), want, 1e-9, &id);
+    }
+}
+
+#[test]
+fn published_discs() {
+    for (id, [r1, r2, ..], want) in published("coaxial-discs") {
+        near(coaxial_discs(r1, r2, 1.0), want, 1e-12, &id);
+        // The point's factor, averaged over the first disc in rings of equal area.
+        let rings = 20_000;
+        let mean = (0..rings)
+            .map(|k| point_to_disc(1.0, r1 * ((f64::from(k) + 0.5) / f64::from(rings)).sqrt(), r2))
+            .sum::<f64>()
+            / f64::from(rings);
+        near(mean, want, 1e-6, &id);
+    }
+}
+
+#[test]
+fn polygons_with_many_corners_tend_to_the_disc() {
+    let corners = 2000;
+    let disc: Vec<DVec3> = (0..corners)
+        .map(|k| {
+            let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / f64::from(corners)).sin_cos();
+            dvec3(0.7 * sin, 0.7 * cos, 1.3)
+        })
+        .collect();
+    for offset in [0.0, 0.4, 2.0] {
+        let got = point_to_polygon(dvec3(offset, 0.0, 0.0), DVec3::Z, &disc);
+        near(got, point_to_disc(1.3, offset, 0.7), 1e-6, "disc");
+    }
+}
+
+#[test]
+fn point_factors_average_to_pair_factors() {
+    let (u, v) = (dvec3(2.0, 0.0, 0.0), dvec3(0.0, 1.5, 0.0));
+    // In general position, beyond the first's plane in part, so that both clip.
+    let turn = DMat3::from_quat(DQuat::from_rotation_x(2.2) * DQuat::from_rotation_z(0.4));
+    let other = quad(dvec3(0.3, 1.9, -0.4), turn * dvec3(1.1, 0.0, 0.0), turn * dvec3(0.0, 1.7, 0.0));
+    let first = quad(DVec3::ZERO, u, v);
+    let pair = polygon_to_polygon(&first, &other);
+    assert!(pair > 0.05, "the second is in sight: {pair}");
+    near(pair, integrated(DVec3::ZERO, u, v, &other, 300), 1e-5, "general position");
+    let area = |p: &[DVec3]| (p[1] - p[0]).cross(p[3] - p[0]).length();
+    near(polygon_to_polygon(&other, &first) * area(&other), pair * area(&first), 1e-9, "reciprocity");
+    let closed = parallel_rectangles([[0.0, 2.0], [0.0, 1.5]], [[0.5, 3.0], [-1.0, 0.2]], 0.8);
+    let above = quad(dvec3(0.5, -1.0, 0.8), dvec3(0.0, 1.2, 0.0), dvec3(2.5, 0.0, 0.0));
+    near(closed, integrated(DVec3::ZERO, u, v, &above, 300), 1e-6, "shifted parallel rectangles");
+}
+
+#[test]
+fn a_point_in_a_box_sees_all_of_it() {
+    let corner = |k: usize| dvec3((k & 1) as f64, (k >> 1 & 1) as f64 * 2.0, (k >> 2) as f64 * 0.5);
+    // Fronts inside.
+    let faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]];
+    for normal in [dvec3(1.0, 2.0, 3.0), dvec3(-1.0, 0.2, 0.1), DVec3::Z, dvec3(0.0, -1.0, 1.0)] {
+        let normal = normal.normalize();
+        let parts = faces.map(|f| point_to_polygon(dvec3(0.3, 0.7, 0.2), normal, &f.map(corner)));
+        assert!(parts.iter().all(|&f| f >= 0.0), "{parts:?}");
+        near(parts.iter().sum(), 1.0, 1e-12, "sum over a closed box");
+    }
+    let outside = point_to_polygon(dvec3(0.3, 0.7, -1.0), DVec3::Z, &faces[0].map(corner));
+    assert!(outside < -0.1, "a back side counts as negative: {outside}");
+    // Walls around a point of the floor: the closed row of a face that touches its neighbours.
+    let floor = faces[0].map(corner);
+    let row: f64 = faces[1..].iter().map(|f| polygon_to_polygon(&floor, &f.map(corner))).sum();
+    near(row, 1.0, 1e-8, "row sum of a box");
+}
+
+#[test]
+fn degenerate_input_is_zero() {
+    let square = quad(DVec3::ZERO, DVec3::X, DVec3::Y);
+    assert_eq!(point_to_polygon(dvec3(0.5, 0.5, 0.0), DVec3::Z, &square), 0.0);
+    assert_eq!(point_to_polygon(dvec3(5.0, 0.5, 0.0), DVec3::X, &square), 0.0);
+    assert_eq!(point_to_polygon(DVec3::Z, DVec3::Z, &square), 0.0);
+    assert_eq!(point_to_polygon(DVec3::Z, -DVec3::Z, &[]), 0.0);
+    assert_eq!(polygon_to_polygon(&square, &square), 0.0);
+    assert_eq!(polygon_to_polygon(&square, &square[..2]), 0.0);
+    // Back to back, and one behind the other.
+    let behind = quad(-DVec3::Z, DVec3::X, DVec3::Y);
+    assert_eq!(polygon_to_polygon(&square, &behind), 0.0);
+}
+
+#[test]
+fn concave_polygons_are_differences() {
+    let at = |x: f64, y: f64| dvec3(x, y, 1.0);
+    // An L, clockwise seen from above so that its front looks down.
+    let l = [at(0., 0.), at(0., 2.), at(1., 2.), at(1., 1.), at(2., 1.), at(2., 0.)];
+    let whole = [at(0., 0.), at(0., 2.), at(2., 2.), at(2., 0.)];
+    let notch = [at(1., 1.), at(1., 2.), at(2., 2.), at(2., 1.)];
+    for normal in [DVec3::Z, dvec3(1.0, 0.0, 0.3).normalize(), dvec3(0.9, 0.8, -0.2).normalize()] {
+        let f = |p: &[DVec3]| point_to_polygon(dvec3(0.9, 0.6, 0.0), normal, p);
+        near(f(&l), f(&whole) - f(&notch), 1e-12, "L");
+        assert!(f(&l) > 0.0);
+    }
+}
+
+#[test]
+fn a_sphere_is_a_cone() {
+    // A point sees the sphere's silhouette: a disc of radius r√(1 − (r/d)²) at the distance d − r²/d.
+    let (d, r) = (3.0, 1.0f64);
+    let disc = point_to_disc(d - r * r / d, 0.0, r * (1.0 - (r / d).powi(2)).sqrt());
+    near(point_to_sphere(d, r, 1.0), disc, 1e-12, "sphere");
+}

@@ -1,0 +1,314 @@
+//! Two facets: a closed form times sampled transmittance.
+
+use super::Settings;
+use super::discover::Partner;
+use super::facets::{Facet, Facets};
+use super::rays::{PreparedClusters, Traced};
+use crate::form_factors::analytic::{point_to_polygon, polygon_to_polygon};
+use crate::ray::{EndRule, LANES, Packet};
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// The pairs of one facet with those of higher numbers.
+#[derive(Default)]
+pub struct Row {
+    /// The other facet, ascending.
+    pub partner: Vec<u32>,
+    /// `A F` of the pair, scene units squared.
+    pub exchange: Vec<f32>,
+    /// Upper bound of its standard error.
+    pub error: Vec<f32>,
+    /// How sure it was to be found, see [`chance`].
+    pub chance: Vec<u8>,
+    /// Rays that met any of them, by that.
+    pub tally: Tally,
+    /// Rays traced.
+    pub rays: u64,
+}
+
+impl Row {
+    /// Nothing yet, and room for so many pairs.
+    pub fn with_capacity(pairs: usize) -> Row {
+        Row {
+            partner: Vec::with_capacity(pairs),
+            exchange: Vec::with_capacity(pairs),
+            error: Vec::with_capacity(pairs),
+            chance: Vec::with_capacity(pairs),
+            ..Row::default()
+        }
+    }
+
+    /// One more pair: the other facet, its exchange, the error of that, and its class by [`chance`].
+    pub fn push(&mut self, partner: u32, exchange: f64, error: f64, class: usize) {
+        self.partner.push(partner);
+        self.exchange.push(exchange as f32);
+        self.error.push(error as f32);
+        self.chance.push(class as u8);
+    }
+}
+
+/// By [`chance`]: rays of discovery that met a pair, and how many were expected from what the pairs are said to exchange.
+pub type Tally = [[f64; 2]; CHANCES];
+
+/// Classes of pairs by the rays of discovery that they expect: two an octave, from under 1/16 to 32. Beyond, pairs are found
+/// for sure, and the class is `CHANCES`.
+pub const CHANCES: usize = 20;
+
+fn chance(c: f64) -> usize {
+    ((2.0 * c.log2()).floor() + 9.0).clamp(0.0, CHANCES as f64) as usize
+}
+
+/// What all pairs share.
+pub struct Pairs<'a> {
+    pub traced: &'a Traced,
+    pub facets: &'a Facets,
+    pub settings: &'a Settings,
+    pub ends: EndRule,
+}
+
+/// Kept from row to row: tables of 4, 16, 64 ... points.
+#[derive(Default)]
+pub struct Buffers(Vec<PreparedClusters>);
+
+/// Two facets nearer than this many times the sum of their radii get the double integral over both.
+const NEAR: f64 = 1.5;
+/// Factors from here on get it too.
+const LARGE: f64 = 0.02;
+/// Beyond this many, points on both do, where all of each sees all of the other.
+const FAR: f64 = 3.0;
+/// Rays of discovery that a pair must expect before a second bundle is worth its time.
+const WORTH: f64 = 16.0;
+/// As many that the transmittance matters for the chance of being found.
+const MATTERS: f64 = 0.25;
+/// Transmittance of a pair that was found, where it does not matter.
+const LIKELY: f64 = 0.8;
+
+impl Pairs<'_> {
+    /// All pairs of facet `i` with `partners`.
+    ///
+    /// Small pairs are found by chance, and each stands for those like it that were not: the value is divided by the
+    /// chance `1 − exp(−c T)` of being found, where `c` is the number of rays of discovery that the two would exchange if
+    /// nothing were in between (Horvitz and Thompson 1952). Large ones are found for sure and stand for themselves. What is
+    /// left is done by [`balance`].
+    pub fn row(&self, i: u32, partners: &[Partner], buffers: &mut Buffers) -> Row {
+        let seed = self.settings.seed;
+        let a = self.facets.get(i);
+        let mut row = Row::with_capacity(partners.len());
+        for partner in partners {
+            let j = partner.facet();
+            let b = self.facets.get(j);
+            let open = exchange(a, b);
+            let c = self.expected(a, b, open);
+            if c <= 0.0 {
+                continue;
+            }
+            let mut seen = Transmittance { value: LIKELY, error: 0.0 };
+            if c > MATTERS {
+                seen = self.sampled((a, b), (c, c.max(4.0)), buffers, mix_pair(seed, i, j), &mut row.rays);
+            }
+            let found = -(-c * seen.value).exp_m1();
+            let value = share(seen, c);
+            let class = chance(c);
+            if let Some([met, expected]) = row.tally.get_mut(class) {
+                *met += f64::from(partner.hits());
+                *expected += c * value;
+            }
+            let error = (seen.error * found.min(1.0)).hypot(value * (1.0 - found).max(0.0).sqrt());
+            row.push(j, open * value, open * error, class);
+        }
+        row
+    }
+
+    /// How many rays of discovery, from either, two facets would expect that exchange so much.
+    pub fn expected(&self, a: &Facet, b: &Facet, exchange: f64) -> f64 {
+        f64::from(self.settings.rays) * (exchange / a.area + exchange / b.area)
+    }
+
+    /// The transmittance of a pair that expects `c` rays of discovery, from bundles of its own of about `size` rays.
+    pub fn sampled(
+        &self,
+        pair: (&Facet, &Facet),
+        (c, size): (f64, f64),
+        buffers: &mut Buffers,
+        key: u64,
+        rays: &mut u64,
+    ) -> Transmittance {
+        let Settings { bundle, seed, .. } = *self.settings;
+        let size = power_of_4(size.min(f64::from(bundle)));
+        self.transmittance(pair, c, table(buffers, size, seed as u32), key, rays)
+    }
+
+    /// The transmittance of a pair that expects `c` rays of discovery: from one bundle if that is all clear or all blocked,
+    /// or if `c` is small; else the mean of many bundles, of those that are neither. Each of these stands for a first bundle
+    /// that was neither, so that going on where the first one is mixed does not favour what is mixed.
+    fn transmittance(
+        &self,
+        pair: (&Facet, &Facet),
+        c: f64,
+        table: &PreparedClusters,
+        key: u64,
+        rays: &mut u64,
+    ) -> Transmittance {
+        let size = table.len() as f64;
+        let first = self.bundle(pair, table, key);
+        *rays += table.len() as u64;
+        if first.error == 0.0 || c <= WORTH {
+            return first;
+        }
+        let wanted = (16.0 * c).min(f64::from(self.settings.largest_bundle)) / size;
+        let (mut sum, mut squares, mut count) = (first.value, first.error.powi(2), 1.0);
+        for k in 1..wanted as u64 {
+            *rays += table.len() as u64;
+            let next = self.bundle(pair, table, super::rays::mix(key ^ k));
+            if next.error > 0.0 {
+                sum += next.value;
+                squares += next.error.powi(2);
+                count += 1.0;
+            }
+        }
+        Transmittance { value: sum / count, error: squares.sqrt() / count }
+    }
+
+    /// The mean of the visibility between two facets, weighted by what rays transport.
+    fn bundle(&self, (a, b): (&Facet, &Facet), table: &PreparedClusters, key: u64) -> Transmittance {
+        let (mut clear, mut all, mut squares) = (0.0, 0.0, 0.0);
+        let mut any_blocked = false;
+        let mut packet = Packet::EMPTY;
+        let mut weights = [0f64; LANES];
+        let mut trace = |packet: &mut Packet, weights: &mut [f64; LANES]| {
+            let mut blocked = [0];
+            self.traced.blocked(std::slice::from_ref(packet), &mut blocked);
+            any_blocked |= blocked[0] != 0;
+            for (lane, w) in weights.iter_mut().enumerate() {
+                all += *w;
+                squares += *w * *w;
+                clear += if blocked[0] >> lane & 1 == 0 { *w } else { 0.0 };
+                *w = 0.0;
+            }
+            *packet = Packet::EMPTY;
+        };
+        for (k, [s, t, u, v]) in table.shifted(key).enumerate() {
+            let ((p, m), (q, n)) = (a.point(s, t), b.point(u, v));
+            let to = (q - p).as_dvec3();
+            let (here, there) = (a.normal(m).dot(to), -b.normal(n).dot(to));
+            if here > 0.0 && there > 0.0 {
+                let lane = k % LANES;
+                weights[lane] = here * there / to.length_squared().powi(2);
+                packet.set(lane, p, q, self.ends);
+            }
+            if k % LANES == LANES - 1 && !packet.is_empty() {
+                trace(&mut packet, &mut weights);
+            }
+        }
+        if !packet.is_empty() {
+            trace(&mut packet, &mut weights);
+        }
+        // Facets that face each other in a corner that no sample met have nothing in between that is known.
+        if all == 0.0 || !any_blocked {
+            return Transmittance { value: 1.0, error: 0.0 };
+        }
+        let value = clear / all;
+        // The sample's variance by n − 1, where n is as many rays as count.
+        let counted = squares / (all * all);
+        Transmittance { value, error: (value * (1.0 - value) * counted / (1.0 - counted).max(0.5)).sqrt() }
+    }
+}
+
+#[derive(Clone, Copy)]
+pub struct Transmittance {
+    pub value: f64,
+    /// Standard error if the rays were independent.
+    pub error: f64,
+}
+
+/// Scales pairs that were found by chance so that, class by class, they expect as many rays as met them. Rays of discovery
+/// are evenly spread, which makes pairs more likely to be found than rays at random would: by a few percent where few rays
+/// are expected. The number of rays that meet a class is right in the mean whatever the spread (a ratio estimator; Cochran
+/// 1977, chapter 6). Classes that met few are left about as they are.
+pub fn balance(rows: &mut [Row]) {
+    const PRIOR: f64 = 1000.0;
+    let mut tally: Tally = Default::default();
+    for row in &*rows {
+        for (sum, [met, expected]) in tally.iter_mut().zip(row.tally) {
+            *sum = [sum[0] + met, sum[1] + expected];
+        }
+    }
+    let factors = tally.map(|[met, expected]| ((met + PRIOR) / (expected + PRIOR)) as f32);
+    rows.par_iter_mut().for_each(|row| {
+        for (exchange, class) in row.exchange.iter_mut().zip(std::mem::take(&mut row.chance)) {
+            *exchange *= factors.get(usize::from(class)).copied().unwrap_or(1.0);
+        }
+    });
+}
+
+/// What a pair that was found stands for, as a part of what it would exchange if nothing were in between:
+/// `f(T) = T / (1 − exp(−c T))`. That is convex, so that its mean over an uncertain `T` is too large, by `½ f″ σ²` to the
+/// second order, which is taken off.
+fn share(seen: Transmittance, c: f64) -> f64 {
+    let t = seen.value;
+    let x = c * t;
+    if x < 1e-3 {
+        return 1.0 / c + 0.5 * t;
+    }
+    let (gone, found) = ((-x).exp(), -(-x).exp_m1());
+    let bend = c * gone * (x * (1.0 + gone) - 2.0 * found) / found.powi(3);
+    t / found - 0.5 * bend * seen.error * seen.error
+}
+
+/// `A F` of two facets with nothing in between.
+pub fn exchange(a: &Facet, b: &Facet) -> f64 {
+    let exact = || {
+        let all = |p: &[DVec3]| b.pieces.iter().map(|q| polygon_to_polygon(p, q)).sum::<f64>();
+        a.pieces.iter().map(|p| area(p) * all(p)).sum::<f64>()
+    };
+    let apart = a.centre.distance(b.centre) / (a.radius + b.radius);
+    if apart < NEAR {
+        return exact();
+    }
+    if apart > FAR && a.sees_all_of(b) && b.sees_all_of(a) {
+        return by_points(a, b);
+    }
+    // Points on the smaller, the whole of the larger.
+    let (less, more) = if a.area <= b.area { (a, b) } else { (b, a) };
+    let seen = |point: DVec3, normal: DVec3| -> f64 {
+        more.pieces.iter().map(|q| point_to_polygon(point, normal, q).max(0.0)).sum()
+    };
+    let fine = less.area * less.nodes.iter().map(|&(p, n, w)| w * seen(p, n)).sum::<f64>();
+    // A ray went from one to the other: if no point of the rule sees it, a corner does.
+    if fine > 0.0 && fine < LARGE * less.area { fine } else { exact() }
+}
+
+/// The double sum over points of both.
+fn by_points(a: &Facet, b: &Facet) -> f64 {
+    let mut sum = 0.0;
+    for &(p, n, w) in &a.nodes {
+        for &(q, m, v) in &b.nodes {
+            let to = q - p;
+            let square = to.length_squared();
+            sum += w * v * n.dot(to) * -m.dot(to) / (square * square);
+        }
+    }
+    a.area * b.area * sum / std::f64::consts::PI
+}
+
+fn table(buffers: &mut Buffers, size: u32, seed: u32) -> &PreparedClusters {
+    while buffers.0.len() <= size as usize {
+        let k = buffers.0.len() as u32;
+        buffers.0.push(PreparedClusters::new(1 << (2 * k), seed.wrapping_add(k << 8)));
+    }
+    &buffers.0[size as usize]
+}
+
+/// The exponent of the largest power of 4 that is not above `x >= 1`.
+fn power_of_4(x: f64) -> u32 {
+    (x as u32).ilog2() / 2
+}
+
+fn area(polygon: &[DVec3]) -> f64 {
+    let fan = polygon.windows(2).skip(1).map(|w| (w[0] - polygon[0]).cross(w[1] - polygon[0]));
+    0.5 * fan.sum::<DVec3>().length()
+}
+
+pub fn mix_pair(seed: u64, i: u32, j: u32) -> u64 {
+    super::rays::mix(seed ^ super::rays::mix(u64::from(i) << 32 | u64::from(j)))
+}

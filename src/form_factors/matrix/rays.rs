@@ -1,0 +1,125 @@
+//! The traced scene, and sample points.
+
+use super::facets::{Facet, Facets};
+use crate::Result;
+use crate::embree::{CommittedScene, Device, Hits, Options, SceneBuilder, Traversal};
+use crate::math::triangle_normal;
+use crate::ray::Packet;
+use crate::scene::Scene;
+use glam::{DVec3, Vec3};
+use sobol_burley::sample_4d;
+
+/// Rays in order of their directions stay together well enough for packets.
+const TRAVERSAL: Traversal = Traversal { width: 16, coherent: false };
+
+/// Length of the sample sequence.
+const SEQUENCE: u32 = 1 << 16;
+
+/// Geometry behind rays.
+pub struct Traced {
+    scene: CommittedScene,
+    /// Unit normals of triangles.
+    pub normals: Vec<Vec3>,
+    /// Distance off a surface at which rays start.
+    pub skin: f32,
+    /// Facet of each triangle.
+    pub facet: Vec<u32>,
+}
+
+impl Traced {
+    pub fn new(scene: &Scene, facets: &Facets, device: &Device) -> Result<Traced> {
+        let mut builder = SceneBuilder::new(device, Options::default())?;
+        builder.add_triangles(&scene.positions, &scene.triangles, 1)?;
+        let magnitude = scene.bounds.min.abs().max(scene.bounds.max.abs()).max_element();
+        let corners = (0..scene.triangles.len() as u32).map(|t| scene.corners(t));
+        Ok(Traced {
+            scene: builder.commit()?,
+            normals: corners.map(|[a, b, c]| triangle_normal(a, b, c)).collect(),
+            skin: 2e-6 * magnitude,
+            facet: (0..scene.triangles.len() as u32).map(|t| facets.of_triangle(t)).collect(),
+        })
+    }
+
+    pub fn first_hits(&self, packets: &[Packet], hits: &mut [Hits]) {
+        self.scene.first_hits(TRAVERSAL, packets, hits);
+    }
+
+    pub fn blocked(&self, packets: &[Packet], blocked: &mut [u32]) {
+        let width = if packets.iter().all(|p| p.active >> 4 == 0) { 4 } else { TRAVERSAL.width };
+        self.scene.occluded_by(Traversal { width, ..TRAVERSAL }, u32::MAX, packets, blocked);
+    }
+}
+
+/// Evenly spread points of the unit cube in four dimensions, in order of the last two so that neighbours have like
+/// directions. One table serves all facets: each shifts it by its own random bits, which keeps it evenly spread (a
+/// digital shift of a digital net) and keeps neighbours together.
+pub struct PreparedClusters(Vec<[u32; 4]>);
+
+impl PreparedClusters {
+    /// A table of `count` points; beyond 65,536 a new sequence begins.
+    pub fn new(count: u32, seed: u32) -> PreparedClusters {
+        let mut points: Vec<[u32; 4]> = (0..count)
+            .map(|i| {
+                let seed = seed.wrapping_add(i / SEQUENCE);
+                // 24 bits are all that single precision has below 1.
+                sample_4d(i % SEQUENCE, 0, seed).map(|x| ((x * (1 << 24) as f32) as u32) << 8)
+            })
+            .collect();
+        points.sort_by_key(|p| interleaved(p[2] >> 16, p[3] >> 16));
+        PreparedClusters(points)
+    }
+
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// The points, shifted by the bits of `key`.
+    pub fn shifted(&self, key: u64) -> impl Iterator<Item = [f32; 4]> + '_ {
+        let (a, b) = (mix(key), mix(!key));
+        let bits = [a as u32, (a >> 32) as u32, b as u32, (b >> 32) as u32];
+        self.0.iter().map(move |p| std::array::from_fn(|d| ((p[d] ^ bits[d]) >> 8) as f32 / (1 << 24) as f32))
+    }
+}
+
+/// The bits of two 16-bit numbers in turn (Morton 1966).
+fn interleaved(a: u32, b: u32) -> u32 {
+    let spread = |x: u32| {
+        let x = (x | (x << 8)) & 0x00ff_00ff;
+        let x = (x | (x << 4)) & 0x0f0f_0f0f;
+        let x = (x | (x << 2)) & 0x3333_3333;
+        (x | (x << 1)) & 0x5555_5555
+    };
+    spread(a) | spread(b) << 1
+}
+
+/// SplitMix64's finaliser (Steele, Lea and Flood 2014).
+pub fn mix(x: u64) -> u64 {
+    let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ (x >> 31)
+}
+
+impl Facet {
+    /// The point of the facet for two numbers in `[0, 1)`, uniform by area, and its triangle's place among the facet's.
+    #[inline]
+    pub fn point(&self, mut u: f32, v: f32) -> (Vec3, usize) {
+        if let Some([corner, first, second]) = self.parallelogram {
+            return (corner + first * u + second * v, 0);
+        }
+        let mut k = 0;
+        if self.triangles.len() > 1 {
+            k = self.triangles.partition_point(|t| t.1 <= u).min(self.triangles.len() - 1);
+            let from = if k == 0 { 0.0 } else { self.triangles[k - 1].1 };
+            u = ((u - from) / (self.triangles[k].1 - from)).clamp(0.0, 1.0);
+        }
+        let ([a, b, c], root) = (self.triangles[k].0, u.sqrt());
+        (a * (1.0 - root) + b * (root * (1.0 - v)) + c * (root * v), k)
+    }
+
+    /// The normal at one of its triangles.
+    pub fn normal(&self, triangle: usize) -> DVec3 {
+        self.normals[triangle]
+    }
+}

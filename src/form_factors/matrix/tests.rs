@@ -1,0 +1,291 @@
+use super::rays::Traced;
+use super::*;
+use crate::embree::Hits;
+use crate::form_factors::analytic::perpendicular_rectangles;
+use crate::ray::Packet;
+use crate::scene::generate::{Spec, build};
+use crate::scene::{LoadOptions, Soup, SoupMaterial, resolve};
+use glam::{DVec3, dvec3};
+use std::io::Read;
+
+fn quads(list: &[(DVec3, DVec3, DVec3)]) -> Scene {
+    let mut soup = Soup::new("test");
+    soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
+    for (i, &(corner, u, v)) in list.iter().enumerate() {
+        let object = soup.object(format!("quad {i}"));
+        soup.polygon(object, 0, &[corner, corner + u, corner + u + v, corner + v]);
+    }
+    resolve(soup, &LoadOptions::default()).expect("a scene")
+}
+
+fn run(scene: &Scene, change: impl FnOnce(&mut Settings)) -> (Matrix, Report) {
+    let facets = Facets::new(scene);
+    let mut settings = Settings::new(facets.len());
+    change(&mut settings);
+    compute(scene, &facets, &settings, &|_| ()).expect("a matrix")
+}
+
+fn town(count: usize) -> Scene {
+    build(&Spec { count: Some(count), ..Spec::new("urban-block") }).expect("a town")
+}
+
+fn near(got: f64, want: f64, relative: f64, what: &str) {
+    assert!((got - want).abs() <= relative * want.abs() + 1e-12, "{what}: {got} instead of {want}");
+}
+
+#[test]
+fn polygons_that_see_all_of_each_other_have_closed_forms() {
+    // A step: floor, wall, and a roof over both.
+    let scene = quads(&[
+        (DVec3::ZERO, 2.0 * DVec3::X, DVec3::Y),
+        (DVec3::ZERO, DVec3::Y, 1.5 * DVec3::Z),
+        (1.5 * DVec3::Z, DVec3::Y, 2.0 * DVec3::X),
+    ]);
+    let (m, report) = run(&scene, |_| ());
+    assert_eq!(m.len(), 3, "a quad is one facet");
+    near(
+        m.get(0, 1),
+        perpendicular_rectangles([[0.0, 2.0], [0.0, 1.0]], [[0.0, 1.5], [0.0, 1.0]]),
+        1e-6,
+        "floor",
+    );
+    near(m.get(1, 0) * 1.5, m.get(0, 1) * 2.0, 1e-6, "reciprocity");
+    near(m.get(1, 0), m.get(1, 2), 1e-6, "symmetry");
+    // The rest escapes, as the rays of discovery say.
+    assert!(report.row_sum_error < 2e-3, "{}", report.row_sum_error);
+    assert_eq!((report.closed_rows, report.closure_steps > 1), (0, false), "open rows are left alone");
+}
+
+/// The published values of an obstructed case.
+fn published(id: &str, quantity: &str) -> f64 {
+    let text = include_str!("../../../tests/validation/viewfactors_obstructed.csv");
+    let mut reader =
+        csv::ReaderBuilder::new().comment(Some(b'#')).flexible(true).from_reader(text.as_bytes());
+    let row = reader.records().map(|r| r.expect("a row")).find(|r| &r[0] == id && &r[2] == quantity);
+    let row = row.expect("the row is there");
+    row[5].parse().or_else(|_| row[3].parse()).expect("a number")
+}
+
+#[test]
+fn published_obstructed_pairs_at_default_settings() {
+    let plates = |low: DVec3, u: f64| {
+        quads(&[
+            (DVec3::ZERO, DVec3::X, DVec3::Y),
+            (DVec3::Z, DVec3::Y, DVec3::X),
+            (low, u * DVec3::X, u * DVec3::Y),
+            (low, u * DVec3::Y, u * DVec3::X),
+        ])
+    };
+    let (shapiro, _) = run(&plates(dvec3(0.25, 0.25, 0.75), 0.5), |_| ());
+    let facing = |quantity| published("facet_shapiro", quantity);
+    near(shapiro.get(1, 0), facing("F(y=1 -> y=0)"), 5e-3, "blocked");
+    near(shapiro.get(3, 0), facing("F(obstruction side facing y=0 -> y=0)"), 1e-3, "below");
+    near(shapiro.get(2, 1), facing("F(obstruction side facing y=1 -> y=1)"), 1e-3, "above");
+    let (corner, _) = run(&plates(dvec3(0.0, 0.0, 0.5), 0.5), |_| ());
+    near(corner.get(0, 1), published("view3d_square_obstruction", "F(z=0 -> z=1)"), 5e-3, "corner");
+    let (centred, _) = run(&plates(dvec3(0.25, 0.25, 0.5), 0.5), |_| ());
+    near(centred.get(0, 1), published("centred_half_obstruction", "F12"), 5e-3, "centred");
+    let (all, _) = run(&plates(dvec3(-0.1, -0.1, 0.5), 1.2), |_| ());
+    assert_eq!(all.get(0, 1), 0.0, "fully blocked");
+}
+
+#[test]
+fn a_town_under_the_sky_is_closed() {
+    let scene = town(250);
+    let (raw, report) = run(&scene, |s| (s.enforce, s.rays) = (false, 512));
+    assert_eq!((report.closed_rows, report.bad_facets), (raw.len(), 0), "{report:?}");
+    assert!(report.row_sum_error < 0.02, "{}", report.row_sum_error);
+    // More rays are better: this is an estimate, and it converges.
+    let (_, fine) = run(&scene, |s| (s.enforce, s.rays) = (false, 8192));
+    assert!(
+        fine.row_sum_error < 0.4 * report.row_sum_error,
+        "{} {}",
+        fine.row_sum_error,
+        report.row_sum_error
+    );
+    let (closed, report) = run(&scene, |s| s.rays = 512);
+    assert!(report.closed_row_sum_error < 1e-6 && report.reciprocity_residual < 1e-6, "{report:?}");
+    let worst = (0..closed.len()).map(|i| (closed.row_sum(i) - 1.0).abs()).fold(0.0, f64::max);
+    assert!(worst < 3e-3, "{worst}: only stray rays are missing");
+    assert!((0..closed.len()).all(|i| closed.row(i).all(|(j, f)| j != i && f > 0.0 && f < 1.0)));
+    // Against many more rays, entries of the scaled matrix are better than those it was made from.
+    let (truth, _) = run(&scene, |s| s.rays = 1 << 14);
+    let distance = |m: &Matrix| -> f64 {
+        (0..m.len()).map(|i| (0..m.len()).map(|j| (m.get(i, j) - truth.get(i, j)).powi(2)).sum::<f64>()).sum()
+    };
+    assert!(distance(&closed) <= 1.05 * distance(&raw));
+}
+
+#[test]
+fn a_room_cut_into_facets_has_sums_of_closed_forms() {
+    // Nothing is in between: what rows are off by are the closed forms, between squares that touch and that are far apart.
+    let n = 12;
+    let (x, y, z) = (10.0 * DVec3::X, 8.0 * DVec3::Y, 5.0 * DVec3::Z);
+    let zero = DVec3::ZERO;
+    let mut list = Vec::new();
+    for (corner, u, v) in [(zero, x, y), (z, y, x), (zero, z, x), (y, x, z), (zero, y, z), (x, z, y)] {
+        for k in 0..n * n {
+            let (u, v) = (u / f64::from(n), v / f64::from(n));
+            list.push((corner + u * f64::from(k % n) + v * f64::from(k / n), u, v));
+        }
+    }
+    let (m, report) = run(&quads(&list), |s| s.enforce = false);
+    assert_eq!(report.entries, m.len() * (m.len() - (n * n) as usize), "each sees all but its own wall");
+    assert!(report.worst_row_sum_error < 5e-4 && report.row_sum_error < 1e-4, "{report:?}");
+}
+
+/// Form factors of one facet by counting what rays from it meet: independent random points and directions, no closed
+/// form, no transmittance, no pair.
+fn counted(scene: &Scene, i: u32, rays: u64) -> Vec<f64> {
+    let facets = Facets::new(scene);
+    let traced = Traced::new(scene, &facets, &Device::new(1).expect("Embree")).expect("Embree");
+    let mut counts = vec![0.0; facets.len()];
+    let from = facets.get(i);
+    let mut random = (0u64..).map(|k| (rays::mix(k ^ u64::from(i) << 40) >> 40) as f32 / (1 << 24) as f32);
+    let mut next = || random.next().expect("endless");
+    for _ in 0..rays / 16 {
+        let mut packet = Packet::EMPTY;
+        for lane in 0..16 {
+            let (point, k) = from.point(next(), next());
+            let normal = from.normal(k).as_vec3();
+            let (x, y) = normal.any_orthonormal_pair();
+            let (s, (sin, cos)) = (next(), (std::f32::consts::TAU * next()).sin_cos());
+            packet.set_ray(
+                lane,
+                point + traced.skin * normal,
+                (x * cos + y * sin) * s.sqrt() + normal * (1.0 - s).sqrt(),
+            );
+        }
+        let mut hits = [Hits::NONE];
+        traced.first_hits(&[packet], &mut hits);
+        for t in hits[0].triangle {
+            counts[traced.facet[t as usize] as usize] += 1.0 / rays as f64;
+        }
+    }
+    counts
+}
+
+#[test]
+fn single_factors_agree_with_counting() {
+    let scene = town(900);
+    let rays = 1 << 19;
+    // Of the squares of differences, what is more than counting explains (a count of n is off by the root of n).
+    let excess = |m: &Matrix| -> f64 {
+        let mut sum = 0.0;
+        for i in (0..m.len()).step_by(m.len() / 7) {
+            let counts = counted(&scene, i as u32, rays);
+            for (j, n) in counts.into_iter().enumerate() {
+                sum += (m.get(i, j) - n).powi(2) - n * (1.0 - n) / rays as f64;
+            }
+        }
+        sum
+    };
+    let (tried, report) = run(&scene, |s| s.enforce = false);
+    assert!(report.row_sum_error < 1e-3, "{report:?}");
+    let (found, _) = run(&scene, |s| (s.enforce, s.every) = (false, false));
+    let (tried, found) = (excess(&tried), excess(&found));
+    assert!(tried < found, "trying every pair is better than finding them: {tried} {found}");
+}
+
+#[test]
+fn what_is_found_by_chance_is_right_in_the_mean() {
+    // Rays enough to find most pairs, not all, and most of them partly hidden: sums over all rows see the least bias.
+    let scene = town(900);
+    for rays in [1024, 4096] {
+        let (m, report) = run(&scene, |s| (s.enforce, s.every, s.rays) = (false, false, rays));
+        let total: f64 = m.areas.iter().sum();
+        let sums: f64 = (0..m.len()).map(|i| m.areas[i] * (m.row_sum(i) + f64::from(m.escaped[i]))).sum();
+        assert!((sums / total - 1.0).abs() < 5e-4, "{rays}: {}", sums / total - 1.0);
+        assert!(report.row_sum_error < 2.0 * report.row_standard_error, "{report:?}");
+    }
+}
+
+#[test]
+fn groups_are_sums_of_their_facets() {
+    let scene = town(200);
+    let facets = Facets::new(&scene);
+    let (m, _) = run(&scene, |_| ());
+    for by in [Grouping::Object, Grouping::Material] {
+        let g = m.grouped(&scene, &facets, by);
+        let total: f64 = (0..m.len()).map(|i| m.areas[i] * m.row_sum(i)).sum();
+        let summed: f64 = (0..g.len()).map(|i| g.areas[i] * g.row_sum(i)).sum();
+        near(summed, total, 1e-6, "exchange in all");
+        let sky = g.names.iter().position(|n| n == "light").expect("the sky");
+        for i in 0..g.len() {
+            near(g.get(sky, i) * g.areas[sky], g.get(i, sky) * g.areas[i], 1e-5, "reciprocity");
+        }
+    }
+}
+
+#[test]
+fn the_same_bits_on_any_number_of_threads() {
+    let scene = town(150);
+    let on = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        pool.install(|| run(&scene, |_| ()).0)
+    };
+    assert_eq!(on(1), on(3));
+}
+
+#[test]
+fn facets_that_face_the_wrong_way_are_named() {
+    // A lid that looks up over a floor that looks up: what the floor sends out falls on the lid's back.
+    let scene = quads(&[(DVec3::ZERO, DVec3::X, DVec3::Y), (0.1 * DVec3::Z, DVec3::X, DVec3::Y)]);
+    let (m, report) = run(&scene, |_| ());
+    assert_eq!(report.entries, 0);
+    assert_eq!(report.bad_facets, 1);
+    assert!(report.bad[0].0 == 0 && report.bad[0].1.contains("back sides"), "{:?}", report.bad);
+    assert!(m.lost[0] > 0.8 && m.escaped[1] == 1.0, "{:?} {:?}", m.lost, m.escaped);
+}
+
+#[test]
+fn settings_out_of_range_and_memory() {
+    let scene = quads(&[(DVec3::ZERO, DVec3::X, DVec3::Y)]);
+    let facets = Facets::new(&scene);
+    let none = Settings { rays: 0, ..Settings::new(1) };
+    assert!(compute(&scene, &facets, &none, &|_| ()).is_err());
+    // 22,000 facets fit in 2 GiB at the default.
+    assert!(memory_bound(22_000, &Settings::new(22_000)) < 2 << 30);
+    assert!(Format::of(std::path::Path::new("a.txt")).is_err());
+}
+
+#[test]
+fn files_hold_the_matrix() {
+    let scene = town(100);
+    let facets = Facets::new(&scene);
+    let m = run(&scene, |_| ()).0.grouped(&scene, &facets, Grouping::Material);
+    let folder = tempfile::tempdir().expect("scratch folder");
+    let path = |name: &str| folder.path().join(name);
+    for (name, format) in [("f.npz", Format::Npz), ("f.csv", Format::Csv), ("f.mtx", Format::Mtx)] {
+        assert_eq!(Format::of(&path(name)).expect("known"), format);
+        write(&path(name), &m, format).expect("written");
+    }
+    let text = |name: &str| std::fs::read_to_string(path(name)).expect("text");
+    let rows: Vec<String> = text("f.csv").lines().map(str::to_owned).collect();
+    assert_eq!((rows[0].as_str(), rows.len()), ("from,to,factor", 1 + m.columns.len()));
+    let entry: Vec<&str> = rows[1].split(',').collect();
+    assert_eq!(entry[0], m.names[0]);
+    assert_eq!(entry[2].parse::<f32>().expect("a number"), m.factors[0]);
+    let mtx = text("f.mtx");
+    let size = format!("{0} {0} {1}", m.len(), m.columns.len());
+    assert!(mtx.starts_with("%%MatrixMarket matrix coordinate real general\n") && mtx.contains(&size));
+    let mut archive =
+        zip::ZipArchive::new(std::fs::File::open(path("f.npz")).expect("a file")).expect("an archive");
+    let mut data = Vec::new();
+    archive.by_name("data.npy").expect("data").read_to_end(&mut data).expect("bytes");
+    assert!(data.starts_with(b"\x93NUMPY\x01\x00"));
+    let header = u16::from_le_bytes([data[8], data[9]]) as usize;
+    assert_eq!((10 + header) % 64, 0);
+    let said = String::from_utf8_lossy(&data[10..10 + header]).into_owned();
+    assert!(said.contains("'<f4'") && said.contains(&format!("({},)", m.factors.len())), "{said}");
+    let values: Vec<f32> = data[10 + header..]
+        .chunks_exact(4)
+        .map(|b| f32::from_le_bytes(b.try_into().expect("four")))
+        .collect();
+    assert_eq!(values, m.factors);
+    for name in ["indices", "indptr", "shape", "format", "area", "escaped", "lost", "names"] {
+        assert!(archive.by_name(&format!("{name}.npy")).is_ok(), "{name}");
+    }
+}
+
+mod curved;

@@ -1,0 +1,123 @@
+//! Spheres and cylinders of facets, and a published case in two dimensions, against closed forms.
+
+use super::*;
+use std::f64::consts::TAU;
+
+/// A scene of objects, each a list of polygons.
+fn solids(list: &[Vec<Vec<DVec3>>]) -> Scene {
+    let mut soup = Soup::new("test");
+    soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
+    for (i, polygons) in list.iter().enumerate() {
+        let object = soup.object(format!("solid {i}"));
+        polygons.iter().for_each(|p| soup.polygon(object, 0, p));
+    }
+    resolve(soup, &LoadOptions::default()).expect("a scene")
+}
+
+/// Factors between the objects of a scene, with nothing adjusted.
+fn between(scene: &Scene) -> Matrix {
+    run(scene, |s| s.enforce = false).0.grouped(scene, &Facets::new(scene), Grouping::Object)
+}
+
+/// An octahedron whose edges are halved so often, its corners on a sphere; turned inside out for `inward`.
+fn sphere(radius: f64, halved: u32, inward: bool) -> Vec<Vec<DVec3>> {
+    let mut faces: Vec<[DVec3; 3]> = (0..8)
+        .map(|k| {
+            let sign = |bit: u32| if k >> bit & 1 == 0 { 1.0 } else { -1.0 };
+            let [x, y, z] = [sign(0) * DVec3::X, sign(1) * DVec3::Y, sign(2) * DVec3::Z];
+            if sign(0) * sign(1) * sign(2) > 0.0 { [x, y, z] } else { [y, x, z] }
+        })
+        .collect();
+    for _ in 0..halved {
+        let middle = |p: DVec3, q: DVec3| (p + q).normalize();
+        faces = (faces.iter())
+            .flat_map(|&[a, b, c]| {
+                let [ab, bc, ca] = [middle(a, b), middle(b, c), middle(c, a)];
+                [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
+            })
+            .collect();
+    }
+    let turned = |[a, b, c]: [DVec3; 3]| if inward { vec![c, b, a] } else { vec![a, b, c] };
+    faces.iter().map(|f| turned(f.map(|p| radius * p))).collect()
+}
+
+/// Whatever the facets, all that the inner of two bodies sends meets the outer one if the inner one is convex, and the rest
+/// follows from reciprocity: exact values for the shapes as they are, no error of facets.
+#[test]
+fn concentric_spheres_of_facets() {
+    for (inner, outer) in [(1.0, 1.5), (1.0, 2.0), (1.0, 3.0)] {
+        let m = between(&solids(&[sphere(inner, 2, false), sphere(outer, 2, true)]));
+        let share = m.areas[0] / m.areas[1];
+        assert!((share - (inner / outer).powi(2)).abs() < 1e-6);
+        assert_eq!(m.get(0, 0), 0.0, "convex");
+        near(m.get(0, 1), 1.0, 1e-3, "from inside");
+        near(m.get(1, 0), share, 1e-3, "from outside");
+        // Partly hidden by the inner one.
+        near(m.get(1, 1), 1.0 - share, 5e-3, "to itself");
+    }
+}
+
+/// The side of an upright prism that is as wide as a cylinder is on average, one unit high.
+fn tube(radius: f64, sides: u32, inward: bool) -> Vec<Vec<DVec3>> {
+    let step = TAU / f64::from(sides);
+    let radius = radius * (step / step.sin()).sqrt();
+    let at = |k: u32, z: f64| {
+        let (sin, cos) = (step * f64::from(k)).sin_cos();
+        dvec3(radius * cos, radius * sin, z)
+    };
+    let side = |k: u32| vec![at(k, 0.0), at(k + 1, 0.0), at(k + 1, 1.0), at(k, 1.0)];
+    let turned = |mut p: Vec<DVec3>| {
+        if inward {
+            p.reverse();
+        }
+        p
+    };
+    (0..sides).map(|k| turned(side(k))).collect()
+}
+
+/// Prisms of as large a cross-section converge to cylinders with the square of their angles: 0.1 % is enough facets.
+#[test]
+fn coaxial_cylinders_converge_to_published_values() {
+    let text = include_str!("../../../../tests/validation/viewfactors_unobstructed.csv");
+    let mut reader =
+        csv::ReaderBuilder::new().comment(Some(b'#')).flexible(true).from_reader(text.as_bytes());
+    let mut tried = 0;
+    for row in reader.records().map(|r| r.expect("a row")).filter(|r| r[0].starts_with("coaxial-cylinders")) {
+        let number = |k: usize| row[k].parse::<f64>().expect("a number");
+        let (inner, outer, want) = (number(2), number(3), number(6));
+        let off = |sides: u32| {
+            let m = between(&solids(&[tube(inner, sides, false), tube(outer, sides, true)]));
+            near(m.get(1, 0) * outer, m.get(0, 1) * inner, 1e-5, "reciprocity");
+            m.get(0, 1) / want - 1.0
+        };
+        let (coarse, fine) = (off(16), off(64));
+        assert!(fine.abs() < 1e-3 && fine.abs() < 0.2 * coarse.abs() + 2e-4, "{}: {coarse} {fine}", &row[0]);
+        tried += 1;
+    }
+    assert_eq!(tried, 7);
+}
+
+/// A case in two dimensions, as long plates. Their ends cost some thousandths: what is blocked is compared as a part of what
+/// would get through, and the rest to that.
+#[test]
+fn a_published_case_in_two_dimensions() {
+    let length = 1000.0;
+    let long = length * DVec3::Z;
+    let scene = quads(&[
+        (DVec3::ZERO, long, 10.0 * DVec3::X),
+        (5.0 * DVec3::Y, 10.0 * DVec3::X, long),
+        (2.0 * DVec3::Y, long, 5.0 * DVec3::X),
+    ]);
+    let (m, _) = run(&scene, |s| s.enforce = false);
+    let open = crate::form_factors::analytic::parallel_rectangles(
+        [[0.0, 10.0], [0.0, length]],
+        [[0.0, 10.0], [0.0, length]],
+        5.0,
+    );
+    // Crossed strings without the blocker.
+    let open_strings = 1.25f64.sqrt() - 0.5;
+    near(m.get(0, 1) / open, published("lbnl_2d_block1", "F12") / open_strings, 5e-3, "blocked");
+    near(m.get(1, 2), 0.372015325, 5e-3, "above");
+    near(m.get(2, 1), 0.744030651, 5e-3, "below");
+    assert_eq!(m.get(0, 2), 0.0, "its back");
+}

@@ -1,0 +1,5 @@
+//! Form factors: closed forms between pairs ([`analytic`]), and the sparse matrix between all facets of a scene with
+//! occlusion ([`matrix`]).
+
+pub mod analytic;
+pub mod matrix;

@@ -1,0 +1,124 @@
+//! Reading one quantity from an image file.
+
+use std::path::Path;
+
+use image::{DynamicImage, ImageReader};
+
+use crate::metrics::Image;
+use crate::{Error, Result};
+
+/// Which number of a pixel is its value.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Channel {
+    /// Relative luminance of linear Rec. 709 primaries: 0.2126 R + 0.7152 G + 0.0722 B.
+    #[default]
+    Luminance,
+    /// Red.
+    Red,
+    /// Green.
+    Green,
+    /// Blue.
+    Blue,
+}
+
+impl Channel {
+    /// The value of a pixel with these linear components.
+    fn of(self, [r, g, b]: [f32; 3]) -> f32 {
+        match self {
+            // Grey stays what it is, to the last bit, whatever the weights round to.
+            Channel::Luminance if r == g && g == b => r,
+            Channel::Luminance => 0.2126 * r + 0.7152 * g + 0.0722 * b,
+            Channel::Red => r,
+            Channel::Green => g,
+            Channel::Blue => b,
+        }
+    }
+}
+
+/// Reads a PNG, OpenEXR, Radiance HDR, JPEG, BMP or TGA file; its content says which.
+///
+/// OpenEXR and HDR values are taken as they are (linear). Formats of 8 or 16 bits are decoded from the sRGB curve to
+/// linear values in [0, 1]. Alpha is ignored. The image gets texels of side `texel` scene units (1: sizes in texels).
+///
+/// # Errors
+/// [`Error::Io`] when the file cannot be opened, [`Error::Format`] when it is no such image or holds a value that is
+/// not finite, [`Error::Argument`] when `texel` is not a positive length.
+pub fn read_image(path: &Path, channel: Channel, texel: f64) -> Result<Image> {
+    let reader = ImageReader::open(path).and_then(ImageReader::with_guessed_format);
+    let reader = reader.map_err(|e| Error::io(path, e))?;
+    let linear =
+        reader.format().is_some_and(|f| matches!(f, image::ImageFormat::OpenExr | image::ImageFormat::Hdr));
+    if reader.format().is_none() {
+        return Err(Error::format(path, None, "not a PNG, EXR, HDR, JPEG, BMP or TGA image"));
+    }
+    let decoded =
+        reader.decode().map_err(|e| Error::format(path, None, format!("cannot be decoded: {e}")))?;
+    let (width, height) = (decoded.width() as usize, decoded.height() as usize);
+    let data = values(decoded, channel, linear);
+    // A bad texel size is the caller's mistake, everything else the file's.
+    if !(texel.is_finite() && texel > 0.0) {
+        return Err(Error::Argument(format!("the texel size {texel} is not a positive length")));
+    }
+    Image::new(width, height, texel, data).map_err(|e| Error::format(path, None, e.to_string()))
+}
+
+/// One linear value a pixel.
+fn values(decoded: DynamicImage, channel: Channel, linear: bool) -> Vec<f32> {
+    let rgb = decoded.into_rgb32f();
+    let decode = |v: f32| if linear { v } else { srgb_to_linear(v) };
+    rgb.pixels().map(|p| channel.of(p.0.map(decode))).collect()
+}
+
+/// The linear value of an sRGB component, both in [0, 1] (IEC 61966-2-1).
+pub fn srgb_to_linear(v: f32) -> f32 {
+    if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image_io::{grey, write_atomically, write_exr, write_png};
+
+    fn ramp() -> Image {
+        Image::from_fn(256, 4, 1.0, |x, y| (x as f32 / 255.0) * if y == 0 { 1.0 } else { 0.5 }).unwrap()
+    }
+
+    #[test]
+    fn exr_keeps_every_value() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.exr");
+        let image = Image::from_fn(5, 3, 1.0, |x, y| x as f32 * 1e-3 - y as f32 * 1e5).unwrap();
+        write_exr(&path, &image).unwrap();
+        assert_eq!(read_image(&path, Channel::Luminance, 1.0).unwrap(), image);
+        assert_eq!(read_image(&path, Channel::Blue, 1.0).unwrap(), image);
+    }
+
+    #[test]
+    fn png_is_decoded_to_linear_values() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        write_png(&path, &grey(&ramp(), 1.0)).unwrap();
+        let back = read_image(&path, Channel::Green, 2.0).unwrap();
+        assert_eq!((back.width(), back.height(), back.texel()), (256, 4, 2.0));
+        // Half a step of 8 bits on the steepest part of the curve.
+        assert!(back.data().iter().zip(ramp().data()).all(|(a, b)| (a - b).abs() < 0.005));
+        assert_eq!((back.at(0, 0), back.at(255, 0)), (0.0, 1.0));
+    }
+
+    #[test]
+    fn bad_files_are_errors_with_their_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("bad.exr");
+        let message = |path: &Path| read_image(path, Channel::Luminance, 1.0).unwrap_err().to_string();
+        assert!(message(&path).contains("bad.exr"));
+        for bytes in [&b""[..], b"not an image", b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", b"#?RADIANCE\n"] {
+            write_atomically(&path, bytes).unwrap();
+            assert!(message(&path).contains("bad.exr"), "{}", message(&path));
+        }
+        assert!(message(folder.path()).contains(&folder.path().display().to_string()));
+        let mut nan = image::Rgb32FImage::new(2, 2);
+        nan.put_pixel(1, 0, image::Rgb([f32::NAN; 3]));
+        nan.save(&path).unwrap();
+        assert!(message(&path).contains("1,0"), "{}", message(&path));
+    }
+}

@@ -1,0 +1,244 @@
+//! Orthographic projections of a cluster and the sizes measured on them [SD95 sec 3.3]; method A.7.
+
+use super::averaging_width::Cells;
+use super::axes::{AXIS_COUNT, PROBE_COUNT};
+use super::{Extinction, Options};
+use crate::math::Aabb;
+use crate::raster::{BitImage, Edt, Morphology, Opener, Outside, fill_triangle};
+use crate::scene::Scene;
+use glam::{UVec2, Vec2, Vec3};
+
+/// Cosine and sine of the angle between pixel rows and the coordinate axes.
+const TURN: (f32, f32) = (0.948_683_3, 0.316_227_76);
+
+/// Where the pixels of a projection lie.
+#[derive(Clone, Copy)]
+pub(super) struct Frame {
+    /// Direction of the view, a unit vector.
+    view: Vec3,
+    bounds: Aabb,
+    /// Length of a pixel; zero if there is nothing to see.
+    pixel: f32,
+    size: UVec2,
+    /// Pixel coordinates of a point are `(p · u, p · v) + offset`.
+    u: Vec3,
+    v: Vec3,
+    offset: Vec2,
+}
+
+impl Frame {
+    /// The projection of a box along a direction, `across` pixels on its longer side.
+    fn of(bounds: Aabb, view: Vec3, across: usize) -> Frame {
+        // Turned against the coordinate axes: regular, axis-aligned bars thinner than a pixel would all fall between
+        // the pixel centres or all on them (method D.19).
+        let (u, v) = view.any_orthonormal_pair();
+        let (u, v) = (TURN.0 * u + TURN.1 * v, TURN.0 * v - TURN.1 * u);
+        let half = 0.5 * bounds.extent();
+        let reach = Vec2::new(half.dot(u.abs()), half.dot(v.abs()));
+        let pixel = 2.0 * reach.max_element() / across as f32;
+        let size = (2.0 * reach / pixel).ceil().as_uvec2().clamp(UVec2::ONE, UVec2::splat(across as u32));
+        let (u, v) = (u / pixel, v / pixel);
+        let centre = bounds.center();
+        let offset = 0.5 * size.as_vec2() - Vec2::new(centre.dot(u), centre.dot(v));
+        Frame { view, bounds, pixel, size, u, v, offset }
+    }
+
+    #[inline(always)]
+    fn project(self, p: Vec3) -> Vec2 {
+        Vec2::new(p.dot(self.u), p.dot(self.v)) + self.offset
+    }
+}
+
+/// The silhouette of a cluster along one direction.
+#[derive(Clone)]
+pub(super) struct Silhouette {
+    frame: Frame,
+    contents: BitImage,
+}
+
+impl Default for Silhouette {
+    fn default() -> Self {
+        let nothing = Aabb { min: Vec3::ZERO, max: Vec3::ZERO };
+        Silhouette {
+            frame: Frame { pixel: 0.0, ..Frame::of(nothing, Vec3::X, 1) },
+            contents: BitImage::default(),
+        }
+    }
+}
+
+impl Silhouette {
+    /// Draws triangles of the scene.
+    pub fn draw(&mut self, scene: &Scene, triangles: &[u32], bounds: Aabb, view: Vec3) {
+        self.begin(bounds, view, if triangles.len() <= 16 { 32 } else { ACROSS });
+        for &t in triangles {
+            fill_triangle(&mut self.contents, scene.corners(t).map(|p| self.frame.project(p)));
+        }
+    }
+
+    /// Puts together the silhouettes of the parts: each pixel centre is looked up in them. As fair a sample as
+    /// drawing the triangles, because their pixels are no larger than these.
+    pub fn compose<'a>(&mut self, parts: impl Iterator<Item = &'a Silhouette>, bounds: Aabb, view: Vec3) {
+        self.begin(bounds, view, ACROSS);
+        for part in parts.filter(|p| p.frame.pixel > 0.0) {
+            // The same direction has the same plane vectors, so pixels map by scale and shift.
+            let scale = self.frame.pixel / part.frame.pixel;
+            let shift = part.frame.offset - scale * self.frame.offset;
+            let corner = (-part.frame.offset / scale + self.frame.offset).floor().max(Vec2::ZERO).as_uvec2();
+            let end = ((part.frame.size.as_vec2() - part.frame.offset) / scale + self.frame.offset).ceil();
+            let end = end.max(Vec2::ZERO).as_uvec2().min(self.frame.size);
+            for y in corner.y..end.y {
+                let v = (y as f32 + 0.5) * scale + shift.y;
+                if v < 0.0 || v >= part.frame.size.y as f32 {
+                    continue;
+                }
+                for x in corner.x..end.x {
+                    let u = (x as f32 + 0.5) * scale + shift.x;
+                    if u >= 0.0 && u < part.frame.size.x as f32 && part.contents.get(u as usize, v as usize) {
+                        self.contents.set(x as usize, y as usize, true);
+                    }
+                }
+            }
+        }
+    }
+
+    fn begin(&mut self, bounds: Aabb, view: Vec3, across: usize) {
+        self.frame = Frame::of(bounds, view, across);
+        if self.frame.pixel > 0.0 {
+            self.contents.reset(self.frame.size.x as usize, self.frame.size.y as usize);
+        }
+    }
+}
+
+/// A projected box thinner than this many pixels on average is no measurement: its outline alone decides.
+const THINNEST: usize = 6;
+
+/// Pixels across the longer side: what the distance transform takes in one machine word a row. Leaves take half.
+const ACROSS: usize = 64;
+
+/// Buffers that are kept from one measurement to the next.
+#[derive(Default)]
+pub(super) struct Measure {
+    hull: BitImage,
+    gaps: BitImage,
+    edt: Edt,
+    cells: Cells,
+}
+
+/// What one projection shows. Lengths in scene units.
+pub(super) struct Measured {
+    pub blocker_size: f32,
+    pub gap_size: f32,
+    pub coverage: f32,
+    pub extinction: f32,
+    pub averaging_width: f32,
+}
+
+impl Measure {
+    /// Measures a silhouette; `analytic` is the extinction that stands where none is to be fitted, `slope` its
+    /// change across the box.
+    pub fn take(
+        &mut self,
+        silhouette: &Silhouette,
+        (analytic, slope): (f32, Vec3),
+        options: &Options,
+    ) -> Measured {
+        let Frame { view, bounds, pixel, .. } = silhouette.frame;
+        if pixel <= 0.0 {
+            return Measured {
+                blocker_size: 0.0,
+                gap_size: 0.0,
+                coverage: 0.0,
+                extinction: analytic,
+                averaging_width: 0.0,
+            };
+        }
+        if !self.project(silhouette, slope) {
+            // Seen on its edge, thinner than the raster: nothing can be said but that it may block all it covers,
+            // and that only a beam wider than the whole averages it. Opaque is e^-7 on the mean path V / front.
+            let averaging_width = bounds.diagonal();
+            let e = bounds.extent();
+            let front = Vec3::new(e.y * e.z, e.z * e.x, e.x * e.y).dot(view.abs());
+            let opaque = (7.0 * f64::from(front) / bounds.volume().max(f64::MIN_POSITIVE)) as f32;
+            let extinction = match options.extinction {
+                Extinction::Analytic => analytic,
+                Extinction::Measured => opaque,
+            };
+            return Measured {
+                blocker_size: pixel,
+                gap_size: 0.0,
+                coverage: 1.0,
+                extinction,
+                averaging_width,
+            };
+        }
+        let coverage = 1.0 - self.gaps.count() as f32 / self.hull.count().max(1) as f32;
+        let extinction = match options.extinction {
+            Extinction::Analytic => analytic,
+            Extinction::Measured => self.cells.fitted_extinction(),
+        };
+        let mut diameter = |image: &BitImage| match options.morphology {
+            Morphology::Euclid => self.edt.max_inscribed_diameter(image, Outside::Free),
+            counts => Opener::new(image.clone(), counts).largest(),
+        };
+        Measured {
+            blocker_size: diameter(&silhouette.contents) * pixel,
+            gap_size: if coverage > 0.5 { diameter(&self.gaps) * pixel } else { 0.0 },
+            coverage,
+            extinction,
+            averaging_width: self.cells.averaging_width(extinction, options.tolerance) * pixel,
+        }
+    }
+
+    /// What extinction `kappa` says of the mean transmission of a projection, less what it is, and the projected
+    /// area. None if the projection is too thin to be measured.
+    pub fn probe(&mut self, silhouette: &Silhouette, kappa: f32, slope: Vec3) -> Option<(f32, f32)> {
+        let pixel = silhouette.frame.pixel;
+        if pixel <= 0.0 || !self.project(silhouette, slope) {
+            return None;
+        }
+        Some((self.cells.mean_error(kappa), self.hull.count() as f32 * pixel * pixel))
+    }
+
+    /// Makes the projected box, its free part and their cells; false if it is too thin.
+    fn project(&mut self, silhouette: &Silhouette, slope: Vec3) -> bool {
+        let Frame { view, bounds, pixel, size, u, v, .. } = silhouette.frame;
+        self.hull.reset(size.x as usize, size.y as usize);
+        fill_box(&mut self.hull, &silhouette.frame);
+        if self.hull.count() < THINNEST * size.max_element() as usize {
+            return false;
+        }
+        // Outside the projected box counts as object: only gaps inside are free regions.
+        self.gaps.clone_from(&self.hull);
+        self.gaps.subtract(&silhouette.contents);
+        let (u, v) = (pixel * pixel * u, pixel * pixel * v);
+        let origin = bounds.center() - 0.5 * (size.x as f32 * u + size.y as f32 * v);
+        self.cells.fill((&self.hull, &self.gaps), (bounds, slope), view, (origin, u, v));
+        true
+    }
+}
+
+/// Silhouettes along all axes, then along the probes.
+pub(super) type Silhouettes = [Silhouette; AXIS_COUNT + PROBE_COUNT];
+
+/// The projection of a box: its three faces that the direction leaves through, each two triangles.
+fn fill_box(image: &mut BitImage, frame: &Frame) {
+    let (bounds, direction) = (frame.bounds, frame.view);
+    for axis in 0..3 {
+        if direction[axis] == 0.0 {
+            continue;
+        }
+        let side = if direction[axis] > 0.0 { bounds.max[axis] } else { bounds.min[axis] };
+        let corner = |i: bool, j: bool| {
+            let (a, b) = ((axis + 1) % 3, (axis + 2) % 3);
+            let mut p = Vec3::ZERO;
+            p[axis] = side;
+            p[a] = if i { bounds.max[a] } else { bounds.min[a] };
+            p[b] = if j { bounds.max[b] } else { bounds.min[b] };
+            frame.project(p)
+        };
+        let (p, q, r, s) =
+            (corner(false, false), corner(true, false), corner(true, true), corner(false, true));
+        fill_triangle(image, [p, q, r]);
+        fill_triangle(image, [p, r, s]);
+    }
+}

@@ -1,0 +1,60 @@
+//! ClusterOptics of every kind of scene, on any number of threads.
+
+use super::*;
+use crate::scene::generate::{self, KINDS, Spec};
+
+#[test]
+fn traits_are_sane_everywhere() {
+    for kind in KINDS {
+        let mut spec = Spec::new(kind.name);
+        (spec.trees, spec.leaves, spec.trunks) = (9, 100, true);
+        let scene = generate::build(&spec).expect(kind.name);
+        let hierarchy = clusters::build(&scene, &Default::default());
+        for extinction in [Extinction::Analytic, Extinction::Measured] {
+            let optics = measure(&scene, &hierarchy.micro, &Options { extinction, ..options() });
+            assert_eq!(optics.len(), hierarchy.micro.clusters.len());
+            for (c, (t, cluster)) in optics.iter().zip(&hierarchy.micro.clusters).enumerate() {
+                let size = cluster.bounds.thickened().diagonal();
+                for (axis, view) in AXES.iter().enumerate() {
+                    let place = format!("{}, cluster {c}, axis {axis}: {t:?}", kind.name);
+                    assert!(t.extinction[axis].is_finite() && t.extinction[axis] >= 0.0, "{place}");
+                    assert!((0.0..=1.0).contains(&t.coverage[axis]), "{place}");
+                    // Three of at least 32 pixels beyond the box.
+                    assert!((0.0..=1.1 * size).contains(&t.blocker_size[axis]), "{place}");
+                    assert!((0.0..=1.1 * size).contains(&t.gap_size[axis]), "{place}");
+                    assert!(t.averaging_width[axis].is_finite() && t.averaging_width[axis] >= 0.0, "{place}");
+                    let feature = t.feature_size(axis);
+                    assert!(feature >= t.blocker_size[axis] && feature.is_finite(), "{place}");
+                    // What covers less than a tenth may be thinner than a pixel; nothing else vanishes. Of closed
+                    // solids half of the faces are behind others.
+                    let shown: f64 = hierarchy
+                        .micro
+                        .triangles_of(c)
+                        .iter()
+                        .map(|&t| {
+                            let [a, b, c] = scene.corners(t);
+                            let facing = crate::math::triangle_normal(a, b, c).dot(*view).abs();
+                            let sides = f64::from(scene.triangle_sides[t as usize]);
+                            0.5 * sides * f64::from(facing) * crate::math::triangle_area(a, b, c)
+                        })
+                        .sum();
+                    let e = cluster.bounds.thickened().extent();
+                    let front = Vec3::new(e.y * e.z, e.z * e.x, e.x * e.y).dot(view.abs());
+                    let edge_on = shown < 0.1 * f64::from(front);
+                    assert!(feature > 0.0 || edge_on, "{} of the front: {place}", shown / f64::from(front));
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn result_does_not_depend_on_threads() {
+    let scene = cloud(13, 2000, 0.05, DVec3::ONE, true).scene();
+    let tree = clusters::build(&scene, &Default::default()).micro;
+    let with = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        format!("{:?}", pool.install(|| measure(&scene, &tree, &options())))
+    };
+    assert!(with(1) == with(2));
+}

@@ -1,0 +1,141 @@
+//! Sizes of blockers and gaps.
+
+use super::*;
+use std::f64::consts::PI;
+
+/// A ball of many facets casts the shadow of a ball, whichever piece of it is looked at; things that are whole in their
+/// cluster stand for themselves (method D.6).
+#[test]
+fn pieces_of_one_surface_have_the_size_of_all_of_it() {
+    let mut pieces = Pieces::new();
+    let at = |i: usize, j: usize| {
+        let (theta, phi) = (PI * i as f64 / 16.0, PI * j as f64 / 16.0);
+        DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
+    };
+    for (i, j) in (0..16).flat_map(|i| (0..32).map(move |j| (i, j))) {
+        let next = (j + 1) % 32;
+        pieces.polygon(&[at(i, j), at(i + 1, j), at(i + 1, next)]);
+        pieces.polygon(&[at(i, j), at(i + 1, next), at(i, next)]);
+    }
+    let (tree, optics) = measured(&pieces.scene(), &options());
+    assert!(tree.clusters.len() > 50);
+    for (c, optics) in optics.iter().enumerate().skip(1) {
+        for axis in 0..AXIS_COUNT {
+            // The ball's diameter is 2; two of 64 pixels.
+            assert!(optics.feature_size(axis) > 1.9, "cluster {c}, axis {axis}: {optics:?}");
+        }
+    }
+    let (_, optics) = measured(&cloud(1, 200, 0.05, DVec3::ONE, false).scene(), &options());
+    let whole = optics.iter().filter(|t| t.connected_size == [0.0; AXIS_COUNT]).count();
+    assert!(whole * 3 > optics.len(), "{whole} of {} clusters of cubes hold whole ones", optics.len());
+}
+
+/// Bars thinner than a pixel at regular distances: none may fall between the pixels together (method D.19).
+#[test]
+fn thin_bars_do_not_vanish() {
+    for (bars, width) in [(5, 0.0125), (9, 0.00625)] {
+        let mut fence = Pieces::new();
+        for i in 0..bars {
+            let x = 0.5 * width + (1.0 - width) * f64::from(i) / f64::from(bars - 1);
+            fence.quad(DVec3::new(x, 0.5, 0.0), width * DVec3::X, DVec3::Y);
+        }
+        let covered = whole(fence, &options()).coverage[2];
+        let truth = (f64::from(bars) * width) as f32;
+        assert!((covered - truth).abs() < 0.035, "{bars} bars cover {truth}, measured {covered}");
+    }
+}
+
+/// Largest discs inside projections of a unit square that faces z: 1 along z, 1/√2 along the axes tilted by 45°
+/// (its shorter side) and along the corners (a rhombus of that height), nothing along its plane.
+/// Tolerance: two of 32 pixels.
+#[test]
+fn size_of_a_plate_by_direction() {
+    let mut plate = Pieces::new();
+    plate.quad(DVec3::ZERO, DVec3::X, DVec3::Y);
+    let optics = whole(plate, &options());
+    for (axis, view) in AXES.iter().enumerate() {
+        let expect = match view.z.abs() {
+            z if z > 0.99 => 1.0,
+            z if z > 0.0 => std::f32::consts::FRAC_1_SQRT_2,
+            _ => 0.0,
+        };
+        let found = optics.blocker_size[axis];
+        assert!((found - expect).abs() <= 2.0 * 1.42 / 32.0, "{view}: {found}, not {expect}");
+        // The box of a plate is thickened: seen from the side a pixel of it can be free.
+        assert!(
+            optics.gap_size[axis] <= 2.0 * 1.42 / 32.0,
+            "{view}: a plate has no gaps of {}",
+            optics.gap_size[axis]
+        );
+    }
+}
+
+/// 5 by 5 discs of radius 0.45 at distance 1: blocked 0.9; in the gap between four of them fits √2 - 0.9.
+#[test]
+fn size_of_a_cloud_of_discs() {
+    let mut discs = Pieces::new();
+    for (i, j) in (0..25).map(|k| (f64::from(k % 5), f64::from(k / 5))) {
+        let rim = (0..24).map(|k| f64::from(k) * std::f64::consts::TAU / 24.0);
+        // At different heights: seen from above they are one layer, whatever lies behind what.
+        let z = (3.0 * i + j) % 2.0;
+        let corners: Vec<DVec3> =
+            rim.map(|t| DVec3::new(i + 0.45 * t.cos(), j + 0.45 * t.sin(), z)).collect();
+        discs.polygon(&corners);
+    }
+    let optics = whole(discs, &options());
+    let pixel = 4.9 / 64.0;
+    let z = 2;
+    assert!((optics.blocker_size[z] - 0.9).abs() < 2.0 * pixel, "blocked {}", optics.blocker_size[z]);
+    assert!((optics.gap_size[z] - (2f32.sqrt() - 0.9)).abs() < 2.0 * pixel, "free {}", optics.gap_size[z]);
+    let cover = 25.0 * std::f32::consts::PI * 0.45 * 0.45 / (4.9 * 4.9);
+    assert!((optics.coverage[z] - cover).abs() < 0.03, "coverage {} against {cover}", optics.coverage[z]);
+}
+
+/// Two unit plates, each of sixteen faces, with a slit of 0.3 between them.
+#[test]
+fn size_of_a_wall_with_a_slit() {
+    let mut wall = Pieces::new();
+    for (x, y) in (0..32).map(|k| (0.25 * f64::from(k % 8), 0.25 * f64::from(k / 8))) {
+        let x = if x < 1.0 { x } else { x + 0.3 };
+        wall.quad(DVec3::new(x + 0.125, y + 0.125, 0.0), 0.25 * DVec3::X, 0.25 * DVec3::Y);
+    }
+    let optics = whole(wall, &Options { tolerance: 1.0, ..options() });
+    let pixel = 2.3 / 64.0;
+    assert!((optics.gap_size[2] - 0.3).abs() < 2.0 * pixel, "the slit measures {}", optics.gap_size[2]);
+    assert!(
+        (optics.blocker_size[2] - 1.0).abs() < 2.0 * pixel,
+        "a plate measures {}",
+        optics.blocker_size[2]
+    );
+    assert!(
+        optics.feature_size(2) >= optics.blocker_size[2].max(optics.gap_size[2]),
+        "features are the larger of the two"
+    );
+}
+
+/// A diamond fits into a disc fits into a square of the same radius, so that erosion counts order the other way.
+#[test]
+fn the_papers_counts_bracket_the_disc() {
+    let with = |morphology, pieces: Pieces| whole(pieces, &Options { morphology, ..options() });
+    let modes = [Morphology::Paper8, Morphology::Euclid, Morphology::Paper4];
+    let [p8, disc, p4] = modes.map(|m| with(m, cloud(8, 150, 0.15, DVec3::ONE, false)));
+    for axis in 0..AXIS_COUNT {
+        let slack = 2.0 * 1.8 / 64.0;
+        let sizes = [p8.blocker_size[axis], disc.blocker_size[axis], p4.blocker_size[axis]];
+        assert!(sizes[0] <= sizes[1] + slack && sizes[1] <= sizes[2] + slack, "axis {axis}: {sizes:?}");
+    }
+    // A square measures between 1/√2 and √2 by the counts, by its angle to the picture (method A.4); its disc is 1.
+    let root = std::f32::consts::SQRT_2;
+    let slack = 3.0 * root / 32.0;
+    for angle in [0.0, 0.2, std::f64::consts::FRAC_PI_4] {
+        let [p8, disc, p4] = modes.map(|m| {
+            let turn = DMat3::from_rotation_z(angle);
+            let mut plate = Pieces::new();
+            plate.quad(DVec3::ZERO, turn.x_axis, turn.y_axis);
+            with(m, plate).blocker_size[2]
+        });
+        assert!((disc - 1.0).abs() < slack, "turned by {angle}: a unit square measures {disc}");
+        assert!((1.0 / root - slack..=1.0 + slack).contains(&p8), "turned by {angle}: {p8} by 8 neighbours");
+        assert!((1.0 - slack..=root + slack).contains(&p4), "turned by {angle}: {p4} by 4 neighbours");
+    }
+}

@@ -1,0 +1,7 @@
+//! Line charts as SVG text: axes, scales and series. Knows nothing of what the numbers mean.
+
+mod axis;
+mod chart;
+
+pub use axis::{Scale, number};
+pub use chart::{Plot, Point, Series};

@@ -1,0 +1,241 @@
+//! Promises of the solver: conservation, closed forms, and that it can be stopped.
+
+mod again;
+mod limits;
+mod reach;
+mod sight;
+mod sizes;
+
+use super::*;
+use crate::points::Point;
+use crate::scene::generate::{Spec, build};
+use crate::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
+use glam::DVec3;
+
+/// A unit cube seen from inside whose walls reflect and emit alike.
+fn furnace(reflectance: f32) -> Scene {
+    furnace_of(reflectance, 1.0)
+}
+
+/// The same with edges of another length.
+fn furnace_of(reflectance: f32, edge: f64) -> Scene {
+    let mut soup = Soup::new("furnace");
+    let wall = SoupMaterial {
+        reflectance: [reflectance; 3],
+        ..SoupMaterial::light("wall", [std::f32::consts::FRAC_1_PI; 3])
+    };
+    let (object, material) = (soup.object("walls"), soup.material(wall));
+    inward(&mut soup, object, material, DVec3::ZERO, DVec3::splat(edge));
+    resolve(soup, &LoadOptions::default()).expect("a scene")
+}
+
+/// The faces of a box, wound inward.
+fn inward(soup: &mut Soup, object: u32, material: u32, low: DVec3, high: DVec3) {
+    let at = |k: usize| DVec3::select(glam::BVec3::new(k & 1 > 0, k & 2 > 0, k & 4 > 0), high, low);
+    for f in [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]] {
+        soup.polygon(object, material, &f.map(at));
+    }
+}
+
+/// A closed grey room with a box in it and a lamp below the ceiling.
+fn room(lit: bool) -> Scene {
+    let mut soup = Soup::new("room");
+    let grey = soup.material(SoupMaterial::diffuse("grey", [0.6, 0.5, 0.4]));
+    let (walls, thing) = (soup.object("walls"), soup.object("box"));
+    inward(&mut soup, walls, grey, DVec3::ZERO, DVec3::new(3.0, 4.0, 2.5));
+    let (low, high) = (DVec3::new(1.0, 1.0, 0.2), DVec3::new(1.6, 1.8, 1.0));
+    // Mirrored, the same faces are wound outward.
+    let mirrored = |p: DVec3| DVec3::new(low.x + high.x - p.x, p.y, p.z);
+    inward(&mut soup, thing, grey, mirrored(low), mirrored(high));
+    if lit {
+        let light = soup.material(SoupMaterial::light("light", [10.0; 3]));
+        let lamp = soup.object("lamp");
+        let corner = |x: f64, y: f64| DVec3::new(x, y, 2.4);
+        soup.polygon(lamp, light, &[corner(1.0, 1.0), corner(1.0, 2.0), corner(2.0, 2.0), corner(2.0, 1.0)]);
+    }
+    resolve(soup, &LoadOptions::default()).expect("a scene")
+}
+
+/// Points on the floor of a scene.
+fn floor(n: usize) -> Vec<Point> {
+    let at = |i: usize| DVec3::new((i % 7) as f64 / 8.0 + 0.06, (i / 7) as f64 / n as f64 * 6.5 + 0.02, 0.0);
+    (0..n).map(|i| Point { position: at(i), normal: DVec3::Z }).collect()
+}
+
+fn solved(scene: &Scene, points: &[Point], options: &Options) -> Outcome {
+    run(scene, points, options, &()).expect("a solution")
+}
+
+#[test]
+fn a_furnace_has_the_same_light_everywhere() {
+    for reflectance in [0.0, 0.5, 0.95] {
+        let scene = furnace(reflectance);
+        let outcome = solved(&scene, &floor(40), &Options::default());
+        // Radiosity M / (1 - ρ), and as much irradiance.
+        let want = 1.0 / (1.0 - f64::from(reflectance));
+        for element in &outcome.solution.elements {
+            for k in 0..3 {
+                assert!((element.irradiance[k] / want - 1.0).abs() < 1e-3, "{reflectance}: {element:?}");
+                assert!((element.radiosity[k] / want - 1.0).abs() < 1e-3, "{reflectance}: {element:?}");
+            }
+        }
+        for value in &outcome.irradiance {
+            assert!((value[0] / want - 1.0).abs() < 1e-3, "{reflectance}: {value:?}");
+        }
+        let Ledger { emitted, created, .. } = outcome.record.ledger;
+        assert!((emitted - 6.0).abs() < 1e-3 && created.abs() < 2e-3 * emitted);
+    }
+}
+
+#[test]
+fn no_energy_is_made_or_lost() {
+    let outcome = solved(&room(true), &[], &Options::default());
+    let Ledger { emitted, absorbed, escaped, created, row_sums, .. } = outcome.record.ledger;
+    assert!((emitted - 10.0 * std::f64::consts::PI).abs() < 1e-3 * emitted, "{emitted}");
+    assert!(created.abs() < 2e-3 * emitted, "created {created} of {emitted}");
+    assert!((absorbed + escaped - emitted).abs() < 5e-3 * emitted, "{absorbed} {escaped} {emitted}");
+    let [low, high] = row_sums.expect("closed elements");
+    assert!(low > 0.995 && high < 1.005, "{low} {high}");
+    assert!(outcome.record.ledger.reciprocity_residual < 5e-3);
+}
+
+#[test]
+fn threads_do_not_matter() {
+    // Links alone, and clusters with a local pass.
+    let cluttered = build(&Spec::new("desk-room")).expect("a scene");
+    for scene in [room(true), cluttered] {
+        let with = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+            pool.install(|| solved(&scene, &floor(20), &Options { error: 0.1, ..Options::default() }))
+        };
+        let (one, two) = (with(1), with(3));
+        assert_eq!(one.irradiance, two.irradiance);
+        assert_eq!(one.solution.elements, two.solution.elements);
+        assert_eq!(one.record.audit, two.record.audit);
+        assert!(one.irradiance.iter().any(|v| v[0] > 0.0) && one.record.links > 100);
+    }
+}
+
+#[test]
+fn without_light_everything_is_black() {
+    let outcome = solved(&room(false), &floor(5), &Options::default());
+    assert!(outcome.irradiance.iter().flatten().all(|&v| v == 0.0));
+    assert!(outcome.solution.elements.iter().all(|e| e.irradiance == [0.0; 3]));
+    assert!(outcome.record.warnings.iter().any(|w| w.contains("--emitter")), "{:?}", outcome.record.warnings);
+}
+
+#[test]
+fn what_was_reached_when_stopped_is_consistent() {
+    struct Stop;
+    impl Progress for Stop {
+        fn stage(&self, _: &str) {}
+        fn stopped(&self) -> bool {
+            true
+        }
+    }
+    let outcome = run(&room(true), &floor(5), &Options::default(), &Stop).expect("a solution");
+    assert!(outcome.record.interrupted && outcome.record.iterations.len() == 1);
+    let Ledger { emitted, created, .. } = outcome.record.ledger;
+    assert!(created.abs() < 2e-3 * emitted, "{created}");
+    assert!(outcome.irradiance.iter().all(|v| v[0] > 0.0));
+}
+
+#[test]
+fn steps_bring_the_error_down() {
+    let options = Options { step_seconds: Some(0.01), error: 0.1, ..Options::default() };
+    let outcome = solved(&room(true), &[], &options);
+    let steps = &outcome.record.iterations;
+    assert!(steps.len() > 3);
+    assert!(steps.windows(2).all(|s| s[1].links >= s[0].links));
+    // Nothing is left above the error asked for.
+    let last = &steps[steps.len() - 1];
+    assert!(last.refined == 0 && last.error_bound < 1.01e-3, "{last:?}");
+}
+
+#[test]
+fn importance_moves_the_work() {
+    let scene = room(true);
+    let links_at = |importance: &[&str]| {
+        let importance = importance.iter().map(|s| (*s).to_owned()).collect();
+        let outcome = solved(&scene, &[], &Options { importance, ..Options::default() });
+        let at = |name: &str| {
+            let object = scene.objects.iter().position(|o| o.name == name).expect("an object") as u32;
+            outcome.solution.elements.iter().filter(|e| e.object == object).count() as f64
+        };
+        at("box") / at("walls")
+    };
+    assert!(links_at(&["box"]) > 1.5 * links_at(&[]));
+    let unknown = Options { importance: vec!["nothing".into()], ..Options::default() };
+    assert!(run(&scene, &[], &unknown, &()).is_err());
+}
+
+#[test]
+fn cameras_make_important_what_they_see() {
+    let scene = room(true);
+    let view = View { eye: DVec3::new(0.5, 2.0, 1.25), forward: DVec3::X, angle: 0.8 };
+    let options = Options { views: vec![view], ..Options::default() };
+    let at = |options: &Options, x: f64| {
+        let outcome = solved(&scene, &[], options);
+        let on = |e: &&crate::radiosity::solution::Element| {
+            e.corners.iter().all(|&c| (f64::from(outcome.solution.vertices[c as usize].x) - x).abs() < 1e-6)
+        };
+        outcome.solution.elements.iter().filter(on).count() as f64
+    };
+    // The vertices are relative to the scene's origin.
+    let (seen, behind) = (3.0 - scene.origin.x, -scene.origin.x);
+    let ratio = |options: &Options| at(options, seen) / at(options, behind);
+    let [important, plain] = [ratio(&options), ratio(&Options::default())];
+    assert!(important > 1.15 * plain, "{important} {plain}");
+}
+
+#[test]
+fn steps_are_cut_short_when_time_is_up() {
+    let hurry =
+        Options { error: 1e-3, step_seconds: Some(1e-6), max_seconds: Some(1.5), ..Options::default() };
+    let outcome = solved(&room(true), &[], &hurry);
+    let steps = &outcome.record.iterations;
+    assert!(steps.len() > 3 && steps.iter().all(|s| (1..=64).contains(&s.refined)), "{}", steps.len());
+    assert!(outcome.record.ledger.created.abs() < 5e-3 * outcome.record.ledger.emitted);
+}
+
+/// A room full of small things: what the local pass is for.
+#[test]
+fn clutter_is_lit_as_paths_say() {
+    let scene = build(&Spec::new("desk-room")).expect("a scene");
+    let points = limits::on_surfaces(&scene, 150);
+    let outcome = solved(&scene, &points, &Options { error: 0.04, ..Options::default() });
+    let (rms, _) = limits::off(&outcome.irradiance, &limits::truth(&scene, &points, 1024));
+    assert!(rms < 0.08, "{rms}");
+    let Record { ledger, audit, .. } = outcome.record;
+    assert!(ledger.created.abs() < 1e-3 * ledger.emitted, "{ledger:?}");
+    assert!(ledger.reciprocity_residual > 0.0 && ledger.reciprocity_residual < 5e-3, "{ledger:?}");
+    assert!(ledger.row_sum_error < 5e-3 && ledger.closed_area > 0.5, "{ledger:?}");
+    let audit = audit.expect("an audit");
+    assert!(audit.within_two > 0.85 && audit.rms_bar < 3.0 * audit.rms_error, "{audit:?}");
+}
+
+/// Bars tell how wrong elements are, and neither nothing nor anything.
+#[test]
+fn bars_hold_the_truth() {
+    let outcome = solved(&room(true), &[], &Options { error: 0.05, ..Options::default() });
+    let audit = outcome.record.audit.expect("an audit");
+    assert!(audit.within_one > 0.55 && audit.within_two > 0.88 && audit.factor != 1.0, "{audit:?}");
+    assert!(audit.rms_bar < 3.0 * audit.rms_error, "{audit:?}");
+}
+
+#[test]
+fn options_out_of_range_are_refused() {
+    let scene = room(false);
+    let wrong = [
+        Options { error: 0.0, ..Options::default() },
+        Options { error: -1.0, ..Options::default() },
+        Options { max_seconds: Some(0.0), ..Options::default() },
+        Options { feature_size: Some(f32::NAN), ..Options::default() },
+        Options { gather_rays: Some(0), ..Options::default() },
+        Options { feature_sizes: vec![("walls".into(), -1.0)], ..Options::default() },
+    ];
+    for options in wrong {
+        let error = run(&scene, &[], &options, &()).err().expect("refused").to_string();
+        assert!(error.contains("must"), "{error}");
+    }
+}

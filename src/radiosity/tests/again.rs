@@ -1,0 +1,92 @@
+//! Links that are kept are chosen by what was seen of them, and measured anew.
+
+use super::*;
+use crate::radiosity::clock::Clock;
+use crate::radiosity::prepare::Prepared;
+use crate::radiosity::record::Seconds;
+use crate::visibility::reference;
+
+const SEEDS: u64 = 300;
+
+/// A floor, a lamp above it, and a table's top in between.
+fn table() -> Scene {
+    let mut soup = Soup::new("table");
+    let grey = soup.material(SoupMaterial::diffuse("grey", [0.2; 3]));
+    let light = soup.material(SoupMaterial::light("light", [10.0; 3]));
+    let mut level = |name: &str, material: u32, z: f64, half: f64, up: bool| {
+        let object = soup.object(name);
+        let mut corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
+            .map(|(x, y)| DVec3::new(half * x + 0.07, half * y + 0.03, z));
+        if !up {
+            corners.reverse();
+        }
+        soup.polygon(object, material, &corners);
+    };
+    level("floor", grey, 0.0, 2.0, true);
+    level("top", grey, 0.8, 0.5, true);
+    level("lamp", light, 2.0, 0.4, false);
+    resolve(soup, &LoadOptions::default()).expect("a scene")
+}
+
+/// Mean irradiance of the floor under the table, |x|, |y| < 1, by links that are looked at again or not, for each seed.
+fn under(scene: &Scene, seeds: std::ops::RangeInclusive<u64>, again: bool) -> Vec<f64> {
+    let mut options = Options { error: 0.3, min_area: 1e-4, ..Options::default() };
+    let clock = Clock::start(&(), None);
+    let prepared = Prepared::of(scene, &options, &mut Seconds::default(), &(), &clock).expect("Embree");
+    let (exact, ends) = (prepared.exact(), reference::end_rule(scene));
+    let elements = Elements::build(scene, &prepared.hierarchy, options.min_area * run::areas(scene), &[]);
+    let mut by_seed = Vec::new();
+    for seed in seeds {
+        options.seed = seed;
+        let length = 2.0 * scene.bounds.diagonal();
+        let found = probe::probe(&elements, exact.scene, exact.traversal, ends, length, 1);
+        let mut solver = Solver::new(elements.clone(), found, Sight::Exact(exact), ends, &options);
+        const THRESHOLD: f32 = 5e-3;
+        for _ in 0..3 {
+            let errors = solver.errors();
+            solver.refine(&errors, THRESHOLD, false, &|_| false);
+            let cut = solver.cut();
+            solver.settle(&cut, 1e-3, 12, &clock);
+            solver.look();
+        }
+        if again {
+            solver.look_again(THRESHOLD, &clock);
+        }
+        let cut = solver.cut();
+        solver.settle(&cut, 1e-5, 40, &clock);
+        let (mut sum, mut all) = (0.0, 0.0);
+        for (e, element) in solver.elements().elements.iter().enumerate() {
+            let crate::radiosity::elements::Shape::Surface { side, .. } = element.shape else { continue };
+            let side = &solver.elements().sides[side as usize];
+            let on_floor = side.front && scene.triangle_object[side.triangles[0] as usize] == 0;
+            let inner = (element.centre - glam::Vec3::new(0.07, 0.03, 0.0)).abs().max_element() < 1.0;
+            if element.is_leaf() && on_floor && inner {
+                sum += element.area * mean(solver.incident[e]);
+                all += element.area;
+            }
+        }
+        assert!((all - 4.0).abs() < 1e-3, "leaves of a metre or less: {all}");
+        by_seed.push(sum / all);
+    }
+    by_seed
+}
+
+#[test]
+fn kept_links_are_less_biased_when_looked_at_again() {
+    let scene = table();
+    let n = 24;
+    let at = |k: usize| (2.0 * (k as f64 + 0.5) / f64::from(n)) - 1.0;
+    let place = |k: usize| DVec3::new(at(k % n as usize) + 0.07, at(k / n as usize) + 0.03, 0.0);
+    let points: Vec<Point> =
+        (0..(n * n) as usize).map(|k| Point { position: place(k), normal: DVec3::Z }).collect();
+    let truth: f64 = limits::truth(&scene, &points, 512).iter().sum::<f64>() / points.len() as f64;
+    let bias = |again: bool| {
+        let off: Vec<f64> = under(&scene, 1..=SEEDS, again).iter().map(|e| e / truth - 1.0).collect();
+        let mean = off.iter().sum::<f64>() / SEEDS as f64;
+        let spread = off.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (SEEDS * (SEEDS - 1)) as f64;
+        (mean, spread.sqrt())
+    };
+    let (once, again) = (bias(false), bias(true));
+    // Most of what is left is the bias of a quotient: of what a few rays carry, clear by all.
+    assert!(again.0.abs() < 0.02 && again.0.abs() < 0.7 * once.0.abs(), "{once:?} {again:?}");
+}

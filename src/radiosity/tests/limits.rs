@@ -1,0 +1,229 @@
+//! Time limits, interruption, missed targets, and light that would grow without end.
+
+use super::*;
+use crate::scene::generate::{Spec, build};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
+
+/// Interrupts when so many stages have begun.
+struct After(AtomicUsize, usize);
+
+impl Progress for After {
+    fn stage(&self, _: &str) {
+        self.0.fetch_add(1, Ordering::Relaxed);
+    }
+
+    fn stopped(&self) -> bool {
+        self.0.load(Ordering::Relaxed) >= self.1
+    }
+}
+
+fn clutter() -> Scene {
+    build(&Spec::new("desk-room")).expect("a scene")
+}
+
+/// Points on all surfaces of a scene, chosen by a coarse solution's elements.
+pub fn on_surfaces(scene: &Scene, count: usize) -> Vec<Point> {
+    let coarse = solved(scene, &[], &Options { error: 0.5, audit: 0, ..Options::default() });
+    let elements = &coarse.solution.elements;
+    (elements.iter().step_by(elements.len().div_ceil(count)))
+        .map(|e| {
+            let [a, b, c, _] = e.corners.map(|v| coarse.solution.vertices[v as usize].as_dvec3());
+            Point { position: (a + b + c) / 3.0 + scene.origin, normal: (b - a).cross(c - a).normalize() }
+        })
+        .collect()
+}
+
+/// Irradiance at points by brute force.
+pub fn truth(scene: &Scene, points: &[Point], samples: u32) -> Vec<f64> {
+    let settings = crate::path_tracer::Settings { samples, direct_only: false, seed: 3 };
+    let values =
+        crate::path_tracer::irradiance(scene, points, settings, &|_| {}).expect("a reference").values;
+    values.into_iter().map(mean).collect()
+}
+
+/// Root mean square difference and difference of the means, relative to the mean.
+pub fn off(got: &[Rgb], want: &[f64]) -> (f64, f64) {
+    let (mut squares, mut sum, mut all) = (0.0, 0.0, 0.0);
+    for (got, want) in got.iter().zip(want) {
+        squares += (mean(*got) - want).powi(2);
+        sum += mean(*got) - want;
+        all += want;
+    }
+    let n = want.len() as f64;
+    ((squares / n).sqrt() / (all / n), sum / all)
+}
+
+/// Whenever clutter is interrupted, what is written is the light as paths see it, only with more noise.
+#[test]
+fn interrupted_clutter_is_lit_as_paths_say() {
+    let scene = clutter();
+    let points = on_surfaces(&scene, 150);
+    let want = truth(&scene, &points, 1024);
+    for stages in [1, 3, 5] {
+        let stop = After(AtomicUsize::new(0), stages);
+        let outcome = run(&scene, &points, &Options::default(), &stop).expect("a solution");
+        let Record { interrupted, ended, settled_local, mean_irradiance, ledger, .. } = &outcome.record;
+        assert!(*interrupted && *ended == Ended::Interrupted, "{stages}: {ended:?}");
+        let (rms, bias) = off(&outcome.irradiance, &want);
+        assert!(rms < 0.25 && bias.abs() < 0.05, "{stages}: {rms} {bias}");
+        assert!(settled_local.is_some() && ledger.created.abs() < 1e-2 * ledger.emitted, "{ledger:?}");
+        let all = solved(&scene, &[], &Options { error: 0.1, audit: 0, ..Options::default() });
+        let ratio = mean(*mean_irradiance) / mean(all.record.mean_irradiance);
+        assert!((ratio - 1.0).abs() < 0.03, "{stages}: {ratio}");
+    }
+}
+
+/// However fine the solution that is asked for.
+#[test]
+fn time_limits_bound_the_time() {
+    for scene in [room(true), clutter()] {
+        let points = floor(200);
+        let limit = 1.5;
+        let options = Options {
+            error: 1e-5,
+            min_area: 1e-7,
+            local_rays: Some(100_000_000),
+            gather_rays: Some(1 << 16),
+            max_seconds: Some(limit),
+            ..Options::default()
+        };
+        let start = Instant::now();
+        let Record { ended, warnings, ledger, .. } = solved(&scene, &points, &options).record;
+        let taken = start.elapsed().as_secs_f64();
+        // Without a limit it would take hours; other tests run at the same time.
+        assert!(taken < 20.0 * limit, "{taken}");
+        assert_eq!(ended, Ended::Time);
+        assert!(warnings.iter().any(|w| w.contains("--max-seconds 1.5 ended refinement")), "{warnings:?}");
+        assert!(ledger.created.abs() < 1e-2 * ledger.emitted, "{ledger:?}");
+    }
+}
+
+#[test]
+fn a_missed_target_is_recorded() {
+    let target = |target_error: f64, max_links: usize| {
+        let options = Options { target_error: Some(target_error), max_links, ..Options::default() };
+        solved(&room(true), &[], &options).record
+    };
+    let missed = target(1e-6, 10_000_000);
+    assert!(missed.target_met == Some(false) && missed.ended == Ended::Error);
+    assert!(missed.warnings.iter().any(|w| w.contains("--target-error")), "{:?}", missed.warnings);
+    let met = target(0.5, 10_000_000);
+    assert!(met.target_met == Some(true) && met.ended == Ended::Target && met.error_estimate <= 0.5);
+    let full = target(1e-6, 500);
+    assert!(full.ended == Ended::Links && full.links <= 500, "{:?} {}", full.ended, full.links);
+    assert!(full.warnings.iter().any(|w| w.contains("--max-links 500")), "{:?}", full.warnings);
+    assert_eq!(solved(&room(true), &[], &Options::default()).record.target_met, None);
+}
+
+/// All three ways through clusters, in all scenes that are generated, with what is hidden left out and put in: light stays
+/// light, and settles.
+#[test]
+fn light_does_not_grow_inside_clusters() {
+    for kind in crate::scene::generate::KINDS {
+        let count = if kind.name == "urban-block" { Some(300) } else { None };
+        let mut spec = Spec { count, ..Spec::new(kind.name) };
+        (spec.trees, spec.leaves) = (6, 60);
+        let scene = build(&spec).expect("a scene");
+        let solve = |inside, rows| {
+            let options =
+                Options { inside, rows, error: 0.3, audit: 0, local_rays: Some(0), ..Options::default() };
+            solved(&scene, &[], &options).record
+        };
+        let right = mean(solve(Inside::Visible, Rows::Balanced).mean_irradiance);
+        for inside in [Inside::Isotropic, Inside::Oriented, Inside::Visible] {
+            let record = solve(inside, Rows::Sampled);
+            let ratio = mean(record.mean_irradiance) / right;
+            assert!(record.settled.converged, "{} {inside:?}: {:?}", kind.name, record.settled);
+            assert!(ratio > 0.3 && ratio < 5.0, "{} {inside:?}: {ratio}", kind.name);
+        }
+    }
+}
+
+/// The furnace in other units: as small and as large as its numbers allow, and nothing wrong beyond.
+#[test]
+fn light_does_not_depend_on_the_unit_of_length() {
+    for scale in [1e-9, 1e-6, 1.0, 1e6, 1e9] {
+        let scene = furnace_of(0.5, scale);
+        let points: Vec<Point> =
+            floor(9).into_iter().map(|p| Point { position: scale * p.position, ..p }).collect();
+        let outcome = solved(&scene, &points, &Options { audit: 0, ..Options::default() });
+        for value in outcome.irradiance {
+            assert!((value[0] / 2.0 - 1.0).abs() < 2e-3, "{scale}: {value:?}");
+        }
+        assert!((outcome.record.mean_irradiance[0] / 2.0 - 1.0).abs() < 2e-3, "{scale}");
+    }
+    for scale in [1e-10, 1e10] {
+        let refused = run(&furnace_of(0.5, scale), &[], &Options::default(), &());
+        assert!(refused.err().is_some_and(|e| e.to_string().contains("another unit")), "{scale}");
+    }
+}
+
+/// Powers are watts, whatever the unit of length.
+#[test]
+fn ledgers_are_in_watts() {
+    let ledger = |unit: &str, scale: f64| {
+        let mut scene = furnace_of(0.5, scale);
+        scene.unit = unit.into();
+        solved(&scene, &[], &Options { audit: 0, ..Options::default() }).record.ledger
+    };
+    let (metres, millimetres, unknown) = (ledger("m", 1.0), ledger("mm", 1000.0), ledger("ell", 1.0));
+    assert!((metres.emitted - 6.0).abs() < 1e-3 && (millimetres.emitted - 6.0).abs() < 1e-3);
+    assert!(metres.unit == "W" && millimetres.unit == "W" && unknown.unit.contains("ell"), "{unknown:?}");
+}
+
+#[test]
+fn points_off_surfaces_are_counted() {
+    let mut points = floor(5);
+    points[3].position.z = 1.7;
+    let warnings = |points: &[Point]| solved(&room(true), points, &Options::default()).record.warnings;
+    let found = warnings(&points);
+    assert!(found.iter().any(|w| w.starts_with("1 of 5 points lie")), "{found:?}");
+    assert!(!warnings(&floor(5)).iter().any(|w| w.contains("points lie")));
+}
+
+/// Light at pixels is asked for when refinement is over; what time is left is enough, or it is said that it is not.
+#[test]
+fn light_at_more_points_keeps_to_the_time() {
+    let scene = room(true);
+    let asked = |count: usize, options: &Options| {
+        let start = Instant::now();
+        let (points, one) = (floor(count), After(AtomicUsize::new(0), usize::MAX));
+        let options = Options { more_points: true, audit: 0, ..options.clone() };
+        let answer = run_then(&scene, &[], &options, &one, |_, more| Ok(more.irradiance(&points, 1.0)));
+        (answer.expect("an answer"), start.elapsed().as_secs_f64())
+    };
+    let many_rays =
+        Options { light_rays: Some(4096), gather_rays: Some(4096), error: 0.1, ..Options::default() };
+    let hurried = Options { max_seconds: Some(1.5), ..many_rays.clone() };
+    // With all the time in the world all rays are traced.
+    let (all, _) = asked(50, &many_rays);
+    assert!(all.note.is_none());
+    let all = all.irradiance.expect("light");
+    assert_eq!(all, asked(50, &many_rays).0.irradiance.expect("light"));
+    // A hundred million rays are too many, a few of each point are not.
+    let (some, taken) = asked(12_000, &hurried);
+    let note = some.note.expect("a note");
+    assert!(note.starts_with("--max-seconds 1.5: light at pixels by ") && taken < 6.0, "{note} {taken}");
+    let some = some.irradiance.expect("light");
+    assert!(some.len() == 12_000 && some.iter().all(|e| e[0] > 0.0 && e[0].is_finite()));
+    // Here not even those are possible.
+    let (none, taken) = asked(3_000_000, &hurried);
+    let note = none.note.expect("a note");
+    assert!(none.irradiance.is_none() && note.contains("3000000 pixels") && taken < 8.0, "{note} {taken}");
+    // Interrupted in the middle of it.
+    let (points, stop) = (floor(100_000), After(AtomicUsize::new(0), 1_000_000));
+    let answer = run_then(&scene, &[], &Options { audit: 0, ..many_rays }, &stop, |_, more| {
+        std::thread::scope(|s| {
+            s.spawn(|| {
+                std::thread::sleep(std::time::Duration::from_millis(300));
+                stop.0.store(1_000_000, Ordering::Relaxed);
+            });
+            let start = Instant::now();
+            Ok((more.irradiance(&points, 1.0), start.elapsed().as_secs_f64()))
+        })
+    });
+    let (none, taken) = answer.expect("an answer");
+    assert!(none.irradiance.is_none() && none.note.expect("a note").starts_with("interrupted"));
+    assert!(taken < 6.0, "{taken}");
+}

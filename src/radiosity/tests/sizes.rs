@@ -1,0 +1,92 @@
+//! Feature sizes by importance (method A.13).
+
+use super::sight::{forest, refined};
+use super::*;
+use crate::radiosity::elements::Shape;
+
+const SIZE: f32 = 0.05;
+const PAINTED: f32 = 0.02;
+
+/// The light on the ground matters, that on leaves only as far as it gets there; the trunks have a size of their own.
+fn ground_matters() -> Options {
+    Options {
+        visibility: Visibility::Mr,
+        error: 0.05,
+        feature_size: Some(SIZE),
+        importance: vec!["ground".into()],
+        ..Options::default()
+    }
+}
+
+#[test]
+fn sizes_grow_where_importance_is_small() {
+    let scene = forest();
+    let named = |name: &str| scene.faces_named(name).expect("a name");
+    let (ground, trunks) = (named("ground"), named("bark"));
+    let options = Options { feature_sizes: vec![("bark".into(), PAINTED)], ..ground_matters() };
+    refined(&scene, &options, |solver| {
+        let (mut painted, mut grown) = (0, Vec::new());
+        let elements = &solver.elements.elements;
+        for (e, element) in elements.iter().enumerate() {
+            let (size, importance) = (solver.feature_sizes[e], solver.importance[e]);
+            let parent = element.parent as usize;
+            if elements[parent].is_cluster() {
+                assert!(solver.feature_sizes[parent] <= size, "{e}: a cluster is asked for all of its parts");
+            }
+            let Shape::Surface { side, .. } = element.shape else { continue };
+            let face = solver.elements.sides[side as usize].triangles[0];
+            if trunks.contains(&face) {
+                painted += 1;
+                assert!(size == PAINTED, "{size}");
+            } else if ground.contains(&face) {
+                assert!(size == SIZE && importance > 0.1, "{size} {importance}");
+            } else {
+                assert!((size - SIZE / importance.sqrt()).abs() < 1e-6, "{size} {importance}");
+                grown.push((importance, size));
+            }
+        }
+        grown.sort_by(|a, b| b.0.total_cmp(&a.0));
+        assert!(painted > 100 && grown.windows(2).all(|w| w[0].1 <= w[1].1), "monotone");
+        // Neither all alike nor without end: seven times, for importance below a fiftieth.
+        let (least, most) = (grown[0].1, grown[grown.len() - 1].1);
+        assert!(least < 4.0 * SIZE && most > 1.5 * least && most < 7.1 * SIZE, "{least} {most}");
+        // Parts are born with the size of what they are parts of.
+        let leaf = (0..elements.len()).rfind(|&e| {
+            elements[e].is_leaf() && solver.feature_sizes[e] > SIZE && solver.elements.can_open(e as u32)
+        });
+        let (leaf, before) = (leaf.expect("a leaf"), elements.len());
+        solver.open(leaf as u32);
+        let sizes = &solver.feature_sizes;
+        assert!(sizes.len() > before && sizes[before..].iter().all(|&s| s == sizes[leaf]));
+    });
+}
+
+/// Nothing changes where sizes follow from the elements or nothing is important.
+#[test]
+fn sizes_without_importance_are_those_given() {
+    let all = Options { importance: Vec::new(), ..ground_matters() };
+    refined(&forest(), &all, |solver| assert!(solver.feature_sizes.iter().all(|&s| s == SIZE)));
+    let none = Options { feature_size: None, ..ground_matters() };
+    refined(&forest(), &none, |solver| {
+        let elements = &solver.elements.elements;
+        assert!(elements.iter().zip(&solver.feature_sizes).all(|(e, &size)| size == 2.0 * e.radius));
+    });
+}
+
+/// Rays that matter little meet clusters that are not opened for them.
+#[test]
+fn little_is_opened_where_it_matters_little() {
+    let scene = build(&Spec::new("desk-room")).expect("a scene");
+    let size = 0.2;
+    let options = Options { importance: vec!["cup".into()], feature_size: Some(size), ..ground_matters() };
+    let solved = |options: &Options| solved(&scene, &[], options).record;
+    let grown = solved(&options);
+    // Sizes that are painted do not grow.
+    let painted = scene.objects.iter().map(|o| (o.name.clone(), size)).collect();
+    let even = solved(&Options { feature_sizes: painted, ..options });
+    let averaged = |r: &Record| r.bundles.aggregated + r.bundles.mixed;
+    assert!(averaged(&grown) > 2 * averaged(&even), "{:?} {:?}", grown.bundles, even.bundles);
+    assert!(grown.bundles.exact < even.bundles.exact && grown.exact_rays < even.exact_rays);
+    let [a, b] = [grown, even].map(|r| r.mean_irradiance[0]);
+    assert!((a / b - 1.0).abs() < 0.01, "{a} {b}");
+}
