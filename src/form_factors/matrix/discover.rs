@@ -2,7 +2,7 @@
 
 use super::Settings;
 use super::facets::Facets;
-use super::rays::{PreparedClusters, Traced};
+use super::rays::{SampleTable, Traced};
 use crate::embree::Hits;
 use crate::ray::{LANES, Packet};
 use glam::Vec3;
@@ -58,7 +58,7 @@ pub struct Found {
 /// Kept from facet to facet.
 #[derive(Default)]
 pub struct Buffers {
-    tables: Option<[PreparedClusters; 2]>,
+    tables: Option<[SampleTable; 2]>,
     packets: Vec<Packet>,
     hits: Vec<Hits>,
     seen: Vec<Partner>,
@@ -80,10 +80,10 @@ pub fn partners(
 ) -> Found {
     let Buffers { tables, packets, hits, seen } = buffers;
     let [few, all] = tables.get_or_insert_with(|| {
-        [settings.rays.min(FEW), settings.rays].map(|rays| PreparedClusters::new(rays, settings.seed as u32))
+        [settings.rays.min(FEW), settings.rays].map(|rays| SampleTable::new(rays, settings.seed as u32))
     });
     let mut shares = [0.0; 2];
-    let tables: &[&PreparedClusters] = if settings.every { &[few, all] } else { &[all] };
+    let tables: &[&SampleTable] = if settings.every { &[few, all] } else { &[all] };
     for table in tables {
         seen.clear();
         shares = spread(traced, facets, settings, facet, table, (packets, hits, seen));
@@ -104,7 +104,7 @@ fn spread(
     facets: &Facets,
     settings: &Settings,
     facet: u32,
-    table: &PreparedClusters,
+    table: &SampleTable,
     (packets, hits, seen): (&mut Vec<Packet>, &mut Vec<Hits>, &mut Vec<Partner>),
 ) -> [f32; 2] {
     let from = facets.get(facet);

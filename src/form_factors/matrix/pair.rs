@@ -3,7 +3,7 @@
 use super::Settings;
 use super::discover::Partner;
 use super::facets::{Facet, Facets};
-use super::rays::{PreparedClusters, Traced};
+use super::rays::{SampleTable, Traced};
 use crate::form_factors::analytic::{point_to_polygon, polygon_to_polygon};
 use crate::ray::{EndRule, LANES, Packet};
 use glam::DVec3;
@@ -68,7 +68,7 @@ pub struct Pairs<'a> {
 
 /// Kept from row to row: tables of 4, 16, 64 ... points.
 #[derive(Default)]
-pub struct Buffers(Vec<PreparedClusters>);
+pub struct Buffers(Vec<SampleTable>);
 
 /// Two facets nearer than this many times the sum of their radii get the double integral over both.
 const NEAR: f64 = 1.5;
@@ -145,7 +145,7 @@ impl Pairs<'_> {
         &self,
         pair: (&Facet, &Facet),
         c: f64,
-        table: &PreparedClusters,
+        table: &SampleTable,
         key: u64,
         rays: &mut u64,
     ) -> Transmittance {
@@ -170,7 +170,7 @@ impl Pairs<'_> {
     }
 
     /// The mean of the visibility between two facets, weighted by what rays transport.
-    fn bundle(&self, (a, b): (&Facet, &Facet), table: &PreparedClusters, key: u64) -> Transmittance {
+    fn bundle(&self, (a, b): (&Facet, &Facet), table: &SampleTable, key: u64) -> Transmittance {
         let (mut clear, mut all, mut squares) = (0.0, 0.0, 0.0);
         let mut any_blocked = false;
         let mut packet = Packet::EMPTY;
@@ -291,10 +291,10 @@ fn by_points(a: &Facet, b: &Facet) -> f64 {
     a.area * b.area * sum / std::f64::consts::PI
 }
 
-fn table(buffers: &mut Buffers, size: u32, seed: u32) -> &PreparedClusters {
+fn table(buffers: &mut Buffers, size: u32, seed: u32) -> &SampleTable {
     while buffers.0.len() <= size as usize {
         let k = buffers.0.len() as u32;
-        buffers.0.push(PreparedClusters::new(1 << (2 * k), seed.wrapping_add(k << 8)));
+        buffers.0.push(SampleTable::new(1 << (2 * k), seed.wrapping_add(k << 8)));
     }
     &buffers.0[size as usize]
 }

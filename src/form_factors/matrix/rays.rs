@@ -53,11 +53,11 @@ impl Traced {
 /// Evenly spread points of the unit cube in four dimensions, in order of the last two so that neighbours have like
 /// directions. One table serves all facets: each shifts it by its own random bits, which keeps it evenly spread (a
 /// digital shift of a digital net) and keeps neighbours together.
-pub struct PreparedClusters(Vec<[u32; 4]>);
+pub struct SampleTable(Vec<[u32; 4]>);
 
-impl PreparedClusters {
+impl SampleTable {
     /// A table of `count` points; beyond 65,536 a new sequence begins.
-    pub fn new(count: u32, seed: u32) -> PreparedClusters {
+    pub fn new(count: u32, seed: u32) -> SampleTable {
         let mut points: Vec<[u32; 4]> = (0..count)
             .map(|i| {
                 let seed = seed.wrapping_add(i / SEQUENCE);
@@ -66,7 +66,7 @@ impl PreparedClusters {
             })
             .collect();
         points.sort_by_key(|p| interleaved(p[2] >> 16, p[3] >> 16));
-        PreparedClusters(points)
+        SampleTable(points)
     }
 
     /// Number of points.
