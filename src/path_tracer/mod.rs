@@ -14,9 +14,8 @@ mod surfaces;
 #[cfg(test)]
 mod tests;
 
-use crate::embree::Device;
+use crate::model::Model;
 use crate::points::{Irradiance, Point};
-use crate::scene::Scene;
 use crate::{Error, Result};
 use light::Lights;
 use paths::Paths;
@@ -41,9 +40,9 @@ pub struct Settings {
 /// with the number of points finished since the last call, from any thread. A scene without emitters gives zeros.
 ///
 /// # Errors
-/// Fewer than two samples, or Embree refuses.
+/// Fewer than two samples.
 pub fn irradiance(
-    scene: &Scene,
+    model: &Model,
     points: &[Point],
     settings: Settings,
     done: &(dyn Fn(u64) + Sync),
@@ -51,9 +50,8 @@ pub fn irradiance(
     if settings.samples < 2 {
         return Err(Error::Argument("--samples must be at least 2".into()));
     }
-    let device = Device::new(rayon::current_num_threads())?;
-    let surfaces = Surfaces::new(scene, &device)?;
-    let lights = Lights::new(scene);
+    let surfaces = Surfaces::new(model);
+    let lights = Lights::new(model.scene());
     let estimates: Vec<Estimate> = points
         .par_iter()
         .enumerate()

@@ -31,9 +31,7 @@ pub use facets::Facets;
 pub use rows::{Grouping, Matrix};
 pub use write::{Format, write};
 
-use crate::embree::Device;
-use crate::ray::EndRule;
-use crate::scene::Scene;
+use crate::model::Model;
 use crate::{Error, Result};
 use rayon::prelude::*;
 use rays::Traced;
@@ -139,9 +137,9 @@ pub fn memory_bound(facets: usize, settings: &Settings) -> u64 {
 /// The matrix of all facets. `done` is called with steps out of `2 × facets`, from any thread.
 ///
 /// # Errors
-/// Embree refuses, or a setting is out of range.
+/// A setting is out of range.
 pub fn compute(
-    scene: &Scene,
+    model: &Model,
     facets: &Facets,
     settings: &Settings,
     done: &(dyn Fn(u64) + Sync),
@@ -152,8 +150,7 @@ pub fn compute(
     if facets.len() > discover::Partner::FACETS {
         return Err(Error::Scene(format!("more than {} facets", discover::Partner::FACETS)));
     }
-    let device = Device::new(rayon::current_num_threads())?;
-    let traced = Traced::new(scene, facets, &device)?;
+    let traced = Traced::new(model, facets);
     let found: Vec<discover::Found> = (0..facets.len() as u32)
         .into_par_iter()
         .map_init(discover::Buffers::default, |buffers, i| {
@@ -165,8 +162,7 @@ pub fn compute(
     let partners = discover::upper(&found);
     let shares: Vec<[f32; 2]> = found.iter().map(|f| [f.escaped, f.lost]).collect();
     drop(found);
-    let magnitude = scene.bounds.min.abs().max(scene.bounds.max.abs()).max_element();
-    let pairs = pair::Pairs { traced: &traced, facets, settings, ends: EndRule::new(magnitude) };
+    let pairs = pair::Pairs { traced: &traced, facets, settings, ends: model.end_rule() };
     let mut upper: Vec<pair::Row> = partners
         .par_iter()
         .enumerate()

@@ -58,9 +58,10 @@ pub struct PreparedClusters {
 }
 
 /// Where a table came from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Origin {
     /// Made, and not kept.
+    #[default]
     Off,
     /// Made, and kept for the next run.
     Made,

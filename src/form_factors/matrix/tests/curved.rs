@@ -1,6 +1,7 @@
 //! Spheres and cylinders of facets, and a published case in two dimensions, against closed forms.
 
 use super::*;
+use crate::scene::Scene;
 use std::f64::consts::TAU;
 
 /// A scene of objects, each a list of polygons.
