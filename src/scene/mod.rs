@@ -8,6 +8,7 @@ mod compact;
 mod connect;
 mod emitters;
 pub mod generate;
+mod instances;
 mod keep;
 mod load;
 mod mtl;
@@ -27,6 +28,7 @@ mod triangulate;
 mod weld;
 mod write_obj;
 
+pub use instances::Placement;
 pub use load::LoadOptions;
 pub use power::{parse_emitter, unit_in_metres};
 pub use resolve::{MAX_COORDINATE, MAX_REFLECTANCE, MIN_EXTENT, resolve};
@@ -36,7 +38,7 @@ pub use write_obj::{mtl_path, write_obj};
 
 use crate::{Result, math::Aabb};
 use glam::{DVec3, Vec3};
-use std::path::PathBuf;
+use std::{path::PathBuf, sync::Arc};
 
 /// A named run of faces: an OBJ object or group, a glTF node, a PLY file.
 #[derive(Clone, Debug)]
@@ -172,6 +174,11 @@ pub struct Scene {
     pub bounds: Aabb,
     /// What was repaired.
     pub repairs: Repairs,
+    /// Meshes that are stored once and placed by `placements`: each a scene of its own in its own frame, without
+    /// emitters, shared meshes or placements. Empty for a scene whose meshes all occur once.
+    pub shared: Vec<Arc<Scene>>,
+    /// Where the shared meshes stand, in file order.
+    pub placements: Vec<Placement>,
 }
 
 impl Scene {

@@ -98,6 +98,8 @@ pub fn resolve(mut soup: Soup, options: &LoadOptions) -> Result<Scene> {
         triangle_emitter,
         triangle_texcoords: faces.texcoords,
         repairs,
+        shared: Vec::new(),
+        placements: Vec::new(),
     })
 }
 
