@@ -7,6 +7,7 @@ mod bent;
 mod compact;
 mod connect;
 mod emitters;
+mod flatten;
 pub mod generate;
 mod instances;
 mod keep;
@@ -28,6 +29,7 @@ mod triangulate;
 mod weld;
 mod write_obj;
 
+pub use flatten::MAX_FLATTENED_TRIANGLES;
 pub use instances::Placement;
 pub use load::LoadOptions;
 pub use power::{parse_emitter, unit_in_metres};
@@ -121,8 +123,15 @@ pub struct Repairs {
     /// Pairs of objects of which faces lie in one plane, overlap, face the same way and do not look the same: which of them
     /// is seen is chance.
     pub overlapping_objects: usize,
+    /// Nodes that place a shared mesh with shear or unequal scale, so that its triangles were copied. Not written if zero.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub copied_placements: usize,
     /// One readable line for each kind of repair, with names where they help.
     pub messages: Vec<String>,
+}
+
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 /// An immutable, checked scene of triangles. All vectors that start with `triangle_` have one entry a triangle.
@@ -188,7 +197,7 @@ impl Scene {
         self.triangles[triangle as usize].map(|v| self.positions[v as usize])
     }
 
-    /// The faces of the objects, groups or materials called `name`, ascending.
+    /// The scene's own faces of the objects, groups or materials called `name`, ascending. Placements are not searched.
     ///
     /// # Errors
     /// Nothing has that name; the message lists the first few that there are.
@@ -210,7 +219,7 @@ impl Scene {
         Ok(faces)
     }
 
-    /// Bytes of all that there is a vertex, a face, an object or a material of.
+    /// Bytes of all that there is a vertex, a face, an object, a material or a placement of; of each shared mesh once.
     pub fn bytes(&self) -> usize {
         fn of<T>(list: &[T]) -> usize {
             size_of_val(list)
@@ -227,6 +236,8 @@ impl Scene {
             + of(&self.objects)
             + of(&self.materials)
             + self.emitters.iter().map(|e| of(&e.triangles)).sum::<usize>()
+            + of(&self.placements)
+            + self.shared.iter().map(|m| m.bytes()).sum::<usize>()
     }
 
     /// Total power of an emitter in watts, one value a channel: π L A, twice that for two-sided emission.
