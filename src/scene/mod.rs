@@ -27,15 +27,17 @@ mod tests;
 mod texture;
 mod triangulate;
 mod weld;
+mod write_gltf;
 mod write_obj;
 
 pub use flatten::MAX_FLATTENED_TRIANGLES;
-pub use instances::Placement;
+pub use instances::{MAX_PLACEMENTS, Placement};
 pub use load::LoadOptions;
 pub use power::{parse_emitter, unit_in_metres};
 pub use resolve::{MAX_COORDINATE, MAX_REFLECTANCE, MIN_EXTENT, resolve};
-pub use soup::{Soup, SoupMaterial};
+pub use soup::{PlacedSoup, Soup, SoupMaterial};
 pub use texture::Texture;
+pub use write_gltf::write_gltf;
 pub use write_obj::{mtl_path, write_obj};
 
 use crate::{Result, math::Aabb};

@@ -2,14 +2,14 @@
 //! because the crate's own readers panic on accessors that lie.
 //!
 //! Nodes that place the same mesh share it (`sharing.rs`), also those of the extension `EXT_mesh_gpu_instancing`. A file may
-//! have at most [`MAX_NODES`] nodes, and as many placements.
+//! have at most [`MAX_PLACEMENTS`] nodes, and as many placements.
 
 mod accessors;
 mod nodes;
 mod primitives;
 mod sharing;
 
-use super::{LoadOptions, Repairs, Scene, SoupMaterial, StoredCamera, texture::Texture};
+use super::{LoadOptions, MAX_PLACEMENTS, Repairs, Scene, SoupMaterial, StoredCamera, texture::Texture};
 use crate::{Error, Result};
 use base64::{Engine, engine::general_purpose::STANDARD};
 use gltf::Gltf;
@@ -18,8 +18,6 @@ use std::{collections::HashMap, path::Path};
 
 /// More corners than this are refused: a file of a few kilobytes can refer to one mesh very often.
 const MAX_CORNERS: usize = 1 << 29;
-/// Most nodes of a file, and most placements of meshes: some 300 bytes each while reading, 600 MB in all.
-const MAX_NODES: usize = 1 << 21;
 /// Extension whose nodes place a mesh many times.
 const GPU_INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
@@ -46,9 +44,9 @@ fn open(path: &Path) -> Result<(gltf::Document, Vec<Vec<u8>>)> {
         }
     }
     let nodes = count_nodes(&bytes);
-    if nodes > MAX_NODES {
+    if nodes > MAX_PLACEMENTS {
         return Err(wrong(format!(
-            "{nodes} nodes, more than {MAX_NODES}: join meshes that belong together or split the scene"
+            "{nodes} nodes, more than {MAX_PLACEMENTS}: join meshes that belong together or split the scene"
         )));
     }
     let unusable = |e: gltf::Error| wrong(format!("not a usable glTF file: {e}"));
@@ -103,7 +101,7 @@ fn count_nodes(bytes: &[u8]) -> usize {
         nodes: Length,
     }
     // The shortest node is `{}` and a comma.
-    if bytes.len() < 3 * MAX_NODES {
+    if bytes.len() < 3 * MAX_PLACEMENTS {
         return 0;
     }
     let json = if bytes.starts_with(b"glTF") {

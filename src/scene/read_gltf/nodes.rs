@@ -1,7 +1,7 @@
 //! The tree of nodes: which mesh stands where.
 
-use super::{GPU_INSTANCING, MAX_NODES, Reader, StoredCamera, UniqueNames};
-use crate::Result;
+use super::{GPU_INSTANCING, Reader, StoredCamera, UniqueNames};
+use crate::{Result, scene::MAX_PLACEMENTS};
 use glam::{DAffine3, DMat4, DQuat, DVec3};
 use gltf::Node;
 
@@ -48,9 +48,11 @@ impl Reader<'_> {
                     }
                     found.push(MeshNode { mesh: mesh.index(), name, world });
                 }
-                if found.len() > MAX_NODES {
+                if found.len() > MAX_PLACEMENTS {
                     let what = "join meshes that belong together or split the scene";
-                    return Err(self.wrong(format!("more than {MAX_NODES} placements of meshes: {what}")));
+                    return Err(
+                        self.wrong(format!("more than {MAX_PLACEMENTS} placements of meshes: {what}"))
+                    );
                 }
             }
             if let Some(camera) = node.camera() {
@@ -72,8 +74,8 @@ impl Reader<'_> {
             let index = index.as_u64().and_then(|i| usize::try_from(i).ok());
             let found = index.and_then(|i| document.accessors().nth(i));
             let found = found.ok_or_else(|| wrong("an accessor that does not exist"))?;
-            if found.count() > MAX_NODES {
-                return Err(wrong(&format!("more than {MAX_NODES} instances")));
+            if found.count() > MAX_PLACEMENTS {
+                return Err(wrong(&format!("more than {MAX_PLACEMENTS} instances")));
             }
             Ok(Some(found))
         };

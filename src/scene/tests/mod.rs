@@ -3,6 +3,7 @@
 mod formats;
 mod generators;
 mod hostile;
+mod instances;
 mod overlaps;
 mod repairs;
 
