@@ -1,7 +1,7 @@
 //! Writing a soup with placed meshes as glTF 2.0: one `.glb`, or one `.gltf` that holds its buffer.
 //!
-//! Coordinates are written as they are, as in OBJ files. glTF counts y as up: viewers show a scene whose up is z lying on its
-//! side. Textures are not written.
+//! Coordinates are written as they are, as in OBJ files. glTF counts y as up: viewers show a scene whose up is z
+//! lying on its side. Textures are not written.
 
 use super::{PlacedSoup, Soup, SoupMaterial};
 use crate::{Error, Result, files::WholeFile, math::Aabb};

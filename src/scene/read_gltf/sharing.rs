@@ -93,7 +93,6 @@ impl<'a> Plan<'a> {
         let emits: Vec<bool> = document.meshes().map(emits).collect();
         let mut total = vec![0; emits.len()];
         nodes.iter().for_each(|n| total[n.mesh] += 1);
-        let (mut shared, mut seen) = (vec![0; emits.len()], HashSet::new());
         let mut plan = Plan { nodes, uses: Vec::with_capacity(nodes.len()), stretched: 0, repeated: 0 };
         for node in nodes {
             let used = if total[node.mesh] < 2 || emits[node.mesh] || named.contains(node.name.as_str()) {
@@ -101,21 +100,36 @@ impl<'a> Plan<'a> {
             } else if stretch(node.world.matrix3) > MAX_STRETCH {
                 plan.stretched += 1;
                 Use::Own
-            } else if seen.insert((node.mesh, node.world.to_cols_array().map(f64::to_bits))) {
-                shared[node.mesh] += 1;
-                Use::Shared
             } else {
-                plan.repeated += 1;
-                Use::Omitted
+                Use::Shared
             };
             plan.uses.push(used);
         }
+        plan.omit_repeated();
+        let mut shared = vec![0; emits.len()];
+        let sharing = plan.uses.iter().zip(nodes).filter(|(used, _)| **used == Use::Shared);
+        sharing.for_each(|(_, node)| shared[node.mesh] += 1);
         for (used, node) in plan.uses.iter_mut().zip(nodes) {
             if *used == Use::Shared && shared[node.mesh] < 2 {
                 *used = Use::Own;
             }
         }
         plan
+    }
+
+    /// Omits each node that shares a mesh and has the transform of an earlier one that does.
+    fn omit_repeated(&mut self) {
+        // Adding zero turns a negative zero into a positive one.
+        let key = |i: u32| {
+            let node = &self.nodes[i as usize];
+            (node.mesh, node.world.to_cols_array().map(|x| (x + 0.0).to_bits()))
+        };
+        let sharing = (0..self.nodes.len()).filter(|&i| self.uses[i] == Use::Shared);
+        let mut order: Vec<u32> = sharing.map(|i| i as u32).collect();
+        order.sort_unstable_by_key(|&i| (key(i), i));
+        let repeated: Vec<u32> = order.windows(2).filter(|w| key(w[0]) == key(w[1])).map(|w| w[1]).collect();
+        self.repeated = repeated.len();
+        repeated.into_iter().for_each(|i| self.uses[i as usize] = Use::Omitted);
     }
 
     /// Copies every node of `mesh`.

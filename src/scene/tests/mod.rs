@@ -1,5 +1,6 @@
 //! Tests of the room as a whole: files and soups in, scenes out.
 
+mod forests;
 mod formats;
 mod generators;
 mod hostile;
