@@ -8,7 +8,7 @@ mod indoor;
 mod shapes;
 mod urban;
 
-use super::{LoadOptions, Scene, Soup, resolve};
+use super::{LoadOptions, MAX_PLACEMENTS, PlacedSoup, Scene, Soup, instances::resolve_placed, resolve};
 use crate::{Error, Result};
 
 pub use forest::{ground_and_sky, leaf_side};
@@ -35,7 +35,7 @@ pub const KINDS: &[Kind] = &[
     },
     Kind {
         name: "forest",
-        about: "trees of two-sided leaves under a large sky panel (--trees, --leaves, --trunks, --light-size)",
+        about: "trees of two-sided leaves under a large sky panel (--trees, --leaves, --trunks, --instances, --light-size)",
         unit: "m",
         make: forest::forest,
     },
@@ -98,6 +98,10 @@ pub struct Spec {
     pub leaves: usize,
     /// Forest: whether trees have trunks.
     pub trunks: bool,
+    /// Forest: whether trees are placements of shared meshes, see [`placed`].
+    pub instances: bool,
+    /// Forest of instances: number of different trees.
+    pub species: usize,
     /// Edge of the light in the kind's unit; its own default if `None`.
     pub light_size: Option<f64>,
 }
@@ -106,10 +110,20 @@ pub struct Spec {
 const MAX_THINGS: usize = 100_000_000;
 
 impl Spec {
-    /// The defaults of the kind `name`: seed 1, forest of 100 trees with 1,000 leaves each.
+    /// The defaults of the kind `name`: seed 1, forest of 100 trees with 1,000 leaves each, no instances, one species.
     pub fn new(name: impl Into<String>) -> Self {
         let name = name.into();
-        Spec { name, seed: 1, count: None, trees: 100, leaves: 1000, trunks: false, light_size: None }
+        Spec {
+            name,
+            seed: 1,
+            count: None,
+            trees: 100,
+            leaves: 1000,
+            trunks: false,
+            instances: false,
+            species: 1,
+            light_size: None,
+        }
     }
 
     /// The kind.
@@ -123,6 +137,29 @@ impl Spec {
         })
     }
 
+    fn check_instances(&self) -> Result<()> {
+        if self.name != "forest" {
+            return Err(Error::Argument(format!("`{}` has no instances: only `forest` has", self.name)));
+        }
+        // The ground, the light and each tree are a node of the file.
+        let trees = MAX_PLACEMENTS - 2;
+        if self.trees > trees {
+            let what = format!("{} trees: a scene has at most {trees} instances", self.trees);
+            return Err(Error::Argument(what));
+        }
+        if self.species == 0 || self.species > self.trees {
+            let what =
+                format!("{} species: must lie in 1..={}, the number of trees", self.species, self.trees);
+            return Err(Error::Argument(what));
+        }
+        if self.species.saturating_mul(self.leaves) > MAX_THINGS {
+            return Err(Error::Argument(format!(
+                "more than {MAX_THINGS} leaves are stored: ask for fewer species or leaves"
+            )));
+        }
+        Ok(())
+    }
+
     fn check(&self) -> Result<()> {
         let counts = [("count", self.count.unwrap_or(1)), ("trees", self.trees), ("leaves", self.leaves)];
         for (name, n) in counts {
@@ -130,7 +167,9 @@ impl Spec {
                 return Err(Error::Argument(format!("--{name} {n}: must lie in 1..{MAX_THINGS}")));
             }
         }
-        if self.name == "forest" && self.trees.saturating_mul(self.leaves) > MAX_THINGS {
+        if self.instances {
+            self.check_instances()?;
+        } else if self.name == "forest" && self.trees.saturating_mul(self.leaves) > MAX_THINGS {
             return Err(Error::Argument(format!("more than {MAX_THINGS} leaves: lower --trees or --leaves")));
         }
         if self.light_size.is_some_and(|s| !s.is_finite() || s <= 0.0 || s > 1e6) {
@@ -143,14 +182,38 @@ impl Spec {
 /// The polygons of a generated scene.
 ///
 /// # Errors
-/// The name is unknown or a count is out of range.
+/// The name is unknown or a count is out of range; instances are asked for, which [`placed`] makes.
 pub fn soup(spec: &Spec) -> Result<Soup> {
     let kind = spec.kind()?;
     spec.check()?;
+    if spec.instances {
+        let what = "a scene of instances is no list of polygons: write it as .gltf or .glb";
+        return Err(Error::Argument(what.into()));
+    }
     let mut soup = (kind.make)(spec)?;
-    // Scenes are f32 in the end; digits beyond that would only make files half as long again.
-    soup.positions.iter_mut().for_each(|p| *p = p.as_vec3().as_dvec3());
+    round(&mut soup);
     Ok(soup)
+}
+
+/// The polygons and placements of a generated scene of instances: a forest.
+///
+/// # Errors
+/// The kind is not `forest`, the specification does not ask for instances, or a count is out of range.
+pub fn placed(spec: &Spec) -> Result<PlacedSoup> {
+    spec.kind()?;
+    spec.check()?;
+    if !spec.instances {
+        return Err(Error::Argument("the specification does not ask for instances".into()));
+    }
+    let mut placed = forest::placed(spec);
+    round(&mut placed.soup);
+    placed.meshes.iter_mut().for_each(round);
+    Ok(placed)
+}
+
+/// Scenes are f32 in the end; digits beyond that would only make files half as long again.
+fn round(soup: &mut Soup) {
+    soup.positions.iter_mut().for_each(|p| *p = p.as_vec3().as_dvec3());
 }
 
 /// A generated scene, resolved in memory like one that was read from a file.
@@ -159,5 +222,6 @@ pub fn soup(spec: &Spec) -> Result<Soup> {
 /// The name is unknown or a count is out of range.
 pub fn build(spec: &Spec) -> Result<Scene> {
     let unit = spec.kind()?.unit.to_owned();
-    resolve(soup(spec)?, &LoadOptions { unit, ..LoadOptions::default() })
+    let options = LoadOptions { unit, ..LoadOptions::default() };
+    if spec.instances { resolve_placed(placed(spec)?, &options) } else { resolve(soup(spec)?, &options) }
 }
