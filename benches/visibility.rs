@@ -57,10 +57,10 @@ fn forest() -> &'static Forest {
 }
 
 impl Forest {
-    fn engine(&self, isa: Isa) -> MultiResolution<'_> {
+    fn engine(&self, isa: Isa) -> MultiResolution {
         let PreparedClusters { hierarchy, optics } = &self.table;
         let traversal = Traversal { width: 1, coherent: false };
-        MultiResolution::new(&self.scene, hierarchy, optics, &self.traced, traversal, Leaf::Exact)
+        MultiResolution::new(&self.scene, hierarchy, optics, self.traced.clone(), traversal, Leaf::Exact)
             .with_isa(isa)
     }
 
@@ -133,7 +133,7 @@ fn exact_packets(bencher: Bencher, width: usize) {
         return;
     }
     let traversal = Traversal { width, coherent: false };
-    let exact = Exact { scene: &forest.traced, traversal };
+    let exact = Exact { scene: forest.traced.clone(), traversal };
     let mut blocked = vec![0; forest.packets.len()];
     bencher.counter(ItemsCount::new(BUNDLES * RAYS)).bench_local(|| {
         exact.occluded(&forest.packets, &mut blocked);

@@ -28,7 +28,7 @@ pub(super) struct Audit {
 
 impl Audit {
     /// Traces them, on all threads.
-    pub fn trace(questions: Questions, engine: Exact, fraction: f64, seed: u64) -> Audit {
+    pub fn trace(questions: Questions, engine: &Exact, fraction: f64, seed: u64) -> Audit {
         let count = ((fraction * questions.pairs.len() as f64).ceil() as usize).max(LEAST);
         let chosen = one_of_each(questions.pairs.len(), count, seed);
         let pairs: Vec<usize> = chosen.iter().map(|&k| questions.pairs[k]).collect();

@@ -24,7 +24,7 @@ impl Bench<'_> {
         warnings: &mut Vec<String>,
     ) -> Result<(Vec<record::Receiver>, Vec<ReceiverImages>)> {
         self.progress.stage("receivers", 0);
-        let single = Exact { scene: self.traced, traversal: Traversal { width: 1, coherent: false } };
+        let single = Exact { scene: self.traced.clone(), traversal: Traversal { width: 1, coherent: false } };
         let receivers = receivers::choose(self.scene, &single, &self.options.receivers)?;
         if receivers.is_empty() {
             warnings.push("No surface that is flat, or faces one way as a terrain does, sees an emitter: there are no shadow images.".into());
@@ -56,7 +56,7 @@ impl Bench<'_> {
         let (mut exact, mut mr) = (Vec::new(), Vec::new());
         let timed = rounds(calls.len() + walked.len(), |k, first| {
             let (run, made) = match calls.get(k) {
-                Some(&(rays, call)) => (self.exact(questions, call, rays, first), &mut exact),
+                Some((rays, call)) => (self.exact(questions, call, *rays, first), &mut exact),
                 None => (self.mr(questions, engine, walked[k - calls.len()], first).run, &mut mr),
             };
             if first {

@@ -137,7 +137,7 @@ impl Timer {
     }
 
     /// Exact visible fractions with `rays` segments a pair. `advance` is told how many pairs are done.
-    pub fn exact(&self, questions: Questions, engine: Exact, rays: usize, advance: &dyn Fn(usize)) -> Run {
+    pub fn exact(&self, questions: Questions, engine: &Exact, rays: usize, advance: &dyn Fn(usize)) -> Run {
         let Questions { scene, workload, pairs } = questions;
         let mut visible = Vec::with_capacity(pairs.len());
         let sections = self.chunk_by_chunk(

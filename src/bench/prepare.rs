@@ -69,18 +69,19 @@ impl Bench<'_> {
     }
 
     /// The multi-resolution engine for a workload; notes its times and sizes.
-    pub fn engine<'a>(
-        &'a self,
+    pub fn engine(
+        &self,
         table: &PreparedClusters,
         workload: &Workload,
         sample: &Sample,
         build: &mut Build,
-    ) -> MultiResolution<'a> {
+    ) -> MultiResolution {
         let Bench { scene, options, traced, .. } = self;
         let PreparedClusters { hierarchy, optics } = table;
         let traversal = timed(&mut build.budget_s, || self.traversal(workload, options.rays));
-        let engine = MultiResolution::new(scene, hierarchy, optics, traced, traversal, Leaf::Exact)
-            .with_tolerance(options.clusters.tolerance);
+        let engine =
+            MultiResolution::new(scene, hierarchy, optics, (*traced).clone(), traversal, Leaf::Exact)
+                .with_tolerance(options.clusters.tolerance);
         let engine = timed(&mut build.budget_s, || {
             engine.with_budget(&sample.bundles(1).concat(), &mut Workspace::default())
         });

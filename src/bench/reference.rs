@@ -21,7 +21,7 @@ impl Reference {
     /// how many pairs are done with one of the halves.
     pub fn trace(
         questions: Questions,
-        engine: Exact,
+        engine: &Exact,
         rays: usize,
         streams: [u64; 2],
         advance: &(dyn Fn(usize) + Sync),

@@ -96,25 +96,25 @@ impl Bench<'_> {
     }
 
     /// Embree as it traces so many rays a pair fastest.
-    pub fn embree(&self, workload: &Workload, rays: usize) -> Exact<'_> {
-        Exact { scene: self.traced, traversal: self.traversal(workload, rays) }
+    pub fn embree(&self, workload: &Workload, rays: usize) -> Exact {
+        Exact { scene: self.traced.clone(), traversal: self.traversal(workload, rays) }
     }
 
     pub fn reference(&self, stage: &str, questions: Questions, rays: usize) -> Reference {
         self.progress.stage(stage, 2 * questions.pairs.len() as u64);
         let exact = self.embree(questions.workload, rays);
-        Reference::trace(questions, exact, rays, [1, 2], &|n| self.progress.advance(n as u64))
+        Reference::trace(questions, &exact, rays, [1, 2], &|n| self.progress.advance(n as u64))
     }
 
     /// Embree as it traces so many rays a pair fastest, and the seconds that it took to find out.
-    pub fn embree_timed(&self, workload: &Workload, rays: usize) -> (Exact<'_>, f64) {
+    pub fn embree_timed(&self, workload: &Workload, rays: usize) -> (Exact, f64) {
         let mut seconds = 0.0;
         let exact = timed(&mut seconds, || self.embree(workload, rays));
         (exact, seconds)
     }
 
     /// A run of an exact row, after an untimed one of a few pairs.
-    pub fn exact(&self, questions: Questions, engine: Exact, rays: usize, first: bool) -> Run {
+    pub fn exact(&self, questions: Questions, engine: &Exact, rays: usize, first: bool) -> Run {
         self.timer.exact(questions.first(WARM_UP), engine, rays, &|_| ());
         self.timer.exact(questions, engine, rays, &self.advance(first, rays))
     }
@@ -181,7 +181,7 @@ impl Bench<'_> {
         let (first_certified, first_mr) = (exact.len(), exact.len() + certified.len());
         let timed = rounds(first_mr + walked.len(), |k, first| {
             if k < first_certified {
-                let (rays, engine) = calls[k];
+                let (rays, engine) = (calls[k].0, &calls[k].1);
                 let run = self.exact(questions, engine, rays, first);
                 exact[k].judge(first, &reference, &run);
                 for (row, _) in
@@ -224,7 +224,7 @@ impl Bench<'_> {
             self.progress.stage("audit", 0);
             Audit::trace(
                 questions,
-                self.embree(questions.workload, RAYS),
+                &self.embree(questions.workload, RAYS),
                 self.options.audit,
                 self.options.seed,
             )

@@ -139,7 +139,7 @@ fn measure(
     let (mut exact, mut mr) = (Run::default(), MrRun::default());
     let timed = rounds(if asked.pays { 2 } else { 1 }, |row, first| {
         let run = match row {
-            0 => MrRun { run: bench.exact(questions, call, rays, first), ..MrRun::default() },
+            0 => MrRun { run: bench.exact(questions, &call, rays, first), ..MrRun::default() },
             _ => bench.mr(questions, &engine, &asked, first),
         };
         let sections = run.run.sections.clone();

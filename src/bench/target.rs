@@ -123,7 +123,7 @@ impl Bench<'_> {
             let few = Questions { pairs: &pairs[..run.min(pairs.len())], ..questions };
             let call = self.embree(questions.workload, LEAST_TRUTH);
             let before = spent();
-            Reference::trace(few, call, LEAST_TRUTH, STREAMS, &|_| ());
+            Reference::trace(few, &call, LEAST_TRUTH, STREAMS, &|_| ());
             let each = (spent() - before) / (few.pairs.len() * LEAST_TRUTH).max(1) as f64;
             let affordable = (TRUTH_PART * (most - spent()).max(0.0) / each.max(1e-12)) as usize;
             rays = (affordable / pairs.len().max(1) / 2 * 2).clamp(LEAST_TRUTH, TRUTH);
@@ -134,7 +134,7 @@ impl Bench<'_> {
         }
         let pilot = Questions { pairs: &pairs, ..questions };
         let exact = self.embree(questions.workload, rays);
-        let truth = Reference::trace(pilot, exact, rays, STREAMS, &|_| ());
+        let truth = Reference::trace(pilot, &exact, rays, STREAMS, &|_| ());
         let scale = questions.pairs.len() as f64 / pairs.len() as f64;
         let mut found: Vec<Expected> = Vec::new();
         for plan in self.plans() {
@@ -199,7 +199,7 @@ impl Bench<'_> {
 
 /// Exact rays for a plan.
 fn exactly(timer: &Timer, questions: Questions, bench: &Bench, rays: usize) -> MrRun {
-    MrRun::handed_over(timer.exact(questions, bench.embree(questions.workload, rays), rays, &|_| ()), rays)
+    MrRun::handed_over(timer.exact(questions, &bench.embree(questions.workload, rays), rays, &|_| ()), rays)
 }
 
 /// Exact rays beyond those that the pilot tried: error ~ rays^-1/2, time ~ rays.

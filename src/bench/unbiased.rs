@@ -67,7 +67,7 @@ impl Bench<'_> {
             .map(|&segments| {
                 let start = Instant::now();
                 let exact = self.embree(questions.workload, segments);
-                let pilot = Pilot::new(questions_of_pilot, exact, segments);
+                let pilot = Pilot::new(questions_of_pilot, &exact, segments);
                 let sizes = [self.sizes.first(), self.sizes.last()].into_iter().flatten();
                 let plans = sizes.flat_map(|&s| EMITTER_PARTS.map(|part| (s, part)));
                 let pairs = questions.pairs.len() as f64;
@@ -201,7 +201,7 @@ struct Pilot<'a> {
 }
 
 impl<'a> Pilot<'a> {
-    fn new(questions: Questions<'a>, exact: Exact, segments: usize) -> Pilot<'a> {
+    fn new(questions: Questions<'a>, exact: &Exact, segments: usize) -> Pilot<'a> {
         let make = |stream: u64| {
             let mut packets = Vec::new();
             for &pair in questions.pairs {

@@ -5,6 +5,7 @@ use super::device::Device;
 use crate::error::{Error, Result};
 use crate::ray::{LANES, Occluder, Packet};
 use glam::Vec3;
+use std::sync::Arc;
 
 /// Build quality of the acceleration structure (`RTCBuildQuality`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,9 +58,10 @@ pub struct SceneBuilder {
     triangles: usize,
 }
 
-/// An immutable scene; any number of threads may trace it.
+/// An immutable scene; any number of threads may trace it. Cheap to clone: clones share the geometry.
+#[derive(Clone)]
 pub struct CommittedScene {
-    handle: Handle,
+    handle: Arc<Handle>,
     triangles: usize,
     traversal: Traversal,
 }
@@ -192,7 +194,7 @@ impl SceneBuilder {
         unsafe { sys::rtcCommitScene(self.handle.raw) };
         self.handle.device.check()?;
         let traversal = Traversal { width: 1, coherent: false };
-        Ok(CommittedScene { handle: self.handle, triangles: self.triangles, traversal })
+        Ok(CommittedScene { handle: Arc::new(self.handle), triangles: self.triangles, traversal })
     }
 }
 

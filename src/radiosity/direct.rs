@@ -26,7 +26,7 @@ const RUN: usize = 16;
 
 impl<'a> Receiver<'a> {
     /// By emitter, what to ask for its visibility from points like these.
-    pub(super) fn sights(&self, points: &[(Vec3, Vec3)]) -> Vec<Sight<'a>> {
+    pub(super) fn sights(&self, points: &[(Vec3, Vec3)]) -> Vec<Sight> {
         let step = (points.len() / RUNS).max(CHUNK);
         let sample: Vec<Spot> = points
             .chunks(step)

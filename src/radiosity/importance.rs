@@ -34,7 +34,7 @@ pub struct View {
     pub angle: f64,
 }
 
-impl Solver<'_> {
+impl Solver {
     /// Feature sizes and important surfaces: by name, and by what cameras see.
     ///
     /// # Errors

@@ -15,7 +15,7 @@ const MOST_SCALE: f64 = 50.0;
 const LATE_CHANGE: f64 = 1e-3;
 const LATE_SWEEPS: usize = 16;
 
-impl Solver<'_> {
+impl Solver {
     /// What is emitted, without any link.
     pub(super) fn start(&mut self) {
         self.incident = vec![[0.0; 3]; self.elements.len()];

@@ -35,7 +35,7 @@ pub struct Ledger {
     pub closed_area: f64,
 }
 
-impl Solver<'_> {
+impl Solver {
     /// The ledger of the present solution in a scene with this unit of length. `row_sums` along the links: before they were made 1, and after; none after a
     /// local pass, whose rows are shares of rays.
     pub(super) fn ledger(&self, unit: &str, row_sums: Option<[&[f64]; 2]>) -> Ledger {

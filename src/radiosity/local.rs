@@ -170,7 +170,7 @@ impl Receiver<'_> {
             let [u, v, ..] = sample_4d(k, 1, seed);
             Place { at: point_on(&corners, u, v), side, leaf, share: Vec3::ONE }
         }));
-        self.look_around(self.solver.sight, |k| sample_4d(k as u32, 0, seed), buffers);
+        self.look_around(&self.solver.sight, |k| sample_4d(k as u32, 0, seed), buffers);
         let (mut direct, mut squares, mut gone) = (Vec3::ZERO, 0.0, 0);
         for found in &buffers.found {
             direct += found.direct;

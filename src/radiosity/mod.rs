@@ -60,11 +60,11 @@ use local::Local;
 use probe::Probe;
 
 /// A solution under way.
-pub struct Solver<'a> {
+pub struct Solver {
     elements: Elements,
     links: Vec<Link>,
     probe: Probe,
-    sight: Sight<'a>,
+    sight: Sight,
     ends: EndRule,
     seed: u64,
     /// Feature size for each element as a receiver, and where they come from.
@@ -100,15 +100,9 @@ pub struct Solver<'a> {
     max_links: usize,
 }
 
-impl<'a> Solver<'a> {
+impl Solver {
     /// Starts with the root's link.
-    pub fn new(
-        elements: Elements,
-        probe: Probe,
-        sight: Sight<'a>,
-        ends: EndRule,
-        options: &Options,
-    ) -> Solver<'a> {
+    pub fn new(elements: Elements, probe: Probe, sight: Sight, ends: EndRule, options: &Options) -> Solver {
         let (mut power, mut absorbed) = (0.0, 0.0);
         for side in &elements.sides {
             let area = elements.elements[side.element as usize].area;
@@ -175,7 +169,7 @@ impl<'a> Solver<'a> {
     fn meter(&self) -> Meter<'_> {
         Meter {
             elements: &self.elements,
-            sight: self.sight,
+            sight: &self.sight,
             ends: self.ends,
             seed: self.seed,
             inside: self.inside,

@@ -17,7 +17,7 @@ const RAYS: usize = 1 << 22;
 /// Asks a solution for light at more points.
 pub struct More<'a> {
     pub(super) scene: &'a Scene,
-    pub(super) solver: &'a Solver<'a>,
+    pub(super) solver: &'a Solver,
     pub(super) traced: (&'a CommittedScene, Traversal),
     pub(super) options: &'a Options,
     pub(super) clock: Clock<'a>,

@@ -82,9 +82,9 @@ impl Prepared {
     }
 
     /// Exact rays.
-    pub fn exact(&self) -> Exact<'_> {
+    pub fn exact(&self) -> Exact {
         let traversal = Traversal { width: self.device.native_width(), coherent: false };
-        Exact { scene: &self.traced, traversal }
+        Exact { scene: self.traced.clone(), traversal }
     }
 
     /// The multi-resolution engine, if one is asked for, told by bundles between surfaces what exact rays are worth.
@@ -94,7 +94,7 @@ impl Prepared {
         elements: &Elements,
         ends: EndRule,
         options: &Options,
-    ) -> Option<MultiResolution<'_>> {
+    ) -> Option<MultiResolution> {
         let leaf = if options.visibility == Visibility::Average { Leaf::Extinction } else { Leaf::Exact };
         let Exact { scene: traced, traversal } = self.exact();
         let engine =

@@ -178,14 +178,14 @@ fn look(
 /// Rays of a leaf whose row is short.
 const DOUBTED: usize = 64;
 
-impl Solver<'_> {
+impl Solver {
     /// Part of what each of some surfaces sends out that meets a side light can reach, by a few rays of their own.
     pub(super) fn received(&self, surfaces: &[u32]) -> Vec<f64> {
         let exact = self.sight.exact();
         let of = |packets: &mut Vec<Packet>, e: &u32| {
             let element = &self.elements.elements[*e as usize];
             let (mut met, rays) = (0, (element, DOUBTED, mix(!self.seed ^ element.ids[0])));
-            let traced = (exact.scene, exact.traversal);
+            let traced = (&exact.scene, exact.traversal);
             look(&self.elements, traced, self.ends, self.probe.length, rays, packets, |side, _, _| {
                 met += usize::from(side < ESCAPED);
             });

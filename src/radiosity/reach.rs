@@ -28,7 +28,7 @@ const LOOKS: usize = 4;
 
 /// Sides that paths from the lamps do not hit, though they are large enough to be hit often, and that see no dim ones and none
 /// that do; ascending. None in scenes with clusters: there light is followed from place to place in the end.
-pub(super) fn unlit(scene: &Scene, elements: &Elements, exact: Exact, ends: EndRule, seed: u64) -> Vec<u32> {
+pub(super) fn unlit(scene: &Scene, elements: &Elements, exact: &Exact, ends: EndRule, seed: u64) -> Vec<u32> {
     let lamps = Lamps::new(scene, elements);
     let emitters: Vec<_> = lamps.emitters.iter().map(|(faces, _)| faces).filter(|f| !f.is_empty()).collect();
     if elements.large_from > 0 || emitters.is_empty() || emitters.len() > PACKETS {

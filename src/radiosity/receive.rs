@@ -21,7 +21,7 @@ pub(super) const CHUNK: usize = 64;
 
 /// What points receive.
 pub struct Receiver<'a> {
-    pub(super) solver: &'a Solver<'a>,
+    pub(super) solver: &'a Solver,
     pub(super) traced: &'a CommittedScene,
     pub(super) traversal: Traversal,
     pub(super) lookup: Lookup,
@@ -60,7 +60,7 @@ impl<'a> Receiver<'a> {
     /// Prepares for points of a scene with a solution.
     pub fn new(
         scene: &Scene,
-        solver: &'a Solver<'a>,
+        solver: &'a Solver,
         (traced, traversal): (&'a CommittedScene, Traversal),
         options: &Options,
     ) -> Receiver<'a> {

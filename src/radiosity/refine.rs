@@ -48,7 +48,7 @@ impl Pair {
     }
 }
 
-impl<'a> Solver<'a> {
+impl Solver {
     /// Errors of all links, relative to the scene's mean irradiance, and the ends to split.
     pub(super) fn errors(&self) -> Vec<(f32, Split)> {
         let scale = 1.0 / self.scale as f32;
@@ -162,7 +162,7 @@ impl<'a> Solver<'a> {
 
     /// Measures pairs, in their order; those that exchange nothing are left out.
     fn measure(&mut self, pairs: &[Pair], threshold: f32, seed: u64) -> Vec<Link> {
-        let meter = Meter { sight: self.sight_for(pairs, threshold), seed, ..self.meter() };
+        let meter = Meter { sight: &self.sight_for(pairs, threshold), seed, ..self.meter() };
         let made: Vec<(Vec<Link>, Tally)> = pairs
             .par_chunks(CHUNK)
             .map_init(Scratch::default, |scratch, chunk| {
@@ -206,7 +206,7 @@ impl<'a> Solver<'a> {
 
     /// The engine for a wave of pairs: exact rays where multi-resolution visibility is not likely to take less time for
     /// them, by a sample of the wave.
-    fn sight_for(&self, pairs: &[Pair], threshold: f32) -> Sight<'a> {
+    fn sight_for(&self, pairs: &[Pair], threshold: f32) -> Sight {
         let meter = self.meter();
         let step = (pairs.len() / RUNS).max(8 * RUN);
         let sample = pairs.chunks(step).flat_map(|part| &part[..RUN.min(part.len())]);

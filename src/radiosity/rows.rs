@@ -24,7 +24,7 @@ const GROWS: f64 = 0.98;
 const LEAST: f32 = 1e-4;
 const MOST: f32 = 2.0;
 
-impl Solver<'_> {
+impl Solver {
     /// The sum of each surface element's form factors along its links, before it is multiplied by its own closure: the
     /// irradiance that radiosity 1 everywhere would cause.
     pub(super) fn row_sums(&self, cut: &Cut) -> Vec<f64> {

@@ -16,6 +16,7 @@ use crate::radiosity::links::Sight;
 use crate::scene::Scene;
 use crate::visibility::reference;
 use crate::{Error, Result};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Told what is going on, and asked whether to go on.
@@ -89,7 +90,7 @@ pub fn run_then<T>(
     let (elements, found, unlit) = timed(&mut seconds.elements, || {
         let length = 1.01 * scene.bounds.diagonal();
         let look = |elements: &Elements| {
-            probe::probe(elements, exact.scene, exact.traversal, ends, length, options.seed)
+            probe::probe(elements, &exact.scene, exact.traversal, ends, length, options.seed)
         };
         // Ids for all that the local pass splits.
         let build = |open: &[u32]| {
@@ -101,7 +102,7 @@ pub fn run_then<T>(
         let (elements, found) = build(&[]);
         let open = lit_inside(scene, &found.entered);
         let (elements, found) = if open.is_empty() { (elements, found) } else { build(&open) };
-        let dark = reach::unlit(scene, &elements, exact, ends, options.seed);
+        let dark = reach::unlit(scene, &elements, &exact, ends, options.seed);
         let (sides, before) = (elements.sides.len(), elements.area);
         if dark.is_empty() {
             return (elements, found, Unlit { of: sides, ..Unlit::default() });
@@ -112,9 +113,11 @@ pub fn run_then<T>(
         (elements, found, unlit)
     });
     let engine = timed(&mut seconds.characterise, || prepared.engine(scene, &elements, ends, options));
-    let sight = engine.as_ref().map_or(Sight::Exact(exact), Sight::MultiResolution);
+    let sight = engine
+        .as_ref()
+        .map_or(Sight::Exact(exact.clone()), |engine| Sight::MultiResolution(Arc::new(engine.clone())));
     let mut solver = Solver::new(elements, found, sight, ends, options);
-    solver.name(scene, options, (exact.scene, exact.traversal))?;
+    solver.name(scene, options, (&exact.scene, exact.traversal))?;
     let mut warnings = scene.repairs.messages.clone();
     warnings.extend(prepared.note.clone());
     warnings.extend(unlit.note());
@@ -154,7 +157,7 @@ pub fn run_then<T>(
     if local {
         progress.stage("local pass");
         let (found, note) = timed(&mut seconds.local, || {
-            let traced = (exact.scene, exact.traversal);
+            let traced = (&exact.scene, exact.traversal);
             let all = options.local_rays() as f64;
             let rays = match light.limited() {
                 true => Receiver::new(scene, &solver, traced, options).affordable(all, &light),
@@ -175,10 +178,10 @@ pub fn run_then<T>(
 
     progress.stage("points");
     let relative = relative(scene, points);
-    let receiver = Receiver::new(scene, &solver, (exact.scene, exact.traversal), options);
+    let receiver = Receiver::new(scene, &solver, (&exact.scene, exact.traversal), options);
     let hurried = timed(&mut seconds.points, || receiver.hurried(&relative, options, &clock.with_grace()));
     let receiver = match &hurried {
-        Some(options) => Receiver::new(scene, &solver, (exact.scene, exact.traversal), options),
+        Some(options) => Receiver::new(scene, &solver, (&exact.scene, exact.traversal), options),
         None => receiver,
     };
     let (irradiance, tally) = timed(&mut seconds.points, || receiver.irradiance(&relative));
@@ -240,10 +243,10 @@ pub fn run_then<T>(
         versus: None,
     };
     let outcome = Outcome { solution: solver.solution(scene, &uncertainty), record, irradiance };
-    then(outcome, &More { scene, solver: &solver, traced: (exact.scene, exact.traversal), options, clock })
+    then(outcome, &More { scene, solver: &solver, traced: (&exact.scene, exact.traversal), options, clock })
 }
 
-impl Solver<'_> {
+impl Solver {
     /// Whether a local pass is to follow refinement: in scenes with clusters.
     pub(super) fn local_pass(&self, options: &Options) -> bool {
         self.elements.large_from > 0 && options.local_rays() > 0 && !options.direct_only && self.scale > 0.0

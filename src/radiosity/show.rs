@@ -6,7 +6,7 @@ use crate::radiosity::solution::{Element, Solution};
 use crate::scene::Scene;
 use std::collections::HashMap;
 
-impl Solver<'_> {
+impl Solver {
     /// Standard uncertainty of the irradiance of every surface element, W/m²: what each link may vary over the element
     /// and what sampling leaves, added up as independent errors, pushed down like light; later bounces add as much again
     ///

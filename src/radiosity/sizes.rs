@@ -11,7 +11,7 @@ pub(super) struct Sizes {
     pub own: Vec<f32>,
 }
 
-impl Solver<'_> {
+impl Solver {
     /// Works out the feature sizes of all elements; those of clusters serve all that is asked of their parts.
     pub(super) fn size(&mut self) {
         let elements = &self.elements.elements;

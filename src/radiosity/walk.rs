@@ -74,7 +74,7 @@ impl Receiver<'_> {
 
     /// One cosine-weighted ray and one shadow ray from each of `buffers.places`, to `buffers.found`. `of` gives four
     /// numbers in `[0, 1)` for each: the direction and the place on an emitter; `sight` says whether that is seen.
-    pub(super) fn look_around(&self, sight: Sight, of: impl Fn(usize) -> [f32; 4], buffers: &mut Buffers) {
+    pub(super) fn look_around(&self, sight: &Sight, of: impl Fn(usize) -> [f32; 4], buffers: &mut Buffers) {
         let Buffers { packets, hits, places, found, scratch, .. } = buffers;
         let elements = &self.solver.elements;
         packets.clear();
@@ -96,6 +96,7 @@ impl Receiver<'_> {
         scratch.tally.segments += places.len() as u64;
         scratch.tally.exact_rays += places.len() as u64;
         found.clear();
+        let scattered = sight.scattered();
         for (g, (group, (packet, hits))) in
             places.chunks(LANES).zip(packets.iter().zip(hits.iter())).enumerate()
         {
@@ -128,7 +129,7 @@ impl Receiver<'_> {
             }
             // Rays of one element to one emitter lie together.
             let together = self.lamps.emitters.len() == 1 && group.iter().all(|p| p.leaf == group[0].leaf);
-            let sight = if together { sight } else { sight.scattered() };
+            let sight = if together { sight } else { &scattered };
             let given = self.solver.given_size(group[0].leaf as usize);
             let feature_size = given.unwrap_or(self.feature_size);
             let question = Question { packet: shadow, emitter_size: self.lamps.width, feature_size };
@@ -143,9 +144,9 @@ impl Receiver<'_> {
     /// which is followed until what it meets may be trusted. With `doubting` nothing is, and exact rays answer.
     pub(super) fn follow(&self, seed: u64, doubting: bool, sum: &mut Rgb, buffers: &mut Buffers) {
         let (last, sight) = if doubting {
-            (LAST, Sight::Exact(self.solver.sight.exact()))
+            (LAST, &Sight::Exact(self.solver.sight.exact()))
         } else {
-            (BOUNCES, self.solver.sight)
+            (BOUNCES, &self.solver.sight)
         };
         for bounce in 1..=last {
             if buffers.places.is_empty() {

@@ -6,15 +6,15 @@ use crate::ray::{Occluder, Packet};
 use std::time::Instant;
 
 /// The exact engine.
-#[derive(Clone, Copy)]
-pub struct Exact<'a> {
+#[derive(Clone)]
+pub struct Exact {
     /// The traced scene.
-    pub scene: &'a CommittedScene,
+    pub scene: CommittedScene,
     /// How packets are traced.
     pub traversal: Traversal,
 }
 
-impl Exact<'_> {
+impl Exact {
     /// Traces every segment of a bundle. `blocked` is a buffer that is kept between calls.
     pub fn answer(&self, bundle: Bundle, blocked: &mut Vec<u32>) -> Answer {
         blocked.clear();
@@ -30,7 +30,7 @@ impl Exact<'_> {
     }
 }
 
-impl Occluder for Exact<'_> {
+impl Occluder for Exact {
     fn occluded(&self, packets: &[Packet], blocked: &mut [u32]) {
         self.scene.occluded_by(self.traversal, u32::MAX, packets, blocked);
     }

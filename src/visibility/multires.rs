@@ -14,6 +14,7 @@ use crate::ray::Packet;
 use crate::scene::Scene;
 use crate::simd::{Isa, Kernel, LANES, Simd, dispatch};
 use std::ops::Range;
+use std::sync::Arc;
 
 /// What happens in a leaf that the criterion opens.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -50,9 +51,10 @@ const GROUP: usize = 64;
 const GROUP_WIDTH: f32 = 0.5;
 
 /// The multi-resolution engine: the wide tree and the exact scene it falls back on.
-pub struct MultiResolution<'a> {
-    tree: WideTree,
-    exact: &'a CommittedScene,
+#[derive(Clone)]
+pub struct MultiResolution {
+    tree: Arc<WideTree>,
+    exact: CommittedScene,
     traversal: Traversal,
     magnitude: f32,
     leaf: Leaf,
@@ -85,7 +87,7 @@ impl Workspace {
     }
 }
 
-impl<'a> MultiResolution<'a> {
+impl MultiResolution {
     /// Lays out a hierarchy for traversal.
     ///
     /// `optics` are those of `hierarchy.micro`; `exact` is the whole scene, traced as `traversal` says when a
@@ -94,11 +96,11 @@ impl<'a> MultiResolution<'a> {
         scene: &Scene,
         hierarchy: &Hierarchy,
         optics: &[ClusterOptics],
-        exact: &'a CommittedScene,
+        exact: CommittedScene,
         traversal: Traversal,
         leaf: Leaf,
-    ) -> MultiResolution<'a> {
-        let tree = WideTree::build(scene, hierarchy, optics);
+    ) -> MultiResolution {
+        let tree = Arc::new(WideTree::build(scene, hierarchy, optics));
         MultiResolution {
             far: tree.bytes() > NEAR,
             tree,
@@ -352,8 +354,8 @@ impl<'a> MultiResolution<'a> {
     }
 
     /// The rays that it hands over to.
-    pub fn exact(&self) -> Exact<'a> {
-        Exact { scene: self.exact, traversal: self.traversal }
+    pub fn exact(&self) -> Exact {
+        Exact { scene: self.exact.clone(), traversal: self.traversal }
     }
 
     /// What happens in leaves.
@@ -385,8 +387,8 @@ impl Sizes<'_> {
 }
 
 /// Walks for all bundles, in groups.
-struct Ask<'a, 'b> {
-    engine: &'a MultiResolution<'b>,
+struct Ask<'a> {
+    engine: &'a MultiResolution,
     bundles: &'a [Bundle<'a>],
     sizes: Sizes<'a>,
     /// Whether walks give up at their limit.
@@ -394,7 +396,7 @@ struct Ask<'a, 'b> {
     workspace: &'a mut Workspace,
 }
 
-impl Kernel for Ask<'_, '_> {
+impl Kernel for Ask<'_> {
     type Output = ();
 
     #[inline(always)]

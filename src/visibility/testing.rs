@@ -34,7 +34,7 @@ impl Stage {
         Stage::with(scene, &apart, how)
     }
 
-    pub fn engine(&self, leaf: Leaf) -> MultiResolution<'_> {
-        MultiResolution::new(&self.scene, &self.hierarchy, &self.optics, &self.traced, SINGLE, leaf)
+    pub fn engine(&self, leaf: Leaf) -> MultiResolution {
+        MultiResolution::new(&self.scene, &self.hierarchy, &self.optics, self.traced.clone(), SINGLE, leaf)
     }
 }

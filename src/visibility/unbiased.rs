@@ -48,12 +48,12 @@ impl Correction {
 }
 
 /// One averaged level and the exact one.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 pub struct Unbiased<'a> {
     /// The averaged level; segments that it hands over are exact.
-    pub engine: &'a MultiResolution<'a>,
+    pub engine: &'a MultiResolution,
     /// The exact level.
-    pub exact: Exact<'a>,
+    pub exact: Exact,
     /// Feature size of the averaged level, scene units.
     pub feature_size: f32,
     /// The averaged level takes emitters for this part of their size, in `[0, 1]`, so that it opens more.

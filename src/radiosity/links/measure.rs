@@ -28,7 +28,7 @@ pub struct Meter<'a> {
     /// The elements.
     pub elements: &'a Elements,
     /// The engine that is asked.
-    pub sight: Sight<'a>,
+    pub sight: &'a Sight,
     /// What counts as the end of a segment.
     pub ends: EndRule,
     /// Seed of all samples.

@@ -4,14 +4,15 @@ use super::ends::{mix, numbers, point_on};
 use crate::radiosity::elements::{Elements, Shape};
 use crate::ray::{EndRule, LANES, Occluder, Packet};
 use crate::visibility::{Bundle, Exact, Leaf, Method, MultiResolution, Workspace};
+use std::sync::Arc;
 
 /// How links ask for visibility.
-#[derive(Clone, Copy)]
-pub enum Sight<'a> {
+#[derive(Clone)]
+pub enum Sight {
     /// Embree rays.
-    Exact(Exact<'a>),
+    Exact(Exact),
     /// Multi-resolution or average visibility, as the engine was made.
-    MultiResolution(&'a MultiResolution<'a>),
+    MultiResolution(Arc<MultiResolution>),
 }
 
 /// Bundles and segments asked for, by how they were answered.
@@ -68,7 +69,7 @@ pub struct Question {
     pub feature_size: f32,
 }
 
-impl<'a> Sight<'a> {
+impl Sight {
     /// Transmittance of each segment of every question, 0 in unused lanes; `each` is told which question is meant.
     ///
     /// Questions that follow each other and whose ends lie close together, as those of the parts of one link do, share what
@@ -124,33 +125,33 @@ impl<'a> Sight<'a> {
 
     /// What to ask for questions like these: exact rays where the engine is not likely to take less time for them (it counts
     /// work, so that the same question has the same answer on every run). Average visibility is never exact.
-    pub fn for_these(self, questions: &[Question], scratch: &mut Scratch) -> Sight<'a> {
+    pub fn for_these(&self, questions: &[Question], scratch: &mut Scratch) -> Sight {
         match self {
             Sight::MultiResolution(engine) if engine.leaf() == Leaf::Exact => {
                 let sizes: Vec<f32> = questions.iter().map(|q| q.feature_size).collect();
                 match engine.pays_each(&bundles(questions), &sizes, &mut scratch.workspace) {
-                    true => self,
+                    true => self.clone(),
                     false => Sight::Exact(engine.exact()),
                 }
             }
-            _ => self,
+            _ => self.clone(),
         }
     }
 
     /// Embree rays, whatever else is asked.
-    pub fn exact(&self) -> Exact<'a> {
+    pub fn exact(&self) -> Exact {
         match self {
-            Sight::Exact(exact) => *exact,
+            Sight::Exact(exact) => exact.clone(),
             Sight::MultiResolution(engine) => engine.exact(),
         }
     }
 
     /// What to ask for packets whose segments have nothing in common, and so no clusters that one would look at for all:
     /// exact rays, unless visibility is average.
-    pub fn scattered(self) -> Sight<'a> {
+    pub fn scattered(&self) -> Sight {
         match self {
             Sight::MultiResolution(engine) if engine.leaf() == Leaf::Exact => Sight::Exact(engine.exact()),
-            _ => self,
+            _ => self.clone(),
         }
     }
 }

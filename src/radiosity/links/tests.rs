@@ -48,7 +48,7 @@ fn staged_with<R>(pieces: Pieces, seed: u64, see: impl FnOnce(&Meter, [u32; 2]) 
     let traced = builder.commit().expect("committed");
     let meter = Meter {
         elements: &elements,
-        sight: Sight::Exact(Exact { scene: &traced, traversal: Traversal { width: 1, coherent: false } }),
+        sight: &Sight::Exact(Exact { scene: traced, traversal: Traversal { width: 1, coherent: false } }),
         ends: reference::end_rule(&scene),
         seed,
         inside: Inside::default(),

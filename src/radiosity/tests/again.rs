@@ -39,8 +39,8 @@ fn under(scene: &Scene, seeds: std::ops::RangeInclusive<u64>, again: bool) -> Ve
     for seed in seeds {
         options.seed = seed;
         let length = 2.0 * scene.bounds.diagonal();
-        let found = probe::probe(&elements, exact.scene, exact.traversal, ends, length, 1);
-        let mut solver = Solver::new(elements.clone(), found, Sight::Exact(exact), ends, &options);
+        let found = probe::probe(&elements, &exact.scene, exact.traversal, ends, length, 1);
+        let mut solver = Solver::new(elements.clone(), found, Sight::Exact(exact.clone()), ends, &options);
         const THRESHOLD: f32 = 5e-3;
         for _ in 0..3 {
             let errors = solver.errors();

@@ -39,11 +39,13 @@ pub(super) fn refined<R>(scene: &Scene, options: &Options, see: impl FnOnce(&mut
     let area = run::areas(scene);
     let elements = Elements::build(scene, &prepared.hierarchy, options.min_area * area, &[]);
     let length = 2.0 * scene.bounds.diagonal();
-    let found = probe::probe(&elements, exact.scene, exact.traversal, ends, length, 1);
+    let found = probe::probe(&elements, &exact.scene, exact.traversal, ends, length, 1);
     let engine = prepared.engine(scene, &elements, ends, options);
-    let sight = engine.as_ref().map_or(Sight::Exact(exact), Sight::MultiResolution);
+    let sight = engine.as_ref().map_or(Sight::Exact(exact.clone()), |engine| {
+        Sight::MultiResolution(std::sync::Arc::new(engine.clone()))
+    });
     let mut solver = Solver::new(elements, found, sight, ends, options);
-    solver.name(scene, options, (exact.scene, exact.traversal)).expect("names of the scene");
+    solver.name(scene, options, (&exact.scene, exact.traversal)).expect("names of the scene");
     for _ in 0..3 {
         let errors = solver.errors();
         solver.refine(&errors, 1e-3, false, &|_| false);
@@ -175,7 +177,7 @@ fn wrong_bars_are_found_out() {
         let look = |solver: &Solver, factor: f64| {
             let bars: Vec<f64> = bars.iter().map(|b| factor * b).collect();
             let receiver =
-                Receiver::new(&scene, solver, (exact.scene, exact.traversal), &with(Visibility::Exact));
+                Receiver::new(&scene, solver, (&exact.scene, exact.traversal), &with(Visibility::Exact));
             (receiver.audit(&bars, 300, &|| false).0, receiver.factor(&bars, 300, &|| false).0)
         };
         let audit = |solver: &Solver, factor: f64| look(solver, factor).0;

@@ -7,7 +7,8 @@ use super::*;
 fn intervals_hold_their_answers() {
     for name in ["forest", "cubes", "desk-room"] {
         let stage = Stage::generated(name);
-        let (engine, exact) = (stage.engine(Leaf::Exact), Exact { scene: &stage.traced, traversal: SINGLE });
+        let (engine, exact) =
+            (stage.engine(Leaf::Exact), Exact { scene: stage.traced.clone(), traversal: SINGLE });
         let (mut workspace, mut blocked) = (Workspace::default(), Vec::new());
         for lanes in [1, 4, 16] {
             let bundles = stage.bundles(23, 150, lanes);
@@ -71,7 +72,7 @@ fn certified_answers_are_exact() {
     for name in ["forest", "cubes", "desk-room"] {
         let stage = Stage::generated(name);
         let engine = stage.engine(Leaf::Exact);
-        let exact = Exact { scene: &stage.traced, traversal: SINGLE };
+        let exact = Exact { scene: stage.traced.clone(), traversal: SINGLE };
         let (mut workspace, mut blocked) = (Workspace::default(), Vec::new());
         let packets = stage.bundles(29, 600, 16);
         let e = stage.scene.emitters[0].min_width;
@@ -103,7 +104,7 @@ fn claimed_errors_are_those_that_are_there() {
     let points = crate::bench::workload::surface_points(&stage.scene, 600, 3).expect("points");
     use crate::bench::workload::{Order, Workload};
     let workload = Workload::new(&stage.scene, points, 3);
-    let exact = Exact { scene: &stage.traced, traversal: SINGLE };
+    let exact = Exact { scene: stage.traced.clone(), traversal: SINGLE };
     let (mut workspace, mut blocked) = (Workspace::default(), Vec::new());
     for s in [0.1f32, 0.4] {
         let (mut inside, mut count, mut claimed, mut there, mut aggregated) = (0, 0, 0.0f64, 0.0f64, 0);

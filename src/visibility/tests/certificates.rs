@@ -110,7 +110,7 @@ fn certificates_hold_for_the_whole_emitter() {
         let stage = Stage::generated(name);
         let points = surface_points(&stage.scene, 500, 7).expect("points");
         let workload = Workload::new(&stage.scene, points, 7);
-        let exact = Exact { scene: &stage.traced, traversal: SINGLE };
+        let exact = Exact { scene: stage.traced.clone(), traversal: SINGLE };
         let engine = stage.engine(Leaf::Exact);
         let (mut workspace, mut blocked) = (Workspace::default(), Vec::new());
         let mut certain = [0usize; 2];

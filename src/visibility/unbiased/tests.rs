@@ -36,8 +36,8 @@ impl Stage {
         (0..count).map(|_| packet()).collect()
     }
 
-    fn rays(&self) -> Exact<'_> {
-        Exact { scene: &self.traced, traversal: SINGLE }
+    fn rays(&self) -> Exact {
+        Exact { scene: self.traced.clone(), traversal: SINGLE }
     }
 }
 
