@@ -1,4 +1,4 @@
-//! A loose orchard of leaf crowns under an overcast sky panel.
+//! An orchard of leaf crowns under an overcast sky panel.
 
 use super::{
     Spec,
@@ -11,11 +11,11 @@ use crate::{
 use glam::{DAffine3, DMat3, DVec3};
 use std::f64::consts::PI;
 
-/// Mean radius of a crown, metres; each tree differs by up to 15 %.
+/// Mean radius of a crown, metres; radii of trees vary by 15 %.
 const RADIUS: f64 = 2.0;
-/// Height of a crown over its width.
+/// Ratio of a crown's height to its width.
 const SLENDERNESS: f64 = 1.2;
-/// Grid spacing in mean radii: crowns seldom touch, and the ground gets light and shade.
+/// Grid spacing in mean radii. Chosen: crowns rarely touch, and the ground has lit and shaded parts.
 const SPACING: f64 = 2.4;
 /// Height of the lowest leaves, metres.
 const CLEAR_HEIGHT: f64 = 2.0;
@@ -25,17 +25,17 @@ const MAX_SCALE: f64 = 1.25;
 /// Optical depth of a crown along the vertical through its middle.
 const OPTICAL_DEPTH: f64 = 1.5;
 
-/// Edge of the square leaves of a crown, such that its optical depth does not depend on their number.
+/// Edge (in the unit of `radius`) of the square leaves of a crown whose optical depth does not depend on their number.
 ///
-/// With κ = Σ 2A/(4V) (`method.md` A.5, two-sided) = M a²/(2V), V = 4/3 π R² H and a chord of 2H the optical
-/// depth is κ 2H = 3 M a² / (4 π R²): so a = R sqrt(4 π OD / (3 M)).
+/// κ = Σ 2A/(4V) for two-sided leaves (docs/method.md, Extinction) = M a²/(2V). With V = 4/3 π R² H and a chord of 2H
+/// the optical depth is κ 2H = 3 M a² / (4 π R²), so a = R sqrt(4 π OD / (3 M)).
 pub fn leaf_side(radius: f64, leaves: usize) -> f64 {
     radius * (4.0 * PI * OPTICAL_DEPTH / (3.0 * leaves as f64)).sqrt()
 }
 
-/// Edge of the ground of a forest of so many trees, and height of the sky panel over it; metres.
+/// Edge of the ground of a forest with `trees` trees, and height of the sky panel above the ground; metres.
 ///
-/// A far panel as wide as the forest: overcast sky without the grazing part.
+/// The panel is as wide as the forest and distant: overcast sky without grazing directions.
 pub fn ground_and_sky(trees: usize) -> (f64, f64) {
     let width = (trees as f64).sqrt().ceil() * SPACING * RADIUS;
     (width, 1.25 * width + CLEAR_HEIGHT + 2.0 * SLENDERNESS * RADIUS)
@@ -97,7 +97,7 @@ fn ground(b: &mut Builder, spec: &Spec) {
 fn sky(b: &mut Builder, spec: &Spec) {
     let (width, height) = ground_and_sky(spec.trees);
     let size = spec.light_size.unwrap_or(width);
-    // Clockwise from above: it faces down.
+    // Clockwise from above: the panel faces down.
     b.light(height * DVec3::Z, size * DVec3::Y, size * DVec3::X, 30.0);
 }
 
