@@ -72,6 +72,7 @@ const TABLE_ROOMS: &[&str] = &[
     "src/math.rs",
     "src/raster",
     "src/scene",
+    "src/threads.rs",
     "Cargo.lock",
 ];
 

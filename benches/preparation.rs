@@ -1,10 +1,11 @@
 //! Time of preparing a scene: clusters, their measures, and reading both from a cache: `cargo bench --bench preparation`.
 
 use divan::{Bencher, counter::ItemsCount};
-use mrvis::clusters;
-use mrvis::model::cache::{self, Origin, Place, PreparedClusters};
-use mrvis::optics::{self, Extinction};
-use mrvis::scene::{Scene, generate};
+use mrvis::Scene;
+use mrvis::internals::cache::{self, Origin, Place, PreparedClusters};
+use mrvis::internals::clusters;
+use mrvis::internals::optics::{self, Extinction};
+use mrvis::internals::scene::generate;
 
 fn main() {
     divan::main();
@@ -19,7 +20,7 @@ fn forest(trees: usize) -> Scene {
 fn clusters(bencher: Bencher, trees: usize) {
     let scene = forest(trees);
     bencher
-        .counter(ItemsCount::new(scene.triangles.len()))
+        .counter(ItemsCount::new(scene.triangle_count()))
         .bench_local(|| clusters::build(&scene, &Default::default()));
 }
 
@@ -27,9 +28,9 @@ fn clusters(bencher: Bencher, trees: usize) {
 fn measures(bencher: Bencher, extinction: Extinction) {
     let scene = forest(9);
     let tree = clusters::build(&scene, &Default::default()).micro;
-    let options = mrvis::optics::Options { extinction, ..Default::default() };
+    let options = optics::Options { extinction, ..Default::default() };
     bencher
-        .counter(ItemsCount::new(scene.triangles.len()))
+        .counter(ItemsCount::new(scene.triangle_count()))
         .bench_local(|| optics::measure(&scene, &tree, &options));
 }
 
@@ -44,7 +45,7 @@ fn cache_hit(bencher: Bencher, trees: usize) {
         PreparedClusters { hierarchy, optics }
     };
     cache::table(&scene, &place, &options, make);
-    bencher.counter(ItemsCount::new(scene.triangles.len())).bench_local(|| {
+    bencher.counter(ItemsCount::new(scene.triangle_count())).bench_local(|| {
         let (table, origin, _) = cache::table(&scene, &place, &options, make);
         assert_eq!(origin, Origin::Hit);
         table

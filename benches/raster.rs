@@ -2,8 +2,8 @@
 //! of shadow images: `cargo bench --bench raster`.
 
 use divan::{Bencher, black_box};
+use mrvis::internals::raster::{BitImage, Edt, Morphology, Outside};
 use mrvis::metrics::{FbemOptions, Image, fbem};
-use mrvis::raster::{BitImage, Edt, Morphology, Outside};
 
 fn main() {
     divan::main();

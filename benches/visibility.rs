@@ -1,14 +1,14 @@
 //! Time of the steps of a walk, of whole walks, and of Embree's packets, on a forest: `cargo bench --bench visibility`.
 
 use divan::{Bencher, black_box, counter::ItemsCount};
-use mrvis::bench::workload::{Order, Workload, surface_points};
-use mrvis::embree::Traversal;
-use mrvis::model::Model;
-use mrvis::ray::{Occluder, Packet};
-use mrvis::scene::generate;
-use mrvis::simd::Isa;
-use mrvis::visibility::steps::Steps;
-use mrvis::visibility::{Bundle, Exact, Leaf, MultiResolution, Workspace};
+use mrvis::Model;
+use mrvis::internals::bench::{Order, Workload, surface_points};
+use mrvis::internals::embree::Traversal;
+use mrvis::internals::ray::{Occluder, Packet};
+use mrvis::internals::scene::generate;
+use mrvis::internals::simd::Isa;
+use mrvis::internals::visibility::{Bundle, Exact, Leaf, MultiResolution, Steps, Workspace};
+use mrvis::internals::{multi_resolution, native_width, traced};
 use std::sync::OnceLock;
 
 fn main() {
@@ -49,8 +49,7 @@ fn forest() -> &'static Forest {
 impl Forest {
     fn engine(&self, isa: Isa) -> MultiResolution {
         let traversal = Traversal { width: 1, coherent: false };
-        let tree = self.model.base().measured().expect("optics").tree.clone();
-        MultiResolution::new(tree, self.model.traced().clone(), traversal, Leaf::Exact).with_isa(isa)
+        multi_resolution(&self.model, traversal, Leaf::Exact).with_isa(isa)
     }
 
     fn bundles(&self) -> Vec<Bundle<'_>> {
@@ -118,11 +117,11 @@ fn walks_in_groups(bencher: Bencher, s: f32) {
 #[divan::bench(args = [1, 4, 8, 16])]
 fn exact_packets(bencher: Bencher, width: usize) {
     let forest = forest();
-    if width > forest.model.native_width() {
+    if width > native_width(&forest.model) {
         return;
     }
     let traversal = Traversal { width, coherent: false };
-    let exact = Exact { scene: forest.model.traced().clone(), traversal };
+    let exact = Exact { scene: traced(&forest.model).clone(), traversal };
     let mut blocked = vec![0; forest.packets.len()];
     bencher.counter(ItemsCount::new(BUNDLES * RAYS)).bench_local(|| {
         exact.occluded(&forest.packets, &mut blocked);

@@ -6,6 +6,8 @@ use std::path::PathBuf;
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 /// Errors of this crate. Each message is one line: what failed, where, and the remedy.
+///
+/// [`Error::category`] sorts them by what a caller can do.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -34,22 +36,82 @@ pub enum Error {
     /// An option or argument is out of its range.
     #[error("{0}")]
     Argument(String),
+    /// The processor, the installed Embree or this version of the crate cannot do what was asked.
+    #[error("{0}")]
+    Unsupported(String),
+    /// There is not enough memory.
+    #[error("out of memory: {0}")]
+    OutOfMemory(String),
     /// The caller stopped the computation before there was a result.
     #[error("{0}")]
     Cancelled(String),
-    /// Embree is missing, has the wrong version or failed.
+    /// Embree failed.
     #[error("Embree: {0}")]
     Embree(String),
 }
 
+/// Errors by what a caller can do about them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum ErrorCategory {
+    /// A scene, a file's content or an argument is wrong: change it.
+    Input,
+    /// This machine, the installed Embree or this version cannot do it.
+    Unsupported,
+    /// There is not enough memory: ask for less.
+    OutOfMemory,
+    /// The caller's [`Progress`](crate::Progress) stopped the computation.
+    Cancelled,
+    /// Embree failed.
+    Device,
+    /// A file or folder could not be read or written.
+    Io,
+}
+
 impl Error {
+    /// What kind of error it is.
+    pub fn category(&self) -> ErrorCategory {
+        match self {
+            Error::Io { source, .. } if source.kind() == std::io::ErrorKind::OutOfMemory => {
+                ErrorCategory::OutOfMemory
+            }
+            Error::Io { .. } => ErrorCategory::Io,
+            Error::Format { .. } | Error::Scene(_) | Error::Argument(_) => ErrorCategory::Input,
+            Error::Unsupported(_) => ErrorCategory::Unsupported,
+            Error::OutOfMemory(_) => ErrorCategory::OutOfMemory,
+            Error::Cancelled(_) => ErrorCategory::Cancelled,
+            Error::Embree(_) => ErrorCategory::Device,
+        }
+    }
+
     /// An [`Error::Io`] at `path`.
-    pub fn io(path: impl Into<PathBuf>, source: std::io::Error) -> Self {
+    pub(crate) fn io(path: impl Into<PathBuf>, source: std::io::Error) -> Self {
         Error::Io { path: path.into(), source }
     }
 
     /// An [`Error::Format`] at `path`, optionally at a line counted from 1.
-    pub fn format(path: impl Into<PathBuf>, line: Option<usize>, what: impl Into<String>) -> Self {
+    pub(crate) fn format(path: impl Into<PathBuf>, line: Option<usize>, what: impl Into<String>) -> Self {
         Error::Format { path: path.into(), line, what: what.into() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::ErrorKind;
+
+    #[test]
+    fn categories_say_what_a_caller_can_do() {
+        for (error, want) in [
+            (Error::io("a", ErrorKind::NotFound.into()), ErrorCategory::Io),
+            (Error::io("a", ErrorKind::OutOfMemory.into()), ErrorCategory::OutOfMemory),
+            (Error::format("a.obj", Some(3), "no face"), ErrorCategory::Input),
+            (Error::Argument("s 0".into()), ErrorCategory::Input),
+            (Error::OutOfMemory("Embree".into()), ErrorCategory::OutOfMemory),
+            (Error::Embree("unknown".into()), ErrorCategory::Device),
+            (Error::Cancelled("stopped".into()), ErrorCategory::Cancelled),
+        ] {
+            assert_eq!(error.category(), want, "{error}");
+        }
     }
 }

@@ -1,29 +1,46 @@
-#![doc = include_str!("ARCHITECTURE.md")]
+//! Visibility and radiosity in scenes full of small detail.
 
-pub mod bench;
+// Some code serves tests, benches or the command alone; unused code is found with `internals`, as `make test` builds.
+#![cfg_attr(not(feature = "internals"), allow(dead_code, unused_imports))]
+
+#[cfg(feature = "cli")]
+mod bench;
 #[cfg(feature = "cli")]
 #[doc(hidden)]
 pub mod cli;
-pub mod clusters;
-pub mod embree;
-pub mod error;
-pub mod export;
-pub mod files;
-pub mod form_factors;
-pub mod image_io;
-pub mod math;
+mod clusters;
+mod embree;
+mod error;
+#[cfg(feature = "cli")]
+mod export;
+mod files;
+mod form_factors;
+#[cfg(feature = "cli")]
+mod image_io;
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub mod internals;
+mod math;
 pub mod metrics;
-pub mod model;
-pub mod optics;
-pub mod path_tracer;
-pub mod plot;
-pub mod points;
-pub mod progress;
-pub mod radiosity;
-pub mod raster;
-pub mod ray;
-pub mod scene;
-pub mod simd;
-pub mod visibility;
+mod model;
+mod optics;
+#[cfg(feature = "cli")]
+mod path_tracer;
+#[cfg(feature = "cli")]
+mod plot;
+mod points;
+mod progress;
+// Being restructured: what nobody uses there goes with that.
+#[allow(dead_code, unused_imports)]
+mod radiosity;
+mod raster;
+mod ray;
+mod scene;
+mod simd;
+mod threads;
+mod visibility;
 
-pub use error::{Error, Result};
+pub use error::{Error, ErrorCategory, Result};
+pub use model::{Detail, Model, PrepareOptions, PrepareReport, Source};
+pub use progress::Progress;
+pub use scene::{LoadOptions, Scene};

@@ -20,7 +20,5 @@ mod unbiased;
 pub mod workload;
 
 pub use options::{MOST_THREADS, Options, Target};
-pub use receivers::{Receiver, choose as choose_receivers};
 pub use run::run;
 pub use scaling::{check_scaling, scaling};
-pub use sizes::default_sizes;

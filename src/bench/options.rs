@@ -30,13 +30,13 @@ pub enum Target {
 /// What is measured.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Feature sizes, scene units; none: [`default_sizes`](super::default_sizes).
+    /// Feature sizes, scene units; none: [`default_sizes`](super::sizes::default_sizes).
     pub feature_sizes: Vec<f64>,
     /// Segments from a point to an emitter for the multi-resolution engine; 4 and 16 times as many are measured too.
     pub rays: usize,
     /// Receiver points.
     pub points: usize,
-    /// Names of the receivers of shadow images; none: [`choose_receivers`](super::choose_receivers) says which.
+    /// Names of the receivers of shadow images; none: [`choose`](super::receivers::choose) says which.
     pub receivers: Vec<String>,
     /// Rays from a point to an emitter in the reference.
     pub reference_rays: usize,

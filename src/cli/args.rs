@@ -6,6 +6,7 @@ use crate::{
     files::WholeFile,
     model::cache::Place,
     scene::{LoadOptions, Scene, parse_emitter},
+    threads::Threads,
 };
 use indicatif::{ProgressBar, ProgressStyle};
 use std::{
@@ -56,8 +57,7 @@ impl Common {
     /// The system refuses that many threads, or the work fails.
     pub fn on_threads<T: Send>(&self, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
         let threads = usize::from(self.threads.unwrap_or(0));
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-        pool.map_err(|e| Error::Argument(format!("--threads {threads}: {e}")))?.install(work)
+        Threads::new(threads)?.run(work)?
     }
 
     /// Whether the JSON goes to standard output.
@@ -154,9 +154,10 @@ impl SceneArgs {
             emitters,
             two_sided_emission: self.two_sided_emission,
             sides: self.sides,
+            threads: common.threads.map_or(0, usize::from),
         };
         let _spinner = common.spinner(format!("reading {}", file_name(&self.scene)));
-        Scene::load(&self.scene, &options)
+        Scene::load_with(&self.scene, &options)
     }
 }
 

@@ -10,6 +10,7 @@ use crate::image_io::write_atomically;
 use crate::model::Model;
 use crate::optics::{self, Extinction};
 use crate::progress::Progress;
+use crate::threads::Threads;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -121,6 +122,11 @@ impl From<ExtinctionLaw> for Extinction {
 /// An option is out of range, the scene cannot be used, a name is unknown, an output is not writable. Options and
 /// outputs are checked before the work begins; every file is written whole or not at all.
 pub fn run(args: &Args) -> Result<ExitCode> {
+    // All but the timed sections: those have `--threads` of their own.
+    Threads::new(0)?.run(|| run_on_all_cores(args))?
+}
+
+fn run_on_all_cores(args: &Args) -> Result<ExitCode> {
     let common = &args.common;
     let options = Options {
         feature_sizes: args.feature_sizes.clone(),

@@ -163,6 +163,10 @@ impl From<Engine> for Visibility {
 const INTERRUPTED: i32 = 130;
 
 pub fn run(args: &Args) -> Result<ExitCode> {
+    args.common.on_threads(|| run_on_threads(args))
+}
+
+fn run_on_threads(args: &Args) -> Result<ExitCode> {
     let mut options = Options {
         error: args.error,
         min_area: args.min_area,
@@ -199,12 +203,6 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         seed: args.common.seed,
     };
     options.check()?;
-    if let Some(threads) = args.common.threads {
-        rayon::ThreadPoolBuilder::new()
-            .num_threads(threads.into())
-            .build_global()
-            .map_err(|e| Error::Argument(format!("--threads {threads}: {e}")))?;
-    }
     if let Some(largest) = args.scaling {
         return scaling(&args.common, &options, largest);
     }

@@ -20,7 +20,7 @@ pub(super) struct Inner {
 
 #[derive(Default)]
 struct CallbackState {
-    first_error: Mutex<Option<String>>,
+    first_error: Mutex<Option<(i32, String)>>,
     bytes: AtomicIsize,
 }
 
@@ -34,7 +34,7 @@ impl Device {
     /// Creates an Embree device with at most `threads` build threads (0: all cores).
     ///
     /// # Errors
-    /// [`Error::Embree`] if the library has another major version than the headers, or is older than they are.
+    /// [`Error::Unsupported`] if the library has another major version than the headers, or is older than they are.
     pub fn new(threads: usize) -> Result<Device> {
         // simd256 selects the 8-wide BVH on machines where Embree would choose 128-bit nodes.
         let config =
@@ -42,7 +42,12 @@ impl Device {
         // SAFETY: `config` is a NUL-terminated string that outlives the call.
         let raw = unsafe { sys::rtcNewDevice(config.as_ptr()) };
         if raw.is_null() {
-            return Err(Error::Embree("the device could not be created".into()));
+            // SAFETY: without a device this takes the error code of the thread.
+            let code = unsafe { sys::rtcGetDeviceError(std::ptr::null_mut()) };
+            return Err(error_of(
+                code.0 as i32,
+                format!("the device could not be created (code {})", code.0),
+            ));
         }
         let state = Box::<CallbackState>::default();
         let user = (&raw const *state).cast_mut().cast::<c_void>();
@@ -55,8 +60,8 @@ impl Device {
         let (found, wanted) =
             (device.property(sys::RTCDeviceProperty::RTC_DEVICE_PROPERTY_VERSION), sys::RTC_VERSION as isize);
         if found / 10_000 != wanted / 10_000 || found < wanted {
-            return Err(Error::Embree(format!(
-                "the library is version {} but mrvis was compiled for {}; rebuild mrvis against the installed \
+            return Err(Error::Unsupported(format!(
+                "Embree: the library is version {} but mrvis was compiled for {}; rebuild mrvis against the installed \
                  headers or install a library of that version",
                 version_text(found),
                 version_text(wanted)
@@ -96,7 +101,7 @@ impl Device {
     /// Takes the first error since the last check. For set-up calls; ray queries report no errors.
     pub(super) fn check(&self) -> Result<()> {
         let mut first = self.inner.state.first_error.lock().unwrap_or_else(PoisonError::into_inner);
-        first.take().map_or(Ok(()), |message| Err(Error::Embree(message)))
+        first.take().map_or(Ok(()), |(code, message)| Err(error_of(code, message)))
     }
 }
 
@@ -105,6 +110,16 @@ impl Drop for Inner {
         // SAFETY: the last owner releases the device once; Embree itself keeps it while scenes refer to it, and
         // those hold an `Arc` of `Inner`, so no callback can come after `state` is gone.
         unsafe { sys::rtcReleaseDevice(self.raw) }
+    }
+}
+
+/// The error of an Embree error code.
+fn error_of(code: i32, message: String) -> Error {
+    use sys::RTCError as E;
+    match E(code as _) {
+        E::RTC_ERROR_OUT_OF_MEMORY => Error::OutOfMemory(format!("Embree: {message}")),
+        E::RTC_ERROR_UNSUPPORTED_CPU => Error::Unsupported(format!("Embree: {message}")),
+        _ => Error::Embree(message),
     }
 }
 
@@ -122,7 +137,7 @@ extern "C" fn on_error(user: *mut c_void, code: sys::RTCError, message: *const c
         unsafe { CStr::from_ptr(message) }.to_string_lossy().into_owned()
     };
     let mut first = state.first_error.lock().unwrap_or_else(PoisonError::into_inner);
-    first.get_or_insert_with(|| format!("{text} (code {})", code.0));
+    first.get_or_insert_with(|| (code.0 as i32, format!("{text} (code {})", code.0)));
 }
 
 extern "C" fn on_memory(user: *mut c_void, bytes: isize, _post: bool) -> bool {

@@ -17,4 +17,4 @@ mod scene;
 mod tests;
 
 pub use device::Device;
-pub use scene::{CommittedScene, Hits, Options, Quality, SceneBuilder, Traversal};
+pub use scene::{CommittedScene, Hits, Options, SceneBuilder, Traversal};

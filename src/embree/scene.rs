@@ -7,17 +7,6 @@ use crate::ray::{LANES, Occluder, Packet};
 use glam::{Affine3A, Vec3};
 use std::sync::Arc;
 
-/// Build quality of the acceleration structure (`RTCBuildQuality`).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Quality {
-    /// Morton order; fastest build.
-    Low,
-    /// Binned surface-area heuristic.
-    Medium,
-    /// Spatial splits; Embree ignores them in robust scenes.
-    High,
-}
-
 /// Options of an Embree scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
@@ -25,14 +14,12 @@ pub struct Options {
     pub robust: bool,
     /// Compact nodes: about half the memory at two thirds of the speed, measured once.
     pub compact: bool,
-    /// Build quality.
-    pub quality: Quality,
 }
 
 impl Default for Options {
     /// Robust, medium quality: results of single rays and packets agree.
     fn default() -> Self {
-        Options { robust: true, compact: false, quality: Quality::Medium }
+        Options { robust: true, compact: false }
     }
 }
 
@@ -90,7 +77,7 @@ impl SceneBuilder {
     /// # Errors
     /// [`Error::Embree`] if Embree reports an error.
     pub fn new(device: &Device, options: Options) -> Result<SceneBuilder> {
-        use sys::{RTCBuildQuality as Q, RTCSceneFlags as F};
+        use sys::RTCSceneFlags as F;
         let mut flags = F::RTC_SCENE_FLAG_NONE;
         if options.robust {
             flags |= F::RTC_SCENE_FLAG_ROBUST;
@@ -98,11 +85,6 @@ impl SceneBuilder {
         if options.compact {
             flags |= F::RTC_SCENE_FLAG_COMPACT;
         }
-        let quality = match options.quality {
-            Quality::Low => Q::RTC_BUILD_QUALITY_LOW,
-            Quality::Medium => Q::RTC_BUILD_QUALITY_MEDIUM,
-            Quality::High => Q::RTC_BUILD_QUALITY_HIGH,
-        };
         // SAFETY: the device is live; a null scene is caught by `check` and before use.
         let raw = unsafe { sys::rtcNewScene(device.inner.raw) };
         device.check()?;
@@ -113,7 +95,7 @@ impl SceneBuilder {
         // SAFETY: `raw` is a live, uncommitted scene.
         unsafe {
             sys::rtcSetSceneFlags(raw, flags);
-            sys::rtcSetSceneBuildQuality(raw, quality);
+            sys::rtcSetSceneBuildQuality(raw, sys::RTCBuildQuality::RTC_BUILD_QUALITY_MEDIUM);
         }
         device.check()?;
         Ok(SceneBuilder { handle, triangles: 0 })
@@ -190,6 +172,8 @@ impl SceneBuilder {
     ///
     /// # Errors
     /// [`Error::Embree`] if Embree reports an error.
+    // Used when models have instances.
+    #[allow(dead_code)]
     pub fn add_instance(&mut self, scene: &CommittedScene, transform: Affine3A, index: u32) -> Result<()> {
         let device = &self.handle.device;
         // SAFETY: the device is live; the geometry is used only below and released after attaching.

@@ -26,10 +26,6 @@ pub struct Camera {
 /// A picture of radiance.
 #[derive(Clone, Debug)]
 pub struct Frame {
-    /// Columns.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
     /// Radiance in linear RGB, W/(m² sr), row by row from the top; black where nothing is seen.
     pub radiance: Vec<[f32; 3]>,
     /// What one of each pixel's rays meets (that through its centre, where there is one ray), nothing where nothing is.
@@ -184,5 +180,5 @@ pub fn render(stage: &Stage, camera: &Camera, width: usize, height: usize, sampl
         })
         .collect();
     let (radiance, first) = rows.into_iter().flatten().unzip();
-    Frame { width, height, radiance, first }
+    Frame { radiance, first }
 }

@@ -29,6 +29,7 @@ pub struct Lightmap {
     /// the scene's own are meant.
     pub texcoords: Vec<[Vec2; 3]>,
     /// Number of charts.
+    #[cfg_attr(not(test), allow(dead_code))]
     pub charts: usize,
 }
 

@@ -7,23 +7,9 @@ use crate::metrics::Image;
 use crate::raster::BitImage;
 use crate::{Error, Result};
 
-/// Colour map for magnitudes, dark blue to yellow with uniform lightness steps: nine anchors of *viridis* (public
-/// domain, S. van der Walt and N. Smith), linear in sRGB between anchors.
-pub const SEQUENTIAL: [[u8; 3]; 9] = [
-    [68, 1, 84],
-    [72, 40, 120],
-    [62, 74, 137],
-    [49, 104, 142],
-    [38, 130, 142],
-    [31, 158, 137],
-    [53, 183, 121],
-    [144, 215, 67],
-    [253, 231, 37],
-];
-
 /// Colour map for signed values: blue for negative, near white for zero, red for positive (after *RdBu* of C. Brewer),
 /// linear in sRGB between anchors.
-pub const DIVERGING: [[u8; 3]; 9] = [
+const DIVERGING: [[u8; 3]; 9] = [
     [5, 48, 97],
     [33, 102, 172],
     [67, 147, 195],
@@ -86,11 +72,6 @@ pub fn grey(image: &Image, white: f32) -> Picture {
     Picture::of(image, |v| [(linear_to_srgb((v / white).clamp(0.0, 1.0)) * 255.0).round() as u8; 3])
 }
 
-/// False colours: values `low` to `high` linearly on [`SEQUENTIAL`], clamped at the ends.
-pub fn false_colour(image: &Image, low: f32, high: f32) -> Picture {
-    Picture::of(image, |v| colour(&SEQUENTIAL, (v - low) / (high - low)))
-}
-
 /// `approximation` − `reference` on [`DIVERGING`]: −`range` dark blue (too dark), 0 white, `range` dark red (too
 /// bright), linear between, clamped at the ends.
 ///
@@ -100,13 +81,6 @@ pub fn difference(reference: &Image, approximation: &Image, range: f32) -> Resul
     let d = crate::metrics::difference(reference, approximation)?;
     let pixels = d.iter().map(|&d| colour(&DIVERGING, 0.5 + 0.5 * d as f32 / range)).collect();
     Ok(Picture { width: reference.width(), height: reference.height(), pixels })
-}
-
-/// A feature mask in black (feature) on white, as in [SD95 sec 2.4].
-pub fn mask(mask: &BitImage) -> Picture {
-    let pixel = |i: usize| if mask.get(i % mask.width(), i / mask.width()) { [0; 3] } else { [255; 3] };
-    let pixels = (0..mask.width() * mask.height()).map(pixel).collect();
-    Picture { width: mask.width(), height: mask.height(), pixels }
 }
 
 /// [`grey`] with the texels of `mask` tinted orange.
@@ -143,9 +117,10 @@ mod tests {
     #[test]
     fn colours_hit_their_anchors() {
         let image = Image::new(5, 1, 1.0, vec![-9.0, 0.0, 0.5, 1.0, 9.0]).unwrap();
-        let p = false_colour(&image, 0.0, 1.0).pixels;
+        let zero = Image::new(5, 1, 1.0, vec![0.0; 5]).unwrap();
+        let p = difference(&zero, &image, 1.0).unwrap().pixels;
         assert_eq!((p[0], p[1], p[2], p[3], p[4]), {
-            (SEQUENTIAL[0], SEQUENTIAL[0], SEQUENTIAL[4], SEQUENTIAL[8], SEQUENTIAL[8])
+            (DIVERGING[0], DIVERGING[4], DIVERGING[6], DIVERGING[8], DIVERGING[8])
         });
         assert_eq!(difference(&image, &image, 0.0).unwrap().pixels, [DIVERGING[4]; 5]);
         let g = grey(&image, 1.0).pixels;
@@ -163,8 +138,7 @@ mod tests {
     #[test]
     fn masks_and_enlargements() {
         let bits = BitImage::from_fn(2, 1, |x, _| x == 1);
-        assert_eq!(mask(&bits).pixels, [[255; 3], [0; 3]]);
-        let large = mask(&bits).enlarged(2);
+        let large = grey(&Image::new(2, 1, 1.0, vec![1.0, 0.0]).unwrap(), 1.0).enlarged(2);
         assert_eq!((large.width, large.height), (4, 2));
         assert_eq!(large.pixels[4..], [[255; 3], [255; 3], [0; 3], [0; 3]]);
         let image = Image::new(2, 1, 1.0, vec![1.0, 1.0]).unwrap();

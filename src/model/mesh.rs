@@ -35,11 +35,13 @@ pub struct Measured {
 
 impl Mesh {
     /// Geometry and materials, in the mesh's own frame.
+    #[allow(dead_code)] // Used when models have instances.
     pub fn scene(&self) -> &Arc<Scene> {
         &self.scene
     }
 
     /// The Embree scene of the mesh, in its own frame.
+    #[allow(dead_code)] // Used when models have instances.
     pub fn traced(&self) -> &CommittedScene {
         &self.traced
     }

@@ -12,13 +12,15 @@ pub mod summary;
 #[cfg(test)]
 pub mod testing;
 
-pub use mesh::{Clusters, Measured, Mesh};
+pub use mesh::Mesh;
 pub use prepare::{Detail, PrepareOptions, PrepareReport};
 pub use source::Source;
 
+use crate::Result;
 use crate::embree::{CommittedScene, Device, Traversal};
 use crate::ray::EndRule;
 use crate::scene::Scene;
+use crate::threads::Threads;
 use std::sync::Arc;
 
 /// A scene prepared for queries.
@@ -35,6 +37,7 @@ struct Inner {
     sources: Vec<Source>,
     revision: u64,
     report: PrepareReport,
+    threads: Arc<Threads>,
 }
 
 impl Model {
@@ -44,12 +47,13 @@ impl Model {
     }
 
     /// The meshes; the first holds the scene's own triangles.
-    pub fn meshes(&self) -> &[Arc<Mesh>] {
+    #[allow(dead_code)] // Used when models have instances.
+    pub(crate) fn meshes(&self) -> &[Arc<Mesh>] {
         &self.inner.meshes
     }
 
     /// The mesh of the scene's own triangles.
-    pub fn base(&self) -> &Mesh {
+    pub(crate) fn base(&self) -> &Mesh {
         &self.inner.meshes[0]
     }
 
@@ -68,6 +72,14 @@ impl Model {
         &self.inner.report
     }
 
+    /// Does `work` on the threads of [`PrepareOptions::with_threads`], or of the rayon pool that the caller is in.
+    ///
+    /// # Errors
+    /// [`crate::Error::OutOfMemory`] if the threads cannot be started.
+    pub(crate) fn on_threads<R: Send>(&self, work: impl FnOnce() -> R + Send) -> Result<R> {
+        self.inner.threads.run(work)
+    }
+
     /// How much is prepared.
     pub fn detail(&self) -> Detail {
         match &self.base().clusters {
@@ -78,17 +90,17 @@ impl Model {
     }
 
     /// The Embree scene that holds all geometry.
-    pub fn traced(&self) -> &CommittedScene {
+    pub(crate) fn traced(&self) -> &CommittedScene {
         &self.base().traced
     }
 
     /// Incoherent packets of the widest kind that Embree traces natively on this machine.
-    pub fn widest_packets(&self) -> Traversal {
+    pub(crate) fn widest_packets(&self) -> Traversal {
         Traversal { width: self.native_width(), coherent: false }
     }
 
     /// Rays in the widest packet that Embree traces natively on this machine: 16, 8, 4 or 1.
-    pub fn native_width(&self) -> usize {
+    pub(crate) fn native_width(&self) -> usize {
         self.inner.device.native_width()
     }
 
@@ -98,13 +110,13 @@ impl Model {
     }
 
     /// Largest coordinate magnitude, scene units: the scale of rounding errors.
-    pub fn magnitude(&self) -> f32 {
+    pub(crate) fn magnitude(&self) -> f32 {
         let bounds = self.scene().bounds;
         bounds.min.abs().max(bounds.max.abs()).max_element()
     }
 
     /// The rule for the open ends of segments.
-    pub fn end_rule(&self) -> EndRule {
+    pub(crate) fn end_rule(&self) -> EndRule {
         EndRule::new(self.magnitude())
     }
 }

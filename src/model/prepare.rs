@@ -7,8 +7,10 @@ use super::{Inner, Model};
 use crate::embree::{CommittedScene, Device, SceneBuilder};
 use crate::progress::Progress;
 use crate::scene::Scene;
+use crate::threads::Threads;
 use crate::visibility::WideTree;
 use crate::{Error, Result, clusters, optics};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -24,21 +26,51 @@ pub enum Detail {
     Optics,
 }
 
-/// Options of [`Model::prepare`].
+/// Options of [`Model::prepare`]: [`PrepareOptions::default`], then `with_…`.
 #[derive(Clone, Debug, Default)]
+#[non_exhaustive]
 pub struct PrepareOptions {
     /// How much is prepared.
-    pub detail: Detail,
+    pub(crate) detail: Detail,
     /// How clusters are built.
-    pub clusters: clusters::Options,
+    pub(crate) clusters: clusters::Options,
     /// How their optics are measured.
-    pub optics: optics::Options,
+    pub(crate) optics: optics::Options,
     /// Where measured clusters are kept for the next run.
-    pub cache: Place,
+    pub(crate) cache: Place,
+    /// Threads of the preparation and of all that is asked of the model; 0 for all cores.
+    pub(crate) threads: usize,
+}
+
+impl PrepareOptions {
+    /// How much is prepared; default [`Detail::Optics`], everything.
+    #[must_use]
+    pub fn with_detail(mut self, detail: Detail) -> PrepareOptions {
+        self.detail = detail;
+        self
+    }
+
+    /// Threads of the preparation and of all that is asked of the model, at most 1024; 0 (default) for one a core.
+    ///
+    /// They form a pool of the model's own. Calls from inside a rayon pool use that pool instead. No result depends on the number.
+    #[must_use]
+    pub fn with_threads(mut self, threads: usize) -> PrepareOptions {
+        self.threads = threads;
+        self
+    }
+
+    /// Keeps the measured clusters in files of this folder, so that the next preparation of the same scene reads them instead;
+    /// default: no files. The folder is made if it is missing.
+    #[must_use]
+    pub fn with_cache(mut self, folder: impl Into<PathBuf>) -> PrepareOptions {
+        self.cache = Place::Folder(folder.into());
+        self
+    }
 }
 
 /// Seconds and bytes of a preparation, and where its clusters came from.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct PrepareReport {
     /// Seconds of building Embree's acceleration structures.
     pub embree_s: f64,
@@ -51,7 +83,7 @@ pub struct PrepareReport {
     /// Bytes that Embree reports for the acceleration structures.
     pub embree_bytes: u64,
     /// Where the clusters came from.
-    pub origin: Origin,
+    pub(crate) origin: Origin,
     /// What a user should know about the cache, one sentence.
     pub note: Option<String>,
 }
@@ -61,6 +93,11 @@ impl PrepareReport {
     pub fn seconds(&self) -> f64 {
         self.embree_s + self.clusters_s + self.optics_s + self.cache_s
     }
+
+    /// Whether the clusters were read from a file instead of measured.
+    pub fn from_cache(&self) -> bool {
+        self.origin == Origin::Hit
+    }
 }
 
 impl Model {
@@ -68,22 +105,15 @@ impl Model {
     /// the cache.
     ///
     /// # Errors
-    /// Embree refuses; [`Error::Cancelled`] if `progress` stops the preparation before optics are measured.
+    /// [`Error::Unsupported`] if the installed Embree is too old, [`Error::OutOfMemory`] or [`Error::Embree`] if it fails,
+    /// [`Error::Argument`] for too many threads, [`Error::Cancelled`] if `progress` stops the preparation before optics are measured.
     pub fn prepare(
         scene: impl Into<Arc<Scene>>,
         options: &PrepareOptions,
         progress: &dyn Progress,
     ) -> Result<Model> {
-        let scene = scene.into();
-        let mut report = PrepareReport::default();
-        let device = Device::new(0)?;
-        progress.stage("building Embree's tree", 0);
-        let traced = timed(&mut report.embree_s, || commit(&device, &scene))?;
-        report.embree_bytes = device.bytes() as u64;
-        let clusters = clusters_of(&scene, options, progress, &mut report)?;
-        let sources = (0..scene.emitters.len() as u32).map(|emitter| Source::Surface { emitter }).collect();
-        let meshes = vec![Arc::new(Mesh { scene: scene.clone(), traced, clusters })];
-        Ok(Model { inner: Arc::new(Inner { scene, device, meshes, sources, revision: 0, report }) })
+        let (scene, threads) = (scene.into(), Arc::new(Threads::new(options.threads)?));
+        threads.run(|| prepare(scene, options, &threads, progress))?
     }
 
     /// This model with at least as much prepared as `options` ask for. Embree scenes are kept; what is there already is not
@@ -96,12 +126,14 @@ impl Model {
             return Ok(self.clone());
         }
         let mut report = self.inner.report.clone();
-        let meshes = self.inner.meshes.iter().map(|mesh| {
-            let clusters = clusters_of(&mesh.scene, options, progress, &mut report)?;
-            Ok(Arc::new(Mesh { scene: mesh.scene.clone(), traced: mesh.traced.clone(), clusters }))
-        });
-        let meshes = meshes.collect::<Result<_>>()?;
-        let Inner { scene, device, sources, revision, .. } = &*self.inner;
+        let meshes = self.on_threads(|| {
+            let meshes = self.inner.meshes.iter().map(|mesh| {
+                let clusters = clusters_of(&mesh.scene, options, progress, &mut report)?;
+                Ok(Arc::new(Mesh { scene: mesh.scene.clone(), traced: mesh.traced.clone(), clusters }))
+            });
+            meshes.collect::<Result<_>>()
+        })??;
+        let Inner { scene, device, sources, revision, threads, .. } = &*self.inner;
         Ok(Model {
             inner: Arc::new(Inner {
                 scene: scene.clone(),
@@ -110,9 +142,29 @@ impl Model {
                 sources: sources.clone(),
                 revision: *revision,
                 report,
+                threads: threads.clone(),
             }),
         })
     }
+}
+
+/// See [`Model::prepare`]; on the threads of the caller.
+fn prepare(
+    scene: Arc<Scene>,
+    options: &PrepareOptions,
+    threads: &Arc<Threads>,
+    progress: &dyn Progress,
+) -> Result<Model> {
+    let mut report = PrepareReport::default();
+    let device = Device::new(rayon::current_num_threads())?;
+    progress.stage("building Embree's tree", 0);
+    let traced = timed(&mut report.embree_s, || commit(&device, &scene))?;
+    report.embree_bytes = device.bytes() as u64;
+    let clusters = clusters_of(&scene, options, progress, &mut report)?;
+    let sources = (0..scene.emitters.len() as u32).map(|emitter| Source::Surface { emitter }).collect();
+    let meshes = vec![Arc::new(Mesh { scene: scene.clone(), traced, clusters })];
+    let threads = threads.clone();
+    Ok(Model { inner: Arc::new(Inner { scene, device, meshes, sources, revision: 0, report, threads }) })
 }
 
 /// The Embree scene of the triangles of a mesh.

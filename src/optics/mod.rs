@@ -5,12 +5,16 @@
 
 mod averaging_width;
 mod axes;
+// Used when models have instances.
+#[allow(dead_code)]
 pub mod groups;
 mod silhouette;
 #[cfg(test)]
 mod tests;
 
-pub use axes::{AXES, AXIS_COUNT, AxisMix};
+#[cfg(test)]
+use axes::AXES;
+pub use axes::{AXIS_COUNT, AxisMix};
 use axes::{PROBES, view};
 
 use crate::clusters::Tree;

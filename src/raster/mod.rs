@@ -29,9 +29,9 @@ mod fill;
 mod opening;
 
 pub use bits::BitImage;
-pub use edt::{Edt, NO_BACKGROUND, diameter};
+pub use edt::{Edt, NO_BACKGROUND};
 pub use fill::fill_triangle;
-pub use opening::{Opener, opening};
+pub use opening::Opener;
 
 /// State of the pixels outside the image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -84,7 +84,8 @@ impl Opener {
 }
 
 /// The opening of one image by one size in pixels; see [`Opener`].
-pub fn opening(image: &BitImage, size: f64, mode: Morphology) -> BitImage {
+#[cfg(test)]
+fn opening(image: &BitImage, size: f64, mode: Morphology) -> BitImage {
     Opener::new(image.clone(), mode).open(size)
 }
 

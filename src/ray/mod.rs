@@ -1,7 +1,9 @@
 //! Packets of segments, the rule for segment ends, and the interface of occlusion queries.
 
+#[cfg(test)]
 mod brute;
 
+#[cfg(test)]
 pub use brute::{Brute, Verdict};
 
 use glam::Vec3;

@@ -1,51 +1,119 @@
 //! The door: a file of a known format becomes a checked scene.
 
 use super::{Scene, read_gltf, read_obj, read_ply, resolve};
+use crate::threads::Threads;
 use crate::{Error, Result};
 use std::path::Path;
 
-/// What a file does not say, or says wrongly.
+/// What a file does not say, or says wrongly. [`LoadOptions::default`], then `with_…`.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct LoadOptions {
     /// Name of the length unit; default `m`.
-    pub unit: String,
+    pub(crate) unit: String,
     /// Objects, groups or materials that shall emit, with their total power in watts (in each channel).
-    pub emitters: Vec<(String, f64)>,
+    pub(crate) emitters: Vec<(String, f64)>,
     /// Emissive faces emit from both sides; default only from the front.
-    pub two_sided_emission: bool,
+    pub(crate) two_sided_emission: bool,
     /// Overrides what connectivity says: 1 all faces bound solids, 2 all are sheets.
-    pub sides: Option<u8>,
+    pub(crate) sides: Option<u8>,
+    /// Threads; 0 for all cores.
+    pub(crate) threads: usize,
 }
 
 impl Default for LoadOptions {
+    /// Metres; emission and sides as the file says; all cores.
     fn default() -> Self {
-        LoadOptions { unit: "m".into(), emitters: Vec::new(), two_sided_emission: false, sides: None }
+        LoadOptions {
+            unit: "m".into(),
+            emitters: Vec::new(),
+            two_sided_emission: false,
+            sides: None,
+            threads: 0,
+        }
+    }
+}
+
+impl LoadOptions {
+    /// The length unit of the scene's coordinates: `m` (default), `cm`, `mm`, `km`, `in` or `ft`.
+    #[must_use]
+    pub fn with_unit(mut self, unit: impl Into<String>) -> LoadOptions {
+        self.unit = unit.into();
+        self
+    }
+
+    /// Makes the object, group or material `name` emit `watts` in each channel. May be called several times.
+    #[must_use]
+    pub fn with_emitter(mut self, name: impl Into<String>, watts: f64) -> LoadOptions {
+        self.emitters.push((name.into(), watts));
+        self
+    }
+
+    /// Whether emissive faces emit from both sides; default: only from the front.
+    #[must_use]
+    pub fn with_two_sided_emission(mut self, two_sided: bool) -> LoadOptions {
+        self.two_sided_emission = two_sided;
+        self
+    }
+
+    /// Overrides what connectivity says: 1 all faces bound solids, 2 all are sheets that are seen from both sides.
+    #[must_use]
+    pub fn with_sides(mut self, sides: u8) -> LoadOptions {
+        self.sides = Some(sides);
+        self
+    }
+
+    /// Threads, at most 1024; 0 (default) for one a core. Calls from inside a rayon pool use that pool instead.
+    #[must_use]
+    pub fn with_threads(mut self, threads: usize) -> LoadOptions {
+        self.threads = threads;
+        self
     }
 }
 
 impl Scene {
+    /// Reads a scene with default options: metres, emission as the file has it; see [`Scene::load_with`].
+    ///
+    /// # Errors
+    /// As for [`Scene::load_with`].
+    pub fn load(path: impl AsRef<Path>) -> Result<Scene> {
+        Scene::load_with(path, &LoadOptions::default())
+    }
+
     /// Reads a scene; the extension of `path` says the format: `obj`, `gltf`, `glb` or `ply`.
     ///
-    /// Nodes of a glTF file that place the same mesh share it ([`Scene::placements`]), unless the mesh emits or a node's
+    /// Nodes of a glTF file that place the same mesh share it, unless the mesh emits or a node's
     /// transform is more than 1 % off a similarity. A glTF file may have at most 2,097,152 nodes.
     ///
     /// # Errors
     /// The file cannot be read, is not of its format, holds a value that is not finite or out of range, or has
-    /// no face with an area; an emitter that the options name does not exist. What can be mended is mended and
-    /// counted in [`Scene::repairs`].
-    pub fn load(path: &Path, options: &LoadOptions) -> Result<Scene> {
-        let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-        let soup = match extension.as_str() {
-            "obj" => read_obj::read(path)?,
-            "gltf" | "glb" => return read_gltf::read(path, options),
-            "ply" => read_ply::read(path)?,
-            _ => {
-                let what = "unknown kind of scene; the extension must be .obj, .gltf, .glb or .ply";
-                // A name that is wrong altogether is the likelier mistake than one of an unknown kind.
-                std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
-                return Err(Error::format(path, None, what));
-            }
-        };
-        resolve(soup, options)
+    /// no face with an area; an emitter that the options name does not exist; an option is out of range. What can be mended
+    /// is mended and listed by [`Scene::repairs`].
+    pub fn load_with(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Scene> {
+        let path = path.as_ref();
+        if options.sides.is_some_and(|sides| !(1..=2).contains(&sides)) {
+            return Err(Error::Argument(format!(
+                "`sides` {}: must be 1 or 2",
+                options.sides.unwrap_or_default()
+            )));
+        }
+        Threads::new(options.threads)?.run(|| read(path, options))?
     }
+}
+
+/// Reads a scene on the threads of the caller.
+fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
+    let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    let soup = match extension.as_str() {
+        "obj" => read_obj::read(path)?,
+        "gltf" | "glb" => return read_gltf::read(path, options),
+        "ply" => read_ply::read(path)?,
+        _ => {
+            let what = "unknown kind of scene; the extension must be .obj, .gltf, .glb or .ply";
+            // A name that is wrong altogether is the likelier mistake than one of an unknown kind.
+            std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
+            return Err(Error::format(path, None, what));
+        }
+    };
+    resolve(soup, options)
 }

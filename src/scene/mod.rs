@@ -8,6 +8,7 @@ mod compact;
 mod connect;
 mod emitters;
 mod flatten;
+mod front;
 pub mod generate;
 mod instances;
 mod keep;
@@ -30,13 +31,11 @@ mod weld;
 mod write_gltf;
 mod write_obj;
 
-pub use flatten::MAX_FLATTENED_TRIANGLES;
 pub use instances::{MAX_PLACEMENTS, Placement};
 pub use load::LoadOptions;
 pub use power::{parse_emitter, unit_in_metres};
-pub use resolve::{MAX_COORDINATE, MAX_REFLECTANCE, MIN_EXTENT, resolve};
+pub use resolve::{MAX_COORDINATE, MIN_EXTENT, resolve};
 pub use soup::{PlacedSoup, Soup, SoupMaterial};
-pub use texture::Texture;
 pub use write_gltf::write_gltf;
 pub use write_obj::{mtl_path, write_obj};
 
@@ -142,54 +141,54 @@ fn is_zero(count: &usize) -> bool {
 #[derive(Clone, Debug)]
 pub struct Scene {
     /// The file or generator it came from.
-    pub path: PathBuf,
+    pub(crate) path: PathBuf,
     /// Name of the length unit, `m` unless told otherwise.
-    pub unit: String,
+    pub(crate) unit: String,
     /// Emissive faces emit from both sides instead of only from the front.
-    pub two_sided_emission: bool,
+    pub(crate) two_sided_emission: bool,
     /// What was subtracted from the file's coordinates, in f64.
-    pub origin: DVec3,
+    pub(crate) origin: DVec3,
     /// Welded vertex positions relative to `origin`, finite.
-    pub positions: Vec<Vec3>,
+    pub(crate) positions: Vec<Vec3>,
     /// Corner indices into `positions`, each triangle with non-zero area.
-    pub triangles: Vec<[u32; 3]>,
+    pub(crate) triangles: Vec<[u32; 3]>,
     /// Index into `objects`.
-    pub triangle_object: Vec<u32>,
+    pub(crate) triangle_object: Vec<u32>,
     /// Index into `materials`.
-    pub triangle_material: Vec<u32>,
+    pub(crate) triangle_material: Vec<u32>,
     /// Polygon of the file that it is a part of, numbered from 0 in file order, ascending.
-    pub triangle_polygon: Vec<u32>,
+    pub(crate) triangle_polygon: Vec<u32>,
     /// Diffuse reflectance of the face: `Kd`, or the mean linear colour of its texture over the face.
-    pub triangle_reflectance: Vec<[f32; 3]>,
+    pub(crate) triangle_reflectance: Vec<[f32; 3]>,
     /// 1: the face bounds a closed solid, only its outside is seen; 2: sheet, seen from both sides.
-    pub triangle_sides: Vec<u8>,
+    pub(crate) triangle_sides: Vec<u8>,
     /// Edge-connected component of the face, numbered from 0 in order of first face.
-    pub triangle_component: Vec<u32>,
+    pub(crate) triangle_component: Vec<u32>,
     /// Number of components that are closed: every edge has exactly two faces (of one object, where more meet).
-    pub closed_parts: usize,
+    pub(crate) closed_parts: usize,
     /// Number of the other components.
-    pub sheet_parts: usize,
+    pub(crate) sheet_parts: usize,
     /// Objects in file order.
-    pub objects: Vec<Object>,
+    pub(crate) objects: Vec<Object>,
     /// Materials in file order.
-    pub materials: Vec<Material>,
+    pub(crate) materials: Vec<Material>,
     /// Emissive surfaces, in order of their first face.
-    pub emitters: Vec<Emitter>,
+    pub(crate) emitters: Vec<Emitter>,
     /// Index into `emitters` of each face, `u32::MAX` for faces that do not emit.
-    pub triangle_emitter: Vec<u32>,
+    pub(crate) triangle_emitter: Vec<u32>,
     /// Texture coordinates of the corners of each face, from the lower left corner of an image; empty if the file has none.
-    pub triangle_texcoords: Vec<[[f32; 2]; 3]>,
+    pub(crate) triangle_texcoords: Vec<[[f32; 2]; 3]>,
     /// Perspective cameras of the file.
-    pub cameras: Vec<StoredCamera>,
+    pub(crate) cameras: Vec<StoredCamera>,
     /// Box of all positions that faces use.
-    pub bounds: Aabb,
+    pub(crate) bounds: Aabb,
     /// What was repaired.
-    pub repairs: Repairs,
+    pub(crate) repairs: Repairs,
     /// Meshes that are stored once and placed by `placements`: each a scene of its own in its own frame, without
     /// emitters, shared meshes or placements. Empty for a scene whose meshes all occur once.
-    pub shared: Vec<Arc<Scene>>,
+    pub(crate) shared: Vec<Arc<Scene>>,
     /// Where the shared meshes stand, in file order.
-    pub placements: Vec<Placement>,
+    pub(crate) placements: Vec<Placement>,
 }
 
 impl Scene {

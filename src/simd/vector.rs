@@ -55,12 +55,6 @@ pub fn sum_abs<S: Simd>(simd: S, v: &Vector<S>) -> S::F {
     simd.add(simd.add(simd.abs(v[0]), simd.abs(v[1])), simd.abs(v[2]))
 }
 
-/// `a + f b`, fused.
-#[inline(always)]
-pub fn add_scaled<S: Simd>(simd: S, a: &Vector<S>, f: S::F, b: &Vector<S>) -> Vector<S> {
-    [simd.fma(f, b[0], a[0]), simd.fma(f, b[1], a[1]), simd.fma(f, b[2], a[2])]
-}
-
 /// `f a`.
 #[inline(always)]
 pub fn scaled<S: Simd>(simd: S, f: S::F, a: &Vector<S>) -> Vector<S> {

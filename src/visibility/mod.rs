@@ -13,6 +13,8 @@
 mod exact;
 mod front;
 mod multires;
+// Most of it is an oracle for tests.
+#[cfg_attr(not(test), allow(dead_code))]
 pub mod reference;
 mod shaft;
 mod slabs;

@@ -2,7 +2,7 @@
 //! on stderr.
 
 use crate::run::Scratch;
-use mrvis::scene::generate::Spec;
+use mrvis::internals::scene::generate::Spec;
 use std::time::{Duration, Instant};
 
 /// A floor and a lamp above it.

@@ -1,7 +1,7 @@
 //! Same scene, same options, same seed: the same figures on any number of threads.
 
 use crate::run::Scratch;
-use mrvis::scene::generate::Spec;
+use mrvis::internals::scene::generate::Spec;
 use serde_json::Value;
 
 /// Whether a key of the report holds time, or what follows from time.

@@ -1,8 +1,8 @@
 //! The promise of a feature size: no shadow and no patch of light of at least that size is missing.
 
-use mrvis::bench::{self, Options};
-use mrvis::model::Model;
-use mrvis::scene::generate::{self, Spec};
+use mrvis::Model;
+use mrvis::internals::bench::{self, Options};
+use mrvis::internals::scene::generate::{self, Spec};
 
 /// On fields, on touching bricks and books, on rows of slats: at all four sizes every connected feature of the exact
 /// shadow images is in the multi-resolution images (method D.6, E.8). At 64 segments, where the fields are averaged and

@@ -1,7 +1,7 @@
 //! The commands around the solver: reference, compare, form-factors, what solve writes.
 
 use crate::run::{Outcome, Scratch};
-use mrvis::scene::generate::Spec;
+use mrvis::internals::scene::generate::Spec;
 
 /// A box seen from inside: everything emits 1/π and reflects 0.5, so that irradiance is 1/(1 − 0.5) = 2.
 const BOX: &str = "mtllib box.mtl\nusemtl glow\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n\
@@ -169,8 +169,9 @@ fn a_solution_is_shown() {
         assert!(std::fs::metadata(&path).is_ok_and(|m| m.len() > 100), "{name}");
     }
     // A furnace: everything that is seen has the radiosity 1 + 0.5 · 2 = 2.
-    let image = mrvis::image_io::read_image(&scratch.path("s").join("view.exr"), Default::default(), 1.0)
-        .expect("an image");
+    let image =
+        mrvis::internals::image_io::read_image(&scratch.path("s").join("view.exr"), Default::default(), 1.0)
+            .expect("an image");
     let want = 2.0 / std::f32::consts::PI;
     let seen: Vec<f32> = image.data().iter().copied().filter(|&v| v > 0.0).collect();
     assert!(seen.len() > 64 * 48 / 10, "{} pixels", seen.len());

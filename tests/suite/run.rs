@@ -1,5 +1,6 @@
 //! The real executable in a scratch folder.
 
+use mrvis::internals::scene;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use tempfile::TempDir;
@@ -28,10 +29,10 @@ impl Scratch {
     }
 
     /// Writes a generated scene as `NAME.obj`.
-    pub fn generate(&self, spec: &mrvis::scene::generate::Spec) -> String {
+    pub fn generate(&self, spec: &scene::generate::Spec) -> String {
         let name = format!("{}.obj", spec.name);
-        let soup = mrvis::scene::generate::soup(spec).expect("a scene");
-        mrvis::scene::write_obj(&self.path(&name), &soup, &[]).expect("written");
+        let soup = scene::generate::soup(spec).expect("a scene");
+        scene::write_obj(&self.path(&name), &soup, &[]).expect("written");
         name
     }
 

@@ -2,11 +2,12 @@
 
 use crate::run::Scratch;
 use glam::{DVec3, dvec3};
-use mrvis::form_factors::matrix::{Facets, Grouping, Matrix, Settings, compute};
-use mrvis::model::Model;
-use mrvis::points::Point;
-use mrvis::radiosity::{self, Options};
-use mrvis::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
+use mrvis::Model;
+use mrvis::internals::form_factors::{Facets, Grouping, Matrix, Settings, compute};
+use mrvis::internals::points::Point;
+use mrvis::internals::radiosity::{self, Link, Options};
+use mrvis::internals::scene::generate::Spec;
+use mrvis::internals::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
 use std::f64::consts::{PI, TAU};
 
 /// A value of a table of published cases, by its first columns and the column that holds it.
@@ -245,7 +246,7 @@ fn glass_blocks_from_one_half_on_in_every_command() {
 fn an_interrupted_solution_is_consistent_and_says_so() {
     use std::process::{Command, Stdio};
     let scratch = Scratch::new();
-    let scene = scratch.generate(&mrvis::scene::generate::Spec::new("desk-room"));
+    let scene = scratch.generate(&Spec::new("desk-room"));
     let child = Command::new(env!("CARGO_BIN_EXE_mrvis"))
         .args(["solve", &scene, "--out", "s", "--error", "1e-5", "--output", "vtu,image", "--gather"])
         .current_dir(scratch.path("."))
@@ -275,7 +276,7 @@ fn a_second_interruption_ends_at_once() {
     use std::process::{Command, Stdio};
     use std::time::Duration;
     let scratch = Scratch::new();
-    let mut spec = mrvis::scene::generate::Spec::new("forest");
+    let mut spec = Spec::new("forest");
     (spec.trees, spec.leaves) = (100, 2000);
     let scene = scratch.generate(&spec);
     let interrupted_after = |seconds: u64| {
@@ -307,7 +308,7 @@ fn a_second_interruption_ends_at_once() {
 #[test]
 fn ten_million_links_take_less_than_a_gibibyte() {
     // Stored, and 32 bytes more for what refinement and sweeps note of each while they last.
-    let stored = size_of::<mrvis::radiosity::links::Link>();
+    let stored = size_of::<Link>();
     assert!(stored <= 40, "{stored}");
     assert!(10_000_000 * (stored + 32) < 1 << 30);
     let options = Options { error: 0.01, ..Options::default() };

@@ -1,7 +1,7 @@
 //! Error as the input: what is chosen, expected and found agree; what cannot be reached is said.
 
 use crate::run::Scratch;
-use mrvis::scene::generate::Spec;
+use mrvis::internals::scene::generate::Spec;
 use serde_json::Value;
 
 /// Runs `bench` on a small forest; the exit code and the record.

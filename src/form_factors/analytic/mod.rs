@@ -4,14 +4,19 @@
 //! F(q→p)`. The form factor of a point is that of a differential area around the point; its value equals the
 //! irradiance at the point for unit radiosity of the polygon. Occlusion is not considered here.
 
+#[cfg(test)]
 mod discs;
 mod pair;
 mod polygon;
+#[cfg(test)]
 mod rectangles;
 #[cfg(test)]
 mod tests;
 
-pub use discs::{coaxial_discs, point_to_disc, point_to_sphere};
 pub use pair::{clip, polygon_to_polygon};
 pub use polygon::point_to_polygon;
-pub use rectangles::{Span, parallel_rectangles, perpendicular_rectangles};
+#[cfg(test)]
+pub use {
+    discs::{coaxial_discs, point_to_disc, point_to_sphere},
+    rectangles::{parallel_rectangles, perpendicular_rectangles},
+};

@@ -10,7 +10,7 @@ fn load(obj: &str, emitters: &[(&str, f64)]) -> Scene {
     let path = folder.path().join("a.obj");
     std::fs::write(&path, obj).expect("written");
     let emitters = emitters.iter().map(|&(name, w)| (name.to_owned(), w)).collect();
-    Scene::load(&path, &LoadOptions { emitters, ..LoadOptions::default() }).expect("a scene")
+    Scene::load_with(&path, &LoadOptions { emitters, ..LoadOptions::default() }).expect("a scene")
 }
 
 fn elements(obj: &str, min_area: f64) -> Elements {

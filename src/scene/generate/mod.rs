@@ -11,7 +11,7 @@ mod urban;
 use super::{LoadOptions, MAX_PLACEMENTS, PlacedSoup, Scene, Soup, instances::resolve_placed, resolve};
 use crate::{Error, Result};
 
-pub use forest::{ground_and_sky, leaf_side};
+pub use forest::ground_and_sky;
 
 /// A kind of generated scene.
 #[derive(Clone, Copy, Debug)]

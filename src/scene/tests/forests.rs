@@ -21,7 +21,7 @@ fn generated_forests_load_as_they_were() {
     for name in ["forest.glb", "forest.gltf"] {
         let path = folder.path().join(name);
         write_gltf(&path, &placed, "test").expect("written");
-        let loaded = Scene::load(&path, &LoadOptions::default()).expect(name);
+        let loaded = Scene::load_with(&path, &LoadOptions::default()).expect(name);
         check_consistent(&loaded);
         assert!(loaded.repairs.messages.is_empty(), "{:?}", loaded.repairs.messages);
         assert_eq!(format!("{:?}", loaded.placements), format!("{:?}", built.placements));
@@ -73,7 +73,7 @@ fn trunks_stay_closed() {
     let path = folder.path().join("forest.glb");
     let spec = generate::Spec { trunks: true, species: 1, ..spec() };
     write_gltf(&path, &generate::placed(&spec).expect("a forest"), "test").expect("written");
-    let s = Scene::load(&path, &LoadOptions::default()).expect("a forest");
+    let s = Scene::load_with(&path, &LoadOptions::default()).expect("a forest");
     let tree = &s.shared[0];
     assert_eq!((tree.closed_parts, tree.sheet_parts, tree.materials.len()), (1, 40, 2));
     assert_eq!(tree.triangles.len(), 80 + 16 + 12);

@@ -69,7 +69,7 @@ fn obj_errors_name_the_line() {
 #[test]
 fn paths_that_are_no_scenes() {
     let check = |path: &str, want: &str| {
-        let text = Scene::load(Path::new(path), &LoadOptions::default()).expect_err(path).to_string();
+        let text = Scene::load_with(Path::new(path), &LoadOptions::default()).expect_err(path).to_string();
         assert!(text.contains(want), "{text}");
     };
     check("/nowhere/a.obj", "No such file");
@@ -89,7 +89,7 @@ pub(super) fn load_bytes(extension: &str, bytes: &[u8]) -> Result<Scene> {
     let folder = tempfile::tempdir().expect("scratch folder");
     let path = folder.path().join(format!("scene.{extension}"));
     fs::write(&path, bytes).expect("scratch file");
-    Scene::load(&path, &LoadOptions::default())
+    Scene::load_with(&path, &LoadOptions::default())
 }
 
 const PLY_HEAD: &str = "element vertex 4\nproperty float x\nproperty double y\nproperty float z\n\

@@ -34,7 +34,7 @@ fn written_scenes_load_as_they_were() {
         let built = build(&spec).expect(kind.name);
         let path = folder.path().join("scene.obj");
         write_obj(&path, &soup(&spec).expect(kind.name), &["a", "b\nc"]).expect("written");
-        let loaded = Scene::load(&path, &LoadOptions { unit: kind.unit.into(), ..Default::default() })
+        let loaded = Scene::load_with(&path, &LoadOptions { unit: kind.unit.into(), ..Default::default() })
             .expect(kind.name);
         check_consistent(&loaded);
         // The file gives vertices in the order of their first use.

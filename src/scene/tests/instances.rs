@@ -57,7 +57,7 @@ fn read_with(file: &Value, options: &LoadOptions) -> Result<Scene> {
     let folder = tempfile::tempdir().expect("scratch folder");
     let path = folder.path().join("scene.gltf");
     fs::write(&path, file.to_string()).expect("scratch file");
-    Scene::load(&path, options)
+    Scene::load_with(&path, options)
 }
 
 /// The same file with a copy of the mesh for each node.

@@ -19,7 +19,7 @@ fn load_with(obj: &str, others: &[(&str, &[u8])], options: &LoadOptions) -> Resu
     }
     let path = folder.path().join("scene.obj");
     fs::write(&path, obj).expect("scratch file");
-    Scene::load(&path, options)
+    Scene::load_with(&path, options)
 }
 
 fn load(obj: &str) -> Result<Scene> {

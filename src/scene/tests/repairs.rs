@@ -144,7 +144,10 @@ fn materials_and_their_absence() {
     assert_eq!((s.triangle_reflectance[0], s.materials[0].emission), ([0.1, 0.2, 0.3], [0.0, 5.0, 0.0]));
     assert!(s.repairs.messages.is_empty());
     let s = mtl("newmtl grün\nKd 1 2 -1\n");
-    assert_eq!(s.triangle_reflectance[0], [MAX_REFLECTANCE, MAX_REFLECTANCE, 0.0]);
+    assert_eq!(
+        s.triangle_reflectance[0],
+        [crate::scene::resolve::MAX_REFLECTANCE, crate::scene::resolve::MAX_REFLECTANCE, 0.0]
+    );
     assert_eq!(s.repairs.clamped_reflectances, 1);
     let s = mtl("newmtl blue\nKd 1 0 0\n");
     assert_eq!((s.triangle_reflectance[0], s.repairs.faces_without_material), ([0.5; 3], 1));

@@ -1,0 +1,98 @@
+//! What the benches and the tests of the whole crate need besides the public interface. Not part of it: names here change
+//! without notice.
+
+/// The measurement behind `mrvis bench`.
+pub mod bench {
+    pub use crate::bench::workload::{Order, Workload, surface_points};
+    pub use crate::bench::{Options, run};
+}
+
+/// Clusters.
+pub mod clusters {
+    pub use crate::clusters::{Options, build};
+}
+
+/// Files of measured clusters.
+pub mod cache {
+    pub use crate::model::cache::{Options, Origin, Place, PreparedClusters, table};
+}
+
+/// The Embree binding.
+pub mod embree {
+    pub use crate::embree::{CommittedScene, Traversal};
+}
+
+/// Form factors between facets.
+pub mod form_factors {
+    pub use crate::form_factors::matrix::{Facets, Grouping, Matrix, Settings, compute};
+}
+
+/// Images in files.
+pub mod image_io {
+    pub use crate::image_io::read_image;
+}
+
+/// Cluster optics.
+pub mod optics {
+    pub use crate::optics::{Extinction, Options, measure};
+}
+
+/// Points in files.
+pub mod points {
+    pub use crate::points::Point;
+}
+
+/// The light in a scene.
+pub mod radiosity {
+    pub use crate::radiosity::links::Link;
+    pub use crate::radiosity::{Options, run};
+}
+
+/// Bit images.
+pub mod raster {
+    pub use crate::raster::{BitImage, Edt, Morphology, Outside};
+}
+
+/// Segments.
+pub mod ray {
+    pub use crate::ray::{Occluder, Packet};
+}
+
+/// Scenes from polygons and generators.
+pub mod scene {
+    pub use crate::scene::{LoadOptions, Scene, Soup, SoupMaterial, generate, resolve, write_obj};
+}
+
+/// Instruction sets.
+pub mod simd {
+    pub use crate::simd::Isa;
+}
+
+/// Visibility engines.
+pub mod visibility {
+    pub use crate::visibility::steps::Steps;
+    pub use crate::visibility::{Bundle, Exact, Leaf, MultiResolution, Workspace};
+}
+
+use crate::embree::{CommittedScene, Traversal};
+use crate::model::Model;
+use crate::visibility::{Leaf, MultiResolution};
+
+/// The multi-resolution engine over a model with optics, without a budget.
+///
+/// # Panics
+/// If the model was prepared without optics.
+pub fn multi_resolution(model: &Model, traversal: Traversal, leaf: Leaf) -> MultiResolution {
+    let tree = model.base().measured().expect("optics").tree.clone();
+    MultiResolution::new(tree, model.traced().clone(), traversal, leaf)
+}
+
+/// The Embree scene of a model.
+pub fn traced(model: &Model) -> &CommittedScene {
+    model.traced()
+}
+
+/// Rays in the widest packet that Embree traces natively on this machine.
+pub fn native_width(model: &Model) -> usize {
+    model.native_width()
+}

@@ -1,0 +1,66 @@
+//! Pools of threads: each is made for a caller that asked for it; rayon's global pool is never built.
+
+use crate::{Error, Result};
+use std::sync::OnceLock;
+
+/// Largest number of threads of a pool. Chosen: more than any machine has that Embree runs on.
+pub const MAX_THREADS: usize = 1024;
+
+/// Stack of a thread in bytes. Chosen: that of a main thread on Linux, so that work does as well in a pool as outside.
+const STACK: usize = 8 << 20;
+
+/// Threads that work is done on: those of the pool that the caller is in already, else of a pool that is built when it is first
+/// needed.
+pub struct Threads {
+    /// 0: one for each core.
+    count: usize,
+    pool: OnceLock<rayon::ThreadPool>,
+}
+
+impl Threads {
+    /// So many threads; 0 for one a core.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] beyond [`MAX_THREADS`].
+    pub fn new(count: usize) -> Result<Threads> {
+        if count > MAX_THREADS {
+            return Err(Error::Argument(format!(
+                "`threads` {count}: must lie in 0..{MAX_THREADS}, 0 for all cores"
+            )));
+        }
+        Ok(Threads { count, pool: OnceLock::new() })
+    }
+
+    /// Does `work` on the threads.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`] if the system refuses the threads.
+    pub fn run<R: Send>(&self, work: impl FnOnce() -> R + Send) -> Result<R> {
+        if rayon::current_thread_index().is_some() {
+            return Ok(work());
+        }
+        if self.pool.get().is_none() {
+            let builder = rayon::ThreadPoolBuilder::new().num_threads(self.count).stack_size(STACK);
+            let pool = builder
+                .build()
+                .map_err(|e| Error::OutOfMemory(format!("threads cannot be started ({e})")))?;
+            // Whoever was faster: one pool is as good as the other.
+            let _ = self.pool.set(pool);
+        }
+        Ok(self.pool.get().expect("just set").install(work))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_pool_of_the_caller_goes_first() {
+        let two = Threads::new(2).unwrap();
+        assert_eq!(two.run(rayon::current_num_threads).unwrap(), 2);
+        let three = Threads::new(3).unwrap();
+        assert_eq!(two.run(|| three.run(rayon::current_num_threads)).unwrap().unwrap(), 2);
+        assert!(Threads::new(MAX_THREADS + 1).is_err());
+    }
+}
