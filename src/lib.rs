@@ -3,6 +3,7 @@
 // Some code serves tests, benches or the command alone; unused code is found with `internals`, as `make test` builds.
 #![cfg_attr(not(feature = "internals"), allow(dead_code, unused_imports))]
 
+mod api;
 #[cfg(feature = "cli")]
 mod bench;
 #[cfg(feature = "cli")]
@@ -40,7 +41,12 @@ mod simd;
 mod threads;
 mod visibility;
 
+pub use api::{
+    Answers, Between, Engine, FormFactorOptions, FormFactors, Query, Segments, Solution, SolveOptions,
+    Strided, SurfacePoint, Visibility,
+};
 pub use error::{Error, ErrorCategory, Result};
 pub use model::{Detail, Model, PrepareOptions, PrepareReport, Source};
 pub use progress::Progress;
 pub use scene::{LoadOptions, Scene};
+pub use visibility::{Answer, Cost, Method};

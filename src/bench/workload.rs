@@ -1,10 +1,9 @@
 //! The questions of a benchmark: receiver points, the emitters they face, and the segments between them.
 
-use crate::math::Aabb;
 use crate::ray::{EndRule, LANES, Packet, gather_neighbours};
-use crate::scene::{Emitter, Scene};
+use crate::scene::{EmitterSampler, Scene, point_on};
 use crate::visibility::reference::end_rule;
-use glam::{BVec3, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 use sobol_burley::sample_4d;
 
@@ -62,7 +61,7 @@ impl Workload {
             .enumerate()
             .flat_map_iter(|(p, point)| {
                 samplers.iter().enumerate().filter_map(move |(e, s)| {
-                    s.pair(point).map(|(emitter_size, weight)| Pair {
+                    s.size_and_weight(point.position, point.normal).map(|(emitter_size, weight)| Pair {
                         point: p as u32,
                         emitter: e as u32,
                         emitter_size,
@@ -96,7 +95,7 @@ impl Workload {
 
     /// Points whose convex hull holds the emitter of a pair.
     pub fn hull(&self, pair: usize) -> &[Vec3] {
-        &self.samplers[self.pairs[pair].emitter as usize].hull
+        self.samplers[self.pairs[pair].emitter as usize].hull()
     }
 
     /// The mean of a value of each pair over the emitters of each point, weighted by their unoccluded irradiance:
@@ -145,7 +144,7 @@ impl Workload {
         let point = &self.points[point as usize];
         let seed = scramble(self.seed ^ stream << 56 ^ (pair as u64) << 8);
         let sampler = &self.samplers[emitter as usize];
-        let facing = sampler.facing(scene, point);
+        let facing = sampler.facing(scene, point.position);
         // Owen-scrambled Sobol' points: stratified for every power of two, 65536 at most a scramble.
         let draw = |i: u32| sample_4d(i & 0xffff, 0, seed ^ (i >> 16).wrapping_mul(0x9e37_79b9));
         let mut ends: Vec<Vec3> =
@@ -157,155 +156,11 @@ impl Workload {
     }
 }
 
-/// The corners of a convex polygon in turn; as they are if there is no such order.
-fn in_turn(points: [Vec3; 4]) -> [Vec3; 4] {
-    let [a, b, c, d] = points;
-    let orders = [points, [a, b, d, c], [a, c, b, d]];
-    let convex = |p: &[Vec3; 4]| {
-        let edge = |k: usize| p[(k + 1) % 4] - p[k % 4];
-        let turn = |k: usize| edge(k).cross(edge(k + 1));
-        (1..4).all(|k| turn(0).dot(turn(k)) > 0.0)
-    };
-    orders.into_iter().find(convex).unwrap_or(points)
-}
-
-/// The points, each once, if there are few, or the corners of the box around them.
-fn hull(points: impl Iterator<Item = Vec3> + Clone) -> Vec<Vec3> {
-    const FEW: usize = 8;
-    let mut distinct: Vec<Vec3> = Vec::new();
-    for p in points.clone() {
-        if distinct.len() <= FEW && !distinct.contains(&p) {
-            distinct.push(p);
-        }
-    }
-    if let [a, b, c, d] = distinct[..] {
-        return in_turn([a, b, c, d]).to_vec();
-    }
-    if distinct.len() <= FEW {
-        return distinct;
-    }
-    let bounds = Aabb::of(points);
-    let corner = |k: u32| BVec3::new(k & 1 == 1, k & 2 == 2, k & 4 == 4);
-    (0..8).map(|k| Vec3::select(corner(k), bounds.max, bounds.min)).collect()
-}
-
 /// A well-mixed 32-bit seed.
 fn scramble(v: u64) -> u32 {
     let v = (v ^ v >> 33).wrapping_mul(0xff51_afd7_ed55_8ccd);
     let v = (v ^ v >> 33).wrapping_mul(0xc4ce_b9fe_1a85_ec53);
     (v ^ v >> 33) as u32
-}
-
-/// Draws points on an emitter.
-#[derive(Clone, Debug)]
-struct EmitterSampler {
-    triangles: Vec<u32>,
-    /// Normals of the faces.
-    normals: Vec<Vec3>,
-    /// A corner of each face.
-    corners: Vec<Vec3>,
-    /// All corners or, of a many-cornered emitter, those of the box around them: their hull holds it.
-    hull: Vec<Vec3>,
-    /// Running sums of the areas.
-    sums: Vec<f32>,
-    centre: Vec3,
-    normal: Vec3,
-    planar: bool,
-    area: f32,
-    width: f32,
-    radiance: f32,
-}
-
-impl EmitterSampler {
-    fn new(scene: &Scene, emitter: &Emitter) -> EmitterSampler {
-        let (mut sum, mut centre) = (0.0f64, glam::DVec3::ZERO);
-        let (mut normals, mut sums, mut corners) = (Vec::new(), Vec::new(), Vec::new());
-        for &t in &emitter.triangles {
-            let [a, b, c] = scene.corners(t);
-            let area = crate::math::triangle_area(a, b, c);
-            centre += area * ((a + b + c) / 3.0).as_dvec3();
-            sum += area;
-            normals.push(crate::math::triangle_normal(a, b, c));
-            corners.push(a);
-            sums.push(sum as f32);
-        }
-        EmitterSampler {
-            hull: hull(emitter.triangles.iter().flat_map(|&t| scene.corners(t))),
-            triangles: emitter.triangles.clone(),
-            normals,
-            corners,
-            sums,
-            centre: (centre / sum).as_vec3(),
-            normal: emitter.normal.normalize_or_zero(),
-            planar: emitter.normal.length() > 0.999,
-            area: emitter.area as f32,
-            width: emitter.min_width,
-            radiance: emitter.emission.iter().sum::<f32>() / 3.0,
-        }
-    }
-
-    /// Size and weight of the emitter for a point; none if no face of it can send light there.
-    fn pair(&self, point: &Point) -> Option<(f32, f32)> {
-        let seen =
-            self.normals.iter().zip(&self.corners).any(|(n, &corner)| n.dot(point.position - corner) > 0.0);
-        // The centre decides: a point whose horizon cuts the emitter still counts if more than half is above.
-        let to = self.centre - point.position;
-        let distance = to.length();
-        let cosine = point.normal.dot(to) / distance;
-        if !seen || cosine.partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) {
-            return None;
-        }
-        let facing = if self.planar { (-self.normal.dot(to) / distance).max(0.0) } else { 1.0 };
-        let weight = self.radiance * self.area * cosine * facing / (distance * distance);
-        Some((self.width * facing, weight))
-    }
-
-    /// The faces that face a point, with their areas summed up.
-    fn facing<'a>(&'a self, scene: &Scene, point: &Point) -> Facing<'a> {
-        if self.planar {
-            return Facing { triangles: &self.triangles, sums: std::borrow::Cow::Borrowed(&self.sums) };
-        }
-        let mut sum = 0.0;
-        let sums = self
-            .triangles
-            .iter()
-            .enumerate()
-            .map(|(i, &t)| {
-                if self.normals[i].dot(point.position - scene.corners(t)[0]) > 0.0 {
-                    sum += self.sums[i] - if i > 0 { self.sums[i - 1] } else { 0.0 };
-                }
-                sum
-            })
-            .collect();
-        Facing { triangles: &self.triangles, sums: std::borrow::Cow::Owned(sums) }
-    }
-}
-
-struct Facing<'a> {
-    triangles: &'a [u32],
-    sums: std::borrow::Cow<'a, [f32]>,
-}
-
-impl Facing<'_> {
-    /// Area-uniform point from two numbers in `[0, 1)`: the first picks the face and is used again inside it.
-    fn sample(&self, scene: &Scene, u: f32, v: f32) -> Vec3 {
-        let total = *self.sums.last().expect("emitters have faces");
-        let target = u * total;
-        let mut i = self.sums.partition_point(|&s| s <= target).min(self.sums.len() - 1);
-        // Rounded up to the total: the last face that counts.
-        while i > 0 && self.sums[i] == self.sums[i - 1] {
-            i -= 1;
-        }
-        let before = if i > 0 { self.sums[i - 1] } else { 0.0 };
-        let u = ((target - before) / (self.sums[i] - before)).clamp(0.0, 1.0);
-        point_on(scene.corners(self.triangles[i]), u, v)
-    }
-}
-
-/// Area-uniform point of a triangle.
-pub(super) fn point_on([a, b, c]: [Vec3; 3], u: f32, v: f32) -> Vec3 {
-    let root = u.sqrt();
-    a + root * (1.0 - v) * (b - a) + root * v * (c - a)
 }
 
 /// `count` points on the surfaces that do not emit, area-weighted, low-discrepancy; sheets get either side.

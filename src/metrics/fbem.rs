@@ -18,17 +18,44 @@ pub enum Filter {
     Unmasked,
 }
 
-/// Options of the metric.
+/// Options of the metric: [`FbemOptions::default`], then `with_…`.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct FbemOptions {
+    pub(crate) size: f64,
+    pub(crate) p: f64,
+    pub(crate) features: FeatureOptions,
+    pub(crate) filter: Filter,
+}
+
+impl FbemOptions {
     /// Feature size s: features larger than s are compared texel by texel; scene units, at least 0.
-    pub size: f64,
+    #[must_use]
+    pub fn with_size(mut self, size: f64) -> FbemOptions {
+        self.size = size;
+        self
+    }
+
     /// Exponent p of the norm, at least 1; the paper uses 2.
-    pub p: f64,
+    #[must_use]
+    pub fn with_exponent(mut self, p: f64) -> FbemOptions {
+        self.p = p;
+        self
+    }
+
     /// Definition of features.
-    pub features: FeatureOptions,
+    #[must_use]
+    pub fn with_features(mut self, features: FeatureOptions) -> FbemOptions {
+        self.features = features;
+        self
+    }
+
     /// Support of the box averages outside the mask.
-    pub filter: Filter,
+    #[must_use]
+    pub fn with_filter(mut self, filter: Filter) -> FbemOptions {
+        self.filter = filter;
+        self
+    }
 }
 
 impl Default for FbemOptions {
@@ -40,6 +67,7 @@ impl Default for FbemOptions {
 
 /// Result of [`fbem`]: the error of an image relative to features larger than `size`.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Fbem {
     /// Feature size s, scene units.
     pub size: f64,

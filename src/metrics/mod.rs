@@ -18,9 +18,16 @@ mod image;
 mod missing;
 mod norms;
 
-pub use fbem::{Fbem, FbemOptions, Filter, fbem, spectrum, spectrum_sizes};
-pub use features::{DEFAULT_THRESHOLD, FeatureOptions, FeatureSet, Features};
-pub use filter::box_filter;
+pub use crate::raster::Morphology;
+pub use fbem::{Fbem, FbemOptions, Filter, fbem, spectrum};
+pub use features::{FeatureOptions, Features, feature_mask};
 pub use image::Image;
-pub use missing::{Missing, missing_features};
-pub use norms::{Norms, difference, norms};
+pub use norms::{Norms, norms};
+
+#[allow(unused_imports)] // Not all of them are needed without the command.
+pub(crate) use {
+    fbem::spectrum_sizes,
+    features::{DEFAULT_THRESHOLD, FeatureSet},
+    missing::missing_features,
+    norms::difference,
+};

@@ -5,6 +5,7 @@ use crate::Result;
 
 /// Errors of an approximation as means over the texels, in the units of the image values.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Norms {
     /// Mean absolute difference.
     pub l1: f64,

@@ -5,6 +5,7 @@
 //! factors all take a `&Model`.
 
 pub mod cache;
+mod engines;
 mod mesh;
 mod prepare;
 mod source;
@@ -21,6 +22,7 @@ use crate::embree::{CommittedScene, Device, Traversal};
 use crate::ray::EndRule;
 use crate::scene::Scene;
 use crate::threads::Threads;
+use engines::Engines;
 use std::sync::Arc;
 
 /// A scene prepared for queries.
@@ -38,6 +40,7 @@ struct Inner {
     revision: u64,
     report: PrepareReport,
     threads: Arc<Threads>,
+    engines: Engines,
 }
 
 impl Model {

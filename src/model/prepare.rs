@@ -143,6 +143,7 @@ impl Model {
                 revision: *revision,
                 report,
                 threads: threads.clone(),
+                engines: Default::default(),
             }),
         })
     }
@@ -164,7 +165,18 @@ fn prepare(
     let sources = (0..scene.emitters.len() as u32).map(|emitter| Source::Surface { emitter }).collect();
     let meshes = vec![Arc::new(Mesh { scene: scene.clone(), traced, clusters })];
     let threads = threads.clone();
-    Ok(Model { inner: Arc::new(Inner { scene, device, meshes, sources, revision: 0, report, threads }) })
+    Ok(Model {
+        inner: Arc::new(Inner {
+            scene,
+            device,
+            meshes,
+            sources,
+            revision: 0,
+            report,
+            threads,
+            engines: Default::default(),
+        }),
+    })
 }
 
 /// The Embree scene of the triangles of a mesh.

@@ -58,7 +58,7 @@ pub enum Morphology {
 
 impl Morphology {
     /// Name in options and reports: `euclid`, `paper8` or `paper4`.
-    pub fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             Morphology::Euclid => "euclid",
             Morphology::Paper8 => "paper8",

@@ -6,6 +6,7 @@
 mod bent;
 mod compact;
 mod connect;
+mod emitter_sampler;
 mod emitters;
 mod flatten;
 mod front;
@@ -31,6 +32,7 @@ mod weld;
 mod write_gltf;
 mod write_obj;
 
+pub use emitter_sampler::{EmitterSampler, point_on};
 pub use instances::{MAX_PLACEMENTS, Placement};
 pub use load::LoadOptions;
 pub use power::{parse_emitter, unit_in_metres};

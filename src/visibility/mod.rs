@@ -56,11 +56,13 @@ pub struct Bundle<'a> {
 }
 
 /// Method by which an answer was found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u8)]
 pub enum Method {
     /// No geometry lies between the ends.
+    #[default]
     Clear,
-    /// A single triangle covers the whole emitter end; no segment was tested.
+    /// A single triangle covers the whole emitter end, or the emitter turns away from the point; no segment was tested.
     Covered,
     /// Triangles were tested; nothing was aggregated.
     Exact,
@@ -72,6 +74,7 @@ pub enum Method {
 
 /// Cost of an answer, and the numbers of segments by method.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Cost {
     /// Number of segments.
     pub segments: u64,
@@ -89,7 +92,7 @@ pub struct Cost {
 
 impl Cost {
     /// Adds another cost.
-    pub fn add(&mut self, other: Cost) {
+    pub(crate) fn add(&mut self, other: Cost) {
         self.segments += other.segments;
         self.nodes += other.nodes;
         self.exact_rays += other.exact_rays;
@@ -101,6 +104,7 @@ impl Cost {
 
 /// Visible fraction of a bundle with its interval and cost.
 #[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
 pub struct Answer {
     /// Mean transmittance of the segments, in `[0, 1]`.
     pub transmittance: f32,
@@ -109,8 +113,8 @@ pub struct Answer {
     /// The model error of a cluster is the tolerance of its feature size, times that size divided by the width of the
     /// beam at the cluster, at most 1: errors of independent parts average out over wider beams.
     ///
-    /// If the answer is certain for the whole of [`Bundle::emitter`] (empty shaft, or one triangle covers it), both
-    /// ends equal the transmittance.
+    /// If the answer is certain for the whole emitter (empty shaft, or one triangle covers it), both ends equal the
+    /// transmittance.
     pub lo: f32,
     /// Upper end of the interval.
     pub hi: f32,

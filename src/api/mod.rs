@@ -1,0 +1,26 @@
+//! The front door of the crate: what a user asks of a [`Model`](crate::Model), checked, and answered by the rooms behind it.
+
+mod batch;
+mod form_factors;
+mod query;
+mod segments;
+mod solve;
+#[cfg(test)]
+mod tests;
+mod visibility;
+
+pub use form_factors::{Between, FormFactorOptions, FormFactors};
+pub use query::Query;
+pub use segments::{Answers, Segments, Strided};
+pub use solve::{Solution, SolveOptions, SurfacePoint};
+pub use visibility::{Engine, Visibility};
+
+use crate::{Error, Result};
+
+/// `value` if it is finite and above 0.
+fn positive(name: &str, value: f32) -> Result<f32> {
+    if value.is_finite() && value > 0.0 {
+        return Ok(value);
+    }
+    Err(Error::Argument(format!("`{name}` {value}: must be a finite number above 0")))
+}

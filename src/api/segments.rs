@@ -1,0 +1,312 @@
+//! Batches of segments in the caller's arrays, and where their answers go.
+
+use crate::visibility::Method;
+use crate::{Error, Result};
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Largest coordinate, scene units: squares of differences stay finite in f32.
+pub(super) const MAX_COORDINATE: f32 = 1e12;
+/// Most segments of a bundle. Chosen: 54 MB of packets.
+const MAX_BUNDLE: u64 = 1 << 20;
+
+/// Positions in an array of the caller: x, y, z of each one after the other, at a fixed stride. Borrowed, never copied.
+#[derive(Clone, Copy, Debug)]
+pub struct Strided<'a> {
+    data: &'a [f32],
+    stride: usize,
+    count: usize,
+}
+
+impl<'a> Strided<'a> {
+    /// `count` positions, of which each begins `stride` floats after the one before. A stride of 0 stands for 3: packed.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] if the stride is 1 or 2, or `data` is too short.
+    pub fn new(data: &'a [f32], stride: usize, count: usize) -> Result<Strided<'a>> {
+        let stride = if stride == 0 { 3 } else { stride };
+        if stride < 3 {
+            return Err(Error::Argument(format!(
+                "`stride` {stride}: must be 0 (packed) or at least 3 floats"
+            )));
+        }
+        let needed = count.checked_sub(1).map_or(Some(0), |last| last.checked_mul(stride)?.checked_add(3));
+        if needed.is_none_or(|needed| needed > data.len()) {
+            return Err(Error::Argument(format!(
+                "`data` holds {} floats: too few for {count} positions with a stride of {stride}",
+                data.len()
+            )));
+        }
+        Ok(Strided { data, stride, count })
+    }
+
+    /// The same position, `count` times.
+    pub fn repeated(position: &'a [f32; 3], count: usize) -> Strided<'a> {
+        Strided { data: position, stride: 0, count }
+    }
+
+    /// Number of positions.
+    pub fn len(&self) -> usize {
+        self.count
+    }
+
+    /// Whether there are no positions.
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    fn at(&self, i: usize) -> Vec3 {
+        Vec3::from_slice(&self.data[i * self.stride..])
+    }
+}
+
+impl<'a> From<&'a [[f32; 3]]> for Strided<'a> {
+    fn from(positions: &'a [[f32; 3]]) -> Strided<'a> {
+        Strided { data: positions.as_flattened(), stride: 3, count: positions.len() }
+    }
+}
+
+/// A size that all bundles have, or one for each.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Sizes<'a> {
+    All(f32),
+    Each(&'a [f32]),
+}
+
+impl Sizes<'_> {
+    pub fn of(&self, bundle: usize) -> f32 {
+        match self {
+            Sizes::All(size) => *size,
+            Sizes::Each(sizes) => sizes[bundle],
+        }
+    }
+
+    fn check(&self, name: &str, bundles: usize, least: impl Fn(f32) -> bool, must: &str) -> Result<()> {
+        let sizes = match self {
+            Sizes::All(size) => std::slice::from_ref(size),
+            Sizes::Each(sizes) if sizes.len() == bundles => sizes,
+            Sizes::Each(sizes) => {
+                let count = sizes.len();
+                return Err(Error::Argument(format!("`{name}` has {count} entries for {bundles} bundles")));
+            }
+        };
+        match sizes.iter().position(|&size| !(size.is_finite() && least(size))) {
+            None => Ok(()),
+            Some(k) => Err(Error::Argument(format!("`{name}`[{k}] {}: must be {must}", sizes[k]))),
+        }
+    }
+}
+
+/// A batch of questions: segments from receivers to emitters, in bundles that share their ends.
+///
+/// Positions are f32, as engines trace them, and relative to a point in f64 ([`Segments::relative_to`]): scenes far from zero keep
+/// their precision and nothing is copied. A batch whose `relative_to` is [`Scene::origin`](crate::Scene::origin) is traced bit by
+/// bit as given; by default positions are in the coordinates of the file.
+///
+/// Segments of a bundle should begin at one place and end at one emitter, those that end close together one after the other;
+/// bundles whose receivers are neighbours should follow each other: that is faster, and answers do not depend on it but for rounding.
+#[derive(Clone, Copy, Debug)]
+#[must_use = "segments are asked by `Visibility::answer_into`"]
+pub struct Segments<'a> {
+    pub(super) origins: Strided<'a>,
+    pub(super) targets: Strided<'a>,
+    pub(super) bundles: &'a [u64],
+    pub(super) feature_sizes: Option<Sizes<'a>>,
+    pub(super) emitter_sizes: Sizes<'a>,
+    relative_to: [f64; 3],
+}
+
+impl<'a> Segments<'a> {
+    /// Segment `i` runs from `origins[i]`, the receiver, to `targets[i]`, the emitter; scene units. Bundle `k` holds the segments
+    /// `bundles[k]..bundles[k + 1]`: ascending offsets, one more than bundles, the first 0, the last the number of segments. At most
+    /// 1,048,576 segments a bundle.
+    pub fn new(
+        origins: impl Into<Strided<'a>>,
+        targets: impl Into<Strided<'a>>,
+        bundles: &'a [u64],
+    ) -> Segments<'a> {
+        Segments {
+            origins: origins.into(),
+            targets: targets.into(),
+            bundles,
+            feature_sizes: None,
+            emitter_sizes: Sizes::All(0.0),
+            relative_to: [0.0; 3],
+        }
+    }
+
+    /// One feature size for all bundles, scene units, above 0; see [`Query::feature_size`](crate::Query::feature_size).
+    pub fn feature_size(mut self, size: f32) -> Segments<'a> {
+        self.feature_sizes = Some(Sizes::All(size));
+        self
+    }
+
+    /// A feature size for each bundle, scene units, above 0.
+    pub fn feature_sizes(mut self, sizes: &'a [f32]) -> Segments<'a> {
+        self.feature_sizes = Some(Sizes::Each(sizes));
+        self
+    }
+
+    /// The smallest width of all emitters as seen from their receivers, scene units, at least 0 (default: points). Smaller than true
+    /// is safe: less is averaged.
+    pub fn emitter_size(mut self, size: f32) -> Segments<'a> {
+        self.emitter_sizes = Sizes::All(size);
+        self
+    }
+
+    /// The same, one for each bundle.
+    pub fn emitter_sizes(mut self, sizes: &'a [f32]) -> Segments<'a> {
+        self.emitter_sizes = Sizes::Each(sizes);
+        self
+    }
+
+    /// The point, in the coordinates of the file, that positions are relative to; default zero. f64, scene units.
+    pub fn relative_to(mut self, point: [f64; 3]) -> Segments<'a> {
+        self.relative_to = point;
+        self
+    }
+
+    /// Number of bundles.
+    pub fn bundle_count(&self) -> usize {
+        self.bundles.len().saturating_sub(1)
+    }
+
+    pub(super) fn of_bundle(&self, bundle: usize) -> Range<usize> {
+        self.bundles[bundle] as usize..self.bundles[bundle + 1] as usize
+    }
+
+    /// The ends of segments relative to the scene's origin.
+    pub(super) fn frame(&self, origin: DVec3) -> Frame<'a> {
+        Frame {
+            origins: self.origins,
+            targets: self.targets,
+            shift: DVec3::from_array(self.relative_to) - origin,
+        }
+    }
+
+    /// Checks everything that engines rely on.
+    pub(super) fn check(&self, frame: &Frame) -> Result<()> {
+        let argument = |what: String| Err(Error::Argument(what));
+        let (segments, bundles) = (self.origins.len(), self.bundle_count());
+        if self.targets.len() != segments {
+            return argument(format!(
+                "`targets` has {} positions for {segments} `origins`",
+                self.targets.len()
+            ));
+        }
+        match (self.bundles.first(), self.bundles.last()) {
+            (Some(0), Some(&last)) if last == segments as u64 => {}
+            _ => {
+                return argument(format!(
+                    "`bundles`: the first offset must be 0 and the last {segments}, the number of segments"
+                ));
+            }
+        }
+        if let Some(k) = self.bundles.windows(2).position(|w| w[1] < w[0] || w[1] - w[0] > MAX_BUNDLE) {
+            let [from, to] = [self.bundles[k], self.bundles[k + 1]];
+            return argument(format!(
+                "`bundles`[{}] {to} after {from}: offsets must ascend, by {MAX_BUNDLE} segments at most",
+                k + 1
+            ));
+        }
+        if let Some(sizes) = &self.feature_sizes {
+            sizes.check("feature_sizes", bundles, |s| s > 0.0, "a finite number above 0")?;
+        }
+        self.emitter_sizes.check("emitter_sizes", bundles, |s| s >= 0.0, "a finite number not below 0")?;
+        if !frame.shift.is_finite() {
+            return argument(format!("`relative_to` {:?}: must be finite", self.relative_to));
+        }
+        let lies = |p: Vec3| p.is_finite() && p.abs().max_element() <= MAX_COORDINATE;
+        let bad = |i: usize| {
+            let (from, to) = frame.ends(i);
+            !lies(from) || !lies(to) || from == to
+        };
+        let Some(i) = (0..segments).into_par_iter().with_min_len(1 << 12).find_first(|&i| bad(i)) else {
+            return Ok(());
+        };
+        let (from, to) = (self.origins.at(i), self.targets.at(i));
+        if lies(frame.ends(i).0) && lies(frame.ends(i).1) {
+            return argument(format!("segment {i} from {from} to {to}: has no length"));
+        }
+        let name = if lies(frame.ends(i).0) { "targets" } else { "origins" };
+        let value = if name == "targets" { to } else { from };
+        argument(format!(
+            "`{name}`[{i}] {value}: must be finite, at most {MAX_COORDINATE:e} from the scene's origin"
+        ))
+    }
+}
+
+/// Ends of segments relative to the scene's origin.
+#[derive(Clone, Copy)]
+pub(super) struct Frame<'a> {
+    origins: Strided<'a>,
+    targets: Strided<'a>,
+    shift: DVec3,
+}
+
+impl Frame<'_> {
+    pub fn ends(&self, segment: usize) -> (Vec3, Vec3) {
+        (self.moved(self.origins.at(segment)), self.moved(self.targets.at(segment)))
+    }
+
+    fn moved(&self, position: Vec3) -> Vec3 {
+        if self.shift == DVec3::ZERO { position } else { (position.as_dvec3() + self.shift).as_vec3() }
+    }
+}
+
+/// Arrays of the caller that the answers to a batch are written into, one entry a bundle. Written only if there is no error.
+#[derive(Debug)]
+#[must_use = "answers are written by `Visibility::answer_into`"]
+pub struct Answers<'a> {
+    pub(super) transmittance: &'a mut [f32],
+    pub(super) intervals: Option<(&'a mut [f32], &'a mut [f32])>,
+    pub(super) methods: Option<&'a mut [Method]>,
+    pub(super) segments: Option<&'a mut [f32]>,
+}
+
+impl<'a> Answers<'a> {
+    /// Mean transmittance of the segments of each bundle, in `[0, 1]`; 1 for a bundle without segments.
+    pub fn new(transmittance: &'a mut [f32]) -> Answers<'a> {
+        Answers { transmittance, intervals: None, methods: None, segments: None }
+    }
+
+    /// Also the ends of the stated 95 % interval of each bundle; see [`Answer`](crate::Answer).
+    pub fn intervals(mut self, lo: &'a mut [f32], hi: &'a mut [f32]) -> Answers<'a> {
+        self.intervals = Some((lo, hi));
+        self
+    }
+
+    /// Also how the answer to each bundle was found.
+    pub fn methods(mut self, methods: &'a mut [Method]) -> Answers<'a> {
+        self.methods = Some(methods);
+        self
+    }
+
+    /// Also the transmittance of each segment, one entry a segment. Cluster engines then ask every sixteen segments by themselves, so
+    /// that bundles of more have wider intervals.
+    pub fn segments(mut self, transmittance: &'a mut [f32]) -> Answers<'a> {
+        self.segments = Some(transmittance);
+        self
+    }
+
+    pub(super) fn check(&self, bundles: usize, segments: usize) -> Result<()> {
+        let (lo, hi) =
+            self.intervals.as_ref().map_or((None, None), |(lo, hi)| (Some(lo.len()), Some(hi.len())));
+        for (name, have, want) in [
+            ("transmittance", Some(self.transmittance.len()), bundles),
+            ("lo", lo, bundles),
+            ("hi", hi, bundles),
+            ("methods", self.methods.as_ref().map(|m| m.len()), bundles),
+            ("segments", self.segments.as_ref().map(|s| s.len()), segments),
+        ] {
+            if have.is_some_and(|have| have != want) {
+                return Err(Error::Argument(format!(
+                    "`{name}` has {} entries, must have {want}",
+                    have.unwrap_or(0)
+                )));
+            }
+        }
+        Ok(())
+    }
+}

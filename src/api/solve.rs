@@ -1,0 +1,193 @@
+//! The light in a model, and irradiance at points.
+
+use super::visibility::Engine;
+use crate::model::Model;
+use crate::points::Point;
+use crate::progress::Progress;
+use crate::radiosity::{self, Options, Outcome};
+use crate::{Error, Result};
+use glam::DVec3;
+use std::sync::Arc;
+
+/// Options of [`Model::solve`]: [`SolveOptions::default`], then `with_…`.
+#[derive(Clone, Debug, Default)]
+#[non_exhaustive]
+pub struct SolveOptions {
+    options: Options,
+}
+
+impl SolveOptions {
+    /// Error that links are refined to, relative to the mean irradiance, above 0; default 0.02. A target, not a bound: what is left is
+    /// estimated by [`Solution::error_estimate`].
+    #[must_use]
+    pub fn with_error(mut self, error: f64) -> SolveOptions {
+        self.options.error = error;
+        self
+    }
+
+    /// How visibility is answered; default (and [`Engine::Automatic`]) exact. Others need a model with optics.
+    #[must_use]
+    pub fn with_engine(mut self, engine: Engine) -> SolveOptions {
+        self.options.visibility = match engine {
+            Engine::MultiResolution => radiosity::Visibility::Mr,
+            Engine::Average => radiosity::Visibility::Average,
+            Engine::Exact | Engine::Automatic => radiosity::Visibility::Exact,
+        };
+        self
+    }
+
+    /// Feature size of all receivers, scene units, above 0; default: each receiver's diameter. Shadow features of at least this size
+    /// are resolved.
+    #[must_use]
+    pub fn with_feature_size(mut self, size: f32) -> SolveOptions {
+        self.options.feature_size = Some(size);
+        self
+    }
+
+    /// Feature size of an object, group or material, scene units, above 0. May be called several times.
+    #[must_use]
+    pub fn with_feature_size_of(mut self, name: impl Into<String>, size: f32) -> SolveOptions {
+        self.options.feature_sizes.push((name.into(), size));
+        self
+    }
+
+    /// An object, group or material whose light matters; default: all matter alike. May be called several times.
+    #[must_use]
+    pub fn with_importance(mut self, name: impl Into<String>) -> SolveOptions {
+        self.options.importance.push(name.into());
+        self
+    }
+
+    /// Smallest element as a fraction of the scene's area, in `(0, 1]`; default 2e-5.
+    #[must_use]
+    pub fn with_min_area(mut self, part: f64) -> SolveOptions {
+        self.options.min_area = part;
+        self
+    }
+
+    /// Leaves reflected light out of the irradiance at points; default false.
+    #[must_use]
+    pub fn with_direct_only(mut self, direct_only: bool) -> SolveOptions {
+        self.options.direct_only = direct_only;
+        self
+    }
+
+    /// Seconds from the start of the preparation in which to be done, about, above 0; default: no limit.
+    #[must_use]
+    pub fn with_max_seconds(mut self, seconds: f64) -> SolveOptions {
+        self.options.max_seconds = Some(seconds);
+        self
+    }
+
+    /// Number of links at which refinement ends, which bounds the memory (72 bytes each); default ten million.
+    #[must_use]
+    pub fn with_max_links(mut self, links: usize) -> SolveOptions {
+        self.options.max_links = links;
+        self
+    }
+
+    /// Seed of all random numbers; default 1.
+    #[must_use]
+    pub fn with_seed(mut self, seed: u64) -> SolveOptions {
+        self.options.seed = seed;
+        self
+    }
+}
+
+/// A point of a surface that receives light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfacePoint {
+    /// Position in the coordinates of the file, scene units.
+    pub position: [f64; 3],
+    /// Normal of the side that receives light, of any length above 0.
+    pub normal: [f64; 3],
+}
+
+impl SurfacePoint {
+    fn checked(&self, index: usize) -> Result<Point> {
+        let position = DVec3::from_array(self.position);
+        let normal = DVec3::from_array(self.normal).normalize_or_zero();
+        if !position.is_finite() || normal == DVec3::ZERO {
+            return Err(Error::Argument(format!(
+                "`points`[{index}] {:?} {:?}: give a finite position and a normal longer than 0",
+                self.position, self.normal
+            )));
+        }
+        Ok(Point { position, normal })
+    }
+}
+
+/// The light in a model: radiosity of all surfaces. Owned; answers irradiance at points any time.
+#[derive(Clone)]
+pub struct Solution {
+    model: Model,
+    options: Options,
+    outcome: Arc<Outcome>,
+}
+
+impl Model {
+    /// Computes the light: hierarchical radiosity of all surfaces, with all reflections, on the threads of the model. `&()` as
+    /// `progress` tells nobody; one that stops gives the consistent solution reached so far, see [`Solution::interrupted`].
+    ///
+    /// # Errors
+    /// [`Error::Argument`] if an option is out of its range, names nothing, or needs more of the model than was prepared
+    /// ([`Detail::Clusters`](crate::Detail::Clusters), for other than exact visibility [`Detail::Optics`](crate::Detail::Optics));
+    /// [`Error::Scene`] if the scene's size or light is beyond f32.
+    pub fn solve(&self, options: &SolveOptions, progress: &dyn Progress) -> Result<Solution> {
+        let options = &options.options;
+        let needed = options.prepare().detail;
+        if self.detail() < needed {
+            let have = self.detail();
+            return Err(Error::Argument(format!(
+                "the model holds `Detail::{have:?}`: prepare it with `Detail::{needed:?}` to solve with this engine"
+            )));
+        }
+        let outcome = self.on_threads(|| radiosity::run(self, &[], options, progress))??;
+        Ok(Solution { model: self.clone(), options: options.clone(), outcome: Arc::new(outcome) })
+    }
+}
+
+impl Solution {
+    /// Irradiance at points of surfaces, W/m², linear RGB, in their order: direct light by rays to the emitters, reflected light by
+    /// rays that gather the radiosity of surfaces.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] if a position is not finite or a normal has no length; the message names the point.
+    pub fn irradiance(&self, points: &[SurfacePoint]) -> Result<Vec<[f64; 3]>> {
+        let points: Vec<Point> =
+            points.iter().enumerate().map(|(i, point)| point.checked(i)).collect::<Result<_>>()?;
+        let outcome =
+            self.model.on_threads(|| radiosity::run(&self.model, &points, &self.options, &()))??;
+        Ok(outcome.irradiance)
+    }
+
+    /// The model that was solved.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// Mean irradiance of all surfaces, W/m², linear RGB.
+    pub fn mean_irradiance(&self) -> [f64; 3] {
+        self.outcome.record.mean_irradiance
+    }
+
+    /// Estimated RMS error of the irradiance of the elements, relative to its mean.
+    pub fn error_estimate(&self) -> f64 {
+        self.outcome.record.error_estimate
+    }
+
+    /// Number of elements of the hierarchy.
+    pub fn element_count(&self) -> usize {
+        self.outcome.record.elements
+    }
+
+    /// What a user should know, one sentence each: repairs of the scene, limits that were reached.
+    pub fn warnings(&self) -> &[String] {
+        &self.outcome.record.warnings
+    }
+
+    /// Whether the caller's progress stopped it before the error was reached.
+    pub fn interrupted(&self) -> bool {
+        self.outcome.record.interrupted
+    }
+}

@@ -1,0 +1,95 @@
+//! Visibility of a model: which engine answers.
+
+use super::query::Query;
+use crate::model::Model;
+use crate::visibility::{Exact, MultiResolution};
+use crate::{Error, Result};
+
+/// How visibility is answered.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Engine {
+    /// Multi-resolution where a feature size is given, the model holds optics, and a sample of the bundles says that it takes
+    /// less time than exact rays; else exact.
+    #[default]
+    Automatic,
+    /// One Embree ray a segment, 0 or 1.
+    Exact,
+    /// Clusters whose shadows have no features of the feature size or larger are averaged by their extinction; the rest is tested
+    /// exactly. Needs a feature size and a model with optics.
+    MultiResolution,
+    /// Extinction only: an estimate without any ray. Needs a feature size and a model with optics.
+    Average,
+}
+
+/// Visibility of a model: the fraction of light between points that gets through.
+///
+/// Made by [`Model::visibility`]; cheap to make and to clone. The first multi-resolution question estimates the cost of exact rays
+/// in this model once (milliseconds); the model keeps that.
+#[derive(Clone)]
+pub struct Visibility {
+    pub(super) model: Model,
+    pub(super) engine: Engine,
+}
+
+impl Model {
+    /// Visibility in this model, with [`Engine::Automatic`].
+    pub fn visibility(&self) -> Visibility {
+        Visibility { model: self.clone(), engine: Engine::Automatic }
+    }
+}
+
+impl Visibility {
+    /// The same with another engine.
+    #[must_use]
+    pub fn with_engine(mut self, engine: Engine) -> Visibility {
+        self.engine = engine;
+        self
+    }
+
+    /// The model that is asked.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// Begins a single question: how much of the light that would arrive at this point of a surface gets through. `position` is in
+    /// the coordinates of the file, scene units; `normal` is the normal of the side that receives light, of any length above 0.
+    pub fn from_point(&self, position: [f64; 3], normal: [f64; 3]) -> Query<'_> {
+        Query::new(self, position, normal)
+    }
+
+    /// The engine that answers. `sized` says whether there is a feature size.
+    pub(super) fn chosen(&self, sized: bool) -> Result<Chosen> {
+        let need = |engine: Option<MultiResolution>, name: &str| {
+            if !sized {
+                let what =
+                    format!("`feature_size` is missing: the engine `{name}` needs one, a length above 0");
+                return Err(Error::Argument(what));
+            }
+            engine.ok_or_else(|| {
+                Error::Argument(format!(
+                    "the engine `{name}` needs optics: prepare the model with `Detail::Optics`"
+                ))
+            })
+        };
+        let multi_resolution = || self.model.multi_resolution().cloned();
+        match self.engine {
+            Engine::Exact => Ok(Chosen::Exact(self.model.exact())),
+            Engine::MultiResolution => need(multi_resolution(), "MultiResolution").map(Chosen::Clusters),
+            Engine::Average => need(self.model.average(), "Average").map(Chosen::Clusters),
+            Engine::Automatic => Ok(match multi_resolution().filter(|_| sized) {
+                Some(engine) => Chosen::Either(engine),
+                None => Chosen::Exact(self.model.exact()),
+            }),
+        }
+    }
+}
+
+/// An engine for a batch.
+pub(super) enum Chosen {
+    Exact(Exact),
+    /// Multi-resolution or average.
+    Clusters(MultiResolution),
+    /// Multi-resolution where it pays, else exact.
+    Either(MultiResolution),
+}

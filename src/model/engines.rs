@@ -1,0 +1,126 @@
+//! Engines and samplers of a model that are made when they are first asked for, then kept.
+
+use super::Model;
+use crate::optics;
+use crate::ray::{LANES, Packet};
+use crate::scene::{EmitterSampler, Scene, point_on};
+use crate::visibility::{Bundle, Exact, Leaf, MultiResolution, Workspace};
+use glam::Vec3;
+use sobol_burley::sample_4d;
+use std::sync::{Mutex, OnceLock, PoisonError};
+
+/// Bundles on which the cost of exact rays is estimated. Chosen: as many as a solve takes.
+const SAMPLE: u32 = 256;
+/// Seed of their ends.
+const SEED: u32 = 0x6d72_7669;
+
+/// What is kept.
+#[derive(Default)]
+pub(super) struct Engines {
+    multi_resolution: OnceLock<MultiResolution>,
+    samplers: OnceLock<Vec<EmitterSampler>>,
+    workspaces: Mutex<Vec<Workspace>>,
+}
+
+impl Model {
+    /// Exact rays.
+    pub(crate) fn exact(&self) -> Exact {
+        Exact { scene: self.traced().clone(), traversal: self.widest_packets() }
+    }
+
+    /// The multi-resolution engine, if the model holds optics. The cost of exact rays is estimated once, on bundles between
+    /// surfaces and emitters of the scene.
+    pub(crate) fn multi_resolution(&self) -> Option<&MultiResolution> {
+        let engine = self.engine(Leaf::Exact)?;
+        Some(self.inner.engines.multi_resolution.get_or_init(|| {
+            let sample = self.sample();
+            let bundles: Vec<Bundle> = sample
+                .iter()
+                .map(|(packet, emitter_size)| Bundle {
+                    packets: std::slice::from_ref(packet),
+                    emitter_size: *emitter_size,
+                    emitter: &[],
+                })
+                .collect();
+            engine.with_budget(&bundles, &mut Workspace::default())
+        }))
+    }
+
+    /// Average visibility [SD95 sec 5], if the model holds optics.
+    pub(crate) fn average(&self) -> Option<MultiResolution> {
+        self.engine(Leaf::Extinction)
+    }
+
+    /// A sampler for each emitter of the scene.
+    pub(crate) fn samplers(&self) -> &[EmitterSampler] {
+        let scene = self.scene();
+        self.inner.engines.samplers.get_or_init(|| {
+            scene.emitters.iter().map(|emitter| EmitterSampler::new(scene, emitter)).collect()
+        })
+    }
+
+    /// Does `work` with buffers that are kept for the next.
+    pub(crate) fn with_workspace<R>(&self, work: impl FnOnce(&mut Workspace) -> R) -> R {
+        let workspaces = || self.inner.engines.workspaces.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut workspace = workspaces().pop().unwrap_or_default();
+        let result = work(&mut workspace);
+        workspaces().push(workspace);
+        result
+    }
+
+    fn engine(&self, leaf: Leaf) -> Option<MultiResolution> {
+        let tree = self.base().measured()?.tree.clone();
+        let engine = MultiResolution::new(tree, self.traced().clone(), self.widest_packets(), leaf);
+        Some(engine.with_tolerance(optics::Options::default().tolerance))
+    }
+
+    /// Packets of sixteen segments from points on surfaces to an emitter, or to another face if nothing emits, with the size of
+    /// the emitter.
+    fn sample(&self) -> Vec<(Packet, f32)> {
+        let (scene, ends, samplers) = (self.scene(), self.end_rule(), self.samplers());
+        let surfaces = Surfaces::of(scene);
+        let bundle = |k: u32| {
+            let [u, v, w, other] = sample_4d(k, 0, SEED);
+            let from = surfaces.point(scene, u, v, w);
+            let target = samplers.get(k as usize % samplers.len().max(1));
+            let size = target.map_or(0.0, |sampler| sampler.size_from(from));
+            let mut packet = Packet::EMPTY;
+            for lane in 0..LANES {
+                let [u, v, w, _] = sample_4d(lane as u32, 1, SEED ^ k);
+                let to = match target {
+                    Some(sampler) => sampler.all().sample(scene, u, v),
+                    None => surfaces.point(scene, other, v, w),
+                };
+                packet.set(lane, from, to, ends);
+            }
+            (packet, size)
+        };
+        (0..SAMPLE).map(bundle).collect()
+    }
+}
+
+/// Running sums of the areas of all faces.
+struct Surfaces(Vec<f64>);
+
+impl Surfaces {
+    fn of(scene: &Scene) -> Surfaces {
+        let mut sum = 0.0;
+        let areas = (0..scene.triangles.len() as u32).map(|t| {
+            let [a, b, c] = scene.corners(t);
+            sum += crate::math::triangle_area(a, b, c);
+            sum
+        });
+        Surfaces(areas.collect())
+    }
+
+    /// A point on the face that `u` picks by area; one in the box of a scene without faces of its own.
+    fn point(&self, scene: &Scene, u: f32, v: f32, w: f32) -> Vec3 {
+        match self.0.last() {
+            Some(&all) => {
+                let face = self.0.partition_point(|&sum| sum <= f64::from(u) * all).min(self.0.len() - 1);
+                point_on(scene.corners(face as u32), v, w)
+            }
+            None => scene.bounds.min + Vec3::new(u, v, w) * scene.bounds.extent(),
+        }
+    }
+}
