@@ -77,6 +77,7 @@ test: setup need-lint
 	cargo fmt --check
 	cargo clippy --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps
+	@.ci/public-items $(TARGET_DIR)/doc/mrvis 150
 	cargo test
 
 # A private Embree is installed in lib/mrvis. The command finds it relative to itself, so PREFIX may be moved.

@@ -1,4 +1,69 @@
 //! Visibility and radiosity in scenes full of small detail.
+//!
+//! How much of the light between two places gets through: exactly, by [Embree](https://www.embree.org) rays, or at the resolution that
+//! somebody needs, by clusters of small things that are described by their extinction (multi-resolution visibility, F. Sillion and
+//! G. Drettakis, *Feature-based control of visibility error*, 1995). On top of it: hierarchical radiosity and form factors.
+//!
+//! A [`Scene`] is read from a file (OBJ, glTF, PLY) or generated. A [`Model`] is a scene prepared for questions: owned, immutable, shared
+//! between threads by cheap clones. [`Model::visibility`], [`Model::solve`] and [`Model::form_factors`] ask it.
+//!
+//! # Visibility
+//!
+//! ```
+//! use mrvis::{Model, PrepareOptions, Scene};
+//!
+//! let scene = Scene::generate("cubes")?; // or Scene::load("room.obj")?
+//! let model = Model::prepare(scene, &PrepareOptions::default(), &())?;
+//! let (point, normal) = ([0.0, 0.0, 0.0], [0.0, 0.0, 1.0]);
+//! let seen = model.visibility().from_point(point, normal).to_source(0).feature_size(0.1).answer()?;
+//! println!("{} of the light is visible, {} to {}", seen.transmittance, seen.lo, seen.hi);
+//! assert!(seen.lo <= seen.transmittance && seen.transmittance <= seen.hi);
+//! # Ok::<(), mrvis::Error>(())
+//! ```
+//!
+//! Many questions at once, from and into the caller's arrays: [`Visibility::answer_into`].
+//!
+//! # Radiosity
+//!
+//! ```
+//! use mrvis::{Detail, Model, PrepareOptions, Scene, SolveOptions, SurfacePoint};
+//!
+//! let scene = Scene::generate("cornell")?;
+//! let model = Model::prepare(scene, &PrepareOptions::default().with_detail(Detail::Clusters), &())?;
+//! let light = model.solve(&SolveOptions::default().with_error(0.1), &())?;
+//! let floor = SurfacePoint { position: [278.0, 0.0, 279.6], normal: [0.0, 1.0, 0.0] };
+//! let [red, green, blue] = light.irradiance(&[floor])?[0]; // W/m²
+//! assert!(red > 0.0 && green > 0.0 && blue > 0.0);
+//! # Ok::<(), mrvis::Error>(())
+//! ```
+//!
+//! # Form factors
+//!
+//! ```
+//! use mrvis::{Between, Detail, FormFactorOptions, Model, PrepareOptions, Scene};
+//!
+//! let scene = Scene::generate("cornell")?;
+//! let model = Model::prepare(scene, &PrepareOptions::default().with_detail(Detail::Rays), &())?;
+//! let factors = model.form_factors(&FormFactorOptions::default().with_between(Between::Objects), &())?;
+//! let (columns, values) = factors.row(0);
+//! for (&to, factor) in columns.iter().zip(values) {
+//!     println!("{} -> {}: {factor}", factors.names()[0], factors.names()[to as usize]);
+//! }
+//! # Ok::<(), mrvis::Error>(())
+//! ```
+//!
+//! # Conventions
+//!
+//! * Lengths are in the unit of the scene, metres unless [`LoadOptions::with_unit`] says otherwise. Irradiance and radiosity are in
+//!   W/m², emission of materials is radiance in W/(m² sr); light is linear RGB.
+//! * Positions are in the coordinates of the file. Arrays of f32 may be relative to a point, see [`Segments`].
+//! * Whatever takes long takes a [`Progress`] last; `&()` ignores it. It reports stages and can cancel.
+//! * Each model has threads of its own, as many as [`PrepareOptions::with_threads`] says; calls from inside a rayon pool use that pool. No
+//!   result depends on their number.
+//! * Functions do not print, do not read the environment and do not panic on input: errors say what, where and the cure, and
+//!   [`Error::category`] what kind of error it is.
+//!
+//! The formulas, with their papers, are in `docs/method.md` of the source code.
 
 // Some code serves tests, benches or the command alone; unused code is found with `internals`, as `make test` builds.
 #![cfg_attr(not(feature = "internals"), allow(dead_code, unused_imports))]

@@ -1,1 +1,311 @@
+//! The front door: batches agree with engines, single questions with batches, and wrong arguments are named.
 
+use super::*;
+use crate::model::{Detail, Model, PrepareOptions};
+use crate::ray::{LANES, Packet};
+use crate::scene::generate::{Spec, build};
+use crate::visibility::{Bundle, Method, Workspace};
+use glam::Vec3;
+
+/// A small forest under its sky panel.
+fn forest() -> Model {
+    let spec = Spec { trees: 9, leaves: 200, ..Spec::new("forest") };
+    Model::prepare(build(&spec).unwrap(), &PrepareOptions::default(), &()).unwrap()
+}
+
+/// Points below the trees, so many segments from each to the source 0, and the emitter's size from each.
+fn questions(
+    model: &Model,
+    points: usize,
+    rays: usize,
+) -> (Vec<[f32; 3]>, Vec<[f32; 3]>, Vec<u64>, Vec<f32>) {
+    let (scene, sampler) = (model.scene(), &model.samplers()[0]);
+    let (bounds, faces) = (scene.bounds, sampler.all());
+    let (mut origins, mut targets, mut sizes) = (Vec::new(), Vec::new(), Vec::new());
+    for k in 0..points {
+        let [u, v, ..] = sobol_burley::sample_4d(k as u32, 0, 7);
+        let from = bounds.min + Vec3::new(0.2 + 0.6 * u, 0.2 + 0.6 * v, 1e-4) * bounds.extent();
+        for i in 0..rays {
+            let [u, v, ..] = sobol_burley::sample_4d(i as u32, 1, k as u32);
+            origins.push(from.to_array());
+            targets.push(faces.sample(scene, u, v).to_array());
+        }
+        sizes.push(sampler.size_from(from));
+    }
+    let bundles = (0..=points as u64).map(|k| k * rays as u64).collect();
+    (origins, targets, bundles, sizes)
+}
+
+#[derive(Clone, Debug, PartialEq)]
+struct Found {
+    transmittance: Vec<f32>,
+    lo: Vec<f32>,
+    hi: Vec<f32>,
+    methods: Vec<Method>,
+    each: Vec<f32>,
+}
+
+/// Asks for everything; the transmittance of each segment if `each`.
+fn ask(visibility: &Visibility, segments: &Segments, each: bool) -> Found {
+    let (n, m) = (segments.bundle_count(), segments.origins.len());
+    let mut found = Found {
+        transmittance: vec![-1.0; n],
+        lo: vec![-1.0; n],
+        hi: vec![-1.0; n],
+        methods: vec![Method::Clear; n],
+        each: vec![-1.0; if each { m } else { 0 }],
+    };
+    let mut answers = Answers::new(&mut found.transmittance)
+        .intervals(&mut found.lo, &mut found.hi)
+        .methods(&mut found.methods);
+    if each {
+        answers = answers.segments(&mut found.each);
+    }
+    let cost = visibility.answer_into(segments, &mut answers).unwrap();
+    assert_eq!(cost.segments, m as u64);
+    found
+}
+
+#[test]
+fn batches_are_answered_as_engines_do() {
+    let model = forest();
+    let visibility = model.visibility();
+    let origin = model.scene().origin();
+    for (points, rays) in [(300, 16), (40, 50), (700, 1)] {
+        let (origins, targets, bundles, sizes) = questions(&model, points, rays);
+        let segments = Segments::new(&origins[..], &targets[..], &bundles)
+            .relative_to(origin)
+            .feature_size(0.4)
+            .emitter_sizes(&sizes);
+        let packets: Vec<Vec<Packet>> = (0..points)
+            .map(|k| {
+                let mut packets = vec![Packet::EMPTY; rays.div_ceil(LANES)];
+                for i in 0..rays {
+                    let (a, b) = (origins[k * rays + i].into(), targets[k * rays + i].into());
+                    packets[i / LANES].set(i % LANES, a, b, model.end_rule());
+                }
+                packets
+            })
+            .collect();
+        let exact = ask(&visibility.clone().with_engine(Engine::Exact), &segments, true);
+        let averaged = ask(&visibility.clone().with_engine(Engine::MultiResolution), &segments, false);
+        let each = ask(&visibility.clone().with_engine(Engine::MultiResolution), &segments, true);
+        let (engine, mut workspace) = (model.multi_resolution().unwrap(), Workspace::default());
+        let mut aggregated = 0;
+        for k in 0..points {
+            let bundle = Bundle { packets: &packets[k], emitter_size: sizes[k], emitter: &[] };
+            let want = model.exact().answer(bundle, &mut Vec::new());
+            assert_eq!(exact.transmittance[k], want.transmittance);
+            assert_eq!((exact.lo[k], exact.hi[k]), (want.lo, want.hi));
+            let want = engine.answer(bundle, 0.4, &mut workspace);
+            // Neighbours share the upper part of their traversal, up to rounding.
+            assert!((averaged.transmittance[k] - want.transmittance).abs() < 1e-3, "{points} {rays} {k}");
+            aggregated += usize::from(want.method == Method::Aggregated || want.method == Method::Mixed);
+            for found in [&exact, &averaged, &each] {
+                let (lo, t, hi) = (found.lo[k], found.transmittance[k], found.hi[k]);
+                assert!(0.0 <= lo && lo <= t && t <= hi && hi <= 1.0, "{lo} {t} {hi}");
+            }
+            for found in [&exact, &each] {
+                let mean = found.each[k * rays..][..rays].iter().sum::<f32>() / rays as f32;
+                assert!((mean - found.transmittance[k]).abs() < 1e-5, "{mean} {}", found.transmittance[k]);
+            }
+        }
+        assert!(aggregated > points / 10, "{aggregated} of {points} aggregate");
+        let mean = |found: &Found| found.transmittance.iter().sum::<f32>() / points as f32;
+        assert!((mean(&exact) - mean(&averaged)).abs() < 0.03, "{} {}", mean(&exact), mean(&averaged));
+        let automatic = ask(&visibility, &segments, false);
+        assert!(
+            automatic.transmittance == averaged.transmittance
+                || automatic.transmittance == exact.transmittance
+        );
+        let average = ask(&visibility.clone().with_engine(Engine::Average), &segments, false);
+        assert!(average.methods.iter().all(|m| *m != Method::Covered));
+    }
+}
+
+#[test]
+fn strides_frames_and_threads_change_nothing() {
+    let model = forest();
+    let origin = model.scene().origin();
+    let (origins, targets, bundles, sizes) = questions(&model, 600, 16);
+    let ask_with = |origins: Strided, targets: Strided, relative_to: [f64; 3]| {
+        let segments = Segments::new(origins, targets, &bundles).relative_to(relative_to);
+        let visibility = model.visibility().with_engine(Engine::MultiResolution);
+        ask(&visibility, &segments.feature_sizes(&vec![0.3; sizes.len()]).emitter_sizes(&sizes), true)
+    };
+    let want = ask_with(origins[..].into(), targets[..].into(), origin);
+    // Both ends in one array of records of eight floats.
+    let records: Vec<f32> = origins
+        .iter()
+        .zip(&targets)
+        .flat_map(|(a, b)| [a[0], a[1], a[2], f32::NAN, b[0], b[1], b[2], f32::NAN])
+        .collect();
+    let strided = |first: usize| Strided::new(&records[first..], 8, origins.len()).unwrap();
+    assert_eq!(ask_with(strided(0), strided(4), origin), want);
+    for threads in [1, 3] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        assert_eq!(pool.install(|| ask_with(origins[..].into(), targets[..].into(), origin)), want);
+    }
+    // Moved by a power of two the coordinates are rounded the same way, nearly.
+    let moved = |p: &[[f32; 3]]| -> Vec<[f32; 3]> { p.iter().map(|p| p.map(|v| v - 8.0)).collect() };
+    let (a, b) = (moved(&origins), moved(&targets));
+    let shifted = ask_with(a[..].into(), b[..].into(), origin.map(|v| v + 8.0));
+    let off: f32 = shifted.transmittance.iter().zip(&want.transmittance).map(|(a, b)| (a - b).abs()).sum();
+    assert!(off / 600.0 < 0.01, "{off}");
+}
+
+#[test]
+fn single_questions_agree_with_batches() {
+    let model = forest();
+    let visibility = model.visibility().with_engine(Engine::Exact);
+    let below = [0.0, 0.0, 0.01];
+    let seen = visibility.from_point(below, [0.0, 0.0, 2.0]).to_source(0).rays(4096).answer().unwrap();
+    assert!(seen.lo <= seen.transmittance && seen.transmittance <= seen.hi && seen.transmittance > 0.0);
+    let automatic = model.visibility();
+    let averaged = automatic.from_point(below, [0.0, 0.0, 1.0]).to_source(0).feature_size(0.3);
+    let averaged = averaged.rays(4096).answer().unwrap();
+    assert!((seen.transmittance - averaged.transmittance).abs() < 0.1, "{seen:?} {averaged:?}");
+    // The panel is above: a ceiling sees nothing of it, a wall half.
+    let down = visibility.from_point(below, [0.0, 0.0, -1.0]).to_source(0).answer().unwrap();
+    assert_eq!((down.transmittance, down.hi), (0.0, 0.0));
+    let wall = visibility.from_point(below, [1.0, 0.0, 0.0]).to_source(0).rays(4096).answer().unwrap();
+    assert!((wall.transmittance / seen.transmittance - 0.5).abs() < 0.25, "{wall:?}");
+    let up = visibility.from_point([0.0, 0.0, 1e3], [0.0, 0.0, -1.0]).to_source(0).answer().unwrap();
+    assert_eq!(up.transmittance, 0.0, "the panel shines down");
+    let point = visibility.from_point(below, [0.0, 0.0, 1.0]).to_point([0.0, 0.0, 0.02]).answer().unwrap();
+    assert_eq!(point.transmittance, 1.0);
+}
+
+#[test]
+fn wrong_arguments_are_named_and_nothing_is_written() {
+    let model = forest();
+    let visibility = model.visibility();
+    let (a, b) =
+        ([[0.0f32, 0.0, 0.1]; 4], [[0.0f32, 0.0, 9.0], [1.0, 0.0, 9.0], [2.0, 0.0, 9.0], [3.0, 0.0, 9.0]]);
+    let with = |k: usize, v: f32| {
+        let mut b = b;
+        b[k][1] = v;
+        b
+    };
+    let refuse = |segments: &Segments, want: &str| {
+        let mut found = vec![7.0; segments.bundle_count()];
+        let error = visibility.answer_into(segments, &mut Answers::new(&mut found)).expect_err(want);
+        assert_eq!(error.category(), crate::ErrorCategory::Input);
+        assert!(error.to_string().contains(want), "{error} instead of {want}");
+        assert!(found.iter().all(|f| *f == 7.0), "{want}");
+    };
+    let two = [0, 2, 4];
+    refuse(&Segments::new(&a[..], &b[..3], &two), "`targets` has 3");
+    refuse(&Segments::new(&a[..], &b[..], &[]), "`bundles`");
+    refuse(&Segments::new(&a[..], &b[..], &[0, 3]), "`bundles`");
+    refuse(&Segments::new(&a[..], &b[..], &[0, 5, 4]), "`bundles`[2] 4");
+    refuse(&Segments::new(&a[..], &with(2, f32::NAN)[..], &two), "`targets`[2]");
+    refuse(&Segments::new(&with(3, f32::INFINITY)[..], &b[..], &two), "`origins`[3]");
+    refuse(&Segments::new(&a[..], &a[..], &two), "segment 0");
+    refuse(&Segments::new(&a[..], &b[..], &two).feature_size(0.0), "`feature_sizes`[0] 0");
+    refuse(&Segments::new(&a[..], &b[..], &two).feature_sizes(&[1.0]), "`feature_sizes` has 1");
+    refuse(&Segments::new(&a[..], &b[..], &two).emitter_sizes(&[1.0, -1.0]), "`emitter_sizes`[1] -1");
+    refuse(&Segments::new(&a[..], &b[..], &two).relative_to([f64::NAN; 3]), "`relative_to`");
+    let mut short = [0.0; 1];
+    let segments = Segments::new(&a[..], &b[..], &two);
+    let error = visibility.answer_into(&segments, &mut Answers::new(&mut short)).unwrap_err();
+    assert!(error.to_string().contains("`transmittance` has 1 entries, must have 2"), "{error}");
+    assert!(Strided::new(&[0.0; 8], 2, 1).is_err() && Strided::new(&[0.0; 8], 3, 3).is_err());
+    assert!(Strided::new(&[0.0; 8], usize::MAX, 3).is_err());
+    assert_eq!(Strided::new(&[], 0, 0).unwrap().len(), 0);
+    let query = visibility.from_point([0.0; 3], [0.0, 0.0, 1.0]);
+    for (query, want) in [
+        (query, "target"),
+        (query.to_source(9), "`to_source` 9"),
+        (query.to_source(0).rays(0), "`rays` 0"),
+        (query.to_source(0).feature_size(-1.0), "`feature_size` -1"),
+        (query.to_point([f64::INFINITY; 3]), "`to_point`"),
+        (query.to_point([0.0; 3]), "point itself"),
+        (visibility.from_point([0.0; 3], [0.0; 3]).to_source(0), "`normal`"),
+        (visibility.from_point([f64::NAN; 3], [1.0; 3]).to_source(0), "`position`"),
+    ] {
+        let error = query.answer().expect_err(want).to_string();
+        assert!(error.contains(want), "{error} instead of {want}");
+    }
+    let needs = visibility.clone().with_engine(Engine::MultiResolution);
+    assert!(needs.from_point([0.0; 3], [0.0, 0.0, 1.0]).to_source(0).answer().is_err(), "no feature size");
+}
+
+#[test]
+fn empty_bundles_and_batches_are_answered() {
+    let model = forest();
+    let none: &[[f32; 3]] = &[];
+    for engine in [Engine::Exact, Engine::MultiResolution, Engine::Automatic] {
+        let visibility = model.visibility().with_engine(engine);
+        let found = ask(&visibility, &Segments::new(none, none, &[0]).feature_size(1.0), false);
+        assert!(found.transmittance.is_empty());
+        let found = ask(&visibility, &Segments::new(none, none, &[0, 0, 0]).feature_size(1.0), true);
+        assert_eq!((found.transmittance, found.hi), (vec![1.0; 2], vec![1.0; 2]));
+        let up = Strided::repeated(&[0.0, 0.0, -2.0], 1);
+        let (from, bundles) = ([[0.0, 0.0, -1.0]], [0, 0, 1, 1]);
+        let found = ask(&visibility, &Segments::new(&from[..], up, &bundles).feature_size(1.0), true);
+        assert_eq!((found.transmittance, found.each), (vec![1.0; 3], vec![1.0]));
+    }
+}
+
+#[test]
+fn without_optics_visibility_is_exact() {
+    let spec = Spec { trees: 4, leaves: 50, ..Spec::new("forest") };
+    let options = PrepareOptions::default().with_detail(Detail::Rays).with_threads(2);
+    let model = Model::prepare(build(&spec).unwrap(), &options, &()).unwrap();
+    let up = |engine| {
+        let visibility = model.visibility().with_engine(engine);
+        visibility.from_point([0.0, 0.0, 0.01], [0.0, 0.0, 1.0]).to_source(0).feature_size(0.1).answer()
+    };
+    assert_eq!(up(Engine::Automatic).unwrap().cost.exact_rays, 64);
+    let error = up(Engine::Average).expect_err("no optics").to_string();
+    assert!(error.contains("Detail::Optics"), "{error}");
+    let error = model.solve(&SolveOptions::default(), &()).err().expect("no clusters").to_string();
+    assert!(error.contains("Detail::Clusters"), "{error}");
+}
+
+#[test]
+fn form_factors_have_rows() {
+    let model = Model::prepare(
+        build(&Spec::new("cornell")).unwrap(),
+        &PrepareOptions::default().with_detail(Detail::Rays),
+        &(),
+    );
+    let model = model.unwrap();
+    let found = model.form_factors(&FormFactorOptions::default(), &()).unwrap();
+    assert!(found.names().is_empty() && found.len() == found.areas().len());
+    for from in 0..found.len() {
+        let (columns, factors) = found.row(from);
+        for (&to, &factor) in columns.iter().zip(factors) {
+            assert_eq!(found.factor(from, to as usize), factor);
+            let [there, back] = [(from, to as usize), (to as usize, from)]
+                .map(|(a, b)| found.areas()[a] * f64::from(found.factor(a, b)));
+            assert!((there - back).abs() <= 1e-5 * there.abs(), "{from} {to}: {there} {back}");
+        }
+    }
+    let objects = FormFactorOptions::default().with_between(Between::Objects);
+    let found = model.form_factors(&objects, &()).unwrap();
+    let names: Vec<&str> = model.scene().object_names().collect();
+    assert_eq!(found.names(), names);
+    let refused = FormFactorOptions::default().with_max_bytes(10);
+    let error = model.form_factors(&refused, &()).unwrap_err();
+    assert_eq!(error.category(), crate::ErrorCategory::OutOfMemory);
+    assert!(model.form_factors(&FormFactorOptions::default().with_rays(0), &()).is_err());
+}
+
+#[test]
+fn a_solution_answers_points_at_any_time() {
+    let scene = build(&Spec::new("cornell")).unwrap();
+    let options = PrepareOptions::default().with_detail(Detail::Clusters);
+    let solution = {
+        let model = Model::prepare(scene, &options, &()).unwrap();
+        model.solve(&SolveOptions::default().with_error(0.1), &()).unwrap()
+    };
+    let point = |normal| SurfacePoint { position: [278.0, 0.5, 279.5], normal };
+    let found = solution.irradiance(&[point([0.0, 1.0, 0.0]), point([0.0, 3.0, 0.0])]).unwrap();
+    assert!(found[0].iter().all(|e| *e > 0.0) && solution.mean_irradiance()[0] > 0.0);
+    let (a, b) = (found[0][1], found[1][1]);
+    assert!((a / b - 1.0).abs() < 0.1, "{a} {b}");
+    let error = solution.irradiance(&[point([0.0; 3])]).unwrap_err().to_string();
+    assert!(error.contains("`points`[0]"), "{error}");
+}

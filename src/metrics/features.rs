@@ -115,11 +115,6 @@ impl FeatureSet {
         Ok(FeatureSet { texel: reference.texel(), shadow: Opener::new(shadow, options.morphology), lit })
     }
 
-    /// The shadowed texels (umbra and penumbra), regardless of size.
-    pub fn shadowed(&self) -> &BitImage {
-        self.shadow.image()
-    }
-
     /// Feature mask F^s of [SD95 sec 2.2]: texels of features larger than `size` (scene units). At size 0 all texels
     /// that are shadowed, or lit if lit regions count. Negative sizes and NaN count as 0.
     pub fn mask(&mut self, size: f64) -> BitImage {

@@ -55,14 +55,3 @@ pub enum Morphology {
     /// Erosions with 4 neighbours: the paper's definition [SD95 sec 2.4].
     Paper4,
 }
-
-impl Morphology {
-    /// Name in options and reports: `euclid`, `paper8` or `paper4`.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Morphology::Euclid => "euclid",
-            Morphology::Paper8 => "paper8",
-            Morphology::Paper4 => "paper4",
-        }
-    }
-}

@@ -30,11 +30,6 @@ impl Opener {
         Opener { image, mode, depth, edt }
     }
 
-    /// The original image.
-    pub fn image(&self) -> &BitImage {
-        &self.image
-    }
-
     /// The opening by `size` pixels. Negative sizes and NaN count as zero, which leaves the image unchanged.
     pub fn open(&mut self, size: f64) -> BitImage {
         let size = size.max(0.0);

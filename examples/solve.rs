@@ -1,0 +1,27 @@
+//! The light in a room, and irradiance along its floor: `cargo run --release --example solve`.
+
+use mrvis::{Detail, Model, PrepareOptions, Progress, Scene, SolveOptions, SurfacePoint};
+
+/// Says what goes on.
+struct Talk;
+
+impl Progress for Talk {
+    fn stage(&self, name: &str, _steps: u64) {
+        eprintln!("{name}");
+    }
+}
+
+fn main() -> mrvis::Result<()> {
+    let scene = Scene::generate("cornell")?;
+    let model = Model::prepare(scene, &PrepareOptions::default().with_detail(Detail::Clusters), &Talk)?;
+    let light = model.solve(&SolveOptions::default().with_error(0.05), &Talk)?;
+    let points: Vec<SurfacePoint> = (1..10)
+        .map(|k| SurfacePoint { position: [55.0 * f64::from(k), 0.0, 100.0], normal: [0.0, 1.0, 0.0] })
+        .collect();
+    println!("     x        red      green       blue  W/m\u{b2}");
+    for (point, [red, green, blue]) in points.iter().zip(light.irradiance(&points)?) {
+        println!("{:6} {red:10.3} {green:10.3} {blue:10.3}", point.position[0]);
+    }
+    println!("{} elements, estimated error {:.1} %", light.element_count(), 100.0 * light.error_estimate());
+    Ok(())
+}
