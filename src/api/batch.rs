@@ -184,8 +184,8 @@ impl Ask<'_> {
         for (j, k) in bundles.enumerate() {
             let own = self.segments.of_bundle(k);
             let n = own.len();
-            let sum = own.filter(|&i| clear(i)).count();
-            let transmittance = if n == 0 { 1.0 } else { sum as f32 / n as f32 };
+            let blocked = own.filter(|&i| !clear(i)).count();
+            let transmittance = if n == 0 { 1.0 } else { 1.0 - blocked as f32 / n as f32 };
             let (lo, hi) = if n == 0 { (1.0, 1.0) } else { wilson(transmittance, n as f32) };
             let method = if n == 0 { Method::Clear } else { Method::Exact };
             chunk.write(j, &Answer { transmittance, lo, hi, method, cost: Cost::default() });

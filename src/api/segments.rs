@@ -47,13 +47,8 @@ impl<'a> Strided<'a> {
     }
 
     /// Number of positions.
-    pub fn len(&self) -> usize {
+    pub(super) fn len(&self) -> usize {
         self.count
-    }
-
-    /// Whether there are no positions.
-    pub fn is_empty(&self) -> bool {
-        self.count == 0
     }
 
     fn at(&self, i: usize) -> Vec3 {
@@ -168,7 +163,7 @@ impl<'a> Segments<'a> {
     }
 
     /// Number of bundles.
-    pub fn bundle_count(&self) -> usize {
+    pub(super) fn bundle_count(&self) -> usize {
         self.bundles.len().saturating_sub(1)
     }
 

@@ -161,11 +161,6 @@ impl Solution {
         Ok(outcome.irradiance)
     }
 
-    /// The model that was solved.
-    pub fn model(&self) -> &Model {
-        &self.model
-    }
-
     /// Mean irradiance of all surfaces, W/m², linear RGB.
     pub fn mean_irradiance(&self) -> [f64; 3] {
         self.outcome.record.mean_irradiance

@@ -200,7 +200,7 @@ fn wrong_arguments_are_named_and_nothing_is_written() {
     refuse(&Segments::new(&a[..], &b[..], &[0, 3]), "`bundles`");
     refuse(&Segments::new(&a[..], &b[..], &[0, 5, 4]), "`bundles`[2] 4");
     refuse(&Segments::new(&a[..], &with(2, f32::NAN)[..], &two), "`targets`[2]");
-    refuse(&Segments::new(&with(3, f32::INFINITY)[..], &b[..], &two), "`origins`[3]");
+    refuse(&Segments::new(&with(3, f32::INFINITY)[..], &a[..], &two), "`origins`[3]");
     refuse(&Segments::new(&a[..], &a[..], &two), "segment 0");
     refuse(&Segments::new(&a[..], &b[..], &two).feature_size(0.0), "`feature_sizes`[0] 0");
     refuse(&Segments::new(&a[..], &b[..], &two).feature_sizes(&[1.0]), "`feature_sizes` has 1");

@@ -47,11 +47,6 @@ impl Visibility {
         self
     }
 
-    /// The model that is asked.
-    pub fn model(&self) -> &Model {
-        &self.model
-    }
-
     /// Begins a single question: how much of the light that would arrive at this point of a surface gets through. `position` is in
     /// the coordinates of the file, scene units; `normal` is the normal of the side that receives light, of any length above 0.
     pub fn from_point(&self, position: [f64; 3], normal: [f64; 3]) -> Query<'_> {

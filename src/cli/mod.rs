@@ -1,7 +1,7 @@
 //! The command line: arguments to jobs, results to text and JSON. Uses the public API of the crate only.
 //!
 //! A subcommand is a module with `pub struct Args` (clap) and `pub fn run(&Args) -> Result<ExitCode>`, and one
-//! line in [`Command`] and in [`run`].
+//! line in `Command` and in `run`.
 
 mod args;
 mod bench;

@@ -51,11 +51,6 @@ impl Image {
         Image::new(width, height, texel, data)
     }
 
-    /// The same values with another texel side (scene units). Errors as for [`Image::new`].
-    pub fn with_texel(self, texel: f64) -> Result<Image> {
-        Image::new(self.width, self.height, texel, self.data)
-    }
-
     /// Number of columns, at least 1.
     pub fn width(&self) -> usize {
         self.width
@@ -83,7 +78,7 @@ impl Image {
     }
 
     /// Smallest and largest value.
-    pub fn range(&self) -> (f32, f32) {
+    pub(crate) fn range(&self) -> (f32, f32) {
         self.data.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)))
     }
 

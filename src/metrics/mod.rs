@@ -5,7 +5,7 @@
 //!
 //! * An image holds one value per texel (such as the visible fraction of an emitter), sampled at texel centres.
 //!   Integrals over the image are means over its texels, so that the p = 2 norms are root mean squares in the image's
-//!   own units. Per cent of the unoccluded value is 100 · value / [`FeatureOptions::white`].
+//!   own units. Per cent of the unoccluded value is 100 · value / [`FeatureOptions::with_white`].
 //! * Sizes are lengths in scene units on the receiver; [`Image::texel`] is the side of a texel.
 //! * A feature is a connected region that is shadowed (umbra or penumbra) or, with [`Features::Both`], lit.
 //!
@@ -22,12 +22,11 @@ pub use crate::raster::Morphology;
 pub use fbem::{Fbem, FbemOptions, Filter, fbem, spectrum};
 pub use features::{FeatureOptions, Features, feature_mask};
 pub use image::Image;
-pub use norms::{Norms, norms};
 
 #[allow(unused_imports)] // Not all of them are needed without the command.
 pub(crate) use {
     fbem::spectrum_sizes,
     features::{DEFAULT_THRESHOLD, FeatureSet},
     missing::missing_features,
-    norms::difference,
+    norms::{Norms, difference, norms},
 };

@@ -121,7 +121,7 @@ impl Model {
     ///
     /// # Errors
     /// As [`Model::prepare`].
-    pub fn prepared_to(&self, options: &PrepareOptions, progress: &dyn Progress) -> Result<Model> {
+    pub(crate) fn prepared_to(&self, options: &PrepareOptions, progress: &dyn Progress) -> Result<Model> {
         if self.detail() >= options.detail {
             return Ok(self.clone());
         }

@@ -44,7 +44,7 @@ pub enum Outside {
     Blocked,
 }
 
-/// Measure of sizes. The [module](self) defines each.
+/// Measure of the sizes of regions; formulas in `docs/method.md`, Feature-based error.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Morphology {
     /// Discs, by the exact Euclidean distance transform; independent of direction.

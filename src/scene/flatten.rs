@@ -20,7 +20,7 @@ impl Scene {
     /// # Errors
     /// The result would have more than [`MAX_FLATTENED_TRIANGLES`]; a placement refers to a mesh or material that does not
     /// exist, has a material that emits, or a transform that is not finite.
-    pub fn flattened(&self) -> Result<Scene> {
+    pub(crate) fn flattened(&self) -> Result<Scene> {
         self.flattened_within(MAX_FLATTENED_TRIANGLES)
     }
 
@@ -28,7 +28,7 @@ impl Scene {
     ///
     /// # Errors
     /// As [`Scene::flattened`].
-    pub fn flattened_within(&self, max_triangles: u64) -> Result<Scene> {
+    pub(crate) fn flattened_within(&self, max_triangles: u64) -> Result<Scene> {
         let max = max_triangles.min(MAX_FLATTENED_TRIANGLES);
         self.check_size(max)?;
         let mut flat = Flat { scene: self.own(), materials: Vec::new(), polygons: 0 };

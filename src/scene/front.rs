@@ -14,7 +14,7 @@ impl Scene {
         Threads::new(0)?.run(|| generate::build(&generate::Spec::new(name)))?
     }
 
-    /// Name of the length unit: `m`, `cm`, `mm`, `km`, `in` or `ft`.
+    /// Name of the length unit, as given when the scene was loaded: `m`, `cm`, `mm`, `km`, `in`, `ft` or another.
     pub fn unit(&self) -> &str {
         &self.unit
     }
@@ -25,9 +25,10 @@ impl Scene {
         self.origin.to_array()
     }
 
-    /// Smallest and largest corner of the box around all faces, in the coordinates of the file, scene units.
+    /// Smallest and largest corner of the box around all faces and placements, in the coordinates of the file, scene units.
     pub fn bounds(&self) -> [[f64; 3]; 2] {
-        [self.bounds.min, self.bounds.max].map(|corner| (self.origin + corner.as_dvec3()).to_array())
+        let bounds = self.world_bounds();
+        [bounds.min, bounds.max].map(|corner| (self.origin + corner.as_dvec3()).to_array())
     }
 
     /// Number of triangles stored; those of a mesh that several placements share count once.
@@ -35,10 +36,9 @@ impl Scene {
         self.triangles.len() + self.shared.iter().map(|mesh| mesh.triangles.len()).sum::<usize>()
     }
 
-    /// Number of triangles seen; those of a shared mesh count once for each placement.
-    pub fn visible_triangle_count(&self) -> usize {
-        let placed = |p: &super::Placement| self.shared[p.mesh as usize].triangles.len();
-        self.triangles.len() + self.placements.iter().map(placed).sum::<usize>()
+    /// Number of triangles seen; those of a shared mesh count once for each visible placement.
+    pub fn visible_triangle_count(&self) -> u64 {
+        self.visible_triangles()
     }
 
     /// Names of the objects (OBJ objects and groups, glTF nodes), in the order of the file. Not unique in every file.

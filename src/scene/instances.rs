@@ -46,7 +46,7 @@ impl Placement {
 
 impl Scene {
     /// Number of triangles that block and receive light: the scene's own, and those of each visible placement.
-    pub fn visible_triangles(&self) -> u64 {
+    pub(crate) fn visible_triangles(&self) -> u64 {
         let count = |p: &Placement| self.shared.get(p.mesh as usize).map_or(0, |m| m.triangles.len() as u64);
         let placed = self.placements.iter().filter(|p| p.visible).map(count);
         placed.fold(self.triangles.len() as u64, u64::saturating_add)
@@ -54,7 +54,7 @@ impl Scene {
 
     /// Box around the own triangles and the visible placements, relative to [`Scene::origin`], scene units; see
     /// [`Placement::bounds`] for how tight it is. Equal to [`Scene::bounds`] for a scene without placements.
-    pub fn world_bounds(&self) -> Aabb {
+    pub(crate) fn world_bounds(&self) -> Aabb {
         let placed = self.placements.iter().filter(|p| p.visible);
         let boxes = placed.filter_map(|p| Some(p.bounds(self.shared.get(p.mesh as usize)?.bounds)));
         boxes.fold(self.bounds, Aabb::union)
@@ -73,7 +73,7 @@ impl Scene {
             let bounds = p.bounds(mesh.bounds);
             let farthest = bounds.min.abs().max(bounds.max.abs()).max_element();
             // The comparison is false for what is not a number.
-            if !p.transform.is_finite() || !(f64::from(farthest) <= MAX_COORDINATE) {
+            if !p.transform.is_finite() || farthest.is_nan() || f64::from(farthest) > MAX_COORDINATE {
                 let what = format!("not finite or beyond {MAX_COORDINATE:e}");
                 let text = format!("node `{}` places its mesh at coordinates that are {what}", p.name);
                 return Err(Error::format(&self.path, None, text));

@@ -35,7 +35,8 @@ impl Default for LoadOptions {
 }
 
 impl LoadOptions {
-    /// The length unit of the scene's coordinates: `m` (default), `cm`, `mm`, `km`, `in` or `ft`.
+    /// The length unit of the scene's coordinates: `m` (default), `cm`, `mm`, `km`, `in` or `ft`; any other name counts as metres where
+    /// power is concerned.
     #[must_use]
     pub fn with_unit(mut self, unit: impl Into<String>) -> LoadOptions {
         self.unit = unit.into();

@@ -8,6 +8,8 @@ mod compact;
 mod connect;
 mod emitter_sampler;
 mod emitters;
+// Used when models have instances.
+#[allow(dead_code)]
 mod flatten;
 mod front;
 pub mod generate;
@@ -58,6 +60,7 @@ pub struct Material {
     /// The name in the file.
     pub name: String,
     /// Diffuse reflectance of both sides, linear RGB in `[0, 1)`.
+    #[cfg_attr(not(test), allow(dead_code))] // Faces have their own, with textures.
     pub reflectance: [f32; 3],
     /// Emitted radiance on the front side, W/(m² sr), linear RGB, `>= 0`.
     pub emission: [f32; 3],
@@ -196,7 +199,7 @@ pub struct Scene {
 impl Scene {
     /// The three corners of a triangle.
     #[inline]
-    pub fn corners(&self, triangle: u32) -> [Vec3; 3] {
+    pub(crate) fn corners(&self, triangle: u32) -> [Vec3; 3] {
         self.triangles[triangle as usize].map(|v| self.positions[v as usize])
     }
 
@@ -204,7 +207,7 @@ impl Scene {
     ///
     /// # Errors
     /// Nothing has that name; the message lists the first few that there are.
-    pub fn faces_named(&self, name: &str) -> Result<Vec<u32>> {
+    pub(crate) fn faces_named(&self, name: &str) -> Result<Vec<u32>> {
         let objects: Vec<bool> = self.objects.iter().map(|o| o.name == name).collect();
         let materials: Vec<bool> = self.materials.iter().map(|m| m.name == name).collect();
         let faces: Vec<u32> = (0..self.triangles.len())
@@ -223,7 +226,7 @@ impl Scene {
     }
 
     /// Bytes of all that there is a vertex, a face, an object, a material or a placement of; of each shared mesh once.
-    pub fn bytes(&self) -> usize {
+    pub(crate) fn bytes(&self) -> usize {
         fn of<T>(list: &[T]) -> usize {
             size_of_val(list)
         }
@@ -245,7 +248,7 @@ impl Scene {
 
     /// Total power of an emitter in watts, one value a channel: π L A, twice that for two-sided emission.
     /// Units of length that are not known count as metres.
-    pub fn power(&self, emitter: &Emitter) -> [f64; 3] {
+    pub(crate) fn power(&self, emitter: &Emitter) -> [f64; 3] {
         let metres = unit_in_metres(&self.unit).unwrap_or(1.0);
         let sides = if self.two_sided_emission { 2.0 } else { 1.0 };
         emitter.emission.map(|l| std::f64::consts::PI * f64::from(l) * emitter.area * metres * metres * sides)
