@@ -13,12 +13,11 @@ fn forest() -> Model {
     Model::prepare(build(&spec).unwrap(), &PrepareOptions::default(), &()).unwrap()
 }
 
+/// Origins, targets, offsets of bundles, and sizes of emitters.
+type Arrays = (Vec<[f32; 3]>, Vec<[f32; 3]>, Vec<u64>, Vec<f32>);
+
 /// Points below the trees, so many segments from each to the source 0, and the emitter's size from each.
-fn questions(
-    model: &Model,
-    points: usize,
-    rays: usize,
-) -> (Vec<[f32; 3]>, Vec<[f32; 3]>, Vec<u64>, Vec<f32>) {
+fn questions(model: &Model, points: usize, rays: usize) -> Arrays {
     let (scene, sampler) = (model.scene(), &model.samplers()[0]);
     let (bounds, faces) = (scene.bounds, sampler.all());
     let (mut origins, mut targets, mut sizes) = (Vec::new(), Vec::new(), Vec::new());

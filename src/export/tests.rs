@@ -326,8 +326,7 @@ fn files_are_what_their_formats_say() {
     );
 
     write_ply(&path("a.ply"), &mesh, solution.origin, tone).expect("written");
-    let scene =
-        Scene::load_with(&path("a.ply"), &LoadOptions::default()).expect("PLY that we take ourselves");
+    let scene = Scene::load_with(path("a.ply"), &LoadOptions::default()).expect("PLY that we take ourselves");
     assert_eq!(scene.triangles.len(), mesh.triangles.len());
 
     write_vtu(&path("a.vtu"), &solution).expect("written");
