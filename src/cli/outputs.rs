@@ -9,7 +9,7 @@ use crate::{
     },
     image_io::{Picture, write_exr_rgb, write_png},
     points::Point,
-    radiosity::solution::Solution,
+    radiosity::mesh::RadiosityMesh,
     scene::{Scene, StoredCamera},
 };
 use std::path::{Path, PathBuf};
@@ -71,7 +71,7 @@ impl Outputs {
         &self,
         common: &Common,
         scene: &Scene,
-        solution: &Solution,
+        solution: &RadiosityMesh,
         folder: &Path,
         with_points: bool,
         irradiance: Gather,
@@ -151,7 +151,7 @@ impl Outputs {
         self.gather && self.wants(Kind::Image, with_points)
     }
 
-    fn cameras(&self, scene: &Scene, solution: &Solution, stage: &Stage) -> Vec<Camera> {
+    fn cameras(&self, scene: &Scene, solution: &RadiosityMesh, stage: &Stage) -> Vec<Camera> {
         // glTF says that y is up; elsewhere z is as good a guess as any.
         let gltf = scene.path.extension().is_some_and(|e| e == "gltf" || e == "glb");
         let up = if gltf { glam::Vec3::Y } else { glam::Vec3::Z };
@@ -172,7 +172,7 @@ impl Outputs {
 }
 
 /// A camera of the file; its name becomes that of its pictures.
-fn stored(c: &StoredCamera, solution: &Solution) -> Camera {
+fn stored(c: &StoredCamera, solution: &RadiosityMesh) -> Camera {
     let plain = |c: char| if c.is_alphanumeric() || "-_".contains(c) { c } else { '_' };
     Camera {
         name: format!("view-{}", c.name.chars().take(60).map(plain).collect::<String>()),

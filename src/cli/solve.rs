@@ -2,11 +2,13 @@
 
 use super::args::{CacheArgs, Common, SceneArgs, Spinner, check_folder, grouped};
 use super::outputs::Outputs;
+use crate::bench::side_by_side::{ComparedRecord, Versus, side_by_side};
+use crate::bench::solve_scaling::{LARGEST, solve_scaling};
 use crate::files::WholeFile;
 use crate::plot::number;
 use crate::points::{Irradiance, Point, read_points, write_irradiance};
 use crate::radiosity::{
-    self, Answer, Inside, More, Options, Oracle, Outcome, Progress, Record, Rows, Versus, View, Visibility,
+    self, Inside, Options, Oracle, Outcome, PointLight, Progress, Rows, Solution, View, Visibility,
 };
 use crate::scene::{Scene, StoredCamera};
 use crate::{Error, Result};
@@ -196,7 +198,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         cache: args.cache.place()?,
         seed: args.common.seed,
     };
-    options.check()?;
+    options.check().map_err(with_flags)?;
     if let Some(threads) = args.common.threads {
         rayon::ThreadPoolBuilder::new()
             .num_threads(threads.into())
@@ -234,20 +236,51 @@ pub fn run(args: &Args) -> Result<ExitCode> {
             );
         }
     });
-    let met = radiosity::run_then(&scene, &points, &options, &watch, |mut outcome, more| {
-        if let Some(other) = args.compare.filter(|_| !outcome.record.interrupted) {
-            outcome.record.versus = Some(radiosity::versus(&scene, &points, &outcome, other.into(), &watch)?);
-        }
-        watch.spinner.clear();
-        outcome.record.seconds.load = load;
-        if outcome.record.interrupted {
-            let note = "interrupted: this is the consistent solution reached so far";
-            outcome.record.warnings.push(note.into());
-        }
-        let met = outcome.record.target_met != Some(false);
-        write(args, out, (&scene, &points), outcome, more).map(|()| met)
-    })?;
+    let (outcome, solution) = radiosity::solve(&scene, &points, &options, &watch).map_err(with_flags)?;
+    let other = args.compare.filter(|_| !outcome.record.interrupted);
+    let versus = other
+        .map(|other| side_by_side(&scene, &points, &outcome, other.into(), &watch))
+        .transpose()
+        .map_err(with_flags)?;
+    watch.spinner.clear();
+    let met = outcome.record.target_met != Some(false);
+    write(args, out, (&scene, &points), (outcome, versus, load), (&solution, &watch))?;
     Ok(if met { ExitCode::SUCCESS } else { ExitCode::from(1) })
+}
+
+/// Options of the library that notes and errors name by their field, in backticks.
+const FIELDS: [&str; 17] = [
+    "audit",
+    "emitter",
+    "error",
+    "feature_size",
+    "gather_rays",
+    "inside",
+    "light_rays",
+    "local_rays",
+    "max_links",
+    "max_seconds",
+    "min_area",
+    "rows",
+    "scaling",
+    "step_seconds",
+    "target_error",
+    "visibility",
+    "importance",
+];
+
+/// Replaces the fields of options in a message of the library by the flags of the command.
+fn flags(message: &str) -> String {
+    FIELDS.iter().fold(message.to_owned(), |text, field| {
+        text.replace(&format!("`{field}`"), &format!("--{}", field.replace('_', "-")))
+    })
+}
+
+fn with_flags(error: Error) -> Error {
+    match error {
+        Error::Argument(message) => Error::Argument(flags(&message)),
+        other => other,
+    }
 }
 
 /// Writes all files and says so.
@@ -255,11 +288,17 @@ fn write(
     args: &Args,
     out: &Path,
     (scene, points): (&Scene, &[Point]),
-    outcome: Outcome,
-    more: &More,
+    (outcome, versus, load): (Outcome, Option<Versus>, f64),
+    (solution, watch): (&Solution, &Watch),
 ) -> Result<()> {
-    let Outcome { solution, mut record, irradiance } = outcome;
-    let save = |record: &Record| {
+    let Outcome { mesh, mut record, irradiance } = outcome;
+    record.seconds.load = load;
+    if record.interrupted {
+        record.warnings.push("interrupted: this is the consistent solution reached so far".into());
+    }
+    record.warnings.iter_mut().for_each(|warning| *warning = flags(warning));
+    let mut record = ComparedRecord { record, versus };
+    let save = |record: &ComparedRecord| {
         let text = serde_json::to_string_pretty(record)
             .map_err(|e| Error::format(out.join("solution.json"), None, e.to_string()))?;
         WholeFile::write(&out.join("solution.json"), text + "\n")
@@ -271,15 +310,15 @@ fn write(
     }
     let notes = RefCell::new(Vec::new());
     let gather = |points: &[Point], part: f64| {
-        let Answer { irradiance, note } = more.irradiance(points, part);
-        notes.borrow_mut().extend(note);
+        let PointLight { irradiance, note } = solution.irradiance_within(points, part, watch);
+        notes.borrow_mut().extend(note.map(|note| flags(&note)));
         irradiance
     };
     let with_points = args.points.is_some();
-    let shown = args.outputs.write(&args.common, scene, &solution, out, with_points, &gather)?;
+    let shown = args.outputs.write(&args.common, scene, &mesh, out, with_points, &gather)?;
     let notes = notes.into_inner();
     if !notes.is_empty() {
-        record.warnings.extend(notes);
+        record.record.warnings.extend(notes);
         save(&record)?;
     }
     args.common.write_json(&record)?;
@@ -292,10 +331,13 @@ fn write(
 
 /// Solves the series of scenes and shows how time grows.
 fn scaling(common: &Common, options: &Options, largest: usize) -> Result<ExitCode> {
-    radiosity::check_scaling(largest)?;
+    if !LARGEST.contains(&largest) {
+        let (least, most) = (LARGEST.start(), LARGEST.end());
+        return Err(Error::Argument(format!("--scaling={largest}: must lie in {least}..{most} triangles")));
+    }
     common.check_json()?;
     let watch = Watch { spinner: common.spinner("solving"), stopped: Arc::default() };
-    let found = radiosity::scaling(options, largest, &watch)?;
+    let found = solve_scaling(options, largest, &watch).map_err(with_flags)?;
     drop(watch);
     common.write_json(&found)?;
     let mut text =
@@ -370,7 +412,8 @@ fn read_sizes(path: &Path) -> Result<Vec<(String, f32)>> {
     Ok(sizes.into_iter().collect())
 }
 
-fn summary(r: &Record) -> String {
+fn summary(compared: &ComparedRecord) -> String {
+    let r = &compared.record;
     let mut text = String::new();
     let s = &r.seconds;
     // Writing to a string cannot fail.
@@ -418,8 +461,8 @@ fn summary(r: &Record) -> String {
         "mean irradiance {red}, {green}, {blue} W/m\u{b2} (red, green, blue); estimated error {} %",
         number(100.0 * r.error_estimate)
     );
-    if let Some(v) = &r.versus {
-        text += &side_by_side(r, v);
+    if let Some(v) = &compared.versus {
+        text += &comparison(r, v);
     }
     if let Some(a) = &r.audit {
         let _ = writeln!(
@@ -439,7 +482,7 @@ fn summary(r: &Record) -> String {
 }
 
 /// A table of both engines.
-fn side_by_side(r: &Record, v: &Versus) -> String {
+fn comparison(r: &radiosity::Record, v: &Versus) -> String {
     let name = |visibility| match visibility {
         Visibility::Exact => "exact",
         Visibility::Mr => "mr",

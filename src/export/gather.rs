@@ -2,11 +2,11 @@
 
 use super::{First, Frame};
 use crate::points::Point;
-use crate::radiosity::solution::Solution;
+use crate::radiosity::mesh::RadiosityMesh;
 
 /// The points that a picture's rays meet, in the coordinates of the scene's file, with the normals of their elements: those
 /// at which irradiance is to be computed for [`light_of`]. Pixels that see nothing are left out.
-pub fn places(frame: &Frame, solution: &Solution) -> Vec<Point> {
+pub fn places(frame: &Frame, solution: &RadiosityMesh) -> Vec<Point> {
     let point = |f: &First| {
         let element = &solution.elements[f.element as usize];
         let [a, b, c, d] = element.corners.map(|v| solution.vertices[v as usize].as_dvec3());
@@ -20,7 +20,7 @@ pub fn places(frame: &Frame, solution: &Solution) -> Vec<Point> {
 ///
 /// # Panics
 /// If there are fewer values than places.
-pub fn light_of(frame: &Frame, solution: &Solution, irradiance: &[[f64; 3]]) -> Vec<[f32; 3]> {
+pub fn light_of(frame: &Frame, solution: &RadiosityMesh, irradiance: &[[f64; 3]]) -> Vec<[f32; 3]> {
     let mut next = irradiance.iter();
     let mut radiance = |f: &First| {
         let element = &solution.elements[f.element as usize];

@@ -3,7 +3,7 @@
 use super::camera::{Camera, Stage, render};
 use super::tone::luminance;
 use crate::math::Aabb;
-use crate::radiosity::solution::Solution;
+use crate::radiosity::mesh::RadiosityMesh;
 use glam::Vec3;
 use std::collections::HashSet;
 
@@ -14,7 +14,7 @@ const SMALL: [usize; 2] = [64, 48];
 ///
 /// A view is good if much of it is lit, little of it is close to the camera, and many different surfaces are seen. Up is
 /// against the direction that emitters face on the whole, or `up` if they face all ways.
-pub fn best_view(stage: &Stage, solution: &Solution, up: Vec3) -> Camera {
+pub fn best_view(stage: &Stage, solution: &RadiosityMesh, up: Vec3) -> Camera {
     let bounds = Aabb::of(stage.mesh.positions.iter().copied());
     let up = upward(stage, solution).unwrap_or(up);
     let (x, y) = up.any_orthonormal_pair();
@@ -50,7 +50,7 @@ fn camera(eye: Vec3, at: Vec3, up: Vec3, angle: f32) -> Camera {
 }
 
 /// Against the mean direction of emission, along an axis; nothing if emission goes all ways.
-fn upward(stage: &Stage, solution: &Solution) -> Option<Vec3> {
+fn upward(stage: &Stage, solution: &RadiosityMesh) -> Option<Vec3> {
     let (mut sum, mut total) = (Vec3::ZERO, 0.0);
     for (t, corners) in stage.mesh.triangles.iter().enumerate() {
         let element = &solution.elements[stage.mesh.element[t] as usize];
@@ -68,7 +68,7 @@ fn upward(stage: &Stage, solution: &Solution) -> Option<Vec3> {
     (total > 0.0 && sum[axis].abs() > 0.15 * total).then_some(up)
 }
 
-fn judge(stage: &Stage, solution: &Solution, camera: &Camera, radius: f32) -> f32 {
+fn judge(stage: &Stage, solution: &RadiosityMesh, camera: &Camera, radius: f32) -> f32 {
     let frame = render(stage, camera, SMALL[0], SMALL[1], 1);
     let mut lights: Vec<f32> = frame.radiance.iter().map(|&r| luminance(r)).collect();
     lights.sort_by(f32::total_cmp);

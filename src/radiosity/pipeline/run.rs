@@ -1,0 +1,332 @@
+//! The stages of a solution, in their order.
+
+use super::notes;
+use super::point_query::{Solution, relative};
+use super::prepare::Prepared;
+use super::record::{Outcome, Record, Seconds, timed};
+use crate::model::summary::SceneFacts;
+use crate::points::Point;
+use crate::radiosity::audit::{Audit, Closing, Solved, error_estimate, link_uncertainty};
+use crate::radiosity::deadline::{Deadline, DeadlinePlan};
+use crate::radiosity::elements::{Elements, lit_inside};
+use crate::radiosity::final_gather::{FinalGather, LATE_RAYS, LocalPass};
+use crate::radiosity::links::{Tally, VisibilityEngine};
+use crate::radiosity::options::Options;
+use crate::radiosity::progress::Progress;
+use crate::radiosity::refinement::{Coarse, Ended, Iteration, LinkedScene, Refined, apply_importance};
+use crate::radiosity::rgb::Rgb;
+use crate::radiosity::surroundings::{Surroundings, Unlit, probe, unlit_sides};
+use crate::radiosity::transport::Convergence;
+use crate::ray::EndRule;
+use crate::scene::Scene;
+use crate::visibility::{Exact, reference};
+use crate::{Error, Result};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Smallest and largest diagonal of a scene, scene units: within them 32 bits hold areas and the squares of large areas.
+const MIN_DIAGONAL: f64 = 1e-9;
+const MAX_DIAGONAL: f64 = 5e9;
+
+/// Solves a scene for elements and points (file coordinates).
+///
+/// # Errors
+/// Options are out of range, or Embree refuses.
+pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Progress) -> Result<Outcome> {
+    solve(scene, points, options, progress).map(|(outcome, _)| outcome)
+}
+
+/// Like [`run()`], with a [`Solution`] that answers irradiance at more points afterwards.
+///
+/// # Errors
+/// Those of [`run()`].
+pub fn solve<'a>(
+    scene: &'a Scene,
+    points: &[Point],
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<(Outcome, Solution<'a>)> {
+    options.check()?;
+    check_size(scene)?;
+    let deadline = Deadline::start(progress, options.max_seconds);
+    let mut stages =
+        Stages { scene, options, progress, deadline, seconds: Seconds::default(), notes: Vec::new() };
+    let (prepared, exact) = stages.prepare()?;
+    let (coarse, unlit) = stages.coarse(&prepared, &exact)?;
+    let asked = !points.is_empty() || options.more_points;
+    // Direct light at points needs no light of elements.
+    let idle = options.direct_only && !points.is_empty();
+    let local = !idle && coarse.needs_local_pass(options);
+    let plan = DeadlinePlan::new(deadline, asked, local);
+    let start = Instant::now();
+    let refined = match idle {
+        true => coarse.unrefined(options),
+        false => {
+            let estimate = |linked: &LinkedScene| error_estimate(linked, &link_uncertainty(linked));
+            coarse.refine(options, &estimate, progress, &plan.refinement)
+        }
+    };
+    let (solved, steps) = stages.final_light(refined, local, &exact, &plan, start);
+    let gather = FinalGather::new(scene, &solved.linked, &exact, options);
+    let (irradiance, points_tally) = stages.points(&gather, points, &exact, &plan);
+    let (uncertainty, audit, audit_tally) = stages.audit(&gather, &solved, &plan);
+    if scene.emitters.is_empty() {
+        stages.notes.push(notes::NO_EMITTERS.into());
+    }
+    if !solved.is_finite() || irradiance.iter().flatten().any(|v| !v.is_finite()) {
+        return Err(Error::Scene(notes::NOT_FINITE.into()));
+    }
+    let mut tally = solved.linked.tally;
+    tally.add(points_tally);
+    tally.add(audit_tally);
+    let facts = Facts { prepared: &prepared, unlit, steps, tally, audit, uncertainty: &uncertainty };
+    let record = stages.record(&solved, facts);
+    let outcome = Outcome { mesh: solved.mesh(scene, &uncertainty), record, irradiance };
+    Ok((outcome, Solution { scene, exact, solved, options: options.clone(), begun: deadline.begun() }))
+}
+
+/// Refuses scenes whose areas 32 bits do not hold.
+fn check_size(scene: &Scene) -> Result<()> {
+    let diagonal = f64::from(scene.bounds.diagonal());
+    if (MIN_DIAGONAL..=MAX_DIAGONAL).contains(&diagonal) {
+        return Ok(());
+    }
+    let unit = &scene.unit;
+    Err(Error::Scene(format!(
+        "the scene measures {diagonal:.1e} {unit} across: give it in another unit of length, in which that lies in \
+         {MIN_DIAGONAL:e}..{MAX_DIAGONAL:e}"
+    )))
+}
+
+/// The steps of refinement and the last sweeps along links.
+struct RefinementSteps {
+    iterations: Vec<Iteration>,
+    ended: Ended,
+    convergence: Convergence,
+}
+
+/// What the record needs beside the solution.
+struct Facts<'a> {
+    prepared: &'a Prepared,
+    unlit: Unlit,
+    steps: RefinementSteps,
+    tally: Tally,
+    audit: Audit,
+    uncertainty: &'a [f64],
+}
+
+/// The stages of one solution, with the seconds and notes that they leave.
+struct Stages<'a> {
+    scene: &'a Scene,
+    options: &'a Options,
+    progress: &'a dyn Progress,
+    deadline: Deadline<'a>,
+    seconds: Seconds,
+    notes: Vec<String>,
+}
+
+impl Stages<'_> {
+    /// Embree, clusters and optics.
+    fn prepare(&mut self) -> Result<(Prepared, Exact)> {
+        self.progress.stage("preparing");
+        let Stages { scene, options, progress, deadline, seconds, .. } = self;
+        let prepared = Prepared::of(scene, options, seconds, *progress, deadline)?;
+        let exact = prepared.exact();
+        self.notes.extend(self.scene.repairs.messages.clone());
+        self.notes.extend(prepared.note.clone());
+        Ok((prepared, exact))
+    }
+
+    /// Elements with the link of the root, importance and feature sizes.
+    fn coarse(&mut self, prepared: &Prepared, exact: &Exact) -> Result<(Coarse, Unlit)> {
+        let (scene, options) = (self.scene, self.options);
+        let ends = reference::end_rule(scene);
+        let (elements, surroundings, unlit) =
+            timed(&mut self.seconds.elements, || lit_elements(scene, prepared, exact, ends, options));
+        let engine =
+            timed(&mut self.seconds.characterise, || prepared.engine(scene, &elements, ends, options));
+        let engine = engine.map_or(VisibilityEngine::Exact(exact.clone()), |engine| {
+            VisibilityEngine::MultiResolution(Arc::new(engine))
+        });
+        let mut linked = LinkedScene::new(elements, surroundings, engine, ends, options);
+        apply_importance(&mut linked, scene, options, exact)?;
+        self.notes.extend(notes::unlit(&unlit));
+        self.notes.extend(notes::late_preparation(options, &self.deadline));
+        Ok((Coarse(linked), unlit))
+    }
+
+    /// The final light, by a local pass or along links. `start` is when refinement began.
+    fn final_light(
+        &mut self,
+        refined: Refined,
+        local: bool,
+        exact: &Exact,
+        plan: &DeadlinePlan,
+        start: Instant,
+    ) -> (Solved, RefinementSteps) {
+        self.progress.stage("last sweeps");
+        let mut steps = RefinementSteps {
+            iterations: refined.iterations.clone(),
+            ended: refined.ended,
+            convergence: refined.convergence,
+        };
+        if local {
+            self.seconds.solve = start.elapsed().as_secs_f64();
+            self.progress.stage("local pass");
+            let mut linked = refined.linked;
+            let found = self.local_pass(&mut linked, exact, &plan.light);
+            self.notes.extend(notes::unconverged(&found.convergence, &plan.light));
+            return (Solved::by_rays(linked, found), steps);
+        }
+        let solved = Solved::by_links(refined, &plan.light);
+        if let Closing::Links(closing) = &solved.closing {
+            self.notes.extend(notes::bounded(closing.bounded));
+            self.notes.extend(notes::unconverged(&closing.convergence, &plan.light));
+            steps.convergence = closing.convergence;
+        }
+        self.seconds.solve = start.elapsed().as_secs_f64();
+        (solved, steps)
+    }
+
+    /// Splits surfaces as finely as the rays allow, and traces the rays.
+    fn local_pass(&mut self, linked: &mut LinkedScene, exact: &Exact, deadline: &Deadline) -> LocalPass {
+        let (scene, options) = (self.scene, self.options);
+        let (found, note) = timed(&mut self.seconds.local, || {
+            let all = options.local_rays() as f64;
+            let rays = match deadline.limited() {
+                true => FinalGather::new(scene, linked, exact, options).affordable_rays(all, deadline),
+                false => Some(all).filter(|_| !deadline.late()),
+            };
+            let smallest = match rays {
+                Some(rays) if rays >= all => options.local_area(),
+                fewer => Options::area_for(fewer.unwrap_or(LATE_RAYS)).max(options.local_area()),
+            };
+            linked.split_all(smallest * total_area(scene), deadline);
+            let found = FinalGather::new(scene, linked, exact, options).local_pass(rays, deadline);
+            (found, notes::fewer_local_rays(rays, all, deadline))
+        });
+        self.notes.extend(note);
+        found
+    }
+
+    /// Irradiance at points, W/m².
+    fn points(
+        &mut self,
+        gather: &FinalGather,
+        points: &[Point],
+        exact: &Exact,
+        plan: &DeadlinePlan,
+    ) -> (Vec<Rgb>, Tally) {
+        self.progress.stage("points");
+        let (scene, options) = (self.scene, self.options);
+        let points = relative(scene, points);
+        let found =
+            timed(&mut self.seconds.points, || match gather.hurried(&points, options, &plan.closing) {
+                Some(fewer) => FinalGather::new(scene, gather.linked(), exact, &fewer).irradiance(&points),
+                None => gather.irradiance(&points),
+            });
+        self.notes.extend(gather.far_off(&points));
+        found
+    }
+
+    /// The uncertainty of all elements, corrected by one set of independent paths and audited by another.
+    fn audit(
+        &mut self,
+        gather: &FinalGather,
+        solved: &Solved,
+        plan: &DeadlinePlan,
+    ) -> (Vec<f64>, Audit, Tally) {
+        let mut uncertainty = solved.uncertainty();
+        let count = if self.options.direct_only { 0 } else { self.options.audit };
+        self.progress.stage("audit");
+        let late = || plan.closing.late();
+        timed(&mut self.seconds.audit, || {
+            let (factor, mut tally) = gather.bar_factor(&uncertainty, count, &late);
+            uncertainty.iter_mut().for_each(|u| *u *= factor);
+            let (audit, cost) = gather.audit(&uncertainty, count, &late);
+            tally.add(cost);
+            (uncertainty, Audit { factor, ..audit }, tally)
+        })
+    }
+
+    fn record(mut self, solved: &Solved, facts: Facts) -> Record {
+        let Facts { prepared, unlit, steps, tally, audit, uncertainty } = facts;
+        let (scene, options, linked) = (self.scene, self.options, &solved.linked);
+        let error_estimate = error_estimate(linked, uncertainty);
+        self.notes.extend(notes::ended(steps.ended, options, steps.iterations.last(), error_estimate));
+        self.notes.extend(notes::missed(options, error_estimate));
+        let (bytes, settled_local) = match &solved.closing {
+            Closing::Links(links) => (links.bytes, None),
+            Closing::Rays(local) => (0, Some(local.convergence)),
+        };
+        Record {
+            mrvis: env!("CARGO_PKG_VERSION").into(),
+            embree: prepared.device.version(),
+            threads: rayon::current_num_threads(),
+            unit: scene.unit.clone(),
+            options: options.clone(),
+            scene: SceneFacts::of(scene, &prepared.hierarchy),
+            warnings: self.notes,
+            iterations: steps.iterations,
+            ended: steps.ended,
+            settled: steps.convergence,
+            settled_local,
+            target_met: options.target_error.map(|target| error_estimate <= target),
+            seconds: self.seconds,
+            cache: prepared.origin.into(),
+            links: linked.links.len(),
+            elements: linked.elements.len(),
+            unlit,
+            bytes: linked.elements.bytes() + size_of_val(linked.links.as_slice()) + bytes,
+            exact_rays: tally.exact_rays,
+            bundles: tally,
+            ledger: solved.ledger(&scene.unit),
+            error_estimate,
+            audit: (audit.elements > 0).then_some(audit),
+            mean_irradiance: solved.mean_irradiance(),
+            interrupted: self.progress.stopped(),
+        }
+    }
+}
+
+/// The elements of all sides that light reaches, and their surroundings.
+fn lit_elements(
+    scene: &Scene,
+    prepared: &Prepared,
+    exact: &Exact,
+    ends: EndRule,
+    options: &Options,
+) -> (Elements, Surroundings, Unlit) {
+    let area = total_area(scene);
+    let length = 1.01 * scene.bounds.diagonal();
+    let around = |elements: &Elements| probe(elements, exact, ends, length, options.seed);
+    // Ranges of ids have room for all elements of the local pass.
+    let build = |open: &[u32]| {
+        let mut elements = Elements::build(scene, &prepared.hierarchy, options.local_area() * area, open);
+        elements.min_area = options.min_area * area;
+        let found = around(&elements);
+        (elements, found)
+    };
+    let (elements, found) = build(&[]);
+    let open = lit_inside(scene, &found.entered);
+    let (elements, found) = if open.is_empty() { (elements, found) } else { build(&open) };
+    let dark = unlit_sides(scene, &elements, exact, ends, options.seed);
+    let (sides, before) = (elements.sides.len(), elements.area);
+    if dark.is_empty() {
+        return (elements, found, Unlit { of: sides, ..Unlit::default() });
+    }
+    let elements = elements.without(&dark, scene, &prepared.hierarchy);
+    let found = around(&elements);
+    let unlit = Unlit { sides: dark.len(), of: sides, area: 1.0 - elements.area / before };
+    (elements, found, unlit)
+}
+
+/// Area of all triangles, one side of each, scene units squared.
+pub fn total_area(scene: &Scene) -> f64 {
+    (0..scene.triangles.len() as u32)
+        .map(|t| {
+            let [a, b, c] = scene.corners(t);
+            crate::math::triangle_area(a, b, c)
+        })
+        .sum()
+}
