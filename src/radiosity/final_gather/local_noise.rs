@@ -1,8 +1,8 @@
 //! Standard errors of the local pass, from the spread of its rays.
 
-use super::local_pass::LocalResult;
 use super::ray_rows::{RayRow, RayRows};
 use crate::radiosity::elements::{Elements, Shape};
+use crate::radiosity::rgb::Rgb;
 use crate::radiosity::transport::TransportMatrix;
 use rayon::prelude::*;
 
@@ -10,6 +10,19 @@ use rayon::prelude::*;
 const CHUNK: usize = 64;
 /// Rays of neighbouring leaves that a leaf's own spread is mixed with. Chosen: few rays say little about their own spread.
 const NEIGHBOUR_RAYS: f64 = 8.0;
+
+/// What the local pass has found about one element.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LocalResult {
+    /// Irradiance of a leaf, W/m².
+    pub irradiance: Rgb,
+    /// Standard error of the irradiance's mean over the channels, W/m², from the spread of the rays.
+    pub noise: f32,
+    /// Sum of the form factors with sides that light can reach.
+    pub row_sum: f32,
+    /// Part of the rays that did not leave the scene.
+    pub kept: f32,
+}
 
 /// Assigns row sums, the part of rays that stayed in the scene, and standard errors to all leaves with rows.
 pub fn assign_noise(

@@ -7,12 +7,11 @@
 //! starting from the light along links.
 
 use super::gatherer::FinalGather;
-use super::local_noise::assign_noise;
+use super::local_noise::{LocalResult, assign_noise};
 use super::ray_rows::RayRows;
 use crate::radiosity::deadline::{Deadline, RAY_SHARE};
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::links::Tally;
-use crate::radiosity::rgb::Rgb;
 use crate::radiosity::transport::{
     Convergence, Field, MatrixRow, Method, RayTransport, TransportMatrix, solve,
 };
@@ -29,19 +28,6 @@ const TIMED_LEAVES: usize = 2000;
 const TIMED_RAYS: u32 = 16;
 /// Part of the rays that remains after surfaces have been split for so many rays and each part has its least number.
 const SHARED_AFTER_SPLIT: f64 = 0.8;
-
-/// What the local pass has found about one element.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct LocalResult {
-    /// Irradiance of a leaf, W/m².
-    pub irradiance: Rgb,
-    /// Standard error of the irradiance's mean over the channels, W/m², from the spread of the rays.
-    pub noise: f32,
-    /// Sum of the form factors with sides that light can reach.
-    pub row_sum: f32,
-    /// Part of the rays that did not leave the scene.
-    pub kept: f32,
-}
 
 /// The result of the local pass.
 pub struct LocalPass {
