@@ -1,11 +1,11 @@
-//! The one error type of the crate: what went wrong, where, and the cure.
+//! The error type of the crate.
 
 use std::path::PathBuf;
 
-/// Result of every fallible call of this crate.
+/// Result of all fallible functions of this crate.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// What can go wrong. Each message is one line that names what, where and the cure.
+/// Errors of this crate. Each message is one line: what failed, where, and the remedy.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -14,27 +14,30 @@ pub enum Error {
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         #[source]
         source: std::io::Error,
     },
-    /// A file was read but its content is not usable.
+    /// A file was read but its content cannot be used.
     #[error("{}{}: {what}", path.display(), line.map(|l| format!(":{l}")).unwrap_or_default())]
     Format {
         /// The file.
         path: PathBuf,
         /// The line, counted from 1, where the format has lines.
         line: Option<usize>,
-        /// What is wrong and how to mend it.
+        /// The defect and its remedy.
         what: String,
     },
-    /// The scene is readable but cannot be used for what was asked (empty, no emitter, unknown name).
+    /// The scene was read but cannot be used for the request (empty, no emitter, unknown name).
     #[error("{0}")]
     Scene(String),
     /// An option or argument is out of its range.
     #[error("{0}")]
     Argument(String),
-    /// Embree refused a call, is missing or has the wrong version.
+    /// The caller stopped the computation before there was a result.
+    #[error("{0}")]
+    Cancelled(String),
+    /// Embree is missing, has the wrong version or failed.
     #[error("Embree: {0}")]
     Embree(String),
 }

@@ -1,4 +1,4 @@
-//! Files that appear whole or not at all.
+//! Files that are written completely or not at all.
 
 use crate::{Error, Result};
 use std::{
@@ -8,8 +8,8 @@ use std::{
 };
 use tempfile::NamedTempFile;
 
-/// A file being written: it has a temporary name beside its target until [`WholeFile::commit`], and is removed
-/// if dropped before. Buffered.
+/// A buffered file being written. The data go to a temporary file beside the target until [`WholeFile::commit`]; a file
+/// that is dropped before is removed.
 pub struct WholeFile {
     target: PathBuf,
     out: BufWriter<Sink>,
@@ -38,10 +38,10 @@ impl Write for Sink {
 }
 
 impl WholeFile {
-    /// Starts a file that is to become `target`; a link is followed.
+    /// Starts a file that will replace `target`; symbolic links are followed.
     ///
     /// # Errors
-    /// Its folder cannot be written, or `target` is a folder.
+    /// [`Error::Io`] if the folder cannot be written or `target` is a folder.
     pub fn create(target: &Path) -> Result<WholeFile> {
         let at = |e| Error::io(target, e);
         let resolved = target.canonicalize().unwrap_or_else(|_| target.to_owned());
@@ -51,17 +51,17 @@ impl WholeFile {
             _ => {
                 let folder =
                     resolved.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-                // Asked first because the system names the reason better than the temporary file does.
+                // Checked first: the system's error names the reason better than that of the temporary file.
                 std::fs::metadata(folder).map_err(at)?;
                 let mut builder = tempfile::Builder::new();
                 builder.prefix(".mrvis-");
-                // Temporary files are private by default; the result shall be like any other file.
+                // Temporary files are private by default; the result gets the usual permissions.
                 #[cfg(unix)]
                 builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
                 Sink::Draft(
                     builder
                         .tempfile_in(folder)
-                        // Without the temporary name, which means nothing to the user.
+                        // The error names the target, not the temporary file.
                         .map_err(|e| at(e.kind().into()))?,
                 )
             }
@@ -69,10 +69,10 @@ impl WholeFile {
         Ok(WholeFile { target: resolved, out: BufWriter::with_capacity(1 << 20, sink) })
     }
 
-    /// Gives the file its name, replacing what was there.
+    /// Renames the temporary file to the target, replacing an older file.
     ///
     /// # Errors
-    /// The rest could not be written or the file not be renamed.
+    /// [`Error::Io`] if the buffered rest cannot be written or the file cannot be renamed.
     pub fn commit(self) -> Result<()> {
         let at = |e| Error::io(&self.target, e);
         match self.out.into_inner().map_err(|e| at(e.into_error()))? {
@@ -81,10 +81,10 @@ impl WholeFile {
         }
     }
 
-    /// Writes the whole of a file at once.
+    /// Writes a complete file.
     ///
     /// # Errors
-    /// As for [`WholeFile::create`] and [`WholeFile::commit`].
+    /// [`Error::Io`] as for [`WholeFile::create`] and [`WholeFile::commit`].
     pub fn write(target: &Path, content: impl AsRef<[u8]>) -> Result<()> {
         let mut file = WholeFile::create(target)?;
         file.write_all(content.as_ref()).map_err(|e| Error::io(target, e))?;

@@ -1,4 +1,4 @@
-//! Small geometry: axis-aligned boxes and what several rooms need of triangles.
+//! Axis-aligned boxes, triangle areas and normals.
 
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
@@ -13,43 +13,43 @@ pub struct Aabb {
 }
 
 impl Aabb {
-    /// The box that holds nothing: the neutral element of [`Aabb::union`].
+    /// The box without points: the neutral element of [`Aabb::union`].
     pub const EMPTY: Aabb = Aabb { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
-    /// The smallest box that holds all `points`.
+    /// The smallest box that contains all `points`; [`Aabb::EMPTY`] without points.
     pub fn of(points: impl IntoIterator<Item = Vec3>) -> Aabb {
         points.into_iter().fold(Aabb::EMPTY, |b, p| Aabb { min: b.min.min(p), max: b.max.max(p) })
     }
 
-    /// The smallest box that holds both.
+    /// The smallest box that contains both.
     #[must_use]
     pub fn union(self, other: Aabb) -> Aabb {
         Aabb { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
-    /// Extents along the axes, zero for the empty box.
+    /// Edge lengths along the axes; zero for the empty box.
     pub fn extent(self) -> Vec3 {
         (self.max - self.min).max(Vec3::ZERO)
     }
 
-    /// The centre.
+    /// Centre point; not a number for the empty box.
     pub fn center(self) -> Vec3 {
         0.5 * (self.min + self.max)
     }
 
-    /// Length of the diagonal, zero for the empty box.
+    /// Length of the diagonal; zero for the empty box.
     pub fn diagonal(self) -> f32 {
         self.extent().length()
     }
 
-    /// Volume, zero for flat boxes.
+    /// Volume, length³; zero for flat boxes.
     pub fn volume(self) -> f64 {
         let e = self.extent().as_dvec3();
         e.x * e.y * e.z
     }
 
-    /// The box with every extent at least a thousandth of the diagonal and sixteen roundings of its coordinates: what
-    /// path lengths are measured in, so that flat boxes have a path (method A.5, D.2).
+    /// The box with every extent enlarged to at least 1e-3 of the diagonal and 16 rounding errors of its coordinates,
+    /// so that path lengths through flat boxes are positive (docs/method.md, Extinction). Both factors are chosen.
     #[must_use]
     pub fn thickened(self) -> Aabb {
         let rounding = f32::EPSILON * self.min.abs().max(self.max.abs()).max_element();
@@ -58,19 +58,19 @@ impl Aabb {
         Aabb { min: self.min - 0.5 * missing, max: self.max + 0.5 * missing }
     }
 
-    /// Whether `other` lies inside (touching allowed).
+    /// Whether `other` lies inside; shared boundaries count as inside.
     pub fn contains(self, other: Aabb) -> bool {
         self.min.cmple(other.min).all() && self.max.cmpge(other.max).all()
     }
 }
 
-/// Area of the triangle `a b c`, in f64 so that sliver triangles keep their digits.
+/// Area of triangle `a b c`, length². Computed in f64, accurate for slivers.
 pub fn triangle_area(a: Vec3, b: Vec3, c: Vec3) -> f64 {
     let (a, b, c) = (a.as_dvec3(), b.as_dvec3(), c.as_dvec3());
     0.5 * (b - a).cross(c - a).length()
 }
 
-/// Unit normal of the triangle `a b c` by the right-hand rule, zero if it has no area.
+/// Unit normal of triangle `a b c` by the right-hand rule; zero if the triangle has no area.
 pub fn triangle_normal(a: Vec3, b: Vec3, c: Vec3) -> Vec3 {
     let (a, b, c) = (a.as_dvec3(), b.as_dvec3(), c.as_dvec3());
     (b - a).cross(c - a).normalize_or_zero().as_vec3()

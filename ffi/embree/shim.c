@@ -11,7 +11,7 @@ _Static_assert(sizeof(struct RTCRay16) == 12 * 64, "RTCRay16 layout");
 _Static_assert(offsetof(struct RTCRay16, tfar) == 8 * 64, "RTCRay16 layout");
 _Static_assert(offsetof(mrvis_packet, active) == 8 * 64, "mrvis_packet layout");
 
-/* Writes lanes [first, first + W) of a packet as an Embree packet and ors the blocked lanes into `result`. */
+/* Traces lanes [first, first + W) of a packet as Embree packets and adds the blocked lanes to `result`. */
 #define TRACE_WIDE(W, ALIGN)                                                                                \
     for (int first = 0; first < 16; first += W) {                                                           \
         const uint32_t lanes = (p->active >> first) & (uint32_t)((1ull << W) - 1);                          \
@@ -45,7 +45,7 @@ static uint32_t trace_single(RTCScene scene, const mrvis_packet *p, uint32_t mas
         const int i = __builtin_ctz(left);
         struct RTCRay ray;
         memset(&ray, 0, sizeof ray);
-        /* Compilers merge these into two 16-byte stores: scalar stores stall Embree's wide loads. */
+        /* Compilers merge these copies into two 16-byte stores; scalar stores would stall Embree's wide loads. */
         const float head[4] = {p->origin[0][i], p->origin[1][i], p->origin[2][i], p->near_t[i]};
         const float tail[4] = {p->direction[0][i], p->direction[1][i], p->direction[2][i], 0.0f};
         memcpy(&ray.org_x, head, sizeof head);
@@ -83,6 +83,10 @@ void mrvis_occluded(RTCScene scene, const mrvis_packet *packets, size_t count, i
 #endif
 }
 
+/* Traces lanes [first, first + W) of a packet for first hits and writes them to hits[k]. */
+/* Scenes without instances count as the first instance. */
+static inline uint32_t instance_of(unsigned int id) { return id == RTC_INVALID_GEOMETRY_ID ? 0 : id; }
+
 #define HIT_WIDE(W, ALIGN)                                                                                  \
     for (int first = 0; first < 16; first += W) {                                                           \
         const uint32_t lanes = (p->active >> first) & (uint32_t)((1ull << W) - 1);                          \
@@ -111,6 +115,7 @@ void mrvis_occluded(RTCScene scene, const mrvis_packet *packets, size_t count, i
         rtcIntersect##W(valid, scene, &query, &args);                                                       \
         for (int i = 0; i < W; i++) {                                                                       \
             hits[k].triangle[first + i] = valid[i] ? query.hit.primID[i] : RTC_INVALID_GEOMETRY_ID;         \
+            hits[k].instance[first + i] = instance_of(query.hit.instID[0][i]);                              \
             hits[k].t[first + i] = query.ray.tfar[i];                                                       \
         }                                                                                                   \
     }
@@ -129,8 +134,10 @@ static void hit_single(RTCScene scene, const mrvis_packet *p, uint32_t mask, str
         query.ray.mask = mask;
         query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
         query.hit.primID = RTC_INVALID_GEOMETRY_ID;
+        query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
         rtcIntersect1(scene, &query, args);
         hits->triangle[i] = query.hit.primID;
+        hits->instance[i] = instance_of(query.hit.instID[0]);
         hits->t[i] = query.ray.tfar;
     }
 }

@@ -1,14 +1,14 @@
-/* The part of Embree that stays in C: ray packets and the floating-point mode around them.
+/* C interface to Embree: ray packets, and the floating-point mode during queries.
  *
- * No Embree ray struct crosses into Rust: their layout depends on how the installed library was configured. */
+ * No Embree ray struct is visible to Rust: their layout depends on the configuration of the installed library. */
 #ifndef MRVIS_EMBREE_SHIM_H
 #define MRVIS_EMBREE_SHIM_H
 #include <embree4/rtcore.h>
 #include <stddef.h>
 #include <stdint.h>
 
-/* 16 segments in lanes; mirrors `ray::Packet` field by field (the Rust side asserts size and offsets).
- * The point at parameter t of lane i is origin + t * direction; hits count for near <= t <= far. */
+/* 16 segments in lanes; mirrors `ray::Packet` field by field (Rust asserts size and offsets).
+ * The point of lane i at parameter t is origin + t * direction; hits count at near <= t <= far. */
 typedef struct {
     _Alignas(64) float origin[3][16];
     float direction[3][16];
@@ -17,21 +17,21 @@ typedef struct {
     uint32_t active; /* bit i: lane i is a segment */
 } mrvis_packet;
 
-/* Traces `count` packets for any hit. Bit i of occluded[k] is set if lane i of packets[k] is active and
- * blocked. `width` is 1, 4, 8 or 16 rays a call; `coherent` asks for the packet traversal meant for rays that
- * stay together; `mask` selects geometries. Flush-to-zero and denormals-are-zero are on inside, as Embree
- * recommends, and restored: Rust code may not change them itself. */
+/* Traces `count` packets for any hit. Bit i of occluded[k] is set if lane i of packets[k] is active and blocked.
+ * `width` is 1, 4, 8 or 16 rays per call; `coherent` selects Embree's traversal for coherent rays; `mask` selects
+ * geometries. Flush-to-zero and denormals-are-zero are set during the call, as Embree recommends, and restored:
+ * Rust code must not change the floating-point mode. */
 void mrvis_occluded(RTCScene scene, const mrvis_packet *packets, size_t count, int width, int coherent,
                     uint32_t mask, uint32_t *occluded);
 
-/* The first hit of 16 segments: the triangle's number within its geometry (0xffffffff where nothing is hit) and
- * the parameter t of the hit. */
+/* First hits of 16 segments: triangle index within its geometry (0xffffffff without a hit) and parameter t. */
 typedef struct {
     uint32_t triangle[16];
+    uint32_t instance[16]; /* index in a scene of instances, 0 in other scenes; undefined without a hit */
     float t[16];
 } mrvis_hits;
 
-/* Traces `count` packets for their first hits; the arguments are those of mrvis_occluded. */
+/* Traces `count` packets for their first hits. Arguments as in mrvis_occluded. */
 void mrvis_first_hits(RTCScene scene, const mrvis_packet *packets, size_t count, int width, int coherent,
                       uint32_t mask, mrvis_hits *hits);
 #endif

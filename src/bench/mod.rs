@@ -6,7 +6,6 @@ pub mod measure;
 mod options;
 pub mod page;
 mod prepare;
-mod progress;
 mod receivers;
 pub mod record;
 pub mod reference;
@@ -23,7 +22,6 @@ mod unbiased;
 pub mod workload;
 
 pub use options::{MOST_THREADS, Options, Target};
-pub use progress::Progress;
 pub use receivers::{Receiver, choose as choose_receivers};
 pub use run::run;
 pub use scaling::{check_scaling, scaling};

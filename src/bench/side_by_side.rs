@@ -1,10 +1,11 @@
 //! One question to two engines: whole solutions side by side, timed and compared.
 
 use crate::Result;
+use crate::model::Model;
 use crate::points::{Comparison, Irradiance, Point, compare};
+use crate::progress::Progress;
 use crate::radiosity::links::Tally;
-use crate::radiosity::{Options, Outcome, Progress, Record, Seconds, Visibility, run};
-use crate::scene::Scene;
+use crate::radiosity::{Options, Outcome, Record, Seconds, Visibility, run};
 use serde::Serialize;
 
 /// The solution of another engine, compared with a first one.
@@ -42,14 +43,16 @@ pub struct ComparedRecord {
 /// # Errors
 /// As [`run()`].
 pub fn side_by_side(
-    scene: &Scene,
+    model: &Model,
     points: &[Point],
     outcome: &Outcome,
     visibility: Visibility,
     progress: &dyn Progress,
 ) -> Result<Versus> {
     let record = &outcome.record;
-    let other = run(scene, points, &Options { visibility, ..record.options.clone() }, progress)?;
+    let options = Options { visibility, ..record.options.clone() };
+    let model = model.prepared_to(&options.prepare(), progress)?;
+    let other = run(&model, points, &options, progress)?;
     let at = |outcome: &Outcome| Irradiance {
         points: points.to_vec(),
         values: outcome.irradiance.clone(),

@@ -1,6 +1,8 @@
 //! How the time of a solution grows with the scene.
 
-use crate::radiosity::{Options, Progress, Seconds, run};
+use crate::model::Model;
+use crate::progress::Progress;
+use crate::radiosity::{Options, Seconds, run};
 use crate::scene::generate::{self, Spec};
 use crate::{Error, Result};
 use serde::Serialize;
@@ -68,7 +70,8 @@ pub fn solve_scaling(options: &Options, largest: usize, progress: &dyn Progress)
         let spec =
             Spec { seed: options.seed, count: Some(triangles / TRIANGLES_OF_CUBE), ..Spec::new("cubes") };
         let scene = generate::build(&spec)?;
-        let record = run(&scene, &[], options, progress)?.record;
+        let model = Model::prepare(scene, &options.prepare(), progress)?;
+        let record = run(&model, &[], options, progress)?.record;
         let s = &record.seconds;
         rows.push(ScalingRow {
             triangles: record.scene.triangles,

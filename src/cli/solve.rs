@@ -5,10 +5,12 @@ use super::outputs::Outputs;
 use crate::bench::side_by_side::{ComparedRecord, Versus, side_by_side};
 use crate::bench::solve_scaling::{LARGEST, solve_scaling};
 use crate::files::WholeFile;
+use crate::model::Model;
 use crate::plot::number;
 use crate::points::{Irradiance, Point, read_points, write_irradiance};
+use crate::progress::Progress;
 use crate::radiosity::{
-    self, Inside, Options, Oracle, Outcome, PointLight, Progress, Rows, Solution, View, Visibility,
+    self, Inside, Options, Oracle, Outcome, PointLight, Rows, Solution, View, Visibility,
 };
 use crate::scene::{Scene, StoredCamera};
 use crate::{Error, Result};
@@ -236,15 +238,17 @@ pub fn run(args: &Args) -> Result<ExitCode> {
             );
         }
     });
-    let (outcome, solution) = radiosity::solve(&scene, &points, &options, &watch).map_err(with_flags)?;
+    watch.stage("preparing", 0);
+    let model = prepare(scene, &options, &watch)?;
+    let (outcome, solution) = radiosity::solve(&model, &points, &options, &watch).map_err(with_flags)?;
     let other = args.compare.filter(|_| !outcome.record.interrupted);
     let versus = other
-        .map(|other| side_by_side(&scene, &points, &outcome, other.into(), &watch))
+        .map(|other| side_by_side(&model, &points, &outcome, other.into(), &watch))
         .transpose()
         .map_err(with_flags)?;
     watch.spinner.clear();
     let met = outcome.record.target_met != Some(false);
-    write(args, out, (&scene, &points), (outcome, versus, load), (&solution, &watch))?;
+    write(args, out, &points, (outcome, versus, load), (&solution, &watch))?;
     Ok(if met { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
@@ -287,11 +291,12 @@ fn with_flags(error: Error) -> Error {
 fn write(
     args: &Args,
     out: &Path,
-    (scene, points): (&Scene, &[Point]),
+    points: &[Point],
     (outcome, versus, load): (Outcome, Option<Versus>, f64),
     (solution, watch): (&Solution, &Watch),
 ) -> Result<()> {
     let Outcome { mesh, mut record, irradiance } = outcome;
+    let scene = solution.model().scene();
     record.seconds.load = load;
     if record.interrupted {
         record.warnings.push("interrupted: this is the consistent solution reached so far".into());
@@ -393,12 +398,41 @@ struct Watch {
 }
 
 impl Progress for Watch {
-    fn stage(&self, name: &str) {
+    fn stage(&self, name: &str, _: u64) {
         self.spinner.say(name);
     }
 
     fn stopped(&self) -> bool {
         self.stopped.load(Ordering::Relaxed)
+    }
+}
+
+/// Prepares the model within the time that the options allow for the whole solve.
+fn prepare(scene: Scene, options: &Options, watch: &Watch) -> Result<Model> {
+    let until = Until { watch, start: Instant::now(), seconds: options.max_seconds.unwrap_or(f64::INFINITY) };
+    Model::prepare(scene, &options.prepare(), &until).map_err(|error| match (error, options.max_seconds) {
+        (Error::Cancelled(_), Some(seconds)) if !watch.stopped() => Error::Argument(format!(
+            "--max-seconds {seconds}: the time was up before the clusters were measured; allow more (they are kept for the \
+             next run) or take --visibility exact"
+        )),
+        (error, _) => error,
+    })
+}
+
+/// Stops a preparation when the time of the solve is up.
+struct Until<'a> {
+    watch: &'a Watch,
+    start: Instant,
+    seconds: f64,
+}
+
+impl Progress for Until<'_> {
+    fn stage(&self, name: &str, steps: u64) {
+        self.watch.stage(name, steps);
+    }
+
+    fn stopped(&self) -> bool {
+        self.watch.stopped() || self.start.elapsed().as_secs_f64() >= self.seconds
     }
 }
 

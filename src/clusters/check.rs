@@ -1,4 +1,4 @@
-//! The validator beside the tree: what every hierarchy promises.
+//! Validation of cluster hierarchies: topology, boxes, and the partition of the triangles.
 
 use super::tree::Tree;
 use super::{FAN_OUT, Hierarchy};
@@ -6,11 +6,11 @@ use crate::math::Aabb;
 use crate::scene::Scene;
 
 impl Hierarchy {
-    /// Checks topology, boxes and the strict partition of the scene's triangles; also of a hierarchy from outside,
-    /// whatever its numbers.
+    /// Checks topology, boxes and the strict partition of the scene's triangles. Accepts hierarchies with arbitrary
+    /// values, such as those read from a cache.
     ///
     /// # Errors
-    /// The first broken promise, in words.
+    /// A description of the first violation.
     pub fn check(&self, scene: &Scene) -> Result<(), String> {
         let mut seen = vec![0u8; scene.triangles.len()];
         for (name, tree) in [("micro", &self.micro), ("large", &self.large)] {

@@ -1,29 +1,29 @@
-//! Clusters while they are being formed: what every builder hands to [`super::tree::Tree::arrange`].
+//! Cluster trees under construction: the common input of [`super::tree::Tree::arrange`].
 
 use super::FAN_OUT;
 use crate::math::Aabb;
 
-/// What a cluster groups: a triangle of the scene or another cluster of the draft.
+/// A member of a cluster: a triangle of the scene or another cluster of the draft.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Member {
     Face(u32),
     Cluster(u32),
 }
 
-/// A member with its box and its place in space.
+/// A member with its box and the data that grouping needs.
 #[derive(Clone, Debug)]
 pub(super) struct Item {
     pub member: Member,
     pub bounds: Aabb,
-    /// Smallest face, for ties: the order of results must not depend on threads.
+    /// Smallest triangle index, to break ties: the result must not depend on the number of threads.
     pub first_face: u32,
-    /// Volume that the faces' own boxes take, for the measure of empty space.
+    /// Sum of the volumes of the triangles' own boxes, length³; used for the empty fraction.
     pub occupied: f64,
-    /// Number of faces if it is a face or a cluster of nothing but faces; `None` for clusters of clusters.
+    /// Number of triangles of a triangle or of a leaf; `None` for clusters of clusters.
     pub faces: Option<usize>,
 }
 
-/// Faces of several items together if they fit into one leaf.
+/// Number of triangles of two items together if both are leaves (or triangles) and the sum fits into one leaf.
 pub(super) fn one_leaf(a: Option<usize>, b: Option<usize>) -> Option<usize> {
     Some(a? + b?).filter(|&faces| faces <= FAN_OUT)
 }
@@ -51,7 +51,7 @@ pub(super) struct Draft {
 }
 
 impl Draft {
-    /// Makes a cluster of these items; small leaves among themselves become one leaf.
+    /// Makes a cluster of these items. Small leaves that fit together become one leaf.
     pub fn group(&mut self, items: &[Item]) -> Item {
         let bounds = items.iter().fold(Aabb::EMPTY, |b, i| b.union(i.bounds));
         let faces = items.iter().map(|i| i.faces).reduce(one_leaf).flatten();
@@ -72,7 +72,7 @@ impl Draft {
         }
     }
 
-    /// Takes over another draft; its root becomes an item here.
+    /// Appends the clusters of another draft and returns its root as an item.
     pub fn adopt(&mut self, other: Draft) -> Item {
         let offset = self.clusters.len() as u32;
         let root = other.clusters.len() as u32 - 1 + offset;

@@ -1,14 +1,14 @@
-//! Hierarchy of uniform grids [SD95 sec 4.1]; method A.8.
+//! Hierarchy of uniform grids [SD95 sec 4.1]; docs/method.md, Clusters.
 //!
-//! Items enter at the level whose voxels they fit, from the finest to the coarsest; at each level the items of a
-//! voxel are grouped with little empty space, then straddling items are offered to the groups, and all that is
-//! left moves up a level.
+//! Items enter at the level whose voxels they fit, from the finest to the coarsest. At each level the items of a voxel
+//! are grouped with little empty space, straddling items are offered to the groups, and all results move up a level.
 //!
-//! Decisions of ours where the paper is silent: the grid's root is the bounding *cube*, because the 2^i-fold
-//! division of a flat scene's box gives pancake voxels whose clusters are neither homogeneous nor isotropic;
-//! items an eighth of the voxel or smaller belong to the voxel of their centre ("very small" items); more than
-//! [`FAN_OUT`] items in a voxel are merged pairwise by least added empty volume, in a window along the Morton
-//! curve: small leaves into full ones first, and when all are full, clusters into larger clusters.
+//! Choices of ours where the paper gives no details:
+//! * The root of the grids is the bounding *cube*: a 2^i-fold division of a flat scene's box gives flat voxels whose
+//!   clusters are neither homogeneous nor isotropic.
+//! * Items of at most an eighth of the voxel belong to the voxel of their centre (the paper's "very small" items).
+//! * More than [`FAN_OUT`] items in a voxel are merged pairwise by least added empty volume, in a window along the
+//!   Morton curve: small leaves first, and when no leaves fit together, clusters into larger clusters.
 
 use super::FAN_OUT;
 use super::draft::{Draft, Item, Member, one_leaf};
@@ -16,14 +16,14 @@ use crate::math::Aabb;
 use glam::{UVec3, Vec3};
 use rayon::prelude::*;
 
-/// Finest level: voxels of 2^-20 of the scene.
-const FINEST: u32 = 20;
-/// Groups may be this empty; the rest is left for the next level.
-const EMPTY_LIMIT: f64 = 0.7;
-/// Neighbours along the Morton curve that are considered.
-const WINDOW: usize = 8;
+/// Finest level: voxels of 2^-20 of the scene's extent. Chosen: three coordinates of 20 bits fit in a Morton key.
+const FINEST_LEVEL: u32 = 20;
+/// Largest empty fraction of a group, dimensionless; other items wait for the next level. Chosen.
+const MAX_EMPTY_FRACTION: f64 = 0.7;
+/// Number of neighbours along the Morton curve that are considered for merging. Chosen: bounds the time per item.
+const MORTON_WINDOW: usize = 8;
 
-/// The root cube and its integer coordinates.
+/// The root cube, with the mapping to integer coordinates of the finest level.
 struct Grid {
     base: Vec3,
     scale: f32,
@@ -34,18 +34,18 @@ impl Grid {
     fn around(items: &[Item]) -> Grid {
         let bounds = items.iter().fold(Aabb::EMPTY, |b, i| b.union(i.bounds));
         let cube = bounds.extent().max_element().max(f32::MIN_POSITIVE);
-        Grid { base: bounds.min, scale: (1u32 << FINEST) as f32 / cube, cube }
+        Grid { base: bounds.min, scale: (1u32 << FINEST_LEVEL) as f32 / cube, cube }
     }
 
-    /// Coordinates at the finest level, below 2^20.
+    /// Integer coordinates at the finest level, each below 2^20.
     fn cell(&self, p: Vec3) -> UVec3 {
-        ((p - self.base) * self.scale).as_uvec3().min(UVec3::splat((1 << FINEST) - 1))
+        ((p - self.base) * self.scale).as_uvec3().min(UVec3::splat((1 << FINEST_LEVEL) - 1))
     }
 
     /// The finest level whose voxels are at least as large as the item.
     fn level(&self, item: &Item) -> u32 {
         let ratio = self.cube / item.bounds.extent().max_element().max(self.cube * 1e-6);
-        (ratio.log2().floor().max(0.0) as u32).min(FINEST)
+        (ratio.log2().floor().max(0.0) as u32).min(FINEST_LEVEL)
     }
 
     /// Position along the Morton curve of the finest level; its high bits are those of every coarser level.
@@ -62,31 +62,31 @@ impl Grid {
         spread(c.x) | spread(c.y) << 1 | spread(c.z) << 2
     }
 
-    /// Whether the item counts as lying in one voxel of the level.
+    /// Whether the item belongs to one voxel of the level: entirely contained, or very small.
     fn belongs(&self, item: &Item, level: u32) -> bool {
-        let shift = FINEST - level;
+        let shift = FINEST_LEVEL - level;
         let voxel = self.cube / (1u32 << level) as f32;
         let (lo, hi) = (self.cell(item.bounds.min), self.cell(item.bounds.max));
         lo >> shift == hi >> shift || item.bounds.extent().max_element() * 8.0 <= voxel
     }
 }
 
-/// Clusters `items` into one tree on top of the clusters that the draft holds already.
+/// Clusters `items` into one tree. The draft already holds the clusters that items refer to.
 pub(super) fn cluster(mut draft: Draft, mut items: Vec<Item>) -> Draft {
     let grid = Grid::around(&items);
     for item in &mut items {
         if let Member::Face(_) = item.member {
-            // Flat faces need some thickness for a measure of emptiness: a thousandth of their size.
+            // Flat boxes are thickened to 1e-3 of their longest extent, so that they have a volume.
             let e = item.bounds.extent();
             let thick = e.max(Vec3::splat(1e-3 * e.max_element())).as_dvec3();
             item.occupied = thick.x * thick.y * thick.z;
         }
     }
     let mut waiting: Vec<(u32, Item)> = items.into_iter().map(|i| (grid.level(&i), i)).collect();
-    // Coarsest last, so that each level takes its items from the end.
+    // Finest last: each level takes its items from the end.
     waiting.par_sort_by_key(|(level, item)| (*level, item.first_face));
     let mut moving: Vec<Item> = Vec::new();
-    let mut level = FINEST;
+    let mut level = FINEST_LEVEL;
     loop {
         let from = waiting.partition_point(|(l, _)| *l < level);
         moving.extend(waiting.drain(from..).map(|(_, item)| item));
@@ -109,7 +109,7 @@ pub(super) fn cluster(mut draft: Draft, mut items: Vec<Item>) -> Draft {
     draft
 }
 
-/// Groups of one voxel, in order; a group of one is the item itself.
+/// Groups of one voxel, in order. A group of one is the item itself.
 type Groups = Vec<Vec<Item>>;
 
 fn treat_level(draft: &mut Draft, grid: &Grid, level: u32, items: Vec<Item>) -> Vec<Item> {
@@ -118,13 +118,13 @@ fn treat_level(draft: &mut Draft, grid: &Grid, level: u32, items: Vec<Item>) -> 
     }
     let mut keyed: Vec<(u64, Item)> = items.into_par_iter().map(|i| (grid.key(&i), i)).collect();
     keyed.par_sort_by_key(|(key, item)| (*key, item.first_face));
-    let shift = 3 * (FINEST - level);
+    let shift = 3 * (FINEST_LEVEL - level);
     let voxels: Vec<&[(u64, Item)]> = keyed.chunk_by(|a, b| a.0 >> shift == b.0 >> shift).collect();
     let groups: Vec<Groups> = voxels.into_par_iter().map(|voxel| treat_voxel(grid, level, voxel)).collect();
     emit(draft, groups)
 }
 
-/// Makes clusters of the groups; what stands alone passes through.
+/// Makes clusters of the groups; single items pass through.
 fn emit(draft: &mut Draft, voxels: Vec<Groups>) -> Vec<Item> {
     let mut passed = Vec::new();
     for group in voxels.into_iter().flatten() {
@@ -152,7 +152,7 @@ fn treat_voxel(grid: &Grid, level: u32, voxel: &[(u64, Item)]) -> Groups {
             .enumerate()
             .filter(|(_, g)| g.len() > 1 && g.len() < FAN_OUT)
             .map(|(i, g)| (emptiness(&Bag::of(g), &Bag::single(&item)).0, i))
-            .filter(|(fraction, _)| *fraction <= EMPTY_LIMIT)
+            .filter(|(fraction, _)| *fraction <= MAX_EMPTY_FRACTION)
             .min_by(|a, b| a.0.total_cmp(&b.0));
         match home {
             Some((_, i)) => groups[i].push(item),
@@ -162,7 +162,7 @@ fn treat_voxel(grid: &Grid, level: u32, voxel: &[(u64, Item)]) -> Groups {
     groups
 }
 
-/// Box and occupied volume of a group.
+/// Box, occupied volume and counts of a group.
 #[derive(Clone, Copy)]
 struct Bag {
     bounds: Aabb,
@@ -189,7 +189,7 @@ impl Bag {
         }
     }
 
-    /// Volume of the box with a minimum thickness, so that flat groups can be compared.
+    /// Volume of the box with every extent at least 1e-3 of the longest, so that flat groups can be compared; length³.
     fn volume(&self) -> f64 {
         let e = self.bounds.extent();
         let e = e.max(Vec3::splat(1e-3 * e.max_element())).as_dvec3();
@@ -197,26 +197,26 @@ impl Bag {
     }
 }
 
-/// Empty fraction and added empty volume of joining two groups.
+/// Empty fraction, and added empty volume (length³), of the union of two groups.
 fn emptiness(a: &Bag, b: &Bag) -> (f64, f64) {
     let joined = a.join(*b);
     let volume = joined.volume();
     (1.0 - joined.occupied / volume, volume - a.volume() - b.volume())
 }
 
-/// Greedy grouping in Morton order: each item joins the recent group that it leaves least empty, if any is
-/// within [`EMPTY_LIMIT`].
+/// Greedy grouping in Morton order: each item joins the one of the last [`MORTON_WINDOW`] groups whose empty fraction
+/// becomes smallest, if that is at most [`MAX_EMPTY_FRACTION`].
 fn pack(items: Vec<Item>) -> Groups {
     let mut groups: Vec<(Bag, Vec<Item>)> = Vec::new();
     for item in items {
         let bag = Bag::single(&item);
-        let start = groups.len().saturating_sub(WINDOW);
+        let start = groups.len().saturating_sub(MORTON_WINDOW);
         let home = groups[start..]
             .iter()
             .enumerate()
             .filter(|(_, (g, _))| g.members < FAN_OUT)
             .map(|(i, (g, _))| (emptiness(g, &bag).0, start + i))
-            .filter(|(fraction, _)| *fraction <= EMPTY_LIMIT)
+            .filter(|(fraction, _)| *fraction <= MAX_EMPTY_FRACTION)
             .min_by(|a, b| a.0.total_cmp(&b.0));
         match home {
             Some((_, i)) => {
@@ -229,7 +229,7 @@ fn pack(items: Vec<Item>) -> Groups {
     groups.into_iter().map(|(_, items)| items).collect()
 }
 
-/// Makes fewer items of a crowd: small leaves are filled up; if there are none left, clusters are grouped.
+/// Reduces the number of items: fills up small leaves; if no leaves fit together, groups clusters.
 fn thin_out(items: Vec<Item>) -> Groups {
     let before = items.len();
     let leaves = reduce(items, |joined| joined.faces.is_some());
@@ -239,8 +239,8 @@ fn thin_out(items: Vec<Item>) -> Groups {
     reduce(leaves.into_iter().flatten().collect(), |joined| joined.members <= FAN_OUT)
 }
 
-/// Merges neighbours along the Morton curve, least added empty volume first, until [`FAN_OUT`] groups or an
-/// eighth are left, or no further merge is allowed.
+/// Merges neighbours along the Morton curve, least added empty volume first, until [`FAN_OUT`] groups or an eighth of
+/// the items are left, or no further merge is allowed.
 fn reduce(items: Vec<Item>, allowed: impl Fn(&Bag) -> bool) -> Groups {
     let target = FAN_OUT.max(items.len().div_ceil(FAN_OUT / 2));
     let mut groups: Vec<(Bag, Vec<Item>)> = items.into_iter().map(|i| (Bag::single(&i), vec![i])).collect();
@@ -248,7 +248,8 @@ fn reduce(items: Vec<Item>, allowed: impl Fn(&Bag) -> bool) -> Groups {
         let n = groups.len();
         let partner: Vec<usize> = (0..n)
             .map(|i| {
-                let near = (i.saturating_sub(WINDOW)..n.min(i + WINDOW + 1)).filter(|&j| j != i);
+                let near =
+                    (i.saturating_sub(MORTON_WINDOW)..n.min(i + MORTON_WINDOW + 1)).filter(|&j| j != i);
                 near.filter(|&j| allowed(&groups[i].0.join(groups[j].0)))
                     .map(|j| (emptiness(&groups[i].0, &groups[j].0).1, j))
                     .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)))

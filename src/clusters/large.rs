@@ -1,4 +1,4 @@
-//! Large planar surfaces: the macro occluders that stay outside the clusters (method D.7, D.8).
+//! Large planar surfaces: kept outside the clusters and always tested exactly (docs/method.md, Clusters).
 
 use crate::math::{Aabb, triangle_normal};
 use crate::raster::{BitImage, Edt, Outside, fill_triangle};
@@ -6,21 +6,21 @@ use crate::scene::Scene;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-/// Neighbours whose normals differ by less than about one degree from the surface's first face belong to it.
-const COPLANAR: f32 = 0.9998;
-/// Raster for the inscribed disc, with a free border 64 across: three per cent are enough for a class boundary.
-const PIXELS: usize = 62;
+/// Least cosine between the normals of a surface's faces: about one degree. Chosen.
+const MIN_COPLANAR_COSINE: f32 = 0.9998;
+/// Raster width for the inscribed disc, pixels; 64 with a free border. An error of 3 % is enough for a class boundary.
+const DISC_RASTER_PIXELS: usize = 62;
 
-/// Triangles of planar, edge-connected surfaces whose inscribed disc is at least `part` of the scene's diagonal
-/// across. Ascending.
+/// Triangles of planar, edge-connected surfaces whose inscribed disc has a diameter of at least `part` times the
+/// scene's diagonal; in ascending order.
 pub(super) fn surfaces(scene: &Scene, part: f32) -> Vec<u32> {
     let size = part * scene.bounds.diagonal();
-    // Only components that are wide in two axes can hold such a surface; most scenes' detail stops here.
+    // Only components that are wide along two axes can contain such a surface; most small objects are rejected here.
     let mut extent = vec![Aabb::EMPTY; scene.triangle_component.iter().max().map_or(0, |&c| c as usize + 1)];
     for (t, &c) in scene.triangle_component.iter().enumerate() {
         extent[c as usize] = extent[c as usize].union(Aabb::of(scene.corners(t as u32)));
     }
-    // A disc of diameter d spans at least d/sqrt(2)... in two axes whatever its tilt; be generous.
+    // A disc of diameter d spans at least d/√2 along two axes whatever its tilt; d/2 is a safe bound.
     let wide = |c: u32| {
         let mut e = extent[c as usize].extent().to_array();
         e.sort_by(f32::total_cmp);
@@ -35,7 +35,7 @@ pub(super) fn surfaces(scene: &Scene, part: f32) -> Vec<u32> {
     large
 }
 
-/// Connected coplanar patches of the candidates.
+/// Edge-connected coplanar patches of the candidates.
 fn patches(scene: &Scene, candidates: &[u32]) -> Vec<Vec<u32>> {
     let normals: Vec<Vec3> = candidates
         .par_iter()
@@ -64,9 +64,10 @@ fn patches(scene: &Scene, candidates: &[u32]) -> Vec<Vec<u32>> {
     for pair in edges.windows(2) {
         let ((a0, b0, i), (a1, b1, j)) = (pair[0], pair[1]);
         if (a0, b0) == (a1, b1) {
-            // The leaders' normals are compared, not the neighbours': small turns must not add up around a column.
+            // Compare with the representative's normal, not the neighbour's: small angles must not add up around a
+            // column.
             let (i, j) = (find(&mut leader, i), find(&mut leader, j));
-            if normals[i as usize].dot(normals[j as usize]).abs() > COPLANAR {
+            if normals[i as usize].dot(normals[j as usize]).abs() > MIN_COPLANAR_COSINE {
                 leader[i.max(j) as usize] = i.min(j);
             }
         }
@@ -77,7 +78,7 @@ fn patches(scene: &Scene, candidates: &[u32]) -> Vec<Vec<u32>> {
     labelled.chunk_by(|a, b| a.0 == b.0).map(|patch| patch.iter().map(|&(_, t)| t).collect()).collect()
 }
 
-/// Diameter of the largest disc inside a planar patch.
+/// Diameter of the largest disc inside a planar patch; length.
 fn inscribed(scene: &Scene, patch: &[u32]) -> f32 {
     let [a, b, c] = scene.corners(patch[0]);
     let normal = triangle_normal(a, b, c);
@@ -87,11 +88,11 @@ fn inscribed(scene: &Scene, patch: &[u32]) -> f32 {
     let low = points().reduce(Vec2::min).unwrap_or_default();
     let high = points().reduce(Vec2::max).unwrap_or_default();
     let span = high - low;
-    let pixel = span.max_element() / PIXELS as f32;
+    let pixel = span.max_element() / DISC_RASTER_PIXELS as f32;
     if pixel <= 0.0 {
         return 0.0;
     }
-    // One free pixel around, so that the patch's own outline erodes it.
+    // A border of one free pixel, so that the patch's own outline limits the disc.
     let size = (span / pixel).ceil().as_uvec2() + 2;
     let mut image = BitImage::new(size.x as usize, size.y as usize);
     for &t in patch {

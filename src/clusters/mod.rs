@@ -1,9 +1,8 @@
-//! Clusters: a strict partition of the scene's triangles into a tree, built by the paper's hierarchy of uniform
-//! grids [SD95 sec 4.1]; method A.8.
+//! Clusters: a strict partition of the scene's triangles into a tree, built as a hierarchy of uniform grids
+//! [SD95 sec 4.1]; docs/method.md, Clusters.
 //!
-//! Large single surfaces (walls, floors, table tops) form a tree of their own, so that no extinction is ever
-//! computed from them (method D.7, D.8). This room stores geometry and topology only: it does not know that rays
-//! or radiosity exist.
+//! Large planar surfaces (walls, floors, table tops) form a second tree, so that no extinction is ever computed from
+//! them. This room stores geometry and topology only: no rays, no radiosity.
 
 mod check;
 mod draft;
@@ -21,17 +20,17 @@ use draft::{Draft, Item, Member};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Most children of a cluster, and most triangles of a leaf: the width of a SIMD register.
+/// Largest number of children of a cluster and of triangles of a leaf: the number of f32 lanes of a SIMD register.
 pub const FAN_OUT: usize = 16;
 
-/// Objects with more triangles than this get clusters of their own; smaller ones are clustered with the rest.
-const LARGE_OBJECT: usize = FAN_OUT;
+/// Objects with more triangles than this get clusters of their own; smaller ones are clustered with the rest: a leaf.
+const LARGE_OBJECT_TRIANGLES: usize = FAN_OUT;
 
-/// An object whose longest extent exceeds this part of the scene's is no local thing (all leaves of a forest
-/// in one group, say): its connected parts are clustered one by one, and parts as large as that by their faces.
-const SPREAD_OBJECT: f32 = 0.25;
+/// Objects whose longest extent exceeds this fraction of the scene's (such as all leaves of a forest in one group) are
+/// split: their connected parts are clustered one by one, and parts as large as that by their faces. Chosen.
+const SPREAD_OBJECT_FRACTION: f32 = 0.25;
 
-/// How the clusters are made.
+/// Algorithm that builds the clusters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Builder {
     /// Hierarchy of uniform grids [SD95 sec 4.1].
@@ -42,9 +41,10 @@ pub enum Builder {
 /// Options of [`build`].
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
-    /// Which builder.
+    /// The algorithm.
     pub builder: Builder,
-    /// Planar surfaces whose inscribed disc is at least this part of the scene's diagonal are macro occluders.
+    /// Planar surfaces whose inscribed disc has a diameter of at least this fraction of the scene's diagonal are kept
+    /// outside the clusters; above 0, infinite for none.
     pub large_surface: f32,
 }
 
@@ -57,13 +57,13 @@ impl Default for Options {
 /// The clusters of a scene. Every triangle is in exactly one leaf of exactly one of the two trees.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Hierarchy {
-    /// Everything that may be aggregated.
+    /// Clusters that may be aggregated.
     pub micro: Tree,
-    /// Large planar surfaces: always tested exactly.
+    /// Large planar surfaces: always tested exactly, never aggregated.
     pub large: Tree,
 }
 
-/// Builds the clusters of a scene: deterministic, parallel, O(n log n).
+/// Builds the clusters of a scene. Parallel; the result does not depend on the number of threads; O(n log n).
 pub fn build(scene: &Scene, options: &Options) -> Hierarchy {
     let large = large::surfaces(scene, options.large_surface);
     let mut is_large = vec![false; scene.triangles.len()];
@@ -82,10 +82,10 @@ fn faces(triangles: &[u32], boxes: &[Aabb]) -> Vec<Item> {
     triangles.iter().map(|&t| Item::new(Member::Face(t), boxes[t as usize])).collect()
 }
 
-/// Clusters inside large objects first, then objects, small objects' faces and stray faces together.
+/// Clusters the inside of each large object first, then objects, faces of small objects and single faces together.
 fn by_objects(scene: &Scene, boxes: &[Aabb], mut triangles: Vec<u32>) -> Draft {
-    let spread = SPREAD_OBJECT * scene.bounds.extent().max_element();
-    // Runs of one object, and within spread objects runs of one connected part.
+    let spread = SPREAD_OBJECT_FRACTION * scene.bounds.extent().max_element();
+    // Sort into runs of one object, and inside spread objects into runs of one connected part.
     triangles.par_sort_by_key(|&t| (scene.triangle_object[t as usize], t));
     let mut parts: Vec<Vec<u32>> = Vec::new();
     let is_spread = |part: &[u32]| {
@@ -104,14 +104,15 @@ fn by_objects(scene: &Scene, boxes: &[Aabb], mut triangles: Vec<u32>) -> Draft {
         for part in object
             .chunk_by(|&a, &b| scene.triangle_component[a as usize] == scene.triangle_component[b as usize])
         {
-            if is_spread(part) || part.len() <= LARGE_OBJECT {
+            if is_spread(part) || part.len() <= LARGE_OBJECT_TRIANGLES {
                 loose.extend_from_slice(part);
             } else {
                 parts.push(part.to_vec());
             }
         }
     }
-    let (own, rest): (Vec<_>, Vec<_>) = parts.into_iter().partition(|part| part.len() > LARGE_OBJECT);
+    let (own, rest): (Vec<_>, Vec<_>) =
+        parts.into_iter().partition(|part| part.len() > LARGE_OBJECT_TRIANGLES);
     loose.extend(rest.into_iter().flatten());
     let inner: Vec<Draft> =
         own.par_iter().map(|part| grids::cluster(Draft::default(), faces(part, boxes))).collect();

@@ -1,4 +1,4 @@
-//! Promises of every hierarchy, whatever the scene.
+//! Invariants of all hierarchies.
 
 use super::*;
 use crate::scene::generate::{self, KINDS, Spec};
@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use rand_pcg::Pcg64Mcg;
 use std::time::Instant;
 
-/// The validator's promises, and the partition counted once more by walking down from the roots.
+/// The validator, and an independent count of the partition from the roots down.
 fn check(scene: &Scene) -> Hierarchy {
     let hierarchy = build(scene, &Options::default());
     if let Err(broken) = hierarchy.check(scene) {
@@ -43,14 +43,14 @@ fn every_generated_scene_is_partitioned() {
         (spec.trees, spec.leaves, spec.trunks) = (16, 200, true);
         let scene = generate::build(&spec).expect(kind.name);
         let hierarchy = check(&scene);
-        // A tree, not a list: sixteenfold fan-out that is at least an eighth used has this depth.
+        // A fan-out of 16 that is at least an eighth used bounds the depth.
         let levels = hierarchy.micro.levels();
         let log = (scene.triangles.len() as f64).log2().ceil() as usize;
         assert!(levels <= log + 4, "{}: {levels} levels for {} triangles", kind.name, scene.triangles.len());
     }
 }
 
-/// Pieces of very different sizes, clumped or spread, in several objects.
+/// Pieces with sizes over four decades, clumped or spread, in several objects.
 fn jumble(seed: u64, count: usize, scale: f64, flat: bool, objects: usize) -> Scene {
     let mut random = Pcg64Mcg::new(seed.into());
     let mut pieces = Pieces::new();
@@ -100,7 +100,7 @@ fn smallest_scenes_work() {
     let hierarchy = check(&room.scene());
     assert!(hierarchy.micro.clusters.is_empty() && hierarchy.micro.levels() == 0, "a room's walls are large");
     assert_eq!(hierarchy.large.order.len(), 12);
-    // Far more triangles about one point than fit a leaf or a voxel.
+    // Many more triangles around one point than fit into a leaf or a voxel.
     let mut star = Pieces::new();
     for k in 0..200 {
         let turn = DMat3::from_rotation_z(0.01 * f64::from(k)) * DMat3::from_rotation_x(0.3 * f64::from(k));
@@ -143,7 +143,7 @@ fn large_surfaces_stay_outside_and_detail_inside() {
             "{name} is large"
         );
     }
-    // The top of the desk is, its legs are not.
+    // The top of the desk is large, the legs are not.
     let normal = |t: u32| {
         let [a, b, c] = room.corners(t);
         crate::math::triangle_normal(a, b, c)
@@ -169,7 +169,7 @@ fn large_surfaces_stay_outside_and_detail_inside() {
     }
 }
 
-/// A smooth round thing is not a plane, however small the angle between neighbouring faces is.
+/// A finely tessellated column is not planar, however small the angle between neighbouring faces.
 #[test]
 fn finely_tessellated_columns_are_not_planar() {
     let mut column = Pieces::new();
@@ -183,7 +183,7 @@ fn finely_tessellated_columns_are_not_planar() {
     }
     let scene = column.scene();
     let hierarchy = check(&scene);
-    // Facets of half a degree: a planar patch of some degrees may pass, the whole column may not.
+    // Facets turn by half a degree each: a planar patch may span a few degrees, not the whole column.
     let mut normals = hierarchy.large.order.iter().map(|&t| {
         let [a, b, c] = scene.corners(t);
         crate::math::triangle_normal(a, b, c)
@@ -229,7 +229,7 @@ fn validator_finds_every_kind_of_damage() {
     assert!(bad.check(&scene).is_err(), "triangles without a root: not found");
 }
 
-/// How many times longer `big` takes than `small` on one thread: the fastest of five builds each, taken in turns.
+/// Ratio of the build times of `big` and `small` on one thread: the fastest of five builds each, in turn.
 fn growth(small: &Scene, big: &Scene) -> f64 {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("thread");
     let once = |scene: &Scene| {
@@ -244,8 +244,8 @@ fn growth(small: &Scene, big: &Scene) -> f64 {
     best[1] / best[0]
 }
 
-/// n log n: four times the triangles in less than five times the time. Eight leaves room for caches and for other
-/// programs on the machine; a quadratic step would show as sixteen.
+/// O(n log n): four times the triangles take less than five times as long. The limit of eight allows for caches and
+/// other programs on the machine; a quadratic step would take sixteen times as long.
 #[test]
 fn build_time_grows_as_n_log_n() {
     let forest = |trees| {
@@ -253,7 +253,7 @@ fn build_time_grows_as_n_log_n() {
         (spec.trees, spec.leaves) = (trees, 500);
         generate::build(&spec).expect("forest")
     };
-    // One object of pieces that all overlap each other: every voxel is crowded.
+    // One object of pieces that all overlap: every voxel holds many items.
     let thicket = |n| cloud(3, n, 0.2, DVec3::ONE, true).scene();
     let bricks = |courses| {
         let mut spec = Spec::new("brick-wall");
@@ -267,7 +267,7 @@ fn build_time_grows_as_n_log_n() {
     ];
     for (name, small, big) in cases {
         let triangles = big.triangles.len() as f64 / small.triangles.len() as f64;
-        // A busy machine can spoil one attempt, not three.
+        // Three attempts: other programs may disturb one.
         let time = (0..3).map(|_| growth(&small, &big)).find(|g| *g < 2.0 * triangles);
         assert!(
             time.is_some(),

@@ -1,4 +1,4 @@
-//! The finished tree: flat arrays, children side by side, each cluster's triangles one range.
+//! The finished tree: flat arrays, siblings adjacent, the triangles of each cluster contiguous.
 
 use super::FAN_OUT;
 use super::draft::{Draft, Member};
@@ -6,55 +6,55 @@ use crate::math::Aabb;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
-/// A node of the tree.
+/// A node of the tree: an inner cluster or a leaf.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cluster {
-    /// Smallest box around its triangles.
+    /// Smallest box around its triangles; scene units.
     pub bounds: Aabb,
-    /// Index of the parent; the root is its own.
+    /// Index of the parent; the root is its own parent.
     pub parent: u32,
-    /// Index of the first child; children are neighbours and come after their parent.
+    /// Index of the first child; siblings are adjacent and come after their parent.
     pub first_child: u32,
     /// Number of children, 0 for a leaf, at most [`FAN_OUT`].
     pub children: u32,
-    /// First of its triangles in [`Tree::order`].
+    /// Index of its first triangle in [`Tree::order`].
     pub first_triangle: u32,
-    /// Number of triangles below it; at most [`FAN_OUT`] in a leaf.
+    /// Number of triangles in the cluster and its descendants; at most [`FAN_OUT`] in a leaf.
     pub triangles: u32,
 }
 
 impl Cluster {
-    /// Whether it holds triangles directly.
+    /// Whether the cluster has no children.
     pub fn is_leaf(&self) -> bool {
         self.children == 0
     }
 
-    /// Indices of the children.
+    /// Indices of the children in [`Tree::clusters`].
     pub fn child_range(&self) -> Range<usize> {
         self.first_child as usize..(self.first_child + self.children) as usize
     }
 
-    /// Its triangles, a range of [`Tree::order`].
+    /// Range of its triangles in [`Tree::order`].
     pub fn triangle_range(&self) -> Range<usize> {
         self.first_triangle as usize..(self.first_triangle + self.triangles) as usize
     }
 }
 
-/// Clusters in breadth order: a parent comes before its children, so a reverse pass is bottom-up.
+/// Clusters in breadth-first order: a parent comes before its children, so a reverse pass is bottom-up.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Tree {
-    /// The clusters; the root is the first. Empty if there are no triangles.
+    /// The clusters; the first is the root. Empty if there are no triangles.
     pub clusters: Vec<Cluster>,
-    /// Triangle ids of the scene, each once, leaf by leaf in depth order.
+    /// Triangle indices of the scene, each once, leaf by leaf in depth-first order.
     pub order: Vec<u32>,
 }
 
 impl Tree {
-    /// Lays out a draft.
+    /// Lays out a draft in flat arrays. Boxes are set by [`Tree::fit`].
     pub(super) fn arrange(draft: Draft) -> Tree {
         let mut tree = Tree::default();
         let Some(root) = draft.clusters.len().checked_sub(1) else { return tree };
-        // Boxes and ranges are filled in below, once the topology stands.
+        // Boxes and ranges are set later, when the topology is known.
         let blank = |parent| Cluster {
             bounds: Aabb::EMPTY,
             parent,
@@ -64,7 +64,7 @@ impl Tree {
             triangles: 0,
         };
         tree.clusters.push(blank(0));
-        // What each placed cluster is made of, in step with `tree.clusters`.
+        // Members of each placed cluster, parallel to `tree.clusters`.
         let mut contents: Vec<Vec<Member>> = vec![draft.clusters[root].members.clone()];
         let mut next = 0;
         while next < contents.len() {
@@ -117,7 +117,7 @@ impl Tree {
         debug_assert!(self.clusters.iter().all(|c| c.children as usize <= FAN_OUT));
     }
 
-    /// Shrinks every box to its triangles.
+    /// Sets every box to the smallest around its triangles; `boxes` are those of the scene's triangles.
     pub(super) fn fit(mut self, boxes: &[Aabb]) -> Tree {
         for c in (0..self.clusters.len()).rev() {
             let cluster = self.clusters[c];
@@ -131,12 +131,12 @@ impl Tree {
         self
     }
 
-    /// Triangles of a cluster.
+    /// Triangle indices (of the scene) in a cluster.
     pub fn triangles_of(&self, cluster: usize) -> &[u32] {
         &self.order[self.clusters[cluster].triangle_range()]
     }
 
-    /// Number of levels, 1 for a single leaf, 0 for an empty tree.
+    /// Number of levels: 1 for a single leaf, 0 for an empty tree.
     pub fn levels(&self) -> usize {
         let mut depth = vec![1usize; self.clusters.len()];
         for c in 1..self.clusters.len() {
@@ -145,7 +145,7 @@ impl Tree {
         depth.into_iter().max().unwrap_or(0)
     }
 
-    /// Bytes of the arrays.
+    /// Size of the arrays in bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(self.clusters.as_slice()) + size_of_val(self.order.as_slice())
     }

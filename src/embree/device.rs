@@ -1,4 +1,4 @@
-//! The library handle: version check, configuration, errors.
+//! The Embree device: version check, configuration, errors.
 
 use super::bindings as sys;
 use crate::error::{Error, Result};
@@ -6,7 +6,7 @@ use std::ffi::{CStr, CString, c_char, c_void};
 use std::sync::atomic::{AtomicIsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// An Embree device. Cheap to clone; scenes keep it alive.
+/// An Embree device. Cloning is cheap; scenes keep the device alive.
 #[derive(Clone)]
 pub struct Device {
     pub(super) inner: Arc<Inner>,
@@ -14,7 +14,7 @@ pub struct Device {
 
 pub(super) struct Inner {
     pub(super) raw: sys::RTCDevice,
-    // Boxed so that the address that Embree holds stays valid.
+    // Boxed: Embree holds the address.
     state: Box<CallbackState>,
 }
 
@@ -31,12 +31,12 @@ unsafe impl Send for Inner {}
 unsafe impl Sync for Inner {}
 
 impl Device {
-    /// Opens Embree with at most `threads` build threads (0: all cores).
+    /// Creates an Embree device with at most `threads` build threads (0: all cores).
     ///
     /// # Errors
-    /// If the library is not of the headers' major version, or older than the headers it was compiled with.
+    /// [`Error::Embree`] if the library has another major version than the headers, or is older than they are.
     pub fn new(threads: usize) -> Result<Device> {
-        // simd256 keeps the 8-wide BVH on machines where Embree would otherwise choose 128-bit nodes.
+        // simd256 selects the 8-wide BVH on machines where Embree would choose 128-bit nodes.
         let config =
             CString::new(format!("threads={threads},frequency_level=simd256")).expect("no NUL inside");
         // SAFETY: `config` is a NUL-terminated string that outlives the call.
@@ -65,12 +65,12 @@ impl Device {
         Ok(device)
     }
 
-    /// The library's version, `4.a.b`.
+    /// Version of the library, `4.a.b`.
     pub fn version(&self) -> String {
         version_text(self.property(sys::RTCDeviceProperty::RTC_DEVICE_PROPERTY_VERSION))
     }
 
-    /// The widest packet that Embree traces natively on this machine: 16 (AVX-512), 8 (AVX2), 4 or 1.
+    /// Largest packet width that Embree supports natively on this machine: 16 (AVX-512), 8 (AVX2), 4 or 1 rays.
     pub fn native_width(&self) -> usize {
         use sys::RTCDeviceProperty as P;
         [
@@ -83,7 +83,7 @@ impl Device {
         .unwrap_or(1)
     }
 
-    /// Bytes that Embree holds now for all scenes of this device, as it reports them.
+    /// Memory of all scenes of this device in bytes, as Embree reports it.
     pub fn bytes(&self) -> usize {
         self.inner.state.bytes.load(Ordering::Relaxed).max(0) as usize
     }
@@ -93,7 +93,7 @@ impl Device {
         unsafe { sys::rtcGetDeviceProperty(self.inner.raw, property) }
     }
 
-    /// The first error since the last check. Ray queries set none; this is for set-up calls.
+    /// Takes the first error since the last check. For set-up calls; ray queries report no errors.
     pub(super) fn check(&self) -> Result<()> {
         let mut first = self.inner.state.first_error.lock().unwrap_or_else(PoisonError::into_inner);
         first.take().map_or(Ok(()), |message| Err(Error::Embree(message)))

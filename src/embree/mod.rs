@@ -1,8 +1,8 @@
-//! Embree 4 behind a safe wrapper. The only room that sees an Embree type, and one of the few with `unsafe`.
+//! Embree 4 behind a safe interface. No other room uses Embree types.
 //!
-//! A [`Device`] makes [`SceneBuilder`]s; [`SceneBuilder::commit`] consumes the builder and gives an immutable
-//! [`CommittedScene`], so that changing a scene while it is traced cannot be written down. Buffers are allocated
-//! by Embree itself, which sees to their padding and lifetime. Knows nothing of scenes, materials or light.
+//! A [`Device`] makes [`SceneBuilder`]s; [`SceneBuilder::commit`] consumes the builder and returns an immutable
+//! [`CommittedScene`], so that no scene can change while it is traced. Embree allocates the buffers, with its padding.
+//! Input is slices of positions and triangles; materials and light are not known here.
 
 #[allow(unsafe_code, missing_docs, dead_code, non_camel_case_types, non_upper_case_globals, non_snake_case)]
 #[allow(clippy::all, clippy::undocumented_unsafe_blocks)]

@@ -1,52 +1,52 @@
-//! Building a scene, committing it, and occlusion queries.
+//! Scene construction, commit, and ray queries.
 
 use super::bindings as sys;
 use super::device::Device;
 use crate::error::{Error, Result};
 use crate::ray::{LANES, Occluder, Packet};
-use glam::Vec3;
+use glam::{Affine3A, Vec3};
 use std::sync::Arc;
 
-/// Build quality of the acceleration structure.
+/// Build quality of the acceleration structure (`RTCBuildQuality`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quality {
-    /// Morton order: fastest build.
+    /// Morton order; fastest build.
     Low,
     /// Binned surface-area heuristic.
     Medium,
-    /// Spatial splits; Embree ignores it in robust scenes.
+    /// Spatial splits; Embree ignores them in robust scenes.
     High,
 }
 
-/// How a scene is built.
+/// Options of an Embree scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
-    /// Conservative box and edge tests: no cracks between neighbours, 8 to 20 % slower.
+    /// Conservative box and edge tests: no cracks between adjacent triangles. Measured once 8 to 20 % slower.
     pub robust: bool,
-    /// Half the memory at about two thirds of the speed.
+    /// Compact nodes: about half the memory at two thirds of the speed, measured once.
     pub compact: bool,
     /// Build quality.
     pub quality: Quality,
 }
 
 impl Default for Options {
-    /// Robust, medium quality: single and packet queries agree there.
+    /// Robust, medium quality: results of single rays and packets agree.
     fn default() -> Self {
         Options { robust: true, compact: false, quality: Quality::Medium }
     }
 }
 
-/// How packets are traced: rays a call and whether Embree may assume that they stay together.
+/// Traversal of packets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Traversal {
-    /// Rays a call: 1, 4, 8 or 16. Other values count as 1.
+    /// Rays per Embree call: 1, 4, 8 or 16. Other values count as 1.
     pub width: usize,
-    /// Packet traversal for coherent rays; without effect at width 1.
+    /// Whether to use Embree's traversal for coherent rays; no effect at width 1.
     pub coherent: bool,
 }
 
 impl Traversal {
-    /// The name in reports: `occluded16`, with `+coherent` where it applies.
+    /// Name in reports: `occluded16`, followed by `+coherent` if set.
     pub fn name(self) -> String {
         format!("occluded{}{}", self.width, if self.coherent { "+coherent" } else { "" })
     }
@@ -58,7 +58,7 @@ pub struct SceneBuilder {
     triangles: usize,
 }
 
-/// An immutable scene that can be traced from any number of threads. Cheap to clone: clones share the geometry.
+/// An immutable scene; any number of threads may trace it. Cheap to clone: clones share the geometry.
 #[derive(Clone)]
 pub struct CommittedScene {
     handle: Arc<Handle>,
@@ -85,10 +85,10 @@ impl Drop for Handle {
 }
 
 impl SceneBuilder {
-    /// An empty scene. Flags are set before anything else: Embree ignores them after a commit.
+    /// Starts an empty scene. Flags are set first because Embree ignores them after a commit.
     ///
     /// # Errors
-    /// If Embree refuses.
+    /// [`Error::Embree`] if Embree reports an error.
     pub fn new(device: &Device, options: Options) -> Result<SceneBuilder> {
         use sys::{RTCBuildQuality as Q, RTCSceneFlags as F};
         let mut flags = F::RTC_SCENE_FLAG_NONE;
@@ -119,10 +119,11 @@ impl SceneBuilder {
         Ok(SceneBuilder { handle, triangles: 0 })
     }
 
-    /// Adds triangles; rays see them if `mask & ray mask != 0`. The slices are copied.
+    /// Adds a geometry of triangles, visible to rays with `mask & ray mask != 0`. The slices are copied.
     ///
     /// # Errors
-    /// If an index is out of range, a position is not finite or beyond Embree's range (1.8e18), or Embree refuses.
+    /// [`Error::Embree`] if an index is out of range, a position is not finite or exceeds Embree's range (1.8e18), or
+    /// Embree reports an error.
     pub fn add_triangles(&mut self, positions: &[Vec3], triangles: &[[u32; 3]], mask: u32) -> Result<()> {
         if triangles.is_empty() {
             return Ok(());
@@ -184,10 +185,42 @@ impl SceneBuilder {
         device.check()
     }
 
+    /// Adds an instance of a committed scene of triangles, placed by `transform` (from the frame of that scene to the frame
+    /// of this scene, invertible). [`Hits::instance`] names it `index`; every index is used once.
+    ///
+    /// # Errors
+    /// [`Error::Embree`] if Embree reports an error.
+    pub fn add_instance(&mut self, scene: &CommittedScene, transform: Affine3A, index: u32) -> Result<()> {
+        let device = &self.handle.device;
+        // SAFETY: the device is live; the geometry is used only below and released after attaching.
+        let geometry = unsafe {
+            sys::rtcNewGeometry(device.inner.raw, sys::RTCGeometryType::RTC_GEOMETRY_TYPE_INSTANCE)
+        };
+        device.check()?;
+        let columns = transform.to_cols_array();
+        // SAFETY: the geometry and both scenes are live; Embree copies the twelve floats and retains the instanced scene and
+        // the attached geometry, so that both handles may be released afterwards.
+        unsafe {
+            sys::rtcSetGeometryInstancedScene(geometry, scene.handle.raw);
+            sys::rtcSetGeometryTransform(
+                geometry,
+                0,
+                sys::RTCFormat::RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR,
+                columns.as_ptr().cast(),
+            );
+            sys::rtcSetGeometryMask(geometry, 1);
+            sys::rtcCommitGeometry(geometry);
+            sys::rtcAttachGeometryByID(self.handle.raw, geometry, index);
+            sys::rtcReleaseGeometry(geometry);
+        }
+        self.triangles += scene.triangles;
+        device.check()
+    }
+
     /// Builds the acceleration structure.
     ///
     /// # Errors
-    /// If Embree refuses or runs out of memory.
+    /// [`Error::Embree`] if Embree reports an error, such as lack of memory.
     pub fn commit(self) -> Result<CommittedScene> {
         // SAFETY: the scene is live and nobody else can touch it: `self` is consumed.
         unsafe { sys::rtcCommitScene(self.handle.raw) };
@@ -211,17 +244,17 @@ impl CommittedScene {
         self.triangles
     }
 
-    /// How [`Occluder::occluded`] traces from now on.
+    /// Sets the traversal that [`Occluder::occluded`] uses.
     pub fn set_traversal(&mut self, traversal: Traversal) {
         self.traversal = traversal;
     }
 
-    /// How [`Occluder::occluded`] traces.
+    /// The traversal that [`Occluder::occluded`] uses.
     pub fn traversal(&self) -> Traversal {
         self.traversal
     }
 
-    /// Blocked lanes of each packet, traced the way `traversal` says, against geometries that `mask` selects.
+    /// Sets `blocked[k]` to the mask of blocked lanes of `packets[k]`, tested against geometries selected by `mask`.
     ///
     /// # Panics
     /// If the slices differ in length.
@@ -243,28 +276,30 @@ impl CommittedScene {
     }
 }
 
-/// What the segments of a packet meet first. Field order and layout are those of `mrvis_hits` in
-/// `ffi/embree/shim.h`.
+/// First hits of the segments of a packet. Field order and layout equal those of `mrvis_hits` in `ffi/embree/shim.h`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Hits {
-    /// The triangle's number within its geometry; [`Hits::NOTHING`] where nothing is met.
+    /// Triangle index within its geometry per lane; [`Hits::NOTHING`] without a hit.
     pub triangle: [u32; LANES],
-    /// The parameter of the hit; without meaning where nothing is met.
+    /// Index of the instance per lane, see [`SceneBuilder::add_instance`]; 0 in scenes without instances; undefined without
+    /// a hit.
+    pub instance: [u32; LANES],
+    /// Parameter of the hit per lane; undefined without a hit.
     pub t: [f32; LANES],
 }
 
 impl Hits {
-    /// The number that stands for no triangle.
+    /// Triangle index that means "no hit".
     pub const NOTHING: u32 = u32::MAX;
-    /// No lane meets anything.
-    pub const NONE: Hits = Hits { triangle: [Self::NOTHING; LANES], t: [0.0; LANES] };
+    /// No hit in any lane.
+    pub const NONE: Hits = Hits { triangle: [Self::NOTHING; LANES], instance: [0; LANES], t: [0.0; LANES] };
 }
 
 const _: () = assert!(size_of::<Hits>() == size_of::<sys::mrvis_hits>());
 
 impl CommittedScene {
-    /// What each segment meets first, traced the way `traversal` says.
+    /// Finds the first triangle that each segment hits. All geometries are visible.
     ///
     /// # Panics
     /// If the slices differ in length.

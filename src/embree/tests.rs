@@ -1,4 +1,4 @@
-//! Embree against the brute-force oracle, and promises of the wrapper.
+//! Embree against brute force, and the guarantees of the wrapper.
 
 use super::*;
 use crate::ray::{Brute, EndRule, LANES, Occluder, Packet, Verdict};
@@ -21,7 +21,7 @@ fn committed(positions: &[Vec3], triangles: &[[u32; 3]]) -> CommittedScene {
     builder.commit().unwrap()
 }
 
-/// Random triangles, half of them sharing edges, some axis-aligned and coplanar, some slivers.
+/// Random triangles: pairs with a shared edge, axis-aligned coplanar ones, slivers, and others.
 fn random_scene(rng: &mut Pcg64Mcg, count: usize) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let mut positions: Vec<Vec3> = Vec::new();
     let mut triangles = Vec::new();
@@ -60,7 +60,7 @@ fn random_scene(rng: &mut Pcg64Mcg, count: usize) -> (Vec<Vec3>, Vec<[u32; 3]>) 
     (positions, triangles)
 }
 
-/// Segments between points in space, on triangles (touching), in planes of triangles (coplanar) and grazing ones.
+/// Segments between random points: in space, on triangles (touching), in planes of triangles (coplanar), grazing.
 fn random_segment(
     rng: &mut Pcg64Mcg,
     kind: usize,
@@ -87,7 +87,7 @@ fn random_segment(
             (a, point(rng).with_z(0.25 + 1e-4))
         }
         _ => {
-            // Through a vertex: touches every triangle that shares it.
+            // Through a vertex: touches all triangles that share the vertex.
             let v = positions[rng.next_u32() as usize % positions.len()];
             let d = point(rng) - 0.5;
             (v - d, v + d)
@@ -128,8 +128,8 @@ fn brute_force_and_every_packet_mode_agree_on_100_000_segments() {
             for lane in packet.lanes() {
                 let (a, d) = (packet.point(lane, 0.0), Vec3::from(packet.direction.map(|axis| axis[lane])));
                 compared += 1;
-                // The stated rule: f32 and f64, single rays and packets may differ only where the oracle itself
-                // is within 1e-6 (eight roundings) of an edge, an end or the plane.
+                // f32 and f64, single rays and packets may differ only where brute force is within 1e-6 (eight rounding
+                // errors) of an edge, an end or the plane.
                 let verdict = brute.verdict(a, d, packet.near[lane], packet.far[lane], 1e-6);
                 match verdict {
                     Verdict::Clear => clear += 1,
@@ -147,7 +147,7 @@ fn brute_force_and_every_packet_mode_agree_on_100_000_segments() {
         }
     }
     assert_eq!(compared, 100_000);
-    // The workload has all kinds, and the rule excuses little outside the deliberately degenerate ones.
+    // All kinds occur, and few segments are marginal outside the deliberately degenerate kinds.
     assert!(clear > 10_000 && blocked_count > 10_000, "{clear} clear, {blocked_count} blocked");
     assert!(marginal[0] + marginal[1] < compared / 100, "{marginal:?} marginal");
 }
@@ -202,7 +202,7 @@ fn scenes_outlive_the_device_handle_and_count_bytes() {
 
 #[test]
 fn first_hits_are_the_nearest() {
-    // Squares at z = 1, 2, 3: seen from below the first is met, from above the last; a short segment meets nothing.
+    // Squares at z = 1, 2, 3: from below the first is hit, from above the last; a short segment hits none.
     let mut positions = Vec::new();
     let mut triangles = Vec::new();
     for z in [1.0f32, 2.0, 3.0] {

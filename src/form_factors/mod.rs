@@ -1,4 +1,4 @@
-//! Form factors: closed forms between pairs ([`analytic`]), and the sparse matrix between all facets of a scene with
+//! Form factors: closed forms between pairs ([`analytic`]), and the sparse matrix between all facets of a scene, with
 //! occlusion ([`matrix`]).
 
 pub mod analytic;

@@ -1,10 +1,8 @@
-//! Image files in and out, and 8-bit pictures of images.
+//! Image files, and 8-bit pictures of images.
 //!
-//! Values are read into and written from [`metrics::Image`](crate::metrics::Image); a [`Picture`] is 8-bit colour for
-//! display and carries a value only through the mapping documented at the function that made it. Files are written
-//! beside their place and then renamed, so nobody ever reads half of one.
-//!
-//! This room knows nothing of visibility or of how an image was computed.
+//! Values are read into and written from [`metrics::Image`](crate::metrics::Image). A [`Picture`] is 8-bit colour for
+//! display; the function that makes a picture documents the mapping of values. Files are written beside their target
+//! and renamed, so that no reader sees a partial file.
 
 mod picture;
 mod read;

@@ -1,4 +1,4 @@
-//! Pictures: values as colours.
+//! Pictures: mappings from values to colours.
 
 use image::{DynamicImage, ImageFormat, RgbImage};
 
@@ -7,8 +7,8 @@ use crate::metrics::Image;
 use crate::raster::BitImage;
 use crate::{Error, Result};
 
-/// Colours from low to high, dark blue to yellow, even in lightness: nine anchors of the map *viridis* (public
-/// domain, S. van der Walt and N. Smith), joined by straight lines in sRGB.
+/// Colour map for magnitudes, dark blue to yellow with uniform lightness steps: nine anchors of *viridis* (public
+/// domain, S. van der Walt and N. Smith), linear in sRGB between anchors.
 pub const SEQUENTIAL: [[u8; 3]; 9] = [
     [68, 1, 84],
     [72, 40, 120],
@@ -21,8 +21,8 @@ pub const SEQUENTIAL: [[u8; 3]; 9] = [
     [253, 231, 37],
 ];
 
-/// Colours for signed values: blue for negative, nearly white for zero, red for positive (after the scheme *RdBu* of
-/// C. Brewer), joined by straight lines in sRGB.
+/// Colour map for signed values: blue for negative, near white for zero, red for positive (after *RdBu* of C. Brewer),
+/// linear in sRGB between anchors.
 pub const DIVERGING: [[u8; 3]; 9] = [
     [5, 48, 97],
     [33, 102, 172],
@@ -42,15 +42,15 @@ pub struct Picture {
     pub width: usize,
     /// Number of rows.
     pub height: usize,
-    /// `width × height` pixels: red, green, blue.
+    /// `width * height` pixels: red, green, blue.
     pub pixels: Vec<[u8; 3]>,
 }
 
 impl Picture {
-    /// The picture as a PNG file.
+    /// Encodes the picture as a PNG file.
     ///
     /// # Errors
-    /// [`Error::Argument`] when the number of pixels is not `width × height`, or a side is zero or too large.
+    /// [`Error::Argument`] if the number of pixels is not `width * height`, or a side is zero or too large.
     pub fn png(&self) -> Result<Vec<u8>> {
         if self.pixels.len() != self.width * self.height || self.pixels.is_empty() {
             return Err(Error::Argument(format!("{} pixels do not make a picture", self.pixels.len())));
@@ -60,7 +60,7 @@ impl Picture {
         encode(picture.map(DynamicImage::ImageRgb8), ImageFormat::Png)
     }
 
-    /// The picture with each pixel repeated `times` × `times` (at least once), so that small images can be seen.
+    /// The picture with each pixel repeated `times` x `times` (at least once), to display small images.
     pub fn enlarged(&self, times: usize) -> Picture {
         let times = times.max(1);
         let (width, height) = (self.width * times, self.height * times);
@@ -68,7 +68,7 @@ impl Picture {
         Picture { width, height, pixels: (0..width * height).map(at).collect() }
     }
 
-    /// The picture of `colour` at each value.
+    /// Maps each value to a colour.
     fn of(image: &Image, colour: impl Fn(f32) -> [u8; 3]) -> Picture {
         let pixels = image.data().iter().map(|&v| colour(v)).collect();
         Picture { width: image.width(), height: image.height(), pixels }
@@ -80,39 +80,39 @@ pub fn linear_to_srgb(v: f32) -> f32 {
     if v <= 0.0031308 { v * 12.92 } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// Grey as the eye would see the light: value / `white` clamped to [0, 1], then sRGB encoded.
-/// [`read_image`](super::read_image) of the PNG gives value / `white` back, to 8 bits.
+/// Greyscale picture: value / `white`, clamped to [0, 1] and sRGB encoded.
+/// [`read_image`](super::read_image) of the PNG gives value / `white` to 8 bits.
 pub fn grey(image: &Image, white: f32) -> Picture {
     Picture::of(image, |v| [(linear_to_srgb((v / white).clamp(0.0, 1.0)) * 255.0).round() as u8; 3])
 }
 
-/// False colour: values `low` to `high` linearly onto [`SEQUENTIAL`], clamped at the ends.
+/// False colours: values `low` to `high` linearly on [`SEQUENTIAL`], clamped at the ends.
 pub fn false_colour(image: &Image, low: f32, high: f32) -> Picture {
     Picture::of(image, |v| colour(&SEQUENTIAL, (v - low) / (high - low)))
 }
 
 /// `approximation` − `reference` on [`DIVERGING`]: −`range` dark blue (too dark), 0 white, `range` dark red (too
-/// bright), linear between and clamped at the ends.
+/// bright), linear between, clamped at the ends.
 ///
 /// # Errors
-/// [`Error::Argument`] when the images differ in columns or rows.
+/// [`Error::Argument`] if the images differ in columns or rows.
 pub fn difference(reference: &Image, approximation: &Image, range: f32) -> Result<Picture> {
     let d = crate::metrics::difference(reference, approximation)?;
     let pixels = d.iter().map(|&d| colour(&DIVERGING, 0.5 + 0.5 * d as f32 / range)).collect();
     Ok(Picture { width: reference.width(), height: reference.height(), pixels })
 }
 
-/// A feature mask in black (feature) on white, as the paper prints them [SD95 sec 2.4].
+/// A feature mask in black (feature) on white, as in [SD95 sec 2.4].
 pub fn mask(mask: &BitImage) -> Picture {
     let pixel = |i: usize| if mask.get(i % mask.width(), i / mask.width()) { [0; 3] } else { [255; 3] };
     let pixels = (0..mask.width() * mask.height()).map(pixel).collect();
     Picture { width: mask.width(), height: mask.height(), pixels }
 }
 
-/// [`grey`] with the texels of `mask` tinted orange, so that both remain visible.
+/// [`grey`] with the texels of `mask` tinted orange.
 ///
 /// # Errors
-/// [`Error::Argument`] when mask and image differ in columns or rows.
+/// [`Error::Argument`] if mask and image differ in columns or rows.
 pub fn mask_overlay(image: &Image, white: f32, mask: &BitImage) -> Result<Picture> {
     if (mask.width(), mask.height()) != (image.width(), image.height()) {
         return Err(Error::Argument("the mask and the image differ in size".into()));
@@ -128,7 +128,7 @@ pub fn mask_overlay(image: &Image, white: f32, mask: &BitImage) -> Result<Pictur
     Ok(picture)
 }
 
-/// The colour at `t` in [0, 1] along the map; what is not a number becomes its middle.
+/// The colour at `t` in [0, 1] on the map; NaN gives the middle.
 fn colour(map: &[[u8; 3]; 9], t: f32) -> [u8; 3] {
     let t = if t.is_nan() { 0.5 } else { t.clamp(0.0, 1.0) } * 8.0;
     let i = (t as usize).min(7);

@@ -1,4 +1,4 @@
-//! Reading one quantity from an image file.
+//! Reads one scalar quantity from an image file.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use image::{DynamicImage, ImageReader};
 use crate::metrics::Image;
 use crate::{Error, Result};
 
-/// Which number of a pixel is its value.
+/// The value of a pixel as a function of its components.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Channel {
     /// Relative luminance of linear Rec. 709 primaries: 0.2126 R + 0.7152 G + 0.0722 B.
@@ -25,7 +25,7 @@ impl Channel {
     /// The value of a pixel with these linear components.
     fn of(self, [r, g, b]: [f32; 3]) -> f32 {
         match self {
-            // Grey stays what it is, to the last bit, whatever the weights round to.
+            // Equal components are returned unchanged: the weights may not sum to exactly 1.
             Channel::Luminance if r == g && g == b => r,
             Channel::Luminance => 0.2126 * r + 0.7152 * g + 0.0722 * b,
             Channel::Red => r,
@@ -35,14 +35,14 @@ impl Channel {
     }
 }
 
-/// Reads a PNG, OpenEXR, Radiance HDR, JPEG, BMP or TGA file; its content says which.
+/// Reads a PNG, OpenEXR, Radiance HDR, JPEG, BMP or TGA file; the format is detected from the content.
 ///
-/// OpenEXR and HDR values are taken as they are (linear). Formats of 8 or 16 bits are decoded from the sRGB curve to
-/// linear values in [0, 1]. Alpha is ignored. The image gets texels of side `texel` scene units (1: sizes in texels).
+/// OpenEXR and HDR values are linear and unchanged. 8- and 16-bit formats are decoded from sRGB to linear values in
+/// [0, 1]. Alpha is ignored. Texels get the side `texel` in scene units (with 1, sizes are in texels).
 ///
 /// # Errors
-/// [`Error::Io`] when the file cannot be opened, [`Error::Format`] when it is no such image or holds a value that is
-/// not finite, [`Error::Argument`] when `texel` is not a positive length.
+/// [`Error::Io`] if the file cannot be opened, [`Error::Format`] if the file is no such image or holds a value that is
+/// not finite, [`Error::Argument`] if `texel` is not a positive length.
 pub fn read_image(path: &Path, channel: Channel, texel: f64) -> Result<Image> {
     let reader = ImageReader::open(path).and_then(ImageReader::with_guessed_format);
     let reader = reader.map_err(|e| Error::io(path, e))?;
@@ -55,14 +55,14 @@ pub fn read_image(path: &Path, channel: Channel, texel: f64) -> Result<Image> {
         reader.decode().map_err(|e| Error::format(path, None, format!("cannot be decoded: {e}")))?;
     let (width, height) = (decoded.width() as usize, decoded.height() as usize);
     let data = values(decoded, channel, linear);
-    // A bad texel size is the caller's mistake, everything else the file's.
+    // Checked here because a bad `texel` is an error of the caller, and later errors are errors of the file.
     if !(texel.is_finite() && texel > 0.0) {
         return Err(Error::Argument(format!("the texel size {texel} is not a positive length")));
     }
     Image::new(width, height, texel, data).map_err(|e| Error::format(path, None, e.to_string()))
 }
 
-/// One linear value a pixel.
+/// One linear value per pixel.
 fn values(decoded: DynamicImage, channel: Channel, linear: bool) -> Vec<f32> {
     let rgb = decoded.into_rgb32f();
     let decode = |v: f32| if linear { v } else { srgb_to_linear(v) };
@@ -100,7 +100,7 @@ mod tests {
         write_png(&path, &grey(&ramp(), 1.0)).unwrap();
         let back = read_image(&path, Channel::Green, 2.0).unwrap();
         assert_eq!((back.width(), back.height(), back.texel()), (256, 4, 2.0));
-        // Half a step of 8 bits on the steepest part of the curve.
+        // Tolerance: half a step of 8 bits at the steepest part of the curve.
         assert!(back.data().iter().zip(ramp().data()).all(|(a, b)| (a - b).abs() < 0.005));
         assert_eq!((back.at(0, 0), back.at(255, 0)), (0.0, 1.0));
     }

@@ -1,4 +1,4 @@
-//! Writing files whole or not at all.
+//! Writes image files, completely or not at all.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -10,20 +10,19 @@ use crate::files::WholeFile;
 use crate::metrics::Image;
 use crate::{Error, Result};
 
-/// Writes `bytes` to `path`: into a temporary file of the same folder first, which then takes the name.
+/// Writes `bytes` to a temporary file beside `path` and renames the file.
 ///
 /// # Errors
-/// [`Error::Io`] with `path` when the folder is missing or not writable, or the disk is full; `path` is then as it
-/// was before.
+/// [`Error::Io`] with `path` if the folder is missing or not writable, or the disk is full; `path` is then unchanged.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
     WholeFile::write(path, bytes)
 }
 
-/// The image as an OpenEXR file of 32-bit floats: three equal channels R, G, B, values unchanged. The texel size is
-/// not stored.
+/// Encodes the image as an OpenEXR file of 32-bit floats: three equal channels R, G, B, values unchanged. The texel
+/// side is not stored.
 ///
 /// # Errors
-/// [`Error::Argument`] when the image is too large for the format.
+/// [`Error::Argument`] if the image is too large for the format.
 pub fn exr_bytes(image: &Image) -> Result<Vec<u8>> {
     let data: Vec<f32> = image.data().iter().flat_map(|&v| [v; 3]).collect();
     encode(
@@ -38,7 +37,7 @@ pub fn exr_bytes(image: &Image) -> Result<Vec<u8>> {
 /// Writes `width` columns of linear RGB, row by row from the top, as an OpenEXR file of 32-bit floats.
 ///
 /// # Errors
-/// [`Error::Argument`] when the image is too large for the format or its rows are not full; those of
+/// [`Error::Argument`] if the image is too large for the format or `pixels` is not a multiple of `width`; errors of
 /// [`write_atomically`].
 pub fn write_exr_rgb(path: &Path, width: usize, pixels: &[[f32; 3]]) -> Result<()> {
     let side = |n: usize| u32::try_from(n).ok();
@@ -48,7 +47,7 @@ pub fn write_exr_rgb(path: &Path, width: usize, pixels: &[[f32; 3]]) -> Result<(
     write_atomically(path, &encode(image.map(DynamicImage::ImageRgb32F), ImageFormat::OpenExr)?)
 }
 
-/// Writes [`exr_bytes`] to `path`. Errors of both.
+/// Writes [`exr_bytes`] to `path`, with the errors of both.
 pub fn write_exr(path: &Path, image: &Image) -> Result<()> {
     write_atomically(path, &exr_bytes(image)?)
 }
@@ -58,7 +57,7 @@ pub fn write_png(path: &Path, picture: &Picture) -> Result<()> {
     write_atomically(path, &picture.png()?)
 }
 
-/// A picture in a file format, in memory.
+/// Encodes a picture in memory; `None` is an image that is too large.
 pub(super) fn encode(picture: Option<DynamicImage>, format: ImageFormat) -> Result<Vec<u8>> {
     let picture = picture.ok_or_else(|| Error::Argument("the image is too large for a file".into()))?;
     let mut bytes = Cursor::new(Vec::new());

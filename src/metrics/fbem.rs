@@ -1,4 +1,4 @@
-//! The feature-based error metric (FBEM) of [SD95 sec 2.2].
+//! Feature-based error metric (FBEM) [SD95 sec 2.2]; docs/method.md, Feature-based error.
 
 use super::Image;
 use super::features::{FeatureOptions, FeatureSet};
@@ -7,45 +7,45 @@ use super::norms::{difference, power};
 use crate::raster::BitImage;
 use crate::{Error, Result};
 
-/// What the averages outside the feature mask are taken over.
+/// Support of the box averages outside the feature mask.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Filter {
-    /// Everything within the box, features included: the formula as the paper writes it. The error of a large feature
-    /// then also counts, averaged, up to s/2 outside of it.
+    /// The whole box, features included, as in the paper's formula. The error of a large feature then also counts,
+    /// averaged, up to s/2 outside the feature.
     #[default]
     Whole,
-    /// Only what lies outside the mask. (Our variant, method A.2.)
+    /// The unmasked texels of the box. (A variant of ours.)
     Unmasked,
 }
 
-/// The choices of the metric.
+/// Options of the metric.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FbemOptions {
-    /// Least size s of the features that matter, scene units, at least 0.
+    /// Feature size s: features larger than s are compared texel by texel; scene units, at least 0.
     pub size: f64,
-    /// The exponent of the norm, at least 1; the paper's numbers have 2.
+    /// Exponent p of the norm, at least 1; the paper uses 2.
     pub p: f64,
-    /// What makes a feature.
+    /// Definition of features.
     pub features: FeatureOptions,
-    /// What is averaged outside the mask.
+    /// Support of the box averages outside the mask.
     pub filter: Filter,
 }
 
 impl Default for FbemOptions {
-    /// Size 0 (an ordinary norm), p = 2, both kinds of features, Euclidean sizes, the whole box averaged.
+    /// Size 0 (an ordinary norm), p = 2, both kinds of features, Euclidean sizes, averages over the whole box.
     fn default() -> Self {
         FbemOptions { size: 0.0, p: 2.0, features: FeatureOptions::default(), filter: Filter::Whole }
     }
 }
 
-/// The error of an image seen by somebody who cares for features larger than `size`.
+/// Result of [`fbem`]: the error of an image relative to features larger than `size`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fbem {
-    /// The feature size s asked for, scene units.
+    /// Feature size s, scene units.
     pub size: f64,
     /// The metric, in the units of the image values: for p = 2 a root mean square over the image.
     pub value: f64,
-    /// The part of the image, in [0, 1], that features larger than s cover and where texels are compared one by one.
+    /// Fraction of the image, in `[0, 1]`, inside features larger than s, where texels are compared one by one.
     pub masked_fraction: f64,
     /// Contribution of the mask to `value`^p, as a mean over the whole image.
     pub inside: f64,
@@ -53,20 +53,22 @@ pub struct Fbem {
     pub outside: f64,
 }
 
-/// ‖f̂ − f‖ₚˢ of [SD95 sec 2.2]: texels are compared inside the feature mask of the reference, averages over boxes of
-/// side s outside of it; divided by the area (module notes: [`metrics`](super)).
+/// ‖f̂ − f‖ₚˢ of [SD95 sec 2.2], divided by the area: texels are compared inside the feature mask of the reference,
+/// averages over boxes of side s outside the mask.
 ///
-/// For s = 0 this is the ordinary norm exactly, for equal images it is 0. It usually falls as s grows, but need not:
-/// the mask changes with s.
+/// For s = 0 the result equals the ordinary norm bit by bit; for equal images it is 0. The result usually decreases
+/// with s, but not always: the mask changes with s.
 ///
 /// # Errors
-/// [`Error::Argument`] when the images differ in columns or rows, or an option is out of its range.
+/// [`Error::Argument`] if the images differ in columns or rows, or an option is out of its range.
 pub fn fbem(reference: &Image, approximation: &Image, options: &FbemOptions) -> Result<Fbem> {
     Ok(spectrum(reference, approximation, &[options.size], options)?[0])
 }
 
-/// [`fbem`] for each of `sizes` (scene units; `options.size` is not used): the error spectrum by feature size.
-/// Errors as for [`fbem`].
+/// [`fbem`] for each of `sizes` (scene units; `options.size` is ignored): the error spectrum by feature size.
+///
+/// # Errors
+/// As for [`fbem`].
 pub fn spectrum(
     reference: &Image,
     approximation: &Image,
@@ -89,16 +91,16 @@ pub fn spectrum(
     Ok(sizes.iter().map(measure).collect())
 }
 
-/// Sizes for a spectrum of this image: 0, then `steps` sizes growing by a constant factor from one texel to half of
-/// the shorter side.
+/// Feature sizes (scene units) for a spectrum of this image: 0, then `steps` sizes in geometric progression from one
+/// texel to half of the shorter side.
 pub fn spectrum_sizes(image: &Image, steps: usize) -> Vec<f64> {
     let largest = (image.width().min(image.height()) as f64 / 2.0).max(1.0);
     let at = |i: usize| image.texel() * largest.powf(i as f64 / (steps.max(2) - 1) as f64);
     std::iter::once(0.0).chain((0..steps).map(at)).collect()
 }
 
-/// The box averages of the differences. Filtering is linear, so the difference of the two filtered images is the
-/// filtered difference. `size` is in texels.
+/// Box averages of the differences. Filtering is linear, so the difference of two filtered images is the filtered
+/// difference. `size` is in texels.
 fn averages(differences: &[f64], mask: &BitImage, size: f64, filter: Filter) -> Vec<f64> {
     let width = mask.width();
     if filter == Filter::Whole || size <= 1.0 {
@@ -108,18 +110,18 @@ fn averages(differences: &[f64], mask: &BitImage, size: f64, filter: Filter) -> 
     let weights: Vec<f64> = (0..differences.len()).map(unmasked).collect();
     let weighted: Vec<f64> = differences.iter().zip(&weights).map(|(d, w)| d * w).collect();
     let (sums, weights) = (box_filter(&weighted, width, size), box_filter(&weights, width, size));
-    // An unmasked texel weighs at least its own share; elsewhere the average is not used.
+    // The box around an unmasked texel contains the texel; averages at masked texels are not used.
     sums.iter().zip(&weights).map(|(s, w)| if *w > 1e-12 { s / w } else { 0.0 }).collect()
 }
 
-/// The p-norm that takes differences inside the mask and averages outside of it.
+/// The p-norm over differences inside the mask and averages outside.
 fn norm(differences: &[f64], averages: &[f64], mask: &BitImage, size: f64, p: f64) -> Fbem {
     let (mut total, mut inside) = (0.0, 0.0);
     let width = mask.width();
     for (i, (&d, &average)) in differences.iter().zip(averages).enumerate() {
         let masked = mask.get(i % width, i / width);
         let term = power(if masked { d } else { average }, p);
-        // One running sum for all, in the order of the plain norm: at s = 0 the two agree to the last bit.
+        // One running sum in the order of the plain norm: at s = 0 both agree to the last bit.
         total += term;
         if masked {
             inside += term;

@@ -1,14 +1,14 @@
-//! Feature masks: which texels belong to a shadow, or a patch of light, of at least a given size [SD95 sec 2.4].
+//! Feature masks: texels that belong to shadows or lit regions of at least a given size [SD95 sec 2.4].
 
 use super::Image;
 use crate::raster::{BitImage, Morphology, Opener};
 use crate::{Error, Result};
 
-/// Least relative darkening that counts as shadow: 2 %. Where nothing is in the way every sample of visibility is
-/// exactly 1, so noise makes no objects of lit places; the faint rim of a penumbra, which nobody sees, is left out.
+/// Least relative darkening that counts as shadow, 2 % of the unoccluded value. Chosen: excludes the faint rim of
+/// penumbrae. Unoccluded texels have visibility exactly 1, so noise does not exceed the threshold there.
 pub const DEFAULT_THRESHOLD: f32 = 0.02;
 
-/// Which regions count as features.
+/// Kinds of regions that count as features.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Features {
     /// Shadows and lit regions: the error of visibility v(1 − v) is symmetric in light and shadow [SD95 sec 3.2].
@@ -18,16 +18,16 @@ pub enum Features {
     Shadow,
 }
 
-/// What makes a feature.
+/// Definition of features.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FeatureOptions {
-    /// Which regions.
+    /// Kinds of regions.
     pub features: Features,
-    /// How their size is measured.
+    /// Measure of sizes.
     pub morphology: Morphology,
-    /// The value of an unoccluded texel, greater than 0, in the image's units; 1 for visible fractions.
+    /// Value of an unoccluded texel, greater than 0, in the image's units; 1 for visible fractions.
     pub white: f32,
-    /// A texel is shadowed when its value is less than (1 − threshold) · white; within [0, 1).
+    /// A texel is in shadow if its value is less than (1 − threshold) · white; in `[0, 1)`, dimensionless.
     pub threshold: f32,
 }
 
@@ -43,7 +43,10 @@ impl Default for FeatureOptions {
 }
 
 impl FeatureOptions {
-    /// [`Error::Argument`] when `white` or `threshold` is out of its range.
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] if `white` or `threshold` is out of its range.
     pub fn check(&self) -> Result<()> {
         if !(self.white.is_finite() && self.white > 0.0) {
             return Err(Error::Argument(format!(
@@ -61,10 +64,9 @@ impl FeatureOptions {
     }
 }
 
-/// The features of one image, ready to be asked for masks of many sizes.
+/// The features of one image, prepared for masks of many sizes.
 ///
-/// What lies outside the image counts as neither shadow nor light: a feature at the border is measured by the part of
-/// it that the image shows (method A.4).
+/// Texels outside the image are neither shadowed nor lit: a feature at the border is measured by its visible part.
 #[derive(Clone, Debug)]
 pub struct FeatureSet {
     texel: f64,
@@ -73,10 +75,10 @@ pub struct FeatureSet {
 }
 
 impl FeatureSet {
-    /// Finds shadowed and lit texels of `reference` and measures how deep each lies in its region.
+    /// Finds the shadowed and lit texels of `reference` and their distances to the region's outline.
     ///
     /// # Errors
-    /// [`Error::Argument`] when an option is out of its range.
+    /// [`Error::Argument`] if an option is out of its range.
     pub fn new(reference: &Image, options: &FeatureOptions) -> Result<FeatureSet> {
         options.check()?;
         let limit = (1.0 - options.threshold) * options.white;
@@ -87,13 +89,13 @@ impl FeatureSet {
         Ok(FeatureSet { texel: reference.texel(), shadow: Opener::new(shadow, options.morphology), lit })
     }
 
-    /// The shadowed texels (umbra and penumbra), of whatever size.
+    /// The shadowed texels (umbra and penumbra), regardless of size.
     pub fn shadowed(&self) -> &BitImage {
         self.shadow.image()
     }
 
-    /// The feature mask F^s of [SD95 sec 2.2]: texels of features larger than `size` (scene units). At size 0 every
-    /// texel that is shadowed, or lit if those count. Sizes that are negative or not a number count as 0.
+    /// Feature mask F^s of [SD95 sec 2.2]: texels of features larger than `size` (scene units). At size 0 all texels
+    /// that are shadowed, or lit if lit regions count. Negative sizes and NaN count as 0.
     pub fn mask(&mut self, size: f64) -> BitImage {
         let mut mask = self.shadow.open(size / self.texel);
         if let Some(lit) = &mut self.lit {
@@ -107,7 +109,7 @@ impl FeatureSet {
 mod tests {
     use super::*;
 
-    /// A wall with a shadow of 10 texels and one of 4, of texels of 0.5.
+    /// A wall with a shadow of 10 texels and one of 4; texels of 0.5 scene units.
     fn wall() -> Image {
         Image::from_fn(64, 64, 0.5, |x, y| match (x, y) {
             (10..20, 10..20) => 0.0,

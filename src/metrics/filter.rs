@@ -1,11 +1,11 @@
-//! Box filter of any width, in time that does not depend on the width.
+//! Box filter of arbitrary width; the time per texel does not depend on the width.
 
 /// Means of `values` (`width` columns, row by row) over the square of side `size` texels around each texel's centre.
 ///
-/// The values are taken as constant over each texel, so a square that ends inside a texel counts that part of it and
-/// the result varies smoothly with `size`; up to `size` 1 the square stays inside its own texel and nothing changes,
-/// bit by bit. Beyond the border the nearest texel of the image is repeated. Sums are running ones in f64.
-/// `size` must be a number; the length of `values` a multiple of `width`.
+/// Values are constant over each texel, so a square that ends inside a texel counts that part of the texel and the
+/// result is continuous in `size`. Up to `size` 1 the square stays inside its texel and values are returned unchanged.
+/// Beyond the border the nearest texel is repeated. Prefix sums are in f64. `size` must not be NaN; the length of
+/// `values` must be a multiple of `width`.
 pub fn box_filter(values: &[f64], width: usize, size: f64) -> Vec<f64> {
     if size <= 1.0 || values.is_empty() {
         return values.to_vec();
@@ -22,7 +22,7 @@ pub fn box_filter(values: &[f64], width: usize, size: f64) -> Vec<f64> {
             *out = (integral(&sums, line, to) - integral(&sums, line, from)) / size;
         }
     }
-    // The same down the columns, a whole row at a time so that memory is read in order.
+    // The same along the columns, a whole row at a time for sequential memory access.
     let mut sums = vec![0.0; values.len() + width];
     for y in 0..height {
         for x in 0..width {
@@ -41,15 +41,16 @@ pub fn box_filter(values: &[f64], width: usize, size: f64) -> Vec<f64> {
     out
 }
 
-/// A place on a line of texels: the integral from the start of the line to it is the sum of the first `whole` values
-/// and `part` times the value of `texel`. Beyond the line `part` is negative or greater than 1: the end repeated.
+/// A position on a line of texels: the integral from the start of the line to the position is the sum of the first
+/// `whole` values plus `part` times the value of `texel`. Beyond the line `part` is negative or above 1: the end
+/// repeats.
 struct End {
     whole: usize,
     texel: usize,
     part: f64,
 }
 
-/// The two ends of the interval of length `size` around the centre of texel `i`, on a line of `n` texels.
+/// Both ends of the interval of length `size` (texels) around the centre of texel `i`, on a line of `n` texels.
 fn ends(i: usize, size: f64, n: usize) -> (End, End) {
     let place = |t: f64| {
         let whole = t.floor().clamp(0.0, (n - 1) as f64);
@@ -59,7 +60,7 @@ fn ends(i: usize, size: f64, n: usize) -> (End, End) {
     (place(centre - size / 2.0), place(centre + size / 2.0))
 }
 
-/// Integral of the line from its start to `end`.
+/// Integral over the line from its start to `end`.
 #[inline]
 fn integral(sums: &[f64], line: &[f64], end: End) -> f64 {
     sums[end.whole] + end.part * line[end.texel]
@@ -70,7 +71,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Overlap of the box with each texel of an image that is extended by its border, one by one.
+    /// Sum over the texels that the box overlaps, in an image extended by its border.
     fn naive(values: &[f64], width: usize, size: f64, x: usize, y: usize) -> f64 {
         let height = values.len() / width;
         let reach = size.ceil() as i64;
@@ -89,12 +90,14 @@ mod tests {
     proptest! {
         #[test]
         fn matches_the_sum_of_overlaps(w in 1usize..12, h in 1usize..12, size in 0.1f64..30.0, seed: u32) {
-            let values: Vec<f64> = (0..w * h).map(|i| f64::from((seed ^ i as u32).wrapping_mul(2654435761) >> 8)).collect();
+            let value = |i: usize| f64::from((seed ^ i as u32).wrapping_mul(2654435761) >> 8);
+            let values: Vec<f64> = (0..w * h).map(value).collect();
             let filtered = box_filter(&values, w, size);
             for y in 0..h {
                 for x in 0..w {
                     let expected = naive(&values, w, size.max(1.0), x, y);
-                    prop_assert!((filtered[y * w + x] - expected).abs() < 1e-3, "{} {}", filtered[y * w + x], expected);
+                    let found = filtered[y * w + x];
+                    prop_assert!((found - expected).abs() < 1e-3, "{found} {expected}");
                 }
             }
         }

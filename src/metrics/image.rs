@@ -1,10 +1,10 @@
-//! An image of one quantity on a receiver.
+//! An image of one scalar quantity on a receiver.
 
 use crate::{Error, Result};
 
 /// Values on a grid of square texels, row by row from the top left, each sampled at its texel's centre.
 ///
-/// Every value is finite, and there is at least one: the constructor sees to it, so no metric has to ask again.
+/// The constructor guarantees finite values and at least one texel; the metrics rely on that.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
     width: usize,
@@ -14,11 +14,11 @@ pub struct Image {
 }
 
 impl Image {
-    /// An image of `width` × `height` values with texels of side `texel` (scene units; 1 measures sizes in texels).
+    /// An image of `width` x `height` values with texels of side `texel` (scene units; with 1, sizes are in texels).
     ///
     /// # Errors
-    /// [`Error::Argument`] when a side is zero, the number of values is another, the texel is not a positive number
-    /// or a value is not finite (the message names the first such texel).
+    /// [`Error::Argument`] if a side is zero, `data` has another length than `width * height`, `texel` is not positive
+    /// and finite, or a value is not finite (the message names the first such texel).
     pub fn new(width: usize, height: usize, texel: f64, data: Vec<f32>) -> Result<Image> {
         let argument = |what: String| Err(Error::Argument(what));
         if width == 0 || height == 0 {
@@ -39,7 +39,7 @@ impl Image {
         Ok(Image { width, height, texel, data })
     }
 
-    /// The image of `value(x, y)`, x and y counted in texels from the top left. Errors as for [`Image::new`].
+    /// The image of `value(x, y)`, x and y in texels from the top left. Errors as for [`Image::new`].
     pub fn from_fn(
         width: usize,
         height: usize,
@@ -51,7 +51,7 @@ impl Image {
         Image::new(width, height, texel, data)
     }
 
-    /// The same values on texels of another size. Errors as for [`Image::new`].
+    /// The same values with another texel side (scene units). Errors as for [`Image::new`].
     pub fn with_texel(self, texel: f64) -> Result<Image> {
         Image::new(self.width, self.height, texel, self.data)
     }
@@ -71,7 +71,7 @@ impl Image {
         self.texel
     }
 
-    /// All values, row by row: `width × height`, finite.
+    /// All values, row by row: `width * height` finite numbers.
     pub fn data(&self) -> &[f32] {
         &self.data
     }
@@ -82,12 +82,12 @@ impl Image {
         self.data[y * self.width + x]
     }
 
-    /// Least and greatest value.
+    /// Smallest and largest value.
     pub fn range(&self) -> (f32, f32) {
         self.data.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)))
     }
 
-    /// An error unless `other` has the same number of columns and rows.
+    /// [`Error::Argument`] unless `other` has the same number of columns and rows.
     pub(crate) fn check_same_sides(&self, other: &Image) -> Result<()> {
         if (self.width, self.height) == (other.width, other.height) {
             return Ok(());

@@ -1,54 +1,54 @@
-//! Features that an approximation does not show at all: the promise of a feature size is that there are none of at
-//! least that size [SD95 sec 3.2], method E.8.
+//! Features of a reference that an approximation lacks. A feature size s promises that no feature of at least that size
+//! is lost [SD95 sec 3.2].
 
 use super::Image;
 use crate::Result;
 use crate::raster::{BitImage, Morphology, Opener};
 
-/// Visible fractions below which there is shadow: deep and half. Lights mirror them.
+/// Visible fractions that bound shadows: a quarter and a half. Lit regions use 1 minus these. Chosen.
 const LEVELS: [f32; 2] = [0.25, 0.5];
-/// A feature is missing where the approximation's mean over a disc of the size lies on the wrong side of its level by
-/// more than this.
-const CONTRAST: f32 = 0.25;
+/// A feature is missing if the approximation's mean over a disc of the feature size is on the wrong side of the level
+/// by more than this visible fraction. Chosen.
+const MISSING_CONTRAST: f32 = 0.25;
 
-/// Texels across the smallest feature that an image can show: what one or two of them say is the noise of their rays.
-const LEAST: f64 = 3.0;
+/// Smallest feature that is looked for, texels. Chosen: one or two texels show sampling noise of their rays.
+const MIN_FEATURE_TEXELS: f64 = 3.0;
 
-/// How many features there are, and how many of them are missing.
+/// Number of features, and how many of them are missing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Missing {
-    /// Connected shadows of the reference, at two levels of darkness.
+    /// Connected shadows of the reference, summed over both levels.
     pub shadows: usize,
-    /// Of these, those that the approximation lacks.
+    /// Shadows that the approximation lacks.
     pub missing_shadows: usize,
-    /// Connected lit regions of the reference, at two levels.
+    /// Connected lit regions of the reference, summed over both levels.
     pub lights: usize,
-    /// Of these, those that the approximation lacks.
+    /// Lit regions that the approximation lacks.
     pub missing_lights: usize,
 }
 
 impl Missing {
-    /// All features.
+    /// Number of all features.
     pub fn features(&self) -> usize {
         self.shadows + self.lights
     }
 
-    /// All missing features.
+    /// Number of all missing features.
     pub fn missing(&self) -> usize {
         self.missing_shadows + self.missing_lights
     }
 }
 
-/// Looks for the features of `reference` of more than `size` (scene units, inscribed disc; three texels at least) in an
-/// approximation. Both images hold visible fractions.
+/// Finds the features of `reference` larger than `size` (diameter of the inscribed disc, scene units; at least three
+/// texels) that `approximation` lacks. Both images hold visible fractions.
 ///
-/// A shadow is a connected region, opened by the size, where the reference is below a level (1/4, 1/2): the union of all
-/// discs of that size that fit. It is missing if over any of these discs the approximation's mean is more than 1/4 above
-/// that level: a large shadow that has lost a part as large as the size lacks a feature, however much of it is left.
-/// Lights likewise, the other way round. Regions that only touch a larger one count with it.
+/// A shadow is a connected region of the reference below a level (1/4 or 1/2), opened by the size: the union of all
+/// discs of that size that fit. The shadow is missing if the approximation's mean over any of these discs exceeds the
+/// level by more than 1/4: a large shadow that has lost a part of that size counts as missing. Lit regions are treated
+/// in the same way with inverted values. Regions that touch count as one.
 ///
 /// # Errors
-/// [`crate::Error::Argument`] when the images differ in shape.
+/// [`crate::Error::Argument`] if the images differ in columns or rows.
 pub fn missing_features(reference: &Image, approximation: &Image, size: f64) -> Result<Missing> {
     reference.check_same_sides(approximation)?;
     let (width, height) = (reference.width(), reference.height());
@@ -58,7 +58,7 @@ pub fn missing_features(reference: &Image, approximation: &Image, size: f64) -> 
         let bright = BitImage::from_fn(width, height, |x, y| reference.at(x, y) > 1.0 - level);
         for (image, is_shadow) in [(dark, true), (bright, false)] {
             let mut opener = Opener::new(image, Morphology::Euclid);
-            let pixels = (size / reference.texel()).max(LEAST);
+            let pixels = (size / reference.texel()).max(MIN_FEATURE_TEXELS);
             let (opened, core) = (opener.open(pixels), opener.core(pixels));
             let disc = Disc::new(pixels);
             for region in regions(opened) {
@@ -66,10 +66,11 @@ pub fn missing_features(reference: &Image, approximation: &Image, size: f64) -> 
                 let mut means = centres.map(|&centre| disc.mean(approximation, centre));
                 if is_shadow {
                     found.shadows += 1;
-                    found.missing_shadows += usize::from(means.any(|mean| mean > level + CONTRAST));
+                    found.missing_shadows += usize::from(means.any(|mean| mean > level + MISSING_CONTRAST));
                 } else {
                     found.lights += 1;
-                    found.missing_lights += usize::from(means.any(|mean| mean < 1.0 - level - CONTRAST));
+                    found.missing_lights +=
+                        usize::from(means.any(|mean| mean < 1.0 - level - MISSING_CONTRAST));
                 }
             }
         }
@@ -79,19 +80,19 @@ pub fn missing_features(reference: &Image, approximation: &Image, size: f64) -> 
 
 /// A disc of texels, row by row.
 struct Disc {
-    /// How far each row reaches to either side, from the middle row downwards and upwards.
+    /// Half width of each row, from the middle row outwards.
     reach: Vec<usize>,
 }
 
 impl Disc {
-    /// Of a diameter in texels; of one texel at least.
+    /// A disc with a diameter in texels; at least one texel.
     fn new(diameter: f64) -> Disc {
         let squared = (0.5 * diameter.max(0.0)).powi(2);
         let rows = squared.sqrt() as usize;
         Disc { reach: (0..=rows).map(|y| (squared - (y * y) as f64).max(0.0).sqrt() as usize).collect() }
     }
 
-    /// The mean of an image over the disc around a texel; what lies outside the image does not count.
+    /// Mean of an image over the disc around a texel; texels outside the image are ignored.
     fn mean(&self, image: &Image, (x, y): (usize, usize)) -> f32 {
         let (mut sum, mut count) = (0.0f64, 0);
         let last = self.reach.len() - 1;
@@ -106,7 +107,7 @@ impl Disc {
     }
 }
 
-/// The texels of each connected region (of four neighbours) of an image.
+/// Texels of each region of an image, connected by four neighbours.
 fn regions(mut left: BitImage) -> Vec<Vec<(usize, usize)>> {
     let (width, height) = (left.width(), left.height());
     let mut regions = Vec::new();
@@ -119,7 +120,7 @@ fn regions(mut left: BitImage) -> Vec<Vec<(usize, usize)>> {
         let mut next = 0;
         while let Some(&(x, y)) = region.get(next) {
             next += 1;
-            // Steps off the image wrap to numbers beyond it.
+            // Steps to the left of column 0 or above row 0 wrap to numbers beyond the image.
             for (x, y) in [(x.wrapping_sub(1), y), (x + 1, y), (x, y.wrapping_sub(1)), (x, y + 1)] {
                 if x < width && y < height && left.get(x, y) {
                     left.set(x, y, false);
@@ -136,7 +137,7 @@ fn regions(mut left: BitImage) -> Vec<Vec<(usize, usize)>> {
 mod tests {
     use super::*;
 
-    /// Two shadows of 10 texels, one of 3, in the light; texels of 0.5.
+    /// Two shadows of 10 texels and one of 3 on a lit wall; texels of 0.5 scene units.
     fn wall(second: f32) -> Image {
         Image::from_fn(64, 48, 0.5, |x, y| match (x, y) {
             (10..20, 10..20) => 0.0,
@@ -152,18 +153,18 @@ mod tests {
         let reference = wall(0.0);
         let found = |second, size| missing_features(&reference, &wall(second), size).expect("shapes");
         assert_eq!(found(0.0, 2.0), Missing { shadows: 4, lights: 2, ..Missing::default() });
-        // Fainter than the quarter and the half, but there; gone at last.
+        // At 0.4 the second shadow is fainter but present; at 0.6 and 1.0 it is missing at one and at both levels.
         assert_eq!(found(0.4, 2.0).missing_shadows, 0);
         assert_eq!(found(0.6, 2.0).missing_shadows, 1);
         assert_eq!(found(1.0, 2.0).missing_shadows, 2);
-        // The promise is about features larger than the size.
+        // Features smaller than the size are not counted.
         let large = found(1.0, 6.0);
         assert_eq!((large.shadows, large.missing()), (0, 0), "{large:?}");
         assert_eq!(missing_features(&reference, &wall(0.0), 0.0).expect("shapes").shadows, 6);
     }
 
-    /// A shadow of 40 by 30 texels that loses a part of 12 by 12, a tenth: its mean hardly changes, but a feature of 6
-    /// texels is gone. Noise and a rim that is lost all around are no features.
+    /// A shadow of 40 x 30 texels that loses a part of 12 x 12, a tenth of its area: its mean hardly changes, but a
+    /// feature of 6 texels is lost. Noise and a lost rim are no features.
     #[test]
     fn a_part_of_a_large_shadow_that_is_lost_is_missed() {
         let shadow = |lost: &dyn Fn(usize, usize) -> f32| {

@@ -1,16 +1,15 @@
-//! How good an image of light is: ordinary norms, and the error by the size of what is wrong.
+//! Error measures for images of light: ordinary norms, and errors by feature size.
 //!
 //! Reference: F. Sillion and G. Drettakis, *Feature-based control of visibility error*, INRIA RR-2503, 1995
-//! (**\[SD95\]**), section 2. The choices that the paper leaves open are those of the project's `method.md` A.2-A.4 and
-//! are stated where they are made:
+//! (**\[SD95\]**), section 2. Choices where the paper gives no details (docs/method.md, Feature-based error):
 //!
-//! * An image holds one value a texel (for instance the visible fraction of the light), sampled at texel centres; all
-//!   integrals over the image are means over its texels, so that the p = 2 norms are root mean squares in the image's
+//! * An image holds one value per texel (such as the visible fraction of an emitter), sampled at texel centres.
+//!   Integrals over the image are means over its texels, so that the p = 2 norms are root mean squares in the image's
 //!   own units. Per cent of the unoccluded value is 100 · value / [`FeatureOptions::white`].
-//! * Sizes are lengths in scene units on the receiver; [`Image::texel`] is the length of a texel's side.
-//! * A feature is a connected region that is shadowed (umbra or penumbra), or lit [`Features::Both`].
+//! * Sizes are lengths in scene units on the receiver; [`Image::texel`] is the side of a texel.
+//! * A feature is a connected region that is shadowed (umbra or penumbra) or, with [`Features::Both`], lit.
 //!
-//! This room compares images and does not know how they were computed.
+//! This room does not depend on how images were computed.
 
 mod fbem;
 mod features;

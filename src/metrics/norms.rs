@@ -1,16 +1,16 @@
-//! The norms that cannot see the size of a feature [SD95 sec 2.1].
+//! Norms that do not depend on feature sizes [SD95 sec 2.1].
 
 use super::Image;
 use crate::Result;
 
-/// Errors of an approximation, in the units of the image values, as means over the texels.
+/// Errors of an approximation as means over the texels, in the units of the image values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Norms {
     /// Mean absolute difference.
     pub l1: f64,
     /// Root mean square difference.
     pub l2: f64,
-    /// Mean of approximation − reference: positive when the approximation is too bright.
+    /// Mean of approximation − reference: positive if the approximation is too bright.
     pub bias: f64,
     /// Largest absolute difference.
     pub max: f64,
@@ -19,7 +19,7 @@ pub struct Norms {
 /// The norms of `approximation` − `reference`.
 ///
 /// # Errors
-/// [`Error::Argument`](crate::Error::Argument) when the images differ in columns or rows.
+/// [`Error::Argument`](crate::Error::Argument) if the images differ in columns or rows.
 pub fn norms(reference: &Image, approximation: &Image) -> Result<Norms> {
     let d = difference(reference, approximation)?;
     let mean = |f: fn(f64) -> f64| d.iter().map(|&d| f(d)).sum::<f64>() / d.len() as f64;

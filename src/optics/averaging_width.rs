@@ -1,58 +1,56 @@
-//! How well extinction stands for the contents of a projection, and over which width it must be averaged.
+//! Fit of extinction to a projection, and the width over which the fit must be averaged.
 //!
-//! The threshold of the traversal, b*(t) = s (1 - t) + e t, is the width of the beam where it crosses the cluster:
-//! the emitter as seen from the receiver point and the feature size as seen from the emitter, laid end to end. The
-//! answer is right if the contents, averaged over that width, transmit what extinction says. So beside the paper's
-//! BSIZE (the largest blocked disc) each cluster gets its *grain*: the smallest width over which the differences
-//! between its silhouette and its extinction average out to a tolerance. It catches what BSIZE cannot: penumbra
-//! contrast (method D.9), gaps beside clumps, contents that fill only part of their box (D.12), single thin
+//! The threshold of the traversal, b*(t) = s (1 - t) + e t (docs/method.md, Umbra criterion), is also the width of the
+//! beam where it crosses the cluster. An aggregated cluster is right if its contents, averaged over that width,
+//! transmit what its extinction states. The *averaging width* is the smallest width over which the differences between
+//! silhouette and extinction average out to a tolerance (docs/method.md, Sizes of a cluster). It covers cases that
+//! disc sizes miss: penumbra contrast, gaps beside clumps, contents that fill only part of their box, single thin
 //! parts of high contrast.
 
 use crate::math::Aabb;
 use crate::raster::BitImage;
 use glam::{Vec2, Vec3};
 
-/// Side of the smallest window in pixels.
-const CELL: usize = 4;
+/// Side of the smallest averaging window, pixels. Chosen: 4 divides a 64-bit word, so a cell's row is one shift and
+/// mask.
+pub(super) const CELL_PIXELS: usize = 4;
 
-/// Cells of a projection and the paths through the box behind them.
+/// A projection divided into cells of [`CELL_PIXELS`] x [`CELL_PIXELS`] pixels, with path lengths through the box; row
+/// by row.
 #[derive(Default)]
 pub(super) struct Cells {
     width: usize,
     height: usize,
-    /// Pixels of the projected box, and of them the free ones.
+    /// Number of pixels per cell inside the projected box, and how many of them are free.
     inside: Vec<f32>,
     free: Vec<f32>,
-    /// Length of the view line through the box at the cell's centre, times the relative density there.
+    /// Path length through the box times relative density, per cell: at the cell's centre, or the mean over its pixels
+    /// inside if the outline crosses the cell; scene units.
     path: Vec<f32>,
+    /// Measured minus modelled number of free pixels per cell; scratch memory of [`Cells::averaging_width`].
     residual: Vec<f32>,
 }
 
 impl Cells {
-    /// Counts pixels of `hull` (the projected box) and `gaps` (its free part) cell by cell. `origin` is the world
-    /// position of pixel (0, 0) projected, with `u` and `v` one pixel wide.
+    /// Counts the pixels of `hull` (the projected box) per cell, takes the sum of their transmittances from `free(x, y)` for
+    /// cell (x, y), and computes path lengths along `view`, a unit vector. `origin` is the world position of pixel corner (0, 0); `u` and `v` span one pixel.
     pub fn fill(
         &mut self,
-        (hull, gaps): (&BitImage, &BitImage),
+        hull: &BitImage,
+        free: impl Fn(usize, usize) -> f32,
         (bounds, slope): (Aabb, Vec3),
         view: Vec3,
         (origin, u, v): (Vec3, Vec3, Vec3),
     ) {
-        self.width = hull.width().div_ceil(CELL);
-        self.height = hull.height().div_ceil(CELL);
+        self.width = hull.width().div_ceil(CELL_PIXELS);
+        self.height = hull.height().div_ceil(CELL_PIXELS);
         self.inside.clear();
         self.free.clear();
         self.path.clear();
         let inverse = Vec3::from(view.to_array().map(|d| if d == 0.0 { 1e30 } else { 1.0 / d }));
         for y in 0..self.height {
             for x in 0..self.width {
-                let count = |image: &BitImage| {
-                    let rows = y * CELL..((y + 1) * CELL).min(image.height());
-                    let shift = x * CELL % 64;
-                    rows.map(|row| (image.row(row)[x * CELL / 64] >> shift & 0xf).count_ones()).sum::<u32>()
-                        as f32
-                };
-                let n = count(hull);
+                let n = count_in_cell(hull, x, y);
                 if n == 0.0 {
                     self.inside.push(0.0);
                     self.free.push(0.0);
@@ -60,33 +58,35 @@ impl Cells {
                     continue;
                 }
                 self.inside.push(n);
-                self.free.push(count(gaps));
+                self.free.push(free(x, y));
                 let path_at = |at: Vec2| {
                     let p = origin + at.x * u + at.y * v;
                     let (a, b) = ((bounds.min - p) * inverse, (bounds.max - p) * inverse);
                     let (enter, leave) = (a.min(b).max_element(), a.max(b).min_element());
-                    // Linear along the line, so its mean is that in the middle.
+                    // The density is linear along the line, so its mean is its value in the middle.
                     let density = 1.0 + slope.dot(p + 0.5 * (enter + leave) * view - bounds.center());
                     (leave - enter).max(0.0) * density.max(0.0)
                 };
-                let corner = Vec2::new((x * CELL) as f32, (y * CELL) as f32);
-                self.path.push(if n == (CELL * CELL) as f32 {
-                    path_at(corner + 0.5 * CELL as f32)
+                let corner = Vec2::new((x * CELL_PIXELS) as f32, (y * CELL_PIXELS) as f32);
+                self.path.push(if n == (CELL_PIXELS * CELL_PIXELS) as f32 {
+                    path_at(corner + 0.5 * CELL_PIXELS as f32)
                 } else {
-                    // The outline crosses the cell: the mean over the pixels inside, or extinction would have to
-                    // make up for paths that are not there.
-                    let pixels =
-                        (0..CELL * CELL).map(|k| Vec2::new((k % CELL) as f32, (k / CELL) as f32) + 0.5);
+                    // The outline crosses the cell: take the mean over the pixels inside. The path at the centre would
+                    // stand for pixels without a path, and the fitted extinction would compensate for them.
+                    let pixels = (0..CELL_PIXELS * CELL_PIXELS)
+                        .map(|k| Vec2::new((k % CELL_PIXELS) as f32, (k / CELL_PIXELS) as f32) + 0.5);
                     pixels.map(|k| path_at(corner + k)).sum::<f32>() / n
                 });
             }
         }
     }
 
-    /// Extinction whose mean transmission over the projection is the measured one (method D.1).
+    /// Extinction (1/length) whose mean transmittance over the projected box equals the free fraction
+    /// (docs/method.md, Extinction).
     ///
-    /// Newton's method on a convex, falling function, from below: it cannot overshoot. Nearly closed silhouettes
-    /// get the extinction of 99.9 % coverage.
+    /// Newton's method from κ = 0 converges from below because the left side is convex and decreasing. The free
+    /// fraction is bounded from below by 1e-3, so that closed silhouettes get a finite extinction. Stops at a relative
+    /// step of 1e-3 or after 12 steps; both chosen: far below the raster's error.
     pub fn fitted_extinction(&self) -> f32 {
         let inside: f32 = self.inside.iter().sum();
         let free = self.free.iter().sum::<f32>().max(1e-3 * inside);
@@ -107,13 +107,19 @@ impl Cells {
         kappa
     }
 
-    /// Mean transmission that an extinction says less the one that is there.
+    /// Sum of the transmittances of all pixels: their number, if each is either blocked or free.
+    pub fn free_pixels(&self) -> f32 {
+        self.free.iter().sum()
+    }
+
+    /// Mean transmittance stated by extinction `kappa` minus the measured one, in [-1, 1].
     pub fn mean_error(&self, kappa: f32) -> f32 {
         let said: f32 = self.inside.iter().zip(&self.path).map(|(n, l)| n * decay(kappa * l)).sum();
         (said - self.free.iter().sum::<f32>()) / self.inside.iter().sum::<f32>().max(1.0)
     }
 
-    /// The grain, in pixels, for an extinction and a tolerance (root mean square of the transmission's error).
+    /// Averaging width in pixels for extinction `kappa` and a `tolerance` (root mean square error of the
+    /// transmittance).
     pub fn averaging_width(&mut self, kappa: f32, tolerance: f32) -> f32 {
         let total: f32 = self.inside.iter().sum();
         if total == 0.0 {
@@ -123,7 +129,7 @@ impl Cells {
         let cells = self.inside.iter().zip(&self.free).zip(&self.path);
         self.residual.extend(cells.map(|((n, free), l)| free - n * decay(kappa * l)));
         let (mut width, mut height) = (self.width, self.height);
-        let mut window = CELL as f32;
+        let mut window = CELL_PIXELS as f32;
         let mut inside = std::mem::take(&mut self.inside);
         let mut errors: [(f32, f32); 8] = [(0.0, 0.0); 8];
         let mut levels = 0;
@@ -133,8 +139,8 @@ impl Cells {
             let mut error = (square / total).sqrt();
             let whole = width == 1 && height == 1;
             if let Some((_, before)) = errors[..levels].last().filter(|_| !whole) {
-                // Parts that are independent average out as the width grows. What falls faster does so because the
-                // windows happen to lie as the parts do; beams lie anywhere.
+                // The error of independent parts halves with each doubling of the width. A faster decrease is due to
+                // the alignment of windows with the contents; beams have no such alignment.
                 error = error.max(0.5 * before);
             }
             errors[levels] = (window, error);
@@ -150,25 +156,32 @@ impl Cells {
         self.inside = inside;
         let (largest, bias) = errors[levels - 1];
         if bias > tolerance {
-            // Even the mean is off: beams wider than the box dilute the error with the square of their width.
+            // Even the mean is wrong: a beam wider than the box dilutes the error with the square of its width.
             return largest * (bias / tolerance).sqrt();
         }
-        // The window that holds the whole box says nothing about beams that hold part of it.
+        // The window that holds the whole box does not describe beams that cross a part of the box.
         let errors = &errors[..(levels - 1).max(1)];
         match errors.iter().rposition(|(_, error)| *error > tolerance) {
             Some(i) if i + 1 < errors.len() => {
                 let ((w0, e0), (w1, e1)) = (errors[i], errors[i + 1]);
                 w0 * (w1 / w0).powf((e0 / tolerance).ln() / (e0 / e1.max(1e-6)).ln())
             }
-            // Beyond the windows measured, errors of independent parts fall and rise as the window grows and
-            // shrinks.
+            // Outside the range of measured windows: the error of independent parts is inversely proportional to the
+            // window's width.
             Some(i) => errors[i].0 * errors[i].1 / tolerance,
             None => errors[0].0 * errors[0].1 / tolerance,
         }
     }
 }
 
-/// Sums two by two cells in place.
+/// Number of object pixels in cell (x, y).
+pub(super) fn count_in_cell(image: &BitImage, x: usize, y: usize) -> f32 {
+    let rows = y * CELL_PIXELS..((y + 1) * CELL_PIXELS).min(image.height());
+    let shift = x * CELL_PIXELS % 64;
+    rows.map(|row| (image.row(row)[x * CELL_PIXELS / 64] >> shift & 0xf).count_ones()).sum::<u32>() as f32
+}
+
+/// Sums blocks of 2 x 2 cells in place; cells outside the image count as 0.
 fn halve(values: &mut Vec<f32>, width: usize, height: usize) {
     let (w, h) = (width.div_ceil(2), height.div_ceil(2));
     for y in 0..h {
@@ -177,14 +190,14 @@ fn halve(values: &mut Vec<f32>, width: usize, height: usize) {
                 let (x, y) = (2 * x + dx, 2 * y + dy);
                 if x < width && y < height { values[y * width + x] } else { 0.0 }
             };
-            // Writes never overtake reads: cell (x, y) lies at or before the cells it sums.
+            // Writes never overtake reads: the output index is at most that of the cells read.
             values[y * w + x] = at(0, 0) + at(1, 0) + at(0, 1) + at(1, 1);
         }
     }
     values.truncate(w * h);
 }
 
-/// exp(-x) for x >= 0 within 1e-4, without a call: (1 + y + y²/2)^-32 with y = x/32.
+/// exp(-x) for x >= 0 with an error below 1e-4, inlined: (1 + y + y²/2 + y³/6)^-32 with y = x/32.
 #[inline(always)]
 fn decay(x: f32) -> f32 {
     let y = x * (1.0 / 32.0);

@@ -1,4 +1,5 @@
-//! The thirteen axes: the 26 neighbours of a cell, opposite ones merged (method A.14).
+//! The 13 axes of directional cluster optics: the 26 neighbours of a cell, opposite ones merged (docs/method.md,
+//! Directions).
 
 use glam::Vec3;
 
@@ -8,7 +9,7 @@ pub const AXIS_COUNT: usize = 13;
 const EDGE: f32 = std::f32::consts::FRAC_1_SQRT_2;
 const CORNER: f32 = 0.577_350_26;
 
-/// Unit directions; each also stands for its opposite.
+/// Unit vectors of the axes; each also represents its opposite. Order: 3 faces, 6 edges, 4 corners of the cube.
 pub const AXES: [Vec3; AXIS_COUNT] = [
     Vec3::X,
     Vec3::Y,
@@ -25,35 +26,36 @@ pub const AXES: [Vec3; AXIS_COUNT] = [
     Vec3::new(CORNER, -CORNER, -CORNER),
 ];
 
-/// Number of directions that are measured to check what the axes say of them.
+/// Number of probe directions: measured but not fitted, to determine [`super::ClusterOptics::error`].
 pub(super) const PROBE_COUNT: usize = 3;
 
-/// Unit directions as far from all axes as can be, nearly at right angles: their mixes hold each axis in equal parts.
+/// Unit vectors of the probes, (3, 2, 1)/√14 and permutations with signs: barycentric weights 1/3 for each of the three
+/// surrounding axes, and nearly orthogonal to each other.
 pub(super) const PROBES: [Vec3; PROBE_COUNT] = [
     Vec3::new(0.801_783_7, 0.534_522_5, 0.267_261_24),
     Vec3::new(0.267_261_24, -0.801_783_7, 0.534_522_5),
     Vec3::new(0.534_522_5, -0.267_261_24, -0.801_783_7),
 ];
 
-/// The axes, then the probes.
+/// Direction `k` of axes followed by probes, `k < AXIS_COUNT + PROBE_COUNT`.
 pub(super) fn view(k: usize) -> Vec3 {
     if k < AXIS_COUNT { AXES[k] } else { PROBES[k - AXIS_COUNT] }
 }
 
-/// Three axes around a direction and their weights, which sum to 1.
+/// The three axes around a direction and their barycentric weights.
 ///
 /// With |components| a >= b >= c the direction is (a-b)·face + (b-c)·edge + c·corner with the unnormalised face
-/// (1,0,0), edge (1,1,0) and corner (1,1,1) of its octant; divided by a these are barycentric coordinates.
+/// (1,0,0), edge (1,1,0) and corner (1,1,1) of its octant; division by a makes the weights sum to 1.
 #[derive(Clone, Copy, Debug)]
 pub struct AxisMix {
     /// Indices into [`AXES`]: a face, an edge and a corner of the cube.
     pub axes: [usize; 3],
-    /// Their weights.
+    /// Weights of the axes, in `[0, 1]`; their sum is 1.
     pub weights: [f32; 3],
 }
 
 impl AxisMix {
-    /// The axes around a direction of any length; without a direction, x.
+    /// The axes around a direction of any length; the zero vector counts as +x.
     pub fn around(d: Vec3) -> AxisMix {
         let d = if d == Vec3::ZERO { Vec3::X } else { d };
         let a = d.abs();
@@ -81,7 +83,7 @@ impl AxisMix {
         }
     }
 
-    /// Value of a quantity that is known along the axes.
+    /// Interpolates a quantity given per axis: `values(k)` is its value along `AXES[k]`.
     pub fn mix(&self, values: impl Fn(usize) -> f32) -> f32 {
         self.axes.iter().zip(self.weights).map(|(&axis, w)| w * values(axis)).sum()
     }

@@ -1,10 +1,11 @@
-//! What each cluster does to light: extinction and the sizes of its blocked and free regions, per direction.
+//! Optical properties of clusters by direction: extinction, blocker size, gap size, averaging width, connected size.
 //!
-//! A side table beside the hierarchy, indexed by cluster, computed once and immutable. Knows no thresholds, no
-//! feature size and no energy.
+//! [`measure`] makes one [`ClusterOptics`] per cluster of a tree, in the tree's order. The result does not depend on
+//! feature sizes or radiosities. See docs/method.md, Extinction, and Sizes of a cluster.
 
 mod averaging_width;
 mod axes;
+pub mod groups;
 mod silhouette;
 #[cfg(test)]
 mod tests;
@@ -21,27 +22,28 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use silhouette::{Measure, Silhouettes};
 
-/// Where extinction comes from.
+/// Source of the extinction of clusters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Extinction {
-    /// κ = Σ sides·A / 4V [SD95 sec 3.1], method A.5: the same in all directions.
+    /// κ = Σ sides·A / (4V) [SD95 sec 3.1], the same in all directions (docs/method.md, Extinction).
     Analytic,
-    /// Per axis, so that the mean transmission of the projected box is that of the silhouette (method D.1).
+    /// Fitted per axis, so that the mean transmittance of the projected box equals the free fraction of the silhouette
+    /// (docs/method.md, Extinction).
     #[default]
     Measured,
 }
 
-/// How clusters are measured.
+/// Options of [`measure`].
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
-    /// How blocked and free sizes are measured: the exact inscribed disc, or the paper's erosion counts.
+    /// Measure of blocker and gap sizes: the inscribed disc, or the paper's erosion counts.
     pub morphology: Morphology,
-    /// One value for all directions (the mean over the axes) as in [SD95 sec 3.3], instead of one an axis.
+    /// One value for all directions (the mean over the axes) as in [SD95 sec 3.3], instead of one per axis.
     pub isotropic: bool,
-    /// Where extinction comes from.
+    /// Source of the extinction.
     pub extinction: Extinction,
-    /// Root mean square error of a cluster's transmission that the grain allows, above 0; at 1 little more than the
-    /// paper's BSIZE is left.
+    /// Root mean square error of a cluster's transmittance that the averaging width allows, above 0, dimensionless. At
+    /// 1 the averaging width rarely exceeds the blocker size.
     pub tolerance: f32,
 }
 
@@ -51,41 +53,43 @@ impl Default for Options {
             morphology: Morphology::Euclid,
             isotropic: false,
             extinction: Extinction::default(),
+            // Chosen: 5 % of the unoccluded irradiance. Clusters of larger error need wider beams.
             tolerance: 0.05,
         }
     }
 }
 
-/// What one cluster does to light along each of the [`AXES`].
+/// Optical properties of one cluster along each of the [`AXES`]. Lengths in scene units.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ClusterOptics {
-    /// Extinction in the middle of the box, 1/length; see [`Extinction`].
+    /// Extinction at the centre of the box, 1/length, at least 0; see [`Extinction`].
     pub extinction: [f32; AXIS_COUNT],
-    /// How extinction changes across the box, 1/length: at an offset x from its middle it is
+    /// Relative gradient of the extinction across the box, 1/length: at offset x from the centre the extinction is
     /// `max(0, 1 + slope · x)` times [`ClusterOptics::extinction`]. Zero for [`Extinction::Analytic`].
     pub slope: Vec3,
-    /// Diameter of the largest disc inside the projected contents (number of erosions, [SD95 sec 3.3]); length.
+    /// Diameter of the largest disc inside the silhouette (number of erosions in [SD95 sec 3.3]); length.
     pub blocker_size: [f32; AXIS_COUNT],
-    /// Diameter of the largest disc of free space inside the projected box; length.
+    /// Diameter of the largest disc inside the free part of the projected box; length. 0 where `coverage` is at most
+    /// 1/2.
     pub gap_size: [f32; AXIS_COUNT],
-    /// Part of the projected box that the contents cover, in `[0, 1]`.
+    /// Fraction of the projected box that the contents cover, in `[0, 1]`.
     pub coverage: [f32; AXIS_COUNT],
-    /// Width over which silhouette and extinction agree within the tolerance; length.
+    /// Width over which silhouette and extinction agree within [`Options::tolerance`]; length.
     pub averaging_width: [f32; AXIS_COUNT],
-    /// For a cluster that is mostly cut out of larger connected surfaces the blocked size of the smallest ancestor
-    /// that is not, else 0; length. Pieces of one thing cast one shadow, however small each is (method D.6).
+    /// For a cluster that is mostly cut out of surfaces that reach beyond it: the blocker size of the smallest ancestor
+    /// that is not; else 0; length. Pieces of one surface cast one shadow (docs/method.md, Sizes of a cluster).
     pub connected_size: [f32; AXIS_COUNT],
-    /// Root mean square error of the mean transmission in directions between the axes, which were measured but not
-    /// fitted: the cluster's certificate (method E.2), in `[0, 1]`.
+    /// Root mean square error of the mean transmittance in the probe directions, which are measured but not fitted, in
+    /// `[0, 1]`; 1 if no probe could be measured.
     pub error: f32,
 }
 
 impl ClusterOptics {
-    /// The size that decides whether the cluster may be aggregated, along an axis.
+    /// Size compared with the threshold b* of the umbra criterion, along axis `axis`; length.
     ///
-    /// The paper takes the maximum of blocked and free sizes. Free regions are features only where shadow is the
-    /// background, that is where the contents cover more than half (method A.7: only one of the two is relevant
-    /// per situation); a sparse cluster's gaps are no features.
+    /// [SD95 sec 3.3] takes the maximum of blocker and gap sizes. Here gaps count only where the contents cover more
+    /// than half of the projected box: gaps are features where shadow is the background. Averaging width and connected
+    /// size are additions of ours (docs/method.md, Sizes of a cluster).
     #[inline]
     pub fn feature_size(&self, axis: usize) -> f32 {
         let paper = if self.coverage[axis] > 0.5 { self.gap_size[axis] } else { 0.0 };
@@ -93,7 +97,9 @@ impl ClusterOptics {
     }
 }
 
-/// Measures every cluster of a tree. Parallel and deterministic.
+/// Measures every cluster of `tree`, a tree over triangles of `scene`; the result is in the order of `tree.clusters`.
+///
+/// Parallel; the result does not depend on the number of threads.
 pub fn measure(scene: &Scene, tree: &Tree, options: &Options) -> Vec<ClusterOptics> {
     let sums = moments(scene, tree);
     let boxes: Vec<Aabb> = tree.clusters.par_iter().map(|c| c.bounds.thickened()).collect();
@@ -105,9 +111,9 @@ pub fn measure(scene: &Scene, tree: &Tree, options: &Options) -> Vec<ClusterOpti
         };
         (extinction(area, boxes[c]), slope)
     };
-    let is_direct = |c: usize| tree.clusters[c].triangles <= DIRECT;
-    // Clusters of few triangles are drawn; the topmost of them keep their pictures, from which the larger ones
-    // are put together, children first.
+    let is_direct = |c: usize| tree.clusters[c].triangles <= MAX_RASTERISED_TRIANGLES;
+    // Clusters of few triangles are rasterised from triangles. The topmost of them keep their silhouettes, from which
+    // those of larger clusters are composed, children before parents.
     let drawn: Vec<(Option<ClusterOptics>, Option<Box<Silhouettes>>)> = (0..tree.clusters.len())
         .into_par_iter()
         .map_init(Scratch::default, |scratch, c| {
@@ -141,9 +147,9 @@ pub fn measure(scene: &Scene, tree: &Tree, options: &Options) -> Vec<ClusterOpti
     }
     let mut optics: Vec<ClusterOptics> =
         optics.into_iter().map(|t| t.expect("every cluster is drawn or composed")).collect();
-    // Parents come before their children.
+    // In tree order, parents come before their children.
     for (c, part) in fragments(scene, tree).into_iter().enumerate().skip(1) {
-        if part > FRAGMENT {
+        if part > CONNECTED_FRACTION {
             let parent = &optics[tree.clusters[c].parent as usize];
             optics[c].connected_size =
                 std::array::from_fn(|axis| parent.blocker_size[axis].max(parent.connected_size[axis]));
@@ -152,10 +158,11 @@ pub fn measure(scene: &Scene, tree: &Tree, options: &Options) -> Vec<ClusterOpti
     optics
 }
 
-/// Clusters with at most this many triangles are drawn triangle by triangle.
-const DIRECT: u32 = 2048;
+/// Clusters of at most this many triangles are rasterised triangle by triangle; larger ones are composed of their
+/// children's silhouettes. Chosen: bounds the cost per cluster.
+const MAX_RASTERISED_TRIANGLES: u32 = 2048;
 
-/// The clusters that are not direct, grouped so that children come before parents.
+/// The clusters that are not rasterised directly, grouped by height: children come before parents.
 fn levels_from_below(tree: &Tree, is_direct: impl Fn(usize) -> bool) -> Vec<Vec<usize>> {
     let mut height = vec![0usize; tree.clusters.len()];
     let mut levels: Vec<Vec<usize>> = Vec::new();
@@ -168,7 +175,7 @@ fn levels_from_below(tree: &Tree, is_direct: impl Fn(usize) -> bool) -> Vec<Vec<
     levels
 }
 
-/// Buffers of a thread.
+/// Working memory of a thread.
 #[derive(Default)]
 struct Scratch {
     silhouettes: Silhouettes,
@@ -176,7 +183,8 @@ struct Scratch {
 }
 
 impl Scratch {
-    /// ClusterOptics of the cluster that the silhouettes show.
+    /// Optics of the cluster whose silhouettes are in `self.silhouettes`, for its analytic extinction and density
+    /// slope.
     fn measure(&mut self, (analytic, slope): (f32, Vec3), options: &Options) -> ClusterOptics {
         let mut optics = ClusterOptics {
             extinction: [0.0; AXIS_COUNT],
@@ -210,7 +218,7 @@ impl Scratch {
                 *values = [values.iter().sum::<f32>() / AXIS_COUNT as f32; AXIS_COUNT];
             }
         }
-        // The tolerance holds for beams so wide that what they pass beside the cluster dilutes its error.
+        // A beam of this width passes enough free space beside the cluster to dilute its error to the tolerance.
         let (mut square, mut largest, mut count) = (0.0f32, 0.0f32, 0.0f32);
         for (silhouette, probe) in probes.iter().zip(PROBES) {
             let kappa = AxisMix::around(probe).mix(|axis| optics.extinction[axis]);
@@ -218,7 +226,7 @@ impl Scratch {
                 (square, largest, count) = (square + error * error, largest.max(area), count + 1.0);
             }
         }
-        // Nothing measured is nothing certified.
+        // Without a measured probe the error is unknown: state the largest.
         optics.error = if count > 0.0 { (square / count).sqrt() } else { 1.0 };
         if optics.error > options.tolerance {
             let width = (largest * optics.error / options.tolerance).sqrt();
@@ -231,12 +239,13 @@ impl Scratch {
     }
 }
 
-/// Clusters of which more than this part is cut out of larger surfaces count as pieces of them.
-const FRAGMENT: f32 = 0.5;
+/// Clusters with more than this fraction of their area in surfaces that reach beyond them get a connected size. Chosen:
+/// the majority.
+const CONNECTED_FRACTION: f32 = 0.5;
 
-/// Part of each cluster's area that belongs to connected surfaces that reach beyond it.
+/// Fraction of each cluster's area that belongs to connected surfaces that reach beyond the cluster, in `[0, 1]`.
 fn fragments(scene: &Scene, tree: &Tree) -> Vec<f32> {
-    // First and last place of each surface in the tree's order: a cluster holds all of it if it holds both.
+    // First and last position of each surface in the tree's order: a cluster holds the whole surface if it holds both.
     let surfaces = scene.triangle_component.iter().max().map_or(0, |&m| m as usize + 1);
     let mut places = vec![(u32::MAX, 0); surfaces];
     for (place, &t) in (0u32..).zip(&tree.order) {
@@ -262,17 +271,21 @@ fn fragments(scene: &Scene, tree: &Tree) -> Vec<f32> {
         .collect()
 }
 
-/// Area of a run of triangles, and area times place.
+/// Area weighted by sides, and its first moment, of a set of triangles.
 #[derive(Clone, Copy, Default)]
 struct Moments {
+    /// Σ sides·A, length².
     area: f64,
+    /// Σ sides·A·centroid, length³.
     first: DVec3,
 }
 
-/// Boxes thinner than this part of their longest extent are sheets.
-const THIN: f32 = 1.0 / 64.0;
+/// Boxes thinner than this fraction of their longest extent get no density slope across them. Chosen: rounding errors
+/// of centroids dominate there.
+const SHEET_THICKNESS: f32 = 1.0 / 64.0;
 
-/// Moments of each cluster, children first: differences of large sums would lose the small clusters of large scenes.
+/// Moments of each cluster, summed from children to parents: differences of prefix sums would lose the moments of small
+/// clusters in large scenes.
 fn moments(scene: &Scene, tree: &Tree) -> Vec<Moments> {
     let mut sums = vec![Moments::default(); tree.clusters.len()];
     for (c, cluster) in tree.clusters.iter().enumerate().rev() {
@@ -294,20 +307,21 @@ fn moments(scene: &Scene, tree: &Tree) -> Vec<Moments> {
     sums
 }
 
-/// The density 1 + slope · x over a box, linear in the offset x from its middle, whose first moment is that of the
-/// contents: the mean of x over a box of half extent h weighted so is slope h² / 3. Kept above zero inside the box.
+/// Relative density gradient (1/length) that reproduces the centroid of the contents.
 ///
-/// Clusters at the rim of a crown fill their boxes on one side only. With even extinction the boxes behind each other
-/// darken rays that pass all of them by (method D.12); this takes most of that away for three numbers.
+/// The density 1 + slope · x, x the offset from the centre of a box of half extent h, has its centroid at slope h² / 3.
+/// The result is limited so that the density stays non-negative inside the box. Uniform extinction would darken rays
+/// that pass beside contents concentrated on one side of the box (docs/method.md, Traps: empty space).
 fn slope(centroid: Vec3, bounds: Aabb) -> Vec3 {
     let half = 0.5 * bounds.extent();
-    // Across a box as thin as a sheet there is nothing to tell apart but rounding.
-    let thick = half.cmpgt(Vec3::splat(THIN * half.max_element()));
+    // The offset of a thin box's centroid is only rounding error.
+    let thick = half.cmpgt(Vec3::splat(SHEET_THICKNESS * half.max_element()));
     let steep = 3.0 * Vec3::select(thick, (centroid - bounds.center()) / half, Vec3::ZERO);
     steep / steep.abs().element_sum().max(1.0) / half
 }
 
-/// κ = Σ sides·A / 4V with V the volume of the box that path lengths are measured in (method A.5).
+/// Analytic extinction κ = Σ sides·A / (4V), 1/length, with V the volume of `thickened`, the box that path lengths are
+/// measured in. Source: [SD95 sec 3.1]; docs/method.md, Extinction.
 pub fn extinction(sides_times_area: f64, thickened: Aabb) -> f32 {
     (sides_times_area / (4.0 * thickened.volume()).max(f64::MIN_POSITIVE)) as f32
 }

@@ -1,6 +1,6 @@
-//! Orthographic projections of a cluster and the sizes measured on them [SD95 sec 3.3]; method A.7.
+//! Orthographic silhouettes of a cluster and the sizes measured on them [SD95 sec 3.3].
 
-use super::averaging_width::Cells;
+use super::averaging_width::{CELL_PIXELS, Cells, count_in_cell};
 use super::axes::{AXIS_COUNT, PROBE_COUNT};
 use super::{Extinction, Options};
 use crate::math::Aabb;
@@ -8,31 +8,32 @@ use crate::raster::{BitImage, Edt, Morphology, Opener, Outside, fill_triangle};
 use crate::scene::Scene;
 use glam::{UVec2, Vec2, Vec3};
 
-/// Cosine and sine of the angle between pixel rows and the coordinate axes.
-const TURN: (f32, f32) = (0.948_683_3, 0.316_227_76);
+/// Cosine and sine of the angle between pixel rows and the coordinate axes: 3/√10, 1/√10. Chosen: no multiple of 45°.
+const RASTER_TURN: (f32, f32) = (0.948_683_3, 0.316_227_76);
 
-/// Where the pixels of a projection lie.
+/// Mapping between world and pixel coordinates of an orthographic projection.
 #[derive(Clone, Copy)]
 pub(super) struct Frame {
     /// Direction of the view, a unit vector.
-    view: Vec3,
+    pub(super) view: Vec3,
     bounds: Aabb,
-    /// Length of a pixel; zero if there is nothing to see.
-    pixel: f32,
-    size: UVec2,
-    /// Pixel coordinates of a point are `(p · u, p · v) + offset`.
+    /// Width of a pixel, length; zero if the box has no extent.
+    pub(super) pixel: f32,
+    /// Number of columns and rows.
+    pub(super) size: UVec2,
+    /// The pixel coordinates of point p are `(p · u, p · v) + offset`.
     u: Vec3,
     v: Vec3,
     offset: Vec2,
 }
 
 impl Frame {
-    /// The projection of a box along a direction, `across` pixels on its longer side.
+    /// The projection of box `bounds` along unit vector `view`, `across` pixels on its longer side.
     fn of(bounds: Aabb, view: Vec3, across: usize) -> Frame {
-        // Turned against the coordinate axes: regular, axis-aligned bars thinner than a pixel would all fall between
-        // the pixel centres or all on them (method D.19).
+        // Turned against the coordinate axes: thin axis-aligned bars at regular distances would all miss, or all hit,
+        // the pixel centres (docs/method.md, Traps: thin bars).
         let (u, v) = view.any_orthonormal_pair();
-        let (u, v) = (TURN.0 * u + TURN.1 * v, TURN.0 * v - TURN.1 * u);
+        let (u, v) = (RASTER_TURN.0 * u + RASTER_TURN.1 * v, RASTER_TURN.0 * v - RASTER_TURN.1 * u);
         let half = 0.5 * bounds.extent();
         let reach = Vec2::new(half.dot(u.abs()), half.dot(v.abs()));
         let pixel = 2.0 * reach.max_element() / across as f32;
@@ -43,8 +44,14 @@ impl Frame {
         Frame { view, bounds, pixel, size, u, v, offset }
     }
 
+    /// World position of a point with these pixel coordinates, in the plane through the middle of the box.
+    pub(super) fn position(&self, pixel: Vec2) -> Vec3 {
+        let away = pixel - 0.5 * self.size.as_vec2();
+        self.bounds.center() + self.pixel * self.pixel * (away.x * self.u + away.y * self.v)
+    }
+
     #[inline(always)]
-    fn project(self, p: Vec3) -> Vec2 {
+    pub(super) fn project(self, p: Vec3) -> Vec2 {
         Vec2::new(p.dot(self.u), p.dot(self.v)) + self.offset
     }
 }
@@ -52,8 +59,11 @@ impl Frame {
 /// The silhouette of a cluster along one direction.
 #[derive(Clone)]
 pub(super) struct Silhouette {
-    frame: Frame,
-    contents: BitImage,
+    pub(super) frame: Frame,
+    /// Pixels that are blocked; for a group of instances those that lose a noticeable part of the light.
+    pub(super) contents: BitImage,
+    /// Transmittance by pixel, row by row, for a group of instances; empty if pixels are either blocked or free.
+    pub(super) transmittance: Vec<f32>,
 }
 
 impl Default for Silhouette {
@@ -62,25 +72,27 @@ impl Default for Silhouette {
         Silhouette {
             frame: Frame { pixel: 0.0, ..Frame::of(nothing, Vec3::X, 1) },
             contents: BitImage::default(),
+            transmittance: Vec::new(),
         }
     }
 }
 
 impl Silhouette {
-    /// Draws triangles of the scene.
+    /// Rasterises triangles of the scene. `bounds` is the box of the cluster, `view` a unit vector.
     pub fn draw(&mut self, scene: &Scene, triangles: &[u32], bounds: Aabb, view: Vec3) {
-        self.begin(bounds, view, if triangles.len() <= 16 { 32 } else { ACROSS });
+        // Leaves (at most 16 triangles) take half the resolution.
+        self.begin(bounds, view, if triangles.len() <= 16 { 32 } else { RASTER_PIXELS });
         for &t in triangles {
             fill_triangle(&mut self.contents, scene.corners(t).map(|p| self.frame.project(p)));
         }
     }
 
-    /// Puts together the silhouettes of the parts: each pixel centre is looked up in them. As fair a sample as
-    /// drawing the triangles, because their pixels are no larger than these.
+    /// Composes the silhouettes of the parts by looking up each pixel centre in them. The parts' pixels are no larger
+    /// than those of the result, so the sample is as accurate as rasterised triangles.
     pub fn compose<'a>(&mut self, parts: impl Iterator<Item = &'a Silhouette>, bounds: Aabb, view: Vec3) {
-        self.begin(bounds, view, ACROSS);
+        self.begin(bounds, view, RASTER_PIXELS);
         for part in parts.filter(|p| p.frame.pixel > 0.0) {
-            // The same direction has the same plane vectors, so pixels map by scale and shift.
+            // Frames of the same direction share their plane vectors, so pixel coordinates map by scale and shift.
             let scale = self.frame.pixel / part.frame.pixel;
             let shift = part.frame.offset - scale * self.frame.offset;
             let corner = (-part.frame.offset / scale + self.frame.offset).floor().max(Vec2::ZERO).as_uvec2();
@@ -101,7 +113,8 @@ impl Silhouette {
         }
     }
 
-    fn begin(&mut self, bounds: Aabb, view: Vec3, across: usize) {
+    pub(super) fn begin(&mut self, bounds: Aabb, view: Vec3, across: usize) {
+        self.transmittance.clear();
         self.frame = Frame::of(bounds, view, across);
         if self.frame.pixel > 0.0 {
             self.contents.reset(self.frame.size.x as usize, self.frame.size.y as usize);
@@ -109,13 +122,14 @@ impl Silhouette {
     }
 }
 
-/// A projected box thinner than this many pixels on average is no measurement: its outline alone decides.
-const THINNEST: usize = 6;
+/// Projected boxes with fewer pixels than this times their longer side are not measured: the outline would decide.
+/// Chosen.
+const MIN_MEAN_WIDTH_PIXELS: usize = 6;
 
-/// Pixels across the longer side: what the distance transform takes in one machine word a row. Leaves take half.
-const ACROSS: usize = 64;
+/// Pixels across the longer side: a row is one machine word for the distance transform. Leaves take half.
+const RASTER_PIXELS: usize = 64;
 
-/// Buffers that are kept from one measurement to the next.
+/// Working memory for measurements of silhouettes.
 #[derive(Default)]
 pub(super) struct Measure {
     hull: BitImage,
@@ -124,7 +138,7 @@ pub(super) struct Measure {
     cells: Cells,
 }
 
-/// What one projection shows. Lengths in scene units.
+/// Measures of one silhouette; see the fields of [`super::ClusterOptics`]. Lengths in scene units.
 pub(super) struct Measured {
     pub blocker_size: f32,
     pub gap_size: f32,
@@ -134,8 +148,8 @@ pub(super) struct Measured {
 }
 
 impl Measure {
-    /// Measures a silhouette; `analytic` is the extinction that stands where none is to be fitted, `slope` its
-    /// change across the box.
+    /// Measures a silhouette. `analytic` is the extinction (1/length) used if none is fitted; `slope` the relative
+    /// density gradient across the box.
     pub fn take(
         &mut self,
         silhouette: &Silhouette,
@@ -153,8 +167,8 @@ impl Measure {
             };
         }
         if !self.project(silhouette, slope) {
-            // Seen on its edge, thinner than the raster: nothing can be said but that it may block all it covers,
-            // and that only a beam wider than the whole averages it. Opaque is e^-7 on the mean path V / front.
+            // The projection is thinner than the raster can resolve. It counts as fully covered and opaque (e^-7 on the
+            // mean path V / front), and only a beam wider than the whole box may average the cluster.
             let averaging_width = bounds.diagonal();
             let e = bounds.extent();
             let front = Vec3::new(e.y * e.z, e.z * e.x, e.x * e.y).dot(view.abs());
@@ -171,7 +185,7 @@ impl Measure {
                 averaging_width,
             };
         }
-        let coverage = 1.0 - self.gaps.count() as f32 / self.hull.count().max(1) as f32;
+        let coverage = 1.0 - self.cells.free_pixels() / self.hull.count().max(1) as f32;
         let extinction = match options.extinction {
             Extinction::Analytic => analytic,
             Extinction::Measured => self.cells.fitted_extinction(),
@@ -189,8 +203,8 @@ impl Measure {
         }
     }
 
-    /// What extinction `kappa` says of the mean transmission of a projection, less what it is, and the projected
-    /// area. None if the projection is too thin to be measured.
+    /// Error of the mean transmittance stated by extinction `kappa`, and the projected area (length²). None if the
+    /// projection is too thin to be measured.
     pub fn probe(&mut self, silhouette: &Silhouette, kappa: f32, slope: Vec3) -> Option<(f32, f32)> {
         let pixel = silhouette.frame.pixel;
         if pixel <= 0.0 || !self.project(silhouette, slope) {
@@ -199,12 +213,12 @@ impl Measure {
         Some((self.cells.mean_error(kappa), self.hull.count() as f32 * pixel * pixel))
     }
 
-    /// Makes the projected box, its free part and their cells; false if it is too thin.
+    /// Fills `hull`, `gaps` and `cells` for a silhouette; false if the projection is too thin.
     fn project(&mut self, silhouette: &Silhouette, slope: Vec3) -> bool {
         let Frame { view, bounds, pixel, size, u, v, .. } = silhouette.frame;
         self.hull.reset(size.x as usize, size.y as usize);
         fill_box(&mut self.hull, &silhouette.frame);
-        if self.hull.count() < THINNEST * size.max_element() as usize {
+        if self.hull.count() < MIN_MEAN_WIDTH_PIXELS * size.max_element() as usize {
             return false;
         }
         // Outside the projected box counts as object: only gaps inside are free regions.
@@ -212,15 +226,28 @@ impl Measure {
         self.gaps.subtract(&silhouette.contents);
         let (u, v) = (pixel * pixel * u, pixel * pixel * v);
         let origin = bounds.center() - 0.5 * (size.x as f32 * u + size.y as f32 * v);
-        self.cells.fill((&self.hull, &self.gaps), (bounds, slope), view, (origin, u, v));
+        let Measure { hull, gaps, cells, .. } = self;
+        let free = |x, y| match &silhouette.transmittance[..] {
+            [] => count_in_cell(gaps, x, y),
+            through => transmitted_in_cell(hull, through, x, y),
+        };
+        cells.fill(hull, free, (bounds, slope), view, (origin, u, v));
         true
     }
 }
 
-/// Silhouettes along all axes, then along the probes.
+/// Sum of the transmittances of the pixels of `hull` in cell (x, y).
+fn transmitted_in_cell(hull: &BitImage, through: &[f32], x: usize, y: usize) -> f32 {
+    let columns = x * CELL_PIXELS..((x + 1) * CELL_PIXELS).min(hull.width());
+    let rows = y * CELL_PIXELS..((y + 1) * CELL_PIXELS).min(hull.height());
+    let pixels = rows.flat_map(|row| columns.clone().map(move |column| (column, row)));
+    pixels.filter(|&(column, row)| hull.get(column, row)).map(|(c, r)| through[r * hull.width() + c]).sum()
+}
+
+/// Silhouettes along all axes, followed by those along the probes.
 pub(super) type Silhouettes = [Silhouette; AXIS_COUNT + PROBE_COUNT];
 
-/// The projection of a box: its three faces that the direction leaves through, each two triangles.
+/// Rasterises the projection of the box: the three faces on the far side, each as two triangles.
 fn fill_box(image: &mut BitImage, frame: &Frame) {
     let (bounds, direction) = (frame.bounds, frame.view);
     for axis in 0..3 {

@@ -1,13 +1,13 @@
-//! Points on emitters, chosen by power.
+//! Sampling of points on emitters, proportional to power.
 
 use crate::math::{triangle_area, triangle_normal};
 use crate::scene::Scene;
 use glam::Vec3;
 
-/// The emissive faces and how often each is chosen.
-pub struct Lights {
+/// The emissive faces with their probabilities.
+pub struct EmitterSampler {
     faces: Vec<Face>,
-    /// Sums of the chances of faces up to and with each, the last is 1.
+    /// Cumulative probabilities of the faces; the last is 1.
     chances: Vec<f64>,
     two_sided: bool,
 }
@@ -16,25 +16,25 @@ struct Face {
     corners: [Vec3; 3],
     normal: Vec3,
     radiance: [f32; 3],
-    /// Density by area of a point on this face.
+    /// Probability density per area of a point on this face, 1/length².
     density: f32,
 }
 
-/// A point on an emitter as a receiver sees it.
-pub struct Sight {
-    /// The point.
+/// A sampled point on an emitter, seen from a receiver point.
+pub struct EmitterSample {
+    /// The point, scene units.
     pub point: Vec3,
-    /// Unit direction to it.
+    /// Unit direction from the receiver to the point.
     pub direction: Vec3,
-    /// Emitted radiance.
+    /// Emitted radiance, W/(m² sr), RGB.
     pub radiance: [f32; 3],
-    /// Density of the direction by solid angle.
+    /// Probability density of the direction per solid angle, 1/sr.
     pub density: f32,
 }
 
-impl Lights {
-    /// Nothing if the scene emits nothing.
-    pub fn new(scene: &Scene) -> Option<Lights> {
+impl EmitterSampler {
+    /// The emitters of a scene; `None` if nothing emits.
+    pub fn new(scene: &Scene) -> Option<EmitterSampler> {
         let mut chances = Vec::new();
         let mut faces = Vec::new();
         let mut total = 0.0;
@@ -53,14 +53,15 @@ impl Lights {
         }
         faces.iter_mut().for_each(|f| f.density = (f64::from(f.density) / total) as f32);
         chances.iter_mut().for_each(|c| *c /= total);
-        (!faces.is_empty()).then_some(Lights { faces, chances, two_sided: scene.two_sided_emission })
+        (!faces.is_empty()).then_some(EmitterSampler { faces, chances, two_sided: scene.two_sided_emission })
     }
 
-    /// The point of the emitters for three numbers in `[0, 1)`, seen from `from`; nothing if that is its dark side.
-    pub fn sample(&self, from: Vec3, [pick, s, t]: [f32; 3]) -> Option<Sight> {
+    /// Maps three numbers in `[0, 1)` to a point on the emitters, seen from `from`; `None` if the side that faces
+    /// `from` does not emit.
+    pub fn sample(&self, from: Vec3, [pick, s, t]: [f32; 3]) -> Option<EmitterSample> {
         let chosen = self.chances.partition_point(|&c| c <= f64::from(pick)).min(self.faces.len() - 1);
         let face = &self.faces[chosen];
-        // Uniform over the triangle (Turk 1990).
+        // Uniform on the triangle (Turk 1990).
         let (root, [a, b, c]) = (s.sqrt(), face.corners);
         let point = a * (1.0 - root) + b * (root * (1.0 - t)) + c * (root * t);
         let to = point - from;
@@ -70,19 +71,24 @@ impl Lights {
         }
         let direction = to / squared.sqrt();
         let cosine = self.facing(-face.normal.dot(direction))?;
-        Some(Sight { point, direction, radiance: face.radiance, density: face.density * squared / cosine })
+        Some(EmitterSample {
+            point,
+            direction,
+            radiance: face.radiance,
+            density: face.density * squared / cosine,
+        })
     }
 
-    /// Density by solid angle with which [`Lights::sample`] finds a point of a face that emits `radiance`, seen at
-    /// `distance` under the cosine `cosine`.
+    /// Probability density per solid angle (1/sr) of [`EmitterSampler::sample`] for a point of a face that emits
+    /// `radiance`, at `distance` (scene units) and with cosine `cosine` at the emitter.
     pub fn density(&self, radiance: [f32; 3], distance: f32, cosine: f32) -> f32 {
-        // Faces are chosen by power, so that the density by area depends on the radiance alone.
+        // Faces are chosen by power, so the density per area is proportional to the radiance.
         let face = &self.faces[0];
         let per_radiance = face.density / face.radiance.iter().sum::<f32>();
         radiance.iter().sum::<f32>() * per_radiance * distance * distance / cosine
     }
 
-    /// The cosine at an emitting side, nothing on a dark side.
+    /// The cosine at a side that emits; `None` if the side does not emit.
     pub fn facing(&self, cosine: f32) -> Option<f32> {
         let cosine = if self.two_sided { cosine.abs() } else { cosine };
         (cosine > 0.0).then_some(cosine)

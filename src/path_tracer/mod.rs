@@ -1,12 +1,13 @@
-//! Irradiance by brute force: paths through the scene, traced by Embree, every bounce.
+//! Irradiance by path tracing with Embree, all bounces: the reference for solutions.
 //!
-//! The oracle that solutions are compared with. It knows nothing of clusters, links, elements or form factors, and every
-//! value comes with a standard error. Paths start in directions spread by the cosine; at every vertex they look for a
-//! point on an emitter (next-event estimation) and go on in a direction spread by the cosine; what both can find is
-//! weighted by the balance heuristic (Veach, *Robust Monte Carlo Methods for Light Transport Simulation*, 1997, 9.2), so
-//! that neither large near lamps nor small far ones are noisy. Paths end by Russian roulette, which leaves the mean alone.
+//! Independent of clusters, links, elements and form factors; every value has a standard error. Paths start with
+//! cosine-distributed directions; at every vertex they sample a point on an emitter (next-event estimation) and
+//! continue in a cosine-distributed direction. The balance heuristic combines both ways of hitting an emitter (Veach,
+//! *Robust Monte Carlo Methods for Light Transport Simulation*, 1997, 9.2), which bounds the noise of large near
+//! emitters and of small distant ones. Russian roulette ends paths without bias.
 //!
-//! Emission is radiance on the front side of a face (on both if the scene says so); reflectance is that of both sides.
+//! Emission is radiance on the front side of a face (on both sides if the scene says so); the reflectance applies to
+//! both sides.
 
 mod light;
 mod paths;
@@ -14,46 +15,45 @@ mod surfaces;
 #[cfg(test)]
 mod tests;
 
-use crate::embree::Device;
+use crate::model::Model;
 use crate::points::{Irradiance, Point};
-use crate::scene::Scene;
 use crate::{Error, Result};
-use light::Lights;
+use light::EmitterSampler;
 use paths::Paths;
 use rayon::prelude::*;
 use surfaces::Surfaces;
 
-/// How much is computed.
+/// Options of [`irradiance`].
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
-    /// Paths a point, at least 2. Full use of the sample points' even spread: a multiple of 8 powers of two.
+    /// Paths per point, at least 2. Stratification is best with 8 times a power of two.
     pub samples: u32,
-    /// Leaves out all bounces: only light that comes straight from emitters.
+    /// Whether to compute only the light that arrives directly from emitters.
     pub direct_only: bool,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     pub seed: u64,
 }
 
-/// Irradiance at `points` with standard errors, W/m² in each channel (the scene's unit of length does not matter).
+/// Irradiance at `points` with standard errors, W/m² per channel (independent of the scene's unit of length).
 ///
-/// A path starts `1e-5` of the scene's diagonal off its point, along the normal, so that a point whose digits were
-/// rounded is not below its own surface. The same settings give the same bits on any number of threads; `done` is called
-/// with the number of points finished since the last call, from any thread. A scene without emitters gives zeros.
+/// A path starts `1e-5` of the scene's diagonal above its point, along the normal, so that points with rounded
+/// coordinates do not lie below their surface. The same settings give the same bits on any number of threads. `done`
+/// is called with the number of points finished since its last call, from any thread. A scene without emitters gives
+/// zeros.
 ///
 /// # Errors
-/// Fewer than two samples, or Embree refuses.
+/// [`Error::Argument`] with fewer than two samples.
 pub fn irradiance(
-    scene: &Scene,
+    model: &Model,
     points: &[Point],
     settings: Settings,
     done: &(dyn Fn(u64) + Sync),
 ) -> Result<Irradiance> {
     if settings.samples < 2 {
-        return Err(Error::Argument("--samples must be at least 2".into()));
+        return Err(Error::Argument("samples must be at least 2".into()));
     }
-    let device = Device::new(rayon::current_num_threads())?;
-    let surfaces = Surfaces::new(scene, &device)?;
-    let lights = Lights::new(scene);
+    let surfaces = Surfaces::new(model);
+    let lights = EmitterSampler::new(model.scene());
     let estimates: Vec<Estimate> = points
         .par_iter()
         .enumerate()
@@ -73,7 +73,7 @@ pub fn irradiance(
     })
 }
 
-/// A value with its standard error, in each channel.
+/// A mean and its standard error, W/m², RGB.
 struct Estimate {
     mean: [f64; 3],
     standard_error: [f64; 3],

@@ -1,6 +1,6 @@
-//! Many paths from one point, a bounce at a time so that rays go to Embree in packets.
+//! Paths from one point, advanced bounce by bounce so that rays form Embree packets.
 
-use super::light::Lights;
+use super::light::EmitterSampler;
 use super::surfaces::Surfaces;
 use super::{Estimate, Settings};
 use crate::embree::Hits;
@@ -10,17 +10,17 @@ use glam::Vec3;
 use sobol_burley::sample_4d;
 use std::f32::consts::PI;
 
-/// Independent groups of samples: their spread is the standard error. Within a group samples are spread evenly (Owen
-/// 1997), so that their own spread would overstate it.
+/// Number of independent groups of samples; the standard error is estimated from their spread. Samples inside a group
+/// are stratified (Owen 1997), so their own spread would overestimate the error.
 const GROUPS: u32 = 8;
-/// Paths that are followed together.
-const BATCH: u32 = 512;
-/// Bounces that no path is ended before.
-const SURE_BOUNCES: u32 = 3;
-/// Length of the sample sequence; longer runs begin it anew with another seed.
-const SEQUENCE: u32 = 1 << 16;
+/// Number of paths advanced together. Chosen: bounds memory; affects only the rounding of sums.
+const BATCH_PATHS: u32 = 512;
+/// Number of bounces without Russian roulette. Chosen: affects noise and time, not the mean.
+const MIN_BOUNCES: u32 = 3;
+/// Length of the sample sequence; longer runs repeat the sequence with another seed.
+const SEQUENCE_SAMPLES: u32 = 1 << 16;
 
-/// A path at a vertex.
+/// A path at its current vertex.
 struct Path {
     position: Vec3,
     normal: Vec3,
@@ -28,10 +28,10 @@ struct Path {
     sample: u32,
 }
 
-/// Follows paths; keeps its buffers from point to point.
+/// Path tracer of one thread; keeps its buffers from point to point.
 pub struct Paths<'a> {
     surfaces: &'a Surfaces<'a>,
-    lights: Option<&'a Lights>,
+    lights: Option<&'a EmitterSampler>,
     settings: Settings,
     active: Vec<Path>,
     next: Vec<Path>,
@@ -39,11 +39,15 @@ pub struct Paths<'a> {
 }
 
 impl<'a> Paths<'a> {
-    pub fn new(surfaces: &'a Surfaces<'a>, lights: Option<&'a Lights>, settings: Settings) -> Paths<'a> {
+    pub fn new(
+        surfaces: &'a Surfaces<'a>,
+        lights: Option<&'a EmitterSampler>,
+        settings: Settings,
+    ) -> Paths<'a> {
         Paths { surfaces, lights, settings, active: Vec::new(), next: Vec::new(), sums: Default::default() }
     }
 
-    /// Irradiance at one point, the `number`th of its file.
+    /// Irradiance at one point; `number` is its index in the list of points.
     pub fn estimate(&mut self, number: u64, point: &Point) -> Estimate {
         let Some(lights) = self.lights else {
             return Estimate { mean: [0.0; 3], standard_error: [0.0; 3] };
@@ -53,12 +57,12 @@ impl<'a> Paths<'a> {
         let start = self.surfaces.local(point.position) + self.surfaces.slack * normal;
         let stream = mix(self.settings.seed ^ mix(number));
         let total = self.settings.samples;
-        for first in (0..total).step_by(BATCH as usize) {
+        for first in (0..total).step_by(BATCH_PATHS as usize) {
             self.active.clear();
-            self.active.extend((first..total.min(first.saturating_add(BATCH))).map(|sample| Path {
+            self.active.extend((first..total.min(first.saturating_add(BATCH_PATHS))).map(|sample| Path {
                 position: start,
                 normal,
-                // Irradiance is π times the mean radiance of directions spread by the cosine.
+                // Irradiance is π times the mean radiance over cosine-distributed directions.
                 throughput: [PI; 3],
                 sample,
             }));
@@ -72,8 +76,8 @@ impl<'a> Paths<'a> {
         self.summary()
     }
 
-    /// One bounce of all active paths; those that go on are then in `next`.
-    fn step(&mut self, lights: &Lights, stream: u64, bounce: u32) {
+    /// Advances all active paths by one bounce; continued paths are in `next`.
+    fn step(&mut self, lights: &EmitterSampler, stream: u64, bounce: u32) {
         self.next.clear();
         for chunk in self.active.chunks(LANES) {
             let mut shadow = Packet::EMPTY;
@@ -86,7 +90,7 @@ impl<'a> Paths<'a> {
                 if let Some(sight) = lights.sample(path.position, [u[2], u[3], v[0]]) {
                     let chance = path.normal.dot(sight.direction) / PI;
                     if chance > 0.0 {
-                        // What the next direction may find too, weighted by the balance heuristic.
+                        // Balance heuristic with the sampled direction, which can hit the same emitter.
                         let share = chance / (chance + sight.density);
                         direct[lane] = product(path.throughput, sight.radiance).map(|x| x * share);
                         shadow.set(lane, path.position, sight.point, self.surfaces.ends);
@@ -120,7 +124,7 @@ impl<'a> Paths<'a> {
                 }
                 let mut throughput = product(path.throughput, place.reflectance);
                 let brightest = throughput.into_iter().fold(0.0, f32::max);
-                let survival = if bounce < SURE_BOUNCES { 1.0 } else { (brightest / PI).min(1.0) };
+                let survival = if bounce < MIN_BOUNCES { 1.0 } else { (brightest / PI).min(1.0) };
                 if brightest == 0.0 || roulette[lane] >= survival {
                     continue;
                 }
@@ -131,7 +135,7 @@ impl<'a> Paths<'a> {
         }
     }
 
-    /// Mean over the groups, and the standard error of that mean.
+    /// Mean over all samples, and its standard error from the spread of the groups.
     fn summary(&self) -> Estimate {
         let total = self.settings.samples;
         let groups = GROUPS.min(total);
@@ -151,15 +155,17 @@ impl<'a> Paths<'a> {
     }
 }
 
-/// Numbers in `[0, 1)` of one bounce of one sample: two for the direction, three for the emitter, one for the roulette.
+/// Random numbers in `[0, 1)` for one bounce of one sample: two for the direction, three for the emitter, one for
+/// Russian roulette.
 fn numbers(stream: u64, bounce: u32, sample: u32) -> ([f32; 4], [f32; 4]) {
     let (group, index) = (sample % GROUPS, sample / GROUPS);
-    let seed = stream ^ u64::from(group) << 32 ^ u64::from(index / SEQUENCE) << 40 ^ u64::from(bounce);
+    let seed =
+        stream ^ u64::from(group) << 32 ^ u64::from(index / SEQUENCE_SAMPLES) << 40 ^ u64::from(bounce);
     let seed = mix(seed) as u32;
-    (sample_4d(index % SEQUENCE, 0, seed), sample_4d(index % SEQUENCE, 1, seed))
+    (sample_4d(index % SEQUENCE_SAMPLES, 0, seed), sample_4d(index % SEQUENCE_SAMPLES, 1, seed))
 }
 
-/// SplitMix64's finaliser (Steele, Lea and Flood 2014): neighbouring numbers become unrelated ones.
+/// Finaliser of SplitMix64 (Steele, Lea and Flood 2014): decorrelates consecutive numbers.
 fn mix(x: u64) -> u64 {
     let x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -167,7 +173,7 @@ fn mix(x: u64) -> u64 {
     x ^ (x >> 31)
 }
 
-/// A direction about `normal` with density cos θ / π (Malley: a disc point, lifted).
+/// A direction around `normal` with density cos θ / π (Malley: a point on the disc, projected to the hemisphere).
 fn cosine_direction(normal: Vec3, u: f32, v: f32) -> Vec3 {
     let (sin, cos) = (std::f32::consts::TAU * v).sin_cos();
     let r = u.sqrt();

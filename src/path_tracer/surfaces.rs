@@ -1,75 +1,74 @@
-//! The scene as paths see it: hits to places, normals and colours.
+//! Traced geometry with normals, reflectances and emission of hit points.
 
-use crate::Result;
-use crate::embree::{CommittedScene, Device, Hits, Options, SceneBuilder, Traversal};
+use crate::embree::{CommittedScene, Hits, Traversal};
 use crate::math::triangle_normal;
+use crate::model::Model;
 use crate::ray::{EndRule, Packet};
 use crate::scene::Scene;
 use glam::{DVec3, Vec3};
 
-/// How packets of paths are traced: they scatter, so that single rays are fastest.
+/// Path rays are incoherent; single rays are fastest.
 const TRAVERSAL: Traversal = Traversal { width: 1, coherent: false };
 
-/// Traced geometry and what it looks like.
+/// The traced scene and its surface properties.
 pub struct Surfaces<'a> {
     scene: &'a Scene,
     traced: CommittedScene,
     normals: Vec<Vec3>,
-    /// Distance off a surface at which paths start anew: a few roundings of the largest coordinate.
+    /// Distance above a hit surface at which paths continue: a few rounding errors of the largest coordinate; scene
+    /// units.
     pub skin: f32,
-    /// Distance off a given point at which paths start.
+    /// Distance above a given point at which its paths start, scene units.
     pub slack: f32,
-    /// Open ends of segments to emitters.
+    /// Rule for the ends of segments to emitters.
     pub ends: EndRule,
 }
 
-/// A place that a path has come to.
-pub struct Place {
-    /// Off the surface, on the side that was hit.
+/// A hit of a path ray.
+pub struct SurfaceHit {
+    /// Start of the next rays, slightly above the surface on the side that was hit; scene units.
     pub position: Vec3,
     /// Unit normal of the side that was hit.
     pub normal: Vec3,
-    /// Reflectance.
+    /// Reflectance, RGB, in `[0, 1]`.
     pub reflectance: [f32; 3],
-    /// Radiance of the front side.
+    /// Radiance of the front side, W/(m² sr), RGB.
     pub emission: [f32; 3],
-    /// Cosine between the face's own normal and the way back, positive on the front.
+    /// Cosine between the face's front normal and the reverse ray direction, positive on the front.
     pub cosine: f32,
 }
 
 impl<'a> Surfaces<'a> {
-    pub fn new(scene: &'a Scene, device: &Device) -> Result<Surfaces<'a>> {
-        let mut builder = SceneBuilder::new(device, Options::default())?;
-        builder.add_triangles(&scene.positions, &scene.triangles, 1)?;
-        let magnitude = scene.bounds.min.abs().max(scene.bounds.max.abs()).max_element();
+    pub fn new(model: &'a Model) -> Surfaces<'a> {
+        let (scene, magnitude) = (model.scene(), model.magnitude());
         let corners = (0..scene.triangles.len() as u32).map(|t| scene.corners(t));
-        Ok(Surfaces {
-            traced: builder.commit()?,
+        Surfaces {
+            traced: model.traced().clone(),
             normals: corners.map(|[a, b, c]| triangle_normal(a, b, c)).collect(),
             skin: 2e-6 * magnitude,
             slack: 1e-5 * scene.bounds.diagonal() + 1e-6 * magnitude,
-            ends: EndRule::new(magnitude),
+            ends: model.end_rule(),
             scene,
-        })
+        }
     }
 
-    /// A place of the file in the scene's own coordinates.
+    /// Converts a position in the file's coordinates to the scene's local coordinates.
     pub fn local(&self, position: DVec3) -> Vec3 {
         (position - self.scene.origin).as_vec3()
     }
 
-    /// Lanes whose segments are blocked.
+    /// Sets `blocked[k]` to the mask of blocked lanes of `packets[k]`.
     pub fn blocked(&self, packets: &[Packet], blocked: &mut [u32]) {
         self.traced.occluded_by(TRAVERSAL, u32::MAX, packets, blocked);
     }
 
-    /// First hits.
+    /// First hits of `packets`.
     pub fn intersect(&self, packets: &[Packet], hits: &mut [Hits]) {
         self.traced.first_hits(TRAVERSAL, packets, hits);
     }
 
-    /// Where the ray of a lane along the unit vector `direction` has arrived; nothing if it left the scene.
-    pub fn place(&self, ray: &Packet, hits: &Hits, lane: usize, direction: Vec3) -> Option<Place> {
+    /// The hit of a lane whose ray has the unit vector `direction`; `None` if the ray left the scene.
+    pub fn place(&self, ray: &Packet, hits: &Hits, lane: usize, direction: Vec3) -> Option<SurfaceHit> {
         let t = hits.triangle[lane];
         if t == Hits::NOTHING {
             return None;
@@ -77,7 +76,7 @@ impl<'a> Surfaces<'a> {
         let front = self.normals[t as usize];
         let cosine = -front.dot(direction);
         let normal = if cosine < 0.0 { -front } else { front };
-        Some(Place {
+        Some(SurfaceHit {
             position: ray.point(lane, hits.t[lane]) + self.skin * normal,
             normal,
             reflectance: self.scene.triangle_reflectance[t as usize],

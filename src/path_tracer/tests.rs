@@ -1,10 +1,11 @@
 use super::*;
 use crate::form_factors::analytic::{parallel_rectangles, point_to_polygon};
-use crate::scene::{LoadOptions, Soup, SoupMaterial, resolve};
+use crate::model::{Detail, testing::model};
+use crate::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
 use glam::{DVec3, dvec3};
 use std::f64::consts::PI;
 
-/// A scene of quads, each with its reflectance and radiance.
+/// A scene of quadrilaterals, each with its reflectance and radiance.
 struct Quads(Soup);
 
 impl Quads {
@@ -34,7 +35,7 @@ impl Quads {
     }
 }
 
-/// A closed box seen from inside.
+/// A closed box whose faces point inwards.
 fn room(size: DVec3, reflectance: [f32; 3], radiance: [f32; 3]) -> Scene {
     let (x, y, z) = (DVec3::X * size.x, DVec3::Y * size.y, DVec3::Z * size.z);
     let mut quads = Quads::new();
@@ -50,25 +51,26 @@ fn at(x: f64, y: f64, z: f64, normal: DVec3) -> Point {
     Point { position: dvec3(x, y, z), normal }
 }
 
-/// Points on the unit square at height `z`, on a grid of cell centres.
+/// Points on the unit square at height `z`, at the centres of an n x n grid.
 fn grid(n: usize, z: f64, normal: DVec3) -> Vec<Point> {
     let c = |i: usize| (i as f64 + 0.5) / n as f64;
     (0..n * n).map(|k| at(c(k % n), c(k / n), z, normal)).collect()
 }
 
 fn run(scene: &Scene, points: &[Point], samples: u32, direct_only: bool) -> Irradiance {
-    irradiance(scene, points, Settings { samples, direct_only, seed: 1 }, &|_| ()).expect("irradiance")
+    irradiance(&model(scene, Detail::Rays), points, Settings { samples, direct_only, seed: 1 }, &|_| ())
+        .expect("irradiance")
 }
 
-/// Mean over the points and its standard error, first channel.
+/// Mean over the points and its standard error; first channel.
 fn mean(e: &Irradiance) -> (f64, f64) {
     let n = e.values.len() as f64;
     let variance: f64 = e.standard_errors.iter().map(|s| s[0] * s[0]).sum();
     (e.values.iter().map(|v| v[0]).sum::<f64>() / n, variance.sqrt() / n)
 }
 
-/// Every estimate is within 6 of its own standard errors (8 groups: a t distribution with 7 degrees of freedom) and a
-/// part in 10⁴ of what is wanted, and the standard errors are small enough for that to mean something.
+/// Every estimate is within 6 of its standard errors (8 groups: t distribution with 7 degrees of freedom) and 1e-4 of
+/// the expected value; the relative standard errors are at most `largest`.
 fn check(e: &Irradiance, want: impl Fn(usize) -> [f64; 3], largest: f64) {
     for (i, (v, s)) in e.values.iter().zip(&e.standard_errors).enumerate() {
         let want = want(i);
@@ -82,7 +84,7 @@ fn check(e: &Irradiance, want: impl Fn(usize) -> [f64; 3], largest: f64) {
 
 #[test]
 fn furnace() {
-    // Everything emits π L and reflects ρ: E = π L / (1 − ρ) everywhere.
+    // All faces emit radiance L and reflect ρ: E = π L / (1 − ρ) everywhere.
     let (rho, radiance) = ([0.2, 0.5, 0.95], [1.0, 2.0, 0.5]);
     let scene = room(dvec3(2.0, 1.0, 3.0), rho, radiance);
     let points = [
@@ -104,7 +106,7 @@ fn direct_light_is_lamberts_formula() {
     quads.add(DVec3::ZERO, DVec3::X, DVec3::Y, [0.5; 3], [0.0; 3]);
     quads.add(lamp[0], lamp[1] - lamp[0], lamp[3] - lamp[0], [0.0; 3], [1.0, 2.0, 3.0]);
     let mut points = grid(4, 0.0, DVec3::Z);
-    // A point whose horizon cuts the lamp, one very close to it, and one on its dark side.
+    // A point whose horizon cuts the emitter, one very close to the emitter, and one behind it.
     points.push(at(0.5, 0.5, 0.5, dvec3(1.0, 0.0, 0.2).normalize()));
     points.push(at(0.4, 0.4, 0.99, DVec3::Z));
     points.push(at(0.5, 0.5, 1.5, -DVec3::Z));
@@ -129,21 +131,21 @@ fn point_files_far_from_zero_keep_their_digits() {
         grid(8, 0.0, DVec3::Z).into_iter().map(|p| Point { position: p.position + far, ..p }).collect();
     let (value, error) = mean(&run(&scene, &points, 256, false));
     let want = PI * parallel_rectangles([[0.0, 1.0]; 2], [[0.0, 1.0]; 2], 1.0);
-    // 64 midpoints stand for the area.
+    // 64 midpoints approximate the mean over the area.
     assert!((value - want).abs() < 4.0 * error + 2e-3 * want, "{value} ± {error} instead of {want}");
 }
 
 #[test]
 fn one_bounce_between_parallel_squares() {
-    // Only the lower square reflects, so that its point gets the lamp's light and nothing more, and the dark square
-    // beside the lamp gets one bounce.
+    // Only the lower square reflects: its irradiance comes from the emitter alone, and the upper square, which is
+    // black, receives exactly one bounce.
     let mut quads = Quads::new();
     quads.add(DVec3::ZERO, DVec3::X, DVec3::Y, [0.5; 3], [0.0; 3]);
     quads.add(DVec3::Z, DVec3::Y, DVec3::X, [0.0; 3], [1.0; 3]);
     let scene = quads.scene();
     let points = grid(12, 1.0, -DVec3::Z);
     let found = run(&scene, &points, 1024, false);
-    // Σ over the floor of E(x) ρ F: integrated with the point formula on a fine grid.
+    // Σ over the floor of E(x) ρ F, integrated with the point formula on a fine grid.
     let lamp = [DVec3::Z, dvec3(0.0, 1.0, 1.0), DVec3::ONE, dvec3(1.0, 0.0, 1.0)];
     let cells = grid(60, 0.0, DVec3::Z);
     let floor: Vec<f64> =
@@ -155,7 +157,7 @@ fn one_bounce_between_parallel_squares() {
             .zip(&floor)
             .map(|(q, b)| {
                 let d = p - q.position;
-                // cos² / (π r²), both cosines z/r.
+                // cos² / (π r²); both cosines are z/r with z = 1.
                 b / (PI * d.length_squared().powi(2))
             })
             .sum();
@@ -164,7 +166,7 @@ fn one_bounce_between_parallel_squares() {
     check(&found, want, 0.1);
 }
 
-/// Published values of partly blocked pairs, first column that has one.
+/// Published value of a partly blocked pair: the first column that has one.
 fn obstructed(id: &str, quantity: &str) -> f64 {
     let text = include_str!("../../tests/validation/viewfactors_obstructed.csv");
     let mut reader =
@@ -174,8 +176,8 @@ fn obstructed(id: &str, quantity: &str) -> f64 {
     row[5].parse().or_else(|_| row[3].parse()).expect("a number")
 }
 
-/// The mean irradiance of a unit square at `z = 0` from a unit square at `z = 1` of radiance 1/π, a black plate between:
-/// the form factor.
+/// Mean irradiance of a unit square at `z = 0` from a unit square at `z = 1` of radiance 1/π with a black plate
+/// between: the form factor.
 fn blocked_squares(low: [f64; 2], high: [f64; 2], height: f64) -> (f64, f64) {
     let mut quads = Quads::new();
     quads.add(DVec3::Z, DVec3::Y, DVec3::X, [0.0; 3], [1.0 / PI as f32; 3]);
@@ -213,13 +215,13 @@ fn the_same_bits_on_any_number_of_threads() {
 
 #[test]
 fn standard_errors_tell_the_truth() {
-    // The spread of estimates with different seeds is what each says of itself.
+    // The spread of estimates with different seeds agrees with their stated standard errors.
     let scene = room(DVec3::ONE, [0.6; 3], [1.0; 3]);
     let point = [at(0.3, 0.4, 0.0, DVec3::Z)];
     let runs: Vec<(f64, f64)> = (0..200)
         .map(|seed| {
             let settings = Settings { samples: 64, direct_only: false, seed };
-            let e = irradiance(&scene, &point, settings, &|_| ()).expect("irradiance");
+            let e = irradiance(&model(&scene, Detail::Rays), &point, settings, &|_| ()).expect("irradiance");
             (e.values[0][0], e.standard_errors[0][0])
         })
         .collect();
@@ -237,5 +239,5 @@ fn no_light_no_irradiance() {
     let e = run(&scene, &grid(2, 0.0, DVec3::Z), 16, false);
     assert!(e.values.iter().chain(&e.standard_errors).all(|v| *v == [0.0; 3]));
     let one = Settings { samples: 1, direct_only: false, seed: 1 };
-    assert!(irradiance(&scene, &[], one, &|_| ()).is_err());
+    assert!(irradiance(&model(&scene, Detail::Rays), &[], one, &|_| ()).is_err());
 }

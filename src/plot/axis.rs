@@ -1,12 +1,12 @@
-//! An axis of a plot: its range, its pixels and its round numbers.
+//! An axis of a chart: range, mapping to pixels, tick marks.
 
-/// How values lie along an axis.
+/// Scale of an axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Scale {
-    /// Evenly; the axis begins at 0 unless a value is negative.
+    /// Linear; the axis begins at 0 unless a value is negative.
     #[default]
     Linear,
-    /// By their logarithm; only positive values can be shown.
+    /// Logarithmic; only positive values can be shown.
     Log,
 }
 
@@ -30,14 +30,14 @@ pub(super) struct Axis {
     pub(super) to: i32,
 }
 
-/// A marked value.
+/// A tick mark.
 pub(super) struct Tick {
     pub(super) value: f64,
     pub(super) label: String,
 }
 
 impl Axis {
-    /// An axis that holds all `values` (which its scale can show) with a little room.
+    /// An axis that contains all `values` (which its scale can show) with a margin of 6 %.
     pub(super) fn new(scale: Scale, values: impl Iterator<Item = f64>, from: i32, to: i32) -> Axis {
         let places = values.map(|v| scale.place(v));
         let (mut low, mut high) = places.fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v), h.max(v)));
@@ -59,13 +59,13 @@ impl Axis {
         Axis { scale, low, high, from, to }
     }
 
-    /// The pixel of a value.
+    /// Pixel coordinate of a value.
     pub(super) fn pixel(&self, v: f64) -> i32 {
         let t = (self.scale.place(v) - self.low) / (self.high - self.low);
         (f64::from(self.from) + t * f64::from(self.to - self.from)).round() as i32
     }
 
-    /// Round values within the axis, far enough apart for their labels.
+    /// Round values inside the axis, far enough apart for their labels.
     pub(super) fn ticks(&self) -> Vec<Tick> {
         let values = match self.scale {
             Scale::Linear => self.even_ticks(),
@@ -83,7 +83,7 @@ impl Axis {
         (0..20).map(value).take_while(|v| *v <= self.high).collect()
     }
 
-    /// Powers of ten; with 2 and 5 between when there are few, every second or third when there are many.
+    /// Powers of ten; with intermediate values on short axes, every second or third power on long ones.
     fn log_ticks(&self) -> Vec<f64> {
         let decades = self.high - self.low;
         let mantissas: &[f64] = match decades {
@@ -98,7 +98,7 @@ impl Axis {
     }
 }
 
-/// A number for people: three significant digits, no needless zeros, powers of ten only when it is far from 1.
+/// Formats a number with three significant digits, without trailing zeros; as a power of ten if far from 1.
 pub fn number(v: f64) -> String {
     if v == 0.0 || !v.is_finite() {
         return if v == 0.0 { "0".into() } else { "–".into() };

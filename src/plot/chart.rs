@@ -1,7 +1,7 @@
-//! Line plots as SVG, drawn through plotters: axes, grid, lines, labelled points.
+//! Line charts as SVG, drawn with plotters: axes, grid, lines, labelled points.
 //!
-//! Colours are CSS variables with a fallback (`var(--plot-ink, #222)`), so that a plot inside a page follows the
-//! page's light or dark theme and a file by itself is right on white.
+//! Colours are CSS variables with fallbacks (`var(--plot-ink, #222)`): a chart inside a page follows the page's light
+//! or dark theme, and a file by itself is correct on white.
 
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -9,7 +9,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use super::axis::{Axis, Scale};
 use crate::{Error, Result};
 
-/// Colours of series, in order of use; told apart also by colour-blind eyes (scheme of M. Okabe and K. Ito).
+/// Colours of series, in order of use; distinguishable by colour-blind readers (scheme of M. Okabe and K. Ito).
 const HUES: [(RGBColor, &str); 5] = [
     (RGBColor(0, 114, 178), "--plot-a"),
     (RGBColor(213, 94, 0), "--plot-b"),
@@ -20,7 +20,7 @@ const HUES: [(RGBColor, &str); 5] = [
 const INK: (RGBColor, &str) = (RGBColor(34, 34, 34), "--plot-ink");
 const FAINT: (RGBColor, &str) = (RGBColor(221, 221, 222), "--plot-faint");
 
-/// A plot.
+/// A line chart.
 #[derive(Clone, Debug, Default)]
 pub struct Plot {
     /// Name and unit of the horizontal axis.
@@ -31,18 +31,18 @@ pub struct Plot {
     pub x_scale: Scale,
     /// Scale of the vertical axis.
     pub y_scale: Scale,
-    /// What is drawn, at most five that can be told apart.
+    /// The series, at most five with different colours.
     pub series: Vec<Series>,
 }
 
-/// Points of one kind.
+/// A series of points.
 #[derive(Clone, Debug, Default)]
 pub struct Series {
     /// Name in the legend.
     pub name: String,
-    /// The points. Those that an axis cannot show (not finite, or not positive on a logarithmic one) are left out.
+    /// The points. Points that an axis cannot show (not finite, or not positive on a logarithmic axis) are omitted.
     pub points: Vec<Point>,
-    /// Whether the points are joined by a line, in their order.
+    /// Whether a line joins the points in their order.
     pub line: bool,
 }
 
@@ -53,22 +53,22 @@ pub struct Point {
     pub x: f64,
     /// Vertical value.
     pub y: f64,
-    /// Written beside the point; left out when empty or when there is no room.
+    /// Label beside the point; omitted if empty or without free space.
     pub label: String,
 }
 
-/// Size of the labels beside points, pixels.
+/// Font size of point labels, pixels.
 const LABEL: i32 = 13;
 
-/// Pixels around the plotting area: left, top, right, bottom.
+/// Margins around the plotting area, pixels: left, top, right, bottom.
 const MARGIN: [i32; 4] = [74, 40, 24, 52];
 
 impl Plot {
-    /// The plot as an SVG element of these sides in pixels (at least 200 × 150). Without any point that can be shown
-    /// the axes stand alone.
+    /// The chart as an SVG element of `width` x `height` pixels (at least 200 x 150). Without points that can be
+    /// shown, only the axes are drawn.
     ///
     /// # Errors
-    /// [`Error::Argument`] when the drawing fails, which no input should cause.
+    /// [`Error::Argument`] if plotters fails, which no input should cause.
     pub fn svg(&self, width: u32, height: u32) -> Result<String> {
         let (width, height) = (width.max(200), height.max(150));
         let mut svg = String::new();
@@ -80,7 +80,7 @@ impl Plot {
             let hex = format!("#{:02X}{:02X}{:02X}", colour.0, colour.1, colour.2);
             svg = svg.replace(&format!("\"{hex}\""), &format!("\"var({name}, {hex})\""));
         }
-        // A view box lets a page scale the plot.
+        // plotters writes a view box; with this style a page can scale the chart.
         Ok(svg.replacen("<svg ", "<svg role=\"img\" style=\"height:auto\" ", 1))
     }
 
@@ -104,7 +104,7 @@ impl Plot {
             if series.line {
                 root.draw(&PathElement::new(pixels.clone(), colour.stroke_width(2)))?;
                 for pair in pixels.windows(2) {
-                    // Labels keep off the line: it is lined with small boxes.
+                    // Boxes along the line keep labels off the line.
                     let along = |t: i32, a: i32, b: i32| a + (b - a) * t / 24;
                     boxes.extend((0..=24).map(|t| {
                         let (u, v) = (along(t, pair[0].0, pair[1].0), along(t, pair[0].1, pair[1].1));
@@ -118,7 +118,7 @@ impl Plot {
             }
         }
         let limits = [left, top, width as i32 - 2, height as i32 - bottom];
-        // Free points first: they are fewer, and a line tells what its unlabelled points are.
+        // Labels of unconnected points first: they are fewer, and lines identify their unlabelled points.
         let mut order: Vec<_> = self.series.iter().zip(HUES.iter().cycle()).collect();
         order.sort_by_key(|(series, _)| series.line);
         for (series, (colour, _)) in order {
@@ -142,7 +142,7 @@ impl Plot {
         root.present()
     }
 
-    /// Grid, axes, their numbers and names.
+    /// Draws grid, axes, tick labels and axis names.
     fn draw_frame(&self, root: &Area<'_>, x: &Axis, y: &Axis) -> Drawn {
         let (bottom, top, left, right) = (y.from, y.to, x.from, x.to);
         for tick in x.ticks() {
@@ -162,7 +162,7 @@ impl Plot {
         root.draw(&Text::new(self.y_label.clone(), (16, (top + bottom) / 2), upright))
     }
 
-    /// Names of the series, in a row above the plotting area.
+    /// Draws the names of the series in a row above the plotting area.
     fn draw_legend(&self, root: &Area<'_>, left: i32) -> Drawn {
         let mut u = left;
         for (series, (colour, _)) in self.series.iter().zip(HUES.iter().cycle()) {
@@ -180,18 +180,18 @@ impl Plot {
 type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
 type Drawn = std::result::Result<(), DrawingAreaErrorKind<std::io::Error>>;
 
-/// Writes text whose height is centred at `at`.
+/// Writes text, vertically centred at `at`.
 fn text(root: &Area<'_>, what: &str, at: (i32, i32), size: i32, colour: RGBColor, horizontal: HPos) -> Drawn {
     let style = ("sans-serif", size).into_font().color(&colour).pos(Pos::new(horizontal, VPos::Center));
     root.draw(&Text::new(what.to_string(), at, style))
 }
 
-/// Width of a text in pixels, roughly: fonts are the viewer's.
+/// Approximate width of a text in pixels: the viewer chooses the font.
 fn text_width(what: &str, size: i32) -> i32 {
     (what.chars().count() as i32 * size * 58 + 99) / 100
 }
 
-/// A box (left, top, right, bottom) beside the point where the label covers nothing drawn so far.
+/// A box (left, top, right, bottom) near the point (u, v) in which the label overlaps nothing drawn so far.
 fn label_place((u, v): (i32, i32), label: &str, limits: [i32; 4], boxes: &[[i32; 4]]) -> Option<[i32; 4]> {
     let (w, h) = (text_width(label, LABEL), LABEL + 2);
     let corners = [
@@ -207,7 +207,7 @@ fn label_place((u, v): (i32, i32), label: &str, limits: [i32; 4], boxes: &[[i32;
     let overlaps = |a: &[i32; 4], b: &[i32; 4]| a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3];
     let inside =
         |a: &[i32; 4]| a[0] >= limits[0] && a[1] >= limits[1] && a[2] <= limits[2] && a[3] <= limits[3];
-    // Crowded: further off, all around; the caller joins point and label.
+    // No space beside the point: try rings around it; the caller joins point and label by a line.
     let around = (2..6).flat_map(|ring| {
         (0..16).map(move |i| (16.0 * f64::from(ring), f64::from(i) * std::f64::consts::FRAC_PI_8))
     });

@@ -1,4 +1,4 @@
-//! Line charts as SVG text: axes, scales and series. Knows nothing of what the numbers mean.
+//! Line charts as SVG text: axes, scales and series.
 
 mod axis;
 mod chart;

@@ -1,40 +1,40 @@
-//! How far one irradiance file is from another.
+//! Comparison of two irradiance files.
 
 use super::Irradiance;
 use crate::{Error, Result};
 
-/// Differences of two irradiance files over all points and channels.
+/// Differences between two irradiance files over all points and channels.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Comparison {
     /// Number of points.
     pub points: usize,
-    /// Mean of the reference over points and channels, W/m².
+    /// Mean irradiance of the reference over points and channels, W/m².
     pub mean: f64,
-    /// Root mean square of the differences, relative to `mean`.
+    /// Root mean square difference, relative to `mean`.
     pub rms: f64,
-    /// The part of `rms` that the reference's own standard errors explain; 0 if they are not known.
+    /// Root mean square standard error of the reference, relative to `mean`; 0 if standard errors are unknown.
     pub reference_noise: f64,
-    /// Mean of the differences, relative to `mean`: positive if the test is brighter.
+    /// Mean difference, relative to `mean`: positive if the test is brighter.
     pub bias: f64,
-    /// 50, 90, 99 and 100 percent of the absolute differences are at most this, relative to `mean`.
+    /// 50th, 90th, 99th and 100th percentile of the absolute differences, relative to `mean`.
     pub percentiles: [f64; 4],
-    /// Root mean square of the differences in each channel, relative to the channel's mean; 0 where the channel is black
-    /// in both files.
+    /// Root mean square difference per channel, relative to the channel's mean; 0 if the channel is black in both
+    /// files.
     pub rms_by_channel: [f64; 3],
 }
 
 impl Comparison {
-    /// The shares that [`Comparison::percentiles`] belongs to, percent.
+    /// Percentages that [`Comparison::percentiles`] belong to.
     pub const SHARES: [f64; 4] = [50.0, 90.0, 99.0, 100.0];
 }
 
 /// Compares `test` with `reference`, point by point.
 ///
-/// Where the reference is black throughout there is no mean to relate to: equal files give zeros, others infinities.
+/// If the reference is black everywhere, its mean is 0: equal files give zeros, others infinities.
 ///
 /// # Errors
-/// The files do not hold the same points in the same order; a position may differ by a part in 10⁵ of the points' extent
-/// (rounded digits).
+/// [`Error::Argument`] unless both hold the same points in the same order; positions may differ by 1e-5 of the points'
+/// extent (rounded digits).
 pub fn compare(reference: &Irradiance, test: &Irradiance) -> Result<Comparison> {
     let (a, b) = (&reference.points, &test.points);
     if a.len() != b.len() {

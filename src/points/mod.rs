@@ -1,9 +1,9 @@
-//! Point files: surface points at which irradiance is asked for, and the irradiance there.
+//! Point files (surface points) and irradiance files (irradiance at such points).
 //!
-//! Both are CSV. A point file has the header `x,y,z,nx,ny,nz` and a point on a surface in each line: scene units, unit
-//! normals. An irradiance file has the same columns in the same order and after them `Er,Eg,Eb` (W/m²), and after those
-//! `Er_se,Eg_se,Eb_se` where standard errors are known. Columns beyond are allowed and left alone, so that an irradiance
-//! file is a point file too. Knows neither scenes nor how irradiance is computed.
+//! Both are CSV. A point file has the header `x,y,z,nx,ny,nz` and one surface point per line: position in scene units,
+//! unit normal. An irradiance file has the same columns in the same order, then `Er,Eg,Eb` (W/m²), then
+//! `Er_se,Eg_se,Eb_se` if standard errors are known. Further columns are ignored, so every irradiance file is also a
+//! point file.
 
 mod compare;
 mod read;
@@ -17,22 +17,22 @@ pub use write::write_irradiance;
 
 use glam::DVec3;
 
-/// A place on a surface and the side of it that is meant.
+/// A surface point with the normal of one side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
     /// Position in the coordinates of the scene's file, scene units.
     pub position: DVec3,
-    /// Unit normal of the side.
+    /// Unit normal of the side that receives light.
     pub normal: DVec3,
 }
 
-/// Irradiance at points, one entry a point.
+/// Irradiance at points. All vectors have one entry per point.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Irradiance {
-    /// Where.
+    /// The points.
     pub points: Vec<Point>,
-    /// W/m² in linear RGB.
+    /// Irradiance, W/m², linear RGB.
     pub values: Vec<[f64; 3]>,
-    /// Standard errors of `values`; empty if they are not known.
+    /// Standard errors of `values`, W/m²; empty if unknown.
     pub standard_errors: Vec<[f64; 3]>,
 }

@@ -6,23 +6,23 @@ use csv::StringRecord;
 use glam::DVec3;
 use std::path::Path;
 
-/// Columns of every point file, in order.
+/// First columns of every point file, in order.
 pub(super) const POINT: [&str; 6] = ["x", "y", "z", "nx", "ny", "nz"];
 /// Columns that an irradiance file adds.
 pub(super) const VALUE: [&str; 3] = ["Er", "Eg", "Eb"];
-/// Columns that follow where standard errors are known.
+/// Columns that follow if standard errors are known.
 pub(super) const STANDARD_ERROR: [&str; 3] = ["Er_se", "Eg_se", "Eb_se"];
 
-/// Normals may be off unit length by this much (rounded digits); they are made unit.
+/// Largest deviation of a normal's length from 1 (rounded digits); normals are then normalised. Chosen.
 const UNIT_TOLERANCE: f64 = 1e-3;
-/// Coordinates beyond this do not fit the single precision that rays are traced in.
+/// Largest coordinate. Chosen: squares of larger coordinates overflow f32, in which rays are traced.
 const MAX_COORDINATE: f64 = 1e18;
 
-/// Reads a point file.
+/// Reads a point file: at least one point, unit normals.
 ///
 /// # Errors
-/// The file cannot be read; it has no header `x,y,z,nx,ny,nz`, no point, a field that is not a finite number, or a normal
-/// that is not of unit length. The message names file and line.
+/// [`Error::Io`] if the file cannot be read. [`Error::Format`] with file and line if the header does not begin with
+/// `x,y,z,nx,ny,nz`, there is no point, a field is not a finite number, or a normal has not unit length.
 pub fn read_points(path: &Path) -> Result<Vec<Point>> {
     let mut points = Vec::new();
     rows(path, &POINT, |_, record, at| {
@@ -32,10 +32,10 @@ pub fn read_points(path: &Path) -> Result<Vec<Point>> {
     Ok(points)
 }
 
-/// Reads an irradiance file. Values may be negative (an estimator's noise), but must be finite.
+/// Reads an irradiance file. Values may be negative (noise of an estimator) but must be finite.
 ///
 /// # Errors
-/// As for [`read_points`], or `Er,Eg,Eb` do not follow in the header.
+/// As for [`read_points`], or if `Er,Eg,Eb` do not follow in the header.
 pub fn read_irradiance(path: &Path) -> Result<Irradiance> {
     let mut out = Irradiance::default();
     let columns: Vec<&str> = POINT.into_iter().chain(VALUE).collect();
@@ -57,7 +57,7 @@ pub fn read_irradiance(path: &Path) -> Result<Irradiance> {
     Ok(out)
 }
 
-/// Checks the header and hands over the lines with their numbers, counted from 1.
+/// Checks the header and passes each record with its line number, counted from 1, to `take`.
 fn rows(
     path: &Path,
     columns: &[&str],

@@ -31,7 +31,7 @@ fn irradiance_files_read_back_bit_by_bit() {
         let path = folder.path().join("irradiance.csv");
         write_irradiance(&path, &sample(errors)).expect("written");
         assert_eq!(read_irradiance(&path).expect("read"), sample(errors));
-        // What was computed can be asked for again.
+        // An irradiance file is a point file.
         assert_eq!(read_points(&path).expect("points"), sample(errors).points);
         let text = std::fs::read_to_string(&path).expect("text");
         let header = text.lines().next().expect("a line");
@@ -86,7 +86,7 @@ fn comparisons_state_rms_bias_and_percentiles() {
     assert_eq!((same.rms, same.bias, same.percentiles), (0.0, 0.0, [0.0; 4]));
     test.values[0] = [4.0; 3];
     let one = compare(&reference, &test).expect("compared");
-    // One point of a hundred is off by the mean: rms √(1/100), bias 1/100.
+    // One point of a hundred differs by the mean: rms √(1/100), bias 1/100.
     assert!((one.rms - 0.1).abs() < 1e-12 && (one.bias - 0.01).abs() < 1e-12, "{one:?}");
     assert_eq!(one.percentiles, [0.0, 0.0, 0.0, 1.0]);
     assert!((one.reference_noise - 0.01).abs() < 1e-12);

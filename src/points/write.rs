@@ -5,11 +5,10 @@ use super::{Irradiance, Point};
 use crate::{Error, Result, files::WholeFile};
 use std::path::Path;
 
-/// Writes an irradiance file; it appears whole or not at all. Numbers have the shortest digits that read back as the
-/// same number.
+/// Writes an irradiance file, completely or not at all. Numbers have the fewest digits that read back as the same f64.
 ///
 /// # Errors
-/// The file cannot be written.
+/// [`Error::Io`] if the file cannot be written.
 ///
 /// # Panics
 /// If the entries of `irradiance` differ in length.

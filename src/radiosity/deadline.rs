@@ -2,7 +2,7 @@
 //!
 //! All shares of the time are in this file; stages receive a [`Deadline`] and never compute one from the options.
 
-use super::progress::Progress;
+use crate::progress::Progress;
 use std::time::Instant;
 
 /// Seconds, and part of the whole time, by which the last stages may exceed the limit. Chosen: small against
@@ -29,24 +29,27 @@ pub const QUERY_SHARE: f64 = 0.8;
 pub struct Deadline<'a> {
     progress: &'a dyn Progress,
     begun: Instant,
-    /// Seconds after `begun`; infinite without a limit.
+    /// Seconds that count as spent before `begun`.
+    spent: f64,
+    /// Seconds after the start; infinite without a limit.
     seconds: f64,
 }
 
 impl<'a> Deadline<'a> {
     /// A deadline so many seconds from now. Without a number only an interruption ends the work.
     pub fn start(progress: &'a dyn Progress, seconds: Option<f64>) -> Deadline<'a> {
-        Deadline::since(progress, Instant::now(), seconds)
+        Deadline { progress, begun: Instant::now(), spent: 0.0, seconds: seconds.unwrap_or(f64::INFINITY) }
     }
 
-    /// A deadline so many seconds after a moment.
-    pub fn since(progress: &'a dyn Progress, begun: Instant, seconds: Option<f64>) -> Deadline<'a> {
-        Deadline { progress, begun, seconds: seconds.unwrap_or(f64::INFINITY) }
+    /// The same deadline with so many seconds spent before its start.
+    pub fn after(self, spent: f64) -> Deadline<'a> {
+        Deadline { spent, ..self }
     }
 
-    /// When the time began to count.
-    pub fn begun(&self) -> Instant {
-        self.begun
+    /// The same deadline for another caller.
+    pub fn told_to<'b>(&self, progress: &'b dyn Progress) -> Deadline<'b> {
+        let Deadline { begun, spent, seconds, .. } = *self;
+        Deadline { progress, begun, spent, seconds }
     }
 
     /// A deadline after this part of the time that is left now.
@@ -82,7 +85,7 @@ impl<'a> Deadline<'a> {
 
     /// Seconds since the start.
     pub fn elapsed(&self) -> f64 {
-        self.begun.elapsed().as_secs_f64()
+        self.spent + self.begun.elapsed().as_secs_f64()
     }
 
     fn unused(&self) -> f64 {

@@ -1,6 +1,6 @@
-//! The bit image.
+//! Binary images with one bit per pixel.
 
-/// A binary image: one bit a pixel, rows of 64-bit words, bit `x % 64` of word `x / 64` is column x.
+/// A binary image: one bit per pixel, rows of 64-bit words; column x is bit `x % 64` of word `x / 64`.
 ///
 /// A set bit is *object*. Bits of a row's last word beyond the width are always zero.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -12,7 +12,7 @@ pub struct BitImage {
 }
 
 impl BitImage {
-    /// An image of background only. Both sides may be zero.
+    /// An image of background only, `width` x `height` pixels. Both may be zero.
     pub fn new(width: usize, height: usize) -> Self {
         let stride = width.div_ceil(64);
         BitImage { width, height, stride, words: vec![0; stride * height] }
@@ -31,7 +31,7 @@ impl BitImage {
         image
     }
 
-    /// Makes this an image of background only with the given sides, keeping its memory.
+    /// Resizes to `width` x `height` pixels of background, keeping the allocated memory.
     pub fn reset(&mut self, width: usize, height: usize) {
         let stride = width.div_ceil(64);
         (self.width, self.height, self.stride) = (width, height, stride);
@@ -71,8 +71,7 @@ impl BitImage {
         }
     }
 
-    /// Makes the pixels `from..to` of row y object; what lies outside the image is left out.
-    /// The fast way to rasterise: whole words at a time.
+    /// Sets the pixels `from..to` of row y to object, whole words at a time; the part outside the image is ignored.
     #[inline]
     pub fn set_span(&mut self, y: usize, from: usize, to: usize) {
         let to = to.min(self.width);
@@ -117,7 +116,7 @@ impl BitImage {
         image
     }
 
-    /// Makes object also what is object in `other`. Pixels that only one of the images has are left alone.
+    /// Adds the object pixels of `other`. Pixels outside the common area are unchanged.
     pub fn unite(&mut self, other: &BitImage) {
         let last = self.last_word_mask();
         for y in 0..self.height.min(other.height) {
@@ -129,7 +128,7 @@ impl BitImage {
         }
     }
 
-    /// Makes background what is object in `other`. Pixels that only one of the images has are left alone.
+    /// Removes the object pixels of `other`. Pixels outside the common area are unchanged.
     pub fn subtract(&mut self, other: &BitImage) {
         for y in 0..self.height.min(other.height) {
             let row = &mut self.words[y * self.stride..(y + 1) * self.stride];
@@ -137,7 +136,7 @@ impl BitImage {
         }
     }
 
-    /// The bits that the last word of a row uses.
+    /// Mask of the used bits of a row's last word.
     pub(super) fn last_word_mask(&self) -> u64 {
         match self.width % 64 {
             0 => !0,
@@ -150,12 +149,12 @@ impl BitImage {
         &self.words
     }
 
-    /// All words, row by row. The caller keeps the bits beyond the width zero.
+    /// All words, row by row. The caller must keep the bits beyond the width zero.
     pub(super) fn words_mut(&mut self) -> &mut [u64] {
         &mut self.words
     }
 
-    /// Words in a row.
+    /// Number of words per row.
     pub(super) fn stride(&self) -> usize {
         self.stride
     }

@@ -1,20 +1,20 @@
-//! The largest distance in a small image, without a distance for each pixel.
+//! Largest distance to the background in a small image, without computing a distance per pixel.
 //!
-//! A pixel lies further than √n from the background exactly when the whole disc {o : |o|² ≤ n} around it is object.
-//! In an image of at most 64 × 64 pixels a row is one word, so "is there such a pixel?" is an AND of a few words per
-//! row: row y of the image eroded by the disc is the AND over dy of row y + dy eroded horizontally by the disc's half
-//! width at dy. Counting plain erosions first brackets the answer to a factor of two (in squared distance), bisection
-//! does the rest. This is the inner loop of characterisation: millions of images a scene.
+//! A pixel lies further than √n from the background exactly if the whole disc {o : |o|² ≤ n} around the pixel is
+//! object. In an image of at most 64 x 64 pixels a row is one word, so the existence of such a pixel is decided by an
+//! AND of a few words per row: row y of the image eroded by the disc is the AND over dy of row y + dy eroded
+//! horizontally by the disc's half width at dy. Counts of 4- and 8-neighbour erosions bracket the squared distance to
+//! a factor of two; bisection finds it. [`crate::optics`] measures up to millions of such images per scene.
 
 use super::{BitImage, Morphology, NO_BACKGROUND, Outside};
 
-/// Largest side of an image that [`Discs`] can take.
+/// Largest number of columns and rows that [`Discs`] accepts.
 pub(super) const MAX_SIDE: usize = 64;
 
-/// Rows of an image with one row of what lies outside above and below.
+/// Rows of an image, with one row of surroundings above and below.
 type Plane = [u64; MAX_SIDE + 2];
 
-/// Reusable memory: the image eroded horizontally by 0, 1, 2, … pixels to each side, and the disc's half widths.
+/// Working memory: the rows eroded horizontally by 0, 1, 2, … pixels, and the half widths of the disc.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Discs {
     eroded: Vec<u64>,
@@ -22,7 +22,7 @@ pub(super) struct Discs {
 }
 
 impl Discs {
-    /// Largest squared distance from an object pixel to the nearest background pixel; 0 without object,
+    /// Largest squared distance from an object pixel to the nearest background pixel, pixels²; 0 without object pixels,
     /// [`NO_BACKGROUND`] without background. The image has at most [`MAX_SIDE`] columns and rows.
     pub(super) fn max_squared_distance(&mut self, image: &BitImage, outside: Outside) -> u32 {
         let (height, inside) = (image.height(), image.last_word_mask());
@@ -33,7 +33,7 @@ impl Discs {
         if endless(&plane, fill) {
             return NO_BACKGROUND;
         }
-        // Chebyshev radius c and city-block radius k bound the Euclidean radius d of the deepest pixel:
+        // Chebyshev radius c and city-block radius k bound the Euclidean radius d of the innermost pixel:
         // c ≤ d ≤ √2·c and k/√2 ≤ d ≤ k.
         let c = erosions(&plane, height, inside, fill, SQUARE);
         let k = erosions(&plane, height, inside, fill, DIAMOND);
@@ -41,7 +41,7 @@ impl Discs {
         if low < high {
             self.erode_rows(&plane[1..=height], (high - 1).isqrt(), fill);
         }
-        // The answer is the least n for which no disc of squared radius n fits.
+        // Find the least n for which no disc of squared radius n fits.
         while low < high {
             let n = low.midpoint(high);
             if self.disc_fits(n, height, inside, fill) {
@@ -79,12 +79,12 @@ impl Discs {
             self.half_widths.push(w);
         }
         let radius = radius as usize;
-        // With free surroundings the disc must lie inside the image altogether.
+        // With background outside, the disc must lie entirely inside the image.
         let rows = if fill == 0 { radius..height.saturating_sub(radius) } else { 0..height };
         let widest = &self.eroded[self.half_widths[0] as usize * height..][..height];
         for y in rows {
             let mut fits = widest[y] & inside;
-            // From the pole inwards: together with the equator the poles fail first.
+            // Test the largest dy first: after the widest row these reject most positions.
             for dy in (1..=radius).rev() {
                 if fits == 0 {
                     break;
@@ -114,7 +114,7 @@ pub(super) fn erosions_until_empty(image: &BitImage, mode: Morphology, outside: 
     }
 }
 
-/// The image with its surroundings, and the word that stands for those.
+/// The rows of the image with surroundings, and the word that represents the surroundings.
 fn plane(image: &BitImage, outside: Outside) -> (Plane, u64) {
     let inside = image.last_word_mask();
     let fill = if outside == Outside::Blocked { !0u64 } else { 0 };
@@ -125,26 +125,25 @@ fn plane(image: &BitImage, outside: Outside) -> (Plane, u64) {
     (plane, fill)
 }
 
-/// Whether all is object, surroundings included.
+/// Whether everything is object, including the surroundings.
 fn endless(plane: &Plane, fill: u64) -> bool {
     fill != 0 && plane.iter().all(|&row| row == !0)
 }
 
-/// One erosion of a row, from the rows above and below, and the rows above, here and below thinned.
+/// One erosion step of a row: from the rows above and below, and from the horizontally eroded rows above, here, below.
 type Step = fn([u64; 2], [u64; 3]) -> u64;
-/// With 8 neighbours.
+/// 8 neighbours.
 const SQUARE: Step = |_, [above, here, below]| above & here & below;
-/// With 4 neighbours.
+/// 4 neighbours.
 const DIAMOND: Step = |[above, below], [_, here, _]| above & here & below;
 
-/// A row eroded by one pixel to each side.
+/// Erodes a row horizontally by one pixel.
 #[inline]
 fn thin(row: u64, fill: u64) -> u64 {
     row & (row << 1 | (fill & 1)) & (row >> 1 | (fill & 1 << 63))
 }
 
-/// Number of erosions until no pixel inside the image is object. The image has background, or the surroundings are
-/// free.
+/// Number of erosions until no pixel of the image is object. Requires background in the image or outside.
 #[inline(always)]
 fn erosions(plane: &Plane, height: usize, inside: u64, fill: u64, step: Step) -> u32 {
     let (mut from, mut to) = (*plane, [fill; MAX_SIDE + 2]);

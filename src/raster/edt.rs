@@ -1,19 +1,19 @@
-//! The exact Euclidean distance transform.
+//! Exact Euclidean distance transform.
 //!
-//! Distances of all pixels: two passes over the columns, then for each row the lower envelope of the parabolas
-//! (x − i)² + g(i)², as in P. Felzenszwalb and D. Huttenlocher, *Distance transforms of sampled functions*, Theory of
-//! Computing 8 (2012), with whole numbers throughout (A. Meijster, J. Roerdink, W. Hesselink 2000). Linear time.
+//! Two passes over the columns, then per row the lower envelope of the parabolas (x − i)² + g(i)², as in
+//! P. Felzenszwalb and D. Huttenlocher, *Distance transforms of sampled functions*, Theory of Computing 8 (2012), in
+//! integers (A. Meijster, J. Roerdink, W. Hesselink 2000). Linear time in the number of pixels.
 
 use super::disc::{Discs, MAX_SIDE};
 use super::{BitImage, Morphology, Outside, disc, erode};
 
-/// The squared distance of every object pixel when there is no background at all.
+/// Squared distance of every object pixel if there is no background at all.
 pub const NO_BACKGROUND: u32 = u32::MAX;
 
-/// The Euclidean distance transform, with the memory it works in: make one per thread and keep it.
+/// Euclidean distance transform with its working memory: make one per thread and reuse it.
 ///
-/// Distances are between pixel centres, squared, in pixels. The sides of an image must not exceed 46,340 pixels, so
-/// that every squared distance fits in a `u32`; beyond that distances saturate.
+/// Distances are between pixel centres, squared, in pixels². Images may have up to 46,340 columns and rows, so that
+/// every squared distance fits in a `u32`; in larger images distances saturate.
 #[derive(Clone, Debug, Default)]
 pub struct Edt {
     discs: Discs,
@@ -23,8 +23,8 @@ pub struct Edt {
     planes: [BitImage; 2],
 }
 
-/// Diameter in pixels of the largest disc in an object whose deepest pixel has this squared distance:
-/// 2·√d², 0 for no object, infinite for [`NO_BACKGROUND`]. See the [room](super) for how exact that is.
+/// Diameter in pixels, 2·√d², of the largest disc in an object whose innermost pixel has this squared distance; 0
+/// without object, infinite for [`NO_BACKGROUND`]. The [room](super) states the accuracy.
 pub fn diameter(max_squared_distance: u32) -> f32 {
     match max_squared_distance {
         NO_BACKGROUND => f32::INFINITY,
@@ -33,7 +33,7 @@ pub fn diameter(max_squared_distance: u32) -> f32 {
 }
 
 impl Edt {
-    /// A transform that has no memory yet.
+    /// A transform without allocated memory.
     pub fn new() -> Self {
         Edt::default()
     }
@@ -59,8 +59,8 @@ impl Edt {
         &self.squared
     }
 
-    /// The largest of [`Edt::squared_distances`]. Images of at most 64 × 64 pixels take a fast way that uses no
-    /// memory of its own once warm.
+    /// The largest of [`Edt::squared_distances`]. Images of at most 64 x 64 pixels take a faster algorithm that
+    /// allocates no memory after its first use.
     pub fn max_squared_distance(&mut self, image: &BitImage, outside: Outside) -> u32 {
         if image.width() <= MAX_SIDE && image.height() <= MAX_SIDE {
             return self.discs.max_squared_distance(image, outside);
@@ -73,9 +73,8 @@ impl Edt {
         diameter(self.max_squared_distance(image, outside))
     }
 
-    /// Size in pixels of the largest thing in the object as `mode` measures it: [`Edt::max_inscribed_diameter`], or
-    /// twice the number of erosions until nothing is left. 0 without object, infinite without background. As fast
-    /// for images of at most 64 × 64 pixels.
+    /// Size in pixels of the largest region of the object as `mode` measures it: [`Edt::max_inscribed_diameter`], or
+    /// twice the number of erosions until the object is empty. 0 without object, infinite without background.
     pub fn largest_size(&mut self, image: &BitImage, mode: Morphology, outside: Outside) -> f32 {
         let steps = match mode {
             Morphology::Euclid => return self.max_inscribed_diameter(image, outside),
@@ -118,11 +117,11 @@ impl Edt {
     }
 }
 
-/// "No background in this column."
+/// Marks a column without background.
 const NO_COLUMN: u32 = u32::MAX;
 
-/// Lower envelope of the parabolas (x − i)² + g(i)² at every x. `sites` holds the parabolas of the envelope from left
-/// to right, each with the first x where it is the lowest.
+/// Lower envelope of the parabolas (x − i)² + g(i)² at every x. `sites` holds the envelope's parabolas from left to
+/// right, each with the first x where it is the lowest.
 fn envelope(g: &[u32], out: &mut [u32], sites: &mut Vec<(usize, usize)>) {
     let value = |x: usize, i: usize| {
         let dx = x.abs_diff(i) as u64;
@@ -168,7 +167,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Distance of each pixel by looking at every background pixel, with a ring of them outside when free.
+    /// Distance of each pixel by a search over all background pixels, with a ring of them outside if free.
     fn naive(image: &BitImage, outside: Outside) -> Vec<u32> {
         let (w, h) = (image.width() as i64, image.height() as i64);
         let ring = i64::from(outside == Outside::Free);
@@ -185,7 +184,7 @@ mod tests {
             .collect()
     }
 
-    /// Blobs of random rectangles: more telling than noise.
+    /// Unions of random rectangles: larger regions than noise.
     fn blobs(w: usize, h: usize, rectangles: &[(usize, usize, usize, usize)], inverted: bool) -> BitImage {
         BitImage::from_fn(w, h, |x, y| {
             rectangles.iter().any(|&(l, t, a, b)| (l..l + a).contains(&x) && (t..t + b).contains(&y))
@@ -212,7 +211,7 @@ mod tests {
     }
 
     proptest! {
-        /// The fast counts of erosions against the general ones.
+        /// The erosion counts for small images equal the general ones.
         #[test]
         fn small_images_erode_like_large_ones(
             w in 1usize..65,
@@ -246,7 +245,7 @@ mod tests {
     fn squares_turned_squares_and_discs_have_their_size() {
         let mut edt = Edt::new();
         let mut check = |expect: f32, tolerance: f32, object: &dyn Fn(f64, f64) -> bool| {
-            // The shape sits at several places within a pixel; the image is sampled at pixel centres.
+            // Several positions of the shape relative to the pixel grid; the image is sampled at pixel centres.
             for (ox, oy) in [(0.01, 0.01), (0.47, 0.47), (0.25, 0.01), (0.4, 0.1), (0.13, 0.77)] {
                 let image =
                     BitImage::from_fn(64, 64, |x, y| object(x as f64 - 31.0 + ox, y as f64 - 31.0 + oy));

@@ -1,7 +1,7 @@
-//! Erosion and expansion by one pixel, 64 pixels an operation, between two bit planes [SD95 sec 2.4].
+//! Erosion and expansion by one pixel, 64 pixels per operation [SD95 sec 2.4].
 //!
-//! The paper modified its image in place, which makes the result depend on the order of the scan; here the result
-//! goes to a second plane (method A.4).
+//! The paper modifies the image in place, so that the result depends on the scan order; here the result goes to a
+//! second bit plane.
 
 use super::{BitImage, Morphology, Outside};
 
@@ -14,7 +14,7 @@ pub(super) fn erode(from: &BitImage, to: &mut BitImage, mode: Morphology, outsid
         Outside::Blocked => !0u64,
     };
     let last = from.last_word_mask();
-    // Beyond the width the words hold zeros; with Blocked they must read as object.
+    // Bits beyond the width are zero in memory; with Blocked they count as object.
     let read = |y: isize, i: isize| -> u64 {
         if y < 0 || y >= height as isize || i < 0 || i >= stride as isize {
             return fill;
@@ -22,7 +22,7 @@ pub(super) fn erode(from: &BitImage, to: &mut BitImage, mode: Morphology, outsid
         let word = from.words()[y as usize * stride + i as usize];
         if i as usize + 1 == stride { word | (fill & !last) } else { word }
     };
-    // A word with its left and right neighbours: object only where all three are.
+    // A word eroded horizontally: object only where the pixel and its left and right neighbours are.
     let horizontal = |y: isize, i: isize| -> u64 {
         let word = read(y, i);
         word & (word << 1 | read(y, i - 1) >> 63) & (word >> 1 | read(y, i + 1) << 63)
@@ -52,15 +52,15 @@ pub(super) fn erode_by(image: &BitImage, steps: usize, mode: Morphology, outside
     a
 }
 
-/// Expands `image` by `steps` steps: the dual, an erosion of the background. Nothing comes in from outside.
+/// Expands `image` by `steps` steps: an erosion of the background. Pixels outside the image count as background.
 pub(super) fn expand_by(image: &BitImage, steps: usize, mode: Morphology) -> BitImage {
     let mut result = erode_by(&image.complement(), steps, mode, Outside::Blocked);
     result.invert();
     result
 }
 
-/// Number of erosions until no object pixel is left; `None` when that never happens (outside is object, and the
-/// image has no background).
+/// Number of erosions until no object pixel is left; `None` if that never happens (object outside, and no background in
+/// the image).
 pub(super) fn erosions_until_empty(
     image: &BitImage,
     planes: &mut [BitImage; 2],
@@ -88,7 +88,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Erosion pixel by pixel, as the definition says.
+    /// Erosion pixel by pixel from the definition.
     fn naive(image: &BitImage, mode: Morphology, outside: Outside) -> BitImage {
         let (w, h) = (image.width() as isize, image.height() as isize);
         let object = |x: isize, y: isize| match (0..w).contains(&x) && (0..h).contains(&y) {

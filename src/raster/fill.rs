@@ -1,17 +1,17 @@
-//! Triangles into bit images.
+//! Rasterisation of triangles into bit images.
 
 use super::BitImage;
 use glam::Vec2;
 
-/// Sets the pixels whose centre lies in the triangle; corners are in pixels, pixel `(x, y)` has its centre at
-/// `(x + 0.5, y + 0.5)`. What lies outside the image is left out.
+/// Sets the pixels whose centre lies in the triangle. Corners are in pixels; pixel `(x, y)` has its centre at
+/// `(x + 0.5, y + 0.5)`. The part outside the image is ignored.
 ///
-/// Sampling at centres makes the expected number of set pixels equal to the area, however small the triangle:
-/// the image is a fair sample of coverage for crowds of sub-pixel triangles.
+/// With samples at pixel centres the expected number of set pixels equals the area, however small the triangle, so the
+/// coverage by many sub-pixel triangles is unbiased.
 #[inline]
 pub fn fill_triangle(image: &mut BitImage, corners: [Vec2; 3]) {
     let [a, b, c] = corners;
-    // Centres in [low, high] along an axis, as a half-open range of pixels.
+    // Pixels whose centres lie in [low, high] along an axis, as a half-open range.
     let pixels = |low: f32, high: f32, count: usize| {
         let from = (low - 0.5).max(0.0);
         let first = from as usize + usize::from(from > from as usize as f32);
@@ -25,7 +25,7 @@ pub fn fill_triangle(image: &mut BitImage, corners: [Vec2; 3]) {
         for (p, q) in [(a, b), (b, c), (c, a)] {
             let (p, q) = if p.y <= q.y { (p, q) } else { (q, p) };
             if p.y <= centre && centre <= q.y {
-                // A level edge counts with both its ends.
+                // A horizontal edge contributes both ends.
                 let (x, other) = if q.y > p.y {
                     let x = p.x + (centre - p.y) / (q.y - p.y) * (q.x - p.x);
                     (x, x)

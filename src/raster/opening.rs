@@ -1,16 +1,16 @@
-//! Opening: erosion, then expansion back. What is smaller than a size vanishes, the rest keeps nearly its shape
+//! Opening: erosion, then expansion by as much. Regions smaller than a size vanish, others nearly keep their shape
 //! [SD95 sec 2.4].
 
 use super::erode::{erode_by, expand_by};
 use super::{BitImage, Edt, Morphology, Outside};
 
-/// The openings of one image for many sizes. Background lies outside the image: an object at the border is measured
-/// by the part of it that is seen.
+/// Openings of one image by many sizes. Background lies outside the image: an object at the border is measured by its
+/// visible part.
 ///
-/// With [`Morphology::Euclid`] the opening by size s (in pixels) is the union of all discs of radius s/2 around
-/// pixels of the object that fit into it, found by two distance transforms: the core {depth > s/2}, and what lies no
-/// further than s/2 from it (method A.4). The first does not depend on s and is kept. With the paper's modes it is ⌊s/2⌋ erosions and as many
-/// expansions, [SD95 sec 2.4].
+/// With [`Morphology::Euclid`] the opening by size s (pixels) is the union of all discs of radius s/2 inside the
+/// object, found by two distance transforms: the core {depth > s/2}, and the pixels no further than s/2 from the core.
+/// The first transform does not depend on s and is kept. With the paper's modes the opening is ⌊s/2⌋ erosions and as
+/// many expansions [SD95 sec 2.4].
 #[derive(Clone, Debug)]
 pub struct Opener {
     image: BitImage,
@@ -20,7 +20,7 @@ pub struct Opener {
 }
 
 impl Opener {
-    /// Prepares the openings of `image`.
+    /// Prepares openings of `image`.
     pub fn new(image: BitImage, mode: Morphology) -> Self {
         let mut edt = Edt::new();
         let depth = match mode {
@@ -30,26 +30,26 @@ impl Opener {
         Opener { image, mode, depth, edt }
     }
 
-    /// The image as given, unopened.
+    /// The original image.
     pub fn image(&self) -> &BitImage {
         &self.image
     }
 
-    /// The opening by `size` pixels. A size that is negative or not a number counts as zero, which changes nothing.
+    /// The opening by `size` pixels. Negative sizes and NaN count as zero, which leaves the image unchanged.
     pub fn open(&mut self, size: f64) -> BitImage {
         let size = size.max(0.0);
         match self.mode {
             Morphology::Euclid => self.open_by_disc(size / 2.0),
             Morphology::Paper8 | Morphology::Paper4 => {
-                // More steps than the image has pixels across change nothing more.
+                // More steps than the image has pixels across change nothing.
                 let steps = ((size / 2.0) as usize).min(self.image.width() + self.image.height());
                 expand_by(&self.core(size), steps, self.mode)
             }
         }
     }
 
-    /// The middles of all discs of `size` pixels that fit into the image's object, for [`Morphology::Euclid`]: what
-    /// [`Opener::open`] expands back. Other modes erode as often as they do for that.
+    /// Centres of all discs of `size` pixels inside the object, for [`Morphology::Euclid`]; [`Opener::open`] expands
+    /// them back. For the other modes: the image after ⌊size/2⌋ erosions.
     pub fn core(&self, size: f64) -> BitImage {
         let radius = size.max(0.0) / 2.0;
         let (width, height) = (self.image.width(), self.image.height());
@@ -65,14 +65,14 @@ impl Opener {
         }
     }
 
-    /// Size in pixels of the largest object: the opening by any smaller size leaves something of it.
+    /// Size in pixels of the largest object: the opening by any smaller size is not empty.
     pub fn largest(&mut self) -> f32 {
         self.edt.largest_size(&self.image, self.mode, Outside::Free)
     }
 
     fn open_by_disc(&mut self, radius: f64) -> BitImage {
         let (width, height) = (self.image.width(), self.image.height());
-        // The cast saturates: a radius beyond every image opens to nothing.
+        // The cast saturates: a radius larger than every image gives an empty opening.
         let squared = (radius * radius) as u32;
         let outside_core = self.core(2.0 * radius).complement();
         if outside_core.count() == width * height {
@@ -154,7 +154,7 @@ mod tests {
         }
     }
 
-    /// The Euclidean size does not depend on direction; the paper's counts differ by √2 (method A.4).
+    /// The Euclidean size does not depend on direction; the paper's counts differ by √2.
     #[test]
     fn a_turned_square_keeps_its_size() {
         let half = 20.0f64;

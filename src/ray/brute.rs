@@ -1,4 +1,4 @@
-//! Every segment against every triangle in f64: the oracle that the fast engines are tested against.
+//! Brute force: every segment against every triangle in f64, the reference for tests of the fast engines.
 
 use super::{Occluder, Packet};
 use glam::{DVec3, Vec3};
@@ -8,31 +8,31 @@ pub struct Brute {
     corners: Vec<[DVec3; 3]>,
 }
 
-/// What exact arithmetic would say, and where f32 arithmetic may differ.
+/// Result of exact arithmetic, with the cases in which f32 arithmetic may differ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// Nothing in between, by a clear distance.
+    /// No triangle blocks the segment, by more than the tolerance.
     Clear,
-    /// Blocked by the inside of a triangle.
+    /// The interior of a triangle blocks the segment, by more than the tolerance.
     Blocked,
-    /// Within the stated tolerance of an edge, of an end of the segment or of the triangle's plane, and not
-    /// clearly blocked by another triangle: f32 engines may answer either way.
+    /// Within the tolerance of an edge, of an end of the segment or of the triangle's plane, and not clearly blocked by
+    /// another triangle: f32 engines may give either result.
     Marginal,
 }
 
 impl Brute {
-    /// Takes the triangles of a scene.
+    /// Copies the triangles of a scene: positions in scene units, indices into them.
     pub fn new(positions: &[Vec3], triangles: &[[u32; 3]]) -> Brute {
         Brute { corners: triangles.iter().map(|t| t.map(|v| positions[v as usize].as_dvec3())).collect() }
     }
 
-    /// Tests the segment `origin + t direction`, `near <= t <= far`, with `tolerance` relative to the size of
-    /// what is compared: barycentric coordinates, segment parameter, and the sine of the angle to the plane.
+    /// Tests the segment `origin + t direction`, `near <= t <= far`. `tolerance` (dimensionless) is relative to the
+    /// compared quantity: barycentric coordinates, segment parameter, sine of the angle to the plane.
     pub fn verdict(&self, origin: Vec3, direction: Vec3, near: f32, far: f32, tolerance: f64) -> Verdict {
         let (o, d) = (origin.as_dvec3(), direction.as_dvec3());
         let mut result = Verdict::Clear;
         for [a, b, c] in &self.corners {
-            // Moeller & Trumbore 1997, without early exits so that margins can be judged.
+            // Möller and Trumbore 1997, without early exits so that margins can be computed.
             let (e1, e2) = (b - a, c - a);
             let p = d.cross(e2);
             let det = e1.dot(p);
@@ -40,7 +40,7 @@ impl Brute {
             let q = s.cross(e1);
             let grazing = det.abs() <= tolerance * e1.cross(e2).length() * d.length();
             if grazing {
-                // Nearly in the plane: only f32 noise decides, if the segment comes near the triangle at all.
+                // Nearly parallel to the plane: the result is undecided if the segment comes near the plane.
                 let normal = e1.cross(e2).normalize_or_zero();
                 let reach = d.length() + s.length();
                 let close = normal.dot(s).abs().min(normal.dot(s + d).abs()) <= tolerance * reach;
@@ -51,14 +51,15 @@ impl Brute {
             }
             let (u, v, t) = (s.dot(p) / det, d.dot(q) / det, e2.dot(q) / det);
             let inside = u.min(v).min(1.0 - u - v);
-            // Slivers and grazing rays amplify rounding: barycentric coordinates are edge products over the
-            // triangle's area as the segment sees it.
+            // Slivers and grazing segments amplify rounding: barycentric coordinates are edge products divided by the
+            // area of the triangle projected along the segment.
             let longest = e1.length().max(e2.length()).max((e2 - e1).length());
             let area = e1.cross(e2).length();
             let size = longest + s.length();
             let slack = tolerance * (1.0 + longest * size * d.length() / det.abs());
             let range = (t - f64::from(near)).min(f64::from(far) - t);
-            // Error of t: a few roundings of the coordinates over the segment's approach speed to the plane.
+            // Error of t: a few rounding errors of the coordinates, divided by the component of the direction along
+            // the normal.
             let reach = tolerance * (1.0 + size * area / det.abs());
             if inside > slack && range > reach {
                 return Verdict::Blocked;

@@ -1,4 +1,4 @@
-//! Segments in packets, the one rule for their ends, and the question whether something lies in between.
+//! Packets of segments, the rule for segment ends, and the interface of occlusion queries.
 
 mod brute;
 
@@ -6,25 +6,25 @@ pub use brute::{Brute, Verdict};
 
 use glam::Vec3;
 
-/// Segments a packet holds: one AVX-512 register of f32.
+/// Number of segments of a packet: one AVX-512 register of f32.
 pub const LANES: usize = 16;
 
-/// Up to 16 segments, one a lane. The point of lane `i` at parameter `t` is `origin + t * direction`, so that
-/// `t = 0` and `t = 1` are the ends; what blocks at `near <= t <= far` counts.
+/// Up to 16 segments, one per lane. The point of lane `i` at parameter `t` is `origin + t * direction`; the ends are
+/// `t = 0` and `t = 1`. Triangles at `near <= t <= far` block.
 ///
-/// Field order and layout are those of `mrvis_packet` in `ffi/embree/shim.h`.
+/// Field order and layout equal those of `mrvis_packet` in `ffi/embree/shim.h`.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub struct Packet {
-    /// Start points by axis, scene units.
+    /// Start points by axis and lane, scene units.
     pub origin: [[f32; LANES]; 3],
-    /// End minus start by axis, scene units.
+    /// End minus start by axis and lane, scene units.
     pub direction: [[f32; LANES]; 3],
-    /// Where the open segment begins.
+    /// Smallest parameter at which a triangle blocks.
     pub near: [f32; LANES],
-    /// Where the open segment ends.
+    /// Largest parameter at which a triangle blocks.
     pub far: [f32; LANES],
-    /// Bit `i`: lane `i` holds a segment. Unused lanes hold zeros.
+    /// Mask of used lanes: bit `i` is set if lane `i` holds a segment. Unused lanes hold zeros.
     pub active: u32,
 }
 
@@ -38,7 +38,7 @@ impl Packet {
         active: 0,
     };
 
-    /// Puts the segment from `a` to `b` into a lane.
+    /// Stores the segment from `a` to `b` in a lane.
     #[inline]
     pub fn set(&mut self, lane: usize, a: Vec3, b: Vec3, ends: EndRule) {
         let d = b - a;
@@ -52,7 +52,7 @@ impl Packet {
         self.active |= 1 << lane;
     }
 
-    /// Puts the ray from `origin` along the unit vector `direction`, without end, into a lane: parameters are lengths.
+    /// Stores the infinite ray from `origin` along the unit vector `direction` in a lane; parameters are lengths.
     #[inline]
     pub fn set_ray(&mut self, lane: usize, origin: Vec3, direction: Vec3) {
         for (axis, (o, d)) in origin.to_array().into_iter().zip(direction.to_array()).enumerate() {
@@ -72,27 +72,27 @@ impl Packet {
         o + t * d
     }
 
-    /// Number of segments.
+    /// Number of segments, 0 to 16.
     #[inline]
     pub fn len(&self) -> usize {
         self.active.count_ones() as usize
     }
 
-    /// Whether there is no segment.
+    /// Whether no lane is used.
     pub fn is_empty(&self) -> bool {
         self.active == 0
     }
 
-    /// Lanes that hold a segment, ascending.
+    /// Used lanes in ascending order.
     #[inline]
     pub fn lanes(&self) -> Lanes {
         Lanes(self.active)
     }
 }
 
-/// Orders points so that each run of [`LANES`] of them lies close together, and within it each run of four and of two: halves along
-/// the longer side of their box, again and again. Segments from one place to these, in this order, make packets that meet
-/// the same things.
+/// Sorts points so that each run of [`LANES`] points is compact, and within the run each group of four and of two, by
+/// repeated median splits along the longest side of the bounding box. Segments from one point to the points of a run
+/// then form coherent packets.
 pub fn gather_neighbours(points: &mut [Vec3]) {
     let run = if points.len() > LANES { LANES } else { 2 };
     let runs = points.len().div_ceil(run);
@@ -108,7 +108,7 @@ pub fn gather_neighbours(points: &mut [Vec3]) {
     gather_neighbours(far);
 }
 
-/// The set bits of a lane mask, ascending.
+/// Iterator over the set bits of a lane mask, ascending.
 #[derive(Clone, Copy, Debug)]
 pub struct Lanes(pub u32);
 
@@ -125,43 +125,44 @@ impl Iterator for Lanes {
     }
 }
 
-/// The one rule that keeps the end points' own surfaces out, shared by every engine (method D.21).
+/// The rule for segment ends, shared by all engines: keeps the surfaces at both ends from blocking (docs/method.md,
+/// Segment ends).
 ///
-/// A segment of length `L` is open by the margin `1e-4 + 4e-7 M / L` (in parameters) at both ends, at most 0.05,
-/// where `M` is the largest coordinate magnitude of the scene: the first term is the measured break-even of false
-/// self-hits and lost blockers, the second is a few roundings of the coordinates themselves.
+/// A segment of length `L` leaves out the margin `1e-4 + 4e-7 M / L` (in parameters), at most 0.05, at both ends. `M`
+/// is the largest coordinate magnitude of the scene; 4e-7 is a few rounding errors of f32. 1e-4 is where false
+/// self-hits and missed blockers balanced in an early measurement, for which no command is known.
 #[derive(Clone, Copy, Debug)]
 pub struct EndRule {
     magnitude: f32,
 }
 
 impl EndRule {
-    /// No segment is open by less than this at either end, and none by more than [`EndRule::MAX_MARGIN`]; parameters.
+    /// Smallest margin, as a parameter of the segment; see [`EndRule`].
     pub const MIN_MARGIN: f32 = 1e-4;
-    /// See [`EndRule::MIN_MARGIN`].
+    /// Largest margin, as a parameter of the segment. Chosen: short segments keep 90 % of their length.
     pub const MAX_MARGIN: f32 = 0.05;
 
-    /// The rule for a scene whose coordinates do not exceed `magnitude`.
+    /// The rule for a scene whose coordinates do not exceed `magnitude`, scene units.
     pub fn new(magnitude: f32) -> EndRule {
         EndRule { magnitude }
     }
 
-    /// A few roundings of the scene's coordinates, scene units.
+    /// Bound on rounding errors of the scene's coordinates: 4e-7 times their magnitude, scene units.
     pub fn slack(self) -> f32 {
         4e-7 * self.magnitude
     }
 
-    /// Margin at either end of a segment of this length, a parameter in `(0, 0.05]`.
+    /// Margin at either end of a segment of this length (scene units), a parameter in `(0, 0.05]`.
     #[inline]
     pub fn margin(self, length: f32) -> f32 {
-        // `min` also mends the NaN of a segment without length.
+        // `min` also replaces the NaN of a segment of length 0.
         (Self::MIN_MARGIN + self.slack() / length).min(Self::MAX_MARGIN)
     }
 }
 
-/// Something that can block segments.
+/// An engine that answers occlusion queries.
 pub trait Occluder: Sync {
-    /// For each packet the lanes that are blocked. Inactive lanes are reported clear.
+    /// Sets `blocked[k]` to the mask of blocked lanes of `packets[k]`. Unused lanes are reported as not blocked.
     ///
     /// # Panics
     /// If the slices differ in length.

@@ -1,10 +1,10 @@
-//! Two 256-bit registers a vector.
+//! [`Simd`] with two 256-bit registers per vector.
 #![allow(unsafe_code)]
 
 use super::{Kernel, LANES, Simd};
 use std::arch::x86_64::*;
 
-/// Proof that AVX2 and FMA are there: made only by [`run`].
+/// Token that proves the presence of AVX2 and FMA; only [`run`] makes one.
 #[derive(Clone, Copy)]
 pub(super) struct Avx2(());
 
@@ -13,7 +13,7 @@ pub(super) fn run<K: Kernel>(kernel: K) -> K::Output {
     fn inner<K: Kernel>(kernel: K) -> K::Output {
         kernel.run(Avx2(()))
     }
-    // A detection is one load and a test: cheap beside any kernel.
+    // Feature detection is one load and a test, cheap compared with any kernel.
     assert!(is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma"));
     // SAFETY: the features were just detected.
     unsafe { inner(kernel) }
@@ -43,7 +43,7 @@ impl Simd for Avx2 {
     fn prefetch<T>(self, value: &T) {
         let start: *const i8 = std::ptr::from_ref(value).cast();
         for line in 0..size_of::<T>().div_ceil(64) {
-            // Prefetching has no effect on memory that is not there; these lines are the value's own.
+            // A prefetch never faults; these lines belong to the value.
             op!(_mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(64 * line)));
         }
     }

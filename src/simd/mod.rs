@@ -1,9 +1,10 @@
-//! Sixteen lanes of f32 on whatever the machine has: AVX-512, AVX2 or plain code, chosen at run time.
+//! Vectors of sixteen f32 lanes with AVX-512, AVX2 or portable code, selected at run time.
 //!
-//! Kernels are written once against [`Simd`] and compiled three times by [`dispatch`]. Multiplications and additions
-//! are fused exactly where a kernel says so, so results are the same bit for bit on every instruction set. (Plain code
-//! on a processor without fused operations pays a function call for each.)
-//! The only room besides the Embree binding (and the C ABI) with `unsafe`.
+//! Kernels are written once against [`Simd`]; [`dispatch`] compiles them for each instruction set. Multiplications and
+//! additions are fused only where a kernel says so, so results are bit-identical on every instruction set. (Portable
+//! code on a processor without fused operations makes a function call for each.)
+//!
+//! Besides the Embree binding this is the only room with `unsafe`.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -14,7 +15,7 @@ mod portable;
 mod tests;
 pub mod vector;
 
-/// Lanes of a vector.
+/// Number of lanes of a vector.
 pub const LANES: usize = 16;
 
 /// Operations on sixteen lanes. `F` holds f32, `M` a condition per lane.
@@ -25,12 +26,12 @@ pub trait Simd: Copy {
     type F: Copy;
     type M: Copy;
 
-    /// Asks for the cache lines of a value that will be read soon.
+    /// Prefetches the cache lines of a value.
     fn prefetch<T>(self, value: &T);
     fn splat(self, v: f32) -> Self::F;
     fn load(self, v: &[f32; LANES]) -> Self::F;
     fn store(self, v: Self::F, to: &mut [f32; LANES]);
-    /// Upper halves of f32 (bfloat16).
+    /// Widens bfloat16 values, the upper halves of f32, to f32.
     fn load_half(self, v: &[u16; LANES]) -> Self::F;
     fn add(self, a: Self::F, b: Self::F) -> Self::F;
     fn sub(self, a: Self::F, b: Self::F) -> Self::F;
@@ -47,7 +48,7 @@ pub trait Simd: Copy {
     fn or(self, a: Self::M, b: Self::M) -> Self::M;
     /// `a` and not `b`.
     fn and_not(self, a: Self::M, b: Self::M) -> Self::M;
-    /// Bit `i` is lane `i`.
+    /// The condition as a bit mask: bit `i` is lane `i`.
     fn bits(self, m: Self::M) -> u32;
     fn mask(self, bits: u32) -> Self::M;
     /// `a` where the condition holds, `b` elsewhere.
@@ -56,19 +57,20 @@ pub trait Simd: Copy {
     fn least(self, v: Self::F) -> f32;
     /// Largest lane.
     fn greatest(self, v: Self::F) -> f32;
-    /// Sum of the lanes, halves folded onto each other so that every instruction set rounds alike.
+    /// Sum of the lanes, by folding halves onto each other: every instruction set rounds alike.
     fn sum(self, v: Self::F) -> f32;
-    /// Sum of each two neighbouring lanes, in both of them.
+    /// Sum of each pair of adjacent lanes, in both lanes.
     fn sum_twos(self, v: Self::F) -> Self::F;
-    /// Sum of each four neighbouring lanes, (0 + 1) + (2 + 3), in all of them.
+    /// Sum of each group of four adjacent lanes, (0 + 1) + (2 + 3), in all four lanes.
     fn sum_fours(self, v: Self::F) -> Self::F;
     /// Square root.
     fn root(self, v: Self::F) -> Self::F;
-    /// Zero where the condition is false.
+    /// `v` where the condition holds, 0 elsewhere.
     fn keep(self, m: Self::M, v: Self::F) -> Self::F;
 }
 
-/// exp(-x) for x >= 0 to 1e-5, as (1 + y + y²/2 + y³/6 + y⁴/24)^-64 with y = x/64; the same on every machine.
+/// exp(-x) for x >= 0 with an error below 1e-5: (1 + y + y²/2 + y³/6 + y⁴/24)^-64 with y = x/64. Bit-identical on every
+/// instruction set. x above 80 counts as 80.
 #[inline(always)]
 pub fn decay<S: Simd>(simd: S, x: S::F) -> S::F {
     let one = simd.splat(1.0);
@@ -84,27 +86,27 @@ pub fn decay<S: Simd>(simd: S, x: S::F) -> S::F {
     simd.div(one, p)
 }
 
-/// A computation that is compiled for each instruction set.
+/// A computation that [`dispatch`] compiles for each instruction set.
 pub trait Kernel {
-    /// What it returns.
+    /// Result of the computation.
     type Output;
-    /// Does it. Implementations are `#[inline(always)]`.
+    /// Runs the computation. Implementations are `#[inline(always)]`.
     fn run<S: Simd>(self, simd: S) -> Self::Output;
 }
 
-/// An instruction set.
+/// Instruction set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Isa {
-    /// 512-bit registers.
+    /// 512-bit registers: AVX-512 F and BW.
     Avx512,
-    /// 256-bit registers in pairs.
+    /// Pairs of 256-bit registers: AVX2 and FMA.
     Avx2,
-    /// What every machine has.
+    /// Portable code.
     Portable,
 }
 
 impl Isa {
-    /// The best that this machine has.
+    /// The widest instruction set of this machine.
     pub fn detect() -> Isa {
         #[cfg(target_arch = "x86_64")]
         {
@@ -118,13 +120,13 @@ impl Isa {
         Isa::Portable
     }
 
-    /// Whether this machine can run it.
+    /// Whether this machine supports the instruction set.
     pub fn available(self) -> bool {
         let best = Isa::detect();
         self == Isa::Portable || self == best || (self == Isa::Avx2 && best == Isa::Avx512)
     }
 
-    /// The name in reports.
+    /// Name in reports: `avx512`, `avx2` or `portable`.
     pub fn name(self) -> &'static str {
         match self {
             Isa::Avx512 => "avx512",
@@ -134,7 +136,10 @@ impl Isa {
     }
 }
 
-/// Runs a kernel compiled for `isa`, or portably if this machine lacks it.
+/// Runs a kernel compiled for `isa`. On processors other than x86-64 portable code runs.
+///
+/// # Panics
+/// If this machine does not support `isa`; see [`Isa::available`].
 #[inline]
 pub fn dispatch<K: Kernel>(isa: Isa, kernel: K) -> K::Output {
     #[cfg(target_arch = "x86_64")]

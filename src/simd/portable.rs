@@ -1,4 +1,4 @@
-//! Plain arrays; compilers turn the loops into whatever the target has.
+//! [`Simd`] with arrays; the compiler vectorises the loops for the target.
 
 use super::{LANES, Simd};
 

@@ -1,4 +1,4 @@
-//! Every instruction set against plain code, bit for bit; `decay` against the exponential.
+//! All instruction sets against portable code, bit by bit; `decay` against the exponential.
 
 use super::*;
 use rand_pcg::Pcg64Mcg;
@@ -10,7 +10,7 @@ fn available() -> impl Iterator<Item = Isa> {
     ALL.into_iter().filter(|isa| isa.available())
 }
 
-/// Every operation on one set of operands; results as named words.
+/// Applies every operation to one set of operands; returns the results as bit patterns with names.
 struct EveryOperation {
     a: [f32; LANES],
     b: [f32; LANES],
@@ -60,7 +60,7 @@ impl Kernel for EveryOperation {
     }
 }
 
-/// Smallest and largest lane: defined for numbers only.
+/// Smallest and largest lane; operands must not be NaN.
 struct Extremes([f32; LANES]);
 
 impl Kernel for Extremes {
@@ -73,7 +73,7 @@ impl Kernel for Extremes {
     }
 }
 
-/// Equal words, or both not a number: which NaN an operation makes is nobody's business.
+/// Equal bit patterns, or both NaN: the payload of a NaN is unspecified.
 fn same(a: u32, b: u32) -> bool {
     a == b || (f32::from_bits(a).is_nan() && f32::from_bits(b).is_nan())
 }
@@ -97,7 +97,7 @@ const SPECIAL: [f32; 16] = [
     f32::EPSILON,
 ];
 
-/// A special value, any bit pattern, or a number of everyday size.
+/// A special value, an arbitrary bit pattern, or a number in [-10, 10].
 fn value(random: &mut Pcg64Mcg) -> f32 {
     let word = random.next_u32();
     match word % 4 {
@@ -136,7 +136,7 @@ fn every_instruction_set_computes_the_same_bits() {
     }
 }
 
-/// Portable itself says what the names promise, on operands where anybody can check it.
+/// All instruction sets against scalar arithmetic on small operands.
 #[test]
 fn operations_do_what_they_are_called() {
     let a = std::array::from_fn(|i| i as f32 - 4.0);
@@ -212,7 +212,7 @@ fn decay_is_the_exponential_to_a_hundred_thousandth() {
         for (x, y) in xs.into_iter().zip(found) {
             let truth = (-f64::from(x)).exp();
             assert!((f64::from(y) - truth).abs() < 1e-5, "decay({x}) = {y}, not {truth}");
-            // Never more than 1, and never 0: a product of transmittances is not a triangle.
+            // At most 1 and never 0: transmittance 0 is reserved for triangles.
             assert!(y > 0.0 && y <= 1.0 && y <= last * (1.0 + 1e-4), "decay({x}) = {y} after {last}");
             last = y;
         }
@@ -228,7 +228,7 @@ fn decay_is_the_exponential_to_a_hundred_thousandth() {
 fn detection_is_consistent() {
     assert!(Isa::detect().available() && Isa::Portable.available());
     for isa in ALL {
-        // Whatever the machine lacks must not run; whatever it has must.
+        // Kernels run on every instruction set that is reported as available.
         if isa.available() {
             assert_eq!(dispatch(isa, Decay([0.0; LANES])), [1.0; LANES]);
         }

@@ -1,12 +1,13 @@
-//! Points and directions, one a lane.
+//! Vectors of three components, one vector per lane.
 //!
-//! Kernels spell vectors out and do without closures and `array::map`: what the compiler does not inline into the
-//! function with the target features loses its registers (measured: a factor of three).
+//! These functions avoid closures and `array::map`: code that the compiler does not inline into the function with the
+//! target features is not vectorised (measured once: slower by a factor of three; no benchmark repeats the
+//! measurement).
 
 use super::{LANES, Simd};
 use glam::Vec3;
 
-/// x, y and z of sixteen vectors.
+/// x, y and z components of sixteen vectors.
 pub type Vector<S> = [<S as Simd>::F; 3];
 
 /// The same vector in every lane.
@@ -15,7 +16,7 @@ pub fn splat<S: Simd>(simd: S, v: Vec3) -> Vector<S> {
     [simd.splat(v.x), simd.splat(v.y), simd.splat(v.z)]
 }
 
-/// Sixteen vectors by axis.
+/// Loads sixteen vectors, stored by axis.
 #[inline(always)]
 pub fn load<S: Simd>(simd: S, v: &[[f32; LANES]; 3]) -> Vector<S> {
     [simd.load(&v[0]), simd.load(&v[1]), simd.load(&v[2])]
@@ -29,19 +30,19 @@ pub fn store<S: Simd>(simd: S, v: &Vector<S>, to: &mut [[f32; LANES]; 3]) {
     }
 }
 
-/// a - b.
+/// `a - b`.
 #[inline(always)]
 pub fn sub<S: Simd>(simd: S, a: &Vector<S>, b: &Vector<S>) -> Vector<S> {
     [simd.sub(a[0], b[0]), simd.sub(a[1], b[1]), simd.sub(a[2], b[2])]
 }
 
-/// a · b, summed from x to z with fused operations.
+/// Scalar product a · b, summed from x to z with fused operations.
 #[inline(always)]
 pub fn dot<S: Simd>(simd: S, a: &Vector<S>, b: &Vector<S>) -> S::F {
     simd.fma(a[2], b[2], simd.fma(a[1], b[1], simd.mul(a[0], b[0])))
 }
 
-/// a × b.
+/// Vector product a × b.
 #[inline(always)]
 pub fn cross<S: Simd>(simd: S, a: &Vector<S>, b: &Vector<S>) -> Vector<S> {
     let part = |i: usize, j: usize| simd.sub(simd.mul(a[i], b[j]), simd.mul(a[j], b[i]));
@@ -54,13 +55,13 @@ pub fn sum_abs<S: Simd>(simd: S, v: &Vector<S>) -> S::F {
     simd.add(simd.add(simd.abs(v[0]), simd.abs(v[1])), simd.abs(v[2]))
 }
 
-/// a + f b.
+/// `a + f b`, fused.
 #[inline(always)]
 pub fn add_scaled<S: Simd>(simd: S, a: &Vector<S>, f: S::F, b: &Vector<S>) -> Vector<S> {
     [simd.fma(f, b[0], a[0]), simd.fma(f, b[1], a[1]), simd.fma(f, b[2], a[2])]
 }
 
-/// f a.
+/// `f a`.
 #[inline(always)]
 pub fn scaled<S: Simd>(simd: S, f: S::F, a: &Vector<S>) -> Vector<S> {
     [simd.mul(f, a[0]), simd.mul(f, a[1]), simd.mul(f, a[2])]

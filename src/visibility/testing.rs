@@ -1,14 +1,15 @@
-//! What tests of the engines stand on.
+//! Scenes prepared for tests of the engines.
 
-use super::{Leaf, MultiResolution};
+use super::{Leaf, MultiResolution, WideTree};
 use crate::clusters::{self, Hierarchy};
 use crate::embree::{CommittedScene, Device, SceneBuilder, Traversal};
 use crate::optics::{self, ClusterOptics};
 use crate::scene::Scene;
+use std::sync::Arc;
 
 pub const SINGLE: Traversal = Traversal { width: 1, coherent: false };
 
-/// A scene with all that the engines need.
+/// A scene with cluster hierarchy, optics and Embree scene.
 pub struct Stage {
     pub scene: Scene,
     pub hierarchy: Hierarchy,
@@ -28,13 +29,14 @@ impl Stage {
         Stage { scene, hierarchy, optics, traced }
     }
 
-    /// Clusters that are averaged whatever is in them: nothing counts as large.
+    /// A scene in which all surfaces belong to clusters: nothing counts as large.
     pub fn apart(scene: Scene, how: &optics::Options) -> Stage {
         let apart = clusters::Options { large_surface: f32::INFINITY, ..Default::default() };
         Stage::with(scene, &apart, how)
     }
 
     pub fn engine(&self, leaf: Leaf) -> MultiResolution {
-        MultiResolution::new(&self.scene, &self.hierarchy, &self.optics, self.traced.clone(), SINGLE, leaf)
+        let tree = WideTree::build(&self.scene, &self.hierarchy, &self.optics);
+        MultiResolution::new(Arc::new(tree), self.traced.clone(), SINGLE, leaf)
     }
 }

@@ -1,14 +1,14 @@
-//! The clusters as the traversal wants them: sixteen children side by side, triangles in blocks of sixteen.
+//! The cluster trees in traversal layout: nodes of sixteen children, blocks of sixteen triangles.
 
 use crate::clusters::{Hierarchy, Tree};
 use crate::optics::{AXIS_COUNT, AxisMix, ClusterOptics};
 use crate::scene::Scene;
 use crate::simd::{LANES, Simd};
 
-/// A child is a leaf block if this bit is set in its reference.
+/// Bit of a child reference that marks a leaf block.
 pub(super) const LEAF: u32 = 1 << 31;
 
-/// Up to sixteen children. Unused lanes hold a box at the end of the number range that nothing reaches.
+/// Up to sixteen children. Unused lanes hold a box at the largest finite coordinates, which no shaft touches.
 #[repr(C, align(64))]
 pub(super) struct Node {
     pub min: [[f32; LANES]; 3],
@@ -16,23 +16,23 @@ pub(super) struct Node {
     /// [`ClusterOptics::slope`].
     pub slope: [[f32; LANES]; 3],
     pub child: [u32; LANES],
-    /// Smallest feature size of its children along any axis: below it nothing can be aggregated here.
+    /// Smallest feature size of the children along any axis: with smaller thresholds nothing can be aggregated.
     pub smallest: f32,
-    /// Children that are leaves and may be answered by extinction.
+    /// Mask of children that are leaves and may transmit according to their extinction.
     pub soft_leaves: u32,
 }
 
-/// Feature size and extinction of the children of a node along one axis, as upper halves of f32.
+/// Feature sizes and extinctions of the children of a node along one axis, as bfloat16.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
 pub(super) struct AxisOptics {
-    /// Rounded up: a size must never look smaller than it is.
+    /// Rounded up: a feature size must not be underestimated.
     pub size: [u16; LANES],
     /// Rounded to nearest.
     pub extinction: [u16; LANES],
 }
 
-/// Up to sixteen triangles as a corner and two edges. Unused lanes are degenerate and never hit.
+/// Up to sixteen triangles as a corner and two edges. Unused lanes are degenerate and never block.
 #[repr(C, align(64))]
 pub(super) struct Block {
     pub corner: [[f32; LANES]; 3],
@@ -41,11 +41,13 @@ pub(super) struct Block {
     pub used: u32,
 }
 
-/// Both trees of a hierarchy under one top node.
-pub(super) struct WideTree {
-    pub nodes: Vec<Node>,
-    pub optics: Vec<[AxisOptics; AXIS_COUNT]>,
-    pub blocks: Vec<Block>,
+/// Both trees of a hierarchy under one top node, sixteen children side by side: what the multi-resolution engine walks.
+pub struct WideTree {
+    /// Largest coordinate magnitude of the scene, scene units: the scale of rounding errors.
+    pub(super) magnitude: f32,
+    pub(super) nodes: Vec<Node>,
+    pub(super) optics: Vec<[AxisOptics; AXIS_COUNT]>,
+    pub(super) blocks: Vec<Block>,
 }
 
 const fn half_up(v: f32) -> u16 {
@@ -57,7 +59,7 @@ fn half_nearest(v: f32) -> u16 {
 }
 
 impl Node {
-    /// No child.
+    /// A node without children.
     pub const EMPTY: Node = Node {
         min: [[f32::MAX; LANES]; 3],
         max: [[f32::MAX; LANES]; 3],
@@ -69,12 +71,12 @@ impl Node {
 }
 
 impl Block {
-    /// No triangle.
+    /// A block without triangles.
     pub const EMPTY: Block =
         Block { corner: [[0.0; LANES]; 3], edge1: [[0.0; LANES]; 3], edge2: [[0.0; LANES]; 3], used: 0 };
 }
 
-/// ClusterOptics of nothing: the largest size, not infinity, because weights of zero must not make NaN of it.
+/// Optics of unused lanes: a huge size instead of infinity, because a weight of zero times infinity is NaN.
 pub(super) const NO_OPTICS: [AxisOptics; AXIS_COUNT] =
     [AxisOptics { size: [half_up(1e30); LANES], extinction: [0; LANES] }; AXIS_COUNT];
 
@@ -88,7 +90,7 @@ pub(super) fn smallest<S: Simd>(simd: S, optics: &[AxisOptics; AXIS_COUNT]) -> S
     least
 }
 
-/// Feature sizes and extinctions of a node's children along a direction.
+/// Feature sizes and extinctions of a node's children, interpolated for a direction.
 #[inline(always)]
 pub(super) fn mixed<S: Simd>(simd: S, optics: &[AxisOptics; AXIS_COUNT], mix: &AxisMix) -> (S::F, S::F) {
     let (mut sizes, mut extinctions) = (simd.splat(0.0), simd.splat(0.0));
@@ -101,8 +103,11 @@ pub(super) fn mixed<S: Simd>(simd: S, optics: &[AxisOptics; AXIS_COUNT], mix: &A
 }
 
 impl WideTree {
+    /// Lays out the clusters of a scene; `optics` has one entry a cluster of `hierarchy.micro`.
     pub fn build(scene: &Scene, hierarchy: &Hierarchy, optics: &[ClusterOptics]) -> WideTree {
-        let mut wide = WideTree { nodes: vec![Node::EMPTY], optics: vec![NO_OPTICS], blocks: Vec::new() };
+        let magnitude = super::reference::magnitude(scene);
+        let mut wide =
+            WideTree { magnitude, nodes: vec![Node::EMPTY], optics: vec![NO_OPTICS], blocks: Vec::new() };
         let trees = [(&hierarchy.micro, Some(optics)), (&hierarchy.large, None)];
         for (lane, (tree, optics)) in trees.into_iter().filter(|(t, _)| !t.clusters.is_empty()).enumerate() {
             let references = wide.append(scene, tree, optics);
@@ -111,7 +116,7 @@ impl WideTree {
         wide
     }
 
-    /// Adds the nodes and blocks of a tree; gives the reference of each cluster.
+    /// Appends the nodes and blocks of a tree; returns the reference of each cluster.
     fn append(&mut self, scene: &Scene, tree: &Tree, optics: Option<&[ClusterOptics]>) -> Vec<u32> {
         let (mut node, mut block) = (self.nodes.len() as u32, self.blocks.len() as u32);
         let references: Vec<u32> = tree
@@ -138,7 +143,7 @@ impl WideTree {
         references
     }
 
-    /// Puts a cluster into a lane of a node; without optics it is never aggregated.
+    /// Stores a cluster in a lane of a node; clusters without optics are never aggregated.
     fn place(
         &mut self,
         node: usize,
@@ -171,7 +176,7 @@ impl WideTree {
         }
     }
 
-    /// Bytes of all arrays.
+    /// Size of all arrays in bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(self.nodes.as_slice())
             + size_of_val(self.optics.as_slice())

@@ -1,8 +1,8 @@
-//! Form factors without obstruction: closed forms, in f64.
+//! Unoccluded form factors in closed form, in f64.
 //!
-//! `F(p→q)` is the part of what `p` sends out that reaches `q`, unitless; reciprocity: `A_p F(p→q) = A_q F(q→p)`. The
-//! factor of a point is that of a differential area about it, which is also the irradiance at the point for unit
-//! radiosity of the polygon. Knows neither scenes nor rays: what stands in between is a question for others.
+//! `F(p→q)` is the fraction of the flux leaving `p` that arrives at `q`, unitless; reciprocity: `A_p F(p→q) = A_q
+//! F(q→p)`. The form factor of a point is that of a differential area around the point; its value equals the
+//! irradiance at the point for unit radiosity of the polygon. Occlusion is not considered here.
 
 mod discs;
 mod pair;

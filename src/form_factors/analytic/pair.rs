@@ -1,14 +1,15 @@
-//! Two polygons: the double contour integral, its inner half in closed form.
+//! Two polygons: the double contour integral with its inner integral in closed form.
 
 use glam::DVec3;
 
 /// `F(first → second)` between the front sides of two planar convex polygons, corners counterclockwise, in `[0, 1]`.
 ///
-/// Each is first clipped to what lies in front of the other's plane; what is left sees all of the other. There
-/// `A1 F12 = 1/2π ∮∮ ln r dr1·dr2` holds (Sparrow 1963, by Stokes' theorem twice). Along an edge of the second polygon the
-/// integral of `ln r` is elementary (see `along`); along the edges of the first it is summed by Gauss-Legendre quadrature
-/// between the feet of the other edge's ends, where alone it is not smooth, with nodes drawn to both ends of each piece
-/// so that the `x ln x` of edges that touch costs no digits. Relative error below 1e-9 for pairs that touch.
+/// Each polygon is clipped to the part in front of the other's plane; the remaining parts see each other entirely. For
+/// them `A1 F12 = 1/2π ∮∮ ln r dr1·dr2` (Sparrow 1963, Stokes' theorem twice). Along an edge of the second polygon the
+/// integral of `ln r` is elementary (`along`). Along the edges of the first polygon Gauss-Legendre quadrature is
+/// applied between the feet of the other edge's ends, the only points where the integrand is not smooth; nodes are
+/// concentrated at both ends of each piece to resolve the `x ln x` of touching edges. Relative error below 1e-9 for
+/// touching pairs.
 pub fn polygon_to_polygon(first: &[DVec3], second: &[DVec3]) -> f64 {
     let (Some(p), Some(q)) = (Plane::of(first), Plane::of(second)) else { return 0.0 };
     let (a, b) = (clip(first, q.point, q.normal), clip(second, p.point, p.normal));
@@ -29,11 +30,11 @@ pub fn polygon_to_polygon(first: &[DVec3], second: &[DVec3]) -> f64 {
             }
         }
     }
-    // The contours turn against each other.
+    // The two contours have opposite orientations.
     (sum / (std::f64::consts::TAU * p.area)).clamp(0.0, 1.0)
 }
 
-/// The integral of `ln r` over two edges, each given by its start, unit direction and length.
+/// Integral of `ln r` over two edges, each given by start, unit direction and length; length².
 fn between(a: DVec3, u: DVec3, la: f64, b: DVec3, v: DVec3, lb: f64) -> f64 {
     let foot = |p: DVec3| ((p - a).dot(u) / la).clamp(0.0, 1.0);
     let (f, g) = (foot(b), foot(b + v * lb));
@@ -46,7 +47,7 @@ fn between(a: DVec3, u: DVec3, la: f64, b: DVec3, v: DVec3, lb: f64) -> f64 {
         }
         for (x, w) in NODES {
             for x in [0.5 - 0.5 * x, 0.5 + 0.5 * x] {
-                // t = x³(10 − 15x + 6x²) has no slope at either end.
+                // Substitution t = x³(10 − 15x + 6x²): its derivative vanishes at both ends.
                 let t = x * x * x * (10.0 - 15.0 * x + 6.0 * x * x);
                 let slope = 30.0 * (x * (1.0 - x)).powi(2);
                 let point = a + u * (la * (piece[0] + width * t));
@@ -57,8 +58,8 @@ fn between(a: DVec3, u: DVec3, la: f64, b: DVec3, v: DVec3, lb: f64) -> f64 {
     sum * la
 }
 
-/// `∫ ln r ds` from `point` along the edge that starts at `b`: with the foot's distance `h` and the ends at `s0` and `s1`
-/// from it, `[s ln r − s + h atan(s/h)]`.
+/// `∫ ln r ds` from `point` along the edge that starts at `b`: `[s ln r − s + h atan(s/h)]` between the ends, with `h`
+/// the distance of the edge's line and `s` measured from the foot of the perpendicular.
 fn along(point: DVec3, b: DVec3, v: DVec3, length: f64) -> f64 {
     let to = b - point;
     let start = to.dot(v);
@@ -94,7 +95,7 @@ struct Plane {
 }
 
 impl Plane {
-    /// Nothing for polygons without an area.
+    /// The polygon's plane and area; `None` for polygons without an area.
     fn of(polygon: &[DVec3]) -> Option<Plane> {
         let &point = polygon.first()?;
         let twice: DVec3 = edges(polygon).map(|(a, b)| (a - point).cross(b - point)).sum();
@@ -108,8 +109,8 @@ fn edges(polygon: &[DVec3]) -> impl Iterator<Item = (DVec3, DVec3)> {
     polygon.iter().copied().zip(next.copied())
 }
 
-/// The part of a convex polygon in front of the plane through `point` with the normal `normal` (Sutherland and Hodgman
-/// 1974). Corners within `1e-12` of the polygon's size count as in the plane and do not cut it.
+/// The part of a convex polygon in front of the plane through `point` with normal `normal` (Sutherland and Hodgman
+/// 1974). Corners within `1e-12` of the polygon's size from the plane count as in the plane.
 pub fn clip(polygon: &[DVec3], point: DVec3, normal: DVec3) -> Vec<DVec3> {
     let size = polygon.iter().map(|&p| (p - point).length()).fold(0.0, f64::max);
     let height = |p: DVec3| {
@@ -126,7 +127,7 @@ pub fn clip(polygon: &[DVec3], point: DVec3, normal: DVec3) -> Vec<DVec3> {
             out.push(a + (b - a) * (ha / (ha - hb)));
         }
     }
-    // A polygon that only touches the plane from behind has nothing in front.
+    // A polygon that only touches the plane from behind has no part in front.
     if !polygon.iter().any(|&p| height(p) > 0.0) || out.len() < 3 {
         out.clear();
     }

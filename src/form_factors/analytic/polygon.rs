@@ -1,21 +1,21 @@
-//! A differential area and a polygon: Lambert's formula.
+//! Form factor from a differential area to a polygon: Lambert's formula.
 
 use glam::DVec3;
 
-/// `F(point → polygon)`: the share of what a differential area at `point` with the unit normal `normal` sends out that
+/// `F(point → polygon)`: the fraction of the flux leaving a differential area at `point` with unit normal `normal` that
 /// arrives at a planar polygon, in `[-1, 1]`.
 ///
-/// Positive if the point is on the polygon's front side (corners counterclockwise), negative if it is behind; the
-/// caller takes the absolute value for surfaces with two sides. Only the part above the point's horizon counts. A point
-/// in the polygon's plane gets 0; so does a polygon of fewer than three corners. Concave polygons are allowed.
+/// Positive if the point is on the polygon's front side (corners counterclockwise), negative if behind; for two-sided
+/// surfaces take the absolute value. Only the part above the point's horizon counts. The result is 0 for a point in the
+/// polygon's plane and for fewer than three corners. Concave polygons are allowed.
 ///
-/// Lambert (*Photometria*, 1760): by Stokes' theorem the integral of `cos θ cos θ' / (π r²)` over the polygon is a sum over
-/// its edges, `1/2π Σ γ_i · n·(a_i × b_i)/|a_i × b_i|`, with `γ_i` the angle under which the edge is seen from the point.
-/// The sum holds above the horizon only, so the polygon is clipped there first (Sutherland and Hodgman 1974); the pieces
-/// of the horizon that close it are edges like the others.
+/// Lambert (*Photometria*, 1760): by Stokes' theorem the integral of `cos θ cos θ' / (π r²)` over the polygon is
+/// `1/2π Σ γ_i · n·(a_i × b_i)/|a_i × b_i|` over its edges, `γ_i` the angle that edge i subtends at the point. The sum
+/// requires a polygon above the horizon, so the polygon is clipped first (Sutherland and Hodgman 1974); edges along the
+/// horizon close the clipped polygon.
 pub fn point_to_polygon(point: DVec3, normal: DVec3, polygon: &[DVec3]) -> f64 {
     let Some(&last) = polygon.last() else { return 0.0 };
-    // A point in the plane sees no solid angle, but rounding would give the angles some sign.
+    // For a point in the plane rounding would give the angles an arbitrary sign.
     let plane = polygon[0] - point;
     let mut area = DVec3::ZERO;
     let mut sum = 0.0;
@@ -55,15 +55,15 @@ pub fn point_to_polygon(point: DVec3, normal: DVec3, polygon: &[DVec3]) -> f64 {
     if height.abs() <= 1e-14 * area.length() * size.sqrt() {
         return 0.0;
     }
-    // Seen from its front, a counterclockwise polygon turns the other way about the viewer's normal.
+    // Seen from its front, a counterclockwise polygon has the opposite orientation about the receiver's normal.
     (-sum / std::f64::consts::TAU).clamp(-1.0, 1.0)
 }
 
-/// The angle of one edge about the viewer, times the cosine of its plane's normal with `normal`.
+/// Angle that an edge subtends at the origin, times the cosine between its plane's normal and `normal`.
 #[inline]
 fn edge(normal: DVec3, a: DVec3, b: DVec3) -> f64 {
     let cross = a.cross(b);
     let length = cross.length();
-    // An edge that points at the viewer is seen under no angle.
+    // An edge that points at the origin subtends no angle.
     if length == 0.0 { 0.0 } else { length.atan2(a.dot(b)) * cross.dot(normal) / length }
 }

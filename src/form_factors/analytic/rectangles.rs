@@ -1,17 +1,16 @@
 //! Two rectangles with parallel sides, in parallel or perpendicular planes.
 //!
-//! Both come from the same contour integral (Stokes twice; Sparrow 1963): `A1 F12 = 1/2π ∮∮ ln r dr1·dr2`. Between sides
-//! parallel to an axis it is elementary, and what remains is an antiderivative `G` in four coordinates, of which the
-//! sixteen corner values are added with alternating signs (Howell, *A Catalog of Radiation Heat Transfer Configuration
-//! Factors*, C-13 and C-16).
+//! Both follow from the contour integral `A1 F12 = 1/2π ∮∮ ln r dr1·dr2` (Sparrow 1963). Along sides parallel to an
+//! axis the integral is elementary: an antiderivative in four coordinates, summed with alternating signs over the
+//! sixteen combinations of ends (Howell, *A Catalog of Radiation Heat Transfer Configuration Factors*, C-13 and C-16).
 
 use std::f64::consts::PI;
 
-/// An interval of coordinates, `[from, to]` with `from < to`.
+/// An interval of coordinates, `[from, to]` with `from < to`; scene units.
 pub type Span = [f64; 2];
 
-/// Two rectangles that face each other in parallel planes at the distance `gap > 0`: `first` is the pair of intervals of
-/// the first along x and y, `second` that of the second. Gives `F(first → second)`.
+/// `F(first → second)` of two rectangles that face each other in parallel planes at distance `gap > 0`. Each is given
+/// by its intervals along x and y. Unitless.
 pub fn parallel_rectangles(first: [Span; 2], second: [Span; 2], gap: f64) -> f64 {
     let term = |u: f64, v: f64| {
         let r = (v * v + gap * gap).sqrt();
@@ -23,9 +22,9 @@ pub fn parallel_rectangles(first: [Span; 2], second: [Span; 2], gap: f64) -> f64
     sum / (2.0 * PI * area(first))
 }
 
-/// Two rectangles in perpendicular planes: the first in the plane `z = 0`, with intervals along x and y; the second in
-/// the plane `x = 0`, with intervals along z and y; x and z are not negative, the second may touch the first along the
-/// y axis. Gives `F(first → second)`.
+/// `F(first → second)` of two rectangles in perpendicular planes: the first in the plane `z = 0` with intervals along
+/// x and y, the second in the plane `x = 0` with intervals along z and y. x and z are at least 0; the rectangles may
+/// touch along the y axis. Unitless.
 pub fn perpendicular_rectangles(first: [Span; 2], second: [Span; 2]) -> f64 {
     let [[x, y], [z, w]] = [first, second];
     let mut sum = 0.0;

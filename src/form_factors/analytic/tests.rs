@@ -11,7 +11,7 @@ fn near(got: f64, want: f64, tolerance: f64, what: &str) {
     assert!((got - want).abs() <= tolerance, "{what}: {got} instead of {want}");
 }
 
-/// Published rows whose name begins so: the numbers of the geometry and the factor.
+/// Published rows whose name begins with `prefix`: name, numbers of the geometry, form factor.
 fn published(prefix: &str) -> Vec<(String, [f64; 4], f64)> {
     let mut reader =
         csv::ReaderBuilder::new().comment(Some(b'#')).flexible(true).from_reader(PUBLISHED.as_bytes());
@@ -28,8 +28,7 @@ fn published(prefix: &str) -> Vec<(String, [f64; 4], f64)> {
     rows
 }
 
-/// The mean of the point factor over a rectangle, by the midpoint rule: an integration that shares no formula with the
-/// closed forms of pairs.
+/// Mean of the point form factor over a rectangle by the midpoint rule: independent of the closed forms of pairs.
 fn integrated(corner: DVec3, u: DVec3, v: DVec3, other: &[DVec3], n: usize) -> f64 {
     let normal = u.cross(v).normalize();
     let at = |i: usize| (i as f64 + 0.5) / n as f64;
@@ -70,7 +69,7 @@ fn published_perpendicular_rectangles() {
 fn published_discs() {
     for (id, [r1, r2, ..], want) in published("coaxial-discs") {
         near(coaxial_discs(r1, r2, 1.0), want, 1e-12, &id);
-        // The point's factor, averaged over the first disc in rings of equal area.
+        // Point form factors averaged over the first disc, in rings of equal area.
         let rings = 20_000;
         let mean = (0..rings)
             .map(|k| point_to_disc(1.0, r1 * ((f64::from(k) + 0.5) / f64::from(rings)).sqrt(), r2))
@@ -98,7 +97,7 @@ fn polygons_with_many_corners_tend_to_the_disc() {
 #[test]
 fn point_factors_average_to_pair_factors() {
     let (u, v) = (dvec3(2.0, 0.0, 0.0), dvec3(0.0, 1.5, 0.0));
-    // In general position, beyond the first's plane in part, so that both clip.
+    // A general position in which both polygons are clipped.
     let turn = DMat3::from_quat(DQuat::from_rotation_x(2.2) * DQuat::from_rotation_z(0.4));
     let other = quad(dvec3(0.3, 1.9, -0.4), turn * dvec3(1.1, 0.0, 0.0), turn * dvec3(0.0, 1.7, 0.0));
     let first = quad(DVec3::ZERO, u, v);
@@ -115,7 +114,7 @@ fn point_factors_average_to_pair_factors() {
 #[test]
 fn a_point_in_a_box_sees_all_of_it() {
     let corner = |k: usize| dvec3((k & 1) as f64, (k >> 1 & 1) as f64 * 2.0, (k >> 2) as f64 * 0.5);
-    // Fronts inside.
+    // The fronts of the faces point inwards.
     let faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]];
     for normal in [dvec3(1.0, 2.0, 3.0), dvec3(-1.0, 0.2, 0.1), DVec3::Z, dvec3(0.0, -1.0, 1.0)] {
         let normal = normal.normalize();
@@ -125,7 +124,7 @@ fn a_point_in_a_box_sees_all_of_it() {
     }
     let outside = point_to_polygon(dvec3(0.3, 0.7, -1.0), DVec3::Z, &faces[0].map(corner));
     assert!(outside < -0.1, "a back side counts as negative: {outside}");
-    // Walls around a point of the floor: the closed row of a face that touches its neighbours.
+    // The row of a face that touches its neighbours in a closed box.
     let floor = faces[0].map(corner);
     let row: f64 = faces[1..].iter().map(|f| polygon_to_polygon(&floor, &f.map(corner))).sum();
     near(row, 1.0, 1e-8, "row sum of a box");
@@ -140,7 +139,7 @@ fn degenerate_input_is_zero() {
     assert_eq!(point_to_polygon(DVec3::Z, -DVec3::Z, &[]), 0.0);
     assert_eq!(polygon_to_polygon(&square, &square), 0.0);
     assert_eq!(polygon_to_polygon(&square, &square[..2]), 0.0);
-    // Back to back, and one behind the other.
+    // One polygon behind the other, fronts in the same direction.
     let behind = quad(-DVec3::Z, DVec3::X, DVec3::Y);
     assert_eq!(polygon_to_polygon(&square, &behind), 0.0);
 }
@@ -148,7 +147,7 @@ fn degenerate_input_is_zero() {
 #[test]
 fn concave_polygons_are_differences() {
     let at = |x: f64, y: f64| dvec3(x, y, 1.0);
-    // An L, clockwise seen from above so that its front looks down.
+    // An L, clockwise seen from above so that its front faces down.
     let l = [at(0., 0.), at(0., 2.), at(1., 2.), at(1., 1.), at(2., 1.), at(2., 0.)];
     let whole = [at(0., 0.), at(0., 2.), at(2., 2.), at(2., 0.)];
     let notch = [at(1., 1.), at(1., 2.), at(2., 2.), at(2., 1.)];
@@ -161,7 +160,7 @@ fn concave_polygons_are_differences() {
 
 #[test]
 fn a_sphere_is_a_cone() {
-    // A point sees the sphere's silhouette: a disc of radius r√(1 − (r/d)²) at the distance d − r²/d.
+    // The silhouette of the sphere is a disc of radius r√(1 − (r/d)²) at distance d − r²/d.
     let (d, r) = (3.0, 1.0f64);
     let disc = point_to_disc(d - r * r / d, 0.0, r * (1.0 - (r / d).powi(2)).sqrt());
     near(point_to_sphere(d, r, 1.0), disc, 1e-12, "sphere");

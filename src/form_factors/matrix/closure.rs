@@ -1,32 +1,33 @@
-//! Adjusting a symmetric matrix of exchange so that closed rows have their sums.
+//! Least-squares adjustment of a symmetric exchange matrix to given row sums.
 
 use super::pair::Row;
 
-/// Relative error of closed forms that are means over few points: what is certain otherwise may give in by as much.
-const MODEL: f64 = 1e-3;
-/// Rows are as close to their sums as this, relative, when the adjustment ends: single precision.
+/// Relative error of closed forms evaluated at few points; a lower bound of the assumed error of every entry. Chosen.
+const MODEL_ERROR: f64 = 1e-3;
+/// Relative error of row sums at which the adjustment ends. Chosen: below the rounding of f32 entries.
 const TOLERANCE: f64 = 1e-8;
-/// Rounds and steps of a round after which it ends anyway.
-const ROUNDS: usize = 6;
-const STEPS: usize = 200;
-/// No entry becomes less than this part of itself.
-const LEAST: f64 = 0.1;
+/// Largest number of rounds, and of conjugate-gradient steps per round.
+const MAX_ROUNDS: usize = 6;
+const MAX_STEPS: usize = 200;
+/// Smallest factor by which a round may reduce an entry. Chosen: keeps entries positive.
+const MIN_ENTRY_FACTOR: f64 = 0.1;
 
-/// Changes the exchange of pairs so that the rows with a wanted sum have it. Gives the number of steps.
+/// Changes the exchange areas of pairs so that rows with a wanted sum (`wanted`, length²) have that sum. Returns the
+/// number of conjugate-gradient steps.
 ///
-/// Of all symmetric changes the one with the least `Σ (δ_ij / σ_ij)²` (Gauss' adjustment of observations by their standard
-/// errors): `δ_ij = σ_ij² (λ_i + λ_j)`, with one `λ` a row that solves a positive semi-definite system, by conjugate
-/// gradients with diagonal preconditioning (Hestenes and Stiefel 1952). What is known well stays as it is, and what was
-/// found by chance takes up what was not found. Entries stay positive; rounds follow for what that leaves.
+/// Minimises `Σ (δ_ij / σ_ij)²` over all symmetric changes (Gauss' adjustment of observations by their standard
+/// errors): `δ_ij = σ_ij² (λ_i + λ_j)`, with one `λ` per row from a positive semi-definite system, solved by conjugate
+/// gradients with diagonal preconditioning (Hestenes and Stiefel 1952). Accurate entries hardly change; uncertain ones
+/// absorb the missing sum. Entries stay positive; further rounds correct the rest.
 pub fn adjust(upper: &mut [Row], wanted: &[Option<f64>]) -> usize {
     let mut steps = 0;
-    for _ in 0..ROUNDS {
+    for _ in 0..MAX_ROUNDS {
         let mut sums = vec![0.0; wanted.len()];
         each(upper, |i, j, exchange, _| {
             sums[i] += exchange;
             sums[j] += exchange;
         });
-        // Rows without entries cannot be mended.
+        // Rows without entries cannot be adjusted.
         let missing: Vec<f64> = wanted
             .iter()
             .zip(&sums)
@@ -43,7 +44,7 @@ pub fn adjust(upper: &mut [Row], wanted: &[Option<f64>]) -> usize {
             for k in 0..row.partner.len() {
                 let g = f64::from(row.exchange[k]);
                 let change = variance(g, row.error[k].into()) * (lambda[i] + lambda[row.partner[k] as usize]);
-                row.exchange[k] = (g + change).max(LEAST * g) as f32;
+                row.exchange[k] = (g + change).max(MIN_ENTRY_FACTOR * g) as f32;
             }
         }
     }
@@ -51,10 +52,10 @@ pub fn adjust(upper: &mut [Row], wanted: &[Option<f64>]) -> usize {
 }
 
 fn variance(exchange: f64, error: f64) -> f64 {
-    error * error + (MODEL * exchange).powi(2)
+    error * error + (MODEL_ERROR * exchange).powi(2)
 }
 
-/// Conjugate gradients for `Σ_j σ_ij² (λ_i + λ_j) = missing_i` over the rows that have a wanted sum.
+/// Solves `Σ_j σ_ij² (λ_i + λ_j) = missing_i` over the rows with a wanted sum; returns λ and the number of steps.
 fn solve(upper: &[Row], wanted: &[Option<f64>], missing: &[f64]) -> (Vec<f64>, usize) {
     let n = missing.len();
     let mut diagonal = vec![0.0; n];
@@ -73,7 +74,7 @@ fn solve(upper: &[Row], wanted: &[Option<f64>], missing: &[f64]) -> (Vec<f64>, u
     let mut direction = preconditioned.clone();
     let mut square = dot(&residual, &preconditioned);
     let goal = square * TOLERANCE * TOLERANCE;
-    for step in 1..=STEPS {
+    for step in 1..=MAX_STEPS {
         let mut product: Vec<f64> = diagonal.iter().zip(&direction).map(|(d, x)| d * x).collect();
         each(upper, |i, j, exchange, error| {
             let s = variance(exchange, error);
@@ -100,10 +101,10 @@ fn solve(upper: &[Row], wanted: &[Option<f64>], missing: &[f64]) -> (Vec<f64>, u
         }
         square = next;
     }
-    (lambda, STEPS)
+    (lambda, MAX_STEPS)
 }
 
-/// Calls `take` with both facets, exchange and error of every pair, in order.
+/// Calls `take` with both facets, exchange area and standard error of every pair, in order.
 pub fn each(upper: &[Row], mut take: impl FnMut(usize, usize, f64, f64)) {
     for (i, row) in upper.iter().enumerate() {
         for (k, &j) in row.partner.iter().enumerate() {

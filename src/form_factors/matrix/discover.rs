@@ -1,4 +1,4 @@
-//! Which facets see which: rays from each, spread by the cosine.
+//! Discovery of facets that see each other, by cosine-distributed rays.
 
 use super::Settings;
 use super::facets::Facets;
@@ -7,32 +7,32 @@ use crate::embree::Hits;
 use crate::ray::{LANES, Packet};
 use glam::Vec3;
 
-/// A facet whose front was met, and how often, up to [`Partner::MOST`], in one number: there are very many of them.
+/// A facet that rays hit on its front, and the number of hits up to [`Partner::MAX_HITS`], in 32 bits to save memory.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Partner(u32);
 
 impl Partner {
-    const BITS: u32 = 6;
-    /// Hits that are told apart.
-    pub const MOST: u32 = (1 << Partner::BITS) - 1;
-    /// Facets that there can be.
-    pub const FACETS: usize = 1 << (32 - Partner::BITS);
+    const HIT_BITS: u32 = 6;
+    /// Largest number of hits that is stored.
+    pub const MAX_HITS: u32 = (1 << Partner::HIT_BITS) - 1;
+    /// Largest number of facets.
+    pub const MAX_FACETS: usize = 1 << (32 - Partner::HIT_BITS);
 
     fn new(facet: u32, hits: u32) -> Partner {
-        Partner(facet << Partner::BITS | hits.min(Partner::MOST))
+        Partner(facet << Partner::HIT_BITS | hits.min(Partner::MAX_HITS))
     }
 
     /// The facet.
     pub fn facet(self) -> u32 {
-        self.0 >> Partner::BITS
+        self.0 >> Partner::HIT_BITS
     }
 
-    /// How often it was met.
+    /// Number of hits, at most [`Partner::MAX_HITS`].
     pub fn hits(self) -> u32 {
-        self.0 & Partner::MOST
+        self.0 & Partner::MAX_HITS
     }
 
-    /// Adds the hits of equal facets in a sorted list.
+    /// Sorts a list and adds the hits of equal facets.
     fn merge(list: &mut Vec<Partner>) {
         list.sort_unstable();
         list.dedup_by(|next, first| {
@@ -45,17 +45,17 @@ impl Partner {
     }
 }
 
-/// What the rays of a facet found.
+/// Result of the rays of one facet.
 pub struct Found {
-    /// Facets whose fronts were met, ascending.
+    /// Facets whose fronts were hit, ascending.
     pub partners: Vec<Partner>,
-    /// Share of the rays that met nothing.
+    /// Fraction of the rays that hit nothing.
     pub escaped: f32,
-    /// Share that met a back side, or the facet itself.
+    /// Fraction of the rays that hit a back side or the facet itself.
     pub lost: f32,
 }
 
-/// Kept from facet to facet.
+/// Working memory of a thread.
 #[derive(Default)]
 pub struct Buffers {
     tables: Option<[SampleTable; 2]>,
@@ -64,13 +64,14 @@ pub struct Buffers {
     seen: Vec<Partner>,
 }
 
-/// Rays that tell a closed row from an open one: what they overlook is a stray share ([`super::Report::STRAY`]).
-const FEW: u32 = 512;
-/// Rays that go to Embree at once.
-const BATCH: usize = 64;
+/// Number of rays that separate closed rows from open ones. Chosen: the smallest share they miss is about the share
+/// that counts as stray ([`super::Report::STRAY`]).
+const STRAY_CHECK_RAYS: u32 = 512;
+/// Packets per call of Embree. Chosen; no effect on results.
+const BATCH_PACKETS: usize = 64;
 
-/// The partners of a facet, unless every pair is tried, and its escaped and lost shares. Without partners to find, a few
-/// rays say whether there are such shares, and only if so all go to measure them.
+/// The partners of a facet with its escaped and lost shares. If all pairs are tried anyway, partners are not collected:
+/// [`STRAY_CHECK_RAYS`] rays are traced, and the full number only if some of them escaped or were lost.
 pub fn partners(
     traced: &Traced,
     facets: &Facets,
@@ -80,7 +81,8 @@ pub fn partners(
 ) -> Found {
     let Buffers { tables, packets, hits, seen } = buffers;
     let [few, all] = tables.get_or_insert_with(|| {
-        [settings.rays.min(FEW), settings.rays].map(|rays| SampleTable::new(rays, settings.seed as u32))
+        [settings.rays.min(STRAY_CHECK_RAYS), settings.rays]
+            .map(|rays| SampleTable::new(rays, settings.seed as u32))
     });
     let mut shares = [0.0; 2];
     let tables: &[&SampleTable] = if settings.every { &[few, all] } else { &[all] };
@@ -98,7 +100,7 @@ pub fn partners(
     Found { partners: seen.clone(), escaped: shares[0], lost: shares[1] }
 }
 
-/// Sends out the rays of a table; adds to the partners seen, and gives the shares that escaped and that were lost.
+/// Traces the rays of a table; appends hit facets to `seen` and returns the escaped and lost shares.
 fn spread(
     traced: &Traced,
     facets: &Facets,
@@ -134,13 +136,13 @@ fn spread(
     for (i, [u, v, s, t]) in table.shifted(settings.seed << 32 ^ u64::from(facet)).enumerate() {
         let (point, k) = from.point(u, v);
         let normal = from.normal(k).as_vec3();
-        // A direction with density cos θ / π: a point of the disc, lifted.
+        // Density cos θ / π (Malley): a point on the disc, projected to the hemisphere.
         let (sin, cos) = (std::f32::consts::TAU * t).sin_cos();
         let (x, y) = normal.any_orthonormal_pair();
         let direction = (x * cos + y * sin) * s.sqrt() + normal * (1.0 - s).sqrt();
         let lane = i % LANES;
         if lane == 0 {
-            if packets.len() == BATCH {
+            if packets.len() == BATCH_PACKETS {
                 trace(packets);
             }
             packets.push(Packet::EMPTY);
@@ -153,7 +155,7 @@ fn spread(
     [escaped, lost].map(|n| n as f32 / table.len() as f32)
 }
 
-/// For each facet the partners with a higher number, ascending: found by either of the two, with the hits of both.
+/// For each facet the partners with higher numbers, ascending, found from either side, with the hits of both.
 pub fn upper(found: &[Found]) -> Vec<Vec<Partner>> {
     let mut upper: Vec<Vec<Partner>> = vec![Vec::new(); found.len()];
     for (i, f) in (0u32..).zip(found) {

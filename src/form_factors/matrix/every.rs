@@ -1,37 +1,37 @@
-//! Every pair of facets that face each other, where there are few: none is left to chance.
+//! All pairs of facets that face each other, for small numbers of facets: no pair depends on discovery.
 //!
-//! Small pairs get one ray or four, which share packets with those of the facet's other pairs: the points of all of them
-//! are one evenly spread sequence, so that errors of neighbours cancel in sums. Large pairs get bundles of their own.
+//! Small pairs get one or four rays, which share packets with the facet's other pairs. The sample points of all these
+//! pairs are one low-discrepancy sequence, so that errors cancel in row sums. Large pairs get bundles of their own.
 
 use super::facets::Facet;
-use super::pair::{Buffers, CHANCES, Pairs, Row, Transmittance, exchange, mix_pair};
+use super::pair::{Buffers, CHANCE_CLASSES, Pairs, Row, Transmittance, exchange, mix_pair};
 use super::rays::mix;
 use crate::ray::{LANES, Packet};
 
-/// Rays of discovery that a pair would expect, from which on it gets a bundle of its own.
-const OWN: f64 = 2.5;
-/// From which on it gets four rays rather than one.
-const FOUR: f64 = 0.6;
-/// Rays in the smallest bundle: a whole packet.
-const BUNDLE: f64 = LANES as f64;
-/// Heights above a plane up to this part of the distance are in the plane: coordinates are in single precision.
-const FLAT: f64 = 1e-6;
-/// Middles nearer than this part of the sum of their radii, or than all of it where one is as slim as that (its area by its
-/// radius squared, 2 for a square), say little of two facets.
-const NEAR: f64 = 0.5;
-const SLIM: f64 = 0.3;
-/// Points that are drawn for a ray until two see each other's fronts.
-const DRAWS: u32 = 8;
+/// Expected discovery rays from which a pair gets a bundle of its own. Chosen.
+const MIN_BUNDLE_EXPECTED: f64 = 2.5;
+/// Expected discovery rays from which a pair gets four rays instead of one. Chosen.
+const MIN_FOUR_RAYS_EXPECTED: f64 = 0.6;
+/// Rays in the smallest bundle: one packet.
+const MIN_BUNDLE_RAYS: f64 = LANES as f64;
+/// Heights above a plane up to this fraction of the distance count as in the plane: rounding of f32 coordinates.
+const COPLANAR_HEIGHT: f64 = 1e-6;
+/// Facets whose centres are closer than this fraction of the sum of their radii, or than the whole sum if one facet is
+/// slim (area below [`SLIM_AREA`] radius²; a square has 2), get the exact exchange. Both chosen.
+const NEAR_DISTANCE: f64 = 0.5;
+const SLIM_AREA: f64 = 0.3;
+/// Largest number of point pairs drawn for a ray until the points see each other's fronts. Chosen.
+const MAX_DRAWS: u32 = 8;
 
-/// A pair, and what its rays say.
+/// A pair with the results of its rays.
 struct Candidate {
     partner: u32,
-    /// Rays of discovery that it would expect if nothing were in between, roughly.
+    /// Estimated number of discovery rays of the pair without occlusion.
     expected: f64,
     tally: Tally,
 }
 
-/// Rays, and those that are clear, by number and by what they transport.
+/// Number and weight (transported flux) of rays, in all and unoccluded.
 #[derive(Clone, Copy, Default)]
 struct Tally {
     rays: u32,
@@ -50,12 +50,12 @@ impl Tally {
         }
     }
 
-    /// The transmittance. Most pairs see all or nothing of each other; that is all that is known before (a beta
-    /// distribution with both parameters `PRIOR`), and the error is what that leaves after the rays.
+    /// Transmittance with its error. Most pairs are entirely visible or entirely blocked: the prior is a beta
+    /// distribution with both parameters `PRIOR`, and the error is the standard deviation of the posterior.
     fn transmittance(&self) -> Transmittance {
         const PRIOR: f64 = 0.1;
         if self.rays == 0 {
-            // Only corners face each other, and nothing is known to be in between.
+            // Only corners face each other; nothing is known to block them.
             return Transmittance { value: 1.0, error: 0.0 };
         }
         let (clear, blocked) =
@@ -68,8 +68,8 @@ impl Tally {
     }
 }
 
-/// Points of a pair of facets, evenly spread in four dimensions: an additive recurrence with powers of the root of
-/// `x⁵ = x + 1` (Roberts 2018), begun at random.
+/// Low-discrepancy points in four dimensions: an additive recurrence with powers of the root of `x⁵ = x + 1` (Roberts
+/// 2018), with a random start.
 struct Sequence([u32; 4]);
 
 impl Sequence {
@@ -88,7 +88,7 @@ impl Sequence {
 }
 
 impl Pairs<'_> {
-    /// All pairs of facet `i` with facets of higher numbers that it faces.
+    /// All pairs of facet `i` with facets of higher numbers that face it.
     pub fn every(&self, i: u32, buffers: &mut Buffers) -> Row {
         let a = self.facets.get(i);
         let mut candidates: Vec<Candidate> = (i + 1..self.facets.len() as u32)
@@ -102,21 +102,27 @@ impl Pairs<'_> {
         self.few_rays(i, &mut candidates, &mut row.rays);
         for c in &candidates {
             let b = self.facets.get(c.partner);
-            let seen = if c.expected < OWN {
+            let seen = if c.expected < MIN_BUNDLE_EXPECTED {
                 c.tally.transmittance()
             } else {
                 let key = mix_pair(self.settings.seed, i, c.partner);
-                self.sampled((a, b), (c.expected, c.expected.max(BUNDLE)), buffers, key, &mut row.rays)
+                self.sampled(
+                    (a, b),
+                    (c.expected, c.expected.max(MIN_BUNDLE_RAYS)),
+                    buffers,
+                    key,
+                    &mut row.rays,
+                )
             };
             if seen.value > 0.0 {
                 let open = exchange(a, b);
-                row.push(c.partner, open * seen.value, open * seen.error, CHANCES);
+                row.push(c.partner, open * seen.value, open * seen.error, CHANCE_CLASSES);
             }
         }
         row
     }
 
-    /// The rays of all but the large pairs of facet `i`.
+    /// Traces the rays of all pairs of facet `i` without bundles of their own.
     fn few_rays(&self, i: u32, candidates: &mut [Candidate], rays: &mut u64) {
         let a = self.facets.get(i);
         let mut sequence = Sequence::new(self.settings.seed << 32 ^ u64::from(i));
@@ -134,8 +140,8 @@ impl Pairs<'_> {
             let Candidate { partner, expected, .. } = candidates[k];
             let b = self.facets.get(partner);
             let wanted = match expected {
-                e if e >= OWN => 0,
-                e if e >= FOUR => 4,
+                e if e >= MIN_BUNDLE_EXPECTED => 0,
+                e if e >= MIN_FOUR_RAYS_EXPECTED => 4,
                 _ => 1,
             };
             for _ in 0..wanted {
@@ -153,7 +159,8 @@ impl Pairs<'_> {
         }
     }
 
-    /// A ray from front to front in a lane of a packet, and its weight: what it transports.
+    /// Puts a ray between the fronts into a lane of a packet; returns its weight (transported flux), or `None` if no
+    /// draw finds points that face each other.
     #[inline]
     fn segment(
         &self,
@@ -162,7 +169,7 @@ impl Pairs<'_> {
         packet: &mut Packet,
         lane: usize,
     ) -> Option<f64> {
-        for _ in 0..DRAWS {
+        for _ in 0..MAX_DRAWS {
             let [s, t, u, v] = sequence.next();
             let ((p, m), (q, n)) = (a.point(s, t), b.point(u, v));
             let to = (q - p).as_dvec3();
@@ -176,15 +183,15 @@ impl Pairs<'_> {
     }
 }
 
-/// About what two facets exchange if nothing is in between; nothing if they do not face each other.
+/// Estimated unoccluded exchange area of two facets, length²; `None` if they do not face each other.
 fn rough(a: &Facet, b: &Facet) -> Option<f64> {
     let square = a.centre.distance_squared(b.centre);
     let size = a.radius + b.radius;
-    let least = FLAT * (square.sqrt() + size);
+    let least = COPLANAR_HEIGHT * (square.sqrt() + size);
     let (here, there) = (a.rise(b, least)?, b.rise(a, least)?);
-    // Plates close to each other exchange far more than their middles say, slim ones beside each other too.
-    let slim = |f: &Facet| f.area < SLIM * f.radius * f.radius;
-    let near = if slim(a) || slim(b) { 1.0 } else { NEAR };
+    // The estimate from centres is far too small for close parallel facets and for adjacent slim ones.
+    let slim = |f: &Facet| f.area < SLIM_AREA * f.radius * f.radius;
+    let near = if slim(a) || slim(b) { 1.0 } else { NEAR_DISTANCE };
     if square < (near * size).powi(2) {
         return Some(exchange(a, b)).filter(|&open| open > 0.0);
     }

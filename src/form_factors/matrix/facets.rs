@@ -1,22 +1,22 @@
-//! Facets: the polygons of the input, as pieces that closed forms take and places that rays start from.
+//! Facets: input polygons with the pieces that closed forms need and the points that rays start from.
 
 use crate::math::triangle_area;
 use crate::scene::Scene;
 use glam::{DVec3, Vec3};
 
-/// All facets of a scene, in the order of the input's polygons.
+/// All facets of a scene, in the order of the input polygons.
 pub struct Facets {
-    /// Where each facet's triangles begin in the scene's; one more for the end.
+    /// First triangle of each facet in the scene's list, and the end of the last.
     first: Vec<u32>,
-    /// One entry a facet.
+    /// One entry per facet.
     facets: Vec<Facet>,
-    /// Centre and radius of each facet, side by side for those who look at all of them.
+    /// Centre and radius of each facet; a compact array for loops over all facets.
     balls: Vec<(DVec3, f64)>,
     /// Facet of each triangle.
     of_triangle: Vec<u32>,
 }
 
-/// One facet.
+/// A facet: one input polygon.
 pub(super) struct Facet {
     /// Convex planar pieces, corners counterclockwise.
     pub pieces: Vec<Vec<DVec3>>,
@@ -28,19 +28,19 @@ pub(super) struct Facet {
     pub centre: DVec3,
     /// Half the diagonal of its box.
     pub radius: f64,
-    /// Places to take the mean over, each with its unit normal and its share of the area: exact for polynomials of the
-    /// third degree on a parallelogram, of the second on triangles.
+    /// Quadrature points with unit normal and weight (fraction of the area): exact for polynomials of third degree on a
+    /// parallelogram, of second degree on triangles.
     pub nodes: Vec<(DVec3, DVec3, f64)>,
-    /// Unit normals of the triangles; of the quad, where there is one piece.
+    /// Unit normals of the triangles; with a single quadrilateral piece all are equal.
     pub normals: Vec<DVec3>,
-    /// Triangles, with the running sum of their shares of the area.
+    /// Triangles with the cumulative fraction of the area.
     pub triangles: Vec<([Vec3; 3], f32)>,
-    /// Corner and edges if it is a parallelogram: points are found without looking for a triangle.
+    /// Corner and two edges of a parallelogram, for direct sampling of points.
     pub parallelogram: Option<[Vec3; 3]>,
 }
 
 impl Facets {
-    /// The facets of a scene: its triangles by the polygons that they came from.
+    /// Groups the scene's triangles by the polygons that they came from.
     pub fn new(scene: &Scene) -> Facets {
         let polygon = &scene.triangle_polygon;
         let mut first: Vec<u32> = (0..polygon.len())
@@ -62,7 +62,7 @@ impl Facets {
         self.facets.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no facets.
     pub fn is_empty(&self) -> bool {
         self.facets.is_empty()
     }
@@ -72,7 +72,7 @@ impl Facets {
         self.facets[facet].area
     }
 
-    /// A triangle of a facet: it tells object and material.
+    /// Index of the facet's first triangle, which determines object and material.
     pub fn triangle(&self, facet: usize) -> usize {
         self.first[facet] as usize
     }
@@ -81,7 +81,7 @@ impl Facets {
         &self.facets[facet as usize]
     }
 
-    /// A facet, unless all of its ball is below every plane of `from`.
+    /// The facet `facet`, unless its bounding ball is below all planes of `from`.
     pub(super) fn rising(&self, from: &Facet, facet: u32) -> Option<&Facet> {
         let (centre, radius) = self.balls[facet as usize];
         let mut planes = from.pieces.iter().zip(&from.normals);
@@ -94,8 +94,8 @@ impl Facets {
 }
 
 impl Facet {
-    /// About how high another facet comes above the plane of any piece, if by more than `least`: its centre where all of its
-    /// ball is above, else its highest corner.
+    /// Approximate height of another facet above the plane of any piece, if more than `least`: the centre's height
+    /// where the whole bounding ball is above, else the highest corner's. Scene units.
     pub fn rise(&self, other: &Facet, least: f64) -> Option<f64> {
         let mut most = least;
         for (piece, normal) in self.pieces.iter().zip(&self.normals) {
@@ -109,7 +109,7 @@ impl Facet {
         (most > least).then_some(most)
     }
 
-    /// Whether it is one piece and no corner of the other is behind it.
+    /// Whether this facet is one piece and no corner of the other lies behind it.
     pub fn sees_all_of(&self, other: &Facet) -> bool {
         let (point, normal) = (self.pieces[0][0], self.normals[0]);
         let above = |p: DVec3| normal.dot(p - point);
@@ -118,7 +118,7 @@ impl Facet {
     }
 }
 
-/// Barycentric coordinates of a rule that is exact for polynomials of the second degree (Strang and Fix 1973).
+/// Barycentric quadrature points, exact for polynomials of second degree (Strang and Fix 1973).
 const RULE: [[f64; 3]; 3] =
     [[2.0 / 3.0, 1.0 / 6.0, 1.0 / 6.0], [1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0], [1.0 / 6.0, 1.0 / 6.0, 2.0 / 3.0]];
 
@@ -150,7 +150,7 @@ fn facet(scene: &Scene, triangles: std::ops::Range<u32>) -> Facet {
         _ => None,
     });
     if let (Some(_), Some([quad])) = (&parallelogram, pieces.as_deref()) {
-        // Gauss' two points along either side.
+        // Two-point Gauss rule along both sides.
         let at = [0.5 - 0.5 / 3f64.sqrt(), 0.5 + 0.5 / 3f64.sqrt()];
         let place = |u: f64, v: f64| quad[0] + (quad[1] - quad[0]) * u + (quad[3] - quad[0]) * v;
         nodes = at.iter().flat_map(|&u| at.map(|v| (place(u, v), normals[0], 0.25))).collect();
@@ -170,7 +170,7 @@ fn facet(scene: &Scene, triangles: std::ops::Range<u32>) -> Facet {
     }
 }
 
-/// The convex planar quad that two triangles with a common edge make, if they do.
+/// The convex planar quadrilateral that two triangles with a common edge form, if they do.
 fn quad(scene: &Scene, a: [u32; 3], b: [u32; 3]) -> Option<Vec<DVec3>> {
     let k = (0..3).find(|&k| !b.contains(&a[k]))?;
     let other = b.into_iter().find(|v| !a.contains(v))?;

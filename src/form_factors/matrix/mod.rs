@@ -1,20 +1,20 @@
-//! Form factors between all facets of a scene, with what stands between them.
+//! Form factors between all facets of a scene, with occlusion.
 //!
-//! `F(i→j)` is the share of what facet `i` sends out from its front that arrives at the front of facet `j`. A facet is a
-//! polygon of the input; groups of facets can be summed to objects or materials. Three steps:
+//! `F(i→j)` is the fraction of the flux leaving the front of facet `i` that arrives at the front of facet `j`. A facet
+//! is a polygon of the input; facets can be grouped by object or material. Three steps:
 //!
-//! 1. *Discovery*: every facet sends out rays spread by the cosine. What they meet are its partners; what meets nothing is
-//!    its escaped share, what meets a back side its lost share. Up to [`Settings::EVERY`] facets the rays are for these
-//!    shares alone, and the partners are all facets that face it.
-//! 2. *Pairs*: for two facets of which one found the other `A F` is a closed form (see `form_factor`) times the
-//!    transmittance, which rays between them sample: a bundle at first, more where that is neither all clear nor all
-//!    blocked. What is so small that it was found by chance also stands for what was not found. A pair is computed once, so
-//!    that reciprocity `A_i F_ij = A_j F_ji` holds by construction, and large factors between facets that see all of each
-//!    other have no sampling error at all.
-//! 3. *Closure*, unless unwanted: rows that nothing escapes from are adjusted to the sum 1, symmetrically, each entry by
-//!    as much as it is uncertain.
+//! 1. *Discovery*: every facet traces cosine-distributed rays. Facets that they hit are its partners; rays that hit
+//!    nothing are its escaped share, rays that hit a back side its lost share. Up to [`Settings::EVERY`] facets the
+//!    rays only measure these shares, and all facets that face it are partners.
+//! 2. *Pairs*: for two facets of which one found the other, `A F` is a closed form ([`crate::form_factors::analytic`])
+//!    times the transmittance, which rays between them sample: one bundle, and more if neither all nor no rays are
+//!    blocked. Pairs too small to be found with certainty also represent similar pairs that were not found. Each pair
+//!    is computed once, so reciprocity `A_i F_ij = A_j F_ji` holds exactly; unoccluded large factors have no sampling
+//!    error.
+//! 3. *Closure* ([`Settings::enforce`]): rows without escaped rays are adjusted symmetrically to the sum 1, each entry
+//!    in proportion to its variance (docs/method.md, Form factors and closure).
 //!
-//! Everything is the same on any number of threads. Memory is proportional to facets times rays, see [`memory_bound`].
+//! Results do not depend on the number of threads. Memory is proportional to facets times rays, see [`memory_bound`].
 
 mod closure;
 mod discover;
@@ -31,36 +31,35 @@ pub use facets::Facets;
 pub use rows::{Grouping, Matrix};
 pub use write::{Format, write};
 
-use crate::embree::Device;
-use crate::ray::EndRule;
-use crate::scene::Scene;
+use crate::model::Model;
 use crate::{Error, Result};
 use rayon::prelude::*;
 use rays::Traced;
 
-/// How much is computed. [`Settings::new`] has the defaults for a number of facets.
+/// Options of [`compute`]. [`Settings::new`] has the defaults for a number of facets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Rays of discovery a facet, at least 1.
+    /// Discovery rays per facet, at least 1.
     pub rays: u32,
-    /// Rays between two facets to begin with, at most; at least 4.
+    /// Largest number of rays in the first bundle between two facets; at least 4.
     pub bundle: u32,
-    /// Rays between two facets that are partly blocked, at most; not below `bundle`.
+    /// Largest number of rays between two partly blocked facets; at least `bundle`.
     pub largest_bundle: u32,
-    /// Try every pair of facets that face each other, rather than those that rays find.
+    /// Whether to compute all pairs of facets that face each other, not only those found by discovery rays.
     pub every: bool,
-    /// Adjust rows that nothing escapes from to the sum 1; the default.
+    /// Whether to adjust rows without escaped rays to the sum 1; the default.
     pub enforce: bool,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     pub seed: u64,
 }
 
 impl Settings {
-    /// Up to so many facets every pair is tried: it costs less than to find most of them by rays.
+    /// Largest number of facets for which all pairs are computed by default. Chosen: below, discovery of most pairs by
+    /// rays takes longer.
     pub const EVERY: usize = 8192;
 
-    /// Few facets get many rays: about four million of discovery in all (1,024 to 65,536 a facet) and bundles that make
-    /// up for what there are few of.
+    /// Defaults for a number of facets: about four million discovery rays in all (2,048 to 65,536 per facet), and
+    /// bundles that grow as the number of pairs falls. All limits are chosen.
     pub fn new(facets: usize) -> Settings {
         let n = facets.max(1) as u64;
         let rays = ((1 << 22) / n).clamp(2048, 1 << 16).next_power_of_two().min(1 << 16) as u32;
@@ -78,54 +77,54 @@ impl Settings {
     }
 }
 
-/// What was computed, and how good it is.
+/// Statistics of a computed matrix.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Report {
     /// Number of facets.
     pub facets: usize,
-    /// Entries that are not zero.
+    /// Number of non-zero entries.
     pub entries: usize,
-    /// Rays traced.
+    /// Number of rays traced.
     pub rays: u64,
     /// Mean of |row sum + escaped + lost − 1| over the facets, before closure.
     pub row_sum_error: f64,
-    /// Largest of them.
+    /// Largest |row sum + escaped + lost − 1| over the facets, before closure.
     pub worst_row_sum_error: f64,
-    /// Smallest and largest row sum, after closure if that was asked for.
+    /// Smallest and largest row sum, after closure if [`Settings::enforce`] is set.
     pub row_sums: [f64; 2],
-    /// Mean of |row sum + escaped + lost − 1| over the closed rows, as in the matrix that is given out.
+    /// Mean of |row sum + escaped + lost − 1| over the closed rows of the final matrix.
     pub closed_row_sum_error: f64,
-    /// Number of rows that nothing escapes from, but for stray rays ([`Report::STRAY`]).
+    /// Number of closed rows: escaped and lost shares of at most [`Report::STRAY`].
     pub closed_rows: usize,
-    /// Area-weighted mean of the escaped share.
+    /// Area-weighted mean of the escaped shares.
     pub escaped: f64,
-    /// Area-weighted mean of the share lost on back sides.
+    /// Area-weighted mean of the shares lost on back sides.
     pub lost: f64,
     /// Σ |A_i F_ij − A_j F_ji| / Σ A_i F_ij.
     pub reciprocity_residual: f64,
-    /// Root mean square over rows of the standard error of a row's sum before closure: what was found by chance, and
-    /// sampled transmittances, as if all were independent.
+    /// Root mean square over rows of the standard error of a row sum before closure: discovery by chance and sampled
+    /// transmittances, taken as independent.
     pub row_standard_error: f64,
-    /// Steps of the closure, 0 without.
+    /// Conjugate-gradient steps of the closure; 0 without closure.
     pub closure_steps: usize,
-    /// Facets that look wrong: index, and why. At most [`Report::MAX_BAD`].
+    /// Suspicious facets: index and reason. At most [`Report::MAX_BAD`] entries.
     pub bad: Vec<(usize, String)>,
-    /// How many there are.
+    /// Number of suspicious facets.
     pub bad_facets: usize,
 }
 
 impl Report {
-    /// Length of the list of bad facets.
+    /// Largest length of [`Report::bad`].
     pub const MAX_BAD: usize = 20;
-    /// Escaped and lost shares up to this are stray rays through corners.
+    /// Largest sum of escaped and lost shares of a closed row: stray rays through cracks at corners. Chosen.
     pub const STRAY: f32 = 2e-3;
-    /// A facet whose row sum, escaped and lost shares are off by more, or that loses more on back sides, is bad; sums
-    /// only if they are off by more than six standard errors too.
+    /// A facet is suspicious if its lost share exceeds this, or if row sum, escaped and lost shares differ from 1 by
+    /// more than this and by more than six standard errors. Chosen.
     pub const BAD: f64 = 0.05;
 }
 
-/// The most memory that a matrix of so many facets takes while it is made, in bytes: there are no more pairs than every
-/// facet with every other, and every ray finds at most one new. The scene and Embree come on top.
+/// Upper bound of the memory in bytes for a matrix of so many facets: at most all pairs, and at most one new pair per
+/// ray. Excludes the scene and Embree.
 pub fn memory_bound(facets: usize, settings: &Settings) -> u64 {
     if settings.every {
         // Pairs with their values, and both entries of each.
@@ -136,24 +135,26 @@ pub fn memory_bound(facets: usize, settings: &Settings) -> u64 {
     found * (8 + 8 + 13 + 16) + facets as u64 * 640
 }
 
-/// The matrix of all facets. `done` is called with steps out of `2 × facets`, from any thread.
+/// Computes the matrix between all facets and its statistics. `done` is called with increments that sum to `2 ×
+/// facets`, from any thread.
 ///
 /// # Errors
-/// Embree refuses, or a setting is out of range.
+/// [`Error::Argument`] if a setting is out of range, [`Error::Scene`] with too many facets.
 pub fn compute(
-    scene: &Scene,
+    model: &Model,
     facets: &Facets,
     settings: &Settings,
     done: &(dyn Fn(u64) + Sync),
 ) -> Result<(Matrix, Report)> {
     if settings.rays == 0 || settings.bundle < 4 || settings.largest_bundle < settings.bundle {
-        return Err(Error::Argument("rays must be at least 1, bundles at least 4 and not shrink".into()));
+        return Err(Error::Argument(
+            "rays must be at least 1, bundle at least 4 and largest_bundle at least bundle".into(),
+        ));
     }
-    if facets.len() > discover::Partner::FACETS {
-        return Err(Error::Scene(format!("more than {} facets", discover::Partner::FACETS)));
+    if facets.len() > discover::Partner::MAX_FACETS {
+        return Err(Error::Scene(format!("more than {} facets", discover::Partner::MAX_FACETS)));
     }
-    let device = Device::new(rayon::current_num_threads())?;
-    let traced = Traced::new(scene, facets, &device)?;
+    let traced = Traced::new(model, facets);
     let found: Vec<discover::Found> = (0..facets.len() as u32)
         .into_par_iter()
         .map_init(discover::Buffers::default, |buffers, i| {
@@ -165,8 +166,7 @@ pub fn compute(
     let partners = discover::upper(&found);
     let shares: Vec<[f32; 2]> = found.iter().map(|f| [f.escaped, f.lost]).collect();
     drop(found);
-    let magnitude = scene.bounds.min.abs().max(scene.bounds.max.abs()).max_element();
-    let pairs = pair::Pairs { traced: &traced, facets, settings, ends: EndRule::new(magnitude) };
+    let pairs = pair::Pairs { traced: &traced, facets, settings, ends: model.end_rule() };
     let mut upper: Vec<pair::Row> = partners
         .par_iter()
         .enumerate()

@@ -1,4 +1,4 @@
-//! Two facets: a closed form times sampled transmittance.
+//! Exchange of two facets: closed form times sampled transmittance.
 
 use super::Settings;
 use super::discover::Partner;
@@ -9,25 +9,25 @@ use crate::ray::{EndRule, LANES, Packet};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// The pairs of one facet with those of higher numbers.
+/// The pairs of one facet with facets of higher numbers.
 #[derive(Default)]
 pub struct Row {
-    /// The other facet, ascending.
+    /// The other facets, ascending.
     pub partner: Vec<u32>,
-    /// `A F` of the pair, scene units squared.
+    /// Exchange areas `A F T`, scene units squared.
     pub exchange: Vec<f32>,
-    /// Upper bound of its standard error.
+    /// Upper bounds of the standard errors of `exchange`, scene units squared.
     pub error: Vec<f32>,
-    /// How sure it was to be found, see [`chance`].
+    /// Classes by the probability of discovery, see [`chance`].
     pub chance: Vec<u8>,
-    /// Rays that met any of them, by that.
+    /// Discovery rays by class.
     pub tally: Tally,
-    /// Rays traced.
+    /// Number of rays traced.
     pub rays: u64,
 }
 
 impl Row {
-    /// Nothing yet, and room for so many pairs.
+    /// An empty row with capacity for so many pairs.
     pub fn with_capacity(pairs: usize) -> Row {
         Row {
             partner: Vec::with_capacity(pairs),
@@ -38,7 +38,7 @@ impl Row {
         }
     }
 
-    /// One more pair: the other facet, its exchange, the error of that, and its class by [`chance`].
+    /// Appends a pair: the other facet, exchange area, its standard error, and the class by [`chance`].
     pub fn push(&mut self, partner: u32, exchange: f64, error: f64, class: usize) {
         self.partner.push(partner);
         self.exchange.push(exchange as f32);
@@ -47,18 +47,19 @@ impl Row {
     }
 }
 
-/// By [`chance`]: rays of discovery that met a pair, and how many were expected from what the pairs are said to exchange.
-pub type Tally = [[f64; 2]; CHANCES];
+/// By class of [`chance`]: number of discovery rays that hit a pair, and number expected from the pairs' exchange
+/// areas.
+pub type Tally = [[f64; 2]; CHANCE_CLASSES];
 
-/// Classes of pairs by the rays of discovery that they expect: two an octave, from under 1/16 to 32. Beyond, pairs are found
-/// for sure, and the class is `CHANCES`.
-pub const CHANCES: usize = 20;
+/// Number of classes of pairs by expected discovery rays: two per octave, from below 1/16 to 32. Pairs above are found
+/// with certainty and have the class `CHANCE_CLASSES`.
+pub const CHANCE_CLASSES: usize = 20;
 
 fn chance(c: f64) -> usize {
-    ((2.0 * c.log2()).floor() + 9.0).clamp(0.0, CHANCES as f64) as usize
+    ((2.0 * c.log2()).floor() + 9.0).clamp(0.0, CHANCE_CLASSES as f64) as usize
 }
 
-/// What all pairs share.
+/// Data shared by all pairs.
 pub struct Pairs<'a> {
     pub traced: &'a Traced,
     pub facets: &'a Facets,
@@ -66,30 +67,31 @@ pub struct Pairs<'a> {
     pub ends: EndRule,
 }
 
-/// Kept from row to row: tables of 4, 16, 64 ... points.
+/// Working memory of a thread: sample tables of 1, 4, 16, 64 ... points.
 #[derive(Default)]
 pub struct Buffers(Vec<SampleTable>);
 
-/// Two facets nearer than this many times the sum of their radii get the double integral over both.
-const NEAR: f64 = 1.5;
-/// Factors from here on get it too.
-const LARGE: f64 = 0.02;
-/// Beyond this many, points on both do, where all of each sees all of the other.
-const FAR: f64 = 3.0;
-/// Rays of discovery that a pair must expect before a second bundle is worth its time.
-const WORTH: f64 = 16.0;
-/// As many that the transmittance matters for the chance of being found.
-const MATTERS: f64 = 0.25;
-/// Transmittance of a pair that was found, where it does not matter.
-const LIKELY: f64 = 0.8;
+/// Facets with a distance of centres below this multiple of the sum of radii get the double contour integral. Chosen.
+const CONTOUR_DISTANCE: f64 = 1.5;
+/// Form factors from here on get the double contour integral. Chosen.
+const CONTOUR_FACTOR: f64 = 0.02;
+/// Above this multiple of the sum of radii, facets that see each other entirely get point-to-point quadrature. Chosen.
+const POINTS_DISTANCE: f64 = 3.0;
+/// Expected discovery rays from which a partly blocked pair gets more bundles. Chosen.
+const MIN_MORE_BUNDLES_EXPECTED: f64 = 16.0;
+/// Expected discovery rays above which the transmittance of a found pair is sampled. Chosen: below, its value hardly
+/// changes the estimate.
+const MIN_SAMPLED_EXPECTED: f64 = 0.25;
+/// Transmittance assumed for found pairs that are not sampled. Chosen: a pair that a ray found is probably visible.
+const UNSAMPLED_TRANSMITTANCE: f64 = 0.8;
 
 impl Pairs<'_> {
     /// All pairs of facet `i` with `partners`.
     ///
-    /// Small pairs are found by chance, and each stands for those like it that were not: the value is divided by the
-    /// chance `1 − exp(−c T)` of being found, where `c` is the number of rays of discovery that the two would exchange if
-    /// nothing were in between (Horvitz and Thompson 1952). Large ones are found for sure and stand for themselves. What is
-    /// left is done by [`balance`].
+    /// Small pairs are found by chance, and each found pair represents similar ones that were not found: its value is
+    /// divided by the probability `1 − exp(−c T)` of discovery, with `c` the expected number of discovery rays without
+    /// occlusion (Horvitz and Thompson 1952). Large pairs are found with certainty. [`balance`] removes the remaining
+    /// bias.
     pub fn row(&self, i: u32, partners: &[Partner], buffers: &mut Buffers) -> Row {
         let seed = self.settings.seed;
         let a = self.facets.get(i);
@@ -102,8 +104,8 @@ impl Pairs<'_> {
             if c <= 0.0 {
                 continue;
             }
-            let mut seen = Transmittance { value: LIKELY, error: 0.0 };
-            if c > MATTERS {
+            let mut seen = Transmittance { value: UNSAMPLED_TRANSMITTANCE, error: 0.0 };
+            if c > MIN_SAMPLED_EXPECTED {
                 seen = self.sampled((a, b), (c, c.max(4.0)), buffers, mix_pair(seed, i, j), &mut row.rays);
             }
             let found = -(-c * seen.value).exp_m1();
@@ -119,12 +121,12 @@ impl Pairs<'_> {
         row
     }
 
-    /// How many rays of discovery, from either, two facets would expect that exchange so much.
+    /// Expected number of discovery rays, from either facet, between two facets with this exchange area.
     pub fn expected(&self, a: &Facet, b: &Facet, exchange: f64) -> f64 {
         f64::from(self.settings.rays) * (exchange / a.area + exchange / b.area)
     }
 
-    /// The transmittance of a pair that expects `c` rays of discovery, from bundles of its own of about `size` rays.
+    /// Transmittance of a pair that expects `c` discovery rays, from its own bundles of about `size` rays.
     pub fn sampled(
         &self,
         pair: (&Facet, &Facet),
@@ -138,9 +140,10 @@ impl Pairs<'_> {
         self.transmittance(pair, c, table(buffers, size, seed as u32), key, rays)
     }
 
-    /// The transmittance of a pair that expects `c` rays of discovery: from one bundle if that is all clear or all blocked,
-    /// or if `c` is small; else the mean of many bundles, of those that are neither. Each of these stands for a first bundle
-    /// that was neither, so that going on where the first one is mixed does not favour what is mixed.
+    /// Transmittance of a pair that expects `c` discovery rays: from one bundle if all or none of its rays are blocked
+    /// or `c` is small; else the mean over many bundles, without those of which all or no rays are blocked. Each
+    /// averaged bundle then has the distribution of a first bundle that was mixed, so that continuing only after mixed
+    /// bundles adds no bias.
     fn transmittance(
         &self,
         pair: (&Facet, &Facet),
@@ -152,7 +155,7 @@ impl Pairs<'_> {
         let size = table.len() as f64;
         let first = self.bundle(pair, table, key);
         *rays += table.len() as u64;
-        if first.error == 0.0 || c <= WORTH {
+        if first.error == 0.0 || c <= MIN_MORE_BUNDLES_EXPECTED {
             return first;
         }
         let wanted = (16.0 * c).min(f64::from(self.settings.largest_bundle)) / size;
@@ -169,7 +172,7 @@ impl Pairs<'_> {
         Transmittance { value: sum / count, error: squares.sqrt() / count }
     }
 
-    /// The mean of the visibility between two facets, weighted by what rays transport.
+    /// Mean visibility between two facets, weighted by transported flux.
     fn bundle(&self, (a, b): (&Facet, &Facet), table: &SampleTable, key: u64) -> Transmittance {
         let (mut clear, mut all, mut squares) = (0.0, 0.0, 0.0);
         let mut any_blocked = false;
@@ -203,12 +206,12 @@ impl Pairs<'_> {
         if !packet.is_empty() {
             trace(&mut packet, &mut weights);
         }
-        // Facets that face each other in a corner that no sample met have nothing in between that is known.
+        // Facets that face each other only in a corner which no sample met count as unoccluded.
         if all == 0.0 || !any_blocked {
             return Transmittance { value: 1.0, error: 0.0 };
         }
         let value = clear / all;
-        // The sample's variance by n − 1, where n is as many rays as count.
+        // Variance with n − 1 degrees of freedom, n the effective number of rays.
         let counted = squares / (all * all);
         Transmittance { value, error: (value * (1.0 - value) * counted / (1.0 - counted).max(0.5)).sqrt() }
     }
@@ -217,14 +220,14 @@ impl Pairs<'_> {
 #[derive(Clone, Copy)]
 pub struct Transmittance {
     pub value: f64,
-    /// Standard error if the rays were independent.
+    /// Standard error for independent rays.
     pub error: f64,
 }
 
-/// Scales pairs that were found by chance so that, class by class, they expect as many rays as met them. Rays of discovery
-/// are evenly spread, which makes pairs more likely to be found than rays at random would: by a few percent where few rays
-/// are expected. The number of rays that meet a class is right in the mean whatever the spread (a ratio estimator; Cochran
-/// 1977, chapter 6). Classes that met few are left about as they are.
+/// Scales pairs that were found by chance so that, class by class, they expect as many discovery rays as hit them.
+/// Discovery rays are stratified, which makes discovery more likely than with independent rays, by a few percent where
+/// few rays are expected; the number of rays that hit a class is unbiased regardless (ratio estimator; Cochran 1977,
+/// chapter 6). `PRIOR` rays are added to both counts, so that classes with few hits hardly change.
 pub fn balance(rows: &mut [Row]) {
     const PRIOR: f64 = 1000.0;
     let mut tally: Tally = Default::default();
@@ -241,9 +244,8 @@ pub fn balance(rows: &mut [Row]) {
     });
 }
 
-/// What a pair that was found stands for, as a part of what it would exchange if nothing were in between:
-/// `f(T) = T / (1 − exp(−c T))`. That is convex, so that its mean over an uncertain `T` is too large, by `½ f″ σ²` to the
-/// second order, which is taken off.
+/// The fraction of the unoccluded exchange area that a found pair represents: `f(T) = T / (1 − exp(−c T))`. f is
+/// convex, so its mean over an uncertain `T` is too large; the second-order term `½ f″ σ²` is subtracted.
 fn share(seen: Transmittance, c: f64) -> f64 {
     let t = seen.value;
     let x = c * t;
@@ -255,30 +257,30 @@ fn share(seen: Transmittance, c: f64) -> f64 {
     t / found - 0.5 * bend * seen.error * seen.error
 }
 
-/// `A F` of two facets with nothing in between.
+/// Unoccluded exchange area `A F` of two facets, length².
 pub fn exchange(a: &Facet, b: &Facet) -> f64 {
     let exact = || {
         let all = |p: &[DVec3]| b.pieces.iter().map(|q| polygon_to_polygon(p, q)).sum::<f64>();
         a.pieces.iter().map(|p| area(p) * all(p)).sum::<f64>()
     };
     let apart = a.centre.distance(b.centre) / (a.radius + b.radius);
-    if apart < NEAR {
+    if apart < CONTOUR_DISTANCE {
         return exact();
     }
-    if apart > FAR && a.sees_all_of(b) && b.sees_all_of(a) {
+    if apart > POINTS_DISTANCE && a.sees_all_of(b) && b.sees_all_of(a) {
         return by_points(a, b);
     }
-    // Points on the smaller, the whole of the larger.
+    // Quadrature points on the smaller facet, closed form for the larger.
     let (less, more) = if a.area <= b.area { (a, b) } else { (b, a) };
     let seen = |point: DVec3, normal: DVec3| -> f64 {
         more.pieces.iter().map(|q| point_to_polygon(point, normal, q).max(0.0)).sum()
     };
     let fine = less.area * less.nodes.iter().map(|&(p, n, w)| w * seen(p, n)).sum::<f64>();
-    // A ray went from one to the other: if no point of the rule sees it, a corner does.
-    if fine > 0.0 && fine < LARGE * less.area { fine } else { exact() }
+    // A ray connected the facets: if no quadrature point sees the other facet, a corner does.
+    if fine > 0.0 && fine < CONTOUR_FACTOR * less.area { fine } else { exact() }
 }
 
-/// The double sum over points of both.
+/// Exchange area by quadrature on both facets, length².
 fn by_points(a: &Facet, b: &Facet) -> f64 {
     let mut sum = 0.0;
     for &(p, n, w) in &a.nodes {

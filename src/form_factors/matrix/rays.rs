@@ -1,43 +1,40 @@
-//! The traced scene, and sample points.
+//! The traced scene, and sample points on facets.
 
 use super::facets::{Facet, Facets};
-use crate::Result;
-use crate::embree::{CommittedScene, Device, Hits, Options, SceneBuilder, Traversal};
+use crate::embree::{CommittedScene, Hits, Traversal};
 use crate::math::triangle_normal;
+use crate::model::Model;
 use crate::ray::Packet;
-use crate::scene::Scene;
 use glam::{DVec3, Vec3};
 use sobol_burley::sample_4d;
 
-/// Rays in order of their directions stay together well enough for packets.
+/// Rays sorted by direction are coherent enough for packets.
 const TRAVERSAL: Traversal = Traversal { width: 16, coherent: false };
 
-/// Length of the sample sequence.
-const SEQUENCE: u32 = 1 << 16;
+/// Length of the sample sequence; longer tables continue with another seed.
+const SEQUENCE_SAMPLES: u32 = 1 << 16;
 
-/// Geometry behind rays.
+/// The scene in Embree with per-triangle data.
 pub struct Traced {
     scene: CommittedScene,
     /// Unit normals of triangles.
     pub normals: Vec<Vec3>,
-    /// Distance off a surface at which rays start.
+    /// Distance above a surface at which rays start, scene units.
     pub skin: f32,
     /// Facet of each triangle.
     pub facet: Vec<u32>,
 }
 
 impl Traced {
-    pub fn new(scene: &Scene, facets: &Facets, device: &Device) -> Result<Traced> {
-        let mut builder = SceneBuilder::new(device, Options::default())?;
-        builder.add_triangles(&scene.positions, &scene.triangles, 1)?;
-        let magnitude = scene.bounds.min.abs().max(scene.bounds.max.abs()).max_element();
+    pub fn new(model: &Model, facets: &Facets) -> Traced {
+        let scene = model.scene();
         let corners = (0..scene.triangles.len() as u32).map(|t| scene.corners(t));
-        Ok(Traced {
-            scene: builder.commit()?,
+        Traced {
+            scene: model.traced().clone(),
             normals: corners.map(|[a, b, c]| triangle_normal(a, b, c)).collect(),
-            skin: 2e-6 * magnitude,
+            skin: 2e-6 * model.magnitude(),
             facet: (0..scene.triangles.len() as u32).map(|t| facets.of_triangle(t)).collect(),
-        })
+        }
     }
 
     pub fn first_hits(&self, packets: &[Packet], hits: &mut [Hits]) {
@@ -50,19 +47,19 @@ impl Traced {
     }
 }
 
-/// Evenly spread points of the unit cube in four dimensions, in order of the last two so that neighbours have like
-/// directions. One table serves all facets: each shifts it by its own random bits, which keeps it evenly spread (a
-/// digital shift of a digital net) and keeps neighbours together.
+/// Low-discrepancy points in the four-dimensional unit cube, sorted by the last two coordinates so that consecutive
+/// points have similar directions. One table serves all facets: each facet shifts the digits by its own random bits
+/// (digital shift of a digital net), which keeps the discrepancy and the order.
 pub struct SampleTable(Vec<[u32; 4]>);
 
 impl SampleTable {
-    /// A table of `count` points; beyond 65,536 a new sequence begins.
+    /// A table of `count` points; after each 65,536 points a new sequence starts.
     pub fn new(count: u32, seed: u32) -> SampleTable {
         let mut points: Vec<[u32; 4]> = (0..count)
             .map(|i| {
-                let seed = seed.wrapping_add(i / SEQUENCE);
-                // 24 bits are all that single precision has below 1.
-                sample_4d(i % SEQUENCE, 0, seed).map(|x| ((x * (1 << 24) as f32) as u32) << 8)
+                let seed = seed.wrapping_add(i / SEQUENCE_SAMPLES);
+                // f32 has 24 bits below 1.
+                sample_4d(i % SEQUENCE_SAMPLES, 0, seed).map(|x| ((x * (1 << 24) as f32) as u32) << 8)
             })
             .collect();
         points.sort_by_key(|p| interleaved(p[2] >> 16, p[3] >> 16));
@@ -74,7 +71,7 @@ impl SampleTable {
         self.0.len()
     }
 
-    /// The points, shifted by the bits of `key`.
+    /// The points, shifted by the bits of `key`; coordinates in `[0, 1)`.
     pub fn shifted(&self, key: u64) -> impl Iterator<Item = [f32; 4]> + '_ {
         let (a, b) = (mix(key), mix(!key));
         let bits = [a as u32, (a >> 32) as u32, b as u32, (b >> 32) as u32];
@@ -82,7 +79,7 @@ impl SampleTable {
     }
 }
 
-/// The bits of two 16-bit numbers in turn (Morton 1966).
+/// Interleaves the bits of two 16-bit numbers (Morton 1966).
 fn interleaved(a: u32, b: u32) -> u32 {
     let spread = |x: u32| {
         let x = (x | (x << 8)) & 0x00ff_00ff;
@@ -102,7 +99,8 @@ pub fn mix(x: u64) -> u64 {
 }
 
 impl Facet {
-    /// The point of the facet for two numbers in `[0, 1)`, uniform by area, and its triangle's place among the facet's.
+    /// Maps two numbers in `[0, 1)` to a point of the facet, uniform by area, with the index of its triangle in the
+    /// facet.
     #[inline]
     pub fn point(&self, mut u: f32, v: f32) -> (Vec3, usize) {
         if let Some([corner, first, second]) = self.parallelogram {
@@ -118,7 +116,7 @@ impl Facet {
         (a * (1.0 - root) + b * (root * (1.0 - v)) + c * (root * v), k)
     }
 
-    /// The normal at one of its triangles.
+    /// The unit normal of one of its triangles.
     pub fn normal(&self, triangle: usize) -> DVec3 {
         self.normals[triangle]
     }

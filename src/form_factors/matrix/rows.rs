@@ -1,4 +1,4 @@
-//! The matrix by rows, its quality, and sums over groups.
+//! The matrix by rows, its statistics, and sums over groups.
 
 use super::closure::{self, each};
 use super::facets::Facets;
@@ -7,20 +7,20 @@ use super::{Report, Settings};
 use crate::scene::Scene;
 use std::collections::BTreeMap;
 
-/// A sparse matrix of form factors, row by row.
+/// A sparse matrix of form factors in compressed rows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Matrix {
-    /// Where each row begins in `columns` and `factors`; one more for the end.
+    /// Start of each row in `columns` and `factors`, and the end of the last; rows + 1 entries.
     pub offsets: Vec<u64>,
     /// Columns of the entries, ascending in each row.
     pub columns: Vec<u32>,
-    /// Form factors `F(row → column)`.
+    /// Form factors `F(row → column)`, unitless.
     pub factors: Vec<f32>,
-    /// Areas of rows, scene units squared.
+    /// Area of each row's facet or group, scene units squared.
     pub areas: Vec<f64>,
-    /// Share of each row that escapes from the scene.
+    /// Fraction of each row's flux that escapes from the scene.
     pub escaped: Vec<f32>,
-    /// Share of each row that falls on back sides.
+    /// Fraction of each row's flux that falls on back sides.
     pub lost: Vec<f32>,
     /// Names of the rows; empty for facets.
     pub names: Vec<String>,
@@ -32,24 +32,24 @@ impl Matrix {
         self.areas.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no rows.
     pub fn is_empty(&self) -> bool {
         self.areas.is_empty()
     }
 
-    /// Columns and factors of a row.
+    /// Column and form factor of the entries of a row.
     pub fn row(&self, i: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
         let span = self.offsets[i] as usize..self.offsets[i + 1] as usize;
         let columns = self.columns[span.clone()].iter().map(|&c| c as usize);
         columns.zip(self.factors[span].iter().map(|&f| f64::from(f)))
     }
 
-    /// Sum of a row.
+    /// Sum of the form factors of a row.
     pub fn row_sum(&self, i: usize) -> f64 {
         self.row(i).map(|(_, f)| f).sum()
     }
 
-    /// One entry, 0 where there is none.
+    /// One entry; 0 if not stored.
     pub fn get(&self, i: usize, j: usize) -> f64 {
         self.row(i).find(|&(c, _)| c == j).map_or(0.0, |(_, f)| f)
     }
@@ -100,16 +100,16 @@ impl Matrix {
     }
 }
 
-/// What facets are put together by.
+/// Criterion for groups of facets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Grouping {
-    /// Objects and groups of the file.
+    /// By object or group of the file.
     Object,
-    /// Materials.
+    /// By material.
     Material,
 }
 
-/// Both halves of the matrix from the upper one, adjusted if asked for, and its report.
+/// Assembles the full matrix from its upper half, adjusted if [`Settings::enforce`] is set, with its statistics.
 pub fn assemble(
     facets: &Facets,
     mut upper: Vec<Row>,
@@ -128,11 +128,11 @@ pub fn assemble(
         }
     });
     let areas: Vec<f64> = (0..n).map(|i| facets.area(i)).collect();
-    // What the sum and what escapes fall short of 1 by, before anything is scaled.
+    // Error of the row sums before closure.
     let off: Vec<f64> = (0..n)
         .map(|i| sums[i] / areas[i] + f64::from(shares[i][0]) + f64::from(shares[i][1]) - 1.0)
         .collect();
-    // A stray ray through a corner does not open a row.
+    // A few stray rays through cracks do not make a row open.
     let closed: Vec<bool> = shares.iter().map(|s| s[0] + s[1] <= Report::STRAY).collect();
     let steps = if settings.enforce {
         let kept = |i: usize| 1.0 - f64::from(shares[i][0] + shares[i][1]);
@@ -145,7 +145,7 @@ pub fn assemble(
     let entries = offsets[n] as usize;
     let (mut columns, mut factors) = (vec![0u32; entries], vec![0f32; entries]);
     let mut next = offsets.clone();
-    // Rows of the upper half come in order, so that the columns of every row do too.
+    // The upper half is in row order, so the columns of every row are ascending.
     each(&upper, |i, j, exchange, _| {
         for (row, column) in [(i, j), (j, i)] {
             let at = next[row] as usize;
@@ -179,7 +179,7 @@ fn report(m: &Matrix, off: &[f64], closed: &[bool], variance: &[f64], rays: u64,
     let mut transposed = vec![0u64; m.len()];
     for i in 0..m.len() {
         for (j, f) in m.row(i) {
-            // The pattern is symmetric: the entries (j, i) come in the order of i.
+            // The pattern is symmetric: entries (j, i) appear in ascending order of i.
             let at = m.offsets[j] + transposed[j];
             transposed[j] += 1;
             difference += (m.areas[i] * f - m.areas[j] * f64::from(m.factors[at as usize])).abs();

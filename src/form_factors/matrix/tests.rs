@@ -2,7 +2,9 @@ use super::rays::Traced;
 use super::*;
 use crate::embree::Hits;
 use crate::form_factors::analytic::perpendicular_rectangles;
+use crate::model::{Detail, testing::model};
 use crate::ray::Packet;
+use crate::scene::Scene;
 use crate::scene::generate::{Spec, build};
 use crate::scene::{LoadOptions, Soup, SoupMaterial, resolve};
 use glam::{DVec3, dvec3};
@@ -22,7 +24,7 @@ fn run(scene: &Scene, change: impl FnOnce(&mut Settings)) -> (Matrix, Report) {
     let facets = Facets::new(scene);
     let mut settings = Settings::new(facets.len());
     change(&mut settings);
-    compute(scene, &facets, &settings, &|_| ()).expect("a matrix")
+    compute(&model(scene, Detail::Rays), &facets, &settings, &|_| ()).expect("a matrix")
 }
 
 fn town(count: usize) -> Scene {
@@ -35,7 +37,7 @@ fn near(got: f64, want: f64, relative: f64, what: &str) {
 
 #[test]
 fn polygons_that_see_all_of_each_other_have_closed_forms() {
-    // A step: floor, wall, and a roof over both.
+    // A floor, a wall, and a roof over the floor.
     let scene = quads(&[
         (DVec3::ZERO, 2.0 * DVec3::X, DVec3::Y),
         (DVec3::ZERO, DVec3::Y, 1.5 * DVec3::Z),
@@ -51,12 +53,12 @@ fn polygons_that_see_all_of_each_other_have_closed_forms() {
     );
     near(m.get(1, 0) * 1.5, m.get(0, 1) * 2.0, 1e-6, "reciprocity");
     near(m.get(1, 0), m.get(1, 2), 1e-6, "symmetry");
-    // The rest escapes, as the rays of discovery say.
+    // The rest escapes, as measured by discovery rays.
     assert!(report.row_sum_error < 2e-3, "{}", report.row_sum_error);
     assert_eq!((report.closed_rows, report.closure_steps > 1), (0, false), "open rows are left alone");
 }
 
-/// The published values of an obstructed case.
+/// Published value of an obstructed case.
 fn published(id: &str, quantity: &str) -> f64 {
     let text = include_str!("../../../tests/validation/viewfactors_obstructed.csv");
     let mut reader =
@@ -95,7 +97,7 @@ fn a_town_under_the_sky_is_closed() {
     let (raw, report) = run(&scene, |s| (s.enforce, s.rays) = (false, 512));
     assert_eq!((report.closed_rows, report.bad_facets), (raw.len(), 0), "{report:?}");
     assert!(report.row_sum_error < 0.02, "{}", report.row_sum_error);
-    // More rays are better: this is an estimate, and it converges.
+    // The error decreases with the number of rays.
     let (_, fine) = run(&scene, |s| (s.enforce, s.rays) = (false, 8192));
     assert!(
         fine.row_sum_error < 0.4 * report.row_sum_error,
@@ -108,7 +110,7 @@ fn a_town_under_the_sky_is_closed() {
     let worst = (0..closed.len()).map(|i| (closed.row_sum(i) - 1.0).abs()).fold(0.0, f64::max);
     assert!(worst < 3e-3, "{worst}: only stray rays are missing");
     assert!((0..closed.len()).all(|i| closed.row(i).all(|(j, f)| j != i && f > 0.0 && f < 1.0)));
-    // Against many more rays, entries of the scaled matrix are better than those it was made from.
+    // Compared with many more rays, the adjusted matrix is at least as accurate as the unadjusted one.
     let (truth, _) = run(&scene, |s| s.rays = 1 << 14);
     let distance = |m: &Matrix| -> f64 {
         (0..m.len()).map(|i| (0..m.len()).map(|j| (m.get(i, j) - truth.get(i, j)).powi(2)).sum::<f64>()).sum()
@@ -118,7 +120,7 @@ fn a_town_under_the_sky_is_closed() {
 
 #[test]
 fn a_room_cut_into_facets_has_sums_of_closed_forms() {
-    // Nothing is in between: what rows are off by are the closed forms, between squares that touch and that are far apart.
+    // No occlusion: row sums deviate only by the error of closed forms, between touching and distant squares.
     let n = 12;
     let (x, y, z) = (10.0 * DVec3::X, 8.0 * DVec3::Y, 5.0 * DVec3::Z);
     let zero = DVec3::ZERO;
@@ -134,11 +136,11 @@ fn a_room_cut_into_facets_has_sums_of_closed_forms() {
     assert!(report.worst_row_sum_error < 5e-4 && report.row_sum_error < 1e-4, "{report:?}");
 }
 
-/// Form factors of one facet by counting what rays from it meet: independent random points and directions, no closed
-/// form, no transmittance, no pair.
+/// Form factors of one facet by counting hits of its rays: independent random points and directions, without closed
+/// forms and transmittances.
 fn counted(scene: &Scene, i: u32, rays: u64) -> Vec<f64> {
     let facets = Facets::new(scene);
-    let traced = Traced::new(scene, &facets, &Device::new(1).expect("Embree")).expect("Embree");
+    let traced = Traced::new(&model(scene, Detail::Rays), &facets);
     let mut counts = vec![0.0; facets.len()];
     let from = facets.get(i);
     let mut random = (0u64..).map(|k| (rays::mix(k ^ u64::from(i) << 40) >> 40) as f32 / (1 << 24) as f32);
@@ -169,7 +171,7 @@ fn counted(scene: &Scene, i: u32, rays: u64) -> Vec<f64> {
 fn single_factors_agree_with_counting() {
     let scene = town(900);
     let rays = 1 << 19;
-    // Of the squares of differences, what is more than counting explains (a count of n is off by the root of n).
+    // Sum of squared differences minus the variance of counting (binomial).
     let excess = |m: &Matrix| -> f64 {
         let mut sum = 0.0;
         for i in (0..m.len()).step_by(m.len() / 7) {
@@ -189,7 +191,7 @@ fn single_factors_agree_with_counting() {
 
 #[test]
 fn what_is_found_by_chance_is_right_in_the_mean() {
-    // Rays enough to find most pairs, not all, and most of them partly hidden: sums over all rows see the least bias.
+    // Enough rays to find most pairs, most of them partly hidden: sums over all rows are the most sensitive to bias.
     let scene = town(900);
     for rays in [1024, 4096] {
         let (m, report) = run(&scene, |s| (s.enforce, s.every, s.rays) = (false, false, rays));
@@ -229,7 +231,7 @@ fn the_same_bits_on_any_number_of_threads() {
 
 #[test]
 fn facets_that_face_the_wrong_way_are_named() {
-    // A lid that looks up over a floor that looks up: what the floor sends out falls on the lid's back.
+    // Two parallel faces that both look up: flux from the lower one falls on the back of the upper one.
     let scene = quads(&[(DVec3::ZERO, DVec3::X, DVec3::Y), (0.1 * DVec3::Z, DVec3::X, DVec3::Y)]);
     let (m, report) = run(&scene, |_| ());
     assert_eq!(report.entries, 0);
@@ -243,8 +245,8 @@ fn settings_out_of_range_and_memory() {
     let scene = quads(&[(DVec3::ZERO, DVec3::X, DVec3::Y)]);
     let facets = Facets::new(&scene);
     let none = Settings { rays: 0, ..Settings::new(1) };
-    assert!(compute(&scene, &facets, &none, &|_| ()).is_err());
-    // 22,000 facets fit in 2 GiB at the default.
+    assert!(compute(&model(&scene, Detail::Rays), &facets, &none, &|_| ()).is_err());
+    // 22,000 facets fit in 2 GiB with default settings.
     assert!(memory_bound(22_000, &Settings::new(22_000)) < 2 << 30);
     assert!(Format::of(std::path::Path::new("a.txt")).is_err());
 }

@@ -8,20 +8,20 @@ use std::path::Path;
 /// File formats of matrices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
-    /// NumPy archive as `scipy.sparse.save_npz` writes it (compressed sparse rows), and `area`, `escaped`, `lost` with one
-    /// number a row; groups also have `names`.
+    /// NumPy archive as written by `scipy.sparse.save_npz` (compressed sparse rows), with additional arrays `area`,
+    /// `escaped` and `lost`, one number per row; groups also have `names`.
     Npz,
-    /// Lines `from,to,factor`; rows by number from 0, or by name.
+    /// Lines `from,to,factor`; rows by index from 0, or by name.
     Csv,
-    /// Matrix Market coordinates, counted from 1.
+    /// Matrix Market coordinate format, indices from 1.
     Mtx,
 }
 
 impl Format {
-    /// What the extension says.
+    /// The format of a file name extension.
     ///
     /// # Errors
-    /// It is not `npz`, `csv` or `mtx`.
+    /// [`Error::Argument`] if the extension is not `npz`, `csv` or `mtx`.
     pub fn of(path: &Path) -> Result<Format> {
         match path.extension().unwrap_or_default().to_string_lossy().to_lowercase().as_str() {
             "npz" => Ok(Format::Npz),
@@ -34,10 +34,10 @@ impl Format {
     }
 }
 
-/// Writes a matrix; the file appears whole or not at all.
+/// Writes a matrix, completely or not at all.
 ///
 /// # Errors
-/// The file cannot be written.
+/// [`Error::Io`] if the file cannot be written.
 pub fn write(path: &Path, matrix: &Matrix, format: Format) -> Result<()> {
     let mut file = WholeFile::create(path)?;
     let written = match format {
@@ -89,7 +89,7 @@ fn npz(out: &mut impl Write, m: &Matrix) -> std::io::Result<()> {
     };
     let vector = |n: usize| format!("({n},)");
     let n = m.len();
-    // Bytes of numbers as they are: NumPy's `<` is little endian, as is every machine that Embree runs on.
+    // Native byte order: `<` is little endian, as are all machines that Embree supports.
     array("data", "<f4", vector(m.factors.len()), bytemuck::cast_slice(&m.factors))?;
     array("indices", "<i4", vector(m.columns.len()), bytemuck::cast_slice(&m.columns))?;
     array("indptr", "<i8", vector(n + 1), bytemuck::cast_slice(&m.offsets))?;
@@ -100,7 +100,7 @@ fn npz(out: &mut impl Write, m: &Matrix) -> std::io::Result<()> {
     array("lost", "<f4", vector(n), bytemuck::cast_slice(&m.lost))?;
     if !m.names.is_empty() {
         let longest = m.names.iter().map(|s| s.chars().count()).max().unwrap_or(0).max(1);
-        // NumPy's strings are UTF-32, filled up with zeros.
+        // NumPy strings are UTF-32, padded with zeros.
         let letters = |s: &String| -> Vec<u32> {
             s.chars().map(u32::from).chain(std::iter::repeat(0)).take(longest).collect()
         };
@@ -110,7 +110,8 @@ fn npz(out: &mut impl Write, m: &Matrix) -> std::io::Result<()> {
     zip.finish()?.flush()
 }
 
-/// Version 1.0 of NumPy's array format: magic, length and a Python literal that fills up to 64 bytes.
+/// Header of version 1.0 of NumPy's array format: magic, length, and a Python literal, padded to a multiple of 64
+/// bytes.
 fn npy_header(kind: &str, shape: &str) -> Vec<u8> {
     let mut text = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}");
     let length = (text.len() + 11).next_multiple_of(64) - 10;

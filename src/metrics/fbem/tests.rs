@@ -1,4 +1,4 @@
-//! Identities of the metric, and the shape of the paper's PreparedClusters 1.
+//! Identities of the metric, and the shape of the paper's table 1.
 
 use super::*;
 use crate::metrics::{Features, norms};
@@ -7,7 +7,7 @@ use proptest::prelude::*;
 
 const MORPHOLOGIES: [Morphology; 3] = [Morphology::Euclid, Morphology::Paper8, Morphology::Paper4];
 
-/// Every combination of the metric's switches.
+/// All combinations of the metric's options.
 fn all_options() -> impl Iterator<Item = FbemOptions> {
     MORPHOLOGIES.into_iter().flat_map(|morphology| {
         [Features::Both, Features::Shadow].into_iter().flat_map(move |features| {
@@ -55,7 +55,7 @@ fn bad_arguments_are_refused() {
     }
 }
 
-/// A masked feature that is wrong counts outside of itself only when the filter mixes it in.
+/// With `Filter::Unmasked` a wrong masked feature has no effect outside its mask.
 #[test]
 fn the_unmasked_filter_does_not_bleed() {
     let shadow = Image::from_fn(60, 60, 1.0, |x, y| if x < 30 && y < 30 { 0.0 } else { 1.0 }).unwrap();
@@ -64,12 +64,13 @@ fn the_unmasked_filter_does_not_bleed() {
     let options = FbemOptions { size: 10.0, features, ..Default::default() };
     let whole = fbem(&shadow, &nothing, &options).unwrap();
     let unmasked = fbem(&shadow, &nothing, &FbemOptions { filter: Filter::Unmasked, ..options }).unwrap();
-    // What is left are the corners that the opening rounds off.
+    // The remaining error comes from the corners that the opening rounds off.
     assert!(unmasked.outside < 0.5 * whole.outside && unmasked.inside == whole.inside);
     assert!((whole.inside + whole.outside - whole.value.powi(2)).abs() < 1e-12);
 }
 
-/// 128 × 128 texels with square shadows of one size at random places, a quarter or a little more of the area covered.
+/// 128 x 128 texels with square shadows of one size at random places; a quarter of the area or a little more is
+/// covered.
 fn shadows(side: usize) -> Image {
     let mut state = 7 + side as u64;
     let mut random = |below: usize| {
@@ -79,7 +80,7 @@ fn shadows(side: usize) -> Image {
     let mut shadow = BitImage::new(128, 128);
     while shadow.count() < 128 * 128 / 4 {
         let (left, top) = (random(128 - side), random(128 - side));
-        // Neighbouring shadows stay apart, or they would join to larger features.
+        // Adjacent shadows are kept apart: they would join to larger features.
         let reach = |v: usize| v.saturating_sub(1)..(v + side + 1).min(128);
         let mut candidate = shadow.clone();
         let free = side > 20 || reach(top).all(|y| reach(left).all(|x| !shadow.get(x, y)));
@@ -91,7 +92,7 @@ fn shadows(side: usize) -> Image {
     Image::from_fn(128, 128, 1.0, |x, y| f32::from(!shadow.get(x, y))).unwrap()
 }
 
-/// The image on a mesh of 4 × 4 elements, each with its mean.
+/// The image on a mesh of 4 x 4 elements, each with its mean value.
 fn coarse(image: &Image) -> Image {
     let cell = 32;
     let mean = |cx: usize, cy: usize| {
@@ -101,7 +102,7 @@ fn coarse(image: &Image) -> Image {
     Image::from_fn(128, 128, 1.0, |x, y| mean(x / cell, y / cell)).unwrap()
 }
 
-/// PreparedClusters 1 of [SD95 sec 2.3] in small (method A.3): the order by cube size and the fall-off, not the numbers.
+/// A small version of [SD95 sec 2.3, table 1]: the order by cube size and the decrease, not the numbers.
 #[test]
 fn table_1_orders_by_cube_size_and_falls_off() {
     let sizes = [5.0, 16.0, 24.0, 30.0, 40.0];
@@ -115,7 +116,7 @@ fn table_1_orders_by_cube_size_and_falls_off() {
         };
         let table = [4, 8, 15, 30].map(group);
         let report = || format!("{morphology:?} {table:.1?}");
-        // From the feature size 16 on, larger cubes have the larger error.
+        // From feature size 16 on, larger cubes have larger errors.
         for row in 1..sizes.len() {
             assert!(table.windows(2).all(|pair| pair[0][row] < pair[1][row] + 1.0), "{}", report());
         }
@@ -123,7 +124,7 @@ fn table_1_orders_by_cube_size_and_falls_off() {
             assert!(group.windows(2).all(|pair| pair[1] < pair[0] + 0.5), "{}", report());
             assert!(group[4] < 0.55 * group[0], "{}", report());
         }
-        // Small ones fall first: at 16 the smallest have lost half of their error, the largest hardly any.
+        // Small cubes decrease first: at 16 the smallest have lost half of their error, the largest hardly any.
         assert!(table[0][1] < 0.5 * table[3][1] && table[3][1] > 0.8 * table[3][0], "{}", report());
     }
 }

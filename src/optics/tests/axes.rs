@@ -1,4 +1,4 @@
-//! The thirteen axes, and how a direction is mixed of them.
+//! The 13 axes and the interpolation between them.
 
 use super::*;
 use glam::DQuat;
@@ -11,7 +11,7 @@ fn axis_mix_surrounds_the_direction() {
         let mix = AxisMix::around(d);
         let sum: f32 = mix.weights.iter().sum();
         assert!((sum - 1.0).abs() < 1e-5 && mix.weights.iter().all(|&w| w >= -1e-6), "{d}: {mix:?}");
-        // Unnormalised axes, turned to the direction's side, add up to it.
+        // The unnormalised axes, turned to the direction's side and weighted, sum to the direction.
         let length = [1.0f32, 2.0f32.sqrt(), 3.0f32.sqrt()];
         let back: Vec3 = (0..3)
             .map(|k| {
@@ -36,7 +36,7 @@ fn thirteen_axes_are_the_neighbours_of_a_cell() {
     }
 }
 
-/// A plate that faces one of the axes is largest and covers most along that axis: indices are not mixed up.
+/// A disc perpendicular to an axis has its largest blocker size along that axis: indices are not mixed up.
 #[test]
 fn each_axis_measures_its_own_direction() {
     for (k, &view) in AXES.iter().enumerate() {

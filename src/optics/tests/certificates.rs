@@ -1,9 +1,9 @@
-//! What is said of errors, and what clusters are averaged by.
+//! Stated errors of clusters, and averaging widths where the errors are large.
 
 use super::*;
 
-/// The certificate is what rays find wrong in directions that nobody fitted or probed, and what it calls bad is only
-/// averaged by beams that are wider than all of it.
+/// The stated error agrees with rays in directions that are neither fitted nor probed. Clusters with large errors have
+/// averaging widths larger than the whole cluster.
 #[test]
 fn certificates_hold_in_other_directions() {
     let mut random = Pcg64Mcg::new(21);
@@ -43,17 +43,17 @@ fn certificates_hold_in_other_directions() {
     }
 }
 
-/// The grain tells contents that extinction describes from contents that it does not (method D.12).
+/// The averaging width separates contents that extinction describes from contents that it does not.
 #[test]
-fn grain_grows_with_the_structure() {
-    let grain = |pieces| whole(pieces, &options()).averaging_width[2];
-    // Optical depth 1.5 each: 1.5 n a².
-    let fine = grain(cloud(5, 4000, 0.0158, DVec3::ONE, false));
-    let coarse = grain(cloud(5, 16, 0.25, DVec3::ONE, false));
-    // Everything in one half of the box, and something small that stretches the box.
+fn averaging_width_grows_with_the_structure() {
+    let width_of = |pieces| whole(pieces, &options()).averaging_width[2];
+    // Each has optical depth 1.5 across the box: 1.5 n a² for n cubes of edge a.
+    let fine = width_of(cloud(5, 4000, 0.0158, DVec3::ONE, false));
+    let coarse = width_of(cloud(5, 16, 0.25, DVec3::ONE, false));
+    // All contents in one half of the box, and one small cube that stretches the box.
     let mut lopsided = cloud(5, 2000, 0.0158, DVec3::new(0.5, 1.0, 1.0), false);
     lopsided.cuboid(DVec3::new(0.99, 0.5, 0.5), DVec3::new(1.0, 0.51, 0.51));
-    let lopsided = grain(lopsided);
+    let lopsided = width_of(lopsided);
     assert!(fine < 0.5 * coarse, "cubes of 0.016: {fine}, of 0.25: {coarse}");
     assert!(lopsided > 2.0 * fine && lopsided > 0.3, "half a box: {lopsided}, a full one: {fine}");
 }

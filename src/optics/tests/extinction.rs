@@ -1,12 +1,12 @@
-//! What clusters pass, against lines and formulas.
+//! Extinction and coverage against traced lines and formulas.
 
 use super::*;
 
-/// Method A.5: κ = Σ sides·A / 4V, against the measured transmission of Poisson fields.
+/// κ = Σ sides·A / (4V) against the measured transmittance of Poisson fields (docs/method.md, Extinction).
 ///
 /// A segment of length d is clear of randomly turned convex bodies (density λ, volume v, mean projected area p) with
 /// probability exp(-λ (p d + v)): the volume swept by the body along the segment. Cauchy: p = a²·6/4 for a cube, and
-/// a²/2 for a square sheet. One field of 20,000 bodies fixes the mean to about a hundredth.
+/// a²/2 for a square sheet. One field of 20,000 bodies determines the mean to about 1 %.
 #[test]
 fn extinction_is_that_of_poisson_fields() {
     let (size, count) = (10f64, 20_000);
@@ -18,7 +18,7 @@ fn extinction_is_that_of_poisson_fields() {
         assert!(scene.triangle_sides.iter().all(|&s| s == if sheets { 2 } else { 1 }));
         let analytic = Options { extinction: Extinction::Analytic, ..options() };
         let (tree, optics) = measured(&scene, &analytic);
-        // The box around the bodies is a little larger than that of their centres: the same area, diluted.
+        // The box around the bodies is a little larger than that of their centres: the same area over a larger volume.
         let found = f64::from(optics[0].extinction[0]) * tree.clusters[0].bounds.volume() / size.powi(3);
         assert!(
             (found / (density * kappa) - 1.0).abs() < 1e-3,
@@ -45,8 +45,8 @@ fn extinction_is_that_of_poisson_fields() {
     }
 }
 
-/// What parallel lines through the box of everything pass, what extinction and coverage say, for each axis: the
-/// largest difference must stay below the tolerance.
+/// Checks, for each axis, the fraction of parallel lines that pass the root cluster against extinction and coverage;
+/// the largest difference must stay below the tolerance.
 fn check_against_lines(name: &str, pieces: Pieces, tolerance: f32) {
     let scene = pieces.scene();
     let (tree, optics) = measured(&scene, &options());
@@ -56,8 +56,8 @@ fn check_against_lines(name: &str, pieces: Pieces, tolerance: f32) {
     for (axis, &view) in AXES.iter().enumerate() {
         let [truth, model] = pass_along(view, optics[0].extinction[axis], &optics[0], bounds, &traced);
         let free = 1.0 - optics[0].coverage[axis];
-        // Views thinner than the raster are not measured: they count as opaque, and only beams wider than the whole
-        // may average them.
+        // Views thinner than the raster are not measured: they count as opaque, with averaging widths above the size of
+        // the box.
         if optics[0].averaging_width[axis] >= 0.7 * bounds.extent().max_element()
             && optics[0].coverage[axis] == 1.0
         {
@@ -73,8 +73,8 @@ fn check_against_lines(name: &str, pieces: Pieces, tolerance: f32) {
     assert!(wrong.is_empty(), "{name}:\n{}", wrong.join("\n"));
 }
 
-/// Tolerance 0.035 of transmission: the silhouette has 64 pixels across, of which outlines can lose or win half a
-/// one each; the 20,000 lines err by 0.0035.
+/// Tolerance 0.035 of the transmittance: silhouettes have 64 pixels across, and outlines can lose or gain half a pixel
+/// each; the 20,000 lines have a standard error of 0.0035.
 #[test]
 fn measured_extinction_passes_what_parallel_lines_pass() {
     check_against_lines("cubes", cloud(1, 200, 0.09, DVec3::ONE, false), 0.035);
@@ -83,7 +83,7 @@ fn measured_extinction_passes_what_parallel_lines_pass() {
     check_against_lines("louvres", louvres(), 0.035);
 }
 
-/// Leaves that fill a corner of their box: density falls from there, and nothing is darker or lighter for it.
+/// Leaves whose density falls along z: extinction with slope agrees with lines in both halves of the box.
 #[test]
 fn extinction_follows_the_contents_across_the_box() {
     let mut random = Pcg64Mcg::new(4);
@@ -96,7 +96,7 @@ fn extinction_follows_the_contents_across_the_box() {
     let (tree, optics) = measured(&scene, &options());
     let bounds = tree.clusters[0].bounds.thickened();
     let half = 0.5 * bounds.extent();
-    // z = x y² with x, y uniform in [0, 1]: mean 1/6, so the steepest slope that stays positive, downwards.
+    // z = x y² with x, y uniform in [0, 1] has mean 1/6: the steepest slope that stays positive, pointing down.
     assert!((optics[0].slope.z * half.z + 1.0).abs() < 0.1, "{:?}", optics[0].slope);
     let mean = |low: bool| {
         let steps = 40;
@@ -127,14 +127,14 @@ fn extinction_follows_the_contents_across_the_box() {
     }
 }
 
-/// Poles, slats and planks are thinner than a pixel of a picture that is as fine across as it is along: what is
-/// half a pixel off may be wrong by a seventh, but nothing may vanish.
+/// Long things thinner than a pixel: an outline error of half a pixel may change the transmittance by a seventh, but no
+/// object may vanish from its silhouette.
 ///
-/// A slat of the louvres is fifty times as long as it is high, so that its picture is one or two pixels high; seen 10°
-/// from its plane it must not fall between their centres. Coverage, extinction and sizes would then be 0: it would be
-/// aggregated at every s and pass all light, where lines pass three quarters.
+/// A slat of the louvres is fifty times as long as it is high, so that its image is one or two pixels high. Seen 10°
+/// from its plane the slat must not fall between pixel centres: coverage, extinction and sizes would be 0, the cluster
+/// would be aggregated at every s and transmit all light, where lines transmit three quarters.
 ///
-/// The plank's picture is three pixels wide.
+/// The image of the plank is three pixels wide.
 #[test]
 fn long_thin_things_pass_what_parallel_lines_pass() {
     let along = |size: DVec3, turn: DMat3| {
@@ -149,8 +149,8 @@ fn long_thin_things_pass_what_parallel_lines_pass() {
     check_against_lines("leaning pole", along(pole, DMat3::from_rotation_x(0.1)), 0.15);
 }
 
-/// Method D.13: of clumps of eight adjoining cubes half of the faces are inside. Counting their area makes the field
-/// too dark; what is measured is not fooled.
+/// Half of the faces of eight adjoining cubes are hidden inside. The analytic formula counts their area and is too
+/// dark; measured extinction is right (docs/method.md, Traps: hidden faces).
 #[test]
 fn hidden_faces_darken_nothing() {
     let mut random = Pcg64Mcg::new(17);
@@ -175,7 +175,8 @@ fn hidden_faces_darken_nothing() {
     }
 }
 
-/// A closed cube alone is opaque whatever its area says (method D.1, first row).
+/// A closed cube is opaque, although analytic extinction transmits e^-1.5 along an axis (docs/method.md, Traps:
+/// solids).
 #[test]
 fn solids_are_opaque() {
     let mut cube = Pieces::new();

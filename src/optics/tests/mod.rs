@@ -1,4 +1,4 @@
-//! Sizes and extinctions of things whose answer is a formula, and against rays.
+//! Cluster optics against formulas and traced rays.
 
 mod axes;
 mod certificates;
@@ -14,7 +14,7 @@ use crate::scene::testing::{Pieces, cloud, direction, in_cube, unit};
 use glam::{DMat3, DVec3, Vec3};
 use rand_pcg::Pcg64Mcg;
 
-/// A hierarchy in which nothing is too large for the clusters, and the optics of all of them.
+/// A hierarchy without large surfaces, and the optics of all its clusters.
 fn measured(scene: &Scene, options: &Options) -> (clusters::Tree, Vec<ClusterOptics>) {
     let apart = clusters::Options { large_surface: f32::INFINITY, ..Default::default() };
     let hierarchy = clusters::build(scene, &apart);
@@ -24,7 +24,7 @@ fn measured(scene: &Scene, options: &Options) -> (clusters::Tree, Vec<ClusterOpt
     (hierarchy.micro, optics)
 }
 
-/// ClusterOptics of everything together.
+/// Optics of the root cluster.
 fn whole(pieces: Pieces, options: &Options) -> ClusterOptics {
     measured(&pieces.scene(), options).1[0]
 }
@@ -40,7 +40,7 @@ fn committed(scene: &Scene) -> CommittedScene {
     builder.commit().expect("scene")
 }
 
-/// Whether each segment is clear, by Embree.
+/// Whether each segment is unoccluded, by Embree.
 fn clear(scene: &CommittedScene, segments: &[(Vec3, Vec3)]) -> Vec<bool> {
     let packets: Vec<Packet> = segments
         .chunks(LANES)
@@ -55,7 +55,7 @@ fn clear(scene: &CommittedScene, segments: &[(Vec3, Vec3)]) -> Vec<bool> {
     (0..segments.len()).map(|i| blocked[i / LANES] >> (i % LANES) & 1 == 0).collect()
 }
 
-/// A table of 1 by 1 by 1: top and four legs.
+/// A table of 1 x 1 x 1: a top and four legs.
 fn table() -> Pieces {
     let mut pieces = Pieces::new();
     pieces.cuboid(DVec3::new(0.0, 0.0, 0.9), DVec3::ONE);
@@ -74,7 +74,7 @@ fn louvres() -> Pieces {
     pieces
 }
 
-/// What 20,000 parallel lines through the box of everything pass, and what an extinction says of it.
+/// Mean transmittance of 20,000 parallel lines through the box along `view`: traced, and by extinction `kappa`.
 fn pass_along(
     view: Vec3,
     kappa: f32,

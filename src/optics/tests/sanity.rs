@@ -1,4 +1,4 @@
-//! ClusterOptics of every kind of scene, on any number of threads.
+//! Finite, bounded optics for every generated scene, independent of the number of threads.
 
 use super::*;
 use crate::scene::generate::{self, KINDS, Spec};
@@ -19,14 +19,14 @@ fn traits_are_sane_everywhere() {
                     let place = format!("{}, cluster {c}, axis {axis}: {t:?}", kind.name);
                     assert!(t.extinction[axis].is_finite() && t.extinction[axis] >= 0.0, "{place}");
                     assert!((0.0..=1.0).contains(&t.coverage[axis]), "{place}");
-                    // Three of at least 32 pixels beyond the box.
+                    // Tolerance: three of at least 32 pixels.
                     assert!((0.0..=1.1 * size).contains(&t.blocker_size[axis]), "{place}");
                     assert!((0.0..=1.1 * size).contains(&t.gap_size[axis]), "{place}");
                     assert!(t.averaging_width[axis].is_finite() && t.averaging_width[axis] >= 0.0, "{place}");
                     let feature = t.feature_size(axis);
                     assert!(feature >= t.blocker_size[axis] && feature.is_finite(), "{place}");
-                    // What covers less than a tenth may be thinner than a pixel; nothing else vanishes. Of closed
-                    // solids half of the faces are behind others.
+                    // Contents that cover less than a tenth may be thinner than a pixel; all others have a size. Of
+                    // closed solids half of the faces are behind others.
                     let shown: f64 = hierarchy
                         .micro
                         .triangles_of(c)

@@ -1,10 +1,10 @@
-//! Sizes of blockers and gaps.
+//! Blocker sizes, gap sizes and connected sizes.
 
 use super::*;
 use std::f64::consts::PI;
 
-/// A ball of many facets casts the shadow of a ball, whichever piece of it is looked at; things that are whole in their
-/// cluster stand for themselves (method D.6).
+/// Every piece of a finely tessellated ball has the size of the whole ball; clusters that hold whole objects keep their
+/// own size (docs/method.md, Sizes of a cluster: connected size).
 #[test]
 fn pieces_of_one_surface_have_the_size_of_all_of_it() {
     let mut pieces = Pieces::new();
@@ -21,7 +21,7 @@ fn pieces_of_one_surface_have_the_size_of_all_of_it() {
     assert!(tree.clusters.len() > 50);
     for (c, optics) in optics.iter().enumerate().skip(1) {
         for axis in 0..AXIS_COUNT {
-            // The ball's diameter is 2; two of 64 pixels.
+            // The ball's diameter is 2; tolerance two of 64 pixels.
             assert!(optics.feature_size(axis) > 1.9, "cluster {c}, axis {axis}: {optics:?}");
         }
     }
@@ -30,7 +30,8 @@ fn pieces_of_one_surface_have_the_size_of_all_of_it() {
     assert!(whole * 3 > optics.len(), "{whole} of {} clusters of cubes hold whole ones", optics.len());
 }
 
-/// Bars thinner than a pixel at regular distances: none may fall between the pixels together (method D.19).
+/// Bars thinner than a pixel at regular distances do not all fall between pixel centres (docs/method.md, Traps: thin
+/// bars).
 #[test]
 fn thin_bars_do_not_vanish() {
     for (bars, width) in [(5, 0.0125), (9, 0.00625)] {
@@ -46,8 +47,7 @@ fn thin_bars_do_not_vanish() {
 }
 
 /// Largest discs inside projections of a unit square that faces z: 1 along z, 1/√2 along the axes tilted by 45°
-/// (its shorter side) and along the corners (a rhombus of that height), nothing along its plane.
-/// Tolerance: two of 32 pixels.
+/// (shorter side) and along the corners (a rhombus of that height), 0 along its plane. Tolerance: two of 32 pixels.
 #[test]
 fn size_of_a_plate_by_direction() {
     let mut plate = Pieces::new();
@@ -61,7 +61,7 @@ fn size_of_a_plate_by_direction() {
         };
         let found = optics.blocker_size[axis];
         assert!((found - expect).abs() <= 2.0 * 1.42 / 32.0, "{view}: {found}, not {expect}");
-        // The box of a plate is thickened: seen from the side a pixel of it can be free.
+        // The box of a plate is thickened: seen from the side one of its pixels can be free.
         assert!(
             optics.gap_size[axis] <= 2.0 * 1.42 / 32.0,
             "{view}: a plate has no gaps of {}",
@@ -70,13 +70,13 @@ fn size_of_a_plate_by_direction() {
     }
 }
 
-/// 5 by 5 discs of radius 0.45 at distance 1: blocked 0.9; in the gap between four of them fits √2 - 0.9.
+/// 5 x 5 discs of radius 0.45 at distance 1: blocker size 0.9, gap size √2 - 0.9 between four discs.
 #[test]
 fn size_of_a_cloud_of_discs() {
     let mut discs = Pieces::new();
     for (i, j) in (0..25).map(|k| (f64::from(k % 5), f64::from(k / 5))) {
         let rim = (0..24).map(|k| f64::from(k) * std::f64::consts::TAU / 24.0);
-        // At different heights: seen from above they are one layer, whatever lies behind what.
+        // At different heights: seen from above the discs form one layer.
         let z = (3.0 * i + j) % 2.0;
         let corners: Vec<DVec3> =
             rim.map(|t| DVec3::new(i + 0.45 * t.cos(), j + 0.45 * t.sin(), z)).collect();
@@ -113,7 +113,7 @@ fn size_of_a_wall_with_a_slit() {
     );
 }
 
-/// A diamond fits into a disc fits into a square of the same radius, so that erosion counts order the other way.
+/// A diamond fits into a disc, and a disc into a square of the same radius: erosion counts order the other way.
 #[test]
 fn the_papers_counts_bracket_the_disc() {
     let with = |morphology, pieces: Pieces| whole(pieces, &Options { morphology, ..options() });
@@ -124,7 +124,8 @@ fn the_papers_counts_bracket_the_disc() {
         let sizes = [p8.blocker_size[axis], disc.blocker_size[axis], p4.blocker_size[axis]];
         assert!(sizes[0] <= sizes[1] + slack && sizes[1] <= sizes[2] + slack, "axis {axis}: {sizes:?}");
     }
-    // A square measures between 1/√2 and √2 by the counts, by its angle to the picture (method A.4); its disc is 1.
+    // A unit square measures between 1/√2 and √2 by erosion counts, depending on its angle to the raster; its disc is
+    // 1.
     let root = std::f32::consts::SQRT_2;
     let slack = 3.0 * root / 32.0;
     for angle in [0.0, 0.2, std::f64::consts::FRAC_PI_4] {

@@ -1,29 +1,29 @@
 //! A finished solution: answers irradiance at points at any time.
 
 use super::notes;
+use crate::model::Model;
 use crate::points::Point;
+use crate::progress::Progress;
 use crate::radiosity::audit::Solved;
 use crate::radiosity::deadline::{Deadline, QUERY_SHARE};
 use crate::radiosity::final_gather::{FinalGather, with_fewer_rays};
 use crate::radiosity::options::Options;
-use crate::radiosity::progress::Progress;
 use crate::radiosity::rgb::Rgb;
 use crate::scene::Scene;
 use crate::visibility::Exact;
 use glam::Vec3;
-use std::time::Instant;
 
 /// Rays between two checks of the deadline, about. Chosen: a fraction of a second.
 const RAYS_PER_CHECK: usize = 1 << 22;
 
 /// The light of a scene, which answers irradiance at points.
-pub struct Solution<'a> {
-    pub(super) scene: &'a Scene,
+pub struct Solution {
+    pub(super) model: Model,
     pub(super) exact: Exact,
     pub(super) solved: Solved,
     pub(super) options: Options,
-    /// Start of the computation, from which [`Options::max_seconds`] counts.
-    pub(super) begun: Instant,
+    /// The time limit of the whole solution.
+    pub(super) deadline: Deadline<'static>,
 }
 
 /// Irradiance at points within a time limit.
@@ -34,21 +34,26 @@ pub struct PointLight {
     pub note: Option<String>,
 }
 
-impl Solution<'_> {
+impl Solution {
+    /// The model that was solved.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
     /// Irradiance at points (file coordinates), W/m², with all rays.
     pub fn irradiance(&self, points: &[Point]) -> Vec<Rgb> {
-        FinalGather::new(self.scene, &self.solved.linked, &self.exact, &self.options)
-            .irradiance(&relative(self.scene, points))
+        FinalGather::new(self.model.scene(), &self.solved.linked, &self.exact, &self.options)
+            .irradiance(&relative(self.model.scene(), points))
             .0
     }
 
     /// Irradiance at points (file coordinates) within a part, in `(0, 1]`, of the time that is left of [`Options::max_seconds`]: by
     /// fewer rays if there is no time for all of them.
     pub fn irradiance_within(&self, points: &[Point], part: f64, progress: &dyn Progress) -> PointLight {
-        let deadline = Deadline::since(progress, self.begun, self.options.max_seconds).part(part);
-        let points = relative(self.scene, points);
-        let gather =
-            |options: &Options| FinalGather::new(self.scene, &self.solved.linked, &self.exact, options);
+        let deadline = self.deadline.told_to(progress).part(part);
+        let scene = self.model.scene();
+        let points = relative(scene, points);
+        let gather = |options: &Options| FinalGather::new(scene, &self.solved.linked, &self.exact, options);
         let all = gather(&self.options);
         let possible = all.possible_part(&points, &deadline.part(QUERY_SHARE));
         let rays = |options: &Options| {

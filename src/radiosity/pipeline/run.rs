@@ -1,58 +1,68 @@
 //! The stages of a solution, in their order.
 
+use super::engine::{engine_for, exact_engine};
 use super::notes;
 use super::point_query::{Solution, relative};
-use super::prepare::Prepared;
 use super::record::{Outcome, Record, Seconds, timed};
+use crate::clusters::Hierarchy;
 use crate::model::summary::SceneFacts;
+use crate::model::{Detail, Model};
 use crate::points::Point;
+use crate::progress::Progress;
 use crate::radiosity::audit::{Audit, Closing, Solved, error_estimate, link_uncertainty};
 use crate::radiosity::deadline::{Deadline, DeadlinePlan};
 use crate::radiosity::elements::{Elements, lit_inside};
 use crate::radiosity::final_gather::{FinalGather, LATE_RAYS, LocalPass};
-use crate::radiosity::links::{Tally, VisibilityEngine};
-use crate::radiosity::options::Options;
-use crate::radiosity::progress::Progress;
+use crate::radiosity::links::Tally;
+use crate::radiosity::options::{Options, Visibility};
 use crate::radiosity::refinement::{Coarse, Ended, Iteration, LinkedScene, Refined, apply_importance};
 use crate::radiosity::rgb::Rgb;
 use crate::radiosity::surroundings::{Surroundings, Unlit, probe, unlit_sides};
 use crate::radiosity::transport::Convergence;
 use crate::ray::EndRule;
 use crate::scene::Scene;
-use crate::visibility::{Exact, reference};
+use crate::visibility::Exact;
 use crate::{Error, Result};
-use std::sync::Arc;
 use std::time::Instant;
 
 /// Smallest and largest diagonal of a scene, scene units: within them 32 bits hold areas and the squares of large areas.
 const MIN_DIAGONAL: f64 = 1e-9;
 const MAX_DIAGONAL: f64 = 5e9;
 
-/// Solves a scene for elements and points (file coordinates).
+/// Solves a model for elements and points (file coordinates).
 ///
 /// # Errors
 /// Options are out of range, or Embree refuses.
-pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Progress) -> Result<Outcome> {
-    solve(scene, points, options, progress).map(|(outcome, _)| outcome)
+pub fn run(model: &Model, points: &[Point], options: &Options, progress: &dyn Progress) -> Result<Outcome> {
+    solve(model, points, options, progress).map(|(outcome, _)| outcome)
 }
 
 /// Like [`run()`], with a [`Solution`] that answers irradiance at more points afterwards.
 ///
 /// # Errors
 /// Those of [`run()`].
-pub fn solve<'a>(
-    scene: &'a Scene,
+pub fn solve(
+    model: &Model,
     points: &[Point],
     options: &Options,
     progress: &dyn Progress,
-) -> Result<(Outcome, Solution<'a>)> {
+) -> Result<(Outcome, Solution)> {
     options.check()?;
+    let scene = model.scene();
     check_size(scene)?;
-    let deadline = Deadline::start(progress, options.max_seconds);
-    let mut stages =
-        Stages { scene, options, progress, deadline, seconds: Seconds::default(), notes: Vec::new() };
-    let (prepared, exact) = stages.prepare()?;
-    let (coarse, unlit) = stages.coarse(&prepared, &exact)?;
+    // The time of the model's preparation counts.
+    let deadline = Deadline::start(progress, options.max_seconds).after(model.report().seconds());
+    let exact = exact_engine(model);
+    let mut stages = Stages {
+        model,
+        scene,
+        options,
+        progress,
+        deadline,
+        seconds: preparation(model, options),
+        notes: Vec::new(),
+    };
+    let (coarse, unlit) = stages.coarse(&exact)?;
     let asked = !points.is_empty() || options.more_points;
     // Direct light at points needs no light of elements.
     let idle = options.direct_only && !points.is_empty();
@@ -79,10 +89,31 @@ pub fn solve<'a>(
     let mut tally = solved.linked.tally;
     tally.add(points_tally);
     tally.add(audit_tally);
-    let facts = Facts { prepared: &prepared, unlit, steps, tally, audit, uncertainty: &uncertainty };
+    let facts = Facts { unlit, steps, tally, audit, uncertainty: &uncertainty };
     let record = stages.record(&solved, facts);
     let outcome = Outcome { mesh: solved.mesh(scene, &uncertainty), record, irradiance };
-    Ok((outcome, Solution { scene, exact, solved, options: options.clone(), begun: deadline.begun() }))
+    Ok((
+        outcome,
+        Solution {
+            model: model.clone(),
+            exact,
+            solved,
+            options: options.clone(),
+            deadline: deadline.told_to(&()),
+        },
+    ))
+}
+
+/// Seconds that the preparation of the model took, by stage.
+fn preparation(model: &Model, options: &Options) -> Seconds {
+    let report = model.report();
+    let mut seconds = Seconds { embree: report.embree_s, hierarchy: report.clusters_s, ..Seconds::default() };
+    match (options.visibility, model.detail()) {
+        (Visibility::Exact, Detail::Optics) => {}
+        (Visibility::Exact, _) => seconds.hierarchy += report.cache_s,
+        _ => seconds.characterise = report.optics_s + report.cache_s,
+    }
+    seconds
 }
 
 /// Refuses scenes whose areas 32 bits do not hold.
@@ -107,7 +138,6 @@ struct RefinementSteps {
 
 /// What the record needs beside the solution.
 struct Facts<'a> {
-    prepared: &'a Prepared,
     unlit: Unlit,
     steps: RefinementSteps,
     tally: Tally,
@@ -117,6 +147,7 @@ struct Facts<'a> {
 
 /// The stages of one solution, with the seconds and notes that they leave.
 struct Stages<'a> {
+    model: &'a Model,
     scene: &'a Scene,
     options: &'a Options,
     progress: &'a dyn Progress,
@@ -126,28 +157,17 @@ struct Stages<'a> {
 }
 
 impl Stages<'_> {
-    /// Embree, clusters and optics.
-    fn prepare(&mut self) -> Result<(Prepared, Exact)> {
-        self.progress.stage("preparing");
-        let Stages { scene, options, progress, deadline, seconds, .. } = self;
-        let prepared = Prepared::of(scene, options, seconds, *progress, deadline)?;
-        let exact = prepared.exact();
-        self.notes.extend(self.scene.repairs.messages.clone());
-        self.notes.extend(prepared.note.clone());
-        Ok((prepared, exact))
-    }
-
     /// Elements with the link of the root, importance and feature sizes.
-    fn coarse(&mut self, prepared: &Prepared, exact: &Exact) -> Result<(Coarse, Unlit)> {
+    fn coarse(&mut self, exact: &Exact) -> Result<(Coarse, Unlit)> {
         let (scene, options) = (self.scene, self.options);
-        let ends = reference::end_rule(scene);
+        let ends = self.model.end_rule();
+        self.notes.extend(scene.repairs.messages.clone());
+        self.notes.extend(self.model.report().note.clone());
+        let hierarchy = self.model.base().hierarchy();
         let (elements, surroundings, unlit) =
-            timed(&mut self.seconds.elements, || lit_elements(scene, prepared, exact, ends, options));
-        let engine =
-            timed(&mut self.seconds.characterise, || prepared.engine(scene, &elements, ends, options));
-        let engine = engine.map_or(VisibilityEngine::Exact(exact.clone()), |engine| {
-            VisibilityEngine::MultiResolution(Arc::new(engine))
-        });
+            timed(&mut self.seconds.elements, || lit_elements(scene, hierarchy, exact, ends, options));
+        let model = self.model;
+        let engine = timed(&mut self.seconds.characterise, || engine_for(model, &elements, options));
         let mut linked = LinkedScene::new(elements, surroundings, engine, ends, options);
         apply_importance(&mut linked, scene, options, exact)?;
         self.notes.extend(notes::unlit(&unlit));
@@ -164,7 +184,7 @@ impl Stages<'_> {
         plan: &DeadlinePlan,
         start: Instant,
     ) -> (Solved, RefinementSteps) {
-        self.progress.stage("last sweeps");
+        self.progress.stage("last sweeps", 0);
         let mut steps = RefinementSteps {
             iterations: refined.iterations.clone(),
             ended: refined.ended,
@@ -172,7 +192,7 @@ impl Stages<'_> {
         };
         if local {
             self.seconds.solve = start.elapsed().as_secs_f64();
-            self.progress.stage("local pass");
+            self.progress.stage("local pass", 0);
             let mut linked = refined.linked;
             let found = self.local_pass(&mut linked, exact, &plan.light);
             self.notes.extend(notes::unconverged(&found.convergence, &plan.light));
@@ -217,7 +237,7 @@ impl Stages<'_> {
         exact: &Exact,
         plan: &DeadlinePlan,
     ) -> (Vec<Rgb>, Tally) {
-        self.progress.stage("points");
+        self.progress.stage("points", 0);
         let (scene, options) = (self.scene, self.options);
         let points = relative(scene, points);
         let found =
@@ -238,7 +258,7 @@ impl Stages<'_> {
     ) -> (Vec<f64>, Audit, Tally) {
         let mut uncertainty = solved.uncertainty();
         let count = if self.options.direct_only { 0 } else { self.options.audit };
-        self.progress.stage("audit");
+        self.progress.stage("audit", 0);
         let late = || plan.closing.late();
         timed(&mut self.seconds.audit, || {
             let (factor, mut tally) = gather.bar_factor(&uncertainty, count, &late);
@@ -250,7 +270,7 @@ impl Stages<'_> {
     }
 
     fn record(mut self, solved: &Solved, facts: Facts) -> Record {
-        let Facts { prepared, unlit, steps, tally, audit, uncertainty } = facts;
+        let Facts { unlit, steps, tally, audit, uncertainty } = facts;
         let (scene, options, linked) = (self.scene, self.options, &solved.linked);
         let error_estimate = error_estimate(linked, uncertainty);
         self.notes.extend(notes::ended(steps.ended, options, steps.iterations.last(), error_estimate));
@@ -261,11 +281,11 @@ impl Stages<'_> {
         };
         Record {
             mrvis: env!("CARGO_PKG_VERSION").into(),
-            embree: prepared.device.version(),
+            embree: self.model.embree_version(),
             threads: rayon::current_num_threads(),
             unit: scene.unit.clone(),
             options: options.clone(),
-            scene: SceneFacts::of(scene, &prepared.hierarchy),
+            scene: SceneFacts::of(scene, self.model.base().hierarchy()),
             warnings: self.notes,
             iterations: steps.iterations,
             ended: steps.ended,
@@ -273,7 +293,7 @@ impl Stages<'_> {
             settled_local,
             target_met: options.target_error.map(|target| error_estimate <= target),
             seconds: self.seconds,
-            cache: prepared.origin.into(),
+            cache: self.model.report().origin.name().into(),
             links: linked.links.len(),
             elements: linked.elements.len(),
             unlit,
@@ -292,7 +312,7 @@ impl Stages<'_> {
 /// The elements of all sides that light reaches, and their surroundings.
 fn lit_elements(
     scene: &Scene,
-    prepared: &Prepared,
+    hierarchy: &Hierarchy,
     exact: &Exact,
     ends: EndRule,
     options: &Options,
@@ -302,7 +322,7 @@ fn lit_elements(
     let around = |elements: &Elements| probe(elements, exact, ends, length, options.seed);
     // Ranges of ids have room for all elements of the local pass.
     let build = |open: &[u32]| {
-        let mut elements = Elements::build(scene, &prepared.hierarchy, options.local_area() * area, open);
+        let mut elements = Elements::build(scene, hierarchy, options.local_area() * area, open);
         elements.min_area = options.min_area * area;
         let found = around(&elements);
         (elements, found)
@@ -315,7 +335,7 @@ fn lit_elements(
     if dark.is_empty() {
         return (elements, found, Unlit { of: sides, ..Unlit::default() });
     }
-    let elements = elements.without(&dark, scene, &prepared.hierarchy);
+    let elements = elements.without(&dark, scene, hierarchy);
     let found = around(&elements);
     let unlit = Unlit { sides: dark.len(), of: sides, area: 1.0 - elements.area / before };
     (elements, found, unlit)

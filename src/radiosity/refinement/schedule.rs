@@ -4,9 +4,9 @@ use super::importance::propagate_importance;
 use super::link_measurement::remeasure_links;
 use super::linked_scene::LinkedScene;
 use super::refine::{Replaced, link_errors, refine, threshold};
+use crate::progress::Progress;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::options::Options;
-use crate::radiosity::progress::Progress;
 use crate::radiosity::transport::Convergence;
 use serde::Serialize;
 use std::time::Instant;
@@ -148,7 +148,7 @@ impl Coarse {
         loop {
             let (replaced, threshold) = refined.step(&mut steps, deadline);
             let last = refined.iterations.last().expect("a step has been made");
-            progress.stage(&format!("{} links, error {threshold:.2e}", last.links));
+            progress.stage(&format!("{} links, error {threshold:.2e}", last.links), 0);
             let size = last.links + last.elements;
             let is_done = match steps.seconds {
                 Some(_) => replaced.links == 0,

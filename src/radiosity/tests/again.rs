@@ -4,10 +4,9 @@ use super::*;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::Elements;
 use crate::radiosity::links::VisibilityEngine;
-use crate::radiosity::pipeline::{Prepared, total_area};
+use crate::radiosity::pipeline::{exact_engine, total_area};
 use crate::radiosity::refinement::{LinkedScene, link_errors, refine, remeasure_links};
 use crate::radiosity::surroundings::probe;
-use crate::visibility::reference;
 
 const SEEDS: u64 = 300;
 
@@ -35,9 +34,10 @@ fn table() -> Scene {
 fn under(scene: &Scene, seeds: std::ops::RangeInclusive<u64>, again: bool) -> Vec<f64> {
     let mut options = Options { error: 0.3, min_area: 1e-4, ..Options::default() };
     let deadline = Deadline::start(&(), None);
-    let prepared = Prepared::of(scene, &options, &mut Seconds::default(), &(), &deadline).expect("Embree");
-    let (exact, ends) = (prepared.exact(), reference::end_rule(scene));
-    let elements = Elements::build(scene, &prepared.hierarchy, options.min_area * total_area(scene), &[]);
+    let model = model_for(scene, &options);
+    let (exact, ends) = (exact_engine(&model), model.end_rule());
+    let elements =
+        Elements::build(scene, model.base().hierarchy(), options.min_area * total_area(scene), &[]);
     let mut by_seed = Vec::new();
     for seed in seeds {
         options.seed = seed;

@@ -7,14 +7,13 @@ use crate::radiosity::audit::link_uncertainty;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::final_gather::FinalGather;
-use crate::radiosity::links::{Accuracy, BlockerCertificate, Link, Scratch, Split, Tally, VisibilityEngine};
-use crate::radiosity::pipeline::{Prepared, total_area};
+use crate::radiosity::links::{Accuracy, BlockerCertificate, Link, Scratch, Split, Tally};
+use crate::radiosity::pipeline::{engine_for, exact_engine, total_area};
 use crate::radiosity::refinement::{
     LinkedScene, Replaced, apply_importance, estimator, link_errors, propagate_importance, refine,
 };
 use crate::radiosity::surroundings::probe;
 use crate::scene::generate::{Spec, build};
-use crate::visibility::reference;
 use glam::Vec3;
 
 /// A few trees under a sky.
@@ -39,16 +38,13 @@ fn with(visibility: Visibility) -> Options {
 /// A scene after refinement.
 pub(super) fn refined<R>(scene: &Scene, options: &Options, see: impl FnOnce(&mut LinkedScene) -> R) -> R {
     let deadline = Deadline::start(&(), None);
-    let prepared = Prepared::of(scene, options, &mut Seconds::default(), &(), &deadline).expect("Embree");
-    let (exact, ends) = (prepared.exact(), reference::end_rule(scene));
+    let model = model_for(scene, options);
+    let (exact, ends) = (exact_engine(&model), model.end_rule());
     let min_area = options.min_area * total_area(scene);
-    let elements = Elements::build(scene, &prepared.hierarchy, min_area, &[]);
+    let elements = Elements::build(scene, model.base().hierarchy(), min_area, &[]);
     let length = 2.0 * scene.bounds.diagonal();
     let found = probe(&elements, &exact, ends, length, 1);
-    let engine = prepared.engine(scene, &elements, ends, options);
-    let engine = engine.map_or(VisibilityEngine::Exact(exact.clone()), |engine| {
-        VisibilityEngine::MultiResolution(std::sync::Arc::new(engine))
-    });
+    let engine = engine_for(&model, &elements, options);
     let mut linked = LinkedScene::new(elements, found, engine, ends, options);
     apply_importance(&mut linked, scene, options, &exact).expect("names of the scene");
     for _ in 0..3 {
@@ -93,7 +89,9 @@ fn engines_are_compared_side_by_side() {
     let scene = forest();
     let points = ground(&scene, 200);
     let outcome = solved(&scene, &points, &Options { feature_size: Some(0.1), ..with(Visibility::Mr) });
-    let v = side_by_side(&scene, &points, &outcome, Visibility::Exact, &()).expect("a solution");
+    let v =
+        side_by_side(&model_for(&scene, &outcome.record.options), &points, &outcome, Visibility::Exact, &())
+            .expect("a solution");
     let exact = solved(&scene, &points, &Options { feature_size: Some(0.1), ..with(Visibility::Exact) });
     assert_eq!((v.visibility, v.links), (Visibility::Exact, exact.record.links));
     assert_eq!(v.difference.points, 200);
@@ -169,15 +167,7 @@ fn less_tolerance_is_not_worse() {
 fn wrong_bars_are_found_out() {
     let scene = room(true);
     refined(&scene, &with(Visibility::Exact), |linked| {
-        let prepared = Prepared::of(
-            &scene,
-            &with(Visibility::Exact),
-            &mut Seconds::default(),
-            &(),
-            &Deadline::start(&(), None),
-        );
-        let prepared = prepared.expect("Embree");
-        let exact = prepared.exact();
+        let exact = exact_engine(&model_for(&scene, &with(Visibility::Exact)));
         let bars = link_uncertainty(linked);
         let look = |linked: &LinkedScene, factor: f64| {
             let bars: Vec<f64> = bars.iter().map(|b| factor * b).collect();

@@ -5,11 +5,11 @@ use super::{Spec, shapes::Builder};
 use crate::{Result, scene::Soup};
 use glam::DVec3;
 
-/// Means of the measured spectra over 600-700, 500-600 and 400-500 nm.
+/// Reflectances: means of the measured spectra over 600-700, 500-600 and 400-500 nm.
 const WHITE: [f32; 3] = [0.734, 0.736, 0.700];
 const GREEN: [f32; 3] = [0.133, 0.344, 0.120];
 const RED: [f32; 3] = [0.576, 0.091, 0.056];
-/// Relative emission over the same bands (0, 8, 15.6, 18.4 at 400, 500, 600, 700 nm), taken as W/(m² sr).
+/// Relative emission over the same bands (0, 8, 15.6, 18.4 at 400, 500, 600, 700 nm), used as W/(m² sr).
 const LIGHT: [f32; 3] = [17.0, 11.8, 4.0];
 
 type Quad = [[f64; 3]; 4];
@@ -21,7 +21,7 @@ const CEILING: Quad = [[556.0, 548.8, 0.0], [556.0, 548.8, 559.2], [0.0, 548.8, 
 const BACK: Quad = [[549.6, 0.0, 559.2], [0.0, 0.0, 559.2], [0.0, 548.8, 559.2], [556.0, 548.8, 559.2]];
 const RIGHT: Quad = [[0.0, 0.0, 559.2], [0.0, 0.0, 0.0], [0.0, 548.8, 0.0], [0.0, 548.8, 559.2]];
 const LEFT: Quad = [[552.8, 0.0, 0.0], [549.6, 0.0, 559.2], [556.0, 548.8, 559.2], [556.0, 548.8, 0.0]];
-/// Feet of the blocks, and their heights.
+/// Base quadrilaterals of the blocks, and their heights.
 const SHORT: ([[f64; 2]; 4], f64) = ([[130.0, 65.0], [82.0, 225.0], [240.0, 272.0], [290.0, 114.0]], 165.0);
 const TALL: ([[f64; 2]; 4], f64) = ([[423.0, 247.0], [265.0, 296.0], [314.0, 456.0], [472.0, 406.0]], 330.0);
 
@@ -37,7 +37,7 @@ pub(super) fn cornell(_: &Spec) -> Result<Soup> {
         b.object(name).material(material, colour);
         facing(&mut b, quad, middle, 1.0);
     }
-    // The lamp fills a hole in the ceiling, so that no two surfaces lie in one place.
+    // The emitter fills a hole in the ceiling, so that no two surfaces coincide.
     b.object("ceiling").material("white", WHITE);
     for i in 0..4 {
         let j = (i + 1) % 4;
@@ -47,13 +47,13 @@ pub(super) fn cornell(_: &Spec) -> Result<Soup> {
         b.object(name);
         block(&mut b, foot, height);
     }
-    // The lamp's own reflectance is quoted as 0.78.
+    // Reflectance of the emitter in the published data: 0.78.
     b.emissive(0.78, LIGHT);
     facing(&mut b, LAMP, middle, 1.0);
     Ok(b.soup)
 }
 
-/// A closed block that stands on the floor, faces outward.
+/// A closed block on the floor with outward faces.
 fn block(b: &mut Builder, foot: [[f64; 2]; 4], height: f64) {
     let at = |i: usize, y: f64| [foot[i % 4][0], y, foot[i % 4][1]];
     let sum: DVec3 = (0..4).map(|i| DVec3::from_array(at(i, 0.5 * height))).sum();

@@ -1,4 +1,4 @@
-//! Scenes of cubes: the paper's four groups, and a random cloud.
+//! Scenes of cubes: the paper's four groups, and random cubes.
 
 use super::{
     Spec,
@@ -7,25 +7,26 @@ use super::{
 use crate::{Result, scene::Soup};
 use glam::{DVec2, DVec3};
 
-/// Edges of the cubes of the four groups, metres, left to right.
+/// Edges of the cubes of the four groups, metres, from left to right.
 pub(super) const EDGES: [f64; 4] = [0.1, 0.15, 0.2, 0.3];
-/// Size of the box that each group fills: along the wall, away from it, up.
+/// Extents of the box of each group, metres: along the wall, perpendicular to the wall, vertical.
 const GROUP: DVec3 = DVec3::new(2.0, 1.0, 2.0);
-/// Distance of the groups' centres.
+/// Distance between the centres of adjacent groups, metres.
 const PITCH: f64 = 2.6;
-/// Cube faces a group has for its own face area; the same for all, so that their coverage is equal.
+/// Total area of the cubes' front faces relative to the front area of the group; equal for all groups, so that their
+/// coverage is equal. Chosen.
 const LAYERS: f64 = 0.55;
-/// Fraction of the group's silhouette that is covered, seen along the line to the wall; each group is drawn
-/// again until it is this close. Random cubes that may hide each other cover about 1 - exp(-LAYERS).
+/// Covered fraction of the group's silhouette seen along the line to the wall; each group is generated again until its
+/// coverage is within [`COVERAGE_SLACK`]. Independent random cubes cover about 1 - exp(-LAYERS).
 pub(super) const COVERAGE: f64 = 0.43;
 const COVERAGE_SLACK: f64 = 0.01;
 
-/// Four groups of non-overlapping cubes, smallest left to largest right, before a wall; a small square light
-/// beyond them (Sillion and Drettakis 1995, Figures 1 and 9; the paper gives no measures).
+/// Four groups of non-overlapping cubes, smallest on the left, largest on the right, before a wall; a small square
+/// emitter on the other side (Sillion and Drettakis 1995, figures 1 and 9; the paper gives no dimensions).
 pub(super) fn groups(spec: &Spec) -> Result<Soup> {
     let (mut b, mut random) = (Builder::new("cube-groups"), Random::new(spec.seed));
     b.object("wall").material("wall", [0.7; 3]);
-    // Faces +y, towards the groups.
+    // The front faces +y, towards the groups.
     b.rectangle(DVec3::new(0.0, 0.0, 2.0), 12.0 * DVec3::Z, 12.0 * DVec3::X);
     b.material("cube", [0.5, 0.5, 0.55]);
     for (i, edge) in EDGES.into_iter().enumerate() {
@@ -44,7 +45,7 @@ pub(super) fn groups(spec: &Spec) -> Result<Soup> {
 fn group(random: &mut Random, edge: f64) -> Vec<DVec3> {
     let count = (LAYERS * GROUP.x * GROUP.z / (edge * edge)).round() as usize;
     let mut best = (f64::MAX, Vec::new());
-    // The limit is for seeds that never come close; the best try is good enough then.
+    // Limits the number of attempts; the best one is used.
     for _ in 0..300 {
         let cubes = place(random, edge, count);
         let miss = (coverage(&cubes, edge) - COVERAGE).abs();
@@ -58,7 +59,7 @@ fn group(random: &mut Random, edge: f64) -> Vec<DVec3> {
     best.1
 }
 
-/// Cubes of one size that keep a gap of 2 % of it (so that none touch), by trial.
+/// Cubes of one size with gaps of at least 2 % of their edge, so that none touch; by rejection.
 fn place(random: &mut Random, edge: f64, count: usize) -> Vec<DVec3> {
     let (lo, hi) = (-0.5 * GROUP, 0.5 * GROUP - DVec3::splat(edge));
     let mut cubes: Vec<DVec3> = Vec::with_capacity(count);
@@ -74,7 +75,7 @@ fn place(random: &mut Random, edge: f64, count: usize) -> Vec<DVec3> {
     cubes
 }
 
-/// Covered fraction of the group's front.
+/// Covered fraction of the group's front, by sampling.
 pub(super) fn coverage(cubes: &[DVec3], edge: f64) -> f64 {
     let n = 128;
     let hit = |i: usize| {
@@ -85,8 +86,8 @@ pub(super) fn coverage(cubes: &[DVec3], edge: f64) -> f64 {
     (0..n * n).filter(|&i| hit(i)).count() as f64 / (n * n) as f64
 }
 
-/// Randomly turned cubes in a 10 m box above a floor. Their edge makes the optical depth about 1 whatever
-/// their number is: n cubes show 1.5 n a² on average.
+/// Randomly turned cubes in a 10 m box above a floor. n cubes of edge a have a mean projected area of 1.5 n a²; the
+/// edge is chosen so that the optical depth is about 1 for any n.
 pub(super) fn random(spec: &Spec) -> Result<Soup> {
     let (mut b, mut random) = (Builder::new("cubes"), Random::new(spec.seed));
     let (count, size) = (spec.count.unwrap_or(200), 10.0);

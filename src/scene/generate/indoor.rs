@@ -1,4 +1,4 @@
-//! Small made things: a brick wall, louvres, a bookshelf, a desk in a room.
+//! Small man-made objects: a brick wall, louvres, a bookshelf, a desk in a room.
 
 use super::{
     Spec,
@@ -14,7 +14,7 @@ const fn at(x: f64, y: f64, z: f64) -> DVec3 {
     DVec3::new(x, y, z)
 }
 
-/// Floor `width` by `width` about the origin, and a wall at its back (y > 0) that faces the front.
+/// A floor of `width` x `width` around the origin, and a wall at its back (y > 0) that faces the front; metres.
 fn stage(b: &mut Builder, width: f64, height: f64) {
     b.object("floor").material("floor", [0.5; 3]);
     b.rectangle(DVec3::ZERO, width * DVec3::X, width * DVec3::Y);
@@ -22,8 +22,8 @@ fn stage(b: &mut Builder, width: f64, height: f64) {
     b.rectangle(at(0.0, 0.5 * width, 0.5 * height), width * DVec3::X, height * DVec3::Z);
 }
 
-/// A running bond of whole and half bricks without mortar: single bricks cover little, together they are opaque
-/// (`method.md` D.6).
+/// A running bond of whole and half bricks without mortar: each brick covers little, all together are opaque
+/// (docs/method.md, Traps: joint features).
 pub(super) fn brick_wall(spec: &Spec) -> Result<Soup> {
     const BRICK: DVec3 = at(0.24, 0.115, 0.071);
     let (mut b, courses) = (Builder::new("brick-wall"), spec.count.unwrap_or(12));
@@ -33,7 +33,7 @@ pub(super) fn brick_wall(spec: &Spec) -> Result<Soup> {
     b.material("brick", [0.45, 0.2, 0.14]);
     for row in 0..courses {
         let z = row as f64 * BRICK.z;
-        // Odd courses start and end with half a brick.
+        // Odd courses begin and end with half bricks.
         let joints = (0..=columns).map(|k| k as f64).map(|k| if row % 2 == 1 { k - 0.5 } else { k });
         let mut ends: Vec<f64> = joints.map(|k| (k * BRICK.x).clamp(0.0, length)).collect();
         ends.push(length);
@@ -49,13 +49,14 @@ pub(super) fn brick_wall(spec: &Spec) -> Result<Soup> {
     Ok(b.soup)
 }
 
-/// A blind of tilted slats before a window-like light: aligned occluders with a strong direction (D.2).
+/// A blind of tilted slats before an emitter of window size: aligned, strongly directional occluders (docs/method.md,
+/// Traps: flat clusters).
 pub(super) fn louvres(spec: &Spec) -> Result<Soup> {
     let (mut b, slats) = (Builder::new("louvres"), spec.count.unwrap_or(30));
     stage(&mut b, 4.0, 2.6);
     let (bottom, top) = (0.6, 2.2);
     let pitch = (top - bottom) / slats as f64;
-    // Slats are as wide as 1.2 pitches and tilted by 35 degrees: light passes between them.
+    // Slats are 1.2 pitches wide and tilted by 35 degrees, so that light passes between them.
     let size = at(1.8, 1.2 * pitch, 0.04 * pitch);
     b.object("louvres").material("slat", [0.8; 3]);
     for i in 0..slats {
@@ -67,7 +68,7 @@ pub(super) fn louvres(spec: &Spec) -> Result<Soup> {
     Ok(b.soup)
 }
 
-/// Books side by side on boards: hidden faces and an opaque whole (D.1, D.13).
+/// Adjoining books on boards: hidden faces, opaque as a whole (docs/method.md, Traps: solids, hidden faces).
 pub(super) fn bookshelf(spec: &Spec) -> Result<Soup> {
     let (mut b, mut random) = (Builder::new("bookshelf"), Random::new(spec.seed));
     let boards = spec.count.unwrap_or(5);
@@ -111,7 +112,7 @@ pub(super) fn bookshelf(spec: &Spec) -> Result<Soup> {
     Ok(b.soup)
 }
 
-/// A closed room, 4 by 5 by 2.7 m, with a desk and what lies on it.
+/// A closed room of 4 x 5 x 2.7 m with a desk and objects on it.
 pub(super) fn desk_room(spec: &Spec) -> Result<Soup> {
     let (mut b, mut random) = (Builder::new("desk-room"), Random::new(spec.seed));
     room(&mut b, at(4.0, 5.0, 2.7));
@@ -123,7 +124,7 @@ pub(super) fn desk_room(spec: &Spec) -> Result<Soup> {
     Ok(b.soup)
 }
 
-/// Floor, ceiling and walls that face inward, each an object.
+/// Floor, ceiling and walls with inward faces, each an object.
 fn room(b: &mut Builder, size: DVec3) {
     let (h, up) = (0.5 * size, size.z * DVec3::Z);
     let (x, y) = (size.x * DVec3::X, size.y * DVec3::Y);
@@ -140,7 +141,7 @@ fn room(b: &mut Builder, size: DVec3) {
     face("wall right", "wall", WALL, middle + h.x * DVec3::X, up, y);
 }
 
-/// A table of 1.6 by 0.8 m; returns the height of its top.
+/// A table of 1.6 x 0.8 m; returns the height of its top, metres.
 fn desk(b: &mut Builder, foot: DVec3) -> f64 {
     let (size, thick, leg) = (at(1.6, 0.8, 0.74), 0.03, 0.05);
     b.object("desk").material("wood", WOOD);

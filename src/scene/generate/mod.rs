@@ -1,5 +1,5 @@
-//! Procedural scenes: the paper's cube groups, forests, small rooms; each with a light, in metres and z up
-//! (the Cornell box keeps its own numbers: millimetres, y up).
+//! Procedural scenes: the paper's cube groups, forests, small rooms, a town. Each has an emitter; metres and z up (the
+//! Cornell box has its original coordinates: millimetres, y up).
 
 mod cornell;
 mod cubes;
@@ -8,24 +8,24 @@ mod indoor;
 mod shapes;
 mod urban;
 
-use super::{LoadOptions, Scene, Soup, resolve};
+use super::{LoadOptions, MAX_PLACEMENTS, PlacedSoup, Scene, Soup, instances::resolve_placed, resolve};
 use crate::{Error, Result};
 
 pub use forest::{ground_and_sky, leaf_side};
 
-/// A kind of scene.
+/// A kind of generated scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Kind {
-    /// Its name on the command line.
+    /// Name, see [`Spec::name`].
     pub name: &'static str,
-    /// One line about it, with the options that matter.
+    /// One-line description with the relevant fields of [`Spec`] and their defaults.
     pub about: &'static str,
-    /// Its length unit.
+    /// Length unit of the coordinates.
     pub unit: &'static str,
     make: fn(&Spec) -> Result<Soup>,
 }
 
-/// Every kind of scene that can be generated.
+/// All kinds of scenes that can be generated.
 pub const KINDS: &[Kind] = &[
     Kind {
         name: "cube-groups",
@@ -35,31 +35,26 @@ pub const KINDS: &[Kind] = &[
     },
     Kind {
         name: "forest",
-        about: "trees of two-sided leaves under a large sky panel (--trees, --leaves, --trunks, --light-size)",
+        about: "trees of two-sided leaves under a large sky panel (trees, leaves, trunks, instances, species, light_size)",
         unit: "m",
         make: forest::forest,
     },
     Kind {
         name: "cubes",
-        about: "randomly turned cubes above a floor (--count, 200)",
+        about: "randomly turned cubes above a floor (count: 200)",
         unit: "m",
         make: cubes::random,
     },
     Kind {
         name: "brick-wall",
-        about: "bricks that touch without mortar, each an object of its own (--count courses, 12)",
+        about: "bricks that touch without mortar, each an object of its own (count of courses: 12)",
         unit: "m",
         make: indoor::brick_wall,
     },
-    Kind {
-        name: "louvres",
-        about: "a blind of tilted slats (--count, 30)",
-        unit: "m",
-        make: indoor::louvres,
-    },
+    Kind { name: "louvres", about: "a blind of tilted slats (count: 30)", unit: "m", make: indoor::louvres },
     Kind {
         name: "bookshelf",
-        about: "a shelf full of books that touch (--count boards, 5)",
+        about: "a shelf full of books that touch (count of boards: 5)",
         unit: "m",
         make: indoor::bookshelf,
     },
@@ -71,51 +66,65 @@ pub const KINDS: &[Kind] = &[
     },
     Kind {
         name: "urban-block",
-        about: "streets and houses in a box of sky, closed, cut into facets (--count, about 5000)",
+        about: "streets and houses in a box of sky, closed, cut into facets (count: about 5000)",
         unit: "m",
         make: urban::urban_block,
     },
     Kind {
         name: "cornell",
-        about: "the Cornell box with the original measurements in mm (load it with --unit mm)",
+        about: "the Cornell box with the original measurements in mm (unit: mm)",
         unit: "mm",
         make: cornell::cornell,
     },
 ];
 
-/// What to generate. [`Spec::new`] has the defaults.
+/// Parameters of a generated scene. [`Spec::new`] has the defaults.
 #[derive(Clone, Debug)]
 pub struct Spec {
-    /// One of the names in [`KINDS`].
+    /// Name of a kind in [`KINDS`].
     pub name: String,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     pub seed: u64,
-    /// How many of the things that the kind counts; its own default if `None`.
+    /// Number of items, see [`Kind::about`], 1 to 100 million; the kind's default if `None`.
     pub count: Option<usize>,
-    /// Forest: number of trees.
+    /// Forest: number of trees, 1 to 100 million.
     pub trees: usize,
-    /// Forest: leaves of each tree.
+    /// Forest: number of leaves per tree; at most 100 million leaves in all.
     pub leaves: usize,
     /// Forest: whether trees have trunks.
     pub trunks: bool,
-    /// Edge of the light in the kind's unit; its own default if `None`.
+    /// Forest: whether trees are placements of shared meshes, see [`placed`].
+    pub instances: bool,
+    /// Forest of instances: number of different trees.
+    pub species: usize,
+    /// Edge of the emitter in the kind's unit, above 0, at most 1e6; the kind's default if `None`.
     pub light_size: Option<f64>,
 }
 
-/// More things of a kind than this are refused: a forest of so many leaves fills 4 GB.
-const MAX_THINGS: usize = 100_000_000;
+/// Largest number of items. Chosen: a forest with so many leaves takes 4 GB.
+const MAX_ITEMS: usize = 100_000_000;
 
 impl Spec {
-    /// The defaults of the kind `name`: seed 1, forest of 100 trees with 1,000 leaves each.
+    /// The defaults of the kind `name`: seed 1, forest of 100 trees with 1,000 leaves each, no instances, one species.
     pub fn new(name: impl Into<String>) -> Self {
         let name = name.into();
-        Spec { name, seed: 1, count: None, trees: 100, leaves: 1000, trunks: false, light_size: None }
+        Spec {
+            name,
+            seed: 1,
+            count: None,
+            trees: 100,
+            leaves: 1000,
+            trunks: false,
+            instances: false,
+            species: 1,
+            light_size: None,
+        }
     }
 
-    /// The kind.
+    /// The kind with this name.
     ///
     /// # Errors
-    /// There is none of that name.
+    /// [`Error::Argument`] if no kind has this name.
     pub fn kind(&self) -> Result<&'static Kind> {
         KINDS.iter().find(|k| k.name == self.name).ok_or_else(|| {
             let names: Vec<&str> = KINDS.iter().map(|k| k.name).collect();
@@ -123,41 +132,91 @@ impl Spec {
         })
     }
 
+    fn check_instances(&self) -> Result<()> {
+        if self.name != "forest" {
+            return Err(Error::Argument(format!("`{}` has no instances: only `forest` has", self.name)));
+        }
+        // The ground, the light and each tree are a node of the file.
+        let trees = MAX_PLACEMENTS - 2;
+        if self.trees > trees {
+            let what = format!("{} trees: a scene has at most {trees} instances", self.trees);
+            return Err(Error::Argument(what));
+        }
+        if self.species == 0 || self.species > self.trees {
+            let what =
+                format!("{} species: must lie in 1..={}, the number of trees", self.species, self.trees);
+            return Err(Error::Argument(what));
+        }
+        if self.species.saturating_mul(self.leaves) > MAX_ITEMS {
+            return Err(Error::Argument(format!(
+                "more than {MAX_ITEMS} leaves are stored: ask for fewer species or leaves"
+            )));
+        }
+        Ok(())
+    }
+
     fn check(&self) -> Result<()> {
         let counts = [("count", self.count.unwrap_or(1)), ("trees", self.trees), ("leaves", self.leaves)];
         for (name, n) in counts {
-            if n == 0 || n > MAX_THINGS {
-                return Err(Error::Argument(format!("--{name} {n}: must lie in 1..{MAX_THINGS}")));
+            if n == 0 || n > MAX_ITEMS {
+                return Err(Error::Argument(format!("{name} {n}: must lie in 1..{MAX_ITEMS}")));
             }
         }
-        if self.name == "forest" && self.trees.saturating_mul(self.leaves) > MAX_THINGS {
-            return Err(Error::Argument(format!("more than {MAX_THINGS} leaves: lower --trees or --leaves")));
+        if self.instances {
+            self.check_instances()?;
+        } else if self.name == "forest" && self.trees.saturating_mul(self.leaves) > MAX_ITEMS {
+            return Err(Error::Argument(format!("more than {MAX_ITEMS} leaves: lower trees or leaves")));
         }
         if self.light_size.is_some_and(|s| !s.is_finite() || s <= 0.0 || s > 1e6) {
-            return Err(Error::Argument("--light-size must lie in 0..1e6".into()));
+            return Err(Error::Argument("light_size must lie in 0..1e6".into()));
         }
         Ok(())
     }
 }
 
-/// The polygons of a generated scene.
+/// Generates the polygons of a scene.
 ///
 /// # Errors
-/// The name is unknown or a count is out of range.
+/// [`Error::Argument`] if the name is unknown, a number is out of range, or instances are asked for: [`placed`] makes those.
 pub fn soup(spec: &Spec) -> Result<Soup> {
     let kind = spec.kind()?;
     spec.check()?;
+    if spec.instances {
+        let what = "a scene of instances is no list of polygons: write it as .gltf or .glb";
+        return Err(Error::Argument(what.into()));
+    }
     let mut soup = (kind.make)(spec)?;
-    // Scenes are f32 in the end; digits beyond that would only make files half as long again.
-    soup.positions.iter_mut().for_each(|p| *p = p.as_vec3().as_dvec3());
+    round(&mut soup);
     Ok(soup)
 }
 
-/// A generated scene, resolved in memory like one that was read from a file.
+/// The polygons and placements of a generated scene of instances: a forest.
 ///
 /// # Errors
-/// The name is unknown or a count is out of range.
+/// The kind is not `forest`, the specification does not ask for instances, or a count is out of range.
+pub fn placed(spec: &Spec) -> Result<PlacedSoup> {
+    spec.kind()?;
+    spec.check()?;
+    if !spec.instances {
+        return Err(Error::Argument("the specification does not ask for instances".into()));
+    }
+    let mut placed = forest::placed(spec);
+    round(&mut placed.soup);
+    placed.meshes.iter_mut().for_each(round);
+    Ok(placed)
+}
+
+/// Rounds coordinates to f32, the precision of scenes: more digits would only enlarge files.
+fn round(soup: &mut Soup) {
+    soup.positions.iter_mut().for_each(|p| *p = p.as_vec3().as_dvec3());
+}
+
+/// Generates a scene and resolves it in memory, like a scene read from a file.
+///
+/// # Errors
+/// As for [`soup`].
 pub fn build(spec: &Spec) -> Result<Scene> {
     let unit = spec.kind()?.unit.to_owned();
-    resolve(soup(spec)?, &LoadOptions { unit, ..LoadOptions::default() })
+    let options = LoadOptions { unit, ..LoadOptions::default() };
+    if spec.instances { resolve_placed(placed(spec)?, &options) } else { resolve(soup(spec)?, &options) }
 }

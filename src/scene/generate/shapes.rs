@@ -1,4 +1,4 @@
-//! Geometry builders of the generators: quads, boxes, prisms, in metres and z up.
+//! Geometry builders of the generators: quadrilaterals, boxes, prisms.
 
 use crate::scene::{Soup, SoupMaterial};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
@@ -7,7 +7,7 @@ use rand_pcg::{
     rand_core::{Rng as _, SeedableRng},
 };
 
-/// Random numbers of one generator run.
+/// Random numbers of one generator run; independent of the platform.
 pub(super) struct Random(Pcg64Mcg);
 
 impl Random {
@@ -50,7 +50,7 @@ impl Random {
     }
 }
 
-/// What the builders add to: a soup, and the object and material that come next.
+/// A soup under construction, with the current object and material.
 pub(super) struct Builder {
     pub soup: Soup,
     object: u32,
@@ -62,13 +62,13 @@ impl Builder {
         Builder { soup: Soup::new(name), object: 0, material: 0 }
     }
 
-    /// What follows belongs to a new object.
+    /// Starts a new object.
     pub fn object(&mut self, name: impl Into<String>) -> &mut Self {
         self.object = self.soup.object(name);
         self
     }
 
-    /// What follows is made of this material, new or known by its name.
+    /// Sets the current material: the known one of this name, or a new one.
     pub fn material(&mut self, name: &str, reflectance: [f32; 3]) -> &mut Self {
         let known = self.soup.materials.iter().position(|m| m.name == name);
         self.material = match known {
@@ -78,7 +78,7 @@ impl Builder {
         self
     }
 
-    /// What follows is an object `light` with a material of its own that emits, radiance in W/(m² sr).
+    /// Starts an object `light` with an emissive material of its own, radiance in W/(m² sr).
     pub fn emissive(&mut self, reflectance: f32, radiance: [f32; 3]) -> &mut Self {
         self.object("light");
         let light = SoupMaterial { reflectance: [reflectance; 3], ..SoupMaterial::light("light", radiance) };
@@ -86,35 +86,35 @@ impl Builder {
         self
     }
 
-    /// An emissive rectangle `u` by `v` about `centre` that faces along `u × v`.
+    /// Adds an emissive rectangle with edges `u` and `v` around `centre` that faces along `u × v`.
     pub fn light(&mut self, centre: DVec3, u: DVec3, v: DVec3, radiance: f32) {
         self.emissive(0.0, [radiance; 3]).rectangle(centre, u, v);
     }
 
-    /// A polygon, counterclockwise seen from its front.
+    /// Adds a polygon, counterclockwise seen from its front.
     pub fn polygon(&mut self, corners: &[DVec3]) {
         self.soup.polygon(self.object, self.material, corners);
     }
 
-    /// A rectangle with edges `u` and `v` about `centre` that faces along `u × v`.
+    /// Adds a rectangle with edges `u` and `v` around `centre` that faces along `u × v`.
     pub fn rectangle(&mut self, centre: DVec3, u: DVec3, v: DVec3) {
         let (u, v) = (0.5 * u, 0.5 * v);
         self.polygon(&[centre - u - v, centre + u - v, centre + u + v, centre - u + v]);
     }
 
-    /// A closed box between two corners, faces outward.
+    /// Adds a closed box between two corners with outward faces.
     pub fn cuboid(&mut self, min: DVec3, max: DVec3) {
         let place = DAffine3::from_scale_rotation_translation(max - min, DQuat::IDENTITY, min);
         self.parallelepiped(place);
     }
 
-    /// A closed box of the given size about `centre`, turned.
+    /// Adds a closed box of the given size around `centre`, rotated by `turn`.
     pub fn turned_box(&mut self, centre: DVec3, size: DVec3, turn: DMat3) {
         let edges = DMat3::from_cols(turn.x_axis * size.x, turn.y_axis * size.y, turn.z_axis * size.z);
         self.parallelepiped(DAffine3::from_mat3_translation(edges, centre - edges * DVec3::splat(0.5)));
     }
 
-    /// The image of the unit cube, faces outward.
+    /// Adds the image of the unit cube under `place`, with outward faces.
     fn parallelepiped(&mut self, place: DAffine3) {
         let first = self.soup.positions.len() as u32;
         let corner = |i: u32| DVec3::new(f64::from(i & 1), f64::from(i >> 1 & 1), f64::from(i >> 2));
@@ -124,7 +124,7 @@ impl Builder {
         }
     }
 
-    /// A closed upright prism: a regular polygon of `corners` from height 0 to `height` above `foot`.
+    /// Adds a closed upright prism: a regular polygon of `corners` corners from height 0 to `height` above `foot`.
     pub fn prism(&mut self, foot: DVec3, radius: f64, height: f64, corners: u32) {
         let first = self.soup.positions.len() as u32;
         for z in [0.0, height] {
@@ -143,7 +143,7 @@ impl Builder {
         self.soup.indexed_polygon(object, material, (corners..2 * corners).map(|i| first + i));
     }
 
-    /// An open upright cylinder wall seen from both sides, with a bottom: a cup.
+    /// Adds an open upright cylinder wall, visible from both sides, with a bottom.
     pub fn cup(&mut self, foot: DVec3, radius: f64, height: f64, corners: u32) {
         let rim = |i: u32, z: f64| {
             let (sin, cos) = (std::f64::consts::TAU * f64::from(i % corners) / f64::from(corners)).sin_cos();

@@ -1,4 +1,4 @@
-//! A few blocks of a town under a box of sky: closed, so that everything sent out arrives somewhere.
+//! Town blocks inside a box of sky: closed, so that all emitted light arrives at a facet.
 
 use super::{
     Spec,
@@ -7,18 +7,18 @@ use super::{
 use crate::{Result, scene::Soup};
 use glam::DVec3;
 
-/// Buildings along a side.
+/// Number of buildings along each side.
 const BUILDINGS: usize = 4;
-/// Width of a building, of a street, height of a storey, height of the sky; metres.
+/// Width of a building and of a street, height of a storey and of the sky; metres.
 const BUILDING: f64 = 16.0;
 const STREET: f64 = 10.0;
 const STOREY: f64 = 3.0;
 const SKY: f64 = 60.0;
-/// Facets unless told otherwise.
+/// Default number of facets.
 const FACETS: usize = 5000;
 
-/// Streets, houses of two to ten storeys, and the sky as a luminous box, in nearly square facets of one size: as close
-/// to `--count` of them as one size can be. No ground below houses, every front towards the air.
+/// Streets, houses of two to ten storeys, and a box-shaped emitting sky, in nearly square facets of one size: the
+/// number of facets is as close to `count` as one size allows. No ground below houses; all fronts face the air.
 pub(super) fn urban_block(spec: &Spec) -> Result<Soup> {
     let wanted = spec.count.unwrap_or(FACETS);
     let build = |edge: f64| {
@@ -45,7 +45,7 @@ struct Town {
 impl Town {
     fn build(&mut self, random: &mut Random) {
         let pitch = BUILDING + STREET;
-        // Where streets and blocks begin along either axis.
+        // Start of each street and block along both axes.
         let mut lines: Vec<f64> =
             (0..BUILDINGS).flat_map(|k| [k as f64 * pitch, k as f64 * pitch + STREET]).collect();
         let size = BUILDINGS as f64 * pitch + STREET;
@@ -80,7 +80,7 @@ impl Town {
         self.tiles(v, up, -v);
     }
 
-    /// A rectangle with edges `u` and `v` at `corner`, facing along `u × v`, cut into tiles.
+    /// Adds a rectangle with edges `u` and `v` at `corner` that faces along `u × v`, divided into tiles.
     fn tiles(&mut self, corner: DVec3, u: DVec3, v: DVec3) {
         let cuts = |side: DVec3| (side.length() / self.edge).round().max(1.0) as usize;
         let (m, n) = (cuts(u), cuts(v));

@@ -1,6 +1,7 @@
-//! Spheres and cylinders of facets, and a published case in two dimensions, against closed forms.
+//! Tessellated spheres and cylinders, and a published two-dimensional case, against closed forms.
 
 use super::*;
+use crate::scene::Scene;
 use std::f64::consts::TAU;
 
 /// A scene of objects, each a list of polygons.
@@ -14,12 +15,12 @@ fn solids(list: &[Vec<Vec<DVec3>>]) -> Scene {
     resolve(soup, &LoadOptions::default()).expect("a scene")
 }
 
-/// Factors between the objects of a scene, with nothing adjusted.
+/// Form factors between the objects of a scene, without adjustment.
 fn between(scene: &Scene) -> Matrix {
     run(scene, |s| s.enforce = false).0.grouped(scene, &Facets::new(scene), Grouping::Object)
 }
 
-/// An octahedron whose edges are halved so often, its corners on a sphere; turned inside out for `inward`.
+/// An octahedron subdivided `halved` times with its corners on a sphere; reversed if `inward`.
 fn sphere(radius: f64, halved: u32, inward: bool) -> Vec<Vec<DVec3>> {
     let mut faces: Vec<[DVec3; 3]> = (0..8)
         .map(|k| {
@@ -41,8 +42,8 @@ fn sphere(radius: f64, halved: u32, inward: bool) -> Vec<Vec<DVec3>> {
     faces.iter().map(|f| turned(f.map(|p| radius * p))).collect()
 }
 
-/// Whatever the facets, all that the inner of two bodies sends meets the outer one if the inner one is convex, and the rest
-/// follows from reciprocity: exact values for the shapes as they are, no error of facets.
+/// All flux from a convex inner body reaches the outer body; the other factors follow from reciprocity. The values are
+/// exact for the tessellated shapes.
 #[test]
 fn concentric_spheres_of_facets() {
     for (inner, outer) in [(1.0, 1.5), (1.0, 2.0), (1.0, 3.0)] {
@@ -52,12 +53,12 @@ fn concentric_spheres_of_facets() {
         assert_eq!(m.get(0, 0), 0.0, "convex");
         near(m.get(0, 1), 1.0, 1e-3, "from inside");
         near(m.get(1, 0), share, 1e-3, "from outside");
-        // Partly hidden by the inner one.
+        // Partly hidden by the inner body.
         near(m.get(1, 1), 1.0 - share, 5e-3, "to itself");
     }
 }
 
-/// The side of an upright prism that is as wide as a cylinder is on average, one unit high.
+/// The side of an upright prism with the cross-section area of a cylinder, one unit high.
 fn tube(radius: f64, sides: u32, inward: bool) -> Vec<Vec<DVec3>> {
     let step = TAU / f64::from(sides);
     let radius = radius * (step / step.sin()).sqrt();
@@ -75,7 +76,7 @@ fn tube(radius: f64, sides: u32, inward: bool) -> Vec<Vec<DVec3>> {
     (0..sides).map(|k| turned(side(k))).collect()
 }
 
-/// Prisms of as large a cross-section converge to cylinders with the square of their angles: 0.1 % is enough facets.
+/// Prisms with the cross-section of a cylinder converge to the cylinder with the square of the angle per side.
 #[test]
 fn coaxial_cylinders_converge_to_published_values() {
     let text = include_str!("../../../../tests/validation/viewfactors_unobstructed.csv");
@@ -97,8 +98,8 @@ fn coaxial_cylinders_converge_to_published_values() {
     assert_eq!(tried, 7);
 }
 
-/// A case in two dimensions, as long plates. Their ends cost some thousandths: what is blocked is compared as a part of what
-/// would get through, and the rest to that.
+/// A two-dimensional case as long plates. The finite length changes factors by some thousandths: the blocked factor is
+/// compared relative to the unblocked one, the others directly.
 #[test]
 fn a_published_case_in_two_dimensions() {
     let length = 1000.0;
