@@ -46,8 +46,8 @@ impl<'a> Deadline<'a> {
         Deadline { spent, ..self }
     }
 
-    /// The same deadline for another caller.
-    pub fn told_to<'b>(&self, progress: &'b dyn Progress) -> Deadline<'b> {
+    /// The same deadline with the interruptions of another caller.
+    pub fn for_caller<'b>(&self, progress: &'b dyn Progress) -> Deadline<'b> {
         let Deadline { begun, spent, seconds, .. } = *self;
         Deadline { progress, begun, spent, seconds }
     }

@@ -1,6 +1,6 @@
 //! The light in a scene as plain data: the leaf elements of all surfaces with their radiosity and irradiance.
 //!
-//! The solver makes it; outputs and comparisons read it. It knows neither how the light was computed nor where it is written.
+//! The solver makes it; outputs and comparisons read it. Neither the method nor the file formats appear here.
 
 use glam::{DVec3, Vec3};
 

@@ -11,7 +11,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 use sobol_burley::sample_4d;
 
-/// Paths from an element, in groups whose spread gives the standard error of the reference value.
+/// Paths from an element, in groups whose spread gives the standard error of their mean.
 const GROUPS: u32 = 8;
 const PATHS: u32 = 16;
 
@@ -45,9 +45,9 @@ const FOR_AUDIT: f64 = 0.75;
 
 /// An element that was checked, W/m².
 struct Check {
-    /// Difference of the solution from the reference value.
+    /// Difference of the solution from the paths.
     error: f64,
-    /// Standard error of the reference value.
+    /// Standard error of the paths.
     noise: f64,
     /// Error bar.
     bar: f64,
@@ -77,7 +77,7 @@ impl FinalGather<'_> {
     }
 
     /// The factor by which bars must be multiplied so that 95 % of the errors at `count` elements (others than those of the audit)
-    /// lie within twice the bars; 1 if too few of them have bars above the noise of the reference values. Bars assume
+    /// lie within twice the bars; 1 if too few of them have bars above the noise of the paths. Bars assume
     /// independent samples, but stratified samples are better, and errors of links are correlated.
     pub fn bar_factor(&self, bars: &[f64], count: usize, stop: &(dyn Fn() -> bool + Sync)) -> (f64, Tally) {
         let (mut checks, tally) = self.checks(bars, count, FOR_FACTOR, stop);
@@ -109,13 +109,13 @@ impl FinalGather<'_> {
         if area > 0.0 { light / area } else { 0.0 }
     }
 
-    /// Checks `count` elements, drawn by area in strata; `place` in `[0, 1)` is the position in each stratum. No checks without light
+    /// Checks `count` elements, drawn by area in strata; `position` in `[0, 1)` lies in each stratum. No checks without light
     /// or after an early stop.
     fn checks(
         &self,
         bars: &[f64],
         count: usize,
-        place: f64,
+        position: f64,
         stop: &(dyn Fn() -> bool + Sync),
     ) -> (Vec<Check>, Tally) {
         let (mut areas, mut sum) = (Vec::new(), 0.0);
@@ -127,7 +127,7 @@ impl FinalGather<'_> {
             return (Vec::new(), Tally::default());
         }
         let drawn = |k: usize| {
-            let at = (k as f64 + place) / count as f64 * sum;
+            let at = (k as f64 + position) / count as f64 * sum;
             areas[areas.partition_point(|a| a.0 <= at).min(areas.len() - 1)].1
         };
         let made: Option<Vec<(Check, Tally)>> = (0..count)
@@ -138,8 +138,8 @@ impl FinalGather<'_> {
                 }
                 buffers.scratch.tally = Tally::default();
                 let e = drawn(k);
-                let (truth, noise) = self.path_irradiance(e, place.to_bits(), buffers);
-                let error = (mean(self.linked().states[e as usize].irradiance) - truth).abs();
+                let (by_paths, noise) = self.path_irradiance(e, position.to_bits(), buffers);
+                let error = (mean(self.linked().states[e as usize].irradiance) - by_paths).abs();
                 Some((Check { error, noise, bar: bars[e as usize] }, buffers.scratch.tally))
             })
             .collect();

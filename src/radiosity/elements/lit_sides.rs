@@ -64,10 +64,10 @@ pub fn lit_inside(scene: &Scene, entered: &[Entered]) -> Vec<u32> {
         if rays.is_empty() || faces.is_empty() {
             return false;
         }
-        let looked: Vec<&Entered> = rays.iter().step_by(rays.len().div_ceil(MAX_TESTED_RAYS)).collect();
+        let tested: Vec<&Entered> = rays.iter().step_by(rays.len().div_ceil(MAX_TESTED_RAYS)).collect();
         let outside = |ray: &&&Entered| winding(scene, faces, ray.from).abs() < 0.5;
-        let came = looked.iter().filter(outside).count() as f64;
-        rays.iter().any(|ray| ray.emits) || came >= MIN_OUTSIDE_SHARE * looked.len() as f64
+        let from_outside = tested.iter().filter(outside).count() as f64;
+        rays.iter().any(|ray| ray.emits) || from_outside >= MIN_OUTSIDE_SHARE * tested.len() as f64
     };
     let lit: Vec<bool> = by_part.par_iter().zip(&parts).map(is_lit).collect();
     (0..).zip(lit).filter_map(|(part, lit)| lit.then_some(part)).collect()

@@ -1,4 +1,4 @@
-//! What the solver knows about one element: its light, its importance, its feature size and its row factors.
+//! The solver's data of one element: its light, its importance, its feature size and its row factors.
 
 use crate::radiosity::rgb::Rgb;
 

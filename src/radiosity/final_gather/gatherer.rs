@@ -2,6 +2,7 @@
 
 use crate::embree::CommittedScene;
 use crate::embree::{Hits, Traversal};
+use crate::model::Model;
 use crate::radiosity::elements::emitters::Emitters;
 use crate::radiosity::elements::{Elements, Lookup, Shape};
 use crate::radiosity::links::Scratch;
@@ -9,8 +10,6 @@ use crate::radiosity::options::Options;
 use crate::radiosity::refinement::LinkedScene;
 use crate::radiosity::sampling::{cosine_direction, mix, numbers};
 use crate::ray::{LANES, Packet};
-use crate::scene::Scene;
-use crate::visibility::{Exact, reference};
 use glam::Vec3;
 use sobol_burley::sample;
 
@@ -96,8 +95,9 @@ pub struct Buffers {
 }
 
 impl<'a> FinalGather<'a> {
-    /// Prepares gathering in a scene.
-    pub fn new(scene: &Scene, linked: &'a LinkedScene, exact: &Exact, options: &Options) -> FinalGather<'a> {
+    /// Prepares gathering from the light of a model.
+    pub fn new(model: &Model, linked: &'a LinkedScene, options: &Options) -> FinalGather<'a> {
+        let (scene, magnitude) = (model.scene(), model.magnitude());
         let elements = &linked.elements;
         let cluttered = elements.large_from > 0;
         let gathered = options.gather_rays();
@@ -117,8 +117,8 @@ impl<'a> FinalGather<'a> {
             lookup: Lookup::new(elements),
             reflected: reflected.collect(),
             linked,
-            traced: exact.scene.clone(),
-            traversal: exact.traversal,
+            traced: model.traced().clone(),
+            traversal: model.widest_packets(),
             emitters: Emitters::new(scene, elements),
             trust_distance: elements
                 .elements
@@ -128,9 +128,9 @@ impl<'a> FinalGather<'a> {
             table,
             light_rays: options.light_rays(),
             hemispheres,
-            slack: 1e-5 * scene.bounds.diagonal() + 1e-6 * reference::magnitude(scene),
+            slack: 1e-5 * scene.bounds.diagonal() + 1e-6 * magnitude,
             feature_size: options.feature_size.unwrap_or(1e-2 * scene.bounds.diagonal()),
-            magnitude: reference::magnitude(scene),
+            magnitude,
             length: 1.01 * scene.bounds.diagonal(),
         }
     }

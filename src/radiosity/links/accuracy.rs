@@ -22,7 +22,7 @@ pub struct Accuracy {
     pub deviation: f32,
     /// Certificate of the link between elements that hold the ends.
     pub certificate: BlockerCertificate,
-    /// Whether no segment between those elements got through: then a single blocker of all segments is looked for.
+    /// Whether no segment between those elements got through: then the certificate search continues for a single blocker of all segments.
     pub blocked: bool,
     /// Whether the first end is the one whose light matters more. Feature sizes are those of its shadows.
     pub first_receives: bool,

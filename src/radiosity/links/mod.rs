@@ -2,8 +2,7 @@
 //!
 //! A link serves both directions. Its exchange area `C = ∫∫ K V` over both ends (`K = cos cos' / π r²`, V visibility) is
 //! `A_a F(a→b) T = A_b F(b→a) T`: reciprocity holds exactly, and the power that reaches a from b is `C B_b`. Unoccluded exchange
-//! and transmittance are stored separately. This room knows where light can go, not how much there is: radiosities are
-//! arguments.
+//! and transmittance are stored separately. Links contain no light: radiosities are arguments.
 
 mod accuracy;
 mod blocker_certificate;

@@ -10,7 +10,6 @@ use crate::radiosity::final_gather::{FinalGather, with_fewer_rays};
 use crate::radiosity::options::Options;
 use crate::radiosity::rgb::Rgb;
 use crate::scene::Scene;
-use crate::visibility::Exact;
 use glam::Vec3;
 
 /// Rays between two checks of the deadline, about. Chosen: a fraction of a second.
@@ -19,7 +18,6 @@ const RAYS_PER_CHECK: usize = 1 << 22;
 /// The light of a scene, which answers irradiance at points.
 pub struct Solution {
     pub(super) model: Model,
-    pub(super) exact: Exact,
     pub(super) solved: Solved,
     pub(super) options: Options,
     /// The time limit of the whole solution.
@@ -42,7 +40,7 @@ impl Solution {
 
     /// Irradiance at points (file coordinates), W/m², with all rays.
     pub fn irradiance(&self, points: &[Point]) -> Vec<Rgb> {
-        FinalGather::new(self.model.scene(), &self.solved.linked, &self.exact, &self.options)
+        FinalGather::new(&self.model, &self.solved.linked, &self.options)
             .irradiance(&relative(self.model.scene(), points))
             .0
     }
@@ -50,10 +48,9 @@ impl Solution {
     /// Irradiance at points (file coordinates) within a part, in `(0, 1]`, of the time that is left of [`Options::max_seconds`]: by
     /// fewer rays if there is no time for all of them.
     pub fn irradiance_within(&self, points: &[Point], part: f64, progress: &dyn Progress) -> PointLight {
-        let deadline = self.deadline.told_to(progress).part(part);
-        let scene = self.model.scene();
-        let points = relative(scene, points);
-        let gather = |options: &Options| FinalGather::new(scene, &self.solved.linked, &self.exact, options);
+        let deadline = self.deadline.for_caller(progress).part(part);
+        let points = relative(self.model.scene(), points);
+        let gather = |options: &Options| FinalGather::new(&self.model, &self.solved.linked, options);
         let all = gather(&self.options);
         let possible = all.possible_part(&points, &deadline.part(QUERY_SHARE));
         let rays = |options: &Options| {

@@ -52,7 +52,6 @@ pub fn solve(
     check_size(scene)?;
     // The time of the model's preparation counts.
     let deadline = Deadline::start(progress, options.max_seconds).after(model.report().seconds());
-    let exact = exact_engine(model);
     let mut stages = Stages {
         model,
         scene,
@@ -62,7 +61,7 @@ pub fn solve(
         seconds: preparation(model, options),
         notes: Vec::new(),
     };
-    let (coarse, unlit) = stages.coarse(&exact)?;
+    let (coarse, unlit) = stages.coarse()?;
     let asked = !points.is_empty() || options.more_points;
     // Direct light at points needs no light of elements.
     let idle = options.direct_only && !points.is_empty();
@@ -76,9 +75,9 @@ pub fn solve(
             coarse.refine(options, &estimate, progress, &plan.refinement)
         }
     };
-    let (solved, steps) = stages.final_light(refined, local, &exact, &plan, start);
-    let gather = FinalGather::new(scene, &solved.linked, &exact, options);
-    let (irradiance, points_tally) = stages.points(&gather, points, &exact, &plan);
+    let (solved, steps) = stages.final_light(refined, local, &plan, start);
+    let gather = FinalGather::new(model, &solved.linked, options);
+    let (irradiance, points_tally) = stages.points(&gather, points, &plan);
     let (uncertainty, audit, audit_tally) = stages.audit(&gather, &solved, &plan);
     if scene.emitters.is_empty() {
         stages.notes.push(notes::NO_EMITTERS.into());
@@ -96,10 +95,9 @@ pub fn solve(
         outcome,
         Solution {
             model: model.clone(),
-            exact,
             solved,
             options: options.clone(),
-            deadline: deadline.told_to(&()),
+            deadline: deadline.for_caller(&()),
         },
     ))
 }
@@ -158,9 +156,9 @@ struct Stages<'a> {
 
 impl Stages<'_> {
     /// Elements with the link of the root, importance and feature sizes.
-    fn coarse(&mut self, exact: &Exact) -> Result<(Coarse, Unlit)> {
+    fn coarse(&mut self) -> Result<(Coarse, Unlit)> {
         let (scene, options) = (self.scene, self.options);
-        let ends = self.model.end_rule();
+        let (ends, exact) = (self.model.end_rule(), &exact_engine(self.model));
         self.notes.extend(scene.repairs.messages.clone());
         self.notes.extend(self.model.report().note.clone());
         let hierarchy = self.model.base().hierarchy();
@@ -180,7 +178,6 @@ impl Stages<'_> {
         &mut self,
         refined: Refined,
         local: bool,
-        exact: &Exact,
         plan: &DeadlinePlan,
         start: Instant,
     ) -> (Solved, RefinementSteps) {
@@ -194,7 +191,7 @@ impl Stages<'_> {
             self.seconds.solve = start.elapsed().as_secs_f64();
             self.progress.stage("local pass", 0);
             let mut linked = refined.linked;
-            let found = self.local_pass(&mut linked, exact, &plan.light);
+            let found = self.local_pass(&mut linked, &plan.light);
             self.notes.extend(notes::unconverged(&found.convergence, &plan.light));
             return (Solved::by_rays(linked, found), steps);
         }
@@ -209,12 +206,12 @@ impl Stages<'_> {
     }
 
     /// Splits surfaces as finely as the rays allow, and traces the rays.
-    fn local_pass(&mut self, linked: &mut LinkedScene, exact: &Exact, deadline: &Deadline) -> LocalPass {
+    fn local_pass(&mut self, linked: &mut LinkedScene, deadline: &Deadline) -> LocalPass {
         let (scene, options) = (self.scene, self.options);
         let (found, note) = timed(&mut self.seconds.local, || {
             let all = options.local_rays() as f64;
             let rays = match deadline.limited() {
-                true => FinalGather::new(scene, linked, exact, options).affordable_rays(all, deadline),
+                true => FinalGather::new(self.model, linked, options).affordable_rays(all, deadline),
                 false => Some(all).filter(|_| !deadline.late()),
             };
             let smallest = match rays {
@@ -222,7 +219,7 @@ impl Stages<'_> {
                 fewer => Options::area_for(fewer.unwrap_or(LATE_RAYS)).max(options.local_area()),
             };
             linked.split_all(smallest * total_area(scene), deadline);
-            let found = FinalGather::new(scene, linked, exact, options).local_pass(rays, deadline);
+            let found = FinalGather::new(self.model, linked, options).local_pass(rays, deadline);
             (found, notes::fewer_local_rays(rays, all, deadline))
         });
         self.notes.extend(note);
@@ -230,19 +227,13 @@ impl Stages<'_> {
     }
 
     /// Irradiance at points, W/m².
-    fn points(
-        &mut self,
-        gather: &FinalGather,
-        points: &[Point],
-        exact: &Exact,
-        plan: &DeadlinePlan,
-    ) -> (Vec<Rgb>, Tally) {
+    fn points(&mut self, gather: &FinalGather, points: &[Point], plan: &DeadlinePlan) -> (Vec<Rgb>, Tally) {
         self.progress.stage("points", 0);
         let (scene, options) = (self.scene, self.options);
         let points = relative(scene, points);
         let found =
             timed(&mut self.seconds.points, || match gather.hurried(&points, options, &plan.closing) {
-                Some(fewer) => FinalGather::new(scene, gather.linked(), exact, &fewer).irradiance(&points),
+                Some(fewer) => FinalGather::new(self.model, gather.linked(), &fewer).irradiance(&points),
                 None => gather.irradiance(&points),
             });
         self.notes.extend(gather.far_off(&points));

@@ -44,7 +44,7 @@ pub fn probe(elements: &Elements, exact: &Exact, ends: EndRule, length: f32, see
     let found: Vec<(Vec<ProbeRay>, Vec<Entered>)> = (0..sides)
         .into_par_iter()
         .with_min_len(64)
-        .map_init(Vec::new, |packets: &mut Vec<Packet>, s| tracer.from_side(seed, s, packets))
+        .map_init(Vec::new, |packets: &mut Vec<Packet>, s| tracer.rays_of_side(seed, s, packets))
         .collect();
     let entered = found.iter().flat_map(|f| &f.1).copied().collect();
     let found: Vec<&Vec<ProbeRay>> = found.iter().map(|f| &f.0).collect();
@@ -132,7 +132,7 @@ struct Tracer<'a> {
 
 impl Tracer<'_> {
     /// The rays of a side, and those of them that met a side without an element.
-    fn from_side(&self, seed: u64, s: usize, packets: &mut Vec<Packet>) -> (Vec<ProbeRay>, Vec<Entered>) {
+    fn rays_of_side(&self, seed: u64, s: usize, packets: &mut Vec<Packet>) -> (Vec<ProbeRay>, Vec<Entered>) {
         let elements = self.elements;
         let side = &elements.sides[s];
         let element = &elements.elements[side.element as usize];

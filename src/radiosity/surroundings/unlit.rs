@@ -27,7 +27,7 @@ const DIM: f64 = 0.1;
 /// Packets of sixteen rays by which sides that may be unlit look for dim sides.
 const LOOK_PACKETS: usize = 4;
 
-/// Sides of surfaces without light, which have no elements. They are not looked for in scenes with clusters.
+/// Sides of surfaces without light, which have no elements. Scenes with clusters have none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Unlit {
     /// Number of unlit sides.

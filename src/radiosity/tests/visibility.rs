@@ -167,11 +167,11 @@ fn less_tolerance_is_not_worse() {
 fn wrong_bars_are_found_out() {
     let scene = room(true);
     refined(&scene, &with(Visibility::Exact), |linked| {
-        let exact = exact_engine(&model_for(&scene, &with(Visibility::Exact)));
+        let model = model_for(&scene, &with(Visibility::Exact));
         let bars = link_uncertainty(linked);
         let look = |linked: &LinkedScene, factor: f64| {
             let bars: Vec<f64> = bars.iter().map(|b| factor * b).collect();
-            let gather = FinalGather::new(&scene, linked, &exact, &with(Visibility::Exact));
+            let gather = FinalGather::new(&model, linked, &with(Visibility::Exact));
             (gather.audit(&bars, 300, &|| false).0, gather.bar_factor(&bars, 300, &|| false).0)
         };
         let audit = |linked: &LinkedScene, factor: f64| look(linked, factor).0;

@@ -154,7 +154,7 @@ mod tests {
                 room * (n / 2) + (u * (n / 2) as f32) as u32
             })
             .collect();
-        let places: Vec<MatrixRow> = (1..=n as usize)
+        let rows: Vec<MatrixRow> = (1..=n as usize)
             .map(|i| MatrixRow {
                 area: 1.0,
                 reflectance: [reflectance; 3],
@@ -162,7 +162,7 @@ mod tests {
                 closed: true,
             })
             .collect();
-        TransportMatrix::new(&places, &met, Rows::Balanced, &Deadline::start(&(), None))
+        TransportMatrix::new(&rows, &met, Rows::Balanced, &Deadline::start(&(), None))
     }
 
     #[test]

@@ -5,13 +5,13 @@
 //! gathered. The two differ in three ways, which is why they are two procedures with one rule each:
 //!
 //! * Links have rows at all levels of the tree: their row sums are one gather of radiosity 1, and only leaves of closed sides have
-//!   a known sum. A row of rays knows its expected sum from its own rays.
+//!   a known sum. The expected sum of a row of rays follows from its own rays.
 //! * Factors of links move by the square root of what is missing, those of rays by Chebyshev exponents. Coarse links overlap, and
 //!   accelerated factors would oscillate.
 //! * Links may add up to more than 1 where they are coarse; such rows are bounded afterwards.
 //!
-//! The matrix of form factors between facets (`form_factors::matrix::closure`) uses a third method: it knows the standard error of
-//! every entry and changes each in proportion to its variance (Gauss' adjustment), which neither links nor single rays allow.
+//! The matrix of form factors between facets (`form_factors::matrix::closure`) uses a third method: every entry has a known standard error
+//! and changes in proportion to its variance (Gauss' adjustment), which neither links nor single rays allow.
 
 use super::active_nodes::ActiveNodes;
 use super::directional::NodeIrradiance;

@@ -223,7 +223,7 @@ mod tests {
     fn exchange_is_symmetric_and_complete() {
         let n = 50u32;
         let mut met = Vec::new();
-        let places: Vec<MatrixRow> = (0..n)
+        let matrix_rows: Vec<MatrixRow> = (0..n)
             .map(|i| {
                 let rays = 20 + 40 * u64::from(i % 5);
                 met.extend((0..rays).map(|k| (numbers(u64::from(i), k)[0] * n as f32) as u32));
@@ -235,7 +235,7 @@ mod tests {
                 }
             })
             .collect();
-        let system = |rows| TransportMatrix::new(&places, &met, rows, &Deadline::start(&(), None));
+        let system = |rows| TransportMatrix::new(&matrix_rows, &met, rows, &Deadline::start(&(), None));
         let sampled = system(Rows::Sampled);
         let mut exchange = vec![0.0; (n * n) as usize];
         for i in 0..n as usize {
