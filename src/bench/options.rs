@@ -1,8 +1,8 @@
 //! What a run measures, and whether it makes sense for a scene.
 
+use super::pilot::pilot_bytes;
 use super::sample::Sample;
-use super::unbiased;
-use crate::model::cache::Place;
+use crate::model::cache::CacheLocation;
 use crate::optics;
 use crate::scene::Scene;
 use crate::{Error, Result};
@@ -12,7 +12,7 @@ pub(super) const MAX_RAYS: usize = 1 << 16;
 /// Multi-resolution rows have this many times the segments asked for.
 const MR_FACTORS: [usize; 3] = [1, 4, 16];
 /// Most threads of any command: one limit, in one place.
-pub const MOST_THREADS: u16 = 1024;
+pub const MAX_THREADS: u16 = 1024;
 /// Most receiver points.
 const MAX_POINTS: usize = 100_000_000;
 /// Part of the memory at hand that results may take.
@@ -53,7 +53,7 @@ pub struct Options {
     /// How clusters are measured.
     pub clusters: optics::Options,
     /// Where the measured clusters are kept for the next run.
-    pub cache: Place,
+    pub cache: CacheLocation,
 }
 
 impl Default for Options {
@@ -70,7 +70,7 @@ impl Default for Options {
             unbiased: false,
             target: None,
             clusters: optics::Options::default(),
-            cache: Place::Off,
+            cache: CacheLocation::Off,
         }
     }
 }
@@ -87,7 +87,7 @@ impl Options {
         let rows = self.points as f64 * (32.0 + emitters as f64 * 48.0);
         // The samples that are decided on, for the points and for the images, and the pilot of the rows without bias.
         let samples = 2 * Sample::bytes(&self.mr_rays());
-        let pilot = if self.unbiased { unbiased::pilot_bytes() } else { 0 };
+        let pilot = if self.unbiased { pilot_bytes() } else { 0 };
         rows + (samples + pilot) as f64
     }
 
@@ -100,7 +100,7 @@ impl Options {
             ("--rays", self.rays, MAX_RAYS),
             ("--reference-rays", self.reference_rays, MAX_RAYS),
             ("--points", self.points, MAX_POINTS),
-            ("--threads", self.threads, MOST_THREADS.into()),
+            ("--threads", self.threads, MAX_THREADS.into()),
         ];
         for (name, count, most) in counts {
             if count == 0 || count > most {

@@ -3,7 +3,7 @@
 use super::*;
 use crate::bench::record::{
     Audit, Build, BytesPerTriangle, CalibrationBin, Clusters, ExactRow, Receiver, ScalingRecord, ScalingRow,
-    SceneFacts, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow, Workload,
+    SceneSummary, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow, Workload,
 };
 
 /// Shadows of many small discs and a few large ones, blurred by `blur` texels, with noise of `noise`.
@@ -122,7 +122,7 @@ fn example() -> (Record, Vec<ReceiverImages>) {
         isa: "avx512".into(),
         unit: "m".into(),
         seed: 1,
-        scene: SceneFacts {
+        scene: SceneSummary {
             path: "scenes/park <b>.obj".into(),
             triangles: 512_340,
             objects: 41,
