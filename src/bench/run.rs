@@ -41,8 +41,8 @@ pub fn run(
     let workload = Workload::new(scene, points, options.seed);
     if workload.pairs.is_empty() {
         return Err(Error::Scene(format!(
-            "{}: no surface faces an emitter; check the winding of the emitters' faces (front sides emit) or add \
-             --two-sided-emission",
+            "{}: no surface faces an emitter; check the winding of the emitters' faces (front sides emit) or set \
+             option `two_sided_emission`",
             scene.path.display()
         )));
     }

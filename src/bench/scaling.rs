@@ -74,7 +74,7 @@ impl Series {
 pub fn check_scaling(largest: usize) -> Result<()> {
     if !(MIN_TRIANGLES..=MAX_TRIANGLES).contains(&largest) {
         return Err(Error::Argument(format!(
-            "--scaling={largest}: must lie in {MIN_TRIANGLES}..{MAX_TRIANGLES} triangles"
+            "scaling {largest}: must lie in {MIN_TRIANGLES}..{MAX_TRIANGLES} triangles"
         )));
     }
     Ok(())
