@@ -1,4 +1,4 @@
-//! Claimed against observed error: a few exact rays of their own on a random part of the bundles (method E.1).
+//! Claimed against observed error: a few exact rays of their own on a random part of the bundles.
 
 use super::measure::{MrRun, Questions};
 use super::record;

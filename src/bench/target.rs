@@ -1,5 +1,4 @@
-//! Error as the input: an error or a time is asked for, and the engine, its feature size and its segments follow
-//! (method E.3).
+//! Error as the input: an error or a time is asked for, and the engine, its feature size and its segments follow.
 //!
 //! A pilot on a sample runs every plan that comes into question, takes its time and finds its error against exact rays
 //! of its own; the cheapest plan that is good enough, or the best that is cheap enough, is run on all pairs.

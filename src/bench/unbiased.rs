@@ -1,5 +1,5 @@
 //! Rows without bias: averaged answers corrected by exact segments, against plain exact rays at the same error
-//! (method E.4).
+//! (docs/method.md, Unbiased combination).
 //!
 //! A pilot on a sample, with segments of its own, measures for some averaged levels what they cost, how far they are
 //! from exact, segment by segment, and how that depends on the answer. The numbers of corrections by class are those
