@@ -1,13 +1,13 @@
 //! The multi-resolution engine of a benchmark, and the times and sizes of everything that is built for it.
 
+use super::context::Bench;
 use super::options::Options;
 use super::record::{Build, BytesPerTriangle};
-use super::rows::Bench;
+use super::rounds::timed;
 use super::sample::Sample;
 use super::workload::Workload;
 use crate::model::{Detail, Model, PrepareOptions};
 use crate::visibility::{Leaf, MultiResolution, Workspace};
-use std::time::Instant;
 
 impl Options {
     /// What a model must hold for a benchmark with these options.
@@ -63,12 +63,4 @@ impl Bench<'_> {
         );
         engine
     }
-}
-
-/// The result and, added up, the seconds it took.
-pub(super) fn timed<R>(seconds: &mut f64, make: impl FnOnce() -> R) -> R {
-    let start = Instant::now();
-    let result = make();
-    *seconds += start.elapsed().as_secs_f64();
-    result
 }

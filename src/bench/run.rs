@@ -1,16 +1,17 @@
 //! One run from a scene to a record and images.
 
+use super::context::Bench;
 use super::measure::{Questions, Timer};
 use super::options::Options;
 use super::page::ReceiverImages;
 use super::prepare::build_of;
 use super::record::{self, Record};
-use super::rows::{Bench, Measured};
+use super::rows::Measured;
 use super::sizes::default_sizes;
 use super::workload::{Workload, surface_points};
 use crate::clusters::Hierarchy;
 use crate::model::Model;
-use crate::model::summary::SceneFacts;
+use crate::model::summary::SceneSummary;
 use crate::optics::{ClusterOptics, Extinction};
 use crate::progress::Progress;
 use crate::scene::Scene;
@@ -40,8 +41,8 @@ pub fn run(
     let workload = Workload::new(scene, points, options.seed);
     if workload.pairs.is_empty() {
         return Err(Error::Scene(format!(
-            "{}: no surface faces an emitter; check the winding of the emitters' faces (front sides emit) or add \
-             --two-sided-emission",
+            "{}: no surface faces an emitter; check the winding of the emitters' faces (front sides emit) or set \
+             option `two_sided_emission`",
             scene.path.display()
         )));
     }
@@ -74,7 +75,7 @@ pub fn run(
         isa: mr.isa().name().into(),
         unit: scene.unit.clone(),
         seed: options.seed,
-        scene: SceneFacts::of(scene, hierarchy),
+        scene: SceneSummary::of(scene, hierarchy),
         scene_repairs: serde_json::to_value(&scene.repairs).unwrap_or_default(),
         warnings,
         clusters: record::Clusters {

@@ -171,17 +171,17 @@ fn in_turn(points: [Vec3; 4]) -> [Vec3; 4] {
 
 /// The points, each once, if there are few, or the corners of the box around them.
 fn hull(points: impl Iterator<Item = Vec3> + Clone) -> Vec<Vec3> {
-    const FEW: usize = 8;
+    const MAX_HULL_POINTS: usize = 8;
     let mut distinct: Vec<Vec3> = Vec::new();
     for p in points.clone() {
-        if distinct.len() <= FEW && !distinct.contains(&p) {
+        if distinct.len() <= MAX_HULL_POINTS && !distinct.contains(&p) {
             distinct.push(p);
         }
     }
     if let [a, b, c, d] = distinct[..] {
         return in_turn([a, b, c, d]).to_vec();
     }
-    if distinct.len() <= FEW {
+    if distinct.len() <= MAX_HULL_POINTS {
         return distinct;
     }
     let bounds = Aabb::of(points);

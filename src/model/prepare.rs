@@ -1,6 +1,6 @@
 //! Preparation: the only place where Embree scenes of a model are committed and clusters are measured.
 
-use super::cache::{self, Origin, Place, PreparedClusters};
+use super::cache::{self, CacheLocation, Origin, PreparedClusters};
 use super::instance::Instance;
 use super::mesh::{Clusters, Measured, Mesh};
 use super::source::Source;
@@ -36,7 +36,7 @@ pub struct PrepareOptions {
     /// How their optics are measured.
     pub optics: optics::Options,
     /// Where measured clusters are kept for the next run.
-    pub cache: Place,
+    pub cache: CacheLocation,
 }
 
 /// Seconds and bytes of a preparation, and where its clusters came from.
@@ -206,7 +206,7 @@ fn clusters_of(
                 return Err(Error::Cancelled("stopped before the clusters were measured".into()));
             }
             progress.stage("looking for measured clusters", 0);
-            let (kept, origin, note) = cache::table(scene, &options.cache, &how, || {
+            let (kept, origin, note) = cache::load_or_make(scene, &options.cache, &how, || {
                 progress.stage("building clusters", 0);
                 let hierarchy = timed(&mut clusters_s, || clusters::build(scene, &how.clusters));
                 progress.stage("measuring clusters", 0);

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// Facts of the scene.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct SceneFacts {
+pub struct SceneSummary {
     /// The file, as given.
     pub path: String,
     /// Triangles kept.
@@ -25,10 +25,10 @@ pub struct SceneFacts {
     pub levels: usize,
 }
 
-impl SceneFacts {
+impl SceneSummary {
     /// Those of a scene and its clusters.
-    pub fn of(scene: &Scene, hierarchy: &Hierarchy) -> SceneFacts {
-        SceneFacts {
+    pub fn of(scene: &Scene, hierarchy: &Hierarchy) -> SceneSummary {
+        SceneSummary {
             path: scene.path.display().to_string(),
             triangles: scene.triangles.len(),
             objects: scene.objects.len(),

@@ -1,7 +1,7 @@
 //! What a solution is asked for.
 
 pub use super::importance::View;
-use crate::model::cache::Place;
+use crate::model::cache::CacheLocation;
 pub use crate::radiosity::links::{Inside, Oracle};
 use crate::{Error, Result};
 
@@ -83,7 +83,7 @@ pub struct Options {
     pub max_links: usize,
     /// Where measured clusters are kept.
     #[serde(skip)]
-    pub cache: Place,
+    pub cache: CacheLocation,
     /// Seed of everything random.
     pub seed: u64,
 }
@@ -111,7 +111,7 @@ impl Default for Options {
             more_points: false,
             target_error: None,
             max_links: 10_000_000,
-            cache: Place::Off,
+            cache: CacheLocation::Off,
             seed: 1,
         }
     }

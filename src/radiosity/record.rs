@@ -2,7 +2,7 @@
 
 use super::field::Rgb;
 use super::{Audit, Ledger, Options, Versus};
-use crate::model::summary::SceneFacts;
+use crate::model::summary::SceneSummary;
 use crate::radiosity::links::Tally;
 use crate::radiosity::solution::Solution;
 use serde::Serialize;
@@ -110,7 +110,7 @@ pub struct Record {
     /// The options.
     pub options: Options,
     /// The scene.
-    pub scene: SceneFacts,
+    pub scene: SceneSummary,
     /// What a user should know.
     pub warnings: Vec<String>,
     /// Steps of refinement.

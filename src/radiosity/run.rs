@@ -9,7 +9,7 @@ use super::notes::{hurried, unsettled};
 use super::record::{Ended, Outcome, Record, Seconds, Settled, Unlit};
 use super::steps::{least, solve};
 use super::{Audit, Options, Receiver, Solver, Visibility, probe, reach};
-use crate::model::summary::SceneFacts;
+use crate::model::summary::SceneSummary;
 use crate::model::{Detail, Model};
 use crate::points::Point;
 use crate::progress::Progress;
@@ -215,7 +215,7 @@ pub fn run_then<T>(
         threads: rayon::current_num_threads(),
         unit: scene.unit.clone(),
         options: options.clone(),
-        scene: SceneFacts::of(scene, hierarchy),
+        scene: SceneSummary::of(scene, hierarchy),
         warnings,
         iterations: iterations.into_iter().map(|(iteration, _)| iteration).collect(),
         ended,
