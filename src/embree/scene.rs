@@ -190,7 +190,7 @@ impl SceneBuilder {
     /// # Errors
     /// [`Error::Embree`] if Embree reports an error, such as lack of memory.
     pub fn commit(self) -> Result<CommittedScene> {
-        // SAFETY: the scene is live and nobody else can touch it: `self` is consumed.
+        // SAFETY: the scene is live and no other reference to it exists: `self` is consumed.
         unsafe { sys::rtcCommitScene(self.handle.raw) };
         self.handle.device.check()?;
         let traversal = Traversal { width: 1, coherent: false };
