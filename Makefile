@@ -1,8 +1,8 @@
-# The front door. `make demo` and `make test` do all of their own set-up; `make help` lists the rest.
+# `make demo` and `make test` include all set-up; `make help` lists the other targets.
 
 PREFIX ?= /usr/local
 SCENES ?= livingroom kitchen office park sponza
-# What `make demo` measures, and how long it takes over it: with these, a minute or so of tracing on one core.
+# Scene and options of `make demo`; with these defaults the measurement takes about a minute on one core.
 DEMO_SCENE ?= livingroom
 DEMO_OPTIONS ?= --points 8000 --reference-rays 512
 
@@ -10,7 +10,7 @@ TARGET_DIR := $(or $(CARGO_TARGET_DIR),target)
 BINARY := $(TARGET_DIR)/release/mrvis
 RUST_VERSION := 1.89
 
-# rustup's folder is on the PATH of a login shell, but not always on that of a script.
+# rustup adds its folder to the PATH of login shells only.
 export PATH := $(PATH):$(HOME)/.cargo/bin
 SHELL := /bin/bash
 
@@ -21,26 +21,26 @@ SHELL := /bin/bash
 help:
 	@echo "mrvis: visibility and radiosity in scenes full of small detail"
 	@echo
-	@echo "  make demo      set up, build, assemble a real room, measure it, name the report"
-	@echo "  make test      set up, then format, lint, documentation and the whole test suite"
+	@echo "  make demo      set up, build, assemble a furnished room, measure it, print the path of the report"
+	@echo "  make test      set up, then check formatting, lints and documentation and run all tests"
 	@echo "  make build     set up and build the command ($(BINARY))"
-	@echo "  make scenes    assemble the real scenes in scenes/real (some: make scenes SCENES=\"park sponza\")"
+	@echo "  make scenes    assemble the scenes in scenes/real (a selection: make scenes SCENES=\"park sponza\")"
 	@echo "  make install   install the command under PREFIX (now $(PREFIX))"
-	@echo "  make clean     remove what was built and the reports; distclean: also scenes and the private Embree"
+	@echo "  make clean     remove build products and reports; distclean: also assembled scenes and the private Embree"
 	@echo
-	@echo "Embree 4 is taken from EMBREE_DIR if that is set, else from the system, else fetched into .prefix."
+	@echo "Embree 4 is taken from EMBREE_DIR if that is set, else from the system, else downloaded into .prefix."
 
-# --- set-up: each step says what it does and does nothing when it is done ---------------------------------------------
+# --- set-up: each step prints what it does; a step that is done already is skipped ------------------------------------
 
 setup: need-cargo need-packages need-embree
 
 need-cargo:
 	@command -v cargo >/dev/null 2>&1 || { \
-	  echo "mrvis: cargo was not found: install Rust $(RUST_VERSION) or newer with rustup, then try again" >&2; \
+	  echo "mrvis: cargo is missing: install Rust $(RUST_VERSION) or later with rustup, then run make again" >&2; \
 	  echo "mrvis: (Debian 13 and later: apt-get install rustup, then rustup default stable)" >&2; exit 1; }
 	@have=$$(cargo --version | cut -d' ' -f2); \
 	  [ "$$(printf '%s\n' $(RUST_VERSION) "$$have" | sort -V | head -n 1)" = $(RUST_VERSION) ] || { \
-	  echo "mrvis: cargo is $$have, Rust $(RUST_VERSION) or newer is needed: rustup update stable" >&2; exit 1; }
+	  echo "mrvis: cargo is $$have, Rust $(RUST_VERSION) or later is required: run rustup update stable" >&2; exit 1; }
 
 need-packages:
 	@.ci/debian-packages g++=g++ gcc=cc python3=python3 $(if $(LIBCLANG_PATH),,libclang-dev)
@@ -54,11 +54,11 @@ need-furniture: need-packages
 need-lint: need-cargo
 	@for part in fmt clippy; do \
 	  cargo $$part --version >/dev/null 2>&1 && continue; \
-	  name=$${part/fmt/rustfmt}; echo "mrvis: adding the Rust component $$name" >&2; \
-	  rustup component add $$name || { echo "mrvis: cargo $$part is missing: rustup component add $$name" >&2; exit 1; }; \
+	  name=$${part/fmt/rustfmt}; echo "mrvis: installing the Rust component $$name" >&2; \
+	  rustup component add $$name || { echo "mrvis: cargo $$part is missing: run rustup component add $$name" >&2; exit 1; }; \
 	done
 
-# --- what it is for ---------------------------------------------------------------------------------------------------
+# --- build, demo, test, install ---------------------------------------------------------------------------------------
 
 build: setup
 	cargo build --release
@@ -72,14 +72,14 @@ demo: build need-furniture
 	$(BINARY) bench scenes/real/$(DEMO_SCENE).obj $(DEMO_OPTIONS) --out out/demo --json out/demo/bench.json || [ $$? = 1 ]
 	@python3 .ci/headline out/demo/bench.json out/demo/report.html
 
-# The tests come last: their result lines end the output.
+# The tests come last, so that the output ends with their results.
 test: setup need-lint
 	cargo fmt --check
 	cargo clippy --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps
 	cargo test
 
-# The command finds a private Embree beside itself, in ../lib/mrvis, wherever PREFIX is moved to.
+# A private Embree is installed in lib/mrvis. The command finds it relative to itself, so PREFIX may be moved.
 install: setup
 	cargo rustc --release --bin mrvis -- -C 'link-arg=-Wl,-rpath,$$ORIGIN/../lib/mrvis'
 	install -d "$(DESTDIR)$(PREFIX)/bin"
@@ -88,7 +88,7 @@ install: setup
 	  install -d "$(DESTDIR)$(PREFIX)/lib/mrvis" && \
 	  cp -P .prefix/embree/lib/lib* "$(DESTDIR)$(PREFIX)/lib/mrvis/" && \
 	  cp .prefix/embree/share/doc/* "$(DESTDIR)$(PREFIX)/lib/mrvis/" && \
-	  echo "mrvis: its Embree 4 is in $(DESTDIR)$(PREFIX)/lib/mrvis"; fi
+	  echo "mrvis: installed Embree 4 in $(DESTDIR)$(PREFIX)/lib/mrvis"; fi
 	@echo "mrvis: installed $(DESTDIR)$(PREFIX)/bin/mrvis"
 
 clean: need-cargo

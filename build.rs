@@ -1,10 +1,10 @@
-//! Finds Embree 4, generates bindings from its installed headers and compiles the shim; and fingerprints the code that
-//! measures clusters, so that no cache outlives it.
+//! Finds Embree 4, generates bindings from its installed headers and compiles the C shim. Also computes a hash of the
+//! source code that measures clusters; cache files of other code are not used.
 //!
-//! Search order (architecture, "Getting Embree 4"):
+//! Search order for Embree 4:
 //! 1. `EMBREE_DIR`: a prefix with `include/embree4` and `lib` (or `lib64`, or Debian's `lib/<triplet>`);
 //! 2. the system: `/usr/include/embree4/rtcore.h`, also under `/usr/local` and `/opt/homebrew`;
-//! 3. the project's private prefix `.prefix/embree`, which `make` prepares.
+//! 3. the private prefix `.prefix/embree` of the project, which `make` prepares.
 
 use std::collections::hash_map::DefaultHasher;
 use std::env;
@@ -40,16 +40,16 @@ fn main() {
             "rtc(Get|Set)Device(Error|Property|ErrorFunction|MemoryMonitorFunction|ErrorMessage)",
         )
         .allowlist_function("rtcSetScene(Flags|BuildQuality)")
-        .allowlist_function("rtc(CommitScene|CommitGeometry|AttachGeometry)")
-        .allowlist_function("rtcSet(NewGeometryBuffer|GeometryMask)")
+        .allowlist_function("rtc(CommitScene|CommitGeometry|AttachGeometry|AttachGeometryByID)")
+        .allowlist_function("rtcSet(NewGeometryBuffer|GeometryMask|GeometryInstancedScene|GeometryTransform)")
         .allowlist_function("mrvis_.*")
         .allowlist_var("RTC_(VERSION|VERSION_MAJOR|VERSION_STRING|INVALID_GEOMETRY_ID)")
-        // Codes that a newer library may return must not be undefined behaviour: constants, not Rust enums.
+        // A newer library may return unknown codes. Constants keep this defined; Rust enums would not.
         .default_enum_style(bindgen::EnumVariation::NewType { is_bitfield: false, is_global: false })
         .bitfield_enum("RTCSceneFlags")
         .layout_tests(true)
         .generate()
-        .expect("bindgen could not read the Embree headers; is libclang installed (Debian: libclang-dev)?")
+        .expect("bindgen could not read the Embree headers; it needs libclang (Debian: libclang-dev)")
         .write_to_file(out.join("embree.rs"))
         .expect("OUT_DIR is writable");
 
@@ -62,8 +62,8 @@ fn main() {
         .compile("mrvis_embree_shim");
 }
 
-/// What decides the side table of a scene, that is what room `cache` keeps: the rooms that make it and all that they may
-/// use. `tests/suite/tidy.rs` compares it with the map.
+/// Source files that determine the content of cache files: the modules that build and measure clusters, and all modules
+/// that these may use. `tests/suite/tidy.rs` compares the list with the table in `src/ARCHITECTURE.md`.
 const TABLE_ROOMS: &[&str] = &[
     "src/optics",
     "src/error.rs",
@@ -75,7 +75,7 @@ const TABLE_ROOMS: &[&str] = &[
     "Cargo.lock",
 ];
 
-/// A hash of the files at and below some paths. Only compared within one build.
+/// Hash of all files at and below the given paths. It depends on the Rust version and is compared only for equality.
 fn fingerprint(paths: &[&str]) -> u64 {
     let mut waiting: Vec<PathBuf> = paths.iter().map(PathBuf::from).collect();
     let mut files = Vec::new();
@@ -104,7 +104,7 @@ fn find_embree() -> Result<Embree, String> {
         let dir = PathBuf::from(dir);
         return probe(&dir).ok_or_else(|| {
             format!(
-                "EMBREE_DIR is {} but include/embree4/rtcore.h or lib/libembree4.so is missing there",
+                "EMBREE_DIR is {}, but include/embree4/rtcore.h or lib/libembree4.so is missing there",
                 dir.display()
             )
         });
@@ -113,8 +113,8 @@ fn find_embree() -> Result<Embree, String> {
         Path::new(&env::var_os("CARGO_MANIFEST_DIR").expect("cargo sets it")).join(".prefix/embree");
     println!("cargo:rerun-if-changed={}", private.display());
     ["/usr", "/usr/local", "/opt/homebrew"].iter().map(Path::new).chain([private.as_path()]).find_map(probe).ok_or(
-        "Embree 4 was not found in EMBREE_DIR, in the system or in .prefix/embree. Run `make build` in the \
-         project folder, or install your distribution's Embree 4 development package (Debian 13: libembree-dev)"
+        "Embree 4 was not found in the system or in .prefix/embree, and EMBREE_DIR is not set. Run `make build` in the \
+         project folder, or install the Embree 4 development package of your distribution (Debian 13: libembree-dev)"
             .to_owned(),
     )
 }

@@ -2,12 +2,10 @@
 
 use divan::{Bencher, black_box, counter::ItemsCount};
 use mrvis::bench::workload::{Order, Workload, surface_points};
-use mrvis::clusters;
-use mrvis::embree::{CommittedScene, Device, SceneBuilder, Traversal};
-use mrvis::model::cache::PreparedClusters;
-use mrvis::optics;
+use mrvis::embree::Traversal;
+use mrvis::model::Model;
 use mrvis::ray::{Occluder, Packet};
-use mrvis::scene::{Scene, generate};
+use mrvis::scene::generate;
 use mrvis::simd::Isa;
 use mrvis::visibility::steps::Steps;
 use mrvis::visibility::{Bundle, Exact, Leaf, MultiResolution, Workspace};
@@ -25,10 +23,7 @@ const BUNDLES: usize = 256;
 
 /// 16 trees of 600 leaves, and the bundles of neighbouring points.
 struct Forest {
-    scene: Scene,
-    table: PreparedClusters,
-    traced: CommittedScene,
-    width: usize,
+    model: Model,
     packets: Vec<Packet>,
     emitter_size: f32,
 }
@@ -38,30 +33,24 @@ fn forest() -> &'static Forest {
     FOREST.get_or_init(|| {
         let spec = generate::Spec { trees: 16, leaves: 600, ..generate::Spec::new("forest") };
         let scene = generate::build(&spec).expect("a forest");
-        let hierarchy = clusters::build(&scene, &Default::default());
-        let optics = optics::measure(&scene, &hierarchy.micro, &Default::default());
-        let device = Device::new(1).expect("Embree");
-        let mut builder = SceneBuilder::new(&device, Default::default()).expect("a scene");
-        builder.add_triangles(&scene.positions, &scene.triangles, 1).expect("triangles");
-        let traced = builder.commit().expect("committed");
-        let points = surface_points(&scene, 20_000, 1).expect("points");
-        let workload = Workload::new(&scene, points, 1);
+        let model = Model::prepare(scene, &Default::default(), &()).expect("a model");
+        let scene = model.scene();
+        let points = surface_points(scene, 20_000, 1).expect("points");
+        let workload = Workload::new(scene, points, 1);
         let first = workload.pairs.len() / 2;
         let mut packets = Vec::new();
         (first..first + BUNDLES)
-            .for_each(|pair| workload.add_bundle(&scene, pair, (RAYS, Order::Near), 0, &mut packets));
+            .for_each(|pair| workload.add_bundle(scene, pair, (RAYS, Order::Near), 0, &mut packets));
         let emitter_size = workload.pairs[first].emitter_size;
-        let table = PreparedClusters { hierarchy, optics };
-        Forest { scene, table, traced, width: device.native_width(), packets, emitter_size }
+        Forest { model: model.clone(), packets, emitter_size }
     })
 }
 
 impl Forest {
     fn engine(&self, isa: Isa) -> MultiResolution {
-        let PreparedClusters { hierarchy, optics } = &self.table;
         let traversal = Traversal { width: 1, coherent: false };
-        MultiResolution::new(&self.scene, hierarchy, optics, self.traced.clone(), traversal, Leaf::Exact)
-            .with_isa(isa)
+        let tree = self.model.base().measured().expect("optics").tree.clone();
+        MultiResolution::new(tree, self.model.traced().clone(), traversal, Leaf::Exact).with_isa(isa)
     }
 
     fn bundles(&self) -> Vec<Bundle<'_>> {
@@ -129,11 +118,11 @@ fn walks_in_groups(bencher: Bencher, s: f32) {
 #[divan::bench(args = [1, 4, 8, 16])]
 fn exact_packets(bencher: Bencher, width: usize) {
     let forest = forest();
-    if width > forest.width {
+    if width > forest.model.native_width() {
         return;
     }
     let traversal = Traversal { width, coherent: false };
-    let exact = Exact { scene: forest.traced.clone(), traversal };
+    let exact = Exact { scene: forest.model.traced().clone(), traversal };
     let mut blocked = vec![0; forest.packets.len()];
     bencher.counter(ItemsCount::new(BUNDLES * RAYS)).bench_local(|| {
         exact.occluded(&forest.packets, &mut blocked);

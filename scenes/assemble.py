@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
-"""Assembles scenes of real furniture, real trees and a real building from packages that this system can install.
+"""Assembles scenes of real furniture, trees and architecture from installable packages.
 
     python3 scenes/assemble.py [livingroom kitchen office park sponza] [--out scenes/real] [--force]
 
-Furniture and trees come from Debian's package sweethome3d-furniture (models under CC0 and CC-BY; the credits are
-written into every OBJ file and into CREDITS.txt), Sponza from the crate `bvh`. What stands where is said in
-layouts.py. Standard library only; the same input gives the same bytes.
+Furniture and trees come from Debian's package sweethome3d-furniture (models under CC0 and CC-BY; every OBJ file and
+CREDITS.txt hold the credits), Sponza comes from the crate `bvh`. layouts.py lists the pieces and their positions. The
+script needs only Python's standard library. Equal inputs give equal files.
 
-Every scene is one OBJ with its MTL: metres, z up (sponza: y up, its own scale), one `o` a piece of furniture, polygons
-left as their authors made them, textures copied beside it. The light panels alone have a Ke.
+Each scene is one OBJ file with its MTL file: metres, z up (sponza: y up, its own scale), one object (`o`) per piece of
+furniture, the polygons of the original models, and copies of the textures. Only the light panels have a Ke.
 """
 
 import argparse
@@ -56,7 +56,7 @@ def stop(text):
 
 
 class Model:
-    """A model of the catalogue: vertices, polygons by material, materials, true size in metres, credits."""
+    """A model of a catalogue: vertices, polygons by material, materials, size in metres, credit line."""
 
 
 def unescape(text):
@@ -106,7 +106,7 @@ class Catalogue:
             model.vertices = [
                 (a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z) for x, y, z in model.vertices
             ]
-        # Sweet Home: x right, y up, z to the front. Here: x right, z up, and the front looks to -y.
+        # Catalogue axes: x right, y up, z to the front. Axes here: x right, z up, the front faces -y.
         model.vertices = [(x, -z, y) for x, y, z in model.vertices]
         model.low = [min(v[k] for v in model.vertices) for k in range(3)]
         model.high = [max(v[k] for v in model.vertices) for k in range(3)]
@@ -114,7 +114,7 @@ class Catalogue:
 
 
 def parse_obj(model, text):
-    """Vertices that faces use, texture coordinates, and faces as (material, ((v, vt or -1), ...))."""
+    """Sets vertices used by faces, texture coordinates, and faces as (material, ((v, vt or -1), ...))."""
     points, texcoords, faces, libraries = [], [], [], []
     material = "default"
     for line in text.replace("\\\n", " ").splitlines():
@@ -154,7 +154,7 @@ def parse_obj(model, text):
             if v not in used:
                 used[v] = len(keep)
                 keep.append(points[v])
-            if t >= 0 and material in textured:  # coordinates that no texture needs would only make the file larger
+            if t >= 0 and material in textured:  # omit coordinates that no texture uses
                 if t not in used_t:
                     used_t[t] = len(keep_t)
                     keep_t.append(texcoords[t])
@@ -211,7 +211,7 @@ class Scene:
             return self.written[key]
         written = base = clean(model.name.replace("/", "_") + "__" + name)
         count = 1
-        while written in self.written.values():  # names that differed in what `clean` takes away
+        while written in self.written.values():  # different names can become equal in `clean`
             count += 1
             written = f"{base}_{count}"
         self.written[key] = written
@@ -241,7 +241,7 @@ class Scene:
     # geometry
 
     def emit(self, name, vertices, faces, texcoord_base=0):
-        """Writes one object. Faces are (material, ((vertex, texture coordinate or -1), ...)), counted from 0."""
+        """Writes one object. Faces are (material, ((vertex, texture coordinate or -1), ...)), with indices from 0."""
         w = self.obj.write
         w(f"o {name}\n")
         w("".join(["v %.6f %.6f %.6f\n" % v for v in vertices]))
@@ -261,7 +261,7 @@ class Scene:
         self.count_v += len(vertices)
 
     def quad(self, name, corners, material):
-        """Its front is the side from which the corners turn counter-clockwise."""
+        """Writes a quadrilateral; its corners are counter-clockwise seen from the front."""
         self.quads(name, [corners], material)
 
     def quads(self, name, quads, material):
@@ -283,7 +283,7 @@ class Scene:
         ]
 
     def light_panel(self, name, x, y, z, width, depth, ke, thick=0.03):
-        """An emitting rectangle that faces down at height z, in a frame that reaches up by its thickness."""
+        """Writes an emitting rectangle that faces down at height z, and a frame of the given thickness above it."""
         x0, x1, y0, y1 = x - width / 2, x + width / 2, y - depth / 2, y + depth / 2
         light = self.material(f"{name}_light", (0.8, 0.8, 0.8), ke)
         self.quad(name, [(x0, y0, z), (x0, y1, z), (x1, y1, z), (x1, y0, z)], light)
@@ -346,10 +346,10 @@ class Scene:
                 for a, b, d in zip([corners[0]] * (len(corners) - 2), corners[1:], corners[2:])
             ]
 
-    # what lies on what
+    # pieces on other pieces
 
     def crossings(self, triangles, x, y):
-        """Heights at which the vertical line through (x, y) meets the triangles, upwards."""
+        """Heights, ascending, at which the vertical line through (x, y) intersects the triangles."""
         found = []
         for (ax, ay, az), (bx, by, bz), (cx, cy, cz) in triangles:
             if (ax < x and bx < x and cx < x) or (ax > x and bx > x and cx > x):
@@ -367,7 +367,7 @@ class Scene:
 
     def top_of(self, support, spots, below, name):
         if support not in self.kept:
-            stop(f"{self.name}: {name!r} is to stand on {support!r}, which has no place yet: see layouts.py")
+            stop(f"{self.name}: {name!r} stands on {support!r}, which must be placed before it: see layouts.py")
         x0, x1, y0, y1 = (f(p[k] for p in spots) for k in (0, 1) for f in (min, max))
         under = [
             t for t in self.kept[support]
@@ -376,11 +376,11 @@ class Scene:
         ]
         heights = [z for x, y in spots for z in self.crossings(under, x, y) if z < below]
         if not heights:
-            stop(f"{self.name}: {name!r} does not stand over {support!r}: see layouts.py")
+            stop(f"{self.name}: {name!r} is not above {support!r}: see layouts.py")
         return max(heights)
 
     def books(self, spec):
-        """Rows of books on every board of a bookcase that has room for them: found by looking up from the boards."""
+        """Fills each board of a bookcase with books where the free height above the board is more than 0.17 m."""
         rng = random.Random(spec["seed"])
         support, side = spec["on"], spec["turn"]
         x0, y0, _, x1, y1, z_top = self.boxes[support]
@@ -430,8 +430,8 @@ class Scene:
             faces.append((material, [(len(vertices) + k, -1) for k in range(4)]))
             vertices += corners
         if not faces:
-            stop(f"{self.name}: found no board for books in {support!r}")
-        # The six sides of a book share their corners, so that it is closed for a program that looks at edges.
+            stop(f"{self.name}: no board of {support!r} has space for books")
+        # The six faces of a book share vertices, so that the book is a closed part (each edge has two faces).
         welded, index = [], {}
         for k, (material, corners) in enumerate(faces):
             out = []
@@ -445,7 +445,7 @@ class Scene:
         self.emit(spec["name"], welded, faces)
 
     def shell(self, room):
-        """Floor, ceiling and walls as seen from inside, with openings that reach through the walls."""
+        """Writes floor, ceiling and walls, facing inwards, with openings through the walls."""
         w, d, h = room["size"]
         wall = self.material("wall", room.get("wall_kd", (0.72, 0.70, 0.66)))
         floor = self.material("floor", room.get("floor_kd", (0.42, 0.30, 0.20)))
@@ -460,7 +460,7 @@ class Scene:
                 "W": lambda u, z, o: (-o, u, z),
                 "E": lambda u, z, o: (w + o, u, z),
             }[side]
-            flip = side in "SE"  # the corners below turn the right way round for the other two
+            flip = side in "SE"  # the corners below are in the order for the other two walls
             quads = []
 
             def add(corners):
@@ -508,7 +508,7 @@ class Scene:
 
 
 class replacing:
-    """Opens a file for writing that takes its name only when all of it is written."""
+    """Opens a temporary file for writing and renames it when it is complete."""
 
     def __init__(self, path):
         self.path = path
@@ -547,7 +547,7 @@ def furnished(name, catalogue, out, stamp):
     names = set()
     for piece in layout["pieces"]:
         if piece["name"] in names:
-            stop(f"{name}: two pieces are called {piece['name']!r}")
+            stop(f"{name}: two pieces have the name {piece['name']!r}")
         names.add(piece["name"])
         scene.piece(piece, room)
     for spec in layout.get("books", ()):
@@ -564,7 +564,7 @@ def sponza(catalogue, out, stamp):
     lines = [line for line in source.splitlines() if not line.startswith("mtllib")]
     scene.count_v = sum(1 for line in lines if line.startswith("v "))
     scene.triangles = sum(len(line.split()) - 3 for line in lines if line.startswith("f "))
-    # Its `g name` become objects like those of the other scenes.
+    # Groups (`g`) become objects (`o`) as in the other scenes.
     scene.obj.write("\n".join(re.sub(r"^g ", "o ", line) for line in lines) + "\n")
     panel = layouts.SPONZA_PANEL
     x0, z0, x1, z1 = panel["box"]
@@ -580,7 +580,7 @@ def sponza(catalogue, out, stamp):
 
 
 def fetch_sponza():
-    """The file inside the crate `bvh`, through cargo: a throw-away package depends on it."""
+    """Returns media/sponza.obj of the crate `bvh`. cargo fetches the crate as a dependency of a temporary package."""
     cargo = os.environ.get("CARGO", "cargo")
     with tempfile.TemporaryDirectory() as work:
         with open(os.path.join(work, "Cargo.toml"), "w") as file:
@@ -602,11 +602,11 @@ def fetch_sponza():
         manifest = next(p["manifest_path"] for p in packages if p["name"] == "bvh")
         path = os.path.join(os.path.dirname(manifest), "media", "sponza.obj")
         if not os.path.exists(path):
-            stop("sponza: the crate bvh does not hold media/sponza.obj any more")
+            stop("sponza: the crate bvh has no media/sponza.obj")
         with open(path, "rb") as file:
             data = file.read()
     if hashlib.sha256(data).hexdigest() != SPONZA_SHA256:
-        stop("sponza: media/sponza.obj of the crate bvh is not the file that is expected")
+        stop("sponza: media/sponza.obj of the crate bvh has an unexpected SHA-256 hash")
     return data.decode("utf-8")
 
 
@@ -614,7 +614,7 @@ def fetch_sponza():
 
 
 def check(path):
-    """Reads a written file back: indices in range, numbers finite, materials known. Gives (vertices, triangles)."""
+    """Reads a written file and checks indices, numbers and materials. Returns the numbers of vertices and triangles."""
     known = set()
     with open(path[:-4] + ".mtl", encoding="utf-8") as file:
         for line in file:
@@ -662,16 +662,16 @@ def up_to_date(path, stamp):
 
 def main():
     every = [*layouts.SCENES, "sponza"]
-    parser = argparse.ArgumentParser(description="Assembles the real scenes.", epilog="scenes: " + ", ".join(every))
-    parser.add_argument("scenes", nargs="*", metavar="SCENE", help="which (default: all)")
+    parser = argparse.ArgumentParser(description="Assembles scenes of real furniture, trees and architecture.", epilog="scenes: " + ", ".join(every))
+    parser.add_argument("scenes", nargs="*", metavar="SCENE", help="scenes to assemble (default: all)")
     parser.add_argument("--out", default=os.path.join(HERE, "real"), help="folder to write into (default: scenes/real)")
-    parser.add_argument("--force", action="store_true", help="write them even where they are up to date")
+    parser.add_argument("--force", action="store_true", help="also write scenes that are up to date")
     parser.add_argument("--furniture", default="/usr/share/sweethome3d/furniture", help="folder of the .sh3f catalogues")
     args = parser.parse_args()
     wanted = args.scenes or every
     unknown = [name for name in wanted if name not in every]
     if unknown:
-        parser.error(f"no scene called {', '.join(unknown)}; there are {', '.join(every)}")
+        parser.error(f"unknown scene: {', '.join(unknown)}; available: {', '.join(every)}")
     os.makedirs(args.out, exist_ok=True)
     for name in wanted:
         path = os.path.join(args.out, f"{name}.obj")
@@ -679,7 +679,7 @@ def main():
         if not args.force and up_to_date(path, stamp):
             say(f"{name} is up to date")
             continue
-        catalogue = Catalogue(args.furniture)  # one a scene: memory is given back
+        catalogue = Catalogue(args.furniture)  # one per scene, to free the memory of the previous one
         scene = sponza(catalogue, args.out, stamp) if name == "sponza" else furnished(name, catalogue, args.out, stamp)
         vertices, triangles = check(path)
         size = os.path.getsize(path) / 1e6
@@ -688,7 +688,7 @@ def main():
 
 
 def write_credits(out):
-    lines = ["Credits of the models in these scenes, and their licences (also at the head of every OBJ file).", ""]
+    lines = ["Credits and licences of the models in these scenes (also at the head of each OBJ file).", ""]
     for file in sorted(os.listdir(out)):
         if file.endswith(".obj"):
             lines.append(file)

@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""The error of `mrvis solve` in the Cornell box, and the time it takes.
+"""Measures error and time of `mrvis solve` in the Cornell box.
 
-64 x 64 points on each of the five walls, less those under the blocks and on the lamp; a path-traced reference
-(`mrvis reference`), made once and kept in the output folder; then solutions on one thread, each compared with it
-(`mrvis compare`). Prints a table in Markdown. Python's standard library is all it needs.
+The script takes 64 x 64 points on each of the five walls, except under the blocks and on the emitter. It computes a
+path-traced reference (`mrvis reference`) once and keeps it in the output folder, solves on one thread with several
+options, compares each solution with the reference (`mrvis compare`) and prints a Markdown table. It needs only Python's
+standard library.
 
     python3 scenes/cornell.py --out out/cornell
 """
@@ -17,20 +18,20 @@ import subprocess
 
 SIDE = 64
 WALLS = {
-    # Corners counterclockwise seen from inside, in mm, as `mrvis generate cornell` writes them.
+    # Corners in mm, counter-clockwise seen from inside, as `mrvis generate cornell` writes them.
     "floor": [(552.8, 0, 0), (0, 0, 0), (0, 0, 559.2), (549.6, 0, 559.2)],
     "back": [(549.6, 0, 559.2), (0, 0, 559.2), (0, 548.8, 559.2), (556, 548.8, 559.2)],
     "right": [(0, 0, 559.2), (0, 0, 0), (0, 548.8, 0), (0, 548.8, 559.2)],
     "left": [(552.8, 0, 0), (549.6, 0, 559.2), (556, 548.8, 559.2), (556, 548.8, 0)],
     "ceiling": [(556, 548.8, 0), (556, 548.8, 559.2), (0, 548.8, 559.2), (0, 548.8, 0)],
 }
-# What the points keep clear of, seen from above: x and z of the corners.
+# Areas without points, seen from above: x and z of the corners, mm.
 BLOCKS = [
     [(290, 114), (240, 272), (82, 225), (130, 65)],
     [(472, 406), (314, 456), (265, 296), (423, 247)],
 ]
 LAMP = [(343, 227), (343, 332), (213, 332), (213, 227)]
-# Options of solve, beside the default, and whether only direct light is compared.
+# Name, options of `mrvis solve`, and whether only direct light is compared.
 RUNS = [
     ("all bounces, default", [], False),
     ("all bounces, fine", ["--error", "0.0015", "--gather-rays", "1600"], False),
@@ -52,7 +53,7 @@ def unit(a):
 
 
 def inside(polygon, x, z):
-    """Whether a point lies in a convex polygon, whichever way that turns."""
+    """Whether the point (x, z) lies in a convex polygon of either orientation."""
     turns = []
     for (ax, az), (bx, bz) in zip(polygon, polygon[1:] + polygon[:1]):
         turns.append((bx - ax) * (z - az) - (bz - az) * (x - ax))
@@ -60,7 +61,7 @@ def inside(polygon, x, z):
 
 
 def points():
-    """Places and normals. Walls that are not planar are two triangles, as they are in the file."""
+    """Yields positions and unit normals. Each wall is two triangles, as in the OBJ file, because not all are planar."""
     for name, (a, b, c, d) in WALLS.items():
         for i in range(SIDE):
             for j in range(SIDE):
@@ -77,7 +78,7 @@ def points():
 
 
 def run(arguments):
-    """Calls the command; the user time that it took."""
+    """Runs a command and returns its user time in seconds."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
     subprocess.run(arguments, check=True)
     return resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
@@ -85,9 +86,9 @@ def run(arguments):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--mrvis", default="target/release/mrvis", help="the command (target/release/mrvis)")
-    parser.add_argument("--out", default="out/cornell", help="folder for all files (out/cornell)")
-    parser.add_argument("--samples", type=int, default=2048, help="paths a point of the reference (2048)")
+    parser.add_argument("--mrvis", default="target/release/mrvis", help="path of the command (default: target/release/mrvis)")
+    parser.add_argument("--out", default="out/cornell", help="folder for all files (default: out/cornell)")
+    parser.add_argument("--samples", type=int, default=2048, help="paths per point of the reference (default: 2048)")
     args = parser.parse_args()
     mrvis = str(pathlib.Path(args.mrvis).resolve())
     os.makedirs(args.out, exist_ok=True)
@@ -113,12 +114,12 @@ def main():
         run(compare)
         with open("compare.json", encoding="utf-8") as file:
             found = json.load(file)
-        # The reference's own noise is in the difference too.
+        # The difference includes the noise of the reference, which is independent of the error of the solution.
         noise = found["reference_noise"]
         rms = max(found["rms"] ** 2 - noise**2, 0.0) ** 0.5
         options = " ".join(options) or "none"
         print(f"| {name} | `{options}` | {100 * rms:.2f} % | {100 * found['bias']:+.2f} % | {seconds:.2f} s |")
-    print("\nThe reference's own noise is taken off.")
+    print("\nThe noise of the reference is subtracted.")
 
 
 if __name__ == "__main__":

@@ -1,9 +1,10 @@
-"""What stands where in the assembled scenes. Metres, z up; a room's south-west corner is (0, 0).
+"""Positions of all pieces in the assembled scenes. Lengths are in metres, z is up, a room's south-west corner is (0, 0).
 
-A model is named CATALOGUE/NAME as in assemble.py. With turn 0 its front looks south (to -y); turn counts degrees
-counter-clockwise seen from above. `wall` sets its back against a wall, at `along` metres from the west or south end.
-Height: on the floor, or as high as the catalogue hangs it; `on` another piece: on its highest point under the
-footprint (`below` limits that height: an inner board); `hang`: under the ceiling; or `z`.
+A model is named CATALOGUE/NAME as in assemble.py. `turn` is an angle in degrees, counter-clockwise seen from above; at 0
+the front of the piece faces south (-y). `wall` places the back of a piece against a wall, `along` metres from its west or
+south end. A piece stands on the floor or at the elevation of the catalogue, unless one of these is given: `on`, the name
+of another piece, whose highest point under the footprint supports it (`below` limits that height, to select an inner
+board); `hang`, under the ceiling; `z`, a height.
 """
 
 
@@ -47,7 +48,7 @@ LIVINGROOM = {
         at("door", "Scopia/puerta", 7.27, 4.55, -90),
         wall("radiator_left", "CCBY/modernRadiator", "S", 1.9),
         wall("radiator_right", "CC0/radiator1", "S", 5.2),
-        # sitting
+        # seats
         at("rug", "Kator/oriental-rug", 4.98, 2.6),
         at("sofa", "Scopia/leather_sofa", 3.5, 2.6, 90),
         at("coffee_table", "Scopia/saloon_table", 4.95, 2.6, 90, on="rug"),
@@ -65,7 +66,7 @@ LIVINGROOM = {
         at("ivy", "CC0/augalas", 4.93, 2.62, 90, on="coffee_table", scale=0.8),
         at("remote_control", "Scopia/tv-remote-control", 5.02, 3.05, 40, on="coffee_table"),
         at("coffee_cup", "CC0/caffe_final", 4.85, 3.1, 0, on="coffee_table"),
-        # eating
+        # dining table
         at("dining_table", "CC0/table", 1.75, 2.6, 90),
         at("dining_chair_1", "CC0/thonet", 2.48, 1.85, -90),
         at("dining_chair_2", "CC0/thonet", 2.48, 2.6, -84),
@@ -159,7 +160,7 @@ KITCHEN = {
         at("place_4", "Kator/plate-and-ustensils", 1.62, 1.17, 0, on="table"),
         at("salad", "Scopia/bowlWithSalad", 1.35, 1.42, 0, on="table"),
         at("sugar_pot", "Scopia/pottery", 1.35, 1.15, 40, on="table"),
-        # the rest
+        # other pieces
         wall("washing_machine", "Scopia/clothes_washing_machine", "S", 3.9),
         at("shopping_basket", "Scopia/shopping-basket", 3.9, 0.31, 10, on="washing_machine", scale=0.7),
         wall("shelf", "CC0/verticalShelves", "S", 2.6),
@@ -172,7 +173,7 @@ KITCHEN = {
 
 
 def desk_pair(number, x, y):
-    """Two desks face to face, with what lies on them; the second worker sits north."""
+    """Two desks that face each other, with the objects on them; desk b is the northern one."""
     south, north = f"desk_{number}a", f"desk_{number}b"
     return [
         at(south, "Scopia/wooden_office_pear_table_rect", x, y - 0.41, 0),
@@ -215,7 +216,7 @@ OFFICE = {
         *desk_pair(3, 7.4, 2.2),
         at("pen_box", "Scopia/penbox", 2.75, 2.05, 0, on="desk_1a"),
         at("desk_lamp", "Scopia/desk_lamp1", 6.74, 2.05, 30, on="desk_3a"),
-        # meetings
+        # meeting table
         at("meeting_table", "Scopia/round-table", 6.9, 5.3, 0),
         at("meeting_chair_1", "Scopia/plastic_chair", 7.72, 5.3, -90),
         at("meeting_chair_2", "Scopia/plastic_chair", 6.9, 6.12, 0),
@@ -248,7 +249,7 @@ OFFICE = {
 
 
 def row(name, model, places, turn=0, scale=1.0, step=137):
-    """Several of a kind; each turned by another angle and of slightly another size."""
+    """Several pieces of one model with different angles and slightly different sizes."""
     return [
         at(f"{name}_{k}", model, x, y, turn=(turn + step * k) % 360, scale=scale * (1 + 0.12 * ((k * 5) % 3 - 1)))
         for k, (x, y) in enumerate(places, 1)

@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""The error of `mrvis solve` in a furnished room, exact and multi-resolution, and the time it takes.
+"""Measures error and time of `mrvis solve` in a furnished room, with exact and multi-resolution visibility.
 
-Random points on the fronts of all faces, evenly by area; a path-traced reference (`mrvis reference`), made once and kept
-in the output folder; then solutions, each compared with it (`mrvis compare`). Prints a table in Markdown. Python's standard
-library is all it needs; `make scenes` assembles the rooms.
+The script draws random points on the fronts of all faces, evenly by area. It computes a path-traced reference
+(`mrvis reference`) once and keeps it in the output folder, solves with several options, compares each solution with the
+reference (`mrvis compare`) and prints a Markdown table. It needs only Python's standard library; `make scenes` assembles
+the rooms.
 
     python3 scenes/room.py scenes/real/livingroom.obj --out out/livingroom-solved
 """
@@ -19,7 +20,7 @@ import time
 from cornell import cross, run, subtract, unit
 
 SEED = 5
-# Options of solve, beside the default.
+# Name and options of `mrvis solve`.
 RUNS = [
     ("exact", []),
     ("MR", ["--visibility", "mr"]),
@@ -31,7 +32,7 @@ RUNS = [
 
 
 def triangles(path):
-    """The corners of all triangles of an OBJ file."""
+    """Yields the corners of all triangles of an OBJ file; polygons are divided into fans."""
     corners = []
     with open(path, encoding="utf-8", errors="replace") as file:
         for line in file:
@@ -45,7 +46,7 @@ def triangles(path):
 
 
 def points(path, count):
-    """Places and normals."""
+    """Yields `count` positions and unit normals, stratified by area."""
     faces, sums, area = [], [], 0.0
     for a, b, c in triangles(path):
         normal = cross(subtract(b, a), subtract(c, a))
@@ -65,10 +66,10 @@ def points(path, count):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("scene", help="an OBJ file")
-    parser.add_argument("--mrvis", default="target/release/mrvis", help="the command (target/release/mrvis)")
-    parser.add_argument("--out", default="out/room", help="folder for all files (out/room)")
-    parser.add_argument("--points", type=int, default=2000, help="number of points (2000)")
-    parser.add_argument("--samples", type=int, default=4096, help="paths a point of the reference (4096)")
+    parser.add_argument("--mrvis", default="target/release/mrvis", help="path of the command (default: target/release/mrvis)")
+    parser.add_argument("--out", default="out/room", help="folder for all files (default: out/room)")
+    parser.add_argument("--points", type=int, default=2000, help="number of points (default: 2000)")
+    parser.add_argument("--samples", type=int, default=4096, help="paths per point of the reference (default: 4096)")
     args = parser.parse_args()
     mrvis, scene = (str(pathlib.Path(p).resolve()) for p in (args.mrvis, args.scene))
     os.makedirs(args.out, exist_ok=True)
@@ -81,10 +82,10 @@ def main():
     reference = f"reference-{args.points}-{args.samples}.csv"
     if not os.path.exists(reference):
         seconds = run([mrvis, "reference", *common, "--samples", str(args.samples), "--out", reference])
-        print(f"{reference}: {seconds:.0f} s of one thread", flush=True)
-    # Clusters are measured once and kept beside the scene; not part of the times below.
+        print(f"{reference}: {seconds:.0f} s of user time", flush=True)
+    # This run measures the clusters and caches them beside the scene. The times below do not include it.
     run([mrvis, "solve", *common, "--visibility", "mr", "--error", "1", "--out", "warm"])
-    print(f"\n| {args.points} points | options | RMS / mean | bias | time | of one thread |")
+    print(f"\n| {args.points} points | options | RMS / mean | bias | time | user time |")
     print("| --- | --- | --- | --- | --- | --- |")
     for name, options in RUNS:
         begun = time.monotonic()
@@ -93,14 +94,14 @@ def main():
         run([mrvis, "compare", reference, "solution/irradiance.csv", "--quiet", "--json", "compare.json"])
         with open("compare.json", encoding="utf-8") as file:
             found = json.load(file)
-        # The reference's own noise is in the difference too.
+        # The difference includes the noise of the reference, which is independent of the error of the solution.
         rms = max(found["rms"] ** 2 - found["reference_noise"] ** 2, 0.0) ** 0.5
         options = " ".join(options) or "none"
         print(
             f"| {name} | `{options}` | {100 * rms:.1f} % | {100 * found['bias']:+.1f} % | {wall:.1f} s | {seconds:.1f} s |",
             flush=True,
         )
-    print("\nThe reference's own noise is taken off.")
+    print("\nThe noise of the reference is subtracted.")
 
 
 if __name__ == "__main__":

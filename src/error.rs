@@ -34,6 +34,9 @@ pub enum Error {
     /// An option or argument is out of its range.
     #[error("{0}")]
     Argument(String),
+    /// The caller stopped the computation before there was a result.
+    #[error("{0}")]
+    Cancelled(String),
     /// Embree is missing, has the wrong version or failed.
     #[error("Embree: {0}")]
     Embree(String),

@@ -18,6 +18,7 @@ pub mod optics;
 pub mod path_tracer;
 pub mod plot;
 pub mod points;
+pub mod progress;
 pub mod radiosity;
 pub mod raster;
 pub mod ray;

@@ -24,7 +24,8 @@ impl Bench<'_> {
         warnings: &mut Vec<String>,
     ) -> Result<(Vec<record::Receiver>, Vec<ReceiverImages>)> {
         self.progress.stage("receivers", 0);
-        let single = Exact { scene: self.traced.clone(), traversal: Traversal { width: 1, coherent: false } };
+        let single =
+            Exact { scene: self.model.traced().clone(), traversal: Traversal { width: 1, coherent: false } };
         let receivers = receivers::choose(self.scene, &single, &self.options.receivers)?;
         if receivers.is_empty() {
             warnings.push("No surface that is flat, or faces one way as a terrain does, sees an emitter: there are no shadow images.".into());

@@ -6,7 +6,6 @@ pub mod measure;
 mod options;
 pub mod page;
 mod prepare;
-mod progress;
 mod receivers;
 pub mod record;
 pub mod reference;
@@ -21,7 +20,6 @@ mod unbiased;
 pub mod workload;
 
 pub use options::{MOST_THREADS, Options, Target};
-pub use progress::Progress;
 pub use receivers::{Receiver, choose as choose_receivers};
 pub use run::run;
 pub use scaling::{check_scaling, scaling};

@@ -140,7 +140,7 @@ impl Options {
     }
 
     /// The same for this scene.
-    pub(super) fn check_for(&self, scene: &Scene) -> Result<()> {
+    pub fn check_for(&self, scene: &Scene) -> Result<()> {
         self.check()?;
         if scene.emitters.is_empty() {
             let names: Vec<&str> = scene.objects.iter().take(4).map(|o| o.name.as_str()).collect();

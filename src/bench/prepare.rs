@@ -1,65 +1,39 @@
-//! What must stand before the engines can be asked: Embree's tree, the clusters, their measures.
+//! The multi-resolution engine of a benchmark, and the times and sizes of everything that is built for it.
 
 use super::options::Options;
-use super::progress::Progress;
 use super::record::{Build, BytesPerTriangle};
 use super::rows::Bench;
 use super::sample::Sample;
 use super::workload::Workload;
-use crate::Result;
-use crate::clusters;
-use crate::embree::{CommittedScene, Device, SceneBuilder};
-use crate::model::cache::{self, PreparedClusters};
-use crate::optics;
-use crate::scene::Scene;
+use crate::model::{Detail, Model, PrepareOptions};
 use crate::visibility::{Leaf, MultiResolution, Workspace};
 use std::time::Instant;
 
-/// A scene ready for both engines.
-pub(super) struct Prepared {
-    pub device: Device,
-    pub traced: CommittedScene,
-    pub table: PreparedClusters,
-    /// Times and sizes of all this.
-    pub build: Build,
-}
-
-impl Prepared {
-    /// Builds everything, or takes the clusters from the cache.
-    ///
-    /// # Errors
-    /// Embree refuses.
-    pub fn of(scene: &Scene, options: &Options, progress: &dyn Progress) -> Result<Prepared> {
-        let mut build = Build::default();
-        let device = Device::new(0)?;
-        progress.stage("Embree's tree", 0);
-        let traced = timed(&mut build.embree_s, || -> Result<CommittedScene> {
-            let mut builder = SceneBuilder::new(&device, Default::default())?;
-            builder.add_triangles(&scene.positions, &scene.triangles, 1)?;
-            builder.commit()
-        })?;
-        build.embree_bytes = device.bytes() as u64;
-        let table = table(scene, options, &mut build, progress);
-        Ok(Prepared { device, traced, table, build })
+impl Options {
+    /// What a model must hold for a benchmark with these options.
+    pub fn prepare(&self) -> PrepareOptions {
+        PrepareOptions {
+            detail: Detail::Optics,
+            optics: self.clusters,
+            cache: self.cache.clone(),
+            ..PrepareOptions::default()
+        }
     }
 }
 
-/// Clusters and their measures: made, or from the cache.
-fn table(scene: &Scene, options: &Options, build: &mut Build, progress: &dyn Progress) -> PreparedClusters {
-    let how = cache::Options { optics: options.clusters, ..Default::default() };
-    let start = Instant::now();
-    progress.stage("looking for measured clusters", 0);
-    let (table, origin, note) = cache::table(scene, &options.cache, &how, || {
-        progress.stage("hierarchy", 0);
-        let hierarchy = timed(&mut build.hierarchy_s, || clusters::build(scene, &how.clusters));
-        progress.stage("measuring clusters", 0);
-        let optics =
-            timed(&mut build.characterise_s, || optics::measure(scene, &hierarchy.micro, &how.optics));
-        PreparedClusters { hierarchy, optics }
-    });
-    build.cache_s = start.elapsed().as_secs_f64() - build.hierarchy_s - build.characterise_s;
-    (build.cache, build.cache_note) = (origin.name().into(), note);
-    table
+/// Times and sizes of the preparation of a model.
+pub(super) fn build_of(model: &Model) -> Build {
+    let report = model.report();
+    Build {
+        embree_s: report.embree_s,
+        hierarchy_s: report.clusters_s,
+        characterise_s: report.optics_s,
+        cache_s: report.cache_s,
+        cache: report.origin.name().into(),
+        cache_note: report.note.clone(),
+        embree_bytes: report.embree_bytes,
+        ..Build::default()
+    }
 }
 
 impl Bench<'_> {
@@ -69,24 +43,19 @@ impl Bench<'_> {
     }
 
     /// The multi-resolution engine for a workload; notes its times and sizes.
-    pub fn engine(
-        &self,
-        table: &PreparedClusters,
-        workload: &Workload,
-        sample: &Sample,
-        build: &mut Build,
-    ) -> MultiResolution {
-        let Bench { scene, options, traced, .. } = self;
-        let PreparedClusters { hierarchy, optics } = table;
+    pub fn engine(&self, workload: &Workload, sample: &Sample, build: &mut Build) -> MultiResolution {
+        let Bench { model, scene, options, .. } = self;
+        let measured = model.base().measured().expect("a benchmark prepares optics");
+        let hierarchy = model.base().hierarchy();
         let traversal = timed(&mut build.budget_s, || self.traversal(workload, options.rays));
         let engine =
-            MultiResolution::new(scene, hierarchy, optics, (*traced).clone(), traversal, Leaf::Exact)
+            MultiResolution::new(measured.tree.clone(), model.traced().clone(), traversal, Leaf::Exact)
                 .with_tolerance(options.clusters.tolerance);
         let engine = timed(&mut build.budget_s, || {
             engine.with_budget(&sample.bundles(1).concat(), &mut Workspace::default())
         });
         let clusters = hierarchy.micro.bytes() + hierarchy.large.bytes();
-        let [optics, wide] = [size_of_val(optics.as_slice()), engine.bytes()];
+        let [optics, wide] = [size_of_val(measured.optics.as_slice()), engine.bytes()];
         build.hierarchy_bytes = (clusters + optics + wide) as u64;
         build.bytes_per_triangle = BytesPerTriangle::of(
             scene.triangles.len(),

@@ -4,14 +4,15 @@ use super::audit::{Audit, RAYS};
 use super::measure::{MrRun, Questions, Run, Timer};
 use super::options::Options;
 use super::prepare::timed;
-use super::progress::Progress;
 use super::record::{ExactRow, MrRow, interpolate_log_log};
 use super::reference::Reference;
 use super::rounds::rounds;
 use super::sample::Sample;
 use super::unbiased::SEGMENTS;
 use super::workload::Workload;
-use crate::embree::{CommittedScene, Traversal};
+use crate::embree::Traversal;
+use crate::model::Model;
+use crate::progress::Progress;
 use crate::ray::Packet;
 use crate::scene::Scene;
 use crate::visibility::{Exact, MultiResolution, fastest_traversal};
@@ -55,12 +56,10 @@ impl Asked {
 
 /// What all rows of a run share.
 pub(super) struct Bench<'a> {
+    pub model: &'a Model,
     pub scene: &'a Scene,
     pub options: &'a Options,
     pub timer: Timer,
-    pub traced: &'a CommittedScene,
-    /// The widest packet that Embree traces on this machine.
-    pub width: usize,
     pub sizes: Vec<f64>,
     pub progress: &'a dyn Progress,
 }
@@ -92,12 +91,12 @@ impl Bench<'_> {
             workload.packed(self.scene, &pairs, rays, 0, &mut part);
             sample.append(&mut part);
         }
-        fastest_traversal(self.traced, self.width, &sample)
+        fastest_traversal(self.model.traced(), self.model.native_width(), &sample)
     }
 
     /// Embree as it traces so many rays a pair fastest.
     pub fn embree(&self, workload: &Workload, rays: usize) -> Exact {
-        Exact { scene: self.traced.clone(), traversal: self.traversal(workload, rays) }
+        Exact { scene: self.model.traced().clone(), traversal: self.traversal(workload, rays) }
     }
 
     pub fn reference(&self, stage: &str, questions: Questions, rays: usize) -> Reference {

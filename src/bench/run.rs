@@ -3,15 +3,16 @@
 use super::measure::{Questions, Timer};
 use super::options::Options;
 use super::page::ReceiverImages;
-use super::prepare::Prepared;
-use super::progress::Progress;
+use super::prepare::build_of;
 use super::record::{self, Record};
 use super::rows::{Bench, Measured};
 use super::sizes::default_sizes;
 use super::workload::{Workload, surface_points};
 use crate::clusters::Hierarchy;
+use crate::model::Model;
 use crate::model::summary::SceneFacts;
 use crate::optics::{ClusterOptics, Extinction};
+use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::{Error, Result};
 
@@ -24,13 +25,16 @@ use crate::{Error, Result};
 /// # Errors
 /// An option is out of range, a name is unknown, nothing emits or receives light, Embree refuses.
 pub fn run(
-    scene: &Scene,
+    model: &Model,
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<(Record, Vec<ReceiverImages>)> {
+    let scene = model.scene();
     options.check_for(scene)?;
     let timer = Timer::new(options.threads)?;
-    let Prepared { device, traced, table, mut build } = Prepared::of(scene, options, progress)?;
+    let mut build = build_of(model);
+    let hierarchy = model.base().hierarchy();
+    let optics = &model.base().measured().expect("a benchmark prepares optics").optics;
 
     let points = surface_points(scene, options.points, options.seed)?;
     let workload = Workload::new(scene, points, options.seed);
@@ -41,12 +45,11 @@ pub fn run(
             scene.path.display()
         )));
     }
-    let sizes = sizes(scene, options, &table.hierarchy, &table.optics);
+    let sizes = sizes(scene, options, hierarchy, optics);
     let mut warnings = Vec::new();
-    let bench =
-        Bench { scene, options, timer, traced: &traced, width: device.native_width(), sizes, progress };
+    let bench = Bench { model, scene, options, timer, sizes, progress };
     let sample = bench.sample(&workload);
-    let mr = bench.engine(&table, &workload, &sample, &mut build);
+    let mr = bench.engine(&workload, &sample, &mut build);
 
     let every: Vec<usize> = (0..workload.pairs.len()).collect();
     let questions = Questions { scene, workload: &workload, pairs: &every };
@@ -66,12 +69,12 @@ pub fn run(
         + rows.iter().map(|row| row.decide_s).sum::<f64>();
     let record = Record {
         mrvis: env!("CARGO_PKG_VERSION").into(),
-        embree: device.version(),
+        embree: model.embree_version(),
         threads: options.threads,
         isa: mr.isa().name().into(),
         unit: scene.unit.clone(),
         seed: options.seed,
-        scene: SceneFacts::of(scene, &table.hierarchy),
+        scene: SceneFacts::of(scene, hierarchy),
         scene_repairs: serde_json::to_value(&scene.repairs).unwrap_or_default(),
         warnings,
         clusters: record::Clusters {

@@ -8,13 +8,14 @@
 
 use super::measure::{MrRun, Questions, Run, Timer};
 use super::options::Options;
-use super::prepare::Prepared;
-use super::progress::Progress;
+use super::prepare::build_of;
 use super::record::{ScalingRecord, ScalingRow};
 use super::rounds::rounds;
 use super::rows::Bench;
 use super::workload::{Point, Workload, surface_points};
+use crate::model::Model;
 use crate::model::cache::Place;
+use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::scene::generate::{self, Spec, ground_and_sky};
 use crate::{Error, Result};
@@ -114,24 +115,24 @@ fn measure(
     let spec = series.forest(triangles, options.seed);
     progress.stage(&format!("forest of {triangles}"), 0);
     let scene = generate::build(&spec)?;
-    let Prepared { device, traced, table, mut build } = Prepared::of(&scene, options, progress)?;
+    let model = Model::prepare(scene, &options.prepare(), progress)?;
+    let (scene, mut build) = (model.scene(), build_of(&model));
     let s = options.feature_sizes.first().copied().unwrap_or(FEATURE_SIZE);
     let bench = Bench {
-        scene: &scene,
+        model: &model,
+        scene,
         options,
         timer: Timer::new(options.threads)?,
-        traced: &traced,
-        width: device.native_width(),
         sizes: vec![s],
         progress,
     };
     let density = spec.trees as f64 / series.forest(FIRST, options.seed).trees as f64;
-    let workload = Workload::new(&scene, points(&scene, options, density)?, options.seed);
+    let workload = Workload::new(scene, points(scene, options, density)?, options.seed);
     let sample = bench.sample(&workload);
-    let engine = bench.engine(&table, &workload, &sample, &mut build);
+    let engine = bench.engine(&workload, &sample, &mut build);
     let (bundles, rays) = (workload.pairs.len(), options.rays);
     let every: Vec<usize> = (0..bundles).collect();
-    let questions = Questions { scene: &scene, workload: &workload, pairs: &every };
+    let questions = Questions { scene, workload: &workload, pairs: &every };
     let reference = bench.reference(&format!("reference of {triangles}"), questions, options.reference_rays);
     progress.stage(&format!("both engines, {triangles}"), 2 * (bundles * rays) as u64);
     let (call, _) = bench.embree_timed(&workload, rays);
@@ -154,7 +155,7 @@ fn measure(
         mr = MrRun::handed_over(exact.clone(), rays);
     }
     let seconds = [0, timed.seconds.len() - 1].map(|k| timed.seconds[k]);
-    record.embree = device.version();
+    record.embree = model.embree_version();
     record.isa = engine.isa().name().into();
     (record.mrvis, record.unit) = (env!("CARGO_PKG_VERSION").into(), scene.unit.clone());
     let per_bundle = |seconds: f64| seconds / bundles.max(1) as f64;

@@ -5,9 +5,11 @@ mod table;
 
 use super::args::{CacheArgs, Common, SceneArgs, check_folder};
 use super::progress::Bar;
-use crate::bench::{self, Options, Progress, Target, page};
+use crate::bench::{self, Options, Target, page};
 use crate::image_io::write_atomically;
+use crate::model::Model;
 use crate::optics::{self, Extinction};
+use crate::progress::Progress;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -165,9 +167,11 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let scene = scene.load(common)?;
     let load_s = start.elapsed().as_secs_f64();
     let bar = Bar::new(common.quiet);
-    let (mut record, images) = bench::run(&scene, &options, &bar)?;
+    options.check_for(&scene)?;
+    let model = Model::prepare(scene, &options.prepare(), &bar)?;
+    let (mut record, images) = bench::run(&model, &options, &bar)?;
     record.build.load_s = load_s;
-    drop(scene);
+    drop(model);
     record.scaling = scaling(&bar)?.unwrap_or_default().scaling;
     bar.stage("writing", 0);
     let mut text = table::table(&record);

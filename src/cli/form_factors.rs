@@ -4,11 +4,12 @@ use super::args::{Common, SceneArgs, check_file, file_name, grouped, warn};
 use super::progress::Bar;
 use crate::{
     Error, Result,
-    bench::Progress,
     form_factors::matrix::{
         Facets, Format, Grouping, Matrix, Report, Settings, compute, memory_bound, write,
     },
+    model::{Detail, Model, PrepareOptions},
     plot::number,
+    progress::Progress,
 };
 use std::{fmt::Write as _, path::PathBuf, process::ExitCode, time::Instant};
 
@@ -98,15 +99,21 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let count = grouped(facets.len());
     common.print(&format!("{count} facets, at most {} for their matrix\n", size(bound)))?;
     let bar = Bar::new(common.quiet);
-    bar.stage("form factors", 2 * facets.len() as u64);
     let start = Instant::now();
-    let (faces, report) = common.on_threads(|| compute(&scene, &facets, &settings, &|n| bar.advance(n)))?;
+    let rays = PrepareOptions { detail: Detail::Rays, ..PrepareOptions::default() };
+    let (model, (faces, report)) = common.on_threads(|| {
+        let model = Model::prepare(scene, &rays, &bar)?;
+        bar.stage("form factors", 2 * facets.len() as u64);
+        let found = compute(&model, &facets, &settings, &|n| bar.advance(n))?;
+        Ok((model, found))
+    })?;
+    let scene = model.scene();
     let seconds = start.elapsed().as_secs_f64();
     drop(bar);
     let matrix = match args.by {
         By::Face => faces,
-        By::Object => faces.grouped(&scene, &facets, Grouping::Object),
-        By::Material => faces.grouped(&scene, &facets, Grouping::Material),
+        By::Object => faces.grouped(scene, &facets, Grouping::Object),
+        By::Material => faces.grouped(scene, &facets, Grouping::Material),
     };
     let spinner = common.spinner(format!("writing {}", file_name(&args.out)));
     write(&args.out, &matrix, format)?;

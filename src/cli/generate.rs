@@ -4,18 +4,22 @@ use super::args::{Common, file_name, grouped};
 use crate::{
     Error, Result,
     scene::{
-        generate::{KINDS, Spec, soup},
-        mtl_path, write_obj,
+        generate::{KINDS, Kind, Spec, placed, soup},
+        mtl_path, write_gltf, write_obj,
     },
 };
-use std::{fmt::Write, path::PathBuf, process::ExitCode};
+use std::{
+    fmt::Write,
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
 
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// What to generate (see --list).
     #[arg(value_name = "NAME", required_unless_present = "list")]
     name: Option<String>,
-    /// The OBJ file to write; its materials go to an .mtl file beside it.
+    /// The .obj file to write, its materials go to an .mtl file beside it; with --instances a .gltf or .glb file.
     #[arg(long, value_name = "FILE", required_unless_present = "list")]
     out: Option<PathBuf>,
     /// List what can be generated.
@@ -33,6 +37,12 @@ pub struct Args {
     /// Give the trees trunks.
     #[arg(long)]
     trunks: bool,
+    /// Make a forest of one tree mesh for each species and a node for each tree, as .gltf or .glb.
+    #[arg(long)]
+    instances: bool,
+    /// Different trees of a forest of instances.
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "instances")]
+    species: usize,
     /// Edge length of the light in scene units.
     #[arg(long, value_name = "L")]
     light_size: Option<f64>,
@@ -54,20 +64,23 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         trees: args.trees,
         leaves: args.leaves,
         trunks: args.trunks,
+        instances: args.instances,
+        species: args.species,
         light_size: args.light_size,
         ..Spec::new(name)
     };
     let kind = spec.kind()?;
-    if out.extension().is_none_or(|e| !e.eq_ignore_ascii_case("obj")) {
+    if args.instances { with_instances(args, &spec, kind, out) } else { flat(args, &spec, kind, out) }
+}
+
+/// Writes an OBJ file.
+fn flat(args: &Args, spec: &Spec, kind: &Kind, out: &Path) -> Result<ExitCode> {
+    if !has_extension(out, &["obj"]) {
         return Err(Error::Argument(format!("--out {}: must end in .obj", out.display())));
     }
     let spinner = args.common.spinner(format!("generating {}", kind.name));
-    let soup = soup(&spec)?;
-    write_obj(
-        out,
-        &soup,
-        &[&format!("mrvis {} generate {}: {}", env!("CARGO_PKG_VERSION"), kind.name, kind.about)],
-    )?;
+    let soup = soup(spec)?;
+    write_obj(out, &soup, &[&format!("{}: {}", origin(kind), kind.about)])?;
     drop(spinner);
     args.common.write_json(&serde_json::json!({
         "mrvis": env!("CARGO_PKG_VERSION"),
@@ -86,6 +99,54 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         grouped(soup.objects.len()),
     ))?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Writes a glTF file whose nodes share meshes.
+fn with_instances(args: &Args, spec: &Spec, kind: &Kind, out: &Path) -> Result<ExitCode> {
+    if !has_extension(out, &["gltf", "glb"]) {
+        return Err(Error::Argument(format!(
+            "--out {}: must end in .gltf or .glb, because only these hold instances",
+            out.display()
+        )));
+    }
+    let spinner = args.common.spinner(format!("generating {}", kind.name));
+    let placed = placed(spec)?;
+    write_gltf(out, &placed, &origin(kind))?;
+    drop(spinner);
+    let own = placed.soup.polygons();
+    let stored = own + placed.meshes.iter().map(|m| m.polygons()).sum::<usize>();
+    let visible = placed.placements.iter().map(|p| placed.meshes[p.mesh as usize].polygons() as u64);
+    let visible = visible.fold(own as u64, |sum, n| sum + n);
+    args.common.write_json(&serde_json::json!({
+        "mrvis": env!("CARGO_PKG_VERSION"),
+        "path": out,
+        "unit": kind.unit,
+        "polygons": stored,
+        "objects": placed.soup.objects.len(),
+        "species": placed.meshes.len(),
+        "instances": placed.placements.len(),
+        "visible_polygons": visible,
+        "seed": spec.seed,
+    }))?;
+    args.common.print(&format!(
+        "{}: {} polygons stored, {} visible, {} objects, {} instances of {} meshes\n",
+        out.display(),
+        grouped(stored),
+        grouped(visible as usize),
+        grouped(placed.soup.objects.len()),
+        grouped(placed.placements.len()),
+        grouped(placed.meshes.len()),
+    ))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+fn has_extension(path: &Path, extensions: &[&str]) -> bool {
+    path.extension().is_some_and(|e| extensions.iter().any(|x| e.eq_ignore_ascii_case(x)))
+}
+
+/// What the file says about where it comes from.
+fn origin(kind: &Kind) -> String {
+    format!("mrvis {} generate {}", env!("CARGO_PKG_VERSION"), kind.name)
 }
 
 fn list() -> String {

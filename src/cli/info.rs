@@ -43,10 +43,17 @@ fn text(scene: &Scene, hierarchy: &Hierarchy, seconds: f64, objects: usize) -> S
 }
 
 fn summary(out: &mut String, s: &Scene, seconds: f64) -> std::fmt::Result {
-    let (e, unit) = (s.bounds.extent(), &s.unit);
-    let (min, max) = (s.origin + s.bounds.min.as_dvec3(), s.origin + s.bounds.max.as_dvec3());
+    let (bounds, unit) = (s.world_bounds(), &s.unit);
+    let e = bounds.extent();
+    let (min, max) = (s.origin + bounds.min.as_dvec3(), s.origin + bounds.max.as_dvec3());
     writeln!(out, "{} (read in {seconds:.2} s, unit {unit})", s.path.display())?;
     writeln!(out, "  triangles   {:>12}", grouped(s.triangles.len()))?;
+    if !s.placements.is_empty() {
+        let meshes = grouped(s.shared.len());
+        writeln!(out, "  instances   {:>12} of {meshes} shared meshes", grouped(s.placements.len()))?;
+        writeln!(out, "  stored      {:>12} triangles, those of shared meshes once", grouped(stored(s)))?;
+        writeln!(out, "  visible     {:>12} triangles", grouped(s.visible_triangles() as usize))?;
+    }
     writeln!(out, "  vertices    {:>12}", grouped(s.positions.len()))?;
     writeln!(out, "  objects     {:>12}", grouped(s.objects.len()))?;
     writeln!(out, "  materials   {:>12}", grouped(s.materials.len()))?;
@@ -58,6 +65,11 @@ fn summary(out: &mut String, s: &Scene, seconds: f64) -> std::fmt::Result {
         writeln!(out, "  origin      {} {} {} (kept apart)", s.origin.x, s.origin.y, s.origin.z)?;
     }
     Ok(())
+}
+
+/// Triangles in memory: the scene's own and those of each shared mesh.
+fn stored(s: &Scene) -> usize {
+    s.triangles.len() + s.shared.iter().map(|m| m.triangles.len()).sum::<usize>()
 }
 
 fn clusters(out: &mut String, h: &Hierarchy) -> std::fmt::Result {
@@ -168,17 +180,25 @@ fn facts(s: &Scene, h: &Hierarchy, seconds: f64) -> Value {
         .collect();
     let objects: Vec<Value> =
         face_counts(s).iter().map(|&(i, n)| json!({ "name": s.objects[i].name, "triangles": n })).collect();
+    let bounds = s.world_bounds();
+    let mut scene = json!({
+        "path": s.path, "triangles": s.triangles.len(), "vertices": s.positions.len(),
+        "objects": s.objects.len(), "materials": s.materials.len(), "emitters": s.emitters.len(),
+        "closed_parts": s.closed_parts, "sheet_parts": s.sheet_parts,
+        "clusters": clusters, "levels": levels, "large_surface_triangles": large,
+        "origin": s.origin.to_array(), "min": bounds.min.to_array(), "max": bounds.max.to_array(),
+        "two_sided_emission": s.two_sided_emission,
+    });
+    if !s.placements.is_empty() {
+        scene["instances"] = json!(s.placements.len());
+        scene["shared_meshes"] = json!(s.shared.len());
+        scene["stored_triangles"] = json!(stored(s));
+        scene["visible_triangles"] = json!(s.visible_triangles());
+    }
     json!({
         "mrvis": env!("CARGO_PKG_VERSION"),
         "unit": s.unit,
-        "scene": {
-            "path": s.path, "triangles": s.triangles.len(), "vertices": s.positions.len(),
-            "objects": s.objects.len(), "materials": s.materials.len(), "emitters": s.emitters.len(),
-            "closed_parts": s.closed_parts, "sheet_parts": s.sheet_parts,
-            "clusters": clusters, "levels": levels, "large_surface_triangles": large,
-            "origin": s.origin.to_array(), "min": s.bounds.min.to_array(), "max": s.bounds.max.to_array(),
-            "two_sided_emission": s.two_sided_emission,
-        },
+        "scene": scene,
         "build": { "load_s": seconds },
         "emitters": emitters,
         "objects": objects,

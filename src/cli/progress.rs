@@ -1,6 +1,6 @@
 //! How long it still takes.
 
-use crate::bench::Progress;
+use crate::progress::Progress;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};

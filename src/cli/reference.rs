@@ -4,10 +4,11 @@ use super::args::{Common, SceneArgs, check_file, file_name, grouped, warn};
 use super::progress::Bar;
 use crate::{
     Result,
-    bench::Progress,
+    model::{Detail, Model, PrepareOptions},
     path_tracer::{Settings, irradiance},
     plot::number,
     points::{Irradiance, read_points, write_irradiance},
+    progress::Progress,
 };
 use std::{path::PathBuf, process::ExitCode, time::Instant};
 
@@ -45,9 +46,15 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     }
     let settings = Settings { samples: args.samples, direct_only: args.direct_only, seed: common.seed };
     let bar = Bar::new(common.quiet);
-    bar.stage("following paths", points.len() as u64);
     let start = Instant::now();
-    let found = common.on_threads(|| irradiance(&scene, &points, settings, &|n| bar.advance(n)))?;
+    let rays = PrepareOptions { detail: Detail::Rays, ..PrepareOptions::default() };
+    let (model, found) = common.on_threads(|| {
+        let model = Model::prepare(scene, &rays, &bar)?;
+        bar.stage("following paths", points.len() as u64);
+        let found = irradiance(&model, &points, settings, &|n| bar.advance(n))?;
+        Ok((model, found))
+    })?;
+    let scene = model.scene();
     let seconds = start.elapsed().as_secs_f64();
     drop(bar);
     write_irradiance(&args.out, &found)?;

@@ -3,10 +3,12 @@
 use super::args::{CacheArgs, Common, SceneArgs, Spinner, check_folder, grouped};
 use super::outputs::Outputs;
 use crate::files::WholeFile;
+use crate::model::Model;
 use crate::plot::number;
 use crate::points::{Irradiance, Point, read_points, write_irradiance};
+use crate::progress::Progress;
 use crate::radiosity::{
-    self, Answer, Inside, More, Options, Oracle, Outcome, Progress, Record, Rows, Versus, View, Visibility,
+    self, Answer, Inside, More, Options, Oracle, Outcome, Record, Rows, Versus, View, Visibility,
 };
 use crate::scene::{Scene, StoredCamera};
 use crate::{Error, Result};
@@ -234,9 +236,11 @@ pub fn run(args: &Args) -> Result<ExitCode> {
             );
         }
     });
-    let met = radiosity::run_then(&scene, &points, &options, &watch, |mut outcome, more| {
+    watch.stage("preparing", 0);
+    let model = prepare(scene, &options, &watch)?;
+    let met = radiosity::run_then(&model, &points, &options, &watch, |mut outcome, more| {
         if let Some(other) = args.compare.filter(|_| !outcome.record.interrupted) {
-            outcome.record.versus = Some(radiosity::versus(&scene, &points, &outcome, other.into(), &watch)?);
+            outcome.record.versus = Some(radiosity::versus(&model, &points, &outcome, other.into(), &watch)?);
         }
         watch.spinner.clear();
         outcome.record.seconds.load = load;
@@ -245,7 +249,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
             outcome.record.warnings.push(note.into());
         }
         let met = outcome.record.target_met != Some(false);
-        write(args, out, (&scene, &points), outcome, more).map(|()| met)
+        write(args, out, (model.scene(), &points), outcome, more).map(|()| met)
     })?;
     Ok(if met { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
@@ -351,12 +355,41 @@ struct Watch {
 }
 
 impl Progress for Watch {
-    fn stage(&self, name: &str) {
+    fn stage(&self, name: &str, _: u64) {
         self.spinner.say(name);
     }
 
     fn stopped(&self) -> bool {
         self.stopped.load(Ordering::Relaxed)
+    }
+}
+
+/// Prepares the model within the time that the options allow for the whole solve.
+fn prepare(scene: Scene, options: &Options, watch: &Watch) -> Result<Model> {
+    let until = Until { watch, start: Instant::now(), seconds: options.max_seconds.unwrap_or(f64::INFINITY) };
+    Model::prepare(scene, &options.prepare(), &until).map_err(|error| match (error, options.max_seconds) {
+        (Error::Cancelled(_), Some(seconds)) if !watch.stopped() => Error::Argument(format!(
+            "--max-seconds {seconds}: the time was up before the clusters were measured; allow more (they are kept for the \
+             next run) or take --visibility exact"
+        )),
+        (error, _) => error,
+    })
+}
+
+/// Stops a preparation when the time of the solve is up.
+struct Until<'a> {
+    watch: &'a Watch,
+    start: Instant,
+    seconds: f64,
+}
+
+impl Progress for Until<'_> {
+    fn stage(&self, name: &str, steps: u64) {
+        self.watch.stage(name, steps);
+    }
+
+    fn stopped(&self) -> bool {
+        self.watch.stopped() || self.start.elapsed().as_secs_f64() >= self.seconds
     }
 }
 

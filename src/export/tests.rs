@@ -1,4 +1,5 @@
 use super::*;
+use crate::model::Model;
 use crate::radiosity::solution::{Element, Solution};
 use crate::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
 use glam::{DVec3, Vec3, dvec3};
@@ -262,7 +263,9 @@ fn what_is_shown_of_a_solved_room_has_no_cracks() {
     use crate::scene::generate::{Spec, build};
     let scene = build(&Spec::new("cornell")).expect("a scene");
     let options = Options { error: 0.05, ..Options::default() };
-    let outcome = run(&scene, &[], &options, &()).expect("a solution");
+    let outcome =
+        run(&Model::prepare(scene.clone(), &options.prepare(), &()).expect("a model"), &[], &options, &())
+            .expect("a solution");
     let levels: std::collections::HashSet<u8> = outcome.solution.elements.iter().map(|e| e.level).collect();
     assert!(levels.len() >= 3, "mixed levels: {levels:?}");
     let mesh = Mesh::new(&outcome.solution);

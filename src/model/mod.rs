@@ -1,4 +1,110 @@
-//! What is prepared once for a scene and shared by everything that asks it.
+//! The prepared model: meshes, sources and everything that is computed once for a scene and shared by all queries.
+//!
+//! A [`Model`] is made from a [`Scene`] by [`Model::prepare`], is immutable, and is cheap to clone and to send between
+//! threads: clones share their parts by reference counts. Visibility, the radiosity solver, the path tracer and form
+//! factors all take a `&Model`.
 
 pub mod cache;
+mod mesh;
+mod prepare;
+mod source;
 pub mod summary;
+#[cfg(test)]
+pub mod testing;
+
+pub use mesh::{Clusters, Measured, Mesh};
+pub use prepare::{Detail, PrepareOptions, PrepareReport};
+pub use source::Source;
+
+use crate::embree::{CommittedScene, Device, Traversal};
+use crate::ray::EndRule;
+use crate::scene::Scene;
+use std::sync::Arc;
+
+/// A scene prepared for queries.
+#[derive(Clone)]
+pub struct Model {
+    inner: Arc<Inner>,
+}
+
+struct Inner {
+    scene: Arc<Scene>,
+    device: Device,
+    /// The first mesh holds the scene's own triangles.
+    meshes: Vec<Arc<Mesh>>,
+    sources: Vec<Source>,
+    revision: u64,
+    report: PrepareReport,
+}
+
+impl Model {
+    /// The scene that was prepared.
+    pub fn scene(&self) -> &Scene {
+        &self.inner.scene
+    }
+
+    /// The meshes; the first holds the scene's own triangles.
+    pub fn meshes(&self) -> &[Arc<Mesh>] {
+        &self.inner.meshes
+    }
+
+    /// The mesh of the scene's own triangles.
+    pub fn base(&self) -> &Mesh {
+        &self.inner.meshes[0]
+    }
+
+    /// Light sources.
+    pub fn sources(&self) -> &[Source] {
+        &self.inner.sources
+    }
+
+    /// Counts updates: 0 after [`Model::prepare`].
+    pub fn revision(&self) -> u64 {
+        self.inner.revision
+    }
+
+    /// Seconds, bytes and cache of the preparation.
+    pub fn report(&self) -> &PrepareReport {
+        &self.inner.report
+    }
+
+    /// How much is prepared.
+    pub fn detail(&self) -> Detail {
+        match &self.base().clusters {
+            None => Detail::Rays,
+            Some(clusters) if clusters.measured.is_none() => Detail::Clusters,
+            Some(_) => Detail::Optics,
+        }
+    }
+
+    /// The Embree scene that holds all geometry.
+    pub fn traced(&self) -> &CommittedScene {
+        &self.base().traced
+    }
+
+    /// Incoherent packets of the widest kind that Embree traces natively on this machine.
+    pub fn widest_packets(&self) -> Traversal {
+        Traversal { width: self.native_width(), coherent: false }
+    }
+
+    /// Rays in the widest packet that Embree traces natively on this machine: 16, 8, 4 or 1.
+    pub fn native_width(&self) -> usize {
+        self.inner.device.native_width()
+    }
+
+    /// The Embree library's version, `4.a.b`.
+    pub fn embree_version(&self) -> String {
+        self.inner.device.version()
+    }
+
+    /// Largest coordinate magnitude, scene units: the scale of rounding errors.
+    pub fn magnitude(&self) -> f32 {
+        let bounds = self.scene().bounds;
+        bounds.min.abs().max(bounds.max.abs()).max_element()
+    }
+
+    /// The rule for the open ends of segments.
+    pub fn end_rule(&self) -> EndRule {
+        EndRule::new(self.magnitude())
+    }
+}

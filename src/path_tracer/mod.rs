@@ -15,9 +15,8 @@ mod surfaces;
 #[cfg(test)]
 mod tests;
 
-use crate::embree::Device;
+use crate::model::Model;
 use crate::points::{Irradiance, Point};
-use crate::scene::Scene;
 use crate::{Error, Result};
 use light::EmitterSampler;
 use paths::Paths;
@@ -43,9 +42,9 @@ pub struct Settings {
 /// zeros.
 ///
 /// # Errors
-/// [`Error::Argument`] with fewer than two samples; [`Error::Embree`] if Embree reports an error.
+/// [`Error::Argument`] with fewer than two samples.
 pub fn irradiance(
-    scene: &Scene,
+    model: &Model,
     points: &[Point],
     settings: Settings,
     done: &(dyn Fn(u64) + Sync),
@@ -53,9 +52,8 @@ pub fn irradiance(
     if settings.samples < 2 {
         return Err(Error::Argument("samples must be at least 2".into()));
     }
-    let device = Device::new(rayon::current_num_threads())?;
-    let surfaces = Surfaces::new(scene, &device)?;
-    let lights = EmitterSampler::new(scene);
+    let surfaces = Surfaces::new(model);
+    let lights = EmitterSampler::new(model.scene());
     let estimates: Vec<Estimate> = points
         .par_iter()
         .enumerate()

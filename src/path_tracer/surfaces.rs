@@ -1,8 +1,8 @@
 //! Traced geometry with normals, reflectances and emission of hit points.
 
-use crate::Result;
-use crate::embree::{CommittedScene, Device, Hits, Options, SceneBuilder, Traversal};
+use crate::embree::{CommittedScene, Hits, Traversal};
 use crate::math::triangle_normal;
+use crate::model::Model;
 use crate::ray::{EndRule, Packet};
 use crate::scene::Scene;
 use glam::{DVec3, Vec3};
@@ -39,19 +39,17 @@ pub struct SurfaceHit {
 }
 
 impl<'a> Surfaces<'a> {
-    pub fn new(scene: &'a Scene, device: &Device) -> Result<Surfaces<'a>> {
-        let mut builder = SceneBuilder::new(device, Options::default())?;
-        builder.add_triangles(&scene.positions, &scene.triangles, 1)?;
-        let magnitude = scene.bounds.min.abs().max(scene.bounds.max.abs()).max_element();
+    pub fn new(model: &'a Model) -> Surfaces<'a> {
+        let (scene, magnitude) = (model.scene(), model.magnitude());
         let corners = (0..scene.triangles.len() as u32).map(|t| scene.corners(t));
-        Ok(Surfaces {
-            traced: builder.commit()?,
+        Surfaces {
+            traced: model.traced().clone(),
             normals: corners.map(|[a, b, c]| triangle_normal(a, b, c)).collect(),
             skin: 2e-6 * magnitude,
             slack: 1e-5 * scene.bounds.diagonal() + 1e-6 * magnitude,
-            ends: EndRule::new(magnitude),
+            ends: model.end_rule(),
             scene,
-        })
+        }
     }
 
     /// Converts a position in the file's coordinates to the scene's local coordinates.

@@ -1,6 +1,7 @@
 use super::*;
 use crate::form_factors::analytic::{parallel_rectangles, point_to_polygon};
-use crate::scene::{LoadOptions, Soup, SoupMaterial, resolve};
+use crate::model::{Detail, testing::model};
+use crate::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
 use glam::{DVec3, dvec3};
 use std::f64::consts::PI;
 
@@ -57,7 +58,8 @@ fn grid(n: usize, z: f64, normal: DVec3) -> Vec<Point> {
 }
 
 fn run(scene: &Scene, points: &[Point], samples: u32, direct_only: bool) -> Irradiance {
-    irradiance(scene, points, Settings { samples, direct_only, seed: 1 }, &|_| ()).expect("irradiance")
+    irradiance(&model(scene, Detail::Rays), points, Settings { samples, direct_only, seed: 1 }, &|_| ())
+        .expect("irradiance")
 }
 
 /// Mean over the points and its standard error; first channel.
@@ -219,7 +221,7 @@ fn standard_errors_tell_the_truth() {
     let runs: Vec<(f64, f64)> = (0..200)
         .map(|seed| {
             let settings = Settings { samples: 64, direct_only: false, seed };
-            let e = irradiance(&scene, &point, settings, &|_| ()).expect("irradiance");
+            let e = irradiance(&model(&scene, Detail::Rays), &point, settings, &|_| ()).expect("irradiance");
             (e.values[0][0], e.standard_errors[0][0])
         })
         .collect();
@@ -237,5 +239,5 @@ fn no_light_no_irradiance() {
     let e = run(&scene, &grid(2, 0.0, DVec3::Z), 16, false);
     assert!(e.values.iter().chain(&e.standard_errors).all(|v| *v == [0.0; 3]));
     let one = Settings { samples: 1, direct_only: false, seed: 1 };
-    assert!(irradiance(&scene, &[], one, &|_| ()).is_err());
+    assert!(irradiance(&model(&scene, Detail::Rays), &[], one, &|_| ()).is_err());
 }

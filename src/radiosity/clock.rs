@@ -1,6 +1,6 @@
 //! When to stop: because somebody asks for it, or because the time that was given is up.
 
-use super::Progress;
+use crate::progress::Progress;
 use std::time::Instant;
 
 /// Seconds that last things may take after the time is up, at least, and as part of the time.
@@ -12,6 +12,8 @@ const GRACE_PART: f64 = 0.05;
 pub struct Clock<'a> {
     progress: &'a dyn Progress,
     begun: Instant,
+    /// Seconds that count as spent before.
+    spent: f64,
     /// Seconds from then on; infinite if nobody has set a limit.
     seconds: f64,
 }
@@ -19,7 +21,12 @@ pub struct Clock<'a> {
 impl<'a> Clock<'a> {
     /// Starts now. Without a limit only interruption ends it.
     pub fn start(progress: &'a dyn Progress, seconds: Option<f64>) -> Clock<'a> {
-        Clock { progress, begun: Instant::now(), seconds: seconds.unwrap_or(f64::INFINITY) }
+        Clock { progress, begun: Instant::now(), spent: 0.0, seconds: seconds.unwrap_or(f64::INFINITY) }
+    }
+
+    /// Starts now, with so many seconds spent before.
+    pub fn start_after(spent: f64, progress: &'a dyn Progress, seconds: Option<f64>) -> Clock<'a> {
+        Clock { spent, ..Clock::start(progress, seconds) }
     }
 
     /// Part of the time that is left.
@@ -55,7 +62,7 @@ impl<'a> Clock<'a> {
 
     /// Seconds since the start.
     pub fn elapsed(&self) -> f64 {
-        self.begun.elapsed().as_secs_f64()
+        self.spent + self.begun.elapsed().as_secs_f64()
     }
 
     fn unused(&self) -> f64 {

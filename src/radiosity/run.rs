@@ -1,38 +1,25 @@
 //! From a scene to a solution: preparation, steps of refinement, and what is written down about them.
 
 use super::clock::Clock;
+use super::engine::engine_for;
 use super::field::Rgb;
 use super::local::LATE;
 use super::more::{More, relative};
 use super::notes::{hurried, unsettled};
-use super::prepare::Prepared;
 use super::record::{Ended, Outcome, Record, Seconds, Settled, Unlit};
 use super::steps::{least, solve};
-use super::{Audit, Options, Receiver, Solver, probe, reach};
+use super::{Audit, Options, Receiver, Solver, Visibility, probe, reach};
 use crate::model::summary::SceneFacts;
+use crate::model::{Detail, Model};
 use crate::points::Point;
+use crate::progress::Progress;
 use crate::radiosity::elements::{Elements, lit_inside};
 use crate::radiosity::links::Sight;
 use crate::scene::Scene;
-use crate::visibility::reference;
+use crate::visibility::Exact;
 use crate::{Error, Result};
 use std::sync::Arc;
 use std::time::Instant;
-
-/// Told what is going on, and asked whether to go on.
-pub trait Progress: Sync {
-    /// A part of the work begins.
-    fn stage(&self, name: &str);
-    /// Whether refinement shall end with what there is.
-    fn stopped(&self) -> bool;
-}
-
-impl Progress for () {
-    fn stage(&self, _: &str) {}
-    fn stopped(&self) -> bool {
-        false
-    }
-}
 
 /// Change of the radiosity at which the last sweeps end, and how many there are at most.
 const FINE: f64 = 1e-6;
@@ -55,8 +42,8 @@ const NOT_FINITE: &str = "the light in this scene is beyond all numbers: give it
 ///
 /// # Errors
 /// Options are out of range, or Embree refuses.
-pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Progress) -> Result<Outcome> {
-    run_then(scene, points, options, progress, |outcome, _| Ok(outcome))
+pub fn run(model: &Model, points: &[Point], options: &Options, progress: &dyn Progress) -> Result<Outcome> {
+    run_then(model, points, options, progress, |outcome, _| Ok(outcome))
 }
 
 /// Like [`run()`], and hands the outcome to `then` while light at more points can still be asked for, without solving
@@ -65,13 +52,14 @@ pub fn run(scene: &Scene, points: &[Point], options: &Options, progress: &dyn Pr
 /// # Errors
 /// Those of [`run()`] and of `then`.
 pub fn run_then<T>(
-    scene: &Scene,
+    model: &Model,
     points: &[Point],
     options: &Options,
     progress: &dyn Progress,
     then: impl FnOnce(Outcome, &More) -> Result<T>,
 ) -> Result<T> {
     options.check()?;
+    let scene = model.scene();
     let diagonal = f64::from(scene.bounds.diagonal());
     if !(SMALLEST..=LARGEST).contains(&diagonal) {
         let unit = &scene.unit;
@@ -80,11 +68,18 @@ pub fn run_then<T>(
              {SMALLEST:e}..{LARGEST:e}"
         )));
     }
-    let mut seconds = Seconds::default();
-    let clock = Clock::start(progress, options.max_seconds);
-    progress.stage("preparing");
-    let prepared = Prepared::of(scene, options, &mut seconds, progress, &clock)?;
-    let (exact, ends) = (prepared.exact(), reference::end_rule(scene));
+    let report = model.report();
+    let mut seconds = Seconds { embree: report.embree_s, hierarchy: report.clusters_s, ..Seconds::default() };
+    match (options.visibility, model.detail()) {
+        (Visibility::Exact, Detail::Optics) => {}
+        (Visibility::Exact, _) => seconds.hierarchy += report.cache_s,
+        _ => seconds.characterise = report.optics_s + report.cache_s,
+    }
+    // The time that the preparation of the model took counts.
+    let clock = Clock::start_after(report.seconds(), progress, options.max_seconds);
+    let hierarchy = model.base().hierarchy();
+    let exact = Exact { scene: model.traced().clone(), traversal: model.widest_packets() };
+    let ends = model.end_rule();
     let area = areas(scene);
     let finest = options.local_area();
     let (elements, found, unlit) = timed(&mut seconds.elements, || {
@@ -94,7 +89,7 @@ pub fn run_then<T>(
         };
         // Ids for all that the local pass splits.
         let build = |open: &[u32]| {
-            let mut elements = Elements::build(scene, &prepared.hierarchy, finest * area, open);
+            let mut elements = Elements::build(scene, hierarchy, finest * area, open);
             elements.min_area = options.min_area * area;
             let found = look(&elements);
             (elements, found)
@@ -107,19 +102,19 @@ pub fn run_then<T>(
         if dark.is_empty() {
             return (elements, found, Unlit { of: sides, ..Unlit::default() });
         }
-        let elements = elements.without(&dark, scene, &prepared.hierarchy);
+        let elements = elements.without(&dark, scene, hierarchy);
         let found = look(&elements);
         let unlit = Unlit { sides: dark.len(), of: sides, area: 1.0 - elements.area / before };
         (elements, found, unlit)
     });
-    let engine = timed(&mut seconds.characterise, || prepared.engine(scene, &elements, ends, options));
+    let engine = timed(&mut seconds.characterise, || engine_for(model, &elements, options));
     let sight = engine
         .as_ref()
         .map_or(Sight::Exact(exact.clone()), |engine| Sight::MultiResolution(Arc::new(engine.clone())));
     let mut solver = Solver::new(elements, found, sight, ends, options);
     solver.name(scene, options, (&exact.scene, exact.traversal))?;
     let mut warnings = scene.repairs.messages.clone();
-    warnings.extend(prepared.note.clone());
+    warnings.extend(report.note.clone());
     warnings.extend(unlit.note());
     if let Some(limit) = options.max_seconds.filter(|_| clock.late() && !clock.interrupted()) {
         let taken = clock.elapsed();
@@ -138,7 +133,7 @@ pub fn run_then<T>(
         true => (Vec::new(), Ended::Nothing),
         false => solve(&mut solver, options, progress, &refining),
     };
-    progress.stage("last sweeps");
+    progress.stage("last sweeps", 0);
     let mut closed = None;
     let mut settled = iterations.last().map_or_else(Settled::default, |(_, settled)| *settled);
     let mut bytes = 0;
@@ -155,7 +150,7 @@ pub fn run_then<T>(
     seconds.solve = start.elapsed().as_secs_f64();
     let mut settled_local = None;
     if local {
-        progress.stage("local pass");
+        progress.stage("local pass", 0);
         let (found, note) = timed(&mut seconds.local, || {
             let traced = (&exact.scene, exact.traversal);
             let all = options.local_rays() as f64;
@@ -176,7 +171,7 @@ pub fn run_then<T>(
         solver.adopt(found);
     }
 
-    progress.stage("points");
+    progress.stage("points", 0);
     let relative = relative(scene, points);
     let receiver = Receiver::new(scene, &solver, (&exact.scene, exact.traversal), options);
     let hurried = timed(&mut seconds.points, || receiver.hurried(&relative, options, &clock.with_grace()));
@@ -190,7 +185,7 @@ pub fn run_then<T>(
     bundles.add(tally);
     let mut uncertainty = solver.uncertainty();
     let audited = if options.direct_only { 0 } else { options.audit };
-    progress.stage("audit");
+    progress.stage("audit", 0);
     let late = || clock.with_grace().late();
     let (factor, tally) = timed(&mut seconds.audit, || receiver.factor(&uncertainty, audited, &late));
     bundles.add(tally);
@@ -216,11 +211,11 @@ pub fn run_then<T>(
     }
     let record = Record {
         mrvis: env!("CARGO_PKG_VERSION").into(),
-        embree: prepared.device.version(),
+        embree: model.embree_version(),
         threads: rayon::current_num_threads(),
         unit: scene.unit.clone(),
         options: options.clone(),
-        scene: SceneFacts::of(scene, &prepared.hierarchy),
+        scene: SceneFacts::of(scene, hierarchy),
         warnings,
         iterations: iterations.into_iter().map(|(iteration, _)| iteration).collect(),
         ended,
@@ -228,7 +223,7 @@ pub fn run_then<T>(
         settled_local,
         target_met,
         seconds,
-        cache: prepared.origin.into(),
+        cache: report.origin.name().into(),
         links: solver.links.len(),
         elements: solver.elements.len(),
         unlit,

@@ -1,6 +1,8 @@
 //! How the cost of a solution grows with the scene.
 
-use super::{Options, Progress, Seconds, run};
+use super::{Options, Seconds, run};
+use crate::model::Model;
+use crate::progress::Progress;
 use crate::scene::generate::{self, Spec};
 use crate::{Error, Result};
 use serde::Serialize;
@@ -76,7 +78,8 @@ pub fn scaling(options: &Options, largest: usize, progress: &dyn Progress) -> Re
     for triangles in std::iter::successors(Some(FIRST), |n| n.checked_mul(10)).take_while(|&n| n <= largest) {
         let spec = Spec { seed: options.seed, count: Some(triangles / CUBE), ..Spec::new("cubes") };
         let scene = generate::build(&spec)?;
-        let record = run(&scene, &[], options, progress)?.record;
+        let model = Model::prepare(scene, &options.prepare(), progress)?;
+        let record = run(&model, &[], options, progress)?.record;
         let s = &record.seconds;
         rows.push(ScalingRow {
             triangles: record.scene.triangles,

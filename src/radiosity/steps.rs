@@ -3,8 +3,8 @@
 use super::clock::Clock;
 use super::record::{Ended, Iteration, Settled};
 use super::refine::Refined;
-use super::run::Progress;
 use super::{Options, Solver};
+use crate::progress::Progress;
 use std::time::Instant;
 
 /// Link errors that are refined, as part of the error asked for: many links end at an element, and their errors add up.
@@ -80,7 +80,7 @@ pub(super) fn solve(
             residual: settled.residual,
         };
         iterations.push((iteration, settled));
-        progress.stage(&format!("{links} links, error {threshold:.2e}"));
+        progress.stage(&format!("{links} links, error {threshold:.2e}"), 0);
         next /= STEP;
         let is_done = match once {
             true => replaced == 0,

@@ -7,7 +7,9 @@ mod sight;
 mod sizes;
 
 use super::*;
+use crate::model::Model;
 use crate::points::Point;
+use crate::progress::Progress;
 use crate::scene::generate::{Spec, build};
 use crate::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
 use glam::DVec3;
@@ -63,7 +65,7 @@ fn floor(n: usize) -> Vec<Point> {
 }
 
 fn solved(scene: &Scene, points: &[Point], options: &Options) -> Outcome {
-    run(scene, points, options, &()).expect("a solution")
+    run(&model_for(scene, options), points, options, &()).expect("a solution")
 }
 
 #[test]
@@ -128,12 +130,12 @@ fn without_light_everything_is_black() {
 fn what_was_reached_when_stopped_is_consistent() {
     struct Stop;
     impl Progress for Stop {
-        fn stage(&self, _: &str) {}
         fn stopped(&self) -> bool {
             true
         }
     }
-    let outcome = run(&room(true), &floor(5), &Options::default(), &Stop).expect("a solution");
+    let outcome = run(&model_for(&room(true), &Options::default()), &floor(5), &Options::default(), &Stop)
+        .expect("a solution");
     assert!(outcome.record.interrupted && outcome.record.iterations.len() == 1);
     let Ledger { emitted, created, .. } = outcome.record.ledger;
     assert!(created.abs() < 2e-3 * emitted, "{created}");
@@ -166,7 +168,7 @@ fn importance_moves_the_work() {
     };
     assert!(links_at(&["box"]) > 1.5 * links_at(&[]));
     let unknown = Options { importance: vec!["nothing".into()], ..Options::default() };
-    assert!(run(&scene, &[], &unknown, &()).is_err());
+    assert!(run(&model_for(&scene, &unknown), &[], &unknown, &()).is_err());
 }
 
 #[test]
@@ -235,7 +237,12 @@ fn options_out_of_range_are_refused() {
         Options { feature_sizes: vec![("walls".into(), -1.0)], ..Options::default() },
     ];
     for options in wrong {
-        let error = run(&scene, &[], &options, &()).err().expect("refused").to_string();
+        let error = run(&model_for(&scene, &options), &[], &options, &()).err().expect("refused").to_string();
         assert!(error.contains("must"), "{error}");
     }
+}
+
+/// The model that a solve with these options needs.
+fn model_for(scene: &Scene, options: &Options) -> Model {
+    Model::prepare(scene.clone(), &options.prepare(), &()).expect("a model")
 }

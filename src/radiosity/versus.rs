@@ -1,12 +1,13 @@
 //! The same question to two engines: whole solutions side by side, timed and compared.
 
 use super::record::{Outcome, Seconds};
-use super::run::{Progress, run};
+use super::run::run;
 use super::{Options, Visibility};
 use crate::Result;
+use crate::model::Model;
 use crate::points::{Comparison, Irradiance, Point, compare};
+use crate::progress::Progress;
 use crate::radiosity::links::Tally;
-use crate::scene::Scene;
 use serde::Serialize;
 
 /// Another engine's solution beside one.
@@ -34,14 +35,16 @@ pub struct Versus {
 /// # Errors
 /// As [`run()`].
 pub fn versus(
-    scene: &Scene,
+    model: &Model,
     points: &[Point],
     outcome: &Outcome,
     visibility: Visibility,
     progress: &dyn Progress,
 ) -> Result<Versus> {
     let record = &outcome.record;
-    let other = run(scene, points, &Options { visibility, ..record.options.clone() }, progress)?;
+    let options = Options { visibility, ..record.options.clone() };
+    let model = model.prepared_to(&options.prepare(), progress)?;
+    let other = run(&model, points, &options, progress)?;
     let at = |outcome: &Outcome| Irradiance {
         points: points.to_vec(),
         values: outcome.irradiance.clone(),

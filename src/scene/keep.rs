@@ -4,7 +4,7 @@ use super::{Repairs, Soup, triangulate::newell, weld};
 use glam::{DVec3, Vec3};
 
 /// Glass: faces of a material less opaque than this do not block light and are left out; others are opaque.
-const MIN_OPACITY: f32 = 0.5;
+pub(super) const MIN_OPACITY: f32 = 0.5;
 
 /// The polygons that are not dropped before triangulation.
 pub(super) struct Kept {

@@ -26,6 +26,9 @@ impl Default for LoadOptions {
 impl Scene {
     /// Reads a scene; the extension of `path` says the format: `obj`, `gltf`, `glb` or `ply`.
     ///
+    /// Nodes of a glTF file that place the same mesh share it ([`Scene::placements`]), unless the mesh emits or a node's
+    /// transform is more than 1 % off a similarity. A glTF file may have at most 2,097,152 nodes.
+    ///
     /// # Errors
     /// The file cannot be read, is not of its format, holds a value that is not finite or out of range, or has
     /// no face with an area; an emitter that the options name does not exist. What can be mended is mended and
@@ -34,7 +37,7 @@ impl Scene {
         let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
         let soup = match extension.as_str() {
             "obj" => read_obj::read(path)?,
-            "gltf" | "glb" => read_gltf::read(path)?,
+            "gltf" | "glb" => return read_gltf::read(path, options),
             "ply" => read_ply::read(path)?,
             _ => {
                 let what = "unknown kind of scene; the extension must be .obj, .gltf, .glb or .ply";

@@ -7,7 +7,9 @@ mod bent;
 mod compact;
 mod connect;
 mod emitters;
+mod flatten;
 pub mod generate;
+mod instances;
 mod keep;
 mod load;
 mod mtl;
@@ -25,18 +27,22 @@ mod tests;
 mod texture;
 mod triangulate;
 mod weld;
+mod write_gltf;
 mod write_obj;
 
+pub use flatten::MAX_FLATTENED_TRIANGLES;
+pub use instances::{MAX_PLACEMENTS, Placement};
 pub use load::LoadOptions;
 pub use power::{parse_emitter, unit_in_metres};
 pub use resolve::{MAX_COORDINATE, MAX_REFLECTANCE, MIN_EXTENT, resolve};
-pub use soup::{Soup, SoupMaterial};
+pub use soup::{PlacedSoup, Soup, SoupMaterial};
 pub use texture::Texture;
+pub use write_gltf::write_gltf;
 pub use write_obj::{mtl_path, write_obj};
 
 use crate::{Result, math::Aabb};
 use glam::{DVec3, Vec3};
-use std::path::PathBuf;
+use std::{path::PathBuf, sync::Arc};
 
 /// A named run of faces: an OBJ object or group, a glTF node, a PLY file.
 #[derive(Clone, Debug)]
@@ -119,8 +125,15 @@ pub struct Repairs {
     /// Pairs of objects of which faces lie in one plane, overlap, face the same way and do not look the same: which of them
     /// is seen is chance.
     pub overlapping_objects: usize,
+    /// Nodes that place a shared mesh with shear or unequal scale, so that its triangles were copied. Not written if zero.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub copied_placements: usize,
     /// One readable line for each kind of repair, with names where they help.
     pub messages: Vec<String>,
+}
+
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 /// An immutable, checked scene of triangles. All vectors that start with `triangle_` have one entry a triangle.
@@ -172,6 +185,11 @@ pub struct Scene {
     pub bounds: Aabb,
     /// What was repaired.
     pub repairs: Repairs,
+    /// Meshes that are stored once and placed by `placements`: each a scene of its own in its own frame, without
+    /// emitters, shared meshes or placements. Empty for a scene whose meshes all occur once.
+    pub shared: Vec<Arc<Scene>>,
+    /// Where the shared meshes stand, in file order.
+    pub placements: Vec<Placement>,
 }
 
 impl Scene {
@@ -181,7 +199,7 @@ impl Scene {
         self.triangles[triangle as usize].map(|v| self.positions[v as usize])
     }
 
-    /// The faces of the objects, groups or materials called `name`, ascending.
+    /// The scene's own faces of the objects, groups or materials called `name`, ascending. Placements are not searched.
     ///
     /// # Errors
     /// Nothing has that name; the message lists the first few that there are.
@@ -203,7 +221,7 @@ impl Scene {
         Ok(faces)
     }
 
-    /// Bytes of all that there is a vertex, a face, an object or a material of.
+    /// Bytes of all that there is a vertex, a face, an object, a material or a placement of; of each shared mesh once.
     pub fn bytes(&self) -> usize {
         fn of<T>(list: &[T]) -> usize {
             size_of_val(list)
@@ -220,6 +238,8 @@ impl Scene {
             + of(&self.objects)
             + of(&self.materials)
             + self.emitters.iter().map(|e| of(&e.triangles)).sum::<usize>()
+            + of(&self.placements)
+            + self.shared.iter().map(|m| m.bytes()).sum::<usize>()
     }
 
     /// Total power of an emitter in watts, one value a channel: π L A, twice that for two-sided emission.

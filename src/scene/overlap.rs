@@ -28,7 +28,7 @@ pub(super) struct Faces<'a> {
 pub(super) fn tell(faces: &Faces, objects: &[Object], unit: &str, repairs: &mut Repairs) {
     const NAMED: usize = 4;
     let found = overlaps(faces);
-    repairs.overlapping_objects = found.len();
+    repairs.overlapping_objects += found.len();
     if found.is_empty() {
         return;
     }

@@ -3,6 +3,9 @@
 //!
 //! The file passes through [`Lines`] on its way: a reader that checks each statement, notes objects and
 //! materials itself, and lets `v`, `vt` and `f` through in the form that `tobj` takes.
+//!
+//! Objects do not become placements of shared meshes, because the format has no way to say that two objects are the same;
+//! identical objects are not searched for.
 
 use super::{
     MAX_COORDINATE, Soup,

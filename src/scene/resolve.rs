@@ -28,12 +28,36 @@ pub const MAX_REFLECTANCE: f32 = 0.999;
 ///
 /// # Errors
 /// See [`Scene::load`].
-pub fn resolve(mut soup: Soup, options: &LoadOptions) -> Result<Scene> {
+pub fn resolve(soup: Soup, options: &LoadOptions) -> Result<Scene> {
+    resolve_as(soup, options, Role::Whole)
+}
+
+/// Checks, repairs and converts a shared mesh: its repairs are counted, and the only message is the one that names
+/// overlaps, because the scene that places the mesh adds up the counts and writes the other messages.
+///
+/// # Errors
+/// As [`resolve`].
+pub(super) fn resolve_mesh(soup: Soup, options: &LoadOptions) -> Result<Scene> {
+    // Named emitters are faces of the scene's own.
+    resolve_as(soup, &LoadOptions { emitters: Vec::new(), ..options.clone() }, Role::Mesh)
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Role {
+    Whole,
+    Mesh,
+}
+
+fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene> {
     if options.sides.is_some_and(|s| s != 1 && s != 2) {
         return Err(Error::Argument("sides must be 1 (closed solids) or 2 (sheets)".into()));
     }
     let mut repairs = std::mem::take(&mut soup.repairs);
-    let mut materials = check_materials(&soup, &mut repairs)?;
+    let mut materials = match role {
+        Role::Whole => check_materials(&soup, &mut repairs)?,
+        // The scene that places the mesh has the same materials and counts them.
+        Role::Mesh => check_materials(&soup, &mut Repairs::default())?,
+    };
     let origin = origin(&soup)?;
     let (number, positions) = weld::weld(soup.positions.iter().map(|p| (p - origin).as_vec3()));
     soup.positions = Vec::new();
@@ -60,7 +84,9 @@ pub fn resolve(mut soup: Soup, options: &LoadOptions) -> Result<Scene> {
         options,
     )?;
     let (emitters, triangle_emitter) = group_emitters(&soup, &edges, &faces, &positions, &materials);
-    summarise(&soup, &faces, &mut repairs);
+    if role == Role::Whole {
+        summarise(&soup, &faces, &mut repairs);
+    }
     let (positions, triangles) = compact(&number, positions, faces.triangles, &mut repairs);
     let (objects, triangle_object) = used_objects(soup.objects, faces.object);
     let sides = |part: u32| options.sides.unwrap_or(if parts.closed[part as usize] { 1 } else { 2 });
@@ -98,6 +124,8 @@ pub fn resolve(mut soup: Soup, options: &LoadOptions) -> Result<Scene> {
         triangle_emitter,
         triangle_texcoords: faces.texcoords,
         repairs,
+        shared: Vec::new(),
+        placements: Vec::new(),
     })
 }
 
@@ -249,7 +277,7 @@ fn twice_area([a, b, c]: [Vec3; 3]) -> f64 {
 }
 
 /// Whether the triangle is higher than f32 resolves at its longest edge and at its place.
-fn has_area(corners: [Vec3; 3]) -> bool {
+pub(super) fn has_area(corners: [Vec3; 3]) -> bool {
     let [a, b, c] = corners.map(|p| p.as_dvec3());
     let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
     let place = a.abs().max(b.abs()).max(c.abs()).max_element();
@@ -319,7 +347,12 @@ fn summarise(soup: &Soup, faces: &Triangles, r: &mut Repairs) {
     }
     let sheer =
         soup.materials.iter().zip(used).filter(|(m, used)| *used && m.opacity < 1.0).map(|(m, _)| &m.name);
-    let names = power::some_names(sheer);
+    tell_sheer(sheer, r);
+}
+
+/// Says that materials are taken as opaque, if there are any.
+pub(super) fn tell_sheer<'a>(names: impl Iterator<Item = &'a String>, r: &mut Repairs) {
+    let names = power::some_names(names);
     if !names.is_empty() {
         r.messages.push(format!("transparency is not modelled; taken as opaque (d not below 0.5): {names}"));
     }

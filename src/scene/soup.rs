@@ -1,6 +1,6 @@
 //! The polygon soup: what a reader or a generator hands to the one resolving step, unchecked.
 
-use super::{Repairs, StoredCamera, texture::Texture};
+use super::{Placement, Repairs, StoredCamera, texture::Texture};
 use glam::DVec3;
 use std::{collections::HashMap, path::PathBuf};
 
@@ -33,6 +33,17 @@ pub struct Soup {
     pub cameras: Vec<StoredCamera>,
     /// What was repaired while reading.
     pub repairs: Repairs,
+}
+
+/// A soup, and meshes that stand in it many times.
+#[derive(Clone, Debug, Default)]
+pub struct PlacedSoup {
+    /// What occurs once.
+    pub soup: Soup,
+    /// What is placed: none of them emits.
+    pub meshes: Vec<Soup>,
+    /// Where; transforms map coordinates of the mesh's soup to those of `soup`.
+    pub placements: Vec<Placement>,
 }
 
 /// A material as the file states it.

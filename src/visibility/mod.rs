@@ -29,6 +29,7 @@ mod wide;
 pub use exact::{Exact, fastest_traversal};
 pub use multires::{Leaf, MultiResolution, Workspace};
 pub use unbiased::{Correction, Estimate, Unbiased};
+pub use wide::WideTree;
 
 use crate::ray::Packet;
 use glam::Vec3;

@@ -1,17 +1,14 @@
 //! Multi-resolution visibility [SD95 sec 3.2]: the engine above walks, fronts and the hand-over to Embree.
 
 use super::front::Front;
-use super::reference;
 use super::shaft::Shaft;
 use super::steps::Steps;
 use super::walk::{Buffers, FETCH, Rule, Walked, walk};
 use super::wide::WideTree;
 use super::{Answer, Bundle, Cost, Exact, Method, interval, wilson};
-use crate::clusters::Hierarchy;
 use crate::embree::{CommittedScene, Traversal};
-use crate::optics::{self, ClusterOptics};
+use crate::optics;
 use crate::ray::Packet;
-use crate::scene::Scene;
 use crate::simd::{Isa, Kernel, LANES, Simd, dispatch};
 use std::ops::Range;
 use std::sync::Arc;
@@ -88,25 +85,20 @@ impl Workspace {
 }
 
 impl MultiResolution {
-    /// Prepares a hierarchy for traversal.
-    ///
-    /// `optics` are those of `hierarchy.micro`; `exact` is the whole scene in Embree, traced with `traversal` for
-    /// bundles that are handed over.
+    /// The engine over the clusters of a scene. `exact` is the whole scene in Embree, traced with `traversal` for bundles that
+    /// are handed over.
     pub fn new(
-        scene: &Scene,
-        hierarchy: &Hierarchy,
-        optics: &[ClusterOptics],
+        tree: Arc<WideTree>,
         exact: CommittedScene,
         traversal: Traversal,
         leaf: Leaf,
     ) -> MultiResolution {
-        let tree = Arc::new(WideTree::build(scene, hierarchy, optics));
         MultiResolution {
             far: tree.bytes() > CACHE_BYTES,
+            magnitude: tree.magnitude,
             tree,
             exact,
             traversal,
-            magnitude: reference::magnitude(scene),
             leaf,
             isa: Isa::detect(),
             budget: DEFAULT_RAY_WORK,

@@ -1,10 +1,11 @@
 //! Scenes prepared for tests of the engines.
 
-use super::{Leaf, MultiResolution};
+use super::{Leaf, MultiResolution, WideTree};
 use crate::clusters::{self, Hierarchy};
 use crate::embree::{CommittedScene, Device, SceneBuilder, Traversal};
 use crate::optics::{self, ClusterOptics};
 use crate::scene::Scene;
+use std::sync::Arc;
 
 pub const SINGLE: Traversal = Traversal { width: 1, coherent: false };
 
@@ -35,6 +36,7 @@ impl Stage {
     }
 
     pub fn engine(&self, leaf: Leaf) -> MultiResolution {
-        MultiResolution::new(&self.scene, &self.hierarchy, &self.optics, self.traced.clone(), SINGLE, leaf)
+        let tree = WideTree::build(&self.scene, &self.hierarchy, &self.optics);
+        MultiResolution::new(Arc::new(tree), self.traced.clone(), SINGLE, leaf)
     }
 }

@@ -41,11 +41,13 @@ pub(super) struct Block {
     pub used: u32,
 }
 
-/// Both trees of a hierarchy under one top node.
-pub(super) struct WideTree {
-    pub nodes: Vec<Node>,
-    pub optics: Vec<[AxisOptics; AXIS_COUNT]>,
-    pub blocks: Vec<Block>,
+/// Both trees of a hierarchy under one top node, sixteen children side by side: what the multi-resolution engine walks.
+pub struct WideTree {
+    /// Largest coordinate magnitude of the scene, scene units: the scale of rounding errors.
+    pub(super) magnitude: f32,
+    pub(super) nodes: Vec<Node>,
+    pub(super) optics: Vec<[AxisOptics; AXIS_COUNT]>,
+    pub(super) blocks: Vec<Block>,
 }
 
 const fn half_up(v: f32) -> u16 {
@@ -101,8 +103,11 @@ pub(super) fn mixed<S: Simd>(simd: S, optics: &[AxisOptics; AXIS_COUNT], mix: &A
 }
 
 impl WideTree {
+    /// Lays out the clusters of a scene; `optics` has one entry a cluster of `hierarchy.micro`.
     pub fn build(scene: &Scene, hierarchy: &Hierarchy, optics: &[ClusterOptics]) -> WideTree {
-        let mut wide = WideTree { nodes: vec![Node::EMPTY], optics: vec![NO_OPTICS], blocks: Vec::new() };
+        let magnitude = super::reference::magnitude(scene);
+        let mut wide =
+            WideTree { magnitude, nodes: vec![Node::EMPTY], optics: vec![NO_OPTICS], blocks: Vec::new() };
         let trees = [(&hierarchy.micro, Some(optics)), (&hierarchy.large, None)];
         for (lane, (tree, optics)) in trees.into_iter().filter(|(t, _)| !t.clusters.is_empty()).enumerate() {
             let references = wide.append(scene, tree, optics);

@@ -145,6 +145,10 @@ fn other_commands_refuse_alike() {
         (&["generate", "no-such-scene", "--out", "x.obj"], "no-such-scene"),
         (&["generate", "forest", "--trees", "0", "--out", "x.obj"], "trees"),
         (&["generate", "cornell", "--out", "file/x.obj"], "file/x."),
+        (&["generate", "cornell", "--out", "x.glb"], "must end in .obj"),
+        (&["generate", "cornell", "--instances", "--out", "x.glb"], "has no instances"),
+        (&["generate", "forest", "--instances", "--out", "x.obj"], "must end in .gltf or .glb"),
+        (&["generate", "forest", "--species", "2", "--out", "x.glb"], "--instances"),
     ]);
 }
 
@@ -316,4 +320,29 @@ fn generated_scenes_can_be_read_back() {
     let made = std::fs::read(scratch.path("made.obj")).expect("written");
     let faces = |bytes: &[u8]| bytes.split(|b| *b == b'\n').filter(|l| l.starts_with(b"f ")).count();
     assert!(faces(&made) > 0 && faces(&made) == faces(&library));
+}
+
+/// A forest of instances comes out of the command, and `info` counts what it stores and what is seen.
+#[test]
+fn forests_of_instances_are_counted() {
+    let scratch = scratch();
+    let call = ["generate", "forest", "--instances", "--species", "2", "--trees", "40", "--leaves", "50"];
+    for name in ["made.gltf", "made.glb"] {
+        let made = scratch.mrvis(&[&call[..], &["--out", name, "--json", "made.json"]].concat());
+        assert_eq!(made.code, Some(0), "{}", made.stderr);
+        let facts = scratch.json("made.json");
+        assert_eq!((&facts["instances"], &facts["species"]), (&40.into(), &2.into()));
+        assert_eq!((&facts["polygons"], &facts["visible_polygons"]), (&102.into(), &2002.into()));
+        let told = scratch.mrvis(&["info", name, "--json", "info.json"]);
+        assert_eq!(told.code, Some(0), "{}", told.stderr);
+        assert!(told.stdout.contains("instances") && told.stdout.contains("4,004"), "{}", told.stdout);
+        let scene = &scratch.json("info.json")["scene"];
+        assert_eq!((&scene["instances"], &scene["shared_meshes"]), (&40.into(), &2.into()));
+        assert_eq!((&scene["stored_triangles"], &scene["visible_triangles"]), (&204.into(), &4004.into()));
+    }
+    let told = scratch.mrvis(&["info", "scene.obj", "--json", "info.json"]);
+    assert_eq!(told.code, Some(0), "{}", told.stderr);
+    assert!(
+        scratch.json("info.json")["scene"].get("instances").is_none() && !told.stdout.contains("instances")
+    );
 }

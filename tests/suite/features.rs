@@ -1,6 +1,7 @@
 //! The promise of a feature size: no shadow and no patch of light of at least that size is missing.
 
 use mrvis::bench::{self, Options};
+use mrvis::model::Model;
 use mrvis::scene::generate::{self, Spec};
 
 /// On fields, on touching bricks and books, on rows of slats: at all four sizes every connected feature of the exact
@@ -15,7 +16,8 @@ fn no_feature_of_the_size_is_missing() {
         (spec.trees, spec.leaves) = (20, 300);
         let scene = generate::build(&spec).expect(name);
         let options = Options { points: 200, rays: 64, reference_rays: 128, ..Options::default() };
-        let (record, _) = bench::run(&scene, &options, &()).expect(name);
+        let model = Model::prepare(scene, &options.prepare(), &()).expect(name);
+        let (record, _) = bench::run(&model, &options, &()).expect(name);
         let rows: Vec<_> = record.receivers.iter().flat_map(|r| &r.fbem).collect();
         let features: usize = rows.iter().map(|f| f.features).sum();
         let missing: usize = rows.iter().map(|f| f.missing_features).sum();

@@ -3,6 +3,7 @@
 use crate::run::Scratch;
 use glam::{DVec3, dvec3};
 use mrvis::form_factors::matrix::{Facets, Grouping, Matrix, Settings, compute};
+use mrvis::model::Model;
 use mrvis::points::Point;
 use mrvis::radiosity::{self, Options};
 use mrvis::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
@@ -86,7 +87,7 @@ fn solutions_of_published_obstructed_pairs() {
     ] {
         let want = obstructed(id, quantity);
         let scene = plates(low, size);
-        let outcome = radiosity::run(&scene, &grid, &Options::default(), &()).expect("a solution");
+        let outcome = radiosity::run(&model(&scene), &grid, &Options::default(), &()).expect("a solution");
         let points = outcome.irradiance.iter().map(|e| e[0]).sum::<f64>() / grid.len() as f64;
         assert!((points / want - 1.0).abs() < 5e-3, "{id} at points: {points} instead of {want}");
         // Elements know visibility from few segments, whose errors do not lean to either side.
@@ -97,14 +98,14 @@ fn solutions_of_published_obstructed_pairs() {
         assert!((mean / want - 1.0).abs() < 0.02, "{id} of the elements: {mean} instead of {want}");
     }
     let hidden = plates(dvec3(-0.1, -0.1, 0.5), 1.2);
-    let outcome = radiosity::run(&hidden, &grid, &Options::default(), &()).expect("a solution");
+    let outcome = radiosity::run(&model(&hidden), &grid, &Options::default(), &()).expect("a solution");
     assert!(outcome.irradiance.iter().all(|e| *e == [0.0; 3]));
 }
 
 fn factors(scene: &Scene) -> Matrix {
     let facets = Facets::new(scene);
     let settings = Settings::new(facets.len());
-    let (matrix, _) = compute(scene, &facets, &settings, &|_| ()).expect("a matrix");
+    let (matrix, _) = compute(&model(scene), &facets, &settings, &|_| ()).expect("a matrix");
     matrix.grouped(scene, &facets, Grouping::Object)
 }
 
@@ -311,7 +312,7 @@ fn ten_million_links_take_less_than_a_gibibyte() {
     assert!(10_000_000 * (stored + 32) < 1 << 30);
     let options = Options { error: 0.01, ..Options::default() };
     let outcome =
-        radiosity::run(&plates(dvec3(0.25, 0.25, 0.5), 0.5), &[], &options, &()).expect("a solution");
+        radiosity::run(&model(&plates(dvec3(0.25, 0.25, 0.5), 0.5)), &[], &options, &()).expect("a solution");
     let (links, elements) = (outcome.record.links, outcome.record.elements);
     assert!(links > 2000, "{links}");
     // Elements, links and sweeps together: nothing else grows with the solution.
@@ -320,4 +321,9 @@ fn ten_million_links_take_less_than_a_gibibyte() {
         "{} {links} {elements}",
         outcome.record.bytes
     );
+}
+
+/// The model that a solve with the default options needs.
+fn model(scene: &Scene) -> Model {
+    Model::prepare(scene.clone(), &Options::default().prepare(), &()).expect("a model")
 }

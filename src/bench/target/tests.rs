@@ -53,6 +53,7 @@ fn plans_that_cannot_win_are_left_out() {
 #[test]
 fn choosing_is_part_of_the_time() {
     use super::super::{Options, run};
+    use crate::model::Model;
     use crate::scene::generate::{Spec, build};
     let mut spec = Spec::new("forest");
     (spec.trees, spec.leaves) = (4, 60);
@@ -65,7 +66,11 @@ fn choosing_is_part_of_the_time() {
             target: Some(Target::Seconds(seconds)),
             ..Options::default()
         };
-        run(&scene, &options, &()).expect("a record").0.target.expect("a target")
+        run(&Model::prepare(scene.clone(), &options.prepare(), &()).expect("a model"), &options, &())
+            .expect("a record")
+            .0
+            .target
+            .expect("a target")
     };
     let tight = with(1e-6);
     assert!(!tight.met && !tight.reachable && tight.pilot_s > 1e-6, "{tight:?}");

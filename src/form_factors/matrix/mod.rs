@@ -31,9 +31,7 @@ pub use facets::Facets;
 pub use rows::{Grouping, Matrix};
 pub use write::{Format, write};
 
-use crate::embree::Device;
-use crate::ray::EndRule;
-use crate::scene::Scene;
+use crate::model::Model;
 use crate::{Error, Result};
 use rayon::prelude::*;
 use rays::Traced;
@@ -141,10 +139,9 @@ pub fn memory_bound(facets: usize, settings: &Settings) -> u64 {
 /// facets`, from any thread.
 ///
 /// # Errors
-/// [`Error::Argument`] if a setting is out of range, [`Error::Scene`] with too many facets, [`Error::Embree`] if Embree
-/// reports an error.
+/// [`Error::Argument`] if a setting is out of range, [`Error::Scene`] with too many facets.
 pub fn compute(
-    scene: &Scene,
+    model: &Model,
     facets: &Facets,
     settings: &Settings,
     done: &(dyn Fn(u64) + Sync),
@@ -157,8 +154,7 @@ pub fn compute(
     if facets.len() > discover::Partner::MAX_FACETS {
         return Err(Error::Scene(format!("more than {} facets", discover::Partner::MAX_FACETS)));
     }
-    let device = Device::new(rayon::current_num_threads())?;
-    let traced = Traced::new(scene, facets, &device)?;
+    let traced = Traced::new(model, facets);
     let found: Vec<discover::Found> = (0..facets.len() as u32)
         .into_par_iter()
         .map_init(discover::Buffers::default, |buffers, i| {
@@ -170,8 +166,7 @@ pub fn compute(
     let partners = discover::upper(&found);
     let shares: Vec<[f32; 2]> = found.iter().map(|f| [f.escaped, f.lost]).collect();
     drop(found);
-    let magnitude = scene.bounds.min.abs().max(scene.bounds.max.abs()).max_element();
-    let pairs = pair::Pairs { traced: &traced, facets, settings, ends: EndRule::new(magnitude) };
+    let pairs = pair::Pairs { traced: &traced, facets, settings, ends: model.end_rule() };
     let mut upper: Vec<pair::Row> = partners
         .par_iter()
         .enumerate()

@@ -1,11 +1,10 @@
 //! The traced scene, and sample points on facets.
 
 use super::facets::{Facet, Facets};
-use crate::Result;
-use crate::embree::{CommittedScene, Device, Hits, Options, SceneBuilder, Traversal};
+use crate::embree::{CommittedScene, Hits, Traversal};
 use crate::math::triangle_normal;
+use crate::model::Model;
 use crate::ray::Packet;
-use crate::scene::Scene;
 use glam::{DVec3, Vec3};
 use sobol_burley::sample_4d;
 
@@ -27,17 +26,15 @@ pub struct Traced {
 }
 
 impl Traced {
-    pub fn new(scene: &Scene, facets: &Facets, device: &Device) -> Result<Traced> {
-        let mut builder = SceneBuilder::new(device, Options::default())?;
-        builder.add_triangles(&scene.positions, &scene.triangles, 1)?;
-        let magnitude = scene.bounds.min.abs().max(scene.bounds.max.abs()).max_element();
+    pub fn new(model: &Model, facets: &Facets) -> Traced {
+        let scene = model.scene();
         let corners = (0..scene.triangles.len() as u32).map(|t| scene.corners(t));
-        Ok(Traced {
-            scene: builder.commit()?,
+        Traced {
+            scene: model.traced().clone(),
             normals: corners.map(|[a, b, c]| triangle_normal(a, b, c)).collect(),
-            skin: 2e-6 * magnitude,
+            skin: 2e-6 * model.magnitude(),
             facet: (0..scene.triangles.len() as u32).map(|t| facets.of_triangle(t)).collect(),
-        })
+        }
     }
 
     pub fn first_hits(&self, packets: &[Packet], hits: &mut [Hits]) {

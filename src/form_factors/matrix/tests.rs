@@ -2,7 +2,9 @@ use super::rays::Traced;
 use super::*;
 use crate::embree::Hits;
 use crate::form_factors::analytic::perpendicular_rectangles;
+use crate::model::{Detail, testing::model};
 use crate::ray::Packet;
+use crate::scene::Scene;
 use crate::scene::generate::{Spec, build};
 use crate::scene::{LoadOptions, Soup, SoupMaterial, resolve};
 use glam::{DVec3, dvec3};
@@ -22,7 +24,7 @@ fn run(scene: &Scene, change: impl FnOnce(&mut Settings)) -> (Matrix, Report) {
     let facets = Facets::new(scene);
     let mut settings = Settings::new(facets.len());
     change(&mut settings);
-    compute(scene, &facets, &settings, &|_| ()).expect("a matrix")
+    compute(&model(scene, Detail::Rays), &facets, &settings, &|_| ()).expect("a matrix")
 }
 
 fn town(count: usize) -> Scene {
@@ -138,7 +140,7 @@ fn a_room_cut_into_facets_has_sums_of_closed_forms() {
 /// forms and transmittances.
 fn counted(scene: &Scene, i: u32, rays: u64) -> Vec<f64> {
     let facets = Facets::new(scene);
-    let traced = Traced::new(scene, &facets, &Device::new(1).expect("Embree")).expect("Embree");
+    let traced = Traced::new(&model(scene, Detail::Rays), &facets);
     let mut counts = vec![0.0; facets.len()];
     let from = facets.get(i);
     let mut random = (0u64..).map(|k| (rays::mix(k ^ u64::from(i) << 40) >> 40) as f32 / (1 << 24) as f32);
@@ -243,7 +245,7 @@ fn settings_out_of_range_and_memory() {
     let scene = quads(&[(DVec3::ZERO, DVec3::X, DVec3::Y)]);
     let facets = Facets::new(&scene);
     let none = Settings { rays: 0, ..Settings::new(1) };
-    assert!(compute(&scene, &facets, &none, &|_| ()).is_err());
+    assert!(compute(&model(&scene, Detail::Rays), &facets, &none, &|_| ()).is_err());
     // 22,000 facets fit in 2 GiB with default settings.
     assert!(memory_bound(22_000, &Settings::new(22_000)) < 2 << 30);
     assert!(Format::of(std::path::Path::new("a.txt")).is_err());

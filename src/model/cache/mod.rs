@@ -58,9 +58,10 @@ pub struct PreparedClusters {
 }
 
 /// Where a table came from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Origin {
     /// Made, and not kept.
+    #[default]
     Off,
     /// Made, and kept for the next run.
     Made,
@@ -164,6 +165,9 @@ fn key(scene: &Scene, settings: &str, code: &str) -> blake3::Hash {
         closed_parts: _,
         sheet_parts: _,
         repairs: _,
+        // Each shared mesh has a table and a key of its own.
+        shared: _,
+        placements: _,
     } = scene;
     let mut hash = blake3::Hasher::new();
     let parts: [&[u8]; 7] = [

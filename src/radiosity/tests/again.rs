@@ -1,10 +1,9 @@
 //! Links that are kept are chosen by what was seen of them, and measured anew.
 
+use super::model_for;
 use super::*;
 use crate::radiosity::clock::Clock;
-use crate::radiosity::prepare::Prepared;
-use crate::radiosity::record::Seconds;
-use crate::visibility::reference;
+use crate::visibility::Exact;
 
 const SEEDS: u64 = 300;
 
@@ -32,9 +31,11 @@ fn table() -> Scene {
 fn under(scene: &Scene, seeds: std::ops::RangeInclusive<u64>, again: bool) -> Vec<f64> {
     let mut options = Options { error: 0.3, min_area: 1e-4, ..Options::default() };
     let clock = Clock::start(&(), None);
-    let prepared = Prepared::of(scene, &options, &mut Seconds::default(), &(), &clock).expect("Embree");
-    let (exact, ends) = (prepared.exact(), reference::end_rule(scene));
-    let elements = Elements::build(scene, &prepared.hierarchy, options.min_area * run::areas(scene), &[]);
+    let model = model_for(scene, &options);
+    let exact = Exact { scene: model.traced().clone(), traversal: model.widest_packets() };
+    let ends = model.end_rule();
+    let elements =
+        Elements::build(scene, model.base().hierarchy(), options.min_area * run::areas(scene), &[]);
     let mut by_seed = Vec::new();
     for seed in seeds {
         options.seed = seed;

@@ -1,6 +1,8 @@
 //! Time limits, interruption, missed targets, and light that would grow without end.
 
+use super::model_for;
 use super::*;
+use crate::progress::Progress;
 use crate::scene::generate::{Spec, build};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
@@ -9,7 +11,7 @@ use std::time::Instant;
 struct After(AtomicUsize, usize);
 
 impl Progress for After {
-    fn stage(&self, _: &str) {
+    fn stage(&self, _: &str, _: u64) {
         self.0.fetch_add(1, Ordering::Relaxed);
     }
 
@@ -38,7 +40,9 @@ pub fn on_surfaces(scene: &Scene, count: usize) -> Vec<Point> {
 pub fn truth(scene: &Scene, points: &[Point], samples: u32) -> Vec<f64> {
     let settings = crate::path_tracer::Settings { samples, direct_only: false, seed: 3 };
     let values =
-        crate::path_tracer::irradiance(scene, points, settings, &|_| {}).expect("a reference").values;
+        crate::path_tracer::irradiance(&model_for(scene, &Options::default()), points, settings, &|_| {})
+            .expect("a reference")
+            .values;
     values.into_iter().map(mean).collect()
 }
 
@@ -62,7 +66,8 @@ fn interrupted_clutter_is_lit_as_paths_say() {
     let want = truth(&scene, &points, 1024);
     for stages in [1, 3, 5] {
         let stop = After(AtomicUsize::new(0), stages);
-        let outcome = run(&scene, &points, &Options::default(), &stop).expect("a solution");
+        let outcome = run(&model_for(&scene, &Options::default()), &points, &Options::default(), &stop)
+            .expect("a solution");
         let Record { interrupted, ended, settled_local, mean_irradiance, ledger, .. } = &outcome.record;
         assert!(*interrupted && *ended == Ended::Interrupted, "{stages}: {ended:?}");
         let (rms, bias) = off(&outcome.irradiance, &want);
@@ -154,7 +159,8 @@ fn light_does_not_depend_on_the_unit_of_length() {
         assert!((outcome.record.mean_irradiance[0] / 2.0 - 1.0).abs() < 2e-3, "{scale}");
     }
     for scale in [1e-10, 1e10] {
-        let refused = run(&furnace_of(0.5, scale), &[], &Options::default(), &());
+        let refused =
+            run(&model_for(&furnace_of(0.5, scale), &Options::default()), &[], &Options::default(), &());
         assert!(refused.err().is_some_and(|e| e.to_string().contains("another unit")), "{scale}");
     }
 }
@@ -190,7 +196,9 @@ fn light_at_more_points_keeps_to_the_time() {
         let start = Instant::now();
         let (points, one) = (floor(count), After(AtomicUsize::new(0), usize::MAX));
         let options = Options { more_points: true, audit: 0, ..options.clone() };
-        let answer = run_then(&scene, &[], &options, &one, |_, more| Ok(more.irradiance(&points, 1.0)));
+        let answer = run_then(&model_for(&scene, &options), &[], &options, &one, |_, more| {
+            Ok(more.irradiance(&points, 1.0))
+        });
         (answer.expect("an answer"), start.elapsed().as_secs_f64())
     };
     let many_rays =
@@ -213,16 +221,22 @@ fn light_at_more_points_keeps_to_the_time() {
     assert!(none.irradiance.is_none() && note.contains("3000000 pixels") && taken < 8.0, "{note} {taken}");
     // Interrupted in the middle of it.
     let (points, stop) = (floor(100_000), After(AtomicUsize::new(0), 1_000_000));
-    let answer = run_then(&scene, &[], &Options { audit: 0, ..many_rays }, &stop, |_, more| {
-        std::thread::scope(|s| {
-            s.spawn(|| {
-                std::thread::sleep(std::time::Duration::from_millis(300));
-                stop.0.store(1_000_000, Ordering::Relaxed);
-            });
-            let start = Instant::now();
-            Ok((more.irradiance(&points, 1.0), start.elapsed().as_secs_f64()))
-        })
-    });
+    let answer = run_then(
+        &model_for(&scene, &many_rays),
+        &[],
+        &Options { audit: 0, ..many_rays },
+        &stop,
+        |_, more| {
+            std::thread::scope(|s| {
+                s.spawn(|| {
+                    std::thread::sleep(std::time::Duration::from_millis(300));
+                    stop.0.store(1_000_000, Ordering::Relaxed);
+                });
+                let start = Instant::now();
+                Ok((more.irradiance(&points, 1.0), start.elapsed().as_secs_f64()))
+            })
+        },
+    );
     let (none, taken) = answer.expect("an answer");
     assert!(none.irradiance.is_none() && none.note.expect("a note").starts_with("interrupted"));
     assert!(taken < 6.0, "{taken}");

@@ -1,15 +1,15 @@
 //! Promises of whole solutions with one engine or another, and the traps of method D.14 to D.18.
 
+use super::model_for;
 use super::*;
 use crate::model::cache::Place;
 use crate::radiosity::clock::Clock;
 use crate::radiosity::elements::Shape;
+use crate::radiosity::engine::engine_for;
 use crate::radiosity::links::Scratch;
-use crate::radiosity::prepare::Prepared;
-use crate::radiosity::record::Seconds;
 use crate::radiosity::refine::Refined;
 use crate::scene::generate::{Spec, build};
-use crate::visibility::reference;
+use crate::visibility::Exact;
 use glam::Vec3;
 
 /// A few trees under a sky.
@@ -34,13 +34,14 @@ fn with(visibility: Visibility) -> Options {
 /// A solver after refinement.
 pub(super) fn refined<R>(scene: &Scene, options: &Options, see: impl FnOnce(&mut Solver) -> R) -> R {
     let clock = Clock::start(&(), None);
-    let prepared = Prepared::of(scene, options, &mut Seconds::default(), &(), &clock).expect("Embree");
-    let (exact, ends) = (prepared.exact(), reference::end_rule(scene));
+    let model = model_for(scene, options);
+    let exact = Exact { scene: model.traced().clone(), traversal: model.widest_packets() };
+    let ends = model.end_rule();
     let area = run::areas(scene);
-    let elements = Elements::build(scene, &prepared.hierarchy, options.min_area * area, &[]);
+    let elements = Elements::build(scene, model.base().hierarchy(), options.min_area * area, &[]);
     let length = 2.0 * scene.bounds.diagonal();
     let found = probe::probe(&elements, &exact.scene, exact.traversal, ends, length, 1);
-    let engine = prepared.engine(scene, &elements, ends, options);
+    let engine = engine_for(&model, &elements, options);
     let sight = engine.as_ref().map_or(Sight::Exact(exact.clone()), |engine| {
         Sight::MultiResolution(std::sync::Arc::new(engine.clone()))
     });
@@ -88,7 +89,8 @@ fn engines_are_compared_side_by_side() {
     let scene = forest();
     let points = ground(&scene, 200);
     let outcome = solved(&scene, &points, &Options { feature_size: Some(0.1), ..with(Visibility::Mr) });
-    let v = versus(&scene, &points, &outcome, Visibility::Exact, &()).expect("a solution");
+    let v = versus(&model_for(&scene, &outcome.record.options), &points, &outcome, Visibility::Exact, &())
+        .expect("a solution");
     let exact = solved(&scene, &points, &Options { feature_size: Some(0.1), ..with(Visibility::Exact) });
     assert_eq!((v.visibility, v.links), (Visibility::Exact, exact.record.links));
     assert_eq!(v.difference.points, 200);
@@ -164,15 +166,8 @@ fn less_tolerance_is_not_worse() {
 fn wrong_bars_are_found_out() {
     let scene = room(true);
     refined(&scene, &with(Visibility::Exact), |solver| {
-        let prepared = Prepared::of(
-            &scene,
-            &with(Visibility::Exact),
-            &mut Seconds::default(),
-            &(),
-            &Clock::start(&(), None),
-        );
-        let prepared = prepared.expect("Embree");
-        let exact = prepared.exact();
+        let model = model_for(&scene, &with(Visibility::Exact));
+        let exact = Exact { scene: model.traced().clone(), traversal: model.widest_packets() };
         let bars = solver.uncertainty();
         let look = |solver: &Solver, factor: f64| {
             let bars: Vec<f64> = bars.iter().map(|b| factor * b).collect();

@@ -8,7 +8,7 @@ mod indoor;
 mod shapes;
 mod urban;
 
-use super::{LoadOptions, Scene, Soup, resolve};
+use super::{LoadOptions, MAX_PLACEMENTS, PlacedSoup, Scene, Soup, instances::resolve_placed, resolve};
 use crate::{Error, Result};
 
 pub use forest::{ground_and_sky, leaf_side};
@@ -35,7 +35,7 @@ pub const KINDS: &[Kind] = &[
     },
     Kind {
         name: "forest",
-        about: "trees of two-sided leaves under a large sky panel (trees, leaves, trunks, light_size)",
+        about: "trees of two-sided leaves under a large sky panel (trees, leaves, trunks, instances, species, light_size)",
         unit: "m",
         make: forest::forest,
     },
@@ -93,6 +93,10 @@ pub struct Spec {
     pub leaves: usize,
     /// Forest: whether trees have trunks.
     pub trunks: bool,
+    /// Forest: whether trees are placements of shared meshes, see [`placed`].
+    pub instances: bool,
+    /// Forest of instances: number of different trees.
+    pub species: usize,
     /// Edge of the emitter in the kind's unit, above 0, at most 1e6; the kind's default if `None`.
     pub light_size: Option<f64>,
 }
@@ -101,10 +105,20 @@ pub struct Spec {
 const MAX_ITEMS: usize = 100_000_000;
 
 impl Spec {
-    /// The defaults of the kind `name`: seed 1, forest of 100 trees with 1,000 leaves each.
+    /// The defaults of the kind `name`: seed 1, forest of 100 trees with 1,000 leaves each, no instances, one species.
     pub fn new(name: impl Into<String>) -> Self {
         let name = name.into();
-        Spec { name, seed: 1, count: None, trees: 100, leaves: 1000, trunks: false, light_size: None }
+        Spec {
+            name,
+            seed: 1,
+            count: None,
+            trees: 100,
+            leaves: 1000,
+            trunks: false,
+            instances: false,
+            species: 1,
+            light_size: None,
+        }
     }
 
     /// The kind with this name.
@@ -118,6 +132,29 @@ impl Spec {
         })
     }
 
+    fn check_instances(&self) -> Result<()> {
+        if self.name != "forest" {
+            return Err(Error::Argument(format!("`{}` has no instances: only `forest` has", self.name)));
+        }
+        // The ground, the light and each tree are a node of the file.
+        let trees = MAX_PLACEMENTS - 2;
+        if self.trees > trees {
+            let what = format!("{} trees: a scene has at most {trees} instances", self.trees);
+            return Err(Error::Argument(what));
+        }
+        if self.species == 0 || self.species > self.trees {
+            let what =
+                format!("{} species: must lie in 1..={}, the number of trees", self.species, self.trees);
+            return Err(Error::Argument(what));
+        }
+        if self.species.saturating_mul(self.leaves) > MAX_ITEMS {
+            return Err(Error::Argument(format!(
+                "more than {MAX_ITEMS} leaves are stored: ask for fewer species or leaves"
+            )));
+        }
+        Ok(())
+    }
+
     fn check(&self) -> Result<()> {
         let counts = [("count", self.count.unwrap_or(1)), ("trees", self.trees), ("leaves", self.leaves)];
         for (name, n) in counts {
@@ -125,7 +162,9 @@ impl Spec {
                 return Err(Error::Argument(format!("{name} {n}: must lie in 1..{MAX_ITEMS}")));
             }
         }
-        if self.name == "forest" && self.trees.saturating_mul(self.leaves) > MAX_ITEMS {
+        if self.instances {
+            self.check_instances()?;
+        } else if self.name == "forest" && self.trees.saturating_mul(self.leaves) > MAX_ITEMS {
             return Err(Error::Argument(format!("more than {MAX_ITEMS} leaves: lower trees or leaves")));
         }
         if self.light_size.is_some_and(|s| !s.is_finite() || s <= 0.0 || s > 1e6) {
@@ -138,14 +177,38 @@ impl Spec {
 /// Generates the polygons of a scene.
 ///
 /// # Errors
-/// [`Error::Argument`] if the name is unknown or a number is out of range.
+/// [`Error::Argument`] if the name is unknown, a number is out of range, or instances are asked for: [`placed`] makes those.
 pub fn soup(spec: &Spec) -> Result<Soup> {
     let kind = spec.kind()?;
     spec.check()?;
+    if spec.instances {
+        let what = "a scene of instances is no list of polygons: write it as .gltf or .glb";
+        return Err(Error::Argument(what.into()));
+    }
     let mut soup = (kind.make)(spec)?;
-    // Coordinates are rounded to f32, the precision of scenes: more digits would only enlarge files.
-    soup.positions.iter_mut().for_each(|p| *p = p.as_vec3().as_dvec3());
+    round(&mut soup);
     Ok(soup)
+}
+
+/// The polygons and placements of a generated scene of instances: a forest.
+///
+/// # Errors
+/// The kind is not `forest`, the specification does not ask for instances, or a count is out of range.
+pub fn placed(spec: &Spec) -> Result<PlacedSoup> {
+    spec.kind()?;
+    spec.check()?;
+    if !spec.instances {
+        return Err(Error::Argument("the specification does not ask for instances".into()));
+    }
+    let mut placed = forest::placed(spec);
+    round(&mut placed.soup);
+    placed.meshes.iter_mut().for_each(round);
+    Ok(placed)
+}
+
+/// Rounds coordinates to f32, the precision of scenes: more digits would only enlarge files.
+fn round(soup: &mut Soup) {
+    soup.positions.iter_mut().for_each(|p| *p = p.as_vec3().as_dvec3());
 }
 
 /// Generates a scene and resolves it in memory, like a scene read from a file.
@@ -154,5 +217,6 @@ pub fn soup(spec: &Spec) -> Result<Soup> {
 /// As for [`soup`].
 pub fn build(spec: &Spec) -> Result<Scene> {
     let unit = spec.kind()?.unit.to_owned();
-    resolve(soup(spec)?, &LoadOptions { unit, ..LoadOptions::default() })
+    let options = LoadOptions { unit, ..LoadOptions::default() };
+    if spec.instances { resolve_placed(placed(spec)?, &options) } else { resolve(soup(spec)?, &options) }
 }

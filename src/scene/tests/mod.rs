@@ -1,8 +1,10 @@
 //! Tests of the room as a whole: files and soups in, scenes out.
 
+mod forests;
 mod formats;
 mod generators;
 mod hostile;
+mod instances;
 mod overlaps;
 mod repairs;
 

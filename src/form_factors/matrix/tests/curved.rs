@@ -1,6 +1,7 @@
 //! Tessellated spheres and cylinders, and a published two-dimensional case, against closed forms.
 
 use super::*;
+use crate::scene::Scene;
 use std::f64::consts::TAU;
 
 /// A scene of objects, each a list of polygons.

@@ -1,0 +1,59 @@
+//! A mesh of the model: triangles in a local frame with everything that is prepared once for all its instances.
+
+use crate::clusters::Hierarchy;
+use crate::embree::CommittedScene;
+use crate::optics::ClusterOptics;
+use crate::scene::Scene;
+use crate::visibility::WideTree;
+use std::sync::Arc;
+
+/// Triangles in a local frame, their Embree scene, and their clusters with optics as far as they were asked for.
+///
+/// Instances share a mesh; none of its parts changes when instances move.
+pub struct Mesh {
+    pub(super) scene: Arc<Scene>,
+    pub(super) traced: CommittedScene,
+    pub(super) clusters: Option<Arc<Clusters>>,
+}
+
+/// The clusters of a mesh.
+pub struct Clusters {
+    /// Cluster trees over the triangles of the mesh.
+    pub hierarchy: Arc<Hierarchy>,
+    /// Optics of `hierarchy.micro`, one entry a cluster, and the tree that the multi-resolution engine walks; none if only
+    /// the trees were asked for.
+    pub measured: Option<Measured>,
+}
+
+/// What multi-resolution visibility needs beside the cluster trees.
+pub struct Measured {
+    /// One entry a cluster of `hierarchy.micro`.
+    pub optics: Vec<ClusterOptics>,
+    /// The same clusters, sixteen children side by side.
+    pub tree: Arc<WideTree>,
+}
+
+impl Mesh {
+    /// Geometry and materials, in the mesh's own frame.
+    pub fn scene(&self) -> &Arc<Scene> {
+        &self.scene
+    }
+
+    /// The Embree scene of the mesh, in its own frame.
+    pub fn traced(&self) -> &CommittedScene {
+        &self.traced
+    }
+
+    /// The cluster trees.
+    ///
+    /// # Panics
+    /// If the model was prepared for rays alone ([`super::Detail::Rays`]).
+    pub fn hierarchy(&self) -> &Arc<Hierarchy> {
+        &self.clusters.as_ref().expect("the model was prepared with clusters").hierarchy
+    }
+
+    /// Optics and the tree of the multi-resolution engine, if they were prepared ([`super::Detail::Optics`]).
+    pub fn measured(&self) -> Option<&Measured> {
+        self.clusters.as_ref()?.measured.as_ref()
+    }
+}

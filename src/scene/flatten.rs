@@ -1,0 +1,217 @@
+//! A scene without placements: what is placed becomes triangles of the scene's own.
+
+use super::{Material, Object, Placement, Scene, resolve::has_area};
+use crate::{Error, Result, math::Aabb};
+use std::collections::HashMap;
+
+/// Most triangles of a flattened scene: every array of theirs stays below 2^33 entries, and corner indices fit into u32.
+pub const MAX_FLATTENED_TRIANGLES: u64 = 1 << 31;
+
+impl Scene {
+    /// The same scene without placements: each visible placement becomes an object of its own, after the scene's own objects
+    /// and in the order of the placements. Hidden placements are left out. A scene without placements is copied as it is.
+    ///
+    /// Vertices are transformed in f64 and stored as f32 relative to [`Scene::origin`], which does not change. A mirroring
+    /// transform turns the winding round, so that outsides stay outside. Vertices of different placements are not welded,
+    /// and parts stay as they are within each shared mesh. Triangles that lose their area by rounding are dropped and
+    /// counted. Materials of shared meshes are appended once to the table, except those that it holds already (same name,
+    /// reflectance and emission).
+    ///
+    /// # Errors
+    /// The result would have more than [`MAX_FLATTENED_TRIANGLES`]; a placement refers to a mesh or material that does not
+    /// exist, has a material that emits, or a transform that is not finite.
+    pub fn flattened(&self) -> Result<Scene> {
+        self.flattened_within(MAX_FLATTENED_TRIANGLES)
+    }
+
+    /// Like [`Scene::flattened`], for at most `max_triangles`; more than [`MAX_FLATTENED_TRIANGLES`] is taken as that.
+    ///
+    /// # Errors
+    /// As [`Scene::flattened`].
+    pub fn flattened_within(&self, max_triangles: u64) -> Result<Scene> {
+        let max = max_triangles.min(MAX_FLATTENED_TRIANGLES);
+        self.check_size(max)?;
+        let mut flat = Flat { scene: self.own(), materials: Vec::new(), polygons: 0 };
+        flat.polygons = flat.scene.triangle_polygon.last().map_or(0, |&p| p + 1);
+        flat.merge_materials(self);
+        for p in self.placements.iter().filter(|p| p.visible) {
+            flat.append(&self.shared[p.mesh as usize], p)?;
+        }
+        let dropped = flat.scene.repairs.zero_area_faces - self.repairs.zero_area_faces;
+        if dropped > 0 {
+            let what = "triangles of placements dropped that have no area after rounding to f32";
+            flat.scene.repairs.messages.push(format!("{dropped} {what}"));
+        }
+        Ok(flat.scene)
+    }
+
+    /// A copy without shared meshes and placements.
+    fn own(&self) -> Scene {
+        // Cloning the placements only to drop them would cost their names.
+        Scene {
+            path: self.path.clone(),
+            unit: self.unit.clone(),
+            two_sided_emission: self.two_sided_emission,
+            origin: self.origin,
+            positions: self.positions.clone(),
+            triangles: self.triangles.clone(),
+            triangle_object: self.triangle_object.clone(),
+            triangle_material: self.triangle_material.clone(),
+            triangle_polygon: self.triangle_polygon.clone(),
+            triangle_reflectance: self.triangle_reflectance.clone(),
+            triangle_sides: self.triangle_sides.clone(),
+            triangle_component: self.triangle_component.clone(),
+            closed_parts: self.closed_parts,
+            sheet_parts: self.sheet_parts,
+            objects: self.objects.clone(),
+            materials: self.materials.clone(),
+            emitters: self.emitters.clone(),
+            triangle_emitter: self.triangle_emitter.clone(),
+            triangle_texcoords: self.triangle_texcoords.clone(),
+            cameras: self.cameras.clone(),
+            bounds: self.bounds,
+            repairs: self.repairs.clone(),
+            shared: Vec::new(),
+            placements: Vec::new(),
+        }
+    }
+
+    /// Whether the result keeps to the limits; every placement refers to what exists afterwards.
+    fn check_size(&self, max: u64) -> Result<()> {
+        let (mut vertices, mut polygons) = (self.positions.len() as u64, 0u64);
+        polygons += self.triangle_polygon.last().map_or(0, |&p| u64::from(p) + 1);
+        for p in self.placements.iter().filter(|p| p.visible) {
+            let wrong = |what: &str| Error::Scene(format!("placement `{}` {what}", p.name));
+            let mesh = self
+                .shared
+                .get(p.mesh as usize)
+                .ok_or_else(|| wrong("refers to a mesh that does not exist"))?;
+            if !mesh.placements.is_empty() || !mesh.emitters.is_empty() {
+                return Err(wrong("refers to a mesh that emits or has placements of its own"));
+            }
+            let replaced = p.material.map(|m| self.materials.get(m as usize));
+            match replaced {
+                Some(None) => return Err(wrong("refers to a material that does not exist")),
+                Some(Some(m)) if m.emission != [0.0; 3] => {
+                    return Err(wrong("has a material that emits: emitters must be triangles of the scene"));
+                }
+                _ => {}
+            }
+            vertices = vertices.saturating_add(mesh.positions.len() as u64);
+            polygons = polygons.saturating_add(mesh.triangle_polygon.last().map_or(0, |&p| u64::from(p) + 1));
+        }
+        let (triangles, indices) = (self.visible_triangles(), u64::from(u32::MAX));
+        if !self.placements.is_empty() && (triangles > max || vertices > indices || polygons > indices) {
+            return Err(Error::Scene(format!(
+                "{} placements of {} meshes would become {triangles} triangles with {vertices} vertices, more than {max} \
+                 triangles or {indices} vertices: place fewer or simplify the meshes",
+                self.placements.len(),
+                self.shared.len(),
+            )));
+        }
+        Ok(())
+    }
+}
+
+/// A flattened scene in the making.
+struct Flat {
+    scene: Scene,
+    /// For each shared mesh where its materials are in the table of the scene.
+    materials: Vec<Vec<u32>>,
+    /// Number of polygons so far.
+    polygons: u32,
+}
+
+impl Flat {
+    fn merge_materials(&mut self, from: &Scene) {
+        type Key = (String, [u32; 3], [u32; 3]);
+        let key = |m: &Material| -> Key {
+            (m.name.clone(), m.reflectance.map(f32::to_bits), m.emission.map(f32::to_bits))
+        };
+        let table = &mut self.scene.materials;
+        let mut known: HashMap<Key, u32> = HashMap::new();
+        for (i, m) in table.iter().enumerate() {
+            known.entry(key(m)).or_insert(i as u32);
+        }
+        for mesh in &from.shared {
+            let places = mesh.materials.iter().map(|m| {
+                *known.entry(key(m)).or_insert_with(|| {
+                    table.push(m.clone());
+                    table.len() as u32 - 1
+                })
+            });
+            self.materials.push(places.collect());
+        }
+    }
+
+    /// Adds the triangles of one placement.
+    fn append(&mut self, mesh: &Scene, p: &Placement) -> Result<()> {
+        let s = &mut self.scene;
+        let first = s.positions.len();
+        s.positions
+            .extend(mesh.positions.iter().map(|q| p.transform.transform_point3(q.as_dvec3()).as_vec3()));
+        if !s.positions[first..].iter().all(|q| q.is_finite()) {
+            return Err(Error::Scene(format!(
+                "placement `{}` moves vertices to coordinates that are not finite",
+                p.name
+            )));
+        }
+        let mirrored = p.transform.matrix3.determinant() < 0.0;
+        let turn = |[a, b, c]: [u32; 3]| if mirrored { [a, c, b] } else { [a, b, c] };
+        let (object, part) = (s.objects.len() as u32, (s.closed_parts + s.sheet_parts) as u32);
+        let textured = !mesh.triangle_texcoords.is_empty();
+        if textured {
+            s.triangle_texcoords.resize(s.triangles.len(), Default::default());
+        }
+        let mut dropped = 0;
+        for (t, &corners) in mesh.triangles.iter().enumerate() {
+            let corners = turn(corners).map(|v| v + first as u32);
+            if !has_area(corners.map(|v| s.positions[v as usize])) {
+                dropped += 1;
+                continue;
+            }
+            s.triangles.push(corners);
+            s.triangle_object.push(object);
+            let own = self.materials[p.mesh as usize][mesh.triangle_material[t] as usize];
+            s.triangle_material.push(p.material.unwrap_or(own));
+            s.triangle_polygon.push(self.polygons + mesh.triangle_polygon[t]);
+            let replaced = p.material.map(|m| s.materials[m as usize].reflectance);
+            s.triangle_reflectance.push(replaced.unwrap_or(mesh.triangle_reflectance[t]));
+            s.triangle_sides.push(mesh.triangle_sides[t]);
+            s.triangle_component.push(part + mesh.triangle_component[t]);
+            s.triangle_emitter.push(u32::MAX);
+            if textured {
+                let uv = mesh.triangle_texcoords[t];
+                s.triangle_texcoords.push(if mirrored { [uv[0], uv[2], uv[1]] } else { uv });
+            }
+        }
+        if !textured && !s.triangle_texcoords.is_empty() {
+            s.triangle_texcoords.resize(s.triangles.len(), Default::default());
+        }
+        s.objects.push(Object { name: p.name.clone() });
+        s.closed_parts += mesh.closed_parts;
+        s.sheet_parts += mesh.sheet_parts;
+        if dropped > 0 {
+            s.repairs.zero_area_faces += dropped;
+            drop_unused(s, first, mesh.triangles.len() - dropped);
+        }
+        s.bounds = s.bounds.union(Aabb::of(s.positions[first..].iter().copied()));
+        self.polygons += mesh.triangle_polygon.last().map_or(0, |&p| p + 1);
+        Ok(())
+    }
+}
+
+/// Drops the vertices from `first` on that none of the last `triangles` uses.
+fn drop_unused(s: &mut Scene, first: usize, triangles: usize) {
+    let start = s.triangles.len() - triangles;
+    let mut place = vec![u32::MAX; s.positions.len() - first];
+    s.triangles[start..].iter().flatten().for_each(|&v| place[v as usize - first] = 0);
+    let mut next = first;
+    for (i, place) in place.iter_mut().enumerate().filter(|(_, place)| **place == 0) {
+        *place = next as u32;
+        s.positions[next] = s.positions[first + i];
+        next += 1;
+    }
+    s.positions.truncate(next);
+    s.triangles[start..].iter_mut().flatten().for_each(|v| *v = place[*v as usize - first]);
+}

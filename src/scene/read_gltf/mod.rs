@@ -1,0 +1,222 @@
+//! glTF 2.0 and GLB: the document through the crate `gltf`; buffers are read here, with every access checked,
+//! because the crate's own readers panic on accessors that lie.
+//!
+//! Nodes that place the same mesh share it (`sharing.rs`), also those of the extension `EXT_mesh_gpu_instancing`. A file may
+//! have at most [`MAX_PLACEMENTS`] nodes, and as many placements.
+
+mod accessors;
+mod nodes;
+mod primitives;
+mod sharing;
+
+use super::{LoadOptions, MAX_PLACEMENTS, Repairs, Scene, SoupMaterial, StoredCamera, texture::Texture};
+use crate::{Error, Result};
+use base64::{Engine, engine::general_purpose::STANDARD};
+use gltf::Gltf;
+use serde::de::{Deserialize, Deserializer, IgnoredAny, SeqAccess, Visitor};
+use std::{collections::HashMap, path::Path};
+
+/// More corners than this are refused: a file of a few kilobytes can refer to one mesh very often.
+const MAX_CORNERS: usize = 1 << 29;
+/// Extension whose nodes place a mesh many times.
+const GPU_INSTANCING: &str = "EXT_mesh_gpu_instancing";
+
+/// Reads a glTF or GLB file: one object a node, coordinates as in the file (glTF is y up).
+pub(super) fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
+    let (document, buffers) = open(path)?;
+    let (repairs, materials, cameras) = Default::default();
+    let mut reader = Reader { path, buffers, materials, cameras, repairs };
+    reader.read_materials(&document);
+    let nodes = reader.nodes(&document)?;
+    sharing::scene(&mut reader, &document, &nodes, options)
+}
+
+/// The checked document, and the bytes of its buffers.
+fn open(path: &Path) -> Result<(gltf::Document, Vec<Vec<u8>>)> {
+    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    let wrong = |what: String| Error::format(path, None, what);
+    if bytes.starts_with(b"glTF") {
+        let length = bytes.get(8..12).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes);
+        if length.is_none_or(|l| l < 12 || l as usize > bytes.len()) {
+            return Err(wrong(
+                "the GLB header states a length that the file does not have: it is cut off".into(),
+            ));
+        }
+    }
+    let nodes = count_nodes(&bytes);
+    if nodes > MAX_PLACEMENTS {
+        return Err(wrong(format!(
+            "{nodes} nodes, more than {MAX_PLACEMENTS}: join meshes that belong together or split the scene"
+        )));
+    }
+    let unusable = |e: gltf::Error| wrong(format!("not a usable glTF file: {e}"));
+    let Gltf { document, mut blob } = Gltf::from_slice_without_validation(&bytes).map_err(unusable)?;
+    // The crate's validation panics on a mesh whose accessor does not exist: that is looked for first.
+    let mut json = document.into_json();
+    let primitives = json.meshes.iter().flat_map(|m| &m.primitives);
+    if primitives.flat_map(|p| p.attributes.values()).any(|a| a.value() >= json.accessors.len()) {
+        return Err(wrong("a mesh refers to an accessor that does not exist".into()));
+    }
+    // The crate refuses to open files that require an extension which it does not know; this one is read here.
+    json.extensions_required.retain(|e| e != GPU_INSTANCING);
+    let document = gltf::Document::from_json(json).map_err(unusable)?;
+    let mut buffers = Vec::new();
+    for buffer in document.buffers() {
+        let data = match buffer.source() {
+            gltf::buffer::Source::Bin => {
+                blob.take().ok_or_else(|| wrong("the GLB has no binary chunk".into()))?
+            }
+            gltf::buffer::Source::Uri(uri) => resource(path, uri).map_err(wrong)?,
+        };
+        buffers.push(data);
+    }
+    Ok((document, buffers))
+}
+
+/// Number of nodes, found without building them; 0 if the file is too short for too many, or is no JSON (what is wrong with
+/// it is said elsewhere).
+fn count_nodes(bytes: &[u8]) -> usize {
+    struct Length(usize);
+    impl<'de> Deserialize<'de> for Length {
+        fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+            struct Counting;
+            impl<'de> Visitor<'de> for Counting {
+                type Value = Length;
+                fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+                    f.write_str("a list")
+                }
+                fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Length, A::Error> {
+                    let mut count = 0;
+                    while list.next_element::<IgnoredAny>()?.is_some() {
+                        count += 1;
+                    }
+                    Ok(Length(count))
+                }
+            }
+            deserializer.deserialize_seq(Counting)
+        }
+    }
+    #[derive(serde::Deserialize)]
+    struct Root {
+        nodes: Length,
+    }
+    // The shortest node is `{}` and a comma.
+    if bytes.len() < 3 * MAX_PLACEMENTS {
+        return 0;
+    }
+    let json = if bytes.starts_with(b"glTF") {
+        let length = bytes.get(12..16).and_then(|b| b.try_into().ok()).map_or(0, u32::from_le_bytes);
+        bytes.get(20..20 + length as usize).unwrap_or_default()
+    } else {
+        bytes
+    };
+    serde_json::from_slice(json).map_or(0, |root: Root| root.nodes.0)
+}
+
+/// Bytes behind a URI: `data:` or a file beside `path`; the reason as one phrase if there are none.
+fn resource(path: &Path, uri: &str) -> Result<Vec<u8>, String> {
+    if let Some(data) = uri.strip_prefix("data:") {
+        let encoded = data.split_once(";base64,").ok_or("a data URI that is not base64")?.1;
+        return STANDARD.decode(encoded).map_err(|e| format!("a data URI that is damaged: {e}"));
+    }
+    if uri.contains(':') {
+        return Err(format!("`{}`: only files beside the scene are read", super::mtl::shorten(uri, 40)));
+    }
+    let file = path.with_file_name("").join(percent_decoded(uri));
+    std::fs::read(&file).map_err(|e| format!("{}: {e}", file.display()))
+}
+
+fn percent_decoded(uri: &str) -> String {
+    let (mut out, mut rest) = (Vec::new(), uri.as_bytes());
+    while let Some((&byte, tail)) = rest.split_first() {
+        let hex = tail.get(..2).and_then(|h| std::str::from_utf8(h).ok());
+        match hex.and_then(|h| u8::from_str_radix(h, 16).ok()).filter(|_| byte == b'%') {
+            Some(code) => {
+                out.push(code);
+                rest = &tail[2..];
+            }
+            None => {
+                out.push(byte);
+                rest = tail;
+            }
+        }
+    }
+    String::from_utf8_lossy(&out).into_owned()
+}
+
+struct Reader<'a> {
+    path: &'a Path,
+    buffers: Vec<Vec<u8>>,
+    /// All materials of the file in order, then the stand-in for faces that have none.
+    materials: Vec<SoupMaterial>,
+    cameras: Vec<StoredCamera>,
+    repairs: Repairs,
+}
+
+impl Reader<'_> {
+    fn wrong(&self, what: impl Into<String>) -> Error {
+        Error::format(self.path, None, what)
+    }
+
+    /// Fills the table of materials.
+    fn read_materials(&mut self, document: &gltf::Document) {
+        let (mut emissive_textures, mut names) = (0, UniqueNames::default());
+        for material in document.materials() {
+            let pbr = material.pbr_metallic_roughness();
+            let [r, g, b, a] = pbr.base_color_factor();
+            let name = names.of(material.name().unwrap_or("material"));
+            let strength = material.emissive_strength().unwrap_or(1.0);
+            let texture = pbr.base_color_texture().and_then(|t| self.texture(t.texture().source().source()));
+            emissive_textures += usize::from(material.emissive_texture().is_some());
+            self.materials.push(SoupMaterial {
+                emission: material.emissive_factor().map(|e| e * strength),
+                opacity: if material.alpha_mode() == gltf::material::AlphaMode::Opaque { 1.0 } else { a },
+                texture,
+                ..SoupMaterial::diffuse(name, [r, g, b])
+            });
+        }
+        if emissive_textures > 0 {
+            let what = "emissive textures are not read: these materials emit evenly";
+            self.repairs.messages.push(format!("{emissive_textures} {what}"));
+        }
+        self.materials.push(SoupMaterial::missing("(none)"));
+    }
+
+    fn texture(&mut self, source: gltf::image::Source) -> Option<Texture> {
+        let bytes = match source {
+            gltf::image::Source::Uri { uri, .. } => resource(self.path, uri),
+            gltf::image::Source::View { view, .. } => {
+                let end = view.offset().checked_add(view.length());
+                let range =
+                    end.and_then(|end| self.buffers.get(view.buffer().index())?.get(view.offset()..end));
+                range.map(<[u8]>::to_vec).ok_or_else(|| "it lies outside its buffer".into())
+            }
+        };
+        let texture = bytes.and_then(|b| Texture::decode(&b));
+        if let Err(why) = &texture {
+            self.repairs.missing_files += 1;
+            self.repairs.messages.push(format!("a texture could not be read: {why}"));
+        }
+        texture.ok()
+    }
+}
+
+/// Gives out names, each once.
+#[derive(Default)]
+struct UniqueNames(HashMap<String, usize>);
+
+impl UniqueNames {
+    /// `name`, with a number behind it if it is taken.
+    fn of(&mut self, name: &str) -> String {
+        let mut n = self.0.get(name).copied().unwrap_or(0);
+        loop {
+            n += 1;
+            let candidate = if n == 1 { name.to_owned() } else { format!("{name} {n}") };
+            if n == 1 || !self.0.contains_key(&candidate) {
+                self.0.insert(candidate.clone(), 1);
+                self.0.insert(name.to_owned(), n);
+                return candidate;
+            }
+        }
+    }
+}

@@ -1,0 +1,280 @@
+//! Which nodes share a mesh, and the scene that comes of it.
+//!
+//! Two nodes or more that place one mesh become placements of a shared mesh. The triangles of a node are copied into the
+//! scene's own if its mesh emits or is to emit by name (each emitter is a surface of its own), if its transform falsifies what
+//! is measured of the mesh ([`MAX_STRETCH`]), or if the scene would have no triangles of its own.
+
+use super::{Reader, UniqueNames, nodes::MeshNode};
+use crate::{
+    Result,
+    scene::{
+        LoadOptions, Placement, Scene, Soup,
+        keep::MIN_OPACITY,
+        resolve::{resolve, resolve_mesh, tell_sheer},
+    },
+};
+use glam::{DAffine3, DMat3};
+use std::collections::{HashMap, HashSet};
+
+/// Largest ratio of a transform's greatest to its least singular value for which a mesh is shared. Sizes of clusters scale
+/// with the factor of a similarity and extinctions with its inverse: both are off by at most this ratio, 1 %.
+const MAX_STRETCH: f64 = 1.01;
+
+/// The scene of all nodes.
+pub(super) fn scene(
+    reader: &mut Reader,
+    document: &gltf::Document,
+    nodes: &[MeshNode],
+    options: &LoadOptions,
+) -> Result<Scene> {
+    let mut plan = Plan::of(reader, document, nodes, options);
+    let shared = shared_meshes(reader, document, &mut plan, options);
+    plan.tell(reader);
+    if !plan.uses.contains(&Use::Own) {
+        plan.copy_first();
+    }
+    let mut scene = match resolve(own_soup(reader, document, &plan)?, options) {
+        // The own nodes may have no usable face.
+        Err(_) if plan.copy_first() => resolve(own_soup(reader, document, &plan)?, options)?,
+        other => other?,
+    };
+    let number: HashMap<usize, u32> = shared.iter().enumerate().map(|(i, m)| (m.mesh, i as u32)).collect();
+    let placed = nodes.iter().zip(&plan.uses).filter(|(_, used)| **used == Use::Shared);
+    let placements = placed.map(|(node, _)| Placement {
+        mesh: number[&node.mesh],
+        transform: node.world,
+        name: node.name.clone(),
+        material: None,
+        visible: true,
+    });
+    let placements = placements.collect();
+    let sheer: Vec<&String> = shared.iter().flat_map(|m| &m.sheer).collect();
+    tell_sheer(sheer.into_iter(), &mut scene.repairs);
+    let messages = shared.iter().flat_map(|m| m.scene.repairs.messages.iter().cloned());
+    scene.repairs.messages.extend(messages);
+    scene.place(shared.into_iter().map(|m| m.scene).collect(), placements)?;
+    Ok(scene)
+}
+
+/// What becomes of a node.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+enum Use {
+    /// Its triangles are the scene's own.
+    Own,
+    /// It places a shared mesh.
+    Shared,
+    /// Another node places the same mesh in the same way.
+    Omitted,
+}
+
+struct Plan<'a> {
+    nodes: &'a [MeshNode],
+    uses: Vec<Use>,
+    /// Nodes copied because of their transform.
+    stretched: usize,
+    /// Nodes left out because another is the same.
+    repeated: usize,
+}
+
+impl<'a> Plan<'a> {
+    fn of(
+        reader: &Reader,
+        document: &gltf::Document,
+        nodes: &'a [MeshNode],
+        options: &LoadOptions,
+    ) -> Plan<'a> {
+        let named: HashSet<&str> = options.emitters.iter().map(|(name, _)| name.as_str()).collect();
+        let emits = |mesh: gltf::Mesh| {
+            mesh.primitives().any(|p| {
+                let material = &reader.materials[reader.material_of(&p)];
+                material.emission != [0.0; 3] || named.contains(material.name.as_str())
+            })
+        };
+        let emits: Vec<bool> = document.meshes().map(emits).collect();
+        let mut total = vec![0; emits.len()];
+        nodes.iter().for_each(|n| total[n.mesh] += 1);
+        let mut plan = Plan { nodes, uses: Vec::with_capacity(nodes.len()), stretched: 0, repeated: 0 };
+        for node in nodes {
+            let used = if total[node.mesh] < 2 || emits[node.mesh] || named.contains(node.name.as_str()) {
+                Use::Own
+            } else if stretch(node.world.matrix3) > MAX_STRETCH {
+                plan.stretched += 1;
+                Use::Own
+            } else {
+                Use::Shared
+            };
+            plan.uses.push(used);
+        }
+        plan.omit_repeated();
+        let mut shared = vec![0; emits.len()];
+        let sharing = plan.uses.iter().zip(nodes).filter(|(used, _)| **used == Use::Shared);
+        sharing.for_each(|(_, node)| shared[node.mesh] += 1);
+        for (used, node) in plan.uses.iter_mut().zip(nodes) {
+            if *used == Use::Shared && shared[node.mesh] < 2 {
+                *used = Use::Own;
+            }
+        }
+        plan
+    }
+
+    /// Omits each node that shares a mesh and has the transform of an earlier one that does.
+    fn omit_repeated(&mut self) {
+        // Adding zero turns a negative zero into a positive one.
+        let key = |i: u32| {
+            let node = &self.nodes[i as usize];
+            (node.mesh, node.world.to_cols_array().map(|x| (x + 0.0).to_bits()))
+        };
+        let sharing = (0..self.nodes.len()).filter(|&i| self.uses[i] == Use::Shared);
+        let mut order: Vec<u32> = sharing.map(|i| i as u32).collect();
+        order.sort_unstable_by_key(|&i| (key(i), i));
+        let repeated: Vec<u32> = order.windows(2).filter(|w| key(w[0]) == key(w[1])).map(|w| w[1]).collect();
+        self.repeated = repeated.len();
+        repeated.into_iter().for_each(|i| self.uses[i as usize] = Use::Omitted);
+    }
+
+    /// Copies every node of `mesh`.
+    fn copy_all(&mut self, mesh: usize) {
+        let of_mesh = self.uses.iter_mut().zip(self.nodes).filter(|(_, n)| n.mesh == mesh);
+        of_mesh.for_each(|(used, _)| *used = Use::Own);
+    }
+
+    /// Copies the first node that shares a mesh and does not shrink it to a point; whether there is one.
+    fn copy_first(&mut self) -> bool {
+        let first = (0..self.nodes.len())
+            .find(|&i| self.uses[i] == Use::Shared && self.nodes[i].world.matrix3 != DMat3::ZERO);
+        first.map(|i| self.uses[i] = Use::Own).is_some()
+    }
+
+    /// Notes what was decided, with counts.
+    fn tell(&self, reader: &mut Reader) {
+        let repairs = &mut reader.repairs;
+        repairs.copied_placements += self.stretched;
+        if self.stretched > 0 {
+            let what = "place a shared mesh with shear or unequal scale: their triangles were copied";
+            repairs.messages.push(format!("{} nodes {what}", self.stretched));
+        }
+        if self.repeated > 0 {
+            let what = "place a mesh exactly where another node places it: left out";
+            repairs.messages.push(format!("{} nodes {what}", self.repeated));
+        }
+    }
+}
+
+/// A mesh that nodes share.
+struct SharedMesh {
+    /// Its index in the document.
+    mesh: usize,
+    scene: Scene,
+    /// Names of its materials that are not quite opaque.
+    sheer: Vec<String>,
+}
+
+/// Resolves each shared mesh by itself and adds its counts of repairs to the reader's. The nodes of a mesh that cannot be used
+/// by itself (it has no face) are treated like all others.
+fn shared_meshes(
+    reader: &mut Reader,
+    document: &gltf::Document,
+    plan: &mut Plan,
+    options: &LoadOptions,
+) -> Vec<SharedMesh> {
+    let used: HashSet<usize> =
+        plan.nodes.iter().zip(&plan.uses).filter(|(_, u)| **u == Use::Shared).map(|(n, _)| n.mesh).collect();
+    let (mut found, mut names) = (Vec::new(), UniqueNames::default());
+    for mesh in document.meshes().filter(|m| used.contains(&m.index())) {
+        let soup = mesh_soup(reader, &mesh, &mut names);
+        let resolved = soup.and_then(|soup| {
+            let sheer = soup.materials.iter().filter(|m| (MIN_OPACITY..1.0).contains(&m.opacity));
+            let sheer = sheer.map(|m| m.name.clone()).collect();
+            Ok(SharedMesh { mesh: mesh.index(), scene: resolve_mesh(soup, options)?, sheer })
+        });
+        match resolved {
+            Ok(shared) => {
+                reader.repairs.add_counts(&shared.scene.repairs);
+                found.push(shared);
+            }
+            Err(_) => plan.copy_all(mesh.index()),
+        }
+    }
+    found
+}
+
+/// The polygons of a mesh in its own coordinates, with the materials that it uses.
+fn mesh_soup(reader: &Reader, mesh: &gltf::Mesh, names: &mut UniqueNames) -> Result<Soup> {
+    let name = mesh.name().map_or(format!("mesh {}", mesh.index()), str::to_owned);
+    // The fragment tells the meshes of a file apart; it must not look like a folder.
+    let fragment = names.of(&name.replace(['/', '\\'], "_"));
+    let mut path = reader.path.as_os_str().to_owned();
+    path.push(format!("#{fragment}"));
+    let mut soup = Soup::new(path);
+    reader.mesh(&mut soup, &name, mesh, DAffine3::IDENTITY)?;
+    let mut place = vec![None; reader.materials.len()];
+    for i in 0..soup.polygons() {
+        let material = soup.polygon_material[i] as usize;
+        soup.polygon_material[i] =
+            *place[material].get_or_insert_with(|| soup.material(reader.materials[material].clone()));
+    }
+    Ok(soup)
+}
+
+/// The polygons that are the scene's own, with all materials and cameras of the file.
+fn own_soup(reader: &Reader, document: &gltf::Document, plan: &Plan) -> Result<Soup> {
+    let mut soup = Soup {
+        materials: reader.materials.clone(),
+        cameras: reader.cameras.clone(),
+        repairs: reader.repairs.clone(),
+        ..Soup::new(reader.path)
+    };
+    for (node, _) in plan.nodes.iter().zip(&plan.uses).filter(|(_, used)| **used == Use::Own) {
+        if let Some(mesh) = document.meshes().nth(node.mesh) {
+            reader.mesh(&mut soup, &node.name, &mesh, node.world)?;
+        }
+    }
+    Ok(soup)
+}
+
+/// Ratio of the greatest to the least singular value, at least 1: 1 for a similarity, infinite for a singular matrix, 1 for
+/// zero. From the eigenvalues of `mᵀm` in closed form (Smith 1961).
+fn stretch(m: DMat3) -> f64 {
+    let largest = m.to_cols_array().into_iter().fold(0.0, |l: f64, x| l.max(x.abs()));
+    if largest == 0.0 {
+        return 1.0;
+    }
+    let m = m * largest.recip();
+    let g = m.transpose() * m;
+    let mean = (g.x_axis.x + g.y_axis.y + g.z_axis.z) / 3.0;
+    let b = g - DMat3::from_diagonal(glam::DVec3::splat(mean));
+    let spread = (b.to_cols_array().into_iter().map(|x| x * x).sum::<f64>() / 6.0).sqrt();
+    if spread == 0.0 {
+        return 1.0;
+    }
+    let angle = (0.5 * (b * spread.recip()).determinant()).clamp(-1.0, 1.0).acos() / 3.0;
+    let greatest = mean + 2.0 * spread * angle.cos();
+    let least = mean + 2.0 * spread * (angle + std::f64::consts::TAU / 3.0).cos();
+    // Below this the least eigenvalue is rounding.
+    if least <= 1e-14 * greatest { f64::INFINITY } else { (greatest / least).sqrt() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{DQuat, DVec3};
+
+    #[test]
+    fn stretch_of_transforms() {
+        let turn = DMat3::from_quat(DQuat::from_xyzw(0.1, -0.4, 0.7, 0.3).normalize());
+        let other = DMat3::from_quat(DQuat::from_xyzw(-0.5, 0.2, 0.1, 0.9).normalize());
+        let check = |scale: [f64; 3], want: f64| {
+            let got = stretch(turn * DMat3::from_diagonal(DVec3::from_array(scale)) * other);
+            assert!((got / want - 1.0).abs() < 1e-7, "{scale:?}: {got} instead of {want}");
+        };
+        check([1.0, 1.0, 1.0], 1.0);
+        check([-3e20, 3e20, 3e20], 1.0);
+        check([1e-200, 1e-200, -1.01e-200], 1.01);
+        check([2.0, 1.0, 4.0], 4.0);
+        check([2.0, 2.0, 1.0], 2.0);
+        assert!(stretch(turn * DMat3::from_diagonal(DVec3::new(1.0, 1.0, 0.0))).is_infinite());
+        assert_eq!(stretch(DMat3::ZERO), 1.0);
+        let shear = DMat3::from_cols(DVec3::X, DVec3::new(0.02, 1.0, 0.0), DVec3::Z);
+        assert!(stretch(shear) > MAX_STRETCH);
+    }
+}

@@ -1,0 +1,184 @@
+//! Writing a soup with placed meshes as glTF 2.0: one `.glb`, or one `.gltf` that holds its buffer.
+//!
+//! Coordinates are written as they are, as in OBJ files. glTF counts y as up: viewers show a scene whose up is z
+//! lying on its side. Textures are not written.
+
+use super::{PlacedSoup, Soup, SoupMaterial};
+use crate::{Error, Result, files::WholeFile, math::Aabb};
+use base64::{Engine, engine::general_purpose::STANDARD};
+use glam::Vec3;
+use gltf::binary::{Glb, Header};
+use serde_json::{Value, json};
+use std::{borrow::Cow, collections::HashMap, io::Write, path::Path};
+
+/// Component types and buffer targets of glTF 2.0 (sections 5.1.3 and 5.11.5).
+const FLOAT: u32 = 5126;
+const UNSIGNED_INT: u32 = 5125;
+const VERTICES: u32 = 34962;
+const INDICES: u32 = 34963;
+
+/// Writes `placed` to `path`: binary if its extension is `glb`, else as text with the buffer in base64. Each object of the
+/// soup becomes a node with a mesh, each placed mesh is written once, each placement becomes a node; hidden placements are
+/// left out. Positions are rounded to f32. Polygons must be convex: they are written as fans of triangles. `generator` names
+/// what made the file. The file appears whole or not at all.
+///
+/// # Errors
+/// The file cannot be written; the buffer is larger than the 4 GiB that the format has room for; a placement has a material
+/// of its own or refers to a mesh that does not exist.
+pub fn write_gltf(path: &Path, placed: &PlacedSoup, generator: &str) -> Result<()> {
+    let mut out = Output::default();
+    let mut nodes = Vec::new();
+    let soup = &placed.soup;
+    let mut order: Vec<usize> = (0..soup.polygons()).collect();
+    order.sort_by_key(|&i| soup.polygon_object[i]);
+    for polygons in order.chunk_by(|&a, &b| soup.polygon_object[a] == soup.polygon_object[b]) {
+        let name = &soup.objects[soup.polygon_object[polygons[0]] as usize];
+        let mesh = out.mesh(name, soup, polygons);
+        nodes.push(json!({ "name": name, "mesh": mesh }));
+    }
+    let meshes: Vec<usize> = placed.meshes.iter().map(|mesh| out.whole_mesh(mesh)).collect();
+    for p in placed.placements.iter().filter(|p| p.visible) {
+        let wrong = |what: &str| Error::Scene(format!("placement `{}` {what}", p.name));
+        if p.material.is_some() {
+            return Err(wrong("has a material of its own, which glTF files cannot hold"));
+        }
+        let mesh =
+            meshes.get(p.mesh as usize).ok_or_else(|| wrong("refers to a mesh that does not exist"))?;
+        let matrix = glam::DMat4::from(p.transform).as_mat4().to_cols_array();
+        nodes.push(json!({ "name": p.name, "mesh": mesh, "matrix": matrix }));
+    }
+    out.write(path, nodes, generator)
+}
+
+/// What has been collected for a file.
+#[derive(Default)]
+struct Output {
+    positions: Vec<Vec3>,
+    indices: Vec<u32>,
+    accessors: Vec<Value>,
+    meshes: Vec<Value>,
+    materials: Vec<Value>,
+    /// Number of each material by what is written of it.
+    known: HashMap<String, usize>,
+}
+
+impl Output {
+    /// All polygons of `soup` as one mesh, which has the name of the first object; its number.
+    fn whole_mesh(&mut self, soup: &Soup) -> usize {
+        let polygons: Vec<usize> = (0..soup.polygons()).collect();
+        self.mesh(soup.objects.first().map_or("mesh", String::as_str), soup, &polygons)
+    }
+
+    /// These polygons as one mesh with a primitive for each material; its number.
+    fn mesh(&mut self, name: &str, soup: &Soup, polygons: &[usize]) -> usize {
+        let mut order = polygons.to_vec();
+        order.sort_by_key(|&i| soup.polygon_material[i]);
+        let runs = order.chunk_by(|&a, &b| soup.polygon_material[a] == soup.polygon_material[b]);
+        let primitives: Vec<Value> = runs.map(|run| self.primitive(soup, run)).collect();
+        self.meshes.push(json!({ "name": name, "primitives": primitives }));
+        self.meshes.len() - 1
+    }
+
+    /// Polygons of one material.
+    fn primitive(&mut self, soup: &Soup, polygons: &[usize]) -> Value {
+        let (first, first_index) = (self.positions.len(), self.indices.len());
+        let mut place = HashMap::new();
+        let mut corners = Vec::new();
+        for &i in polygons {
+            corners.clear();
+            corners.extend(soup.corners[soup.span(i)].iter().map(|&v| {
+                *place.entry(v).or_insert_with(|| {
+                    self.positions.push(soup.positions[v as usize].as_vec3());
+                    (self.positions.len() - 1 - first) as u32
+                })
+            }));
+            for k in 1..corners.len().saturating_sub(1) {
+                self.indices.extend([corners[0], corners[k], corners[k + 1]]);
+            }
+        }
+        let bounds = Aabb::of(self.positions[first..].iter().copied());
+        self.accessors.push(json!({
+            "bufferView": 0, "byteOffset": 12 * first, "componentType": FLOAT, "type": "VEC3",
+            "count": self.positions.len() - first, "min": bounds.min.to_array(), "max": bounds.max.to_array(),
+        }));
+        self.accessors.push(json!({
+            "bufferView": 1, "byteOffset": 4 * first_index, "componentType": UNSIGNED_INT, "type": "SCALAR",
+            "count": self.indices.len() - first_index,
+        }));
+        let material = self.material(&soup.materials[soup.polygon_material[polygons[0]] as usize]);
+        let accessor = self.accessors.len() - 2;
+        json!({ "attributes": { "POSITION": accessor }, "indices": accessor + 1, "material": material })
+    }
+
+    /// Number of a material; equal ones are written once.
+    fn material(&mut self, m: &SoupMaterial) -> usize {
+        let [r, g, b] = m.reflectance;
+        let mut value = json!({
+            "name": m.name, "doubleSided": true,
+            "pbrMetallicRoughness": {
+                "baseColorFactor": [r, g, b, m.opacity], "metallicFactor": 0.0, "roughnessFactor": 1.0,
+            },
+        });
+        if m.opacity < 1.0 {
+            value["alphaMode"] = json!("BLEND");
+        }
+        if m.emission != [0.0; 3] {
+            // The factor must not be greater than 1; the extension holds the rest.
+            let strength = m.emission.into_iter().fold(1.0, f32::max);
+            value["emissiveFactor"] = json!(m.emission.map(|e| e / strength));
+            value["extensions"] =
+                json!({ "KHR_materials_emissive_strength": { "emissiveStrength": strength } });
+        }
+        let next = self.materials.len();
+        let number = *self.known.entry(value.to_string()).or_insert(next);
+        if number == next {
+            self.materials.push(value);
+        }
+        number
+    }
+
+    fn write(self, path: &Path, nodes: Vec<Value>, generator: &str) -> Result<()> {
+        let (positions, indices): (&[u8], &[u8]) =
+            (bytemuck::cast_slice(&self.positions), bytemuck::cast_slice(&self.indices));
+        let binary = [positions, indices].concat();
+        let views = json!([
+            { "buffer": 0, "byteLength": positions.len(), "target": VERTICES },
+            { "buffer": 0, "byteOffset": positions.len(), "byteLength": indices.len(), "target": INDICES },
+        ]);
+        let as_text = !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb"));
+        let mut buffer = json!({ "byteLength": binary.len() });
+        if as_text {
+            let data = STANDARD.encode(&binary);
+            buffer["uri"] = json!(format!("data:application/octet-stream;base64,{data}"));
+        }
+        let mut root = json!({
+            "asset": { "version": "2.0", "generator": generator },
+            "scene": 0,
+            "scenes": [{ "nodes": (0..nodes.len()).collect::<Vec<_>>() }],
+            "nodes": nodes,
+            "meshes": self.meshes,
+            "materials": self.materials,
+            "accessors": self.accessors,
+            "bufferViews": views,
+            "buffers": [buffer],
+        });
+        if self.known.keys().any(|m| m.contains("KHR_materials_emissive_strength")) {
+            root["extensionsUsed"] = json!(["KHR_materials_emissive_strength"]);
+        }
+        let json = root.to_string().into_bytes();
+        let mut file = WholeFile::create(path)?;
+        if as_text {
+            file.write_all(&json).map_err(|e| Error::io(path, e))?;
+            return file.commit();
+        }
+        let too_large = |_| Error::format(path, None, "more than the 4 GiB that the format has room for");
+        let length = u32::try_from(json.len() + binary.len() + 64).map_err(too_large)?;
+        let header = Header { magic: *b"glTF", version: 2, length };
+        let glb = Glb { header, json: Cow::Owned(json), bin: Some(Cow::Owned(binary)) };
+        glb.to_writer(&mut file).map_err(|e| match e {
+            gltf::Error::Io(e) => Error::io(path, e),
+            other => Error::format(path, None, other.to_string()),
+        })?;
+        file.commit()
+    }
+}
