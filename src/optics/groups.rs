@@ -3,7 +3,7 @@
 //! A group represents each instance by a few boxes with extinction: a cut through the cluster tree of its mesh. The
 //! group is measured like a cluster of triangles (docs/method.md, Groups of instances), except that a pixel transmits
 //! exp(-Σ κ l) over the boxes behind it instead of all or nothing. Blocker sizes are conservative: a pixel counts as
-//! blocked if it loses more than [`MIN_LOSS`], although the contents of a box may leave gaps.
+//! blocked if it loses more than `MIN_LOSS`, although the contents of a box may leave gaps.
 
 use super::axes::{AXIS_COUNT, AxisMix, view};
 use super::silhouette::Silhouette;
