@@ -89,8 +89,8 @@ impl Workspace {
 }
 
 impl MultiResolution {
-    /// The engine over the clusters of a scene. `exact` is the whole scene in Embree, traced with `traversal` for bundles that
-    /// are handed over.
+    /// The engine over the clusters of a scene. `exact` is the whole scene in Embree, traced with `traversal` for
+    /// bundles that are handed over.
     pub fn new(
         tree: Arc<WideTree>,
         exact: CommittedScene,

@@ -43,7 +43,7 @@ pub(super) struct Block {
     pub used: u32,
 }
 
-/// Both trees of a hierarchy under one top node, sixteen children side by side: what the multi-resolution engine walks.
+/// Both trees of a hierarchy under one top node, sixteen children per node; traversed by the multi-resolution engine.
 pub struct WideTree {
     /// Largest coordinate magnitude of the scene, scene units: the scale of rounding errors.
     pub(super) magnitude: f32,
@@ -105,7 +105,7 @@ pub(super) fn mixed<S: Simd>(simd: S, optics: &[AxisOptics; AXIS_COUNT], mix: &A
 }
 
 impl WideTree {
-    /// Lays out the clusters of a scene; `optics` has one entry a cluster of `hierarchy.micro`.
+    /// Lays out the clusters of a scene; `optics` has one entry per cluster of `hierarchy.micro`.
     pub fn build(scene: &Scene, hierarchy: &Hierarchy, optics: &[ClusterOptics]) -> WideTree {
         let magnitude = super::reference::magnitude(scene);
         let mut wide =
