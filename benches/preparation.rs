@@ -2,7 +2,7 @@
 
 use divan::{Bencher, counter::ItemsCount};
 use mrvis::clusters;
-use mrvis::model::cache::{self, Origin, Place, PreparedClusters};
+use mrvis::model::cache::{self, CacheLocation, Origin, PreparedClusters};
 use mrvis::optics::{self, Extinction};
 use mrvis::scene::{Scene, generate};
 
@@ -37,15 +37,15 @@ fn measures(bencher: Bencher, extinction: Extinction) {
 fn cache_hit(bencher: Bencher, trees: usize) {
     let (scene, options) = (forest(trees), cache::Options::default());
     let folder = tempfile::tempdir().expect("scratch folder");
-    let place = Place::Folder(folder.path().to_owned());
+    let place = CacheLocation::Folder(folder.path().to_owned());
     let make = || {
         let hierarchy = clusters::build(&scene, &options.clusters);
         let optics = optics::measure(&scene, &hierarchy.micro, &options.optics);
         PreparedClusters { hierarchy, optics }
     };
-    cache::table(&scene, &place, &options, make);
+    cache::load_or_make(&scene, &place, &options, make);
     bencher.counter(ItemsCount::new(scene.triangles.len())).bench_local(|| {
-        let (table, origin, _) = cache::table(&scene, &place, &options, make);
+        let (table, origin, _) = cache::load_or_make(&scene, &place, &options, make);
         assert_eq!(origin, Origin::Hit);
         table
     });

@@ -1,4 +1,4 @@
-//! Claimed against observed error: a few exact rays of their own on a random part of the bundles (method E.1).
+//! Claimed against observed error: a few exact rays of their own on a random part of the bundles.
 
 use super::measure::{MrRun, Questions};
 use super::record;
@@ -8,15 +8,15 @@ use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::Rng;
 
 /// Exact rays a bundle.
-pub(super) const RAYS: usize = 64;
+pub(super) const AUDIT_RAYS: usize = 64;
 /// Sample sets of both halves of them.
 const STREAMS: [u64; 2] = [3, 4];
 /// Standard errors in half a 95 % interval.
 const Z: f64 = 1.96;
 /// Bundles, at least, where there are as many: fewer say little.
-const LEAST: usize = 400;
+const MIN_BUNDLES: usize = 400;
 /// Bins of the calibration, at most.
-const BINS: usize = 8;
+const MAX_BINS: usize = 8;
 
 /// Exact rays on a random part of the questions; every row is judged by the same ones.
 pub(super) struct Audit {
@@ -29,11 +29,11 @@ pub(super) struct Audit {
 impl Audit {
     /// Traces them, on all threads.
     pub fn trace(questions: Questions, engine: &Exact, fraction: f64, seed: u64) -> Audit {
-        let count = ((fraction * questions.pairs.len() as f64).ceil() as usize).max(LEAST);
+        let count = ((fraction * questions.pairs.len() as f64).ceil() as usize).max(MIN_BUNDLES);
         let chosen = one_of_each(questions.pairs.len(), count, seed);
         let pairs: Vec<usize> = chosen.iter().map(|&k| questions.pairs[k]).collect();
         let truth =
-            Reference::trace(Questions { pairs: &pairs, ..questions }, engine, RAYS, STREAMS, &|_| ());
+            Reference::trace(Questions { pairs: &pairs, ..questions }, engine, AUDIT_RAYS, STREAMS, &|_| ());
         Audit { fraction, chosen, truth }
     }
 
@@ -81,7 +81,7 @@ fn one_of_each(all: usize, count: usize, seed: u64) -> Vec<usize> {
 
 /// Runs of about equal length in an order by claim; equal claims stay together.
 fn bins<'a>(order: &'a [usize], claims: &[f64]) -> Vec<&'a [usize]> {
-    let least = order.len().div_ceil(BINS).max(1);
+    let least = order.len().div_ceil(MAX_BINS).max(1);
     let mut bins = Vec::new();
     let mut rest = order;
     while !rest.is_empty() {
@@ -124,7 +124,7 @@ mod tests {
         let (mut a, mut b, mut visible, mut intervals) = (vec![], vec![], vec![], vec![]);
         for _ in 0..4000 {
             let truth = unit(&mut random);
-            let mut half = || (0..RAYS / 2).filter(|_| unit(&mut random) < truth).count() as f32 / 32.0;
+            let mut half = || (0..AUDIT_RAYS / 2).filter(|_| unit(&mut random) < truth).count() as f32 / 32.0;
             a.push(half());
             b.push(half());
             let claim = 0.02 + 0.1 * unit(&mut random);
@@ -134,7 +134,7 @@ mod tests {
             visible.push(x);
             intervals.push((x - 1.96 * claim, x + 1.96 * claim));
         }
-        let truth = Reference { a, b, rays: RAYS };
+        let truth = Reference { a, b, rays: AUDIT_RAYS };
         (Audit { fraction: 1.0, chosen: (0..4000).collect(), truth }, visible, intervals)
     }
 
@@ -148,8 +148,8 @@ mod tests {
         // Calibrated: 95 of 100, neither fewer nor more.
         assert!(found.coverage_lo < 0.95 && 0.95 < found.coverage_hi, "{found:?}");
         let inside = |b: &&record::CalibrationBin| b.observed_lo < b.claimed && b.claimed < b.observed_hi;
-        assert_eq!(found.bins.len(), BINS);
-        assert!(found.bins.iter().filter(inside).count() >= BINS - 2, "{:?}", found.bins);
+        assert_eq!(found.bins.len(), MAX_BINS);
+        assert!(found.bins.iter().filter(inside).count() >= MAX_BINS - 2, "{:?}", found.bins);
         assert_eq!(found.bins.iter().map(|b| b.count).sum::<usize>(), 4000);
         assert!(found.bins.windows(2).all(|b| b[0].claimed < b[1].claimed));
     }

@@ -1,11 +1,12 @@
 //! The shadow images of a run: both engines over the receivers' texels, and the feature-based errors.
 
+use super::context::{Asked, Bench};
 use super::measure::Questions;
 use super::page::ReceiverImages;
 use super::receivers::{self, Receiver};
 use super::record::{self, MrRow, ReceiverFbem, interpolate_log_log};
 use super::rounds::rounds;
-use super::rows::{Asked, Bench, ratio};
+use super::rows::ratio;
 use super::workload::Workload;
 use crate::Result;
 use crate::embree::Traversal;

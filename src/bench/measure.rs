@@ -132,7 +132,7 @@ impl Timer {
     /// If the threads cannot be started.
     pub fn new(threads: usize) -> Result<Timer> {
         let pool = (threads > 1).then(|| rayon::ThreadPoolBuilder::new().num_threads(threads).build());
-        let pool = pool.transpose().map_err(|e| Error::Argument(format!("--threads {threads}: {e}")))?;
+        let pool = pool.transpose().map_err(|e| Error::Argument(format!("threads {threads}: {e}")))?;
         Ok(Timer { pool })
     }
 

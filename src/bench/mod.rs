@@ -1,10 +1,12 @@
 //! The measurement `mrvis bench`: exact against multi-resolution visibility on the same segments.
 
 mod audit;
+mod context;
 mod gallery;
 pub mod measure;
 mod options;
 pub mod page;
+mod pilot;
 mod prepare;
 mod receivers;
 pub mod record;
@@ -21,7 +23,7 @@ mod target;
 mod unbiased;
 pub mod workload;
 
-pub use options::{MOST_THREADS, Options, Target};
+pub use options::{MAX_THREADS, Options, Target};
 pub use receivers::{Receiver, choose as choose_receivers};
 pub use run::run;
 pub use scaling::{check_scaling, scaling};

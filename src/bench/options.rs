@@ -1,8 +1,8 @@
 //! What a run measures, and whether it makes sense for a scene.
 
+use super::pilot::pilot_bytes;
 use super::sample::Sample;
-use super::unbiased;
-use crate::model::cache::Place;
+use crate::model::cache::CacheLocation;
 use crate::optics;
 use crate::scene::Scene;
 use crate::{Error, Result};
@@ -12,7 +12,7 @@ pub(super) const MAX_RAYS: usize = 1 << 16;
 /// Multi-resolution rows have this many times the segments asked for.
 const MR_FACTORS: [usize; 3] = [1, 4, 16];
 /// Most threads of any command: one limit, in one place.
-pub const MOST_THREADS: u16 = 1024;
+pub const MAX_THREADS: u16 = 1024;
 /// Most receiver points.
 const MAX_POINTS: usize = 100_000_000;
 /// Part of the memory at hand that results may take.
@@ -53,7 +53,7 @@ pub struct Options {
     /// How clusters are measured.
     pub clusters: optics::Options,
     /// Where the measured clusters are kept for the next run.
-    pub cache: Place,
+    pub cache: CacheLocation,
 }
 
 impl Default for Options {
@@ -70,7 +70,7 @@ impl Default for Options {
             unbiased: false,
             target: None,
             clusters: optics::Options::default(),
-            cache: Place::Off,
+            cache: CacheLocation::Off,
         }
     }
 }
@@ -87,7 +87,7 @@ impl Options {
         let rows = self.points as f64 * (32.0 + emitters as f64 * 48.0);
         // The samples that are decided on, for the points and for the images, and the pilot of the rows without bias.
         let samples = 2 * Sample::bytes(&self.mr_rays());
-        let pilot = if self.unbiased { unbiased::pilot_bytes() } else { 0 };
+        let pilot = if self.unbiased { pilot_bytes() } else { 0 };
         rows + (samples + pilot) as f64
     }
 
@@ -97,10 +97,10 @@ impl Options {
     /// [`Error::Argument`] that names the option and its range.
     pub fn check(&self) -> Result<()> {
         let counts = [
-            ("--rays", self.rays, MAX_RAYS),
-            ("--reference-rays", self.reference_rays, MAX_RAYS),
-            ("--points", self.points, MAX_POINTS),
-            ("--threads", self.threads, MOST_THREADS.into()),
+            ("rays", self.rays, MAX_RAYS),
+            ("reference_rays", self.reference_rays, MAX_RAYS),
+            ("points", self.points, MAX_POINTS),
+            ("threads", self.threads, MAX_THREADS.into()),
         ];
         for (name, count, most) in counts {
             if count == 0 || count > most {
@@ -110,30 +110,30 @@ impl Options {
         let usable = |s: f64| s.is_finite() && s > 0.0 && (s as f32).is_normal();
         if let Some(s) = self.feature_sizes.iter().find(|&&s| !usable(s)) {
             return Err(Error::Argument(format!(
-                "--feature-size {s}: must be a length above 0 in scene units"
+                "feature_size {s}: must be a length above 0 in scene units"
             )));
         }
         if !(0.0..=1.0).contains(&self.audit) {
             return Err(Error::Argument(format!(
-                "--audit {}: must be a part of the bundles, in 0..1",
+                "audit {}: must be a part of the bundles, in 0..1",
                 self.audit
             )));
         }
         match self.target {
             Some(Target::Error(e)) if !(e > 0.0 && e <= 1.0) => {
                 return Err(Error::Argument(format!(
-                    "--target-error {e}: must be an error of the visible fraction above 0, at most 1"
+                    "target_error {e}: must be an error of the visible fraction above 0, at most 1"
                 )));
             }
             Some(Target::Seconds(t)) if !(t > 0.0 && t.is_finite()) => {
-                return Err(Error::Argument(format!("--target-seconds {t}: must be a time above 0")));
+                return Err(Error::Argument(format!("target_seconds {t}: must be a time above 0")));
             }
             _ => {}
         }
         let tolerance = self.clusters.tolerance;
         if !(tolerance > 0.0 && tolerance <= 1.0) {
             return Err(Error::Argument(format!(
-                "--tolerance {tolerance}: must be an error of the transmission above 0, at most 1"
+                "tolerance {tolerance}: must be an error of the transmission above 0, at most 1"
             )));
         }
         Ok(())
@@ -145,7 +145,7 @@ impl Options {
         if scene.emitters.is_empty() {
             let names: Vec<&str> = scene.objects.iter().take(4).map(|o| o.name.as_str()).collect();
             return Err(Error::Scene(format!(
-                "{}: nothing emits light; add --emitter NAME=W with the name of an object, group or material and its \
+                "{}: nothing emits light; add option `emitters` with the name of an object, group or material and its \
                  power in watts (there are `{}`{})",
                 scene.path.display(),
                 names.join("`, `"),
@@ -155,7 +155,7 @@ impl Options {
         let diagonal = f64::from(scene.bounds.diagonal());
         if let Some(s) = self.feature_sizes.iter().find(|&&s| s > 10.0 * diagonal) {
             return Err(Error::Argument(format!(
-                "--feature-size {s}: the whole scene is only {diagonal:.3} {} across",
+                "feature_size {s}: the whole scene is only {diagonal:.3} {} across",
                 scene.unit
             )));
         }
@@ -170,8 +170,8 @@ impl Options {
         let bytes = self.bytes(emitters);
         match available {
             Some(available) if bytes > MEMORY_PART * available => Err(Error::Argument(format!(
-                "--points {} with {emitters} emitters and --rays {} need about {:.1} GB of memory, {:.1} GB are \
-                 available: lower --points or --rays",
+                "points {} with {emitters} emitters and rays {} need about {:.1} GB of memory, {:.1} GB are \
+                 available: lower option `points` or option `rays`",
                 self.points,
                 self.rays,
                 bytes / 1e9,
@@ -204,7 +204,7 @@ mod tests {
         // 256 bundles of 65,536 segments, twice: 1.2 GB.
         assert!(!fits(65_536, 100, 1.5) && fits(65_536, 100, 2.0));
         let message = Options { rays: 65_536, ..Options::default() }.check_memory(1, Some(1e6)).unwrap_err();
-        assert!(message.to_string().contains("--rays"), "{message}");
+        assert!(message.to_string().contains("rays 65536"), "{message}");
     }
 
     #[test]

@@ -36,12 +36,12 @@ pub struct ReceiverImages {
     pub mr: Vec<(f32, Image)>,
 }
 
-/// The page as HTML.
+/// The page as HTML. `command` is the command line that repeats the run.
 ///
 /// # Errors
 /// [`Error::Argument`](crate::Error::Argument) when the images of a receiver differ in columns or rows, or a feature
 /// size is not a length.
-pub fn render(record: &Record, receivers: &[ReceiverImages]) -> Result<String> {
+pub fn render(record: &Record, receivers: &[ReceiverImages], command: &str) -> Result<String> {
     let title = format!("mrvis bench: {}", file_name(&record.scene.path));
     let shadows = receivers.iter().map(|r| receivers::section(record, r)).collect::<Result<Vec<_>>>()?;
     let body = html! {
@@ -64,7 +64,7 @@ pub fn render(record: &Record, receivers: &[ReceiverImages]) -> Result<String> {
         (losses::section(record, receivers)?)
         (scaling::section(&record.scaling, &record.unit)?)
         (prose::how_to_read())
-        (footer(record))
+        (footer(record, command))
     };
     Ok(document(&title, body))
 }
@@ -149,10 +149,7 @@ fn sentence(record: &Record) -> Markup {
 }
 
 /// Where the figures come from, enough to repeat them.
-fn footer(record: &Record) -> Markup {
-    let mut sizes: Vec<f64> = record.mr.iter().map(|row| row.feature_size).collect();
-    sizes.sort_by(f64::total_cmp);
-    sizes.dedup();
+fn footer(record: &Record, command: &str) -> Markup {
     let plural = if record.threads == 1 { "thread" } else { "threads" };
     html! {
         footer {
@@ -161,15 +158,7 @@ fn footer(record: &Record) -> Markup {
                 "mrvis " (record.mrvis) " · Embree " (record.embree) " (" (record.isa) ") · "
                 (record.threads) " " (plural) " in the timed sections · seed " (record.seed) " · lengths in " (record.unit)
             }
-            pre {
-                "mrvis bench " (shell_word(&record.scene.path))
-                " --points " (record.workload.points)
-                " --rays " (record.workload.rays)
-                " --reference-rays " (record.workload.reference_rays)
-                @for size in sizes { " --feature-size " (size) }
-                @for receiver in &record.receivers { " --receiver " (shell_word(&receiver.name)) }
-                " --seed " (record.seed) " --threads " (record.threads) " --unit " (shell_word(&record.unit))
-            }
+            pre { (command) }
             p.note {
                 "The same command gives the same figures but for the times, which depend on the machine and on what \
                  else runs on it. Speed-ups are ratios of times of one run."
@@ -182,16 +171,6 @@ fn footer(record: &Record) -> Markup {
 fn file_name(path: &str) -> &str {
     let name = path.rsplit(['/', '\\']).next().unwrap_or(path);
     if name.is_empty() { "unnamed scene" } else { name }
-}
-
-/// The text as one word of a shell command.
-fn shell_word(text: &str) -> String {
-    let plain = |c: char| c.is_alphanumeric() || "/._-+:".contains(c);
-    if !text.is_empty() && text.chars().all(plain) {
-        text.into()
-    } else {
-        format!("'{}'", text.replace('\'', "'\\''"))
-    }
 }
 
 /// A factor, such as `27×`; a dash when unknown.

@@ -9,7 +9,7 @@
 mod scaling;
 mod trust;
 
-pub use crate::model::summary::SceneFacts;
+pub use crate::model::summary::SceneSummary;
 pub use scaling::{ScalingRecord, ScalingRow};
 pub use trust::{Audit, CalibrationBin, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow};
 
@@ -32,7 +32,7 @@ pub struct Record {
     #[serde(default)]
     pub seed: u64,
     /// What was read.
-    pub scene: SceneFacts,
+    pub scene: SceneSummary,
     /// What was mended while reading: the counts of the scene's repairs, by name.
     #[serde(default)]
     pub scene_repairs: serde_json::Value,

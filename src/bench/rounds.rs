@@ -8,10 +8,13 @@
 use std::time::{Duration, Instant};
 
 /// Rounds, at least and at most.
-const LEAST: usize = 2;
-const MOST: usize = 6;
+const MIN_ROUNDS: usize = 2;
+const MAX_ROUNDS: usize = 6;
 /// No round begins that is likely to end later than this after the first: a run shall end.
-const PATIENCE: Duration = Duration::from_secs(10);
+const MAX_TIME: Duration = Duration::from_secs(10);
+
+/// Pairs that are asked, untimed, before each timed row. Chosen: enough to load the caches.
+pub(super) const WARM_UP_PAIRS: usize = 1024;
 
 /// Times of rows that were run equally often.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,7 +28,7 @@ pub(super) struct Timed {
 /// Runs `rows` rows in rounds. `run` is told which row and whether it is its first time; it returns the seconds of the
 /// row's timed sections, the same sections every time.
 pub(super) fn rounds(rows: usize, run: impl FnMut(usize, bool) -> Vec<f64>) -> Timed {
-    within(PATIENCE, rows, run)
+    within(MAX_TIME, rows, run)
 }
 
 /// The same with another patience.
@@ -33,7 +36,7 @@ fn within(patience: Duration, rows: usize, mut run: impl FnMut(usize, bool) -> V
     let start = Instant::now();
     let goes_on = |rounds: usize| {
         let likely_end = start.elapsed().mul_f64((rounds + 1) as f64 / rounds as f64);
-        rounds < LEAST || rounds < MOST && likely_end < patience
+        rounds < MIN_ROUNDS || rounds < MAX_ROUNDS && likely_end < patience
     };
     let mut best: Vec<Vec<f64>> = (0..rows).map(|row| run(row, true)).collect();
     let mut rounds = 1;
@@ -58,6 +61,14 @@ fn shorten(best: &mut [f64], again: &[f64]) {
     best.iter_mut().zip(again).for_each(|(a, &b)| *a = a.min(b));
 }
 
+/// The result and, added up, the seconds it took.
+pub(super) fn timed<R>(seconds: &mut f64, make: impl FnOnce() -> R) -> R {
+    let start = Instant::now();
+    let result = make();
+    *seconds += start.elapsed().as_secs_f64();
+    result
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -69,9 +80,9 @@ mod tests {
             calls.push((row, first));
             vec![1.0 + row as f64]
         });
-        assert_eq!((timed.rounds, &timed.seconds[..]), (MOST, &[1.0, 2.0, 3.0][..]));
+        assert_eq!((timed.rounds, &timed.seconds[..]), (MAX_ROUNDS, &[1.0, 2.0, 3.0][..]));
         let turns: Vec<(usize, bool)> =
-            (0..MOST).flat_map(|round| (0..3).map(move |row| (row, round == 0))).collect();
+            (0..MAX_ROUNDS).flat_map(|round| (0..3).map(move |row| (row, round == 0))).collect();
         assert_eq!(calls, turns);
         assert!(rounds(0, |_, _| Vec::new()).seconds.is_empty());
     }
@@ -86,7 +97,7 @@ mod tests {
             std::thread::sleep(if row == 0 { patience.mul_f64(0.4) } else { Duration::ZERO });
             vec![0.0]
         });
-        assert_eq!(calls, [LEAST; 2]);
+        assert_eq!(calls, [MIN_ROUNDS; 2]);
     }
 
     #[test]

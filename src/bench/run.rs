@@ -1,19 +1,18 @@
 //! One run from a scene to a record and images.
 
+use super::context::Bench;
 use super::measure::{Questions, Timer};
 use super::options::Options;
 use super::page::ReceiverImages;
 use super::prepare::build_of;
 use super::record::{self, Record};
-use super::rows::{Bench, Measured};
+use super::rows::Measured;
 use super::sizes::default_sizes;
 use super::workload::{Workload, surface_points};
-use crate::clusters::Hierarchy;
 use crate::model::Model;
-use crate::model::summary::SceneFacts;
-use crate::optics::{ClusterOptics, Extinction};
+use crate::model::summary::SceneSummary;
+use crate::optics::Extinction;
 use crate::progress::Progress;
-use crate::scene::Scene;
 use crate::{Error, Result};
 
 /// Measures a scene.
@@ -33,19 +32,17 @@ pub fn run(
     options.check_for(scene)?;
     let timer = Timer::new(options.threads)?;
     let mut build = build_of(model);
-    let hierarchy = model.base().hierarchy();
-    let optics = &model.base().measured().expect("a benchmark prepares optics").optics;
 
     let points = surface_points(scene, options.points, options.seed)?;
     let workload = Workload::new(scene, points, options.seed);
     if workload.pairs.is_empty() {
         return Err(Error::Scene(format!(
-            "{}: no surface faces an emitter; check the winding of the emitters' faces (front sides emit) or add \
-             --two-sided-emission",
+            "{}: no surface faces an emitter; check the winding of the emitters' faces (front sides emit) or set \
+             option `two_sided_emission`",
             scene.path.display()
         )));
     }
-    let sizes = sizes(scene, options, hierarchy, optics);
+    let sizes = sizes(model, options);
     let mut warnings = Vec::new();
     let bench = Bench { model, scene, options, timer, sizes, progress };
     let sample = bench.sample(&workload);
@@ -74,7 +71,7 @@ pub fn run(
         isa: mr.isa().name().into(),
         unit: scene.unit.clone(),
         seed: options.seed,
-        scene: SceneFacts::of(scene, hierarchy),
+        scene: SceneSummary::of(model),
         scene_repairs: serde_json::to_value(&scene.repairs).unwrap_or_default(),
         warnings,
         clusters: record::Clusters {
@@ -104,10 +101,10 @@ pub fn run(
     Ok((record, images))
 }
 
-/// Feature sizes asked for or found, ascending, each once.
-fn sizes(scene: &Scene, options: &Options, hierarchy: &Hierarchy, optics: &[ClusterOptics]) -> Vec<f64> {
+/// The feature sizes of the options or the default ones, ascending, each once.
+fn sizes(model: &Model, options: &Options) -> Vec<f64> {
     let mut sizes = match &options.feature_sizes[..] {
-        [] => default_sizes(scene, &hierarchy.micro, optics),
+        [] => default_sizes(model),
         sizes => sizes.to_vec(),
     };
     sizes.sort_by(f64::total_cmp);

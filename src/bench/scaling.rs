@@ -6,34 +6,34 @@
 //! smaller leaves that shade as much; what grows is detail below the feature size, of which multi-resolution visibility
 //! should take no notice at all.
 
+use super::context::Bench;
 use super::measure::{MrRun, Questions, Run, Timer};
 use super::options::Options;
 use super::prepare::build_of;
 use super::record::{ScalingRecord, ScalingRow};
 use super::rounds::rounds;
-use super::rows::Bench;
 use super::workload::{Point, Workload, surface_points};
 use crate::model::Model;
-use crate::model::cache::Place;
+use crate::model::cache::CacheLocation;
 use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::scene::generate::{self, Spec, ground_and_sky};
 use crate::{Error, Result};
 
 /// Triangles of the smallest forest.
-const FIRST: usize = 10_000;
+const MIN_TRIANGLES: usize = 10_000;
 /// Most triangles of the largest forest.
-const MOST: usize = 100_000_000;
+const MAX_TRIANGLES: usize = 100_000_000;
 /// Feature size where none is given, metres: a quarter of a crown's radius.
 const FEATURE_SIZE: f64 = 0.5;
 /// Leaves of a tree in the forests that grow wider, and trees of those that grow finer.
-const LEAVES: usize = 500;
+const LEAVES_PER_TREE: usize = 500;
 const TREES: usize = 25;
 /// Edge of the sky panel over its height.
 const SKY: f64 = 0.8;
 /// Receiver points and rays of the reference, at most: times of many bundles agree long before errors do.
-const POINTS: usize = 8000;
-const REFERENCE_RAYS: usize = 256;
+const MAX_POINTS: usize = 8000;
+const MAX_REFERENCE_RAYS: usize = 256;
 /// Places that the points lie in.
 const PLACES: usize = 16;
 
@@ -56,7 +56,9 @@ impl Series {
     fn forest(self, triangles: usize, seed: u64) -> Spec {
         let leaves = triangles as f64 / 2.0;
         let (trees, leaves) = match self {
-            Series::Wider => (((leaves / LEAVES as f64).sqrt().round() as usize).max(1).pow(2), LEAVES),
+            Series::Wider => {
+                (((leaves / LEAVES_PER_TREE as f64).sqrt().round() as usize).max(1).pow(2), LEAVES_PER_TREE)
+            }
             Series::Finer => (TREES, ((leaves / TREES as f64).round() as usize).max(1)),
         };
         // The panel covers the same part of the sky over every forest: it is high above small ones.
@@ -70,8 +72,10 @@ impl Series {
 /// # Errors
 /// [`Error::Argument`]: there are too few or too many.
 pub fn check_scaling(largest: usize) -> Result<()> {
-    if !(FIRST..=MOST).contains(&largest) {
-        return Err(Error::Argument(format!("--scaling={largest}: must lie in {FIRST}..{MOST} triangles")));
+    if !(MIN_TRIANGLES..=MAX_TRIANGLES).contains(&largest) {
+        return Err(Error::Argument(format!(
+            "scaling {largest}: must lie in {MIN_TRIANGLES}..{MAX_TRIANGLES} triangles"
+        )));
     }
     Ok(())
 }
@@ -88,13 +92,13 @@ pub fn scaling(options: &Options, largest: usize, progress: &dyn Progress) -> Re
     check_scaling(largest)?;
     let mut record = ScalingRecord { seed: options.seed, threads: options.threads, ..Default::default() };
     let options = Options {
-        points: options.points.min(POINTS),
-        reference_rays: options.reference_rays.min(REFERENCE_RAYS),
+        points: options.points.min(MAX_POINTS),
+        reference_rays: options.reference_rays.min(MAX_REFERENCE_RAYS),
         ..options.clone()
     };
     for series in [Series::Wider, Series::Finer] {
         for triangles in
-            std::iter::successors(Some(FIRST), |n| n.checked_mul(10)).take_while(|&n| n <= largest)
+            std::iter::successors(Some(MIN_TRIANGLES), |n| n.checked_mul(10)).take_while(|&n| n <= largest)
         {
             let row = measure(series, triangles, &options, &mut record, progress)?;
             record.scaling.push(row);
@@ -111,7 +115,7 @@ fn measure(
     record: &mut ScalingRecord,
     progress: &dyn Progress,
 ) -> Result<ScalingRow> {
-    let options = &Options { cache: Place::Off, ..options.clone() };
+    let options = &Options { cache: CacheLocation::Off, ..options.clone() };
     let spec = series.forest(triangles, options.seed);
     progress.stage(&format!("forest of {triangles}"), 0);
     let scene = generate::build(&spec)?;
@@ -126,7 +130,7 @@ fn measure(
         sizes: vec![s],
         progress,
     };
-    let density = spec.trees as f64 / series.forest(FIRST, options.seed).trees as f64;
+    let density = spec.trees as f64 / series.forest(MIN_TRIANGLES, options.seed).trees as f64;
     let workload = Workload::new(scene, points(scene, options, density)?, options.seed);
     let sample = bench.sample(&workload);
     let engine = bench.engine(&workload, &sample, &mut build);
@@ -211,7 +215,7 @@ mod tests {
 
     #[test]
     fn forests_have_the_size_asked_for() {
-        for triangles in [FIRST, 100_000, 1_000_000, 10_000_000] {
+        for triangles in [MIN_TRIANGLES, 100_000, 1_000_000, 10_000_000] {
             for series in [Series::Wider, Series::Finer] {
                 let spec = series.forest(triangles, 1);
                 let made = 2 * spec.trees * spec.leaves;
@@ -223,7 +227,7 @@ mod tests {
 
     #[test]
     fn sizes_out_of_range_are_refused() {
-        for n in [0, FIRST - 1, MOST + 1] {
+        for n in [0, MIN_TRIANGLES - 1, MAX_TRIANGLES + 1] {
             assert!(check_scaling(n).is_err() && scaling(&Options::default(), n, &()).is_err(), "{n}");
         }
     }

@@ -1,16 +1,15 @@
 //! Feature sizes for a scene that nobody has given any for.
 //!
 //! The rule. The smallest size is the typical feature size of leaf clusters: the median over them, each weighted by
-//! its triangles, of the mean over the axes of the blocked size ([`ClusterOptics::blocked`]). Below it little can be
+//! its triangles, of the mean over the axes of the blocked size (`ClusterOptics::blocker_size`). Below it little can be
 //! aggregated that the emitter's own size does not let pass. The largest is the typical size of a thing with about a thousand triangles, a tree's crown or a plant: the median of
 //! the same mean over the clusters of 300 to 3000 triangles, or that of the largest cluster if there is none. The other
 //! two lie between them in equal ratios. Neighbours differ by a factor of 1.65 at least (the largest gives way
 //! upwards), no size exceeds a twentieth of the scene's diagonal (the smallest gives way downwards), and sizes are
 //! rounded to two digits so that they can be quoted.
 
-use crate::clusters::Tree;
-use crate::optics::{AXIS_COUNT, ClusterOptics};
-use crate::scene::Scene;
+use crate::model::Model;
+use crate::optics::AXIS_COUNT;
 
 /// How many sizes.
 pub const COUNT: usize = 4;
@@ -21,8 +20,19 @@ const LARGEST_PART: f64 = 0.05;
 /// Triangles of a cluster that stands for a thing.
 const THING: std::ops::RangeInclusive<u32> = 300..=3000;
 
-/// Four feature sizes, ascending, scene units. `optics` are those of `tree`.
-pub fn default_sizes(scene: &Scene, tree: &Tree, optics: &[ClusterOptics]) -> Vec<f64> {
+/// Four feature sizes, ascending, scene units: those of the mesh with the most visible triangles.
+///
+/// # Panics
+/// If the model was prepared without optics.
+pub fn default_sizes(model: &Model) -> Vec<f64> {
+    let mut visible = vec![0u64; model.meshes().len()];
+    for instance in model.instances().iter().filter(|instance| instance.is_present()) {
+        visible[instance.mesh as usize] +=
+            model.meshes()[instance.mesh as usize].scene().triangles.len() as u64;
+    }
+    let most = (0..visible.len()).max_by(|&a, &b| visible[a].cmp(&visible[b]).then(b.cmp(&a))).unwrap_or(0);
+    let mesh = &model.meshes()[most];
+    let (tree, optics) = (&mesh.hierarchy().micro, &mesh.measured().expect("optics").optics);
     let size = |c: usize| {
         let sum: f32 = (0..AXIS_COUNT).map(|axis| optics[c].blocker_size[axis]).sum();
         f64::from(sum) / AXIS_COUNT as f64
@@ -37,7 +47,7 @@ pub fn default_sizes(scene: &Scene, tree: &Tree, optics: &[ClusterOptics]) -> Ve
     let small = of(&|c| tree.clusters[c].is_leaf(), &triangles);
     let large =
         of(&|c| THING.contains(&tree.clusters[c].triangles), &|_| 1.0).or_else(|| of(&|c| c == 0, &|_| 1.0));
-    between(small, large, f64::from(scene.bounds.diagonal()))
+    between(small, large, f64::from(model.bounds().diagonal()))
 }
 
 /// Sizes from the smallest to the largest wanted, made sane for a scene of this diagonal.

@@ -63,7 +63,7 @@ pub struct Scaling {
 /// `largest` is not in [`LARGEST`], an option is out of range, or Embree refuses.
 pub fn solve_scaling(options: &Options, largest: usize, progress: &dyn Progress) -> Result<Scaling> {
     if !LARGEST.contains(&largest) {
-        return Err(Error::Argument(format!("`scaling` {largest}: must lie in {LARGEST:?} triangles")));
+        return Err(Error::Argument(format!("scaling {largest}: must lie in {LARGEST:?} triangles")));
     }
     let mut rows = Vec::new();
     for triangles in std::iter::successors(Some(FIRST), |n| n.checked_mul(10)).take_while(|&n| n <= largest) {

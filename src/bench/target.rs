@@ -1,34 +1,33 @@
-//! Error as the input: an error or a time is asked for, and the engine, its feature size and its segments follow
-//! (method E.3).
+//! Error as the input: an error or a time is asked for, and the engine, its feature size and its segments follow.
 //!
 //! A pilot on a sample runs every plan that comes into question, takes its time and finds its error against exact rays
 //! of its own; the cheapest plan that is good enough, or the best that is cheap enough, is run on all pairs.
 //! A plan asks all pairs with few segments and those again with more whose light is neither clear nor blocked.
 
+use super::context::Bench;
 use super::measure::{MrRun, Questions, Timer};
 use super::options::{MAX_RAYS, Target};
+use super::pilot::{PILOT_RUN_PAIRS, pilot_pairs};
 use super::record::{self, TargetChoice};
 use super::reference::{Found, Reference};
-use super::rows::Bench;
-use super::unbiased::{PILOT, sample};
 use crate::visibility::MultiResolution;
 use std::time::Instant;
 
 /// Segments of the plans.
-const LADDER: [usize; 6] = [1, 4, 16, 64, 256, 1024];
+const SEGMENT_STEPS: [usize; 6] = [1, 4, 16, 64, 256, 1024];
 /// The least for the multi-resolution engine: a packet is walked whole.
-const LEAST_WALKED: usize = 16;
+const MIN_MR_SEGMENTS: usize = 16;
 /// Rays of the pilot's truth, and their sample sets.
-const TRUTH: usize = 2048;
+const TRUTH_RAYS: usize = 2048;
 const STREAMS: [u64; 2] = [8, 9];
 /// Part of a time asked for that the pilot may take, about, and part of that for its truth.
-const PILOT_PART: f64 = 0.4;
-const TRUTH_PART: f64 = 0.3;
+const PILOT_TIME_PART: f64 = 0.4;
+const TRUTH_TIME_PART: f64 = 0.3;
 /// Least rays of its truth, and pairs of its runs.
-const LEAST_TRUTH: usize = 64;
-const LEAST_RUN: usize = 4;
+const MIN_TRUTH_RAYS: usize = 64;
+const MIN_RUN_PAIRS: usize = 4;
 /// Part of the time asked for that a plan may be expected to take: clocks wander.
-const CAREFUL: f64 = 0.9;
+const PLAN_TIME_PART: f64 = 0.9;
 
 /// How all pairs are asked.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -113,22 +112,22 @@ impl Bench<'_> {
     ) -> Vec<Expected> {
         let most = match target {
             Target::Error(_) => f64::INFINITY,
-            Target::Seconds(most) => PILOT_PART * most,
+            Target::Seconds(most) => PILOT_TIME_PART * most,
         };
         let spent = || start.elapsed().as_secs_f64();
-        let mut pairs = sample(questions);
+        let mut pairs = pilot_pairs(questions);
         // A pilot that may take no longer than this looks at fewer pairs, with fewer rays for its truth.
-        let (mut rays, mut run) = (TRUTH, PILOT.1.min(pairs.len().max(1)));
+        let (mut rays, mut run) = (TRUTH_RAYS, PILOT_RUN_PAIRS.min(pairs.len().max(1)));
         if most.is_finite() {
             let few = Questions { pairs: &pairs[..run.min(pairs.len())], ..questions };
-            let call = self.embree(questions.workload, LEAST_TRUTH);
+            let call = self.embree(questions.workload, MIN_TRUTH_RAYS);
             let before = spent();
-            Reference::trace(few, &call, LEAST_TRUTH, STREAMS, &|_| ());
-            let each = (spent() - before) / (few.pairs.len() * LEAST_TRUTH).max(1) as f64;
-            let affordable = (TRUTH_PART * (most - spent()).max(0.0) / each.max(1e-12)) as usize;
-            rays = (affordable / pairs.len().max(1) / 2 * 2).clamp(LEAST_TRUTH, TRUTH);
+            Reference::trace(few, &call, MIN_TRUTH_RAYS, STREAMS, &|_| ());
+            let each = (spent() - before) / (few.pairs.len() * MIN_TRUTH_RAYS).max(1) as f64;
+            let affordable = (TRUTH_TIME_PART * (most - spent()).max(0.0) / each.max(1e-12)) as usize;
+            rays = (affordable / pairs.len().max(1) / 2 * 2).clamp(MIN_TRUTH_RAYS, TRUTH_RAYS);
             let runs = pairs.len().div_ceil(run);
-            let shorter = (affordable / (rays * runs.max(1))).clamp(LEAST_RUN.min(run), run);
+            let shorter = (affordable / (rays * runs.max(1))).clamp(MIN_RUN_PAIRS.min(run), run);
             pairs = first_of_each(&pairs, run, shorter);
             run = shorter;
         }
@@ -163,10 +162,10 @@ impl Bench<'_> {
     /// All plans, by the segments that they start with; exact rays first, so that there always is one of them.
     fn plans(&self) -> Vec<Plan> {
         let mut plans = Vec::new();
-        for (k, &rays) in LADDER.iter().enumerate() {
+        for (k, &rays) in SEGMENT_STEPS.iter().enumerate() {
             for feature_size in [None].into_iter().chain(self.sizes.iter().map(|&s| Some(s))) {
-                if feature_size.is_none() || rays >= LEAST_WALKED {
-                    let more = LADDER[k + 1..].iter().map(|&n| Some(n));
+                if feature_size.is_none() || rays >= MIN_MR_SEGMENTS {
+                    let more = SEGMENT_STEPS[k + 1..].iter().map(|&n| Some(n));
                     let plan = |more| Plan { feature_size, rays, more };
                     plans.extend([None].into_iter().chain(more).map(plan));
                 }
@@ -253,7 +252,7 @@ fn choose(plans: &[Expected], target: Target, spent: f64) -> (Expected, bool) {
     let (found, otherwise) = match target {
         Target::Error(most) => (least(seconds, &|p| good_enough(p, most)), least(error, &all)),
         Target::Seconds(most) => {
-            (least(error, &|p| spent + p.seconds <= CAREFUL * most), least(seconds, &all))
+            (least(error, &|p| spent + p.seconds <= PLAN_TIME_PART * most), least(seconds, &all))
         }
     };
     (found.or(otherwise).expect("exact rays are always a plan"), found.is_some())

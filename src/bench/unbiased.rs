@@ -1,43 +1,34 @@
 //! Rows without bias: averaged answers corrected by exact segments, against plain exact rays at the same error
-//! (method E.4).
+//! (docs/method.md, Unbiased combination).
 //!
 //! A pilot on a sample, with segments of its own, measures for some averaged levels what they cost, how far they are
 //! from exact, segment by segment, and how that depends on the answer. The numbers of corrections by class are those
 //! that leave the least variance at a price for a correction; price and level are those that promise the least time
 //! relative to that of exact rays with the same error.
 
+mod allocate;
+
+use super::context::Bench;
 use super::measure::{Questions, Run, Timer, bundles};
+use super::pilot::{UNBIASED_SEGMENTS, pilot_pairs};
 use super::record::{UnbiasedLevel, UnbiasedRow, interpolate_log_log};
 use super::reference::Reference;
+use super::rounds::WARM_UP_PAIRS;
 use super::rounds::as_often;
-use super::rows::{Bench, Measured, WARM_UP, curve, ratio};
+use super::rows::{Measured, curve, ratio};
 use super::workload::Order;
 use crate::ray::{LANES, Occluder, Packet};
 use crate::visibility::{Bundle, Correction, Estimate, Exact, MultiResolution, Unbiased, Workspace};
+use allocate::{CLASSES, Class, allocate};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::Rng;
 use std::time::Instant;
 
-/// Segments of the averaged level.
-pub(super) const SEGMENTS: [usize; 3] = [64, 256, 1024];
 /// Parts of their size that emitters are taken for: smaller ones open more.
 const EMITTER_PARTS: [f32; 3] = [1.0, 0.5, 0.25];
 /// Sample set of the rows, and those of the pilot.
 const STREAM: u64 = 5;
 const PILOT_STREAMS: [u64; 2] = [6, 7];
-/// Runs of neighbouring pairs in the pilot, and the pairs of each.
-pub(super) const PILOT: (usize, usize) = (32, 32);
-/// Least probability of a correction: rarer ones would make errors that nobody sees until they happen.
-const RAREST: f32 = 1.0 / 32.0;
-/// Least pairs that a class of the pilot is believed with.
-const FEW: f64 = 16.0;
-const CLASSES: usize = Correction::CLASSES;
-
-/// Bytes of a pilot's segments, both sets of them, at most.
-pub(super) fn pilot_bytes() -> usize {
-    let packets = SEGMENTS.map(|n| n.div_ceil(LANES)).into_iter().max().unwrap_or(0);
-    2 * PILOT.0 * PILOT.1 * packets * size_of::<Packet>()
-}
 
 /// An averaged level and how it is corrected.
 #[derive(Clone)]
@@ -59,10 +50,10 @@ impl Bench<'_> {
         measured: &Measured,
     ) -> Vec<UnbiasedRow> {
         let (reference, curve) = (&measured.reference, &curve(&measured.exact)[..]);
-        self.progress.stage("unbiased", (SEGMENTS.len() * questions.pairs.len()) as u64);
-        let sample = sample(questions);
+        self.progress.stage("unbiased", (UNBIASED_SEGMENTS.len() * questions.pairs.len()) as u64);
+        let sample = pilot_pairs(questions);
         let questions_of_pilot = Questions { pairs: &sample, ..questions };
-        SEGMENTS
+        UNBIASED_SEGMENTS
             .iter()
             .map(|&segments| {
                 let start = Instant::now();
@@ -88,7 +79,7 @@ impl Bench<'_> {
                 let ask = |questions: Questions, advance: &dyn Fn(usize)| {
                     self.timer.unbiased(questions, &unbiased, segments, seed, advance)
                 };
-                ask(questions.first(WARM_UP), &|_| ());
+                ask(questions.first(WARM_UP_PAIRS), &|_| ());
                 let advance = |first: bool, n: usize| self.progress.advance(if first { n as u64 } else { 0 });
                 let mut found = None;
                 let seconds = as_often(measured.rounds, |first| {
@@ -178,15 +169,6 @@ fn chance(seed: u64, pair: usize) -> u64 {
     Pcg64Mcg::new((u128::from(seed) << 64) | (pair as u128 * 2 + 1)).next_u64()
 }
 
-/// Runs of neighbouring questions, evenly spread.
-pub(super) fn sample(questions: Questions) -> Vec<usize> {
-    let all = questions.pairs.len();
-    let length = PILOT.1.min(all);
-    let runs = PILOT.0.min(all / length.max(1));
-    let first = |k: usize| (all - length) * k / (runs - 1).max(1);
-    (0..runs).flat_map(|k| questions.pairs[first(k)..first(k) + length].iter().copied()).collect()
-}
-
 /// Exact answers to a sample.
 struct Pilot<'a> {
     questions: Questions<'a>,
@@ -267,123 +249,9 @@ impl<'a> Pilot<'a> {
     }
 }
 
-/// Differences of exact and averaged packets of some pairs.
-#[derive(Clone, Debug, Default)]
-struct Class {
-    count: f64,
-    /// Summed variance within the pairs of the mean difference of 1, 2, 4, ... neighbouring packets: what is left when
-    /// so many of them, picked at random, stand for all.
-    left: Vec<f64>,
-    /// Summed square of the pairs' mean differences.
-    square: f64,
-}
-
-impl Class {
-    fn add(&mut self, clear: &[f32], sums: &[f32]) {
-        let differences: Vec<f64> =
-            clear.iter().zip(sums).map(|(c, t)| f64::from(c - t) / LANES as f64).collect();
-        let mean = differences.iter().sum::<f64>() / differences.len() as f64;
-        self.count += 1.0;
-        self.square += mean * mean;
-        for (j, left) in sizes(clear.len()).enumerate() {
-            let parts = differences.chunks(left);
-            let n = parts.len() as f64;
-            let error = |part: &[f64]| (part.iter().sum::<f64>() / part.len() as f64 - mean).powi(2);
-            self.left.resize(self.left.len().max(j + 1), 0.0);
-            self.left[j] += parts.map(error).sum::<f64>() / n;
-        }
-    }
-
-    fn join(mut self, other: &Class) -> Class {
-        self.left.resize(self.left.len().max(other.left.len()), 0.0);
-        self.left.iter_mut().zip(&other.left).for_each(|(a, b)| *a += b);
-        Class { count: self.count + other.count, square: self.square + other.square, ..self }
-    }
-
-    /// Numbers of packets to choose from, below 1 with that probability, and the summed variance that each leaves.
-    fn choices(&self) -> impl Iterator<Item = (f32, f64)> {
-        let one = self.left.first().copied().unwrap_or(0.0);
-        let rare = (1..=RAREST.log2().abs() as i32).rev().map(move |k| {
-            let q = 0.5f64.powi(k);
-            (q as f32, (one + self.square) / q - self.square)
-        });
-        rare.chain(self.left.iter().enumerate().map(|(j, &left)| ((1usize << j) as f32, left)))
-    }
-}
-
-/// The powers of two that divide a number of packets.
-fn sizes(packets: usize) -> impl Iterator<Item = usize> {
-    (0..=packets.trailing_zeros()).map(|j| 1 << j)
-}
-
-/// Packets by class so that `work(variance, packets)` is least, where both are means over all `pairs`: each class takes
-/// what is best for it at a price for a packet (Lagrange), and the price is tried out.
-fn allocate(classes: &[Class], pairs: usize, work: impl Fn(f64, f64) -> f64) -> (Correction, f64) {
-    let n = pairs.max(1) as f64;
-    let whole = classes.iter().fold(Class::default(), Class::join);
-    let choice = |price: f64| {
-        let (mut packets, mut variance, mut asked) = ([1.0; CLASSES], 0.0, 0.0);
-        for (class, packets) in classes.iter().zip(&mut packets) {
-            // Classes that the pilot hardly saw are taken for what all are like.
-            let believed = if class.count < FEW { &whole } else { class };
-            let price = price * believed.count;
-            let best = believed
-                .choices()
-                .min_by(|a, b| (a.1 + price * f64::from(a.0)).total_cmp(&(b.1 + price * f64::from(b.0))));
-            let Some((m, left)) = best else { continue };
-            *packets = m;
-            let part = class.count / believed.count.max(1.0);
-            (variance, asked) = (variance + left * part, asked + class.count * f64::from(m));
-        }
-        (Correction { packets }, work(variance / n, asked / n))
-    };
-    let prices = (-60..=4).map(|k| f64::from(k as f32 * 0.5).exp2());
-    prices.map(choice).min_by(|a, b| a.1.total_cmp(&b.1)).expect("there are prices")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// As many pairs, whose differences have this variance for one packet of `all` and are independent.
-    fn class(count: f64, variance: f64, all: usize) -> Class {
-        let left = sizes(all).map(|m| count * variance * (1.0 / m as f64 - 1.0 / all as f64)).collect();
-        Class { count, left, square: 0.0 }
-    }
-
-    #[test]
-    fn corrections_go_where_the_answers_vary() {
-        let mut classes = vec![Class::default(); CLASSES];
-        (classes[2], classes[11]) = (class(100.0, 0.0001, 64), class(100.0, 0.01, 64));
-        let work = |variance: f64, packets: f64| (1e-5 + variance) * (1.0 + packets);
-        let (correction, least) = allocate(&classes, 200, work);
-        let [rare, often] = [2, 11].map(|c| f64::from(correction.packets[c]));
-        assert!((4.0..=32.0).contains(&(often / rare)), "about in proportion: {rare} {often}");
-        // No other number for all is better.
-        for ((m, a), (_, b)) in classes[2].choices().zip(classes[11].choices()) {
-            assert!(work((a + b) / 200.0, m.into()) > 0.999 * least, "{m}");
-        }
-    }
-
-    #[test]
-    fn costly_corrections_are_rare_and_never_left_out() {
-        let mut classes = vec![Class::default(); CLASSES];
-        (classes[0], classes[11]) = (class(1000.0, 1e-9, 16), class(50.0, 0.02, 16));
-        let (correction, _) = allocate(&classes, 1050, |v, p| (0.01 + v) * (1.0 + 100.0 * p));
-        assert!(correction.packets.iter().all(|&m| m >= RAREST));
-        assert_eq!(correction.packets[0], RAREST);
-    }
-
-    #[test]
-    fn all_packets_leave_nothing() {
-        let mut one = Class::default();
-        one.add(&[16.0, 0.0, 8.0, 8.0], &[8.0; 4]);
-        assert_eq!((one.left.len(), one.left[2], one.square), (3, 0.0, 0.0));
-        // Neighbours that make up for each other leave nothing either.
-        assert!(one.left[0] > 0.1 && one.left[1] == 0.0);
-        let left: Vec<f64> = one.choices().map(|c| c.1).collect();
-        assert!(left.windows(2).all(|w| w[0] > w[1] || w[1] == 0.0), "{left:?}");
-    }
 
     #[test]
     fn chances_differ_between_pairs() {

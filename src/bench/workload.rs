@@ -2,7 +2,7 @@
 
 use crate::math::Aabb;
 use crate::ray::{EndRule, LANES, Packet, gather_neighbours};
-use crate::scene::{Emitter, Scene};
+use crate::scene::{Emitter, Placement, Scene};
 use crate::visibility::reference::end_rule;
 use glam::{BVec3, Vec3};
 use rayon::prelude::*;
@@ -171,17 +171,17 @@ fn in_turn(points: [Vec3; 4]) -> [Vec3; 4] {
 
 /// The points, each once, if there are few, or the corners of the box around them.
 fn hull(points: impl Iterator<Item = Vec3> + Clone) -> Vec<Vec3> {
-    const FEW: usize = 8;
+    const MAX_HULL_POINTS: usize = 8;
     let mut distinct: Vec<Vec3> = Vec::new();
     for p in points.clone() {
-        if distinct.len() <= FEW && !distinct.contains(&p) {
+        if distinct.len() <= MAX_HULL_POINTS && !distinct.contains(&p) {
             distinct.push(p);
         }
     }
     if let [a, b, c, d] = distinct[..] {
         return in_turn([a, b, c, d]).to_vec();
     }
-    if distinct.len() <= FEW {
+    if distinct.len() <= MAX_HULL_POINTS {
         return distinct;
     }
     let bounds = Aabb::of(points);
@@ -313,35 +313,36 @@ pub(super) fn point_on([a, b, c]: [Vec3; 3], u: f32, v: f32) -> Vec3 {
 /// # Errors
 /// If every surface emits.
 pub fn surface_points(scene: &Scene, count: usize, seed: u64) -> crate::Result<Vec<Point>> {
-    let receivers: Vec<u32> = (0..scene.triangles.len() as u32)
-        .filter(|&t| scene.triangle_emitter[t as usize] == u32::MAX)
-        .collect();
-    let mut sums = Vec::with_capacity(receivers.len());
-    let mut sum = 0.0f64;
-    for &t in &receivers {
-        let [a, b, c] = scene.corners(t);
-        sum += crate::math::triangle_area(a, b, c);
-        sums.push(sum);
+    let own = Receivers::of(scene);
+    let shared: Vec<Receivers> = scene.shared.iter().map(|mesh| Receivers::of(mesh)).collect();
+    // Sums of areas: the scene's own triangles first, then the visible placements.
+    let mut sum = own.area();
+    let mut placed = Vec::new();
+    for placement in scene.placements.iter().filter(|p| p.visible) {
+        placed.push((sum, placement));
+        sum += shared[placement.mesh as usize].area() * area_scale(placement);
     }
-    if receivers.is_empty() {
+    if sum <= 0.0 {
         return Err(crate::Error::Scene(
             "every surface of the scene emits: there is nothing to receive light".into(),
         ));
     }
+    let bounds = scene.world_bounds();
     let seed = scramble(seed ^ 0x706f_696e_7473);
     let mut points: Vec<(u64, Point)> = (0..count as u32)
         .into_par_iter()
         .map(|i| {
             let draw = sample_4d(i & 0xffff, 0, seed ^ (i >> 16).wrapping_mul(0x9e37_79b9));
             let target = f64::from(draw[0]) * sum;
-            let k = sums.partition_point(|&s| s <= target).min(sums.len() - 1);
-            let corners = scene.corners(receivers[k]);
-            let position = point_on(corners, draw[1], draw[2]);
-            let mut normal = crate::math::triangle_normal(corners[0], corners[1], corners[2]);
-            if scene.triangle_sides[receivers[k] as usize] == 2 && draw[3] < 0.5 {
-                normal = -normal;
-            }
-            (curve_key(scene, position), Point { position, normal })
+            let point = match placed.partition_point(|(before, _)| *before <= target) {
+                0 => own.point(target, draw),
+                k => {
+                    let (before, placement) = placed[k - 1];
+                    let target = (target - before) / area_scale(placement);
+                    moved(shared[placement.mesh as usize].point(target, draw), placement)
+                }
+            };
+            (curve_key(bounds, point.position), point)
         })
         .collect();
     // Neighbours together: both engines find their caches warm.
@@ -349,10 +350,63 @@ pub fn surface_points(scene: &Scene, count: usize, seed: u64) -> crate::Result<V
     Ok(points.into_iter().map(|(_, point)| point).collect())
 }
 
+/// Triangles of a mesh that do not emit, with running sums of their areas.
+struct Receivers<'a> {
+    scene: &'a Scene,
+    triangles: Vec<u32>,
+    sums: Vec<f64>,
+}
+
+impl<'a> Receivers<'a> {
+    fn of(scene: &'a Scene) -> Receivers<'a> {
+        let triangles: Vec<u32> = (0..scene.triangles.len() as u32)
+            .filter(|&t| scene.triangle_emitter[t as usize] == u32::MAX)
+            .collect();
+        let mut sums = Vec::with_capacity(triangles.len());
+        let mut sum = 0.0f64;
+        for &t in &triangles {
+            let [a, b, c] = scene.corners(t);
+            sum += crate::math::triangle_area(a, b, c);
+            sums.push(sum);
+        }
+        Receivers { scene, triangles, sums }
+    }
+
+    /// Area of all triangles, squared units of the mesh.
+    fn area(&self) -> f64 {
+        self.sums.last().copied().unwrap_or(0.0)
+    }
+
+    /// The point at which the running sum of areas reaches `target`, on either side of sheets.
+    fn point(&self, target: f64, draw: [f32; 4]) -> Point {
+        let k = self.sums.partition_point(|&s| s <= target).min(self.sums.len() - 1);
+        let corners = self.scene.corners(self.triangles[k]);
+        let position = point_on(corners, draw[1], draw[2]);
+        let mut normal = crate::math::triangle_normal(corners[0], corners[1], corners[2]);
+        if self.scene.triangle_sides[self.triangles[k] as usize] == 2 && draw[3] < 0.5 {
+            normal = -normal;
+        }
+        Point { position, normal }
+    }
+}
+
+/// Area of a placed triangle over its area in the mesh.
+fn area_scale(placement: &Placement) -> f64 {
+    placement.transform.matrix3.determinant().abs().cbrt().powi(2)
+}
+
+/// A point of a mesh where it is placed.
+fn moved(Point { position, normal }: Point, placement: &Placement) -> Point {
+    let normal = placement.transform.matrix3.inverse().transpose() * normal.as_dvec3();
+    Point {
+        position: placement.transform.transform_point3(position.as_dvec3()).as_vec3(),
+        normal: normal.normalize_or_zero().as_vec3(),
+    }
+}
+
 /// Position along a Morton curve of 2^10 cells an axis.
-fn curve_key(scene: &Scene, p: Vec3) -> u64 {
-    let cell = ((p - scene.bounds.min) / scene.bounds.extent().max_element().max(f32::MIN_POSITIVE) * 1023.0)
-        .as_uvec3();
+fn curve_key(bounds: Aabb, p: Vec3) -> u64 {
+    let cell = ((p - bounds.min) / bounds.extent().max_element().max(f32::MIN_POSITIVE) * 1023.0).as_uvec3();
     (0..10).fold(0, |key, bit| {
         let pick = |v: u32| u64::from(v >> bit & 1);
         key | (pick(cell.x) | pick(cell.y) << 1 | pick(cell.z) << 2) << (3 * bit)

@@ -2,9 +2,9 @@
 
 use crate::{
     Error, Result,
-    bench::MOST_THREADS,
+    bench::MAX_THREADS,
     files::WholeFile,
-    model::cache::Place,
+    model::cache::CacheLocation,
     scene::{LoadOptions, Scene, parse_emitter},
 };
 use indicatif::{ProgressBar, ProgressStyle};
@@ -19,7 +19,7 @@ use std::{
 #[command(next_help_heading = "Common options")]
 pub struct Common {
     /// Number of threads; default one for each core, but for the timed sections of `bench`, which have one.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MOST_THREADS)))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MAX_THREADS)))]
     pub threads: Option<u16>,
     /// Seed of everything random.
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -182,11 +182,11 @@ impl CacheArgs {
     ///
     /// # Errors
     /// The folder that was asked for cannot be written.
-    pub fn place(&self) -> Result<Place> {
+    pub fn place(&self) -> Result<CacheLocation> {
         match &self.cache {
-            None => Ok(Place::Beside),
-            Some(folder) if folder == Path::new("off") => Ok(Place::Off),
-            Some(folder) => check_folder(folder).map(|()| Place::Folder(folder.clone())),
+            None => Ok(CacheLocation::Beside),
+            Some(folder) if folder == Path::new("off") => Ok(CacheLocation::Off),
+            Some(folder) => check_folder(folder).map(|()| CacheLocation::Folder(folder.clone())),
         }
     }
 }

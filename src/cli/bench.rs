@@ -1,6 +1,7 @@
 //! `mrvis bench SCENE`: exact against multi-resolution visibility on the same segments.
 
 mod pictures;
+mod repeat;
 mod table;
 
 use super::args::{CacheArgs, Common, SceneArgs, check_folder};
@@ -76,15 +77,15 @@ impl Args {
     /// Whether the options make sense for growing forests alone, without a scene.
     fn check_scaling_alone(&self) -> Result<()> {
         let needs_scene = [
-            ("--target-error", self.target_error.is_some()),
-            ("--target-seconds", self.target_seconds.is_some()),
-            ("--unbiased", self.unbiased),
-            ("--receiver", !self.receivers.is_empty()),
-            ("--audit", self.audit.is_some()),
+            ("target-error", self.target_error.is_some()),
+            ("target-seconds", self.target_seconds.is_some()),
+            ("unbiased", self.unbiased),
+            ("receiver", !self.receivers.is_empty()),
+            ("audit", self.audit.is_some()),
         ];
         if let Some((name, _)) = needs_scene.into_iter().find(|&(_, given)| given) {
             return Err(Error::Argument(format!(
-                "{name} says nothing of the forests of --scaling: name a SCENE, or leave {name} out"
+                "--{name} does not apply to the forests of --scaling: name a SCENE, or omit --{name}"
             )));
         }
         if self.feature_sizes.len() > 1 {
@@ -177,7 +178,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let mut text = table::table(&record);
     if let Some(folder) = &args.out {
         pictures::write_pictures(folder, &images)?;
-        text += &write_page(folder, &page::render(&record, &images)?)?;
+        text += &write_page(folder, &page::render(&record, &images, &repeat::command_line(&record))?)?;
     }
     common.write_json(&record)?;
     bar.finish();

@@ -56,7 +56,7 @@ pub struct Args {
     /// Folder for the feature masks, the difference image and the spectrum (made if missing)
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// File for the figures as JSON
+    /// File for the figures as JSON; - is the standard output, and the text goes to standard error
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
     /// Exit with 1 when the error at any of the sizes exceeds E (in image values)
@@ -118,13 +118,21 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let sizes = if args.sizes.is_empty() { spectrum_sizes(&reference, 8) } else { args.sizes.clone() };
     let norms = norms(&reference, &approximation)?;
     let rows = spectrum(&reference, &approximation, &sizes, &options)?;
+    let json_is_piped = args.json.as_deref() == Some(Path::new("-"));
     if !args.quiet {
-        // A reader that went away (`| head`) is no error of this command.
-        let _ = std::io::stdout().write_all(table(args, &reference, white, &norms, &rows).as_bytes());
+        let text = table(args, &reference, white, &norms, &rows);
+        // A closed pipe (`| head`) is not an error.
+        let _ = match json_is_piped {
+            true => std::io::stderr().write_all(text.as_bytes()),
+            false => std::io::stdout().write_all(text.as_bytes()),
+        };
     }
     if let Some(path) = &args.json {
         let text = format!("{:#}\n", report(args, &reference, white, &norms, &rows));
-        write_atomically(path, text.as_bytes())?;
+        match json_is_piped {
+            true => super::print(&text)?,
+            false => write_atomically(path, text.as_bytes())?,
+        }
     }
     if let Some(folder) = &args.out {
         write_pictures(folder, &reference, &approximation, &options.features, &rows)?;

@@ -7,6 +7,7 @@ mod args;
 mod bench;
 mod compare;
 mod fbem;
+mod flags;
 mod form_factors;
 mod generate;
 mod info;
@@ -77,7 +78,7 @@ pub fn main() -> ExitCode {
         Err(Error::Io { source, .. }) if source.kind() == ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(error) => {
             // Standard error may be closed; there is nobody left to tell.
-            let _ = writeln!(std::io::stderr(), "mrvis: {}", one_line(&error));
+            let _ = writeln!(std::io::stderr(), "mrvis: {}", flags::with_flags(&one_line(&error)));
             ExitCode::from(2)
         }
     }

@@ -1,12 +1,14 @@
 //! `mrvis solve SCENE --out DIR`: the light in a scene.
 
-use super::args::{CacheArgs, Common, SceneArgs, Spinner, check_folder, grouped};
+mod scaling;
+mod summary;
+mod watch;
+
+use super::args::{CacheArgs, Common, SceneArgs, check_folder};
+use super::flags::with_flags;
 use super::outputs::Outputs;
 use crate::bench::side_by_side::{ComparedRecord, Versus, side_by_side};
-use crate::bench::solve_scaling::{LARGEST, solve_scaling};
 use crate::files::WholeFile;
-use crate::model::Model;
-use crate::plot::number;
 use crate::points::{Irradiance, Point, read_points, write_irradiance};
 use crate::progress::Progress;
 use crate::radiosity::{
@@ -15,15 +17,15 @@ use crate::radiosity::{
 use crate::scene::{Scene, StoredCamera};
 use crate::{Error, Result};
 use glam::DVec3;
+use scaling::scaling;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
+use summary::summary;
+use watch::{Watch, prepare};
 
 /// Compute the light in a scene: radiosity of all surfaces, irradiance at points.
 #[derive(clap::Args, Debug)]
@@ -34,7 +36,7 @@ pub struct Args {
     /// Folder for the results (made if missing).
     #[arg(long, value_name = "DIR", required_unless_present = "scaling")]
     out: Option<PathBuf>,
-    /// Measure how time grows instead: scenes of a thousand triangles and ten times more each, up to N [default: a
+    /// Measure how time grows instead: scenes of 1,000, 10,000, ... triangles up to N (at least 10,000) [default: a
     /// million], solved to the same error; table and --json.
     #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "1000000", conflicts_with = "scene")]
     scaling: Option<usize>,
@@ -59,7 +61,7 @@ pub struct Args {
     /// How visibility is answered.
     #[arg(long, value_enum, default_value = "exact")]
     visibility: Engine,
-    /// Solve once more with this engine, side by side: time of both and the difference at the points.
+    /// Solve once more with this engine, side by side: time of both and the difference at the points; needs --points.
     #[arg(long, value_enum, value_name = "ENGINE", requires = "points")]
     compare: Option<Engine>,
     /// Feature size in scene units: shadows smaller than this may be averaged [default: each receiver's diameter]. With
@@ -161,11 +163,9 @@ impl From<Engine> for Visibility {
     }
 }
 
-/// Exit code of a program that an interruption has ended, as shells count.
-const INTERRUPTED: i32 = 130;
-
-pub fn run(args: &Args) -> Result<ExitCode> {
-    let mut options = Options {
+/// The options of the solver. Views follow when the scene is read.
+fn options(args: &Args) -> Result<Options> {
+    Ok(Options {
         error: args.error,
         min_area: args.min_area,
         oracle: match args.oracle {
@@ -199,8 +199,12 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         max_links: args.max_links,
         cache: args.cache.place()?,
         seed: args.common.seed,
-    };
-    options.check().map_err(with_flags)?;
+    })
+}
+
+pub fn run(args: &Args) -> Result<ExitCode> {
+    let mut options = options(args)?;
+    options.check()?;
     if let Some(threads) = args.common.threads {
         rayon::ThreadPoolBuilder::new()
             .num_threads(threads.into())
@@ -223,71 +227,20 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     }
     let load = start.elapsed().as_secs_f64();
     let watch = Watch { spinner: args.common.spinner("solving"), stopped: Arc::default() };
-    let stopped = watch.stopped.clone();
-    let quiet = args.common.quiet;
-    // Where handlers cannot be set, interruption ends the program as it always did.
-    let _ = ctrlc::set_handler(move || {
-        if stopped.swap(true, Ordering::Relaxed) {
-            std::process::exit(INTERRUPTED);
-        }
-        if !quiet {
-            // There may be nobody who reads it.
-            let _ = writeln!(
-                std::io::stderr(),
-                "mrvis: stopping with the light there is; once more ends at once"
-            );
-        }
-    });
+    watch.stop_on_interruption(args.common.quiet);
     watch.stage("preparing", 0);
     let model = prepare(scene, &options, &watch)?;
-    let (outcome, solution) = radiosity::solve(&model, &points, &options, &watch).map_err(with_flags)?;
+    let (outcome, solution) = radiosity::solve(&model, &points, &options, &watch)?;
     let other = args.compare.filter(|_| !outcome.record.interrupted);
-    let versus = other
-        .map(|other| side_by_side(&model, &points, &outcome, other.into(), &watch))
-        .transpose()
-        .map_err(with_flags)?;
+    let versus =
+        other.map(|other| side_by_side(&model, &points, &outcome, other.into(), &watch)).transpose()?;
     watch.spinner.clear();
     let met = outcome.record.target_met != Some(false);
     write(args, out, &points, (outcome, versus, load), (&solution, &watch))?;
     Ok(if met { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
-/// Options of the library that notes and errors name by their field, in backticks.
-const FIELDS: [&str; 17] = [
-    "audit",
-    "emitter",
-    "error",
-    "feature_size",
-    "gather_rays",
-    "inside",
-    "light_rays",
-    "local_rays",
-    "max_links",
-    "max_seconds",
-    "min_area",
-    "rows",
-    "scaling",
-    "step_seconds",
-    "target_error",
-    "visibility",
-    "importance",
-];
-
-/// Replaces the fields of options in a message of the library by the flags of the command.
-fn flags(message: &str) -> String {
-    FIELDS.iter().fold(message.to_owned(), |text, field| {
-        text.replace(&format!("`{field}`"), &format!("--{}", field.replace('_', "-")))
-    })
-}
-
-fn with_flags(error: Error) -> Error {
-    match error {
-        Error::Argument(message) => Error::Argument(flags(&message)),
-        other => other,
-    }
-}
-
-/// Writes all files and says so.
+/// Writes all files and prints the summary. `load`: seconds that reading the scene took.
 fn write(
     args: &Args,
     out: &Path,
@@ -296,12 +249,11 @@ fn write(
     (solution, watch): (&Solution, &Watch),
 ) -> Result<()> {
     let Outcome { mesh, mut record, irradiance } = outcome;
-    let scene = solution.model().scene();
     record.seconds.load = load;
     if record.interrupted {
         record.warnings.push("interrupted: this is the consistent solution reached so far".into());
     }
-    record.warnings.iter_mut().for_each(|warning| *warning = flags(warning));
+    record.warnings.iter_mut().for_each(|warning| *warning = with_flags(warning));
     let mut record = ComparedRecord { record, versus };
     let save = |record: &ComparedRecord| {
         let text = serde_json::to_string_pretty(record)
@@ -316,10 +268,10 @@ fn write(
     let notes = RefCell::new(Vec::new());
     let gather = |points: &[Point], part: f64| {
         let PointLight { irradiance, note } = solution.irradiance_within(points, part, watch);
-        notes.borrow_mut().extend(note.map(|note| flags(&note)));
+        notes.borrow_mut().extend(note.map(|note| with_flags(&note)));
         irradiance
     };
-    let with_points = args.points.is_some();
+    let (scene, with_points) = (solution.model().scene(), args.points.is_some());
     let shown = args.outputs.write(&args.common, scene, &mesh, out, with_points, &gather)?;
     let notes = notes.into_inner();
     if !notes.is_empty() {
@@ -327,47 +279,11 @@ fn write(
         save(&record)?;
     }
     args.common.write_json(&record)?;
-    args.common.print(&summary(&record))?;
+    args.common.print(&summary(&record, with_points))?;
     for file in shown {
         args.common.print(&format!("wrote {}\n", file.display()))?;
     }
     Ok(())
-}
-
-/// Solves the series of scenes and shows how time grows.
-fn scaling(common: &Common, options: &Options, largest: usize) -> Result<ExitCode> {
-    if !LARGEST.contains(&largest) {
-        let (least, most) = (LARGEST.start(), LARGEST.end());
-        return Err(Error::Argument(format!("--scaling={largest}: must lie in {least}..{most} triangles")));
-    }
-    common.check_json()?;
-    let watch = Watch { spinner: common.spinner("solving"), stopped: Arc::default() };
-    let found = solve_scaling(options, largest, &watch).map_err(with_flags)?;
-    drop(watch);
-    common.write_json(&found)?;
-    let mut text =
-        String::from("triangles    elements       links        rays     memory     error        time\n");
-    for r in &found.rows {
-        let _ = writeln!(
-            text,
-            "{:>9} {:>11} {:>11} {:>11} {:>7.1} MB {:>9} {:>9.2} s",
-            grouped(r.triangles),
-            grouped(r.elements),
-            grouped(r.links),
-            grouped(r.exact_rays as usize),
-            r.bytes as f64 / 1e6,
-            r.rms_error.map_or_else(|| "-".into(), |e| format!("{e:.4}")),
-            r.seconds
-        );
-    }
-    let _ = writeln!(
-        text,
-        "time grows as triangles to the power of {:.3} over all scenes, {:.3} over the last two, where what costs the same in \
-         all of them (rays of the local pass) counts least",
-        found.slope, found.slope_last
-    );
-    common.print(&text)?;
-    Ok(ExitCode::SUCCESS)
 }
 
 /// The cameras whose pictures matter.
@@ -391,51 +307,6 @@ fn views(scene: &Scene, given: Option<[f64; 7]>) -> Result<Vec<View>> {
     Ok(views)
 }
 
-/// Shows what is going on, and passes an interruption on.
-struct Watch {
-    spinner: Spinner,
-    stopped: Arc<AtomicBool>,
-}
-
-impl Progress for Watch {
-    fn stage(&self, name: &str, _: u64) {
-        self.spinner.say(name);
-    }
-
-    fn stopped(&self) -> bool {
-        self.stopped.load(Ordering::Relaxed)
-    }
-}
-
-/// Prepares the model within the time that the options allow for the whole solve.
-fn prepare(scene: Scene, options: &Options, watch: &Watch) -> Result<Model> {
-    let until = Until { watch, start: Instant::now(), seconds: options.max_seconds.unwrap_or(f64::INFINITY) };
-    Model::prepare(scene, &options.prepare(), &until).map_err(|error| match (error, options.max_seconds) {
-        (Error::Cancelled(_), Some(seconds)) if !watch.stopped() => Error::Argument(format!(
-            "--max-seconds {seconds}: the time was up before the clusters were measured; allow more (they are kept for the \
-             next run) or take --visibility exact"
-        )),
-        (error, _) => error,
-    })
-}
-
-/// Stops a preparation when the time of the solve is up.
-struct Until<'a> {
-    watch: &'a Watch,
-    start: Instant,
-    seconds: f64,
-}
-
-impl Progress for Until<'_> {
-    fn stage(&self, name: &str, steps: u64) {
-        self.watch.stage(name, steps);
-    }
-
-    fn stopped(&self) -> bool {
-        self.watch.stopped() || self.start.elapsed().as_secs_f64() >= self.seconds
-    }
-}
-
 /// Feature sizes by name.
 fn read_sizes(path: &Path) -> Result<Vec<(String, f32)>> {
     let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
@@ -444,111 +315,4 @@ fn read_sizes(path: &Path) -> Result<Vec<(String, f32)>> {
         Error::format(path, line, format!("{}; write lines like `sofa = 0.05`", e.message()))
     })?;
     Ok(sizes.into_iter().collect())
-}
-
-fn summary(compared: &ComparedRecord) -> String {
-    let r = &compared.record;
-    let mut text = String::new();
-    let s = &r.seconds;
-    // Writing to a string cannot fail.
-    let _ = writeln!(
-        text,
-        "{} elements, {} links, {} exact rays",
-        grouped(r.elements),
-        grouped(r.links),
-        grouped(r.exact_rays as usize)
-    );
-    if r.unlit.sides > 0 {
-        let _ = writeln!(
-            text,
-            "{} of {} sides, {:.1} % of the surface, are reached by no light",
-            grouped(r.unlit.sides),
-            grouped(r.unlit.of),
-            100.0 * r.unlit.area
-        );
-    }
-    let _ = writeln!(
-        text,
-        "read {:.2} s, Embree {:.2} s, clusters {:.2} s, measured {:.2} s, elements {:.2} s, solved {:.2} s, local {:.2} s, points {:.2} s",
-        s.load, s.embree, s.hierarchy, s.characterise, s.elements, s.solve, s.local, s.points
-    );
-    let l = &r.ledger;
-    let _ = writeln!(
-        text,
-        "emitted {0} {unit}, absorbed {1} {unit}, escaped {2} {unit}, created {3:.1e} {unit} (mean of the channels)",
-        number(l.emitted),
-        number(l.absorbed),
-        number(l.escaped),
-        l.created,
-        unit = l.unit
-    );
-    if let Some([low, high]) = l.row_sums {
-        let _ = writeln!(
-            text,
-            "row sums of closed elements {low:.4} to {high:.4}, off by {:.1e} in the mean (as sampled {:.1e})",
-            l.row_sum_error, l.row_sum_error_sampled
-        );
-    }
-    let [red, green, blue] = r.mean_irradiance.map(number);
-    let _ = writeln!(
-        text,
-        "mean irradiance {red}, {green}, {blue} W/m\u{b2} (red, green, blue); estimated error {} %",
-        number(100.0 * r.error_estimate)
-    );
-    if let Some(v) = &compared.versus {
-        text += &comparison(r, v);
-    }
-    if let Some(a) = &r.audit {
-        let _ = writeln!(
-            text,
-            "error bars: {:.0} % of {} elements within one, {:.0} % within two; RMS error {:.3} of the mean, bars say {:.3}",
-            100.0 * a.within_one,
-            a.elements,
-            100.0 * a.within_two,
-            a.rms_error,
-            a.rms_bar
-        );
-    }
-    for warning in &r.warnings {
-        let _ = writeln!(text, "note: {warning}");
-    }
-    text
-}
-
-/// A table of both engines.
-fn comparison(r: &radiosity::Record, v: &Versus) -> String {
-    let name = |visibility| match visibility {
-        Visibility::Exact => "exact",
-        Visibility::Mr => "mr",
-        Visibility::Average => "average",
-    };
-    let mut text = format!(
-        "{:<9}{:>11}{:>11}{:>11}{:>11}{:>11}{:>12}\n",
-        "", "clusters s", "solved s", "points s", "all s", "links", "exact rays"
-    );
-    for (visibility, s, links, rays) in [
-        (r.options.visibility, &r.seconds, r.links, r.bundles.exact_rays),
-        (v.visibility, &v.seconds, v.links, v.bundles.exact_rays),
-    ] {
-        let clusters = s.hierarchy + s.characterise;
-        let _ = writeln!(
-            text,
-            "{:<9}{clusters:>11.2}{:>11.2}{:>11.2}{:>11.2}{:>11}{:>12}",
-            name(visibility),
-            s.solve,
-            s.points,
-            s.work(),
-            grouped(links),
-            grouped(rays as usize)
-        );
-    }
-    let (own, other) = (name(r.options.visibility), name(v.visibility));
-    let _ = writeln!(
-        text,
-        "{other} took {:.2} times as long as {own}; at the points they differ by {:.2} % RMS, {:+.2} % in the mean",
-        v.speedup,
-        100.0 * v.difference.rms,
-        100.0 * v.difference.bias
-    );
-    text
 }

@@ -1,6 +1,6 @@
 //! Options of a solution.
 
-use crate::model::cache::Place;
+use crate::model::cache::CacheLocation;
 use crate::{Error, Result};
 use glam::DVec3;
 
@@ -117,7 +117,7 @@ pub struct Options {
     pub max_links: usize,
     /// Where measured clusters are kept.
     #[serde(skip)]
-    pub cache: Place,
+    pub cache: CacheLocation,
     /// Seed of all random numbers.
     pub seed: u64,
 }
@@ -145,7 +145,7 @@ impl Default for Options {
             more_points: false,
             target_error: None,
             max_links: 10_000_000,
-            cache: Place::Off,
+            cache: CacheLocation::Off,
             seed: 1,
         }
     }
@@ -167,7 +167,7 @@ impl Options {
         ];
         for (name, value) in above_zero {
             if let Some(v) = value.filter(|v| !v.is_finite() || *v <= 0.0) {
-                return Err(Error::Argument(format!("`{name}` {v}: must be a number above 0")));
+                return Err(Error::Argument(format!("{name} {v}: must be a number above 0")));
             }
         }
         if let Some((name, s)) = self.feature_sizes.iter().find(|(_, s)| !s.is_finite() || *s <= 0.0) {
@@ -182,12 +182,12 @@ impl Options {
             ("audit", self.audit.saturating_add(1), 1 << 20),
         ] {
             if value == 0 || value > most {
-                return Err(Error::Argument(format!("`{name}` {value}: must lie in 1..{most}")));
+                return Err(Error::Argument(format!("{name} {value}: must lie in 1..{most}")));
             }
         }
         if self.min_area > 1.0 {
             return Err(Error::Argument(format!(
-                "`min_area` {}: is a part of the scene's area, at most 1",
+                "min_area {}: is a part of the scene's area, at most 1",
                 self.min_area
             )));
         }

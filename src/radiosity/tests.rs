@@ -125,7 +125,11 @@ fn without_light_everything_is_black() {
     let outcome = solved(&room(false), &floor(5), &Options::default());
     assert!(outcome.irradiance.iter().flatten().all(|&v| v == 0.0));
     assert!(outcome.mesh.elements.iter().all(|e| e.irradiance == [0.0; 3]));
-    assert!(outcome.record.warnings.iter().any(|w| w.contains("`emitter`")), "{:?}", outcome.record.warnings);
+    assert!(
+        outcome.record.warnings.iter().any(|w| w.contains("option `emitters`")),
+        "{:?}",
+        outcome.record.warnings
+    );
 }
 
 #[test]

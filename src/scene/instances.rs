@@ -72,8 +72,8 @@ impl Scene {
             p.transform = DAffine3::from_translation(-self.origin) * p.transform * from_mesh;
             let bounds = p.bounds(mesh.bounds);
             let farthest = bounds.min.abs().max(bounds.max.abs()).max_element();
-            // The comparison is false for what is not a number.
-            if !p.transform.is_finite() || !(f64::from(farthest) <= MAX_COORDINATE) {
+            // A box of corners that are not numbers is empty: its ends are infinite.
+            if !p.transform.is_finite() || f64::from(farthest) > MAX_COORDINATE {
                 let what = format!("not finite or beyond {MAX_COORDINATE:e}");
                 let text = format!("node `{}` places its mesh at coordinates that are {what}", p.name);
                 return Err(Error::format(&self.path, None, text));

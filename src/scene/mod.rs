@@ -90,7 +90,7 @@ pub struct Emitter {
     pub normal: Vec3,
     /// Minimum width: for a planar surface the smallest distance of two parallel lines in its plane that hold
     /// it; for others the smallest width of its convex hull over the sampled directions. Scene units. This is
-    /// the `e` of the umbra criterion (method A.6: the smallest is the safe one).
+    /// width e of the umbra criterion (docs/method.md, Umbra criterion: the smallest width misses no umbra).
     pub min_width: f32,
     /// Radiance, W/(m² sr), linear RGB (area-weighted mean over the faces).
     pub emission: [f32; 3],

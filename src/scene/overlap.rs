@@ -26,7 +26,7 @@ pub(super) struct Faces<'a> {
 
 /// Counts the overlaps and names the largest.
 pub(super) fn tell(faces: &Faces, objects: &[Object], unit: &str, repairs: &mut Repairs) {
-    const NAMED: usize = 4;
+    const MAX_NAMED_PAIRS: usize = 4;
     let found = overlaps(faces);
     repairs.overlapping_objects += found.len();
     if found.is_empty() {
@@ -37,9 +37,9 @@ pub(super) fn tell(faces: &Faces, objects: &[Object], unit: &str, repairs: &mut 
         let other = if a == b { "itself".to_owned() } else { format!("`{second}`") };
         format!("`{first}` and {other} {area:.2e} {unit}²")
     };
-    let mut list: Vec<String> = found.iter().take(NAMED).map(one).collect();
-    if found.len() > NAMED {
-        list.push(format!("{} more", found.len() - NAMED));
+    let mut list: Vec<String> = found.iter().take(MAX_NAMED_PAIRS).map(one).collect();
+    if found.len() > MAX_NAMED_PAIRS {
+        list.push(format!("{} more", found.len() - MAX_NAMED_PAIRS));
     }
     repairs.messages.push(format!(
         "faces of one plane overlap and face the same way: which of them is seen and lit is chance; move one of them off a \
@@ -86,20 +86,20 @@ struct Tolerance {
 }
 
 /// Roundings that heights may differ by.
-const ROUNDINGS: f64 = 8.0;
+const MAX_ROUNDINGS: f64 = 8.0;
 /// Slopes that may differ.
-const SLOPE: f64 = 1e-5;
+const MAX_SLOPE_DIFFERENCE: f64 = 1e-5;
 /// Cells of slopes and intercepts by what they may differ: few faces lie at the border of one.
 const CELL: f64 = 32.0;
 /// Part of the smaller face in which two must overlap.
-const LEAST: f64 = 1e-3;
+const MIN_OVERLAP_PART: f64 = 1e-3;
 
 impl Tolerance {
     fn of(bounds: &Aabb) -> Tolerance {
         let largest = f64::from(bounds.min.abs().max(bounds.max.abs()).max_element());
         Tolerance {
             middle: bounds.center().as_dvec3(),
-            height: ROUNDINGS * f64::from(f32::EPSILON) * largest.max(f64::from(bounds.diagonal())),
+            height: MAX_ROUNDINGS * f64::from(f32::EPSILON) * largest.max(f64::from(bounds.diagonal())),
         }
     }
 
@@ -108,8 +108,11 @@ impl Tolerance {
     /// in between two axes have cells for both.
     fn keys(&self, [a, b, c]: [DVec3; 3]) -> impl Iterator<Item = u64> + use<> {
         let n = (b - a).cross(c - a);
-        let (from, sizes) = (a - self.middle, [SLOPE, SLOPE, 2.0 * self.height].map(|t| CELL * t));
-        let least = (1.0 - SLOPE) * n.abs().max_element();
+        let (from, sizes) = (
+            a - self.middle,
+            [MAX_SLOPE_DIFFERENCE, MAX_SLOPE_DIFFERENCE, 2.0 * self.height].map(|t| CELL * t),
+        );
+        let least = (1.0 - MAX_SLOPE_DIFFERENCE) * n.abs().max_element();
         (0..3).filter(move |&axis| n[axis].abs() >= least && least > 0.0).flat_map(move |axis| {
             let [i, j] = others(axis);
             let slopes = [-n[i] / n[axis], -n[j] / n[axis]];
@@ -146,11 +149,11 @@ fn corners(faces: &Faces, t: usize) -> [DVec3; 3] {
 }
 
 /// Groups up to this size need no grid.
-const FEW: usize = 12;
+const MAX_UNGRIDDED_FACES: usize = 12;
 /// Faces that one is held against at most, and how little counts one whose box it does not meet: needles side by side are as
 /// large as their whole plane, and heaps of faces would take and tell without end.
-const MOST: f64 = 32.0;
-const BESIDE: f64 = 1.0 / 16.0;
+const MAX_TESTS_PER_FACE: f64 = 32.0;
+const MISS_COST: f64 = 1.0 / 16.0;
 
 /// The pairs of a group that overlap, with the areas.
 fn within(faces: &Faces, group: &[(u64, u32)], tolerance: &Tolerance) -> Vec<(u32, u32, f64)> {
@@ -173,7 +176,7 @@ fn within(faces: &Faces, group: &[(u64, u32)], tolerance: &Tolerance) -> Vec<(u3
         }
         meets
     };
-    if group.len() <= FEW {
+    if group.len() <= MAX_UNGRIDDED_FACES {
         for (k, m) in (0..group.len()).flat_map(|m| (0..m).map(move |k| (k, m))) {
             look(k, m);
         }
@@ -201,9 +204,9 @@ fn within(faces: &Faces, group: &[(u64, u32)], tolerance: &Tolerance) -> Vec<(u3
             let held = cells(b, level).filter_map(|cell| grid.get(&cell));
             held.flat_map(move |held| &held[held.partition_point(|&m| m < after)..])
         });
-        let mut left = MOST;
+        let mut left = MAX_TESTS_PER_FACE;
         for &m in near {
-            left -= if look(k, m) { 1.0 } else { BESIDE };
+            left -= if look(k, m) { 1.0 } else { MISS_COST };
             if left <= 0.0 {
                 break;
             }
@@ -228,7 +231,7 @@ fn overlap(faces: &Faces, [s, t]: [u32; 2], tolerance: &Tolerance) -> f64 {
     let area = 0.5 * turns.sum::<f64>();
     let normal = m.normalize_or_zero();
     let apart = part.iter().map(|c| normal.dot(*c - q[0]).abs()).fold(0.0, f64::max);
-    let matters = area > LEAST * 0.5 * n.length().min(m.length());
+    let matters = area > MIN_OVERLAP_PART * 0.5 * n.length().min(m.length());
     if matters && apart <= tolerance.height { area } else { 0.0 }
 }
 

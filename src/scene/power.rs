@@ -20,7 +20,7 @@ pub fn unit_in_metres(unit: &str) -> Option<f64> {
 
 /// Parses `NAME=W`; the name may hold `=` itself.
 pub fn parse_emitter(text: &str) -> Result<(String, f64)> {
-    let wrong = || Error::Argument(format!("--emitter {text}: write NAME=W, with W > 0 in watts (lamp=60)"));
+    let wrong = || Error::Argument(format!("emitter {text}: write NAME=W, with W > 0 in watts (lamp=60)"));
     let (name, watts) = text.rsplit_once('=').ok_or_else(wrong)?;
     let watts: f64 = watts.trim().parse().map_err(|_| wrong())?;
     if name.is_empty() || !watts.is_finite() || watts <= 0.0 {

@@ -12,6 +12,7 @@
 
 mod exact;
 mod front;
+mod instances;
 mod multires;
 pub mod reference;
 mod shaft;
@@ -27,6 +28,7 @@ mod walk;
 mod wide;
 
 pub use exact::{Exact, fastest_traversal};
+pub use instances::{Frame, InstanceTree};
 pub use multires::{Leaf, MultiResolution, Workspace};
 pub use unbiased::{Correction, Estimate, Unbiased};
 pub use wide::WideTree;

@@ -9,7 +9,8 @@ use glam::Vec3;
 
 /// Largest absolute coordinate of a scene, scene units: the scale of rounding errors.
 pub fn magnitude(scene: &Scene) -> f32 {
-    scene.bounds.min.abs().max(scene.bounds.max.abs()).max_element()
+    let bounds = scene.world_bounds();
+    bounds.min.abs().max(bounds.max.abs()).max_element()
 }
 
 /// Width of the umbra on the receiver, `b + (b - e) d2/d1`, for a blocker of width `b` at distance `d1` from an

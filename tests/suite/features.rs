@@ -5,7 +5,7 @@ use mrvis::model::Model;
 use mrvis::scene::generate::{self, Spec};
 
 /// On fields, on touching bricks and books, on rows of slats: at all four sizes every connected feature of the exact
-/// shadow images is in the multi-resolution images (method D.6, E.8). At 64 segments, where the fields are averaged and
+/// shadow images is in the multi-resolution images (docs/method.md, Feature-based error). At 64 segments, where the fields are averaged and
 /// not handed over.
 #[test]
 fn no_feature_of_the_size_is_missing() {

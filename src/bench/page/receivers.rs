@@ -14,7 +14,7 @@ use crate::metrics::{
 use crate::plot::number;
 
 /// Images smaller than this many pixels a side are enlarged by whole factors, so that texels stay sharp in print.
-const LEAST_SIDE: usize = 256;
+const MIN_SIDE_PIXELS: usize = 256;
 
 /// Images, masks and spectrum of a receiver.
 pub(super) fn section(record: &Record, images: &ReceiverImages) -> Result<Markup> {
@@ -121,7 +121,7 @@ fn scaled(reference: &Image, unit: &str) -> Result<Markup> {
 }
 
 fn data_url(picture: &Picture) -> Result<String> {
-    let times = LEAST_SIDE / picture.width.max(picture.height).max(1);
+    let times = MIN_SIDE_PIXELS / picture.width.max(picture.height).max(1);
     let png = picture.enlarged(times).png()?;
     Ok(format!("data:image/png;base64,{}", base64::engine::general_purpose::STANDARD.encode(png)))
 }

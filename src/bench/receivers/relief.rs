@@ -1,13 +1,13 @@
 //! Receivers that are not flat: what of a terrain is seen from straight above, texel by texel.
 
 use super::super::workload::Point;
-use super::{FILLED, LITTLE, Patch, Rectangle, fit};
+use super::patch::{MIN_FILLED_PART, MIN_PATCH_PART, Patch, Rectangle, fit};
 use crate::math::{triangle_area, triangle_normal};
 use crate::scene::Scene;
 use glam::{DVec2, DVec3};
 
 /// The faces' mean normal is at least this long if they face one way by and large: a terrain, not a tree.
-const ONE_WAY: f64 = 0.8;
+const MIN_MEAN_NORMAL: f64 = 0.8;
 
 /// The relief of some faces, unless one of their planar patches is large enough to speak for them, or they face all
 /// ways.
@@ -23,8 +23,8 @@ pub(super) fn of<'a>(
         sum += own * triangle_normal(a, b, c).as_dvec3();
         area += own;
     }
-    let largest = patches.filter(|p| p.filled() >= FILLED).map(|p| p.area).fold(0.0, f64::max);
-    if largest >= LITTLE * area || sum.length() < ONE_WAY * area {
+    let largest = patches.filter(|p| p.filled() >= MIN_FILLED_PART).map(|p| p.area).fold(0.0, f64::max);
+    if largest >= MIN_PATCH_PART * area || sum.length() < MIN_MEAN_NORMAL * area {
         return None;
     }
     let rectangle = fit(scene, triangles, sum.normalize())?;

@@ -3,6 +3,7 @@
 use super::*;
 use crate::ray::Brute;
 use crate::scene::generate::{Spec, build};
+use glam::{DVec3, Vec3};
 
 fn cornell() -> Scene {
     build(&Spec::new("cornell")).unwrap()
@@ -37,7 +38,7 @@ fn default_receivers_are_lit_and_distinct() {
     let receivers = choose(&scene, &Brute::new(&scene.positions, &scene.triangles), &[]).unwrap();
     assert!(!receivers.is_empty() && receivers.len() <= DEFAULT_COUNT);
     for r in &receivers {
-        assert!(r.lit && r.width == SIDE && r.height <= SIDE, "{r:?}");
+        assert!(r.lit && r.width == MAX_SIDE_TEXELS && r.height <= MAX_SIDE_TEXELS, "{r:?}");
         assert_eq!(r.points().len(), r.width * r.height);
     }
 }

@@ -5,11 +5,30 @@ use crate::bench::record::{Build, MrRow, Record, ScalingRow, Target, UnbiasedRow
 use crate::plot::number;
 use std::fmt::Write as _;
 
-/// The record for a terminal.
+/// The record as text.
 pub fn table(record: &Record) -> String {
-    let Record { scene, build, workload, unit, .. } = record;
-    let mut text = String::new();
+    let unit = &record.unit;
+    let mut text = head(record);
+    text += &exact_rows(record);
+    text += &mr_rows(&record.mr);
+    text += &setup(record);
+    text += &audits(&record.mr);
+    text += &unbiased(&record.unbiased, unit);
+    if let Some(target) = &record.target {
+        text += &aim(target, unit);
+    }
     // Writing to a string cannot fail.
+    if !record.scaling.is_empty() {
+        let _ = write!(text, "\n{}", scaling(&record.scaling));
+    }
+    let _ = writeln!(text, "\n{}", headline(record.best(), unit));
+    text
+}
+
+/// Scene, preparation, memory, workload and warnings.
+fn head(record: &Record) -> String {
+    let Record { scene, build, workload, .. } = record;
+    let mut text = String::new();
     let _ = writeln!(
         text,
         "{}: {} triangles, {} objects, {} emitters, {} closed parts, {} sheets, {} clusters in {} levels",
@@ -50,6 +69,12 @@ pub fn table(record: &Record) -> String {
     for warning in record.warnings.iter().chain(&build.cache_note) {
         let _ = writeln!(text, "note: {warning}");
     }
+    text
+}
+
+/// Rows of exact visibility, without and with certificates.
+fn exact_rows(record: &Record) -> String {
+    let mut text = String::new();
     let _ = writeln!(text, "\nexact    rays       time        RMS       bias  call");
     for row in record.exact.iter().chain(&record.certified) {
         let coherent = if row.coherent { ", coherent" } else { "" };
@@ -63,12 +88,18 @@ pub fn table(record: &Record) -> String {
             row.mode
         );
     }
+    text
+}
+
+/// Rows of multi-resolution visibility.
+fn mr_rows(rows: &[MrRow]) -> String {
+    let mut text = String::new();
     let _ = writeln!(text, "\nmulti-resolution                                           speed-up at same");
     let _ = writeln!(
         text,
         "       s   rays       time        RMS       bias       RMS      FBEM   segment  averaged  nodes  in bounds"
     );
-    for row in &record.mr {
+    for row in rows {
         let _ = writeln!(
             text,
             "{:>8} {:>6} {:>10} {:>10.5} {:>+10.5} {:>9} {:>9} {:>9} {:>7.1} % {:>6} {:>8.1} %",
@@ -85,27 +116,17 @@ pub fn table(record: &Record) -> String {
             100.0 * row.interval_coverage
         );
     }
-    if record.mr.iter().any(|row| row.extrapolated) {
+    if rows.iter().any(|row| row.extrapolated) {
         let _ = writeln!(text, "~ beyond the most exact rays measured, extrapolated");
     }
-    let whole = record.mr.iter().filter(|row| row.handed_over == 1.0).count();
+    let whole = rows.iter().filter(|row| row.handed_over == 1.0).count();
     if whole > 0 {
         let _ = writeln!(
             text,
             "{whole} of {} rows could not pay: their bundles were handed over, they are the exact rows",
-            record.mr.len()
+            rows.len()
         );
     }
-    text += &setup(record);
-    text += &audits(&record.mr);
-    text += &unbiased(&record.unbiased, unit);
-    if let Some(target) = &record.target {
-        text += &aim(target, unit);
-    }
-    if !record.scaling.is_empty() {
-        let _ = write!(text, "\n{}", scaling(&record.scaling));
-    }
-    let _ = writeln!(text, "\n{}", headline(record.best(), unit));
     text
 }
 

@@ -29,7 +29,7 @@ const CODE: &str = concat!(env!("CARGO_PKG_VERSION"), " ", env!("MRVIS_TABLE_COD
 
 /// Where tables are kept.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub enum Place {
+pub enum CacheLocation {
     /// Nowhere: the table is made anew.
     #[default]
     Off,
@@ -84,9 +84,9 @@ impl Origin {
 ///
 /// Beside the table and where it came from there is a sentence where the user should know something: a file was
 /// replaced, or could not be written. None of that is an error: the table is right in any case.
-pub fn table(
+pub fn load_or_make(
     scene: &Scene,
-    place: &Place,
+    place: &CacheLocation,
     options: &Options,
     make: impl FnOnce() -> PreparedClusters,
 ) -> (PreparedClusters, Origin, Option<String>) {
@@ -114,26 +114,26 @@ pub fn table(
 }
 
 /// The table of a scene if it is kept and can be believed.
-pub fn find(scene: &Scene, place: &Place, options: &Options) -> Option<PreparedClusters> {
+pub fn find(scene: &Scene, place: &CacheLocation, options: &Options) -> Option<PreparedClusters> {
     let settings = format!("{options:?}");
     load(&path(&scene.path, place, &settings)?, &key(scene, &settings, CODE), scene).ok()
 }
 
 /// The file of a scene: one for each set of options, so that files do not pile up while a scene is edited.
-fn path(scene: &Path, place: &Place, settings: &str) -> Option<PathBuf> {
+fn path(scene: &Path, place: &CacheLocation, settings: &str) -> Option<PathBuf> {
     let mut name = scene.file_name()?.to_os_string();
     let mut digest = blake3::Hasher::new();
     digest.update(settings.as_bytes());
-    if let Place::Folder(_) = place {
+    if let CacheLocation::Folder(_) = place {
         // Scenes of the same name from different folders.
         let full = scene.canonicalize().unwrap_or_else(|_| scene.to_owned());
         digest.update(full.as_os_str().as_encoded_bytes());
     }
     name.push(format!(".{}.{EXTENSION}", &digest.finalize().to_hex()[..8]));
     match place {
-        Place::Off => None,
-        Place::Beside => Some(scene.with_file_name(name)),
-        Place::Folder(folder) => Some(folder.join(name)),
+        CacheLocation::Off => None,
+        CacheLocation::Beside => Some(scene.with_file_name(name)),
+        CacheLocation::Folder(folder) => Some(folder.join(name)),
     }
 }
 

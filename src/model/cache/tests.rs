@@ -40,7 +40,7 @@ fn ask(scene: &Scene) -> (PreparedClusters, Origin, Option<String>) {
 }
 
 fn ask_for(scene: &Scene, options: &Options) -> (PreparedClusters, Origin, Option<String>) {
-    table(scene, &Place::Beside, options, || made(scene, options))
+    load_or_make(scene, &CacheLocation::Beside, options, || made(scene, options))
 }
 
 fn files(folder: &Path) -> Vec<PathBuf> {
@@ -70,12 +70,13 @@ fn the_second_time_nothing_is_made() {
     let (first, origin, note) = ask(&scene);
     assert_eq!((origin, note), (Origin::Made, None));
     let options = Options::default();
-    let (second, origin, note) = table(&scene, &Place::Beside, &options, || panic!("made again"));
+    let (second, origin, note) =
+        load_or_make(&scene, &CacheLocation::Beside, &options, || panic!("made again"));
     assert_eq!((origin, note), (Origin::Hit, None));
     // Equal to the last bit: formatted numbers tell every f32 apart, also -0 and 0.
     assert!(format!("{first:?}") == format!("{second:?}"));
     assert_eq!(files(folder.path()).len(), 1);
-    let (_, origin, _) = table(&scene, &Place::Off, &options, || made(&scene, &options));
+    let (_, origin, _) = load_or_make(&scene, &CacheLocation::Off, &options, || made(&scene, &options));
     assert_eq!(origin, Origin::Off);
 }
 
@@ -149,12 +150,12 @@ fn options_have_files_of_their_own() {
 #[test]
 fn scenes_of_one_name_share_a_folder() {
     let (cache, a, b) = (tempfile::tempdir(), tempfile::tempdir(), tempfile::tempdir());
-    let place = Place::Folder(cache.as_ref().expect("scratch folder").path().join("new/folder"));
+    let place = CacheLocation::Folder(cache.as_ref().expect("scratch folder").path().join("new/folder"));
     let options = Options::default();
     for want in [Origin::Made, Origin::Hit] {
         for folder in [&a, &b] {
             let scene = scene_in(folder.as_ref().expect("scratch folder"));
-            assert_eq!(table(&scene, &place, &options, || made(&scene, &options)).1, want);
+            assert_eq!(load_or_make(&scene, &place, &options, || made(&scene, &options)).1, want);
         }
     }
 }
@@ -166,8 +167,9 @@ fn what_cannot_be_written_is_said_and_no_error() {
     let options = Options::default();
     let file = folder.path().join("file");
     std::fs::write(&file, "no folder").expect("written");
-    for place in [file.clone(), file.join("below"), PathBuf::from("/proc/nowhere")].map(Place::Folder) {
-        let (table, origin, note) = table(&scene, &place, &options, || made(&scene, &options));
+    for place in [file.clone(), file.join("below"), PathBuf::from("/proc/nowhere")].map(CacheLocation::Folder)
+    {
+        let (table, origin, note) = load_or_make(&scene, &place, &options, || made(&scene, &options));
         assert_eq!(origin, Origin::Off, "{place:?}");
         assert!(note.is_some_and(|n| n.contains("could not be kept")), "{place:?}");
         assert!(table == made(&scene, &options));

@@ -1,4 +1,5 @@
-//! Notes for the user about a solution that is not all that was asked for. Options are named by their field in backticks.
+//! Notes for the user about a solution that is not all that was asked for. Options are named by their field: first in the
+//! message with the value, or as option `field`.
 
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::options::Options;
@@ -14,12 +15,12 @@ pub fn ended(ended: Ended, options: &Options, last: Option<&Iteration>, estimate
     let why = match ended {
         Ended::Error | Ended::Target | Ended::Interrupted | Ended::Nothing => return None,
         Ended::Time => limit(options),
-        Ended::Links => format!("`max_links` {}", options.max_links),
+        Ended::Links => format!("max_links {}", options.max_links),
     };
     let bound = last.map_or(f64::INFINITY, |i| i.error_bound);
     let error = options.error;
     Some(format!(
-        "{why} ended refinement before `error` {error} was reached: links with errors below {bound:.1e} are as they were, \
+        "{why} ended refinement before option `error` {error} was reached: links with errors below {bound:.1e} are as they were, \
          the estimated error is {estimate:.2e}"
     ))
 }
@@ -28,7 +29,7 @@ pub fn ended(ended: Ended, options: &Options, last: Option<&Iteration>, estimate
 pub fn missed(options: &Options, estimate: f64) -> Option<String> {
     let target = options.target_error.filter(|target| estimate > *target)?;
     Some(format!(
-        "`target_error` {target} was missed: the estimated error is {estimate:.2e}; a smaller `error` or `min_area`, more time or \
+        "target_error {target} was missed: the estimated error is {estimate:.2e}; a smaller option `error` or option `min_area`, more time or \
          more links bring it down"
     ))
 }
@@ -53,9 +54,9 @@ pub fn fewer_local_rays(rays: Option<f64>, all: f64, deadline: &Deadline) -> Opt
         Some(rays) => format!("{rays:.1e}"),
         None => "the least".into(),
     };
-    let why = if deadline.interrupted() { "an interruption" } else { "`max_seconds`" };
+    let why = if deadline.interrupted() { "an interruption" } else { "option `max_seconds`" };
     Some(format!(
-        "{why} left the local pass {fewer} of {all:.1e} rays: elements are noisier than `error` says"
+        "{why} left the local pass {fewer} of {all:.1e} rays: elements are noisier than option `error` says"
     ))
 }
 
@@ -64,7 +65,7 @@ pub fn late_preparation(options: &Options, deadline: &Deadline) -> Option<String
     let limit = options.max_seconds.filter(|_| deadline.late() && !deadline.interrupted())?;
     let taken = deadline.elapsed();
     Some(format!(
-        "`max_seconds` {limit}: preparing the scene took {taken:.1} s; this is the coarsest light there is"
+        "max_seconds {limit}: preparing the scene took {taken:.1} s; this is the coarsest light there is"
     ))
 }
 
@@ -73,7 +74,7 @@ pub fn bounded(leaves: usize) -> Option<String> {
     (leaves > 0).then(|| {
         format!(
             "the links of {leaves} elements bring more light than form factors can: cut down, so that light does not grow \
-             without end (`rows` balanced, `inside` visible or a smaller `error` avoid it)"
+             without end (option `rows` balanced, option `inside` visible or a smaller option `error` avoid it)"
         )
     })
 }
@@ -90,12 +91,12 @@ pub fn unconverged(convergence: &Convergence, deadline: &Deadline) -> Option<Str
 
 /// The time limit as notes name it.
 pub fn limit(options: &Options) -> String {
-    format!("`max_seconds` {}", options.max_seconds.unwrap_or_default())
+    format!("max_seconds {}", options.max_seconds.unwrap_or_default())
 }
 
 /// If the scene has no emitters.
 pub const NO_EMITTERS: &str =
-    "nothing emits light: everything is black (`emitter` NAME=W makes something emit)";
+    "nothing emits light: everything is black (option `emitters` makes something emit)";
 
 /// If the light of a scene overflows.
 pub const NOT_FINITE: &str = "the light in this scene is beyond all numbers: give it in other units of length or power, so that \

@@ -1,6 +1,6 @@
 //! What is written down about a solution.
 
-use crate::model::summary::SceneFacts;
+use crate::model::summary::SceneSummary;
 use crate::radiosity::audit::{Audit, Ledger};
 use crate::radiosity::links::Tally;
 use crate::radiosity::mesh::RadiosityMesh;
@@ -57,7 +57,7 @@ pub struct Record {
     /// The options.
     pub options: Options,
     /// The scene.
-    pub scene: SceneFacts,
+    pub scene: SceneSummary,
     /// Notes for the user.
     pub warnings: Vec<String>,
     /// Steps of refinement.

@@ -5,7 +5,7 @@ use super::notes;
 use super::point_query::{Solution, relative};
 use super::record::{Outcome, Record, Seconds, timed};
 use crate::clusters::Hierarchy;
-use crate::model::summary::SceneFacts;
+use crate::model::summary::SceneSummary;
 use crate::model::{Detail, Model};
 use crate::points::Point;
 use crate::progress::Progress;
@@ -276,7 +276,7 @@ impl Stages<'_> {
             threads: rayon::current_num_threads(),
             unit: scene.unit.clone(),
             options: options.clone(),
-            scene: SceneFacts::of(scene, self.model.base().hierarchy()),
+            scene: SceneSummary::of(self.model),
             warnings: self.notes,
             iterations: steps.iterations,
             ended: steps.ended,
