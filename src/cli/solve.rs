@@ -221,7 +221,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     args.common.check_json()?;
     let points = args.points.as_deref().map(read_points).transpose()?.unwrap_or_default();
     let start = Instant::now();
-    let scene = scene.load(&args.common)?;
+    let scene = scene.load_flat(&args.common)?;
     if args.importance_camera {
         options.views = views(&scene, args.outputs.camera)?;
     }

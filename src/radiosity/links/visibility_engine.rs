@@ -3,7 +3,7 @@
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::sampling::{mix, numbers, point_on};
 use crate::ray::{EndRule, LANES, Occluder, Packet};
-use crate::visibility::{Bundle, Exact, Leaf, Method, MultiResolution, Workspace};
+use crate::visibility::{Bundle, Exact, LeafMode, Method, MultiResolution, Workspace};
 use std::sync::Arc;
 
 /// The engine that answers visibility queries of links and points.
@@ -128,7 +128,7 @@ impl VisibilityEngine {
     /// changes to exact rays.
     pub fn for_queries(&self, queries: &[VisibilityQuery], scratch: &mut Scratch) -> VisibilityEngine {
         match self {
-            VisibilityEngine::MultiResolution(engine) if engine.leaf() == Leaf::Exact => {
+            VisibilityEngine::MultiResolution(engine) if engine.leaf() == LeafMode::Exact => {
                 let sizes: Vec<f32> = queries.iter().map(|q| q.feature_size).collect();
                 match engine.pays_each(&bundles(queries), &sizes, &mut scratch.workspace) {
                     true => self.clone(),
@@ -151,7 +151,7 @@ impl VisibilityEngine {
     /// average.
     pub fn scattered(&self) -> VisibilityEngine {
         match self {
-            VisibilityEngine::MultiResolution(engine) if engine.leaf() == Leaf::Exact => {
+            VisibilityEngine::MultiResolution(engine) if engine.leaf() == LeafMode::Exact => {
                 VisibilityEngine::Exact(engine.exact())
             }
             _ => self.clone(),

@@ -4,7 +4,7 @@ use crate::model::{Detail, Model, PrepareOptions};
 use crate::radiosity::elements::Elements;
 use crate::radiosity::links::{VisibilityEngine, sample_bundles};
 use crate::radiosity::options::{Options, Visibility};
-use crate::visibility::{Bundle, Exact, Leaf, MultiResolution, Workspace};
+use crate::visibility::{Bundle, Exact, LeafMode, MultiResolution, Workspace};
 use std::sync::Arc;
 
 /// Bundles on which the cost of exact rays is estimated.
@@ -28,8 +28,8 @@ pub fn exact_engine(model: &Model) -> Exact {
 pub fn engine_for(model: &Model, elements: &Elements, options: &Options) -> VisibilityEngine {
     let leaf = match options.visibility {
         Visibility::Exact => return VisibilityEngine::Exact(exact_engine(model)),
-        Visibility::Average => Leaf::Extinction,
-        Visibility::Mr => Leaf::Exact,
+        Visibility::Average => LeafMode::Average,
+        Visibility::Mr => LeafMode::Exact,
     };
     let Some(measured) = model.base().measured() else {
         return VisibilityEngine::Exact(exact_engine(model));

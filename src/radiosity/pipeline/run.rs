@@ -48,6 +48,7 @@ pub fn solve(
     progress: &dyn Progress,
 ) -> Result<(Outcome, Solution)> {
     options.check()?;
+    model.check_single("the radiosity solver")?;
     let scene = model.scene();
     check_size(scene)?;
     // The time of the model's preparation counts.
