@@ -8,7 +8,7 @@ use crate::radiosity::sampling::{mix, numbers, pick, point_on};
 use crate::ray::{LANES, Packet};
 use glam::Vec3;
 
-/// Points that are gathered for together.
+/// Points that are gathered for together, as one task. Chosen: their queries share searches for clusters.
 pub(super) const CHUNK: usize = 64;
 /// Least shadow rays of a point and an emitter. Chosen: two packets, so that the variance has a meaning.
 const MIN_SHADOW_RAYS: usize = 2 * LANES;

@@ -4,7 +4,7 @@
 //! average, and insides of furniture would receive light that never gets there. So in the end every element traces a few rays. The
 //! exchange of two elements is estimated by all rays that join them, from either side ([`TransportMatrix`]), so that no energy is
 //! created. The rays are stored, twelve bytes each, and the light is solved on them to the last bounce without further rays,
-//! starting from the light along links.
+//! starting from the light along links. See `docs/method.md`, Local pass.
 
 use super::gatherer::FinalGather;
 use super::local_noise::{LocalResult, assign_noise};
@@ -23,7 +23,7 @@ const MAX_ROW_RAYS: f64 = 4096.0;
 /// Rays that all elements share after the deadline. Too few rays can isolate two elements that only see each other, and their
 /// light would never decay.
 pub const LATE_RAYS: f64 = 1e5;
-/// Leaves whose rays are timed for an estimate, about, and rays of each.
+/// Leaves whose rays are timed for an estimate, about, and rays of each. Chosen: some milliseconds.
 const TIMED_LEAVES: usize = 2000;
 const TIMED_RAYS: u32 = 16;
 /// Part of the rays that remains after surfaces have been split for so many rays and each part has its least number.

@@ -13,7 +13,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 use std::time::Instant;
 
-/// Points whose rays are timed for an estimate.
+/// Points whose rays are timed for an estimate. Chosen: little of the time of any larger number of points.
 const TIMED_POINTS: usize = CHUNK / 4;
 /// Rays of each kind that remain however short the time. Chosen: fewer would show noise only.
 const MIN_POINT_RAYS: usize = 64;

@@ -4,7 +4,7 @@
 //! through an edge of one and a corner of the other that have both on one side. Polygons outside the shaft block no segment; if
 //! no polygon lies inside, the two surfaces and all their parts see each other completely. A convex polygon that the segments
 //! between all pairs of corners cross in its interior blocks every segment: a segment's crossing point is a weighted mean of
-//! those of the corners.
+//! those of the corners. See `docs/method.md`, Certificates and intervals.
 
 use crate::math::Aabb;
 use crate::radiosity::elements::{Elements, Shape};

@@ -2,7 +2,8 @@
 //!
 //! A link serves both directions. Its exchange area `C = ∫∫ K V` over both ends (`K = cos cos' / π r²`, V visibility) is
 //! `A_a F(a→b) T = A_b F(b→a) T`: reciprocity holds exactly, and the power that reaches a from b is `C B_b`. Unoccluded exchange
-//! and transmittance are stored separately. Links contain no light: radiosities are arguments.
+//! and transmittance are stored separately. Links contain no light: radiosities are arguments. See `docs/method.md`, Links and
+//! refinement.
 
 mod accuracy;
 mod blocker_certificate;

@@ -1,4 +1,4 @@
-//! Feature sizes of receivers: which shadows on them may be averaged.
+//! Feature sizes of receivers: which shadows on them may be averaged (`docs/method.md`, Links and refinement).
 
 use crate::radiosity::elements::{ElementState, Elements, Shape};
 

@@ -14,7 +14,7 @@ const CHUNK: usize = 64;
 /// at most an eighth of its part, except for the first.
 const SAMPLE_RUNS: usize = 16;
 const SAMPLE_RUN: usize = 16;
-/// Links measured between two checks of the deadline.
+/// Links measured between two checks of the deadline. Chosen: some milliseconds.
 pub const SLICE: usize = 2048;
 /// Standard error of the link of a cluster with itself, relative to its exchange area. Chosen: few rays of the probe are behind it.
 const INSIDE_NOISE: f32 = 0.3;

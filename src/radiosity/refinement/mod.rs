@@ -1,5 +1,5 @@
 //! Refinement: links with large errors are replaced by links between parts of their ends, in steps after each of which the light
-//! is consistent (progressive multi-gridding [SD95 sec 6.2]).
+//! is consistent (progressive multi-gridding [SD95 sec 6.2]; `docs/method.md`, Links and refinement).
 //!
 //! A [`Coarse`] scene has the link of the root with itself, which stands for all exchange of light [Sillion 95]; refining makes it
 //! a [`Refined`] one.

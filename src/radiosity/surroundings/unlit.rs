@@ -22,9 +22,10 @@ const BOUNCES: usize = 8;
 /// of uniform light is missed by all paths with a probability of exp(-3.2) = 4 %.
 const MIN_EXPECTED_HITS: f64 = 32.0;
 /// Sides with less than this part of the hits that uniform light predicts are dim: they lie in a room that little light enters,
-/// and some sides of that room may be missed by chance.
+/// and some sides of that room may be missed by chance. Chosen: well below the fluctuation of lit sides.
 const DIM: f64 = 0.1;
-/// Packets of sixteen rays by which sides that may be unlit look for dim sides.
+/// Packets of sixteen rays from each side that may be unlit, which search for dim sides. Chosen: a dim side that covers a
+/// twentieth of the hemisphere is found with a probability of 0.96.
 const LOOK_PACKETS: usize = 4;
 
 /// Sides of surfaces without light, which have no elements. Scenes with clusters have none.

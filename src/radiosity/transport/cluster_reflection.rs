@@ -16,9 +16,9 @@ const ENTRIES: usize = BASIS * (BASIS + 1) / 2;
 pub struct ClusterReflection {
     /// `Σ A ρ g_p g_q` by channel over the cluster's sides, rows of the lower half; scene units squared.
     reflect: [[f32; ENTRIES]; 3],
-    /// `Σ A M g_p` by channel: power emitted.
+    /// `Σ A M g_p` by channel: exitance times area.
     pub emit: [Rgb; BASIS],
-    /// `Σ A g_p` by channel: power sent at radiosity 1.
+    /// `Σ A g_p` by channel: the same at radiosity 1.
     pub ones: [Rgb; BASIS],
 }
 
@@ -52,7 +52,8 @@ impl ClusterReflection {
         ClusterReflection { reflect: reflect.map(|r| r.map(|v| v as f32)), emit, ones }
     }
 
-    /// Power that the cluster sends for the irradiance that arrives, in addition to `emit`: by direction and, last, in all.
+    /// Radiosity times area that the cluster sends for the irradiance that arrives, in addition to `emit`: by direction and, last, in
+    /// all.
     #[inline]
     pub fn sent(&self, arriving: &DirectionalIrradiance, emit: [Rgb; BASIS]) -> [Rgb; BASIS] {
         let mut out = emit;

@@ -16,7 +16,7 @@ const MIN_PROJECTED: f64 = 1e-9;
 pub struct NodeRadiosity {
     /// Radiosity by node, W/m²; the mean by area for nodes with children.
     pub radiosity: Vec<Rgb>,
-    /// By cluster: radiosity times projected area along the six directions, W.
+    /// By cluster: radiosity times projected area along the six directions, W/m² times scene units squared.
     beams: Vec<[Rgb; DIRECTIONS]>,
 }
 
@@ -32,7 +32,7 @@ impl NodeRadiosity {
     ) -> NodeRadiosity {
         let n = nodes.elements.len();
         let mut beams = vec![[[0.0; 3]; DIRECTIONS]; nodes.clusters];
-        // Power in W; divided by the area at the end.
+        // Radiosity times area; divided by the area at the end.
         let mut power = vec![[0.0; 3]; n];
         for p in (0..n).rev() {
             let element = &elements.elements[nodes.elements[p] as usize];

@@ -1,4 +1,5 @@
-//! Row normalisation: form factors of an element that sees no way out of the scene sum up to 1.
+//! Row normalisation: form factors of an element that sees no way out of the scene sum up to 1 (`docs/method.md`, Form factors
+//! and closure).
 //!
 //! Sampling errors of row sums would be multiplied by every bounce. Both kinds of transport scale what a leaf gathers and what it
 //! sends by the same factor (Sinkhorn and Knopp 1967), so that exchange stays reciprocal, and correct the remainder where light is
@@ -38,7 +39,7 @@ pub const RAY_ROWS: SinkhornRule = SinkhornRule { max_rounds: 16, tolerance: 1e-
 /// sweeps need; a factor above 2 would amplify a row of which half is missing.
 pub const LINK_ROWS: SinkhornRule = SinkhornRule { max_rounds: 20, tolerance: 3e-5, limits: [1e-4, 2.0] };
 
-/// Rounds for links that are made even after the deadline.
+/// Rounds for links that are made even after the deadline. Chosen: the first round makes the largest correction.
 const MIN_LINK_ROUNDS: usize = 1;
 /// A closed leaf whose row sum is at most this is not normalised: its links say nothing about it. Chosen: a factor of 10 or more
 /// would amplify noise.
