@@ -1,4 +1,4 @@
-//! The measurement `mrvis bench`: exact against multi-resolution visibility on the same segments.
+//! Benchmark of `mrvis bench`: exact against multi-resolution visibility on the same segments.
 
 mod audit;
 mod context;

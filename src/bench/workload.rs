@@ -1,4 +1,4 @@
-//! The questions of a benchmark: receiver points, the emitters they face, and the segments between them.
+//! Queries of a benchmark: receiver points, the emitters that they face, and the segments between them.
 
 use crate::math::Aabb;
 use crate::ray::{EndRule, LANES, Packet, gather_neighbours};
@@ -8,42 +8,41 @@ use glam::{BVec3, Vec3};
 use rayon::prelude::*;
 use sobol_burley::sample_4d;
 
-/// A point on a surface and the side that is asked for.
+/// A point on one side of a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Point {
-    /// Scene units, relative to the scene's origin.
+    /// Position relative to the scene's origin, scene units.
     pub position: Vec3,
     /// Unit normal.
     pub normal: Vec3,
 }
 
-/// A point and an emitter that face each other at least in part.
+/// A point and an emitter that face each other at least partly.
 #[derive(Clone, Copy, Debug)]
 pub struct Pair {
     /// Index into [`Workload::points`].
     pub point: u32,
     /// Index into [`Scene::emitters`].
     pub emitter: u32,
-    /// Smallest width of the emitter across the direction to the point.
+    /// Smallest width of the emitter perpendicular to the direction to the point, scene units.
     pub emitter_size: f32,
-    /// Irradiance of the point from the unoccluded emitter relative to the others', by its centre: the weight in
-    /// images.
+    /// Relative irradiance of the point from the unoccluded emitter, by the emitter's centre: its weight in images.
     pub weight: f32,
 }
 
-/// Which segments of a pair share a packet.
+/// Assignment of the segments of a pair to packets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
-    /// Those that end close together: packets are coherent.
+    /// Segments that end close together share a packet: packets are coherent.
     Near,
-    /// As drawn: every packet is spread over the whole emitter, and so is every power of two of them.
+    /// Order of the samples: each packet, and each power of two of packets, is stratified over the whole emitter.
     Spread,
 }
 
 /// Points and pairs of a scene, the same for every engine.
 #[derive(Clone, Debug)]
 pub struct Workload {
-    /// Receiver points, in an order that keeps neighbours together.
+    /// Receiver points along a space-filling curve.
     pub points: Vec<Point>,
     /// Pairs in the order of their points.
     pub pairs: Vec<Pair>,
@@ -53,7 +52,7 @@ pub struct Workload {
 }
 
 impl Workload {
-    /// All pairs between these points and the scene's emitters.
+    /// All pairs of these points and the scene's emitters that face each other.
     pub fn new(scene: &Scene, points: Vec<Point>, seed: u64) -> Workload {
         let samplers: Vec<EmitterSampler> =
             scene.emitters.iter().map(|e| EmitterSampler::new(scene, e)).collect();
@@ -74,10 +73,10 @@ impl Workload {
         Workload { points, pairs, seed, ends: end_rule(scene), samplers }
     }
 
-    /// Appends `rays` segments of a pair to `packets`, sixteen a packet.
+    /// Appends `rays` segments of a pair to `packets`, sixteen per packet.
     ///
-    /// The segments of a smaller number are among those of a larger one. `stream` separates independent sample sets
-    /// of the same pair: engines under test share stream 0, references use others.
+    /// The segments of a smaller number are a subset of those of a larger one. `stream` selects an independent sample
+    /// set of the pair: engines under test share stream 0, references use others.
     pub fn add_bundle(
         &self,
         scene: &Scene,
@@ -94,13 +93,13 @@ impl Workload {
         });
     }
 
-    /// Points whose convex hull holds the emitter of a pair.
+    /// Points whose convex hull contains the emitter of a pair.
     pub fn hull(&self, pair: usize) -> &[Vec3] {
         &self.samplers[self.pairs[pair].emitter as usize].hull
     }
 
-    /// The mean of a value of each pair over the emitters of each point, weighted by their unoccluded irradiance:
-    /// the part of the light that arrives. 0 at points that face no emitter.
+    /// Fraction of the unoccluded irradiance that arrives at each point: mean of `values` (one per pair) over the
+    /// point's emitters, weighted by [`Pair::weight`]. 0 at points that face no emitter.
     pub fn weighted(&self, values: &[f32]) -> Vec<f32> {
         let mut sums = vec![(0.0f64, 0.0f64); self.points.len()];
         for (pair, &value) in self.pairs.iter().zip(values) {
@@ -111,7 +110,7 @@ impl Workload {
         sums.into_iter().map(|(sum, weight)| if weight > 0.0 { (sum / weight) as f32 } else { 0.0 }).collect()
     }
 
-    /// Puts `rays` segments of each of these pairs into packets without gaps: for engines that need no bundles.
+    /// Puts `rays` segments of each of these pairs into packets without gaps, for engines that need no bundles.
     pub fn packed(
         &self,
         scene: &Scene,
@@ -146,7 +145,7 @@ impl Workload {
         let seed = scramble(self.seed ^ stream << 56 ^ (pair as u64) << 8);
         let sampler = &self.samplers[emitter as usize];
         let facing = sampler.facing(scene, point);
-        // Owen-scrambled Sobol' points: stratified for every power of two, 65536 at most a scramble.
+        // Owen-scrambled Sobol' points, stratified for every power of two; a scramble serves 65,536 points.
         let draw = |i: u32| sample_4d(i & 0xffff, 0, seed ^ (i >> 16).wrapping_mul(0x9e37_79b9));
         let mut ends: Vec<Vec3> =
             (0..rays as u32).map(draw).map(|[u, v, ..]| facing.sample(scene, u, v)).collect();
@@ -157,7 +156,7 @@ impl Workload {
     }
 }
 
-/// The corners of a convex polygon in turn; as they are if there is no such order.
+/// The points in the order of a convex polygon, or unchanged if there is no such order.
 fn in_turn(points: [Vec3; 4]) -> [Vec3; 4] {
     let [a, b, c, d] = points;
     let orders = [points, [a, b, d, c], [a, c, b, d]];
@@ -169,7 +168,7 @@ fn in_turn(points: [Vec3; 4]) -> [Vec3; 4] {
     orders.into_iter().find(convex).unwrap_or(points)
 }
 
-/// The points, each once, if there are few, or the corners of the box around them.
+/// The distinct points if they are at most eight, otherwise the corners of their bounding box.
 fn hull(points: impl Iterator<Item = Vec3> + Clone) -> Vec<Vec3> {
     const MAX_HULL_POINTS: usize = 8;
     let mut distinct: Vec<Vec3> = Vec::new();
@@ -189,14 +188,14 @@ fn hull(points: impl Iterator<Item = Vec3> + Clone) -> Vec<Vec3> {
     (0..8).map(|k| Vec3::select(corner(k), bounds.max, bounds.min)).collect()
 }
 
-/// A well-mixed 32-bit seed.
+/// A hash of 32 bits.
 fn scramble(v: u64) -> u32 {
     let v = (v ^ v >> 33).wrapping_mul(0xff51_afd7_ed55_8ccd);
     let v = (v ^ v >> 33).wrapping_mul(0xc4ce_b9fe_1a85_ec53);
     (v ^ v >> 33) as u32
 }
 
-/// Draws points on an emitter.
+/// Samples points on an emitter.
 #[derive(Clone, Debug)]
 struct EmitterSampler {
     triangles: Vec<u32>,
@@ -204,9 +203,9 @@ struct EmitterSampler {
     normals: Vec<Vec3>,
     /// A corner of each face.
     corners: Vec<Vec3>,
-    /// All corners or, of a many-cornered emitter, those of the box around them: their hull holds it.
+    /// All corners or, for emitters with many corners, the corners of their bounding box.
     hull: Vec<Vec3>,
-    /// Running sums of the areas.
+    /// Cumulative areas.
     sums: Vec<f32>,
     centre: Vec3,
     normal: Vec3,
@@ -244,11 +243,11 @@ impl EmitterSampler {
         }
     }
 
-    /// Size and weight of the emitter for a point; none if no face of it can send light there.
+    /// Emitter size and weight for a point; `None` if no face of the emitter faces the point.
     fn pair(&self, point: &Point) -> Option<(f32, f32)> {
         let seen =
             self.normals.iter().zip(&self.corners).any(|(n, &corner)| n.dot(point.position - corner) > 0.0);
-        // The centre decides: a point whose horizon cuts the emitter still counts if more than half is above.
+        // The centre decides: a point whose horizon cuts the emitter counts if the centre is above the horizon.
         let to = self.centre - point.position;
         let distance = to.length();
         let cosine = point.normal.dot(to) / distance;
@@ -260,7 +259,7 @@ impl EmitterSampler {
         Some((self.width * facing, weight))
     }
 
-    /// The faces that face a point, with their areas summed up.
+    /// The faces towards a point, with cumulative areas.
     fn facing<'a>(&'a self, scene: &Scene, point: &Point) -> Facing<'a> {
         if self.planar {
             return Facing { triangles: &self.triangles, sums: std::borrow::Cow::Borrowed(&self.sums) };
@@ -287,12 +286,12 @@ struct Facing<'a> {
 }
 
 impl Facing<'_> {
-    /// Area-uniform point from two numbers in `[0, 1)`: the first picks the face and is used again inside it.
+    /// Area-uniform point from two numbers in `[0, 1)`: the first selects the face and is reused within it.
     fn sample(&self, scene: &Scene, u: f32, v: f32) -> Vec3 {
         let total = *self.sums.last().expect("emitters have faces");
         let target = u * total;
         let mut i = self.sums.partition_point(|&s| s <= target).min(self.sums.len() - 1);
-        // Rounded up to the total: the last face that counts.
+        // `target` may be rounded up to the total: take the last face with an area.
         while i > 0 && self.sums[i] == self.sums[i - 1] {
             i -= 1;
         }
@@ -308,10 +307,10 @@ pub(super) fn point_on([a, b, c]: [Vec3; 3], u: f32, v: f32) -> Vec3 {
     a + root * (1.0 - v) * (b - a) + root * v * (c - a)
 }
 
-/// `count` points on the surfaces that do not emit, area-weighted, low-discrepancy; sheets get either side.
+/// `count` area-uniform, low-discrepancy points on the surfaces that do not emit; a sheet gets points on both sides.
 ///
 /// # Errors
-/// If every surface emits.
+/// Every surface emits.
 pub fn surface_points(scene: &Scene, count: usize, seed: u64) -> crate::Result<Vec<Point>> {
     let receivers: Vec<u32> = (0..scene.triangles.len() as u32)
         .filter(|&t| scene.triangle_emitter[t as usize] == u32::MAX)
@@ -344,12 +343,12 @@ pub fn surface_points(scene: &Scene, count: usize, seed: u64) -> crate::Result<V
             (curve_key(scene, position), Point { position, normal })
         })
         .collect();
-    // Neighbours together: both engines find their caches warm.
+    // Neighbours are adjacent: the caches of both engines are warm.
     points.par_sort_by_key(|(key, _)| *key);
     Ok(points.into_iter().map(|(_, point)| point).collect())
 }
 
-/// Position along a Morton curve of 2^10 cells an axis.
+/// Index along a Morton curve of 2^10 cells per axis.
 fn curve_key(scene: &Scene, p: Vec3) -> u64 {
     let cell = ((p - scene.bounds.min) / scene.bounds.extent().max_element().max(f32::MIN_POSITIVE) * 1023.0)
         .as_uvec3();

@@ -1,4 +1,4 @@
-//! The two plots of the page.
+//! Plots of the page.
 
 use maud::{Markup, PreEscaped, html};
 
@@ -8,7 +8,7 @@ use crate::bench::record::{ExactRow, Record};
 use crate::metrics::Fbem;
 use crate::plot::{Plot, Point, Scale, Series};
 
-/// Error of each row against its time, both logarithmic.
+/// Error against time of each row, both axes logarithmic.
 pub(super) fn error_against_time(record: &Record) -> Result<Markup> {
     let rays = |n: usize| if n == 1 { "1 ray".to_string() } else { format!("{n} rays") };
     let points = |rows: &[ExactRow]| -> Vec<Point> {
@@ -48,7 +48,7 @@ pub(super) fn error_against_time(record: &Record) -> Result<Markup> {
     })
 }
 
-/// FBEM of the exact image of 16 rays over all sizes, and of each MR image at its own size.
+/// Spectrum (FBEM over feature size) of the exact image of 16 rays, and FBEM of each MR image at its own size.
 pub(super) fn spectrum(exact: &[Fbem], mr: &[Fbem], unit: &str) -> Result<Markup> {
     let point = |row: &Fbem| Point { x: row.size, y: row.value, label: String::new() };
     let series = |name: &str, rows: &[Fbem], line| Series {

@@ -1,8 +1,8 @@
-//! What the words on the page mean.
+//! Explanations on the page.
 
 use maud::{Markup, html};
 
-/// Above the shadow images.
+/// Introduction to the shadow images.
 pub(super) fn shadow_images() -> Markup {
     html! {
         p {
@@ -16,7 +16,7 @@ pub(super) fn shadow_images() -> Markup {
     }
 }
 
-/// The glossary.
+/// Glossary.
 pub(super) fn how_to_read() -> Markup {
     let entries = [
         (

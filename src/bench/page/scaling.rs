@@ -1,4 +1,4 @@
-//! How cost grows: the plot, the table, and a page of its own for runs that measure nothing else.
+//! Growth of cost: plot and table, and a page of their own for `bench --scaling` without a scene.
 
 use maud::{Markup, PreEscaped, html};
 
@@ -8,12 +8,12 @@ use crate::Result;
 use crate::bench::record::{ScalingRecord, ScalingRow};
 use crate::plot::{Plot, Point, Scale, Series, number};
 
-/// The rows of a series, smallest first.
+/// The rows of a series, in order.
 fn series<'a>(rows: &'a [ScalingRow], name: &str) -> Vec<&'a ScalingRow> {
     rows.iter().filter(|r| r.series == name).collect()
 }
 
-/// Times of a bundle by triangles; the section is empty without rows.
+/// Time per bundle over triangles; empty without rows.
 pub(super) fn section(rows: &[ScalingRow], unit: &str) -> Result<Markup> {
     let Some(first) = rows.first() else { return Ok(html! {}) };
     Ok(html! {
@@ -32,7 +32,7 @@ pub(super) fn section(rows: &[ScalingRow], unit: &str) -> Result<Markup> {
     })
 }
 
-/// Names of the series in the record and in words.
+/// Names of the series in the record and on the page.
 const SERIES: [(&str, &str); 2] = [("wider", "more trees"), ("finer", "finer leaves")];
 
 fn plot(rows: &[ScalingRow]) -> Result<Markup> {
@@ -103,7 +103,7 @@ fn table(rows: &[ScalingRow]) -> Markup {
     }
 }
 
-/// How much more the largest forest takes than the smallest, beside the logarithm of its size.
+/// Ratio of the times of the largest and the smallest forest, beside the ratio of the logarithms of their sizes.
 fn verdict(rows: &[&ScalingRow], words: &str) -> Option<String> {
     let (first, last) = (rows.first()?, rows.last()?);
     if first.triangles >= last.triangles {
@@ -121,10 +121,10 @@ fn verdict(rows: &[&ScalingRow], words: &str) -> Option<String> {
     ))
 }
 
-/// The page of a run that measured nothing else.
+/// The page of a run that measured growth only.
 ///
 /// # Errors
-/// The plot cannot be drawn, which no record should cause.
+/// The plot cannot be drawn.
 pub fn render_scaling(record: &ScalingRecord) -> Result<String> {
     let ScalingRecord { mrvis, embree, threads, isa, unit, seed, scaling } = record;
     let plural = if *threads == 1 { "thread" } else { "threads" };

@@ -1,4 +1,4 @@
-//! Facts of the scene and the measured rows.
+//! Tables of scene, preparation, workload and measured rows.
 
 use maud::{Markup, html};
 
@@ -6,7 +6,7 @@ use super::{length, percent, times};
 use crate::bench::record::{Build, ExactRow, MrRow, Record};
 use crate::plot::number;
 
-/// What was read, how long the preparation took, what was asked.
+/// Scene, preparation and workload.
 pub(super) fn scene(record: &Record) -> Markup {
     let (scene, build, work) = (&record.scene, &record.build, &record.workload);
     let facts = |title: &str, rows: &[(&str, String)]| {
@@ -57,7 +57,7 @@ pub(super) fn scene(record: &Record) -> Markup {
     }
 }
 
-/// Bytes of each part.
+/// Memory by part, bytes per triangle.
 fn per_triangle(build: &Build) -> String {
     let b = build.bytes_per_triangle;
     let parts = [
@@ -71,7 +71,7 @@ fn per_triangle(build: &Build) -> String {
     format!("{:.0} B ({})", b.total, parts.join(", "))
 }
 
-/// Where the clusters came from.
+/// Origin of the clusters.
 fn cache(build: &Build) -> String {
     match build.cache.as_str() {
         "hit" => format!("read in {}", seconds(build.cache_s)),
@@ -80,7 +80,7 @@ fn cache(build: &Build) -> String {
     }
 }
 
-/// What was mended while reading, when anything was.
+/// Counts of repairs of the scene.
 fn repairs(record: &Record) -> Markup {
     let entries = record.scene_repairs.as_object().into_iter().flatten();
     let counts: Vec<_> =
@@ -103,7 +103,7 @@ fn repairs(record: &Record) -> Markup {
     }
 }
 
-/// Both tables, with what each column means.
+/// Both tables of rows and the meaning of their columns.
 pub(super) fn measurements(record: &Record) -> Markup {
     let columns = [
         ("s", "feature size, a length on the receiving surface"),
@@ -207,7 +207,7 @@ pub(super) fn signed(v: f64) -> String {
     if v > 0.0 { format!("+{}", number(v)) } else { number(v).replace('-', "−") }
 }
 
-/// A count in groups of three digits.
+/// A count with digits in groups of three.
 pub(super) fn count(n: u64) -> String {
     let digits = n.to_string();
     let groups: Vec<&str> =
@@ -220,7 +220,7 @@ pub(super) fn seconds(s: f64) -> String {
     if s != 0.0 && s.abs() < 0.1 { format!("{} ms", number(1000.0 * s)) } else { format!("{} s", number(s)) }
 }
 
-/// A size of memory.
+/// Memory in a suitable unit.
 pub(super) fn bytes(n: u64) -> String {
     let n = n as f64;
     match n {

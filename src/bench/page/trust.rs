@@ -1,4 +1,4 @@
-//! How far the answers can be trusted: claimed against observed error.
+//! Claimed against observed error.
 
 use maud::{Markup, PreEscaped, html};
 
@@ -8,10 +8,10 @@ use crate::Result;
 use crate::bench::record::{Audit, MrRow, Record, TargetChoice, UnbiasedRow};
 use crate::plot::{Plot, Point, Scale, Series, number};
 
-/// Feature sizes in the plot, at most; with the diagonal as many as there are colours.
-const SIZES: usize = 4;
+/// Largest number of feature sizes in the plot: with the diagonal, one per colour.
+const MAX_SIZES: usize = 4;
 
-/// The calibration plot and its table; nothing without an audit.
+/// Calibration plot and table; empty without an audit.
 pub(super) fn calibration(record: &Record) -> Result<Markup> {
     let audited = record.mr.iter().filter_map(|row| Some((row, row.audit.as_ref()?)));
     let rows: Vec<(&MrRow, &Audit)> = audited.filter(|(row, _)| row.rays == record.workload.rays).collect();
@@ -73,7 +73,7 @@ fn plot(rows: &[(&MrRow, &Audit)], unit: &str) -> Result<Markup> {
     let point = |x: f64, y: f64| Point { x, y, label: String::new() };
     let shown: Vec<Series> = rows
         .iter()
-        .take(SIZES)
+        .take(MAX_SIZES)
         .map(|(row, audit)| Series {
             name: format!("s = {}", length(row.feature_size, unit)),
             points: audit.bins.iter().map(|bin| point(bin.claimed, bin.observed)).collect(),
@@ -104,7 +104,7 @@ fn plot(rows: &[(&MrRow, &Audit)], unit: &str) -> Result<Markup> {
     })
 }
 
-/// What was asked for, chosen, expected and found; nothing without a target.
+/// Target, choice, expectation and result; empty without a target.
 pub(super) fn target(record: &Record) -> Markup {
     let Some(target) = &record.target else { return html! {} };
     let asked = match (target.asked.error, target.asked.seconds) {
@@ -131,7 +131,7 @@ pub(super) fn target(record: &Record) -> Markup {
     }
 }
 
-/// A choice in words.
+/// A choice as text.
 fn choice(chosen: &TargetChoice, unit: &str) -> String {
     let engine = match chosen.feature_size {
         Some(s) => {
@@ -150,7 +150,7 @@ fn choice(chosen: &TargetChoice, unit: &str) -> String {
     }
 }
 
-/// The rows without bias; nothing if there are none.
+/// Unbiased rows; empty if there are none.
 pub(super) fn unbiased(record: &Record) -> Markup {
     if record.unbiased.is_empty() {
         return html! {};
