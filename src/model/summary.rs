@@ -1,23 +1,23 @@
-//! The facts of a scene that every output states.
+//! Summary of a scene in the records of commands.
 
 use crate::clusters::Hierarchy;
 use crate::scene::Scene;
 use serde::{Deserialize, Serialize};
 
-/// Facts of the scene.
+/// Summary of a scene.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SceneSummary {
-    /// The file, as given.
+    /// Path of the file as given.
     pub path: String,
-    /// Triangles kept.
+    /// Triangles after repairs.
     pub triangles: usize,
     /// Named objects.
     pub objects: usize,
-    /// Emissive surfaces.
+    /// Emitters.
     pub emitters: usize,
-    /// Connected parts that bound a solid: seen from outside only.
+    /// Connected parts that bound a solid; visible from outside only.
     pub closed_parts: usize,
-    /// Connected parts that are sheets: seen from both sides.
+    /// Connected parts that are sheets; visible from both sides.
     pub sheet_parts: usize,
     /// Clusters of the hierarchy.
     pub clusters: usize,
@@ -26,7 +26,7 @@ pub struct SceneSummary {
 }
 
 impl SceneSummary {
-    /// Those of a scene and its clusters.
+    /// Summary of a scene and its clusters.
     pub fn of(scene: &Scene, hierarchy: &Hierarchy) -> SceneSummary {
         SceneSummary {
             path: scene.path.display().to_string(),

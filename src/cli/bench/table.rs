@@ -1,4 +1,4 @@
-//! The record for a terminal.
+//! The record of a benchmark as text.
 
 use super::super::args::grouped;
 use crate::bench::record::{Build, MrRow, Record, ScalingRow, Target, UnbiasedRow};
@@ -15,7 +15,7 @@ pub fn table(record: &Record) -> String {
     text += &audits(&record.mr);
     text += &unbiased(&record.unbiased, unit);
     if let Some(target) = &record.target {
-        text += &aim(target, unit);
+        text += &target_result(target, unit);
     }
     // Writing to a string cannot fail.
     if !record.scaling.is_empty() {
@@ -130,7 +130,7 @@ fn mr_rows(rows: &[MrRow]) -> String {
     text
 }
 
-/// How cost grows, for a terminal.
+/// Growth of cost as text.
 pub fn scaling(rows: &[ScalingRow]) -> String {
     let mut text = String::from(
         "growth   triangles   a bundle: exact         RMS  multi-res.         RMS   nodes      built     memory  a triangle\n",
@@ -154,7 +154,7 @@ pub fn scaling(rows: &[ScalingRow]) -> String {
     text
 }
 
-/// How the clusters were come by.
+/// Origin and time of the clusters.
 fn clusters(build: &Build) -> String {
     if build.cache == "hit" {
         return format!("clusters from the cache {}", seconds(build.cache_s));
@@ -168,7 +168,7 @@ fn clusters(build: &Build) -> String {
     )
 }
 
-/// The rows without bias.
+/// Unbiased rows.
 fn unbiased(rows: &[UnbiasedRow], unit: &str) -> String {
     let mut text = String::new();
     if !rows.is_empty() {
@@ -193,8 +193,8 @@ fn unbiased(rows: &[UnbiasedRow], unit: &str) -> String {
     text
 }
 
-/// What came of a target.
-fn aim(target: &Target, unit: &str) -> String {
+/// Result of a target.
+fn target_result(target: &Target, unit: &str) -> String {
     let asked = match (target.asked.error, target.asked.seconds) {
         (Some(error), _) => format!("RMS {error}"),
         (_, time) => format!("{} of choosing and queries", seconds(time.unwrap_or(0.0))),
@@ -221,7 +221,7 @@ fn aim(target: &Target, unit: &str) -> String {
     )
 }
 
-/// What both sides need beside the queries, in one line: the times of the rows leave it out.
+/// Preparation of both engines, which the times of rows do not include, in one line.
 fn setup(record: &Record) -> String {
     let build = &record.build;
     let decisions: f64 = record.mr.iter().map(|row| row.decide_s).sum();
@@ -240,14 +240,14 @@ fn setup(record: &Record) -> String {
     )
 }
 
-/// What the audits found, in one line.
+/// Summary of the audits in one line.
 fn audits(rows: &[MrRow]) -> String {
     let audits: Vec<_> = rows.iter().filter_map(|row| row.audit.as_ref()).collect();
     let Some(first) = audits.first() else { return String::new() };
-    let bold = audits.iter().filter(|a| a.observed_lo > a.claimed_rms).count();
+    let overclaimed = audits.iter().filter(|a| a.observed_lo > a.claimed_rms).count();
     let lowest = audits.iter().map(|a| a.coverage).fold(1.0, f64::min);
     format!(
-        "audit of {} bundles, {} exact rays each: {bold} of {} rows err by more than they claim; at least {:.1} % of \
+        "audit of {} bundles, {} exact rays each: {overclaimed} of {} rows err by more than they claim; at least {:.1} % of \
          the intervals are borne out\n",
         first.bundles,
         first.rays,

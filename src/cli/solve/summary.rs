@@ -76,7 +76,7 @@ pub fn summary(r: &Record, with_points: bool) -> String {
     text
 }
 
-/// A table of both engines.
+/// Times and results of both engines.
 fn side_by_side(r: &Record, v: &Versus) -> String {
     let name = |visibility| match visibility {
         Visibility::Exact => "exact",
