@@ -4,7 +4,7 @@ use super::args::Common;
 use crate::{
     Result,
     export::{
-        Camera, Mesh, Stage, Tone, best_view, light_of, lightmap, places, render, unwrapped_lightmap,
+        Camera, Mesh, Stage, Tone, best_view, light_of, lightmap, render, unwrapped_lightmap, visible_points,
         write_glb, write_lightmap, write_ply, write_vtu,
     },
     image_io::{Picture, write_exr_rgb, write_png},
@@ -59,7 +59,7 @@ pub type Gather<'a> = &'a dyn Fn(&[Point], f64) -> Option<Vec<[f64; 3]>>;
 /// Largest number of pixels. Chosen: about 1 GB during rendering.
 const MAX_PIXELS: usize = 1 << 25;
 /// Rays per pixel along either side. Chosen: smooth edges at four times the cost.
-const SAMPLES: usize = 2;
+const SAMPLES_PER_SIDE: usize = 2;
 
 impl Outputs {
     /// Writes the requested files into a folder; returns their paths. `irradiance` computes the light of pixels for
@@ -129,10 +129,14 @@ impl Outputs {
                 let [width, height] = self.image_size;
                 let gathered =
                     self.gather.then(|| render(&stage, camera, width, height, 1)).and_then(|frame| {
-                        Some(light_of(&frame, solution, &irradiance(&places(&frame, solution), part)?))
+                        Some(light_of(
+                            &frame,
+                            solution,
+                            &irradiance(&visible_points(&frame, solution), part)?,
+                        ))
                     });
-                let radiance =
-                    gathered.unwrap_or_else(|| render(&stage, camera, width, height, SAMPLES).radiance);
+                let radiance = gathered
+                    .unwrap_or_else(|| render(&stage, camera, width, height, SAMPLES_PER_SIDE).radiance);
                 write_exr_rgb(&file(format!("{}.exr", camera.name)), width, &radiance)?;
                 write_png(&file(format!("{}.png", camera.name)), &developed(width, &radiance))?;
             }
