@@ -120,13 +120,13 @@ fn headline(record: &Record) -> Markup {
 /// The best row in one sentence.
 fn sentence(record: &Record) -> Markup {
     let Some((best, speed)) = record.best().and_then(|row| Some((row, row.speedup_at_same_rms?))) else {
-        return html! { p.lead { "This run holds no multi-resolution row whose speed could be compared." } };
+        return html! { p.lead { "This run has no multi-resolution row whose speed could be compared." } };
     };
     let size = length(best.feature_size, &record.unit);
     html! {
         p.lead {
             @if speed >= 1.05 {
-                "Answering for features of " (size) ", multi-resolution visibility was "
+                "At feature size " (size) " multi-resolution visibility was "
                 strong { (times(Some(speed))) " faster" }
                 " than exact ray tracing (Embree) of the same accuracy"
             } @else if speed > 0.95 {
@@ -141,8 +141,8 @@ fn sentence(record: &Record) -> Markup {
         }
         @if best.extrapolated {
             p.note {
-                "No measured number of exact rays was that accurate. The time that exact would need is extrapolated: \
-                 halving its error takes four times the rays."
+                "No measured number of exact rays is as accurate. The time of exact rays is extrapolated: half the \
+                 error takes four times the rays."
             }
         }
     }
@@ -160,8 +160,8 @@ fn footer(record: &Record, command: &str) -> Markup {
             }
             pre { (command) }
             p.note {
-                "The same command gives the same figures but for the times, which depend on the machine and on what \
-                 else runs on it. Speed-ups are ratios of times of one run."
+                "The command gives the same results except for times, which depend on the machine and its load. \
+                 Speed-ups are ratios of times of one run."
             }
         }
     }

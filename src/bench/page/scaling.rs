@@ -20,10 +20,9 @@ pub(super) fn section(rows: &[ScalingRow], unit: &str) -> Result<Markup> {
         section {
             h2 { "How cost grows" }
             p {
-                "Forests of the same trees, asked " (first.rays) " segments from each point to the sky at the one feature \
-                 size of " (length(first.feature_size, unit)) ". "
-                em { "More trees" } ": as dense over more ground, under the same part of the sky. "
-                em { "Finer leaves" } ": as many trees with more and smaller leaves that shade as much."
+                "Forests of equal trees, with " (first.rays) " segments from each point to the sky panel, at feature size " (length(first.feature_size, unit)) ". "
+                em { "More trees" } ": constant density over more ground, constant solid angle of the panel. "
+                em { "Finer leaves" } ": as many trees with more and smaller leaves of constant total area."
             }
             (plot(rows)?)
             (table(rows))
@@ -52,7 +51,7 @@ fn plot(rows: &[ScalingRow]) -> Result<Markup> {
     lines.retain(|line| !line.points.is_empty());
     let plot = Plot {
         x_label: "triangles".into(),
-        y_label: "time of a bundle, microseconds".into(),
+        y_label: "time per bundle, microseconds".into(),
         x_scale: Scale::Log,
         y_scale: Scale::Log,
         series: lines,
@@ -60,7 +59,7 @@ fn plot(rows: &[ScalingRow]) -> Result<Markup> {
     Ok(html! {
         figure.plot {
             div.scroll { (PreEscaped(plot.svg(860, 400)?)) }
-            figcaption { "Both axes are logarithmic: a level line is a cost that does not depend on the scene's size." }
+            figcaption { "Both axes are logarithmic: a horizontal line is a cost that does not depend on the size of the scene." }
         }
     })
 }
@@ -74,9 +73,9 @@ fn table(rows: &[ScalingRow]) -> Markup {
         "RMS, exact",
         "RMS, multi-res.",
         "nodes",
-        "built in",
+        "preparation",
         "memory",
-        "a triangle",
+        "per triangle",
     ];
     html! {
         div.scroll {

@@ -18,14 +18,13 @@ pub(super) fn calibration(record: &Record) -> Result<Markup> {
     let Some(&(_, any)) = rows.first() else { return Ok(html! {}) };
     Ok(html! {
         section {
-            h2 { "How far to trust an answer" }
+            h2 { "Claimed and observed errors" }
             p {
-                "Every answer comes with an interval that is stated to hold the true visible fraction in 95 of 100 \
-                 cases. Whoever states an interval claims an error: a narrow one claims to be accurate. The audit \
-                 checks this: on " (any.bundles) " bundles picked at random it traced " (any.rays) " exact rays \
-                 each, which no engine had seen, and compared. In the plot each point is a group of bundles that \
-                 claimed about the same error. On the diagonal the claim is right; below it the answers are better \
-                 than they say, above it they say too much."
+                "Every answer has an interval that is stated to contain the true visible fraction in 95 of 100 cases; \
+                 its width claims a standard error. The audit compares the answers of " (any.bundles) " random \
+                 bundles with " (any.rays) " independent exact rays each. In the plot each point is a group of bundles \
+                 with similar claimed errors. On the diagonal claimed and observed error are equal; above it the \
+                 observed error is larger than claimed."
             }
             (plot(&rows, &record.unit)?)
             div.scroll {
@@ -36,7 +35,7 @@ pub(super) fn calibration(record: &Record) -> Result<Markup> {
                             th scope="col" { "claimed RMS" }
                             th scope="col" { "observed RMS" }
                             th scope="col" { "its 95 % interval" }
-                            th scope="col" { "intervals borne out" }
+                            th scope="col" { "intervals confirmed" }
                             th scope="col" { "its 95 % interval" }
                             th scope="col" { "in bounds, all bundles" }
                         }
@@ -45,10 +44,11 @@ pub(super) fn calibration(record: &Record) -> Result<Markup> {
                 }
             }
             p.note {
-                "Rows of " (record.workload.rays) " segments. The noise of the audit's own rays is subtracted from \
-                 what it observed. An interval is borne out where the mean of the rays differs from the answer by no \
-                 more than the stated half width and 1.96 standard errors of the rays, added as squares: honest \
-                 claims are in 95 of 100 cases, a certificate is refuted by a single ray. “In bounds” is judged by the reference of " (record.workload.reference_rays)
+                "Rows of " (record.workload.rays) " segments. The noise of the audit's rays is subtracted from the \
+                 observed error. An interval is confirmed if the mean of the rays differs from the answer by no more \
+                 than the stated half width and 1.96 standard errors of the rays, added as squares: correct intervals \
+                 are confirmed in 95 of 100 cases, and one ray refutes a certificate. “In bounds” is the part of all \
+                 bundles whose interval is confirmed by the reference of " (record.workload.reference_rays)
                 " rays on every bundle."
             }
         }
@@ -109,24 +109,24 @@ pub(super) fn target(record: &Record) -> Markup {
     let Some(target) = &record.target else { return html! {} };
     let asked = match (target.asked.error, target.asked.seconds) {
         (Some(error), _) => format!("an RMS error of at most {}", percent(error)),
-        (_, time) => format!("at most {}, with choosing", seconds(time.unwrap_or(0.0))),
+        (_, time) => format!("at most {}, pilot included", seconds(time.unwrap_or(0.0))),
     };
     html! {
         section {
-            h2 { "What was asked for" }
+            h2 { "Target" }
             p {
-                "Asked for: " (asked) ". A pilot on a sample tried feature sizes and numbers of segments, and exact \
+                "Target: " (asked) ". A pilot on a sample measured plans with different feature sizes and numbers of segments, and exact \
                  rays, and chose " (choice(&target.chosen, &record.unit)) ". It expected an RMS error of "
                 (percent(target.expected_rms)) " (" (percent(target.expected_rms_lo)) " to "
-                (percent(target.expected_rms_hi)) ") in " (seconds(target.expected_seconds)) "; found: "
+                (percent(target.expected_rms_hi)) ") in " (seconds(target.expected_seconds)) "; observed: "
                 strong { (percent(target.rms)) " in " (seconds(target.seconds)) }
-                ", after choosing for " (seconds(target.pilot_s))
+                ", after a pilot of " (seconds(target.pilot_s))
                 @if let Some(audit) = &target.audit { ", by the audit " (percent(audit.observed_rms)) }
                 "."
             }
-            @if !target.reachable { p.warning { "Nothing that was tried was expected to do; this is the nearest." } }
-            @if !target.met { p.warning { "What was asked for was missed." } }
-            @if !target.as_expected { p.warning { "The error found is not the one that was expected." } }
+            @if !target.reachable { p.warning { "The pilot expected no plan to meet the target; this is the nearest." } }
+            @if !target.met { p.warning { "The target was missed." } }
+            @if !target.as_expected { p.warning { "The observed error differs from the expected one." } }
         }
     }
 }
@@ -159,12 +159,11 @@ pub(super) fn unbiased(record: &Record) -> Markup {
     let gains = record.unbiased.iter().filter(|row| gain(row)).count();
     html! {
         section {
-            h2 { "Without bias" }
+            h2 { "Unbiased estimates" }
             p {
-                "An averaged answer errs in the same direction however many segments are averaged. Here a few of its \
-                 segments, picked at random, are traced exactly as well, and the mean difference is added: the mean \
-                 of such answers is the exact one. They get better with every segment, as exact rays do; the question \
-                 is whether they do so in less time. At the same error "
+                "Averaged answers are biased for any number of segments. Here some of their segments, picked at \
+                 random, are also traced exactly, and the mean difference is added: the result is unbiased, and its \
+                 error falls with the number of segments. At the same error "
                 @if gains == 0 { "none of these rows is faster than plain exact rays." }
                 @else { (gains) " of " (record.unbiased.len()) " rows are faster than plain exact rays." }
             }

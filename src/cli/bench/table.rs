@@ -51,12 +51,12 @@ fn head(record: &Record) -> String {
     let b = build.bytes_per_triangle;
     let _ = writeln!(
         text,
-        "memory: {:.0} bytes a triangle (scene {:.0}, clusters {:.0}, measures {:.0}, traversal {:.0}, Embree {:.0})",
+        "memory: {:.0} bytes per triangle (scene {:.0}, clusters {:.0}, optics {:.0}, traversal {:.0}, Embree {:.0})",
         b.total, b.scene, b.hierarchy, b.optics, b.wide, b.embree
     );
     let _ = writeln!(
         text,
-        "{} points, {} segments at {} rays; reference of {} rays, its own noise {}; {} thread{}, {}",
+        "{} points, {} segments at {} rays; reference of {} rays, noise {}; {} thread{}, {}",
         workload.points,
         workload.segments,
         workload.rays,
@@ -123,7 +123,7 @@ fn mr_rows(rows: &[MrRow]) -> String {
     if whole > 0 {
         let _ = writeln!(
             text,
-            "{whole} of {} rows could not pay: their bundles were handed over, they are the exact rows",
+            "{whole} of {} rows were not expected to be faster: their bundles were handed to Embree",
             rows.len()
         );
     }
@@ -197,18 +197,18 @@ fn unbiased(rows: &[UnbiasedRow], unit: &str) -> String {
 fn target_result(target: &Target, unit: &str) -> String {
     let asked = match (target.asked.error, target.asked.seconds) {
         (Some(error), _) => format!("RMS {error}"),
-        (_, time) => format!("{} of choosing and queries", seconds(time.unwrap_or(0.0))),
+        (_, time) => format!("{} of pilot and queries", seconds(time.unwrap_or(0.0))),
     };
     let chosen = &target.chosen;
     let engine = chosen.feature_size.map_or("exact".into(), |s| format!("s = {} {unit}", number(s)));
     let more = chosen.rays_where_partly_visible.map_or(String::new(), |more| {
         format!(", {more} where partly visible ({:.0} %)", 100.0 * chosen.partly_visible)
     });
-    let unreached = if target.reachable { "" } else { " (nothing was expected to do)" };
+    let unreached = if target.reachable { "" } else { " (no plan was expected to meet it)" };
     let surprise = if target.as_expected { "" } else { ", not as expected" };
     format!(
-        "\ntarget {asked}{unreached}: {engine} with {} segments{more}; expected RMS {:.5} ({:.5} to {:.5}) in {}; found \
-         {:.5} in {}, after choosing for {}: {}{surprise}\n",
+        "\ntarget {asked}{unreached}: {engine} with {} segments{more}; expected RMS {:.5} ({:.5} to {:.5}) in {}; observed \
+         {:.5} in {}, after a pilot of {}: {}{surprise}\n",
         chosen.rays,
         target.expected_rms,
         target.expected_rms_lo,
@@ -226,8 +226,8 @@ fn setup(record: &Record) -> String {
     let build = &record.build;
     let decisions: f64 = record.mr.iter().map(|row| row.decide_s).sum();
     format!(
-        "set-up beside the queries: exact {} (Embree's tree {}, its calls {}); multi-resolution {} besides (clusters {}, \
-         budget {}, decisions of {} rows {}); each row is the least of {} runs\n",
+        "preparation: exact {} (Embree's tree {}, choice of ray calls {}); multi-resolution {} in addition (clusters {}, \
+         budget {}, decisions of {} rows {}); each row is the minimum of {} runs\n",
         seconds(build.exact_setup_s),
         seconds(build.embree_s),
         seconds(build.exact_setup_s - build.embree_s),
@@ -247,8 +247,8 @@ fn audits(rows: &[MrRow]) -> String {
     let overclaimed = audits.iter().filter(|a| a.observed_lo > a.claimed_rms).count();
     let lowest = audits.iter().map(|a| a.coverage).fold(1.0, f64::min);
     format!(
-        "audit of {} bundles, {} exact rays each: {overclaimed} of {} rows err by more than they claim; at least {:.1} % of \
-         the intervals are borne out\n",
+        "audit of {} bundles, {} exact rays each: {overclaimed} of {} rows have larger errors than claimed; at least {:.1} % of \
+         the intervals are confirmed\n",
         first.bundles,
         first.rays,
         audits.len(),
