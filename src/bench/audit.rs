@@ -38,13 +38,13 @@ impl Audit {
     }
 
     /// Compares a run over all queries with the rays.
-    pub fn judge(&self, run: &MrRun) -> record::Audit {
+    pub fn evaluate(&self, run: &MrRun) -> record::Audit {
         let visible: Vec<f32> = self.chosen.iter().map(|&k| run.run.visible[k]).collect();
         let intervals: Vec<(f32, f32)> = self.chosen.iter().map(|&k| run.intervals[k]).collect();
         self.compare(&visible, &intervals)
     }
 
-    /// [`Audit::judge`] for answers to the chosen queries alone.
+    /// [`Audit::evaluate`] for answers to the chosen queries alone.
     fn compare(&self, visible: &[f32], intervals: &[(f32, f32)]) -> record::Audit {
         let squares = self.truth.squares(visible);
         let claims: Vec<f64> = intervals.iter().map(|&(lo, hi)| f64::from(hi - lo) / (2.0 * Z)).collect();
@@ -119,7 +119,7 @@ mod tests {
 
     /// 4,000 synthetic queries: their audit, answers with errors of `error` claimed standard errors, and stated
     /// intervals.
-    fn invented(error: f32) -> (Audit, Vec<f32>, Vec<(f32, f32)>) {
+    fn synthetic(error: f32) -> (Audit, Vec<f32>, Vec<(f32, f32)>) {
         let mut random = Pcg64Mcg::new(7);
         let (mut a, mut b, mut visible, mut intervals) = (vec![], vec![], vec![], vec![]);
         for _ in 0..4000 {
@@ -139,8 +139,8 @@ mod tests {
     }
 
     #[test]
-    fn honest_claims_are_found_honest() {
-        let (audit, visible, intervals) = invented(1.0);
+    fn correct_claims_are_confirmed() {
+        let (audit, visible, intervals) = synthetic(1.0);
         let found = audit.compare(&visible, &intervals);
         assert_eq!((found.bundles, found.rays), (4000, 64));
         assert!(found.observed_lo < found.claimed_rms && found.claimed_rms < found.observed_hi, "{found:?}");
@@ -155,16 +155,16 @@ mod tests {
     }
 
     #[test]
-    fn bold_claims_are_found_out() {
-        let (audit, visible, intervals) = invented(4.0);
+    fn claims_below_the_error_are_refuted() {
+        let (audit, visible, intervals) = synthetic(4.0);
         let found = audit.compare(&visible, &intervals);
         assert!(found.observed_lo > 3.5 * found.claimed_rms, "{found:?}");
         assert!(found.coverage_hi < 0.7 && found.coverage_lo < found.coverage, "{found:?}");
         // Claims of half the true error are detected.
-        let (audit, visible, intervals) = invented(2.0);
+        let (audit, visible, intervals) = synthetic(2.0);
         assert!(audit.compare(&visible, &intervals).coverage_hi < 0.9);
         // Claims of four times the true error hold more often than stated.
-        let (audit, visible, intervals) = invented(0.25);
+        let (audit, visible, intervals) = synthetic(0.25);
         assert!(audit.compare(&visible, &intervals).coverage_lo > 0.96);
     }
 

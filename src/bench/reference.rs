@@ -144,7 +144,9 @@ impl RmsEstimate {
 /// Quantile of Student's t distribution for a 95 % interval: the table for up to four degrees of freedom, then the
 /// expansion of Cornish and Fisher (Abramowitz and Stegun 26.7.5).
 fn student(freedom: usize) -> f64 {
+    /// Quantiles for 1 to 4 degrees of freedom.
     const FIRST: [f64; 4] = [12.706, 4.303, 3.182, 2.776];
+    /// Quantile of the normal distribution.
     const Z: f64 = 1.959_964;
     let v = freedom as f64;
     let first = (Z.powi(3) + Z) / 4.0;
@@ -179,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn intervals_of_errors_are_honest_where_little_was_seen() {
+    fn intervals_are_wide_for_few_samples() {
         // One run gives no interval; two give a wide one.
         let one = RmsEstimate::of(&[0.04], 1);
         assert_eq!((one.lo, one.hi), (0.0, 1.0));

@@ -49,23 +49,23 @@ impl Bench<'_> {
             if k < first_certified {
                 let (rays, engine) = (calls[k].0, &calls[k].1);
                 let run = self.exact(queries, engine, rays, first);
-                exact[k].judge(first, &reference, &run);
+                exact[k].evaluate(first, &reference, &run);
                 for (row, _) in
                     rows.iter_mut().zip(&asked).filter(|(r, a)| first && r.rays == rays && !a.pays)
                 {
-                    row.judge(&reference, audit.as_ref(), &MrRun::handed_over(run.clone(), rays));
+                    row.evaluate(&reference, audit.as_ref(), &MrRun::handed_over(run.clone(), rays));
                 }
                 run.sections
             } else if k < first_mr {
                 let row = &mut certified[k - first_certified];
                 let run = self.certified(queries, engine, row.rays, first).run;
-                row.judge(first, &reference, &run);
+                row.evaluate(first, &reference, &run);
                 run.sections
             } else {
                 let k = walked[k - first_mr];
                 let result = self.mr(queries, engine, &asked[k], first);
                 if first {
-                    rows[k].judge(&reference, audit.as_ref(), &result);
+                    rows[k].evaluate(&reference, audit.as_ref(), &result);
                 }
                 result.run.sections
             }
@@ -87,7 +87,7 @@ impl Bench<'_> {
 
 impl ExactRow {
     /// Computes the errors of the first run.
-    fn judge(&mut self, first: bool, reference: &Reference, run: &Run) {
+    fn evaluate(&mut self, first: bool, reference: &Reference, run: &Run) {
         if first {
             (self.rms, self.bias) = reference.errors(&run.visible);
         }
@@ -96,12 +96,12 @@ impl ExactRow {
 
 impl MrRow {
     /// Computes errors, interval coverage and cost fractions of a run.
-    fn judge(&mut self, reference: &Reference, audit: Option<&Audit>, result: &MrRun) {
+    fn evaluate(&mut self, reference: &Reference, audit: Option<&Audit>, result: &MrRun) {
         let cost = result.cost;
         let segments = cost.segments.max(1) as f64;
         (self.rms, self.bias) = reference.errors(&result.run.visible);
         self.interval_coverage = reference.coverage(&result.run.visible, &result.intervals);
-        self.audit = audit.map(|audit| audit.judge(result));
+        self.audit = audit.map(|audit| audit.evaluate(result));
         self.aggregated_fraction = cost.aggregated as f64 / segments;
         self.certified_fraction = cost.certified as f64 / segments;
         self.exact_rays = cost.exact_rays;

@@ -29,6 +29,8 @@ const MIN_TRUTH_RAYS: usize = 64;
 const MIN_RUN_PAIRS: usize = 4;
 /// Part of a target time that pilot and plan may be expected to take. Chosen: measured times vary by some per cent.
 const PLAN_TIME_PART: f64 = 0.9;
+/// Visible fractions of partly visible pairs. Chosen: excludes 0 and 1 with their rounding.
+const PARTLY_VISIBLE: std::ops::RangeInclusive<f32> = 1e-4..=0.9999;
 
 /// Segments of all pairs.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -99,7 +101,7 @@ impl Bench<'_> {
                 Target::Seconds(most) => pilot_s + seconds <= most,
             },
             as_expected: found.lo <= best.error.hi && best.error.lo <= found.hi,
-            audit: self.audit(queries).map(|audit| audit.judge(&run)),
+            audit: self.audit(queries).map(|audit| audit.evaluate(&run)),
         }
     }
 
@@ -185,7 +187,7 @@ impl Bench<'_> {
         let mut run = ask(queries, plan.rays);
         let Some(more) = plan.more else { return (run, 0.0) };
         let partly: Vec<usize> =
-            (0..queries.pairs.len()).filter(|&k| (1e-4..=0.9999).contains(&run.run.visible[k])).collect();
+            (0..queries.pairs.len()).filter(|&k| PARTLY_VISIBLE.contains(&run.run.visible[k])).collect();
         let pairs: Vec<usize> = partly.iter().map(|&k| queries.pairs[k]).collect();
         let again = ask(Queries { pairs: &pairs, ..queries }, more);
         for (&k, (&visible, &interval)) in partly.iter().zip(again.run.visible.iter().zip(&again.intervals)) {

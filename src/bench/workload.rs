@@ -170,6 +170,7 @@ fn in_turn(points: [Vec3; 4]) -> [Vec3; 4] {
 
 /// The distinct points if they are at most eight, otherwise the corners of their bounding box.
 fn hull(points: impl Iterator<Item = Vec3> + Clone) -> Vec<Vec3> {
+    /// Largest number of points of a hull: that of a box.
     const MAX_HULL_POINTS: usize = 8;
     let mut distinct: Vec<Vec3> = Vec::new();
     for p in points.clone() {

@@ -8,6 +8,7 @@ use serde_json::json;
 use std::borrow::Cow;
 use std::path::Path;
 
+/// Component types and buffer targets of glTF 2.0 (sections 5.1.3 and 5.11.5).
 const FLOAT: u32 = 5126;
 const UNSIGNED_INT: u32 = 5125;
 const VERTICES: u32 = 34962;

@@ -188,6 +188,15 @@ fn missed_tolerances_are_exit_code_1() {
     assert_eq!(same.code, Some(0), "{}", same.stderr);
     let other = scratch.mrvis(&["fbem", "white.png", "black.png", "--tolerance", "0.5"]);
     assert_eq!(other.code, Some(1), "{}", other.stderr);
+    // With `--json -` the JSON is the only text on standard output.
+    let piped = scratch.mrvis(&["fbem", "white.png", "black.png", "--json", "-"]);
+    let json: serde_json::Value = serde_json::from_str(&piped.stdout).expect("JSON");
+    assert!(
+        json["l2"].as_f64().is_some_and(|e| e > 0.9) && piped.stderr.contains("FBEM"),
+        "{}",
+        piped.stdout
+    );
+    assert!(!scratch.path("-").exists());
 }
 
 /// The fields of docs/report.md, section The JSON, on a scene of three triangles, without network or terminal.

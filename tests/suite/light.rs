@@ -154,6 +154,20 @@ fn form_factors_of_a_box_are_the_closed_forms() {
     }
 }
 
+/// Direct light at points needs no elements, whose error would be meaningless.
+#[test]
+fn direct_light_at_points_has_no_error_estimate() {
+    let scratch = scratch();
+    let solve = ["solve", "box.obj", "--out", "s", "--points", "points.csv"];
+    let direct = scratch.mrvis(&[&solve[..], &["--direct-only"]].concat());
+    done(&direct);
+    assert!(!direct.stdout.contains("estimated error"), "{}", direct.stdout);
+    assert!(scratch.json("s/solution.json")["error_estimate"].is_number());
+    let all = scratch.mrvis(&solve);
+    done(&all);
+    assert!(all.stdout.contains("estimated error"), "{}", all.stdout);
+}
+
 #[test]
 fn a_solution_is_shown() {
     let scratch = scratch();

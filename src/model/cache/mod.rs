@@ -20,7 +20,9 @@ use serde::{Deserialize, Serialize};
 use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
+/// First bytes of a cache file.
 const MAGIC: &[u8; 16] = b"mrvis side table";
+/// Bytes of a hash.
 const HASH: usize = blake3::OUT_LEN;
 /// File name extension of cache files.
 const EXTENSION: &str = "mrvis-cache";
