@@ -40,8 +40,8 @@ fn main() {
             "rtc(Get|Set)Device(Error|Property|ErrorFunction|MemoryMonitorFunction|ErrorMessage)",
         )
         .allowlist_function("rtcSetScene(Flags|BuildQuality)")
-        .allowlist_function("rtc(CommitScene|CommitGeometry|AttachGeometry)")
-        .allowlist_function("rtcSet(NewGeometryBuffer|GeometryMask)")
+        .allowlist_function("rtc(CommitScene|CommitGeometry|AttachGeometry|AttachGeometryByID)")
+        .allowlist_function("rtcSet(NewGeometryBuffer|GeometryMask|GeometryInstancedScene|GeometryTransform)")
         .allowlist_function("mrvis_.*")
         .allowlist_var("RTC_(VERSION|VERSION_MAJOR|VERSION_STRING|INVALID_GEOMETRY_ID)")
         // A newer library may return unknown codes. Constants keep this defined; Rust enums would not.

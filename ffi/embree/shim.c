@@ -84,6 +84,9 @@ void mrvis_occluded(RTCScene scene, const mrvis_packet *packets, size_t count, i
 }
 
 /* Traces lanes [first, first + W) of a packet for first hits and writes them to hits[k]. */
+/* Scenes without instances count as the first instance. */
+static inline uint32_t instance_of(unsigned int id) { return id == RTC_INVALID_GEOMETRY_ID ? 0 : id; }
+
 #define HIT_WIDE(W, ALIGN)                                                                                  \
     for (int first = 0; first < 16; first += W) {                                                           \
         const uint32_t lanes = (p->active >> first) & (uint32_t)((1ull << W) - 1);                          \
@@ -112,6 +115,7 @@ void mrvis_occluded(RTCScene scene, const mrvis_packet *packets, size_t count, i
         rtcIntersect##W(valid, scene, &query, &args);                                                       \
         for (int i = 0; i < W; i++) {                                                                       \
             hits[k].triangle[first + i] = valid[i] ? query.hit.primID[i] : RTC_INVALID_GEOMETRY_ID;         \
+            hits[k].instance[first + i] = instance_of(query.hit.instID[0][i]);                              \
             hits[k].t[first + i] = query.ray.tfar[i];                                                       \
         }                                                                                                   \
     }
@@ -130,8 +134,10 @@ static void hit_single(RTCScene scene, const mrvis_packet *p, uint32_t mask, str
         query.ray.mask = mask;
         query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
         query.hit.primID = RTC_INVALID_GEOMETRY_ID;
+        query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
         rtcIntersect1(scene, &query, args);
         hits->triangle[i] = query.hit.primID;
+        hits->instance[i] = instance_of(query.hit.instID[0]);
         hits->t[i] = query.ray.tfar;
     }
 }

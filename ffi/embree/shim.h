@@ -27,6 +27,7 @@ void mrvis_occluded(RTCScene scene, const mrvis_packet *packets, size_t count, i
 /* First hits of 16 segments: triangle index within its geometry (0xffffffff without a hit) and parameter t. */
 typedef struct {
     uint32_t triangle[16];
+    uint32_t instance[16]; /* index in a scene of instances, 0 in other scenes; undefined without a hit */
     float t[16];
 } mrvis_hits;
 

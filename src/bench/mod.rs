@@ -17,6 +17,7 @@ mod run;
 mod sample;
 mod scaling;
 mod sizes;
+mod surface;
 mod target;
 mod unbiased;
 pub mod workload;

@@ -6,7 +6,7 @@ use super::record::{Build, BytesPerTriangle};
 use super::rounds::timed;
 use super::sample::Sample;
 use super::workload::Workload;
-use crate::model::{Detail, Model, PrepareOptions};
+use crate::model::{Detail, Mesh, Model, PrepareOptions};
 use crate::visibility::{Leaf, MultiResolution, Workspace};
 
 impl Options {
@@ -44,22 +44,20 @@ impl Bench<'_> {
 
     /// The MR engine for a workload. Writes its times and sizes to `build`.
     pub fn engine(&self, workload: &Workload, sample: &Sample, build: &mut Build) -> MultiResolution {
-        let Bench { model, scene, options, .. } = self;
-        let measured = model.base().measured().expect("a benchmark prepares optics");
-        let hierarchy = model.base().hierarchy();
+        let Bench { model, options, .. } = self;
         let traversal = timed(&mut build.budget_s, || self.traversal(workload, options.rays));
-        let engine =
-            MultiResolution::new(measured.tree.clone(), model.traced().clone(), traversal, Leaf::Exact)
-                .with_tolerance(options.clusters.tolerance);
+        let engine = model.engine(traversal, Leaf::Exact).expect("a benchmark prepares optics");
         let engine = timed(&mut build.budget_s, || {
             engine.with_budget(&sample.bundles(1).concat(), &mut Workspace::default())
         });
-        let clusters = hierarchy.micro.bytes() + hierarchy.large.bytes();
-        let [optics, wide] = [size_of_val(measured.optics.as_slice()), engine.bytes()];
+        let all = |of: &dyn Fn(&Mesh) -> usize| model.meshes().iter().map(|mesh| of(mesh)).sum::<usize>();
+        let clusters = all(&|mesh| mesh.hierarchy().micro.bytes() + mesh.hierarchy().large.bytes());
+        let optics = all(&|mesh| mesh.measured().map_or(0, |m| size_of_val(m.optics.as_slice())));
+        let wide = all(&|mesh| mesh.measured().map_or(0, |m| m.tree.bytes()));
         build.hierarchy_bytes = (clusters + optics + wide) as u64;
         build.bytes_per_triangle = BytesPerTriangle::of(
-            scene.triangles.len(),
-            [scene.bytes(), clusters, optics, wide, build.embree_bytes as usize],
+            all(&|mesh| mesh.scene().triangles.len()),
+            [all(&|mesh| mesh.scene().bytes()), clusters, optics, wide, build.embree_bytes as usize],
         );
         engine
     }

@@ -9,12 +9,10 @@ use super::record::{self, Record};
 use super::rows::Measured;
 use super::sizes::default_sizes;
 use super::workload::{Workload, surface_points};
-use crate::clusters::Hierarchy;
 use crate::model::Model;
 use crate::model::summary::SceneSummary;
-use crate::optics::{ClusterOptics, Extinction};
+use crate::optics::Extinction;
 use crate::progress::Progress;
-use crate::scene::Scene;
 use crate::{Error, Result};
 
 /// Measures a scene.
@@ -34,8 +32,6 @@ pub fn run(
     options.check_for(scene)?;
     let timer = Timer::new(options.threads)?;
     let mut build = build_of(model);
-    let hierarchy = model.base().hierarchy();
-    let optics = &model.base().measured().expect("a benchmark prepares optics").optics;
 
     let points = surface_points(scene, options.points, options.seed)?;
     let workload = Workload::new(scene, points, options.seed);
@@ -46,7 +42,7 @@ pub fn run(
             scene.path.display()
         )));
     }
-    let sizes = sizes(scene, options, hierarchy, optics);
+    let sizes = sizes(model, options);
     let mut warnings = Vec::new();
     let bench = Bench { model, scene, options, timer, sizes, progress };
     let sample = bench.sample(&workload);
@@ -75,7 +71,7 @@ pub fn run(
         isa: mr.isa().name().into(),
         unit: scene.unit.clone(),
         seed: options.seed,
-        scene: SceneSummary::of(scene, hierarchy),
+        scene: SceneSummary::of(model),
         scene_repairs: serde_json::to_value(&scene.repairs).unwrap_or_default(),
         warnings,
         clusters: record::Clusters {
@@ -106,9 +102,9 @@ pub fn run(
 }
 
 /// Feature sizes of the options or by default, ascending, without duplicates.
-fn sizes(scene: &Scene, options: &Options, hierarchy: &Hierarchy, optics: &[ClusterOptics]) -> Vec<f64> {
+fn sizes(model: &Model, options: &Options) -> Vec<f64> {
     let mut sizes = match &options.feature_sizes[..] {
-        [] => default_sizes(scene, &hierarchy.micro, optics),
+        [] => default_sizes(model),
         sizes => sizes.to_vec(),
     };
     sizes.sort_by(f64::total_cmp);

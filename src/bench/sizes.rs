@@ -1,15 +1,14 @@
 //! Default feature sizes of a scene.
 //!
 //! The smallest is the median over leaf clusters, weighted by triangles, of the blocker size averaged over the axes
-//! ([`ClusterOptics::blocker_size`]): below it hardly any cluster is aggregated. The largest is the median of the
+//! (`ClusterOptics::blocker_size`): below it hardly any cluster is aggregated. The largest is the median of the
 //! same size over clusters of 300 to 3,000 triangles (a plant, the crown of a tree), or that of the root if there is
 //! none. The other two are in geometric progression. Neighbours differ by a factor of at least 1.65 (the largest is
 //! raised), no size exceeds a twentieth of the scene's diagonal (the smallest is lowered), and sizes are rounded to
 //! two digits for quoting.
 
-use crate::clusters::Tree;
-use crate::optics::{AXIS_COUNT, ClusterOptics};
-use crate::scene::Scene;
+use crate::model::Model;
+use crate::optics::AXIS_COUNT;
 
 /// Number of default sizes. Chosen: enough to show a trend in the report.
 pub const COUNT: usize = 4;
@@ -20,8 +19,19 @@ const MAX_DIAGONAL_PART: f64 = 0.05;
 /// Triangles of a cluster that stands for one object. Chosen: a plant or the crown of a tree.
 const OBJECT_TRIANGLES: std::ops::RangeInclusive<u32> = 300..=3000;
 
-/// Four feature sizes, ascending, scene units. `optics` belong to `tree`.
-pub fn default_sizes(scene: &Scene, tree: &Tree, optics: &[ClusterOptics]) -> Vec<f64> {
+/// Four feature sizes, ascending, scene units: those of the mesh with the most visible triangles.
+///
+/// # Panics
+/// The model was prepared without optics.
+pub fn default_sizes(model: &Model) -> Vec<f64> {
+    let mut visible = vec![0u64; model.meshes().len()];
+    for instance in model.instances().iter().filter(|instance| instance.is_present()) {
+        visible[instance.mesh as usize] +=
+            model.meshes()[instance.mesh as usize].scene().triangles.len() as u64;
+    }
+    let most = (0..visible.len()).max_by(|&a, &b| visible[a].cmp(&visible[b]).then(b.cmp(&a))).unwrap_or(0);
+    let mesh = &model.meshes()[most];
+    let (tree, optics) = (&mesh.hierarchy().micro, &mesh.measured().expect("optics").optics);
     let size = |c: usize| {
         let sum: f32 = (0..AXIS_COUNT).map(|axis| optics[c].blocker_size[axis]).sum();
         f64::from(sum) / AXIS_COUNT as f64
@@ -36,7 +46,7 @@ pub fn default_sizes(scene: &Scene, tree: &Tree, optics: &[ClusterOptics]) -> Ve
     let small = of(&|c| tree.clusters[c].is_leaf(), &triangles);
     let large = of(&|c| OBJECT_TRIANGLES.contains(&tree.clusters[c].triangles), &|_| 1.0)
         .or_else(|| of(&|c| c == 0, &|_| 1.0));
-    between(small, large, f64::from(scene.bounds.diagonal()))
+    between(small, large, f64::from(model.bounds().diagonal()))
 }
 
 /// Sizes from the smallest to the largest, within the limits of a scene with this diagonal.

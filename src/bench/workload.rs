@@ -1,5 +1,6 @@
 //! Queries of a benchmark: receiver points, the emitters that they face, and the segments between them.
 
+use super::surface::{point_on, scramble};
 use crate::math::Aabb;
 use crate::ray::{EndRule, LANES, Packet, gather_neighbours};
 use crate::scene::{Emitter, Scene};
@@ -8,14 +9,7 @@ use glam::{BVec3, Vec3};
 use rayon::prelude::*;
 use sobol_burley::sample_4d;
 
-/// A point on one side of a surface.
-#[derive(Clone, Copy, Debug)]
-pub struct Point {
-    /// Position relative to the scene's origin, scene units.
-    pub position: Vec3,
-    /// Unit normal.
-    pub normal: Vec3,
-}
+pub use super::surface::{Point, surface_points};
 
 /// A point and an emitter that face each other at least partly.
 #[derive(Clone, Copy, Debug)]
@@ -189,13 +183,6 @@ fn hull(points: impl Iterator<Item = Vec3> + Clone) -> Vec<Vec3> {
     (0..8).map(|k| Vec3::select(corner(k), bounds.max, bounds.min)).collect()
 }
 
-/// A hash of 32 bits.
-fn scramble(v: u64) -> u32 {
-    let v = (v ^ v >> 33).wrapping_mul(0xff51_afd7_ed55_8ccd);
-    let v = (v ^ v >> 33).wrapping_mul(0xc4ce_b9fe_1a85_ec53);
-    (v ^ v >> 33) as u32
-}
-
 /// Samples points on an emitter.
 #[derive(Clone, Debug)]
 struct EmitterSampler {
@@ -300,61 +287,4 @@ impl Facing<'_> {
         let u = ((target - before) / (self.sums[i] - before)).clamp(0.0, 1.0);
         point_on(scene.corners(self.triangles[i]), u, v)
     }
-}
-
-/// Area-uniform point of a triangle.
-pub(super) fn point_on([a, b, c]: [Vec3; 3], u: f32, v: f32) -> Vec3 {
-    let root = u.sqrt();
-    a + root * (1.0 - v) * (b - a) + root * v * (c - a)
-}
-
-/// `count` area-uniform, low-discrepancy points on the surfaces that do not emit; a sheet gets points on both sides.
-///
-/// # Errors
-/// Every surface emits.
-pub fn surface_points(scene: &Scene, count: usize, seed: u64) -> crate::Result<Vec<Point>> {
-    let receivers: Vec<u32> = (0..scene.triangles.len() as u32)
-        .filter(|&t| scene.triangle_emitter[t as usize] == u32::MAX)
-        .collect();
-    let mut sums = Vec::with_capacity(receivers.len());
-    let mut sum = 0.0f64;
-    for &t in &receivers {
-        let [a, b, c] = scene.corners(t);
-        sum += crate::math::triangle_area(a, b, c);
-        sums.push(sum);
-    }
-    if receivers.is_empty() {
-        return Err(crate::Error::Scene(
-            "every surface of the scene emits: there is nothing to receive light".into(),
-        ));
-    }
-    let seed = scramble(seed ^ 0x706f_696e_7473);
-    let mut points: Vec<(u64, Point)> = (0..count as u32)
-        .into_par_iter()
-        .map(|i| {
-            let draw = sample_4d(i & 0xffff, 0, seed ^ (i >> 16).wrapping_mul(0x9e37_79b9));
-            let target = f64::from(draw[0]) * sum;
-            let k = sums.partition_point(|&s| s <= target).min(sums.len() - 1);
-            let corners = scene.corners(receivers[k]);
-            let position = point_on(corners, draw[1], draw[2]);
-            let mut normal = crate::math::triangle_normal(corners[0], corners[1], corners[2]);
-            if scene.triangle_sides[receivers[k] as usize] == 2 && draw[3] < 0.5 {
-                normal = -normal;
-            }
-            (curve_key(scene, position), Point { position, normal })
-        })
-        .collect();
-    // Neighbours are adjacent: the caches of both engines are warm.
-    points.par_sort_by_key(|(key, _)| *key);
-    Ok(points.into_iter().map(|(_, point)| point).collect())
-}
-
-/// Index along a Morton curve of 2^10 cells per axis.
-fn curve_key(scene: &Scene, p: Vec3) -> u64 {
-    let cell = ((p - scene.bounds.min) / scene.bounds.extent().max_element().max(f32::MIN_POSITIVE) * 1023.0)
-        .as_uvec3();
-    (0..10).fold(0, |key, bit| {
-        let pick = |v: u32| u64::from(v >> bit & 1);
-        key | (pick(cell.x) | pick(cell.y) << 1 | pick(cell.z) << 2) << (3 * bit)
-    })
 }

@@ -4,7 +4,7 @@ use super::bindings as sys;
 use super::device::Device;
 use crate::error::{Error, Result};
 use crate::ray::{LANES, Occluder, Packet};
-use glam::Vec3;
+use glam::{Affine3A, Vec3};
 use std::sync::Arc;
 
 /// Build quality of the acceleration structure (`RTCBuildQuality`).
@@ -185,12 +185,44 @@ impl SceneBuilder {
         device.check()
     }
 
+    /// Adds an instance of a committed scene of triangles, placed by `transform` (from the frame of that scene to the
+    /// frame of this scene, invertible). [`Hits::instance`] names it `index`; every index is used once.
+    ///
+    /// # Errors
+    /// [`Error::Embree`] if Embree reports an error.
+    pub fn add_instance(&mut self, scene: &CommittedScene, transform: Affine3A, index: u32) -> Result<()> {
+        let device = &self.handle.device;
+        // SAFETY: the device is live; the geometry is used only below and released after attaching.
+        let geometry = unsafe {
+            sys::rtcNewGeometry(device.inner.raw, sys::RTCGeometryType::RTC_GEOMETRY_TYPE_INSTANCE)
+        };
+        device.check()?;
+        let columns = transform.to_cols_array();
+        // SAFETY: the geometry and both scenes are live; Embree copies the twelve floats and retains the instanced
+        // scene and the attached geometry, so that both handles may be released afterwards.
+        unsafe {
+            sys::rtcSetGeometryInstancedScene(geometry, scene.handle.raw);
+            sys::rtcSetGeometryTransform(
+                geometry,
+                0,
+                sys::RTCFormat::RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR,
+                columns.as_ptr().cast(),
+            );
+            sys::rtcSetGeometryMask(geometry, 1);
+            sys::rtcCommitGeometry(geometry);
+            sys::rtcAttachGeometryByID(self.handle.raw, geometry, index);
+            sys::rtcReleaseGeometry(geometry);
+        }
+        self.triangles += scene.triangles;
+        device.check()
+    }
+
     /// Builds the acceleration structure.
     ///
     /// # Errors
     /// [`Error::Embree`] if Embree reports an error, such as lack of memory.
     pub fn commit(self) -> Result<CommittedScene> {
-        // SAFETY: the scene is live and nobody else can touch it: `self` is consumed.
+        // SAFETY: the scene is live and no other reference to it exists: `self` is consumed.
         unsafe { sys::rtcCommitScene(self.handle.raw) };
         self.handle.device.check()?;
         let traversal = Traversal { width: 1, coherent: false };
@@ -250,6 +282,9 @@ impl CommittedScene {
 pub struct Hits {
     /// Triangle index within its geometry per lane; [`Hits::NOTHING`] without a hit.
     pub triangle: [u32; LANES],
+    /// Index of the instance per lane, see [`SceneBuilder::add_instance`]; 0 in scenes without instances; undefined
+    /// without a hit.
+    pub instance: [u32; LANES],
     /// Parameter of the hit per lane; undefined without a hit.
     pub t: [f32; LANES],
 }
@@ -258,7 +293,7 @@ impl Hits {
     /// Triangle index that means "no hit".
     pub const NOTHING: u32 = u32::MAX;
     /// No hit in any lane.
-    pub const NONE: Hits = Hits { triangle: [Self::NOTHING; LANES], t: [0.0; LANES] };
+    pub const NONE: Hits = Hits { triangle: [Self::NOTHING; LANES], instance: [0; LANES], t: [0.0; LANES] };
 }
 
 const _: () = assert!(size_of::<Hits>() == size_of::<sys::mrvis_hits>());

@@ -5,21 +5,28 @@
 //! factors all take a `&Model`.
 
 pub mod cache;
+mod instance;
 mod mesh;
 mod prepare;
 mod source;
 pub mod summary;
 #[cfg(test)]
 pub mod testing;
+mod top_level;
+mod update;
 
+pub use instance::{Instance, InstanceChange, MAX_STRETCH};
 pub use mesh::{Clusters, Measured, Mesh};
 pub use prepare::{Detail, PrepareOptions, PrepareReport};
 pub use source::Source;
 
 use crate::embree::{CommittedScene, Device, Traversal};
+use crate::math::Aabb;
 use crate::ray::EndRule;
 use crate::scene::Scene;
+use crate::visibility::{Leaf, MultiResolution};
 use std::sync::Arc;
+use top_level::TopLevel;
 
 /// A scene prepared for queries.
 #[derive(Clone)]
@@ -32,8 +39,13 @@ struct Inner {
     device: Device,
     /// The first mesh holds the scene's own triangles.
     meshes: Vec<Arc<Mesh>>,
+    /// The first instance places the first mesh as it is.
+    instances: Vec<Instance>,
+    /// What stands above the instances; none if there is only the first.
+    top: Option<TopLevel>,
     sources: Vec<Source>,
     revision: u64,
+    options: PrepareOptions,
     report: PrepareReport,
 }
 
@@ -77,9 +89,42 @@ impl Model {
         }
     }
 
+    /// The instances. The first places the scene's own triangles; indices do not change when others are removed.
+    pub fn instances(&self) -> &[Instance] {
+        &self.inner.instances
+    }
+
+    /// The geometry and materials that an instance places, in the frame of its mesh.
+    pub fn mesh_of(&self, instance: u32) -> &Scene {
+        &self.inner.meshes[self.inner.instances[instance as usize].mesh as usize].scene
+    }
+
+    /// Number of triangles that rays see, each as often as it is placed.
+    pub fn visible_triangles(&self) -> u64 {
+        let present =
+            (0..self.inner.instances.len() as u32).filter(|&i| self.instances()[i as usize].is_present());
+        present.map(|i| self.mesh_of(i).triangles.len() as u64).sum()
+    }
+
     /// The Embree scene that holds all geometry.
     pub fn traced(&self) -> &CommittedScene {
-        &self.base().traced
+        self.inner.top.as_ref().map_or(&self.base().traced, |top| &top.traced)
+    }
+
+    /// A multi-resolution engine over all instances, if optics were prepared. What it hands over is traced by `traversal`.
+    pub fn engine(&self, traversal: Traversal, leaf: Leaf) -> Option<MultiResolution> {
+        let tree = self.base().measured()?.tree.clone();
+        let engine = MultiResolution::new(tree, self.traced().clone(), traversal, leaf)
+            .with_tolerance(self.inner.options.optics.tolerance);
+        Some(match self.inner.top.as_ref().and_then(|top| top.groups.as_ref()) {
+            Some(groups) => engine.with_instances(groups.instances.clone(), self.magnitude()),
+            None => engine,
+        })
+    }
+
+    /// Box around everything that rays see, relative to `Scene::origin`.
+    pub fn bounds(&self) -> Aabb {
+        self.inner.top.as_ref().map_or(self.scene().bounds, |top| top.bounds)
     }
 
     /// Incoherent packets of the widest kind that Embree traces natively on this machine.
@@ -99,7 +144,7 @@ impl Model {
 
     /// Largest coordinate magnitude, scene units: the scale of rounding errors.
     pub fn magnitude(&self) -> f32 {
-        let bounds = self.scene().bounds;
+        let bounds = self.bounds();
         bounds.min.abs().max(bounds.max.abs()).max_element()
     }
 

@@ -1,7 +1,6 @@
 //! Summary of a scene in the records of commands.
 
-use crate::clusters::Hierarchy;
-use crate::scene::Scene;
+use super::Model;
 use serde::{Deserialize, Serialize};
 
 /// Summary of a scene.
@@ -9,7 +8,7 @@ use serde::{Deserialize, Serialize};
 pub struct SceneSummary {
     /// Path of the file as given.
     pub path: String,
-    /// Triangles after repairs.
+    /// Stored triangles after repairs; those of a mesh count once.
     pub triangles: usize,
     /// Named objects.
     pub objects: usize,
@@ -19,24 +18,38 @@ pub struct SceneSummary {
     pub closed_parts: usize,
     /// Connected parts that are sheets; visible from both sides.
     pub sheet_parts: usize,
-    /// Clusters of the hierarchy.
+    /// Clusters of all hierarchies.
     pub clusters: usize,
-    /// Levels of the hierarchy.
+    /// Levels of the deepest hierarchy.
     pub levels: usize,
+    /// Number of visible instances of shared meshes; absent in scenes without instances.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub instances: Option<usize>,
+    /// Number of visible triangles, counted once per instance; absent in scenes without instances.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub visible_triangles: Option<u64>,
 }
 
 impl SceneSummary {
-    /// Summary of a scene and its clusters.
-    pub fn of(scene: &Scene, hierarchy: &Hierarchy) -> SceneSummary {
+    /// Summary of a model with clusters.
+    ///
+    /// # Panics
+    /// The model was prepared without clusters.
+    pub fn of(model: &Model) -> SceneSummary {
+        let scene = model.scene();
+        let hierarchies = || model.meshes().iter().map(|mesh| mesh.hierarchy());
+        let placed = model.instances().len() > 1;
         SceneSummary {
             path: scene.path.display().to_string(),
-            triangles: scene.triangles.len(),
+            triangles: model.meshes().iter().map(|mesh| mesh.scene().triangles.len()).sum(),
             objects: scene.objects.len(),
             emitters: scene.emitters.len(),
             closed_parts: scene.closed_parts,
             sheet_parts: scene.sheet_parts,
-            clusters: hierarchy.micro.clusters.len() + hierarchy.large.clusters.len(),
-            levels: hierarchy.micro.levels().max(hierarchy.large.levels()),
+            clusters: hierarchies().map(|h| h.micro.clusters.len() + h.large.clusters.len()).sum(),
+            levels: hierarchies().map(|h| h.micro.levels().max(h.large.levels())).max().unwrap_or(0),
+            instances: placed.then(|| model.instances().iter().skip(1).filter(|i| i.is_present()).count()),
+            visible_triangles: placed.then(|| model.visible_triangles()),
         }
     }
 }

@@ -13,7 +13,7 @@ use glam::{Vec2, Vec3};
 
 /// Side of the smallest averaging window, pixels. Chosen: 4 divides a 64-bit word, so a cell's row is one shift and
 /// mask.
-const CELL_PIXELS: usize = 4;
+pub(super) const CELL_PIXELS: usize = 4;
 
 /// A projection divided into cells of [`CELL_PIXELS`] x [`CELL_PIXELS`] pixels, with path lengths through the box; row
 /// by row.
@@ -32,11 +32,13 @@ pub(super) struct Cells {
 }
 
 impl Cells {
-    /// Counts the pixels of `hull` (the projected box) and of `gaps` (its free part) per cell and computes path lengths
-    /// along `view`, a unit vector. `origin` is the world position of pixel corner (0, 0); `u` and `v` span one pixel.
+    /// Counts the pixels of `hull` (the projected box) per cell, takes the sum of their transmittances from `free(x,
+    /// y)` for cell (x, y), and computes path lengths along `view`, a unit vector. `origin` is the world position of
+    /// pixel corner (0, 0); `u` and `v` span one pixel.
     pub fn fill(
         &mut self,
-        (hull, gaps): (&BitImage, &BitImage),
+        hull: &BitImage,
+        free: impl Fn(usize, usize) -> f32,
         (bounds, slope): (Aabb, Vec3),
         view: Vec3,
         (origin, u, v): (Vec3, Vec3, Vec3),
@@ -49,13 +51,7 @@ impl Cells {
         let inverse = Vec3::from(view.to_array().map(|d| if d == 0.0 { 1e30 } else { 1.0 / d }));
         for y in 0..self.height {
             for x in 0..self.width {
-                let count = |image: &BitImage| {
-                    let rows = y * CELL_PIXELS..((y + 1) * CELL_PIXELS).min(image.height());
-                    let shift = x * CELL_PIXELS % 64;
-                    rows.map(|row| (image.row(row)[x * CELL_PIXELS / 64] >> shift & 0xf).count_ones())
-                        .sum::<u32>() as f32
-                };
-                let n = count(hull);
+                let n = count_in_cell(hull, x, y);
                 if n == 0.0 {
                     self.inside.push(0.0);
                     self.free.push(0.0);
@@ -63,7 +59,7 @@ impl Cells {
                     continue;
                 }
                 self.inside.push(n);
-                self.free.push(count(gaps));
+                self.free.push(free(x, y));
                 let path_at = |at: Vec2| {
                     let p = origin + at.x * u + at.y * v;
                     let (a, b) = ((bounds.min - p) * inverse, (bounds.max - p) * inverse);
@@ -110,6 +106,11 @@ impl Cells {
             }
         }
         kappa
+    }
+
+    /// Sum of the transmittances of all pixels: their number, if each is either blocked or free.
+    pub fn free_pixels(&self) -> f32 {
+        self.free.iter().sum()
     }
 
     /// Mean transmittance stated by extinction `kappa` minus the measured one, in [-1, 1].
@@ -172,6 +173,13 @@ impl Cells {
             None => errors[0].0 * errors[0].1 / tolerance,
         }
     }
+}
+
+/// Number of object pixels in cell (x, y).
+pub(super) fn count_in_cell(image: &BitImage, x: usize, y: usize) -> f32 {
+    let rows = y * CELL_PIXELS..((y + 1) * CELL_PIXELS).min(image.height());
+    let shift = x * CELL_PIXELS % 64;
+    rows.map(|row| (image.row(row)[x * CELL_PIXELS / 64] >> shift & 0xf).count_ones()).sum::<u32>() as f32
 }
 
 /// Sums blocks of 2 x 2 cells in place; cells outside the image count as 0.

@@ -1,6 +1,6 @@
 //! Orthographic silhouettes of a cluster and the sizes measured on them [SD95 sec 3.3].
 
-use super::averaging_width::Cells;
+use super::averaging_width::{CELL_PIXELS, Cells, count_in_cell};
 use super::axes::{AXIS_COUNT, PROBE_COUNT};
 use super::{Extinction, Options};
 use crate::math::Aabb;
@@ -15,12 +15,12 @@ const RASTER_TURN: (f32, f32) = (0.948_683_3, 0.316_227_76);
 #[derive(Clone, Copy)]
 pub(super) struct Frame {
     /// Direction of the view, a unit vector.
-    view: Vec3,
+    pub(super) view: Vec3,
     bounds: Aabb,
     /// Width of a pixel, length; zero if the box has no extent.
-    pixel: f32,
+    pub(super) pixel: f32,
     /// Number of columns and rows.
-    size: UVec2,
+    pub(super) size: UVec2,
     /// The pixel coordinates of point p are `(p · u, p · v) + offset`.
     u: Vec3,
     v: Vec3,
@@ -44,8 +44,14 @@ impl Frame {
         Frame { view, bounds, pixel, size, u, v, offset }
     }
 
+    /// World position of a point with these pixel coordinates, in the plane through the centre of the box.
+    pub(super) fn position(&self, pixel: Vec2) -> Vec3 {
+        let away = pixel - 0.5 * self.size.as_vec2();
+        self.bounds.center() + self.pixel * self.pixel * (away.x * self.u + away.y * self.v)
+    }
+
     #[inline(always)]
-    fn project(self, p: Vec3) -> Vec2 {
+    pub(super) fn project(self, p: Vec3) -> Vec2 {
         Vec2::new(p.dot(self.u), p.dot(self.v)) + self.offset
     }
 }
@@ -53,8 +59,11 @@ impl Frame {
 /// The silhouette of a cluster along one direction.
 #[derive(Clone)]
 pub(super) struct Silhouette {
-    frame: Frame,
-    contents: BitImage,
+    pub(super) frame: Frame,
+    /// Pixels that are blocked; for a group of instances, pixels that lose more than [`super::groups`] allows.
+    pub(super) contents: BitImage,
+    /// Transmittance by pixel, row by row, for a group of instances; empty if pixels are either blocked or free.
+    pub(super) transmittance: Vec<f32>,
 }
 
 impl Default for Silhouette {
@@ -63,6 +72,7 @@ impl Default for Silhouette {
         Silhouette {
             frame: Frame { pixel: 0.0, ..Frame::of(nothing, Vec3::X, 1) },
             contents: BitImage::default(),
+            transmittance: Vec::new(),
         }
     }
 }
@@ -103,7 +113,8 @@ impl Silhouette {
         }
     }
 
-    fn begin(&mut self, bounds: Aabb, view: Vec3, across: usize) {
+    pub(super) fn begin(&mut self, bounds: Aabb, view: Vec3, across: usize) {
+        self.transmittance.clear();
         self.frame = Frame::of(bounds, view, across);
         if self.frame.pixel > 0.0 {
             self.contents.reset(self.frame.size.x as usize, self.frame.size.y as usize);
@@ -174,7 +185,7 @@ impl Measure {
                 averaging_width,
             };
         }
-        let coverage = 1.0 - self.gaps.count() as f32 / self.hull.count().max(1) as f32;
+        let coverage = 1.0 - self.cells.free_pixels() / self.hull.count().max(1) as f32;
         let extinction = match options.extinction {
             Extinction::Analytic => analytic,
             Extinction::Measured => self.cells.fitted_extinction(),
@@ -215,9 +226,22 @@ impl Measure {
         self.gaps.subtract(&silhouette.contents);
         let (u, v) = (pixel * pixel * u, pixel * pixel * v);
         let origin = bounds.center() - 0.5 * (size.x as f32 * u + size.y as f32 * v);
-        self.cells.fill((&self.hull, &self.gaps), (bounds, slope), view, (origin, u, v));
+        let Measure { hull, gaps, cells, .. } = self;
+        let free = |x, y| match &silhouette.transmittance[..] {
+            [] => count_in_cell(gaps, x, y),
+            through => transmitted_in_cell(hull, through, x, y),
+        };
+        cells.fill(hull, free, (bounds, slope), view, (origin, u, v));
         true
     }
+}
+
+/// Sum of the transmittances of the pixels of `hull` in cell (x, y).
+fn transmitted_in_cell(hull: &BitImage, through: &[f32], x: usize, y: usize) -> f32 {
+    let columns = x * CELL_PIXELS..((x + 1) * CELL_PIXELS).min(hull.width());
+    let rows = y * CELL_PIXELS..((y + 1) * CELL_PIXELS).min(hull.height());
+    let pixels = rows.flat_map(|row| columns.clone().map(move |column| (column, row)));
+    pixels.filter(|&(column, row)| hull.get(column, row)).map(|(c, r)| through[r * hull.width() + c]).sum()
 }
 
 /// Silhouettes along all axes, followed by those along the probes.

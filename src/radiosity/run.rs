@@ -215,7 +215,7 @@ pub fn run_then<T>(
         threads: rayon::current_num_threads(),
         unit: scene.unit.clone(),
         options: options.clone(),
-        scene: SceneSummary::of(scene, hierarchy),
+        scene: SceneSummary::of(model),
         warnings,
         iterations: iterations.into_iter().map(|(iteration, _)| iteration).collect(),
         ended,

@@ -74,8 +74,8 @@ impl Scene {
             p.transform = DAffine3::from_translation(-self.origin) * p.transform * from_mesh;
             let bounds = p.bounds(mesh.bounds);
             let farthest = bounds.min.abs().max(bounds.max.abs()).max_element();
-            let beyond = farthest.is_nan() || f64::from(farthest) > MAX_COORDINATE;
-            if !p.transform.is_finite() || beyond {
+            // A box of NaN corners is empty: its ends are infinite.
+            if !p.transform.is_finite() || f64::from(farthest) > MAX_COORDINATE {
                 let what = format!("not finite or beyond {MAX_COORDINATE:e}");
                 let text = format!("node `{}` places its mesh at coordinates that are {what}", p.name);
                 return Err(Error::format(&self.path, None, text));

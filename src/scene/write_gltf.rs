@@ -34,7 +34,7 @@ pub fn write_gltf(path: &Path, placed: &PlacedSoup, generator: &str) -> Result<(
     for polygons in order.chunk_by(|&a, &b| soup.polygon_object[a] == soup.polygon_object[b]) {
         let name = &soup.objects[soup.polygon_object[polygons[0]] as usize];
         let mesh = out.mesh(name, soup, polygons);
-        nodes.push(json!({ "name": name, "mesh": mesh }));
+        nodes.push(Node { name, mesh, matrix: None });
     }
     let meshes: Vec<usize> = placed.meshes.iter().map(|mesh| out.whole_mesh(mesh)).collect();
     for p in placed.placements.iter().filter(|p| p.visible) {
@@ -45,10 +45,42 @@ pub fn write_gltf(path: &Path, placed: &PlacedSoup, generator: &str) -> Result<(
         let mesh =
             meshes.get(p.mesh as usize).ok_or_else(|| wrong("refers to a mesh that does not exist"))?;
         let matrix = glam::DMat4::from(p.transform).as_mat4().to_cols_array();
-        nodes.push(json!({ "name": p.name, "mesh": mesh, "matrix": matrix }));
+        nodes.push(Node { name: &p.name, mesh: *mesh, matrix: Some(matrix) });
     }
     out.write(path, nodes, generator)
 }
+
+/// JSON of the file. Nodes have a type of their own: there may be millions, and a `serde_json` value takes 3 KB.
+#[derive(serde::Serialize)]
+struct Root<'a> {
+    asset: Value,
+    #[serde(rename = "extensionsUsed", skip_serializing_if = "Vec::is_empty")]
+    extensions: Vec<&'a str>,
+    scene: u32,
+    scenes: [SceneNodes; 1],
+    nodes: Vec<Node<'a>>,
+    meshes: Vec<Value>,
+    materials: Vec<Value>,
+    accessors: Vec<Value>,
+    #[serde(rename = "bufferViews")]
+    views: Value,
+    buffers: [Value; 1],
+}
+
+#[derive(serde::Serialize)]
+struct SceneNodes {
+    nodes: Vec<usize>,
+}
+
+#[derive(serde::Serialize)]
+struct Node<'a> {
+    name: &'a str,
+    mesh: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    matrix: Option<[f32; 16]>,
+}
+
+const EMISSIVE_STRENGTH: &str = "KHR_materials_emissive_strength";
 
 /// Contents of a file under construction.
 #[derive(Default)]
@@ -126,8 +158,7 @@ impl Output {
             // The factor is at most 1; the extension has the rest.
             let strength = m.emission.into_iter().fold(1.0, f32::max);
             value["emissiveFactor"] = json!(m.emission.map(|e| e / strength));
-            value["extensions"] =
-                json!({ "KHR_materials_emissive_strength": { "emissiveStrength": strength } });
+            value["extensions"] = json!({ EMISSIVE_STRENGTH: { "emissiveStrength": strength } });
         }
         let next = self.materials.len();
         let number = *self.known.entry(value.to_string()).or_insert(next);
@@ -137,7 +168,7 @@ impl Output {
         number
     }
 
-    fn write(self, path: &Path, nodes: Vec<Value>, generator: &str) -> Result<()> {
+    fn write(self, path: &Path, nodes: Vec<Node>, generator: &str) -> Result<()> {
         let (positions, indices): (&[u8], &[u8]) =
             (bytemuck::cast_slice(&self.positions), bytemuck::cast_slice(&self.indices));
         let binary = [positions, indices].concat();
@@ -151,21 +182,20 @@ impl Output {
             let data = STANDARD.encode(&binary);
             buffer["uri"] = json!(format!("data:application/octet-stream;base64,{data}"));
         }
-        let mut root = json!({
-            "asset": { "version": "2.0", "generator": generator },
-            "scene": 0,
-            "scenes": [{ "nodes": (0..nodes.len()).collect::<Vec<_>>() }],
-            "nodes": nodes,
-            "meshes": self.meshes,
-            "materials": self.materials,
-            "accessors": self.accessors,
-            "bufferViews": views,
-            "buffers": [buffer],
-        });
-        if self.known.keys().any(|m| m.contains("KHR_materials_emissive_strength")) {
-            root["extensionsUsed"] = json!(["KHR_materials_emissive_strength"]);
-        }
-        let json = root.to_string().into_bytes();
+        let emissive = self.known.keys().any(|m| m.contains(EMISSIVE_STRENGTH));
+        let root = Root {
+            asset: json!({ "version": "2.0", "generator": generator }),
+            extensions: if emissive { vec![EMISSIVE_STRENGTH] } else { Vec::new() },
+            scene: 0,
+            scenes: [SceneNodes { nodes: (0..nodes.len()).collect() }],
+            nodes,
+            meshes: self.meshes,
+            materials: self.materials,
+            accessors: self.accessors,
+            views,
+            buffers: [buffer],
+        };
+        let json = serde_json::to_vec(&root).map_err(|e| Error::format(path, None, e.to_string()))?;
         let mut file = WholeFile::create(path)?;
         if as_text {
             file.write_all(&json).map_err(|e| Error::io(path, e))?;

@@ -1,4 +1,4 @@
-//! Exact visibility: one Embree occlusion ray a segment.
+//! Exact visibility: one Embree occlusion ray per segment.
 
 use super::{Answer, Bundle, Cost, Method, wilson};
 use crate::embree::{CommittedScene, Traversal};
@@ -8,14 +8,14 @@ use std::time::Instant;
 /// The exact engine.
 #[derive(Clone)]
 pub struct Exact {
-    /// The traced scene.
+    /// The scene in Embree.
     pub scene: CommittedScene,
-    /// How packets are traced.
+    /// Traversal of the packets.
     pub traversal: Traversal,
 }
 
 impl Exact {
-    /// Traces every segment of a bundle. `blocked` is a buffer that is kept between calls.
+    /// Traces all segments of a bundle. `blocked` is scratch memory, kept between calls.
     pub fn answer(&self, bundle: Bundle, blocked: &mut Vec<u32>) -> Answer {
         blocked.clear();
         blocked.resize(bundle.packets.len(), 0);
@@ -36,10 +36,10 @@ impl Occluder for Exact {
     }
 }
 
-/// The fastest way to trace packets like these, found by timing each one on them (two rounds, best of each).
+/// The fastest Embree traversal for packets like `sample`, by timing each (best of two rounds).
 ///
-/// Traversals whose answers differ from single rays in any segment are left out, so that which one is fastest today
-/// changes no figure: some compilers break Embree's coherent packets.
+/// Traversals whose results differ from those of single rays in any segment are excluded, so that the choice affects no
+/// result: some compilers break Embree's coherent packets. `native_width` is [`crate::embree::Device::native_width`].
 pub fn fastest_traversal(scene: &CommittedScene, native_width: usize, sample: &[Packet]) -> Traversal {
     let single = Traversal { width: 1, coherent: false };
     let mut truth = vec![0; sample.len()];

@@ -1,8 +1,8 @@
-//! What a group of neighbouring bundles may meet, found once for all of them.
+//! The part of the tree that a group of neighbouring bundles can meet, determined once for the group.
 //!
-//! The segments of every bundle lie inside the group's shaft, so what the shaft misses is missed by all and each
-//! bundle's walk starts at what is left: boxes, sixteen side by side as in a node, and triangles that no feature
-//! size lets through, in blocks of sixteen.
+//! All segments of the group lie inside the group's shaft, so no bundle meets what the shaft misses. Each bundle's walk
+//! starts at the rest: boxes, arranged in nodes of sixteen, and triangles that must be tested at every feature size,
+//! arranged in blocks of sixteen.
 
 use super::shaft::Shaft;
 use super::triangles;
@@ -12,25 +12,25 @@ use crate::optics::{AXIS_COUNT, AxisMix};
 use crate::ray::Lanes;
 use crate::simd::{LANES, Simd};
 
-/// Boxes that are opened before a group's walks start, at most about.
-const BOXES: usize = 64;
-/// Triangles that are gathered, at most about.
-const TRIANGLES: usize = 128;
+/// Approximate largest number of boxes of a front. Chosen.
+const MAX_BOXES: usize = 64;
+/// Largest number of triangles of a front. Chosen.
+const MAX_TRIANGLES: usize = 128;
 
-/// Sixteen boxes of a front, as a node of their own.
+/// Sixteen boxes of a front, arranged as a node.
 pub(super) struct Row {
     pub node: Node,
     pub optics: [AxisOptics; AXIS_COUNT],
 }
 
-/// A child of a node that the group's shaft touches.
+/// A child of a node that touches the group's shaft.
 #[derive(Clone, Copy)]
 struct Found {
     node: u32,
     lane: usize,
 }
 
-/// Where the walks of a group start.
+/// Start of the walks of a group.
 #[derive(Default)]
 pub(super) struct Front {
     pub rows: Vec<Row>,
@@ -41,8 +41,8 @@ pub(super) struct Front {
 }
 
 impl Front {
-    /// Opens the tree for a group whose bundles have emitters of sizes between two, and feature sizes between two;
-    /// returns the nodes it visited and its work. `soft` says that leaves are never opened.
+    /// Opens the tree for a group whose emitter sizes lie in `(least, largest)` and feature sizes in `(finest,
+    /// coarsest)`, scene units. Returns the number of visited nodes and the work. `soft`: leaves are never opened.
     #[inline(always)]
     pub fn open<S: Simd>(
         &mut self,
@@ -65,9 +65,9 @@ impl Front {
             let touched = shaft.touches(simd, node);
             if touched != 0 {
                 let optics = &tree.optics[at];
-                // What the bundles will likely aggregate need not be opened.
+                // Clusters that the bundles will probably aggregate stay closed.
                 let aggregated = shaft.aggregates(simd, node, mixed(simd, optics, &mix).0, least, finest);
-                // Leaves that no bundle may aggregate, whatever its direction, are opened here.
+                // Leaves that no bundle may aggregate, in any direction, are opened here.
                 let perhaps = simd.bits(simd.lt(smallest(simd, optics), simd.splat(coarsest.max(largest))));
                 for lane in Lanes(touched) {
                     let child = node.child[lane];
@@ -84,7 +84,7 @@ impl Front {
                         let block = &tree.blocks[(child & !LEAF) as usize];
                         work += BLOCK;
                         let met = triangles::candidates(simd, shaft, block);
-                        if self.triangles + met.count_ones() as usize <= TRIANGLES {
+                        if self.triangles + met.count_ones() as usize <= MAX_TRIANGLES {
                             self.gather(block, met);
                         } else {
                             self.add_box(tree, found);
@@ -92,7 +92,7 @@ impl Front {
                     }
                 }
             }
-            if head == self.queue.len() || self.queue.len() - head + self.boxes >= BOXES {
+            if head == self.queue.len() || self.queue.len() - head + self.boxes >= MAX_BOXES {
                 break;
             }
             let Found { node, lane } = self.queue[head];

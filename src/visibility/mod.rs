@@ -1,17 +1,18 @@
-//! How much of the light between two ends gets through: one question, several engines.
+//! Visibility between receiver points and emitters, by several engines.
 //!
-//! The unit of work is the [`Bundle`]: segments that run from one receiver point (or element) to one emitter.
-//! * [`Exact`]: Embree rays, every segment 0 or 1.
-//! * [`MultiResolution`]: clusters whose shadow features would be smaller than `s` are not opened, their extinction
-//!   transmittance is used instead [SD95 sec 3.2]; with [`Leaf::Extinction`] it is the paper's average visibility
-//!   [SD95 sec 5].
-//! * [`mod@reference`]: the same rule, one ray and one node at a time; what the fast engine is tested against.
+//! The unit of work is the [`Bundle`]: segments from one receiver point (or element) to one emitter.
+//! * [`Exact`]: Embree rays; every segment is 0 or 1.
+//! * [`MultiResolution`]: clusters whose shadow features would be smaller than `s` are not opened but transmit
+//!   according to their extinction [SD95 sec 3.2]; with [`Leaf::Extinction`], the paper's average visibility [SD95 sec
+//!   5].
+//! * [`mod@reference`]: the same rule for single segments and nodes; the reference in tests of the fast engine.
 //!
-//! The feature size and the emitter size are arguments, never state. This room knows nothing of links, energy or
-//! materials.
+//! Feature size and emitter size are arguments of every query. Links, energy and materials are not known here.
+//! Formulas: docs/method.md, Umbra criterion, Extinction, and Certificates and intervals.
 
 mod exact;
 mod front;
+mod instances;
 mod multires;
 pub mod reference;
 mod shaft;
@@ -27,6 +28,7 @@ mod walk;
 mod wide;
 
 pub use exact::{Exact, fastest_traversal};
+pub use instances::{Frame, InstanceTree};
 pub use multires::{Leaf, MultiResolution, Workspace};
 pub use unbiased::{Correction, Estimate, Unbiased};
 pub use wide::WideTree;
@@ -34,54 +36,54 @@ pub use wide::WideTree;
 use crate::ray::Packet;
 use glam::Vec3;
 
-/// Segments that share their ends: `origin` at the receiver, `origin + direction` on the emitter.
+/// Segments of one visibility query: from `origin` at the receiver to `origin + direction` on the emitter.
 #[derive(Clone, Copy, Debug)]
 pub struct Bundle<'a> {
-    /// The segments, at most 16 a packet.
+    /// The segments, up to 16 per packet.
     pub packets: &'a [Packet],
-    /// Smallest width of the emitter as seen along the bundle (method A.6: the smallest is the safe one), 0 for a
-    /// point; scene units.
+    /// Smallest width of the emitter seen along the bundle, 0 for a point; scene units. A smaller value is conservative
+    /// (docs/method.md, Umbra criterion).
     pub emitter_size: f32,
-    /// Points whose convex hull holds the whole emitter, not only the ends of these segments; none where nobody knows.
-    /// With them an answer can be certain, and bundles that meet nothing, or that one triangle covers, cost the same
-    /// however many segments they have.
+    /// Points whose convex hull contains the whole emitter, not only the ends of these segments; empty if unknown. With
+    /// these points an answer can be certain, and bundles that meet nothing, or that one triangle covers, have a cost
+    /// independent of their number of segments.
     ///
-    /// Of a convex polygon with four corners in turn its own pyramid is looked into, else that of extreme slopes.
+    /// A convex polygon of three or four corners in order gives an exact pyramid; other points one of extreme slopes.
     ///
-    /// Who gives them promises that all segments begin at one point, end inside the hull, and are open by an
-    /// [`crate::ray::EndRule`] of the scene.
+    /// The caller guarantees that all segments start at one point, end inside the hull, and have the margins of the
+    /// scene's [`crate::ray::EndRule`].
     pub emitter: &'a [Vec3],
 }
 
-/// How an answer was found.
+/// Method by which an answer was found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Method {
-    /// Nothing lies between the ends.
+    /// No geometry lies between the ends.
     Clear,
-    /// A single triangle lies before the whole of the emitter's end; no segment was tested.
+    /// A single triangle covers the whole emitter end; no segment was tested.
     Covered,
     /// Triangles were tested; nothing was aggregated.
     Exact,
     /// Clusters were aggregated; no triangle was tested.
     Aggregated,
-    /// Both.
+    /// Clusters were aggregated and triangles were tested.
     Mixed,
 }
 
-/// What an answer cost and what it rests on.
+/// Cost of an answer, and the numbers of segments by method.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Cost {
-    /// Segments asked for.
+    /// Number of segments.
     pub segments: u64,
-    /// Nodes of the wide tree that were visited, each counted once a bundle.
+    /// Number of visited nodes of the wide tree, each counted once per bundle.
     pub nodes: u64,
     /// Segments of bundles for which triangles were tested (by this engine or by Embree).
     pub exact_rays: u64,
-    /// Segments handed to Embree whole because the walk met too much that may not be aggregated.
+    /// Segments handed to Embree because the walk met too many clusters that may not be aggregated.
     pub handed_over: u64,
     /// Segments whose answer contains an aggregated cluster.
     pub aggregated: u64,
-    /// Segments of bundles whose answer is certain without a ray.
+    /// Segments of bundles whose answer is certain without rays.
     pub certified: u64,
 }
 
@@ -97,43 +99,43 @@ impl Cost {
     }
 }
 
-/// The visible fraction of a bundle.
+/// Visible fraction of a bundle with its interval and cost.
 #[derive(Clone, Copy, Debug)]
 pub struct Answer {
     /// Mean transmittance of the segments, in `[0, 1]`.
     pub transmittance: f32,
-    /// Stated 95 % interval, lower end: sampling error of the segments, and that of the aggregated clusters, both within
-    /// what any dependence between the clusters allows (Fréchet bounds, method D.7). The error of a cluster is the
-    /// tolerance that its feature size was measured for, times that size over the width of the bundle where it passes
-    /// the cluster, 1 at most: errors of independent parts average out over a wider beam.
+    /// Lower end of the stated 95 % interval: sampling error of the segments and model error of aggregated clusters,
+    /// both within Fréchet's bounds for any dependence between clusters (docs/method.md, Certificates and intervals).
+    /// The model error of a cluster is the tolerance of its feature size, times that size divided by the width of the
+    /// beam at the cluster, at most 1: errors of independent parts average out over wider beams.
     ///
-    /// Where the answer is certain for the whole of [`Bundle::emitter`], because the space between it and the receiver
-    /// end is empty or one triangle covers it, both ends of the interval are the answer.
+    /// If the answer is certain for the whole of [`Bundle::emitter`] (empty shaft, or one triangle covers it), both
+    /// ends equal the transmittance.
     pub lo: f32,
-    /// Upper end.
+    /// Upper end of the interval.
     pub hi: f32,
-    /// How it was found.
+    /// Method by which the answer was found.
     pub method: Method,
-    /// What it cost.
+    /// Cost of the answer.
     pub cost: Cost,
 }
 
-/// Wilson's 95 % interval for a mean of `n` (at least 1) zero-one values.
+/// Wilson's 95 % score interval (Wilson 1927) for a mean of `n >= 1` zero-one values.
 pub fn wilson(mean: f32, n: f32) -> (f32, f32) {
     interval(mean, mean * (1.0 - mean), n, 0.0)
 }
 
-/// 95 % interval for a mean of `n` values in `[0, 1]` with this variance, to which a model adds an error of its own
-/// (root mean square).
+/// 95 % interval for a mean of `n` values in `[0, 1]` with this variance and an additional model error (root mean
+/// square).
 ///
-/// Wilson's, with the values' variance where zero-one values have mean (1 - mean): what values that are all the same
-/// say of those that were not sampled is the same for both.
+/// Wilson's interval with the variance of the values in place of mean (1 - mean); the allowance for unseen values is
+/// the same.
 fn interval(mean: f32, variance: f32, n: f32, model: f32) -> (f32, f32) {
     const Z: f32 = 1.96;
     let unseen = Z * Z / n;
     let scale = 1.0 / (1.0 + unseen);
     let centre = (mean + 0.5 * unseen) * scale;
     let half = Z * scale * (variance / n + 0.25 * unseen / n + (model / scale).powi(2)).max(0.0).sqrt();
-    // Rounding must not leave the mean outside.
+    // Rounding must not exclude the mean.
     ((centre - half).clamp(0.0, mean), (centre + half).clamp(mean, 1.0))
 }

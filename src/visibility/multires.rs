@@ -1,6 +1,7 @@
-//! Multi-resolution visibility [SD95 sec 3.2]: the engine over walks, fronts and what it hands to Embree.
+//! Multi-resolution visibility [SD95 sec 3.2]: the engine above walks, fronts and the hand-over to Embree.
 
 use super::front::Front;
+use super::instances::{InstanceBuffers, InstanceTree, walk_instances};
 use super::shaft::Shaft;
 use super::steps::Steps;
 use super::walk::{Buffers, FETCH, Rule, Walked, walk};
@@ -13,80 +14,83 @@ use crate::simd::{Isa, Kernel, LANES, Simd, dispatch};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// What happens in a leaf that the criterion opens.
+/// Treatment of leaves that the umbra criterion opens.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Leaf {
     /// Its triangles are tested.
     #[default]
     Exact,
-    /// It is answered by extinction all the same: the paper's average visibility [SD95 sec 5].
+    /// The leaf transmits according to its extinction: the paper's average visibility [SD95 sec 5].
     Extinction,
 }
 
-/// Work that exact rays are worth before [`MultiResolution::with_budget`] knows the scene; a packet.
-const BUDGET: u64 = 200;
-/// What Embree needs for a packet in units of this engine's work, over the root of the work that testing every
-/// triangle in the shaft would be: measured between 3 (Sponza) and 20 (a forest of six million triangles), 5 to 7 in
-/// furnished rooms and a park.
-const EMBREE_WORK: f64 = 6.0;
-/// The engine pays where its work is less than this part of what exact rays are worth: their worth is an estimate, and
-/// losing is worse than not winning. (Rows at 0.84 in a kitchen and at 0.92 before a bookshelf lost 14 % and 30 %; at 0.79
-/// and less in a garden they won.)
-const SURELY: f64 = 0.8;
-/// A walk gives up after so many times the work that exact rays are worth: many end soon after.
-const PATIENCE: u64 = 2;
-/// Work of a bundle before it meets anything: its shaft and its answer.
-const BUNDLE: u64 = 30;
-/// Bytes that caches near a core hold, about.
-const NEAR: usize = 64 << 20;
-/// Part of the distance between Fréchet's bounds that counts as error: clusters are neither independent nor do they
-/// ever hide each other wholly. Measured in forests and a park.
-const DEPENDENCE: f32 = 0.1;
-/// Bundles that share a front, at most.
-const GROUP: usize = 64;
-/// How far the receiver ends of a group may lie apart, as part of the distance to the emitter.
-const GROUP_WIDTH: f32 = 0.5;
+/// Work of exact rays per packet before [`MultiResolution::with_budget`] measures it. Chosen.
+const DEFAULT_RAY_WORK: u64 = 200;
+/// Embree's work per packet in units of this engine's work, divided by the square root of the work of testing every
+/// triangle in the shaft. Measured once between 3 (Sponza) and 20 (a forest of six million triangles), 5 to 7 in
+/// furnished rooms and a park; no command repeats the measurement.
+const EMBREE_WORK_FACTOR: f64 = 6.0;
+/// Largest ratio of the engine's work to that of exact rays at which the engine is used: the work of exact rays is an
+/// estimate, so a margin is kept. Measured once: bench rows at 0.84 in a kitchen and 0.92 before a bookshelf were 14 %
+/// and 30 % slower than exact rays; rows up to 0.79 in a garden were faster.
+const MAX_WORK_RATIO: f64 = 0.8;
+/// A walk is abandoned at this multiple of the estimated work of exact rays. Chosen.
+const GIVE_UP_FACTOR: u64 = 2;
+/// Work per bundle for its shaft and answer, independent of geometry. Chosen.
+const BUNDLE_WORK: u64 = 30;
+/// Approximate size of the caches near a core, bytes. Chosen.
+const CACHE_BYTES: usize = 64 << 20;
+/// Fraction of the distance between Fréchet's bounds that counts as model error: clusters are neither independent nor
+/// perfectly correlated. Measured once in forests and a park; no command repeats the measurement.
+const DEPENDENCE_FRACTION: f32 = 0.1;
+/// Largest number of bundles that share a front. Chosen.
+const MAX_GROUP_BUNDLES: usize = 64;
+/// Largest distance between the receiver ends of a group, relative to the distance to the emitter. Chosen.
+const MAX_GROUP_WIDTH: f32 = 0.5;
 
-/// The multi-resolution engine: the wide tree and the exact scene it falls back on.
+/// The multi-resolution engine: the wide tree, and the scene in Embree for bundles handed over.
 #[derive(Clone)]
 pub struct MultiResolution {
     tree: Arc<WideTree>,
+    /// Placed meshes beside the model's own triangles.
+    instances: Option<Arc<InstanceTree>>,
     exact: CommittedScene,
     traversal: Traversal,
     magnitude: f32,
     leaf: Leaf,
     isa: Isa,
-    /// Work a packet that exact rays are worth.
+    /// Estimated work of exact rays per packet.
     budget: u64,
     /// Whether the tree is larger than the caches near a core.
     far: bool,
-    /// Error of transmission that feature sizes were measured for.
+    /// Tolerance of the transmittance that feature sizes were measured for.
     tolerance: f32,
 }
 
-/// Buffers of a thread, kept between calls.
+/// Working memory of a thread, kept between calls.
 #[derive(Default)]
 pub struct Workspace {
     buffers: Buffers,
+    placed: InstanceBuffers,
     front: Front,
     shafts: Vec<Shaft>,
     walked: Vec<Walked>,
-    /// Transmittance of each segment of the first packet of each bundle, where it is kept.
+    /// Transmittance of each segment of the first packet of each bundle, if kept.
     lanes: Vec<[f32; LANES]>,
 }
 
 impl Workspace {
-    /// Transmittance of each packet's segments, summed up, of all bundles of the last call of
-    /// [`MultiResolution::answers`] or [`MultiResolution::certified`], one after the other; zeros for bundles that were
-    /// handed over, or that met nothing.
+    /// Sum of the transmittances of each packet's segments, for all bundles of the last call of
+    /// [`MultiResolution::answers`] or [`MultiResolution::certified`] in order; zeros for bundles that were handed
+    /// over or met nothing.
     pub fn sums(&self) -> &[f32] {
         &self.buffers.sums
     }
 }
 
 impl MultiResolution {
-    /// The engine over the clusters of a scene. `exact` is the whole scene, traced as `traversal` says when a packet is
-    /// handed over.
+    /// The engine over the clusters of a scene. `exact` is the whole scene in Embree, traced with `traversal` for
+    /// bundles that are handed over.
     pub fn new(
         tree: Arc<WideTree>,
         exact: CommittedScene,
@@ -94,27 +98,34 @@ impl MultiResolution {
         leaf: Leaf,
     ) -> MultiResolution {
         MultiResolution {
-            far: tree.bytes() > NEAR,
+            far: tree.bytes() > CACHE_BYTES,
             magnitude: tree.magnitude,
             tree,
+            instances: None,
             exact,
             traversal,
             leaf,
             isa: Isa::detect(),
-            budget: BUDGET,
+            budget: DEFAULT_RAY_WORK,
             tolerance: optics::Options::default().tolerance,
         }
     }
 
-    /// Says that the optics were measured with another [`optics::Options::tolerance`]; stated intervals rest
-    /// on it.
+    /// Adds placed meshes to the model's own triangles; `magnitude` is the largest coordinate magnitude of both.
+    #[must_use]
+    pub fn with_instances(mut self, instances: Arc<InstanceTree>, magnitude: f32) -> Self {
+        (self.instances, self.magnitude) = (Some(instances), magnitude);
+        self
+    }
+
+    /// Sets the [`optics::Options::tolerance`] that the optics were measured with, which determines stated intervals.
     #[must_use]
     pub fn with_tolerance(mut self, tolerance: f32) -> Self {
         self.tolerance = tolerance;
         self
     }
 
-    /// Uses another instruction set; one that the machine lacks is replaced by plain code.
+    /// Selects another instruction set; unavailable ones are replaced by portable code.
     #[must_use]
     pub fn with_isa(mut self, isa: Isa) -> Self {
         self.isa = if isa.available() { isa } else { Isa::Portable };
@@ -126,28 +137,28 @@ impl MultiResolution {
         self.isa
     }
 
-    /// The steps of a walk for a bundle's packets, one at a time.
+    /// Single steps of a walk for a bundle's packets, for benchmarks.
     pub fn steps<'s>(&'s self, packets: &'s [Packet]) -> Steps<'s> {
         Steps::new(&self.tree, self.magnitude, self.isa, packets)
     }
 
-    /// Bytes of the traversal structure.
+    /// Size of the traversal structure in bytes.
     pub fn bytes(&self) -> usize {
         self.tree.bytes()
     }
 
-    /// The visible fraction of a bundle for feature size `s` (scene units, on the receiver; finite, positive).
+    /// The visible fraction of a bundle for feature size `s` on the receiver (scene units, finite, positive).
     pub fn answer(&self, bundle: Bundle, s: f32, workspace: &mut Workspace) -> Answer {
         let mut answer = None;
         self.answers(&[bundle], s, workspace, |a| answer = Some(a));
         answer.expect("one bundle, one answer")
     }
 
-    /// The visible fractions of several bundles, in their order.
+    /// The visible fractions of several bundles, passed to `each` in order.
     ///
-    /// Bundles that follow each other and whose ends lie close together share the upper part of the traversal. Each
-    /// decides for itself what it aggregates: the answers are those of [`MultiResolution::answer`] up to rounding, but
-    /// for bundles that one way gives up on and the other does not.
+    /// Consecutive bundles with close ends share the upper part of the traversal; each applies the umbra criterion by
+    /// itself. Answers equal those of [`MultiResolution::answer`] up to rounding, except for bundles that only one of
+    /// the two ways hands over.
     pub fn answers(
         &self,
         bundles: &[Bundle],
@@ -155,19 +166,18 @@ impl MultiResolution {
         workspace: &mut Workspace,
         mut each: impl FnMut(Answer),
     ) {
-        // Without rays a walk goes on whatever it takes.
+        // Without exact rays walks have no limit.
         self.walk_all(bundles, Sizes::All(s), self.leaf == Leaf::Exact, workspace);
         for (k, bundle) in bundles.iter().enumerate() {
             each(self.finish(*bundle, k, workspace));
         }
     }
 
-    /// The visible fractions of several bundles, in their order, with nothing aggregated: exact visibility that asks
-    /// for certificates first.
+    /// The visible fractions of several bundles without aggregation: exact visibility with certificates.
     ///
-    /// A shaft that meets nothing is clear and one that a single triangle covers is blocked without any ray (method
-    /// E.6); what few triangles the rest may meet are tested against all segments at once, and where they are many
-    /// Embree is asked.
+    /// A bundle whose shaft is empty is clear, one whose shaft a single triangle covers is blocked, both without rays
+    /// (docs/method.md, Certificates and intervals). Of the rest, few triangles are tested against all segments at
+    /// once; with many, Embree traces the bundle.
     pub fn certified(&self, bundles: &[Bundle], workspace: &mut Workspace, mut each: impl FnMut(Answer)) {
         self.walk_all(bundles, Sizes::Nothing, true, workspace);
         for (k, bundle) in bundles.iter().enumerate() {
@@ -175,17 +185,17 @@ impl MultiResolution {
         }
     }
 
-    /// The visible fraction of a bundle by exact rays: for bundles where [`MultiResolution::pays`] says no.
+    /// The visible fraction of a bundle by exact rays; for bundles for which [`MultiResolution::pays`] is false.
     pub fn hand_over(&self, bundle: Bundle, workspace: &mut Workspace) -> Answer {
         let mut answer = self.exact().answer(bundle, &mut workspace.buffers.blocked);
         answer.cost.handed_over = answer.cost.segments;
         answer
     }
 
-    /// Estimates what exact rays cost for bundles like these; what takes more work is handed to Embree.
+    /// Estimates the work of exact rays for bundles like `sample`; walks with more work are handed to Embree.
     ///
-    /// Counts work instead of measuring time, so that the same question has the same answer on every run. Embree's
-    /// work grows with about the root of what an engine does that has to look at everything in the shaft.
+    /// Counts work instead of time, so that results do not vary between runs. Embree's work is about proportional to
+    /// the square root of the work of testing everything in the shaft.
     #[must_use]
     pub fn with_budget(mut self, sample: &[Bundle], workspace: &mut Workspace) -> Self {
         let (mut work, mut count) = (0.0, 0.0);
@@ -196,13 +206,13 @@ impl MultiResolution {
             count += 1.0;
         }
         if count > 0.0 {
-            self.budget = (EMBREE_WORK * work / count) as u64;
+            self.budget = (EMBREE_WORK_FACTOR * work / count) as u64;
         }
         self
     }
 
-    /// Whether this engine is likely to take less time than exact rays for bundles like these, in runs as they are
-    /// asked. Counts work, as [`MultiResolution::with_budget`] does.
+    /// Whether this engine probably takes less time than exact rays for runs of bundles like `sample`. Counts work, as
+    /// [`MultiResolution::with_budget`] does.
     pub fn pays<'b>(
         &self,
         sample: impl IntoIterator<Item = &'b [Bundle<'b>]>,
@@ -214,40 +224,42 @@ impl MultiResolution {
             let (o, e) = self.worth(run, Sizes::All(s), workspace);
             (own, exact) = (own + o, exact + e);
         }
-        (own as f64) < SURELY * exact as f64
+        (own as f64) < MAX_WORK_RATIO * exact as f64
     }
 
-    /// [`MultiResolution::pays`] for one run of bundles with feature sizes of their own.
+    /// Whether this engine probably does less work than exact rays for one run of bundles with individual feature
+    /// sizes.
     pub fn pays_each(&self, run: &[Bundle], sizes: &[f32], workspace: &mut Workspace) -> bool {
         let (own, exact) = self.worth(run, Sizes::Each(sizes), workspace);
         own < exact
     }
 
-    /// Work for a run of bundles by this engine, and by exact rays.
+    /// Work for a run of bundles by this engine and by exact rays.
     fn worth(&self, run: &[Bundle], sizes: Sizes, workspace: &mut Workspace) -> (u64, u64) {
         let (mut own, mut exact) = (0, 0);
         self.walk_all(run, sizes, true, workspace);
         for (bundle, walked) in run.iter().zip(&workspace.walked) {
             let (rays, limit) = (self.exact_work(bundle), self.limit(bundle));
-            own += BUNDLE + if walked.gave_up || walked.work > limit { limit + rays } else { walked.work };
+            own +=
+                BUNDLE_WORK + if walked.gave_up || walked.work > limit { limit + rays } else { walked.work };
             exact += rays;
         }
         (own, exact)
     }
 
-    /// Never hands over, so that its own answers can be looked at.
+    /// Never hands bundles over, for tests of the engine's own answers.
     #[cfg(test)]
     pub(super) fn with_patience(mut self) -> Self {
         self.budget = 1 << 40;
         self
     }
 
-    /// Work after which a walk gives up.
+    /// Work at which a walk is abandoned.
     fn limit(&self, bundle: &Bundle) -> u64 {
-        PATIENCE * self.exact_work(bundle)
+        GIVE_UP_FACTOR * self.exact_work(bundle)
     }
 
-    /// Work that exact rays are worth: by their number, but no packet is less than a quarter of a full one.
+    /// Work of exact rays for a bundle; each packet counts as at least a quarter full.
     fn exact_work(&self, bundle: &Bundle) -> u64 {
         let lanes: usize = bundle.packets.iter().map(|p| p.len().max(LANES / 4)).sum();
         self.budget * lanes as u64 / LANES as u64
@@ -257,7 +269,7 @@ impl MultiResolution {
         dispatch(self.isa, Ask { engine: self, bundles, sizes, bounded, workspace });
     }
 
-    /// The answer that a walk found, or Embree's where it gave up.
+    /// The answer of a walk, or that of Embree if the walk was abandoned.
     fn finish(&self, bundle: Bundle, k: usize, workspace: &mut Workspace) -> Answer {
         let walked = workspace.walked[k];
         if walked.gave_up {
@@ -283,7 +295,7 @@ impl MultiResolution {
             (false, true) => Method::Aggregated,
             (true, true) => Method::Mixed,
         };
-        // Nothing blocks a bundle without segments either.
+        // A bundle without segments is unoccluded.
         let clear = walked.clear || segments == 0;
         let mean = |sum: f32| if clear { 1.0 } else { (sum / n).min(1.0) };
         let [transmittance, square, least, greatest] =
@@ -292,17 +304,17 @@ impl MultiResolution {
             return Answer { transmittance, lo: transmittance, hi: transmittance, method, cost };
         }
         let variance = (square - transmittance * transmittance).max(0.0);
-        let dependence = DEPENDENCE * (greatest - least).max(0.0);
+        let dependence = DEPENDENCE_FRACTION * (greatest - least).max(0.0);
         let model = (walked.model * walked.model + dependence * dependence).sqrt();
         let (lo, hi) = interval(transmittance, variance, n, model);
-        // Whatever the dependence between the clusters, their own errors aside, the mean lies between Fréchet's
-        // bounds (method D.7), of which only samples are known.
+        // Whatever the dependence between clusters, the mean lies between Fréchet's bounds, apart from the clusters'
+        // own errors; the bounds are known from samples only.
         let lo = lo.max(wilson(least, n).0 - 2.0 * model).clamp(0.0, transmittance);
         let hi = hi.min(wilson(greatest, n).1 + 2.0 * model).clamp(transmittance, 1.0);
         Answer { transmittance, lo, hi, method, cost }
     }
 
-    /// Transmittance of each segment of one packet; 0 in unused lanes.
+    /// Transmittance of each segment of one packet; 0 in unused lanes. `e` and `s`: emitter and feature size.
     pub fn transmittances(&self, packet: &Packet, e: f32, s: f32, workspace: &mut Workspace) -> [f32; LANES] {
         self.answer_lanes(packet, e, s, workspace).1
     }
@@ -321,8 +333,8 @@ impl MultiResolution {
         found.expect("one bundle, one answer")
     }
 
-    /// The answers for bundles of one packet each, with feature sizes of their own, and the transmittance of each segment,
-    /// 0 in unused lanes; see [`MultiResolution::answers`]. `each` is told which bundle is meant.
+    /// Answers for bundles of one packet each with individual feature sizes, and the transmittance of each segment, 0
+    /// in unused lanes; see [`MultiResolution::answers`]. `each` receives the index of the bundle first.
     ///
     /// # Panics
     /// If there are fewer sizes than bundles.
@@ -345,12 +357,12 @@ impl MultiResolution {
         }
     }
 
-    /// The rays that it hands over to.
+    /// The exact engine that bundles are handed to.
     pub fn exact(&self) -> Exact {
         Exact { scene: self.exact.clone(), traversal: self.traversal }
     }
 
-    /// What happens in leaves.
+    /// Treatment of leaves.
     pub fn leaf(&self) -> Leaf {
         self.leaf
     }
@@ -359,16 +371,16 @@ impl MultiResolution {
 /// Feature sizes of bundles.
 #[derive(Clone, Copy)]
 enum Sizes<'a> {
-    /// Nothing may be averaged.
+    /// No aggregation.
     Nothing,
-    /// One for all.
+    /// One feature size for all bundles.
     All(f32),
-    /// One for each; the transmittance of each segment is kept.
+    /// One feature size per bundle; the transmittance of each segment is kept.
     Each(&'a [f32]),
 }
 
 impl Sizes<'_> {
-    /// No feature size is below zero.
+    /// Feature size of bundle `k`; 0 without aggregation.
     fn of(self, k: usize) -> f32 {
         match self {
             Sizes::Nothing => 0.0,
@@ -378,12 +390,12 @@ impl Sizes<'_> {
     }
 }
 
-/// Walks for all bundles, in groups.
+/// Kernel that walks for all bundles, in groups.
 struct Ask<'a> {
     engine: &'a MultiResolution,
     bundles: &'a [Bundle<'a>],
     sizes: Sizes<'a>,
-    /// Whether walks give up at their limit.
+    /// Whether walks are abandoned at their limit.
     bounded: bool,
     workspace: &'a mut Workspace,
 }
@@ -394,11 +406,11 @@ impl Kernel for Ask<'_> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         let Ask { engine, bundles, sizes, bounded, workspace } = self;
-        let Workspace { buffers, front, shafts, walked, lanes } = workspace;
+        let Workspace { buffers, placed, front, shafts, walked, lanes } = workspace;
         let averages = !matches!(sizes, Sizes::Nothing);
         let soft = engine.leaf == Leaf::Extinction && averages;
         let size = |bundle: &Bundle| if averages { bundle.emitter_size } else { 0.0 };
-        // Embree's work is estimated in steps, not in time: only a walk that is asked for pays for what it waits for.
+        // Exact work is estimated without the cost of cache misses; only walks for answers include it.
         let fetch = if engine.far && averages { FETCH } else { 0 };
         lanes.clear();
         shafts.clear();
@@ -412,7 +424,10 @@ impl Kernel for Ask<'_> {
         let mut packets_before = 0;
         let mut first = 0;
         while first < bundles.len() {
-            let group = group(bundles, shafts, first);
+            let group = match engine.instances {
+                None => group(bundles, shafts, first),
+                Some(_) => first..first + 1,
+            };
             let (mut shared, mut opened) = (None, (0, 0));
             if group.len() > 1 {
                 let around = Shaft::around(&shafts[group.clone()]);
@@ -432,8 +447,14 @@ impl Kernel for Ask<'_> {
                 let s = sizes.of(k);
                 let limit = if bounded { engine.limit(&bundles[k]) } else { u64::MAX };
                 let rule = Rule { e: size(&bundles[k]), s, soft, limit, fetch, tolerance: engine.tolerance };
-                let mut found = walk(simd, &engine.tree, shared, (packets, &shafts[k]), &rule, buffers);
-                // Walks that end early say nothing of their packets: all are blocked, or Embree is asked.
+                let mut found = match &engine.instances {
+                    None => walk(simd, &engine.tree, shared, (packets, &shafts[k]), &rule, buffers),
+                    Some(instances) => {
+                        let trees = (&*engine.tree, &**instances);
+                        walk_instances(simd, trees, (&bundles[k], &shafts[k]), &rule, buffers, placed)
+                    }
+                };
+                // Walks that end early add no sums: all segments are blocked, or Embree traces the bundle.
                 packets_before += packets.len();
                 buffers.sums.resize(packets_before, 0.0);
                 let (nodes, work) = std::mem::take(&mut opened);
@@ -448,9 +469,9 @@ impl Kernel for Ask<'_> {
     }
 }
 
-/// The bundles from `first` on whose ends lie close together.
+/// Range of bundles starting at `first` whose ends are close together.
 fn group(bundles: &[Bundle], shafts: &[Shaft], first: usize) -> Range<usize> {
-    let limit = (first + GROUP).min(bundles.len());
+    let limit = (first + MAX_GROUP_BUNDLES).min(bundles.len());
     let distance = shafts[first].direction().length();
     let [from, to] = shafts[first].ends.map(|e| e.bounds());
     let (mut from, mut to) = (from, to);
@@ -460,7 +481,9 @@ fn group(bundles: &[Bundle], shafts: &[Shaft], first: usize) -> Range<usize> {
         let [a, b] = shafts[end].ends.map(|e| e.bounds());
         from = [from[0].min(a[0]), from[1].max(a[1])];
         to = [to[0].min(b[0]), to[1].max(b[1])];
-        if (from[1] - from[0]).length() > GROUP_WIDTH * distance || (to[1] - to[0]).length() > 1.25 * widest {
+        if (from[1] - from[0]).length() > MAX_GROUP_WIDTH * distance
+            || (to[1] - to[0]).length() > 1.25 * widest
+        {
             break;
         }
         end += 1;

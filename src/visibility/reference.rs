@@ -1,4 +1,5 @@
-//! The rule of method A.6, one segment and one node at a time: what the fast engine is tested against.
+//! The umbra criterion for single segments and nodes (docs/method.md, Umbra criterion): the reference in tests of the
+//! fast engine.
 
 use super::multires::Leaf;
 use crate::clusters::{Hierarchy, Tree};
@@ -6,23 +7,26 @@ use crate::optics::{AxisMix, ClusterOptics};
 use crate::scene::Scene;
 use glam::Vec3;
 
-/// Largest coordinate magnitude of a scene, scene units: the scale of rounding errors.
+/// Largest absolute coordinate of a scene, scene units: the scale of rounding errors.
 pub fn magnitude(scene: &Scene) -> f32 {
-    scene.bounds.min.abs().max(scene.bounds.max.abs()).max_element()
+    let bounds = scene.world_bounds();
+    bounds.min.abs().max(bounds.max.abs()).max_element()
 }
 
-/// Umbra width on the receiver of a blocker of width `b` at `d1` from an emitter of width `e` and `d2` from the
-/// receiver; negative if there is no umbra (method A.6). All lengths.
+/// Width of the umbra on the receiver, `b + (b - e) d2/d1`, for a blocker of width `b` at distance `d1` from an
+/// emitter of width `e` and `d2` from the receiver; negative without umbra. Lengths. Source: docs/method.md, Umbra
+/// criterion.
 pub fn umbra(e: f64, b: f64, d1: f64, d2: f64) -> f64 {
     b + (b - e) * d2 / d1
 }
 
-/// Outer width of the penumbra of the same configuration (method A.6).
+/// Outer width of the penumbra, `b + (b + e) d2/d1`; arguments as for [`umbra`].
 pub fn penumbra(e: f64, b: f64, d1: f64, d2: f64) -> f64 {
     b + (b + e) * d2 / d1
 }
 
-/// Largest occluded fraction of a disc emitter of diameter `e` behind a disc blocker of diameter `b` (A.6).
+/// Largest occluded fraction of a disc emitter of diameter `e` behind a disc blocker of diameter `b`, in `[0, 1]`;
+/// distances as for [`umbra`].
 pub fn peak_occlusion(e: f64, b: f64, d1: f64, d2: f64) -> f64 {
     let ratio = b * (d1 + d2) / (e * d2);
     (ratio * ratio).min(1.0)
@@ -31,20 +35,20 @@ pub fn peak_occlusion(e: f64, b: f64, d1: f64, d2: f64) -> f64 {
 /// A segment from a receiver point to an emitter point, open at both ends.
 #[derive(Clone, Copy, Debug)]
 pub struct Segment {
-    /// The receiver end.
+    /// The receiver end, scene units.
     pub origin: Vec3,
-    /// To the emitter end.
+    /// Vector from the receiver end to the emitter end, scene units.
     pub direction: Vec3,
-    /// First parameter that counts.
+    /// Smallest parameter at which geometry blocks.
     pub near: f32,
-    /// Last parameter that counts.
+    /// Largest parameter at which geometry blocks.
     pub far: f32,
 }
 
-/// What a segment meets.
+/// Result of a walk for one segment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Met {
-    /// Optical depth of the aggregated clusters.
+    /// Total optical depth of the aggregated clusters.
     pub depth: f64,
     /// Whether a triangle of an opened leaf or of a large surface blocks it.
     pub blocked: bool,
@@ -59,8 +63,8 @@ impl Met {
     }
 }
 
-/// Walks the clusters for one segment. ClusterOptics are taken along `towards`, the direction of the segment's bundle;
-/// `blocks(triangle)` says whether a triangle blocks the segment.
+/// Walks the clusters for one segment with emitter size `e` and feature size `s`. Cluster optics are interpolated for
+/// `towards`, the direction of the segment's bundle; `blocks(triangle)` tests a triangle against the segment.
 pub fn walk(
     hierarchy: &Hierarchy,
     optics: &[ClusterOptics],
@@ -106,8 +110,8 @@ fn visit(
         return;
     }
     let end_inside = enter <= segment.near || leave >= segment.far;
-    // The end of the overlap where the umbra is largest: receiver side if b < e, emitter side if b > e. In terms
-    // of the threshold that is the end where it is smaller.
+    // The end of the overlap with the largest umbra: receiver side if b < e, emitter side if b > e; there the
+    // threshold b* is smaller.
     let threshold = s + (e - s) * if e > s { enter } else { leave };
     let small = mix.mix(|axis| optics[c].feature_size(axis)) < threshold;
     if (small && !end_inside) || (cluster.is_leaf() && leaf == Leaf::Extinction) {

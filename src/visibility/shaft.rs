@@ -1,12 +1,12 @@
-//! The space that holds all segments of some bundles, and what it says about boxes.
+//! The region that contains all segments of some bundles, and tests of boxes and triangles against it.
 //!
-//! The union box of all ends and four side planes: through the common receiver end of one bundle (the planes of
-//! Haines' shaft for a point and an element), or along the boxes of the ends of several. A statement about *these
-//! segments*: what lies outside blocks none of them. Where the emitter is known the shaft from a common receiver end
-//! holds all segments to all of it, so that what it says is certain for the emitter as a whole.
+//! A shaft is the bounding box of all ends with four side planes: through the common receiver end of one bundle (the
+//! planes of Haines and Wallace 1994 for a point and an element), or along the boxes of the ends of several bundles.
+//! Geometry outside the shaft blocks none of *these segments*. If the emitter is known, a shaft from a common receiver
+//! end contains all segments to the whole emitter, so that its tests are certain for the emitter.
 //!
-//! Segments are open at their ends by [`EndRule::MIN_MARGIN`] at least, and so is that shaft: a lamp's frame that begins at
-//! the lamp's edge is not inside, unless it hides something of the lamp.
+//! Segments leave out margins of at least [`EndRule::MIN_MARGIN`] at their ends, and so does that shaft: a frame that
+//! starts at the emitter's edge is outside unless it hides a part of the emitter.
 
 mod slopes;
 
@@ -18,7 +18,7 @@ use glam::Vec3;
 pub(super) use slopes::filled;
 use slopes::{corners_of_panel, corners_of_polygon, slopes_of_points, slopes_of_segments};
 
-/// A box by its centre and half extent.
+/// A box as centre and half extent, scene units.
 #[derive(Clone, Copy)]
 pub(super) struct Ends {
     pub centre: Vec3,
@@ -30,7 +30,7 @@ impl Ends {
         Ends { centre: 0.5 * (lo + hi), half: 0.5 * (hi - lo) }
     }
 
-    /// From the extremes of each axis, lane by lane.
+    /// From the smallest and largest coordinates per axis and lane.
     #[inline(always)]
     fn around<S: Simd>(simd: S, [x, y, z]: &[(S::F, S::F); 3]) -> Ends {
         let lo = Vec3::new(simd.least(x.0), simd.least(y.0), simd.least(z.0));
@@ -41,19 +41,19 @@ impl Ends {
         [self.centre - self.half, self.centre + self.half]
     }
 
-    /// Largest `n · x` of its points.
+    /// Largest `n · x` over the points of the box.
     fn reach(self, n: Vec3) -> f32 {
         self.centre.dot(n) + self.half.dot(n.abs())
     }
 }
 
-/// The pyramid of a bundle whose segments share their receiver end.
+/// The pyramid around a bundle whose segments share their receiver end.
 #[derive(Clone, Copy)]
 pub(super) struct Pyramid {
     pub apex: Vec3,
-    /// Directions along its four edges.
+    /// Vectors from the apex along its four edges.
     pub corners: [Vec3; 4],
-    /// The longest of them.
+    /// Length of the longest of them.
     pub longest: f32,
 }
 
@@ -61,31 +61,31 @@ pub(super) struct Pyramid {
 pub(super) struct Shaft {
     lo: Vec3,
     hi: Vec3,
-    /// Inside is `normal · x <= offset` for the first `planes` of them.
+    /// Inside is `normal · x <= offset` for the first `planes` planes.
     pub normals: [Vec3; 4],
     offsets: [f32; 4],
     pub planes: usize,
-    /// Receiver ends and emitter ends.
+    /// Boxes of the receiver ends and of the emitter ends.
     pub ends: [Ends; 2],
-    /// Whether it holds all segments between the common receiver end and the emitter, not only those asked.
+    /// Whether the shaft contains all segments between the common receiver end and the whole emitter.
     pub whole: bool,
-    /// A few roundings of the scene's coordinates.
+    /// Bound on rounding errors of the scene's coordinates, scene units.
     pub slack: f32,
-    /// Largest `near` of its segments.
+    /// Largest `near` of the segments.
     near: f32,
-    /// The common receiver end, if there is one.
+    /// The common receiver end, if any.
     pub apex: Option<Vec3>,
-    /// The pyramid around its segments, if there is a common receiver end and they all run forward.
+    /// The pyramid around the segments, if there is a common receiver end and all segments run forward.
     pub pyramid: Option<Pyramid>,
-    /// `axis · (x - receiver)` is the parameter t of a point up to [`Shaft::parameters`].
+    /// `axis · (x - receiver)` is the parameter t of a point, up to [`Shaft::spread`].
     axis: Vec3,
-    /// How far receiver and emitter ends spread along the axis, in parameters, to either side.
+    /// Half width of the receiver ends and of the emitter ends along the axis, as parameters.
     spread: [f32; 2],
 }
 
 impl Shaft {
-    /// The shaft of the active segments of some packets, and of all others to an emitter inside the hull of these points
-    /// if there are any, in a scene of this coordinate magnitude.
+    /// The shaft of the active segments of `packets`, or of all segments to an emitter in the hull of `emitter` if
+    /// that is not empty. `magnitude` is the largest absolute coordinate of the scene.
     #[inline(always)]
     pub fn of<S: Simd>(simd: S, packets: &[Packet], emitter: &[Vec3], magnitude: f32) -> Shaft {
         let some = packets.iter().find(|packet| !packet.is_empty()).unwrap_or(&packets[0]);
@@ -94,7 +94,7 @@ impl Shaft {
         if !emitter.is_empty() {
             return Shaft::whole(simd, packets, emitter, apex, slack);
         }
-        // Extremes lane by lane first, across lanes once.
+        // Extremes per lane first, then once across lanes.
         let mut lanes = [[(simd.splat(f32::MAX), simd.splat(f32::MIN)); 3]; 2];
         let mut apart = simd.mask(0);
         let mut near = simd.splat(0.0);
@@ -124,10 +124,10 @@ impl Shaft {
         shaft
     }
 
-    /// The shaft of all segments from a point to an emitter, without a look at those that are asked.
+    /// The shaft of all segments from a point to an emitter, independent of the query's segments.
     ///
-    /// Each is open by the [`EndRule`]: by no less than its least margin, and by no more than the shortest may be, for
-    /// what has to lie amid them all.
+    /// The shaft leaves out the smallest margin of the [`EndRule`]; `near` is the margin of the shortest segment, for
+    /// tests that need geometry to lie inside all segments.
     #[inline(always)]
     fn whole<S: Simd>(simd: S, packets: &[Packet], emitter: &[Vec3], apex: Vec3, slack: f32) -> Shaft {
         let (mut lo, mut hi) = (emitter[0], emitter[0]);
@@ -137,7 +137,7 @@ impl Shaft {
         let nearest = apex.clamp(lo, hi).distance(apex);
         let near = EndRule::MAX_MARGIN.min(EndRule::MIN_MARGIN + slack / nearest);
         let mut shaft = Shaft::between([Ends::of([apex, apex]), Ends::of([lo, hi])], slack, near);
-        // Half of the margin, for the roundings of what is computed here.
+        // Half of the margin allows for rounding in this function.
         let open = 0.5 * EndRule::MIN_MARGIN;
         let (to_lo, to_hi) = (lo - apex, hi - apex);
         shaft.lo = (apex + open * to_lo).min(apex + (1.0 - open) * to_lo) - slack;
@@ -147,10 +147,10 @@ impl Shaft {
         shaft
     }
 
-    /// The shaft that holds all of these shafts.
+    /// The shaft that contains all of these shafts.
     ///
     /// # Panics
-    /// If there is none.
+    /// If `shafts` is empty.
     pub fn around(shafts: &[Shaft]) -> Shaft {
         let ends = [0, 1].map(|end| {
             let boxes = shafts.iter().map(|s| s.ends[end].bounds());
@@ -162,16 +162,16 @@ impl Shaft {
         shaft
     }
 
-    /// Boxes and parameters, without side planes.
+    /// A shaft with box and axis, without side planes.
     fn between(ends: [Ends; 2], slack: f32, near: f32) -> Shaft {
         let along = ends[1].centre - ends[0].centre;
-        // Among the directions that measure t, the one along which the ends spread least: for a panel that lies
-        // along two coordinate axes the third one, and then t is exact.
+        // Of the directions that measure t, choose the one along which the ends spread least. For a panel parallel to
+        // two coordinate axes that is the third axis, and t is exact.
         let mut axis = along / along.length_squared().max(f32::MIN_POSITIVE);
         let spread_along = |axis: Vec3| (ends[0].half + ends[1].half).dot(axis.abs());
         let mut least = spread_along(axis);
         for k in 0..3 {
-            // Nearly across the segments the coordinate's own rounding would show.
+            // For axes nearly perpendicular to the segments, rounding of coordinates would dominate.
             if along[k].abs() > 0.05 * along.length() {
                 let candidate = Vec3::AXES[k] / along[k];
                 if spread_along(candidate) < least {
@@ -197,8 +197,8 @@ impl Shaft {
         }
     }
 
-    /// Side planes along the boxes of the ends. Any slope is safe, because the offset is that of the outermost
-    /// corner; this one touches both boxes where they lie apart along the axis.
+    /// Adds side planes along the boxes of the ends. Any slope is conservative, because the offset is that of the
+    /// outermost corner; this slope touches both boxes.
     fn add_planes(&mut self) {
         let along = self.ends[1].centre - self.ends[0].centre;
         let w = along.normalize_or_zero();
@@ -217,8 +217,8 @@ impl Shaft {
         self.planes = 4;
     }
 
-    /// Side planes through the common point and the edges of the polygon or panel that the segments end on, or else of
-    /// extreme slopes against the middle direction.
+    /// Adds side planes through the common point and the edges of the polygon or panel at the emitter end, else planes
+    /// of extreme slopes relative to the mean direction.
     #[inline(always)]
     fn add_pyramid<S: Simd>(&mut self, simd: S, packets: &[Packet], emitter: &[Vec3], apex: Vec3) {
         let w = self.direction();
@@ -245,12 +245,12 @@ impl Shaft {
         let longest =
             a.length_squared().max(b.length_squared()).max(c.length_squared()).max(d.length_squared()).sqrt();
         for k in 0..4 {
-            // With the difference, because the product of two long vectors that are nearly the same has few digits.
+            // The product of two long, nearly equal vectors would lose digits; the difference keeps them.
             let (corner, edge) = (corners[k], corners[(k + 1) % 4] - corners[k]);
             let n = corner.cross(edge);
             let rounding =
                 4.0 * f32::EPSILON * corner.abs().element_sum() * edge.abs().element_sum() * longest;
-            // The other corners lie inside; a plane that cannot tell says nothing.
+            // The other corners lie inside; a plane for which rounding decides is dropped.
             let inside = n.dot(corners[(k + 2) % 4] + corners[(k + 3) % 4]);
             let sign = if inside.abs() <= 2.0 * rounding { 0.0 } else { -inside.signum() };
             self.normals[k] = sign * n;
@@ -261,22 +261,22 @@ impl Shaft {
         self.pyramid = Some(Pyramid { apex, corners, longest });
     }
 
-    /// From the middle of the receiver ends to the middle of the emitter ends, not normalised.
+    /// Vector from the centre of the receiver ends to the centre of the emitter ends, scene units.
     pub fn direction(&self) -> Vec3 {
         self.ends[1].centre - self.ends[0].centre
     }
 
-    /// No segment is longer.
+    /// Upper bound of the segments' lengths, scene units.
     #[inline(always)]
     pub fn longest(&self) -> f32 {
         self.direction().length() + (self.ends[0].half + self.ends[1].half).length()
     }
 
-    /// Least and largest t, in `[0, 1]`, at which a segment can pass points that lie between `low` and `high`
-    /// along the axis, from the middle of the receiver ends.
+    /// Smallest and largest t, in `[0, 1]`, at which a segment can pass points that lie between `low` and `high` along
+    /// the axis, measured from the centre of the receiver ends.
     ///
-    /// A segment from o to 1 + d along the axis passes a at t = (a - o) / (1 + d - o), which falls in d and, before
-    /// the end, in o.
+    /// A segment from o to 1 + d along the axis passes a at t = (a - o) / (1 + d - o), which decreases in d and, for
+    /// a < 1 + d, in o.
     #[inline(always)]
     fn parameters<S: Simd>(&self, simd: S, low: S::F, high: S::F) -> (S::F, S::F) {
         let [o, d] = self.spread;
@@ -284,14 +284,14 @@ impl Shaft {
         let first = simd.mul(simd.sub(low, simd.splat(o)), simd.splat(1.0 / longest));
         let last = simd.mul(simd.add(high, simd.splat(o)), simd.splat(1.0 / shortest));
         let (zero, one) = (simd.splat(0.0), simd.splat(1.0));
-        // Ends that overlap along the axis say nothing.
+        // Ends that overlap along the axis allow no statement.
         if d + o >= 0.9 {
             return (zero, one);
         }
         (simd.min(simd.max(first, zero), one), simd.min(simd.max(last, zero), one))
     }
 
-    /// About the parameters at which segments pass the middles of a node's boxes.
+    /// Approximate parameters at which segments pass the centres of a node's boxes.
     #[inline(always)]
     pub fn places<S: Simd>(&self, simd: S, node: &Node) -> S::F {
         let mut place = simd.splat(-self.axis.dot(self.ends[0].centre));
@@ -302,14 +302,13 @@ impl Shaft {
         place
     }
 
-    /// How far a direction leads along the axis of the parameters.
+    /// Component of a vector along the axis, as a parameter.
     #[inline(always)]
     pub fn along(&self, direction: Vec3) -> f32 {
         self.axis.dot(direction)
     }
 
-    /// Least and greatest distance of triangles along the axis of the parameters from the middle of the receiver
-    /// ends.
+    /// Smallest and largest position of triangles along the axis, measured from the centre of the receiver ends.
     #[inline(always)]
     pub fn reach<S: Simd>(&self, simd: S, corner: &Vector<S>, edges: [&Vector<S>; 2]) -> (S::F, S::F) {
         let axis = vector::splat(simd, self.axis);
@@ -320,8 +319,7 @@ impl Shaft {
         (simd.add(a, simd.min(simd.min(b, c), zero)), simd.add(a, simd.max(simd.max(b, c), zero)))
     }
 
-    /// Whether something lies beyond the margins at both ends of every segment, from its least and greatest
-    /// distance along the axis of the parameters from the middle of the receiver ends.
+    /// Whether positions between `low` and `high` along the axis lie beyond the margins at both ends of every segment.
     #[inline(always)]
     pub fn amid<S: Simd>(&self, simd: S, low: S::F, high: S::F) -> S::M {
         let (first, last) = self.parameters(simd, low, high);
@@ -329,13 +327,13 @@ impl Shaft {
         simd.and(simd.lt(margin, first), simd.lt(simd.add(last, margin), simd.splat(1.0)))
     }
 
-    /// Children whose contents may be averaged: their feature size is below `s (1 - t) + e t` at the less favourable
-    /// end of the box, for every segment, and no segment ends inside (method D.5).
+    /// Children that may be aggregated: their feature size is below `s (1 - t) + e t` at the less favourable end of
+    /// the box for every segment, and no segment ends inside (docs/method.md, Umbra criterion, and Segment ends).
     #[inline(always)]
     pub fn aggregates<S: Simd>(&self, simd: S, node: &Node, sizes: S::F, e: f32, s: f32) -> u32 {
         let (mut low, mut high) = (simd.splat(0.0), simd.splat(0.0));
         let from = self.ends[0];
-        // The end rule's margin as a length, for the longest segment.
+        // The margin of the end rule as a length, for the longest segment.
         let margin = 1.001 * self.near * self.longest() + self.slack;
         let mut holds = [simd.mask(0xffff); 2];
         for axis in 0..3 {
@@ -370,7 +368,7 @@ impl Shaft {
         }
         for plane in 0..self.planes {
             let n = self.normals[plane];
-            // The corner that lies deepest inside the plane.
+            // The corner that lies farthest inside the plane.
             let mut depth = simd.splat(0.0);
             for axis in 0..3 {
                 let corner = if n[axis] > 0.0 { &node.min[axis] } else { &node.max[axis] };
@@ -381,7 +379,7 @@ impl Shaft {
         simd.bits(touched)
     }
 
-    /// Lanes whose triangle lies outside a side plane.
+    /// Lanes whose triangle lies outside at least one side plane.
     #[inline(always)]
     pub fn misses<S: Simd>(&self, simd: S, corner: &Vector<S>, edges: [&Vector<S>; 2]) -> S::M {
         let mut outside = simd.mask(0);
@@ -395,7 +393,7 @@ impl Shaft {
         outside
     }
 
-    /// Lanes whose triangle lies outside the box of the shaft's open segments.
+    /// Lanes whose triangle lies outside the box of the open segments.
     #[inline(always)]
     pub fn beside<S: Simd>(&self, simd: S, corner: &Vector<S>, edges: [&Vector<S>; 2]) -> S::M {
         let (zero, mut outside) = (simd.splat(0.0), simd.mask(0));
@@ -409,7 +407,7 @@ impl Shaft {
         outside
     }
 
-    /// Lanes whose plane, with this normal through this corner, has all ends of the shaft on one side.
+    /// Lanes whose triangle plane has all ends of the shaft on one side.
     #[inline(always)]
     pub fn on_one_side<S: Simd>(&self, simd: S, corner: &Vector<S>, normal: &Vector<S>) -> S::M {
         let slack = simd.mul(vector::sum_abs(simd, normal), simd.splat(self.slack));
@@ -421,7 +419,7 @@ impl Shaft {
             for axis in 0..3 {
                 reach = simd.sub(reach, simd.mul(simd.abs(normal[axis]), simd.splat(half[axis])));
             }
-            // Lowest point at height - (half · |n|) >= -slack: above, or in the plane up to rounding.
+            // The lowest point is at height - (half · |n|) >= -slack: above the plane, or in the plane up to rounding.
             above = simd.and(above, simd.le(simd.sub(simd.splat(0.0), reach), height));
             below = simd.and(below, simd.le(height, reach));
         }
@@ -444,7 +442,7 @@ mod tests {
         }
     }
 
-    /// Lamps that are small for their distance, off every axis, as polygons, panels and points of no order.
+    /// Emitters that are small relative to their distance, off all axes, as polygons, panels and unordered points.
     #[test]
     fn small_lamps_far_away_are_held_whole() {
         let apex = Vec3::new(0.1, 0.2, 0.3);

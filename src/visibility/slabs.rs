@@ -1,4 +1,4 @@
-//! Aggregated clusters: boxes with extinction, and the segments that pass through them.
+//! Aggregated clusters: boxes with extinction, and the transmittance of segments through them.
 
 use super::wide::Node;
 use crate::ray::{Lanes, Packet};
@@ -6,19 +6,19 @@ use crate::simd::vector::{self, Vector};
 use crate::simd::{LANES, Simd, decay};
 use glam::Vec3;
 
-/// Boxes that are answered by their extinction, in the lanes of the node that they come from, as seen from the common
-/// receiver end or from the scene's origin.
+/// Aggregated boxes of one node, in its lanes. Coordinates are relative to the common receiver end, or to the scene's
+/// origin if there is none.
 #[derive(Clone)]
 #[repr(C, align(64))]
 struct Row {
     min: [[f32; LANES]; 3],
     max: [[f32; LANES]; 3],
-    /// Extinction in their middle.
+    /// Extinction at the boxes' centres, 1/length.
     extinction: [f32; LANES],
-    /// Extinction elsewhere is `density + slope · x` times that, or 0.
+    /// The extinction at x is `max(0, density + slope · x)` times `extinction`.
     slope: [[f32; LANES]; 3],
     density: [f32; LANES],
-    /// Root mean square error of their transmittance for the bundle's beam, in `[0, 1]`.
+    /// Root mean square errors of the boxes' transmittances for the bundle's beam, in `[0, 1]`.
     error: [f32; LANES],
     lanes: u32,
 }
@@ -35,17 +35,17 @@ impl Row {
     };
 }
 
-/// The boxes of a walk.
+/// The aggregated boxes of a walk.
 #[derive(Default)]
 pub(super) struct Slabs {
-    /// Those in use, and room that was used before.
+    /// Rows in use, followed by rows allocated for earlier walks.
     rows: Vec<Row>,
     used: usize,
     boxes: usize,
 }
 
 impl Slabs {
-    /// Forgets the last walk.
+    /// Removes all boxes.
     pub fn clear(&mut self) {
         (self.used, self.boxes) = (0, 0);
     }
@@ -59,7 +59,7 @@ impl Slabs {
         self.boxes
     }
 
-    /// Adds some children of a node, seen from a point, with their extinctions and errors.
+    /// Adds the children `lanes` of a node, relative to `from`, with their extinctions and errors.
     #[inline(always)]
     pub fn add<S: Simd>(
         &mut self,
@@ -90,29 +90,30 @@ impl Slabs {
     }
 }
 
-/// What passes through, summed over clear segments. Where neighbouring segments of several packets pass as one (see
-/// [`pass`]), each counts with the values of the mean of its two or four.
+/// Results of [`pass`], summed over unblocked segments. Segments that are folded (see [`pass`]) count with the values
+/// of the mean of their two or four.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Passed {
-    /// Product of the boxes' transmittances along the line [SD95 sec 3.1].
+    /// Product of the boxes' transmittances along the segment [SD95 sec 3.1].
     pub transmittance: f32,
-    /// Squares of them.
+    /// Squares of the transmittances.
     pub square: f32,
-    /// Fréchet's lower bound of it, 1 - Σ(1 - T), from Σ κ l >= Σ (1 - T) (method D.7).
+    /// Fréchet's lower bound 1 - Σ(1 - T_i), bounded from below with Σ κ l >= Σ (1 - T_i) (docs/method.md,
+    /// Certificates and intervals).
     pub lo: f32,
-    /// Fréchet's upper bound, the least of the factors.
+    /// Fréchet's upper bound, the smallest T_i.
     pub hi: f32,
-    /// Root mean square error that the boxes' own errors make, taken as independent: T² Σ (ε_i / T_i)², with ε_i² no more
-    /// than T_i (1 - T_i), the variance of a box that passes all or nothing (method A.9).
+    /// Root mean square error due to the boxes' own errors ε_i, taken as independent: T² Σ (ε_i / T_i)². ε_i² is at
+    /// most T_i (1 - T_i), the variance of zero-one visibility with mean T_i.
     pub error: f32,
-    /// Segments that meet a box.
+    /// Number of segments that meet a box.
     pub met: f32,
-    /// How many lines were sent through the boxes, in packets: fewer than the packets asked for where those are folded.
+    /// Number of packets of lines traced through the boxes, after folding.
     pub times: u64,
 }
 
 impl Passed {
-    fn add(&mut self, other: Passed) {
+    pub(super) fn add(&mut self, other: Passed) {
         self.transmittance += other.transmittance;
         self.square += other.square;
         self.lo += other.lo;
@@ -123,16 +124,16 @@ impl Passed {
     }
 }
 
-/// 1/d, finite even for zero, so that 0 · 1/d is never NaN.
+/// 1/d, finite for d = 0, so that 0 · 1/d is never NaN.
 #[inline(always)]
 fn reciprocal<S: Simd>(simd: S, d: S::F) -> S::F {
     let tiny = simd.lt(simd.abs(d), simd.splat(1e-30));
     simd.div(simd.splat(1.0), simd.select(tiny, simd.splat(1e-30), d))
 }
 
-/// Lines from end to end, made ready for boxes.
+/// Lines prepared for intersection with boxes.
 struct Beam<S: Simd> {
-    /// Where they begin, if not at one place.
+    /// Start points, unless all lines start at the reference point of the boxes.
     origin: Option<Vector<S>>,
     half: Vector<S>,
     inverse: Vector<S>,
@@ -174,25 +175,117 @@ impl<S: Simd> Beam<S> {
         if let Some(origin) = &self.origin {
             at_origin = simd.add(at_origin, vector::dot(simd, &slope, origin));
         }
-        // No more than 2 in any box, and finite for boxes that are missed by far.
+        // At most 2 inside any box; the limits keep the value finite for boxes far from the line.
         let density = simd.min(simd.max(simd.fma(climb, twice, at_origin), zero), simd.splat(2.0));
         simd.mul(simd.mul(path, simd.splat(row.extinction[lane])), density)
     }
 }
 
-/// Sixteen lines, and how many clear segments each of them stands for.
+/// Sums over the boxes that sixteen lines pass.
+struct Sums<S: Simd> {
+    /// Optical depth.
+    depth: S::F,
+    /// Largest optical depth of a single box.
+    deepest: S::F,
+    /// Sum of the squared relative errors of the boxes.
+    errors: S::F,
+}
+
+impl<S: Simd> Sums<S> {
+    /// Adds the boxes of `slabs`.
+    #[inline(always)]
+    fn through(mut self, simd: S, lines: &Lines<S>, slabs: &Slabs, shared: bool) -> Sums<S> {
+        let one = simd.splat(1.0);
+        let beam = Beam::of(simd, lines, shared);
+        for row in &slabs.rows[..slabs.used] {
+            for lane in Lanes(row.lanes) {
+                let d = beam.depth(simd, row, lane);
+                self.depth = simd.add(self.depth, d);
+                self.deepest = simd.max(self.deepest, d);
+                // 1/T_i = e^d >= 1 + d + d²/2; for large d T is small and the error with it.
+                let inverse = simd.fma(d, simd.fma(d, simd.splat(0.5), one), one);
+                let error = simd.mul(simd.splat(row.error[lane]), inverse);
+                self.errors = simd.add(self.errors, simd.min(simd.mul(error, error), simd.sub(inverse, one)));
+            }
+        }
+        self
+    }
+
+    /// The weighted transmittance of each line, and sums over the lines with their weights.
+    #[inline(always)]
+    fn passed(&self, simd: S, weights: S::F) -> (S::F, Passed) {
+        let (zero, one) = (simd.splat(0.0), simd.splat(1.0));
+        let each = decay(simd, self.depth);
+        let transmittance = simd.mul(weights, each);
+        let passed = Passed {
+            transmittance: simd.sum(transmittance),
+            square: simd.sum(simd.mul(transmittance, each)),
+            lo: simd.sum(simd.mul(weights, simd.max(simd.sub(one, self.depth), zero))),
+            hi: simd.sum(simd.mul(weights, decay(simd, self.deepest))),
+            error: simd.sum(simd.mul(transmittance, simd.root(self.errors))),
+            met: simd.sum(simd.keep(simd.lt(zero, self.depth), weights)),
+            times: 1,
+        };
+        (transmittance, passed)
+    }
+}
+
+/// Sums over the boxes that the segments of one packet pass, kept while the boxes of several frames are added.
+#[derive(Clone)]
+#[repr(C, align(64))]
+pub(super) struct PacketSums {
+    depth: [f32; LANES],
+    deepest: [f32; LANES],
+    errors: [f32; LANES],
+}
+
+impl PacketSums {
+    /// No box yet.
+    pub const EMPTY: PacketSums =
+        PacketSums { depth: [0.0; LANES], deepest: [0.0; LANES], errors: [0.0; LANES] };
+
+    /// Adds the boxes of `slabs`, which are seen from the common origin of the segments if it is `shared`.
+    #[inline(always)]
+    pub fn add<S: Simd>(&mut self, simd: S, slabs: &Slabs, packet: &Packet, shared: bool) {
+        let sums = Sums::<S> {
+            depth: simd.load(&self.depth),
+            deepest: simd.load(&self.deepest),
+            errors: simd.load(&self.errors),
+        };
+        let sums = sums.through(simd, &Lines::of(simd, packet, 0), slabs, shared);
+        simd.store(sums.depth, &mut self.depth);
+        simd.store(sums.deepest, &mut self.deepest);
+        simd.store(sums.errors, &mut self.errors);
+    }
+
+    /// The transmittance of each segment that is not blocked, 0 in other lanes, and their sums.
+    #[inline(always)]
+    pub fn passed<S: Simd>(&self, simd: S, clear: u32) -> ([f32; LANES], Passed) {
+        let sums = Sums::<S> {
+            depth: simd.load(&self.depth),
+            deepest: simd.load(&self.deepest),
+            errors: simd.load(&self.errors),
+        };
+        let (transmittance, passed) = sums.passed(simd, simd.keep(simd.mask(clear), simd.splat(1.0)));
+        let mut each = [0.0; LANES];
+        simd.store(transmittance, &mut each);
+        (each, passed)
+    }
+}
+
+/// Sixteen lines, with the number of unblocked segments that each represents.
 struct Lines<S: Simd> {
     origin: Vector<S>,
     direction: Vector<S>,
     weights: S::F,
 }
 
-/// Which lanes each of four, and each of two packets gets where they are folded: one of each four, of each two.
+/// Lanes of the folded lines that hold the segments of each of four (two) packets.
 const OF_FOUR: [u32; 4] = [0x8421, 0x4812, 0x2184, 0x1248];
 const OF_TWO: [u32; 4] = [0x5555, 0xaaaa, 0, 0];
 
 impl<S: Simd> Lines<S> {
-    /// Every segment of a packet for itself.
+    /// All segments of a packet, unfolded.
     #[inline(always)]
     fn of(simd: S, packet: &Packet, blocked: u32) -> Lines<S> {
         Lines {
@@ -202,11 +295,11 @@ impl<S: Simd> Lines<S> {
         }
     }
 
-    /// The means of four or two neighbouring segments each, of as many full packets at most; none if the ends of
-    /// segments lie farther than `reach` from those of their mean along an axis.
+    /// The means of four (two) adjacent segments each, of up to four (two) full packets; `None` if any end lies
+    /// farther than `reach` (scene units, per axis) from that of its mean.
     ///
-    /// What passes changes little from neighbour to neighbour, and where it changes evenly the mean passes as much as
-    /// they do on the average.
+    /// The transmittance varies slowly between adjacent segments, and where it varies linearly the mean segment has
+    /// their mean transmittance.
     #[inline(always)]
     fn folded(
         simd: S,
@@ -242,50 +335,28 @@ impl<S: Simd> Lines<S> {
         (simd.greatest(apart) <= reach).then_some(lines)
     }
 
-    /// Sends them through the boxes; the transmittance of each times its weight, and all sums.
+    /// Traces the lines through the boxes: the weighted transmittance of each line, and all sums.
     #[inline(always)]
     fn pass(&self, simd: S, slabs: &Slabs, shared: bool) -> (S::F, Passed) {
-        let (zero, one) = (simd.splat(0.0), simd.splat(1.0));
-        let beam = Beam::of(simd, self, shared);
-        let (mut depth, mut deepest, mut errors) = (zero, zero, zero);
-        for row in &slabs.rows[..slabs.used] {
-            for lane in Lanes(row.lanes) {
-                let d = beam.depth(simd, row, lane);
-                depth = simd.add(depth, d);
-                deepest = simd.max(deepest, d);
-                // 1/T_i = e^d >= 1 + d + d²/2; past that T is small anyway.
-                let inverse = simd.fma(d, simd.fma(d, simd.splat(0.5), one), one);
-                let error = simd.mul(simd.splat(row.error[lane]), inverse);
-                errors = simd.add(errors, simd.min(simd.mul(error, error), simd.sub(inverse, one)));
-            }
-        }
-        let weights = self.weights;
-        let each = decay(simd, depth);
-        let transmittance = simd.mul(weights, each);
-        let passed = Passed {
-            transmittance: simd.sum(transmittance),
-            square: simd.sum(simd.mul(transmittance, each)),
-            lo: simd.sum(simd.mul(weights, simd.max(simd.sub(one, depth), zero))),
-            hi: simd.sum(simd.mul(weights, decay(simd, deepest))),
-            error: simd.sum(simd.mul(transmittance, simd.root(errors))),
-            met: simd.sum(simd.keep(simd.lt(zero, depth), weights)),
-            times: 1,
-        };
-        (transmittance, passed)
+        let zero = simd.splat(0.0);
+        Sums::<S> { depth: zero, deepest: zero, errors: zero }
+            .through(simd, self, slabs, shared)
+            .passed(simd, self.weights)
     }
 }
 
-/// Bundles of so many packets are folded by four, smaller ones by two: measured in a forest, where neither adds more than
-/// half a percent to the error. (Four packets folded by four add five.)
-const MANY: usize = 8;
+/// Bundles of at least this many packets are folded by four, smaller ones by two. Measured once in a forest: the error
+/// grows by at most half a percent; four packets folded by four add five percent. No command repeats the measurement.
+const MIN_FOLD_BY_FOUR_PACKETS: usize = 8;
 
-/// Sends the clear segments of a bundle through the boxes: one by one, or where there are many packets whose neighbouring
-/// lanes end close together (see [`crate::ray::gather_neighbours`]) the means of a few of them. `reach` is how far from
-/// their mean they may end.
+/// Traces the unblocked segments of a bundle through the aggregated boxes: one by one, or, in bundles of several
+/// packets whose adjacent lanes end close together (see [`crate::ray::gather_neighbours`]), as means of two or four
+/// segments. `reach` is the largest distance of ends from their mean, scene units; `shared` says that all segments
+/// start at the boxes' reference point.
 ///
-/// The summed transmittance of each packet is added to `sums`, folded or not: a fold holds neighbours of one packet, never of
-/// two. `each` is for bundles of a single packet, which is not folded: it gets the transmittance of every segment, 0 in other
-/// lanes; with several packets it holds that of the last one that passed one by one, and means nothing.
+/// Appends the summed transmittance of each packet to `sums`; folded lines never mix packets. For a bundle of one
+/// packet, which is never folded, `each` receives the transmittance of every segment, 0 in unused lanes; for other
+/// bundles its content is undefined.
 #[inline(always)]
 pub(super) fn pass<S: Simd>(
     simd: S,
@@ -298,8 +369,8 @@ pub(super) fn pass<S: Simd>(
     let mut all = Passed::default();
     let (fold, lanes) = match packets.len() {
         ..2 => (1, &OF_TWO),
-        2..MANY => (2, &OF_TWO),
-        MANY.. => (4, &OF_FOUR),
+        2..MIN_FOLD_BY_FOUR_PACKETS => (2, &OF_TWO),
+        MIN_FOLD_BY_FOUR_PACKETS.. => (4, &OF_FOUR),
     };
     for (packets, blocked) in packets.chunks(fold).zip(blocked.chunks(fold)) {
         let full = packets.len() > 1 && packets.iter().all(|packet| packet.active == 0xffff);

@@ -1,4 +1,4 @@
-//! The steps of a walk by themselves, so that micro-benchmarks can time them (`benches/visibility.rs`).
+//! Single steps of a walk, for the micro-benchmarks in `benches/visibility.rs`.
 
 use super::shaft::Shaft;
 use super::slabs::{Slabs, pass};
@@ -9,10 +9,10 @@ use crate::ray::Packet;
 use crate::simd::{Isa, Kernel, LANES, Simd, dispatch};
 use glam::Vec3;
 
-/// Nodes and triangle blocks that a step goes through, at most: they stay in the nearest caches.
-const MOST: usize = 16;
+/// Largest number of nodes and triangle blocks per step. Chosen: they fit into the nearest caches.
+const MAX_STEP_NODES: usize = 16;
 
-/// The first nodes and blocks of an engine's tree beside one bundle.
+/// The first nodes and blocks of an engine's tree, and one bundle.
 pub struct Steps<'a> {
     tree: &'a WideTree,
     magnitude: f32,
@@ -25,17 +25,17 @@ impl<'a> Steps<'a> {
         Steps { tree, magnitude, isa, packets }
     }
 
-    /// Nodes that [`Steps::test_nodes`] and [`Steps::pass_slabs`] go through.
+    /// Number of nodes that [`Steps::test_nodes`] and [`Steps::pass_slabs`] process.
     pub fn nodes(&self) -> usize {
-        self.tree.nodes.len().min(MOST)
+        self.tree.nodes.len().min(MAX_STEP_NODES)
     }
 
-    /// Blocks of up to sixteen triangles that [`Steps::test_blocks`] goes through.
+    /// Number of blocks of up to sixteen triangles that [`Steps::test_blocks`] processes.
     pub fn blocks(&self) -> usize {
-        self.tree.blocks.len().min(MOST)
+        self.tree.blocks.len().min(MAX_STEP_NODES)
     }
 
-    /// Makes the shaft of the bundle.
+    /// Constructs the shaft of the bundle.
     pub fn make_shaft(&self) -> f32 {
         dispatch(self.isa, Run(self, Step::Shaft))
     }
@@ -50,7 +50,7 @@ impl<'a> Steps<'a> {
         dispatch(self.isa, Run(self, Step::Blocks))
     }
 
-    /// Sends the segments through all children of the nodes as boxes with extinction.
+    /// Traces the segments through all children of the nodes as boxes with extinction.
     pub fn pass_slabs(&self) -> f32 {
         dispatch(self.isa, Run(self, Step::Slabs))
     }
@@ -63,7 +63,7 @@ enum Step {
     Slabs,
 }
 
-/// A step; its result only keeps the compiler from leaving it out.
+/// Kernel of one step; the result only prevents the compiler from removing the step.
 struct Run<'a>(&'a Steps<'a>, Step);
 
 impl Kernel for Run<'_> {

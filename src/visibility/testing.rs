@@ -1,4 +1,4 @@
-//! What tests of the engines stand on.
+//! Scenes prepared for tests of the engines.
 
 use super::{Leaf, MultiResolution, WideTree};
 use crate::clusters::{self, Hierarchy};
@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 pub const SINGLE: Traversal = Traversal { width: 1, coherent: false };
 
-/// A scene with all that the engines need.
+/// A scene with cluster hierarchy, optics and Embree scene.
 pub struct Stage {
     pub scene: Scene,
     pub hierarchy: Hierarchy,
@@ -29,7 +29,7 @@ impl Stage {
         Stage { scene, hierarchy, optics, traced }
     }
 
-    /// Clusters that are averaged whatever is in them: nothing counts as large.
+    /// A scene in which all surfaces belong to clusters: nothing counts as large.
     pub fn apart(scene: Scene, how: &optics::Options) -> Stage {
         let apart = clusters::Options { large_surface: f32::INFINITY, ..Default::default() };
         Stage::with(scene, &apart, how)

@@ -1,9 +1,9 @@
-//! The triangles of a block against the segments of a bundle.
+//! Tests of the triangles of a block against the segments of a bundle.
 //!
-//! The volumes of Möller & Trumbore 1997: with v = o - corner, det = d · (e2 × e1), a det = d · (e2 × v),
-//! b det = d · (v × e1), t det = e2 · (v × e1). For segments from one point o all but d is the same, so a triangle is
-//! three planes through o and a segment is inside if it lies on the right side of each: three products a packet,
-//! nothing divided, and the corners of the bundle's pyramid rule out or accept all of its segments at once.
+//! The volumes of Möller and Trumbore 1997: with v = o - corner, det = d · (e2 × e1), a det = d · (e2 × v), b det = d
+//! · (v × e1), t det = e2 · (v × e1). For segments from one point o only d varies, so a triangle is three planes
+//! through o, and a segment is inside if it lies on the right side of each: three products per packet and no division.
+//! The edges of the bundle's pyramid reject or accept all segments at once.
 
 use super::shaft::{Pyramid, Shaft, filled};
 use super::wide::Block;
@@ -12,24 +12,25 @@ use crate::simd::vector::{self, Vector};
 use crate::simd::{LANES, Simd};
 use glam::Vec3;
 
-/// Edges are widened by this part of the determinant, so that no segment slips between neighbours.
-const WIDEN: f32 = 1e-6;
-/// Edges of fans are widened by this part of the largest product that goes into them: two roundings. (At eight times
-/// that, some segments of real rooms were blocked by nothing.)
-const ROUNDINGS: f32 = f32::EPSILON;
+/// Widening of edges relative to the determinant, so that no segment passes between adjacent triangles. Chosen: eight
+/// rounding errors of f32.
+const EDGE_WIDENING: f32 = 1e-6;
+/// Widening of the edges of fans relative to the largest product: two rounding errors of f32. With eight times this
+/// value some segments of real rooms were blocked by nothing (observed once; no command repeats it).
+const FAN_EDGE_WIDENING: f32 = f32::EPSILON;
 
-/// What testing a block has told.
+/// Result of testing a block.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Tested {
-    /// Whether a triangle had to be tested segment by segment.
+    /// Whether a triangle was tested segment by segment.
     pub any: bool,
-    /// Tests of a triangle against a packet, or against what is about as much work.
+    /// Number of tests of a triangle against a packet, or of equivalent work.
     pub work: u64,
-    /// Whether every segment is blocked now.
+    /// Whether all segments are blocked.
     pub all: bool,
 }
 
-/// Tests a block against all packets of a bundle; `blocked` collects the lanes of each.
+/// Tests a block against all packets of a bundle; adds the blocked lanes to `blocked`, one mask per packet.
 #[inline(always)]
 pub(super) fn block_all<S: Simd>(
     simd: S,
@@ -63,7 +64,7 @@ pub(super) fn block_all<S: Simd>(
     }
 }
 
-/// Whether the shaft of a group of bundles can meet triangles of a block.
+/// Triangles of a block that the shaft of a group of bundles may meet, as a mask.
 #[inline(always)]
 pub(super) fn candidates<S: Simd>(simd: S, shaft: &Shaft, block: &Block) -> u32 {
     let corner = vector::load(simd, &block.corner);
@@ -74,7 +75,7 @@ pub(super) fn candidates<S: Simd>(simd: S, shaft: &Shaft, block: &Block) -> u32 
     block.used & !simd.bits(harmless)
 }
 
-/// Triangles one by one, segment by segment.
+/// Tests triangles one by one against each segment.
 #[inline(always)]
 fn each<S: Simd>(simd: S, block: &Block, candidates: u32, packets: &[Packet], blocked: &mut [u32]) -> Tested {
     let mut tested = Tested { any: true, ..Tested::default() };
@@ -95,28 +96,28 @@ fn each<S: Simd>(simd: S, block: &Block, candidates: u32, packets: &[Packet], bl
     tested
 }
 
-/// Bundles of more packets than this are tested tile by tile.
-const FEW: usize = 4;
+/// Bundles of more packets than this are tested by tiles. Chosen.
+const MAX_UNTILED_PACKETS: usize = 4;
 
-/// Where the packets of a bundle point, sixteen side by side.
+/// Bounds of the directions of sixteen packets.
 struct Row {
     lo: [[f32; LANES]; 3],
     hi: [[f32; LANES]; 3],
-    /// Packets with a segment that is not blocked yet.
+    /// Packets with an unblocked segment.
     open: u32,
 }
 
-/// The packets of a bundle as tiles of what it sees: boxes around their directions. Made when a triangle asks for them.
+/// The packets of a bundle as tiles: boxes around their directions, computed when the first triangle needs them.
 ///
-/// What misses a box misses its packet, and a triangle in front of all of it blocks the packet, without a look at the
-/// segments. It pays where the segments of a packet lie close together, see [`crate::ray::gather_neighbours`].
+/// A triangle that misses a tile misses its packet, and one that covers a tile blocks the packet, both without testing
+/// segments. Effective if the segments of each packet are close together, see [`crate::ray::gather_neighbours`].
 #[derive(Default)]
 pub(super) struct Tiles {
     rows: Vec<Row>,
 }
 
 impl Tiles {
-    /// Forgets the last bundle.
+    /// Removes the tiles of the last bundle.
     pub fn clear(&mut self) {
         self.rows.clear();
     }
@@ -139,7 +140,7 @@ impl Tiles {
 }
 
 impl Row {
-    /// Least and greatest product of a plane with the directions of each packet.
+    /// Smallest and largest product of a plane with the directions of each packet.
     #[inline(always)]
     fn products<S: Simd>(&self, simd: S, plane: Vec3) -> (S::F, S::F) {
         let (mut least, mut greatest) = (simd.splat(0.0), simd.splat(0.0));
@@ -156,20 +157,20 @@ impl Row {
     }
 }
 
-/// The triangles of a block as fans of planes through the common receiver end.
+/// The triangles of a block as fans of three planes each through the common receiver end.
 struct Fans {
-    /// A segment's line passes through the triangle, ahead of the receiver end, where all three products with its
-    /// direction are >= 0. They sum to the determinant.
+    /// A segment's line passes through the triangle, ahead of the receiver end, where all three products of planes and
+    /// direction are >= 0. The products sum to the determinant.
     planes: [[[f32; LANES]; 3]; 3],
     /// t times the determinant, >= 0.
     height: [f32; LANES],
-    /// How exact the products are.
+    /// Bounds of the products' rounding errors.
     rounding: [f32; LANES],
-    /// Triangles that block every segment.
+    /// Mask of triangles that block every segment.
     covering: u32,
-    /// Triangles that no segment hits.
+    /// Mask of triangles that no segment hits.
     missed: u32,
-    /// Triangles that all segments that hit them hit beyond `near` and before `far`.
+    /// Mask of triangles whose hits all lie beyond `near` and before `far`.
     amid: u32,
 }
 
@@ -185,7 +186,7 @@ impl Fans {
         let v = vector::sub(simd, &vector::splat(simd, pyramid.apex), corner);
         let q = vector::cross(simd, &v, edge1);
         let height = vector::dot(simd, edge2, &q);
-        // What lies ahead has a determinant of the height's sign.
+        // A triangle ahead of the receiver end has a determinant with the sign of the height.
         let sign = simd.select(simd.lt(height, zero), simd.splat(-1.0), simd.splat(1.0));
         let height = simd.abs(height);
         let normal = vector::scaled(simd, sign, normal);
@@ -195,10 +196,10 @@ impl Fans {
         let c = vector::sub(simd, &vector::sub(simd, &normal, &a), &b);
         let edges = simd.add(vector::sum_abs(simd, edge1), vector::sum_abs(simd, edge2));
         let reach = simd.add(vector::sum_abs(simd, &v), edges);
-        let rounding = simd.mul(simd.mul(edges, reach), simd.splat(ROUNDINGS));
+        let rounding = simd.mul(simd.mul(edges, reach), simd.splat(FAN_EDGE_WIDENING));
         let determinants = at_corners(simd, &normal, pyramid);
         let (least, _) = extremes(simd, determinants);
-        // The corners must be clearly inside or outside; they are no longer than STEEP allows.
+        // The corners must be inside or outside by more than rounding; MAX_SLOPE limits their lengths.
         let clearly = simd.mul(rounding, simd.splat(2.0 * pyramid.longest));
         let (mut missed, mut covering) = (simd.mask(0), simd.mask(0xffff));
         for plane in [&a, &b, &c] {
@@ -206,8 +207,8 @@ impl Fans {
             missed = simd.or(missed, simd.lt(high, simd.sub(zero, clearly)));
             covering = simd.and(covering, simd.lt(clearly, low));
         }
-        // What is hit lies between the triangle's corners, and between the places where the pyramid's edges meet
-        // its plane if they all do.
+        // Hits lie between the triangle's corners, and between the intersections of the pyramid's edges with its plane
+        // if all edges intersect it.
         let (low, high) = shaft.reach(simd, corner, [edge1, edge2]);
         let mut amid = simd.bits(shaft.amid(simd, low, high));
         let crossed = simd.bits(simd.lt(zero, least));
@@ -249,7 +250,7 @@ impl Fans {
         }
         let touched = touched & !self.missed;
         let mut tested = Tested { any: touched != 0, ..Tested::default() };
-        if packets.len() <= FEW {
+        if packets.len() <= MAX_UNTILED_PACKETS {
             for k in Lanes(touched) {
                 let plane = self.planes_of(simd, k);
                 tested.work += 1 + packets.len() as u64;
@@ -297,10 +298,10 @@ impl Fans {
         tested
     }
 
-    /// Open packets of a row that triangle `k` may block some segments of, and those of them that it blocks wholly.
+    /// Masks of the open packets of a row that triangle `k` may block partly, and of those that it blocks entirely.
     #[inline(always)]
     fn tiles<S: Simd>(&self, simd: S, k: usize, row: &Row) -> (u32, u32) {
-        // Twice what single products need: these add their own roundings.
+        // Twice the bound for single products, because bounds of products add their own rounding.
         let clearly = simd.splat(2.0 * self.rounding[k]);
         let beside = simd.sub(simd.splat(0.0), clearly);
         let (mut met, mut covered) = (simd.mask(row.open), simd.mask(row.open));
@@ -329,7 +330,7 @@ impl Fans {
     }
 }
 
-/// The planes of one triangle in every lane, see [`Fans`].
+/// The planes of one triangle, repeated in every lane; see [`Fans`].
 struct Planes<S: Simd> {
     planes: [Vector<S>; 3],
     height: S::F,
@@ -344,7 +345,7 @@ impl<S: Simd> Planes<S> {
         let d = vector::load(simd, &packet.direction);
         let [a, b, c] = &self.planes;
         let [a, b, c] = [vector::dot(simd, a, &d), vector::dot(simd, b, &d), vector::dot(simd, c, &d)];
-        // All three are >= 0 where the least is; a triangle seen on its edge blocks nothing.
+        // All three products are >= 0 where the smallest is; an edge-on triangle blocks nothing.
         let det = simd.add(simd.add(a, b), c);
         let beside = simd.sub(simd.splat(0.0), self.rounding);
         let inside = simd.le(beside, simd.min(simd.min(a, b), c));
@@ -358,13 +359,13 @@ impl<S: Simd> Planes<S> {
     }
 }
 
-/// One of sixteen vectors in every lane.
+/// Vector `k` of sixteen, repeated in every lane.
 #[inline(always)]
 fn pick<S: Simd>(simd: S, v: &[[f32; LANES]; 3], k: usize) -> Vector<S> {
     vector::splat(simd, Vec3::new(v[0][k], v[1][k], v[2][k]))
 }
 
-/// The products of a plane with the pyramid's edges.
+/// Products of planes with the pyramid's edges.
 #[inline(always)]
 fn at_corners<S: Simd>(simd: S, plane: &Vector<S>, pyramid: &Pyramid) -> [S::F; 4] {
     let [a, b, c, d] = pyramid.corners;
@@ -376,13 +377,13 @@ fn at_corners<S: Simd>(simd: S, plane: &Vector<S>, pyramid: &Pyramid) -> [S::F; 
     ]
 }
 
-/// Least and greatest of four values, lane by lane.
+/// Smallest and largest of four values, per lane.
 #[inline(always)]
 fn extremes<S: Simd>(simd: S, [i, j, k, l]: [S::F; 4]) -> (S::F, S::F) {
     (simd.min(simd.min(i, j), simd.min(k, l)), simd.max(simd.max(i, j), simd.max(k, l)))
 }
 
-/// A triangle against segments from anywhere.
+/// A triangle for tests against segments without a common end.
 struct Triangle {
     corner: Vec3,
     edge1: Vec3,
@@ -399,7 +400,7 @@ impl Triangle {
         Triangle { corner, edge1, edge2, normal: edge2.cross(edge1) }
     }
 
-    /// Lanes that it blocks.
+    /// Lanes that the triangle blocks.
     #[inline(always)]
     fn blocks<S: Simd>(&self, simd: S, packet: &Packet) -> u32 {
         let (e1, e2) = (vector::splat(simd, self.edge1), vector::splat(simd, self.edge2));
@@ -407,7 +408,7 @@ impl Triangle {
         let v = vector::sub(simd, &vector::load(simd, &packet.origin), &vector::splat(simd, self.corner));
         let (p, q) = (vector::cross(simd, &e2, &v), vector::cross(simd, &v, &e1));
         let det = vector::dot(simd, &d, &vector::splat(simd, self.normal));
-        // Everything with the sign of the determinant.
+        // All volumes are multiplied by the sign of the determinant.
         let zero = simd.splat(0.0);
         let back = simd.lt(det, zero);
         let sign = simd.select(back, simd.splat(-1.0), simd.splat(1.0));
@@ -415,7 +416,7 @@ impl Triangle {
         let b = simd.mul(sign, vector::dot(simd, &d, &q));
         let t = simd.mul(sign, vector::dot(simd, &e2, &q));
         let det = simd.mul(sign, det);
-        let slack = simd.mul(det, simd.splat(-WIDEN));
+        let slack = simd.mul(det, simd.splat(-EDGE_WIDENING));
         let inside = simd.and(simd.le(slack, a), simd.le(slack, b));
         let inside = simd.and(inside, simd.le(simd.add(simd.add(a, b), slack), det));
         let reach = simd.and(

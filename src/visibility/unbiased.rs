@@ -1,24 +1,24 @@
-//! Averaged answers made right in the mean by a few exact segments: multilevel Monte Carlo over the feature size with
-//! coupled segments (method E.4).
+//! Unbiased visibility: averaged answers corrected by a few exact segments; multilevel Monte Carlo over the feature
+//! size with coupled segments (docs/method.md, Unbiased combination).
 //!
 //! ```text
 //! x = 1/N Σ T_i + 1/(q m) Σ' (V_i - T_i)
 //! ```
 //!
-//! The first sum goes over all N segments of a bundle with their averaged transmittance T, the second over m of them,
-//! whole packets picked at random, with their exact visibility V; it is left out with probability 1 - q. For given
-//! segments the mean of x is that of V whatever m and q are, as long as q is not 0 where V and T differ: they may
-//! depend on the answer itself. Where nothing was averaged T is V and no second sum is needed.
+//! The first sum is over all N segments of a bundle with their averaged transmittances T, the second over m of them
+//! (whole packets picked at random) with their exact visibilities V; the second sum is evaluated with probability q,
+//! else it is 0. For given segments the mean of x equals that of V for any m and any q > 0, so both may depend on the
+//! averaged answer. Where nothing was averaged, T equals V and no second sum is needed.
 //!
-//! x is an estimate, not a fraction: it may lie below 0 or above 1.
+//! x is an estimate; it may be below 0 or above 1.
 
 use super::{Answer, Bundle, Exact, MultiResolution, Workspace};
 use crate::ray::{Occluder, Packet};
 
-/// How many packets correct an answer, by how far its transmittance is from 0 and 1.
+/// Number of packets that correct an answer, by class of its transmittance.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Correction {
-    /// Packets by class; see [`Correction::class`]. Below 1: the probability of one. Positive.
+    /// Packets by class, see [`Correction::class`]; positive. Values below 1 are the probability of one packet.
     pub packets: [f32; Correction::CLASSES],
 }
 
@@ -26,7 +26,7 @@ impl Correction {
     /// Number of classes.
     pub const CLASSES: usize = 12;
 
-    /// The class of an averaged answer: none of its segments, all of them, or equal steps of 4 T (1 - T) in between.
+    /// Class of a transmittance T in `[0, 1]`: 0 for T = 0, 1 for T = 1, else equal steps of 4 T (1 - T).
     pub fn class(transmittance: f32) -> usize {
         let spread = 4.0 * transmittance * (1.0 - transmittance);
         match transmittance {
@@ -36,7 +36,7 @@ impl Correction {
         }
     }
 
-    /// How many packets of `all`, a power of two that divides them, and the probability with which they are asked.
+    /// Number of packets of `all` (a power of two that divides it), and the probability with which they are traced.
     fn choose(&self, transmittance: f32, all: usize) -> (usize, f32) {
         let wanted = self.packets[Self::class(transmittance)];
         if wanted < 1.0 {
@@ -47,44 +47,44 @@ impl Correction {
     }
 }
 
-/// One averaged level and the exact one.
+/// Estimator of one averaged level and the exact level.
 #[derive(Clone)]
 pub struct Unbiased<'a> {
-    /// The averaged level; segments that it hands over are exact.
+    /// The averaged level; segments that it hands to Embree are exact.
     pub engine: &'a MultiResolution,
     /// The exact level.
     pub exact: Exact,
     /// Feature size of the averaged level, scene units.
     pub feature_size: f32,
-    /// The averaged level takes emitters for this part of their size, in `[0, 1]`, so that it opens more.
+    /// Factor of emitter sizes in the averaged level, in `[0, 1]`; smaller values open more clusters.
     pub emitter_part: f32,
-    /// How the exact level is used.
+    /// Number of corrections by class.
     pub correction: &'a Correction,
 }
 
-/// An estimate and what it took.
+/// An unbiased estimate.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Estimate {
-    /// The visible fraction, right in the mean; any number.
+    /// Estimate of the visible fraction; any real number.
     pub visible: f32,
-    /// Segments of the second sum.
+    /// Number of segments of the second sum.
     pub corrections: u32,
 }
 
-/// What the averaged level says of a bundle, and what is asked of the exact one.
+/// Answer of the averaged level for a bundle, and its query of the exact level.
 struct Level {
     visible: f32,
     /// Whether anything was averaged.
     averaged: bool,
-    /// Packets in the exact level's list, the weight of their sum of differences, and their averaged sum.
+    /// Number of packets traced exactly, weight of their differences, and sum of their averaged transmittances.
     asked: usize,
     weight: f32,
     sum: f32,
 }
 
 impl Unbiased<'_> {
-    /// Estimates for several bundles, in their order. `chance` gives 64 random bits for each of them, independent of
-    /// its segments.
+    /// Estimates for several bundles, passed to `each` in order. `chance(k)` gives 64 random bits for bundle k,
+    /// independent of its segments.
     pub fn estimates(
         &self,
         bundles: &[Bundle],
@@ -125,7 +125,7 @@ impl Level {
         Level { visible: answer.transmittance, averaged, asked: 0, weight: 0.0, sum: 0.0 }
     }
 
-    /// Decides whether and where the exact level is asked.
+    /// Decides whether and which packets are traced exactly.
     fn pick(
         &mut self,
         all: &[Packet],
@@ -138,7 +138,7 @@ impl Level {
         if (chance >> 40) as f32 >= q * (1u64 << 24) as f32 {
             return;
         }
-        // One of the parts of m packets: each is as likely, and stratified in itself.
+        // Pick one of the groups of m consecutive packets: all are equally likely, and each is stratified.
         let parts = all.len() / m;
         let first = (chance & 0xffff_ffff) as usize % parts * m;
         packets.extend_from_slice(&all[first..first + m]);

@@ -1,19 +1,20 @@
-//! One traversal for all packets of a bundle, from the root or from a group's front.
+//! Traversal of the tree for all packets of a bundle, from the root or from a group's front.
 //!
-//! The bundle's shaft throws out the children of a node that no segment can touch. A child is aggregated if its
-//! feature size b is below the threshold
+//! The bundle's shaft rejects children of a node that no segment can touch. A child is aggregated if its feature size
+//! b is below the threshold
 //!
 //! ```text
 //! b*(t) = s (1 - t) + e t          t = 0 at the receiver, 1 at the emitter
 //! ```
 //!
-//! at the less favourable end of its box and no segment ends inside. This is the umbra test
-//! u = b + (b - e) d2/d1 < s solved for b (method A.6), at the safe end (D.10). The rest is opened; opened leaves test
-//! their triangles. Umbrae are measured across the segments, as the paper does: on a tilted receiver they are longer.
+//! at the less favourable end of its box, and no segment ends inside. This is the umbra criterion u = b + (b - e)
+//! d2/d1 < s solved for b (docs/method.md, Umbra criterion). Other children are opened; in opened leaves the triangles
+//! are tested. Umbrae are measured perpendicular to the segments, as in the paper; on tilted receivers they are
+//! longer.
 
 use super::front::Front;
 use super::shaft::Shaft;
-use super::slabs::{Slabs, pass};
+use super::slabs::{Passed, Slabs, pass};
 use super::triangles::{self, Tiles};
 use super::wide::{AxisOptics, LEAF, Node, WideTree, mixed};
 use crate::optics::{AXIS_COUNT, AxisMix};
@@ -21,22 +22,22 @@ use crate::ray::{Lanes, Packet};
 use crate::simd::{LANES, Simd};
 use glam::Vec3;
 
-/// What a walk needs to know beside the segments.
+/// Parameters of a walk.
 pub(super) struct Rule {
-    /// Emitter size and feature size.
+    /// Emitter size and feature size, scene units.
     pub e: f32,
     pub s: f32,
-    /// Whether leaves are answered by extinction, always.
+    /// Whether leaves always transmit according to their extinction.
     pub soft: bool,
-    /// Work after which the walk gives up.
+    /// Work at which the walk is abandoned.
     pub limit: u64,
-    /// Work of waiting for a node.
+    /// Work that accounts for the cache miss of a node.
     pub fetch: u64,
-    /// Error of transmission that feature sizes were measured for.
+    /// Tolerance of the transmittance that feature sizes were measured for.
     pub tolerance: f32,
 }
 
-/// What a walk found.
+/// Result of a walk.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Walked {
     /// Sums over all segments: transmittances, their squares, and Fréchet's bounds.
@@ -44,30 +45,30 @@ pub(super) struct Walked {
     pub square: f32,
     pub lo: f32,
     pub hi: f32,
-    /// Root mean square error of the mean that the aggregated clusters' own errors make.
+    /// Root mean square error of the mean transmittance due to the aggregated clusters' own errors.
     pub model: f32,
-    /// Segments that met an aggregated cluster.
+    /// Number of segments that met an aggregated cluster.
     pub aggregated: u32,
     /// Whether triangles were tested segment by segment.
     pub tested: bool,
-    /// Whether the shaft met nothing, and whether a single triangle covers it.
+    /// Whether the shaft is empty, and whether a single triangle covers it.
     pub clear: bool,
     pub covered: bool,
-    /// Nodes visited.
+    /// Number of visited nodes.
     pub nodes: u32,
-    /// In units of about a box or triangle against a packet.
+    /// Work in units of about one test of a box or triangle against a packet.
     pub work: u64,
-    /// Whether it met too much work to go on.
+    /// Whether the walk was abandoned at its limit.
     pub gave_up: bool,
 }
 
-/// Work of a node's shaft test and of ruling out a block's triangles.
+/// Work of a node's shaft test, and of rejecting the triangles of a block. Chosen.
 pub(super) const NODE: u64 = 6;
 pub(super) const BLOCK: u64 = 12;
-/// Work of waiting for a node, where the tree is too large for the caches that are near.
+/// Work that accounts for the cache miss of a node, in trees larger than the caches near a core. Chosen.
 pub(super) const FETCH: u64 = 10;
 
-/// Walks for one bundle.
+/// Walks for one bundle: finds what its shaft meets, then passes its segments through the aggregated clusters.
 #[inline(always)]
 pub(super) fn walk<S: Simd>(
     simd: S,
@@ -75,19 +76,64 @@ pub(super) fn walk<S: Simd>(
     front: Option<&Front>,
     (packets, shaft): (&[Packet], &Shaft),
     rule: &Rule,
-    workspace: &mut Buffers,
+    buffers: &mut Buffers,
 ) -> Walked {
-    let Buffers { queue, slabs, tiles, blocked, transmittance, sums } = workspace;
+    buffers.blocked.clear();
+    buffers.blocked.resize(packets.len(), 0);
+    let (mut walked, all) = gather(simd, tree, front, (packets, shaft), rule, buffers);
+    if walked.gave_up {
+        return walked;
+    }
+    let Buffers { slabs, blocked, transmittance, sums, .. } = buffers;
+    if all {
+        *transmittance = [0.0; LANES];
+        return walked;
+    }
+    walked.clear = !walked.tested && slabs.is_empty();
+    if walked.clear {
+        let active = packets[0].active;
+        *transmittance = std::array::from_fn(|i| (active >> i & 1) as f32);
+        return walked;
+    }
+    if slabs.is_empty() {
+        for (packet, blocked) in packets.iter().zip(&*blocked) {
+            sums.push((packet.active & !blocked).count_ones() as f32);
+        }
+        let clear = packets[0].active & !blocked[0];
+        *transmittance = std::array::from_fn(|i| (clear >> i & 1) as f32);
+        let n: f32 = sums[sums.len() - packets.len()..].iter().sum();
+        (walked.transmittance, walked.square, walked.lo, walked.hi) = (n, n, n, n);
+        return walked;
+    }
+    // Adjacent segments are folded if their ends are at most a quarter of the bundle's width from their mean.
+    let reach = 0.5 * shaft.ends[0].half.max(shaft.ends[1].half).max_element();
+    let how = (shaft.apex.is_some(), reach);
+    let passed = pass(simd, slabs, (packets, blocked), how, sums, transmittance);
+    walked.work += slabs.len() as u64 * (1 + passed.times);
+    walked.take(&passed, packets);
+    walked
+}
+
+/// Finds what the shaft of a bundle meets in one tree: adds aggregated clusters to `buffers.slabs` and blocked segments to
+/// `buffers.blocked`. Returns counts, and whether all segments are blocked.
+#[inline(always)]
+pub(super) fn gather<S: Simd>(
+    simd: S,
+    tree: &WideTree,
+    front: Option<&Front>,
+    (packets, shaft): (&[Packet], &Shaft),
+    rule: &Rule,
+    buffers: &mut Buffers,
+) -> (Walked, bool) {
+    let Buffers { queue, slabs, tiles, blocked, .. } = buffers;
     let mut walked = Walked::default();
     let from = shaft.apex.unwrap_or(Vec3::ZERO);
     let mix = AxisMix::around(shaft.direction());
-    blocked.clear();
-    blocked.resize(packets.len(), 0);
     slabs.clear();
     tiles.clear();
     queue.clear();
     let push = |queue: &mut Vec<u32>, reference: u32| {
-        // Its lines arrive while those that came before are worked on.
+        // The cache lines arrive while earlier nodes are processed.
         if reference & LEAF != 0 {
             simd.prefetch(&tree.blocks[(reference & !LEAF) as usize]);
         } else {
@@ -104,10 +150,7 @@ pub(super) fn walk<S: Simd>(
         Some(front) => {
             for block in &front.blocks {
                 let tested = triangles::block_all(simd, shaft, block, packets, (tiles, blocked));
-                walked.work += BLOCK + tested.work;
-                walked.tested |= tested.any;
-                walked.covered |= tested.all && !tested.any;
-                all = tested.all;
+                all = walked.tested_block(&tested);
                 if all {
                     break;
                 }
@@ -129,10 +172,7 @@ pub(super) fn walk<S: Simd>(
         if reference & LEAF != 0 {
             let block = &tree.blocks[(reference & !LEAF) as usize];
             let tested = triangles::block_all(simd, shaft, block, packets, (tiles, blocked));
-            walked.work += BLOCK + tested.work;
-            walked.tested |= tested.any;
-            walked.covered |= tested.all && !tested.any;
-            all = tested.all;
+            all = walked.tested_block(&tested);
         } else {
             let at = reference as usize;
             walked.nodes += 1;
@@ -142,46 +182,35 @@ pub(super) fn walk<S: Simd>(
         }
         if walked.work > rule.limit {
             walked.gave_up = true;
-            return walked;
+            return (walked, false);
         }
     }
-    if all {
-        *transmittance = [0.0; LANES];
-        return walked;
-    }
-    walked.clear = !walked.tested && slabs.is_empty();
-    if walked.clear {
-        let active = packets[0].active;
-        *transmittance = std::array::from_fn(|i| (active >> i & 1) as f32);
-        return walked;
-    }
-    if slabs.is_empty() {
-        for (packet, blocked) in packets.iter().zip(&*blocked) {
-            sums.push((packet.active & !blocked).count_ones() as f32);
-        }
-        let clear = packets[0].active & !blocked[0];
-        *transmittance = std::array::from_fn(|i| (clear >> i & 1) as f32);
-        let n: f32 = sums[sums.len() - packets.len()..].iter().sum();
-        (walked.transmittance, walked.square, walked.lo, walked.hi) = (n, n, n, n);
-        return walked;
-    }
-    // Neighbours end close together if they are no farther apart than the quarters of the bundle.
-    let reach = 0.5 * shaft.ends[0].half.max(shaft.ends[1].half).max_element();
-    let how = (shaft.apex.is_some(), reach);
-    let passed = pass(simd, slabs, (packets, blocked), how, sums, transmittance);
-    let segments: usize = packets.iter().map(Packet::len).sum();
-    walked.work += slabs.len() as u64 * (1 + passed.times);
-    walked.transmittance = passed.transmittance;
-    walked.square = passed.square;
-    (walked.lo, walked.hi) = (passed.lo, passed.hi);
-    walked.model = passed.error / (segments as f32).max(1.0);
-    walked.aggregated = passed.met as u32;
-    walked
+    (walked, all)
 }
 
-/// Tests the children of a node: aggregates some and has the others opened.
+impl Walked {
+    /// Counts a tested block of triangles; returns whether all segments are blocked.
+    fn tested_block(&mut self, tested: &triangles::Tested) -> bool {
+        self.work += BLOCK + tested.work;
+        self.tested |= tested.any;
+        self.covered |= tested.all && !tested.any;
+        tested.all
+    }
+
+    /// Takes over the sums of segments that passed through aggregated clusters.
+    pub fn take(&mut self, passed: &Passed, packets: &[Packet]) {
+        let segments: usize = packets.iter().map(Packet::len).sum();
+        self.transmittance = passed.transmittance;
+        self.square = passed.square;
+        (self.lo, self.hi) = (passed.lo, passed.hi);
+        self.model = passed.error / (segments as f32).max(1.0);
+        self.aggregated = passed.met as u32;
+    }
+}
+
+/// Tests the children of a node: aggregates some and passes those to be opened to `open`.
 #[inline(always)]
-fn visit<S: Simd>(
+pub(super) fn visit<S: Simd>(
     simd: S,
     (node, optics): (&Node, &[AxisOptics; AXIS_COUNT]),
     (shaft, from): (&Shaft, Vec3),
@@ -200,8 +229,8 @@ fn visit<S: Simd>(
         let (sizes, extinctions) = mixed(simd, optics, mix);
         small = touched & (shaft.aggregates(simd, node, sizes, rule.e, rule.s) | soft);
         if small != 0 {
-            // The tolerance is that of a beam as wide as the feature size; errors of independent parts of a cluster
-            // average out as the beam grows. A point sees through the cluster with a beam of width e t.
+            // The tolerance applies to a beam as wide as the feature size; errors of independent parts average out over
+            // wider beams. Seen from a point, the beam through the cluster has the width e t.
             let (zero, one) = (simd.splat(0.0), simd.splat(1.0));
             let place = simd.min(simd.max(shaft.places(simd, node), zero), one);
             let beam = simd.max(simd.mul(simd.splat(rule.e), place), simd.splat(f32::MIN_POSITIVE));
@@ -214,16 +243,16 @@ fn visit<S: Simd>(
     }
 }
 
-/// What a walk writes to, kept between walks.
+/// Working memory of walks, kept between walks.
 #[derive(Default)]
 pub(super) struct Buffers {
     queue: Vec<u32>,
-    slabs: Slabs,
+    pub slabs: Slabs,
     tiles: Tiles,
     /// Blocked segments of each packet of the bundle.
     pub blocked: Vec<u32>,
     /// Transmittance of each segment of a bundle of one packet.
     pub transmittance: [f32; LANES],
-    /// Transmittance of each packet's segments, summed up; walk after walk.
+    /// Sum of the transmittances of each packet's segments, for all walks since the last clear.
     pub sums: Vec<f32>,
 }

@@ -1,14 +1,16 @@
-//! The clusters as the traversal wants them: sixteen children side by side, triangles in blocks of sixteen.
+//! The cluster trees in traversal layout: nodes of sixteen children, blocks of sixteen triangles.
 
 use crate::clusters::{Hierarchy, Tree};
+use crate::math::Aabb;
 use crate::optics::{AXIS_COUNT, AxisMix, ClusterOptics};
 use crate::scene::Scene;
 use crate::simd::{LANES, Simd};
 
-/// A child is a leaf block if this bit is set in its reference.
+/// Bit of a child reference that marks a leaf block.
 pub(super) const LEAF: u32 = 1 << 31;
 
-/// Up to sixteen children. Unused lanes hold a box at the end of the number range that nothing reaches.
+/// Up to sixteen children. Unused lanes hold a box at the largest finite coordinates, which no shaft touches.
+#[derive(Clone)]
 #[repr(C, align(64))]
 pub(super) struct Node {
     pub min: [[f32; LANES]; 3],
@@ -16,23 +18,23 @@ pub(super) struct Node {
     /// [`ClusterOptics::slope`].
     pub slope: [[f32; LANES]; 3],
     pub child: [u32; LANES],
-    /// Smallest feature size of its children along any axis: below it nothing can be aggregated here.
+    /// Smallest feature size of the children along any axis: with smaller thresholds nothing can be aggregated.
     pub smallest: f32,
-    /// Children that are leaves and may be answered by extinction.
+    /// Mask of children that are leaves and may transmit according to their extinction.
     pub soft_leaves: u32,
 }
 
-/// Feature size and extinction of the children of a node along one axis, as upper halves of f32.
+/// Feature sizes and extinctions of the children of a node along one axis, as bfloat16.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
 pub(super) struct AxisOptics {
-    /// Rounded up: a size must never look smaller than it is.
+    /// Rounded up: a feature size must not be underestimated.
     pub size: [u16; LANES],
     /// Rounded to nearest.
     pub extinction: [u16; LANES],
 }
 
-/// Up to sixteen triangles as a corner and two edges. Unused lanes are degenerate and never hit.
+/// Up to sixteen triangles as a corner and two edges. Unused lanes are degenerate and never block.
 #[repr(C, align(64))]
 pub(super) struct Block {
     pub corner: [[f32; LANES]; 3],
@@ -41,7 +43,7 @@ pub(super) struct Block {
     pub used: u32,
 }
 
-/// Both trees of a hierarchy under one top node, sixteen children side by side: what the multi-resolution engine walks.
+/// Both trees of a hierarchy under one top node, sixteen children per node; traversed by the multi-resolution engine.
 pub struct WideTree {
     /// Largest coordinate magnitude of the scene, scene units: the scale of rounding errors.
     pub(super) magnitude: f32,
@@ -59,7 +61,7 @@ fn half_nearest(v: f32) -> u16 {
 }
 
 impl Node {
-    /// No child.
+    /// A node without children.
     pub const EMPTY: Node = Node {
         min: [[f32::MAX; LANES]; 3],
         max: [[f32::MAX; LANES]; 3],
@@ -71,12 +73,12 @@ impl Node {
 }
 
 impl Block {
-    /// No triangle.
+    /// A block without triangles.
     pub const EMPTY: Block =
         Block { corner: [[0.0; LANES]; 3], edge1: [[0.0; LANES]; 3], edge2: [[0.0; LANES]; 3], used: 0 };
 }
 
-/// ClusterOptics of nothing: the largest size, not infinity, because weights of zero must not make NaN of it.
+/// Optics of unused lanes: a huge size instead of infinity, because a weight of zero times infinity is NaN.
 pub(super) const NO_OPTICS: [AxisOptics; AXIS_COUNT] =
     [AxisOptics { size: [half_up(1e30); LANES], extinction: [0; LANES] }; AXIS_COUNT];
 
@@ -90,7 +92,7 @@ pub(super) fn smallest<S: Simd>(simd: S, optics: &[AxisOptics; AXIS_COUNT]) -> S
     least
 }
 
-/// Feature sizes and extinctions of a node's children along a direction.
+/// Feature sizes and extinctions of a node's children, interpolated for a direction.
 #[inline(always)]
 pub(super) fn mixed<S: Simd>(simd: S, optics: &[AxisOptics; AXIS_COUNT], mix: &AxisMix) -> (S::F, S::F) {
     let (mut sizes, mut extinctions) = (simd.splat(0.0), simd.splat(0.0));
@@ -103,7 +105,7 @@ pub(super) fn mixed<S: Simd>(simd: S, optics: &[AxisOptics; AXIS_COUNT], mix: &A
 }
 
 impl WideTree {
-    /// Lays out the clusters of a scene; `optics` has one entry a cluster of `hierarchy.micro`.
+    /// Lays out the clusters of a scene; `optics` has one entry per cluster of `hierarchy.micro`.
     pub fn build(scene: &Scene, hierarchy: &Hierarchy, optics: &[ClusterOptics]) -> WideTree {
         let magnitude = super::reference::magnitude(scene);
         let mut wide =
@@ -116,7 +118,7 @@ impl WideTree {
         wide
     }
 
-    /// Adds the nodes and blocks of a tree; gives the reference of each cluster.
+    /// Appends the nodes and blocks of a tree; returns the reference of each cluster.
     fn append(&mut self, scene: &Scene, tree: &Tree, optics: Option<&[ClusterOptics]>) -> Vec<u32> {
         let (mut node, mut block) = (self.nodes.len() as u32, self.blocks.len() as u32);
         let references: Vec<u32> = tree
@@ -143,7 +145,7 @@ impl WideTree {
         references
     }
 
-    /// Puts a cluster into a lane of a node; without optics it is never aggregated.
+    /// Stores a cluster in a lane of a node; clusters without optics are never aggregated.
     fn place(
         &mut self,
         node: usize,
@@ -153,34 +155,45 @@ impl WideTree {
         optics: Option<&[ClusterOptics]>,
         reference: u32,
     ) {
-        let bounds = tree.clusters[cluster].bounds.thickened();
         let target = &mut self.nodes[node];
-        for axis in 0..3 {
-            target.min[axis][lane] = bounds.min[axis];
-            target.max[axis][lane] = bounds.max[axis];
-        }
+        set_box(target, lane, tree.clusters[cluster].bounds.thickened());
         target.child[lane] = reference;
         let Some(optics) = optics else { return };
-        let optics = &optics[cluster];
-        for axis in 0..3 {
-            target.slope[axis][lane] = optics.slope[axis];
-        }
         if reference & LEAF != 0 {
             target.soft_leaves |= 1 << lane;
         }
-        for axis in 0..AXIS_COUNT {
-            let entry = &mut self.optics[node][axis];
-            entry.size[lane] = half_up(optics.feature_size(axis));
-            entry.extinction[lane] = half_nearest(optics.extinction[axis]);
-            target.smallest = target.smallest.min(optics.feature_size(axis));
-        }
+        set_optics((target, &mut self.optics[node]), lane, &optics[cluster]);
     }
 
-    /// Bytes of all arrays.
+    /// Size of all arrays in bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(self.nodes.as_slice())
             + size_of_val(self.optics.as_slice())
             + size_of_val(self.blocks.as_slice())
+    }
+}
+
+/// Sets the box of a child.
+pub(super) fn set_box(node: &mut Node, lane: usize, bounds: Aabb) {
+    for axis in 0..3 {
+        node.min[axis][lane] = bounds.min[axis];
+        node.max[axis][lane] = bounds.max[axis];
+    }
+}
+
+/// Sets the optics of a child, so that it may be aggregated.
+pub(super) fn set_optics(
+    (node, wide): (&mut Node, &mut [AxisOptics; AXIS_COUNT]),
+    lane: usize,
+    optics: &ClusterOptics,
+) {
+    for axis in 0..3 {
+        node.slope[axis][lane] = optics.slope[axis];
+    }
+    for (axis, entry) in wide.iter_mut().enumerate() {
+        entry.size[lane] = half_up(optics.feature_size(axis));
+        entry.extinction[lane] = half_nearest(optics.extinction[axis]);
+        node.smallest = node.smallest.min(optics.feature_size(axis));
     }
 }
 

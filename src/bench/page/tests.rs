@@ -158,6 +158,7 @@ fn example() -> (Record, Vec<ReceiverImages>) {
             sheet_parts: 498_020,
             clusters: 81_337,
             levels: 9,
+            ..Default::default()
         },
         clusters: Clusters { extinction: "measured".into(), tolerance: 0.05 },
         scene_repairs: serde_json::json!({"zero_area_faces": 41, "duplicate_faces": 0, "welded_vertices": 120311,

@@ -2,6 +2,7 @@
 
 use super::{
     formats::{binary_ply, glb, load_bytes},
+    instances::{file, orchard},
     *,
 };
 use proptest::prelude::*;
@@ -10,7 +11,13 @@ use std::time::Instant;
 /// Loads a file and checks a resulting scene.
 fn survives(extension: &str, bytes: &[u8]) {
     match load_bytes(extension, bytes) {
-        Ok(scene) => check_consistent(&scene),
+        Ok(scene) => {
+            check_consistent(&scene);
+            scene.shared.iter().for_each(|mesh| check_consistent(mesh));
+            if let Ok(flat) = scene.flattened_within(10_000) {
+                check_consistent(&flat);
+            }
+        }
         Err(error) => {
             let text = error.to_string();
             assert!(!text.contains('\n') && !text.is_empty(), "{text:?}");
@@ -71,6 +78,21 @@ proptest! {
     fn mutated_gltf_json(edits in edits()) {
         let keep = |j: String| String::from_utf8_lossy(&mutate(j.into_bytes(), &edits)).into_owned();
         survives("glb", &glb(keep));
+    }
+
+    #[test]
+    fn mutated_shared_meshes(edits in edits()) {
+        survives("gltf", &mutate(file(orchard()).to_string().into_bytes(), &edits));
+    }
+
+    #[test]
+    fn numbers_of_nodes(which in 2usize..5, key in 0usize..3, at in 0usize..3, value in any::<f32>()) {
+        let mut nodes = orchard();
+        let key = ["translation", "rotation", "scale"][key];
+        let mut list = if key == "rotation" { vec![0.1f32; 4] } else { vec![1.0; 3] };
+        list[at] = if value.is_finite() { value } else { 1e38 };
+        nodes[which][key] = serde_json::json!(list);
+        survives("gltf", file(nodes).to_string().as_bytes());
     }
 
     #[test]

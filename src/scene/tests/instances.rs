@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 /// A glTF file of three meshes: 0 `ground`, a square of 2 by 2 m; 1 `tree`, a tetrahedron (closed) and a triangle
 /// (sheet) of two materials; 2 `lamp`, a square that emits.
-fn file(nodes: Value) -> Value {
+pub(super) fn file(nodes: Value) -> Value {
     let square = [[-1f32, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]];
     let solid = [[0f32, 0.0, 0.0], [1.0, 0.0, 0.125], [0.0, 1.0, 0.0], [0.0, 0.0, 1.5]];
     let positions: Vec<f32> = square.iter().chain(&solid).flatten().copied().collect();
@@ -80,7 +80,7 @@ fn ground_and_lamp() -> Vec<Value> {
     ]
 }
 
-fn orchard() -> Value {
+pub(super) fn orchard() -> Value {
     let mut nodes = ground_and_lamp();
     nodes.push(json!({ "name": "oak", "mesh": 1, "translation": [-5, 0, 0] }));
     nodes.push(json!({

@@ -1,4 +1,4 @@
-//! How wide the pyramid of a bundle opens: extreme slopes of directions against the middle one.
+//! Edges of the pyramid of a bundle: polygons, panels, and extreme slopes relative to the mean direction.
 
 use super::Ends;
 use crate::ray::Packet;
@@ -6,10 +6,10 @@ use crate::simd::vector::{self, Vector};
 use crate::simd::{LANES, Simd};
 use glam::Vec3;
 
-/// Directions that go sideways by more than this times forward have no useful slope.
-const STEEP: f32 = 10.0;
+/// Largest ratio of lateral to forward components for which slopes are used. Chosen.
+const MAX_SLOPE: f32 = 10.0;
 
-/// Three or four points seen from another, if in their order they are the edges of a convex pyramid.
+/// Vectors from `apex` to three or four points, if these in order are the edges of a convex pyramid.
 #[inline(always)]
 pub(super) fn corners_of_polygon(points: &[Vec3], apex: Vec3) -> Option<[Vec3; 4]> {
     let corners = match *points {
@@ -17,7 +17,7 @@ pub(super) fn corners_of_polygon(points: &[Vec3], apex: Vec3) -> Option<[Vec3; 4
         [a, b, c, d] => [a - apex, b - apex, c - apex, d - apex],
         _ => return None,
     };
-    // Every side plane has the other two corners on the same side.
+    // The other two corners lie on the same side of every side plane.
     let (mut left, mut right) = (true, true);
     for k in 0..4 {
         let side = corners[k].cross(corners[(k + 1) % 4] - corners[k]);
@@ -28,7 +28,7 @@ pub(super) fn corners_of_polygon(points: &[Vec3], apex: Vec3) -> Option<[Vec3; 4
     (left || right).then_some(corners)
 }
 
-/// The corners of a box without thickness, in turn, seen from a point.
+/// Vectors from a point to the corners of a box without thickness, in order; `None` if the box is thicker than `slack`.
 #[inline(always)]
 pub(super) fn corners_of_panel(to: Ends, apex: Vec3, slack: f32) -> Option<[Vec3; 4]> {
     let flat = to.half.min_position();
@@ -42,14 +42,14 @@ pub(super) fn corners_of_panel(to: Ends, apex: Vec3, slack: f32) -> Option<[Vec3
     Some([middle - u - v, middle + u - v, middle + u + v, middle - u + v])
 }
 
-/// Least and greatest slope towards u and v against w of points seen from another.
+/// Smallest and largest slopes along u and v relative to w of the vectors from `apex` to some points.
 #[inline(always)]
 pub(super) fn slopes_of_points(points: &[Vec3], apex: Vec3, [u, v, w]: [Vec3; 3]) -> Option<[[f32; 2]; 2]> {
     let (mut low, mut high) = ([f32::MAX; 2], [f32::MIN; 2]);
     for corner in points.iter().map(|&p| p - apex) {
         let forward = corner.dot(w);
         for (i, sideways) in [corner.dot(u), corner.dot(v)].into_iter().enumerate() {
-            if sideways.abs() >= STEEP * forward {
+            if sideways.abs() >= MAX_SLOPE * forward {
                 return None;
             }
             let slope = sideways / forward;
@@ -59,7 +59,7 @@ pub(super) fn slopes_of_points(points: &[Vec3], apex: Vec3, [u, v, w]: [Vec3; 3]
     Some([low, high])
 }
 
-/// The same of every direction.
+/// Smallest and largest slopes along u and v relative to w of the directions of all segments.
 #[inline(always)]
 pub(super) fn slopes_of_segments<S: Simd>(
     simd: S,
@@ -70,7 +70,7 @@ pub(super) fn slopes_of_segments<S: Simd>(
     for packet in packets {
         let (_, direction) = filled(simd, packet);
         let forward = vector::dot(simd, &vector::splat(simd, w), &direction);
-        let steep = simd.mul(simd.splat(STEEP), forward);
+        let steep = simd.mul(simd.splat(MAX_SLOPE), forward);
         let inverse = simd.div(simd.splat(1.0), forward);
         for (range, n) in slopes.iter_mut().zip([u, v]) {
             let sideways = vector::dot(simd, &vector::splat(simd, n), &direction);
@@ -84,7 +84,7 @@ pub(super) fn slopes_of_segments<S: Simd>(
     Some([slopes.map(|range| simd.least(range.0)), slopes.map(|range| simd.greatest(range.1))])
 }
 
-/// Origins and directions; unused lanes repeat the first segment, so that whole registers can be reduced.
+/// Origins and directions; unused lanes repeat the first segment, so that reductions can use whole registers.
 #[inline(always)]
 pub(in super::super) fn filled<S: Simd>(simd: S, packet: &Packet) -> (Vector<S>, Vector<S>) {
     if packet.active == 0xffff {

@@ -6,7 +6,7 @@ use crate::scene::testing::{cloud, direction, in_cube};
 use crate::visibility::reference::walk;
 use glam::DVec3;
 
-/// How often fast engine and reference differ by more than a hundredth, and by how much in the mean.
+/// Statistics of the differences between fast engine and reference: large ones exceed 0.01.
 #[derive(Default)]
 struct Differences {
     segments: usize,
@@ -16,13 +16,13 @@ struct Differences {
     squares: [f64; 2],
 }
 
-/// What must hold for every segment, with `tolerance` for the verdict of exact arithmetic:
+/// Checks every segment, with `tolerance` for the verdict of exact arithmetic:
 ///
-/// * whatever the reference blocks with a triangle, the fast engine blocks too: it never aggregates more;
-/// * a segment that the fast engine blocks is blocked, one that is clear passes something;
-/// * where the reference aggregates nothing, so does the fast engine, and the answer is 0 or 1 and right.
+/// * what the reference blocks with a triangle, the fast engine blocks too: it never aggregates more;
+/// * a segment that the fast engine blocks is blocked; a clear segment has a positive transmittance;
+/// * where the reference aggregates nothing, neither does the fast engine, and the answer is 0 or 1 and correct.
 ///
-/// A fast answer may rest on more triangles than the reference's, so the transmittances are compared in the mean.
+/// The fast engine may test more triangles than the reference, so transmittances are compared in the mean.
 fn compare(stage: &Stage, packets: &[Packet], e: f32, s: f32) -> Differences {
     let brute = Brute::new(&stage.scene.positions, &stage.scene.triangles);
     let single: Vec<Brute> = stage
@@ -93,7 +93,7 @@ fn fast_engine_keeps_the_rule_of_the_reference() {
                     let n = d.segments as f64;
                     let (large, mean) = (d.large as f64 / n, d.sum / n);
                     println!("{name}, {lanes} lanes, s {s:.4}, e {e:.2}: {large:.3} differ, mean {mean:+.4}");
-                    // It judges whole boxes, opens more, and is nearer to the truth for it.
+                    // The fast engine applies the criterion to whole boxes, opens more, and is more accurate.
                     let [fast, slow] = d.squares.map(|sum| (sum / n).sqrt());
                     assert!(fast < 1.1 * slow + 0.005, "{name}, s {s}, e {e}: RMS {fast} and {slow}");
                     assert!(mean.abs() < 0.03, "{name}, s {s}, e {e}: fast - reference {mean:+.4}");
@@ -114,7 +114,7 @@ fn fast_engine_keeps_the_rule_in_random_clouds() {
         pieces.light(DVec3::new(0.5, 0.5, 2.0), 0.4 * DVec3::Y, 0.4 * DVec3::X);
         let stage = Stage::new(pieces.scene());
         let packets = stage.bundles(seed as u64, 20, 16);
-        // From an element instead of a point: no end is shared.
+        // Segments from an element instead of a point: no common end.
         let apart: Vec<Packet> = packets
             .iter()
             .map(|p| {
@@ -137,7 +137,7 @@ fn fast_engine_keeps_the_rule_in_random_clouds() {
     }
 }
 
-/// Feature sizes and emitters of a millionth of the scene leave nothing to aggregate but what lies edge-on.
+/// With feature and emitter sizes of 1e-6 of the scene only edge-on clusters can be aggregated.
 #[test]
 fn vanishing_sizes_are_exact() {
     for name in ["forest", "cubes", "desk-room", "brick-wall", "louvres", "bookshelf", "cube-groups"] {
@@ -176,7 +176,7 @@ fn vanishing_sizes_are_exact() {
     }
 }
 
-/// Larger features to resolve, more to aggregate; one segment a bundle, so that each is judged on its own.
+/// Larger feature sizes aggregate more. One segment per bundle, so that each is decided separately.
 #[test]
 fn aggregation_grows_with_the_feature_size() {
     for name in ["forest", "cubes", "desk-room"] {

@@ -1,4 +1,4 @@
-//! What answers state: intervals, certificates, claimed errors.
+//! Intervals, certificates and stated errors of answers.
 
 use super::*;
 
@@ -42,7 +42,7 @@ fn intervals_hold_their_answers() {
                             .sum::<f32>()
                             / n as f32;
                     }
-                    // Larger bundles may be opened otherwise, and neighbours pass as one.
+                    // Larger bundles may open other clusters, and adjacent segments are folded.
                     assert!(
                         packets.len() > 1 || (mean - answer.transmittance).abs() < 1e-5,
                         "{mean}: {answer:?}"
@@ -65,8 +65,8 @@ fn intervals_hold_their_answers() {
     }
 }
 
-/// Certificates change no answer: bundles that are asked as exact visibility does, but for those that nothing or one
-/// triangle decides, agree with rays segment by segment, and no cluster is ever aggregated.
+/// Certificates change no answer: bundles queried for exact visibility, except those that an empty shaft or one
+/// triangle decides, agree with rays segment by segment, and no cluster is aggregated.
 #[test]
 fn certified_answers_are_exact() {
     for name in ["forest", "cubes", "desk-room"] {
@@ -87,14 +87,14 @@ fn certified_answers_are_exact() {
             k += 1;
         });
         assert_eq!(k, bundles.len());
-        // Grazing segments may differ by a rounding.
+        // Grazing segments may differ by rounding.
         assert!(apart <= bundles.len() / 100, "{name}: {apart} of {} differ", bundles.len());
         assert!(without_rays > 0, "{name}: no certificate in {} bundles", bundles.len());
     }
 }
 
-/// Stated intervals hold the truth as often as they say, for fields of leaves at every distance where aggregation
-/// begins; and they are no wider than they must be: the claimed error is of the size of the one that is there.
+/// Stated intervals contain the truth at their stated rate, for fields of leaves at every distance where aggregation
+/// begins, and stated errors have the magnitude of the actual errors.
 #[test]
 fn claimed_errors_are_those_that_are_there() {
     let mut spec = generate::Spec::new("forest");
@@ -136,20 +136,20 @@ fn claimed_errors_are_those_that_are_there() {
     }
 }
 
-/// Wilson's interval for 4 of 16: 0.1018 to 0.4950 (Wilson 1927, z = 1.96), and its ends.
+/// Wilson's interval for 4 of 16: 0.1018 to 0.4950 (Wilson 1927, z = 1.96), and its limits.
 ///
-/// For a mean of 1 the upper end must not be rounded to 0.99999994: the interval of a clear bundle would not hold its
+/// For a mean of 1 the upper end must not be rounded to 0.99999994: the interval of a clear bundle would exclude its
 /// own answer (and `interval_coverage` of an unoccluded scene would be 0).
 #[test]
 fn wilson_interval() {
     let (lo, hi) = wilson(0.25, 16.0);
     assert!((lo - 0.1018).abs() < 5e-4 && (hi - 0.4950).abs() < 5e-4, "{lo} {hi}");
-    // None of n: z² / (n + z²).
+    // 0 of n: z² / (n + z²).
     let (lo, hi) = wilson(0.0, 16.0);
     assert!(lo == 0.0 && (hi - 3.8416 / 19.8416).abs() < 1e-4, "{lo} {hi}");
     let (lo, hi) = wilson(1.0, 16.0);
     assert!((lo - (1.0 - 3.8416 / 19.8416)).abs() < 1e-4 && hi > 0.9999, "{lo} {hi}");
-    // It holds the mean itself, also at the ends of its range: a bundle that is all clear is in its own interval.
+    // The interval contains the mean, also at 0 and 1.
     for n in 1..=1024 {
         for clear in 0..=n {
             let mean = clear as f32 / n as f32;

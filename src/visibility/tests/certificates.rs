@@ -1,4 +1,5 @@
-//! Certificates: answers that are certain for the emitter as a whole, without a ray (method E.6).
+//! Certificates: answers that are certain for the whole emitter, without rays (docs/method.md, Certificates and
+//! intervals).
 
 use super::*;
 use crate::bench::workload::{Order, Workload, surface_points};
@@ -13,7 +14,7 @@ const LIGHT: [DVec3; 4] = [
     DVec3::new(-0.5, 0.5, 2.0),
 ];
 
-/// A light, a floor, and what lies between.
+/// A light, a floor, and occluders between them.
 fn room(add: impl FnOnce(&mut Pieces)) -> Stage {
     let mut pieces = Pieces::new();
     pieces.object("floor").quad(DVec3::ZERO, 8.0 * DVec3::X, 8.0 * DVec3::Y);
@@ -22,7 +23,7 @@ fn room(add: impl FnOnce(&mut Pieces)) -> Stage {
     Stage::new(pieces.scene())
 }
 
-/// A packet from a point to a grid of four by four places within `part` of the light's side, and the light's corners.
+/// A packet from a point to a 4 x 4 grid of positions within `part` of the light's side, and the light's corners.
 fn packet(stage: &Stage, from: DVec3, part: f64) -> (Packet, Vec<Vec3>) {
     let at = |p: DVec3| (p - stage.scene.origin).as_vec3();
     let mut packet = Packet::EMPTY;
@@ -38,7 +39,7 @@ fn packet(stage: &Stage, from: DVec3, part: f64) -> (Packet, Vec<Vec3>) {
     (packet, LIGHT.map(at).to_vec())
 }
 
-/// The answers with and without knowing the light.
+/// The answers with and without the emitter's corners.
 fn answers(stage: &Stage, from: DVec3, part: f64) -> [Answer; 2] {
     let (packet, corners) = packet(stage, from, part);
     let (engine, mut workspace) = (stage.engine(Leaf::Exact), Workspace::default());
@@ -48,7 +49,7 @@ fn answers(stage: &Stage, from: DVec3, part: f64) -> [Answer; 2] {
     })
 }
 
-/// A light in a frame that hangs down around it: from below it is wholly visible, and that is certain.
+/// A light in a frame that hangs down around it: from below the light is certainly visible entirely.
 #[test]
 fn an_empty_shaft_is_certain() {
     let stage = room(|things| {
@@ -62,15 +63,15 @@ fn an_empty_shaft_is_certain() {
         let [known, unknown] = answers(&stage, from, 1.0);
         assert_eq!((known.transmittance, known.lo, known.hi), (1.0, 1.0, 1.0), "{from}: {known:?}");
         assert_eq!((known.method, known.cost.exact_rays, known.cost.certified), (Method::Clear, 0, 16));
-        // Of a light that nobody knows the samples alone are told.
+        // Without the emitter's corners only the samples are known.
         assert!(unknown.transmittance == 1.0 && unknown.lo < 0.9 && unknown.cost.certified == 0);
     }
-    // From the side the frame hides a part.
+    // From the side the frame hides a part of the light.
     let [known, _] = answers(&stage, DVec3::new(3.0, 0.0, 0.0), 1.0);
     assert!(known.transmittance < 1.0 && known.lo < known.hi && known.cost.certified == 0, "{known:?}");
 }
 
-/// A leaf before the light's corner that no sample meets: the samples' own shaft is empty, that of the light is not.
+/// A leaf before the light's corner that no sample meets: the shaft of the samples is empty, that of the light is not.
 #[test]
 fn what_no_sample_meets_is_not_certain() {
     let stage = room(|things| {
@@ -81,13 +82,13 @@ fn what_no_sample_meets_is_not_certain() {
     assert!(known.lo < 1.0 && known.cost.certified == 0, "{known:?}");
 }
 
-/// A board before all of the light, and one before all samples but not before all of the light.
+/// A board in front of the whole light, and one in front of all samples but not of the whole light.
 #[test]
 fn one_triangle_that_covers_the_light_is_certain() {
     for (side, certain) in [(1.2, true), (0.48, false)] {
         let stage = room(|things| {
             let corner = |x: f64, y: f64| DVec3::new(side * x, side * y, 1.0);
-            // One triangle around a square of that side, and light behind it all the same.
+            // One triangle that contains a square of that side; the light is visible beside the square.
             things.polygon(&[corner(-0.5, -0.5), corner(1.5, -0.5), corner(-0.5, 1.5)]);
         });
         let [known, unknown] = answers(&stage, DVec3::ZERO, 0.7);
@@ -103,7 +104,7 @@ fn one_triangle_that_covers_the_light_is_certain() {
     }
 }
 
-/// Whatever is called certain, thousands of rays to all of the emitter say so too; and it is not rare.
+/// Certain answers agree with thousands of rays to the whole emitter; and certain answers are not rare.
 #[test]
 fn certificates_hold_for_the_whole_emitter() {
     for (name, often) in [("forest", 0.02), ("desk-room", 0.2), ("cubes", 0.02)] {
@@ -136,12 +137,12 @@ fn certificates_hold_for_the_whole_emitter() {
     }
 }
 
-/// The shaft of an emitter holds every segment to it, turned as it may be.
+/// The shaft of an emitter contains all segments to it, at any orientation.
 #[test]
 fn tilted_emitters_are_held_whole() {
     let mut random = Pcg64Mcg::new(3);
     for _ in 0..200 {
-        // A tilted light and a leaf on the way to one of its corners.
+        // A tilted light, and a leaf on the way to one of its corners.
         let u = 0.5 * direction(&mut random).as_dvec3();
         let v = 0.4 * u.cross(direction(&mut random).as_dvec3()).normalize();
         let centre = 3.0 * direction(&mut random).as_dvec3();
@@ -167,8 +168,8 @@ fn tilted_emitters_are_held_whole() {
     }
 }
 
-/// The middle of the box around a triangular light lies on its edge or outside of it; a leaf before the light is met
-/// all the same.
+/// The centre of the box around a triangular light lies on its edge or outside; a leaf in front of the light is found
+/// nevertheless.
 #[test]
 fn triangular_lights_are_held_whole() {
     for corner in [DVec3::new(-0.5, 0.5, 2.0), DVec3::new(2.5, 0.6, 2.0), DVec3::new(-2.0, 0.3, 2.0)] {

@@ -1,11 +1,11 @@
-//! Triangles on their edge, far away or alone, and lanes without segments.
+//! Edge-on, distant and single triangles, and unused lanes.
 
 use super::*;
 use crate::ray::{Brute, Verdict};
 use crate::scene::testing::{Pieces, in_cube};
 use glam::DVec3;
 
-/// A segment in the plane of a triangle that it passes aside, between others that cross the plane.
+/// A segment in the plane of a triangle that passes beside it, together with segments that cross the plane.
 #[test]
 fn triangles_on_their_edge_block_nothing() {
     let mut pieces = Pieces::new();
@@ -24,7 +24,8 @@ fn triangles_on_their_edge_block_nothing() {
     assert_eq!(t, [1.0; LANES]);
 }
 
-/// A tessellated wall far from the receiver: no segment slips between the triangles (method D.8).
+/// A tessellated wall far from the receiver: no segment passes between its triangles (docs/method.md, Traps: thin
+/// walls).
 #[test]
 fn nothing_slips_between_triangles_far_away() {
     for distance in [10.0, 1e3, 1e5] {
@@ -44,7 +45,7 @@ fn nothing_slips_between_triangles_far_away() {
             let from = Vec3::new(0.3, 0.2, -distance as f32) - origin;
             let mut packet = Packet::EMPTY;
             for lane in 0..LANES {
-                // Through the diagonals and the edges of the cells.
+                // Aim at the diagonals and the edges of the cells.
                 let along = 5.0 * unit(&mut random) as f32 - 2.5;
                 let through = match lane % 3 {
                     0 => Vec3::new(0.37 * along, 0.41 * along, 0.0),
@@ -61,7 +62,7 @@ fn nothing_slips_between_triangles_far_away() {
     }
 }
 
-/// Scenes at the ends of the range: one triangle, nothing but large surfaces, nothing but clusters.
+/// Extreme scenes: one triangle, only large surfaces, only clusters.
 #[test]
 fn extreme_scenes_are_answered_as_embree_does() {
     let mut one = Pieces::new();
@@ -106,13 +107,13 @@ fn extreme_scenes_are_answered_as_embree_does() {
     }
 }
 
-/// A bundle without segments and packets with gaps are no accidents.
+/// Bundles without segments and packets with unused lanes are valid.
 #[test]
 fn lanes_without_segments_do_not_count() {
     let stage = Stage::generated("cubes");
     let engine = stage.engine(Leaf::Exact);
     let mut workspace = Workspace::default();
-    // Nothing is aggregated: that depends on the direction of the whole bundle.
+    // Nothing is aggregated here, because aggregation depends on the direction of the whole bundle.
     let tiny = 1e-6 * stage.size();
     let none = engine.answer(Bundle { packets: &[], emitter_size: 0.1, emitter: &[] }, 0.1, &mut workspace);
     assert_eq!(none.cost, Cost::default());

@@ -1,15 +1,15 @@
-//! Extinction along lines: nothing is counted twice, and Beer's law holds.
+//! Extinction along lines: no double counting, and Beer's law.
 
 use super::*;
 use crate::scene::testing::{cloud, direction, in_cube};
 use crate::visibility::reference::walk;
 use glam::DVec3;
 
-/// Method D.11: no cut counts a triangle twice or leaves one out.
+/// No cut counts a triangle twice or omits one (docs/method.md, Traps: double counting).
 ///
-/// Over parallel lines the integral of the path through a box is its volume, so that the integral of the optical
-/// depth is Σ κ V = Σ sides·A / 4 for every antichain of clusters that holds all triangles, whatever s chose it. With an
-/// emitter of size s the threshold is s all along, so that all lines have the same cut.
+/// Over parallel lines the integral of the path through a box is its volume, so the integral of the optical depth is Σ
+/// κ V = Σ sides·A / 4 for every antichain of clusters that contains all triangles, whatever s selects. With an
+/// emitter of size s the threshold is s everywhere, so that all lines have the same cut.
 #[test]
 fn optical_depth_is_the_same_for_every_cut() {
     let mut random = Pcg64Mcg::new(77);
@@ -44,7 +44,7 @@ fn optical_depth_is_the_same_for_every_cut() {
                     slow += met.depth * each;
                 }
             }
-            // The lines are a jittered grid over boxes: two per cent.
+            // The lines are a jittered grid over boxes: tolerance two percent.
             assert!(
                 (slow / (area / 4.0) - 1.0).abs() < 0.02,
                 "{name}, s {s}: reference {slow}, area / 4 {}",
@@ -59,7 +59,7 @@ fn optical_depth_is_the_same_for_every_cut() {
     }
 }
 
-/// Average visibility [SD95 sec 5]: of extinction alone, so that no triangle of a cluster is ever asked.
+/// Average visibility [SD95 sec 5] uses extinction only: no triangle of a cluster is tested.
 #[test]
 fn average_visibility_traces_no_rays() {
     let stage = Stage::soft(cloud(41, 6000, 0.03, DVec3::ONE, true).scene());
@@ -76,7 +76,7 @@ fn average_visibility_traces_no_rays() {
     assert!(cost.exact_rays == 0 && cost.handed_over == 0, "{cost:?}");
 }
 
-/// Beer's law: average visibility through a Poisson cloud is exp(-κ d), and what rays measure.
+/// Beer's law: average visibility through a Poisson cloud is exp(-κ d), and agrees with rays.
 #[test]
 fn average_visibility_of_a_cloud_follows_beers_law() {
     let side = 4.0;
@@ -101,8 +101,8 @@ fn average_visibility_of_a_cloud_follows_beers_law() {
             rays += f64::from(1 - (stage.exact(&packet) & 1)) / f64::from(n);
         }
         println!("Beer, s {s}: model {model:.4}, rays {rays:.4}, exp(-κd) {expect:.4}");
-        // Rays: 0.008 of sampling and as much of this one cloud. Clusters: small ones are uneven, and the mean of
-        // exponentials is above the exponential of the mean (method D.26).
+        // Rays: 0.008 from sampling and as much from the choice of the cloud. Clusters: small ones are inhomogeneous,
+        // and the mean of exponentials exceeds the exponential of the mean (docs/method.md, Traps: Jensen).
         assert!((rays - expect).abs() < 0.03, "rays {rays}, law {expect}");
         assert!((model - expect).abs() < 0.06, "s {s}: model {model}, law {expect}");
     }

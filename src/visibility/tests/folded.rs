@@ -1,11 +1,11 @@
-//! Bundles of many packets send means of neighbouring segments through the clusters.
+//! Folding: bundles of many packets trace means of adjacent segments through the clusters.
 
 use super::*;
 use crate::ray::gather_neighbours;
 use crate::simd::Isa;
 
-/// The same segments in another order, in which neighbouring lanes end far apart, pass one by one: the answers are the
-/// same on the average, and nearly the same each. And they are the same bits on every instruction set.
+/// The same segments in an order in which adjacent lanes end far apart are not folded: the answers agree in the mean,
+/// and nearly each. They are also bit-identical on every instruction set.
 #[test]
 fn neighbours_pass_as_one() {
     let stage = Stage::generated("forest");
@@ -18,7 +18,7 @@ fn neighbours_pass_as_one() {
     let mut random = Pcg64Mcg::new(41);
     let mut workspace = Workspace::default();
     let s = 0.02 * stage.size();
-    // Two by two, then four by four: packets, and what the difference may be.
+    // Folded by two, then by four: number of packets, and allowed difference.
     for (packets, each) in [(4, 0.01), (16, 0.005)] {
         let n = packets * LANES;
         let (mut squares, mut sum, mut apart, mut count) = (0.0f64, 0.0f64, 0, 0);
@@ -38,7 +38,7 @@ fn neighbours_pass_as_one() {
                     assert_eq!((bits(again), again.cost), (bits(answer), answer.cost));
                     assert_eq!(workspace.sums(), sums);
                 }
-                // What is said of packets is what is said of the bundle.
+                // The sums of the packets agree with the bundle's answer.
                 let whole: f32 = sums.iter().sum::<f32>() / n as f32;
                 let silent = answer.cost.handed_over > 0 || answer.method == Method::Clear;
                 assert!(silent || (whole - answer.transmittance).abs() < 1e-5, "{whole}: {answer:?}");

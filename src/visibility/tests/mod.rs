@@ -1,4 +1,4 @@
-//! The rule of method A.6 against brute force, the engines against each other, and what no feature size may change.
+//! The umbra criterion against brute force, the engines against each other, and invariants under the feature size.
 
 mod against_reference;
 mod answers;
@@ -23,7 +23,7 @@ use glam::Vec3;
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::Rng;
 
-/// How clusters are measured.
+/// Optics options of the tests.
 fn measured(extinction: Extinction) -> optics::Options {
     optics::Options { extinction, tolerance: 0.1, ..Default::default() }
 }
@@ -33,7 +33,7 @@ impl Stage {
         Stage::with(scene, &Default::default(), &measured(Extinction::Measured))
     }
 
-    /// Nothing counts as large; extinction by the formula.
+    /// All surfaces in clusters, analytic extinction.
     fn soft(scene: Scene) -> Stage {
         Stage::apart(scene, &measured(Extinction::Analytic))
     }
@@ -62,7 +62,7 @@ impl Stage {
         corners[0] + u * (1.0 - v) * (corners[1] - corners[0]) + u * v * (corners[2] - corners[0])
     }
 
-    /// Bundles of `lanes` segments from points on surfaces to points on the first emitter.
+    /// Packets of `lanes` segments from points on surfaces to points on the first emitter.
     fn bundles(&self, seed: u64, count: usize, lanes: usize) -> Vec<Packet> {
         let mut random = Pcg64Mcg::new(seed.into());
         let emitter = &self.scene.emitters[0].triangles;
@@ -93,13 +93,13 @@ fn segment(packet: &Packet, lane: usize) -> Segment {
     }
 }
 
-/// From the middle of the receiver ends to the middle of the emitter ends.
+/// Vector from the centre of the receiver ends to the centre of the emitter ends.
 fn towards(packet: &Packet) -> Vec3 {
     let middle = |t: f32| crate::math::Aabb::of(packet.lanes().map(|i| packet.point(i, t))).center();
     middle(1.0) - middle(0.0)
 }
 
-/// Parallel lines over a square that covers the scene, and the area that each stands for.
+/// Parallel lines over a square that covers the scene, and the area that each line represents.
 fn parallel(stage: &Stage, view: Vec3, lanes: usize, random: &mut Pcg64Mcg) -> (Vec<Packet>, f64) {
     let (u, v) = view.any_orthonormal_pair();
     let (centre, reach, n) = (stage.scene.bounds.center(), 1.01 * stage.size(), 160);

@@ -1,4 +1,4 @@
-//! The rule of method A.6: umbra, penumbra and peak of discs, and what is aggregated by it.
+//! The umbra criterion: umbra, penumbra and peak of discs, and the clusters that are aggregated.
 
 use super::*;
 use crate::optics::AxisMix;
@@ -6,7 +6,7 @@ use crate::scene::testing::Pieces;
 use crate::visibility::reference::{peak_occlusion, penumbra, umbra};
 use glam::{DVec2, DVec3};
 
-/// Points of a disc of this diameter, its rim among them.
+/// Points of a disc of this diameter, including its rim.
 fn disc(diameter: f64) -> Vec<DVec2> {
     let n = 4000;
     let inner = (0..n).map(|i| ((f64::from(i) + 0.5) / f64::from(n)).sqrt());
@@ -17,7 +17,7 @@ fn disc(diameter: f64) -> Vec<DVec2> {
         .collect()
 }
 
-/// Largest `x` in `[0, 20]` at which the condition still holds, which it does below and not above.
+/// Largest `x` in `[0, 20]` for which a condition holds that is true below and false above.
 fn last(holds: impl Fn(f64) -> bool) -> Option<f64> {
     let (mut low, mut high) = (0.0, 20.0);
     if !holds(low) {
@@ -30,7 +30,8 @@ fn last(holds: impl Fn(f64) -> bool) -> Option<f64> {
     Some(low)
 }
 
-/// The five configurations of method A.6, every emitter point traced to the blocker's plane.
+/// Five configurations of discs, with every emitter point traced to the blocker's plane, against the formulas of
+/// docs/method.md, Umbra criterion.
 #[test]
 fn umbra_penumbra_and_peak_are_those_of_discs() {
     for (e, b, d1, d2) in [
@@ -58,7 +59,7 @@ fn umbra_penumbra_and_peak_are_those_of_discs() {
         let formula = penumbra(e, b, d1, d2);
         assert!((width / formula - 1.0).abs() < 0.01, "{place}: penumbra {width}, formula {formula}");
         if e > 0.0 {
-            // Without the rim points: they are no area.
+            // Without the rim points, which have no area.
             let inside = &emitter[..4000];
             let peak = inside.iter().filter(|&&y| blocked(0.0, y)).count() as f64 / inside.len() as f64;
             let formula = peak_occlusion(e, b, d1, d2);
@@ -67,7 +68,7 @@ fn umbra_penumbra_and_peak_are_those_of_discs() {
     }
 }
 
-/// One plate between a point and an emitter: aggregated if and only if the umbra of its size is below s.
+/// One plate between a point and an emitter is aggregated if and only if the umbra of its size is below s.
 #[test]
 fn a_cluster_is_aggregated_where_its_umbra_is_small() {
     for height in [0.2, 0.5, 0.8] {
@@ -82,14 +83,14 @@ fn a_cluster_is_aggregated_where_its_umbra_is_small() {
         let b = mix.mix(|axis| stage.optics[0].feature_size(axis));
         for e in [0.0, 0.3 * b, 0.9 * b, 2.2 * b] {
             let critical = umbra(f64::from(e), f64::from(b), 1.0 - height, height) as f32;
-            // Two per cent for sizes stored in 16 bits, rounded up, and for the plate's thickness.
+            // Tolerance two percent: sizes are stored in 16 bits, rounded up, and the plate has a thickness.
             for (s, aggregated) in [(0.98 * critical, 0), (1.02 * critical, 1)] {
                 let (s, aggregated) = if critical <= 0.0 { (1e-6, 1) } else { (s, aggregated) };
                 let bundle = Bundle { packets: std::slice::from_ref(&packet), emitter_size: e, emitter: &[] };
                 let answer = engine.answer(bundle, s, &mut Workspace::default());
                 let place = format!("height {height}, e {e}, b {b}, s {s}, umbra {critical}: {answer:?}");
                 assert_eq!(answer.cost.aggregated, aggregated, "{place}");
-                // Of a single segment the plate that it meets covers all.
+                // A plate that blocks a single segment covers its whole shaft.
                 let method = if aggregated == 1 { Method::Aggregated } else { Method::Covered };
                 assert_eq!(answer.method, method, "{place}");
                 assert_eq!(answer.transmittance == 0.0, aggregated == 0, "{place}");
@@ -98,9 +99,9 @@ fn a_cluster_is_aggregated_where_its_umbra_is_small() {
     }
 }
 
-/// Method D.9: a disc of half the emitter's size has no umbra, yet hides three quarters of it. Two such discs side by
-/// side are one cluster; by the size of its umbra alone it may be averaged at any s, and the shadow behind each disc
-/// is gone. The grain keeps it.
+/// A disc of half the emitter's size has no umbra but occludes up to three quarters of the emitter (docs/method.md,
+/// Traps: penumbrae). Two such discs side by side form one cluster. By umbra size alone the cluster could be averaged
+/// at any s, and the shadow behind each disc would be lost. The averaging width keeps the shadow.
 #[test]
 fn penumbrae_of_strong_contrast_stay() {
     let mut discs = Pieces::new();
@@ -113,7 +114,7 @@ fn penumbrae_of_strong_contrast_stay() {
         &clusters::Options { large_surface: f32::INFINITY, ..Default::default() },
         &measured(Extinction::Measured),
     );
-    // What the paper's rule sees of both together: less than the emitter, so no umbra whatever s is.
+    // The paper's size of both discs together is below the emitter's: no umbra at any s.
     let both = &stage.optics[0];
     assert!(umbra(1.0, f64::from(both.blocker_size[2]), 3.0, 4.0) < 0.0, "{both:?}");
     assert!(both.coverage[2] < 0.4 && both.feature_size(2) > 0.6, "{both:?}");
@@ -124,7 +125,7 @@ fn penumbrae_of_strong_contrast_stay() {
     for k in 0..64 * LANES {
         let turn = std::f64::consts::TAU * unit(&mut random);
         let rim = 0.5 * unit(&mut random).sqrt();
-        // At the disc's height the segment has come four sevenths of its way.
+        // The disc is at 4/7 of the segment.
         hit += usize::from(rim * 4.0 / 7.0 < 0.25);
         let end = DVec3::new(rim * turn.cos(), rim * turn.sin(), 7.0);
         packets[k / LANES].set(k % LANES, at(DVec3::ZERO), at(end), end_rule(&stage.scene));

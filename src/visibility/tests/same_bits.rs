@@ -1,4 +1,4 @@
-//! What must not change an answer: neighbours, instruction sets, threads, what was asked before.
+//! Independence of answers from neighbouring bundles, instruction set, number of threads, and earlier queries.
 
 use super::*;
 use crate::scene::testing::{direction, in_cube};
@@ -7,8 +7,8 @@ use rayon::prelude::*;
 
 const ISAS: [Isa; 3] = [Isa::Portable, Isa::Avx2, Isa::Avx512];
 
-/// Neighbours that are asked together share the upper part of the traversal: what is exact stays the same bit for
-/// bit, and what is aggregated differs by no more than the direction that optics are taken along.
+/// Bundles queried together share the upper part of the traversal: exact answers are bit-identical, aggregated ones
+/// differ at most by the direction for which optics are interpolated.
 #[test]
 fn groups_answer_as_their_bundles_do() {
     for name in ["forest", "cubes", "desk-room", "bookshelf"] {
@@ -21,7 +21,7 @@ fn groups_answer_as_their_bundles_do() {
             (0..stage.scene.triangles.len() as u32).filter(|t| !emitter.contains(t)).collect();
         let mut packets = Vec::new();
         for _ in 0..20 {
-            // A crowd of points around one of a surface.
+            // Several points around one point of a surface.
             let middle = stage.point(&mut random, &surfaces);
             for _ in 0..25 {
                 let from = middle + 0.02 * stage.size() * direction(&mut random);
@@ -77,7 +77,7 @@ fn instruction_sets_threads_and_history_change_no_bit() {
                 for isa in ISAS.into_iter().filter(|isa| isa.available()) {
                     let engine = stage.engine(leaf).with_isa(isa);
                     assert_eq!(engine.isa(), isa);
-                    // Backwards with one workspace: what came before must not show.
+                    // In reverse order with one workspace: earlier queries must have no effect.
                     let mut kept = Workspace::default();
                     let mut again: Vec<_> =
                         packets.iter().rev().map(|p| ask(&engine, p, &mut kept)).collect();
@@ -103,7 +103,7 @@ fn bundles_with_sizes_of_their_own_answer_as_they_do_alone() {
     let (mut workspace, mut differ, mut fractions) = (Workspace::default(), 0.0, 0);
     let bounds = stage.scene.bounds;
     for _ in 0..20 {
-        // Neighbours, so that they share a front.
+        // Adjacent bundles, so that they share a front.
         let [a, b] = [0, 1].map(|_| bounds.min + in_cube(&mut random).as_vec3() * (bounds.max - bounds.min));
         let packets: Vec<Packet> = (0..12).map(|_| around(a, b, 0.3, &mut random)).collect();
         let sizes: Vec<f32> = (0..12).map(|k| 0.02 * 1.5f32.powi(k)).collect();
@@ -126,12 +126,12 @@ fn bundles_with_sizes_of_their_own_answer_as_they_do_alone() {
             }
         }
     }
-    // As in groups: what is aggregated may differ, the mean does not.
+    // As for groups, single aggregated answers may differ, but not the mean.
     let mean = differ / (20 * 12 * LANES) as f32;
     assert!(mean.abs() < 0.01 && fractions > 100, "{mean} {fractions}");
 }
 
-/// Segments between boxes about two places.
+/// Segments between boxes around two points.
 fn around(a: Vec3, b: Vec3, width: f32, random: &mut Pcg64Mcg) -> Packet {
     let ends = EndRule::new(1.0);
     let mut packet = Packet::EMPTY;

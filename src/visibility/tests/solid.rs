@@ -1,10 +1,11 @@
-//! What no feature size may change: walls stay walls, and nothing shadows itself.
+//! Invariants under the feature size: walls stay opaque, and nothing shadows itself.
 
 use super::*;
 use crate::scene::testing::{Pieces, cloud, direction, in_cube};
 use glam::DVec3;
 
-/// Method D.8: two rooms of clutter with a thin wall between them, all one object. Nothing passes the wall.
+/// Two rooms of clutter separated by a thin wall, all one object: no light passes the wall (docs/method.md, Traps: thin
+/// walls).
 #[test]
 fn nothing_passes_a_thin_wall() {
     for cells in [1, 12] {
@@ -28,7 +29,7 @@ fn nothing_passes_a_thin_wall() {
                     let to = DVec3::new(2.01, 0.05, 0.05) + in_cube(&mut random) * DVec3::new(1.9, 2.9, 2.9);
                     packet.set(lane, from, (to - origin).as_vec3(), end_rule(&stage.scene));
                 }
-                // The end rule leaves up to a thousandth of the segment out.
+                // The end rule leaves out up to a thousandth of the segment.
                 if from.x + origin.x as f32 > 1.98 {
                     continue;
                 }
@@ -43,8 +44,8 @@ fn nothing_passes_a_thin_wall() {
     }
 }
 
-/// Method D.6: bricks that touch are opaque together, whatever size decides about each. With the paper's isolated
-/// BSIZE and κ = ΣA/4V such a wall passes exp(-1.5) = 22 %; a twentieth of the light is the bar here, until
+/// Touching bricks are opaque together, whatever the size of each (docs/method.md, Traps: joint features). With sizes
+/// of isolated bricks and κ = ΣA/4V the wall would transmit exp(-1.5) = 22 %; the limit here is a twentieth, until
 /// sizes are measured in context.
 #[test]
 fn brick_walls_leak_little() {
@@ -75,12 +76,12 @@ fn brick_walls_leak_little() {
     }
 }
 
-/// Method D.5: a point on something is not shadowed by the extinction of that thing, at either end.
+/// A point on an object is not shadowed by the extinction of that object, at either end (docs/method.md, Segment ends).
 #[test]
 fn things_do_not_shadow_their_own_surface() {
     let mut random = Pcg64Mcg::new(12);
     let mut heap = Pieces::new();
-    // Two leaves' worth of triangles, the upper ones side by side: nothing lies over them.
+    // Two leaf clusters of triangles, the upper ones side by side, with nothing above them.
     for i in 0..3 {
         heap.quad(DVec3::new(0.11 * f64::from(i), 0.0, 0.5), 0.1 * DVec3::X, 0.1 * DVec3::Y);
         heap.quad(DVec3::new(0.11 * f64::from(i), 0.0, 0.4), 0.1 * DVec3::X, 0.1 * DVec3::Y);

@@ -1,4 +1,4 @@
-//! The mean of the estimates is the truth, whatever the averaged level says and however rarely it is corrected.
+//! The mean of the estimates equals exact visibility for any averaged level and any rate of corrections.
 
 use super::*;
 use crate::optics::{Extinction, Options};
@@ -11,10 +11,10 @@ use glam::{DVec3, Vec3};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::Rng;
 
-/// Where the light of all scenes is.
+/// Position of the light in all scenes.
 const LIGHT: DVec3 = DVec3::new(0.5, 0.5, 3.0);
 
-/// With a light of side 1 above that looks down. Nothing counts as large.
+/// Adds a light of side 1 above the pieces that faces down; all surfaces are in clusters.
 fn below_a_light(mut pieces: Pieces, extinction: Extinction) -> Stage {
     pieces.light(LIGHT, DVec3::Y, DVec3::X);
     Stage::apart(pieces.scene(), &Options { extinction, ..Options::default() })
@@ -41,8 +41,8 @@ impl Stage {
     }
 }
 
-/// Mean of many independent estimates of a point's visible fraction with `packets` packets each, its standard error,
-/// the standard deviation of one, and the averaged level's own mean.
+/// Statistics of many independent estimates of a point's visible fraction with `packets` packets each: mean, its
+/// standard error, standard deviation of one estimate, and mean of the averaged level.
 fn mean(stage: &Stage, from: Vec3, wanted: f32, packets: usize, runs: usize) -> (f64, f64, f64, f64) {
     let (engine, mut workspace) = (stage.engine(Leaf::Exact), Workspace::default());
     let correction = Correction { packets: [wanted; Correction::CLASSES] };
@@ -75,8 +75,8 @@ fn mean(stage: &Stage, from: Vec3, wanted: f32, packets: usize, runs: usize) -> 
     (sum / n, deviation / n.sqrt(), deviation, averaged / n)
 }
 
-/// From below the middle a plate at half the light's height, from x = 0 to the middle, hides exactly half of the light.
-/// A huge feature size averages the plate; with the extinction of the formula it lets light through.
+/// Seen from below the middle, a plate at half the light's height, from x = 0 to the middle, hides exactly half of the
+/// light. A large feature size averages the plate, and analytic extinction transmits light through it.
 fn half_a_plate() -> Stage {
     let mut pieces = Pieces::new();
     for k in 0..40 {
@@ -124,12 +124,12 @@ fn the_mean_is_that_of_exact_rays_in_random_clouds() {
     }
 }
 
-/// Sixteen times the segments, a quarter of the error, although only every fourth packet is ever traced: it converges
-/// to exact, which the averaged level alone does not.
+/// With sixteen times the segments the error falls to a quarter, although only every fourth packet is traced: the
+/// estimate converges to exact visibility, the averaged level alone does not.
 #[test]
 fn estimates_converge() {
     let (stage, from, truth) = (half_a_plate(), Vec3::new(0.5, 0.5, 0.0), 0.5);
-    // Root mean square errors against the truth of the estimates and of the averaged level alone.
+    // Root mean square errors of the estimates and of the averaged level alone.
     let errors = |packets: usize| {
         let (found, _, deviation, averaged) = mean(&stage, from, packets as f32 / 4.0, packets, 600);
         (deviation.hypot(found - truth), (averaged - truth).abs())
@@ -137,7 +137,7 @@ fn estimates_converge() {
     let [(few, _), (many, alone)] = [4, 64].map(errors);
     assert!(few > 0.02 && many < 0.33 * few && many > 0.18 * few, "{few} {many}");
     assert!(alone > 2.0 * many, "the averaged level is off by {alone}, corrected by {many}: nothing to mend");
-    // Rare corrections are right in the mean but noisy.
+    // Rare corrections are unbiased but noisy.
     let rare = mean(&stage, from, 0.1, 64, 600).2;
     assert!(rare > 1.5 * many, "{rare} {many}");
 }
@@ -150,7 +150,7 @@ fn classes_cover_all_transmittances() {
     assert_eq!((classes[0], classes[499]), (2, Correction::CLASSES - 1));
     let correction = Correction { packets: [5.0; Correction::CLASSES] };
     assert_eq!(correction.choose(0.5, 16), (4, 1.0));
-    // What does not divide the packets would leave some out.
+    // A number that does not divide the packets would omit some.
     assert_eq!(correction.choose(0.5, 6), (2, 1.0));
     assert_eq!(Correction { packets: [0.25; Correction::CLASSES] }.choose(0.5, 4), (1, 0.25));
 }

@@ -1,0 +1,167 @@
+//! Optics of groups of instances, measured on the clusters of their meshes.
+//!
+//! A group represents each instance by a few boxes with extinction: a cut through the cluster tree of its mesh. The
+//! group is measured like a cluster of triangles (docs/method.md, Groups of instances), except that a pixel transmits
+//! exp(-Σ κ l) over the boxes behind it instead of all or nothing. Blocker sizes are conservative: a pixel counts as
+//! blocked if it loses more than `MIN_LOSS`, although the contents of a box may leave gaps.
+
+use super::axes::{AXIS_COUNT, AxisMix, view};
+use super::silhouette::Silhouette;
+use super::{ClusterOptics, Options, Scratch};
+use crate::clusters::{Hierarchy, Tree};
+use crate::math::Aabb;
+use glam::{Affine3A, Vec2, Vec3};
+use rayon::prelude::*;
+
+/// Largest number of boxes that represent an instance, per cluster tree of its mesh. Chosen: resolves a tree into
+/// trunk and parts of the crown.
+const MAX_PARTS: usize = 16;
+/// Pixels across the longer side of a group's projection. Chosen: half of [`super::silhouette`]'s, because boxes have
+/// no finer detail.
+const GROUP_PIXELS: usize = 32;
+/// Loss of transmittance above which a pixel counts as blocked. Equals the default tolerance of cluster optics.
+const MIN_LOSS: f32 = 0.05;
+/// Optical depth of a solid surface: transmits e^-7, less than 0.1 %.
+const OPAQUE_DEPTH: f32 = 7.0;
+
+/// A box with extinction, in the frame of its mesh.
+#[derive(Clone, Debug)]
+pub struct Part {
+    /// The box that path lengths are measured in.
+    bounds: Aabb,
+    /// Extinction along each axis, 1/length.
+    extinction: [f32; AXIS_COUNT],
+}
+
+/// The boxes that represent an instance of a mesh in groups: the largest clusters are opened first.
+pub fn parts(hierarchy: &Hierarchy, optics: &[ClusterOptics]) -> Vec<Part> {
+    let cut = |tree: &Tree| -> Vec<usize> {
+        let volume = |c: &usize| tree.clusters[*c].bounds.thickened().volume();
+        let mut cut: Vec<usize> = if tree.clusters.is_empty() { Vec::new() } else { vec![0] };
+        while let Some(largest) = (0..cut.len())
+            .filter(|&i| {
+                let cluster = &tree.clusters[cut[i]];
+                !cluster.is_leaf() && cut.len() + cluster.children as usize <= MAX_PARTS + 1
+            })
+            .max_by(|&i, &j| volume(&cut[i]).total_cmp(&volume(&cut[j])).then(j.cmp(&i)))
+        {
+            let opened = cut.swap_remove(largest);
+            cut.extend(tree.clusters[opened].child_range());
+        }
+        cut
+    };
+    let micro = cut(&hierarchy.micro).into_iter().map(|c| Part {
+        bounds: hierarchy.micro.clusters[c].bounds.thickened(),
+        extinction: optics[c].extinction,
+    });
+    let large = cut(&hierarchy.large).into_iter().map(|c| {
+        let bounds = hierarchy.large.clusters[c].bounds.thickened();
+        Part { bounds, extinction: [OPAQUE_DEPTH / bounds.extent().min_element(); AXIS_COUNT] }
+    });
+    micro.chain(large).collect()
+}
+
+/// An instance as a member of groups.
+#[derive(Clone)]
+pub struct Member<'a> {
+    /// The boxes that represent its mesh.
+    pub parts: &'a [Part],
+    /// From the frame of the mesh to that of the groups: rotation, reflection and uniform scale.
+    pub to_world: Affine3A,
+}
+
+/// Measures all clusters of a tree over instances; `tree.order` holds indices into `members`. Parallel and
+/// deterministic.
+pub fn measure_groups(tree: &Tree, members: &[Member], options: &Options) -> Vec<ClusterOptics> {
+    (0..tree.clusters.len())
+        .into_par_iter()
+        .map_init(Scratch::default, |scratch, c| measure_group(tree, c, members, options, scratch))
+        .collect()
+}
+
+/// Measures some clusters of a tree over instances, in their order.
+pub fn measure_some(tree: &Tree, some: &[u32], members: &[Member], options: &Options) -> Vec<ClusterOptics> {
+    some.par_iter()
+        .map_init(Scratch::default, |scratch, &c| measure_group(tree, c as usize, members, options, scratch))
+        .collect()
+}
+
+fn measure_group(
+    tree: &Tree,
+    cluster: usize,
+    members: &[Member],
+    options: &Options,
+    scratch: &mut Scratch,
+) -> ClusterOptics {
+    let bounds = tree.clusters[cluster].bounds.thickened();
+    for (k, silhouette) in scratch.silhouettes.iter_mut().enumerate() {
+        let members = tree.triangles_of(cluster).iter().map(|&m| &members[m as usize]);
+        silhouette.draw_members(members, bounds, view(k));
+    }
+    // Extinction is fitted, never analytic: the areas of the members are known to their own boxes only.
+    scratch.measure((0.0, Vec3::ZERO), options)
+}
+
+impl Silhouette {
+    /// Computes the transmittance of instances, pixel by pixel. `bounds` is the box of the group, `view` a unit vector.
+    fn draw_members<'a>(&mut self, members: impl Iterator<Item = &'a Member<'a>>, bounds: Aabb, view: Vec3) {
+        self.begin(bounds, view, GROUP_PIXELS);
+        if self.frame.pixel <= 0.0 {
+            return;
+        }
+        let size = self.frame.size.as_usizevec2();
+        let mut depth = std::mem::take(&mut self.transmittance);
+        depth.resize(size.x * size.y, 0.0);
+        for member in members {
+            let to_local = member.to_world.inverse();
+            let along = to_local.transform_vector3(view);
+            let mix = AxisMix::around(along);
+            for part in member.parts {
+                let kappa = mix.mix(|axis| part.extinction[axis]);
+                self.add_box(&mut depth, part.bounds, kappa, (&member.to_world, &to_local), along);
+            }
+        }
+        for (i, value) in depth.iter_mut().enumerate() {
+            *value = (-*value).exp();
+            if *value < 1.0 - MIN_LOSS {
+                self.contents.set(i % size.x, i / size.x, true);
+            }
+        }
+        self.transmittance = depth;
+    }
+
+    /// Adds the optical depth of one box to the pixels that it covers. `along` is the view direction in the box's
+    /// frame.
+    fn add_box(
+        &self,
+        depth: &mut [f32],
+        part: Aabb,
+        kappa: f32,
+        (to_world, to_local): (&Affine3A, &Affine3A),
+        along: Vec3,
+    ) {
+        let size = self.frame.size;
+        let corner = |i: usize| {
+            let pick = |k: usize| if i >> k & 1 == 0 { part.min[k] } else { part.max[k] };
+            self.frame.project(to_world.transform_point3(Vec3::new(pick(0), pick(1), pick(2))))
+        };
+        let (lo, hi) = (0..8)
+            .map(corner)
+            .fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p)));
+        let first = lo.floor().max(Vec2::ZERO).as_uvec2();
+        let end = hi.ceil().max(Vec2::ZERO).as_uvec2().min(size);
+        let inverse = Vec3::from(along.to_array().map(|d| if d == 0.0 { 1e30 } else { 1.0 / d }));
+        let length = along.length();
+        for y in first.y..end.y {
+            for x in first.x..end.x {
+                let at = self.frame.position(Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
+                let from = to_local.transform_point3(at);
+                let (a, b) = ((part.min - from) * inverse, (part.max - from) * inverse);
+                let path = a.max(b).min_element() - a.min(b).max_element();
+                if path > 0.0 {
+                    depth[(y * size.x + x) as usize] += kappa * path * length;
+                }
+            }
+        }
+    }
+}
