@@ -1,4 +1,5 @@
-//! Time of preparing a scene: clusters, their measures, and reading both from a cache: `cargo bench --bench preparation`.
+//! Times of preparing a scene: clusters, optics, and reading both from a cache file: `cargo bench --bench
+//! preparation`.
 
 use divan::{Bencher, counter::ItemsCount};
 use mrvis::clusters;

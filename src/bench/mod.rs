@@ -1,4 +1,4 @@
-//! The measurement `mrvis bench`: exact against multi-resolution visibility on the same segments.
+//! Benchmark of `mrvis bench`: exact against multi-resolution visibility on the same segments.
 
 mod audit;
 mod context;
@@ -19,6 +19,7 @@ mod scaling;
 pub mod side_by_side;
 mod sizes;
 pub mod solve_scaling;
+mod surface;
 mod target;
 mod unbiased;
 pub mod workload;

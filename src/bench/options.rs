@@ -1,4 +1,4 @@
-//! What a run measures, and whether it makes sense for a scene.
+//! Options of a benchmark and their validity for a scene.
 
 use super::pilot::pilot_bytes;
 use super::sample::Sample;
@@ -7,36 +7,37 @@ use crate::optics;
 use crate::scene::Scene;
 use crate::{Error, Result};
 
-/// Most segments from a point to an emitter: what one scrambled sequence holds.
+/// Largest number of segments from a point to an emitter: the length of one scrambled Sobol' sequence.
 pub(super) const MAX_RAYS: usize = 1 << 16;
-/// Multi-resolution rows have this many times the segments asked for.
+/// Numbers of segments of the MR rows, relative to `rays`. Chosen: each step of 4 halves the noise of exact rays.
 const MR_FACTORS: [usize; 3] = [1, 4, 16];
-/// Most threads of any command: one limit, in one place.
+/// Largest number of threads of any command. Chosen: more than any machine that was tried has.
 pub const MAX_THREADS: u16 = 1024;
-/// Most receiver points.
+/// Largest number of receiver points. Chosen: beyond it the results of one row alone take several GB.
 const MAX_POINTS: usize = 100_000_000;
-/// Part of the memory at hand that results may take.
-const MEMORY_PART: f64 = 0.7;
+/// Largest part of the available memory that results may take. Chosen: leaves room for allocations that `bytes`
+/// omits.
+const MAX_MEMORY_PART: f64 = 0.7;
 
-/// What an answer may err or cost.
+/// Target of the error or the time of the answers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Target {
     /// Root mean square error of the visible fraction, in `(0, 1]`.
     Error(f64),
-    /// Time of choosing and of the queries together, seconds, above 0.
+    /// Time of pilot and queries together, seconds, above 0.
     Seconds(f64),
 }
 
-/// What is measured.
+/// Options of a benchmark.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Feature sizes, scene units; none: [`default_sizes`](super::default_sizes).
+    /// Feature sizes, scene units; if empty, [`default_sizes`](super::default_sizes) chooses them.
     pub feature_sizes: Vec<f64>,
-    /// Segments from a point to an emitter for the multi-resolution engine; 4 and 16 times as many are measured too.
+    /// Segments from a point to an emitter for the MR engine; rows with 4 and 16 times as many are measured as well.
     pub rays: usize,
-    /// Receiver points.
+    /// Number of receiver points.
     pub points: usize,
-    /// Names of the receivers of shadow images; none: [`choose_receivers`](super::choose_receivers) says which.
+    /// Names of the receivers of shadow images; if empty, [`choose_receivers`](super::choose_receivers) chooses them.
     pub receivers: Vec<String>,
     /// Rays from a point to an emitter in the reference.
     pub reference_rays: usize,
@@ -44,15 +45,15 @@ pub struct Options {
     pub threads: usize,
     /// Seed of every random choice.
     pub seed: u64,
-    /// Part of the pairs, in `[0, 1]`, on which a few exact rays of its own check each row; 0: none.
+    /// Part of the pairs, in `[0, 1]`, on which independent exact rays check each row; 0: no audit.
     pub audit: f64,
-    /// Whether estimates without bias are measured too.
+    /// Whether unbiased estimates are measured as well.
     pub unbiased: bool,
-    /// An error or a time that the answers shall have.
+    /// Target of the error or the time of the answers, if any.
     pub target: Option<Target>,
-    /// How clusters are measured.
+    /// How cluster optics are measured.
     pub clusters: optics::Options,
-    /// Where the measured clusters are kept for the next run.
+    /// Where measured clusters are cached.
     pub cache: CacheLocation,
 }
 
@@ -76,22 +77,23 @@ impl Default for Options {
 }
 
 impl Options {
-    /// Segments from a point to an emitter of the multi-resolution rows.
+    /// Numbers of segments from a point to an emitter of the MR rows.
     pub(super) fn mr_rays(&self) -> Vec<usize> {
         MR_FACTORS.iter().map(|f| f * self.rays).filter(|&n| n <= MAX_RAYS).collect()
     }
 
-    /// Bytes that a run holds at its worst, beside the scene, its clusters and Embree's tree, about.
+    /// Approximate peak memory of a run, bytes, without the scene, its clusters and Embree's tree.
     fn bytes(&self, emitters: usize) -> f64 {
-        // Points, pairs, both halves of the reference and the largest row with its intervals.
+        // Points, pairs, both halves of the reference, and the largest row with its intervals: bytes per point and
+        // per pair.
         let rows = self.points as f64 * (32.0 + emitters as f64 * 48.0);
-        // The samples that are decided on, for the points and for the images, and the pilot of the rows without bias.
+        // The samples of the decisions (points and images), and the pilot of the unbiased rows.
         let samples = 2 * Sample::bytes(&self.mr_rays());
         let pilot = if self.unbiased { pilot_bytes() } else { 0 };
         rows + (samples + pilot) as f64
     }
 
-    /// Whether the options make sense for any scene.
+    /// Checks the options independently of a scene.
     ///
     /// # Errors
     /// [`Error::Argument`] that names the option and its range.
@@ -139,7 +141,7 @@ impl Options {
         Ok(())
     }
 
-    /// The same for this scene.
+    /// Checks the options for this scene, including [`Options::check`].
     pub fn check_for(&self, scene: &Scene) -> Result<()> {
         self.check()?;
         if scene.emitters.is_empty() {
@@ -165,11 +167,11 @@ impl Options {
         self.check_memory(scene.emitters.len(), available_memory())
     }
 
-    /// Whether a run fits into this many bytes, if they are known.
+    /// Checks that a run fits into the available memory, bytes, if that is known.
     fn check_memory(&self, emitters: usize, available: Option<f64>) -> Result<()> {
         let bytes = self.bytes(emitters);
         match available {
-            Some(available) if bytes > MEMORY_PART * available => Err(Error::Argument(format!(
+            Some(available) if bytes > MAX_MEMORY_PART * available => Err(Error::Argument(format!(
                 "points {} with {emitters} emitters and rays {} need about {:.1} GB of memory, {:.1} GB are \
                  available: lower option `points` or option `rays`",
                 self.points,
@@ -182,7 +184,7 @@ impl Options {
     }
 }
 
-/// Bytes that could be allocated now, where the system says so.
+/// Memory available for allocation, bytes; `None` where the system does not report it.
 fn available_memory() -> Option<f64> {
     let text = std::fs::read_to_string("/proc/meminfo").ok()?;
     let line = text.lines().find_map(|l| l.strip_prefix("MemAvailable:"))?;
@@ -193,7 +195,7 @@ fn available_memory() -> Option<f64> {
 mod tests {
     use super::*;
 
-    /// Points and pairs, and the samples that decisions are made on: with many rays these are the larger part.
+    /// With many rays the samples of the decisions are the larger part of the memory.
     #[test]
     fn memory_is_checked_with_all_that_is_held() {
         let fits = |rays: usize, points: usize, gigabytes: f64| {

@@ -1,7 +1,7 @@
-//! `report.html`: what a run measured, for somebody who has not read the paper.
+//! `report.html`: results of a benchmark.
 //!
-//! One file without references to the network or to other files: pictures are inline PNG and SVG. The page is a pure
-//! function of the record and the images.
+//! One file without references to other files or to the network: pictures are inline PNG and SVG. The page is a pure
+//! function of record and images.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
@@ -22,25 +22,25 @@ pub use scaling::render_scaling;
 
 const STYLE: &str = include_str!("page/style.css");
 
-/// Shadow images of one receiver, all of the same sides and texel size: the visible fraction of the light at each
-/// texel, in [0, 1]. Feature masks are computed from the reference.
+/// Shadow images of one receiver, of equal size: fraction of the unoccluded irradiance at each texel, in [0, 1].
+/// Feature masks are computed from the reference.
 #[derive(Clone, Debug)]
 pub struct ReceiverImages {
-    /// The receiver's name, as in the record.
+    /// Name of the receiver, as in the record.
     pub name: String,
-    /// Exact, with very many rays.
+    /// Exact, with the rays of the reference.
     pub reference: Image,
-    /// Exact, with 16 rays a texel.
+    /// Exact, with 16 rays per texel.
     pub exact16: Image,
-    /// Multi-resolution, by feature size (scene units).
+    /// MR, by feature size (scene units).
     pub mr: Vec<(f32, Image)>,
 }
 
 /// The page as HTML. `command` is the command line that repeats the run.
 ///
 /// # Errors
-/// [`Error::Argument`](crate::Error::Argument) when the images of a receiver differ in columns or rows, or a feature
-/// size is not a length.
+/// [`Error::Argument`](crate::Error::Argument): the images of a receiver differ in size, or a feature size is
+/// invalid.
 pub fn render(record: &Record, receivers: &[ReceiverImages], command: &str) -> Result<String> {
     let title = format!("mrvis bench: {}", file_name(&record.scene.path));
     let shadows = receivers.iter().map(|r| receivers::section(record, r)).collect::<Result<Vec<_>>>()?;
@@ -69,7 +69,7 @@ pub fn render(record: &Record, receivers: &[ReceiverImages], command: &str) -> R
     Ok(document(&title, body))
 }
 
-/// A page around its content.
+/// An HTML document with this title and body.
 fn document(title: &str, body: Markup) -> String {
     let page = html! {
         (DOCTYPE)
@@ -87,7 +87,7 @@ fn document(title: &str, body: Markup) -> String {
     page.into_string()
 }
 
-/// Title and the result in one sentence.
+/// Title, the result in one sentence, and the largest speed-ups.
 fn headline(record: &Record) -> Markup {
     let best_of = |speed: fn(&MrRow) -> Option<f64>| {
         record
@@ -117,16 +117,16 @@ fn headline(record: &Record) -> Markup {
     }
 }
 
-/// The best row in plain words.
+/// The best row in one sentence.
 fn sentence(record: &Record) -> Markup {
     let Some((best, speed)) = record.best().and_then(|row| Some((row, row.speedup_at_same_rms?))) else {
-        return html! { p.lead { "This run holds no multi-resolution row whose speed could be compared." } };
+        return html! { p.lead { "This run has no multi-resolution row whose speed could be compared." } };
     };
     let size = length(best.feature_size, &record.unit);
     html! {
         p.lead {
             @if speed >= 1.05 {
-                "Answering for features of " (size) ", multi-resolution visibility was "
+                "At feature size " (size) " multi-resolution visibility was "
                 strong { (times(Some(speed))) " faster" }
                 " than exact ray tracing (Embree) of the same accuracy"
             } @else if speed > 0.95 {
@@ -141,14 +141,14 @@ fn sentence(record: &Record) -> Markup {
         }
         @if best.extrapolated {
             p.note {
-                "No measured number of exact rays was that accurate. The time that exact would need is extrapolated: \
-                 halving its error takes four times the rays."
+                "No measured number of exact rays is as accurate. The time of exact rays is extrapolated: half the \
+                 error takes four times the rays."
             }
         }
     }
 }
 
-/// Where the figures come from, enough to repeat them.
+/// Versions, settings and the command that repeats the run.
 fn footer(record: &Record, command: &str) -> Markup {
     let plural = if record.threads == 1 { "thread" } else { "threads" };
     html! {
@@ -160,8 +160,8 @@ fn footer(record: &Record, command: &str) -> Markup {
             }
             pre { (command) }
             p.note {
-                "The same command gives the same figures but for the times, which depend on the machine and on what \
-                 else runs on it. Speed-ups are ratios of times of one run."
+                "The command gives the same results except for times, which depend on the machine and its load. \
+                 Speed-ups are ratios of times of one run."
             }
         }
     }
@@ -173,7 +173,7 @@ fn file_name(path: &str) -> &str {
     if name.is_empty() { "unnamed scene" } else { name }
 }
 
-/// A factor, such as `27×`; a dash when unknown.
+/// A ratio such as `27×`; a dash if unknown.
 fn times(value: Option<f64>) -> String {
     match value {
         Some(v) if !v.is_finite() => "–".into(),
@@ -184,7 +184,7 @@ fn times(value: Option<f64>) -> String {
     }
 }
 
-/// A part as per cent, two significant digits or more.
+/// A fraction in per cent, with at least two significant digits.
 fn percent(part: f64) -> String {
     format!("{}\u{a0}%", number(100.0 * part))
 }

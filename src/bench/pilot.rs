@@ -1,6 +1,6 @@
 //! Sample of the pairs on which a pilot measures errors and times before a row is planned.
 
-use super::measure::Questions;
+use super::measure::Queries;
 use crate::ray::{LANES, Packet};
 
 /// Segments per pair of the averaged level of unbiased rows. Chosen: the numbers of segments at which MR is fastest
@@ -17,11 +17,11 @@ pub(super) fn pilot_bytes() -> usize {
     2 * PILOT_RUNS * PILOT_RUN_PAIRS * packets * size_of::<Packet>()
 }
 
-/// Pairs of a pilot: runs of neighbouring questions, evenly spread.
-pub(super) fn pilot_pairs(questions: Questions) -> Vec<usize> {
-    let all = questions.pairs.len();
+/// Pairs of a pilot: runs of neighbouring queries, evenly spread.
+pub(super) fn pilot_pairs(queries: Queries) -> Vec<usize> {
+    let all = queries.pairs.len();
     let length = PILOT_RUN_PAIRS.min(all);
     let runs = PILOT_RUNS.min(all / length.max(1));
     let first = |k: usize| (all - length) * k / (runs - 1).max(1);
-    (0..runs).flat_map(|k| questions.pairs[first(k)..first(k) + length].iter().copied()).collect()
+    (0..runs).flat_map(|k| queries.pairs[first(k)..first(k) + length].iter().copied()).collect()
 }

@@ -1,4 +1,4 @@
-//! The multi-resolution engine of a benchmark, and the times and sizes of everything that is built for it.
+//! The MR engine of a benchmark, and times and sizes of the preparation.
 
 use super::context::Bench;
 use super::options::Options;
@@ -10,7 +10,7 @@ use crate::model::{Detail, Mesh, Model, PrepareOptions};
 use crate::visibility::{LeafMode, MultiResolution, Workspace};
 
 impl Options {
-    /// What a model must hold for a benchmark with these options.
+    /// What [`Model::prepare`] must make for a benchmark with these options.
     pub fn prepare(&self) -> PrepareOptions {
         PrepareOptions {
             detail: Detail::Optics,
@@ -37,12 +37,12 @@ pub(super) fn build_of(model: &Model) -> Build {
 }
 
 impl Bench<'_> {
-    /// What is decided on for a workload, large enough for every row.
+    /// Sample of the workload for the decisions of all rows.
     pub fn sample(&self, workload: &Workload) -> Sample {
         Sample::of(self.scene, workload, &self.mr_rays())
     }
 
-    /// The multi-resolution engine for a workload; notes its times and sizes.
+    /// The MR engine for a workload. Writes its times and sizes to `build`.
     pub fn engine(&self, workload: &Workload, sample: &Sample, build: &mut Build) -> MultiResolution {
         let Bench { model, options, .. } = self;
         let traversal = timed(&mut build.budget_s, || self.traversal(workload, options.rays));

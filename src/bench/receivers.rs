@@ -1,11 +1,11 @@
-//! Which surfaces get shadow images, and the grid of texels on each.
+//! Selection of the surfaces with shadow images, and their grids of texels.
 //!
-//! A receiver is a planar patch: triangles that hang together by edges, belong to one object and have one normal; or a
-//! relief: all of an object that has no such patch to speak of and faces one way by and large, as a terrain does. Its
-//! image covers the smallest rectangle around it, the longer side across; a relief is seen from straight above. Without
-//! names the largest patches are taken that are nearly rectangular and see an emitter, one an object before any object
-//! gets two; those in full light, where there is nothing to see, come last. A name stands for the largest such patch of
-//! the object, group or material; given k times it stands for the k largest.
+//! A receiver is a planar patch (edge-connected triangles of one object in one plane) or a relief (all triangles of
+//! an object without a large planar patch whose faces point into one half space, such as terrain). Its image covers
+//! the smallest rectangle around it, the longer side horizontal; a relief is projected along its mean normal. By
+//! default the largest, nearly rectangular patches that see an emitter are taken, one per object before any object
+//! gets two; patches without shadows come last. A name selects the largest such patch of the object, group or
+//! material; given k times it selects the k largest.
 
 mod patch;
 mod relief;
@@ -18,28 +18,29 @@ use crate::{Error, Result};
 use patch::{MIN_FILLED_PART, Patch, Rectangle, patches};
 use rayon::prelude::*;
 
-/// Receivers without names.
+/// Number of receivers without names. Chosen: fits on one page of the report.
 const DEFAULT_COUNT: usize = 3;
-/// Texels on the longer side of an image, at most.
+/// Largest number of texels along the longer side. Chosen: bounds the time of images.
 const MAX_SIDE_TEXELS: usize = 96;
-/// Fewest texels on the longer side, however many emitters there are.
+/// Smallest number of texels along the longer side, however many emitters there are. Chosen: shadows remain visible.
 const MIN_SIDE_TEXELS: usize = 32;
-/// Questions of all images together, about: with many emitters images get fewer texels.
+/// Approximate number of pairs of all images; with many emitters images get fewer texels. Chosen: bounds the time of
+/// images.
 const MAX_PAIRS: usize = 60_000;
-/// Parts of the scene's diagonal: a default receiver's longer side is at least this.
+/// Smallest longer side of a default receiver, relative to the scene's diagonal. Chosen: excludes small objects.
 const MIN_EXTENT_PART: f32 = 0.05;
-/// The largest patches that are looked at.
+/// Number of largest patches whose light is tested. Chosen: bounds the time of the selection.
 const MAX_CANDIDATES: usize = 24;
-/// Test points along each side of a candidate, and rays from each to each emitter.
+/// Test points along each side of a candidate, and rays from each to each emitter. Chosen: 1,024 rays per emitter.
 const PROBES_PER_SIDE: usize = 8;
 const PROBE_RAYS: usize = 16;
-/// Less than this part of the light counts as none, more than the rest to 1 as all.
+/// A patch is dark below this fraction of the unoccluded irradiance, and fully lit above one minus this. Chosen: 2 %.
 const DARK_PART: f64 = 0.02;
 
 /// A receiver and its grid of texels.
 #[derive(Clone, Debug)]
 pub struct Receiver {
-    /// Object, or the name that was asked for.
+    /// Name of the object, or the name that was given.
     pub name: String,
     /// Columns.
     pub width: usize,
@@ -47,21 +48,21 @@ pub struct Receiver {
     pub height: usize,
     /// Side of a texel, scene units.
     pub texel: f64,
-    /// Whether any light arrives at its test points.
+    /// Whether light arrives at the test points.
     pub lit: bool,
     rectangle: Rectangle,
-    /// The points of a relief.
+    /// Points of a relief; `None` for a plane.
     relief: Option<Vec<Point>>,
 }
 
 impl Receiver {
-    /// The texels' centres, row by row from the top left as seen from the side that is lit.
+    /// Centres of the texels, row by row from the top left as seen from the lit side.
     pub fn points(&self) -> Vec<Point> {
         if let Some(points) = &self.relief {
             return points.clone();
         }
         let Rectangle { right, normal, .. } = self.rectangle;
-        // Off the surface by a thousandth of a texel: coplanar faces of other objects do not flicker.
+        // A thousandth of a texel above the surface, so that coplanar faces of other objects do not block.
         let centre = self.rectangle.lifted() + 1e-3 * self.texel * normal;
         let up = normal.cross(right);
         let at = move |i: usize, n: usize| (i as f64 + 0.5 - 0.5 * n as f64) * self.texel;
@@ -73,7 +74,7 @@ impl Receiver {
     }
 }
 
-/// A patch and the light on it, seen from its better side.
+/// A patch with the irradiance of its brighter side.
 struct Candidate {
     patch: Patch,
     object: u32,
@@ -82,10 +83,10 @@ struct Candidate {
     shadowed: bool,
 }
 
-/// The receivers called `names`, or by default those that the module describes.
+/// The receivers with these `names`, or the default ones.
 ///
 /// # Errors
-/// Nothing is called like one of the names, or it has fewer planar patches than it was named times.
+/// No surface has one of the names, or it has fewer planar patches than times it was named.
 pub fn choose(scene: &Scene, exact: &dyn Occluder, names: &[String]) -> Result<Vec<Receiver>> {
     let chosen = if names.is_empty() { by_size(scene, exact) } else { by_name(scene, exact, names)? };
     let area = |c: &Candidate| {
@@ -132,7 +133,7 @@ fn by_size(scene: &Scene, exact: &dyn Occluder) -> Vec<(String, Candidate)> {
     };
     let reliefs: Vec<Patch> =
         by_object.chunk_by(|&a, &b| object(a) == object(b)).filter_map(relief).collect();
-    // What little is flat of an object that is not is no receiver of its own.
+    // Small flat parts of a relief are not receivers.
     let rough: Vec<u32> = reliefs.iter().map(|r| object(r.triangles[0])).collect();
     patches.retain(|p| !rough.contains(&object(p.triangles[0])));
     patches.extend(reliefs);
@@ -148,7 +149,7 @@ fn by_size(scene: &Scene, exact: &dyn Occluder) -> Vec<(String, Candidate)> {
             chosen.push(candidate);
         }
     }
-    // A second patch with shadows beats an object of its own without.
+    // A second patch of an object with shadows precedes the first of another object without.
     chosen.extend(others);
     chosen.sort_by_key(|c| !c.shadowed);
     chosen.truncate(DEFAULT_COUNT);
@@ -174,7 +175,7 @@ fn by_name(scene: &Scene, exact: &dyn Occluder, names: &[String]) -> Result<Vec<
                 patches.len()
             )));
         }
-        // Rectangular ones first if there are enough.
+        // Nearly rectangular patches only, if there are enough.
         if patches.iter().filter(|p| p.filled() >= MIN_FILLED_PART).count() >= wanted {
             patches.retain(|p| p.filled() >= MIN_FILLED_PART);
         }
@@ -183,7 +184,7 @@ fn by_name(scene: &Scene, exact: &dyn Occluder, names: &[String]) -> Result<Vec<
     Ok(found)
 }
 
-/// The largest patches: those in partial shadow first, then those in full light, then dark ones, each by size.
+/// The largest patches: partly shadowed ones first, then fully lit ones, then dark ones, each by area.
 fn candidates(scene: &Scene, exact: &dyn Occluder, mut patches: Vec<Patch>) -> Vec<Candidate> {
     patches.sort_by(|a, b| b.area.total_cmp(&a.area).then(a.triangles[0].cmp(&b.triangles[0])));
     patches.truncate(MAX_CANDIDATES);
@@ -212,8 +213,7 @@ fn candidates(scene: &Scene, exact: &dyn Occluder, mut patches: Vec<Patch>) -> V
     candidates
 }
 
-/// Irradiance (in units of the pairs' weights) and the part of the unoccluded irradiance that arrives at a grid of
-/// test points.
+/// Relative irradiance at a grid of test points, and its fraction of the unoccluded irradiance.
 fn light_on(scene: &Scene, exact: &dyn Occluder, patch: &Patch, rectangle: Rectangle) -> (f64, f64) {
     let n = PROBES_PER_SIDE as f64;
     let up = rectangle.normal.cross(rectangle.right);

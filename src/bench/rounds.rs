@@ -1,37 +1,38 @@
-//! One rule of timing for all rows, whatever engine they ask.
+//! Timing rule of all rows.
 //!
-//! The least of several times is shorter than a single one, so rows that are compared must be run equally often. All
-//! rows are run once, then all of them again: what else the machine does, and how its clock wanders, meets all of them
-//! alike. Of each timed section the least time counts: other work only ever makes a section longer, and rarely the same
-//! one twice.
+//! The minimum of several times is smaller than a single time, so rows that are compared are run equally often. Rows
+//! are run in turns, so that other load and clock changes affect all rows alike. Of each timed section the minimum
+//! over its runs counts: other load only lengthens a section.
 
 use std::time::{Duration, Instant};
 
-/// Rounds, at least and at most.
+/// Smallest and largest number of runs of each row. Chosen: two runs exclude a single disturbance; more than six
+/// change little.
 const MIN_ROUNDS: usize = 2;
 const MAX_ROUNDS: usize = 6;
-/// No round begins that is likely to end later than this after the first: a run shall end.
+/// A round starts only if the rounds are expected to end within this time. Chosen: bounds the duration of a
+/// benchmark.
 const MAX_TIME: Duration = Duration::from_secs(10);
 
 /// Pairs that are asked, untimed, before each timed row. Chosen: enough to load the caches.
 pub(super) const WARM_UP_PAIRS: usize = 1024;
 
-/// Times of rows that were run equally often.
+/// Minimum times of rows that were run equally often.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Timed {
-    /// Seconds of each row, in their order.
+    /// Time of each row, seconds, in order.
     pub seconds: Vec<f64>,
-    /// How often each was run.
+    /// Number of runs of each row.
     pub rounds: usize,
 }
 
-/// Runs `rows` rows in rounds. `run` is told which row and whether it is its first time; it returns the seconds of the
-/// row's timed sections, the same sections every time.
+/// Runs `rows` rows in rounds. `run` gets the index of the row and whether this is its first run; it returns the
+/// times of the row's timed sections, seconds, always the same sections.
 pub(super) fn rounds(rows: usize, run: impl FnMut(usize, bool) -> Vec<f64>) -> Timed {
     within(MAX_TIME, rows, run)
 }
 
-/// The same with another patience.
+/// [`rounds`] with a time limit.
 fn within(patience: Duration, rows: usize, mut run: impl FnMut(usize, bool) -> Vec<f64>) -> Timed {
     let start = Instant::now();
     let goes_on = |rounds: usize| {
@@ -49,19 +50,19 @@ fn within(patience: Duration, rows: usize, mut run: impl FnMut(usize, bool) -> V
     Timed { seconds: best.iter().map(|sections| sections.iter().sum()).collect(), rounds }
 }
 
-/// Runs one more row as often as others were; its seconds.
+/// Runs one more row `rounds` times; its minimum time, seconds.
 pub(super) fn as_often(rounds: usize, mut run: impl FnMut(bool) -> Vec<f64>) -> f64 {
     let mut best = run(true);
     (1..rounds).for_each(|_| shorten(&mut best, &run(false)));
     best.iter().sum()
 }
 
-/// Takes the shorter time of each section.
+/// Takes the smaller time of each section.
 fn shorten(best: &mut [f64], again: &[f64]) {
     best.iter_mut().zip(again).for_each(|(a, &b)| *a = a.min(b));
 }
 
-/// The result and, added up, the seconds it took.
+/// The result of `make`; adds its time to `seconds`.
 pub(super) fn timed<R>(seconds: &mut f64, make: impl FnOnce() -> R) -> R {
     let start = Instant::now();
     let result = make();
@@ -87,7 +88,7 @@ mod tests {
         assert!(rounds(0, |_, _| Vec::new()).seconds.is_empty());
     }
 
-    /// A long row is run as often as a short one: neither has more chances of a short time.
+    /// A long row is run as often as a short one.
     #[test]
     fn long_rows_hold_short_ones_back() {
         let mut calls = [0, 0];

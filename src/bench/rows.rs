@@ -1,35 +1,35 @@
-//! The rows of a run: both engines over the receiver points, timed.
+//! Timed rows of both engines over the receiver points.
 
 use super::audit::Audit;
-use super::context::{Asked, Bench};
-use super::measure::{MrRun, Questions, Run};
+use super::context::{Bench, PlannedRow};
+use super::measure::{MrRun, Queries, Run};
 use super::record::{ExactRow, MrRow, interpolate_log_log};
 use super::reference::Reference;
 use super::rounds::rounds;
 use super::sample::Sample;
 use crate::visibility::MultiResolution;
 
-/// What the rows are judged by, and the rows.
+/// Rows and the reference that gives their errors.
 pub(super) struct Measured {
     pub reference: Reference,
     pub exact: Vec<ExactRow>,
-    /// With certificates.
+    /// Exact rows with certificates.
     pub certified: Vec<ExactRow>,
     pub mr: Vec<MrRow>,
-    /// How often each row was run.
+    /// Number of runs of each row.
     pub rounds: usize,
 }
 
 impl Bench<'_> {
-    /// All rows over the receiver points.
-    pub fn points(&self, questions: Questions, engine: &MultiResolution, sample: &Sample) -> Measured {
-        let pairs = questions.pairs.len() as u64;
-        let reference = self.reference("reference", questions, self.options.reference_rays);
-        let audit = self.audit(questions);
+    /// Measures all rows over the receiver points.
+    pub fn points(&self, queries: Queries, engine: &MultiResolution, sample: &Sample) -> Measured {
+        let pairs = queries.pairs.len() as u64;
+        let reference = self.reference("reference", queries, self.options.reference_rays);
+        let audit = self.audit(queries);
         self.progress.stage("choosing", 0);
         let (mut exact, mut calls) = (Vec::new(), Vec::new());
         for rays in self.exact_rays() {
-            let (engine, setup_s) = self.embree_timed(questions.workload, rays);
+            let (engine, setup_s) = self.embree_timed(queries.workload, rays);
             let (mode, coherent) = (format!("occluded{}", engine.traversal.width), engine.traversal.coherent);
             exact.push(ExactRow { rays, mode, coherent, setup_s, ..Default::default() });
             calls.push((rays, engine));
@@ -37,7 +37,7 @@ impl Bench<'_> {
         let row = |rays| ExactRow { rays, mode: "certified".into(), ..Default::default() };
         let mut certified: Vec<ExactRow> = self.mr_rays().into_iter().map(row).collect();
         let asked = self.decisions(sample, engine);
-        let mut rows: Vec<MrRow> = asked.iter().map(Asked::row).collect();
+        let mut rows: Vec<MrRow> = asked.iter().map(PlannedRow::row).collect();
 
         let walked: Vec<usize> = (0..rows.len()).filter(|&k| asked[k].pays).collect();
         let all_rays: usize = calls.iter().map(|call| call.0).sum::<usize>()
@@ -48,24 +48,24 @@ impl Bench<'_> {
         let timed = rounds(first_mr + walked.len(), |k, first| {
             if k < first_certified {
                 let (rays, engine) = (calls[k].0, &calls[k].1);
-                let run = self.exact(questions, engine, rays, first);
-                exact[k].judge(first, &reference, &run);
+                let run = self.exact(queries, engine, rays, first);
+                exact[k].evaluate(first, &reference, &run);
                 for (row, _) in
                     rows.iter_mut().zip(&asked).filter(|(r, a)| first && r.rays == rays && !a.pays)
                 {
-                    row.judge(&reference, audit.as_ref(), &MrRun::handed_over(run.clone(), rays));
+                    row.evaluate(&reference, audit.as_ref(), &MrRun::handed_over(run.clone(), rays));
                 }
                 run.sections
             } else if k < first_mr {
                 let row = &mut certified[k - first_certified];
-                let run = self.certified(questions, engine, row.rays, first).run;
-                row.judge(first, &reference, &run);
+                let run = self.certified(queries, engine, row.rays, first).run;
+                row.evaluate(first, &reference, &run);
                 run.sections
             } else {
                 let k = walked[k - first_mr];
-                let result = self.mr(questions, engine, &asked[k], first);
+                let result = self.mr(queries, engine, &asked[k], first);
                 if first {
-                    rows[k].judge(&reference, audit.as_ref(), &result);
+                    rows[k].evaluate(&reference, audit.as_ref(), &result);
                 }
                 result.run.sections
             }
@@ -86,8 +86,8 @@ impl Bench<'_> {
 }
 
 impl ExactRow {
-    /// Notes what a first run's answers are worth.
-    fn judge(&mut self, first: bool, reference: &Reference, run: &Run) {
+    /// Computes the errors of the first run.
+    fn evaluate(&mut self, first: bool, reference: &Reference, run: &Run) {
         if first {
             (self.rms, self.bias) = reference.errors(&run.visible);
         }
@@ -95,13 +95,13 @@ impl ExactRow {
 }
 
 impl MrRow {
-    /// Notes what a run's answers are worth and what they rest on.
-    fn judge(&mut self, reference: &Reference, audit: Option<&Audit>, result: &MrRun) {
+    /// Computes errors, interval coverage and cost fractions of a run.
+    fn evaluate(&mut self, reference: &Reference, audit: Option<&Audit>, result: &MrRun) {
         let cost = result.cost;
         let segments = cost.segments.max(1) as f64;
         (self.rms, self.bias) = reference.errors(&result.run.visible);
         self.interval_coverage = reference.coverage(&result.run.visible, &result.intervals);
-        self.audit = audit.map(|audit| audit.judge(result));
+        self.audit = audit.map(|audit| audit.evaluate(result));
         self.aggregated_fraction = cost.aggregated as f64 / segments;
         self.certified_fraction = cost.certified as f64 / segments;
         self.exact_rays = cost.exact_rays;
@@ -110,12 +110,12 @@ impl MrRow {
     }
 }
 
-/// Seconds and errors of exact rows: what speed-ups are measured against.
+/// Time (seconds) and error of the exact rows, for [`interpolate_log_log`].
 pub(super) fn curve(rows: &[ExactRow]) -> Vec<(f64, f64)> {
     rows.iter().map(|row| (row.seconds, row.rms)).collect()
 }
 
-/// `a / b` if that is a number.
+/// `a / b` if finite.
 pub(super) fn ratio(a: f64, b: f64) -> Option<f64> {
     let ratio = a / b;
     ratio.is_finite().then_some(ratio)

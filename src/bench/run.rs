@@ -1,7 +1,7 @@
-//! One run from a scene to a record and images.
+//! A benchmark run: from a model to a record and images.
 
 use super::context::Bench;
-use super::measure::{Questions, Timer};
+use super::measure::{Queries, Timer};
 use super::options::Options;
 use super::page::ReceiverImages;
 use super::prepare::build_of;
@@ -17,12 +17,12 @@ use crate::{Error, Result};
 
 /// Measures a scene.
 ///
-/// The record has everything but `build.load_s`, which only the caller knows. Everything in it but times, ratios of
-/// times, the choice of Embree's call and where the clusters came from is the same for the same options, whatever the
-/// threads. What targets and unbiased rows ask is planned by measured times and may differ from run to run.
+/// The record is complete but for `build.load_s`, which the caller knows. All of it is independent of the number of
+/// threads, except times, ratios of times, Embree's ray call and the origin of the clusters. Targets and unbiased
+/// rows depend on measured times and may differ between runs.
 ///
 /// # Errors
-/// An option is out of range, a name is unknown, nothing emits or receives light, Embree refuses.
+/// An option is out of range, a name is unknown, the scene has no emitter or no receiver, or Embree fails.
 pub fn run(
     model: &Model,
     options: &Options,
@@ -49,14 +49,14 @@ pub fn run(
     let mr = bench.engine(&workload, &sample, &mut build);
 
     let every: Vec<usize> = (0..workload.pairs.len()).collect();
-    let questions = Questions { scene, workload: &workload, pairs: &every };
-    let measured = bench.points(questions, &mr, &sample);
+    let queries = Queries { scene, workload: &workload, pairs: &every };
+    let measured = bench.points(queries, &mr, &sample);
     let unbiased = match options.unbiased {
-        true => bench.unbiased(questions, &mr, &measured),
+        true => bench.unbiased(queries, &mr, &measured),
         false => Vec::new(),
     };
     let Measured { reference, exact, certified, mr: mut rows, rounds } = measured;
-    let target = options.target.map(|target| bench.target(target, questions, &mr, &reference));
+    let target = options.target.map(|target| bench.target(target, queries, &mr, &reference));
     let (receivers, images) = bench.images(&mr, &mut rows, &mut warnings)?;
     build.exact_setup_s = build.embree_s + exact.iter().map(|row| row.setup_s).sum::<f64>();
     build.mr_setup_s = build.hierarchy_s
@@ -101,7 +101,7 @@ pub fn run(
     Ok((record, images))
 }
 
-/// The feature sizes of the options or the default ones, ascending, each once.
+/// Feature sizes of the options or by default, ascending, without duplicates.
 fn sizes(model: &Model, options: &Options) -> Vec<f64> {
     let mut sizes = match &options.feature_sizes[..] {
         [] => default_sizes(model),

@@ -1,15 +1,14 @@
-//! Rows without bias: averaged answers corrected by exact segments, against plain exact rays at the same error
+//! Unbiased rows: averaged answers corrected by exact segments, compared with exact rays at equal error
 //! (docs/method.md, Unbiased combination).
 //!
-//! A pilot on a sample, with segments of its own, measures for some averaged levels what they cost, how far they are
-//! from exact, segment by segment, and how that depends on the answer. The numbers of corrections by class are those
-//! that leave the least variance at a price for a correction; price and level are those that promise the least time
-//! relative to that of exact rays with the same error.
+//! A pilot with independent segments measures, for several averaged levels, their time and their difference to exact
+//! segments by class of answer. The number of corrections per class minimises variance at a price per correction.
+//! Price and level minimise the expected time relative to exact rays of equal error.
 
 mod allocate;
 
 use super::context::Bench;
-use super::measure::{Questions, Run, Timer, bundles};
+use super::measure::{Queries, Run, Timer, bundles};
 use super::pilot::{UNBIASED_SEGMENTS, pilot_pairs};
 use super::record::{UnbiasedLevel, UnbiasedRow, interpolate_log_log};
 use super::reference::Reference;
@@ -24,44 +23,45 @@ use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::Rng;
 use std::time::Instant;
 
-/// Parts of their size that emitters are taken for: smaller ones open more.
+/// Emitter sizes used by the umbra criterion, relative to the true size: smaller emitters open more clusters. Chosen:
+/// three steps of 2.
 const EMITTER_PARTS: [f32; 3] = [1.0, 0.5, 0.25];
-/// Sample set of the rows, and those of the pilot.
+/// Random streams (sample sets) of the rows and of the pilot; independent of the streams of other measurements.
 const STREAM: u64 = 5;
 const PILOT_STREAMS: [u64; 2] = [6, 7];
 
-/// An averaged level and how it is corrected.
+/// An averaged level and its corrections.
 #[derive(Clone)]
 struct Plan {
     segments: usize,
     feature_size: f64,
     emitter_part: f32,
     correction: Correction,
-    /// Time for an estimate over that of exact rays with the same error, expected.
+    /// Expected time of an estimate relative to exact rays of equal error.
     work: f64,
 }
 
 impl Bench<'_> {
-    /// Rows without bias, each run as often as the rows that were measured.
+    /// Measures the unbiased rows, each as often as the other rows.
     pub fn unbiased(
         &self,
-        questions: Questions,
+        queries: Queries,
         engine: &MultiResolution,
         measured: &Measured,
     ) -> Vec<UnbiasedRow> {
         let (reference, curve) = (&measured.reference, &curve(&measured.exact)[..]);
-        self.progress.stage("unbiased", (UNBIASED_SEGMENTS.len() * questions.pairs.len()) as u64);
-        let sample = pilot_pairs(questions);
-        let questions_of_pilot = Questions { pairs: &sample, ..questions };
+        self.progress.stage("unbiased", (UNBIASED_SEGMENTS.len() * queries.pairs.len()) as u64);
+        let sample = pilot_pairs(queries);
+        let pilot_queries = Queries { pairs: &sample, ..queries };
         UNBIASED_SEGMENTS
             .iter()
             .map(|&segments| {
                 let start = Instant::now();
-                let exact = self.embree(questions.workload, segments);
-                let pilot = Pilot::new(questions_of_pilot, &exact, segments);
+                let exact = self.embree(queries.workload, segments);
+                let pilot = Pilot::new(pilot_queries, &exact, segments);
                 let sizes = [self.sizes.first(), self.sizes.last()].into_iter().flatten();
                 let plans = sizes.flat_map(|&s| EMITTER_PARTS.map(|part| (s, part)));
-                let pairs = questions.pairs.len() as f64;
+                let pairs = queries.pairs.len() as f64;
                 let exactly = |rms| interpolate_log_log(curve, rms).map_or(f64::MAX, |t| t.seconds / pairs);
                 let plan = plans
                     .map(|(s, part)| pilot.plan(engine, (s, part), &exactly))
@@ -76,14 +76,14 @@ impl Bench<'_> {
                     correction: &plan.correction,
                 };
                 let seed = self.options.seed;
-                let ask = |questions: Questions, advance: &dyn Fn(usize)| {
-                    self.timer.unbiased(questions, &unbiased, segments, seed, advance)
+                let ask = |queries: Queries, advance: &dyn Fn(usize)| {
+                    self.timer.unbiased(queries, &unbiased, segments, seed, advance)
                 };
-                ask(questions.first(WARM_UP_PAIRS), &|_| ());
+                ask(queries.first(WARM_UP_PAIRS), &|_| ());
                 let advance = |first: bool, n: usize| self.progress.advance(if first { n as u64 } else { 0 });
                 let mut found = None;
                 let seconds = as_often(measured.rounds, |first| {
-                    let (mut run, corrections) = ask(questions, &|n| advance(first, n));
+                    let (mut run, corrections) = ask(queries, &|n| advance(first, n));
                     let sections = std::mem::take(&mut run.sections);
                     found.get_or_insert((run, corrections));
                     sections
@@ -95,7 +95,7 @@ impl Bench<'_> {
     }
 }
 
-/// What a run has to say for itself.
+/// The row of one run.
 fn row(
     plan: &Plan,
     (run, seconds): (&Run, f64),
@@ -120,7 +120,7 @@ fn row(
         pilot_s,
         rms,
         bias,
-        // Both the estimates and the reference they are compared with err independently, pair by pair.
+        // Errors of estimates and of the reference are independent between pairs.
         bias_error: (rms * rms + reference.standard_error().powi(2)).sqrt() / pairs.sqrt(),
         speedup_at_same_rms: same.and_then(|t| ratio(t.seconds, seconds)),
         extrapolated: same.is_some_and(|t| t.extrapolated),
@@ -128,27 +128,27 @@ fn row(
 }
 
 impl Timer {
-    /// Estimates without bias, and how many segments corrected them.
+    /// Unbiased estimates, and the number of correcting segments.
     fn unbiased(
         &self,
-        questions: Questions,
+        queries: Queries,
         unbiased: &Unbiased,
         rays: usize,
         seed: u64,
         advance: &dyn Fn(usize),
     ) -> (Run, u64) {
-        let (mut visible, mut corrections) = (Vec::with_capacity(questions.pairs.len()), 0);
+        let (mut visible, mut corrections) = (Vec::with_capacity(queries.pairs.len()), 0);
         let sections = self.chunk_by_chunk(
-            super::measure::chunks(questions.pairs.len(), rays),
+            super::measure::chunks(queries.pairs.len(), rays),
             |chunk: &mut super::measure::Chunk<Estimate>| {
-                chunk.prepare(questions, (rays, Order::Spread), STREAM)
+                chunk.prepare(queries, (rays, Order::Spread), STREAM)
             },
             |chunk| {
-                let (order, bundles) = bundles(questions, chunk.pairs.clone(), &chunk.packets, rays);
+                let (order, bundles) = bundles(queries, chunk.pairs.clone(), &chunk.packets, rays);
                 chunk.answers.clear();
                 chunk.answers.resize(bundles.len(), Estimate::default());
                 let mut next = order.iter();
-                let pair = |k: usize| questions.pairs[chunk.pairs.start + order[k]];
+                let pair = |k: usize| queries.pairs[chunk.pairs.start + order[k]];
                 let chance = |k: usize| chance(seed, pair(k));
                 unbiased.estimates(&bundles, chance, &mut chunk.workspace, |estimate| {
                     chunk.answers[*next.next().expect("an estimate a bundle")] = estimate;
@@ -169,26 +169,26 @@ fn chance(seed: u64, pair: usize) -> u64 {
     Pcg64Mcg::new((u128::from(seed) << 64) | (pair as u128 * 2 + 1)).next_u64()
 }
 
-/// Exact answers to a sample.
+/// Exact answers to the pairs of a pilot.
 struct Pilot<'a> {
-    questions: Questions<'a>,
+    queries: Queries<'a>,
     segments: usize,
     packets: Vec<Packet>,
-    /// Clear segments of each packet.
+    /// Number of clear segments of each packet.
     clear: Vec<f32>,
-    /// Variance of the mean of a pair's exact segments, averaged over the pairs.
+    /// Mean variance of a pair's mean over its exact segments.
     variance: f64,
-    /// Seconds for an exact packet.
+    /// Time of an exact packet, seconds.
     seconds: f64,
 }
 
 impl<'a> Pilot<'a> {
-    fn new(questions: Questions<'a>, exact: &Exact, segments: usize) -> Pilot<'a> {
+    fn new(queries: Queries<'a>, exact: &Exact, segments: usize) -> Pilot<'a> {
         let make = |stream: u64| {
             let mut packets = Vec::new();
-            for &pair in questions.pairs {
+            for &pair in queries.pairs {
                 let how = (segments, Order::Spread);
-                questions.workload.add_bundle(questions.scene, pair, how, stream, &mut packets);
+                queries.workload.add_bundle(queries.scene, pair, how, stream, &mut packets);
             }
             packets
         };
@@ -209,12 +209,12 @@ impl<'a> Pilot<'a> {
             let difference = (a.iter().sum::<f32>() - b.iter().sum::<f32>()) / segments as f32;
             0.5 * f64::from(difference).powi(2)
         };
-        let variance = halves.map(square).sum::<f64>() / questions.pairs.len() as f64;
-        Pilot { questions, segments, packets, clear, variance, seconds }
+        let variance = halves.map(square).sum::<f64>() / queries.pairs.len() as f64;
+        Pilot { queries, segments, packets, clear, variance, seconds }
     }
 
-    /// The best use of an averaged level. `exactly` says how many seconds exact rays take to answer a pair with this
-    /// error.
+    /// Corrections of one averaged level that minimise the expected time. `exactly` is the time per pair, seconds, of
+    /// exact rays with a given error.
     fn plan(
         &self,
         engine: &MultiResolution,
@@ -222,8 +222,8 @@ impl<'a> Pilot<'a> {
         exactly: &dyn Fn(f64) -> f64,
     ) -> Plan {
         let per_pair = self.segments / LANES;
-        let pairs = self.questions.pairs;
-        let (order, bundles) = bundles(self.questions, 0..pairs.len(), &self.packets, self.segments);
+        let pairs = self.queries.pairs;
+        let (order, bundles) = bundles(self.queries, 0..pairs.len(), &self.packets, self.segments);
         let bundles: Vec<Bundle> =
             bundles.iter().map(|b| Bundle { emitter_size: b.emitter_size * emitter_part, ..*b }).collect();
         let mut workspace = Workspace::default();

@@ -1,49 +1,42 @@
-//! The questions of a benchmark: receiver points, the emitters they face, and the segments between them.
+//! Queries of a benchmark: receiver points, the emitters that they face, and the segments between them.
 
+use super::surface::{point_on, scramble};
 use crate::math::Aabb;
 use crate::ray::{EndRule, LANES, Packet, gather_neighbours};
-use crate::scene::{Emitter, Placement, Scene};
+use crate::scene::{Emitter, Scene};
 use crate::visibility::reference::end_rule;
 use glam::{BVec3, Vec3};
 use rayon::prelude::*;
 use sobol_burley::sample_4d;
 
-/// A point on a surface and the side that is asked for.
-#[derive(Clone, Copy, Debug)]
-pub struct Point {
-    /// Scene units, relative to the scene's origin.
-    pub position: Vec3,
-    /// Unit normal.
-    pub normal: Vec3,
-}
+pub use super::surface::{Point, surface_points};
 
-/// A point and an emitter that face each other at least in part.
+/// A point and an emitter that face each other at least partly.
 #[derive(Clone, Copy, Debug)]
 pub struct Pair {
     /// Index into [`Workload::points`].
     pub point: u32,
     /// Index into [`Scene::emitters`].
     pub emitter: u32,
-    /// Smallest width of the emitter across the direction to the point.
+    /// Smallest width of the emitter perpendicular to the direction to the point, scene units.
     pub emitter_size: f32,
-    /// Irradiance of the point from the unoccluded emitter relative to the others', by its centre: the weight in
-    /// images.
+    /// Relative irradiance of the point from the unoccluded emitter, by the emitter's centre: its weight in images.
     pub weight: f32,
 }
 
-/// Which segments of a pair share a packet.
+/// Assignment of the segments of a pair to packets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
-    /// Those that end close together: packets are coherent.
+    /// Segments that end close together share a packet: packets are coherent.
     Near,
-    /// As drawn: every packet is spread over the whole emitter, and so is every power of two of them.
+    /// Order of the samples: each packet, and each power of two of packets, is stratified over the whole emitter.
     Spread,
 }
 
 /// Points and pairs of a scene, the same for every engine.
 #[derive(Clone, Debug)]
 pub struct Workload {
-    /// Receiver points, in an order that keeps neighbours together.
+    /// Receiver points along a space-filling curve.
     pub points: Vec<Point>,
     /// Pairs in the order of their points.
     pub pairs: Vec<Pair>,
@@ -53,7 +46,7 @@ pub struct Workload {
 }
 
 impl Workload {
-    /// All pairs between these points and the scene's emitters.
+    /// All pairs of these points and the scene's emitters that face each other.
     pub fn new(scene: &Scene, points: Vec<Point>, seed: u64) -> Workload {
         let samplers: Vec<EmitterSampler> =
             scene.emitters.iter().map(|e| EmitterSampler::new(scene, e)).collect();
@@ -74,10 +67,10 @@ impl Workload {
         Workload { points, pairs, seed, ends: end_rule(scene), samplers }
     }
 
-    /// Appends `rays` segments of a pair to `packets`, sixteen a packet.
+    /// Appends `rays` segments of a pair to `packets`, sixteen per packet.
     ///
-    /// The segments of a smaller number are among those of a larger one. `stream` separates independent sample sets
-    /// of the same pair: engines under test share stream 0, references use others.
+    /// The segments of a smaller number are a subset of those of a larger one. `stream` selects an independent sample
+    /// set of the pair: engines under test share stream 0, references use others.
     pub fn add_bundle(
         &self,
         scene: &Scene,
@@ -94,13 +87,13 @@ impl Workload {
         });
     }
 
-    /// Points whose convex hull holds the emitter of a pair.
+    /// Points whose convex hull contains the emitter of a pair.
     pub fn hull(&self, pair: usize) -> &[Vec3] {
         &self.samplers[self.pairs[pair].emitter as usize].hull
     }
 
-    /// The mean of a value of each pair over the emitters of each point, weighted by their unoccluded irradiance:
-    /// the part of the light that arrives. 0 at points that face no emitter.
+    /// Fraction of the unoccluded irradiance that arrives at each point: mean of `values` (one per pair) over the
+    /// point's emitters, weighted by [`Pair::weight`]. 0 at points that face no emitter.
     pub fn weighted(&self, values: &[f32]) -> Vec<f32> {
         let mut sums = vec![(0.0f64, 0.0f64); self.points.len()];
         for (pair, &value) in self.pairs.iter().zip(values) {
@@ -111,7 +104,7 @@ impl Workload {
         sums.into_iter().map(|(sum, weight)| if weight > 0.0 { (sum / weight) as f32 } else { 0.0 }).collect()
     }
 
-    /// Puts `rays` segments of each of these pairs into packets without gaps: for engines that need no bundles.
+    /// Puts `rays` segments of each of these pairs into packets without gaps, for engines that need no bundles.
     pub fn packed(
         &self,
         scene: &Scene,
@@ -146,7 +139,7 @@ impl Workload {
         let seed = scramble(self.seed ^ stream << 56 ^ (pair as u64) << 8);
         let sampler = &self.samplers[emitter as usize];
         let facing = sampler.facing(scene, point);
-        // Owen-scrambled Sobol' points: stratified for every power of two, 65536 at most a scramble.
+        // Owen-scrambled Sobol' points, stratified for every power of two; a scramble serves 65,536 points.
         let draw = |i: u32| sample_4d(i & 0xffff, 0, seed ^ (i >> 16).wrapping_mul(0x9e37_79b9));
         let mut ends: Vec<Vec3> =
             (0..rays as u32).map(draw).map(|[u, v, ..]| facing.sample(scene, u, v)).collect();
@@ -157,7 +150,7 @@ impl Workload {
     }
 }
 
-/// The corners of a convex polygon in turn; as they are if there is no such order.
+/// The points in the order of a convex polygon, or unchanged if there is no such order.
 fn in_turn(points: [Vec3; 4]) -> [Vec3; 4] {
     let [a, b, c, d] = points;
     let orders = [points, [a, b, d, c], [a, c, b, d]];
@@ -169,8 +162,9 @@ fn in_turn(points: [Vec3; 4]) -> [Vec3; 4] {
     orders.into_iter().find(convex).unwrap_or(points)
 }
 
-/// The points, each once, if there are few, or the corners of the box around them.
+/// The distinct points if they are at most eight, otherwise the corners of their bounding box.
 fn hull(points: impl Iterator<Item = Vec3> + Clone) -> Vec<Vec3> {
+    /// Largest number of points of a hull: that of a box.
     const MAX_HULL_POINTS: usize = 8;
     let mut distinct: Vec<Vec3> = Vec::new();
     for p in points.clone() {
@@ -189,14 +183,7 @@ fn hull(points: impl Iterator<Item = Vec3> + Clone) -> Vec<Vec3> {
     (0..8).map(|k| Vec3::select(corner(k), bounds.max, bounds.min)).collect()
 }
 
-/// A well-mixed 32-bit seed.
-fn scramble(v: u64) -> u32 {
-    let v = (v ^ v >> 33).wrapping_mul(0xff51_afd7_ed55_8ccd);
-    let v = (v ^ v >> 33).wrapping_mul(0xc4ce_b9fe_1a85_ec53);
-    (v ^ v >> 33) as u32
-}
-
-/// Draws points on an emitter.
+/// Samples points on an emitter.
 #[derive(Clone, Debug)]
 struct EmitterSampler {
     triangles: Vec<u32>,
@@ -204,9 +191,9 @@ struct EmitterSampler {
     normals: Vec<Vec3>,
     /// A corner of each face.
     corners: Vec<Vec3>,
-    /// All corners or, of a many-cornered emitter, those of the box around them: their hull holds it.
+    /// All corners or, for emitters with many corners, the corners of their bounding box.
     hull: Vec<Vec3>,
-    /// Running sums of the areas.
+    /// Cumulative areas.
     sums: Vec<f32>,
     centre: Vec3,
     normal: Vec3,
@@ -244,11 +231,11 @@ impl EmitterSampler {
         }
     }
 
-    /// Size and weight of the emitter for a point; none if no face of it can send light there.
+    /// Emitter size and weight for a point; `None` if no face of the emitter faces the point.
     fn pair(&self, point: &Point) -> Option<(f32, f32)> {
         let seen =
             self.normals.iter().zip(&self.corners).any(|(n, &corner)| n.dot(point.position - corner) > 0.0);
-        // The centre decides: a point whose horizon cuts the emitter still counts if more than half is above.
+        // The centre decides: a point whose horizon cuts the emitter counts if the centre is above the horizon.
         let to = self.centre - point.position;
         let distance = to.length();
         let cosine = point.normal.dot(to) / distance;
@@ -260,7 +247,7 @@ impl EmitterSampler {
         Some((self.width * facing, weight))
     }
 
-    /// The faces that face a point, with their areas summed up.
+    /// The faces towards a point, with cumulative areas.
     fn facing<'a>(&'a self, scene: &Scene, point: &Point) -> Facing<'a> {
         if self.planar {
             return Facing { triangles: &self.triangles, sums: std::borrow::Cow::Borrowed(&self.sums) };
@@ -287,12 +274,12 @@ struct Facing<'a> {
 }
 
 impl Facing<'_> {
-    /// Area-uniform point from two numbers in `[0, 1)`: the first picks the face and is used again inside it.
+    /// Area-uniform point from two numbers in `[0, 1)`: the first selects the face and is reused within it.
     fn sample(&self, scene: &Scene, u: f32, v: f32) -> Vec3 {
         let total = *self.sums.last().expect("emitters have faces");
         let target = u * total;
         let mut i = self.sums.partition_point(|&s| s <= target).min(self.sums.len() - 1);
-        // Rounded up to the total: the last face that counts.
+        // `target` may be rounded up to the total: take the last face with an area.
         while i > 0 && self.sums[i] == self.sums[i - 1] {
             i -= 1;
         }
@@ -300,115 +287,4 @@ impl Facing<'_> {
         let u = ((target - before) / (self.sums[i] - before)).clamp(0.0, 1.0);
         point_on(scene.corners(self.triangles[i]), u, v)
     }
-}
-
-/// Area-uniform point of a triangle.
-pub(super) fn point_on([a, b, c]: [Vec3; 3], u: f32, v: f32) -> Vec3 {
-    let root = u.sqrt();
-    a + root * (1.0 - v) * (b - a) + root * v * (c - a)
-}
-
-/// `count` points on the surfaces that do not emit, area-weighted, low-discrepancy; sheets get either side.
-///
-/// # Errors
-/// If every surface emits.
-pub fn surface_points(scene: &Scene, count: usize, seed: u64) -> crate::Result<Vec<Point>> {
-    let own = Receivers::of(scene);
-    let shared: Vec<Receivers> = scene.shared.iter().map(|mesh| Receivers::of(mesh)).collect();
-    // Sums of areas: the scene's own triangles first, then the visible placements.
-    let mut sum = own.area();
-    let mut placed = Vec::new();
-    for placement in scene.placements.iter().filter(|p| p.visible) {
-        placed.push((sum, placement));
-        sum += shared[placement.mesh as usize].area() * area_scale(placement);
-    }
-    if sum <= 0.0 {
-        return Err(crate::Error::Scene(
-            "every surface of the scene emits: there is nothing to receive light".into(),
-        ));
-    }
-    let bounds = scene.world_bounds();
-    let seed = scramble(seed ^ 0x706f_696e_7473);
-    let mut points: Vec<(u64, Point)> = (0..count as u32)
-        .into_par_iter()
-        .map(|i| {
-            let draw = sample_4d(i & 0xffff, 0, seed ^ (i >> 16).wrapping_mul(0x9e37_79b9));
-            let target = f64::from(draw[0]) * sum;
-            let point = match placed.partition_point(|(before, _)| *before <= target) {
-                0 => own.point(target, draw),
-                k => {
-                    let (before, placement) = placed[k - 1];
-                    let target = (target - before) / area_scale(placement);
-                    moved(shared[placement.mesh as usize].point(target, draw), placement)
-                }
-            };
-            (curve_key(bounds, point.position), point)
-        })
-        .collect();
-    // Neighbours together: both engines find their caches warm.
-    points.par_sort_by_key(|(key, _)| *key);
-    Ok(points.into_iter().map(|(_, point)| point).collect())
-}
-
-/// Triangles of a mesh that do not emit, with running sums of their areas.
-struct Receivers<'a> {
-    scene: &'a Scene,
-    triangles: Vec<u32>,
-    sums: Vec<f64>,
-}
-
-impl<'a> Receivers<'a> {
-    fn of(scene: &'a Scene) -> Receivers<'a> {
-        let triangles: Vec<u32> = (0..scene.triangles.len() as u32)
-            .filter(|&t| scene.triangle_emitter[t as usize] == u32::MAX)
-            .collect();
-        let mut sums = Vec::with_capacity(triangles.len());
-        let mut sum = 0.0f64;
-        for &t in &triangles {
-            let [a, b, c] = scene.corners(t);
-            sum += crate::math::triangle_area(a, b, c);
-            sums.push(sum);
-        }
-        Receivers { scene, triangles, sums }
-    }
-
-    /// Area of all triangles, squared units of the mesh.
-    fn area(&self) -> f64 {
-        self.sums.last().copied().unwrap_or(0.0)
-    }
-
-    /// The point at which the running sum of areas reaches `target`, on either side of sheets.
-    fn point(&self, target: f64, draw: [f32; 4]) -> Point {
-        let k = self.sums.partition_point(|&s| s <= target).min(self.sums.len() - 1);
-        let corners = self.scene.corners(self.triangles[k]);
-        let position = point_on(corners, draw[1], draw[2]);
-        let mut normal = crate::math::triangle_normal(corners[0], corners[1], corners[2]);
-        if self.scene.triangle_sides[self.triangles[k] as usize] == 2 && draw[3] < 0.5 {
-            normal = -normal;
-        }
-        Point { position, normal }
-    }
-}
-
-/// Area of a placed triangle over its area in the mesh.
-fn area_scale(placement: &Placement) -> f64 {
-    placement.transform.matrix3.determinant().abs().cbrt().powi(2)
-}
-
-/// A point of a mesh where it is placed.
-fn moved(Point { position, normal }: Point, placement: &Placement) -> Point {
-    let normal = placement.transform.matrix3.inverse().transpose() * normal.as_dvec3();
-    Point {
-        position: placement.transform.transform_point3(position.as_dvec3()).as_vec3(),
-        normal: normal.normalize_or_zero().as_vec3(),
-    }
-}
-
-/// Position along a Morton curve of 2^10 cells an axis.
-fn curve_key(bounds: Aabb, p: Vec3) -> u64 {
-    let cell = ((p - bounds.min) / bounds.extent().max_element().max(f32::MIN_POSITIVE) * 1023.0).as_uvec3();
-    (0..10).fold(0, |key, bit| {
-        let pick = |v: u32| u64::from(v >> bit & 1);
-        key | (pick(cell.x) | pick(cell.y) << 1 | pick(cell.z) << 2) << (3 * bit)
-    })
 }

@@ -1,11 +1,12 @@
-//! Names of options in messages of the library, written as the command knows them.
+//! Converts names of options in messages of the library to flags of the command.
 //!
 //! The library names an option by its field: `max_links 0: must lie in 1..100`, or, within a sentence, option `rays`.
 
 use clap::CommandFactory;
 use std::collections::BTreeSet;
 
-/// The text with `--max-links` in place of a leading `max_links` with a value, and of option `max_links`.
+/// The text with `--max-links` instead of a leading `max_links` followed by a number, and instead of option
+/// `max_links`.
 pub fn with_flags(text: &str) -> String {
     let options = long_options();
     let mut text = text.to_owned();

@@ -1,4 +1,4 @@
-//! `mrvis solve SCENE --out DIR`: the light in a scene.
+//! `mrvis solve SCENE --out DIR`: light in a scene.
 
 mod scaling;
 mod summary;
@@ -33,78 +33,78 @@ use watch::{Watch, prepare};
 pub struct Args {
     #[command(flatten)]
     scene: Option<SceneArgs>,
-    /// Folder for the results (made if missing).
+    /// Folder for the results (created if missing).
     #[arg(long, value_name = "DIR", required_unless_present = "scaling")]
     out: Option<PathBuf>,
-    /// Measure how time grows instead: scenes of 1,000, 10,000, ... triangles up to N (at least 10,000) [default: a
-    /// million], solved to the same error; table and --json.
+    /// Measure the growth of time instead: scenes of 1,000, 10,000, ... triangles up to N (at least 10,000) [default:
+    /// a million], solved to the same error; table and --json.
     #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "1000000", conflicts_with = "scene")]
     scaling: Option<usize>,
-    /// Points x,y,z,nx,ny,nz at which irradiance is computed, to irradiance.csv.
+    /// Points x,y,z,nx,ny,nz for irradiance.csv.
     #[arg(long, value_name = "FILE.csv")]
     points: Option<PathBuf>,
-    /// Leave the bounces out at points; with --points nothing else is computed.
+    /// Direct light only at points; with --points nothing else is computed.
     #[arg(long)]
     direct_only: bool,
-    /// Error that links are refined to, relative to the mean irradiance; what they leave together is estimated and audited.
+    /// Target error of links relative to the mean irradiance; their total error is estimated and audited.
     #[arg(long, value_name = "E", default_value_t = Options::default().error, allow_negative_numbers = true)]
     error: f64,
-    /// Smallest element as part of the scene's area.
+    /// Smallest element relative to the scene's area.
     #[arg(long, value_name = "PART", default_value_t = Options::default().min_area, allow_negative_numbers = true)]
     min_area: f64,
-    /// What links are refined for.
+    /// Criterion of refinement.
     #[arg(long, value_enum, default_value = "error")]
     oracle: Criterion,
-    /// What is done so that form factors of elements in closed scenes sum up to 1.
+    /// Normalisation of the form factors of elements in closed scenes to row sums of 1.
     #[arg(long, value_enum, default_value = "balanced")]
     rows: RowSums,
-    /// How visibility is answered.
+    /// Engine for visibility.
     #[arg(long, value_enum, default_value = "exact")]
     visibility: Engine,
-    /// Solve once more with this engine, side by side: time of both and the difference at the points; needs --points.
+    /// Solve again with this engine and report times of both and the difference at the points; needs --points.
     #[arg(long, value_enum, value_name = "ENGINE", requires = "points")]
     compare: Option<Engine>,
-    /// Feature size in scene units: shadows smaller than this may be averaged [default: each receiver's diameter]. With
-    /// --importance or --importance-camera it grows, up to 7 times, where surfaces matter only by the light they send on.
+    /// Feature size in scene units: smaller shadows may be averaged [default: each receiver's diameter]. With
+    /// --importance or --importance-camera it is up to 7 times larger on surfaces that matter only by the light they
+    /// reflect.
     #[arg(short = 's', long, value_name = "S", allow_negative_numbers = true)]
     feature_size: Option<f32>,
     /// Feature sizes of objects, groups or materials: a TOML file with lines `name = size`.
     #[arg(long, value_name = "FILE.toml")]
     feature_sizes: Option<PathBuf>,
-    /// What light does inside the clusters that links end at.
+    /// Light inside the clusters at the ends of links.
     #[arg(long, value_enum, default_value = "visible")]
     inside: Clusters,
-    /// Object, group or material whose light matters; may be given several times [default: all].
+    /// Object, group or material whose light matters; repeatable [default: all].
     #[arg(long, value_name = "NAME")]
     importance: Vec<String>,
-    /// What cameras see matters (--camera, or those of the file): errors count by what they do there, and features smaller
-    /// than a few pixels need no resolving.
+    /// Light seen by cameras matters (--camera, or those of the file): errors count by their effect there, and
+    /// features smaller than a few pixels may be averaged.
     #[arg(long)]
     importance_camera: bool,
-    /// Elements whose error bars are checked by paths of their own; 0 for none.
+    /// Number of elements whose error bars are checked by independent paths; 0: no check.
     #[arg(long, value_name = "N", default_value_t = Options::default().audit)]
     audit: usize,
-    /// Shadow rays from a point to an emitter that is partly visible [default: by the error].
+    /// Shadow rays from a point to a partly visible emitter [default: by the error].
     #[arg(long, value_name = "N")]
     light_rays: Option<usize>,
-    /// Rays from a point that gather reflected light [default: by the error].
+    /// Rays per point for reflected light [default: by the error].
     #[arg(long, value_name = "N")]
     gather_rays: Option<usize>,
-    /// Rays by which elements of scenes with clusters gather their light in the end, in all; 0 for none [default: by the
-    /// error].
+    /// Total number of rays of the local pass, in scenes with clusters; 0: no local pass [default: by the error].
     #[arg(long, value_name = "N")]
     local_rays: Option<usize>,
     /// Refine in steps of this many seconds.
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     step_seconds: Option<f64>,
-    /// Do with about so many seconds, from the triangles to the light (at least for preparing the scene and a first coarse
-    /// solution): refine less, and trace fewer rays. Pixels of --gather for which it is not enough show the light of elements.
+    /// Limit the time to about T seconds, preparation included (at least for preparation and a first coarse
+    /// solution): refine less and trace fewer rays. Pixels of --gather beyond the time show the light of elements.
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     max_seconds: Option<f64>,
-    /// Stop refining when the estimated error is no larger; exit code 1 if it is larger in the end.
+    /// Stop refinement at this estimated error; exit code 1 if the final error is larger.
     #[arg(long, value_name = "E", allow_negative_numbers = true)]
     target_error: Option<f64>,
-    /// Stop refining at so many links.
+    /// Stop refinement at this number of links.
     #[arg(long, value_name = "N", default_value_t = Options::default().max_links)]
     max_links: usize,
     #[command(flatten)]
@@ -117,29 +117,29 @@ pub struct Args {
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 enum Clusters {
-    /// Surfaces face all directions alike and hide nothing.
+    /// Surfaces without orientation or mutual occlusion.
     Isotropic,
-    /// Surfaces have orientations and hide nothing.
+    /// Oriented surfaces without mutual occlusion.
     Oriented,
-    /// Surfaces hide each other.
+    /// Oriented surfaces that occlude each other.
     Visible,
 }
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 enum Criterion {
-    /// The error of the light they carry.
+    /// Error of the transported light.
     Error,
-    /// The light they carry (BF refinement).
+    /// Transported light (BF refinement of Hanrahan et al. 1991).
     Bf,
 }
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 enum RowSums {
-    /// Nothing.
+    /// None.
     Sampled,
-    /// What each element gathers is scaled.
+    /// Scale the light that each element gathers.
     Closed,
-    /// What each element gathers and sends is scaled alike: exactly reciprocal.
+    /// Scale the light that each element gathers and sends by one factor: exactly reciprocal.
     Balanced,
 }
 
@@ -163,7 +163,7 @@ impl From<Engine> for Visibility {
     }
 }
 
-/// The options of the solver. Views follow when the scene is read.
+/// Options of the solver. The views of cameras are added when the scene is loaded.
 fn options(args: &Args) -> Result<Options> {
     Ok(Options {
         error: args.error,
@@ -286,7 +286,7 @@ fn write(
     Ok(())
 }
 
-/// The cameras whose pictures matter.
+/// The cameras of `--importance-camera`.
 fn views(scene: &Scene, given: Option<[f64; 7]>) -> Result<Vec<View>> {
     let views: Vec<View> = match given {
         Some([x, y, z, u, v, w, degrees]) => {
@@ -307,7 +307,7 @@ fn views(scene: &Scene, given: Option<[f64; 7]>) -> Result<Vec<View>> {
     Ok(views)
 }
 
-/// Feature sizes by name.
+/// Reads feature sizes by name.
 fn read_sizes(path: &Path) -> Result<Vec<(String, f32)>> {
     let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
     let sizes: BTreeMap<String, f32> = toml::from_str(&text).map_err(|e| {

@@ -1,15 +1,15 @@
-//! VTK's unstructured grid: for ParaView.
+//! VTK's unstructured grid, for ParaView.
 
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::{Error, Result, files::WholeFile};
 use std::io::Write;
 use std::path::Path;
 
-/// VTK's cell types.
+/// Cell types of VTK.
 const TRIANGLE: u8 = 5;
 const QUAD: u8 = 9;
 
-/// A named array: type, numbers in each entry, bytes.
+/// A named array: type, components, bytes.
 struct Array {
     name: &'static str,
     kind: &'static str,
@@ -26,8 +26,8 @@ fn array<T: bytemuck::NoUninit>(
     Array { name, kind, components, bytes: bytemuck::cast_slice(values).to_vec() }
 }
 
-/// Writes the elements as cells of a `.vtu` file with their fields: `irradiance`, `radiosity`, `error` (standard
-/// uncertainty of the irradiance), all W/m² RGB; `level` (splits), `links`, `area`, `object`, `material`, `triangle`,
+/// Writes the elements as cells of a `.vtu` file with the fields `irradiance`, `radiosity`, `error` (standard error
+/// of the irradiance), all W/m² RGB; `level` (number of splits), `links`, `area`, `object`, `material`, `triangle`,
 /// `front`. Coordinates are those of the scene's file.
 ///
 /// # Errors

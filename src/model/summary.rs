@@ -1,40 +1,40 @@
-//! The facts of a scene that every output states.
+//! Summary of a scene in the records of commands.
 
 use super::Model;
 use serde::{Deserialize, Serialize};
 
-/// Facts of the scene.
+/// Summary of a scene.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SceneSummary {
-    /// The file, as given.
+    /// Path of the file as given.
     pub path: String,
-    /// Triangles stored, those of a mesh once.
+    /// Stored triangles after repairs; those of a mesh count once.
     pub triangles: usize,
     /// Named objects.
     pub objects: usize,
-    /// Emissive surfaces.
+    /// Emitters.
     pub emitters: usize,
-    /// Connected parts that bound a solid: seen from outside only.
+    /// Connected parts that bound a solid; visible from outside only.
     pub closed_parts: usize,
-    /// Connected parts that are sheets: seen from both sides.
+    /// Connected parts that are sheets; visible from both sides.
     pub sheet_parts: usize,
-    /// Clusters of the hierarchy.
+    /// Clusters of all hierarchies.
     pub clusters: usize,
-    /// Levels of the hierarchy.
+    /// Levels of the deepest hierarchy.
     pub levels: usize,
-    /// Placed meshes that are visible; only for scenes that place meshes.
+    /// Number of visible instances of shared meshes; absent in scenes without instances.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub instances: Option<usize>,
-    /// Triangles that rays see, each as often as it is placed; only for scenes that place meshes.
+    /// Number of visible triangles, counted once per instance; absent in scenes without instances.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub visible_triangles: Option<u64>,
 }
 
 impl SceneSummary {
-    /// The summary of a model with clusters.
+    /// Summary of a model with clusters.
     ///
     /// # Panics
-    /// If the model was prepared for rays alone.
+    /// The model was prepared without clusters.
     pub fn of(model: &Model) -> SceneSummary {
         let scene = model.scene();
         let hierarchies = || model.meshes().iter().map(|mesh| mesh.hierarchy());

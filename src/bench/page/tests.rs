@@ -1,4 +1,4 @@
-//! The page of an invented run; set `MRVIS_PAGE` to a file to look at it.
+//! Tests of the page with a synthetic record; set `MRVIS_PAGE` to a file to inspect the page.
 
 use super::*;
 use crate::bench::record::{
@@ -6,7 +6,7 @@ use crate::bench::record::{
     SceneSummary, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow, Workload,
 };
 
-/// Shadows of many small discs and a few large ones, blurred by `blur` texels, with noise of `noise`.
+/// Shadows of 260 discs, six of them large, with noise; `large_only`: of the large ones.
 fn shadows(large_only: bool, noise: f32, seed: u64) -> Image {
     let mut state = 1u64;
     let mut random = move || {
@@ -200,7 +200,7 @@ fn a_page_stands_alone_and_escapes_names() {
     assert!(page.starts_with("<!DOCTYPE html>") && page.ends_with("</html>"));
     for outside in ["http://", "https://", "src=\"/", "href=", "@import", "url("] {
         let mut found = page.match_indices(outside).map(|(i, _)| &page[i..i + 40]);
-        // The name of the SVG language is not fetched.
+        // The name space of SVG is not fetched.
         assert!(found.all(|s| s.starts_with("http://www.w3.org/2000/svg")), "{outside}");
     }
     assert!(page.contains("park &lt;b&gt;.obj") && !page.contains("park <b>"));
@@ -220,7 +220,7 @@ fn empty_and_odd_records_still_make_a_page() {
             (f64::NAN, 0.0, None, f64::INFINITY);
     }
     let page = render(&record, &receivers, "mrvis bench").unwrap();
-    // The letters may turn up within an image.
+    // The letters may occur in encoded images.
     assert!(page.split("data:image").all(|part| !part.split_once('"').map_or(part, |p| p.1).contains("NaN")));
     receivers[0].mr[0].1 = Image::new(2, 2, 1.0, vec![0.0; 4]).unwrap();
     assert!(render(&record, &receivers, "mrvis bench").is_err());

@@ -1,43 +1,44 @@
-//! Planar patches of surfaces, and the rectangles around them.
+//! Planar patches of surfaces and their bounding rectangles.
 
 use crate::math::{triangle_area, triangle_normal};
 use crate::scene::Scene;
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Normals that differ by less than about one degree belong to one plane.
+/// Smallest cosine between normals of one plane: about one degree.
 const MIN_COPLANAR_COSINE: f32 = 0.9998;
-/// Part of its rectangle that a patch must cover to count as nearly rectangular.
+/// Part of its rectangle that a nearly rectangular patch covers at least. Chosen: excludes triangles, L shapes and
+/// discs.
 pub(super) const MIN_FILLED_PART: f64 = 0.8;
-/// An object has no planar patch to speak of if its largest is below this part of its area.
+/// An object without a patch of at least this part of its area may be a relief. Chosen: a quarter.
 pub(super) const MIN_PATCH_PART: f64 = 0.25;
 
-/// A rectangle in space, its first side at least as long as the second.
+/// A rectangle in space; `width` is at least `height`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rectangle {
     pub(super) centre: DVec3,
-    /// Unit vectors; the third, upwards in the image, is `normal × right`.
+    /// Unit vectors. `normal × right` points upwards in the image.
     pub(super) right: DVec3,
     pub(super) normal: DVec3,
     pub(super) width: f64,
     pub(super) height: f64,
-    /// How far the surface rises above the rectangle towards `normal`, and on the other side: planes are not perfect.
+    /// Largest height of the surface above the rectangle towards `normal`, and towards the other side, scene units.
     pub(super) rise: [f64; 2],
 }
 
 impl Rectangle {
-    /// The same seen from the other side.
+    /// The rectangle seen from the other side.
     pub(super) fn turned(self) -> Rectangle {
         let [front, back] = self.rise;
         Rectangle { normal: -self.normal, right: -self.right, rise: [back, front], ..self }.upright()
     }
 
-    /// Its middle, lifted so that no point is behind the surface.
+    /// The centre, raised so that the surface is nowhere above the rectangle.
     pub(super) fn lifted(self) -> DVec3 {
         self.centre + self.rise[0] * self.normal
     }
 
-    /// Half a turn in its plane, if that brings up what is up: a wall is not shown upside down.
+    /// Turns the rectangle by 180° in its plane if that points the image upwards.
     pub(super) fn upright(self) -> Rectangle {
         let up = self.normal.cross(self.right);
         let largest =
@@ -49,7 +50,7 @@ impl Rectangle {
 /// Connected triangles in one plane, or a relief.
 pub(super) struct Patch {
     pub(super) triangles: Vec<u32>,
-    /// As seen from the front of the rectangle.
+    /// Area projected along the rectangle's normal.
     pub(super) area: f64,
     pub(super) rectangle: Rectangle,
     pub(super) relief: bool,
@@ -61,8 +62,8 @@ impl Patch {
     }
 }
 
-/// Planar edge-connected patches of one object each, grown from the largest triangles: every member's normal is that
-/// of the triangle the patch started from, so that finely divided curves do not count as planes.
+/// Planar edge-connected patches, each of one object, grown from the largest triangles. The normals of all members
+/// agree with that of the first triangle, so that finely tessellated curves are not planes.
 pub(super) fn patches(scene: &Scene, triangles: &[u32]) -> Vec<Patch> {
     let normals: Vec<Vec3> = triangles
         .par_iter()
@@ -112,12 +113,12 @@ pub(super) fn patches(scene: &Scene, triangles: &[u32]) -> Vec<Patch> {
     patches
 }
 
-/// Pairs of places in `triangles` that share an edge, both ways, ascending.
+/// Pairs of indices into `triangles` that share an edge, in both orders, ascending.
 fn neighbours(scene: &Scene, triangles: &[u32]) -> Vec<(u32, u32)> {
     let mut pairs: Vec<(u32, u32)> = edges(scene, triangles)
         .chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))
         .flat_map(|run| {
-            // More than a few faces at one edge are a fan whose neighbours are enough.
+            // More than eight faces at one edge form a fan; each is joined to its next neighbour only.
             let reach = if run.len() <= 8 { run.len() } else { 2 };
             run.iter().enumerate().flat_map(move |(k, a)| {
                 run[k + 1..].iter().take(reach - 1).flat_map(move |b| [(a.2, b.2), (b.2, a.2)])
@@ -128,7 +129,7 @@ fn neighbours(scene: &Scene, triangles: &[u32]) -> Vec<(u32, u32)> {
     pairs
 }
 
-/// Edges as pairs of vertices with the place of their triangle, ascending.
+/// Edges as pairs of vertices with the index of their triangle, ascending.
 fn edges(scene: &Scene, triangles: &[u32]) -> Vec<(u32, u32, u32)> {
     let mut edges: Vec<(u32, u32, u32)> = triangles
         .iter()
@@ -142,10 +143,10 @@ fn edges(scene: &Scene, triangles: &[u32]) -> Vec<(u32, u32, u32)> {
     edges
 }
 
-/// The smallest rectangle around the triangles in their plane that has a side along one of their outer edges (the
-/// smallest of all has one along the convex hull). `None` if it has no area.
+/// The smallest rectangle around the triangles in their plane with a side along one of their outer edges. (The
+/// smallest of all rectangles has a side along the convex hull.) `None` if it has no area.
 pub(super) fn fit(scene: &Scene, triangles: &[u32], normal: DVec3) -> Option<Rectangle> {
-    /// The longest outer edges are enough.
+    /// Number of longest outer edges that are tried. Chosen: bounds the time for finely tessellated outlines.
     const DIRECTIONS: usize = 64;
     let (u, v) = normal.any_orthonormal_pair();
     let flat = |p: Vec3| DVec2::new(p.as_dvec3().dot(u), p.as_dvec3().dot(v));
@@ -167,7 +168,7 @@ pub(super) fn fit(scene: &Scene, triangles: &[u32], normal: DVec3) -> Option<Rec
         }
         let span = high - low;
         let area = span.x * span.y;
-        // Later ones must be better by more than rounding: the choice does not hang on the last bit.
+        // A later rectangle must be smaller by more than rounding, so that rounding does not decide.
         if area > 0.0 && best.is_none_or(|b| area < b.0 * (1.0 - 1e-6)) {
             best = Some((area, along, span, 0.5 * (low + high)));
         }

@@ -1,4 +1,4 @@
-//! What becomes a receiver, and where its texels are.
+//! Selection of receivers and position of their texels.
 
 use super::*;
 use crate::ray::Brute;
@@ -12,7 +12,7 @@ fn cornell() -> Scene {
 #[test]
 fn rectangles_fit_tilted_quads() {
     let scene = cornell();
-    // The tall block's top is turned about the vertical; its rectangle is a square of 165 mm or so.
+    // The top of the tall block is turned about the vertical; its rectangle is a square of about 165 mm.
     let faces: Vec<u32> = (0..scene.triangles.len() as u32).collect();
     let patches = patches(&scene, &faces);
     assert!(
@@ -79,7 +79,7 @@ fn images_show_what_is_up_at_the_top() {
     assert!(points[0].x < points[1].x);
 }
 
-/// Rolling ground under a lamp: its image is taken from above, every texel on the surface and facing up.
+/// Terrain under an emitter: the image is taken from above, every texel is on the surface and faces upwards.
 #[test]
 fn a_terrain_is_a_receiver() {
     use crate::scene::testing::Pieces;
@@ -105,7 +105,7 @@ fn a_terrain_is_a_receiver() {
         assert_eq!(points.len(), receivers[0].width * receivers[0].height);
         for p in &points {
             let q = p.position.as_dvec3() + scene.origin;
-            // Chords of the sine: step² / 8 times its curvature, both ways. Beside the edge there is no surface.
+            // Chord error of the sine: step² / 8 times its curvature. Beside the edge there is no surface.
             let inside = q.x.min(q.y) > 0.2 && q.x.max(q.y) < 7.8;
             let off = (q.z - height(q.x, q.y)).abs();
             assert!(off < if inside { 0.01 } else { 0.1 }, "{q}: {}", height(q.x, q.y));

@@ -10,14 +10,14 @@ const MIN_CLASS_PAIRS: f64 = 16.0;
 /// Number of classes of answers.
 pub(super) const CLASSES: usize = Correction::CLASSES;
 
-/// Differences of exact and averaged packets of some pairs.
+/// Differences of exact and averaged packets, summed over the pairs of one class.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Class {
     count: f64,
-    /// Summed variance within the pairs of the mean difference of 1, 2, 4, ... neighbouring packets: what is left when
-    /// so many of them, picked at random, stand for all.
+    /// Sums over pairs: variance of the mean of 1, 2, 4, ... random packets about the mean of all packets of the
+    /// pair.
     left: Vec<f64>,
-    /// Summed square of the pairs' mean differences.
+    /// Sum over pairs of the squared mean difference.
     square: f64,
 }
 
@@ -43,7 +43,8 @@ impl Class {
         Class { count: self.count + other.count, square: self.square + other.square, ..self }
     }
 
-    /// Numbers of packets to choose from, below 1 with that probability, and the summed variance that each leaves.
+    /// Candidate numbers of correcting packets (a number below 1 is a probability) and the summed variance that each
+    /// leaves.
     fn choices(&self) -> impl Iterator<Item = (f32, f64)> {
         let one = self.left.first().copied().unwrap_or(0.0);
         let rare = (1..=MIN_PROBABILITY.log2().abs() as i32).rev().map(move |k| {
@@ -54,20 +55,20 @@ impl Class {
     }
 }
 
-/// The powers of two that divide a number of packets.
+/// Powers of two that divide `packets`.
 fn sizes(packets: usize) -> impl Iterator<Item = usize> {
     (0..=packets.trailing_zeros()).map(|j| 1 << j)
 }
 
-/// Packets by class so that `work(variance, packets)` is least, where both are means over all `pairs`: each class takes
-/// what is best for it at a price for a packet (Lagrange), and the price is tried out.
+/// Numbers of packets per class that minimise `work(variance, packets)`, both means over all `pairs`: each class
+/// minimises variance + price · packets (Lagrange multiplier), and the price is searched.
 pub(super) fn allocate(classes: &[Class], pairs: usize, work: impl Fn(f64, f64) -> f64) -> (Correction, f64) {
     let n = pairs.max(1) as f64;
     let whole = classes.iter().fold(Class::default(), Class::join);
     let choice = |price: f64| {
         let (mut packets, mut variance, mut asked) = ([1.0; CLASSES], 0.0, 0.0);
         for (class, packets) in classes.iter().zip(&mut packets) {
-            // Classes that the pilot hardly saw are taken for what all are like.
+            // Classes with few pairs in the pilot use the statistics of all classes.
             let believed = if class.count < MIN_CLASS_PAIRS { &whole } else { class };
             let price = price * believed.count;
             let best = believed
@@ -88,7 +89,7 @@ pub(super) fn allocate(classes: &[Class], pairs: usize, work: impl Fn(f64, f64) 
 mod tests {
     use super::*;
 
-    /// As many pairs, whose differences have this variance for one packet of `all` and are independent.
+    /// A class of `count` pairs with independent differences of this variance per packet, out of `all` packets.
     fn class(count: f64, variance: f64, all: usize) -> Class {
         let left = sizes(all).map(|m| count * variance * (1.0 / m as f64 - 1.0 / all as f64)).collect();
         Class { count, left, square: 0.0 }
@@ -102,7 +103,7 @@ mod tests {
         let (correction, least) = allocate(&classes, 200, work);
         let [rare, often] = [2, 11].map(|c| f64::from(correction.packets[c]));
         assert!((4.0..=32.0).contains(&(often / rare)), "about in proportion: {rare} {often}");
-        // No other number for all is better.
+        // No uniform number of packets is better.
         for ((m, a), (_, b)) in classes[2].choices().zip(classes[11].choices()) {
             assert!(work((a + b) / 200.0, m.into()) > 0.999 * least, "{m}");
         }
@@ -122,7 +123,7 @@ mod tests {
         let mut one = Class::default();
         one.add(&[16.0, 0.0, 8.0, 8.0], &[8.0; 4]);
         assert_eq!((one.left.len(), one.left[2], one.square), (3, 0.0, 0.0));
-        // Neighbours that make up for each other leave nothing either.
+        // Differences of neighbours that cancel leave no variance.
         assert!(one.left[0] > 0.1 && one.left[1] == 0.0);
         let left: Vec<f64> = one.choices().map(|c| c.1).collect();
         assert!(left.windows(2).all(|w| w[0] > w[1] || w[1] == 0.0), "{left:?}");

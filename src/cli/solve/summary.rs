@@ -77,7 +77,7 @@ pub fn summary(compared: &ComparedRecord, with_points: bool) -> String {
     text
 }
 
-/// A table of both engines.
+/// Times and results of both engines.
 fn side_by_side(r: &Record, v: &Versus) -> String {
     let name = |visibility| match visibility {
         Visibility::Exact => "exact",

@@ -62,7 +62,7 @@ pub fn prepare(scene: Scene, options: &Options, watch: &Watch) -> Result<Model> 
     })
 }
 
-/// Stops a preparation when the time of the solve is up.
+/// Stops the preparation when the time of the solve is over.
 struct Until<'a> {
     watch: &'a Watch,
     start: Instant,

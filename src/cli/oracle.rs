@@ -1,4 +1,4 @@
-//! `mrvis reference SCENE --points FILE`: irradiance by brute force.
+//! `mrvis reference SCENE --points FILE`: irradiance by path tracing.
 
 use super::args::{Common, SceneArgs, check_file, file_name, grouped, warn};
 use super::progress::Bar;
@@ -12,8 +12,7 @@ use crate::{
 };
 use std::{path::PathBuf, process::ExitCode, time::Instant};
 
-/// Irradiance at points by brute force (a path tracer), with standard errors: the oracle that solutions are compared
-/// with.
+/// Irradiance at points by path tracing, with standard errors: independent values for comparison with solutions.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     #[command(flatten)]
@@ -21,13 +20,13 @@ pub struct Args {
     /// Points on surfaces: CSV with the header x,y,z,nx,ny,nz; scene units, unit normals.
     #[arg(long, value_name = "FILE")]
     points: PathBuf,
-    /// Paths a point, at least 2.
+    /// Paths per point, at least 2.
     #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(2..))]
     samples: u32,
-    /// Leave out the bounces: only light straight from emitters.
+    /// Direct light from emitters only, without reflections.
     #[arg(long)]
     direct_only: bool,
-    /// File for the irradiance: the points' columns and Er,Eg,Eb, Er_se,Eg_se,Eb_se (standard errors).
+    /// File for the irradiance: columns of the points, then Er,Eg,Eb, Er_se,Eg_se,Eb_se (standard errors).
     #[arg(long, value_name = "FILE", default_value = "irradiance.csv")]
     out: PathBuf,
     #[command(flatten)]
@@ -91,7 +90,7 @@ fn mean(e: &Irradiance) -> f64 {
     e.values.iter().flatten().sum::<f64>() / (3 * e.values.len()).max(1) as f64
 }
 
-/// Root mean square of the standard errors, relative to the mean; 0 in the dark.
+/// Root mean square of the standard errors relative to the mean; 0 without light.
 fn noise(e: &Irradiance) -> f64 {
     let count = (3 * e.standard_errors.len()).max(1) as f64;
     let rms = (e.standard_errors.iter().flatten().map(|s| s * s).sum::<f64>() / count).sqrt();
