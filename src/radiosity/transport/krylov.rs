@@ -178,7 +178,8 @@ mod tests {
         assert!(found(0.0).0.iter().flatten().all(|&e| e == 0.0));
     }
 
-    /// Sweeps and the Krylov method solve the same equation.
+    /// Sweeps and the Krylov method solve the same equation. Residuals of 1e-4 times √10 (ten rows have direct light 1) and a
+    /// reflectance of 0.5 bound the difference by 6.4e-4.
     #[test]
     fn both_methods_find_the_same_light() {
         let matrix = &rooms(200, 64, 0.5);
@@ -187,10 +188,7 @@ mod tests {
         let swept = Method::Sweeps { tolerance: 1e-9, max_sweeps: 200 };
         let [a, b] =
             [swept, Method::Krylov].map(|m| solve(&transport, None, m, &Deadline::start(&(), None)).0);
-        assert!(
-            a.iter().flatten().zip(b.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-3 * b),
-            "{a:?} {b:?}"
-        );
+        assert!(a.iter().flatten().zip(b.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-3), "{a:?} {b:?}");
     }
 
     /// Rows that reflect more than they receive have no solution: the result is finite and not marked as converged.
