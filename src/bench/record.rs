@@ -123,7 +123,8 @@ pub struct BytesPerTriangle {
     pub scene: f64,
     /// Clusters.
     pub hierarchy: f64,
-    /// Cluster optics.
+    /// Cluster optics; the JSON keeps the name that outside programs read.
+    #[serde(rename = "traits")]
     pub optics: f64,
     /// Clusters and optics in the layout for traversal.
     pub wide: f64,

@@ -228,7 +228,7 @@ fn bench_writes_what_it_promises() {
             "/build",
             &["load_s", "embree_s", "hierarchy_s", "characterise_s", "hierarchy_bytes", "embree_bytes"],
         ),
-        ("/build/bytes_per_triangle", &["scene", "hierarchy", "optics", "wide", "embree", "total"]),
+        ("/build/bytes_per_triangle", &["scene", "hierarchy", "traits", "wide", "embree", "total"]),
         ("/workload", &["points", "rays", "segments", "reference_rays", "reference_rms"]),
         ("/exact/0", &["rays", "seconds", "mode", "rms", "bias"]),
         (
