@@ -1,8 +1,9 @@
-//! Time of preparing a scene: clusters, their measures, and reading both from a cache: `cargo bench --bench preparation`.
+//! Times of preparing a scene: clusters, optics, and reading both from a cache file: `cargo bench --bench
+//! preparation`.
 
 use divan::{Bencher, counter::ItemsCount};
 use mrvis::Scene;
-use mrvis::internals::cache::{self, Origin, Place, PreparedClusters};
+use mrvis::internals::cache::{self, CacheLocation, Origin, PreparedClusters};
 use mrvis::internals::clusters;
 use mrvis::internals::optics::{self, Extinction};
 use mrvis::internals::scene::generate;
@@ -38,15 +39,15 @@ fn measures(bencher: Bencher, extinction: Extinction) {
 fn cache_hit(bencher: Bencher, trees: usize) {
     let (scene, options) = (forest(trees), cache::Options::default());
     let folder = tempfile::tempdir().expect("scratch folder");
-    let place = Place::Folder(folder.path().to_owned());
+    let place = CacheLocation::Folder(folder.path().to_owned());
     let make = || {
         let hierarchy = clusters::build(&scene, &options.clusters);
         let optics = optics::measure(&scene, &hierarchy.micro, &options.optics);
         PreparedClusters { hierarchy, optics }
     };
-    cache::table(&scene, &place, &options, make);
+    cache::load_or_make(&scene, &place, &options, make);
     bencher.counter(ItemsCount::new(scene.triangle_count())).bench_local(|| {
-        let (table, origin, _) = cache::table(&scene, &place, &options, make);
+        let (table, origin, _) = cache::load_or_make(&scene, &place, &options, make);
         assert_eq!(origin, Origin::Hit);
         table
     });

@@ -1,5 +1,5 @@
-//! Time of the largest inscribed disc in silhouettes as characterisation meets them, and of the feature-based error
-//! of shadow images: `cargo bench --bench raster`.
+//! Times of the largest inscribed disc in typical silhouettes and of the feature-based error of images: `cargo bench
+//! --bench raster`.
 
 use divan::{Bencher, black_box};
 use mrvis::internals::raster::{BitImage, Edt, Morphology, Outside};
@@ -9,7 +9,7 @@ fn main() {
     divan::main();
 }
 
-/// Kinds of silhouette: a few leaves, many leaves, one box that fills nearly all, the gaps of the many leaves.
+/// Kinds of silhouettes: few leaves, many leaves, one large box, the gaps between many leaves.
 const KINDS: [&str; 4] = ["sparse", "dense", "solid", "gaps"];
 
 /// Silhouettes of `n` × `n` pixels.

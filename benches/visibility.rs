@@ -1,4 +1,5 @@
-//! Time of the steps of a walk, of whole walks, and of Embree's packets, on a forest: `cargo bench --bench visibility`.
+//! Times of single steps of the traversal, of whole traversals, and of Embree's ray calls, on a forest: `cargo bench
+//! --bench visibility`.
 
 use divan::{Bencher, black_box, counter::ItemsCount};
 use mrvis::Model;
@@ -7,7 +8,7 @@ use mrvis::internals::embree::Traversal;
 use mrvis::internals::ray::{Occluder, Packet};
 use mrvis::internals::scene::generate;
 use mrvis::internals::simd::Isa;
-use mrvis::internals::visibility::{Bundle, Exact, Leaf, MultiResolution, Steps, Workspace};
+use mrvis::internals::visibility::{Bundle, Exact, LeafMode, MultiResolution, Steps, Workspace};
 use mrvis::internals::{multi_resolution, native_width, traced};
 use std::sync::OnceLock;
 
@@ -15,13 +16,13 @@ fn main() {
     divan::main();
 }
 
-/// Feature sizes: below all clusters, in between, above most.
+/// Feature sizes: below all clusters, in between, above most clusters.
 const SIZES: [f32; 3] = [0.05, 0.3, 1.0];
 const ISAS: [Isa; 3] = [Isa::Portable, Isa::Avx2, Isa::Avx512];
 const RAYS: usize = 16;
 const BUNDLES: usize = 256;
 
-/// 16 trees of 600 leaves, and the bundles of neighbouring points.
+/// 16 trees of 600 leaves, and bundles of neighbouring points.
 struct Forest {
     model: Model,
     packets: Vec<Packet>,
@@ -49,7 +50,7 @@ fn forest() -> &'static Forest {
 impl Forest {
     fn engine(&self, isa: Isa) -> MultiResolution {
         let traversal = Traversal { width: 1, coherent: false };
-        multi_resolution(&self.model, traversal, Leaf::Exact).with_isa(isa)
+        multi_resolution(&self.model, traversal, LeafMode::Exact).with_isa(isa)
     }
 
     fn bundles(&self) -> Vec<Bundle<'_>> {
@@ -58,7 +59,7 @@ impl Forest {
     }
 }
 
-/// Runs a step if the machine has the instruction set.
+/// Measures a step if the machine has the instruction set.
 fn step(bencher: Bencher, isa: Isa, items: impl Fn(&Steps) -> usize, run: impl Fn(&Steps) -> f32) {
     if !isa.available() {
         return;
@@ -89,7 +90,7 @@ fn boxes_with_extinction(bencher: Bencher, isa: Isa) {
     step(bencher, isa, |s| 16 * s.nodes(), |s| s.pass_slabs());
 }
 
-/// Bundle by bundle, from the root.
+/// Bundles one by one, each from the root.
 #[divan::bench(args = SIZES)]
 fn walks_alone(bencher: Bencher, s: f32) {
     let forest = forest();
@@ -100,7 +101,7 @@ fn walks_alone(bencher: Bencher, s: f32) {
     });
 }
 
-/// Neighbours together.
+/// Neighbouring bundles together.
 #[divan::bench(args = SIZES)]
 fn walks_in_groups(bencher: Bencher, s: f32) {
     let forest = forest();
@@ -113,7 +114,7 @@ fn walks_in_groups(bencher: Bencher, s: f32) {
     });
 }
 
-/// The same segments by Embree, so many a call.
+/// The same segments by Embree, `width` rays per call.
 #[divan::bench(args = [1, 4, 8, 16])]
 fn exact_packets(bencher: Bencher, width: usize) {
     let forest = forest();

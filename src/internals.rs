@@ -14,7 +14,7 @@ pub mod clusters {
 
 /// Files of measured clusters.
 pub mod cache {
-    pub use crate::model::cache::{Options, Origin, Place, PreparedClusters, table};
+    pub use crate::model::cache::{CacheLocation, Options, Origin, PreparedClusters, load_or_make};
 }
 
 /// The Embree binding.
@@ -71,20 +71,19 @@ pub mod simd {
 /// Visibility engines.
 pub mod visibility {
     pub use crate::visibility::steps::Steps;
-    pub use crate::visibility::{Bundle, Exact, Leaf, MultiResolution, Workspace};
+    pub use crate::visibility::{Bundle, Exact, LeafMode, MultiResolution, Workspace};
 }
 
 use crate::embree::{CommittedScene, Traversal};
 use crate::model::Model;
-use crate::visibility::{Leaf, MultiResolution};
+use crate::visibility::{LeafMode, MultiResolution};
 
 /// The multi-resolution engine over a model with optics, without a budget.
 ///
 /// # Panics
 /// If the model was prepared without optics.
-pub fn multi_resolution(model: &Model, traversal: Traversal, leaf: Leaf) -> MultiResolution {
-    let tree = model.base().measured().expect("optics").tree.clone();
-    MultiResolution::new(tree, model.traced().clone(), traversal, leaf)
+pub fn multi_resolution(model: &Model, traversal: Traversal, leaf: LeafMode) -> MultiResolution {
+    model.engine(traversal, leaf).expect("optics")
 }
 
 /// The Embree scene of a model.

@@ -96,7 +96,7 @@ mod path_tracer;
 mod plot;
 mod points;
 mod progress;
-// Being restructured: what nobody uses there goes with that.
+// Names that only its own rooms and tests use.
 #[allow(dead_code, unused_imports)]
 mod radiosity;
 mod raster;
@@ -111,7 +111,9 @@ pub use api::{
     Strided, SurfacePoint, Visibility,
 };
 pub use error::{Error, ErrorCategory, Result};
-pub use model::{Detail, Model, PrepareOptions, PrepareReport, Source};
+#[doc(no_inline)]
+pub use glam::DAffine3;
+pub use model::{Detail, Instance, InstanceChange, Model, PrepareOptions, PrepareReport, Source};
 pub use progress::Progress;
 pub use scene::{LoadOptions, Scene};
 pub use visibility::{Answer, Cost, Method};

@@ -4,7 +4,7 @@ use super::visibility::Engine;
 use crate::model::Model;
 use crate::points::Point;
 use crate::progress::Progress;
-use crate::radiosity::{self, Options, Outcome};
+use crate::radiosity::{self, Options, Record};
 use crate::{Error, Result};
 use glam::DVec3;
 use std::sync::Arc;
@@ -120,9 +120,8 @@ impl SurfacePoint {
 /// The light in a model: radiosity of all surfaces. Owned; answers irradiance at points any time.
 #[derive(Clone)]
 pub struct Solution {
-    model: Model,
-    options: Options,
-    outcome: Arc<Outcome>,
+    solved: Arc<radiosity::Solution>,
+    record: Arc<Record>,
 }
 
 impl Model {
@@ -142,8 +141,8 @@ impl Model {
                 "the model holds `Detail::{have:?}`: prepare it with `Detail::{needed:?}` to solve with this engine"
             )));
         }
-        let outcome = self.on_threads(|| radiosity::run(self, &[], options, progress))??;
-        Ok(Solution { model: self.clone(), options: options.clone(), outcome: Arc::new(outcome) })
+        let (outcome, solved) = self.on_threads(|| radiosity::solve(self, &[], options, progress))??;
+        Ok(Solution { solved: Arc::new(solved), record: Arc::new(outcome.record) })
     }
 }
 
@@ -156,33 +155,31 @@ impl Solution {
     pub fn irradiance(&self, points: &[SurfacePoint]) -> Result<Vec<[f64; 3]>> {
         let points: Vec<Point> =
             points.iter().enumerate().map(|(i, point)| point.checked(i)).collect::<Result<_>>()?;
-        let outcome =
-            self.model.on_threads(|| radiosity::run(&self.model, &points, &self.options, &()))??;
-        Ok(outcome.irradiance)
+        self.solved.model().on_threads(|| self.solved.irradiance(&points))
     }
 
     /// Mean irradiance of all surfaces, W/m², linear RGB.
     pub fn mean_irradiance(&self) -> [f64; 3] {
-        self.outcome.record.mean_irradiance
+        self.record.mean_irradiance
     }
 
     /// Estimated RMS error of the irradiance of the elements, relative to its mean.
     pub fn error_estimate(&self) -> f64 {
-        self.outcome.record.error_estimate
+        self.record.error_estimate
     }
 
     /// Number of elements of the hierarchy.
     pub fn element_count(&self) -> usize {
-        self.outcome.record.elements
+        self.record.elements
     }
 
     /// What a user should know, one sentence each: repairs of the scene, limits that were reached.
     pub fn warnings(&self) -> &[String] {
-        &self.outcome.record.warnings
+        &self.record.warnings
     }
 
     /// Whether the caller's progress stopped it before the error was reached.
     pub fn interrupted(&self) -> bool {
-        self.outcome.record.interrupted
+        self.record.interrupted
     }
 }

@@ -1,50 +1,50 @@
-//! Claimed against observed error: a few exact rays of their own on a random part of the bundles (method E.1).
+//! Audit: claimed against observed error, by independent exact rays on a random part of the bundles.
 
-use super::measure::{MrRun, Questions};
+use super::measure::{MrRun, Queries};
 use super::record;
-use super::reference::{Found, Reference};
+use super::reference::{Reference, RmsEstimate};
 use crate::visibility::{Exact, wilson};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::Rng;
 
-/// Exact rays a bundle.
-pub(super) const RAYS: usize = 64;
-/// Sample sets of both halves of them.
+/// Exact rays per bundle. Chosen: two halves of 32 rays; [`RmsEstimate`] averages their noise over the bundles.
+pub(super) const AUDIT_RAYS: usize = 64;
+/// Random streams of the two halves.
 const STREAMS: [u64; 2] = [3, 4];
-/// Standard errors in half a 95 % interval.
+/// Quantile of the normal distribution for a 95 % interval.
 const Z: f64 = 1.96;
-/// Bundles, at least, where there are as many: fewer say little.
-const LEAST: usize = 400;
-/// Bins of the calibration, at most.
-const BINS: usize = 8;
+/// Fewest bundles, where the workload has as many. Chosen: coverage of 95 % is then known to ±2 % (Wilson).
+const MIN_BUNDLES: usize = 400;
+/// Largest number of bins of the calibration. Chosen: 50 bundles per bin at least.
+const MAX_BINS: usize = 8;
 
-/// Exact rays on a random part of the questions; every row is judged by the same ones.
+/// Exact rays on a random part of the queries. All rows are compared with the same rays.
 pub(super) struct Audit {
     fraction: f64,
-    /// Which of the questions.
+    /// Indices into the queries.
     chosen: Vec<usize>,
     truth: Reference,
 }
 
 impl Audit {
-    /// Traces them, on all threads.
-    pub fn trace(questions: Questions, engine: &Exact, fraction: f64, seed: u64) -> Audit {
-        let count = ((fraction * questions.pairs.len() as f64).ceil() as usize).max(LEAST);
-        let chosen = one_of_each(questions.pairs.len(), count, seed);
-        let pairs: Vec<usize> = chosen.iter().map(|&k| questions.pairs[k]).collect();
+    /// Traces the rays on all threads.
+    pub fn trace(queries: Queries, engine: &Exact, fraction: f64, seed: u64) -> Audit {
+        let count = ((fraction * queries.pairs.len() as f64).ceil() as usize).max(MIN_BUNDLES);
+        let chosen = one_of_each(queries.pairs.len(), count, seed);
+        let pairs: Vec<usize> = chosen.iter().map(|&k| queries.pairs[k]).collect();
         let truth =
-            Reference::trace(Questions { pairs: &pairs, ..questions }, engine, RAYS, STREAMS, &|_| ());
+            Reference::trace(Queries { pairs: &pairs, ..queries }, engine, AUDIT_RAYS, STREAMS, &|_| ());
         Audit { fraction, chosen, truth }
     }
 
-    /// What they say of a run over all questions.
-    pub fn judge(&self, run: &MrRun) -> record::Audit {
+    /// Compares a run over all queries with the rays.
+    pub fn evaluate(&self, run: &MrRun) -> record::Audit {
         let visible: Vec<f32> = self.chosen.iter().map(|&k| run.run.visible[k]).collect();
         let intervals: Vec<(f32, f32)> = self.chosen.iter().map(|&k| run.intervals[k]).collect();
         self.compare(&visible, &intervals)
     }
 
-    /// The same for answers to the chosen questions alone.
+    /// [`Audit::evaluate`] for answers to the chosen queries alone.
     fn compare(&self, visible: &[f32], intervals: &[(f32, f32)]) -> record::Audit {
         let squares = self.truth.squares(visible);
         let claims: Vec<f64> = intervals.iter().map(|&(lo, hi)| f64::from(hi - lo) / (2.0 * Z)).collect();
@@ -70,7 +70,7 @@ impl Audit {
     }
 }
 
-/// `count` places out of `all`, one at random in each of as many equal parts.
+/// `count` indices below `all`, one at random in each of `count` equal parts.
 fn one_of_each(all: usize, count: usize, seed: u64) -> Vec<usize> {
     let mut random = Pcg64Mcg::new(u128::from(seed) ^ 0x0061_7564_6974);
     let count = count.min(all);
@@ -79,9 +79,9 @@ fn one_of_each(all: usize, count: usize, seed: u64) -> Vec<usize> {
     (0..count).map(|k| start(k) + within(k)).collect()
 }
 
-/// Runs of about equal length in an order by claim; equal claims stay together.
+/// Divides an order by claim into parts of about equal length; equal claims stay together.
 fn bins<'a>(order: &'a [usize], claims: &[f64]) -> Vec<&'a [usize]> {
-    let least = order.len().div_ceil(BINS).max(1);
+    let least = order.len().div_ceil(MAX_BINS).max(1);
     let mut bins = Vec::new();
     let mut rest = order;
     while !rest.is_empty() {
@@ -93,12 +93,12 @@ fn bins<'a>(order: &'a [usize], claims: &[f64]) -> Vec<&'a [usize]> {
     bins
 }
 
-/// The claims and squared errors of some bundles, summed up.
+/// RMS claim and RMS error of some bundles.
 fn bin(part: &[usize], claims: &[f64], squares: &[f64]) -> record::CalibrationBin {
     let n = part.len().max(1) as f64;
     let mean = |f: &dyn Fn(usize) -> f64| part.iter().map(|&k| f(k)).sum::<f64>() / n;
     let own: Vec<f64> = part.iter().map(|&k| squares[k]).collect();
-    let found = Found::of(&own, 1);
+    let found = RmsEstimate::of(&own, 1);
     record::CalibrationBin {
         count: part.len(),
         claimed: mean(&|k| claims[k] * claims[k]).sqrt(),
@@ -117,54 +117,54 @@ mod tests {
         (random.next_u64() >> 40) as f32 / (1u64 << 24) as f32
     }
 
-    /// Answers to invented questions: fractions between 0 and 1, their audit, and answers that err by `error`
-    /// standard errors of what they claim.
-    fn invented(error: f32) -> (Audit, Vec<f32>, Vec<(f32, f32)>) {
+    /// 4,000 synthetic queries: their audit, answers with errors of `error` claimed standard errors, and stated
+    /// intervals.
+    fn synthetic(error: f32) -> (Audit, Vec<f32>, Vec<(f32, f32)>) {
         let mut random = Pcg64Mcg::new(7);
         let (mut a, mut b, mut visible, mut intervals) = (vec![], vec![], vec![], vec![]);
         for _ in 0..4000 {
             let truth = unit(&mut random);
-            let mut half = || (0..RAYS / 2).filter(|_| unit(&mut random) < truth).count() as f32 / 32.0;
+            let mut half = || (0..AUDIT_RAYS / 2).filter(|_| unit(&mut random) < truth).count() as f32 / 32.0;
             a.push(half());
             b.push(half());
             let claim = 0.02 + 0.1 * unit(&mut random);
-            // The sum of twelve is nearly normal.
+            // The sum of twelve uniform numbers is nearly normal.
             let normal = (0..12).map(|_| unit(&mut random)).sum::<f32>() - 6.0;
             let x = truth + error * claim * normal;
             visible.push(x);
             intervals.push((x - 1.96 * claim, x + 1.96 * claim));
         }
-        let truth = Reference { a, b, rays: RAYS };
+        let truth = Reference { a, b, rays: AUDIT_RAYS };
         (Audit { fraction: 1.0, chosen: (0..4000).collect(), truth }, visible, intervals)
     }
 
     #[test]
-    fn honest_claims_are_found_honest() {
-        let (audit, visible, intervals) = invented(1.0);
+    fn correct_claims_are_confirmed() {
+        let (audit, visible, intervals) = synthetic(1.0);
         let found = audit.compare(&visible, &intervals);
         assert_eq!((found.bundles, found.rays), (4000, 64));
         assert!(found.observed_lo < found.claimed_rms && found.claimed_rms < found.observed_hi, "{found:?}");
         assert!(found.observed_hi < 1.2 * found.observed_lo, "the audit is sharp: {found:?}");
-        // Calibrated: 95 of 100, neither fewer nor more.
+        // Calibrated: coverage is 95 %.
         assert!(found.coverage_lo < 0.95 && 0.95 < found.coverage_hi, "{found:?}");
         let inside = |b: &&record::CalibrationBin| b.observed_lo < b.claimed && b.claimed < b.observed_hi;
-        assert_eq!(found.bins.len(), BINS);
-        assert!(found.bins.iter().filter(inside).count() >= BINS - 2, "{:?}", found.bins);
+        assert_eq!(found.bins.len(), MAX_BINS);
+        assert!(found.bins.iter().filter(inside).count() >= MAX_BINS - 2, "{:?}", found.bins);
         assert_eq!(found.bins.iter().map(|b| b.count).sum::<usize>(), 4000);
         assert!(found.bins.windows(2).all(|b| b[0].claimed < b[1].claimed));
     }
 
     #[test]
-    fn bold_claims_are_found_out() {
-        let (audit, visible, intervals) = invented(4.0);
+    fn claims_below_the_error_are_refuted() {
+        let (audit, visible, intervals) = synthetic(4.0);
         let found = audit.compare(&visible, &intervals);
         assert!(found.observed_lo > 3.5 * found.claimed_rms, "{found:?}");
         assert!(found.coverage_hi < 0.7 && found.coverage_lo < found.coverage, "{found:?}");
-        // Half as wide as they should be is enough to be found; intervals that only need to meet would pass.
-        let (audit, visible, intervals) = invented(2.0);
+        // Claims of half the true error are detected.
+        let (audit, visible, intervals) = synthetic(2.0);
         assert!(audit.compare(&visible, &intervals).coverage_hi < 0.9);
-        // And timid claims hold more often than they say.
-        let (audit, visible, intervals) = invented(0.25);
+        // Claims of four times the true error hold more often than stated.
+        let (audit, visible, intervals) = synthetic(0.25);
         assert!(audit.compare(&visible, &intervals).coverage_lo > 0.96);
     }
 

@@ -1,22 +1,23 @@
-//! The shadow images of a run: both engines over the receivers' texels, and the feature-based errors.
+//! Shadow images of a run by both engines, and their feature-based errors.
 
-use super::measure::Questions;
+use super::context::{Bench, PlannedRow};
+use super::measure::Queries;
 use super::page::ReceiverImages;
 use super::receivers::{self, Receiver};
 use super::record::{self, MrRow, ReceiverFbem, interpolate_log_log};
 use super::rounds::rounds;
-use super::rows::{Asked, Bench, ratio};
+use super::rows::ratio;
 use super::workload::Workload;
 use crate::Result;
 use crate::embree::Traversal;
 use crate::metrics::{FbemOptions, Image, fbem, missing_features, norms};
 use crate::visibility::{Exact, MultiResolution};
 
-/// The exact image that is shown and compared in the record.
+/// Rays per texel of the exact image in the report. Chosen: as many as the default number of segments of MR.
 const SHOWN_RAYS: usize = 16;
 
 impl Bench<'_> {
-    /// Shadow images of the receivers, their errors, and `speedup_at_same_fbem` of the rows.
+    /// Measures shadow images of the receivers, and `speedup_at_same_fbem` of the rows.
     pub fn images(
         &self,
         engine: &MultiResolution,
@@ -40,9 +41,9 @@ impl Bench<'_> {
         }
         let gallery = Gallery { receivers: &receivers, workload: &workload };
         let every: Vec<usize> = (0..workload.pairs.len()).collect();
-        let questions = Questions { scene: self.scene, workload: &workload, pairs: &every };
+        let queries = Queries { scene: self.scene, workload: &workload, pairs: &every };
         let pairs = workload.pairs.len() as u64;
-        let reference = self.reference("reference images", questions, self.options.reference_rays);
+        let reference = self.reference("reference images", queries, self.options.reference_rays);
         let means: Vec<f32> = (0..workload.pairs.len()).map(|pair| reference.mean(pair)).collect();
         let references = gallery.images(&means)?;
 
@@ -51,14 +52,14 @@ impl Bench<'_> {
         let call = |rays| (rays, self.embree(&workload, rays));
         let calls: Vec<(usize, Exact)> = self.exact_rays().into_iter().map(call).collect();
         let asked = self.decisions(&sample, engine);
-        let walked: Vec<&Asked> = asked.iter().filter(|row| row.pays).collect();
+        let walked: Vec<&PlannedRow> = asked.iter().filter(|row| row.pays).collect();
         let all_rays: usize = calls.iter().map(|call| call.0).chain(walked.iter().map(|row| row.rays)).sum();
         self.progress.stage("images", pairs * all_rays as u64);
         let (mut exact, mut mr) = (Vec::new(), Vec::new());
         let timed = rounds(calls.len() + walked.len(), |k, first| {
             let (run, made) = match calls.get(k) {
-                Some((rays, call)) => (self.exact(questions, call, *rays, first), &mut exact),
-                None => (self.mr(questions, engine, walked[k - calls.len()], first).run, &mut mr),
+                Some((rays, call)) => (self.exact(queries, call, *rays, first), &mut exact),
+                None => (self.mr(queries, engine, walked[k - calls.len()], first).run, &mut mr),
             };
             if first {
                 made.push(gallery.images(&run.visible));
@@ -68,7 +69,7 @@ impl Bench<'_> {
         let exact = exact.into_iter().collect::<Result<Vec<Vec<Image>>>>()?;
         let mr = mr.into_iter().collect::<Result<Vec<Vec<Image>>>>()?;
         let shown = calls.iter().position(|call| call.0 == SHOWN_RAYS).expect("one of the fixed numbers");
-        // The feature-based error of the exact images by size: one curve against time for each.
+        // For each feature size: time and feature-based error of the exact images.
         let mut curves = Vec::new();
         for &s in &self.sizes {
             let mut curve = Vec::new();
@@ -98,7 +99,7 @@ impl Bench<'_> {
         self.gather(&receivers, references, shown, shown_mr)
     }
 
-    /// Figures and images, receiver by receiver.
+    /// Errors and images by receiver.
     fn gather(
         &self,
         receivers: &[Receiver],
@@ -140,14 +141,14 @@ fn fbem_of(reference: &Image, image: &Image, size: f64) -> Result<f64> {
     Ok(fbem(reference, image, &FbemOptions { size, ..FbemOptions::default() })?.value)
 }
 
-/// The receivers' images as one workload.
+/// The texels of all receivers as one workload.
 struct Gallery<'a> {
     receivers: &'a [Receiver],
     workload: &'a Workload,
 }
 
 impl Gallery<'_> {
-    /// An image a receiver of the part of the light that arrives, from the visible fraction of each pair.
+    /// An image per receiver: fraction of the unoccluded irradiance, from the visible fraction of each pair.
     fn images(&self, visible: &[f32]) -> Result<Vec<Image>> {
         let mut values = self.workload.weighted(visible).into_iter();
         let image = |r: &Receiver| {
@@ -157,7 +158,7 @@ impl Gallery<'_> {
         self.receivers.iter().map(image).collect()
     }
 
-    /// Root mean square over all receivers' areas of the feature-based error.
+    /// Feature-based error, root mean square over the area of all receivers.
     fn pooled_fbem(&self, references: &[Image], images: &[Image], size: f64) -> Result<f64> {
         let (mut sum, mut area) = (0.0, 0.0);
         for (reference, image) in references.iter().zip(images) {

@@ -1,4 +1,4 @@
-//! Running the engines over a workload: seconds and visible fractions.
+//! Runs engines over a workload: times and visible fractions.
 
 use super::workload::{Order, Workload};
 use crate::ray::{LANES, Occluder, Packet};
@@ -9,25 +9,24 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::time::Instant;
 
-/// Pairs whose segments are made at once, at most: small enough to stay in cache, large enough that a clock reading
-/// costs nothing.
-const CHUNK: usize = 1024;
-/// Segments of a chunk, at most (but those of one pair are always together).
-const CHUNK_SEGMENTS: usize = 1 << 15;
-/// Chunks whose segments are made at once, on all cores, for each thread that asks: few enough to stay in cache.
-const AHEAD: usize = 2;
+/// Largest number of pairs in a chunk. Chosen: a chunk fits into cache, and the clock is read rarely.
+const MAX_CHUNK_PAIRS: usize = 1024;
+/// Largest number of segments in a chunk; the segments of one pair are never separated. Chosen: as above.
+const MAX_CHUNK_SEGMENTS: usize = 1 << 15;
+/// Chunks per thread that are prepared together. Chosen: few enough to stay in cache.
+const CHUNKS_PER_THREAD: usize = 2;
 
-/// Visible fraction of each pair, and the seconds that the queries alone took.
+/// Visible fraction of each pair, and the time of the queries alone.
 #[derive(Clone, Debug, Default)]
 pub struct Run {
-    /// In the order of the pairs.
+    /// Visible fractions, in the order of the pairs.
     pub visible: Vec<f32>,
-    /// Wall time of each timed section, in their order: the same sections for every run of the same question.
+    /// Wall time of each timed section, seconds; every run of the same queries has the same sections.
     pub sections: Vec<f64>,
 }
 
 impl Run {
-    /// Wall time of all timed sections.
+    /// Wall time of all timed sections, seconds.
     pub fn seconds(&self) -> f64 {
         self.sections.iter().sum()
     }
@@ -36,16 +35,16 @@ impl Run {
 /// A [`Run`] of the multi-resolution engine.
 #[derive(Clone, Debug, Default)]
 pub struct MrRun {
-    /// Fractions and seconds.
+    /// Visible fractions and times.
     pub run: Run,
-    /// Stated interval of each pair.
+    /// Stated 95 % interval of each pair.
     pub intervals: Vec<(f32, f32)>,
-    /// Summed cost.
+    /// Total cost.
     pub cost: Cost,
 }
 
 impl MrRun {
-    /// The answers of exact rays, `rays` a pair, in the engine's place.
+    /// An MR result with the answers of exact rays, `rays` per pair.
     pub fn handed_over(run: Run, rays: usize) -> MrRun {
         let intervals = run.visible.iter().map(|&v| wilson(v, rays as f32)).collect();
         let segments = (run.visible.len() * rays) as u64;
@@ -54,91 +53,91 @@ impl MrRun {
     }
 }
 
-/// Pairs of a workload, in the order they are asked.
+/// Pairs of a workload, in the order of the queries.
 #[derive(Clone, Copy)]
-pub struct Questions<'a> {
+pub struct Queries<'a> {
     /// The scene.
     pub scene: &'a Scene,
     /// Points and emitters.
     pub workload: &'a Workload,
-    /// Indices into [`Workload::pairs`]; neighbours together.
+    /// Indices into [`Workload::pairs`]; neighbours are adjacent.
     pub pairs: &'a [usize],
 }
 
-impl<'a> Questions<'a> {
-    /// The first `count` of them.
-    pub fn first(self, count: usize) -> Questions<'a> {
-        Questions { pairs: &self.pairs[..count.min(self.pairs.len())], ..self }
+impl<'a> Queries<'a> {
+    /// The first `count` pairs.
+    pub fn first(self, count: usize) -> Queries<'a> {
+        Queries { pairs: &self.pairs[..count.min(self.pairs.len())], ..self }
     }
 }
 
-/// What a chunk of pairs is asked, made outside the timed section, and what was answered.
+/// A chunk of pairs: its segments, made outside the timed section, and its answers.
 #[derive(Default)]
 pub(super) struct Chunk<T> {
-    /// Which of the questions.
+    /// Range within the queries.
     pub pairs: Range<usize>,
     pub packets: Vec<Packet>,
     pub answers: Vec<T>,
     pub workspace: Workspace,
 }
 
-/// So many questions in chunks.
+/// Divides `count` queries into chunks.
 pub(super) fn chunks(count: usize, rays: usize) -> Vec<Range<usize>> {
-    let step = (CHUNK_SEGMENTS / rays.max(1)).clamp(1, CHUNK);
+    let step = (MAX_CHUNK_SEGMENTS / rays.max(1)).clamp(1, MAX_CHUNK_PAIRS);
     (0..count).step_by(step).map(|first| first..(first + step).min(count)).collect()
 }
 
 impl<T> Chunk<T> {
-    /// Makes the bundles of the questions, of so many segments each.
-    pub fn prepare(&mut self, questions: Questions, how: (usize, Order), stream: u64) {
+    /// Makes the bundles of the chunk; `how` is the number of segments and their order.
+    pub fn prepare(&mut self, queries: Queries, how: (usize, Order), stream: u64) {
         self.packets.clear();
-        for &pair in &questions.pairs[self.pairs.clone()] {
-            questions.workload.add_bundle(questions.scene, pair, how, stream, &mut self.packets);
+        for &pair in &queries.pairs[self.pairs.clone()] {
+            queries.workload.add_bundle(queries.scene, pair, how, stream, &mut self.packets);
         }
     }
 }
 
-/// The bundles of a chunk of questions emitter by emitter, so that neighbours share the upper part of their traversal,
-/// and which question of the chunk each of them is.
+/// The bundles of a chunk, sorted by emitter so that neighbours share the upper part of their traversal, and the
+/// index within the chunk of each bundle.
 pub(super) fn bundles<'a>(
-    questions: Questions<'a>,
+    queries: Queries<'a>,
     chunk: Range<usize>,
     packets: &'a [Packet],
     rays: usize,
 ) -> (Vec<usize>, Vec<Bundle<'a>>) {
     let per_pair = rays.div_ceil(LANES);
-    let pairs = &questions.pairs[chunk];
-    let pair = |k: usize| &questions.workload.pairs[pairs[k]];
+    let pairs = &queries.pairs[chunk];
+    let pair = |k: usize| &queries.workload.pairs[pairs[k]];
     let mut order: Vec<usize> = (0..pairs.len()).collect();
     order.sort_by_key(|&k| pair(k).emitter);
     let bundle = |&k: &usize| Bundle {
         packets: &packets[k * per_pair..(k + 1) * per_pair],
         emitter_size: pair(k).emitter_size,
-        emitter: questions.workload.hull(pairs[k]),
+        emitter: queries.workload.hull(pairs[k]),
     };
     let bundles = order.iter().map(bundle).collect();
     (order, bundles)
 }
 
-/// Asks engines and takes the time of the queries alone, on one thread or on several.
+/// Runs queries and measures their time, on one or several threads.
 pub struct Timer {
     pool: Option<rayon::ThreadPool>,
 }
 
 impl Timer {
-    /// A timer for queries on `threads` threads; with one thread it is the calling one.
+    /// A timer for queries on `threads` threads; one thread is the calling thread.
     ///
     /// # Errors
-    /// If the threads cannot be started.
+    /// The threads cannot be started.
     pub fn new(threads: usize) -> Result<Timer> {
         let pool = (threads > 1).then(|| rayon::ThreadPoolBuilder::new().num_threads(threads).build());
-        let pool = pool.transpose().map_err(|e| Error::Argument(format!("--threads {threads}: {e}")))?;
+        let pool = pool.transpose().map_err(|e| Error::Argument(format!("threads {threads}: {e}")))?;
         Ok(Timer { pool })
     }
 
-    /// Exact visible fractions with `rays` segments a pair. `advance` is told how many pairs are done.
-    pub fn exact(&self, questions: Questions, engine: &Exact, rays: usize, advance: &dyn Fn(usize)) -> Run {
-        let Questions { scene, workload, pairs } = questions;
+    /// Exact visible fractions with `rays` segments per pair. `advance` gets the number of pairs that were answered.
+    pub fn exact(&self, queries: Queries, engine: &Exact, rays: usize, advance: &dyn Fn(usize)) -> Run {
+        let Queries { scene, workload, pairs } = queries;
         let mut visible = Vec::with_capacity(pairs.len());
         let sections = self.chunk_by_chunk(
             chunks(pairs.len(), rays),
@@ -157,49 +156,49 @@ impl Timer {
         Run { visible, sections }
     }
 
-    /// Visible fractions by the multi-resolution engine, `rays` segments a pair at feature size `s`. `advance` is
-    /// told how many pairs are done.
+    /// Visible fractions by MR with `rays` segments per pair at feature size `s`. `advance` gets the number of pairs
+    /// that were answered.
     pub fn multi_resolution(
         &self,
-        questions: Questions,
+        queries: Queries,
         engine: &MultiResolution,
         s: f32,
         rays: usize,
         advance: &dyn Fn(usize),
     ) -> MrRun {
-        self.bundled(questions, rays, advance, |bundles, workspace, each| {
+        self.bundled(queries, rays, advance, |bundles, workspace, each| {
             engine.answers(bundles, s, workspace, each)
         })
     }
 
-    /// Exact visible fractions with certificates, `rays` segments a pair.
+    /// Exact visible fractions with certificates, `rays` segments per pair.
     pub fn certified(
         &self,
-        questions: Questions,
+        queries: Queries,
         engine: &MultiResolution,
         rays: usize,
         advance: &dyn Fn(usize),
     ) -> MrRun {
-        self.bundled(questions, rays, advance, |bundles, workspace, each| {
+        self.bundled(queries, rays, advance, |bundles, workspace, each| {
             engine.certified(bundles, workspace, each)
         })
     }
 
-    /// Asks chunk by chunk for the answers to bundles, in their order.
+    /// Answers bundles chunk by chunk, in order.
     fn bundled(
         &self,
-        questions: Questions,
+        queries: Queries,
         rays: usize,
         advance: &dyn Fn(usize),
         ask: impl Fn(&[Bundle], &mut Workspace, &mut dyn FnMut(Answer)) + Sync,
     ) -> MrRun {
         let mut result = MrRun::default();
         result.run.sections = self.chunk_by_chunk(
-            chunks(questions.pairs.len(), rays),
-            |chunk: &mut Chunk<Option<Answer>>| chunk.prepare(questions, (rays, Order::Near), 0),
+            chunks(queries.pairs.len(), rays),
+            |chunk: &mut Chunk<Option<Answer>>| chunk.prepare(queries, (rays, Order::Near), 0),
             |chunk| {
                 let Chunk { pairs, packets, answers, workspace } = chunk;
-                let (order, bundles) = bundles(questions, pairs.clone(), packets, rays);
+                let (order, bundles) = bundles(queries, pairs.clone(), packets, rays);
                 answers.clear();
                 answers.resize(bundles.len(), None);
                 let mut next = order.iter();
@@ -219,7 +218,7 @@ impl Timer {
         result
     }
 
-    /// Prepares, asks and collects a few chunks at a time, in their order; the seconds of each asking.
+    /// Prepares, answers and collects a few chunks at a time, in order; the time of each group of chunks, seconds.
     pub(super) fn chunk_by_chunk<T: Send>(
         &self,
         ranges: Vec<Range<usize>>,
@@ -227,7 +226,7 @@ impl Timer {
         ask: impl Fn(&mut Chunk<T>) + Sync,
         mut collect: impl FnMut(&Chunk<T>),
     ) -> Vec<f64> {
-        let places = AHEAD * self.pool.as_ref().map_or(1, |pool| pool.current_num_threads());
+        let places = CHUNKS_PER_THREAD * self.pool.as_ref().map_or(1, |pool| pool.current_num_threads());
         let blank = || Chunk {
             pairs: 0..0,
             packets: Vec::new(),
@@ -252,7 +251,7 @@ impl Timer {
     }
 }
 
-/// Clear part of `count` lanes from lane `first` of packets without gaps.
+/// Clear fraction of `count` lanes from lane `first` of packets without gaps.
 pub(super) fn clear_fraction(blocked: &[u32], first: usize, count: usize) -> f32 {
     let stopped = (first..first + count).filter(|i| blocked[i / LANES] >> (i % LANES) & 1 == 1).count();
     1.0 - stopped as f32 / count as f32

@@ -1,10 +1,12 @@
-//! The measurement `mrvis bench`: exact against multi-resolution visibility on the same segments.
+//! Benchmark of `mrvis bench`: exact against multi-resolution visibility on the same segments.
 
 mod audit;
+mod context;
 mod gallery;
 pub mod measure;
 mod options;
 pub mod page;
+mod pilot;
 mod prepare;
 mod receivers;
 pub mod record;
@@ -14,11 +16,14 @@ mod rows;
 mod run;
 mod sample;
 mod scaling;
+pub mod side_by_side;
 mod sizes;
+pub mod solve_scaling;
+mod surface;
 mod target;
 mod unbiased;
 pub mod workload;
 
-pub use options::{MOST_THREADS, Options, Target};
+pub use options::{MAX_THREADS, Options, Target};
 pub use run::run;
 pub use scaling::{check_scaling, scaling};

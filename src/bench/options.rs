@@ -1,42 +1,43 @@
-//! What a run measures, and whether it makes sense for a scene.
+//! Options of a benchmark and their validity for a scene.
 
+use super::pilot::pilot_bytes;
 use super::sample::Sample;
-use super::unbiased;
-use crate::model::cache::Place;
+use crate::model::cache::CacheLocation;
 use crate::optics;
 use crate::scene::Scene;
 use crate::{Error, Result};
 
-/// Most segments from a point to an emitter: what one scrambled sequence holds.
+/// Largest number of segments from a point to an emitter: the length of one scrambled Sobol' sequence.
 pub(super) const MAX_RAYS: usize = 1 << 16;
-/// Multi-resolution rows have this many times the segments asked for.
+/// Numbers of segments of the MR rows, relative to `rays`. Chosen: each step of 4 halves the noise of exact rays.
 const MR_FACTORS: [usize; 3] = [1, 4, 16];
-/// Most threads of any command: one limit, in one place.
-pub const MOST_THREADS: u16 = 1024;
-/// Most receiver points.
+/// Largest number of threads of any command. Chosen: more than any machine that was tried has.
+pub const MAX_THREADS: u16 = 1024;
+/// Largest number of receiver points. Chosen: beyond it the results of one row alone take several GB.
 const MAX_POINTS: usize = 100_000_000;
-/// Part of the memory at hand that results may take.
-const MEMORY_PART: f64 = 0.7;
+/// Largest part of the available memory that results may take. Chosen: leaves room for allocations that `bytes`
+/// omits.
+const MAX_MEMORY_PART: f64 = 0.7;
 
-/// What an answer may err or cost.
+/// Target of the error or the time of the answers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Target {
     /// Root mean square error of the visible fraction, in `(0, 1]`.
     Error(f64),
-    /// Time of choosing and of the queries together, seconds, above 0.
+    /// Time of pilot and queries together, seconds, above 0.
     Seconds(f64),
 }
 
-/// What is measured.
+/// Options of a benchmark.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Feature sizes, scene units; none: [`default_sizes`](super::sizes::default_sizes).
+    /// Feature sizes, scene units; if empty, [`default_sizes`](super::sizes::default_sizes) chooses them.
     pub feature_sizes: Vec<f64>,
-    /// Segments from a point to an emitter for the multi-resolution engine; 4 and 16 times as many are measured too.
+    /// Segments from a point to an emitter for the MR engine; rows with 4 and 16 times as many are measured as well.
     pub rays: usize,
-    /// Receiver points.
+    /// Number of receiver points.
     pub points: usize,
-    /// Names of the receivers of shadow images; none: [`choose`](super::receivers::choose) says which.
+    /// Names of the receivers of shadow images; if empty, [`choose`](super::receivers::choose) chooses them.
     pub receivers: Vec<String>,
     /// Rays from a point to an emitter in the reference.
     pub reference_rays: usize,
@@ -44,16 +45,16 @@ pub struct Options {
     pub threads: usize,
     /// Seed of every random choice.
     pub seed: u64,
-    /// Part of the pairs, in `[0, 1]`, on which a few exact rays of its own check each row; 0: none.
+    /// Part of the pairs, in `[0, 1]`, on which independent exact rays check each row; 0: no audit.
     pub audit: f64,
-    /// Whether estimates without bias are measured too.
+    /// Whether unbiased estimates are measured as well.
     pub unbiased: bool,
-    /// An error or a time that the answers shall have.
+    /// Target of the error or the time of the answers, if any.
     pub target: Option<Target>,
-    /// How clusters are measured.
+    /// How cluster optics are measured.
     pub clusters: optics::Options,
-    /// Where the measured clusters are kept for the next run.
-    pub cache: Place,
+    /// Where measured clusters are cached.
+    pub cache: CacheLocation,
 }
 
 impl Default for Options {
@@ -70,37 +71,38 @@ impl Default for Options {
             unbiased: false,
             target: None,
             clusters: optics::Options::default(),
-            cache: Place::Off,
+            cache: CacheLocation::Off,
         }
     }
 }
 
 impl Options {
-    /// Segments from a point to an emitter of the multi-resolution rows.
+    /// Numbers of segments from a point to an emitter of the MR rows.
     pub(super) fn mr_rays(&self) -> Vec<usize> {
         MR_FACTORS.iter().map(|f| f * self.rays).filter(|&n| n <= MAX_RAYS).collect()
     }
 
-    /// Bytes that a run holds at its worst, beside the scene, its clusters and Embree's tree, about.
+    /// Approximate peak memory of a run, bytes, without the scene, its clusters and Embree's tree.
     fn bytes(&self, emitters: usize) -> f64 {
-        // Points, pairs, both halves of the reference and the largest row with its intervals.
+        // Points, pairs, both halves of the reference, and the largest row with its intervals: bytes per point and
+        // per pair.
         let rows = self.points as f64 * (32.0 + emitters as f64 * 48.0);
-        // The samples that are decided on, for the points and for the images, and the pilot of the rows without bias.
+        // The samples of the decisions (points and images), and the pilot of the unbiased rows.
         let samples = 2 * Sample::bytes(&self.mr_rays());
-        let pilot = if self.unbiased { unbiased::pilot_bytes() } else { 0 };
+        let pilot = if self.unbiased { pilot_bytes() } else { 0 };
         rows + (samples + pilot) as f64
     }
 
-    /// Whether the options make sense for any scene.
+    /// Checks the options independently of a scene.
     ///
     /// # Errors
     /// [`Error::Argument`] that names the option and its range.
     pub fn check(&self) -> Result<()> {
         let counts = [
-            ("--rays", self.rays, MAX_RAYS),
-            ("--reference-rays", self.reference_rays, MAX_RAYS),
-            ("--points", self.points, MAX_POINTS),
-            ("--threads", self.threads, MOST_THREADS.into()),
+            ("rays", self.rays, MAX_RAYS),
+            ("reference_rays", self.reference_rays, MAX_RAYS),
+            ("points", self.points, MAX_POINTS),
+            ("threads", self.threads, MAX_THREADS.into()),
         ];
         for (name, count, most) in counts {
             if count == 0 || count > most {
@@ -110,42 +112,42 @@ impl Options {
         let usable = |s: f64| s.is_finite() && s > 0.0 && (s as f32).is_normal();
         if let Some(s) = self.feature_sizes.iter().find(|&&s| !usable(s)) {
             return Err(Error::Argument(format!(
-                "--feature-size {s}: must be a length above 0 in scene units"
+                "feature_size {s}: must be a length above 0 in scene units"
             )));
         }
         if !(0.0..=1.0).contains(&self.audit) {
             return Err(Error::Argument(format!(
-                "--audit {}: must be a part of the bundles, in 0..1",
+                "audit {}: must be a part of the bundles, in 0..1",
                 self.audit
             )));
         }
         match self.target {
             Some(Target::Error(e)) if !(e > 0.0 && e <= 1.0) => {
                 return Err(Error::Argument(format!(
-                    "--target-error {e}: must be an error of the visible fraction above 0, at most 1"
+                    "target_error {e}: must be an error of the visible fraction above 0, at most 1"
                 )));
             }
             Some(Target::Seconds(t)) if !(t > 0.0 && t.is_finite()) => {
-                return Err(Error::Argument(format!("--target-seconds {t}: must be a time above 0")));
+                return Err(Error::Argument(format!("target_seconds {t}: must be a time above 0")));
             }
             _ => {}
         }
         let tolerance = self.clusters.tolerance;
         if !(tolerance > 0.0 && tolerance <= 1.0) {
             return Err(Error::Argument(format!(
-                "--tolerance {tolerance}: must be an error of the transmission above 0, at most 1"
+                "tolerance {tolerance}: must be an error of the transmission above 0, at most 1"
             )));
         }
         Ok(())
     }
 
-    /// The same for this scene.
+    /// Checks the options for this scene, including [`Options::check`].
     pub fn check_for(&self, scene: &Scene) -> Result<()> {
         self.check()?;
         if scene.emitters.is_empty() {
             let names: Vec<&str> = scene.objects.iter().take(4).map(|o| o.name.as_str()).collect();
             return Err(Error::Scene(format!(
-                "{}: nothing emits light; add --emitter NAME=W with the name of an object, group or material and its \
+                "{}: nothing emits light; add option `emitters` with the name of an object, group or material and its \
                  power in watts (there are `{}`{})",
                 scene.path.display(),
                 names.join("`, `"),
@@ -155,7 +157,7 @@ impl Options {
         let diagonal = f64::from(scene.bounds.diagonal());
         if let Some(s) = self.feature_sizes.iter().find(|&&s| s > 10.0 * diagonal) {
             return Err(Error::Argument(format!(
-                "--feature-size {s}: the whole scene is only {diagonal:.3} {} across",
+                "feature_size {s}: the whole scene is only {diagonal:.3} {} across",
                 scene.unit
             )));
         }
@@ -165,13 +167,13 @@ impl Options {
         self.check_memory(scene.emitters.len(), available_memory())
     }
 
-    /// Whether a run fits into this many bytes, if they are known.
+    /// Checks that a run fits into the available memory, bytes, if that is known.
     fn check_memory(&self, emitters: usize, available: Option<f64>) -> Result<()> {
         let bytes = self.bytes(emitters);
         match available {
-            Some(available) if bytes > MEMORY_PART * available => Err(Error::Argument(format!(
-                "--points {} with {emitters} emitters and --rays {} need about {:.1} GB of memory, {:.1} GB are \
-                 available: lower --points or --rays",
+            Some(available) if bytes > MAX_MEMORY_PART * available => Err(Error::Argument(format!(
+                "points {} with {emitters} emitters and rays {} need about {:.1} GB of memory, {:.1} GB are \
+                 available: lower option `points` or option `rays`",
                 self.points,
                 self.rays,
                 bytes / 1e9,
@@ -182,7 +184,7 @@ impl Options {
     }
 }
 
-/// Bytes that could be allocated now, where the system says so.
+/// Memory available for allocation, bytes; `None` where the system does not report it.
 fn available_memory() -> Option<f64> {
     let text = std::fs::read_to_string("/proc/meminfo").ok()?;
     let line = text.lines().find_map(|l| l.strip_prefix("MemAvailable:"))?;
@@ -193,7 +195,7 @@ fn available_memory() -> Option<f64> {
 mod tests {
     use super::*;
 
-    /// Points and pairs, and the samples that decisions are made on: with many rays these are the larger part.
+    /// With many rays the samples of the decisions are the larger part of the memory.
     #[test]
     fn memory_is_checked_with_all_that_is_held() {
         let fits = |rays: usize, points: usize, gigabytes: f64| {
@@ -204,7 +206,7 @@ mod tests {
         // 256 bundles of 65,536 segments, twice: 1.2 GB.
         assert!(!fits(65_536, 100, 1.5) && fits(65_536, 100, 2.0));
         let message = Options { rays: 65_536, ..Options::default() }.check_memory(1, Some(1e6)).unwrap_err();
-        assert!(message.to_string().contains("--rays"), "{message}");
+        assert!(message.to_string().contains("rays 65536"), "{message}");
     }
 
     #[test]

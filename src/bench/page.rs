@@ -1,7 +1,7 @@
-//! `report.html`: what a run measured, for somebody who has not read the paper.
+//! `report.html`: results of a benchmark.
 //!
-//! One file without references to the network or to other files: pictures are inline PNG and SVG. The page is a pure
-//! function of the record and the images.
+//! One file without references to other files or to the network: pictures are inline PNG and SVG. The page is a pure
+//! function of record and images.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
@@ -22,26 +22,26 @@ pub use scaling::render_scaling;
 
 const STYLE: &str = include_str!("page/style.css");
 
-/// Shadow images of one receiver, all of the same sides and texel size: the visible fraction of the light at each
-/// texel, in [0, 1]. Feature masks are computed from the reference.
+/// Shadow images of one receiver, of equal size: fraction of the unoccluded irradiance at each texel, in [0, 1].
+/// Feature masks are computed from the reference.
 #[derive(Clone, Debug)]
 pub struct ReceiverImages {
-    /// The receiver's name, as in the record.
+    /// Name of the receiver, as in the record.
     pub name: String,
-    /// Exact, with very many rays.
+    /// Exact, with the rays of the reference.
     pub reference: Image,
-    /// Exact, with 16 rays a texel.
+    /// Exact, with 16 rays per texel.
     pub exact16: Image,
-    /// Multi-resolution, by feature size (scene units).
+    /// MR, by feature size (scene units).
     pub mr: Vec<(f32, Image)>,
 }
 
-/// The page as HTML.
+/// The page as HTML. `command` is the command line that repeats the run.
 ///
 /// # Errors
-/// [`Error::Argument`](crate::Error::Argument) when the images of a receiver differ in columns or rows, or a feature
-/// size is not a length.
-pub fn render(record: &Record, receivers: &[ReceiverImages]) -> Result<String> {
+/// [`Error::Argument`](crate::Error::Argument): the images of a receiver differ in size, or a feature size is
+/// invalid.
+pub fn render(record: &Record, receivers: &[ReceiverImages], command: &str) -> Result<String> {
     let title = format!("mrvis bench: {}", file_name(&record.scene.path));
     let shadows = receivers.iter().map(|r| receivers::section(record, r)).collect::<Result<Vec<_>>>()?;
     let body = html! {
@@ -64,12 +64,12 @@ pub fn render(record: &Record, receivers: &[ReceiverImages]) -> Result<String> {
         (losses::section(record, receivers)?)
         (scaling::section(&record.scaling, &record.unit)?)
         (prose::how_to_read())
-        (footer(record))
+        (footer(record, command))
     };
     Ok(document(&title, body))
 }
 
-/// A page around its content.
+/// An HTML document with this title and body.
 fn document(title: &str, body: Markup) -> String {
     let page = html! {
         (DOCTYPE)
@@ -87,7 +87,7 @@ fn document(title: &str, body: Markup) -> String {
     page.into_string()
 }
 
-/// Title and the result in one sentence.
+/// Title, the result in one sentence, and the largest speed-ups.
 fn headline(record: &Record) -> Markup {
     let best_of = |speed: fn(&MrRow) -> Option<f64>| {
         record
@@ -117,16 +117,16 @@ fn headline(record: &Record) -> Markup {
     }
 }
 
-/// The best row in plain words.
+/// The best row in one sentence.
 fn sentence(record: &Record) -> Markup {
     let Some((best, speed)) = record.best().and_then(|row| Some((row, row.speedup_at_same_rms?))) else {
-        return html! { p.lead { "This run holds no multi-resolution row whose speed could be compared." } };
+        return html! { p.lead { "This run has no multi-resolution row whose speed could be compared." } };
     };
     let size = length(best.feature_size, &record.unit);
     html! {
         p.lead {
             @if speed >= 1.05 {
-                "Answering for features of " (size) ", multi-resolution visibility was "
+                "At feature size " (size) " multi-resolution visibility was "
                 strong { (times(Some(speed))) " faster" }
                 " than exact ray tracing (Embree) of the same accuracy"
             } @else if speed > 0.95 {
@@ -141,18 +141,15 @@ fn sentence(record: &Record) -> Markup {
         }
         @if best.extrapolated {
             p.note {
-                "No measured number of exact rays was that accurate. The time that exact would need is extrapolated: \
-                 halving its error takes four times the rays."
+                "No measured number of exact rays is as accurate. The time of exact rays is extrapolated: half the \
+                 error takes four times the rays."
             }
         }
     }
 }
 
-/// Where the figures come from, enough to repeat them.
-fn footer(record: &Record) -> Markup {
-    let mut sizes: Vec<f64> = record.mr.iter().map(|row| row.feature_size).collect();
-    sizes.sort_by(f64::total_cmp);
-    sizes.dedup();
+/// Versions, settings and the command that repeats the run.
+fn footer(record: &Record, command: &str) -> Markup {
     let plural = if record.threads == 1 { "thread" } else { "threads" };
     html! {
         footer {
@@ -161,18 +158,10 @@ fn footer(record: &Record) -> Markup {
                 "mrvis " (record.mrvis) " · Embree " (record.embree) " (" (record.isa) ") · "
                 (record.threads) " " (plural) " in the timed sections · seed " (record.seed) " · lengths in " (record.unit)
             }
-            pre {
-                "mrvis bench " (shell_word(&record.scene.path))
-                " --points " (record.workload.points)
-                " --rays " (record.workload.rays)
-                " --reference-rays " (record.workload.reference_rays)
-                @for size in sizes { " --feature-size " (size) }
-                @for receiver in &record.receivers { " --receiver " (shell_word(&receiver.name)) }
-                " --seed " (record.seed) " --threads " (record.threads) " --unit " (shell_word(&record.unit))
-            }
+            pre { (command) }
             p.note {
-                "The same command gives the same figures but for the times, which depend on the machine and on what \
-                 else runs on it. Speed-ups are ratios of times of one run."
+                "The command gives the same results except for times, which depend on the machine and its load. \
+                 Speed-ups are ratios of times of one run."
             }
         }
     }
@@ -184,17 +173,7 @@ fn file_name(path: &str) -> &str {
     if name.is_empty() { "unnamed scene" } else { name }
 }
 
-/// The text as one word of a shell command.
-fn shell_word(text: &str) -> String {
-    let plain = |c: char| c.is_alphanumeric() || "/._-+:".contains(c);
-    if !text.is_empty() && text.chars().all(plain) {
-        text.into()
-    } else {
-        format!("'{}'", text.replace('\'', "'\\''"))
-    }
-}
-
-/// A factor, such as `27×`; a dash when unknown.
+/// A ratio such as `27×`; a dash if unknown.
 fn times(value: Option<f64>) -> String {
     match value {
         Some(v) if !v.is_finite() => "–".into(),
@@ -205,7 +184,7 @@ fn times(value: Option<f64>) -> String {
     }
 }
 
-/// A part as per cent, two significant digits or more.
+/// A fraction in per cent, with at least two significant digits.
 fn percent(part: f64) -> String {
     format!("{}\u{a0}%", number(100.0 * part))
 }

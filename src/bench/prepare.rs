@@ -1,16 +1,16 @@
-//! The multi-resolution engine of a benchmark, and the times and sizes of everything that is built for it.
+//! The MR engine of a benchmark, and times and sizes of the preparation.
 
+use super::context::Bench;
 use super::options::Options;
 use super::record::{Build, BytesPerTriangle};
-use super::rows::Bench;
+use super::rounds::timed;
 use super::sample::Sample;
 use super::workload::Workload;
-use crate::model::{Detail, Model, PrepareOptions};
-use crate::visibility::{Leaf, MultiResolution, Workspace};
-use std::time::Instant;
+use crate::model::{Detail, Mesh, Model, PrepareOptions};
+use crate::visibility::{LeafMode, MultiResolution, Workspace};
 
 impl Options {
-    /// What a model must hold for a benchmark with these options.
+    /// What [`Model::prepare`] must make for a benchmark with these options.
     pub fn prepare(&self) -> PrepareOptions {
         PrepareOptions {
             detail: Detail::Optics,
@@ -37,38 +37,28 @@ pub(super) fn build_of(model: &Model) -> Build {
 }
 
 impl Bench<'_> {
-    /// What is decided on for a workload, large enough for every row.
+    /// Sample of the workload for the decisions of all rows.
     pub fn sample(&self, workload: &Workload) -> Sample {
         Sample::of(self.scene, workload, &self.mr_rays())
     }
 
-    /// The multi-resolution engine for a workload; notes its times and sizes.
+    /// The MR engine for a workload. Writes its times and sizes to `build`.
     pub fn engine(&self, workload: &Workload, sample: &Sample, build: &mut Build) -> MultiResolution {
-        let Bench { model, scene, options, .. } = self;
-        let measured = model.base().measured().expect("a benchmark prepares optics");
-        let hierarchy = model.base().hierarchy();
+        let Bench { model, options, .. } = self;
         let traversal = timed(&mut build.budget_s, || self.traversal(workload, options.rays));
-        let engine =
-            MultiResolution::new(measured.tree.clone(), model.traced().clone(), traversal, Leaf::Exact)
-                .with_tolerance(options.clusters.tolerance);
+        let engine = model.engine(traversal, LeafMode::Exact).expect("a benchmark prepares optics");
         let engine = timed(&mut build.budget_s, || {
             engine.with_budget(&sample.bundles(1).concat(), &mut Workspace::default())
         });
-        let clusters = hierarchy.micro.bytes() + hierarchy.large.bytes();
-        let [optics, wide] = [size_of_val(measured.optics.as_slice()), engine.bytes()];
+        let all = |of: &dyn Fn(&Mesh) -> usize| model.meshes().iter().map(|mesh| of(mesh)).sum::<usize>();
+        let clusters = all(&|mesh| mesh.hierarchy().micro.bytes() + mesh.hierarchy().large.bytes());
+        let optics = all(&|mesh| mesh.measured().map_or(0, |m| size_of_val(m.optics.as_slice())));
+        let wide = all(&|mesh| mesh.measured().map_or(0, |m| m.tree.bytes()));
         build.hierarchy_bytes = (clusters + optics + wide) as u64;
         build.bytes_per_triangle = BytesPerTriangle::of(
-            scene.triangles.len(),
-            [scene.bytes(), clusters, optics, wide, build.embree_bytes as usize],
+            all(&|mesh| mesh.scene().triangles.len()),
+            [all(&|mesh| mesh.scene().bytes()), clusters, optics, wide, build.embree_bytes as usize],
         );
         engine
     }
-}
-
-/// The result and, added up, the seconds it took.
-pub(super) fn timed<R>(seconds: &mut f64, make: impl FnOnce() -> R) -> R {
-    let start = Instant::now();
-    let result = make();
-    *seconds += start.elapsed().as_secs_f64();
-    result
 }

@@ -1,6 +1,6 @@
-//! What answers are judged by: exact rays in two independent halves.
+//! Independent reference of the answers: many exact rays per pair, in two independent halves.
 
-use super::measure::{Questions, chunks, clear_fraction};
+use super::measure::{Queries, chunks, clear_fraction};
 use crate::ray::Occluder;
 use crate::visibility::Exact;
 use rayon::prelude::*;
@@ -8,26 +8,26 @@ use rayon::prelude::*;
 /// Two independent estimates of each pair's visible fraction, half of the rays each.
 #[derive(Clone, Debug)]
 pub struct Reference {
-    /// From the first half.
+    /// Estimates of the first half.
     pub a: Vec<f32>,
-    /// From the second half, with other samples.
+    /// Estimates of the second half, with other samples.
     pub b: Vec<f32>,
-    /// Rays of both halves together, a pair.
+    /// Rays per pair of both halves together.
     pub rays: usize,
 }
 
 impl Reference {
-    /// Traces `rays` segments a pair on all threads: the halves are the samples of two `streams`. `advance` is told
-    /// how many pairs are done with one of the halves.
+    /// Traces `rays` segments per pair on all threads; the halves use the samples of two `streams`. `advance` gets
+    /// the number of pairs done with one half.
     pub fn trace(
-        questions: Questions,
+        queries: Queries,
         engine: &Exact,
         rays: usize,
         streams: [u64; 2],
         advance: &(dyn Fn(usize) + Sync),
     ) -> Reference {
         let half = rays.div_ceil(2);
-        let Questions { scene, workload, pairs } = questions;
+        let Queries { scene, workload, pairs } = queries;
         let [a, b] = streams.map(|stream| -> Vec<f32> {
             let parts: Vec<Vec<f32>> = chunks(pairs.len(), half)
                 .into_par_iter()
@@ -53,23 +53,22 @@ impl Reference {
         0.5 * (self.a[pair] + self.b[pair])
     }
 
-    /// Standard error of [`Reference::mean`], root mean square over the pairs: half the RMS difference of the halves.
+    /// Standard error of [`Reference::mean`] (root mean square over the pairs): half the RMS difference of the
+    /// halves.
     pub fn standard_error(&self) -> f64 {
         let sum: f64 = self.a.iter().zip(&self.b).map(|(a, b)| f64::from(a - b).powi(2)).sum();
         0.5 * (sum / self.a.len().max(1) as f64).sqrt()
     }
 
-    /// Squared errors of estimates, each of them right in the mean only: see [`Reference::errors`]; single ones may be
-    /// below 0.
+    /// Unbiased estimates of the squared errors; single ones may be negative. See [`Reference::errors`].
     pub fn squares(&self, visible: &[f32]) -> Vec<f64> {
         let halves = self.a.iter().zip(&self.b);
         visible.iter().zip(halves).map(|(&x, (&a, &b))| f64::from(x - a) * f64::from(x - b)).collect()
     }
 
-    /// RMS and bias of estimates against the truth.
+    /// RMS error and mean error of estimates.
     ///
-    /// E[(x - a)(x - b)] = (x - truth)² because a and b err independently: the reference's noise drops out of
-    /// the RMS without having to be known.
+    /// E[(x − a)(x − b)] = (x − E[a])² because a and b are independent: the noise of the reference cancels.
     pub fn errors(&self, visible: &[f32]) -> (f64, f64) {
         let n = visible.len().max(1) as f64;
         let (mut square, mut bias) = (0.0, 0.0);
@@ -80,7 +79,7 @@ impl Reference {
         ((square / n).max(0.0).sqrt(), bias / n)
     }
 
-    /// Part of the answers that the reference agrees with: see [`agrees`].
+    /// Part of the answers whose intervals the reference confirms; see [`agrees`].
     pub fn coverage(&self, visible: &[f32], intervals: &[(f32, f32)]) -> f64 {
         let answers = visible.iter().zip(intervals).enumerate();
         let agree = answers.filter(|&(k, (&x, &interval))| agrees(x, interval, self.mean(k), self.rays));
@@ -88,18 +87,17 @@ impl Reference {
     }
 }
 
-/// Whether an answer `x` with the stated 95 % interval `[lo, hi]` is borne out by the mean `p` of `rays` rays of its
-/// own.
+/// Whether the mean `p` of `rays` independent rays confirms an answer `x` with the stated 95 % interval `[lo, hi]`.
 ///
 /// ```text
-/// |p - x| <= √(h² + 1.96² q (1 - q) / rays)      h = x - lo or hi - x, on p's side;  q = p moved into [lo, hi]
+/// |p − x| ≤ √(h² + 1.96² q (1 − q) / rays)      h = x − lo or hi − x, on p's side;  q = p clamped to [lo, hi]
 /// ```
 ///
-/// The answer claims a standard error of h / 1.96 and the mean has one of √(q (1 - q) / rays) if the truth is where the
-/// interval allows it nearest to p. Both err independently, so that an honest claim is borne out in 95 of 100 cases,
-/// however many rays there are, and a bold one in fewer. A certificate, lo = hi = 0 or 1, is refuted by one ray.
+/// The answer claims a standard error of h / 1.96; the mean has √(q (1 − q) / rays). Both are independent, so correct
+/// intervals are confirmed in 95 of 100 cases for any number of rays. One ray refutes a certificate (lo = hi = 0 or
+/// 1).
 pub fn agrees(x: f32, (lo, hi): (f32, f32), p: f32, rays: usize) -> bool {
-    /// An interval that ends a bit or two short of 1 still holds 1.
+    /// Rounding of f32 intervals that end at 0 or 1.
     const ROUNDING: f64 = 1e-6;
     let [x, lo, hi, p] = [x, lo, hi, p].map(f64::from);
     let half = if p < x { x - lo } else { hi - x };
@@ -108,45 +106,47 @@ pub fn agrees(x: f32, (lo, hi): (f32, f32), p: f32, rays: usize) -> bool {
     (p - x).abs() <= (half * half + noise).sqrt() + ROUNDING
 }
 
-/// A root mean square and what it is worth.
+/// A root mean square and its 95 % interval.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Found {
+pub struct RmsEstimate {
     /// The root mean square.
     pub rms: f64,
     /// 95 % interval, lower end.
     pub lo: f64,
-    /// Upper end.
+    /// 95 % interval, upper end.
     pub hi: f64,
 }
 
-impl Found {
-    /// Of squares, at most 1 each, that come in independent runs of this length; 1: each is independent.
+impl RmsEstimate {
+    /// RMS of squared errors (at most 1 each) that come in independent runs of `run` values.
     ///
-    /// The interval is Student's for the runs' mean squares. A single run says nothing of others: its interval is
-    /// everything. Where all runs say the same, nothing differs in the part of the squares that was seen, and with
-    /// 95 % in no more than 3 / N of those that were not (the rule of three; N squares), by 1 at most.
-    pub fn of(squares: &[f64], run: usize) -> Found {
+    /// The interval is Student's for the mean squares of the runs. A single run gives no interval: [0, 1]. If all
+    /// runs have the same mean square, the rule of three bounds the part of deviating squares by 3 / N with 95 % (N
+    /// squares, deviations of at most 1).
+    pub fn of(squares: &[f64], run: usize) -> RmsEstimate {
         let means: Vec<f64> =
             squares.chunks(run.max(1)).map(|run| run.iter().sum::<f64>() / run.len() as f64).collect();
         let n = means.len().max(1) as f64;
         let mean = means.iter().sum::<f64>() / n;
         let root = |square: f64| square.clamp(0.0, 1.0).sqrt();
         if means.len() < 2 {
-            return Found { rms: root(mean), lo: 0.0, hi: 1.0 };
+            return RmsEstimate { rms: root(mean), lo: 0.0, hi: 1.0 };
         }
         let variance = means.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / (n - 1.0);
         let half = match variance > 0.0 {
             true => student(means.len() - 1) * (variance / n).sqrt(),
             false => 3.0 / squares.len() as f64,
         };
-        Found { rms: root(mean), lo: root(mean - half), hi: root(mean + half) }
+        RmsEstimate { rms: root(mean), lo: root(mean - half), hi: root(mean + half) }
     }
 }
 
-/// How many standard errors, estimated with so many degrees of freedom, half a 95 % interval has (Student 1908): the
-/// first from the table, the rest by the expansion of Cornish and Fisher (Abramowitz and Stegun 26.7.5).
+/// Quantile of Student's t distribution for a 95 % interval: the table for up to four degrees of freedom, then the
+/// expansion of Cornish and Fisher (Abramowitz and Stegun 26.7.5).
 fn student(freedom: usize) -> f64 {
+    /// Quantiles for 1 to 4 degrees of freedom.
     const FIRST: [f64; 4] = [12.706, 4.303, 3.182, 2.776];
+    /// Quantile of the normal distribution.
     const Z: f64 = 1.959_964;
     let v = freedom as f64;
     let first = (Z.powi(3) + Z) / 4.0;
@@ -176,23 +176,23 @@ mod tests {
     fn one_ray_refutes_a_certificate() {
         assert!(agrees(1.0, (1.0, 1.0), 1.0, 64) && agrees(0.0, (0.0, 0.0), 0.0, 64));
         assert!(!agrees(1.0, (1.0, 1.0), 1023.0 / 1024.0, 1024) && !agrees(0.0, (0.0, 0.0), 1.0 / 64.0, 64));
-        // An interval's own width and the rays' noise add up as squares: 0.1 and 1.96 · 0.0625 to 0.158.
+        // Interval half width 0.1 and noise 1.96 · 0.0625 of the rays add as squares: 0.158.
         assert!(agrees(0.4, (0.3, 0.5), 0.557, 64) && !agrees(0.4, (0.3, 0.5), 0.56, 64));
     }
 
     #[test]
-    fn intervals_of_errors_are_honest_where_little_was_seen() {
-        // One run says nothing of others; two say little.
-        let one = Found::of(&[0.04], 1);
+    fn intervals_are_wide_for_few_samples() {
+        // One run gives no interval; two give a wide one.
+        let one = RmsEstimate::of(&[0.04], 1);
         assert_eq!((one.lo, one.hi), (0.0, 1.0));
         assert!((one.rms - 0.2).abs() < 1e-12);
-        let together = Found::of(&[0.04; 32], 32);
+        let together = RmsEstimate::of(&[0.04; 32], 32);
         assert_eq!((together.lo, together.hi), (0.0, 1.0));
-        assert_eq!(Found::of(&[], 1).hi, 1.0);
-        let two = Found::of(&[0.03, 0.05], 1);
+        assert_eq!(RmsEstimate::of(&[], 1).hi, 1.0);
+        let two = RmsEstimate::of(&[0.03, 0.05], 1);
         assert!(two.lo == 0.0 && (two.hi.powi(2) - (0.04 + 12.706 * 0.01)).abs() < 1e-9, "{two:?}");
-        // No error seen in 300 pairs: one pair of 100 may be wrong altogether.
-        let none = Found::of(&[0.0; 300], 10);
+        // No error in 300 pairs: at most 1 pair of 100 has an error of 1.
+        let none = RmsEstimate::of(&[0.0; 300], 10);
         assert!(none.rms == 0.0 && none.lo == 0.0 && (none.hi - 0.1).abs() < 1e-9, "{none:?}");
     }
 

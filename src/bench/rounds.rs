@@ -1,39 +1,43 @@
-//! One rule of timing for all rows, whatever engine they ask.
+//! Timing rule of all rows.
 //!
-//! The least of several times is shorter than a single one, so rows that are compared must be run equally often. All
-//! rows are run once, then all of them again: what else the machine does, and how its clock wanders, meets all of them
-//! alike. Of each timed section the least time counts: other work only ever makes a section longer, and rarely the same
-//! one twice.
+//! The minimum of several times is smaller than a single time, so rows that are compared are run equally often. Rows
+//! are run in turns, so that other load and clock changes affect all rows alike. Of each timed section the minimum
+//! over its runs counts: other load only lengthens a section.
 
 use std::time::{Duration, Instant};
 
-/// Rounds, at least and at most.
-const LEAST: usize = 2;
-const MOST: usize = 6;
-/// No round begins that is likely to end later than this after the first: a run shall end.
-const PATIENCE: Duration = Duration::from_secs(10);
+/// Smallest and largest number of runs of each row. Chosen: two runs exclude a single disturbance; more than six
+/// change little.
+const MIN_ROUNDS: usize = 2;
+const MAX_ROUNDS: usize = 6;
+/// A round starts only if the rounds are expected to end within this time. Chosen: bounds the duration of a
+/// benchmark.
+const MAX_TIME: Duration = Duration::from_secs(10);
 
-/// Times of rows that were run equally often.
+/// Pairs that are asked, untimed, before each timed row. Chosen: enough to load the caches.
+pub(super) const WARM_UP_PAIRS: usize = 1024;
+
+/// Minimum times of rows that were run equally often.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Timed {
-    /// Seconds of each row, in their order.
+    /// Time of each row, seconds, in order.
     pub seconds: Vec<f64>,
-    /// How often each was run.
+    /// Number of runs of each row.
     pub rounds: usize,
 }
 
-/// Runs `rows` rows in rounds. `run` is told which row and whether it is its first time; it returns the seconds of the
-/// row's timed sections, the same sections every time.
+/// Runs `rows` rows in rounds. `run` gets the index of the row and whether this is its first run; it returns the
+/// times of the row's timed sections, seconds, always the same sections.
 pub(super) fn rounds(rows: usize, run: impl FnMut(usize, bool) -> Vec<f64>) -> Timed {
-    within(PATIENCE, rows, run)
+    within(MAX_TIME, rows, run)
 }
 
-/// The same with another patience.
+/// [`rounds`] with a time limit.
 fn within(patience: Duration, rows: usize, mut run: impl FnMut(usize, bool) -> Vec<f64>) -> Timed {
     let start = Instant::now();
     let goes_on = |rounds: usize| {
         let likely_end = start.elapsed().mul_f64((rounds + 1) as f64 / rounds as f64);
-        rounds < LEAST || rounds < MOST && likely_end < patience
+        rounds < MIN_ROUNDS || rounds < MAX_ROUNDS && likely_end < patience
     };
     let mut best: Vec<Vec<f64>> = (0..rows).map(|row| run(row, true)).collect();
     let mut rounds = 1;
@@ -46,16 +50,24 @@ fn within(patience: Duration, rows: usize, mut run: impl FnMut(usize, bool) -> V
     Timed { seconds: best.iter().map(|sections| sections.iter().sum()).collect(), rounds }
 }
 
-/// Runs one more row as often as others were; its seconds.
+/// Runs one more row `rounds` times; its minimum time, seconds.
 pub(super) fn as_often(rounds: usize, mut run: impl FnMut(bool) -> Vec<f64>) -> f64 {
     let mut best = run(true);
     (1..rounds).for_each(|_| shorten(&mut best, &run(false)));
     best.iter().sum()
 }
 
-/// Takes the shorter time of each section.
+/// Takes the smaller time of each section.
 fn shorten(best: &mut [f64], again: &[f64]) {
     best.iter_mut().zip(again).for_each(|(a, &b)| *a = a.min(b));
+}
+
+/// The result of `make`; adds its time to `seconds`.
+pub(super) fn timed<R>(seconds: &mut f64, make: impl FnOnce() -> R) -> R {
+    let start = Instant::now();
+    let result = make();
+    *seconds += start.elapsed().as_secs_f64();
+    result
 }
 
 #[cfg(test)]
@@ -69,14 +81,14 @@ mod tests {
             calls.push((row, first));
             vec![1.0 + row as f64]
         });
-        assert_eq!((timed.rounds, &timed.seconds[..]), (MOST, &[1.0, 2.0, 3.0][..]));
+        assert_eq!((timed.rounds, &timed.seconds[..]), (MAX_ROUNDS, &[1.0, 2.0, 3.0][..]));
         let turns: Vec<(usize, bool)> =
-            (0..MOST).flat_map(|round| (0..3).map(move |row| (row, round == 0))).collect();
+            (0..MAX_ROUNDS).flat_map(|round| (0..3).map(move |row| (row, round == 0))).collect();
         assert_eq!(calls, turns);
         assert!(rounds(0, |_, _| Vec::new()).seconds.is_empty());
     }
 
-    /// A long row is run as often as a short one: neither has more chances of a short time.
+    /// A long row is run as often as a short one.
     #[test]
     fn long_rows_hold_short_ones_back() {
         let mut calls = [0, 0];
@@ -86,7 +98,7 @@ mod tests {
             std::thread::sleep(if row == 0 { patience.mul_f64(0.4) } else { Duration::ZERO });
             vec![0.0]
         });
-        assert_eq!(calls, [LEAST; 2]);
+        assert_eq!(calls, [MIN_ROUNDS; 2]);
     }
 
     #[test]

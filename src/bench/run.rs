@@ -1,29 +1,28 @@
-//! One run from a scene to a record and images.
+//! A benchmark run: from a model to a record and images.
 
-use super::measure::{Questions, Timer};
+use super::context::Bench;
+use super::measure::{Queries, Timer};
 use super::options::Options;
 use super::page::ReceiverImages;
 use super::prepare::build_of;
 use super::record::{self, Record};
-use super::rows::{Bench, Measured};
+use super::rows::Measured;
 use super::sizes::default_sizes;
 use super::workload::{Workload, surface_points};
-use crate::clusters::Hierarchy;
 use crate::model::Model;
-use crate::model::summary::SceneFacts;
-use crate::optics::{ClusterOptics, Extinction};
+use crate::model::summary::SceneSummary;
+use crate::optics::Extinction;
 use crate::progress::Progress;
-use crate::scene::Scene;
 use crate::{Error, Result};
 
 /// Measures a scene.
 ///
-/// The record has everything but `build.load_s`, which only the caller knows. Everything in it but times, ratios of
-/// times, the choice of Embree's call and where the clusters came from is the same for the same options, whatever the
-/// threads. What targets and unbiased rows ask is planned by measured times and may differ from run to run.
+/// The record is complete but for `build.load_s`, which the caller knows. All of it is independent of the number of
+/// threads, except times, ratios of times, Embree's ray call and the origin of the clusters. Targets and unbiased
+/// rows depend on measured times and may differ between runs.
 ///
 /// # Errors
-/// An option is out of range, a name is unknown, nothing emits or receives light, Embree refuses.
+/// An option is out of range, a name is unknown, the scene has no emitter or no receiver, or Embree fails.
 pub fn run(
     model: &Model,
     options: &Options,
@@ -33,33 +32,31 @@ pub fn run(
     options.check_for(scene)?;
     let timer = Timer::new(options.threads)?;
     let mut build = build_of(model);
-    let hierarchy = model.base().hierarchy();
-    let optics = &model.base().measured().expect("a benchmark prepares optics").optics;
 
     let points = surface_points(scene, options.points, options.seed)?;
     let workload = Workload::new(scene, points, options.seed);
     if workload.pairs.is_empty() {
         return Err(Error::Scene(format!(
-            "{}: no surface faces an emitter; check the winding of the emitters' faces (front sides emit) or add \
-             --two-sided-emission",
+            "{}: no surface faces an emitter; check the winding of the emitters' faces (front sides emit) or set \
+             option `two_sided_emission`",
             scene.path.display()
         )));
     }
-    let sizes = sizes(scene, options, hierarchy, optics);
+    let sizes = sizes(model, options);
     let mut warnings = Vec::new();
     let bench = Bench { model, scene, options, timer, sizes, progress };
     let sample = bench.sample(&workload);
     let mr = bench.engine(&workload, &sample, &mut build);
 
     let every: Vec<usize> = (0..workload.pairs.len()).collect();
-    let questions = Questions { scene, workload: &workload, pairs: &every };
-    let measured = bench.points(questions, &mr, &sample);
+    let queries = Queries { scene, workload: &workload, pairs: &every };
+    let measured = bench.points(queries, &mr, &sample);
     let unbiased = match options.unbiased {
-        true => bench.unbiased(questions, &mr, &measured),
+        true => bench.unbiased(queries, &mr, &measured),
         false => Vec::new(),
     };
     let Measured { reference, exact, certified, mr: mut rows, rounds } = measured;
-    let target = options.target.map(|target| bench.target(target, questions, &mr, &reference));
+    let target = options.target.map(|target| bench.target(target, queries, &mr, &reference));
     let (receivers, images) = bench.images(&mr, &mut rows, &mut warnings)?;
     build.exact_setup_s = build.embree_s + exact.iter().map(|row| row.setup_s).sum::<f64>();
     build.mr_setup_s = build.hierarchy_s
@@ -74,7 +71,7 @@ pub fn run(
         isa: mr.isa().name().into(),
         unit: scene.unit.clone(),
         seed: options.seed,
-        scene: SceneFacts::of(scene, hierarchy),
+        scene: SceneSummary::of(model),
         scene_repairs: serde_json::to_value(&scene.repairs).unwrap_or_default(),
         warnings,
         clusters: record::Clusters {
@@ -104,10 +101,10 @@ pub fn run(
     Ok((record, images))
 }
 
-/// Feature sizes asked for or found, ascending, each once.
-fn sizes(scene: &Scene, options: &Options, hierarchy: &Hierarchy, optics: &[ClusterOptics]) -> Vec<f64> {
+/// Feature sizes of the options or by default, ascending, without duplicates.
+fn sizes(model: &Model, options: &Options) -> Vec<f64> {
     let mut sizes = match &options.feature_sizes[..] {
-        [] => default_sizes(scene, &hierarchy.micro, optics),
+        [] => default_sizes(model),
         sizes => sizes.to_vec(),
     };
     sizes.sort_by(f64::total_cmp);

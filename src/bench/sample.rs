@@ -1,4 +1,4 @@
-//! What decisions are made on: runs of neighbouring bundles spread over the workload.
+//! Sample of a workload for decisions: runs of neighbouring bundles.
 
 use super::workload::{Order, Workload};
 use crate::ray::{LANES, Packet};
@@ -6,17 +6,17 @@ use crate::scene::Scene;
 use crate::visibility::{Bundle, MultiResolution, Workspace};
 use glam::Vec3;
 
-/// Runs and pairs of each.
-const SHAPE: (usize, usize) = (16, 16);
+/// Number of runs, and pairs per run. Chosen: 256 pairs take a few milliseconds.
+const RUNS: usize = 16;
+const PAIRS_PER_RUN: usize = 16;
 
-/// Segments of runs of neighbouring pairs, spread evenly over a workload. Made once, for every number of segments that a
-/// row asks: fewer are among more, but in packets of their own.
+/// Segments of runs of neighbouring pairs, evenly spread over a workload, for each number of segments of the rows.
 pub struct Sample {
     sets: Vec<Set>,
     runs: Vec<Run>,
 }
 
-/// All bundles with one number of segments, one after the other.
+/// All bundles with one number of segments, in order.
 struct Set {
     rays: usize,
     packets: Vec<Packet>,
@@ -31,20 +31,20 @@ struct Run {
 }
 
 impl Sample {
-    /// These numbers of segments of each pair, and single packets.
+    /// Samples with these numbers of segments per pair, and with one packet per pair.
     pub fn of(scene: &Scene, workload: &Workload, rays: &[usize]) -> Sample {
         let mut sample = Sample { sets: Vec::new(), runs: Vec::new() };
         let pairs = workload.pairs.len();
-        let length = (SHAPE.1 * scene.emitters.len()).min(pairs);
-        let runs = SHAPE.0.min(pairs / length.max(1));
+        let length = (PAIRS_PER_RUN * scene.emitters.len()).min(pairs);
+        let runs = RUNS.min(pairs / length.max(1));
         let mut chosen = Vec::new();
         for k in 0..runs {
             let first = (pairs - length) * k / (runs - 1).max(1);
-            // The run is that of one emitter, as the engine is asked.
+            // A run has one emitter, as the bundles of a query do.
             let emitter = workload.pairs[first].emitter;
             let same = (first..first + length).filter(|&pair| workload.pairs[pair].emitter == emitter);
             let first_of_run = chosen.len();
-            chosen.extend(same.take(SHAPE.1));
+            chosen.extend(same.take(PAIRS_PER_RUN));
             let sizes =
                 chosen[first_of_run..].iter().map(|&pair| workload.pairs[pair].emitter_size).collect();
             sample.runs.push(Run { hull: workload.hull(first).to_vec(), sizes });
@@ -59,13 +59,13 @@ impl Sample {
         sample
     }
 
-    /// Bytes of a sample of so many segments of each pair, at most.
+    /// Upper bound of the memory of a sample with these numbers of segments, bytes.
     pub fn bytes(rays: &[usize]) -> usize {
         let packets: usize = numbers(rays).iter().map(|n| n.div_ceil(LANES)).sum();
-        SHAPE.0 * SHAPE.1 * packets * size_of::<Packet>()
+        RUNS * PAIRS_PER_RUN * packets * size_of::<Packet>()
     }
 
-    /// The bundles of `rays` segments, or of one packet if it was not made for that number, run by run.
+    /// The bundles with `rays` segments, run by run; with one packet if the sample has no such number.
     pub fn bundles(&self, rays: usize) -> Vec<Vec<Bundle<'_>>> {
         let set = self.sets.iter().find(|set| set.rays == rays).unwrap_or(&self.sets[0]);
         let mut packets = set.packets.chunks(set.rays.div_ceil(LANES));
@@ -77,14 +77,14 @@ impl Sample {
         self.runs.iter().map(|run| run.sizes.iter().map(|size| bundle(&run.hull, size)).collect()).collect()
     }
 
-    /// Whether the engine pays for bundles like these.
+    /// Whether MR is estimated to be faster than exact rays for bundles like these.
     pub fn pays(&self, engine: &MultiResolution, s: f32, rays: usize) -> bool {
         let runs = self.bundles(rays);
         engine.pays(runs.iter().map(Vec::as_slice), s, &mut Workspace::default())
     }
 }
 
-/// The numbers of segments that a sample is made for, ascending.
+/// Numbers of segments of a sample, ascending.
 fn numbers(rays: &[usize]) -> Vec<usize> {
     let mut numbers = [&[LANES], rays].concat();
     numbers.sort_unstable();

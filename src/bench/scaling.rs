@@ -1,43 +1,43 @@
-//! How cost grows with the scene: the same question in forests of 10 thousand, 100 thousand, a million triangles.
+//! Growth of cost with the size of the scene: both engines in forests of 10,000, 100,000, 1,000,000, ... triangles.
 //!
-//! Two series, both at one feature size. *Wider*: more trees of the same kind over more ground, as dense as before,
-//! under a sky panel that covers the same part of the sky, and as many points on each tree. What a bundle meets stays
-//! the same, so time grows only with the depth of the trees that are searched. *Finer*: as many trees, with more and
-//! smaller leaves that shade as much; what grows is detail below the feature size, of which multi-resolution visibility
-//! should take no notice at all.
+//! Two series at one feature size. *Wider*: more trees over more ground, at constant density, with a sky panel of
+//! constant solid angle and as many points per tree. The surroundings of a bundle stay the same, so time grows with
+//! the depth of the hierarchies only. *Finer*: as many trees with more and smaller leaves of constant total area.
+//! Only detail below the feature size is added, which should not change the time of MR.
 
-use super::measure::{MrRun, Questions, Run, Timer};
+use super::context::Bench;
+use super::measure::{MrRun, Queries, Run, Timer};
 use super::options::Options;
 use super::prepare::build_of;
 use super::record::{ScalingRecord, ScalingRow};
 use super::rounds::rounds;
-use super::rows::Bench;
 use super::workload::{Point, Workload, surface_points};
 use crate::model::Model;
-use crate::model::cache::Place;
+use crate::model::cache::CacheLocation;
 use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::scene::generate::{self, Spec, ground_and_sky};
 use crate::{Error, Result};
 
-/// Triangles of the smallest forest.
-const FIRST: usize = 10_000;
-/// Most triangles of the largest forest.
-const MOST: usize = 100_000_000;
-/// Feature size where none is given, metres: a quarter of a crown's radius.
+/// Triangles of the smallest forest. Chosen: smaller forests fit into cache.
+const MIN_TRIANGLES: usize = 10_000;
+/// Largest number of triangles. Chosen: bounds the memory.
+const MAX_TRIANGLES: usize = 100_000_000;
+/// Default feature size, metres. Chosen: a quarter of the radius of a crown.
 const FEATURE_SIZE: f64 = 0.5;
-/// Leaves of a tree in the forests that grow wider, and trees of those that grow finer.
-const LEAVES: usize = 500;
+/// Leaves per tree of series *wider*, and number of trees of series *finer*. Chosen: 10,000 triangles make ten trees.
+const LEAVES_PER_TREE: usize = 500;
 const TREES: usize = 25;
-/// Edge of the sky panel over its height.
+/// Edge of the sky panel relative to its height. Chosen: constant solid angle from the ground.
 const SKY: f64 = 0.8;
-/// Receiver points and rays of the reference, at most: times of many bundles agree long before errors do.
-const POINTS: usize = 8000;
-const REFERENCE_RAYS: usize = 256;
-/// Places that the points lie in.
+/// Largest numbers of receiver points and of reference rays. Chosen: they suffice for times, which is what is
+/// compared.
+const MAX_POINTS: usize = 8000;
+const MAX_REFERENCE_RAYS: usize = 256;
+/// Number of places in the forest with receiver points. Chosen: samples centre and border of the forest.
 const PLACES: usize = 16;
 
-/// How a forest grows.
+/// Series of forests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Series {
     Wider,
@@ -52,49 +52,53 @@ impl Series {
         }
     }
 
-    /// The forest of about so many triangles; of trees there is a square number, so that the ground is full.
+    /// The forest with about this many triangles. The number of trees is a square, so that they cover the ground.
     fn forest(self, triangles: usize, seed: u64) -> Spec {
         let leaves = triangles as f64 / 2.0;
         let (trees, leaves) = match self {
-            Series::Wider => (((leaves / LEAVES as f64).sqrt().round() as usize).max(1).pow(2), LEAVES),
+            Series::Wider => {
+                (((leaves / LEAVES_PER_TREE as f64).sqrt().round() as usize).max(1).pow(2), LEAVES_PER_TREE)
+            }
             Series::Finer => (TREES, ((leaves / TREES as f64).round() as usize).max(1)),
         };
-        // The panel covers the same part of the sky over every forest: it is high above small ones.
+        // The panel has the same solid angle over every forest.
         let (_, height) = ground_and_sky(trees);
         Spec { seed, trees, leaves, light_size: Some(SKY * height), ..Spec::new("forest") }
     }
 }
 
-/// Whether forests of up to so many triangles can be measured.
+/// Checks the size of the largest forest.
 ///
 /// # Errors
-/// [`Error::Argument`]: there are too few or too many.
+/// [`Error::Argument`]: too few or too many triangles.
 pub fn check_scaling(largest: usize) -> Result<()> {
-    if !(FIRST..=MOST).contains(&largest) {
-        return Err(Error::Argument(format!("--scaling={largest}: must lie in {FIRST}..{MOST} triangles")));
+    if !(MIN_TRIANGLES..=MAX_TRIANGLES).contains(&largest) {
+        return Err(Error::Argument(format!(
+            "scaling {largest}: must lie in {MIN_TRIANGLES}..{MAX_TRIANGLES} triangles"
+        )));
     }
     Ok(())
 }
 
-/// Measures both series up to `largest` triangles, from ten thousand in steps of ten.
+/// Measures both series up to `largest` triangles, from 10,000 in steps of ten.
 ///
-/// Of the options the first feature size (half a metre if there is none), the segments, points, reference, threads and
-/// seed count. Everything is made in memory.
+/// Uses these options: the first feature size (default: half a metre), segments, points, reference rays, threads and
+/// seed. Writes no files.
 ///
 /// # Errors
-/// An option is out of range, Embree refuses.
+/// An option is out of range, or Embree fails.
 pub fn scaling(options: &Options, largest: usize, progress: &dyn Progress) -> Result<ScalingRecord> {
     options.check()?;
     check_scaling(largest)?;
     let mut record = ScalingRecord { seed: options.seed, threads: options.threads, ..Default::default() };
     let options = Options {
-        points: options.points.min(POINTS),
-        reference_rays: options.reference_rays.min(REFERENCE_RAYS),
+        points: options.points.min(MAX_POINTS),
+        reference_rays: options.reference_rays.min(MAX_REFERENCE_RAYS),
         ..options.clone()
     };
     for series in [Series::Wider, Series::Finer] {
         for triangles in
-            std::iter::successors(Some(FIRST), |n| n.checked_mul(10)).take_while(|&n| n <= largest)
+            std::iter::successors(Some(MIN_TRIANGLES), |n| n.checked_mul(10)).take_while(|&n| n <= largest)
         {
             let row = measure(series, triangles, &options, &mut record, progress)?;
             record.scaling.push(row);
@@ -103,7 +107,7 @@ pub fn scaling(options: &Options, largest: usize, progress: &dyn Progress) -> Re
     Ok(record)
 }
 
-/// One forest; notes in `record` what made the figures.
+/// Measures one forest; writes versions and unit to `record`.
 fn measure(
     series: Series,
     triangles: usize,
@@ -111,7 +115,7 @@ fn measure(
     record: &mut ScalingRecord,
     progress: &dyn Progress,
 ) -> Result<ScalingRow> {
-    let options = &Options { cache: Place::Off, ..options.clone() };
+    let options = &Options { cache: CacheLocation::Off, ..options.clone() };
     let spec = series.forest(triangles, options.seed);
     progress.stage(&format!("forest of {triangles}"), 0);
     let scene = generate::build(&spec)?;
@@ -126,22 +130,22 @@ fn measure(
         sizes: vec![s],
         progress,
     };
-    let density = spec.trees as f64 / series.forest(FIRST, options.seed).trees as f64;
+    let density = spec.trees as f64 / series.forest(MIN_TRIANGLES, options.seed).trees as f64;
     let workload = Workload::new(scene, points(scene, options, density)?, options.seed);
     let sample = bench.sample(&workload);
     let engine = bench.engine(&workload, &sample, &mut build);
     let (bundles, rays) = (workload.pairs.len(), options.rays);
     let every: Vec<usize> = (0..bundles).collect();
-    let questions = Questions { scene, workload: &workload, pairs: &every };
-    let reference = bench.reference(&format!("reference of {triangles}"), questions, options.reference_rays);
+    let queries = Queries { scene, workload: &workload, pairs: &every };
+    let reference = bench.reference(&format!("reference of {triangles}"), queries, options.reference_rays);
     progress.stage(&format!("both engines, {triangles}"), 2 * (bundles * rays) as u64);
     let (call, _) = bench.embree_timed(&workload, rays);
     let asked = bench.decide(&sample, &engine, s, rays);
     let (mut exact, mut mr) = (Run::default(), MrRun::default());
     let timed = rounds(if asked.pays { 2 } else { 1 }, |row, first| {
         let run = match row {
-            0 => MrRun { run: bench.exact(questions, &call, rays, first), ..MrRun::default() },
-            _ => bench.mr(questions, &engine, &asked, first),
+            0 => MrRun { run: bench.exact(queries, &call, rays, first), ..MrRun::default() },
+            _ => bench.mr(queries, &engine, &asked, first),
         };
         let sections = run.run.sections.clone();
         match (first, row) {
@@ -183,8 +187,8 @@ fn measure(
     })
 }
 
-/// Receiver points in a few places spread over the forest, at a density that is the same in every forest: as if all of
-/// it were asked. Few points all over a large one would measure how long memory takes to answer.
+/// Receiver points in a few places of the forest, with the same density in every forest. Points spread over a large
+/// forest would measure cache misses instead of the engines.
 fn points(scene: &Scene, options: &Options, density: f64) -> Result<Vec<Point>> {
     let all = surface_points(scene, (options.points as f64 * density.max(1.0)) as usize, options.seed)?;
     let run = (options.points / PLACES).max(1);
@@ -211,7 +215,7 @@ mod tests {
 
     #[test]
     fn forests_have_the_size_asked_for() {
-        for triangles in [FIRST, 100_000, 1_000_000, 10_000_000] {
+        for triangles in [MIN_TRIANGLES, 100_000, 1_000_000, 10_000_000] {
             for series in [Series::Wider, Series::Finer] {
                 let spec = series.forest(triangles, 1);
                 let made = 2 * spec.trees * spec.leaves;
@@ -223,13 +227,13 @@ mod tests {
 
     #[test]
     fn sizes_out_of_range_are_refused() {
-        for n in [0, FIRST - 1, MOST + 1] {
+        for n in [0, MIN_TRIANGLES - 1, MAX_TRIANGLES + 1] {
             assert!(check_scaling(n).is_err() && scaling(&Options::default(), n, &()).is_err(), "{n}");
         }
     }
 
-    /// In clusters visited, which depend on no clock: an eightfold forest is less than a level deeper, and a bundle
-    /// visits less than a few clusters of it.
+    /// Measured in visited clusters, independent of the clock: a forest of eight times the size is less than one
+    /// level deeper.
     #[test]
     fn a_wider_forest_costs_a_level_and_memory_in_proportion() {
         let rows = rows(Series::Wider, &[9_000, 64_000], 0.5);
@@ -238,7 +242,7 @@ mod tests {
         assert!(few > 0.0 && many - few < 3.0, "{few} and {many} clusters a bundle");
         let bytes = [small, large].map(|r| {
             let b = r.bytes_per_triangle;
-            // Embree's own blocks are large for small scenes.
+            // Embree's blocks of memory are large relative to small scenes.
             b.scene + b.hierarchy + b.optics + b.wide
         });
         assert!((bytes[1] / bytes[0] - 1.0).abs() < 0.1, "{bytes:?} bytes a triangle");
@@ -247,7 +251,7 @@ mod tests {
         assert!((b.total / total - 1.0).abs() < 1e-9 && b.scene >= 60.0 && b.optics > 0.0, "{b:?}");
     }
 
-    /// Detail far below the feature size costs nothing.
+    /// Detail far below the feature size does not add visited clusters.
     #[test]
     fn finer_leaves_cost_nothing() {
         let rows = rows(Series::Finer, &[50_000, 200_000], 1.0);

@@ -1,28 +1,37 @@
-//! Feature sizes for a scene that nobody has given any for.
+//! Default feature sizes of a scene.
 //!
-//! The rule. The smallest size is the typical feature size of leaf clusters: the median over them, each weighted by
-//! its triangles, of the mean over the axes of the blocked size ([`ClusterOptics::blocked`]). Below it little can be
-//! aggregated that the emitter's own size does not let pass. The largest is the typical size of a thing with about a thousand triangles, a tree's crown or a plant: the median of
-//! the same mean over the clusters of 300 to 3000 triangles, or that of the largest cluster if there is none. The other
-//! two lie between them in equal ratios. Neighbours differ by a factor of 1.65 at least (the largest gives way
-//! upwards), no size exceeds a twentieth of the scene's diagonal (the smallest gives way downwards), and sizes are
-//! rounded to two digits so that they can be quoted.
+//! The smallest is the median over leaf clusters, weighted by triangles, of the blocker size averaged over the axes
+//! (`ClusterOptics::blocker_size`): below it hardly any cluster is aggregated. The largest is the median of the
+//! same size over clusters of 300 to 3,000 triangles (a plant, the crown of a tree), or that of the root if there is
+//! none. The other two are in geometric progression. Neighbours differ by a factor of at least 1.65 (the largest is
+//! raised), no size exceeds a twentieth of the scene's diagonal (the smallest is lowered), and sizes are rounded to
+//! two digits for quoting.
 
-use crate::clusters::Tree;
-use crate::optics::{AXIS_COUNT, ClusterOptics};
-use crate::scene::Scene;
+use crate::model::Model;
+use crate::optics::AXIS_COUNT;
 
-/// How many sizes.
+/// Number of default sizes. Chosen: enough to show a trend in the report.
 pub const COUNT: usize = 4;
-/// Least ratio of neighbours before rounding; after it, 1.5 is left.
-const RATIO: f64 = 1.65;
-/// Largest part of the scene's diagonal.
-const LARGEST_PART: f64 = 0.05;
-/// Triangles of a cluster that stands for a thing.
-const THING: std::ops::RangeInclusive<u32> = 300..=3000;
+/// Smallest ratio of neighbouring sizes before rounding. Chosen: 1.5 remains after rounding to two digits.
+const MIN_RATIO: f64 = 1.65;
+/// Largest size relative to the scene's diagonal. Chosen: shadows beyond it are features for any purpose.
+const MAX_DIAGONAL_PART: f64 = 0.05;
+/// Triangles of a cluster that stands for one object. Chosen: a plant or the crown of a tree.
+const OBJECT_TRIANGLES: std::ops::RangeInclusive<u32> = 300..=3000;
 
-/// Four feature sizes, ascending, scene units. `optics` are those of `tree`.
-pub fn default_sizes(scene: &Scene, tree: &Tree, optics: &[ClusterOptics]) -> Vec<f64> {
+/// Four feature sizes, ascending, scene units: those of the mesh with the most visible triangles.
+///
+/// # Panics
+/// The model was prepared without optics.
+pub fn default_sizes(model: &Model) -> Vec<f64> {
+    let mut visible = vec![0u64; model.meshes().len()];
+    for instance in model.instances().iter().filter(|instance| instance.is_present()) {
+        visible[instance.mesh as usize] +=
+            model.meshes()[instance.mesh as usize].scene().triangles.len() as u64;
+    }
+    let most = (0..visible.len()).max_by(|&a, &b| visible[a].cmp(&visible[b]).then(b.cmp(&a))).unwrap_or(0);
+    let mesh = &model.meshes()[most];
+    let (tree, optics) = (&mesh.hierarchy().micro, &mesh.measured().expect("optics").optics);
     let size = |c: usize| {
         let sum: f32 = (0..AXIS_COUNT).map(|axis| optics[c].blocker_size[axis]).sum();
         f64::from(sum) / AXIS_COUNT as f64
@@ -35,15 +44,15 @@ pub fn default_sizes(scene: &Scene, tree: &Tree, optics: &[ClusterOptics]) -> Ve
     };
     let triangles = |c: usize| f64::from(tree.clusters[c].triangles);
     let small = of(&|c| tree.clusters[c].is_leaf(), &triangles);
-    let large =
-        of(&|c| THING.contains(&tree.clusters[c].triangles), &|_| 1.0).or_else(|| of(&|c| c == 0, &|_| 1.0));
-    between(small, large, f64::from(scene.bounds.diagonal()))
+    let large = of(&|c| OBJECT_TRIANGLES.contains(&tree.clusters[c].triangles), &|_| 1.0)
+        .or_else(|| of(&|c| c == 0, &|_| 1.0));
+    between(small, large, f64::from(model.bounds().diagonal()))
 }
 
-/// Sizes from the smallest to the largest wanted, made sane for a scene of this diagonal.
+/// Sizes from the smallest to the largest, within the limits of a scene with this diagonal.
 fn between(small: Option<f64>, large: Option<f64>, diagonal: f64) -> Vec<f64> {
-    let spread = RATIO.powi(COUNT as i32 - 1);
-    let cap = LARGEST_PART * diagonal;
+    let spread = MIN_RATIO.powi(COUNT as i32 - 1);
+    let cap = MAX_DIAGONAL_PART * diagonal;
     let large = large.or(small.map(|s| s * spread)).unwrap_or(cap).min(cap);
     let small = small.unwrap_or(large / spread).min(cap / spread);
     let large = large.max(small * spread);
@@ -51,7 +60,7 @@ fn between(small: Option<f64>, large: Option<f64>, diagonal: f64) -> Vec<f64> {
     (0..COUNT).map(|i| two_digits(small * ratio.powi(i as i32))).collect()
 }
 
-/// Half of the weight lies at or below it.
+/// Smallest value at or below which half of the weight lies.
 fn weighted_median(mut values: Vec<(f64, f64)>) -> Option<f64> {
     values.sort_by(|a, b| a.0.total_cmp(&b.0));
     let half = 0.5 * values.iter().map(|v| v.1).sum::<f64>();
@@ -67,7 +76,7 @@ fn weighted_median(mut values: Vec<(f64, f64)>) -> Option<f64> {
 
 /// Rounded to two significant decimal digits.
 fn two_digits(v: f64) -> f64 {
-    // Through text, so that the nearest f64 of the decimal number comes out.
+    // Parsing the text gives the f64 nearest to the decimal number.
     format!("{v:.1e}").parse().unwrap_or(v)
 }
 

@@ -1,75 +1,77 @@
-//! Error as the input: an error or a time is asked for, and the engine, its feature size and its segments follow
-//! (method E.3).
+//! Chooses engine, feature size and segments for a target error or a target time.
 //!
-//! A pilot on a sample runs every plan that comes into question, takes its time and finds its error against exact rays
-//! of its own; the cheapest plan that is good enough, or the best that is cheap enough, is run on all pairs.
-//! A plan asks all pairs with few segments and those again with more whose light is neither clear nor blocked.
+//! A pilot on a sample runs candidate plans, measures their time and their error against independent exact rays. The
+//! fastest plan that meets the target error, or the most accurate that meets the target time, runs on all pairs. A
+//! plan queries all pairs with few segments, and again with more segments the pairs that are partly visible.
 
-use super::measure::{MrRun, Questions, Timer};
+use super::context::Bench;
+use super::measure::{MrRun, Queries, Timer};
 use super::options::{MAX_RAYS, Target};
+use super::pilot::{PILOT_RUN_PAIRS, pilot_pairs};
 use super::record::{self, TargetChoice};
-use super::reference::{Found, Reference};
-use super::rows::Bench;
-use super::unbiased::{PILOT, sample};
+use super::reference::{Reference, RmsEstimate};
 use crate::visibility::MultiResolution;
 use std::time::Instant;
 
-/// Segments of the plans.
-const LADDER: [usize; 6] = [1, 4, 16, 64, 256, 1024];
-/// The least for the multi-resolution engine: a packet is walked whole.
-const LEAST_WALKED: usize = 16;
-/// Rays of the pilot's truth, and their sample sets.
-const TRUTH: usize = 2048;
+/// Numbers of segments of plans. Chosen: each step of 4 halves the error.
+const SEGMENT_STEPS: [usize; 6] = [1, 4, 16, 64, 256, 1024];
+/// Fewest segments of MR plans: MR traverses a packet of 16 lanes as a whole.
+const MIN_MR_SEGMENTS: usize = 16;
+/// Rays per pair of the pilot's exact reference, and its random streams. Chosen: noise of at most 1.1 %, √(¼ / 2048).
+const TRUTH_RAYS: usize = 2048;
 const STREAMS: [u64; 2] = [8, 9];
-/// Part of a time asked for that the pilot may take, about, and part of that for its truth.
-const PILOT_PART: f64 = 0.4;
-const TRUTH_PART: f64 = 0.3;
-/// Least rays of its truth, and pairs of its runs.
-const LEAST_TRUTH: usize = 64;
-const LEAST_RUN: usize = 4;
-/// Part of the time asked for that a plan may be expected to take: clocks wander.
-const CAREFUL: f64 = 0.9;
+/// Part of a target time for the pilot, and part of that for its exact reference. Chosen: most of the time is for
+/// queries.
+const PILOT_TIME_PART: f64 = 0.4;
+const TRUTH_TIME_PART: f64 = 0.3;
+/// Fewest rays per pair of that reference, and fewest pairs per run of the pilot. Chosen: noise of at most 6 %.
+const MIN_TRUTH_RAYS: usize = 64;
+const MIN_RUN_PAIRS: usize = 4;
+/// Part of a target time that pilot and plan may be expected to take. Chosen: measured times vary by some per cent.
+const PLAN_TIME_PART: f64 = 0.9;
+/// Visible fractions of partly visible pairs. Chosen: excludes 0 and 1 with their rounding.
+const PARTLY_VISIBLE: std::ops::RangeInclusive<f32> = 1e-4..=0.9999;
 
-/// How all pairs are asked.
+/// Segments of all pairs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Plan {
-    /// None: exact.
+    /// `None`: exact.
     feature_size: Option<f64>,
     rays: usize,
-    /// Segments of the pairs that turn out partly visible.
+    /// Segments of the second query of partly visible pairs.
     more: Option<usize>,
 }
 
-/// What the pilot expects of a plan.
+/// Error and time of a plan as measured by the pilot.
 #[derive(Clone, Copy, Debug)]
 struct Expected {
     plan: Plan,
-    error: Found,
-    /// For all pairs.
+    error: RmsEstimate,
+    /// Time for all pairs, seconds.
     seconds: f64,
-    /// Part of the pairs that are asked again.
+    /// Part of the pairs that are queried twice.
     partly: f64,
 }
 
 impl Bench<'_> {
-    /// Chooses, runs, compares with what was expected. Without a reference the audit has to do.
+    /// Chooses a plan, runs it, and compares error and time with the pilot's expectation.
     pub fn target(
         &self,
         target: Target,
-        questions: Questions,
+        queries: Queries,
         engine: &MultiResolution,
         reference: &Reference,
     ) -> record::Target {
         self.progress.stage("choosing", 0);
         let start = Instant::now();
-        let plans = self.pilot(questions, engine, target, start);
+        let plans = self.pilot(queries, engine, target, start);
         let spent = start.elapsed().as_secs_f64();
         let (best, reachable) = choose(&plans, target, spent);
         let pilot_s = start.elapsed().as_secs_f64();
         self.progress.stage("the choice", 0);
-        let (run, _) = self.follow(best.plan, questions, engine);
+        let (run, _) = self.follow(best.plan, queries, engine);
         let (rms, bias) = reference.errors(&run.run.visible);
-        let found = Found::of(&reference.squares(&run.run.visible), 1);
+        let found = RmsEstimate::of(&reference.squares(&run.run.visible), 1);
         let seconds = run.run.seconds();
         record::Target {
             asked: match target {
@@ -99,56 +101,56 @@ impl Bench<'_> {
                 Target::Seconds(most) => pilot_s + seconds <= most,
             },
             as_expected: found.lo <= best.error.hi && best.error.lo <= found.hi,
-            audit: self.audit(questions).map(|audit| audit.judge(&run)),
+            audit: self.audit(queries).map(|audit| audit.evaluate(&run)),
         }
     }
 
-    /// Plans on a sample, the cheap ones first: every one, or as many as there is time for.
+    /// Measures plans on a sample in order of their segments; with a target time, until the pilot's time is used up.
     fn pilot(
         &self,
-        questions: Questions,
+        queries: Queries,
         engine: &MultiResolution,
         target: Target,
         start: Instant,
     ) -> Vec<Expected> {
         let most = match target {
             Target::Error(_) => f64::INFINITY,
-            Target::Seconds(most) => PILOT_PART * most,
+            Target::Seconds(most) => PILOT_TIME_PART * most,
         };
         let spent = || start.elapsed().as_secs_f64();
-        let mut pairs = sample(questions);
-        // A pilot that may take no longer than this looks at fewer pairs, with fewer rays for its truth.
-        let (mut rays, mut run) = (TRUTH, PILOT.1.min(pairs.len().max(1)));
+        let mut pairs = pilot_pairs(queries);
+        // A pilot of limited time uses fewer pairs and fewer rays for its exact reference.
+        let (mut rays, mut run) = (TRUTH_RAYS, PILOT_RUN_PAIRS.min(pairs.len().max(1)));
         if most.is_finite() {
-            let few = Questions { pairs: &pairs[..run.min(pairs.len())], ..questions };
-            let call = self.embree(questions.workload, LEAST_TRUTH);
+            let few = Queries { pairs: &pairs[..run.min(pairs.len())], ..queries };
+            let call = self.embree(queries.workload, MIN_TRUTH_RAYS);
             let before = spent();
-            Reference::trace(few, &call, LEAST_TRUTH, STREAMS, &|_| ());
-            let each = (spent() - before) / (few.pairs.len() * LEAST_TRUTH).max(1) as f64;
-            let affordable = (TRUTH_PART * (most - spent()).max(0.0) / each.max(1e-12)) as usize;
-            rays = (affordable / pairs.len().max(1) / 2 * 2).clamp(LEAST_TRUTH, TRUTH);
+            Reference::trace(few, &call, MIN_TRUTH_RAYS, STREAMS, &|_| ());
+            let each = (spent() - before) / (few.pairs.len() * MIN_TRUTH_RAYS).max(1) as f64;
+            let affordable = (TRUTH_TIME_PART * (most - spent()).max(0.0) / each.max(1e-12)) as usize;
+            rays = (affordable / pairs.len().max(1) / 2 * 2).clamp(MIN_TRUTH_RAYS, TRUTH_RAYS);
             let runs = pairs.len().div_ceil(run);
-            let shorter = (affordable / (rays * runs.max(1))).clamp(LEAST_RUN.min(run), run);
+            let shorter = (affordable / (rays * runs.max(1))).clamp(MIN_RUN_PAIRS.min(run), run);
             pairs = first_of_each(&pairs, run, shorter);
             run = shorter;
         }
-        let pilot = Questions { pairs: &pairs, ..questions };
-        let exact = self.embree(questions.workload, rays);
+        let pilot = Queries { pairs: &pairs, ..queries };
+        let exact = self.embree(queries.workload, rays);
         let truth = Reference::trace(pilot, &exact, rays, STREAMS, &|_| ());
-        let scale = questions.pairs.len() as f64 / pairs.len() as f64;
+        let scale = queries.pairs.len() as f64 / pairs.len() as f64;
         let mut found: Vec<Expected> = Vec::new();
         for plan in self.plans() {
             if !found.is_empty() && spent() > most {
                 break;
             }
-            if too_dear(plan, &found, target) {
+            if cannot_win(plan, &found, target) {
                 continue;
             }
-            // The first call finds cold caches.
+            // The first run also fills the caches.
             let (first, partly) = self.follow(plan, pilot, engine);
             let again = self.follow(plan, pilot, engine).0.run.seconds();
-            let error = Found::of(&truth.squares(&first.run.visible), run);
-            // The least time tells plans apart; the greater one promises less.
+            let error = RmsEstimate::of(&truth.squares(&first.run.visible), run);
+            // A target error needs the time without disturbance; a target time needs the pessimistic one.
             let seconds = match target {
                 Target::Error(_) => first.run.seconds().min(again),
                 Target::Seconds(_) => first.run.seconds().max(again),
@@ -160,13 +162,13 @@ impl Bench<'_> {
         found
     }
 
-    /// All plans, by the segments that they start with; exact rays first, so that there always is one of them.
+    /// All plans, by total segments; an exact plan is first.
     fn plans(&self) -> Vec<Plan> {
         let mut plans = Vec::new();
-        for (k, &rays) in LADDER.iter().enumerate() {
+        for (k, &rays) in SEGMENT_STEPS.iter().enumerate() {
             for feature_size in [None].into_iter().chain(self.sizes.iter().map(|&s| Some(s))) {
-                if feature_size.is_none() || rays >= LEAST_WALKED {
-                    let more = LADDER[k + 1..].iter().map(|&n| Some(n));
+                if feature_size.is_none() || rays >= MIN_MR_SEGMENTS {
+                    let more = SEGMENT_STEPS[k + 1..].iter().map(|&n| Some(n));
                     let plan = |more| Plan { feature_size, rays, more };
                     plans.extend([None].into_iter().chain(more).map(plan));
                 }
@@ -176,56 +178,56 @@ impl Bench<'_> {
         plans
     }
 
-    /// Runs a plan; the answers and the part of the pairs that were asked again.
-    fn follow(&self, plan: Plan, questions: Questions, engine: &MultiResolution) -> (MrRun, f64) {
-        let ask = |questions: Questions, rays: usize| match plan.feature_size {
-            Some(s) => self.timer.multi_resolution(questions, engine, s as f32, rays, &|_| ()),
-            None => exactly(&self.timer, questions, self, rays),
+    /// Runs a plan; its answers, and the part of the pairs that were queried twice.
+    fn follow(&self, plan: Plan, queries: Queries, engine: &MultiResolution) -> (MrRun, f64) {
+        let ask = |queries: Queries, rays: usize| match plan.feature_size {
+            Some(s) => self.timer.multi_resolution(queries, engine, s as f32, rays, &|_| ()),
+            None => exactly(&self.timer, queries, self, rays),
         };
-        let mut run = ask(questions, plan.rays);
+        let mut run = ask(queries, plan.rays);
         let Some(more) = plan.more else { return (run, 0.0) };
         let partly: Vec<usize> =
-            (0..questions.pairs.len()).filter(|&k| (1e-4..=0.9999).contains(&run.run.visible[k])).collect();
-        let pairs: Vec<usize> = partly.iter().map(|&k| questions.pairs[k]).collect();
-        let again = ask(Questions { pairs: &pairs, ..questions }, more);
+            (0..queries.pairs.len()).filter(|&k| PARTLY_VISIBLE.contains(&run.run.visible[k])).collect();
+        let pairs: Vec<usize> = partly.iter().map(|&k| queries.pairs[k]).collect();
+        let again = ask(Queries { pairs: &pairs, ..queries }, more);
         for (&k, (&visible, &interval)) in partly.iter().zip(again.run.visible.iter().zip(&again.intervals)) {
             (run.run.visible[k], run.intervals[k]) = (visible, interval);
         }
         run.run.sections.extend(again.run.sections);
         run.cost.add(again.cost);
-        (run, partly.len() as f64 / questions.pairs.len().max(1) as f64)
+        (run, partly.len() as f64 / queries.pairs.len().max(1) as f64)
     }
 }
 
 /// Exact rays for a plan.
-fn exactly(timer: &Timer, questions: Questions, bench: &Bench, rays: usize) -> MrRun {
-    MrRun::handed_over(timer.exact(questions, &bench.embree(questions.workload, rays), rays, &|_| ()), rays)
+fn exactly(timer: &Timer, queries: Queries, bench: &Bench, rays: usize) -> MrRun {
+    MrRun::handed_over(timer.exact(queries, &bench.embree(queries.workload, rays), rays, &|_| ()), rays)
 }
 
-/// Exact rays beyond those that the pilot tried: error ~ rays^-1/2, time ~ rays.
+/// Exact plans beyond the pilot's, extrapolated: error ∝ rays^(−1/2), time ∝ rays.
 fn beyond(most: Expected) -> impl Iterator<Item = Expected> {
     let steps =
         (1..).map(move |k| (4usize.pow(k), most.plan.rays.max(most.plan.more.unwrap_or(0)) << (2 * k)));
     steps.take_while(|&(_, rays)| rays <= MAX_RAYS).map(move |(factor, rays)| {
         let less = |e: f64| e / (factor as f64).sqrt();
-        let Found { rms, lo, hi } = most.error;
+        let RmsEstimate { rms, lo, hi } = most.error;
         Expected {
             plan: Plan { feature_size: None, rays, more: None },
-            error: Found { rms: less(rms), lo: less(lo), hi: less(hi) },
+            error: RmsEstimate { rms: less(rms), lo: less(lo), hi: less(hi) },
             seconds: most.seconds * factor as f64,
             partly: 0.0,
         }
     })
 }
 
-/// The first `count` of each run of this length.
+/// The first `count` of each run of `length` pairs.
 fn first_of_each(pairs: &[usize], length: usize, count: usize) -> Vec<usize> {
     pairs.chunks(length).flat_map(|run| &run[..count.min(run.len())]).copied().collect()
 }
 
-/// Whether a plan cannot be the cheapest that is good enough: it begins as one does, or with more segments of the same
-/// engine, that took as long as another that is good enough.
-fn too_dear(plan: Plan, found: &[Expected], target: Target) -> bool {
+/// Whether a plan cannot be the fastest that meets a target error: its first query, or one with fewer segments of the
+/// same engine, took as long as a complete plan that meets the target.
+fn cannot_win(plan: Plan, found: &[Expected], target: Target) -> bool {
     let Target::Error(most) = target else { return false };
     let good = found.iter().filter(|p| good_enough(p, most)).map(|p| p.seconds).fold(f64::MAX, f64::min);
     let begins = |p: &&Expected| {
@@ -234,15 +236,15 @@ fn too_dear(plan: Plan, found: &[Expected], target: Target) -> bool {
     found.iter().filter(begins).any(|p| p.seconds >= good)
 }
 
-/// Whether a plan is expected to err by no more than this. The pilot itself is uncertain: the upper end has to do. Where
-/// it has seen no error at all there is nothing better to choose.
+/// Whether a plan is expected to meet a target error: the upper end of its 95 % interval does, or the pilot saw no
+/// error.
 fn good_enough(plan: &Expected, most: f64) -> bool {
     plan.error.hi <= most || plan.error.rms == 0.0
 }
 
-/// The plan for a target, and whether it is expected to do.
+/// The best plan for a target, and whether it is expected to meet the target.
 ///
-/// `spent` seconds of a target of time are gone.
+/// `spent`: seconds of a target time that the pilot used.
 fn choose(plans: &[Expected], target: Target, spent: f64) -> (Expected, bool) {
     let least = |key: fn(&Expected) -> f64, good: &dyn Fn(&Expected) -> bool| {
         plans.iter().filter(|p| good(p)).min_by(|a, b| key(a).total_cmp(&key(b))).copied()
@@ -253,7 +255,7 @@ fn choose(plans: &[Expected], target: Target, spent: f64) -> (Expected, bool) {
     let (found, otherwise) = match target {
         Target::Error(most) => (least(seconds, &|p| good_enough(p, most)), least(error, &all)),
         Target::Seconds(most) => {
-            (least(error, &|p| spent + p.seconds <= CAREFUL * most), least(seconds, &all))
+            (least(error, &|p| spent + p.seconds <= PLAN_TIME_PART * most), least(seconds, &all))
         }
     };
     (found.or(otherwise).expect("exact rays are always a plan"), found.is_some())

@@ -1,76 +1,67 @@
-//! Rows without bias: averaged answers corrected by exact segments, against plain exact rays at the same error
-//! (method E.4).
+//! Unbiased rows: averaged answers corrected by exact segments, compared with exact rays at equal error
+//! (docs/method.md, Unbiased combination).
 //!
-//! A pilot on a sample, with segments of its own, measures for some averaged levels what they cost, how far they are
-//! from exact, segment by segment, and how that depends on the answer. The numbers of corrections by class are those
-//! that leave the least variance at a price for a correction; price and level are those that promise the least time
-//! relative to that of exact rays with the same error.
+//! A pilot with independent segments measures, for several averaged levels, their time and their difference to exact
+//! segments by class of answer. The number of corrections per class minimises variance at a price per correction.
+//! Price and level minimise the expected time relative to exact rays of equal error.
 
-use super::measure::{Questions, Run, Timer, bundles};
+mod allocate;
+
+use super::context::Bench;
+use super::measure::{Queries, Run, Timer, bundles};
+use super::pilot::{UNBIASED_SEGMENTS, pilot_pairs};
 use super::record::{UnbiasedLevel, UnbiasedRow, interpolate_log_log};
 use super::reference::Reference;
+use super::rounds::WARM_UP_PAIRS;
 use super::rounds::as_often;
-use super::rows::{Bench, Measured, WARM_UP, curve, ratio};
+use super::rows::{Measured, curve, ratio};
 use super::workload::Order;
 use crate::ray::{LANES, Occluder, Packet};
 use crate::visibility::{Bundle, Correction, Estimate, Exact, MultiResolution, Unbiased, Workspace};
+use allocate::{CLASSES, Class, allocate};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::Rng;
 use std::time::Instant;
 
-/// Segments of the averaged level.
-pub(super) const SEGMENTS: [usize; 3] = [64, 256, 1024];
-/// Parts of their size that emitters are taken for: smaller ones open more.
+/// Emitter sizes used by the umbra criterion, relative to the true size: smaller emitters open more clusters. Chosen:
+/// three steps of 2.
 const EMITTER_PARTS: [f32; 3] = [1.0, 0.5, 0.25];
-/// Sample set of the rows, and those of the pilot.
+/// Random streams (sample sets) of the rows and of the pilot; independent of the streams of other measurements.
 const STREAM: u64 = 5;
 const PILOT_STREAMS: [u64; 2] = [6, 7];
-/// Runs of neighbouring pairs in the pilot, and the pairs of each.
-pub(super) const PILOT: (usize, usize) = (32, 32);
-/// Least probability of a correction: rarer ones would make errors that nobody sees until they happen.
-const RAREST: f32 = 1.0 / 32.0;
-/// Least pairs that a class of the pilot is believed with.
-const FEW: f64 = 16.0;
-const CLASSES: usize = Correction::CLASSES;
 
-/// Bytes of a pilot's segments, both sets of them, at most.
-pub(super) fn pilot_bytes() -> usize {
-    let packets = SEGMENTS.map(|n| n.div_ceil(LANES)).into_iter().max().unwrap_or(0);
-    2 * PILOT.0 * PILOT.1 * packets * size_of::<Packet>()
-}
-
-/// An averaged level and how it is corrected.
+/// An averaged level and its corrections.
 #[derive(Clone)]
 struct Plan {
     segments: usize,
     feature_size: f64,
     emitter_part: f32,
     correction: Correction,
-    /// Time for an estimate over that of exact rays with the same error, expected.
+    /// Expected time of an estimate relative to exact rays of equal error.
     work: f64,
 }
 
 impl Bench<'_> {
-    /// Rows without bias, each run as often as the rows that were measured.
+    /// Measures the unbiased rows, each as often as the other rows.
     pub fn unbiased(
         &self,
-        questions: Questions,
+        queries: Queries,
         engine: &MultiResolution,
         measured: &Measured,
     ) -> Vec<UnbiasedRow> {
         let (reference, curve) = (&measured.reference, &curve(&measured.exact)[..]);
-        self.progress.stage("unbiased", (SEGMENTS.len() * questions.pairs.len()) as u64);
-        let sample = sample(questions);
-        let questions_of_pilot = Questions { pairs: &sample, ..questions };
-        SEGMENTS
+        self.progress.stage("unbiased", (UNBIASED_SEGMENTS.len() * queries.pairs.len()) as u64);
+        let sample = pilot_pairs(queries);
+        let pilot_queries = Queries { pairs: &sample, ..queries };
+        UNBIASED_SEGMENTS
             .iter()
             .map(|&segments| {
                 let start = Instant::now();
-                let exact = self.embree(questions.workload, segments);
-                let pilot = Pilot::new(questions_of_pilot, &exact, segments);
+                let exact = self.embree(queries.workload, segments);
+                let pilot = Pilot::new(pilot_queries, &exact, segments);
                 let sizes = [self.sizes.first(), self.sizes.last()].into_iter().flatten();
                 let plans = sizes.flat_map(|&s| EMITTER_PARTS.map(|part| (s, part)));
-                let pairs = questions.pairs.len() as f64;
+                let pairs = queries.pairs.len() as f64;
                 let exactly = |rms| interpolate_log_log(curve, rms).map_or(f64::MAX, |t| t.seconds / pairs);
                 let plan = plans
                     .map(|(s, part)| pilot.plan(engine, (s, part), &exactly))
@@ -85,14 +76,14 @@ impl Bench<'_> {
                     correction: &plan.correction,
                 };
                 let seed = self.options.seed;
-                let ask = |questions: Questions, advance: &dyn Fn(usize)| {
-                    self.timer.unbiased(questions, &unbiased, segments, seed, advance)
+                let ask = |queries: Queries, advance: &dyn Fn(usize)| {
+                    self.timer.unbiased(queries, &unbiased, segments, seed, advance)
                 };
-                ask(questions.first(WARM_UP), &|_| ());
+                ask(queries.first(WARM_UP_PAIRS), &|_| ());
                 let advance = |first: bool, n: usize| self.progress.advance(if first { n as u64 } else { 0 });
                 let mut found = None;
                 let seconds = as_often(measured.rounds, |first| {
-                    let (mut run, corrections) = ask(questions, &|n| advance(first, n));
+                    let (mut run, corrections) = ask(queries, &|n| advance(first, n));
                     let sections = std::mem::take(&mut run.sections);
                     found.get_or_insert((run, corrections));
                     sections
@@ -104,7 +95,7 @@ impl Bench<'_> {
     }
 }
 
-/// What a run has to say for itself.
+/// The row of one run.
 fn row(
     plan: &Plan,
     (run, seconds): (&Run, f64),
@@ -129,7 +120,7 @@ fn row(
         pilot_s,
         rms,
         bias,
-        // Both the estimates and the reference they are compared with err independently, pair by pair.
+        // Errors of estimates and of the reference are independent between pairs.
         bias_error: (rms * rms + reference.standard_error().powi(2)).sqrt() / pairs.sqrt(),
         speedup_at_same_rms: same.and_then(|t| ratio(t.seconds, seconds)),
         extrapolated: same.is_some_and(|t| t.extrapolated),
@@ -137,27 +128,27 @@ fn row(
 }
 
 impl Timer {
-    /// Estimates without bias, and how many segments corrected them.
+    /// Unbiased estimates, and the number of correcting segments.
     fn unbiased(
         &self,
-        questions: Questions,
+        queries: Queries,
         unbiased: &Unbiased,
         rays: usize,
         seed: u64,
         advance: &dyn Fn(usize),
     ) -> (Run, u64) {
-        let (mut visible, mut corrections) = (Vec::with_capacity(questions.pairs.len()), 0);
+        let (mut visible, mut corrections) = (Vec::with_capacity(queries.pairs.len()), 0);
         let sections = self.chunk_by_chunk(
-            super::measure::chunks(questions.pairs.len(), rays),
+            super::measure::chunks(queries.pairs.len(), rays),
             |chunk: &mut super::measure::Chunk<Estimate>| {
-                chunk.prepare(questions, (rays, Order::Spread), STREAM)
+                chunk.prepare(queries, (rays, Order::Spread), STREAM)
             },
             |chunk| {
-                let (order, bundles) = bundles(questions, chunk.pairs.clone(), &chunk.packets, rays);
+                let (order, bundles) = bundles(queries, chunk.pairs.clone(), &chunk.packets, rays);
                 chunk.answers.clear();
                 chunk.answers.resize(bundles.len(), Estimate::default());
                 let mut next = order.iter();
-                let pair = |k: usize| questions.pairs[chunk.pairs.start + order[k]];
+                let pair = |k: usize| queries.pairs[chunk.pairs.start + order[k]];
                 let chance = |k: usize| chance(seed, pair(k));
                 unbiased.estimates(&bundles, chance, &mut chunk.workspace, |estimate| {
                     chunk.answers[*next.next().expect("an estimate a bundle")] = estimate;
@@ -178,35 +169,26 @@ fn chance(seed: u64, pair: usize) -> u64 {
     Pcg64Mcg::new((u128::from(seed) << 64) | (pair as u128 * 2 + 1)).next_u64()
 }
 
-/// Runs of neighbouring questions, evenly spread.
-pub(super) fn sample(questions: Questions) -> Vec<usize> {
-    let all = questions.pairs.len();
-    let length = PILOT.1.min(all);
-    let runs = PILOT.0.min(all / length.max(1));
-    let first = |k: usize| (all - length) * k / (runs - 1).max(1);
-    (0..runs).flat_map(|k| questions.pairs[first(k)..first(k) + length].iter().copied()).collect()
-}
-
-/// Exact answers to a sample.
+/// Exact answers to the pairs of a pilot.
 struct Pilot<'a> {
-    questions: Questions<'a>,
+    queries: Queries<'a>,
     segments: usize,
     packets: Vec<Packet>,
-    /// Clear segments of each packet.
+    /// Number of clear segments of each packet.
     clear: Vec<f32>,
-    /// Variance of the mean of a pair's exact segments, averaged over the pairs.
+    /// Mean variance of a pair's mean over its exact segments.
     variance: f64,
-    /// Seconds for an exact packet.
+    /// Time of an exact packet, seconds.
     seconds: f64,
 }
 
 impl<'a> Pilot<'a> {
-    fn new(questions: Questions<'a>, exact: &Exact, segments: usize) -> Pilot<'a> {
+    fn new(queries: Queries<'a>, exact: &Exact, segments: usize) -> Pilot<'a> {
         let make = |stream: u64| {
             let mut packets = Vec::new();
-            for &pair in questions.pairs {
+            for &pair in queries.pairs {
                 let how = (segments, Order::Spread);
-                questions.workload.add_bundle(questions.scene, pair, how, stream, &mut packets);
+                queries.workload.add_bundle(queries.scene, pair, how, stream, &mut packets);
             }
             packets
         };
@@ -227,12 +209,12 @@ impl<'a> Pilot<'a> {
             let difference = (a.iter().sum::<f32>() - b.iter().sum::<f32>()) / segments as f32;
             0.5 * f64::from(difference).powi(2)
         };
-        let variance = halves.map(square).sum::<f64>() / questions.pairs.len() as f64;
-        Pilot { questions, segments, packets, clear, variance, seconds }
+        let variance = halves.map(square).sum::<f64>() / queries.pairs.len() as f64;
+        Pilot { queries, segments, packets, clear, variance, seconds }
     }
 
-    /// The best use of an averaged level. `exactly` says how many seconds exact rays take to answer a pair with this
-    /// error.
+    /// Corrections of one averaged level that minimise the expected time. `exactly` is the time per pair, seconds, of
+    /// exact rays with a given error.
     fn plan(
         &self,
         engine: &MultiResolution,
@@ -240,8 +222,8 @@ impl<'a> Pilot<'a> {
         exactly: &dyn Fn(f64) -> f64,
     ) -> Plan {
         let per_pair = self.segments / LANES;
-        let pairs = self.questions.pairs;
-        let (order, bundles) = bundles(self.questions, 0..pairs.len(), &self.packets, self.segments);
+        let pairs = self.queries.pairs;
+        let (order, bundles) = bundles(self.queries, 0..pairs.len(), &self.packets, self.segments);
         let bundles: Vec<Bundle> =
             bundles.iter().map(|b| Bundle { emitter_size: b.emitter_size * emitter_part, ..*b }).collect();
         let mut workspace = Workspace::default();
@@ -267,123 +249,9 @@ impl<'a> Pilot<'a> {
     }
 }
 
-/// Differences of exact and averaged packets of some pairs.
-#[derive(Clone, Debug, Default)]
-struct Class {
-    count: f64,
-    /// Summed variance within the pairs of the mean difference of 1, 2, 4, ... neighbouring packets: what is left when
-    /// so many of them, picked at random, stand for all.
-    left: Vec<f64>,
-    /// Summed square of the pairs' mean differences.
-    square: f64,
-}
-
-impl Class {
-    fn add(&mut self, clear: &[f32], sums: &[f32]) {
-        let differences: Vec<f64> =
-            clear.iter().zip(sums).map(|(c, t)| f64::from(c - t) / LANES as f64).collect();
-        let mean = differences.iter().sum::<f64>() / differences.len() as f64;
-        self.count += 1.0;
-        self.square += mean * mean;
-        for (j, left) in sizes(clear.len()).enumerate() {
-            let parts = differences.chunks(left);
-            let n = parts.len() as f64;
-            let error = |part: &[f64]| (part.iter().sum::<f64>() / part.len() as f64 - mean).powi(2);
-            self.left.resize(self.left.len().max(j + 1), 0.0);
-            self.left[j] += parts.map(error).sum::<f64>() / n;
-        }
-    }
-
-    fn join(mut self, other: &Class) -> Class {
-        self.left.resize(self.left.len().max(other.left.len()), 0.0);
-        self.left.iter_mut().zip(&other.left).for_each(|(a, b)| *a += b);
-        Class { count: self.count + other.count, square: self.square + other.square, ..self }
-    }
-
-    /// Numbers of packets to choose from, below 1 with that probability, and the summed variance that each leaves.
-    fn choices(&self) -> impl Iterator<Item = (f32, f64)> {
-        let one = self.left.first().copied().unwrap_or(0.0);
-        let rare = (1..=RAREST.log2().abs() as i32).rev().map(move |k| {
-            let q = 0.5f64.powi(k);
-            (q as f32, (one + self.square) / q - self.square)
-        });
-        rare.chain(self.left.iter().enumerate().map(|(j, &left)| ((1usize << j) as f32, left)))
-    }
-}
-
-/// The powers of two that divide a number of packets.
-fn sizes(packets: usize) -> impl Iterator<Item = usize> {
-    (0..=packets.trailing_zeros()).map(|j| 1 << j)
-}
-
-/// Packets by class so that `work(variance, packets)` is least, where both are means over all `pairs`: each class takes
-/// what is best for it at a price for a packet (Lagrange), and the price is tried out.
-fn allocate(classes: &[Class], pairs: usize, work: impl Fn(f64, f64) -> f64) -> (Correction, f64) {
-    let n = pairs.max(1) as f64;
-    let whole = classes.iter().fold(Class::default(), Class::join);
-    let choice = |price: f64| {
-        let (mut packets, mut variance, mut asked) = ([1.0; CLASSES], 0.0, 0.0);
-        for (class, packets) in classes.iter().zip(&mut packets) {
-            // Classes that the pilot hardly saw are taken for what all are like.
-            let believed = if class.count < FEW { &whole } else { class };
-            let price = price * believed.count;
-            let best = believed
-                .choices()
-                .min_by(|a, b| (a.1 + price * f64::from(a.0)).total_cmp(&(b.1 + price * f64::from(b.0))));
-            let Some((m, left)) = best else { continue };
-            *packets = m;
-            let part = class.count / believed.count.max(1.0);
-            (variance, asked) = (variance + left * part, asked + class.count * f64::from(m));
-        }
-        (Correction { packets }, work(variance / n, asked / n))
-    };
-    let prices = (-60..=4).map(|k| f64::from(k as f32 * 0.5).exp2());
-    prices.map(choice).min_by(|a, b| a.1.total_cmp(&b.1)).expect("there are prices")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// As many pairs, whose differences have this variance for one packet of `all` and are independent.
-    fn class(count: f64, variance: f64, all: usize) -> Class {
-        let left = sizes(all).map(|m| count * variance * (1.0 / m as f64 - 1.0 / all as f64)).collect();
-        Class { count, left, square: 0.0 }
-    }
-
-    #[test]
-    fn corrections_go_where_the_answers_vary() {
-        let mut classes = vec![Class::default(); CLASSES];
-        (classes[2], classes[11]) = (class(100.0, 0.0001, 64), class(100.0, 0.01, 64));
-        let work = |variance: f64, packets: f64| (1e-5 + variance) * (1.0 + packets);
-        let (correction, least) = allocate(&classes, 200, work);
-        let [rare, often] = [2, 11].map(|c| f64::from(correction.packets[c]));
-        assert!((4.0..=32.0).contains(&(often / rare)), "about in proportion: {rare} {often}");
-        // No other number for all is better.
-        for ((m, a), (_, b)) in classes[2].choices().zip(classes[11].choices()) {
-            assert!(work((a + b) / 200.0, m.into()) > 0.999 * least, "{m}");
-        }
-    }
-
-    #[test]
-    fn costly_corrections_are_rare_and_never_left_out() {
-        let mut classes = vec![Class::default(); CLASSES];
-        (classes[0], classes[11]) = (class(1000.0, 1e-9, 16), class(50.0, 0.02, 16));
-        let (correction, _) = allocate(&classes, 1050, |v, p| (0.01 + v) * (1.0 + 100.0 * p));
-        assert!(correction.packets.iter().all(|&m| m >= RAREST));
-        assert_eq!(correction.packets[0], RAREST);
-    }
-
-    #[test]
-    fn all_packets_leave_nothing() {
-        let mut one = Class::default();
-        one.add(&[16.0, 0.0, 8.0, 8.0], &[8.0; 4]);
-        assert_eq!((one.left.len(), one.left[2], one.square), (3, 0.0, 0.0));
-        // Neighbours that make up for each other leave nothing either.
-        assert!(one.left[0] > 0.1 && one.left[1] == 0.0);
-        let left: Vec<f64> = one.choices().map(|c| c.1).collect();
-        assert!(left.windows(2).all(|w| w[0] > w[1] || w[1] == 0.0), "{left:?}");
-    }
 
     #[test]
     fn chances_differ_between_pairs() {

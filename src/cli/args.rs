@@ -1,10 +1,10 @@
-//! Arguments that several subcommands share.
+//! Arguments shared by several subcommands.
 
 use crate::{
     Error, Result,
-    bench::MOST_THREADS,
+    bench::MAX_THREADS,
     files::WholeFile,
-    model::cache::Place,
+    model::cache::CacheLocation,
     scene::{LoadOptions, Scene, parse_emitter},
     threads::Threads,
 };
@@ -19,30 +19,30 @@ use std::{
 #[derive(clap::Args, Clone, Debug)]
 #[command(next_help_heading = "Common options")]
 pub struct Common {
-    /// Number of threads; default one for each core, but for the timed sections of `bench`, which have one.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MOST_THREADS)))]
+    /// Number of threads; default: one per core, but one for the timed sections of `bench`.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MAX_THREADS)))]
     pub threads: Option<u16>,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
-    /// Write the results to FILE as JSON too; - is the standard output, and the text goes to standard error.
+    /// Also write the results to FILE as JSON; - is the standard output, and the text then goes to standard error.
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
-    /// No progress and no text: files and exit code only.
+    /// No progress and no text: only files and the exit code.
     #[arg(long)]
     pub quiet: bool,
-    /// Length unit of the scene (m, cm, mm, km, in, ft).
+    /// Unit of length of the scene (m, cm, mm, km, in, ft).
     #[arg(long, value_name = "U", default_value = "m")]
     pub unit: String,
 }
 
 impl Common {
-    /// Shows on a terminal that something long is going on, until the answer is dropped.
+    /// Shows a spinner on a terminal until it is dropped.
     pub fn spinner(&self, what: impl Into<String>) -> Spinner {
         if self.quiet {
             return Spinner(ProgressBar::hidden());
         }
-        // Draws on standard error, and not at all if that is no terminal.
+        // Drawn on standard error, only if that is a terminal.
         let bar = ProgressBar::new_spinner().with_message(what.into());
         if let Ok(style) = ProgressStyle::with_template("{spinner} {msg} {elapsed}") {
             bar.set_style(style);
@@ -51,40 +51,41 @@ impl Common {
         Spinner(bar)
     }
 
-    /// Does `work` on as many threads as `--threads` says.
+    /// Runs `work` on the number of threads of `--threads`.
     ///
     /// # Errors
-    /// The system refuses that many threads, or the work fails.
+    /// The threads cannot be started, or the work fails.
     pub fn on_threads<T: Send>(&self, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
         let threads = usize::from(self.threads.unwrap_or(0));
         Threads::new(threads)?.run(work)?
     }
 
-    /// Whether the JSON goes to standard output.
+    /// Whether the JSON is written to standard output.
     fn json_is_piped(&self) -> bool {
         self.json.as_deref() == Some(Path::new("-"))
     }
 
-    /// Writes text to standard output, or to standard error if the JSON goes there, unless `--quiet`.
+    /// Writes text to standard output, or to standard error if the JSON is written to standard output; nothing with
+    /// `--quiet`.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// The text cannot be written.
     pub fn print(&self, text: &str) -> Result<()> {
         if self.quiet {
             return Ok(());
         }
         if self.json_is_piped() {
-            // There may be nobody who reads it.
+            // A closed standard error is ignored.
             let _ = std::io::stderr().write_all(text.as_bytes());
             return Ok(());
         }
         super::print(text)
     }
 
-    /// Whether the JSON file can be written, before the work begins.
+    /// Checks before the work that the JSON file can be written.
     ///
     /// # Errors
-    /// It cannot.
+    /// The file cannot be written.
     pub fn check_json(&self) -> Result<()> {
         match &self.json {
             Some(path) if !self.json_is_piped() => check_file(path),
@@ -92,10 +93,10 @@ impl Common {
         }
     }
 
-    /// Writes the JSON if it was asked for.
+    /// Writes the JSON if requested.
     ///
     /// # Errors
-    /// It cannot be written.
+    /// The file cannot be written.
     pub fn write_json(&self, value: &impl serde::Serialize) -> Result<()> {
         let Some(path) = &self.json else { return Ok(()) };
         let text =
@@ -104,16 +105,16 @@ impl Common {
     }
 }
 
-/// See [`Common::spinner`].
+/// A spinner on the terminal; see [`Common::spinner`].
 pub struct Spinner(ProgressBar);
 
 impl Spinner {
-    /// Shows something else.
+    /// Replaces the text of the spinner.
     pub fn say(&self, what: &str) {
         self.0.set_message(what.to_owned());
     }
 
-    /// Takes it away before its time.
+    /// Removes the spinner.
     pub fn clear(&self) {
         self.0.finish_and_clear();
     }
@@ -125,19 +126,19 @@ impl Drop for Spinner {
     }
 }
 
-/// A scene and what its file does not say.
+/// A scene, and properties that its file does not state.
 #[derive(clap::Args, Clone, Debug)]
 pub struct SceneArgs {
     /// The scene: .obj, .gltf, .glb or .ply.
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
-    /// Make the object, group or material NAME emit W watts (repeatable).
+    /// Let the object, group or material NAME emit W watts (repeatable).
     #[arg(long = "emitter", value_name = "NAME=W")]
     pub emitters: Vec<String>,
-    /// Emissive faces emit from both sides instead of from the front only.
+    /// Emissive faces emit from both sides instead of the front only.
     #[arg(long)]
     pub two_sided_emission: bool,
-    /// Take all faces as parts of closed solids (1) or as sheets (2) instead of finding out.
+    /// Treat all faces as faces of closed solids (1) or as sheets (2) instead of detecting it.
     #[arg(long, value_name = "1|2", value_parser = clap::value_parser!(u8).range(1..=2))]
     pub sides: Option<u8>,
 }
@@ -146,7 +147,7 @@ impl SceneArgs {
     /// Reads the scene.
     ///
     /// # Errors
-    /// As for [`Scene::load`], or an `--emitter` that cannot be understood.
+    /// As for [`Scene::load`], or an invalid `--emitter`.
     pub fn load(&self, common: &Common) -> Result<Scene> {
         let emitters = self.emitters.iter().map(|e| parse_emitter(e)).collect::<Result<Vec<_>>>()?;
         let options = LoadOptions {
@@ -159,45 +160,61 @@ impl SceneArgs {
         let _spinner = common.spinner(format!("reading {}", file_name(&self.scene)));
         Scene::load_with(&self.scene, &options)
     }
+
+    /// Reads the scene for commands that need triangles of its own: placed meshes are copied, with a warning.
+    ///
+    /// # Errors
+    /// As [`SceneArgs::load`], or more than [`MAX_COPIED_TRIANGLES`].
+    pub fn load_flat(&self, common: &Common) -> Result<Scene> {
+        let scene = self.load(common)?;
+        if scene.placements.is_empty() {
+            return Ok(scene);
+        }
+        let flat = scene.flattened_within(MAX_COPIED_TRIANGLES)?;
+        let (placed, triangles) = (grouped(scene.placements.len()), grouped(flat.triangles.len()));
+        warn(common, &[format!("{placed} placed meshes were copied: {triangles} triangles")]);
+        Ok(flat)
+    }
 }
 
-/// Says on standard error what was mended or assumed, a line each.
-///
-/// A standard error that is closed is nobody's concern.
+/// Largest number of triangles after placed meshes are copied. Chosen: a solve holds about a kilobyte a triangle.
+const MAX_COPIED_TRIANGLES: u64 = 20_000_000;
+
+/// Writes warnings to standard error, one per line. A closed standard error is ignored.
 pub fn warn(common: &Common, messages: &[String]) {
     for message in messages.iter().filter(|_| !common.quiet) {
         let _ = writeln!(std::io::stderr(), "mrvis: warning: {message}");
     }
 }
 
-/// Where measured clusters are kept.
+/// Location of the cache of measured clusters.
 #[derive(clap::Args, Clone, Debug)]
 pub struct CacheArgs {
-    /// Keep the measured clusters for the next run in the folder DIR, or not at all (off) [default: beside the scene]
+    /// Cache the measured clusters in the folder DIR, or do not cache them (off) [default: beside the scene]
     #[arg(long, value_name = "DIR|off")]
     pub cache: Option<PathBuf>,
 }
 
 impl CacheArgs {
-    /// The place; a folder is made if it is missing.
+    /// The location; creates the folder if it is missing.
     ///
     /// # Errors
-    /// The folder that was asked for cannot be written.
-    pub fn place(&self) -> Result<Place> {
+    /// The folder cannot be written.
+    pub fn place(&self) -> Result<CacheLocation> {
         match &self.cache {
-            None => Ok(Place::Beside),
-            Some(folder) if folder == Path::new("off") => Ok(Place::Off),
-            Some(folder) => check_folder(folder).map(|()| Place::Folder(folder.clone())),
+            None => Ok(CacheLocation::Beside),
+            Some(folder) if folder == Path::new("off") => Ok(CacheLocation::Off),
+            Some(folder) => check_folder(folder).map(|()| CacheLocation::Folder(folder.clone())),
         }
     }
 }
 
-/// The last part of a path, for messages.
+/// The file name of a path, for messages.
 pub fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
-/// A count with thousands set apart: `1,234,567`.
+/// A count with separators of thousands: `1,234,567`.
 pub fn grouped(n: usize) -> String {
     let digits = n.to_string();
     let mut out = String::new();
@@ -210,7 +227,7 @@ pub fn grouped(n: usize) -> String {
     out
 }
 
-/// Whether a file can be written, without touching it.
+/// Checks that a file can be written, without changing it.
 pub fn check_file(path: &Path) -> Result<()> {
     if path.is_dir() {
         return Err(Error::io(path, std::io::ErrorKind::IsADirectory.into()));
@@ -219,7 +236,7 @@ pub fn check_file(path: &Path) -> Result<()> {
     tempfile::tempfile_in(folder).map(drop).map_err(|e| Error::io(path, e))
 }
 
-/// Whether files can be written into a folder that exists, or one can be made.
+/// Checks that files can be written into a folder; creates the folder if it is missing.
 pub fn check_folder(folder: &Path) -> Result<()> {
     let unusable =
         |what: &str| Error::format(folder, None, format!("{what}; give a folder that can be written"));

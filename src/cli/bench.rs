@@ -1,6 +1,7 @@
 //! `mrvis bench SCENE`: exact against multi-resolution visibility on the same segments.
 
 mod pictures;
+mod repeat;
 mod table;
 
 use super::args::{CacheArgs, Common, SceneArgs, check_folder};
@@ -16,55 +17,53 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-/// Measure exact (Embree) against multi-resolution visibility on the same segments of a scene: table, JSON, images and
-/// a report page.
+/// Compare exact (Embree) with multi-resolution visibility on the same segments of a scene: table, JSON, images and
+/// an HTML report.
 #[derive(Clone, Debug, clap::Args)]
 #[command(mut_arg("scene", |a| a.required(false).required_unless_present("scaling")))]
 pub struct Args {
     #[command(flatten)]
     pub scene: Option<SceneArgs>,
-    /// Feature size in scene units, shadows smaller than this may be averaged; may be given several times [default:
-    /// four sizes from the scene's statistics]
+    /// Feature size in scene units: smaller shadows may be averaged; repeatable [default: four sizes from the scene's
+    /// statistics]
     #[arg(short = 's', long = "feature-size", value_name = "S")]
     pub feature_sizes: Vec<f64>,
-    /// Segments from a point to an emitter; 4 and 16 times as many are measured too
+    /// Segments from a point to an emitter; 4 and 16 times as many are measured as well
     #[arg(long, value_name = "N", default_value_t = 16)]
     pub rays: usize,
-    /// Receiver points, spread over all surfaces that do not emit
+    /// Receiver points, uniform over all surfaces that do not emit
     #[arg(long, value_name = "N", default_value_t = 20_000)]
     pub points: usize,
-    /// Object, group or material to make shadow images of; may be given several times [default: the largest flat ones,
-    /// and terrain]
+    /// Object, group or material for shadow images; repeatable [default: the largest flat surfaces, and terrain]
     #[arg(long = "receiver", value_name = "NAME")]
     pub receivers: Vec<String>,
     /// Rays from a point to an emitter in the reference
     #[arg(long, value_name = "N", default_value_t = 1024)]
     pub reference_rays: usize,
-    /// Check the stated intervals with a few exact rays of their own on this part of the bundles; 0: do not [default:
-    /// 0.05]
+    /// Check the stated intervals by independent exact rays on this part of the bundles; 0: no check [default: 0.05]
     #[arg(long, value_name = "FRACTION")]
     pub audit: Option<f64>,
-    /// Also measure estimates whose mean is the exact answer: averaged ones, corrected by a few exact segments
+    /// Also measure unbiased estimates: averaged answers, corrected by a few exact segments
     #[arg(long)]
     pub unbiased: bool,
     /// Choose feature size and segments so that the RMS error of the visible fraction is at most E
     #[arg(long, value_name = "E", conflicts_with = "target_seconds")]
     pub target_error: Option<f64>,
-    /// Choose them so that the error is the least that T seconds of choosing and queries allow
+    /// Choose feature size and segments for the smallest error within T seconds of pilot and queries
     #[arg(long, value_name = "T")]
     pub target_seconds: Option<f64>,
-    /// Error of a cluster's transmission that is let pass; clusters that err by more are averaged only for beams wide
-    /// enough to make up for it
+    /// Tolerated error of a cluster's transmittance; clusters with a larger error are averaged only for beams wide
+    /// enough to compensate
     #[arg(long, value_name = "TOL", default_value_t = 0.05)]
     pub tolerance: f32,
-    /// Where the extinction of a cluster comes from
+    /// Extinction of clusters
     #[arg(long, value_enum, default_value_t)]
     pub extinction: ExtinctionLaw,
-    /// Folder for images and report.html (made if missing)
+    /// Folder for images and report.html (created if missing)
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Measure how cost grows, too: forests of 10 thousand triangles and ten times more each, up to N [default: a
-    /// million]; SCENE may be left out
+    /// Also measure the growth of cost: forests of 10,000, 100,000, ... triangles up to N [default: a million]; SCENE
+    /// may be omitted
     #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "1000000")]
     pub scaling: Option<usize>,
     #[command(flatten)]
@@ -74,18 +73,18 @@ pub struct Args {
 }
 
 impl Args {
-    /// Whether the options make sense for growing forests alone, without a scene.
+    /// Checks the options for `--scaling` without a scene.
     fn check_scaling_alone(&self) -> Result<()> {
         let needs_scene = [
-            ("--target-error", self.target_error.is_some()),
-            ("--target-seconds", self.target_seconds.is_some()),
-            ("--unbiased", self.unbiased),
-            ("--receiver", !self.receivers.is_empty()),
-            ("--audit", self.audit.is_some()),
+            ("target-error", self.target_error.is_some()),
+            ("target-seconds", self.target_seconds.is_some()),
+            ("unbiased", self.unbiased),
+            ("receiver", !self.receivers.is_empty()),
+            ("audit", self.audit.is_some()),
         ];
         if let Some((name, _)) = needs_scene.into_iter().find(|&(_, given)| given) {
             return Err(Error::Argument(format!(
-                "{name} says nothing of the forests of --scaling: name a SCENE, or leave {name} out"
+                "--{name} does not apply to the forests of --scaling: name a SCENE, or omit --{name}"
             )));
         }
         if self.feature_sizes.len() > 1 {
@@ -97,13 +96,13 @@ impl Args {
     }
 }
 
-/// Where extinction comes from; see [`Extinction`].
+/// Extinction of clusters; see [`Extinction`].
 #[derive(Clone, Copy, Debug, Default, clap::ValueEnum)]
 pub enum ExtinctionLaw {
-    /// from what the cluster lets through, seen from several sides
+    /// measured on silhouettes from several directions
     #[default]
     Measured,
-    /// from its surface and volume, as in the paper
+    /// from surface and volume, as in the paper
     Analytic,
 }
 
@@ -119,8 +118,8 @@ impl From<ExtinctionLaw> for Extinction {
 /// Runs the command. Exit code 0, or 1 if a target was missed.
 ///
 /// # Errors
-/// An option is out of range, the scene cannot be used, a name is unknown, an output is not writable. Options and
-/// outputs are checked before the work begins; every file is written whole or not at all.
+/// An option is out of range, the scene is unusable, a name is unknown, or an output is not writable. Options and
+/// outputs are checked before the work begins; files are written completely or not at all.
 pub fn run(args: &Args) -> Result<ExitCode> {
     // All but the timed sections: those have `--threads` of their own.
     Threads::new(0)?.run(|| run_on_all_cores(args))?
@@ -183,16 +182,16 @@ fn run_on_all_cores(args: &Args) -> Result<ExitCode> {
     let mut text = table::table(&record);
     if let Some(folder) = &args.out {
         pictures::write_pictures(folder, &images)?;
-        text += &write_page(folder, &page::render(&record, &images)?)?;
+        text += &write_page(folder, &page::render(&record, &images, &repeat::command_line(&record))?)?;
     }
     common.write_json(&record)?;
     bar.finish();
     common.print(&text)?;
-    // A target that was missed is a stated tolerance that was missed.
+    // A missed target counts as a missed tolerance.
     Ok(ExitCode::from(u8::from(record.target.is_some_and(|target| !target.met))))
 }
 
-/// Writes the report; gives the line that names it.
+/// Writes the report; returns a line with its path.
 fn write_page(folder: &Path, page: &str) -> Result<String> {
     let path = folder.join("report.html");
     write_atomically(&path, page.as_bytes())?;

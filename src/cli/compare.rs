@@ -1,4 +1,4 @@
-//! `mrvis compare REF.csv TEST.csv`: how far one irradiance file is from another.
+//! `mrvis compare REF.csv TEST.csv`: difference of two irradiance files.
 
 use super::args::Common;
 use crate::{
@@ -8,16 +8,16 @@ use crate::{
 };
 use std::{path::PathBuf, process::ExitCode};
 
-/// Compare irradiance at the same points: RMS relative to the mean, bias, percentiles. Exit code 1 past --tolerance.
+/// Compare irradiance at the same points: RMS relative to the mean, bias, percentiles. Exit code 1 above --tolerance.
 #[derive(clap::Args, Debug)]
 pub struct Args {
-    /// The irradiance file to compare with.
+    /// The irradiance file of the reference.
     #[arg(value_name = "REF.csv")]
     reference: PathBuf,
-    /// The irradiance file to judge, of the same points in the same order.
+    /// The irradiance file to be compared, with the same points in the same order.
     #[arg(value_name = "TEST.csv")]
     test: PathBuf,
-    /// Largest RMS difference that is accepted, relative to the mean (0.01 is one percent).
+    /// Largest accepted RMS difference relative to the mean (0.01 is one per cent).
     #[arg(long, value_name = "R")]
     tolerance: Option<f64>,
     #[command(flatten)]

@@ -1,4 +1,4 @@
-//! `mrvis fbem REFERENCE APPROXIMATION`: the error of an image by the size of what is wrong in it.
+//! `mrvis fbem REFERENCE APPROXIMATION`: feature-based error of an image.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -18,27 +18,27 @@ use crate::plot::{Plot, Point, Scale, Series, number};
 use crate::raster::Morphology;
 use crate::{Error, Result};
 
-/// Compare two images by feature size: how wrong is the approximation for somebody who cares only for shadows larger
-/// than s? PNG, EXR, HDR, JPEG; 8- and 16-bit images are decoded from sRGB to linear values.
+/// Compare two images by the feature-based error metric: features larger than s are compared texel by texel, the rest
+/// on average. PNG, EXR, HDR, JPEG; 8- and 16-bit images are converted from sRGB to linear values.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Args {
-    /// The image that is right
+    /// The reference image
     pub reference: PathBuf,
-    /// The image to judge, of the same size
+    /// The image to be compared, of the same size
     pub approximation: PathBuf,
-    /// Feature size in scene units (in texels without --texel); may be given several times [default: a spectrum]
+    /// Feature size in scene units (in texels without --texel); repeatable [default: a spectrum]
     #[arg(short, long = "s", visible_alias = "feature-size", value_name = "S")]
     pub sizes: Vec<f64>,
     /// Side of a texel in scene units
     #[arg(long, value_name = "T", default_value_t = 1.0)]
     pub texel: f64,
-    /// How the size of a feature is measured
+    /// Measure of feature sizes
     #[arg(long, value_enum, default_value_t = Mode::Euclid)]
     pub mode: Mode,
-    /// Which regions are features
+    /// Regions that are features
     #[arg(long, value_enum, default_value_t = Kind::Both)]
     pub features: Kind,
-    /// Leave features out of the averages taken outside of them
+    /// Exclude features from the averages outside of them
     #[arg(long)]
     pub unmasked_filter: bool,
     /// Exponent of the norm
@@ -47,19 +47,19 @@ pub struct Args {
     /// Value of an unoccluded texel [default: 1, or the reference's maximum if that is larger]
     #[arg(long, value_name = "W")]
     pub white: Option<f32>,
-    /// Least relative darkening that counts as shadow
+    /// Smallest relative darkening that counts as shadow
     #[arg(long, default_value_t = DEFAULT_THRESHOLD)]
     pub threshold: f32,
-    /// Which number of a pixel is compared
+    /// Channel of the pixels that is compared
     #[arg(long, value_enum, default_value_t = Component::Luminance)]
     pub channel: Component,
-    /// Folder for the feature masks, the difference image and the spectrum (made if missing)
+    /// Folder for feature masks, difference image and spectrum (created if missing)
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// File for the figures as JSON
+    /// File for the results as JSON; - is the standard output, and the text then goes to standard error
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
-    /// Exit with 1 when the error at any of the sizes exceeds E (in image values)
+    /// Exit with code 1 if the error at any size exceeds E (in image values)
     #[arg(long, value_name = "E")]
     pub tolerance: Option<f64>,
     /// Print nothing
@@ -70,11 +70,11 @@ pub struct Args {
 /// `--mode`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Mode {
-    /// Largest disc that fits (independent of direction)
+    /// Largest disc inside the feature (independent of direction)
     Euclid,
-    /// Erosions with 8 neighbours, as the paper's program did
+    /// Erosions with 8 neighbours, as in the paper's program
     Paper8,
-    /// Erosions with 4 neighbours, as the paper defines
+    /// Erosions with 4 neighbours, as in the paper's definition
     Paper4,
 }
 
@@ -100,7 +100,7 @@ pub enum Component {
 /// Runs the command. Exit code 0, or 1 when a tolerance was given and missed.
 ///
 /// # Errors
-/// An image cannot be read or used, the images differ in size, an option is out of range, an output is not writable.
+/// An image cannot be read, the images differ in size, an option is out of range, or an output is not writable.
 pub fn run(args: &Args) -> Result<ExitCode> {
     if args.tolerance.is_some_and(|t| t.is_nan() || t < 0.0) {
         return Err(Error::Argument("--tolerance must be a number of at least 0".into()));
@@ -118,13 +118,21 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let sizes = if args.sizes.is_empty() { spectrum_sizes(&reference, 8) } else { args.sizes.clone() };
     let norms = norms(&reference, &approximation)?;
     let rows = spectrum(&reference, &approximation, &sizes, &options)?;
+    let json_is_piped = args.json.as_deref() == Some(Path::new("-"));
     if !args.quiet {
-        // A reader that went away (`| head`) is no error of this command.
-        let _ = std::io::stdout().write_all(table(args, &reference, white, &norms, &rows).as_bytes());
+        let text = table(args, &reference, white, &norms, &rows);
+        // A closed pipe (`| head`) is not an error.
+        let _ = match json_is_piped {
+            true => std::io::stderr().write_all(text.as_bytes()),
+            false => std::io::stdout().write_all(text.as_bytes()),
+        };
     }
     if let Some(path) = &args.json {
         let text = format!("{:#}\n", report(args, &reference, white, &norms, &rows));
-        write_atomically(path, text.as_bytes())?;
+        match json_is_piped {
+            true => super::print(&text)?,
+            false => write_atomically(path, text.as_bytes())?,
+        }
     }
     if let Some(folder) = &args.out {
         write_pictures(folder, &reference, &approximation, &options.features, &rows)?;
@@ -148,7 +156,7 @@ fn options(args: &Args, white: f32) -> FbemOptions {
     }
 }
 
-/// The figures as text.
+/// The results as text.
 fn table(args: &Args, image: &Image, white: f32, norms: &Norms, rows: &[Fbem]) -> String {
     let mode = args.mode.to_possible_value().map_or(String::new(), |v| v.get_name().to_string());
     let mut text = format!(
@@ -168,7 +176,7 @@ fn table(args: &Args, image: &Image, white: f32, norms: &Norms, rows: &[Fbem]) -
     text + &format!("\nL1 {l1:.6}   L2 {l2:.6}   bias {bias:+.6}   largest {max:.6}\n")
 }
 
-/// The figures as JSON.
+/// The results as JSON.
 fn report(args: &Args, image: &Image, white: f32, norms: &Norms, rows: &[Fbem]) -> serde_json::Value {
     let name = |v: Option<clap::builder::PossibleValue>| v.map(|v| v.get_name().to_string());
     let row = |row: &Fbem| {
@@ -202,7 +210,7 @@ fn report(args: &Args, image: &Image, white: f32, norms: &Norms, rows: &[Fbem]) 
     })
 }
 
-/// Masks over the reference, the difference and the spectrum.
+/// Writes masks over the reference, the difference and the spectrum.
 fn write_pictures(
     folder: &Path,
     reference: &Image,
@@ -243,7 +251,7 @@ mod tests {
         args: Args,
     }
 
-    /// Runs the command on a shadow and on nothing, with more arguments.
+    /// Runs the command on a shadow and an image without it, with further arguments.
     fn run_on(folder: &Path, more: &[&str]) -> Result<ExitCode> {
         let shadow =
             |x: usize, y: usize| if (20..40).contains(&x) && (20..40).contains(&y) { 0.0 } else { 1.0 };

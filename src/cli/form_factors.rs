@@ -13,37 +13,37 @@ use crate::{
 };
 use std::{fmt::Write as _, path::PathBuf, process::ExitCode, time::Instant};
 
-/// Form factors between all polygons of a scene, or between its objects or materials, with what stands between them.
+/// Form factors between the polygons, objects or materials of a scene, visibility included.
 ///
-/// F(from, to) is the share of what the front of `from` sends out that arrives at the front of `to`. Row sums, what
-/// escapes and what is lost on back sides are reported; A F is symmetric by construction.
+/// F(from, to) is the fraction of the light from the front of `from` that arrives at the front of `to`. Row sums,
+/// escaped light and light lost on back sides are reported; A F is symmetric by construction.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     #[command(flatten)]
     scene: SceneArgs,
-    /// The matrix: .npz (as scipy.sparse.load_npz reads it), .csv (from,to,factor) or .mtx (Matrix Market).
+    /// The matrix: .npz (scipy.sparse.load_npz), .csv (from,to,factor) or .mtx (Matrix Market).
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// What rows and columns are: polygons of the file, its objects (and groups), or materials.
+    /// Rows and columns: polygons of the file, objects (and groups), or materials.
     #[arg(long, value_name = "WHAT", value_enum, default_value_t = By::Face)]
     by: By,
-    /// Rays of every polygon that look for what it sees, and the measure of how many go to each pair [default: 2048, more
-    /// where there are few polygons]
+    /// Rays per polygon that search for visible polygons; the rays per pair are proportional [default: 2048, more for
+    /// few polygons]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 20))]
     rays: Option<u32>,
-    /// Largest number of rays between two polygons that are partly hidden from each other [default: 256, more where
-    /// there are few]
+    /// Largest number of rays between two polygons that are partly hidden from each other [default: 256, more for few
+    /// polygons]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(4..=1 << 22))]
     pair_rays: Option<u32>,
-    /// What is enforced: closure adjusts the rows that nothing escapes from so that they add up to 1, each entry by as
-    /// much as it is uncertain, and keeps A F symmetric; none leaves estimates as they are (A F is symmetric all the same).
+    /// Adjustment of the matrix: `closure` makes rows without escape sum to 1, each entry according to its
+    /// uncertainty, and keeps A F symmetric; `none` leaves the estimates unchanged.
     #[arg(long, value_name = "WHAT", value_enum, default_value_t = Enforce::Closure, num_args = 0..=1,
           default_missing_value = "closure", require_equals = true)]
     enforce: Enforce,
-    /// Refuse to begin when the matrix could take more memory than this, in GiB.
+    /// Stop before the computation if the matrix may need more memory than this, in GiB.
     #[arg(long, value_name = "G", default_value_t = 16.0)]
     max_memory: f64,
-    /// Largest mean |row sum + escaped + lost - 1| of closed rows that is accepted (exit code 1 beyond).
+    /// Largest accepted mean |row sum + escaped + lost - 1| of closed rows (exit code 1 above).
     #[arg(long, value_name = "R")]
     tolerance: Option<f64>,
     #[command(flatten)]
@@ -75,7 +75,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
             return Err(Error::Argument(format!("--{name} {v}: must be a number not below 0")));
         }
     }
-    let scene = args.scene.load(common)?;
+    let scene = args.scene.load_flat(common)?;
     warn(common, &scene.repairs.messages);
     let facets = Facets::new(&scene);
     let mut settings = Settings {
@@ -92,7 +92,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
             "the matrix of {} facets could take {}: raise --max-memory{}",
             grouped(facets.len()),
             size(bound),
-            // Where every pair is tried, rays do not matter.
+            // If every pair is computed, the memory does not depend on rays.
             if settings.every { String::new() } else { format!(" or lower --rays (now {})", settings.rays) }
         )));
     }

@@ -16,34 +16,34 @@ use std::{
 
 #[derive(clap::Args, Debug)]
 pub struct Args {
-    /// What to generate (see --list).
+    /// Name of the scene (see --list).
     #[arg(value_name = "NAME", required_unless_present = "list")]
     name: Option<String>,
-    /// The .obj file to write, its materials go to an .mtl file beside it; with --instances a .gltf or .glb file.
+    /// The .obj file (its materials go to an .mtl file beside it); with --instances a .gltf or .glb file.
     #[arg(long, value_name = "FILE", required_unless_present = "list")]
     out: Option<PathBuf>,
-    /// List what can be generated.
+    /// List all scenes.
     #[arg(long)]
     list: bool,
-    /// How many cubes, slats, courses of bricks, boards.
+    /// Number of cubes, slats, courses of bricks, boards.
     #[arg(long, value_name = "N")]
     count: Option<usize>,
-    /// Trees of the forest.
+    /// Number of trees of the forest.
     #[arg(long, value_name = "N", default_value_t = 100)]
     trees: usize,
-    /// Leaves of each tree.
+    /// Leaves per tree.
     #[arg(long, value_name = "N", default_value_t = 1000)]
     leaves: usize,
-    /// Give the trees trunks.
+    /// Add trunks to the trees.
     #[arg(long)]
     trunks: bool,
-    /// Make a forest of one tree mesh for each species and a node for each tree, as .gltf or .glb.
+    /// Write a forest of instances, one tree mesh per species and one node per tree, as .gltf or .glb.
     #[arg(long)]
     instances: bool,
-    /// Different trees of a forest of instances.
+    /// Number of species in a forest of instances.
     #[arg(long, value_name = "N", default_value_t = 1, requires = "instances")]
     species: usize,
-    /// Edge length of the light in scene units.
+    /// Edge length of the emitter in scene units.
     #[arg(long, value_name = "L")]
     light_size: Option<f64>,
     #[command(flatten)]
@@ -101,7 +101,7 @@ fn flat(args: &Args, spec: &Spec, kind: &Kind, out: &Path) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Writes a glTF file whose nodes share meshes.
+/// Writes a glTF file with shared meshes.
 fn with_instances(args: &Args, spec: &Spec, kind: &Kind, out: &Path) -> Result<ExitCode> {
     if !has_extension(out, &["gltf", "glb"]) {
         return Err(Error::Argument(format!(
@@ -144,7 +144,7 @@ fn has_extension(path: &Path, extensions: &[&str]) -> bool {
     path.extension().is_some_and(|e| extensions.iter().any(|x| e.eq_ignore_ascii_case(x)))
 }
 
-/// What the file says about where it comes from.
+/// Origin of the scene, for the header of the file.
 fn origin(kind: &Kind) -> String {
     format!("mrvis {} generate {}", env!("CARGO_PKG_VERSION"), kind.name)
 }

@@ -1,4 +1,4 @@
-//! `mrvis info SCENE`: what was read and repaired.
+//! `mrvis info SCENE`: contents of a scene and its repairs.
 
 use super::args::{Common, SceneArgs, grouped};
 use crate::clusters::{self, Hierarchy};
@@ -25,7 +25,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         let _spinner = args.common.spinner("clustering");
         clusters::build(&scene, &clusters::Options::default())
     };
-    args.common.write_json(&facts(&scene, &hierarchy, seconds))?;
+    args.common.write_json(&summary_json(&scene, &hierarchy, seconds))?;
     args.common.print(&text(&scene, &hierarchy, seconds, if args.all { usize::MAX } else { 20 }))?;
     Ok(ExitCode::SUCCESS)
 }
@@ -67,19 +67,19 @@ fn summary(out: &mut String, s: &Scene, seconds: f64) -> std::fmt::Result {
     Ok(())
 }
 
-/// Triangles in memory: the scene's own and those of each shared mesh.
+/// Stored triangles: those of the scene and, once each, those of shared meshes.
 fn stored(s: &Scene) -> usize {
     s.triangles.len() + s.shared.iter().map(|m| m.triangles.len()).sum::<usize>()
 }
 
 fn clusters(out: &mut String, h: &Hierarchy) -> std::fmt::Result {
-    let (clusters, levels, large) = cluster_facts(h);
+    let (clusters, levels, large) = cluster_counts(h);
     writeln!(out, "  clusters    {:>12} in {levels} levels", grouped(clusters))?;
     writeln!(out, "  large       {:>12} triangles of large surfaces, never averaged", grouped(large))
 }
 
-/// Clusters, levels, and triangles of large surfaces, counted as `mrvis bench` counts them.
-fn cluster_facts(h: &Hierarchy) -> (usize, usize, usize) {
+/// Numbers of clusters, levels, and triangles of large surfaces.
+fn cluster_counts(h: &Hierarchy) -> (usize, usize, usize) {
     let clusters = h.micro.clusters.len() + h.large.clusters.len();
     (clusters, h.micro.levels().max(h.large.levels()), h.large.order.len())
 }
@@ -143,7 +143,7 @@ fn repairs(out: &mut String, s: &Scene) -> std::fmt::Result {
     r.messages.iter().try_for_each(|m| writeln!(out, "  {m}"))
 }
 
-/// Objects with their numbers of triangles, most first.
+/// Objects with their numbers of triangles, in descending order.
 fn face_counts(s: &Scene) -> Vec<(usize, usize)> {
     let mut counts: Vec<(usize, usize)> = (0..s.objects.len()).map(|i| (i, 0)).collect();
     s.triangle_object.iter().for_each(|&o| counts[o as usize].1 += 1);
@@ -151,7 +151,7 @@ fn face_counts(s: &Scene) -> Vec<(usize, usize)> {
     counts
 }
 
-/// Four significant digits.
+/// A number with four significant digits.
 fn round(value: f32) -> String {
     round64(f64::from(value))
 }
@@ -166,8 +166,8 @@ fn round64(value: f64) -> String {
     if value.abs() < 1e-9 { format!("{value:.3e}") } else { short.to_owned() }
 }
 
-fn facts(s: &Scene, h: &Hierarchy, seconds: f64) -> Value {
-    let (clusters, levels, large) = cluster_facts(h);
+fn summary_json(s: &Scene, h: &Hierarchy, seconds: f64) -> Value {
+    let (clusters, levels, large) = cluster_counts(h);
     let emitters: Vec<Value> = s
         .emitters
         .iter()

@@ -1,18 +1,19 @@
-//! The command line: arguments to jobs, results to text and JSON. Uses the public API of the crate only.
+//! The command line: converts arguments to calls of the library, and results to text and JSON.
 //!
-//! A subcommand is a module with `pub struct Args` (clap) and `pub fn run(&Args) -> Result<ExitCode>`, and one
-//! line in `Command` and in `run`.
+//! A subcommand is a module with `pub struct Args` (clap) and `pub fn run(&Args) -> Result<ExitCode>`, and one line
+//! each in `Command` and `run`.
 
 mod args;
 mod bench;
 mod compare;
 mod fbem;
+mod flags;
 mod form_factors;
 mod generate;
 mod info;
+mod oracle;
 mod outputs;
 mod progress;
-mod reference;
 mod solve;
 
 use crate::{Error, Result};
@@ -23,7 +24,7 @@ use std::{
     process::ExitCode,
 };
 
-/// Visibility and radiosity in scenes full of small detail: exact rays beside multi-resolution visibility.
+/// Visibility and radiosity in scenes with much small detail, by exact rays and by multi-resolution visibility.
 #[derive(Parser)]
 #[command(version, max_term_width = 110)]
 struct Cli {
@@ -33,15 +34,15 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// What was read and repaired: counts, bounds, closed and sheet parts, emitters, objects.
+    /// Report a scene and its repairs: counts, bounds, closed and sheet parts, emitters, objects.
     Info(info::Args),
     Bench(bench::Args),
     Fbem(fbem::Args),
     Solve(Box<solve::Args>),
-    Reference(reference::Args),
+    Reference(oracle::Args),
     Compare(compare::Args),
     FormFactors(form_factors::Args),
-    /// Write a procedural scene as OBJ and MTL (list with --list).
+    /// Write a procedural scene as OBJ and MTL (list of scenes: --list).
     Generate(generate::Args),
 }
 
@@ -51,14 +52,14 @@ fn run(command: &Command) -> Result<ExitCode> {
         Command::Bench(args) => bench::run(args),
         Command::Fbem(args) => fbem::run(args),
         Command::Solve(args) => solve::run(args),
-        Command::Reference(args) => reference::run(args),
+        Command::Reference(args) => oracle::run(args),
         Command::Compare(args) => compare::run(args),
         Command::FormFactors(args) => form_factors::run(args),
         Command::Generate(args) => generate::run(args),
     }
 }
 
-/// Parses, runs, and reports an error as one line, wrong usage too.
+/// Parses the arguments, runs the subcommand, and reports any error as one line on standard error.
 pub fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
@@ -73,17 +74,17 @@ pub fn main() -> ExitCode {
     };
     match run(&cli.command) {
         Ok(code) => code,
-        // Whoever reads our output may stop when they have enough.
+        // A reader may close the pipe early.
         Err(Error::Io { source, .. }) if source.kind() == ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(error) => {
-            // Standard error may be closed; there is nobody left to tell.
-            let _ = writeln!(std::io::stderr(), "mrvis: {}", one_line(&error));
+            // A closed standard error is ignored.
+            let _ = writeln!(std::io::stderr(), "mrvis: {}", flags::with_flags(&one_line(&error)));
             ExitCode::from(2)
         }
     }
 }
 
-/// What is wrong with a command line, without usage and tips.
+/// The error in a command line, without usage and tips.
 fn usage(error: &clap::Error) -> String {
     if error.kind() == clap::error::ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
         return "no command is given".into();
@@ -93,7 +94,7 @@ fn usage(error: &clap::Error) -> String {
     what.join(" ").trim_start_matches("error: ").to_owned()
 }
 
-/// The error and its causes, each once, on one line.
+/// The error and its causes on one line, without repetition.
 fn one_line(error: &Error) -> String {
     let mut text = error.to_string();
     let mut cause = error.source();

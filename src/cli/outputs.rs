@@ -1,15 +1,15 @@
-//! What `mrvis solve` writes for others to see.
+//! Files that show the solution of `mrvis solve`.
 
 use super::args::Common;
 use crate::{
     Result,
     export::{
-        Camera, Mesh, Stage, Tone, best_view, light_of, lightmap, places, render, unwrapped_lightmap,
+        Camera, Mesh, Stage, Tone, best_view, light_of, lightmap, render, unwrapped_lightmap, visible_points,
         write_glb, write_lightmap, write_ply, write_vtu,
     },
     image_io::{Picture, write_exr_rgb, write_png},
     points::Point,
-    radiosity::solution::Solution,
+    radiosity::mesh::RadiosityMesh,
     scene::{Scene, StoredCamera},
 };
 use std::path::{Path, PathBuf};
@@ -18,19 +18,19 @@ use std::path::{Path, PathBuf};
 #[derive(clap::Args, Clone, Debug)]
 #[command(next_help_heading = "Outputs")]
 pub struct Outputs {
-    /// What to write beside solution.json, separated by commas [default: glb,vtu,image; nothing with --points]
+    /// Files besides solution.json, separated by commas [default: glb,vtu,image; none with --points]
     #[arg(long = "output", value_name = "WHAT", value_enum, value_delimiter = ',')]
     outputs: Option<Vec<Kind>>,
     /// Columns and rows of images.
     #[arg(long, value_name = "WxH", default_value = "800x600", value_parser = size)]
     image_size: [usize; 2],
-    /// Camera instead of the file's own or an automatic one: eye, target, vertical angle of view in degrees.
+    /// Camera instead of those of the file or the automatic one: eye, target, vertical angle of view in degrees.
     #[arg(long, value_name = "X,Y,Z,X,Y,Z,DEG", value_parser = camera, allow_hyphen_values = true)]
     pub camera: Option<[f64; 7]>,
-    /// Compute the light of every pixel of images anew instead of interpolating it: slow and sharp.
+    /// Compute the irradiance of every pixel by final gathering instead of interpolation: slower and sharper.
     #[arg(long)]
     gather: bool,
-    /// About how many texels a lightmap has.
+    /// Approximate number of texels of a lightmap.
     #[arg(long, value_name = "N", default_value_t = 1 << 20,
           value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=1 << 26))]
     lightmap_texels: usize,
@@ -44,34 +44,34 @@ enum Kind {
     Glb,
     /// solution.vtu: elements with their fields, for ParaView.
     Vtu,
-    /// lightmap.exr, .png: irradiance in the file's own texture coordinates (fronts only) if they hold it, else a chart for
-    /// each plane and lightmap.obj, the mesh that they belong to.
+    /// lightmap.exr, .png: irradiance in the texture coordinates of the file (fronts only) if they are suitable;
+    /// otherwise one chart per plane, with lightmap.obj, the mesh of the charts.
     Lightmap,
-    /// A picture for each camera (those of a glTF file, or an automatic view.*): .png as the eye sees it, .exr radiance.
+    /// A picture per camera (those of a glTF file, or an automatic one): .png tone-mapped, .exr radiance.
     Image,
-    /// Nothing.
+    /// No files.
     None,
 }
 
-/// Irradiance at points in a part of the time there is; nothing if that is not enough.
+/// Irradiance at points within a part of the remaining time; `None` if the time does not suffice.
 pub type Gather<'a> = &'a dyn Fn(&[Point], f64) -> Option<Vec<[f64; 3]>>;
 
-/// The largest image: a gigabyte while it is made.
+/// Largest number of pixels. Chosen: about 1 GB during rendering.
 const MAX_PIXELS: usize = 1 << 25;
-/// Rays a pixel along either side.
-const SAMPLES: usize = 2;
+/// Rays per pixel along either side. Chosen: smooth edges at four times the cost.
+const SAMPLES_PER_SIDE: usize = 2;
 
 impl Outputs {
-    /// Writes what was asked for into a folder; gives the names of the files. `irradiance` is asked for light at pixels if
-    /// that is wanted; where it has none, light is interpolated.
+    /// Writes the requested files into a folder; returns their paths. `irradiance` computes the light of pixels for
+    /// `--gather`; where it returns `None`, light is interpolated.
     ///
     /// # Errors
-    /// A file cannot be written, or a lightmap does not hold the scene.
+    /// A file cannot be written, or the scene does not fit into a lightmap.
     pub fn write(
         &self,
         common: &Common,
         scene: &Scene,
-        solution: &Solution,
+        solution: &RadiosityMesh,
         folder: &Path,
         with_points: bool,
         irradiance: Gather,
@@ -129,10 +129,14 @@ impl Outputs {
                 let [width, height] = self.image_size;
                 let gathered =
                     self.gather.then(|| render(&stage, camera, width, height, 1)).and_then(|frame| {
-                        Some(light_of(&frame, solution, &irradiance(&places(&frame, solution), part)?))
+                        Some(light_of(
+                            &frame,
+                            solution,
+                            &irradiance(&visible_points(&frame, solution), part)?,
+                        ))
                     });
-                let radiance =
-                    gathered.unwrap_or_else(|| render(&stage, camera, width, height, SAMPLES).radiance);
+                let radiance = gathered
+                    .unwrap_or_else(|| render(&stage, camera, width, height, SAMPLES_PER_SIDE).radiance);
                 write_exr_rgb(&file(format!("{}.exr", camera.name)), width, &radiance)?;
                 write_png(&file(format!("{}.png", camera.name)), &developed(width, &radiance))?;
             }
@@ -146,13 +150,13 @@ impl Outputs {
         wanted.contains(&kind) && !wanted.contains(&Kind::None)
     }
 
-    /// Whether light will be asked for at pixels.
+    /// Whether irradiance of pixels will be computed.
     pub fn gathers(&self, with_points: bool) -> bool {
         self.gather && self.wants(Kind::Image, with_points)
     }
 
-    fn cameras(&self, scene: &Scene, solution: &Solution, stage: &Stage) -> Vec<Camera> {
-        // glTF says that y is up; elsewhere z is as good a guess as any.
+    fn cameras(&self, scene: &Scene, solution: &RadiosityMesh, stage: &Stage) -> Vec<Camera> {
+        // y is up by the specification of glTF; for other formats z is assumed.
         let gltf = scene.path.extension().is_some_and(|e| e == "gltf" || e == "glb");
         let up = if gltf { glam::Vec3::Y } else { glam::Vec3::Z };
         let Some([x, y, z, u, v, w, degrees]) = self.camera else {
@@ -171,8 +175,8 @@ impl Outputs {
     }
 }
 
-/// A camera of the file; its name becomes that of its pictures.
-fn stored(c: &StoredCamera, solution: &Solution) -> Camera {
+/// A camera of the file; its pictures get its name.
+fn stored(c: &StoredCamera, solution: &RadiosityMesh) -> Camera {
     let plain = |c: char| if c.is_alphanumeric() || "-_".contains(c) { c } else { '_' };
     Camera {
         name: format!("view-{}", c.name.chars().take(60).map(plain).collect::<String>()),
@@ -183,7 +187,7 @@ fn stored(c: &StoredCamera, solution: &Solution) -> Camera {
     }
 }
 
-/// Light as the eye would see it.
+/// Tone-mapped colours of light.
 fn developed(width: usize, light: &[[f32; 3]]) -> Picture {
     let tone = Tone::of(light.iter().copied());
     let pixels = light.iter().map(|&r| tone.srgb(r)).collect();

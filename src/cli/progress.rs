@@ -1,21 +1,21 @@
-//! How long it still takes.
+//! Progress bar.
 
 use crate::progress::Progress;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-/// The progress bar: on a terminal only, from the second second on.
+/// Progress bar; appears on a terminal after one second.
 pub struct Bar {
     bar: ProgressBar,
     started: Instant,
     quiet: bool,
-    /// Whether the bar is shown already.
+    /// Whether the bar is visible.
     shown: Mutex<bool>,
 }
 
 impl Bar {
-    /// Nothing is shown yet.
+    /// A bar that is not visible yet.
     pub fn new(quiet: bool) -> Bar {
         let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::hidden());
         Bar { bar, started: Instant::now(), quiet, shown: Mutex::new(false) }
@@ -29,7 +29,7 @@ impl Bar {
         }
     }
 
-    /// Takes the bar away.
+    /// Removes the bar.
     pub fn finish(&self) {
         self.bar.finish_and_clear();
     }

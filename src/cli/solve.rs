@@ -1,27 +1,31 @@
-//! `mrvis solve SCENE --out DIR`: the light in a scene.
+//! `mrvis solve SCENE --out DIR`: light in a scene.
 
-use super::args::{CacheArgs, Common, SceneArgs, Spinner, check_folder, grouped};
+mod scaling;
+mod summary;
+mod watch;
+
+use super::args::{CacheArgs, Common, SceneArgs, check_folder};
+use super::flags::with_flags;
 use super::outputs::Outputs;
+use crate::bench::side_by_side::{ComparedRecord, Versus, side_by_side};
 use crate::files::WholeFile;
-use crate::model::Model;
-use crate::plot::number;
 use crate::points::{Irradiance, Point, read_points, write_irradiance};
 use crate::progress::Progress;
 use crate::radiosity::{
-    self, Answer, Inside, More, Options, Oracle, Outcome, Record, Rows, Versus, View, Visibility,
+    self, Inside, Options, Oracle, Outcome, PointLight, Rows, Solution, View, Visibility,
 };
 use crate::scene::{Scene, StoredCamera};
 use crate::{Error, Result};
 use glam::DVec3;
+use scaling::scaling;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
+use summary::summary;
+use watch::{Watch, prepare};
 
 /// Compute the light in a scene: radiosity of all surfaces, irradiance at points.
 #[derive(clap::Args, Debug)]
@@ -29,78 +33,78 @@ use std::time::Instant;
 pub struct Args {
     #[command(flatten)]
     scene: Option<SceneArgs>,
-    /// Folder for the results (made if missing).
+    /// Folder for the results (created if missing).
     #[arg(long, value_name = "DIR", required_unless_present = "scaling")]
     out: Option<PathBuf>,
-    /// Measure how time grows instead: scenes of a thousand triangles and ten times more each, up to N [default: a
-    /// million], solved to the same error; table and --json.
+    /// Measure the growth of time instead: scenes of 1,000, 10,000, ... triangles up to N (at least 10,000) [default:
+    /// a million], solved to the same error; table and --json.
     #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "1000000", conflicts_with = "scene")]
     scaling: Option<usize>,
-    /// Points x,y,z,nx,ny,nz at which irradiance is computed, to irradiance.csv.
+    /// Points x,y,z,nx,ny,nz for irradiance.csv.
     #[arg(long, value_name = "FILE.csv")]
     points: Option<PathBuf>,
-    /// Leave the bounces out at points; with --points nothing else is computed.
+    /// Direct light only at points; with --points nothing else is computed.
     #[arg(long)]
     direct_only: bool,
-    /// Error that links are refined to, relative to the mean irradiance; what they leave together is estimated and audited.
+    /// Target error of links relative to the mean irradiance; their total error is estimated and audited.
     #[arg(long, value_name = "E", default_value_t = Options::default().error, allow_negative_numbers = true)]
     error: f64,
-    /// Smallest element as part of the scene's area.
+    /// Smallest element relative to the scene's area.
     #[arg(long, value_name = "PART", default_value_t = Options::default().min_area, allow_negative_numbers = true)]
     min_area: f64,
-    /// What links are refined for.
+    /// Criterion of refinement.
     #[arg(long, value_enum, default_value = "error")]
     oracle: Criterion,
-    /// What is done so that form factors of elements in closed scenes sum up to 1.
+    /// Normalisation of the form factors of elements in closed scenes to row sums of 1.
     #[arg(long, value_enum, default_value = "balanced")]
     rows: RowSums,
-    /// How visibility is answered.
+    /// Engine for visibility.
     #[arg(long, value_enum, default_value = "exact")]
     visibility: Engine,
-    /// Solve once more with this engine, side by side: time of both and the difference at the points.
+    /// Solve again with this engine and report times of both and the difference at the points; needs --points.
     #[arg(long, value_enum, value_name = "ENGINE", requires = "points")]
     compare: Option<Engine>,
-    /// Feature size in scene units: shadows smaller than this may be averaged [default: each receiver's diameter]. With
-    /// --importance or --importance-camera it grows, up to 7 times, where surfaces matter only by the light they send on.
+    /// Feature size in scene units: smaller shadows may be averaged [default: each receiver's diameter]. With
+    /// --importance or --importance-camera it is up to 7 times larger on surfaces that matter only by the light they
+    /// reflect.
     #[arg(short = 's', long, value_name = "S", allow_negative_numbers = true)]
     feature_size: Option<f32>,
     /// Feature sizes of objects, groups or materials: a TOML file with lines `name = size`.
     #[arg(long, value_name = "FILE.toml")]
     feature_sizes: Option<PathBuf>,
-    /// What light does inside the clusters that links end at.
+    /// Light inside the clusters at the ends of links.
     #[arg(long, value_enum, default_value = "visible")]
     inside: Clusters,
-    /// Object, group or material whose light matters; may be given several times [default: all].
+    /// Object, group or material whose light matters; repeatable [default: all].
     #[arg(long, value_name = "NAME")]
     importance: Vec<String>,
-    /// What cameras see matters (--camera, or those of the file): errors count by what they do there, and features smaller
-    /// than a few pixels need no resolving.
+    /// Light seen by cameras matters (--camera, or those of the file): errors count by their effect there, and
+    /// features smaller than a few pixels may be averaged.
     #[arg(long)]
     importance_camera: bool,
-    /// Elements whose error bars are checked by paths of their own; 0 for none.
+    /// Number of elements whose error bars are checked by independent paths; 0: no check.
     #[arg(long, value_name = "N", default_value_t = Options::default().audit)]
     audit: usize,
-    /// Shadow rays from a point to an emitter that is partly visible [default: by the error].
+    /// Shadow rays from a point to a partly visible emitter [default: by the error].
     #[arg(long, value_name = "N")]
     light_rays: Option<usize>,
-    /// Rays from a point that gather reflected light [default: by the error].
+    /// Rays per point for reflected light [default: by the error].
     #[arg(long, value_name = "N")]
     gather_rays: Option<usize>,
-    /// Rays by which elements of scenes with clusters gather their light in the end, in all; 0 for none [default: by the
-    /// error].
+    /// Total number of rays of the local pass, in scenes with clusters; 0: no local pass [default: by the error].
     #[arg(long, value_name = "N")]
     local_rays: Option<usize>,
     /// Refine in steps of this many seconds.
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     step_seconds: Option<f64>,
-    /// Do with about so many seconds, from the triangles to the light (at least for preparing the scene and a first coarse
-    /// solution): refine less, and trace fewer rays. Pixels of --gather for which it is not enough show the light of elements.
+    /// Limit the time to about T seconds, preparation included (at least for preparation and a first coarse
+    /// solution): refine less and trace fewer rays. Pixels of --gather beyond the time show the light of elements.
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     max_seconds: Option<f64>,
-    /// Stop refining when the estimated error is no larger; exit code 1 if it is larger in the end.
+    /// Stop refinement at this estimated error; exit code 1 if the final error is larger.
     #[arg(long, value_name = "E", allow_negative_numbers = true)]
     target_error: Option<f64>,
-    /// Stop refining at so many links.
+    /// Stop refinement at this number of links.
     #[arg(long, value_name = "N", default_value_t = Options::default().max_links)]
     max_links: usize,
     #[command(flatten)]
@@ -113,29 +117,29 @@ pub struct Args {
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 enum Clusters {
-    /// Surfaces face all directions alike and hide nothing.
+    /// Surfaces without orientation or mutual occlusion.
     Isotropic,
-    /// Surfaces have orientations and hide nothing.
+    /// Oriented surfaces without mutual occlusion.
     Oriented,
-    /// Surfaces hide each other.
+    /// Oriented surfaces that occlude each other.
     Visible,
 }
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 enum Criterion {
-    /// The error of the light they carry.
+    /// Error of the transported light.
     Error,
-    /// The light they carry (BF refinement).
+    /// Transported light (BF refinement of Hanrahan et al. 1991).
     Bf,
 }
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 enum RowSums {
-    /// Nothing.
+    /// None.
     Sampled,
-    /// What each element gathers is scaled.
+    /// Scale the light that each element gathers.
     Closed,
-    /// What each element gathers and sends is scaled alike: exactly reciprocal.
+    /// Scale the light that each element gathers and sends by one factor: exactly reciprocal.
     Balanced,
 }
 
@@ -159,15 +163,9 @@ impl From<Engine> for Visibility {
     }
 }
 
-/// Exit code of a program that an interruption has ended, as shells count.
-const INTERRUPTED: i32 = 130;
-
-pub fn run(args: &Args) -> Result<ExitCode> {
-    args.common.on_threads(|| run_on_threads(args))
-}
-
-fn run_on_threads(args: &Args) -> Result<ExitCode> {
-    let mut options = Options {
+/// Options of the solver. The views of cameras are added when the scene is loaded.
+fn options(args: &Args) -> Result<Options> {
+    Ok(Options {
         error: args.error,
         min_area: args.min_area,
         oracle: match args.oracle {
@@ -201,7 +199,15 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
         max_links: args.max_links,
         cache: args.cache.place()?,
         seed: args.common.seed,
-    };
+    })
+}
+
+pub fn run(args: &Args) -> Result<ExitCode> {
+    args.common.on_threads(|| run_on_threads(args))
+}
+
+fn run_on_threads(args: &Args) -> Result<ExitCode> {
+    let mut options = options(args)?;
     options.check()?;
     if let Some(largest) = args.scaling {
         return scaling(&args.common, &options, largest);
@@ -213,55 +219,41 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
     args.common.check_json()?;
     let points = args.points.as_deref().map(read_points).transpose()?.unwrap_or_default();
     let start = Instant::now();
-    let scene = scene.load(&args.common)?;
+    let scene = scene.load_flat(&args.common)?;
     if args.importance_camera {
         options.views = views(&scene, args.outputs.camera)?;
     }
     let load = start.elapsed().as_secs_f64();
     let watch = Watch { spinner: args.common.spinner("solving"), stopped: Arc::default() };
-    let stopped = watch.stopped.clone();
-    let quiet = args.common.quiet;
-    // Where handlers cannot be set, interruption ends the program as it always did.
-    let _ = ctrlc::set_handler(move || {
-        if stopped.swap(true, Ordering::Relaxed) {
-            std::process::exit(INTERRUPTED);
-        }
-        if !quiet {
-            // There may be nobody who reads it.
-            let _ = writeln!(
-                std::io::stderr(),
-                "mrvis: stopping with the light there is; once more ends at once"
-            );
-        }
-    });
+    watch.stop_on_interruption(args.common.quiet);
     watch.stage("preparing", 0);
     let model = prepare(scene, &options, &watch)?;
-    let met = radiosity::run_then(&model, &points, &options, &watch, |mut outcome, more| {
-        if let Some(other) = args.compare.filter(|_| !outcome.record.interrupted) {
-            outcome.record.versus = Some(radiosity::versus(&model, &points, &outcome, other.into(), &watch)?);
-        }
-        watch.spinner.clear();
-        outcome.record.seconds.load = load;
-        if outcome.record.interrupted {
-            let note = "interrupted: this is the consistent solution reached so far";
-            outcome.record.warnings.push(note.into());
-        }
-        let met = outcome.record.target_met != Some(false);
-        write(args, out, (model.scene(), &points), outcome, more).map(|()| met)
-    })?;
+    let (outcome, solution) = radiosity::solve(&model, &points, &options, &watch)?;
+    let other = args.compare.filter(|_| !outcome.record.interrupted);
+    let versus =
+        other.map(|other| side_by_side(&model, &points, &outcome, other.into(), &watch)).transpose()?;
+    watch.spinner.clear();
+    let met = outcome.record.target_met != Some(false);
+    write(args, out, &points, (outcome, versus, load), (&solution, &watch))?;
     Ok(if met { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
-/// Writes all files and says so.
+/// Writes all files and prints the summary. `load`: seconds that reading the scene took.
 fn write(
     args: &Args,
     out: &Path,
-    (scene, points): (&Scene, &[Point]),
-    outcome: Outcome,
-    more: &More,
+    points: &[Point],
+    (outcome, versus, load): (Outcome, Option<Versus>, f64),
+    (solution, watch): (&Solution, &Watch),
 ) -> Result<()> {
-    let Outcome { solution, mut record, irradiance } = outcome;
-    let save = |record: &Record| {
+    let Outcome { mesh, mut record, irradiance } = outcome;
+    record.seconds.load = load;
+    if record.interrupted {
+        record.warnings.push("interrupted: this is the consistent solution reached so far".into());
+    }
+    record.warnings.iter_mut().for_each(|warning| *warning = with_flags(warning));
+    let mut record = ComparedRecord { record, versus };
+    let save = |record: &ComparedRecord| {
         let text = serde_json::to_string_pretty(record)
             .map_err(|e| Error::format(out.join("solution.json"), None, e.to_string()))?;
         WholeFile::write(&out.join("solution.json"), text + "\n")
@@ -273,59 +265,26 @@ fn write(
     }
     let notes = RefCell::new(Vec::new());
     let gather = |points: &[Point], part: f64| {
-        let Answer { irradiance, note } = more.irradiance(points, part);
-        notes.borrow_mut().extend(note);
+        let PointLight { irradiance, note } = solution.irradiance_within(points, part, watch);
+        notes.borrow_mut().extend(note.map(|note| with_flags(&note)));
         irradiance
     };
-    let with_points = args.points.is_some();
-    let shown = args.outputs.write(&args.common, scene, &solution, out, with_points, &gather)?;
+    let (scene, with_points) = (solution.model().scene(), args.points.is_some());
+    let shown = args.outputs.write(&args.common, scene, &mesh, out, with_points, &gather)?;
     let notes = notes.into_inner();
     if !notes.is_empty() {
-        record.warnings.extend(notes);
+        record.record.warnings.extend(notes);
         save(&record)?;
     }
     args.common.write_json(&record)?;
-    args.common.print(&summary(&record))?;
+    args.common.print(&summary(&record, with_points))?;
     for file in shown {
         args.common.print(&format!("wrote {}\n", file.display()))?;
     }
     Ok(())
 }
 
-/// Solves the series of scenes and shows how time grows.
-fn scaling(common: &Common, options: &Options, largest: usize) -> Result<ExitCode> {
-    radiosity::check_scaling(largest)?;
-    common.check_json()?;
-    let watch = Watch { spinner: common.spinner("solving"), stopped: Arc::default() };
-    let found = radiosity::scaling(options, largest, &watch)?;
-    drop(watch);
-    common.write_json(&found)?;
-    let mut text =
-        String::from("triangles    elements       links        rays     memory     error        time\n");
-    for r in &found.rows {
-        let _ = writeln!(
-            text,
-            "{:>9} {:>11} {:>11} {:>11} {:>7.1} MB {:>9} {:>9.2} s",
-            grouped(r.triangles),
-            grouped(r.elements),
-            grouped(r.links),
-            grouped(r.exact_rays as usize),
-            r.bytes as f64 / 1e6,
-            r.rms_error.map_or_else(|| "-".into(), |e| format!("{e:.4}")),
-            r.seconds
-        );
-    }
-    let _ = writeln!(
-        text,
-        "time grows as triangles to the power of {:.3} over all scenes, {:.3} over the last two, where what costs the same in \
-         all of them (rays of the local pass) counts least",
-        found.slope, found.slope_last
-    );
-    common.print(&text)?;
-    Ok(ExitCode::SUCCESS)
-}
-
-/// The cameras whose pictures matter.
+/// The cameras of `--importance-camera`.
 fn views(scene: &Scene, given: Option<[f64; 7]>) -> Result<Vec<View>> {
     let views: Vec<View> = match given {
         Some([x, y, z, u, v, w, degrees]) => {
@@ -346,52 +305,7 @@ fn views(scene: &Scene, given: Option<[f64; 7]>) -> Result<Vec<View>> {
     Ok(views)
 }
 
-/// Shows what is going on, and passes an interruption on.
-struct Watch {
-    spinner: Spinner,
-    stopped: Arc<AtomicBool>,
-}
-
-impl Progress for Watch {
-    fn stage(&self, name: &str, _: u64) {
-        self.spinner.say(name);
-    }
-
-    fn stopped(&self) -> bool {
-        self.stopped.load(Ordering::Relaxed)
-    }
-}
-
-/// Prepares the model within the time that the options allow for the whole solve.
-fn prepare(scene: Scene, options: &Options, watch: &Watch) -> Result<Model> {
-    let until = Until { watch, start: Instant::now(), seconds: options.max_seconds.unwrap_or(f64::INFINITY) };
-    Model::prepare(scene, &options.prepare(), &until).map_err(|error| match (error, options.max_seconds) {
-        (Error::Cancelled(_), Some(seconds)) if !watch.stopped() => Error::Argument(format!(
-            "--max-seconds {seconds}: the time was up before the clusters were measured; allow more (they are kept for the \
-             next run) or take --visibility exact"
-        )),
-        (error, _) => error,
-    })
-}
-
-/// Stops a preparation when the time of the solve is up.
-struct Until<'a> {
-    watch: &'a Watch,
-    start: Instant,
-    seconds: f64,
-}
-
-impl Progress for Until<'_> {
-    fn stage(&self, name: &str, steps: u64) {
-        self.watch.stage(name, steps);
-    }
-
-    fn stopped(&self) -> bool {
-        self.watch.stopped() || self.start.elapsed().as_secs_f64() >= self.seconds
-    }
-}
-
-/// Feature sizes by name.
+/// Reads feature sizes by name.
 fn read_sizes(path: &Path) -> Result<Vec<(String, f32)>> {
     let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
     let sizes: BTreeMap<String, f32> = toml::from_str(&text).map_err(|e| {
@@ -399,110 +313,4 @@ fn read_sizes(path: &Path) -> Result<Vec<(String, f32)>> {
         Error::format(path, line, format!("{}; write lines like `sofa = 0.05`", e.message()))
     })?;
     Ok(sizes.into_iter().collect())
-}
-
-fn summary(r: &Record) -> String {
-    let mut text = String::new();
-    let s = &r.seconds;
-    // Writing to a string cannot fail.
-    let _ = writeln!(
-        text,
-        "{} elements, {} links, {} exact rays",
-        grouped(r.elements),
-        grouped(r.links),
-        grouped(r.exact_rays as usize)
-    );
-    if r.unlit.sides > 0 {
-        let _ = writeln!(
-            text,
-            "{} of {} sides, {:.1} % of the surface, are reached by no light",
-            grouped(r.unlit.sides),
-            grouped(r.unlit.of),
-            100.0 * r.unlit.area
-        );
-    }
-    let _ = writeln!(
-        text,
-        "read {:.2} s, Embree {:.2} s, clusters {:.2} s, measured {:.2} s, elements {:.2} s, solved {:.2} s, local {:.2} s, points {:.2} s",
-        s.load, s.embree, s.hierarchy, s.characterise, s.elements, s.solve, s.local, s.points
-    );
-    let l = &r.ledger;
-    let _ = writeln!(
-        text,
-        "emitted {0} {unit}, absorbed {1} {unit}, escaped {2} {unit}, created {3:.1e} {unit} (mean of the channels)",
-        number(l.emitted),
-        number(l.absorbed),
-        number(l.escaped),
-        l.created,
-        unit = l.unit
-    );
-    if let Some([low, high]) = l.row_sums {
-        let _ = writeln!(
-            text,
-            "row sums of closed elements {low:.4} to {high:.4}, off by {:.1e} in the mean (as sampled {:.1e})",
-            l.row_sum_error, l.row_sum_error_sampled
-        );
-    }
-    let [red, green, blue] = r.mean_irradiance.map(number);
-    let _ = writeln!(
-        text,
-        "mean irradiance {red}, {green}, {blue} W/m\u{b2} (red, green, blue); estimated error {} %",
-        number(100.0 * r.error_estimate)
-    );
-    if let Some(v) = &r.versus {
-        text += &side_by_side(r, v);
-    }
-    if let Some(a) = &r.audit {
-        let _ = writeln!(
-            text,
-            "error bars: {:.0} % of {} elements within one, {:.0} % within two; RMS error {:.3} of the mean, bars say {:.3}",
-            100.0 * a.within_one,
-            a.elements,
-            100.0 * a.within_two,
-            a.rms_error,
-            a.rms_bar
-        );
-    }
-    for warning in &r.warnings {
-        let _ = writeln!(text, "note: {warning}");
-    }
-    text
-}
-
-/// A table of both engines.
-fn side_by_side(r: &Record, v: &Versus) -> String {
-    let name = |visibility| match visibility {
-        Visibility::Exact => "exact",
-        Visibility::Mr => "mr",
-        Visibility::Average => "average",
-    };
-    let mut text = format!(
-        "{:<9}{:>11}{:>11}{:>11}{:>11}{:>11}{:>12}\n",
-        "", "clusters s", "solved s", "points s", "all s", "links", "exact rays"
-    );
-    for (visibility, s, links, rays) in [
-        (r.options.visibility, &r.seconds, r.links, r.bundles.exact_rays),
-        (v.visibility, &v.seconds, v.links, v.bundles.exact_rays),
-    ] {
-        let clusters = s.hierarchy + s.characterise;
-        let _ = writeln!(
-            text,
-            "{:<9}{clusters:>11.2}{:>11.2}{:>11.2}{:>11.2}{:>11}{:>12}",
-            name(visibility),
-            s.solve,
-            s.points,
-            s.work(),
-            grouped(links),
-            grouped(rays as usize)
-        );
-    }
-    let (own, other) = (name(r.options.visibility), name(v.visibility));
-    let _ = writeln!(
-        text,
-        "{other} took {:.2} times as long as {own}; at the points they differ by {:.2} % RMS, {:+.2} % in the mean",
-        v.speedup,
-        100.0 * v.difference.rms,
-        100.0 * v.difference.bias
-    );
-    text
 }

@@ -78,6 +78,12 @@ pub fn build(scene: &Scene, options: &Options) -> Hierarchy {
     }
 }
 
+/// Builds a tree over boxes by uniform grids; `order` of the tree holds indices into `boxes`.
+pub fn over_boxes(boxes: &[Aabb]) -> Tree {
+    let all: Vec<u32> = (0..boxes.len() as u32).collect();
+    Tree::arrange(grids::cluster(Draft::default(), faces(&all, boxes))).fit(boxes)
+}
+
 fn faces(triangles: &[u32], boxes: &[Aabb]) -> Vec<Item> {
     triangles.iter().map(|&t| Item::new(Member::Face(t), boxes[t as usize])).collect()
 }

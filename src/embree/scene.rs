@@ -167,8 +167,8 @@ impl SceneBuilder {
         device.check()
     }
 
-    /// Adds an instance of a committed scene of triangles, placed by `transform` (from the frame of that scene to the frame
-    /// of this scene, invertible). [`Hits::instance`] names it `index`; every index is used once.
+    /// Adds an instance of a committed scene of triangles, placed by `transform` (from the frame of that scene to the
+    /// frame of this scene, invertible). [`Hits::instance`] names it `index`; every index is used once.
     ///
     /// # Errors
     /// [`Error::Embree`] if Embree reports an error.
@@ -182,8 +182,8 @@ impl SceneBuilder {
         };
         device.check()?;
         let columns = transform.to_cols_array();
-        // SAFETY: the geometry and both scenes are live; Embree copies the twelve floats and retains the instanced scene and
-        // the attached geometry, so that both handles may be released afterwards.
+        // SAFETY: the geometry and both scenes are live; Embree copies the twelve floats and retains the instanced
+        // scene and the attached geometry, so that both handles may be released afterwards.
         unsafe {
             sys::rtcSetGeometryInstancedScene(geometry, scene.handle.raw);
             sys::rtcSetGeometryTransform(
@@ -206,7 +206,7 @@ impl SceneBuilder {
     /// # Errors
     /// [`Error::Embree`] if Embree reports an error, such as lack of memory.
     pub fn commit(self) -> Result<CommittedScene> {
-        // SAFETY: the scene is live and nobody else can touch it: `self` is consumed.
+        // SAFETY: the scene is live and no other reference to it exists: `self` is consumed.
         unsafe { sys::rtcCommitScene(self.handle.raw) };
         self.handle.device.check()?;
         let traversal = Traversal { width: 1, coherent: false };
@@ -266,8 +266,8 @@ impl CommittedScene {
 pub struct Hits {
     /// Triangle index within its geometry per lane; [`Hits::NOTHING`] without a hit.
     pub triangle: [u32; LANES],
-    /// Index of the instance per lane, see [`SceneBuilder::add_instance`]; 0 in scenes without instances; undefined without
-    /// a hit.
+    /// Index of the instance per lane, see [`SceneBuilder::add_instance`]; 0 in scenes without instances; undefined
+    /// without a hit.
     pub instance: [u32; LANES],
     /// Parameter of the hit per lane; undefined without a hit.
     pub t: [f32; LANES],

@@ -1,9 +1,9 @@
-//! Pictures: what a camera sees of a mesh.
+//! Pictures of a mesh by ray casting.
 
 use super::Mesh;
 use crate::Result;
 use crate::embree::{CommittedScene, Device, Hits, Options, SceneBuilder, Traversal};
-use crate::radiosity::solution::Solution;
+use crate::radiosity::mesh::RadiosityMesh;
 use crate::ray::{LANES, Packet};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -11,13 +11,13 @@ use rayon::prelude::*;
 /// A pinhole camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
-    /// Name for files.
+    /// Name of the picture files.
     pub name: String,
-    /// Where it is, relative to [`Solution::origin`].
+    /// Position relative to [`RadiosityMesh::origin`].
     pub eye: Vec3,
-    /// Where it looks, a unit vector.
+    /// Viewing direction, a unit vector.
     pub forward: Vec3,
-    /// What is up in the picture; not along `forward`.
+    /// Upward direction of the picture; not parallel to `forward`.
     pub up: Vec3,
     /// Angle of view from top to bottom, radians.
     pub angle: f32,
@@ -26,45 +26,46 @@ pub struct Camera {
 /// A picture of radiance.
 #[derive(Clone, Debug)]
 pub struct Frame {
-    /// Radiance in linear RGB, W/(m² sr), row by row from the top; black where nothing is seen.
+    /// Radiance in linear RGB, W/(m² sr), row by row from the top; black where no surface is visible.
     pub radiance: Vec<[f32; 3]>,
-    /// What one of each pixel's rays meets (that through its centre, where there is one ray), nothing where nothing is.
+    /// First hit of one ray per pixel (the central one if there is one ray); `None` without a hit.
     pub first: Vec<Option<First>>,
 }
 
-/// What a ray meets first.
+/// First hit of a ray.
 #[derive(Clone, Copy, Debug)]
 pub struct First {
     /// Distance from the eye, scene units.
     pub distance: f32,
-    /// The place, relative to [`Solution::origin`].
+    /// Position relative to [`RadiosityMesh::origin`].
     pub position: Vec3,
     /// Index of the element.
     pub element: u32,
 }
 
-/// A pixel's radiance, and what is there.
+/// Radiance and first hit of a pixel.
 type Pixel = ([f32; 3], Option<First>);
 
-/// A mesh that rays can meet.
+/// A mesh in an Embree scene.
 pub struct Stage<'a> {
-    /// What is shown.
+    /// The mesh.
     pub mesh: &'a Mesh,
-    /// Fronts and backs of sheets lie in one place: a scene for either, with the mesh's triangle of each of its own.
+    /// Fronts and backs of sheets coincide: one Embree scene for each side, with the index in `mesh` of each
+    /// triangle.
     sides: [(CommittedScene, Vec<u32>); 2],
 }
 
-/// How packets of neighbouring pixels are traced.
+/// Embree's ray call for packets of neighbouring pixels. Chosen: fewest calls.
 const TRAVERSAL: Traversal = Traversal { width: 16, coherent: false };
-/// Sides seen from behind that a ray may pass.
-const LAYERS: usize = 64;
+/// Largest number of back sides that a ray passes. Chosen: bounds the time of a ray.
+const MAX_LAYERS: usize = 64;
 
 impl<'a> Stage<'a> {
-    /// Builds what is needed to see `mesh`, which belongs to `solution`.
+    /// Builds the Embree scenes of `mesh`, which belongs to `solution`.
     ///
     /// # Errors
-    /// Embree refuses.
-    pub fn new(mesh: &'a Mesh, solution: &Solution) -> Result<Stage<'a>> {
+    /// Embree fails.
+    pub fn new(mesh: &'a Mesh, solution: &RadiosityMesh) -> Result<Stage<'a>> {
         let device = Device::new(rayon::current_num_threads())?;
         let side = |front: bool| -> Result<(CommittedScene, Vec<u32>)> {
             let of = |t: &u32| solution.elements[mesh.element[*t as usize] as usize].front == front;
@@ -77,13 +78,13 @@ impl<'a> Stage<'a> {
         Ok(Stage { mesh, sides: [side(true)?, side(false)?] })
     }
 
-    /// The first triangle that each ray of a packet meets from its lit side, and how far away; surfaces are transparent
-    /// from behind, so that a room can be looked into from outside.
+    /// First triangle that each ray of a packet hits on its front, and the distance. Surfaces are transparent from
+    /// behind, so that a room can be seen from outside.
     fn first(&self, rays: &Packet) -> [Option<(u32, f32)>; LANES] {
         let mut best: [Option<(u32, f32)>; LANES] = [None; LANES];
         for (scene, chosen) in &self.sides {
             let mut rays = rays.clone();
-            for _ in 0..LAYERS {
+            for _ in 0..MAX_LAYERS {
                 let mut hits = [Hits::NONE];
                 scene.first_hits(TRAVERSAL, std::slice::from_ref(&rays), &mut hits);
                 let mut again = 0;
@@ -112,12 +113,12 @@ impl<'a> Stage<'a> {
         best
     }
 
-    /// Radiance of a place of a triangle.
+    /// Radiance at a point of a triangle.
     fn radiance(&self, triangle: u32, point: Vec3) -> [f32; 3] {
         self.interpolate(triangle, point, &self.mesh.radiosity).map(|b| b / std::f32::consts::PI)
     }
 
-    /// A place of a triangle between the values at its vertices.
+    /// Interpolates values at the vertices of a triangle.
     fn interpolate(&self, triangle: u32, point: Vec3, values: &[[f32; 3]]) -> [f32; 3] {
         let [a, b, c] = self.mesh.corners(triangle as usize);
         let normal = (b - a).cross(c - a);
@@ -128,7 +129,7 @@ impl<'a> Stage<'a> {
         std::array::from_fn(|k| (0..3).map(|i| weights[i] * values[i][k]).sum())
     }
 
-    /// Irradiance of what each ray of a packet meets first, W/m²; nothing where that is nothing.
+    /// Irradiance at the first hit of each ray of a packet, W/m²; `None` without a hit.
     pub(super) fn irradiance(&self, rays: &Packet) -> [Option<[f32; 3]>; LANES] {
         let met = self.first(rays);
         std::array::from_fn(|lane| {
@@ -138,7 +139,7 @@ impl<'a> Stage<'a> {
     }
 }
 
-/// Renders a picture with `samples` × `samples` rays a pixel.
+/// Renders a picture with `samples` × `samples` rays per pixel.
 pub fn render(stage: &Stage, camera: &Camera, width: usize, height: usize, samples: usize) -> Frame {
     let right = camera.forward.cross(camera.up).normalize();
     let up = right.cross(camera.forward);

@@ -1,12 +1,12 @@
-//! Pictures whose light is asked for anew at every pixel, instead of interpolated between elements.
+//! Pictures with irradiance computed at each pixel instead of interpolated between elements.
 
 use super::{First, Frame};
 use crate::points::Point;
-use crate::radiosity::solution::Solution;
+use crate::radiosity::mesh::RadiosityMesh;
 
-/// The points that a picture's rays meet, in the coordinates of the scene's file, with the normals of their elements: those
-/// at which irradiance is to be computed for [`light_of`]. Pixels that see nothing are left out.
-pub fn places(frame: &Frame, solution: &Solution) -> Vec<Point> {
+/// First hits of a picture, in coordinates of the scene's file with the normals of their elements: the points whose
+/// irradiance [`light_of`] needs. Pixels without a hit are skipped.
+pub fn visible_points(frame: &Frame, solution: &RadiosityMesh) -> Vec<Point> {
     let point = |f: &First| {
         let element = &solution.elements[f.element as usize];
         let [a, b, c, d] = element.corners.map(|v| solution.vertices[v as usize].as_dvec3());
@@ -16,11 +16,11 @@ pub fn places(frame: &Frame, solution: &Solution) -> Vec<Point> {
     frame.first.iter().flatten().map(point).collect()
 }
 
-/// The radiance of a picture's pixels for the irradiance at its [`places`], W/(m² sr).
+/// Radiance of a picture's pixels, W/(m² sr), from the irradiance at its [`visible_points`].
 ///
 /// # Panics
-/// If there are fewer values than places.
-pub fn light_of(frame: &Frame, solution: &Solution, irradiance: &[[f64; 3]]) -> Vec<[f32; 3]> {
+/// There are fewer values than points.
+pub fn light_of(frame: &Frame, solution: &RadiosityMesh, irradiance: &[[f64; 3]]) -> Vec<[f32; 3]> {
     let mut next = irradiance.iter();
     let mut radiance = |f: &First| {
         let element = &solution.elements[f.element as usize];

@@ -1,4 +1,4 @@
-//! Binary glTF: for every viewer.
+//! Binary glTF.
 
 use super::{Mesh, Tone};
 use crate::math::Aabb;
@@ -8,16 +8,17 @@ use serde_json::json;
 use std::borrow::Cow;
 use std::path::Path;
 
+/// Component types and buffer targets of glTF 2.0 (sections 5.1.3 and 5.11.5).
 const FLOAT: u32 = 5126;
 const UNSIGNED_INT: u32 = 5125;
 const VERTICES: u32 = 34962;
 const INDICES: u32 = 34963;
 
-/// Writes a mesh as binary glTF 2.0, with linear vertex colours through `tone` and a material that is not lit again
-/// (`KHR_materials_unlit`). Coordinates are relative to the solution's origin, which the node's `extras` hold.
+/// Writes a mesh as binary glTF 2.0, with linear vertex colours by `tone` and an unlit material
+/// (`KHR_materials_unlit`). Coordinates are relative to the solution's origin, which is in the node's `extras`.
 ///
 /// # Errors
-/// The file cannot be written, or the mesh is larger than the 4 GiB that the format has room for.
+/// The file cannot be written, or the mesh exceeds the 4 GiB of the format.
 pub fn write_glb(path: &Path, mesh: &Mesh, origin: glam::DVec3, tone: Tone) -> Result<()> {
     let colours: Vec<[f32; 3]> = mesh.radiosity.iter().map(|&r| tone.linear(r)).collect();
     let positions: Vec<[f32; 3]> = mesh.positions.iter().map(|p| p.to_array()).collect();

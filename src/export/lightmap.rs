@@ -1,9 +1,9 @@
-//! Lightmaps: irradiance of all surfaces in one image, a chart for each plane of a surface. See `unwrapped` for those in the
-//! file's own texture coordinates.
+//! Lightmaps: irradiance of all surfaces in one image, one chart per plane. See `unwrapped` for lightmaps in the
+//! texture coordinates of the file.
 
 use super::Mesh;
 use crate::image_io::write_exr_rgb;
-use crate::radiosity::solution::Solution;
+use crate::radiosity::mesh::RadiosityMesh;
 use crate::scene::Scene;
 use crate::{Error, Result, files::WholeFile};
 use glam::{Vec2, Vec3};
@@ -11,7 +11,7 @@ use std::collections::HashMap;
 use std::io::Write;
 use std::path::Path;
 
-/// An image of irradiance and where surfaces are in it.
+/// An image of irradiance and its texture coordinates.
 #[derive(Clone, Debug)]
 pub struct Lightmap {
     /// Columns.
@@ -22,21 +22,21 @@ pub struct Lightmap {
     pub texel: f32,
     /// Irradiance, W/m², row by row from the top.
     pub irradiance: Vec<[f32; 3]>,
-    /// Whether a texel's centre lies on a surface, or it holds the middle of a triangle that is too small for that; others have
-    /// the light of a neighbour or nothing.
+    /// Whether a texel has light of its own: its centre lies on a surface, or it contains the centre of a triangle
+    /// without a texel. Other texels repeat a neighbour or are black.
     pub covered: Vec<bool>,
-    /// Texture coordinates of the corners of each triangle of the mesh, from the lower left corner of the image; empty where
-    /// the scene's own are meant.
+    /// Texture coordinates of the corners of each triangle of the mesh, from the lower left corner of the image;
+    /// empty if those of the scene apply.
     pub texcoords: Vec<[Vec2; 3]>,
     /// Number of charts.
     #[cfg_attr(not(test), allow(dead_code))]
     pub charts: usize,
 }
 
-/// Texels around each chart that are filled from inside, so that filtering does not mix charts.
-const MARGIN: usize = 2;
-/// The largest side of an image.
-pub(super) const MAX_SIDE: usize = 16_384;
+/// Width of the margin around each chart that repeats its border. Chosen: bilinear filtering never mixes charts.
+const MARGIN_TEXELS: usize = 2;
+/// Largest side of an image, texels: the limit of common graphics hardware.
+pub(super) const MAX_SIDE_TEXELS: usize = 16_384;
 
 struct Chart {
     triangles: Vec<u32>,
@@ -52,35 +52,35 @@ impl Chart {
         Vec2::new(p.dot(self.u), p.dot(self.v))
     }
 
-    /// Columns and rows at a texel size, with margins.
+    /// Columns and rows at a texel size, margins included.
     fn size(&self, texel: f32) -> [usize; 2] {
-        let side = |x: f32| (x / texel).ceil().max(1.0) as usize + 2 * MARGIN;
+        let side = |x: f32| (x / texel).ceil().max(1.0) as usize + 2 * MARGIN_TEXELS;
         let extent = self.high - self.low;
         [side(extent.x), side(extent.y)]
     }
 }
 
-/// The lightmap of a mesh with about `texels` texels, more where there are more charts than that.
+/// Lightmap of a mesh with about `texels` texels; with more if there are more charts.
 ///
 /// # Errors
-/// There are so many charts that an image of 16,384 texels a side does not hold them.
-pub fn lightmap(mesh: &Mesh, solution: &Solution, scene: &Scene, texels: usize) -> Result<Lightmap> {
+/// The charts do not fit into an image of 16,384 texels per side.
+pub fn lightmap(mesh: &Mesh, solution: &RadiosityMesh, scene: &Scene, texels: usize) -> Result<Lightmap> {
     let mut charts = charts(mesh, solution, scene);
     let area: f32 = charts.iter().map(|c| (c.high - c.low).element_product()).sum();
     let mut texel = (area / texels.max(1) as f32).sqrt().max(f32::MIN_POSITIVE);
     let filled = |charts: &[Chart], texel: f32| -> usize {
         charts.iter().map(|c| c.size(texel).iter().product::<usize>()).sum()
     };
-    // Margins take room too: coarser texels until all fits. Where there are so many charts that even one texel of each does not,
-    // margins are most of the image, and what is as large as they are is for the large ones.
-    let least = charts.len() * (1 + 2 * MARGIN).pow(2);
+    // Texels are enlarged until charts and margins fit. If even one texel per chart does not fit, margins dominate
+    // the image, and it gets as much area for surfaces as for margins.
+    let least = charts.len() * (1 + 2 * MARGIN_TEXELS).pow(2);
     let room = (texels + texels / 4).max(least + least / 2);
     while filled(&charts, texel) > room {
         texel *= 1.25;
     }
     let [width, height] = pack(&mut charts, texel).ok_or_else(|| {
         Error::Scene(format!(
-            "{} charts do not fit into a lightmap of {MAX_SIDE} texels a side",
+            "{} charts do not fit into a lightmap of {MAX_SIDE_TEXELS} texels a side",
             charts.len()
         ))
     })?;
@@ -95,14 +95,14 @@ pub fn lightmap(mesh: &Mesh, solution: &Solution, scene: &Scene, texels: usize) 
     };
     for chart in &charts {
         chart.triangles.iter().for_each(|&t| map.draw(mesh, chart, t));
-        chart.triangles.iter().for_each(|&t| map.hold(mesh, t));
+        chart.triangles.iter().for_each(|&t| map.cover_small(mesh, t));
     }
-    map.bleed();
+    map.fill_margins();
     Ok(map)
 }
 
-/// Groups triangles that lie in one plane of one connected surface, on one side of it.
-fn charts(mesh: &Mesh, solution: &Solution, scene: &Scene) -> Vec<Chart> {
+/// Groups triangles in one plane and on one side of a connected surface.
+fn charts(mesh: &Mesh, solution: &RadiosityMesh, scene: &Scene) -> Vec<Chart> {
     let size = scene.bounds.diagonal().max(f32::MIN_POSITIVE);
     let mut known: HashMap<(u32, bool, [i32; 4]), usize> = HashMap::new();
     let mut charts: Vec<Chart> = Vec::new();
@@ -118,7 +118,7 @@ fn charts(mesh: &Mesh, solution: &Solution, scene: &Scene) -> Vec<Chart> {
             [plane[0], plane[1], plane[2], height],
         );
         let i = *known.entry(key).or_insert_with(|| {
-            // Along an edge of the element, so that rectangles stand upright.
+            // Aligned with an edge of the element, so that rectangles are upright.
             let [p, q] = [0, 1].map(|k| solution.vertices[element.corners[k] as usize]);
             let u = (q - p).reject_from(normal).normalize_or(normal.any_orthonormal_vector());
             charts.push(Chart {
@@ -141,7 +141,7 @@ fn charts(mesh: &Mesh, solution: &Solution, scene: &Scene) -> Vec<Chart> {
     charts
 }
 
-/// Places charts on shelves, tallest first; gives columns and rows, nothing if they do not fit.
+/// Places charts on shelves, tallest first; columns and rows of the image, or `None` if the charts do not fit.
 fn pack(charts: &mut [Chart], texel: f32) -> Option<[usize; 2]> {
     let sizes: Vec<[usize; 2]> = charts.iter().map(|c| c.size(texel)).collect();
     let mut order: Vec<usize> = (0..charts.len()).collect();
@@ -160,13 +160,13 @@ fn pack(charts: &mut [Chart], texel: f32) -> Option<[usize; 2]> {
         shelf = shelf.max(h);
     }
     let height = y + shelf;
-    (width <= MAX_SIDE && height <= MAX_SIDE).then_some([width, height])
+    (width <= MAX_SIDE_TEXELS && height <= MAX_SIDE_TEXELS).then_some([width, height])
 }
 
 impl Lightmap {
-    /// Fills the texels whose centres lie in a triangle, and the triangle's texture coordinates.
+    /// Draws a triangle into the texels whose centres it contains, and sets its texture coordinates.
     fn draw(&mut self, mesh: &Mesh, chart: &Chart, t: u32) {
-        let corner = Vec2::new(chart.at[0] as f32, chart.at[1] as f32) + MARGIN as f32;
+        let corner = Vec2::new(chart.at[0] as f32, chart.at[1] as f32) + MARGIN_TEXELS as f32;
         let [a, b, c] = mesh.corners(t as usize).map(|p| corner + (chart.plane(p) - chart.low) / self.texel);
         let (w, h) = (self.width as f32, self.height as f32);
         self.texcoords[t as usize] = [a, b, c].map(|p| Vec2::new(p.x / w, 1.0 - p.y / h));
@@ -184,7 +184,7 @@ impl Lightmap {
                 let p = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
                 let weights = [(c - b).perp_dot(p - b), (a - c).perp_dot(p - c), (b - a).perp_dot(p - a)]
                     .map(|e| e / area);
-                // Centres on common edges belong to both; a hair's breadth outside closes rounding gaps.
+                // Centres on common edges belong to both triangles; the tolerance closes gaps of rounding.
                 if weights.iter().all(|&w| w >= -1e-4) {
                     let at = y * self.width + x;
                     self.covered[at] = true;
@@ -196,8 +196,8 @@ impl Lightmap {
         }
     }
 
-    /// Gives the texel at the middle of a triangle its mean light if no surface covers that texel's centre.
-    fn hold(&mut self, mesh: &Mesh, t: u32) {
+    /// Draws the mean light of a triangle into the texel at its centre if no surface covers that texel's centre.
+    fn cover_small(&mut self, mesh: &Mesh, t: u32) {
         let [a, b, c] = self.texcoords[t as usize];
         let middle = (a + b + c) / 3.0;
         let place = |part: f32, count: usize| ((part * count as f32).max(0.0) as usize).min(count - 1);
@@ -209,10 +209,10 @@ impl Lightmap {
         }
     }
 
-    /// Gives texels beside covered ones the mean of those, once for each texel of the margin.
-    pub(super) fn bleed(&mut self) {
+    /// Fills texels beside covered ones with the mean of these, once per texel of the margin.
+    pub(super) fn fill_margins(&mut self) {
         let mut known = self.covered.clone();
-        for _ in 0..MARGIN {
+        for _ in 0..MARGIN_TEXELS {
             let before = known.clone();
             for y in 0..self.height {
                 for x in (0..self.width).filter(|x| !before[y * self.width + x]) {
@@ -236,7 +236,7 @@ impl Lightmap {
     }
 }
 
-/// Writes `image` (EXR) and `model` (OBJ: the mesh with texture coordinates, coordinates of the scene's file).
+/// Writes `image` (EXR) and `model` (OBJ: the mesh with texture coordinates, in coordinates of the scene's file).
 ///
 /// # Errors
 /// A file cannot be written.
@@ -245,7 +245,7 @@ pub fn write_lightmap(
     model: &Path,
     map: &Lightmap,
     mesh: &Mesh,
-    solution: &Solution,
+    solution: &RadiosityMesh,
 ) -> Result<()> {
     write_exr_rgb(image, map.width, &map.irradiance)?;
     let mut file = WholeFile::create(model)?;

@@ -1,40 +1,40 @@
-//! Triangles with light at their vertices.
+//! Triangle mesh with light at its vertices.
 
-use crate::radiosity::solution::{Element, Solution};
+use crate::radiosity::mesh::{Element, RadiosityMesh};
 use glam::Vec3;
 use std::collections::HashMap;
 
-/// A triangle mesh of all sides of surfaces, with light at the vertices. The vectors of vertices have one entry each, as
-/// have those of triangles.
+/// A triangle mesh of all sides of surfaces, with light at the vertices. Vectors have one entry per vertex or per
+/// triangle.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
-    /// Places relative to [`Solution::origin`], scene units.
+    /// Positions relative to [`RadiosityMesh::origin`], scene units.
     pub positions: Vec<Vec3>,
     /// Unit normals of the lit side.
     pub normals: Vec<Vec3>,
     /// Irradiance, W/m².
     pub irradiance: Vec<[f32; 3]>,
-    /// Radiosity: emission and what is reflected, W/m².
+    /// Radiosity (emission and reflected light), W/m².
     pub radiosity: Vec<[f32; 3]>,
-    /// Counterclockwise seen from the lit side.
+    /// Vertices counterclockwise as seen from the lit side.
     pub triangles: Vec<[u32; 3]>,
-    /// The element that each triangle is a part of.
+    /// Index of the element of each triangle.
     pub element: Vec<u32>,
 }
 
-/// Elements whose normals have at least this cosine (25 degrees) are one smooth surface.
-const SMOOTH: f32 = 0.9;
-/// Halvings of an edge that are looked for: no quadtree is deeper.
-const DEPTH: u32 = 24;
+/// Smallest cosine between normals of elements of one smooth surface: 25 degrees. Chosen: usual crease angle.
+const MIN_SMOOTH_COSINE: f32 = 0.9;
+/// Largest number of halvings of an edge: the largest depth of a quadtree.
+const MAX_HALVINGS: u32 = 24;
 
 impl Mesh {
     /// The mesh of a solution.
-    pub fn new(solution: &Solution) -> Mesh {
-        let places: HashMap<[u32; 3], u32> =
+    pub fn new(solution: &RadiosityMesh) -> Mesh {
+        let vertices: HashMap<[u32; 3], u32> =
             solution.vertices.iter().enumerate().map(|(i, &p)| (bits(p), i as u32)).collect();
         let normals: Vec<Vec3> = solution.elements.iter().map(|e| normal(solution, e)).collect();
         let outlines: Vec<Vec<u32>> =
-            solution.elements.iter().map(|e| outline(solution, &places, e)).collect();
+            solution.elements.iter().map(|e| outline(solution, &vertices, e)).collect();
         let around = Around::new(solution.vertices.len(), &outlines);
         let mut out = Builder::default();
         for (e, (element, outline)) in solution.elements.iter().zip(&outlines).enumerate() {
@@ -63,49 +63,49 @@ impl Mesh {
         out.mesh
     }
 
-    /// The three corners of a triangle.
+    /// The corners of a triangle.
     pub fn corners(&self, triangle: usize) -> [Vec3; 3] {
         self.triangles[triangle].map(|v| self.positions[v as usize])
     }
 }
 
 fn bits(p: Vec3) -> [u32; 3] {
-    // Zero has two signs and one place.
+    // −0 and +0 are one position.
     (p + Vec3::ZERO).to_array().map(f32::to_bits)
 }
 
-fn normal(solution: &Solution, e: &Element) -> Vec3 {
+fn normal(solution: &RadiosityMesh, e: &Element) -> Vec3 {
     let [a, b, c, d] = e.corners.map(|v| solution.vertices[v as usize].as_dvec3());
     (c - a).cross(d - b).normalize_or_zero().as_vec3()
 }
 
-/// The vertices along an element's edges: its corners, and where finer neighbours have theirs.
-fn outline(solution: &Solution, places: &HashMap<[u32; 3], u32>, e: &Element) -> Vec<u32> {
+/// Vertices along an element's edges: its corners and the vertices of smaller neighbours.
+fn outline(solution: &RadiosityMesh, vertices: &HashMap<[u32; 3], u32>, e: &Element) -> Vec<u32> {
     let corners = &e.corners[..if e.is_triangle() { 3 } else { 4 }];
     let mut out = Vec::with_capacity(corners.len());
     for (k, &a) in corners.iter().enumerate() {
         out.push(a);
-        halves(solution, places, a, corners[(k + 1) % corners.len()], DEPTH, &mut out);
+        halves(solution, vertices, a, corners[(k + 1) % corners.len()], MAX_HALVINGS, &mut out);
     }
     out
 }
 
-/// Pushes the vertices between two, found by halving: elements are split at the middles of their edges.
+/// Appends the vertices between two positions, found by halving: elements are split at the middles of their edges.
 fn halves(
-    solution: &Solution,
-    places: &HashMap<[u32; 3], u32>,
+    solution: &RadiosityMesh,
+    vertices: &HashMap<[u32; 3], u32>,
     a: u32,
     b: u32,
     depth: u32,
     out: &mut Vec<u32>,
 ) {
     let (p, q) = (solution.vertices[a as usize], solution.vertices[b as usize]);
-    let Some(&m) = places.get(&bits(0.5 * (p + q))).filter(|&&m| m != a && m != b && depth > 0) else {
+    let Some(&m) = vertices.get(&bits(0.5 * (p + q))).filter(|&&m| m != a && m != b && depth > 0) else {
         return;
     };
-    halves(solution, places, a, m, depth - 1, out);
+    halves(solution, vertices, a, m, depth - 1, out);
     out.push(m);
-    halves(solution, places, m, b, depth - 1, out);
+    halves(solution, vertices, m, b, depth - 1, out);
 }
 
 /// Elements around each vertex.
@@ -135,10 +135,10 @@ impl Around {
     }
 }
 
-/// Mean irradiance of the elements that face along `normal`, those with near centres counting more.
-fn mean(solution: &Solution, normals: &[Vec3], normal: Vec3, around: &[u32]) -> [f32; 3] {
+/// Mean irradiance of the elements that face along `normal`, weighted by the distance of their centres.
+fn mean(solution: &RadiosityMesh, normals: &[Vec3], normal: Vec3, around: &[u32]) -> [f32; 3] {
     let (mut sum, mut weights) = ([0.0; 3], 0.0);
-    for &e in around.iter().filter(|&&e| normals[e as usize].dot(normal) >= SMOOTH) {
+    for &e in around.iter().filter(|&&e| normals[e as usize].dot(normal) >= MIN_SMOOTH_COSINE) {
         let element = &solution.elements[e as usize];
         let weight = 1.0 / element.area.sqrt();
         weights += weight;
@@ -147,7 +147,7 @@ fn mean(solution: &Solution, normals: &[Vec3], normal: Vec3, around: &[u32]) -> 
     sum.map(|s| if weights > 0.0 { (s / weights) as f32 } else { 0.0 })
 }
 
-/// What makes vertices one: place, normal and light, bit by bit.
+/// Vertices with equal position, normal and light are merged.
 type Key = ([u32; 3], [u32; 3], [u32; 3]);
 
 #[derive(Default)]

@@ -1,9 +1,8 @@
-//! A solution as others want it: meshes with colours, cells with fields, lightmaps, pictures.
+//! Output of solutions: meshes with colours, cells with fields, lightmaps, pictures.
 //!
-//! What is shown is smooth: every element has one irradiance, and vertices take the mean of the elements around them that
-//! face the same way. Reflectance and emission are not averaged, so that borders of materials stay sharp. Elements of
-//! different sizes that meet share all vertices of the common edge, so that there are no cracks, in shape or in colour.
-//! Knows nothing of links or of how light was computed.
+//! Elements have constant irradiance; a vertex gets the mean of the adjacent elements that face the same way.
+//! Reflectance and emission are not averaged, so that borders of materials stay sharp. Elements of different sizes
+//! share all vertices of a common edge, so that shape and colour have no cracks.
 
 mod camera;
 mod gather;
@@ -19,7 +18,7 @@ mod view;
 mod vtu;
 
 pub use camera::{Camera, First, Frame, Stage, render};
-pub use gather::{light_of, places};
+pub use gather::{light_of, visible_points};
 pub use gltf::write_glb;
 pub use lightmap::{Lightmap, lightmap, write_lightmap};
 pub use mesh::Mesh;

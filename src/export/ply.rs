@@ -1,4 +1,4 @@
-//! PLY: for mesh viewers.
+//! PLY files.
 
 use super::{Mesh, Tone};
 use crate::{Error, Result, files::WholeFile};
@@ -6,8 +6,8 @@ use glam::DVec3;
 use std::io::Write;
 use std::path::Path;
 
-/// Writes a mesh as binary PLY: vertices with normals, 8-bit colours through `tone` for viewers, and radiosity and
-/// irradiance in W/m² as further properties; triangles. Coordinates are those of the scene's file.
+/// Writes a mesh as binary PLY: vertices with normals, 8-bit colours by `tone`, radiosity and irradiance in W/m²;
+/// triangles. Coordinates are those of the scene's file.
 ///
 /// # Errors
 /// The file cannot be written.
@@ -18,7 +18,7 @@ pub fn write_ply(path: &Path, mesh: &Mesh, origin: DVec3, tone: Tone) -> Result<
 }
 
 fn write(out: &mut impl Write, mesh: &Mesh, origin: DVec3, tone: Tone) -> std::io::Result<()> {
-    // Single precision is enough unless the scene lies far from zero.
+    // Single precision suffices unless the scene is far from the origin.
     let place = if origin == DVec3::ZERO { "float" } else { "double" };
     writeln!(out, "ply\nformat binary_little_endian 1.0\ncomment mrvis {}", env!("CARGO_PKG_VERSION"))?;
     writeln!(out, "element vertex {}", mesh.positions.len())?;

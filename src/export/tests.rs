@@ -1,6 +1,6 @@
 use super::*;
 use crate::model::Model;
-use crate::radiosity::solution::{Element, Solution};
+use crate::radiosity::mesh::{Element, RadiosityMesh};
 use crate::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
 use glam::{DVec3, Vec3, dvec3};
 use std::collections::HashMap;
@@ -25,15 +25,16 @@ fn grey(corners: [u32; 4], irradiance: f64, area: f64, triangle: u32) -> Element
     }
 }
 
-/// The unit square at z = 0, facing up: one corner quarter split once more, irradiance `light` of an element's centre.
-fn square(light: impl Fn(Vec3) -> f64) -> (Scene, Solution) {
+/// The unit square at z = 0, facing up, with one quarter split again; `light` is the irradiance at an element's
+/// centre.
+fn square(light: impl Fn(Vec3) -> f64) -> (Scene, RadiosityMesh) {
     let mut soup = Soup::new("test");
     soup.object("square");
     soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
     let corner = [DVec3::ZERO, DVec3::X, dvec3(1.0, 1.0, 0.0), DVec3::Y];
     soup.polygon(0, 0, &corner);
     let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
-    let mut solution = Solution { unit: "m".into(), ..Solution::default() };
+    let mut solution = RadiosityMesh { unit: "m".into(), ..RadiosityMesh::default() };
     let mut places: HashMap<[u32; 3], u32> = HashMap::new();
     let mut add = |low: [f32; 2], side: f32| {
         let at = |x: f32, y: f32| Vec3::new(low[0] + x * side, low[1] + y * side, 0.0);
@@ -78,8 +79,8 @@ fn meshes_have_no_cracks() {
         .map(|[a, b, c]| 0.5 * (b - a).cross(c - a).z)
         .sum();
     assert!((area - 1.0).abs() < 1e-6, "{area}");
-    // Every edge inside the square has a twin the other way between the same places: no vertex lies in the middle of an
-    // edge, and light is the same on both sides.
+    // Every edge inside the square has an opposite edge between the same positions: there are no vertices in the
+    // middle of an edge, and light is continuous.
     let mut edges: HashMap<[[u32; 2]; 2], i32> = HashMap::new();
     let place = |v: u32| {
         let p = mesh.positions[v as usize];
@@ -129,7 +130,7 @@ fn pictures_show_the_lit_side() {
     };
     let frame = render(&stage, &camera(1.0), 21, 15, 2);
     assert_eq!((frame.radiance.len(), frame.first.len()), (21 * 15, 21 * 15));
-    // 0.5 × 2 W/m² over π; the picture's middle row and column see the square at the distance 1.
+    // 0.5 × 2 W/m² over π; the middle row and column of the picture see the square at distance 1.
     let middle = frame.radiance[7 * 21 + 10];
     assert!((middle[0] - 1.0 / std::f32::consts::PI).abs() < 1e-5, "{middle:?}");
     assert!(frame.first[7 * 21 + 10].is_some_and(|f| (f.distance - 1.0).abs() < 0.01));
@@ -149,7 +150,7 @@ fn lightmaps_hold_the_light_where_they_say() {
     let covered = map.covered.iter().filter(|&&c| c).count() as f32 * map.texel * map.texel;
     assert!((covered - 1.0).abs() < 0.05, "{covered}");
     for (t, uv) in mesh.triangles.iter().zip(&map.texcoords) {
-        // The texel at the triangle's centre has its light, to within a texel's change of it.
+        // The texel at the triangle's centre has its light, up to the change over one texel.
         let middle = (uv[0] + uv[1] + uv[2]) / 3.0;
         let x = (middle.x * map.width as f32) as usize;
         let y = ((1.0 - middle.y) * map.height as f32) as usize;
@@ -160,14 +161,14 @@ fn lightmaps_hold_the_light_where_they_say() {
     assert!(map.irradiance.iter().flatten().all(|e| (0.0..=1.0).contains(e)));
 }
 
-/// A square and so many crumbs that a texel for each takes more room than there is: the square still has its share of the
-/// image, and no crumb is black.
+/// A square and so many small triangles that one texel for each exceeds the image: the square keeps its part of the
+/// image, and no triangle is black.
 #[test]
 fn lightmaps_of_crumbs_leave_room_for_walls() {
     let mut soup = Soup::new("test");
     soup.object("all");
     soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
-    let mut solution = Solution { unit: "m".into(), ..Solution::default() };
+    let mut solution = RadiosityMesh { unit: "m".into(), ..RadiosityMesh::default() };
     for k in 0..1001u32 {
         let (at, side) = if k == 0 { (0.0, 1.0) } else { (2.0 + 0.01 * f64::from(k), 1e-3) };
         let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
@@ -188,13 +189,12 @@ fn lightmaps_of_crumbs_leave_room_for_walls() {
     }
 }
 
-/// Two unit squares apart from each other, the second 100 times as bright, with texture coordinates in two parts of an image that are
-/// `gap` apart; and what is seen from them.
+/// Two unit squares, the second 100 times as bright, with texture coordinates `gap` apart, and their lightmap.
 fn unwrapped(gap: f32, texels: usize) -> Result<Lightmap, String> {
     let mut soup = Soup::new("test");
     soup.object("squares");
     soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
-    let mut solution = Solution { unit: "m".into(), ..Solution::default() };
+    let mut solution = RadiosityMesh { unit: "m".into(), ..RadiosityMesh::default() };
     for k in 0..2u32 {
         let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
             .map(|[x, y]| dvec3(x + 2.0 * f64::from(k), y, 0.0));
@@ -215,7 +215,7 @@ fn unwrapped(gap: f32, texels: usize) -> Result<Lightmap, String> {
     unwrapped_lightmap(&stage, &scene, texels)
 }
 
-/// Light at texture coordinates between the four nearest texels, as a viewer takes it.
+/// Bilinear interpolation of a lightmap at texture coordinates.
 fn bilinear(map: &Lightmap, u: f32, v: f32) -> f32 {
     let (x, y) = (u * map.width as f32 - 0.5, (1.0 - v) * map.height as f32 - 0.5);
     let (i, j) = (x.floor() as usize, y.floor() as usize);
@@ -227,11 +227,11 @@ fn bilinear(map: &Lightmap, u: f32, v: f32) -> f32 {
 
 #[test]
 fn lightmaps_in_the_files_coordinates_do_not_bleed() {
-    // Parts of the image are five texels apart, the light on them differs a hundredfold.
+    // The charts are five texels apart; their light differs by a factor of 100.
     let map = unwrapped(0.1, 50 * 50).expect("a lightmap");
     assert_eq!((map.width, map.height, map.texcoords.len()), (50, 50, 0));
     let covered = map.covered.iter().filter(|&&c| c).count() as f32 / 2500.0;
-    // Edges run through centres of texels, which both sides count.
+    // Edges pass through centres of texels, which count for both sides.
     assert!((covered - 0.64).abs() < 0.06, "{covered}");
     for k in 0..=100 {
         let share = k as f32 / 100.0;
@@ -253,7 +253,7 @@ fn lightmaps_refuse_coordinates_that_cannot_hold_them() {
     let mesh = Mesh::new(&solution);
     let stage = Stage::new(&mesh, &solution).expect("a stage");
     assert!(unwrapped_lightmap(&stage, &scene, 100).expect_err("no lightmap").contains("no texture"));
-    // Shared edges do not count as overlap.
+    // Shared edges do not overlap.
     assert!(unwrapped(0.0, 10_000).is_ok());
 }
 
@@ -263,13 +263,12 @@ fn what_is_shown_of_a_solved_room_has_no_cracks() {
     use crate::scene::generate::{Spec, build};
     let scene = build(&Spec::new("cornell")).expect("a scene");
     let options = Options { error: 0.05, ..Options::default() };
-    let outcome =
-        run(&Model::prepare(scene.clone(), &options.prepare(), &()).expect("a model"), &[], &options, &())
-            .expect("a solution");
-    let levels: std::collections::HashSet<u8> = outcome.solution.elements.iter().map(|e| e.level).collect();
+    let model = Model::prepare(scene.clone(), &options.prepare(), &()).expect("a model");
+    let outcome = run(&model, &[], &options, &()).expect("a solution");
+    let levels: std::collections::HashSet<u8> = outcome.mesh.elements.iter().map(|e| e.level).collect();
     assert!(levels.len() >= 3, "mixed levels: {levels:?}");
-    let mesh = Mesh::new(&outcome.solution);
-    // Edges by place: each is shared by two triangles that turn alike, or lies on the outline of a wall.
+    let mesh = Mesh::new(&outcome.mesh);
+    // Each edge is shared by two triangles of equal orientation, or lies on the outline of a wall.
     let mut edges: HashMap<[[u32; 3]; 2], i32> = HashMap::new();
     let place = |v: u32| (mesh.positions[v as usize] + Vec3::ZERO).to_array().map(f32::to_bits);
     for t in &mesh.triangles {
@@ -278,15 +277,15 @@ fn what_is_shown_of_a_solved_room_has_no_cracks() {
             *edges.entry(if a < b { [a, b] } else { [b, a] }).or_default() += if a < b { 1 } else { -1 };
         }
     }
-    // The input's own edges: an open one of the mesh must lie on one of them that is open too, when what no light reaches
-    // (the blocks' lower faces) is left out.
+    // Open edges of the mesh must lie on open edges of the input, without faces that no light reaches (the lower
+    // faces of the blocks).
     let facing = |t: u32| {
         let [a, b, c] = scene.corners(t);
         let normal = (b - a).cross(c - a).normalize().to_array().map(|v| (100.0 * v).round() as i32);
         (scene.triangle_object[t as usize], normal)
     };
     let lit: std::collections::HashSet<_> =
-        outcome.solution.elements.iter().map(|e| facing(e.triangle)).collect();
+        outcome.mesh.elements.iter().map(|e| facing(e.triangle)).collect();
     let mut open: HashMap<[u32; 2], i32> = HashMap::new();
     for (_, t) in (0u32..).zip(&scene.triangles).filter(|(k, _)| lit.contains(&facing(*k))) {
         for k in 0..3 {
@@ -333,8 +332,8 @@ fn files_are_what_their_formats_say() {
     check_vtu(&path("a.vtu"), &solution);
 }
 
-/// The offsets in the header lead to arrays of the stated lengths.
-fn check_vtu(path: &Path, solution: &Solution) {
+/// Checks that the offsets in the header lead to arrays of the stated lengths.
+fn check_vtu(path: &Path, solution: &RadiosityMesh) {
     let bytes = std::fs::read(path).expect("bytes");
     let mark = b"<AppendedData encoding=\"raw\">\n_";
     let data = bytes.windows(mark.len()).position(|w| w == mark).expect("appended data") + mark.len();

@@ -1,19 +1,20 @@
-//! From light to what a screen shows.
+//! Tone mapping.
 
 use crate::image_io::linear_to_srgb;
 
-/// A tone curve: exposure by the mean of the logarithm, highlights rolled off (Reinhard et al. 2002, equations 1 to 4).
+/// A tone curve: exposure by the mean logarithm of luminance, compressed highlights (Reinhard et al. 2002, equations
+/// 1 to 4).
 #[derive(Clone, Copy, Debug)]
 pub struct Tone {
     scale: f32,
     white: f32,
 }
 
-/// What the logarithmic mean becomes, of 1.
+/// Luminance that the logarithmic mean is mapped to, of 1. Chosen: brighter than 0.18 of the paper.
 const KEY: f32 = 0.25;
 
 impl Tone {
-    /// The curve for light like `values` (linear RGB, any unit); black ones do not count.
+    /// The curve for light like `values` (linear RGB, any unit); black values are ignored.
     pub fn of(values: impl IntoIterator<Item = [f32; 3]>) -> Tone {
         let mut lit: Vec<f32> =
             values.into_iter().map(luminance).filter(|l| l.is_finite() && *l > 0.0).collect();
@@ -23,12 +24,12 @@ impl Tone {
         let logs: f64 = lit.iter().map(|l| f64::from(*l).ln()).sum();
         let scale = KEY / (logs / lit.len() as f64).exp() as f32;
         lit.sort_by(f32::total_cmp);
-        // The brightest hundredth are lamps: they may be white.
+        // The brightest 2 % are emitters and may be white.
         let bright = lit[(lit.len() * 98 / 100).min(lit.len() - 1)] * scale;
         Tone { scale, white: bright.max(1.0) }
     }
 
-    /// Linear RGB in `[0, 1]` for a screen.
+    /// Linear RGB in `[0, 1]` for display.
     pub fn linear(self, rgb: [f32; 3]) -> [f32; 3] {
         let l = luminance(rgb) * self.scale;
         let shown = (1.0 + l / (self.white * self.white)) / (1.0 + l);

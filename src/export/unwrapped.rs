@@ -1,6 +1,6 @@
-//! Lightmaps in the texture coordinates of the scene's own file, so that its model can be shown with them as it is.
+//! Lightmaps in the texture coordinates of the scene's file.
 
-use super::lightmap::MAX_SIDE;
+use super::lightmap::MAX_SIDE_TEXELS;
 use super::{Lightmap, Stage};
 use crate::math::triangle_normal;
 use crate::ray::{LANES, Packet};
@@ -8,18 +8,17 @@ use crate::scene::Scene;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-/// Texture coordinates may leave 0..1 by this much.
-const SLACK: f32 = 1e-4;
-/// Nothing was drawn here.
+/// Tolerance of texture coordinates outside 0..1. Chosen: rounding of exporters.
+const TEXCOORD_TOLERANCE: f32 = 1e-4;
+/// Marks texels without a face.
 const FREE: u32 = u32::MAX;
 
-/// The light of the fronts of all faces, in a square image of about `texels` texels.
+/// Irradiance of the fronts of all faces, in a square image of about `texels` texels.
 ///
 /// # Errors
-/// A sentence that says why the file's coordinates do not hold a lightmap: there are none, they leave 0..1, faces have no
-/// area in them, or faces overlap.
+/// A sentence that says why the coordinates are unsuitable: they are missing, leave 0..1, have no area, or overlap.
 pub fn unwrapped_lightmap(stage: &Stage, scene: &Scene, texels: usize) -> Result<Lightmap, String> {
-    let side = ((texels as f64).sqrt().ceil() as usize).clamp(1, MAX_SIDE);
+    let side = ((texels as f64).sqrt().ceil() as usize).clamp(1, MAX_SIDE_TEXELS);
     let faces = placed(scene, side)?;
     let owner = owners(scene, &faces, side)?;
     let mut map = Lightmap {
@@ -34,7 +33,7 @@ pub fn unwrapped_lightmap(stage: &Stage, scene: &Scene, texels: usize) -> Result
     let rows = map.irradiance.par_chunks_mut(side).zip(map.covered.par_chunks_mut(side));
     rows.zip(owner.par_chunks(side)).enumerate().for_each(|(y, ((light, covered), owner))| {
         for left in (0..side).step_by(LANES) {
-            let rays = inquiry(scene, &faces, owner, [left, y]);
+            let rays = probe_rays(scene, &faces, owner, [left, y]);
             for (lane, met) in stage.irradiance(&rays).into_iter().enumerate() {
                 if let Some(found) = met {
                     (light[left + lane], covered[left + lane]) = (found, true);
@@ -42,17 +41,19 @@ pub fn unwrapped_lightmap(stage: &Stage, scene: &Scene, texels: usize) -> Result
             }
         }
     });
-    map.bleed();
+    map.fill_margins();
     Ok(map)
 }
 
-/// Corners of each face in texels, from the upper left corner.
+/// Corners of each face in texels from the upper left corner.
 fn placed(scene: &Scene, side: usize) -> Result<Vec<[Vec2; 3]>, String> {
     if scene.triangle_texcoords.is_empty() {
         return Err("the file has no texture coordinates".into());
     }
     let name = |t: usize| &scene.objects[scene.triangle_object[t] as usize].name;
-    let inside = |[u, v]: [f32; 2]| [u, v].iter().all(|x| (-SLACK..=1.0 + SLACK).contains(x));
+    let inside = |[u, v]: [f32; 2]| {
+        [u, v].iter().all(|x| (-TEXCOORD_TOLERANCE..=1.0 + TEXCOORD_TOLERANCE).contains(x))
+    };
     let place = |(t, uv): (usize, &[[f32; 2]; 3])| {
         if !uv.iter().all(|&uv| inside(uv)) {
             return Err(format!("texture coordinates of `{}` leave 0..1", name(t)));
@@ -66,7 +67,7 @@ fn placed(scene: &Scene, side: usize) -> Result<Vec<[Vec2; 3]>, String> {
     scene.triangle_texcoords.iter().enumerate().map(place).collect()
 }
 
-/// Shares of the corners of a face in a place.
+/// Barycentric coordinates of a point.
 fn weights([a, b, c]: [Vec2; 3], p: Vec2) -> [f32; 3] {
     let area = (b - a).perp_dot(c - a);
     [(c - b).perp_dot(p - b), (a - c).perp_dot(p - c), (b - a).perp_dot(p - a)].map(|e| e / area)
@@ -76,11 +77,11 @@ fn middle(x: usize, y: usize) -> Vec2 {
     Vec2::new(x as f32 + 0.5, y as f32 + 0.5)
 }
 
-/// The face at each texel's centre, [`FREE`] where there is none.
+/// Index of the face at each texel's centre, or [`FREE`].
 fn owners(scene: &Scene, faces: &[[Vec2; 3]], side: usize) -> Result<Vec<u32>, String> {
     let mut owner = vec![FREE; side * side];
     let (mut all, mut taken) = (0.0, 0usize);
-    // Half a texel inside the face, where neighbours do not reach.
+    // At least half a texel inside the face, where adjacent faces do not reach.
     let deep = |face: [Vec2; 3], p: Vec2| {
         let [a, b, c] = face;
         let area = (b - a).perp_dot(c - a).abs();
@@ -111,15 +112,15 @@ fn owners(scene: &Scene, faces: &[[Vec2; 3]], side: usize) -> Result<Vec<u32>, S
             }
         }
     }
-    // Faces smaller than texels: centres meet an area as often as it is large, but for chance.
+    // Faces below the size of a texel: the number of centres inside is proportional to their area, up to chance.
     if all > 1.1 * taken as f64 + 4.0 * (faces.len() as f64).sqrt() {
         return Err("faces overlap in texture coordinates".into());
     }
     Ok(owner)
 }
 
-/// Rays onto the surface at up to sixteen texels of a row, from just in front.
-fn inquiry(scene: &Scene, faces: &[[Vec2; 3]], owner: &[u32], [left, y]: [usize; 2]) -> Packet {
+/// Rays from just in front of the surface onto it, at up to sixteen texels of a row.
+fn probe_rays(scene: &Scene, faces: &[[Vec2; 3]], owner: &[u32], [left, y]: [usize; 2]) -> Packet {
     let magnitude = scene.bounds.min.abs().max(scene.bounds.max.abs()).max_element();
     let off = 1e-5 * scene.bounds.diagonal() + 2e-6 * magnitude;
     let mut rays = Packet::EMPTY;
@@ -135,7 +136,7 @@ fn inquiry(scene: &Scene, faces: &[[Vec2; 3]], owner: &[u32], [left, y]: [usize;
     rays
 }
 
-/// Side of a texel in the mean, scene units.
+/// Mean side of a texel, scene units.
 fn texel(scene: &Scene, faces: &[[Vec2; 3]]) -> f32 {
     let area = |t: u32| {
         let [a, b, c] = scene.corners(t);

@@ -1,20 +1,21 @@
-//! A camera for a scene that has none.
+//! Automatic camera.
 
 use super::camera::{Camera, Stage, render};
 use super::tone::luminance;
 use crate::math::Aabb;
-use crate::radiosity::solution::Solution;
+use crate::radiosity::mesh::RadiosityMesh;
 use glam::Vec3;
 use std::collections::HashSet;
 
-/// Columns and rows of the pictures that views are judged by.
-const SMALL: [usize; 2] = [64, 48];
+/// Columns and rows of the pictures that views are compared by. Chosen: milliseconds per view.
+const PREVIEW_PIXELS: [usize; 2] = [64, 48];
 
-/// The most telling of some views of the scene: from outside all around at three heights, and from corners inside.
+/// The best of several views of the scene: from outside in all directions at three heights, and from inside the
+/// corners.
 ///
-/// A view is good if much of it is lit, little of it is close to the camera, and many different surfaces are seen. Up is
-/// against the direction that emitters face on the whole, or `up` if they face all ways.
-pub fn best_view(stage: &Stage, solution: &Solution, up: Vec3) -> Camera {
+/// A good view is mostly lit, has little close to the camera, and shows many surfaces. Upwards is opposite to the
+/// mean direction of emission, or `up` if emission has no main direction.
+pub fn best_view(stage: &Stage, solution: &RadiosityMesh, up: Vec3) -> Camera {
     let bounds = Aabb::of(stage.mesh.positions.iter().copied());
     let up = upward(stage, solution).unwrap_or(up);
     let (x, y) = up.any_orthonormal_pair();
@@ -33,7 +34,7 @@ pub fn best_view(stage: &Stage, solution: &Solution, up: Vec3) -> Camera {
         let eye = centre + side * far + up * height;
         cameras.push(camera(eye, centre - up * (0.5 * height), up, 1.1));
     }
-    // A scene always has the first view.
+    // The first view always exists.
     let mut best = (f32::NEG_INFINITY, 0);
     for (i, camera) in cameras.iter().enumerate() {
         let score = judge(stage, solution, camera, radius);
@@ -49,8 +50,8 @@ fn camera(eye: Vec3, at: Vec3, up: Vec3, angle: f32) -> Camera {
     Camera { name: "view".into(), eye, forward, up, angle }
 }
 
-/// Against the mean direction of emission, along an axis; nothing if emission goes all ways.
-fn upward(stage: &Stage, solution: &Solution) -> Option<Vec3> {
+/// The axis opposite to the mean direction of emission; `None` without a main direction.
+fn upward(stage: &Stage, solution: &RadiosityMesh) -> Option<Vec3> {
     let (mut sum, mut total) = (Vec3::ZERO, 0.0);
     for (t, corners) in stage.mesh.triangles.iter().enumerate() {
         let element = &solution.elements[stage.mesh.element[t] as usize];
@@ -68,8 +69,8 @@ fn upward(stage: &Stage, solution: &Solution) -> Option<Vec3> {
     (total > 0.0 && sum[axis].abs() > 0.15 * total).then_some(up)
 }
 
-fn judge(stage: &Stage, solution: &Solution, camera: &Camera, radius: f32) -> f32 {
-    let frame = render(stage, camera, SMALL[0], SMALL[1], 1);
+fn judge(stage: &Stage, solution: &RadiosityMesh, camera: &Camera, radius: f32) -> f32 {
+    let frame = render(stage, camera, PREVIEW_PIXELS[0], PREVIEW_PIXELS[1], 1);
     let mut lights: Vec<f32> = frame.radiance.iter().map(|&r| luminance(r)).collect();
     lights.sort_by(f32::total_cmp);
     let dim = 0.02 * lights[lights.len() * 9 / 10];

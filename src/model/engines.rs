@@ -1,10 +1,10 @@
 //! Engines and samplers of a model that are made when they are first asked for, then kept.
 
 use super::Model;
-use crate::optics;
+use crate::math::Aabb;
 use crate::ray::{LANES, Packet};
 use crate::scene::{EmitterSampler, Scene, point_on};
-use crate::visibility::{Bundle, Exact, Leaf, MultiResolution, Workspace};
+use crate::visibility::{Bundle, Exact, LeafMode, MultiResolution, Workspace};
 use glam::Vec3;
 use sobol_burley::sample_4d;
 use std::sync::{Mutex, OnceLock, PoisonError};
@@ -31,7 +31,7 @@ impl Model {
     /// The multi-resolution engine, if the model holds optics. The cost of exact rays is estimated once, on bundles between
     /// surfaces and emitters of the scene.
     pub(crate) fn multi_resolution(&self) -> Option<&MultiResolution> {
-        let engine = self.engine(Leaf::Exact)?;
+        let engine = self.engine(self.widest_packets(), LeafMode::Exact)?;
         Some(self.inner.engines.multi_resolution.get_or_init(|| {
             let sample = self.sample();
             let bundles: Vec<Bundle> = sample
@@ -48,7 +48,7 @@ impl Model {
 
     /// Average visibility [SD95 sec 5], if the model holds optics.
     pub(crate) fn average(&self) -> Option<MultiResolution> {
-        self.engine(Leaf::Extinction)
+        self.engine(self.widest_packets(), LeafMode::Average)
     }
 
     /// A sampler for each emitter of the scene.
@@ -68,17 +68,11 @@ impl Model {
         result
     }
 
-    fn engine(&self, leaf: Leaf) -> Option<MultiResolution> {
-        let tree = self.base().measured()?.tree.clone();
-        let engine = MultiResolution::new(tree, self.traced().clone(), self.widest_packets(), leaf);
-        Some(engine.with_tolerance(optics::Options::default().tolerance))
-    }
-
     /// Packets of sixteen segments from points on surfaces to an emitter, or to another face if nothing emits, with the size of
     /// the emitter.
     fn sample(&self) -> Vec<(Packet, f32)> {
         let (scene, ends, samplers) = (self.scene(), self.end_rule(), self.samplers());
-        let surfaces = Surfaces::of(scene);
+        let surfaces = Surfaces::of(scene, self.bounds());
         let bundle = |k: u32| {
             let [u, v, w, other] = sample_4d(k, 0, SEED);
             let from = surfaces.point(scene, u, v, w);
@@ -99,28 +93,32 @@ impl Model {
     }
 }
 
-/// Running sums of the areas of all faces.
-struct Surfaces(Vec<f64>);
+/// Running sums of the areas of the faces of a scene, and the box of a model.
+struct Surfaces {
+    sums: Vec<f64>,
+    bounds: Aabb,
+}
 
 impl Surfaces {
-    fn of(scene: &Scene) -> Surfaces {
+    fn of(scene: &Scene, bounds: Aabb) -> Surfaces {
         let mut sum = 0.0;
         let areas = (0..scene.triangles.len() as u32).map(|t| {
             let [a, b, c] = scene.corners(t);
             sum += crate::math::triangle_area(a, b, c);
             sum
         });
-        Surfaces(areas.collect())
+        Surfaces { sums: areas.collect(), bounds }
     }
 
     /// A point on the face that `u` picks by area; one in the box of a scene without faces of its own.
     fn point(&self, scene: &Scene, u: f32, v: f32, w: f32) -> Vec3 {
-        match self.0.last() {
+        match self.sums.last() {
             Some(&all) => {
-                let face = self.0.partition_point(|&sum| sum <= f64::from(u) * all).min(self.0.len() - 1);
+                let face =
+                    self.sums.partition_point(|&sum| sum <= f64::from(u) * all).min(self.sums.len() - 1);
                 point_on(scene.corners(face as u32), v, w)
             }
-            None => scene.bounds.min + Vec3::new(u, v, w) * scene.bounds.extent(),
+            None => self.bounds.min + Vec3::new(u, v, w) * self.bounds.extent(),
         }
     }
 }

@@ -3,6 +3,7 @@
 use crate::clusters::Hierarchy;
 use crate::embree::CommittedScene;
 use crate::optics::ClusterOptics;
+use crate::optics::groups::Part;
 use crate::scene::Scene;
 use crate::visibility::WideTree;
 use std::sync::Arc;
@@ -31,6 +32,8 @@ pub struct Measured {
     pub optics: Vec<ClusterOptics>,
     /// The same clusters, sixteen children side by side.
     pub tree: Arc<WideTree>,
+    /// The boxes that stand for the mesh in groups of instances.
+    pub parts: Vec<Part>,
 }
 
 impl Mesh {

@@ -6,24 +6,33 @@
 
 pub mod cache;
 mod engines;
+mod instance;
 mod mesh;
 mod prepare;
 mod source;
 pub mod summary;
 #[cfg(test)]
 pub mod testing;
+#[cfg(test)]
+mod tests;
+mod top_level;
+mod update;
 
+pub use instance::{Instance, InstanceChange};
 pub use mesh::Mesh;
 pub use prepare::{Detail, PrepareOptions, PrepareReport};
 pub use source::Source;
 
-use crate::Result;
 use crate::embree::{CommittedScene, Device, Traversal};
+use crate::math::Aabb;
 use crate::ray::EndRule;
 use crate::scene::Scene;
 use crate::threads::Threads;
+use crate::visibility::{LeafMode, MultiResolution};
+use crate::{Error, Result};
 use engines::Engines;
 use std::sync::Arc;
+use top_level::TopLevel;
 
 /// A scene prepared for queries.
 #[derive(Clone)]
@@ -36,8 +45,13 @@ struct Inner {
     device: Device,
     /// The first mesh holds the scene's own triangles.
     meshes: Vec<Arc<Mesh>>,
+    /// The first instance places the first mesh as it is.
+    instances: Vec<Instance>,
+    /// What stands above the instances; none if there is only the first.
+    top: Option<TopLevel>,
     sources: Vec<Source>,
     revision: u64,
+    options: PrepareOptions,
     report: PrepareReport,
     threads: Arc<Threads>,
     engines: Engines,
@@ -50,7 +64,6 @@ impl Model {
     }
 
     /// The meshes; the first holds the scene's own triangles.
-    #[allow(dead_code)] // Used when models have instances.
     pub(crate) fn meshes(&self) -> &[Arc<Mesh>] {
         &self.inner.meshes
     }
@@ -78,7 +91,7 @@ impl Model {
     /// Does `work` on the threads of [`PrepareOptions::with_threads`], or of the rayon pool that the caller is in.
     ///
     /// # Errors
-    /// [`crate::Error::OutOfMemory`] if the threads cannot be started.
+    /// [`Error::OutOfMemory`] if the threads cannot be started.
     pub(crate) fn on_threads<R: Send>(&self, work: impl FnOnce() -> R + Send) -> Result<R> {
         self.inner.threads.run(work)
     }
@@ -92,9 +105,56 @@ impl Model {
         }
     }
 
+    /// The instances. The first places the scene's own triangles; indices do not change when others are removed.
+    pub fn instances(&self) -> &[Instance] {
+        &self.inner.instances
+    }
+
+    /// The geometry and materials that an instance places, in the frame of its mesh.
+    pub(crate) fn mesh_of(&self, instance: u32) -> &Scene {
+        &self.inner.meshes[self.inner.instances[instance as usize].mesh as usize].scene
+    }
+
+    /// Number of triangles that rays see, each as often as it is placed.
+    pub(crate) fn visible_triangles(&self) -> u64 {
+        let present =
+            (0..self.inner.instances.len() as u32).filter(|&i| self.instances()[i as usize].is_present());
+        present.map(|i| self.mesh_of(i).triangles.len() as u64).sum()
+    }
+
     /// The Embree scene that holds all geometry.
     pub(crate) fn traced(&self) -> &CommittedScene {
-        &self.base().traced
+        self.inner.top.as_ref().map_or(&self.base().traced, |top| &top.traced)
+    }
+
+    /// A multi-resolution engine over all instances, if optics were prepared. What it hands over is traced by `traversal`.
+    pub(crate) fn engine(&self, traversal: Traversal, leaf: LeafMode) -> Option<MultiResolution> {
+        let tree = self.base().measured()?.tree.clone();
+        let engine = MultiResolution::new(tree, self.traced().clone(), traversal, leaf)
+            .with_tolerance(self.inner.options.optics.tolerance);
+        Some(match self.inner.top.as_ref().and_then(|top| top.groups.as_ref()) {
+            Some(groups) => engine.with_instances(groups.instances.clone(), self.magnitude()),
+            None => engine,
+        })
+    }
+
+    /// Refuses models that place meshes: `what` needs triangles, not instances.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] that names the cure.
+    pub(crate) fn check_single(&self, what: &str) -> Result<()> {
+        match self.instances().len() {
+            1 => Ok(()),
+            n => Err(Error::Scene(format!(
+                "{what} does not work on placed meshes, and this model has {}: prepare the flattened scene",
+                n - 1
+            ))),
+        }
+    }
+
+    /// Box around everything that rays see, relative to `Scene::origin`.
+    pub(crate) fn bounds(&self) -> Aabb {
+        self.inner.top.as_ref().map_or(self.scene().bounds, |top| top.bounds)
     }
 
     /// Incoherent packets of the widest kind that Embree traces natively on this machine.
@@ -114,7 +174,7 @@ impl Model {
 
     /// Largest coordinate magnitude, scene units: the scale of rounding errors.
     pub(crate) fn magnitude(&self) -> f32 {
-        let bounds = self.scene().bounds;
+        let bounds = self.bounds();
         bounds.min.abs().max(bounds.max.abs()).max_element()
     }
 

@@ -1,8 +1,10 @@
 //! Preparation: the only place where Embree scenes of a model are committed and clusters are measured.
 
-use super::cache::{self, Origin, Place, PreparedClusters};
+use super::cache::{self, CacheLocation, Origin, PreparedClusters};
+use super::instance::Instance;
 use super::mesh::{Clusters, Measured, Mesh};
 use super::source::Source;
+use super::top_level::TopLevel;
 use super::{Inner, Model};
 use crate::embree::{CommittedScene, Device, SceneBuilder};
 use crate::progress::Progress;
@@ -12,7 +14,7 @@ use crate::visibility::WideTree;
 use crate::{Error, Result, clusters, optics};
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time;
 
 /// How much of a model is prepared. Each level includes those before it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -37,7 +39,7 @@ pub struct PrepareOptions {
     /// How their optics are measured.
     pub(crate) optics: optics::Options,
     /// Where measured clusters are kept for the next run.
-    pub(crate) cache: Place,
+    pub(crate) cache: CacheLocation,
     /// Threads of the preparation and of all that is asked of the model; 0 for all cores.
     pub(crate) threads: usize,
 }
@@ -63,7 +65,7 @@ impl PrepareOptions {
     /// default: no files. The folder is made if it is missing.
     #[must_use]
     pub fn with_cache(mut self, folder: impl Into<PathBuf>) -> PrepareOptions {
-        self.cache = Place::Folder(folder.into());
+        self.cache = CacheLocation::Folder(folder.into());
         self
     }
 }
@@ -125,27 +127,32 @@ impl Model {
         if self.detail() >= options.detail {
             return Ok(self.clone());
         }
+        self.on_threads(|| self.prepared_further(options, progress))?
+    }
+
+    fn prepared_further(&self, options: &PrepareOptions, progress: &dyn Progress) -> Result<Model> {
         let mut report = self.inner.report.clone();
-        let meshes = self.on_threads(|| {
-            let meshes = self.inner.meshes.iter().map(|mesh| {
-                let clusters = clusters_of(&mesh.scene, options, progress, &mut report)?;
-                Ok(Arc::new(Mesh { scene: mesh.scene.clone(), traced: mesh.traced.clone(), clusters }))
-            });
-            meshes.collect::<Result<_>>()
-        })??;
-        let Inner { scene, device, sources, revision, threads, .. } = &*self.inner;
-        Ok(Model {
-            inner: Arc::new(Inner {
-                scene: scene.clone(),
-                device: device.clone(),
-                meshes,
-                sources: sources.clone(),
-                revision: *revision,
-                report,
-                threads: threads.clone(),
-                engines: Default::default(),
-            }),
-        })
+        let meshes = self.inner.meshes.iter().map(|mesh| {
+            let clusters = clusters_of(&mesh.scene, options, progress, &mut report)?;
+            Ok(Arc::new(Mesh { scene: mesh.scene.clone(), traced: mesh.traced.clone(), clusters }))
+        });
+        let meshes = meshes.collect::<Result<_>>()?;
+        let Inner { scene, device, instances, sources, revision, threads, .. } = &*self.inner;
+        let mut inner = Inner {
+            scene: scene.clone(),
+            device: device.clone(),
+            meshes,
+            instances: instances.clone(),
+            top: None,
+            sources: sources.clone(),
+            revision: *revision,
+            options: options.clone(),
+            report,
+            threads: threads.clone(),
+            engines: Default::default(),
+        };
+        inner.top = top_level(&mut inner)?;
+        Ok(Model { inner: Arc::new(inner) })
     }
 }
 
@@ -159,24 +166,64 @@ fn prepare(
     let mut report = PrepareReport::default();
     let device = Device::new(rayon::current_num_threads())?;
     progress.stage("building Embree's tree", 0);
-    let traced = timed(&mut report.embree_s, || commit(&device, &scene))?;
-    report.embree_bytes = device.bytes() as u64;
-    let clusters = clusters_of(&scene, options, progress, &mut report)?;
+    let scenes: Vec<&Arc<Scene>> = std::iter::once(&scene).chain(&scene.shared).collect();
+    let traced = timed(&mut report.embree_s, || {
+        scenes.iter().map(|scene| commit(&device, scene)).collect::<Result<Vec<_>>>()
+    })?;
+    let mut meshes = Vec::with_capacity(scenes.len());
+    for (scene, traced) in scenes.into_iter().zip(traced) {
+        let clusters = clusters_of(scene, options, progress, &mut report)?;
+        meshes.push(Arc::new(Mesh { scene: scene.clone(), traced, clusters }));
+    }
+    let instances = instances_of(&scene)?;
     let sources = (0..scene.emitters.len() as u32).map(|emitter| Source::Surface { emitter }).collect();
-    let meshes = vec![Arc::new(Mesh { scene: scene.clone(), traced, clusters })];
-    let threads = threads.clone();
-    Ok(Model {
-        inner: Arc::new(Inner {
-            scene,
-            device,
-            meshes,
-            sources,
-            revision: 0,
-            report,
-            threads,
-            engines: Default::default(),
-        }),
-    })
+    let mut inner = Inner {
+        device,
+        meshes,
+        instances,
+        top: None,
+        sources,
+        revision: 0,
+        options: options.clone(),
+        report,
+        scene,
+        threads: threads.clone(),
+        engines: Default::default(),
+    };
+    inner.top = top_level(&mut inner)?;
+    inner.report.embree_bytes = inner.device.bytes() as u64;
+    Ok(Model { inner: Arc::new(inner) })
+}
+
+/// The instances of a scene: its own triangles, then its placements.
+fn instances_of(scene: &Scene) -> Result<Vec<Instance>> {
+    let own = Instance::own(scene.path.display().to_string());
+    let placed = scene.placements.iter().map(|p| Instance {
+        mesh: p.mesh + 1,
+        transform: p.transform,
+        material: p.material,
+        name: p.name.clone(),
+        visible: p.visible,
+        removed: false,
+    });
+    let instances: Vec<Instance> = std::iter::once(own).chain(placed).collect();
+    for (i, instance) in instances.iter().enumerate().skip(1) {
+        instance.check(i)?;
+    }
+    Ok(instances)
+}
+
+/// What stands above the instances, if there are any beside the scene's own triangles; its time counts as Embree's.
+fn top_level(inner: &mut Inner) -> Result<Option<TopLevel>> {
+    if inner.instances.len() < 2 {
+        return Ok(None);
+    }
+    let start = time::Instant::now();
+    let top = TopLevel::build(&inner.device, &inner.meshes, &inner.instances, &inner.options.optics, None)?;
+    let seconds = start.elapsed().as_secs_f64() - top.groups_s;
+    inner.report.embree_s += seconds;
+    inner.report.optics_s += top.groups_s;
+    Ok(Some(top))
 }
 
 /// The Embree scene of the triangles of a mesh.
@@ -194,7 +241,7 @@ fn clusters_of(
     report: &mut PrepareReport,
 ) -> Result<Option<Arc<Clusters>>> {
     let how = cache::Options { clusters: options.clusters, optics: options.optics };
-    let start = Instant::now();
+    let start = time::Instant::now();
     let (mut clusters_s, mut optics_s) = (0.0, 0.0);
     let prepared = match options.detail {
         Detail::Rays => return Ok(None),
@@ -215,7 +262,7 @@ fn clusters_of(
                 return Err(Error::Cancelled("stopped before the clusters were measured".into()));
             }
             progress.stage("looking for measured clusters", 0);
-            let (kept, origin, note) = cache::table(scene, &options.cache, &how, || {
+            let (kept, origin, note) = cache::load_or_make(scene, &options.cache, &how, || {
                 progress.stage("building clusters", 0);
                 let hierarchy = timed(&mut clusters_s, || clusters::build(scene, &how.clusters));
                 progress.stage("measuring clusters", 0);
@@ -225,7 +272,8 @@ fn clusters_of(
             (report.origin, report.note) = (origin, note);
             let PreparedClusters { hierarchy, optics } = kept;
             let tree = Arc::new(timed(&mut optics_s, || WideTree::build(scene, &hierarchy, &optics)));
-            Clusters { hierarchy: Arc::new(hierarchy), measured: Some(Measured { optics, tree }) }
+            let parts = optics::groups::parts(&hierarchy, &optics);
+            Clusters { hierarchy: Arc::new(hierarchy), measured: Some(Measured { optics, tree, parts }) }
         }
     };
     report.clusters_s += clusters_s;
@@ -236,7 +284,7 @@ fn clusters_of(
 
 /// The result of `make`; its seconds are added to `seconds`.
 fn timed<R>(seconds: &mut f64, make: impl FnOnce() -> R) -> R {
-    let start = Instant::now();
+    let start = time::Instant::now();
     let result = make();
     *seconds += start.elapsed().as_secs_f64();
     result

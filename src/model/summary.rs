@@ -1,42 +1,55 @@
-//! The facts of a scene that every output states.
+//! Summary of a scene in the records of commands.
 
-use crate::clusters::Hierarchy;
-use crate::scene::Scene;
+use super::Model;
 use serde::{Deserialize, Serialize};
 
-/// Facts of the scene.
+/// Summary of a scene.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct SceneFacts {
-    /// The file, as given.
+pub struct SceneSummary {
+    /// Path of the file as given.
     pub path: String,
-    /// Triangles kept.
+    /// Stored triangles after repairs; those of a mesh count once.
     pub triangles: usize,
     /// Named objects.
     pub objects: usize,
-    /// Emissive surfaces.
+    /// Emitters.
     pub emitters: usize,
-    /// Connected parts that bound a solid: seen from outside only.
+    /// Connected parts that bound a solid; visible from outside only.
     pub closed_parts: usize,
-    /// Connected parts that are sheets: seen from both sides.
+    /// Connected parts that are sheets; visible from both sides.
     pub sheet_parts: usize,
-    /// Clusters of the hierarchy.
+    /// Clusters of all hierarchies.
     pub clusters: usize,
-    /// Levels of the hierarchy.
+    /// Levels of the deepest hierarchy.
     pub levels: usize,
+    /// Number of visible instances of shared meshes; absent in scenes without instances.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub instances: Option<usize>,
+    /// Number of visible triangles, counted once per instance; absent in scenes without instances.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub visible_triangles: Option<u64>,
 }
 
-impl SceneFacts {
-    /// Those of a scene and its clusters.
-    pub fn of(scene: &Scene, hierarchy: &Hierarchy) -> SceneFacts {
-        SceneFacts {
+impl SceneSummary {
+    /// Summary of a model with clusters.
+    ///
+    /// # Panics
+    /// The model was prepared without clusters.
+    pub fn of(model: &Model) -> SceneSummary {
+        let scene = model.scene();
+        let hierarchies = || model.meshes().iter().map(|mesh| mesh.hierarchy());
+        let placed = model.instances().len() > 1;
+        SceneSummary {
             path: scene.path.display().to_string(),
-            triangles: scene.triangles.len(),
+            triangles: model.meshes().iter().map(|mesh| mesh.scene().triangles.len()).sum(),
             objects: scene.objects.len(),
             emitters: scene.emitters.len(),
             closed_parts: scene.closed_parts,
             sheet_parts: scene.sheet_parts,
-            clusters: hierarchy.micro.clusters.len() + hierarchy.large.clusters.len(),
-            levels: hierarchy.micro.levels().max(hierarchy.large.levels()),
+            clusters: hierarchies().map(|h| h.micro.clusters.len() + h.large.clusters.len()).sum(),
+            levels: hierarchies().map(|h| h.micro.levels().max(h.large.levels())).max().unwrap_or(0),
+            instances: placed.then(|| model.instances().iter().skip(1).filter(|i| i.is_present()).count()),
+            visible_triangles: placed.then(|| model.visible_triangles()),
         }
     }
 }

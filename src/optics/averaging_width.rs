@@ -32,8 +32,9 @@ pub(super) struct Cells {
 }
 
 impl Cells {
-    /// Counts the pixels of `hull` (the projected box) per cell, takes the sum of their transmittances from `free(x, y)` for
-    /// cell (x, y), and computes path lengths along `view`, a unit vector. `origin` is the world position of pixel corner (0, 0); `u` and `v` span one pixel.
+    /// Counts the pixels of `hull` (the projected box) per cell, takes the sum of their transmittances from `free(x,
+    /// y)` for cell (x, y), and computes path lengths along `view`, a unit vector. `origin` is the world position of
+    /// pixel corner (0, 0); `u` and `v` span one pixel.
     pub fn fill(
         &mut self,
         hull: &BitImage,

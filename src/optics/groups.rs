@@ -1,9 +1,9 @@
 //! Optics of groups of instances, measured on the clusters of their meshes.
 //!
-//! An instance stands in a group as a few boxes with extinction: a cut through the cluster tree of its mesh. The group is
-//! measured like a cluster of triangles (docs/method.md, Cluster optics), except that a pixel transmits
-//! exp(-Σ κ l) over the boxes behind it instead of all or nothing. Blocker sizes are conservative: a pixel counts as blocked
-//! if it loses more than [`MIN_LOSS`], although the contents of a box may leave gaps.
+//! A group represents each instance by a few boxes with extinction: a cut through the cluster tree of its mesh. The
+//! group is measured like a cluster of triangles (docs/method.md, Groups of instances), except that a pixel transmits
+//! exp(-Σ κ l) over the boxes behind it instead of all or nothing. Blocker sizes are conservative: a pixel counts as
+//! blocked if it loses more than `MIN_LOSS`, although the contents of a box may leave gaps.
 
 use super::axes::{AXIS_COUNT, AxisMix, view};
 use super::silhouette::Silhouette;
@@ -13,11 +13,13 @@ use crate::math::Aabb;
 use glam::{Affine3A, Vec2, Vec3};
 use rayon::prelude::*;
 
-/// Boxes that stand for an instance, at most. Chosen: resolves a tree into trunk and parts of the crown.
+/// Largest number of boxes that represent an instance, per cluster tree of its mesh. Chosen: resolves a tree into
+/// trunk and parts of the crown.
 const MAX_PARTS: usize = 16;
-/// Pixels across the longer side of a group. Chosen: half of [`super::silhouette`]'s, because boxes have no finer detail.
+/// Pixels across the longer side of a group's projection. Chosen: half of [`super::silhouette`]'s, because boxes have
+/// no finer detail.
 const GROUP_PIXELS: usize = 32;
-/// Loss of transmittance from which on a pixel counts as blocked. Equals the default tolerance of cluster optics.
+/// Loss of transmittance above which a pixel counts as blocked. Equals the default tolerance of cluster optics.
 const MIN_LOSS: f32 = 0.05;
 /// Optical depth of a solid surface: transmits e^-7, less than 0.1 %.
 const OPAQUE_DEPTH: f32 = 7.0;
@@ -31,7 +33,7 @@ pub struct Part {
     extinction: [f32; AXIS_COUNT],
 }
 
-/// The boxes that stand for an instance of a mesh in groups: the largest clusters are opened first.
+/// The boxes that represent an instance of a mesh in groups: the largest clusters are opened first.
 pub fn parts(hierarchy: &Hierarchy, optics: &[ClusterOptics]) -> Vec<Part> {
     let cut = |tree: &Tree| -> Vec<usize> {
         let volume = |c: &usize| tree.clusters[*c].bounds.thickened().volume();
@@ -62,13 +64,14 @@ pub fn parts(hierarchy: &Hierarchy, optics: &[ClusterOptics]) -> Vec<Part> {
 /// An instance as a member of groups.
 #[derive(Clone)]
 pub struct Member<'a> {
-    /// The boxes that stand for its mesh.
+    /// The boxes that represent its mesh.
     pub parts: &'a [Part],
     /// From the frame of the mesh to that of the groups: rotation, reflection and uniform scale.
     pub to_world: Affine3A,
 }
 
-/// Measures all clusters of a tree over instances; `tree.order` holds indices into `members`. Parallel and deterministic.
+/// Measures all clusters of a tree over instances; `tree.order` holds indices into `members`. Parallel and
+/// deterministic.
 pub fn measure_groups(tree: &Tree, members: &[Member], options: &Options) -> Vec<ClusterOptics> {
     (0..tree.clusters.len())
         .into_par_iter()
@@ -127,7 +130,8 @@ impl Silhouette {
         self.transmittance = depth;
     }
 
-    /// Adds the optical depth of one box to the pixels that it covers. `along` is the view direction in the box's frame.
+    /// Adds the optical depth of one box to the pixels that it covers. `along` is the view direction in the box's
+    /// frame.
     fn add_box(
         &self,
         depth: &mut [f32],

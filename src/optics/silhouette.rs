@@ -44,7 +44,7 @@ impl Frame {
         Frame { view, bounds, pixel, size, u, v, offset }
     }
 
-    /// World position of a point with these pixel coordinates, in the plane through the middle of the box.
+    /// World position of a point with these pixel coordinates, in the plane through the centre of the box.
     pub(super) fn position(&self, pixel: Vec2) -> Vec3 {
         let away = pixel - 0.5 * self.size.as_vec2();
         self.bounds.center() + self.pixel * self.pixel * (away.x * self.u + away.y * self.v)
@@ -60,7 +60,7 @@ impl Frame {
 #[derive(Clone)]
 pub(super) struct Silhouette {
     pub(super) frame: Frame,
-    /// Pixels that are blocked; for a group of instances those that lose a noticeable part of the light.
+    /// Pixels that are blocked; for a group of instances, pixels that lose more than [`super::groups`] allows.
     pub(super) contents: BitImage,
     /// Transmittance by pixel, row by row, for a group of instances; empty if pixels are either blocked or free.
     pub(super) transmittance: Vec<f32>,

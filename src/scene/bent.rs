@@ -1,24 +1,24 @@
-//! Triangulation of polygons that lie in no plane: least total area.
+//! Triangulation of non-planar polygons with the least total area.
 //!
-//! Twigs and petals of modelled plants are full of bent quads and hexagons. Seen along their mean normal they
-//! look as if they crossed themselves, yet they are good surfaces. The triangulation of least area is the usual
-//! answer (Barequet and Sharir 1995, filling gaps in the boundary of a polyhedron).
+//! Models of plants contain many non-planar quads and hexagons. Projected along their mean normal they may intersect
+//! themselves, although they are good surfaces. The triangulation of least area follows Barequet and Sharir 1995
+//! (filling gaps in the boundary of a polyhedron).
 
 use glam::DVec3;
 
-/// Distance from a plane, over the size of the polygon, up to which it is flat.
-const FLAT: f64 = 1e-3;
-/// More corners than this are not tried: the time is cubic.
+/// Largest distance from the plane of a planar polygon, relative to its size. Chosen: rounding in files is smaller.
+const MAX_FLAT_DISTANCE: f64 = 1e-3;
+/// Largest number of corners. Chosen: the time is cubic.
 const MAX_CORNERS: usize = 64;
 
-/// Triangles as corner numbers, wound like the polygon; `None` if it is flat or too large.
+/// Triangles as corner numbers, with the orientation of the polygon; `None` if it is planar or too large.
 pub(super) fn triangulate(p: &[DVec3]) -> Option<Vec<[u32; 3]>> {
     let n = p.len();
     if n > MAX_CORNERS || is_flat(p) {
         return None;
     }
     let area = |i: usize, k: usize, j: usize| (p[k] - p[i]).cross(p[j] - p[i]).length();
-    // Least doubled area of the chain from corner i to corner j, and the corner that closes its triangle.
+    // Least doubled area of the chain from corner i to corner j, and the third corner of its triangle.
     let mut best = vec![(0.0f64, 0); n * n];
     for length in 2..n {
         for i in 0..n - length {
@@ -48,7 +48,7 @@ fn is_flat(p: &[DVec3]) -> bool {
         normals.fold(DVec3::ZERO, |a, b| if b.length_squared() > a.length_squared() { b } else { a });
     let unit = normal.normalize_or_zero();
     let size = p.iter().map(|q| q.distance(p[0])).fold(0.0, f64::max);
-    p.iter().all(|q| (q - p[0]).dot(unit).abs() <= FLAT * size)
+    p.iter().all(|q| (q - p[0]).dot(unit).abs() <= MAX_FLAT_DISTANCE * size)
 }
 
 #[cfg(test)]
@@ -57,7 +57,7 @@ mod tests {
 
     #[test]
     fn bent_polygons_get_the_least_area() {
-        // A square with a raised corner: split along 0-2 it has 0.995 of area, along 1-3 only 0.860.
+        // A square with a raised corner: split along 0-2 its area is 0.995, along 1-3 only 0.860.
         let bent = [DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::new(0.5, 0.5, 0.7)];
         assert_eq!(triangulate(&bent), Some(vec![[0, 1, 3], [1, 2, 3]]));
         let bow_tie = [DVec3::ZERO, DVec3::new(1.0, 1.0, 0.0), DVec3::X, DVec3::Y];

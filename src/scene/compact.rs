@@ -1,9 +1,9 @@
-//! Leaving out what no face uses any more: vertices, objects, parts.
+//! Removal of vertices, objects and parts without faces.
 
 use super::{Object, Repairs, connect::Parts};
 use glam::Vec3;
 
-/// Drops the vertices that no triangle uses; keeps the order.
+/// Removes vertices without triangles; keeps the order.
 pub(super) fn compact(
     number: &[u32],
     positions: Vec<Vec3>,
@@ -24,7 +24,7 @@ pub(super) fn compact(
     (used, triangles)
 }
 
-/// Objects that have a face, and their numbers a face.
+/// Objects with faces, and the index of each face's object among them.
 pub(super) fn used_objects(names: Vec<String>, mut object: Vec<u32>) -> (Vec<Object>, Vec<u32>) {
     let mut used = vec![false; names.len()];
     object.iter().for_each(|&o| used[o as usize] = true);
@@ -38,7 +38,7 @@ pub(super) fn used_objects(names: Vec<String>, mut object: Vec<u32>) -> (Vec<Obj
     (objects, object)
 }
 
-/// Parts numbered again without those that lost all faces (they had no area).
+/// Parts renumbered without those that lost all faces (without area).
 pub(super) fn used_parts(parts: &Parts, polygon: &[u32]) -> (Vec<u32>, Vec<bool>) {
     let mut place = vec![u32::MAX; parts.closed.len()];
     let mut closed = Vec::new();

@@ -1,6 +1,6 @@
-//! Which polygons hang together by edges, and which of the parts are closed.
+//! Edge-connected parts of polygons, and whether they are closed.
 
-/// Disjoint sets of `0..n` (union by smaller root, so that the root is the first member).
+/// Disjoint sets of `0..n` (union by smaller root: the root is the first member).
 pub(super) struct Sets(Vec<u32>);
 
 impl Sets {
@@ -25,11 +25,11 @@ impl Sets {
     }
 }
 
-/// Every undirected edge of every polygon, sorted so that equal edges are neighbours.
+/// Every undirected edge of every polygon, sorted so that equal edges are adjacent.
 pub(super) struct Edges(Vec<(u64, u32)>);
 
 impl Edges {
-    /// Edges of the polygons that `corners` yields; the number beside each is the polygon's place.
+    /// Edges of the polygons in `corners`, each with the index of its polygon.
     pub fn of<'a>(polygons: impl Iterator<Item = &'a [u32]>) -> Self {
         let mut edges = Vec::new();
         for (i, p) in polygons.enumerate() {
@@ -42,13 +42,13 @@ impl Edges {
         Edges(edges)
     }
 
-    /// For each edge the polygons that have it, ascending.
+    /// For each edge its polygons, ascending.
     pub fn faces(&self) -> impl Iterator<Item = impl Iterator<Item = u32> + '_> + '_ {
         self.0.chunk_by(|a, b| a.0 == b.0).map(|run| run.iter().map(|&(_, polygon)| polygon))
     }
 }
 
-/// Parts of a scene.
+/// Edge-connected parts of a scene.
 pub(super) struct Parts {
     /// Part of each polygon, numbered from 0 in order of the first polygon.
     pub part: Vec<u32>,
@@ -58,9 +58,9 @@ pub(super) struct Parts {
 
 /// Finds the edge-connected parts.
 ///
-/// Where more than two faces meet, faces of different objects are told apart: two bricks that touch along an
-/// edge are two closed solids, not one open thing. A solid whose faces are spread over several objects (one a
-/// material, say) still counts as one, because its edges have two faces.
+/// Where more than two faces meet, faces of different objects are separated: two bricks in contact along an edge are
+/// two closed solids. A solid whose faces belong to several objects (one per material, for example) is one part,
+/// because its edges have two faces.
 pub(super) fn parts(edges: &Edges, object: &[u32]) -> Parts {
     let n = object.len();
     let (mut sets, mut open) = (Sets::new(n), vec![false; n]);

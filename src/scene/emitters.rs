@@ -1,13 +1,13 @@
-//! Emissive surfaces: grouping, area, normal, minimum width, and power asked for by name.
+//! Emitters: grouping, area, normal, minimum width.
 
 use super::{Emitter, connect::Sets};
 use glam::{DVec2, DVec3, Vec3};
 
-/// Triangles as the grouping sees them.
+/// Triangles for the grouping.
 pub(super) struct Faces<'a> {
     pub positions: &'a [Vec3],
     pub triangles: &'a [[u32; 3]],
-    /// Which polygon each triangle came from.
+    /// Polygon of each triangle.
     pub polygon: &'a [u32],
 }
 
@@ -17,7 +17,7 @@ impl Faces<'_> {
     }
 }
 
-/// Groups the triangles whose `emission` is not black by `sets` (of polygons), in order of the first face.
+/// Groups the emissive triangles by `sets` (of polygons), in order of the first face.
 pub(super) fn group(
     faces: &Faces,
     sets: &mut Sets,
@@ -44,7 +44,7 @@ pub(super) fn group(
     (emitters, of_triangle)
 }
 
-/// Names emitters after their object; numbered from 1 where an object has several.
+/// Names emitters after their object, numbered from 1 where an object has several.
 fn name(emitters: &mut [Emitter], object: impl Fn(u32) -> String) {
     let mut count = std::collections::HashMap::<String, usize>::new();
     for e in emitters.iter_mut() {
@@ -81,9 +81,10 @@ fn measure(faces: &Faces, triangles: Vec<u32>, emission: &impl Fn(u32) -> [f32; 
     }
 }
 
-/// A mean normal shorter than this (about 0.8 degrees of spread) means that the surface is curved.
-const PLANAR: f64 = 0.9999;
-/// Directions sampled for surfaces that are not planar, beside the axes and the faces' own normals.
+/// Smallest length of the mean normal of a planar surface: a spread of about 0.8 degrees. Chosen: tolerates rounding.
+const MIN_PLANAR_NORMAL: f64 = 0.9999;
+/// Sampled directions for surfaces that are not planar, besides the axes and the faces' normals. Chosen: widths are
+/// accurate to 2 % (see the test).
 const DIRECTIONS: usize = 64;
 
 fn min_width(faces: &Faces, triangles: &[u32], mean_normal: f64) -> f64 {
@@ -97,7 +98,7 @@ fn min_width(faces: &Faces, triangles: &[u32], mean_normal: f64) -> f64 {
         let [a, b, c] = faces.corners(t);
         (b - a).cross(c - a).normalize_or_zero()
     });
-    if mean_normal > PLANAR {
+    if mean_normal > MIN_PLANAR_NORMAL {
         let (u, v) = normals.sum::<DVec3>().normalize().any_orthonormal_pair();
         return width_of_hull(&hull(points.iter().map(|p| DVec2::new(p.dot(u), p.dot(v))).collect()));
     }
@@ -114,7 +115,7 @@ fn min_width(faces: &Faces, triangles: &[u32], mean_normal: f64) -> f64 {
         .fold(f64::MAX, f64::min)
 }
 
-/// Nearly even directions of a half sphere: a spiral by the golden angle.
+/// Nearly uniform directions of a hemisphere: a spiral by the golden angle.
 fn hemisphere() -> impl Iterator<Item = DVec3> {
     (0..DIRECTIONS).map(|i| {
         let z = (i as f64 + 0.5) / DIRECTIONS as f64;
@@ -141,7 +142,7 @@ fn hull(mut p: Vec<DVec2>) -> Vec<DVec2> {
             }
             hull.push(q);
         }
-        // The last point starts the other half.
+        // The last point is the first of the other half.
         hull.pop();
     };
     half(&mut p.iter().copied());
@@ -149,8 +150,8 @@ fn hull(mut p: Vec<DVec2>) -> Vec<DVec2> {
     hull
 }
 
-/// Smallest distance of two parallel lines that hold the hull: one of them lies along an edge
-/// (rotating calipers, Toussaint 1983).
+/// Smallest distance of two parallel lines that enclose the hull; one of them contains an edge (rotating calipers,
+/// Toussaint 1983).
 fn width_of_hull(hull: &[DVec2]) -> f64 {
     let n = hull.len();
     if n < 3 {
@@ -160,7 +161,7 @@ fn width_of_hull(hull: &[DVec2]) -> f64 {
     for i in 0..n {
         let (a, edge) = (hull[i], hull[(i + 1) % n] - hull[i]);
         let height = |k: usize| edge.perp_dot(hull[k % n] - a);
-        // At most n steps an edge, whatever rounding does.
+        // At most n steps per edge, so that rounding cannot cause an endless loop.
         for _ in 0..n {
             if height(far + 1) <= height(far) {
                 break;
@@ -197,7 +198,7 @@ mod tests {
     fn directions_are_unit_and_spread() {
         let d: Vec<DVec3> = hemisphere().collect();
         assert!(d.iter().all(|v| (v.length() - 1.0).abs() < 1e-12));
-        // No direction is farther than about 11 degrees from a sample: a width is off by 2 % at most.
+        // Every direction is within about 11 degrees of a sample: the error of a width is at most 2 %.
         let probes = [DVec3::new(1.0, 2.0, 3.0), DVec3::new(-3.0, 1.0, 0.2), DVec3::new(0.1, -0.1, 1.0)];
         for p in probes.map(DVec3::normalize) {
             assert!(d.iter().any(|v| v.dot(p).abs() > 0.97), "{p}");

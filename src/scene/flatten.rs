@@ -1,30 +1,32 @@
-//! A scene without placements: what is placed becomes triangles of the scene's own.
+//! Conversion of placements to triangles.
 
 use super::{Material, Object, Placement, Scene, resolve::has_area};
 use crate::{Error, Result, math::Aabb};
 use std::collections::HashMap;
 
-/// Most triangles of a flattened scene: every array of theirs stays below 2^33 entries, and corner indices fit into u32.
+/// Largest number of triangles of a flattened scene: arrays stay below 2^33 entries, and indices of corners fit into
+/// u32.
 pub const MAX_FLATTENED_TRIANGLES: u64 = 1 << 31;
 
 impl Scene {
-    /// The same scene without placements: each visible placement becomes an object of its own, after the scene's own objects
-    /// and in the order of the placements. Hidden placements are left out. A scene without placements is copied as it is.
+    /// The same scene without placements: each visible placement becomes an object, after the scene's own objects and
+    /// in the order of the placements. Hidden placements are omitted. A scene without placements is copied.
     ///
-    /// Vertices are transformed in f64 and stored as f32 relative to [`Scene::origin`], which does not change. A mirroring
-    /// transform turns the winding round, so that outsides stay outside. Vertices of different placements are not welded,
-    /// and parts stay as they are within each shared mesh. Triangles that lose their area by rounding are dropped and
-    /// counted. Materials of shared meshes are appended once to the table, except those that it holds already (same name,
-    /// reflectance and emission).
+    /// Vertices are transformed in f64 and stored as f32 relative to [`Scene::origin`], which does not change. A
+    /// mirroring transform reverses the orientation of faces, so that outsides stay outside. Vertices of different
+    /// placements are not merged, and parts stay as they are in each shared mesh. Triangles that lose their area by
+    /// rounding are dropped and counted. Materials of shared meshes are appended once, except those that the scene
+    /// has already (equal name, reflectance and emission).
     ///
     /// # Errors
-    /// The result would have more than [`MAX_FLATTENED_TRIANGLES`]; a placement refers to a mesh or material that does not
-    /// exist, has a material that emits, or a transform that is not finite.
+    /// The result would have more than [`MAX_FLATTENED_TRIANGLES`]; a placement refers to a mesh or material that
+    /// does not exist, has a material that emits, or a transform that is not finite.
+    #[cfg_attr(not(test), allow(dead_code))]
     pub(crate) fn flattened(&self) -> Result<Scene> {
         self.flattened_within(MAX_FLATTENED_TRIANGLES)
     }
 
-    /// Like [`Scene::flattened`], for at most `max_triangles`; more than [`MAX_FLATTENED_TRIANGLES`] is taken as that.
+    /// [`Scene::flattened`] with at most `max_triangles`, and at most [`MAX_FLATTENED_TRIANGLES`].
     ///
     /// # Errors
     /// As [`Scene::flattened`].
@@ -47,7 +49,7 @@ impl Scene {
 
     /// A copy without shared meshes and placements.
     fn own(&self) -> Scene {
-        // Cloning the placements only to drop them would cost their names.
+        // Avoids cloning the names of the placements.
         Scene {
             path: self.path.clone(),
             unit: self.unit.clone(),
@@ -76,7 +78,7 @@ impl Scene {
         }
     }
 
-    /// Whether the result keeps to the limits; every placement refers to what exists afterwards.
+    /// Checks the limits, and that placements refer to existing meshes and materials.
     fn check_size(&self, max: u64) -> Result<()> {
         let (mut vertices, mut polygons) = (self.positions.len() as u64, 0u64);
         polygons += self.triangle_polygon.last().map_or(0, |&p| u64::from(p) + 1);
@@ -113,10 +115,10 @@ impl Scene {
     }
 }
 
-/// A flattened scene in the making.
+/// A flattened scene under construction.
 struct Flat {
     scene: Scene,
-    /// For each shared mesh where its materials are in the table of the scene.
+    /// For each shared mesh, the indices of its materials in the table of the scene.
     materials: Vec<Vec<u32>>,
     /// Number of polygons so far.
     polygons: u32,
@@ -201,7 +203,7 @@ impl Flat {
     }
 }
 
-/// Drops the vertices from `first` on that none of the last `triangles` uses.
+/// Removes vertices from `first` on without one of the last `triangles`.
 fn drop_unused(s: &mut Scene, first: usize, triangles: usize) {
     let start = s.triangles.len() - triangles;
     let mut place = vec![u32::MAX; s.positions.len() - first];

@@ -1,8 +1,8 @@
 //! Shared meshes and their placements.
 //!
-//! A mesh that many nodes of a file place is stored once ([`Scene::shared`]); each node is a [`Placement`]. Parts and sides
-//! of a shared mesh are found within it: faces of two placements that touch are not joined, so that six placements of one
-//! square that bound a box are six sheets.
+//! A mesh with several placements in a file is stored once ([`Scene::shared`]); each of its nodes is a [`Placement`].
+//! Parts and sides are determined within the shared mesh: faces of different placements are never connected, so six
+//! placements of a square that bound a box are six sheets.
 
 use super::{
     LoadOptions, MAX_COORDINATE, MIN_EXTENT, PlacedSoup, Repairs, Scene,
@@ -12,7 +12,8 @@ use crate::{Error, Result, math::Aabb};
 use glam::{DAffine3, DVec3};
 use std::sync::Arc;
 
-/// Most placements of a scene, and most nodes of a glTF file: some 300 bytes each while reading, 600 MB in all.
+/// Largest number of placements of a scene and of nodes of a glTF file. Chosen: some 300 bytes each while reading,
+/// 600 MB in all.
 pub const MAX_PLACEMENTS: usize = 1 << 21;
 
 /// One placement of a shared mesh.
@@ -27,13 +28,14 @@ pub struct Placement {
     pub name: String,
     /// Material that replaces those of the mesh: index into [`Scene::materials`]; `None` keeps them.
     pub material: Option<u32>,
-    /// Whether it blocks and receives light.
+    /// Whether the placement blocks and receives light.
     pub visible: bool,
 }
 
 impl Placement {
-    /// Box around the image of `mesh_bounds` (relative to the mesh's origin), relative to [`Scene::origin`], scene units.
-    /// It holds the eight transformed corners, so for a turned mesh it is larger than the box of the transformed vertices.
+    /// Box around the image of `mesh_bounds` (relative to the mesh's origin), relative to [`Scene::origin`], scene
+    /// units. The box encloses the eight transformed corners; for a rotated mesh it is larger than the box of the
+    /// transformed vertices.
     pub fn bounds(&self, mesh_bounds: Aabb) -> Aabb {
         let (min, max) = (mesh_bounds.min.as_dvec3(), mesh_bounds.max.as_dvec3());
         let corner = |i: u32| {
@@ -45,7 +47,7 @@ impl Placement {
 }
 
 impl Scene {
-    /// Number of triangles that block and receive light: the scene's own, and those of each visible placement.
+    /// Number of triangles that block and receive light: the scene's own and those of each visible placement.
     pub(crate) fn visible_triangles(&self) -> u64 {
         let count = |p: &Placement| self.shared.get(p.mesh as usize).map_or(0, |m| m.triangles.len() as u64);
         let placed = self.placements.iter().filter(|p| p.visible).map(count);
@@ -60,8 +62,8 @@ impl Scene {
         boxes.fold(self.bounds, Aabb::union)
     }
 
-    /// Adds shared meshes and their placements, whose transforms map coordinates of the file to coordinates of the file;
-    /// here they become relative to the origins. Placements that shrink their mesh to nothing are left out and counted.
+    /// Adds shared meshes and their placements, whose transforms refer to coordinates of the file and become relative
+    /// to the origins. Placements that shrink their mesh to a point are omitted and counted.
     pub(super) fn place(&mut self, shared: Vec<Scene>, placements: Vec<Placement>) -> Result<()> {
         let mut vanished = 0;
         for mut p in placements {
@@ -72,7 +74,8 @@ impl Scene {
             p.transform = DAffine3::from_translation(-self.origin) * p.transform * from_mesh;
             let bounds = p.bounds(mesh.bounds);
             let farthest = bounds.min.abs().max(bounds.max.abs()).max_element();
-            if !p.transform.is_finite() || farthest.is_nan() || f64::from(farthest) > MAX_COORDINATE {
+            // A box of NaN corners is empty: its ends are infinite.
+            if !p.transform.is_finite() || f64::from(farthest) > MAX_COORDINATE {
                 let what = format!("not finite or beyond {MAX_COORDINATE:e}");
                 let text = format!("node `{}` places its mesh at coordinates that are {what}", p.name);
                 return Err(Error::format(&self.path, None, text));
@@ -95,7 +98,7 @@ impl Scene {
     }
 }
 
-/// Resolves a soup and its placed meshes, each mesh by itself.
+/// Resolves a soup and each of its shared meshes.
 ///
 /// # Errors
 /// As [`Scene::load`], for the soup and for each mesh.
@@ -111,7 +114,7 @@ pub(super) fn resolve_placed(placed: PlacedSoup, options: &LoadOptions) -> Resul
 impl Repairs {
     /// Adds the counts of `other`, without its messages.
     pub(super) fn add_counts(&mut self, other: &Repairs) {
-        // All fields are named, so that a new one has to be thought about here.
+        // All fields are named, so that a new field does not compile before it is considered here.
         let Repairs {
             zero_area_faces,
             duplicate_faces,

@@ -1,21 +1,22 @@
-//! Which polygons are worth triangulating.
+//! Selection of the polygons to triangulate.
 
 use super::{Repairs, Soup, triangulate::newell, weld};
 use glam::{DVec3, Vec3};
 
-/// Glass: faces of a material less opaque than this do not block light and are left out; others are opaque.
+/// Smallest opacity of a face that blocks light; faces below are dropped. Chosen: one half separates glass from the
+/// rest.
 pub(super) const MIN_OPACITY: f32 = 0.5;
 
-/// The polygons that are not dropped before triangulation.
+/// Polygons that remain before triangulation.
 pub(super) struct Kept {
-    /// Index of each in the soup.
+    /// Index of each polygon in the soup.
     pub polygon: Vec<u32>,
-    /// Welded corners, all one after the other, no two consecutive ones equal.
+    /// Merged vertices of all polygons in order; no two consecutive ones are equal.
     pub corners: Vec<u32>,
-    /// Which corner of the soup each came from.
+    /// Corner of the soup that each entry of `corners` comes from.
     pub source: Vec<u32>,
     ends: Vec<usize>,
-    /// Object of each.
+    /// Object of each polygon.
     pub object: Vec<u32>,
 }
 
@@ -25,7 +26,8 @@ impl Kept {
         (if i == 0 { 0 } else { self.ends[i - 1] })..self.ends[i]
     }
 
-    /// Cleans the corners of all polygons and drops what is transparent, has no three corners, or occurs twice.
+    /// Cleans the corners of all polygons and drops polygons that are transparent, have fewer than three corners, or
+    /// are duplicates.
     pub fn of(soup: &Soup, number: &[u32], positions: &[Vec3], repairs: &mut Repairs) -> Kept {
         let mut all = Kept {
             polygon: Vec::with_capacity(soup.polygons()),
@@ -36,7 +38,7 @@ impl Kept {
         };
         for i in 0..soup.polygons() {
             let material = &soup.materials[soup.polygon_material[i] as usize];
-            // Lamps stay, whatever they say: dropping them would put out the light.
+            // Emitters remain at any opacity.
             if material.opacity < MIN_OPACITY && material.emission == [0.0; 3] {
                 repairs.transparent_faces += 1;
                 continue;
@@ -67,8 +69,8 @@ impl Kept {
         all
     }
 
-    /// Drops every polygon with the same corners as an earlier one, unless it faces the other way and belongs
-    /// to another object: those are two solids that touch.
+    /// Drops every polygon with the corners of an earlier one, unless it faces the other way and belongs to another
+    /// object: these are two solids in contact.
     fn drop_duplicates(&mut self, soup: &Soup, positions: &[Vec3], repairs: &mut Repairs) {
         let slices: Vec<&[u32]> = (0..self.polygon.len()).map(|i| &self.corners[self.span(i)]).collect();
         let normal = |i: u32| {
@@ -79,7 +81,7 @@ impl Kept {
         let object = |i: u32| soup.polygon_object[self.polygon[i as usize] as usize];
         let mut drop = vec![false; slices.len()];
         for group in weld::same_corners(&slices) {
-            // Of a group few survive, so the search among the survivors is short; the cap keeps it so.
+            // Groups keep few polygons, and the cap bounds the search among them.
             let mut survivors: Vec<(u32, DVec3)> = Vec::new();
             for &i in &group {
                 let n = normal(i);

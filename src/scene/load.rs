@@ -1,21 +1,21 @@
-//! The door: a file of a known format becomes a checked scene.
+//! Loading of scene files.
 
 use super::{Scene, read_gltf, read_obj, read_ply, resolve};
 use crate::threads::Threads;
 use crate::{Error, Result};
 use std::path::Path;
 
-/// What a file does not say, or says wrongly. [`LoadOptions::default`], then `with_…`.
+/// Properties that a file does not state or states wrongly: [`LoadOptions::default`], then `with_…`.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct LoadOptions {
-    /// Name of the length unit; default `m`.
+    /// Name of the unit of length; default `m`.
     pub(crate) unit: String,
-    /// Objects, groups or materials that shall emit, with their total power in watts (in each channel).
+    /// Objects, groups or materials that become emitters, with their total power in watts (per channel).
     pub(crate) emitters: Vec<(String, f64)>,
-    /// Emissive faces emit from both sides; default only from the front.
+    /// Emissive faces emit from both sides; default: from the front only.
     pub(crate) two_sided_emission: bool,
-    /// Overrides what connectivity says: 1 all faces bound solids, 2 all are sheets.
+    /// Overrides detection: 1: all faces bound solids, 2: all faces are sheets.
     pub(crate) sides: Option<u8>,
     /// Threads; 0 for all cores.
     pub(crate) threads: usize,
@@ -81,22 +81,19 @@ impl Scene {
         Scene::load_with(path, &LoadOptions::default())
     }
 
-    /// Reads a scene; the extension of `path` says the format: `obj`, `gltf`, `glb` or `ply`.
+    /// Loads a scene; the extension of `path` selects the format: `obj`, `gltf`, `glb` or `ply`.
     ///
-    /// Nodes of a glTF file that place the same mesh share it, unless the mesh emits or a node's
-    /// transform is more than 1 % off a similarity. A glTF file may have at most 2,097,152 nodes.
+    /// Nodes of a glTF file that place the same mesh share it, unless the mesh emits or a
+    /// node's transform is more than 1 % off a similarity. A glTF file may have at most 2,097,152 nodes.
     ///
     /// # Errors
-    /// The file cannot be read, is not of its format, holds a value that is not finite or out of range, or has
-    /// no face with an area; an emitter that the options name does not exist; an option is out of range. What can be mended
-    /// is mended and listed by [`Scene::repairs`].
+    /// The file cannot be read, has a wrong format, contains a value that is not finite or out of range, or has no
+    /// face with an area; an emitter of the options does not exist; an option is out of range. Repairable defects are repaired and
+    /// listed by [`Scene::repairs`].
     pub fn load_with(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Scene> {
         let path = path.as_ref();
-        if options.sides.is_some_and(|sides| !(1..=2).contains(&sides)) {
-            return Err(Error::Argument(format!(
-                "`sides` {}: must be 1 or 2",
-                options.sides.unwrap_or_default()
-            )));
+        if let Some(sides) = options.sides.filter(|sides| !(1..=2).contains(sides)) {
+            return Err(Error::Argument(format!("`sides` {sides}: must be 1 or 2")));
         }
         Threads::new(options.threads)?.run(|| read(path, options))?
     }
@@ -111,7 +108,7 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
         "ply" => read_ply::read(path)?,
         _ => {
             let what = "unknown kind of scene; the extension must be .obj, .gltf, .glb or .ply";
-            // A name that is wrong altogether is the likelier mistake than one of an unknown kind.
+            // A wrong path is more likely than an unknown format.
             std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
             return Err(Error::format(path, None, what));
         }

@@ -1,15 +1,12 @@
-//! The resolved scene: everything that later rooms need, checked once at the door.
+//! The resolved scene: geometry, materials, emitters and cameras, checked once.
 //!
-//! Input formats, defaults, units and repairs end here; no later room re-checks. This room does not know that
-//! rays, hierarchies or radiosity exist.
+//! File formats, defaults, units and repairs are handled here; later rooms do not check again.
 
 mod bent;
 mod compact;
 mod connect;
 mod emitter_sampler;
 mod emitters;
-// Used when models have instances.
-#[allow(dead_code)]
 mod flatten;
 mod front;
 pub mod generate;
@@ -47,35 +44,34 @@ use crate::{Result, math::Aabb};
 use glam::{DVec3, Vec3};
 use std::{path::PathBuf, sync::Arc};
 
-/// A named run of faces: an OBJ object or group, a glTF node, a PLY file.
+/// A named range of faces: an OBJ object or group, a glTF node, a PLY file.
 #[derive(Clone, Debug)]
 pub struct Object {
-    /// The name in the file, or a made-up one (`object 3`).
+    /// Name in the file, or a generated one (`object 3`).
     pub name: String,
 }
 
-/// A surface description.
+/// Material of a surface.
 #[derive(Clone, Debug)]
 pub struct Material {
-    /// The name in the file.
+    /// Name in the file.
     pub name: String,
     /// Diffuse reflectance of both sides, linear RGB in `[0, 1)`.
-    #[cfg_attr(not(test), allow(dead_code))] // Faces have their own, with textures.
     pub reflectance: [f32; 3],
     /// Emitted radiance on the front side, W/(m² sr), linear RGB, `>= 0`.
     pub emission: [f32; 3],
 }
 
-/// A camera that the file holds.
+/// A camera of the file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StoredCamera {
-    /// Its name in the file, or a made-up one (`camera 0`).
+    /// Name in the file, or a generated one (`camera 0`).
     pub name: String,
-    /// Where it is, in the file's coordinates.
+    /// Position in the file's coordinates.
     pub eye: DVec3,
-    /// Where it looks, a unit vector.
+    /// Viewing direction, a unit vector.
     pub forward: DVec3,
-    /// What is up in its picture, a unit vector.
+    /// Upward direction of the picture, a unit vector.
     pub up: DVec3,
     /// Angle of view from top to bottom, radians in `(0, π)`.
     pub angle: f64,
@@ -86,53 +82,54 @@ pub struct StoredCamera {
 pub struct Emitter {
     /// Object name, with a number where one object has several emissive surfaces.
     pub name: String,
-    /// Its faces, ascending indices into [`Scene::triangles`].
+    /// Faces of the emitter: ascending indices into [`Scene::triangles`].
     pub triangles: Vec<u32>,
-    /// One-sided area of those faces, scene units squared.
+    /// One-sided area of the faces, scene units squared.
     pub area: f64,
     /// Area-weighted mean of the face normals: unit length if planar, shorter if curved, zero if closed.
     pub normal: Vec3,
-    /// Minimum width: for a planar surface the smallest distance of two parallel lines in its plane that hold
-    /// it; for others the smallest width of its convex hull over the sampled directions. Scene units. This is
-    /// the `e` of the umbra criterion (method A.6: the smallest is the safe one).
+    /// Minimum width, scene units: for a planar surface the smallest distance of two parallel lines in its plane that
+    /// enclose it; otherwise the smallest sampled width of its convex hull. Width e of the umbra criterion
+    /// (docs/method.md, Umbra criterion: the smallest width misses no umbra).
     pub min_width: f32,
     /// Radiance, W/(m² sr), linear RGB (area-weighted mean over the faces).
     pub emission: [f32; 3],
 }
 
-/// What was repaired or assumed while reading, counted. All zero for a clean file.
+/// Counts of repairs and assumptions made while reading. All zero for a clean file.
 #[derive(Clone, Debug, Default, serde::Serialize)]
 pub struct Repairs {
-    /// Polygons dropped because they have no area, or fewer than three corners.
+    /// Polygons without area or with fewer than three corners; dropped.
     pub zero_area_faces: usize,
-    /// Polygons dropped because their vertices occurred before as one polygon; two that face each other in
-    /// different objects stay (solids that touch).
+    /// Polygons with the vertices of an earlier polygon; dropped. Two that face each other in different objects
+    /// remain (solids in contact).
     pub duplicate_faces: usize,
     /// Polygons with more than three corners that were triangulated.
     pub polygons_triangulated: usize,
-    /// Of those, the concave or bent ones.
+    /// Of these, the concave or non-planar ones.
     pub concave_polygons: usize,
-    /// Polygons that no triangulation could be found for (flat and self-crossing); dropped.
+    /// Polygons without a triangulation (planar and self-intersecting); dropped.
     pub broken_polygons: usize,
-    /// Vertices merged because they have the same position.
+    /// Merged vertices with equal positions.
     pub welded_vertices: usize,
-    /// Faces whose material is missing; they got the default (reflectance 0.5, no emission).
+    /// Faces without a material; they got the default (reflectance 0.5, no emission).
     pub faces_without_material: usize,
-    /// Material libraries or textures that could not be read; defaults were used.
+    /// Unreadable material libraries or textures; defaults were used.
     pub missing_files: usize,
-    /// Materials whose reflectance lay outside `[0, 1)` and was clamped to [`MAX_REFLECTANCE`].
+    /// Materials with a reflectance outside `[0, 1)`, clamped to [`MAX_REFLECTANCE`].
     pub clamped_reflectances: usize,
-    /// Vertices that no face uses.
+    /// Vertices without a face.
     pub unused_vertices: usize,
-    /// Faces dropped because their material is more transparent than opaque (`d` below 0.5) and does not emit.
+    /// Faces of a material that is more transparent than opaque (`d` below 0.5) and does not emit; dropped.
     pub transparent_faces: usize,
-    /// Pairs of objects of which faces lie in one plane, overlap, face the same way and do not look the same: which of them
-    /// is seen is chance.
+    /// Pairs of objects with overlapping faces in one plane that face the same way and differ in material: which of
+    /// them is hit by a ray depends on rounding.
     pub overlapping_objects: usize,
-    /// Nodes that place a shared mesh with shear or unequal scale, so that its triangles were copied. Not written if zero.
+    /// Nodes that place a shared mesh with shear or unequal scale, so that its triangles were copied. Not serialised
+    /// if zero.
     #[serde(skip_serializing_if = "is_zero")]
     pub copied_placements: usize,
-    /// One readable line for each kind of repair, with names where they help.
+    /// One line for each kind of repair, with names where they help.
     pub messages: Vec<String>,
 }
 
@@ -140,20 +137,20 @@ fn is_zero(count: &usize) -> bool {
     *count == 0
 }
 
-/// An immutable, checked scene of triangles. All vectors that start with `triangle_` have one entry a triangle.
+/// An immutable, checked scene of triangles. Vectors that start with `triangle_` have one entry per triangle.
 ///
-/// Positions are relative to [`Scene::origin`] so that scenes far from zero (map coordinates) keep f32 precision.
+/// Positions are relative to [`Scene::origin`], so that scenes far from zero (map coordinates) keep f32 precision.
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// The file or generator it came from.
+    /// File or generator of the scene.
     pub(crate) path: PathBuf,
-    /// Name of the length unit, `m` unless told otherwise.
+    /// Name of the unit of length; default `m`.
     pub(crate) unit: String,
     /// Emissive faces emit from both sides instead of only from the front.
     pub(crate) two_sided_emission: bool,
-    /// What was subtracted from the file's coordinates, in f64.
+    /// Offset subtracted from the file's coordinates, in f64.
     pub(crate) origin: DVec3,
-    /// Welded vertex positions relative to `origin`, finite.
+    /// Vertex positions relative to `origin`, distinct and finite.
     pub(crate) positions: Vec<Vec3>,
     /// Corner indices into `positions`, each triangle with non-zero area.
     pub(crate) triangles: Vec<[u32; 3]>,
@@ -161,15 +158,15 @@ pub struct Scene {
     pub(crate) triangle_object: Vec<u32>,
     /// Index into `materials`.
     pub(crate) triangle_material: Vec<u32>,
-    /// Polygon of the file that it is a part of, numbered from 0 in file order, ascending.
+    /// Polygon of the file that contains the triangle, numbered from 0 in file order, ascending.
     pub(crate) triangle_polygon: Vec<u32>,
-    /// Diffuse reflectance of the face: `Kd`, or the mean linear colour of its texture over the face.
+    /// Diffuse reflectance of the face: `Kd`, or the mean linear colour of the texture over the face.
     pub(crate) triangle_reflectance: Vec<[f32; 3]>,
-    /// 1: the face bounds a closed solid, only its outside is seen; 2: sheet, seen from both sides.
+    /// 1: the face bounds a closed solid and is visible from outside only; 2: sheet, visible from both sides.
     pub(crate) triangle_sides: Vec<u8>,
     /// Edge-connected component of the face, numbered from 0 in order of first face.
     pub(crate) triangle_component: Vec<u32>,
-    /// Number of components that are closed: every edge has exactly two faces (of one object, where more meet).
+    /// Number of closed components: every edge has exactly two faces (of one object, where more meet).
     pub(crate) closed_parts: usize,
     /// Number of the other components.
     pub(crate) sheet_parts: usize,
@@ -179,34 +176,36 @@ pub struct Scene {
     pub(crate) materials: Vec<Material>,
     /// Emissive surfaces, in order of their first face.
     pub(crate) emitters: Vec<Emitter>,
-    /// Index into `emitters` of each face, `u32::MAX` for faces that do not emit.
+    /// Index into `emitters`; `u32::MAX` for faces that do not emit.
     pub(crate) triangle_emitter: Vec<u32>,
-    /// Texture coordinates of the corners of each face, from the lower left corner of an image; empty if the file has none.
+    /// Texture coordinates of the corners of each face, from the lower left corner of the image; empty if the file
+    /// has none.
     pub(crate) triangle_texcoords: Vec<[[f32; 2]; 3]>,
     /// Perspective cameras of the file.
     pub(crate) cameras: Vec<StoredCamera>,
-    /// Box of all positions that faces use.
+    /// Bounding box of all vertices of faces.
     pub(crate) bounds: Aabb,
-    /// What was repaired.
+    /// Repairs made while reading.
     pub(crate) repairs: Repairs,
-    /// Meshes that are stored once and placed by `placements`: each a scene of its own in its own frame, without
-    /// emitters, shared meshes or placements. Empty for a scene whose meshes all occur once.
+    /// Meshes that are stored once and placed by `placements`; each is a scene in its own frame, without emitters,
+    /// shared meshes or placements. Empty if every mesh occurs once.
     pub(crate) shared: Vec<Arc<Scene>>,
-    /// Where the shared meshes stand, in file order.
+    /// Placements of the shared meshes, in file order.
     pub(crate) placements: Vec<Placement>,
 }
 
 impl Scene {
-    /// The three corners of a triangle.
+    /// The corners of a triangle.
     #[inline]
     pub(crate) fn corners(&self, triangle: u32) -> [Vec3; 3] {
         self.triangles[triangle as usize].map(|v| self.positions[v as usize])
     }
 
-    /// The scene's own faces of the objects, groups or materials called `name`, ascending. Placements are not searched.
+    /// The scene's own faces of the objects, groups or materials called `name`, ascending. Placements are not
+    /// searched.
     ///
     /// # Errors
-    /// Nothing has that name; the message lists the first few that there are.
+    /// Nothing has this name; the message lists some names.
     pub(crate) fn faces_named(&self, name: &str) -> Result<Vec<u32>> {
         let objects: Vec<bool> = self.objects.iter().map(|o| o.name == name).collect();
         let materials: Vec<bool> = self.materials.iter().map(|m| m.name == name).collect();
@@ -225,7 +224,7 @@ impl Scene {
         Ok(faces)
     }
 
-    /// Bytes of all that there is a vertex, a face, an object, a material or a placement of; of each shared mesh once.
+    /// Memory of vertices, faces, objects, materials and placements, bytes; each shared mesh counts once.
     pub(crate) fn bytes(&self) -> usize {
         fn of<T>(list: &[T]) -> usize {
             size_of_val(list)
@@ -246,8 +245,8 @@ impl Scene {
             + self.shared.iter().map(|m| m.bytes()).sum::<usize>()
     }
 
-    /// Total power of an emitter in watts, one value a channel: π L A, twice that for two-sided emission.
-    /// Units of length that are not known count as metres.
+    /// Power of an emitter in watts, per channel: π L A, twice that for two-sided emission. Unknown units of length
+    /// count as metres.
     pub(crate) fn power(&self, emitter: &Emitter) -> [f64; 3] {
         let metres = unit_in_metres(&self.unit).unwrap_or(1.0);
         let sides = if self.two_sided_emission { 2.0 } else { 1.0 };

@@ -1,4 +1,4 @@
-//! Material libraries (MTL): the statements that radiosity needs, through `tobj`.
+//! Material libraries (MTL): the statements that radiosity needs, parsed by `tobj`.
 
 use super::{Repairs, SoupMaterial, texture::Texture};
 use crate::{Error, Result};
@@ -8,7 +8,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// Materials read so far, and the textures they share.
+/// Materials that were read, and their textures.
 #[derive(Default)]
 pub(super) struct Library {
     materials: HashMap<String, SoupMaterial>,
@@ -16,12 +16,12 @@ pub(super) struct Library {
 }
 
 impl Library {
-    /// The material `name`, or its stand-in.
+    /// The material `name`, or the substitute of a missing one.
     pub fn get(&self, name: &str) -> SoupMaterial {
         self.materials.get(name).cloned().unwrap_or_else(|| SoupMaterial::missing(name))
     }
 
-    /// Reads a library. One that is missing is a counted repair; one that is wrong is an error.
+    /// Reads a library. A missing library is a counted repair; an invalid one is an error.
     pub fn read(&mut self, path: &Path, repairs: &mut Repairs) -> Result<()> {
         let bytes = match std::fs::read(path) {
             Ok(bytes) => bytes,
@@ -37,7 +37,7 @@ impl Library {
         for m in materials {
             let texture = m.diffuse_texture.and_then(|file| self.texture(path, &file, repairs));
             let rgb = |v: Option<[f64; 3]>| v.map(|v| v.map(|x| x as f32));
-            // A texture alone is meant to be used as it is.
+            // The colours of a texture without `Kd` are used unscaled.
             let default = if texture.is_some() { [0.0; 3] } else { SoupMaterial::DEFAULT_REFLECTANCE };
             let material = SoupMaterial {
                 emission: rgb(m.emissive).unwrap_or_default(),
@@ -51,7 +51,7 @@ impl Library {
     }
 
     fn texture(&mut self, library: &Path, statement: &str, repairs: &mut Repairs) -> Option<Texture> {
-        // Windows exporters write back slashes; a file may really have one in its name, but none was seen yet.
+        // Exporters on Windows write backslashes; a backslash within a file name is not supported.
         let file = library.with_file_name("").join(texture_file(statement).replace('\\', "/"));
         if let Some(known) = self.textures.get(&file) {
             return known.clone();
@@ -83,8 +83,8 @@ fn texture_file(statement: &str) -> &str {
     rest
 }
 
-/// Keeps the statements that count, in the form that `tobj` reads without fail: it takes a colour of fewer than
-/// three numbers, which MTL allows, for a reason to panic, and stops at statements that do not matter here.
+/// Keeps the relevant statements in a form that `tobj` accepts: `tobj` panics on colours of fewer than three numbers,
+/// which MTL allows, and stops at some irrelevant statements.
 fn clean(path: &Path, text: &str) -> Result<String> {
     let mut out = String::with_capacity(text.len());
     for (i, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {
@@ -102,7 +102,7 @@ fn clean(path: &Path, text: &str) -> Result<String> {
         // Writing to a string cannot fail.
         let _ = match key.to_lowercase().as_str() {
             "newmtl" => writeln!(out, "newmtl {}", if rest.is_empty() { "unnamed" } else { rest }),
-            // Spectral curves and CIE XYZ are rare enough to do without: the default colour remains.
+            // Spectral curves and CIE XYZ are not supported: the default colour remains.
             "kd" | "ke" if rest.starts_with("spectral") || rest.starts_with("xyz") => Ok(()),
             "kd" | "ke" => {
                 let v = numbers()?;
@@ -119,7 +119,7 @@ fn clean(path: &Path, text: &str) -> Result<String> {
                     rgb[2]
                 )
             }
-            // `d -halo 0.5` is an opacity as well.
+            // `d -halo 0.5` states an opacity as well.
             "d" => match rest.rsplit(char::is_whitespace).next().and_then(|w| w.parse::<f64>().ok()) {
                 Some(d) if d.is_finite() => writeln!(out, "d {d}"),
                 _ => numbers().map(|_| Ok(()))?,
@@ -132,7 +132,7 @@ fn clean(path: &Path, text: &str) -> Result<String> {
     Ok(out)
 }
 
-/// A piece of a file that is short enough for a message.
+/// A beginning of the text that is short enough for a message.
 pub(super) fn shorten(text: &str, limit: usize) -> String {
     let mut short: String = text.chars().filter(|c| !c.is_control()).take(limit).collect();
     if short.len() < text.len() {

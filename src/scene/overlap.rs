@@ -1,12 +1,14 @@
-//! Faces of one plane that overlap and face the same way: which of them is seen, and lit, is chance.
+//! Detection of faces in one plane that overlap and face the same way: which of them a ray hits depends on rounding.
 //!
-//! A rug whose top lies at the height of the floor, a poster in the plane of its wall. Faces that face each other are not
-//! meant (a box that stands on a floor): there is nothing between them to be seen. That is so for most sheets as well, the
-//! bottoms of furniture that is not quite closed, so that a poster whose front is turned to its wall passes for one of these.
+//! Examples are a rug at the height of the floor and a poster in the plane of its wall. Faces in contact that face
+//! each other (a box on a floor) are excluded, because nothing between them is visible. Most sheets are excluded for
+//! the same reason (bottoms of furniture that is not quite closed), so a poster whose front is turned to its wall is
+//! not detected.
 //!
-//! Planes are written as slopes and intercept along the axis that their normal is nearest to. Faces with about the same three
-//! numbers are neighbours after sorting; within such a group they are held against those whose boxes they meet, by a grid of
-//! cells as large as each face (n log n in all: each against so many at most, so that of heaps of them only some are told).
+//! A plane is described by two slopes and an intercept along the axis nearest to its normal. Faces with nearly equal
+//! descriptions are adjacent after sorting. Within such a group, faces with overlapping boxes are tested, found by a
+//! grid of cells of the size of each face. The number of tests per face is limited, so the time is O(n log n), and of
+//! many stacked faces only some are reported.
 
 use super::{Object, Repairs};
 use crate::math::Aabb;
@@ -14,19 +16,19 @@ use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
 
-/// What is looked at.
+/// Triangles for the detection.
 pub(super) struct Faces<'a> {
     pub positions: &'a [Vec3],
     pub triangles: &'a [[u32; 3]],
     /// Object of each triangle.
     pub object: &'a [u32],
-    /// Whether two triangles look the same: then it does not matter which of them is seen.
+    /// Whether two triangles have equal materials, so that their overlap does not matter.
     pub alike: &'a (dyn Fn(usize, usize) -> bool + Sync),
 }
 
-/// Counts the overlaps and names the largest.
-pub(super) fn tell(faces: &Faces, objects: &[Object], unit: &str, repairs: &mut Repairs) {
-    const NAMED: usize = 4;
+/// Counts the overlaps and names the largest in a message.
+pub(super) fn report(faces: &Faces, objects: &[Object], unit: &str, repairs: &mut Repairs) {
+    const MAX_NAMED_PAIRS: usize = 4;
     let found = overlaps(faces);
     repairs.overlapping_objects += found.len();
     if found.is_empty() {
@@ -37,9 +39,9 @@ pub(super) fn tell(faces: &Faces, objects: &[Object], unit: &str, repairs: &mut 
         let other = if a == b { "itself".to_owned() } else { format!("`{second}`") };
         format!("`{first}` and {other} {area:.2e} {unit}²")
     };
-    let mut list: Vec<String> = found.iter().take(NAMED).map(one).collect();
-    if found.len() > NAMED {
-        list.push(format!("{} more", found.len() - NAMED));
+    let mut list: Vec<String> = found.iter().take(MAX_NAMED_PAIRS).map(one).collect();
+    if found.len() > MAX_NAMED_PAIRS {
+        list.push(format!("{} more", found.len() - MAX_NAMED_PAIRS));
     }
     repairs.messages.push(format!(
         "faces of one plane overlap and face the same way: which of them is seen and lit is chance; move one of them off a \
@@ -48,7 +50,7 @@ pub(super) fn tell(faces: &Faces, objects: &[Object], unit: &str, repairs: &mut 
     ));
 }
 
-/// Pairs of objects, the smaller number first, with the area in which they overlap, scene units squared; largest first.
+/// Pairs of objects (smaller index first) with their overlapping area, scene units squared; largest first.
 fn overlaps(faces: &Faces) -> Vec<([u32; 2], f64)> {
     let tolerance = Tolerance::of(&Aabb::of(faces.positions.iter().copied()));
     let mut keys: Vec<(u64, u32)> = (0..faces.triangles.len())
@@ -62,7 +64,7 @@ fn overlaps(faces: &Faces) -> Vec<([u32; 2], f64)> {
         group.len() > 1 && group[1..].iter().any(|&(_, t)| !(faces.alike)(first, t as usize))
     });
     let groups: Vec<&[(u64, u32)]> = groups.collect();
-    // A face at the border of its cell is in several groups: each pair counts once.
+    // A face near the border of its cell is in several groups; each pair counts once.
     let mut pairs: Vec<(u32, u32, f64)> =
         groups.into_par_iter().flat_map_iter(|group| within(faces, group, &tolerance)).collect();
     pairs.par_sort_unstable_by_key(|&(a, b, _)| (a, b));
@@ -77,48 +79,52 @@ fn overlaps(faces: &Faces) -> Vec<([u32; 2], f64)> {
     found
 }
 
-/// What counts as one plane.
+/// Tolerances of coplanarity.
 #[derive(Clone, Copy)]
 struct Tolerance {
     middle: DVec3,
-    /// Of heights, scene units: some roundings of the coordinates.
+    /// Largest difference of heights, scene units.
     height: f64,
 }
 
-/// Roundings that heights may differ by.
-const ROUNDINGS: f64 = 8.0;
-/// Slopes that may differ.
-const SLOPE: f64 = 1e-5;
-/// Cells of slopes and intercepts by what they may differ: few faces lie at the border of one.
-const CELL: f64 = 32.0;
-/// Part of the smaller face in which two must overlap.
-const LEAST: f64 = 1e-3;
+/// Largest difference of heights, in units of f32 rounding of the coordinates. Chosen: transforms of exporters round
+/// several times.
+const MAX_ROUNDINGS: f64 = 8.0;
+/// Largest difference of slopes. Chosen: above f32 rounding, below modelled angles.
+const MAX_SLOPE_DIFFERENCE: f64 = 1e-5;
+/// Size of the cells of slopes and intercepts relative to their tolerances. Chosen: few faces are near a border.
+const CELL_TOLERANCES: f64 = 32.0;
+/// Smallest reported overlap relative to the smaller face. Chosen: excludes rounding along common edges.
+const MIN_OVERLAP_PART: f64 = 1e-3;
 
 impl Tolerance {
     fn of(bounds: &Aabb) -> Tolerance {
         let largest = f64::from(bounds.min.abs().max(bounds.max.abs()).max_element());
         Tolerance {
             middle: bounds.center().as_dvec3(),
-            height: ROUNDINGS * f64::from(f32::EPSILON) * largest.max(f64::from(bounds.diagonal())),
+            height: MAX_ROUNDINGS * f64::from(f32::EPSILON) * largest.max(f64::from(bounds.diagonal())),
         }
     }
 
-    /// The cell of a triangle's plane, and those that it almost lies in: a hash of slopes and intercept of
-    /// `x_axis = intercept + slopes · (the other two)` about the middle of the scene, and in its last bits the axis. Planes
-    /// in between two axes have cells for both.
+    /// Hashes of the cells that contain a triangle's plane within the tolerance: slopes and intercept of `x_axis =
+    /// intercept + slopes · (other two)` about the centre of the scene; the last two bits are the axis. Planes
+    /// between two axes have cells for both.
     fn keys(&self, [a, b, c]: [DVec3; 3]) -> impl Iterator<Item = u64> + use<> {
         let n = (b - a).cross(c - a);
-        let (from, sizes) = (a - self.middle, [SLOPE, SLOPE, 2.0 * self.height].map(|t| CELL * t));
-        let least = (1.0 - SLOPE) * n.abs().max_element();
+        let (from, sizes) = (
+            a - self.middle,
+            [MAX_SLOPE_DIFFERENCE, MAX_SLOPE_DIFFERENCE, 2.0 * self.height].map(|t| CELL_TOLERANCES * t),
+        );
+        let least = (1.0 - MAX_SLOPE_DIFFERENCE) * n.abs().max_element();
         (0..3).filter(move |&axis| n[axis].abs() >= least && least > 0.0).flat_map(move |axis| {
             let [i, j] = others(axis);
             let slopes = [-n[i] / n[axis], -n[j] / n[axis]];
             let intercept = from[axis] - slopes[0] * from[i] - slopes[1] * from[j];
             let numbers = [slopes[0], slopes[1], intercept];
-            // What is exactly 0 lies in the middle of a cell.
+            // Offset by half a cell, so that 0 is in the middle of a cell.
             let cells: [[i64; 2]; 3] = std::array::from_fn(|k| {
                 let place = numbers[k] / sizes[k] + 0.5;
-                [-1.0, 1.0].map(|off| (place + off / CELL).floor() as i64)
+                [-1.0, 1.0].map(|off| (place + off / CELL_TOLERANCES).floor() as i64)
             });
             (0..8usize).filter_map(move |upper| {
                 let is_upper = |k: usize| upper >> k & 1;
@@ -129,7 +135,7 @@ impl Tolerance {
     }
 }
 
-/// A number that few other cells have: what meets by chance is told apart later.
+/// Hash of a cell; collisions are resolved by the exact test.
 fn mixed(cell: [i64; 3]) -> u64 {
     cell.iter().fold(0u64, |h, &c| {
         let h = (h ^ c as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
@@ -145,14 +151,14 @@ fn corners(faces: &Faces, t: usize) -> [DVec3; 3] {
     faces.triangles[t].map(|v| faces.positions[v as usize].as_dvec3())
 }
 
-/// Groups up to this size need no grid.
-const FEW: usize = 12;
-/// Faces that one is held against at most, and how little counts one whose box it does not meet: needles side by side are as
-/// large as their whole plane, and heaps of faces would take and tell without end.
-const MOST: f64 = 32.0;
-const BESIDE: f64 = 1.0 / 16.0;
+/// Largest group whose pairs are all tested. Chosen: a grid costs more.
+const MAX_UNGRIDDED_FACES: usize = 12;
+/// Largest number of tests per face, and the cost of a candidate whose box does not overlap. Chosen: parallel needles
+/// are as large as their plane, and stacked faces would take quadratic time.
+const MAX_TESTS_PER_FACE: f64 = 32.0;
+const MISS_COST: f64 = 1.0 / 16.0;
 
-/// The pairs of a group that overlap, with the areas.
+/// The overlapping pairs of a group, with their areas.
 fn within(faces: &Faces, group: &[(u64, u32)], tolerance: &Tolerance) -> Vec<(u32, u32, f64)> {
     let [i, j] = others((group[0].0 & 3) as usize);
     let flat_box = |t: u32| {
@@ -173,13 +179,13 @@ fn within(faces: &Faces, group: &[(u64, u32)], tolerance: &Tolerance) -> Vec<(u3
         }
         meets
     };
-    if group.len() <= FEW {
+    if group.len() <= MAX_UNGRIDDED_FACES {
         for (k, m) in (0..group.len()).flat_map(|m| (0..m).map(move |k| (k, m))) {
             look(k, m);
         }
         return found;
     }
-    // Each in the cells of a grid as coarse as it is large; looked for in its own grid and in coarser ones.
+    // Each face is entered into the cells of a grid of its size, and searched in its own and coarser grids.
     let level = |b: &[DVec2; 2]| (b[1] - b[0]).max_element().max(f64::MIN_POSITIVE).log2().ceil() as i32;
     let cells = |b: &[DVec2; 2], level: i32| {
         let size = f64::from(level).exp2();
@@ -201,9 +207,9 @@ fn within(faces: &Faces, group: &[(u64, u32)], tolerance: &Tolerance) -> Vec<(u3
             let held = cells(b, level).filter_map(|cell| grid.get(&cell));
             held.flat_map(move |held| &held[held.partition_point(|&m| m < after)..])
         });
-        let mut left = MOST;
+        let mut left = MAX_TESTS_PER_FACE;
         for &m in near {
-            left -= if look(k, m) { 1.0 } else { BESIDE };
+            left -= if look(k, m) { 1.0 } else { MISS_COST };
             if left <= 0.0 {
                 break;
             }
@@ -212,7 +218,7 @@ fn within(faces: &Faces, group: &[(u64, u32)], tolerance: &Tolerance) -> Vec<(u3
     found
 }
 
-/// The area in which two faces of about one plane overlap, if that matters; 0 otherwise.
+/// Area of the overlap of two nearly coplanar faces; 0 if it is below the limits.
 fn overlap(faces: &Faces, [s, t]: [u32; 2], tolerance: &Tolerance) -> f64 {
     let [s, t] = [s as usize, t as usize];
     if (faces.alike)(s, t) {
@@ -228,11 +234,11 @@ fn overlap(faces: &Faces, [s, t]: [u32; 2], tolerance: &Tolerance) -> f64 {
     let area = 0.5 * turns.sum::<f64>();
     let normal = m.normalize_or_zero();
     let apart = part.iter().map(|c| normal.dot(*c - q[0]).abs()).fold(0.0, f64::max);
-    let matters = area > LEAST * 0.5 * n.length().min(m.length());
+    let matters = area > MIN_OVERLAP_PART * 0.5 * n.length().min(m.length());
     if matters && apart <= tolerance.height { area } else { 0.0 }
 }
 
-/// Whether a triangle lies outside of an edge of another, whose normal is given.
+/// Whether a triangle lies outside of an edge of another one with this normal.
 fn beside(p: &[DVec3; 3], q: &[DVec3; 3], normal: DVec3) -> bool {
     (0..3).any(|k| {
         let inward = normal.cross(q[(k + 1) % 3] - q[k]);
@@ -240,7 +246,7 @@ fn beside(p: &[DVec3; 3], q: &[DVec3; 3], normal: DVec3) -> bool {
     })
 }
 
-/// The part of a triangle over another, whose normal is given (Sutherland and Hodgman 1974).
+/// The part of a triangle above another one with this normal (Sutherland and Hodgman 1974).
 fn clipped(p: &[DVec3; 3], q: &[DVec3; 3], normal: DVec3) -> Vec<DVec3> {
     let mut part = p.to_vec();
     for k in 0..3 {

@@ -1,10 +1,10 @@
-//! Emission asked for by name: `--emitter NAME=W`.
+//! Emitters by name, with their power.
 
 use super::{LoadOptions, Material};
 use crate::{Error, Result};
 use std::{collections::HashMap, f64::consts::PI};
 
-/// Length of one unit in metres; `None` for names that mean nothing here (taken as metres where it matters).
+/// Length of one unit in metres; `None` for unknown names (they count as metres).
 pub fn unit_in_metres(unit: &str) -> Option<f64> {
     Some(match unit {
         "m" | "metre" | "meter" => 1.0,
@@ -18,9 +18,9 @@ pub fn unit_in_metres(unit: &str) -> Option<f64> {
     })
 }
 
-/// Parses `NAME=W`; the name may hold `=` itself.
+/// Parses `NAME=W`; the name may contain `=`.
 pub fn parse_emitter(text: &str) -> Result<(String, f64)> {
-    let wrong = || Error::Argument(format!("--emitter {text}: write NAME=W, with W > 0 in watts (lamp=60)"));
+    let wrong = || Error::Argument(format!("emitter {text}: write NAME=W, with W > 0 in watts (lamp=60)"));
     let (name, watts) = text.rsplit_once('=').ok_or_else(wrong)?;
     let watts: f64 = watts.trim().parse().map_err(|_| wrong())?;
     if name.is_empty() || !watts.is_finite() || watts <= 0.0 {
@@ -30,7 +30,7 @@ pub fn parse_emitter(text: &str) -> Result<(String, f64)> {
     }
 }
 
-/// What decides about the emission of each face.
+/// Faces and materials that emission by name changes.
 pub(super) struct Surfaces<'a> {
     pub objects: &'a [String],
     pub materials: &'a mut Vec<Material>,
@@ -40,15 +40,15 @@ pub(super) struct Surfaces<'a> {
     pub triangle_area: &'a [f64],
 }
 
-/// Makes the faces that the options name emit: each power is spread evenly over the area of its faces, as
-/// exitance M = W/A in each of the three channels and radiance L = M/π.
+/// Makes the named faces emit: the power W is distributed over the area A of its faces, with exitance M = W/A in each
+/// of the three channels and radiance L = M/π.
 ///
-/// The faces get copies of their materials, so that others of the same material stay dark.
+/// The faces get copies of their materials, so that other faces of the same material do not emit.
 pub(super) fn apply(s: Surfaces, options: &LoadOptions) -> Result<()> {
     let metres = unit_in_metres(&options.unit).unwrap_or(1.0);
     let sides = if options.two_sided_emission { 2.0 } else { 1.0 };
     for (name, watts) in &options.emitters {
-        // The same limits as for `parse_emitter`: options may come from elsewhere.
+        // The limits of `parse_emitter`; options may be set without it.
         if !watts.is_finite() || *watts <= 0.0 {
             return Err(Error::Argument(format!(
                 "emitter {name}: a power of {watts} W is not a number above 0"
@@ -83,7 +83,7 @@ pub(super) fn apply(s: Surfaces, options: &LoadOptions) -> Result<()> {
     Ok(())
 }
 
-/// The error for a name that nothing has.
+/// The error for an unknown name.
 pub(super) fn unknown<'a>(name: &str, names: impl Iterator<Item = &'a String>) -> Error {
     let some = some_names(names);
     Error::Scene(format!("no object, group or material is called `{name}`; there are {some}"))

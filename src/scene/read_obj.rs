@@ -1,11 +1,11 @@
-//! OBJ through `tobj`, with what `tobj` leaves out: line numbers in errors, names of materials that are
-//! missing, comments behind statements, continued lines, polylines told from faces, names in any encoding.
+//! OBJ files by `tobj`, with additions: line numbers in errors, names of missing materials, comments after
+//! statements, continued lines, polylines distinguished from faces, names in any encoding.
 //!
-//! The file passes through [`Lines`] on its way: a reader that checks each statement, notes objects and
-//! materials itself, and lets `v`, `vt` and `f` through in the form that `tobj` takes.
+//! The file passes through [`Lines`], a reader that checks each statement, records objects and materials, and
+//! forwards `v`, `vt` and `f` in the form that `tobj` accepts.
 //!
-//! Objects do not become placements of shared meshes, because the format has no way to say that two objects are the same;
-//! identical objects are not searched for.
+//! Objects do not become placements of shared meshes, because the format cannot state that two objects are equal;
+//! equal objects are not searched.
 
 use super::{
     MAX_COORDINATE, Soup,
@@ -24,7 +24,7 @@ use std::{
 pub(super) fn read(path: &Path) -> Result<Soup> {
     let file = File::open(path).map_err(|e| Error::io(path, e))?;
     let mut lines = Lines::new(path, BufReader::with_capacity(1 << 20, file));
-    // One model: objects and materials are noted by `Lines`. No libraries, for the same reason.
+    // `Lines` records objects and materials, so `tobj` sees one model and no libraries.
     let options = tobj::LoadOptions { single_index: false, triangulate: false, ..Default::default() };
     let read = tobj::load_obj_buf(&mut lines, &options, |_| Err(tobj::LoadError::GenericFailure));
     if let Some(error) = lines.error.take() {
@@ -59,22 +59,22 @@ struct Run {
     material: u32,
 }
 
-/// The checking reader between the file and `tobj`. Gives out one statement at a time, so that [`Lines::number`]
-/// is the line `tobj` is looking at.
+/// Checking reader between the file and `tobj`. It forwards one statement at a time, so that [`Lines::number`] is the
+/// current line of `tobj`.
 struct Lines<'a, R> {
     path: &'a Path,
     file: R,
-    /// Line of the file, from 1.
+    /// Current line of the file, from 1.
     number: usize,
     raw: Vec<u8>,
-    /// The statement being given out, and how much of it is.
+    /// The forwarded statement, and how much of it was read.
     out: Vec<u8>,
     given: usize,
     error: Option<Error>,
     vertices: usize,
     texcoords: usize,
     faces: usize,
-    /// Largest vertex number met before that vertex, and its line.
+    /// Largest vertex number used before its definition, and its line.
     forward: (usize, usize),
     objects: Names,
     materials: Names,
@@ -113,7 +113,7 @@ impl<'a, R: BufRead> Lines<'a, R> {
         Error::format(self.path, Some(self.number), what)
     }
 
-    /// Reads on until there is a statement for `tobj` in `out`; leaves it empty at the end of the file.
+    /// Reads until `out` contains a statement for `tobj`; `out` is empty at the end of the file.
     fn advance(&mut self) -> Result<()> {
         self.out.clear();
         self.given = 0;
@@ -132,7 +132,7 @@ impl<'a, R: BufRead> Lines<'a, R> {
                 }
                 extra += 1;
             }
-            // Taken out and put back, so that the statement may be read while `self` is written.
+            // Moved out temporarily, because `self` is changed while the statement is read.
             let raw = std::mem::take(&mut self.raw);
             let done = self.statement(&String::from_utf8_lossy(&raw));
             self.raw = raw;
@@ -175,7 +175,7 @@ impl<'a, R: BufRead> Lines<'a, R> {
         if keep.len() < 3 {
             return Err(self.wrong(format!("`v {}`: a vertex has three coordinates", shorten(rest, 40))));
         }
-        // One more number is the weight w, three or four are a colour, which does not matter here.
+        // A fourth number is the weight w; three or four more are a colour, which is ignored.
         let more: Vec<&str> = words.take(2).collect();
         if let [w] = more[..] {
             keep.push(w);
@@ -202,7 +202,7 @@ impl<'a, R: BufRead> Lines<'a, R> {
         Ok(())
     }
 
-    /// A coordinate that is wrong becomes 0: it only picks a texel.
+    /// An invalid coordinate becomes 0; it only selects a texel.
     fn texcoord(&mut self, rest: &str) {
         let mut words = uncommented(rest);
         let mut next = || {
@@ -214,7 +214,7 @@ impl<'a, R: BufRead> Lines<'a, R> {
         self.out.extend_from_slice(format!("vt {u} {v}\n").as_bytes());
     }
 
-    /// Corners become `position/texcoord` with numbers from 1, whatever they were.
+    /// Corners become `position/texcoord` with numbers from 1, also if the file counts from the end.
     fn face(&mut self, rest: &str) -> Result<()> {
         use std::io::Write;
         let mut out = std::mem::take(&mut self.out);
@@ -268,7 +268,7 @@ impl<'a, R: BufRead> Lines<'a, R> {
         (1..=self.texcoords as i64).contains(&absolute).then_some(absolute as usize)
     }
 
-    /// Starts a new run of faces where the object or the material changes.
+    /// Starts a new run of faces if the object or the material changes.
     fn run(&mut self) {
         let stem = || self.path.file_stem().unwrap_or_default().to_string_lossy();
         let object = *self.object.get_or_insert_with(|| self.objects.of(&stem()));
@@ -287,7 +287,7 @@ impl<'a, R: BufRead> Lines<'a, R> {
         Err(Error::format(self.path, Some(line), what))
     }
 
-    /// Reads the libraries and gives objects and materials to the faces.
+    /// Reads the libraries and assigns objects and materials to the faces.
     fn give_names(mut self, soup: &mut Soup) -> Result<()> {
         let mut library = Library::default();
         self.libraries.dedup();
@@ -312,7 +312,7 @@ fn uncommented(rest: &str) -> impl Iterator<Item = &str> {
     rest.split_whitespace().take_while(|w| !w.starts_with('#'))
 }
 
-/// The files of a `mtllib` statement: one whose name may hold blanks, or several.
+/// The files of a `mtllib` statement: one name, which may contain spaces, or several names.
 fn libraries(obj: &Path, rest: &str) -> Vec<PathBuf> {
     let beside = |name: &str| obj.with_file_name("").join(name.replace('\\', "/"));
     let whole = beside(rest);
@@ -338,7 +338,7 @@ impl<R: BufRead> BufRead for Lines<'_, R> {
             && self.error.is_none()
             && let Err(error) = self.advance()
         {
-            // `tobj` would drop the error: it is kept, and the file ends here.
+            // `tobj` would lose the error: it is stored, and the file ends here.
             self.error = Some(error);
             self.out.clear();
             self.given = 0;

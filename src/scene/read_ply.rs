@@ -1,5 +1,5 @@
-//! PLY, text and binary, through `ply-rs-bw`: `vertex` (x, y, z) and `face` (`vertex_indices`); colours and all
-//! else are skipped.
+//! PLY files, text and binary, by `ply-rs-bw`: `vertex` (x, y, z) and `face` (`vertex_indices`); other elements are
+//! ignored.
 
 use super::{MAX_COORDINATE, Soup, SoupMaterial, mtl::shorten};
 use crate::{Error, Result};
@@ -36,7 +36,7 @@ pub(super) fn read(path: &Path) -> Result<Soup> {
             }
             "face" => {
                 let faces: Vec<Face> = file.read(element, &header)?;
-                // Vertices may follow: indices are checked below.
+                // Vertices may follow faces; indices are checked below.
                 faces.into_iter().for_each(|f| soup.indexed_polygon(0, 0, f.0));
             }
             _ => drop(file.read::<Skipped>(element, &header)?),
@@ -62,14 +62,14 @@ impl File<'_> {
     }
 
     fn wrong(&self, error: &ParseError) -> Error {
-        // The parser quotes the whole line, which may be long and of any bytes.
+        // The message of the parser quotes the line, which may be long and contain any bytes.
         let text = error.to_string();
         let what = shorten(&text.split_whitespace().collect::<Vec<_>>().join(" "), 120);
         Error::format(self.path, error.line(), format!("not a usable PLY file: {what}"))
     }
 }
 
-/// An element takes a byte at least, so a count beyond the size of the file is a lie that could take forever.
+/// An element takes at least one byte: a larger count than the size of the file is invalid and would take long.
 fn check_counts(path: &Path, header: &Header, bytes: usize) -> Result<()> {
     for (name, element) in &header.elements {
         if element.count > bytes {
@@ -106,7 +106,7 @@ impl PropertyAccess for Vertex {
             Property::UInt(v) => v.into(),
             Property::Float(v) => v.into(),
             Property::Double(v) => v,
-            // A list is no coordinate: let the check of finite values find it.
+            // A list is not a coordinate; the check for finite values reports it.
             _ => f64::NAN,
         };
         PropertyAccessResult::Set
@@ -122,7 +122,7 @@ impl PropertyAccess for Face {
         if name != "vertex_indices" && name != "vertex_index" {
             return PropertyAccessResult::Ignored;
         }
-        // A negative or fractional index becomes one that no file has.
+        // A negative or fractional index becomes an invalid one.
         let of = |v: i64| u32::try_from(v).unwrap_or(u32::MAX);
         self.0 = match property {
             Property::ListChar(v) => v.into_iter().map(|v| of(v.into())).collect(),

@@ -1,7 +1,8 @@
-//! The one resolving step for all formats: soup in, checked scene out.
+//! Conversion of a soup to a checked scene, for all formats.
 //!
-//! Order: materials, origin and f32, weld, drop (transparent, duplicate, zero area), triangulate, parts and
-//! sides, emission, compaction. Nothing here has an absolute tolerance, so 50 km and millimetres both work.
+//! Order: materials, origin and f32, merging of vertices, dropping of faces (transparent, duplicate, without area),
+//! triangulation, parts and sides, emission, compaction. There are no absolute tolerances, so that scenes of 50 km
+//! and of millimetres both work.
 
 use super::{
     Emitter, LoadOptions, Material, Repairs, Scene, Soup, SoupMaterial,
@@ -17,11 +18,11 @@ use super::{
 use crate::{Error, Result, math::Aabb};
 use glam::{DVec3, Vec3};
 
-/// Coordinates beyond this are refused: areas and volumes of them would leave f32.
+/// Largest coordinate: areas and volumes stay within f32.
 pub const MAX_COORDINATE: f64 = 1e12;
-/// Scenes smaller than this are refused: areas of them would leave f32.
+/// Smallest extent of a scene: areas stay within f32.
 pub const MIN_EXTENT: f64 = 1e-12;
-/// Reflectances are clamped to this: with 1 a closed room never gets dark.
+/// Largest reflectance. Chosen: with 1 the light in a closed room would not converge.
 pub const MAX_REFLECTANCE: f32 = 0.999;
 
 /// Checks, repairs and converts a soup.
@@ -32,13 +33,13 @@ pub fn resolve(soup: Soup, options: &LoadOptions) -> Result<Scene> {
     resolve_as(soup, options, Role::Whole)
 }
 
-/// Checks, repairs and converts a shared mesh: its repairs are counted, and the only message is the one that names
-/// overlaps, because the scene that places the mesh adds up the counts and writes the other messages.
+/// [`resolve`] for a shared mesh. Repairs are counted, but only overlaps give a message: the scene that places the
+/// mesh adds the counts and writes the other messages.
 ///
 /// # Errors
 /// As [`resolve`].
 pub(super) fn resolve_mesh(soup: Soup, options: &LoadOptions) -> Result<Scene> {
-    // Named emitters are faces of the scene's own.
+    // Named emitters are the scene's own faces.
     resolve_as(soup, &LoadOptions { emitters: Vec::new(), ..options.clone() }, Role::Mesh)
 }
 
@@ -55,7 +56,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     let mut repairs = std::mem::take(&mut soup.repairs);
     let mut materials = match role {
         Role::Whole => check_materials(&soup, &mut repairs)?,
-        // The scene that places the mesh has the same materials and counts them.
+        // The scene that places the mesh has the same materials and counts their repairs.
         Role::Mesh => check_materials(&soup, &mut Repairs::default())?,
     };
     let origin = origin(&soup)?;
@@ -64,7 +65,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
 
     let kept = Kept::of(&soup, &number, &positions, &mut repairs);
     let (mut faces, broken) = triangulate(&soup, &kept, &positions, &mut repairs);
-    // A broken polygon leaves a hole: its edges do not count. One without area leaves none: they do.
+    // A broken polygon leaves a hole, so its edges do not count. A polygon without area leaves none, so they count.
     let edges =
         Edges::of((0..kept.polygon.len()).map(|i| if broken[i] { &[] } else { &kept.corners[kept.span(i)] }));
     let parts = connect::parts(&edges, &kept.object);
@@ -100,7 +101,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
         object: &triangle_object,
         alike: &alike,
     };
-    overlap::tell(&planes, &objects, &options.unit, &mut repairs);
+    overlap::report(&planes, &objects, &options.unit, &mut repairs);
     Ok(Scene {
         path: soup.path,
         cameras: soup.cameras,
@@ -152,8 +153,8 @@ fn check_materials(soup: &Soup, repairs: &mut Repairs) -> Result<Vec<Material>> 
     Ok(materials)
 }
 
-/// What to subtract before the positions become f32: zero unless the scene lies far from zero for its size;
-/// then its centre, rounded so that the subtraction loses nothing.
+/// Offset of the positions: zero unless the scene is far from zero relative to its size; otherwise its centre,
+/// rounded so that the subtraction is exact.
 fn origin(soup: &Soup) -> Result<DVec3> {
     let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     for (i, p) in soup.positions.iter().enumerate() {
@@ -189,11 +190,11 @@ fn empty(soup: &Soup, repairs: &Repairs) -> Error {
     Error::format(&soup.path, None, format!("no face with an area{what}; is it a scene of polygons?"))
 }
 
-/// Triangles, one entry each.
+/// Triangles; one entry each.
 #[derive(Default)]
 struct Triangles {
     triangles: Vec<[u32; 3]>,
-    /// Place of the polygon among the kept ones.
+    /// Index of the polygon among the kept ones.
     polygon: Vec<u32>,
     object: Vec<u32>,
     material: Vec<u32>,
@@ -202,7 +203,7 @@ struct Triangles {
     texcoords: Vec<[[f32; 2]; 3]>,
 }
 
-/// Triangulates all kept polygons; also says which of them are broken.
+/// Triangulates all kept polygons; also returns which of them are broken.
 fn triangulate(
     soup: &Soup,
     kept: &Kept,
@@ -235,7 +236,7 @@ fn triangulate(
         let mut has_area = false;
         for ordinals in &triangulator.triangles {
             let triangle = ordinals.map(|k| corners[k as usize]);
-            // A corner in the middle of an edge makes such triangles too; the others fill the polygon.
+            // Corners in the middle of an edge cause triangles without area; the other triangles fill the polygon.
             if !self::has_area(triangle.map(|v| positions[v as usize])) {
                 continue;
             }
@@ -256,13 +257,13 @@ fn triangulate(
     (out, broken)
 }
 
-/// Texture coordinates of corners of the soup, which has some.
+/// Texture coordinates of corners of a soup with texture coordinates.
 fn texcoords(soup: &Soup, corners: [u32; 3]) -> [[f32; 2]; 3] {
     corners.map(|k| soup.texcoords[soup.corner_texcoords[k as usize] as usize])
 }
 
-/// `Kd`, times the mean of the texture over the face; a black `Kd` beside a texture counts as white, because
-/// exporters write it where the texture alone is meant.
+/// `Kd` times the mean of the texture over the face. A black `Kd` beside a texture counts as white, because exporters
+/// write it for a texture alone.
 fn reflectance(soup: &Soup, material: &SoupMaterial, corners: [u32; 3]) -> [f32; 3] {
     let kd = material.reflectance.map(|v| v.clamp(0.0, MAX_REFLECTANCE));
     let (Some(texture), false) = (&material.texture, soup.corner_texcoords.is_empty()) else { return kd };
@@ -276,7 +277,7 @@ fn twice_area([a, b, c]: [Vec3; 3]) -> f64 {
     (b - a).cross(c - a).length()
 }
 
-/// Whether the triangle is higher than f32 resolves at its longest edge and at its place.
+/// Whether the height of the triangle exceeds the f32 resolution at its position and relative to its longest edge.
 pub(super) fn has_area(corners: [Vec3; 3]) -> bool {
     let [a, b, c] = corners.map(|p| p.as_dvec3());
     let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
@@ -293,7 +294,7 @@ fn group_emitters(
     materials: &[Material],
 ) -> (Vec<Emitter>, Vec<u32>) {
     let emission = |t: u32| materials[faces.material[t as usize] as usize].emission;
-    // After `--emitter` the material is known a triangle; all triangles of a polygon have the same.
+    // Named emitters change materials of triangles; all triangles of a polygon have the same material.
     let polygons = faces.polygon.last().map_or(0, |&p| p as usize + 1);
     let mut material = vec![u32::MAX; polygons];
     for (t, &p) in faces.polygon.iter().enumerate() {
@@ -320,7 +321,7 @@ fn group_emitters(
     })
 }
 
-/// One line for each kind of repair that has none yet.
+/// Writes one message for each kind of repair without one.
 fn summarise(soup: &Soup, faces: &Triangles, r: &mut Repairs) {
     let mut say = |count: usize, what: &str| {
         if count > 0 {
@@ -342,16 +343,16 @@ fn summarise(soup: &Soup, faces: &Triangles, r: &mut Repairs) {
     }
     let mut used = vec![false; soup.materials.len()];
     for &m in &faces.material {
-        // Copies that `--emitter` made lie beyond the end; nobody doubts that a lamp is there.
+        // Copies of materials of named emitters are beyond the end of the list.
         used.get_mut(m as usize).into_iter().for_each(|u| *u = true);
     }
     let sheer =
         soup.materials.iter().zip(used).filter(|(m, used)| *used && m.opacity < 1.0).map(|(m, _)| &m.name);
-    tell_sheer(sheer, r);
+    report_transparent(sheer, r);
 }
 
-/// Says that materials are taken as opaque, if there are any.
-pub(super) fn tell_sheer<'a>(names: impl Iterator<Item = &'a String>, r: &mut Repairs) {
+/// Writes a message that partly transparent materials count as opaque, if there are any.
+pub(super) fn report_transparent<'a>(names: impl Iterator<Item = &'a String>, r: &mut Repairs) {
     let names = power::some_names(names);
     if !names.is_empty() {
         r.messages.push(format!("transparency is not modelled; taken as opaque (d not below 0.5): {names}"));

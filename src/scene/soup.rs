@@ -1,25 +1,25 @@
-//! The polygon soup: what a reader or a generator hands to the one resolving step, unchecked.
+//! Polygon soup: unchecked input of [`resolve`](super::resolve()).
 
 use super::{Placement, Repairs, StoredCamera, texture::Texture};
 use glam::DVec3;
 use std::{collections::HashMap, path::PathBuf};
 
-/// Polygons as they came from a file or a generator: nothing welded, triangulated or checked yet.
+/// Polygons of a file or a generator: not merged, triangulated or checked.
 ///
 /// Polygon `i` has the corners `corners[ends[i - 1]..ends[i]]` (from 0 for the first).
 #[derive(Clone, Debug, Default)]
 pub struct Soup {
-    /// The file or generator it came from.
+    /// File or generator of the soup.
     pub path: PathBuf,
     /// Vertex positions, in scene units.
     pub positions: Vec<DVec3>,
-    /// Indices into `positions`, all polygons one after the other.
+    /// Indices into `positions` of all polygons in order.
     pub corners: Vec<u32>,
-    /// Where each polygon ends in `corners`.
+    /// End of each polygon in `corners`.
     pub ends: Vec<u32>,
-    /// Index into `objects`, one a polygon.
+    /// Index into `objects` of each polygon.
     pub polygon_object: Vec<u32>,
-    /// Index into `materials`, one a polygon.
+    /// Index into `materials` of each polygon.
     pub polygon_material: Vec<u32>,
     /// Texture coordinates, v up.
     pub texcoords: Vec<[f32; 2]>,
@@ -31,25 +31,25 @@ pub struct Soup {
     pub materials: Vec<SoupMaterial>,
     /// Perspective cameras.
     pub cameras: Vec<StoredCamera>,
-    /// What was repaired while reading.
+    /// Repairs made while reading.
     pub repairs: Repairs,
 }
 
-/// A soup, and meshes that stand in it many times.
+/// A soup with placements of shared meshes.
 #[derive(Clone, Debug, Default)]
 pub struct PlacedSoup {
-    /// What occurs once.
+    /// Polygons that occur once.
     pub soup: Soup,
-    /// What is placed: none of them emits.
+    /// Shared meshes, without emitters.
     pub meshes: Vec<Soup>,
-    /// Where; transforms map coordinates of the mesh's soup to those of `soup`.
+    /// Placements; transforms map coordinates of the mesh's soup to those of `soup`.
     pub placements: Vec<Placement>,
 }
 
-/// A material as the file states it.
+/// A material as stated in the file.
 #[derive(Clone, Debug)]
 pub struct SoupMaterial {
-    /// Its name.
+    /// Name.
     pub name: String,
     /// Diffuse reflectance (`Kd`), linear RGB, unchecked.
     pub reflectance: [f32; 3],
@@ -57,9 +57,9 @@ pub struct SoupMaterial {
     pub emission: [f32; 3],
     /// `d`: 1 opaque, 0 fully transparent.
     pub opacity: f32,
-    /// Image that the reflectance is multiplied with.
+    /// Image that multiplies the reflectance.
     pub texture: Option<Texture>,
-    /// Whether this stands in for a material that is missing.
+    /// Whether this is the substitute of a missing material.
     pub missing: bool,
 }
 
@@ -73,19 +73,19 @@ impl SoupMaterial {
         SoupMaterial { name, reflectance, emission: [0.0; 3], opacity: 1.0, texture: None, missing: false }
     }
 
-    /// A light: emitted radiance in W/(m² sr) on the front side, reflectance 0.
+    /// An emitter: radiance in W/(m² sr) on the front side, reflectance 0.
     pub fn light(name: impl Into<String>, emission: [f32; 3]) -> Self {
         SoupMaterial { emission, ..SoupMaterial::diffuse(name, [0.0; 3]) }
     }
 
-    /// The stand-in for a material that is missing.
+    /// The substitute of a missing material.
     pub fn missing(name: impl Into<String>) -> Self {
         SoupMaterial { missing: true, ..SoupMaterial::diffuse(name, Self::DEFAULT_REFLECTANCE) }
     }
 }
 
 impl Soup {
-    /// An empty soup that says where it comes from.
+    /// An empty soup with its origin.
     pub fn new(path: impl Into<PathBuf>) -> Self {
         Soup { path: path.into(), ..Soup::default() }
     }
@@ -101,26 +101,26 @@ impl Soup {
         start..self.ends[i] as usize
     }
 
-    /// Adds a material, returns its index.
+    /// Adds a material; returns its index.
     pub fn material(&mut self, material: SoupMaterial) -> u32 {
         self.materials.push(material);
         self.materials.len() as u32 - 1
     }
 
-    /// Adds an object, returns its index. The caller keeps names unique.
+    /// Adds an object with a unique name; returns its index.
     pub fn object(&mut self, name: impl Into<String>) -> u32 {
         self.objects.push(name.into());
         self.objects.len() as u32 - 1
     }
 
-    /// Adds a polygon with vertices of its own, counterclockwise seen from its front.
+    /// Adds a polygon with new vertices, counterclockwise as seen from its front.
     pub fn polygon(&mut self, object: u32, material: u32, corners: &[DVec3]) {
         let first = self.positions.len() as u32;
         self.positions.extend_from_slice(corners);
         self.indexed_polygon(object, material, first..first + corners.len() as u32);
     }
 
-    /// Adds a polygon of vertices that are there already.
+    /// Adds a polygon of existing vertices.
     pub fn indexed_polygon(&mut self, object: u32, material: u32, corners: impl IntoIterator<Item = u32>) {
         self.corners.extend(corners);
         self.ends.push(self.corners.len() as u32);
@@ -138,7 +138,7 @@ pub(super) struct Names {
 }
 
 impl Names {
-    /// The number of `name`, new if it is new.
+    /// The number of `name`; a new one if the name is new.
     pub fn of(&mut self, name: &str) -> u32 {
         if let Some(&i) = self.index.get(name) {
             return i;

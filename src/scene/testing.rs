@@ -1,4 +1,4 @@
-//! Small scenes for the tests of all rooms, through the same door as files.
+//! Small scenes for tests, resolved like files.
 
 use super::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
 use glam::{DMat3, DQuat, DVec3, Vec3};
@@ -22,7 +22,7 @@ pub fn direction(random: &mut Pcg64Mcg) -> Vec3 {
     DVec3::new(r * turn.cos(), r * turn.sin(), z).as_vec3()
 }
 
-/// A rotation, uniform (Shoemake 1992).
+/// A uniformly distributed rotation (Shoemake 1992).
 pub fn rotation(random: &mut Pcg64Mcg) -> DMat3 {
     let (u, a, b) =
         (unit(random), std::f64::consts::TAU * unit(random), std::f64::consts::TAU * unit(random));
@@ -30,7 +30,7 @@ pub fn rotation(random: &mut Pcg64Mcg) -> DMat3 {
     DMat3::from_quat(DQuat::from_xyzw(r * a.sin(), r * a.cos(), q * b.sin(), q * b.cos()))
 }
 
-/// A scene under construction. Faces belong to the last object named.
+/// A scene under construction. Faces belong to the object started last.
 #[derive(Clone)]
 pub struct Pieces {
     soup: Soup,
@@ -38,7 +38,7 @@ pub struct Pieces {
 }
 
 impl Pieces {
-    /// Nothing yet.
+    /// An empty scene.
     pub fn new() -> Pieces {
         let mut soup = Soup::new("test");
         soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
@@ -56,19 +56,19 @@ impl Pieces {
         self
     }
 
-    /// A polygon.
+    /// Adds a polygon.
     pub fn polygon(&mut self, corners: &[DVec3]) -> &mut Pieces {
         self.soup.polygon(self.here(), 0, corners);
         self
     }
 
-    /// A parallelogram with the sides `u` and `v` about `centre`, facing `u × v`.
+    /// Adds a parallelogram with edges `u` and `v` around `centre` that faces along `u × v`.
     pub fn quad(&mut self, centre: DVec3, u: DVec3, v: DVec3) -> &mut Pieces {
         let (u, v) = (0.5 * u, 0.5 * v);
         self.polygon(&[centre - u - v, centre + u - v, centre + u + v, centre - u + v])
     }
 
-    /// A closed box with the edges `axes` about `centre`.
+    /// Adds a closed box with edges `axes` around `centre`.
     pub fn block(&mut self, centre: DVec3, axes: DMat3) -> &mut Pieces {
         let [u, v, w] = [axes.x_axis, axes.y_axis, axes.z_axis];
         let first = self.soup.positions.len() as u32;
@@ -83,12 +83,12 @@ impl Pieces {
         self
     }
 
-    /// A closed axis-aligned box.
+    /// Adds a closed axis-aligned box.
     pub fn cuboid(&mut self, min: DVec3, max: DVec3) -> &mut Pieces {
         self.block(0.5 * (min + max), DMat3::from_diagonal(max - min))
     }
 
-    /// An emitting parallelogram, facing `u × v`.
+    /// Adds an emitting parallelogram that faces along `u × v`.
     pub fn light(&mut self, centre: DVec3, u: DVec3, v: DVec3) -> &mut Pieces {
         let material = match self.light {
             Some(m) => m,
@@ -105,14 +105,14 @@ impl Pieces {
         self
     }
 
-    /// The scene.
+    /// Resolves the scene.
     pub fn scene(self) -> Scene {
         resolve(self.soup, &LoadOptions::default()).expect("a scene")
     }
 }
 
-/// A cloud of closed cubes (`sheets` false) or of squares (`sheets` true), edge `edge`, centred at random in the
-/// box from 0 to `size` and turned at random: a Poisson field.
+/// Closed cubes, or squares if `sheets`, of edge `edge`, at random positions in the box from 0 to `size` with random
+/// rotations (a Poisson process).
 pub fn cloud(seed: u64, count: usize, edge: f64, size: DVec3, sheets: bool) -> Pieces {
     let mut random = Pcg64Mcg::new(seed.into());
     let mut pieces = Pieces::new();

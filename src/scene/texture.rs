@@ -3,25 +3,25 @@
 use image::RgbaImage;
 use std::{path::Path, sync::Arc};
 
-/// An image that modulates a reflectance: 8 bits a channel, sRGB encoded, repeated in both directions.
+/// Image that multiplies a reflectance: 8 bits per channel, sRGB, repeated in both directions.
 #[derive(Clone, Debug)]
 pub struct Texture {
     image: Arc<RgbaImage>,
 }
 
-/// Barycentric sample points: centres of the 16 triangles that two midpoint subdivisions make, each of which
-/// stands for the same area. The mean is meant for radiosity, where a face has one colour.
+/// Number of barycentric sample points: centres of the 16 triangles of two midpoint subdivisions, each of equal area.
+/// Chosen: a face has one colour.
 const SAMPLES: usize = 16;
 
 impl Texture {
-    /// Reads an image file; the reason as one phrase if that fails.
+    /// Reads an image file; on failure the reason as one phrase.
     pub fn open(path: &Path) -> Result<Texture, String> {
         let reader = image::ImageReader::open(path).map_err(|e| e.to_string())?;
         let reader = reader.with_guessed_format().map_err(|e| e.to_string())?;
         reader.decode().map(|i| Texture::of(i.to_rgba8())).map_err(|e| e.to_string().replace('\n', " "))
     }
 
-    /// Decodes an image in memory (a glTF buffer or data URI).
+    /// Decodes an image in memory (glTF buffer or data URI).
     pub fn decode(bytes: &[u8]) -> Result<Texture, String> {
         image::load_from_memory(bytes).map(|i| Texture::of(i.to_rgba8())).map_err(|e| e.to_string())
     }
@@ -31,10 +31,10 @@ impl Texture {
         Texture { image: Arc::new(image) }
     }
 
-    /// Mean colour over the triangle with the given texture coordinates (v up), linear RGB in `[0, 1]`.
+    /// Mean colour over the triangle with these texture coordinates (v up), linear RGB in `[0, 1]`.
     ///
-    /// Texels are weighted by their alpha, since the colour of invisible ones is arbitrary; a triangle that
-    /// meets only invisible ones gets the plain mean.
+    /// Texels are weighted by alpha, because the colour of transparent ones is arbitrary; if all samples are
+    /// transparent, the mean is unweighted.
     pub fn mean(&self, [a, b, c]: [[f32; 2]; 3]) -> [f32; 3] {
         let (mut weighted, mut weights, mut plain) = ([0.0f32; 3], 0.0, [0.0f32; 3]);
         for [i, j, k] in barycentric() {
@@ -52,7 +52,7 @@ impl Texture {
     /// Linear colour and alpha of the nearest texel.
     fn texel(&self, u: f32, v: f32) -> ([f32; 3], f32) {
         let (w, h) = self.image.dimensions();
-        // rem_euclid may round to 1.0, and a coordinate that is not finite becomes 0 by the cast.
+        // rem_euclid may round to 1.0, and the cast converts NaN to 0.
         let x = ((u.rem_euclid(1.0) * w as f32) as u32).min(w.saturating_sub(1));
         let y = (((1.0 - v).rem_euclid(1.0) * h as f32) as u32).min(h.saturating_sub(1));
         match self.image.get_pixel_checked(x, y) {
@@ -101,7 +101,7 @@ mod tests {
 
     #[test]
     fn mean_is_linear_and_wraps() {
-        // Lower half black, upper half white: the triangle under the diagonal has 1/4 of its area in the upper.
+        // Lower half black, upper half white: a quarter of the triangle under the diagonal is in the upper half.
         let image =
             RgbaImage::from_fn(8, 8, |_, y| if y < 4 { Rgba([255; 4]) } else { Rgba([0, 0, 0, 255]) });
         let texture = Texture::of(image);

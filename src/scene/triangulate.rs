@@ -1,40 +1,41 @@
-//! Triangulation of one polygon in its best-fit plane.
+//! Triangulation of a polygon in its best-fit plane.
 //!
-//! Convex polygons become fans; the rest goes to ear clipping. The triangles' areas must add up to the
-//! polygon's, otherwise it is bent ([`bent`]), or crosses itself and there is no right answer.
+//! Convex polygons become fans; others are triangulated by ear clipping. The sum of the triangles' areas must equal
+//! the polygon's area; otherwise the polygon is non-planar ([`bent`]) or intersects itself.
 
 use super::bent;
 use earcut::Earcut;
 use glam::{DVec2, DVec3};
 
-/// What a polygon turned out to be.
+/// Shape of a polygon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Shape {
-    /// All corners on a line (relative to the size of the polygon).
+    /// All corners are collinear (relative to the size of the polygon).
     NoArea,
-    /// Every corner turns the same way.
+    /// All corners turn the same way.
     Convex,
-    /// Some corner turns the other way, or it is bent.
+    /// Some corner turns the other way, or the polygon is not planar.
     Concave,
-    /// It crosses itself: no triangulation has the area of the polygon.
+    /// The polygon intersects itself: no triangulation has its area.
     Broken,
 }
 
-/// Area below this fraction of the squared size counts as none: the height is beneath f32 resolution.
-pub(super) const RELATIVE_AREA: f64 = 1e-7;
-/// Triangles may miss the polygon's area by this fraction.
-const AREA_AGREES: f64 = 1e-6;
-/// Corners from which on crossings are looked for first: ear clipping's last resort takes cubic time.
-const LARGE: usize = 256;
-/// Edge pairs after which the search gives up, so that no file can make it hang.
+/// Smallest area relative to the squared size: below, the height is under the f32 resolution.
+pub(super) const MIN_RELATIVE_AREA: f64 = 1e-7;
+/// Largest relative difference of the triangles' areas and the polygon's. Chosen: rounding of f32 coordinates.
+const MAX_AREA_DIFFERENCE: f64 = 1e-6;
+/// Number of corners from which self-intersections are searched first. Chosen: ear clipping of such polygons takes
+/// cubic time.
+const CHECKED_CORNERS: usize = 256;
+/// Largest number of tested pairs of edges. Chosen: bounds the time for any file.
 const MAX_PAIRS: usize = 20_000_000;
 
-/// Triangulates polygons one after the other and reuses its buffers.
+/// Triangulates polygons and reuses its buffers.
 pub(super) struct Triangulator {
     earcut: Earcut<f64>,
     flat: Vec<[f64; 2]>,
     clipped: Vec<u32>,
-    /// Triangles of the last polygon as corner numbers, wound like the polygon.
+    /// Triangles of the last polygon as corner numbers, with the polygon's orientation.
     pub triangles: Vec<[u32; 3]>,
 }
 
@@ -43,16 +44,16 @@ impl Triangulator {
         Triangulator { earcut: Earcut::new(), flat: Vec::new(), clipped: Vec::new(), triangles: Vec::new() }
     }
 
-    /// Triangulates the polygon `p` (three corners or more, no two consecutive ones equal).
+    /// Triangulates the polygon `p` (at least three corners, no two consecutive ones equal).
     pub fn polygon(&mut self, p: &[DVec3]) -> Shape {
         self.triangles.clear();
         let normal = newell(p);
         let size = p.iter().map(|q| q.distance_squared(p[0])).fold(0.0, f64::max);
         let doubled = normal.length();
-        if doubled <= RELATIVE_AREA * size {
-            // A bow tie has no net area either, but its corners are not on a line.
+        if doubled <= MIN_RELATIVE_AREA * size {
+            // A polygon shaped like a bow tie has no net area, but its corners are not collinear.
             let flat = p.windows(2).all(|e| {
-                (e[0] - p[0]).cross(e[1] - p[0]).length() <= RELATIVE_AREA * size.max(f64::MIN_POSITIVE)
+                (e[0] - p[0]).cross(e[1] - p[0]).length() <= MIN_RELATIVE_AREA * size.max(f64::MIN_POSITIVE)
             });
             return if flat { Shape::NoArea } else { self.bent(p) };
         }
@@ -63,18 +64,18 @@ impl Triangulator {
         let (u, v) = (normal / doubled).any_orthonormal_pair();
         self.flat.clear();
         self.flat.extend(p.iter().map(|q| [(q - p[0]).dot(u), (q - p[0]).dot(v)]));
-        // The pair (u, v, normal) is right-handed or not, depending on the helper: make the area positive.
+        // The orientation of (u, v, normal) is arbitrary: the area is made positive.
         let area = 0.5 * signed_area(&self.flat);
         if area < 0.0 {
             self.flat.iter_mut().for_each(|q| q[1] = -q[1]);
         }
         let area = area.abs();
-        // The corners were rounded to f32: what turns the wrong way by less than that is noise.
+        // Corners were rounded to f32: smaller turns the wrong way are rounding.
         if is_convex(&self.flat, 2.0 * f64::from(f32::EPSILON) * size.sqrt()) {
             self.triangles.extend((1..p.len() as u32 - 1).map(|i| [0, i, i + 1]));
             return Shape::Convex;
         }
-        if p.len() > LARGE && crosses_itself(&self.flat) {
+        if p.len() > CHECKED_CORNERS && crosses_itself(&self.flat) {
             return Shape::Broken;
         }
         self.earcut.earcut_slice(&self.flat, &[], &mut self.clipped);
@@ -84,14 +85,14 @@ impl Triangulator {
             sum += 0.5 * doubled.abs();
             self.triangles.push(if doubled < 0.0 { [t[0], t[2], t[1]] } else { [t[0], t[1], t[2]] });
         }
-        if (sum - area).abs() > AREA_AGREES * area {
+        if (sum - area).abs() > MAX_AREA_DIFFERENCE * area {
             self.triangles.clear();
             return self.bent(p);
         }
         Shape::Concave
     }
 
-    /// What has no triangulation in a plane may be a good surface that lies in none.
+    /// A polygon without a triangulation in its plane may be a non-planar surface.
     fn bent(&mut self, p: &[DVec3]) -> Shape {
         match bent::triangulate(p) {
             Some(triangles) => {
@@ -103,7 +104,7 @@ impl Triangulator {
     }
 }
 
-/// Twice the vector area (Newell), taken about the first corner to keep digits far from zero.
+/// Twice the vector area (Newell's method) about the first corner, which avoids cancellation far from zero.
 pub(super) fn newell(p: &[DVec3]) -> DVec3 {
     p.windows(2).map(|e| (e[0] - p[0]).cross(e[1] - p[0])).sum()
 }
@@ -123,7 +124,7 @@ fn cross(p: &[[f64; 2]], a: u32, b: u32, c: u32) -> f64 {
     (b - a).perp_dot(c - a)
 }
 
-/// No right turn, and seen from the first corner the others go round once. Corners may be out by `slack`.
+/// Whether there is no right turn and the corners wind once around the first one, within `slack`.
 fn is_convex(p: &[[f64; 2]], slack: f64) -> bool {
     let n = p.len() as u32;
     let left = |a: u32, b: u32, c: u32| {
@@ -133,8 +134,8 @@ fn is_convex(p: &[[f64; 2]], slack: f64) -> bool {
     (0..n).all(|i| left(i, (i + 1) % n, (i + 2) % n)) && (1..n - 1).all(|i| left(0, i, i + 1))
 }
 
-/// Whether two edges properly cross (touching is allowed: holes are often bridged by a double edge).
-/// Also true if the search would take too long.
+/// Whether two edges properly intersect (contact is allowed: holes are often joined by a double edge). Also true if
+/// the search would take too long.
 fn crosses_itself(p: &[[f64; 2]]) -> bool {
     let n = p.len();
     let edge = |i: usize| (DVec2::from_array(p[i]), DVec2::from_array(p[(i + 1) % n]));

@@ -1,13 +1,13 @@
-//! Merging of vertices at the same position, and finding polygons that occur twice.
+//! Merging of vertices with equal positions, and detection of duplicate polygons.
 
 use glam::Vec3;
 
-/// Number of each vertex's position, in order of first appearance, and those positions.
+/// The number of each vertex's position, in order of first appearance, and the distinct positions.
 ///
-/// Positions are equal if their bits are (after `-0.0` became `0.0`): there is no tolerance, so nothing
-/// depends on the scale of the scene.
+/// Positions are equal if their bits are (`-0.0` counts as `0.0`); without a tolerance, the result is independent of
+/// the scale of the scene.
 pub(super) fn weld(positions: impl Iterator<Item = Vec3>) -> (Vec<u32>, Vec<Vec3>) {
-    // Adding zero turns -0.0 into 0.0.
+    // Adding zero converts −0 to +0.
     let mut keyed: Vec<([u32; 3], u32)> = positions
         .enumerate()
         .map(|(i, p)| ((p + Vec3::ZERO).to_array().map(f32::to_bits), i as u32))
@@ -21,7 +21,7 @@ pub(super) fn weld(positions: impl Iterator<Item = Vec3>) -> (Vec<u32>, Vec<Vec3
     for (bits, i) in keyed {
         position[i as usize] = Vec3::from_array(bits.map(f32::from_bits));
     }
-    // `first[i] <= i`, so the entry it points at has its final number already.
+    // `first[i] <= i`, so that entry has its final number already.
     let (mut number, mut distinct) = (first, Vec::new());
     for i in 0..number.len() {
         let f = number[i] as usize;
@@ -35,13 +35,13 @@ pub(super) fn weld(positions: impl Iterator<Item = Vec3>) -> (Vec<u32>, Vec<Vec3
     (number, distinct)
 }
 
-/// Groups of polygons with the same set of corners, each ascending; polygons that are alone are left out.
+/// Groups of polygons with equal sets of corners, each ascending; single polygons are omitted.
 pub(super) fn same_corners(polygons: &[&[u32]]) -> Vec<Vec<u32>> {
     let mut keyed: Vec<(u64, u32)> = polygons.iter().zip(0..).map(|(p, i)| (fingerprint(p), i)).collect();
     keyed.sort_unstable();
     let mut groups = Vec::new();
     for run in keyed.chunk_by(|a, b| a.0 == b.0).filter(|run| run.len() > 1) {
-        // Equal fingerprints are a hint only.
+        // Equal hashes are confirmed by comparison.
         let mut exact: Vec<(Vec<u32>, u32)> =
             run.iter().map(|&(_, i)| (sorted(polygons[i as usize]), i)).collect();
         exact.sort_unstable();
@@ -57,7 +57,7 @@ fn sorted(p: &[u32]) -> Vec<u32> {
     p
 }
 
-/// The same for every order of the same corners.
+/// A hash that does not depend on the order of the corners.
 fn fingerprint(p: &[u32]) -> u64 {
     // Finaliser of splitmix64 (Steele, Lea and Flood 2014).
     let mix = |v: u32| {

@@ -1,7 +1,7 @@
-//! Writing a soup with placed meshes as glTF 2.0: one `.glb`, or one `.gltf` that holds its buffer.
+//! Output of a soup with placed meshes as glTF 2.0: one `.glb`, or one `.gltf` with an embedded buffer.
 //!
-//! Coordinates are written as they are, as in OBJ files. glTF counts y as up: viewers show a scene whose up is z
-//! lying on its side. Textures are not written.
+//! Coordinates are written unchanged. In glTF y is up, so viewers show scenes with z up lying on their side. Textures
+//! are not written.
 
 use super::{PlacedSoup, Soup, SoupMaterial};
 use crate::{Error, Result, files::WholeFile, math::Aabb};
@@ -17,14 +17,14 @@ const UNSIGNED_INT: u32 = 5125;
 const VERTICES: u32 = 34962;
 const INDICES: u32 = 34963;
 
-/// Writes `placed` to `path`: binary if its extension is `glb`, else as text with the buffer in base64. Each object of the
-/// soup becomes a node with a mesh, each placed mesh is written once, each placement becomes a node; hidden placements are
-/// left out. Positions are rounded to f32. Polygons must be convex: they are written as fans of triangles. `generator` names
-/// what made the file. The file appears whole or not at all.
+/// Writes `placed` to `path`: binary if its extension is `glb`, otherwise text with the buffer in base64. Each object
+/// of the soup becomes a node with a mesh, each placed mesh is written once, each visible placement becomes a node.
+/// Positions are rounded to f32. Polygons must be convex: they are written as fans of triangles. `generator` names
+/// the program. The file is written completely or not at all.
 ///
 /// # Errors
-/// The file cannot be written; the buffer is larger than the 4 GiB that the format has room for; a placement has a material
-/// of its own or refers to a mesh that does not exist.
+/// The file cannot be written; the buffer exceeds the 4 GiB of the format; a placement has a material of its own or
+/// refers to a mesh that does not exist.
 pub fn write_gltf(path: &Path, placed: &PlacedSoup, generator: &str) -> Result<()> {
     let mut out = Output::default();
     let mut nodes = Vec::new();
@@ -50,7 +50,7 @@ pub fn write_gltf(path: &Path, placed: &PlacedSoup, generator: &str) -> Result<(
     out.write(path, nodes, generator)
 }
 
-/// The file's JSON. Nodes are not values of `serde_json`, which take 3 KB each: there may be millions.
+/// JSON of the file. Nodes have a type of their own: there may be millions, and a `serde_json` value takes 3 KB.
 #[derive(serde::Serialize)]
 struct Root<'a> {
     asset: Value,
@@ -82,7 +82,7 @@ struct Node<'a> {
 
 const EMISSIVE_STRENGTH: &str = "KHR_materials_emissive_strength";
 
-/// What has been collected for a file.
+/// Contents of a file under construction.
 #[derive(Default)]
 struct Output {
     positions: Vec<Vec3>,
@@ -90,18 +90,18 @@ struct Output {
     accessors: Vec<Value>,
     meshes: Vec<Value>,
     materials: Vec<Value>,
-    /// Number of each material by what is written of it.
+    /// Index of each material by its JSON.
     known: HashMap<String, usize>,
 }
 
 impl Output {
-    /// All polygons of `soup` as one mesh, which has the name of the first object; its number.
+    /// Adds all polygons of `soup` as one mesh with the name of the first object; its index.
     fn whole_mesh(&mut self, soup: &Soup) -> usize {
         let polygons: Vec<usize> = (0..soup.polygons()).collect();
         self.mesh(soup.objects.first().map_or("mesh", String::as_str), soup, &polygons)
     }
 
-    /// These polygons as one mesh with a primitive for each material; its number.
+    /// Adds these polygons as one mesh with a primitive per material; its index.
     fn mesh(&mut self, name: &str, soup: &Soup, polygons: &[usize]) -> usize {
         let mut order = polygons.to_vec();
         order.sort_by_key(|&i| soup.polygon_material[i]);
@@ -142,7 +142,7 @@ impl Output {
         json!({ "attributes": { "POSITION": accessor }, "indices": accessor + 1, "material": material })
     }
 
-    /// Number of a material; equal ones are written once.
+    /// Index of a material; equal ones are written once.
     fn material(&mut self, m: &SoupMaterial) -> usize {
         let [r, g, b] = m.reflectance;
         let mut value = json!({
@@ -155,7 +155,7 @@ impl Output {
             value["alphaMode"] = json!("BLEND");
         }
         if m.emission != [0.0; 3] {
-            // The factor must not be greater than 1; the extension holds the rest.
+            // The factor is at most 1; the extension has the rest.
             let strength = m.emission.into_iter().fold(1.0, f32::max);
             value["emissiveFactor"] = json!(m.emission.map(|e| e / strength));
             value["extensions"] = json!({ EMISSIVE_STRENGTH: { "emissiveStrength": strength } });

@@ -1,4 +1,4 @@
-//! Writing a soup as OBJ and MTL.
+//! Output of a soup as OBJ and MTL.
 
 use super::Soup;
 use crate::{Error, Result, files::WholeFile};
@@ -12,8 +12,8 @@ pub fn mtl_path(obj: &Path) -> PathBuf {
     obj.with_extension("mtl")
 }
 
-/// Writes `soup` to the OBJ file `path` and its materials to [`mtl_path`], each line of `comments` on top of
-/// both. Textures are not written. Both files appear whole or not at all.
+/// Writes `soup` to the OBJ file `path` and its materials to [`mtl_path`], with `comments` at the top of both.
+/// Textures are not written. Both files are written completely or not at all.
 ///
 /// # Errors
 /// The files cannot be written.
@@ -55,7 +55,7 @@ fn faces(out: &mut impl Write, soup: &Soup, comments: &[&str], library: &str) ->
     head(out, comments)?;
     writeln!(out, "mtllib {library}")?;
     for p in &soup.positions {
-        // The shortest digits that read back as the same number.
+        // The shortest decimal number that parses to the same f32.
         let single = p.as_vec3();
         if single.as_dvec3() == *p {
             writeln!(out, "v {} {} {}", single.x, single.y, single.z)?;

@@ -1,6 +1,7 @@
 //! Multi-resolution visibility [SD95 sec 3.2]: the engine above walks, fronts and the hand-over to Embree.
 
 use super::front::Front;
+use super::instances::{InstanceBuffers, InstanceTree, walk_instances};
 use super::shaft::Shaft;
 use super::steps::Steps;
 use super::walk::{Buffers, FETCH, Rule, Walked, walk};
@@ -15,12 +16,12 @@ use std::sync::Arc;
 
 /// Treatment of leaves that the umbra criterion opens.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Leaf {
+pub enum LeafMode {
     /// Its triangles are tested.
     #[default]
     Exact,
     /// The leaf transmits according to its extinction: the paper's average visibility [SD95 sec 5].
-    Extinction,
+    Average,
 }
 
 /// Work of exact rays per packet before [`MultiResolution::with_budget`] measures it. Chosen.
@@ -51,10 +52,12 @@ const MAX_GROUP_WIDTH: f32 = 0.5;
 #[derive(Clone)]
 pub struct MultiResolution {
     tree: Arc<WideTree>,
+    /// Placed meshes beside the model's own triangles.
+    instances: Option<Arc<InstanceTree>>,
     exact: CommittedScene,
     traversal: Traversal,
     magnitude: f32,
-    leaf: Leaf,
+    leaf: LeafMode,
     isa: Isa,
     /// Estimated work of exact rays per packet.
     budget: u64,
@@ -68,6 +71,7 @@ pub struct MultiResolution {
 #[derive(Default)]
 pub struct Workspace {
     buffers: Buffers,
+    placed: InstanceBuffers,
     front: Front,
     shafts: Vec<Shaft>,
     walked: Vec<Walked>,
@@ -85,18 +89,19 @@ impl Workspace {
 }
 
 impl MultiResolution {
-    /// The engine over the clusters of a scene. `exact` is the whole scene in Embree, traced with `traversal` for bundles that
-    /// are handed over.
+    /// The engine over the clusters of a scene. `exact` is the whole scene in Embree, traced with `traversal` for
+    /// bundles that are handed over.
     pub fn new(
         tree: Arc<WideTree>,
         exact: CommittedScene,
         traversal: Traversal,
-        leaf: Leaf,
+        leaf: LeafMode,
     ) -> MultiResolution {
         MultiResolution {
             far: tree.bytes() > CACHE_BYTES,
             magnitude: tree.magnitude,
             tree,
+            instances: None,
             exact,
             traversal,
             leaf,
@@ -104,6 +109,13 @@ impl MultiResolution {
             budget: DEFAULT_RAY_WORK,
             tolerance: optics::Options::default().tolerance,
         }
+    }
+
+    /// Adds placed meshes to the model's own triangles; `magnitude` is the largest coordinate magnitude of both.
+    #[must_use]
+    pub fn with_instances(mut self, instances: Arc<InstanceTree>, magnitude: f32) -> Self {
+        (self.instances, self.magnitude) = (Some(instances), magnitude);
+        self
     }
 
     /// Sets the [`optics::Options::tolerance`] that the optics were measured with, which determines stated intervals.
@@ -155,7 +167,7 @@ impl MultiResolution {
         mut each: impl FnMut(Answer),
     ) {
         // Without exact rays walks have no limit.
-        self.walk_all(bundles, Sizes::All(s), self.leaf == Leaf::Exact, workspace);
+        self.walk_all(bundles, Sizes::All(s), self.leaf == LeafMode::Exact, workspace);
         for (k, bundle) in bundles.iter().enumerate() {
             each(self.finish(*bundle, k, workspace));
         }
@@ -333,7 +345,7 @@ impl MultiResolution {
         workspace: &mut Workspace,
         mut each: impl FnMut(usize, Answer, &[f32; LANES]),
     ) {
-        self.walk_all(bundles, Sizes::Each(sizes), self.leaf == Leaf::Exact, workspace);
+        self.walk_all(bundles, Sizes::Each(sizes), self.leaf == LeafMode::Exact, workspace);
         for (k, bundle) in bundles.iter().enumerate() {
             let answer = self.finish(*bundle, k, workspace);
             let mut lanes = workspace.lanes[k];
@@ -351,7 +363,7 @@ impl MultiResolution {
     }
 
     /// Treatment of leaves.
-    pub fn leaf(&self) -> Leaf {
+    pub fn leaf(&self) -> LeafMode {
         self.leaf
     }
 }
@@ -394,9 +406,9 @@ impl Kernel for Ask<'_> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         let Ask { engine, bundles, sizes, bounded, workspace } = self;
-        let Workspace { buffers, front, shafts, walked, lanes } = workspace;
+        let Workspace { buffers, placed, front, shafts, walked, lanes } = workspace;
         let averages = !matches!(sizes, Sizes::Nothing);
-        let soft = engine.leaf == Leaf::Extinction && averages;
+        let soft = engine.leaf == LeafMode::Average && averages;
         let size = |bundle: &Bundle| if averages { bundle.emitter_size } else { 0.0 };
         // Exact work is estimated without the cost of cache misses; only walks for answers include it.
         let fetch = if engine.far && averages { FETCH } else { 0 };
@@ -412,7 +424,10 @@ impl Kernel for Ask<'_> {
         let mut packets_before = 0;
         let mut first = 0;
         while first < bundles.len() {
-            let group = group(bundles, shafts, first);
+            let group = match engine.instances {
+                None => group(bundles, shafts, first),
+                Some(_) => first..first + 1,
+            };
             let (mut shared, mut opened) = (None, (0, 0));
             if group.len() > 1 {
                 let around = Shaft::around(&shafts[group.clone()]);
@@ -432,7 +447,13 @@ impl Kernel for Ask<'_> {
                 let s = sizes.of(k);
                 let limit = if bounded { engine.limit(&bundles[k]) } else { u64::MAX };
                 let rule = Rule { e: size(&bundles[k]), s, soft, limit, fetch, tolerance: engine.tolerance };
-                let mut found = walk(simd, &engine.tree, shared, (packets, &shafts[k]), &rule, buffers);
+                let mut found = match &engine.instances {
+                    None => walk(simd, &engine.tree, shared, (packets, &shafts[k]), &rule, buffers),
+                    Some(instances) => {
+                        let trees = (&*engine.tree, &**instances);
+                        walk_instances(simd, trees, (&bundles[k], &shafts[k]), &rule, buffers, placed)
+                    }
+                };
                 // Walks that end early add no sums: all segments are blocked, or Embree traces the bundle.
                 packets_before += packets.len();
                 buffers.sums.resize(packets_before, 0.0);

@@ -113,7 +113,7 @@ pub(super) struct Passed {
 }
 
 impl Passed {
-    fn add(&mut self, other: Passed) {
+    pub(super) fn add(&mut self, other: Passed) {
         self.transmittance += other.transmittance;
         self.square += other.square;
         self.lo += other.lo;
@@ -178,6 +178,98 @@ impl<S: Simd> Beam<S> {
         // At most 2 inside any box; the limits keep the value finite for boxes far from the line.
         let density = simd.min(simd.max(simd.fma(climb, twice, at_origin), zero), simd.splat(2.0));
         simd.mul(simd.mul(path, simd.splat(row.extinction[lane])), density)
+    }
+}
+
+/// Sums over the boxes that sixteen lines pass.
+struct Sums<S: Simd> {
+    /// Optical depth.
+    depth: S::F,
+    /// Largest optical depth of a single box.
+    deepest: S::F,
+    /// Sum of the squared relative errors of the boxes.
+    errors: S::F,
+}
+
+impl<S: Simd> Sums<S> {
+    /// Adds the boxes of `slabs`.
+    #[inline(always)]
+    fn through(mut self, simd: S, lines: &Lines<S>, slabs: &Slabs, shared: bool) -> Sums<S> {
+        let one = simd.splat(1.0);
+        let beam = Beam::of(simd, lines, shared);
+        for row in &slabs.rows[..slabs.used] {
+            for lane in Lanes(row.lanes) {
+                let d = beam.depth(simd, row, lane);
+                self.depth = simd.add(self.depth, d);
+                self.deepest = simd.max(self.deepest, d);
+                // 1/T_i = e^d >= 1 + d + d²/2; for large d T is small and the error with it.
+                let inverse = simd.fma(d, simd.fma(d, simd.splat(0.5), one), one);
+                let error = simd.mul(simd.splat(row.error[lane]), inverse);
+                self.errors = simd.add(self.errors, simd.min(simd.mul(error, error), simd.sub(inverse, one)));
+            }
+        }
+        self
+    }
+
+    /// The weighted transmittance of each line, and sums over the lines with their weights.
+    #[inline(always)]
+    fn passed(&self, simd: S, weights: S::F) -> (S::F, Passed) {
+        let (zero, one) = (simd.splat(0.0), simd.splat(1.0));
+        let each = decay(simd, self.depth);
+        let transmittance = simd.mul(weights, each);
+        let passed = Passed {
+            transmittance: simd.sum(transmittance),
+            square: simd.sum(simd.mul(transmittance, each)),
+            lo: simd.sum(simd.mul(weights, simd.max(simd.sub(one, self.depth), zero))),
+            hi: simd.sum(simd.mul(weights, decay(simd, self.deepest))),
+            error: simd.sum(simd.mul(transmittance, simd.root(self.errors))),
+            met: simd.sum(simd.keep(simd.lt(zero, self.depth), weights)),
+            times: 1,
+        };
+        (transmittance, passed)
+    }
+}
+
+/// Sums over the boxes that the segments of one packet pass, kept while the boxes of several frames are added.
+#[derive(Clone)]
+#[repr(C, align(64))]
+pub(super) struct PacketSums {
+    depth: [f32; LANES],
+    deepest: [f32; LANES],
+    errors: [f32; LANES],
+}
+
+impl PacketSums {
+    /// No box yet.
+    pub const EMPTY: PacketSums =
+        PacketSums { depth: [0.0; LANES], deepest: [0.0; LANES], errors: [0.0; LANES] };
+
+    /// Adds the boxes of `slabs`, which are seen from the common origin of the segments if it is `shared`.
+    #[inline(always)]
+    pub fn add<S: Simd>(&mut self, simd: S, slabs: &Slabs, packet: &Packet, shared: bool) {
+        let sums = Sums::<S> {
+            depth: simd.load(&self.depth),
+            deepest: simd.load(&self.deepest),
+            errors: simd.load(&self.errors),
+        };
+        let sums = sums.through(simd, &Lines::of(simd, packet, 0), slabs, shared);
+        simd.store(sums.depth, &mut self.depth);
+        simd.store(sums.deepest, &mut self.deepest);
+        simd.store(sums.errors, &mut self.errors);
+    }
+
+    /// The transmittance of each segment that is not blocked, 0 in other lanes, and their sums.
+    #[inline(always)]
+    pub fn passed<S: Simd>(&self, simd: S, clear: u32) -> ([f32; LANES], Passed) {
+        let sums = Sums::<S> {
+            depth: simd.load(&self.depth),
+            deepest: simd.load(&self.deepest),
+            errors: simd.load(&self.errors),
+        };
+        let (transmittance, passed) = sums.passed(simd, simd.keep(simd.mask(clear), simd.splat(1.0)));
+        let mut each = [0.0; LANES];
+        simd.store(transmittance, &mut each);
+        (each, passed)
     }
 }
 
@@ -246,33 +338,10 @@ impl<S: Simd> Lines<S> {
     /// Traces the lines through the boxes: the weighted transmittance of each line, and all sums.
     #[inline(always)]
     fn pass(&self, simd: S, slabs: &Slabs, shared: bool) -> (S::F, Passed) {
-        let (zero, one) = (simd.splat(0.0), simd.splat(1.0));
-        let beam = Beam::of(simd, self, shared);
-        let (mut depth, mut deepest, mut errors) = (zero, zero, zero);
-        for row in &slabs.rows[..slabs.used] {
-            for lane in Lanes(row.lanes) {
-                let d = beam.depth(simd, row, lane);
-                depth = simd.add(depth, d);
-                deepest = simd.max(deepest, d);
-                // 1/T_i = e^d >= 1 + d + d²/2; for large d T is small and the error with it.
-                let inverse = simd.fma(d, simd.fma(d, simd.splat(0.5), one), one);
-                let error = simd.mul(simd.splat(row.error[lane]), inverse);
-                errors = simd.add(errors, simd.min(simd.mul(error, error), simd.sub(inverse, one)));
-            }
-        }
-        let weights = self.weights;
-        let each = decay(simd, depth);
-        let transmittance = simd.mul(weights, each);
-        let passed = Passed {
-            transmittance: simd.sum(transmittance),
-            square: simd.sum(simd.mul(transmittance, each)),
-            lo: simd.sum(simd.mul(weights, simd.max(simd.sub(one, depth), zero))),
-            hi: simd.sum(simd.mul(weights, decay(simd, deepest))),
-            error: simd.sum(simd.mul(transmittance, simd.root(errors))),
-            met: simd.sum(simd.keep(simd.lt(zero, depth), weights)),
-            times: 1,
-        };
-        (transmittance, passed)
+        let zero = simd.splat(0.0);
+        Sums::<S> { depth: zero, deepest: zero, errors: zero }
+            .through(simd, self, slabs, shared)
+            .passed(simd, self.weights)
     }
 }
 

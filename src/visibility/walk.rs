@@ -14,7 +14,7 @@
 
 use super::front::Front;
 use super::shaft::Shaft;
-use super::slabs::{Slabs, pass};
+use super::slabs::{Passed, Slabs, pass};
 use super::triangles::{self, Tiles};
 use super::wide::{AxisOptics, LEAF, Node, WideTree, mixed};
 use crate::optics::{AXIS_COUNT, AxisMix};
@@ -68,7 +68,7 @@ pub(super) const BLOCK: u64 = 12;
 /// Work that accounts for the cache miss of a node, in trees larger than the caches near a core. Chosen.
 pub(super) const FETCH: u64 = 10;
 
-/// Walks for one bundle.
+/// Walks for one bundle: finds what its shaft meets, then passes its segments through the aggregated clusters.
 #[inline(always)]
 pub(super) fn walk<S: Simd>(
     simd: S,
@@ -76,76 +76,15 @@ pub(super) fn walk<S: Simd>(
     front: Option<&Front>,
     (packets, shaft): (&[Packet], &Shaft),
     rule: &Rule,
-    workspace: &mut Buffers,
+    buffers: &mut Buffers,
 ) -> Walked {
-    let Buffers { queue, slabs, tiles, blocked, transmittance, sums } = workspace;
-    let mut walked = Walked::default();
-    let from = shaft.apex.unwrap_or(Vec3::ZERO);
-    let mix = AxisMix::around(shaft.direction());
-    blocked.clear();
-    blocked.resize(packets.len(), 0);
-    slabs.clear();
-    tiles.clear();
-    queue.clear();
-    let push = |queue: &mut Vec<u32>, reference: u32| {
-        // The cache lines arrive while earlier nodes are processed.
-        if reference & LEAF != 0 {
-            simd.prefetch(&tree.blocks[(reference & !LEAF) as usize]);
-        } else {
-            simd.prefetch(&tree.nodes[reference as usize]);
-            for axis in mix.axes {
-                simd.prefetch(&tree.optics[reference as usize][axis]);
-            }
-        }
-        queue.push(reference);
-    };
-    let mut all = false;
-    match front {
-        None => queue.push(0),
-        Some(front) => {
-            for block in &front.blocks {
-                let tested = triangles::block_all(simd, shaft, block, packets, (tiles, blocked));
-                walked.work += BLOCK + tested.work;
-                walked.tested |= tested.any;
-                walked.covered |= tested.all && !tested.any;
-                all = tested.all;
-                if all {
-                    break;
-                }
-            }
-            for row in front.rows.iter().take(if all { 0 } else { usize::MAX }) {
-                walked.work += NODE;
-                visit(simd, (&row.node, &row.optics), (shaft, from), rule, &mix, slabs, &mut |child| {
-                    push(queue, child)
-                });
-            }
-        }
+    buffers.blocked.clear();
+    buffers.blocked.resize(packets.len(), 0);
+    let (mut walked, all) = gather(simd, tree, front, (packets, shaft), rule, buffers);
+    if walked.gave_up {
+        return walked;
     }
-    let mut next = 0;
-    while let Some(&reference) = queue.get(next) {
-        next += 1;
-        if all {
-            break;
-        }
-        if reference & LEAF != 0 {
-            let block = &tree.blocks[(reference & !LEAF) as usize];
-            let tested = triangles::block_all(simd, shaft, block, packets, (tiles, blocked));
-            walked.work += BLOCK + tested.work;
-            walked.tested |= tested.any;
-            walked.covered |= tested.all && !tested.any;
-            all = tested.all;
-        } else {
-            let at = reference as usize;
-            walked.nodes += 1;
-            walked.work += NODE + rule.fetch;
-            let node = (&tree.nodes[at], &tree.optics[at]);
-            visit(simd, node, (shaft, from), rule, &mix, slabs, &mut |child| push(queue, child));
-        }
-        if walked.work > rule.limit {
-            walked.gave_up = true;
-            return walked;
-        }
-    }
+    let Buffers { slabs, blocked, transmittance, sums, .. } = buffers;
     if all {
         *transmittance = [0.0; LANES];
         return walked;
@@ -170,19 +109,108 @@ pub(super) fn walk<S: Simd>(
     let reach = 0.5 * shaft.ends[0].half.max(shaft.ends[1].half).max_element();
     let how = (shaft.apex.is_some(), reach);
     let passed = pass(simd, slabs, (packets, blocked), how, sums, transmittance);
-    let segments: usize = packets.iter().map(Packet::len).sum();
     walked.work += slabs.len() as u64 * (1 + passed.times);
-    walked.transmittance = passed.transmittance;
-    walked.square = passed.square;
-    (walked.lo, walked.hi) = (passed.lo, passed.hi);
-    walked.model = passed.error / (segments as f32).max(1.0);
-    walked.aggregated = passed.met as u32;
+    walked.take(&passed, packets);
     walked
+}
+
+/// Finds what the shaft of a bundle meets in one tree: adds aggregated clusters to `buffers.slabs` and blocked segments to
+/// `buffers.blocked`. Returns counts, and whether all segments are blocked.
+#[inline(always)]
+pub(super) fn gather<S: Simd>(
+    simd: S,
+    tree: &WideTree,
+    front: Option<&Front>,
+    (packets, shaft): (&[Packet], &Shaft),
+    rule: &Rule,
+    buffers: &mut Buffers,
+) -> (Walked, bool) {
+    let Buffers { queue, slabs, tiles, blocked, .. } = buffers;
+    let mut walked = Walked::default();
+    let from = shaft.apex.unwrap_or(Vec3::ZERO);
+    let mix = AxisMix::around(shaft.direction());
+    slabs.clear();
+    tiles.clear();
+    queue.clear();
+    let push = |queue: &mut Vec<u32>, reference: u32| {
+        // The cache lines arrive while earlier nodes are processed.
+        if reference & LEAF != 0 {
+            simd.prefetch(&tree.blocks[(reference & !LEAF) as usize]);
+        } else {
+            simd.prefetch(&tree.nodes[reference as usize]);
+            for axis in mix.axes {
+                simd.prefetch(&tree.optics[reference as usize][axis]);
+            }
+        }
+        queue.push(reference);
+    };
+    let mut all = false;
+    match front {
+        None => queue.push(0),
+        Some(front) => {
+            for block in &front.blocks {
+                let tested = triangles::block_all(simd, shaft, block, packets, (tiles, blocked));
+                all = walked.tested_block(&tested);
+                if all {
+                    break;
+                }
+            }
+            for row in front.rows.iter().take(if all { 0 } else { usize::MAX }) {
+                walked.work += NODE;
+                visit(simd, (&row.node, &row.optics), (shaft, from), rule, &mix, slabs, &mut |child| {
+                    push(queue, child)
+                });
+            }
+        }
+    }
+    let mut next = 0;
+    while let Some(&reference) = queue.get(next) {
+        next += 1;
+        if all {
+            break;
+        }
+        if reference & LEAF != 0 {
+            let block = &tree.blocks[(reference & !LEAF) as usize];
+            let tested = triangles::block_all(simd, shaft, block, packets, (tiles, blocked));
+            all = walked.tested_block(&tested);
+        } else {
+            let at = reference as usize;
+            walked.nodes += 1;
+            walked.work += NODE + rule.fetch;
+            let node = (&tree.nodes[at], &tree.optics[at]);
+            visit(simd, node, (shaft, from), rule, &mix, slabs, &mut |child| push(queue, child));
+        }
+        if walked.work > rule.limit {
+            walked.gave_up = true;
+            return (walked, false);
+        }
+    }
+    (walked, all)
+}
+
+impl Walked {
+    /// Counts a tested block of triangles; returns whether all segments are blocked.
+    fn tested_block(&mut self, tested: &triangles::Tested) -> bool {
+        self.work += BLOCK + tested.work;
+        self.tested |= tested.any;
+        self.covered |= tested.all && !tested.any;
+        tested.all
+    }
+
+    /// Takes over the sums of segments that passed through aggregated clusters.
+    pub fn take(&mut self, passed: &Passed, packets: &[Packet]) {
+        let segments: usize = packets.iter().map(Packet::len).sum();
+        self.transmittance = passed.transmittance;
+        self.square = passed.square;
+        (self.lo, self.hi) = (passed.lo, passed.hi);
+        self.model = passed.error / (segments as f32).max(1.0);
+        self.aggregated = passed.met as u32;
+    }
 }
 
 /// Tests the children of a node: aggregates some and passes those to be opened to `open`.
 #[inline(always)]
-fn visit<S: Simd>(
+pub(super) fn visit<S: Simd>(
     simd: S,
     (node, optics): (&Node, &[AxisOptics; AXIS_COUNT]),
     (shaft, from): (&Shaft, Vec3),
@@ -219,7 +247,7 @@ fn visit<S: Simd>(
 #[derive(Default)]
 pub(super) struct Buffers {
     queue: Vec<u32>,
-    slabs: Slabs,
+    pub slabs: Slabs,
     tiles: Tiles,
     /// Blocked segments of each packet of the bundle.
     pub blocked: Vec<u32>,

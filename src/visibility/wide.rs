@@ -1,6 +1,7 @@
 //! The cluster trees in traversal layout: nodes of sixteen children, blocks of sixteen triangles.
 
 use crate::clusters::{Hierarchy, Tree};
+use crate::math::Aabb;
 use crate::optics::{AXIS_COUNT, AxisMix, ClusterOptics};
 use crate::scene::Scene;
 use crate::simd::{LANES, Simd};
@@ -9,6 +10,7 @@ use crate::simd::{LANES, Simd};
 pub(super) const LEAF: u32 = 1 << 31;
 
 /// Up to sixteen children. Unused lanes hold a box at the largest finite coordinates, which no shaft touches.
+#[derive(Clone)]
 #[repr(C, align(64))]
 pub(super) struct Node {
     pub min: [[f32; LANES]; 3],
@@ -41,7 +43,7 @@ pub(super) struct Block {
     pub used: u32,
 }
 
-/// Both trees of a hierarchy under one top node, sixteen children side by side: what the multi-resolution engine walks.
+/// Both trees of a hierarchy under one top node, sixteen children per node; traversed by the multi-resolution engine.
 pub struct WideTree {
     /// Largest coordinate magnitude of the scene, scene units: the scale of rounding errors.
     pub(super) magnitude: f32,
@@ -103,7 +105,7 @@ pub(super) fn mixed<S: Simd>(simd: S, optics: &[AxisOptics; AXIS_COUNT], mix: &A
 }
 
 impl WideTree {
-    /// Lays out the clusters of a scene; `optics` has one entry a cluster of `hierarchy.micro`.
+    /// Lays out the clusters of a scene; `optics` has one entry per cluster of `hierarchy.micro`.
     pub fn build(scene: &Scene, hierarchy: &Hierarchy, optics: &[ClusterOptics]) -> WideTree {
         let magnitude = super::reference::magnitude(scene);
         let mut wide =
@@ -153,27 +155,14 @@ impl WideTree {
         optics: Option<&[ClusterOptics]>,
         reference: u32,
     ) {
-        let bounds = tree.clusters[cluster].bounds.thickened();
         let target = &mut self.nodes[node];
-        for axis in 0..3 {
-            target.min[axis][lane] = bounds.min[axis];
-            target.max[axis][lane] = bounds.max[axis];
-        }
+        set_box(target, lane, tree.clusters[cluster].bounds.thickened());
         target.child[lane] = reference;
         let Some(optics) = optics else { return };
-        let optics = &optics[cluster];
-        for axis in 0..3 {
-            target.slope[axis][lane] = optics.slope[axis];
-        }
         if reference & LEAF != 0 {
             target.soft_leaves |= 1 << lane;
         }
-        for axis in 0..AXIS_COUNT {
-            let entry = &mut self.optics[node][axis];
-            entry.size[lane] = half_up(optics.feature_size(axis));
-            entry.extinction[lane] = half_nearest(optics.extinction[axis]);
-            target.smallest = target.smallest.min(optics.feature_size(axis));
-        }
+        set_optics((target, &mut self.optics[node]), lane, &optics[cluster]);
     }
 
     /// Size of all arrays in bytes.
@@ -181,6 +170,30 @@ impl WideTree {
         size_of_val(self.nodes.as_slice())
             + size_of_val(self.optics.as_slice())
             + size_of_val(self.blocks.as_slice())
+    }
+}
+
+/// Sets the box of a child.
+pub(super) fn set_box(node: &mut Node, lane: usize, bounds: Aabb) {
+    for axis in 0..3 {
+        node.min[axis][lane] = bounds.min[axis];
+        node.max[axis][lane] = bounds.max[axis];
+    }
+}
+
+/// Sets the optics of a child, so that it may be aggregated.
+pub(super) fn set_optics(
+    (node, wide): (&mut Node, &mut [AxisOptics; AXIS_COUNT]),
+    lane: usize,
+    optics: &ClusterOptics,
+) {
+    for axis in 0..3 {
+        node.slope[axis][lane] = optics.slope[axis];
+    }
+    for (axis, entry) in wide.iter_mut().enumerate() {
+        entry.size[lane] = half_up(optics.feature_size(axis));
+        entry.extinction[lane] = half_nearest(optics.extinction[axis]);
+        node.smallest = node.smallest.min(optics.feature_size(axis));
     }
 }
 

@@ -1,11 +1,11 @@
-//! The command line as a contract: exit code 0 done, 1 done but a stated tolerance was missed, 2 error with one line
-//! on stderr.
+//! The command line as a contract. Exit codes: 0 done, 1 done but a tolerance was missed, 2 error with one line on
+//! stderr.
 
 use crate::run::Scratch;
 use mrvis::internals::scene::generate::Spec;
 use std::time::{Duration, Instant};
 
-/// A floor and a lamp above it.
+/// A floor and an emitter above it.
 const SCENE: &str = "mtllib scene.mtl\no floor\nusemtl grey\nv 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nf 1 2 3 4\n\
     o lamp\nusemtl light\nv 2 2 2\nv 2 3 2\nv 3 2 2\nf 5 6 7\n";
 const LIBRARY: &str = "newmtl grey\nKd 0.5 0.5 0.5\nnewmtl light\nKd 0 0 0\nKe 10 10 10\n";
@@ -23,7 +23,7 @@ fn scratch() -> Scratch {
     scratch
 }
 
-/// Calls that must fail, each with a word that its message must hold.
+/// Calls that must fail, each with a word of the message.
 fn check_refused(cases: &[(&[&str], &str)]) {
     let scratch = scratch();
     let mut wrong = Vec::new();
@@ -177,7 +177,7 @@ fn help_and_version_are_no_errors() {
     }
 }
 
-/// A missed tolerance is not an error: the work was done.
+/// A missed tolerance is exit code 1, not an error.
 #[test]
 fn missed_tolerances_are_exit_code_1() {
     let scratch = scratch();
@@ -188,9 +188,18 @@ fn missed_tolerances_are_exit_code_1() {
     assert_eq!(same.code, Some(0), "{}", same.stderr);
     let other = scratch.mrvis(&["fbem", "white.png", "black.png", "--tolerance", "0.5"]);
     assert_eq!(other.code, Some(1), "{}", other.stderr);
+    // With `--json -` the JSON is the only text on standard output.
+    let piped = scratch.mrvis(&["fbem", "white.png", "black.png", "--json", "-"]);
+    let json: serde_json::Value = serde_json::from_str(&piped.stdout).expect("JSON");
+    assert!(
+        json["l2"].as_f64().is_some_and(|e| e > 0.9) && piped.stderr.contains("FBEM"),
+        "{}",
+        piped.stdout
+    );
+    assert!(!scratch.path("-").exists());
 }
 
-/// The whole contract of architecture.md section 6.1 on a scene of three triangles, without a network or a terminal.
+/// The fields of docs/report.md, section The JSON, on a scene of three triangles, without network or terminal.
 #[test]
 fn bench_writes_what_it_promises() {
     let scratch = scratch();
@@ -219,7 +228,7 @@ fn bench_writes_what_it_promises() {
             "/build",
             &["load_s", "embree_s", "hierarchy_s", "characterise_s", "hierarchy_bytes", "embree_bytes"],
         ),
-        ("/build/bytes_per_triangle", &["scene", "hierarchy", "optics", "wide", "embree", "total"]),
+        ("/build/bytes_per_triangle", &["scene", "hierarchy", "traits", "wide", "embree", "total"]),
         ("/workload", &["points", "rays", "segments", "reference_rays", "reference_rms"]),
         ("/exact/0", &["rays", "seconds", "mode", "rms", "bias"]),
         (
@@ -257,18 +266,18 @@ fn bench_writes_what_it_promises() {
     for sign in ["src=\"http", "href=\"http", "url(http", "@import"] {
         assert!(!page.contains(sign), "the page needs a network: {sign}");
     }
-    // Nothing hides the floor from the lamp: both engines must see all of it.
+    // The floor sees the whole emitter: both engines are exact.
     for row in json["exact"].as_array().into_iter().chain(json["mr"].as_array()).flatten() {
         assert_eq!(row["rms"], 0.0, "{row}");
         assert_eq!(row["bias"], 0.0, "{row}");
-        // What is all clear lies in the stated interval of a clear answer.
+        // Intervals of certain answers contain the reference.
         assert!(row.get("interval_coverage").is_none_or(|c| *c == 1.0), "{row}");
     }
     let quiet = scratch.mrvis(&[&["bench", "scene.obj", "--quiet"][..], &QUICK].concat());
     assert_eq!((quiet.code, quiet.stdout.as_str(), quiet.stderr.as_str()), (Some(0), "", ""));
 }
 
-/// Growth is measured with a scene and without; the smallest series has one forest each.
+/// Growth is measured with and without a scene; the smallest series has one forest each.
 #[test]
 fn scaling_needs_no_scene() {
     let scratch = scratch();
@@ -287,7 +296,7 @@ fn scaling_needs_no_scene() {
             }
         }
         assert_eq!(json.get("scene").is_some(), !scene.is_empty());
-        // Clusters of the scene are kept, those of the generated forests are not.
+        // Clusters of the scene are cached; those of generated forests are not.
         let files = std::fs::read_dir(scratch.path("")).expect("the folder").flatten();
         let kept = files.filter(|f| f.path().extension().is_some_and(|e| e == "mrvis-cache")).count();
         assert_eq!(kept, scene.len());
@@ -299,7 +308,7 @@ fn scaling_needs_no_scene() {
     }
 }
 
-/// An emitter that the file lacks can be named.
+/// An emitter can be added by name.
 #[test]
 fn emitters_can_be_added() {
     let scratch = scratch();
@@ -309,7 +318,7 @@ fn emitters_can_be_added() {
     assert_eq!(scratch.json("r.json")["scene"]["emitters"], 1);
 }
 
-/// The kinds that the library generates come out of the command and can be measured.
+/// Scenes of the command equal those of the library and can be read.
 #[test]
 fn generated_scenes_can_be_read_back() {
     let scratch = scratch();
@@ -322,7 +331,7 @@ fn generated_scenes_can_be_read_back() {
     assert!(faces(&made) > 0 && faces(&made) == faces(&library));
 }
 
-/// A forest of instances comes out of the command, and `info` counts what it stores and what is seen.
+/// `info` counts stored and visible triangles of a forest of instances.
 #[test]
 fn forests_of_instances_are_counted() {
     let scratch = scratch();

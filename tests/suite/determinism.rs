@@ -1,10 +1,10 @@
-//! Same scene, same options, same seed: the same figures on any number of threads.
+//! Equal scene, options and seed give equal results on any number of threads.
 
 use crate::run::Scratch;
 use mrvis::internals::scene::generate::Spec;
 use serde_json::Value;
 
-/// Whether a key of the report holds time, or what follows from time.
+/// Whether a key of the report is a time or derived from times.
 fn is_timing(key: &str) -> bool {
     key.ends_with("_s")
         || key == "rounds"
@@ -13,10 +13,10 @@ fn is_timing(key: &str) -> bool {
         || key == "coherent"
         || key == "threads"
         || key.starts_with("speedup")
-        // Embree keeps blocks of memory for each thread.
+        // Embree allocates blocks of memory per thread.
         || key == "embree_bytes"
         || key == "bytes_per_triangle"
-        // Where the clusters came from.
+        // Origin of the clusters.
         || key.starts_with("cache")
 }
 
@@ -31,7 +31,7 @@ fn strip(value: &mut Value) {
     }
 }
 
-/// The first few places where two values differ.
+/// The places where two values differ.
 fn differences(a: &Value, b: &Value, place: String, found: &mut Vec<String>) {
     match (a, b) {
         (Value::Object(x), Value::Object(y)) => {
@@ -76,7 +76,7 @@ fn bench_reports_the_same_figures_on_any_number_of_threads() {
     }
 }
 
-/// Clusters that were read are those that were measured; a damaged file is not read.
+/// Cached clusters give the results of measured ones; a damaged file is not used.
 #[test]
 fn bench_reports_the_same_figures_with_a_cache() {
     let scratch = Scratch::new();

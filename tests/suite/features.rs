@@ -1,12 +1,12 @@
-//! The promise of a feature size: no shadow and no patch of light of at least that size is missing.
+//! Features: MR images lack no shadow and no lit region of at least the feature size.
 
 use mrvis::Model;
 use mrvis::internals::bench::{self, Options};
 use mrvis::internals::scene::generate::{self, Spec};
 
-/// On fields, on touching bricks and books, on rows of slats: at all four sizes every connected feature of the exact
-/// shadow images is in the multi-resolution images (method D.6, E.8). At 64 segments, where the fields are averaged and
-/// not handed over.
+/// Leaves, touching bricks and books, rows of slats: at all four sizes MR images contain every connected feature of
+/// the exact shadow images (docs/method.md, Feature-based error). With 64 segments leaves are averaged, not handed
+/// over.
 #[test]
 fn no_feature_of_the_size_is_missing() {
     for (name, receivers) in

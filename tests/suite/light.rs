@@ -1,9 +1,9 @@
-//! The commands around the solver: reference, compare, form-factors, what solve writes.
+//! Commands around the solver: reference, compare, form-factors, outputs of solve.
 
 use crate::run::{Outcome, Scratch};
 use mrvis::internals::scene::generate::Spec;
 
-/// A box seen from inside: everything emits 1/π and reflects 0.5, so that irradiance is 1/(1 − 0.5) = 2.
+/// A closed box; all faces emit radiosity 1 and reflect 0.5, so that irradiance is 1/(1 − 0.5) = 2.
 const BOX: &str = "mtllib box.mtl\nusemtl glow\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n\
     f 1 2 3 4\nf 5 8 7 6\nf 1 5 6 2\nf 4 3 7 8\nf 1 4 8 5\nf 2 6 7 3\n";
 const GLOW: &str = "newmtl glow\nKd 0.5 0.5 0.5\nKe 0.318309886 0.318309886 0.318309886\n";
@@ -26,7 +26,7 @@ fn done(outcome: &Outcome) {
     assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
 }
 
-/// The values of an irradiance file, `Er` first.
+/// The values of an irradiance file, beginning with `Er`.
 fn values(scratch: &Scratch, name: &str) -> Vec<Vec<f64>> {
     let text = std::fs::read_to_string(scratch.path(name)).expect("a file");
     text.lines()
@@ -46,13 +46,13 @@ fn a_reference_says_how_sure_it_is() {
         assert!((e - 2.0).abs() < 6.0 * se + 1e-3 && se < 0.05, "{e} ± {se}");
     }
     assert_eq!(scratch.json("r.json")["samples"], 512);
-    // The same on any number of threads, another with another seed.
+    // Equal on any number of threads, different with another seed.
     done(&scratch.mrvis(&[&arguments[..], &["--out", "b.csv", "--threads", "3"]].concat()));
     done(&scratch.mrvis(&[&arguments[..], &["--out", "c.csv", "--seed", "2"]].concat()));
     let text = |name: &str| std::fs::read_to_string(scratch.path(name)).expect("a file");
     assert_eq!(text("a.csv"), text("b.csv"));
     assert_ne!(text("a.csv"), text("c.csv"));
-    // Comparing says so, and the tolerance decides the exit code.
+    // `compare` reports the difference, and the tolerance decides the exit code.
     let compared = scratch.mrvis(&["compare", "a.csv", "c.csv", "--tolerance", "0.2", "--json", "d.json"]);
     done(&compared);
     assert!(compared.stdout.contains("RMS") && compared.stdout.contains("bias"), "{}", compared.stdout);
@@ -141,7 +141,7 @@ fn form_factors_of_a_box_are_the_closed_forms() {
         let start = format!("{from},{to},");
         text.lines().find_map(|l| l.strip_prefix(&start)).and_then(|f| f.parse().ok()).expect("an entry")
     };
-    // Floor and ceiling, floor and wall of the unit cube.
+    // Unit cube: floor and ceiling, floor and wall.
     assert!((entry("0", "1") / 0.199825 - 1.0).abs() < 1e-3);
     assert!((entry("0", "2") / 0.200044 - 1.0).abs() < 1e-3);
     let report = &scratch.json("f.json")["report"];
@@ -152,6 +152,20 @@ fn form_factors_of_a_box_are_the_closed_forms() {
         done(&scratch.mrvis(&["form-factors", &town, "--by", "material", "--out", out, "--quiet"]));
         assert!(scratch.path(out).exists());
     }
+}
+
+/// Direct light at points needs no elements, whose error would be meaningless.
+#[test]
+fn direct_light_at_points_has_no_error_estimate() {
+    let scratch = scratch();
+    let solve = ["solve", "box.obj", "--out", "s", "--points", "points.csv"];
+    let direct = scratch.mrvis(&[&solve[..], &["--direct-only"]].concat());
+    done(&direct);
+    assert!(!direct.stdout.contains("estimated error"), "{}", direct.stdout);
+    assert!(scratch.json("s/solution.json")["error_estimate"].is_number());
+    let all = scratch.mrvis(&solve);
+    done(&all);
+    assert!(all.stdout.contains("estimated error"), "{}", all.stdout);
 }
 
 #[test]
@@ -168,7 +182,7 @@ fn a_solution_is_shown() {
         let path = scratch.path("s").join(name);
         assert!(std::fs::metadata(&path).is_ok_and(|m| m.len() > 100), "{name}");
     }
-    // A furnace: everything that is seen has the radiosity 1 + 0.5 · 2 = 2.
+    // Furnace: all visible surfaces have radiosity 1 + 0.5 · 2 = 2.
     let image =
         mrvis::internals::image_io::read_image(&scratch.path("s").join("view.exr"), Default::default(), 1.0)
             .expect("an image");
@@ -198,14 +212,14 @@ fn scaling_is_a_table_and_a_slope() {
     for name in ["slope", "slope_last"] {
         assert!(found[name].as_f64().is_some_and(|s| (s - slope).abs() < 1e-6), "{found}");
     }
-    // The bar is 1.15; other tests run at the same time.
+    // The requirement is 1.15; other tests run at the same time.
     assert!(slope < 1.3, "{found}");
-    // No error was measured, and none is shown.
+    // Without an audit the error is not reported.
     assert!(rows.iter().all(|r| r["rms_error"].is_null()), "{found}");
     assert!(outcome.stdout.lines().skip(1).take(2).all(|l| l.contains(" - ")), "{}", outcome.stdout);
     let refused = scratch.mrvis(&["solve", "--scaling=10"]);
     assert!(refused.code == Some(2) && refused.stderr.contains("--scaling=10"), "{}", refused.stderr);
-    // Nothing to solve, and nowhere to put it.
+    // Without a scene or without a camera the command fails.
     assert_eq!(scratch.mrvis(&["solve"]).code, Some(2));
     assert_eq!(scratch.mrvis(&["solve", "box.obj", "--out", "o", "--importance-camera"]).code, Some(2));
 }
@@ -224,7 +238,7 @@ fn a_missed_target_is_told_by_the_exit_code() {
     assert!(missed.stdout.contains("--max-links 2000 ended refinement"), "{}", missed.stdout);
     let record = scratch.json("s/solution.json");
     assert!(record["target_met"] == false && record["ended"] == "links", "{record}");
-    // Watts, although the scene is in millimetres.
+    // Watts, although lengths are in millimetres.
     assert!(missed.stdout.contains(" W, absorbed ") && record["ledger"]["unit"] == "W", "{}", missed.stdout);
     done(&solve("0.9", "1000000"));
 }
@@ -242,12 +256,12 @@ fn engines_are_compared_at_points() {
     assert!(versus["speedup"].as_f64().is_some_and(|s| s > 0.0));
     assert!(versus["difference"]["rms"].as_f64().is_some_and(|rms| rms < 0.01), "{versus}");
     assert!(outcome.stdout.contains("times as long as exact"), "{}", outcome.stdout);
-    // Light is compared where it was asked for.
+    // `--compare` needs points.
     let refused = scratch.mrvis(&["solve", "box.obj", "--out", "s", "--compare", "mr"]);
     assert!(refused.code == Some(2) && refused.stderr.contains("--points"), "{}", refused.stderr);
 }
 
-/// Pixels that there is no time for show the light of elements, as pictures without --gather do, and that is said.
+/// Without time for gathering, pixels show the light of elements, with a note.
 #[test]
 fn pictures_are_whole_when_time_is_short() {
     let scratch = scratch();

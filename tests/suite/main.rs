@@ -1,4 +1,4 @@
-//! What holds for the project as a whole: one binary, so that it links once.
+//! Tests of the whole project, in one binary.
 
 #[cfg(feature = "cli")]
 mod cli;

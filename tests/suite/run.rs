@@ -1,18 +1,18 @@
-//! The real executable in a scratch folder.
+//! Runs the executable in a temporary folder.
 
 use mrvis::internals::scene;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use tempfile::TempDir;
 
-/// What a call of the command left behind.
+/// Exit code and output of a call.
 pub struct Outcome {
     pub code: Option<i32>,
     pub stdout: String,
     pub stderr: String,
 }
 
-/// A scratch folder to call the command in.
+/// A temporary folder for calls of the command.
 pub struct Scratch(TempDir);
 
 impl Scratch {
@@ -46,7 +46,7 @@ impl Scratch {
         Outcome { code: output.status.code(), stdout: text(&output.stdout), stderr: text(&output.stderr) }
     }
 
-    /// The value in a JSON file.
+    /// The contents of a JSON file.
     pub fn json(&self, name: impl AsRef<Path>) -> serde_json::Value {
         let text = std::fs::read_to_string(self.0.path().join(name)).expect("a JSON file");
         serde_json::from_str(&text).expect("JSON")

@@ -1,4 +1,4 @@
-//! What solve and form-factors say about published cases, about glass, and when they are interrupted.
+//! `solve` and `form-factors` on published cases, transparent materials, and interruptions.
 
 use crate::run::Scratch;
 use glam::{DVec3, dvec3};
@@ -10,7 +10,7 @@ use mrvis::internals::scene::generate::Spec;
 use mrvis::internals::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
 use std::f64::consts::{PI, TAU};
 
-/// A value of a table of published cases, by its first columns and the column that holds it.
+/// A value of a table of published cases, by the first columns; `value` is the column.
 fn published(text: &str, id: &str, quantity: (usize, &str), value: usize) -> f64 {
     let mut reader =
         csv::ReaderBuilder::new().comment(Some(b'#')).flexible(true).from_reader(text.as_bytes());
@@ -35,7 +35,7 @@ fn unobstructed(id: &str) -> (Vec<f64>, f64) {
     (sizes.collect(), published(text, id, (1, ""), 6))
 }
 
-/// Polygons, each an object of its own unless `object` says otherwise.
+/// Builds scenes of polygons, grouped into objects.
 #[derive(Default)]
 struct Builder(Soup);
 
@@ -65,7 +65,7 @@ fn rectangle(corner: DVec3, u: DVec3, v: DVec3) -> Vec<DVec3> {
     vec![corner, corner + u, corner + u + v, corner + v]
 }
 
-/// A unit lamp at z = 1 that shines down on a unit square at z = 0, and between them a square of side `size`.
+/// A unit emitter at z = 1 that faces a unit square at z = 0, and between them a square of side `size`.
 fn plates(low: DVec3, size: f64) -> Scene {
     Builder::new()
         .object("lamp", LAMP, &[rectangle(DVec3::Z, DVec3::Y, DVec3::X)])
@@ -76,7 +76,7 @@ fn plates(low: DVec3, size: f64) -> Scene {
 
 #[test]
 fn solutions_of_published_obstructed_pairs() {
-    // The lamp's radiosity is 1: the floor's mean irradiance is the form factor.
+    // The emitter's radiosity is 1, so the floor's mean irradiance is the form factor.
     let n = 40;
     let at = |k: usize| (k as f64 + 0.5) / n as f64;
     let grid: Vec<Point> =
@@ -91,8 +91,8 @@ fn solutions_of_published_obstructed_pairs() {
         let outcome = radiosity::run(&model(&scene), &grid, &Options::default(), &()).expect("a solution");
         let points = outcome.irradiance.iter().map(|e| e[0]).sum::<f64>() / grid.len() as f64;
         assert!((points / want - 1.0).abs() < 5e-3, "{id} at points: {points} instead of {want}");
-        // Elements know visibility from few segments, whose errors do not lean to either side.
-        let floor = outcome.solution.elements.iter().filter(|e| e.object == 1 && e.front);
+        // Elements sample visibility with few segments; the errors have no bias.
+        let floor = outcome.mesh.elements.iter().filter(|e| e.object == 1 && e.front);
         let (light, area) =
             floor.fold((0.0, 0.0), |(light, area), e| (light + e.irradiance[0] * e.area, area + e.area));
         let mean = light / area;
@@ -110,7 +110,7 @@ fn factors(scene: &Scene) -> Matrix {
     matrix.grouped(scene, &facets, Grouping::Object)
 }
 
-/// A regular polygon at the height `z` with the area of a disc; seen from above it turns counterclockwise.
+/// A regular polygon at height `z` with the area of a disc; `up`: faces upwards.
 fn disc(radius: f64, z: f64, up: bool) -> Vec<DVec3> {
     const SIDES: usize = 96;
     let step = TAU / SIDES as f64;
@@ -179,7 +179,7 @@ fn curved_surfaces_are_sums_of_their_facets() {
     }
 }
 
-/// A lamp over two points of a floor, and a pane of glass over one of them.
+/// An emitter above a floor, and a pane of glass between them.
 fn pane(scratch: &Scratch, d: &str) {
     scratch.write(
         "pane.obj",
@@ -269,7 +269,7 @@ fn an_interrupted_solution_is_consistent_and_says_so() {
     assert!(scratch.path("s/solution.vtu").exists() && scratch.path("s/view.png").exists());
 }
 
-/// Whoever interrupts twice does not want to wait.
+/// A second interruption ends the program immediately.
 #[cfg(unix)]
 #[test]
 fn a_second_interruption_ends_at_once() {
@@ -295,8 +295,8 @@ fn a_second_interruption_ends_at_once() {
         }
         child.wait_with_output().expect("it ends")
     };
-    // While it reads the scene there is nothing to wind up, and the first one ends it: then a little later. Winding up with
-    // half a million elements takes longer than until the second one comes.
+    // While the scene is read the first interruption ends the program; the test then waits longer. With half a
+    // million elements the regular end takes longer than the time until the second interruption.
     let output = [1, 3, 9, 27].into_iter().map(interrupted_after).find(|o| o.status.code().is_some());
     let output = output.expect("it reads half a million triangles in time");
     assert_eq!(output.status.code(), Some(130));
@@ -307,7 +307,7 @@ fn a_second_interruption_ends_at_once() {
 
 #[test]
 fn ten_million_links_take_less_than_a_gibibyte() {
-    // Stored, and 32 bytes more for what refinement and sweeps note of each while they last.
+    // Stored size, and 32 bytes of temporary data per link during refinement and sweeps.
     let stored = size_of::<Link>();
     assert!(stored <= 40, "{stored}");
     assert!(10_000_000 * (stored + 32) < 1 << 30);
@@ -316,7 +316,7 @@ fn ten_million_links_take_less_than_a_gibibyte() {
         radiosity::run(&model(&plates(dvec3(0.25, 0.25, 0.5), 0.5)), &[], &options, &()).expect("a solution");
     let (links, elements) = (outcome.record.links, outcome.record.elements);
     assert!(links > 2000, "{links}");
-    // Elements, links and sweeps together: nothing else grows with the solution.
+    // Memory is proportional to elements and links only.
     assert!(
         outcome.record.bytes < 80 * links + 400 * elements + 100_000,
         "{} {links} {elements}",
@@ -324,7 +324,7 @@ fn ten_million_links_take_less_than_a_gibibyte() {
     );
 }
 
-/// The model that a solve with the default options needs.
+/// The model for a solve with default options.
 fn model(scene: &Scene) -> Model {
     Model::prepare(scene.clone(), &Options::default().prepare(), &()).expect("a model")
 }

@@ -1,10 +1,10 @@
-//! Error as the input: what is chosen, expected and found agree; what cannot be reached is said.
+//! Targets: choice, expectation and result agree; missed targets are reported.
 
 use crate::run::Scratch;
 use mrvis::internals::scene::generate::Spec;
 use serde_json::Value;
 
-/// Runs `bench` on a small forest; the exit code and the record.
+/// Runs `bench` on a small forest; exit code and record.
 fn bench(scratch: &Scratch, scene: &str, more: &[&str]) -> (Option<i32>, Value) {
     let options = ["--points", "600", "--reference-rays", "256", "--quiet", "--json", "found.json"];
     let outcome = scratch.mrvis(&[&["bench", scene, "--cache", "off"], &options[..], more].concat());
@@ -30,11 +30,11 @@ fn targets_are_met_or_said_to_be_missed() {
     assert!(target["asked"]["seconds"].is_null());
     assert!(value("expected_rms_hi") <= 0.05 && value("rms") <= 0.05, "{target}");
     assert_eq!(target["as_expected"], true, "{target}");
-    // The audit has rays of its own and finds the same.
+    // The audit with independent rays agrees.
     let audit = |key: &str| target["audit"][key].as_f64().expect(key);
     assert!(audit("observed_lo") <= value("rms_hi") && value("rms_lo") <= audit("observed_hi"), "{target}");
 
-    // Nothing takes no time.
+    // No plan meets a target time of 0.1 µs.
     let (code, record) = bench(&scratch, &scene, &["--target-seconds", "1e-7", "--audit", "0"]);
     let target = &record["target"];
     assert_eq!(
@@ -61,6 +61,6 @@ fn estimates_without_bias_have_none() {
         assert!(bias.abs() < 4.0 * error, "{row}");
         assert_eq!(row["levels"].as_array().expect("levels").len(), 2);
     }
-    // They converge.
+    // The error falls with the number of segments.
     assert!(figure(&rows[2], "rms") < 0.5 * figure(&rows[0], "rms"), "{rows:?}");
 }

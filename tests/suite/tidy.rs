@@ -1,5 +1,7 @@
-//! House rules that the compiler does not know. The table of rooms in `src/ARCHITECTURE.md` is the one copy of
-//! who may use whom.
+//! Rules of the project that the compiler does not check. The table of rooms in `src/ARCHITECTURE.md` states which
+//! room may use which.
+
+mod style;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -24,7 +26,7 @@ fn rust_files(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// A file of the library with its place: `["hierarchy", "tree"]`, the path of its module.
+/// A file of the library with the path of its module: `["clusters", "tree"]`.
 struct File {
     path: PathBuf,
     module: Vec<String>,
@@ -43,7 +45,7 @@ impl File {
     }
 }
 
-/// Comments replaced by nothing, line by line; strings that hold `//` keep what is before it.
+/// The text without comments. A string that contains `//` is cut there.
 fn without_comments(text: &str) -> String {
     text.lines().map(|line| line.split("//").next().unwrap_or_default()).collect::<Vec<_>>().join("\n")
 }
@@ -74,7 +76,7 @@ fn library() -> Vec<File> {
         .collect()
 }
 
-/// Places where a word stands by itself.
+/// Offsets at which `word` occurs as a whole word.
 fn words<'a>(code: &'a str, word: &'a str) -> impl Iterator<Item = usize> + 'a {
     let part = |c: char| c.is_alphanumeric() || c == '_';
     code.match_indices(word).map(|(i, _)| i).filter(move |&i| {
@@ -154,7 +156,7 @@ fn rooms_use_only_what_the_map_allows() {
                 wrong.push(format!("{}: `{}` may not use `{room}`", file.at(at), file.room()));
             }
         }
-        // The way out of a room by `super` is longer than the module is deep.
+        // A chain of `super` that leaves the room is as long as the module path or longer.
         for (at, _) in file.code.match_indices("super::") {
             let chain = file.code[at..].split("super::").take_while(|s| s.is_empty()).count();
             if !file.code[..at].ends_with("super::") && chain >= file.module.len() {
@@ -171,7 +173,7 @@ fn rooms_use_only_what_the_map_allows() {
 
 #[test]
 fn every_allowed_use_is_used() {
-    // What the map allows and nobody needs is an open door: better shut.
+    // An allowed use that does not occur is removed from the table.
     let mut used: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
     for file in library() {
         used.entry(file.room().to_owned())
@@ -216,7 +218,7 @@ fn nothing_is_left_undone() {
     }
 }
 
-/// What a cache file of room `cache` must go stale with: all code that the side table may come from.
+/// The key of cache files hashes all source code that clusters and optics depend on.
 #[test]
 fn caches_know_the_code_that_made_them() {
     let build = fs::read_to_string(source().join("../build.rs")).expect("the build script");
@@ -234,7 +236,7 @@ fn caches_know_the_code_that_made_them() {
     assert!(missing.is_empty(), "TABLE_ROOMS in build.rs lacks {missing:?}");
 }
 
-/// What the key of a cache file leaves out must not matter to the table.
+/// Rooms `clusters` and `optics` do not read fields of the scene that the key of cache files omits.
 #[test]
 fn clusters_depend_only_on_what_their_cache_knows() {
     let left_out = [
@@ -253,13 +255,13 @@ fn clusters_depend_only_on_what_their_cache_knows() {
     for file in library().iter().filter(|f| ["clusters", "optics"].contains(&f.room())) {
         for field in left_out {
             if let Some(at) = file.code.find(&format!(".{field}")) {
-                panic!("{}: `{field}` is not in the key of room `cache`", file.at(at));
+                panic!("{}: `{field}` is not in the key of `model::cache`", file.at(at));
             }
         }
     }
 }
 
-/// The library never prints, and its settings are arguments: only the command looks around in its surroundings.
+/// The library does not print and does not read the environment; only the command does.
 #[test]
 fn only_the_command_talks_and_listens() {
     let mut wrong = Vec::new();

@@ -1,4 +1,4 @@
-//! Where multi-resolution visibility loses: said as plainly as where it wins.
+//! Where MR is slower or less accurate than exact rays.
 
 use maud::{Markup, html};
 
@@ -8,7 +8,7 @@ use crate::bench::record::Record;
 use crate::metrics::difference;
 use crate::plot::number;
 
-/// The section: slow rows, receivers where exact with 16 rays is better, the largest differences.
+/// Slow rows, receivers where exact images of 16 rays are more accurate, and the largest differences.
 pub(super) fn section(record: &Record, receivers: &[ReceiverImages]) -> Result<Markup> {
     let unit = &record.unit;
     let slow = record

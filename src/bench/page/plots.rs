@@ -1,4 +1,4 @@
-//! The two plots of the page.
+//! Plots of the page.
 
 use maud::{Markup, PreEscaped, html};
 
@@ -8,7 +8,7 @@ use crate::bench::record::{ExactRow, Record};
 use crate::metrics::Fbem;
 use crate::plot::{Plot, Point, Scale, Series};
 
-/// Error of each row against its time, both logarithmic.
+/// Error against time of each row, both axes logarithmic.
 pub(super) fn error_against_time(record: &Record) -> Result<Markup> {
     let rays = |n: usize| if n == 1 { "1 ray".to_string() } else { format!("{n} rays") };
     let points = |rows: &[ExactRow]| -> Vec<Point> {
@@ -39,16 +39,15 @@ pub(super) fn error_against_time(record: &Record) -> Result<Markup> {
         figure.plot {
             div.scroll { (PreEscaped(plot.svg(860, 460)?)) }
             figcaption {
-                "Lower is more accurate, further left is faster; both axes are logarithmic. The line shows exact \
-                 visibility with more and more rays from each point to each light. A multi-resolution point below \
-                 and to the left of the line is a gain: go right from it to the line, and the ratio of the two times \
-                 is the speed-up at the same error."
+                "Both axes are logarithmic. The line shows exact visibility with increasing numbers of rays from each \
+                 point to each emitter. A multi-resolution point below and to the left of the line is faster at the \
+                 same error: time of the line at the height of the point, divided by the time of the point, is the speed-up at the same error."
             }
         }
     })
 }
 
-/// FBEM of the exact image of 16 rays over all sizes, and of each MR image at its own size.
+/// Spectrum (FBEM over feature size) of the exact image of 16 rays, and FBEM of each MR image at its own size.
 pub(super) fn spectrum(exact: &[Fbem], mr: &[Fbem], unit: &str) -> Result<Markup> {
     let point = |row: &Fbem| Point { x: row.size, y: row.value, label: String::new() };
     let series = |name: &str, rows: &[Fbem], line| Series {
@@ -70,8 +69,8 @@ pub(super) fn spectrum(exact: &[Fbem], mr: &[Fbem], unit: &str) -> Result<Markup
         figure.plot {
             div.scroll { (PreEscaped(plot.svg(860, 340)?)) }
             figcaption {
-                "Error by the size of what is wrong: at s = 0 the ordinary RMS error, further right the error that \
-                 remains for somebody who cares only for features larger than s."
+                "Feature-based error by feature size: at s = 0 the RMS error, further right the error of features \
+                 larger than s and of averages."
             }
         }
     })

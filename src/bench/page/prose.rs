@@ -1,66 +1,61 @@
-//! What the words on the page mean.
+//! Explanations on the page.
 
 use maud::{Markup, html};
 
-/// Above the shadow images.
+/// Introduction to the shadow images.
 pub(super) fn shadow_images() -> Markup {
     html! {
         p {
-            "Each image shows how much of the light can be seen from every place of a surface: white sees all of it, \
-             black none. The bar at the lower left of the first image gives the scale. The difference is \
+            "Each image shows the visible fraction of the emitters at every place of a surface: white sees all of \
+             them, black none. The bar at the lower left of the first image is the scale. The difference is \
              multi-resolution minus reference: "
-            span.red { "red" } " is too bright, " span.blue { "blue" } " too dark. The mask shows in orange what \
-             belongs to a feature, a shadow or a patch of light, larger than s; there the image has to be right texel \
-             by texel, elsewhere only on average."
+            span.red { "red" } " is too bright, " span.blue { "blue" } " too dark. The mask shows in orange all \
+             features (shadows and lit regions) larger than s; there the image is compared texel by texel, elsewhere \
+             on average."
         }
     }
 }
 
-/// The glossary.
+/// Glossary.
 pub(super) fn how_to_read() -> Markup {
     let entries = [
         (
-            "Visibility",
-            "The part of a light, between 0 and 1, that can be seen from a point: what has to be known \
-            before any light can be computed. In scenes full of small things it takes most of the time.",
+            "Visible fraction",
+            "The fraction of an emitter's area, between 0 and 1, that a point sees. In scenes with much small detail \
+            its computation takes most of the time.",
         ),
         (
             "Exact",
-            "Rays from a point to places on the light, each blocked or not, answered by Embree. The answer for \
-            a point is the part of its rays that arrive: with few rays it is noisy, and the noise falls only with the \
-            square root of their number.",
+            "Rays from a point to random places on the emitter, tested by Embree. The visible fraction is the fraction \
+            of rays that arrive; the noise of n rays falls as 1/√n.",
         ),
         (
             "Multi-resolution (MR)",
-            "Groups of small objects are measured beforehand: how much light goes through them, \
-            and how large the largest thing in them is. Where nothing in a group can cast a shadow that matters, the \
-            group is treated as a haze; otherwise it is opened and its parts are looked at, down to exact rays.",
+            "Clusters of objects are measured beforehand: their average extinction, and the size of their largest \
+            blocker or gap. A cluster whose largest umbra would be smaller than s is averaged; otherwise it is opened, \
+            down to its triangles.",
         ),
         (
             "Feature size s",
-            "The size on the receiving surface below which you do not care for the shape of a shadow, \
-            only for its average darkness. A large s is faster, a small one more faithful.",
+            "The size on the receiving surface below which the shape of shadows does not matter, only their average. \
+            MR is faster with a large s and more faithful with a small one.",
         ),
         (
             "Umbra",
-            "The part of a shadow that sees nothing of the light; around it lies the penumbra, which sees a \
-            part. A group is averaged when the umbra of its largest object would be smaller than s.",
+            "The part of a shadow that sees nothing of the emitter. The penumbra around it sees a part.",
         ),
         (
             "RMS error",
-            "Root mean square of the difference to the reference. It cannot tell whether what is wrong is \
-            large or small.",
+            "Root mean square of the differences to the reference. It does not distinguish small from large features.",
         ),
         (
             "FBEM",
-            "Feature-based error metric: an RMS error that compares point by point inside features larger than \
-            s, and averages over squares of side s elsewhere. It is small when everything larger than s is right. At \
-            s = 0 it is the RMS error.",
+            "Feature-based error metric: RMS error that compares texel by texel inside features larger than s, and \
+            averages over squares of side s elsewhere. At s = 0 it is the RMS error.",
         ),
         (
             "Reference",
-            "Exact visibility with very many rays. Its own noise is subtracted from the errors and stated \
-            in the facts above.",
+            "Exact visibility with many independent rays. Its noise is subtracted from the errors and stated above.",
         ),
     ];
     html! {

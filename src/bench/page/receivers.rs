@@ -13,8 +13,8 @@ use crate::metrics::{
 };
 use crate::plot::number;
 
-/// Images smaller than this many pixels a side are enlarged by whole factors, so that texels stay sharp in print.
-const LEAST_SIDE: usize = 256;
+/// Images with fewer pixels per side are enlarged by an integer factor. Chosen: texels stay sharp in print.
+const MIN_SIDE_PIXELS: usize = 256;
 
 /// Images, masks and spectrum of a receiver.
 pub(super) fn section(record: &Record, images: &ReceiverImages) -> Result<Markup> {
@@ -59,12 +59,12 @@ pub(super) fn section(record: &Record, images: &ReceiverImages) -> Result<Markup
     })
 }
 
-/// FBEM with the default choices.
+/// FBEM with default options.
 pub(super) fn fbem_at(reference: &Image, image: &Image, size: f64) -> Result<Fbem> {
     fbem(reference, image, &FbemOptions { size, ..FbemOptions::default() })
 }
 
-/// Sizes for the curve of the exact image: up to somewhat beyond the largest MR image's.
+/// Sizes of the spectrum of the exact image: up to 1.5 times the largest size of an MR image.
 fn sizes(reference: &Image, mr: &[(f32, Image)]) -> Vec<f64> {
     let largest = mr.iter().fold(0.0f64, |m, (s, _)| m.max(f64::from(*s)));
     let mut sizes = spectrum_sizes(reference, 14);
@@ -77,7 +77,7 @@ fn sizes(reference: &Image, mr: &[(f32, Image)]) -> Vec<f64> {
     sizes
 }
 
-/// The end of the colour scale for differences: a round number that 99 in 100 texels stay within.
+/// End of the colour scale of differences: a round number that at least 99 of 100 texels do not exceed.
 fn difference_range(images: &ReceiverImages) -> Result<f32> {
     let mut largest = 0.0;
     for image in images.mr.iter().map(|(_, image)| image).chain([&images.exact16]) {
@@ -104,7 +104,7 @@ fn picture(picture: &Picture, what: &str, note: &str) -> Result<Markup> {
     })
 }
 
-/// The reference, with a bar of a round length.
+/// The reference with a scale bar.
 fn scaled(reference: &Image, unit: &str) -> Result<Markup> {
     let whole = reference.width() as f64 * reference.texel();
     let power = 10f64.powf((whole / 3.0).log10().floor());
@@ -121,7 +121,7 @@ fn scaled(reference: &Image, unit: &str) -> Result<Markup> {
 }
 
 fn data_url(picture: &Picture) -> Result<String> {
-    let times = LEAST_SIDE / picture.width.max(picture.height).max(1);
+    let times = MIN_SIDE_PIXELS / picture.width.max(picture.height).max(1);
     let png = picture.enlarged(times).png()?;
     Ok(format!("data:image/png;base64,{}", base64::engine::general_purpose::STANDARD.encode(png)))
 }

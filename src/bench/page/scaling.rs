@@ -1,4 +1,4 @@
-//! How cost grows: the plot, the table, and a page of its own for runs that measure nothing else.
+//! Growth of cost: plot and table, and a page of their own for `bench --scaling` without a scene.
 
 use maud::{Markup, PreEscaped, html};
 
@@ -8,22 +8,21 @@ use crate::Result;
 use crate::bench::record::{ScalingRecord, ScalingRow};
 use crate::plot::{Plot, Point, Scale, Series, number};
 
-/// The rows of a series, smallest first.
+/// The rows of a series, in order.
 fn series<'a>(rows: &'a [ScalingRow], name: &str) -> Vec<&'a ScalingRow> {
     rows.iter().filter(|r| r.series == name).collect()
 }
 
-/// Times of a bundle by triangles; the section is empty without rows.
+/// Time per bundle over triangles; empty without rows.
 pub(super) fn section(rows: &[ScalingRow], unit: &str) -> Result<Markup> {
     let Some(first) = rows.first() else { return Ok(html! {}) };
     Ok(html! {
         section {
             h2 { "How cost grows" }
             p {
-                "Forests of the same trees, asked " (first.rays) " segments from each point to the sky at the one feature \
-                 size of " (length(first.feature_size, unit)) ". "
-                em { "More trees" } ": as dense over more ground, under the same part of the sky. "
-                em { "Finer leaves" } ": as many trees with more and smaller leaves that shade as much."
+                "Forests of equal trees, with " (first.rays) " segments from each point to the sky panel, at feature size " (length(first.feature_size, unit)) ". "
+                em { "More trees" } ": constant density over more ground, constant solid angle of the panel. "
+                em { "Finer leaves" } ": as many trees with more and smaller leaves of constant total area."
             }
             (plot(rows)?)
             (table(rows))
@@ -32,7 +31,7 @@ pub(super) fn section(rows: &[ScalingRow], unit: &str) -> Result<Markup> {
     })
 }
 
-/// Names of the series in the record and in words.
+/// Names of the series in the record and on the page.
 const SERIES: [(&str, &str); 2] = [("wider", "more trees"), ("finer", "finer leaves")];
 
 fn plot(rows: &[ScalingRow]) -> Result<Markup> {
@@ -52,7 +51,7 @@ fn plot(rows: &[ScalingRow]) -> Result<Markup> {
     lines.retain(|line| !line.points.is_empty());
     let plot = Plot {
         x_label: "triangles".into(),
-        y_label: "time of a bundle, microseconds".into(),
+        y_label: "time per bundle, microseconds".into(),
         x_scale: Scale::Log,
         y_scale: Scale::Log,
         series: lines,
@@ -60,7 +59,7 @@ fn plot(rows: &[ScalingRow]) -> Result<Markup> {
     Ok(html! {
         figure.plot {
             div.scroll { (PreEscaped(plot.svg(860, 400)?)) }
-            figcaption { "Both axes are logarithmic: a level line is a cost that does not depend on the scene's size." }
+            figcaption { "Both axes are logarithmic: a horizontal line is a cost that does not depend on the size of the scene." }
         }
     })
 }
@@ -74,9 +73,9 @@ fn table(rows: &[ScalingRow]) -> Markup {
         "RMS, exact",
         "RMS, multi-res.",
         "nodes",
-        "built in",
+        "preparation",
         "memory",
-        "a triangle",
+        "per triangle",
     ];
     html! {
         div.scroll {
@@ -103,7 +102,7 @@ fn table(rows: &[ScalingRow]) -> Markup {
     }
 }
 
-/// How much more the largest forest takes than the smallest, beside the logarithm of its size.
+/// Ratio of the times of the largest and the smallest forest, beside the ratio of the logarithms of their sizes.
 fn verdict(rows: &[&ScalingRow], words: &str) -> Option<String> {
     let (first, last) = (rows.first()?, rows.last()?);
     if first.triangles >= last.triangles {
@@ -121,10 +120,10 @@ fn verdict(rows: &[&ScalingRow], words: &str) -> Option<String> {
     ))
 }
 
-/// The page of a run that measured nothing else.
+/// The page of a run that measured growth only.
 ///
 /// # Errors
-/// The plot cannot be drawn, which no record should cause.
+/// The plot cannot be drawn.
 pub fn render_scaling(record: &ScalingRecord) -> Result<String> {
     let ScalingRecord { mrvis, embree, threads, isa, unit, seed, scaling } = record;
     let plural = if *threads == 1 { "thread" } else { "threads" };

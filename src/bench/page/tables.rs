@@ -1,4 +1,4 @@
-//! Facts of the scene and the measured rows.
+//! Tables of scene, preparation, workload and measured rows.
 
 use maud::{Markup, html};
 
@@ -6,10 +6,10 @@ use super::{length, percent, times};
 use crate::bench::record::{Build, ExactRow, MrRow, Record};
 use crate::plot::number;
 
-/// What was read, how long the preparation took, what was asked.
+/// Scene, preparation and workload.
 pub(super) fn scene(record: &Record) -> Markup {
     let (scene, build, work) = (&record.scene, &record.build, &record.workload);
-    let facts = |title: &str, rows: &[(&str, String)]| {
+    let summary_table = |title: &str, rows: &[(&str, String)]| {
         html! {
             div.facts {
                 h3 { (title) }
@@ -19,18 +19,18 @@ pub(super) fn scene(record: &Record) -> Markup {
     };
     html! {
         section {
-            h2 { "The scene and the question" }
+            h2 { "Scene and workload" }
             div.columns {
-                (facts("Scene", &[
+                (summary_table("Scene", &[
                     ("triangles", count(scene.triangles as u64)),
                     ("objects", count(scene.objects as u64)),
-                    ("lights", count(scene.emitters as u64)),
+                    ("emitters", count(scene.emitters as u64)),
                     ("closed parts", count(scene.closed_parts as u64)),
                     ("sheets", count(scene.sheet_parts as u64)),
                     ("clusters", count(scene.clusters as u64)),
                     ("levels", count(scene.levels as u64)),
                 ]))
-                (facts("Preparation", &[
+                (summary_table("Preparation", &[
                     ("reading", seconds(build.load_s)),
                     ("Embree's tree", seconds(build.embree_s)),
                     ("hierarchy", seconds(build.hierarchy_s)),
@@ -41,14 +41,14 @@ pub(super) fn scene(record: &Record) -> Markup {
                     ("set-up, multi-resolution", seconds(build.mr_setup_s)),
                     ("memory, clusters", bytes(build.hierarchy_bytes)),
                     ("memory, Embree", bytes(build.embree_bytes)),
-                    ("memory a triangle", per_triangle(build)),
+                    ("memory per triangle", per_triangle(build)),
                 ]))
-                (facts("Question", &[
+                (summary_table("Workload", &[
                     ("points", count(work.points as u64)),
-                    ("segments per point and light", count(work.rays as u64)),
+                    ("segments per point and emitter", count(work.rays as u64)),
                     ("segments", count(work.segments)),
-                    ("rays of the reference", count(work.reference_rays as u64)),
-                    ("its own noise (RMS)", number(work.reference_rms)),
+                    ("reference rays", count(work.reference_rays as u64)),
+                    ("noise of the reference (RMS)", number(work.reference_rms)),
                 ]))
             }
             @if let Some(note) = &build.cache_note { p.note { (note) } }
@@ -57,13 +57,13 @@ pub(super) fn scene(record: &Record) -> Markup {
     }
 }
 
-/// Bytes of each part.
+/// Memory by part, bytes per triangle.
 fn per_triangle(build: &Build) -> String {
     let b = build.bytes_per_triangle;
     let parts = [
         ("scene", b.scene),
         ("clusters", b.hierarchy),
-        ("measures", b.optics),
+        ("optics", b.optics),
         ("traversal", b.wide),
         ("Embree", b.embree),
     ];
@@ -71,7 +71,7 @@ fn per_triangle(build: &Build) -> String {
     format!("{:.0} B ({})", b.total, parts.join(", "))
 }
 
-/// Where the clusters came from.
+/// Origin of the clusters.
 fn cache(build: &Build) -> String {
     match build.cache.as_str() {
         "hit" => format!("read in {}", seconds(build.cache_s)),
@@ -80,7 +80,7 @@ fn cache(build: &Build) -> String {
     }
 }
 
-/// What was mended while reading, when anything was.
+/// Counts of repairs of the scene.
 fn repairs(record: &Record) -> Markup {
     let entries = record.scene_repairs.as_object().into_iter().flatten();
     let counts: Vec<_> =
@@ -88,10 +88,10 @@ fn repairs(record: &Record) -> Markup {
     let messages = entries.filter_map(|(_, v)| v.as_array()).flatten().filter_map(|v| v.as_str());
     html! {
         @if counts.is_empty() {
-            p.note { "Nothing had to be mended while reading the scene." }
+            p.note { "The scene needed no repairs." }
         } @else {
             p {
-                "Mended while reading: "
+                "Repairs: "
                 @for (i, (name, n)) in counts.iter().enumerate() {
                     @if i > 0 { ", " }
                     (count(*n)) " " (name.replace('_', " "))
@@ -103,32 +103,29 @@ fn repairs(record: &Record) -> Markup {
     }
 }
 
-/// Both tables, with what each column means.
+/// Both tables of rows and the meaning of their columns.
 pub(super) fn measurements(record: &Record) -> Markup {
     let columns = [
         ("s", "feature size, a length on the receiving surface"),
-        ("rays", "segments from a point to a light"),
+        ("rays", "segments from a point to an emitter"),
         (
             "time",
-            "time of the queries alone, the least of several runs, as many for every row; preparation is listed above",
+            "time of the queries alone, minimum of several runs (as many for every row), without preparation",
         ),
-        ("decision", "time of deciding on a sample whether averaging pays, part of the set-up"),
+        ("decision", "time to decide on a sample whether MR is faster, part of the set-up"),
         ("RMS", "root mean square error of the visible fraction, the reference's noise subtracted"),
         ("bias", "mean error; positive: too bright"),
         (
             "same RMS",
-            "time that exact needs for this RMS error, divided by this row's time; ~ marks a time beyond \
-            the most rays measured, extrapolated",
+            "time of exact rays for this RMS error, divided by this row's time; ~: extrapolated beyond \
+            the largest measured number of rays",
         ),
         ("same FBEM", "the same with the feature-based error of the shadow images at this s"),
-        ("segment", "best exact time for as many segments, divided by this row's time"),
-        ("averaged", "part of the segments that met at least one group treated as a haze"),
-        (
-            "exact rays",
-            "segments of bundles for which triangles had to be tested, by this engine or by Embree",
-        ),
-        ("nodes", "groups visited for a segment, on average"),
-        ("in bounds", "part of the answers whose stated interval holds the reference"),
+        ("segment", "best exact time for the same number of segments, divided by this row's time"),
+        ("averaged", "part of the segments that met at least one averaged cluster"),
+        ("exact rays", "segments of bundles for which triangles were tested, by MR or by Embree"),
+        ("nodes", "mean number of visited clusters per segment"),
+        ("in bounds", "part of the stated intervals that the reference confirms"),
     ];
     html! {
         section {
@@ -159,8 +156,7 @@ pub(super) fn measurements(record: &Record) -> Markup {
                 dl.columns-help {
                     @for (name, meaning) in columns { dt { (name) } dd { (meaning) } }
                     dt { "call" } dd {
-                        "the fastest of Embree's ways of asking: 1, 4, 8 or 16 rays at once; certified: pairs that are \
-                         certainly clear or blocked were recognised without rays"
+                        "Embree's fastest ray call: 1, 4, 8 or 16 rays at once; certified: exact rays with certificates"
                     }
                 }
             }
@@ -207,7 +203,7 @@ pub(super) fn signed(v: f64) -> String {
     if v > 0.0 { format!("+{}", number(v)) } else { number(v).replace('-', "−") }
 }
 
-/// A count in groups of three digits.
+/// A count with digits in groups of three.
 pub(super) fn count(n: u64) -> String {
     let digits = n.to_string();
     let groups: Vec<&str> =
@@ -220,7 +216,7 @@ pub(super) fn seconds(s: f64) -> String {
     if s != 0.0 && s.abs() < 0.1 { format!("{} ms", number(1000.0 * s)) } else { format!("{} s", number(s)) }
 }
 
-/// A size of memory.
+/// Memory in a suitable unit.
 pub(super) fn bytes(n: u64) -> String {
     let n = n as f64;
     match n {

@@ -1,12 +1,12 @@
-//! The page of an invented run; set `MRVIS_PAGE` to a file to look at it.
+//! Tests of the page with a synthetic record; set `MRVIS_PAGE` to a file to inspect the page.
 
 use super::*;
 use crate::bench::record::{
     Audit, Build, BytesPerTriangle, CalibrationBin, Clusters, ExactRow, Receiver, ScalingRecord, ScalingRow,
-    SceneFacts, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow, Workload,
+    SceneSummary, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow, Workload,
 };
 
-/// Shadows of many small discs and a few large ones, blurred by `blur` texels, with noise of `noise`.
+/// Shadows of 260 discs, six of them large, with noise; `large_only`: of the large ones.
 fn shadows(large_only: bool, noise: f32, seed: u64) -> Image {
     let mut state = 1u64;
     let mut random = move || {
@@ -80,8 +80,8 @@ fn target() -> Target {
     }
 }
 
-fn example() -> (Record, Vec<ReceiverImages>) {
-    let exact = [1usize, 4, 16, 64, 256].map(|n| ExactRow {
+fn exact_rows() -> [ExactRow; 5] {
+    [1usize, 4, 16, 64, 256].map(|n| ExactRow {
         coherent: n > 4,
         rays: n,
         seconds: 0.021 * n as f64,
@@ -89,14 +89,17 @@ fn example() -> (Record, Vec<ReceiverImages>) {
         setup_s: 0.002,
         rms: 0.31 / (n as f64).sqrt(),
         bias: 1e-5,
-    });
+    })
+}
+
+fn mr_rows() -> [MrRow; 4] {
     let mr = [
         (0.1, 0.19, 0.021, 2.1),
         (0.25, 0.121, 0.034, 3.4),
         (0.6, 0.08, 0.052, 5.9),
         (1.5, 0.05, 0.098, 0.8),
     ];
-    let mr = mr.map(|(s, seconds, rms, per_segment)| MrRow {
+    mr.map(|(s, seconds, rms, per_segment)| MrRow {
         handed_over: 0.0,
         decide_s: 0.031,
         feature_size: s,
@@ -114,7 +117,31 @@ fn example() -> (Record, Vec<ReceiverImages>) {
         speedup_at_same_rms: Some(0.021 * (0.31 / rms).powi(2) / seconds),
         speedup_at_same_fbem: (s > 0.2).then_some(7.0),
         extrapolated: s < 0.2,
-    });
+    })
+}
+
+fn build() -> Build {
+    Build {
+        load_s: 0.82,
+        embree_s: 0.4,
+        hierarchy_s: 0.61,
+        characterise_s: 4.2,
+        cache: "made".into(),
+        cache_s: 0.02,
+        cache_note: Some("a cache was damaged".into()),
+        budget_s: 0.1,
+        exact_setup_s: 0.41,
+        mr_setup_s: 4.97,
+        hierarchy_bytes: 21_000_000,
+        embree_bytes: 88_000_000,
+        bytes_per_triangle: BytesPerTriangle::of(
+            1_000_000,
+            [65_000_000, 8_000_000, 28_000_000, 64_000_000, 88_000_000],
+        ),
+    }
+}
+
+fn example() -> (Record, Vec<ReceiverImages>) {
     let record = Record {
         mrvis: "0.1.0".into(),
         embree: "4.4.0".into(),
@@ -122,7 +149,7 @@ fn example() -> (Record, Vec<ReceiverImages>) {
         isa: "avx512".into(),
         unit: "m".into(),
         seed: 1,
-        scene: SceneFacts {
+        scene: SceneSummary {
             path: "scenes/park <b>.obj".into(),
             triangles: 512_340,
             objects: 41,
@@ -131,29 +158,13 @@ fn example() -> (Record, Vec<ReceiverImages>) {
             sheet_parts: 498_020,
             clusters: 81_337,
             levels: 9,
+            ..Default::default()
         },
         clusters: Clusters { extinction: "measured".into(), tolerance: 0.05 },
         scene_repairs: serde_json::json!({"zero_area_faces": 41, "duplicate_faces": 0, "welded_vertices": 120311,
             "messages": ["park.mtl:12: unknown material 'moss', grey used"]}),
         warnings: vec!["Another process used the machine while timing.".into()],
-        build: Build {
-            load_s: 0.82,
-            embree_s: 0.4,
-            hierarchy_s: 0.61,
-            characterise_s: 4.2,
-            cache: "made".into(),
-            cache_s: 0.02,
-            cache_note: Some("a cache was damaged".into()),
-            budget_s: 0.1,
-            exact_setup_s: 0.41,
-            mr_setup_s: 4.97,
-            hierarchy_bytes: 21_000_000,
-            embree_bytes: 88_000_000,
-            bytes_per_triangle: BytesPerTriangle::of(
-                1_000_000,
-                [65_000_000, 8_000_000, 28_000_000, 64_000_000, 88_000_000],
-            ),
-        },
+        build: build(),
         workload: Workload {
             points: 20_000,
             rays: 16,
@@ -162,9 +173,9 @@ fn example() -> (Record, Vec<ReceiverImages>) {
             reference_rms: 0.0041,
             rounds: 3,
         },
-        exact: exact.into(),
+        exact: exact_rows().into(),
         certified: Vec::new(),
-        mr: mr.into(),
+        mr: mr_rows().into(),
         unbiased: vec![unbiased()],
         target: Some(target()),
         receivers: vec![Receiver { name: "lawn".into(), ..Default::default() }],
@@ -182,37 +193,37 @@ fn example() -> (Record, Vec<ReceiverImages>) {
 #[test]
 fn a_page_stands_alone_and_escapes_names() {
     let (record, receivers) = example();
-    let page = render(&record, &receivers).unwrap();
+    let page = render(&record, &receivers, "mrvis bench").unwrap();
     if let Some(path) = std::env::var_os("MRVIS_PAGE") {
         std::fs::write(path, &page).unwrap();
     }
     assert!(page.starts_with("<!DOCTYPE html>") && page.ends_with("</html>"));
     for outside in ["http://", "https://", "src=\"/", "href=", "@import", "url("] {
         let mut found = page.match_indices(outside).map(|(i, _)| &page[i..i + 40]);
-        // The name of the SVG language is not fetched.
+        // The name space of SVG is not fetched.
         assert!(found.all(|s| s.starts_with("http://www.w3.org/2000/svg")), "{outside}");
     }
     assert!(page.contains("park &lt;b&gt;.obj") && !page.contains("park <b>"));
     assert_eq!(page.matches("<svg ").count(), 3);
     assert_eq!(page.matches("data:image/png;base64,").count(), 3 + 2 * 3);
     assert!(page.contains("24.1×") && page.contains("41 zero area faces"));
-    assert_eq!(page, render(&record, &receivers).unwrap());
+    assert_eq!(page, render(&record, &receivers, "mrvis bench").unwrap());
 }
 
 #[test]
 fn empty_and_odd_records_still_make_a_page() {
-    let page = render(&Record::default(), &[]).unwrap();
+    let page = render(&Record::default(), &[], "").unwrap();
     assert!(page.contains("no multi-resolution row"));
     let (mut record, mut receivers) = example();
     for row in &mut record.mr {
         (row.rms, row.seconds, row.speedup_at_same_rms, row.speedup_per_segment) =
             (f64::NAN, 0.0, None, f64::INFINITY);
     }
-    let page = render(&record, &receivers).unwrap();
-    // The letters may turn up within an image.
+    let page = render(&record, &receivers, "mrvis bench").unwrap();
+    // The letters may occur in encoded images.
     assert!(page.split("data:image").all(|part| !part.split_once('"').map_or(part, |p| p.1).contains("NaN")));
     receivers[0].mr[0].1 = Image::new(2, 2, 1.0, vec![0.0; 4]).unwrap();
-    assert!(render(&record, &receivers).is_err());
+    assert!(render(&record, &receivers, "mrvis bench").is_err());
 }
 
 #[test]
@@ -228,7 +239,7 @@ fn growth_has_a_plot_and_a_verdict() {
         vec![row("wider", 10_000, 1e-6), row("wider", 1_000_000, 1.25e-6), row("finer", 10_000, 1e-6)];
     let (mut record, receivers) = example();
     record.scaling = scaling.clone();
-    let page = render(&record, &receivers).unwrap();
+    let page = render(&record, &receivers, "mrvis bench").unwrap();
     let alone = render_scaling(&ScalingRecord { scaling, ..Default::default() }).unwrap();
     assert_eq!((page.matches("<svg ").count(), alone.matches("<svg ").count()), (4, 1));
     for page in [page, alone] {
@@ -244,7 +255,7 @@ fn growth_has_a_plot_and_a_verdict() {
 fn the_headline_says_when_it_is_slower() {
     let (mut record, _) = example();
     record.mr.iter_mut().for_each(|row| row.speedup_at_same_rms = Some(0.5));
-    assert!(render(&record, &[]).unwrap().contains("<strong>slower</strong>"));
+    assert!(render(&record, &[], "").unwrap().contains("<strong>slower</strong>"));
     record.mr.iter_mut().for_each(|row| row.speedup_at_same_rms = Some(1.0));
-    assert!(render(&record, &[]).unwrap().contains("<strong>no faster</strong>"));
+    assert!(render(&record, &[], "").unwrap().contains("<strong>no faster</strong>"));
 }

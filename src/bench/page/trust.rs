@@ -1,4 +1,4 @@
-//! How far the answers can be trusted: claimed against observed error.
+//! Claimed against observed error.
 
 use maud::{Markup, PreEscaped, html};
 
@@ -8,24 +8,23 @@ use crate::Result;
 use crate::bench::record::{Audit, MrRow, Record, TargetChoice, UnbiasedRow};
 use crate::plot::{Plot, Point, Scale, Series, number};
 
-/// Feature sizes in the plot, at most; with the diagonal as many as there are colours.
-const SIZES: usize = 4;
+/// Largest number of feature sizes in the plot: with the diagonal, one per colour.
+const MAX_SIZES: usize = 4;
 
-/// The calibration plot and its table; nothing without an audit.
+/// Calibration plot and table; empty without an audit.
 pub(super) fn calibration(record: &Record) -> Result<Markup> {
     let audited = record.mr.iter().filter_map(|row| Some((row, row.audit.as_ref()?)));
     let rows: Vec<(&MrRow, &Audit)> = audited.filter(|(row, _)| row.rays == record.workload.rays).collect();
     let Some(&(_, any)) = rows.first() else { return Ok(html! {}) };
     Ok(html! {
         section {
-            h2 { "How far to trust an answer" }
+            h2 { "Claimed and observed errors" }
             p {
-                "Every answer comes with an interval that is stated to hold the true visible fraction in 95 of 100 \
-                 cases. Whoever states an interval claims an error: a narrow one claims to be accurate. The audit \
-                 checks this: on " (any.bundles) " bundles picked at random it traced " (any.rays) " exact rays \
-                 each, which no engine had seen, and compared. In the plot each point is a group of bundles that \
-                 claimed about the same error. On the diagonal the claim is right; below it the answers are better \
-                 than they say, above it they say too much."
+                "Every answer has an interval that is stated to contain the true visible fraction in 95 of 100 cases; \
+                 its width claims a standard error. The audit compares the answers of " (any.bundles) " random \
+                 bundles with " (any.rays) " independent exact rays each. In the plot each point is a group of bundles \
+                 with similar claimed errors. On the diagonal claimed and observed error are equal; above it the \
+                 observed error is larger than claimed."
             }
             (plot(&rows, &record.unit)?)
             div.scroll {
@@ -36,7 +35,7 @@ pub(super) fn calibration(record: &Record) -> Result<Markup> {
                             th scope="col" { "claimed RMS" }
                             th scope="col" { "observed RMS" }
                             th scope="col" { "its 95 % interval" }
-                            th scope="col" { "intervals borne out" }
+                            th scope="col" { "intervals confirmed" }
                             th scope="col" { "its 95 % interval" }
                             th scope="col" { "in bounds, all bundles" }
                         }
@@ -45,10 +44,11 @@ pub(super) fn calibration(record: &Record) -> Result<Markup> {
                 }
             }
             p.note {
-                "Rows of " (record.workload.rays) " segments. The noise of the audit's own rays is subtracted from \
-                 what it observed. An interval is borne out where the mean of the rays differs from the answer by no \
-                 more than the stated half width and 1.96 standard errors of the rays, added as squares: honest \
-                 claims are in 95 of 100 cases, a certificate is refuted by a single ray. “In bounds” is judged by the reference of " (record.workload.reference_rays)
+                "Rows of " (record.workload.rays) " segments. The noise of the audit's rays is subtracted from the \
+                 observed error. An interval is confirmed if the mean of the rays differs from the answer by no more \
+                 than the stated half width and 1.96 standard errors of the rays, added as squares: correct intervals \
+                 are confirmed in 95 of 100 cases, and one ray refutes a certificate. “In bounds” is the part of all \
+                 bundles whose interval is confirmed by the reference of " (record.workload.reference_rays)
                 " rays on every bundle."
             }
         }
@@ -73,7 +73,7 @@ fn plot(rows: &[(&MrRow, &Audit)], unit: &str) -> Result<Markup> {
     let point = |x: f64, y: f64| Point { x, y, label: String::new() };
     let shown: Vec<Series> = rows
         .iter()
-        .take(SIZES)
+        .take(MAX_SIZES)
         .map(|(row, audit)| Series {
             name: format!("s = {}", length(row.feature_size, unit)),
             points: audit.bins.iter().map(|bin| point(bin.claimed, bin.observed)).collect(),
@@ -104,34 +104,34 @@ fn plot(rows: &[(&MrRow, &Audit)], unit: &str) -> Result<Markup> {
     })
 }
 
-/// What was asked for, chosen, expected and found; nothing without a target.
+/// Target, choice, expectation and result; empty without a target.
 pub(super) fn target(record: &Record) -> Markup {
     let Some(target) = &record.target else { return html! {} };
     let asked = match (target.asked.error, target.asked.seconds) {
         (Some(error), _) => format!("an RMS error of at most {}", percent(error)),
-        (_, time) => format!("at most {}, with choosing", seconds(time.unwrap_or(0.0))),
+        (_, time) => format!("at most {}, pilot included", seconds(time.unwrap_or(0.0))),
     };
     html! {
         section {
-            h2 { "What was asked for" }
+            h2 { "Target" }
             p {
-                "Asked for: " (asked) ". A pilot on a sample tried feature sizes and numbers of segments, and exact \
+                "Target: " (asked) ". A pilot on a sample measured plans with different feature sizes and numbers of segments, and exact \
                  rays, and chose " (choice(&target.chosen, &record.unit)) ". It expected an RMS error of "
                 (percent(target.expected_rms)) " (" (percent(target.expected_rms_lo)) " to "
-                (percent(target.expected_rms_hi)) ") in " (seconds(target.expected_seconds)) "; found: "
+                (percent(target.expected_rms_hi)) ") in " (seconds(target.expected_seconds)) "; observed: "
                 strong { (percent(target.rms)) " in " (seconds(target.seconds)) }
-                ", after choosing for " (seconds(target.pilot_s))
+                ", after a pilot of " (seconds(target.pilot_s))
                 @if let Some(audit) = &target.audit { ", by the audit " (percent(audit.observed_rms)) }
                 "."
             }
-            @if !target.reachable { p.warning { "Nothing that was tried was expected to do; this is the nearest." } }
-            @if !target.met { p.warning { "What was asked for was missed." } }
-            @if !target.as_expected { p.warning { "The error found is not the one that was expected." } }
+            @if !target.reachable { p.warning { "The pilot expected no plan to meet the target; this is the nearest." } }
+            @if !target.met { p.warning { "The target was missed." } }
+            @if !target.as_expected { p.warning { "The observed error differs from the expected one." } }
         }
     }
 }
 
-/// A choice in words.
+/// A choice as text.
 fn choice(chosen: &TargetChoice, unit: &str) -> String {
     let engine = match chosen.feature_size {
         Some(s) => {
@@ -150,7 +150,7 @@ fn choice(chosen: &TargetChoice, unit: &str) -> String {
     }
 }
 
-/// The rows without bias; nothing if there are none.
+/// Unbiased rows; empty if there are none.
 pub(super) fn unbiased(record: &Record) -> Markup {
     if record.unbiased.is_empty() {
         return html! {};
@@ -159,12 +159,11 @@ pub(super) fn unbiased(record: &Record) -> Markup {
     let gains = record.unbiased.iter().filter(|row| gain(row)).count();
     html! {
         section {
-            h2 { "Without bias" }
+            h2 { "Unbiased estimates" }
             p {
-                "An averaged answer errs in the same direction however many segments are averaged. Here a few of its \
-                 segments, picked at random, are traced exactly as well, and the mean difference is added: the mean \
-                 of such answers is the exact one. They get better with every segment, as exact rays do; the question \
-                 is whether they do so in less time. At the same error "
+                "Averaged answers are biased for any number of segments. Here some of their segments, picked at \
+                 random, are also traced exactly, and the mean difference is added: the result is unbiased, and its \
+                 error falls with the number of segments. At the same error "
                 @if gains == 0 { "none of these rows is faster than plain exact rays." }
                 @else { (gains) " of " (record.unbiased.len()) " rows are faster than plain exact rays." }
             }

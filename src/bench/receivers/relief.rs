@@ -1,16 +1,16 @@
-//! Receivers that are not flat: what of a terrain is seen from straight above, texel by texel.
+//! Receivers that are not planar: heights of terrain, texel by texel.
 
 use super::super::workload::Point;
-use super::{FILLED, LITTLE, Patch, Rectangle, fit};
+use super::patch::{MIN_FILLED_PART, MIN_PATCH_PART, Patch, Rectangle, fit};
 use crate::math::{triangle_area, triangle_normal};
 use crate::scene::Scene;
 use glam::{DVec2, DVec3};
 
-/// The faces' mean normal is at least this long if they face one way by and large: a terrain, not a tree.
-const ONE_WAY: f64 = 0.8;
+/// Smallest length of the mean normal of a relief. Chosen: terrain exceeds it, foliage does not.
+const MIN_MEAN_NORMAL: f64 = 0.8;
 
-/// The relief of some faces, unless one of their planar patches is large enough to speak for them, or they face all
-/// ways.
+/// The relief of some faces; `None` if one of their planar patches is large, or if the faces point into all
+/// directions.
 pub(super) fn of<'a>(
     scene: &Scene,
     triangles: &[u32],
@@ -23,16 +23,16 @@ pub(super) fn of<'a>(
         sum += own * triangle_normal(a, b, c).as_dvec3();
         area += own;
     }
-    let largest = patches.filter(|p| p.filled() >= FILLED).map(|p| p.area).fold(0.0, f64::max);
-    if largest >= LITTLE * area || sum.length() < ONE_WAY * area {
+    let largest = patches.filter(|p| p.filled() >= MIN_FILLED_PART).map(|p| p.area).fold(0.0, f64::max);
+    if largest >= MIN_PATCH_PART * area || sum.length() < MIN_MEAN_NORMAL * area {
         return None;
     }
     let rectangle = fit(scene, triangles, sum.normalize())?;
     Some(Patch { triangles: triangles.to_vec(), area: sum.length(), rectangle, relief: true })
 }
 
-/// The highest points of the faces over the middles of the texels of a rectangle, row by row from the top left, a
-/// thousandth of a texel above the surface; beside the faces as high as the surface is nearest in the row.
+/// Highest points of the faces at the centres of the texels of a rectangle, row by row from the top left, a
+/// thousandth of a texel above the surface. Texels beside the faces get the height of the nearest texel in the row.
 pub(super) fn points(
     scene: &Scene,
     triangles: &[u32],
@@ -58,7 +58,7 @@ pub(super) fn points(
         let face = triangle_normal(a, b, c).as_dvec3();
         let face = if face.dot(normal) < 0.0 { -face } else { face };
         let (low, high) = (flat[0].min(flat[1]).min(flat[2]), flat[0].max(flat[1]).max(flat[2]));
-        // Texels from one step before to one after the first and last whose middles may be inside.
+        // Range of texels whose centres may be inside, with one more at the end.
         let span = |from: f64, to: f64, n: usize| {
             let place = |v: f64| (v / texel + 0.5 * n as f64 - 0.5).clamp(0.0, n as f64);
             place(from) as usize..((place(to) as usize) + 2).min(n)

@@ -1,8 +1,9 @@
-//! What becomes a receiver, and where its texels are.
+//! Selection of receivers and position of their texels.
 
 use super::*;
 use crate::ray::Brute;
 use crate::scene::generate::{Spec, build};
+use glam::{DVec3, Vec3};
 
 fn cornell() -> Scene {
     build(&Spec::new("cornell")).unwrap()
@@ -11,7 +12,7 @@ fn cornell() -> Scene {
 #[test]
 fn rectangles_fit_tilted_quads() {
     let scene = cornell();
-    // The tall block's top is turned about the vertical; its rectangle is a square of 165 mm or so.
+    // The top of the tall block is turned about the vertical; its rectangle is a square of about 165 mm.
     let faces: Vec<u32> = (0..scene.triangles.len() as u32).collect();
     let patches = patches(&scene, &faces);
     assert!(
@@ -37,7 +38,7 @@ fn default_receivers_are_lit_and_distinct() {
     let receivers = choose(&scene, &Brute::new(&scene.positions, &scene.triangles), &[]).unwrap();
     assert!(!receivers.is_empty() && receivers.len() <= DEFAULT_COUNT);
     for r in &receivers {
-        assert!(r.lit && r.width == SIDE && r.height <= SIDE, "{r:?}");
+        assert!(r.lit && r.width == MAX_SIDE_TEXELS && r.height <= MAX_SIDE_TEXELS, "{r:?}");
         assert_eq!(r.points().len(), r.width * r.height);
     }
 }
@@ -78,7 +79,7 @@ fn images_show_what_is_up_at_the_top() {
     assert!(points[0].x < points[1].x);
 }
 
-/// Rolling ground under a lamp: its image is taken from above, every texel on the surface and facing up.
+/// Terrain under an emitter: the image is taken from above, every texel is on the surface and faces upwards.
 #[test]
 fn a_terrain_is_a_receiver() {
     use crate::scene::testing::Pieces;
@@ -104,7 +105,7 @@ fn a_terrain_is_a_receiver() {
         assert_eq!(points.len(), receivers[0].width * receivers[0].height);
         for p in &points {
             let q = p.position.as_dvec3() + scene.origin;
-            // Chords of the sine: step² / 8 times its curvature, both ways. Beside the edge there is no surface.
+            // Chord error of the sine: step² / 8 times its curvature. Beside the edge there is no surface.
             let inside = q.x.min(q.y) > 0.2 && q.x.max(q.y) < 7.8;
             let off = (q.z - height(q.x, q.y)).abs();
             assert!(off < if inside { 0.01 } else { 0.1 }, "{q}: {}", height(q.x, q.y));

@@ -1,9 +1,9 @@
-//! How cost grows with the scene: the rows of `bench --scaling`.
+//! Growth of cost with the size of the scene: rows of `bench --scaling`.
 
 use super::BytesPerTriangle;
 use serde::{Deserialize, Serialize};
 
-/// The record of a run that measures nothing but how cost grows; fields as in [`Record`](super::Record).
+/// Record of a run that measures growth only; fields as in [`Record`](super::Record).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ScalingRecord {
     /// Version of mrvis.
@@ -22,46 +22,46 @@ pub struct ScalingRecord {
     pub scaling: Vec<ScalingRow>,
 }
 
-/// Both engines in one forest of a series of growing ones.
+/// Results of both engines in one forest.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ScalingRow {
-    /// How the forest grows along its series: `wider` (more trees over more ground) or `finer` (more and smaller
-    /// leaves on the same trees).
+    /// Series of the forest: `wider` (more trees over more ground) or `finer` (more and smaller leaves on the same
+    /// trees).
     pub series: String,
     /// Triangles.
     pub triangles: usize,
-    /// Trees of the forest.
+    /// Number of trees.
     pub trees: usize,
-    /// Leaves of each.
+    /// Leaves per tree.
     pub leaves: usize,
-    /// Feature size; the same in all rows.
+    /// Feature size, metres; equal in all rows.
     pub feature_size: f64,
-    /// Segments of a bundle, for both engines.
+    /// Segments per bundle, for both engines.
     pub rays: usize,
-    /// Bundles that were asked.
+    /// Number of bundles.
     pub bundles: usize,
-    /// Time of a bundle by the multi-resolution engine, seconds.
+    /// Time per bundle of MR, seconds.
     pub seconds_per_bundle_mr: f64,
-    /// Time of a bundle by exact rays, seconds.
+    /// Time per bundle of exact rays, seconds.
     pub seconds_per_bundle_exact: f64,
-    /// Root mean square error of the multi-resolution engine.
+    /// RMS error of MR.
     pub rms_mr: f64,
-    /// Root mean square error of exact rays.
+    /// RMS error of exact rays.
     pub rms_exact: f64,
-    /// Clusters visited for a segment, on average.
+    /// Mean number of visited clusters per segment.
     pub nodes_per_segment: f64,
-    /// Part of the segments that were handed to Embree whole.
+    /// Part of the segments handed to Embree in whole bundles.
     pub handed_over: f64,
-    /// Memory of scene, clusters, measures, traversal tree and Embree's scene, bytes.
+    /// Memory of scene, clusters, optics, traversal tree and Embree's scene, bytes.
     pub bytes: u64,
-    /// The same by part, for each triangle.
+    /// Memory by part, bytes per triangle.
     pub bytes_per_triangle: BytesPerTriangle,
-    /// Time of preparation: the three that follow, seconds.
+    /// Time of preparation, seconds: sum of the following three.
     pub build_s: f64,
-    /// Embree's tree, seconds.
+    /// Building Embree's tree, seconds.
     pub embree_s: f64,
-    /// The clusters, seconds.
+    /// Building the clusters, seconds.
     pub hierarchy_s: f64,
-    /// Measuring them, seconds.
+    /// Measuring cluster optics, seconds.
     pub characterise_s: f64,
 }

@@ -1,4 +1,4 @@
-//! The contract of the JSON, and the arithmetic.
+//! Contract of the JSON, and interpolation.
 
 use super::*;
 
@@ -31,7 +31,7 @@ fn every_key_of_the_contract_is_written() {
     assert_eq!(serde_json::from_value::<Record>(json).unwrap(), record);
 }
 
-/// Rows of an ideal method: error 1/√n, a second for each ray.
+/// Rows of an ideal method: error rays^(−1/2), one second per ray.
 const IDEAL: [(f64, f64); 3] = [(4.0, 0.5), (1.0, 1.0), (16.0, 0.25)];
 
 fn time(points: &[(f64, f64)], error: f64) -> f64 {

@@ -1,145 +1,145 @@
-//! What was claimed of errors, and what was found.
+//! Claimed and observed errors.
 
 use serde::{Deserialize, Serialize};
 
-/// Exact rays of their own on a random part of the bundles, against what a row stated.
+/// Comparison of the stated intervals of a row with independent exact rays on a random part of the bundles.
 ///
-/// An interval that is stated as holding the truth with 95 % claims a standard error of its width / (2 · 1.96). The
-/// noise of the audit's own rays is subtracted from what was observed.
+/// A 95 % interval claims a standard error of its width / (2 · 1.96). The noise of the audit's rays is subtracted
+/// from the observed error.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Audit {
-    /// Part of the bundles that was asked for, in `(0, 1]`.
+    /// Requested part of the bundles, in `(0, 1]`.
     pub fraction: f64,
-    /// Bundles looked at.
+    /// Number of audited bundles.
     pub bundles: usize,
-    /// Exact rays for each of them.
+    /// Exact rays per bundle.
     pub rays: usize,
     /// Root mean square of the claimed standard errors.
     pub claimed_rms: f64,
-    /// Root mean square error found.
+    /// Observed RMS error.
     pub observed_rms: f64,
     /// 95 % interval of `observed_rms`, lower end.
     pub observed_lo: f64,
-    /// Upper end.
+    /// 95 % interval of `observed_rms`, upper end.
     pub observed_hi: f64,
-    /// Part of the stated intervals, in `[0, 1]`, that the audit's rays bear out: their mean p and the answer x differ
-    /// by no more than √(h² + 1.96² q (1 - q) / rays), where h is the half of the stated interval on p's side and q is p
-    /// moved into the interval. 0.95 for honest claims, whatever the rays' own noise.
+    /// Part of the stated intervals, in `[0, 1]`, that the audit confirms: mean p of the rays and answer x satisfy |p
+    /// − x| ≤ √(h² + 1.96² q (1 − q) / rays), with h the half width of the interval on p's side and q = p clamped to
+    /// the interval. Correct intervals have 0.95, for any number of rays.
     pub coverage: f64,
     /// 95 % interval (Wilson) of `coverage`, lower end.
     pub coverage_lo: f64,
-    /// Upper end.
+    /// 95 % interval (Wilson) of `coverage`, upper end.
     pub coverage_hi: f64,
-    /// Bundles of similar claims together, by ascending claim.
+    /// Groups of bundles with similar claims, by ascending claim.
     pub bins: Vec<CalibrationBin>,
 }
 
-/// What was asked for, chosen, expected and found.
+/// Request, choice, expectation and result of a target.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Target {
-    /// What was asked for.
+    /// The requested error or time.
     pub asked: TargetAsked,
-    /// What was chosen.
+    /// The chosen plan.
     pub chosen: TargetChoice,
-    /// Root mean square error that the pilot expects.
+    /// RMS error expected by the pilot.
     pub expected_rms: f64,
     /// 95 % interval of `expected_rms`, lower end.
     pub expected_rms_lo: f64,
-    /// Upper end.
+    /// 95 % interval of `expected_rms`, upper end.
     pub expected_rms_hi: f64,
-    /// Time of the queries that the pilot expects, seconds.
+    /// Time of the queries expected by the pilot, seconds.
     pub expected_seconds: f64,
-    /// Time of the pilot, seconds: what the choice took.
+    /// Time of the pilot, seconds.
     pub pilot_s: f64,
-    /// Time of the queries, seconds; a target of time is met by both together.
+    /// Time of the queries, seconds. A target time includes `pilot_s`.
     pub seconds: f64,
-    /// Root mean square error found.
+    /// Observed RMS error.
     pub rms: f64,
     /// Mean error; positive: too bright.
     pub bias: f64,
     /// 95 % interval of `rms`, lower end.
     pub rms_lo: f64,
-    /// Upper end.
+    /// 95 % interval of `rms`, upper end.
     pub rms_hi: f64,
-    /// Whether any choice was expected to do.
+    /// Whether the pilot expected any plan to meet the target.
     pub reachable: bool,
-    /// Whether error or time is what was asked for, or less.
+    /// Whether the target was met.
     pub met: bool,
-    /// Whether the intervals of the expected and the found error have something in common.
+    /// Whether the intervals of the expected and the observed error overlap.
     pub as_expected: bool,
-    /// The audit of the answers; absent (null) without one.
+    /// Audit of the answers; `null` without an audit.
     pub audit: Option<Audit>,
 }
 
-/// What a [`Target`] asks: one of the two.
+/// Request of a [`Target`]: one of the two is given.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TargetAsked {
-    /// Root mean square error, at most.
+    /// Largest RMS error.
     pub error: Option<f64>,
-    /// Time of choosing and of the queries together, at most; seconds.
+    /// Largest time of pilot and queries together, seconds.
     pub seconds: Option<f64>,
 }
 
-/// How a [`Target`] is reached.
+/// Plan of a [`Target`].
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TargetChoice {
-    /// Feature size; length. Absent (null): exact.
+    /// Feature size; `null`: exact.
     pub feature_size: Option<f64>,
-    /// Whether nothing is averaged.
+    /// Whether visibility is exact.
     pub exact: bool,
     /// Segments from a point to an emitter.
     pub rays: usize,
-    /// Segments for those pairs that the first ones find partly visible; absent (null): the same.
+    /// Segments of a second query of the pairs that are partly visible; `null`: no second query.
     pub rays_where_partly_visible: Option<usize>,
-    /// Part of the pairs, in `[0, 1]`, that the pilot found partly visible and asked again.
+    /// Part of the pairs, in `[0, 1]`, that the pilot found partly visible.
     pub partly_visible: f64,
 }
 
-/// Estimates whose mean is the exact answer: an averaged level, corrected by exact segments.
+/// Unbiased estimates: an averaged level, corrected by exact segments.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct UnbiasedRow {
     /// The averaged level, then the exact one.
     pub levels: Vec<UnbiasedLevel>,
-    /// Segments from a point to an emitter of the averaged level.
+    /// Segments from a point to an emitter at the averaged level.
     pub rays: usize,
     /// Time of the queries, seconds.
     pub seconds: f64,
-    /// Time of measuring on a sample how to divide the work, seconds; not part of `seconds`.
+    /// Time of the pilot that divides the work, seconds; not part of `seconds`.
     pub pilot_s: f64,
     /// Root mean square error.
     pub rms: f64,
-    /// Mean error; positive: too bright. 0 but for chance.
+    /// Mean error; positive: too bright. Its expectation is 0.
     pub bias: f64,
     /// Standard error of `bias`.
     pub bias_error: f64,
-    /// Time that plain exact rays need to reach this rms / this time; absent (null) when it cannot be told.
+    /// Time of exact rays for the same RMS error, divided by this time; `null` if undefined.
     pub speedup_at_same_rms: Option<f64>,
-    /// Whether that rests on a time beyond the last exact row, extrapolated by rays^-1/2.
+    /// Whether the speed-up is extrapolated beyond the last exact row, with error ∝ rays^(−1/2).
     pub extrapolated: bool,
 }
 
 /// A level of an [`UnbiasedRow`].
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct UnbiasedLevel {
-    /// Feature size; length. Absent (null): exact.
+    /// Feature size; `null`: exact.
     pub feature_size: Option<f64>,
-    /// Part of their size, in `(0, 1]`, that emitters are taken for in deciding what is averaged.
+    /// Emitter size in the umbra criterion relative to the true size, in `(0, 1]`.
     pub emitter_part: f64,
-    /// Segments from a point to an emitter, on average.
+    /// Mean number of segments from a point to an emitter.
     pub rays: f64,
 }
 
-/// Bundles that claimed about the same error.
+/// Bundles with similar claimed errors.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CalibrationBin {
-    /// How many.
+    /// Number of bundles.
     pub count: usize,
     /// Root mean square of the claimed standard errors.
     pub claimed: f64,
-    /// Root mean square error found.
+    /// Observed RMS error.
     pub observed: f64,
     /// 95 % interval of `observed`, lower end.
     pub observed_lo: f64,
-    /// Upper end.
+    /// 95 % interval of `observed`, upper end.
     pub observed_hi: f64,
 }

@@ -1,9 +1,9 @@
-//! Which plan a target takes, and what choosing costs.
+//! Choice of plans for targets.
 
 use super::*;
 
 fn expected(rays: usize, rms: f64, seconds: f64) -> Expected {
-    let error = Found { rms, lo: 0.9 * rms, hi: 1.1 * rms };
+    let error = RmsEstimate { rms, lo: 0.9 * rms, hi: 1.1 * rms };
     Expected { plan: Plan { feature_size: None, rays, more: None }, error, seconds, partly: 0.0 }
 }
 
@@ -15,13 +15,13 @@ fn the_cheapest_that_is_good_enough_or_the_best_that_is_cheap_enough() {
         (best.plan.rays, reachable)
     };
     assert_eq!(rays(Target::Error(0.25)), (4, true));
-    // 0.2 may well be 0.22.
+    // The interval of an RMS of 0.2 reaches 0.22.
     assert_eq!(rays(Target::Error(0.21)), (16, true));
     assert_eq!(rays(Target::Error(0.01)), (16, false));
     assert_eq!(rays(Target::Seconds(1.0)), (4, true));
     assert_eq!(rays(Target::Seconds(100.0)), (16, true));
     assert_eq!(rays(Target::Seconds(0.01)), (1, false));
-    // What choosing took is gone.
+    // The pilot's time counts.
     assert_eq!(choose(&plans, Target::Seconds(1.0), 0.7).0.plan.rays, 1);
     assert!(!choose(&plans, Target::Seconds(1.0), 0.85).1);
 }
@@ -34,22 +34,22 @@ fn a_smaller_pilot_is_spread_as_evenly() {
     assert!(first_of_each(&[], 4, 2).is_empty());
 }
 
-/// Plans that begin with what already took longer than one that is good enough are not tried.
+/// Plans whose first query alone takes longer than a sufficient plan are not tried.
 #[test]
 fn plans_that_cannot_win_are_left_out() {
     let found = [expected(1, 0.4, 0.1), expected(4, 0.1, 0.4), expected(16, 0.05, 1.6)];
-    let dear = |rays, more, error| {
+    let excluded = |rays, more, error| {
         let plan = Plan { feature_size: None, rays, more };
-        too_dear(plan, &found, Target::Error(error))
+        cannot_win(plan, &found, Target::Error(error))
     };
-    assert!(!dear(1, Some(64), 0.2) && dear(4, Some(64), 0.2) && dear(64, None, 0.2));
-    assert!(!dear(64, None, 0.01), "nothing is good enough yet");
+    assert!(!excluded(1, Some(64), 0.2) && excluded(4, Some(64), 0.2) && excluded(64, None, 0.2));
+    assert!(!excluded(64, None, 0.01), "nothing is good enough yet");
     let averaged = Plan { feature_size: Some(0.1), rays: 64, more: None };
-    assert!(!too_dear(averaged, &found, Target::Error(0.2)), "another engine may be faster");
-    assert!(!too_dear(Plan { feature_size: None, rays: 64, more: None }, &found, Target::Seconds(0.1)));
+    assert!(!cannot_win(averaged, &found, Target::Error(0.2)), "another engine may be faster");
+    assert!(!cannot_win(Plan { feature_size: None, rays: 64, more: None }, &found, Target::Seconds(0.1)));
 }
 
-/// A target of time counts the choice: met or not is told by both together.
+/// A target time includes the pilot.
 #[test]
 fn choosing_is_part_of_the_time() {
     use super::super::{Options, run};

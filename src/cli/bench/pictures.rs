@@ -1,4 +1,4 @@
-//! The images of a run as files.
+//! Images of a run as files.
 
 use crate::Result;
 use crate::bench::page::ReceiverImages;
@@ -7,7 +7,7 @@ use crate::metrics::{FeatureOptions, FeatureSet, Image};
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// Images as PNG (as the eye would see them) and EXR (values), differences and feature masks.
+/// Writes images as PNG (tone-mapped) and EXR (values), differences and feature masks.
 pub fn write_pictures(folder: &Path, receivers: &[ReceiverImages]) -> Result<()> {
     let mut used: Vec<String> = Vec::new();
     for receiver in receivers {
@@ -39,7 +39,7 @@ pub fn write_pictures(folder: &Path, receivers: &[ReceiverImages]) -> Result<()>
     Ok(())
 }
 
-/// A name that every file system takes.
+/// A name that is valid in every file system.
 fn file_stem(name: &str) -> String {
     let plain = |c: char| if c.is_alphanumeric() || "-_".contains(c) { c } else { '_' };
     let stem: String = name.chars().take(60).map(plain).collect();

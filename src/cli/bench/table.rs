@@ -1,15 +1,34 @@
-//! The record for a terminal.
+//! The record of a benchmark as text.
 
 use super::super::args::grouped;
 use crate::bench::record::{Build, MrRow, Record, ScalingRow, Target, UnbiasedRow};
 use crate::plot::number;
 use std::fmt::Write as _;
 
-/// The record for a terminal.
+/// The record as text.
 pub fn table(record: &Record) -> String {
-    let Record { scene, build, workload, unit, .. } = record;
-    let mut text = String::new();
+    let unit = &record.unit;
+    let mut text = head(record);
+    text += &exact_rows(record);
+    text += &mr_rows(&record.mr);
+    text += &setup(record);
+    text += &audits(&record.mr);
+    text += &unbiased(&record.unbiased, unit);
+    if let Some(target) = &record.target {
+        text += &target_result(target, unit);
+    }
     // Writing to a string cannot fail.
+    if !record.scaling.is_empty() {
+        let _ = write!(text, "\n{}", scaling(&record.scaling));
+    }
+    let _ = writeln!(text, "\n{}", headline(record.best(), unit));
+    text
+}
+
+/// Scene, preparation, memory, workload and warnings.
+fn head(record: &Record) -> String {
+    let Record { scene, build, workload, .. } = record;
+    let mut text = String::new();
     let _ = writeln!(
         text,
         "{}: {} triangles, {} objects, {} emitters, {} closed parts, {} sheets, {} clusters in {} levels",
@@ -32,12 +51,12 @@ pub fn table(record: &Record) -> String {
     let b = build.bytes_per_triangle;
     let _ = writeln!(
         text,
-        "memory: {:.0} bytes a triangle (scene {:.0}, clusters {:.0}, measures {:.0}, traversal {:.0}, Embree {:.0})",
+        "memory: {:.0} bytes per triangle (scene {:.0}, clusters {:.0}, optics {:.0}, traversal {:.0}, Embree {:.0})",
         b.total, b.scene, b.hierarchy, b.optics, b.wide, b.embree
     );
     let _ = writeln!(
         text,
-        "{} points, {} segments at {} rays; reference of {} rays, its own noise {}; {} thread{}, {}",
+        "{} points, {} segments at {} rays; reference of {} rays, noise {}; {} thread{}, {}",
         workload.points,
         workload.segments,
         workload.rays,
@@ -50,6 +69,12 @@ pub fn table(record: &Record) -> String {
     for warning in record.warnings.iter().chain(&build.cache_note) {
         let _ = writeln!(text, "note: {warning}");
     }
+    text
+}
+
+/// Rows of exact visibility, without and with certificates.
+fn exact_rows(record: &Record) -> String {
+    let mut text = String::new();
     let _ = writeln!(text, "\nexact    rays       time        RMS       bias  call");
     for row in record.exact.iter().chain(&record.certified) {
         let coherent = if row.coherent { ", coherent" } else { "" };
@@ -63,12 +88,18 @@ pub fn table(record: &Record) -> String {
             row.mode
         );
     }
+    text
+}
+
+/// Rows of multi-resolution visibility.
+fn mr_rows(rows: &[MrRow]) -> String {
+    let mut text = String::new();
     let _ = writeln!(text, "\nmulti-resolution                                           speed-up at same");
     let _ = writeln!(
         text,
         "       s   rays       time        RMS       bias       RMS      FBEM   segment  averaged  nodes  in bounds"
     );
-    for row in &record.mr {
+    for row in rows {
         let _ = writeln!(
             text,
             "{:>8} {:>6} {:>10} {:>10.5} {:>+10.5} {:>9} {:>9} {:>9} {:>7.1} % {:>6} {:>8.1} %",
@@ -85,31 +116,21 @@ pub fn table(record: &Record) -> String {
             100.0 * row.interval_coverage
         );
     }
-    if record.mr.iter().any(|row| row.extrapolated) {
+    if rows.iter().any(|row| row.extrapolated) {
         let _ = writeln!(text, "~ beyond the most exact rays measured, extrapolated");
     }
-    let whole = record.mr.iter().filter(|row| row.handed_over == 1.0).count();
+    let whole = rows.iter().filter(|row| row.handed_over == 1.0).count();
     if whole > 0 {
         let _ = writeln!(
             text,
-            "{whole} of {} rows could not pay: their bundles were handed over, they are the exact rows",
-            record.mr.len()
+            "{whole} of {} rows were not expected to be faster: their bundles were handed to Embree",
+            rows.len()
         );
     }
-    text += &setup(record);
-    text += &audits(&record.mr);
-    text += &unbiased(&record.unbiased, unit);
-    if let Some(target) = &record.target {
-        text += &aim(target, unit);
-    }
-    if !record.scaling.is_empty() {
-        let _ = write!(text, "\n{}", scaling(&record.scaling));
-    }
-    let _ = writeln!(text, "\n{}", headline(record.best(), unit));
     text
 }
 
-/// How cost grows, for a terminal.
+/// Growth of cost as text.
 pub fn scaling(rows: &[ScalingRow]) -> String {
     let mut text = String::from(
         "growth   triangles   a bundle: exact         RMS  multi-res.         RMS   nodes      built     memory  a triangle\n",
@@ -133,7 +154,7 @@ pub fn scaling(rows: &[ScalingRow]) -> String {
     text
 }
 
-/// How the clusters were come by.
+/// Origin and time of the clusters.
 fn clusters(build: &Build) -> String {
     if build.cache == "hit" {
         return format!("clusters from the cache {}", seconds(build.cache_s));
@@ -147,7 +168,7 @@ fn clusters(build: &Build) -> String {
     )
 }
 
-/// The rows without bias.
+/// Unbiased rows.
 fn unbiased(rows: &[UnbiasedRow], unit: &str) -> String {
     let mut text = String::new();
     if !rows.is_empty() {
@@ -172,22 +193,22 @@ fn unbiased(rows: &[UnbiasedRow], unit: &str) -> String {
     text
 }
 
-/// What came of a target.
-fn aim(target: &Target, unit: &str) -> String {
+/// Result of a target.
+fn target_result(target: &Target, unit: &str) -> String {
     let asked = match (target.asked.error, target.asked.seconds) {
         (Some(error), _) => format!("RMS {error}"),
-        (_, time) => format!("{} of choosing and queries", seconds(time.unwrap_or(0.0))),
+        (_, time) => format!("{} of pilot and queries", seconds(time.unwrap_or(0.0))),
     };
     let chosen = &target.chosen;
     let engine = chosen.feature_size.map_or("exact".into(), |s| format!("s = {} {unit}", number(s)));
     let more = chosen.rays_where_partly_visible.map_or(String::new(), |more| {
         format!(", {more} where partly visible ({:.0} %)", 100.0 * chosen.partly_visible)
     });
-    let unreached = if target.reachable { "" } else { " (nothing was expected to do)" };
+    let unreached = if target.reachable { "" } else { " (no plan was expected to meet it)" };
     let surprise = if target.as_expected { "" } else { ", not as expected" };
     format!(
-        "\ntarget {asked}{unreached}: {engine} with {} segments{more}; expected RMS {:.5} ({:.5} to {:.5}) in {}; found \
-         {:.5} in {}, after choosing for {}: {}{surprise}\n",
+        "\ntarget {asked}{unreached}: {engine} with {} segments{more}; expected RMS {:.5} ({:.5} to {:.5}) in {}; observed \
+         {:.5} in {}, after a pilot of {}: {}{surprise}\n",
         chosen.rays,
         target.expected_rms,
         target.expected_rms_lo,
@@ -200,13 +221,13 @@ fn aim(target: &Target, unit: &str) -> String {
     )
 }
 
-/// What both sides need beside the queries, in one line: the times of the rows leave it out.
+/// Preparation of both engines, which the times of rows do not include, in one line.
 fn setup(record: &Record) -> String {
     let build = &record.build;
     let decisions: f64 = record.mr.iter().map(|row| row.decide_s).sum();
     format!(
-        "set-up beside the queries: exact {} (Embree's tree {}, its calls {}); multi-resolution {} besides (clusters {}, \
-         budget {}, decisions of {} rows {}); each row is the least of {} runs\n",
+        "preparation: exact {} (Embree's tree {}, choice of ray calls {}); multi-resolution {} in addition (clusters {}, \
+         budget {}, decisions of {} rows {}); each row is the minimum of {} runs\n",
         seconds(build.exact_setup_s),
         seconds(build.embree_s),
         seconds(build.exact_setup_s - build.embree_s),
@@ -219,15 +240,15 @@ fn setup(record: &Record) -> String {
     )
 }
 
-/// What the audits found, in one line.
+/// Summary of the audits in one line.
 fn audits(rows: &[MrRow]) -> String {
     let audits: Vec<_> = rows.iter().filter_map(|row| row.audit.as_ref()).collect();
     let Some(first) = audits.first() else { return String::new() };
-    let bold = audits.iter().filter(|a| a.observed_lo > a.claimed_rms).count();
+    let overclaimed = audits.iter().filter(|a| a.observed_lo > a.claimed_rms).count();
     let lowest = audits.iter().map(|a| a.coverage).fold(1.0, f64::min);
     format!(
-        "audit of {} bundles, {} exact rays each: {bold} of {} rows err by more than they claim; at least {:.1} % of \
-         the intervals are borne out\n",
+        "audit of {} bundles, {} exact rays each: {overclaimed} of {} rows have larger errors than claimed; at least {:.1} % of \
+         the intervals are confirmed\n",
         first.bundles,
         first.rays,
         audits.len(),

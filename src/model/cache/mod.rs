@@ -1,12 +1,12 @@
-//! The side table of a scene, kept in a file so that the next run need not measure the clusters again.
+//! Cache files of clusters and cluster optics.
 //!
-//! A file is believed only if its key says that it was made from this geometry, with these options, by this code, and
-//! only if its checksum is right. Anything else (of another version, cut off, damaged, somebody else's) is made again
-//! and replaced. It is written whole or not at all, so that runs at the same time do not disturb each other.
+//! A file is used only if its key matches geometry, options and source code, and if its checksum is correct. Any
+//! other file is replaced. Files are written completely or not at all, so that concurrent runs do not disturb each
+//! other.
 //!
-//! Layout: `MAGIC`, the key, the table by `postcard`, the BLAKE3 hash of all that. The key holds a fingerprint of the
-//! source code that measures (see `build.rs`), so that nobody has to count up a version when a field or a formula
-//! changes.
+//! Layout: `MAGIC`, key, [`PreparedClusters`] in the `postcard` format, BLAKE3 hash of all these bytes. The key
+//! contains a hash of the source code that measures clusters (see `build.rs`), so that no version number has to be
+//! maintained.
 
 #[cfg(test)]
 mod tests;
@@ -20,57 +20,59 @@ use serde::{Deserialize, Serialize};
 use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
+/// First bytes of a cache file.
 const MAGIC: &[u8; 16] = b"mrvis side table";
+/// Bytes of a hash.
 const HASH: usize = blake3::OUT_LEN;
-/// The extension of the files.
+/// File name extension of cache files.
 const EXTENSION: &str = "mrvis-cache";
-/// This version, and what the table is made by.
+/// Version of the crate and hash of the code that measures clusters.
 const CODE: &str = concat!(env!("CARGO_PKG_VERSION"), " ", env!("MRVIS_TABLE_CODE"));
 
-/// Where tables are kept.
+/// Location of cache files.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub enum Place {
-    /// Nowhere: the table is made anew.
+pub enum CacheLocation {
+    /// No cache.
     #[default]
     Off,
-    /// In the scene's folder.
+    /// The folder of the scene.
     Beside,
-    /// In this folder, which is made if it is missing.
+    /// This folder, created if missing.
     Folder(PathBuf),
 }
 
-/// What the table depends on besides the scene.
+/// Options that the prepared clusters depend on.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Options {
-    /// How clusters are made.
+    /// Options of clustering.
     pub clusters: clusters::Options,
-    /// How they are measured.
+    /// Options of cluster optics.
     pub optics: optics::Options,
 }
 
-/// The clusters of a scene and what they do to light.
+/// Clusters of a scene and their optics.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PreparedClusters {
     /// The clusters.
     pub hierarchy: Hierarchy,
-    /// One entry a cluster of `hierarchy.micro`.
+    /// One entry per cluster of `hierarchy.micro`.
     pub optics: Vec<ClusterOptics>,
 }
 
-/// Where a table came from.
+/// Origin of prepared clusters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Origin {
-    /// Made, and not kept.
+    /// Made, not cached.
     #[default]
     Off,
-    /// Made, and kept for the next run.
+    /// Made and cached.
     Made,
-    /// Read from a file.
+    /// Read from a cache file.
     Hit,
 }
 
 impl Origin {
-    /// The word in reports: `off`, `made` or `hit`.
+    /// Name in reports: `off`, `made` or `hit`.
     pub fn name(self) -> &'static str {
         match self {
             Origin::Off => "off",
@@ -80,13 +82,13 @@ impl Origin {
     }
 }
 
-/// The table of a scene: from its cache file if that can be believed, else from `make`, and then kept.
+/// Prepared clusters of a scene, from the cache file if it is valid; otherwise from `make`, which are then cached.
 ///
-/// Beside the table and where it came from there is a sentence where the user should know something: a file was
-/// replaced, or could not be written. None of that is an error: the table is right in any case.
-pub fn table(
+/// Also returns the origin, and a note for the user if a file was replaced or could not be written. Neither is an
+/// error, because the clusters are correct in any case.
+pub fn load_or_make(
     scene: &Scene,
-    place: &Place,
+    place: &CacheLocation,
     options: &Options,
     make: impl FnOnce() -> PreparedClusters,
 ) -> (PreparedClusters, Origin, Option<String>) {
@@ -113,42 +115,42 @@ pub fn table(
     (table, origin, note)
 }
 
-/// The table of a scene if it is kept and can be believed.
-pub fn find(scene: &Scene, place: &Place, options: &Options) -> Option<PreparedClusters> {
+/// Prepared clusters of a scene if a valid cache file exists.
+pub fn find(scene: &Scene, place: &CacheLocation, options: &Options) -> Option<PreparedClusters> {
     let settings = format!("{options:?}");
     load(&path(&scene.path, place, &settings)?, &key(scene, &settings, CODE), scene).ok()
 }
 
-/// The file of a scene: one for each set of options, so that files do not pile up while a scene is edited.
-fn path(scene: &Path, place: &Place, settings: &str) -> Option<PathBuf> {
+/// Path of the cache file: one file per scene and set of options, replaced when the scene changes.
+fn path(scene: &Path, place: &CacheLocation, settings: &str) -> Option<PathBuf> {
     let mut name = scene.file_name()?.to_os_string();
     let mut digest = blake3::Hasher::new();
     digest.update(settings.as_bytes());
-    if let Place::Folder(_) = place {
-        // Scenes of the same name from different folders.
+    if let CacheLocation::Folder(_) = place {
+        // Distinguishes scenes of equal name from different folders.
         let full = scene.canonicalize().unwrap_or_else(|_| scene.to_owned());
         digest.update(full.as_os_str().as_encoded_bytes());
     }
     name.push(format!(".{}.{EXTENSION}", &digest.finalize().to_hex()[..8]));
     match place {
-        Place::Off => None,
-        Place::Beside => Some(scene.with_file_name(name)),
-        Place::Folder(folder) => Some(folder.join(name)),
+        CacheLocation::Off => None,
+        CacheLocation::Beside => Some(scene.with_file_name(name)),
+        CacheLocation::Folder(folder) => Some(folder.join(name)),
     }
 }
 
-/// What a table is made from: geometry, options, code.
+/// Hash of geometry, options and code.
 fn key(scene: &Scene, settings: &str, code: &str) -> blake3::Hash {
-    // All fields are named, so that a new one has to be thought about here.
+    // All fields are named, so that a new field does not compile before it is considered here.
     let Scene {
         positions,
         triangles,
         triangle_object,
         triangle_sides,
         triangle_component,
-        // Follows from the positions.
+        // Follows from `positions`.
         bounds: _,
-        // Clusters do not know what their faces look like; `tests/suite/tidy.rs` makes sure of it.
+        // Clusters do not depend on materials; `tests/suite/tidy.rs` checks this.
         triangle_material: _,
         triangle_polygon: _,
         cameras: _,
@@ -165,7 +167,7 @@ fn key(scene: &Scene, settings: &str, code: &str) -> blake3::Hash {
         closed_parts: _,
         sheet_parts: _,
         repairs: _,
-        // Each shared mesh has a table and a key of its own.
+        // Each shared mesh has a cache file of its own.
         shared: _,
         placements: _,
     } = scene;
@@ -185,18 +187,18 @@ fn key(scene: &Scene, settings: &str, code: &str) -> blake3::Hash {
     hash.finalize()
 }
 
-/// Why a file is of no use.
+/// Reason why a cache file is not used.
 enum Unusable {
-    /// There is none.
+    /// The file does not exist.
     Missing,
-    /// It is no table of this scene, these options and this code.
+    /// The file belongs to another scene, other options or other code.
     Other,
-    /// It says that it is, and is not whole.
+    /// The key matches, but the content is invalid.
     Damaged,
 }
 
 fn load(path: &Path, key: &blake3::Hash, scene: &Scene) -> std::result::Result<PreparedClusters, Unusable> {
-    // Pipes and devices are not waited for.
+    // Reading a pipe or device could block.
     let about = std::fs::metadata(path).map_err(|_| Unusable::Missing)?;
     if !about.is_file() {
         return Err(Unusable::Other);
@@ -207,7 +209,7 @@ fn load(path: &Path, key: &blake3::Hash, scene: &Scene) -> std::result::Result<P
     if head[..MAGIC.len()] != MAGIC[..] || head[MAGIC.len()..] != key.as_bytes()[..] {
         return Err(Unusable::Other);
     }
-    // A tree has fewer than twice as many clusters as leaves; numbers take five bytes at most where they have four.
+    // A tree has fewer than twice as many clusters as leaves; numbers of four bytes take at most five in `postcard`.
     let cluster = size_of::<clusters::Cluster>() + size_of::<ClusterOptics>() + size_of::<u32>();
     let most = (scene.triangles.len() as u64 + 1) * (2 * cluster as u64 * 5 / 4) + 4096;
     if about.len() > most {
@@ -223,7 +225,7 @@ fn load(path: &Path, key: &blake3::Hash, scene: &Scene) -> std::result::Result<P
     }
     let (table, rest) =
         postcard::take_from_bytes::<PreparedClusters>(payload).map_err(|_| Unusable::Damaged)?;
-    // The checksum is right, but anybody can compute one: later rooms do not check again.
+    // A correct checksum does not prove a correct content; later rooms do not check the hierarchy again.
     let whole = rest.is_empty() && table.optics.len() == table.hierarchy.micro.clusters.len();
     match whole && table.hierarchy.check(scene).is_ok() {
         true => Ok(table),
@@ -248,7 +250,7 @@ fn save(path: &Path, key: &blake3::Hash, table: &PreparedClusters) -> Result<()>
     out.commit()
 }
 
-/// Hashes what is written.
+/// Writer that hashes all bytes.
 struct Summed {
     out: WholeFile,
     hash: blake3::Hasher,

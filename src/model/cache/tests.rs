@@ -1,4 +1,4 @@
-//! What is promised of cache files: right or not used.
+//! Cache files are correct or not used.
 
 use super::*;
 use crate::optics;
@@ -21,7 +21,7 @@ fn pieces() -> Pieces {
     pieces
 }
 
-/// The scene in a folder of its own.
+/// The scene in a new folder.
 fn scene_in(folder: &TempDir) -> Scene {
     let mut scene = pieces().scene();
     scene.path = folder.path().join("scene.obj");
@@ -34,13 +34,13 @@ fn made(scene: &Scene, options: &Options) -> PreparedClusters {
     PreparedClusters { hierarchy, optics }
 }
 
-/// The table and where it came from, beside the scene.
+/// Prepared clusters and their origin, cached beside the scene.
 fn ask(scene: &Scene) -> (PreparedClusters, Origin, Option<String>) {
     ask_for(scene, &Options::default())
 }
 
 fn ask_for(scene: &Scene, options: &Options) -> (PreparedClusters, Origin, Option<String>) {
-    table(scene, &Place::Beside, options, || made(scene, options))
+    load_or_make(scene, &CacheLocation::Beside, options, || made(scene, options))
 }
 
 fn files(folder: &Path) -> Vec<PathBuf> {
@@ -70,12 +70,13 @@ fn the_second_time_nothing_is_made() {
     let (first, origin, note) = ask(&scene);
     assert_eq!((origin, note), (Origin::Made, None));
     let options = Options::default();
-    let (second, origin, note) = table(&scene, &Place::Beside, &options, || panic!("made again"));
+    let (second, origin, note) =
+        load_or_make(&scene, &CacheLocation::Beside, &options, || panic!("made again"));
     assert_eq!((origin, note), (Origin::Hit, None));
-    // Equal to the last bit: formatted numbers tell every f32 apart, also -0 and 0.
+    // Equal bit by bit: the format distinguishes every f32, also −0 and 0.
     assert!(format!("{first:?}") == format!("{second:?}"));
     assert_eq!(files(folder.path()).len(), 1);
-    let (_, origin, _) = table(&scene, &Place::Off, &options, || made(&scene, &options));
+    let (_, origin, _) = load_or_make(&scene, &CacheLocation::Off, &options, || made(&scene, &options));
     assert_eq!(origin, Origin::Off);
 }
 
@@ -109,7 +110,7 @@ fn everything_that_the_table_depends_on_is_in_the_key() {
     other.sort_by(|a, b| a.as_bytes().cmp(b.as_bytes()));
     other.dedup();
     assert_eq!(other.len(), all);
-    // What a light or a colour changes has nothing to do with clusters.
+    // Materials and emitters do not affect clusters.
     let mut painted = scene.clone();
     painted.materials.iter_mut().for_each(|m| m.emission = [1.0; 3]);
     assert_eq!(key(&painted, &settings, CODE), key(&scene, &settings, CODE));
@@ -149,12 +150,12 @@ fn options_have_files_of_their_own() {
 #[test]
 fn scenes_of_one_name_share_a_folder() {
     let (cache, a, b) = (tempfile::tempdir(), tempfile::tempdir(), tempfile::tempdir());
-    let place = Place::Folder(cache.as_ref().expect("scratch folder").path().join("new/folder"));
+    let place = CacheLocation::Folder(cache.as_ref().expect("scratch folder").path().join("new/folder"));
     let options = Options::default();
     for want in [Origin::Made, Origin::Hit] {
         for folder in [&a, &b] {
             let scene = scene_in(folder.as_ref().expect("scratch folder"));
-            assert_eq!(table(&scene, &place, &options, || made(&scene, &options)).1, want);
+            assert_eq!(load_or_make(&scene, &place, &options, || made(&scene, &options)).1, want);
         }
     }
 }
@@ -166,13 +167,14 @@ fn what_cannot_be_written_is_said_and_no_error() {
     let options = Options::default();
     let file = folder.path().join("file");
     std::fs::write(&file, "no folder").expect("written");
-    for place in [file.clone(), file.join("below"), PathBuf::from("/proc/nowhere")].map(Place::Folder) {
-        let (table, origin, note) = table(&scene, &place, &options, || made(&scene, &options));
+    for place in [file.clone(), file.join("below"), PathBuf::from("/proc/nowhere")].map(CacheLocation::Folder)
+    {
+        let (table, origin, note) = load_or_make(&scene, &place, &options, || made(&scene, &options));
         assert_eq!(origin, Origin::Off, "{place:?}");
         assert!(note.is_some_and(|n| n.contains("could not be kept")), "{place:?}");
         assert!(table == made(&scene, &options));
     }
-    // Something else of that name is left alone.
+    // A folder of the same name is not replaced.
     ask(&scene);
     let path = files(folder.path()).into_iter().find(|p| p != &file).expect("the cache");
     std::fs::remove_file(&path).expect("removed");
@@ -201,7 +203,7 @@ fn runs_at_the_same_time_do_not_disturb_each_other() {
     assert_eq!(files(folder.path()).len(), 1);
 }
 
-/// Loads these bytes as the cache of the example.
+/// Loads these bytes as the cache file of the example.
 fn load_bytes(bytes: &[u8]) -> std::result::Result<PreparedClusters, Unusable> {
     let folder = tempfile::tempdir().expect("scratch folder");
     let path = folder.path().join("file");
@@ -210,7 +212,7 @@ fn load_bytes(bytes: &[u8]) -> std::result::Result<PreparedClusters, Unusable> {
     load(&path, &key(scene, &format!("{:?}", Options::default()), CODE), scene)
 }
 
-/// The payload with the right key and a right checksum: what somebody could forge.
+/// The payload with a correct key and checksum: a forged file.
 fn forged(payload: &[u8]) -> Vec<u8> {
     let head = MAGIC.len() + HASH;
     let mut bytes = [&example().1[..head], payload].concat();
@@ -256,7 +258,7 @@ fn forged_tables_that_do_not_fit_are_refused() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
-    /// Any change of any byte anywhere.
+    /// A change of any byte is detected.
     #[test]
     fn flipped_bits_are_found(place in 0.0..1.0f64, flip in 1u8..) {
         let mut bytes = example().1.clone();
@@ -275,7 +277,7 @@ proptest! {
         }
     }
 
-    /// Whatever the checksum says, nonsense does not get through, and nothing panics.
+    /// Forged content with a correct checksum is refused without a panic.
     #[test]
     fn forged_bits_do_no_harm(place in 0.0..1.0f64, flip in 1u8..) {
         let (scene, bytes, _) = example();

@@ -15,7 +15,7 @@ const LIGHT: [f32; 3] = [17.0, 11.8, 4.0];
 type Quad = [[f64; 3]; 4];
 
 const FLOOR: Quad = [[552.8, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 559.2], [549.6, 0.0, 559.2]];
-const LAMP: Quad =
+const EMITTER: Quad =
     [[343.0, 548.8, 227.0], [343.0, 548.8, 332.0], [213.0, 548.8, 332.0], [213.0, 548.8, 227.0]];
 const CEILING: Quad = [[556.0, 548.8, 0.0], [556.0, 548.8, 559.2], [0.0, 548.8, 559.2], [0.0, 548.8, 0.0]];
 const BACK: Quad = [[549.6, 0.0, 559.2], [0.0, 0.0, 559.2], [0.0, 548.8, 559.2], [556.0, 548.8, 559.2]];
@@ -41,7 +41,7 @@ pub(super) fn cornell(_: &Spec) -> Result<Soup> {
     b.object("ceiling").material("white", WHITE);
     for i in 0..4 {
         let j = (i + 1) % 4;
-        facing(&mut b, [CEILING[i], CEILING[j], LAMP[j], LAMP[i]], middle, 1.0);
+        facing(&mut b, [CEILING[i], CEILING[j], EMITTER[j], EMITTER[i]], middle, 1.0);
     }
     for (name, (foot, height)) in [("short block", SHORT), ("tall block", TALL)] {
         b.object(name);
@@ -49,7 +49,7 @@ pub(super) fn cornell(_: &Spec) -> Result<Soup> {
     }
     // Reflectance of the emitter in the published data: 0.78.
     b.emissive(0.78, LIGHT);
-    facing(&mut b, LAMP, middle, 1.0);
+    facing(&mut b, EMITTER, middle, 1.0);
     Ok(b.soup)
 }
 

@@ -177,7 +177,8 @@ impl Spec {
 /// Generates the polygons of a scene.
 ///
 /// # Errors
-/// [`Error::Argument`] if the name is unknown, a number is out of range, or instances are asked for: [`placed`] makes those.
+/// [`Error::Argument`] if the name is unknown, a number is out of range, or instances are asked for: [`placed`] makes
+/// those.
 pub fn soup(spec: &Spec) -> Result<Soup> {
     let kind = spec.kind()?;
     spec.check()?;

@@ -1,4 +1,4 @@
-//! Numbers of accessors, with every access checked.
+//! Numbers of accessors; every access is checked.
 
 use super::Reader;
 use crate::Result;
@@ -8,7 +8,7 @@ use gltf::{
 };
 
 impl Reader<'_> {
-    /// The numbers of an accessor, `N` an item.
+    /// The numbers of an accessor, `N` per item.
     pub fn values<const N: usize>(&self, accessor: &Accessor) -> Result<Vec<[f64; N]>> {
         let wrong = |what: &str| self.wrong(format!("accessor {}: {what}", accessor.index()));
         let wide = match accessor.dimensions() {
@@ -57,7 +57,7 @@ fn normal_scale(kind: DataType) -> f64 {
     }
 }
 
-/// The number at the start of `bytes` (little-endian), which the caller has checked to be long enough.
+/// The number at the start of `bytes` (little-endian), which must be long enough.
 fn number(bytes: &[u8], kind: DataType) -> f64 {
     match kind {
         DataType::I8 => f64::from(bytes[0] as i8),

@@ -1,8 +1,8 @@
-//! glTF 2.0 and GLB: the document through the crate `gltf`; buffers are read here, with every access checked,
-//! because the crate's own readers panic on accessors that lie.
+//! glTF 2.0 and GLB: documents by the crate `gltf`; buffers are read here with every access checked, because the
+//! crate's readers panic on invalid accessors.
 //!
-//! Nodes that place the same mesh share it (`sharing.rs`), also those of the extension `EXT_mesh_gpu_instancing`. A file may
-//! have at most [`MAX_PLACEMENTS`] nodes, and as many placements.
+//! Nodes that place the same mesh share it (`sharing.rs`), including those of the extension
+//! `EXT_mesh_gpu_instancing`. A file may have at most [`MAX_PLACEMENTS`] nodes, and as many placements.
 
 mod accessors;
 mod nodes;
@@ -16,12 +16,12 @@ use gltf::Gltf;
 use serde::de::{Deserialize, Deserializer, IgnoredAny, SeqAccess, Visitor};
 use std::{collections::HashMap, path::Path};
 
-/// More corners than this are refused: a file of a few kilobytes can refer to one mesh very often.
+/// Largest number of corners: a file of a few kilobytes can refer to one mesh very often.
 const MAX_CORNERS: usize = 1 << 29;
 /// Extension whose nodes place a mesh many times.
 const GPU_INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
-/// Reads a glTF or GLB file: one object a node, coordinates as in the file (glTF is y up).
+/// Reads a glTF or GLB file: one object per node, coordinates as in the file (y up).
 pub(super) fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
     let (document, buffers) = open(path)?;
     let (repairs, materials, cameras) = Default::default();
@@ -51,13 +51,13 @@ fn open(path: &Path) -> Result<(gltf::Document, Vec<Vec<u8>>)> {
     }
     let unusable = |e: gltf::Error| wrong(format!("not a usable glTF file: {e}"));
     let Gltf { document, mut blob } = Gltf::from_slice_without_validation(&bytes).map_err(unusable)?;
-    // The crate's validation panics on a mesh whose accessor does not exist: that is looked for first.
+    // The crate's validation panics on a mesh whose accessor does not exist, so that is checked first.
     let mut json = document.into_json();
     let primitives = json.meshes.iter().flat_map(|m| &m.primitives);
     if primitives.flat_map(|p| p.attributes.values()).any(|a| a.value() >= json.accessors.len()) {
         return Err(wrong("a mesh refers to an accessor that does not exist".into()));
     }
-    // The crate refuses to open files that require an extension which it does not know; this one is read here.
+    // The crate rejects files that require an unknown extension; this one is supported here.
     json.extensions_required.retain(|e| e != GPU_INSTANCING);
     let document = gltf::Document::from_json(json).map_err(unusable)?;
     let mut buffers = Vec::new();
@@ -73,8 +73,8 @@ fn open(path: &Path) -> Result<(gltf::Document, Vec<Vec<u8>>)> {
     Ok((document, buffers))
 }
 
-/// Number of nodes, found without building them; 0 if the file is too short for too many, or is no JSON (what is wrong with
-/// it is said elsewhere).
+/// Number of nodes, counted without building them; 0 if the file is too short for too many or is not JSON (reported
+/// elsewhere).
 fn count_nodes(bytes: &[u8]) -> usize {
     struct Length(usize);
     impl<'de> Deserialize<'de> for Length {
@@ -113,7 +113,7 @@ fn count_nodes(bytes: &[u8]) -> usize {
     serde_json::from_slice(json).map_or(0, |root: Root| root.nodes.0)
 }
 
-/// Bytes behind a URI: `data:` or a file beside `path`; the reason as one phrase if there are none.
+/// Bytes of a URI: `data:` or a file beside `path`; on failure the reason as one phrase.
 fn resource(path: &Path, uri: &str) -> Result<Vec<u8>, String> {
     if let Some(data) = uri.strip_prefix("data:") {
         let encoded = data.split_once(";base64,").ok_or("a data URI that is not base64")?.1;
@@ -147,7 +147,7 @@ fn percent_decoded(uri: &str) -> String {
 struct Reader<'a> {
     path: &'a Path,
     buffers: Vec<Vec<u8>>,
-    /// All materials of the file in order, then the stand-in for faces that have none.
+    /// All materials of the file in order, then the substitute for faces without one.
     materials: Vec<SoupMaterial>,
     cameras: Vec<StoredCamera>,
     repairs: Repairs,
@@ -201,7 +201,7 @@ impl Reader<'_> {
     }
 }
 
-/// Gives out names, each once.
+/// Makes names unique.
 #[derive(Default)]
 struct UniqueNames(HashMap<String, usize>);
 

@@ -1,23 +1,23 @@
-//! The tree of nodes: which mesh stands where.
+//! The tree of nodes: meshes and their transforms.
 
 use super::{GPU_INSTANCING, Reader, StoredCamera, UniqueNames};
 use crate::{Result, scene::MAX_PLACEMENTS};
 use glam::{DAffine3, DMat4, DQuat, DVec3};
 use gltf::Node;
 
-/// A node that places a mesh, or one of the instances that a node has.
+/// A node that places a mesh, or one instance of a node.
 pub(super) struct MeshNode {
     /// Index of the mesh in the document.
     pub mesh: usize,
     /// Unique name.
     pub name: String,
-    /// From the mesh's coordinates to those of the file, finite.
+    /// Transform from the mesh's coordinates to those of the file, finite.
     pub world: DAffine3,
 }
 
 impl Reader<'_> {
-    /// Walks the default scene, or the first, or all nodes if there is none. Each node is entered once, so that a
-    /// cycle ends.
+    /// Visits the default scene, or the first, or all nodes if there is none. Each node is visited once, so that
+    /// cycles end.
     pub fn nodes(&mut self, document: &gltf::Document) -> Result<Vec<MeshNode>> {
         let (mut found, mut names, mut camera_names) =
             (Vec::new(), UniqueNames::default(), UniqueNames::default());
@@ -64,7 +64,7 @@ impl Reader<'_> {
         Ok(found)
     }
 
-    /// Where the mesh stands relative to the node: at each instance that the extension `EXT_mesh_gpu_instancing` lists;
+    /// Transforms of the mesh relative to the node for each instance of the extension `EXT_mesh_gpu_instancing`;
     /// `None` without the extension.
     fn instances(&self, document: &gltf::Document, node: &Node) -> Result<Option<Vec<DMat4>>> {
         let Some(extension) = node.extension_value(GPU_INSTANCING) else { return Ok(None) };
@@ -98,7 +98,8 @@ impl Reader<'_> {
         Ok(Some((0..count).map(place).collect()))
     }
 
-    /// Cameras look along -z with y up (glTF 2.0, section 3.10); those that make no picture are left out.
+    /// Adds a camera; cameras look along −z with y up (glTF 2.0, section 3.10). Orthographic and invalid ones are
+    /// omitted.
     fn camera(&mut self, names: &mut UniqueNames, camera: &gltf::Camera, node: Option<&str>, world: DMat4) {
         let gltf::camera::Projection::Perspective(lens) = camera.projection() else { return };
         let name = camera.name().or(node).map_or(format!("camera {}", camera.index()), str::to_owned);

@@ -15,7 +15,7 @@ impl Reader<'_> {
         mesh.primitives().try_for_each(|p| self.primitive(soup, object, &p, world))
     }
 
-    /// Index of the primitive's material in the reader's table, whose last entry stands in for a missing one.
+    /// Index of the primitive's material in the reader's table, whose last entry is the substitute for a missing one.
     pub fn material_of(&self, primitive: &Primitive) -> usize {
         primitive.material().index().unwrap_or(self.materials.len() - 1)
     }
@@ -44,7 +44,7 @@ impl Reader<'_> {
         }
         let material = self.material_of(primitive) as u32;
         let uv = self.texcoords(soup, primitive, count)?;
-        // A mirroring transform turns the winding round (glTF 2.0, section 3.7.4).
+        // A mirroring transform reverses the orientation of faces (glTF 2.0, section 3.7.4).
         let mirrored = world.matrix3.determinant() < 0.0;
         for [a, b, c] in triangles(&indices, primitive.mode()) {
             let corners = if mirrored { [a, c, b] } else { [a, b, c] };
@@ -54,10 +54,10 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Appends the texture coordinates of the primitive; where they start, or `None` without a texture.
+    /// Appends the texture coordinates of the primitive; their first index, or `None` without a texture.
     fn texcoords(&self, soup: &mut Soup, primitive: &Primitive, count: usize) -> Result<Option<u32>> {
         if soup.texcoords.is_empty() {
-            // For corners without any.
+            // For corners without texture coordinates.
             soup.texcoords.push([0.0; 2]);
         }
         let Some(info) = primitive.material().pbr_metallic_roughness().base_color_texture() else {
@@ -81,14 +81,14 @@ impl Reader<'_> {
                     (cos * u + sin * v + ou, cos * v - sin * u + ov)
                 }
             };
-            // glTF counts v from the top.
+            // In glTF v points downwards.
             [u as f32, (1.0 - v) as f32]
         }));
         Ok(Some(start))
     }
 }
 
-/// Triangles of a list, strip or fan; every second one of a strip is wound the other way.
+/// Triangles of a list, strip or fan; every second triangle of a strip has the opposite orientation.
 fn triangles(indices: &[u32], mode: Mode) -> Vec<[u32; 3]> {
     match mode {
         Mode::Triangles => indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),

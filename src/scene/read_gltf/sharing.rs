@@ -1,7 +1,8 @@
-//! Which nodes share a mesh, and the scene that comes of it.
+//! Decision which nodes share a mesh, and the resulting scene.
 //!
-//! Two nodes or more that place one mesh become placements of a shared mesh. The triangles of a node are copied into the
-//! scene's own if its mesh emits or is to emit by name (each emitter is a surface of its own), if its transform falsifies what
+//! Two or more nodes with one mesh become placements of a shared mesh. The triangles of a node are copied into the
+//! scene if its mesh emits or becomes an emitter by name (each emitter is a surface of its own), if its transform
+//! would falsify measurements of the mesh ([`MAX_STRETCH`]), or if the scene would have no triangles of its own.
 //! is measured of the mesh ([`MAX_STRETCH`]), or if the scene would have no triangles of its own.
 
 use super::{Reader, UniqueNames, nodes::MeshNode};
@@ -10,7 +11,7 @@ use crate::{
     scene::{
         LoadOptions, Placement, Scene, Soup,
         keep::MIN_OPACITY,
-        resolve::{resolve, resolve_mesh, tell_sheer},
+        resolve::{report_transparent, resolve, resolve_mesh},
     },
 };
 use glam::{DAffine3, DMat3};
@@ -29,12 +30,12 @@ pub(super) fn scene(
 ) -> Result<Scene> {
     let mut plan = Plan::of(reader, document, nodes, options);
     let shared = shared_meshes(reader, document, &mut plan, options);
-    plan.tell(reader);
+    plan.report(reader);
     if !plan.uses.contains(&Use::Own) {
         plan.copy_first();
     }
     let mut scene = match resolve(own_soup(reader, document, &plan)?, options) {
-        // The own nodes may have no usable face.
+        // The scene's own nodes may have no usable face.
         Err(_) if plan.copy_first() => resolve(own_soup(reader, document, &plan)?, options)?,
         other => other?,
     };
@@ -49,21 +50,21 @@ pub(super) fn scene(
     });
     let placements = placements.collect();
     let sheer: Vec<&String> = shared.iter().flat_map(|m| &m.sheer).collect();
-    tell_sheer(sheer.into_iter(), &mut scene.repairs);
+    report_transparent(sheer.into_iter(), &mut scene.repairs);
     let messages = shared.iter().flat_map(|m| m.scene.repairs.messages.iter().cloned());
     scene.repairs.messages.extend(messages);
     scene.place(shared.into_iter().map(|m| m.scene).collect(), placements)?;
     Ok(scene)
 }
 
-/// What becomes of a node.
+/// Treatment of a node.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum Use {
-    /// Its triangles are the scene's own.
+    /// The triangles become the scene's own.
     Own,
-    /// It places a shared mesh.
+    /// The node becomes a placement of a shared mesh.
     Shared,
-    /// Another node places the same mesh in the same way.
+    /// An earlier node places the same mesh with the same transform.
     Omitted,
 }
 
@@ -72,7 +73,7 @@ struct Plan<'a> {
     uses: Vec<Use>,
     /// Nodes copied because of their transform.
     stretched: usize,
-    /// Nodes left out because another is the same.
+    /// Omitted nodes.
     repeated: usize,
 }
 
@@ -117,9 +118,9 @@ impl<'a> Plan<'a> {
         plan
     }
 
-    /// Omits each node that shares a mesh and has the transform of an earlier one that does.
+    /// Omits nodes that share a mesh and have the transform of an earlier one.
     fn omit_repeated(&mut self) {
-        // Adding zero turns a negative zero into a positive one.
+        // Adding zero converts −0 to +0.
         let key = |i: u32| {
             let node = &self.nodes[i as usize];
             (node.mesh, node.world.to_cols_array().map(|x| (x + 0.0).to_bits()))
@@ -145,8 +146,8 @@ impl<'a> Plan<'a> {
         first.map(|i| self.uses[i] = Use::Own).is_some()
     }
 
-    /// Notes what was decided, with counts.
-    fn tell(&self, reader: &mut Reader) {
+    /// Writes counts and messages of these decisions.
+    fn report(&self, reader: &mut Reader) {
         let repairs = &mut reader.repairs;
         repairs.copied_placements += self.stretched;
         if self.stretched > 0 {
@@ -162,15 +163,15 @@ impl<'a> Plan<'a> {
 
 /// A mesh that nodes share.
 struct SharedMesh {
-    /// Its index in the document.
+    /// Index of the mesh in the document.
     mesh: usize,
     scene: Scene,
-    /// Names of its materials that are not quite opaque.
+    /// Names of its materials that are partly transparent.
     sheer: Vec<String>,
 }
 
-/// Resolves each shared mesh by itself and adds its counts of repairs to the reader's. The nodes of a mesh that cannot be used
-/// by itself (it has no face) are treated like all others.
+/// Resolves each shared mesh and adds its counts of repairs to the reader's. Nodes of a mesh without a usable face
+/// are copied.
 fn shared_meshes(
     reader: &mut Reader,
     document: &gltf::Document,
@@ -201,7 +202,7 @@ fn shared_meshes(
 /// The polygons of a mesh in its own coordinates, with the materials that it uses.
 fn mesh_soup(reader: &Reader, mesh: &gltf::Mesh, names: &mut UniqueNames) -> Result<Soup> {
     let name = mesh.name().map_or(format!("mesh {}", mesh.index()), str::to_owned);
-    // The fragment tells the meshes of a file apart; it must not look like a folder.
+    // The fragment distinguishes the meshes of a file; it must not contain path separators.
     let fragment = names.of(&name.replace(['/', '\\'], "_"));
     let mut path = reader.path.as_os_str().to_owned();
     path.push(format!("#{fragment}"));
@@ -216,7 +217,7 @@ fn mesh_soup(reader: &Reader, mesh: &gltf::Mesh, names: &mut UniqueNames) -> Res
     Ok(soup)
 }
 
-/// The polygons that are the scene's own, with all materials and cameras of the file.
+/// The scene's own polygons, with all materials and cameras of the file.
 fn own_soup(reader: &Reader, document: &gltf::Document, plan: &Plan) -> Result<Soup> {
     let mut soup = Soup {
         materials: reader.materials.clone(),
@@ -250,7 +251,7 @@ fn stretch(m: DMat3) -> f64 {
     let angle = (0.5 * (b * spread.recip()).determinant()).clamp(-1.0, 1.0).acos() / 3.0;
     let greatest = mean + 2.0 * spread * angle.cos();
     let least = mean + 2.0 * spread * (angle + std::f64::consts::TAU / 3.0).cos();
-    // Below this the least eigenvalue is rounding.
+    // Below this the smallest eigenvalue is rounding.
     if least <= 1e-14 * greatest { f64::INFINITY } else { (greatest / least).sqrt() }
 }
 

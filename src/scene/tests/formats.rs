@@ -1,4 +1,4 @@
-//! OBJ as it is written in the wild, PLY and glTF.
+//! OBJ dialects, PLY and glTF.
 
 use super::*;
 use std::path::Path;
@@ -175,7 +175,7 @@ fn gltf_nodes_and_materials() {
         (DVec3::new(-2.0, 0.0, 3.0), DVec3::new(0.0, 1.0, 3.0))
     );
     assert_eq!(s.triangle_reflectance[0], [0.2, 0.3, 0.4]);
-    // The mirrored strip still faces +z, both triangles.
+    // The mirrored strip still faces +z.
     let e = &s.emitters[0];
     assert_eq!((e.emission, e.normal), ([4.0, 4.0, 2.0], Vec3::Z));
     assert!(s.cameras.is_empty());

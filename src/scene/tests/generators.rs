@@ -1,4 +1,4 @@
-//! Facts about the generated scenes.
+//! Properties of the generated scenes.
 
 use super::*;
 use crate::math::{triangle_area, triangle_normal};
@@ -37,7 +37,7 @@ fn written_scenes_load_as_they_were() {
         let loaded = Scene::load_with(&path, &LoadOptions { unit: kind.unit.into(), ..Default::default() })
             .expect(kind.name);
         check_consistent(&loaded);
-        // The file gives vertices in the order of their first use.
+        // Vertices in the file are in the order of their first use.
         let corners = |s: &Scene| (0..s.triangles.len() as u32).map(|t| s.corners(t)).collect::<Vec<_>>();
         assert_eq!(corners(&built), corners(&loaded), "{}", kind.name);
         assert_eq!(built.triangle_object, loaded.triangle_object);
@@ -103,7 +103,7 @@ fn cube_groups_cover_the_same() {
             assert_eq!(faces.len() % 12, 0);
             cubes.push(faces.len() / 12);
             let covered = coverage(&s, &faces, 1);
-            // Of the group's 2 by 2 m front, of which the cubes leave a margin free.
+            // Relative to the group's front of 2 × 2 m, of which the cubes leave a margin free.
             let b = Aabb::of(faces.iter().flat_map(|&t| s.corners(t))).extent();
             let covered = covered * f64::from(b.x * b.z) / 4.0;
             assert!((covered - 0.43).abs() < 0.025, "seed {seed}, group {i}: {covered}");
@@ -116,7 +116,7 @@ fn cube_groups_cover_the_same() {
 
 #[test]
 fn crowns_have_the_stated_optical_depth() {
-    // Whatever the number of leaves: vertical lines near the axis of a crown meet 1.5 leaves on average.
+    // For any number of leaves, vertical lines near the axis of a crown meet 1.5 leaves on average.
     for leaves in [300, 3000] {
         let s = build(&Spec { trees: 16, leaves, ..Spec::new("forest") }).expect("forest");
         assert_eq!(s.triangles.len(), 4 + 16 * 2 * leaves);
@@ -142,7 +142,7 @@ fn crowns_have_the_stated_optical_depth() {
                     .count();
             }
         }
-        // Chords that far out are shorter by up to 3 % than the longest.
+        // Chords at that distance are up to 3 % shorter than the longest.
         let depth = met as f64 / lines as f64;
         assert!((depth - 1.48).abs() < 0.12, "{leaves} leaves: {depth}");
     }
@@ -189,7 +189,7 @@ fn cornell_box_is_the_measured_one() {
     }
 }
 
-/// A light that shines away from everything makes a scene that nothing can be measured on.
+/// An emitter that faces away from all surfaces: nothing can be measured.
 #[test]
 fn every_scene_is_lit() {
     for kind in KINDS {

@@ -1,4 +1,4 @@
-//! Files that mean harm: an answer or a clean error, soon, and never a panic.
+//! Invalid files give a scene or an error, quickly, and never a panic.
 
 use super::{
     formats::{binary_ply, glb, load_bytes},
@@ -8,7 +8,7 @@ use super::{
 use proptest::prelude::*;
 use std::time::Instant;
 
-/// Loads, and checks what an answer promises.
+/// Loads a file and checks a resulting scene.
 fn survives(extension: &str, bytes: &[u8]) {
     match load_bytes(extension, bytes) {
         Ok(scene) => {
@@ -44,7 +44,7 @@ fn mutate(mut bytes: Vec<u8>, edits: &[(usize, u8, u8)]) -> Vec<u8> {
 }
 
 fn edits() -> impl Strategy<Value = Vec<(usize, u8, u8)>> {
-    // Digits, signs and blanks do more harm than random bytes.
+    // Digits, signs and spaces are more likely to be parsed than random bytes.
     let byte = prop_oneof![any::<u8>(), proptest::sample::select(b"0123456789-+.e/ \n\\#nafv".to_vec())];
     prop::collection::vec((any::<usize>(), byte, any::<u8>()), 1..6)
 }
@@ -97,7 +97,7 @@ proptest! {
 
     #[test]
     fn random_polygons(corners in prop::collection::vec([-3i8..4, -3i8..4, -1i8..2], 3..14)) {
-        // Small integers: repeated, collinear and crossing corners all the time.
+        // Small integers: repeated, collinear and intersecting corners are frequent.
         let mut obj: String = corners.iter().map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
         obj += "f";
         (1..=corners.len()).for_each(|i| obj += &format!(" {i}"));
@@ -144,7 +144,7 @@ fn a_face_of_a_million_corners() {
     };
     let s = load(&circle(&|_| 1.0)).expect("a circle");
     assert!((area(&s) / 3.14159265e8 - 1.0).abs() < 1e-3, "{}", area(&s));
-    // A star that crosses itself everywhere.
+    // A star with many self-intersections.
     let _ = load(&circle(&|i| ((i * 7919) % 1000) as f64 / 1000.0 - 0.5));
     assert!(start.elapsed().as_secs() < 60, "{:?}", start.elapsed());
 }

@@ -1,4 +1,4 @@
-//! Meshes that many nodes place.
+//! Meshes with several placements.
 
 use super::{formats::load_bytes, *};
 use base64::{Engine, engine::general_purpose::STANDARD};
@@ -90,7 +90,7 @@ pub(super) fn orchard() -> Value {
     json!(nodes)
 }
 
-/// All fields of the triangles, the materials and the parts; not the repairs, which count shared meshes once.
+/// All fields of triangles, materials and parts, without repairs, which count shared meshes once.
 fn facts(s: &Scene) -> String {
     let parts = (s.closed_parts, s.sheet_parts, s.bounds, s.origin, &s.objects, &s.materials, &s.emitters);
     let faces = (&s.triangle_object, &s.triangle_material, &s.triangle_polygon, &s.triangle_reflectance);
@@ -134,7 +134,7 @@ fn flattened_is_what_flat_files_hold() {
             assert_eq!(facts(&flattened), facts(&flat));
             assert_eq!(facts(&flat.flattened().expect("flat")), facts(&flat));
         } else {
-            // The origins differ: that of the flat file lies in the middle of all, the other in the middle of the ground.
+            // The origins differ: the centre of all meshes for the flat file, the centre of the ground otherwise.
             for t in 0..flat.triangles.len() as u32 {
                 for (a, b) in flat.corners(t).into_iter().zip(flattened.corners(t)) {
                     let apart = (flat.origin + a.as_dvec3() - flattened.origin - b.as_dvec3()).length();

@@ -1,4 +1,4 @@
-//! Tests of the room as a whole: files and soups in, scenes out.
+//! Tests of the room as a whole: from files and soups to scenes.
 
 mod forests;
 mod formats;
@@ -11,7 +11,7 @@ mod repairs;
 use super::*;
 use std::fs;
 
-/// Loads `obj` from a file in a scratch folder, beside the other files given.
+/// Loads `obj` from a file in a temporary folder, beside the other files given.
 fn load_with(obj: &str, others: &[(&str, &[u8])], options: &LoadOptions) -> Result<Scene> {
     let folder = tempfile::tempdir().expect("scratch folder");
     for (name, bytes) in others {
@@ -26,7 +26,7 @@ fn load(obj: &str) -> Result<Scene> {
     load_with(obj, &[], &LoadOptions::default())
 }
 
-/// The message without the scratch folder.
+/// The message without the path of the folder.
 fn message(result: Result<Scene>) -> String {
     let text = result.expect_err("an error").to_string();
     text.rsplit_once("scene.obj").map_or(text.clone(), |(_, tail)| tail.to_owned())
@@ -41,7 +41,7 @@ fn area(scene: &Scene) -> f64 {
         .sum()
 }
 
-/// Facts that hold for every scene.
+/// Properties of every scene.
 fn check_consistent(s: &Scene) {
     let n = s.triangles.len();
     assert!(n > 0);

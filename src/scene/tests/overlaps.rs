@@ -1,9 +1,9 @@
-//! Faces of one plane that overlap.
+//! Overlapping faces in one plane.
 
 use crate::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
 use glam::{DMat3, DVec3};
 
-/// Rectangles by middle and half sides, each an object of its own grey, turned and moved together.
+/// Rectangles by centre and half edges, each a grey object, transformed together.
 fn sheets(turn: DMat3, at: DVec3, list: &[(&str, DVec3, DVec3, DVec3)]) -> Scene {
     let mut soup = Soup::new("sheets");
     for (k, &(name, middle, u, v)) in list.iter().enumerate() {
@@ -33,7 +33,7 @@ fn posters_in_their_wall_are_told() {
             let text = said(&scene).expect("a warning");
             assert!(text.contains("`wall` and `poster`") && text.contains("5.00e-1 m²"), "{text}");
             assert_eq!(scene.repairs.overlapping_objects, 1);
-            // A little in front of it, beside it, and half beside it.
+            // A little in front, beside, and half beside.
             assert!(said(&sheets(turn, at, &[wall, poster(1e-3, 1.0)])).is_none());
             assert!(said(&sheets(turn, at, &[wall, poster(0.0, 3.5)])).is_none());
             let half = sheets(turn, at, &[wall, poster(0.0, 3.0)]);
@@ -63,8 +63,8 @@ fn boxes_on_each_other_and_meshes_are_fine() {
     assert!(said(&resolve(soup, &sheets).expect("a scene")).is_none());
 }
 
-/// Needles as long as their floor, which all lie in the same cells, take no time for each pair; each that is covered
-/// by its neighbour is still told.
+/// Needles as long as their floor share all cells, but not every pair is tested; each needle covered by its neighbour
+/// is reported.
 #[test]
 fn needles_take_no_time_for_each_pair() {
     let mut soup = Soup::new("needles");
@@ -78,11 +78,12 @@ fn needles_take_no_time_for_each_pair() {
     let start = std::time::Instant::now();
     let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
     assert!(said(&scene).is_some_and(|m| m.contains("`needles` and itself")), "{:?}", said(&scene));
-    // Half a second; all pairs take half a minute.
+    // Half a second; testing all pairs takes half a minute.
     assert!(start.elapsed().as_secs() < 10);
 }
 
-/// A tiled floor, each tile of another grey, in no order: tiles touch and do not overlap; one large rug covers all.
+/// A floor of tiles of different greys in random order: tiles are in contact and do not overlap; a large rug covers
+/// all.
 #[test]
 fn tiles_touch_and_a_rug_covers_them() {
     let mut soup = Soup::new("tiles");

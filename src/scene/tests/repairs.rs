@@ -1,4 +1,4 @@
-//! What is repaired, counted and found out.
+//! Repairs and their counts.
 
 use super::*;
 
@@ -26,7 +26,7 @@ fn polygons_keep_their_area() {
         check_consistent(&s);
         assert!((area(&s) - want).abs() < 1e-5 * want, "{points:?}: {} instead of {want}", area(&s));
         assert_eq!(s.repairs.concave_polygons, concave, "{points:?}");
-        // All triangles face the way the polygon does.
+        // All triangles have the orientation of the polygon.
         let mut normals = (0..s.triangles.len() as u32).map(|t| {
             let [a, b, c] = s.corners(t);
             crate::math::triangle_normal(a, b, c)
@@ -35,15 +35,15 @@ fn polygons_keep_their_area() {
     };
     check(&[[0., 0.], [2., 0.], [2., 1.], [0., 1.]], 2.0, 0);
     check(&[[0., 0.], [2., 0.], [2., 2.], [1., 2.], [1., 1.], [0., 1.]], 3.0, 1);
-    // Arrow, with the dent at the first corner.
+    // An arrow with its reflex corner first.
     check(&[[1., 1.], [0., 3.], [-3., -3.], [3., 0.]], 12.0, 1);
     // Repeated and collinear corners.
     check(&[[0., 0.], [0., 0.], [1., 0.], [2., 0.], [2., 1.], [2., 1.], [0., 1.]], 2.0, 0);
-    // A square hole, bridged by a double edge.
+    // A square hole, joined by a double edge.
     let hole =
         [[0., 0.], [3., 0.], [3., 3.], [0., 3.], [0., 0.], [1., 1.], [1., 2.], [2., 2.], [2., 1.], [1., 1.]];
     check(&hole, 8.0, 1);
-    // A comb and a star of many corners, as real furniture has.
+    // A comb and a star with many corners, as in real furniture.
     let mut comb: Vec<[f64; 2]> = (0..136).map(|i| [f64::from(i), f64::from(i % 2)]).collect();
     comb.extend([[135., -1.], [0., -1.]]);
     comb.reverse();
@@ -72,7 +72,7 @@ fn what_has_no_area_or_no_answer_is_dropped_and_counted() {
     check("f 2 4 3\n", |r| r.zero_area_faces, 1);
     check("f 3 2 1\n", |r| r.duplicate_faces, 1);
     check("f 2 3 1\n", |r| r.duplicate_faces, 1);
-    // Bow ties, with and without net area.
+    // Shapes like bow ties, with and without net area.
     check("f 1 2 3 5\n", |r| r.broken_polygons, 1);
     check("v 0 3 0\nv 3 3 0\nf 1 2 6 7\n", |r| r.broken_polygons, 1);
 }
@@ -91,15 +91,15 @@ fn sides_come_from_connectivity() {
     let open: String = one.lines().take(14).map(|l| format!("{l}\n")).collect();
     let s = check(&open, 0, 1);
     assert!(s.triangle_sides.iter().all(|&x| x == 2));
-    // Two that touch face to face: corners coincide, yet they are two solids. One that stands alone as well.
+    // Two solids in contact have common corners and stay two solids; so does a single one.
     let touching = one.clone() + &cube("b", 9, 1.0, [1.0, 0.0, 0.0]);
     let s = check(&touching, 2, 0);
     assert_eq!((s.repairs.welded_vertices, s.repairs.duplicate_faces), (4, 0));
     check(&(touching + &cube("c", 17, 1.0, [5.0, 0.0, 0.0])), 3, 0);
-    // One solid in two groups and with vertices of its own for each face is one solid all the same.
+    // A solid in two groups with separate vertices for each face is one solid.
     let halves = one.replace("f 1 2 6 5", "g other\nf 1 2 6 5");
     check(&halves, 1, 0);
-    // A corner in the middle of an edge, used by both faces there, one of which ear clipping simplifies.
+    // A corner in the middle of an edge, used by both faces, one of which ear clipping simplifies.
     let extra = one.replace("f 1 3 4 2", "v 0.5 0 0\nf 1 3 4 2 9").replace("f 1 2 6 5", "f 1 9 2 6 5");
     assert!(extra.contains("f 1 9 2"));
     check(&extra, 1, 0);
@@ -121,7 +121,7 @@ fn scale_and_place_do_not_matter() {
             let o = place.map(|p| p * scale.clamp(1e-3, 1.0));
             let s = load(&cube("a", 1, scale, o)).expect("a cube");
             check_consistent(&s);
-            // What f64 in the file keeps of the edge at that distance, and f32 after the origin is off.
+            // Precision of the edge in f64 at that distance, and in f32 after subtraction of the origin.
             let digits = 1e-6 + 3.0 * f64::EPSILON * o[0].abs() / scale;
             assert_eq!((s.triangles.len(), s.closed_parts), (12, 1), "{scale} at {o:?}");
             assert!(
@@ -179,7 +179,7 @@ fn textures_become_a_mean() {
     let check = |mtl: &str, want: f32| {
         let files = [("a.mtl", mtl.as_bytes()), ("b c.png", png.get_ref().as_slice())];
         let s = load_with(obj, &files, &LoadOptions::default()).expect(mtl);
-        // Two triangles of the square: the means differ, but add up to one half.
+        // Two triangles of the square: the means differ, their sum is one half.
         let mean: f32 = s.triangle_reflectance.iter().map(|r| r[0]).sum::<f32>() / 2.0;
         assert!((mean - want).abs() < 0.07, "{mtl}: {mean}");
         s
@@ -208,7 +208,7 @@ fn emitters_are_surfaces() {
         let power: f64 = s.emitters.iter().map(|e| s.power(e)[1]).sum();
         assert!((power - 10.0).abs() < 1e-5, "{power}");
     }
-    // In millimetres the same numbers are a million times less area, so the radiance is higher.
+    // In millimetres the same numbers mean a million times less area and a higher radiance.
     let radiance = |unit: &str| {
         let options = LoadOptions { emitters: emitters.clone(), unit: unit.into(), ..Default::default() };
         load_with(obj, &[], &options).expect(unit).emitters[0].emission[0]

@@ -1,0 +1,128 @@
+//! Receiver points on the surfaces of a scene.
+
+use crate::math::Aabb;
+use crate::scene::{Placement, Scene, point_on};
+use glam::Vec3;
+use rayon::prelude::*;
+use sobol_burley::sample_4d;
+
+/// A point on one side of a surface.
+#[derive(Clone, Copy, Debug)]
+pub struct Point {
+    /// Position relative to the scene's origin, scene units.
+    pub position: Vec3,
+    /// Unit normal.
+    pub normal: Vec3,
+}
+
+/// A hash of 32 bits.
+pub(super) fn scramble(v: u64) -> u32 {
+    let v = (v ^ v >> 33).wrapping_mul(0xff51_afd7_ed55_8ccd);
+    let v = (v ^ v >> 33).wrapping_mul(0xc4ce_b9fe_1a85_ec53);
+    (v ^ v >> 33) as u32
+}
+
+/// `count` area-uniform, low-discrepancy points on the surfaces that do not emit; a sheet gets points on both sides.
+///
+/// # Errors
+/// Every surface emits.
+pub fn surface_points(scene: &Scene, count: usize, seed: u64) -> crate::Result<Vec<Point>> {
+    let own = Receivers::of(scene);
+    let shared: Vec<Receivers> = scene.shared.iter().map(|mesh| Receivers::of(mesh)).collect();
+    // Sums of areas: the scene's own triangles first, then the visible placements.
+    let mut sum = own.area();
+    let mut placed = Vec::new();
+    for placement in scene.placements.iter().filter(|p| p.visible) {
+        placed.push((sum, placement));
+        sum += shared[placement.mesh as usize].area() * area_scale(placement);
+    }
+    if sum <= 0.0 {
+        return Err(crate::Error::Scene(
+            "every surface of the scene emits: there is nothing to receive light".into(),
+        ));
+    }
+    let bounds = scene.world_bounds();
+    let seed = scramble(seed ^ 0x706f_696e_7473);
+    let mut points: Vec<(u64, Point)> = (0..count as u32)
+        .into_par_iter()
+        .map(|i| {
+            let draw = sample_4d(i & 0xffff, 0, seed ^ (i >> 16).wrapping_mul(0x9e37_79b9));
+            let target = f64::from(draw[0]) * sum;
+            let point = match placed.partition_point(|(before, _)| *before <= target) {
+                0 => own.point(target, draw),
+                k => {
+                    let (before, placement) = placed[k - 1];
+                    let target = (target - before) / area_scale(placement);
+                    moved(shared[placement.mesh as usize].point(target, draw), placement)
+                }
+            };
+            (curve_key(bounds, point.position), point)
+        })
+        .collect();
+    // Neighbours are adjacent: the caches of both engines are warm.
+    points.par_sort_by_key(|(key, _)| *key);
+    Ok(points.into_iter().map(|(_, point)| point).collect())
+}
+
+/// Triangles of a mesh that do not emit, with cumulative areas.
+struct Receivers<'a> {
+    scene: &'a Scene,
+    triangles: Vec<u32>,
+    sums: Vec<f64>,
+}
+
+impl<'a> Receivers<'a> {
+    fn of(scene: &'a Scene) -> Receivers<'a> {
+        let triangles: Vec<u32> = (0..scene.triangles.len() as u32)
+            .filter(|&t| scene.triangle_emitter[t as usize] == u32::MAX)
+            .collect();
+        let mut sums = Vec::with_capacity(triangles.len());
+        let mut sum = 0.0f64;
+        for &t in &triangles {
+            let [a, b, c] = scene.corners(t);
+            sum += crate::math::triangle_area(a, b, c);
+            sums.push(sum);
+        }
+        Receivers { scene, triangles, sums }
+    }
+
+    /// Area of all triangles, squared units of the mesh.
+    fn area(&self) -> f64 {
+        self.sums.last().copied().unwrap_or(0.0)
+    }
+
+    /// The point at which the cumulative area reaches `target`; a sheet gets points on both sides.
+    fn point(&self, target: f64, draw: [f32; 4]) -> Point {
+        let k = self.sums.partition_point(|&s| s <= target).min(self.sums.len() - 1);
+        let corners = self.scene.corners(self.triangles[k]);
+        let position = point_on(corners, draw[1], draw[2]);
+        let mut normal = crate::math::triangle_normal(corners[0], corners[1], corners[2]);
+        if self.scene.triangle_sides[self.triangles[k] as usize] == 2 && draw[3] < 0.5 {
+            normal = -normal;
+        }
+        Point { position, normal }
+    }
+}
+
+/// Ratio of the area of a placed triangle to its area in the mesh.
+fn area_scale(placement: &Placement) -> f64 {
+    placement.transform.matrix3.determinant().abs().cbrt().powi(2)
+}
+
+/// A point of a placed mesh, in scene coordinates.
+fn moved(Point { position, normal }: Point, placement: &Placement) -> Point {
+    let normal = placement.transform.matrix3.inverse().transpose() * normal.as_dvec3();
+    Point {
+        position: placement.transform.transform_point3(position.as_dvec3()).as_vec3(),
+        normal: normal.normalize_or_zero().as_vec3(),
+    }
+}
+
+/// Index along a Morton curve of 2^10 cells per axis.
+fn curve_key(bounds: Aabb, p: Vec3) -> u64 {
+    let cell = ((p - bounds.min) / bounds.extent().max_element().max(f32::MIN_POSITIVE) * 1023.0).as_uvec3();
+    (0..10).fold(0, |key, bit| {
+        let pick = |v: u32| u64::from(v >> bit & 1);
+        key | (pick(cell.x) | pick(cell.y) << 1 | pick(cell.z) << 2) << (3 * bit)
+    })
+}

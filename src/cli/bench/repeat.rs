@@ -1,0 +1,62 @@
+//! The command line that repeats a run.
+
+use crate::bench::record::Record;
+use std::fmt::Write as _;
+
+/// `mrvis bench` with the options of a run.
+pub fn command_line(record: &Record) -> String {
+    let mut sizes: Vec<f64> = record.mr.iter().map(|row| row.feature_size).collect();
+    sizes.sort_by(f64::total_cmp);
+    sizes.dedup();
+    let mut text = format!("mrvis bench {}", shell_word(&record.scene.path));
+    let work = &record.workload;
+    // Writing to a string cannot fail.
+    let _ = write!(
+        text,
+        " --points {} --rays {} --reference-rays {}",
+        work.points, work.rays, work.reference_rays
+    );
+    for size in sizes {
+        let _ = write!(text, " --feature-size {size}");
+    }
+    for receiver in &record.receivers {
+        let _ = write!(text, " --receiver {}", shell_word(&receiver.name));
+    }
+    let _ = write!(
+        text,
+        " --seed {} --threads {} --unit {}",
+        record.seed,
+        record.threads,
+        shell_word(&record.unit)
+    );
+    text
+}
+
+/// The text as one word of a shell command.
+fn shell_word(text: &str) -> String {
+    let plain = |c: char| c.is_alphanumeric() || "/._-+:".contains(c);
+    if !text.is_empty() && text.chars().all(plain) {
+        text.into()
+    } else {
+        format!("'{}'", text.replace('\'', "'\\''"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::record::{MrRow, Receiver};
+
+    #[test]
+    fn runs_are_repeated_with_their_options() {
+        let row = |feature_size| MrRow { feature_size, ..Default::default() };
+        let receivers = vec![Receiver { name: "it's".into(), ..Default::default() }];
+        let mut record = Record { mr: vec![row(0.5), row(0.25), row(0.5)], receivers, ..Default::default() };
+        (record.scene.path, record.unit, record.threads) = ("a b.obj".into(), "m".into(), 1);
+        assert_eq!(
+            command_line(&record),
+            "mrvis bench 'a b.obj' --points 0 --rays 0 --reference-rays 0 --feature-size 0.25 --feature-size 0.5 \
+             --receiver 'it'\\''s' --seed 0 --threads 1 --unit m"
+        );
+    }
+}

@@ -1,0 +1,98 @@
+//! `mrvis reference SCENE --points FILE`: irradiance by path tracing.
+
+use super::args::{Common, SceneArgs, check_file, file_name, grouped, warn};
+use super::progress::Bar;
+use crate::{
+    Result,
+    model::{Detail, Model, PrepareOptions},
+    path_tracer::{Settings, irradiance},
+    plot::number,
+    points::{Irradiance, read_points, write_irradiance},
+    progress::Progress,
+};
+use std::{path::PathBuf, process::ExitCode, time::Instant};
+
+/// Irradiance at points by path tracing, with standard errors: independent values for comparison with solutions.
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    #[command(flatten)]
+    scene: SceneArgs,
+    /// Points on surfaces: CSV with the header x,y,z,nx,ny,nz; scene units, unit normals.
+    #[arg(long, value_name = "FILE")]
+    points: PathBuf,
+    /// Paths per point, at least 2.
+    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(2..))]
+    samples: u32,
+    /// Direct light from emitters only, without reflections.
+    #[arg(long)]
+    direct_only: bool,
+    /// File for the irradiance: columns of the points, then Er,Eg,Eb, Er_se,Eg_se,Eb_se (standard errors).
+    #[arg(long, value_name = "FILE", default_value = "irradiance.csv")]
+    out: PathBuf,
+    #[command(flatten)]
+    common: Common,
+}
+
+pub fn run(args: &Args) -> Result<ExitCode> {
+    let common = &args.common;
+    check_file(&args.out)?;
+    common.check_json()?;
+    let points = read_points(&args.points)?;
+    let scene = args.scene.load(common)?;
+    warn(common, &scene.repairs.messages);
+    if scene.emitters.is_empty() {
+        warn(common, &["the scene has no light: all irradiance is zero (see --emitter NAME=W)".into()]);
+    }
+    let settings = Settings { samples: args.samples, direct_only: args.direct_only, seed: common.seed };
+    let bar = Bar::new(common.quiet);
+    let start = Instant::now();
+    let rays = PrepareOptions { detail: Detail::Rays, ..PrepareOptions::default() };
+    let (model, found) = common.on_threads(|| {
+        let model = Model::prepare(scene, &rays, &bar)?;
+        bar.stage("following paths", points.len() as u64);
+        let found = irradiance(&model, &points, settings, &|n| bar.advance(n))?;
+        Ok((model, found))
+    })?;
+    let scene = model.scene();
+    let seconds = start.elapsed().as_secs_f64();
+    drop(bar);
+    write_irradiance(&args.out, &found)?;
+    let (mean, noise) = (mean(&found), noise(&found));
+    common.write_json(&serde_json::json!({
+        "mrvis": env!("CARGO_PKG_VERSION"),
+        "scene": args.scene.scene,
+        "unit": scene.unit,
+        "triangles": scene.triangles.len(),
+        "emitters": scene.emitters.len(),
+        "points": points.len(),
+        "samples": args.samples,
+        "direct_only": args.direct_only,
+        "seed": common.seed,
+        "seconds": seconds,
+        "mean": mean,
+        "noise": noise,
+        "warnings": scene.repairs.messages,
+    }))?;
+    common.print(&format!(
+        "{}: {} points, {} paths each, {} s; mean irradiance {} W/m\u{b2}, RMS standard error {} % of it\n",
+        file_name(&args.out),
+        grouped(points.len()),
+        args.samples,
+        number(seconds),
+        number(mean),
+        number(100.0 * noise),
+    ))?;
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Mean over points and channels.
+fn mean(e: &Irradiance) -> f64 {
+    e.values.iter().flatten().sum::<f64>() / (3 * e.values.len()).max(1) as f64
+}
+
+/// Root mean square of the standard errors relative to the mean; 0 without light.
+fn noise(e: &Irradiance) -> f64 {
+    let count = (3 * e.standard_errors.len()).max(1) as f64;
+    let rms = (e.standard_errors.iter().flatten().map(|s| s * s).sum::<f64>() / count).sqrt();
+    if rms == 0.0 { 0.0 } else { rms / mean(e) }
+}

@@ -1,0 +1,116 @@
+//! The record of a solution as text.
+
+use super::super::args::grouped;
+use crate::bench::side_by_side::{ComparedRecord, Versus};
+use crate::plot::number;
+use crate::radiosity::{Record, Visibility};
+use std::fmt::Write as _;
+
+/// The record as text. `with_points`: irradiance at points was asked for.
+pub fn summary(compared: &ComparedRecord, with_points: bool) -> String {
+    let ComparedRecord { record: r, versus } = compared;
+    let mut text = String::new();
+    let s = &r.seconds;
+    // Writing to a string cannot fail.
+    let _ = writeln!(
+        text,
+        "{} elements, {} links, {} exact rays",
+        grouped(r.elements),
+        grouped(r.links),
+        grouped(r.exact_rays as usize)
+    );
+    if r.unlit.sides > 0 {
+        let _ = writeln!(
+            text,
+            "{} of {} sides, {:.1} % of the surface, are reached by no light",
+            grouped(r.unlit.sides),
+            grouped(r.unlit.of),
+            100.0 * r.unlit.area
+        );
+    }
+    let _ = writeln!(
+        text,
+        "read {:.2} s, Embree {:.2} s, clusters {:.2} s, measured {:.2} s, elements {:.2} s, solved {:.2} s, local {:.2} s, points {:.2} s",
+        s.load, s.embree, s.hierarchy, s.characterise, s.elements, s.solve, s.local, s.points
+    );
+    let l = &r.ledger;
+    let _ = writeln!(
+        text,
+        "emitted {0} {unit}, absorbed {1} {unit}, escaped {2} {unit}, created {3:.1e} {unit} (mean of the channels)",
+        number(l.emitted),
+        number(l.absorbed),
+        number(l.escaped),
+        l.created,
+        unit = l.unit
+    );
+    if let Some([low, high]) = l.row_sums {
+        let _ = writeln!(
+            text,
+            "row sums of closed elements {low:.4} to {high:.4}, off by {:.1e} in the mean (as sampled {:.1e})",
+            l.row_sum_error, l.row_sum_error_sampled
+        );
+    }
+    let [red, green, blue] = r.mean_irradiance.map(number);
+    // Direct light at points needs no elements: their light was not refined and has no error estimate.
+    let estimate = match r.options.direct_only && with_points {
+        true => String::new(),
+        false => format!("; estimated error {} %", number(100.0 * r.error_estimate)),
+    };
+    let _ = writeln!(text, "mean irradiance {red}, {green}, {blue} W/m\u{b2} (red, green, blue){estimate}");
+    if let Some(v) = versus {
+        text += &side_by_side(r, v);
+    }
+    if let Some(a) = &r.audit {
+        let _ = writeln!(
+            text,
+            "error bars: {:.0} % of {} elements within one, {:.0} % within two; RMS error {:.3} of the mean, bars say {:.3}",
+            100.0 * a.within_one,
+            a.elements,
+            100.0 * a.within_two,
+            a.rms_error,
+            a.rms_bar
+        );
+    }
+    for warning in &r.warnings {
+        let _ = writeln!(text, "note: {warning}");
+    }
+    text
+}
+
+/// Times and results of both engines.
+fn side_by_side(r: &Record, v: &Versus) -> String {
+    let name = |visibility| match visibility {
+        Visibility::Exact => "exact",
+        Visibility::Mr => "mr",
+        Visibility::Average => "average",
+    };
+    let mut text = format!(
+        "{:<9}{:>11}{:>11}{:>11}{:>11}{:>11}{:>12}\n",
+        "", "clusters s", "solved s", "points s", "all s", "links", "exact rays"
+    );
+    for (visibility, s, links, rays) in [
+        (r.options.visibility, &r.seconds, r.links, r.bundles.exact_rays),
+        (v.visibility, &v.seconds, v.links, v.bundles.exact_rays),
+    ] {
+        let clusters = s.hierarchy + s.characterise;
+        let _ = writeln!(
+            text,
+            "{:<9}{clusters:>11.2}{:>11.2}{:>11.2}{:>11.2}{:>11}{:>12}",
+            name(visibility),
+            s.solve,
+            s.points,
+            s.work(),
+            grouped(links),
+            grouped(rays as usize)
+        );
+    }
+    let (own, other) = (name(r.options.visibility), name(v.visibility));
+    let _ = writeln!(
+        text,
+        "{other} took {:.2} times as long as {own}; at the points they differ by {:.2} % RMS, {:+.2} % in the mean",
+        v.speedup,
+        100.0 * v.difference.rms,
+        100.0 * v.difference.bias
+    );
+    text
+}

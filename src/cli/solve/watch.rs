@@ -1,0 +1,80 @@
+//! Progress, interruption and the time limit of a solve.
+
+use super::super::args::Spinner;
+use crate::model::Model;
+use crate::progress::Progress;
+use crate::radiosity::Options;
+use crate::scene::Scene;
+use crate::{Error, Result};
+use std::io::Write as _;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+/// Exit code after a second interruption: 128 + SIGINT, the convention of shells.
+const INTERRUPTED: i32 = 130;
+
+/// Shows the stage of the solve and forwards an interruption to it.
+pub struct Watch {
+    pub spinner: Spinner,
+    pub stopped: Arc<AtomicBool>,
+}
+
+impl Watch {
+    /// Stops the solve at the first interruption (SIGINT) and ends the program at the second.
+    pub fn stop_on_interruption(&self, quiet: bool) {
+        let stopped = self.stopped.clone();
+        // If the handler cannot be set, the first interruption ends the program.
+        let _ = ctrlc::set_handler(move || {
+            if stopped.swap(true, Ordering::Relaxed) {
+                std::process::exit(INTERRUPTED);
+            }
+            if !quiet {
+                // A closed standard error is ignored.
+                let _ = writeln!(
+                    std::io::stderr(),
+                    "mrvis: stopping with the light there is; once more ends at once"
+                );
+            }
+        });
+    }
+}
+
+impl Progress for Watch {
+    fn stage(&self, name: &str, _: u64) {
+        self.spinner.say(name);
+    }
+
+    fn stopped(&self) -> bool {
+        self.stopped.load(Ordering::Relaxed)
+    }
+}
+
+/// Prepares the model within the time that the options allow for the whole solve.
+pub fn prepare(scene: Scene, options: &Options, watch: &Watch) -> Result<Model> {
+    let until = Until { watch, start: Instant::now(), seconds: options.max_seconds.unwrap_or(f64::INFINITY) };
+    Model::prepare(scene, &options.prepare(), &until).map_err(|error| match (error, options.max_seconds) {
+        (Error::Cancelled(_), Some(seconds)) if !watch.stopped() => Error::Argument(format!(
+            "--max-seconds {seconds}: the time was up before the clusters were measured; allow more (they are kept for the \
+             next run) or take --visibility exact"
+        )),
+        (error, _) => error,
+    })
+}
+
+/// Stops the preparation when the time of the solve is over.
+struct Until<'a> {
+    watch: &'a Watch,
+    start: Instant,
+    seconds: f64,
+}
+
+impl Progress for Until<'_> {
+    fn stage(&self, name: &str, steps: u64) {
+        self.watch.stage(name, steps);
+    }
+
+    fn stopped(&self) -> bool {
+        self.watch.stopped() || self.start.elapsed().as_secs_f64() >= self.seconds
+    }
+}

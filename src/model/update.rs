@@ -1,0 +1,93 @@
+//! Updates: instances move, come, go, appear and disappear; meshes stay as they are.
+
+use super::instance::{Instance, InstanceChange};
+use super::top_level::TopLevel;
+use super::{Inner, Model};
+use crate::{Error, Result};
+use std::sync::Arc;
+
+impl Model {
+    /// The model after some changes of its instances, in their order. Its answers are those of a model that is prepared
+    /// afresh with the changed instances; clusters of meshes are not measured again, groups of instances only where a member
+    /// changed: O(changed · log n) measurements. Embree's tree and the tree of groups over n instances are built anew, in
+    /// O(n log n), about a microsecond an instance.
+    ///
+    /// The scene's own triangles (instance 0) can be neither moved nor removed nor hidden: they hold the light sources.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] if an index is out of range or names instance 0, or a transform is not finite or has shear or
+    /// unequal scale; [`Error::Embree`]. The model itself does not change.
+    pub fn update(&self, changes: &[InstanceChange]) -> Result<Model> {
+        let inner = &*self.inner;
+        let mut instances = inner.instances.clone();
+        for change in changes {
+            apply(&mut instances, inner.meshes.len(), change)?;
+        }
+        let top = match instances.len() {
+            ..2 => None,
+            _ => Some(TopLevel::build(
+                &inner.device,
+                &inner.meshes,
+                &instances,
+                &inner.options.optics,
+                inner.top.as_ref(),
+            )?),
+        };
+        Ok(Model {
+            inner: Arc::new(Inner {
+                scene: inner.scene.clone(),
+                device: inner.device.clone(),
+                meshes: inner.meshes.clone(),
+                instances,
+                top,
+                sources: inner.sources.clone(),
+                revision: inner.revision + 1,
+                options: inner.options.clone(),
+                report: inner.report.clone(),
+                threads: inner.threads.clone(),
+                engines: Default::default(),
+            }),
+        })
+    }
+}
+
+/// Applies one change.
+fn apply(instances: &mut Vec<Instance>, meshes: usize, change: &InstanceChange) -> Result<()> {
+    let count = instances.len();
+    let at = |index: u32| match index as usize {
+        0 => Err(Error::Argument(
+            "instance 0 holds the scene's own triangles and light sources: it cannot change".into(),
+        )),
+        i if i >= count || instances[i].removed => Err(Error::Argument(format!(
+            "instance {i} does not exist (there are {count}, removed ones included)"
+        ))),
+        i => Ok(i),
+    };
+    match change {
+        InstanceChange::Move { instance, transform } => {
+            let i = at(*instance)?;
+            let moved = Instance { transform: *transform, ..instances[i].clone() };
+            moved.check(i)?;
+            instances[i] = moved;
+        }
+        InstanceChange::Add(instance) => {
+            if instance.mesh == 0 || instance.mesh as usize >= meshes {
+                return Err(Error::Argument(format!(
+                    "instance {count}: mesh {} must lie in 1..{meshes} (mesh 0 holds the scene's own triangles)",
+                    instance.mesh
+                )));
+            }
+            instance.check(count)?;
+            instances.push(instance.clone());
+        }
+        InstanceChange::Remove { instance } => {
+            let i = at(*instance)?;
+            instances[i].removed = true;
+        }
+        InstanceChange::Show { instance, visible } => {
+            let i = at(*instance)?;
+            instances[i].visible = *visible;
+        }
+    }
+    Ok(())
+}

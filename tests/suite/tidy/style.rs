@@ -1,0 +1,209 @@
+//! Limits of size, names and messages.
+
+use super::{library, rust_files, source, table, words};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Longest file, lines.
+const MAX_FILE_LINES: usize = 400;
+/// Longest function, lines.
+const MAX_FUNCTION_LINES: usize = 80;
+
+/// Files that may be longer, each with its reason.
+const LONG_FILES: [(&str, &str); 3] = [
+    ("visibility/multires.rs", "is being split"),
+    ("visibility/shaft.rs", "is being split"),
+    ("visibility/triangles.rs", "is being split"),
+];
+/// Functions that may be longer, each with its reason.
+const LONG_FUNCTIONS: [(&str, &str, &str); 1] = [("visibility/walk.rs", "walk", "is being split")];
+/// Rooms whose messages may still name options as the command does, each with its reason.
+const ROOMS_WITH_FLAGS: [(&str, &str); 2] = [
+    ("cli", "the command knows its options"),
+    ("plot", "names of variables of style sheets begin with two hyphens"),
+];
+
+/// Rooms whose names and comments are not checked yet, each with its reason.
+const UNFINISHED_ROOMS: [(&str, &str); 0] = [];
+
+/// Path below `src`, with slashes.
+fn below_source(path: &Path) -> String {
+    let relative = path.strip_prefix(source()).expect("below src");
+    relative.components().map(|c| c.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/")
+}
+
+fn read(path: &Path) -> String {
+    fs::read_to_string(path).expect("a source file")
+}
+
+/// All Rust files of the project, tests and benchmarks included, without rooms that are not checked yet.
+fn all_files() -> Vec<PathBuf> {
+    let root = source().join("..");
+    let unfinished = UNFINISHED_ROOMS.map(|(room, _)| root.join("src").join(room));
+    ["src", "tests", "benches", "examples"]
+        .into_iter()
+        .map(|folder| root.join(folder))
+        .filter(|folder| folder.exists())
+        .flat_map(|folder| rust_files(&folder))
+        .filter(|path| !unfinished.iter().any(|folder| path.starts_with(folder)))
+        .collect()
+}
+
+/// Name and number of lines of each function.
+fn functions(text: &str) -> Vec<(String, usize)> {
+    let lines: Vec<&str> = text.lines().collect();
+    let mut found = Vec::new();
+    for (first, line) in lines.iter().enumerate() {
+        let indent = &line[..line.len() - line.trim_start().len()];
+        let mut code = line.trim_start();
+        while let Some((word, rest)) = code.split_once(' ') {
+            let qualifier = ["const", "async", "unsafe", "pub"].contains(&word) || word.starts_with("pub(");
+            if !qualifier {
+                break;
+            }
+            code = rest;
+        }
+        let Some(rest) = code.strip_prefix("fn ") else { continue };
+        let name: String = rest.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
+        let end = format!("{indent}}}");
+        let body = lines[first..].iter().position(|l| l.starts_with(&end) || l.trim_end().ends_with(';'));
+        // A declaration without a body ends with a semicolon before any brace is opened.
+        let declaration = body.is_some_and(|n| !lines[first..=first + n].iter().any(|l| l.contains('{')));
+        let length = lines[first..].iter().position(|l| l.starts_with(&end)).map_or(1, |n| n + 1);
+        found.push((name, if declaration || line.trim_end().ends_with('}') { 1 } else { length }));
+    }
+    found
+}
+
+#[test]
+fn files_are_short() {
+    let long = rust_files(&source()).into_iter().filter_map(|path| {
+        let (name, lines) = (below_source(&path), read(&path).lines().count());
+        let allowed = LONG_FILES.iter().any(|(file, _)| *file == name);
+        (lines > MAX_FILE_LINES && !allowed).then(|| format!("{name}: {lines} lines"))
+    });
+    let long: Vec<String> = long.collect();
+    assert!(long.is_empty(), "files of more than {MAX_FILE_LINES} lines:\n{}", long.join("\n"));
+}
+
+#[test]
+fn functions_are_short() {
+    let mut long = Vec::new();
+    for path in rust_files(&source()) {
+        let file = below_source(&path);
+        for (name, lines) in functions(&read(&path)) {
+            let allowed = LONG_FUNCTIONS.iter().any(|(f, n, _)| *f == file && *n == name);
+            if lines > MAX_FUNCTION_LINES && !allowed {
+                long.push(format!("{file}: `{name}` has {lines} lines"));
+            }
+        }
+    }
+    assert!(long.is_empty(), "functions of more than {MAX_FUNCTION_LINES} lines:\n{}", long.join("\n"));
+}
+
+#[test]
+fn lengths_of_functions_are_counted() {
+    let text = "pub(super) const fn one(\n    a: u8,\n) -> u8 {\n    a;\n}\nimpl A {\n    fn two() {}\n    fn three(&self);\n    fn four() {\n    }\n}\n";
+    let want = [("one", 5), ("two", 1), ("three", 1), ("four", 2)].map(|(name, n)| (name.to_owned(), n));
+    assert_eq!(functions(text), want);
+}
+
+#[test]
+fn the_diagram_names_every_room() {
+    let text = read(&source().join("ARCHITECTURE.md"));
+    let diagram = text.split("```").nth(1).expect("a diagram");
+    let table = table();
+    let missing: Vec<&String> = table.keys().filter(|room| words(diagram, room).next().is_none()).collect();
+    assert!(missing.is_empty(), "the diagram of src/ARCHITECTURE.md lacks {missing:?}");
+}
+
+/// Rooms on a circle of uses that begins and ends at `room`, by depth-first search.
+fn circle<'a>(
+    table: &'a BTreeMap<String, BTreeSet<String>>,
+    room: &'a str,
+    path: &mut Vec<&'a str>,
+    done: &mut BTreeSet<&'a str>,
+) -> Option<Vec<&'a str>> {
+    if let Some(first) = path.iter().position(|r| *r == room) {
+        return Some([&path[first..], &[room]].concat());
+    }
+    if done.contains(room) {
+        return None;
+    }
+    path.push(room);
+    let found = table.get(room).into_iter().flatten().find_map(|next| circle(table, next, path, done));
+    path.pop();
+    done.insert(room);
+    found
+}
+
+#[test]
+fn rooms_do_not_use_each_other_in_circles() {
+    let table = table();
+    let mut done = BTreeSet::new();
+    for room in table.keys() {
+        let found = circle(&table, room, &mut Vec::new(), &mut done);
+        assert_eq!(found, None, "a circle of rooms in the table of src/ARCHITECTURE.md");
+    }
+    let of = |room: &str, uses: &[&str]| (room.to_owned(), uses.iter().map(|u| u.to_string()).collect());
+    let bad = BTreeMap::from([of("a", &["b"]), of("b", &["c", "d"]), of("c", &[]), of("d", &["b"])]);
+    let found = circle(&bad, "a", &mut Vec::new(), &mut BTreeSet::new());
+    assert_eq!(found, Some(vec!["b", "d", "b"]));
+}
+
+/// A constant that limits something says what, with its unit: `MIN_ROW_RAYS`.
+#[test]
+fn limits_say_what_they_limit() {
+    let mut wrong = Vec::new();
+    for path in all_files() {
+        for (number, line) in read(&path).lines().enumerate() {
+            let name = line.trim_start().split("const ").nth(1).unwrap_or_default();
+            let name: String = name.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
+            if name.split('_').any(|part| ["LEAST", "MOST"].contains(&part)) {
+                wrong.push(format!("{}:{}: {name}", path.display(), 1 + number));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "use MIN_ or MAX_ and what is limited:\n{}", wrong.join("\n"));
+}
+
+/// Comments cite sections of `docs/method.md` by name. Numbered citations belong to notes outside the repository.
+#[test]
+fn citations_are_in_the_repository() {
+    let mut wrong = Vec::new();
+    for path in all_files() {
+        for (number, line) in read(&path).lines().enumerate() {
+            let cited = line.split("method ").skip(1).any(|rest| {
+                let mut c = rest.chars();
+                c.next().is_some_and(|c| ('A'..='E').contains(&c))
+                    && c.next() == Some('.')
+                    && c.next().is_some_and(|c| c.is_ascii_digit())
+            });
+            if cited {
+                wrong.push(format!("{}:{}", path.display(), 1 + number));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "cite a section of docs/method.md:\n{}", wrong.join("\n"));
+}
+
+/// The library names an option by its field; the command writes it as `--flag`.
+#[test]
+fn messages_of_the_library_name_fields() {
+    let mut wrong = Vec::new();
+    for file in library().iter().filter(|f| !ROOMS_WITH_FLAGS.iter().any(|(room, _)| *room == f.room())) {
+        for (at, _) in file.code.match_indices("--") {
+            let line = file.code[..at].rfind('\n').map_or(0, |n| n + 1);
+            let in_string = file.code[line..at].matches('"').count() % 2 == 1;
+            let word = file.code[at + 2..].chars().take_while(char::is_ascii_lowercase).count() >= 3;
+            // A string that continues over several lines opens on an earlier one.
+            let continued =
+                !file.code[line..at].contains('"') && file.code[..line].trim_end().ends_with('\\');
+            if word && (in_string || continued) {
+                wrong.push(file.at(at));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "name the option by its field:\n{}", wrong.join("\n"));
+}
