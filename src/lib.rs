@@ -1,8 +1,8 @@
 //! Visibility and radiosity in scenes full of small detail.
 //!
-//! How much of the light between two places gets through: exactly, by [Embree](https://www.embree.org) rays, or at the resolution that
-//! somebody needs, by clusters of small things that are described by their extinction (multi-resolution visibility, F. Sillion and
-//! G. Drettakis, *Feature-based control of visibility error*, 1995). On top of it: hierarchical radiosity and form factors.
+//! The crate computes which fraction of the light between two places gets through: exactly, by [Embree](https://www.embree.org) rays, or
+//! for a given feature size, by clusters of small objects with a measured extinction (multi-resolution visibility; F. Sillion and G.
+//! Drettakis, *Feature-based control of visibility error*, 1995). Hierarchical radiosity and form factors are built on it.
 //!
 //! A [`Scene`] is read from a file (OBJ, glTF, PLY) or generated. A [`Model`] is a scene prepared for questions: owned, immutable, shared
 //! between threads by cheap clones. [`Model::visibility`], [`Model::solve`] and [`Model::form_factors`] ask it.
