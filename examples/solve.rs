@@ -16,7 +16,7 @@ fn main() -> mrvis::Result<()> {
     let model = Model::prepare(scene, &PrepareOptions::default().with_detail(Detail::Clusters), &Talk)?;
     let light = model.solve(&SolveOptions::default().with_error(0.05), &Talk)?;
     let points: Vec<SurfacePoint> = (1..10)
-        .map(|k| SurfacePoint { position: [55.0 * f64::from(k), 0.0, 100.0], normal: [0.0, 1.0, 0.0] })
+        .map(|k| SurfacePoint { position: [55.0 * f64::from(k), 0.0, 30.0], normal: [0.0, 1.0, 0.0] })
         .collect();
     println!("     x        red      green       blue  W/m\u{b2}");
     for (point, [red, green, blue]) in points.iter().zip(light.irradiance(&points)?) {

@@ -78,6 +78,14 @@ impl<'a> Query<'a> {
     /// [`Error::Argument`] if there is no target, no such source, or a value is out of its range; if the engine needs a feature size
     /// or optics that are missing.
     pub fn answer(self) -> Result<Answer> {
+        // Kernels that are not optimised need more stack than threads of tests have; those of the model have 8 MiB.
+        if cfg!(debug_assertions) {
+            return self.visibility.model.on_threads(|| self.answer_here())?;
+        }
+        self.answer_here()
+    }
+
+    fn answer_here(self) -> Result<Answer> {
         let model = &self.visibility.model;
         let scene = model.scene();
         let point = |name: &str, p: [f64; 3]| {

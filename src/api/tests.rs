@@ -111,7 +111,8 @@ fn batches_are_answered_as_engines_do() {
             }
         }
         assert!(differing <= points / 20, "{differing} of {points} differ");
-        assert!(aggregated > points / 10, "{aggregated} of {points} aggregate");
+        // Walks for single segments mostly give up: a ray is cheap.
+        assert!(rays == 1 || aggregated > points / 10, "{aggregated} of {points} aggregate");
         let mean = |found: &Found| found.transmittance.iter().sum::<f32>() / points as f32;
         assert!((mean(&exact) - mean(&averaged)).abs() < 0.03, "{} {}", mean(&exact), mean(&averaged));
         let automatic = ask(&visibility, &segments, false);
