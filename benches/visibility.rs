@@ -9,7 +9,7 @@ use mrvis::ray::{Occluder, Packet};
 use mrvis::scene::generate;
 use mrvis::simd::Isa;
 use mrvis::visibility::steps::Steps;
-use mrvis::visibility::{Bundle, Exact, Leaf, MultiResolution, Workspace};
+use mrvis::visibility::{Bundle, Exact, LeafMode, MultiResolution, Workspace};
 use std::sync::OnceLock;
 
 fn main() {
@@ -51,7 +51,7 @@ impl Forest {
     fn engine(&self, isa: Isa) -> MultiResolution {
         let traversal = Traversal { width: 1, coherent: false };
         let tree = self.model.base().measured().expect("optics").tree.clone();
-        MultiResolution::new(tree, self.model.traced().clone(), traversal, Leaf::Exact).with_isa(isa)
+        MultiResolution::new(tree, self.model.traced().clone(), traversal, LeafMode::Exact).with_isa(isa)
     }
 
     fn bundles(&self) -> Vec<Bundle<'_>> {

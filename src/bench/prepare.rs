@@ -7,7 +7,7 @@ use super::rounds::timed;
 use super::sample::Sample;
 use super::workload::Workload;
 use crate::model::{Detail, Mesh, Model, PrepareOptions};
-use crate::visibility::{Leaf, MultiResolution, Workspace};
+use crate::visibility::{LeafMode, MultiResolution, Workspace};
 
 impl Options {
     /// What [`Model::prepare`] must make for a benchmark with these options.
@@ -46,7 +46,7 @@ impl Bench<'_> {
     pub fn engine(&self, workload: &Workload, sample: &Sample, build: &mut Build) -> MultiResolution {
         let Bench { model, options, .. } = self;
         let traversal = timed(&mut build.budget_s, || self.traversal(workload, options.rays));
-        let engine = model.engine(traversal, Leaf::Exact).expect("a benchmark prepares optics");
+        let engine = model.engine(traversal, LeafMode::Exact).expect("a benchmark prepares optics");
         let engine = timed(&mut build.budget_s, || {
             engine.with_budget(&sample.bundles(1).concat(), &mut Workspace::default())
         });

@@ -159,7 +159,25 @@ impl SceneArgs {
         let _spinner = common.spinner(format!("reading {}", file_name(&self.scene)));
         Scene::load(&self.scene, &options)
     }
+
+    /// Reads the scene for commands that need triangles of its own: placed meshes are copied, with a warning.
+    ///
+    /// # Errors
+    /// As [`SceneArgs::load`], or more than [`MAX_COPIED_TRIANGLES`].
+    pub fn load_flat(&self, common: &Common) -> Result<Scene> {
+        let scene = self.load(common)?;
+        if scene.placements.is_empty() {
+            return Ok(scene);
+        }
+        let flat = scene.flattened_within(MAX_COPIED_TRIANGLES)?;
+        let (placed, triangles) = (grouped(scene.placements.len()), grouped(flat.triangles.len()));
+        warn(common, &[format!("{placed} placed meshes were copied: {triangles} triangles")]);
+        Ok(flat)
+    }
 }
+
+/// Largest number of triangles after placed meshes are copied. Chosen: a solve holds about a kilobyte a triangle.
+const MAX_COPIED_TRIANGLES: u64 = 20_000_000;
 
 /// Writes warnings to standard error, one per line. A closed standard error is ignored.
 pub fn warn(common: &Common, messages: &[String]) {

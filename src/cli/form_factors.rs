@@ -75,7 +75,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
             return Err(Error::Argument(format!("--{name} {v}: must be a number not below 0")));
         }
     }
-    let scene = args.scene.load(common)?;
+    let scene = args.scene.load_flat(common)?;
     warn(common, &scene.repairs.messages);
     let facets = Facets::new(&scene);
     let mut settings = Settings {

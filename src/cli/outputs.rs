@@ -9,7 +9,7 @@ use crate::{
     },
     image_io::{Picture, write_exr_rgb, write_png},
     points::Point,
-    radiosity::solution::Solution,
+    radiosity::mesh::RadiosityMesh,
     scene::{Scene, StoredCamera},
 };
 use std::path::{Path, PathBuf};
@@ -71,7 +71,7 @@ impl Outputs {
         &self,
         common: &Common,
         scene: &Scene,
-        solution: &Solution,
+        solution: &RadiosityMesh,
         folder: &Path,
         with_points: bool,
         irradiance: Gather,
@@ -155,7 +155,7 @@ impl Outputs {
         self.gather && self.wants(Kind::Image, with_points)
     }
 
-    fn cameras(&self, scene: &Scene, solution: &Solution, stage: &Stage) -> Vec<Camera> {
+    fn cameras(&self, scene: &Scene, solution: &RadiosityMesh, stage: &Stage) -> Vec<Camera> {
         // y is up by the specification of glTF; for other formats z is assumed.
         let gltf = scene.path.extension().is_some_and(|e| e == "gltf" || e == "glb");
         let up = if gltf { glam::Vec3::Y } else { glam::Vec3::Z };
@@ -176,7 +176,7 @@ impl Outputs {
 }
 
 /// A camera of the file; its pictures get its name.
-fn stored(c: &StoredCamera, solution: &Solution) -> Camera {
+fn stored(c: &StoredCamera, solution: &RadiosityMesh) -> Camera {
     let plain = |c: char| if c.is_alphanumeric() || "-_".contains(c) { c } else { '_' };
     Camera {
         name: format!("view-{}", c.name.chars().take(60).map(plain).collect::<String>()),

@@ -5,12 +5,14 @@ mod summary;
 mod watch;
 
 use super::args::{CacheArgs, Common, SceneArgs, check_folder};
+use super::flags::with_flags;
 use super::outputs::Outputs;
+use crate::bench::side_by_side::{ComparedRecord, Versus, side_by_side};
 use crate::files::WholeFile;
 use crate::points::{Irradiance, Point, read_points, write_irradiance};
 use crate::progress::Progress;
 use crate::radiosity::{
-    self, Answer, Inside, More, Options, Oracle, Outcome, Record, Rows, View, Visibility,
+    self, Inside, Options, Oracle, Outcome, PointLight, Rows, Solution, View, Visibility,
 };
 use crate::scene::{Scene, StoredCamera};
 use crate::{Error, Result};
@@ -219,7 +221,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     args.common.check_json()?;
     let points = args.points.as_deref().map(read_points).transpose()?.unwrap_or_default();
     let start = Instant::now();
-    let scene = scene.load(&args.common)?;
+    let scene = scene.load_flat(&args.common)?;
     if args.importance_camera {
         options.views = views(&scene, args.outputs.camera)?;
     }
@@ -228,32 +230,32 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     watch.stop_on_interruption(args.common.quiet);
     watch.stage("preparing", 0);
     let model = prepare(scene, &options, &watch)?;
-    let met = radiosity::run_then(&model, &points, &options, &watch, |mut outcome, more| {
-        if let Some(other) = args.compare.filter(|_| !outcome.record.interrupted) {
-            outcome.record.versus = Some(radiosity::versus(&model, &points, &outcome, other.into(), &watch)?);
-        }
-        watch.spinner.clear();
-        outcome.record.seconds.load = load;
-        if outcome.record.interrupted {
-            let note = "interrupted: this is the consistent solution reached so far";
-            outcome.record.warnings.push(note.into());
-        }
-        let met = outcome.record.target_met != Some(false);
-        write(args, out, (model.scene(), &points), outcome, more).map(|()| met)
-    })?;
+    let (outcome, solution) = radiosity::solve(&model, &points, &options, &watch)?;
+    let other = args.compare.filter(|_| !outcome.record.interrupted);
+    let versus =
+        other.map(|other| side_by_side(&model, &points, &outcome, other.into(), &watch)).transpose()?;
+    watch.spinner.clear();
+    let met = outcome.record.target_met != Some(false);
+    write(args, out, &points, (outcome, versus, load), (&solution, &watch))?;
     Ok(if met { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
-/// Writes all files and prints the summary.
+/// Writes all files and prints the summary. `load`: seconds that reading the scene took.
 fn write(
     args: &Args,
     out: &Path,
-    (scene, points): (&Scene, &[Point]),
-    outcome: Outcome,
-    more: &More,
+    points: &[Point],
+    (outcome, versus, load): (Outcome, Option<Versus>, f64),
+    (solution, watch): (&Solution, &Watch),
 ) -> Result<()> {
-    let Outcome { solution, mut record, irradiance } = outcome;
-    let save = |record: &Record| {
+    let Outcome { mesh, mut record, irradiance } = outcome;
+    record.seconds.load = load;
+    if record.interrupted {
+        record.warnings.push("interrupted: this is the consistent solution reached so far".into());
+    }
+    record.warnings.iter_mut().for_each(|warning| *warning = with_flags(warning));
+    let mut record = ComparedRecord { record, versus };
+    let save = |record: &ComparedRecord| {
         let text = serde_json::to_string_pretty(record)
             .map_err(|e| Error::format(out.join("solution.json"), None, e.to_string()))?;
         WholeFile::write(&out.join("solution.json"), text + "\n")
@@ -265,19 +267,19 @@ fn write(
     }
     let notes = RefCell::new(Vec::new());
     let gather = |points: &[Point], part: f64| {
-        let Answer { irradiance, note } = more.irradiance(points, part);
-        notes.borrow_mut().extend(note);
+        let PointLight { irradiance, note } = solution.irradiance_within(points, part, watch);
+        notes.borrow_mut().extend(note.map(|note| with_flags(&note)));
         irradiance
     };
-    let with_points = args.points.is_some();
-    let shown = args.outputs.write(&args.common, scene, &solution, out, with_points, &gather)?;
+    let (scene, with_points) = (solution.model().scene(), args.points.is_some());
+    let shown = args.outputs.write(&args.common, scene, &mesh, out, with_points, &gather)?;
     let notes = notes.into_inner();
     if !notes.is_empty() {
-        record.warnings.extend(notes);
+        record.record.warnings.extend(notes);
         save(&record)?;
     }
     args.common.write_json(&record)?;
-    args.common.print(&summary(&record, args.points.is_some()))?;
+    args.common.print(&summary(&record, with_points))?;
     for file in shown {
         args.common.print(&format!("wrote {}\n", file.display()))?;
     }

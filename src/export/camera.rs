@@ -3,7 +3,7 @@
 use super::Mesh;
 use crate::Result;
 use crate::embree::{CommittedScene, Device, Hits, Options, SceneBuilder, Traversal};
-use crate::radiosity::solution::Solution;
+use crate::radiosity::mesh::RadiosityMesh;
 use crate::ray::{LANES, Packet};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -13,7 +13,7 @@ use rayon::prelude::*;
 pub struct Camera {
     /// Name of the picture files.
     pub name: String,
-    /// Position relative to [`Solution::origin`].
+    /// Position relative to [`RadiosityMesh::origin`].
     pub eye: Vec3,
     /// Viewing direction, a unit vector.
     pub forward: Vec3,
@@ -41,7 +41,7 @@ pub struct Frame {
 pub struct First {
     /// Distance from the eye, scene units.
     pub distance: f32,
-    /// Position relative to [`Solution::origin`].
+    /// Position relative to [`RadiosityMesh::origin`].
     pub position: Vec3,
     /// Index of the element.
     pub element: u32,
@@ -69,7 +69,7 @@ impl<'a> Stage<'a> {
     ///
     /// # Errors
     /// Embree fails.
-    pub fn new(mesh: &'a Mesh, solution: &Solution) -> Result<Stage<'a>> {
+    pub fn new(mesh: &'a Mesh, solution: &RadiosityMesh) -> Result<Stage<'a>> {
         let device = Device::new(rayon::current_num_threads())?;
         let side = |front: bool| -> Result<(CommittedScene, Vec<u32>)> {
             let of = |t: &u32| solution.elements[mesh.element[*t as usize] as usize].front == front;

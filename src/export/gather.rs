@@ -2,11 +2,11 @@
 
 use super::{First, Frame};
 use crate::points::Point;
-use crate::radiosity::solution::Solution;
+use crate::radiosity::mesh::RadiosityMesh;
 
 /// First hits of a picture, in coordinates of the scene's file with the normals of their elements: the points whose
 /// irradiance [`light_of`] needs. Pixels without a hit are skipped.
-pub fn visible_points(frame: &Frame, solution: &Solution) -> Vec<Point> {
+pub fn visible_points(frame: &Frame, solution: &RadiosityMesh) -> Vec<Point> {
     let point = |f: &First| {
         let element = &solution.elements[f.element as usize];
         let [a, b, c, d] = element.corners.map(|v| solution.vertices[v as usize].as_dvec3());
@@ -20,7 +20,7 @@ pub fn visible_points(frame: &Frame, solution: &Solution) -> Vec<Point> {
 ///
 /// # Panics
 /// There are fewer values than points.
-pub fn light_of(frame: &Frame, solution: &Solution, irradiance: &[[f64; 3]]) -> Vec<[f32; 3]> {
+pub fn light_of(frame: &Frame, solution: &RadiosityMesh, irradiance: &[[f64; 3]]) -> Vec<[f32; 3]> {
     let mut next = irradiance.iter();
     let mut radiance = |f: &First| {
         let element = &solution.elements[f.element as usize];

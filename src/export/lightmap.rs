@@ -3,7 +3,7 @@
 
 use super::Mesh;
 use crate::image_io::write_exr_rgb;
-use crate::radiosity::solution::Solution;
+use crate::radiosity::mesh::RadiosityMesh;
 use crate::scene::Scene;
 use crate::{Error, Result, files::WholeFile};
 use glam::{Vec2, Vec3};
@@ -63,7 +63,7 @@ impl Chart {
 ///
 /// # Errors
 /// The charts do not fit into an image of 16,384 texels per side.
-pub fn lightmap(mesh: &Mesh, solution: &Solution, scene: &Scene, texels: usize) -> Result<Lightmap> {
+pub fn lightmap(mesh: &Mesh, solution: &RadiosityMesh, scene: &Scene, texels: usize) -> Result<Lightmap> {
     let mut charts = charts(mesh, solution, scene);
     let area: f32 = charts.iter().map(|c| (c.high - c.low).element_product()).sum();
     let mut texel = (area / texels.max(1) as f32).sqrt().max(f32::MIN_POSITIVE);
@@ -101,7 +101,7 @@ pub fn lightmap(mesh: &Mesh, solution: &Solution, scene: &Scene, texels: usize) 
 }
 
 /// Groups triangles in one plane and on one side of a connected surface.
-fn charts(mesh: &Mesh, solution: &Solution, scene: &Scene) -> Vec<Chart> {
+fn charts(mesh: &Mesh, solution: &RadiosityMesh, scene: &Scene) -> Vec<Chart> {
     let size = scene.bounds.diagonal().max(f32::MIN_POSITIVE);
     let mut known: HashMap<(u32, bool, [i32; 4]), usize> = HashMap::new();
     let mut charts: Vec<Chart> = Vec::new();
@@ -244,7 +244,7 @@ pub fn write_lightmap(
     model: &Path,
     map: &Lightmap,
     mesh: &Mesh,
-    solution: &Solution,
+    solution: &RadiosityMesh,
 ) -> Result<()> {
     write_exr_rgb(image, map.width, &map.irradiance)?;
     let mut file = WholeFile::create(model)?;

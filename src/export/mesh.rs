@@ -1,6 +1,6 @@
 //! Triangle mesh with light at its vertices.
 
-use crate::radiosity::solution::{Element, Solution};
+use crate::radiosity::mesh::{Element, RadiosityMesh};
 use glam::Vec3;
 use std::collections::HashMap;
 
@@ -8,7 +8,7 @@ use std::collections::HashMap;
 /// triangle.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
-    /// Positions relative to [`Solution::origin`], scene units.
+    /// Positions relative to [`RadiosityMesh::origin`], scene units.
     pub positions: Vec<Vec3>,
     /// Unit normals of the lit side.
     pub normals: Vec<Vec3>,
@@ -29,7 +29,7 @@ const MAX_HALVINGS: u32 = 24;
 
 impl Mesh {
     /// The mesh of a solution.
-    pub fn new(solution: &Solution) -> Mesh {
+    pub fn new(solution: &RadiosityMesh) -> Mesh {
         let vertices: HashMap<[u32; 3], u32> =
             solution.vertices.iter().enumerate().map(|(i, &p)| (bits(p), i as u32)).collect();
         let normals: Vec<Vec3> = solution.elements.iter().map(|e| normal(solution, e)).collect();
@@ -74,13 +74,13 @@ fn bits(p: Vec3) -> [u32; 3] {
     (p + Vec3::ZERO).to_array().map(f32::to_bits)
 }
 
-fn normal(solution: &Solution, e: &Element) -> Vec3 {
+fn normal(solution: &RadiosityMesh, e: &Element) -> Vec3 {
     let [a, b, c, d] = e.corners.map(|v| solution.vertices[v as usize].as_dvec3());
     (c - a).cross(d - b).normalize_or_zero().as_vec3()
 }
 
 /// Vertices along an element's edges: its corners and the vertices of smaller neighbours.
-fn outline(solution: &Solution, vertices: &HashMap<[u32; 3], u32>, e: &Element) -> Vec<u32> {
+fn outline(solution: &RadiosityMesh, vertices: &HashMap<[u32; 3], u32>, e: &Element) -> Vec<u32> {
     let corners = &e.corners[..if e.is_triangle() { 3 } else { 4 }];
     let mut out = Vec::with_capacity(corners.len());
     for (k, &a) in corners.iter().enumerate() {
@@ -92,7 +92,7 @@ fn outline(solution: &Solution, vertices: &HashMap<[u32; 3], u32>, e: &Element) 
 
 /// Appends the vertices between two positions, found by halving: elements are split at the middles of their edges.
 fn halves(
-    solution: &Solution,
+    solution: &RadiosityMesh,
     vertices: &HashMap<[u32; 3], u32>,
     a: u32,
     b: u32,
@@ -136,7 +136,7 @@ impl Around {
 }
 
 /// Mean irradiance of the elements that face along `normal`, weighted by the distance of their centres.
-fn mean(solution: &Solution, normals: &[Vec3], normal: Vec3, around: &[u32]) -> [f32; 3] {
+fn mean(solution: &RadiosityMesh, normals: &[Vec3], normal: Vec3, around: &[u32]) -> [f32; 3] {
     let (mut sum, mut weights) = ([0.0; 3], 0.0);
     for &e in around.iter().filter(|&&e| normals[e as usize].dot(normal) >= MIN_SMOOTH_COSINE) {
         let element = &solution.elements[e as usize];

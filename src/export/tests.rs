@@ -1,6 +1,6 @@
 use super::*;
 use crate::model::Model;
-use crate::radiosity::solution::{Element, Solution};
+use crate::radiosity::mesh::{Element, RadiosityMesh};
 use crate::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
 use glam::{DVec3, Vec3, dvec3};
 use std::collections::HashMap;
@@ -27,14 +27,14 @@ fn grey(corners: [u32; 4], irradiance: f64, area: f64, triangle: u32) -> Element
 
 /// The unit square at z = 0, facing up, with one quarter split again; `light` is the irradiance at an element's
 /// centre.
-fn square(light: impl Fn(Vec3) -> f64) -> (Scene, Solution) {
+fn square(light: impl Fn(Vec3) -> f64) -> (Scene, RadiosityMesh) {
     let mut soup = Soup::new("test");
     soup.object("square");
     soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
     let corner = [DVec3::ZERO, DVec3::X, dvec3(1.0, 1.0, 0.0), DVec3::Y];
     soup.polygon(0, 0, &corner);
     let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
-    let mut solution = Solution { unit: "m".into(), ..Solution::default() };
+    let mut solution = RadiosityMesh { unit: "m".into(), ..RadiosityMesh::default() };
     let mut places: HashMap<[u32; 3], u32> = HashMap::new();
     let mut add = |low: [f32; 2], side: f32| {
         let at = |x: f32, y: f32| Vec3::new(low[0] + x * side, low[1] + y * side, 0.0);
@@ -168,7 +168,7 @@ fn lightmaps_of_crumbs_leave_room_for_walls() {
     let mut soup = Soup::new("test");
     soup.object("all");
     soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
-    let mut solution = Solution { unit: "m".into(), ..Solution::default() };
+    let mut solution = RadiosityMesh { unit: "m".into(), ..RadiosityMesh::default() };
     for k in 0..1001u32 {
         let (at, side) = if k == 0 { (0.0, 1.0) } else { (2.0 + 0.01 * f64::from(k), 1e-3) };
         let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
@@ -194,7 +194,7 @@ fn unwrapped(gap: f32, texels: usize) -> Result<Lightmap, String> {
     let mut soup = Soup::new("test");
     soup.object("squares");
     soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
-    let mut solution = Solution { unit: "m".into(), ..Solution::default() };
+    let mut solution = RadiosityMesh { unit: "m".into(), ..RadiosityMesh::default() };
     for k in 0..2u32 {
         let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
             .map(|[x, y]| dvec3(x + 2.0 * f64::from(k), y, 0.0));
@@ -263,12 +263,11 @@ fn what_is_shown_of_a_solved_room_has_no_cracks() {
     use crate::scene::generate::{Spec, build};
     let scene = build(&Spec::new("cornell")).expect("a scene");
     let options = Options { error: 0.05, ..Options::default() };
-    let outcome =
-        run(&Model::prepare(scene.clone(), &options.prepare(), &()).expect("a model"), &[], &options, &())
-            .expect("a solution");
-    let levels: std::collections::HashSet<u8> = outcome.solution.elements.iter().map(|e| e.level).collect();
+    let model = Model::prepare(scene.clone(), &options.prepare(), &()).expect("a model");
+    let outcome = run(&model, &[], &options, &()).expect("a solution");
+    let levels: std::collections::HashSet<u8> = outcome.mesh.elements.iter().map(|e| e.level).collect();
     assert!(levels.len() >= 3, "mixed levels: {levels:?}");
-    let mesh = Mesh::new(&outcome.solution);
+    let mesh = Mesh::new(&outcome.mesh);
     // Each edge is shared by two triangles of equal orientation, or lies on the outline of a wall.
     let mut edges: HashMap<[[u32; 3]; 2], i32> = HashMap::new();
     let place = |v: u32| (mesh.positions[v as usize] + Vec3::ZERO).to_array().map(f32::to_bits);
@@ -286,7 +285,7 @@ fn what_is_shown_of_a_solved_room_has_no_cracks() {
         (scene.triangle_object[t as usize], normal)
     };
     let lit: std::collections::HashSet<_> =
-        outcome.solution.elements.iter().map(|e| facing(e.triangle)).collect();
+        outcome.mesh.elements.iter().map(|e| facing(e.triangle)).collect();
     let mut open: HashMap<[u32; 2], i32> = HashMap::new();
     for (_, t) in (0u32..).zip(&scene.triangles).filter(|(k, _)| lit.contains(&facing(*k))) {
         for k in 0..3 {
@@ -334,7 +333,7 @@ fn files_are_what_their_formats_say() {
 }
 
 /// Checks that the offsets in the header lead to arrays of the stated lengths.
-fn check_vtu(path: &Path, solution: &Solution) {
+fn check_vtu(path: &Path, solution: &RadiosityMesh) {
     let bytes = std::fs::read(path).expect("bytes");
     let mark = b"<AppendedData encoding=\"raw\">\n_";
     let data = bytes.windows(mark.len()).position(|w| w == mark).expect("appended data") + mark.len();

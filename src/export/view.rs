@@ -3,7 +3,7 @@
 use super::camera::{Camera, Stage, render};
 use super::tone::luminance;
 use crate::math::Aabb;
-use crate::radiosity::solution::Solution;
+use crate::radiosity::mesh::RadiosityMesh;
 use glam::Vec3;
 use std::collections::HashSet;
 
@@ -15,7 +15,7 @@ const PREVIEW_PIXELS: [usize; 2] = [64, 48];
 ///
 /// A good view is mostly lit, has little close to the camera, and shows many surfaces. Upwards is opposite to the
 /// mean direction of emission, or `up` if emission has no main direction.
-pub fn best_view(stage: &Stage, solution: &Solution, up: Vec3) -> Camera {
+pub fn best_view(stage: &Stage, solution: &RadiosityMesh, up: Vec3) -> Camera {
     let bounds = Aabb::of(stage.mesh.positions.iter().copied());
     let up = upward(stage, solution).unwrap_or(up);
     let (x, y) = up.any_orthonormal_pair();
@@ -51,7 +51,7 @@ fn camera(eye: Vec3, at: Vec3, up: Vec3, angle: f32) -> Camera {
 }
 
 /// The axis opposite to the mean direction of emission; `None` without a main direction.
-fn upward(stage: &Stage, solution: &Solution) -> Option<Vec3> {
+fn upward(stage: &Stage, solution: &RadiosityMesh) -> Option<Vec3> {
     let (mut sum, mut total) = (Vec3::ZERO, 0.0);
     for (t, corners) in stage.mesh.triangles.iter().enumerate() {
         let element = &solution.elements[stage.mesh.element[t] as usize];
@@ -69,7 +69,7 @@ fn upward(stage: &Stage, solution: &Solution) -> Option<Vec3> {
     (total > 0.0 && sum[axis].abs() > 0.15 * total).then_some(up)
 }
 
-fn judge(stage: &Stage, solution: &Solution, camera: &Camera, radius: f32) -> f32 {
+fn judge(stage: &Stage, solution: &RadiosityMesh, camera: &Camera, radius: f32) -> f32 {
     let frame = render(stage, camera, PREVIEW_PIXELS[0], PREVIEW_PIXELS[1], 1);
     let mut lights: Vec<f32> = frame.radiance.iter().map(|&r| luminance(r)).collect();
     lights.sort_by(f32::total_cmp);

@@ -1,6 +1,6 @@
 //! VTK's unstructured grid, for ParaView.
 
-use crate::radiosity::solution::Solution;
+use crate::radiosity::mesh::RadiosityMesh;
 use crate::{Error, Result, files::WholeFile};
 use std::io::Write;
 use std::path::Path;
@@ -32,15 +32,15 @@ fn array<T: bytemuck::NoUninit>(
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn write_vtu(path: &Path, solution: &Solution) -> Result<()> {
+pub fn write_vtu(path: &Path, solution: &RadiosityMesh) -> Result<()> {
     let mut file = WholeFile::create(path)?;
     write(&mut file, solution).map_err(|e| Error::io(path, e))?;
     file.commit()
 }
 
-fn write(out: &mut impl Write, s: &Solution) -> std::io::Result<()> {
+fn write(out: &mut impl Write, s: &RadiosityMesh) -> std::io::Result<()> {
     let points: Vec<[f64; 3]> = s.vertices.iter().map(|p| (s.origin + p.as_dvec3()).to_array()).collect();
-    let size = |e: &crate::radiosity::solution::Element| if e.is_triangle() { 3 } else { 4 };
+    let size = |e: &crate::radiosity::mesh::Element| if e.is_triangle() { 3 } else { 4 };
     let connectivity: Vec<u32> = s.elements.iter().flat_map(|e| e.corners[..size(e)].to_vec()).collect();
     let mut end = 0u64;
     let offsets: Vec<u64> = s
@@ -52,11 +52,11 @@ fn write(out: &mut impl Write, s: &Solution) -> std::io::Result<()> {
         })
         .collect();
     let types: Vec<u8> = s.elements.iter().map(|e| if e.is_triangle() { TRIANGLE } else { QUAD }).collect();
-    let light = |name, of: fn(&crate::radiosity::solution::Element) -> [f64; 3]| {
+    let light = |name, of: fn(&crate::radiosity::mesh::Element) -> [f64; 3]| {
         let values: Vec<[f32; 3]> = s.elements.iter().map(|e| of(e).map(|x| x as f32)).collect();
         array(name, "Float32", 3, &values)
     };
-    let count = |name, of: fn(&crate::radiosity::solution::Element) -> u32| {
+    let count = |name, of: fn(&crate::radiosity::mesh::Element) -> u32| {
         array(name, "UInt32", 1, &s.elements.iter().map(of).collect::<Vec<_>>())
     };
     let places = [array("points", "Float64", 3, &points)];

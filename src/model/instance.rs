@@ -54,7 +54,8 @@ impl Instance {
 
     /// The unit normal of a face whose normal in the frame of the mesh is `normal`.
     pub fn turned(&self, normal: Vec3) -> Vec3 {
-        turned(self.transform.matrix3, normal)
+        // The scene's own triangles are not turned: their normals keep all bits.
+        if self.mesh == 0 { normal } else { turned(self.transform.matrix3, normal) }
     }
 
     /// # Errors

@@ -12,6 +12,8 @@ mod source;
 pub mod summary;
 #[cfg(test)]
 pub mod testing;
+#[cfg(test)]
+mod tests;
 mod top_level;
 mod update;
 
@@ -24,7 +26,8 @@ use crate::embree::{CommittedScene, Device, Traversal};
 use crate::math::Aabb;
 use crate::ray::EndRule;
 use crate::scene::Scene;
-use crate::visibility::{Leaf, MultiResolution};
+use crate::visibility::{LeafMode, MultiResolution};
+use crate::{Error, Result};
 use std::sync::Arc;
 use top_level::TopLevel;
 
@@ -112,7 +115,7 @@ impl Model {
     }
 
     /// A multi-resolution engine over all instances, if optics were prepared. What it hands over is traced by `traversal`.
-    pub fn engine(&self, traversal: Traversal, leaf: Leaf) -> Option<MultiResolution> {
+    pub fn engine(&self, traversal: Traversal, leaf: LeafMode) -> Option<MultiResolution> {
         let tree = self.base().measured()?.tree.clone();
         let engine = MultiResolution::new(tree, self.traced().clone(), traversal, leaf)
             .with_tolerance(self.inner.options.optics.tolerance);
@@ -120,6 +123,20 @@ impl Model {
             Some(groups) => engine.with_instances(groups.instances.clone(), self.magnitude()),
             None => engine,
         })
+    }
+
+    /// Refuses models that place meshes: `what` needs triangles, not instances.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] that names the cure.
+    pub fn check_single(&self, what: &str) -> Result<()> {
+        match self.instances().len() {
+            1 => Ok(()),
+            n => Err(Error::Scene(format!(
+                "{what} does not work on placed meshes, and this model has {}: prepare the flattened scene",
+                n - 1
+            ))),
+        }
     }
 
     /// Box around everything that rays see, relative to `Scene::origin`.

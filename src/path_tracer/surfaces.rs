@@ -4,7 +4,6 @@ use crate::embree::{CommittedScene, Hits, Traversal};
 use crate::math::triangle_normal;
 use crate::model::Model;
 use crate::ray::{EndRule, Packet};
-use crate::scene::Scene;
 use glam::{DVec3, Vec3};
 
 /// Path rays are incoherent; single rays are fastest.
@@ -12,9 +11,10 @@ const TRAVERSAL: Traversal = Traversal { width: 1, coherent: false };
 
 /// The traced scene and its surface properties.
 pub struct Surfaces<'a> {
-    scene: &'a Scene,
+    model: &'a Model,
     traced: CommittedScene,
-    normals: Vec<Vec3>,
+    /// Unit normals of the triangles of each mesh, in the frame of the mesh.
+    normals: Vec<Vec<Vec3>>,
     /// Distance above a hit surface at which paths continue: a few rounding errors of the largest coordinate; scene
     /// units.
     pub skin: f32,
@@ -40,21 +40,25 @@ pub struct SurfaceHit {
 
 impl<'a> Surfaces<'a> {
     pub fn new(model: &'a Model) -> Surfaces<'a> {
-        let (scene, magnitude) = (model.scene(), model.magnitude());
-        let corners = (0..scene.triangles.len() as u32).map(|t| scene.corners(t));
+        let magnitude = model.magnitude();
+        let normals = model.meshes().iter().map(|mesh| {
+            let scene = mesh.scene();
+            let corners = (0..scene.triangles.len() as u32).map(|t| scene.corners(t));
+            corners.map(|[a, b, c]| triangle_normal(a, b, c)).collect()
+        });
         Surfaces {
             traced: model.traced().clone(),
-            normals: corners.map(|[a, b, c]| triangle_normal(a, b, c)).collect(),
+            normals: normals.collect(),
             skin: 2e-6 * magnitude,
-            slack: 1e-5 * scene.bounds.diagonal() + 1e-6 * magnitude,
+            slack: 1e-5 * model.bounds().diagonal() + 1e-6 * magnitude,
             ends: model.end_rule(),
-            scene,
+            model,
         }
     }
 
     /// Converts a position in the file's coordinates to the scene's local coordinates.
     pub fn local(&self, position: DVec3) -> Vec3 {
-        (position - self.scene.origin).as_vec3()
+        (position - self.model.scene().origin).as_vec3()
     }
 
     /// Sets `blocked[k]` to the mask of blocked lanes of `packets[k]`.
@@ -73,14 +77,26 @@ impl<'a> Surfaces<'a> {
         if t == Hits::NOTHING {
             return None;
         }
-        let front = self.normals[t as usize];
+        let instance = &self.model.instances()[hits.instance[lane] as usize];
+        let mesh = self.model.mesh_of(hits.instance[lane]);
+        let front = instance.turned(self.normals[instance.mesh as usize][t as usize]);
+        let (reflectance, emission) = match instance.material {
+            Some(m) => {
+                let material = &self.model.scene().materials[m as usize];
+                (material.reflectance, material.emission)
+            }
+            None => {
+                let material = mesh.triangle_material[t as usize] as usize;
+                (mesh.triangle_reflectance[t as usize], mesh.materials[material].emission)
+            }
+        };
         let cosine = -front.dot(direction);
         let normal = if cosine < 0.0 { -front } else { front };
         Some(SurfaceHit {
             position: ray.point(lane, hits.t[lane]) + self.skin * normal,
             normal,
-            reflectance: self.scene.triangle_reflectance[t as usize],
-            emission: self.scene.materials[self.scene.triangle_material[t as usize] as usize].emission,
+            reflectance,
+            emission,
             cosine,
         })
     }

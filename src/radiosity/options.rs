@@ -1,9 +1,8 @@
-//! What a solution is asked for.
+//! Options of a solution.
 
-pub use super::importance::View;
 use crate::model::cache::CacheLocation;
-pub use crate::radiosity::links::{Inside, Oracle};
 use crate::{Error, Result};
+use glam::DVec3;
 
 /// Which engine answers visibility.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -12,79 +11,114 @@ pub enum Visibility {
     /// Embree rays.
     #[default]
     Exact,
-    /// Clusters whose features are smaller than the feature size are not opened [SD95 sec 3.2].
+    /// Multi-resolution: clusters with features smaller than the feature size are averaged [SD95 sec 3.2].
     Mr,
     /// Extinction only [SD95 sec 5].
     Average,
 }
 
-/// What is done so that the form factors of an element that sees no way out of the scene sum up to 1.
+/// How the form factors of an element that sees no way out of the scene are brought to their sum, 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Rows {
-    /// Nothing.
+    /// No normalisation: the sums that sampling gave. The record always reports them; solving with them shows what
+    /// normalisation changes.
     Sampled,
-    /// What each leaf gathers is multiplied: each irradiance is a mean of radiosities.
+    /// Each leaf's irradiance is multiplied by one over its row sum: each irradiance is a mean of radiosities.
     Closed,
-    /// What each leaf gathers and what it sends is multiplied alike (Sinkhorn and Knopp 1967): factors stay reciprocal and
-    /// no energy is made.
+    /// Each leaf has one factor for what it gathers and what it sends (Sinkhorn and Knopp 1967): factors stay reciprocal, and
+    /// no energy is created.
     #[default]
     Balanced,
 }
 
-/// Options of [`super::run()`].
+/// What happens to light between the surfaces of a linked cluster and the cluster's box [SD95 sec 6.1].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Inside {
+    /// Surfaces face all directions alike and hide nothing: the cluster kernel of Sillion (1995), a quarter of the area.
+    Isotropic,
+    /// Surfaces have orientations and hide nothing: more light arrives than the silhouette of the cluster lets in.
+    Oriented,
+    /// Segments end on the surfaces: surfaces that the cluster hides receive nothing, and no energy is created.
+    #[default]
+    Visible,
+}
+
+/// Which quantity of a link decides about its refinement.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Oracle {
+    /// The error of the irradiance: how much form factor, visibility and radiosity vary over the ends.
+    #[default]
+    Error,
+    /// All irradiance that the link carries: BF refinement [Hanrahan, Salzman and Aupperle 1991].
+    Bf,
+}
+
+/// Where a camera is, for importance.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct View {
+    /// Position of the camera, in the file's coordinates.
+    pub eye: DVec3,
+    /// Viewing direction, a unit vector.
+    pub forward: DVec3,
+    /// Vertical angle of view, radians in `(0, π)`.
+    pub angle: f64,
+}
+
+/// Options of a solution.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Options {
-    /// Error relative to the mean irradiance that links are refined to, each to a share of it; above 0. What errors they
-    /// leave together is estimated and audited, not promised.
+    /// Target RMS irradiance error relative to the mean irradiance, above 0. A goal, not a bound: each link is refined to a
+    /// share of it, and the error that all links leave together is estimated and audited.
     pub error: f64,
-    /// What links are refined for.
+    /// Which quantity of a link decides about its refinement.
     pub oracle: Oracle,
     /// Smallest element as part of the scene's area; above 0.
     pub min_area: f64,
-    /// What is done about row sums along links; those of a local pass are shares of rays.
+    /// How row sums of form factors are normalised, along links and in the local pass.
     pub rows: Rows,
-    /// The engine.
+    /// The visibility engine.
     pub visibility: Visibility,
-    /// Feature size for all receivers, scene units; by default each one's own diameter. With importance it is that of what is
-    /// important by itself, and grows with √(I_max / I), up to 7 times, elsewhere (method A.13).
+    /// Feature size of all receivers, scene units; by default each receiver's own diameter. With importance this is the size
+    /// on important surfaces; elsewhere it grows with √(I_max / I), up to 7 times.
     pub feature_size: Option<f32>,
-    /// Feature sizes of objects, groups or materials by name, scene units: they go before `feature_size` and never grow.
+    /// Feature sizes of objects, groups or materials by name, scene units. They override `feature_size` and never grow.
     pub feature_sizes: Vec<(String, f32)>,
-    /// What light does inside the clusters that a link ends at.
+    /// What light does inside the clusters that links end at.
     pub inside: Inside,
-    /// Objects, groups or materials whose light matters: errors elsewhere count as much as they show there; everything if
-    /// empty.
+    /// Objects, groups or materials whose light matters. Errors elsewhere count by their effect there. Empty: everything.
     pub importance: Vec<String>,
-    /// Cameras whose pictures matter: what they see, and by default features of a few pixels in them.
+    /// Cameras whose pictures matter: what they see is important, and by default features have a few of their pixels.
     pub views: Vec<View>,
-    /// Elements whose error bars are checked.
+    /// Number of elements whose error bars are checked.
     pub audit: usize,
-    /// Leave the bounces out of what points receive; with points nothing else is computed.
+    /// Omit reflected light at points; with points nothing else is computed.
     pub direct_only: bool,
-    /// Rays from a point to an emitter that is partly visible; by default what the error asks for.
+    /// Shadow rays from a point to an emitter that is partly visible; by default derived from the error.
     pub light_rays: Option<usize>,
-    /// Rays from a point to gather what surfaces reflect, rounded up to a grid of blocks of sixteen; by default what the
-    /// error asks for.
+    /// Rays from a point that gather reflected light, rounded up to a grid of blocks of sixteen; by default derived from the
+    /// error.
     pub gather_rays: Option<usize>,
-    /// Rays by which the elements of a scene with clusters gather their light in the end, in all; none for 0, by default
-    /// what the error asks for.
+    /// Rays of the local pass, by which the elements of a scene with clusters gather their light in the end; 0 for no local
+    /// pass, by default derived from the error.
     pub local_rays: Option<usize>,
-    /// Seconds of refinement a step: progressive multi-gridding; all at once if none.
+    /// Seconds of refinement a step (progressive multi-gridding); without a number each step ends at its error threshold.
     pub step_seconds: Option<f64>,
-    /// Seconds from the start of [`super::run()`] for preparation, refinement, the local pass and points; less is refined and
-    /// fewer rays are traced, so that they are enough.
+    /// Time limit in seconds from the start for preparation, refinement, the local pass and points. Fewer links are refined
+    /// and fewer rays traced to meet it.
     pub max_seconds: Option<f64>,
-    /// Whether light at more points is asked for when there is a solution ([`super::run_then()`]): part of the time is kept.
+    /// Whether irradiance at more points will be asked for after the solution: part of the time limit is kept for that.
     pub more_points: bool,
-    /// Error estimate at which refinement ends.
+    /// Refinement ends when the error estimate is no larger than this.
     pub target_error: Option<f64>,
-    /// Links at which refinement ends.
+    /// Refinement ends at this number of links.
     pub max_links: usize,
     /// Where measured clusters are kept.
     #[serde(skip)]
     pub cache: CacheLocation,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     pub seed: u64,
 }
 
@@ -118,18 +152,18 @@ impl Default for Options {
 }
 
 impl Options {
-    /// Whether the options make sense for any scene.
+    /// Checks the ranges of all options.
     ///
     /// # Errors
     /// [`Error::Argument`] that names the option and its range.
     pub fn check(&self) -> Result<()> {
         let above_zero = [
-            ("--error", Some(self.error)),
-            ("--min-area", Some(self.min_area)),
-            ("--feature-size", self.feature_size.map(f64::from)),
-            ("--step-seconds", self.step_seconds),
-            ("--max-seconds", self.max_seconds),
-            ("--target-error", self.target_error),
+            ("error", Some(self.error)),
+            ("min_area", Some(self.min_area)),
+            ("feature_size", self.feature_size.map(f64::from)),
+            ("step_seconds", self.step_seconds),
+            ("max_seconds", self.max_seconds),
+            ("target_error", self.target_error),
         ];
         for (name, value) in above_zero {
             if let Some(v) = value.filter(|v| !v.is_finite() || *v <= 0.0) {
@@ -141,11 +175,11 @@ impl Options {
         }
         let [light, gather] = [self.light_rays, self.gather_rays].map(|n| n.unwrap_or(1));
         for (name, value, most) in [
-            ("--light-rays", light, 1 << 16),
-            ("--gather-rays", gather, 1 << 20),
-            ("--max-links", self.max_links, 1 << 30),
-            ("--local-rays", self.local_rays.unwrap_or(0).saturating_add(1), 1 << 30),
-            ("--audit", self.audit.saturating_add(1), 1 << 20),
+            ("light_rays", light, 1 << 16),
+            ("gather_rays", gather, 1 << 20),
+            ("max_links", self.max_links, 1 << 30),
+            ("local_rays", self.local_rays.unwrap_or(0).saturating_add(1), 1 << 30),
+            ("audit", self.audit.saturating_add(1), 1 << 20),
         ] {
             if value == 0 || value > most {
                 return Err(Error::Argument(format!("{name} {value}: must lie in 1..{most}")));
@@ -153,41 +187,45 @@ impl Options {
         }
         if self.min_area > 1.0 {
             return Err(Error::Argument(format!(
-                "--min-area {}: is a part of the scene's area, at most 1",
+                "min_area {}: is a part of the scene's area, at most 1",
                 self.min_area
             )));
         }
         Ok(())
     }
 
-    /// Shadow rays to a partly visible emitter.
+    /// Shadow rays to a partly visible emitter. Chosen: 250 rays at the default error of 0.02.
     pub fn light_rays(&self) -> usize {
         self.light_rays.unwrap_or((5.0 / self.error).clamp(64.0, 4096.0) as usize)
     }
 
-    /// Rays of a final gather: its noise is less than the error.
+    /// Rays of a final gather: n = (0.27 / error)², so that the noise is below the error where one ray deviates by
+    /// 0.27 of the mean. Chosen: that deviation, and the bounds.
     pub fn gather_rays(&self) -> usize {
         self.gather_rays.unwrap_or((0.27 / self.error).powi(2).clamp(64.0, 2304.0) as usize)
     }
 
     /// Rays of the local pass.
     pub fn local_rays(&self) -> usize {
-        self.local_rays.unwrap_or((LOCAL / self.error.powi(2)).clamp(1e5, 1e8) as usize)
+        self.local_rays
+            .unwrap_or((LOCAL_RAYS_TIMES_ERROR_SQUARED / self.error.powi(2)).clamp(1e5, 1e8) as usize)
     }
 
-    /// Smallest element of the local pass as part of the scene's area: its share of the rays is enough to tell it from its
-    /// neighbours.
+    /// Smallest element of the local pass as part of the scene's area: so large that its share of the rays tells its light
+    /// from that of its neighbours.
     pub fn local_area(&self) -> f64 {
         self.min_area.min(Self::area_for(self.local_rays() as f64))
     }
 
-    /// The same of a pass of fewer rays than were asked for.
+    /// The same area for a local pass of so many rays.
     pub fn area_for(rays: f64) -> f64 {
-        EACH / rays.max(1.0)
+        RAYS_OF_SMALLEST_ELEMENT / rays.max(1.0)
     }
 }
 
-/// Rays of the smallest element that the local pass splits others into.
-const EACH: f64 = 20.0;
-/// Rays of the local pass times the square of the error.
-const LOCAL: f64 = 1600.0;
+/// Rays of the smallest element that the local pass splits others into. Chosen: more would leave
+/// large elements, fewer would leave mostly noise.
+const RAYS_OF_SMALLEST_ELEMENT: f64 = 20.0;
+/// Rays of the local pass times the square of the error: noise falls as one over the root of the rays. Chosen: 4 million rays
+/// at the default error of 0.02.
+const LOCAL_RAYS_TIMES_ERROR_SQUARED: f64 = 1600.0;

@@ -2,10 +2,12 @@
 
 mod again;
 mod limits;
-mod reach;
-mod sight;
 mod sizes;
+mod unlit;
+mod visibility;
 
+use super::mesh::Element;
+use super::rgb::{Rgb, mean};
 use super::*;
 use crate::model::Model;
 use crate::points::Point;
@@ -75,7 +77,7 @@ fn a_furnace_has_the_same_light_everywhere() {
         let outcome = solved(&scene, &floor(40), &Options::default());
         // Radiosity M / (1 - ρ), and as much irradiance.
         let want = 1.0 / (1.0 - f64::from(reflectance));
-        for element in &outcome.solution.elements {
+        for element in &outcome.mesh.elements {
             for k in 0..3 {
                 assert!((element.irradiance[k] / want - 1.0).abs() < 1e-3, "{reflectance}: {element:?}");
                 assert!((element.radiosity[k] / want - 1.0).abs() < 1e-3, "{reflectance}: {element:?}");
@@ -112,7 +114,7 @@ fn threads_do_not_matter() {
         };
         let (one, two) = (with(1), with(3));
         assert_eq!(one.irradiance, two.irradiance);
-        assert_eq!(one.solution.elements, two.solution.elements);
+        assert_eq!(one.mesh.elements, two.mesh.elements);
         assert_eq!(one.record.audit, two.record.audit);
         assert!(one.irradiance.iter().any(|v| v[0] > 0.0) && one.record.links > 100);
     }
@@ -122,8 +124,12 @@ fn threads_do_not_matter() {
 fn without_light_everything_is_black() {
     let outcome = solved(&room(false), &floor(5), &Options::default());
     assert!(outcome.irradiance.iter().flatten().all(|&v| v == 0.0));
-    assert!(outcome.solution.elements.iter().all(|e| e.irradiance == [0.0; 3]));
-    assert!(outcome.record.warnings.iter().any(|w| w.contains("--emitter")), "{:?}", outcome.record.warnings);
+    assert!(outcome.mesh.elements.iter().all(|e| e.irradiance == [0.0; 3]));
+    assert!(
+        outcome.record.warnings.iter().any(|w| w.contains("option `emitters`")),
+        "{:?}",
+        outcome.record.warnings
+    );
 }
 
 #[test]
@@ -162,7 +168,7 @@ fn importance_moves_the_work() {
         let outcome = solved(&scene, &[], &Options { importance, ..Options::default() });
         let at = |name: &str| {
             let object = scene.objects.iter().position(|o| o.name == name).expect("an object") as u32;
-            outcome.solution.elements.iter().filter(|e| e.object == object).count() as f64
+            outcome.mesh.elements.iter().filter(|e| e.object == object).count() as f64
         };
         at("box") / at("walls")
     };
@@ -178,10 +184,10 @@ fn cameras_make_important_what_they_see() {
     let options = Options { views: vec![view], ..Options::default() };
     let at = |options: &Options, x: f64| {
         let outcome = solved(&scene, &[], options);
-        let on = |e: &&crate::radiosity::solution::Element| {
-            e.corners.iter().all(|&c| (f64::from(outcome.solution.vertices[c as usize].x) - x).abs() < 1e-6)
+        let on = |e: &&Element| {
+            e.corners.iter().all(|&c| (f64::from(outcome.mesh.vertices[c as usize].x) - x).abs() < 1e-6)
         };
-        outcome.solution.elements.iter().filter(on).count() as f64
+        outcome.mesh.elements.iter().filter(on).count() as f64
     };
     // The vertices are relative to the scene's origin.
     let (seen, behind) = (3.0 - scene.origin.x, -scene.origin.x);

@@ -3,7 +3,7 @@
 //! The unit of work is the [`Bundle`]: segments from one receiver point (or element) to one emitter.
 //! * [`Exact`]: Embree rays; every segment is 0 or 1.
 //! * [`MultiResolution`]: clusters whose shadow features would be smaller than `s` are not opened but transmit
-//!   according to their extinction [SD95 sec 3.2]; with [`Leaf::Extinction`], the paper's average visibility [SD95 sec
+//!   according to their extinction [SD95 sec 3.2]; with [`LeafMode::Average`], the paper's average visibility [SD95 sec
 //!   5].
 //! * [`mod@reference`]: the same rule for single segments and nodes; the reference in tests of the fast engine.
 //!
@@ -29,7 +29,7 @@ mod wide;
 
 pub use exact::{Exact, fastest_traversal};
 pub use instances::{Frame, InstanceTree};
-pub use multires::{Leaf, MultiResolution, Workspace};
+pub use multires::{LeafMode, MultiResolution, Workspace};
 pub use unbiased::{Correction, Estimate, Unbiased};
 pub use wide::WideTree;
 

@@ -16,12 +16,12 @@ use std::sync::Arc;
 
 /// Treatment of leaves that the umbra criterion opens.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Leaf {
+pub enum LeafMode {
     /// Its triangles are tested.
     #[default]
     Exact,
     /// The leaf transmits according to its extinction: the paper's average visibility [SD95 sec 5].
-    Extinction,
+    Average,
 }
 
 /// Work of exact rays per packet before [`MultiResolution::with_budget`] measures it. Chosen.
@@ -57,7 +57,7 @@ pub struct MultiResolution {
     exact: CommittedScene,
     traversal: Traversal,
     magnitude: f32,
-    leaf: Leaf,
+    leaf: LeafMode,
     isa: Isa,
     /// Estimated work of exact rays per packet.
     budget: u64,
@@ -95,7 +95,7 @@ impl MultiResolution {
         tree: Arc<WideTree>,
         exact: CommittedScene,
         traversal: Traversal,
-        leaf: Leaf,
+        leaf: LeafMode,
     ) -> MultiResolution {
         MultiResolution {
             far: tree.bytes() > CACHE_BYTES,
@@ -167,7 +167,7 @@ impl MultiResolution {
         mut each: impl FnMut(Answer),
     ) {
         // Without exact rays walks have no limit.
-        self.walk_all(bundles, Sizes::All(s), self.leaf == Leaf::Exact, workspace);
+        self.walk_all(bundles, Sizes::All(s), self.leaf == LeafMode::Exact, workspace);
         for (k, bundle) in bundles.iter().enumerate() {
             each(self.finish(*bundle, k, workspace));
         }
@@ -345,7 +345,7 @@ impl MultiResolution {
         workspace: &mut Workspace,
         mut each: impl FnMut(usize, Answer, &[f32; LANES]),
     ) {
-        self.walk_all(bundles, Sizes::Each(sizes), self.leaf == Leaf::Exact, workspace);
+        self.walk_all(bundles, Sizes::Each(sizes), self.leaf == LeafMode::Exact, workspace);
         for (k, bundle) in bundles.iter().enumerate() {
             let answer = self.finish(*bundle, k, workspace);
             let mut lanes = workspace.lanes[k];
@@ -363,7 +363,7 @@ impl MultiResolution {
     }
 
     /// Treatment of leaves.
-    pub fn leaf(&self) -> Leaf {
+    pub fn leaf(&self) -> LeafMode {
         self.leaf
     }
 }
@@ -408,7 +408,7 @@ impl Kernel for Ask<'_> {
         let Ask { engine, bundles, sizes, bounded, workspace } = self;
         let Workspace { buffers, placed, front, shafts, walked, lanes } = workspace;
         let averages = !matches!(sizes, Sizes::Nothing);
-        let soft = engine.leaf == Leaf::Extinction && averages;
+        let soft = engine.leaf == LeafMode::Average && averages;
         let size = |bundle: &Bundle| if averages { bundle.emitter_size } else { 0.0 };
         // Exact work is estimated without the cost of cache misses; only walks for answers include it.
         let fetch = if engine.far && averages { FETCH } else { 0 };

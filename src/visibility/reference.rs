@@ -1,7 +1,7 @@
 //! The umbra criterion for single segments and nodes (docs/method.md, Umbra criterion): the reference in tests of the
 //! fast engine.
 
-use super::multires::Leaf;
+use super::multires::LeafMode;
 use crate::clusters::{Hierarchy, Tree};
 use crate::optics::{AxisMix, ClusterOptics};
 use crate::scene::Scene;
@@ -71,7 +71,7 @@ pub fn walk(
     segment: Segment,
     towards: Vec3,
     (e, s): (f32, f32),
-    leaf: Leaf,
+    leaf: LeafMode,
     mut blocks: impl FnMut(u32) -> bool,
 ) -> Met {
     let mut met = Met { depth: 0.0, blocked: false, aggregated: 0 };
@@ -90,7 +90,7 @@ fn visit(
     optics: &[ClusterOptics],
     segment: Segment,
     (e, s): (f32, f32),
-    leaf: Leaf,
+    leaf: LeafMode,
     mix: &AxisMix,
     met: &mut Met,
     blocks: &mut impl FnMut(u32) -> bool,
@@ -114,7 +114,7 @@ fn visit(
     // threshold b* is smaller.
     let threshold = s + (e - s) * if e > s { enter } else { leave };
     let small = mix.mix(|axis| optics[c].feature_size(axis)) < threshold;
-    if (small && !end_inside) || (cluster.is_leaf() && leaf == Leaf::Extinction) {
+    if (small && !end_inside) || (cluster.is_leaf() && leaf == LeafMode::Average) {
         let path = f64::from(leave - enter) * f64::from(segment.direction.length());
         let middle = segment.origin + 0.5 * (enter + leave) * segment.direction;
         let density = 1.0 + f64::from(optics[c].slope.dot(middle - bounds.center()));

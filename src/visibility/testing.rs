@@ -1,6 +1,6 @@
 //! Scenes prepared for tests of the engines.
 
-use super::{Leaf, MultiResolution, WideTree};
+use super::{LeafMode, MultiResolution, WideTree};
 use crate::clusters::{self, Hierarchy};
 use crate::embree::{CommittedScene, Device, SceneBuilder, Traversal};
 use crate::optics::{self, ClusterOptics};
@@ -35,7 +35,7 @@ impl Stage {
         Stage::with(scene, &apart, how)
     }
 
-    pub fn engine(&self, leaf: Leaf) -> MultiResolution {
+    pub fn engine(&self, leaf: LeafMode) -> MultiResolution {
         let tree = WideTree::build(&self.scene, &self.hierarchy, &self.optics);
         MultiResolution::new(Arc::new(tree), self.traced.clone(), SINGLE, leaf)
     }

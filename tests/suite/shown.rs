@@ -91,7 +91,7 @@ fn solutions_of_published_obstructed_pairs() {
         let points = outcome.irradiance.iter().map(|e| e[0]).sum::<f64>() / grid.len() as f64;
         assert!((points / want - 1.0).abs() < 5e-3, "{id} at points: {points} instead of {want}");
         // Elements sample visibility with few segments; the errors have no bias.
-        let floor = outcome.solution.elements.iter().filter(|e| e.object == 1 && e.front);
+        let floor = outcome.mesh.elements.iter().filter(|e| e.object == 1 && e.front);
         let (light, area) =
             floor.fold((0.0, 0.0), |(light, area), e| (light + e.irradiance[0] * e.area, area + e.area));
         let mean = light / area;

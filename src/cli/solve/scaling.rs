@@ -2,18 +2,22 @@
 
 use super::super::args::{Common, grouped};
 use super::watch::Watch;
-use crate::Result;
-use crate::radiosity::{self, Options};
+use crate::bench::solve_scaling::{LARGEST, solve_scaling};
+use crate::radiosity::Options;
+use crate::{Error, Result};
 use std::fmt::Write as _;
 use std::process::ExitCode;
 use std::sync::Arc;
 
 /// Solves a series of growing scenes; prints a table of times and the exponent of their growth.
 pub fn scaling(common: &Common, options: &Options, largest: usize) -> Result<ExitCode> {
-    radiosity::check_scaling(largest)?;
+    if !LARGEST.contains(&largest) {
+        let (least, most) = (LARGEST.start(), LARGEST.end());
+        return Err(Error::Argument(format!("--scaling={largest}: must lie in {least}..{most} triangles")));
+    }
     common.check_json()?;
     let watch = Watch { spinner: common.spinner("solving"), stopped: Arc::default() };
-    let found = radiosity::scaling(options, largest, &watch)?;
+    let found = solve_scaling(options, largest, &watch)?;
     drop(watch);
     common.write_json(&found)?;
     let mut text =

@@ -1,13 +1,14 @@
 //! The record of a solution as text.
 
 use super::super::args::grouped;
-use super::super::flags::with_flags;
+use crate::bench::side_by_side::{ComparedRecord, Versus};
 use crate::plot::number;
-use crate::radiosity::{Record, Versus, Visibility};
+use crate::radiosity::{Record, Visibility};
 use std::fmt::Write as _;
 
 /// The record as text. `with_points`: irradiance at points was asked for.
-pub fn summary(r: &Record, with_points: bool) -> String {
+pub fn summary(compared: &ComparedRecord, with_points: bool) -> String {
+    let ComparedRecord { record: r, versus } = compared;
     let mut text = String::new();
     let s = &r.seconds;
     // Writing to a string cannot fail.
@@ -56,7 +57,7 @@ pub fn summary(r: &Record, with_points: bool) -> String {
         false => format!("; estimated error {} %", number(100.0 * r.error_estimate)),
     };
     let _ = writeln!(text, "mean irradiance {red}, {green}, {blue} W/m\u{b2} (red, green, blue){estimate}");
-    if let Some(v) = &r.versus {
+    if let Some(v) = versus {
         text += &side_by_side(r, v);
     }
     if let Some(a) = &r.audit {
@@ -71,7 +72,7 @@ pub fn summary(r: &Record, with_points: bool) -> String {
         );
     }
     for warning in &r.warnings {
-        let _ = writeln!(text, "note: {}", with_flags(warning));
+        let _ = writeln!(text, "note: {warning}");
     }
     text
 }

@@ -1,124 +1,139 @@
-//! From a scene and its hierarchy to the tree of elements.
+//! Builds the tree of elements from a scene and its cluster hierarchy.
 
-use super::split::surface;
-use super::{Cluster, DIRECTIONS, Element, Elements, Samples, Shape, Side, facing, sides};
+use super::lit_sides::lit_sides;
+use super::quads::quads;
+use super::subdivision::surface;
+use super::{Cluster, DIRECTIONS, Element, Elements, Shape, Side, SideSampler, facing};
 use crate::clusters::{Hierarchy, Tree};
 use crate::math::{Aabb, triangle_normal};
 use crate::scene::Scene;
 use rayon::prelude::*;
 
-/// Largest number of times a side may be split: what the ranges of ids leave room for.
+/// Most subdivisions of a side. Limits the ranges of ids: 4^14 parts a side leave room for 10^10 sides in 64 bits.
 const MAX_LEVEL: u32 = 14;
 
 impl Elements {
-    /// The elements of a scene: its clusters and the sides that light can reach, nothing split yet.
+    /// The elements of a scene before subdivision: its clusters and the sides that light can reach.
     ///
-    /// `min_area` (scene units squared, above 0) bounds what splitting makes. Parts of the scene that are known to be lit
-    /// on both sides are `open`, closed or not ([`lit_inside`](super::lit_inside)).
+    /// `min_area` (scene units squared, above 0) limits subdivision. `open` lists the parts of the scene that are known to be lit
+    /// on both sides, closed or not ([`lit_inside`](super::lit_inside)).
     pub fn build(scene: &Scene, hierarchy: &Hierarchy, min_area: f64, open: &[u32]) -> Elements {
-        Elements::of_seen(scene, hierarchy, min_area, &sides::seen(scene, open))
+        Elements::of_lit(scene, hierarchy, min_area, &lit_sides(scene, open))
     }
 
-    /// The same elements without some sides (ascending indices), which no light reaches.
+    /// The same elements without the sides in `unlit` (ascending indices), which no light reaches.
     pub fn without(self, unlit: &[u32], scene: &Scene, hierarchy: &Hierarchy) -> Elements {
         let lit = |side: u32| side != Elements::NONE && unlit.binary_search(&side).is_err();
-        let seen: Vec<[bool; 2]> = self.sides_of_triangle.iter().map(|sides| sides.map(lit)).collect();
-        Elements::of_seen(scene, hierarchy, self.min_area, &seen)
+        let lit: Vec<[bool; 2]> = self.sides_of_triangle.iter().map(|sides| sides.map(lit)).collect();
+        Elements::of_lit(scene, hierarchy, self.min_area, &lit)
     }
 
-    /// With the sides of each face, front and back, that light can reach.
-    fn of_seen(scene: &Scene, hierarchy: &Hierarchy, min_area: f64, seen: &[[bool; 2]]) -> Elements {
+    /// The elements for given lit sides of each face, front and back.
+    fn of_lit(scene: &Scene, hierarchy: &Hierarchy, min_area: f64, lit: &[[bool; 2]]) -> Elements {
         let trees: Vec<&Tree> =
             [&hierarchy.micro, &hierarchy.large].into_iter().filter(|t| !t.clusters.is_empty()).collect();
-        let mut build = Build {
-            elements: vec![group(0, 0)],
-            ranges: vec![[0, 0]],
-            sides: Vec::new(),
-            corners: Vec::new(),
-        };
-        // The roots of the trees are neighbours; then come the other clusters, tree by tree.
-        for _ in &trees {
-            build.elements.push(group(0, 0));
-            build.ranges.push([0, 0]);
-        }
-        (build.elements[0].first_child, build.elements[0].children) = (1, trees.len() as u16);
+        // The root, the roots of the trees, then the other clusters tree by tree.
+        let roots = (0..=trees.len()).map(|_| NewCluster::new(0, 0, [0, 0])).collect();
+        let mut build = Build { clusters: roots, sides: Vec::new() };
+        let root = &mut build.clusters[0].element;
+        (root.first_child, root.children) = (1, trees.len() as u16);
         let mut large_from = 0;
         for (k, tree) in trees.iter().enumerate() {
-            build.tree(scene, tree, 1 + k as u32, seen);
+            build.tree(scene, tree, 1 + k as u32, lit);
             if std::ptr::eq(*tree, &hierarchy.micro) {
                 large_from = build.sides.len() as u32;
             }
         }
-        build.ranges[0] = [0, build.sides.len() as u32];
+        build.clusters[0].sides = [0, build.sides.len() as u32];
         Elements { large_from, ..build.finish(scene, min_area) }
     }
 }
 
-fn group(cluster: u32, parent: u32) -> Element {
-    Element { shape: Shape::Cluster(cluster), parent, ..surface(0, [glam::Vec3::ZERO; 4]) }
+/// One side with its corners.
+struct NewSide {
+    side: Side,
+    corners: [glam::Vec3; 4],
 }
 
-/// Elements under construction: clusters first, each with its range of sides.
+/// One cluster element with its range of sides.
+struct NewCluster {
+    element: Element,
+    sides: [u32; 2],
+}
+
+impl NewCluster {
+    fn new(cluster: u32, parent: u32, sides: [u32; 2]) -> NewCluster {
+        let element = Element { shape: Shape::Cluster(cluster), parent, ..surface(0, [glam::Vec3::ZERO; 4]) };
+        NewCluster { element, sides }
+    }
+}
+
+/// The range of sides of a cluster before its sides are known.
+const NO_SIDES: [u32; 2] = [u32::MAX, 0];
+
+/// Elements under construction: all clusters come first, sides are appended below them.
 struct Build {
-    elements: Vec<Element>,
-    ranges: Vec<[u32; 2]>,
-    sides: Vec<Side>,
-    corners: Vec<[glam::Vec3; 4]>,
+    clusters: Vec<NewCluster>,
+    sides: Vec<NewSide>,
 }
 
 impl Build {
-    fn tree(&mut self, scene: &Scene, tree: &Tree, root: u32, seen: &[[bool; 2]]) {
-        let base = self.elements.len() as u32 - 1;
+    fn tree(&mut self, scene: &Scene, tree: &Tree, root: u32, lit: &[[bool; 2]]) {
+        let base = self.clusters.len() as u32 - 1;
         let place = |c: usize| if c == 0 { root } else { base + c as u32 };
         for cluster in &tree.clusters[1..] {
-            self.elements.push(group(self.elements.len() as u32, place(cluster.parent as usize)));
-            self.ranges.push([u32::MAX, 0]);
+            let (index, parent) = (self.clusters.len() as u32, place(cluster.parent as usize));
+            self.clusters.push(NewCluster::new(index, parent, NO_SIDES));
         }
-        self.elements[root as usize].shape = Shape::Cluster(root);
-        self.ranges[root as usize] = [u32::MAX, 0];
+        self.clusters[root as usize].element.shape = Shape::Cluster(root);
+        self.clusters[root as usize].sides = NO_SIDES;
         for (c, cluster) in tree.clusters.iter().enumerate().filter(|(_, c)| !c.is_leaf()) {
-            let e = &mut self.elements[place(c) as usize];
+            let e = &mut self.clusters[place(c) as usize].element;
             (e.first_child, e.children) = (place(cluster.first_child as usize), cluster.children as u16);
         }
-        // Leaves in the order of their triangles, so that the sides of every cluster are neighbours.
+        // Leaves in the order of their triangles: the sides of every cluster become consecutive.
         let mut leaves: Vec<usize> =
             (0..tree.clusters.len()).filter(|&c| tree.clusters[c].is_leaf()).collect();
         leaves.sort_by_key(|&c| tree.clusters[c].first_triangle);
-        let made: Vec<Vec<(Side, [glam::Vec3; 4])>> =
-            leaves.par_iter().map(|&c| sides_of(scene, tree.triangles_of(c), seen)).collect();
+        let made: Vec<Vec<NewSide>> =
+            leaves.par_iter().map(|&c| sides_of(scene, tree.triangles_of(c), lit)).collect();
         for (&c, made) in leaves.iter().zip(made) {
             let first = self.sides.len() as u32;
-            for (side, corners) in made {
-                self.sides.push(side);
-                self.corners.push(corners);
-            }
-            self.ranges[place(c) as usize] = [first, self.sides.len() as u32];
+            self.sides.extend(made);
+            self.clusters[place(c) as usize].sides = [first, self.sides.len() as u32];
         }
         for c in (1..tree.clusters.len()).rev() {
-            let [from, to] = self.ranges[place(c) as usize];
-            let range = &mut self.ranges[place(tree.clusters[c].parent as usize) as usize];
+            let [from, to] = self.clusters[place(c) as usize].sides;
+            let range = &mut self.clusters[place(tree.clusters[c].parent as usize) as usize].sides;
             *range = [range[0].min(from), range[1].max(to)];
         }
     }
 
-    /// Hangs the sides below their clusters and sums up.
-    fn finish(mut self, scene: &Scene, min_area: f64) -> Elements {
-        let clusters = self.elements.len();
-        for c in 0..clusters {
-            if !self.elements[c].is_leaf() {
+    /// Appends the sides below their clusters and computes the properties of clusters.
+    fn finish(self, scene: &Scene, min_area: f64) -> Elements {
+        let Build { clusters, sides: mut new_sides } = self;
+        let ranges: Vec<[u32; 2]> = clusters.iter().map(|c| c.sides).collect();
+        let mut elements: Vec<Element> = Vec::new();
+        for cluster in clusters {
+            elements.push(cluster.element);
+        }
+        for (c, [from, to]) in ranges.iter().copied().enumerate() {
+            if !elements[c].is_leaf() {
                 continue;
             }
-            let [from, to] = self.ranges[c];
-            (self.elements[c].first_child, self.elements[c].children) =
-                (self.elements.len() as u32, (to - from) as u16);
+            (elements[c].first_child, elements[c].children) = (elements.len() as u32, (to - from) as u16);
             for s in from..to {
-                self.sides[s as usize].element = self.elements.len() as u32;
-                self.elements.push(Element { parent: c as u32, ..surface(s, self.corners[s as usize]) });
+                let NewSide { side, corners } = &mut new_sides[s as usize];
+                side.element = elements.len() as u32;
+                elements.push(Element { parent: c as u32, ..surface(s, *corners) });
             }
         }
-        let Build { mut elements, ranges, sides, .. } = self;
+        let mut sides: Vec<Side> = Vec::new();
+        for new in new_sides {
+            sides.push(new.side);
+        }
         let areas = sides.iter().map(|s| elements[s.element as usize].area);
-        let samples = Samples::new(areas.zip(sides.iter().map(|s| facing(s.normal))));
+        let samples = SideSampler::new(areas.zip(sides.iter().map(|s| facing(s.normal))));
         let made: Vec<Cluster> =
             ranges.iter().map(|&range| cluster(range, &elements, &sides, &samples)).collect();
         for (element, cluster) in elements.iter_mut().zip(&made) {
@@ -147,15 +162,15 @@ impl Build {
     }
 }
 
-/// The seen sides of the faces of a leaf.
-fn sides_of(scene: &Scene, faces: &[u32], seen: &[[bool; 2]]) -> Vec<(Side, [glam::Vec3; 4])> {
+/// The lit sides of the faces of a leaf.
+fn sides_of(scene: &Scene, faces: &[u32], lit: &[[bool; 2]]) -> Vec<NewSide> {
     let mut made = Vec::new();
-    for (triangles, corners) in sides::quads(scene, faces) {
+    for (triangles, corners) in quads(scene, faces) {
         let t = triangles[0] as usize;
         let [a, b, c] = scene.corners(triangles[0]);
-        for front in [true, false].into_iter().filter(|&front| seen[t][usize::from(!front)]) {
+        for front in [true, false].into_iter().filter(|&front| lit[t][usize::from(!front)]) {
             let [p, q, r, s] = corners;
-            // The first diagonal stays the edge of the two faces.
+            // The first diagonal remains the edge between the two faces.
             let turned = if r == s { [r, q, p, p] } else { [r, q, p, s] };
             let normal = triangle_normal(a, b, c);
             let emits = front || scene.two_sided_emission;
@@ -169,13 +184,13 @@ fn sides_of(scene: &Scene, faces: &[u32], seen: &[[bool; 2]]) -> Vec<(Side, [gla
                 exitance,
                 element: 0,
             };
-            made.push((side, if front { corners } else { turned }));
+            made.push(NewSide { side, corners: if front { corners } else { turned } });
         }
     }
     made
 }
 
-fn cluster(range: [u32; 2], elements: &[Element], sides: &[Side], samples: &Samples) -> Cluster {
+fn cluster(range: [u32; 2], elements: &[Element], sides: &[Side], samples: &SideSampler) -> Cluster {
     let within = &sides[range[0] as usize..range[1] as usize];
     let (mut bounds, mut reflectance) = (Aabb::EMPTY, 0.0);
     for side in within {
@@ -193,7 +208,7 @@ fn cluster(range: [u32; 2], elements: &[Element], sides: &[Side], samples: &Samp
     }
 }
 
-/// Gives every element a range of ids that holds all there can be below it (method B.3).
+/// Gives every element a range of ids that is large enough for all possible elements below it.
 fn number(elements: &mut [Element], min_area: f64) {
     let mut size = vec![1u64; elements.len()];
     for e in (0..elements.len()).rev() {

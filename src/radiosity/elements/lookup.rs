@@ -1,37 +1,37 @@
-//! Which part of a surface a point lies on, for many points.
+//! Finds the leaf element of a surface that holds a point, for many points.
 
-use super::split::is_triangle;
+use super::subdivision::is_triangle;
 use super::{Elements, Shape};
 use glam::{Vec2, Vec3};
 
-/// The quadtrees of all sides, packed: elements must not be split while it is in use.
+/// The quadtrees of all sides in packed form. Elements must not be split while a lookup is in use.
 pub struct Lookup {
     frames: Vec<Frame>,
     /// First child of each element, 0 for leaves.
     first_child: Vec<u32>,
-    /// The elements of grids over sides, each as deep as pays: one access instead of one a level.
+    /// Elements in the cells of a grid over each side: one access replaces a descent of several levels.
     cells: Vec<u32>,
 }
 
-/// Where a side lies.
+/// Parametrisation of one side.
 struct Frame {
     origin: Vec3,
     axes: [Vec3; 2],
-    /// What the two parameters run along, in the axes: a triangle's edges from its first corner, twice; of a quad the edges
-    /// 0-1 and 1-2 on one side of its diagonal, 3-2 and 0-3 on the other.
+    /// Edges that the two parameters run along, in the axes. Triangle: the two edges from its first corner, twice. Quad: the
+    /// edges 0-1 and 1-2 on one side of its diagonal, 3-2 and 0-3 on the other.
     edges: [[Vec2; 2]; 2],
     element: u32,
     triangle: bool,
-    /// Levels that its grid spans, and where that begins: `2^depth` rows of as many cells, of twice as many for triangles.
+    /// Levels that the grid spans and its first cell: `2^depth` rows of `2^depth` cells, of twice as many for triangles.
     depth: u32,
     first_cell: usize,
 }
 
-/// Levels of a grid at most.
-const DEEPEST: u32 = 8;
+/// Most levels of a grid. Chosen: 65,536 cells a side.
+const MAX_GRID_LEVELS: u32 = 8;
 
 impl Lookup {
-    /// Of the present elements.
+    /// For the present elements.
     pub fn new(elements: &Elements) -> Lookup {
         let frames = elements.sides.iter().map(|side| {
             let Shape::Surface { corners: c, .. } = elements.elements[side.element as usize].shape else {
@@ -79,7 +79,7 @@ impl Lookup {
     /// A grid with about as many cells as the side has parts.
     fn lay_grid(&mut self, side: usize, parts: u32) {
         let frame = &mut self.frames[side];
-        frame.depth = (parts.ilog2() / 2).clamp(1, DEEPEST);
+        frame.depth = (parts.ilog2() / 2).clamp(1, MAX_GRID_LEVELS);
         frame.first_cell = self.cells.len();
         let Frame { depth, triangle, element, .. } = *frame;
         let rows = 1 << depth;
@@ -105,7 +105,7 @@ impl Lookup {
         let (u, v) = frame.parameters(Vec2::new(from.dot(frame.axes[0]), from.dot(frame.axes[1])));
         let rows = 1u32 << frame.depth;
         let (x, y) = (u * rows as f32, v * rows as f32);
-        // NaN becomes 0.
+        // The conversion turns NaN into 0.
         let (i, j) = ((x as u32).min(rows - 1), (y as u32).min(rows - 1));
         let (x, y) = (x - i as f32, y - j as f32);
         let cell = (j * rows + i) as usize;
@@ -114,7 +114,7 @@ impl Lookup {
             return self.descend(false, at, [x, y], u32::MAX);
         }
         let at = self.cells[frame.first_cell + 2 * cell + usize::from(x + y > 1.0)];
-        // The parts of the middle quarter are turned: from the top again.
+        // Parts of the middle quarter are rotated: the descent starts at the top again.
         if self.first_child[at as usize] == 0 {
             at
         } else {
@@ -122,7 +122,7 @@ impl Lookup {
         }
     }
 
-    /// The part of an element that holds a place, `levels` below it at most.
+    /// The part of an element that holds a parameter pair, at most `levels` below the element.
     #[inline]
     fn descend(&self, triangle: bool, element: u32, [mut u, mut v]: [f32; 2], levels: u32) -> u32 {
         let (mut at, mut left) = (element, levels);
@@ -139,8 +139,8 @@ impl Lookup {
 }
 
 impl Frame {
-    /// Weights of a triangle's second and third corner; for a quad parameters with the corners at (0, 0), (1, 0), (1, 1),
-    /// (0, 1), linear on either side of the diagonal u = v, so that quarters are halves of both.
+    /// Triangle: weights of the second and third corner. Quad: parameters with corners at (0, 0), (1, 0), (1, 1), (0, 1), linear
+    /// on either side of the diagonal u = v, so that quarters halve both parameters.
     #[inline]
     fn parameters(&self, h: Vec2) -> (f32, f32) {
         let along = |[e, f]: [Vec2; 2]| {
@@ -152,7 +152,7 @@ impl Frame {
     }
 }
 
-/// The quarter that parameters lie in, and the parameters there.
+/// The quarter of a quad that holds a parameter pair, and the parameters within the quarter.
 #[inline]
 fn quarter_of_quad(u: f32, v: f32) -> (u32, f32, f32) {
     let (right, upper) = (u >= 0.5, v >= 0.5);
@@ -160,7 +160,7 @@ fn quarter_of_quad(u: f32, v: f32) -> (u32, f32, f32) {
     (part, 2.0 * u - f32::from(right), 2.0 * v - f32::from(upper))
 }
 
-/// The same for weights of the second and third corner.
+/// The same for a triangle and weights of its second and third corner.
 #[inline]
 fn quarter_of_triangle(b: f32, c: f32) -> (u32, f32, f32) {
     let a = 1.0 - b - c;

@@ -1,30 +1,34 @@
-//! H-elements: what exchanges light. Clusters of the hierarchy above, sides of surfaces below, split as quadtrees.
+//! Elements: what exchanges light. Clusters of the hierarchy above, sides of surfaces below, subdivided as quadtrees.
 //!
-//! One notion for both [Sillion 95; method C.2, C.3]: an element has an area and, towards a direction, a projected area.
-//! A surface has one normal; a cluster keeps its projected area along six axes, `P(±k) = Σ A max(0, ±n_k)`, so that
-//! towards ω it is `Σ_k |ω_k| P(sign ω_k)`: exact where all contents face ω alike, above the truth elsewhere, and the
-//! samples that links are measured with take the difference into account.
+//! Clusters and surfaces have one interface [Sillion 95]: an element has an area and, towards a direction, a projected area.
+//! A surface has one normal. A cluster stores its projected area along six directions, `P(±k) = Σ A max(0, ±n_k)`, so that
+//! its projected area towards ω is `Σ_k |ω_k| P(sign ω_k)`: exact where all surfaces face ω alike, an upper bound elsewhere.
+//! The samples that links are measured with correct the difference.
 //!
-//! The elements of a scene are one tree in one arena, parents before children. Ids are ranges that are large enough for
-//! every subdivision there can be (method B.3), so that "is a part of" is a comparison, and stays one while elements
-//! come and go. Light is not kept here: vectors that are as long as the arena hold it.
+//! The elements of a scene are one tree in one arena, parents before children; indices never change. Each element owns a range
+//! of ids that is large enough for every possible subdivision, so that "is a part of" is a comparison of ranges and stays
+//! valid while elements are added. The solver's own data, [`ElementState`], has the same indices.
 
 mod build;
+pub mod emitters;
+mod lit_sides;
 mod lookup;
-mod sample;
-mod sides;
-mod split;
+mod quads;
+mod side_sampling;
+mod state;
+mod subdivision;
 #[cfg(test)]
 mod tests;
 
+pub use lit_sides::{Entered, lit_inside};
 pub use lookup::Lookup;
-pub use sample::{Samples, spread};
-pub use sides::{Entered, lit_inside};
+pub use side_sampling::{SideSampler, facing_bound};
+pub use state::{ElementState, LightStatistics, RowFactors};
 
 use crate::math::Aabb;
 use glam::Vec3;
 
-/// Axes with sign: +x, -x, +y, -y, +z, -z.
+/// Number of signed axes, in the order +x, -x, +y, -y, +z, -z.
 pub const DIRECTIONS: usize = 6;
 
 /// A side of an input surface: a triangle, or two that make a convex planar quad.
@@ -32,24 +36,24 @@ pub const DIRECTIONS: usize = 6;
 pub struct Side {
     /// Faces of the scene; twice the same for a triangle.
     pub triangles: [u32; 2],
-    /// Unit normal towards the side that is seen.
+    /// Unit normal on the side that is seen.
     pub normal: Vec3,
-    /// Whether that is the front, where the faces' corners turn counterclockwise.
+    /// Whether this is the front, from which the corners of the faces turn counterclockwise.
     pub front: bool,
     /// Diffuse reflectance, RGB in `[0, 1)`.
     pub reflectance: [f32; 3],
-    /// What it emits, W/m², RGB.
+    /// Exitance, W/m², RGB.
     pub exitance: [f64; 3],
-    /// The element that is all of it.
+    /// The element that covers the whole side.
     pub element: u32,
 }
 
-/// What an element is.
+/// The kind of an element.
 #[derive(Clone, Debug)]
 pub enum Shape {
     /// A group of surfaces: index into [`Elements::clusters`].
     Cluster(u32),
-    /// A part of a side.
+    /// A side or a part of a side.
     Surface {
         /// Index into [`Elements::sides`].
         side: u32,
@@ -61,33 +65,33 @@ pub enum Shape {
 /// One element.
 #[derive(Clone, Debug)]
 pub struct Element {
-    /// What it is.
+    /// Cluster or surface.
     pub shape: Shape,
-    /// Its first id and the first one beyond its parts.
+    /// First id of the element and first id beyond its parts.
     pub ids: [u64; 2],
-    /// Index of the parent; the root is its own.
+    /// Index of the parent; the root is its own parent.
     pub parent: u32,
-    /// Index of the first child; children are neighbours. 0 if there are none.
+    /// Index of the first child; children have consecutive indices. 0 without children.
     pub first_child: u32,
     /// Number of children.
     pub children: u16,
-    /// How often the side was split to get here; 0 for clusters.
+    /// Number of subdivisions above the element; 0 for clusters and whole sides.
     pub level: u8,
-    /// Area of all sides in it, scene units squared.
+    /// Area of all its sides, scene units squared.
     pub area: f64,
-    /// Middle of its box.
+    /// Centre of its bounding box (surfaces: of its corners).
     pub centre: Vec3,
-    /// Half of the diagonal of its box.
+    /// Half of the diagonal of its bounding box, scene units.
     pub radius: f32,
 }
 
 impl Element {
-    /// Whether it is a cluster.
+    /// Whether the element is a cluster.
     pub fn is_cluster(&self) -> bool {
         matches!(self.shape, Shape::Cluster(_))
     }
 
-    /// Whether nothing lies below.
+    /// Whether the element has no children.
     pub fn is_leaf(&self) -> bool {
         self.children == 0
     }
@@ -98,10 +102,10 @@ impl Element {
     }
 }
 
-/// What a cluster knows about the sides in it.
+/// Properties of a cluster.
 #[derive(Clone, Debug)]
 pub struct Cluster {
-    /// Box around its surfaces.
+    /// Bounding box of its surfaces.
     pub bounds: Aabb,
     /// Its sides, a range of [`Elements::sides`].
     pub sides: [u32; 2],
@@ -116,23 +120,23 @@ pub struct Cluster {
 pub struct Elements {
     /// The arena; the root comes first, parents before children.
     pub elements: Vec<Element>,
-    /// Clusters, in the order of their elements.
+    /// Clusters; cluster c belongs to element c.
     pub clusters: Vec<Cluster>,
-    /// Sides, so ordered that every cluster's are neighbours.
+    /// Sides, ordered so that those of every cluster are consecutive.
     pub sides: Vec<Side>,
-    /// Indices of the front and back side of each face; [`Elements::NONE`] where it is not seen.
+    /// Indices of the front and back side of each face; [`Elements::NONE`] for a side that light cannot reach.
     pub sides_of_triangle: Vec<[u32; 2]>,
     /// Area of all sides.
     pub area: f64,
-    /// The first side of the large surfaces; those before it are in clusters that may be averaged.
+    /// First side of the large surfaces. Sides before it are in clusters that may be averaged.
     pub large_from: u32,
-    /// Smallest area of an element that comes from splitting.
+    /// Smallest area of an element that subdivision makes, scene units squared.
     pub min_area: f64,
-    samples: Samples,
+    samples: SideSampler,
 }
 
 impl Elements {
-    /// Stands for no side.
+    /// Index that stands for no side.
     pub const NONE: u32 = u32::MAX;
 
     /// Number of elements.
@@ -140,12 +144,12 @@ impl Elements {
         self.elements.len()
     }
 
-    /// Whether there is nothing.
+    /// Whether there are no elements.
     pub fn is_empty(&self) -> bool {
         self.elements.is_empty()
     }
 
-    /// Whether `part` is `whole` or lies in it.
+    /// Whether `part` is `whole` or a part of `whole`.
     pub fn is_part_of(&self, part: u32, whole: u32) -> bool {
         let (part, whole) = (self.elements[part as usize].ids, self.elements[whole as usize].ids);
         whole[0] <= part[0] && part[1] <= whole[1]
@@ -159,8 +163,8 @@ impl Elements {
         if sense * side.normal.dot(direction) < 0.0 { front } else { back }
     }
 
-    /// Where a cluster's sides are drawn from.
-    pub fn samples(&self) -> &Samples {
+    /// Draws sides of clusters.
+    pub fn samples(&self) -> &SideSampler {
         &self.samples
     }
 
@@ -174,7 +178,7 @@ impl Elements {
     }
 }
 
-/// How far a normal faces each of the six directions.
+/// Positive parts of the cosines between a unit vector and the six directions.
 #[inline]
 pub fn facing(normal: Vec3) -> [f32; DIRECTIONS] {
     let n = normal.to_array();

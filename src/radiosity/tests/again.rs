@@ -1,9 +1,12 @@
-//! Links that are kept are chosen by what was seen of them, and measured anew.
+//! Refinement keeps links because of their measurement, which biases them; measuring again removes the bias.
 
-use super::model_for;
 use super::*;
-use crate::radiosity::clock::Clock;
-use crate::visibility::Exact;
+use crate::radiosity::deadline::Deadline;
+use crate::radiosity::elements::Elements;
+use crate::radiosity::links::VisibilityEngine;
+use crate::radiosity::pipeline::{exact_engine, total_area};
+use crate::radiosity::refinement::{LinkedScene, link_errors, refine, remeasure_links};
+use crate::radiosity::surroundings::probe;
 
 const SEEDS: u64 = 300;
 
@@ -27,42 +30,42 @@ fn table() -> Scene {
     resolve(soup, &LoadOptions::default()).expect("a scene")
 }
 
-/// Mean irradiance of the floor under the table, |x|, |y| < 1, by links that are looked at again or not, for each seed.
+/// Mean irradiance of the floor under the table, |x|, |y| < 1, by links that are measured again or not, for each seed.
 fn under(scene: &Scene, seeds: std::ops::RangeInclusive<u64>, again: bool) -> Vec<f64> {
     let mut options = Options { error: 0.3, min_area: 1e-4, ..Options::default() };
-    let clock = Clock::start(&(), None);
+    let deadline = Deadline::start(&(), None);
     let model = model_for(scene, &options);
-    let exact = Exact { scene: model.traced().clone(), traversal: model.widest_packets() };
-    let ends = model.end_rule();
+    let (exact, ends) = (exact_engine(&model), model.end_rule());
     let elements =
-        Elements::build(scene, model.base().hierarchy(), options.min_area * run::areas(scene), &[]);
+        Elements::build(scene, model.base().hierarchy(), options.min_area * total_area(scene), &[]);
     let mut by_seed = Vec::new();
     for seed in seeds {
         options.seed = seed;
         let length = 2.0 * scene.bounds.diagonal();
-        let found = probe::probe(&elements, &exact.scene, exact.traversal, ends, length, 1);
-        let mut solver = Solver::new(elements.clone(), found, Sight::Exact(exact.clone()), ends, &options);
+        let found = probe(&elements, &exact, ends, length, 1);
+        let engine = VisibilityEngine::Exact(exact.clone());
+        let mut linked = LinkedScene::new(elements.clone(), found, engine, ends, &options);
         const THRESHOLD: f32 = 5e-3;
         for _ in 0..3 {
-            let errors = solver.errors();
-            solver.refine(&errors, THRESHOLD, false, &|_| false);
-            let cut = solver.cut();
-            solver.settle(&cut, 1e-3, 12, &clock);
-            solver.look();
+            let errors = link_errors(&linked);
+            refine(&mut linked, &errors, THRESHOLD, false, &|_| false);
+            let nodes = linked.active_nodes();
+            linked.iterate(&nodes, 1e-3, 12, &deadline);
+            linked.update_oracle_statistics();
         }
         if again {
-            solver.look_again(THRESHOLD, &clock);
+            remeasure_links(&mut linked, THRESHOLD, 0.0, &deadline);
         }
-        let cut = solver.cut();
-        solver.settle(&cut, 1e-5, 40, &clock);
+        let nodes = linked.active_nodes();
+        linked.iterate(&nodes, 1e-5, 40, &deadline);
         let (mut sum, mut all) = (0.0, 0.0);
-        for (e, element) in solver.elements().elements.iter().enumerate() {
+        for (e, element) in linked.elements.elements.iter().enumerate() {
             let crate::radiosity::elements::Shape::Surface { side, .. } = element.shape else { continue };
-            let side = &solver.elements().sides[side as usize];
+            let side = &linked.elements.sides[side as usize];
             let on_floor = side.front && scene.triangle_object[side.triangles[0] as usize] == 0;
             let inner = (element.centre - glam::Vec3::new(0.07, 0.03, 0.0)).abs().max_element() < 1.0;
             if element.is_leaf() && on_floor && inner {
-                sum += element.area * mean(solver.incident[e]);
+                sum += element.area * mean(linked.states[e].irradiance);
                 all += element.area;
             }
         }

@@ -1,8 +1,6 @@
 //! Time limits, interruption, missed targets, and light that would grow without end.
 
-use super::model_for;
 use super::*;
-use crate::progress::Progress;
 use crate::scene::generate::{Spec, build};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
@@ -27,10 +25,10 @@ fn clutter() -> Scene {
 /// Points on all surfaces of a scene, chosen by a coarse solution's elements.
 pub fn on_surfaces(scene: &Scene, count: usize) -> Vec<Point> {
     let coarse = solved(scene, &[], &Options { error: 0.5, audit: 0, ..Options::default() });
-    let elements = &coarse.solution.elements;
+    let elements = &coarse.mesh.elements;
     (elements.iter().step_by(elements.len().div_ceil(count)))
         .map(|e| {
-            let [a, b, c, _] = e.corners.map(|v| coarse.solution.vertices[v as usize].as_dvec3());
+            let [a, b, c, _] = e.corners.map(|v| coarse.mesh.vertices[v as usize].as_dvec3());
             Point { position: (a + b + c) / 3.0 + scene.origin, normal: (b - a).cross(c - a).normalize() }
         })
         .collect()
@@ -99,7 +97,7 @@ fn time_limits_bound_the_time() {
         // Without a limit it would take hours; other tests run at the same time.
         assert!(taken < 20.0 * limit, "{taken}");
         assert_eq!(ended, Ended::Time);
-        assert!(warnings.iter().any(|w| w.contains("--max-seconds 1.5 ended refinement")), "{warnings:?}");
+        assert!(warnings.iter().any(|w| w.contains("max_seconds 1.5 ended refinement")), "{warnings:?}");
         assert!(ledger.created.abs() < 1e-2 * ledger.emitted, "{ledger:?}");
     }
 }
@@ -112,12 +110,12 @@ fn a_missed_target_is_recorded() {
     };
     let missed = target(1e-6, 10_000_000);
     assert!(missed.target_met == Some(false) && missed.ended == Ended::Error);
-    assert!(missed.warnings.iter().any(|w| w.contains("--target-error")), "{:?}", missed.warnings);
+    assert!(missed.warnings.iter().any(|w| w.contains("target_error")), "{:?}", missed.warnings);
     let met = target(0.5, 10_000_000);
     assert!(met.target_met == Some(true) && met.ended == Ended::Target && met.error_estimate <= 0.5);
     let full = target(1e-6, 500);
     assert!(full.ended == Ended::Links && full.links <= 500, "{:?} {}", full.ended, full.links);
-    assert!(full.warnings.iter().any(|w| w.contains("--max-links 500")), "{:?}", full.warnings);
+    assert!(full.warnings.iter().any(|w| w.contains("max_links 500")), "{:?}", full.warnings);
     assert_eq!(solved(&room(true), &[], &Options::default()).record.target_met, None);
 }
 
@@ -196,10 +194,8 @@ fn light_at_more_points_keeps_to_the_time() {
         let start = Instant::now();
         let (points, one) = (floor(count), After(AtomicUsize::new(0), usize::MAX));
         let options = Options { more_points: true, audit: 0, ..options.clone() };
-        let answer = run_then(&model_for(&scene, &options), &[], &options, &one, |_, more| {
-            Ok(more.irradiance(&points, 1.0))
-        });
-        (answer.expect("an answer"), start.elapsed().as_secs_f64())
+        let (_, solution) = solve(&model_for(&scene, &options), &[], &options, &one).expect("a solution");
+        (solution.irradiance_within(&points, 1.0, &one), start.elapsed().as_secs_f64())
     };
     let many_rays =
         Options { light_rays: Some(4096), gather_rays: Some(4096), error: 0.1, ..Options::default() };
@@ -212,7 +208,7 @@ fn light_at_more_points_keeps_to_the_time() {
     // A hundred million rays are too many, a few of each point are not.
     let (some, taken) = asked(12_000, &hurried);
     let note = some.note.expect("a note");
-    assert!(note.starts_with("--max-seconds 1.5: light at pixels by ") && taken < 6.0, "{note} {taken}");
+    assert!(note.starts_with("max_seconds 1.5: light at pixels by ") && taken < 6.0, "{note} {taken}");
     let some = some.irradiance.expect("light");
     assert!(some.len() == 12_000 && some.iter().all(|e| e[0] > 0.0 && e[0].is_finite()));
     // Here not even those are possible.
@@ -221,23 +217,16 @@ fn light_at_more_points_keeps_to_the_time() {
     assert!(none.irradiance.is_none() && note.contains("3000000 pixels") && taken < 8.0, "{note} {taken}");
     // Interrupted in the middle of it.
     let (points, stop) = (floor(100_000), After(AtomicUsize::new(0), 1_000_000));
-    let answer = run_then(
-        &model_for(&scene, &many_rays),
-        &[],
-        &Options { audit: 0, ..many_rays },
-        &stop,
-        |_, more| {
-            std::thread::scope(|s| {
-                s.spawn(|| {
-                    std::thread::sleep(std::time::Duration::from_millis(300));
-                    stop.0.store(1_000_000, Ordering::Relaxed);
-                });
-                let start = Instant::now();
-                Ok((more.irradiance(&points, 1.0), start.elapsed().as_secs_f64()))
-            })
-        },
-    );
-    let (none, taken) = answer.expect("an answer");
+    let options = Options { audit: 0, ..many_rays };
+    let (_, solution) = solve(&model_for(&scene, &options), &[], &options, &stop).expect("a solution");
+    let (none, taken) = std::thread::scope(|s| {
+        s.spawn(|| {
+            std::thread::sleep(std::time::Duration::from_millis(300));
+            stop.0.store(1_000_000, Ordering::Relaxed);
+        });
+        let start = Instant::now();
+        (solution.irradiance_within(&points, 1.0, &stop), start.elapsed().as_secs_f64())
+    });
     assert!(none.irradiance.is_none() && none.note.expect("a note").starts_with("interrupted"));
     assert!(taken < 6.0, "{taken}");
 }

@@ -1,6 +1,6 @@
-//! Feature sizes by importance (method A.13).
+//! Feature sizes by importance.
 
-use super::sight::{forest, refined};
+use super::visibility::{forest, refined};
 use super::*;
 use crate::radiosity::elements::Shape;
 
@@ -24,17 +24,20 @@ fn sizes_grow_where_importance_is_small() {
     let named = |name: &str| scene.faces_named(name).expect("a name");
     let (ground, trunks) = (named("ground"), named("bark"));
     let options = Options { feature_sizes: vec![("bark".into(), PAINTED)], ..ground_matters() };
-    refined(&scene, &options, |solver| {
+    refined(&scene, &options, |linked| {
         let (mut painted, mut grown) = (0, Vec::new());
-        let elements = &solver.elements.elements;
+        let elements = &linked.elements.elements;
         for (e, element) in elements.iter().enumerate() {
-            let (size, importance) = (solver.feature_sizes[e], solver.importance[e]);
+            let (size, importance) = (linked.states[e].feature_size, linked.states[e].importance);
             let parent = element.parent as usize;
             if elements[parent].is_cluster() {
-                assert!(solver.feature_sizes[parent] <= size, "{e}: a cluster is asked for all of its parts");
+                assert!(
+                    linked.states[parent].feature_size <= size,
+                    "{e}: a cluster is asked for all of its parts"
+                );
             }
             let Shape::Surface { side, .. } = element.shape else { continue };
-            let face = solver.elements.sides[side as usize].triangles[0];
+            let face = linked.elements.sides[side as usize].triangles[0];
             if trunks.contains(&face) {
                 painted += 1;
                 assert!(size == PAINTED, "{size}");
@@ -52,12 +55,15 @@ fn sizes_grow_where_importance_is_small() {
         assert!(least < 4.0 * SIZE && most > 1.5 * least && most < 7.1 * SIZE, "{least} {most}");
         // Parts are born with the size of what they are parts of.
         let leaf = (0..elements.len()).rfind(|&e| {
-            elements[e].is_leaf() && solver.feature_sizes[e] > SIZE && solver.elements.can_open(e as u32)
+            elements[e].is_leaf()
+                && linked.states[e].feature_size > SIZE
+                && linked.elements.can_open(e as u32)
         });
         let (leaf, before) = (leaf.expect("a leaf"), elements.len());
-        solver.open(leaf as u32);
-        let sizes = &solver.feature_sizes;
-        assert!(sizes.len() > before && sizes[before..].iter().all(|&s| s == sizes[leaf]));
+        linked.split(leaf as u32);
+        let states = &linked.states;
+        let size = states[leaf].feature_size;
+        assert!(states.len() > before && states[before..].iter().all(|s| s.feature_size == size));
     });
 }
 
@@ -65,11 +71,11 @@ fn sizes_grow_where_importance_is_small() {
 #[test]
 fn sizes_without_importance_are_those_given() {
     let all = Options { importance: Vec::new(), ..ground_matters() };
-    refined(&forest(), &all, |solver| assert!(solver.feature_sizes.iter().all(|&s| s == SIZE)));
+    refined(&forest(), &all, |linked| assert!(linked.states.iter().all(|s| s.feature_size == SIZE)));
     let none = Options { feature_size: None, ..ground_matters() };
-    refined(&forest(), &none, |solver| {
-        let elements = &solver.elements.elements;
-        assert!(elements.iter().zip(&solver.feature_sizes).all(|(e, &size)| size == 2.0 * e.radius));
+    refined(&forest(), &none, |linked| {
+        let elements = &linked.elements.elements;
+        assert!(elements.iter().zip(&linked.states).all(|(e, s)| s.feature_size == 2.0 * e.radius));
     });
 }
 

@@ -31,7 +31,7 @@ fn compare(stage: &Stage, packets: &[Packet], e: f32, s: f32) -> Differences {
         .iter()
         .map(|t| Brute::new(&stage.scene.positions, std::slice::from_ref(t)))
         .collect();
-    let engine = stage.engine(Leaf::Exact).with_patience();
+    let engine = stage.engine(LeafMode::Exact).with_patience();
     let mut workspace = Workspace::default();
     let mut differences = Differences::default();
     for packet in packets {
@@ -48,7 +48,7 @@ fn compare(stage: &Stage, packets: &[Packet], e: f32, s: f32) -> Differences {
                 segment(packet, lane),
                 towards(packet),
                 (e, s),
-                Leaf::Exact,
+                LeafMode::Exact,
                 |t| {
                     let one = |tolerance| single[t as usize].verdict(origin, direction, near, far, tolerance);
                     clearly |= one(1e-5) == Verdict::Blocked;
@@ -144,7 +144,7 @@ fn vanishing_sizes_are_exact() {
         let stage = Stage::generated(name);
         let brute = Brute::new(&stage.scene.positions, &stage.scene.triangles);
         let tiny = 1e-6 * stage.size();
-        let engine = stage.engine(Leaf::Exact);
+        let engine = stage.engine(LeafMode::Exact);
         let mut workspace = Workspace::default();
         let (mut aggregated, mut marginal, mut segments) = (0, 0, 0);
         for packet in stage.bundles(17, 150, 16) {
@@ -181,7 +181,7 @@ fn vanishing_sizes_are_exact() {
 fn aggregation_grows_with_the_feature_size() {
     for name in ["forest", "cubes", "desk-room"] {
         let stage = Stage::generated(name);
-        let engine = stage.engine(Leaf::Exact);
+        let engine = stage.engine(LeafMode::Exact);
         let mut workspace = Workspace::default();
         let (mut sums, mut nodes) = ([0u64; 12], [0u64; 12]);
         for packet in stage.bundles(5, 400, 1) {

@@ -8,7 +8,7 @@ fn intervals_hold_their_answers() {
     for name in ["forest", "cubes", "desk-room"] {
         let stage = Stage::generated(name);
         let (engine, exact) =
-            (stage.engine(Leaf::Exact), Exact { scene: stage.traced.clone(), traversal: SINGLE });
+            (stage.engine(LeafMode::Exact), Exact { scene: stage.traced.clone(), traversal: SINGLE });
         let (mut workspace, mut blocked) = (Workspace::default(), Vec::new());
         for lanes in [1, 4, 16] {
             let bundles = stage.bundles(23, 150, lanes);
@@ -71,7 +71,7 @@ fn intervals_hold_their_answers() {
 fn certified_answers_are_exact() {
     for name in ["forest", "cubes", "desk-room"] {
         let stage = Stage::generated(name);
-        let engine = stage.engine(Leaf::Exact);
+        let engine = stage.engine(LeafMode::Exact);
         let exact = Exact { scene: stage.traced.clone(), traversal: SINGLE };
         let (mut workspace, mut blocked) = (Workspace::default(), Vec::new());
         let packets = stage.bundles(29, 600, 16);
@@ -100,7 +100,7 @@ fn claimed_errors_are_those_that_are_there() {
     let mut spec = generate::Spec::new("forest");
     (spec.trees, spec.leaves) = (20, 300);
     let stage = Stage::new(generate::build(&spec).expect("forest"));
-    let engine = stage.engine(Leaf::Exact).with_tolerance(0.1);
+    let engine = stage.engine(LeafMode::Exact).with_tolerance(0.1);
     let points = crate::bench::workload::surface_points(&stage.scene, 600, 3).expect("points");
     use crate::bench::workload::{Order, Workload};
     let workload = Workload::new(&stage.scene, points, 3);

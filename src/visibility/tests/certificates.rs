@@ -42,7 +42,7 @@ fn packet(stage: &Stage, from: DVec3, part: f64) -> (Packet, Vec<Vec3>) {
 /// The answers with and without the emitter's corners.
 fn answers(stage: &Stage, from: DVec3, part: f64) -> [Answer; 2] {
     let (packet, corners) = packet(stage, from, part);
-    let (engine, mut workspace) = (stage.engine(Leaf::Exact), Workspace::default());
+    let (engine, mut workspace) = (stage.engine(LeafMode::Exact), Workspace::default());
     [&corners[..], &[]].map(|emitter| {
         let bundle = Bundle { packets: std::slice::from_ref(&packet), emitter_size: 1.0, emitter };
         engine.answer(bundle, 0.05, &mut workspace)
@@ -112,7 +112,7 @@ fn certificates_hold_for_the_whole_emitter() {
         let points = surface_points(&stage.scene, 500, 7).expect("points");
         let workload = Workload::new(&stage.scene, points, 7);
         let exact = Exact { scene: stage.traced.clone(), traversal: SINGLE };
-        let engine = stage.engine(Leaf::Exact);
+        let engine = stage.engine(LeafMode::Exact);
         let (mut workspace, mut blocked) = (Workspace::default(), Vec::new());
         let mut certain = [0usize; 2];
         for pair in 0..workload.pairs.len() {
@@ -163,7 +163,7 @@ fn tilted_emitters_are_held_whole() {
         let corners =
             [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)].map(|(a, b)| at(centre + a * u + b * v));
         let bundle = Bundle { packets: std::slice::from_ref(&packet), emitter_size: 0.1, emitter: &corners };
-        let answer = stage.engine(Leaf::Exact).answer(bundle, 1e-3, &mut Workspace::default());
+        let answer = stage.engine(LeafMode::Exact).answer(bundle, 1e-3, &mut Workspace::default());
         assert_eq!(answer.cost.certified, 0, "{answer:?}");
     }
 }
@@ -186,7 +186,7 @@ fn triangular_lights_are_held_whole() {
         }
         let corners = light.map(at);
         let bundle = Bundle { packets: std::slice::from_ref(&packet), emitter_size: 0.1, emitter: &corners };
-        let answer = stage.engine(Leaf::Exact).answer(bundle, 1e-3, &mut Workspace::default());
+        let answer = stage.engine(LeafMode::Exact).answer(bundle, 1e-3, &mut Workspace::default());
         assert!(answer.transmittance < 1.0 && answer.cost.certified == 0, "{corner}: {answer:?}");
     }
 }

@@ -20,7 +20,7 @@ fn triangles_on_their_edge_block_nothing() {
         let to = Vec3::new(1.0, -0.5 - 0.02 * lane as f32, z);
         packet.set(lane, -origin, to - origin, end_rule(&stage.scene));
     }
-    let t = stage.engine(Leaf::Exact).transmittances(&packet, 1e-6, 1e-6, &mut Workspace::default());
+    let t = stage.engine(LeafMode::Exact).transmittances(&packet, 1e-6, 1e-6, &mut Workspace::default());
     assert_eq!(t, [1.0; LANES]);
 }
 
@@ -39,7 +39,7 @@ fn nothing_slips_between_triangles_far_away() {
         let stage = Stage::new(pieces.scene());
         let origin = stage.scene.origin.as_vec3();
         let mut random = Pcg64Mcg::new(3);
-        let engine = stage.engine(Leaf::Exact);
+        let engine = stage.engine(LeafMode::Exact);
         let mut leaks = 0;
         for _ in 0..2000 {
             let from = Vec3::new(0.3, 0.2, -distance as f32) - origin;
@@ -75,7 +75,7 @@ fn extreme_scenes_are_answered_as_embree_does() {
     for pieces in [one, room, two] {
         let scene = pieces.scene();
         for stage in [Stage::new(scene.clone()), Stage::soft(scene)] {
-            let engine = stage.engine(Leaf::Exact);
+            let engine = stage.engine(LeafMode::Exact);
             let (mut random, mut workspace) = (Pcg64Mcg::new(30), Workspace::default());
             let brute = Brute::new(&stage.scene.positions, &stage.scene.triangles);
             let (mut clear, mut blocked) = (0, 0);
@@ -111,7 +111,7 @@ fn extreme_scenes_are_answered_as_embree_does() {
 #[test]
 fn lanes_without_segments_do_not_count() {
     let stage = Stage::generated("cubes");
-    let engine = stage.engine(Leaf::Exact);
+    let engine = stage.engine(LeafMode::Exact);
     let mut workspace = Workspace::default();
     // Nothing is aggregated here, because aggregation depends on the direction of the whole bundle.
     let tiny = 1e-6 * stage.size();

@@ -22,7 +22,7 @@ fn optical_depth_is_the_same_for_every_cut() {
                 f64::from(stage.scene.triangle_sides[t as usize]) * crate::math::triangle_area(a, b, c)
             })
             .sum();
-        let engine = stage.engine(Leaf::Extinction);
+        let engine = stage.engine(LeafMode::Average);
         let mut workspace = Workspace::default();
         for s in [1e-6, 0.03, 0.1, 0.3, 1.0, 10.0] {
             let (packets, each) = parallel(&stage, direction(&mut random), 16, &mut random);
@@ -38,7 +38,7 @@ fn optical_depth_is_the_same_for_every_cut() {
                         segment,
                         towards(packet),
                         (s, s),
-                        Leaf::Extinction,
+                        LeafMode::Average,
                         |_| false,
                     );
                     slow += met.depth * each;
@@ -63,7 +63,7 @@ fn optical_depth_is_the_same_for_every_cut() {
 #[test]
 fn average_visibility_traces_no_rays() {
     let stage = Stage::soft(cloud(41, 6000, 0.03, DVec3::ONE, true).scene());
-    let engine = stage.engine(Leaf::Extinction);
+    let engine = stage.engine(LeafMode::Average);
     let mut random = Pcg64Mcg::new(1);
     let mut cost = Cost::default();
     for s in [1e-6, 0.01, 0.1, 1.0] {
@@ -83,7 +83,7 @@ fn average_visibility_of_a_cloud_follows_beers_law() {
     let (count, edge) = (6000, 0.1);
     let scene = cloud(50, count, edge, DVec3::splat(side), true).scene();
     let stage = Stage::soft(scene);
-    let engine = stage.engine(Leaf::Extinction);
+    let engine = stage.engine(LeafMode::Average);
     let kappa = count as f64 * 0.5 * edge * edge / side.powi(3);
     let (mut random, mut workspace) = (Pcg64Mcg::new(3), Workspace::default());
     let length = 2.5;

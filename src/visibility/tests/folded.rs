@@ -9,8 +9,8 @@ use crate::simd::Isa;
 #[test]
 fn neighbours_pass_as_one() {
     let stage = Stage::generated("forest");
-    let engine = stage.engine(Leaf::Exact);
-    let others = [Isa::Avx2, Isa::Portable].map(|isa| stage.engine(Leaf::Exact).with_isa(isa));
+    let engine = stage.engine(LeafMode::Exact);
+    let others = [Isa::Avx2, Isa::Portable].map(|isa| stage.engine(LeafMode::Exact).with_isa(isa));
     let ends = end_rule(&stage.scene);
     let emitter = &stage.scene.emitters[0];
     let surfaces: Vec<u32> =

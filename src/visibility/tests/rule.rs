@@ -75,7 +75,7 @@ fn a_cluster_is_aggregated_where_its_umbra_is_small() {
         let mut pieces = Pieces::new();
         pieces.quad(height * DVec3::Z, 0.1 * DVec3::X, 0.1 * DVec3::Y);
         let stage = Stage::soft(pieces.scene());
-        let engine = stage.engine(Leaf::Exact);
+        let engine = stage.engine(LeafMode::Exact);
         let at = |x: f32, y: f32, z: f64| Vec3::new(x, y, z as f32) - stage.scene.origin.as_vec3();
         let mut packet = Packet::EMPTY;
         packet.set(0, at(0.013, 0.007, 0.0), at(0.013, 0.007, 1.0), EndRule::new(1.0));
@@ -134,7 +134,7 @@ fn penumbrae_of_strong_contrast_stay() {
     assert!((1.0 - peak_occlusion(1.0, 0.5, 3.0, 4.0) as f32 - truth).abs() < 0.05, "{truth}");
     let bundle = Bundle { packets: &packets, emitter_size: 1.0, emitter: &[] };
     for s in [0.05, 0.2, 0.4] {
-        let found = stage.engine(Leaf::Exact).answer(bundle, s, &mut workspace).transmittance;
+        let found = stage.engine(LeafMode::Exact).answer(bundle, s, &mut workspace).transmittance;
         // An octagon covers nine tenths of its disc.
         assert!((found - truth).abs() < 0.12, "s {s}: {found} passes, {truth} should");
     }

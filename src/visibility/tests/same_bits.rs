@@ -13,7 +13,7 @@ const ISAS: [Isa; 3] = [Isa::Portable, Isa::Avx2, Isa::Avx512];
 fn groups_answer_as_their_bundles_do() {
     for name in ["forest", "cubes", "desk-room", "bookshelf"] {
         let stage = Stage::generated(name);
-        let engine = stage.engine(Leaf::Exact);
+        let engine = stage.engine(LeafMode::Exact);
         let emitter = &stage.scene.emitters[0].triangles;
         let ends = end_rule(&stage.scene);
         let mut random = Pcg64Mcg::new(12);
@@ -62,7 +62,7 @@ fn instruction_sets_threads_and_history_change_no_bit() {
         let stage = Stage::generated(name);
         let packets = stage.bundles(8, 300, 16);
         let e = 0.3 * stage.scene.emitters[0].min_width;
-        for leaf in [Leaf::Exact, Leaf::Extinction] {
+        for leaf in [LeafMode::Exact, LeafMode::Average] {
             for s in stage.sizes() {
                 let ask = |engine: &MultiResolution, packet: &Packet, workspace: &mut Workspace| {
                     let bundle =
@@ -98,7 +98,7 @@ fn instruction_sets_threads_and_history_change_no_bit() {
 #[test]
 fn bundles_with_sizes_of_their_own_answer_as_they_do_alone() {
     let stage = Stage::generated("forest");
-    let engine = stage.engine(Leaf::Extinction);
+    let engine = stage.engine(LeafMode::Average);
     let mut random = Pcg64Mcg::new(5);
     let (mut workspace, mut differ, mut fractions) = (Workspace::default(), 0.0, 0);
     let bounds = stage.scene.bounds;

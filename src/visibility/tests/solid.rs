@@ -17,7 +17,7 @@ fn nothing_passes_a_thin_wall() {
         let stage = Stage::new(pieces.scene());
         let mut random = Pcg64Mcg::new(2);
         let origin = stage.scene.origin;
-        for leaf in [Leaf::Exact, Leaf::Extinction] {
+        for leaf in [LeafMode::Exact, LeafMode::Average] {
             let engine = stage.engine(leaf);
             let mut workspace = Workspace::default();
             for _ in 0..200 {
@@ -56,7 +56,7 @@ fn brick_walls_leak_little() {
         })
         .collect();
     let wall = crate::math::Aabb::of(bricks.iter().flat_map(|&t| stage.scene.corners(t)));
-    let engine = stage.engine(Leaf::Exact);
+    let engine = stage.engine(LeafMode::Exact);
     let (mut random, mut workspace) = (Pcg64Mcg::new(6), Workspace::default());
     let e = stage.scene.emitters[0].min_width;
     for s in [0.02, 0.05, 0.1, 0.2, 0.4, 0.8] {
@@ -100,7 +100,7 @@ fn things_do_not_shadow_their_own_surface() {
             .filter(|&t| stage.scene.corners(t).iter().all(|p| (p.z - high).abs() < 1e-4))
             .collect();
         assert!(upper.len() >= 2 && upper.iter().all(|t| stage.hierarchy.micro.order.contains(t)));
-        let engine = stage.engine(Leaf::Exact);
+        let engine = stage.engine(LeafMode::Exact);
         let mut workspace = Workspace::default();
         for _ in 0..200 {
             let on = stage.point(&mut random, &upper);

@@ -4,7 +4,7 @@ use super::*;
 use crate::optics::{Extinction, Options};
 use crate::ray::LANES;
 use crate::scene::testing::{Pieces, cloud, unit};
-use crate::visibility::Leaf;
+use crate::visibility::LeafMode;
 use crate::visibility::reference::end_rule;
 use crate::visibility::testing::{SINGLE, Stage};
 use glam::{DVec3, Vec3};
@@ -44,7 +44,7 @@ impl Stage {
 /// Statistics of many independent estimates of a point's visible fraction with `packets` packets each: mean, its
 /// standard error, standard deviation of one estimate, and mean of the averaged level.
 fn mean(stage: &Stage, from: Vec3, wanted: f32, packets: usize, runs: usize) -> (f64, f64, f64, f64) {
-    let (engine, mut workspace) = (stage.engine(Leaf::Exact), Workspace::default());
+    let (engine, mut workspace) = (stage.engine(LeafMode::Exact), Workspace::default());
     let correction = Correction { packets: [wanted; Correction::CLASSES] };
     let unbiased = Unbiased {
         engine: &engine,

@@ -1,4 +1,4 @@
-//! What geometry alone says of the space between two surfaces.
+//! Blocker certificates against random rays.
 
 use super::*;
 use crate::ray::{LANES, Packet};
@@ -6,10 +6,10 @@ use crate::scene::testing::{in_cube, rotation, unit};
 use rand_pcg::Pcg64Mcg;
 
 /// Parts of rays between the first two surfaces that get through: all, of many random ones that leave the fronts.
-fn seen(meter: &Meter, ends: [u32; 2], random: &mut Pcg64Mcg) -> Vec<f32> {
-    let [a, b] = ends.map(|e| match &meter.elements.elements[e as usize].shape {
+fn seen(estimator: &LinkEstimator, ends: [u32; 2], random: &mut Pcg64Mcg) -> Vec<f32> {
+    let [a, b] = ends.map(|e| match &estimator.elements.elements[e as usize].shape {
         crate::radiosity::elements::Shape::Surface { side, corners } => {
-            (*corners, meter.elements.sides[*side as usize].normal)
+            (*corners, estimator.elements.sides[*side as usize].normal)
         }
         crate::radiosity::elements::Shape::Cluster(_) => unreachable!("a surface"),
     });
@@ -20,12 +20,12 @@ fn seen(meter: &Meter, ends: [u32; 2], random: &mut Pcg64Mcg) -> Vec<f32> {
             let mut place = |corners| point_on(corners, unit(random) as f32, unit(random) as f32);
             let (from, to) = (place(&a.0), place(&b.0));
             if (to - from).dot(a.1) > 1e-2 && (from - to).dot(b.1) > 1e-2 {
-                packet.set(lane, from, to, meter.ends);
+                packet.set(lane, from, to, estimator.ends);
             }
         }
-        let question = Question { packet, emitter_size: 1.0, feature_size: 0.0 };
-        let through = meter.sight.transmittances(&question, &mut Scratch::default());
-        found.extend(question.packet.lanes().map(|lane| through[lane]));
+        let query = VisibilityQuery { packet, emitter_size: 1.0, feature_size: 0.0 };
+        let through = estimator.engine.transmittances(&query, &mut Scratch::default());
+        found.extend(query.packet.lanes().map(|lane| through[lane]));
     }
     found
 }
@@ -59,27 +59,33 @@ fn some(random: &mut Pcg64Mcg) -> Pieces {
 /// What is known of two elements, by what was known of what they are parts of: nothing, a wall, or neither (`None`), held
 /// against random rays. The second result is what their parts are told; none if they have no link.
 fn certified(
-    meter: &Meter,
+    estimator: &LinkEstimator,
     ends: [u32; 2],
-    before: Between,
+    before: BlockerCertificate,
     random: &mut Pcg64Mcg,
-) -> (Option<Between>, Option<Between>) {
-    let rays = seen(meter, ends, random);
-    let hidden = !rays.is_empty() && rays.iter().all(|&t| t == 0.0);
-    let care =
-        Care { worth: 1.0, feature_size: 1.0, mixed: 0.5, between: before, hidden, first_receives: true };
-    match meter.measure(ends[0], ends[1], care, &mut Scratch::default()) {
+) -> (Option<BlockerCertificate>, Option<BlockerCertificate>) {
+    let rays = seen(estimator, ends, random);
+    let blocked = !rays.is_empty() && rays.iter().all(|&t| t == 0.0);
+    let accuracy = Accuracy {
+        worth: 1.0,
+        feature_size: 1.0,
+        deviation: 0.5,
+        certificate: before,
+        blocked,
+        first_receives: true,
+    };
+    match estimator.measure(ends[0], ends[1], accuracy, &mut Scratch::default()) {
         // Nothing faces, or a wall.
         None => {
             assert!(rays.iter().all(|&t| t == 0.0), "a wall that rays get through");
-            ((!rays.is_empty()).then_some(Between::WALL), None)
+            ((!rays.is_empty()).then_some(BlockerCertificate::BLOCKED), None)
         }
-        Some(link) if link.between == Between::NOTHING => {
+        Some(link) if link.certificate == BlockerCertificate::CLEAR => {
             assert!(rays.iter().all(|&t| t == 1.0), "rays are blocked by nothing");
             assert_eq!((link.transmittance, link.rays, link.noise), (1.0, 0, 0.0));
-            (Some(Between::NOTHING), Some(Between::NOTHING))
+            (Some(BlockerCertificate::CLEAR), Some(BlockerCertificate::CLEAR))
         }
-        Some(link) => (None, Some(link.between)),
+        Some(link) => (None, Some(link.certificate)),
     }
 }
 
@@ -88,9 +94,9 @@ fn certificates_are_what_all_rays_say() {
     let mut random = Pcg64Mcg::new(5);
     let (mut nothing, mut walls, mut unsure) = (0, 0, 0);
     for _ in 0..1500 {
-        staged(some(&mut random), |meter, ends| {
-            match certified(meter, ends, Between::SOMETHING, &mut random) {
-                (Some(Between::NOTHING), _) => nothing += 1,
+        staged(some(&mut random), |estimator, ends| {
+            match certified(estimator, ends, BlockerCertificate::UNKNOWN, &mut random) {
+                (Some(BlockerCertificate::CLEAR), _) => nothing += 1,
                 (Some(_), _) => walls += 1,
                 (None, found) => unsure += usize::from(found.is_some()),
             }
@@ -105,19 +111,19 @@ fn certificates_are_true_for_parts() {
     let mut random = Pcg64Mcg::new(6);
     let (mut nothing, mut by, mut decided) = (0, 0, 0);
     for _ in 0..1500 {
-        staged(some(&mut random), |meter, mut ends| {
-            let mut before = Between::SOMETHING;
+        staged(some(&mut random), |estimator, mut ends| {
+            let mut before = BlockerCertificate::UNKNOWN;
             for level in 0..=2 {
-                let (certain, next) = certified(meter, ends, before, &mut random);
+                let (certain, next) = certified(estimator, ends, before, &mut random);
                 if level > 0 {
-                    nothing += usize::from(before == Between::NOTHING);
+                    nothing += usize::from(before == BlockerCertificate::CLEAR);
                     by += usize::from(before.side().is_some());
                     decided += usize::from(before.side().is_some() && certain.is_some());
                 }
                 let Some(next) = next else { break };
                 before = next;
                 ends = ends.map(|e| {
-                    let parts = meter.elements.elements[e as usize].child_range();
+                    let parts = estimator.elements.elements[e as usize].child_range();
                     let k = (unit(&mut random) * parts.len() as f64) as usize;
                     parts.clone().nth(k).map_or(e, |part| part as u32)
                 });
@@ -142,13 +148,13 @@ fn a_floor_under_the_edge_of_a_block_sees_its_side() {
         DVec3::new(0.9, 1.0, 0.0),
     ];
     let want = 0.5 * crate::form_factors::analytic::polygon_to_polygon(&[a, b, c, d], &strip);
-    let (link, _) = coupling(pieces.clone(), 1e3, 1).expect("a strip of it is in front");
-    assert!((f64::from(link.coupling) / want - 1.0).abs() < 1e-3, "{link:?} {want}");
+    let (link, _) = exchange_area(pieces.clone(), 1e3, 1).expect("a strip of it is in front");
+    assert!((f64::from(link.exchange_area) / want - 1.0).abs() < 1e-3, "{link:?} {want}");
     // By a few points where it matters less.
-    let (link, _) = coupling(pieces, 0.1, 1).expect("a strip of it is in front");
-    assert!((f64::from(link.coupling) / want - 1.0).abs() < 0.2, "{link:?} {want}");
+    let (link, _) = exchange_area(pieces, 0.1, 1).expect("a strip of it is in front");
+    assert!((f64::from(link.exchange_area) / want - 1.0).abs() < 0.2, "{link:?} {want}");
     assert!(
-        link.variation.iter().all(|&v| v >= 0.9 * link.coupling),
+        link.variation.iter().all(|&v| v >= 0.9 * link.exchange_area),
         "most of the floor sees nothing: {link:?}"
     );
 }

@@ -1,0 +1,184 @@
+//! Models of placed meshes against models of the same triangles, each stored where it is placed.
+
+use super::testing::model;
+use super::{Detail, InstanceChange, Model};
+use crate::ray::{LANES, Occluder, Packet};
+use crate::scene::Scene;
+use crate::scene::generate::{self, Spec};
+use crate::visibility::{Bundle, Exact, LeafMode, Workspace};
+use glam::{DAffine3, DQuat, DVec3, Vec3};
+use std::f64::consts::PI;
+
+/// A forest of placed trees.
+fn forest() -> Scene {
+    let spec = Spec { trees: 24, leaves: 400, instances: true, species: 2, ..Spec::new("forest") };
+    generate::build(&spec).expect("a forest")
+}
+
+/// Bundles of sixteen segments from points near the ground to parts of the sky panel.
+fn bundles(model: &Model) -> Vec<Packet> {
+    let bounds = model.bounds();
+    let place = |k: usize, a: f64| ((k as f64 * a).fract() as f32 - 0.5) * bounds.extent();
+    let middle = bounds.center();
+    (1..=400)
+        .map(|k| {
+            let from = middle
+                + place(k, 0.618_034) * Vec3::new(0.8, 0.0, 0.0)
+                + place(k, 0.754_878) * Vec3::new(0.0, 0.8, 0.0);
+            let from = Vec3::new(from.x, from.y, bounds.min.z + 0.01);
+            let mut packet = Packet::EMPTY;
+            for lane in 0..LANES {
+                let (u, v) = ((lane % 4) as f32 / 3.0 - 0.5, (lane / 4) as f32 / 3.0 - 0.5);
+                let wide = 0.2 * bounds.extent();
+                let to = Vec3::new(middle.x + u * wide.x, middle.y + v * wide.y, bounds.max.z - 0.01);
+                packet.set(lane, from, to, model.end_rule());
+            }
+            packet
+        })
+        .collect()
+}
+
+fn blocked(model: &Model, packets: &[Packet]) -> Vec<u32> {
+    let mut blocked = vec![0; packets.len()];
+    let exact = Exact { scene: model.traced().clone(), traversal: model.widest_packets() };
+    exact.occluded(packets, &mut blocked);
+    blocked
+}
+
+/// Transmittance of each bundle by multi-resolution visibility, for an emitter as wide as the bundle and a feature size.
+fn transmittances(model: &Model, packets: &[Packet], s: f32) -> Vec<f32> {
+    let engine = model.engine(model.widest_packets(), LeafMode::Average).expect("optics");
+    let width = 0.2 * model.bounds().extent().min_element();
+    let bundles: Vec<Bundle> = packets
+        .iter()
+        .map(|p| Bundle { packets: std::slice::from_ref(p), emitter_size: width, emitter: &[] })
+        .collect();
+    let mut found = Vec::new();
+    engine.answers(&bundles, s, &mut Workspace::default(), |a| found.push(a.transmittance));
+    found
+}
+
+/// Exact rays see the same through Embree's instances as through copied triangles, but for rounding at edges; averages
+/// of both are as far from the truth as each other.
+#[test]
+fn placed_meshes_answer_like_copied_triangles() {
+    let placed = model(&forest(), Detail::Optics);
+    let copied = model(&forest().flattened().expect("copied"), Detail::Optics);
+    assert_eq!(placed.visible_triangles(), copied.visible_triangles());
+    let packets = bundles(&placed);
+    let (a, b) = (blocked(&placed, &packets), blocked(&copied, &packets));
+    let differ: u32 = a.iter().zip(&b).map(|(a, b)| (a ^ b).count_ones()).sum();
+    let stopped: u32 = b.iter().map(|b| b.count_ones()).sum();
+    assert!(stopped > 1000 && differ <= 6, "{differ} of {stopped} blocked segments differ");
+    let truth: Vec<f32> = b.iter().map(|b| 1.0 - b.count_ones() as f32 / LANES as f32).collect();
+    for s in [0.05, 0.3, 2.0] {
+        let [of_placed, of_copied] = [&placed, &copied].map(|model| {
+            let found = transmittances(model, &packets, s);
+            let n = found.len() as f32;
+            let rms = (found.iter().zip(&truth).map(|(f, t)| (f - t).powi(2)).sum::<f32>() / n).sqrt();
+            let bias = found.iter().zip(&truth).map(|(f, t)| f - t).sum::<f32>() / n;
+            (rms, bias)
+        });
+        assert!(of_placed.0 < 1.3 * of_copied.0 + 0.01, "s = {s}: RMS, bias {of_placed:?} and {of_copied:?}");
+        assert!(
+            (of_placed.1 - of_copied.1).abs() < 0.02,
+            "s = {s}: RMS, bias {of_placed:?} and {of_copied:?}"
+        );
+    }
+}
+
+/// After any changes the answers are those of a model that is prepared afresh, bit by bit; meshes are shared with the model
+/// before.
+#[test]
+fn updated_models_answer_like_fresh_ones() {
+    let mut scene = forest();
+    let before = model(&scene, Detail::Optics);
+    let turned = |p: DAffine3| {
+        DAffine3::from_translation(DVec3::new(1.5, -0.5, 0.0))
+            * p
+            * DAffine3::from_quat(DQuat::from_rotation_z(0.3 * PI))
+    };
+    let moved = turned(before.instances()[3].transform);
+    let added = super::Instance { transform: turned(moved), ..before.instances()[3].clone() };
+    let after = before
+        .update(&[
+            InstanceChange::Move { instance: 3, transform: moved },
+            InstanceChange::Show { instance: 5, visible: false },
+            InstanceChange::Add(added.clone()),
+            InstanceChange::Remove { instance: 7 },
+        ])
+        .expect("updated");
+    scene.placements[2].transform = moved;
+    scene.placements[4].visible = false;
+    scene.placements[6].visible = false;
+    let last = crate::scene::Placement { transform: added.transform, ..scene.placements[2].clone() };
+    scene.placements.push(last);
+    let fresh = model(&scene, Detail::Optics);
+    assert_eq!((before.revision(), after.revision()), (0, 1));
+    let shared = before.meshes().iter().zip(after.meshes());
+    assert!(shared.clone().all(|(a, b)| std::sync::Arc::ptr_eq(a, b)), "a mesh was made again");
+    let packets = bundles(&fresh);
+    assert_eq!(blocked(&after, &packets), blocked(&fresh, &packets));
+    assert_ne!(blocked(&before, &packets), blocked(&fresh, &packets), "the changes change nothing");
+    for s in [0.05, 2.0] {
+        assert_eq!(transmittances(&after, &packets, s), transmittances(&fresh, &packets, s));
+    }
+    // And back again.
+    let back = after
+        .update(&[
+            InstanceChange::Move { instance: 3, transform: before.instances()[3].transform },
+            InstanceChange::Show { instance: 5, visible: true },
+            InstanceChange::Remove { instance: after.instances().len() as u32 - 1 },
+        ])
+        .expect("updated");
+    assert_eq!(
+        back.visible_triangles() + before.mesh_of(7).triangles.len() as u64,
+        before.visible_triangles()
+    );
+}
+
+/// Changes that make no sense are refused, and leave the model as it was.
+#[test]
+fn bad_changes_are_refused() {
+    let forest = model(&forest(), Detail::Rays);
+    let transform = forest.instances()[1].transform;
+    let stretched = transform * DAffine3::from_scale(DVec3::new(1.0, 1.0, 1.2));
+    let nowhere = DAffine3::from_translation(DVec3::new(f64::NAN, 0.0, 0.0));
+    let stranger = super::Instance { mesh: 99, ..forest.instances()[1].clone() };
+    for (change, word) in [
+        (InstanceChange::Move { instance: 0, transform }, "instance 0"),
+        (InstanceChange::Move { instance: 1000, transform }, "does not exist"),
+        (InstanceChange::Move { instance: 1, transform: stretched }, "unequal scale"),
+        (InstanceChange::Move { instance: 1, transform: nowhere }, "not finite"),
+        (InstanceChange::Add(stranger), "mesh 99"),
+    ] {
+        let error = forest.update(&[change]).err().expect("refused").to_string();
+        assert!(error.contains(word), "{error}");
+    }
+    let once = forest.update(&[InstanceChange::Remove { instance: 2 }]).expect("removed");
+    assert!(once.update(&[InstanceChange::Remove { instance: 2 }]).is_err(), "removed twice");
+}
+
+/// Paths of the oracle meet placed meshes where they stand.
+#[test]
+fn paths_meet_placed_meshes() {
+    let scene = forest();
+    let points: Vec<crate::points::Point> = (0..40)
+        .map(|k| {
+            let spread = scene.bounds.extent().as_dvec3();
+            let place = DVec3::new((k as f64 * 0.618).fract() - 0.5, (k as f64 * 0.755).fract() - 0.5, 0.0);
+            let position = scene.origin + scene.bounds.center().as_dvec3() + 0.7 * place * spread;
+            crate::points::Point {
+                position: DVec3::new(position.x, position.y, scene.origin.z + f64::from(scene.bounds.min.z)),
+                normal: DVec3::Z,
+            }
+        })
+        .collect();
+    let settings = crate::path_tracer::Settings { samples: 512, direct_only: false, seed: 1 };
+    let light = |scene: &Scene| {
+        let found = crate::path_tracer::irradiance(&model(scene, Detail::Rays), &points, settings, &|_| ());
+        found.expect("light").values.iter().map(|v| v[0]).sum::<f64>()
+    };
+    let (placed, copied) = (light(&scene), light(&scene.flattened().expect("copied")));
+    assert!(copied > 0.0 && (placed / copied - 1.0).abs() < 0.01, "{placed} and {copied}");
+}

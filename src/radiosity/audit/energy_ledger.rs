@@ -1,0 +1,122 @@
+//! The energy ledger: where the emitted power went.
+
+use super::solved::{Closing, Solved};
+use crate::radiosity::elements::{RowFactors, Shape};
+use crate::radiosity::rgb::{Rgb, mean};
+use crate::scene::unit_in_metres;
+
+/// Powers, summed over all surfaces; means of the channels.
+#[derive(Clone, Debug, Default, serde::Serialize)]
+pub struct Ledger {
+    /// Unit of powers: W, or W/m² times scene units squared where the length of a scene unit is not known.
+    pub unit: String,
+    /// Emitted.
+    pub emitted: f64,
+    /// Absorbed.
+    pub absorbed: f64,
+    /// Left the scene: power that elements send along no link or ray.
+    pub escaped: f64,
+    /// Received minus sent.
+    pub created: f64,
+    /// Mean difference of the factors by which a leaf gathers and sends, relative to them, by area. A link has one exchange area
+    /// for both directions, so that only these factors set `A_a F(a→b)` and `A_b F(b→a)` apart. After a local pass the mean
+    /// difference of the exchange of two leaves, relative to their exchange.
+    pub reciprocity_residual: f64,
+    /// Smallest and largest sum of the form factors of an element that sees no way out of the scene, with the part that meets
+    /// unlit insides.
+    pub row_sums: Option<[f64; 2]>,
+    /// Root mean square difference of the row sums from 1, by area, before normalisation.
+    pub row_sum_error_sampled: f64,
+    /// The same after normalisation.
+    pub row_sum_error: f64,
+    /// Part of the scene's area whose elements see no way out of the scene.
+    pub closed_area: f64,
+}
+
+impl Solved {
+    /// The ledger of a scene with this unit of length.
+    pub fn ledger(&self, unit: &str) -> Ledger {
+        let linked = &self.linked;
+        let (elements, area) = (&linked.elements, linked.elements.area);
+        let mut ledger = Ledger::default();
+        let (mut received, mut sent, mut closed) = (0.0, 0.0, 0.0);
+        for (e, (element, state)) in elements.elements.iter().zip(&linked.states).enumerate() {
+            let Shape::Surface { side, .. } = element.shape else { continue };
+            if !element.is_leaf() {
+                continue;
+            }
+            let s = &elements.sides[side as usize];
+            let power = |v: Rgb| element.area * mean(v);
+            let absorbed: Rgb =
+                std::array::from_fn(|k| (1.0 - f64::from(s.reflectance[k])) * state.irradiance[k]);
+            let RowFactors { gathers, sends } = state.factors;
+            ledger.reciprocity_residual += element.area * f64::from(gathers / sends - 1.0).abs();
+            let RowSums { sampled, used, sent: sent_part } = self.row_sums(e);
+            ledger.emitted += power(s.exitance);
+            ledger.absorbed += power(absorbed);
+            received += power(state.irradiance);
+            sent += power(state.radiosity) * sent_part.min(1.0);
+            ledger.escaped += power(state.radiosity) * (1.0 - sent_part).max(0.0);
+            if linked.surroundings.closed[side as usize] {
+                closed += element.area;
+                let covered = 1.0 - f64::from(state.row_target);
+                let [sampled, row] = [sampled + covered, used + covered];
+                let [low, high] = ledger.row_sums.unwrap_or([row, row]);
+                ledger.row_sums = Some([low.min(row), high.max(row)]);
+                ledger.row_sum_error += element.area * (row - 1.0).powi(2);
+                ledger.row_sum_error_sampled += element.area * (sampled - 1.0).powi(2);
+            }
+        }
+        for error in [&mut ledger.row_sum_error, &mut ledger.row_sum_error_sampled] {
+            *error = if closed > 0.0 { (*error / closed).sqrt() } else { 0.0 };
+        }
+        ledger.reciprocity_residual /= area.max(f64::MIN_POSITIVE);
+        if let Closing::Rays(local) = &self.closing {
+            ledger.reciprocity_residual = local.reciprocity;
+        }
+        ledger.created = received - sent;
+        ledger.closed_area = if area > 0.0 { closed / area } else { 0.0 };
+        ledger.in_watts(unit)
+    }
+
+    /// The row sums of a leaf. After a local pass both are the part of its rays that stayed in the scene; the light that meets
+    /// sides without elements is not sent to any element.
+    fn row_sums(&self, e: usize) -> RowSums {
+        match &self.closing {
+            Closing::Links(links) => {
+                let used = links.used[e] * f64::from(self.linked.states[e].factors.gathers);
+                RowSums { sampled: links.sampled[e], used, sent: used }
+            }
+            Closing::Rays(local) => {
+                let result = local.results[e];
+                let kept = f64::from(result.kept);
+                RowSums { sampled: kept, used: kept, sent: f64::from(result.row_sum) }
+            }
+        }
+    }
+}
+
+/// Row sums of one leaf.
+struct RowSums {
+    /// Before normalisation.
+    sampled: f64,
+    /// After normalisation.
+    used: f64,
+    /// Part of the leaf's light that reaches other elements.
+    sent: f64,
+}
+
+impl Ledger {
+    /// Powers in watts, if the unit of length is known.
+    fn in_watts(mut self, unit: &str) -> Ledger {
+        let (metres, unit) = match unit_in_metres(unit) {
+            Some(metres) => (metres, "W".into()),
+            None => (1.0, format!("W/m\u{b2} {unit}\u{b2}")),
+        };
+        for power in [&mut self.emitted, &mut self.absorbed, &mut self.escaped, &mut self.created] {
+            *power *= metres * metres;
+        }
+        self.unit = unit;
+        self
+    }
+}

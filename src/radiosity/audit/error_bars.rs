@@ -1,0 +1,180 @@
+//! The audit of error bars: independent paths from a few elements, followed to the end by exact rays. They share nothing with the
+//! solution but the sides that count as unlit.
+
+use crate::radiosity::elements::Shape;
+use crate::radiosity::final_gather::{Buffers, FinalGather, PathVertex};
+use crate::radiosity::links::Tally;
+use crate::radiosity::refinement::LinkedScene;
+use crate::radiosity::rgb::{add, mean};
+use crate::radiosity::sampling::{mix, point_on};
+use glam::Vec3;
+use rayon::prelude::*;
+use sobol_burley::sample_4d;
+
+/// Groups of paths from an element, whose spread gives the standard error of their mean, and paths of a group. Chosen: eight
+/// groups determine a standard error to a quarter.
+const GROUPS: u32 = 8;
+const PATHS: u32 = 16;
+
+/// Comparison of error bars with errors at some elements, drawn by area.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct Audit {
+    /// Elements whose irradiance was computed again by paths.
+    pub elements: usize,
+    /// Part of them whose error lies within the bar (0.68 for a normal distribution).
+    pub within_one: f64,
+    /// Part of them whose error lies within twice the bar (0.95 for a normal distribution).
+    pub within_two: f64,
+    /// Root mean square of the errors, less the noise of the paths, relative to the mean irradiance of all elements.
+    pub rms_error: f64,
+    /// Root mean square of the bars, relative to the same.
+    pub rms_bar: f64,
+    /// The factor in `[1/4, 4]` by which the bars were multiplied, found at as many other elements.
+    pub factor: f64,
+}
+
+/// Bounds of the factor that corrects bars, and the elements that it needs. Chosen: fewer elements determine a 95 % quantile
+/// too poorly.
+const FACTOR_LIMITS: [f64; 2] = [0.25, 4.0];
+const MIN_ELEMENTS: usize = 40;
+/// Part of the errors that should lie within twice the bars: two standard deviations of a normal distribution. Errors have longer
+/// tails, so that bars fitted to one standard deviation would be too small.
+const WITHIN_TWO: f64 = 0.9545;
+/// Where in each stratum of the area an element is drawn: for the factor, and for the audit.
+const FOR_FACTOR: f64 = 0.25;
+const FOR_AUDIT: f64 = 0.75;
+
+/// An element that was checked, W/m².
+struct Check {
+    /// Difference of the solution from the paths.
+    error: f64,
+    /// Standard error of the paths.
+    noise: f64,
+    /// Error bar.
+    bar: f64,
+}
+
+impl FinalGather<'_> {
+    /// Compares the solution's irradiance with paths, and the differences with `bars` (standard uncertainty by element, W/m²), at
+    /// `count` elements. The audit is empty if `stop` ends it early.
+    pub fn audit(&self, bars: &[f64], count: usize, stop: &(dyn Fn() -> bool + Sync)) -> (Audit, Tally) {
+        let (checks, tally) = self.checks(bars, count, FOR_AUDIT, stop);
+        if checks.is_empty() {
+            return (Audit::default(), tally);
+        }
+        let mut audit = Audit { elements: checks.len(), ..Audit::default() };
+        for Check { error, noise, bar } in checks {
+            audit.within_one += f64::from(u8::from(error <= bar.hypot(noise)));
+            audit.within_two += f64::from(u8::from(error <= 2.0 * bar.hypot(noise)));
+            audit.rms_error += error * error - noise * noise;
+            audit.rms_bar += bar * bar;
+        }
+        let (n, level) = (audit.elements as f64, self.level());
+        audit.within_one /= n;
+        audit.within_two /= n;
+        audit.rms_error = (audit.rms_error.max(0.0) / n).sqrt() / level;
+        audit.rms_bar = (audit.rms_bar / n).sqrt() / level;
+        (audit, tally)
+    }
+
+    /// The factor by which bars must be multiplied so that 95 % of the errors at `count` elements (others than those of the audit)
+    /// lie within twice the bars; 1 if too few of them have bars above the noise of the paths. Bars assume
+    /// independent samples, but stratified samples are better, and errors of links are correlated.
+    pub fn bar_factor(&self, bars: &[f64], count: usize, stop: &(dyn Fn() -> bool + Sync)) -> (f64, Tally) {
+        let (mut checks, tally) = self.checks(bars, count, FOR_FACTOR, stop);
+        checks.retain(|check| check.noise < check.bar);
+        if checks.len() < MIN_ELEMENTS {
+            return (1.0, tally);
+        }
+        let within = |factor: f64| {
+            let held = checks.iter().filter(|c| c.error <= 2.0 * (factor * c.bar).hypot(c.noise)).count();
+            held as f64 / checks.len() as f64
+        };
+        let [mut low, mut high] = FACTOR_LIMITS;
+        for _ in 0..20 {
+            let middle = (low * high).sqrt();
+            if within(middle) < WITHIN_TWO { low = middle } else { high = middle }
+        }
+        (high, tally)
+    }
+
+    /// Mean irradiance of all elements, W/m².
+    fn level(&self) -> f64 {
+        let LinkedScene { elements, states, .. } = self.linked();
+        let (mut area, mut light) = (0.0, 0.0);
+        for (element, state) in elements.elements.iter().zip(states) {
+            if element.is_leaf() && !element.is_cluster() {
+                (area, light) = (area + element.area, light + element.area * mean(state.irradiance));
+            }
+        }
+        if area > 0.0 { light / area } else { 0.0 }
+    }
+
+    /// Checks `count` elements, drawn by area in strata; `position` in `[0, 1)` lies in each stratum. No checks without light
+    /// or after an early stop.
+    fn checks(
+        &self,
+        bars: &[f64],
+        count: usize,
+        position: f64,
+        stop: &(dyn Fn() -> bool + Sync),
+    ) -> (Vec<Check>, Tally) {
+        let (mut areas, mut sum) = (Vec::new(), 0.0);
+        for e in self.linked().leaves() {
+            sum += self.linked().elements.elements[e as usize].area;
+            areas.push((sum, e));
+        }
+        if areas.is_empty() || self.level() <= 0.0 {
+            return (Vec::new(), Tally::default());
+        }
+        let drawn = |k: usize| {
+            let at = (k as f64 + position) / count as f64 * sum;
+            areas[areas.partition_point(|a| a.0 <= at).min(areas.len() - 1)].1
+        };
+        let made: Option<Vec<(Check, Tally)>> = (0..count)
+            .into_par_iter()
+            .map_init(Buffers::default, |buffers, k| {
+                if stop() {
+                    return None;
+                }
+                buffers.scratch.tally = Tally::default();
+                let e = drawn(k);
+                let (by_paths, noise) = self.path_irradiance(e, position.to_bits(), buffers);
+                let error = (mean(self.linked().states[e as usize].irradiance) - by_paths).abs();
+                Some((Check { error, noise, bar: bars[e as usize] }, buffers.scratch.tally))
+            })
+            .collect();
+        let (mut checks, mut tally) = (Vec::new(), Tally::default());
+        for (check, cost) in made.into_iter().flatten() {
+            checks.push(check);
+            tally.add(cost);
+        }
+        (checks, tally)
+    }
+
+    /// Irradiance of an element by independent paths, mean over the channels, and its standard error; W/m².
+    fn path_irradiance(&self, element: u32, seed: u64, buffers: &mut Buffers) -> (f64, f64) {
+        let Shape::Surface { side, corners } = self.linked().elements.elements[element as usize].shape else {
+            return (0.0, 0.0);
+        };
+        let seed = mix(!self.linked().settings.seed ^ mix(seed ^ u64::from(element)));
+        let groups: Vec<f64> = (0..GROUPS)
+            .map(|g| {
+                let seed = mix(seed ^ u64::from(g));
+                buffers.vertices.clear();
+                buffers.vertices.extend((0..PATHS).map(|k| {
+                    let [u, v, ..] = sample_4d(k, 0, seed as u32);
+                    PathVertex { at: point_on(&corners, u, v), side, leaf: element, share: Vec3::ONE }
+                }));
+                let sum = self.independent_irradiance(mix(seed), buffers);
+                let mut value = [0.0; 3];
+                add(&mut value, 1.0 / f64::from(PATHS), sum);
+                mean(value)
+            })
+            .collect();
+        let n = f64::from(GROUPS);
+        let level = groups.iter().sum::<f64>() / n;
+        let spread: f64 = groups.iter().map(|g| (g - level).powi(2)).sum();
+        (level, (spread / (n * (n - 1.0))).sqrt())
+    }
+}

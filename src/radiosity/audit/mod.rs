@@ -1,0 +1,11 @@
+//! What is known about a solution's errors and energy: error bars, their audit by independent paths, and the energy ledger.
+
+mod energy_ledger;
+mod error_bars;
+mod solved;
+mod uncertainty;
+
+pub use energy_ledger::Ledger;
+pub use error_bars::Audit;
+pub use solved::{Closing, Solved};
+pub use uncertainty::{error_estimate, link_uncertainty};

@@ -1,0 +1,122 @@
+//! Error bars of the solution.
+
+use super::solved::{Closing, Solved};
+use crate::radiosity::elements::Shape;
+use crate::radiosity::mesh::{Element, RadiosityMesh};
+use crate::radiosity::options::Rows;
+use crate::radiosity::refinement::LinkedScene;
+use crate::radiosity::rgb::mean;
+use crate::scene::Scene;
+use std::collections::HashMap;
+
+/// Lower bounds of the part of the light that is lost at every bounce, without and with row normalisation. Chosen: with correct row
+/// sums no light is created or lost on the way, and errors from all around cancel after a bounce or two; without them errors
+/// add up with every bounce.
+const MIN_LOSS: f64 = 0.05;
+const MIN_LOSS_NORMALISED: f64 = 0.5;
+
+/// Standard uncertainty of the irradiance of every surface element along links, W/m²: variation and sampling noise of each link
+/// as independent errors, pushed down the tree like light, times the geometric series of later bounces.
+pub fn link_uncertainty(linked: &LinkedScene) -> Vec<f64> {
+    let elements = &linked.elements;
+    let mut variance = vec![0.0; elements.len()];
+    for l in &linked.links {
+        let mut put = |at: u32, variation: f32, other: u32| {
+            let e = &elements.elements[at as usize];
+            let light = linked.states[other as usize].statistics;
+            let (mean, deviation) = (f64::from(light.mean), f64::from(light.deviation));
+            let error_area = f64::from(variation.hypot(l.noise));
+            variance[at as usize] +=
+                ((error_area * mean).hypot(f64::from(l.noise) * deviation) / e.area).powi(2);
+        };
+        put(l.a, l.variation[0], l.b);
+        if l.a != l.b {
+            put(l.b, l.variation[1], l.a);
+        }
+    }
+    for e in 1..elements.len() {
+        variance[e] += variance[elements.elements[e].parent as usize];
+    }
+    let loss = 1.0 - f64::from(elements.clusters[0].reflectance);
+    let carried = match linked.settings.rows {
+        Rows::Sampled => 1.0 / loss.max(MIN_LOSS),
+        Rows::Closed | Rows::Balanced => 1.0 / loss.max(MIN_LOSS_NORMALISED),
+    };
+    variance.into_iter().map(|v| carried * v.sqrt()).collect()
+}
+
+/// Root mean square of the uncertainty over the surfaces, relative to the mean irradiance.
+pub fn error_estimate(linked: &LinkedScene, uncertainty: &[f64]) -> f64 {
+    let elements = &linked.elements;
+    let (mut squares, mut sum) = (0.0, 0.0);
+    for (e, element) in elements.elements.iter().enumerate() {
+        if element.is_leaf() && !element.is_cluster() {
+            squares += element.area * uncertainty[e].powi(2);
+            sum += element.area * mean(linked.states[e].irradiance);
+        }
+    }
+    if sum > 0.0 { (squares * elements.area).sqrt() / sum } else { 0.0 }
+}
+
+impl Solved {
+    /// Standard uncertainty of the irradiance of every surface element, W/m²: along links [`link_uncertainty`], after a local pass
+    /// the standard error of the element's rays.
+    pub fn uncertainty(&self) -> Vec<f64> {
+        match &self.closing {
+            Closing::Rays(local) => local.results.iter().map(|r| f64::from(r.noise)).collect(),
+            Closing::Links(_) => link_uncertainty(&self.linked),
+        }
+    }
+
+    /// The leaves of all surfaces as plain data, with their uncertainties.
+    pub fn mesh(&self, scene: &Scene, uncertainty: &[f64]) -> RadiosityMesh {
+        let LinkedScene { elements, states, links: all_links, .. } = &self.linked;
+        let mut places: HashMap<[u32; 3], u32> = HashMap::new();
+        let mut mesh =
+            RadiosityMesh { origin: scene.origin, unit: scene.unit.clone(), ..RadiosityMesh::default() };
+        let mut links = vec![0u32; elements.len()];
+        for l in all_links {
+            links[l.a as usize] += 1;
+            links[l.b as usize] += u32::from(l.a != l.b);
+        }
+        for (e, element) in elements.elements.iter().enumerate() {
+            links[e] += if e > 0 { links[element.parent as usize] } else { 0 };
+            let Shape::Surface { side, corners } = &element.shape else { continue };
+            if !element.is_leaf() {
+                continue;
+            }
+            let s = &elements.sides[*side as usize];
+            let state = &states[e];
+            let corners = corners.map(|p| {
+                let next = mesh.vertices.len() as u32;
+                // Adding +0 turns -0 into +0: both are one position.
+                let key = (p + glam::Vec3::ZERO).to_array().map(f32::to_bits);
+                *places.entry(key).or_insert_with(|| {
+                    mesh.vertices.push(p);
+                    next
+                })
+            });
+            let level = mean(state.irradiance);
+            let error = state
+                .irradiance
+                .map(|v| if level > 0.0 { uncertainty[e] * v / level } else { uncertainty[e] });
+            let t = s.triangles[0] as usize;
+            mesh.elements.push(Element {
+                corners,
+                radiosity: state.radiosity,
+                irradiance: state.irradiance,
+                error,
+                albedo: s.reflectance,
+                exitance: s.exitance,
+                area: element.area,
+                level: element.level,
+                links: links[e],
+                triangle: s.triangles[0],
+                object: scene.triangle_object[t],
+                material: scene.triangle_material[t],
+                front: s.front,
+            });
+        }
+        mesh
+    }
+}

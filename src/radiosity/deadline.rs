@@ -1,0 +1,134 @@
+//! When each stage of a solution must end: on an interruption, or when its part of the given time is used up.
+//!
+//! All shares of the time are in this file; stages receive a [`Deadline`] and never compute one from the options.
+
+use crate::progress::Progress;
+use std::time::Instant;
+
+/// Seconds, and part of the whole time, by which the last stages may exceed the limit. Chosen: small against
+/// what a caller who gives a limit in seconds expects.
+const GRACE_SECONDS: f64 = 0.5;
+const GRACE_SHARE: f64 = 0.05;
+/// Part of the time after preparation for the light of elements, without and with points to follow. Chosen: a quarter
+/// is kept for the final gather; without points a tenth is kept for what the estimate of the light's time is off.
+const LIGHT_SHARE: f64 = 0.9;
+const LIGHT_SHARE_BEFORE_POINTS: f64 = 0.75;
+/// Part of the time for light in which links are refined, before a local pass and before all links are measured again. Chosen:
+/// the local pass and the second measurement should not be cut short by refinement.
+const REFINEMENT_SHARE_BEFORE_LOCAL_PASS: f64 = 0.4;
+const REFINEMENT_SHARE: f64 = 0.6;
+/// Part of the time of the local pass that its rays may take; the solver of its matrix has the rest. Chosen: both
+/// are taken to need about equal time.
+pub const RAY_SHARE: f64 = 0.5;
+/// Part of the time of a point query that its rays are planned for. Chosen: the estimate comes from a sample of points, and
+/// other processes use the machine as well.
+pub const QUERY_SHARE: f64 = 0.8;
+
+/// The time limit of a piece of work. Inner loops ask for it every few milliseconds.
+#[derive(Clone, Copy)]
+pub struct Deadline<'a> {
+    progress: &'a dyn Progress,
+    begun: Instant,
+    /// Seconds that count as spent before `begun`.
+    spent: f64,
+    /// Seconds after the start; infinite without a limit.
+    seconds: f64,
+}
+
+impl<'a> Deadline<'a> {
+    /// A deadline so many seconds from now. Without a number only an interruption ends the work.
+    pub fn start(progress: &'a dyn Progress, seconds: Option<f64>) -> Deadline<'a> {
+        Deadline { progress, begun: Instant::now(), spent: 0.0, seconds: seconds.unwrap_or(f64::INFINITY) }
+    }
+
+    /// The same deadline with so many seconds spent before its start.
+    pub fn after(self, spent: f64) -> Deadline<'a> {
+        Deadline { spent, ..self }
+    }
+
+    /// The same deadline with the interruptions of another caller.
+    pub fn for_caller<'b>(&self, progress: &'b dyn Progress) -> Deadline<'b> {
+        let Deadline { begun, spent, seconds, .. } = *self;
+        Deadline { progress, begun, spent, seconds }
+    }
+
+    /// A deadline after this part of the time that is left now.
+    pub fn part(self, part: f64) -> Deadline<'a> {
+        let kept = if self.limited() { (1.0 - part) * self.unused().max(0.0) } else { 0.0 };
+        Deadline { seconds: self.seconds - kept, ..self }
+    }
+
+    /// A slightly later deadline, for stages that are begun only if they are expected to end in time.
+    pub fn with_grace(self) -> Deadline<'a> {
+        Deadline { seconds: self.seconds + (GRACE_SHARE * self.seconds).max(GRACE_SECONDS), ..self }
+    }
+
+    /// Whether there is a time limit.
+    pub fn limited(&self) -> bool {
+        self.seconds.is_finite()
+    }
+
+    /// Seconds left; 0 after an interruption.
+    pub fn left(&self) -> f64 {
+        if self.interrupted() { 0.0 } else { self.unused().max(0.0) }
+    }
+
+    /// Whether the time is used up or the work is interrupted.
+    pub fn late(&self) -> bool {
+        self.left() <= 0.0
+    }
+
+    /// Whether the caller has interrupted the work.
+    pub fn interrupted(&self) -> bool {
+        self.progress.stopped()
+    }
+
+    /// Seconds since the start.
+    pub fn elapsed(&self) -> f64 {
+        self.spent + self.begun.elapsed().as_secs_f64()
+    }
+
+    fn unused(&self) -> f64 {
+        self.seconds - self.elapsed()
+    }
+}
+
+/// The deadlines of the stages that follow preparation.
+#[derive(Clone, Copy)]
+pub struct DeadlinePlan<'a> {
+    /// The light of all elements.
+    pub light: Deadline<'a>,
+    /// Refinement of links, which ends earlier.
+    pub refinement: Deadline<'a>,
+    /// Points and the audit, which may end a little late.
+    pub closing: Deadline<'a>,
+}
+
+impl<'a> DeadlinePlan<'a> {
+    /// Divides the time that is left of `whole`. `points`: irradiance at points follows; `local_pass`: so does a local pass.
+    pub fn new(whole: Deadline<'a>, points: bool, local_pass: bool) -> DeadlinePlan<'a> {
+        let light = whole.part(if points { LIGHT_SHARE_BEFORE_POINTS } else { LIGHT_SHARE });
+        let share = if local_pass { REFINEMENT_SHARE_BEFORE_LOCAL_PASS } else { REFINEMENT_SHARE };
+        DeadlinePlan { light, refinement: light.part(share), closing: whole.with_grace() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_end_before_the_whole() {
+        let endless = Deadline::start(&(), None);
+        assert!(
+            !endless.late() && !endless.part(0.1).limited() && endless.with_grace().left() == f64::INFINITY
+        );
+        let whole = Deadline::start(&(), Some(100.0));
+        let left = whole.part(0.25).left();
+        assert!(left > 20.0 && left < 25.1 && whole.left() > 99.0 && whole.with_grace().left() > 104.0);
+        let plan = DeadlinePlan::new(whole, true, true);
+        assert!(plan.refinement.left() < plan.light.left() && plan.light.left() < whole.left());
+        let over = Deadline::start(&(), Some(0.0));
+        assert!(over.late() && over.part(0.5).late() && !over.interrupted());
+    }
+}

@@ -1,0 +1,60 @@
+//! The solver's data of one element: its light, its importance, its feature size and its row factors.
+
+use crate::radiosity::rgb::Rgb;
+
+/// The row of one element in the solver's table; [`super::Elements`] holds its geometry under the same index.
+#[derive(Clone, Copy, Debug)]
+pub struct ElementState {
+    /// Radiosity, W/m²: for an element with children the mean by area.
+    pub radiosity: Rgb,
+    /// Irradiance of a surface element, W/m²; 0 for clusters.
+    pub irradiance: Rgb,
+    /// What the error oracle reads.
+    pub statistics: LightStatistics,
+    /// Row normalisation of a leaf.
+    pub factors: RowFactors,
+    /// The sum that the form factors of a leaf should have: 1, or less where other surfaces cover part of the leaf.
+    pub row_target: f32,
+    /// Shadow features smaller than this on the element may be averaged, scene units.
+    pub feature_size: f32,
+    /// What errors count here relative to the most important element, in `(0, 1]`; 1 where everything is important.
+    pub importance: f32,
+}
+
+impl ElementState {
+    /// An element without light.
+    pub const DARK: ElementState = ElementState {
+        radiosity: [0.0; 3],
+        irradiance: [0.0; 3],
+        statistics: LightStatistics { mean: 0.0, deviation: 0.0, weight: 0.0 },
+        factors: RowFactors::ONE,
+        row_target: 1.0,
+        feature_size: 0.0,
+        importance: 1.0,
+    };
+}
+
+/// The light that an element sends out, as the error oracle needs it.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LightStatistics {
+    /// Mean radiosity, W/m², mean over the channels.
+    pub mean: f32,
+    /// Standard deviation of the radiosity inside the element, W/m².
+    pub deviation: f32,
+    /// What an error of the element's irradiance counts: reflectance times importance.
+    pub weight: f32,
+}
+
+/// Row normalisation of a leaf: factors by which its light is multiplied so that its form factors have the right sum.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RowFactors {
+    /// Factor of the irradiance that arrives.
+    pub gathers: f32,
+    /// Factor of the radiosity that is sent.
+    pub sends: f32,
+}
+
+impl RowFactors {
+    /// No normalisation.
+    pub const ONE: RowFactors = RowFactors { gathers: 1.0, sends: 1.0 };
+}

@@ -1,0 +1,87 @@
+//! Subdivision of surfaces into four parts.
+
+use super::{Element, Elements, Shape};
+use glam::Vec3;
+
+impl Elements {
+    /// Whether an element has children or [`Elements::split`] can make them.
+    pub fn can_open(&self, element: u32) -> bool {
+        let e = &self.elements[element as usize];
+        // The range of ids must hold four children of one id each.
+        !e.is_leaf() || (!e.is_cluster() && 0.25 * e.area >= self.min_area && e.ids[1] - e.ids[0] >= 5)
+    }
+
+    /// Splits a surface without children into four parts at the midpoints of its edges. Parts meet the parts of neighbouring
+    /// surfaces along whole edges or half edges.
+    pub fn split(&mut self, element: u32) {
+        let parent = self.elements[element as usize].clone();
+        let Shape::Surface { side, corners } = parent.shape else { return };
+        if !parent.is_leaf() {
+            return;
+        }
+        let first = self.elements.len() as u32;
+        let room = (parent.ids[1] - parent.ids[0] - 1) / 4;
+        for (k, corners) in quarters(corners).into_iter().enumerate() {
+            let start = parent.ids[0] + 1 + k as u64 * room;
+            self.elements.push(Element {
+                ids: [start, start + room],
+                parent: element,
+                level: parent.level + 1,
+                ..surface(side, corners)
+            });
+        }
+        let parent = &mut self.elements[element as usize];
+        (parent.first_child, parent.children) = (first, 4);
+    }
+}
+
+/// Whether the fourth corner repeats the third.
+pub(super) fn is_triangle(corners: &[Vec3; 4]) -> bool {
+    corners[2] == corners[3]
+}
+
+/// A surface element without parent, children and ids.
+pub(super) fn surface(side: u32, corners: [Vec3; 4]) -> Element {
+    let bounds = crate::math::Aabb::of(corners);
+    Element {
+        area: area(&corners),
+        shape: Shape::Surface { side, corners },
+        ids: [0, 1],
+        parent: 0,
+        first_child: 0,
+        children: 0,
+        level: 0,
+        centre: centroid(&corners),
+        radius: 0.5 * bounds.diagonal(),
+    }
+}
+
+fn centroid(c: &[Vec3; 4]) -> Vec3 {
+    if is_triangle(c) { (c[0] + c[1] + c[2]) / 3.0 } else { 0.25 * (c[0] + c[1] + c[2] + c[3]) }
+}
+
+fn area(corners: &[Vec3; 4]) -> f64 {
+    let [a, b, c, d] = corners.map(|p| p.as_dvec3());
+    0.5 * (c - a).cross(d - b).length()
+}
+
+/// The four parts of a surface: corner k of the whole is a corner of part k; the middle part of a triangle is the last.
+///
+/// The parts of a quad meet at the midpoint of its first diagonal, which is the edge between its two faces: two parts are similar
+/// to the quad, two are parallelograms, and all lie in the faces even if the quad is slightly bent. (Parts that met at the mean
+/// of the corners would lie behind bent faces, which would hide them.)
+fn quarters(c: [Vec3; 4]) -> [[Vec3; 4]; 4] {
+    let middle = |i: usize, j: usize| 0.5 * (c[i] + c[j]);
+    if is_triangle(&c) {
+        let (ab, bc, ca) = (middle(0, 1), middle(1, 2), middle(2, 0));
+        return [[c[0], ab, ca, ca], [ab, c[1], bc, bc], [ca, bc, c[2], c[2]], [ab, bc, ca, ca]];
+    }
+    let m = [middle(0, 1), middle(1, 2), middle(2, 3), middle(3, 0)];
+    let centre = middle(0, 2);
+    [
+        [c[0], m[0], centre, m[3]],
+        [m[0], c[1], m[1], centre],
+        [centre, m[1], c[2], m[2]],
+        [m[3], centre, m[2], c[3]],
+    ]
+}

@@ -1,0 +1,190 @@
+//! Direct light at points: Lambert's formula times the visible part, from bundles of shadow rays.
+
+use super::gatherer::FinalGather;
+use crate::form_factors::analytic::point_to_polygon;
+use crate::radiosity::links::{Scratch, VisibilityEngine, VisibilityQuery};
+use crate::radiosity::rgb::{Rgb, add, mean};
+use crate::radiosity::sampling::{mix, numbers, pick, point_on};
+use crate::ray::{LANES, Packet};
+use glam::Vec3;
+
+/// Points that are gathered for together, as one task. Chosen: their queries share searches for clusters.
+pub(super) const CHUNK: usize = 64;
+/// Least shadow rays of a point and an emitter. Chosen: two packets, so that the variance has a meaning.
+const MIN_SHADOW_RAYS: usize = 2 * LANES;
+/// Runs of consecutive points that represent all points when the engine is chosen, and points of each run.
+const SAMPLE_RUNS: usize = 16;
+const SAMPLE_RUN: usize = 16;
+
+/// A point at which irradiance is computed.
+#[derive(Clone, Copy)]
+pub(super) struct GatherPoint {
+    pub at: Vec3,
+    pub normal: Vec3,
+    /// Seed of its samples.
+    pub seed: u64,
+}
+
+impl FinalGather<'_> {
+    /// By emitter, the visibility engine for points like these.
+    pub(super) fn engines(&self, points: &[(Vec3, Vec3)]) -> Vec<VisibilityEngine> {
+        let step = (points.len() / SAMPLE_RUNS).max(CHUNK);
+        let sample: Vec<GatherPoint> = points
+            .chunks(step)
+            .flat_map(|part| &part[..SAMPLE_RUN.min(part.len())])
+            .enumerate()
+            .map(|(i, &(at, normal))| GatherPoint {
+                at: at + self.slack * normal,
+                normal,
+                seed: mix(i as u64),
+            })
+            .collect();
+        let of = |emitter: usize| {
+            let views = self.emitter_views(&sample, emitter);
+            let queries: Vec<VisibilityQuery> =
+                views.iter().map(|view| self.shadow_rays(view, emitter, 0).0).collect();
+            self.linked.engine.for_queries(&queries, &mut Scratch::default())
+        };
+        (0..self.emitters.emitters.len()).map(of).collect()
+    }
+
+    /// Direct irradiance at points, W/m². All points query an emitter together.
+    pub(super) fn direct(
+        &self,
+        points: &[GatherPoint],
+        engines: &[VisibilityEngine],
+        scratch: &mut Scratch,
+    ) -> Vec<Rgb> {
+        let mut values = vec![[0.0; 3]; points.len()];
+        for (emitter, engine) in engines.iter().enumerate() {
+            let mut views = self.emitter_views(points, emitter);
+            self.measure_visibility(&mut views, emitter, engine, scratch);
+            for view in views {
+                let visible = if view.sum > 0.0 { view.seen / view.sum } else { 1.0 };
+                add(&mut values[view.point], visible, view.free);
+            }
+        }
+        values
+    }
+
+    /// The points that face an emitter's front, with their unoccluded irradiance.
+    fn emitter_views(&self, points: &[GatherPoint], emitter: usize) -> Vec<EmitterView> {
+        let faces = &self.emitters.emitters[emitter].faces;
+        let mut views = Vec::new();
+        for (point, &from) in points.iter().enumerate() {
+            let (mut free, mut total, mut shares) = ([0.0; 3], 0.0, Vec::with_capacity(faces.len()));
+            for face in faces {
+                let (at, normal) = (from.at.as_dvec3(), from.normal.as_dvec3());
+                let factor = point_to_polygon(at, normal, &face.polygon[..face.count]).max(0.0);
+                add(&mut free, factor, face.exitance);
+                total += (factor * mean(face.exitance)) as f32;
+                shares.push(total);
+            }
+            if total > 0.0 {
+                views.push(EmitterView {
+                    point,
+                    from,
+                    free,
+                    shares,
+                    sum: 0.0,
+                    seen: 0.0,
+                    squares: 0.0,
+                    count: 0.0,
+                });
+            }
+        }
+        views
+    }
+
+    /// The visible part of an emitter's irradiance: few rays, and more where they disagree, until the standard error is what all
+    /// rays would leave in the worst case, 1 / (2 √n). Averaged visibility varies less and needs fewer rays.
+    fn measure_visibility(
+        &self,
+        views: &mut [EmitterView],
+        emitter: usize,
+        engine: &VisibilityEngine,
+        scratch: &mut Scratch,
+    ) {
+        let tolerance = 0.5 / (self.light_rays as f64).sqrt();
+        let mut left: Vec<usize> = (0..views.len()).collect();
+        for first in (0..self.light_rays).step_by(LANES) {
+            let (queries, weights): (Vec<VisibilityQuery>, Vec<[f32; LANES]>) =
+                left.iter().map(|&k| self.shadow_rays(&views[k], emitter, first)).unzip();
+            engine.answer_all(&queries, scratch, |k, through| {
+                views[left[k]].add(&queries[k].packet, &weights[k], through);
+            });
+            left.retain(|&k| {
+                // Without a ray above the horizon nothing is known.
+                let open = views[k].count == 0.0;
+                let few = first + LANES < MIN_SHADOW_RAYS;
+                open || few || views[k].variance() > views[k].count * tolerance * tolerance
+            });
+            if left.is_empty() {
+                return;
+            }
+        }
+    }
+
+    /// Sixteen shadow rays of a point, beginning with number `first`, and their weights.
+    fn shadow_rays(
+        &self,
+        view: &EmitterView,
+        emitter: usize,
+        first: usize,
+    ) -> (VisibilityQuery, [f32; LANES]) {
+        let emitter_of = &self.emitters.emitters[emitter];
+        let GatherPoint { at, normal, seed } = view.from;
+        let [shift_u, shift_v, ..] = numbers(seed ^ emitter as u64, 0);
+        let mut packet = Packet::EMPTY;
+        let mut weights = [0.0f32; LANES];
+        for (lane, (weight, [u, v])) in weights.iter_mut().zip(&self.table[first..]).enumerate() {
+            let (u, v) = ((u + shift_u).fract(), (v + shift_v).fract());
+            let (f, u, share) = pick(&view.shares, u);
+            let face = &emitter_of.faces[f];
+            let y = point_on(&face.corners, u, v);
+            let d = y - at;
+            let r2 = d.length_squared().max(f32::MIN_POSITIVE);
+            let kernel = (normal.dot(d).max(0.0) / r2) * ((-face.normal.dot(d)).max(0.0) / r2);
+            *weight = kernel * face.area * mean(face.exitance) as f32 / share;
+            if *weight > 0.0 {
+                packet.set(lane, at, y, self.linked.ends);
+            }
+        }
+        let query =
+            VisibilityQuery { packet, emitter_size: emitter_of.width, feature_size: self.feature_size };
+        (query, weights)
+    }
+}
+
+/// A point that faces an emitter, and the results of its shadow rays so far.
+struct EmitterView {
+    /// Index of the point.
+    point: usize,
+    from: GatherPoint,
+    /// Unoccluded irradiance, W/m².
+    free: Rgb,
+    /// Running sums of the parts of the faces.
+    shares: Vec<f32>,
+    /// Sums of weights, of weights times transmittances, and of weights times their squares.
+    sum: f64,
+    seen: f64,
+    squares: f64,
+    /// Number of rays.
+    count: f64,
+}
+
+impl EmitterView {
+    fn add(&mut self, packet: &Packet, weights: &[f32; LANES], through: &[f32; LANES]) {
+        for lane in packet.lanes() {
+            self.sum += f64::from(weights[lane]);
+            self.seen += f64::from(weights[lane] * through[lane]);
+            self.squares += f64::from(weights[lane] * through[lane] * through[lane]);
+        }
+        self.count += packet.len() as f64;
+    }
+
+    /// Variance of the transmittance of one ray.
+    fn variance(&self) -> f64 {
+        if self.sum > 0.0 { (self.squares / self.sum - (self.seen / self.sum).powi(2)).max(0.0) } else { 0.0 }
+    }
+}

@@ -1,0 +1,180 @@
+//! Gathers light by rays from a scene whose elements have light.
+
+use crate::embree::CommittedScene;
+use crate::embree::{Hits, Traversal};
+use crate::model::Model;
+use crate::radiosity::elements::emitters::Emitters;
+use crate::radiosity::elements::{Elements, Lookup, Shape};
+use crate::radiosity::links::Scratch;
+use crate::radiosity::options::Options;
+use crate::radiosity::refinement::LinkedScene;
+use crate::radiosity::sampling::{cosine_direction, mix, numbers};
+use crate::ray::{LANES, Packet};
+use glam::Vec3;
+use sobol_burley::sample;
+
+/// Sets of directions that points choose from. Chosen: neighbouring points must not share the errors of one set.
+const DIRECTION_SETS: usize = 64;
+
+/// What gathering needs of a scene and its light.
+pub struct FinalGather<'a> {
+    pub(super) linked: &'a LinkedScene,
+    pub(super) traced: CommittedScene,
+    pub(super) traversal: Traversal,
+    pub(super) lookup: Lookup,
+    pub(super) emitters: Emitters,
+    /// Reflected radiosity by element, W/m².
+    pub(super) reflected: Vec<[f32; 3]>,
+    /// By element, the distance from which its mean light stands for all of its points, scene units; 0 in scenes without clusters,
+    /// whose elements are as small as their light requires.
+    pub(super) trust_distance: Vec<f32>,
+    /// Low-discrepancy numbers for shadow rays.
+    pub(super) table: Vec<[f32; 2]>,
+    /// Shadow rays from a point to an emitter that is partly visible.
+    pub(super) light_rays: usize,
+    /// Sets of directions about +z for reflected light, in blocks of 4 by 4 neighbours; none for direct light only.
+    pub(super) hemispheres: Vec<Vec<Vec3>>,
+    /// Distance from their surface at which given points are taken to lie, scene units: files round points, and sheets of paper
+    /// lie on desks.
+    pub(super) slack: f32,
+    /// Feature size where none is given, scene units.
+    pub(super) feature_size: f32,
+    /// Largest coordinate of the scene, scene units.
+    pub(super) magnitude: f32,
+    /// Length of rays, more than the diagonal of the scene; scene units.
+    pub(super) length: f32,
+}
+
+/// A point of a path on a surface.
+#[derive(Clone, Copy)]
+pub struct PathVertex {
+    /// Position.
+    pub at: Vec3,
+    /// Side of the surface; [`Elements::NONE`] for no surface.
+    pub side: u32,
+    /// The leaf element at the position.
+    pub leaf: u32,
+    /// Part of the light sent here that reaches the start of the path, by channel.
+    pub share: Vec3,
+}
+
+/// What a ray from a path vertex has found.
+#[derive(Clone, Copy)]
+pub struct RayResult {
+    /// Irradiance that emitters cause at the vertex (an estimate), W/m².
+    pub direct: Vec3,
+    /// Where the ray ended.
+    pub met: PathVertex,
+    /// Length of the ray, scene units.
+    pub distance: f32,
+    /// Whether the ray left the scene.
+    pub gone: bool,
+}
+
+impl RayResult {
+    /// No light and no surface.
+    pub const NOTHING: RayResult = RayResult {
+        direct: Vec3::ZERO,
+        met: PathVertex { at: Vec3::ZERO, side: Elements::NONE, leaf: 0, share: Vec3::ZERO },
+        distance: 0.0,
+        gone: false,
+    };
+}
+
+/// Buffers of a thread.
+#[derive(Default)]
+pub struct Buffers {
+    /// Buffers and tally of visibility queries.
+    pub scratch: Scratch,
+    pub(super) packets: Vec<Packet>,
+    pub(super) hits: Vec<Hits>,
+    /// Path vertices from which the next rays start.
+    pub vertices: Vec<PathVertex>,
+    pub(super) next_vertices: Vec<PathVertex>,
+    pub(super) results: Vec<RayResult>,
+}
+
+impl<'a> FinalGather<'a> {
+    /// Prepares gathering from the light of a model.
+    pub fn new(model: &Model, linked: &'a LinkedScene, options: &Options) -> FinalGather<'a> {
+        let (scene, magnitude) = (model.scene(), model.magnitude());
+        let elements = &linked.elements;
+        let cluttered = elements.large_from > 0;
+        let gathered = options.gather_rays();
+        let sets = if options.direct_only { 0 } else { DIRECTION_SETS };
+        let hemispheres = (0..sets).map(|k| hemisphere(gathered, mix(options.seed ^ k as u64))).collect();
+        let table = (0..options.light_rays() as u32)
+            .map(|i| [sample(i & 0xffff, 0, 7), sample(i & 0xffff, 1, 7)])
+            .collect();
+        let reflected = elements.elements.iter().zip(&linked.states).map(|(e, state)| match e.shape {
+            Shape::Cluster(_) => [0.0; 3],
+            Shape::Surface { side, .. } => {
+                let emitted = elements.sides[side as usize].exitance;
+                std::array::from_fn(|k| (state.radiosity[k] - emitted[k]) as f32)
+            }
+        });
+        FinalGather {
+            lookup: Lookup::new(elements),
+            reflected: reflected.collect(),
+            linked,
+            traced: model.traced().clone(),
+            traversal: model.widest_packets(),
+            emitters: Emitters::new(scene, elements),
+            trust_distance: elements
+                .elements
+                .iter()
+                .map(|e| if cluttered { e.radius } else { 0.0 })
+                .collect(),
+            table,
+            light_rays: options.light_rays(),
+            hemispheres,
+            slack: 1e-5 * scene.bounds.diagonal() + 1e-6 * magnitude,
+            feature_size: options.feature_size.unwrap_or(1e-2 * scene.bounds.diagonal()),
+            magnitude,
+            length: 1.01 * scene.bounds.diagonal(),
+        }
+    }
+
+    /// The scene that is gathered from.
+    pub fn linked(&self) -> &'a LinkedScene {
+        self.linked
+    }
+
+    /// Where a ray of a packet ended.
+    pub(super) fn met(&self, packet: &Packet, hits: &Hits, lane: usize) -> Option<PathVertex> {
+        let triangle = hits.triangle[lane];
+        if triangle == Hits::NOTHING {
+            return None;
+        }
+        let (from, at) = (packet.point(lane, 0.0), packet.point(lane, hits.t[lane]));
+        let side = self.linked.elements.met(triangle, at - from);
+        if side == Elements::NONE {
+            return None;
+        }
+        let leaf = self.lookup.leaf(side, at);
+        Some(PathVertex { at, side, leaf, share: Vec3::ONE })
+    }
+
+    /// The feature size of a surface element, or that for receivers without one; scene units.
+    pub(super) fn feature_size_of(&self, element: u32) -> f32 {
+        let LinkedScene { feature_sizes, elements, states, .. } = self.linked;
+        feature_sizes.of_surface(elements, states, element as usize).unwrap_or(self.feature_size)
+    }
+}
+
+/// At least `count` directions about +z with the density cos/π: one in each cell of a grid, in blocks of 4 by 4.
+fn hemisphere(count: usize, seed: u64) -> Vec<Vec3> {
+    let blocks = count.div_ceil(LANES);
+    let across = (blocks as f64).sqrt().ceil() as usize;
+    let down = blocks.div_ceil(across);
+    (0..across * down * LANES)
+        .map(|k| {
+            let (block, lane) = (k / LANES, k % LANES);
+            let (i, j) = (block % across * 4 + lane % 4, block / across * 4 + lane / 4);
+            let [r, s, ..] = numbers(seed, k as u64);
+            let place =
+                |cell: usize, within: f32, blocks: usize| (cell as f32 + within) / (4 * blocks) as f32;
+            cosine_direction(Vec3::Z, place(i, r, across), place(j, s, down))
+        })
+        .collect()
+}

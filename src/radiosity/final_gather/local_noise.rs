@@ -1,0 +1,132 @@
+//! Standard errors of the local pass, from the spread of its rays.
+
+use super::ray_rows::{RayRow, RayRows};
+use crate::radiosity::elements::{Elements, Shape};
+use crate::radiosity::rgb::Rgb;
+use crate::radiosity::transport::TransportMatrix;
+use rayon::prelude::*;
+
+/// Rows of one parallel task.
+const CHUNK: usize = 64;
+/// Rays of neighbouring leaves that a leaf's own spread is mixed with. Chosen: few rays say little about their own spread.
+const NEIGHBOUR_RAYS: f64 = 8.0;
+
+/// What the local pass has found about one element.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LocalResult {
+    /// Irradiance of a leaf, W/m².
+    pub irradiance: Rgb,
+    /// Standard error of the irradiance's mean over the channels, W/m², from the spread of the rays.
+    pub noise: f32,
+    /// Sum of the form factors with sides that light can reach.
+    pub row_sum: f32,
+    /// Part of the rays that did not leave the scene.
+    pub kept: f32,
+}
+
+/// Assigns row sums, the part of rays that stayed in the scene, and standard errors to all leaves with rows.
+pub fn assign_noise(
+    elements: &Elements,
+    rows: &RayRows,
+    matrix: &TransportMatrix,
+    results: &mut [LocalResult],
+) {
+    let brightness: Vec<f64> = rows.rows.iter().map(|r| reflected(elements, r.leaf, results)).collect();
+    let area = |row: &RayRow| elements.elements[row.leaf as usize].area;
+    let all: f64 = rows.rows.iter().map(area).sum();
+    let level: f64 = rows.rows.iter().zip(&brightness).map(|(r, b)| area(r) * b).sum();
+    let level = level / all.max(f64::MIN_POSITIVE);
+    let spreads: Vec<RowSpread> = (0..rows.rows.len())
+        .into_par_iter()
+        .with_min_len(CHUNK)
+        .map(|i| {
+            let (row, met) = rows.of(i);
+            let others = matrix.form_factors(i).map(|(j, f)| (f, brightness[j as usize]));
+            RowSpread::new(row, met.len() as f64, others)
+        })
+        .collect();
+    // Sums over the leaves below each parent.
+    let mut around = vec![[Spread::default(); 2]; elements.len()];
+    for (row, spread) in rows.rows.iter().zip(&spreads) {
+        let around = &mut around[elements.elements[row.leaf as usize].parent as usize];
+        around.iter_mut().zip(spread.spreads).for_each(|(a, s)| a.add(s));
+    }
+    let sums = matrix.rows();
+    for (i, (row, spread)) in rows.rows.iter().zip(&spreads).enumerate() {
+        let leaf = row.leaf as usize;
+        let n = rows.of(i).1.len() as f64;
+        let around = around[elements.elements[leaf].parent as usize];
+        let [direct, reflected] = [0, 1].map(|k| spread.spreads[k].variance(around[k]));
+        let rays = (spread.spreads[1].freedom + 1.0).max(1.0);
+        let variance = direct / n
+            + sums[i] * sums[i] * reflected / rays
+            + sums[i] * (1.0 - sums[i]).max(0.0) * spread.mean * spread.mean / n;
+        let result = &mut results[leaf];
+        result.row_sum = sums[i] as f32;
+        result.kept = 1.0 - row.gone as f32 / n as f32;
+        // One more ray might meet a surface that no other ray has met, as bright as the scene on average.
+        result.noise = variance.sqrt().hypot(level / n) as f32;
+    }
+}
+
+/// Reflected radiosity of an element, mean over the channels, W/m².
+fn reflected(elements: &Elements, element: u32, results: &[LocalResult]) -> f64 {
+    let Shape::Surface { side, .. } = elements.elements[element as usize].shape else { return 0.0 };
+    let rho = elements.sides[side as usize].reflectance;
+    let irradiance = results[element as usize].irradiance;
+    (0..3).map(|k| f64::from(rho[k]) * irradiance[k]).sum::<f64>() / 3.0
+}
+
+/// Spread of the light along the rays of a leaf.
+struct RowSpread {
+    /// Mean reflected radiosity that the leaf sees, W/m².
+    mean: f64,
+    /// Of the direct light and of the reflected light, from ray to ray.
+    spreads: [Spread; 2],
+}
+
+impl RowSpread {
+    /// For `n` rays; `others` are the form factors and radiosities at the other ends of all rays that leave or meet the leaf.
+    fn new(row: &RayRow, n: f64, others: impl Iterator<Item = (f64, f64)>) -> RowSpread {
+        let direct = f64::from(row.direct.element_sum()) / 3.0;
+        let (mut weights, mut squared_weights, mut sum, mut squares) = (0.0, 0.0, 0.0, 0.0);
+        for (w, b) in others {
+            (weights, squared_weights) = (weights + w, squared_weights + w * w);
+            (sum, squares) = (sum + w * b, squares + w * b * b);
+        }
+        let weighted = |v: f64| if weights > 0.0 { v / weights } else { 0.0 };
+        // The effective number of rays with different weights.
+        let rays = if weights > 0.0 { weights * weights / squared_weights } else { 0.0 };
+        let mean = weighted(sum);
+        RowSpread {
+            mean,
+            spreads: [
+                Spread::new(n, (f64::from(row.squares) - direct * direct / n).max(0.0)),
+                Spread::new(rays, rays * (weighted(squares) - mean * mean).max(0.0)),
+            ],
+        }
+    }
+}
+
+/// Sum of squared differences from the mean, and degrees of freedom.
+#[derive(Clone, Copy, Default)]
+struct Spread {
+    squares: f64,
+    freedom: f64,
+}
+
+impl Spread {
+    fn new(rays: f64, squares: f64) -> Spread {
+        Spread { squares, freedom: (rays - 1.0).max(0.0) }
+    }
+
+    fn add(&mut self, other: Spread) {
+        (self.squares, self.freedom) = (self.squares + other.squares, self.freedom + other.freedom);
+    }
+
+    /// Variance of one ray, by the leaf's own rays and some of those around.
+    fn variance(self, around: Spread) -> f64 {
+        (self.squares + NEIGHBOUR_RAYS * around.squares / around.freedom.max(1.0))
+            / (self.freedom + NEIGHBOUR_RAYS)
+    }
+}

@@ -1,0 +1,131 @@
+//! The local pass: the irradiance of each element of a scene with clusters, by rays of its own.
+//!
+//! Light at a linked cluster is distributed among its surfaces by orientation; what they hide from each other is known only on
+//! average, and insides of furniture would receive light that never gets there. So in the end every element traces a few rays. The
+//! exchange of two elements is estimated by all rays that join them, from either side ([`TransportMatrix`]), so that no energy is
+//! created. The rays are stored, twelve bytes each, and the light is solved on them to the last bounce without further rays,
+//! starting from the light along links. See `docs/method.md`, Local pass.
+
+use super::gatherer::FinalGather;
+use super::local_noise::{LocalResult, assign_noise};
+use super::ray_rows::RayRows;
+use crate::radiosity::deadline::{Deadline, RAY_SHARE};
+use crate::radiosity::elements::{Elements, Shape};
+use crate::radiosity::links::Tally;
+use crate::radiosity::transport::{
+    Convergence, Field, MatrixRow, Method, RayTransport, TransportMatrix, solve,
+};
+use std::time::Instant;
+
+/// Least and most rays of an element. Chosen: a few rays join every element with others; thousands are more than any error needs.
+const MIN_ROW_RAYS: f64 = 4.0;
+const MAX_ROW_RAYS: f64 = 4096.0;
+/// Rays that all elements share after the deadline. Too few rays can isolate two elements that only see each other, and their
+/// light would never decay.
+pub const LATE_RAYS: f64 = 1e5;
+/// Leaves whose rays are timed for an estimate, about, and rays of each. Chosen: some milliseconds.
+const TIMED_LEAVES: usize = 2000;
+const TIMED_RAYS: u32 = 16;
+/// Part of the rays that remains after surfaces have been split for so many rays and each part has its least number.
+const SHARED_AFTER_SPLIT: f64 = 0.8;
+
+/// The result of the local pass.
+pub struct LocalPass {
+    /// By element; 0 for clusters and elements with children.
+    pub results: Vec<LocalResult>,
+    /// [`TransportMatrix::reciprocity`] of the form factors.
+    pub reciprocity: f64,
+    /// How the light converged.
+    pub convergence: Convergence,
+    /// Cost of the rays.
+    pub tally: Tally,
+}
+
+impl FinalGather<'_> {
+    /// Traces about `rays` rays and solves the light on them. Without a number, or after the deadline, elements trace only a few:
+    /// enough for the light of the whole scene, not for that of each element.
+    pub fn local_pass(&self, rays: Option<f64>, deadline: &Deadline) -> LocalPass {
+        let rows = self.trace_rows(rays, deadline);
+        let matrix = self.transport_matrix(&rows, deadline);
+        let (irradiance, convergence) = self.light_on_rays(&rows, &matrix, deadline);
+        let mut results = vec![LocalResult::default(); self.linked.elements.len()];
+        for (row, irradiance) in rows.rows.iter().zip(irradiance) {
+            results[row.leaf as usize].irradiance = irradiance;
+        }
+        assign_noise(&self.linked.elements, &rows, &matrix, &mut results);
+        LocalPass { results, reciprocity: matrix.reciprocity(), convergence, tally: rows.tally }
+    }
+
+    /// The number of rays, at most `rays`, that there is time for; none if there is not even time for the least number of each
+    /// element. From a timed sample of the leaves.
+    pub fn affordable_rays(&self, rays: f64, deadline: &Deadline) -> Option<f64> {
+        if deadline.late() {
+            return None;
+        }
+        let leaves = self.linked.leaves();
+        let step = leaves.len().div_ceil(TIMED_LEAVES).max(1);
+        let sample: Vec<u32> = leaves.iter().copied().step_by(step).collect();
+        let start = Instant::now();
+        let traced = RayRows::trace(self, &sample, |_| TIMED_RAYS);
+        let each = start.elapsed().as_secs_f64() / traced.met.len().max(1) as f64;
+        let possible = RAY_SHARE * deadline.left() / each;
+        let shared = (possible - MIN_ROW_RAYS * leaves.len() as f64) * SHARED_AFTER_SPLIT;
+        (shared >= LATE_RAYS.min(rays)).then_some(shared.min(rays))
+    }
+
+    /// The rays of all leaves: each leaf's share by its area and importance.
+    fn trace_rows(&self, rays: Option<f64>, deadline: &Deadline) -> RayRows {
+        let (elements, states) = (&self.linked.elements, &self.linked.states);
+        let leaves = self.linked.leaves();
+        let counted = |e: u32| elements.elements[e as usize].area * f64::from(states[e as usize].importance);
+        let all_counted: f64 = leaves.iter().map(|&e| counted(e)).sum();
+        RayRows::trace(self, &leaves, |leaf| {
+            let share = counted(leaf) / all_counted;
+            let rays = rays.filter(|_| !deadline.late()).unwrap_or(LATE_RAYS);
+            (MIN_ROW_RAYS + rays * share).min(MAX_ROW_RAYS) as u32
+        })
+    }
+
+    /// The exchange of the leaves, from their rays.
+    fn transport_matrix(&self, rows: &RayRows, deadline: &Deadline) -> TransportMatrix {
+        let linked = self.linked;
+        let elements = &linked.elements;
+        let mut row_of = vec![Elements::NONE; elements.len()];
+        for (i, row) in (0..).zip(&rows.rows) {
+            row_of[row.leaf as usize] = i;
+        }
+        let met: Vec<u32> =
+            rows.met.iter().map(|&e| if e == Elements::NONE { e } else { row_of[e as usize] }).collect();
+        let matrix_rows: Vec<MatrixRow> = rows
+            .rows
+            .iter()
+            .map(|row| match elements.elements[row.leaf as usize].shape {
+                Shape::Surface { side, .. } => MatrixRow {
+                    area: elements.elements[row.leaf as usize].area,
+                    reflectance: elements.sides[side as usize].reflectance,
+                    end: row.end,
+                    closed: linked.surroundings.closed[side as usize],
+                },
+                Shape::Cluster(_) => unreachable!("rows are those of surfaces"),
+            })
+            .collect();
+        TransportMatrix::new(&matrix_rows, &met, linked.settings.rows, deadline)
+    }
+
+    /// Irradiance of the rows, W/m², starting from the light along links.
+    fn light_on_rays(
+        &self,
+        rows: &RayRows,
+        matrix: &TransportMatrix,
+        deadline: &Deadline,
+    ) -> (Field, Convergence) {
+        let direct: Field = (0..rows.rows.len())
+            .map(|i| {
+                let (row, met) = rows.of(i);
+                row.direct.to_array().map(|d| f64::from(d) / met.len() as f64)
+            })
+            .collect();
+        let start = rows.rows.iter().map(|r| self.linked.states[r.leaf as usize].irradiance).collect();
+        solve(&RayTransport { matrix, direct }, Some(start), Method::Krylov, deadline)
+    }
+}

@@ -1,0 +1,187 @@
+//! Paths: single rays from surface points, followed until an element may stand for the light at the point met.
+
+use super::gatherer::{Buffers, FinalGather, PathVertex, RayResult};
+use crate::embree::Hits;
+use crate::radiosity::elements::Elements;
+use crate::radiosity::links::{VisibilityEngine, VisibilityQuery};
+use crate::radiosity::rgb::{Rgb, add};
+use crate::radiosity::sampling::{cosine_direction, mix, numbers};
+use crate::ray::{LANES, Packet};
+use glam::Vec3;
+
+/// Most bounces of a path: in narrow gaps no element is far enough away. Chosen: little light is left after eight bounces.
+const MAX_BOUNCES: u64 = 8;
+/// Most bounces of a path that does not use the solution, and the bounce from which Russian roulette may end it (Arvo and Kirk
+/// 1990). Chosen: the roulette ends almost all paths much earlier.
+const MAX_INDEPENDENT_BOUNCES: u64 = 256;
+const FIRST_ROULETTE_BOUNCE: u64 = 3;
+/// Height above the surface at which rays start, relative to the largest coordinate. Chosen: some roundings of 32 bits.
+const RAY_OFFSET: f32 = 2e-6;
+
+impl FinalGather<'_> {
+    /// Whether the mean light of an element may stand for the light at a point on it: if the point is seen from further away than
+    /// the element is large (secondary final gathers, Jensen 2001).
+    fn trusts(&self, met: &PathVertex, distance: f32) -> bool {
+        distance >= self.trust_distance[met.leaf as usize]
+    }
+
+    /// One cosine-weighted ray and one shadow ray from each of `buffers.vertices`, to `buffers.results`. `random` gives four numbers
+    /// in `[0, 1)` for each: the direction, and the point on an emitter.
+    pub(super) fn trace(
+        &self,
+        engine: &VisibilityEngine,
+        random: impl Fn(usize) -> [f32; 4],
+        buffers: &mut Buffers,
+    ) {
+        self.trace_scene_rays(&random, buffers);
+        let Buffers { packets, hits, vertices, results, scratch, .. } = buffers;
+        results.clear();
+        let scattered = engine.scattered();
+        for (g, (group, (packet, hits))) in
+            vertices.chunks(LANES).zip(packets.iter().zip(hits.iter())).enumerate()
+        {
+            for (lane, vertex) in group.iter().enumerate() {
+                results.push(self.result(vertex, packet, hits, lane));
+            }
+            let (shadow, light) = self.emitter_rays(group, |lane| random(g * LANES + lane));
+            if shadow.is_empty() {
+                continue;
+            }
+            // Rays of one element to one emitter share a search for clusters.
+            let together = self.emitters.emitters.len() == 1 && group.iter().all(|p| p.leaf == group[0].leaf);
+            let engine = if together { engine } else { &scattered };
+            let feature_size = self.feature_size_of(group[0].leaf);
+            let query = VisibilityQuery { packet: shadow, emitter_size: self.emitters.width, feature_size };
+            let through = engine.transmittances(&query, scratch);
+            for lane in query.packet.lanes() {
+                results[g * LANES + lane].direct += through[lane] * light[lane];
+            }
+        }
+    }
+
+    /// The first hits of one cosine-weighted ray from each vertex.
+    fn trace_scene_rays(&self, random: &impl Fn(usize) -> [f32; 4], buffers: &mut Buffers) {
+        let Buffers { packets, hits, vertices, scratch, .. } = buffers;
+        packets.clear();
+        for (i, vertex) in vertices.iter().enumerate() {
+            if i % LANES == 0 {
+                packets.push(Packet::EMPTY);
+            }
+            let [u, v, ..] = random(i);
+            let normal = self.linked.elements.sides[vertex.side as usize].normal;
+            let from = vertex.at + RAY_OFFSET * self.magnitude * normal;
+            let to = from + self.length * cosine_direction(normal, u, v);
+            let (packet, lane) = (&mut packets[i / LANES], i % LANES);
+            packet.set(lane, from, to, self.linked.ends);
+            packet.near[lane] = 0.0;
+        }
+        hits.clear();
+        hits.resize(packets.len(), Hits::NONE);
+        self.traced.first_hits(self.traversal, packets, hits);
+        scratch.tally.segments += vertices.len() as u64;
+        scratch.tally.exact_rays += vertices.len() as u64;
+    }
+
+    /// What a ray from a vertex has found. Light of an emitter that the ray met has the weight q / (1 + q) of the balance
+    /// heuristic, q the ratio of the densities of both strategies.
+    fn result(&self, vertex: &PathVertex, packet: &Packet, hits: &Hits, lane: usize) -> RayResult {
+        let elements = &self.linked.elements;
+        let gone = hits.triangle[lane] == Hits::NOTHING;
+        let mut result = RayResult { gone, ..RayResult::NOTHING };
+        if let Some(met) = self.met(packet, hits, lane) {
+            (result.met, result.distance) = (met, hits.t[lane] * self.length);
+            let side = &elements.sides[met.side as usize];
+            if side.exitance.iter().any(|&m| m > 0.0) {
+                let own = (vertex.at, elements.sides[vertex.side as usize].normal);
+                let q = self.emitters.density_ratio(own, (met.at, side.normal), side.exitance);
+                result.direct = q / (1.0 + q) * to_vec(side.exitance);
+            }
+        }
+        result
+    }
+
+    /// One shadow ray from each vertex to a point on an emitter, and the irradiance that it carries if nothing blocks it, W/m².
+    fn emitter_rays(
+        &self,
+        vertices: &[PathVertex],
+        random: impl Fn(usize) -> [f32; 4],
+    ) -> (Packet, [Vec3; LANES]) {
+        let mut shadow = Packet::EMPTY;
+        let mut light = [Vec3::ZERO; LANES];
+        for (lane, vertex) in vertices.iter().enumerate() {
+            let [.., u, v] = random(lane);
+            let Some((at, face)) = self.emitters.sample(u, v) else { continue };
+            let own = (vertex.at, self.linked.elements.sides[vertex.side as usize].normal);
+            let q = self.emitters.density_ratio(own, (at, face.normal), face.exitance);
+            if q > 0.0 {
+                shadow.set(lane, vertex.at, at, self.linked.ends);
+                light[lane] = q / (1.0 + q) * to_vec(face.exitance);
+            }
+        }
+        (shadow, light)
+    }
+
+    /// Adds the light that reaches the path starts through all of `buffers.vertices`: direct light at each vertex, and the light
+    /// of the element that its ray meets, or a longer path where that element is too near. An `independent` path uses no light
+    /// of the solution, and exact rays.
+    pub(super) fn follow(&self, seed: u64, independent: bool, sum: &mut Rgb, buffers: &mut Buffers) {
+        let (last, engine) = if independent {
+            (MAX_INDEPENDENT_BOUNCES, &VisibilityEngine::Exact(self.linked.engine.exact()))
+        } else {
+            (MAX_BOUNCES, &self.linked.engine)
+        };
+        for bounce in 1..=last {
+            if buffers.vertices.is_empty() {
+                return;
+            }
+            let seed = mix(seed ^ bounce);
+            self.trace(engine, |i| numbers(seed, i as u64), buffers);
+            let Buffers { vertices, results, next_vertices, .. } = buffers;
+            next_vertices.clear();
+            for (i, (vertex, found)) in vertices.iter().zip(results.iter()).enumerate() {
+                let mut received = found.direct;
+                if found.met.side != Elements::NONE {
+                    if bounce == last || (!independent && self.trusts(&found.met, found.distance)) {
+                        received += Vec3::from(self.reflected[found.met.leaf as usize]);
+                    } else {
+                        let next = self.continued(found.met, vertex.share);
+                        let survival = next.share.max_element().min(1.0);
+                        let [chance, ..] = numbers(!seed, i as u64);
+                        if !independent || bounce < FIRST_ROULETTE_BOUNCE {
+                            next_vertices.push(next);
+                        } else if chance < survival {
+                            next_vertices.push(PathVertex { share: next.share / survival, ..next });
+                        }
+                    }
+                }
+                add(sum, 1.0, (vertex.share * received).to_array().map(f64::from));
+            }
+            std::mem::swap(vertices, next_vertices);
+        }
+    }
+
+    /// Irradiance of independent paths from all of `buffers.vertices`, summed; W/m².
+    pub fn independent_irradiance(&self, seed: u64, buffers: &mut Buffers) -> Rgb {
+        let mut sum = [0.0; 3];
+        self.follow(seed, true, &mut sum, buffers);
+        sum
+    }
+
+    /// The reflected radiosity at a point met, or the vertex from which the path continues if the element is too near.
+    pub(super) fn reflected_or_next(&self, met: PathVertex, distance: f32) -> Result<Vec3, PathVertex> {
+        if self.trusts(&met, distance) {
+            Ok(Vec3::from(self.reflected[met.leaf as usize]))
+        } else {
+            Err(self.continued(met, Vec3::ONE))
+        }
+    }
+
+    fn continued(&self, met: PathVertex, share: Vec3) -> PathVertex {
+        let reflectance = Vec3::from(self.linked.elements.sides[met.side as usize].reflectance);
+        PathVertex { share: share * reflectance, ..met }
+    }
+}
+
+fn to_vec(exitance: Rgb) -> Vec3 {
+    Vec3::from(exitance.map(|m| m as f32))
+}

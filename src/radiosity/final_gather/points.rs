@@ -1,0 +1,171 @@
+//! Irradiance at points: direct light by shadow rays, reflected light by a hemisphere of rays.
+
+use super::direct_light::{CHUNK, GatherPoint};
+use super::gatherer::{Buffers, FinalGather};
+use crate::embree::Hits;
+use crate::radiosity::deadline::Deadline;
+use crate::radiosity::links::Tally;
+use crate::radiosity::options::Options;
+use crate::radiosity::rgb::{Rgb, add};
+use crate::radiosity::sampling::{mix, numbers};
+use crate::ray::{LANES, Packet};
+use glam::Vec3;
+use rayon::prelude::*;
+use std::time::Instant;
+
+/// Points whose rays are timed for an estimate. Chosen: little of the time of any larger number of points.
+const TIMED_POINTS: usize = CHUNK / 4;
+/// Rays of each kind that remain however short the time. Chosen: fewer would show noise only.
+const MIN_POINT_RAYS: usize = 64;
+/// Distance from surfaces, as part of the scene's diagonal, above which a point is reported as off all surfaces.
+const FAR_OFF: f32 = 1e-3;
+
+/// Options with this part of the rays of a point, but some of each kind.
+pub fn with_fewer_rays(options: &Options, part: f64) -> Options {
+    let fewer = |rays: usize| Some(((rays as f64 * part) as usize).clamp(MIN_POINT_RAYS.min(rays), rays));
+    Options {
+        light_rays: fewer(options.light_rays()),
+        gather_rays: fewer(options.gather_rays()),
+        ..options.clone()
+    }
+}
+
+impl FinalGather<'_> {
+    /// Irradiance (W/m²) at points (scene units relative to the scene's origin, unit normals), in their order, and how visibility
+    /// was answered.
+    pub fn irradiance(&self, points: &[(Vec3, Vec3)]) -> (Vec<Rgb>, Tally) {
+        let engines = self.engines(points);
+        let made: Vec<(Vec<Rgb>, Tally)> = points
+            .par_chunks(CHUNK)
+            .enumerate()
+            .map_init(Buffers::default, |buffers, (chunk, points)| {
+                buffers.scratch.tally = Tally::default();
+                let seed = |i: usize| mix(self.linked.settings.seed ^ (CHUNK * chunk + i) as u64);
+                let points: Vec<GatherPoint> = points
+                    .iter()
+                    .enumerate()
+                    .map(|(i, &(at, normal))| GatherPoint {
+                        at: at + self.slack * normal,
+                        normal,
+                        seed: seed(i),
+                    })
+                    .collect();
+                let mut values = self.direct(&points, &engines, &mut buffers.scratch);
+                if !self.hemispheres.is_empty() {
+                    for (value, point) in values.iter_mut().zip(&points) {
+                        add(value, 1.0, self.reflected_irradiance(point, buffers));
+                    }
+                }
+                (values, buffers.scratch.tally)
+            })
+            .collect();
+        let (mut values, mut tally) = (Vec::with_capacity(points.len()), Tally::default());
+        for (part, counts) in made {
+            values.extend(part);
+            tally.add(counts);
+        }
+        (values, tally)
+    }
+
+    /// Options with fewer rays, if the time is too short for all rays at these points.
+    pub fn hurried(
+        &self,
+        points: &[(Vec3, Vec3)],
+        options: &Options,
+        deadline: &Deadline,
+    ) -> Option<Options> {
+        let part = self.possible_part(points, deadline);
+        (part < 1.0).then(|| with_fewer_rays(options, part))
+    }
+
+    /// The part of the rays at these points that there is time for, from a timed sample of the points.
+    pub fn possible_part(&self, points: &[(Vec3, Vec3)], deadline: &Deadline) -> f64 {
+        if deadline.late() {
+            0.0
+        } else if deadline.limited() && points.len() > TIMED_POINTS {
+            let sample: Vec<(Vec3, Vec3)> =
+                points.iter().copied().step_by(points.len().div_ceil(TIMED_POINTS)).collect();
+            let start = Instant::now();
+            // The sample is one task; all points are tasks for all threads.
+            self.irradiance(&sample);
+            let each = start.elapsed().as_secs_f64() / sample.len() as f64;
+            deadline.left() * rayon::current_num_threads() as f64 / (each * points.len() as f64)
+        } else {
+            1.0
+        }
+    }
+
+    /// A warning if points lie off all surfaces.
+    pub fn far_off(&self, points: &[(Vec3, Vec3)]) -> Option<String> {
+        let reach = FAR_OFF * self.length;
+        let off: usize = points
+            .par_chunks(LANES)
+            .map(|points| {
+                let mut packet = Packet::EMPTY;
+                for (lane, &(at, normal)) in points.iter().enumerate() {
+                    for axis in 0..3 {
+                        packet.origin[axis][lane] = (at + reach * normal)[axis];
+                        packet.direction[axis][lane] = -2.0 * reach * normal[axis];
+                    }
+                    (packet.near[lane], packet.far[lane]) = (0.0, 1.0);
+                    packet.active |= 1 << lane;
+                }
+                let mut hits = [Hits::NONE];
+                self.traced.first_hits(self.traversal, &[packet], &mut hits);
+                (0..points.len()).filter(|&lane| hits[0].triangle[lane] == Hits::NOTHING).count()
+            })
+            .sum();
+        (off > 0).then(|| {
+            format!(
+                "{off} of {} points lie more than {reach:.1e} off every surface along their normals: taken as they are, with what \
+                 arrives there",
+                points.len()
+            )
+        })
+    }
+
+    /// Irradiance from surfaces, W/m²: one ray in each cell of a hemisphere of equal cosine weight.
+    fn reflected_irradiance(&self, point: &GatherPoint, buffers: &mut Buffers) -> Rgb {
+        let &GatherPoint { at, normal, seed } = point;
+        let Buffers { packets, hits, vertices, .. } = buffers;
+        let (x, y) = normal.any_orthonormal_pair();
+        let [turn, ..] = numbers(seed, 1);
+        let (sin, cos) = (std::f32::consts::TAU * turn).sin_cos();
+        let (x, y) = (self.length * (cos * x + sin * y), self.length * (cos * y - sin * x));
+        let z = self.length * normal;
+        let directions = &self.hemispheres[(seed % self.hemispheres.len() as u64) as usize];
+        packets.resize(directions.len() / LANES, Packet::EMPTY);
+        for (packet, directions) in packets.iter_mut().zip(directions.chunks_exact(LANES)) {
+            for (lane, d) in directions.iter().enumerate() {
+                let to = d.x * x + d.y * y + d.z * z;
+                for axis in 0..3 {
+                    packet.origin[axis][lane] = at[axis];
+                    packet.direction[axis][lane] = to[axis];
+                }
+            }
+            (packet.near, packet.far, packet.active) = ([0.0; LANES], [1.0; LANES], 0xffff);
+        }
+        hits.clear();
+        hits.resize(packets.len(), Hits::NONE);
+        self.traced.first_hits(self.traversal, packets, hits);
+        let mut sum = [0.0; 3];
+        vertices.clear();
+        for (packet, hits) in packets.iter().zip(hits.iter()) {
+            // Sixteen terms in single precision, then a sum in double precision.
+            let mut part = Vec3::ZERO;
+            for lane in 0..LANES {
+                let Some(met) = self.met(packet, hits, lane) else { continue };
+                match self.reflected_or_next(met, self.length * hits.t[lane]) {
+                    Ok(reflected) => part += reflected,
+                    Err(vertex) => vertices.push(vertex),
+                }
+            }
+            add(&mut sum, 1.0, part.to_array().map(f64::from));
+        }
+        self.follow(seed, false, &mut sum, buffers);
+        let rays = directions.len() as u64;
+        buffers.scratch.tally.segments += rays;
+        buffers.scratch.tally.exact_rays += rays;
+        sum.map(|s| s / rays as f64)
+    }
+}

@@ -1,0 +1,114 @@
+//! How accurately a link is measured, and a link whose visibility is still to be asked for.
+
+use super::{BlockerCertificate, Link, VisibilityQuery};
+use crate::ray::{EndRule, LANES, Packet};
+use glam::Vec3;
+
+/// Four segments replace sixteen where the deviation of visibility is expected to make the error of an exchange area less than
+/// this part of the tolerated error. Chosen: four segments have twice the standard error of sixteen, which is then still below
+/// a half.
+pub(super) const FEW_SEGMENTS_ERROR: f32 = 0.25;
+const FEW_SEGMENTS: usize = 4;
+
+/// How accurately a link is to be measured.
+#[derive(Clone, Copy, Debug)]
+pub struct Accuracy {
+    /// Error that one square unit of exchange area would cause, in units of the tolerated error.
+    pub worth: f32,
+    /// Shadow features smaller than this on the receiving end need not be resolved, scene units.
+    pub feature_size: f32,
+    /// Expected standard deviation of the transmittance of a segment, in `[0, 1/2]`. Where it is small, few segments are
+    /// as good as many.
+    pub deviation: f32,
+    /// Certificate of the link between elements that hold the ends.
+    pub certificate: BlockerCertificate,
+    /// Whether no segment between those elements got through: then the certificate search continues for a single blocker of all segments.
+    pub blocked: bool,
+    /// Whether the first end is the one whose light matters more. Feature sizes are those of its shadows.
+    pub first_receives: bool,
+}
+
+impl Accuracy {
+    /// The query for segments between ends of these widths (scene units).
+    pub(super) fn query(&self, packet: Packet, [a, b]: [f32; 2]) -> VisibilityQuery {
+        let emitter_size = if self.first_receives { b } else { a };
+        VisibilityQuery { packet, emitter_size, feature_size: self.feature_size }
+    }
+
+    /// Segments between sixteen pairs of points with positive weight, or between four of them, from the receiving end.
+    pub(super) fn segments(
+        &self,
+        few: bool,
+        weights: &[f32; LANES],
+        seed: u64,
+        ends: EndRule,
+        points: impl Fn(usize) -> [Vec3; 2],
+    ) -> Packet {
+        let mut packet = Packet::EMPTY;
+        let count = if few { FEW_SEGMENTS } else { LANES };
+        for lane in lane_order(seed).filter(|&l| weights[l] > 0.0).take(count) {
+            let [a, b] = points(lane);
+            let (from, to) = if self.first_receives { (a, b) } else { (b, a) };
+            packet.set(lane, from, to, ends);
+        }
+        packet
+    }
+}
+
+/// All lanes in an order in which every four consecutive ones use each row and each column of the sample grids of both ends
+/// once (between surfaces: each of the four points). The seed rotates the order, so that all pairs of points are equally
+/// likely where few are used.
+fn lane_order(seed: u64) -> impl Iterator<Item = usize> {
+    let turn = (seed >> 32) as usize & 3;
+    (0..LANES).map(move |k| 4 * (k & 3) + ([0, 3, 2, 1][k & 3] ^ (k >> 2) ^ turn))
+}
+
+/// A link before visibility is known.
+pub struct Draft {
+    pub(super) ids: [u32; 2],
+    /// Whether the ends were exchanged.
+    pub(super) swapped: bool,
+    /// Unoccluded exchange area, scene units squared.
+    pub(super) free: f32,
+    /// The exchange area that the deviation of visibility is relative to, scene units squared.
+    pub(super) scale: f32,
+    /// Standard deviation of the unoccluded exchange over each end, scene units squared.
+    pub(super) deviation: [f32; 2],
+    /// Kernel of each segment.
+    pub(super) weights: [f32; LANES],
+    pub(super) certificate: BlockerCertificate,
+}
+
+impl Draft {
+    /// The link, given the transmittances of its segments. Without segments the link counts as clear.
+    pub(super) fn link(&self, packet: &Packet, transmittances: &[f32; LANES]) -> Link {
+        if packet.is_empty() {
+            // Without a certificate only slivers of the ends face each other.
+            let noise = if self.certificate == BlockerCertificate::CLEAR { 0.0 } else { self.free };
+            return self.with(1.0, self.deviation, noise, 0);
+        }
+        let (mut sum, mut visible, mut squares) = (0.0, 0.0, 0.0);
+        for l in packet.lanes() {
+            let (weight, t) = (self.weights[l], transmittances[l]);
+            sum += weight;
+            visible += weight * t;
+            squares += weight * t * t;
+        }
+        let transmittance = visible / sum;
+        let n = packet.len() as f32;
+        // √(T (1 - T)) for binary visibility, and no less than the Agresti-Coull deviation √(n + 1) / (n + 2) that n equal
+        // answers allow. The bound is the same for visible and blocked links, so that unrefined links err to either side.
+        let deviation = (squares / sum - transmittance * transmittance).max(0.0).sqrt();
+        let shadow = self.scale * deviation.max((n + 1.0).sqrt() / (n + 2.0));
+        let noise = shadow / n.sqrt();
+        let variation = self.deviation.map(|d| (d * transmittance).hypot(shadow));
+        self.with(transmittance, variation, noise, packet.len() as u32)
+    }
+
+    fn with(&self, transmittance: f32, [of_a, of_b]: [f32; 2], noise: f32, rays: u32) -> Link {
+        let [a, b] = self.ids;
+        let (a, b, variation) = if self.swapped { (b, a, [of_b, of_a]) } else { (a, b, [of_a, of_b]) };
+        let exchange_area = self.free * transmittance;
+        Link { a, b, exchange_area, transmittance, variation, noise, rays, certificate: self.certificate }
+    }
+}

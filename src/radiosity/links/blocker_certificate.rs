@@ -1,0 +1,228 @@
+//! Proves without a ray that two surfaces see each other completely, or that one polygon hides them from each other.
+//!
+//! The convex hull of two polygons is a shaft [Haines and Wallace 1994]: their own planes, their common box, and the planes
+//! through an edge of one and a corner of the other that have both on one side. Polygons outside the shaft block no segment; if
+//! no polygon lies inside, the two surfaces and all their parts see each other completely. A convex polygon that the segments
+//! between all pairs of corners cross in its interior blocks every segment: a segment's crossing point is a weighted mean of
+//! those of the corners. See `docs/method.md`, Certificates and intervals.
+
+use crate::math::Aabb;
+use crate::radiosity::elements::{Elements, Shape};
+use crate::ray::EndRule;
+use glam::Vec3;
+
+/// Clusters and surfaces tested for one pair; beyond that the pair has no certificate. Chosen: costs less than sixteen rays.
+const MAX_TESTS: usize = 96;
+/// Distance of a blocked segment's crossing point from the edges of the blocker, relative to its size. Chosen: far above the
+/// rounding of 32-bit coordinates.
+const MIN_EDGE_DISTANCE: f32 = 1e-4;
+
+/// What geometry proves about the space between two ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BlockerCertificate(u32);
+
+impl BlockerCertificate {
+    /// No surface lies between the ends: all segments get through, also those between parts.
+    pub const CLEAR: BlockerCertificate = BlockerCertificate(u32::MAX);
+    /// One surface blocks every segment.
+    pub const BLOCKED: BlockerCertificate = BlockerCertificate(u32::MAX - 1);
+    /// Nothing is proved.
+    pub const UNKNOWN: BlockerCertificate = BlockerCertificate(u32::MAX - 2);
+
+    /// A side of [`Elements::sides`] may block some segments.
+    fn possible_blocker(side: u32) -> BlockerCertificate {
+        BlockerCertificate(side)
+    }
+
+    pub(super) fn side(self) -> Option<u32> {
+        (self.0 < BlockerCertificate::UNKNOWN.0).then_some(self.0)
+    }
+}
+
+/// The convex hull of two surfaces that face each other.
+struct Shaft {
+    bounds: Aabb,
+    /// Points inside satisfy `normal · x < offset` for every (normal, offset).
+    planes: [(Vec3, f32); MAX_PLANES],
+    count: usize,
+    corners: [[Vec3; 4]; 2],
+    slack: f32,
+}
+
+/// Two own planes, and one through each of eight edges.
+const MAX_PLANES: usize = 10;
+
+impl Shaft {
+    fn new(corners: [&[Vec3; 4]; 2], normals: [Vec3; 2], slack: f32) -> Shaft {
+        let mut shaft = Shaft {
+            bounds: Aabb::of(corners.into_iter().flatten().copied()),
+            planes: [(Vec3::ZERO, 0.0); MAX_PLANES],
+            count: 0,
+            corners: corners.map(|c| *c),
+            slack,
+        };
+        for (corners, normal) in corners.into_iter().zip(normals) {
+            // Points behind a surface or in its plane block nothing in front of it. A bent surface may block itself, so
+            // its lowest corner counts.
+            let height = corners.iter().map(|c| normal.dot(*c)).fold(f32::MAX, f32::min);
+            shaft.add(-normal, -height);
+        }
+        for (own, other) in [(corners[0], corners[1]), (corners[1], corners[0])] {
+            for k in 0..4 {
+                let (start, edge) = (own[k], own[(k + 1) & 3] - own[k]);
+                if edge != Vec3::ZERO {
+                    shaft.add_side(start, edge, own, other);
+                }
+            }
+        }
+        shaft
+    }
+
+    /// Adds a plane, moved inwards by the slack.
+    fn add(&mut self, normal: Vec3, offset: f32) {
+        self.planes[self.count] = (normal, offset - self.slack);
+        self.count += 1;
+    }
+
+    /// Adds the plane through an edge of one end and a corner of the other that has both ends on one side, if it exists.
+    fn add_side(&mut self, start: Vec3, edge: Vec3, own: &[Vec3; 4], other: &[Vec3; 4]) {
+        for corner in other {
+            let normal = edge.cross(*corner - start).normalize_or_zero();
+            if normal == Vec3::ZERO {
+                continue;
+            }
+            let (mut least, mut most) = (0.0f32, 0.0f32);
+            for p in own.iter().chain(other) {
+                let height = normal.dot(*p - start);
+                (least, most) = (least.min(height), most.max(height));
+            }
+            let outward = if most <= self.slack { 1.0 } else { -1.0 };
+            if most.min(-least) <= self.slack && most.max(-least) > self.slack {
+                self.add(outward * normal, outward * normal.dot(start));
+                return;
+            }
+        }
+    }
+
+    fn meets_box(&self, b: &Aabb) -> bool {
+        b.min.cmple(self.bounds.max).all()
+            && b.max.cmpge(self.bounds.min).all()
+            && self.planes[..self.count]
+                .iter()
+                .all(|(n, offset)| n.dot(Vec3::select(n.cmplt(Vec3::ZERO), b.max, b.min)) < *offset)
+    }
+
+    fn meets(&self, polygon: &[Vec3; 4], normal: Vec3) -> bool {
+        let inside =
+            self.planes[..self.count].iter().all(|(n, offset)| polygon.iter().any(|p| n.dot(*p) < *offset));
+        if !inside {
+            return false;
+        }
+        let height = |p: &Vec3| normal.dot(*p - polygon[0]);
+        let heights = self.corners.as_flattened().iter().map(height);
+        let (least, most) = heights.fold((f32::MAX, f32::MIN), |(l, m), h| (l.min(h), m.max(h)));
+        let flat = self.slack - bend(polygon, normal);
+        least < -flat && most > flat
+    }
+
+    /// Whether every segment between the ends crosses a convex polygon, away from the polygon's edges and from both ends.
+    fn covered_by(&self, polygon: &[Vec3; 4], normal: Vec3, ends: EndRule) -> bool {
+        if bend(polygon, normal) > self.slack {
+            return false;
+        }
+        let size = (polygon[2] - polygon[0]).length().max((polygon[3] - polygon[1]).length());
+        let rim = (MIN_EDGE_DISTANCE * size).max(2.0 * self.slack);
+        let mut edges = [(Vec3::ZERO, 0.0); 4];
+        for k in 0..4 {
+            let inward = normal.cross(polygon[(k + 1) & 3] - polygon[k]).normalize_or_zero();
+            edges[k] = (inward, inward.dot(polygon[k]) + rim);
+        }
+        self.corners[0].iter().all(|a| {
+            self.corners[1].iter().all(|b| {
+                let d = *b - *a;
+                let (from, to) = (normal.dot(polygon[0] - *a), normal.dot(polygon[0] - *b));
+                let t = from / (from - to);
+                let margin = 2.0 * ends.margin(d.length());
+                let at = *a + t * d;
+                // Comparisons with NaN are false.
+                t > margin
+                    && t < 1.0 - margin
+                    && edges.iter().all(|(n, offset)| *n == Vec3::ZERO || n.dot(at) > *offset)
+            })
+        })
+    }
+}
+
+/// Largest distance of a quad's corners from its plane.
+fn bend(polygon: &[Vec3; 4], normal: Vec3) -> f32 {
+    polygon.iter().map(|p| normal.dot(*p - polygon[0]).abs()).fold(0.0, f32::max)
+}
+
+/// The certificate of two surfaces that face each other; `before` is that of the surfaces they are parts of.
+///
+/// The search ends at the first possible blocker, unless `blocked` says that no ray got through between those surfaces: then it
+/// goes on for a polygon that blocks every segment.
+pub(super) fn certify(
+    elements: &Elements,
+    corners: [&[Vec3; 4]; 2],
+    normals: [Vec3; 2],
+    ends: EndRule,
+    before: BlockerCertificate,
+    blocked: bool,
+) -> BlockerCertificate {
+    if matches!(before, BlockerCertificate::CLEAR | BlockerCertificate::BLOCKED) {
+        return before;
+    }
+    let shaft = Shaft::new(corners, normals, ends.slack());
+    let test = |side: u32| -> Option<BlockerCertificate> {
+        let s = &elements.sides[side as usize];
+        let Shape::Surface { corners, .. } = &elements.elements[s.element as usize].shape else {
+            return None;
+        };
+        if !shaft.meets(corners, s.normal) {
+            return None;
+        }
+        Some(if shaft.covered_by(corners, s.normal, ends) {
+            BlockerCertificate::BLOCKED
+        } else {
+            BlockerCertificate::possible_blocker(side)
+        })
+    };
+    let mut found = BlockerCertificate::CLEAR;
+    if let Some(side) = before.side() {
+        match test(side) {
+            Some(BlockerCertificate::BLOCKED) => return BlockerCertificate::BLOCKED,
+            Some(other) if !blocked => return other,
+            Some(other) => found = other,
+            None => {}
+        }
+    }
+    let mut stack = [0u32; MAX_TESTS + 1];
+    let (mut height, mut tests) = (1, 0);
+    while height > 0 {
+        height -= 1;
+        let element = &elements.elements[stack[height] as usize];
+        for child in element.child_range() {
+            tests += 1;
+            if tests > MAX_TESTS {
+                return if found == BlockerCertificate::CLEAR { BlockerCertificate::UNKNOWN } else { found };
+            }
+            match elements.elements[child].shape {
+                Shape::Cluster(c) => {
+                    // At most one push a test: the stack is large enough.
+                    if shaft.meets_box(&elements.clusters[c as usize].bounds) {
+                        stack[height] = child as u32;
+                        height += 1;
+                    }
+                }
+                Shape::Surface { side, .. } => match test(side) {
+                    Some(BlockerCertificate::BLOCKED) => return BlockerCertificate::BLOCKED,
+                    Some(other) if !blocked => return other,
+                    Some(other) => found = other,
+                    None => {}
+                },
+            }
+        }
+    }
+    found
+}

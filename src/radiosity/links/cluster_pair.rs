@@ -1,0 +1,141 @@
+//! The unoccluded exchange of two elements of which at least one is a cluster: an unbiased estimate over sixteen points of each
+//! end, drawn with a preference for sides that face the other end.
+
+use super::accuracy::{Accuracy, Draft, FEW_SEGMENTS_ERROR};
+use super::end_samples::{EndSamples, kernel};
+use super::{BlockerCertificate, VisibilityQuery};
+use crate::radiosity::elements::{Element, Elements, Shape, facing};
+use crate::radiosity::options::Inside;
+use crate::radiosity::sampling::mix;
+use crate::ray::{EndRule, LANES, Packet};
+use glam::Vec3;
+
+/// Relative deviation of the exchange over a cluster whose sides face a direction only on average. Chosen: the order of the
+/// differences between six directions.
+const CLUSTER_DEVIATION: f32 = 0.3;
+/// Smallest distance between points in units of the sum of the radii; shorter ones are clamped. Chosen: clusters overlap, and
+/// the kernel of two points of theirs is unbounded.
+const MIN_DISTANCE: f32 = 0.2;
+/// Largest unoccluded exchange as part of the smaller area. Chosen: just below 1, the bound of a form factor.
+const MAX_FORM_FACTOR: f32 = 0.9;
+/// Largest ratio of diameter to distance in the deviation. Chosen: keeps the error of overlapping clusters finite.
+const MAX_NEARNESS: f32 = 4.0;
+/// Samples of clusters vary for other reasons than visibility: few segments need half the expected error.
+const FEW_SEGMENTS_CLUSTER_ERROR: f32 = 0.5 * FEW_SEGMENTS_ERROR;
+/// Smallest projected area as part of the area, of surfaces and of clusters. Chosen: flat clusters seen edge-on, as a wall with a
+/// door is from the next room, exchange some light.
+const MIN_PROJECTED_SURFACE: f32 = 0.2;
+const MIN_PROJECTED_CLUSTER: f32 = 0.1;
+
+/// Two elements of which at least one is a cluster.
+pub(super) struct ClusterPair<'a> {
+    pub ids: [u32; 2],
+    pub ends: [&'a Element; 2],
+    pub inside: Inside,
+}
+
+impl ClusterPair<'_> {
+    /// The link without visibility, and the query for sixteen or four segments.
+    pub fn draft(
+        &self,
+        elements: &Elements,
+        ends: EndRule,
+        accuracy: Accuracy,
+        seed: u64,
+    ) -> Option<(Draft, VisibilityQuery)> {
+        let [ea, eb] = self.ends;
+        let towards = (eb.centre - ea.centre).normalize_or(Vec3::X);
+        let from = EndSamples::draw(elements, self.ids[0], towards, 0, seed);
+        let to = EndSamples::draw(elements, self.ids[1], -towards, 1, mix(seed));
+        let weights = self.kernels(&from, &to);
+        let distance = (eb.centre - ea.centre).length();
+        let most = MAX_FORM_FACTOR * ea.area.min(eb.area) as f32;
+        let free = (weights.iter().sum::<f32>() / LANES as f32).min(most);
+        // The error oracle reads a model of the exchange without noise: otherwise overestimates would be refined and
+        // underestimates kept.
+        let model = (projected_area(elements, ea, towards) * projected_area(elements, eb, -towards)
+            / (std::f32::consts::PI * distance.max(0.5 * (ea.radius + eb.radius)).powi(2)))
+        .min(most);
+        let deviation = [ea, eb].map(|e| {
+            let near = (2.0 * e.radius / distance.max(1e-6 * e.radius)).min(MAX_NEARNESS);
+            let rough = if e.is_cluster() { CLUSTER_DEVIATION } else { 0.0 };
+            model * near.hypot(rough)
+        });
+        let few = accuracy.worth * model * accuracy.deviation < FEW_SEGMENTS_CLUSTER_ERROR;
+        let mut packet = accuracy.segments(few, &weights, seed, ends, |l| [from.points[l], to.points[l]]);
+        // Without a sample the exchange is probably 0; where an error would matter the link is kept for its parts.
+        if packet.is_empty() && free <= 0.0 && accuracy.worth * deviation[0].max(deviation[1]) <= 1.0 {
+            return None;
+        }
+        if self.inside != Inside::Visible {
+            let ends = if accuracy.first_receives { [ea, eb] } else { [eb, ea] };
+            shorten_to_boxes(elements, &mut packet, ends);
+        }
+        let draft = Draft {
+            ids: self.ids,
+            swapped: false,
+            free,
+            scale: model,
+            deviation,
+            weights,
+            certificate: BlockerCertificate::UNKNOWN,
+        };
+        Some((draft, accuracy.query(packet, [ea.radius, eb.radius])))
+    }
+
+    /// Kernel of each pair of points over the densities of the points.
+    fn kernels(&self, from: &EndSamples, to: &EndSamples) -> [f32; LANES] {
+        let [ea, eb] = self.ends;
+        let nearest = MIN_DISTANCE * (ea.radius + eb.radius);
+        let isotropic = [ea, eb].map(|e| self.inside == Inside::Isotropic && e.is_cluster());
+        std::array::from_fn(|l| {
+            let facing = [
+                if isotropic[0] { None } else { Some(from.normals[l]) },
+                if isotropic[1] { None } else { Some(to.normals[l]) },
+            ];
+            kernel(from.points[l], facing[0], to.points[l], facing[1], nearest)
+                / from.density[l]
+                / to.density[l]
+        })
+    }
+}
+
+/// Shortens segments to the parts outside the boxes of the clusters in which they start and end.
+fn shorten_to_boxes(elements: &Elements, packet: &mut Packet, ends: [&Element; 2]) {
+    for (k, end) in ends.into_iter().enumerate() {
+        let Shape::Cluster(c) = end.shape else { continue };
+        let bounds = elements.clusters[c as usize].bounds;
+        for lane in packet.lanes() {
+            let (o, d) = (packet.point(lane, 0.0), packet.point(lane, 1.0) - packet.point(lane, 0.0));
+            // Parameters at which the line enters and leaves the box. Axes that the line is perpendicular to are omitted:
+            // on a face of the box their quotient would be 0/0.
+            let (mut enters, mut leaves) = (f32::MIN, f32::MAX);
+            for axis in (0..3).filter(|&axis| d[axis] != 0.0) {
+                let first = (bounds.min[axis] - o[axis]) / d[axis];
+                let last = (bounds.max[axis] - o[axis]) / d[axis];
+                enters = enters.max(first.min(last));
+                leaves = leaves.min(first.max(last));
+            }
+            let (near, far) = (packet.near[lane], packet.far[lane]);
+            if k == 0 {
+                packet.near[lane] = leaves.max(near).min(far);
+            } else {
+                packet.far[lane] = enters.max(near).min(far);
+            }
+        }
+    }
+}
+
+/// Projected area of an element towards a direction, scene units squared.
+fn projected_area(elements: &Elements, e: &Element, towards: Vec3) -> f32 {
+    match &e.shape {
+        Shape::Surface { side, .. } => {
+            e.area as f32 * elements.sides[*side as usize].normal.dot(towards).max(MIN_PROJECTED_SURFACE)
+        }
+        Shape::Cluster(c) => {
+            let projected = elements.clusters[*c as usize].projected;
+            let seen: f32 = facing(towards).into_iter().zip(projected).map(|(f, p)| f * p as f32).sum();
+            seen.max(MIN_PROJECTED_CLUSTER * e.area as f32)
+        }
+    }
+}

@@ -1,0 +1,88 @@
+//! Sample points on the two ends of a link, and the kernel between two points.
+
+use crate::radiosity::elements::{Elements, Shape};
+use crate::radiosity::sampling::{numbers, parallel_length, point_on};
+use crate::ray::LANES;
+use glam::Vec3;
+
+/// Sixteen points on one end.
+pub(super) struct EndSamples {
+    pub points: [Vec3; LANES],
+    pub normals: [Vec3; LANES],
+    /// Density with which each point was drawn, 1/area.
+    pub density: [f32; LANES],
+}
+
+/// A permutation of the sixteen cells of a square: the second end uses it, so that rows and columns of the two ends are
+/// uncorrelated.
+const PERMUTED: [usize; LANES] = [0, 7, 13, 10, 5, 2, 8, 15, 11, 12, 6, 1, 14, 9, 3, 4];
+
+impl EndSamples {
+    /// One point in each cell of a four by four grid over the element; on clusters with a preference for sides that face
+    /// `towards`. `order` is 0 for the first end of a link and 1 for the second.
+    pub fn draw(elements: &Elements, element: u32, towards: Vec3, order: usize, seed: u64) -> EndSamples {
+        let mut ends =
+            EndSamples { points: [Vec3::ZERO; LANES], normals: [Vec3::ZERO; LANES], density: [0.0; LANES] };
+        let e = &elements.elements[element as usize];
+        for (lane, permuted) in PERMUTED.into_iter().enumerate() {
+            let cell = if order == 0 { lane } else { permuted };
+            let [r, s, t, q] = numbers(seed, lane as u64);
+            let (u, v) = (((cell & 3) as f32 + r) / 4.0, ((cell >> 2) as f32 + s) / 4.0);
+            (ends.points[lane], ends.normals[lane], ends.density[lane]) = match &e.shape {
+                Shape::Surface { side, corners } => {
+                    (point_on(corners, u, v), elements.sides[*side as usize].normal, 1.0 / e.area as f32)
+                }
+                Shape::Cluster(c) => {
+                    let cluster = &elements.clusters[*c as usize];
+                    let side = &elements.sides[elements.samples().pick(cluster, towards, u, v) as usize];
+                    let corners = match &elements.elements[side.element as usize].shape {
+                        Shape::Surface { corners, .. } => *corners,
+                        Shape::Cluster(_) => [e.centre; 4],
+                    };
+                    let density = elements.samples().density(cluster, towards, side.normal);
+                    (point_on(&corners, t, q), side.normal, density)
+                }
+            };
+        }
+        ends
+    }
+}
+
+/// Four random points of a surface, one in each quarter of its parameter square.
+pub(super) fn stratified_points(corners: &[Vec3; 4], seed: u64) -> [Vec3; 4] {
+    std::array::from_fn(|k| {
+        let [u, v, ..] = numbers(seed, k as u64);
+        point_on(corners, ((k & 1) as f32 + u) / 2.0, ((k >> 1) as f32 + v) / 2.0)
+    })
+}
+
+/// Points and weights (with sum 1) that integrate polynomials over a surface exactly: up to the third degree over
+/// parallelograms (Gauss and Legendre), up to the second degree over triangles.
+pub(super) fn gauss_points(c: &[Vec3; 4]) -> ([Vec3; 4], [f32; 4]) {
+    if c[2] == c[3] {
+        let at = |i: usize, j: usize, k: usize| (4.0 * c[i] + c[j] + c[k]) / 6.0;
+        return ([at(0, 1, 2), at(1, 2, 0), at(2, 0, 1), c[0]], [1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0, 0.0]);
+    }
+    let (near, far) = (0.5 - 0.288_675_13, 0.5 + 0.288_675_13);
+    let (mut points, mut weights) = ([Vec3::ZERO; 4], [0.0; 4]);
+    for (k, (u, v)) in [(near, near), (far, near), (far, far), (near, far)].into_iter().enumerate() {
+        points[k] = (1.0 - v) * ((1.0 - u) * c[0] + u * c[1]) + v * ((1.0 - u) * c[3] + u * c[2]);
+        let along_u = (1.0 - v) * (c[1] - c[0]) + v * (c[2] - c[3]);
+        let along_v = (1.0 - u) * (c[3] - c[0]) + u * (c[2] - c[1]);
+        weights[k] = parallel_length(along_u.cross(along_v));
+    }
+    let sum: f32 = weights.iter().sum();
+    (points, weights.map(|w| w / sum))
+}
+
+/// The kernel `cos cos' / π r²` between two points, 0 if one is behind the other. A point without a normal has the cosine 1/4,
+/// the mean over all normals. `nearest` is a lower bound of the distance.
+#[inline]
+pub(super) fn kernel(x: Vec3, nx: Option<Vec3>, y: Vec3, ny: Option<Vec3>, nearest: f32) -> f32 {
+    let d = y - x;
+    let r2 = d.length_squared().max(nearest * nearest).max(f32::MIN_POSITIVE);
+    let from = nx.map_or(0.25 * r2.sqrt(), |n| n.dot(d).max(0.0));
+    let to = ny.map_or(0.25 * r2.sqrt(), |n| (-n.dot(d)).max(0.0));
+    // Two divisions by r²: r⁴ overflows 32 bits for most lengths.
+    (from / r2) * (to / r2) / std::f32::consts::PI
+}

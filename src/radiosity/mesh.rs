@@ -1,0 +1,57 @@
+//! The light in a scene as plain data: the leaf elements of all surfaces with their radiosity and irradiance.
+//!
+//! The solver makes it; outputs and comparisons read it. Neither the method nor the file formats appear here.
+
+use glam::{DVec3, Vec3};
+
+/// One side of a piece of a surface, with constant light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Element {
+    /// Indices into [`RadiosityMesh::vertices`], counterclockwise seen from the lit side; a triangle repeats its third
+    /// corner as the fourth.
+    pub corners: [u32; 4],
+    /// Radiosity, emission included, W/m², linear RGB.
+    pub radiosity: [f64; 3],
+    /// Irradiance, W/m², linear RGB.
+    pub irradiance: [f64; 3],
+    /// Standard uncertainty of the irradiance, W/m², linear RGB.
+    pub error: [f64; 3],
+    /// Diffuse reflectance, linear RGB in `[0, 1)`.
+    pub albedo: [f32; 3],
+    /// Exitance, W/m², linear RGB.
+    pub exitance: [f64; 3],
+    /// Area, scene units squared.
+    pub area: f64,
+    /// Number of subdivisions of the input surface above the element; 0 for the whole surface.
+    pub level: u8,
+    /// Links that end at the element or at its ancestors.
+    pub links: u32,
+    /// A face of the scene that the element lies on, an index into `Scene::triangles`.
+    pub triangle: u32,
+    /// Index into the scene's objects.
+    pub object: u32,
+    /// Index into the scene's materials.
+    pub material: u32,
+    /// Whether the element is on the front of the face, from which its corners turn counterclockwise.
+    pub front: bool,
+}
+
+impl Element {
+    /// Whether the element has three corners.
+    pub fn is_triangle(&self) -> bool {
+        self.corners[2] == self.corners[3]
+    }
+}
+
+/// The light in a scene.
+#[derive(Clone, Debug, Default)]
+pub struct RadiosityMesh {
+    /// Offset that turns vertices into the coordinates of the input.
+    pub origin: DVec3,
+    /// Name of the unit of length.
+    pub unit: String,
+    /// Corners of elements, each position once; scene units relative to `origin`.
+    pub vertices: Vec<Vec3>,
+    /// The leaves of all surfaces; together they cover each lit side once.
+    pub elements: Vec<Element>,
+}

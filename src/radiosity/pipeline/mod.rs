@@ -1,0 +1,15 @@
+//! From a scene to a solution: preparation, refinement, final light, points, audit and record.
+
+mod engine;
+mod notes;
+mod point_query;
+mod record;
+mod run;
+
+#[cfg(test)]
+pub use engine::{engine_for, exact_engine};
+pub use point_query::{PointLight, Solution};
+pub use record::{Outcome, Record, Seconds};
+#[cfg(test)]
+pub use run::total_area;
+pub use run::{run, solve};

@@ -1,0 +1,103 @@
+//! Notes for the user about a solution that is not all that was asked for. Options are named by their field: first in the
+//! message with the value, or as option `field`.
+
+use crate::radiosity::deadline::Deadline;
+use crate::radiosity::options::Options;
+use crate::radiosity::refinement::{Ended, Iteration};
+use crate::radiosity::surroundings::Unlit;
+use crate::radiosity::transport::Convergence;
+
+/// Part of the surfaces that may be unlit without a note: the insides of closed boxes are about half of a scene.
+const USUAL_UNLIT_AREA: f64 = 0.5;
+
+/// If refinement ended before the error asked for.
+pub fn ended(ended: Ended, options: &Options, last: Option<&Iteration>, estimate: f64) -> Option<String> {
+    let why = match ended {
+        Ended::Error | Ended::Target | Ended::Interrupted | Ended::Nothing => return None,
+        Ended::Time => limit(options),
+        Ended::Links => format!("max_links {}", options.max_links),
+    };
+    let bound = last.map_or(f64::INFINITY, |i| i.error_bound);
+    let error = options.error;
+    Some(format!(
+        "{why} ended refinement before option `error` {error} was reached: links with errors below {bound:.1e} are as they were, \
+         the estimated error is {estimate:.2e}"
+    ))
+}
+
+/// If the estimated error is larger than the target.
+pub fn missed(options: &Options, estimate: f64) -> Option<String> {
+    let target = options.target_error.filter(|target| estimate > *target)?;
+    Some(format!(
+        "target_error {target} was missed: the estimated error is {estimate:.2e}; a smaller option `error` or option `min_area`, more time or \
+         more links bring it down"
+    ))
+}
+
+/// If more of the scene is unlit than objects usually hide.
+pub fn unlit(unlit: &Unlit) -> Option<String> {
+    (unlit.area > USUAL_UNLIT_AREA).then(|| {
+        format!(
+            "no light reaches {} of {} sides, {:.0} % of the surface: lamps shine on the front of their faces only, and not \
+             through closed doors",
+            unlit.sides,
+            unlit.of,
+            100.0 * unlit.area
+        )
+    })
+}
+
+/// If the local pass had time for fewer rays than were asked for; none of them means the least number.
+pub fn fewer_local_rays(rays: Option<f64>, all: f64, deadline: &Deadline) -> Option<String> {
+    let fewer = match rays {
+        Some(rays) if rays >= all => return None,
+        Some(rays) => format!("{rays:.1e}"),
+        None => "the least".into(),
+    };
+    let why = if deadline.interrupted() { "an interruption" } else { "option `max_seconds`" };
+    Some(format!(
+        "{why} left the local pass {fewer} of {all:.1e} rays: elements are noisier than option `error` says"
+    ))
+}
+
+/// If preparation used up the time.
+pub fn late_preparation(options: &Options, deadline: &Deadline) -> Option<String> {
+    let limit = options.max_seconds.filter(|_| deadline.late() && !deadline.interrupted())?;
+    let taken = deadline.elapsed();
+    Some(format!(
+        "max_seconds {limit}: preparing the scene took {taken:.1} s; this is the coarsest light there is"
+    ))
+}
+
+/// If leaves were bounded.
+pub fn bounded(leaves: usize) -> Option<String> {
+    (leaves > 0).then(|| {
+        format!(
+            "the links of {leaves} elements bring more light than form factors can: cut down, so that light does not grow \
+             without end (option `rows` balanced, option `inside` visible or a smaller option `error` avoid it)"
+        )
+    })
+}
+
+/// If the light did not converge although there was time.
+pub fn unconverged(convergence: &Convergence, deadline: &Deadline) -> Option<String> {
+    (!convergence.converged && !deadline.late()).then(|| {
+        format!(
+            "the light has not settled after {} sweeps: it still changes by {:.1e} of itself",
+            convergence.sweeps, convergence.residual
+        )
+    })
+}
+
+/// The time limit as notes name it.
+pub fn limit(options: &Options) -> String {
+    format!("max_seconds {}", options.max_seconds.unwrap_or_default())
+}
+
+/// If the scene has no emitters.
+pub const NO_EMITTERS: &str =
+    "nothing emits light: everything is black (option `emitters` makes something emit)";
+
+/// If the light of a scene overflows.
+pub const NOT_FINITE: &str = "the light in this scene is beyond all numbers: give it in other units of length or power, so that \
+     neither are far from 1";

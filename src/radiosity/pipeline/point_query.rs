@@ -1,0 +1,90 @@
+//! A finished solution: answers irradiance at points at any time.
+
+use super::notes;
+use crate::model::Model;
+use crate::points::Point;
+use crate::progress::Progress;
+use crate::radiosity::audit::Solved;
+use crate::radiosity::deadline::{Deadline, QUERY_SHARE};
+use crate::radiosity::final_gather::{FinalGather, with_fewer_rays};
+use crate::radiosity::options::Options;
+use crate::radiosity::rgb::Rgb;
+use crate::scene::Scene;
+use glam::Vec3;
+
+/// Rays between two checks of the deadline, about. Chosen: a fraction of a second.
+const RAYS_PER_CHECK: usize = 1 << 22;
+
+/// The light of a scene, which answers irradiance at points.
+pub struct Solution {
+    pub(super) model: Model,
+    pub(super) solved: Solved,
+    pub(super) options: Options,
+    /// The time limit of the whole solution.
+    pub(super) deadline: Deadline<'static>,
+}
+
+/// Irradiance at points within a time limit.
+pub struct PointLight {
+    /// Irradiance at the points, W/m²; none after an interruption, or if there was no time for the least rays of each point.
+    pub irradiance: Option<Vec<Rgb>>,
+    /// A note for the user if fewer rays were traced than asked for.
+    pub note: Option<String>,
+}
+
+impl Solution {
+    /// The model that was solved.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// Irradiance at points (file coordinates), W/m², with all rays.
+    pub fn irradiance(&self, points: &[Point]) -> Vec<Rgb> {
+        FinalGather::new(&self.model, &self.solved.linked, &self.options)
+            .irradiance(&relative(self.model.scene(), points))
+            .0
+    }
+
+    /// Irradiance at points (file coordinates) within a part, in `(0, 1]`, of the time that is left of [`Options::max_seconds`]: by
+    /// fewer rays if there is no time for all of them.
+    pub fn irradiance_within(&self, points: &[Point], part: f64, progress: &dyn Progress) -> PointLight {
+        let deadline = self.deadline.for_caller(progress).part(part);
+        let points = relative(self.model.scene(), points);
+        let gather = |options: &Options| FinalGather::new(&self.model, &self.solved.linked, options);
+        let all = gather(&self.options);
+        let possible = all.possible_part(&points, &deadline.part(QUERY_SHARE));
+        let rays = |options: &Options| {
+            options.light_rays() + if options.direct_only { 0 } else { options.gather_rays() }
+        };
+        let least = rays(&with_fewer_rays(&self.options, 0.0)) as f64 / rays(&self.options) as f64;
+        if possible < least {
+            return self.nothing(points.len(), &deadline);
+        }
+        let hurried = with_fewer_rays(&self.options, possible.min(1.0));
+        let gather = if possible < 1.0 { gather(&hurried) } else { all };
+        let mut irradiance = Vec::with_capacity(points.len());
+        for some in points.chunks((RAYS_PER_CHECK / rays(&hurried)).max(1)) {
+            if deadline.with_grace().late() {
+                return self.nothing(points.len(), &deadline);
+            }
+            irradiance.extend(gather.irradiance(some).0);
+        }
+        let note = (possible < 1.0).then(|| {
+            let (few, many) = (rays(&hurried), rays(&self.options));
+            format!("{}: light at pixels by {few} rays each instead of {many}", notes::limit(&self.options))
+        });
+        PointLight { irradiance: Some(irradiance), note }
+    }
+
+    fn nothing(&self, points: usize, deadline: &Deadline) -> PointLight {
+        let why = if deadline.interrupted() { "interrupted".into() } else { notes::limit(&self.options) };
+        let note =
+            format!("{why}: light at {points} pixels is that of elements, there was no time to gather it");
+        PointLight { irradiance: None, note: Some(note) }
+    }
+}
+
+/// Points relative to the scene's origin, with their normals, scene units.
+pub fn relative(scene: &Scene, points: &[Point]) -> Vec<(Vec3, Vec3)> {
+    points.iter().map(|p| ((p.position - scene.origin).as_vec3(), p.normal.as_vec3())).collect()
+}

@@ -1,0 +1,117 @@
+//! What is written down about a solution.
+
+use crate::model::summary::SceneSummary;
+use crate::radiosity::audit::{Audit, Ledger};
+use crate::radiosity::links::Tally;
+use crate::radiosity::mesh::RadiosityMesh;
+use crate::radiosity::options::Options;
+use crate::radiosity::refinement::{Ended, Iteration};
+use crate::radiosity::rgb::Rgb;
+use crate::radiosity::surroundings::Unlit;
+use crate::radiosity::transport::Convergence;
+use serde::Serialize;
+
+/// Seconds by stage.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Seconds {
+    /// Reading the scene; the caller fills this in.
+    pub load: f64,
+    /// Building Embree's tree.
+    pub embree: f64,
+    /// Building clusters or, for exact visibility, reading them.
+    pub hierarchy: f64,
+    /// Measuring or reading the optics of clusters and comparing the costs of the engines (not for exact visibility).
+    pub characterise: f64,
+    /// Building elements and probing their surroundings.
+    pub elements: f64,
+    /// Refinement and sweeps.
+    pub solve: f64,
+    /// The local pass.
+    pub local: f64,
+    /// Irradiance at points.
+    pub points: f64,
+    /// The audit of error bars.
+    pub audit: f64,
+}
+
+impl Seconds {
+    /// Sum of all stages except reading the scene and the audit.
+    pub fn work(&self) -> f64 {
+        let Seconds { load: _, embree, hierarchy, characterise, elements, solve, local, points, audit: _ } =
+            self;
+        embree + hierarchy + characterise + elements + solve + local + points
+    }
+}
+
+/// Everything about a solution except its light: the content of `solution.json`.
+#[derive(Clone, Debug, Serialize)]
+pub struct Record {
+    /// Version of this program.
+    pub mrvis: String,
+    /// Version of Embree.
+    pub embree: String,
+    /// Threads used.
+    pub threads: usize,
+    /// Unit of length.
+    pub unit: String,
+    /// The options.
+    pub options: Options,
+    /// The scene.
+    pub scene: SceneSummary,
+    /// Notes for the user.
+    pub warnings: Vec<String>,
+    /// Steps of refinement.
+    pub iterations: Vec<Iteration>,
+    /// Why refinement ended.
+    pub ended: Ended,
+    /// The last sweeps along links.
+    pub settled: Convergence,
+    /// Those of the local pass, if there was one.
+    pub settled_local: Option<Convergence>,
+    /// Whether the error estimate is no larger than [`Options::target_error`], where that is given.
+    pub target_met: Option<bool>,
+    /// Seconds by stage.
+    pub seconds: Seconds,
+    /// Origin of the clusters: `off` (built, not stored), `made` (built and stored) or `hit` (read).
+    pub cache: String,
+    /// Links at the end.
+    pub links: usize,
+    /// Elements at the end, clusters included.
+    pub elements: usize,
+    /// Sides without light, which have no elements.
+    pub unlit: Unlit,
+    /// Bytes of elements and links.
+    pub bytes: usize,
+    /// Segments for which triangles were tested, for links and points.
+    pub exact_rays: u64,
+    /// Bundles by method.
+    pub bundles: Tally,
+    /// The energy ledger.
+    pub ledger: Ledger,
+    /// Estimated RMS error of the elements' irradiance relative to its mean.
+    pub error_estimate: f64,
+    /// Comparison of error bars with errors; none if reflected light was omitted.
+    pub audit: Option<Audit>,
+    /// Mean irradiance over all elements, W/m², RGB.
+    pub mean_irradiance: Rgb,
+    /// Whether the caller interrupted the solution.
+    pub interrupted: bool,
+}
+
+/// The result of a solution.
+pub struct Outcome {
+    /// The light of all surfaces.
+    pub mesh: RadiosityMesh,
+    /// About the solution.
+    pub record: Record,
+    /// Irradiance at the points asked for, W/m².
+    pub irradiance: Vec<Rgb>,
+}
+
+/// The result of a stage; adds the seconds that it took.
+pub fn timed<R>(seconds: &mut f64, make: impl FnOnce() -> R) -> R {
+    let start = std::time::Instant::now();
+    let result = make();
+    *seconds += start.elapsed().as_secs_f64();
+    result
+}

@@ -1,0 +1,344 @@
+//! The stages of a solution, in their order.
+
+use super::engine::{engine_for, exact_engine};
+use super::notes;
+use super::point_query::{Solution, relative};
+use super::record::{Outcome, Record, Seconds, timed};
+use crate::clusters::Hierarchy;
+use crate::model::summary::SceneSummary;
+use crate::model::{Detail, Model};
+use crate::points::Point;
+use crate::progress::Progress;
+use crate::radiosity::audit::{Audit, Closing, Solved, error_estimate, link_uncertainty};
+use crate::radiosity::deadline::{Deadline, DeadlinePlan};
+use crate::radiosity::elements::{Elements, lit_inside};
+use crate::radiosity::final_gather::{FinalGather, LATE_RAYS, LocalPass};
+use crate::radiosity::links::Tally;
+use crate::radiosity::options::{Options, Visibility};
+use crate::radiosity::refinement::{Coarse, Ended, Iteration, LinkedScene, Refined, apply_importance};
+use crate::radiosity::rgb::Rgb;
+use crate::radiosity::surroundings::{Surroundings, Unlit, probe, unlit_sides};
+use crate::radiosity::transport::Convergence;
+use crate::ray::EndRule;
+use crate::scene::Scene;
+use crate::visibility::Exact;
+use crate::{Error, Result};
+use std::time::Instant;
+
+/// Smallest and largest diagonal of a scene, scene units: within them 32 bits hold areas and the squares of large areas.
+const MIN_DIAGONAL: f64 = 1e-9;
+const MAX_DIAGONAL: f64 = 5e9;
+
+/// Solves a model for elements and points (file coordinates).
+///
+/// # Errors
+/// Options are out of range, or Embree refuses.
+pub fn run(model: &Model, points: &[Point], options: &Options, progress: &dyn Progress) -> Result<Outcome> {
+    solve(model, points, options, progress).map(|(outcome, _)| outcome)
+}
+
+/// Like [`run()`], with a [`Solution`] that answers irradiance at more points afterwards.
+///
+/// # Errors
+/// Those of [`run()`].
+pub fn solve(
+    model: &Model,
+    points: &[Point],
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<(Outcome, Solution)> {
+    options.check()?;
+    model.check_single("the radiosity solver")?;
+    let scene = model.scene();
+    check_size(scene)?;
+    // The time of the model's preparation counts.
+    let deadline = Deadline::start(progress, options.max_seconds).after(model.report().seconds());
+    let mut stages = Stages {
+        model,
+        scene,
+        options,
+        progress,
+        deadline,
+        seconds: preparation(model, options),
+        notes: Vec::new(),
+    };
+    let (coarse, unlit) = stages.coarse()?;
+    let asked = !points.is_empty() || options.more_points;
+    // Direct light at points needs no light of elements.
+    let idle = options.direct_only && !points.is_empty();
+    let local = !idle && coarse.needs_local_pass(options);
+    let plan = DeadlinePlan::new(deadline, asked, local);
+    let start = Instant::now();
+    let refined = match idle {
+        true => coarse.unrefined(options),
+        false => {
+            let estimate = |linked: &LinkedScene| error_estimate(linked, &link_uncertainty(linked));
+            coarse.refine(options, &estimate, progress, &plan.refinement)
+        }
+    };
+    let (solved, steps) = stages.final_light(refined, local, &plan, start);
+    let gather = FinalGather::new(model, &solved.linked, options);
+    let (irradiance, points_tally) = stages.points(&gather, points, &plan);
+    let (uncertainty, audit, audit_tally) = stages.audit(&gather, &solved, &plan);
+    if scene.emitters.is_empty() {
+        stages.notes.push(notes::NO_EMITTERS.into());
+    }
+    if !solved.is_finite() || irradiance.iter().flatten().any(|v| !v.is_finite()) {
+        return Err(Error::Scene(notes::NOT_FINITE.into()));
+    }
+    let mut tally = solved.linked.tally;
+    tally.add(points_tally);
+    tally.add(audit_tally);
+    let facts = Facts { unlit, steps, tally, audit, uncertainty: &uncertainty };
+    let record = stages.record(&solved, facts);
+    let outcome = Outcome { mesh: solved.mesh(scene, &uncertainty), record, irradiance };
+    Ok((
+        outcome,
+        Solution {
+            model: model.clone(),
+            solved,
+            options: options.clone(),
+            deadline: deadline.for_caller(&()),
+        },
+    ))
+}
+
+/// Seconds that the preparation of the model took, by stage.
+fn preparation(model: &Model, options: &Options) -> Seconds {
+    let report = model.report();
+    let mut seconds = Seconds { embree: report.embree_s, hierarchy: report.clusters_s, ..Seconds::default() };
+    match (options.visibility, model.detail()) {
+        (Visibility::Exact, Detail::Optics) => {}
+        (Visibility::Exact, _) => seconds.hierarchy += report.cache_s,
+        _ => seconds.characterise = report.optics_s + report.cache_s,
+    }
+    seconds
+}
+
+/// Refuses scenes whose areas 32 bits do not hold.
+fn check_size(scene: &Scene) -> Result<()> {
+    let diagonal = f64::from(scene.bounds.diagonal());
+    if (MIN_DIAGONAL..=MAX_DIAGONAL).contains(&diagonal) {
+        return Ok(());
+    }
+    let unit = &scene.unit;
+    Err(Error::Scene(format!(
+        "the scene measures {diagonal:.1e} {unit} across: give it in another unit of length, in which that lies in \
+         {MIN_DIAGONAL:e}..{MAX_DIAGONAL:e}"
+    )))
+}
+
+/// The steps of refinement and the last sweeps along links.
+struct RefinementSteps {
+    iterations: Vec<Iteration>,
+    ended: Ended,
+    convergence: Convergence,
+}
+
+/// What the record needs beside the solution.
+struct Facts<'a> {
+    unlit: Unlit,
+    steps: RefinementSteps,
+    tally: Tally,
+    audit: Audit,
+    uncertainty: &'a [f64],
+}
+
+/// The stages of one solution, with the seconds and notes that they leave.
+struct Stages<'a> {
+    model: &'a Model,
+    scene: &'a Scene,
+    options: &'a Options,
+    progress: &'a dyn Progress,
+    deadline: Deadline<'a>,
+    seconds: Seconds,
+    notes: Vec<String>,
+}
+
+impl Stages<'_> {
+    /// Elements with the link of the root, importance and feature sizes.
+    fn coarse(&mut self) -> Result<(Coarse, Unlit)> {
+        let (scene, options) = (self.scene, self.options);
+        let (ends, exact) = (self.model.end_rule(), &exact_engine(self.model));
+        self.notes.extend(scene.repairs.messages.clone());
+        self.notes.extend(self.model.report().note.clone());
+        let hierarchy = self.model.base().hierarchy();
+        let (elements, surroundings, unlit) =
+            timed(&mut self.seconds.elements, || lit_elements(scene, hierarchy, exact, ends, options));
+        let model = self.model;
+        let engine = timed(&mut self.seconds.characterise, || engine_for(model, &elements, options));
+        let mut linked = LinkedScene::new(elements, surroundings, engine, ends, options);
+        apply_importance(&mut linked, scene, options, exact)?;
+        self.notes.extend(notes::unlit(&unlit));
+        self.notes.extend(notes::late_preparation(options, &self.deadline));
+        Ok((Coarse(linked), unlit))
+    }
+
+    /// The final light, by a local pass or along links. `start` is when refinement began.
+    fn final_light(
+        &mut self,
+        refined: Refined,
+        local: bool,
+        plan: &DeadlinePlan,
+        start: Instant,
+    ) -> (Solved, RefinementSteps) {
+        self.progress.stage("last sweeps", 0);
+        let mut steps = RefinementSteps {
+            iterations: refined.iterations.clone(),
+            ended: refined.ended,
+            convergence: refined.convergence,
+        };
+        if local {
+            self.seconds.solve = start.elapsed().as_secs_f64();
+            self.progress.stage("local pass", 0);
+            let mut linked = refined.linked;
+            let found = self.local_pass(&mut linked, &plan.light);
+            self.notes.extend(notes::unconverged(&found.convergence, &plan.light));
+            return (Solved::by_rays(linked, found), steps);
+        }
+        let solved = Solved::by_links(refined, &plan.light);
+        if let Closing::Links(closing) = &solved.closing {
+            self.notes.extend(notes::bounded(closing.bounded));
+            self.notes.extend(notes::unconverged(&closing.convergence, &plan.light));
+            steps.convergence = closing.convergence;
+        }
+        self.seconds.solve = start.elapsed().as_secs_f64();
+        (solved, steps)
+    }
+
+    /// Splits surfaces as finely as the rays allow, and traces the rays.
+    fn local_pass(&mut self, linked: &mut LinkedScene, deadline: &Deadline) -> LocalPass {
+        let (scene, options) = (self.scene, self.options);
+        let (found, note) = timed(&mut self.seconds.local, || {
+            let all = options.local_rays() as f64;
+            let rays = match deadline.limited() {
+                true => FinalGather::new(self.model, linked, options).affordable_rays(all, deadline),
+                false => Some(all).filter(|_| !deadline.late()),
+            };
+            let smallest = match rays {
+                Some(rays) if rays >= all => options.local_area(),
+                fewer => Options::area_for(fewer.unwrap_or(LATE_RAYS)).max(options.local_area()),
+            };
+            linked.split_all(smallest * total_area(scene), deadline);
+            let found = FinalGather::new(self.model, linked, options).local_pass(rays, deadline);
+            (found, notes::fewer_local_rays(rays, all, deadline))
+        });
+        self.notes.extend(note);
+        found
+    }
+
+    /// Irradiance at points, W/m².
+    fn points(&mut self, gather: &FinalGather, points: &[Point], plan: &DeadlinePlan) -> (Vec<Rgb>, Tally) {
+        self.progress.stage("points", 0);
+        let (scene, options) = (self.scene, self.options);
+        let points = relative(scene, points);
+        let found =
+            timed(&mut self.seconds.points, || match gather.hurried(&points, options, &plan.closing) {
+                Some(fewer) => FinalGather::new(self.model, gather.linked(), &fewer).irradiance(&points),
+                None => gather.irradiance(&points),
+            });
+        self.notes.extend(gather.far_off(&points));
+        found
+    }
+
+    /// The uncertainty of all elements, corrected by one set of independent paths and audited by another.
+    fn audit(
+        &mut self,
+        gather: &FinalGather,
+        solved: &Solved,
+        plan: &DeadlinePlan,
+    ) -> (Vec<f64>, Audit, Tally) {
+        let mut uncertainty = solved.uncertainty();
+        let count = if self.options.direct_only { 0 } else { self.options.audit };
+        self.progress.stage("audit", 0);
+        let late = || plan.closing.late();
+        timed(&mut self.seconds.audit, || {
+            let (factor, mut tally) = gather.bar_factor(&uncertainty, count, &late);
+            uncertainty.iter_mut().for_each(|u| *u *= factor);
+            let (audit, cost) = gather.audit(&uncertainty, count, &late);
+            tally.add(cost);
+            (uncertainty, Audit { factor, ..audit }, tally)
+        })
+    }
+
+    fn record(mut self, solved: &Solved, facts: Facts) -> Record {
+        let Facts { unlit, steps, tally, audit, uncertainty } = facts;
+        let (scene, options, linked) = (self.scene, self.options, &solved.linked);
+        let error_estimate = error_estimate(linked, uncertainty);
+        self.notes.extend(notes::ended(steps.ended, options, steps.iterations.last(), error_estimate));
+        self.notes.extend(notes::missed(options, error_estimate));
+        let (bytes, settled_local) = match &solved.closing {
+            Closing::Links(links) => (links.bytes, None),
+            Closing::Rays(local) => (0, Some(local.convergence)),
+        };
+        Record {
+            mrvis: env!("CARGO_PKG_VERSION").into(),
+            embree: self.model.embree_version(),
+            threads: rayon::current_num_threads(),
+            unit: scene.unit.clone(),
+            options: options.clone(),
+            scene: SceneSummary::of(self.model),
+            warnings: self.notes,
+            iterations: steps.iterations,
+            ended: steps.ended,
+            settled: steps.convergence,
+            settled_local,
+            target_met: options.target_error.map(|target| error_estimate <= target),
+            seconds: self.seconds,
+            cache: self.model.report().origin.name().into(),
+            links: linked.links.len(),
+            elements: linked.elements.len(),
+            unlit,
+            bytes: linked.elements.bytes() + size_of_val(linked.links.as_slice()) + bytes,
+            exact_rays: tally.exact_rays,
+            bundles: tally,
+            ledger: solved.ledger(&scene.unit),
+            error_estimate,
+            audit: (audit.elements > 0).then_some(audit),
+            mean_irradiance: solved.mean_irradiance(),
+            interrupted: self.progress.stopped(),
+        }
+    }
+}
+
+/// The elements of all sides that light reaches, and their surroundings.
+fn lit_elements(
+    scene: &Scene,
+    hierarchy: &Hierarchy,
+    exact: &Exact,
+    ends: EndRule,
+    options: &Options,
+) -> (Elements, Surroundings, Unlit) {
+    let area = total_area(scene);
+    let length = 1.01 * scene.bounds.diagonal();
+    let around = |elements: &Elements| probe(elements, exact, ends, length, options.seed);
+    // Ranges of ids have room for all elements of the local pass.
+    let build = |open: &[u32]| {
+        let mut elements = Elements::build(scene, hierarchy, options.local_area() * area, open);
+        elements.min_area = options.min_area * area;
+        let found = around(&elements);
+        (elements, found)
+    };
+    let (elements, found) = build(&[]);
+    let open = lit_inside(scene, &found.entered);
+    let (elements, found) = if open.is_empty() { (elements, found) } else { build(&open) };
+    let dark = unlit_sides(scene, &elements, exact, ends, options.seed);
+    let (sides, before) = (elements.sides.len(), elements.area);
+    if dark.is_empty() {
+        return (elements, found, Unlit { of: sides, ..Unlit::default() });
+    }
+    let elements = elements.without(&dark, scene, hierarchy);
+    let found = around(&elements);
+    let unlit = Unlit { sides: dark.len(), of: sides, area: 1.0 - elements.area / before };
+    (elements, found, unlit)
+}
+
+/// Area of all triangles, one side of each, scene units squared.
+pub fn total_area(scene: &Scene) -> f64 {
+    (0..scene.triangles.len() as u32)
+        .map(|t| {
+            let [a, b, c] = scene.corners(t);
+            crate::math::triangle_area(a, b, c)
+        })
+        .sum()
+}

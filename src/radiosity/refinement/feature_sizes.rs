@@ -1,0 +1,52 @@
+//! Feature sizes of receivers: which shadows on them may be averaged (`docs/method.md`, Links and refinement).
+
+use crate::radiosity::elements::{ElementState, Elements, Shape};
+
+/// Smallest importance relative to the most important element. Chosen: bounds the growth of feature sizes by √50.
+pub const MIN_IMPORTANCE: f64 = 0.02;
+
+/// What determines feature sizes beside importance, scene units.
+pub struct FeatureSizes {
+    /// Given for all receivers.
+    pub given: Option<f32>,
+    /// By side, its own size: given by name, or a few pixels of the camera that is nearest; infinite for none.
+    pub by_side: Vec<f32>,
+    /// By side, whether it is important by itself; empty if every side is.
+    pub important: Vec<bool>,
+}
+
+impl FeatureSizes {
+    /// The feature size of a surface element that is not just its diameter: the size of its side, or else the size given for all.
+    ///
+    /// Where the importance I is only indirect the size grows by √(I_max / I): an error there shows like a shadow of the given size
+    /// where I is largest, as I s² is the same. I is at least [`MIN_IMPORTANCE`] of I_max, so that sizes grow by at most 7.
+    /// Diameters do not grow: elements of small importance are large already.
+    pub fn of_surface(&self, elements: &Elements, states: &[ElementState], element: usize) -> Option<f32> {
+        let Shape::Surface { side, .. } = elements.elements[element].shape else { return None };
+        let own = self.by_side[side as usize];
+        if own.is_finite() {
+            return Some(own);
+        }
+        let direct = self.important.get(side as usize).copied().unwrap_or(true);
+        let importance = if direct { 1.0 } else { states[element].importance };
+        self.given.map(|size| size / importance.sqrt())
+    }
+
+    /// Assigns feature sizes to all elements. The size of a cluster is the smallest of its parts, as one query serves all of them.
+    pub fn assign(&self, elements: &Elements, states: &mut [ElementState]) {
+        let rows = &elements.elements;
+        let mut sizes = vec![f32::INFINITY; rows.len()];
+        for e in (1..rows.len()).rev() {
+            if !rows[e].is_cluster() {
+                sizes[e] = self.of_surface(elements, states, e).unwrap_or(f32::INFINITY);
+            }
+            let parent = rows[e].parent as usize;
+            if rows[parent].is_cluster() {
+                sizes[parent] = sizes[parent].min(sizes[e]);
+            }
+        }
+        for ((state, size), row) in states.iter_mut().zip(sizes).zip(rows) {
+            state.feature_size = if size.is_finite() { size } else { 2.0 * row.radius };
+        }
+    }
+}

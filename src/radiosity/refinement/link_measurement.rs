@@ -1,0 +1,153 @@
+//! Measures the links of many pairs of elements in parallel.
+
+use super::linked_scene::LinkedScene;
+use crate::radiosity::deadline::Deadline;
+use crate::radiosity::links::{
+    Accuracy, BlockerCertificate, Link, LinkEstimator, Scratch, Tally, VisibilityEngine, VisibilityQuery,
+};
+use crate::radiosity::sampling::mix;
+use rayon::prelude::*;
+
+/// Pairs that one task measures.
+const CHUNK: usize = 64;
+/// Runs of consecutive pairs that represent all pairs of a measurement when the engine is chosen, and pairs of each run; a run is
+/// at most an eighth of its part, except for the first.
+const SAMPLE_RUNS: usize = 16;
+const SAMPLE_RUN: usize = 16;
+/// Links measured between two checks of the deadline. Chosen: some milliseconds.
+pub const SLICE: usize = 2048;
+/// Standard error of the link of a cluster with itself, relative to its exchange area. Chosen: few rays of the probe are behind it.
+const INSIDE_NOISE: f32 = 0.3;
+
+/// Two elements whose link is to be measured.
+#[derive(Clone, Copy)]
+pub struct Pair {
+    pub a: u32,
+    pub b: u32,
+    /// [`Link::transmittance_deviation`] of the link between elements that hold the ends.
+    pub deviation: f32,
+    /// The certificate of that link.
+    pub certificate: BlockerCertificate,
+    /// Whether none of that link's segments got through.
+    pub blocked: bool,
+}
+
+impl Pair {
+    /// Two elements of which nothing is known.
+    pub fn new(a: u32, b: u32) -> Pair {
+        Pair { a, b, deviation: 0.5, certificate: BlockerCertificate::UNKNOWN, blocked: false }
+    }
+}
+
+/// Measures pairs, in their order within each task, the insides of clusters last; pairs that exchange nothing are left out.
+/// `threshold` is the tolerated error relative to the mean irradiance.
+pub fn measure(linked: &mut LinkedScene, pairs: &[Pair], threshold: f32, seed: u64) -> Vec<Link> {
+    let made: Vec<(Vec<Link>, Tally)> = {
+        let linked = &*linked;
+        let estimator =
+            LinkEstimator { engine: &engine_for(linked, pairs, threshold), ..estimator(linked, seed) };
+        let measure_chunk = |scratch: &mut Scratch, chunk: &[Pair]| {
+            scratch.tally = Tally::default();
+            let (inside, others): (Vec<Pair>, Vec<Pair>) = chunk.iter().partition(|p| p.a == p.b);
+            let asked: Vec<_> =
+                others.iter().map(|pair| ([pair.a, pair.b], accuracy(linked, pair, threshold))).collect();
+            let mut links = estimator.measure_all(&asked, scratch);
+            links.extend(inside.iter().map(|pair| inside_link(linked, pair.a)));
+            (links, scratch.tally)
+        };
+        pairs.par_chunks(CHUNK).map_init(Scratch::default, measure_chunk).collect()
+    };
+    let mut links = Vec::with_capacity(pairs.len());
+    for (part, tally) in made {
+        links.extend(part);
+        linked.tally.add(tally);
+    }
+    links
+}
+
+/// Measures all links without a certificate again, with other samples. Refinement keeps a link because of its measurement, so
+/// that the kept values are biased: too large where most is visible, too small where little is. Links whose turn comes after
+/// the deadline keep their values; `closing` is the time in seconds, for each link and element, that the last sweeps need.
+pub fn remeasure_links(linked: &mut LinkedScene, threshold: f32, closing: f64, deadline: &Deadline) {
+    let (certain, uncertain): (Vec<Link>, Vec<Link>) = std::mem::take(&mut linked.links)
+        .into_iter()
+        .partition(|l| l.certificate == BlockerCertificate::CLEAR || l.a == l.b);
+    let again = |l: &Link| Pair {
+        deviation: l.transmittance_deviation(),
+        certificate: l.certificate,
+        ..Pair::new(l.a, l.b)
+    };
+    let closing = closing * (certain.len() + uncertain.len() + linked.elements.len()) as f64;
+    linked.links = certain;
+    for slice in uncertain.chunks(SLICE) {
+        if deadline.left() <= closing {
+            linked.links.extend(slice);
+            continue;
+        }
+        let pairs: Vec<Pair> = slice.iter().map(again).collect();
+        let made = measure(linked, &pairs, threshold, mix(linked.settings.seed));
+        linked.links.extend(made);
+    }
+}
+
+/// The estimator of the scene's links.
+pub fn estimator(linked: &LinkedScene, seed: u64) -> LinkEstimator<'_> {
+    LinkEstimator {
+        elements: &linked.elements,
+        engine: &linked.engine,
+        ends: linked.ends,
+        seed,
+        inside: linked.settings.inside,
+    }
+}
+
+/// The engine for a set of pairs: exact rays where a sample of the pairs says that multi-resolution visibility is not faster.
+fn engine_for(linked: &LinkedScene, pairs: &[Pair], threshold: f32) -> VisibilityEngine {
+    let estimator = estimator(linked, linked.settings.seed);
+    let step = (pairs.len() / SAMPLE_RUNS).max(8 * SAMPLE_RUN);
+    let sample = pairs.chunks(step).flat_map(|part| &part[..SAMPLE_RUN.min(part.len())]);
+    let queries: Vec<VisibilityQuery> = sample
+        .filter(|pair| pair.a != pair.b)
+        .filter_map(|pair| Some(estimator.draft(pair.a, pair.b, accuracy(linked, pair, threshold))?.1))
+        .collect();
+    linked.engine.for_queries(&queries, &mut Scratch::default())
+}
+
+/// The link of a cluster with itself, from the rays of the probe.
+fn inside_link(linked: &LinkedScene, cluster: u32) -> Link {
+    let area = linked.elements.elements[cluster as usize].area as f32;
+    let exchange_area = linked.surroundings.enclosed[cluster as usize] * area;
+    Link {
+        a: cluster,
+        b: cluster,
+        exchange_area,
+        transmittance: 1.0,
+        variation: [exchange_area; 2],
+        noise: INSIDE_NOISE * exchange_area,
+        rays: 0,
+        certificate: BlockerCertificate::UNKNOWN,
+    }
+}
+
+/// How accurately the link of a pair must be measured.
+fn accuracy(linked: &LinkedScene, pair: &Pair, threshold: f32) -> Accuracy {
+    let &Pair { a, b, deviation, certificate, blocked } = pair;
+    let worth = |receiver: u32, source: u32| {
+        let e = &linked.elements.elements[receiver as usize];
+        let [l, from] = [receiver, source].map(|e| linked.states[e as usize].statistics);
+        let of_area = (e.area / linked.elements.area).sqrt() / e.area.max(f64::MIN_POSITIVE);
+        f64::from(l.weight) * f64::from(from.mean + from.deviation) * of_area
+    };
+    let tolerated = f64::from(threshold) * linked.mean_irradiance;
+    let (at_a, at_b) = (worth(a, b), worth(b, a));
+    let first_receives = at_a >= at_b;
+    let receiver = if first_receives { a } else { b };
+    Accuracy {
+        worth: (at_a.max(at_b) / tolerated) as f32,
+        feature_size: linked.states[receiver as usize].feature_size,
+        deviation,
+        certificate,
+        blocked,
+        first_receives,
+    }
+}

@@ -1,0 +1,267 @@
+//! The elements of a scene with their links and their light: what all phases of a solution share.
+
+use super::feature_sizes::FeatureSizes;
+use crate::radiosity::deadline::Deadline;
+use crate::radiosity::elements::{ElementState, Elements, LightStatistics, RowFactors, Shape};
+use crate::radiosity::links::{BlockerCertificate, Link, Tally, VisibilityEngine};
+use crate::radiosity::options::{Inside, Options, Oracle, Rows};
+use crate::radiosity::rgb::{Rgb, add, mean};
+use crate::radiosity::surroundings::{Surroundings, received_shares};
+use crate::radiosity::transport::{
+    ActiveNodes, Convergence, Field, LinkTransport, Method, NodeIrradiance, cap_row_sums, link_row_sums,
+    normalise_link_rows, short_rows, solve,
+};
+use crate::ray::EndRule;
+
+/// Reflectance that dark surfaces count with in the error oracle. Chosen: their irradiance is an output as well.
+const MIN_WEIGHT: f32 = 0.1;
+
+/// How links are measured, refined and normalised: the part of [`Options`] that they need.
+#[derive(Clone, Copy, Debug)]
+pub struct LinkTransportSettings {
+    /// What light does inside clusters.
+    pub inside: Inside,
+    /// Which quantity of a link decides about its refinement.
+    pub oracle: Oracle,
+    /// How row sums are normalised.
+    pub rows: Rows,
+    /// Links at which refinement ends.
+    pub max_links: usize,
+    /// Seed of all samples.
+    pub seed: u64,
+}
+
+/// The elements of a scene with their links and their light.
+pub struct LinkedScene {
+    /// The elements.
+    pub elements: Elements,
+    /// Light, importance, feature size and row factors of each element.
+    pub states: Vec<ElementState>,
+    /// The links.
+    pub links: Vec<Link>,
+    /// What rays have found around every side.
+    pub surroundings: Surroundings,
+    /// The visibility engine.
+    pub engine: VisibilityEngine,
+    /// What counts as the end of a segment.
+    pub ends: EndRule,
+    /// How links are treated.
+    pub settings: LinkTransportSettings,
+    /// What determines the feature sizes of receivers.
+    pub feature_sizes: FeatureSizes,
+    /// Mean irradiance that the emitted power and the mean reflectance imply, W/m²: errors are relative to this.
+    pub mean_irradiance: f64,
+    /// Visibility queries so far.
+    pub tally: Tally,
+    /// Irradiance at the active nodes after the last sweeps: where the next ones start.
+    last_field: Option<Field>,
+}
+
+impl LinkedScene {
+    /// Elements with the light that they emit and the link of the root with itself.
+    pub fn new(
+        elements: Elements,
+        surroundings: Surroundings,
+        engine: VisibilityEngine,
+        ends: EndRule,
+        options: &Options,
+    ) -> LinkedScene {
+        let (mut power, mut absorbed) = (0.0, 0.0);
+        for side in &elements.sides {
+            let area = elements.elements[side.element as usize].area;
+            power += area * mean(side.exitance);
+            absorbed += area * (1.0 - mean(side.reflectance.map(f64::from)));
+        }
+        let root = Link {
+            a: 0,
+            b: 0,
+            exchange_area: (f64::from(surroundings.enclosed[0]) * elements.area) as f32,
+            transmittance: 1.0,
+            variation: [elements.area as f32; 2],
+            noise: elements.area as f32,
+            rays: 0,
+            certificate: BlockerCertificate::UNKNOWN,
+        };
+        let Options { inside, oracle, rows, max_links, seed, .. } = *options;
+        let by_side = vec![f32::INFINITY; elements.sides.len()];
+        let feature_sizes = FeatureSizes { given: options.feature_size, by_side, important: Vec::new() };
+        let mut scene = LinkedScene {
+            states: vec![ElementState::DARK; elements.len()],
+            elements,
+            links: vec![root],
+            surroundings,
+            engine,
+            ends,
+            settings: LinkTransportSettings { inside, oracle, rows, max_links, seed },
+            feature_sizes,
+            mean_irradiance: if absorbed > 0.0 { power / absorbed } else { 0.0 },
+            tally: Tally::default(),
+            last_field: None,
+        };
+        scene.feature_sizes.assign(&scene.elements, &mut scene.states);
+        scene.pull_radiosity();
+        scene.update_oracle_statistics();
+        scene
+    }
+
+    /// The active nodes of the present links.
+    pub fn active_nodes(&self) -> ActiveNodes {
+        ActiveNodes::new(&self.elements, &self.links, &self.states)
+    }
+
+    /// Splits a surface into four parts that send out the light of the whole.
+    pub fn split(&mut self, element: u32) {
+        self.elements.split(element);
+        let parent = self.states[element as usize];
+        for child in self.states.len()..self.elements.len() {
+            let LightStatistics { deviation, .. } = parent.statistics;
+            // Parts of half the size vary half as much.
+            let statistics = LightStatistics { deviation: 0.5 * deviation, ..parent.statistics };
+            self.states.push(ElementState { statistics, ..parent });
+            let size = self.feature_sizes.of_surface(&self.elements, &self.states, child);
+            self.states[child].feature_size = size.unwrap_or(2.0 * self.elements.elements[child].radius);
+        }
+    }
+
+    /// Splits all surfaces down to an area (scene units squared, no smaller than the ranges of ids allow), for the local pass: an
+    /// object that covers a part of a surface, as furniture does with a floor, would darken the mean of a large element.
+    /// Splitting ends on an interruption.
+    pub fn split_all(&mut self, min_area: f64, deadline: &Deadline) {
+        self.elements.min_area = min_area;
+        let mut e = 0;
+        while e < self.elements.len() && !deadline.interrupted() {
+            if self.elements.elements[e].is_leaf() && self.elements.can_open(e as u32) {
+                self.split(e as u32);
+            }
+            e += 1;
+        }
+        self.last_field = None;
+    }
+
+    /// Sets the irradiance of all elements, W/m², and derives radiosities and statistics.
+    pub fn set_irradiance(&mut self, irradiance: impl Iterator<Item = Rgb>) {
+        self.states.iter_mut().zip(irradiance).for_each(|(state, e)| state.irradiance = e);
+        self.pull_radiosity();
+        self.update_oracle_statistics();
+    }
+
+    /// Radiosity of all elements from the irradiance of the leaves; elements with children have the mean by area.
+    fn pull_radiosity(&mut self) {
+        let elements = &self.elements.elements;
+        for (e, element) in elements.iter().enumerate().rev() {
+            let mut radiosity = [0.0; 3];
+            if let (Shape::Surface { side, .. }, true) = (&element.shape, element.is_leaf()) {
+                let s = &self.elements.sides[*side as usize];
+                let irradiance = self.states[e].irradiance;
+                radiosity =
+                    std::array::from_fn(|k| s.exitance[k] + f64::from(s.reflectance[k]) * irradiance[k]);
+            }
+            let mut irradiance = [0.0; 3];
+            for c in element.child_range() {
+                let share = elements[c].area / element.area.max(f64::MIN_POSITIVE);
+                add(&mut radiosity, share, self.states[c].radiosity);
+                add(&mut irradiance, share, self.states[c].irradiance);
+            }
+            let state = &mut self.states[e];
+            state.radiosity = radiosity;
+            if !element.is_leaf() && !element.is_cluster() {
+                state.irradiance = irradiance;
+            }
+        }
+    }
+
+    /// What the error oracle needs to know of every element, from the present light.
+    pub fn update_oracle_statistics(&mut self) {
+        let n = self.elements.len();
+        let mut squares = vec![0.0f64; n];
+        for e in (0..n).rev() {
+            let element = &self.elements.elements[e];
+            let mean = mean(self.states[e].radiosity);
+            let reflectance = match element.shape {
+                Shape::Cluster(c) => self.elements.clusters[c as usize].reflectance,
+                Shape::Surface { side, .. } => {
+                    self.elements.sides[side as usize].reflectance.iter().sum::<f32>() / 3.0
+                }
+            };
+            let weight = reflectance.max(MIN_WEIGHT) * self.states[e].importance;
+            if element.is_leaf() {
+                squares[e] = mean * mean;
+            } else {
+                let parts = element.child_range();
+                let sum: f64 = parts.map(|c| self.elements.elements[c].area * squares[c]).sum();
+                squares[e] = sum / element.area.max(f64::MIN_POSITIVE);
+            }
+            let deviation = (squares[e] - mean * mean).max(0.0).sqrt();
+            self.states[e].statistics =
+                LightStatistics { mean: mean as f32, deviation: deviation as f32, weight };
+        }
+    }
+
+    /// Sweeps along the links, then radiosity and irradiance of all elements. Starts from the last sweeps' light.
+    pub fn iterate(
+        &mut self,
+        nodes: &ActiveNodes,
+        tolerance: f64,
+        max_sweeps: usize,
+        deadline: &Deadline,
+    ) -> Convergence {
+        let transport = LinkTransport::new(&self.elements, &self.states, nodes);
+        let method = Method::Sweeps { tolerance, max_sweeps };
+        let (field, convergence) = solve(&transport, self.last_field.take(), method, deadline);
+        let found = NodeIrradiance::from_field(&field, nodes.clusters);
+        let irradiance = nodes.expand(&self.elements, &found.clusters, &found.surfaces);
+        for (state, e) in self.states.iter_mut().zip(irradiance) {
+            state.irradiance = e.map(|v| v * f64::from(state.factors.gathers));
+        }
+        self.pull_radiosity();
+        self.last_field = Some(field);
+        convergence
+    }
+
+    /// Row sums of the form factors along links, before multiplication by each element's own gather factor.
+    pub fn row_sums(&self, nodes: &ActiveNodes) -> Vec<f64> {
+        link_row_sums(&self.elements, &self.states, nodes)
+    }
+
+    /// Lets rows with a sum above 1 gather as if it were 1.
+    pub fn cap_row_sums(&mut self, nodes: &mut ActiveNodes) {
+        cap_row_sums(&self.elements, &mut self.states, nodes);
+    }
+
+    /// Normalises the row sums of leaves that see no way out. Short rows get their target from rays first. Returns the row sums
+    /// before, and the number of leaves whose light would have grown without end and was bounded.
+    pub fn normalise_rows(&mut self, deadline: &Deadline) -> (Vec<f64>, usize) {
+        self.states.iter_mut().for_each(|s| s.factors = RowFactors::ONE);
+        let mut nodes = self.active_nodes();
+        let sampled = self.row_sums(&nodes);
+        self.assign_row_targets(&sampled);
+        let closed = &self.surroundings.closed;
+        let rows = (self.settings.rows, &sampled[..]);
+        let bounded =
+            normalise_link_rows(&self.elements, &mut self.states, &mut nodes, closed, rows, deadline);
+        (sampled, bounded)
+    }
+
+    /// The targets of the row sums: 1, and for short rows the part of their rays that meets lit sides.
+    fn assign_row_targets(&mut self, sums: &[f64]) {
+        let Surroundings { closed, length, .. } = &self.surroundings;
+        let short = short_rows(&self.elements, closed, sums);
+        let exact = self.engine.exact();
+        let seed = self.settings.seed;
+        let shares = received_shares(&self.elements, &exact, self.ends, *length, seed, &short);
+        self.states.iter_mut().for_each(|s| s.row_target = 1.0);
+        for (e, share) in short.into_iter().zip(shares) {
+            self.states[e as usize].row_target = share as f32;
+        }
+    }
+
+    /// All surface elements without children and with an area.
+    pub fn leaves(&self) -> Vec<u32> {
+        (0..self.elements.len() as u32)
+            .filter(|&e| {
+                let element = &self.elements.elements[e as usize];
+                element.is_leaf() && !element.is_cluster() && element.area > 0.0
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,23 @@
+//! Refinement: links with large errors are replaced by links between parts of their ends, in steps after each of which the light
+//! is consistent (progressive multi-gridding [SD95 sec 6.2]; `docs/method.md`, Links and refinement).
+//!
+//! A [`Coarse`] scene has the link of the root with itself, which stands for all exchange of light [Sillion 95]; refining makes it
+//! a [`Refined`] one.
+
+mod feature_sizes;
+mod histogram;
+mod importance;
+mod link_measurement;
+mod linked_scene;
+mod refine;
+mod schedule;
+
+pub use importance::apply_importance;
+#[cfg(test)]
+pub use importance::propagate_importance;
+#[cfg(test)]
+pub use link_measurement::{estimator, remeasure_links};
+pub use linked_scene::LinkedScene;
+#[cfg(test)]
+pub use refine::{Replaced, link_errors, refine};
+pub use schedule::{Coarse, Ended, Iteration, LinkClosing, Refined};

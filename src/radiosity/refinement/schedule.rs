@@ -1,0 +1,269 @@
+//! The steps of refinement, until the error asked for is reached, or time or memory end.
+
+use super::importance::propagate_importance;
+use super::link_measurement::remeasure_links;
+use super::linked_scene::LinkedScene;
+use super::refine::{Replaced, link_errors, refine, threshold};
+use crate::progress::Progress;
+use crate::radiosity::deadline::Deadline;
+use crate::radiosity::options::Options;
+use crate::radiosity::transport::Convergence;
+use serde::Serialize;
+use std::time::Instant;
+
+/// Error to which links are refined, as part of the error asked for. Chosen: many links end at an element, and their errors add
+/// up.
+const LINK_ERROR_SHARE: f64 = 0.01;
+/// How much larger that error may be before a local pass, for which links are only the first guess. Chosen: fewer links leave more
+/// time for its rays.
+const COARSE_BEFORE_LOCAL_PASS: f64 = 4.0;
+/// The error threshold of each step divided by that of the next, the least number of steps, and the largest first threshold.
+/// Chosen: an interrupted step is then the last of many, and costs little of what was reached.
+const THRESHOLD_RATIO: f64 = 4.0;
+const MIN_STEPS: i32 = 4;
+const FIRST_THRESHOLD: f64 = 0.05;
+/// Least part of a step of limited time in which links are refined, and expected growth of the time of its sweeps. Chosen: every
+/// step makes progress; the next step has more links.
+const MIN_REFINING_SHARE: f64 = 0.05;
+const SWEEP_GROWTH: f64 = 1.2;
+/// Links of the first step of limited time, and bounds of the factor from step to step. Chosen: a slow machine must not miss its
+/// first step.
+const FIRST_STEP_LINKS: f64 = 64.0;
+const STEP_GROWTH: [f64; 2] = [0.25, 2.0];
+/// Relative change of the light at which sweeps between steps end, and their largest number. Chosen: coarse against the errors
+/// that are still refined.
+const STEP_TOLERANCE: f64 = 3e-3;
+const MAX_STEP_SWEEPS: usize = 12;
+/// Sweeps that row normalisation and the last light are expected to need.
+const CLOSING_SWEEPS: f64 = 16.0;
+/// The same of the last sweeps. Chosen: below the precision that the energy ledger shows.
+const FINAL_TOLERANCE: f64 = 1e-6;
+const MAX_FINAL_SWEEPS: usize = 400;
+
+/// One step of refinement with the sweeps after it.
+#[derive(Clone, Debug, Serialize)]
+pub struct Iteration {
+    /// Seconds that the step took.
+    pub seconds: f64,
+    /// Links after the step.
+    pub links: usize,
+    /// Elements after the step.
+    pub elements: usize,
+    /// Links that were replaced.
+    pub refined: usize,
+    /// Largest error of a link that could still be refined, relative to the mean irradiance.
+    pub error_bound: f64,
+    /// Relative change of the radiosity in the last sweep.
+    pub residual: f64,
+}
+
+/// Why refinement ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Ended {
+    /// No link that could be refined exceeds the error asked for.
+    Error,
+    /// The estimated error was no larger than the target.
+    Target,
+    /// The time was used up.
+    Time,
+    /// The limit of links was reached.
+    Links,
+    /// The caller interrupted refinement.
+    Interrupted,
+    /// There was nothing to refine: no light, or only direct light at points was asked for.
+    Nothing,
+}
+
+/// A scene before refinement: its only link joins the root with itself.
+pub struct Coarse(pub LinkedScene);
+
+/// A scene with refined links and consistent light.
+pub struct Refined {
+    /// Elements, links and light.
+    pub linked: LinkedScene,
+    /// The steps.
+    pub iterations: Vec<Iteration>,
+    /// Why there were no more steps.
+    pub ended: Ended,
+    /// The last sweeps.
+    pub convergence: Convergence,
+    /// Tolerated error of links relative to the mean irradiance.
+    link_error: f32,
+    /// Seconds that the last sweeps need, for each link and element.
+    closing_cost: f64,
+}
+
+/// Row sums of every element along its links, and how the last light along them was found.
+pub struct LinkClosing {
+    /// Row sums before normalisation.
+    pub sampled: Vec<f64>,
+    /// Row sums used, before multiplication by each element's own gather factor.
+    pub used: Vec<f64>,
+    /// Leaves whose light would have grown without end and was bounded.
+    pub bounded: usize,
+    /// Size of the active nodes in memory, bytes.
+    pub bytes: usize,
+    /// The last sweeps.
+    pub convergence: Convergence,
+}
+
+impl Coarse {
+    /// Whether a local pass follows refinement: in scenes with clusters that have light.
+    pub fn needs_local_pass(&self, options: &Options) -> bool {
+        let Coarse(linked) = self;
+        linked.elements.large_from > 0
+            && options.local_rays() > 0
+            && !options.direct_only
+            && linked.mean_irradiance > 0.0
+    }
+
+    /// Ends without refinement.
+    pub fn unrefined(self, options: &Options) -> Refined {
+        let link_error = self.tolerated_link_error(options);
+        Refined {
+            linked: self.0,
+            iterations: Vec::new(),
+            ended: Ended::Nothing,
+            convergence: Convergence::default(),
+            link_error,
+            closing_cost: 0.0,
+        }
+    }
+
+    /// Refines in steps until the error asked for is reached or the deadline comes. `estimate` gives the error estimate that is
+    /// compared with [`Options::target_error`].
+    pub fn refine(
+        self,
+        options: &Options,
+        estimate: &dyn Fn(&LinkedScene) -> f64,
+        progress: &dyn Progress,
+        deadline: &Deadline,
+    ) -> Refined {
+        let mut refined = self.unrefined(options);
+        if refined.linked.mean_irradiance <= 0.0 {
+            return refined;
+        }
+        let mut steps = Steps::new(refined.link_error, options.step_seconds);
+        loop {
+            let (replaced, threshold) = refined.step(&mut steps, deadline);
+            let last = refined.iterations.last().expect("a step has been made");
+            progress.stage(&format!("{} links, error {threshold:.2e}", last.links), 0);
+            let size = last.links + last.elements;
+            let is_done = match steps.seconds {
+                Some(_) => replaced.links == 0,
+                None => f64::from(threshold) <= f64::from(refined.link_error),
+            };
+            let reached = || options.target_error.is_some_and(|t| estimate(&refined.linked) <= t);
+            refined.ended = if deadline.interrupted() {
+                Ended::Interrupted
+            } else if deadline.left() <= refined.closing_cost * size as f64 {
+                Ended::Time
+            } else if replaced.full {
+                Ended::Links
+            } else if is_done {
+                Ended::Error
+            } else if reached() {
+                Ended::Target
+            } else {
+                continue;
+            };
+            return refined;
+        }
+    }
+
+    /// The error that links are refined to, relative to the mean irradiance.
+    fn tolerated_link_error(&self, options: &Options) -> f32 {
+        let coarse = if self.needs_local_pass(options) { COARSE_BEFORE_LOCAL_PASS } else { 1.0 };
+        (options.error * LINK_ERROR_SHARE * coarse) as f32
+    }
+}
+
+/// What the steps learn from each other.
+struct Steps {
+    /// Seconds of a step, if they are limited.
+    seconds: Option<f64>,
+    /// Threshold of the next step, without such a limit.
+    next: f64,
+    /// Links of the next step of limited time.
+    links: f64,
+    /// Expected seconds of its sweeps.
+    sweeping: f64,
+}
+
+impl Steps {
+    fn new(least: f32, seconds: Option<f64>) -> Steps {
+        let steps =
+            (FIRST_THRESHOLD / f64::from(least)).log(THRESHOLD_RATIO).ceil().max(f64::from(MIN_STEPS));
+        let next = f64::from(least) * THRESHOLD_RATIO.powf(steps);
+        Steps { seconds, next, links: FIRST_STEP_LINKS, sweeping: 0.0 }
+    }
+
+    /// Seconds in which the next step may refine links.
+    fn room(&self) -> f64 {
+        self.seconds.map_or(f64::INFINITY, |step| (step - self.sweeping).max(MIN_REFINING_SHARE * step))
+    }
+
+    /// Learns from a step of limited time.
+    fn learn(&mut self, replaced: usize, room: f64, refining: f64, sweeping: f64) {
+        let now = SWEEP_GROWTH * sweeping;
+        // A step that other processes delayed counts half.
+        self.sweeping = if self.sweeping > 0.0 { 0.5 * (self.sweeping + now) } else { now };
+        let factor = room * replaced.max(1) as f64 / (refining.max(1e-6) * self.links);
+        self.links = (self.links * factor.clamp(STEP_GROWTH[0], STEP_GROWTH[1])).max(1.0);
+    }
+}
+
+impl Refined {
+    /// One step: refines links, sweeps, and updates importance and statistics. Returns its threshold.
+    fn step(&mut self, steps: &mut Steps, deadline: &Deadline) -> (Replaced, f32) {
+        let start = Instant::now();
+        let linked = &mut self.linked;
+        let errors = link_errors(linked);
+        let once = steps.seconds.is_some();
+        let threshold = match once {
+            true => threshold(&errors, steps.links as usize, self.link_error),
+            false => (steps.next as f32).max(self.link_error),
+        };
+        let (room, closing) = (steps.room(), self.closing_cost);
+        let over =
+            |size: usize| deadline.left() <= closing * size as f64 || start.elapsed().as_secs_f64() > room;
+        let replaced = refine(linked, &errors, threshold, once, &over);
+        let refining = start.elapsed().as_secs_f64();
+        let mut nodes = linked.active_nodes();
+        linked.cap_row_sums(&mut nodes);
+        let max_sweeps = if once { 1 } else { MAX_STEP_SWEEPS };
+        self.convergence = linked.iterate(&nodes, STEP_TOLERANCE, max_sweeps, deadline);
+        propagate_importance(linked, &nodes);
+        linked.update_oracle_statistics();
+        let seconds = start.elapsed().as_secs_f64();
+        let (links, elements) = (linked.links.len(), linked.elements.len());
+        let sweeps = self.convergence.sweeps.max(1) * (links + elements);
+        self.closing_cost = CLOSING_SWEEPS * (seconds - refining) / sweeps as f64;
+        if once {
+            steps.learn(replaced.links, room, refining, seconds - refining);
+        }
+        steps.next /= THRESHOLD_RATIO;
+        self.iterations.push(Iteration {
+            seconds,
+            links,
+            elements,
+            refined: replaced.links,
+            error_bound: threshold.into(),
+            residual: self.convergence.residual,
+        });
+        (replaced, threshold)
+    }
+
+    /// Measures the links again, normalises row sums, and finds the last light along the links.
+    pub fn close_links(&mut self, deadline: &Deadline) -> LinkClosing {
+        let linked = &mut self.linked;
+        remeasure_links(linked, self.link_error, self.closing_cost, deadline);
+        let (sampled, bounded) = linked.normalise_rows(deadline);
+        let nodes = linked.active_nodes();
+        let convergence = linked.iterate(&nodes, FINAL_TOLERANCE, MAX_FINAL_SWEEPS, deadline);
+        let used = linked.row_sums(&nodes);
+        linked.update_oracle_statistics();
+        LinkClosing { sampled, used, bounded, bytes: nodes.bytes(), convergence }
+    }
+}

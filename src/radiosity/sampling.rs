@@ -1,0 +1,73 @@
+//! Random numbers, points on surfaces and directions about normals.
+
+use glam::Vec3;
+
+/// Four numbers in `[0, 1)` for an item and a seed (SplitMix64, Steele et al. 2014).
+pub fn numbers(seed: u64, item: u64) -> [f32; 4] {
+    let first = mix(seed ^ item.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    let second = mix(first);
+    let unit = |v: u64| (v >> 40) as f32 / (1u64 << 24) as f32;
+    [unit(first), unit(first << 24), unit(second), unit(second << 24)]
+}
+
+/// Hash of a 64-bit number: one step of SplitMix64.
+pub fn mix(v: u64) -> u64 {
+    let v = v.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let v = (v ^ v >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let v = (v ^ v >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+    v ^ v >> 31
+}
+
+/// The entry of a table of running sums that a number `u` in `[0, 1)` selects, each with a probability proportional to its
+/// own part, with the share of `u` that is left inside the entry, in `[0, 1]`, and the entry's own part. The table is not
+/// empty.
+pub fn pick(running_sums: &[f32], u: f32) -> (usize, f32, f32) {
+    let last = running_sums.len() - 1;
+    let target = u * running_sums[last];
+    let k = running_sums.partition_point(|&s| s <= target).min(last);
+    let before = if k > 0 { running_sums[k - 1] } else { 0.0 };
+    let part = running_sums[k] - before;
+    (k, ((target - before) / part).clamp(0.0, 1.0), part)
+}
+
+/// The point of a triangle or convex quad for `(u, v)` in the unit square. Equal areas of the square give equal areas of the
+/// surface.
+pub fn point_on(corners: &[Vec3; 4], u: f32, v: f32) -> Vec3 {
+    let [a, b, c, d] = *corners;
+    if c == d {
+        return on_triangle([a, b, c], u, v);
+    }
+    let (first, second) = (parallel_length((b - a).cross(c - a)), parallel_length((c - a).cross(d - a)));
+    let share = first / (first + second);
+    if u < share {
+        on_triangle([a, b, c], u / share, v)
+    } else {
+        on_triangle([a, c, d], ((u - share) / (1.0 - share)).min(1.0), v)
+    }
+}
+
+/// Compares parallel vectors as their lengths do. The sum of absolute coordinates needs no squares: the vectors are areas, and
+/// squares of areas overflow 32 bits in large scenes.
+pub fn parallel_length(v: Vec3) -> f32 {
+    v.abs().element_sum()
+}
+
+fn on_triangle([a, b, c]: [Vec3; 3], u: f32, v: f32) -> Vec3 {
+    // Equal steps of u are bands of equal area parallel to the edge bc; v is uniform along a band.
+    let root = u.sqrt();
+    a + root * ((1.0 - v) * (b - a) + v * (c - a))
+}
+
+/// A direction about a unit normal with the density cos/π, for a point of the unit square. The concentric map of Shirley and
+/// Chiu (1997) keeps neighbours of the square neighbours on the hemisphere.
+pub fn cosine_direction(normal: Vec3, u: f32, v: f32) -> Vec3 {
+    let (a, b) = (2.0 * u - 1.0, 2.0 * v - 1.0);
+    let (radius, angle) = if a.abs() > b.abs() {
+        (a, std::f32::consts::FRAC_PI_4 * b / a)
+    } else {
+        (b, std::f32::consts::FRAC_PI_2 - std::f32::consts::FRAC_PI_4 * if b == 0.0 { 0.0 } else { a / b })
+    };
+    let (x, y) = normal.any_orthonormal_pair();
+    let (sin, cos) = angle.sin_cos();
+    (radius * cos * x + radius * sin * y + (1.0 - radius * radius).max(0.0).sqrt() * normal).normalize()
+}

@@ -1,0 +1,161 @@
+//! Sides that no light reaches: the insides of boxes that stand on a floor, the rooms behind a closed door.
+//!
+//! An element of a floor under the edge of such a box is lit as a whole and would send light into the box; in closed rooms row
+//! normalisation would even amplify that light. Sides that paths from all emitters never hit get no elements.
+
+use super::probe::RAY_OFFSET;
+use crate::embree::Hits;
+use crate::radiosity::elements::emitters::{EmitterFace, Emitters};
+use crate::radiosity::elements::{Elements, Shape};
+use crate::radiosity::sampling::{cosine_direction, mix, numbers, point_on};
+use crate::ray::{EndRule, LANES, Packet};
+use crate::scene::Scene;
+use crate::visibility::Exact;
+use glam::Vec3;
+use rayon::prelude::*;
+use serde::Serialize;
+
+/// Packets of sixteen paths from all emitters, and bounces of each path. Chosen: 65,536 hits take milliseconds.
+const PATH_PACKETS: usize = 1 << 9;
+const BOUNCES: usize = 8;
+/// A side is unlit if no ray hits it where uniform light predicts at least so many hits. Formula: a side that receives a tenth
+/// of uniform light is missed by all paths with a probability of exp(-3.2) = 4 %.
+const MIN_EXPECTED_HITS: f64 = 32.0;
+/// Sides with less than this part of the hits that uniform light predicts are dim: they lie in a room that little light enters,
+/// and some sides of that room may be missed by chance. Chosen: well below the fluctuation of lit sides.
+const DIM: f64 = 0.1;
+/// Packets of sixteen rays from each side that may be unlit, which search for dim sides. Chosen: a dim side that covers a
+/// twentieth of the hemisphere is found with a probability of 0.96.
+const LOOK_PACKETS: usize = 4;
+
+/// Sides of surfaces without light, which have no elements. Scenes with clusters have none.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Unlit {
+    /// Number of unlit sides.
+    pub sides: usize,
+    /// Number of all sides.
+    pub of: usize,
+    /// Their part of the area of all sides, in `[0, 1]`.
+    pub area: f64,
+}
+
+/// A point on a surface with the surface's unit normal.
+type SurfacePoint = (Vec3, Vec3);
+
+/// Traces single rays from surface to surface.
+struct Tracer<'a> {
+    elements: &'a Elements,
+    exact: &'a Exact,
+    ends: EndRule,
+    /// Length of rays, more than the diagonal of the scene; scene units.
+    length: f32,
+}
+
+impl Tracer<'_> {
+    /// The sides that one cosine-weighted ray from each of sixteen points meets, and the points met.
+    fn step(
+        &self,
+        points: &[Option<SurfacePoint>; LANES],
+        seed: u64,
+    ) -> [Option<(u32, SurfacePoint)>; LANES] {
+        let mut packet = Packet::EMPTY;
+        for (lane, point) in points.iter().enumerate() {
+            let Some((at, normal)) = point else { continue };
+            let [u, v, ..] = numbers(seed, lane as u64);
+            let from = *at + RAY_OFFSET * self.ends.slack() * *normal;
+            packet.set(lane, from, from + self.length * cosine_direction(*normal, u, v), self.ends);
+        }
+        packet.near = [0.0; LANES];
+        let mut hits = [Hits::NONE];
+        self.exact.scene.first_hits(self.exact.traversal, std::slice::from_ref(&packet), &mut hits);
+        std::array::from_fn(|lane| {
+            let triangle = hits[0].triangle[lane];
+            if packet.active >> lane & 1 == 0 || triangle == Hits::NOTHING {
+                return None;
+            }
+            let (from, at) = (packet.point(lane, 0.0), packet.point(lane, hits[0].t[lane]));
+            let side = self.elements.met(triangle, at - from);
+            Some((side, (at, self.elements.sides.get(side as usize)?.normal)))
+        })
+    }
+
+    /// Number of hits of each side by paths from all emitters.
+    fn hits_by_side(&self, emitters: &[&Vec<EmitterFace>], seed: u64) -> Vec<u32> {
+        let met: Vec<Vec<u32>> = (0..PATH_PACKETS)
+            .into_par_iter()
+            .map(|k| {
+                let seed = mix(seed ^ mix(k as u64));
+                let faces = emitters[k % emitters.len()];
+                let mut points: [Option<SurfacePoint>; LANES] = std::array::from_fn(|lane| {
+                    let [u, v, face, _] = numbers(seed, lane as u64);
+                    let face = &faces[(face * faces.len() as f32) as usize % faces.len()];
+                    Some((point_on(&face.corners, u, v), face.normal))
+                });
+                let mut met = Vec::new();
+                for bounce in 1..=BOUNCES {
+                    let next = self.step(&points, mix(seed ^ bounce as u64));
+                    met.extend(next.iter().flatten().map(|(side, _)| *side));
+                    points = next.map(|hit| hit.map(|(_, point)| point));
+                }
+                met
+            })
+            .collect();
+        let mut counts = vec![0u32; self.elements.sides.len()];
+        met.iter().flatten().for_each(|&side| counts[side as usize] += 1);
+        counts
+    }
+
+    /// The sides that rays from a side meet.
+    fn around(&self, side: usize, seed: u64) -> Vec<usize> {
+        let elements = self.elements;
+        let normal = elements.sides[side].normal;
+        let Shape::Surface { corners, .. } = elements.elements[elements.sides[side].element as usize].shape
+        else {
+            return Vec::new();
+        };
+        let mut seen = Vec::new();
+        for k in 0..LOOK_PACKETS {
+            let points = std::array::from_fn(|lane| {
+                let [u, v, ..] = numbers(mix(!seed ^ side as u64), (k * LANES + lane) as u64);
+                Some((point_on(&corners, u, v), normal))
+            });
+            let next = self.step(&points, mix(seed ^ mix((side * LOOK_PACKETS + k) as u64)));
+            seen.extend(next.into_iter().flatten().map(|(side, _)| side as usize));
+        }
+        seen
+    }
+}
+
+/// Sides (ascending) that no path from an emitter hits although they are large enough for many hits, and that see no lit dim
+/// side. None in scenes with clusters: their local pass follows light from point to point.
+pub fn unlit_sides(scene: &Scene, elements: &Elements, exact: &Exact, ends: EndRule, seed: u64) -> Vec<u32> {
+    let emitters = Emitters::new(scene, elements);
+    let emitters: Vec<_> = emitters.emitters.iter().map(|e| &e.faces).filter(|f| !f.is_empty()).collect();
+    if elements.large_from > 0 || emitters.is_empty() || emitters.len() > PATH_PACKETS {
+        return Vec::new();
+    }
+    let tracer = Tracer { elements, exact, ends, length: 1.01 * scene.bounds.diagonal() };
+    let counts = tracer.hits_by_side(&emitters, seed);
+    let all: usize = counts.iter().map(|&n| n as usize).sum();
+    let expected = |s: usize| {
+        let element = elements.sides[s].element as usize;
+        all as f64 * elements.elements[element].area / elements.area
+    };
+    let emits = |s: usize| elements.sides[s].exitance.iter().any(|&m| m > 0.0);
+    let mut dark: Vec<bool> =
+        (0..counts.len()).map(|s| counts[s] == 0 && expected(s) >= MIN_EXPECTED_HITS && !emits(s)).collect();
+    let candidates: Vec<usize> = (0..counts.len()).filter(|&s| dark[s]).collect();
+    let seen: Vec<Vec<usize>> = candidates.par_iter().map(|&s| tracer.around(s, seed)).collect();
+    let dim = |s: usize| f64::from(counts[s]) < DIM * expected(s);
+    loop {
+        let lit: Vec<usize> = (candidates.iter().zip(&seen))
+            .filter(|(s, seen)| dark[**s] && seen.iter().any(|&t| !dark[t] && dim(t)))
+            .map(|(s, _)| *s)
+            .collect();
+        if lit.is_empty() {
+            break;
+        }
+        lit.into_iter().for_each(|s| dark[s] = false);
+    }
+    (0..counts.len()).filter(|&s| dark[s]).map(|s| s as u32).collect()
+}

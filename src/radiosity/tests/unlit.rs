@@ -1,0 +1,147 @@
+//! Where no light goes, and floors that lie on both sides of its border.
+
+use super::*;
+
+/// A closed room 3 by 4 by 2.5 with a lamp under its ceiling.
+fn hall(soup: &mut Soup) -> (u32, u32) {
+    let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
+    let walls = soup.object("walls");
+    inward(soup, walls, grey, DVec3::ZERO, DVec3::new(3.0, 4.0, 2.5));
+    let light = soup.material(SoupMaterial::light("light", [10.0; 3]));
+    let lamp = soup.object("lamp");
+    let corner = |x: f64, y: f64| DVec3::new(x, y, 2.4);
+    soup.polygon(lamp, light, &[corner(1.0, 1.0), corner(1.0, 2.0), corner(2.0, 2.0), corner(2.0, 1.0)]);
+    (grey, walls)
+}
+
+#[test]
+fn boxes_without_a_bottom_are_dark_inside() {
+    let mut soup = Soup::new("box on a floor");
+    let (grey, _) = hall(&mut soup);
+    let thing = soup.object("box");
+    let (low, high) = (DVec3::new(1.03, 2.02, 0.0), DVec3::new(2.01, 3.04, 1.0));
+    let at = |k: usize| DVec3::select(glam::BVec3::new(k & 1 > 0, k & 2 > 0, k & 4 > 0), high, low);
+    // Wound outward; no bottom.
+    for f in [[4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]] {
+        soup.polygon(thing, grey, &f.map(at));
+    }
+    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+    let outcome = solved(&scene, &[], &Options { audit: 0, ..Options::default() });
+    let inside = outcome.mesh.elements.iter().filter(|e| e.object == 2 && !e.front).count();
+    assert_eq!(inside, 0, "no light gets there");
+    assert!(outcome.mesh.elements.iter().any(|e| e.object == 2 && e.front));
+    let Record { unlit, warnings, .. } = &outcome.record;
+    assert!(unlit.sides == 5 && unlit.of > 16 && (0.01..0.2).contains(&unlit.area), "{unlit:?}");
+    assert!(warnings.is_empty(), "{warnings:?}");
+    let ledger = &outcome.record.ledger;
+    assert!(ledger.created.abs() < 2e-3 * ledger.emitted, "{ledger:?}");
+}
+
+#[test]
+fn rooms_with_a_weak_lamp_of_their_own_are_not_dark() {
+    let mut soup = Soup::new("two rooms");
+    let (grey, walls) = hall(&mut soup);
+    inward(&mut soup, walls, grey, DVec3::new(5.0, 0.0, 0.0), DVec3::new(8.0, 4.0, 2.5));
+    let glow = soup.material(SoupMaterial::light("glow", [1e-6; 3]));
+    let lamp = soup.object("night light");
+    let corner = |x: f64, y: f64| DVec3::new(x, y, 2.4);
+    soup.polygon(lamp, glow, &[corner(6.0, 1.0), corner(6.0, 1.1), corner(6.1, 1.1), corner(6.1, 1.0)]);
+    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+    let point = Point { position: DVec3::new(6.5, 2.0, 0.0), normal: DVec3::Z };
+    let outcome = solved(&scene, &[point], &Options { audit: 0, ..Options::default() });
+    let e = outcome.irradiance[0][0];
+    assert!(e > 0.0 && e < 1e-6, "{e}");
+    let there = |e: &&Element| e.object == 0 && e.irradiance[0] > 0.0 && e.irradiance[0] < 1e-5;
+    assert!(outcome.mesh.elements.iter().filter(there).count() > 5);
+}
+
+/// Nobody expects most of a scene to be dark.
+#[test]
+fn a_large_room_without_a_lamp_is_told_of() {
+    let mut soup = Soup::new("two rooms");
+    let (grey, walls) = hall(&mut soup);
+    inward(&mut soup, walls, grey, DVec3::new(5.0, 0.0, 0.0), DVec3::new(15.0, 8.0, 5.0));
+    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+    let Record { unlit, warnings, .. } =
+        solved(&scene, &[], &Options { audit: 0, ..Options::default() }).record;
+    // Its walls, 340 square metres, and what it could see of the other room from outside, beside 59 and the lamp's two sides.
+    assert!(unlit.sides == 12 && (unlit.area - 399.0 / 460.0).abs() < 1e-4, "{unlit:?}");
+    assert!(warnings.iter().any(|w| w.contains("no light reaches 12 of 20")), "{warnings:?}");
+}
+
+/// A plate from wall to wall: the walls' elements reach past it, the light does not.
+#[test]
+fn a_plate_from_wall_to_wall_keeps_the_energy() {
+    let mut soup = Soup::new("plate");
+    let (grey, _) = hall(&mut soup);
+    let plate = soup.object("plate");
+    let corner = |x: f64, y: f64| DVec3::new(x, y, 1.07);
+    soup.polygon(plate, grey, &[corner(0.0, 0.0), corner(3.0, 0.0), corner(3.0, 4.0), corner(0.0, 4.0)]);
+    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+    let at = |z: f64, up: f64| Point { position: DVec3::new(1.3, 1.7, z), normal: DVec3::Z * up };
+    let outcome = solved(&scene, &[at(0.0, 1.0), at(1.07, 1.0)], &Options { audit: 0, ..Options::default() });
+    assert!(outcome.irradiance[0][0] < 0.01 * outcome.irradiance[1][0], "{:?}", outcome.irradiance);
+    let ledger = &outcome.record.ledger;
+    assert!(ledger.created.abs() < 2e-3 * ledger.emitted, "{ledger:?}");
+}
+
+/// Two rooms with a sheet between them that has a slit or a door: what gets through is what paths find. Seen edge-on the
+/// sheet and the wall beside it are not nothing.
+#[test]
+fn a_sheet_with_a_door_keeps_rooms_apart() {
+    // What gets through a slit is little, and known the less.
+    for (door, rough, off) in [(0.05, 0.7, 0.35), (1.0, 0.25, 0.1)] {
+        let mut soup = Soup::new("two rooms");
+        let grey = soup.material(SoupMaterial::diffuse("grey", [0.8; 3]));
+        let walls = soup.object("walls");
+        inward(&mut soup, walls, grey, DVec3::ZERO, DVec3::new(6.0, 3.0, 2.5));
+        let light = soup.material(SoupMaterial::light("light", [10.0; 3]));
+        let lamp = soup.object("lamp");
+        let corner = |x: f64, y: f64| DVec3::new(x, y, 2.4);
+        soup.polygon(lamp, light, &[corner(1.0, 1.0), corner(1.0, 2.0), corner(2.0, 2.0), corner(2.0, 1.0)]);
+        let sheet = soup.object("sheet");
+        let at = |y: f64, z: f64| DVec3::new(3.0, y, z);
+        soup.polygon(sheet, grey, &[at(0.0, 0.0), at(3.0 - door, 0.0), at(3.0 - door, 2.5), at(0.0, 2.5)]);
+        let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+        let points: Vec<Point> = (0..60)
+            .map(|k| DVec3::new(3.2 + (k % 10) as f64 * 0.28, 0.2 + (k / 10) as f64 * 0.5, 0.0))
+            .map(|position| Point { position, normal: DVec3::Z })
+            .collect();
+        let want = limits::truth(&scene, &points, 1024);
+        let outcome = solved(&scene, &points, &Options { audit: 0, ..Options::default() });
+        let (rms, bias) = limits::off(&outcome.irradiance, &want);
+        assert!(bias.abs() < off && rms < rough, "{door}: {rms} {bias}");
+    }
+}
+
+/// A lamp above the middle of a square floor: all four parts of it are alike, and yet they are not even; off the middle no
+/// element has another light than its place.
+#[test]
+fn open_floors_are_lit_by_the_closed_form() {
+    for middle in [0.0, 0.7] {
+        let mut soup = Soup::new("floor");
+        let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
+        let floor = soup.object("floor");
+        let at = |x: f64, y: f64| DVec3::new(x, y, 0.0);
+        soup.polygon(floor, grey, &[at(-5.0, -5.0), at(5.0, -5.0), at(5.0, 5.0), at(-5.0, 5.0)]);
+        let light = soup.material(SoupMaterial::light("light", [10.0; 3]));
+        let lamp = soup.object("lamp");
+        let corner = |x: f64, y: f64| DVec3::new(middle + x, y, 3.0);
+        let corners = [corner(-0.5, -0.5), corner(-0.5, 0.5), corner(0.5, 0.5), corner(0.5, -0.5)];
+        soup.polygon(lamp, light, &corners);
+        let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+        let outcome = solved(&scene, &[], &Options { audit: 0, ..Options::default() });
+        let solution = &outcome.mesh;
+        let (mut squares, mut sum, mut area) = (0.0, 0.0, 0.0);
+        for e in solution.elements.iter().filter(|e| e.object == 0 && e.front) {
+            let [a, _, c, _] = e.corners.map(|v| solution.vertices[v as usize].as_dvec3() + scene.origin);
+            let want = 31.415_926
+                * crate::form_factors::analytic::point_to_polygon(0.5 * (a + c), DVec3::Z, &corners);
+            squares += e.area * (e.irradiance[0] - want).powi(2);
+            sum += e.area * want;
+            area += e.area;
+        }
+        let rms = (squares * area).sqrt() / sum;
+        assert!(rms < 0.05 && solution.elements.len() > 500, "{middle}: {rms} {}", solution.elements.len());
+    }
+}

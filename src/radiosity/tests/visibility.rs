@@ -1,0 +1,270 @@
+//! Properties of whole solutions with each visibility engine.
+
+use super::*;
+use crate::bench::side_by_side::side_by_side;
+use crate::model::cache::CacheLocation;
+use crate::radiosity::audit::link_uncertainty;
+use crate::radiosity::deadline::Deadline;
+use crate::radiosity::elements::{Elements, Shape};
+use crate::radiosity::final_gather::FinalGather;
+use crate::radiosity::links::{Accuracy, BlockerCertificate, Link, Scratch, Split, Tally};
+use crate::radiosity::pipeline::{engine_for, exact_engine, total_area};
+use crate::radiosity::refinement::{
+    LinkedScene, Replaced, apply_importance, estimator, link_errors, propagate_importance, refine,
+};
+use crate::radiosity::surroundings::probe;
+use crate::scene::generate::{Spec, build};
+use glam::Vec3;
+
+/// A few trees under a sky.
+pub(super) fn forest() -> Scene {
+    let mut spec = Spec::new("forest");
+    (spec.trees, spec.leaves, spec.trunks) = (9, 120, true);
+    build(&spec).expect("a forest")
+}
+
+/// Points on the ground under the trees.
+fn ground(scene: &Scene, n: usize) -> Vec<Point> {
+    let reach = 0.5 * f64::from(scene.bounds.max.x.min(scene.bounds.max.y));
+    let at = |i: usize| ((i as f64 * 0.618_034).fract() - 0.5, (i as f64 * 0.754_878).fract() - 0.5);
+    let place = |(x, y): (f64, f64)| DVec3::new(reach * x, reach * y, 0.0);
+    (0..n).map(|i| Point { position: place(at(i)), normal: DVec3::Z }).collect()
+}
+
+fn with(visibility: Visibility) -> Options {
+    Options { visibility, error: 0.05, ..Options::default() }
+}
+
+/// A scene after refinement.
+pub(super) fn refined<R>(scene: &Scene, options: &Options, see: impl FnOnce(&mut LinkedScene) -> R) -> R {
+    let deadline = Deadline::start(&(), None);
+    let model = model_for(scene, options);
+    let (exact, ends) = (exact_engine(&model), model.end_rule());
+    let min_area = options.min_area * total_area(scene);
+    let elements = Elements::build(scene, model.base().hierarchy(), min_area, &[]);
+    let length = 2.0 * scene.bounds.diagonal();
+    let found = probe(&elements, &exact, ends, length, 1);
+    let engine = engine_for(&model, &elements, options);
+    let mut linked = LinkedScene::new(elements, found, engine, ends, options);
+    apply_importance(&mut linked, scene, options, &exact).expect("names of the scene");
+    for _ in 0..3 {
+        let errors = link_errors(&linked);
+        refine(&mut linked, &errors, 1e-3, false, &|_| false);
+        let nodes = linked.active_nodes();
+        linked.iterate(&nodes, 1e-3, 12, &deadline);
+        propagate_importance(&mut linked, &nodes);
+        linked.update_oracle_statistics();
+    }
+    see(&mut linked)
+}
+
+#[test]
+fn measured_clusters_are_kept_for_those_who_need_them() {
+    let mut scene = forest();
+    let folder = tempfile::tempdir().expect("a folder");
+    scene.path = folder.path().join("forest.obj");
+    let files = || std::fs::read_dir(folder.path()).expect("the folder").count();
+    let solve = |visibility| {
+        let options = Options { cache: CacheLocation::Beside, ..with(visibility) };
+        let outcome = solved(&scene, &ground(&scene, 20), &options);
+        (outcome.record.cache.clone(), outcome)
+    };
+    // Exact rays need no measures: none are made.
+    let (origin, before) = solve(Visibility::Exact);
+    assert!(origin == "off" && files() == 0, "{origin}");
+    let (origin, first) = solve(Visibility::Mr);
+    assert!(origin == "made" && files() == 1, "{origin}");
+    let (origin, second) = solve(Visibility::Mr);
+    assert_eq!(origin, "hit");
+    assert_eq!(first.irradiance, second.irradiance);
+    // But clusters that are there are taken, and are the same.
+    let (origin, after) = solve(Visibility::Exact);
+    assert_eq!(origin, "hit");
+    assert_eq!(before.irradiance, after.irradiance);
+    assert!(first.irradiance != after.irradiance, "nothing was averaged");
+}
+
+#[test]
+fn engines_are_compared_side_by_side() {
+    let scene = forest();
+    let points = ground(&scene, 200);
+    let outcome = solved(&scene, &points, &Options { feature_size: Some(0.1), ..with(Visibility::Mr) });
+    let v =
+        side_by_side(&model_for(&scene, &outcome.record.options), &points, &outcome, Visibility::Exact, &())
+            .expect("a solution");
+    let exact = solved(&scene, &points, &Options { feature_size: Some(0.1), ..with(Visibility::Exact) });
+    assert_eq!((v.visibility, v.links), (Visibility::Exact, exact.record.links));
+    assert_eq!(v.difference.points, 200);
+    assert!(v.difference.rms > 0.0 && v.difference.rms < 0.1, "{:?}", v.difference);
+    assert!(v.difference.bias.abs() < 0.03, "{:?}", v.difference);
+    assert!((v.speedup / (v.seconds.work() / outcome.record.seconds.work()) - 1.0).abs() < 1e-9);
+    // Averages need fewer rays than exact visibility.
+    let (mr, exact) = (outcome.record.bundles.exact_rays, v.bundles.exact_rays);
+    assert!(mr < exact, "{mr} {exact}");
+    assert!(outcome.record.bundles.aggregated > 0 && v.bundles.aggregated == 0);
+}
+
+#[test]
+fn average_visibility_is_never_handed_over() {
+    let scene = forest();
+    let Tally { aggregated, handed_over, .. } =
+        refined(&scene, &with(Visibility::Average), |linked| linked.tally);
+    assert!(aggregated > 0 && handed_over == 0);
+}
+
+/// what overlaps is opened. No pair of surfaces is linked twice, and nothing with what holds it.
+#[test]
+fn links_cover_each_pair_once() {
+    refined(&room(true), &with(Visibility::Exact), |linked| {
+        let (elements, links) = (&linked.elements, &linked.links);
+        assert!(links.len() > 100, "{}", links.len());
+        for (i, l) in links.iter().enumerate() {
+            assert!(l.a == l.b || !(elements.is_part_of(l.a, l.b) || elements.is_part_of(l.b, l.a)), "{l:?}");
+            assert!(l.a != l.b || elements.elements[l.a as usize].is_cluster(), "{l:?}");
+            let within = |k: &Link| {
+                let one = |p: u32, q: u32| elements.is_part_of(p, q);
+                (one(l.a, k.a) && one(l.b, k.b)) || (one(l.a, k.b) && one(l.b, k.a))
+            };
+            let held = links.iter().enumerate().find(|(j, k)| *j != i && within(k));
+            assert!(held.is_none(), "{l:?} is part of {held:?}");
+        }
+    });
+}
+
+/// Links that survive are not asked for again.
+#[test]
+fn visibility_is_kept_with_the_link() {
+    refined(&room(true), &with(Visibility::Exact), |linked| {
+        let before = (linked.tally, linked.links.clone());
+        let errors = link_errors(linked);
+        assert_eq!(refine(linked, &errors, f32::INFINITY, false, &|_| false), Replaced::default());
+        assert_eq!((linked.tally, linked.links.clone()), before);
+        // One link more than refined: only its parts are measured.
+        let worst = errors.iter().filter(|(_, split)| *split != Split::Neither);
+        let worst = worst.map(|(error, _)| *error).fold(0.0, f32::max);
+        let refined = refine(linked, &errors, 0.999 * worst, true, &|_| false).links;
+        let asked = linked.tally.segments - before.0.segments;
+        assert!(refined >= 1 && asked <= 16 * 64 * refined as u64, "{refined} {asked}");
+    });
+}
+
+/// the answer does not get worse when more is asked for, as brute force sees it.
+#[test]
+fn less_tolerance_is_not_worse() {
+    let scene = room(true);
+    let points = floor(60);
+    let want = super::limits::truth(&scene, &points, 4096);
+    let rms = |error: f64| {
+        let options = Options { error, audit: 0, ..Options::default() };
+        super::limits::off(&solved(&scene, &points, &options).irradiance, &want).0
+    };
+    let [coarse, middle, fine] = [2.0, 0.2, 0.01].map(rms);
+    assert!(fine < 0.02 && fine < 0.5 * coarse && middle < 1.1 * coarse, "{coarse} {middle} {fine}");
+}
+
+/// The audit believes no bars: those that claim too much or too little are found out, and so is light that is wrong.
+#[test]
+fn wrong_bars_are_found_out() {
+    let scene = room(true);
+    refined(&scene, &with(Visibility::Exact), |linked| {
+        let model = model_for(&scene, &with(Visibility::Exact));
+        let bars = link_uncertainty(linked);
+        let look = |linked: &LinkedScene, factor: f64| {
+            let bars: Vec<f64> = bars.iter().map(|b| factor * b).collect();
+            let gather = FinalGather::new(&model, linked, &with(Visibility::Exact));
+            (gather.audit(&bars, 300, &|| false).0, gather.bar_factor(&bars, 300, &|| false).0)
+        };
+        let audit = |linked: &LinkedScene, factor: f64| look(linked, factor).0;
+        // Bars that are too large or too small are brought to the same.
+        let [small, same, large] = [0.7, 1.0, 2.0].map(|factor| factor * look(linked, factor).1);
+        assert!(
+            (small / same - 1.0).abs() < 0.3 && (large / same - 1.0).abs() < 0.3,
+            "{small} {same} {large}"
+        );
+        let [bold, right, shy] = [0.02, 1.0, 50.0].map(|factor| audit(linked, factor));
+        assert!(right.within_two > 0.9 && right.rms_bar < 6.0 * right.rms_error, "{right:?}");
+        assert!(bold.within_two < 0.8 * right.within_two, "{bold:?} {right:?}");
+        assert!(shy.rms_bar > 10.0 * shy.rms_error, "{shy:?}");
+        linked.states.iter_mut().flat_map(|s| &mut s.irradiance).for_each(|e| *e *= 1.5);
+        let wrong = audit(linked, 1.0);
+        assert!(wrong.within_two < 0.7 * right.within_two && wrong.rms_error > 0.2, "{wrong:?}");
+    });
+}
+
+/// shadows that need not be resolved are not refined.
+#[test]
+fn small_shadows_are_not_refined() {
+    let scene = forest();
+    let links = |visibility, size: f32| {
+        let options = Options { feature_size: Some(size), ..with(visibility) };
+        refined(&scene, &options, |linked| linked.links.len())
+    };
+    let (exact, fine, coarse) =
+        (links(Visibility::Exact, 1.0), links(Visibility::Mr, 1e-3), links(Visibility::Mr, 1.0));
+    assert!(coarse < fine && 10 * coarse < 9 * exact, "{exact} {fine} {coarse}");
+}
+
+/// a cluster shows each side the light that leaves it there.
+#[test]
+fn clusters_do_not_shine_alike_to_all_sides() {
+    // A lamp above a block: its top is bright, and what lies below gets next to nothing from it.
+    let mut soup = Soup::new("block");
+    let grey = soup.material(SoupMaterial::diffuse("grey", [0.8; 3]));
+    let light = soup.material(SoupMaterial::light("light", [10.0; 3]));
+    let (block, lamp) = (soup.object("block"), soup.object("lamp"));
+    let low = DVec3::new(-0.5, -0.5, 0.0);
+    let mirrored = |p: DVec3| DVec3::new(-p.x, p.y, p.z);
+    inward(&mut soup, block, grey, mirrored(low), mirrored(DVec3::new(0.5, 0.5, 0.5)));
+    let corner = |x: f64, y: f64| DVec3::new(x, y, 3.0);
+    soup.polygon(lamp, light, &[corner(-1.0, -1.0), corner(-1.0, 1.0), corner(1.0, 1.0), corner(1.0, -1.0)]);
+    let screens = soup.object("screens");
+    let quad = |z: f64, up: bool| {
+        let c = |x: f64, y: f64| DVec3::new(4.0 * x, 4.0 * y, z);
+        let corners = [c(-1.0, -1.0), c(1.0, -1.0), c(1.0, 1.0), c(-1.0, 1.0)];
+        if up { corners } else { [corners[3], corners[2], corners[1], corners[0]] }
+    };
+    soup.polygon(screens, grey, &quad(-3.0, true));
+    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+    refined(&scene, &with(Visibility::Exact), |linked| {
+        let irradiance = |normal: Vec3| {
+            let sides = linked.elements.sides.iter();
+            let mut found = sides.filter(|s| s.normal.dot(normal) > 0.99 && s.exitance == [0.0; 3]);
+            let side = found.find(|s| {
+                let Shape::Surface { corners, .. } = linked.elements.elements[s.element as usize].shape
+                else {
+                    return false;
+                };
+                corners.iter().all(|c| c.abs().max_element() < 1.0)
+            });
+            side.map(|s| linked.states[s.element as usize].irradiance[0]).expect("a side of the block")
+        };
+        let (top, bottom) = (irradiance(Vec3::Z), irradiance(-Vec3::Z));
+        assert!(top > 5.0 * bottom, "{top} {bottom}");
+    });
+}
+
+/// Pairs asked for together get the links that they get alone.
+#[test]
+fn pairs_do_not_depend_on_their_company() {
+    refined(&forest(), &with(Visibility::Exact), |linked| {
+        let estimator = estimator(linked, linked.settings.seed);
+        let accuracy = Accuracy {
+            worth: 10.0,
+            feature_size: 0.1,
+            deviation: 0.5,
+            certificate: BlockerCertificate::UNKNOWN,
+            blocked: false,
+            first_receives: true,
+        };
+        let pairs: Vec<_> =
+            linked.links.iter().filter(|l| l.a != l.b).take(300).map(|l| ([l.a, l.b], accuracy)).collect();
+        let scratch = &mut Scratch::default();
+        let together = estimator.measure_all(&pairs, scratch);
+        let alone: Vec<Link> = pairs
+            .iter()
+            .filter_map(|([a, b], accuracy)| estimator.measure(*a, *b, *accuracy, scratch))
+            .collect();
+        assert!(together.len() > 100);
+        assert_eq!(together, alone);
+    });
+}

@@ -1,0 +1,246 @@
+//! Stabilised bi-conjugate gradients for the transport equation.
+
+use super::operator::{Convergence, Field, Transport};
+use crate::radiosity::deadline::Deadline;
+use crate::radiosity::rgb::Rgb;
+use rayon::prelude::*;
+
+/// Residual relative to direct light (root mean squares by weight) at which a solution has converged. Chosen: far below the
+/// noise of the rays.
+const TOLERANCE: f64 = 1e-4;
+/// Most iterations. Chosen: converging systems need far fewer.
+const MAX_ITERATIONS: usize = 100;
+/// Iterations that are made even after the deadline, and the terms of all of them together, of which there may be more
+/// iterations. Chosen: 50 million terms take a fraction of a second.
+const MIN_ITERATIONS: usize = 3;
+const LATE_TERMS: usize = 50_000_000;
+/// Terms of one partial sum: partial sums do not depend on the number of threads.
+const BLOCK: usize = 4096;
+
+/// The irradiance, and how the iteration converged.
+///
+/// The stabilised bi-conjugate gradients of van der Vorst (1992), each channel by itself; row normalisation makes the operator
+/// unsymmetric. Sweeps need hundreds of applications where light is trapped between white surfaces; a Krylov space contains
+/// these few slow modes after a few iterations. Where the recurrence breaks down, the iteration restarts from the best solution
+/// so far, which is also the result if the iteration does not converge or has to stop.
+pub fn krylov(transport: &dyn Transport, start: Option<Field>, deadline: &Deadline) -> (Field, Convergence) {
+    let direct = &transport.direct();
+    let want = dot(transport, direct, direct).map(|d| d * TOLERANCE * TOLERANCE);
+    let mut convergence = Convergence { sweeps: 1, residual: f64::INFINITY, converged: false };
+    let mut best = start.unwrap_or_else(|| direct.clone());
+    let mut space = Space::new(transport, direct, best.clone());
+    let mut sound = true;
+    let least = (LATE_TERMS / transport.terms().max(1)).clamp(MIN_ITERATIONS, MAX_ITERATIONS);
+    for iteration in 0..MAX_ITERATIONS {
+        let left = dot(transport, &space.r, &space.r);
+        let worst = (0..3).map(|k| left[k] / want[k].max(f64::MIN_POSITIVE)).fold(0.0, f64::max);
+        let residual = TOLERANCE * worst.sqrt();
+        if residual < convergence.residual && left.iter().all(|l| l.is_finite()) {
+            convergence.residual = residual;
+            best.clone_from(&space.x);
+        }
+        let done: [bool; 3] = std::array::from_fn(|k| left[k] <= want[k]);
+        convergence.converged = done == [true; 3];
+        if convergence.converged || (iteration >= least && deadline.late()) {
+            break;
+        }
+        if !sound {
+            convergence.sweeps += 1;
+            space = Space::new(transport, direct, best.clone());
+        }
+        convergence.sweeps += 2;
+        sound = space.advance(transport, done);
+    }
+    // Factors and light are not negative: values below zero in the dark are rounding.
+    (best.into_par_iter().map(|e| e.map(|v| v.max(0.0))).collect(), convergence)
+}
+
+/// `x - K x`.
+fn apply(transport: &dyn Transport, x: &Field) -> Field {
+    let mut result = transport.reflected(x);
+    result
+        .par_iter_mut()
+        .zip(x)
+        .with_min_len(BLOCK)
+        .for_each(|(y, x)| *y = std::array::from_fn(|k| x[k] - y[k]));
+    result
+}
+
+/// Weighted inner product by channel.
+fn dot(transport: &dyn Transport, a: &Field, b: &Field) -> Rgb {
+    let weights = transport.weights();
+    let parts: Vec<Rgb> = (0..a.len().div_ceil(BLOCK))
+        .into_par_iter()
+        .map(|block| {
+            let range = block * BLOCK..((block + 1) * BLOCK).min(a.len());
+            let mut sum = [0.0; 3];
+            for i in range {
+                (0..3).for_each(|k| sum[k] += weights[i] * a[i][k] * b[i][k]);
+            }
+            sum
+        })
+        .collect();
+    parts.iter().fold([0.0; 3], |sum, part| std::array::from_fn(|k| sum[k] + part[k]))
+}
+
+/// State of the iteration.
+struct Space {
+    x: Field,
+    /// Residual, search direction, and the first residual (the shadow residual).
+    r: Field,
+    p: Field,
+    shadow: Field,
+    rho: Rgb,
+}
+
+impl Space {
+    fn new(transport: &dyn Transport, direct: &Field, x: Field) -> Space {
+        let r = combined(direct, &[([-1.0; 3], &apply(transport, &x))]);
+        let rho = dot(transport, &r, &r);
+        Space { x, p: r.clone(), shadow: r.clone(), r, rho }
+    }
+
+    /// One iteration. Returns whether the recurrence can continue; `done` says which channels have converged.
+    fn advance(&mut self, transport: &dyn Transport, done: [bool; 3]) -> bool {
+        let v = apply(transport, &self.p);
+        let alpha = divide(self.rho, dot(transport, &self.shadow, &v));
+        let s = combined(&self.r, &[(alpha.map(|a| -a), &v)]);
+        let t = apply(transport, &s);
+        let omega = divide(dot(transport, &t, &s), dot(transport, &t, &t));
+        self.x = combined(&self.x, &[(alpha, &self.p), (omega, &s)]);
+        self.r = combined(&s, &[(omega.map(|o| -o), &t)]);
+        let next = dot(transport, &self.shadow, &self.r);
+        let beta: Rgb = std::array::from_fn(|k| divide(next, self.rho)[k] * divide(alpha, omega)[k]);
+        let sound = (0..3).all(|k| {
+            let product = next[k] * beta[k];
+            product.is_finite() && (done[k] || product != 0.0)
+        });
+        self.rho = next;
+        self.p = combined(&self.r, &[(beta, &self.p), (std::array::from_fn(|k| -beta[k] * omega[k]), &v)]);
+        sound
+    }
+}
+
+/// `a + Σ c b`.
+fn combined(a: &Field, more: &[(Rgb, &Field)]) -> Field {
+    a.par_iter()
+        .enumerate()
+        .with_min_len(BLOCK)
+        .map(|(i, a)| std::array::from_fn(|k| more.iter().fold(a[k], |sum, (c, b)| sum + c[k] * b[i][k])))
+        .collect()
+}
+
+/// Quotient by channel; 0 for a channel that has converged.
+fn divide(a: Rgb, b: Rgb) -> Rgb {
+    std::array::from_fn(|k| if b[k] == 0.0 { 0.0 } else { a[k] / b[k] })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::ray_transport::RayTransport;
+    use super::super::solver::{Method, solve};
+    use super::super::transport_matrix::{MatrixRow, TransportMatrix};
+    use super::*;
+    use crate::radiosity::options::Rows;
+    use crate::radiosity::sampling::numbers;
+
+    /// Two rooms of white walls, joined by a door: every `DOOR`th ray goes through.
+    fn rooms(n: u32, rays: u32, reflectance: f32) -> TransportMatrix {
+        const DOOR: u64 = 50;
+        let met: Vec<u32> = (0..u64::from(n * rays))
+            .map(|k| {
+                let [u, ..] = numbers(7, k);
+                let room = u32::from((k / u64::from(rays)) as u32 >= n / 2) ^ u32::from(k % DOOR == 0);
+                room * (n / 2) + (u * (n / 2) as f32) as u32
+            })
+            .collect();
+        let rows: Vec<MatrixRow> = (1..=n as usize)
+            .map(|i| MatrixRow {
+                area: 1.0,
+                reflectance: [reflectance; 3],
+                end: i * rays as usize,
+                closed: true,
+            })
+            .collect();
+        TransportMatrix::new(&rows, &met, Rows::Balanced, &Deadline::start(&(), None))
+    }
+
+    #[test]
+    fn a_furnace_has_the_same_light_everywhere() {
+        let matrix = &rooms(200, 64, 0.95);
+        let found = |direct: f64| {
+            let transport = RayTransport { matrix, direct: vec![[direct; 3]; 200] };
+            krylov(&transport, Some(vec![[0.0; 3]; 200]), &Deadline::start(&(), None))
+        };
+        let (light, convergence) = found(1.0);
+        assert!(convergence.converged && convergence.residual <= TOLERANCE, "{convergence:?}");
+        assert!(light.iter().flatten().all(|e| (e / 20.0 - 1.0).abs() < 1e-3), "{light:?}");
+        assert!(found(0.0).0.iter().flatten().all(|&e| e == 0.0));
+    }
+
+    /// Sweeps and the Krylov method solve the same equation.
+    #[test]
+    fn both_methods_find_the_same_light() {
+        let matrix = &rooms(200, 64, 0.5);
+        let direct = (0..200).map(|i| [f64::from(u8::from(i < 10)); 3]).collect();
+        let transport = RayTransport { matrix, direct };
+        let swept = Method::Sweeps { tolerance: 1e-9, max_sweeps: 200 };
+        let [a, b] =
+            [swept, Method::Krylov].map(|m| solve(&transport, None, m, &Deadline::start(&(), None)).0);
+        assert!(
+            a.iter().flatten().zip(b.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-3 * b),
+            "{a:?} {b:?}"
+        );
+    }
+
+    /// Rows that reflect more than they receive have no solution: the result is finite and not marked as converged.
+    #[test]
+    fn what_does_not_converge_says_so() {
+        let direct: Field = (0..200).map(|i| [f64::from(u8::from(i < 10)), 0.0, f64::NAN]).collect();
+        let transport = RayTransport { matrix: &rooms(200, 64, 1.5), direct };
+        let (found, convergence) = krylov(&transport, Some(vec![[0.0; 3]; 200]), &Deadline::start(&(), None));
+        assert!(!convergence.converged && found.iter().flatten().all(|e| e.is_finite()), "{convergence:?}");
+    }
+
+    /// Relaxing rows one at a time, in turn (Gauss and Seidel) or the largest residual first (Southwell), visits more rays in
+    /// white rooms, and neither can use two threads.
+    #[test]
+    fn krylov_takes_less_work_than_southwell_and_gauss_seidel() {
+        let (n, rays) = (200usize, 64usize);
+        let system = rooms(n as u32, rays as u32, 0.97);
+        let direct: Field = (0..n).map(|i| [f64::from(u8::from(i < 10)); 3]).collect();
+        let transport = RayTransport { matrix: &system, direct: direct.clone() };
+        let (found, convergence) = krylov(&transport, Some(vec![[0.0; 3]; n]), &Deadline::start(&(), None));
+        let krylov = convergence.sweeps * system.entries();
+        // By column: the rows that receive from j.
+        let mut columns = vec![Vec::new(); n];
+        for i in 0..n {
+            for (j, factor) in system.form_factors(i) {
+                columns[j as usize].push((i, factor));
+            }
+        }
+        let settled = |r: &[f64]| r.iter().map(|v| v * v).sum::<f64>() <= 10.0 * TOLERANCE * TOLERANCE;
+        let relax = |i: usize, x: &mut [f64], r: &mut [f64]| {
+            let d = std::mem::take(&mut r[i]);
+            x[i] += d;
+            columns[i].iter().for_each(|&(j, factor)| r[j] += 0.97 * d * factor);
+            columns[i].len()
+        };
+        let run = |southwell: bool| {
+            let (mut x, mut r) = (vec![0.0; n], direct.iter().map(|d| d[0]).collect::<Vec<f64>>());
+            let mut work = 0;
+            for step in 0.. {
+                let largest = || (0..n).max_by(|&a, &b| r[a].total_cmp(&r[b])).unwrap_or(0);
+                let i = if southwell { largest() } else { step % n };
+                work += relax(i, &mut x, &mut r);
+                if settled(&r) {
+                    break;
+                }
+            }
+            assert!((0..n).all(|i| (x[i] / found[i][0] - 1.0).abs() < 1e-2));
+            work
+        };
+        let (southwell, seidel) = (run(true), run(false));
+        assert!(4 * krylov < southwell && 4 * krylov < seidel, "{krylov} {southwell} {seidel}");
+    }
+}

@@ -1,0 +1,106 @@
+//! Transport along links.
+
+use super::active_nodes::{ActiveNodes, NodeKind};
+use super::cluster_reflection::BASIS;
+use super::directional::{CLUSTER_UNKNOWNS, NodeIrradiance};
+use super::gather_push_pull::{NodeRadiosity, gather};
+use super::operator::{Field, Transport};
+use crate::radiosity::elements::{DIRECTIONS, ElementState, Elements, RowFactors, Shape};
+use crate::radiosity::rgb::Rgb;
+
+/// Links as rows of the transport operator. Unknowns are the irradiances of the active nodes in the order of
+/// [`NodeIrradiance::to_field`].
+pub struct LinkTransport<'a> {
+    elements: &'a Elements,
+    states: &'a [ElementState],
+    nodes: &'a ActiveNodes,
+    weights: Vec<f64>,
+}
+
+impl<'a> LinkTransport<'a> {
+    /// For active nodes, with the row factors in `states`.
+    pub fn new(
+        elements: &'a Elements,
+        states: &'a [ElementState],
+        nodes: &'a ActiveNodes,
+    ) -> LinkTransport<'a> {
+        let unknowns = CLUSTER_UNKNOWNS * nodes.clusters + nodes.elements.len() - nodes.clusters;
+        let weights = (0..unknowns).map(|i| weight(elements, nodes, i)).collect();
+        LinkTransport { elements, states, nodes, weights }
+    }
+
+    /// Gathers the reflection of `irradiance` and, if `emits`, what emitters send. Row factors apply to both.
+    fn gathered(&self, irradiance: &NodeIrradiance, emits: bool) -> Field {
+        let nodes = self.nodes;
+        let surfaces: Vec<Rgb> = (nodes.clusters..nodes.elements.len())
+            .map(|p| {
+                let e = nodes.elements[p] as usize;
+                let Shape::Surface { side, .. } = self.elements.elements[e].shape else { return [0.0; 3] };
+                let s = &self.elements.sides[side as usize];
+                let RowFactors { gathers, sends } = self.states[e].factors;
+                let (gathers, sends) = (f64::from(gathers), f64::from(sends));
+                let incident = irradiance.surfaces[p - nodes.clusters];
+                let exitance = if emits { s.exitance } else { [0.0; 3] };
+                std::array::from_fn(|k| {
+                    sends * (exitance[k] + f64::from(s.reflectance[k]) * gathers * incident[k])
+                })
+            })
+            .collect();
+        let outgoing = NodeRadiosity::pull(self.elements, nodes, &surfaces, |p, r| {
+            let cluster = &nodes.reflections[r];
+            cluster.sent(&irradiance.clusters[p], if emits { cluster.emit } else { [[0.0; 3]; BASIS] })
+        });
+        gather(self.elements, nodes, &outgoing).to_field()
+    }
+
+    fn shaped(&self, irradiance: &Field) -> NodeIrradiance {
+        NodeIrradiance::from_field(irradiance, self.nodes.clusters)
+    }
+}
+
+impl Transport for LinkTransport<'_> {
+    fn direct(&self) -> Field {
+        self.gathered(&self.shaped(&vec![[0.0; 3]; self.weights.len()]), true)
+    }
+
+    fn reflected(&self, irradiance: &Field) -> Field {
+        self.gathered(&self.shaped(irradiance), false)
+    }
+
+    fn bounce(&self, irradiance: &Field) -> Field {
+        self.gathered(&self.shaped(irradiance), true)
+    }
+
+    fn weights(&self) -> &[f64] {
+        &self.weights
+    }
+
+    fn terms(&self) -> usize {
+        self.nodes.link_ends()
+    }
+}
+
+/// Weight of an unknown: reflectance times the area (of clusters: the projected area) that it lights; 0 where the children of
+/// the node have unknowns of their own.
+fn weight(elements: &Elements, nodes: &ActiveNodes, unknown: usize) -> f64 {
+    let (node, component) = if unknown < CLUSTER_UNKNOWNS * nodes.clusters {
+        (unknown / CLUSTER_UNKNOWNS, unknown % CLUSTER_UNKNOWNS)
+    } else {
+        (unknown - DIRECTIONS * nodes.clusters, DIRECTIONS)
+    };
+    if nodes.kinds[node] == NodeKind::Open {
+        return 0.0;
+    }
+    let element = &elements.elements[nodes.elements[node] as usize];
+    match element.shape {
+        Shape::Surface { side, .. } => {
+            let r = elements.sides[side as usize].reflectance;
+            element.area * f64::from(r[0] + r[1] + r[2]) / 3.0
+        }
+        Shape::Cluster(c) => {
+            let cluster = &elements.clusters[c as usize];
+            let area = if component < DIRECTIONS { cluster.projected[component] } else { element.area };
+            area * f64::from(cluster.reflectance)
+        }
+    }
+}

@@ -1,0 +1,259 @@
+//! Exchange of light between leaves that rays join.
+
+use super::operator::Field;
+use super::row_normalisation::{RAY_ROWS, scaled};
+use crate::radiosity::deadline::Deadline;
+use crate::radiosity::options::Rows;
+use crate::radiosity::rgb::add;
+use rayon::prelude::*;
+
+/// Rows of one parallel task.
+const CHUNK: usize = 256;
+/// Exponents ω of the Sinkhorn factors, used in turn: Chebyshev's relaxation factors for the spectral interval [1/4, 2],
+/// `1/ω_k = 1.125 + 0.875 cos((2k - 1) π/8)`.
+const CHEBYSHEV_EXPONENTS: [f64; 4] = [0.517, 0.685, 1.27, 3.16];
+
+/// Exchange of light between rows, by the rays that join them.
+///
+/// Rays leave row i at random over its area and with the cosine density, `r_i` of them for each unit of area. A ray of i that
+/// ends on j and one of j that ends on i sample the same exchange `X_ij = A_i F_ij = A_j F_ji`, so both count at both ends, with
+/// the weight `1/(r_i + r_j)` (balance heuristic, Veach and Guibas 1995): `X` is symmetric whatever the samples. Its row sums are
+/// right only on average; those of the scaled `d_i X_ij d_j` are what is known of them: 1 where no ray leaves the scene.
+///
+/// One bounce is `g_i d_i / A_i Σ_j X_ij d_j ρ_j E_j`.
+pub struct TransportMatrix {
+    /// End of each row in `others`.
+    ends: Vec<usize>,
+    /// By row, the rows at the other ends of its rays and of the rays that meet it.
+    others: Vec<u32>,
+    /// Rays for each unit of area.
+    density: Vec<f32>,
+    /// Reflectance, RGB.
+    reflectance: Vec<[f32; 3]>,
+    /// Areas, scene units squared.
+    pub(super) area: Vec<f64>,
+    /// `d`, the factor of both directions.
+    factors: Vec<f32>,
+    /// `g`, the factor of gathering alone.
+    rests: Vec<f32>,
+}
+
+/// One row of a [`TransportMatrix`].
+pub struct MatrixRow {
+    /// Area, scene units squared.
+    pub area: f64,
+    /// Reflectance, RGB.
+    pub reflectance: [f32; 3],
+    /// End of its rays among all rays.
+    pub end: usize,
+    /// Whether other rays have shown that no light from the row leaves the scene.
+    pub closed: bool,
+}
+
+impl TransportMatrix {
+    /// For rows and the rows that their rays met, `u32::MAX` for none. `normalisation` says how row sums are normalised.
+    pub fn new(rows: &[MatrixRow], met: &[u32], normalisation: Rows, deadline: &Deadline) -> TransportMatrix {
+        let n = rows.len();
+        let rays = |i: usize| rows[i].end - if i > 0 { rows[i - 1].end } else { 0 };
+        let (ends, others) = both_ways(rows, met);
+        let mut matrix = TransportMatrix {
+            ends,
+            others,
+            density: (0..n).map(|i| (rays(i) as f64 / rows[i].area) as f32).collect(),
+            reflectance: rows.iter().map(|p| p.reflectance).collect(),
+            area: rows.iter().map(|p| p.area).collect(),
+            factors: vec![1.0; n],
+            rests: vec![1.0; n],
+        };
+        let want: Vec<f64> = (0..n)
+            .map(|i| {
+                let own = &met[rows[i].end - rays(i)..rows[i].end];
+                let kept = own.iter().filter(|&&j| j != u32::MAX).count();
+                matrix.expected_row_sum(i, rows[i].closed, own.len(), kept)
+            })
+            .collect();
+        matrix.normalise(&want, normalisation, deadline);
+        matrix
+    }
+
+    /// Mean difference of `A_i F_ij` and `A_j F_ji`, relative to their mean.
+    pub fn reciprocity(&self) -> f64 {
+        let (mut differ, mut all) = (0.0, 0.0);
+        for ((row, rest), area) in self.rows().into_iter().zip(&self.rests).zip(&self.area) {
+            (differ, all) = (differ + area * row * f64::from((1.0 / rest - 1.0).abs()), all + area * row);
+        }
+        if all > 0.0 { differ / all } else { 0.0 }
+    }
+
+    /// The row sums of the form factors.
+    pub fn rows(&self) -> Vec<f64> {
+        self.row_sums().into_iter().zip(&self.rests).map(|(sum, rest)| sum * f64::from(*rest)).collect()
+    }
+
+    /// The expected row sum of i: the part of its own rays that stayed in the scene and the sum of its weights, each weighted by
+    /// the variance of the other.
+    fn expected_row_sum(&self, i: usize, closed: bool, rays: usize, met: usize) -> f64 {
+        if closed && met == rays {
+            return 1.0;
+        }
+        let (mut sum, mut squares) = (0.0, 0.0);
+        for w in self.weights(i).map(|(_, w)| f64::from(w) / self.area[i]) {
+            (sum, squares) = (sum + w, squares + w * w);
+        }
+        let (rays, met) = (rays as f64, met as f64);
+        // Half a ray more of either kind (Jeffreys): none of a few rays does not mean probability 0.
+        let part = (met + 0.5) / (rays + 1.0);
+        let (of_part, of_sum) = (part * (1.0 - part) / rays, squares);
+        (met / rays * of_sum + sum * of_part) / (of_sum + of_part)
+    }
+
+    /// Number of entries: two for each ray that met a row.
+    pub fn entries(&self) -> usize {
+        self.others.len()
+    }
+
+    /// The rows at the other ends of i's rays, with the form factor that each ray contributes.
+    pub fn form_factors(&self, i: usize) -> impl Iterator<Item = (u32, f64)> {
+        let own = f64::from(self.factors[i] * self.rests[i]) / self.area[i];
+        self.weights(i).map(move |(j, w)| (j, own * f64::from(w * self.factors[j as usize])))
+    }
+
+    /// The rows at the other ends of i's rays, with the weights of the rays.
+    fn weights(&self, i: usize) -> impl Iterator<Item = (u32, f32)> {
+        let own = self.density[i];
+        let from = if i > 0 { self.ends[i - 1] } else { 0 };
+        self.others[from..self.ends[i]].iter().map(move |&j| (j, 1.0 / (own + self.density[j as usize])))
+    }
+
+    /// Brings the row sums to those wanted: by factors of both directions as far as that converges (Sinkhorn 1967), the rest by
+    /// factors of gathering.
+    fn normalise(&mut self, want: &[f64], rows: Rows, deadline: &Deadline) {
+        if rows == Rows::Sampled {
+            return;
+        }
+        let mut sums = self.row_sums();
+        for round in 0..if rows == Rows::Balanced { RAY_ROWS.max_rounds } else { 0 } {
+            let exponent = CHEBYSHEV_EXPONENTS[round % CHEBYSHEV_EXPONENTS.len()];
+            let (mut off, mut all) = (0.0, 0.0);
+            for (i, (&want, &sum)) in want.iter().zip(&sums).enumerate().filter(|(_, (_, sum))| **sum > 0.0) {
+                off += self.area[i] * (sum - want).abs();
+                all += self.area[i] * want;
+                self.factors[i] = scaled(self.factors[i], (want / sum).powf(exponent), RAY_ROWS.limits);
+            }
+            sums = self.row_sums();
+            if off <= RAY_ROWS.tolerance * all || deadline.late() {
+                break;
+            }
+        }
+        for (i, (want, sum)) in want.iter().zip(sums).enumerate().filter(|(_, (_, sum))| *sum > 0.0) {
+            self.rests[i] = (want / sum) as f32;
+        }
+    }
+
+    /// The row sums of `d_i X_ij d_j / A_i`.
+    fn row_sums(&self) -> Vec<f64> {
+        let sum = |i: usize| {
+            let sum: f64 = self.weights(i).map(|(j, w)| f64::from(w * self.factors[j as usize])).sum();
+            f64::from(self.factors[i]) * sum / self.area[i]
+        };
+        (0..self.area.len()).into_par_iter().with_min_len(CHUNK).map(sum).collect()
+    }
+
+    /// Irradiance that the reflection of `x` causes, W/m².
+    pub(super) fn reflected(&self, x: &Field) -> Field {
+        let sent: Vec<[f32; 4]> = (0..x.len())
+            .into_par_iter()
+            .with_min_len(CHUNK)
+            .map(|j| {
+                let rho = self.reflectance[j].map(|rho| rho * self.factors[j]);
+                let [r, g, b] = std::array::from_fn(|k| rho[k] * x[j][k] as f32);
+                [r, g, b, self.density[j]]
+            })
+            .collect();
+        (0..x.len())
+            .into_par_iter()
+            .with_min_len(CHUNK)
+            .map(|i| {
+                let from = if i > 0 { self.ends[i - 1] } else { 0 };
+                let mut sum = [0.0; 3];
+                for &j in &self.others[from..self.ends[i]] {
+                    let [r, g, b, density] = sent[j as usize];
+                    let weight = 1.0 / (self.density[i] + density);
+                    add(&mut sum, f64::from(weight), [r, g, b].map(f64::from));
+                }
+                let gathers = f64::from(self.factors[i] * self.rests[i]) / self.area[i];
+                sum.map(|s| gathers * s)
+            })
+            .collect()
+    }
+}
+
+/// Ends of the rows, and by row the other ends of the rays that leave the row or end on it.
+fn both_ways(rows: &[MatrixRow], met: &[u32]) -> (Vec<usize>, Vec<u32>) {
+    let ranges = || rows.iter().scan(0, |from, p| Some(std::mem::replace(from, p.end)..p.end));
+    let mut ends = vec![0usize; rows.len()];
+    let each = |f: &mut dyn FnMut(usize, u32)| {
+        for (i, row) in ranges().enumerate() {
+            for &j in met[row].iter().filter(|&&j| j != u32::MAX) {
+                f(i, j);
+                f(j as usize, i as u32);
+            }
+        }
+    };
+    each(&mut |i, _| ends[i] += 1);
+    let mut all = 0;
+    for end in &mut ends {
+        (*end, all) = (all, all + *end);
+    }
+    let mut others = vec![0; all];
+    each(&mut |i, j| {
+        others[ends[i]] = j;
+        ends[i] += 1;
+    });
+    (ends, others)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::radiosity::sampling::numbers;
+
+    /// Rows that face each other at random, with different numbers of rays: exchange is symmetric and no row sum is short.
+    #[test]
+    fn exchange_is_symmetric_and_complete() {
+        let n = 50u32;
+        let mut met = Vec::new();
+        let matrix_rows: Vec<MatrixRow> = (0..n)
+            .map(|i| {
+                let rays = 20 + 40 * u64::from(i % 5);
+                met.extend((0..rays).map(|k| (numbers(u64::from(i), k)[0] * n as f32) as u32));
+                MatrixRow {
+                    area: 0.5 + f64::from(i % 3),
+                    reflectance: [0.5; 3],
+                    end: met.len(),
+                    closed: true,
+                }
+            })
+            .collect();
+        let system = |rows| TransportMatrix::new(&matrix_rows, &met, rows, &Deadline::start(&(), None));
+        let sampled = system(Rows::Sampled);
+        let mut exchange = vec![0.0; (n * n) as usize];
+        for i in 0..n as usize {
+            for (j, w) in sampled.weights(i) {
+                exchange[i * n as usize + j as usize] += f64::from(w);
+            }
+        }
+        for (i, j) in (0..n as usize).flat_map(|i| (0..i).map(move |j| (i, j))) {
+            let [there, back] = [(i, j), (j, i)].map(|(i, j)| exchange[i * n as usize + j]);
+            assert!((there - back).abs() <= 1e-6 * there, "{i} {j}: {there} {back}");
+        }
+        assert_eq!(sampled.reciprocity(), 0.0);
+        assert!(sampled.rows().iter().any(|row| (row - 1.0).abs() > 0.05));
+        for (rows, differ) in [(Rows::Closed, 1.0), (Rows::Balanced, 3e-3)] {
+            let system = system(rows);
+            assert!(system.rows().iter().all(|row| (row - 1.0).abs() < 1e-5));
+            let found = system.reciprocity();
+            assert!(found > 0.0 && found < differ, "{rows:?} {found}");
+        }
+    }
+}
