@@ -24,9 +24,6 @@ const ROOMS_WITH_FLAGS: [(&str, &str); 2] = [
     ("plot", "names of variables of style sheets begin with two hyphens"),
 ];
 
-/// Rooms whose names and comments are not checked yet, each with its reason.
-const UNFINISHED_ROOMS: [(&str, &str); 0] = [];
-
 /// Path below `src`, with slashes.
 fn below_source(path: &Path) -> String {
     let relative = path.strip_prefix(source()).expect("below src");
@@ -37,16 +34,14 @@ fn read(path: &Path) -> String {
     fs::read_to_string(path).expect("a source file")
 }
 
-/// All Rust files of the project, tests and benchmarks included, without rooms that are not checked yet.
+/// All Rust files of the project, tests and benchmarks included.
 fn all_files() -> Vec<PathBuf> {
     let root = source().join("..");
-    let unfinished = UNFINISHED_ROOMS.map(|(room, _)| root.join("src").join(room));
     ["src", "tests", "benches", "examples"]
         .into_iter()
         .map(|folder| root.join(folder))
         .filter(|folder| folder.exists())
         .flat_map(|folder| rust_files(&folder))
-        .filter(|path| !unfinished.iter().any(|folder| path.starts_with(folder)))
         .collect()
 }
 
