@@ -44,7 +44,7 @@ impl Threads {
             let pool = builder
                 .build()
                 .map_err(|e| Error::OutOfMemory(format!("threads cannot be started ({e})")))?;
-            // Whoever was faster: one pool is as good as the other.
+            // Another thread may have set a pool meanwhile; either pool serves.
             let _ = self.pool.set(pool);
         }
         Ok(self.pool.get().expect("just set").install(work))

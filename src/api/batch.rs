@@ -70,7 +70,7 @@ struct Chunk<'a> {
 impl Chunk<'_> {
     fn write(&mut self, k: usize, answer: &Answer) {
         self.transmittance[k] = answer.transmittance;
-        // What is not wanted has no entries.
+        // Outputs that were not asked for are empty.
         for (out, value) in [(&mut *self.lo, answer.lo), (&mut *self.hi, answer.hi)] {
             out.get_mut(k).into_iter().for_each(|out| *out = value);
         }
@@ -110,7 +110,7 @@ fn chunks<'a>(segments: &Segments, answers: &'a mut Answers) -> Vec<Chunk<'a>> {
     chunks
 }
 
-/// Takes the first entries of a slice; none of one that is empty because nobody wants it.
+/// Removes and returns the first entries of a slice; an empty slice (an output that was not asked for) gives none.
 fn front<'a, T>(slice: &mut &'a mut [T], count: usize) -> &'a mut [T] {
     let all = std::mem::take(slice);
     let (front, rest) = all.split_at_mut(count.min(all.len()));

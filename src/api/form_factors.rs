@@ -125,7 +125,7 @@ pub struct FormFactors {
 
 impl Model {
     /// Form factors between all polygons, objects or materials, by exact rays on the threads of the model. Needs
-    /// [`Detail::Rays`](crate::Detail::Rays). `&()` as `progress` tells nobody.
+    /// [`Detail::Rays`](crate::Detail::Rays). `&()` ignores progress.
     ///
     /// # Errors
     /// [`Error::Argument`] if an option is out of its range, [`Error::OutOfMemory`] if the matrix could be too large,

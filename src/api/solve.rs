@@ -17,8 +17,8 @@ pub struct SolveOptions {
 }
 
 impl SolveOptions {
-    /// Error that links are refined to, relative to the mean irradiance, above 0; default 0.02. A target, not a bound: what is left is
-    /// estimated by [`Solution::error_estimate`].
+    /// Error that links are refined to, relative to the mean irradiance, above 0; default 0.02. A target, not a bound: the
+    /// remaining error is estimated by [`Solution::error_estimate`].
     #[must_use]
     pub fn with_error(mut self, error: f64) -> SolveOptions {
         self.options.error = error;
@@ -125,8 +125,8 @@ pub struct Solution {
 }
 
 impl Model {
-    /// Computes the light: hierarchical radiosity of all surfaces, with all reflections, on the threads of the model. `&()` as
-    /// `progress` tells nobody; one that stops gives the consistent solution reached so far, see [`Solution::interrupted`].
+    /// Computes the light: hierarchical radiosity of all surfaces, with all reflections, on the threads of the model. `&()`
+    /// ignores progress. If `progress` stops, the result is the consistent solution reached so far: see [`Solution::interrupted`].
     ///
     /// # Errors
     /// [`Error::Argument`] if an option is out of its range, names nothing, or needs more of the model than was prepared

@@ -90,15 +90,16 @@ fn batches_are_answered_as_engines_do() {
         let averaged = ask(&visibility.clone().with_engine(Engine::MultiResolution), &segments, false);
         let each = ask(&visibility.clone().with_engine(Engine::MultiResolution), &segments, true);
         let (engine, mut workspace) = (model.multi_resolution().unwrap(), Workspace::default());
-        let mut aggregated = 0;
+        let (mut aggregated, mut differing) = (0, 0);
         for k in 0..points {
             let bundle = Bundle { packets: &packets[k], emitter_size: sizes[k], emitter: &[] };
             let want = model.exact().answer(bundle, &mut Vec::new());
             assert_eq!(exact.transmittance[k], want.transmittance);
             assert_eq!((exact.lo[k], exact.hi[k]), (want.lo, want.hi));
             let want = engine.answer(bundle, 0.4, &mut workspace);
-            // Neighbours share the upper part of their traversal, up to rounding.
-            assert!((averaged.transmittance[k] - want.transmittance).abs() < 1e-3, "{points} {rays} {k}");
+            // Neighbours share the upper part of their traversal: up to rounding the same, but where one of the two
+            // ways hands a bundle to Embree.
+            differing += usize::from((averaged.transmittance[k] - want.transmittance).abs() > 1e-3);
             aggregated += usize::from(want.method == Method::Aggregated || want.method == Method::Mixed);
             for found in [&exact, &averaged, &each] {
                 let (lo, t, hi) = (found.lo[k], found.transmittance[k], found.hi[k]);
@@ -109,6 +110,7 @@ fn batches_are_answered_as_engines_do() {
                 assert!((mean - found.transmittance[k]).abs() < 1e-5, "{mean} {}", found.transmittance[k]);
             }
         }
+        assert!(differing <= points / 20, "{differing} of {points} differ");
         assert!(aggregated > points / 10, "{aggregated} of {points} aggregate");
         let mean = |found: &Found| found.transmittance.iter().sum::<f32>() / points as f32;
         assert!((mean(&exact) - mean(&averaged)).abs() < 0.03, "{} {}", mean(&exact), mean(&averaged));
