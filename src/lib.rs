@@ -1,11 +1,13 @@
 //! Visibility and radiosity in scenes full of small detail.
 //!
-//! The crate computes which fraction of the light between two places gets through: exactly, by [Embree](https://www.embree.org) rays, or
-//! for a given feature size, by clusters of small objects with a measured extinction (multi-resolution visibility; F. Sillion and G.
-//! Drettakis, *Feature-based control of visibility error*, 1995). Hierarchical radiosity and form factors are built on it.
+//! The crate computes the fraction of an emitter that a point sees, by one of two engines: exact [Embree](https://www.embree.org) rays,
+//! or multi-resolution visibility (F. Sillion and G. Drettakis, *Feature-based control of visibility error*, 1995), in which clusters
+//! that cast only shadows smaller than a stated feature size transmit according to their extinction. Hierarchical radiosity and form
+//! factors use these engines.
 //!
-//! A [`Scene`] is read from a file (OBJ, glTF, PLY) or generated. A [`Model`] is a scene prepared for questions: owned, immutable, shared
-//! between threads by cheap clones. [`Model::visibility`], [`Model::solve`] and [`Model::form_factors`] ask it.
+//! A [`Scene`] is read from a file (OBJ, glTF, PLY) or generated. A [`Model`] is a scene prepared for queries: owned, immutable, shared
+//! between threads by cheap clones. Queries are [`Model::visibility`], [`Model::solve`] and [`Model::form_factors`]; [`Model::update`]
+//! moves instances of meshes.
 //!
 //! # Visibility
 //!

@@ -1,6 +1,6 @@
 //! Exact visibility: one Embree occlusion ray per segment.
 
-use super::{Answer, Bundle, Cost, Method, wilson};
+use super::answer::{Answer, Bundle, Cost, Method, wilson};
 use crate::embree::{CommittedScene, Traversal};
 use crate::ray::{Occluder, Packet};
 use std::time::Instant;

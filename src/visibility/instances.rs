@@ -5,7 +5,7 @@
 //! keep the parameter along a segment, so that the open ends need no change; uniform scale divides emitter size and feature
 //! size.
 
-use super::Bundle;
+use super::answer::Bundle;
 use super::shaft::Shaft;
 use super::slabs::{PacketSums, Passed};
 use super::walk::{Buffers, NODE, Rule, Walked, gather, visit};

@@ -10,6 +10,9 @@
 //! Feature size and emitter size are arguments of every query. Links, energy and materials are not known here.
 //! Formulas: docs/method.md, Umbra criterion, Extinction, and Certificates and intervals.
 
+mod answer;
+mod bundle_walks;
+mod cost_model;
 mod exact;
 mod front;
 mod instances;
@@ -29,119 +32,10 @@ mod unbiased;
 mod walk;
 mod wide;
 
+pub use answer::{Answer, Bundle, Cost, Method, wilson};
+pub use bundle_walks::Workspace;
 pub use exact::{Exact, fastest_traversal};
 pub use instances::{Frame, InstanceTree};
-pub use multires::{LeafMode, MultiResolution, Workspace};
+pub use multires::{LeafMode, MultiResolution};
 pub use unbiased::{Correction, Estimate, Unbiased};
 pub use wide::WideTree;
-
-use crate::ray::Packet;
-use glam::Vec3;
-
-/// Segments of one visibility query: from `origin` at the receiver to `origin + direction` on the emitter.
-#[derive(Clone, Copy, Debug)]
-pub struct Bundle<'a> {
-    /// The segments, up to 16 per packet.
-    pub packets: &'a [Packet],
-    /// Smallest width of the emitter seen along the bundle, 0 for a point; scene units. A smaller value is conservative
-    /// (docs/method.md, Umbra criterion).
-    pub emitter_size: f32,
-    /// Points whose convex hull contains the whole emitter, not only the ends of these segments; empty if unknown. With
-    /// these points an answer can be certain, and bundles that meet nothing, or that one triangle covers, have a cost
-    /// independent of their number of segments.
-    ///
-    /// A convex polygon of three or four corners in order gives an exact pyramid; other points one of extreme slopes.
-    ///
-    /// The caller guarantees that all segments start at one point, end inside the hull, and have the margins of the
-    /// scene's [`crate::ray::EndRule`].
-    pub emitter: &'a [Vec3],
-}
-
-/// Method by which an answer was found.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Method {
-    /// No geometry lies between the ends.
-    #[default]
-    Clear,
-    /// A single triangle covers the whole emitter end, or the emitter turns away from the point; no segment was tested.
-    Covered,
-    /// Triangles were tested; nothing was aggregated.
-    Exact,
-    /// Clusters were aggregated; no triangle was tested.
-    Aggregated,
-    /// Clusters were aggregated and triangles were tested.
-    Mixed,
-}
-
-/// Cost of an answer, and the numbers of segments by method.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct Cost {
-    /// Number of segments.
-    pub segments: u64,
-    /// Number of visited nodes of the wide tree, each counted once per bundle.
-    pub nodes: u64,
-    /// Segments of bundles for which triangles were tested (by this engine or by Embree).
-    pub exact_rays: u64,
-    /// Segments handed to Embree because the walk met too many clusters that may not be aggregated.
-    pub handed_over: u64,
-    /// Segments whose answer contains an aggregated cluster.
-    pub aggregated: u64,
-    /// Segments of bundles whose answer is certain without rays.
-    pub certified: u64,
-}
-
-impl Cost {
-    /// Adds another cost.
-    pub(crate) fn add(&mut self, other: Cost) {
-        self.segments += other.segments;
-        self.nodes += other.nodes;
-        self.exact_rays += other.exact_rays;
-        self.handed_over += other.handed_over;
-        self.aggregated += other.aggregated;
-        self.certified += other.certified;
-    }
-}
-
-/// Visible fraction of a bundle with its interval and cost.
-#[derive(Clone, Copy, Debug)]
-#[non_exhaustive]
-pub struct Answer {
-    /// Mean transmittance of the segments, in `[0, 1]`.
-    pub transmittance: f32,
-    /// Lower end of the stated 95 % interval: sampling error of the segments and model error of aggregated clusters,
-    /// both within Fréchet's bounds for any dependence between clusters (docs/method.md, Certificates and intervals).
-    /// The model error of a cluster is the tolerance of its feature size, times that size divided by the width of the
-    /// beam at the cluster, at most 1: errors of independent parts average out over wider beams.
-    ///
-    /// If the answer is certain for the whole emitter (empty shaft, or one triangle covers it), both ends equal the
-    /// transmittance.
-    pub lo: f32,
-    /// Upper end of the interval.
-    pub hi: f32,
-    /// Method by which the answer was found.
-    pub method: Method,
-    /// Cost of the answer.
-    pub cost: Cost,
-}
-
-/// Wilson's 95 % score interval (Wilson 1927) for a mean of `n >= 1` zero-one values.
-pub fn wilson(mean: f32, n: f32) -> (f32, f32) {
-    interval(mean, mean * (1.0 - mean), n, 0.0)
-}
-
-/// 95 % interval for a mean of `n` values in `[0, 1]` with this variance and an additional model error (root mean
-/// square).
-///
-/// Wilson's interval with the variance of the values in place of mean (1 - mean); the allowance for unseen values is
-/// the same.
-fn interval(mean: f32, variance: f32, n: f32, model: f32) -> (f32, f32) {
-    const Z: f32 = 1.96;
-    let unseen = Z * Z / n;
-    let scale = 1.0 / (1.0 + unseen);
-    let centre = (mean + 0.5 * unseen) * scale;
-    let half = Z * scale * (variance / n + 0.25 * unseen / n + (model / scale).powi(2)).max(0.0).sqrt();
-    // Rounding must not exclude the mean.
-    ((centre - half).clamp(0.0, mean), (centre + half).clamp(mean, 1.0))
-}

@@ -1,17 +1,16 @@
 //! Multi-resolution visibility [SD95 sec 3.2]: the engine above walks, fronts and the hand-over to Embree.
 
-use super::front::Front;
-use super::instances::{InstanceBuffers, InstanceTree, walk_instances};
-use super::shaft::Shaft;
+use super::answer::{Answer, Bundle, Cost, Method, interval, wilson};
+use super::bundle_walks::{BundleWalks, Sizes, Walker, Workspace};
+use super::cost_model::{CostModel, Work};
+use super::exact::Exact;
+use super::instances::InstanceTree;
 use super::steps::Steps;
-use super::walk::{Buffers, FETCH, Rule, Walked, walk};
 use super::wide::WideTree;
-use super::{Answer, Bundle, Cost, Exact, Method, interval, wilson};
 use crate::embree::{CommittedScene, Traversal};
 use crate::optics;
 use crate::ray::Packet;
-use crate::simd::{Isa, Kernel, LANES, Simd, dispatch};
-use std::ops::Range;
+use crate::simd::{Isa, LANES, dispatch};
 use std::sync::Arc;
 
 /// Treatment of leaves that the umbra criterion opens.
@@ -24,30 +23,11 @@ pub enum LeafMode {
     Average,
 }
 
-/// Work of exact rays per packet before [`MultiResolution::with_budget`] measures it. Chosen.
-const DEFAULT_RAY_WORK: u64 = 200;
-/// Embree's work per packet in units of this engine's work, divided by the square root of the work of testing every
-/// triangle in the shaft. Measured once between 3 (Sponza) and 20 (a forest of six million triangles), 5 to 7 in
-/// furnished rooms and a park; no command repeats the measurement.
-const EMBREE_WORK_FACTOR: f64 = 6.0;
-/// Largest ratio of the engine's work to that of exact rays at which the engine is used: the work of exact rays is an
-/// estimate, so a margin is kept. Measured once: bench rows at 0.84 in a kitchen and 0.92 before a bookshelf were 14 %
-/// and 30 % slower than exact rays; rows up to 0.79 in a garden were faster.
-const MAX_WORK_RATIO: f64 = 0.8;
-/// A walk is abandoned at this multiple of the estimated work of exact rays. Chosen.
-const GIVE_UP_FACTOR: u64 = 2;
-/// Work per bundle for its shaft and answer, independent of geometry. Chosen.
-const BUNDLE_WORK: u64 = 30;
 /// Approximate size of the caches near a core, bytes. Chosen.
 const CACHE_BYTES: usize = 64 << 20;
 /// Fraction of the distance between Fréchet's bounds that counts as model error: clusters are neither independent nor
 /// perfectly correlated. Measured once in forests and a park; no command repeats the measurement.
 const DEPENDENCE_FRACTION: f32 = 0.1;
-/// Largest number of bundles that share a front. Chosen.
-const MAX_GROUP_BUNDLES: usize = 64;
-/// Largest distance between the receiver ends of a group, relative to the distance to the emitter. Chosen.
-const MAX_GROUP_WIDTH: f32 = 0.5;
-
 /// The multi-resolution engine: the wide tree, and the scene in Embree for bundles handed over.
 #[derive(Clone)]
 pub struct MultiResolution {
@@ -59,33 +39,11 @@ pub struct MultiResolution {
     magnitude: f32,
     leaf: LeafMode,
     isa: Isa,
-    /// Estimated work of exact rays per packet.
-    budget: u64,
+    cost: CostModel,
     /// Whether the tree is larger than the caches near a core.
     far: bool,
     /// Tolerance of the transmittance that feature sizes were measured for.
     tolerance: f32,
-}
-
-/// Working memory of a thread, kept between calls.
-#[derive(Default)]
-pub struct Workspace {
-    buffers: Buffers,
-    placed: InstanceBuffers,
-    front: Front,
-    shafts: Vec<Shaft>,
-    walked: Vec<Walked>,
-    /// Transmittance of each segment of the first packet of each bundle, if kept.
-    lanes: Vec<[f32; LANES]>,
-}
-
-impl Workspace {
-    /// Sum of the transmittances of each packet's segments, for all bundles of the last call of
-    /// [`MultiResolution::answers`] or [`MultiResolution::certified`] in order; zeros for bundles that were handed
-    /// over or met nothing.
-    pub fn sums(&self) -> &[f32] {
-        &self.buffers.sums
-    }
 }
 
 impl MultiResolution {
@@ -106,7 +64,7 @@ impl MultiResolution {
             traversal,
             leaf,
             isa: Isa::detect(),
-            budget: DEFAULT_RAY_WORK,
+            cost: CostModel::UNCALIBRATED,
             tolerance: optics::Options::default().tolerance,
         }
     }
@@ -198,16 +156,12 @@ impl MultiResolution {
     /// the square root of the work of testing everything in the shaft.
     #[must_use]
     pub fn with_budget(mut self, sample: &[Bundle], workspace: &mut Workspace) -> Self {
-        let (mut work, mut count) = (0.0, 0.0);
-        for bundle in sample.iter().filter(|b| !b.packets.is_empty()) {
+        let everything = sample.iter().filter(|b| !b.packets.is_empty()).map(|bundle| {
             let one = Bundle { packets: &bundle.packets[..1], ..*bundle };
             self.walk_all(&[one], Sizes::Nothing, false, workspace);
-            work += (workspace.walked[0].work as f64).sqrt();
-            count += 1.0;
-        }
-        if count > 0.0 {
-            self.budget = (EMBREE_WORK_FACTOR * work / count) as u64;
-        }
+            workspace.walked[0].work
+        });
+        self.cost = self.cost.calibrated(everything);
         self
     }
 
@@ -219,54 +173,47 @@ impl MultiResolution {
         s: f32,
         workspace: &mut Workspace,
     ) -> bool {
-        let (mut own, mut exact) = (0, 0);
+        let mut work = Work::default();
         for run in sample {
-            let (o, e) = self.worth(run, Sizes::All(s), workspace);
-            (own, exact) = (own + o, exact + e);
+            work.add(self.work(run, Sizes::All(s), workspace));
         }
-        (own as f64) < MAX_WORK_RATIO * exact as f64
+        work.is_clearly_less()
     }
 
     /// Whether this engine probably does less work than exact rays for one run of bundles with individual feature
     /// sizes.
     pub fn pays_each(&self, run: &[Bundle], sizes: &[f32], workspace: &mut Workspace) -> bool {
-        let (own, exact) = self.worth(run, Sizes::Each(sizes), workspace);
-        own < exact
+        self.work(run, Sizes::Each(sizes), workspace).is_less()
     }
 
     /// Work for a run of bundles by this engine and by exact rays.
-    fn worth(&self, run: &[Bundle], sizes: Sizes, workspace: &mut Workspace) -> (u64, u64) {
-        let (mut own, mut exact) = (0, 0);
+    fn work(&self, run: &[Bundle], sizes: Sizes, workspace: &mut Workspace) -> Work {
         self.walk_all(run, sizes, true, workspace);
+        let mut work = Work::default();
         for (bundle, walked) in run.iter().zip(&workspace.walked) {
-            let (rays, limit) = (self.exact_work(bundle), self.limit(bundle));
-            own +=
-                BUNDLE_WORK + if walked.gave_up || walked.work > limit { limit + rays } else { walked.work };
-            exact += rays;
+            work.add(self.cost.of(bundle, walked));
         }
-        (own, exact)
+        work
     }
 
     /// Never hands bundles over, for tests of the engine's own answers.
     #[cfg(test)]
     pub(super) fn with_patience(mut self) -> Self {
-        self.budget = 1 << 40;
+        self.cost = CostModel::UNLIMITED;
         self
     }
 
-    /// Work at which a walk is abandoned.
-    fn limit(&self, bundle: &Bundle) -> u64 {
-        GIVE_UP_FACTOR * self.exact_work(bundle)
-    }
-
-    /// Work of exact rays for a bundle; each packet counts as at least a quarter full.
-    fn exact_work(&self, bundle: &Bundle) -> u64 {
-        let lanes: usize = bundle.packets.iter().map(|p| p.len().max(LANES / 4)).sum();
-        self.budget * lanes as u64 / LANES as u64
-    }
-
     fn walk_all(&self, bundles: &[Bundle], sizes: Sizes, bounded: bool, workspace: &mut Workspace) {
-        dispatch(self.isa, Ask { engine: self, bundles, sizes, bounded, workspace });
+        let engine = Walker {
+            tree: &self.tree,
+            instances: self.instances.as_deref(),
+            magnitude: self.magnitude,
+            average: self.leaf == LeafMode::Average,
+            far: self.far,
+            tolerance: self.tolerance,
+            cost: self.cost,
+        };
+        dispatch(self.isa, BundleWalks { engine, bundles, sizes, bounded, workspace });
     }
 
     /// The answer of a walk, or that of Embree if the walk was abandoned.
@@ -366,127 +313,4 @@ impl MultiResolution {
     pub fn leaf(&self) -> LeafMode {
         self.leaf
     }
-}
-
-/// Feature sizes of bundles.
-#[derive(Clone, Copy)]
-enum Sizes<'a> {
-    /// No aggregation.
-    Nothing,
-    /// One feature size for all bundles.
-    All(f32),
-    /// One feature size per bundle; the transmittance of each segment is kept.
-    Each(&'a [f32]),
-}
-
-impl Sizes<'_> {
-    /// Feature size of bundle `k`; 0 without aggregation.
-    fn of(self, k: usize) -> f32 {
-        match self {
-            Sizes::Nothing => 0.0,
-            Sizes::All(s) => s,
-            Sizes::Each(sizes) => sizes[k],
-        }
-    }
-}
-
-/// Kernel that walks for all bundles, in groups.
-struct Ask<'a> {
-    engine: &'a MultiResolution,
-    bundles: &'a [Bundle<'a>],
-    sizes: Sizes<'a>,
-    /// Whether walks are abandoned at their limit.
-    bounded: bool,
-    workspace: &'a mut Workspace,
-}
-
-impl Kernel for Ask<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
-        let Ask { engine, bundles, sizes, bounded, workspace } = self;
-        let Workspace { buffers, placed, front, shafts, walked, lanes } = workspace;
-        let averages = !matches!(sizes, Sizes::Nothing);
-        let soft = engine.leaf == LeafMode::Average && averages;
-        let size = |bundle: &Bundle| if averages { bundle.emitter_size } else { 0.0 };
-        // Exact work is estimated without the cost of cache misses; only walks for answers include it.
-        let fetch = if engine.far && averages { FETCH } else { 0 };
-        lanes.clear();
-        shafts.clear();
-        for bundle in bundles {
-            let nothing = &[Packet::EMPTY][..];
-            let packets = if bundle.packets.is_empty() { nothing } else { bundle.packets };
-            shafts.push(Shaft::of(simd, packets, bundle.emitter, engine.magnitude));
-        }
-        walked.clear();
-        buffers.sums.clear();
-        let mut packets_before = 0;
-        let mut first = 0;
-        while first < bundles.len() {
-            let group = match engine.instances {
-                None => group(bundles, shafts, first),
-                Some(_) => first..first + 1,
-            };
-            let (mut shared, mut opened) = (None, (0, 0));
-            if group.len() > 1 {
-                let around = Shaft::around(&shafts[group.clone()]);
-                let range = |(a, b): (f32, f32), v: f32| (a.min(v), b.max(v));
-                let emitters = bundles[group.clone()].iter().map(size).fold((f32::MAX, 0.0), range);
-                let features = group.clone().map(|k| sizes.of(k)).fold((f32::MAX, 0.0), range);
-                opened = front.open(simd, &engine.tree, &around, emitters, features, soft);
-                shared = Some(&*front);
-            }
-            for k in group.clone() {
-                let packets = bundles[k].packets;
-                if packets.is_empty() {
-                    walked.push(Walked::default());
-                    lanes.push([0.0; LANES]);
-                    continue;
-                }
-                let s = sizes.of(k);
-                let limit = if bounded { engine.limit(&bundles[k]) } else { u64::MAX };
-                let rule = Rule { e: size(&bundles[k]), s, soft, limit, fetch, tolerance: engine.tolerance };
-                let mut found = match &engine.instances {
-                    None => walk(simd, &engine.tree, shared, (packets, &shafts[k]), &rule, buffers),
-                    Some(instances) => {
-                        let trees = (&*engine.tree, &**instances);
-                        walk_instances(simd, trees, (&bundles[k], &shafts[k]), &rule, buffers, placed)
-                    }
-                };
-                // Walks that end early add no sums: all segments are blocked, or Embree traces the bundle.
-                packets_before += packets.len();
-                buffers.sums.resize(packets_before, 0.0);
-                let (nodes, work) = std::mem::take(&mut opened);
-                (found.nodes, found.work) = (found.nodes + nodes, found.work + work);
-                walked.push(found);
-                if let Sizes::Each(_) = sizes {
-                    lanes.push(buffers.transmittance);
-                }
-            }
-            first = group.end;
-        }
-    }
-}
-
-/// Range of bundles starting at `first` whose ends are close together.
-fn group(bundles: &[Bundle], shafts: &[Shaft], first: usize) -> Range<usize> {
-    let limit = (first + MAX_GROUP_BUNDLES).min(bundles.len());
-    let distance = shafts[first].direction().length();
-    let [from, to] = shafts[first].ends.map(|e| e.bounds());
-    let (mut from, mut to) = (from, to);
-    let widest = (to[1] - to[0]).length() + 0.05 * distance;
-    let mut end = first + 1;
-    while end < limit && !bundles[end].packets.is_empty() {
-        let [a, b] = shafts[end].ends.map(|e| e.bounds());
-        from = [from[0].min(a[0]), from[1].max(a[1])];
-        to = [to[0].min(b[0]), to[1].max(b[1])];
-        if (from[1] - from[0]).length() > MAX_GROUP_WIDTH * distance
-            || (to[1] - to[0]).length() > 1.25 * widest
-        {
-            break;
-        }
-        end += 1;
-    }
-    first..end
 }

@@ -12,7 +12,10 @@
 //!
 //! x is an estimate; it may be below 0 or above 1.
 
-use super::{Answer, Bundle, Exact, MultiResolution, Workspace};
+use super::answer::{Answer, Bundle};
+use super::bundle_walks::Workspace;
+use super::exact::Exact;
+use super::multires::MultiResolution;
 use crate::ray::{Occluder, Packet};
 
 /// Number of packets that correct an answer, by class of its transmittance.

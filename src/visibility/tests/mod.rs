@@ -15,6 +15,7 @@ use super::testing::{SINGLE, Stage};
 use super::*;
 use crate::clusters;
 use crate::optics::{self, Extinction};
+use crate::ray::Packet;
 use crate::ray::{EndRule, LANES};
 use crate::scene::Scene;
 use crate::scene::generate::{self, Spec};

@@ -1,0 +1,178 @@
+//! Walks for runs of bundles: neighbours share a front, and each is walked under its own rule.
+
+use super::answer::Bundle;
+use super::cost_model::CostModel;
+use super::front::Front;
+use super::instances::{InstanceBuffers, InstanceTree, walk_instances};
+use super::shaft::Shaft;
+use super::walk::{Buffers, FETCH, Rule, Walked, walk};
+use super::wide::WideTree;
+use crate::ray::Packet;
+use crate::simd::{Kernel, LANES, Simd};
+use std::ops::Range;
+
+/// Largest number of bundles that share a front. Chosen.
+const MAX_GROUP_BUNDLES: usize = 64;
+/// Largest distance between the receiver ends of a group, relative to the distance to the emitter. Chosen.
+const MAX_GROUP_WIDTH: f32 = 0.5;
+
+/// Working memory of a thread, kept between calls.
+#[derive(Default)]
+pub struct Workspace {
+    pub(super) buffers: Buffers,
+    placed: InstanceBuffers,
+    front: Front,
+    pub(super) shafts: Vec<Shaft>,
+    pub(super) walked: Vec<Walked>,
+    /// Transmittance of each segment of the first packet of each bundle, if kept.
+    pub(super) lanes: Vec<[f32; LANES]>,
+}
+
+impl Workspace {
+    /// Sum of the transmittances of each packet's segments, for all bundles of the last call of
+    /// `MultiResolution::answers` or `MultiResolution::certified` in order; zeros for bundles that were handed
+    /// over or met nothing.
+    pub fn sums(&self) -> &[f32] {
+        &self.buffers.sums
+    }
+}
+
+/// What walks need of the engine.
+#[derive(Clone, Copy)]
+pub(super) struct Walker<'a> {
+    pub tree: &'a WideTree,
+    /// Placed meshes beside the model's own triangles.
+    pub instances: Option<&'a InstanceTree>,
+    /// Largest coordinate magnitude, scene units.
+    pub magnitude: f32,
+    /// Whether leaves are answered by their extinction.
+    pub average: bool,
+    /// Whether the tree is larger than the caches near a core.
+    pub far: bool,
+    /// Tolerance of the transmittance that feature sizes were measured for.
+    pub tolerance: f32,
+    pub cost: CostModel,
+}
+
+/// Feature sizes of bundles.
+#[derive(Clone, Copy)]
+pub(super) enum Sizes<'a> {
+    /// No aggregation.
+    Nothing,
+    /// One feature size for all bundles.
+    All(f32),
+    /// One feature size per bundle; the transmittance of each segment is kept.
+    Each(&'a [f32]),
+}
+
+impl Sizes<'_> {
+    /// Feature size of bundle `k`; 0 without aggregation.
+    fn of(self, k: usize) -> f32 {
+        match self {
+            Sizes::Nothing => 0.0,
+            Sizes::All(s) => s,
+            Sizes::Each(sizes) => sizes[k],
+        }
+    }
+}
+
+/// Kernel that walks for all bundles, in groups.
+pub(super) struct BundleWalks<'a> {
+    pub engine: Walker<'a>,
+    pub bundles: &'a [Bundle<'a>],
+    pub sizes: Sizes<'a>,
+    /// Whether walks are abandoned at their limit.
+    pub bounded: bool,
+    pub workspace: &'a mut Workspace,
+}
+
+impl Kernel for BundleWalks<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let BundleWalks { engine, bundles, sizes, bounded, workspace } = self;
+        let Workspace { buffers, placed, front, shafts, walked, lanes } = workspace;
+        let averages = !matches!(sizes, Sizes::Nothing);
+        let soft = engine.average && averages;
+        let size = |bundle: &Bundle| if averages { bundle.emitter_size } else { 0.0 };
+        // Exact work is estimated without the cost of cache misses; only walks for answers include it.
+        let fetch = if engine.far && averages { FETCH } else { 0 };
+        lanes.clear();
+        shafts.clear();
+        for bundle in bundles {
+            let nothing = &[Packet::EMPTY][..];
+            let packets = if bundle.packets.is_empty() { nothing } else { bundle.packets };
+            shafts.push(Shaft::of(simd, packets, bundle.emitter, engine.magnitude));
+        }
+        walked.clear();
+        buffers.sums.clear();
+        let mut packets_before = 0;
+        let mut first = 0;
+        while first < bundles.len() {
+            let group = match engine.instances {
+                None => group(bundles, shafts, first),
+                Some(_) => first..first + 1,
+            };
+            let (mut shared, mut opened) = (None, (0, 0));
+            if group.len() > 1 {
+                let around = Shaft::around(&shafts[group.clone()]);
+                let range = |(a, b): (f32, f32), v: f32| (a.min(v), b.max(v));
+                let emitters = bundles[group.clone()].iter().map(size).fold((f32::MAX, 0.0), range);
+                let features = group.clone().map(|k| sizes.of(k)).fold((f32::MAX, 0.0), range);
+                opened = front.open(simd, engine.tree, &around, emitters, features, soft);
+                shared = Some(&*front);
+            }
+            for k in group.clone() {
+                let packets = bundles[k].packets;
+                if packets.is_empty() {
+                    walked.push(Walked::default());
+                    lanes.push([0.0; LANES]);
+                    continue;
+                }
+                let s = sizes.of(k);
+                let limit = if bounded { engine.cost.limit(&bundles[k]) } else { u64::MAX };
+                let rule = Rule { e: size(&bundles[k]), s, soft, limit, fetch, tolerance: engine.tolerance };
+                let mut found = match engine.instances {
+                    None => walk(simd, engine.tree, shared, (packets, &shafts[k]), &rule, buffers),
+                    Some(instances) => {
+                        let trees = (engine.tree, instances);
+                        walk_instances(simd, trees, (&bundles[k], &shafts[k]), &rule, buffers, placed)
+                    }
+                };
+                // Walks that end early add no sums: all segments are blocked, or Embree traces the bundle.
+                packets_before += packets.len();
+                buffers.sums.resize(packets_before, 0.0);
+                let (nodes, work) = std::mem::take(&mut opened);
+                (found.nodes, found.work) = (found.nodes + nodes, found.work + work);
+                walked.push(found);
+                if let Sizes::Each(_) = sizes {
+                    lanes.push(buffers.transmittance);
+                }
+            }
+            first = group.end;
+        }
+    }
+}
+
+/// Range of bundles starting at `first` whose ends are close together.
+fn group(bundles: &[Bundle], shafts: &[Shaft], first: usize) -> Range<usize> {
+    let limit = (first + MAX_GROUP_BUNDLES).min(bundles.len());
+    let distance = shafts[first].direction().length();
+    let [from, to] = shafts[first].ends.map(|e| e.bounds());
+    let (mut from, mut to) = (from, to);
+    let widest = (to[1] - to[0]).length() + 0.05 * distance;
+    let mut end = first + 1;
+    while end < limit && !bundles[end].packets.is_empty() {
+        let [a, b] = shafts[end].ends.map(|e| e.bounds());
+        from = [from[0].min(a[0]), from[1].max(a[1])];
+        to = [to[0].min(b[0]), to[1].max(b[1])];
+        if (from[1] - from[0]).length() > MAX_GROUP_WIDTH * distance
+            || (to[1] - to[0]).length() > 1.25 * widest
+        {
+            break;
+        }
+        end += 1;
+    }
+    first..end
+}
