@@ -176,6 +176,9 @@ impl SceneBuilder {
     #[allow(dead_code)]
     pub fn add_instance(&mut self, scene: &CommittedScene, transform: Affine3A, index: u32) -> Result<()> {
         let device = &self.handle.device;
+        if !Arc::ptr_eq(&device.inner, &scene.handle.device.inner) {
+            return Err(Error::Embree("the instanced scene belongs to another device".into()));
+        }
         // SAFETY: the device is live; the geometry is used only below and released after attaching.
         let geometry = unsafe {
             sys::rtcNewGeometry(device.inner.raw, sys::RTCGeometryType::RTC_GEOMETRY_TYPE_INSTANCE)

@@ -1,7 +1,7 @@
 //! Instances: placed meshes, and changes of them.
 
 use crate::math::Aabb;
-use crate::scene::Scene;
+use crate::scene::{MAX_COORDINATE, MIN_EXTENT, Scene};
 use crate::{Error, Result};
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
 
@@ -59,8 +59,9 @@ impl Instance {
     }
 
     /// # Errors
-    /// [`Error::Argument`] if the transform is not finite or falsifies measured clusters.
-    pub(super) fn check(&self, index: usize) -> Result<()> {
+    /// [`Error::Argument`] if the transform is not finite, falsifies measured clusters of the mesh, or places it beyond the range of
+    /// coordinates.
+    pub(super) fn check(&self, index: usize, mesh: &Scene) -> Result<()> {
         if !self.transform.is_finite() {
             return Err(Error::Argument(format!(
                 "instance {index}: its transform holds a value that is not finite"
@@ -71,6 +72,15 @@ impl Instance {
             return Err(Error::Argument(format!(
                 "instance {index}: its transform has shear or unequal scale (ratio {stretch:.3}, at most {MAX_STRETCH}): its \
                  clusters would be wrong; place a mesh of its own, with the transform applied to its vertices"
+            )));
+        }
+        let bounds = self.bounds(mesh);
+        let farthest = f64::from(bounds.min.abs().max(bounds.max.abs()).max_element());
+        let least = MIN_EXTENT.max(f64::from(f32::EPSILON) * farthest);
+        if farthest.is_nan() || farthest > MAX_COORDINATE || f64::from(bounds.extent().max_element()) < least
+        {
+            return Err(Error::Argument(format!(
+                "instance {index}: its transform places the mesh beyond {MAX_COORDINATE:e} or shrinks it below {least:.1e}"
             )));
         }
         Ok(())

@@ -86,11 +86,22 @@ pub struct PrepareReport {
     pub embree_bytes: u64,
     /// Where the clusters came from.
     pub(crate) origin: Origin,
+    /// Whether `origin` is that of a mesh already.
+    origin_of_any: bool,
     /// What a user should know about the cache, one sentence.
     pub note: Option<String>,
 }
 
 impl PrepareReport {
+    /// Counts another mesh: the clusters were read only if those of all meshes were.
+    fn add_origin(&mut self, origin: Origin) {
+        self.origin = match self.origin_of_any {
+            true if self.origin != origin => Origin::Made,
+            _ => origin,
+        };
+        self.origin_of_any = true;
+    }
+
     /// Seconds of the whole preparation.
     pub fn seconds(&self) -> f64 {
         self.embree_s + self.clusters_s + self.optics_s + self.cache_s
@@ -208,7 +219,8 @@ fn instances_of(scene: &Scene) -> Result<Vec<Instance>> {
     });
     let instances: Vec<Instance> = std::iter::once(own).chain(placed).collect();
     for (i, instance) in instances.iter().enumerate().skip(1) {
-        instance.check(i)?;
+        let mesh = if instance.mesh == 0 { scene } else { &scene.shared[instance.mesh as usize - 1] };
+        instance.check(i, mesh)?;
     }
     Ok(instances)
 }
@@ -254,7 +266,7 @@ fn clusters_of(
                     (made, Origin::Off)
                 }
             };
-            report.origin = origin;
+            report.add_origin(origin);
             Clusters { hierarchy: Arc::new(hierarchy), measured: None }
         }
         Detail::Optics => {
@@ -269,7 +281,8 @@ fn clusters_of(
                 let optics = timed(&mut optics_s, || optics::measure(scene, &hierarchy.micro, &how.optics));
                 PreparedClusters { hierarchy, optics }
             });
-            (report.origin, report.note) = (origin, note);
+            report.add_origin(origin);
+            report.note = report.note.take().or(note);
             let PreparedClusters { hierarchy, optics } = kept;
             let tree = Arc::new(timed(&mut optics_s, || WideTree::build(scene, &hierarchy, &optics)));
             let parts = optics::groups::parts(&hierarchy, &optics);

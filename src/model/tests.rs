@@ -151,6 +151,14 @@ fn bad_changes_are_refused() {
         (InstanceChange::Move { instance: 1, transform: stretched }, "unequal scale"),
         (InstanceChange::Move { instance: 1, transform: nowhere }, "not finite"),
         (InstanceChange::Add(stranger), "mesh 99"),
+        (
+            InstanceChange::Add(super::Instance { material: Some(999), ..forest.instances()[1].clone() }),
+            "material 999",
+        ),
+        (
+            InstanceChange::Move { instance: 1, transform: DAffine3::from_translation(DVec3::splat(1e39)) },
+            "beyond",
+        ),
     ] {
         let error = forest.update(&[change]).err().expect("refused").to_string();
         assert!(error.contains(word), "{error}");
@@ -181,4 +189,26 @@ fn paths_meet_placed_meshes() {
     };
     let (placed, copied) = (light(&scene), light(&scene.flattened().expect("copied")));
     assert!(copied > 0.0 && (placed / copied - 1.0).abs() < 0.01, "{placed} and {copied}");
+}
+
+/// Two boxes far apart in one group: no pixel of the group's raster is as small as a box, and yet they block.
+#[test]
+fn small_instances_far_apart_are_not_lost() {
+    let mut scene = forest();
+    scene.placements.truncate(2);
+    let far = DAffine3::from_translation(DVec3::new(3000.0, 0.0, 0.0));
+    scene.placements[1].transform = far * scene.placements[0].transform;
+    let placed = model(&scene, Detail::Optics);
+    let boxes: Vec<_> = (1..3).map(|i| placed.instances()[i].bounds(placed.mesh_of(i as u32))).collect();
+    // Through the middle of a crown, from beside the group to beside the group.
+    let (c, out) = (boxes[0].center(), 4.0 * boxes[0].extent().max_element());
+    let mut packet = Packet::EMPTY;
+    for lane in 0..LANES {
+        let by = (lane as f32 / LANES as f32 - 0.5) * 0.5 * boxes[0].extent();
+        let at = |y: f32| Vec3::new(c.x + by.x, c.y + y, c.z + by.z);
+        packet.set(lane, at(-out), at(out), placed.end_rule());
+    }
+    let exact = 1.0 - blocked(&placed, std::slice::from_ref(&packet))[0].count_ones() as f32 / LANES as f32;
+    let found = transmittances(&placed, std::slice::from_ref(&packet), 0.05)[0];
+    assert!(exact < 0.9 && (found - exact).abs() < 0.35, "exact {exact}, found {found}");
 }

@@ -21,17 +21,19 @@ impl Model {
         let inner = &*self.inner;
         let mut instances = inner.instances.clone();
         for change in changes {
-            apply(&mut instances, inner.meshes.len(), change)?;
+            apply(&mut instances, inner, change)?;
         }
         let top = match instances.len() {
             ..2 => None,
-            _ => Some(TopLevel::build(
-                &inner.device,
-                &inner.meshes,
-                &instances,
-                &inner.options.optics,
-                inner.top.as_ref(),
-            )?),
+            _ => Some(self.on_threads(|| {
+                TopLevel::build(
+                    &inner.device,
+                    &inner.meshes,
+                    &instances,
+                    &inner.options.optics,
+                    inner.top.as_ref(),
+                )
+            })??),
         };
         Ok(Model {
             inner: Arc::new(Inner {
@@ -52,8 +54,9 @@ impl Model {
 }
 
 /// Applies one change.
-fn apply(instances: &mut Vec<Instance>, meshes: usize, change: &InstanceChange) -> Result<()> {
-    let count = instances.len();
+fn apply(instances: &mut Vec<Instance>, inner: &Inner, change: &InstanceChange) -> Result<()> {
+    let (count, meshes) = (instances.len(), inner.meshes.len());
+    let mesh = |instance: &Instance| inner.meshes[instance.mesh as usize].scene.as_ref();
     let at = |index: u32| match index as usize {
         0 => Err(Error::Argument(
             "instance 0 holds the scene's own triangles and light sources: it cannot change".into(),
@@ -67,7 +70,7 @@ fn apply(instances: &mut Vec<Instance>, meshes: usize, change: &InstanceChange) 
         InstanceChange::Move { instance, transform } => {
             let i = at(*instance)?;
             let moved = Instance { transform: *transform, ..instances[i].clone() };
-            moved.check(i)?;
+            moved.check(i, mesh(&moved))?;
             instances[i] = moved;
         }
         InstanceChange::Add(instance) => {
@@ -77,8 +80,18 @@ fn apply(instances: &mut Vec<Instance>, meshes: usize, change: &InstanceChange) 
                     instance.mesh
                 )));
             }
-            instance.check(count)?;
-            instances.push(instance.clone());
+            instance.check(count, mesh(instance))?;
+            if let Some(m) = instance.material {
+                let material = inner.scene.materials.get(m as usize);
+                if material.is_none_or(|material| material.emission != [0.0; 3]) {
+                    return Err(Error::Argument(format!(
+                        "instance {count}: material {m} must be one of the scene's {} materials and must not emit: emitters \
+                         are triangles of the scene's own",
+                        inner.scene.materials.len()
+                    )));
+                }
+            }
+            instances.push(Instance { removed: false, ..instance.clone() });
         }
         InstanceChange::Remove { instance } => {
             let i = at(*instance)?;

@@ -7,7 +7,7 @@
 
 use super::axes::{AXIS_COUNT, AxisMix, view};
 use super::silhouette::Silhouette;
-use super::{ClusterOptics, Options, Scratch};
+use super::{ClusterOptics, Extinction, Options, Scratch};
 use crate::clusters::{Hierarchy, Tree};
 use crate::math::Aabb;
 use glam::{Affine3A, Vec2, Vec3};
@@ -21,6 +21,10 @@ const MAX_PARTS: usize = 16;
 const GROUP_PIXELS: usize = 32;
 /// Loss of transmittance above which a pixel counts as blocked. Equals the default tolerance of cluster optics.
 const MIN_LOSS: f32 = 0.05;
+/// Feature size of boxes that may not be averaged, scene units. Finite, because a weight of zero times infinity is no number.
+const NEVER_AVERAGED: f32 = 1e30;
+/// Largest loss of a pixel that boxes smaller than a pixel make: e^-7 passes, as through a solid surface.
+const MAX_PIXEL_LOSS: f32 = 0.999;
 /// Optical depth of a solid surface: transmits e^-7, less than 0.1 %.
 const OPAQUE_DEPTH: f32 = 7.0;
 
@@ -31,6 +35,8 @@ pub struct Part {
     bounds: Aabb,
     /// Extinction along each axis, 1/length.
     extinction: [f32; AXIS_COUNT],
+    /// Feature size along each axis, length: no group that holds the box has a smaller one.
+    feature_size: [f32; AXIS_COUNT],
 }
 
 /// The boxes that represent an instance of a mesh in groups: the largest clusters are opened first.
@@ -53,10 +59,13 @@ pub fn parts(hierarchy: &Hierarchy, optics: &[ClusterOptics]) -> Vec<Part> {
     let micro = cut(&hierarchy.micro).into_iter().map(|c| Part {
         bounds: hierarchy.micro.clusters[c].bounds.thickened(),
         extinction: optics[c].extinction,
+        feature_size: std::array::from_fn(|axis| optics[c].feature_size(axis)),
     });
+    // Large surfaces are tested exactly, never averaged: no emitter and no feature size is as large as this.
     let large = cut(&hierarchy.large).into_iter().map(|c| {
         let bounds = hierarchy.large.clusters[c].bounds.thickened();
-        Part { bounds, extinction: [OPAQUE_DEPTH / bounds.extent().min_element(); AXIS_COUNT] }
+        let extinction = [OPAQUE_DEPTH / bounds.extent().min_element(); AXIS_COUNT];
+        Part { bounds, extinction, feature_size: [NEVER_AVERAGED; AXIS_COUNT] }
     });
     micro.chain(large).collect()
 }
@@ -99,7 +108,21 @@ fn measure_group(
         silhouette.draw_members(members, bounds, view(k));
     }
     // Extinction is fitted, never analytic: the areas of the members are known to their own boxes only.
-    scratch.measure((0.0, Vec3::ZERO), options)
+    let options = Options { extinction: Extinction::Measured, ..*options };
+    let mut optics = scratch.measure((0.0, Vec3::ZERO), &options);
+    // Boxes smaller than a pixel may be missed by the raster.
+    for member in tree.triangles_of(cluster).iter().map(|&m| &members[m as usize]) {
+        let to_local = member.to_world.inverse();
+        let scale = member.to_world.matrix3.determinant().abs().cbrt();
+        for (k, size) in optics.blocker_size.iter_mut().enumerate() {
+            let mix = AxisMix::around(to_local.transform_vector3(view(k)));
+            for part in member.parts {
+                let least = mix.mix(|axis| part.feature_size[axis]);
+                *size = size.max((scale * least).min(NEVER_AVERAGED));
+            }
+        }
+    }
+    optics
 }
 
 impl Silhouette {
@@ -148,10 +171,25 @@ impl Silhouette {
         let (lo, hi) = (0..8)
             .map(corner)
             .fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(lo, hi), p| (lo.min(p), hi.max(p)));
+        let length = along.length();
         let first = lo.floor().max(Vec2::ZERO).as_uvec2();
         let end = hi.ceil().max(Vec2::ZERO).as_uvec2().min(size);
         let inverse = Vec3::from(along.to_array().map(|d| if d == 0.0 { 1e30 } else { 1.0 / d }));
-        let length = along.length();
+        if (hi - lo).min_element() < 1.0 {
+            // Pixel centres would miss the box or take it for a whole pixel: its loss is spread over the pixels by area.
+            let e = part.extent();
+            let front = Vec3::new(e.y * e.z, e.z * e.x, e.x * e.y).dot(along.abs()) / length;
+            let opacity = 1.0 - (-kappa * e.element_product() / front.max(f32::MIN_POSITIVE)).exp();
+            let area = front / (length * self.frame.pixel).powi(2);
+            let covered = ((end.x - first.x.min(end.x)) * (end.y - first.y.min(end.y))).max(1);
+            let lost = (area * opacity / covered as f32).min(MAX_PIXEL_LOSS);
+            for y in first.y..end.y {
+                for x in first.x..end.x {
+                    depth[(y * size.x + x) as usize] -= (1.0 - lost).ln();
+                }
+            }
+            return;
+        }
         for y in first.y..end.y {
             for x in first.x..end.x {
                 let at = self.frame.position(Vec2::new(x as f32 + 0.5, y as f32 + 0.5));

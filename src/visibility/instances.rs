@@ -154,7 +154,9 @@ pub(super) fn walk_instances<S: Simd>(
         let (found, blocked) = gather(simd, &frame.tree, None, (&own.packets, &inner), &rule, buffers);
         all = blocked || all_blocked(packets, &buffers.blocked);
         walked.join(&found);
-        averaged |= add_slabs(simd, buffers, (&own.packets, shared), &mut own.sums, &mut walked);
+        // Ends that differ in the model may be one point in the frame of the mesh.
+        let inner_shared = inner.apex.is_some();
+        averaged |= add_slabs(simd, buffers, (&own.packets, inner_shared), &mut own.sums, &mut walked);
     }
     own.found.clear();
     if !walked.gave_up && !all {
@@ -187,6 +189,10 @@ fn find<S: Simd>(
         next += 1;
         walked.nodes += 1;
         walked.work += NODE + rule.fetch;
+        if walked.work > rule.limit {
+            walked.gave_up = true;
+            return;
+        }
         let node = (&instances.nodes[at as usize], &instances.optics[at as usize]);
         let InstanceBuffers { queue, found, .. } = own;
         visit(simd, node, (shaft, from), rule, &mix, &mut buffers.slabs, &mut |child| {
