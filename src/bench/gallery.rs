@@ -27,7 +27,7 @@ impl Bench<'_> {
         self.progress.stage("receivers", 0);
         let single =
             Exact { scene: self.model.traced().clone(), traversal: Traversal { width: 1, coherent: false } };
-        let receivers = receivers::choose(self.scene, &single, &self.options.receivers)?;
+        let receivers = receivers::choose(self.model, &single, &self.options.receivers)?;
         if receivers.is_empty() {
             warnings.push("No surface that is flat, or faces one way as a terrain does, sees an emitter: there are no shadow images.".into());
         }
@@ -35,7 +35,7 @@ impl Bench<'_> {
             warnings.push(format!("No light arrives at the receiver `{}`.", receiver.name));
         }
         let points = receivers.iter().flat_map(Receiver::points).collect();
-        let workload = Workload::new(self.scene, points, self.options.seed ^ 0x696d_6167_6573);
+        let workload = Workload::new(self.model, points, self.options.seed ^ 0x696d_6167_6573);
         if workload.pairs.is_empty() {
             return Ok((Vec::new(), Vec::new()));
         }

@@ -154,7 +154,7 @@ impl Options {
                 if scene.objects.len() > names.len() { ", …" } else { "" },
             )));
         }
-        let diagonal = f64::from(scene.bounds.diagonal());
+        let diagonal = f64::from(scene.world_bounds().diagonal());
         if let Some(s) = self.feature_sizes.iter().find(|&&s| s > 10.0 * diagonal) {
             return Err(Error::Argument(format!(
                 "feature_size {s}: the whole scene is only {diagonal:.3} {} across",
@@ -162,7 +162,7 @@ impl Options {
             )));
         }
         for name in &self.receivers {
-            scene.faces_named(name)?;
+            scene.faces_named_placed(scene.placed(), name)?;
         }
         self.check_memory(scene.emitters.len(), available_memory())
     }

@@ -15,7 +15,6 @@ use super::workload::{Point, Workload, surface_points};
 use crate::model::Model;
 use crate::model::cache::CacheLocation;
 use crate::progress::Progress;
-use crate::scene::Scene;
 use crate::scene::generate::{self, Spec, ground_and_sky};
 use crate::{Error, Result};
 
@@ -131,7 +130,7 @@ fn measure(
         progress,
     };
     let density = spec.trees as f64 / series.forest(MIN_TRIANGLES, options.seed).trees as f64;
-    let workload = Workload::new(scene, points(scene, options, density)?, options.seed);
+    let workload = Workload::new(&model, points(&model, options, density)?, options.seed);
     let sample = bench.sample(&workload);
     let engine = bench.engine(&workload, &sample, &mut build);
     let (bundles, rays) = (workload.pairs.len(), options.rays);
@@ -189,8 +188,8 @@ fn measure(
 
 /// Receiver points in a few places of the forest, with the same density in every forest. Points spread over a large
 /// forest would measure cache misses instead of the engines.
-fn points(scene: &Scene, options: &Options, density: f64) -> Result<Vec<Point>> {
-    let all = surface_points(scene, (options.points as f64 * density.max(1.0)) as usize, options.seed)?;
+fn points(model: &Model, options: &Options, density: f64) -> Result<Vec<Point>> {
+    let all = surface_points(model, (options.points as f64 * density.max(1.0)) as usize, options.seed)?;
     let run = (options.points / PLACES).max(1);
     let places = (0..PLACES).map(|k| (all.len() - run) * k / (PLACES - 1));
     Ok(places.flat_map(|first| &all[first..first + run]).copied().collect())

@@ -1,7 +1,8 @@
 //! Receiver points on the surfaces of a scene.
 
 use crate::math::Aabb;
-use crate::scene::{Placement, Scene, point_on};
+use crate::model::{Instance, Model};
+use crate::scene::{Scene, point_on};
 use glam::Vec3;
 use rayon::prelude::*;
 use sobol_burley::sample_4d;
@@ -22,40 +23,36 @@ pub(super) fn scramble(v: u64) -> u32 {
     (v ^ v >> 33) as u32
 }
 
-/// `count` area-uniform, low-discrepancy points on the surfaces that do not emit; a sheet gets points on both sides.
+/// `count` area-uniform, low-discrepancy points on the surfaces of a model that do not emit, those of present instances where
+/// they stand; a sheet gets points on both sides.
 ///
 /// # Errors
 /// Every surface emits.
-pub fn surface_points(scene: &Scene, count: usize, seed: u64) -> crate::Result<Vec<Point>> {
-    let own = Receivers::of(scene);
-    let shared: Vec<Receivers> = scene.shared.iter().map(|mesh| Receivers::of(mesh)).collect();
-    // Sums of areas: the scene's own triangles first, then the visible placements.
-    let mut sum = own.area();
+pub fn surface_points(model: &Model, count: usize, seed: u64) -> crate::Result<Vec<Point>> {
+    let meshes: Vec<Receivers> = model.meshes().iter().map(|mesh| Receivers::of(mesh.scene())).collect();
+    // Sums of areas: the scene's own triangles first, then the placed meshes.
+    let mut sum = 0.0;
     let mut placed = Vec::new();
-    for placement in scene.placements.iter().filter(|p| p.visible) {
-        placed.push((sum, placement));
-        sum += shared[placement.mesh as usize].area() * area_scale(placement);
+    for instance in model.instances().iter().filter(|instance| instance.is_present()) {
+        placed.push((sum, instance));
+        sum += meshes[instance.mesh as usize].area() * area_scale(instance);
     }
     if sum <= 0.0 {
         return Err(crate::Error::Scene(
             "every surface of the scene emits: there is nothing to receive light".into(),
         ));
     }
-    let bounds = scene.world_bounds();
+    let bounds = model.bounds();
     let seed = scramble(seed ^ 0x706f_696e_7473);
     let mut points: Vec<(u64, Point)> = (0..count as u32)
         .into_par_iter()
         .map(|i| {
             let draw = sample_4d(i & 0xffff, 0, seed ^ (i >> 16).wrapping_mul(0x9e37_79b9));
             let target = f64::from(draw[0]) * sum;
-            let point = match placed.partition_point(|(before, _)| *before <= target) {
-                0 => own.point(target, draw),
-                k => {
-                    let (before, placement) = placed[k - 1];
-                    let target = (target - before) / area_scale(placement);
-                    moved(shared[placement.mesh as usize].point(target, draw), placement)
-                }
-            };
+            // The first sum is 0; of instances without area the last has the same sum as the next with one.
+            let (before, instance) = placed[placed.partition_point(|(before, _)| *before <= target) - 1];
+            let target = (target - before) / area_scale(instance);
+            let point = moved(meshes[instance.mesh as usize].point(target, draw), instance);
             (curve_key(bounds, point.position), point)
         })
         .collect();
@@ -105,17 +102,14 @@ impl<'a> Receivers<'a> {
 }
 
 /// Ratio of the area of a placed triangle to its area in the mesh.
-fn area_scale(placement: &Placement) -> f64 {
-    placement.transform.matrix3.determinant().abs().cbrt().powi(2)
+fn area_scale(instance: &Instance) -> f64 {
+    instance.transform.matrix3.determinant().abs().cbrt().powi(2)
 }
 
-/// A point of a placed mesh, in scene coordinates.
-fn moved(Point { position, normal }: Point, placement: &Placement) -> Point {
-    let normal = placement.transform.matrix3.inverse().transpose() * normal.as_dvec3();
-    Point {
-        position: placement.transform.transform_point3(position.as_dvec3()).as_vec3(),
-        normal: normal.normalize_or_zero().as_vec3(),
-    }
+/// A point of a placed mesh, in the frame of the model.
+fn moved(Point { position, normal }: Point, instance: &Instance) -> Point {
+    let position = instance.transform.transform_point3(position.as_dvec3()).as_vec3();
+    Point { position, normal: instance.turned(normal) }
 }
 
 /// Index along a Morton curve of 2^10 cells per axis.

@@ -36,6 +36,13 @@ pub struct Measured {
     pub parts: Vec<Part>,
 }
 
+impl Measured {
+    /// Bytes of `parts`.
+    pub fn part_bytes(&self) -> usize {
+        size_of_val(self.parts.as_slice())
+    }
+}
+
 impl Mesh {
     /// Geometry and materials, in the mesh's own frame.
     #[allow(dead_code)] // Used when models have instances.

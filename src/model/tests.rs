@@ -1,5 +1,7 @@
 //! Models of placed meshes against models of the same triangles, each stored where it is placed.
 
+mod single;
+
 use super::testing::model;
 use super::{Detail, InstanceChange, Model};
 use crate::ray::{LANES, Occluder, Packet};

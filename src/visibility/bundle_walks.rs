@@ -3,7 +3,7 @@
 use super::answer::Bundle;
 use super::cost_model::CostModel;
 use super::front::Front;
-use super::instances::{InstanceBuffers, InstanceTree, walk_instances};
+use super::instances::{ENTER_PACKET, InstanceBuffers, InstanceTree, walk_instances};
 use super::shaft::Shaft;
 use super::walk::{Buffers, FETCH, Rule, Walked, walk};
 use super::wide::WideTree;
@@ -47,7 +47,7 @@ pub(super) struct Walker<'a> {
     pub magnitude: f32,
     /// Whether leaves are answered by their extinction.
     pub average: bool,
-    /// Whether the tree is larger than the caches near a core.
+    /// Whether all trees together are larger than the caches near a core.
     pub far: bool,
     /// Tolerance of the transmittance that feature sizes were measured for.
     pub tolerance: f32,
@@ -96,8 +96,9 @@ impl Kernel for BundleWalks<'_> {
         let averages = !matches!(sizes, Sizes::Nothing);
         let soft = engine.average && averages;
         let size = |bundle: &Bundle| if averages { bundle.emitter_size } else { 0.0 };
-        // Exact work is estimated without the cost of cache misses; only walks for answers include it.
+        // Exact work is estimated without the cost of cache misses and of entering instances; only walks for answers include it.
         let fetch = if engine.far && averages { FETCH } else { 0 };
+        let enter_packet = if averages || bounded { ENTER_PACKET } else { 0 };
         lanes.clear();
         shafts.clear();
         for bundle in bundles {
@@ -132,7 +133,8 @@ impl Kernel for BundleWalks<'_> {
                 }
                 let s = sizes.of(k);
                 let limit = if bounded { engine.cost.limit(&bundles[k]) } else { u64::MAX };
-                let rule = Rule { e: size(&bundles[k]), s, soft, limit, fetch, tolerance: engine.tolerance };
+                let (e, tolerance) = (size(&bundles[k]), engine.tolerance);
+                let rule = Rule { e, s, soft, limit, fetch, enter_packet, tolerance };
                 let mut found = match engine.instances {
                     None => walk(simd, engine.tree, shared, (packets, &shafts[k]), &rule, buffers),
                     Some(instances) => {

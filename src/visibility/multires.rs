@@ -40,7 +40,7 @@ pub struct MultiResolution {
     leaf: LeafMode,
     isa: Isa,
     cost: CostModel,
-    /// Whether the tree is larger than the caches near a core.
+    /// Whether all trees together are larger than the caches near a core.
     far: bool,
     /// Tolerance of the transmittance that feature sizes were measured for.
     tolerance: f32,
@@ -69,10 +69,11 @@ impl MultiResolution {
         }
     }
 
-    /// Adds placed meshes to the model's own triangles; `magnitude` is the largest coordinate magnitude of both.
+    /// Adds placed meshes, if there are any, to the model's own triangles; `magnitude` is the largest coordinate magnitude of both.
     #[must_use]
-    pub fn with_instances(mut self, instances: Arc<InstanceTree>, magnitude: f32) -> Self {
-        (self.instances, self.magnitude) = (Some(instances), magnitude);
+    pub fn with_instances(mut self, instances: Option<Arc<InstanceTree>>, magnitude: f32) -> Self {
+        (self.instances, self.magnitude) = (instances, magnitude);
+        self.far = self.bytes() > CACHE_BYTES;
         self
     }
 
@@ -97,12 +98,14 @@ impl MultiResolution {
 
     /// Single steps of a walk for a bundle's packets, for benchmarks.
     pub fn steps<'s>(&'s self, packets: &'s [Packet]) -> Steps<'s> {
-        Steps::new(&self.tree, self.magnitude, self.isa, packets)
+        Steps::new((&self.tree, self.instances.as_deref()), self.magnitude, self.isa, packets)
     }
 
-    /// Size of the traversal structure in bytes.
+    /// Size of the traversal structure in bytes: the trees of all meshes, each once, and the groups of instances.
     pub fn bytes(&self) -> usize {
-        self.tree.bytes()
+        let placed =
+            self.instances.as_ref().map_or(0, |instances| instances.bytes() + instances.mesh_bytes());
+        self.tree.bytes() + placed
     }
 
     /// The visible fraction of a bundle for feature size `s` on the receiver (scene units, finite, positive).
