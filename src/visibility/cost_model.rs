@@ -23,7 +23,7 @@ const MAX_WORK_RATIO: f64 = 0.8;
 /// A walk is abandoned at this multiple of the estimated work of exact rays. Chosen.
 const GIVE_UP_FACTOR: u64 = 2;
 /// Work per bundle for its shaft and answer, independent of geometry. Chosen.
-const BUNDLE_WORK: u64 = 30;
+pub(super) const BUNDLE_WORK: u64 = 30;
 /// Estimated work of exact rays.
 #[derive(Clone, Copy)]
 pub(super) struct CostModel {

@@ -33,8 +33,8 @@ pub(super) struct Rule {
     pub limit: u64,
     /// Work that accounts for the cache miss of a node.
     pub fetch: u64,
-    /// Work of entering an instance, per packet.
-    pub enter_packet: u64,
+    /// Work of entering an instance, per bundle and per packet.
+    pub enter: [u64; 2],
     /// Tolerance of the transmittance that feature sizes were measured for.
     pub tolerance: f32,
 }

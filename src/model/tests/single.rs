@@ -137,7 +137,7 @@ fn instances_do_not_emit() {
     let mut placed = generate::placed(&spec).expect("a forest");
     placed.placements[1].material = Some(99);
     let refused =
-        crate::scene::resolve_placed(placed, &LoadOptions::default()).err().expect("no such material");
+        crate::scene::resolve_placed(placed, &LoadOptions::default()).expect_err("no such material");
     assert!(
         refused.to_string().contains("`tree 2` emits or has a material that does not exist"),
         "{refused}"

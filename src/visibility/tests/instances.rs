@@ -1,6 +1,6 @@
 //! The work of walks through instances.
 
-use super::super::instances::ENTER_PACKET;
+use super::super::instances::{ENTER_BUNDLE, ENTER_PACKET};
 use super::*;
 use crate::model::{Detail, testing::model};
 use crate::scene::Placement;
@@ -55,7 +55,7 @@ fn entering_an_instance_is_counted() {
         let handed_over = limited.answer(bundle, 1e-3, &mut Workspace::default()).cost.handed_over > 0;
         (workspace.walked[0].work, handed_over)
     });
-    let entered = 16 * ENTER_PACKET;
+    let entered = ENTER_BUNDLE + 16 * ENTER_PACKET;
     assert!(few.0 >= entered && many.0 >= 8 * entered && many.0 < 12 * entered, "{few:?}, {many:?}");
     assert!(!few.1, "one instance is entered: {few:?}");
 }
