@@ -67,8 +67,8 @@
 //!
 //! The formulas, with their papers, are in `docs/method.md` of the source code.
 
-// Some code serves tests, benches or the command alone; unused code is found with `internals`, as `make test` builds.
-#![cfg_attr(not(feature = "internals"), allow(dead_code, unused_imports))]
+// What the command alone uses is compiled with the library as well. The builds with `cli` and with all features find unused code.
+#![cfg_attr(not(feature = "cli"), allow(dead_code, unused_imports))]
 
 mod api;
 #[cfg(feature = "cli")]
@@ -98,8 +98,6 @@ mod path_tracer;
 mod plot;
 mod points;
 mod progress;
-// Names that only its own rooms and tests use.
-#[allow(dead_code, unused_imports)]
 mod radiosity;
 mod raster;
 mod ray;

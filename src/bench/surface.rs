@@ -8,7 +8,7 @@ use sobol_burley::sample_4d;
 
 /// A point on one side of a surface.
 #[derive(Clone, Copy, Debug)]
-pub struct Point {
+pub struct ReceiverPoint {
     /// Position relative to the scene's origin, scene units.
     pub position: Vec3,
     /// Unit normal.
@@ -26,9 +26,10 @@ pub(super) fn scramble(v: u64) -> u32 {
 ///
 /// # Errors
 /// Every surface emits.
-pub fn surface_points(scene: &Scene, count: usize, seed: u64) -> crate::Result<Vec<Point>> {
-    let own = Receivers::of(scene);
-    let shared: Vec<Receivers> = scene.shared.iter().map(|mesh| Receivers::of(mesh)).collect();
+pub fn surface_points(scene: &Scene, count: usize, seed: u64) -> crate::Result<Vec<ReceiverPoint>> {
+    let own = ReceivingTriangles::of(scene);
+    let shared: Vec<ReceivingTriangles> =
+        scene.shared.iter().map(|mesh| ReceivingTriangles::of(mesh)).collect();
     // Sums of areas: the scene's own triangles first, then the visible placements.
     let mut sum = own.area();
     let mut placed = Vec::new();
@@ -43,7 +44,7 @@ pub fn surface_points(scene: &Scene, count: usize, seed: u64) -> crate::Result<V
     }
     let bounds = scene.world_bounds();
     let seed = scramble(seed ^ 0x706f_696e_7473);
-    let mut points: Vec<(u64, Point)> = (0..count as u32)
+    let mut points: Vec<(u64, ReceiverPoint)> = (0..count as u32)
         .into_par_iter()
         .map(|i| {
             let draw = sample_4d(i & 0xffff, 0, seed ^ (i >> 16).wrapping_mul(0x9e37_79b9));
@@ -65,14 +66,14 @@ pub fn surface_points(scene: &Scene, count: usize, seed: u64) -> crate::Result<V
 }
 
 /// Triangles of a mesh that do not emit, with cumulative areas.
-struct Receivers<'a> {
+struct ReceivingTriangles<'a> {
     scene: &'a Scene,
     triangles: Vec<u32>,
     sums: Vec<f64>,
 }
 
-impl<'a> Receivers<'a> {
-    fn of(scene: &'a Scene) -> Receivers<'a> {
+impl<'a> ReceivingTriangles<'a> {
+    fn of(scene: &'a Scene) -> ReceivingTriangles<'a> {
         let triangles: Vec<u32> = (0..scene.triangles.len() as u32)
             .filter(|&t| scene.triangle_emitter[t as usize] == u32::MAX)
             .collect();
@@ -83,7 +84,7 @@ impl<'a> Receivers<'a> {
             sum += crate::math::triangle_area(a, b, c);
             sums.push(sum);
         }
-        Receivers { scene, triangles, sums }
+        ReceivingTriangles { scene, triangles, sums }
     }
 
     /// Area of all triangles, squared units of the mesh.
@@ -92,7 +93,7 @@ impl<'a> Receivers<'a> {
     }
 
     /// The point at which the cumulative area reaches `target`; a sheet gets points on both sides.
-    fn point(&self, target: f64, draw: [f32; 4]) -> Point {
+    fn point(&self, target: f64, draw: [f32; 4]) -> ReceiverPoint {
         let k = self.sums.partition_point(|&s| s <= target).min(self.sums.len() - 1);
         let corners = self.scene.corners(self.triangles[k]);
         let position = point_on(corners, draw[1], draw[2]);
@@ -100,7 +101,7 @@ impl<'a> Receivers<'a> {
         if self.scene.triangle_sides[self.triangles[k] as usize] == 2 && draw[3] < 0.5 {
             normal = -normal;
         }
-        Point { position, normal }
+        ReceiverPoint { position, normal }
     }
 }
 
@@ -110,9 +111,9 @@ fn area_scale(placement: &Placement) -> f64 {
 }
 
 /// A point of a placed mesh, in scene coordinates.
-fn moved(Point { position, normal }: Point, placement: &Placement) -> Point {
+fn moved(ReceiverPoint { position, normal }: ReceiverPoint, placement: &Placement) -> ReceiverPoint {
     let normal = placement.transform.matrix3.inverse().transpose() * normal.as_dvec3();
-    Point {
+    ReceiverPoint {
         position: placement.transform.transform_point3(position.as_dvec3()).as_vec3(),
         normal: normal.normalize_or_zero().as_vec3(),
     }

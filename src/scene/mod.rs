@@ -32,6 +32,7 @@ mod write_gltf;
 mod write_obj;
 
 pub use emitter_sampler::{EmitterSampler, point_on};
+pub use flatten::InstanceTriangles;
 pub use instances::{MAX_PLACEMENTS, Placement};
 pub use load::LoadOptions;
 pub use power::{parse_emitter, unit_in_metres};
@@ -192,6 +193,8 @@ pub struct Scene {
     pub(crate) shared: Vec<Arc<Scene>>,
     /// Placements of the shared meshes, in file order.
     pub(crate) placements: Vec<Placement>,
+    /// The triangles of each instance in a scene that [`Scene::flattened`] made; empty for others, which are one instance.
+    pub(crate) instances: Vec<InstanceTriangles>,
 }
 
 impl Scene {
@@ -242,6 +245,7 @@ impl Scene {
             + of(&self.materials)
             + self.emitters.iter().map(|e| of(&e.triangles)).sum::<usize>()
             + of(&self.placements)
+            + of(&self.instances)
             + self.shared.iter().map(|m| m.bytes()).sum::<usize>()
     }
 

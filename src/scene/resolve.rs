@@ -127,6 +127,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
         repairs,
         shared: Vec::new(),
         placements: Vec::new(),
+        instances: Vec::new(),
     })
 }
 

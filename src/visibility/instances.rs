@@ -8,8 +8,9 @@
 use super::answer::Bundle;
 use super::shaft::Shaft;
 use super::slabs::{PacketSums, Passed};
-use super::walk::{Buffers, NODE, Rule, Walked, gather, visit};
+use super::walk::{Buffers, Rule, Walked, gather, visit};
 use super::wide::{AxisOptics, LEAF, NO_OPTICS, Node, WideTree, set_box, set_optics};
+use super::work::NODE;
 use crate::clusters::Tree;
 use crate::math::Aabb;
 use crate::optics::{AXIS_COUNT, AxisMix, ClusterOptics};
@@ -94,13 +95,6 @@ impl InstanceTree {
             }
         }
         InstanceTree { nodes, optics: wide, frames }
-    }
-
-    /// Bytes of all arrays, without the meshes.
-    pub fn bytes(&self) -> usize {
-        size_of_val(self.nodes.as_slice())
-            + size_of_val(self.optics.as_slice())
-            + size_of_val(self.frames.as_slice())
     }
 }
 
