@@ -67,7 +67,9 @@
 //!
 //! The formulas, with their papers, are in `docs/method.md` of the source code.
 
-// What the command alone uses is compiled with the library as well. The builds with `cli` and with all features find unused code.
+// Without `cli` some functions and fields have no reader: cameras, texture coordinates, what reports show. Files that serve the
+// command alone are left out; attributes on each of the other items, and on fields, would hide the code. Unused code is found
+// by the builds with `cli` and with all features.
 #![cfg_attr(not(feature = "cli"), allow(dead_code, unused_imports))]
 
 mod api;

@@ -1,4 +1,9 @@
 //! Pictures of a mesh by ray casting.
+//!
+//! The mesh is the solution: elements split where light varies, one-sided, with light at their vertices. A [`crate::model::Model`]
+//! holds the input's triangles, from which neither the element nor its light at a hit could be told without a search, and which
+//! are the same from both sides. So the pictures have Embree scenes of their own, made after the solution and dropped with the
+//! picture.
 
 use super::Mesh;
 use crate::Result;

@@ -146,7 +146,7 @@ impl Model {
         match self.instances().len() {
             1 => Ok(()),
             n => Err(Error::Scene(format!(
-                "{what} does not work on placed meshes, and this model has {}: prepare the flattened scene",
+                "{what} does not work on placed meshes, and this model has {}: prepare `Scene::flattened`",
                 n - 1
             ))),
         }

@@ -29,18 +29,20 @@ impl Scene {
     }
 
     /// The same scene without placements: each visible placement becomes an object, after the scene's own objects and
-    /// in the order of the placements. Hidden placements are omitted. A scene without placements is copied.
+    /// in the order of the placements. Hidden placements are omitted. A scene without placements is copied. For
+    /// [`Model::solve`](crate::Model::solve) and [`Model::form_factors`](crate::Model::form_factors), which need triangles of the
+    /// scene's own.
     ///
-    /// Vertices are transformed in f64 and stored as f32 relative to [`Scene::origin`], which does not change. A
+    /// Vertices are transformed in f64 and stored as f32 relative to the origin, which does not change. A
     /// mirroring transform reverses the orientation of faces, so that outsides stay outside. Vertices of different
     /// placements are not merged, and parts stay as they are in each shared mesh. Triangles that lose their area by
     /// rounding are dropped and counted. Materials of shared meshes are appended once, except those that the scene
     /// has already (equal name, reflectance and emission).
     ///
     /// # Errors
-    /// The result would have more than `max_triangles` or [`MAX_FLATTENED_TRIANGLES`]; a placement refers to a mesh or material that
+    /// The result would have more than `max_triangles` or 2³¹; a placement refers to a mesh or material that
     /// does not exist, has a material that emits, or a transform that is not finite.
-    pub(crate) fn flattened(&self, max_triangles: u64) -> Result<Scene> {
+    pub fn flattened(&self, max_triangles: u64) -> Result<Scene> {
         let max = max_triangles.min(MAX_FLATTENED_TRIANGLES);
         self.check_size(max)?;
         let mut flat = Flat { scene: self.own(), materials: Vec::new(), polygons: 0 };

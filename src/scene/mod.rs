@@ -28,7 +28,9 @@ mod tests;
 mod texture;
 mod triangulate;
 mod weld;
+#[cfg(any(test, feature = "cli"))]
 mod write_gltf;
+#[cfg(any(test, feature = "cli"))]
 mod write_obj;
 
 pub use emitter_sampler::{EmitterSampler, point_on};
@@ -38,7 +40,9 @@ pub use load::LoadOptions;
 pub use power::{parse_emitter, unit_in_metres};
 pub use resolve::{MAX_COORDINATE, MIN_EXTENT, resolve};
 pub use soup::{PlacedSoup, Soup, SoupMaterial};
+#[cfg(any(test, feature = "cli"))]
 pub use write_gltf::write_gltf;
+#[cfg(any(test, feature = "cli"))]
 pub use write_obj::{mtl_path, write_obj};
 
 use crate::{Result, math::Aabb};

@@ -28,6 +28,7 @@ mod testing;
 #[cfg(test)]
 mod tests;
 mod triangles;
+#[cfg(any(test, feature = "cli"))]
 mod unbiased;
 mod walk;
 mod wide;
@@ -38,5 +39,6 @@ pub use bundle_walks::Workspace;
 pub use exact::{Exact, fastest_traversal};
 pub use instances::{Frame, InstanceTree};
 pub use multires::{LeafMode, MultiResolution};
+#[cfg(any(test, feature = "cli"))]
 pub use unbiased::{Correction, Estimate, Unbiased};
 pub use wide::WideTree;
