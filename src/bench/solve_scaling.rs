@@ -18,7 +18,7 @@ pub const LARGEST: std::ops::RangeInclusive<usize> = 10 * FIRST..=10_000_000;
 
 /// The solve of one scene of a series.
 #[derive(Clone, Debug, Serialize)]
-pub struct ScalingRow {
+pub struct SolveScalingRow {
     /// Triangles.
     pub triangles: usize,
     /// Elements at the end of the solve, clusters included.
@@ -49,7 +49,7 @@ pub struct Scaling {
     /// The kind of generated scene.
     pub scene: String,
     /// One row a scene, the smallest first.
-    pub rows: Vec<ScalingRow>,
+    pub rows: Vec<SolveScalingRow>,
     /// Slope of ln(seconds) against ln(triangles), by least squares: 1 if time is proportional to triangles. The rays of the local
     /// pass take about the same time in all scenes, which lowers the slope.
     pub slope: f64,
@@ -73,7 +73,7 @@ pub fn solve_scaling(options: &Options, largest: usize, progress: &dyn Progress)
         let model = Model::prepare(scene, &options.prepare(), progress)?;
         let record = run(&model, &[], options, progress)?.record;
         let s = &record.seconds;
-        rows.push(ScalingRow {
+        rows.push(SolveScalingRow {
             triangles: record.scene.triangles,
             elements: record.elements,
             links: record.links,

@@ -1,9 +1,8 @@
 //! Pictures of a mesh by ray casting.
 //!
-//! The mesh is the solution: elements split where light varies, one-sided, with light at their vertices. A [`crate::model::Model`]
-//! holds the input's triangles, from which neither the element nor its light at a hit could be told without a search, and which
-//! are the same from both sides. So the pictures have Embree scenes of their own, made after the solution and dropped with the
-//! picture.
+//! The mesh is made from a solution: its triangles are parts of one-sided elements, with light at their vertices. A
+//! [`crate::model::Model`] holds the triangles of the input, and a hit on one of them names no element. So a [`Stage`] has Embree
+//! scenes of its own. They need no clusters and no cache, and are dropped after the pictures are written.
 
 use super::Mesh;
 use crate::Result;
