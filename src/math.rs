@@ -59,6 +59,7 @@ impl Aabb {
     }
 
     /// Whether `other` lies inside; shared boundaries count as inside.
+    #[cfg(test)]
     pub fn contains(self, other: Aabb) -> bool {
         self.min.cmple(other.min).all() && self.max.cmpge(other.max).all()
     }

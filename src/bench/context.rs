@@ -1,6 +1,6 @@
 //! Data and engines that all rows of a run share.
 
-use super::audit::{AUDIT_RAYS, Audit};
+use super::audit::{AUDIT_RAYS, AuditRays};
 use super::measure::{MrRun, Queries, Run, Timer};
 use super::options::Options;
 use super::pilot::UNBIASED_SEGMENTS;
@@ -141,10 +141,10 @@ impl Bench<'_> {
     }
 
     /// Traces the rays of the audit, if one was asked for.
-    pub fn audit(&self, queries: Queries) -> Option<Audit> {
+    pub fn audit(&self, queries: Queries) -> Option<AuditRays> {
         (self.options.audit > 0.0).then(|| {
             self.progress.stage("audit", 0);
-            Audit::trace(
+            AuditRays::trace(
                 queries,
                 &self.embree(queries.workload, AUDIT_RAYS),
                 self.options.audit,

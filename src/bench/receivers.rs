@@ -10,7 +10,7 @@
 mod patch;
 mod relief;
 
-use super::workload::{Order, Point, Workload};
+use super::workload::{Order, ReceiverPoint, Workload};
 use crate::math::Aabb;
 use crate::model::Model;
 use crate::ray::{Occluder, Packet};
@@ -41,7 +41,7 @@ const DARK_PART: f64 = 0.02;
 
 /// A receiver and its grid of texels.
 #[derive(Clone, Debug)]
-pub struct Receiver {
+pub struct ReceiverGrid {
     /// Name of the object, or the name that was given.
     pub name: String,
     /// Columns.
@@ -54,12 +54,12 @@ pub struct Receiver {
     pub lit: bool,
     rectangle: Rectangle,
     /// Points of a relief; `None` for a plane.
-    relief: Option<Vec<Point>>,
+    relief: Option<Vec<ReceiverPoint>>,
 }
 
-impl Receiver {
+impl ReceiverGrid {
     /// Centres of the texels, row by row from the top left as seen from the lit side.
-    pub fn points(&self) -> Vec<Point> {
+    pub fn points(&self) -> Vec<ReceiverPoint> {
         if let Some(points) = &self.relief {
             return points.clone();
         }
@@ -68,7 +68,7 @@ impl Receiver {
         let centre = self.rectangle.lifted() + 1e-3 * self.texel * normal;
         let up = normal.cross(right);
         let at = move |i: usize, n: usize| (i as f64 + 0.5 - 0.5 * n as f64) * self.texel;
-        let texel = move |x, y| Point {
+        let texel = move |x, y| ReceiverPoint {
             position: (centre + at(x, self.width) * right - at(y, self.height) * up).as_vec3(),
             normal: normal.as_vec3(),
         };
@@ -91,7 +91,7 @@ struct Candidate {
 ///
 /// # Errors
 /// No surface has one of the names, or it has fewer planar patches than times it was named.
-pub fn choose(model: &Model, exact: &dyn Occluder, names: &[String]) -> Result<Vec<Receiver>> {
+pub fn choose(model: &Model, exact: &dyn Occluder, names: &[String]) -> Result<Vec<ReceiverGrid>> {
     let chosen = if names.is_empty() { by_size(model, exact) } else { by_name(model, exact, names)? };
     let area = |c: &Candidate| {
         let (w, h) = (c.rectangle.width, c.rectangle.height);
@@ -112,7 +112,7 @@ pub fn choose(model: &Model, exact: &dyn Occluder, names: &[String]) -> Result<V
             let relief = patch
                 .relief
                 .then(|| relief::points(&surfaces, &patch.triangles, &rectangle, (width, height, texel)));
-            Receiver { name, width, height, texel, lit, rectangle, relief }
+            ReceiverGrid { name, width, height, texel, lit, rectangle, relief }
         })
         .collect())
 }
@@ -238,7 +238,7 @@ fn light_on(
     let at = |i: usize| (i as f64 + 0.5) / n - 0.5;
     let plane = (0..PROBES_PER_SIDE * PROBES_PER_SIDE).map(|i| {
         let (x, y) = (at(i % PROBES_PER_SIDE) * rectangle.width, at(i / PROBES_PER_SIDE) * rectangle.height);
-        Point {
+        ReceiverPoint {
             position: (rectangle.lifted() + x * rectangle.right + y * up).as_vec3(),
             normal: rectangle.normal.as_vec3(),
         }

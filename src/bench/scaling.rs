@@ -11,7 +11,7 @@ use super::options::Options;
 use super::prepare::build_of;
 use super::record::{ScalingRecord, ScalingRow};
 use super::rounds::rounds;
-use super::workload::{Point, Workload, surface_points};
+use super::workload::{ReceiverPoint, Workload, surface_points};
 use crate::model::Model;
 use crate::model::cache::CacheLocation;
 use crate::progress::Progress;
@@ -188,7 +188,7 @@ fn measure(
 
 /// Receiver points in a few places of the forest, with the same density in every forest. Points spread over a large
 /// forest would measure cache misses instead of the engines.
-fn points(model: &Model, options: &Options, density: f64) -> Result<Vec<Point>> {
+fn points(model: &Model, options: &Options, density: f64) -> Result<Vec<ReceiverPoint>> {
     let all = surface_points(model, (options.points as f64 * density.max(1.0)) as usize, options.seed)?;
     let run = (options.points / PLACES).max(1);
     let places = (0..PLACES).map(|k| (all.len() - run) * k / (PLACES - 1));

@@ -9,7 +9,7 @@ use sobol_burley::sample_4d;
 
 /// A point on one side of a surface.
 #[derive(Clone, Copy, Debug)]
-pub struct Point {
+pub struct ReceiverPoint {
     /// Position relative to the scene's origin, scene units.
     pub position: Vec3,
     /// Unit normal.
@@ -28,8 +28,9 @@ pub(super) fn scramble(v: u64) -> u32 {
 ///
 /// # Errors
 /// Every surface emits.
-pub fn surface_points(model: &Model, count: usize, seed: u64) -> crate::Result<Vec<Point>> {
-    let meshes: Vec<Receivers> = model.meshes().iter().map(|mesh| Receivers::of(mesh.scene())).collect();
+pub fn surface_points(model: &Model, count: usize, seed: u64) -> crate::Result<Vec<ReceiverPoint>> {
+    let meshes: Vec<ReceivingTriangles> =
+        model.meshes().iter().map(|mesh| ReceivingTriangles::of(mesh.scene())).collect();
     // Sums of areas: the scene's own triangles first, then the placed meshes.
     let mut sum = 0.0;
     let mut placed = Vec::new();
@@ -44,7 +45,7 @@ pub fn surface_points(model: &Model, count: usize, seed: u64) -> crate::Result<V
     }
     let bounds = model.bounds();
     let seed = scramble(seed ^ 0x706f_696e_7473);
-    let mut points: Vec<(u64, Point)> = (0..count as u32)
+    let mut points: Vec<(u64, ReceiverPoint)> = (0..count as u32)
         .into_par_iter()
         .map(|i| {
             let draw = sample_4d(i & 0xffff, 0, seed ^ (i >> 16).wrapping_mul(0x9e37_79b9));
@@ -62,14 +63,14 @@ pub fn surface_points(model: &Model, count: usize, seed: u64) -> crate::Result<V
 }
 
 /// Triangles of a mesh that do not emit, with cumulative areas.
-struct Receivers<'a> {
+struct ReceivingTriangles<'a> {
     scene: &'a Scene,
     triangles: Vec<u32>,
     sums: Vec<f64>,
 }
 
-impl<'a> Receivers<'a> {
-    fn of(scene: &'a Scene) -> Receivers<'a> {
+impl<'a> ReceivingTriangles<'a> {
+    fn of(scene: &'a Scene) -> ReceivingTriangles<'a> {
         let triangles: Vec<u32> = (0..scene.triangles.len() as u32)
             .filter(|&t| scene.triangle_emitter[t as usize] == u32::MAX)
             .collect();
@@ -80,7 +81,7 @@ impl<'a> Receivers<'a> {
             sum += crate::math::triangle_area(a, b, c);
             sums.push(sum);
         }
-        Receivers { scene, triangles, sums }
+        ReceivingTriangles { scene, triangles, sums }
     }
 
     /// Area of all triangles, squared units of the mesh.
@@ -89,7 +90,7 @@ impl<'a> Receivers<'a> {
     }
 
     /// The point at which the cumulative area reaches `target`; a sheet gets points on both sides.
-    fn point(&self, target: f64, draw: [f32; 4]) -> Point {
+    fn point(&self, target: f64, draw: [f32; 4]) -> ReceiverPoint {
         let k = self.sums.partition_point(|&s| s <= target).min(self.sums.len() - 1);
         let corners = self.scene.corners(self.triangles[k]);
         let position = point_on(corners, draw[1], draw[2]);
@@ -97,7 +98,7 @@ impl<'a> Receivers<'a> {
         if self.scene.triangle_sides[self.triangles[k] as usize] == 2 && draw[3] < 0.5 {
             normal = -normal;
         }
-        Point { position, normal }
+        ReceiverPoint { position, normal }
     }
 }
 
@@ -107,9 +108,9 @@ fn area_scale(instance: &Instance) -> f64 {
 }
 
 /// A point of a placed mesh, in the frame of the model.
-fn moved(Point { position, normal }: Point, instance: &Instance) -> Point {
+fn moved(ReceiverPoint { position, normal }: ReceiverPoint, instance: &Instance) -> ReceiverPoint {
     let position = instance.transform.transform_point3(position.as_dvec3()).as_vec3();
-    Point { position, normal: instance.turned(normal) }
+    ReceiverPoint { position, normal: instance.turned(normal) }
 }
 
 /// Index along a Morton curve of 2^10 cells per axis.

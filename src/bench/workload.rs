@@ -8,7 +8,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 use sobol_burley::sample_4d;
 
-pub use super::surface::{Point, surface_points};
+pub use super::surface::{ReceiverPoint, surface_points};
 
 /// A point and an emitter that face each other at least partly.
 #[derive(Clone, Copy, Debug)]
@@ -36,7 +36,7 @@ pub enum Order {
 #[derive(Clone, Debug)]
 pub struct Workload {
     /// Receiver points along a space-filling curve.
-    pub points: Vec<Point>,
+    pub points: Vec<ReceiverPoint>,
     /// Pairs in the order of their points.
     pub pairs: Vec<Pair>,
     seed: u64,
@@ -46,7 +46,7 @@ pub struct Workload {
 
 impl Workload {
     /// All pairs of these points and the emitters of the model that face each other.
-    pub fn new(model: &Model, points: Vec<Point>, seed: u64) -> Workload {
+    pub fn new(model: &Model, points: Vec<ReceiverPoint>, seed: u64) -> Workload {
         let scene = model.scene();
         let samplers: Vec<EmitterSampler> =
             scene.emitters.iter().map(|e| EmitterSampler::new(scene, e)).collect();

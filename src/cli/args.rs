@@ -170,7 +170,7 @@ impl SceneArgs {
         if scene.placements.is_empty() {
             return Ok(scene);
         }
-        let flat = scene.flattened_within(MAX_COPIED_TRIANGLES)?;
+        let flat = scene.flattened(MAX_COPIED_TRIANGLES)?;
         let (placed, triangles) = (grouped(scene.placements.len()), grouped(flat.triangles.len()));
         warn(common, &[format!("{placed} placed meshes were copied: {triangles} triangles")]);
         Ok(flat)

@@ -1,4 +1,8 @@
 //! Pictures of a mesh by ray casting.
+//!
+//! The mesh is made from a solution: its triangles are parts of one-sided elements, with light at their vertices. A
+//! [`crate::model::Model`] holds the triangles of the input, and a hit on one of them names no element. So a [`Stage`] has Embree
+//! scenes of its own. They need no clusters and no cache, and are dropped after the pictures are written.
 
 use super::Mesh;
 use crate::Result;

@@ -84,16 +84,8 @@ pub struct Member<'a> {
     pub to_world: Affine3A,
 }
 
-/// Measures all clusters of a tree over instances; `tree.order` holds indices into `members`. Parallel and
+/// Measures some clusters of a tree over instances, in their order; `tree.order` holds indices into `members`. Parallel and
 /// deterministic.
-pub fn measure_groups(tree: &Tree, members: &[Member], options: &Options) -> Vec<ClusterOptics> {
-    (0..tree.clusters.len())
-        .into_par_iter()
-        .map_init(Scratch::default, |scratch, c| measure_group(tree, c, members, options, scratch))
-        .collect()
-}
-
-/// Measures some clusters of a tree over instances, in their order.
 pub fn measure_some(tree: &Tree, some: &[u32], members: &[Member], options: &Options) -> Vec<ClusterOptics> {
     some.par_iter()
         .map_init(Scratch::default, |scratch, &c| measure_group(tree, c as usize, members, options, scratch))

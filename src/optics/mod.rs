@@ -5,8 +5,6 @@
 
 mod averaging_width;
 mod axes;
-// Used when models have instances.
-#[allow(dead_code)]
 pub mod groups;
 mod silhouette;
 #[cfg(test)]

@@ -114,6 +114,12 @@ impl Scene {
         scene
     }
 
+    /// Largest absolute coordinate of what is visible, scene units: the scale of rounding errors.
+    pub(crate) fn magnitude(&self) -> f32 {
+        let bounds = self.world_bounds();
+        bounds.min.abs().max(bounds.max.abs()).max_element()
+    }
+
     /// Adds shared meshes and their placements, whose transforms refer to coordinates of the file and become relative
     /// to the origins. Placements that shrink their mesh to a point are omitted and counted.
     pub(super) fn place(&mut self, shared: Vec<Scene>, placements: Vec<Placement>) -> Result<()> {

@@ -28,10 +28,13 @@ mod tests;
 mod texture;
 mod triangulate;
 mod weld;
+#[cfg(any(test, feature = "cli"))]
 mod write_gltf;
+#[cfg(any(test, feature = "cli"))]
 mod write_obj;
 
 pub use emitter_sampler::{EmitterSampler, point_on};
+pub use flatten::InstanceTriangles;
 #[cfg(test)]
 pub(crate) use instances::resolve_placed;
 pub use instances::{MAX_PLACEMENTS, Placement};
@@ -39,7 +42,9 @@ pub use load::LoadOptions;
 pub use power::{parse_emitter, unit_in_metres};
 pub use resolve::{MAX_COORDINATE, MIN_EXTENT, resolve};
 pub use soup::{PlacedSoup, Soup, SoupMaterial};
+#[cfg(any(test, feature = "cli"))]
 pub use write_gltf::write_gltf;
+#[cfg(any(test, feature = "cli"))]
 pub use write_obj::{mtl_path, write_obj};
 
 use crate::{Result, math::Aabb};
@@ -194,6 +199,8 @@ pub struct Scene {
     pub(crate) shared: Vec<Arc<Scene>>,
     /// Placements of the shared meshes, in file order.
     pub(crate) placements: Vec<Placement>,
+    /// The triangles of each instance in a scene that [`Scene::flattened`] made; empty for others, which are one instance.
+    pub(crate) instances: Vec<InstanceTriangles>,
 }
 
 impl Scene {
@@ -248,6 +255,7 @@ impl Scene {
             + of(&self.materials)
             + self.emitters.iter().map(|e| of(&e.triangles)).sum::<usize>()
             + of(&self.placements)
+            + of(&self.instances)
             + self.shared.iter().map(|m| m.bytes()).sum::<usize>()
     }
 

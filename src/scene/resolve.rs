@@ -50,9 +50,7 @@ enum Role {
 }
 
 fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene> {
-    if options.sides.is_some_and(|s| s != 1 && s != 2) {
-        return Err(Error::Argument("sides must be 1 (closed solids) or 2 (sheets)".into()));
-    }
+    check_sides(options)?;
     let mut repairs = std::mem::take(&mut soup.repairs);
     let mut materials = match role {
         Role::Whole => check_materials(&soup, &mut repairs)?,
@@ -127,7 +125,15 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
         repairs,
         shared: Vec::new(),
         placements: Vec::new(),
+        instances: Vec::new(),
     })
+}
+
+fn check_sides(options: &LoadOptions) -> Result<()> {
+    match options.sides {
+        None | Some(1 | 2) => Ok(()),
+        Some(_) => Err(Error::Argument("sides must be 1 (closed solids) or 2 (sheets)".into())),
+    }
 }
 
 fn check_materials(soup: &Soup, repairs: &mut Repairs) -> Result<Vec<Material>> {

@@ -6,8 +6,8 @@
 
 use super::shaft::Shaft;
 use super::triangles;
-use super::walk::{BLOCK, NODE};
 use super::wide::{AxisOptics, Block, LEAF, NO_OPTICS, Node, WideTree, mixed, smallest};
+use super::work::{BLOCK, NODE};
 use crate::optics::{AXIS_COUNT, AxisMix};
 use crate::ray::Lanes;
 use crate::simd::{LANES, Simd};

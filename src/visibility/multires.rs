@@ -5,10 +5,12 @@ use super::bundle_walks::{BundleWalks, Sizes, Walker, Workspace};
 use super::cost_model::{CostModel, Work};
 use super::exact::Exact;
 use super::instances::InstanceTree;
+#[cfg(feature = "internals")]
 use super::steps::Steps;
 use super::wide::WideTree;
 use crate::embree::{CommittedScene, Traversal};
 use crate::optics;
+#[cfg(any(test, feature = "internals"))]
 use crate::ray::Packet;
 use crate::simd::{Isa, LANES, dispatch};
 use std::sync::Arc;
@@ -85,6 +87,7 @@ impl MultiResolution {
     }
 
     /// Selects another instruction set; unavailable ones are replaced by portable code.
+    #[cfg(any(test, feature = "internals"))]
     #[must_use]
     pub fn with_isa(mut self, isa: Isa) -> Self {
         self.isa = if isa.available() { isa } else { Isa::Portable };
@@ -97,6 +100,7 @@ impl MultiResolution {
     }
 
     /// Single steps of a walk for a bundle's packets, for benchmarks.
+    #[cfg(feature = "internals")]
     pub fn steps<'s>(&'s self, packets: &'s [Packet]) -> Steps<'s> {
         Steps::new((&self.tree, self.instances.as_deref()), self.magnitude, self.isa, packets)
     }
@@ -265,11 +269,13 @@ impl MultiResolution {
     }
 
     /// Transmittance of each segment of one packet; 0 in unused lanes. `e` and `s`: emitter and feature size.
+    #[cfg(test)]
     pub fn transmittances(&self, packet: &Packet, e: f32, s: f32, workspace: &mut Workspace) -> [f32; LANES] {
         self.answer_lanes(packet, e, s, workspace).1
     }
 
     /// The answer for one packet and the transmittance of each segment, 0 in unused lanes.
+    #[cfg(test)]
     pub fn answer_lanes(
         &self,
         packet: &Packet,

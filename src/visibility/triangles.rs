@@ -15,9 +15,6 @@ use crate::simd::{LANES, Simd};
 use glam::Vec3;
 use single::Triangle;
 
-/// Widening of edges relative to the determinant, so that no segment passes between adjacent triangles. Chosen: eight
-/// rounding errors of f32.
-const EDGE_WIDENING: f32 = 1e-6;
 /// Widening of the edges of fans relative to the largest product: two rounding errors of f32. With eight times this
 /// value some segments of real rooms were blocked by nothing (observed once; no command repeats it).
 const FAN_EDGE_WIDENING: f32 = f32::EPSILON;

@@ -68,7 +68,7 @@ fn images_show_what_is_up_at_the_top() {
     assert_eq!(wall.normal.cross(wall.right), DVec3::Z);
     let back = wall.turned();
     assert_eq!((back.normal, back.normal.cross(back.right)), (-DVec3::Y, DVec3::Z));
-    let receiver = Receiver {
+    let receiver = ReceiverGrid {
         name: String::new(),
         width: 2,
         height: 1,

@@ -1,4 +1,9 @@
-//! Least-squares adjustment of a symmetric exchange matrix to given row sums.
+//! Least-squares adjustment of a symmetric exchange matrix to given row sums (`docs/method.md`, Form factors and closure).
+//!
+//! Every entry is an observation with a standard error, and changes in proportion to its variance: exact entries stay, uncertain
+//! ones absorb the missing sum. A factor for each row and column (Sinkhorn scaling, which
+//! `radiosity::transport::row_normalisation` uses where entries have no errors of their own) would change exact entries as much as
+//! uncertain ones. The problems differ, so the code does.
 
 use super::pair::Row;
 

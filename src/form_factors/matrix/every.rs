@@ -91,7 +91,7 @@ impl Pairs<'_> {
     /// All pairs of facet `i` with facets of higher numbers that face it.
     pub fn every(&self, i: u32, buffers: &mut Buffers) -> Row {
         let a = self.facets.get(i);
-        let mut candidates: Vec<Candidate> = (i + 1..self.facets.len() as u32)
+        let mut candidates: Vec<Candidate> = (i + 1..self.facets.count() as u32)
             .filter_map(|j| {
                 let b = self.facets.rising(a, j)?;
                 let expected = self.expected(a, b, rough(a, b)?);

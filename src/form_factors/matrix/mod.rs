@@ -152,11 +152,11 @@ pub fn compute(
             "rays must be at least 1, bundle at least 4 and largest_bundle at least bundle".into(),
         ));
     }
-    if facets.len() > discover::Partner::MAX_FACETS {
+    if facets.count() > discover::Partner::MAX_FACETS {
         return Err(Error::Scene(format!("more than {} facets", discover::Partner::MAX_FACETS)));
     }
     let traced = Traced::new(model, facets);
-    let found: Vec<discover::Found> = (0..facets.len() as u32)
+    let found: Vec<discover::Found> = (0..facets.count() as u32)
         .into_par_iter()
         .map_init(discover::Buffers::default, |buffers, i| {
             let found = discover::partners(&traced, facets, settings, i, buffers);

@@ -18,7 +18,7 @@ const PATHS: u32 = 16;
 
 /// Comparison of error bars with errors at some elements, drawn by area.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
-pub struct Audit {
+pub struct ErrorBarAudit {
     /// Elements whose irradiance was computed again by paths.
     pub elements: usize,
     /// Part of them whose error lies within the bar (0.68 for a normal distribution).
@@ -57,12 +57,17 @@ struct Check {
 impl FinalGather<'_> {
     /// Compares the solution's irradiance with paths, and the differences with `bars` (standard uncertainty by element, W/m²), at
     /// `count` elements. The audit is empty if `stop` ends it early.
-    pub fn audit(&self, bars: &[f64], count: usize, stop: &(dyn Fn() -> bool + Sync)) -> (Audit, Tally) {
+    pub fn audit(
+        &self,
+        bars: &[f64],
+        count: usize,
+        stop: &(dyn Fn() -> bool + Sync),
+    ) -> (ErrorBarAudit, Tally) {
         let (checks, tally) = self.checks(bars, count, FOR_AUDIT, stop);
         if checks.is_empty() {
-            return (Audit::default(), tally);
+            return (ErrorBarAudit::default(), tally);
         }
-        let mut audit = Audit { elements: checks.len(), ..Audit::default() };
+        let mut audit = ErrorBarAudit { elements: checks.len(), ..ErrorBarAudit::default() };
         for Check { error, noise, bar } in checks {
             audit.within_one += f64::from(u8::from(error <= bar.hypot(noise)));
             audit.within_two += f64::from(u8::from(error <= 2.0 * bar.hypot(noise)));

@@ -84,6 +84,6 @@ fn weights(cluster: &Cluster, towards: Vec3) -> [f64; DIRECTIONS] {
 /// Upper bound of the cosine between a normal and a direction that six directions give: equal to the cosine where the signs
 /// agree on all axes.
 #[inline]
-pub fn facing_bound(normal: Vec3, towards: Vec3) -> f32 {
+fn facing_bound(normal: Vec3, towards: Vec3) -> f32 {
     (normal * towards).max(Vec3::ZERO).element_sum()
 }

@@ -9,7 +9,7 @@ use crate::model::summary::SceneSummary;
 use crate::model::{Detail, Model};
 use crate::points::Point;
 use crate::progress::Progress;
-use crate::radiosity::audit::{Audit, Closing, Solved, error_estimate, link_uncertainty};
+use crate::radiosity::audit::{Closing, ErrorBarAudit, Solved, error_estimate, link_uncertainty};
 use crate::radiosity::deadline::{Deadline, DeadlinePlan};
 use crate::radiosity::elements::{Elements, lit_inside};
 use crate::radiosity::final_gather::{FinalGather, LATE_RAYS, LocalPass};
@@ -140,7 +140,7 @@ struct Facts<'a> {
     unlit: Unlit,
     steps: RefinementSteps,
     tally: Tally,
-    audit: Audit,
+    audit: ErrorBarAudit,
     uncertainty: &'a [f64],
 }
 
@@ -247,7 +247,7 @@ impl Stages<'_> {
         gather: &FinalGather,
         solved: &Solved,
         plan: &DeadlinePlan,
-    ) -> (Vec<f64>, Audit, Tally) {
+    ) -> (Vec<f64>, ErrorBarAudit, Tally) {
         let mut uncertainty = solved.uncertainty();
         let count = if self.options.direct_only { 0 } else { self.options.audit };
         self.progress.stage("audit", 0);
@@ -257,7 +257,7 @@ impl Stages<'_> {
             uncertainty.iter_mut().for_each(|u| *u *= factor);
             let (audit, cost) = gather.audit(&uncertainty, count, &late);
             tally.add(cost);
-            (uncertainty, Audit { factor, ..audit }, tally)
+            (uncertainty, ErrorBarAudit { factor, ..audit }, tally)
         })
     }
 

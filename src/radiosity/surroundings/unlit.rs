@@ -39,8 +39,8 @@ pub struct Unlit {
     pub area: f64,
 }
 
-/// A point on a surface with the surface's unit normal.
-type SurfacePoint = (Vec3, Vec3);
+/// A point of a path, on a surface, with the unit normal of the surface.
+type PathPoint = (Vec3, Vec3);
 
 /// Traces single rays from surface to surface.
 struct Tracer<'a> {
@@ -53,11 +53,7 @@ struct Tracer<'a> {
 
 impl Tracer<'_> {
     /// The sides that one cosine-weighted ray from each of sixteen points meets, and the points met.
-    fn step(
-        &self,
-        points: &[Option<SurfacePoint>; LANES],
-        seed: u64,
-    ) -> [Option<(u32, SurfacePoint)>; LANES] {
+    fn step(&self, points: &[Option<PathPoint>; LANES], seed: u64) -> [Option<(u32, PathPoint)>; LANES] {
         let mut packet = Packet::EMPTY;
         for (lane, point) in points.iter().enumerate() {
             let Some((at, normal)) = point else { continue };
@@ -86,7 +82,7 @@ impl Tracer<'_> {
             .map(|k| {
                 let seed = mix(seed ^ mix(k as u64));
                 let faces = emitters[k % emitters.len()];
-                let mut points: [Option<SurfacePoint>; LANES] = std::array::from_fn(|lane| {
+                let mut points: [Option<PathPoint>; LANES] = std::array::from_fn(|lane| {
                     let [u, v, face, _] = numbers(seed, lane as u64);
                     let face = &faces[(face * faces.len() as f32) as usize % faces.len()];
                     Some((point_on(&face.corners, u, v), face.normal))

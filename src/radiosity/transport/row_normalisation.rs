@@ -1,18 +1,21 @@
-//! Row normalisation: form factors of an element that sees no way out of the scene sum up to 1 (`docs/method.md`, Form factors
-//! and closure).
+//! Row normalisation of transport: form factors of an element that sees no way out of the scene sum up to 1 (`docs/method.md`, Form
+//! factors and closure).
 //!
-//! Sampling errors of row sums would be multiplied by every bounce. Both kinds of transport scale what a leaf gathers and what it
-//! sends by the same factor (Sinkhorn and Knopp 1967), so that exchange stays reciprocal, and correct the remainder where light is
-//! gathered. The two differ in three ways, which is why they are two procedures with one rule each:
+//! Every bounce multiplies the sampling errors of row sums. Links and rows of rays (`TransportMatrix`) scale what a leaf gathers
+//! and what it sends by the same factor (Sinkhorn and Knopp 1967), so that exchange stays reciprocal, and correct the remainder
+//! where light is gathered. This file holds what both share, [`SinkhornRule`] and [`scaled`], and the procedure for links. The
+//! procedure for rays is in `transport_matrix`. They are two because
 //!
-//! * Links have rows at all levels of the tree: their row sums are one gather of radiosity 1, and only leaves of closed sides have
-//!   a known sum. The expected sum of a row of rays follows from its own rays.
-//! * Factors of links move by the square root of what is missing, those of rays by Chebyshev exponents. Coarse links overlap, and
-//!   accelerated factors would oscillate.
-//! * Links may add up to more than 1 where they are coarse; such rows are bounded afterwards.
+//! * a row sum of links is one gather of radiosity 1 through all levels of the tree, and only leaves of closed sides have a known
+//!   sum; a row of rays is a list of entries, and its sum follows from its own rays;
+//! * factors of links move by the square root of what is missing, those of rays by Chebyshev exponents: coarse links overlap, and
+//!   accelerated factors would oscillate;
+//! * links may add up to more than 1 where they are coarse, and such rows are bounded afterwards.
 //!
-//! The matrix of form factors between facets (`form_factors::matrix::closure`) uses a third method: every entry has a known standard error
-//! and changes in proportion to its variance (Gauss' adjustment), which neither links nor single rays allow.
+//! The matrix of form factors between facets is no such scaling: `form_factors::matrix::closure` changes every entry by its own
+//! standard error, which is the result that its user asks for. Here entries have no errors of their own (a ray is one sample, a
+//! link stands for many pairs), and one factor a leaf is all that transport needs. The two share the condition on row sums and
+//! nothing else.
 
 use super::active_nodes::ActiveNodes;
 use super::directional::NodeIrradiance;

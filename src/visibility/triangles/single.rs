@@ -1,11 +1,14 @@
 //! One triangle against segments that share no end.
 
-use super::EDGE_WIDENING;
 use crate::ray::Packet;
 use crate::simd::vector;
 use crate::simd::{LANES, Simd};
 use crate::visibility::wide::Block;
 use glam::Vec3;
+
+/// Widening of edges relative to the determinant, so that no segment passes between adjacent triangles. Chosen: eight
+/// rounding errors of f32.
+const EDGE_WIDENING: f32 = 1e-6;
 
 /// A triangle for tests against segments without a common end.
 pub(super) struct Triangle {
