@@ -16,11 +16,13 @@ use crate::math::Aabb;
 use glam::{UVec3, Vec3};
 use rayon::prelude::*;
 
-/// Finest level: voxels of 2^-20 of the scene's extent. Chosen: three coordinates of 20 bits fit in a Morton key.
+/// Finest level: voxels of 2^-20 of the scene's extent. Three coordinates of 20 bits fit in a 64-bit Morton key (21
+/// would be the largest number), and f32 coordinates have 24 bits.
 const FINEST_LEVEL: u32 = 20;
-/// Largest empty fraction of a group, dimensionless; other items wait for the next level. Chosen.
+/// Largest empty fraction of a group, dimensionless; other items wait for the next level. @MEF
 const MAX_EMPTY_FRACTION: f64 = 0.7;
-/// Number of neighbours along the Morton curve that are considered for merging. Chosen: bounds the time per item.
+/// Number of neighbours along the Morton curve that are considered for merging. Limits the time to 8 boxes per item.
+/// @MW
 const MORTON_WINDOW: usize = 8;
 
 /// The root cube, with the mapping to integer coordinates of the finest level.

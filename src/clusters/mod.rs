@@ -12,6 +12,7 @@ mod large;
 mod tests;
 mod tree;
 
+pub(crate) use large::MIN_COPLANAR_COSINE;
 pub use tree::{Cluster, Tree};
 
 use crate::math::Aabb;
@@ -27,7 +28,7 @@ pub const FAN_OUT: usize = 16;
 const LARGE_OBJECT_TRIANGLES: usize = FAN_OUT;
 
 /// Objects whose longest extent exceeds this fraction of the scene's (such as all leaves of a forest in one group) are
-/// split: their connected parts are clustered one by one, and parts as large as that by their faces. Chosen.
+/// split: their connected parts are clustered one by one, and parts as large as that by their faces. @SOF
 const SPREAD_OBJECT_FRACTION: f32 = 0.25;
 
 /// Algorithm that builds the clusters.

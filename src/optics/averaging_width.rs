@@ -11,8 +11,8 @@ use crate::math::Aabb;
 use crate::raster::BitImage;
 use glam::{Vec2, Vec3};
 
-/// Side of the smallest averaging window, pixels. Chosen: 4 divides a 64-bit word, so a cell's row is one shift and
-/// mask.
+/// Side of the smallest averaging window, pixels. 4 divides a 64-bit word, so that a row of a cell is one shift and
+/// mask; windows of fewer pixels would measure the rounding of the raster.
 pub(super) const CELL_PIXELS: usize = 4;
 
 /// A projection divided into cells of [`CELL_PIXELS`] x [`CELL_PIXELS`] pixels, with path lengths through the box; row

@@ -13,11 +13,11 @@ use crate::math::Aabb;
 use glam::{Affine3A, Vec2, Vec3};
 use rayon::prelude::*;
 
-/// Largest number of boxes that represent an instance, per cluster tree of its mesh. Chosen: resolves a tree into
-/// trunk and parts of the crown.
+/// Largest number of boxes that represent an instance, per cluster tree of its mesh: one node of the hierarchy opened
+/// completely ([`crate::clusters::FAN_OUT`]); limits the work of a projection.
 const MAX_PARTS: usize = 16;
-/// Pixels across the longer side of a group's projection. Chosen: half of [`super::silhouette`]'s, because boxes have
-/// no finer detail.
+/// Pixels across the longer side of a group's projection: half of [`super::silhouette`]'s as for leaves, which hold as
+/// few parts as an instance has boxes.
 const GROUP_PIXELS: usize = 32;
 /// Loss of transmittance above which a pixel counts as blocked. Equals the default tolerance of cluster optics.
 const MIN_LOSS: f32 = 0.05;

@@ -62,10 +62,14 @@ pub(super) struct Walked {
     pub gave_up: bool,
 }
 
-/// Work of a node's shaft test, and of rejecting the triangles of a block. Chosen.
+/// Work of the shaft test of a node of sixteen boxes. One for each of the six rows of bounds. This and the next two are
+/// estimates that select between engines and change no answer of either; `benches/visibility.rs` times the steps.
 pub(super) const NODE: u64 = 6;
+/// Work of rejecting the triangles of a block by its shaft. Twice that of a node: nine rows of corners and edges, and
+/// their cross products.
 pub(super) const BLOCK: u64 = 12;
-/// Work that accounts for the cache miss of a node, in trees larger than the caches near a core. Chosen.
+/// Work that accounts for the cache miss of a node, in trees larger than the caches near a core. An estimate: nearly
+/// two nodes.
 pub(super) const FETCH: u64 = 10;
 
 /// Walks for one bundle: finds what its shaft meets, then passes its segments through the aggregated clusters.
