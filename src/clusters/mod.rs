@@ -28,7 +28,7 @@ pub const FAN_OUT: usize = 16;
 const LARGE_OBJECT_TRIANGLES: usize = FAN_OUT;
 
 /// Objects whose longest extent exceeds this fraction of the scene's (such as all leaves of a forest in one group) are
-/// split: their connected parts are clustered one by one, and parts as large as that by their faces. @SOF
+/// split: their connected parts are clustered one by one, and parts as large as that by their faces.
 const SPREAD_OBJECT_FRACTION: f32 = 0.25;
 
 /// Algorithm that builds the clusters.

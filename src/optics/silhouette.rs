@@ -124,7 +124,8 @@ impl Silhouette {
 }
 
 /// Projected boxes with fewer pixels than this times their longer side are not measured: the two outline pixels across
-/// a width of 6 are a third of it, and sizes would mostly measure the outline.
+/// a width of 6 are a third of it. In a forest 4, 6 and 9 leave errors of 0.0261, 0.0262 and 0.0279 at a feature size
+/// of 0.25 m (`constants.py bench`).
 const MIN_MEAN_WIDTH_PIXELS: usize = 6;
 
 /// Pixels across the longer side: a row is one machine word for the distance transform. Leaves take half.

@@ -8,9 +8,9 @@ use super::pair::Row;
 const MODEL_ERROR: f64 = 1e-3;
 /// Relative error of row sums at which the adjustment ends: below the rounding of f32 entries, 2⁻²⁴ = 6e-8.
 const TOLERANCE: f64 = 1e-8;
-/// Largest number of rounds, and of conjugate-gradient steps per round: limit the time if the limits of entries make
-/// the wanted sums unreachable.
+/// Largest number of rounds: limits the time if the limits of entries make the wanted sums unreachable.
 const MAX_ROUNDS: usize = 6;
+/// Largest number of conjugate-gradient steps per round.
 const MAX_STEPS: usize = 200;
 /// Smallest factor by which a round may reduce an entry: above 0, so that entries stay positive; six rounds can reduce
 /// an entry to 1e-6.

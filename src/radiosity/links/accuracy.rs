@@ -8,6 +8,7 @@ use glam::Vec3;
 /// less than this part of the tolerated error: four segments have twice the standard error of sixteen, which is then
 /// still below a half.
 pub(super) const FEW_SEGMENTS_ERROR: f32 = 0.25;
+/// Segments of such links: a quarter of a packet.
 const FEW_SEGMENTS: usize = 4;
 
 /// How accurately a link is to be measured.
