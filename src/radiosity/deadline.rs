@@ -6,10 +6,10 @@ use crate::progress::Progress;
 use std::time::Instant;
 
 // The shares below change results with a time limit only. Each divides the time between stages so that the later one is not cut
-// short; none was tuned.
+// short. They are round numbers without a measurement.
 
-/// Seconds, and part of the whole time, by which the last stages may exceed the limit: the documentation of
-/// [`super::Options::max_seconds`] promises about the limit.
+/// Seconds, and part of the whole time, by which the last stages may exceed the limit: the options state
+/// the limit as approximate.
 const GRACE_SECONDS: f64 = 0.5;
 const GRACE_SHARE: f64 = 0.05;
 /// Part of the time after preparation for the light of elements, without and with points to follow: a quarter
@@ -20,8 +20,7 @@ const LIGHT_SHARE_BEFORE_POINTS: f64 = 0.75;
 /// the rest is for the local pass, or for the second measurement and the last sweeps.
 const REFINEMENT_SHARE_BEFORE_LOCAL_PASS: f64 = 0.4;
 const REFINEMENT_SHARE: f64 = 0.6;
-/// Part of the time of the local pass that its rays may take; the solver of its matrix has the rest, as
-/// every ray is one term of the matrix and is traced once and read in each iteration.
+/// Part of the time of the local pass that its rays may take; the solver of its matrix has the other half.
 pub const RAY_SHARE: f64 = 0.5;
 /// Part of the time of a point query that its rays are planned for: the estimate comes from a sample of points, so
 /// that a fifth is kept for its error.

@@ -21,16 +21,16 @@ const COARSE_BEFORE_LOCAL_PASS: f64 = 4.0;
 /// The error threshold of each step divided by that of the next. 2 or 8 instead change irradiance without a local pass
 /// by at most 0.1 % (`constants.py solve`).
 const THRESHOLD_RATIO: f64 = 4.0;
-/// Smallest number of steps: the first threshold is at least 4³ times the last one.
+/// Smallest number of divisions of the threshold: the first threshold is at least 4⁴ = 256 times the last one.
 const MIN_STEPS: i32 = 4;
-/// Largest threshold of the first step, relative to the mean irradiance. 0.025 or 0.1 instead change irradiance by less
-/// than 0.01 % (`constants.py solve`).
+/// Smallest threshold of the first step, relative to the mean irradiance. 0.025 or 0.1 instead change irradiance by
+/// less than 0.01 % (`constants.py solve`).
 const FIRST_THRESHOLD: f64 = 0.05;
 /// Smallest part of a step of limited time in which links are refined: above 0, so that every step makes progress. This and the
 /// next three change results with a time limit only.
 const MIN_REFINING_SHARE: f64 = 0.05;
-/// Expected growth of the time of sweeps from step to step; at most [`STEP_GROWTH`], as their time is proportional to
-/// the links.
+/// Expected growth of the time of sweeps from step to step; an estimate between 1 and the largest [`STEP_GROWTH`], as
+/// their time is proportional to the links.
 const SWEEP_GROWTH: f64 = 1.2;
 /// Links of the first step of limited time: one slice of [`super::refine`], so that a slow machine does not miss the first step.
 const FIRST_STEP_LINKS: f64 = 64.0;
@@ -45,7 +45,7 @@ const STEP_TOLERANCE: f64 = 3e-3;
 const MAX_STEP_SWEEPS: usize = 12;
 /// Sweeps that row normalisation and the last light are expected to need.
 const CLOSING_SWEEPS: f64 = 16.0;
-/// Relative change of the light at which the last sweeps end: below the four digits that the energy balance is printed
+/// Relative change of the light at which the last sweeps end: below the precision that the energy balance is printed
 /// with. 1e-5 instead changes irradiance by less than 0.001 % (`constants.py solve`).
 const FINAL_TOLERANCE: f64 = 1e-6;
 /// Largest number of the last sweeps: the change is below [`FINAL_TOLERANCE`] after 400 at reflectances up to 0.966

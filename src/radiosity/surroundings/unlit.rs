@@ -18,7 +18,7 @@ use serde::Serialize;
 /// Packets of sixteen paths from all emitters: with [`BOUNCES`] at most 65,536 hits, so that [`MIN_EXPECTED_HITS`] are
 /// expected on 1/2,048 of the area.
 const PATH_PACKETS: usize = 1 << 9;
-/// Bounces of each path. Paths do not lose light, so that the last bounces reach rooms behind several doors.
+/// Bounces of each path: up to eight surfaces on the way from an emitter to a room behind several doors.
 const BOUNCES: usize = 8;
 /// A side is unlit if no ray hits it where uniform light predicts at least so many hits: a side that receives a tenth
 /// of uniform light is missed by all paths with a probability of exp(−3.2) = 4 %.
