@@ -11,10 +11,10 @@ use std::time::Instant;
 
 /// Largest number of pairs in a chunk: the clock is read once per 1,024 queries. Does not change results.
 const MAX_CHUNK_PAIRS: usize = 1024;
-/// Largest number of segments in a chunk; the segments of one pair are never separated. Limits a chunk to 2,048
-/// packets, 1.7 MB.
+/// Largest number of segments in a chunk; the segments of one pair are never separated. Limits a chunk to 2,048 packets
+/// of 516 bytes, 1 MB.
 const MAX_CHUNK_SEGMENTS: usize = 1 << 15;
-/// Chunks per thread that are prepared together: limits prepared packets to 3.4 MB per thread.
+/// Chunks per thread that are prepared together: limits prepared packets to 2 MB per thread.
 const CHUNKS_PER_THREAD: usize = 2;
 
 /// Visible fraction of each pair, and the time of the queries alone.

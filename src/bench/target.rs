@@ -30,7 +30,7 @@ const MIN_TRUTH_RAYS: usize = 64;
 const MIN_RUN_PAIRS: usize = 4;
 /// Part of a target time that pilot and plan may be expected to take: a tenth is kept for the variation of times.
 const PLAN_TIME_PART: f64 = 0.9;
-/// Visible fractions of partly visible pairs: 0 and 1 with 1,000 roundings of f32 (1.2e-7) are excluded.
+/// Visible fractions of partly visible pairs: 0 and 1 are excluded with a margin of 1e-4, some 800 spacings of f32.
 const PARTLY_VISIBLE: std::ops::RangeInclusive<f32> = 1e-4..=0.9999;
 
 /// Segments of all pairs.

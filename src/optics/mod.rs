@@ -57,7 +57,8 @@ impl Default for Options {
             morphology: Morphology::Euclid,
             isotropic: false,
             extinction: Extinction::default(),
-            // 5 % of the unoccluded irradiance. Clusters of larger error need wider beams.
+            // Clusters of larger error need wider beams. The forest of `scenes/constants.py bench`, at a feature size of
+            // 0.25 m and 64 segments, has errors of 0.026 at 0.05 and 0.036 at 0.1; at 0.02 no cluster is averaged.
             tolerance: 0.05,
         }
     }
