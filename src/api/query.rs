@@ -8,7 +8,7 @@ use crate::{Error, Result};
 use glam::{DVec3, Vec3};
 use sobol_burley::sample_4d;
 
-/// Segments to a source by default. Chosen: a standard error of 0.06 at most.
+/// Segments to a source by default: a standard error of at most 1 / (2 √64) = 0.06.
 const RAYS: usize = 64;
 /// Most segments: points of one scrambled sequence.
 const MAX_RAYS: usize = 1 << 16;

@@ -13,7 +13,7 @@ use crate::embree::Traversal;
 use crate::metrics::{FbemOptions, Image, fbem, missing_features, norms};
 use crate::visibility::{Exact, MultiResolution};
 
-/// Rays per texel of the exact image in the report. Chosen: as many as the default number of segments of MR.
+/// Rays per texel of the exact image in the report: as many as the default number of segments of MR.
 const SHOWN_RAYS: usize = 16;
 
 impl Bench<'_> {

@@ -6,8 +6,9 @@ use crate::scene::Scene;
 use crate::visibility::{Bundle, MultiResolution, Workspace};
 use glam::Vec3;
 
-/// Number of runs, and pairs per run. Chosen: 256 pairs take a few milliseconds.
+/// Number of runs: spread over all pairs; 256 pairs in all limit the time of a decision.
 const RUNS: usize = 16;
+/// Pairs per run, neighbours that share their traversal.
 const PAIRS_PER_RUN: usize = 16;
 
 /// Segments of runs of neighbouring pairs, evenly spread over a workload, for each number of segments of the rows.

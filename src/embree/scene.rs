@@ -10,9 +10,10 @@ use std::sync::Arc;
 /// Options of an Embree scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
-    /// Conservative box and edge tests: no cracks between adjacent triangles. Measured once 8 to 20 % slower.
+    /// Conservative box and edge tests: no cracks between adjacent triangles, at a somewhat lower speed
+    /// (Embree's `RTC_SCENE_FLAG_ROBUST`).
     pub robust: bool,
-    /// Compact nodes: about half the memory at two thirds of the speed, measured once.
+    /// Compact nodes: less memory at a lower speed (Embree's `RTC_SCENE_FLAG_COMPACT`).
     pub compact: bool,
 }
 

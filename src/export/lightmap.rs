@@ -30,7 +30,8 @@ pub struct Lightmap {
     pub texcoords: Vec<[Vec2; 3]>,
 }
 
-/// Width of the margin around each chart that repeats its border. Chosen: bilinear filtering never mixes charts.
+/// Width of the margin around each chart that repeats its border: bilinear filtering reads one texel beyond a chart,
+/// also at half the resolution.
 const MARGIN_TEXELS: usize = 2;
 /// Largest side of an image, texels: the limit of common graphics hardware.
 pub(super) const MAX_SIDE_TEXELS: usize = 16_384;

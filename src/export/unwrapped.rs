@@ -8,7 +8,7 @@ use crate::scene::Scene;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-/// Tolerance of texture coordinates outside 0..1. Chosen: rounding of exporters.
+/// Tolerance of texture coordinates outside 0..1: files with four digits round by half of it.
 const TEXCOORD_TOLERANCE: f32 = 1e-4;
 /// Marks texels without a face.
 const FREE: u32 = u32::MAX;

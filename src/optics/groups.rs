@@ -13,11 +13,11 @@ use crate::math::Aabb;
 use glam::{Affine3A, Vec2, Vec3};
 use rayon::prelude::*;
 
-/// Largest number of boxes that represent an instance, per cluster tree of its mesh. Chosen: resolves a tree into
-/// trunk and parts of the crown.
+/// Largest number of boxes that represent an instance, per cluster tree of its mesh: one node of the hierarchy opened
+/// completely ([`crate::clusters::FAN_OUT`]); limits the work of a projection.
 const MAX_PARTS: usize = 16;
-/// Pixels across the longer side of a group's projection. Chosen: half of [`super::silhouette`]'s, because boxes have
-/// no finer detail.
+/// Pixels across the longer side of a group's projection: half of [`super::silhouette`]'s as for leaves, which hold as
+/// few parts as an instance has boxes.
 const GROUP_PIXELS: usize = 32;
 /// Loss of transmittance above which a pixel counts as blocked. Equals the default tolerance of cluster optics.
 const MIN_LOSS: f32 = 0.05;
@@ -30,10 +30,8 @@ const OPAQUE_DEPTH: f32 = 7.0;
 
 /// A box with extinction, in the frame of its mesh.
 ///
-/// Its extinction is uniform: the density slope that a cluster of triangles has is left out. With slopes of boxes and of groups
-/// the answers of `mrvis bench` in a forest of 60 trees (`generate forest --trees 60 --leaves 2000 --species 3 --instances`;
-/// 3,000 points, feature sizes 0.3, 1 and 4 m, 64 segments) were the same to the last digit, RMS 0.028, 0.052 and 0.073: groups
-/// of trees are larger than these sizes, and single trees are averaged with the optics of their mesh, which have slopes.
+/// Its extinction is uniform: the density slope that a cluster of triangles has is left out, because groups are opened long
+/// before feature sizes resolve the inside of a mesh.
 #[derive(Clone, Debug)]
 pub struct Part {
     /// The box that path lengths are measured in.

@@ -13,8 +13,8 @@ use crate::{Error, Result, math::Aabb};
 use glam::{DAffine3, DVec3};
 use std::{collections::HashSet, sync::Arc};
 
-/// Largest number of placements of a scene and of nodes of a glTF file. Chosen: some 300 bytes each while reading,
-/// 600 MB in all.
+/// Largest number of placements of a scene and of nodes of a glTF file: limits memory while reading to 600 MB, at some
+/// 300 bytes each.
 pub const MAX_PLACEMENTS: usize = 1 << 21;
 
 /// One placement of a shared mesh.

@@ -12,9 +12,11 @@ use crate::ray::Packet;
 use crate::simd::{Kernel, LANES, Simd};
 use std::ops::Range;
 
-/// Largest number of bundles that share a front. Chosen.
+/// Largest number of bundles that share a front. Any value from 16 to 256 changes the error of a forest by less than
+/// 0.5 % of itself (`constants.py bench`).
 const MAX_GROUP_BUNDLES: usize = 64;
-/// Largest distance between the receiver ends of a group, relative to the distance to the emitter. Chosen.
+/// Largest distance between the receiver ends of a group, relative to the distance to the emitter. Any value from 0.25
+/// to 1 changes the error of a forest by less than 0.5 % of itself (`constants.py bench`).
 const MAX_GROUP_WIDTH: f32 = 0.5;
 
 /// Working memory of a thread, kept between calls.

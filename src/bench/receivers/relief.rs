@@ -6,7 +6,8 @@ use crate::math::{triangle_area, triangle_normal};
 use crate::scene::Scene;
 use glam::{DVec2, DVec3};
 
-/// Smallest length of the mean normal of a relief. Chosen: terrain exceeds it, foliage does not.
+/// Smallest length of the mean normal of a relief: for slopes of one angle in all directions its cosine, here 37
+/// degrees. Terrain exceeds it; foliage, which points everywhere, does not.
 const MIN_MEAN_NORMAL: f64 = 0.8;
 
 /// The relief of some faces; `None` if one of their planar patches is large, or if the faces point into all

@@ -11,9 +11,9 @@ use glam::Vec3;
 use rayon::prelude::*;
 use sobol_burley::sample_4d;
 
-/// Groups of paths from an element, whose spread gives the standard error of their mean, and paths of a group. Chosen: eight
-/// groups determine a standard error to a quarter.
+/// Groups of paths from an element, whose spread gives the standard error of their mean to 1/√(2 · 7) = 27 %.
 const GROUPS: u32 = 8;
+/// Paths of a group: one packet.
 const PATHS: u32 = 16;
 
 /// Comparison of error bars with errors at some elements, drawn by area.
@@ -33,9 +33,10 @@ pub struct ErrorBarAudit {
     pub factor: f64,
 }
 
-/// Bounds of the factor that corrects bars, and the elements that it needs. Chosen: fewer elements determine a 95 % quantile
-/// too poorly.
+/// Bounds of the factor that corrects bars: errors of the estimate beyond a factor of 4 stay visible in the audit.
 const FACTOR_LIMITS: [f64; 2] = [0.25, 4.0];
+/// Smallest number of elements that determine the factor: 2 of 40 are expected beyond the 95 % quantile that it is
+/// fitted to.
 const MIN_ELEMENTS: usize = 40;
 /// Part of the errors that should lie within twice the bars: two standard deviations of a normal distribution. Errors have longer
 /// tails, so that bars fitted to one standard deviation would be too small.

@@ -9,10 +9,11 @@ use crate::radiosity::rgb::mean;
 use crate::scene::Scene;
 use std::collections::HashMap;
 
-/// Lower bounds of the part of the light that is lost at every bounce, without and with row normalisation. Chosen: with correct row
-/// sums no light is created or lost on the way, and errors from all around cancel after a bounce or two; without them errors
-/// add up with every bounce.
+/// Lower bound of the part of the light that is lost at every bounce, without row normalisation: errors add up over at most
+/// 1 / 0.05 = 20 bounces. Affects error bars only, which the audit rescales.
 const MIN_LOSS: f64 = 0.05;
+/// The same with row normalisation: correct row sums create and lose no light, and errors from all around cancel, so
+/// that they add up over at most 1 / 0.5 = 2 bounces.
 const MIN_LOSS_NORMALISED: f64 = 0.5;
 
 /// Standard uncertainty of the irradiance of every surface element along links, W/m²: variation and sampling noise of each link
