@@ -95,10 +95,32 @@ impl Error {
     }
 }
 
+/// Largest number of characters of a file's content, or of a name in it, that a message repeats.
+pub(crate) const MAX_QUOTED: usize = 80;
+
+/// Text of a file for a message: without control characters, at most [`MAX_QUOTED`] characters.
+pub(crate) fn quote(text: &str) -> String {
+    let mut shown = text.chars().filter(|c| !c.is_control());
+    let mut short: String = shown.by_ref().take(MAX_QUOTED - 1).collect();
+    match (shown.next(), shown.next()) {
+        (Some(last), None) => short.push(last),
+        (Some(_), Some(_)) => short.push('…'),
+        _ => {}
+    }
+    short
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use std::io::ErrorKind;
+
+    #[test]
+    fn quotes_are_short_and_printable() {
+        assert_eq!(quote("a\u{1b}[31m b"), "a[31m b");
+        assert_eq!(quote(&"é".repeat(80)), "é".repeat(80));
+        assert_eq!(quote(&"é".repeat(81)), "é".repeat(79) + "…");
+    }
 
     #[test]
     fn categories_say_what_a_caller_can_do() {

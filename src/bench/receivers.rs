@@ -14,7 +14,7 @@ use super::workload::{Order, Point, Workload};
 use crate::math::Aabb;
 use crate::ray::{Occluder, Packet};
 use crate::scene::Scene;
-use crate::{Error, Result};
+use crate::{Error, Result, error::quote};
 use patch::{MIN_FILLED_PART, Patch, Rectangle, patches};
 use rayon::prelude::*;
 
@@ -171,7 +171,8 @@ fn by_name(scene: &Scene, exact: &dyn Occluder, names: &[String]) -> Result<Vec<
         patches.extend(relief::of(scene, &faces, patches.iter()));
         if patches.len() < wanted {
             return Err(Error::Scene(format!(
-                "receiver `{name}` is named {wanted} times but has {} planar patches",
+                "receiver `{}` is named {wanted} times but has {} planar patches",
+                quote(name),
                 patches.len()
             )));
         }

@@ -1,11 +1,12 @@
 //! Arguments shared by several subcommands.
 
+use super::{inputs::Inputs, limits};
 use crate::{
     Error, Result,
     bench::MAX_THREADS,
     files::WholeFile,
     model::cache::CacheLocation,
-    scene::{LoadOptions, Scene, parse_emitter},
+    scene::{LoadOptions, Scene, parse_emitter, unit_in_metres},
     threads::Threads,
 };
 use indicatif::{ProgressBar, ProgressStyle};
@@ -31,9 +32,20 @@ pub struct Common {
     /// No progress and no text: only files and the exit code.
     #[arg(long)]
     pub quiet: bool,
-    /// Unit of length of the scene (m, cm, mm, km, in, ft).
-    #[arg(long, value_name = "U", default_value = "m")]
+    /// Unit of length of the scene (m, dm, cm, mm, km, in, ft).
+    #[arg(long, value_name = "U", default_value = "m", value_parser = unit)]
     pub unit: String,
+    /// Stop with an error beyond this memory, in GiB [default: 80 % of what is available]
+    #[arg(long, value_name = "G", value_parser = limits::parse)]
+    pub max_memory: Option<f64>,
+}
+
+/// A known unit of length.
+fn unit(name: &str) -> Result<String, String> {
+    match unit_in_metres(name) {
+        Some(_) => Ok(name.into()),
+        None => Err("not a unit of length; there are m, dm, cm, mm, km, in, ft".into()),
+    }
 }
 
 impl Common {
@@ -91,6 +103,14 @@ impl Common {
             Some(path) if !self.json_is_piped() => check_file(path),
             _ => Ok(()),
         }
+    }
+
+    /// Refuses a JSON file that would replace an input.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] if it would.
+    pub fn check_outputs(&self, inputs: &Inputs) -> Result<()> {
+        self.json.as_deref().map_or(Ok(()), |json| inputs.check_file(json))
     }
 
     /// Writes the JSON if requested.
@@ -156,6 +176,7 @@ impl SceneArgs {
             two_sided_emission: self.two_sided_emission,
             sides: self.sides,
             threads: common.threads.map_or(0, usize::from),
+            max_memory: limits::bytes(common.max_memory),
         };
         let _spinner = common.spinner(format!("reading {}", file_name(&self.scene)));
         Scene::load_with(&self.scene, &options)
@@ -190,7 +211,7 @@ pub fn warn(common: &Common, messages: &[String]) {
 /// Location of the cache of measured clusters.
 #[derive(clap::Args, Clone, Debug)]
 pub struct CacheArgs {
-    /// Cache the measured clusters in the folder DIR, or do not cache them (off) [default: beside the scene]
+    /// Cache the measured clusters in the folder DIR, or do not cache them (off) [default: mrvis in the user's cache folder]
     #[arg(long, value_name = "DIR|off")]
     pub cache: Option<PathBuf>,
 }
@@ -202,11 +223,17 @@ impl CacheArgs {
     /// The folder cannot be written.
     pub fn place(&self) -> Result<CacheLocation> {
         match &self.cache {
-            None => Ok(CacheLocation::Beside),
+            None => Ok(user_cache().map_or(CacheLocation::Off, CacheLocation::Folder)),
             Some(folder) if folder == Path::new("off") => Ok(CacheLocation::Off),
             Some(folder) => check_folder(folder).map(|()| CacheLocation::Folder(folder.clone())),
         }
     }
+}
+
+/// The folder of this program in the user's cache folder (`XDG_CACHE_HOME`, else `~/.cache`); `None` if the user has no home.
+fn user_cache() -> Option<PathBuf> {
+    use etcetera::BaseStrategy;
+    etcetera::choose_base_strategy().ok().map(|folders| folders.cache_dir().join("mrvis"))
 }
 
 /// The file name of a path, for messages.

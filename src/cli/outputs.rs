@@ -144,6 +144,18 @@ impl Outputs {
         Ok(written)
     }
 
+    /// Whether a file of this name may be written.
+    pub fn writes(&self, name: &str, with_points: bool) -> bool {
+        let kinds = [
+            (Kind::Ply, "solution.ply"),
+            (Kind::Glb, "solution.glb"),
+            (Kind::Vtu, "solution.vtu"),
+            (Kind::Lightmap, "lightmap."),
+            (Kind::Image, "view"),
+        ];
+        kinds.into_iter().any(|(kind, start)| self.wants(kind, with_points) && name.starts_with(start))
+    }
+
     fn wants(&self, kind: Kind, with_points: bool) -> bool {
         let default: &[Kind] = if with_points { &[] } else { &[Kind::Glb, Kind::Vtu, Kind::Image] };
         let wanted = self.outputs.as_deref().unwrap_or(default);

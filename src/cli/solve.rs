@@ -6,9 +6,11 @@ mod watch;
 
 use super::args::{CacheArgs, Common, SceneArgs, check_folder};
 use super::flags::with_flags;
+use super::inputs::Inputs;
 use super::outputs::Outputs;
 use crate::bench::side_by_side::{ComparedRecord, Versus, side_by_side};
-use crate::files::WholeFile;
+use crate::error::quote;
+use crate::files::{WholeFile, input};
 use crate::points::{Irradiance, Point, read_points, write_irradiance};
 use crate::progress::Progress;
 use crate::radiosity::{
@@ -112,7 +114,7 @@ pub struct Args {
     #[command(flatten)]
     outputs: Outputs,
     #[command(flatten)]
-    common: Common,
+    pub common: Common,
 }
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
@@ -220,6 +222,15 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
     let points = args.points.as_deref().map(read_points).transpose()?.unwrap_or_default();
     let start = Instant::now();
     let scene = scene.load_flat(&args.common)?;
+    let read = scene.files.iter().chain(&args.points).chain(&args.feature_sizes);
+    let inputs = Inputs::of(read.map(PathBuf::as_path));
+    args.common.check_outputs(&inputs)?;
+    let with_points = args.points.is_some();
+    inputs.check_folder(out, |name| {
+        name == "solution.json"
+            || (with_points && name == "irradiance.csv")
+            || args.outputs.writes(name, with_points)
+    })?;
     if args.importance_camera {
         options.views = views(&scene, args.outputs.camera)?;
     }
@@ -307,10 +318,11 @@ fn views(scene: &Scene, given: Option<[f64; 7]>) -> Result<Vec<View>> {
 
 /// Reads feature sizes by name.
 fn read_sizes(path: &Path) -> Result<Vec<(String, f32)>> {
-    let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
+    let bytes = input::read(path, input::MAX_SMALL_FILE)?;
+    let text = String::from_utf8(bytes).map_err(|_| Error::format(path, None, "not text in UTF-8"))?;
     let sizes: BTreeMap<String, f32> = toml::from_str(&text).map_err(|e| {
         let line = e.span().map(|s| 1 + text[..s.start].matches('\n').count());
-        Error::format(path, line, format!("{}; write lines like `sofa = 0.05`", e.message()))
+        Error::format(path, line, format!("{}; write lines like `sofa = 0.05`", quote(e.message())))
     })?;
     Ok(sizes.into_iter().collect())
 }

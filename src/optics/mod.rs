@@ -5,6 +5,7 @@
 
 mod averaging_width;
 mod axes;
+mod check;
 // Used when models have instances.
 #[allow(dead_code)]
 pub mod groups;

@@ -1,7 +1,7 @@
 //! Reading point and irradiance files.
 
 use super::{Irradiance, Point};
-use crate::{Error, Result};
+use crate::{Error, Result, error::quote, files::input::Input, memory};
 use csv::StringRecord;
 use glam::DVec3;
 use std::path::Path;
@@ -63,7 +63,8 @@ fn rows(
     columns: &[&str],
     mut take: impl FnMut(&StringRecord, &StringRecord, usize) -> Result<()>,
 ) -> Result<()> {
-    let file = std::fs::File::open(path).map_err(|e| Error::io(path, e))?;
+    let limit = memory::usable().unwrap_or(u64::MAX >> 1);
+    let file = Input::open(path, limit)?;
     let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).trim(csv::Trim::All).from_reader(file);
     let broken = |e: csv::Error| {
         let line = e.position().map(|p| p.line() as usize);
@@ -112,7 +113,7 @@ fn point(path: &Path, record: &StringRecord, line: usize) -> Result<Point> {
 fn number(path: &Path, record: &StringRecord, line: usize, column: usize) -> Result<f64> {
     let text = record.get(column).unwrap_or_default();
     text.parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| {
-        let shown: String = text.chars().filter(|c| !c.is_control()).take(40).collect();
-        Error::format(path, Some(line), format!("column {}: `{shown}` is not a finite number", column + 1))
+        let what = format!("column {}: `{}` is not a finite number", column + 1, quote(text));
+        Error::format(path, Some(line), what)
     })
 }

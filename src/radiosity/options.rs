@@ -1,7 +1,7 @@
 //! Options of a solution.
 
 use crate::model::cache::CacheLocation;
-use crate::{Error, Result};
+use crate::{Error, Result, error::quote};
 use glam::DVec3;
 
 /// Which engine answers visibility.
@@ -171,7 +171,10 @@ impl Options {
             }
         }
         if let Some((name, s)) = self.feature_sizes.iter().find(|(_, s)| !s.is_finite() || *s <= 0.0) {
-            return Err(Error::Argument(format!("feature size {s} of `{name}`: must be a number above 0")));
+            return Err(Error::Argument(format!(
+                "feature size {s} of `{}`: must be a number above 0",
+                quote(name)
+            )));
         }
         let [light, gather] = [self.light_rays, self.gather_rays].map(|n| n.unwrap_or(1));
         for (name, value, most) in [

@@ -21,6 +21,7 @@ mod read_obj;
 mod read_ply;
 mod resolve;
 mod soup;
+mod sources;
 #[cfg(test)]
 pub(crate) mod testing;
 #[cfg(test)]
@@ -187,6 +188,8 @@ pub struct Scene {
     pub(crate) bounds: Aabb,
     /// Repairs made while reading.
     pub(crate) repairs: Repairs,
+    /// Files that were read: the scene, its material libraries, textures and buffers; empty for generated scenes.
+    pub(crate) files: Vec<PathBuf>,
     /// Meshes that are stored once and placed by `placements`; each is a scene in its own frame, without emitters,
     /// shared meshes or placements. Empty if every mesh occurs once.
     pub(crate) shared: Vec<Arc<Scene>>,

@@ -15,7 +15,7 @@ use super::{
     triangulate::{Shape, Triangulator},
     weld,
 };
-use crate::{Error, Result, math::Aabb};
+use crate::{Error, Result, error::quote, math::Aabb};
 use glam::{DVec3, Vec3};
 
 /// Largest coordinate: areas and volumes stay within f32.
@@ -105,6 +105,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     Ok(Scene {
         path: soup.path,
         cameras: soup.cameras,
+        files: Vec::new(),
         unit: options.unit.clone(),
         two_sided_emission: options.two_sided_emission,
         origin,
@@ -136,7 +137,7 @@ fn check_materials(soup: &Soup, repairs: &mut Repairs) -> Result<Vec<Material>> 
         let finite = m.emission.iter().chain(&m.reflectance).all(|v| v.is_finite());
         if !finite || m.emission.iter().any(|&e| e < 0.0) {
             let what = "a reflectance or emission that is not a finite number >= 0; mend its Kd and Ke";
-            return Err(Error::format(&soup.path, None, format!("material `{}` has {what}", m.name)));
+            return Err(Error::format(&soup.path, None, format!("material `{}` has {what}", quote(&m.name))));
         }
         let reflectance = m.reflectance.map(|v| v.clamp(0.0, MAX_REFLECTANCE));
         if reflectance != m.reflectance {
