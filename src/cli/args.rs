@@ -11,6 +11,7 @@ use crate::{
 };
 use indicatif::{ProgressBar, ProgressStyle};
 use std::{
+    collections::HashSet,
     io::Write as _,
     path::{Path, PathBuf},
     time::Duration,
@@ -129,11 +130,6 @@ impl Common {
 pub struct Spinner(ProgressBar);
 
 impl Spinner {
-    /// Replaces the text of the spinner.
-    pub fn say(&self, what: &str) {
-        self.0.set_message(what.to_owned());
-    }
-
     /// Removes the spinner.
     pub fn clear(&self) {
         self.0.finish_and_clear();
@@ -241,6 +237,23 @@ pub fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
+/// Beginning of a name with characters that are valid in file names everywhere.
+pub fn plain(name: &str) -> String {
+    let valid = |c: char| if c.is_alphanumeric() || "-_".contains(c) { c } else { '_' };
+    name.chars().take(60).map(valid).collect()
+}
+
+/// Names of files with numbers behind those that occur more than once, also if only in another case: some file systems do not
+/// distinguish cases.
+pub fn distinct(names: impl IntoIterator<Item = String>) -> Vec<String> {
+    let mut used = HashSet::new();
+    let number = |name: String| {
+        let numbered = |n: usize| if n == 1 { name.clone() } else { format!("{name}-{n}") };
+        (1..).map(numbered).find(|candidate| used.insert(candidate.to_lowercase())).unwrap_or_default()
+    };
+    names.into_iter().map(number).collect()
+}
+
 /// A count with separators of thousands: `1,234,567`.
 pub fn grouped(n: usize) -> String {
     let digits = n.to_string();
@@ -283,6 +296,12 @@ mod tests {
         for (n, want) in [(0, "0"), (999, "999"), (1000, "1,000"), (1234567, "1,234,567")] {
             assert_eq!(grouped(n), want);
         }
+    }
+
+    #[test]
+    fn names_of_files_are_distinct() {
+        let names = ["a b", "a_b", "a/b", "A_b", "a_b-2"].map(plain);
+        assert_eq!(distinct(names), ["a_b", "a_b-2", "a_b-3", "A_b-4", "a_b-2-2"]);
     }
 
     #[test]

@@ -114,7 +114,8 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         By::Material => faces.grouped(scene, &facets, Grouping::Material),
     };
     let spinner = common.spinner(format!("writing {}", file_name(&args.out)));
-    write(&args.out, &matrix, format)?;
+    let labels = matches!(args.by, By::Face).then(|| facets.labels(scene));
+    write(&args.out, &matrix, format, labels.as_ref())?;
     drop(spinner);
     common.write_json(&serde_json::json!({
         "mrvis": env!("CARGO_PKG_VERSION"),

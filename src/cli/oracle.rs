@@ -63,6 +63,10 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     drop(bar);
     write_irradiance(&args.out, &found)?;
     let (mean, noise) = (mean(&found), noise(&found));
+    if mean == 0.0 && !scene.emitters.is_empty() {
+        let cure = "if that is wrong, set --two-sided-emission or reverse the order of the corners of the emitters' faces";
+        warn(common, &[format!("no light arrives at any point: {cure}")]);
+    }
     common.write_json(&serde_json::json!({
         "mrvis": env!("CARGO_PKG_VERSION"),
         "scene": args.scene.scene,

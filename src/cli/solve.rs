@@ -8,6 +8,7 @@ use super::args::{CacheArgs, Common, SceneArgs, check_folder};
 use super::flags::with_flags;
 use super::inputs::Inputs;
 use super::outputs::Outputs;
+use super::progress::Bar;
 use crate::bench::side_by_side::{ComparedRecord, Versus, side_by_side};
 use crate::error::quote;
 use crate::files::{WholeFile, input};
@@ -235,7 +236,7 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
         options.views = views(&scene, args.outputs.camera)?;
     }
     let load = start.elapsed().as_secs_f64();
-    let watch = Watch { spinner: args.common.spinner("solving"), stopped: Arc::default() };
+    let watch = Watch { bar: Bar::new(args.common.quiet), stopped: Arc::default() };
     watch.stop_on_interruption(args.common.quiet);
     watch.stage("preparing", 0);
     let model = prepare(scene, &options, &watch)?;
@@ -243,7 +244,7 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
     let other = args.compare.filter(|_| !outcome.record.interrupted);
     let versus =
         other.map(|other| side_by_side(&model, &points, &outcome, other.into(), &watch)).transpose()?;
-    watch.spinner.clear();
+    watch.bar.finish();
     let met = outcome.record.target_met != Some(false);
     write(args, out, &points, (outcome, versus, load), (&solution, &watch))?;
     Ok(if met { ExitCode::SUCCESS } else { ExitCode::from(1) })

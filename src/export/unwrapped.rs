@@ -29,6 +29,7 @@ pub fn unwrapped_lightmap(stage: &Stage, scene: &Scene, texels: usize) -> Result
         irradiance: vec![[0.0; 3]; side * side],
         covered: vec![false; side * side],
         texcoords: Vec::new(),
+        sides: Vec::new(),
         charts: 0,
     };
     let rows = map.irradiance.par_chunks_mut(side).zip(map.covered.par_chunks_mut(side));

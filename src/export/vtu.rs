@@ -1,6 +1,7 @@
 //! VTK's unstructured grid, for ParaView.
 
 use crate::radiosity::mesh::RadiosityMesh;
+use crate::scene::Scene;
 use crate::{Error, Result, files::WholeFile};
 use std::io::Write;
 use std::path::Path;
@@ -26,19 +27,30 @@ fn array<T: bytemuck::NoUninit>(
     Array { name, kind, components, bytes: bytemuck::cast_slice(values).to_vec() }
 }
 
+/// A list of texts, each ended by a zero byte; `components` is their number.
+fn names<'a>(name: &'static str, texts: impl Iterator<Item = &'a String>) -> Array {
+    let (mut bytes, mut count) = (Vec::new(), 0);
+    for text in texts {
+        bytes.extend(text.bytes().filter(|&b| b != 0).chain([0]));
+        count += 1;
+    }
+    Array { name, kind: "String", components: count, bytes }
+}
+
 /// Writes the elements as cells of a `.vtu` file with the fields `irradiance`, `radiosity`, `error` (standard error
 /// of the irradiance), all W/m² RGB; `level` (number of splits), `links`, `area`, `object`, `material`, `triangle`,
-/// `front`. Coordinates are those of the scene's file.
+/// `front`. `object` and `material` are indices into the lists `object_names` and `material_names` of the file.
+/// Coordinates are those of the scene's file.
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn write_vtu(path: &Path, solution: &RadiosityMesh) -> Result<()> {
+pub fn write_vtu(path: &Path, solution: &RadiosityMesh, scene: &Scene) -> Result<()> {
     let mut file = WholeFile::create(path)?;
-    write(&mut file, solution).map_err(|e| Error::io(path, e))?;
+    write(&mut file, solution, scene).map_err(|e| Error::io(path, e))?;
     file.commit()
 }
 
-fn write(out: &mut impl Write, s: &RadiosityMesh) -> std::io::Result<()> {
+fn write(out: &mut impl Write, s: &RadiosityMesh, scene: &Scene) -> std::io::Result<()> {
     let points: Vec<[f64; 3]> = s.vertices.iter().map(|p| (s.origin + p.as_dvec3()).to_array()).collect();
     let size = |e: &crate::radiosity::mesh::Element| if e.is_triangle() { 3 } else { 4 };
     let connectivity: Vec<u32> = s.elements.iter().flat_map(|e| e.corners[..size(e)].to_vec()).collect();
@@ -77,14 +89,28 @@ fn write(out: &mut impl Write, s: &RadiosityMesh) -> std::io::Result<()> {
         count("triangle", |e| e.triangle),
         count("front", |e| e.front.into()),
     ];
+    let names = [
+        names("object_names", scene.objects.iter().map(|o| &o.name)),
+        names("material_names", scene.materials.iter().map(|m| &m.name)),
+    ];
     writeln!(out, "<?xml version=\"1.0\"?>")?;
     writeln!(
         out,
         "<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">"
     )?;
     writeln!(out, "<UnstructuredGrid>")?;
-    writeln!(out, "<Piece NumberOfPoints=\"{}\" NumberOfCells=\"{}\">", points.len(), s.elements.len())?;
     let mut at = 0;
+    writeln!(out, "<FieldData>")?;
+    for a in &names {
+        writeln!(
+            out,
+            "<DataArray type=\"{}\" Name=\"{}\" NumberOfTuples=\"{}\" format=\"appended\" offset=\"{at}\"/>",
+            a.kind, a.name, a.components
+        )?;
+        at += 8 + a.bytes.len();
+    }
+    writeln!(out, "</FieldData>")?;
+    writeln!(out, "<Piece NumberOfPoints=\"{}\" NumberOfCells=\"{}\">", points.len(), s.elements.len())?;
     for (section, arrays) in [("Points", &places[..]), ("Cells", &cells), ("CellData", &fields)] {
         writeln!(out, "<{section}>")?;
         for a in arrays {
@@ -98,7 +124,7 @@ fn write(out: &mut impl Write, s: &RadiosityMesh) -> std::io::Result<()> {
         writeln!(out, "</{section}>")?;
     }
     write!(out, "</Piece>\n</UnstructuredGrid>\n<AppendedData encoding=\"raw\">\n_")?;
-    for a in places.iter().chain(&cells).chain(&fields) {
+    for a in names.iter().chain(&places).chain(&cells).chain(&fields) {
         out.write_all(&(a.bytes.len() as u64).to_le_bytes())?;
         out.write_all(&a.bytes)?;
     }

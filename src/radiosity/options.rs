@@ -177,20 +177,20 @@ impl Options {
             )));
         }
         let [light, gather] = [self.light_rays, self.gather_rays].map(|n| n.unwrap_or(1));
-        for (name, value, most) in [
-            ("light_rays", light, 1 << 16),
-            ("gather_rays", gather, 1 << 20),
-            ("max_links", self.max_links, 1 << 30),
-            ("local_rays", self.local_rays.unwrap_or(0).saturating_add(1), 1 << 30),
-            ("audit", self.audit.saturating_add(1), 1 << 20),
+        for (name, value, least, most) in [
+            ("light_rays", light, 1, 1 << 16),
+            ("gather_rays", gather, 1, 1 << 20),
+            ("max_links", self.max_links, 1, 1 << 30),
+            ("local_rays", self.local_rays.unwrap_or(0), 0, 1 << 30),
+            ("audit", self.audit, 0, 1 << 20),
         ] {
-            if value == 0 || value > most {
-                return Err(Error::Argument(format!("{name} {value}: must lie in 1..{most}")));
+            if value < least || value > most {
+                return Err(Error::Argument(format!("{name} {value}: must lie in {least}..{most}")));
             }
         }
-        if self.min_area > 1.0 {
+        if !(MIN_MIN_AREA..=1.0).contains(&self.min_area) {
             return Err(Error::Argument(format!(
-                "min_area {}: is a part of the scene's area, at most 1",
+                "min_area {:e}: is a part of the scene's area, in {MIN_MIN_AREA:e}..1",
                 self.min_area
             )));
         }
@@ -225,6 +225,9 @@ impl Options {
         RAYS_OF_SMALLEST_ELEMENT / rays.max(1.0)
     }
 }
+
+/// Least part of the scene's area of an element: numbers of elements have 32 bits, of which ranges of ids take a factor 4.
+const MIN_MIN_AREA: f64 = 1e-9;
 
 /// Rays of the smallest element that the local pass splits others into. Chosen: more would leave
 /// large elements, fewer would leave mostly noise.

@@ -187,6 +187,11 @@ fn origin(soup: &Soup) -> Result<DVec3> {
 
 fn empty(soup: &Soup, repairs: &Repairs) -> Error {
     let dropped = repairs.zero_area_faces + repairs.broken_polygons + repairs.transparent_faces;
+    if dropped > 0 && dropped == repairs.transparent_faces {
+        let what =
+            "faces are transparent (d below 0.5) and are left out: nothing remains that light could fall on";
+        return Error::format(&soup.path, None, format!("all {dropped} {what}; raise d in their materials"));
+    }
     let what = if dropped == 0 { String::new() } else { format!(" ({dropped} unusable ones were dropped)") };
     Error::format(&soup.path, None, format!("no face with an area{what}; is it a scene of polygons?"))
 }
