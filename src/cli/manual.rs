@@ -2,7 +2,6 @@
 
 use super::args::check_folder;
 use crate::{Error, Result};
-use clap::CommandFactory;
 use std::{path::PathBuf, process::ExitCode};
 
 #[derive(clap::Args, Debug)]
@@ -25,7 +24,7 @@ pub struct ManArgs {
 /// Standard output cannot be written.
 pub fn completions(args: &CompletionsArgs) -> Result<ExitCode> {
     let mut script = Vec::new();
-    clap_complete::generate(args.shell, &mut super::Cli::command(), "mrvis", &mut script);
+    clap_complete::generate(args.shell, &mut super::help::command(), "mrvis", &mut script);
     super::print(&String::from_utf8_lossy(&script))?;
     Ok(ExitCode::SUCCESS)
 }
@@ -36,7 +35,7 @@ pub fn completions(args: &CompletionsArgs) -> Result<ExitCode> {
 /// A page cannot be written.
 pub fn pages(args: &ManArgs) -> Result<ExitCode> {
     check_folder(&args.out)?;
-    let command = super::Cli::command().disable_help_subcommand(true);
+    let command = super::help::command().disable_help_subcommand(true);
     clap_mangen::generate_to(command, &args.out).map_err(|e| Error::io(&args.out, e))?;
     Ok(ExitCode::SUCCESS)
 }

@@ -10,6 +10,7 @@ mod fbem;
 mod flags;
 mod form_factors;
 mod generate;
+mod help;
 mod info;
 mod inputs;
 mod limits;
@@ -21,7 +22,7 @@ mod solve;
 
 use crate::{Error, Result, model::embree_version};
 use clap::{
-    Parser, Subcommand,
+    FromArgMatches, Parser, Subcommand,
     error::{ContextKind, ContextValue},
 };
 use std::{
@@ -117,7 +118,8 @@ pub fn main() -> ExitCode {
 }
 
 fn parse_and_run() -> ExitCode {
-    let cli = match Cli::try_parse() {
+    let parsed = help::command().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches));
+    let cli = match parsed {
         Ok(cli) => cli,
         Err(error) if error.use_stderr() => {
             let _ = writeln!(std::io::stderr(), "mrvis: {} (see mrvis --help)", usage(&error));
@@ -181,6 +183,11 @@ fn one_line(error: &Error) -> String {
     text.chars().filter(|c| !c.is_control()).take(MAX_MESSAGE).collect()
 }
 
+/// Feature sizes by name from the content of a file; see `solve --feature-sizes`.
+pub(crate) fn feature_sizes(path: &std::path::Path, bytes: &[u8]) -> Result<Vec<(String, f32)>> {
+    solve::sizes::parse(path, bytes)
+}
+
 /// Writes to standard output.
 fn print(text: &str) -> Result<()> {
     let mut out = std::io::stdout().lock();
@@ -217,19 +224,6 @@ mod tests {
         for words in [["mrvis", "--quiet", "info", "a.obj"], ["mrvis", "info", "a.obj", "--quiet"]] {
             let Command::Info(args) = Cli::try_parse_from(words).unwrap().command else { panic!() };
             assert!(args.common.quiet);
-        }
-    }
-
-    /// The short help of every command fits on a screen of 50 lines.
-    #[test]
-    fn help_fits_on_a_screen() {
-        let mut command = Cli::command();
-        command.build();
-        let own = command.render_help().to_string();
-        assert!(own.lines().count() <= 24, "{own}");
-        for command in command.get_subcommands_mut() {
-            let help = command.render_help().to_string();
-            assert!(help.lines().count() <= 50, "{} lines: {help}", help.lines().count());
         }
     }
 

@@ -1,6 +1,7 @@
 //! `mrvis solve SCENE --out DIR`: light in a scene.
 
 mod scaling;
+pub mod sizes;
 mod summary;
 mod watch;
 
@@ -10,8 +11,7 @@ use super::inputs::Inputs;
 use super::outputs::Outputs;
 use super::progress::Bar;
 use crate::bench::side_by_side::{ComparedRecord, Versus, side_by_side};
-use crate::error::quote;
-use crate::files::{WholeFile, input};
+use crate::files::WholeFile;
 use crate::points::{Irradiance, Point, read_points, write_irradiance};
 use crate::progress::Progress;
 use crate::radiosity::{
@@ -22,7 +22,6 @@ use crate::{Error, Result};
 use glam::DVec3;
 use scaling::scaling;
 use std::cell::RefCell;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -182,7 +181,7 @@ fn options(args: &Args) -> Result<Options> {
         },
         visibility: args.visibility.into(),
         feature_size: args.feature_size,
-        feature_sizes: args.feature_sizes.as_deref().map(read_sizes).transpose()?.unwrap_or_default(),
+        feature_sizes: args.feature_sizes.as_deref().map(sizes::read).transpose()?.unwrap_or_default(),
         inside: match args.inside {
             Clusters::Isotropic => Inside::Isotropic,
             Clusters::Oriented => Inside::Oriented,
@@ -315,15 +314,4 @@ fn views(scene: &Scene, given: Option<[f64; 7]>) -> Result<Vec<View>> {
         ));
     }
     Ok(views)
-}
-
-/// Reads feature sizes by name.
-fn read_sizes(path: &Path) -> Result<Vec<(String, f32)>> {
-    let bytes = input::read(path, input::MAX_SMALL_FILE)?;
-    let text = String::from_utf8(bytes).map_err(|_| Error::format(path, None, "not text in UTF-8"))?;
-    let sizes: BTreeMap<String, f32> = toml::from_str(&text).map_err(|e| {
-        let line = e.span().map(|s| 1 + text[..s.start].matches('\n').count());
-        Error::format(path, line, format!("{}; write lines like `sofa = 0.05`", quote(e.message())))
-    })?;
-    Ok(sizes.into_iter().collect())
 }

@@ -12,7 +12,7 @@ mod tests;
 mod write;
 
 pub use compare::{Comparison, compare};
-pub use read::{read_irradiance, read_points};
+pub use read::{irradiance_of, read_irradiance, read_points};
 pub use write::write_irradiance;
 
 use glam::DVec3;

@@ -147,6 +147,17 @@ fn read_bytes(
     }
 }
 
+/// Reads a scene from memory as [`Scene::load_with`] does, with an error for a panic of a decoder. Other files that it names are
+/// looked for in `folder`.
+///
+/// # Errors
+/// As for [`Scene::load_with`].
+pub fn read_from_memory(folder: &Path, format: &str, bytes: &[u8], options: &LoadOptions) -> Result<Scene> {
+    let path = folder.join("scene").with_extension(format);
+    let mut sources = Sources::new(options.max_memory);
+    guarded(&path, || read_bytes(&path, format, bytes.to_vec(), &mut sources, options))
+}
+
 /// Format of a scene without a name, by its first characters.
 fn format_of(bytes: &[u8]) -> &'static str {
     let start = bytes.trim_ascii_start();

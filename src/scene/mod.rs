@@ -34,7 +34,8 @@ mod write_obj;
 
 pub use emitter_sampler::{EmitterSampler, point_on};
 pub use instances::{MAX_PLACEMENTS, Placement};
-pub use load::LoadOptions;
+pub use load::{LoadOptions, read_from_memory};
+pub use mtl::read_materials;
 pub use power::{parse_emitter, unit_in_metres};
 pub use resolve::{MAX_COORDINATE, MIN_EXTENT, resolve};
 pub use soup::{PlacedSoup, Soup, SoupMaterial};

@@ -29,7 +29,18 @@ impl Library {
             }
             Err(error) => return Err(error),
         };
-        let cleaned = clean(path, &String::from_utf8_lossy(&bytes))?;
+        self.parse(path, &bytes, sources, repairs)
+    }
+
+    /// Reads the content of a library.
+    fn parse(
+        &mut self,
+        path: &Path,
+        bytes: &[u8],
+        sources: &mut Sources,
+        repairs: &mut Repairs,
+    ) -> Result<()> {
+        let cleaned = clean(path, &String::from_utf8_lossy(bytes))?;
         let text = &cleaned.text;
         let (materials, _) = guarded(path, || {
             tobj::load_mtl_buf(&mut text.as_bytes())
@@ -58,6 +69,17 @@ impl Library {
         }
         Ok(())
     }
+}
+
+/// Reads the content of a material library; the number of materials. Textures are looked for in `folder`.
+///
+/// # Errors
+/// It is no material library, or has an invalid colour.
+pub fn read_materials(folder: &Path, bytes: &[u8]) -> Result<usize> {
+    let mut library = Library::default();
+    let path = folder.join("scene.mtl");
+    library.parse(&path, bytes, &mut Sources::new(None), &mut Repairs::default())?;
+    Ok(library.materials.len())
 }
 
 /// Statements of a material library in the form that `tobj` accepts.

@@ -84,8 +84,21 @@ pub(super) fn apply(s: Surfaces, options: &LoadOptions) -> Result<()> {
     Ok(())
 }
 
+/// Similarity of two names above which one is suggested for the other, as in clap's suggestions of options; and number of
+/// names that are compared: a microsecond each.
+const SIMILAR: f64 = 0.7;
+const MAX_COMPARED: usize = 100_000;
+
 /// The error for an unknown name.
-pub(super) fn unknown<'a>(name: &str, names: impl Iterator<Item = &'a String>) -> Error {
+pub(super) fn unknown<'a>(name: &str, names: impl Iterator<Item = &'a String> + Clone) -> Error {
+    let likeness = |n: &&String| strsim::jaro_winkler(name, n);
+    let similar = names.clone().take(MAX_COMPARED).filter(|n| likeness(n) > SIMILAR);
+    if let Some(similar) = similar.max_by(|a, b| likeness(a).total_cmp(&likeness(b))) {
+        let (name, similar) = (quote(name), quote(similar));
+        return Error::Scene(format!(
+            "no object, group or material is called `{name}`; did you mean `{similar}`?"
+        ));
+    }
     let some = some_names(names);
     Error::Scene(format!("no object, group or material is called `{}`; there are {some}", quote(name)))
 }

@@ -214,17 +214,23 @@ fn load(path: &Path, key: &blake3::Hash, scene: &Scene) -> std::result::Result<P
     if hash.finalize() != *sum {
         return Err(Unusable::Damaged);
     }
-    let (table, rest) =
-        postcard::take_from_bytes::<PreparedClusters>(payload).map_err(|_| Unusable::Damaged)?;
+    decode(payload, scene).ok_or(Unusable::Damaged)
+}
+
+/// The clusters of a scene from the content of a file, if every number of them can be right.
+pub fn decode(payload: &[u8], scene: &Scene) -> Option<PreparedClusters> {
+    let (table, rest) = postcard::take_from_bytes::<PreparedClusters>(payload).ok()?;
     // A correct checksum does not prove a correct content; later rooms do not check the hierarchy again.
     let whole = rest.is_empty() && table.optics.len() == table.hierarchy.micro.clusters.len();
     // No projection of a cluster is longer than four times the diagonal of the scene.
     let longest = 4.0 * scene.bounds.diagonal();
     let in_range = table.optics.iter().all(|optics| optics.is_in_range(longest));
-    match whole && in_range && table.hierarchy.check(scene).is_ok() {
-        true => Ok(table),
-        false => Err(Unusable::Damaged),
-    }
+    (whole && in_range && table.hierarchy.check(scene).is_ok()).then_some(table)
+}
+
+/// The content of a file.
+pub fn encode(table: &PreparedClusters) -> Option<Vec<u8>> {
+    postcard::to_stdvec(table).ok()
 }
 
 fn save(path: &Path, key: &blake3::Hash, table: &PreparedClusters) -> Result<()> {
