@@ -2,7 +2,7 @@
 //!
 //! Each reader gets the files of `tests/corpus/READER` and random changes of them for a part of [`SECONDS`]. An input with an
 //! outcome that no other had (scene, or error without its numbers) joins the files that are changed. `make fuzz` searches for
-//! an hour instead, guided by the code that is reached (`tests/fuzz`), and keeps what it finds in the corpus.
+//! an hour instead, guided by the code that is reached (`tests/fuzz`).
 
 use mrvis::internals::readers::{NAMES, read, sample_cache};
 use rand_pcg::Pcg64Mcg;
