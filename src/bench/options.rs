@@ -16,6 +16,9 @@ pub const MAX_THREADS: u16 = 1024;
 /// Largest number of receiver points. Chosen: beyond it the results of one row alone take several GB.
 const MAX_POINTS: usize = 100_000_000;
 
+/// Largest number of segments of a row to one emitter: at 10 million a second (`mrvis bench` on one core) it takes a day.
+const MAX_SEGMENTS: f64 = 1e12;
+
 /// Target of the error or the time of the answers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Target {
@@ -108,6 +111,14 @@ impl Options {
             if count == 0 || count > most {
                 return Err(Error::Argument(format!("{name} {count}: must lie in 1..{most}")));
             }
+        }
+        let segments = self.points as f64 * self.rays as f64;
+        if segments > MAX_SEGMENTS {
+            return Err(Error::Argument(format!(
+                "points {} with rays {} are {segments:.0e} segments to each emitter, more than {MAX_SEGMENTS:.0e}: lower option \
+                 `points` or option `rays`",
+                self.points, self.rays
+            )));
         }
         let usable = |s: f64| s.is_finite() && s > 0.0 && (s as f32).is_normal();
         if let Some(s) = self.feature_sizes.iter().find(|&&s| !usable(s)) {

@@ -1,6 +1,6 @@
 //! Arguments shared by several subcommands.
 
-use super::{inputs::Inputs, limits};
+use super::{flags::with_flags, inputs::Inputs, limits};
 use crate::{
     Error, Result,
     bench::MAX_THREADS,
@@ -200,7 +200,7 @@ const MAX_COPIED_TRIANGLES: u64 = 20_000_000;
 /// Writes warnings to standard error, one per line. A closed standard error is ignored.
 pub fn warn(common: &Common, messages: &[String]) {
     for message in messages.iter().filter(|_| !common.quiet) {
-        let _ = writeln!(std::io::stderr(), "mrvis: warning: {message}");
+        let _ = writeln!(std::io::stderr(), "mrvis: warning: {}", with_flags(message));
     }
 }
 

@@ -1,7 +1,7 @@
 //! `mrvis info SCENE`: contents of a scene and its repairs.
 
 use super::args::{Common, SceneArgs, grouped};
-use super::inputs::Inputs;
+use super::{flags::with_flags, inputs::Inputs};
 use crate::clusters::{self, Hierarchy};
 use crate::{Result, error::quote, scene::Scene};
 use serde_json::{Value, json};
@@ -174,7 +174,7 @@ fn repairs(out: &mut String, s: &Scene) -> std::fmt::Result {
         return writeln!(out, "nothing had to be repaired");
     }
     writeln!(out, "repaired or assumed")?;
-    r.messages.iter().try_for_each(|m| writeln!(out, "  {m}"))
+    r.messages.iter().try_for_each(|m| writeln!(out, "  {}", with_flags(m)))
 }
 
 /// Objects with their numbers of triangles, in descending order.

@@ -27,19 +27,24 @@ fn array<T: bytemuck::NoUninit>(
     Array { name, kind, components, bytes: bytemuck::cast_slice(values).to_vec() }
 }
 
-/// A list of texts, each ended by a zero byte; `components` is their number.
-fn names<'a>(name: &'static str, texts: impl Iterator<Item = &'a String>) -> Array {
-    let (mut bytes, mut count) = (Vec::new(), 0);
-    for text in texts {
-        bytes.extend(text.bytes().filter(|&b| b != 0).chain([0]));
-        count += 1;
+/// A text in an attribute of XML, without characters that XML cannot hold.
+fn escaped(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars().filter(|c| !c.is_control() && !matches!(c, '\u{fffe}' | '\u{ffff}')) {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '"' => out.push_str("&quot;"),
+            other => out.push(other),
+        }
     }
-    Array { name, kind: "String", components: count, bytes }
+    out
 }
 
 /// Writes the elements as cells of a `.vtu` file with the fields `irradiance`, `radiosity`, `error` (standard error
 /// of the irradiance), all W/m² RGB; `level` (number of splits), `links`, `area`, `object`, `material`, `triangle`,
-/// `front`. `object` and `material` are indices into the lists `object_names` and `material_names` of the file.
+/// `front`. The components of the fields `object_names` and `material_names` of the whole file have the names that the
+/// indices `object` and `material` stand for.
 /// Coordinates are those of the scene's file.
 ///
 /// # Errors
@@ -89,9 +94,10 @@ fn write(out: &mut impl Write, s: &RadiosityMesh, scene: &Scene) -> std::io::Res
         count("triangle", |e| e.triangle),
         count("front", |e| e.front.into()),
     ];
-    let names = [
-        names("object_names", scene.objects.iter().map(|o| &o.name)),
-        names("material_names", scene.materials.iter().map(|m| &m.name)),
+    // Lists of texts are not known to all programs; names of components are, or are ignored.
+    let names: [(&str, Vec<&String>); 2] = [
+        ("object_names", scene.objects.iter().map(|o| &o.name).collect()),
+        ("material_names", scene.materials.iter().map(|m| &m.name).collect()),
     ];
     writeln!(out, "<?xml version=\"1.0\"?>")?;
     writeln!(
@@ -101,13 +107,18 @@ fn write(out: &mut impl Write, s: &RadiosityMesh, scene: &Scene) -> std::io::Res
     writeln!(out, "<UnstructuredGrid>")?;
     let mut at = 0;
     writeln!(out, "<FieldData>")?;
-    for a in &names {
-        writeln!(
+    for (name, list) in names {
+        write!(
             out,
-            "<DataArray type=\"{}\" Name=\"{}\" NumberOfTuples=\"{}\" format=\"appended\" offset=\"{at}\"/>",
-            a.kind, a.name, a.components
+            "<DataArray type=\"UInt32\" Name=\"{name}\" NumberOfTuples=\"1\" NumberOfComponents=\"{}\"",
+            list.len()
         )?;
-        at += 8 + a.bytes.len();
+        for (i, text) in list.iter().enumerate() {
+            write!(out, " ComponentName{i}=\"{}\"", escaped(text))?;
+        }
+        writeln!(out, " format=\"ascii\">")?;
+        let numbers: Vec<String> = (0..list.len()).map(|i| i.to_string()).collect();
+        writeln!(out, "{}\n</DataArray>", numbers.join(" "))?;
     }
     writeln!(out, "</FieldData>")?;
     writeln!(out, "<Piece NumberOfPoints=\"{}\" NumberOfCells=\"{}\">", points.len(), s.elements.len())?;
@@ -124,7 +135,7 @@ fn write(out: &mut impl Write, s: &RadiosityMesh, scene: &Scene) -> std::io::Res
         writeln!(out, "</{section}>")?;
     }
     write!(out, "</Piece>\n</UnstructuredGrid>\n<AppendedData encoding=\"raw\">\n_")?;
-    for a in names.iter().chain(&places).chain(&cells).chain(&fields) {
+    for a in places.iter().chain(&cells).chain(&fields) {
         out.write_all(&(a.bytes.len() as u64).to_le_bytes())?;
         out.write_all(&a.bytes)?;
     }

@@ -93,8 +93,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     let sides = |part: u32| options.sides.unwrap_or(if parts.closed[part as usize] { 1 } else { 2 });
     let (component, closed) = used_parts(&parts, &faces.polygon);
     let emission = |t: usize| materials[faces.material[t] as usize].emission;
-    let alike =
-        |s: usize, t: usize| faces.reflectance[s] == faces.reflectance[t] && emission(s) == emission(t);
+    let alike = |s, t| faces.reflectance[s] == faces.reflectance[t] && emission(s) == emission(t);
     let planes = overlap::Faces {
         positions: &positions,
         triangles: &triangles,

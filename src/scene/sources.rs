@@ -88,7 +88,12 @@ impl Sources {
         let texture = match decoded {
             Err(error @ Error::OutOfMemory(_)) => return Err(error),
             Err(error) => {
-                repairs.unreadable(&format!("texture {error}"));
+                let why = match &error {
+                    Error::Io { source, .. } => source.to_string(),
+                    Error::Format { what, .. } => what.clone(),
+                    other => other.to_string(),
+                };
+                repairs.unreadable(&format!("texture {}: {why}", shown(&file)));
                 None
             }
             Ok(texture) => Some(texture),
