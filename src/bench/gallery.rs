@@ -3,7 +3,7 @@
 use super::context::{Bench, PlannedRow};
 use super::measure::Queries;
 use super::page::ReceiverImages;
-use super::receivers::{self, Receiver};
+use super::receivers::{self, ReceiverGrid};
 use super::record::{self, MrRow, ReceiverFbem, interpolate_log_log};
 use super::rounds::rounds;
 use super::rows::ratio;
@@ -13,7 +13,7 @@ use crate::metrics::{FbemOptions, Image, fbem, missing_features, norms};
 use crate::visibility::{Exact, MultiResolution};
 use crate::{Result, error::quote};
 
-/// Rays per texel of the exact image in the report. Chosen: as many as the default number of segments of MR.
+/// Rays per texel of the exact image in the report: as many as the default number of segments of MR.
 const SHOWN_RAYS: usize = 16;
 
 impl Bench<'_> {
@@ -23,19 +23,19 @@ impl Bench<'_> {
         engine: &MultiResolution,
         rows: &mut [MrRow],
         warnings: &mut Vec<String>,
-    ) -> Result<(Vec<record::Receiver>, Vec<ReceiverImages>)> {
+    ) -> Result<(Vec<record::ReceiverErrors>, Vec<ReceiverImages>)> {
         self.progress.stage("receivers", 0);
         let single =
             Exact { scene: self.model.traced().clone(), traversal: Traversal { width: 1, coherent: false } };
-        let receivers = receivers::choose(self.scene, &single, &self.options.receivers)?;
+        let receivers = receivers::choose(self.model, &single, &self.options.receivers)?;
         if receivers.is_empty() {
             warnings.push("No surface that is flat, or faces one way as a terrain does, sees an emitter: there are no shadow images.".into());
         }
         for receiver in receivers.iter().filter(|r| !r.lit) {
             warnings.push(format!("No light arrives at the receiver `{}`.", quote(&receiver.name)));
         }
-        let points = receivers.iter().flat_map(Receiver::points).collect();
-        let workload = Workload::new(self.scene, points, self.options.seed ^ 0x696d_6167_6573);
+        let points = receivers.iter().flat_map(ReceiverGrid::points).collect();
+        let workload = Workload::new(self.model, points, self.options.seed ^ 0x696d_6167_6573);
         if workload.pairs.is_empty() {
             return Ok((Vec::new(), Vec::new()));
         }
@@ -102,11 +102,11 @@ impl Bench<'_> {
     /// Errors and images by receiver.
     fn gather(
         &self,
-        receivers: &[Receiver],
+        receivers: &[ReceiverGrid],
         references: Vec<Image>,
         shown: &[Image],
         mut shown_mr: Vec<Vec<Image>>,
-    ) -> Result<(Vec<record::Receiver>, Vec<ReceiverImages>)> {
+    ) -> Result<(Vec<record::ReceiverErrors>, Vec<ReceiverImages>)> {
         let (mut figures, mut images) = (Vec::new(), Vec::new());
         for (i, (receiver, reference)) in receivers.iter().zip(references).enumerate().rev() {
             let exact16 = shown[i].clone();
@@ -127,8 +127,15 @@ impl Bench<'_> {
                 });
                 mr.push((s as f32, image));
             }
-            let Receiver { name, width, height, texel, .. } = receiver.clone();
-            figures.push(record::Receiver { name: name.clone(), width, height, texel, l2, fbem: errors });
+            let ReceiverGrid { name, width, height, texel, .. } = receiver.clone();
+            figures.push(record::ReceiverErrors {
+                name: name.clone(),
+                width,
+                height,
+                texel,
+                l2,
+                fbem: errors,
+            });
             images.push(ReceiverImages { name, reference, exact16, mr });
         }
         figures.reverse();
@@ -143,7 +150,7 @@ fn fbem_of(reference: &Image, image: &Image, size: f64) -> Result<f64> {
 
 /// The texels of all receivers as one workload.
 struct Gallery<'a> {
-    receivers: &'a [Receiver],
+    receivers: &'a [ReceiverGrid],
     workload: &'a Workload,
 }
 
@@ -151,7 +158,7 @@ impl Gallery<'_> {
     /// An image per receiver: fraction of the unoccluded irradiance, from the visible fraction of each pair.
     fn images(&self, visible: &[f32]) -> Result<Vec<Image>> {
         let mut values = self.workload.weighted(visible).into_iter();
-        let image = |r: &Receiver| {
+        let image = |r: &ReceiverGrid| {
             let texels = values.by_ref().take(r.width * r.height).collect();
             Image::new(r.width, r.height, r.texel, texels)
         };

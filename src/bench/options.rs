@@ -5,15 +5,15 @@ use super::sample::Sample;
 use crate::model::cache::CacheLocation;
 use crate::optics;
 use crate::scene::Scene;
+use crate::threads::MAX_THREADS;
 use crate::{Error, Result, error::quote, memory};
 
 /// Largest number of segments from a point to an emitter: the length of one scrambled Sobol' sequence.
 pub(super) const MAX_RAYS: usize = 1 << 16;
-/// Numbers of segments of the MR rows, relative to `rays`. Chosen: each step of 4 halves the noise of exact rays.
+/// Numbers of segments of the MR rows, relative to `rays`: steps of 4 halve the noise of exact rays.
 const MR_FACTORS: [usize; 3] = [1, 4, 16];
-/// Largest number of threads of any command. Chosen: more than any machine that was tried has.
-pub const MAX_THREADS: u16 = 1024;
-/// Largest number of receiver points. Chosen: beyond it the results of one row alone take several GB.
+/// Largest number of receiver points: limits the results of one row to 8 GB with one emitter, at 32 + 48 bytes per
+/// point.
 const MAX_POINTS: usize = 100_000_000;
 
 /// Largest number of segments of a row to one emitter: at 10 million a second (`mrvis bench` on one core) it takes a day.
@@ -105,7 +105,7 @@ impl Options {
             ("rays", self.rays, MAX_RAYS),
             ("reference_rays", self.reference_rays, MAX_RAYS),
             ("points", self.points, MAX_POINTS),
-            ("threads", self.threads, MAX_THREADS.into()),
+            ("threads", self.threads, MAX_THREADS),
         ];
         for (name, count, most) in counts {
             if count == 0 || count > most {
@@ -165,7 +165,7 @@ impl Options {
                 if scene.objects.len() > names.len() { ", …" } else { "" },
             )));
         }
-        let diagonal = f64::from(scene.bounds.diagonal());
+        let diagonal = f64::from(scene.world_bounds().diagonal());
         if let Some(s) = self.feature_sizes.iter().find(|&&s| s > 10.0 * diagonal) {
             return Err(Error::Argument(format!(
                 "feature_size {s}: the whole scene is only {diagonal:.3} {} across",
@@ -173,7 +173,7 @@ impl Options {
             )));
         }
         for name in &self.receivers {
-            scene.faces_named(name)?;
+            scene.faces_named_placed(scene.placed(), name)?;
         }
         self.check_memory(scene.emitters.len(), self.max_memory.or_else(memory::usable))
     }

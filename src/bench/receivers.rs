@@ -5,41 +5,47 @@
 //! the smallest rectangle around it, the longer side horizontal; a relief is projected along its mean normal. By
 //! default the largest, nearly rectangular patches that see an emitter are taken, one per object before any object
 //! gets two; patches without shadows come last. A name selects the largest such patch of the object, group or
-//! material; given k times it selects the k largest.
+//! material, or of the placed mesh (see [`faces_named`]); given k times it selects the k largest.
 
 mod patch;
 mod relief;
 
-use super::workload::{Order, Point, Workload};
+use super::workload::{Order, ReceiverPoint, Workload};
 use crate::math::Aabb;
+use crate::model::Model;
 use crate::ray::{Occluder, Packet};
 use crate::scene::Scene;
 use crate::{Error, Result, error::quote};
 use patch::{MIN_FILLED_PART, Patch, Rectangle, patches};
 use rayon::prelude::*;
+use std::sync::Arc;
 
-/// Number of receivers without names. Chosen: fits on one page of the report.
+/// Number of receivers without names: their images fit on one page of the report.
 const DEFAULT_COUNT: usize = 3;
-/// Largest number of texels along the longer side. Chosen: bounds the time of images.
+/// Largest number of texels along the longer side: limits an image to 9,216 texels.
 const MAX_SIDE_TEXELS: usize = 96;
-/// Smallest number of texels along the longer side, however many emitters there are. Chosen: shadows remain visible.
+/// Smallest number of texels along the longer side, however many emitters there are: shadows of 1/10 of the receiver
+/// keep the 3 texels that missing features need.
 const MIN_SIDE_TEXELS: usize = 32;
-/// Approximate number of pairs of all images; with many emitters images get fewer texels. Chosen: bounds the time of
-/// images.
+/// Approximate number of pairs of all images; with many emitters images get fewer texels. Limits the time of images to
+/// 60,000 pairs per row.
 const MAX_PAIRS: usize = 60_000;
-/// Smallest longer side of a default receiver, relative to the scene's diagonal. Chosen: excludes small objects.
+/// Smallest longer side of a default receiver, relative to the scene's diagonal: excludes small objects. The same part
+/// as the largest default feature size.
 const MIN_EXTENT_PART: f32 = 0.05;
-/// Number of largest patches whose light is tested. Chosen: bounds the time of the selection.
+/// Number of largest patches whose light is tested: limits the time of the selection to 24 · 1,024 rays per emitter.
 const MAX_CANDIDATES: usize = 24;
-/// Test points along each side of a candidate, and rays from each to each emitter. Chosen: 1,024 rays per emitter.
+/// Test points along each side of a candidate: 64 points, each with [`PROBE_RAYS`], are 1,024 rays per emitter.
 const PROBES_PER_SIDE: usize = 8;
+/// Rays from each test point to each emitter: one packet.
 const PROBE_RAYS: usize = 16;
-/// A patch is dark below this fraction of the unoccluded irradiance, and fully lit above one minus this. Chosen: 2 %.
+/// A patch is dark below this fraction of the unoccluded irradiance, and fully lit above one minus this: the default
+/// threshold of shadows of `mrvis fbem`. Selects receivers only.
 const DARK_PART: f64 = 0.02;
 
 /// A receiver and its grid of texels.
 #[derive(Clone, Debug)]
-pub struct Receiver {
+pub struct ReceiverGrid {
     /// Name of the object, or the name that was given.
     pub name: String,
     /// Columns.
@@ -52,12 +58,12 @@ pub struct Receiver {
     pub lit: bool,
     rectangle: Rectangle,
     /// Points of a relief; `None` for a plane.
-    relief: Option<Vec<Point>>,
+    relief: Option<Vec<ReceiverPoint>>,
 }
 
-impl Receiver {
+impl ReceiverGrid {
     /// Centres of the texels, row by row from the top left as seen from the lit side.
-    pub fn points(&self) -> Vec<Point> {
+    pub fn points(&self) -> Vec<ReceiverPoint> {
         if let Some(points) = &self.relief {
             return points.clone();
         }
@@ -66,7 +72,7 @@ impl Receiver {
         let centre = self.rectangle.lifted() + 1e-3 * self.texel * normal;
         let up = normal.cross(right);
         let at = move |i: usize, n: usize| (i as f64 + 0.5 - 0.5 * n as f64) * self.texel;
-        let texel = move |x, y| Point {
+        let texel = move |x, y| ReceiverPoint {
             position: (centre + at(x, self.width) * right - at(y, self.height) * up).as_vec3(),
             normal: normal.as_vec3(),
         };
@@ -77,25 +83,27 @@ impl Receiver {
 /// A patch with the irradiance of its brighter side.
 struct Candidate {
     patch: Patch,
+    /// The scene that holds its triangles, in the frame of the model.
+    surfaces: Arc<Scene>,
     object: u32,
     rectangle: Rectangle,
     lit: bool,
     shadowed: bool,
 }
 
-/// The receivers with these `names`, or the default ones.
+/// The receivers with these `names`, or the default ones, which are surfaces of the scene's own triangles.
 ///
 /// # Errors
 /// No surface has one of the names, or it has fewer planar patches than times it was named.
-pub fn choose(scene: &Scene, exact: &dyn Occluder, names: &[String]) -> Result<Vec<Receiver>> {
-    let chosen = if names.is_empty() { by_size(scene, exact) } else { by_name(scene, exact, names)? };
+pub fn choose(model: &Model, exact: &dyn Occluder, names: &[String]) -> Result<Vec<ReceiverGrid>> {
+    let chosen = if names.is_empty() { by_size(model, exact) } else { by_name(model, exact, names)? };
     let area = |c: &Candidate| {
         let (w, h) = (c.rectangle.width, c.rectangle.height);
         h / w
     };
     let texels: f64 =
         chosen.iter().map(|(_, c)| area(c)).sum::<f64>() * (MAX_SIDE_TEXELS * MAX_SIDE_TEXELS) as f64;
-    let pairs = texels * scene.emitters.len().max(1) as f64;
+    let pairs = texels * model.scene().emitters.len().max(1) as f64;
     let side = (MAX_SIDE_TEXELS as f64 * (MAX_PAIRS as f64 / pairs.max(1.0)).sqrt()).floor();
     let side = side.clamp(MIN_SIDE_TEXELS as f64, MAX_SIDE_TEXELS as f64);
     Ok(chosen
@@ -104,17 +112,18 @@ pub fn choose(scene: &Scene, exact: &dyn Occluder, names: &[String]) -> Result<V
             let rectangle = candidate.rectangle;
             let texel = rectangle.width / side;
             let height = (rectangle.height / texel).round().max(1.0) as usize;
-            let (width, Candidate { patch, lit, .. }) = (side as usize, candidate);
+            let (width, Candidate { patch, surfaces, lit, .. }) = (side as usize, candidate);
             let relief = patch
                 .relief
-                .then(|| relief::points(scene, &patch.triangles, &rectangle, (width, height, texel)));
-            Receiver { name, width, height, texel, lit, rectangle, relief }
+                .then(|| relief::points(&surfaces, &patch.triangles, &rectangle, (width, height, texel)));
+            ReceiverGrid { name, width, height, texel, lit, rectangle, relief }
         })
         .collect())
 }
 
-fn by_size(scene: &Scene, exact: &dyn Occluder) -> Vec<(String, Candidate)> {
-    let least = MIN_EXTENT_PART * scene.bounds.diagonal();
+fn by_size(model: &Model, exact: &dyn Occluder) -> Vec<(String, Candidate)> {
+    let scene = model.shared_scene();
+    let least = MIN_EXTENT_PART * model.bounds().diagonal();
     let mut extent = vec![Aabb::EMPTY; scene.triangle_component.iter().max().map_or(0, |&c| c as usize + 1)];
     for (t, &c) in scene.triangle_component.iter().enumerate() {
         extent[c as usize] = extent[c as usize].union(Aabb::of(scene.corners(t as u32)));
@@ -124,12 +133,12 @@ fn by_size(scene: &Scene, exact: &dyn Occluder) -> Vec<(String, Candidate)> {
             && extent[scene.triangle_component[*t as usize] as usize].diagonal() >= least
     };
     let triangles: Vec<u32> = (0..scene.triangles.len() as u32).filter(large).collect();
-    let mut patches = patches(scene, &triangles);
+    let mut patches = patches(&scene, &triangles);
     let mut by_object = triangles;
     let object = |t: u32| scene.triangle_object[t as usize];
     by_object.sort_by_key(|&t| object(t));
     let relief = |own: &[u32]| {
-        relief::of(scene, own, patches.iter().filter(|p| object(p.triangles[0]) == object(own[0])))
+        relief::of(&scene, own, patches.iter().filter(|p| object(p.triangles[0]) == object(own[0])))
     };
     let reliefs: Vec<Patch> =
         by_object.chunk_by(|&a, &b| object(a) == object(b)).filter_map(relief).collect();
@@ -138,7 +147,7 @@ fn by_size(scene: &Scene, exact: &dyn Occluder) -> Vec<(String, Candidate)> {
     patches.retain(|p| !rough.contains(&object(p.triangles[0])));
     patches.extend(reliefs);
     patches.retain(|p| p.filled() >= MIN_FILLED_PART && p.rectangle.width >= f64::from(least));
-    let mut candidates = candidates(scene, exact, patches);
+    let mut candidates = candidates(model, &scene, exact, patches);
     candidates.retain(|c| c.lit);
     let mut chosen: Vec<Candidate> = Vec::new();
     let mut others = Vec::new();
@@ -156,7 +165,7 @@ fn by_size(scene: &Scene, exact: &dyn Occluder) -> Vec<(String, Candidate)> {
     chosen.into_iter().map(|c| (scene.objects[c.object as usize].name.clone(), c)).collect()
 }
 
-fn by_name(scene: &Scene, exact: &dyn Occluder, names: &[String]) -> Result<Vec<(String, Candidate)>> {
+fn by_name(model: &Model, exact: &dyn Occluder, names: &[String]) -> Result<Vec<(String, Candidate)>> {
     let mut distinct: Vec<&String> = Vec::new();
     names.iter().for_each(|n| {
         if !distinct.contains(&n) {
@@ -166,9 +175,9 @@ fn by_name(scene: &Scene, exact: &dyn Occluder, names: &[String]) -> Result<Vec<
     let mut found = Vec::new();
     for name in distinct {
         let wanted = names.iter().filter(|n| *n == name).count();
-        let faces = scene.faces_named(name)?;
-        let mut patches = patches(scene, &faces);
-        patches.extend(relief::of(scene, &faces, patches.iter()));
+        let (scene, faces) = faces_named(model, name)?;
+        let mut patches = patches(&scene, &faces);
+        patches.extend(relief::of(&scene, &faces, patches.iter()));
         if patches.len() < wanted {
             return Err(Error::Scene(format!(
                 "receiver `{}` is named {wanted} times but has {} planar patches",
@@ -180,13 +189,19 @@ fn by_name(scene: &Scene, exact: &dyn Occluder, names: &[String]) -> Result<Vec<
         if patches.iter().filter(|p| p.filled() >= MIN_FILLED_PART).count() >= wanted {
             patches.retain(|p| p.filled() >= MIN_FILLED_PART);
         }
-        found.extend(candidates(scene, exact, patches).into_iter().take(wanted).map(|c| (name.clone(), c)));
+        let candidates = candidates(model, &scene, exact, patches);
+        found.extend(candidates.into_iter().take(wanted).map(|c| (name.clone(), c)));
     }
     Ok(found)
 }
 
 /// The largest patches: partly shadowed ones first, then fully lit ones, then dark ones, each by area.
-fn candidates(scene: &Scene, exact: &dyn Occluder, mut patches: Vec<Patch>) -> Vec<Candidate> {
+fn candidates(
+    model: &Model,
+    scene: &Arc<Scene>,
+    exact: &dyn Occluder,
+    mut patches: Vec<Patch>,
+) -> Vec<Candidate> {
     patches.sort_by(|a, b| b.area.total_cmp(&a.area).then(a.triangles[0].cmp(&b.triangles[0])));
     patches.truncate(MAX_CANDIDATES);
     let mut candidates: Vec<Candidate> = patches
@@ -194,18 +209,19 @@ fn candidates(scene: &Scene, exact: &dyn Occluder, mut patches: Vec<Patch>) -> V
         .map(|patch| {
             let object = scene.triangle_object[patch.triangles[0] as usize];
             let front = patch.rectangle;
-            let (light, part) = light_on(scene, exact, &patch, front);
+            let (light, part) = light_on(model, scene, exact, &patch, front);
             let sheet = scene.triangle_sides[patch.triangles[0] as usize] == 2;
             let (mut best, mut rectangle) = ((light, part), front);
             if sheet || part < DARK_PART {
                 let back = front.turned();
-                let there = light_on(scene, exact, &patch, back);
+                let there = light_on(model, scene, exact, &patch, back);
                 if there.0 > best.0 {
                     (best, rectangle) = (there, back);
                 }
             }
             let lit = best.1 >= DARK_PART;
-            Candidate { patch, object, rectangle, lit, shadowed: lit && best.1 <= 1.0 - DARK_PART }
+            let (surfaces, shadowed) = (scene.clone(), lit && best.1 <= 1.0 - DARK_PART);
+            Candidate { patch, surfaces, object, rectangle, lit, shadowed }
         })
         .collect();
     candidates.sort_by(|a, b| {
@@ -215,13 +231,19 @@ fn candidates(scene: &Scene, exact: &dyn Occluder, mut patches: Vec<Patch>) -> V
 }
 
 /// Relative irradiance at a grid of test points, and its fraction of the unoccluded irradiance.
-fn light_on(scene: &Scene, exact: &dyn Occluder, patch: &Patch, rectangle: Rectangle) -> (f64, f64) {
+fn light_on(
+    model: &Model,
+    surfaces: &Scene,
+    exact: &dyn Occluder,
+    patch: &Patch,
+    rectangle: Rectangle,
+) -> (f64, f64) {
     let n = PROBES_PER_SIDE as f64;
     let up = rectangle.normal.cross(rectangle.right);
     let at = |i: usize| (i as f64 + 0.5) / n - 0.5;
     let plane = (0..PROBES_PER_SIDE * PROBES_PER_SIDE).map(|i| {
         let (x, y) = (at(i % PROBES_PER_SIDE) * rectangle.width, at(i / PROBES_PER_SIDE) * rectangle.height);
-        Point {
+        ReceiverPoint {
             position: (rectangle.lifted() + x * rectangle.right + y * up).as_vec3(),
             normal: rectangle.normal.as_vec3(),
         }
@@ -229,11 +251,11 @@ fn light_on(scene: &Scene, exact: &dyn Occluder, patch: &Patch, rectangle: Recta
     let points = if patch.relief {
         let texel = rectangle.width / n;
         let rows = (rectangle.height / texel).round().max(1.0) as usize;
-        relief::points(scene, &patch.triangles, &rectangle, (PROBES_PER_SIDE, rows, texel))
+        relief::points(surfaces, &patch.triangles, &rectangle, (PROBES_PER_SIDE, rows, texel))
     } else {
         plane.collect()
     };
-    let workload = Workload::new(scene, points, 0);
+    let (scene, workload) = (model.scene(), Workload::new(model, points, 0));
     let (mut packets, mut blocked): (Vec<Packet>, Vec<u32>) = (Vec::new(), Vec::new());
     let (mut arrives, mut could) = (0.0, 0.0);
     for (i, pair) in workload.pairs.iter().enumerate() {
@@ -248,6 +270,25 @@ fn light_on(scene: &Scene, exact: &dyn Occluder, patch: &Patch, rectangle: Recta
         arrives += weight * (1.0 - f64::from(stopped) / PROBE_RAYS as f64);
     }
     (arrives, if could > 0.0 { arrives / could } else { 0.0 })
+}
+
+/// The faces of the objects, groups or materials with this name among the scene's own; else those of the first placed mesh of
+/// this name; else those of the first placed mesh that has an object, group or material of this name. Also returns the scene
+/// that holds them, in the frame of the model.
+///
+/// # Errors
+/// Nothing has this name.
+fn faces_named(model: &Model, name: &str) -> Result<(Arc<Scene>, Vec<u32>)> {
+    let present: Vec<u32> =
+        (1..model.instances().len() as u32).filter(|&i| model.instances()[i as usize].is_present()).collect();
+    let placed = present.iter().map(|&i| (&model.instances()[i as usize].name, model.mesh_of(i)));
+    let scene = model.shared_scene();
+    let (place, faces) = scene.faces_named_placed(placed, name)?;
+    let surfaces = place.map(|place| {
+        let i = present[place];
+        Arc::new(model.mesh_of(i).transformed(&model.instances()[i as usize].transform))
+    });
+    Ok((surfaces.unwrap_or(scene), faces))
 }
 
 #[cfg(test)]

@@ -15,7 +15,7 @@ use crate::metrics::{
     DEFAULT_THRESHOLD, Fbem, FbemOptions, FeatureOptions, FeatureSet, Features, Filter, Image, Norms, norms,
     spectrum, spectrum_sizes,
 };
-use crate::plot::{Plot, Point, Scale, Series, number};
+use crate::plot::{Plot, PlotPoint, Scale, Series, number};
 use crate::raster::Morphology;
 use crate::{Error, Result};
 
@@ -235,7 +235,7 @@ fn write_pictures(
     let values = reference.data().iter().zip(approximation.data()).map(|(r, a)| a - r).collect();
     let signed = Image::new(reference.width(), reference.height(), reference.texel(), values)?;
     write_exr(&folder.join("difference.exr"), &signed)?;
-    let point = |row: &Fbem| Point { x: row.size, y: row.value, label: String::new() };
+    let point = |row: &Fbem| PlotPoint { x: row.size, y: row.value, label: String::new() };
     let plot = Plot {
         x_label: "feature size s".into(),
         y_label: "error that features larger than s see".into(),

@@ -16,10 +16,9 @@ const GROUPS: [(&str, &[&str]); 3] = [
     ("Method", &["oracle", "rows", "inside", "light_rays", "gather_rays", "local_rays", "scaling"]),
 ];
 
-/// Options that only `mrvis help COMMAND` lists.
-const ADVANCED: [&str; 19] = [
+/// Options of `solve` that only `mrvis help solve` lists.
+const ADVANCED: [&str; 17] = [
     "compare",
-    "extinction",
     "feature_sizes",
     "gather_rays",
     "importance",
@@ -31,7 +30,6 @@ const ADVANCED: [&str; 19] = [
     "max_links",
     "min_area",
     "oracle",
-    "pair_rays",
     "rows",
     "scaling",
     "seed",
@@ -58,7 +56,7 @@ fn arranged(arg: Arg, solve: bool) -> Arg {
     };
     let Some(text) = arg.get_long_help().or(arg.get_help()).map(ToString::to_string) else { return arg };
     let short = first_sentence(&text).to_owned();
-    let hidden = ADVANCED.contains(&id.as_str());
+    let hidden = solve && ADVANCED.contains(&id.as_str());
     arg.help(short).long_help(text).hide_short_help(hidden)
 }
 

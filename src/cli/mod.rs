@@ -33,7 +33,7 @@ use std::{
     sync::{Mutex, PoisonError},
 };
 
-/// Visibility and radiosity in scenes with much small detail, by exact rays and by multi-resolution visibility.
+/// Visibility and radiosity in scenes with much small detail.
 #[derive(Parser)]
 #[command(version, max_term_width = 110, disable_help_flag = true, disable_version_flag = true)]
 #[command(after_help = "mrvis help COMMAND describes all options of a command at length.")]
@@ -44,7 +44,7 @@ struct Cli {
     #[arg(short, long, action = clap::ArgAction::HelpShort, global = true, help_heading = "Common options")]
     help: Option<bool>,
     /// Print the versions of mrvis and Embree.
-    #[arg(short = 'V', long, action = clap::ArgAction::Version)]
+    #[arg(short = 'V', long, action = clap::ArgAction::Version, help_heading = "Common options")]
     version: Option<bool>,
     /// No progress and no text: only files and the exit code.
     // The subcommands read it as an option of theirs.

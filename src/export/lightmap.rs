@@ -30,9 +30,6 @@ pub struct Lightmap {
     pub texcoords: Vec<[Vec2; 3]>,
     /// Sides of the scene's triangles that lie in the image; empty if the texture coordinates of the scene apply.
     pub sides: Vec<MapSide>,
-    /// Number of charts.
-    #[cfg_attr(not(test), allow(dead_code))]
-    pub charts: usize,
 }
 
 /// One side of a triangle of the scene in a lightmap.
@@ -46,7 +43,8 @@ pub struct MapSide {
     pub texcoords: [Vec2; 3],
 }
 
-/// Width of the margin around each chart that repeats its border. Chosen: bilinear filtering never mixes charts.
+/// Width of the margin around each chart that repeats its border: bilinear filtering reads one texel beyond a chart,
+/// also at half the resolution.
 const MARGIN_TEXELS: usize = 2;
 /// Largest side of an image, texels: the limit of common graphics hardware.
 pub(super) const MAX_SIDE_TEXELS: usize = 16_384;
@@ -105,7 +103,6 @@ pub fn lightmap(mesh: &Mesh, solution: &RadiosityMesh, scene: &Scene, texels: us
         covered: vec![false; width * height],
         texcoords: vec![[Vec2::ZERO; 3]; mesh.triangles.len()],
         sides: Vec::new(),
-        charts: charts.len(),
     };
     map.sides = map.sides_of(&charts, mesh, solution, scene);
     for chart in &charts {

@@ -43,9 +43,9 @@ fn escaped(text: &str) -> String {
 
 /// Writes the elements as cells of a `.vtu` file with the fields `irradiance`, `radiosity`, `error` (standard error
 /// of the irradiance), all W/m² RGB; `level` (number of splits), `links`, `area`, `object`, `material`, `triangle`,
-/// `front`. The components of the fields `object_names` and `material_names` of the whole file have the names that the
-/// indices `object` and `material` stand for.
-/// Coordinates are those of the scene's file.
+/// `front`; in scenes with placed meshes `instance` and `id` as well. The components of the fields `object_names` and
+/// `material_names` of the whole file have the names that the indices `object` and `material` stand for. Coordinates are those of
+/// the scene's file.
 ///
 /// # Errors
 /// The file cannot be written.
@@ -82,7 +82,7 @@ fn write(out: &mut impl Write, s: &RadiosityMesh, scene: &Scene) -> std::io::Res
         array("offsets", "UInt64", 1, &offsets),
         array("types", "UInt8", 1, &types),
     ];
-    let fields = [
+    let mut fields = vec![
         light("irradiance", |e| e.irradiance),
         light("radiosity", |e| e.radiosity),
         light("error", |e| e.error),
@@ -99,6 +99,11 @@ fn write(out: &mut impl Write, s: &RadiosityMesh, scene: &Scene) -> std::io::Res
         ("object_names", scene.objects.iter().map(|o| &o.name).collect()),
         ("material_names", scene.materials.iter().map(|m| &m.name).collect()),
     ];
+    if !s.instances.is_empty() {
+        let instances: Vec<u32> = s.instances.iter().map(|e| e.instance).collect();
+        let ids: Vec<u64> = s.instances.iter().map(|e| e.id).collect();
+        fields.extend([array("instance", "UInt32", 1, &instances), array("id", "UInt64", 1, &ids)]);
+    }
     writeln!(out, "<?xml version=\"1.0\"?>")?;
     writeln!(
         out,

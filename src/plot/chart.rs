@@ -41,14 +41,14 @@ pub struct Series {
     /// Name in the legend.
     pub name: String,
     /// The points. Points that an axis cannot show (not finite, or not positive on a logarithmic axis) are omitted.
-    pub points: Vec<Point>,
+    pub points: Vec<PlotPoint>,
     /// Whether a line joins the points in their order.
     pub line: bool,
 }
 
 /// A point of a series.
 #[derive(Clone, Debug, Default)]
-pub struct Point {
+pub struct PlotPoint {
     /// Horizontal value.
     pub x: f64,
     /// Vertical value.
@@ -226,8 +226,8 @@ fn label_place((u, v): (i32, i32), label: &str, limits: [i32; 4], boxes: &[[i32;
 mod tests {
     use super::*;
 
-    fn point(x: f64, y: f64) -> Point {
-        Point { x, y, label: format!("label {x}") }
+    fn point(x: f64, y: f64) -> PlotPoint {
+        PlotPoint { x, y, label: format!("label {x}") }
     }
 
     #[test]

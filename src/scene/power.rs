@@ -90,16 +90,18 @@ const SIMILAR: f64 = 0.7;
 const MAX_COMPARED: usize = 100_000;
 
 /// The error for an unknown name.
-pub(super) fn unknown<'a>(name: &str, names: impl Iterator<Item = &'a String> + Clone) -> Error {
-    let likeness = |n: &&String| strsim::jaro_winkler(name, n);
-    let similar = names.clone().take(MAX_COMPARED).filter(|n| likeness(n) > SIMILAR);
-    if let Some(similar) = similar.max_by(|a, b| likeness(a).total_cmp(&likeness(b))) {
+pub(super) fn unknown<'a>(name: &str, names: impl Iterator<Item = &'a String>) -> Error {
+    let names: Vec<&String> = names.take(MAX_COMPARED).collect();
+    let similar = names.iter().map(|n| (strsim::jaro_winkler(name, n), n));
+    if let Some((likeness, similar)) = similar.max_by(|a, b| a.0.total_cmp(&b.0))
+        && likeness > SIMILAR
+    {
         let (name, similar) = (quote(name), quote(similar));
         return Error::Scene(format!(
             "no object, group or material is called `{name}`; did you mean `{similar}`?"
         ));
     }
-    let some = some_names(names);
+    let some = some_names(names.into_iter());
     Error::Scene(format!("no object, group or material is called `{}`; there are {some}", quote(name)))
 }
 

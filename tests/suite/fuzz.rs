@@ -165,11 +165,13 @@ fn watch(reader: &'static str, current: &Arc<Mutex<(Instant, Vec<u8>)>>) {
     let current = Arc::downgrade(current);
     std::thread::spawn(move || {
         while let Some(current) = current.upgrade() {
-            let (start, bytes) = &*current.lock().expect("not poisoned");
+            let start = current.lock().map_or_else(|e| e.into_inner().0, |current| current.0);
             if start.elapsed() > 4 * MAX_TIME {
-                eprintln!("{reader}: {} hangs", keep(reader, bytes).display());
+                let bytes = current.lock().map(|current| current.1.clone()).unwrap_or_default();
+                eprintln!("{reader}: {} hangs", keep(reader, &bytes).display());
                 std::process::abort();
             }
+            drop(current);
             std::thread::sleep(Duration::from_millis(500));
         }
     });

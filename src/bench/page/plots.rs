@@ -6,13 +6,13 @@ use super::length;
 use crate::Result;
 use crate::bench::record::{ExactRow, Record};
 use crate::metrics::Fbem;
-use crate::plot::{Plot, Point, Scale, Series};
+use crate::plot::{Plot, PlotPoint, Scale, Series};
 
 /// Error against time of each row, both axes logarithmic.
 pub(super) fn error_against_time(record: &Record) -> Result<Markup> {
     let rays = |n: usize| if n == 1 { "1 ray".to_string() } else { format!("{n} rays") };
-    let points = |rows: &[ExactRow]| -> Vec<Point> {
-        rows.iter().map(|row| Point { x: row.seconds, y: row.rms, label: rays(row.rays) }).collect()
+    let points = |rows: &[ExactRow]| -> Vec<PlotPoint> {
+        rows.iter().map(|row| PlotPoint { x: row.seconds, y: row.rms, label: rays(row.rays) }).collect()
     };
     let mut series = vec![Series { name: "exact".into(), points: points(&record.exact), line: true }];
     if !record.certified.is_empty() {
@@ -22,7 +22,7 @@ pub(super) fn error_against_time(record: &Record) -> Result<Markup> {
     for row in &record.mr {
         let name = format!("multi-res., {} segments", row.rays);
         let label = format!("s = {}", length(row.feature_size, &record.unit));
-        let point = Point { x: row.seconds, y: row.rms, label };
+        let point = PlotPoint { x: row.seconds, y: row.rms, label };
         match series.iter_mut().find(|s| s.name == name) {
             Some(series) => series.points.push(point),
             None => series.push(Series { name, points: vec![point], line: false }),
@@ -49,7 +49,7 @@ pub(super) fn error_against_time(record: &Record) -> Result<Markup> {
 
 /// Spectrum (FBEM over feature size) of the exact image of 16 rays, and FBEM of each MR image at its own size.
 pub(super) fn spectrum(exact: &[Fbem], mr: &[Fbem], unit: &str) -> Result<Markup> {
-    let point = |row: &Fbem| Point { x: row.size, y: row.value, label: String::new() };
+    let point = |row: &Fbem| PlotPoint { x: row.size, y: row.value, label: String::new() };
     let series = |name: &str, rows: &[Fbem], line| Series {
         name: name.into(),
         points: rows.iter().map(point).collect(),

@@ -6,7 +6,7 @@ use super::tables::{bytes, count, seconds};
 use super::{document, length};
 use crate::Result;
 use crate::bench::record::{ScalingRecord, ScalingRow};
-use crate::plot::{Plot, Point, Scale, Series, number};
+use crate::plot::{Plot, PlotPoint, Scale, Series, number};
 
 /// The rows of a series, in order.
 fn series<'a>(rows: &'a [ScalingRow], name: &str) -> Vec<&'a ScalingRow> {
@@ -41,7 +41,7 @@ fn plot(rows: &[ScalingRow]) -> Result<Markup> {
             name: format!("{engine}, {words}"),
             points: series(rows, name)
                 .iter()
-                .map(|r| Point { x: r.triangles as f64, y: 1e6 * time(r), label: String::new() })
+                .map(|r| PlotPoint { x: r.triangles as f64, y: 1e6 * time(r), label: String::new() })
                 .collect(),
             line: true,
         };

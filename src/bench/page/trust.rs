@@ -5,8 +5,8 @@ use maud::{Markup, PreEscaped, html};
 use super::tables::{seconds, signed};
 use super::{length, percent, times};
 use crate::Result;
-use crate::bench::record::{Audit, MrRow, Record, TargetChoice, UnbiasedRow};
-use crate::plot::{Plot, Point, Scale, Series, number};
+use crate::bench::record::{IntervalAudit, MrRow, Record, TargetChoice, UnbiasedRow};
+use crate::plot::{Plot, PlotPoint, Scale, Series, number};
 
 /// Largest number of feature sizes in the plot: with the diagonal, one per colour.
 const MAX_SIZES: usize = 4;
@@ -14,7 +14,8 @@ const MAX_SIZES: usize = 4;
 /// Calibration plot and table; empty without an audit.
 pub(super) fn calibration(record: &Record) -> Result<Markup> {
     let audited = record.mr.iter().filter_map(|row| Some((row, row.audit.as_ref()?)));
-    let rows: Vec<(&MrRow, &Audit)> = audited.filter(|(row, _)| row.rays == record.workload.rays).collect();
+    let rows: Vec<(&MrRow, &IntervalAudit)> =
+        audited.filter(|(row, _)| row.rays == record.workload.rays).collect();
     let Some(&(_, any)) = rows.first() else { return Ok(html! {}) };
     Ok(html! {
         section {
@@ -55,7 +56,7 @@ pub(super) fn calibration(record: &Record) -> Result<Markup> {
     })
 }
 
-fn line(row: &MrRow, audit: &Audit, unit: &str) -> Markup {
+fn line(row: &MrRow, audit: &IntervalAudit, unit: &str) -> Markup {
     html! {
         tr {
             td { (length(row.feature_size, unit)) }
@@ -69,8 +70,8 @@ fn line(row: &MrRow, audit: &Audit, unit: &str) -> Markup {
     }
 }
 
-fn plot(rows: &[(&MrRow, &Audit)], unit: &str) -> Result<Markup> {
-    let point = |x: f64, y: f64| Point { x, y, label: String::new() };
+fn plot(rows: &[(&MrRow, &IntervalAudit)], unit: &str) -> Result<Markup> {
+    let point = |x: f64, y: f64| PlotPoint { x, y, label: String::new() };
     let shown: Vec<Series> = rows
         .iter()
         .take(MAX_SIZES)

@@ -1,16 +1,16 @@
 //! Planar patches of surfaces and their bounding rectangles.
 
+use crate::clusters::MIN_COPLANAR_COSINE;
 use crate::math::{triangle_area, triangle_normal};
 use crate::scene::Scene;
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Smallest cosine between normals of one plane: about one degree.
-const MIN_COPLANAR_COSINE: f32 = 0.9998;
-/// Part of its rectangle that a nearly rectangular patch covers at least. Chosen: excludes triangles, L shapes and
-/// discs.
+/// Part of its rectangle that a nearly rectangular patch covers at least: excludes triangles (1/2), L shapes with a
+/// missing quarter (3/4) and discs (π/4 = 0.79).
 pub(super) const MIN_FILLED_PART: f64 = 0.8;
-/// An object without a patch of at least this part of its area may be a relief. Chosen: a quarter.
+/// An object without a patch of at least this part of its area may be a relief. The sides of a cube (1/6) pass as well;
+/// their normals cancel, which [`super::relief`] tests. Selects receivers only.
 pub(super) const MIN_PATCH_PART: f64 = 0.25;
 
 /// A rectangle in space; `width` is at least `height`.
@@ -146,7 +146,7 @@ fn edges(scene: &Scene, triangles: &[u32]) -> Vec<(u32, u32, u32)> {
 /// The smallest rectangle around the triangles in their plane with a side along one of their outer edges. (The
 /// smallest of all rectangles has a side along the convex hull.) `None` if it has no area.
 pub(super) fn fit(scene: &Scene, triangles: &[u32], normal: DVec3) -> Option<Rectangle> {
-    /// Number of longest outer edges that are tried. Chosen: bounds the time for finely tessellated outlines.
+    /// Number of longest outer edges that are tried: limits the time for finely tessellated outlines to 64 rectangles.
     const DIRECTIONS: usize = 64;
     let (u, v) = normal.any_orthonormal_pair();
     let flat = |p: Vec3| DVec2::new(p.as_dvec3().dot(u), p.as_dvec3().dot(v));

@@ -1,6 +1,7 @@
 //! Selection of receivers and position of their texels.
 
 use super::*;
+use crate::model::{Detail, testing};
 use crate::ray::Brute;
 use crate::scene::generate::{Spec, build};
 use glam::{DVec3, Vec3};
@@ -35,7 +36,8 @@ fn rectangles_fit_tilted_quads() {
 #[test]
 fn default_receivers_are_lit_and_distinct() {
     let scene = cornell();
-    let receivers = choose(&scene, &Brute::new(&scene.positions, &scene.triangles), &[]).unwrap();
+    let model = testing::model(&scene, Detail::Rays);
+    let receivers = choose(&model, &Brute::new(&scene.positions, &scene.triangles), &[]).unwrap();
     assert!(!receivers.is_empty() && receivers.len() <= DEFAULT_COUNT);
     for r in &receivers {
         assert!(r.lit && r.width == MAX_SIDE_TEXELS && r.height <= MAX_SIDE_TEXELS, "{r:?}");
@@ -47,7 +49,8 @@ fn default_receivers_are_lit_and_distinct() {
 fn names_that_nothing_has_are_errors() {
     let scene = cornell();
     let brute = Brute::new(&scene.positions, &scene.triangles);
-    let message = choose(&scene, &brute, &["nothing".into()]).unwrap_err().to_string();
+    let message =
+        choose(&testing::model(&scene, Detail::Rays), &brute, &["nothing".into()]).unwrap_err().to_string();
     assert!(message.contains("nothing") && message.contains(&scene.objects[0].name), "{message}");
 }
 
@@ -65,7 +68,7 @@ fn images_show_what_is_up_at_the_top() {
     assert_eq!(wall.normal.cross(wall.right), DVec3::Z);
     let back = wall.turned();
     assert_eq!((back.normal, back.normal.cross(back.right)), (-DVec3::Y, DVec3::Z));
-    let receiver = Receiver {
+    let receiver = ReceiverGrid {
         name: String::new(),
         width: 2,
         height: 1,
@@ -77,6 +80,50 @@ fn images_show_what_is_up_at_the_top() {
     let points: Vec<Vec3> = receiver.points().iter().map(|p| p.position).collect();
     // Seen from -y with z up, x grows to the right.
     assert!(points[0].x < points[1].x);
+}
+
+/// A placed mesh is found by the name of its node, of its mesh or of its material; the image shows the face where it stands.
+#[test]
+fn placed_meshes_are_receivers() {
+    use crate::scene::Placement;
+    use crate::scene::testing::Pieces;
+    use glam::{DAffine3, DQuat};
+    let mut mesh = Pieces::new();
+    mesh.object("board").quad(DVec3::ZERO, 2.0 * DVec3::X, DVec3::Y);
+    let mut pieces = Pieces::new();
+    pieces.object("floor").quad(DVec3::ZERO, 20.0 * DVec3::X, 20.0 * DVec3::Y);
+    pieces.light(DVec3::new(0.0, 0.0, 9.0), DVec3::Y, DVec3::X);
+    let mut scene = pieces.scene();
+    scene.shared = vec![std::sync::Arc::new(mesh.scene())];
+    let turn = DQuat::from_rotation_y(0.5);
+    let place = |name: &str, at: DVec3, visible| Placement {
+        mesh: 0,
+        transform: DAffine3::from_scale_rotation_translation(DVec3::splat(1.5), turn, at - scene.origin),
+        name: name.into(),
+        material: None,
+        visible,
+    };
+    let (first, second) = (DVec3::new(-3.0, 0.0, 2.0), DVec3::new(4.0, 1.0, 3.0));
+    let placements =
+        vec![place("left", first, true), place("right", second, true), place("ghost", first, false)];
+    scene.placements = placements;
+    let model = testing::model(&scene, Detail::Rays);
+    let exact = model.exact();
+    for (name, at) in [("left", first), ("right", second), ("board", first)] {
+        let options = crate::bench::Options { receivers: vec![name.into()], ..Default::default() };
+        options.check_for(&scene).expect(name);
+        let receivers = choose(&model, &exact, &[name.to_owned()]).expect(name);
+        assert!(receivers.len() == 1 && receivers[0].lit && receivers[0].name == name);
+        assert!((receivers[0].rectangle.width - 3.0).abs() < 1e-4, "{receivers:?}");
+        let normal = turn * DVec3::Z;
+        for point in receivers[0].points() {
+            let off = point.position.as_dvec3() + scene.origin - at;
+            assert!(off.dot(normal).abs() < 1e-3 && off.length() < 1.7, "{name}: {off}");
+            assert!(point.normal.as_dvec3().dot(normal) > 0.999);
+        }
+    }
+    let ghost = choose(&model, &exact, &["ghost".to_owned()]).expect_err("hidden").to_string();
+    assert!(ghost.contains("`ghost`") && ghost.contains("`left`"), "{ghost}");
 }
 
 /// Terrain under an emitter: the image is taken from above, every texel is on the surface and faces upwards.
@@ -97,9 +144,10 @@ fn a_terrain_is_a_receiver() {
     }
     pieces.light(DVec3::new(4.0, 4.0, 6.0), DVec3::Y, DVec3::X);
     let scene = pieces.scene();
+    let model = testing::model(&scene, Detail::Rays);
     let brute = Brute::new(&scene.positions, &scene.triangles);
     for names in [vec![], vec!["hills".to_owned()]] {
-        let receivers = choose(&scene, &brute, &names).expect("receivers");
+        let receivers = choose(&model, &brute, &names).expect("receivers");
         assert_eq!(receivers.iter().map(|r| r.name.as_str()).collect::<Vec<_>>(), ["hills"]);
         let points = receivers[0].points();
         assert_eq!(points.len(), receivers[0].width * receivers[0].height);

@@ -58,13 +58,8 @@ impl Facets {
     }
 
     /// Number of facets.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.facets.len()
-    }
-
-    /// Whether there are no facets.
-    pub fn is_empty(&self) -> bool {
-        self.facets.is_empty()
     }
 
     /// Area of a facet, scene units squared.
@@ -79,7 +74,7 @@ impl Facets {
 
     /// Object and material of each facet.
     pub fn labels(&self, scene: &Scene) -> Labels {
-        let of = |list: &[u32]| self.first.iter().map(|&t| list[t as usize]).collect();
+        let of = |list: &[u32]| (0..self.count()).map(|facet| list[self.triangle(facet)]).collect();
         Labels {
             objects: of(&scene.triangle_object),
             materials: of(&scene.triangle_material),
