@@ -55,6 +55,30 @@ pub fn write_vtu(path: &Path, solution: &RadiosityMesh, scene: &Scene) -> Result
     file.commit()
 }
 
+/// The names of objects and materials, as fields of the whole file.
+fn write_names(out: &mut impl Write, scene: &Scene) -> std::io::Result<()> {
+    // Lists of texts are not known to all programs; names of components are, or are ignored.
+    let names: [(&str, Vec<&String>); 2] = [
+        ("object_names", scene.objects.iter().map(|o| &o.name).collect()),
+        ("material_names", scene.materials.iter().map(|m| &m.name).collect()),
+    ];
+    writeln!(out, "<FieldData>")?;
+    for (name, list) in names {
+        write!(
+            out,
+            "<DataArray type=\"UInt32\" Name=\"{name}\" NumberOfTuples=\"1\" NumberOfComponents=\"{}\"",
+            list.len()
+        )?;
+        for (i, text) in list.iter().enumerate() {
+            write!(out, " ComponentName{i}=\"{}\"", escaped(text))?;
+        }
+        writeln!(out, " format=\"ascii\">")?;
+        let numbers: Vec<String> = (0..list.len()).map(|i| i.to_string()).collect();
+        writeln!(out, "{}\n</DataArray>", numbers.join(" "))?;
+    }
+    writeln!(out, "</FieldData>")
+}
+
 fn write(out: &mut impl Write, s: &RadiosityMesh, scene: &Scene) -> std::io::Result<()> {
     let points: Vec<[f64; 3]> = s.vertices.iter().map(|p| (s.origin + p.as_dvec3()).to_array()).collect();
     let size = |e: &crate::radiosity::mesh::Element| if e.is_triangle() { 3 } else { 4 };
@@ -94,11 +118,6 @@ fn write(out: &mut impl Write, s: &RadiosityMesh, scene: &Scene) -> std::io::Res
         count("triangle", |e| e.triangle),
         count("front", |e| e.front.into()),
     ];
-    // Lists of texts are not known to all programs; names of components are, or are ignored.
-    let names: [(&str, Vec<&String>); 2] = [
-        ("object_names", scene.objects.iter().map(|o| &o.name).collect()),
-        ("material_names", scene.materials.iter().map(|m| &m.name).collect()),
-    ];
     if !s.instances.is_empty() {
         let instances: Vec<u32> = s.instances.iter().map(|e| e.instance).collect();
         let ids: Vec<u64> = s.instances.iter().map(|e| e.id).collect();
@@ -111,21 +130,7 @@ fn write(out: &mut impl Write, s: &RadiosityMesh, scene: &Scene) -> std::io::Res
     )?;
     writeln!(out, "<UnstructuredGrid>")?;
     let mut at = 0;
-    writeln!(out, "<FieldData>")?;
-    for (name, list) in names {
-        write!(
-            out,
-            "<DataArray type=\"UInt32\" Name=\"{name}\" NumberOfTuples=\"1\" NumberOfComponents=\"{}\"",
-            list.len()
-        )?;
-        for (i, text) in list.iter().enumerate() {
-            write!(out, " ComponentName{i}=\"{}\"", escaped(text))?;
-        }
-        writeln!(out, " format=\"ascii\">")?;
-        let numbers: Vec<String> = (0..list.len()).map(|i| i.to_string()).collect();
-        writeln!(out, "{}\n</DataArray>", numbers.join(" "))?;
-    }
-    writeln!(out, "</FieldData>")?;
+    write_names(out, scene)?;
     writeln!(out, "<Piece NumberOfPoints=\"{}\" NumberOfCells=\"{}\">", points.len(), s.elements.len())?;
     for (section, arrays) in [("Points", &places[..]), ("Cells", &cells), ("CellData", &fields)] {
         writeln!(out, "<{section}>")?;

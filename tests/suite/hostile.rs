@@ -252,7 +252,9 @@ fn turned_emitters_are_noted() {
 fn limits_of_memory_end_in_errors() {
     let scratch = scratch();
     let huge = ["bench", "scene.obj", "--points", "99999999", "--rays", "65536", "--max-memory", "4"];
-    refused(&scratch.mrvis_within(20.0, &huge), "memory");
+    refused(&scratch.mrvis_within(20.0, &huge), "segments");
+    let many = ["bench", "scene.obj", "--points", "99999999", "--max-memory", "4"];
+    refused(&scratch.mrvis_within(20.0, &many), "memory");
     refused(
         &scratch.mrvis(&["solve", "scene.obj", "--out", "o", "--min-area", "1e-300"]),
         "--min-area 1e-300",
