@@ -6,6 +6,8 @@ SCENES ?= livingroom kitchen office park sponza
 DEMO_SCENE ?= livingroom
 DEMO_OPTIONS ?= --points 8000 --reference-rays 512
 
+FUZZ_SECONDS ?= 3600
+
 TARGET_DIR := $(or $(CARGO_TARGET_DIR),target)
 BINARY := $(TARGET_DIR)/release/mrvis
 RUST_VERSION := 1.89
@@ -14,7 +16,7 @@ RUST_VERSION := 1.89
 export PATH := $(PATH):$(HOME)/.cargo/bin
 SHELL := /bin/bash
 
-.PHONY: help demo test build scenes install clean distclean
+.PHONY: help demo test build scenes install fuzz clean distclean
 .PHONY: setup need-cargo need-packages need-embree need-furniture need-lint
 .DEFAULT_GOAL := help
 
@@ -26,6 +28,7 @@ help:
 	@echo "  make build     set up and build the command ($(BINARY))"
 	@echo "  make scenes    assemble the scenes in scenes/real (a selection: make scenes SCENES=\"park sponza\")"
 	@echo "  make install   install the command under PREFIX (now $(PREFIX))"
+	@echo "  make fuzz      search for files that readers fail at, FUZZ_SECONDS (now $(FUZZ_SECONDS)) in all"
 	@echo "  make clean     remove build products and reports; distclean: also assembled scenes and the private Embree"
 	@echo
 	@echo "Embree 4 is taken from EMBREE_DIR if that is set, else from the system, else downloaded into .prefix."
@@ -82,7 +85,7 @@ test: setup need-lint
 
 # A private Embree is installed in lib/mrvis. The command finds it relative to itself, so PREFIX may be moved.
 install: setup
-	cargo rustc --release --bin mrvis -- -C 'link-arg=-Wl,-rpath,$$ORIGIN/../lib/mrvis'
+	cargo rustc --release --bin mrvis -- -C strip=debuginfo -C 'link-arg=-Wl,-rpath,$$ORIGIN/../lib/mrvis'
 	install -d "$(DESTDIR)$(PREFIX)/bin"
 	install -m 755 $(BINARY) "$(DESTDIR)$(PREFIX)/bin/mrvis"
 	@if ldd $(BINARY) | grep -q '/\.prefix/embree/lib/'; then \
@@ -90,7 +93,32 @@ install: setup
 	  cp -P .prefix/embree/lib/lib* "$(DESTDIR)$(PREFIX)/lib/mrvis/" && \
 	  cp .prefix/embree/share/doc/* "$(DESTDIR)$(PREFIX)/lib/mrvis/" && \
 	  echo "mrvis: installed Embree 4 in $(DESTDIR)$(PREFIX)/lib/mrvis"; fi
+	@share="$(DESTDIR)$(PREFIX)/share"; \
+	  install -d "$$share/bash-completion/completions" "$$share/zsh/site-functions" "$$share/fish/vendor_completions.d" && \
+	  $(BINARY) completions bash > "$$share/bash-completion/completions/mrvis" && \
+	  $(BINARY) completions zsh > "$$share/zsh/site-functions/_mrvis" && \
+	  $(BINARY) completions fish > "$$share/fish/vendor_completions.d/mrvis.fish" && \
+	  $(BINARY) man --out "$$share/man/man1"
 	@echo "mrvis: installed $(DESTDIR)$(PREFIX)/bin/mrvis"
+
+# libFuzzer, guided by the code that is reached; `cargo test` runs the same readers for a minute without guidance. Inputs that
+# fail are kept as target/fuzz/READER-crash-… and the like, others that reach new code in target/fuzz/corpus.
+FUZZ_READERS := obj mtl ply gltf glb cache csv toml
+FUZZ_FLAGS := -Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 -Cllvm-args=-sanitizer-coverage-trace-compares \
+  -Cllvm-args=-sanitizer-coverage-inline-8bit-counters -Cllvm-args=-sanitizer-coverage-pc-table
+FUZZ_DIR := $(TARGET_DIR)/fuzz
+
+fuzz: setup
+	host=$$(rustc -vV | sed -n 's/^host: //p') && RUSTFLAGS="$(FUZZ_FLAGS)" cargo build --release \
+	  --manifest-path tests/fuzz/Cargo.toml --target $$host --target-dir "$(FUZZ_DIR)" && \
+	export LD_LIBRARY_PATH="$(or $(EMBREE_DIR),.prefix/embree)/lib:$$LD_LIBRARY_PATH" && \
+	for reader in $(FUZZ_READERS); do \
+	  mkdir -p "$(FUZZ_DIR)/corpus/$$reader" tests/corpus/$$reader && \
+	  READER=$$reader SEEDS="$(FUZZ_DIR)/corpus/$$reader" "$(FUZZ_DIR)/$$host/release/mrvis-fuzz" \
+	    "$(FUZZ_DIR)/corpus/$$reader" tests/corpus/$$reader -artifact_prefix="$(FUZZ_DIR)/$$reader-" -verbosity=0 \
+	    -print_final_stats=1 -max_total_time=$$(($(FUZZ_SECONDS) / 8)) -timeout=20 -rss_limit_mb=4096 -max_len=65536 \
+	    || exit 1; \
+	done
 
 clean: need-cargo
 	cargo clean

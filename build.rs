@@ -67,9 +67,10 @@ fn main() {
 const TABLE_ROOMS: &[&str] = &[
     "src/optics",
     "src/error.rs",
-    "src/files.rs",
+    "src/files",
     "src/clusters",
     "src/math.rs",
+    "src/memory.rs",
     "src/raster",
     "src/scene",
     "src/threads.rs",

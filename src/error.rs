@@ -1,6 +1,6 @@
 //! The error type of the crate.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Result of all fallible functions of this crate.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
@@ -12,7 +12,7 @@ pub type Result<T, E = Error> = std::result::Result<T, E>;
 #[non_exhaustive]
 pub enum Error {
     /// A file could not be read or written.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: {source}", shown(path))]
     Io {
         /// The file or folder.
         path: PathBuf,
@@ -21,7 +21,7 @@ pub enum Error {
         source: std::io::Error,
     },
     /// A file was read but its content cannot be used.
-    #[error("{}{}: {what}", path.display(), line.map(|l| format!(":{l}")).unwrap_or_default())]
+    #[error("{}{}: {what}", shown(path), line.map(|l| format!(":{l}")).unwrap_or_default())]
     Format {
         /// The file.
         path: PathBuf,
@@ -95,10 +95,51 @@ impl Error {
     }
 }
 
+/// Longest path in a message, characters: a file can name another by a path of any length.
+const MAX_PATH: usize = 300;
+
+/// A path for a message: without control characters; of a long one the end.
+fn shown(path: &Path) -> String {
+    let text: Vec<char> = path.display().to_string().chars().filter(|c| !c.is_control()).collect();
+    match text.len().checked_sub(MAX_PATH) {
+        None | Some(0) => text.into_iter().collect(),
+        Some(more) => std::iter::once('…').chain(text.into_iter().skip(more)).collect(),
+    }
+}
+
+/// Largest number of characters of a file's content, or of a name in it, that a message repeats.
+pub(crate) const MAX_QUOTED: usize = 80;
+
+/// Text of a file for a message: without control characters, at most [`MAX_QUOTED`] characters.
+pub(crate) fn quote(text: &str) -> String {
+    let mut shown = text.chars().filter(|c| !c.is_control());
+    let mut short: String = shown.by_ref().take(MAX_QUOTED - 1).collect();
+    match (shown.next(), shown.next()) {
+        (Some(last), None) => short.push(last),
+        (Some(_), Some(_)) => short.push('…'),
+        _ => {}
+    }
+    short
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use std::io::ErrorKind;
+
+    #[test]
+    fn paths_are_short_and_printable() {
+        let text = Error::io("a/\u{1b}[1mb".repeat(99), ErrorKind::NotFound.into()).to_string();
+        assert!(text.chars().count() < MAX_PATH + 30 && text.starts_with('…') && !text.contains('\u{1b}'));
+        assert_eq!(Error::io("a b.obj", ErrorKind::NotFound.into()).to_string(), "a b.obj: entity not found");
+    }
+
+    #[test]
+    fn quotes_are_short_and_printable() {
+        assert_eq!(quote("a\u{1b}[31m b"), "a[31m b");
+        assert_eq!(quote(&"é".repeat(80)), "é".repeat(80));
+        assert_eq!(quote(&"é".repeat(81)), "é".repeat(79) + "…");
+    }
 
     #[test]
     fn categories_say_what_a_caller_can_do() {

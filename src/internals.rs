@@ -22,6 +22,60 @@ pub mod embree {
     pub use crate::embree::{CommittedScene, Traversal};
 }
 
+/// Readers of files, for tests with damaged files.
+pub mod readers {
+    use crate::model::cache;
+    use crate::scene::{self, LoadOptions, Scene};
+    use crate::{Result, points};
+    use std::path::Path;
+
+    /// Names of the readers.
+    pub const NAMES: [&str; 8] = ["obj", "mtl", "ply", "gltf", "glb", "cache", "csv", "toml"];
+
+    /// Reads the content of a file with a reader of [`NAMES`]. Files that it names do not exist.
+    ///
+    /// # Errors
+    /// Those of the reader.
+    ///
+    /// # Panics
+    /// If there is no such reader, or a scene that it accepts cannot be used.
+    pub fn read(reader: &str, bytes: &[u8]) -> Result<()> {
+        let folder = Path::new("/nonexistent");
+        match reader {
+            "obj" | "ply" | "gltf" | "glb" => {
+                let options = LoadOptions { max_memory: Some(1 << 30), ..LoadOptions::default() };
+                let scene = scene::read_from_memory(folder, reader, bytes, &options)?;
+                assert!(scene.bounds.diagonal().is_finite() && !scene.triangles.is_empty());
+            }
+            "mtl" => drop(scene::read_materials(folder, bytes)?),
+            "cache" => {
+                if let Some(table) = cache::decode(bytes, &sample()) {
+                    assert_eq!(table.optics.len(), table.hierarchy.micro.clusters.len());
+                }
+            }
+            "csv" => drop(points::irradiance_of(folder, bytes)?),
+            "toml" => drop(crate::cli::feature_sizes(folder, bytes)?),
+            other => panic!("no reader is called {other}"),
+        }
+        Ok(())
+    }
+
+    /// The scene whose cache files the reader `cache` reads, 40 cubes.
+    pub fn sample() -> Scene {
+        let spec = scene::generate::Spec { count: Some(40), ..scene::generate::Spec::new("cubes") };
+        let soup = scene::generate::soup(&spec).expect("a scene");
+        scene::resolve(soup, &LoadOptions::default()).expect("a scene")
+    }
+
+    /// Content of a cache file of [`sample`].
+    pub fn sample_cache() -> Vec<u8> {
+        let (scene, options) = (sample(), cache::Options::default());
+        let hierarchy = crate::clusters::build(&scene, &options.clusters);
+        let optics = crate::optics::measure(&scene, &hierarchy.micro, &options.optics);
+        cache::encode(&cache::PreparedClusters { hierarchy, optics }).expect("bytes")
+    }
+}
+
 /// Form factors between facets.
 pub mod form_factors {
     pub use crate::form_factors::matrix::{Facets, Grouping, Matrix, Settings, compute};

@@ -91,6 +91,7 @@ mod image_io;
 #[doc(hidden)]
 pub mod internals;
 mod math;
+mod memory;
 pub mod metrics;
 mod model;
 mod optics;

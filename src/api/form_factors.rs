@@ -216,6 +216,6 @@ impl FormFactors {
     /// [`Error::Argument`] for another extension, [`Error::Io`] if the file cannot be written.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
-        write(path, &self.matrix, Format::of(path)?)
+        write(path, &self.matrix, Format::of(path)?, None)
     }
 }

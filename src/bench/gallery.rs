@@ -8,10 +8,10 @@ use super::record::{self, MrRow, ReceiverFbem, interpolate_log_log};
 use super::rounds::rounds;
 use super::rows::ratio;
 use super::workload::Workload;
-use crate::Result;
 use crate::embree::Traversal;
 use crate::metrics::{FbemOptions, Image, fbem, missing_features, norms};
 use crate::visibility::{Exact, MultiResolution};
+use crate::{Result, error::quote};
 
 /// Rays per texel of the exact image in the report: as many as the default number of segments of MR.
 const SHOWN_RAYS: usize = 16;
@@ -32,7 +32,7 @@ impl Bench<'_> {
             warnings.push("No surface that is flat, or faces one way as a terrain does, sees an emitter: there are no shadow images.".into());
         }
         for receiver in receivers.iter().filter(|r| !r.lit) {
-            warnings.push(format!("No light arrives at the receiver `{}`.", receiver.name));
+            warnings.push(format!("No light arrives at the receiver `{}`.", quote(&receiver.name)));
         }
         let points = receivers.iter().flat_map(ReceiverGrid::points).collect();
         let workload = Workload::new(self.model, points, self.options.seed ^ 0x696d_6167_6573);

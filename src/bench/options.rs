@@ -6,7 +6,7 @@ use crate::model::cache::CacheLocation;
 use crate::optics;
 use crate::scene::Scene;
 use crate::threads::MAX_THREADS;
-use crate::{Error, Result};
+use crate::{Error, Result, error::quote, memory};
 
 /// Largest number of segments from a point to an emitter: the length of one scrambled Sobol' sequence.
 pub(super) const MAX_RAYS: usize = 1 << 16;
@@ -15,8 +15,9 @@ const MR_FACTORS: [usize; 3] = [1, 4, 16];
 /// Largest number of receiver points: limits the results of one row to 8 GB with one emitter, at 32 + 48 bytes per
 /// point.
 const MAX_POINTS: usize = 100_000_000;
-/// Largest part of the available memory that results may take: the rest is for allocations that `bytes` omits.
-const MAX_MEMORY_PART: f64 = 0.7;
+
+/// Largest number of segments of a row to one emitter: at 10 million a second (`mrvis bench` on one core) it takes a day.
+const MAX_SEGMENTS: f64 = 1e12;
 
 /// Target of the error or the time of the answers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,6 +55,8 @@ pub struct Options {
     pub clusters: optics::Options,
     /// Where measured clusters are cached.
     pub cache: CacheLocation,
+    /// Largest memory of results, bytes; `None`: a part of the available memory.
+    pub max_memory: Option<u64>,
 }
 
 impl Default for Options {
@@ -71,6 +74,7 @@ impl Default for Options {
             target: None,
             clusters: optics::Options::default(),
             cache: CacheLocation::Off,
+            max_memory: None,
         }
     }
 }
@@ -108,6 +112,14 @@ impl Options {
                 return Err(Error::Argument(format!("{name} {count}: must lie in 1..{most}")));
             }
         }
+        let segments = self.points as f64 * self.rays as f64;
+        if segments > MAX_SEGMENTS {
+            return Err(Error::Argument(format!(
+                "points {} with rays {} are {segments:.0e} segments to each emitter, more than {MAX_SEGMENTS:.0e}: lower option \
+                 `points` or option `rays`",
+                self.points, self.rays
+            )));
+        }
         let usable = |s: f64| s.is_finite() && s > 0.0 && (s as f32).is_normal();
         if let Some(s) = self.feature_sizes.iter().find(|&&s| !usable(s)) {
             return Err(Error::Argument(format!(
@@ -144,7 +156,7 @@ impl Options {
     pub fn check_for(&self, scene: &Scene) -> Result<()> {
         self.check()?;
         if scene.emitters.is_empty() {
-            let names: Vec<&str> = scene.objects.iter().take(4).map(|o| o.name.as_str()).collect();
+            let names: Vec<String> = scene.objects.iter().take(4).map(|o| quote(&o.name)).collect();
             return Err(Error::Scene(format!(
                 "{}: nothing emits light; add option `emitters` with the name of an object, group or material and its \
                  power in watts (there are `{}`{})",
@@ -163,31 +175,24 @@ impl Options {
         for name in &self.receivers {
             scene.faces_named_placed(scene.placed(), name)?;
         }
-        self.check_memory(scene.emitters.len(), available_memory())
+        self.check_memory(scene.emitters.len(), self.max_memory.or_else(memory::usable))
     }
 
-    /// Checks that a run fits into the available memory, bytes, if that is known.
-    fn check_memory(&self, emitters: usize, available: Option<f64>) -> Result<()> {
+    /// Checks that a run fits into the usable memory, bytes, if that is known.
+    fn check_memory(&self, emitters: usize, usable: Option<u64>) -> Result<()> {
         let bytes = self.bytes(emitters);
-        match available {
-            Some(available) if bytes > MAX_MEMORY_PART * available => Err(Error::Argument(format!(
-                "points {} with {emitters} emitters and rays {} need about {:.1} GB of memory, {:.1} GB are \
-                 available: lower option `points` or option `rays`",
+        match usable {
+            Some(usable) if bytes > usable as f64 => Err(Error::Argument(format!(
+                "points {} with {emitters} emitters and rays {} need about {:.1} GB of memory, {:.1} GB may be used: \
+                 lower option `points` or option `rays`, or raise option `max_memory`",
                 self.points,
                 self.rays,
                 bytes / 1e9,
-                available / 1e9
+                usable as f64 / 1e9
             ))),
             _ => Ok(()),
         }
     }
-}
-
-/// Memory available for allocation, bytes; `None` where the system does not report it.
-fn available_memory() -> Option<f64> {
-    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let line = text.lines().find_map(|l| l.strip_prefix("MemAvailable:"))?;
-    Some(line.trim().trim_end_matches("kB").trim().parse::<f64>().ok()? * 1024.0)
 }
 
 #[cfg(test)]
@@ -199,12 +204,13 @@ mod tests {
     fn memory_is_checked_with_all_that_is_held() {
         let fits = |rays: usize, points: usize, gigabytes: f64| {
             let options = Options { rays, points, ..Options::default() };
-            options.check_memory(4, Some(gigabytes * 1e9)).is_ok()
+            options.check_memory(4, Some((gigabytes * 1e9) as u64)).is_ok()
         };
         assert!(fits(16, 20_000, 0.1) && !fits(16, 10_000_000, 1.0));
         // 256 bundles of 65,536 segments, twice: 1.2 GB.
         assert!(!fits(65_536, 100, 1.5) && fits(65_536, 100, 2.0));
-        let message = Options { rays: 65_536, ..Options::default() }.check_memory(1, Some(1e6)).unwrap_err();
+        let message =
+            Options { rays: 65_536, ..Options::default() }.check_memory(1, Some(1_000_000)).unwrap_err();
         assert!(message.to_string().contains("rays 65536"), "{message}");
     }
 

@@ -15,7 +15,7 @@ use crate::math::Aabb;
 use crate::model::Model;
 use crate::ray::{Occluder, Packet};
 use crate::scene::Scene;
-use crate::{Error, Result};
+use crate::{Error, Result, error::quote};
 use patch::{MIN_FILLED_PART, Patch, Rectangle, patches};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -180,7 +180,8 @@ fn by_name(model: &Model, exact: &dyn Occluder, names: &[String]) -> Result<Vec<
         patches.extend(relief::of(&scene, &faces, patches.iter()));
         if patches.len() < wanted {
             return Err(Error::Scene(format!(
-                "receiver `{name}` is named {wanted} times but has {} planar patches",
+                "receiver `{}` is named {wanted} times but has {} planar patches",
+                quote(name),
                 patches.len()
             )));
         }

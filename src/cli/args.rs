@@ -1,14 +1,16 @@
 //! Arguments shared by several subcommands.
 
+use super::{flags::with_flags, inputs::Inputs, limits};
 use crate::{
     Error, Result,
     files::WholeFile,
     model::cache::CacheLocation,
-    scene::{LoadOptions, Scene, parse_emitter},
+    scene::{LoadOptions, Scene, parse_emitter, unit_in_metres},
     threads::{MAX_THREADS, Threads},
 };
 use indicatif::{ProgressBar, ProgressStyle};
 use std::{
+    collections::HashSet,
     io::Write as _,
     path::{Path, PathBuf},
     time::Duration,
@@ -30,9 +32,20 @@ pub struct Common {
     /// No progress and no text: only files and the exit code.
     #[arg(long)]
     pub quiet: bool,
-    /// Unit of length of the scene (m, cm, mm, km, in, ft).
-    #[arg(long, value_name = "U", default_value = "m")]
+    /// Unit of length of the scene (m, dm, cm, mm, km, in, ft).
+    #[arg(long, value_name = "U", default_value = "m", value_parser = unit)]
     pub unit: String,
+    /// Stop with an error beyond this memory, in GiB [default: 80 % of what is available]
+    #[arg(long, value_name = "G", value_parser = limits::parse)]
+    pub max_memory: Option<f64>,
+}
+
+/// A known unit of length.
+fn unit(name: &str) -> Result<String, String> {
+    match unit_in_metres(name) {
+        Some(_) => Ok(name.into()),
+        None => Err("not a unit of length; there are m, dm, cm, mm, km, in, ft".into()),
+    }
 }
 
 impl Common {
@@ -92,6 +105,14 @@ impl Common {
         }
     }
 
+    /// Refuses a JSON file that would replace an input.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] if it would.
+    pub fn check_outputs(&self, inputs: &Inputs) -> Result<()> {
+        self.json.as_deref().map_or(Ok(()), |json| inputs.check_file(json))
+    }
+
     /// Writes the JSON if requested.
     ///
     /// # Errors
@@ -108,11 +129,6 @@ impl Common {
 pub struct Spinner(ProgressBar);
 
 impl Spinner {
-    /// Replaces the text of the spinner.
-    pub fn say(&self, what: &str) {
-        self.0.set_message(what.to_owned());
-    }
-
     /// Removes the spinner.
     pub fn clear(&self) {
         self.0.finish_and_clear();
@@ -155,6 +171,7 @@ impl SceneArgs {
             two_sided_emission: self.two_sided_emission,
             sides: self.sides,
             threads: common.threads.map_or(0, usize::from),
+            max_memory: limits::bytes(common.max_memory),
         };
         let _spinner = common.spinner(format!("reading {}", file_name(&self.scene)));
         Scene::load_with(&self.scene, &options)
@@ -183,14 +200,14 @@ const MAX_COPIED_TRIANGLES: u64 = 20_000_000;
 /// Writes warnings to standard error, one per line. A closed standard error is ignored.
 pub fn warn(common: &Common, messages: &[String]) {
     for message in messages.iter().filter(|_| !common.quiet) {
-        let _ = writeln!(std::io::stderr(), "mrvis: warning: {message}");
+        let _ = writeln!(std::io::stderr(), "mrvis: warning: {}", with_flags(message));
     }
 }
 
 /// Location of the cache of measured clusters.
 #[derive(clap::Args, Clone, Debug)]
 pub struct CacheArgs {
-    /// Cache the measured clusters in the folder DIR, or do not cache them (off) [default: beside the scene]
+    /// Cache the measured clusters in the folder DIR, or do not cache them (off) [default: mrvis in the user's cache folder]
     #[arg(long, value_name = "DIR|off")]
     pub cache: Option<PathBuf>,
 }
@@ -202,16 +219,39 @@ impl CacheArgs {
     /// The folder cannot be written.
     pub fn place(&self) -> Result<CacheLocation> {
         match &self.cache {
-            None => Ok(CacheLocation::Beside),
+            None => Ok(user_cache().map_or(CacheLocation::Off, CacheLocation::Folder)),
             Some(folder) if folder == Path::new("off") => Ok(CacheLocation::Off),
             Some(folder) => check_folder(folder).map(|()| CacheLocation::Folder(folder.clone())),
         }
     }
 }
 
+/// The folder of this program in the user's cache folder (`XDG_CACHE_HOME`, else `~/.cache`); `None` if the user has no home.
+fn user_cache() -> Option<PathBuf> {
+    use etcetera::BaseStrategy;
+    etcetera::choose_base_strategy().ok().map(|folders| folders.cache_dir().join("mrvis"))
+}
+
 /// The file name of a path, for messages.
 pub fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+}
+
+/// Beginning of a name with characters that are valid in file names everywhere.
+pub fn plain(name: &str) -> String {
+    let valid = |c: char| if c.is_alphanumeric() || "-_".contains(c) { c } else { '_' };
+    name.chars().take(60).map(valid).collect()
+}
+
+/// Names of files with numbers behind those that occur more than once, also if only in another case: some file systems do not
+/// distinguish cases.
+pub fn distinct(names: impl IntoIterator<Item = String>) -> Vec<String> {
+    let mut used = HashSet::new();
+    let number = |name: String| {
+        let numbered = |n: usize| if n == 1 { name.clone() } else { format!("{name}-{n}") };
+        (1..).map(numbered).find(|candidate| used.insert(candidate.to_lowercase())).unwrap_or_default()
+    };
+    names.into_iter().map(number).collect()
 }
 
 /// A count with separators of thousands: `1,234,567`.
@@ -256,6 +296,12 @@ mod tests {
         for (n, want) in [(0, "0"), (999, "999"), (1000, "1,000"), (1234567, "1,234,567")] {
             assert_eq!(grouped(n), want);
         }
+    }
+
+    #[test]
+    fn names_of_files_are_distinct() {
+        let names = ["a b", "a_b", "a/b", "A_b", "a_b-2"].map(plain);
+        assert_eq!(distinct(names), ["a_b", "a_b-2", "a_b-3", "A_b-4", "a_b-2-2"]);
     }
 
     #[test]

@@ -5,6 +5,8 @@ mod repeat;
 mod table;
 
 use super::args::{CacheArgs, Common, SceneArgs, check_folder};
+use super::inputs::Inputs;
+use super::limits;
 use super::progress::Bar;
 use crate::bench::{self, Options, Target, page};
 use crate::image_io::write_atomically;
@@ -144,6 +146,7 @@ fn run_on_all_cores(args: &Args) -> Result<ExitCode> {
             ..optics::Options::default()
         },
         cache: args.cache.place()?,
+        max_memory: limits::bytes(common.max_memory),
     };
     options.check()?;
     if args.scene.is_none() {
@@ -173,6 +176,13 @@ fn run_on_all_cores(args: &Args) -> Result<ExitCode> {
     let load_s = start.elapsed().as_secs_f64();
     let bar = Bar::new(common.quiet);
     options.check_for(&scene)?;
+    let inputs = Inputs::of(scene.files.iter().map(PathBuf::as_path));
+    common.check_outputs(&inputs)?;
+    if let Some(folder) = &args.out {
+        inputs.check_folder(folder, |name| {
+            name == "report.html" || name.ends_with(".png") || name.ends_with(".exr")
+        })?;
+    }
     let model = Model::prepare(scene, &options.prepare(), &bar)?;
     let (mut record, images) = bench::run(&model, &options, &bar)?;
     record.build.load_s = load_s;

@@ -1,6 +1,7 @@
 //! `mrvis compare REF.csv TEST.csv`: difference of two irradiance files.
 
 use super::args::Common;
+use super::inputs::Inputs;
 use crate::{
     Error, Result,
     plot::number,
@@ -21,13 +22,14 @@ pub struct Args {
     #[arg(long, value_name = "R")]
     tolerance: Option<f64>,
     #[command(flatten)]
-    common: Common,
+    pub common: Common,
 }
 
 pub fn run(args: &Args) -> Result<ExitCode> {
     if let Some(t) = args.tolerance.filter(|t| !(t.is_finite() && *t >= 0.0)) {
         return Err(Error::Argument(format!("--tolerance {t}: must be a number not below 0")));
     }
+    args.common.check_outputs(&Inputs::of([args.reference.as_path(), &args.test]))?;
     let found = compare(&read_irradiance(&args.reference)?, &read_irradiance(&args.test)?)?;
     args.common.write_json(&found)?;
     args.common.print(&text(&found))?;

@@ -4,6 +4,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use super::inputs::Inputs;
 use clap::ValueEnum;
 use serde_json::json;
 
@@ -111,6 +112,11 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         Component::Green => Channel::Green,
         Component::Blue => Channel::Blue,
     };
+    let inputs = Inputs::of([args.reference.as_path(), &args.approximation]);
+    args.json.as_deref().map_or(Ok(()), |json| inputs.check_file(json))?;
+    if let Some(folder) = &args.out {
+        inputs.check_folder(folder, |name| name.starts_with("mask-") || name.starts_with("difference."))?;
+    }
     let reference = read_image(&args.reference, channel, args.texel)?;
     let approximation = read_image(&args.approximation, channel, args.texel)?;
     let white = args.white.unwrap_or_else(|| reference.range().1.max(1.0));

@@ -1,6 +1,8 @@
 //! `mrvis form-factors SCENE --out FILE`: the matrix of obstructed form factors.
 
 use super::args::{Common, SceneArgs, check_file, file_name, grouped, warn};
+use super::inputs::Inputs;
+use super::limits::{self, GIB};
 use super::progress::Bar;
 use crate::{
     Error, Result,
@@ -40,14 +42,11 @@ pub struct Args {
     #[arg(long, value_name = "WHAT", value_enum, default_value_t = Enforce::Closure, num_args = 0..=1,
           default_missing_value = "closure", require_equals = true)]
     enforce: Enforce,
-    /// Stop before the computation if the matrix may need more memory than this, in GiB.
-    #[arg(long, value_name = "G", default_value_t = 16.0)]
-    max_memory: f64,
     /// Largest accepted mean |row sum + escaped + lost - 1| of closed rows (exit code 1 above).
     #[arg(long, value_name = "R")]
     tolerance: Option<f64>,
     #[command(flatten)]
-    common: Common,
+    pub common: Common,
 }
 
 #[derive(clap::ValueEnum, Clone, Copy, Debug)]
@@ -63,19 +62,18 @@ enum Enforce {
     None,
 }
 
-const GIB: f64 = (1u64 << 30) as f64;
-
 pub fn run(args: &Args) -> Result<ExitCode> {
     let common = &args.common;
     let format = Format::of(&args.out)?;
     check_file(&args.out)?;
     common.check_json()?;
-    for (name, value) in [("max-memory", Some(args.max_memory)), ("tolerance", args.tolerance)] {
-        if let Some(v) = value.filter(|v| !(v.is_finite() && *v >= 0.0)) {
-            return Err(Error::Argument(format!("--{name} {v}: must be a number not below 0")));
-        }
+    if let Some(v) = args.tolerance.filter(|v| !(v.is_finite() && *v >= 0.0)) {
+        return Err(Error::Argument(format!("--tolerance {v}: must be a number not below 0")));
     }
     let scene = args.scene.load_flat(common)?;
+    let inputs = Inputs::of(scene.files.iter().map(PathBuf::as_path));
+    inputs.check_file(&args.out)?;
+    common.check_outputs(&inputs)?;
     warn(common, &scene.repairs.messages);
     let facets = Facets::new(&scene);
     let mut settings = Settings {
@@ -87,7 +85,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     settings.largest_bundle = args.pair_rays.unwrap_or(settings.largest_bundle);
     settings.bundle = settings.bundle.min(settings.largest_bundle);
     let bound = memory_bound(facets.count(), &settings);
-    if bound as f64 > args.max_memory * GIB {
+    if limits::bytes(common.max_memory).is_some_and(|limit| bound > limit) {
         return Err(Error::Argument(format!(
             "the matrix of {} facets could take {}: raise --max-memory{}",
             grouped(facets.count()),
@@ -116,7 +114,8 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         By::Material => faces.grouped(scene, &facets, Grouping::Material),
     };
     let spinner = common.spinner(format!("writing {}", file_name(&args.out)));
-    write(&args.out, &matrix, format)?;
+    let labels = matches!(args.by, By::Face).then(|| facets.labels(scene));
+    write(&args.out, &matrix, format, labels.as_ref())?;
     drop(spinner);
     common.write_json(&serde_json::json!({
         "mrvis": env!("CARGO_PKG_VERSION"),

@@ -47,7 +47,7 @@ pub struct Args {
     #[arg(long, value_name = "L")]
     light_size: Option<f64>,
     #[command(flatten)]
-    common: Common,
+    pub common: Common,
 }
 
 pub fn run(args: &Args) -> Result<ExitCode> {

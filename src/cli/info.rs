@@ -1,10 +1,16 @@
 //! `mrvis info SCENE`: contents of a scene and its repairs.
 
 use super::args::{Common, SceneArgs, grouped};
+use super::{flags::with_flags, inputs::Inputs};
 use crate::clusters;
-use crate::{Result, scene::Scene};
+use crate::{Result, error::quote, scene::Scene};
 use serde_json::{Value, json};
-use std::{fmt::Write, process::ExitCode, time::Instant};
+use std::{
+    fmt::Write,
+    path::{Path, PathBuf},
+    process::ExitCode,
+    time::Instant,
+};
 
 #[derive(clap::Args, Debug)]
 pub struct Args {
@@ -14,13 +20,14 @@ pub struct Args {
     #[arg(long)]
     all: bool,
     #[command(flatten)]
-    common: Common,
+    pub common: Common,
 }
 
 pub fn run(args: &Args) -> Result<ExitCode> {
     let start = Instant::now();
     let scene = args.scene.load(&args.common)?;
     let seconds = start.elapsed().as_secs_f64();
+    args.common.check_outputs(&Inputs::of(scene.files.iter().map(PathBuf::as_path)))?;
     let counts = {
         let _spinner = args.common.spinner("clustering");
         ClusterCounts::of(&scene)
@@ -39,8 +46,35 @@ fn text(scene: &Scene, counts: ClusterCounts, seconds: f64, objects: usize) -> S
         .and_then(|()| emitters(&mut out, scene))
         .and_then(|()| list_objects(&mut out, scene, objects))
         .and_then(|()| list_meshes(&mut out, scene, objects))
+        .and_then(|()| outside_files(&mut out, scene))
         .and_then(|()| repairs(&mut out, scene));
     out
+}
+
+/// Files that were read and do not lie in the folder of the scene or below.
+fn outside(s: &Scene) -> Vec<&PathBuf> {
+    let full = |path: &Path| path.canonicalize().ok();
+    let folder = full(&s.path).and_then(|scene| Some(scene.parent()?.to_owned()));
+    let outside = |file: &&PathBuf| match (&folder, full(file)) {
+        (Some(folder), Some(file)) => !file.starts_with(folder),
+        // Standard input has no folder.
+        _ => *file != &s.path,
+    };
+    s.files.iter().filter(outside).collect()
+}
+
+fn outside_files(out: &mut String, s: &Scene) -> std::fmt::Result {
+    let files = outside(s);
+    if files.is_empty() {
+        return Ok(());
+    }
+    writeln!(out, "read from outside the folder of the scene")?;
+    files.iter().try_for_each(|file| writeln!(out, "  {}", printable(&file.display().to_string())))
+}
+
+/// A text without control characters, which a terminal could obey.
+fn printable(text: &str) -> String {
+    text.chars().filter(|c| !c.is_control()).collect()
 }
 
 fn summary(out: &mut String, s: &Scene, seconds: f64) -> std::fmt::Result {
@@ -128,7 +162,7 @@ fn emitters(out: &mut String, s: &Scene) -> std::fmt::Result {
         writeln!(
             out,
             "  {:24} area {} {u}², width {} {u}, normal {normal}, power {power} W (RGB)",
-            e.name,
+            quote(&e.name),
             round64(e.area),
             round(e.min_width),
             u = s.unit,
@@ -144,7 +178,7 @@ fn list_objects(out: &mut String, s: &Scene, limit: usize) -> std::fmt::Result {
     let counts = face_counts(s);
     writeln!(out, "objects by number of triangles")?;
     for &(object, count) in counts.iter().take(limit) {
-        writeln!(out, "  {:>12}  {}", grouped(count), s.objects[object].name)?;
+        writeln!(out, "  {:>12}  {}", grouped(count), printable(&s.objects[object].name))?;
     }
     if counts.len() > limit {
         writeln!(out, "  and {} more (--all)", counts.len() - limit)?;
@@ -202,7 +236,7 @@ fn repairs(out: &mut String, s: &Scene) -> std::fmt::Result {
         return writeln!(out, "nothing had to be repaired");
     }
     writeln!(out, "repaired or assumed")?;
-    r.messages.iter().try_for_each(|m| writeln!(out, "  {m}"))
+    r.messages.iter().try_for_each(|m| writeln!(out, "  {}", with_flags(m)))
 }
 
 /// Objects with their numbers of triangles, in descending order.
@@ -250,6 +284,7 @@ fn summary_json(s: &Scene, counts: ClusterCounts, seconds: f64) -> Value {
         "clusters": clusters, "levels": levels, "large_surface_triangles": large,
         "origin": s.origin.to_array(), "min": bounds.min.to_array(), "max": bounds.max.to_array(),
         "two_sided_emission": s.two_sided_emission,
+        "files": s.files, "files_outside": outside(s),
     });
     if !s.placements.is_empty() {
         scene["instances"] = json!(s.placements.len());

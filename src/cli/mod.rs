@@ -10,26 +10,46 @@ mod fbem;
 mod flags;
 mod form_factors;
 mod generate;
+mod help;
 mod info;
+mod inputs;
+mod limits;
+mod manual;
 mod oracle;
 mod outputs;
 mod progress;
 mod solve;
 
-use crate::{Error, Result};
-use clap::{Parser, Subcommand};
+use crate::{Error, Result, model::embree_version};
+use clap::{
+    FromArgMatches, Parser, Subcommand,
+    error::{ContextKind, ContextValue},
+};
 use std::{
     error::Error as _,
     io::{ErrorKind, Write},
+    panic::catch_unwind,
     process::ExitCode,
+    sync::{Mutex, PoisonError},
 };
 
-/// Visibility and radiosity in scenes with much small detail, by exact rays and by multi-resolution visibility.
+/// Visibility and radiosity in scenes with much small detail.
 #[derive(Parser)]
-#[command(version, max_term_width = 110)]
+#[command(version, max_term_width = 110, disable_help_flag = true, disable_version_flag = true)]
+#[command(after_help = "mrvis help COMMAND describes all options of a command at length.")]
 struct Cli {
     #[command(subcommand)]
     command: Command,
+    /// Print help.
+    #[arg(short, long, action = clap::ArgAction::HelpShort, global = true, help_heading = "Common options")]
+    help: Option<bool>,
+    /// Print the versions of mrvis and Embree.
+    #[arg(short = 'V', long, action = clap::ArgAction::Version, help_heading = "Common options")]
+    version: Option<bool>,
+    /// No progress and no text: only files and the exit code.
+    // The subcommands read it as an option of theirs.
+    #[arg(long, global = true, help_heading = "Common options")]
+    quiet: bool,
 }
 
 #[derive(Subcommand)]
@@ -44,6 +64,29 @@ enum Command {
     FormFactors(form_factors::Args),
     /// Write a procedural scene as OBJ and MTL (list of scenes: --list).
     Generate(generate::Args),
+    /// Print the script that completes options in a shell.
+    #[command(hide = true)]
+    Completions(manual::CompletionsArgs),
+    /// Write the manual pages.
+    #[command(hide = true)]
+    Man(manual::ManArgs),
+}
+
+impl Command {
+    /// The value of `--max-memory`, of commands that have it.
+    fn max_memory(&self) -> Option<f64> {
+        let common = match self {
+            Command::Info(args) => &args.common,
+            Command::Bench(args) => &args.common,
+            Command::Solve(args) => &args.common,
+            Command::Reference(args) => &args.common,
+            Command::Compare(args) => &args.common,
+            Command::FormFactors(args) => &args.common,
+            Command::Generate(args) => &args.common,
+            Command::Fbem(_) | Command::Completions(_) | Command::Man(_) => return None,
+        };
+        common.max_memory
+    }
 }
 
 fn run(command: &Command) -> Result<ExitCode> {
@@ -56,22 +99,43 @@ fn run(command: &Command) -> Result<ExitCode> {
         Command::Compare(args) => compare::run(args),
         Command::FormFactors(args) => form_factors::run(args),
         Command::Generate(args) => generate::run(args),
+        Command::Completions(args) => manual::completions(args),
+        Command::Man(args) => manual::pages(args),
     }
 }
 
-/// Parses the arguments, runs the subcommand, and reports any error as one line on standard error.
+/// Parses the arguments, runs the subcommand, and reports any error, also a panic, as one line on standard error.
 pub fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
+    static PANIC: Mutex<String> = Mutex::new(String::new());
+    let last = || PANIC.lock().unwrap_or_else(PoisonError::into_inner);
+    // A panic while a file is read becomes an error of that file; any other ends in the message below.
+    std::panic::set_hook(Box::new(move |info| *last() = info.to_string()));
+    catch_unwind(parse_and_run).unwrap_or_else(|_| {
+        let what = last().split_whitespace().collect::<Vec<_>>().join(" ");
+        let _ = writeln!(std::io::stderr(), "mrvis: internal error, please report it: {what}");
+        ExitCode::from(2)
+    })
+}
+
+fn parse_and_run() -> ExitCode {
+    let parsed = help::command().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches));
+    let cli = match parsed {
         Ok(cli) => cli,
         Err(error) if error.use_stderr() => {
             let _ = writeln!(std::io::stderr(), "mrvis: {} (see mrvis --help)", usage(&error));
             return ExitCode::from(2);
+        }
+        Err(version) if version.kind() == clap::error::ErrorKind::DisplayVersion => {
+            let embree = embree_version().unwrap_or_else(|e| one_line(&e));
+            let _ = print(&format!("mrvis {} (Embree {embree})\n", env!("CARGO_PKG_VERSION")));
+            return ExitCode::SUCCESS;
         }
         Err(help) => {
             let _ = help.print();
             return ExitCode::SUCCESS;
         }
     };
+    limits::watch(cli.command.max_memory());
     match run(&cli.command) {
         Ok(code) => code,
         // A reader may close the pipe early.
@@ -84,15 +148,25 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// The error in a command line, without usage and tips.
+/// The error in a command line, with a suggestion if there is one, without usage.
 fn usage(error: &clap::Error) -> String {
     if error.kind() == clap::error::ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
         return "no command is given".into();
     }
     let text = error.to_string();
     let what: Vec<&str> = text.lines().take_while(|l| !l.trim().is_empty()).map(str::trim).collect();
-    what.join(" ").trim_start_matches("error: ").to_owned()
+    let what = what.join(" ").trim_start_matches("error: ").to_owned();
+    let similar = [ContextKind::SuggestedArg, ContextKind::SuggestedSubcommand, ContextKind::SuggestedValue];
+    let similar = similar.into_iter().find_map(|kind| match error.get(kind)? {
+        ContextValue::String(text) => Some(text.clone()),
+        ContextValue::Strings(list) => list.first().cloned(),
+        _ => None,
+    });
+    similar.map_or(what.clone(), |similar| format!("{what}; did you mean {similar}?"))
 }
+
+/// Longest message, characters: a screen of 80 x 24.
+const MAX_MESSAGE: usize = 1900;
 
 /// The error and its causes on one line, without repetition.
 fn one_line(error: &Error) -> String {
@@ -105,7 +179,13 @@ fn one_line(error: &Error) -> String {
         }
         cause = e.source();
     }
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
+    let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    text.chars().filter(|c| !c.is_control()).take(MAX_MESSAGE).collect()
+}
+
+/// Feature sizes by name from the content of a file; see `solve --feature-sizes`.
+pub(crate) fn feature_sizes(path: &std::path::Path, bytes: &[u8]) -> Result<Vec<(String, f32)>> {
+    solve::sizes::parse(path, bytes)
 }
 
 /// Writes to standard output.
@@ -129,6 +209,22 @@ mod tests {
         let check = |error: Error, want| assert_eq!(one_line(&error), want);
         check(Error::io("a b.obj", ErrorKind::NotFound.into()), "a b.obj: entity not found");
         check(Error::format("a.obj", Some(3), "two\nlines"), "a.obj:3: two lines");
+    }
+
+    #[test]
+    fn typing_errors_get_a_suggestion() {
+        let line = |words: &[&str]| usage(&Cli::try_parse_from(words).err().unwrap());
+        assert!(line(&["mrvis", "bench", "a.obj", "--recever", "x"]).ends_with("did you mean --receiver?"));
+        assert!(line(&["mrvis", "slove", "a.obj"]).ends_with("did you mean solve?"));
+        assert!(line(&["mrvis", "info", "a.obj", "--unit", "furlong"]).contains("not a unit of length"));
+    }
+
+    #[test]
+    fn quiet_may_come_first() {
+        for words in [["mrvis", "--quiet", "info", "a.obj"], ["mrvis", "info", "a.obj", "--quiet"]] {
+            let Command::Info(args) = Cli::try_parse_from(words).unwrap().command else { panic!() };
+            assert!(args.common.quiet);
+        }
     }
 
     #[test]

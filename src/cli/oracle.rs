@@ -1,6 +1,7 @@
 //! `mrvis reference SCENE --points FILE`: irradiance by path tracing.
 
 use super::args::{Common, SceneArgs, check_file, file_name, grouped, warn};
+use super::inputs::Inputs;
 use super::progress::Bar;
 use crate::{
     Result,
@@ -30,7 +31,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE", default_value = "irradiance.csv")]
     out: PathBuf,
     #[command(flatten)]
-    common: Common,
+    pub common: Common,
 }
 
 pub fn run(args: &Args) -> Result<ExitCode> {
@@ -39,6 +40,10 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     common.check_json()?;
     let points = read_points(&args.points)?;
     let scene = args.scene.load(common)?;
+    let read = scene.files.iter().chain([&args.points]);
+    let inputs = Inputs::of(read.map(PathBuf::as_path));
+    inputs.check_file(&args.out)?;
+    common.check_outputs(&inputs)?;
     warn(common, &scene.repairs.messages);
     if scene.emitters.is_empty() {
         warn(common, &["the scene has no light: all irradiance is zero (see --emitter NAME=W)".into()]);
@@ -58,6 +63,10 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     drop(bar);
     write_irradiance(&args.out, &found)?;
     let (mean, noise) = (mean(&found), noise(&found));
+    if mean == 0.0 && !scene.emitters.is_empty() {
+        let cure = "if that is wrong, set --two-sided-emission or reverse the order of the corners of the emitters' faces";
+        warn(common, &[format!("no light arrives at any point: {cure}")]);
+    }
     common.write_json(&serde_json::json!({
         "mrvis": env!("CARGO_PKG_VERSION"),
         "scene": args.scene.scene,

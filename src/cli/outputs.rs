@@ -1,6 +1,6 @@
 //! Files that show the solution of `mrvis solve`.
 
-use super::args::Common;
+use super::args::{Common, distinct, plain};
 use crate::{
     Result,
     export::{
@@ -84,7 +84,7 @@ impl Outputs {
         };
         if wants(Kind::Vtu) {
             let _spinner = common.spinner("writing solution.vtu");
-            write_vtu(&file("solution.vtu".into()), solution)?;
+            write_vtu(&file("solution.vtu".into()), solution, scene)?;
         }
         if ![Kind::Ply, Kind::Glb, Kind::Lightmap, Kind::Image].into_iter().any(wants) {
             return Ok(written);
@@ -114,7 +114,7 @@ impl Outputs {
                     spinner.clear();
                     common.print(&format!("note: lightmap with a chart for each plane: {why}\n"))?;
                     let map = lightmap(&mesh, solution, scene, self.lightmap_texels)?;
-                    write_lightmap(&image, &file("lightmap.obj".into()), &map, &mesh, solution)?;
+                    write_lightmap(&image, &file("lightmap.obj".into()), &map, scene)?;
                     map
                 }
             };
@@ -144,6 +144,18 @@ impl Outputs {
         Ok(written)
     }
 
+    /// Whether a file of this name may be written.
+    pub fn writes(&self, name: &str, with_points: bool) -> bool {
+        let kinds = [
+            (Kind::Ply, "solution.ply"),
+            (Kind::Glb, "solution.glb"),
+            (Kind::Vtu, "solution.vtu"),
+            (Kind::Lightmap, "lightmap."),
+            (Kind::Image, "view"),
+        ];
+        kinds.into_iter().any(|(kind, start)| self.wants(kind, with_points) && name.starts_with(start))
+    }
+
     fn wants(&self, kind: Kind, with_points: bool) -> bool {
         let default: &[Kind] = if with_points { &[] } else { &[Kind::Glb, Kind::Vtu, Kind::Image] };
         let wanted = self.outputs.as_deref().unwrap_or(default);
@@ -160,7 +172,9 @@ impl Outputs {
         let gltf = scene.path.extension().is_some_and(|e| e == "gltf" || e == "glb");
         let up = if gltf { glam::Vec3::Y } else { glam::Vec3::Z };
         let Some([x, y, z, u, v, w, degrees]) = self.camera else {
-            let stored: Vec<Camera> = scene.cameras.iter().map(|c| stored(c, solution)).collect();
+            let mut stored: Vec<Camera> = scene.cameras.iter().map(|c| stored(c, solution)).collect();
+            let names = distinct(stored.iter().map(|c| c.name.clone()));
+            stored.iter_mut().zip(names).for_each(|(camera, name)| camera.name = name);
             return if stored.is_empty() { vec![best_view(stage, solution, up)] } else { stored };
         };
         let eye = (glam::DVec3::new(x, y, z) - solution.origin).as_vec3();
@@ -177,9 +191,8 @@ impl Outputs {
 
 /// A camera of the file; its pictures get its name.
 fn stored(c: &StoredCamera, solution: &RadiosityMesh) -> Camera {
-    let plain = |c: char| if c.is_alphanumeric() || "-_".contains(c) { c } else { '_' };
     Camera {
-        name: format!("view-{}", c.name.chars().take(60).map(plain).collect::<String>()),
+        name: format!("view-{}", plain(&c.name)),
         eye: (c.eye - solution.origin).as_vec3(),
         forward: c.forward.as_vec3(),
         up: c.up.as_vec3(),

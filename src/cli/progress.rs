@@ -43,7 +43,8 @@ impl Drop for Bar {
 
 impl Progress for Bar {
     fn stage(&self, name: &str, steps: u64) {
-        let template = if steps > 0 { "{msg:24} {wide_bar} {percent:>3} % {eta:>4}" } else { "{msg:24}" };
+        let known = "{msg:24} {wide_bar} {percent:>3} %, {eta} left";
+        let template = if steps > 0 { known } else { "{spinner} {msg} {elapsed}" };
         self.bar.set_style(
             ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar()),
         );

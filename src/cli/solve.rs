@@ -1,12 +1,15 @@
 //! `mrvis solve SCENE --out DIR`: light in a scene.
 
 mod scaling;
+pub mod sizes;
 mod summary;
 mod watch;
 
 use super::args::{CacheArgs, Common, SceneArgs, check_folder};
 use super::flags::with_flags;
+use super::inputs::Inputs;
 use super::outputs::Outputs;
+use super::progress::Bar;
 use crate::bench::side_by_side::{ComparedRecord, Versus, side_by_side};
 use crate::files::WholeFile;
 use crate::points::{Irradiance, Point, read_points, write_irradiance};
@@ -19,7 +22,6 @@ use crate::{Error, Result};
 use glam::DVec3;
 use scaling::scaling;
 use std::cell::RefCell;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -112,7 +114,7 @@ pub struct Args {
     #[command(flatten)]
     outputs: Outputs,
     #[command(flatten)]
-    common: Common,
+    pub common: Common,
 }
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
@@ -179,7 +181,7 @@ fn options(args: &Args) -> Result<Options> {
         },
         visibility: args.visibility.into(),
         feature_size: args.feature_size,
-        feature_sizes: args.feature_sizes.as_deref().map(read_sizes).transpose()?.unwrap_or_default(),
+        feature_sizes: args.feature_sizes.as_deref().map(sizes::read).transpose()?.unwrap_or_default(),
         inside: match args.inside {
             Clusters::Isotropic => Inside::Isotropic,
             Clusters::Oriented => Inside::Oriented,
@@ -220,11 +222,20 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
     let points = args.points.as_deref().map(read_points).transpose()?.unwrap_or_default();
     let start = Instant::now();
     let scene = scene.load_flat(&args.common)?;
+    let read = scene.files.iter().chain(&args.points).chain(&args.feature_sizes);
+    let inputs = Inputs::of(read.map(PathBuf::as_path));
+    args.common.check_outputs(&inputs)?;
+    let with_points = args.points.is_some();
+    inputs.check_folder(out, |name| {
+        name == "solution.json"
+            || (with_points && name == "irradiance.csv")
+            || args.outputs.writes(name, with_points)
+    })?;
     if args.importance_camera {
         options.views = views(&scene, args.outputs.camera)?;
     }
     let load = start.elapsed().as_secs_f64();
-    let watch = Watch { spinner: args.common.spinner("solving"), stopped: Arc::default() };
+    let watch = Watch { bar: Bar::new(args.common.quiet), stopped: Arc::default() };
     watch.stop_on_interruption(args.common.quiet);
     watch.stage("preparing", 0);
     let model = prepare(scene, &options, &watch)?;
@@ -232,7 +243,7 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
     let other = args.compare.filter(|_| !outcome.record.interrupted);
     let versus =
         other.map(|other| side_by_side(&model, &points, &outcome, other.into(), &watch)).transpose()?;
-    watch.spinner.clear();
+    watch.bar.finish();
     let met = outcome.record.target_met != Some(false);
     write(args, out, &points, (outcome, versus, load), (&solution, &watch))?;
     Ok(if met { ExitCode::SUCCESS } else { ExitCode::from(1) })
@@ -303,14 +314,4 @@ fn views(scene: &Scene, given: Option<[f64; 7]>) -> Result<Vec<View>> {
         ));
     }
     Ok(views)
-}
-
-/// Reads feature sizes by name.
-fn read_sizes(path: &Path) -> Result<Vec<(String, f32)>> {
-    let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
-    let sizes: BTreeMap<String, f32> = toml::from_str(&text).map_err(|e| {
-        let line = e.span().map(|s| 1 + text[..s.start].matches('\n').count());
-        Error::format(path, line, format!("{}; write lines like `sofa = 0.05`", e.message()))
-    })?;
-    Ok(sizes.into_iter().collect())
 }

@@ -36,8 +36,14 @@ fn check_tree(tree: &Tree, scene: &Scene) -> Result<(), String> {
             return Err(format!("cluster {c} reaches beyond the end"));
         }
     }
+    if let Some(c) = tree.clusters.iter().position(|k| k.is_leaf() && k.first_child != 0) {
+        return Err(format!("leaf {c} has a first child"));
+    }
     if let Some(&t) = tree.order.iter().find(|&&t| t as usize >= scene.triangles.len()) {
         return Err(format!("there is no triangle {t}"));
+    }
+    if root.parent != 0 {
+        return Err("the root is not its own parent".into());
     }
     if root.triangle_range() != (0..tree.order.len()) {
         return Err("the root does not hold all triangles".into());

@@ -28,6 +28,19 @@ pub struct Lightmap {
     /// Texture coordinates of the corners of each triangle of the mesh, from the lower left corner of the image;
     /// empty if those of the scene apply.
     pub texcoords: Vec<[Vec2; 3]>,
+    /// Sides of the scene's triangles that lie in the image; empty if the texture coordinates of the scene apply.
+    pub sides: Vec<MapSide>,
+}
+
+/// One side of a triangle of the scene in a lightmap.
+#[derive(Clone, Copy, Debug)]
+pub struct MapSide {
+    /// Index into the scene's triangles.
+    pub triangle: u32,
+    /// Whether it is the front.
+    pub front: bool,
+    /// Texture coordinates of the corners of the triangle, from the lower left corner of the image.
+    pub texcoords: [Vec2; 3],
 }
 
 /// Width of the margin around each chart that repeats its border: bilinear filtering reads one texel beyond a chart,
@@ -89,7 +102,9 @@ pub fn lightmap(mesh: &Mesh, solution: &RadiosityMesh, scene: &Scene, texels: us
         irradiance: vec![[0.0; 3]; width * height],
         covered: vec![false; width * height],
         texcoords: vec![[Vec2::ZERO; 3]; mesh.triangles.len()],
+        sides: Vec::new(),
     };
+    map.sides = map.sides_of(&charts, mesh, solution, scene);
     for chart in &charts {
         chart.triangles.iter().for_each(|&t| map.draw(mesh, chart, t));
         chart.triangles.iter().for_each(|&t| map.cover_small(mesh, t));
@@ -161,12 +176,46 @@ fn pack(charts: &mut [Chart], texel: f32) -> Option<[usize; 2]> {
 }
 
 impl Lightmap {
+    /// Column and row of a point of a chart.
+    fn place(&self, chart: &Chart, p: Vec3) -> Vec2 {
+        let corner = Vec2::new(chart.at[0] as f32, chart.at[1] as f32) + MARGIN_TEXELS as f32;
+        corner + (chart.plane(p) - chart.low) / self.texel
+    }
+
+    /// Texture coordinates of a column and row.
+    fn texcoord(&self, place: Vec2) -> Vec2 {
+        Vec2::new(place.x / self.width as f32, 1.0 - place.y / self.height as f32)
+    }
+
+    /// Texture coordinates of the sides of the scene's triangles that charts hold. The triangles of a polygon are in one chart.
+    fn sides_of(
+        &self,
+        charts: &[Chart],
+        mesh: &Mesh,
+        solution: &RadiosityMesh,
+        scene: &Scene,
+    ) -> Vec<MapSide> {
+        let mut chart_of: HashMap<(u32, bool), &Chart> = HashMap::new();
+        for chart in charts {
+            for &t in &chart.triangles {
+                let element = &solution.elements[mesh.element[t as usize] as usize];
+                let polygon = scene.triangle_polygon[element.triangle as usize];
+                chart_of.entry((polygon, element.front)).or_insert(chart);
+            }
+        }
+        let sides = (0..scene.triangles.len() as u32).flat_map(|t| [(t, true), (t, false)]);
+        let held = sides.filter_map(|(triangle, front)| {
+            let chart = chart_of.get(&(scene.triangle_polygon[triangle as usize], front))?;
+            let texcoords = scene.corners(triangle).map(|p| self.texcoord(self.place(chart, p)));
+            Some(MapSide { triangle, front, texcoords })
+        });
+        held.collect()
+    }
+
     /// Draws a triangle into the texels whose centres it contains, and sets its texture coordinates.
     fn draw(&mut self, mesh: &Mesh, chart: &Chart, t: u32) {
-        let corner = Vec2::new(chart.at[0] as f32, chart.at[1] as f32) + MARGIN_TEXELS as f32;
-        let [a, b, c] = mesh.corners(t as usize).map(|p| corner + (chart.plane(p) - chart.low) / self.texel);
-        let (w, h) = (self.width as f32, self.height as f32);
-        self.texcoords[t as usize] = [a, b, c].map(|p| Vec2::new(p.x / w, 1.0 - p.y / h));
+        let [a, b, c] = mesh.corners(t as usize).map(|p| self.place(chart, p));
+        self.texcoords[t as usize] = [a, b, c].map(|p| self.texcoord(p));
         let area = (b - a).perp_dot(c - a);
         if area == 0.0 {
             return;
@@ -233,30 +282,27 @@ impl Lightmap {
     }
 }
 
-/// Writes `image` (EXR) and `model` (OBJ: the mesh with texture coordinates, in coordinates of the scene's file).
+/// Writes `image` (EXR) and `model` (OBJ: the triangles of the scene with texture coordinates, in coordinates of the scene's file;
+/// back sides are faces of their own).
 ///
 /// # Errors
 /// A file cannot be written.
-pub fn write_lightmap(
-    image: &Path,
-    model: &Path,
-    map: &Lightmap,
-    mesh: &Mesh,
-    solution: &RadiosityMesh,
-) -> Result<()> {
+pub fn write_lightmap(image: &Path, model: &Path, map: &Lightmap, scene: &Scene) -> Result<()> {
     write_exr_rgb(image, map.width, &map.irradiance)?;
     let mut file = WholeFile::create(model)?;
     let mut write = || -> std::io::Result<()> {
         let name = image.file_name().unwrap_or_default().to_string_lossy();
         writeln!(file, "# irradiance, W/m\u{b2}: {name}, {} x {} texels", map.width, map.height)?;
-        for p in &mesh.positions {
-            let p = solution.origin + p.as_dvec3();
+        for p in &scene.positions {
+            let p = scene.origin + p.as_dvec3();
             writeln!(file, "v {} {} {}", p.x, p.y, p.z)?;
         }
-        map.texcoords.iter().flatten().try_for_each(|t| writeln!(file, "vt {} {}", t.x, t.y))?;
-        for (i, [a, b, c]) in mesh.triangles.iter().enumerate() {
-            let t = 3 * i + 1;
-            writeln!(file, "f {}/{} {}/{} {}/{}", a + 1, t, b + 1, t + 1, c + 1, t + 2)?;
+        let texcoords = map.sides.iter().flat_map(|side| side.texcoords);
+        texcoords.into_iter().try_for_each(|t| writeln!(file, "vt {} {}", t.x, t.y))?;
+        for (i, side) in map.sides.iter().enumerate() {
+            let corners = scene.triangles[side.triangle as usize];
+            let [a, b, c] = [0, 1, 2].map(|k| format!("{}/{}", corners[k] + 1, 3 * i + k + 1));
+            if side.front { writeln!(file, "f {a} {b} {c}")? } else { writeln!(file, "f {a} {c} {b}")? }
         }
         Ok(())
     };

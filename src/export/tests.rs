@@ -158,6 +158,19 @@ fn lightmaps_hold_the_light_where_they_say() {
         assert!((got - want).abs() < 2.0 * map.texel + 1e-3, "{got} instead of {want}");
     }
     assert!(map.irradiance.iter().flatten().all(|e| (0.0..=1.0).contains(e)));
+    // The model has the triangles of the scene, not those of the elements.
+    assert!(mesh.triangles.len() > scene.triangles.len() && map.sides.len() == scene.triangles.len());
+    for side in &map.sides {
+        for (p, uv) in scene.corners(side.triangle).into_iter().zip(side.texcoords) {
+            let light = bilinear(&map, uv.x, uv.y);
+            // At a corner the light is that of the element there, whose centre is up to a quarter away.
+            assert!((light - p.x).abs() < 0.25 + 2.0 * map.texel, "{light} at {p}");
+        }
+    }
+    let folder = tempfile::tempdir().expect("scratch folder");
+    let model = folder.path().join("lightmap.obj");
+    write_lightmap(&folder.path().join("lightmap.exr"), &model, &map, &scene).expect("written");
+    assert_eq!(Scene::load(&model).expect("an OBJ file").triangles.len(), scene.triangles.len());
 }
 
 /// A square and so many small triangles that one texel for each exceeds the image: the square keeps its part of the
@@ -306,7 +319,7 @@ fn what_is_shown_of_a_solved_room_has_no_cracks() {
 
 #[test]
 fn files_are_what_their_formats_say() {
-    let (_, solution) = square(|p| f64::from(p.y) + 1.0);
+    let (square_scene, solution) = square(|p| f64::from(p.y) + 1.0);
     let mesh = Mesh::new(&solution);
     let tone = Tone::of(mesh.radiosity.iter().copied());
     let folder = tempfile::tempdir().expect("scratch folder");
@@ -326,11 +339,11 @@ fn files_are_what_their_formats_say() {
     let scene = Scene::load_with(path("a.ply"), &LoadOptions::default()).expect("PLY that we take ourselves");
     assert_eq!(scene.triangles.len(), mesh.triangles.len());
 
-    write_vtu(&path("a.vtu"), &solution).expect("written");
+    write_vtu(&path("a.vtu"), &solution, &square_scene).expect("written");
     check_vtu(&path("a.vtu"), &solution);
     let placed = (0..solution.elements.len()).map(|i| PlacedElement { instance: 3, id: 1 << 40 | i as u64 });
     let solution = RadiosityMesh { instances: placed.collect(), ..solution };
-    write_vtu(&path("b.vtu"), &solution).expect("written");
+    write_vtu(&path("b.vtu"), &solution, &square_scene).expect("written");
     check_vtu(&path("b.vtu"), &solution);
 }
 
@@ -349,6 +362,9 @@ fn check_vtu(path: &Path, solution: &RadiosityMesh) {
         let length = u64::from_le_bytes(bytes[at..at + 8].try_into().expect("eight")) as usize;
         &bytes[at + 8..at + 8 + length]
     };
+    let name =
+        "Name=\"object_names\" NumberOfTuples=\"1\" NumberOfComponents=\"1\" ComponentName0=\"square\"";
+    assert!(header.contains(name), "{header}");
     assert_eq!(array("points").len(), 24 * solution.vertices.len());
     assert_eq!(array("connectivity").len(), 16 * cells, "quads");
     assert!(array("types").iter().all(|&t| t == 9));

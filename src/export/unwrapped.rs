@@ -2,6 +2,7 @@
 
 use super::lightmap::MAX_SIDE_TEXELS;
 use super::{Lightmap, Stage};
+use crate::error::quote;
 use crate::math::triangle_normal;
 use crate::ray::{LANES, Packet};
 use crate::scene::Scene;
@@ -28,6 +29,7 @@ pub fn unwrapped_lightmap(stage: &Stage, scene: &Scene, texels: usize) -> Result
         irradiance: vec![[0.0; 3]; side * side],
         covered: vec![false; side * side],
         texcoords: Vec::new(),
+        sides: Vec::new(),
     };
     let rows = map.irradiance.par_chunks_mut(side).zip(map.covered.par_chunks_mut(side));
     rows.zip(owner.par_chunks(side)).enumerate().for_each(|(y, ((light, covered), owner))| {
@@ -49,7 +51,7 @@ fn placed(scene: &Scene, side: usize) -> Result<Vec<[Vec2; 3]>, String> {
     if scene.triangle_texcoords.is_empty() {
         return Err("the file has no texture coordinates".into());
     }
-    let name = |t: usize| &scene.objects[scene.triangle_object[t] as usize].name;
+    let name = |t: usize| quote(&scene.objects[scene.triangle_object[t] as usize].name);
     let inside = |[u, v]: [f32; 2]| {
         [u, v].iter().all(|x| (-TEXCOORD_TOLERANCE..=1.0 + TEXCOORD_TOLERANCE).contains(x))
     };
@@ -104,7 +106,7 @@ fn owners(scene: &Scene, faces: &[[Vec2; 3]], side: usize) -> Result<Vec<u32>, S
                     taken += 1;
                     *at = t as u32;
                 } else if deep(face, p) && deep(faces[*at as usize], p) {
-                    let name = |t: usize| &scene.objects[scene.triangle_object[t] as usize].name;
+                    let name = |t: usize| quote(&scene.objects[scene.triangle_object[t] as usize].name);
                     let (one, other) = (name(*at as usize), name(t));
                     return Err(format!("faces of `{one}` and `{other}` overlap in texture coordinates"));
                 }

@@ -1,6 +1,7 @@
 //! VTK's unstructured grid, for ParaView.
 
 use crate::radiosity::mesh::RadiosityMesh;
+use crate::scene::Scene;
 use crate::{Error, Result, files::WholeFile};
 use std::io::Write;
 use std::path::Path;
@@ -26,19 +27,59 @@ fn array<T: bytemuck::NoUninit>(
     Array { name, kind, components, bytes: bytemuck::cast_slice(values).to_vec() }
 }
 
+/// A text in an attribute of XML, without characters that XML cannot hold.
+fn escaped(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars().filter(|c| !c.is_control() && !matches!(c, '\u{fffe}' | '\u{ffff}')) {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '"' => out.push_str("&quot;"),
+            other => out.push(other),
+        }
+    }
+    out
+}
+
 /// Writes the elements as cells of a `.vtu` file with the fields `irradiance`, `radiosity`, `error` (standard error
 /// of the irradiance), all W/m² RGB; `level` (number of splits), `links`, `area`, `object`, `material`, `triangle`,
-/// `front`; in scenes with placed meshes `instance` and `id` as well. Coordinates are those of the scene's file.
+/// `front`; in scenes with placed meshes `instance` and `id` as well. The components of the fields `object_names` and
+/// `material_names` of the whole file have the names that the indices `object` and `material` stand for. Coordinates are those of
+/// the scene's file.
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn write_vtu(path: &Path, solution: &RadiosityMesh) -> Result<()> {
+pub fn write_vtu(path: &Path, solution: &RadiosityMesh, scene: &Scene) -> Result<()> {
     let mut file = WholeFile::create(path)?;
-    write(&mut file, solution).map_err(|e| Error::io(path, e))?;
+    write(&mut file, solution, scene).map_err(|e| Error::io(path, e))?;
     file.commit()
 }
 
-fn write(out: &mut impl Write, s: &RadiosityMesh) -> std::io::Result<()> {
+/// The names of objects and materials, as fields of the whole file.
+fn write_names(out: &mut impl Write, scene: &Scene) -> std::io::Result<()> {
+    // Lists of texts are not known to all programs; names of components are, or are ignored.
+    let names: [(&str, Vec<&String>); 2] = [
+        ("object_names", scene.objects.iter().map(|o| &o.name).collect()),
+        ("material_names", scene.materials.iter().map(|m| &m.name).collect()),
+    ];
+    writeln!(out, "<FieldData>")?;
+    for (name, list) in names {
+        write!(
+            out,
+            "<DataArray type=\"UInt32\" Name=\"{name}\" NumberOfTuples=\"1\" NumberOfComponents=\"{}\"",
+            list.len()
+        )?;
+        for (i, text) in list.iter().enumerate() {
+            write!(out, " ComponentName{i}=\"{}\"", escaped(text))?;
+        }
+        writeln!(out, " format=\"ascii\">")?;
+        let numbers: Vec<String> = (0..list.len()).map(|i| i.to_string()).collect();
+        writeln!(out, "{}\n</DataArray>", numbers.join(" "))?;
+    }
+    writeln!(out, "</FieldData>")
+}
+
+fn write(out: &mut impl Write, s: &RadiosityMesh, scene: &Scene) -> std::io::Result<()> {
     let points: Vec<[f64; 3]> = s.vertices.iter().map(|p| (s.origin + p.as_dvec3()).to_array()).collect();
     let size = |e: &crate::radiosity::mesh::Element| if e.is_triangle() { 3 } else { 4 };
     let connectivity: Vec<u32> = s.elements.iter().flat_map(|e| e.corners[..size(e)].to_vec()).collect();
@@ -88,8 +129,9 @@ fn write(out: &mut impl Write, s: &RadiosityMesh) -> std::io::Result<()> {
         "<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">"
     )?;
     writeln!(out, "<UnstructuredGrid>")?;
-    writeln!(out, "<Piece NumberOfPoints=\"{}\" NumberOfCells=\"{}\">", points.len(), s.elements.len())?;
     let mut at = 0;
+    write_names(out, scene)?;
+    writeln!(out, "<Piece NumberOfPoints=\"{}\" NumberOfCells=\"{}\">", points.len(), s.elements.len())?;
     for (section, arrays) in [("Points", &places[..]), ("Cells", &cells), ("CellData", &fields)] {
         writeln!(out, "<{section}>")?;
         for a in arrays {

@@ -1,9 +1,13 @@
 //! Reads one scalar quantity from an image file.
 
+use std::io::Cursor;
 use std::path::Path;
 
-use image::{DynamicImage, ImageReader};
+use image::{DynamicImage, ImageError, ImageReader};
 
+use crate::error::quote;
+use crate::files::input;
+use crate::memory;
 use crate::metrics::Image;
 use crate::{Error, Result};
 
@@ -44,15 +48,17 @@ impl Channel {
 /// [`Error::Io`] if the file cannot be opened, [`Error::Format`] if the file is no such image or holds a value that is
 /// not finite, [`Error::Argument`] if `texel` is not a positive length.
 pub fn read_image(path: &Path, channel: Channel, texel: f64) -> Result<Image> {
-    let reader = ImageReader::open(path).and_then(ImageReader::with_guessed_format);
+    let bytes = input::read(path, memory::usable().unwrap_or(u64::MAX >> 1))?;
+    let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
     let reader = reader.map_err(|e| Error::io(path, e))?;
     let linear =
         reader.format().is_some_and(|f| matches!(f, image::ImageFormat::OpenExr | image::ImageFormat::Hdr));
     if reader.format().is_none() {
         return Err(Error::format(path, None, "not a PNG, EXR, HDR, JPEG, BMP or TGA image"));
     }
-    let decoded =
-        reader.decode().map_err(|e| Error::format(path, None, format!("cannot be decoded: {e}")))?;
+    let undecoded =
+        |e: ImageError| Error::format(path, None, format!("cannot be decoded: {}", quote(&e.to_string())));
+    let decoded = input::guarded(path, || reader.decode().map_err(undecoded))?;
     let (width, height) = (decoded.width() as usize, decoded.height() as usize);
     let data = values(decoded, channel, linear);
     // Checked here because a bad `texel` is an error of the caller, and later errors are errors of the file.

@@ -34,6 +34,14 @@ use engines::Engines;
 use std::sync::Arc;
 use top_level::TopLevel;
 
+/// Version of the installed Embree, `4.a.b`.
+///
+/// # Errors
+/// It does not suit this program, or fails.
+pub fn embree_version() -> Result<String> {
+    Ok(Device::new(1)?.version())
+}
+
 /// A scene prepared for queries.
 #[derive(Clone)]
 pub struct Model {

@@ -17,7 +17,7 @@ mod write;
 #[cfg(any(test, feature = "cli"))]
 pub use compare::{Comparison, compare};
 #[cfg(any(test, feature = "cli"))]
-pub use read::{read_irradiance, read_points};
+pub use read::{irradiance_of, read_irradiance, read_points};
 #[cfg(any(test, feature = "cli"))]
 pub use write::write_irradiance;
 

@@ -1,10 +1,10 @@
 //! Reading point and irradiance files.
 
 use super::{Irradiance, Point};
-use crate::{Error, Result};
+use crate::{Error, Result, error::quote, files::input::Input, memory};
 use csv::StringRecord;
 use glam::DVec3;
-use std::path::Path;
+use std::{io::Read, path::Path};
 
 /// First columns of every point file, in order.
 pub(super) const POINT: [&str; 6] = ["x", "y", "z", "nx", "ny", "nz"];
@@ -25,7 +25,7 @@ const MAX_COORDINATE: f64 = 1e18;
 /// `x,y,z,nx,ny,nz`, there is no point, a field is not a finite number, or a normal has not unit length.
 pub fn read_points(path: &Path) -> Result<Vec<Point>> {
     let mut points = Vec::new();
-    rows(path, &POINT, |_, record, at| {
+    rows(path, open(path)?, &POINT, |_, record, at| {
         points.push(point(path, record, at)?);
         Ok(())
     })?;
@@ -37,9 +37,17 @@ pub fn read_points(path: &Path) -> Result<Vec<Point>> {
 /// # Errors
 /// As for [`read_points`], or if `Er,Eg,Eb` do not follow in the header.
 pub fn read_irradiance(path: &Path) -> Result<Irradiance> {
+    irradiance_of(path, open(path)?)
+}
+
+/// Reads the content of an irradiance file.
+///
+/// # Errors
+/// As for [`read_irradiance`].
+pub fn irradiance_of(path: &Path, file: impl Read) -> Result<Irradiance> {
     let mut out = Irradiance::default();
     let columns: Vec<&str> = POINT.into_iter().chain(VALUE).collect();
-    rows(path, &columns, |header, record, at| {
+    rows(path, file, &columns, |header, record, at| {
         out.points.push(point(path, record, at)?);
         let three = |first: usize| -> Result<[f64; 3]> {
             Ok([
@@ -57,13 +65,17 @@ pub fn read_irradiance(path: &Path) -> Result<Irradiance> {
     Ok(out)
 }
 
+fn open(path: &Path) -> Result<Input> {
+    Input::open(path, memory::usable().unwrap_or(u64::MAX >> 1))
+}
+
 /// Checks the header and passes each record with its line number, counted from 1, to `take`.
 fn rows(
     path: &Path,
+    file: impl Read,
     columns: &[&str],
     mut take: impl FnMut(&StringRecord, &StringRecord, usize) -> Result<()>,
 ) -> Result<()> {
-    let file = std::fs::File::open(path).map_err(|e| Error::io(path, e))?;
     let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).trim(csv::Trim::All).from_reader(file);
     let broken = |e: csv::Error| {
         let line = e.position().map(|p| p.line() as usize);
@@ -112,7 +124,7 @@ fn point(path: &Path, record: &StringRecord, line: usize) -> Result<Point> {
 fn number(path: &Path, record: &StringRecord, line: usize, column: usize) -> Result<f64> {
     let text = record.get(column).unwrap_or_default();
     text.parse().ok().filter(|v: &f64| v.is_finite()).ok_or_else(|| {
-        let shown: String = text.chars().filter(|c| !c.is_control()).take(40).collect();
-        Error::format(path, Some(line), format!("column {}: `{shown}` is not a finite number", column + 1))
+        let what = format!("column {}: `{}` is not a finite number", column + 1, quote(text));
+        Error::format(path, Some(line), what)
     })
 }

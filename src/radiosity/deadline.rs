@@ -85,6 +85,16 @@ impl<'a> Deadline<'a> {
         self.progress.stopped()
     }
 
+    /// Tells the caller that a stage of so many steps begins.
+    pub fn stage(&self, name: &str, steps: usize) {
+        self.progress.stage(name, steps as u64);
+    }
+
+    /// Tells the caller that so many more steps of the stage are done.
+    pub fn advance(&self, steps: usize) {
+        self.progress.advance(steps as u64);
+    }
+
     /// Seconds since the start.
     pub fn elapsed(&self) -> f64 {
         self.spent + self.begun.elapsed().as_secs_f64()

@@ -1,7 +1,7 @@
 //! Options of a solution.
 
 use crate::model::cache::CacheLocation;
-use crate::{Error, Result};
+use crate::{Error, Result, error::quote};
 use glam::DVec3;
 
 /// Which engine answers visibility.
@@ -171,23 +171,26 @@ impl Options {
             }
         }
         if let Some((name, s)) = self.feature_sizes.iter().find(|(_, s)| !s.is_finite() || *s <= 0.0) {
-            return Err(Error::Argument(format!("feature size {s} of `{name}`: must be a number above 0")));
+            return Err(Error::Argument(format!(
+                "feature size {s} of `{}`: must be a number above 0",
+                quote(name)
+            )));
         }
         let [light, gather] = [self.light_rays, self.gather_rays].map(|n| n.unwrap_or(1));
-        for (name, value, most) in [
-            ("light_rays", light, 1 << 16),
-            ("gather_rays", gather, 1 << 20),
-            ("max_links", self.max_links, 1 << 30),
-            ("local_rays", self.local_rays.unwrap_or(0).saturating_add(1), 1 << 30),
-            ("audit", self.audit.saturating_add(1), 1 << 20),
+        for (name, value, least, most) in [
+            ("light_rays", light, 1, 1 << 16),
+            ("gather_rays", gather, 1, 1 << 20),
+            ("max_links", self.max_links, 1, 1 << 30),
+            ("local_rays", self.local_rays.unwrap_or(0), 0, 1 << 30),
+            ("audit", self.audit, 0, 1 << 20),
         ] {
-            if value == 0 || value > most {
-                return Err(Error::Argument(format!("{name} {value}: must lie in 1..{most}")));
+            if value < least || value > most {
+                return Err(Error::Argument(format!("{name} {value}: must lie in {least}..{most}")));
             }
         }
-        if self.min_area > 1.0 {
+        if !(MIN_MIN_AREA..=1.0).contains(&self.min_area) {
             return Err(Error::Argument(format!(
-                "min_area {}: is a part of the scene's area, at most 1",
+                "min_area {:e}: is a part of the scene's area, in {MIN_MIN_AREA:e}..1",
                 self.min_area
             )));
         }
@@ -223,6 +226,9 @@ impl Options {
         RAYS_OF_SMALLEST_ELEMENT / rays.max(1.0)
     }
 }
+
+/// Least part of the scene's area of an element: numbers of elements have 32 bits, of which ranges of ids take a factor 4.
+const MIN_MIN_AREA: f64 = 1e-9;
 
 /// Rays of the smallest element that the local pass splits others into: 20 rays leave 1/√20 = 22 % of the spread of one
 /// ray as noise, fewer mostly noise. 10 or 40 instead change irradiance by less than 0.2 %, and the time from 1.9 s to

@@ -1,7 +1,7 @@
 //! Conversion of placements to triangles.
 
 use super::{Material, Object, Placement, Scene, resolve::has_area};
-use crate::{Error, Result, math::Aabb};
+use crate::{Error, Result, error::quote, math::Aabb};
 use std::collections::HashMap;
 use std::ops::Range;
 
@@ -92,6 +92,7 @@ impl Scene {
             triangle_texcoords: self.triangle_texcoords.clone(),
             cameras: self.cameras.clone(),
             bounds: self.bounds,
+            files: self.files.clone(),
             repairs: self.repairs.clone(),
             shared: Vec::new(),
             placements: Vec::new(),
@@ -104,7 +105,7 @@ impl Scene {
         let (mut vertices, mut polygons) = (self.positions.len() as u64, 0u64);
         polygons += self.triangle_polygon.last().map_or(0, |&p| u64::from(p) + 1);
         for p in self.placements.iter().filter(|p| p.visible) {
-            let wrong = |what: &str| Error::Scene(format!("placement `{}` {what}", p.name));
+            let wrong = |what: &str| Error::Scene(format!("placement `{}` {what}", quote(&p.name)));
             let mesh = self
                 .shared
                 .get(p.mesh as usize)
@@ -176,7 +177,7 @@ impl Flat {
         if !s.positions[first..].iter().all(|q| q.is_finite()) {
             return Err(Error::Scene(format!(
                 "placement `{}` moves vertices to coordinates that are not finite",
-                p.name
+                quote(&p.name)
             )));
         }
         let mirrored = p.transform.matrix3.determinant() < 0.0;

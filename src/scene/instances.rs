@@ -9,7 +9,7 @@ use super::{
     power::unknown,
     resolve::{resolve, resolve_mesh},
 };
-use crate::{Error, Result, math::Aabb};
+use crate::{Error, Result, error::quote, math::Aabb};
 use glam::{DAffine3, DVec3};
 use std::{collections::HashSet, sync::Arc};
 
@@ -126,7 +126,7 @@ impl Scene {
         let mut vanished = 0;
         for mut p in placements {
             let mesh = shared.get(p.mesh as usize).ok_or_else(|| {
-                Error::Scene(format!("placement `{}` refers to a mesh that does not exist", p.name))
+                Error::Scene(format!("placement `{}` refers to a mesh that does not exist", quote(&p.name)))
             })?;
             let replaced = p.material.map(|m| self.materials.get(m as usize));
             if !mesh.emitters.is_empty() || replaced.is_some_and(|m| m.is_none_or(|m| m.emission != [0.0; 3]))
@@ -144,7 +144,8 @@ impl Scene {
             // A box of NaN corners is empty: its ends are infinite.
             if !p.transform.is_finite() || f64::from(farthest) > MAX_COORDINATE {
                 let what = format!("not finite or beyond {MAX_COORDINATE:e}");
-                let text = format!("node `{}` places its mesh at coordinates that are {what}", p.name);
+                let text =
+                    format!("node `{}` places its mesh at coordinates that are {what}", quote(&p.name));
                 return Err(Error::format(&self.path, None, text));
             }
             let least = MIN_EXTENT.max(f64::from(f32::EPSILON * farthest));

@@ -1,9 +1,10 @@
 //! Loading of scene files.
 
-use super::{Scene, read_gltf, read_obj, read_ply, resolve};
+use super::{Scene, read_gltf, read_obj, read_ply, resolve, sources::Sources};
+use crate::files::input::{guarded, is_standard_input};
 use crate::threads::Threads;
 use crate::{Error, Result};
-use std::path::Path;
+use std::{io::BufReader, path::Path};
 
 /// Properties that a file does not state or states wrongly: [`LoadOptions::default`], then `with_…`.
 #[derive(Clone, Debug)]
@@ -19,6 +20,8 @@ pub struct LoadOptions {
     pub(crate) sides: Option<u8>,
     /// Threads; 0 for all cores.
     pub(crate) threads: usize,
+    /// Largest file and largest sum of decoded textures, bytes; `None`: a part of the available memory.
+    pub(crate) max_memory: Option<u64>,
 }
 
 impl Default for LoadOptions {
@@ -30,6 +33,7 @@ impl Default for LoadOptions {
             two_sided_emission: false,
             sides: None,
             threads: 0,
+            max_memory: None,
         }
     }
 }
@@ -95,23 +99,72 @@ impl Scene {
         if let Some(sides) = options.sides.filter(|sides| !(1..=2).contains(sides)) {
             return Err(Error::Argument(format!("`sides` {sides}: must be 1 or 2")));
         }
-        Threads::new(options.threads)?.run(|| read(path, options))?
+        Threads::new(options.threads)?.run(|| guarded(path, || read(path, options)))?
     }
 }
 
 /// Reads a scene on the threads of the caller.
 fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
-    let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-    let soup = match extension.as_str() {
-        "obj" => read_obj::read(path)?,
-        "gltf" | "glb" => return read_gltf::read(path, options),
-        "ply" => read_ply::read(path)?,
-        _ => {
-            let what = "unknown kind of scene; the extension must be .obj, .gltf, .glb or .ply";
-            // A wrong path is more likely than an unknown format.
-            std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
-            return Err(Error::format(path, None, what));
+    let mut sources = Sources::new(options.max_memory);
+    let stem = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    let mut scene = if is_standard_input(path) {
+        let bytes = sources.bytes(path)?;
+        read_bytes(path, format_of(&bytes), bytes, &mut sources, options)?
+    } else {
+        match stem.as_str() {
+            "obj" => {
+                let file = BufReader::with_capacity(1 << 20, sources.open(path)?);
+                resolve(read_obj::read(path, file, &mut sources)?, options)?
+            }
+            "gltf" | "glb" | "ply" => {
+                let bytes = sources.bytes(path)?;
+                read_bytes(path, &stem, bytes, &mut sources, options)?
+            }
+            _ => {
+                let what = "unknown kind of scene; the extension must be .obj, .gltf, .glb or .ply";
+                // A wrong path is more likely than an unknown format.
+                std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
+                return Err(Error::format(path, None, what));
+            }
         }
     };
-    resolve(soup, options)
+    scene.files = sources.read;
+    Ok(scene)
+}
+
+/// Reads a scene from memory; `path` is its name, from which other files are found.
+fn read_bytes(
+    path: &Path,
+    format: &str,
+    bytes: Vec<u8>,
+    sources: &mut Sources,
+    options: &LoadOptions,
+) -> Result<Scene> {
+    match format {
+        "gltf" | "glb" => read_gltf::read(path, bytes, sources, options),
+        "ply" => resolve(read_ply::read(path, &bytes)?, options),
+        _ => resolve(read_obj::read(path, bytes.as_slice(), sources)?, options),
+    }
+}
+
+/// Reads a scene from memory as [`Scene::load_with`] does, with an error for a panic of a decoder. Other files that it names are
+/// looked for in `folder`.
+///
+/// # Errors
+/// As for [`Scene::load_with`].
+pub fn read_from_memory(folder: &Path, format: &str, bytes: &[u8], options: &LoadOptions) -> Result<Scene> {
+    let path = folder.join("scene").with_extension(format);
+    let mut sources = Sources::new(options.max_memory);
+    guarded(&path, || read_bytes(&path, format, bytes.to_vec(), &mut sources, options))
+}
+
+/// Format of a scene without a name, by its first characters.
+fn format_of(bytes: &[u8]) -> &'static str {
+    let start = bytes.trim_ascii_start();
+    match start {
+        _ if bytes.starts_with(b"glTF") => "glb",
+        _ if start.starts_with(b"{") => "gltf",
+        _ if start.starts_with(b"ply") => "ply",
+        _ => "obj",
+    }
 }

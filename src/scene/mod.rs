@@ -21,6 +21,7 @@ mod read_obj;
 mod read_ply;
 mod resolve;
 mod soup;
+mod sources;
 #[cfg(test)]
 pub(crate) mod testing;
 #[cfg(test)]
@@ -38,7 +39,8 @@ pub use flatten::InstanceTriangles;
 #[cfg(test)]
 pub(crate) use instances::resolve_placed;
 pub use instances::{MAX_PLACEMENTS, Placement};
-pub use load::LoadOptions;
+pub use load::{LoadOptions, read_from_memory};
+pub use mtl::read_materials;
 pub use power::{parse_emitter, unit_in_metres};
 pub use resolve::{MAX_COORDINATE, MIN_EXTENT, resolve};
 pub use soup::{PlacedSoup, Soup, SoupMaterial};
@@ -194,6 +196,8 @@ pub struct Scene {
     pub(crate) bounds: Aabb,
     /// Repairs made while reading.
     pub(crate) repairs: Repairs,
+    /// Files that were read: the scene, its material libraries, textures and buffers; empty for generated scenes.
+    pub(crate) files: Vec<PathBuf>,
     /// Meshes that are stored once and placed by `placements`; each is a scene in its own frame, without emitters,
     /// shared meshes or placements. Empty if every mesh occurs once.
     pub(crate) shared: Vec<Arc<Scene>>,

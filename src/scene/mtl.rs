@@ -1,18 +1,16 @@
 //! Material libraries (MTL): the statements that radiosity needs, parsed by `tobj`.
 
-use super::{Repairs, SoupMaterial, texture::Texture};
-use crate::{Error, Result};
-use std::{
-    collections::HashMap,
-    fmt::Write,
-    path::{Path, PathBuf},
+use super::{
+    Repairs, SoupMaterial,
+    sources::{Sources, TextureKey, beside, shown},
 };
+use crate::{Error, Result, error::quote, files::input::guarded};
+use std::{collections::HashMap, fmt::Write, path::Path};
 
-/// Materials that were read, and their textures.
+/// Materials that were read.
 #[derive(Default)]
 pub(super) struct Library {
     materials: HashMap<String, SoupMaterial>,
-    textures: HashMap<PathBuf, Option<Texture>>,
 }
 
 impl Library {
@@ -22,20 +20,42 @@ impl Library {
     }
 
     /// Reads a library. A missing library is a counted repair; an invalid one is an error.
-    pub fn read(&mut self, path: &Path, repairs: &mut Repairs) -> Result<()> {
-        let bytes = match std::fs::read(path) {
+    pub fn read(&mut self, path: &Path, sources: &mut Sources, repairs: &mut Repairs) -> Result<()> {
+        let bytes = match sources.small(path) {
             Ok(bytes) => bytes,
-            Err(e) => {
-                repairs.missing_files += 1;
-                repairs.messages.push(format!("material library {}: {e}", path.display()));
+            Err(Error::Io { source, .. }) => {
+                repairs.unreadable(&format!("material library {}: {source}", shown(path)));
                 return Ok(());
             }
+            Err(error) => return Err(error),
         };
-        let text = clean(path, &String::from_utf8_lossy(&bytes))?;
-        let (materials, _) = tobj::load_mtl_buf(&mut text.as_bytes())
-            .map_err(|e| Error::format(path, None, format!("not a material library ({e})")))?;
+        self.parse(path, &bytes, sources, repairs)
+    }
+
+    /// Reads the content of a library.
+    fn parse(
+        &mut self,
+        path: &Path,
+        bytes: &[u8],
+        sources: &mut Sources,
+        repairs: &mut Repairs,
+    ) -> Result<()> {
+        let cleaned = clean(path, &String::from_utf8_lossy(bytes))?;
+        let text = &cleaned.text;
+        let (materials, _) = guarded(path, || {
+            tobj::load_mtl_buf(&mut text.as_bytes())
+                .map_err(|e| Error::format(path, None, format!("not a material library ({e})")))
+        })?;
+        repairs.messages.extend(cleaned.notes());
         for m in materials {
-            let texture = m.diffuse_texture.and_then(|file| self.texture(path, &file, repairs));
+            let texture = match m.diffuse_texture {
+                Some(statement) => {
+                    let file = beside(path, texture_file(&statement));
+                    let key = TextureKey::File(file.clone());
+                    sources.texture(path, key, repairs, |sources| sources.bytes(&file))?
+                }
+                None => None,
+            };
             let rgb = |v: Option<[f64; 3]>| v.map(|v| v.map(|x| x as f32));
             // The colours of a texture without `Kd` are used unscaled.
             let default = if texture.is_some() { [0.0; 3] } else { SoupMaterial::DEFAULT_REFLECTANCE };
@@ -49,19 +69,41 @@ impl Library {
         }
         Ok(())
     }
+}
 
-    fn texture(&mut self, library: &Path, statement: &str, repairs: &mut Repairs) -> Option<Texture> {
-        // Exporters on Windows write backslashes; a backslash within a file name is not supported.
-        let file = library.with_file_name("").join(texture_file(statement).replace('\\', "/"));
-        if let Some(known) = self.textures.get(&file) {
-            return known.clone();
-        }
-        let texture = Texture::open(&file).map_err(|why| {
-            repairs.missing_files += 1;
-            repairs.messages.push(format!("texture {}: {why}", file.display()));
-        });
-        self.textures.insert(file, texture.clone().ok());
-        texture.ok()
+/// Reads the content of a material library; the number of materials. Textures are looked for in `folder`.
+///
+/// # Errors
+/// It is no material library, or has an invalid colour.
+pub fn read_materials(folder: &Path, bytes: &[u8]) -> Result<usize> {
+    let mut library = Library::default();
+    let path = folder.join("scene.mtl");
+    library.parse(&path, bytes, &mut Sources::new(None), &mut Repairs::default())?;
+    Ok(library.materials.len())
+}
+
+/// Statements of a material library in the form that `tobj` accepts.
+#[derive(Debug, Default)]
+struct Cleaned {
+    text: String,
+    /// Numbers of `map_Ke` and of `map_d` statements, which are not read.
+    emission_maps: usize,
+    opacity_maps: usize,
+}
+
+impl Cleaned {
+    /// What was left out.
+    fn notes(&self) -> impl Iterator<Item = String> {
+        let count = |n: usize, what: &str| (n > 0).then(|| format!("{n} {what}"));
+        let emission = count(
+            self.emission_maps,
+            "map_Ke textures are not read: these materials emit evenly, as Ke says",
+        );
+        let opacity = count(
+            self.opacity_maps,
+            "map_d textures are not read: these materials are opaque or not, as d says",
+        );
+        emission.into_iter().chain(opacity)
     }
 }
 
@@ -85,8 +127,9 @@ fn texture_file(statement: &str) -> &str {
 
 /// Keeps the relevant statements in a form that `tobj` accepts: `tobj` panics on colours of fewer than three numbers,
 /// which MTL allows, and stops at some irrelevant statements.
-fn clean(path: &Path, text: &str) -> Result<String> {
-    let mut out = String::with_capacity(text.len());
+fn clean(path: &Path, text: &str) -> Result<Cleaned> {
+    let mut cleaned = Cleaned { text: String::with_capacity(text.len()), ..Cleaned::default() };
+    let out = &mut cleaned.text;
     for (i, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {
         let line = line.trim();
         let (key, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
@@ -96,7 +139,7 @@ fn clean(path: &Path, text: &str) -> Result<String> {
             let values: Option<Vec<f64>> =
                 words.map(|w| w.parse().ok().filter(|v: &f64| v.is_finite() && v.abs() < 1e30)).collect();
             values.filter(|v| !v.is_empty()).ok_or_else(|| {
-                Error::format(path, Some(i + 1), format!("`{}` is not a finite number", shorten(rest, 40)))
+                Error::format(path, Some(i + 1), format!("`{}` is not a finite number", quote(rest)))
             })
         };
         // Writing to a string cannot fail.
@@ -125,20 +168,19 @@ fn clean(path: &Path, text: &str) -> Result<String> {
                 _ => numbers().map(|_| Ok(()))?,
             },
             "tr" => writeln!(out, "d {}", 1.0 - numbers()?[0]),
+            "map_ke" if !rest.is_empty() => {
+                cleaned.emission_maps += 1;
+                Ok(())
+            }
+            "map_d" if !rest.is_empty() => {
+                cleaned.opacity_maps += 1;
+                Ok(())
+            }
             "map_kd" if !rest.is_empty() => writeln!(out, "map_Kd {rest}"),
             _ => Ok(()),
         };
     }
-    Ok(out)
-}
-
-/// A beginning of the text that is short enough for a message.
-pub(super) fn shorten(text: &str, limit: usize) -> String {
-    let mut short: String = text.chars().filter(|c| !c.is_control()).take(limit).collect();
-    if short.len() < text.len() {
-        short.push('…');
-    }
-    short
+    Ok(cleaned)
 }
 
 #[cfg(test)]
@@ -158,10 +200,7 @@ mod tests {
     #[test]
     fn statements_in_the_form_tobj_reads() {
         let check = |text, want: &str| {
-            assert_eq!(
-                clean(Path::new("a.mtl"), text).map_err(|e| e.to_string()).unwrap_or_else(|e| e),
-                want
-            );
+            assert_eq!(clean(Path::new("a.mtl"), text).map_or_else(|e| e.to_string(), |c| c.text), want);
         };
         check("newmtl a b\r\n\tKd 0.5\r\n", "newmtl a b\nKd 0.5 0.5 0.5\n");
         check("Ns\nillum x\nKd 1 0 0 # red\nTr 0.25", "Kd 1 0 0\nd 0.75\n");

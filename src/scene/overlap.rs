@@ -11,7 +11,7 @@
 //! many stacked faces only some are reported.
 
 use super::{Object, Repairs};
-use crate::math::Aabb;
+use crate::{error::quote, math::Aabb};
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
@@ -35,7 +35,7 @@ pub(super) fn report(faces: &Faces, objects: &[Object], unit: &str, repairs: &mu
         return;
     }
     let one = |&([a, b], area): &([u32; 2], f64)| {
-        let [first, second] = [a, b].map(|k| &objects[k as usize].name);
+        let [first, second] = [a, b].map(|k| quote(&objects[k as usize].name));
         let other = if a == b { "itself".to_owned() } else { format!("`{second}`") };
         format!("`{first}` and {other} {area:.2e} {unit}²")
     };

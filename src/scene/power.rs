@@ -1,7 +1,7 @@
 //! Emitters by name, with their power.
 
 use super::{LoadOptions, Material};
-use crate::{Error, Result};
+use crate::{Error, Result, error::quote};
 use std::{collections::HashMap, f64::consts::PI};
 
 /// Length of one unit in metres; `None` for unknown names (they count as metres).
@@ -20,7 +20,8 @@ pub fn unit_in_metres(unit: &str) -> Option<f64> {
 
 /// Parses `NAME=W`; the name may contain `=`.
 pub fn parse_emitter(text: &str) -> Result<(String, f64)> {
-    let wrong = || Error::Argument(format!("emitter {text}: write NAME=W, with W > 0 in watts (lamp=60)"));
+    let wrong =
+        || Error::Argument(format!("emitter {}: write NAME=W, with W > 0 in watts (lamp=60)", quote(text)));
     let (name, watts) = text.rsplit_once('=').ok_or_else(wrong)?;
     let watts: f64 = watts.trim().parse().map_err(|_| wrong())?;
     if name.is_empty() || !watts.is_finite() || watts <= 0.0 {
@@ -83,16 +84,32 @@ pub(super) fn apply(s: Surfaces, options: &LoadOptions) -> Result<()> {
     Ok(())
 }
 
+/// Similarity of two names above which one is suggested for the other, as in clap's suggestions of options; and number of
+/// names that are compared: a microsecond each.
+const SIMILAR: f64 = 0.7;
+const MAX_COMPARED: usize = 100_000;
+
 /// The error for an unknown name.
 pub(super) fn unknown<'a>(name: &str, names: impl Iterator<Item = &'a String>) -> Error {
-    let some = some_names(names);
-    Error::Scene(format!("no object, group or material is called `{name}`; there are {some}"))
+    let names: Vec<&String> = names.take(MAX_COMPARED).collect();
+    let similar = names.iter().map(|n| (strsim::jaro_winkler(name, n), n));
+    if let Some((likeness, similar)) = similar.max_by(|a, b| a.0.total_cmp(&b.0))
+        && likeness > SIMILAR
+    {
+        let (name, similar) = (quote(name), quote(similar));
+        return Error::Scene(format!(
+            "no object, group or material is called `{name}`; did you mean `{similar}`?"
+        ));
+    }
+    let some = some_names(names.into_iter());
+    Error::Scene(format!("no object, group or material is called `{}`; there are {some}", quote(name)))
 }
 
 /// The first few distinct names, for messages.
 pub(super) fn some_names<'a>(names: impl Iterator<Item = &'a String>) -> String {
     let mut seen = std::collections::HashSet::new();
-    let mut list: Vec<String> = names.filter(|n| seen.insert(*n)).take(9).map(|n| format!("`{n}`")).collect();
+    let mut list: Vec<String> =
+        names.filter(|n| seen.insert(*n)).take(9).map(|n| format!("`{}`", quote(n))).collect();
     if list.len() == 9 {
         list[8] = "others".into();
     }

@@ -9,21 +9,23 @@
 
 use super::{
     MAX_COORDINATE, Soup,
-    mtl::{Library, shorten},
+    mtl::Library,
     soup::Names,
+    sources::{Sources, beside},
 };
-use crate::{Error, Result};
+use crate::{Error, Result, error::quote};
 use glam::DVec3;
 use std::{
-    fs::File,
-    io::{self, BufRead, BufReader, Read},
+    io::{self, BufRead, Read},
     path::{Path, PathBuf},
 };
 
-/// Reads an OBJ file and its material libraries.
-pub(super) fn read(path: &Path) -> Result<Soup> {
-    let file = File::open(path).map_err(|e| Error::io(path, e))?;
-    let mut lines = Lines::new(path, BufReader::with_capacity(1 << 20, file));
+/// Longest line, bytes: a face of 20 million corners.
+const MAX_LINE: usize = 1 << 28;
+
+/// Reads an OBJ file, of which `path` is the name and `file` the content, and its material libraries.
+pub(super) fn read(path: &Path, file: impl BufRead, sources: &mut Sources) -> Result<Soup> {
+    let mut lines = Lines::new(path, file);
     // `Lines` records objects and materials, so `tobj` sees one model and no libraries.
     let options = tobj::LoadOptions { single_index: false, triangulate: false, ..Default::default() };
     let read = tobj::load_obj_buf(&mut lines, &options, |_| Err(tobj::LoadError::GenericFailure));
@@ -48,7 +50,7 @@ pub(super) fn read(path: &Path) -> Result<Soup> {
     soup.corners = mesh.indices;
     soup.texcoords = mesh.texcoords.chunks_exact(2).map(|c| [c[0] as f32, c[1] as f32]).collect();
     soup.corner_texcoords = mesh.texcoord_indices;
-    lines.give_names(&mut soup)?;
+    lines.give_names(&mut soup, sources)?;
     Ok(soup)
 }
 
@@ -119,7 +121,7 @@ impl<'a, R: BufRead> Lines<'a, R> {
         self.given = 0;
         while self.out.is_empty() {
             self.raw.clear();
-            if self.file.read_until(b'\n', &mut self.raw).map_err(|e| Error::io(self.path, e))? == 0 {
+            if !self.read_line()? {
                 break;
             }
             self.number += 1;
@@ -127,7 +129,7 @@ impl<'a, R: BufRead> Lines<'a, R> {
             while self.raw.trim_ascii_end().ends_with(b"\\") {
                 self.raw.truncate(self.raw.trim_ascii_end().len() - 1);
                 self.raw.push(b' ');
-                if self.file.read_until(b'\n', &mut self.raw).map_err(|e| Error::io(self.path, e))? == 0 {
+                if !self.read_line()? {
                     break;
                 }
                 extra += 1;
@@ -140,6 +142,18 @@ impl<'a, R: BufRead> Lines<'a, R> {
             self.number += extra;
         }
         Ok(())
+    }
+
+    /// Appends a line of the file to `raw`; whether there was one.
+    fn read_line(&mut self) -> Result<bool> {
+        let left = (MAX_LINE - self.raw.len()) as u64;
+        let mut line = self.file.by_ref().take(left);
+        let n = line.read_until(b'\n', &mut self.raw).map_err(|e| Error::io(self.path, e))?;
+        if self.raw.len() >= MAX_LINE {
+            let what = format!("a line of more than {MAX_LINE} bytes: is it an OBJ file?");
+            return Err(Error::format(self.path, Some(self.number + 1), what));
+        }
+        Ok(n > 0)
     }
 
     fn statement(&mut self, line: &str) -> Result<()> {
@@ -173,7 +187,7 @@ impl<'a, R: BufRead> Lines<'a, R> {
         let mut words = uncommented(rest);
         let mut keep: Vec<&str> = words.by_ref().take(3).collect();
         if keep.len() < 3 {
-            return Err(self.wrong(format!("`v {}`: a vertex has three coordinates", shorten(rest, 40))));
+            return Err(self.wrong(format!("`v {}`: a vertex has three coordinates", quote(rest))));
         }
         // A fourth number is the weight w; three or four more are a colour, which is ignored.
         let more: Vec<&str> = words.take(2).collect();
@@ -182,14 +196,13 @@ impl<'a, R: BufRead> Lines<'a, R> {
         }
         let mut xyzw = [1.0f64; 4];
         for (value, word) in xyzw.iter_mut().zip(&keep) {
-            *value =
-                word.parse().map_err(|_| self.wrong(format!("`{}` is not a number", shorten(word, 40))))?;
+            *value = word.parse().map_err(|_| self.wrong(format!("`{}` is not a number", quote(word))))?;
         }
         for c in &xyzw[..3] {
             let c = c / xyzw[3];
             if !c.is_finite() || c.abs() > MAX_COORDINATE {
                 let what = format!("the coordinate {c} is not finite or beyond ±{MAX_COORDINATE:e}");
-                return Err(self.wrong(format!("{what}; mend the vertex `v {}`", shorten(rest, 40))));
+                return Err(self.wrong(format!("{what}; mend the vertex `v {}`", quote(rest))));
             }
         }
         self.vertices += 1;
@@ -245,10 +258,7 @@ impl<'a, R: BufRead> Lines<'a, R> {
 
     fn vertex_number(&mut self, text: &str, word: &str) -> Result<usize> {
         let number: i64 = text.parse().map_err(|_| {
-            self.wrong(format!(
-                "`{}` is not a corner of a face (write v, v/vt or v/vt/vn)",
-                shorten(word, 40)
-            ))
+            self.wrong(format!("`{}` is not a corner of a face (write v, v/vt or v/vt/vn)", quote(word)))
         })?;
         let absolute = if number < 0 { self.vertices as i64 + 1 + number } else { number };
         if absolute < 1 || absolute > i64::from(u32::MAX) {
@@ -288,11 +298,11 @@ impl<'a, R: BufRead> Lines<'a, R> {
     }
 
     /// Reads the libraries and assigns objects and materials to the faces.
-    fn give_names(mut self, soup: &mut Soup) -> Result<()> {
+    fn give_names(mut self, soup: &mut Soup, sources: &mut Sources) -> Result<()> {
         let mut library = Library::default();
         self.libraries.dedup();
         for path in &self.libraries {
-            library.read(path, &mut self.repairs)?;
+            library.read(path, sources, &mut self.repairs)?;
         }
         soup.materials = self.materials.list.iter().map(|name| library.get(name)).collect();
         soup.materials.iter_mut().filter(|m| m.name.is_empty()).for_each(|m| m.name = "(none)".into());
@@ -314,9 +324,8 @@ fn uncommented(rest: &str) -> impl Iterator<Item = &str> {
 
 /// The files of a `mtllib` statement: one name, which may contain spaces, or several names.
 fn libraries(obj: &Path, rest: &str) -> Vec<PathBuf> {
-    let beside = |name: &str| obj.with_file_name("").join(name.replace('\\', "/"));
-    let whole = beside(rest);
-    let several: Vec<PathBuf> = rest.split_whitespace().map(beside).collect();
+    let whole = beside(obj, rest);
+    let several: Vec<PathBuf> = rest.split_whitespace().map(|name| beside(obj, name)).collect();
     if several.len() > 1 && !whole.exists() && several.iter().any(|p| p.exists()) {
         several
     } else {

@@ -1,8 +1,8 @@
 //! PLY files, text and binary, by `ply-rs-bw`: `vertex` (x, y, z) and `face` (`vertex_indices`); other elements are
 //! ignored.
 
-use super::{MAX_COORDINATE, Soup, SoupMaterial, mtl::shorten};
-use crate::{Error, Result};
+use super::{MAX_COORDINATE, Soup, SoupMaterial};
+use crate::{Error, Result, error::quote};
 use glam::DVec3;
 use ply_rs_bw::{
     parser::{ParseError, Parser, Reader},
@@ -10,10 +10,9 @@ use ply_rs_bw::{
 };
 use std::path::Path;
 
-/// Reads a PLY file: one object, named after the file.
-pub(super) fn read(path: &Path) -> Result<Soup> {
-    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
-    let mut file = File { path, reader: Reader::new(bytes.as_slice()) };
+/// Reads a PLY file, of which `path` is the name: one object, named after the file.
+pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Soup> {
+    let mut file = File { path, reader: Reader::new(bytes) };
     let header = Parser::<Skipped>::new().read_header(&mut file.reader).map_err(|e| file.wrong(&e))?;
     check_counts(path, &header, bytes.len())?;
     let mut soup = Soup::new(path);
@@ -64,7 +63,7 @@ impl File<'_> {
     fn wrong(&self, error: &ParseError) -> Error {
         // The message of the parser quotes the line, which may be long and contain any bytes.
         let text = error.to_string();
-        let what = shorten(&text.split_whitespace().collect::<Vec<_>>().join(" "), 120);
+        let what = quote(&text.split_whitespace().collect::<Vec<_>>().join(" "));
         Error::format(self.path, error.line(), format!("not a usable PLY file: {what}"))
     }
 }
@@ -73,8 +72,11 @@ impl File<'_> {
 fn check_counts(path: &Path, header: &Header, bytes: usize) -> Result<()> {
     for (name, element) in &header.elements {
         if element.count > bytes {
-            let what =
-                format!("{} `{name}` cannot fit into {bytes} bytes: the file is damaged", element.count);
+            let what = format!(
+                "{} `{}` cannot fit into {bytes} bytes: the file is damaged",
+                element.count,
+                quote(name)
+            );
             return Err(Error::format(path, None, what));
         }
     }

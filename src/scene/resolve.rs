@@ -15,7 +15,7 @@ use super::{
     triangulate::{Shape, Triangulator},
     weld,
 };
-use crate::{Error, Result, math::Aabb};
+use crate::{Error, Result, error::quote, math::Aabb};
 use glam::{DVec3, Vec3};
 
 /// Largest coordinate: areas and volumes stay within f32.
@@ -92,8 +92,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     let sides = |part: u32| options.sides.unwrap_or(if parts.closed[part as usize] { 1 } else { 2 });
     let (component, closed) = used_parts(&parts, &faces.polygon);
     let emission = |t: usize| materials[faces.material[t] as usize].emission;
-    let alike =
-        |s: usize, t: usize| faces.reflectance[s] == faces.reflectance[t] && emission(s) == emission(t);
+    let alike = |s, t| faces.reflectance[s] == faces.reflectance[t] && emission(s) == emission(t);
     let planes = overlap::Faces {
         positions: &positions,
         triangles: &triangles,
@@ -104,6 +103,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     Ok(Scene {
         path: soup.path,
         cameras: soup.cameras,
+        files: Vec::new(),
         unit: options.unit.clone(),
         two_sided_emission: options.two_sided_emission,
         origin,
@@ -143,7 +143,7 @@ fn check_materials(soup: &Soup, repairs: &mut Repairs) -> Result<Vec<Material>> 
         let finite = m.emission.iter().chain(&m.reflectance).all(|v| v.is_finite());
         if !finite || m.emission.iter().any(|&e| e < 0.0) {
             let what = "a reflectance or emission that is not a finite number >= 0; mend its Kd and Ke";
-            return Err(Error::format(&soup.path, None, format!("material `{}` has {what}", m.name)));
+            return Err(Error::format(&soup.path, None, format!("material `{}` has {what}", quote(&m.name))));
         }
         let reflectance = m.reflectance.map(|v| v.clamp(0.0, MAX_REFLECTANCE));
         if reflectance != m.reflectance {
@@ -193,6 +193,11 @@ fn origin(soup: &Soup) -> Result<DVec3> {
 
 fn empty(soup: &Soup, repairs: &Repairs) -> Error {
     let dropped = repairs.zero_area_faces + repairs.broken_polygons + repairs.transparent_faces;
+    if dropped > 0 && dropped == repairs.transparent_faces {
+        let what =
+            "faces are transparent (d below 0.5) and are left out: nothing remains that light could fall on";
+        return Error::format(&soup.path, None, format!("all {dropped} {what}; raise d in their materials"));
+    }
     let what = if dropped == 0 { String::new() } else { format!(" ({dropped} unusable ones were dropped)") };
     Error::format(&soup.path, None, format!("no face with an area{what}; is it a scene of polygons?"))
 }

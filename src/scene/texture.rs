@@ -1,7 +1,8 @@
 //! Mean linear colour of a texture over a triangle.
 
-use image::RgbaImage;
-use std::{path::Path, sync::Arc};
+use crate::{Error, Result, error::quote};
+use image::{ImageReader, RgbaImage};
+use std::{io::Cursor, path::Path, sync::Arc};
 
 /// Image that multiplies a reflectance: 8 bits per channel, sRGB, repeated in both directions.
 #[derive(Clone, Debug)]
@@ -9,21 +10,54 @@ pub struct Texture {
     image: Arc<RgbaImage>,
 }
 
+/// Largest number of columns and of rows. Twice the largest side that graphics cards take (16,384).
+const MAX_SIDE: u32 = 32_768;
+
 /// Number of barycentric sample points: centres of the 16 triangles of two midpoint subdivisions, each of equal area.
 /// Their mean is the one colour of a face; its standard error is a quarter of the spread of the texture in the face.
 const SAMPLES: usize = 16;
 
 impl Texture {
-    /// Reads an image file; on failure the reason as one phrase.
-    pub fn open(path: &Path) -> Result<Texture, String> {
-        let reader = image::ImageReader::open(path).map_err(|e| e.to_string())?;
-        let reader = reader.with_guessed_format().map_err(|e| e.to_string())?;
-        reader.decode().map(|i| Texture::of(i.to_rgba8())).map_err(|e| e.to_string().replace('\n', " "))
+    /// Decodes the image of `file`, which may take `limit` bytes.
+    ///
+    /// # Errors
+    /// [`Error::Format`] if it cannot be decoded or has more than [`MAX_SIDE`] columns or rows, [`Error::OutOfMemory`]
+    /// beyond `limit`.
+    pub fn decode(file: &Path, bytes: &[u8], limit: u64) -> Result<Texture> {
+        let unusable = |e: image::ImageError| {
+            Error::format(file, None, format!("cannot be decoded: {}", quote(&e.to_string())))
+        };
+        let reader = || {
+            let guessed = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
+            let mut reader = guessed.map_err(|e| Error::io(file, e))?;
+            let mut limits = image::Limits::default();
+            (limits.max_image_width, limits.max_image_height) = (Some(MAX_SIDE), Some(MAX_SIDE));
+            limits.max_alloc = Some(limit);
+            reader.limits(limits);
+            Ok(reader)
+        };
+        let (width, height) = reader()?.into_dimensions().map_err(unusable)?;
+        if width.max(height) > MAX_SIDE {
+            let what = format!("{width} x {height} texels, more than {MAX_SIDE} on a side");
+            return Err(Error::format(file, None, what));
+        }
+        // The decoded image, of up to 16 bytes a texel, and its conversion to 4 are held at once.
+        let needed = 20 * u64::from(width) * u64::from(height);
+        if needed > limit {
+            return Err(Error::OutOfMemory(format!(
+                "the texture {} of {width} x {height} texels needs {:.1} GB, {:.1} GB are left: make the textures \
+                 smaller or raise option `max_memory`",
+                quote(&file.display().to_string()),
+                needed as f64 / 1e9,
+                limit as f64 / 1e9
+            )));
+        }
+        Ok(Texture::of(reader()?.decode().map_err(unusable)?.to_rgba8()))
     }
 
-    /// Decodes an image in memory (glTF buffer or data URI).
-    pub fn decode(bytes: &[u8]) -> Result<Texture, String> {
-        image::load_from_memory(bytes).map(|i| Texture::of(i.to_rgba8())).map_err(|e| e.to_string())
+    /// Memory of the image, bytes.
+    pub fn bytes(&self) -> u64 {
+        self.image.as_raw().len() as u64
     }
 
     /// Wraps an image.

@@ -27,22 +27,30 @@ const MAX_AREA_DIFFERENCE: f64 = 1e-6;
 /// Number of corners from which self-intersections are searched first: ear clipping of such polygons takes cubic time,
 /// 256³ = 17 million steps at most below.
 const CHECKED_CORNERS: usize = 256;
-/// Largest number of tested pairs of edges: limits the time for any polygon to 20 million tests; polygons that need
-/// more count as crossing themselves.
-const MAX_PAIRS: usize = 20_000_000;
+/// Largest number of tested pairs of edges of all polygons of a file. A pair takes some 3 ns, so the search ends after ten
+/// seconds for any file; a star of 12,000 corners has 36 million pairs.
+const MAX_PAIRS: usize = 3_000_000_000;
 
 /// Triangulates polygons and reuses its buffers.
 pub(super) struct Triangulator {
     earcut: Earcut<f64>,
     flat: Vec<[f64; 2]>,
     clipped: Vec<u32>,
+    /// Pairs of edges that may still be tested.
+    pairs_left: usize,
     /// Triangles of the last polygon as corner numbers, with the polygon's orientation.
     pub triangles: Vec<[u32; 3]>,
 }
 
 impl Triangulator {
     pub fn new() -> Self {
-        Triangulator { earcut: Earcut::new(), flat: Vec::new(), clipped: Vec::new(), triangles: Vec::new() }
+        Triangulator {
+            earcut: Earcut::new(),
+            flat: Vec::new(),
+            clipped: Vec::new(),
+            pairs_left: MAX_PAIRS,
+            triangles: Vec::new(),
+        }
     }
 
     /// Triangulates the polygon `p` (at least three corners, no two consecutive ones equal).
@@ -76,7 +84,7 @@ impl Triangulator {
             self.triangles.extend((1..p.len() as u32 - 1).map(|i| [0, i, i + 1]));
             return Shape::Convex;
         }
-        if p.len() > CHECKED_CORNERS && crosses_itself(&self.flat) {
+        if p.len() > CHECKED_CORNERS && crosses_itself(&self.flat, &mut self.pairs_left) {
             return Shape::Broken;
         }
         self.earcut.earcut_slice(&self.flat, &[], &mut self.clipped);
@@ -136,8 +144,8 @@ fn is_convex(p: &[[f64; 2]], slack: f64) -> bool {
 }
 
 /// Whether two edges properly intersect (contact is allowed: holes are often joined by a double edge). Also true if
-/// the search would take too long.
-fn crosses_itself(p: &[[f64; 2]]) -> bool {
+/// no pairs are left to test.
+fn crosses_itself(p: &[[f64; 2]], pairs_left: &mut usize) -> bool {
     let n = p.len();
     let edge = |i: usize| (DVec2::from_array(p[i]), DVec2::from_array(p[(i + 1) % n]));
     let mut order: Vec<(f64, f64, u32)> = (0..n)
@@ -147,22 +155,19 @@ fn crosses_itself(p: &[[f64; 2]]) -> bool {
         })
         .collect();
     order.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut pairs = 0;
     for (k, &(_, right, i)) in order.iter().enumerate() {
         let (a, b) = edge(i as usize);
-        for &(left, _, j) in &order[k + 1..] {
-            if left > right {
+        for &(low, _, j) in &order[k + 1..] {
+            if low > right {
                 break;
             }
-            pairs += 1;
+            let Some(left) = pairs_left.checked_sub(1) else { return true };
+            *pairs_left = left;
             let (c, d) = edge(j as usize);
             let side = |p: DVec2, q: DVec2, r: DVec2| (q - p).perp_dot(r - p);
             if side(a, b, c) * side(a, b, d) < 0.0 && side(c, d, a) * side(c, d, b) < 0.0 {
                 return true;
             }
-        }
-        if pairs > MAX_PAIRS {
-            return true;
         }
     }
     false

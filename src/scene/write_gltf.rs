@@ -4,7 +4,7 @@
 //! are not written.
 
 use super::{PlacedSoup, Soup, SoupMaterial};
-use crate::{Error, Result, files::WholeFile, math::Aabb};
+use crate::{Error, Result, error::quote, files::WholeFile, math::Aabb};
 use base64::{Engine, engine::general_purpose::STANDARD};
 use glam::Vec3;
 use gltf::binary::{Glb, Header};
@@ -38,7 +38,7 @@ pub fn write_gltf(path: &Path, placed: &PlacedSoup, generator: &str) -> Result<(
     }
     let meshes: Vec<usize> = placed.meshes.iter().map(|mesh| out.whole_mesh(mesh)).collect();
     for p in placed.placements.iter().filter(|p| p.visible) {
-        let wrong = |what: &str| Error::Scene(format!("placement `{}` {what}", p.name));
+        let wrong = |what: &str| Error::Scene(format!("placement `{}` {what}", quote(&p.name)));
         if p.material.is_some() {
             return Err(wrong("has a material of its own, which glTF files cannot hold"));
         }

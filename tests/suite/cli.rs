@@ -297,7 +297,7 @@ fn scaling_needs_no_scene() {
         }
         assert_eq!(json.get("scene").is_some(), !scene.is_empty());
         // Clusters of the scene are cached; those of generated forests are not.
-        let files = std::fs::read_dir(scratch.path("")).expect("the folder").flatten();
+        let files = std::fs::read_dir(scratch.path("cache/mrvis")).into_iter().flatten().flatten();
         let kept = files.filter(|f| f.path().extension().is_some_and(|e| e == "mrvis-cache")).count();
         assert_eq!(kept, scene.len());
         assert!(

@@ -6,6 +6,10 @@ mod cli;
 mod determinism;
 mod features;
 #[cfg(feature = "cli")]
+mod fuzz;
+#[cfg(feature = "cli")]
+mod hostile;
+#[cfg(feature = "cli")]
 mod light;
 #[cfg(feature = "cli")]
 mod run;

@@ -1,8 +1,10 @@
 //! Runs the executable in a temporary folder.
 
 use mrvis::internals::scene;
+use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 /// Exit code and output of a call.
@@ -10,6 +12,13 @@ pub struct Outcome {
     pub code: Option<i32>,
     pub stdout: String,
     pub stderr: String,
+}
+
+impl Outcome {
+    fn of(output: Output) -> Outcome {
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        Outcome { code: output.status.code(), stdout: text(&output.stdout), stderr: text(&output.stderr) }
+    }
 }
 
 /// A temporary folder for calls of the command.
@@ -36,14 +45,39 @@ impl Scratch {
         name
     }
 
+    /// The command in the scratch folder, with a cache folder of its own.
+    pub fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_mrvis"));
+        command.args(arguments).current_dir(self.0.path()).env("XDG_CACHE_HOME", self.path("cache"));
+        command
+    }
+
     pub fn mrvis(&self, arguments: &[&str]) -> Outcome {
-        let output = Command::new(env!("CARGO_BIN_EXE_mrvis"))
-            .args(arguments)
-            .current_dir(self.0.path())
-            .output()
-            .expect("the command runs");
-        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-        Outcome { code: output.status.code(), stdout: text(&output.stdout), stderr: text(&output.stderr) }
+        Outcome::of(self.command(arguments).output().expect("the command runs"))
+    }
+
+    /// A call that is ended after so many seconds; its exit code is then `None`.
+    pub fn mrvis_within(&self, seconds: f64, arguments: &[&str]) -> Outcome {
+        let mut command = self.command(arguments);
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().expect("the command runs");
+        let start = Instant::now();
+        while child.try_wait().expect("a child").is_none() {
+            if start.elapsed().as_secs_f64() > seconds {
+                child.kill().expect("ended");
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        Outcome::of(child.wait_with_output().expect("its output"))
+    }
+
+    /// A call that reads `input` from standard input.
+    pub fn mrvis_with_input(&self, input: &str, arguments: &[&str]) -> Outcome {
+        let mut command = self.command(arguments);
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().expect("the command runs");
+        child.stdin.take().expect("a pipe").write_all(input.as_bytes()).expect("written");
+        Outcome::of(child.wait_with_output().expect("its output"))
     }
 
     /// The contents of a JSON file.

@@ -1,22 +1,16 @@
 //! Images of a run as files.
 
+use super::super::args::{distinct, plain};
 use crate::Result;
 use crate::bench::page::ReceiverImages;
 use crate::image_io::{difference, grey, mask_overlay, write_exr, write_png};
 use crate::metrics::{FeatureOptions, FeatureSet, Image};
-use std::fmt::Write as _;
 use std::path::Path;
 
 /// Writes images as PNG (tone-mapped) and EXR (values), differences and feature masks.
 pub fn write_pictures(folder: &Path, receivers: &[ReceiverImages]) -> Result<()> {
-    let mut used: Vec<String> = Vec::new();
-    for receiver in receivers {
-        let mut stem = file_stem(&receiver.name);
-        let same = used.iter().filter(|u| **u == stem).count();
-        used.push(stem.clone());
-        if same > 0 {
-            let _ = write!(stem, "-{}", same + 1);
-        }
+    let stems = distinct(receivers.iter().map(|receiver| file_stem(&receiver.name)));
+    for (receiver, stem) in receivers.iter().zip(stems) {
         let both = |what: &str, image: &Image| -> Result<()> {
             write_png(&folder.join(format!("{stem}-{what}.png")), &grey(image, 1.0))?;
             write_exr(&folder.join(format!("{stem}-{what}.exr")), image)
@@ -41,8 +35,7 @@ pub fn write_pictures(folder: &Path, receivers: &[ReceiverImages]) -> Result<()>
 
 /// A name that is valid in every file system.
 fn file_stem(name: &str) -> String {
-    let plain = |c: char| if c.is_alphanumeric() || "-_".contains(c) { c } else { '_' };
-    let stem: String = name.chars().take(60).map(plain).collect();
+    let stem = plain(name);
     if stem.is_empty() { "receiver".into() } else { stem }
 }
 

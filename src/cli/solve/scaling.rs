@@ -1,6 +1,7 @@
 //! `mrvis solve --scaling`: growth of time with the size of the scene.
 
 use super::super::args::{Common, grouped};
+use super::super::progress::Bar;
 use super::watch::Watch;
 use crate::bench::solve_scaling::{LARGEST, solve_scaling};
 use crate::radiosity::Options;
@@ -16,7 +17,7 @@ pub fn scaling(common: &Common, options: &Options, largest: usize) -> Result<Exi
         return Err(Error::Argument(format!("--scaling={largest}: must lie in {least}..{most} triangles")));
     }
     common.check_json()?;
-    let watch = Watch { spinner: common.spinner("solving"), stopped: Arc::default() };
+    let watch = Watch { bar: Bar::new(common.quiet), stopped: Arc::default() };
     let found = solve_scaling(options, largest, &watch)?;
     drop(watch);
     common.write_json(&found)?;

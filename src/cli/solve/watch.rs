@@ -1,6 +1,6 @@
 //! Progress, interruption and the time limit of a solve.
 
-use super::super::args::Spinner;
+use super::super::progress::Bar;
 use crate::model::Model;
 use crate::progress::Progress;
 use crate::radiosity::Options;
@@ -16,7 +16,7 @@ const INTERRUPTED: i32 = 130;
 
 /// Shows the stage of the solve and forwards an interruption to it.
 pub struct Watch {
-    pub spinner: Spinner,
+    pub bar: Bar,
     pub stopped: Arc<AtomicBool>,
 }
 
@@ -41,8 +41,12 @@ impl Watch {
 }
 
 impl Progress for Watch {
-    fn stage(&self, name: &str, _: u64) {
-        self.spinner.say(name);
+    fn stage(&self, name: &str, steps: u64) {
+        self.bar.stage(name, steps);
+    }
+
+    fn advance(&self, steps: u64) {
+        self.bar.advance(steps);
     }
 
     fn stopped(&self) -> bool {
@@ -72,6 +76,10 @@ struct Until<'a> {
 impl Progress for Until<'_> {
     fn stage(&self, name: &str, steps: u64) {
         self.watch.stage(name, steps);
+    }
+
+    fn advance(&self, steps: u64) {
+        self.watch.advance(steps);
     }
 
     fn stopped(&self) -> bool {

@@ -72,6 +72,17 @@ impl Facets {
         self.first[facet] as usize
     }
 
+    /// Object and material of each facet.
+    pub fn labels(&self, scene: &Scene) -> Labels {
+        let of = |list: &[u32]| (0..self.count()).map(|facet| list[self.triangle(facet)]).collect();
+        Labels {
+            objects: of(&scene.triangle_object),
+            materials: of(&scene.triangle_material),
+            object_names: scene.objects.iter().map(|o| o.name.clone()).collect(),
+            material_names: scene.materials.iter().map(|m| m.name.clone()).collect(),
+        }
+    }
+
     pub(super) fn get(&self, facet: u32) -> &Facet {
         &self.facets[facet as usize]
     }
@@ -86,6 +97,18 @@ impl Facets {
     pub(super) fn of_triangle(&self, triangle: u32) -> u32 {
         self.of_triangle[triangle as usize]
     }
+}
+
+/// Objects and materials of facets.
+pub struct Labels {
+    /// By facet, index into `object_names`.
+    pub objects: Vec<u32>,
+    /// By facet, index into `material_names`.
+    pub materials: Vec<u32>,
+    /// Names of all objects.
+    pub object_names: Vec<String>,
+    /// Names of all materials.
+    pub material_names: Vec<String>,
 }
 
 impl Facet {

@@ -27,7 +27,7 @@ mod rows;
 mod tests;
 mod write;
 
-pub use facets::Facets;
+pub use facets::{Facets, Labels};
 pub use rows::{Grouping, Matrix};
 pub use write::{Format, write};
 

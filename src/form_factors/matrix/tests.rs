@@ -260,7 +260,7 @@ fn files_hold_the_matrix() {
     let path = |name: &str| folder.path().join(name);
     for (name, format) in [("f.npz", Format::Npz), ("f.csv", Format::Csv), ("f.mtx", Format::Mtx)] {
         assert_eq!(Format::of(&path(name)).expect("known"), format);
-        write(&path(name), &m, format).expect("written");
+        write(&path(name), &m, format, None).expect("written");
     }
     let text = |name: &str| std::fs::read_to_string(path(name)).expect("text");
     let rows: Vec<String> = text("f.csv").lines().map(str::to_owned).collect();
@@ -286,6 +286,32 @@ fn files_hold_the_matrix() {
         .collect();
     assert_eq!(values, m.factors);
     for name in ["indices", "indptr", "shape", "format", "area", "escaped", "lost", "names"] {
+        assert!(archive.by_name(&format!("{name}.npy")).is_ok(), "{name}");
+    }
+}
+
+/// Facets have numbers; their objects and materials are in the files as well.
+#[test]
+fn files_name_the_objects_of_facets() {
+    let scene = town(100);
+    let facets = Facets::new(&scene);
+    let (m, labels) = (run(&scene, |_| ()).0, facets.labels(&scene));
+    let folder = tempfile::tempdir().expect("scratch folder");
+    let path = |name: &str| folder.path().join(name);
+    for (name, format) in [("f.npz", Format::Npz), ("f.csv", Format::Csv), ("f.mtx", Format::Mtx)] {
+        write(&path(name), &m, format, Some(&labels)).expect("written");
+    }
+    let text = |name: &str| std::fs::read_to_string(path(name)).expect("text");
+    let rows: Vec<String> = text("f.csv").lines().map(str::to_owned).collect();
+    assert_eq!(rows[0], "from,to,factor,from_object,to_object");
+    let fields: Vec<&str> = rows[1].split(',').collect();
+    let facet: usize = fields[0].parse().expect("a number");
+    let object = &scene.objects[scene.triangle_object[facets.triangle(facet)] as usize].name;
+    assert_eq!(fields[3], object);
+    assert!(text("f.mtx").contains(&format!("% {} {object}\n", facet + 1)));
+    let mut archive =
+        zip::ZipArchive::new(std::fs::File::open(path("f.npz")).expect("a file")).expect("an archive");
+    for name in ["object", "object_names", "material", "material_names"] {
         assert!(archive.by_name(&format!("{name}.npy")).is_ok(), "{name}");
     }
 }

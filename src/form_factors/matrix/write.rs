@@ -1,6 +1,6 @@
 //! Matrices in files.
 
-use super::Matrix;
+use super::{Labels, Matrix};
 use crate::{Error, Result, files::WholeFile};
 use std::io::Write;
 use std::path::Path;
@@ -9,11 +9,12 @@ use std::path::Path;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     /// NumPy archive as written by `scipy.sparse.save_npz` (compressed sparse rows), with additional arrays `area`,
-    /// `escaped` and `lost`, one number per row; groups also have `names`.
+    /// `escaped` and `lost`, one number per row; groups also have `names`, facets `object` and `material`, indices into
+    /// `object_names` and `material_names`.
     Npz,
-    /// Lines `from,to,factor`; rows by index from 0, or by name.
+    /// Lines `from,to,factor`; rows by index from 0, or by name. Facets have the columns `from_object,to_object` as well.
     Csv,
-    /// Matrix Market coordinate format, indices from 1.
+    /// Matrix Market coordinate format, indices from 1; comments name the rows, facets by their objects.
     Mtx,
 }
 
@@ -34,38 +35,50 @@ impl Format {
     }
 }
 
-/// Writes a matrix, completely or not at all.
+impl Labels {
+    fn object(&self, facet: usize) -> &str {
+        &self.object_names[self.objects[facet] as usize]
+    }
+}
+
+/// Writes a matrix, completely or not at all. `labels`: those of the facets, if the rows are facets.
 ///
 /// # Errors
 /// [`Error::Io`] if the file cannot be written.
-pub fn write(path: &Path, matrix: &Matrix, format: Format) -> Result<()> {
+pub fn write(path: &Path, matrix: &Matrix, format: Format, labels: Option<&Labels>) -> Result<()> {
     let mut file = WholeFile::create(path)?;
     let written = match format {
-        Format::Npz => npz(&mut file, matrix),
-        Format::Csv => csv(&mut file, matrix),
-        Format::Mtx => mtx(&mut file, matrix),
+        Format::Npz => npz(&mut file, matrix, labels),
+        Format::Csv => csv(&mut file, matrix, labels),
+        Format::Mtx => mtx(&mut file, matrix, labels),
     };
     written.map_err(|e| Error::io(path, e))?;
     file.commit()
 }
 
-fn csv(out: &mut impl Write, m: &Matrix) -> std::io::Result<()> {
+fn csv(out: &mut impl Write, m: &Matrix, labels: Option<&Labels>) -> std::io::Result<()> {
     let mut out = csv::Writer::from_writer(out);
-    out.write_record(["from", "to", "factor"])?;
+    let of_facets = labels.map(|_| ["from_object", "to_object"]).into_iter().flatten();
+    out.write_record(["from", "to", "factor"].into_iter().chain(of_facets))?;
     let name = |i: usize| m.names.get(i).cloned().unwrap_or_else(|| i.to_string());
     for i in 0..m.len() {
         let from = name(i);
         for (j, f) in m.row(i) {
-            out.write_record([&from, &name(j), &(f as f32).to_string()])?;
+            let (to, factor) = (name(j), (f as f32).to_string());
+            let objects = labels.map(|l| [l.object(i), l.object(j)]).into_iter().flatten();
+            out.write_record([&from, &to, &factor].map(String::as_str).into_iter().chain(objects))?;
         }
     }
     out.flush()
 }
 
-fn mtx(out: &mut impl Write, m: &Matrix) -> std::io::Result<()> {
+fn mtx(out: &mut impl Write, m: &Matrix, labels: Option<&Labels>) -> std::io::Result<()> {
     writeln!(out, "%%MatrixMarket matrix coordinate real general")?;
-    for (i, name) in m.names.iter().enumerate() {
-        writeln!(out, "% {} {name}", i + 1)?;
+    // A line break in a name would end the comment.
+    let printable = |name: &str| -> String { name.chars().filter(|c| !c.is_control()).collect() };
+    for i in 0..m.len() {
+        let name = labels.map(|l| l.object(i)).or(m.names.get(i).map(String::as_str)).unwrap_or_default();
+        writeln!(out, "% {} {}", i + 1, printable(name))?;
     }
     writeln!(out, "{} {} {}", m.len(), m.len(), m.columns.len())?;
     for i in 0..m.len() {
@@ -76,7 +89,7 @@ fn mtx(out: &mut impl Write, m: &Matrix) -> std::io::Result<()> {
     Ok(())
 }
 
-fn npz(out: &mut impl Write, m: &Matrix) -> std::io::Result<()> {
+fn npz(out: &mut impl Write, m: &Matrix, labels: Option<&Labels>) -> std::io::Result<()> {
     let mut zip = zip::ZipWriter::new_stream(out);
     let options = zip::write::SimpleFileOptions::default()
         .compression_method(zip::CompressionMethod::Stored)
@@ -98,14 +111,23 @@ fn npz(out: &mut impl Write, m: &Matrix) -> std::io::Result<()> {
     array("area", "<f8", vector(n), bytemuck::cast_slice(&m.areas))?;
     array("escaped", "<f4", vector(n), bytemuck::cast_slice(&m.escaped))?;
     array("lost", "<f4", vector(n), bytemuck::cast_slice(&m.lost))?;
-    if !m.names.is_empty() {
-        let longest = m.names.iter().map(|s| s.chars().count()).max().unwrap_or(0).max(1);
+    let mut texts = |name: &str, list: &[String]| {
+        let longest = list.iter().map(|s| s.chars().count()).max().unwrap_or(0).max(1);
         // NumPy strings are UTF-32, padded with zeros.
         let letters = |s: &String| -> Vec<u32> {
             s.chars().map(u32::from).chain(std::iter::repeat(0)).take(longest).collect()
         };
-        let text: Vec<u32> = m.names.iter().flat_map(letters).collect();
-        array("names", &format!("<U{longest}"), vector(n), bytemuck::cast_slice(&text))?;
+        let text: Vec<u32> = list.iter().flat_map(letters).collect();
+        array(name, &format!("<U{longest}"), vector(list.len()), bytemuck::cast_slice(&text))
+    };
+    if !m.names.is_empty() {
+        texts("names", &m.names)?;
+    }
+    if let Some(labels) = labels {
+        texts("object_names", &labels.object_names)?;
+        texts("material_names", &labels.material_names)?;
+        array("object", "<u4", vector(n), bytemuck::cast_slice(&labels.objects))?;
+        array("material", "<u4", vector(n), bytemuck::cast_slice(&labels.materials))?;
     }
     zip.finish()?.flush()
 }

@@ -1,8 +1,10 @@
 //! Cache files of clusters and cluster optics.
 //!
-//! A file is used only if its key matches geometry, options and source code, and if its checksum is correct. Any
-//! other file is replaced. Files are written completely or not at all, so that concurrent runs do not disturb each
-//! other.
+//! The name of a file is the hash of geometry, options and source code, so that one folder serves all scenes. A file is
+//! used only if it is a regular file, its key and checksum are correct, and every number lies in its range; otherwise it
+//! is replaced. That protects against damage. Somebody who may write into the folder can still change answers: cache
+//! files are trusted as programs are. Files are written completely or not at all, so that concurrent runs do not disturb
+//! each other; the oldest are removed when all together exceed [`MAX_FOLDER`].
 //!
 //! Layout: `MAGIC`, key, [`PreparedClusters`] in the `postcard` format, BLAKE3 hash of all these bytes. The key
 //! contains a hash of the source code that measures clusters (see `build.rs`), so that no version number has to be
@@ -12,7 +14,7 @@
 mod tests;
 
 use crate::clusters::{self, Hierarchy};
-use crate::files::WholeFile;
+use crate::files::{WholeFile, input::Input};
 use crate::optics::{self, ClusterOptics};
 use crate::scene::Scene;
 use crate::{Error, Result};
@@ -26,6 +28,9 @@ const MAGIC: &[u8; 16] = b"mrvis side table";
 const HASH: usize = blake3::OUT_LEN;
 /// File name extension of cache files.
 const EXTENSION: &str = "mrvis-cache";
+/// Size of all cache files of a folder beyond which the oldest are removed, bytes. A forest of 10 million triangles takes
+/// 0.6 GB (`bench --scaling=10000000`).
+const MAX_FOLDER: u64 = 4 << 30;
 /// Version of the crate and hash of the code that measures clusters.
 const CODE: &str = concat!(env!("CARGO_PKG_VERSION"), " ", env!("MRVIS_TABLE_CODE"));
 
@@ -35,8 +40,6 @@ pub enum CacheLocation {
     /// No cache.
     #[default]
     Off,
-    /// The folder of the scene.
-    Beside,
     /// This folder, created if missing.
     Folder(PathBuf),
 }
@@ -93,15 +96,13 @@ pub fn load_or_make(
     make: impl FnOnce() -> PreparedClusters,
 ) -> (PreparedClusters, Origin, Option<String>) {
     let settings = format!("{options:?}");
-    let Some(path) = path(scene, place, &settings) else { return (make(), Origin::Off, None) };
+    let CacheLocation::Folder(folder) = place else { return (make(), Origin::Off, None) };
     let key = key(scene, &settings, CODE);
+    let path = path(folder, &key);
     let mut note = match load(&path, &key, scene) {
         Ok(table) => return (table, Origin::Hit, None),
         Err(Unusable::Missing) => None,
-        Err(Unusable::Other) => Some(format!(
-            "{}: made for another state of the scene or by another version; made again",
-            path.display()
-        )),
+        Err(Unusable::Other) => Some(format!("{}: not the file of this scene; made again", path.display())),
         Err(Unusable::Damaged) => Some(format!("{}: damaged; made again", path.display())),
     };
     let table = make();
@@ -118,31 +119,14 @@ pub fn load_or_make(
 /// Prepared clusters of a scene if a valid cache file exists.
 pub fn find(scene: &Scene, place: &CacheLocation, options: &Options) -> Option<PreparedClusters> {
     let settings = format!("{options:?}");
-    load(&path(scene, place, &settings)?, &key(scene, &settings, CODE), scene).ok()
+    let CacheLocation::Folder(folder) = place else { return None };
+    let key = key(scene, &settings, CODE);
+    load(&path(folder, &key), &key, scene).ok()
 }
 
-/// Path of the cache file: one file per scene and set of options, replaced when the scene changes. A scene whose placed meshes
-/// are copied has another file than the same scene without its placed meshes.
-fn path(scene: &Scene, place: &CacheLocation, settings: &str) -> Option<PathBuf> {
-    let (placed, scene) = (!scene.placements.is_empty(), &scene.path);
-    let mut name = scene.file_name()?.to_os_string();
-    let mut digest = blake3::Hasher::new();
-    digest.update(settings.as_bytes());
-    if placed {
-        digest.update(b"placed meshes are stored apart");
-    }
-    if let CacheLocation::Folder(_) = place {
-        // Distinguishes scenes of equal name from different folders. The path of a mesh inside a file is that of no file.
-        let full = scene.canonicalize().or_else(|_| std::path::absolute(scene));
-        let full = full.unwrap_or_else(|_| scene.to_owned());
-        digest.update(full.as_os_str().as_encoded_bytes());
-    }
-    name.push(format!(".{}.{EXTENSION}", &digest.finalize().to_hex()[..8]));
-    match place {
-        CacheLocation::Off => None,
-        CacheLocation::Beside => Some(scene.with_file_name(name)),
-        CacheLocation::Folder(folder) => Some(folder.join(name)),
-    }
+/// Path of the cache file with this key.
+fn path(folder: &Path, key: &blake3::Hash) -> PathBuf {
+    folder.join(format!("{}.{EXTENSION}", &key.to_hex()[..32]))
 }
 
 /// Hash of geometry, options and code.
@@ -173,6 +157,7 @@ fn key(scene: &Scene, settings: &str, code: &str) -> blake3::Hash {
         closed_parts: _,
         sheet_parts: _,
         repairs: _,
+        files: _,
         // Each shared mesh has a cache file of its own.
         shared: _,
         placements: _,
@@ -198,19 +183,19 @@ fn key(scene: &Scene, settings: &str, code: &str) -> blake3::Hash {
 enum Unusable {
     /// The file does not exist.
     Missing,
-    /// The file belongs to another scene, other options or other code.
+    /// The file belongs to another scene, other options or other code, or is none.
     Other,
     /// The key matches, but the content is invalid.
     Damaged,
 }
 
 fn load(path: &Path, key: &blake3::Hash, scene: &Scene) -> std::result::Result<PreparedClusters, Unusable> {
-    // Reading a pipe or device could block.
-    let about = std::fs::metadata(path).map_err(|_| Unusable::Missing)?;
+    // Reading a pipe or device could block, and a link may lead anywhere.
+    let about = std::fs::symlink_metadata(path).map_err(|_| Unusable::Missing)?;
     if !about.is_file() {
         return Err(Unusable::Other);
     }
-    let mut file = std::fs::File::open(path).map_err(|_| Unusable::Missing)?;
+    let mut file = Input::open(path, u64::MAX >> 1).map_err(|_| Unusable::Missing)?;
     let mut head = [0; MAGIC.len() + HASH];
     file.read_exact(&mut head).map_err(|_| Unusable::Damaged)?;
     if head[..MAGIC.len()] != MAGIC[..] || head[MAGIC.len()..] != key.as_bytes()[..] {
@@ -230,23 +215,32 @@ fn load(path: &Path, key: &blake3::Hash, scene: &Scene) -> std::result::Result<P
     if hash.finalize() != *sum {
         return Err(Unusable::Damaged);
     }
-    let (table, rest) =
-        postcard::take_from_bytes::<PreparedClusters>(payload).map_err(|_| Unusable::Damaged)?;
+    decode(payload, scene).ok_or(Unusable::Damaged)
+}
+
+/// The clusters of a scene from the content of a file, if every number of them can be right.
+pub fn decode(payload: &[u8], scene: &Scene) -> Option<PreparedClusters> {
+    let (table, rest) = postcard::take_from_bytes::<PreparedClusters>(payload).ok()?;
     // A correct checksum does not prove a correct content; later rooms do not check the hierarchy again.
     let whole = rest.is_empty() && table.optics.len() == table.hierarchy.micro.clusters.len();
-    match whole && table.hierarchy.check(scene).is_ok() {
-        true => Ok(table),
-        false => Err(Unusable::Damaged),
-    }
+    // No projection of a cluster is longer than four times the diagonal of the scene.
+    let longest = 4.0 * scene.bounds.diagonal();
+    let in_range = table.optics.iter().all(|optics| optics.is_in_range(longest));
+    (whole && in_range && table.hierarchy.check(scene).is_ok()).then_some(table)
+}
+
+/// The content of a file.
+pub fn encode(table: &PreparedClusters) -> Option<Vec<u8>> {
+    postcard::to_stdvec(table).ok()
 }
 
 fn save(path: &Path, key: &blake3::Hash, table: &PreparedClusters) -> Result<()> {
-    if let Some(folder) = path.parent().filter(|p| !p.as_os_str().is_empty()) {
-        std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-    }
-    if std::fs::metadata(path).is_ok_and(|about| !about.is_file()) {
+    let folder = path.parent().unwrap_or(Path::new("."));
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+    if std::fs::symlink_metadata(path).is_ok_and(|about| !about.is_file() && !about.is_symlink()) {
         return Err(Error::io(path, io::Error::other("there is something else of this name")));
     }
+    remove_oldest(folder, MAX_FOLDER);
     let at = |e| Error::io(path, e);
     let summed = Summed { out: WholeFile::create(path)?, hash: blake3::Hasher::new() };
     let mut out = BufWriter::with_capacity(1 << 20, summed);
@@ -255,6 +249,26 @@ fn save(path: &Path, key: &blake3::Hash, table: &PreparedClusters) -> Result<()>
     let Summed { mut out, hash } = out.into_inner().map_err(|e| at(e.into_error()))?;
     out.write_all(hash.finalize().as_bytes()).map_err(at)?;
     out.commit()
+}
+
+/// Removes the oldest cache files of a folder until the others take at most `most` bytes. Files that cannot be removed stay.
+fn remove_oldest(folder: &Path, most: u64) {
+    let about = |entry: std::fs::DirEntry| {
+        let (path, about) = (entry.path(), entry.metadata().ok()?);
+        let ours = about.is_file() && path.extension().is_some_and(|e| e == EXTENSION);
+        ours.then_some((about.modified().ok()?, about.len(), path))
+    };
+    let Ok(entries) = std::fs::read_dir(folder) else { return };
+    let mut files: Vec<_> = entries.flatten().filter_map(about).collect();
+    files.sort();
+    let mut all: u64 = files.iter().map(|(_, bytes, _)| bytes).sum();
+    for (_, bytes, path) in files {
+        if all <= most {
+            break;
+        }
+        all -= bytes;
+        let _ = std::fs::remove_file(path);
+    }
 }
 
 /// Writer that hashes all bytes.

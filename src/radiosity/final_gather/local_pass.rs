@@ -71,7 +71,7 @@ impl FinalGather<'_> {
         let step = leaves.len().div_ceil(TIMED_LEAVES).max(1);
         let sample: Vec<u32> = leaves.iter().copied().step_by(step).collect();
         let start = Instant::now();
-        let traced = RayRows::trace(self, &sample, |_| TIMED_RAYS);
+        let traced = RayRows::trace(self, &sample, |_| TIMED_RAYS, |_| ());
         let each = start.elapsed().as_secs_f64() / traced.met.len().max(1) as f64;
         let possible = RAY_SHARE * deadline.left() / each;
         let shared = (possible - MIN_ROW_RAYS * leaves.len() as f64) * SHARED_AFTER_SPLIT;
@@ -84,11 +84,15 @@ impl FinalGather<'_> {
         let leaves = self.linked.leaves();
         let counted = |e: u32| elements.elements[e as usize].area * f64::from(states[e as usize].importance);
         let all_counted: f64 = leaves.iter().map(|&e| counted(e)).sum();
-        RayRows::trace(self, &leaves, |leaf| {
+        let count = |leaf| {
             let share = counted(leaf) / all_counted;
             let rays = rays.filter(|_| !deadline.late()).unwrap_or(LATE_RAYS);
             (MIN_ROW_RAYS + rays * share).min(MAX_ROW_RAYS) as u32
-        })
+        };
+        deadline.stage("local pass, rays", leaves.len());
+        let rows = RayRows::trace(self, &leaves, count, |n| deadline.advance(n));
+        deadline.stage("local pass, light", 0);
+        rows
     }
 
     /// The exchange of the leaves, from their rays.

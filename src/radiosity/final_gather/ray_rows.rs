@@ -46,8 +46,13 @@ impl RayRows {
         (&self.rows[i], &self.met[from..self.rows[i].end])
     }
 
-    /// Traces `count` rays of each leaf.
-    pub fn trace(gather: &FinalGather, leaves: &[u32], count: impl Fn(u32) -> u32 + Sync) -> RayRows {
+    /// Traces `count` rays of each leaf; `done` learns of how many leaves more they are traced.
+    pub fn trace(
+        gather: &FinalGather,
+        leaves: &[u32],
+        count: impl Fn(u32) -> u32 + Sync,
+        done: impl Fn(usize) + Sync,
+    ) -> RayRows {
         let made: Vec<RayRows> = leaves
             .par_chunks(CHUNK)
             .map_init(Buffers::default, |buffers, leaves| {
@@ -57,6 +62,7 @@ impl RayRows {
                     made.trace_leaf(gather, leaf, count(leaf), buffers);
                 }
                 made.tally = buffers.scratch.tally;
+                done(leaves.len());
                 made
             })
             .collect();

@@ -94,6 +94,10 @@ pub fn limit(options: &Options) -> String {
     format!("max_seconds {}", options.max_seconds.unwrap_or_default())
 }
 
+/// If the emitters light nothing.
+pub const DARK: &str = "no light arrives anywhere: the emitters face away from everything; set option `two_sided_emission`, or \
+                        reverse the order of the corners of their faces";
+
 /// If the scene has no emitters.
 pub const NO_EMITTERS: &str =
     "nothing emits light: everything is black (option `emitters` makes something emit)";

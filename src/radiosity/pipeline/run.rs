@@ -83,6 +83,8 @@ pub fn solve(
     let (uncertainty, audit, audit_tally) = stages.audit(&gather, &solved, &plan);
     if scene.emitters.is_empty() {
         stages.notes.push(notes::NO_EMITTERS.into());
+    } else if irradiance.iter().chain([&solved.mean_irradiance()]).flatten().all(|&e| e == 0.0) {
+        stages.notes.push(notes::DARK.into());
     }
     if !solved.is_finite() || irradiance.iter().flatten().any(|v| !v.is_finite()) {
         return Err(Error::Scene(notes::NOT_FINITE.into()));

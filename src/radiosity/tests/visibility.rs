@@ -65,7 +65,7 @@ fn measured_clusters_are_kept_for_those_who_need_them() {
     scene.path = folder.path().join("forest.obj");
     let files = || std::fs::read_dir(folder.path()).expect("the folder").count();
     let solve = |visibility| {
-        let options = Options { cache: CacheLocation::Beside, ..with(visibility) };
+        let options = Options { cache: CacheLocation::Folder(folder.path().into()), ..with(visibility) };
         let outcome = solved(&scene, &ground(&scene, 20), &options);
         (outcome.record.cache.clone(), outcome)
     };

@@ -9,8 +9,12 @@ mod nodes;
 mod primitives;
 mod sharing;
 
-use super::{LoadOptions, MAX_PLACEMENTS, Repairs, Scene, SoupMaterial, StoredCamera, texture::Texture};
-use crate::{Error, Result};
+use super::{
+    LoadOptions, MAX_PLACEMENTS, Repairs, Scene, SoupMaterial, StoredCamera,
+    sources::{Sources, TextureKey, shown},
+    texture::Texture,
+};
+use crate::{Error, Result, error::quote};
 use base64::{Engine, engine::general_purpose::STANDARD};
 use gltf::Gltf;
 use serde::de::{Deserialize, Deserializer, IgnoredAny, SeqAccess, Visitor};
@@ -20,20 +24,27 @@ use std::{collections::HashMap, path::Path};
 const MAX_CORNERS: usize = 1 << 29;
 /// Extension whose nodes place a mesh many times.
 const GPU_INSTANCING: &str = "EXT_mesh_gpu_instancing";
+/// Extension whose nodes are lights without a surface.
+const PUNCTUAL_LIGHTS: &str = "KHR_lights_punctual";
 
-/// Reads a glTF or GLB file: one object per node, coordinates as in the file (y up).
-pub(super) fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
-    let (document, buffers) = open(path)?;
+/// Reads a glTF or GLB file, of which `path` is the name: one object per node, coordinates as in the file (y up).
+pub(super) fn read(
+    path: &Path,
+    bytes: Vec<u8>,
+    sources: &mut Sources,
+    options: &LoadOptions,
+) -> Result<Scene> {
+    let (document, buffers) = open(path, bytes, sources)?;
     let (repairs, materials, cameras) = Default::default();
     let mut reader = Reader { path, buffers, materials, cameras, repairs };
-    reader.read_materials(&document);
+    reader.read_materials(&document, sources)?;
+    reader.report_lights(&document);
     let nodes = reader.nodes(&document)?;
     sharing::scene(&mut reader, &document, &nodes, options)
 }
 
 /// The checked document, and the bytes of its buffers.
-fn open(path: &Path) -> Result<(gltf::Document, Vec<Vec<u8>>)> {
-    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+fn open(path: &Path, bytes: Vec<u8>, sources: &mut Sources) -> Result<(gltf::Document, Vec<Vec<u8>>)> {
     let wrong = |what: String| Error::format(path, None, what);
     if bytes.starts_with(b"glTF") {
         let length = bytes.get(8..12).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes);
@@ -49,7 +60,7 @@ fn open(path: &Path) -> Result<(gltf::Document, Vec<Vec<u8>>)> {
             "{nodes} nodes, more than {MAX_PLACEMENTS}: join meshes that belong together or split the scene"
         )));
     }
-    let unusable = |e: gltf::Error| wrong(format!("not a usable glTF file: {e}"));
+    let unusable = |e: gltf::Error| wrong(format!("not a usable glTF file: {}", quote(&e.to_string())));
     let Gltf { document, mut blob } = Gltf::from_slice_without_validation(&bytes).map_err(unusable)?;
     // The crate's validation panics on a mesh whose accessor does not exist, so that is checked first.
     let mut json = document.into_json();
@@ -66,7 +77,7 @@ fn open(path: &Path) -> Result<(gltf::Document, Vec<Vec<u8>>)> {
             gltf::buffer::Source::Bin => {
                 blob.take().ok_or_else(|| wrong("the GLB has no binary chunk".into()))?
             }
-            gltf::buffer::Source::Uri(uri) => resource(path, uri).map_err(wrong)?,
+            gltf::buffer::Source::Uri(uri) => resource(path, uri, sources)?,
         };
         buffers.push(data);
     }
@@ -113,17 +124,22 @@ fn count_nodes(bytes: &[u8]) -> usize {
     serde_json::from_slice(json).map_or(0, |root: Root| root.nodes.0)
 }
 
-/// Bytes of a URI: `data:` or a file beside `path`; on failure the reason as one phrase.
-fn resource(path: &Path, uri: &str) -> Result<Vec<u8>, String> {
+/// Bytes of a URI: `data:`, or a file whose place is relative to the scene's.
+fn resource(path: &Path, uri: &str, sources: &mut Sources) -> Result<Vec<u8>> {
+    let wrong = |what: String| Error::format(path, None, what);
     if let Some(data) = uri.strip_prefix("data:") {
-        let encoded = data.split_once(";base64,").ok_or("a data URI that is not base64")?.1;
-        return STANDARD.decode(encoded).map_err(|e| format!("a data URI that is damaged: {e}"));
+        let encoded =
+            data.split_once(";base64,").ok_or_else(|| wrong("a data URI that is not base64".into()))?.1;
+        return STANDARD.decode(encoded).map_err(|e| wrong(format!("a data URI that is damaged: {e}")));
     }
     if uri.contains(':') {
-        return Err(format!("`{}`: only files beside the scene are read", super::mtl::shorten(uri, 40)));
+        return Err(wrong(format!("`{}`: only files are read", quote(uri))));
     }
     let file = path.with_file_name("").join(percent_decoded(uri));
-    std::fs::read(&file).map_err(|e| format!("{}: {e}", file.display()))
+    sources.bytes(&file).map_err(|e| match e {
+        Error::Io { source, .. } => wrong(format!("{}: {source}", shown(&file))),
+        other => other,
+    })
 }
 
 fn percent_decoded(uri: &str) -> String {
@@ -159,14 +175,15 @@ impl Reader<'_> {
     }
 
     /// Fills the table of materials.
-    fn read_materials(&mut self, document: &gltf::Document) {
+    fn read_materials(&mut self, document: &gltf::Document, sources: &mut Sources) -> Result<()> {
         let (mut emissive_textures, mut names) = (0, UniqueNames::default());
         for material in document.materials() {
             let pbr = material.pbr_metallic_roughness();
             let [r, g, b, a] = pbr.base_color_factor();
             let name = names.of(material.name().unwrap_or("material"));
             let strength = material.emissive_strength().unwrap_or(1.0);
-            let texture = pbr.base_color_texture().and_then(|t| self.texture(t.texture().source().source()));
+            let image = pbr.base_color_texture().map(|t| t.texture().source());
+            let texture = image.map(|i| self.texture(i, sources)).transpose()?.flatten();
             emissive_textures += usize::from(material.emissive_texture().is_some());
             self.materials.push(SoupMaterial {
                 emission: material.emissive_factor().map(|e| e * strength),
@@ -180,24 +197,32 @@ impl Reader<'_> {
             self.repairs.messages.push(format!("{emissive_textures} {what}"));
         }
         self.materials.push(SoupMaterial::missing("(none)"));
+        Ok(())
     }
 
-    fn texture(&mut self, source: gltf::image::Source) -> Option<Texture> {
-        let bytes = match source {
-            gltf::image::Source::Uri { uri, .. } => resource(self.path, uri),
+    /// Counts the punctual lights, which are not read.
+    fn report_lights(&mut self, document: &gltf::Document) {
+        let lights = document.nodes().filter(|n| n.extension_value(PUNCTUAL_LIGHTS).is_some()).count();
+        if lights > 0 {
+            let what = "are not read; let a surface emit instead (option `emitters`)";
+            self.repairs
+                .messages
+                .push(format!("{lights} lights without a surface ({PUNCTUAL_LIGHTS}) {what}"));
+        }
+    }
+
+    fn texture(&mut self, image: gltf::Image, sources: &mut Sources) -> Result<Option<Texture>> {
+        let Reader { path, buffers, repairs, .. } = self;
+        let key = TextureKey::Image(image.index());
+        sources.texture(path, key, repairs, |sources| match image.source() {
+            gltf::image::Source::Uri { uri, .. } => resource(path, uri, sources),
             gltf::image::Source::View { view, .. } => {
                 let end = view.offset().checked_add(view.length());
-                let range =
-                    end.and_then(|end| self.buffers.get(view.buffer().index())?.get(view.offset()..end));
-                range.map(<[u8]>::to_vec).ok_or_else(|| "it lies outside its buffer".into())
+                let range = end.and_then(|end| buffers.get(view.buffer().index())?.get(view.offset()..end));
+                let outside = || Error::format(*path, None, "a texture lies outside its buffer");
+                range.map(<[u8]>::to_vec).ok_or_else(outside)
             }
-        };
-        let texture = bytes.and_then(|b| Texture::decode(&b));
-        if let Err(why) = &texture {
-            self.repairs.missing_files += 1;
-            self.repairs.messages.push(format!("a texture could not be read: {why}"));
-        }
-        texture.ok()
+        })
     }
 }
 

@@ -1,7 +1,7 @@
 //! The tree of nodes: meshes and their transforms.
 
 use super::{GPU_INSTANCING, Reader, StoredCamera, UniqueNames};
-use crate::{Result, scene::MAX_PLACEMENTS};
+use crate::{Result, error::quote, scene::MAX_PLACEMENTS};
 use glam::{DAffine3, DMat4, DQuat, DVec3};
 use gltf::Node;
 
@@ -44,7 +44,9 @@ impl Reader<'_> {
                 for world in places {
                     let (name, world) = (names.of(&name), DAffine3::from_mat4(world));
                     if !world.is_finite() {
-                        return Err(self.wrong(format!("the matrix of node `{name}` is not finite")));
+                        return Err(
+                            self.wrong(format!("the matrix of node `{}` is not finite", quote(&name)))
+                        );
                     }
                     found.push(MeshNode { mesh: mesh.index(), name, world });
                 }

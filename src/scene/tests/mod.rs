@@ -5,6 +5,7 @@ mod formats;
 mod generators;
 mod hostile;
 mod instances;
+mod limits;
 mod overlaps;
 mod repairs;
 

@@ -1,0 +1,111 @@
+//! Help on one screen (`--help`), and at length in groups (`mrvis help COMMAND`).
+
+use super::Cli;
+use clap::{Arg, Command, CommandFactory};
+
+/// Options of `solve` by group; the others are in the groups that their definitions state.
+const GROUPS: [(&str, &[&str]); 3] = [
+    (
+        "Accuracy and time",
+        &["error", "min_area", "max_seconds", "target_error", "audit", "step_seconds", "max_links"],
+    ),
+    (
+        "Visibility and feature sizes",
+        &["visibility", "compare", "feature_size", "feature_sizes", "importance", "importance_camera"],
+    ),
+    ("Method", &["oracle", "rows", "inside", "light_rays", "gather_rays", "local_rays", "scaling"]),
+];
+
+/// Options of `solve` that only `mrvis help solve` lists.
+const ADVANCED: [&str; 17] = [
+    "compare",
+    "feature_sizes",
+    "gather_rays",
+    "importance",
+    "importance_camera",
+    "inside",
+    "light_rays",
+    "lightmap_texels",
+    "local_rays",
+    "max_links",
+    "min_area",
+    "oracle",
+    "rows",
+    "scaling",
+    "seed",
+    "sides",
+    "step_seconds",
+];
+
+/// The command line, with options in groups and a short help of one sentence an option.
+pub fn command() -> Command {
+    Cli::command().mut_subcommands(|command| {
+        let name = command.get_name().to_owned();
+        let solve = name == "solve";
+        let command = command.mut_args(|arg| arranged(arg, solve));
+        command.after_help(format!("mrvis help {name} describes all options at length."))
+    })
+}
+
+fn arranged(arg: Arg, solve: bool) -> Arg {
+    let id = arg.get_id().as_str().to_owned();
+    let group = GROUPS.iter().find(|(_, ids)| solve && ids.contains(&id.as_str()));
+    let arg = match group {
+        Some((heading, _)) => arg.help_heading(*heading),
+        None => arg,
+    };
+    let Some(text) = arg.get_long_help().or(arg.get_help()).map(ToString::to_string) else { return arg };
+    let short = first_sentence(&text).to_owned();
+    let hidden = solve && ADVANCED.contains(&id.as_str());
+    arg.help(short).long_help(text).hide_short_help(hidden)
+}
+
+/// The beginning of a text up to the first sign that ends a statement.
+fn first_sentence(text: &str) -> &str {
+    let ends = [". ", ": ", "; ", ".\n", " [default", " (at least"];
+    let end = ends.iter().filter_map(|sign| text.find(sign)).min().unwrap_or(text.len());
+    text[..end].trim_end_matches('.')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The short help of every command fits on a screen.
+    #[test]
+    fn help_fits_on_a_screen() {
+        let mut command = command();
+        command.build();
+        let own = command.render_help().to_string();
+        assert!(own.lines().count() <= 24, "{own}");
+        for command in command.get_subcommands_mut() {
+            let help = command.render_help().to_string();
+            let (lines, long) = (help.lines().count(), command.render_long_help().to_string());
+            assert!(lines <= 50, "{lines} lines: {help}");
+            let hidden = command.get_arguments().filter_map(Arg::get_long).filter(|l| !help.contains(l));
+            for option in hidden {
+                assert!(long.contains(&format!("--{option}")), "{option}");
+            }
+        }
+    }
+
+    /// A group of options that does not exist any more is taken from the table.
+    #[test]
+    fn groups_hold_existing_options() {
+        let command = Cli::command();
+        let ids: Vec<String> = command
+            .get_subcommands()
+            .flat_map(|c| c.get_arguments())
+            .map(|a| a.get_id().as_str().to_owned())
+            .collect();
+        for id in GROUPS.iter().flat_map(|(_, ids)| ids.iter()).chain(&ADVANCED) {
+            assert!(ids.iter().any(|i| i == id), "{id}");
+        }
+    }
+
+    #[test]
+    fn sentences_are_short() {
+        assert_eq!(first_sentence("Feature size: smaller [default: x]"), "Feature size");
+        assert_eq!(first_sentence("Print nothing."), "Print nothing");
+    }
+}

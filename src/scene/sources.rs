@@ -1,0 +1,129 @@
+//! The files of a scene: the file itself, material libraries, textures and buffers.
+//!
+//! All are read here, so that each is a regular file below the limit of size, is decoded once, and is listed.
+
+use super::{Repairs, texture::Texture};
+use crate::files::input::{Input, MAX_SMALL_FILE, guarded};
+use crate::{Error, Result, error::quote, memory};
+use std::{
+    collections::HashMap,
+    hash::Hash,
+    path::{Path, PathBuf},
+};
+
+/// Largest number of messages about unreadable files; the others are counted. A file of some kilobytes can name
+/// thousands, and a screen holds about as many lines.
+const MAX_MESSAGES: usize = 20;
+
+/// Reads the files of one scene.
+pub(super) struct Sources {
+    /// Largest file, and largest sum of decoded textures, bytes.
+    limit: u64,
+    /// Files that were read, in order, without repetition.
+    pub read: Vec<PathBuf>,
+    textures: HashMap<TextureKey, Option<Texture>>,
+    texture_bytes: u64,
+}
+
+/// Place of the encoded bytes of a texture.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub(super) enum TextureKey {
+    File(PathBuf),
+    /// Index of the image in a glTF file.
+    Image(usize),
+}
+
+impl Sources {
+    /// `max_memory`: largest memory of the scene, bytes; `None` for [`memory::PART`] of what is available.
+    pub fn new(max_memory: Option<u64>) -> Sources {
+        let limit = max_memory.or_else(memory::usable).unwrap_or(u64::MAX >> 1);
+        Sources { limit, read: Vec::new(), textures: HashMap::new(), texture_bytes: 0 }
+    }
+
+    /// Opens a file that may take all memory.
+    pub fn open(&mut self, path: &Path) -> Result<Input> {
+        let input = Input::open(path, self.limit)?;
+        self.note(path);
+        Ok(input)
+    }
+
+    /// All bytes of a file that may take all memory.
+    pub fn bytes(&mut self, path: &Path) -> Result<Vec<u8>> {
+        self.open(path)?.bytes()
+    }
+
+    /// All bytes of a file of definitions.
+    pub fn small(&mut self, path: &Path) -> Result<Vec<u8>> {
+        let bytes = Input::open(path, MAX_SMALL_FILE.min(self.limit))?.bytes()?;
+        self.note(path);
+        Ok(bytes)
+    }
+
+    fn note(&mut self, path: &Path) {
+        if !self.read.iter().any(|p| p == path) {
+            self.read.push(path.into());
+        }
+    }
+
+    /// The texture `key`, whose encoded bytes are `read` once; `None`, with a counted repair, if it cannot be read.
+    ///
+    /// # Errors
+    /// The textures of the scene take more memory than allowed.
+    pub fn texture(
+        &mut self,
+        scene: &Path,
+        key: TextureKey,
+        repairs: &mut Repairs,
+        read: impl FnOnce(&mut Sources) -> Result<Vec<u8>>,
+    ) -> Result<Option<Texture>> {
+        if let Some(known) = self.textures.get(&key) {
+            return Ok(known.clone());
+        }
+        let file = match &key {
+            TextureKey::File(path) => path.clone(),
+            TextureKey::Image(number) => format!("image {number} of {}", scene.display()).into(),
+        };
+        let left = self.limit.saturating_sub(self.texture_bytes);
+        let decoded = read(self).and_then(|bytes| guarded(&file, || Texture::decode(&file, &bytes, left)));
+        let texture = match decoded {
+            Err(error @ Error::OutOfMemory(_)) => return Err(error),
+            Err(error) => {
+                let why = match &error {
+                    Error::Io { source, .. } => source.to_string(),
+                    Error::Format { what, .. } => what.clone(),
+                    other => other.to_string(),
+                };
+                repairs.unreadable(&format!("texture {}: {why}", shown(&file)));
+                None
+            }
+            Ok(texture) => Some(texture),
+        };
+        self.texture_bytes += texture.as_ref().map_or(0, Texture::bytes);
+        self.textures.insert(key, texture.clone());
+        Ok(texture)
+    }
+}
+
+impl Repairs {
+    /// Counts a file that could not be read.
+    pub(super) fn unreadable(&mut self, message: &str) {
+        self.missing_files += 1;
+        match self.missing_files {
+            n if n <= MAX_MESSAGES => {
+                self.messages.push(message.chars().filter(|c| !c.is_control()).collect())
+            }
+            n if n == MAX_MESSAGES + 1 => self.messages.push("more files could not be read".into()),
+            _ => {}
+        }
+    }
+}
+
+/// The path that a scene file states, for messages: shortened, and found from the folder of the scene.
+pub(super) fn beside(scene: &Path, name: &str) -> PathBuf {
+    scene.with_file_name("").join(name.replace('\\', "/"))
+}
+
+/// A path for messages.
+pub(super) fn shown(path: &Path) -> String {
+    quote(&path.display().to_string())
+}

@@ -1,0 +1,112 @@
+//! Textures that are shared, polygons of many corners, and what is left out with a note.
+
+use super::{formats::load_bytes, *};
+use base64::{Engine, engine::general_purpose::STANDARD};
+use serde_json::{Value, json};
+
+/// A PNG of one colour.
+fn png(side: u32) -> Vec<u8> {
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    let image = image::RgbaImage::from_pixel(side, side, image::Rgba([188, 188, 188, 255]));
+    image.write_to(&mut bytes, image::ImageFormat::Png).expect("a PNG");
+    bytes.into_inner()
+}
+
+/// One triangle with the last of `count` materials, which all have the same texture.
+fn textured(count: usize, side: u32) -> Value {
+    let numbers = [0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0];
+    let mut data: Vec<u8> = bytemuck::cast_slice(&numbers).to_vec();
+    let image = png(side);
+    data.extend_from_slice(&image);
+    let material = |i: usize| json!({ "name": format!("m{i}"), "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } });
+    json!({
+        "asset": { "version": "2.0" }, "scene": 0, "scenes": [{ "nodes": [0] }], "nodes": [{ "mesh": 0 }],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0, "TEXCOORD_0": 1 }, "material": count - 1 }] }],
+        "materials": (0..count).map(material).collect::<Vec<_>>(),
+        "textures": [{ "source": 0 }], "images": [{ "bufferView": 2, "mimeType": "image/png" }],
+        "accessors": [
+            { "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0] },
+            { "bufferView": 1, "componentType": 5126, "count": 3, "type": "VEC2" },
+        ],
+        "bufferViews": [
+            { "buffer": 0, "byteLength": 36 }, { "buffer": 0, "byteOffset": 36, "byteLength": 24 },
+            { "buffer": 0, "byteOffset": 60, "byteLength": image.len() },
+        ],
+        "buffers": [{
+            "byteLength": data.len(),
+            "uri": format!("data:application/octet-stream;base64,{}", STANDARD.encode(&data)),
+        }],
+    })
+}
+
+/// 300 materials with one texture of 16 MB take its memory once.
+#[test]
+fn shared_textures_are_decoded_once() {
+    let bytes = textured(300, 2048).to_string();
+    let options = LoadOptions { max_memory: Some(100 << 20), ..LoadOptions::default() };
+    let folder = std::path::Path::new("/nonexistent");
+    let scene = read_from_memory(folder, "gltf", bytes.as_bytes(), &options).expect("a scene");
+    assert!((scene.triangle_reflectance[0][0] - 0.5029).abs() < 1e-3);
+    let tight = LoadOptions { max_memory: Some(20 << 20), ..options };
+    let error = read_from_memory(folder, "gltf", bytes.as_bytes(), &tight).expect_err("too large");
+    assert!(matches!(error, crate::Error::OutOfMemory(_)), "{error}");
+}
+
+/// A star of 12,000 corners does not cross itself.
+#[test]
+fn stars_of_many_corners_keep_their_area() {
+    let n = 12_000;
+    let corner = |i: usize| {
+        let radius = if i.is_multiple_of(2) { 1.0 } else { 0.4 };
+        let (sin, cos) = (i as f64 / n as f64 * std::f64::consts::TAU).sin_cos();
+        (radius * cos, radius * sin)
+    };
+    let mut obj = String::new();
+    for (x, y) in (0..n).map(corner) {
+        obj += &format!("v {x} {y} 0\n");
+    }
+    obj += "f";
+    (1..=n).for_each(|i| obj += &format!(" {i}"));
+    let scene = load(&obj).expect("a star");
+    // Half the sum of the cross products of neighbours.
+    let want = 0.5 * n as f64 * 0.4 * (std::f64::consts::TAU / n as f64).sin();
+    assert!((area(&scene) / want - 1.0).abs() < 1e-3, "{} instead of {want}", area(&scene));
+    assert_eq!(scene.repairs.broken_polygons, 0);
+}
+
+#[test]
+fn scenes_of_glass_alone_say_why_nothing_is_left() {
+    let obj = "mtllib a.mtl\nusemtl glass\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    let glass: &[(&str, &[u8])] = &[("a.mtl", b"newmtl glass\nd 0.1\n")];
+    let text = message(load_with(obj, glass, &LoadOptions::default()));
+    assert!(text.contains("all 1 faces are transparent (d below 0.5)"), "{text}");
+}
+
+/// What is not supported is counted in a note.
+#[test]
+fn lights_and_maps_that_are_not_read_are_noted() {
+    let mut file = textured(1, 2);
+    file["nodes"][0]["extensions"] = json!({ "KHR_lights_punctual": { "light": 0 } });
+    file["extensionsUsed"] = json!(["KHR_lights_punctual"]);
+    file["extensions"] = json!({ "KHR_lights_punctual": { "lights": [{ "type": "point" }] } });
+    let scene = load_bytes("gltf", file.to_string().as_bytes()).expect("a scene");
+    let noted = |s: &Scene, what: &str| s.repairs.messages.iter().any(|m| m.contains(what));
+    assert!(
+        noted(&scene, "1 lights without a surface (KHR_lights_punctual)"),
+        "{:?}",
+        scene.repairs.messages
+    );
+    let obj = "mtllib a.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    let maps: &[(&str, &[u8])] = &[("a.mtl", b"newmtl a\nKe 1 1 1\nmap_Ke e.png\nmap_d d.png\n")];
+    let scene = load_with(obj, maps, &LoadOptions::default()).expect("a scene");
+    assert!(noted(&scene, "1 map_Ke") && noted(&scene, "1 map_d"), "{:?}", scene.repairs.messages);
+}
+
+/// A library with thousands of unreadable textures gives a few messages and the count.
+#[test]
+fn missing_files_give_few_messages() {
+    let library: String = (0..500).map(|i| format!("newmtl m{i}\nmap_Kd {i}.png\n")).collect();
+    let obj = "mtllib a.mtl\nusemtl m1\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    let scene = load_with(obj, &[("a.mtl", library.as_bytes())], &LoadOptions::default()).expect("a scene");
+    assert!(scene.repairs.missing_files == 500 && scene.repairs.messages.len() < 30);
+}

@@ -1,0 +1,324 @@
+//! What a user meets who makes mistakes, and what a file can do that somebody else made.
+
+use crate::run::{Outcome, Scratch};
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+/// A floor, and a lamp above it that faces downwards.
+const SCENE: &str = "mtllib scene.mtl\no floor\nusemtl grey\nv 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nf 1 2 3 4\n\
+    o lamp\nusemtl light\nv 2 2 2\nv 2 3 2\nv 3 2 2\nf 5 6 7\n";
+const LIBRARY: &str = "newmtl grey\nKd 0.5 0.5 0.5\nnewmtl light\nKd 0 0 0\nKe 10 10 10\n";
+const POINTS: &str = "x,y,z,nx,ny,nz\n1,1,0,0,0,1\n2,2,0,0,0,1\n";
+const QUICK: [&str; 6] = ["--points", "20", "--rays", "4", "--reference-rays", "16"];
+
+fn scratch() -> Scratch {
+    let scratch = Scratch::new();
+    scratch.write("scene.obj", SCENE);
+    scratch.write("scene.mtl", LIBRARY);
+    scratch.write("points.csv", POINTS);
+    scratch
+}
+
+fn done(outcome: &Outcome) {
+    assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+}
+
+/// An error of one line that holds `word`.
+fn refused(outcome: &Outcome, word: &str) {
+    let one_line = outcome.stderr.trim_end().lines().count() == 1;
+    assert!(
+        outcome.code == Some(2) && one_line && outcome.stderr.contains(word),
+        "no `{word}`: {:?} {}",
+        outcome.code,
+        outcome.stderr
+    );
+}
+
+/// Pipes and devices, under whatever name a file gives them, are refused at once.
+#[test]
+#[cfg(unix)]
+fn pipes_and_devices_are_not_read() {
+    let scratch = scratch();
+    let made = Command::new("mkfifo").arg(scratch.path("pipe")).status().expect("mkfifo");
+    assert!(made.success());
+    for (kind, target) in [("pipe", "pipe"), ("zero", "/dev/zero"), ("noise", "/dev/urandom")] {
+        for extension in ["obj", "ply", "gltf", "glb"] {
+            let name = format!("{kind}.{extension}");
+            std::os::unix::fs::symlink(target, scratch.path(&name)).expect("linked");
+            refused(&scratch.mrvis_within(10.0, &["info", &name]), "pipe or a device");
+        }
+        scratch.write("library.obj", SCENE.replace("scene.mtl", target));
+        refused(&scratch.mrvis_within(10.0, &["info", "library.obj"]), "pipe or a device");
+        scratch.write("texture.mtl", format!("{LIBRARY}map_Kd {target}\n"));
+        scratch.write("texture.obj", SCENE.replace("scene.mtl", "texture.mtl"));
+        let textured = scratch.mrvis_within(10.0, &["info", "texture.obj"]);
+        done(&textured);
+        assert!(textured.stdout.contains("pipe or a device"), "{}", textured.stdout);
+        let buffer = r#"{"asset":{"version":"2.0"},"buffers":[{"byteLength":4,"uri":"TARGET"}]}"#;
+        scratch.write("buffer.gltf", buffer.replace("TARGET", target));
+        refused(&scratch.mrvis_within(10.0, &["info", "buffer.gltf"]), "pipe or a device");
+        let call = ["solve", "scene.obj", "--out", "o", "--points", target];
+        refused(&scratch.mrvis_within(10.0, &call), "pipe or a device");
+        let call = ["solve", "scene.obj", "--out", "o", "--feature-sizes", target];
+        refused(&scratch.mrvis_within(10.0, &call), "pipe or a device");
+        let call = ["compare", target, "points.csv"];
+        refused(&scratch.mrvis_within(10.0, &call), "pipe or a device");
+        let call = ["fbem", target, target];
+        refused(&scratch.mrvis_within(10.0, &call), "pipe or a device");
+    }
+}
+
+/// `-` is standard input.
+#[test]
+fn scenes_and_points_come_from_standard_input() {
+    let scratch = scratch();
+    let piped = scratch.mrvis_with_input(SCENE, &["info", "-", "--json", "r.json"]);
+    done(&piped);
+    assert_eq!(scratch.json("r.json")["scene"]["triangles"], 3);
+    assert_eq!(
+        scratch.json("r.json")["scene"]["emitters"],
+        1,
+        "the library is found from the current folder"
+    );
+    done(&scratch.mrvis_with_input(POINTS, &["reference", "scene.obj", "--points", "-", "--samples", "4"]));
+}
+
+/// Sizes are compared with the limit before anything is read.
+#[test]
+fn files_larger_than_the_memory_are_not_read() {
+    let scratch = scratch();
+    for extension in ["obj", "ply", "glb"] {
+        let name = format!("sparse.{extension}");
+        let file = std::fs::File::create(scratch.path(&name)).expect("made");
+        file.set_len(1 << 40).expect("sparse");
+        let start = Instant::now();
+        refused(&scratch.mrvis_within(10.0, &["info", &name]), "may be read");
+        assert!(start.elapsed() < Duration::from_secs(5));
+    }
+    let file = std::fs::File::create(scratch.path("scene.mtl")).expect("made");
+    file.set_len(1 << 33).expect("sparse");
+    refused(&scratch.mrvis_within(10.0, &["info", "scene.obj"]), "may be read");
+}
+
+#[test]
+fn files_from_elsewhere_are_listed() {
+    let (scratch, other) = (scratch(), Scratch::new());
+    other.write("far.mtl", LIBRARY);
+    let far = other.path("far.mtl").display().to_string();
+    scratch.write("far.obj", SCENE.replace("scene.mtl", &far));
+    let told = scratch.mrvis(&["info", "far.obj", "--json", "far.json"]);
+    done(&told);
+    assert!(told.stdout.contains("outside the folder") && told.stdout.contains("far.mtl"), "{}", told.stdout);
+    let scene = &scratch.json("far.json")["scene"];
+    assert_eq!(scene["files"].as_array().map(Vec::len), Some(2));
+    assert_eq!(scene["files_outside"].as_array().map(Vec::len), Some(1));
+    let near = scratch.mrvis(&["info", "scene.obj"]);
+    assert!(!near.stdout.contains("outside"), "{}", near.stdout);
+}
+
+/// Names from files appear in messages without control characters and shortened.
+#[test]
+fn messages_quote_little_of_a_file() {
+    let scratch = scratch();
+    let name = format!("a\u{1b}[31m{}", "b".repeat(5000));
+    scratch.write("long.obj", SCENE.replace("floor", &name));
+    let told = scratch.mrvis(&["bench", "long.obj", "--receiver", "nowhere"]);
+    refused(&told, "nowhere");
+    assert!(told.stderr.chars().count() < 600 && !told.stderr.contains('\u{1b}'), "{}", told.stderr);
+    assert!(!scratch.mrvis(&["info", "long.obj"]).stdout.contains('\u{1b}'));
+    scratch.write("number.obj", format!("v 0 0 {}\n", "9x".repeat(5000)));
+    let told = scratch.mrvis(&["info", "number.obj"]);
+    refused(&told, "is not a number");
+    assert!(told.stderr.chars().count() < 200, "{}", told.stderr);
+}
+
+/// An output never replaces a file that the command reads.
+#[test]
+fn inputs_are_not_replaced() {
+    let scratch = scratch();
+    scratch.write("lightmap.obj", SCENE);
+    scratch.write("report.obj", SCENE.replace("scene.mtl", "solution.json"));
+    scratch.write("solution.json", LIBRARY);
+    let calls: [&[&str]; 7] = [
+        &["solve", "lightmap.obj", "--out", ".", "--output", "lightmap"],
+        &["solve", "report.obj", "--out", "."],
+        &["reference", "scene.obj", "--points", "points.csv", "--samples", "4", "--out", "points.csv"],
+        &["reference", "scene.obj", "--points", "points.csv", "--samples", "4", "--out", "./scene.mtl"],
+        &["info", "scene.obj", "--json", "scene.obj"],
+        &["info", "scene.obj", "--json", "scene.mtl"],
+        &["form-factors", "scene.obj", "--out", "f.csv", "--json", "scene.obj"],
+    ];
+    for call in calls {
+        refused(&scratch.mrvis(call), "would be replaced");
+    }
+    assert_eq!(std::fs::read_to_string(scratch.path("points.csv")).expect("points"), POINTS);
+    for name in ["scene.obj", "lightmap.obj"] {
+        assert_eq!(std::fs::read_to_string(scratch.path(name)).expect("a scene"), SCENE);
+    }
+    // Other outputs of the same folder are no danger.
+    done(&scratch.mrvis(&[
+        "solve",
+        "lightmap.obj",
+        "--out",
+        ".",
+        "--output",
+        "none",
+        "--points",
+        "points.csv",
+    ]));
+}
+
+/// Nothing is written beside the scene; a link of the former name of a cache file leads nowhere.
+#[test]
+fn caches_are_in_the_folder_of_the_user() {
+    let scratch = scratch();
+    done(&scratch.mrvis(&[&["bench", "scene.obj", "--json", "r.json"][..], &QUICK].concat()));
+    assert_eq!(scratch.json("r.json")["build"]["cache"], "made");
+    let files = |folder: &str| -> usize {
+        let entries = std::fs::read_dir(scratch.path(folder)).expect("a folder").flatten();
+        entries.filter(|e| e.path().extension().is_some_and(|e| e == "mrvis-cache")).count()
+    };
+    assert_eq!((files(""), files("cache/mrvis")), (0, 1));
+    // A copy of the scene elsewhere has the same clusters.
+    std::fs::create_dir(scratch.path("copy")).expect("a folder");
+    scratch.write("copy/other.obj", SCENE.replace("scene.mtl", "../scene.mtl"));
+    done(&scratch.mrvis(&[&["bench", "copy/other.obj", "--json", "r.json"][..], &QUICK].concat()));
+    assert_eq!(scratch.json("r.json")["build"]["cache"], "hit");
+}
+
+/// The error of a write that the system ends names the file that was asked for.
+#[test]
+#[cfg(target_os = "linux")]
+fn full_disks_are_said_with_the_name_of_the_file() {
+    let scratch = scratch();
+    // Writes beyond 1 KB fail with an error instead of a signal.
+    let script = "trap '' XFSZ; ulimit -f 1; exec \"$0\" generate cubes --count 2000 --out big.obj";
+    let mut shell = Command::new("bash");
+    shell.args(["-c", script, env!("CARGO_BIN_EXE_mrvis")]).current_dir(scratch.path(""));
+    let output = shell.output().expect("a shell");
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{text}");
+    assert!(text.contains("big.") && !text.contains(".mrvis-"), "{text}");
+    let left = std::fs::read_dir(scratch.path("")).expect("the folder").flatten();
+    assert!(left.into_iter().all(|e| !e.file_name().to_string_lossy().starts_with('.')));
+}
+
+#[test]
+fn cameras_have_pictures_of_their_own() {
+    let scratch = scratch();
+    let bytes: Vec<u8> =
+        [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].iter().flat_map(|v| v.to_le_bytes()).collect();
+    scratch.write("triangle.bin", bytes);
+    let camera = |name: &str| format!(r#"{{"camera":0,"name":"{name}","translation":[0.2,0.2,2]}}"#);
+    scratch.write(
+        "cameras.gltf",
+        format!(
+            r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0,1,2,3]}}],
+            "nodes":[{{"mesh":0,"name":"t"}},{},{},{}],
+            "cameras":[{{"type":"perspective","perspective":{{"yfov":0.8,"znear":0.1}}}}],
+            "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}}}}]}}],
+            "accessors":[{{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}}],
+            "bufferViews":[{{"buffer":0,"byteLength":36}}],
+            "buffers":[{{"byteLength":36,"uri":"triangle.bin"}}]}}"#,
+            camera("a b"),
+            camera("a_b"),
+            camera("a/b")
+        ),
+    );
+    let call = ["solve", "cameras.gltf", "--out", "o", "--output", "image", "--image-size", "16x16"];
+    done(&scratch.mrvis(&[&call[..], &["--emitter", "t=1"]].concat()));
+    let pictures = std::fs::read_dir(scratch.path("o")).expect("the folder").flatten();
+    let pictures = pictures.filter(|e| e.path().extension().is_some_and(|e| e == "png")).count();
+    assert_eq!(pictures, 3);
+}
+
+/// Emitters that face away from everything are said so, with the cure.
+#[test]
+fn turned_emitters_are_noted() {
+    let scratch = scratch();
+    scratch.write("turned.obj", SCENE.replace("f 5 6 7", "f 5 7 6"));
+    let solved = scratch.mrvis(&["solve", "turned.obj", "--out", "o", "--output", "none"]);
+    done(&solved);
+    assert!(solved.stdout.contains("--two-sided-emission"), "{}", solved.stdout);
+    let traced = scratch.mrvis(&["reference", "turned.obj", "--points", "points.csv", "--samples", "8"]);
+    done(&traced);
+    assert!(traced.stderr.contains("--two-sided-emission"), "{}", traced.stderr);
+    let solved = scratch.mrvis(&["solve", "scene.obj", "--out", "o", "--output", "none"]);
+    assert!(!solved.stdout.contains("--two-sided-emission"), "{}", solved.stdout);
+}
+
+/// What would take more than the machine has is refused before the work, or ended with an error.
+#[test]
+fn limits_of_memory_end_in_errors() {
+    let scratch = scratch();
+    let huge = ["bench", "scene.obj", "--points", "99999999", "--rays", "65536", "--max-memory", "4"];
+    refused(&scratch.mrvis_within(20.0, &huge), "segments");
+    let many = ["bench", "scene.obj", "--points", "99999999", "--max-memory", "4"];
+    refused(&scratch.mrvis_within(20.0, &many), "memory");
+    refused(
+        &scratch.mrvis(&["solve", "scene.obj", "--out", "o", "--min-area", "1e-300"]),
+        "--min-area 1e-300",
+    );
+    refused(
+        &scratch.mrvis(&["solve", "scene.obj", "--out", "o", "--audit", "1000000000"]),
+        "--audit 1000000000",
+    );
+    refused(&scratch.mrvis(&["info", "scene.obj", "--max-memory", "0"]), "max-memory");
+    // A forest of six million triangles takes more than 0.2 GiB.
+    let large = ["generate", "forest", "--trees", "3000", "--out", "forest.obj", "--max-memory", "0.2"];
+    refused(&scratch.mrvis_within(60.0, &large), "out of memory");
+}
+
+#[test]
+fn mistakes_of_typing_are_understood() {
+    let scratch = scratch();
+    refused(&scratch.mrvis(&["info", "scene.obj", "--unit", "furlong"]), "not a unit of length");
+    refused(&scratch.mrvis(&["slove", "scene.obj"]), "did you mean solve?");
+    refused(&scratch.mrvis(&["bench", "scene.obj", "--recevier", "floor"]), "did you mean --receiver?");
+    refused(&scratch.mrvis(&["bench", "scene.obj", "--receiver", "flor"]), "did you mean `floor`?");
+    for call in [["--quiet", "info", "scene.obj"], ["info", "scene.obj", "--quiet"]] {
+        let quiet = scratch.mrvis(&call);
+        done(&quiet);
+        assert!(quiet.stdout.is_empty() && quiet.stderr.is_empty());
+    }
+}
+
+#[test]
+fn what_is_installed_beside_the_command() {
+    let scratch = scratch();
+    let version = scratch.mrvis(&["--version"]);
+    assert!(version.stdout.contains("(Embree 4."), "{}", version.stdout);
+    for shell in ["bash", "zsh", "fish"] {
+        let script = scratch.mrvis(&["completions", shell]);
+        done(&script);
+        assert!(script.stdout.contains("feature-size"), "{shell}");
+    }
+    done(&scratch.mrvis(&["man", "--out", "man"]));
+    for page in ["mrvis.1", "mrvis-solve.1", "mrvis-bench.1", "mrvis-form-factors.1"] {
+        let text = std::fs::read_to_string(scratch.path("man").join(page)).expect(page);
+        assert!(text.contains(".TH"), "{page}");
+    }
+    let long = scratch.mrvis(&["help", "solve"]).stdout;
+    assert!(long.contains("--oracle") && long.contains("Accuracy and time"), "{long}");
+    let colours = |variable: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_mrvis"));
+        let output = command.arg("--help").env(variable, "1").output().expect("the command runs");
+        output.stdout.contains(&0x1b)
+    };
+    assert!(colours("CLICOLOR_FORCE") && !colours("NO_COLOR"));
+}
+
+/// The scenes of the generator are clean.
+#[test]
+fn generated_scenes_have_no_warnings() {
+    let scratch = scratch();
+    done(&scratch.mrvis(&["generate", "cornell", "--out", "cornell.obj"]));
+    let call =
+        ["solve", "cornell.obj", "--unit", "mm", "--out", "o", "--output", "none", "--max-seconds", "2"];
+    let solved = scratch.mrvis(&call);
+    done(&solved);
+    let warnings = &scratch.json("o/solution.json")["warnings"];
+    let texts: Vec<&str> = warnings.as_array().expect("a list").iter().filter_map(|w| w.as_str()).collect();
+    let of_the_scene = texts.iter().filter(|w| !w.contains("max-seconds")).count();
+    assert_eq!(of_the_scene, 0, "{texts:?}");
+}
