@@ -4,10 +4,11 @@ mod scaling;
 mod summary;
 mod watch;
 
-use super::args::{CacheArgs, Common, SceneArgs, check_folder};
+use super::args::{CacheArgs, Common, SceneArgs, check_folder, shell_word};
 use super::flags::with_flags;
-use super::outputs::Outputs;
+use super::outputs::{Outputs, Shown};
 use crate::bench::side_by_side::{ComparedRecord, Versus, side_by_side};
+use crate::export::solve_page;
 use crate::files::WholeFile;
 use crate::points::{Irradiance, Point, read_points, write_irradiance};
 use crate::progress::Progress;
@@ -270,15 +271,22 @@ fn write(
         irradiance
     };
     let (scene, with_points) = (solution.model().scene(), args.points.is_some());
-    let shown = args.outputs.write(&args.common, scene, &mesh, out, with_points, &gather)?;
+    let Shown { mut files, views } =
+        args.outputs.write(&args.common, scene, &mesh, out, with_points, &gather)?;
     let notes = notes.into_inner();
     if !notes.is_empty() {
         record.record.warnings.extend(notes);
         save(&record)?;
     }
+    if args.outputs.wants_page() {
+        let command: Vec<String> = std::env::args().map(|word| shell_word(&word)).collect();
+        let page = solve_page(&record.record, (scene, &mesh), &views, &command.join(" "))?;
+        files.push(out.join("solution.html"));
+        WholeFile::write(&files[files.len() - 1], page)?;
+    }
     args.common.write_json(&record)?;
     args.common.print(&summary(&record, with_points))?;
-    for file in shown {
+    for file in files {
         args.common.print(&format!("wrote {}\n", file.display()))?;
     }
     Ok(())

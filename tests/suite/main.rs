@@ -8,6 +8,8 @@ mod features;
 #[cfg(feature = "cli")]
 mod light;
 #[cfg(feature = "cli")]
+mod pages;
+#[cfg(feature = "cli")]
 mod run;
 #[cfg(feature = "cli")]
 mod shown;
