@@ -19,12 +19,13 @@ use crate::visibility::{Exact, MultiResolution};
 
 /// Rays per texel of the exact image in the report. Chosen: as many as the default number of segments of MR.
 const SHOWN_RAYS: usize = 16;
-/// Pairs of the parts of the images on which rows are timed. Measured with `mrvis bench` on the living room (`make
-/// scenes`): 40,000 pairs take twenty seconds on one core.
+/// Pairs of the parts of the images on which rows are timed: about 70 million segments of all rows a round, some ten
+/// seconds on one core.
 const TIMED_PAIRS: usize = 40_000;
-/// Rays per pair of the reference that decide whether the emitter is partly visible there. Pairs where all agree are
-/// not traced further: what they miss is less than about 1/64 of the emitter.
-const FIRST_RAYS: usize = 64;
+/// Rays per pair of the shown reference that decide whether the emitter is partly visible there, and rays where it is.
+/// Where the first agree, they miss less than about 1/64 of the emitter. 256 stratified rays have an error of less than
+/// one step of 8-bit grey in the mean.
+const SHOWN_REFERENCE_RAYS: [usize; 2] = [64, 256];
 
 /// Images by receiver.
 struct Shown {
@@ -32,6 +33,8 @@ struct Shown {
     exact16: Vec<Image>,
     /// By feature size, with whether all bundles were handed to Embree.
     mr: Vec<(bool, Vec<Image>)>,
+    /// If that is so at all sizes: what clusters answer at the largest.
+    clusters: Option<Vec<Image>>,
 }
 
 impl Bench<'_> {
@@ -65,10 +68,7 @@ impl Bench<'_> {
         let sample = self.sample(&workload);
         let asked = self.decisions(&sample, engine);
         let shown = self.shown(&receivers, engine, &asked)?;
-        let references: Vec<Image> =
-            shown.reference.iter().zip(&parts).map(|(image, part)| part.cut(image)).collect();
-        let gallery = Gallery { receivers: &timed, workload: &workload };
-        self.time(engine, rows, &asked, (&gallery, &references))?;
+        self.time(engine, rows, &asked, &Gallery { receivers: &timed, workload: &workload })?;
         self.gather(&receivers, shown)
     }
 
@@ -84,12 +84,13 @@ impl Bench<'_> {
         let gallery = Gallery { receivers, workload: &workload };
         let every: Vec<usize> = (0..workload.pairs.len()).collect();
         let queries = Queries { scene: self.scene, workload: &workload, pairs: &every };
-        let first = self.reference("reference images", queries, self.options.reference_rays.min(FIRST_RAYS));
+        let [few, many] = SHOWN_REFERENCE_RAYS.map(|rays| rays.min(self.options.reference_rays));
+        let first = self.reference("reference images", queries, few);
         let mut means: Vec<f32> = every.iter().map(|&pair| first.mean(pair)).collect();
         let partly: Vec<usize> =
             every.iter().copied().filter(|&k| means[k] > 0.0 && means[k] < 1.0).collect();
         let more = Queries { pairs: &partly, ..queries };
-        let full = self.reference("reference images", more, self.options.reference_rays);
+        let full = self.reference("reference images", more, many);
         for (k, &pair) in partly.iter().enumerate() {
             means[pair] = full.mean(k);
         }
@@ -101,34 +102,39 @@ impl Bench<'_> {
             gallery.images(&timer.exact(queries, &self.embree(&workload, rays), rays, &advance).visible)
         };
         let exact16 = exact(SHOWN_RAYS)?;
+        let walked = |row: &PlannedRow| {
+            let advance = |pairs: usize| self.progress.advance((pairs * row.rays) as u64);
+            let run = timer.multi_resolution(queries, engine, row.s as f32, row.rays, &advance).run;
+            gallery.images(&run.visible)
+        };
         let mut mr = Vec::new();
-        for row in shown {
-            let rays = row.rays;
-            let images = match (row.pays, rays == SHOWN_RAYS) {
-                (true, _) => {
-                    let advance = |pairs: usize| self.progress.advance((pairs * rays) as u64);
-                    let run = timer.multi_resolution(queries, engine, row.s as f32, rays, &advance).run;
-                    gallery.images(&run.visible)?
-                }
+        for row in &shown {
+            let images = match (row.pays, row.rays == SHOWN_RAYS) {
+                (true, _) => walked(row)?,
                 (false, true) => exact16.clone(),
-                (false, false) => exact(rays)?,
+                (false, false) => exact(row.rays)?,
             };
             mr.push((!row.pays, images));
         }
-        Ok(Shown { reference: gallery.images(&means)?, exact16, mr })
+        let largest = shown.last().filter(|_| shown.iter().all(|row| !row.pays));
+        let clusters = largest.map(|row| walked(row)).transpose()?;
+        Ok(Shown { reference: gallery.images(&means)?, exact16, mr, clusters })
     }
 
-    /// Times all rows on a gallery with these references, and fills in `speedup_at_same_fbem`.
+    /// Times all rows on a gallery, and fills in `speedup_at_same_fbem`.
     fn time(
         &self,
         engine: &MultiResolution,
         rows: &mut [MrRow],
         asked: &[PlannedRow],
-        (gallery, references): (&Gallery, &[Image]),
+        gallery: &Gallery,
     ) -> Result<()> {
         let workload = gallery.workload;
         let every: Vec<usize> = (0..workload.pairs.len()).collect();
         let queries = Queries { scene: self.scene, workload, pairs: &every };
+        let reference = self.reference("reference images", queries, self.options.reference_rays);
+        let means: Vec<f32> = every.iter().map(|&pair| reference.mean(pair)).collect();
+        let references = gallery.images(&means)?;
         let call = |rays| (rays, self.embree(workload, rays));
         let calls: Vec<(usize, Exact)> = self.exact_rays().into_iter().map(call).collect();
         let walked: Vec<&PlannedRow> = asked.iter().filter(|row| row.pays).collect();
@@ -152,7 +158,7 @@ impl Bench<'_> {
         for &s in &self.sizes {
             let mut curve = Vec::new();
             for (images, &seconds) in exact.iter().zip(&timed.seconds) {
-                curve.push((seconds, gallery.pooled_fbem(references, images, s)?));
+                curve.push((seconds, gallery.pooled_fbem(&references, images, s)?));
             }
             curves.push(curve);
         }
@@ -165,7 +171,7 @@ impl Bench<'_> {
                     calls.iter().position(|call| call.0 == row.rays).expect("exact has all numbers of rays");
                 (&exact[k], &timed.seconds[k])
             };
-            let error = gallery.pooled_fbem(references, images, row.feature_size)?;
+            let error = gallery.pooled_fbem(&references, images, row.feature_size)?;
             let same = interpolate_log_log(curve, error);
             row.speedup_at_same_fbem = same.and_then(|t| ratio(t.seconds, seconds));
         }
@@ -179,7 +185,7 @@ impl Bench<'_> {
         shown: Shown,
     ) -> Result<(Vec<record::Receiver>, Vec<ReceiverImages>)> {
         let (mut figures, mut images) = (Vec::new(), Vec::new());
-        let Shown { reference, exact16, mr } = shown;
+        let Shown { reference, exact16, mr, clusters } = shown;
         for (i, ((receiver, reference), exact16)) in receivers.iter().zip(reference).zip(exact16).enumerate()
         {
             let l2 = norms(&reference, &exact16)?.l2;
@@ -210,7 +216,8 @@ impl Bench<'_> {
                 fbem: errors,
             });
             let (name, surface) = (name.clone(), *surface);
-            images.push(ReceiverImages { name, surface, reference, exact16, mr: own });
+            let clusters = clusters.as_ref().map(|images| images[i].clone());
+            images.push(ReceiverImages { name, surface, reference, exact16, mr: own, clusters });
         }
         Ok((figures, images))
     }

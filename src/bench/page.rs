@@ -34,6 +34,8 @@ pub struct ReceiverImages {
     pub exact16: Image,
     /// MR, by feature size.
     pub mr: Vec<MrImage>,
+    /// If all bundles of all sizes were handed to Embree: what clusters answer at the largest size.
+    pub clusters: Option<Image>,
 }
 
 /// A shadow image by MR.

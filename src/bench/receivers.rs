@@ -16,7 +16,6 @@ mod window;
 
 use super::workload::{Order, Point, Workload};
 use crate::math::Aabb;
-use crate::metrics::Image;
 use crate::ray::{Occluder, Packet};
 use crate::scene::Scene;
 use crate::{Error, Result};
@@ -83,12 +82,6 @@ impl Part {
         let Part { first: [x, y], size: [columns, rows] } = self;
         let row = |row: usize| values[row * width + x..][..columns].iter().copied();
         (y..y + rows).flat_map(row).collect()
-    }
-
-    /// This part of an image.
-    pub fn cut(self, image: &Image) -> Image {
-        let values = self.of(image.data(), image.width());
-        Image::new(self.size[0], self.size[1], image.texel(), values).expect("a part of an image")
     }
 }
 

@@ -3,7 +3,7 @@
 //! Eyes stand on the ground, at eye height, and look to the places that are dense in detail. If nearly all directions
 //! from there meet a surface, the scene is enclosed (a room, a garden under a dome), and only they are considered;
 //! otherwise also views from outside, which show all of it. The best of them is lit, has little close to the camera,
-//! and shows many outlines and many surfaces that do not emit.
+//! and shows many outlines, many surfaces and many objects that do not emit.
 
 mod places;
 #[cfg(test)]
@@ -31,6 +31,11 @@ const MAX_PITCH: f32 = 0.4;
 /// the furnished rooms of `make scenes`.
 const HALF_DETAIL: f32 = 0.15;
 
+/// Median distance in a picture, relative to half of the scene's diagonal, from which on it is an overview.
+const OVERVIEW_PART: f32 = 0.25;
+/// What a view of none of the objects is worth, relative to one of all: a close view of a few may still be the best.
+const ALONE_PART: f32 = 0.2;
+
 /// The best view of the scene. Upwards is opposite to the mean direction of emission, or `up` if emission has no main
 /// direction.
 pub fn best_view(stage: &Stage, solution: &RadiosityMesh, up: Vec3) -> Camera {
@@ -42,6 +47,7 @@ pub fn best_view(stage: &Stage, solution: &RadiosityMesh, up: Vec3) -> Camera {
         eyes.retain(|eye| eye.closed >= ENCLOSED_PART);
     }
     let mut cameras = if inside { Vec::new() } else { from_outside(stage, up) };
+    let judge = Judge::new(stage, solution);
     let places = dense_places(solution);
     for eye in &eyes {
         cameras.extend(places.iter().filter_map(|&place| from_eye(eye, place, up)));
@@ -49,7 +55,7 @@ pub fn best_view(stage: &Stage, solution: &RadiosityMesh, up: Vec3) -> Camera {
     let mut best: Option<(f32, Camera)> = None;
     for (camera, near) in cameras {
         let frame = render(stage, &camera, PREVIEW_PIXELS[0], PREVIEW_PIXELS[1], 1);
-        let score = judge(&frame, solution, near);
+        let score = judge.score(&frame, near);
         if best.as_ref().is_none_or(|b| score > b.0) {
             best = Some((score, camera));
         }
@@ -108,31 +114,61 @@ fn upward(stage: &Stage, solution: &RadiosityMesh) -> Option<Vec3> {
     (total > 0.0 && sum[axis].abs() > 0.15 * total).then_some(up)
 }
 
-/// How good a view is: lit surfaces that do not emit, not nearer than `near`, with outlines, and many of them.
-fn judge(frame: &Frame, solution: &RadiosityMesh, near: f32) -> f32 {
-    let all = frame.radiance.len() as f32;
-    let mut lights: Vec<f32> = frame.radiance.iter().map(|&r| luminance(r)).collect();
-    lights.sort_by(f32::total_cmp);
-    let dim = 0.02 * lights[lights.len() * 9 / 10];
-    let element = |first: &First| &solution.elements[first.element as usize];
-    let (mut lit, mut close) = (0.0, 0.0);
-    let mut surfaces = HashSet::new();
-    for (first, &light) in frame.first.iter().zip(&frame.radiance) {
-        let Some(first) = first else { continue };
-        let element = element(first);
-        lit += f32::from(u8::from(luminance(light) > dim && element.exitance == [0.0; 3]));
-        close += f32::from(u8::from(first.distance < near));
-        surfaces.insert((element.triangle, element.front));
+/// How good views of a scene are.
+struct Judge<'a> {
+    solution: &'a RadiosityMesh,
+    /// Number of objects that do not emit.
+    objects: usize,
+    /// Half of the scene's diagonal.
+    radius: f32,
+}
+
+impl Judge<'_> {
+    fn new<'a>(stage: &Stage, solution: &'a RadiosityMesh) -> Judge<'a> {
+        let dark = solution.elements.iter().filter(|e| e.exitance == [0.0; 3]);
+        let objects = dark.map(|e| e.object).collect::<HashSet<u32>>().len().max(1);
+        let radius = 0.5 * Aabb::of(stage.mesh.positions.iter().copied()).diagonal();
+        Judge { solution, objects, radius }
     }
-    let columns = PREVIEW_PIXELS[0];
-    let outlines = (0..frame.first.len()).filter(|&k| {
-        let next = [(k + 1) % columns != 0, k + columns < frame.first.len()];
-        next[0] && is_outline(&frame.first[k], &frame.first[k + 1], solution)
-            || next[1] && is_outline(&frame.first[k], &frame.first[k + columns], solution)
-    });
-    let detail = outlines.count() as f32 / all;
-    let detail = detail / (detail + HALF_DETAIL);
-    lit / all * (1.0 - close / all).powi(2) * detail * (1.0 + surfaces.len() as f32).ln()
+
+    /// Lit surfaces that do not emit, not nearer than `near`, with outlines, many of them, of many objects, and far
+    /// enough for an overview.
+    fn score(&self, frame: &Frame, near: f32) -> f32 {
+        let all = frame.radiance.len() as f32;
+        let mut lights: Vec<f32> = frame.radiance.iter().map(|&r| luminance(r)).collect();
+        lights.sort_by(f32::total_cmp);
+        let dim = 0.02 * lights[lights.len() * 9 / 10];
+        let (mut lit, mut close) = (0.0, 0.0);
+        let (mut surfaces, mut objects) = (HashSet::new(), HashSet::new());
+        let mut distances = Vec::new();
+        for (first, &light) in frame.first.iter().zip(&frame.radiance) {
+            let Some(first) = first else { continue };
+            let element = &self.solution.elements[first.element as usize];
+            close += f32::from(u8::from(first.distance < near));
+            surfaces.insert((element.triangle, element.front));
+            distances.push(first.distance);
+            if element.exitance == [0.0; 3] {
+                objects.insert(element.object);
+                lit += f32::from(u8::from(luminance(light) > dim));
+            }
+        }
+        if distances.is_empty() {
+            return 0.0;
+        }
+        distances.sort_by(f32::total_cmp);
+        let overview = (distances[distances.len() / 2] / (OVERVIEW_PART * self.radius)).min(1.0);
+        let columns = PREVIEW_PIXELS[0];
+        let outline = |a: usize, b: usize| is_outline(&frame.first[a], &frame.first[b], self.solution);
+        let outlines = (0..frame.first.len()).filter(|&k| {
+            (k + 1) % columns != 0 && outline(k, k + 1)
+                || k + columns < frame.first.len() && outline(k, k + columns)
+        });
+        let detail = outlines.count() as f32 / all;
+        let detail = detail / (detail + HALF_DETAIL);
+        let shown = ALONE_PART + objects.len() as f32 / self.objects as f32;
+        let many = (1.0 + surfaces.len() as f32).ln();
+        lit / all * (1.0 - close / all).powi(2) * detail * many * shown * overview
+    }
 }
 
 /// Whether there is an outline between two pixels: another object, a step of more than a tenth of the distance, or a

@@ -134,28 +134,35 @@ impl Plot {
             }
         }
         let limits = [left, top, width as i32 - 2, height as i32 - bottom];
+        self.draw_labels(root, (&x, &y), limits, boxes)?;
+        root.present()
+    }
+
+    /// Writes the labels of points where there is room; `boxes` is what is drawn already.
+    fn draw_labels(
+        &self,
+        root: &Area<'_>,
+        (x, y): (&Axis, &Axis),
+        limits: [i32; 4],
+        mut boxes: Vec<[i32; 4]>,
+    ) -> Drawn {
         // Labels of unconnected points first: they are fewer, and lines identify their unlabelled points.
         let mut order: Vec<_> = self.series.iter().zip(HUES.iter().cycle()).collect();
         order.sort_by_key(|(series, _)| series.shape != Shape::Points);
         for (series, (colour, _)) in order {
-            for p in series
-                .points
-                .iter()
-                .filter(|p| x.scale.shows(p.x) && y.scale.shows(p.y) && !p.label.is_empty())
-            {
-                let place = label_place((x.pixel(p.x), y.pixel(p.y)), &p.label, limits, &boxes);
-                if let Some(rect) = place {
-                    boxes.push(rect);
-                    let (u, v) = (x.pixel(p.x), y.pixel(p.y));
-                    let near = (u.clamp(rect[0], rect[2]), v.clamp(rect[1], rect[3]));
-                    if (near.0 - u).abs().max((near.1 - v).abs()) > 12 {
-                        root.draw(&PathElement::new([(u, v), near], *colour))?;
-                    }
-                    text(root, &p.label, (rect[0], (rect[1] + rect[3]) / 2), LABEL, *colour, HPos::Left)?;
+            let shown = series.points.iter().filter(|p| x.scale.shows(p.x) && y.scale.shows(p.y));
+            for p in shown.filter(|p| !p.label.is_empty()) {
+                let (u, v) = (x.pixel(p.x), y.pixel(p.y));
+                let Some(rect) = label_place((u, v), &p.label, limits, &boxes) else { continue };
+                boxes.push(rect);
+                let near = (u.clamp(rect[0], rect[2]), v.clamp(rect[1], rect[3]));
+                if (near.0 - u).abs().max((near.1 - v).abs()) > 12 {
+                    root.draw(&PathElement::new([(u, v), near], *colour))?;
                 }
+                text(root, &p.label, (rect[0], (rect[1] + rect[3]) / 2), LABEL, INK.0, HPos::Left)?;
             }
         }
-        root.present()
+        Ok(())
     }
 
     /// Draws grid, axes, tick labels and axis names.

@@ -20,16 +20,15 @@ const LOOKS_ALIKE: f32 = 2.0 / 255.0;
 
 /// Images, masks and spectrum of a receiver.
 pub(super) fn section(record: &Record, images: &ReceiverImages) -> Result<Markup> {
-    let ReceiverImages { name, surface, reference, exact16, mr } = images;
+    let ReceiverImages { name, surface, reference, exact16, mr, clusters } = images;
     let unit = &record.unit;
     let mut features = FeatureSet::new(reference, &FeatureOptions::default())?;
     let range = difference_range(images)?;
-    let rms = |image| Ok::<_, crate::Error>(number(norms(reference, image)?.l2));
+    let compared = Compared { images, range, unit };
     let (mut rows, mut same) = (Vec::new(), Vec::new());
     let mut shown: Vec<(String, &Image)> = vec![("exact rays, 16".into(), exact16)];
     for MrImage { size, image, handed_over } in mr {
-        let s = f64::from(*size);
-        let label = format!("s = {}", length(s, unit));
+        let label = format!("s = {}", length(f64::from(*size), unit));
         if let Some(like) = looks_like(&shown, image) {
             same.push(if *handed_over {
                 format!("{label}: all bundles were handed to Embree; this is the image of exact rays.")
@@ -38,21 +37,16 @@ pub(super) fn section(record: &Record, images: &ReceiverImages) -> Result<Markup
             });
             continue;
         }
-        shown.push((label.clone(), image));
-        let mask = features.mask(s);
-        let error = fbem_at(reference, image, s)?;
-        let spot = Spot::of(reference, image)?;
-        rows.push(html! {
-            h4 { (label) }
-            div.images {
-                (picture(&grey(image, 1.0), Some(&spot), "multi-resolution", &format!("RMS {}", rms(image)?))?)
-                (picture(&difference(reference, image, range)?, Some(&spot), "difference", &format!(
-                    "FBEM {}; circle: the largest, {} at texel {}, {}", number(error.value), signed(spot.difference), spot.x, spot.y
-                ))?)
-                (picture(&mask_overlay(reference, 1.0, &mask)?, None, "feature mask", &covered(error.masked_fraction))?)
-            }
-            (plots::cross_section([reference, exact16, image], spot.y, unit)?)
-        });
+        rows.push(compared.row(&label, f64::from(*size), image, &mut features)?);
+        shown.push((label, image));
+    }
+    if let (Some(image), Some(largest)) = (clusters, mr.last()) {
+        let s = f64::from(largest.size);
+        let label = format!(
+            "s = {}, answered by clusters: not in the table, because exact rays are faster here",
+            length(s, unit)
+        );
+        rows.push(compared.row(&label, s, image, &mut features)?);
     }
     let exact = spectrum(reference, exact16, &sizes(reference, mr), &FbemOptions::default())?;
     let own = mr
@@ -67,16 +61,56 @@ pub(super) fn section(record: &Record, images: &ReceiverImages) -> Result<Markup
             p.note.legend { span { "Differences:" } span { "−" (number(f64::from(range))) } span.bar {} span { "+" (number(f64::from(range))) } }
             div.images {
                 (scaled(reference, unit)?)
-                (picture(&grey(exact16, 1.0), Some(&spot), "exact, 16 rays", &format!("RMS {}", rms(exact16)?))?)
+                (picture(&grey(exact16, 1.0), Some(&spot), "exact, 16 rays", &rms(reference, exact16)?)?)
                 (picture(&difference(reference, exact16, range)?, Some(&spot), "difference", &format!(
                     "exact, 16 rays − reference; circle: the largest, {}", signed(spot.difference)
                 ))?)
             }
-            @for row in rows { (row) }
             @for row in same { p.note { (row) } }
+            @for row in rows { (row) }
             (plots::spectrum(&exact, &own, unit)?)
         }
     })
+}
+
+/// What rows of images share.
+struct Compared<'a> {
+    images: &'a ReceiverImages,
+    /// End of the colour scale of differences.
+    range: f32,
+    unit: &'a str,
+}
+
+impl Compared<'_> {
+    /// An image at feature size `s`, its difference to the reference, the feature mask, and a cross-section.
+    fn row(&self, label: &str, s: f64, image: &Image, features: &mut FeatureSet) -> Result<Markup> {
+        let ReceiverImages { reference, exact16, .. } = self.images;
+        let mask = features.mask(s);
+        let error = fbem_at(reference, image, s)?;
+        let spot = Spot::of(reference, image)?;
+        let largest = format!(
+            "FBEM {}; circle: the largest, {} at texel {}, {}",
+            number(error.value),
+            signed(spot.difference),
+            spot.x,
+            spot.y
+        );
+        let colours = difference(reference, image, self.range)?;
+        let tinted = mask_overlay(reference, 1.0, &mask)?;
+        Ok(html! {
+            h4 { (label) }
+            div.images {
+                (picture(&grey(image, 1.0), Some(&spot), "multi-resolution", &rms(reference, image)?)?)
+                (picture(&colours, Some(&spot), "difference", &largest)?)
+                (picture(&tinted, None, "feature mask", &covered(error.masked_fraction))?)
+            }
+            (plots::cross_section([reference, exact16, image], spot.y, self.unit)?)
+        })
+    }
+}
+
+fn rms(reference: &Image, image: &Image) -> Result<String> {
+    Ok(format!("RMS {}", number(norms(reference, image)?.l2)))
 }
 
 /// The name of a shown image that looks like this one.

@@ -193,6 +193,7 @@ fn example() -> (Record, Vec<ReceiverImages>) {
                 handed_over: false,
             })
             .into(),
+        clusters: None,
     };
     (record, vec![images])
 }

@@ -14,6 +14,8 @@ const EYE_HEIGHT_METRES: f64 = 1.6;
 const MIN_HEIGHT_PART: f32 = 0.015;
 /// Largest eye height relative to the free height above the ground.
 const MAX_HEADROOM_PART: f32 = 0.6;
+/// Where an eye is lower than this part of the eye height, a person would crawl.
+const MIN_STANDING_PART: f32 = 0.6;
 /// Number of places on the ground, and of directions from each.
 const SPOTS: usize = 24;
 const DIRECTIONS: usize = 48;
@@ -41,17 +43,21 @@ pub(super) fn eyes(stage: &Stage, solution: &RadiosityMesh, up: Vec3) -> Vec<Eye
     let (size, level) = (bounds.extent(), bounds.extent() * (Vec3::ONE - up.abs()));
     let least = MIN_HEIGHT_PART * level.max_element();
     let person = unit_in_metres(&solution.unit).map_or(0.0, |metres| (EYE_HEIGHT_METRES / metres) as f32);
-    let tiny = 1e-4 * size.max_element();
+    let (tall, tiny) = (person.max(least), 1e-4 * size.max_element());
     let mut eyes = Vec::new();
     for spot in spots(stage, up) {
         let ground = lowest(stage, spot, up, tiny);
         for foot in [Some(spot), ground.filter(|g| g.distance(spot) > 10.0 * tiny)].into_iter().flatten() {
             let headroom = distance(stage, foot + tiny * up, up).unwrap_or(f32::INFINITY);
-            let height = person.max(least).min(MAX_HEADROOM_PART * headroom);
+            let height = tall.min(MAX_HEADROOM_PART * headroom);
             let position = foot + height * up;
             let met = (0..DIRECTIONS).filter(|&k| distance(stage, position, sphere(k)).is_some()).count();
             eyes.push(Eye { position, height, closed: met as f32 / DIRECTIONS as f32 });
         }
+    }
+    // Under tables only if there is no room to stand.
+    if eyes.iter().any(|eye| eye.height >= MIN_STANDING_PART * tall) {
+        eyes.retain(|eye| eye.height >= MIN_STANDING_PART * tall);
     }
     eyes
 }
