@@ -229,7 +229,7 @@ pub fn grouped(n: usize) -> String {
 
 /// The text as one word of a shell command.
 pub fn shell_word(text: &str) -> String {
-    let plain = |c: char| c.is_alphanumeric() || "/._-+:".contains(c);
+    let plain = |c: char| c.is_alphanumeric() || "/._-+:,=".contains(c);
     if !text.is_empty() && text.chars().all(plain) {
         text.into()
     } else {

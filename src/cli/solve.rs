@@ -279,7 +279,8 @@ fn write(
         save(&record)?;
     }
     if args.outputs.wants_page() {
-        let command: Vec<String> = std::env::args().map(|word| shell_word(&word)).collect();
+        let words = std::env::args().skip(1).map(|word| shell_word(&word));
+        let command: Vec<String> = std::iter::once("mrvis".into()).chain(words).collect();
         let page = solve_page(&record.record, (scene, &mesh), &views, &command.join(" "))?;
         files.push(out.join("solution.html"));
         WholeFile::write(&files[files.len() - 1], page)?;

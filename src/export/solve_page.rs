@@ -21,6 +21,8 @@ use maud::{Markup, html};
 
 /// Unit of irradiance on the page.
 const IRRADIANCE: &str = "W/m²";
+/// More notes than this are at the end of the page: the pictures come first.
+const SHORT_NOTES: usize = 3;
 
 /// A picture of the page.
 #[derive(Clone, Debug)]
@@ -63,6 +65,7 @@ pub fn solve_page(
             h2 { "Scene and solution" }
             div.columns { (scene_facts(record)) (solution_facts(record)) }
         }
+        (notes(record))
         footer {
             h2 { "To repeat this" }
             p {
@@ -100,7 +103,23 @@ fn headline(record: &Record, name: &str) -> Markup {
                 (figure(&seconds(record.seconds.load + record.seconds.work() + record.seconds.audit), "time, all stages"))
             }
             p.note { "Irradiance is the mean of the channels; red, green and blue are " (red) ", " (green) " and " (blue) " " (IRRADIANCE) "." }
-            @for warning in &record.warnings { p.warning { (warning) } }
+            @if record.warnings.len() > SHORT_NOTES {
+                p.warning { (record.warnings.len()) " notes are at the end of this page." }
+            } @else {
+                @for warning in &record.warnings { p.warning { (warning) } }
+            }
+        }
+    }
+}
+
+/// All notes, if they are too many for the head of the page.
+fn notes(record: &Record) -> Markup {
+    html! {
+        @if record.warnings.len() > SHORT_NOTES {
+            section {
+                h2 { "Notes" }
+                @for warning in &record.warnings { p.note { (warning) } }
+            }
         }
     }
 }

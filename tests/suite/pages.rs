@@ -88,9 +88,21 @@ fn pages_fit_into_every_window() {
     folder.mrvis(&[&all[..], &few].concat());
     let forest = folder.generate(&mrvis::internals::scene::generate::Spec::new("forest"));
     folder.mrvis(&[&["bench", &forest, "--out", "forest"][..], &few].concat());
+    folder.mrvis(&[
+        "solve",
+        &scene,
+        "--out",
+        "all",
+        "--output",
+        "page",
+        "--image-size",
+        "320x240",
+        "--quiet",
+    ]);
     let pages = [
         ("bench with long names", read(&folder, "all/report.html")),
         ("bench of a forest", read(&folder, "forest/report.html")),
+        ("solve with long names", read(&folder, "all/solution.html")),
     ];
     let found = problems(&pages);
     assert!(found.is_empty(), "{}", found.join("\n"));
