@@ -31,23 +31,31 @@ struct Forest {
 
 fn forest() -> &'static Forest {
     static FOREST: OnceLock<Forest> = OnceLock::new();
-    FOREST.get_or_init(|| {
-        let spec = generate::Spec { trees: 16, leaves: 600, ..generate::Spec::new("forest") };
+    FOREST.get_or_init(|| Forest::new(false))
+}
+
+/// The same with trees that are instances of meshes.
+fn placed_forest() -> &'static Forest {
+    static FOREST: OnceLock<Forest> = OnceLock::new();
+    FOREST.get_or_init(|| Forest::new(true))
+}
+
+impl Forest {
+    fn new(instances: bool) -> Forest {
+        let spec = generate::Spec { trees: 16, leaves: 600, instances, ..generate::Spec::new("forest") };
         let scene = generate::build(&spec).expect("a forest");
         let model = Model::prepare(scene, &Default::default(), &()).expect("a model");
         let scene = model.scene();
-        let points = surface_points(scene, 20_000, 1).expect("points");
-        let workload = Workload::new(scene, points, 1);
+        let points = surface_points(&model, 20_000, 1).expect("points");
+        let workload = Workload::new(&model, points, 1);
         let first = workload.pairs.len() / 2;
         let mut packets = Vec::new();
         (first..first + BUNDLES)
             .for_each(|pair| workload.add_bundle(scene, pair, (RAYS, Order::Near), 0, &mut packets));
         let emitter_size = workload.pairs[first].emitter_size;
         Forest { model: model.clone(), packets, emitter_size }
-    })
-}
+    }
 
-impl Forest {
     fn engine(&self, isa: Isa) -> MultiResolution {
         let traversal = Traversal { width: 1, coherent: false };
         multi_resolution(&self.model, traversal, LeafMode::Exact).with_isa(isa)
@@ -61,10 +69,19 @@ impl Forest {
 
 /// Measures a step if the machine has the instruction set.
 fn step(bencher: Bencher, isa: Isa, items: impl Fn(&Steps) -> usize, run: impl Fn(&Steps) -> f32) {
+    step_in(forest(), bencher, isa, items, run);
+}
+
+fn step_in(
+    forest: &Forest,
+    bencher: Bencher,
+    isa: Isa,
+    items: impl Fn(&Steps) -> usize,
+    run: impl Fn(&Steps) -> f32,
+) {
     if !isa.available() {
         return;
     }
-    let forest = forest();
     let engine = forest.engine(isa);
     let steps = engine.steps(&forest.packets[..1]);
     bencher.counter(ItemsCount::new(items(&steps))).bench_local(|| run(black_box(&steps)));
@@ -83,6 +100,11 @@ fn nodes_of_sixteen_children(bencher: Bencher, isa: Isa) {
 #[divan::bench(args = ISAS)]
 fn blocks_of_sixteen_triangles(bencher: Bencher, isa: Isa) {
     step(bencher, isa, |s| s.blocks(), |s| s.test_blocks());
+}
+
+#[divan::bench(args = ISAS)]
+fn instances_entered(bencher: Bencher, isa: Isa) {
+    step_in(placed_forest(), bencher, isa, |s| s.instances(), |s| s.enter_instances());
 }
 
 #[divan::bench(args = ISAS)]

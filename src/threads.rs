@@ -3,10 +3,10 @@
 use crate::{Error, Result};
 use std::sync::OnceLock;
 
-/// Largest number of threads of a pool. Chosen: more than any machine has that Embree runs on.
+/// Largest number of threads of a pool: limits stacks to 8 GiB of address space.
 pub const MAX_THREADS: usize = 1024;
 
-/// Stack of a thread in bytes. Chosen: that of a main thread on Linux, so that work does as well in a pool as outside.
+/// Stack of a thread in bytes: that of a main thread on Linux, so that work does as well in a pool as outside.
 const STACK: usize = 8 << 20;
 
 /// Threads that work is done on: those of the pool that the caller is in already, else of a pool that is built when it is first

@@ -8,12 +8,13 @@ use crate::visibility::{Answer, Bundle, Cost, Exact, Method, MultiResolution, Wo
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// A chunk ends at so many bundles, or when it has so many segments. Chosen: a few groups that share the upper part of their
-/// traversal, a megabyte of packets. Does not depend on the number of threads, so that answers do not.
+/// A chunk ends at so many bundles, or when it has so many segments: limits it to 1,024 packets and four groups of
+/// bundles that share their traversal. Does not depend on the number of threads, so that answers do not.
 const CHUNK: (usize, usize) = (256, 1 << 14);
 /// Runs of bundles, and bundles of each, that decide between engines, as in `mrvis bench`.
 const RUNS: (usize, usize) = (16, 16);
-/// Largest batch for which deciding costs more than it gains. Chosen.
+/// Largest batch that is answered without deciding between engines: the decision walks up to 256 bundles, more than the
+/// batch.
 const SMALL: usize = 64;
 
 impl Visibility {

@@ -134,11 +134,11 @@ impl Model {
         self.on_threads(|| {
             let scene = self.scene();
             let facets = Facets::new(scene);
-            let settings = options.settings(facets.len())?;
+            let settings = options.settings(facets.count())?;
             if progress.stopped() {
                 return Err(Error::Cancelled("stopped before form factors were computed".into()));
             }
-            progress.stage("form factors", 2 * facets.len() as u64);
+            progress.stage("form factors", 2 * facets.count() as u64);
             let (matrix, report) = compute(self, &facets, &settings, &|n| progress.advance(n))?;
             let matrix = match options.between {
                 Between::Polygons => matrix,

@@ -8,7 +8,7 @@ use crate::{Error, Result};
 use glam::{DVec3, Vec3};
 use sobol_burley::sample_4d;
 
-/// Segments to a source by default. Chosen: a standard error of 0.06 at most.
+/// Segments to a source by default: a standard error of at most 1 / (2 √64) = 0.06.
 const RAYS: usize = 64;
 /// Most segments: points of one scrambled sequence.
 const MAX_RAYS: usize = 1 << 16;
@@ -34,8 +34,16 @@ enum Target {
     Point([f64; 3]),
 }
 
+impl Visibility {
+    /// Begins a single question: how much of the light that would arrive at this point of a surface gets through. `position` is in
+    /// the coordinates of the file, scene units; `normal` is the normal of the side that receives light, of any length above 0.
+    pub fn from_point(&self, position: [f64; 3], normal: [f64; 3]) -> Query<'_> {
+        Query::new(self, position, normal)
+    }
+}
+
 impl<'a> Query<'a> {
-    pub(super) fn new(visibility: &'a Visibility, position: [f64; 3], normal: [f64; 3]) -> Query<'a> {
+    fn new(visibility: &'a Visibility, position: [f64; 3], normal: [f64; 3]) -> Query<'a> {
         Query { visibility, position, normal, target: None, feature_size: None, rays: RAYS, seed: 1 }
     }
 

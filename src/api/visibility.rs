@@ -1,6 +1,5 @@
 //! Visibility of a model: which engine answers.
 
-use super::query::Query;
 use crate::model::Model;
 use crate::visibility::{Exact, MultiResolution};
 use crate::{Error, Result};
@@ -45,12 +44,6 @@ impl Visibility {
     pub fn with_engine(mut self, engine: Engine) -> Visibility {
         self.engine = engine;
         self
-    }
-
-    /// Begins a single question: how much of the light that would arrive at this point of a surface gets through. `position` is in
-    /// the coordinates of the file, scene units; `normal` is the normal of the side that receives light, of any length above 0.
-    pub fn from_point(&self, position: [f64; 3], normal: [f64; 3]) -> Query<'_> {
-        Query::new(self, position, normal)
     }
 
     /// The engine that answers. `sized` says whether there is a feature size.

@@ -7,45 +7,47 @@ use crate::visibility::{Exact, wilson};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::Rng;
 
-/// Exact rays per bundle. Chosen: two halves of 32 rays; [`RmsEstimate`] averages their noise over the bundles.
+/// Exact rays per bundle: two halves of 32 rays, each with a standard error of at most 9 %; [`RmsEstimate`] averages
+/// their noise over the bundles.
 pub(super) const AUDIT_RAYS: usize = 64;
 /// Random streams of the two halves.
 const STREAMS: [u64; 2] = [3, 4];
 /// Quantile of the normal distribution for a 95 % interval.
 const Z: f64 = 1.96;
-/// Fewest bundles, where the workload has as many. Chosen: coverage of 95 % is then known to ±2 % (Wilson).
+/// Fewest bundles, where the workload has as many: coverage of 95 % is then known to ±2 % (Wilson: 1.96 √(0.95 · 0.05 /
+/// 400)).
 const MIN_BUNDLES: usize = 400;
-/// Largest number of bins of the calibration. Chosen: 50 bundles per bin at least.
+/// Largest number of bins of the calibration: 50 bundles per bin at [`MIN_BUNDLES`].
 const MAX_BINS: usize = 8;
 
 /// Exact rays on a random part of the queries. All rows are compared with the same rays.
-pub(super) struct Audit {
+pub(super) struct AuditRays {
     fraction: f64,
     /// Indices into the queries.
     chosen: Vec<usize>,
     truth: Reference,
 }
 
-impl Audit {
+impl AuditRays {
     /// Traces the rays on all threads.
-    pub fn trace(queries: Queries, engine: &Exact, fraction: f64, seed: u64) -> Audit {
+    pub fn trace(queries: Queries, engine: &Exact, fraction: f64, seed: u64) -> AuditRays {
         let count = ((fraction * queries.pairs.len() as f64).ceil() as usize).max(MIN_BUNDLES);
         let chosen = one_of_each(queries.pairs.len(), count, seed);
         let pairs: Vec<usize> = chosen.iter().map(|&k| queries.pairs[k]).collect();
         let truth =
             Reference::trace(Queries { pairs: &pairs, ..queries }, engine, AUDIT_RAYS, STREAMS, &|_| ());
-        Audit { fraction, chosen, truth }
+        AuditRays { fraction, chosen, truth }
     }
 
     /// Compares a run over all queries with the rays.
-    pub fn evaluate(&self, run: &MrRun) -> record::Audit {
+    pub fn evaluate(&self, run: &MrRun) -> record::IntervalAudit {
         let visible: Vec<f32> = self.chosen.iter().map(|&k| run.run.visible[k]).collect();
         let intervals: Vec<(f32, f32)> = self.chosen.iter().map(|&k| run.intervals[k]).collect();
         self.compare(&visible, &intervals)
     }
 
-    /// [`Audit::evaluate`] for answers to the chosen queries alone.
-    fn compare(&self, visible: &[f32], intervals: &[(f32, f32)]) -> record::Audit {
+    /// [`AuditRays::evaluate`] for answers to the chosen queries alone.
+    fn compare(&self, visible: &[f32], intervals: &[(f32, f32)]) -> record::IntervalAudit {
         let squares = self.truth.squares(visible);
         let claims: Vec<f64> = intervals.iter().map(|&(lo, hi)| f64::from(hi - lo) / (2.0 * Z)).collect();
         let n = intervals.len();
@@ -54,7 +56,7 @@ impl Audit {
         let mut order: Vec<usize> = (0..n).collect();
         order.sort_by(|&i, &j| claims[i].total_cmp(&claims[j]).then(i.cmp(&j)));
         let all = bin(&order, &claims, &squares);
-        record::Audit {
+        record::IntervalAudit {
             fraction: self.fraction,
             bundles: n,
             rays: self.truth.rays,
@@ -119,7 +121,7 @@ mod tests {
 
     /// 4,000 synthetic queries: their audit, answers with errors of `error` claimed standard errors, and stated
     /// intervals.
-    fn synthetic(error: f32) -> (Audit, Vec<f32>, Vec<(f32, f32)>) {
+    fn synthetic(error: f32) -> (AuditRays, Vec<f32>, Vec<(f32, f32)>) {
         let mut random = Pcg64Mcg::new(7);
         let (mut a, mut b, mut visible, mut intervals) = (vec![], vec![], vec![], vec![]);
         for _ in 0..4000 {
@@ -135,7 +137,7 @@ mod tests {
             intervals.push((x - 1.96 * claim, x + 1.96 * claim));
         }
         let truth = Reference { a, b, rays: AUDIT_RAYS };
-        (Audit { fraction: 1.0, chosen: (0..4000).collect(), truth }, visible, intervals)
+        (AuditRays { fraction: 1.0, chosen: (0..4000).collect(), truth }, visible, intervals)
     }
 
     #[test]

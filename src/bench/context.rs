@@ -1,6 +1,6 @@
 //! Data and engines that all rows of a run share.
 
-use super::audit::{AUDIT_RAYS, Audit};
+use super::audit::{AUDIT_RAYS, AuditRays};
 use super::measure::{MrRun, Queries, Run, Timer};
 use super::options::Options;
 use super::pilot::UNBIASED_SEGMENTS;
@@ -16,9 +16,11 @@ use crate::ray::Packet;
 use crate::scene::Scene;
 use crate::visibility::{Exact, MultiResolution, fastest_traversal};
 
-/// Numbers of rays of the exact rows. Chosen: steps of 4 halve the error; 256 rays bracket the errors of MR rows.
+/// Numbers of rays of the exact rows: steps of 4 halve the error, and 256 rays bracket the errors of the MR rows, so
+/// that times at equal error are interpolated.
 const EXACT_RAYS: [usize; 5] = [1, 4, 16, 64, 256];
-/// Segments on which Embree's ray calls are timed. Chosen: a few milliseconds of tracing.
+/// Segments on which Embree's ray calls are timed: limits the trial to 16,384 segments per call. Selects the fastest
+/// call; results are the same.
 const TRIAL_SEGMENTS: usize = 1 << 14;
 
 /// A multi-resolution row to be measured.
@@ -141,10 +143,10 @@ impl Bench<'_> {
     }
 
     /// Traces the rays of the audit, if one was asked for.
-    pub fn audit(&self, queries: Queries) -> Option<Audit> {
+    pub fn audit(&self, queries: Queries) -> Option<AuditRays> {
         (self.options.audit > 0.0).then(|| {
             self.progress.stage("audit", 0);
-            Audit::trace(
+            AuditRays::trace(
                 queries,
                 &self.embree(queries.workload, AUDIT_RAYS),
                 self.options.audit,

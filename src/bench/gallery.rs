@@ -7,7 +7,7 @@
 use super::context::{Bench, PlannedRow};
 use super::measure::{Queries, Timer};
 use super::page::{MrImage, ReceiverImages};
-use super::receivers::{self, Part, Receiver};
+use super::receivers::{self, Crop, ReceiverGrid};
 use super::record::{self, MrRow, ReceiverFbem, interpolate_log_log};
 use super::rounds::rounds;
 use super::rows::ratio;
@@ -17,7 +17,7 @@ use crate::embree::Traversal;
 use crate::metrics::{FbemOptions, Image, fbem, missing_features, norms};
 use crate::visibility::{Exact, MultiResolution};
 
-/// Rays per texel of the exact image in the report. Chosen: as many as the default number of segments of MR.
+/// Rays per texel of the exact image in the report: as many as the default number of segments of MR.
 const SHOWN_RAYS: usize = 16;
 /// Pairs of the parts of the images on which rows are timed: about 70 million segments of all rows a round, some ten
 /// seconds on one core.
@@ -28,7 +28,7 @@ const TIMED_PAIRS: usize = 40_000;
 const SHOWN_REFERENCE_RAYS: [usize; 2] = [64, 256];
 
 /// Images by receiver.
-struct Shown {
+struct ShownImages {
     reference: Vec<Image>,
     exact16: Vec<Image>,
     /// By feature size, with whether all bundles were handed to Embree.
@@ -44,12 +44,12 @@ impl Bench<'_> {
         engine: &MultiResolution,
         rows: &mut [MrRow],
         warnings: &mut Vec<String>,
-    ) -> Result<(Vec<record::Receiver>, Vec<ReceiverImages>)> {
+    ) -> Result<(Vec<record::ReceiverErrors>, Vec<ReceiverImages>)> {
         self.progress.stage("receivers", 0);
         let single =
             Exact { scene: self.model.traced().clone(), traversal: Traversal { width: 1, coherent: false } };
         let sizes = [self.sizes[0], self.sizes[self.sizes.len() - 1]];
-        let receivers = receivers::choose(self.scene, &single, &self.options.receivers, sizes)?;
+        let receivers = receivers::choose(self.model, &single, &self.options.receivers, sizes)?;
         if receivers.is_empty() {
             warnings.push("No surface that is flat, or faces one way as a terrain does, sees an emitter: there are no shadow images.".into());
         }
@@ -58,8 +58,8 @@ impl Bench<'_> {
         }
         let texels: usize = receivers.iter().map(|r| r.points.len()).sum();
         let part = TIMED_PAIRS as f64 / (texels * self.scene.emitters.len()).max(1) as f64;
-        let parts: Vec<Part> = receivers.iter().map(|r| r.middle(part)).collect();
-        let timed: Vec<Receiver> = receivers.iter().zip(&parts).map(|(r, part)| r.only(*part)).collect();
+        let parts: Vec<Crop> = receivers.iter().map(|r| r.middle(part)).collect();
+        let timed: Vec<ReceiverGrid> = receivers.iter().zip(&parts).map(|(r, part)| r.only(*part)).collect();
         let workload = self.texels(&timed);
         if workload.pairs.is_empty() {
             return Ok((Vec::new(), Vec::new()));
@@ -73,13 +73,18 @@ impl Bench<'_> {
     }
 
     /// The texels of receivers as one workload.
-    fn texels(&self, receivers: &[Receiver]) -> Workload {
+    fn texels(&self, receivers: &[ReceiverGrid]) -> Workload {
         let points = receivers.iter().flat_map(|r| r.points.iter().copied()).collect();
-        Workload::new(self.scene, points, self.options.seed ^ 0x696d_6167_6573)
+        Workload::new(self.model, points, self.options.seed ^ 0x696d_6167_6573)
     }
 
     /// The images of the report, on all cores.
-    fn shown(&self, receivers: &[Receiver], engine: &MultiResolution, asked: &[PlannedRow]) -> Result<Shown> {
+    fn shown(
+        &self,
+        receivers: &[ReceiverGrid],
+        engine: &MultiResolution,
+        asked: &[PlannedRow],
+    ) -> Result<ShownImages> {
         let workload = self.texels(receivers);
         let gallery = Gallery { receivers, workload: &workload };
         let every: Vec<usize> = (0..workload.pairs.len()).collect();
@@ -118,7 +123,7 @@ impl Bench<'_> {
         }
         let largest = shown.last().filter(|_| shown.iter().all(|row| !row.pays));
         let clusters = largest.map(|row| walked(row)).transpose()?;
-        Ok(Shown { reference: gallery.images(&means)?, exact16, mr, clusters })
+        Ok(ShownImages { reference: gallery.images(&means)?, exact16, mr, clusters })
     }
 
     /// Times all rows on a gallery, and fills in `speedup_at_same_fbem`.
@@ -181,11 +186,11 @@ impl Bench<'_> {
     /// Errors and images by receiver.
     fn gather(
         &self,
-        receivers: &[Receiver],
-        shown: Shown,
-    ) -> Result<(Vec<record::Receiver>, Vec<ReceiverImages>)> {
+        receivers: &[ReceiverGrid],
+        shown: ShownImages,
+    ) -> Result<(Vec<record::ReceiverErrors>, Vec<ReceiverImages>)> {
         let (mut figures, mut images) = (Vec::new(), Vec::new());
-        let Shown { reference, exact16, mr, clusters } = shown;
+        let ShownImages { reference, exact16, mr, clusters } = shown;
         for (i, ((receiver, reference), exact16)) in receivers.iter().zip(reference).zip(exact16).enumerate()
         {
             let l2 = norms(&reference, &exact16)?.l2;
@@ -205,8 +210,8 @@ impl Bench<'_> {
                 });
                 own.push(MrImage { size: s as f32, image, handed_over: *handed_over });
             }
-            let Receiver { name, width, height, texel, surface, .. } = receiver;
-            figures.push(record::Receiver {
+            let ReceiverGrid { name, width, height, texel, surface, .. } = receiver;
+            figures.push(record::ReceiverErrors {
                 name: name.clone(),
                 width: *width,
                 height: *height,
@@ -229,7 +234,7 @@ fn fbem_of(reference: &Image, image: &Image, size: f64) -> Result<f64> {
 
 /// The texels of all receivers as one workload.
 struct Gallery<'a> {
-    receivers: &'a [Receiver],
+    receivers: &'a [ReceiverGrid],
     workload: &'a Workload,
 }
 
@@ -237,7 +242,7 @@ impl Gallery<'_> {
     /// An image per receiver: fraction of the unoccluded irradiance, from the visible fraction of each pair.
     fn images(&self, visible: &[f32]) -> Result<Vec<Image>> {
         let mut values = self.workload.weighted(visible).into_iter();
-        let image = |r: &Receiver| {
+        let image = |r: &ReceiverGrid| {
             let texels = values.by_ref().take(r.width * r.height).collect();
             Image::new(r.width, r.height, r.texel, texels)
         };

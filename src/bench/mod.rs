@@ -24,6 +24,6 @@ mod target;
 mod unbiased;
 pub mod workload;
 
-pub use options::{MAX_THREADS, Options, Target};
+pub use options::{Options, Target};
 pub use run::run;
 pub use scaling::{check_scaling, scaling};

@@ -5,18 +5,17 @@ use super::sample::Sample;
 use crate::model::cache::CacheLocation;
 use crate::optics;
 use crate::scene::Scene;
+use crate::threads::MAX_THREADS;
 use crate::{Error, Result};
 
 /// Largest number of segments from a point to an emitter: the length of one scrambled Sobol' sequence.
 pub(super) const MAX_RAYS: usize = 1 << 16;
-/// Numbers of segments of the MR rows, relative to `rays`. Chosen: each step of 4 halves the noise of exact rays.
+/// Numbers of segments of the MR rows, relative to `rays`: steps of 4 halve the noise of exact rays.
 const MR_FACTORS: [usize; 3] = [1, 4, 16];
-/// Largest number of threads of any command. Chosen: more than any machine that was tried has.
-pub const MAX_THREADS: u16 = 1024;
-/// Largest number of receiver points. Chosen: beyond it the results of one row alone take several GB.
+/// Largest number of receiver points: limits the results of one row to 8 GB with one emitter, at 32 + 48 bytes per
+/// point.
 const MAX_POINTS: usize = 100_000_000;
-/// Largest part of the available memory that results may take. Chosen: leaves room for allocations that `bytes`
-/// omits.
+/// Largest part of the available memory that results may take: the rest is for allocations that `bytes` omits.
 const MAX_MEMORY_PART: f64 = 0.7;
 
 /// Target of the error or the time of the answers.
@@ -102,7 +101,7 @@ impl Options {
             ("rays", self.rays, MAX_RAYS),
             ("reference_rays", self.reference_rays, MAX_RAYS),
             ("points", self.points, MAX_POINTS),
-            ("threads", self.threads, MAX_THREADS.into()),
+            ("threads", self.threads, MAX_THREADS),
         ];
         for (name, count, most) in counts {
             if count == 0 || count > most {
@@ -154,7 +153,7 @@ impl Options {
                 if scene.objects.len() > names.len() { ", …" } else { "" },
             )));
         }
-        let diagonal = f64::from(scene.bounds.diagonal());
+        let diagonal = f64::from(scene.world_bounds().diagonal());
         if let Some(s) = self.feature_sizes.iter().find(|&&s| s > 10.0 * diagonal) {
             return Err(Error::Argument(format!(
                 "feature_size {s}: the whole scene is only {diagonal:.3} {} across",
@@ -162,7 +161,7 @@ impl Options {
             )));
         }
         for name in &self.receivers {
-            scene.faces_named(name)?;
+            scene.faces_named_placed(scene.placed(), name)?;
         }
         self.check_memory(scene.emitters.len(), available_memory())
     }

@@ -3,12 +3,12 @@
 use super::measure::Queries;
 use crate::ray::{LANES, Packet};
 
-/// Segments per pair of the averaged level of unbiased rows. Chosen: the numbers of segments at which MR is fastest
-/// relative to exact rays (docs/report.md, Where MR pays), and one step more.
+/// Segments per pair of the averaged level of unbiased rows: the numbers at which MR is fastest relative to exact rays
+/// (docs/report.md, Where MR pays), and one step more.
 pub(super) const UNBIASED_SEGMENTS: [usize; 3] = [64, 256, 1024];
-/// Number of runs of neighbouring pairs in a pilot. Chosen: 32 independent runs suffice for a 95 % interval of the error.
+/// Number of runs of neighbouring pairs in a pilot: 32 independent runs give the standard error to 1/√62 = 13 %.
 pub(super) const PILOT_RUNS: usize = 32;
-/// Pairs per run of a pilot. Chosen: 32 neighbours share their traversal as in a full row.
+/// Pairs per run of a pilot: 32 neighbours share their traversal as in a full row.
 pub(super) const PILOT_RUN_PAIRS: usize = 32;
 
 /// Upper bound of the memory of a pilot's segments (two independent sets), bytes.

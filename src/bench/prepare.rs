@@ -53,11 +53,11 @@ impl Bench<'_> {
         let all = |of: &dyn Fn(&Mesh) -> usize| model.meshes().iter().map(|mesh| of(mesh)).sum::<usize>();
         let clusters = all(&|mesh| mesh.hierarchy().micro.bytes() + mesh.hierarchy().large.bytes());
         let optics = all(&|mesh| mesh.measured().map_or(0, |m| size_of_val(m.optics.as_slice())));
-        let wide = all(&|mesh| mesh.measured().map_or(0, |m| m.tree.bytes()));
+        let (optics, wide) = (optics + model.group_bytes(), engine.bytes());
         build.hierarchy_bytes = (clusters + optics + wide) as u64;
         build.bytes_per_triangle = BytesPerTriangle::of(
             all(&|mesh| mesh.scene().triangles.len()),
-            [all(&|mesh| mesh.scene().bytes()), clusters, optics, wide, build.embree_bytes as usize],
+            [model.scene().bytes(), clusters, optics, wide, build.embree_bytes as usize],
         );
         engine
     }

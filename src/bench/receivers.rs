@@ -7,37 +7,42 @@
 //! the smallest feature size wide; if the surface would need too many, the image is a window of it, where most shadow
 //! borders are. By default the largest patches that see an emitter are taken, one per object before any object
 //! gets two; patches without shadows come last. A name selects the largest such patch of the object, group or
-//! material; given k times it selects the k largest.
+//! material, or of the placed mesh (see [`faces_named`]); given k times it selects the k largest.
 
 mod inscribed;
 mod patch;
 mod relief;
 mod window;
 
-use super::workload::{Order, Point, Workload};
+use super::workload::{Order, ReceiverPoint, Workload};
 use crate::math::Aabb;
+use crate::model::Model;
 use crate::ray::{Occluder, Packet};
 use crate::scene::Scene;
 use crate::{Error, Result};
 use patch::{MIN_FILLED_PART, Patch, Rectangle, patches};
 use rayon::prelude::*;
-use window::Grid;
+use std::sync::Arc;
+use window::TexelGrid;
 
-/// Number of receivers without names. Chosen: fits on one page of the report.
+/// Number of receivers without names: their images fit on one page of the report.
 const DEFAULT_COUNT: usize = 3;
-/// Smallest longer side of a default receiver, relative to the scene's diagonal. Chosen: excludes small objects.
+/// Smallest longer side of a default receiver, relative to the scene's diagonal: excludes small objects. The same part
+/// as the largest default feature size.
 const MIN_EXTENT_PART: f32 = 0.05;
-/// Number of largest patches whose light is tested. Chosen: bounds the time of the selection.
+/// Number of largest patches whose light is tested: limits the time of the selection to 24 · 1,024 rays per emitter.
 const MAX_CANDIDATES: usize = 24;
-/// Test points along each side of a candidate, and rays from each to each emitter. Chosen: 1,024 rays per emitter.
+/// Test points along each side of a candidate: 64 points, each with [`PROBE_RAYS`], are 1,024 rays per emitter.
 const PROBES_PER_SIDE: usize = 8;
+/// Rays from each test point to each emitter: one packet.
 const PROBE_RAYS: usize = 16;
-/// A patch is dark below this fraction of the unoccluded irradiance, and fully lit above one minus this. Chosen: 2 %.
+/// A patch is dark below this fraction of the unoccluded irradiance, and fully lit above one minus this: the default
+/// threshold of shadows of `mrvis fbem`. Selects receivers only.
 const DARK_PART: f64 = 0.02;
 
 /// A receiver and its grid of texels.
 #[derive(Clone, Debug)]
-pub struct Receiver {
+pub struct ReceiverGrid {
     /// Name of the object, or the name that was given.
     pub name: String,
     /// Columns.
@@ -51,35 +56,35 @@ pub struct Receiver {
     /// Whether light arrives at the test points.
     pub lit: bool,
     /// Centres of the texels, row by row from the top left as seen from the lit side.
-    pub points: Vec<Point>,
+    pub points: Vec<ReceiverPoint>,
 }
 
 /// Texels of an image: first column and row, number of columns and rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Part {
+pub struct Crop {
     first: [usize; 2],
     size: [usize; 2],
 }
 
-impl Receiver {
+impl ReceiverGrid {
     /// The middle of the image with this part of its texels.
-    pub fn middle(&self, part: f64) -> Part {
+    pub fn middle(&self, part: f64) -> Crop {
         let size = [self.width, self.height]
             .map(|n| ((n as f64 * part.min(1.0).sqrt()).round() as usize).clamp(1, n));
-        Part { first: [(self.width - size[0]) / 2, (self.height - size[1]) / 2], size }
+        Crop { first: [(self.width - size[0]) / 2, (self.height - size[1]) / 2], size }
     }
 
     /// The receiver with a part of its texels.
-    pub fn only(&self, part: Part) -> Receiver {
+    pub fn only(&self, part: Crop) -> ReceiverGrid {
         let points = part.of(&self.points, self.width);
-        Receiver { width: part.size[0], height: part.size[1], points, ..self.clone() }
+        ReceiverGrid { width: part.size[0], height: part.size[1], points, ..self.clone() }
     }
 }
 
-impl Part {
+impl Crop {
     /// These of the values of an image with `width` columns.
     fn of<T: Copy>(self, values: &[T], width: usize) -> Vec<T> {
-        let Part { first: [x, y], size: [columns, rows] } = self;
+        let Crop { first: [x, y], size: [columns, rows] } = self;
         let row = |row: usize| values[row * width + x..][..columns].iter().copied();
         (y..y + rows).flat_map(row).collect()
     }
@@ -88,38 +93,42 @@ impl Part {
 /// A patch with the irradiance of its brighter side.
 struct Candidate {
     patch: Patch,
+    /// The scene that holds its triangles, in the frame of the model.
+    surfaces: Arc<Scene>,
     object: u32,
     rectangle: Rectangle,
     lit: bool,
     shadowed: bool,
 }
 
-/// The receivers with these `names`, or the default ones, with texels for feature sizes from `sizes[0]` to `sizes[1]`.
+/// The receivers with these `names`, or the default ones, which are surfaces of the scene's own triangles; texels are for
+/// feature sizes from `sizes[0]` to `sizes[1]`.
 ///
 /// # Errors
 /// No surface has one of the names, or it has fewer planar patches than times it was named.
 pub fn choose(
-    scene: &Scene,
+    model: &Model,
     exact: &dyn Occluder,
     names: &[String],
     sizes: [f64; 2],
-) -> Result<Vec<Receiver>> {
-    let chosen = if names.is_empty() { by_size(scene, exact) } else { by_name(scene, exact, names)? };
+) -> Result<Vec<ReceiverGrid>> {
+    let chosen = if names.is_empty() { by_size(model, exact) } else { by_name(model, exact, names)? };
     let count = chosen.len();
     let receiver = |(name, candidate): (String, Candidate)| {
-        let Candidate { patch, rectangle, lit, .. } = candidate;
+        let Candidate { patch, surfaces, rectangle, lit, .. } = candidate;
         let surface = [rectangle.width, rectangle.height];
-        let grid = Grid::new(surface, sizes, count * scene.emitters.len().max(1));
-        let rectangle = window::place(scene, exact, &patch, rectangle, &grid);
-        let Grid { width, height, texel } = grid;
-        let points = patch.points(scene, &rectangle, (width, height, texel));
-        Receiver { name, width, height, texel, surface, lit, points }
+        let grid = TexelGrid::new(surface, sizes, count * model.scene().emitters.len().max(1));
+        let rectangle = window::place((model, exact), (&surfaces, &patch), rectangle, &grid);
+        let TexelGrid { width, height, texel } = grid;
+        let points = patch.points(&surfaces, &rectangle, (width, height, texel));
+        ReceiverGrid { name, width, height, texel, surface, lit, points }
     };
     Ok(chosen.into_iter().map(receiver).collect())
 }
 
-fn by_size(scene: &Scene, exact: &dyn Occluder) -> Vec<(String, Candidate)> {
-    let least = MIN_EXTENT_PART * scene.bounds.diagonal();
+fn by_size(model: &Model, exact: &dyn Occluder) -> Vec<(String, Candidate)> {
+    let scene = model.shared_scene();
+    let least = MIN_EXTENT_PART * model.bounds().diagonal();
     let mut extent = vec![Aabb::EMPTY; scene.triangle_component.iter().max().map_or(0, |&c| c as usize + 1)];
     for (t, &c) in scene.triangle_component.iter().enumerate() {
         extent[c as usize] = extent[c as usize].union(Aabb::of(scene.corners(t as u32)));
@@ -129,12 +138,12 @@ fn by_size(scene: &Scene, exact: &dyn Occluder) -> Vec<(String, Candidate)> {
             && extent[scene.triangle_component[*t as usize] as usize].diagonal() >= least
     };
     let triangles: Vec<u32> = (0..scene.triangles.len() as u32).filter(large).collect();
-    let mut patches = patches(scene, &triangles);
+    let mut patches = patches(&scene, &triangles);
     let mut by_object = triangles;
     let object = |t: u32| scene.triangle_object[t as usize];
     by_object.sort_by_key(|&t| object(t));
     let relief = |own: &[u32]| {
-        relief::of(scene, own, patches.iter().filter(|p| object(p.triangles[0]) == object(own[0])))
+        relief::of(&scene, own, patches.iter().filter(|p| object(p.triangles[0]) == object(own[0])))
     };
     let reliefs: Vec<Patch> =
         by_object.chunk_by(|&a, &b| object(a) == object(b)).filter_map(relief).collect();
@@ -143,9 +152,9 @@ fn by_size(scene: &Scene, exact: &dyn Occluder) -> Vec<(String, Candidate)> {
     patches.retain(|p| !rough.contains(&object(p.triangles[0])));
     patches.extend(reliefs);
     patches.retain(|p| p.rectangle.width >= f64::from(least));
-    let mut patches: Vec<Patch> = patches.into_iter().filter_map(|p| p.rectangular(scene)).collect();
+    let mut patches: Vec<Patch> = patches.into_iter().filter_map(|p| p.rectangular(&scene)).collect();
     patches.retain(|p| p.rectangle.width >= f64::from(least));
-    let mut candidates = candidates(scene, exact, patches);
+    let mut candidates = candidates(model, &scene, exact, patches);
     candidates.retain(|c| c.lit);
     let mut chosen: Vec<Candidate> = Vec::new();
     let mut others = Vec::new();
@@ -163,7 +172,7 @@ fn by_size(scene: &Scene, exact: &dyn Occluder) -> Vec<(String, Candidate)> {
     chosen.into_iter().map(|c| (scene.objects[c.object as usize].name.clone(), c)).collect()
 }
 
-fn by_name(scene: &Scene, exact: &dyn Occluder, names: &[String]) -> Result<Vec<(String, Candidate)>> {
+fn by_name(model: &Model, exact: &dyn Occluder, names: &[String]) -> Result<Vec<(String, Candidate)>> {
     let mut distinct: Vec<&String> = Vec::new();
     names.iter().for_each(|n| {
         if !distinct.contains(&n) {
@@ -173,9 +182,9 @@ fn by_name(scene: &Scene, exact: &dyn Occluder, names: &[String]) -> Result<Vec<
     let mut found = Vec::new();
     for name in distinct {
         let wanted = names.iter().filter(|n| *n == name).count();
-        let faces = scene.faces_named(name)?;
-        let mut patches = patches(scene, &faces);
-        patches.extend(relief::of(scene, &faces, patches.iter()));
+        let (scene, faces) = faces_named(model, name)?;
+        let mut patches = patches(&scene, &faces);
+        patches.extend(relief::of(&scene, &faces, patches.iter()));
         if patches.len() < wanted {
             return Err(Error::Scene(format!(
                 "receiver `{name}` is named {wanted} times but has {} planar patches",
@@ -186,15 +195,21 @@ fn by_name(scene: &Scene, exact: &dyn Occluder, names: &[String]) -> Result<Vec<
         if patches.iter().filter(|p| p.filled() >= MIN_FILLED_PART).count() >= wanted {
             patches.retain(|p| p.filled() >= MIN_FILLED_PART);
         } else {
-            patches = patches.into_iter().map(|p| p.clone().rectangular(scene).unwrap_or(p)).collect();
+            patches = patches.into_iter().map(|p| p.clone().rectangular(&scene).unwrap_or(p)).collect();
         }
-        found.extend(candidates(scene, exact, patches).into_iter().take(wanted).map(|c| (name.clone(), c)));
+        let candidates = candidates(model, &scene, exact, patches);
+        found.extend(candidates.into_iter().take(wanted).map(|c| (name.clone(), c)));
     }
     Ok(found)
 }
 
 /// The largest patches: partly shadowed ones first, then fully lit ones, then dark ones, each by area.
-fn candidates(scene: &Scene, exact: &dyn Occluder, mut patches: Vec<Patch>) -> Vec<Candidate> {
+fn candidates(
+    model: &Model,
+    scene: &Arc<Scene>,
+    exact: &dyn Occluder,
+    mut patches: Vec<Patch>,
+) -> Vec<Candidate> {
     patches.sort_by(|a, b| b.area.total_cmp(&a.area).then(a.triangles[0].cmp(&b.triangles[0])));
     patches.truncate(MAX_CANDIDATES);
     let mut candidates: Vec<Candidate> = patches
@@ -202,18 +217,19 @@ fn candidates(scene: &Scene, exact: &dyn Occluder, mut patches: Vec<Patch>) -> V
         .map(|patch| {
             let object = scene.triangle_object[patch.triangles[0] as usize];
             let front = patch.rectangle;
-            let (light, part) = light_on(scene, exact, &patch, front);
+            let (light, part) = light_on(model, scene, exact, &patch, front);
             let sheet = scene.triangle_sides[patch.triangles[0] as usize] == 2;
             let (mut best, mut rectangle) = ((light, part), front);
             if sheet || part < DARK_PART {
                 let back = front.turned();
-                let there = light_on(scene, exact, &patch, back);
+                let there = light_on(model, scene, exact, &patch, back);
                 if there.0 > best.0 {
                     (best, rectangle) = (there, back);
                 }
             }
             let lit = best.1 >= DARK_PART;
-            Candidate { patch, object, rectangle, lit, shadowed: lit && best.1 <= 1.0 - DARK_PART }
+            let (surfaces, shadowed) = (scene.clone(), lit && best.1 <= 1.0 - DARK_PART);
+            Candidate { patch, surfaces, object, rectangle, lit, shadowed }
         })
         .collect();
     candidates.sort_by(|a, b| {
@@ -223,9 +239,15 @@ fn candidates(scene: &Scene, exact: &dyn Occluder, mut patches: Vec<Patch>) -> V
 }
 
 /// Relative irradiance at a grid of test points, and its fraction of the unoccluded irradiance.
-fn light_on(scene: &Scene, exact: &dyn Occluder, patch: &Patch, rectangle: Rectangle) -> (f64, f64) {
-    let points = patch.spread(scene, &rectangle, PROBES_PER_SIDE).1;
-    let (workload, values) = probe(scene, exact, points);
+fn light_on(
+    model: &Model,
+    surfaces: &Scene,
+    exact: &dyn Occluder,
+    patch: &Patch,
+    rectangle: Rectangle,
+) -> (f64, f64) {
+    let points = patch.spread(surfaces, &rectangle, PROBES_PER_SIDE).1;
+    let (workload, values) = probe(model, exact, points);
     let (mut arrives, mut could) = (0.0, 0.0);
     for (pair, value) in workload.pairs.iter().zip(values) {
         could += f64::from(pair.weight);
@@ -235,8 +257,8 @@ fn light_on(scene: &Scene, exact: &dyn Occluder, patch: &Patch, rectangle: Recta
 }
 
 /// Pairs of points and emitters, and the visible fraction of each by a few rays.
-fn probe(scene: &Scene, exact: &dyn Occluder, points: Vec<Point>) -> (Workload, Vec<f32>) {
-    let workload = Workload::new(scene, points, 0);
+fn probe(model: &Model, exact: &dyn Occluder, points: Vec<ReceiverPoint>) -> (Workload, Vec<f32>) {
+    let (scene, workload) = (model.scene(), Workload::new(model, points, 0));
     let (mut packets, mut blocked): (Vec<Packet>, Vec<u32>) = (Vec::new(), Vec::new());
     let values = (0..workload.pairs.len()).map(|pair| {
         packets.clear();
@@ -249,6 +271,25 @@ fn probe(scene: &Scene, exact: &dyn Occluder, points: Vec<Point>) -> (Workload, 
     });
     let values = values.collect();
     (workload, values)
+}
+
+/// The faces of the objects, groups or materials with this name among the scene's own; else those of the first placed mesh of
+/// this name; else those of the first placed mesh that has an object, group or material of this name. Also returns the scene
+/// that holds them, in the frame of the model.
+///
+/// # Errors
+/// Nothing has this name.
+fn faces_named(model: &Model, name: &str) -> Result<(Arc<Scene>, Vec<u32>)> {
+    let present: Vec<u32> =
+        (1..model.instances().len() as u32).filter(|&i| model.instances()[i as usize].is_present()).collect();
+    let placed = present.iter().map(|&i| (&model.instances()[i as usize].name, model.mesh_of(i)));
+    let scene = model.shared_scene();
+    let (place, faces) = scene.faces_named_placed(placed, name)?;
+    let surfaces = place.map(|place| {
+        let i = present[place];
+        Arc::new(model.mesh_of(i).transformed(&model.instances()[i as usize].transform))
+    });
+    Ok((surfaces.unwrap_or(scene), faces))
 }
 
 #[cfg(test)]

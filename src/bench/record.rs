@@ -11,7 +11,9 @@ mod trust;
 
 pub use crate::model::summary::SceneSummary;
 pub use scaling::{ScalingRecord, ScalingRow};
-pub use trust::{Audit, CalibrationBin, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow};
+pub use trust::{
+    CalibrationBin, IntervalAudit, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow,
+};
 
 use serde::{Deserialize, Serialize};
 
@@ -60,7 +62,7 @@ pub struct Record {
     #[serde(default)]
     pub target: Option<Target>,
     /// Errors of shadow images.
-    pub receivers: Vec<Receiver>,
+    pub receivers: Vec<ReceiverErrors>,
     /// Growth of cost with the size of the scene, if requested.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub scaling: Vec<ScalingRow>,
@@ -202,11 +204,11 @@ pub struct MrRow {
     pub rms: f64,
     /// Mean error; positive: too bright.
     pub bias: f64,
-    /// Part of the stated 95 % intervals, in [0, 1], that the reference confirms, as in [`Audit::coverage`].
+    /// Part of the stated 95 % intervals, in [0, 1], that the reference confirms, as in [`IntervalAudit::coverage`].
     pub interval_coverage: f64,
     /// Audit of the stated intervals; `null` without an audit.
     #[serde(default)]
-    pub audit: Option<Audit>,
+    pub audit: Option<IntervalAudit>,
     /// Part of the segments, in [0, 1], that met at least one averaged cluster.
     pub aggregated_fraction: f64,
     /// Part of the segments, in [0, 1], in bundles with a certificate: nothing lies between point and emitter, or one
@@ -238,7 +240,7 @@ pub struct MrRow {
 
 /// Errors of the shadow images of one receiver, as visible fraction in [0, 1].
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Receiver {
+pub struct ReceiverErrors {
     /// Object, group or material.
     pub name: String,
     /// Columns of the images.

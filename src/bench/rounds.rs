@@ -6,15 +6,15 @@
 
 use std::time::{Duration, Instant};
 
-/// Smallest and largest number of runs of each row. Chosen: two runs exclude a single disturbance; more than six
-/// change little.
+/// Smallest number of runs of each row: the smaller of two times is without a single disturbance. Changes times only.
 const MIN_ROUNDS: usize = 2;
+/// Largest number of runs of each row: limits the time of a row to six times that of one run.
 const MAX_ROUNDS: usize = 6;
-/// A round starts only if the rounds are expected to end within this time. Chosen: bounds the duration of a
-/// benchmark.
+/// A round starts only if the rounds are expected to end within this time: limits the duration of a benchmark.
 const MAX_TIME: Duration = Duration::from_secs(10);
 
-/// Pairs that are asked, untimed, before each timed row. Chosen: enough to load the caches.
+/// Pairs that are asked, untimed, before each timed row: one chunk of [`super::measure`], which loads the upper nodes
+/// of the tree into the caches.
 pub(super) const WARM_UP_PAIRS: usize = 1024;
 
 /// Minimum times of rows that were run equally often.

@@ -1,6 +1,6 @@
 //! Timed rows of both engines over the receiver points.
 
-use super::audit::Audit;
+use super::audit::AuditRays;
 use super::context::{Bench, PlannedRow};
 use super::measure::{MrRun, Queries, Run};
 use super::record::{ExactRow, MrRow, interpolate_log_log};
@@ -96,7 +96,7 @@ impl ExactRow {
 
 impl MrRow {
     /// Computes errors, interval coverage and cost fractions of a run.
-    fn evaluate(&mut self, reference: &Reference, audit: Option<&Audit>, result: &MrRun) {
+    fn evaluate(&mut self, reference: &Reference, audit: Option<&AuditRays>, result: &MrRun) {
         let cost = result.cost;
         let segments = cost.segments.max(1) as f64;
         (self.rms, self.bias) = reference.errors(&result.run.visible);

@@ -33,8 +33,8 @@ pub fn run(
     let timer = Timer::new(options.threads)?;
     let mut build = build_of(model);
 
-    let points = surface_points(scene, options.points, options.seed)?;
-    let workload = Workload::new(scene, points, options.seed);
+    let points = surface_points(model, options.points, options.seed)?;
+    let workload = Workload::new(model, points, options.seed);
     if workload.pairs.is_empty() {
         return Err(Error::Scene(format!(
             "{}: no surface faces an emitter; check the winding of the emitters' faces (front sides emit) or set \

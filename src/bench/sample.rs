@@ -6,8 +6,9 @@ use crate::scene::Scene;
 use crate::visibility::{Bundle, MultiResolution, Workspace};
 use glam::Vec3;
 
-/// Number of runs, and pairs per run. Chosen: 256 pairs take a few milliseconds.
+/// Number of runs: spread over all pairs; 256 pairs in all limit the time of a decision.
 const RUNS: usize = 16;
+/// Pairs per run, neighbours that share their traversal.
 const PAIRS_PER_RUN: usize = 16;
 
 /// Segments of runs of neighbouring pairs, evenly spread over a workload, for each number of segments of the rows.
@@ -101,8 +102,9 @@ mod tests {
     #[test]
     fn every_number_has_its_bundles_and_memory_is_as_stated() {
         let scene = build(&Spec::new("desk-room")).expect("a room");
-        let points = surface_points(&scene, 3000, 1).expect("points");
-        let workload = Workload::new(&scene, points, 1);
+        let model = crate::model::testing::model(&scene, crate::model::Detail::Rays);
+        let points = surface_points(&model, 3000, 1).expect("points");
+        let workload = Workload::new(&model, points, 1);
         let sample = Sample::of(&scene, &workload, &[64, 256]);
         let ends = |bundle: &Bundle| -> Vec<[u32; 3]> {
             let of = |p: &Packet, l: usize| p.point(l, 1.0).to_array().map(f32::to_bits);

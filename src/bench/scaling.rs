@@ -11,30 +11,32 @@ use super::options::Options;
 use super::prepare::build_of;
 use super::record::{ScalingRecord, ScalingRow};
 use super::rounds::rounds;
-use super::workload::{Point, Workload, surface_points};
+use super::workload::{ReceiverPoint, Workload, surface_points};
 use crate::model::Model;
 use crate::model::cache::CacheLocation;
 use crate::progress::Progress;
-use crate::scene::Scene;
 use crate::scene::generate::{self, Spec, ground_and_sky};
 use crate::{Error, Result};
 
-/// Triangles of the smallest forest. Chosen: smaller forests fit into cache.
+/// Triangles of the smallest forest: at some 300 bytes per triangle, 3 MB no longer fit into the caches of a core.
 const MIN_TRIANGLES: usize = 10_000;
-/// Largest number of triangles. Chosen: bounds the memory.
+/// Largest number of triangles: limits memory to some 30 GB, at 300 bytes per triangle (line `memory` of `mrvis
+/// bench`).
 const MAX_TRIANGLES: usize = 100_000_000;
-/// Default feature size, metres. Chosen: a quarter of the radius of a crown.
+/// Default feature size, metres: a quarter of the mean radius of a crown, 2 m.
 const FEATURE_SIZE: f64 = 0.5;
-/// Leaves per tree of series *wider*, and number of trees of series *finer*. Chosen: 10,000 triangles make ten trees.
+/// Leaves per tree of series *wider*: two triangles each, so that [`MIN_TRIANGLES`] make ten trees.
 const LEAVES_PER_TREE: usize = 500;
+/// Number of trees of series *finer*: five rows of five.
 const TREES: usize = 25;
-/// Edge of the sky panel relative to its height. Chosen: constant solid angle from the ground.
+/// Edge of the sky panel relative to its height, so that its solid angle from the ground is the same in all forests.
 const SKY: f64 = 0.8;
-/// Largest numbers of receiver points and of reference rays. Chosen: they suffice for times, which is what is
-/// compared.
+/// Largest number of receiver points: limits the time of a row to 8,000 pairs per emitter.
 const MAX_POINTS: usize = 8000;
+/// Largest number of reference rays: noise of at most 1 / (2 √256) = 3 %; times are compared, errors only shown.
 const MAX_REFERENCE_RAYS: usize = 256;
-/// Number of places in the forest with receiver points. Chosen: samples centre and border of the forest.
+/// Number of places in the forest with receiver points: samples centre and border of the forest, four in each
+/// direction.
 const PLACES: usize = 16;
 
 /// Series of forests.
@@ -131,7 +133,7 @@ fn measure(
         progress,
     };
     let density = spec.trees as f64 / series.forest(MIN_TRIANGLES, options.seed).trees as f64;
-    let workload = Workload::new(scene, points(scene, options, density)?, options.seed);
+    let workload = Workload::new(&model, points(&model, options, density)?, options.seed);
     let sample = bench.sample(&workload);
     let engine = bench.engine(&workload, &sample, &mut build);
     let (bundles, rays) = (workload.pairs.len(), options.rays);
@@ -189,8 +191,8 @@ fn measure(
 
 /// Receiver points in a few places of the forest, with the same density in every forest. Points spread over a large
 /// forest would measure cache misses instead of the engines.
-fn points(scene: &Scene, options: &Options, density: f64) -> Result<Vec<Point>> {
-    let all = surface_points(scene, (options.points as f64 * density.max(1.0)) as usize, options.seed)?;
+fn points(model: &Model, options: &Options, density: f64) -> Result<Vec<ReceiverPoint>> {
+    let all = surface_points(model, (options.points as f64 * density.max(1.0)) as usize, options.seed)?;
     let run = (options.points / PLACES).max(1);
     let places = (0..PLACES).map(|k| (all.len() - run) * k / (PLACES - 1));
     Ok(places.flat_map(|first| &all[first..first + run]).copied().collect())

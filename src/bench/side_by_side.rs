@@ -1,4 +1,4 @@
-//! One question to two engines: whole solutions side by side, timed and compared.
+//! Solves a model with a second visibility engine and compares time and irradiance of both solutions.
 
 use crate::Result;
 use crate::model::Model;
@@ -8,37 +8,38 @@ use crate::radiosity::links::Tally;
 use crate::radiosity::{Options, Outcome, Record, Seconds, Visibility, run};
 use serde::Serialize;
 
-/// The solution of another engine, compared with a first one.
+/// The solution of the second engine, compared with that of the first.
 #[derive(Clone, Debug, Serialize)]
 pub struct Versus {
-    /// The other engine.
+    /// The second engine.
     pub visibility: Visibility,
-    /// Seconds by stage of the other engine (reading the scene is not repeated and stays 0).
+    /// Seconds of each stage with the second engine. The scene is not read again, so that `load` is 0.
     pub seconds: Seconds,
-    /// Links at the end.
+    /// Links at the end of the solve.
     pub links: usize,
-    /// Elements at the end.
+    /// Elements at the end of the solve, clusters included.
     pub elements: usize,
-    /// Bundles by method.
+    /// Number of bundles of segments by the method that answered them.
     pub bundles: Tally,
-    /// Time of the other engine divided by that of the first, without reading the scene: above 1 if the other took longer.
+    /// Seconds of the second engine divided by those of the first, without reading the scene and without the audit: above 1 if the
+    /// first is faster.
     pub speedup: f64,
-    /// Irradiance of the first solution at the points, compared with that of the other.
+    /// Difference of the irradiance at the points: that of the first solution, with the second as reference.
     pub difference: Comparison,
 }
 
-/// A record with the comparison: what `solution.json` holds.
+/// Content of `solution.json`: the record of a solve, and the comparison if there is one.
 #[derive(Clone, Debug, Serialize)]
 pub struct ComparedRecord {
-    /// The first solution.
+    /// The record of the first solution.
     #[serde(flatten)]
     pub record: Record,
-    /// The solution of another engine, where it was asked for.
+    /// The comparison with a second engine; `null` without one.
     pub versus: Option<Versus>,
 }
 
-/// Solves once more with another engine and compares. All other options are those of the outcome, which must hold the irradiance
-/// at these points.
+/// Solves the model again with the engine `visibility` and compares the result with `outcome`. All other options are those of
+/// `outcome`, which must hold the irradiance at `points`.
 ///
 /// # Errors
 /// As [`run()`].

@@ -10,13 +10,16 @@
 use crate::model::Model;
 use crate::optics::AXIS_COUNT;
 
-/// Number of default sizes. Chosen: enough to show a trend in the report.
+/// Number of default sizes: the rows of the table of the report.
 pub const COUNT: usize = 4;
-/// Smallest ratio of neighbouring sizes before rounding. Chosen: 1.5 remains after rounding to two digits.
+/// Smallest ratio of neighbouring sizes before rounding: two digits round by up to 5 %, so that 1.65 · 0.95 / 1.05 =
+/// 1.5 remains.
 const MIN_RATIO: f64 = 1.65;
-/// Largest size relative to the scene's diagonal. Chosen: shadows beyond it are features for any purpose.
+/// Largest size relative to the scene's diagonal, 5 %: in a room with a diagonal of 6 m shadows of 30 cm. Default of an
+/// option, which users replace.
 const MAX_DIAGONAL_PART: f64 = 0.05;
-/// Triangles of a cluster that stands for one object. Chosen: a plant or the crown of a tree.
+/// Triangles of a cluster that stands for one object, such as a plant or the crown of a tree: a factor of √10 around
+/// 1,000. Selects default sizes only.
 const OBJECT_TRIANGLES: std::ops::RangeInclusive<u32> = 300..=3000;
 
 /// Four feature sizes, ascending, scene units: those of the mesh with the most visible triangles.

@@ -1,4 +1,4 @@
-//! How the time of a solution grows with the scene.
+//! How the time of a solve grows with the number of triangles.
 
 use crate::model::Model;
 use crate::progress::Progress;
@@ -7,57 +7,57 @@ use crate::scene::generate::{self, Spec};
 use crate::{Error, Result};
 use serde::Serialize;
 
-/// Triangles of the smallest scene.
+/// Triangles of the smallest scene, where the series begins; rows do not depend on each other.
 const FIRST: usize = 1000;
-/// Triangles of a cube.
+/// Triangles of a cube, the only shape of these scenes.
 const TRIANGLES_OF_CUBE: usize = 12;
 
-/// Range of the largest scene of a series, triangles: two scenes at least, and what memory holds.
+/// Allowed sizes of the largest scene of a series, triangles. Below it a series would have one scene; above it the solve
+/// needs more than 10 GB (about a kilobyte a triangle).
 pub const LARGEST: std::ops::RangeInclusive<usize> = 10 * FIRST..=10_000_000;
 
-/// One scene.
+/// The solve of one scene of a series.
 #[derive(Clone, Debug, Serialize)]
-pub struct ScalingRow {
+pub struct SolveScalingRow {
     /// Triangles.
     pub triangles: usize,
-    /// Elements at the end, clusters included.
+    /// Elements at the end of the solve, clusters included.
     pub elements: usize,
-    /// Links at the end.
+    /// Links at the end of the solve.
     pub links: usize,
-    /// Exact segments traced.
+    /// Segments that Embree traced.
     pub exact_rays: u64,
     /// Bytes of elements and links.
     pub bytes: usize,
-    /// RMS error found by the audit relative to the mean irradiance; none without an audit.
+    /// RMS error of the irradiance, which the audit measured, relative to the mean irradiance; `null` without an audit.
     pub rms_error: Option<f64>,
-    /// Seconds by stage.
+    /// Seconds of each stage.
     pub stages: Seconds,
-    /// Seconds from the triangles to the light, without the audit.
+    /// Seconds of preparation and solve, without reading the scene and without the audit.
     pub seconds: f64,
 }
 
-/// A series of scenes.
+/// A series of solves of growing scenes.
 #[derive(Clone, Debug, Serialize)]
 pub struct Scaling {
     /// Version of this program.
     pub mrvis: String,
     /// Threads used.
     pub threads: usize,
-    /// The options of each solution.
+    /// The options of all solves.
     pub options: Options,
-    /// The kind of scene.
+    /// The kind of generated scene.
     pub scene: String,
-    /// Smallest scene first.
-    pub rows: Vec<ScalingRow>,
-    /// Slope of the logarithm of the seconds against that of the triangles (least squares). Part of the time, as that of most
-    /// rays of the local pass, is the same in all scenes and lowers the slope.
+    /// One row a scene, the smallest first.
+    pub rows: Vec<SolveScalingRow>,
+    /// Slope of ln(seconds) against ln(triangles), by least squares: 1 if time is proportional to triangles. The rays of the local
+    /// pass take about the same time in all scenes, which lowers the slope.
     pub slope: f64,
-    /// The slope between the two largest scenes, where that part is smallest.
+    /// The slope between the two largest scenes, which that constant time lowers least.
     pub slope_last: f64,
 }
 
-/// Solves scenes of randomly rotated cubes, from a thousand triangles in steps of a factor of ten up to `largest`, all to the
-/// same error.
+/// Solves scenes of randomly rotated cubes with 1,000, 10,000, … triangles, at most `largest`, all to the same error.
 ///
 /// # Errors
 /// `largest` is not in [`LARGEST`], an option is out of range, or Embree refuses.
@@ -73,7 +73,7 @@ pub fn solve_scaling(options: &Options, largest: usize, progress: &dyn Progress)
         let model = Model::prepare(scene, &options.prepare(), progress)?;
         let record = run(&model, &[], options, progress)?.record;
         let s = &record.seconds;
-        rows.push(ScalingRow {
+        rows.push(SolveScalingRow {
             triangles: record.scene.triangles,
             elements: record.elements,
             links: record.links,
@@ -99,7 +99,7 @@ pub fn solve_scaling(options: &Options, largest: usize, progress: &dyn Progress)
     })
 }
 
-/// Slope of the logarithms by least squares; 0 for fewer than two points.
+/// Slope of ln y against ln x by least squares; 0 for fewer than two points.
 fn slope(points: &[(f64, f64)]) -> f64 {
     let points: Vec<(f64, f64)> =
         points.iter().map(|(x, y)| (x.ln(), y.max(f64::MIN_POSITIVE).ln())).collect();
@@ -127,7 +127,7 @@ mod tests {
         assert_eq!(slope(&[(1.0, 1.0)]), 0.0);
     }
 
-    /// In rays, which depend on no clock.
+    /// Rays are counted instead of seconds: their number is the same in every run.
     #[test]
     fn rays_grow_no_faster_than_triangles() {
         let options = Options { error: 0.1, audit: 0, ..Options::default() };

@@ -1,14 +1,15 @@
 //! Receiver points on the surfaces of a scene.
 
 use crate::math::Aabb;
-use crate::scene::{Placement, Scene, point_on};
+use crate::model::{Instance, Model};
+use crate::scene::{Scene, point_on};
 use glam::Vec3;
 use rayon::prelude::*;
 use sobol_burley::sample_4d;
 
 /// A point on one side of a surface.
 #[derive(Clone, Copy, Debug)]
-pub struct Point {
+pub struct ReceiverPoint {
     /// Position relative to the scene's origin, scene units.
     pub position: Vec3,
     /// Unit normal.
@@ -22,40 +23,37 @@ pub(super) fn scramble(v: u64) -> u32 {
     (v ^ v >> 33) as u32
 }
 
-/// `count` area-uniform, low-discrepancy points on the surfaces that do not emit; a sheet gets points on both sides.
+/// `count` area-uniform, low-discrepancy points on the surfaces of a model that do not emit, those of present instances where
+/// they stand; a sheet gets points on both sides.
 ///
 /// # Errors
 /// Every surface emits.
-pub fn surface_points(scene: &Scene, count: usize, seed: u64) -> crate::Result<Vec<Point>> {
-    let own = Receivers::of(scene);
-    let shared: Vec<Receivers> = scene.shared.iter().map(|mesh| Receivers::of(mesh)).collect();
-    // Sums of areas: the scene's own triangles first, then the visible placements.
-    let mut sum = own.area();
+pub fn surface_points(model: &Model, count: usize, seed: u64) -> crate::Result<Vec<ReceiverPoint>> {
+    let meshes: Vec<ReceivingTriangles> =
+        model.meshes().iter().map(|mesh| ReceivingTriangles::of(mesh.scene())).collect();
+    // Sums of areas: the scene's own triangles first, then the placed meshes.
+    let mut sum = 0.0;
     let mut placed = Vec::new();
-    for placement in scene.placements.iter().filter(|p| p.visible) {
-        placed.push((sum, placement));
-        sum += shared[placement.mesh as usize].area() * area_scale(placement);
+    for instance in model.instances().iter().filter(|instance| instance.is_present()) {
+        placed.push((sum, instance));
+        sum += meshes[instance.mesh as usize].area() * area_scale(instance);
     }
     if sum <= 0.0 {
         return Err(crate::Error::Scene(
             "every surface of the scene emits: there is nothing to receive light".into(),
         ));
     }
-    let bounds = scene.world_bounds();
+    let bounds = model.bounds();
     let seed = scramble(seed ^ 0x706f_696e_7473);
-    let mut points: Vec<(u64, Point)> = (0..count as u32)
+    let mut points: Vec<(u64, ReceiverPoint)> = (0..count as u32)
         .into_par_iter()
         .map(|i| {
             let draw = sample_4d(i & 0xffff, 0, seed ^ (i >> 16).wrapping_mul(0x9e37_79b9));
             let target = f64::from(draw[0]) * sum;
-            let point = match placed.partition_point(|(before, _)| *before <= target) {
-                0 => own.point(target, draw),
-                k => {
-                    let (before, placement) = placed[k - 1];
-                    let target = (target - before) / area_scale(placement);
-                    moved(shared[placement.mesh as usize].point(target, draw), placement)
-                }
-            };
+            // The first sum is 0; of instances without area the last has the same sum as the next with one.
+            let (before, instance) = placed[placed.partition_point(|(before, _)| *before <= target) - 1];
+            let target = (target - before) / area_scale(instance);
+            let point = moved(meshes[instance.mesh as usize].point(target, draw), instance);
             (curve_key(bounds, point.position), point)
         })
         .collect();
@@ -65,14 +63,14 @@ pub fn surface_points(scene: &Scene, count: usize, seed: u64) -> crate::Result<V
 }
 
 /// Triangles of a mesh that do not emit, with cumulative areas.
-struct Receivers<'a> {
+struct ReceivingTriangles<'a> {
     scene: &'a Scene,
     triangles: Vec<u32>,
     sums: Vec<f64>,
 }
 
-impl<'a> Receivers<'a> {
-    fn of(scene: &'a Scene) -> Receivers<'a> {
+impl<'a> ReceivingTriangles<'a> {
+    fn of(scene: &'a Scene) -> ReceivingTriangles<'a> {
         let triangles: Vec<u32> = (0..scene.triangles.len() as u32)
             .filter(|&t| scene.triangle_emitter[t as usize] == u32::MAX)
             .collect();
@@ -83,7 +81,7 @@ impl<'a> Receivers<'a> {
             sum += crate::math::triangle_area(a, b, c);
             sums.push(sum);
         }
-        Receivers { scene, triangles, sums }
+        ReceivingTriangles { scene, triangles, sums }
     }
 
     /// Area of all triangles, squared units of the mesh.
@@ -92,7 +90,7 @@ impl<'a> Receivers<'a> {
     }
 
     /// The point at which the cumulative area reaches `target`; a sheet gets points on both sides.
-    fn point(&self, target: f64, draw: [f32; 4]) -> Point {
+    fn point(&self, target: f64, draw: [f32; 4]) -> ReceiverPoint {
         let k = self.sums.partition_point(|&s| s <= target).min(self.sums.len() - 1);
         let corners = self.scene.corners(self.triangles[k]);
         let position = point_on(corners, draw[1], draw[2]);
@@ -100,22 +98,19 @@ impl<'a> Receivers<'a> {
         if self.scene.triangle_sides[self.triangles[k] as usize] == 2 && draw[3] < 0.5 {
             normal = -normal;
         }
-        Point { position, normal }
+        ReceiverPoint { position, normal }
     }
 }
 
 /// Ratio of the area of a placed triangle to its area in the mesh.
-fn area_scale(placement: &Placement) -> f64 {
-    placement.transform.matrix3.determinant().abs().cbrt().powi(2)
+fn area_scale(instance: &Instance) -> f64 {
+    instance.transform.matrix3.determinant().abs().cbrt().powi(2)
 }
 
-/// A point of a placed mesh, in scene coordinates.
-fn moved(Point { position, normal }: Point, placement: &Placement) -> Point {
-    let normal = placement.transform.matrix3.inverse().transpose() * normal.as_dvec3();
-    Point {
-        position: placement.transform.transform_point3(position.as_dvec3()).as_vec3(),
-        normal: normal.normalize_or_zero().as_vec3(),
-    }
+/// A point of a placed mesh, in the frame of the model.
+fn moved(ReceiverPoint { position, normal }: ReceiverPoint, instance: &Instance) -> ReceiverPoint {
+    let position = instance.transform.transform_point3(position.as_dvec3()).as_vec3();
+    ReceiverPoint { position, normal: instance.turned(normal) }
 }
 
 /// Index along a Morton curve of 2^10 cells per axis.

@@ -13,23 +13,24 @@ use super::reference::{Reference, RmsEstimate};
 use crate::visibility::MultiResolution;
 use std::time::Instant;
 
-/// Numbers of segments of plans. Chosen: each step of 4 halves the error.
+/// Numbers of segments of plans: steps of 4 halve the error.
 const SEGMENT_STEPS: [usize; 6] = [1, 4, 16, 64, 256, 1024];
 /// Fewest segments of MR plans: MR traverses a packet of 16 lanes as a whole.
 const MIN_MR_SEGMENTS: usize = 16;
-/// Rays per pair of the pilot's exact reference, and its random streams. Chosen: noise of at most 1.1 %, √(¼ / 2048).
+/// Rays per pair of the pilot's exact reference, and its random streams: noise of at most √(¼ / 2,048) = 1.1 %.
 const TRUTH_RAYS: usize = 2048;
 const STREAMS: [u64; 2] = [8, 9];
-/// Part of a target time for the pilot, and part of that for its exact reference. Chosen: most of the time is for
-/// queries.
+/// Part of a target time for the pilot: the larger part is for queries. Changes results with a target time only.
 const PILOT_TIME_PART: f64 = 0.4;
+/// Part of the pilot's time for its exact reference; the rest is for the rows that it compares.
 const TRUTH_TIME_PART: f64 = 0.3;
-/// Fewest rays per pair of that reference, and fewest pairs per run of the pilot. Chosen: noise of at most 6 %.
+/// Fewest rays per pair of that reference: noise of at most √(¼ / 64) = 6 %.
 const MIN_TRUTH_RAYS: usize = 64;
+/// Fewest pairs per run of the pilot, so that neighbours share their traversal.
 const MIN_RUN_PAIRS: usize = 4;
-/// Part of a target time that pilot and plan may be expected to take. Chosen: measured times vary by some per cent.
+/// Part of a target time that pilot and plan may be expected to take: a tenth is kept for the variation of times.
 const PLAN_TIME_PART: f64 = 0.9;
-/// Visible fractions of partly visible pairs. Chosen: excludes 0 and 1 with their rounding.
+/// Visible fractions of partly visible pairs: 0 and 1 are excluded with a margin of 1e-4, some 800 spacings of f32.
 const PARTLY_VISIBLE: std::ops::RangeInclusive<f32> = 1e-4..=0.9999;
 
 /// Segments of all pairs.

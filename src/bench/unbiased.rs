@@ -23,8 +23,8 @@ use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::Rng;
 use std::time::Instant;
 
-/// Emitter sizes used by the umbra criterion, relative to the true size: smaller emitters open more clusters. Chosen:
-/// three steps of 2.
+/// Emitter sizes used by the umbra criterion, relative to the true size: smaller emitters open more clusters. Three
+/// steps of 2, of which the pilot selects one.
 const EMITTER_PARTS: [f32; 3] = [1.0, 0.5, 0.25];
 /// Random streams (sample sets) of the rows and of the pilot; independent of the streams of other measurements.
 const STREAM: u64 = 5;

@@ -1,14 +1,14 @@
 //! Queries of a benchmark: receiver points, the emitters that they face, and the segments between them.
 
 use super::surface::scramble;
+use crate::model::Model;
 use crate::ray::{EndRule, LANES, Packet, gather_neighbours};
 use crate::scene::{EmitterSampler, Scene};
-use crate::visibility::reference::end_rule;
 use glam::Vec3;
 use rayon::prelude::*;
 use sobol_burley::sample_4d;
 
-pub use super::surface::{Point, surface_points};
+pub use super::surface::{ReceiverPoint, surface_points};
 
 /// A point and an emitter that face each other at least partly.
 #[derive(Clone, Copy, Debug)]
@@ -36,7 +36,7 @@ pub enum Order {
 #[derive(Clone, Debug)]
 pub struct Workload {
     /// Receiver points along a space-filling curve.
-    pub points: Vec<Point>,
+    pub points: Vec<ReceiverPoint>,
     /// Pairs in the order of their points.
     pub pairs: Vec<Pair>,
     seed: u64,
@@ -45,8 +45,9 @@ pub struct Workload {
 }
 
 impl Workload {
-    /// All pairs of these points and the scene's emitters that face each other.
-    pub fn new(scene: &Scene, points: Vec<Point>, seed: u64) -> Workload {
+    /// All pairs of these points and the emitters of the model that face each other.
+    pub fn new(model: &Model, points: Vec<ReceiverPoint>, seed: u64) -> Workload {
+        let scene = model.scene();
         let samplers: Vec<EmitterSampler> =
             scene.emitters.iter().map(|e| EmitterSampler::new(scene, e)).collect();
         let pairs = points
@@ -63,7 +64,7 @@ impl Workload {
                 })
             })
             .collect();
-        Workload { points, pairs, seed, ends: end_rule(scene), samplers }
+        Workload { points, pairs, seed, ends: model.end_rule(), samplers }
     }
 
     /// Appends `rays` segments of a pair to `packets`, sixteen per packet.

@@ -2,11 +2,10 @@
 
 use crate::{
     Error, Result,
-    bench::MAX_THREADS,
     files::WholeFile,
     model::cache::CacheLocation,
     scene::{LoadOptions, Scene, parse_emitter},
-    threads::Threads,
+    threads::{MAX_THREADS, Threads},
 };
 use indicatif::{ProgressBar, ProgressStyle};
 use std::{
@@ -20,7 +19,7 @@ use std::{
 #[command(next_help_heading = "Common options")]
 pub struct Common {
     /// Number of threads; default: one per core, but one for the timed sections of `bench`.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=i64::from(MAX_THREADS)))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MAX_THREADS as i64))]
     pub threads: Option<u16>,
     /// Seed of all random numbers.
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -170,14 +169,15 @@ impl SceneArgs {
         if scene.placements.is_empty() {
             return Ok(scene);
         }
-        let flat = scene.flattened_within(MAX_COPIED_TRIANGLES)?;
+        let flat = scene.flattened(MAX_COPIED_TRIANGLES)?;
         let (placed, triangles) = (grouped(scene.placements.len()), grouped(flat.triangles.len()));
         warn(common, &[format!("{placed} placed meshes were copied: {triangles} triangles")]);
         Ok(flat)
     }
 }
 
-/// Largest number of triangles after placed meshes are copied. Chosen: a solve holds about a kilobyte a triangle.
+/// Largest number of triangles after placed meshes are copied: limits memory to 20 GB, at about 1 kB per triangle of a
+/// solve.
 const MAX_COPIED_TRIANGLES: u64 = 20_000_000;
 
 /// Writes warnings to standard error, one per line. A closed standard error is ignored.

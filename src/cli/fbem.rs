@@ -14,7 +14,7 @@ use crate::metrics::{
     DEFAULT_THRESHOLD, Fbem, FbemOptions, FeatureOptions, FeatureSet, Features, Filter, Image, Norms, norms,
     spectrum, spectrum_sizes,
 };
-use crate::plot::{Plot, Point, Scale, Series, Shape, number};
+use crate::plot::{Marks, Plot, PlotPoint, Scale, Series, number};
 use crate::raster::Morphology;
 use crate::{Error, Result};
 
@@ -229,7 +229,7 @@ fn write_pictures(
     let values = reference.data().iter().zip(approximation.data()).map(|(r, a)| a - r).collect();
     let signed = Image::new(reference.width(), reference.height(), reference.texel(), values)?;
     write_exr(&folder.join("difference.exr"), &signed)?;
-    let point = |row: &Fbem| Point { x: row.size, y: row.value, label: String::new() };
+    let point = |row: &Fbem| PlotPoint { x: row.size, y: row.value, label: String::new() };
     let plot = Plot {
         x_label: "feature size s".into(),
         y_label: "error that features larger than s see".into(),
@@ -238,7 +238,7 @@ fn write_pictures(
         series: vec![Series {
             name: "FBEM(s)".into(),
             points: rows.iter().map(point).collect(),
-            shape: Shape::Joined,
+            marks: Marks::Joined,
         }],
     };
     write_atomically(&folder.join("spectrum.svg"), plot.svg(720, 420)?.as_bytes())

@@ -81,29 +81,29 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let mut settings = Settings {
         enforce: args.enforce == Enforce::Closure,
         seed: common.seed,
-        ..Settings::new(facets.len())
+        ..Settings::new(facets.count())
     };
     settings.rays = args.rays.unwrap_or(settings.rays);
     settings.largest_bundle = args.pair_rays.unwrap_or(settings.largest_bundle);
     settings.bundle = settings.bundle.min(settings.largest_bundle);
-    let bound = memory_bound(facets.len(), &settings);
+    let bound = memory_bound(facets.count(), &settings);
     if bound as f64 > args.max_memory * GIB {
         return Err(Error::Argument(format!(
             "the matrix of {} facets could take {}: raise --max-memory{}",
-            grouped(facets.len()),
+            grouped(facets.count()),
             size(bound),
             // If every pair is computed, the memory does not depend on rays.
             if settings.every { String::new() } else { format!(" or lower --rays (now {})", settings.rays) }
         )));
     }
-    let count = grouped(facets.len());
+    let count = grouped(facets.count());
     common.print(&format!("{count} facets, at most {} for their matrix\n", size(bound)))?;
     let bar = Bar::new(common.quiet);
     let start = Instant::now();
     let rays = PrepareOptions { detail: Detail::Rays, ..PrepareOptions::default() };
     let (model, (faces, report)) = common.on_threads(|| {
         let model = Model::prepare(scene, &rays, &bar)?;
-        bar.stage("form factors", 2 * facets.len() as u64);
+        bar.stage("form factors", 2 * facets.count() as u64);
         let found = compute(&model, &facets, &settings, &|n| bar.advance(n))?;
         Ok((model, found))
     })?;

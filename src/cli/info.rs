@@ -1,7 +1,7 @@
 //! `mrvis info SCENE`: contents of a scene and its repairs.
 
 use super::args::{Common, SceneArgs, grouped};
-use crate::clusters::{self, Hierarchy};
+use crate::clusters;
 use crate::{Result, scene::Scene};
 use serde_json::{Value, json};
 use std::{fmt::Write, process::ExitCode, time::Instant};
@@ -21,23 +21,24 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let start = Instant::now();
     let scene = args.scene.load(&args.common)?;
     let seconds = start.elapsed().as_secs_f64();
-    let hierarchy = {
+    let counts = {
         let _spinner = args.common.spinner("clustering");
-        clusters::build(&scene, &clusters::Options::default())
+        ClusterCounts::of(&scene)
     };
-    args.common.write_json(&summary_json(&scene, &hierarchy, seconds))?;
-    args.common.print(&text(&scene, &hierarchy, seconds, if args.all { usize::MAX } else { 20 }))?;
+    args.common.write_json(&summary_json(&scene, counts, seconds))?;
+    args.common.print(&text(&scene, counts, seconds, if args.all { usize::MAX } else { 20 }))?;
     Ok(ExitCode::SUCCESS)
 }
 
 /// All sections as text.
-fn text(scene: &Scene, hierarchy: &Hierarchy, seconds: f64, objects: usize) -> String {
+fn text(scene: &Scene, counts: ClusterCounts, seconds: f64, objects: usize) -> String {
     let mut out = String::new();
     // Writing to a string cannot fail.
     let _ = summary(&mut out, scene, seconds)
-        .and_then(|()| clusters(&mut out, hierarchy))
+        .and_then(|()| clusters(&mut out, counts))
         .and_then(|()| emitters(&mut out, scene))
         .and_then(|()| list_objects(&mut out, scene, objects))
+        .and_then(|()| list_meshes(&mut out, scene, objects))
         .and_then(|()| repairs(&mut out, scene));
     out
 }
@@ -51,13 +52,22 @@ fn summary(out: &mut String, s: &Scene, seconds: f64) -> std::fmt::Result {
     if !s.placements.is_empty() {
         let meshes = grouped(s.shared.len());
         writeln!(out, "  instances   {:>12} of {meshes} shared meshes", grouped(s.placements.len()))?;
-        writeln!(out, "  stored      {:>12} triangles, those of shared meshes once", grouped(stored(s)))?;
+        writeln!(
+            out,
+            "  stored      {:>12} triangles, those of shared meshes once",
+            grouped(s.triangle_count())
+        )?;
         writeln!(out, "  visible     {:>12} triangles", grouped(s.visible_triangles() as usize))?;
     }
-    writeln!(out, "  vertices    {:>12}", grouped(s.positions.len()))?;
+    writeln!(out, "  vertices    {:>12}", grouped(stored(s, |m| m.positions.len())))?;
     writeln!(out, "  objects     {:>12}", grouped(s.objects.len()))?;
     writeln!(out, "  materials   {:>12}", grouped(s.materials.len()))?;
-    writeln!(out, "  parts       {:>12} closed, {} sheet", grouped(s.closed_parts), grouped(s.sheet_parts))?;
+    writeln!(
+        out,
+        "  parts       {:>12} closed, {} sheet",
+        grouped(stored(s, |m| m.closed_parts)),
+        grouped(stored(s, |m| m.sheet_parts))
+    )?;
     writeln!(out, "  size        {} x {} x {} {unit}", round(e.x), round(e.y), round(e.z))?;
     writeln!(out, "  from        {} {} {}", round64(min.x), round64(min.y), round64(min.z))?;
     writeln!(out, "  to          {} {} {}", round64(max.x), round64(max.y), round64(max.z))?;
@@ -67,21 +77,38 @@ fn summary(out: &mut String, s: &Scene, seconds: f64) -> std::fmt::Result {
     Ok(())
 }
 
-/// Stored triangles: those of the scene and, once each, those of shared meshes.
-fn stored(s: &Scene) -> usize {
-    s.triangles.len() + s.shared.iter().map(|m| m.triangles.len()).sum::<usize>()
+/// A count summed over the scene's own geometry and, once each, its shared meshes.
+fn stored(s: &Scene, count: impl Fn(&Scene) -> usize) -> usize {
+    count(s) + s.shared.iter().map(|m| count(m)).sum::<usize>()
 }
 
-fn clusters(out: &mut String, h: &Hierarchy) -> std::fmt::Result {
-    let (clusters, levels, large) = cluster_counts(h);
+fn clusters(out: &mut String, counts: ClusterCounts) -> std::fmt::Result {
+    let ClusterCounts { clusters, levels, large } = counts;
     writeln!(out, "  clusters    {:>12} in {levels} levels", grouped(clusters))?;
     writeln!(out, "  large       {:>12} triangles of large surfaces, never averaged", grouped(large))
 }
 
-/// Numbers of clusters, levels, and triangles of large surfaces.
-fn cluster_counts(h: &Hierarchy) -> (usize, usize, usize) {
-    let clusters = h.micro.clusters.len() + h.large.clusters.len();
-    (clusters, h.micro.levels().max(h.large.levels()), h.large.order.len())
+/// Clusters of the scene's own triangles and of its shared meshes, each once.
+#[derive(Clone, Copy, Default)]
+struct ClusterCounts {
+    clusters: usize,
+    /// Levels of the deepest hierarchy.
+    levels: usize,
+    /// Triangles of large surfaces.
+    large: usize,
+}
+
+impl ClusterCounts {
+    fn of(scene: &Scene) -> ClusterCounts {
+        let mut counts = ClusterCounts::default();
+        for mesh in std::iter::once(scene).chain(scene.shared.iter().map(|mesh| mesh.as_ref())) {
+            let h = clusters::build(mesh, &clusters::Options::default());
+            counts.clusters += h.micro.clusters.len() + h.large.clusters.len();
+            counts.levels = counts.levels.max(h.micro.levels()).max(h.large.levels());
+            counts.large += h.large.order.len();
+        }
+        counts
+    }
 }
 
 fn emitters(out: &mut String, s: &Scene) -> std::fmt::Result {
@@ -125,6 +152,41 @@ fn list_objects(out: &mut String, s: &Scene, limit: usize) -> std::fmt::Result {
     Ok(())
 }
 
+fn list_meshes(out: &mut String, s: &Scene, limit: usize) -> std::fmt::Result {
+    if s.placements.is_empty() {
+        return Ok(());
+    }
+    writeln!(out, "shared meshes by number of visible triangles")?;
+    let meshes = mesh_counts(s);
+    for &(mesh, instances) in meshes.iter().take(limit) {
+        let (triangles, name) = (s.shared[mesh].triangles.len(), mesh_name(s, mesh));
+        let visible = grouped(triangles * instances);
+        writeln!(
+            out,
+            "  {visible:>12}  {name}: {} triangles, {} instances",
+            grouped(triangles),
+            grouped(instances)
+        )?;
+    }
+    if meshes.len() > limit {
+        writeln!(out, "  and {} more (--all)", meshes.len() - limit)?;
+    }
+    Ok(())
+}
+
+/// Shared meshes with their numbers of visible instances, those with most visible triangles first.
+fn mesh_counts(s: &Scene) -> Vec<(usize, usize)> {
+    let mut counts: Vec<(usize, usize)> = (0..s.shared.len()).map(|i| (i, 0)).collect();
+    s.placements.iter().filter(|p| p.visible).for_each(|p| counts[p.mesh as usize].1 += 1);
+    counts.sort_by_key(|&(i, n)| (std::cmp::Reverse(n * s.shared[i].triangles.len()), i));
+    counts
+}
+
+/// The name of a shared mesh: that of its first object.
+fn mesh_name(s: &Scene, mesh: usize) -> &str {
+    s.shared[mesh].objects.first().map_or("", |object| &object.name)
+}
+
 fn repairs(out: &mut String, s: &Scene) -> std::fmt::Result {
     let r = &s.repairs;
     let counted = [
@@ -166,8 +228,8 @@ fn round64(value: f64) -> String {
     if value.abs() < 1e-9 { format!("{value:.3e}") } else { short.to_owned() }
 }
 
-fn summary_json(s: &Scene, h: &Hierarchy, seconds: f64) -> Value {
-    let (clusters, levels, large) = cluster_counts(h);
+fn summary_json(s: &Scene, counts: ClusterCounts, seconds: f64) -> Value {
+    let ClusterCounts { clusters, levels, large } = counts;
     let emitters: Vec<Value> = s
         .emitters
         .iter()
@@ -182,9 +244,9 @@ fn summary_json(s: &Scene, h: &Hierarchy, seconds: f64) -> Value {
         face_counts(s).iter().map(|&(i, n)| json!({ "name": s.objects[i].name, "triangles": n })).collect();
     let bounds = s.world_bounds();
     let mut scene = json!({
-        "path": s.path, "triangles": s.triangles.len(), "vertices": s.positions.len(),
+        "path": s.path, "triangles": s.triangles.len(), "vertices": stored(s, |m| m.positions.len()),
         "objects": s.objects.len(), "materials": s.materials.len(), "emitters": s.emitters.len(),
-        "closed_parts": s.closed_parts, "sheet_parts": s.sheet_parts,
+        "closed_parts": stored(s, |m| m.closed_parts), "sheet_parts": stored(s, |m| m.sheet_parts),
         "clusters": clusters, "levels": levels, "large_surface_triangles": large,
         "origin": s.origin.to_array(), "min": bounds.min.to_array(), "max": bounds.max.to_array(),
         "two_sided_emission": s.two_sided_emission,
@@ -192,8 +254,14 @@ fn summary_json(s: &Scene, h: &Hierarchy, seconds: f64) -> Value {
     if !s.placements.is_empty() {
         scene["instances"] = json!(s.placements.len());
         scene["shared_meshes"] = json!(s.shared.len());
-        scene["stored_triangles"] = json!(stored(s));
+        scene["stored_triangles"] = json!(s.triangle_count());
         scene["visible_triangles"] = json!(s.visible_triangles());
+        let meshes = mesh_counts(s).into_iter().map(|(mesh, instances)| {
+            json!({
+                "name": mesh_name(s, mesh), "triangles": s.shared[mesh].triangles.len(), "instances": instances,
+            })
+        });
+        scene["meshes"] = meshes.collect();
     }
     json!({
         "mrvis": env!("CARGO_PKG_VERSION"),

@@ -56,7 +56,7 @@ enum Kind {
 }
 
 /// What was written, and the pictures of the page if one is wanted.
-pub struct Shown {
+pub struct Written {
     /// Paths of the files.
     pub files: Vec<PathBuf>,
     /// Pictures, one per camera.
@@ -66,9 +66,9 @@ pub struct Shown {
 /// Irradiance at points within a part of the remaining time; `None` if the time does not suffice.
 pub type Gather<'a> = &'a dyn Fn(&[Point], f64) -> Option<Vec<[f64; 3]>>;
 
-/// Largest number of pixels. Chosen: about 1 GB during rendering.
+/// Largest number of pixels: limits memory to about 1 GB during rendering.
 const MAX_PIXELS: usize = 1 << 25;
-/// Rays per pixel along either side. Chosen: smooth edges at four times the cost.
+/// Rays per pixel along either side: 4 rays give edges 5 levels. Pictures only.
 const SAMPLES_PER_SIDE: usize = 2;
 
 impl Outputs {
@@ -85,7 +85,7 @@ impl Outputs {
         folder: &Path,
         with_points: bool,
         irradiance: Gather,
-    ) -> Result<Shown> {
+    ) -> Result<Written> {
         let wants = |kind| self.wants(kind, with_points);
         let mut written = Vec::new();
         let mut file = |name: String| {
@@ -97,7 +97,7 @@ impl Outputs {
             write_vtu(&file("solution.vtu".into()), solution)?;
         }
         if ![Kind::Ply, Kind::Glb, Kind::Lightmap, Kind::Image, Kind::Page].into_iter().any(wants) {
-            return Ok(Shown { files: written, views: Vec::new() });
+            return Ok(Written { files: written, views: Vec::new() });
         }
         let spinner = common.spinner("smoothing");
         let mesh = Mesh::new(solution);
@@ -150,7 +150,7 @@ impl Outputs {
                 }
             }
         }
-        Ok(Shown { files: written, views })
+        Ok(Written { files: written, views })
     }
 
     /// The picture of a camera: by final gathering if that is asked for and there is time, else interpolated.
@@ -197,11 +197,15 @@ impl Outputs {
         let up = if gltf { glam::Vec3::Y } else { glam::Vec3::Z };
         let Some([x, y, z, u, v, w, degrees]) = self.camera else {
             let stored: Vec<Camera> = scene.cameras.iter().map(|c| stored(c, solution)).collect();
-            return if stored.is_empty() { vec![best_view(stage, solution, up)] } else { stored };
+            return if stored.is_empty() {
+                vec![best_view(stage, solution, up, &scene.unit)]
+            } else {
+                stored
+            };
         };
         let eye = (glam::DVec3::new(x, y, z) - solution.origin).as_vec3();
         let forward = (glam::DVec3::new(u, v, w) - glam::DVec3::new(x, y, z)).normalize().as_vec3();
-        let automatic = best_view(stage, solution, up).up;
+        let automatic = best_view(stage, solution, up, &scene.unit).up;
         let up = if automatic.cross(forward).length() > 1e-3 {
             automatic
         } else {

@@ -6,7 +6,7 @@ mod watch;
 
 use super::args::{CacheArgs, Common, SceneArgs, check_folder, shell_word};
 use super::flags::with_flags;
-use super::outputs::{Outputs, Shown};
+use super::outputs::{Outputs, Written};
 use crate::bench::side_by_side::{ComparedRecord, Versus, side_by_side};
 use crate::export::solve_page;
 use crate::files::WholeFile;
@@ -271,7 +271,7 @@ fn write(
         irradiance
     };
     let (scene, with_points) = (solution.model().scene(), args.points.is_some());
-    let Shown { mut files, views } =
+    let Written { mut files, views } =
         args.outputs.write(&args.common, scene, &mesh, out, with_points, &gather)?;
     let notes = notes.into_inner();
     if !notes.is_empty() {

@@ -16,11 +16,16 @@ use crate::math::Aabb;
 use glam::{UVec3, Vec3};
 use rayon::prelude::*;
 
-/// Finest level: voxels of 2^-20 of the scene's extent. Chosen: three coordinates of 20 bits fit in a Morton key.
+/// Finest level: voxels of 2^-20 of the scene's extent. Three coordinates of 20 bits fit in a 64-bit Morton key (21
+/// would be the largest number), and f32 coordinates have 24 bits.
 const FINEST_LEVEL: u32 = 20;
-/// Largest empty fraction of a group, dimensionless; other items wait for the next level. Chosen.
+/// Largest empty fraction of a group, dimensionless; other items wait for the next level. In a forest 0.5, 0.7 and 0.9
+/// leave errors of 0.041, 0.039 and 0.047 at a feature size of 1 m, and 0.026, 0.026 and 0.025 at 0.25 m (`constants.py
+/// bench`).
 const MAX_EMPTY_FRACTION: f64 = 0.7;
-/// Number of neighbours along the Morton curve that are considered for merging. Chosen: bounds the time per item.
+/// Number of neighbours along the Morton curve that are considered for merging. Limits the time to 8 boxes per item. In
+/// a forest 4, 8 and 16 leave errors of 0.042, 0.039 and 0.040 at a feature size of 1 m, and 0.026, 0.026 and 0.027 at
+/// 0.25 m (`constants.py bench`).
 const MORTON_WINDOW: usize = 8;
 
 /// The root cube, with the mapping to integer coordinates of the finest level.

@@ -10,9 +10,10 @@ use std::sync::Arc;
 /// Options of an Embree scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
-    /// Conservative box and edge tests: no cracks between adjacent triangles. Measured once 8 to 20 % slower.
+    /// Conservative box and edge tests: no cracks between adjacent triangles, at a somewhat lower speed
+    /// (Embree's `RTC_SCENE_FLAG_ROBUST`).
     pub robust: bool,
-    /// Compact nodes: about half the memory at two thirds of the speed, measured once.
+    /// Compact nodes: less memory at a lower speed (Embree's `RTC_SCENE_FLAG_COMPACT`).
     pub compact: bool,
 }
 
@@ -33,24 +34,19 @@ pub struct Traversal {
 }
 
 impl Traversal {
-    /// Name in reports: `occluded16`, followed by `+coherent` if set.
-    pub fn name(self) -> String {
-        format!("occluded{}{}", self.width, if self.coherent { "+coherent" } else { "" })
-    }
+    /// One ray at a time.
+    const SINGLE: Traversal = Traversal { width: 1, coherent: false };
 }
 
 /// A scene under construction.
 pub struct SceneBuilder {
     handle: Handle,
-    triangles: usize,
 }
 
 /// An immutable scene; any number of threads may trace it. Cheap to clone: clones share the geometry.
 #[derive(Clone)]
 pub struct CommittedScene {
     handle: Arc<Handle>,
-    triangles: usize,
-    traversal: Traversal,
 }
 
 struct Handle {
@@ -98,7 +94,7 @@ impl SceneBuilder {
             sys::rtcSetSceneBuildQuality(raw, sys::RTCBuildQuality::RTC_BUILD_QUALITY_MEDIUM);
         }
         device.check()?;
-        Ok(SceneBuilder { handle, triangles: 0 })
+        Ok(SceneBuilder { handle })
     }
 
     /// Adds a geometry of triangles, visible to rays with `mask & ray mask != 0`. The slices are copied.
@@ -163,7 +159,6 @@ impl SceneBuilder {
             sys::rtcReleaseGeometry(geometry);
         }
         filled?;
-        self.triangles += triangles.len();
         device.check()
     }
 
@@ -172,8 +167,6 @@ impl SceneBuilder {
     ///
     /// # Errors
     /// [`Error::Embree`] if Embree reports an error.
-    // Used when models have instances.
-    #[allow(dead_code)]
     pub fn add_instance(&mut self, scene: &CommittedScene, transform: Affine3A, index: u32) -> Result<()> {
         let device = &self.handle.device;
         if !Arc::ptr_eq(&device.inner, &scene.handle.device.inner) {
@@ -200,7 +193,6 @@ impl SceneBuilder {
             sys::rtcAttachGeometryByID(self.handle.raw, geometry, index);
             sys::rtcReleaseGeometry(geometry);
         }
-        self.triangles += scene.triangles;
         device.check()
     }
 
@@ -212,8 +204,7 @@ impl SceneBuilder {
         // SAFETY: the scene is live and no other reference to it exists: `self` is consumed.
         unsafe { sys::rtcCommitScene(self.handle.raw) };
         self.handle.device.check()?;
-        let traversal = Traversal { width: 1, coherent: false };
-        Ok(CommittedScene { handle: Arc::new(self.handle), triangles: self.triangles, traversal })
+        Ok(CommittedScene { handle: Arc::new(self.handle) })
     }
 }
 
@@ -226,21 +217,6 @@ const _: () = {
 };
 
 impl CommittedScene {
-    /// Number of triangles.
-    pub fn triangles(&self) -> usize {
-        self.triangles
-    }
-
-    /// Sets the traversal that [`Occluder::occluded`] uses.
-    pub fn set_traversal(&mut self, traversal: Traversal) {
-        self.traversal = traversal;
-    }
-
-    /// The traversal that [`Occluder::occluded`] uses.
-    pub fn traversal(&self) -> Traversal {
-        self.traversal
-    }
-
     /// Sets `blocked[k]` to the mask of blocked lanes of `packets[k]`, tested against geometries selected by `mask`.
     ///
     /// # Panics
@@ -310,6 +286,6 @@ impl CommittedScene {
 
 impl Occluder for CommittedScene {
     fn occluded(&self, packets: &[Packet], blocked: &mut [u32]) {
-        self.occluded_by(self.traversal, u32::MAX, packets, blocked);
+        self.occluded_by(Traversal::SINGLE, u32::MAX, packets, blocked);
     }
 }

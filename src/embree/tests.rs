@@ -141,7 +141,7 @@ fn brute_force_and_every_packet_mode_agree_on_100_000_segments() {
                 }
                 for (traversal, blocked) in &modes {
                     let is = blocked[k] >> lane & 1 == 1;
-                    assert_eq!(is, verdict == Verdict::Blocked, "{}: {a} + {d}", traversal.name());
+                    assert_eq!(is, verdict == Verdict::Blocked, "{traversal:?}: {a} + {d}");
                 }
             }
         }
@@ -179,7 +179,10 @@ fn bad_buffers_are_refused() {
     assert!(builder.add_triangles(&[Vec3::ZERO, Vec3::NAN, Vec3::Y], &[[0, 1, 2]], 1).is_err());
     assert!(builder.add_triangles(&[Vec3::ZERO, Vec3::X * 1e30, Vec3::Y], &[[0, 1, 2]], 1).is_err());
     builder.add_triangles(&fine, &[[0, 1, 2]], 1).unwrap();
-    assert_eq!(builder.commit().unwrap().triangles(), 1);
+    let (scene, mut packet, mut blocked) = (builder.commit().unwrap(), Packet::EMPTY, [0]);
+    packet.set(0, Vec3::new(0.2, 0.2, 1.0), Vec3::new(0.2, 0.2, -1.0), EndRule::new(1.0));
+    scene.occluded(&[packet], &mut blocked);
+    assert_eq!(blocked, [1], "the good triangle blocks");
 }
 
 #[test]

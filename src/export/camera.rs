@@ -1,4 +1,8 @@
 //! Pictures of a mesh by ray casting.
+//!
+//! The mesh is made from a solution: its triangles are parts of one-sided elements, with light at their vertices. A
+//! [`crate::model::Model`] holds the triangles of the input, and a hit on one of them names no element. So a [`Stage`] has Embree
+//! scenes of its own. They need no clusters and no cache, and are dropped after the pictures are written.
 
 use super::Mesh;
 use crate::Result;
@@ -57,9 +61,9 @@ pub struct Stage<'a> {
     sides: [(CommittedScene, Vec<u32>); 2],
 }
 
-/// Embree's ray call for packets of neighbouring pixels. Chosen: fewest calls.
+/// Embree's ray call for packets of neighbouring pixels: the widest needs the fewest calls. Does not change results.
 const TRAVERSAL: Traversal = Traversal { width: 16, coherent: false };
-/// Largest number of back sides that a ray passes. Chosen: bounds the time of a ray.
+/// Largest number of back sides that a ray passes: limits the time of a ray to 64 queries.
 const MAX_LAYERS: usize = 64;
 
 impl<'a> Stage<'a> {

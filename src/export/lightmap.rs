@@ -28,12 +28,10 @@ pub struct Lightmap {
     /// Texture coordinates of the corners of each triangle of the mesh, from the lower left corner of the image;
     /// empty if those of the scene apply.
     pub texcoords: Vec<[Vec2; 3]>,
-    /// Number of charts.
-    #[cfg_attr(not(test), allow(dead_code))]
-    pub charts: usize,
 }
 
-/// Width of the margin around each chart that repeats its border. Chosen: bilinear filtering never mixes charts.
+/// Width of the margin around each chart that repeats its border: bilinear filtering reads one texel beyond a chart,
+/// also at half the resolution.
 const MARGIN_TEXELS: usize = 2;
 /// Largest side of an image, texels: the limit of common graphics hardware.
 pub(super) const MAX_SIDE_TEXELS: usize = 16_384;
@@ -91,7 +89,6 @@ pub fn lightmap(mesh: &Mesh, solution: &RadiosityMesh, scene: &Scene, texels: us
         irradiance: vec![[0.0; 3]; width * height],
         covered: vec![false; width * height],
         texcoords: vec![[Vec2::ZERO; 3]; mesh.triangles.len()],
-        charts: charts.len(),
     };
     for chart in &charts {
         chart.triangles.iter().for_each(|&t| map.draw(mesh, chart, t));

@@ -22,7 +22,8 @@ pub struct Mesh {
     pub element: Vec<u32>,
 }
 
-/// Smallest cosine between normals of elements of one smooth surface: 25 degrees. Chosen: usual crease angle.
+/// Smallest cosine between normals of elements of one smooth surface: 26 degrees, between the 20 and 30 degrees of
+/// edges of round columns with 18 and 12 sides.
 const MIN_SMOOTH_COSINE: f32 = 0.9;
 /// Largest number of halvings of an edge: the largest depth of a quadtree.
 const MAX_HALVINGS: u32 = 24;

@@ -8,7 +8,7 @@ use crate::scene::Scene;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-/// Tolerance of texture coordinates outside 0..1. Chosen: rounding of exporters.
+/// Tolerance of texture coordinates outside 0..1: files with four digits round by half of it.
 const TEXCOORD_TOLERANCE: f32 = 1e-4;
 /// Marks texels without a face.
 const FREE: u32 = u32::MAX;
@@ -28,7 +28,6 @@ pub fn unwrapped_lightmap(stage: &Stage, scene: &Scene, texels: usize) -> Result
         irradiance: vec![[0.0; 3]; side * side],
         covered: vec![false; side * side],
         texcoords: Vec::new(),
-        charts: 0,
     };
     let rows = map.irradiance.par_chunks_mut(side).zip(map.covered.par_chunks_mut(side));
     rows.zip(owner.par_chunks(side)).enumerate().for_each(|(y, ((light, covered), owner))| {

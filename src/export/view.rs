@@ -37,10 +37,10 @@ const OVERVIEW_PART: f32 = 0.25;
 const ALONE_PART: f32 = 0.2;
 
 /// The best view of the scene. Upwards is opposite to the mean direction of emission, or `up` if emission has no main
-/// direction.
-pub fn best_view(stage: &Stage, solution: &RadiosityMesh, up: Vec3) -> Camera {
+/// direction; `unit` is the name of the unit of length, for the eye height.
+pub fn best_view(stage: &Stage, solution: &RadiosityMesh, up: Vec3, unit: &str) -> Camera {
     let up = upward(stage, solution).unwrap_or(up);
-    let mut eyes = eyes(stage, solution, up);
+    let mut eyes = eyes(stage, up, unit);
     let enclosed = eyes.iter().filter(|eye| eye.closed >= ENCLOSED_PART).count();
     let inside = enclosed > 0 && 2 * enclosed >= eyes.len();
     if inside {
@@ -167,7 +167,7 @@ impl Judge<'_> {
         let detail = detail / (detail + HALF_DETAIL);
         let shown = ALONE_PART + objects.len() as f32 / self.objects as f32;
         let many = (1.0 + surfaces.len() as f32).ln();
-        lit / all * (1.0 - close / all).powi(2) * detail * many * shown * overview
+        (lit / all).sqrt() * (1.0 - close / all).powi(2) * detail * many * shown * overview
     }
 }
 

@@ -28,7 +28,7 @@ fn array<T: bytemuck::NoUninit>(
 
 /// Writes the elements as cells of a `.vtu` file with the fields `irradiance`, `radiosity`, `error` (standard error
 /// of the irradiance), all W/m² RGB; `level` (number of splits), `links`, `area`, `object`, `material`, `triangle`,
-/// `front`. Coordinates are those of the scene's file.
+/// `front`; in scenes with placed meshes `instance` and `id` as well. Coordinates are those of the scene's file.
 ///
 /// # Errors
 /// The file cannot be written.
@@ -65,7 +65,7 @@ fn write(out: &mut impl Write, s: &RadiosityMesh) -> std::io::Result<()> {
         array("offsets", "UInt64", 1, &offsets),
         array("types", "UInt8", 1, &types),
     ];
-    let fields = [
+    let mut fields = vec![
         light("irradiance", |e| e.irradiance),
         light("radiosity", |e| e.radiosity),
         light("error", |e| e.error),
@@ -77,6 +77,11 @@ fn write(out: &mut impl Write, s: &RadiosityMesh) -> std::io::Result<()> {
         count("triangle", |e| e.triangle),
         count("front", |e| e.front.into()),
     ];
+    if !s.instances.is_empty() {
+        let instances: Vec<u32> = s.instances.iter().map(|e| e.instance).collect();
+        let ids: Vec<u64> = s.instances.iter().map(|e| e.id).collect();
+        fields.extend([array("instance", "UInt32", 1, &instances), array("id", "UInt64", 1, &ids)]);
+    }
     writeln!(out, "<?xml version=\"1.0\"?>")?;
     writeln!(
         out,

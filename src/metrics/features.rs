@@ -4,8 +4,8 @@ use super::Image;
 use crate::raster::{BitImage, Morphology, Opener};
 use crate::{Error, Result};
 
-/// Least relative darkening that counts as shadow, 2 % of the unoccluded value. Chosen: excludes the faint rim of
-/// penumbrae. Unoccluded texels have visibility exactly 1, so noise does not exceed the threshold there.
+/// Smallest relative darkening that counts as shadow, 2 % of the unoccluded value: excludes the faint rim of penumbrae.
+/// Unoccluded texels have visibility exactly 1, so noise does not exceed the threshold there.
 pub const DEFAULT_THRESHOLD: f32 = 0.02;
 
 /// Kinds of regions that count as features.

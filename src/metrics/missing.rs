@@ -5,13 +5,15 @@ use super::Image;
 use crate::Result;
 use crate::raster::{BitImage, Morphology, Opener};
 
-/// Visible fractions that bound shadows: a quarter and a half. Lit regions use 1 minus these. Chosen.
+/// Visible fractions that bound shadows: the core of a shadow and its middle. Lit regions use 1 minus these. Part of
+/// the definition of the metric.
 const LEVELS: [f32; 2] = [0.25, 0.5];
 /// A feature is missing if the approximation's mean over a disc of the feature size is on the wrong side of the level
-/// by more than this visible fraction. Chosen.
+/// by more than this visible fraction: half of the range between a level of 0.5 and full light. Part of the definition
+/// of the metric.
 const MISSING_CONTRAST: f32 = 0.25;
 
-/// Smallest feature that is looked for, texels. Chosen: one or two texels show sampling noise of their rays.
+/// Smallest feature that is looked for, texels: features of one or two texels are noise of their rays.
 const MIN_FEATURE_TEXELS: f64 = 3.0;
 
 /// Number of features, and how many of them are missing.

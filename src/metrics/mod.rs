@@ -15,6 +15,7 @@ mod fbem;
 mod features;
 mod filter;
 mod image;
+#[cfg(any(test, feature = "cli"))]
 mod missing;
 mod norms;
 
@@ -23,7 +24,7 @@ pub use fbem::{Fbem, FbemOptions, Filter, fbem, spectrum};
 pub use features::{FeatureOptions, Features, feature_mask};
 pub use image::Image;
 
-#[allow(unused_imports)] // Not all of them are needed without the command.
+#[cfg(any(test, feature = "cli"))]
 pub(crate) use {
     fbem::spectrum_sizes,
     features::{DEFAULT_THRESHOLD, FeatureSet},

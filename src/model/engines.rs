@@ -9,7 +9,7 @@ use glam::Vec3;
 use sobol_burley::sample_4d;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
-/// Bundles on which the cost of exact rays is estimated. Chosen: as many as a solve takes.
+/// Bundles on which the cost of exact rays is estimated: as many as a solve takes.
 const SAMPLE: u32 = 256;
 /// Seed of their ends.
 const SEED: u32 = 0x6d72_7669;

@@ -1,7 +1,7 @@
 //! Instances: placed meshes, and changes of them.
 
 use crate::math::Aabb;
-use crate::scene::{MAX_COORDINATE, MIN_EXTENT, Scene};
+use crate::scene::{MAX_COORDINATE, MIN_EXTENT, Material, Scene};
 use crate::{Error, Result};
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
 
@@ -44,7 +44,7 @@ impl Instance {
     }
 
     /// The box around the eight transformed corners of the box of its mesh.
-    pub(super) fn bounds(&self, mesh: &Scene) -> Aabb {
+    pub(crate) fn bounds(&self, mesh: &Scene) -> Aabb {
         let Aabb { min, max } = mesh.bounds;
         Aabb::of((0..8).map(|i| {
             let pick = |k: usize| f64::from(if i >> k & 1 == 0 { min[k] } else { max[k] });
@@ -60,8 +60,17 @@ impl Instance {
 
     /// # Errors
     /// [`Error::Argument`] if the transform is not finite, falsifies measured clusters of the mesh, or places it beyond the range of
-    /// coordinates.
-    pub(super) fn check(&self, index: usize, mesh: &Scene) -> Result<()> {
+    /// coordinates; if the material is none of `materials` or emits.
+    pub(super) fn check(&self, index: usize, mesh: &Scene, materials: &[Material]) -> Result<()> {
+        if let Some(m) = self.material
+            && materials.get(m as usize).is_none_or(|material| material.emission != [0.0; 3])
+        {
+            return Err(Error::Argument(format!(
+                "instance {index}: material {m} must be one of the scene's {} materials and must not emit: emitters are \
+                 triangles of the scene's own",
+                materials.len()
+            )));
+        }
         if !self.transform.is_finite() {
             return Err(Error::Argument(format!(
                 "instance {index}: its transform holds a value that is not finite"
@@ -85,6 +94,11 @@ impl Instance {
         }
         Ok(())
     }
+}
+
+/// Whether rays see the first instance only, the scene's own triangles.
+pub(super) fn is_single(instances: &[Instance]) -> bool {
+    !instances.iter().skip(1).any(Instance::is_present)
 }
 
 /// The unit normal of a face that the matrix maps, by the inverse transpose; a reflection keeps the front the front.

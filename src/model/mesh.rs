@@ -36,17 +36,17 @@ pub struct Measured {
     pub parts: Vec<Part>,
 }
 
+impl Measured {
+    /// Bytes of `parts`.
+    pub fn part_bytes(&self) -> usize {
+        size_of_val(self.parts.as_slice())
+    }
+}
+
 impl Mesh {
     /// Geometry and materials, in the mesh's own frame.
-    #[allow(dead_code)] // Used when models have instances.
-    pub fn scene(&self) -> &Arc<Scene> {
+    pub fn scene(&self) -> &Scene {
         &self.scene
-    }
-
-    /// The Embree scene of the mesh, in its own frame.
-    #[allow(dead_code)] // Used when models have instances.
-    pub fn traced(&self) -> &CommittedScene {
-        &self.traced
     }
 
     /// The cluster trees.

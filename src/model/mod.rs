@@ -47,7 +47,7 @@ struct Inner {
     meshes: Vec<Arc<Mesh>>,
     /// The first instance places the first mesh as it is.
     instances: Vec<Instance>,
-    /// What stands above the instances; none if there is only the first.
+    /// What stands above the instances; none if rays see only the first.
     top: Option<TopLevel>,
     sources: Vec<Source>,
     revision: u64,
@@ -61,6 +61,11 @@ impl Model {
     /// The scene that was prepared.
     pub fn scene(&self) -> &Scene {
         &self.inner.scene
+    }
+
+    /// The scene that was prepared, shared.
+    pub(crate) fn shared_scene(&self) -> Arc<Scene> {
+        self.inner.scene.clone()
     }
 
     /// The meshes; the first holds the scene's own triangles.
@@ -122,6 +127,14 @@ impl Model {
         present.map(|i| self.mesh_of(i).triangles.len() as u64).sum()
     }
 
+    /// Bytes of the optics of groups of instances, and of the boxes that they are measured on; 0 without placed meshes.
+    pub(crate) fn group_bytes(&self) -> usize {
+        let groups = self.inner.top.as_ref().and_then(|top| top.groups.as_ref());
+        let parts =
+            self.meshes().iter().filter_map(|mesh| mesh.measured()).map(|measured| measured.part_bytes());
+        groups.map_or(0, |groups| groups.bytes() + parts.sum::<usize>())
+    }
+
     /// The Embree scene that holds all geometry.
     pub(crate) fn traced(&self) -> &CommittedScene {
         self.inner.top.as_ref().map_or(&self.base().traced, |top| &top.traced)
@@ -130,24 +143,21 @@ impl Model {
     /// A multi-resolution engine over all instances, if optics were prepared. What it hands over is traced by `traversal`.
     pub(crate) fn engine(&self, traversal: Traversal, leaf: LeafMode) -> Option<MultiResolution> {
         let tree = self.base().measured()?.tree.clone();
+        let groups = self.inner.top.as_ref().and_then(|top| top.groups.as_ref());
         let engine = MultiResolution::new(tree, self.traced().clone(), traversal, leaf)
             .with_tolerance(self.inner.options.optics.tolerance);
-        Some(match self.inner.top.as_ref().and_then(|top| top.groups.as_ref()) {
-            Some(groups) => engine.with_instances(groups.instances.clone(), self.magnitude()),
-            None => engine,
-        })
+        Some(engine.with_instances(groups.map(|groups| groups.instances.clone()), self.magnitude()))
     }
 
-    /// Refuses models that place meshes: `what` needs triangles, not instances.
+    /// Refuses models in which rays see placed meshes: `what` needs triangles, not instances.
     ///
     /// # Errors
     /// [`Error::Scene`] that names the cure.
     pub(crate) fn check_single(&self, what: &str) -> Result<()> {
-        match self.instances().len() {
-            1 => Ok(()),
+        match self.instances().iter().skip(1).filter(|instance| instance.is_present()).count() {
+            0 => Ok(()),
             n => Err(Error::Scene(format!(
-                "{what} does not work on placed meshes, and this model has {}: prepare the flattened scene",
-                n - 1
+                "{what} does not work on placed meshes, and this model has {n}: prepare `Scene::flattened`",
             ))),
         }
     }

@@ -1,7 +1,7 @@
 //! Preparation: the only place where Embree scenes of a model are committed and clusters are measured.
 
 use super::cache::{self, CacheLocation, Origin, PreparedClusters};
-use super::instance::Instance;
+use super::instance::{Instance, is_single};
 use super::mesh::{Clusters, Measured, Mesh};
 use super::source::Source;
 use super::top_level::TopLevel;
@@ -220,14 +220,14 @@ fn instances_of(scene: &Scene) -> Result<Vec<Instance>> {
     let instances: Vec<Instance> = std::iter::once(own).chain(placed).collect();
     for (i, instance) in instances.iter().enumerate().skip(1) {
         let mesh = if instance.mesh == 0 { scene } else { &scene.shared[instance.mesh as usize - 1] };
-        instance.check(i, mesh)?;
+        instance.check(i, mesh, &scene.materials)?;
     }
     Ok(instances)
 }
 
-/// What stands above the instances, if there are any beside the scene's own triangles; its time counts as Embree's.
+/// What stands above the instances, if rays see any beside the scene's own triangles; its time counts as Embree's.
 fn top_level(inner: &mut Inner) -> Result<Option<TopLevel>> {
-    if inner.instances.len() < 2 {
+    if is_single(&inner.instances) {
         return Ok(None);
     }
     let start = time::Instant::now();

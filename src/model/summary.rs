@@ -14,9 +14,9 @@ pub struct SceneSummary {
     pub objects: usize,
     /// Emitters.
     pub emitters: usize,
-    /// Connected parts that bound a solid; visible from outside only.
+    /// Connected parts that bound a solid; visible from outside only. Those of a mesh count once.
     pub closed_parts: usize,
-    /// Connected parts that are sheets; visible from both sides.
+    /// Connected parts that are sheets; visible from both sides. Those of a mesh count once.
     pub sheet_parts: usize,
     /// Clusters of all hierarchies.
     pub clusters: usize,
@@ -44,8 +44,8 @@ impl SceneSummary {
             triangles: model.meshes().iter().map(|mesh| mesh.scene().triangles.len()).sum(),
             objects: scene.objects.len(),
             emitters: scene.emitters.len(),
-            closed_parts: scene.closed_parts,
-            sheet_parts: scene.sheet_parts,
+            closed_parts: model.meshes().iter().map(|mesh| mesh.scene().closed_parts).sum(),
+            sheet_parts: model.meshes().iter().map(|mesh| mesh.scene().sheet_parts).sum(),
             clusters: hierarchies().map(|h| h.micro.clusters.len() + h.large.clusters.len()).sum(),
             levels: hierarchies().map(|h| h.micro.levels().max(h.large.levels())).max().unwrap_or(0),
             instances: placed.then(|| model.instances().iter().skip(1).filter(|i| i.is_present()).count()),

@@ -1,5 +1,7 @@
 //! Models of placed meshes against models of the same triangles, each stored where it is placed.
 
+mod single;
+
 use super::testing::model;
 use super::{Detail, InstanceChange, Model};
 use crate::ray::{LANES, Occluder, Packet};
@@ -63,7 +65,7 @@ fn transmittances(model: &Model, packets: &[Packet], s: f32) -> Vec<f32> {
 #[test]
 fn placed_meshes_answer_like_copied_triangles() {
     let placed = model(&forest(), Detail::Optics);
-    let copied = model(&forest().flattened().expect("copied"), Detail::Optics);
+    let copied = model(&forest().flattened(u64::MAX).expect("copied"), Detail::Optics);
     assert_eq!(placed.visible_triangles(), copied.visible_triangles());
     let packets = bundles(&placed);
     let (a, b) = (blocked(&placed, &packets), blocked(&copied, &packets));
@@ -187,7 +189,7 @@ fn paths_meet_placed_meshes() {
         let found = crate::path_tracer::irradiance(&model(scene, Detail::Rays), &points, settings, &|_| ());
         found.expect("light").values.iter().map(|v| v[0]).sum::<f64>()
     };
-    let (placed, copied) = (light(&scene), light(&scene.flattened().expect("copied")));
+    let (placed, copied) = (light(&scene), light(&scene.flattened(u64::MAX).expect("copied")));
     assert!(copied > 0.0 && (placed / copied - 1.0).abs() < 0.01, "{placed} and {copied}");
 }
 

@@ -69,6 +69,11 @@ impl TopLevel {
 }
 
 impl Groups {
+    /// Bytes of the optics that are kept for updates.
+    pub fn bytes(&self) -> usize {
+        self.measured.capacity() * (size_of::<blake3::Hash>() + size_of::<ClusterOptics>())
+    }
+
     fn build(
         meshes: &[Arc<Mesh>],
         instances: &[Instance],
@@ -88,22 +93,26 @@ impl Groups {
             .collect();
         let keys: Vec<blake3::Hash> =
             (0..tree.clusters.len()).map(|c| key(&tree, c, placed, instances)).collect();
+        let is_group = |c: &u32| tree.triangles_of(*c as usize).len() > 1;
         let fresh: Vec<u32> = (0..tree.clusters.len() as u32)
+            .filter(is_group)
             .filter(|&c| known.is_none_or(|known| !known.contains_key(&keys[c as usize])))
             .collect();
         let mut made = groups::measure_some(&tree, &fresh, &members, options).into_iter();
-        let optics: Vec<ClusterOptics> = keys
-            .iter()
-            .map(|key| match known.and_then(|known| known.get(key)) {
-                Some(optics) => *optics,
-                None => made.next().expect("one for each fresh group"),
+        let optics: Vec<Option<ClusterOptics>> = (0..tree.clusters.len() as u32)
+            .map(|c| {
+                is_group(&c).then(|| match known.and_then(|known| known.get(&keys[c as usize])) {
+                    Some(optics) => *optics,
+                    None => made.next().expect("one for each fresh group"),
+                })
             })
             .collect();
         let frames = placed
             .iter()
             .map(|&i| Frame::new(measured(i).tree.clone(), instances[i as usize].transform, magnitude));
         let instances = Arc::new(InstanceTree::build(&tree, &optics, boxes, frames.collect()));
-        Groups { instances, measured: keys.into_iter().zip(optics).collect() }
+        let measured = keys.into_iter().zip(optics).filter_map(|(key, optics)| Some((key, optics?)));
+        Groups { instances, measured: measured.collect() }
     }
 }
 

@@ -1,6 +1,6 @@
 //! Updates: instances move, come, go, appear and disappear; meshes stay as they are.
 
-use super::instance::{Instance, InstanceChange};
+use super::instance::{Instance, InstanceChange, is_single};
 use super::top_level::TopLevel;
 use super::{Inner, Model};
 use crate::{Error, Result};
@@ -23,9 +23,9 @@ impl Model {
         for change in changes {
             apply(&mut instances, inner, change)?;
         }
-        let top = match instances.len() {
-            ..2 => None,
-            _ => Some(self.on_threads(|| {
+        let top = match is_single(&instances) {
+            true => None,
+            false => Some(self.on_threads(|| {
                 TopLevel::build(
                     &inner.device,
                     &inner.meshes,
@@ -70,7 +70,7 @@ fn apply(instances: &mut Vec<Instance>, inner: &Inner, change: &InstanceChange) 
         InstanceChange::Move { instance, transform } => {
             let i = at(*instance)?;
             let moved = Instance { transform: *transform, ..instances[i].clone() };
-            moved.check(i, mesh(&moved))?;
+            moved.check(i, mesh(&moved), &inner.scene.materials)?;
             instances[i] = moved;
         }
         InstanceChange::Add(instance) => {
@@ -80,17 +80,7 @@ fn apply(instances: &mut Vec<Instance>, inner: &Inner, change: &InstanceChange) 
                     instance.mesh
                 )));
             }
-            instance.check(count, mesh(instance))?;
-            if let Some(m) = instance.material {
-                let material = inner.scene.materials.get(m as usize);
-                if material.is_none_or(|material| material.emission != [0.0; 3]) {
-                    return Err(Error::Argument(format!(
-                        "instance {count}: material {m} must be one of the scene's {} materials and must not emit: emitters \
-                         are triangles of the scene's own",
-                        inner.scene.materials.len()
-                    )));
-                }
-            }
+            instance.check(count, mesh(instance), &inner.scene.materials)?;
             instances.push(Instance { removed: false, ..instance.clone() });
         }
         InstanceChange::Remove { instance } => {

@@ -6,6 +6,7 @@ use glam::Vec3;
 /// Number of axes.
 pub const AXIS_COUNT: usize = 13;
 
+/// Components of unit vectors through the middle of a cube's edges, 1/√2, and through its corners, 1/√3.
 const EDGE: f32 = std::f32::consts::FRAC_1_SQRT_2;
 const CORNER: f32 = 0.577_350_26;
 

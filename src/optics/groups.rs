@@ -13,11 +13,11 @@ use crate::math::Aabb;
 use glam::{Affine3A, Vec2, Vec3};
 use rayon::prelude::*;
 
-/// Largest number of boxes that represent an instance, per cluster tree of its mesh. Chosen: resolves a tree into
-/// trunk and parts of the crown.
+/// Largest number of boxes that represent an instance, per cluster tree of its mesh: one node of the hierarchy opened
+/// completely ([`crate::clusters::FAN_OUT`]); limits the work of a projection.
 const MAX_PARTS: usize = 16;
-/// Pixels across the longer side of a group's projection. Chosen: half of [`super::silhouette`]'s, because boxes have
-/// no finer detail.
+/// Pixels across the longer side of a group's projection: half of [`super::silhouette`]'s as for leaves, which hold as
+/// few parts as an instance has boxes.
 const GROUP_PIXELS: usize = 32;
 /// Loss of transmittance above which a pixel counts as blocked. Equals the default tolerance of cluster optics.
 const MIN_LOSS: f32 = 0.05;
@@ -29,6 +29,9 @@ const MAX_PIXEL_LOSS: f32 = 0.999;
 const OPAQUE_DEPTH: f32 = 7.0;
 
 /// A box with extinction, in the frame of its mesh.
+///
+/// Its extinction is uniform: the density slope that a cluster of triangles has is left out, because groups are opened long
+/// before feature sizes resolve the inside of a mesh.
 #[derive(Clone, Debug)]
 pub struct Part {
     /// The box that path lengths are measured in.
@@ -79,16 +82,8 @@ pub struct Member<'a> {
     pub to_world: Affine3A,
 }
 
-/// Measures all clusters of a tree over instances; `tree.order` holds indices into `members`. Parallel and
+/// Measures some clusters of a tree over instances, in their order; `tree.order` holds indices into `members`. Parallel and
 /// deterministic.
-pub fn measure_groups(tree: &Tree, members: &[Member], options: &Options) -> Vec<ClusterOptics> {
-    (0..tree.clusters.len())
-        .into_par_iter()
-        .map_init(Scratch::default, |scratch, c| measure_group(tree, c, members, options, scratch))
-        .collect()
-}
-
-/// Measures some clusters of a tree over instances, in their order.
 pub fn measure_some(tree: &Tree, some: &[u32], members: &[Member], options: &Options) -> Vec<ClusterOptics> {
     some.par_iter()
         .map_init(Scratch::default, |scratch, &c| measure_group(tree, c as usize, members, options, scratch))

@@ -8,7 +8,8 @@ use crate::raster::{BitImage, Edt, Morphology, Opener, Outside, fill_triangle};
 use crate::scene::Scene;
 use glam::{UVec2, Vec2, Vec3};
 
-/// Cosine and sine of the angle between pixel rows and the coordinate axes: 3/√10, 1/√10. Chosen: no multiple of 45°.
+/// Cosine and sine of the angle between pixel rows and the coordinate axes: 3/√10, 1/√10. Edges along the axes then
+/// have slope 1/3 in pixels, so that they pass pixel centres at three different distances.
 const RASTER_TURN: (f32, f32) = (0.948_683_3, 0.316_227_76);
 
 /// Mapping between world and pixel coordinates of an orthographic projection.
@@ -122,8 +123,9 @@ impl Silhouette {
     }
 }
 
-/// Projected boxes with fewer pixels than this times their longer side are not measured: the outline would decide.
-/// Chosen.
+/// Projected boxes with fewer pixels than this times their longer side are not measured: the two outline pixels across
+/// a width of 6 are a third of it. In a forest 4, 6 and 9 leave errors of 0.0261, 0.0262 and 0.0279 at a feature size
+/// of 0.25 m (`constants.py bench`).
 const MIN_MEAN_WIDTH_PIXELS: usize = 6;
 
 /// Pixels across the longer side: a row is one machine word for the distance transform. Leaves take half.

@@ -13,9 +13,10 @@ use std::f32::consts::PI;
 /// Number of independent groups of samples; the standard error is estimated from their spread. Samples inside a group
 /// are stratified (Owen 1997), so their own spread would overestimate the error.
 const GROUPS: u32 = 8;
-/// Number of paths advanced together. Chosen: bounds memory; affects only the rounding of sums.
+/// Number of paths advanced together: limits the buffers of a thread to 2 × 512 paths of 40 bytes. Affects only the
+/// rounding of sums.
 const BATCH_PATHS: u32 = 512;
-/// Number of bounces without Russian roulette. Chosen: affects noise and time, not the mean.
+/// Number of bounces without Russian roulette: affects noise and time, not the mean (Arvo and Kirk 1990).
 const MIN_BOUNCES: u32 = 3;
 /// Length of the sample sequence; longer runs repeat the sequence with another seed.
 const SEQUENCE_SAMPLES: u32 = 1 << 16;

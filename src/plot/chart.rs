@@ -41,14 +41,14 @@ pub struct Series {
     /// Name in the legend.
     pub name: String,
     /// The points. Points that an axis cannot show (not finite, or not positive on a logarithmic axis) are omitted.
-    pub points: Vec<Point>,
+    pub points: Vec<PlotPoint>,
     /// How the points are drawn.
-    pub shape: Shape,
+    pub marks: Marks,
 }
 
 /// How the points of a series are drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Shape {
+pub enum Marks {
     /// Dots.
     #[default]
     Points,
@@ -60,7 +60,7 @@ pub enum Shape {
 
 /// A point of a series.
 #[derive(Clone, Debug, Default)]
-pub struct Point {
+pub struct PlotPoint {
     /// Horizontal value.
     pub x: f64,
     /// Vertical value.
@@ -117,7 +117,7 @@ impl Plot {
         for (series, (colour, _)) in self.series.iter().zip(HUES.iter().cycle()) {
             let visible = series.points.iter().filter(|p| x.scale.shows(p.x) && y.scale.shows(p.y));
             let pixels: Vec<(i32, i32)> = visible.map(|p| (x.pixel(p.x), y.pixel(p.y))).collect();
-            if series.shape != Shape::Points {
+            if series.marks != Marks::Points {
                 root.draw(&PathElement::new(pixels.clone(), colour.stroke_width(2)))?;
                 for pair in pixels.windows(2) {
                     // Boxes along the line keep labels off the line.
@@ -128,8 +128,8 @@ impl Plot {
                     }));
                 }
             }
-            for &(u, v) in pixels.iter().filter(|_| series.shape != Shape::Line) {
-                root.draw(&Circle::new((u, v), series.shape.radius(), colour.filled()))?;
+            for &(u, v) in pixels.iter().filter(|_| series.marks != Marks::Line) {
+                root.draw(&Circle::new((u, v), series.marks.radius(), colour.filled()))?;
                 boxes.push([u - 5, v - 5, u + 5, v + 5]);
             }
         }
@@ -148,7 +148,7 @@ impl Plot {
     ) -> Drawn {
         // Labels of unconnected points first: they are fewer, and lines identify their unlabelled points.
         let mut order: Vec<_> = self.series.iter().zip(HUES.iter().cycle()).collect();
-        order.sort_by_key(|(series, _)| series.shape != Shape::Points);
+        order.sort_by_key(|(series, _)| series.marks != Marks::Points);
         for (series, (colour, _)) in order {
             let shown = series.points.iter().filter(|p| x.scale.shows(p.x) && y.scale.shows(p.y));
             for p in shown.filter(|p| !p.label.is_empty()) {
@@ -199,7 +199,7 @@ impl Plot {
     }
 
     /// Places of the names of the series, in rows of this width.
-    fn legend(&self, width: i32) -> Vec<Entry> {
+    fn legend(&self, width: i32) -> Vec<LegendEntry> {
         let (mut u, mut row) = (8, 0);
         let mut entries = Vec::new();
         for series in &self.series {
@@ -208,21 +208,21 @@ impl Plot {
             if u > 8 && u + wide > width {
                 (u, row) = (8, row + 1);
             }
-            entries.push(Entry { name, size, row, left: u });
+            entries.push(LegendEntry { name, size, row, left: u });
             u += wide + 22;
         }
         entries
     }
 
     /// Draws the names of the series above the plotting area.
-    fn draw_legend(&self, root: &Area<'_>, legend: &[Entry]) -> Drawn {
+    fn draw_legend(&self, root: &Area<'_>, legend: &[LegendEntry]) -> Drawn {
         for ((series, entry), (colour, _)) in self.series.iter().zip(legend).zip(HUES.iter().cycle()) {
             let (u, v) = (entry.left, 16 + LEGEND_ROW * entry.row);
-            if series.shape != Shape::Points {
+            if series.marks != Marks::Points {
                 root.draw(&PathElement::new([(u, v), (u + 18, v)], colour.stroke_width(2)))?;
             }
-            if series.shape != Shape::Line {
-                root.draw(&Circle::new((u + 9, v), series.shape.radius(), colour.filled()))?;
+            if series.marks != Marks::Line {
+                root.draw(&Circle::new((u + 9, v), series.marks.radius(), colour.filled()))?;
             }
             text(root, &entry.name, (u + 25, v), entry.size, INK.0, HPos::Left)?;
         }
@@ -230,15 +230,15 @@ impl Plot {
     }
 }
 
-impl Shape {
+impl Marks {
     /// Radius of the dots, pixels.
     fn radius(self) -> i32 {
-        if self == Shape::Points { 5 } else { 3 }
+        if self == Marks::Points { 5 } else { 3 }
     }
 }
 
 /// A name in the legend.
-struct Entry {
+struct LegendEntry {
     name: String,
     size: i32,
     row: i32,
@@ -308,8 +308,8 @@ fn label_place((u, v): (i32, i32), label: &str, limits: [i32; 4], boxes: &[[i32;
 mod tests {
     use super::*;
 
-    fn point(x: f64, y: f64) -> Point {
-        Point { x, y, label: format!("label {x}") }
+    fn point(x: f64, y: f64) -> PlotPoint {
+        PlotPoint { x, y, label: format!("label {x}") }
     }
 
     #[test]
@@ -319,7 +319,7 @@ mod tests {
         for points in inputs {
             for scale in [Scale::Linear, Scale::Log] {
                 let series =
-                    vec![Series { name: "a < b & c".into(), points: points.clone(), shape: Shape::Joined }];
+                    vec![Series { name: "a < b & c".into(), points: points.clone(), marks: Marks::Joined }];
                 let plot = Plot { series, x_scale: scale, y_scale: scale, ..Default::default() };
                 let svg = plot.svg(0, 0).unwrap();
                 assert!(svg.starts_with("<svg ") && svg.contains("a &lt; b &amp; c") && !svg.contains("NaN"));
@@ -333,7 +333,7 @@ mod tests {
         let plot = Plot {
             x_label: "time of the queries of a very long scene ".repeat(3),
             series: ["exact", "exact with certificates", "multi-res., 16 segments", &"long ".repeat(40)]
-                .map(|name| Series { name: name.into(), points: vec![point(1.0, 2.0)], shape: Shape::Joined })
+                .map(|name| Series { name: name.into(), points: vec![point(1.0, 2.0)], marks: Marks::Joined })
                 .into(),
             ..Default::default()
         };

@@ -4,4 +4,4 @@ mod axis;
 mod chart;
 
 pub use axis::{Scale, number};
-pub use chart::{Plot, Point, Series, Shape};
+pub use chart::{Marks, Plot, PlotPoint, Series};

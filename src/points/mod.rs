@@ -5,14 +5,20 @@
 //! `Er_se,Eg_se,Eb_se` if standard errors are known. Further columns are ignored, so every irradiance file is also a
 //! point file.
 
+#[cfg(any(test, feature = "cli"))]
 mod compare;
+#[cfg(any(test, feature = "cli"))]
 mod read;
 #[cfg(test)]
 mod tests;
+#[cfg(any(test, feature = "cli"))]
 mod write;
 
+#[cfg(any(test, feature = "cli"))]
 pub use compare::{Comparison, compare};
+#[cfg(any(test, feature = "cli"))]
 pub use read::{read_irradiance, read_points};
+#[cfg(any(test, feature = "cli"))]
 pub use write::write_irradiance;
 
 use glam::DVec3;
@@ -27,6 +33,7 @@ pub struct Point {
 }
 
 /// Irradiance at points. All vectors have one entry per point.
+#[cfg(any(test, feature = "cli"))]
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Irradiance {
     /// The points.

@@ -13,9 +13,9 @@ pub(super) const VALUE: [&str; 3] = ["Er", "Eg", "Eb"];
 /// Columns that follow if standard errors are known.
 pub(super) const STANDARD_ERROR: [&str; 3] = ["Er_se", "Eg_se", "Eb_se"];
 
-/// Largest deviation of a normal's length from 1 (rounded digits); normals are then normalised. Chosen.
+/// Largest deviation of a normal's length from 1 (files with three digits); normals are then normalised.
 const UNIT_TOLERANCE: f64 = 1e-3;
-/// Largest coordinate. Chosen: squares of larger coordinates overflow f32, in which rays are traced.
+/// Largest coordinate: the squares of larger ones, times 3, overflow f32 (3.4e38), in which rays are traced.
 const MAX_COORDINATE: f64 = 1e18;
 
 /// Reads a point file: at least one point, unit normals.

@@ -5,23 +5,25 @@
 use crate::progress::Progress;
 use std::time::Instant;
 
-/// Seconds, and part of the whole time, by which the last stages may exceed the limit. Chosen: small against
-/// what a caller who gives a limit in seconds expects.
+// The shares below change results with a time limit only. Each divides the time between stages so that the later one is not cut
+// short. They are round numbers without a measurement.
+
+/// Seconds, and part of the whole time, by which the last stages may exceed the limit: the options state
+/// the limit as approximate.
 const GRACE_SECONDS: f64 = 0.5;
 const GRACE_SHARE: f64 = 0.05;
-/// Part of the time after preparation for the light of elements, without and with points to follow. Chosen: a quarter
-/// is kept for the final gather; without points a tenth is kept for what the estimate of the light's time is off.
+/// Part of the time after preparation for the light of elements, without and with points to follow: a quarter
+/// is kept for the final gather; without points a tenth is kept for the error of the estimated time.
 const LIGHT_SHARE: f64 = 0.9;
 const LIGHT_SHARE_BEFORE_POINTS: f64 = 0.75;
-/// Part of the time for light in which links are refined, before a local pass and before all links are measured again. Chosen:
-/// the local pass and the second measurement should not be cut short by refinement.
+/// Part of the time for light in which links are refined, before a local pass and before all links are measured again:
+/// the rest is for the local pass, or for the second measurement and the last sweeps.
 const REFINEMENT_SHARE_BEFORE_LOCAL_PASS: f64 = 0.4;
 const REFINEMENT_SHARE: f64 = 0.6;
-/// Part of the time of the local pass that its rays may take; the solver of its matrix has the rest. Chosen: both
-/// are taken to need about equal time.
+/// Part of the time of the local pass that its rays may take; the solver of its matrix has the other half.
 pub const RAY_SHARE: f64 = 0.5;
-/// Part of the time of a point query that its rays are planned for. Chosen: the estimate comes from a sample of points, and
-/// other processes use the machine as well.
+/// Part of the time of a point query that its rays are planned for: the estimate comes from a sample of points, so
+/// that a fifth is kept for its error.
 pub const QUERY_SHARE: f64 = 0.8;
 
 /// The time limit of a piece of work. Inner loops ask for it every few milliseconds.

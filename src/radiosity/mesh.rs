@@ -43,15 +43,24 @@ impl Element {
     }
 }
 
+/// The instance of an element.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlacedElement {
+    /// Index into the instances of the scene: 0 for its own triangles, then the placed meshes in their order.
+    pub instance: u32,
+    /// Id of the surface and its part; other instances do not change it when they move, hide or are removed.
+    pub id: u64,
+}
+
 /// The light in a scene.
 #[derive(Clone, Debug, Default)]
 pub struct RadiosityMesh {
     /// Offset that turns vertices into the coordinates of the input.
     pub origin: DVec3,
-    /// Name of the unit of length.
-    pub unit: String,
     /// Corners of elements, each position once; scene units relative to `origin`.
     pub vertices: Vec<Vec3>,
     /// The leaves of all surfaces; together they cover each lit side once.
     pub elements: Vec<Element>,
+    /// The instance of each element; empty in scenes without placed meshes.
+    pub instances: Vec<PlacedElement>,
 }

@@ -25,9 +25,5 @@ mod surroundings;
 mod tests;
 mod transport;
 
-pub use audit::{Audit, Ledger};
 pub use options::{Inside, Options, Oracle, Rows, View, Visibility};
 pub use pipeline::{Outcome, PointLight, Record, Seconds, Solution, run, solve};
-pub use refinement::{Ended, Iteration};
-pub use surroundings::Unlit;
-pub use transport::Convergence;

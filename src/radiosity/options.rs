@@ -194,13 +194,14 @@ impl Options {
         Ok(())
     }
 
-    /// Shadow rays to a partly visible emitter. Chosen: 250 rays at the default error of 0.02.
+    /// Shadow rays to a partly visible emitter: 5 / error, 250 at the default error of 0.02, where a visible fraction of one half
+    /// has a standard error of 0.5 / √250 = 3 %.
     pub fn light_rays(&self) -> usize {
         self.light_rays.unwrap_or((5.0 / self.error).clamp(64.0, 4096.0) as usize)
     }
 
-    /// Rays of a final gather: n = (0.27 / error)², so that the noise is below the error where one ray deviates by
-    /// 0.27 of the mean. Chosen: that deviation, and the bounds.
+    /// Rays of a final gather: n = (0.27 / error)², so that the noise is the error where one ray deviates by
+    /// 0.27 of the mean: 182 rays at the default error of 0.02. The bounds limit the noise to 3.4 % and the time to 2,304 rays.
     pub fn gather_rays(&self) -> usize {
         self.gather_rays.unwrap_or((0.27 / self.error).powi(2).clamp(64.0, 2304.0) as usize)
     }
@@ -223,9 +224,11 @@ impl Options {
     }
 }
 
-/// Rays of the smallest element that the local pass splits others into. Chosen: more would leave
-/// large elements, fewer would leave mostly noise.
+/// Rays of the smallest element that the local pass splits others into: 20 rays leave 1/√20 = 22 % of the spread of one
+/// ray as noise, fewer mostly noise. 10 or 40 instead change irradiance by less than 0.2 %, and the time from 1.9 s to
+/// 3.2 s or 1.7 s (`constants.py solve`).
 const RAYS_OF_SMALLEST_ELEMENT: f64 = 20.0;
-/// Rays of the local pass times the square of the error: noise falls as one over the root of the rays. Chosen: 4 million rays
-/// at the default error of 0.02.
+/// Rays of the local pass times the square of the error, as noise falls with one over the root of the rays: 4 million
+/// rays at the default error of 0.02. 1, 4 and 16 million rays leave errors of 0.79 %, 0.79 % and 0.77 % in 0.5 s, 1.9
+/// s and 11 s (`constants.py solve`).
 const LOCAL_RAYS_TIMES_ERROR_SQUARED: f64 = 1600.0;

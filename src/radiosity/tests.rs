@@ -6,6 +6,7 @@ mod sizes;
 mod unlit;
 mod visibility;
 
+use super::audit::Ledger;
 use super::mesh::Element;
 use super::rgb::{Rgb, mean};
 use super::*;

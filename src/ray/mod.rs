@@ -141,7 +141,7 @@ pub struct EndRule {
 impl EndRule {
     /// Smallest margin, as a parameter of the segment; see [`EndRule`].
     pub const MIN_MARGIN: f32 = 1e-4;
-    /// Largest margin, as a parameter of the segment. Chosen: short segments keep 90 % of their length.
+    /// Largest margin, as a parameter of the segment: short segments keep 90 % of their length.
     pub const MAX_MARGIN: f32 = 0.05;
 
     /// The rule for a scene whose coordinates do not exceed `magnitude`, scene units.

@@ -6,9 +6,10 @@
 
 use glam::DVec3;
 
-/// Largest distance from the plane of a planar polygon, relative to its size. Chosen: rounding in files is smaller.
+/// Largest distance from the plane of a planar polygon, relative to its size: half a unit in the third digit of a
+/// coordinate, above the rounding of files with four digits.
 const MAX_FLAT_DISTANCE: f64 = 1e-3;
-/// Largest number of corners. Chosen: the time is cubic.
+/// Largest number of corners. The time is cubic: limits a polygon to 64³/6 = 44,000 triangle areas.
 const MAX_CORNERS: usize = 64;
 
 /// Triangles as corner numbers, with the orientation of the polygon; `None` if it is planar or too large.

@@ -3,41 +3,61 @@
 use super::{Material, Object, Placement, Scene, resolve::has_area};
 use crate::{Error, Result, math::Aabb};
 use std::collections::HashMap;
+use std::ops::Range;
 
 /// Largest number of triangles of a flattened scene: arrays stay below 2^33 entries, and indices of corners fit into
 /// u32.
 pub const MAX_FLATTENED_TRIANGLES: u64 = 1 << 31;
 
+/// The triangles of one instance in a flattened scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct InstanceTriangles {
+    /// Its triangles, indices into [`Scene::triangles`]; empty if the instance is hidden.
+    pub triangles: Range<u32>,
+    /// Number of its first triangle among those of all instances. Hidden instances and dropped triangles count, so that numbers do
+    /// not change when other instances move, hide or appear.
+    pub first_number: u64,
+}
+
 impl Scene {
+    /// The triangles of each instance: the scene's own first, then those of the placements that [`Scene::flattened`] copied.
+    pub(crate) fn triangles_of_instances(&self) -> Vec<InstanceTriangles> {
+        if !self.instances.is_empty() {
+            return self.instances.clone();
+        }
+        vec![InstanceTriangles { triangles: 0..self.triangles.len() as u32, first_number: 0 }]
+    }
+
     /// The same scene without placements: each visible placement becomes an object, after the scene's own objects and
-    /// in the order of the placements. Hidden placements are omitted. A scene without placements is copied.
+    /// in the order of the placements. Hidden placements are omitted. A scene without placements is copied. For
+    /// [`Model::solve`](crate::Model::solve) and [`Model::form_factors`](crate::Model::form_factors), which need triangles of the
+    /// scene's own.
     ///
-    /// Vertices are transformed in f64 and stored as f32 relative to [`Scene::origin`], which does not change. A
+    /// Vertices are transformed in f64 and stored as f32 relative to the origin, which does not change. A
     /// mirroring transform reverses the orientation of faces, so that outsides stay outside. Vertices of different
     /// placements are not merged, and parts stay as they are in each shared mesh. Triangles that lose their area by
     /// rounding are dropped and counted. Materials of shared meshes are appended once, except those that the scene
     /// has already (equal name, reflectance and emission).
     ///
     /// # Errors
-    /// The result would have more than [`MAX_FLATTENED_TRIANGLES`]; a placement refers to a mesh or material that
+    /// The result would have more than `max_triangles` or 2³¹; a placement refers to a mesh or material that
     /// does not exist, has a material that emits, or a transform that is not finite.
-    #[cfg_attr(not(test), allow(dead_code))]
-    pub(crate) fn flattened(&self) -> Result<Scene> {
-        self.flattened_within(MAX_FLATTENED_TRIANGLES)
-    }
-
-    /// [`Scene::flattened`] with at most `max_triangles`, and at most [`MAX_FLATTENED_TRIANGLES`].
-    ///
-    /// # Errors
-    /// As [`Scene::flattened`].
-    pub(crate) fn flattened_within(&self, max_triangles: u64) -> Result<Scene> {
+    pub fn flattened(&self, max_triangles: u64) -> Result<Scene> {
         let max = max_triangles.min(MAX_FLATTENED_TRIANGLES);
         self.check_size(max)?;
         let mut flat = Flat { scene: self.own(), materials: Vec::new(), polygons: 0 };
         flat.polygons = flat.scene.triangle_polygon.last().map_or(0, |&p| p + 1);
         flat.merge_materials(self);
-        for p in self.placements.iter().filter(|p| p.visible) {
-            flat.append(&self.shared[p.mesh as usize], p)?;
+        let mut first_number = self.triangles.len() as u64;
+        flat.scene.instances = self.triangles_of_instances();
+        for p in &self.placements {
+            let (mesh, start) = (&self.shared[p.mesh as usize], flat.scene.triangles.len() as u32);
+            if p.visible {
+                flat.append(mesh, p)?;
+            }
+            let triangles = start..flat.scene.triangles.len() as u32;
+            flat.scene.instances.push(InstanceTriangles { triangles, first_number });
+            first_number += mesh.triangles.len() as u64;
         }
         let dropped = flat.scene.repairs.zero_area_faces - self.repairs.zero_area_faces;
         if dropped > 0 {
@@ -75,6 +95,7 @@ impl Scene {
             repairs: self.repairs.clone(),
             shared: Vec::new(),
             placements: Vec::new(),
+            instances: Vec::new(),
         }
     }
 

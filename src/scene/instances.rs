@@ -6,14 +6,15 @@
 
 use super::{
     LoadOptions, MAX_COORDINATE, MIN_EXTENT, PlacedSoup, Repairs, Scene,
+    power::unknown,
     resolve::{resolve, resolve_mesh},
 };
 use crate::{Error, Result, math::Aabb};
 use glam::{DAffine3, DVec3};
-use std::sync::Arc;
+use std::{collections::HashSet, sync::Arc};
 
-/// Largest number of placements of a scene and of nodes of a glTF file. Chosen: some 300 bytes each while reading,
-/// 600 MB in all.
+/// Largest number of placements of a scene and of nodes of a glTF file: limits memory while reading to 600 MB, at some
+/// 300 bytes each.
 pub const MAX_PLACEMENTS: usize = 1 << 21;
 
 /// One placement of a shared mesh.
@@ -62,6 +63,63 @@ impl Scene {
         boxes.fold(self.bounds, Aabb::union)
     }
 
+    /// The faces called `name` here or in a mesh of `placed` (names of placements with their meshes): the scene's own faces of
+    /// this name; else all faces of the first placement of this name; else the faces of this name in the first mesh that has
+    /// any. Also returns the place in `placed`, `None` for the scene's own faces.
+    ///
+    /// # Errors
+    /// Nothing has this name; the message lists some names.
+    pub(crate) fn faces_named_placed<'a>(
+        &'a self,
+        placed: impl Iterator<Item = (&'a String, &'a Scene)> + Clone,
+        name: &str,
+    ) -> Result<(Option<usize>, Vec<u32>)> {
+        let own = self.faces_with_name(name);
+        if !own.is_empty() {
+            return Ok((None, own));
+        }
+        if let Some((place, (_, mesh))) = placed.clone().enumerate().find(|(_, (n, _))| *n == name) {
+            return Ok((Some(place), (0..mesh.triangles.len() as u32).collect()));
+        }
+        let mut searched: HashSet<*const Scene> = HashSet::new();
+        for (place, (_, mesh)) in placed.clone().enumerate() {
+            // A mesh is searched once, however often it is placed.
+            if !searched.insert(mesh) {
+                continue;
+            }
+            let faces = mesh.faces_with_name(name);
+            if !faces.is_empty() {
+                return Ok((Some(place), faces));
+            }
+        }
+        Err(unknown(name, self.names().chain(placed.map(|(name, _)| name))))
+    }
+
+    /// The names of the visible placements with their meshes.
+    pub(crate) fn placed(&self) -> impl Iterator<Item = (&String, &Scene)> + Clone {
+        let visible = self.placements.iter().filter(|p| p.visible);
+        visible.map(|p| (&p.name, self.shared[p.mesh as usize].as_ref()))
+    }
+
+    /// This scene, a shared mesh, where `transform` places it; a reflection keeps the front the front.
+    pub(crate) fn transformed(&self, transform: &DAffine3) -> Scene {
+        let mirrored = transform.matrix3.determinant() < 0.0;
+        let mut scene = self.clone();
+        scene.positions.iter_mut().for_each(|p| *p = transform.transform_point3(p.as_dvec3()).as_vec3());
+        if mirrored {
+            scene.triangles.iter_mut().for_each(|corners| corners.swap(1, 2));
+            scene.triangle_texcoords.iter_mut().for_each(|uv| uv.swap(1, 2));
+        }
+        scene.bounds = Aabb::of(scene.positions.iter().copied());
+        scene
+    }
+
+    /// Largest absolute coordinate of what is visible, scene units: the scale of rounding errors.
+    pub(crate) fn magnitude(&self) -> f32 {
+        let bounds = self.world_bounds();
+        bounds.min.abs().max(bounds.max.abs()).max_element()
+    }
+
     /// Adds shared meshes and their placements, whose transforms refer to coordinates of the file and become relative
     /// to the origins. Placements that shrink their mesh to a point are omitted and counted.
     pub(super) fn place(&mut self, shared: Vec<Scene>, placements: Vec<Placement>) -> Result<()> {
@@ -70,6 +128,15 @@ impl Scene {
             let mesh = shared.get(p.mesh as usize).ok_or_else(|| {
                 Error::Scene(format!("placement `{}` refers to a mesh that does not exist", p.name))
             })?;
+            let replaced = p.material.map(|m| self.materials.get(m as usize));
+            if !mesh.emitters.is_empty() || replaced.is_some_and(|m| m.is_none_or(|m| m.emission != [0.0; 3]))
+            {
+                return Err(Error::Scene(format!(
+                    "placement `{}` emits or has a material that does not exist: emitters must be triangles of the scene's \
+                     own",
+                    p.name
+                )));
+            }
             let from_mesh = DAffine3::from_translation(mesh.origin);
             p.transform = DAffine3::from_translation(-self.origin) * p.transform * from_mesh;
             let bounds = p.bounds(mesh.bounds);
@@ -102,7 +169,7 @@ impl Scene {
 ///
 /// # Errors
 /// As [`Scene::load`], for the soup and for each mesh.
-pub(super) fn resolve_placed(placed: PlacedSoup, options: &LoadOptions) -> Result<Scene> {
+pub(crate) fn resolve_placed(placed: PlacedSoup, options: &LoadOptions) -> Result<Scene> {
     let PlacedSoup { mut soup, meshes, placements } = placed;
     let shared = meshes.into_iter().map(|m| resolve_mesh(m, options)).collect::<Result<Vec<_>>>()?;
     shared.iter().for_each(|m| soup.repairs.add_counts(&m.repairs));

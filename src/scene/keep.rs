@@ -3,8 +3,8 @@
 use super::{Repairs, Soup, triangulate::newell, weld};
 use glam::{DVec3, Vec3};
 
-/// Smallest opacity of a face that blocks light; faces below are dropped. Chosen: one half separates glass from the
-/// rest.
+/// Smallest opacity of a face that blocks light; faces below are dropped. A face transmits all or nothing here, so an
+/// error in opacity is smallest with the limit at one half.
 pub(super) const MIN_OPACITY: f32 = 0.5;
 
 /// Polygons that remain before triangulation.

@@ -28,16 +28,23 @@ mod tests;
 mod texture;
 mod triangulate;
 mod weld;
+#[cfg(any(test, feature = "cli"))]
 mod write_gltf;
+#[cfg(any(test, feature = "cli"))]
 mod write_obj;
 
 pub use emitter_sampler::{EmitterSampler, point_on};
+pub use flatten::InstanceTriangles;
+#[cfg(test)]
+pub(crate) use instances::resolve_placed;
 pub use instances::{MAX_PLACEMENTS, Placement};
 pub use load::LoadOptions;
 pub use power::{parse_emitter, unit_in_metres};
 pub use resolve::{MAX_COORDINATE, MIN_EXTENT, resolve};
 pub use soup::{PlacedSoup, Soup, SoupMaterial};
+#[cfg(any(test, feature = "cli"))]
 pub use write_gltf::write_gltf;
+#[cfg(any(test, feature = "cli"))]
 pub use write_obj::{mtl_path, write_obj};
 
 use crate::{Result, math::Aabb};
@@ -192,6 +199,8 @@ pub struct Scene {
     pub(crate) shared: Vec<Arc<Scene>>,
     /// Placements of the shared meshes, in file order.
     pub(crate) placements: Vec<Placement>,
+    /// The triangles of each instance in a scene that [`Scene::flattened`] made; empty for others, which are one instance.
+    pub(crate) instances: Vec<InstanceTriangles>,
 }
 
 impl Scene {
@@ -207,21 +216,25 @@ impl Scene {
     /// # Errors
     /// Nothing has this name; the message lists some names.
     pub(crate) fn faces_named(&self, name: &str) -> Result<Vec<u32>> {
+        let faces = self.faces_with_name(name);
+        if faces.is_empty() { Err(power::unknown(name, self.names())) } else { Ok(faces) }
+    }
+
+    /// The scene's own faces of the objects, groups or materials called `name`, ascending; maybe none.
+    fn faces_with_name(&self, name: &str) -> Vec<u32> {
         let objects: Vec<bool> = self.objects.iter().map(|o| o.name == name).collect();
         let materials: Vec<bool> = self.materials.iter().map(|m| m.name == name).collect();
-        let faces: Vec<u32> = (0..self.triangles.len())
+        (0..self.triangles.len())
             .filter(|&t| {
                 objects[self.triangle_object[t] as usize] || materials[self.triangle_material[t] as usize]
             })
             .map(|t| t as u32)
-            .collect();
-        if faces.is_empty() {
-            return Err(power::unknown(
-                name,
-                self.objects.iter().map(|o| &o.name).chain(self.materials.iter().map(|m| &m.name)),
-            ));
-        }
-        Ok(faces)
+            .collect()
+    }
+
+    /// Names of objects and materials.
+    fn names(&self) -> impl Iterator<Item = &String> {
+        self.objects.iter().map(|o| &o.name).chain(self.materials.iter().map(|m| &m.name))
     }
 
     /// Memory of vertices, faces, objects, materials and placements, bytes; each shared mesh counts once.
@@ -242,6 +255,7 @@ impl Scene {
             + of(&self.materials)
             + self.emitters.iter().map(|e| of(&e.triangles)).sum::<usize>()
             + of(&self.placements)
+            + of(&self.instances)
             + self.shared.iter().map(|m| m.bytes()).sum::<usize>()
     }
 

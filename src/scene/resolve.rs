@@ -22,7 +22,8 @@ use glam::{DVec3, Vec3};
 pub const MAX_COORDINATE: f64 = 1e12;
 /// Smallest extent of a scene: areas stay within f32.
 pub const MIN_EXTENT: f64 = 1e-12;
-/// Largest reflectance. Chosen: with 1 the light in a closed room would not converge.
+/// Largest reflectance: with 1 the light in a closed room would not converge; 0.999 reflects at most 1 / (1 − 0.999) =
+/// 1,000 times the emitted light.
 pub const MAX_REFLECTANCE: f32 = 0.999;
 
 /// Checks, repairs and converts a soup.
@@ -50,9 +51,7 @@ enum Role {
 }
 
 fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene> {
-    if options.sides.is_some_and(|s| s != 1 && s != 2) {
-        return Err(Error::Argument("sides must be 1 (closed solids) or 2 (sheets)".into()));
-    }
+    check_sides(options)?;
     let mut repairs = std::mem::take(&mut soup.repairs);
     let mut materials = match role {
         Role::Whole => check_materials(&soup, &mut repairs)?,
@@ -127,7 +126,15 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
         repairs,
         shared: Vec::new(),
         placements: Vec::new(),
+        instances: Vec::new(),
     })
+}
+
+fn check_sides(options: &LoadOptions) -> Result<()> {
+    match options.sides {
+        None | Some(1 | 2) => Ok(()),
+        Some(_) => Err(Error::Argument("sides must be 1 (closed solids) or 2 (sheets)".into())),
+    }
 }
 
 fn check_materials(soup: &Soup, repairs: &mut Repairs) -> Result<Vec<Material>> {

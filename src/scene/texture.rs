@@ -10,7 +10,7 @@ pub struct Texture {
 }
 
 /// Number of barycentric sample points: centres of the 16 triangles of two midpoint subdivisions, each of equal area.
-/// Chosen: a face has one colour.
+/// Their mean is the one colour of a face; its standard error is a quarter of the spread of the texture in the face.
 const SAMPLES: usize = 16;
 
 impl Texture {

@@ -121,6 +121,7 @@ impl Isa {
     }
 
     /// Whether this machine supports the instruction set.
+    #[cfg(any(test, feature = "internals"))]
     pub fn available(self) -> bool {
         let best = Isa::detect();
         self == Isa::Portable || self == best || (self == Isa::Avx2 && best == Isa::Avx512)
@@ -139,7 +140,7 @@ impl Isa {
 /// Runs a kernel compiled for `isa`. On processors other than x86-64 portable code runs.
 ///
 /// # Panics
-/// If this machine does not support `isa`; see [`Isa::available`].
+/// If this machine does not support `isa`.
 #[inline]
 pub fn dispatch<K: Kernel>(isa: Isa, kernel: K) -> K::Output {
     #[cfg(target_arch = "x86_64")]

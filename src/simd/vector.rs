@@ -1,8 +1,7 @@
 //! Vectors of three components, one vector per lane.
 //!
 //! These functions avoid closures and `array::map`: code that the compiler does not inline into the function with the
-//! target features is not vectorised (measured once: slower by a factor of three; no benchmark repeats the
-//! measurement).
+//! target features is not vectorised.
 
 use super::{LANES, Simd};
 use glam::Vec3;

@@ -10,20 +10,20 @@ use super::answer::Bundle;
 use super::walk::Walked;
 use crate::simd::LANES;
 
-/// Work of exact rays per packet before the calibration. Chosen.
+/// Work of exact rays per packet until [`CostModel::calibrated`] replaces it: [`EMBREE_WORK_FACTOR`] · √1,100, for a
+/// shaft with some 90 blocks of triangles ([`super::work::BLOCK`]).
 const DEFAULT_RAY_WORK: u64 = 200;
 /// Embree's work per packet in units of this engine's work, divided by the square root of the work of testing every
-/// triangle in the shaft. Measured once between 3 (Sponza) and 20 (a forest of six million triangles), 5 to 7 in
-/// furnished rooms and a park; no command repeats the measurement.
+/// triangle in the shaft. An estimate that selects between engines; both times of each row of `mrvis bench` check it.
 const EMBREE_WORK_FACTOR: f64 = 6.0;
 /// Largest ratio of the engine's work to that of exact rays at which the engine is used: the work of exact rays is an
-/// estimate, so a margin is kept. Measured once: bench rows at 0.84 in a kitchen and 0.92 before a bookshelf were 14 %
-/// and 30 % slower than exact rays; rows up to 0.79 in a garden were faster.
+/// estimate, so a margin of a fifth is kept.
 const MAX_WORK_RATIO: f64 = 0.8;
-/// A walk is abandoned at this multiple of the estimated work of exact rays. Chosen.
+/// A walk is abandoned at this multiple of the estimated work of exact rays. A bundle then costs at most 2 + 1 = 3
+/// times as much as exact rays alone.
 const GIVE_UP_FACTOR: u64 = 2;
-/// Work per bundle for its shaft and answer, independent of geometry. Chosen.
-const BUNDLE_WORK: u64 = 30;
+/// Work per bundle for its shaft and answer: five nodes. An estimate that selects between engines.
+pub(super) const BUNDLE_WORK: u64 = 30;
 /// Estimated work of exact rays.
 #[derive(Clone, Copy)]
 pub(super) struct CostModel {

@@ -6,10 +6,12 @@
 //! size.
 
 use super::answer::Bundle;
+use super::cost_model::BUNDLE_WORK;
 use super::shaft::Shaft;
 use super::slabs::{PacketSums, Passed};
-use super::walk::{Buffers, NODE, Rule, Walked, gather, visit};
+use super::walk::{Buffers, Rule, Walked, gather, visit};
 use super::wide::{AxisOptics, LEAF, NO_OPTICS, Node, WideTree, set_box, set_optics};
+use super::work::NODE;
 use crate::clusters::Tree;
 use crate::math::Aabb;
 use crate::optics::{AXIS_COUNT, AxisMix, ClusterOptics};
@@ -44,6 +46,21 @@ impl Frame {
         self.to_mesh.transform_point3(p.as_dvec3()).as_vec3()
     }
 
+    /// Transforms the segments of a bundle and its emitter's hull into the frame of the mesh; returns the shaft there.
+    #[inline(always)]
+    pub(super) fn enter<S: Simd>(
+        &self,
+        simd: S,
+        (packets, emitter): (&[Packet], &[Vec3]),
+        (moved, hull): (&mut Vec<Packet>, &mut Vec<Vec3>),
+    ) -> Shaft {
+        moved.clear();
+        moved.extend(packets.iter().map(|packet| self.packet(packet)));
+        hull.clear();
+        hull.extend(emitter.iter().map(|&p| self.point(p)));
+        Shaft::of(simd, moved, hull, self.magnitude)
+    }
+
     /// The segments of a packet in the frame of the mesh.
     fn packet(&self, packet: &Packet) -> Packet {
         let mut moved = packet.clone();
@@ -60,23 +77,42 @@ impl Frame {
     }
 }
 
+/// Work of entering an instance, for each packet of a bundle: its segments are transformed and the shaft is built around them.
+/// A transform alone takes 20 ns, a triangle against a packet 25 ns (AVX2). `cargo bench --bench visibility` measures both
+/// steps: `instances_entered` and `shaft` against `blocks_of_sixteen_triangles`.
+pub(super) const ENTER_PACKET: u64 = 2;
+/// Work of entering an instance, for each bundle: the part of the shaft that is independent of the number of packets. As in
+/// [`super::cost_model`]; `cargo bench --bench visibility -- shaft` measures it.
+pub(super) const ENTER_BUNDLE: u64 = BUNDLE_WORK;
+
 /// Groups of instances with their optics, sixteen children side by side, and the frames of the instances.
 pub struct InstanceTree {
     nodes: Vec<Node>,
     optics: Vec<[AxisOptics; AXIS_COUNT]>,
-    frames: Vec<Frame>,
+    pub(super) frames: Vec<Frame>,
 }
 
 impl InstanceTree {
     /// Lays out a tree over instances. `tree.order` holds indices into `boxes` (boxes of the instances in the model) and
-    /// `frames`; `optics` has one entry a cluster.
-    pub fn build(tree: &Tree, optics: &[ClusterOptics], boxes: &[Aabb], frames: Vec<Frame>) -> InstanceTree {
+    /// `frames`; `optics` has one entry a cluster, none for clusters of one instance. Those are never aggregated here: the root
+    /// of their mesh may be, in the frame of the mesh, with optics that were measured on its triangles.
+    pub fn build(
+        tree: &Tree,
+        optics: &[Option<ClusterOptics>],
+        boxes: &[Aabb],
+        frames: Vec<Frame>,
+    ) -> InstanceTree {
         let mut nodes = vec![Node::EMPTY; tree.clusters.len() + 1];
         let mut wide = vec![NO_OPTICS; tree.clusters.len() + 1];
         let mut place = |node: usize, lane: usize, cluster: usize| {
             set_box(&mut nodes[node], lane, tree.clusters[cluster].bounds.thickened());
-            nodes[node].child[lane] = cluster as u32 + 1;
-            set_optics((&mut nodes[node], &mut wide[node]), lane, &optics[cluster]);
+            match &optics[cluster] {
+                Some(optics) => {
+                    nodes[node].child[lane] = cluster as u32 + 1;
+                    set_optics((&mut nodes[node], &mut wide[node]), lane, optics);
+                }
+                None => nodes[node].child[lane] = LEAF | tree.triangles_of(cluster)[0],
+            }
         };
         if !tree.clusters.is_empty() {
             place(0, 0, 0);
@@ -86,7 +122,6 @@ impl InstanceTree {
                 place(c + 1, lane, child);
             }
         }
-        // Single instances are never aggregated here: the root of their mesh may be, in the frame of the mesh.
         for (c, cluster) in tree.clusters.iter().enumerate().filter(|(_, cluster)| cluster.is_leaf()) {
             for (lane, &instance) in tree.order[cluster.triangle_range()].iter().enumerate() {
                 set_box(&mut nodes[c + 1], lane, boxes[instance as usize].thickened());
@@ -94,6 +129,14 @@ impl InstanceTree {
             }
         }
         InstanceTree { nodes, optics: wide, frames }
+    }
+
+    /// Bytes of the trees of all placed meshes, each counted once.
+    pub fn mesh_bytes(&self) -> usize {
+        let mut trees: Vec<&Arc<WideTree>> = self.frames.iter().map(|frame| &frame.tree).collect();
+        trees.sort_unstable_by_key(|tree| Arc::as_ptr(tree));
+        trees.dedup_by_key(|tree| Arc::as_ptr(tree));
+        trees.into_iter().map(|tree| tree.bytes()).sum()
     }
 
     /// Bytes of all arrays, without the meshes.
@@ -138,13 +181,14 @@ pub(super) fn walk_instances<S: Simd>(
     }
     let mut next = 0;
     while next < own.found.len() && !all && !walked.gave_up {
+        walked.work += rule.enter[0] + rule.enter[1] * packets.len() as u64;
+        if walked.work > rule.limit {
+            walked.gave_up = true;
+            break;
+        }
         let frame = &instances.frames[own.found[next] as usize];
         next += 1;
-        own.packets.clear();
-        own.packets.extend(packets.iter().map(|packet| frame.packet(packet)));
-        own.emitter.clear();
-        own.emitter.extend(bundle.emitter.iter().map(|&p| frame.point(p)));
-        let inner = Shaft::of(simd, &own.packets, &own.emitter, frame.magnitude);
+        let inner = frame.enter(simd, (packets, bundle.emitter), (&mut own.packets, &mut own.emitter));
         let rule = Rule {
             e: rule.e / frame.scale,
             s: rule.s / frame.scale,

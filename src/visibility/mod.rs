@@ -5,7 +5,7 @@
 //! * [`MultiResolution`]: clusters whose shadow features would be smaller than `s` are not opened but transmit
 //!   according to their extinction [SD95 sec 3.2]; with [`LeafMode::Average`], the paper's average visibility [SD95 sec
 //!   5].
-//! * [`mod@reference`]: the same rule for single segments and nodes; the reference in tests of the fast engine.
+//! * `reference`: the same rule for single segments and nodes; the reference in tests of the fast engine, compiled for them alone.
 //!
 //! Feature size and emitter size are arguments of every query. Links, energy and materials are not known here.
 //! Formulas: docs/method.md, Umbra criterion, Extinction, and Certificates and intervals.
@@ -17,25 +17,28 @@ mod exact;
 mod front;
 mod instances;
 mod multires;
-// Most of it is an oracle for tests.
-#[cfg_attr(not(test), allow(dead_code))]
+#[cfg(test)]
 pub mod reference;
 mod shaft;
 mod slabs;
+#[cfg(feature = "internals")]
 pub mod steps;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]
 mod tests;
 mod triangles;
+#[cfg(any(test, feature = "cli"))]
 mod unbiased;
 mod walk;
 mod wide;
+mod work;
 
 pub use answer::{Answer, Bundle, Cost, Method, wilson};
 pub use bundle_walks::Workspace;
 pub use exact::{Exact, fastest_traversal};
 pub use instances::{Frame, InstanceTree};
 pub use multires::{LeafMode, MultiResolution};
+#[cfg(any(test, feature = "cli"))]
 pub use unbiased::{Correction, Estimate, Unbiased};
 pub use wide::WideTree;

@@ -1,14 +1,16 @@
-//! Multi-resolution visibility [SD95 sec 3.2]: the engine above walks, fronts and the hand-over to Embree.
+//! Multi-resolution visibility [SD95 sec 3.2]: the engine, which combines walks, fronts and exact rays by Embree.
 
 use super::answer::{Answer, Bundle, Cost, Method, interval, wilson};
 use super::bundle_walks::{BundleWalks, Sizes, Walker, Workspace};
 use super::cost_model::{CostModel, Work};
 use super::exact::Exact;
 use super::instances::InstanceTree;
+#[cfg(feature = "internals")]
 use super::steps::Steps;
 use super::wide::WideTree;
 use crate::embree::{CommittedScene, Traversal};
 use crate::optics;
+#[cfg(any(test, feature = "internals"))]
 use crate::ray::Packet;
 use crate::simd::{Isa, LANES, dispatch};
 use std::sync::Arc;
@@ -23,10 +25,13 @@ pub enum LeafMode {
     Average,
 }
 
-/// Approximate size of the caches near a core, bytes. Chosen.
+/// Trees larger than this count [`super::walk::FETCH`] for every node, bytes: twice the 32 MiB last-level cache of the
+/// processor that was measured (an AMD EPYC; `lscpu`). Not read from the machine: choices of engines must not depend on
+/// it.
 const CACHE_BYTES: usize = 64 << 20;
 /// Fraction of the distance between Fréchet's bounds that counts as model error: clusters are neither independent nor
-/// perfectly correlated. Measured once in forests and a park; no command repeats the measurement.
+/// perfectly correlated. With 0, 0.1, 0.3 and 1 the stated intervals hold 98.7 %, 99.2 %, 99.4 % and 99.8 % of the
+/// exact fractions in a forest at a feature size of 1 m (`constants.py bench`).
 const DEPENDENCE_FRACTION: f32 = 0.1;
 /// The multi-resolution engine: the wide tree, and the scene in Embree for bundles handed over.
 #[derive(Clone)]
@@ -40,7 +45,7 @@ pub struct MultiResolution {
     leaf: LeafMode,
     isa: Isa,
     cost: CostModel,
-    /// Whether the tree is larger than the caches near a core.
+    /// Whether all trees together are larger than the caches near a core.
     far: bool,
     /// Tolerance of the transmittance that feature sizes were measured for.
     tolerance: f32,
@@ -69,10 +74,11 @@ impl MultiResolution {
         }
     }
 
-    /// Adds placed meshes to the model's own triangles; `magnitude` is the largest coordinate magnitude of both.
+    /// Adds placed meshes, if there are any, to the model's own triangles; `magnitude` is the largest coordinate magnitude of both.
     #[must_use]
-    pub fn with_instances(mut self, instances: Arc<InstanceTree>, magnitude: f32) -> Self {
-        (self.instances, self.magnitude) = (Some(instances), magnitude);
+    pub fn with_instances(mut self, instances: Option<Arc<InstanceTree>>, magnitude: f32) -> Self {
+        (self.instances, self.magnitude) = (instances, magnitude);
+        self.far = self.bytes() > CACHE_BYTES;
         self
     }
 
@@ -84,6 +90,7 @@ impl MultiResolution {
     }
 
     /// Selects another instruction set; unavailable ones are replaced by portable code.
+    #[cfg(any(test, feature = "internals"))]
     #[must_use]
     pub fn with_isa(mut self, isa: Isa) -> Self {
         self.isa = if isa.available() { isa } else { Isa::Portable };
@@ -96,13 +103,16 @@ impl MultiResolution {
     }
 
     /// Single steps of a walk for a bundle's packets, for benchmarks.
+    #[cfg(feature = "internals")]
     pub fn steps<'s>(&'s self, packets: &'s [Packet]) -> Steps<'s> {
-        Steps::new(&self.tree, self.magnitude, self.isa, packets)
+        Steps::new((&self.tree, self.instances.as_deref()), self.magnitude, self.isa, packets)
     }
 
-    /// Size of the traversal structure in bytes.
+    /// Size of the traversal structure in bytes: the trees of all meshes, each once, and the groups of instances.
     pub fn bytes(&self) -> usize {
-        self.tree.bytes()
+        let placed =
+            self.instances.as_ref().map_or(0, |instances| instances.bytes() + instances.mesh_bytes());
+        self.tree.bytes() + placed
     }
 
     /// The visible fraction of a bundle for feature size `s` on the receiver (scene units, finite, positive).
@@ -262,11 +272,13 @@ impl MultiResolution {
     }
 
     /// Transmittance of each segment of one packet; 0 in unused lanes. `e` and `s`: emitter and feature size.
+    #[cfg(test)]
     pub fn transmittances(&self, packet: &Packet, e: f32, s: f32, workspace: &mut Workspace) -> [f32; LANES] {
         self.answer_lanes(packet, e, s, workspace).1
     }
 
     /// The answer for one packet and the transmittance of each segment, 0 in unused lanes.
+    #[cfg(test)]
     pub fn answer_lanes(
         &self,
         packet: &Packet,

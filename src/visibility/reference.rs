@@ -7,12 +7,6 @@ use crate::optics::{AxisMix, ClusterOptics};
 use crate::scene::Scene;
 use glam::Vec3;
 
-/// Largest absolute coordinate of a scene, scene units: the scale of rounding errors.
-pub fn magnitude(scene: &Scene) -> f32 {
-    let bounds = scene.world_bounds();
-    bounds.min.abs().max(bounds.max.abs()).max_element()
-}
-
 /// Width of the umbra on the receiver, `b + (b - e) d2/d1`, for a blocker of width `b` at distance `d1` from an
 /// emitter of width `e` and `d2` from the receiver; negative without umbra. Lengths. Source: docs/method.md, Umbra
 /// criterion.
@@ -132,5 +126,5 @@ fn visit(
 
 /// The end rule of a scene.
 pub fn end_rule(scene: &Scene) -> crate::ray::EndRule {
-    crate::ray::EndRule::new(magnitude(scene))
+    crate::ray::EndRule::new(scene.magnitude())
 }

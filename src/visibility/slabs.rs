@@ -345,8 +345,8 @@ impl<S: Simd> Lines<S> {
     }
 }
 
-/// Bundles of at least this many packets are folded by four, smaller ones by two. Measured once in a forest: the error
-/// grows by at most half a percent; four packets folded by four add five percent. No command repeats the measurement.
+/// Bundles of at least this many packets are folded by four, smaller ones by two: at least two folded packets remain,
+/// so that their errors average.
 const MIN_FOLD_BY_FOUR_PACKETS: usize = 8;
 
 /// Traces the unblocked segments of a bundle through the aggregated boxes: one by one, or, in bundles of several

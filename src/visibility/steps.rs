@@ -1,5 +1,6 @@
 //! Single steps of a walk, for the micro-benchmarks in `benches/visibility.rs`.
 
+use super::instances::InstanceTree;
 use super::shaft::Shaft;
 use super::slabs::{Slabs, pass};
 use super::triangles::{self, Tiles};
@@ -9,20 +10,27 @@ use crate::ray::Packet;
 use crate::simd::{Isa, Kernel, LANES, Simd, dispatch};
 use glam::Vec3;
 
-/// Largest number of nodes and triangle blocks per step. Chosen: they fit into the nearest caches.
+/// Largest number of nodes and triangle blocks per step of a benchmark: 16 nodes with optics take 32 KiB at most, so
+/// that caches hold them.
 const MAX_STEP_NODES: usize = 16;
 
 /// The first nodes and blocks of an engine's tree, and one bundle.
 pub struct Steps<'a> {
     tree: &'a WideTree,
+    instances: Option<&'a InstanceTree>,
     magnitude: f32,
     isa: Isa,
     packets: &'a [Packet],
 }
 
 impl<'a> Steps<'a> {
-    pub(super) fn new(tree: &'a WideTree, magnitude: f32, isa: Isa, packets: &'a [Packet]) -> Steps<'a> {
-        Steps { tree, magnitude, isa, packets }
+    pub(super) fn new(
+        (tree, instances): (&'a WideTree, Option<&'a InstanceTree>),
+        magnitude: f32,
+        isa: Isa,
+        packets: &'a [Packet],
+    ) -> Steps<'a> {
+        Steps { tree, instances, magnitude, isa, packets }
     }
 
     /// Number of nodes that [`Steps::test_nodes`] and [`Steps::pass_slabs`] process.
@@ -50,6 +58,16 @@ impl<'a> Steps<'a> {
         dispatch(self.isa, Run(self, Step::Blocks))
     }
 
+    /// Number of instances that [`Steps::enter_instances`] enters.
+    pub fn instances(&self) -> usize {
+        self.instances.map_or(0, |instances| instances.frames.len().min(MAX_STEP_NODES))
+    }
+
+    /// Transforms the segments into the frames of the instances and constructs the shafts there.
+    pub fn enter_instances(&self) -> f32 {
+        dispatch(self.isa, Run(self, Step::Enter))
+    }
+
     /// Traces the segments through all children of the nodes as boxes with extinction.
     pub fn pass_slabs(&self) -> f32 {
         dispatch(self.isa, Run(self, Step::Slabs))
@@ -60,6 +78,7 @@ enum Step {
     Shaft,
     Nodes(f32),
     Blocks,
+    Enter,
     Slabs,
 }
 
@@ -92,6 +111,14 @@ impl Kernel for Run<'_> {
                     triangles::block_all(simd, &shaft, block, packets, (&mut tiles, &mut blocked)).work
                 });
                 tested.sum::<u64>() as f32
+            }
+            Step::Enter => {
+                let (mut moved, mut hull) = (Vec::new(), Vec::new());
+                let frames = steps.instances.iter().flat_map(|instances| &instances.frames);
+                let shafts = frames
+                    .take(steps.instances())
+                    .map(|frame| frame.enter(simd, (packets, &[]), (&mut moved, &mut hull)).direction().x);
+                shafts.sum()
             }
             Step::Slabs => {
                 let from = shaft.apex.unwrap_or(Vec3::ZERO);

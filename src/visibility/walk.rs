@@ -17,6 +17,7 @@ use super::shaft::Shaft;
 use super::slabs::{Passed, Slabs, pass};
 use super::triangles::{self, Tiles};
 use super::wide::{AxisOptics, LEAF, Node, WideTree, mixed};
+use super::work::{BLOCK, NODE};
 use crate::optics::{AXIS_COUNT, AxisMix};
 use crate::ray::{Lanes, Packet};
 use crate::simd::{LANES, Simd};
@@ -33,6 +34,8 @@ pub(super) struct Rule {
     pub limit: u64,
     /// Work that accounts for the cache miss of a node.
     pub fetch: u64,
+    /// Work of entering an instance, per bundle and per packet.
+    pub enter: [u64; 2],
     /// Tolerance of the transmittance that feature sizes were measured for.
     pub tolerance: f32,
 }
@@ -61,12 +64,6 @@ pub(super) struct Walked {
     /// Whether the walk was abandoned at its limit.
     pub gave_up: bool,
 }
-
-/// Work of a node's shaft test, and of rejecting the triangles of a block. Chosen.
-pub(super) const NODE: u64 = 6;
-pub(super) const BLOCK: u64 = 12;
-/// Work that accounts for the cache miss of a node, in trees larger than the caches near a core. Chosen.
-pub(super) const FETCH: u64 = 10;
 
 /// Walks for one bundle: finds what its shaft meets, then passes its segments through the aggregated clusters.
 #[inline(always)]

@@ -107,7 +107,7 @@ pub(super) fn mixed<S: Simd>(simd: S, optics: &[AxisOptics; AXIS_COUNT], mix: &A
 impl WideTree {
     /// Lays out the clusters of a scene; `optics` has one entry per cluster of `hierarchy.micro`.
     pub fn build(scene: &Scene, hierarchy: &Hierarchy, optics: &[ClusterOptics]) -> WideTree {
-        let magnitude = super::reference::magnitude(scene);
+        let magnitude = scene.magnitude();
         let mut wide =
             WideTree { magnitude, nodes: vec![Node::EMPTY], optics: vec![NO_OPTICS], blocks: Vec::new() };
         let trees = [(&hierarchy.micro, Some(optics)), (&hierarchy.large, None)];

@@ -6,27 +6,27 @@ use crate::Result;
 use crate::bench::record::{ExactRow, Record};
 use crate::metrics::{Fbem, Image};
 use crate::page::{chart, length};
-use crate::plot::{Plot, Point, Scale, Series, Shape};
+use crate::plot::{Marks, Plot, PlotPoint, Scale, Series};
 
 /// Error against time of each row, both axes logarithmic.
 pub(super) fn error_against_time(record: &Record) -> Result<Markup> {
     let rays = |n: usize| if n == 1 { "1 ray".to_string() } else { format!("{n} rays") };
-    let points = |rows: &[ExactRow]| -> Vec<Point> {
-        rows.iter().map(|row| Point { x: row.seconds, y: row.rms, label: rays(row.rays) }).collect()
+    let points = |rows: &[ExactRow]| -> Vec<PlotPoint> {
+        rows.iter().map(|row| PlotPoint { x: row.seconds, y: row.rms, label: rays(row.rays) }).collect()
     };
     let mut series =
-        vec![Series { name: "exact".into(), points: points(&record.exact), shape: Shape::Joined }];
+        vec![Series { name: "exact".into(), points: points(&record.exact), marks: Marks::Joined }];
     if !record.certified.is_empty() {
         let points = points(&record.certified);
-        series.push(Series { name: "exact with certificates".into(), points, shape: Shape::Joined });
+        series.push(Series { name: "exact with certificates".into(), points, marks: Marks::Joined });
     }
     for row in &record.mr {
         let name = format!("multi-res., {} segments", row.rays);
         let label = format!("s = {}", length(row.feature_size, &record.unit));
-        let point = Point { x: row.seconds, y: row.rms, label };
+        let point = PlotPoint { x: row.seconds, y: row.rms, label };
         match series.iter_mut().find(|s| s.name == name) {
             Some(series) => series.points.push(point),
-            None => series.push(Series { name, points: vec![point], shape: Shape::Points }),
+            None => series.push(Series { name, points: vec![point], marks: Marks::Points }),
         }
     }
     let plot = Plot {
@@ -47,11 +47,11 @@ pub(super) fn error_against_time(record: &Record) -> Result<Markup> {
 
 /// Spectrum (FBEM over feature size) of the exact image of 16 rays, and FBEM of each MR image at its own size.
 pub(super) fn spectrum(exact: &[Fbem], mr: &[Fbem], unit: &str) -> Result<Markup> {
-    let point = |row: &Fbem| Point { x: row.size, y: row.value, label: String::new() };
-    let series = |name: &str, rows: &[Fbem], shape| Series {
+    let point = |row: &Fbem| PlotPoint { x: row.size, y: row.value, label: String::new() };
+    let series = |name: &str, rows: &[Fbem], marks| Series {
         name: name.into(),
         points: rows.iter().map(point).collect(),
-        shape,
+        marks,
     };
     let plot = Plot {
         x_label: format!("feature size s, {unit}"),
@@ -59,8 +59,8 @@ pub(super) fn spectrum(exact: &[Fbem], mr: &[Fbem], unit: &str) -> Result<Markup
         x_scale: Scale::Linear,
         y_scale: Scale::Linear,
         series: vec![
-            series("exact, 16 rays", exact, Shape::Joined),
-            series("multi-resolution, each image at its own s", mr, Shape::Points),
+            series("exact, 16 rays", exact, Marks::Joined),
+            series("multi-resolution, each image at its own s", mr, Marks::Points),
         ],
     };
     chart(
@@ -75,12 +75,12 @@ pub(super) fn spectrum(exact: &[Fbem], mr: &[Fbem], unit: &str) -> Result<Markup
 pub(super) fn cross_section(images: [&Image; 3], row: usize, unit: &str) -> Result<Markup> {
     let series =
         images.iter().zip(["reference", "exact, 16 rays", "multi-resolution"]).map(|(image, name)| {
-            let at = |x: usize| Point {
+            let at = |x: usize| PlotPoint {
                 x: (x as f64 + 0.5) * image.texel(),
                 y: f64::from(image.at(x, row)),
                 label: String::new(),
             };
-            Series { name: name.into(), points: (0..image.width()).map(at).collect(), shape: Shape::Line }
+            Series { name: name.into(), points: (0..image.width()).map(at).collect(), marks: Marks::Line }
         });
     let plot = Plot {
         x_label: format!("place along row {row} of the texels, {unit}"),

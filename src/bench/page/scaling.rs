@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use crate::Result;
 use crate::bench::record::{ScalingRecord, ScalingRow};
 use crate::page::{Cell, bytes, chart, count, document, length, seconds, table};
-use crate::plot::{Plot, Point, Scale, Series, Shape, number};
+use crate::plot::{Marks, Plot, PlotPoint, Scale, Series, number};
 
 /// The rows of a series, in order.
 fn series<'a>(rows: &'a [ScalingRow], name: &str) -> Vec<&'a ScalingRow> {
@@ -40,9 +40,9 @@ fn plot(rows: &[ScalingRow]) -> Result<Markup> {
             name: format!("{engine}, {words}"),
             points: series(rows, name)
                 .iter()
-                .map(|r| Point { x: r.triangles as f64, y: 1e6 * time(r), label: String::new() })
+                .map(|r| PlotPoint { x: r.triangles as f64, y: 1e6 * time(r), label: String::new() })
                 .collect(),
-            shape: Shape::Joined,
+            marks: Marks::Joined,
         };
         lines.push(line("exact", |r| r.seconds_per_bundle_exact));
         lines.push(line("multi-res.", |r| r.seconds_per_bundle_mr));

@@ -2,8 +2,9 @@
 
 use super::*;
 use crate::bench::record::{
-    Audit, Build, BytesPerTriangle, CalibrationBin, Clusters, ExactRow, Receiver, ScalingRecord, ScalingRow,
-    SceneSummary, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow, Workload,
+    Build, BytesPerTriangle, CalibrationBin, Clusters, ExactRow, IntervalAudit, ReceiverErrors,
+    ScalingRecord, ScalingRow, SceneSummary, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow,
+    Workload,
 };
 
 /// Shadows of 260 discs, six of them large, with noise; `large_only`: of the large ones.
@@ -33,7 +34,7 @@ fn shadows(large_only: bool, noise: f32, seed: u64) -> Image {
     .unwrap()
 }
 
-fn audit() -> Audit {
+fn audit() -> IntervalAudit {
     let bin = |claimed: f64, observed: f64| CalibrationBin {
         count: 100,
         claimed,
@@ -41,7 +42,7 @@ fn audit() -> Audit {
         observed_lo: 0.8 * observed,
         observed_hi: 1.1 * observed,
     };
-    Audit {
+    IntervalAudit {
         fraction: 0.05,
         bundles: 300,
         rays: 64,
@@ -178,7 +179,7 @@ fn example() -> (Record, Vec<ReceiverImages>) {
         mr: mr_rows().into(),
         unbiased: vec![unbiased()],
         target: Some(target()),
-        receivers: vec![Receiver { name: "lawn".into(), ..Default::default() }],
+        receivers: vec![ReceiverErrors { name: "lawn".into(), ..Default::default() }],
         scaling: Vec::new(),
     };
     let images = ReceiverImages {

@@ -3,9 +3,9 @@
 use maud::{Markup, html};
 
 use crate::Result;
-use crate::bench::record::{Audit, MrRow, Record, TargetChoice, UnbiasedRow};
+use crate::bench::record::{IntervalAudit, MrRow, Record, TargetChoice, UnbiasedRow};
 use crate::page::{Cell, chart, length, percent, seconds, signed, table, times};
-use crate::plot::{Plot, Point, Scale, Series, Shape, number};
+use crate::plot::{Marks, Plot, PlotPoint, Scale, Series, number};
 
 /// Largest number of feature sizes in the plot: with the diagonal, one per colour.
 const MAX_SIZES: usize = 4;
@@ -13,7 +13,8 @@ const MAX_SIZES: usize = 4;
 /// Calibration plot and table; empty without an audit.
 pub(super) fn calibration(record: &Record) -> Result<Markup> {
     let audited = record.mr.iter().filter_map(|row| Some((row, row.audit.as_ref()?)));
-    let rows: Vec<(&MrRow, &Audit)> = audited.filter(|(row, _)| row.rays == record.workload.rays).collect();
+    let rows: Vec<(&MrRow, &IntervalAudit)> =
+        audited.filter(|(row, _)| row.rays == record.workload.rays).collect();
     let Some(&(_, any)) = rows.first() else { return Ok(html! {}) };
     let columns = [
         "s",
@@ -49,7 +50,7 @@ pub(super) fn calibration(record: &Record) -> Result<Markup> {
     })
 }
 
-fn line(row: &MrRow, audit: &Audit, unit: &str) -> [Cell; 7] {
+fn line(row: &MrRow, audit: &IntervalAudit, unit: &str) -> [Cell; 7] {
     let range = |low: String, high: String| Cell::from(format!("{low} to {high}"));
     [
         length(row.feature_size, unit).into(),
@@ -62,15 +63,15 @@ fn line(row: &MrRow, audit: &Audit, unit: &str) -> [Cell; 7] {
     ]
 }
 
-fn plot(rows: &[(&MrRow, &Audit)], unit: &str) -> Result<Markup> {
-    let point = |x: f64, y: f64| Point { x, y, label: String::new() };
+fn plot(rows: &[(&MrRow, &IntervalAudit)], unit: &str) -> Result<Markup> {
+    let point = |x: f64, y: f64| PlotPoint { x, y, label: String::new() };
     let shown: Vec<Series> = rows
         .iter()
         .take(MAX_SIZES)
         .map(|(row, audit)| Series {
             name: format!("s = {}", length(row.feature_size, unit)),
             points: audit.bins.iter().map(|bin| point(bin.claimed, bin.observed)).collect(),
-            shape: Shape::Points,
+            marks: Marks::Points,
         })
         .collect();
     let claims = shown.iter().flat_map(|s| &s.points).map(|p| p.x).filter(|x| *x > 0.0);
@@ -78,7 +79,7 @@ fn plot(rows: &[(&MrRow, &Audit)], unit: &str) -> Result<Markup> {
     let diagonal = Series {
         name: "claimed = observed".into(),
         points: vec![point(ends.0, ends.0), point(ends.1, ends.1)],
-        shape: Shape::Joined,
+        marks: Marks::Joined,
     };
     let plot = Plot {
         x_label: "claimed standard error of the visible fraction".into(),

@@ -2,20 +2,20 @@
 
 use super::inscribed::inscribed;
 use super::relief;
-use crate::bench::workload::Point;
+use crate::bench::workload::ReceiverPoint;
+use crate::clusters::MIN_COPLANAR_COSINE;
 use crate::math::{triangle_area, triangle_normal};
 use crate::scene::Scene;
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Smallest cosine between normals of one plane: about one degree.
-const MIN_COPLANAR_COSINE: f32 = 0.9998;
 /// Part of its rectangle that a nearly rectangular patch covers at least; the image of any other lies in a rectangle
 /// inside it. A disc covers π/4 = 0.785 of its square.
 pub(super) const MIN_FILLED_PART: f64 = 0.8;
 /// Smallest rectangle inside a patch, relative to the patch: a disc has one of 2/π, a triangle one of 1/2.
 const MIN_INSCRIBED_PART: f64 = 0.3;
-/// An object without a patch of at least this part of its area may be a relief. Chosen: a quarter.
+/// An object without a patch of at least this part of its area may be a relief. The sides of a cube (1/6) pass as well;
+/// their normals cancel, which [`super::relief`] tests. Selects receivers only.
 pub(super) const MIN_PATCH_PART: f64 = 0.25;
 
 /// A rectangle in space; `width` is at least `height`.
@@ -84,7 +84,7 @@ impl Patch {
         scene: &Scene,
         rectangle: &Rectangle,
         (width, height, texel): (usize, usize, f64),
-    ) -> Vec<Point> {
+    ) -> Vec<ReceiverPoint> {
         if self.relief {
             return relief::points(scene, &self.triangles, rectangle, (width, height, texel));
         }
@@ -93,7 +93,7 @@ impl Patch {
         let centre = rectangle.lifted() + 1e-3 * texel * normal;
         let up = normal.cross(right);
         let at = move |i: usize, n: usize| (i as f64 + 0.5 - 0.5 * n as f64) * texel;
-        let texel = move |x, y| Point {
+        let texel = move |x, y| ReceiverPoint {
             position: (centre + at(x, width) * right - at(y, height) * up).as_vec3(),
             normal: normal.as_vec3(),
         };
@@ -106,7 +106,7 @@ impl Patch {
         scene: &Scene,
         rectangle: &Rectangle,
         longer: usize,
-    ) -> ([usize; 2], Vec<Point>) {
+    ) -> ([usize; 2], Vec<ReceiverPoint>) {
         let texel = rectangle.width / longer as f64;
         let rows = (rectangle.height / texel).round().max(1.0) as usize;
         ([longer, rows], self.points(scene, rectangle, (longer, rows, texel)))
@@ -197,7 +197,7 @@ fn edges(scene: &Scene, triangles: &[u32]) -> Vec<(u32, u32, u32)> {
 /// The smallest rectangle around the triangles in their plane with a side along one of their outer edges. (The
 /// smallest of all rectangles has a side along the convex hull.) `None` if it has no area.
 pub(super) fn fit(scene: &Scene, triangles: &[u32], normal: DVec3) -> Option<Rectangle> {
-    /// Number of longest outer edges that are tried. Chosen: bounds the time for finely tessellated outlines.
+    /// Number of longest outer edges that are tried: limits the time for finely tessellated outlines to 64 rectangles.
     const DIRECTIONS: usize = 64;
     let (u, v) = normal.any_orthonormal_pair();
     let flat = |p: Vec3| DVec2::new(p.as_dvec3().dot(u), p.as_dvec3().dot(v));

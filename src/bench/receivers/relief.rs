@@ -1,12 +1,13 @@
 //! Receivers that are not planar: heights of terrain, texel by texel.
 
-use super::super::workload::Point;
+use super::super::workload::ReceiverPoint;
 use super::patch::{MIN_FILLED_PART, MIN_PATCH_PART, Patch, Rectangle, fit};
 use crate::math::{triangle_area, triangle_normal};
 use crate::scene::Scene;
 use glam::{DVec2, DVec3};
 
-/// Smallest length of the mean normal of a relief. Chosen: terrain exceeds it, foliage does not.
+/// Smallest length of the mean normal of a relief: for slopes of one angle in all directions its cosine, here 37
+/// degrees. Terrain exceeds it; foliage, which points everywhere, does not.
 const MIN_MEAN_NORMAL: f64 = 0.8;
 
 /// The relief of some faces; `None` if one of their planar patches is large, or if the faces point into all
@@ -38,7 +39,7 @@ pub(super) fn points(
     triangles: &[u32],
     rectangle: &Rectangle,
     (width, height, texel): (usize, usize, f64),
-) -> Vec<Point> {
+) -> Vec<ReceiverPoint> {
     let Rectangle { right, normal, centre, .. } = *rectangle;
     let up = normal.cross(right);
     let middle = |x: usize, y: usize| {
@@ -91,7 +92,7 @@ pub(super) fn points(
         .map(|(i, (rise, face))| {
             let p = middle(i % width, i / width);
             let position = centre + p.x * right + p.y * up + rise * normal + 1e-3 * texel * face;
-            Point { position: position.as_vec3(), normal: face.as_vec3() }
+            ReceiverPoint { position: position.as_vec3(), normal: face.as_vec3() }
         })
         .collect()
 }

@@ -1,6 +1,7 @@
 //! Selection of receivers and position of their texels.
 
 use super::*;
+use crate::model::{Detail, testing};
 use crate::ray::Brute;
 use crate::scene::generate::{Spec, build};
 use glam::{DVec3, Vec3};
@@ -38,7 +39,8 @@ fn rectangles_fit_tilted_quads() {
 #[test]
 fn default_receivers_are_lit_and_distinct() {
     let scene = cornell();
-    let receivers = choose(&scene, &Brute::new(&scene.positions, &scene.triangles), &[], SIZES).unwrap();
+    let model = testing::model(&scene, Detail::Rays);
+    let receivers = choose(&model, &Brute::new(&scene.positions, &scene.triangles), &[], SIZES).unwrap();
     assert!(!receivers.is_empty() && receivers.len() <= DEFAULT_COUNT);
     for r in &receivers {
         assert!(r.lit && r.width == 96 && r.height <= 96, "{}", r.name);
@@ -50,7 +52,8 @@ fn default_receivers_are_lit_and_distinct() {
 fn names_that_nothing_has_are_errors() {
     let scene = cornell();
     let brute = Brute::new(&scene.positions, &scene.triangles);
-    let message = choose(&scene, &brute, &["nothing".into()], SIZES).unwrap_err().to_string();
+    let model = testing::model(&scene, Detail::Rays);
+    let message = choose(&model, &brute, &["nothing".into()], SIZES).unwrap_err().to_string();
     assert!(message.contains("nothing") && message.contains(&scene.objects[0].name), "{message}");
 }
 
@@ -75,6 +78,50 @@ fn images_show_what_is_up_at_the_top() {
     assert!(points[0].x < points[1].x);
 }
 
+/// A placed mesh is found by the name of its node, of its mesh or of its material; the image shows the face where it stands.
+#[test]
+fn placed_meshes_are_receivers() {
+    use crate::scene::Placement;
+    use crate::scene::testing::Pieces;
+    use glam::{DAffine3, DQuat};
+    let mut mesh = Pieces::new();
+    mesh.object("board").quad(DVec3::ZERO, 2.0 * DVec3::X, DVec3::Y);
+    let mut pieces = Pieces::new();
+    pieces.object("floor").quad(DVec3::ZERO, 20.0 * DVec3::X, 20.0 * DVec3::Y);
+    pieces.light(DVec3::new(0.0, 0.0, 9.0), DVec3::Y, DVec3::X);
+    let mut scene = pieces.scene();
+    scene.shared = vec![std::sync::Arc::new(mesh.scene())];
+    let turn = DQuat::from_rotation_y(0.5);
+    let place = |name: &str, at: DVec3, visible| Placement {
+        mesh: 0,
+        transform: DAffine3::from_scale_rotation_translation(DVec3::splat(1.5), turn, at - scene.origin),
+        name: name.into(),
+        material: None,
+        visible,
+    };
+    let (first, second) = (DVec3::new(-3.0, 0.0, 2.0), DVec3::new(4.0, 1.0, 3.0));
+    let placements =
+        vec![place("left", first, true), place("right", second, true), place("ghost", first, false)];
+    scene.placements = placements;
+    let model = testing::model(&scene, Detail::Rays);
+    let exact = model.exact();
+    for (name, at) in [("left", first), ("right", second), ("board", first)] {
+        let options = crate::bench::Options { receivers: vec![name.into()], ..Default::default() };
+        options.check_for(&scene).expect(name);
+        let receivers = choose(&model, &exact, &[name.to_owned()], SIZES).expect(name);
+        assert!(receivers.len() == 1 && receivers[0].lit && receivers[0].name == name);
+        assert!((receivers[0].surface[0] - 3.0).abs() < 1e-4, "{:?}", receivers[0].surface);
+        let normal = turn * DVec3::Z;
+        for point in &receivers[0].points {
+            let off = point.position.as_dvec3() + scene.origin - at;
+            assert!(off.dot(normal).abs() < 1e-3 && off.length() < 1.7, "{name}: {off}");
+            assert!(point.normal.as_dvec3().dot(normal) > 0.999);
+        }
+    }
+    let ghost = choose(&model, &exact, &["ghost".to_owned()], SIZES).expect_err("hidden").to_string();
+    assert!(ghost.contains("`ghost`") && ghost.contains("`left`"), "{ghost}");
+}
+
 /// Terrain under an emitter: the image is taken from above, every texel is on the surface and faces upwards.
 #[test]
 fn a_terrain_is_a_receiver() {
@@ -93,9 +140,10 @@ fn a_terrain_is_a_receiver() {
     }
     pieces.light(DVec3::new(4.0, 4.0, 6.0), DVec3::Y, DVec3::X);
     let scene = pieces.scene();
+    let model = testing::model(&scene, Detail::Rays);
     let brute = Brute::new(&scene.positions, &scene.triangles);
     for names in [vec![], vec!["hills".to_owned()]] {
-        let receivers = choose(&scene, &brute, &names, SIZES).expect("receivers");
+        let receivers = choose(&model, &brute, &names, SIZES).expect("receivers");
         assert_eq!(receivers.iter().map(|r| r.name.as_str()).collect::<Vec<_>>(), ["hills"]);
         let points = &receivers[0].points;
         assert_eq!(points.len(), receivers[0].width * receivers[0].height);
@@ -148,9 +196,10 @@ fn a_round_ground_is_a_receiver() {
         scene.triangle_object.iter().filter(|&&o| scene.objects[o as usize].name == "ground").count(),
         720
     );
+    let model = testing::model(&scene, Detail::Rays);
     let brute = Brute::new(&scene.positions, &scene.triangles);
     for names in [vec![], vec!["ground".to_owned()]] {
-        let receivers = choose(&scene, &brute, &names, SIZES).expect("receivers");
+        let receivers = choose(&model, &brute, &names, SIZES).expect("receivers");
         let ground = receivers.iter().find(|r| r.name == "ground").expect("the ground");
         assert!(ground.lit);
         let points: Vec<DVec3> = ground.points.iter().map(|p| p.position.as_dvec3() + scene.origin).collect();
@@ -169,9 +218,10 @@ fn windows_are_where_the_shadows_are() {
     pieces.object("block").cuboid(DVec3::new(11.0, -9.0, 0.0), DVec3::new(12.0, -8.0, 1.0));
     pieces.light(DVec3::new(0.0, 0.0, 20.0), DVec3::Y, DVec3::X);
     let scene = pieces.scene();
+    let model = testing::model(&scene, Detail::Rays);
     let brute = Brute::new(&scene.positions, &scene.triangles);
     let sizes = [0.04, 0.2];
-    let receivers = choose(&scene, &brute, &["floor".to_owned()], sizes).expect("the floor");
+    let receivers = choose(&model, &brute, &["floor".to_owned()], sizes).expect("the floor");
     let floor = &receivers[0];
     assert!(floor.texel <= 0.5 * sizes[0] && floor.width <= 512, "{} {}", floor.texel, floor.width);
     assert_eq!(floor.surface, [40.0, 30.0]);

@@ -2,6 +2,7 @@
 
 use super::patch::{Patch, Rectangle};
 use super::probe;
+use crate::model::Model;
 use crate::ray::Occluder;
 use crate::scene::Scene;
 
@@ -21,23 +22,23 @@ const MIN_GAIN: f64 = 1.05;
 
 /// The texels of an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Grid {
+pub(super) struct TexelGrid {
     pub(super) width: usize,
     pub(super) height: usize,
     pub(super) texel: f64,
 }
 
-impl Grid {
+impl TexelGrid {
     /// Texels of at most half of `sizes[0]` on a surface with these sides, the longer first: the whole surface, or as
     /// much of it as the number of texels allows. `share`: number of emitters times number of images. If six of
     /// `sizes[1]` do not fit into the image, its texels are larger.
-    pub(super) fn new(surface: [f64; 2], sizes: [f64; 2], share: usize) -> Grid {
+    pub(super) fn new(surface: [f64; 2], sizes: [f64; 2], share: usize) -> TexelGrid {
         let [least, most] = SIDE_TEXELS.map(|n| n as f64);
         let fine = (0.5 * sizes[0]).min(surface[0] / least);
         // A window is as wide as the number of its texels allows; narrow surfaces need fewer rows.
         let texels = MAX_PAIRS as f64 / share.max(1) as f64;
         let shape = surface[1] / surface[0];
-        let square = texels.sqrt().max(least / 3.0);
+        let square = texels.sqrt().clamp(least / 3.0, most);
         let rows = |texel: f64| (surface[1] / texel).min(square).max(1.0);
         let side = |texel: f64| (texels / rows(texel)).clamp(square, most).min(surface[0] / texel);
         let texel = match side(fine) * fine >= 0.999 * (LARGEST_FEATURES * sizes[1]).min(surface[0]) {
@@ -47,26 +48,25 @@ impl Grid {
             }
         };
         let count = |n: f64| (n.round() as usize).max(1);
-        Grid { width: count(side(texel)), height: count(rows(texel)), texel }
+        TexelGrid { width: count(side(texel)), height: count(rows(texel)), texel }
     }
 }
 
 /// The part of a patch's rectangle that a grid covers: all, or the window with the most borders of shadows.
 pub(super) fn place(
-    scene: &Scene,
-    exact: &dyn Occluder,
-    patch: &Patch,
+    (model, exact): (&Model, &dyn Occluder),
+    (surfaces, patch): (&Scene, &Patch),
     rectangle: Rectangle,
-    grid: &Grid,
+    grid: &TexelGrid,
 ) -> Rectangle {
-    let Grid { width, height, texel } = *grid;
+    let TexelGrid { width, height, texel } = *grid;
     let window = [width as f64 * texel, height as f64 * texel];
     let room = [rectangle.width - window[0], rectangle.height - window[1]].map(|r| r.max(0.0));
     if room[0] < texel && room[1] < texel {
         return rectangle;
     }
-    let ([columns, rows], points) = patch.spread(scene, &rectangle, PROBES);
-    let (workload, values) = probe(scene, exact, points);
+    let ([columns, rows], points) = patch.spread(surfaces, &rectangle, PROBES);
+    let (workload, values) = probe(model, exact, points);
     let light = workload.weighted(&values);
     let step = rectangle.width / columns as f64;
     // Partly visible light, and steps of light to the next point.
@@ -114,7 +114,7 @@ mod tests {
         for surface in [[7.0, 5.0], [7.0, 0.3], [0.5, 0.5], [200.0, 150.0]] {
             for sizes in [[0.007, 0.035], [0.02, 0.1], [0.06, 0.3]] {
                 for share in [1, 3, 12] {
-                    let Grid { width, height, texel } = Grid::new(surface, sizes, share);
+                    let TexelGrid { width, height, texel } = TexelGrid::new(surface, sizes, share);
                     assert!(texel <= 0.5 * sizes[0], "{surface:?} {sizes:?} {share}: {texel}");
                     assert!(width <= SIDE_TEXELS[1] && height <= SIDE_TEXELS[1]);
                     assert!(width * height * share <= MAX_PAIRS * 11 / 10, "{surface:?} {width} {height}");
@@ -128,7 +128,7 @@ mod tests {
             }
         }
         // A small surface is imaged whole, however large the sizes.
-        let Grid { width, texel, .. } = Grid::new([1.0, 1.0], [0.5, 2.0], 1);
+        let TexelGrid { width, texel, .. } = TexelGrid::new([1.0, 1.0], [0.5, 2.0], 1);
         assert!(width >= SIDE_TEXELS[0] && (width as f64 * texel - 1.0).abs() < 0.01);
     }
 }

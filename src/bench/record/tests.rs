@@ -7,7 +7,7 @@ fn every_key_of_the_contract_is_written() {
     let record = Record {
         exact: vec![ExactRow::default()],
         mr: vec![MrRow::default()],
-        receivers: vec![Receiver { fbem: vec![ReceiverFbem::default()], ..Default::default() }],
+        receivers: vec![ReceiverErrors { fbem: vec![ReceiverFbem::default()], ..Default::default() }],
         ..Default::default()
     };
     let json = serde_json::to_value(&record).unwrap();

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// A 95 % interval claims a standard error of its width / (2 · 1.96). The noise of the audit's rays is subtracted
 /// from the observed error.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Audit {
+pub struct IntervalAudit {
     /// Requested part of the bundles, in `(0, 1]`.
     pub fraction: f64,
     /// Number of audited bundles.
@@ -68,7 +68,7 @@ pub struct Target {
     /// Whether the intervals of the expected and the observed error overlap.
     pub as_expected: bool,
     /// Audit of the answers; `null` without an audit.
-    pub audit: Option<Audit>,
+    pub audit: Option<IntervalAudit>,
 }
 
 /// Request of a [`Target`]: one of the two is given.

@@ -3,9 +3,11 @@
 use crate::ray::LANES;
 use crate::visibility::Correction;
 
-/// Smallest probability of a correction. Chosen: rarer corrections make errors too rare to be observed.
+/// Smallest probability of a correction. A correction is divided by it, so that no single one counts more than 32
+/// times; rarer ones would mostly not occur in a run, and their error would not be observed.
 const MIN_PROBABILITY: f32 = 1.0 / 32.0;
-/// Fewest pairs of a class whose own statistics are used. Chosen: the relative error of a variance of 16 samples is 36 %.
+/// Fewest pairs of a class whose own statistics are used: the relative error of a variance of 16 samples is √(2/15) =
+/// 36 %.
 const MIN_CLASS_PAIRS: f64 = 16.0;
 /// Number of classes of answers.
 pub(super) const CLASSES: usize = Correction::CLASSES;

@@ -36,12 +36,12 @@ pub fn command_line(record: &Record) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::record::{MrRow, Receiver};
+    use crate::bench::record::{MrRow, ReceiverErrors};
 
     #[test]
     fn runs_are_repeated_with_their_options() {
         let row = |feature_size| MrRow { feature_size, ..Default::default() };
-        let receivers = vec![Receiver { name: "it's".into(), ..Default::default() }];
+        let receivers = vec![ReceiverErrors { name: "it's".into(), ..Default::default() }];
         let mut record = Record { mr: vec![row(0.5), row(0.25), row(0.5)], receivers, ..Default::default() };
         (record.scene.path, record.unit, record.threads) = ("a b.obj".into(), "m".into(), 1);
         assert_eq!(

@@ -2,7 +2,7 @@
 
 use crate::Result;
 use crate::page::{chart, percent};
-use crate::plot::{Plot, Point, Scale, Series, Shape, number};
+use crate::plot::{Marks, Plot, PlotPoint, Scale, Series, number};
 use crate::radiosity::Record;
 use maud::{Markup, html};
 
@@ -13,14 +13,14 @@ const NORMAL: [f64; 12] =
 /// Plot and words; empty without an audit.
 pub(super) fn section(record: &Record) -> Result<Markup> {
     let Some(audit) = record.audit.as_ref().filter(|audit| audit.elements > 0) else { return Ok(html! {}) };
-    let series = |name: &str, parts: &[f64; 12], shape| Series {
+    let series = |name: &str, parts: &[f64; 12], marks| Series {
         name: name.into(),
         points: parts
             .iter()
             .enumerate()
-            .map(|(k, &y)| Point { x: 0.25 * (k + 1) as f64, y, label: String::new() })
+            .map(|(k, &y)| PlotPoint { x: 0.25 * (k + 1) as f64, y, label: String::new() })
             .collect(),
-        shape,
+        marks,
     };
     let plot = Plot {
         x_label: "error, in error bars".into(),
@@ -28,8 +28,8 @@ pub(super) fn section(record: &Record) -> Result<Markup> {
         x_scale: Scale::Linear,
         y_scale: Scale::Linear,
         series: vec![
-            series("normal distribution", &NORMAL, Shape::Line),
-            series("elements of the audit", &audit.within_quarters, Shape::Points),
+            series("normal distribution", &NORMAL, Marks::Line),
+            series("elements of the audit", &audit.within_quarters, Marks::Points),
         ],
     };
     let chart = chart(

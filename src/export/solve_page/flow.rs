@@ -66,7 +66,9 @@ fn streams(record: &Record, scene: &Scene, solution: &RadiosityMesh) -> Vec<Stre
     let mut absorbed = vec![0.0; scene.materials.len()];
     for e in &solution.elements {
         let part = (0..3).map(|c| (1.0 - f64::from(e.albedo[c])) * e.irradiance[c]).sum::<f64>() / 3.0;
-        absorbed[e.material as usize] += e.area * part;
+        if let Some(absorbed) = absorbed.get_mut(e.material as usize) {
+            *absorbed += e.area * part;
+        }
     }
     let all = absorbed.iter().sum::<f64>().max(f64::MIN_POSITIVE);
     let mut order: Vec<usize> = (0..absorbed.len()).filter(|&m| absorbed[m] > 0.0).collect();

@@ -37,12 +37,12 @@ pub(super) struct Eye {
     pub(super) closed: f32,
 }
 
-/// Eyes above surfaces that face upwards, spread evenly by area, and above the ground below those.
-pub(super) fn eyes(stage: &Stage, solution: &RadiosityMesh, up: Vec3) -> Vec<Eye> {
+/// Eyes, in scenes with this unit of length, above surfaces that face upwards, spread evenly by area, and above the ground below those.
+pub(super) fn eyes(stage: &Stage, up: Vec3, unit: &str) -> Vec<Eye> {
     let bounds = Aabb::of(stage.mesh.positions.iter().copied());
     let (size, level) = (bounds.extent(), bounds.extent() * (Vec3::ONE - up.abs()));
     let least = MIN_HEIGHT_PART * level.max_element();
-    let person = unit_in_metres(&solution.unit).map_or(0.0, |metres| (EYE_HEIGHT_METRES / metres) as f32);
+    let person = unit_in_metres(unit).map_or(0.0, |metres| (EYE_HEIGHT_METRES / metres) as f32);
     let (tall, tiny) = (person.max(least), 1e-4 * size.max_element());
     let mut eyes = Vec::new();
     for spot in spots(stage, up) {

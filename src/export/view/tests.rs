@@ -11,12 +11,8 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// The scene with equal light on all lit sides, one element per side of a triangle.
 fn lit(scene: &Scene) -> RadiosityMesh {
-    let mut solution = RadiosityMesh {
-        origin: scene.origin,
-        unit: scene.unit.clone(),
-        vertices: scene.positions.clone(),
-        elements: Vec::new(),
-    };
+    let mut solution =
+        RadiosityMesh { origin: scene.origin, vertices: scene.positions.clone(), ..RadiosityMesh::default() };
     for (t, &[a, b, c]) in scene.triangles.iter().enumerate() {
         let emits = scene.triangle_emitter[t] != u32::MAX;
         for front in [true, false].into_iter().take(usize::from(scene.triangle_sides[t])) {
@@ -48,7 +44,7 @@ fn view(scene: &Scene) -> (DVec3, Camera, Vec<f32>) {
     let solution = lit(scene);
     let mesh = Mesh::new(&solution);
     let stage = Stage::new(&mesh, &solution).expect("a stage");
-    let camera = best_view(&stage, &solution, Vec3::Z);
+    let camera = best_view(&stage, &solution, Vec3::Z, &scene.unit);
     let frame = render(&stage, &camera, 80, 60, 1);
     let mut parts = vec![0.0; scene.objects.len() + 1];
     for first in &frame.first {

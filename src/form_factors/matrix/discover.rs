@@ -64,10 +64,10 @@ pub struct Buffers {
     seen: Vec<Partner>,
 }
 
-/// Number of rays that separate closed rows from open ones. Chosen: the smallest share they miss is about the share
-/// that counts as stray ([`super::Report::STRAY`]).
+/// Number of rays that separate closed rows from open ones: 1 / [`super::Report::STRAY`] = 500, rounded up to a power
+/// of two, so that a share that counts as open is expected to lose a ray.
 const STRAY_CHECK_RAYS: u32 = 512;
-/// Packets per call of Embree. Chosen; no effect on results.
+/// Packets per call of Embree: limits the buffers of a thread to 1,024 rays. Does not change results.
 const BATCH_PACKETS: usize = 64;
 
 /// The partners of a facet with its escaped and lost shares. If all pairs are tried anyway, partners are not collected:

@@ -58,13 +58,8 @@ impl Facets {
     }
 
     /// Number of facets.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.facets.len()
-    }
-
-    /// Whether there are no facets.
-    pub fn is_empty(&self) -> bool {
-        self.facets.is_empty()
     }
 
     /// Area of a facet, scene units squared.

@@ -54,12 +54,13 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Largest number of facets for which all pairs are computed by default. Chosen: below, discovery of most pairs by
-    /// rays takes longer.
+    /// Largest number of facets for which all pairs are computed by default: 34 million pairs, of which
+    /// [`memory_bound`] is about 1 GB.
     pub const EVERY: usize = 8192;
 
     /// Defaults for a number of facets: about four million discovery rays in all (2,048 to 65,536 per facet), and
-    /// bundles that grow as the number of pairs falls. All limits are chosen.
+    /// bundles that grow as the number of pairs falls: about 16 million rays in first bundles (64 to 16,384 per pair),
+    /// 64 million in all (256 to 1,048,576 per pair). The numbers limit the time, and errors fall with their root.
     pub fn new(facets: usize) -> Settings {
         let n = facets.max(1) as u64;
         let rays = ((1 << 22) / n).clamp(2048, 1 << 16).next_power_of_two().min(1 << 16) as u32;
@@ -116,10 +117,11 @@ pub struct Report {
 impl Report {
     /// Largest length of [`Report::bad`].
     pub const MAX_BAD: usize = 20;
-    /// Largest sum of escaped and lost shares of a closed row: stray rays through cracks at corners. Chosen.
+    /// Largest sum of escaped and lost shares of a closed row: one ray in 500 through cracks at corners. Larger shares
+    /// of open rows would be scaled away by the closure.
     pub const STRAY: f32 = 2e-3;
     /// A facet is suspicious if its lost share exceeds this, or if row sum, escaped and lost shares differ from 1 by
-    /// more than this and by more than six standard errors. Chosen.
+    /// more than this and by more than six standard errors. Affects warnings only.
     pub const BAD: f64 = 0.05;
 }
 
@@ -152,11 +154,11 @@ pub fn compute(
             "rays must be at least 1, bundle at least 4 and largest_bundle at least bundle".into(),
         ));
     }
-    if facets.len() > discover::Partner::MAX_FACETS {
+    if facets.count() > discover::Partner::MAX_FACETS {
         return Err(Error::Scene(format!("more than {} facets", discover::Partner::MAX_FACETS)));
     }
     let traced = Traced::new(model, facets);
-    let found: Vec<discover::Found> = (0..facets.len() as u32)
+    let found: Vec<discover::Found> = (0..facets.count() as u32)
         .into_par_iter()
         .map_init(discover::Buffers::default, |buffers, i| {
             let found = discover::partners(&traced, facets, settings, i, buffers);

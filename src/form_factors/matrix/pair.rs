@@ -71,18 +71,24 @@ pub struct Pairs<'a> {
 #[derive(Default)]
 pub struct Buffers(Vec<SampleTable>);
 
-/// Facets with a distance of centres below this multiple of the sum of radii get the double contour integral. Chosen.
+/// Facets with a distance of centres below this multiple of the sum of radii get the double contour integral. Row sums
+/// of a block of houses are off by 0.072 % with 1, by 0.051 % with 1.5, by 0.044 % with 3 (`constants.py
+/// form-factors`).
 const CONTOUR_DISTANCE: f64 = 1.5;
-/// Form factors from here on get the double contour integral. Chosen.
+/// Form factors from here on get the double contour integral. With 0.005 or 0.1 row sums change by less than 0.002 %
+/// (`constants.py form-factors`).
 const CONTOUR_FACTOR: f64 = 0.02;
-/// Above this multiple of the sum of radii, facets that see each other entirely get point-to-point quadrature. Chosen.
+/// Above this multiple of the sum of radii, facets that see each other entirely get point-to-point quadrature. Any
+/// value from 2 to 6 gives the same errors to 0.001 % (`constants.py form-factors`).
 const POINTS_DISTANCE: f64 = 3.0;
-/// Expected discovery rays from which a partly blocked pair gets more bundles. Chosen.
+/// Expected discovery rays from which a partly blocked pair gets more bundles. Half or twice as many change the error
+/// of the matrix from 0.296 % to 0.278 % or 0.367 %, and the time by +11 % or −30 % (`constants.py form-factors`).
 const MIN_MORE_BUNDLES_EXPECTED: f64 = 16.0;
-/// Expected discovery rays above which the transmittance of a found pair is sampled. Chosen: below, its value hardly
-/// changes the estimate.
+/// Expected discovery rays above which the transmittance T of a found pair is sampled. Below, the estimate 1/c + T/2 of
+/// `share` changes with T by at most c/2 = 12.5 % of itself.
 const MIN_SAMPLED_EXPECTED: f64 = 0.25;
-/// Transmittance assumed for found pairs that are not sampled. Chosen: a pair that a ray found is probably visible.
+/// Transmittance assumed for found pairs that are not sampled; with the bound above, an error of 0.2 changes the value
+/// by at most 2.5 %.
 const UNSAMPLED_TRANSMITTANCE: f64 = 0.8;
 
 impl Pairs<'_> {

@@ -50,6 +50,7 @@ impl Matrix {
     }
 
     /// One entry; 0 if not stored.
+    #[cfg(any(test, feature = "internals"))]
     pub fn get(&self, i: usize, j: usize) -> f64 {
         self.row(i).find(|&(c, _)| c == j).map_or(0.0, |(_, f)| f)
     }
@@ -116,7 +117,7 @@ pub fn assemble(
     shares: Vec<[f32; 2]>,
     settings: &Settings,
 ) -> (Matrix, Report) {
-    let n = facets.len();
+    let n = facets.count();
     let rays = n as u64 * u64::from(settings.rays) + upper.iter().map(|r| r.rays).sum::<u64>();
     let (mut variance, mut sums) = (vec![0f64; n], vec![0f64; n]);
     let mut offsets = vec![0u64; n + 1];

@@ -22,7 +22,7 @@ fn quads(list: &[(DVec3, DVec3, DVec3)]) -> Scene {
 
 fn run(scene: &Scene, change: impl FnOnce(&mut Settings)) -> (Matrix, Report) {
     let facets = Facets::new(scene);
-    let mut settings = Settings::new(facets.len());
+    let mut settings = Settings::new(facets.count());
     change(&mut settings);
     compute(&model(scene, Detail::Rays), &facets, &settings, &|_| ()).expect("a matrix")
 }
@@ -141,7 +141,7 @@ fn a_room_cut_into_facets_has_sums_of_closed_forms() {
 fn counted(scene: &Scene, i: u32, rays: u64) -> Vec<f64> {
     let facets = Facets::new(scene);
     let traced = Traced::new(&model(scene, Detail::Rays), &facets);
-    let mut counts = vec![0.0; facets.len()];
+    let mut counts = vec![0.0; facets.count()];
     let from = facets.get(i);
     let mut random = (0u64..).map(|k| (rays::mix(k ^ u64::from(i) << 40) >> 40) as f32 / (1 << 24) as f32);
     let mut next = || random.next().expect("endless");

@@ -93,7 +93,7 @@ pub fn load_or_make(
     make: impl FnOnce() -> PreparedClusters,
 ) -> (PreparedClusters, Origin, Option<String>) {
     let settings = format!("{options:?}");
-    let Some(path) = path(&scene.path, place, &settings) else { return (make(), Origin::Off, None) };
+    let Some(path) = path(scene, place, &settings) else { return (make(), Origin::Off, None) };
     let key = key(scene, &settings, CODE);
     let mut note = match load(&path, &key, scene) {
         Ok(table) => return (table, Origin::Hit, None),
@@ -118,17 +118,23 @@ pub fn load_or_make(
 /// Prepared clusters of a scene if a valid cache file exists.
 pub fn find(scene: &Scene, place: &CacheLocation, options: &Options) -> Option<PreparedClusters> {
     let settings = format!("{options:?}");
-    load(&path(&scene.path, place, &settings)?, &key(scene, &settings, CODE), scene).ok()
+    load(&path(scene, place, &settings)?, &key(scene, &settings, CODE), scene).ok()
 }
 
-/// Path of the cache file: one file per scene and set of options, replaced when the scene changes.
-fn path(scene: &Path, place: &CacheLocation, settings: &str) -> Option<PathBuf> {
+/// Path of the cache file: one file per scene and set of options, replaced when the scene changes. A scene whose placed meshes
+/// are copied has another file than the same scene without its placed meshes.
+fn path(scene: &Scene, place: &CacheLocation, settings: &str) -> Option<PathBuf> {
+    let (placed, scene) = (!scene.placements.is_empty(), &scene.path);
     let mut name = scene.file_name()?.to_os_string();
     let mut digest = blake3::Hasher::new();
     digest.update(settings.as_bytes());
+    if placed {
+        digest.update(b"placed meshes are stored apart");
+    }
     if let CacheLocation::Folder(_) = place {
-        // Distinguishes scenes of equal name from different folders.
-        let full = scene.canonicalize().unwrap_or_else(|_| scene.to_owned());
+        // Distinguishes scenes of equal name from different folders. The path of a mesh inside a file is that of no file.
+        let full = scene.canonicalize().or_else(|_| std::path::absolute(scene));
+        let full = full.unwrap_or_else(|_| scene.to_owned());
         digest.update(full.as_os_str().as_encoded_bytes());
     }
     name.push(format!(".{}.{EXTENSION}", &digest.finalize().to_hex()[..8]));
@@ -170,6 +176,7 @@ fn key(scene: &Scene, settings: &str, code: &str) -> blake3::Hash {
         // Each shared mesh has a cache file of its own.
         shared: _,
         placements: _,
+        instances: _,
     } = scene;
     let mut hash = blake3::Hasher::new();
     let parts: [&[u8]; 7] = [

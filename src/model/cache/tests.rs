@@ -290,3 +290,22 @@ proptest! {
         }
     }
 }
+
+/// A scene with placed meshes and the same scene with copied ones have files of their own: neither replaces the other's.
+#[test]
+fn placed_and_copied_meshes_do_not_replace_each_other() {
+    use crate::scene::generate::{Spec, build};
+    let folder = tempfile::tempdir().expect("scratch folder");
+    let spec = Spec { trees: 4, leaves: 30, instances: true, ..Spec::new("forest") };
+    let mut placed = build(&spec).expect("a forest");
+    placed.path = folder.path().join("forest.gltf");
+    let copied = placed.flattened(u64::MAX).expect("copied");
+    for round in 0..2 {
+        for scene in [&placed, &copied] {
+            let (table, origin, note) = ask(scene);
+            assert_eq!((origin, note), (if round == 0 { Origin::Made } else { Origin::Hit }, None));
+            table.hierarchy.check(scene).expect("the clusters of this scene");
+        }
+    }
+    assert_eq!(files(folder.path()).len(), 2);
+}

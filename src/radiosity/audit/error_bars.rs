@@ -11,14 +11,14 @@ use glam::Vec3;
 use rayon::prelude::*;
 use sobol_burley::sample_4d;
 
-/// Groups of paths from an element, whose spread gives the standard error of their mean, and paths of a group. Chosen: eight
-/// groups determine a standard error to a quarter.
+/// Groups of paths from an element, whose spread gives the standard error of their mean to 1/√(2 · 7) = 27 %.
 const GROUPS: u32 = 8;
+/// Paths of a group: one packet.
 const PATHS: u32 = 16;
 
 /// Comparison of error bars with errors at some elements, drawn by area.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
-pub struct Audit {
+pub struct ErrorBarAudit {
     /// Elements whose irradiance was computed again by paths.
     pub elements: usize,
     /// Part of them whose error lies within the bar (0.68 for a normal distribution).
@@ -35,9 +35,10 @@ pub struct Audit {
     pub factor: f64,
 }
 
-/// Bounds of the factor that corrects bars, and the elements that it needs. Chosen: fewer elements determine a 95 % quantile
-/// too poorly.
+/// Bounds of the factor that corrects bars: errors of the estimate beyond a factor of 4 stay visible in the audit.
 const FACTOR_LIMITS: [f64; 2] = [0.25, 4.0];
+/// Smallest number of elements that determine the factor: 2 of 40 are expected beyond the 95 % quantile that it is
+/// fitted to.
 const MIN_ELEMENTS: usize = 40;
 /// Part of the errors that should lie within twice the bars: two standard deviations of a normal distribution. Errors have longer
 /// tails, so that bars fitted to one standard deviation would be too small.
@@ -59,12 +60,17 @@ struct Check {
 impl FinalGather<'_> {
     /// Compares the solution's irradiance with paths, and the differences with `bars` (standard uncertainty by element, W/m²), at
     /// `count` elements. The audit is empty if `stop` ends it early.
-    pub fn audit(&self, bars: &[f64], count: usize, stop: &(dyn Fn() -> bool + Sync)) -> (Audit, Tally) {
+    pub fn audit(
+        &self,
+        bars: &[f64],
+        count: usize,
+        stop: &(dyn Fn() -> bool + Sync),
+    ) -> (ErrorBarAudit, Tally) {
         let (checks, tally) = self.checks(bars, count, FOR_AUDIT, stop);
         if checks.is_empty() {
-            return (Audit::default(), tally);
+            return (ErrorBarAudit::default(), tally);
         }
-        let mut audit = Audit { elements: checks.len(), ..Audit::default() };
+        let mut audit = ErrorBarAudit { elements: checks.len(), ..ErrorBarAudit::default() };
         for Check { error, noise, bar } in checks {
             audit.within_one += f64::from(u8::from(error <= bar.hypot(noise)));
             audit.within_two += f64::from(u8::from(error <= 2.0 * bar.hypot(noise)));

@@ -1,18 +1,19 @@
 //! Error bars of the solution.
 
 use super::solved::{Closing, Solved};
-use crate::radiosity::elements::Shape;
-use crate::radiosity::mesh::{Element, RadiosityMesh};
+use crate::radiosity::elements::{Elements, Shape};
+use crate::radiosity::mesh::{Element, PlacedElement, RadiosityMesh};
 use crate::radiosity::options::Rows;
 use crate::radiosity::refinement::LinkedScene;
 use crate::radiosity::rgb::mean;
 use crate::scene::Scene;
 use std::collections::HashMap;
 
-/// Lower bounds of the part of the light that is lost at every bounce, without and with row normalisation. Chosen: with correct row
-/// sums no light is created or lost on the way, and errors from all around cancel after a bounce or two; without them errors
-/// add up with every bounce.
+/// Lower bound of the part of the light that is lost at every bounce, without row normalisation: errors add up over at most
+/// 1 / 0.05 = 20 bounces. Affects error bars only, which the audit rescales.
 const MIN_LOSS: f64 = 0.05;
+/// The same with row normalisation: correct row sums create and lose no light, and errors from all around cancel, so
+/// that they add up over at most 1 / 0.5 = 2 bounces.
 const MIN_LOSS_NORMALISED: f64 = 0.5;
 
 /// Standard uncertainty of the irradiance of every surface element along links, W/m²: variation and sampling noise of each link
@@ -72,8 +73,8 @@ impl Solved {
     pub fn mesh(&self, scene: &Scene, uncertainty: &[f64]) -> RadiosityMesh {
         let LinkedScene { elements, states, links: all_links, .. } = &self.linked;
         let mut places: HashMap<[u32; 3], u32> = HashMap::new();
-        let mut mesh =
-            RadiosityMesh { origin: scene.origin, unit: scene.unit.clone(), ..RadiosityMesh::default() };
+        let mut mesh = RadiosityMesh { origin: scene.origin, ..RadiosityMesh::default() };
+        let instance_of_side = instances_of_sides(elements);
         let mut links = vec![0u32; elements.len()];
         for l in all_links {
             links[l.a as usize] += 1;
@@ -116,7 +117,27 @@ impl Solved {
                 material: scene.triangle_material[t],
                 front: s.front,
             });
+            if let Some(&instance) = instance_of_side.get(*side as usize) {
+                let id = elements.surface_id(instance, e as u32).expect("a surface");
+                mesh.instances.push(PlacedElement { instance, id });
+            }
         }
         mesh
     }
+}
+
+/// The instance of each side; empty if there is only one.
+fn instances_of_sides(elements: &Elements) -> Vec<u32> {
+    if elements.instance_count() < 2 {
+        return Vec::new();
+    }
+    let mut instances = vec![0; elements.sides.len()];
+    for instance in 0..elements.instance_count() {
+        for root in elements.of_instance(instance) {
+            if let Shape::Surface { side, .. } = elements.elements[root as usize].shape {
+                instances[side as usize] = instance;
+            }
+        }
+    }
+    instances
 }

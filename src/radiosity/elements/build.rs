@@ -10,7 +10,7 @@ use crate::scene::Scene;
 use rayon::prelude::*;
 
 /// Most subdivisions of a side. Limits the ranges of ids: 4^14 parts a side leave room for 10^10 sides in 64 bits.
-const MAX_LEVEL: u32 = 14;
+pub(super) const MAX_LEVEL: u32 = 14;
 
 impl Elements {
     /// The elements of a scene before subdivision: its clusters and the sides that light can reach.
@@ -158,6 +158,7 @@ impl Build {
             large_from: 0,
             min_area,
             samples,
+            instances: scene.triangles_of_instances(),
         }
     }
 }

@@ -46,9 +46,9 @@ pub struct Entered {
     pub emits: bool,
 }
 
-/// Rays of a part whose origins are tested, and the part of them that must start outside. Chosen: few, as each test costs a
-/// winding number; a quarter tells turned faces from single rays that slip through edges.
+/// Largest number of rays of a part whose origins are tested: limits the time to 8 winding numbers per part.
 const MAX_TESTED_RAYS: usize = 8;
+/// Part of the tested rays that must start outside: 2 of 8, so that one ray that slips through an edge does not decide.
 const MIN_OUTSIDE_SHARE: f64 = 0.25;
 
 /// The closed parts (components of the scene, ascending) that have light on both sides: rays from outside or from an emitter
@@ -102,7 +102,7 @@ fn closed_parts(scene: &Scene) -> Vec<Vec<u32>> {
 
 /// Points in front of at most four faces of every emitter, and behind them for two-sided emission.
 fn light_points(scene: &Scene) -> Vec<Vec3> {
-    // Faces of an emitter that are tested. Chosen: each test costs a winding number.
+    // Faces of an emitter that are tested: limits the time to 4 winding numbers per emitter (8 if it emits from both sides).
     const FACES: usize = 4;
     let step = 1e-4 * scene.bounds.diagonal();
     let mut points = Vec::new();

@@ -27,7 +27,8 @@ struct Frame {
     first_cell: usize,
 }
 
-/// Most levels of a grid. Chosen: 65,536 cells a side.
+/// Largest number of levels of a grid: 4⁸ = 65,536 cells, which limits a grid to 256 KiB of offsets. Does not change
+/// results.
 const MAX_GRID_LEVELS: u32 = 8;
 
 impl Lookup {

@@ -7,10 +7,12 @@
 //!
 //! The elements of a scene are one tree in one arena, parents before children; indices never change. Each element owns a range
 //! of ids that is large enough for every possible subdivision, so that "is a part of" is a comparison of ranges and stays
-//! valid while elements are added. The solver's own data, [`ElementState`], has the same indices.
+//! valid while elements are added. The solver's own data, [`ElementState`], has the same indices. Indices and these ids belong to
+//! one solution; ids of surfaces that outlast it are in `instances`.
 
 mod build;
 pub mod emitters;
+mod instances;
 mod lit_sides;
 mod lookup;
 mod quads;
@@ -22,10 +24,11 @@ mod tests;
 
 pub use lit_sides::{Entered, lit_inside};
 pub use lookup::Lookup;
-pub use side_sampling::{SideSampler, facing_bound};
+pub use side_sampling::SideSampler;
 pub use state::{ElementState, LightStatistics, RowFactors};
 
 use crate::math::Aabb;
+use crate::scene::InstanceTriangles;
 use glam::Vec3;
 
 /// Number of signed axes, in the order +x, -x, +y, -y, +z, -z.
@@ -133,6 +136,8 @@ pub struct Elements {
     /// Smallest area of an element that subdivision makes, scene units squared.
     pub min_area: f64,
     samples: SideSampler,
+    /// The triangles of each instance of the scene.
+    instances: Vec<InstanceTriangles>,
 }
 
 impl Elements {
@@ -142,17 +147,6 @@ impl Elements {
     /// Number of elements.
     pub fn len(&self) -> usize {
         self.elements.len()
-    }
-
-    /// Whether there are no elements.
-    pub fn is_empty(&self) -> bool {
-        self.elements.is_empty()
-    }
-
-    /// Whether `part` is `whole` or a part of `whole`.
-    pub fn is_part_of(&self, part: u32, whole: u32) -> bool {
-        let (part, whole) = (self.elements[part as usize].ids, self.elements[whole as usize].ids);
-        whole[0] <= part[0] && part[1] <= whole[1]
     }
 
     /// The side of a face that a ray of this direction meets; [`Elements::NONE`] if light cannot reach it.

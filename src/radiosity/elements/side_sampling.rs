@@ -3,8 +3,9 @@
 use super::{Cluster, DIRECTIONS};
 use glam::Vec3;
 
-/// Part of the samples that is uniform over all sides, so that every side has a positive density. Chosen: a fifth bounds the
-/// density from below at a small loss of preferred samples.
+/// Part of the samples that is uniform over all sides, so that every side has a positive density: bounds the weight of
+/// a sample to 1 / 0.2 = 5 times the weight of uniform sampling. Without a local pass half or twice as much changes
+/// irradiance by less than 0.1 % (`constants.py solve`).
 const UNIFORM: f32 = 0.2;
 
 /// Running sums of the sides' areas and projected areas.
@@ -84,6 +85,6 @@ fn weights(cluster: &Cluster, towards: Vec3) -> [f64; DIRECTIONS] {
 /// Upper bound of the cosine between a normal and a direction that six directions give: equal to the cosine where the signs
 /// agree on all axes.
 #[inline]
-pub fn facing_bound(normal: Vec3, towards: Vec3) -> f32 {
+fn facing_bound(normal: Vec3, towards: Vec3) -> f32 {
     (normal * towards).max(Vec3::ZERO).element_sum()
 }

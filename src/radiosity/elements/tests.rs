@@ -5,6 +5,14 @@ use crate::clusters;
 use crate::scene::{LoadOptions, Scene};
 use glam::Vec3;
 
+impl Elements {
+    /// Whether `part` is `whole` or a part of `whole`.
+    pub fn is_part_of(&self, part: u32, whole: u32) -> bool {
+        let (part, whole) = (self.elements[part as usize].ids, self.elements[whole as usize].ids);
+        whole[0] <= part[0] && part[1] <= whole[1]
+    }
+}
+
 fn load(obj: &str, emitters: &[(&str, f64)]) -> Scene {
     let folder = tempfile::tempdir().expect("scratch folder");
     let path = folder.path().join("a.obj");

@@ -8,9 +8,10 @@ use crate::radiosity::sampling::{mix, numbers, pick, point_on};
 use crate::ray::{LANES, Packet};
 use glam::Vec3;
 
-/// Points that are gathered for together, as one task. Chosen: their queries share searches for clusters.
+/// Points that are gathered for together, as one task: limits the buffers of a task. 64 points are four packets.
 pub(super) const CHUNK: usize = 64;
-/// Least shadow rays of a point and an emitter. Chosen: two packets, so that the variance has a meaning.
+/// Smallest number of shadow rays of a point and an emitter: two packets, whose difference shows whether more rays are
+/// needed. 16 or 64 rays instead change irradiance by less than 0.08 % (`constants.py solve`).
 const MIN_SHADOW_RAYS: usize = 2 * LANES;
 /// Runs of consecutive points that represent all points when the engine is chosen, and points of each run.
 const SAMPLE_RUNS: usize = 16;

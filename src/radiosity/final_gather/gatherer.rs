@@ -13,7 +13,8 @@ use crate::ray::{LANES, Packet};
 use glam::Vec3;
 use sobol_burley::sample;
 
-/// Sets of directions that points choose from. Chosen: neighbouring points must not share the errors of one set.
+/// Sets of directions that points choose from, so that neighbouring points do not share the errors of one set. Limits
+/// memory to 64 sets. 16, 64 and 256 sets leave errors of 0.86 %, 0.79 % and 0.77 % (`constants.py solve`).
 const DIRECTION_SETS: usize = 64;
 
 /// What gathering needs of a scene and its light.

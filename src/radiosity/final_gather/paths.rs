@@ -9,13 +9,16 @@ use crate::radiosity::sampling::{cosine_direction, mix, numbers};
 use crate::ray::{LANES, Packet};
 use glam::Vec3;
 
-/// Most bounces of a path: in narrow gaps no element is far enough away. Chosen: little light is left after eight bounces.
+/// Largest number of bounces of a path that ends at the first element that is far enough away; in narrow gaps there may
+/// be none. The light left after 8 bounces at a reflectance of 0.5 is 0.4 %. Paths of 4 change irradiance by 0.3 %, of
+/// 16 by 0.1 % (`constants.py solve`).
 const MAX_BOUNCES: u64 = 8;
-/// Most bounces of a path that does not use the solution, and the bounce from which Russian roulette may end it (Arvo and Kirk
-/// 1990). Chosen: the roulette ends almost all paths much earlier.
+/// Largest number of bounces of a path that does not use the solution: limits the time where all reflectances are 0.999, with
+/// 0.999^256 = 77 % of the light left; at 0.9 the limit leaves 2e-12.
 const MAX_INDEPENDENT_BOUNCES: u64 = 256;
+/// Bounce from which Russian roulette may end a path (Arvo and Kirk 1990): affects noise and time, not the mean.
 const FIRST_ROULETTE_BOUNCE: u64 = 3;
-/// Height above the surface at which rays start, relative to the largest coordinate. Chosen: some roundings of 32 bits.
+/// Height above the surface at which rays start, relative to the largest coordinate: 34 roundings of f32 (2⁻²⁴).
 const RAY_OFFSET: f32 = 2e-6;
 
 impl FinalGather<'_> {

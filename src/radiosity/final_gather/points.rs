@@ -13,9 +13,10 @@ use glam::Vec3;
 use rayon::prelude::*;
 use std::time::Instant;
 
-/// Points whose rays are timed for an estimate. Chosen: little of the time of any larger number of points.
+/// Points whose rays are timed for an estimate: a quarter of the points of one task. Used with a time limit only.
 const TIMED_POINTS: usize = CHUNK / 4;
-/// Rays of each kind that remain however short the time. Chosen: fewer would show noise only.
+/// Rays of each kind that remain however short the time: the lower bounds of [`Options::light_rays`] and
+/// [`Options::gather_rays`].
 const MIN_POINT_RAYS: usize = 64;
 /// Distance from surfaces, as part of the scene's diagonal, above which a point is reported as off all surfaces.
 const FAR_OFF: f32 = 1e-3;

@@ -4,10 +4,11 @@ use super::{BlockerCertificate, Link, VisibilityQuery};
 use crate::ray::{EndRule, LANES, Packet};
 use glam::Vec3;
 
-/// Four segments replace sixteen where the deviation of visibility is expected to make the error of an exchange area less than
-/// this part of the tolerated error. Chosen: four segments have twice the standard error of sixteen, which is then still below
-/// a half.
+/// Four segments replace sixteen where the deviation of visibility is expected to make the error of an exchange area
+/// less than this part of the tolerated error: four segments have twice the standard error of sixteen, which is then
+/// still below a half.
 pub(super) const FEW_SEGMENTS_ERROR: f32 = 0.25;
+/// Segments of such links: a quarter of a packet.
 const FEW_SEGMENTS: usize = 4;
 
 /// How accurately a link is to be measured.

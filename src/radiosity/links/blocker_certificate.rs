@@ -11,10 +11,11 @@ use crate::radiosity::elements::{Elements, Shape};
 use crate::ray::EndRule;
 use glam::Vec3;
 
-/// Clusters and surfaces tested for one pair; beyond that the pair has no certificate. Chosen: costs less than sixteen rays.
+/// Clusters and surfaces tested for one pair; beyond that the pair has no certificate. Limits the time of a pair to 96
+/// tests, and the stack to 97 entries.
 const MAX_TESTS: usize = 96;
-/// Distance of a blocked segment's crossing point from the edges of the blocker, relative to its size. Chosen: far above the
-/// rounding of 32-bit coordinates.
+/// Distance of a blocked segment's crossing point from the edges of the blocker, relative to its size: 1,700 roundings
+/// of f32 (2⁻²⁴). Pairs nearer to an edge are traced.
 const MIN_EDGE_DISTANCE: f32 = 1e-4;
 
 /// What geometry proves about the space between two ends.

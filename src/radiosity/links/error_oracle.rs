@@ -1,6 +1,7 @@
 //! The error oracle: how wrong a link may make the light at its ends, and which end to split.
 
 use super::Link;
+use super::cluster_pair::CLUSTER_DEVIATION;
 use crate::radiosity::elements::{ElementState, Elements};
 use crate::radiosity::options::Oracle;
 
@@ -15,10 +16,6 @@ pub enum Split {
     Neither,
 }
 
-/// Relative deviation of the light inside a cluster that is linked with itself. Chosen: that of a cluster whose sides face a
-/// direction only on average.
-const INSIDE_DEVIATION: f32 = 0.3;
-
 /// The error of a link and the end to split. The error is a radiosity: the square root of the squared error's integral over the
 /// receiver, divided by the square root of the scene's area. Errors of receivers of all sizes then count by what they show, and
 /// refining the largest errors reduces the total.
@@ -30,7 +27,7 @@ pub fn link_error(elements: &Elements, link: &Link, states: &[ElementState], ora
     let ends = [link.a, link.b].map(|e| (&elements.elements[e as usize], states[e as usize].statistics));
     if link.a == link.b {
         let (e, l) = ends[0];
-        let error = link.exchange_area * (l.deviation + INSIDE_DEVIATION * l.mean) / e.area as f32;
+        let error = link.exchange_area * (l.deviation + CLUSTER_DEVIATION * l.mean) / e.area as f32;
         return (weigh(error, l.weight, e.area, elements.area), Split::A);
     }
     let mut worst = 0.0;

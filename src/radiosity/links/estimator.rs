@@ -103,6 +103,7 @@ impl LinkEstimator<'_> {
     }
 }
 
-/// Height above a plane, relative to the radii, up to which an element counts as behind it. Chosen: rounding of coordinates in
-/// 32 bits.
+/// Height above a plane, relative to the radii, up to which an element counts as behind it: 170 roundings of f32 (2⁻²⁴)
+/// of coordinates that may be larger than the radii. 1e-6 or 1e-4 instead change irradiance by less than 0.001 %
+/// (`constants.py solve`).
 const COPLANAR: f32 = 1e-5;

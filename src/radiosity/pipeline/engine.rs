@@ -7,7 +7,8 @@ use crate::radiosity::options::{Options, Visibility};
 use crate::visibility::{Bundle, Exact, LeafMode, MultiResolution, Workspace};
 use std::sync::Arc;
 
-/// Bundles on which the cost of exact rays is estimated. Chosen: some milliseconds.
+/// Bundles on which the cost of exact rays is estimated: limit the time to 256 walks, and the relative standard error
+/// of a mean to 1/16 of the spread of one.
 const COST_SAMPLE: usize = 256;
 
 impl Options {

@@ -1,7 +1,7 @@
 //! What is written down about a solution.
 
 use crate::model::summary::SceneSummary;
-use crate::radiosity::audit::{Audit, Ledger};
+use crate::radiosity::audit::{ErrorBarAudit, Ledger};
 use crate::radiosity::links::Tally;
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::radiosity::options::Options;
@@ -91,7 +91,7 @@ pub struct Record {
     /// Estimated RMS error of the elements' irradiance relative to its mean.
     pub error_estimate: f64,
     /// Comparison of error bars with errors; none if reflected light was omitted.
-    pub audit: Option<Audit>,
+    pub audit: Option<ErrorBarAudit>,
     /// Mean irradiance over all elements, W/m², RGB.
     pub mean_irradiance: Rgb,
     /// Whether the caller interrupted the solution.

@@ -9,7 +9,7 @@ use crate::model::summary::SceneSummary;
 use crate::model::{Detail, Model};
 use crate::points::Point;
 use crate::progress::Progress;
-use crate::radiosity::audit::{Audit, Closing, Solved, error_estimate, link_uncertainty};
+use crate::radiosity::audit::{Closing, ErrorBarAudit, Solved, error_estimate, link_uncertainty};
 use crate::radiosity::deadline::{Deadline, DeadlinePlan};
 use crate::radiosity::elements::{Elements, lit_inside};
 use crate::radiosity::final_gather::{FinalGather, LATE_RAYS, LocalPass};
@@ -25,7 +25,8 @@ use crate::visibility::Exact;
 use crate::{Error, Result};
 use std::time::Instant;
 
-/// Smallest and largest diagonal of a scene, scene units: within them 32 bits hold areas and the squares of large areas.
+/// Smallest and largest diagonal of a scene, scene units: within them f32 represents areas and the squares of
+/// large areas.
 const MIN_DIAGONAL: f64 = 1e-9;
 const MAX_DIAGONAL: f64 = 5e9;
 
@@ -140,7 +141,7 @@ struct Facts<'a> {
     unlit: Unlit,
     steps: RefinementSteps,
     tally: Tally,
-    audit: Audit,
+    audit: ErrorBarAudit,
     uncertainty: &'a [f64],
 }
 
@@ -247,7 +248,7 @@ impl Stages<'_> {
         gather: &FinalGather,
         solved: &Solved,
         plan: &DeadlinePlan,
-    ) -> (Vec<f64>, Audit, Tally) {
+    ) -> (Vec<f64>, ErrorBarAudit, Tally) {
         let mut uncertainty = solved.uncertainty();
         let count = if self.options.direct_only { 0 } else { self.options.audit };
         self.progress.stage("audit", 0);
@@ -257,7 +258,7 @@ impl Stages<'_> {
             uncertainty.iter_mut().for_each(|u| *u *= factor);
             let (audit, cost) = gather.audit(&uncertainty, count, &late);
             tally.add(cost);
-            (uncertainty, Audit { factor, ..audit }, tally)
+            (uncertainty, ErrorBarAudit { factor, ..audit }, tally)
         })
     }
 

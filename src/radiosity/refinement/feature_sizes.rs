@@ -2,7 +2,8 @@
 
 use crate::radiosity::elements::{ElementState, Elements, Shape};
 
-/// Smallest importance relative to the most important element. Chosen: bounds the growth of feature sizes by √50.
+/// Smallest importance relative to the most important element: bounds the growth of feature sizes to √50 = 7, as the
+/// help of `--feature-size` states.
 pub const MIN_IMPORTANCE: f64 = 0.02;
 
 /// What determines feature sizes beside importance, scene units.

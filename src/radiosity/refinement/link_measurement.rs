@@ -14,9 +14,10 @@ const CHUNK: usize = 64;
 /// at most an eighth of its part, except for the first.
 const SAMPLE_RUNS: usize = 16;
 const SAMPLE_RUN: usize = 16;
-/// Links measured between two checks of the deadline. Chosen: some milliseconds.
+/// Links measured between two checks of the deadline: at most 32,768 segments. Changes results with a time limit only.
 pub const SLICE: usize = 2048;
-/// Standard error of the link of a cluster with itself, relative to its exchange area. Chosen: few rays of the probe are behind it.
+/// Standard error of the link of a cluster with itself, relative to its exchange area: that of a share measured by 11
+/// rays (√(1/11) = 0.3). Half or twice as much change irradiance by less than 0.001 % (`constants.py solve`).
 const INSIDE_NOISE: f32 = 0.3;
 
 /// Two elements whose link is to be measured.

@@ -13,7 +13,8 @@ use crate::radiosity::transport::{
 };
 use crate::ray::EndRule;
 
-/// Reflectance that dark surfaces count with in the error oracle. Chosen: their irradiance is an output as well.
+/// Reflectance that dark surfaces count with in the error oracle, because their irradiance is an output as well. 0.05
+/// or 0.2 instead change irradiance by less than 0.04 % (`constants.py solve`).
 const MIN_WEIGHT: f32 = 0.1;
 
 /// How links are measured, refined and normalised: the part of [`Options`] that they need.

@@ -7,8 +7,8 @@ use crate::radiosity::links::{Link, Split, link_error};
 use rayon::prelude::*;
 use std::collections::VecDeque;
 
-/// Links refined between two checks of the deadline in steps of limited time, where each link is refined once. Chosen: few, as
-/// steps may be short.
+/// Links refined between two checks of the deadline in steps of limited time, where each link is refined once: the
+/// first step has as many links. Changes results with a time limit only.
 const SHORT_SLICE: usize = 64;
 /// Additional links that replace one link, about: four parts instead of one whole.
 const ADDED_LINKS: usize = 3;

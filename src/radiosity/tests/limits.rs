@@ -1,6 +1,7 @@
 //! Time limits, interruption, missed targets, and light that would grow without end.
 
 use super::*;
+use crate::radiosity::refinement::Ended;
 use crate::scene::generate::{Spec, build};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;

@@ -162,7 +162,7 @@ fn less_tolerance_is_not_worse() {
     assert!(fine < 0.02 && fine < 0.5 * coarse && middle < 1.1 * coarse, "{coarse} {middle} {fine}");
 }
 
-/// The audit believes no bars: those that claim too much or too little are found out, and so is light that is wrong.
+/// The audit reports error bars that are too small or too large, and light that is wrong.
 #[test]
 fn wrong_bars_are_found_out() {
     let scene = room(true);

@@ -5,13 +5,13 @@ use crate::radiosity::deadline::Deadline;
 use crate::radiosity::rgb::Rgb;
 use rayon::prelude::*;
 
-/// Residual relative to direct light (root mean squares by weight) at which a solution has converged. Chosen: far below the
-/// noise of the rays.
+/// Residual relative to direct light (root mean squares by weight) at which a solution has converged. 1e-3 instead
+/// changes irradiance by 0.03 %, 1e-5 by 0.003 % (`constants.py solve`).
 const TOLERANCE: f64 = 1e-4;
-/// Most iterations. Chosen: converging systems need far fewer.
+/// Largest number of iterations: limits the time to 200 products with the matrix if the iteration does not converge.
 const MAX_ITERATIONS: usize = 100;
-/// Iterations that are made even after the deadline, and the terms of all of them together, of which there may be more
-/// iterations. Chosen: 50 million terms take a fraction of a second.
+/// Iterations that are made even after the deadline: at least three, and as many as read 50 million terms together, which
+/// limits the delay to a fraction of a second for small matrices. Change results with a time limit only.
 const MIN_ITERATIONS: usize = 3;
 const LATE_TERMS: usize = 50_000_000;
 /// Terms of one partial sum: partial sums do not depend on the number of threads.

@@ -4,12 +4,14 @@ use super::operator::{Convergence, Field, Transport};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::rgb::Rgb;
 
-/// Bounds of the factor by which reflected light is scaled after a sweep. Chosen: coarse links may reflect more light than they
-/// receive, and their correction must stay finite.
+/// Bounds of the factor by which reflected light is scaled after a sweep: coarse links may reflect more light than they
+/// receive, and the estimate of the factor then has no bound. It only accelerates the sweeps. 0.1 or 0.5 as lower
+/// bound, 5 or 500 as upper bound change irradiance by less than 0.001 % (`constants.py solve`).
 const MIN_SCALE: f64 = 0.2;
+/// As above: at a reflectance of 0.98 and first light, 1 / (1 − 0.98) = 50 is the factor of all bounces.
 const MAX_SCALE: f64 = 50.0;
-/// Relative change, and number of sweeps, at which sweeps end after the deadline. Chosen: the scale factor brings the remaining
-/// light to the right sum after a few bounces.
+/// Relative change, and number of sweeps, at which sweeps end after the deadline: the scale factor brings the remaining light to
+/// the right sum after a few bounces. Change results with a time limit only.
 const LATE_CHANGE: f64 = 1e-3;
 const LATE_SWEEPS: usize = 16;
 

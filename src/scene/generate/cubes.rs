@@ -14,10 +14,10 @@ const GROUP: DVec3 = DVec3::new(2.0, 1.0, 2.0);
 /// Distance between the centres of adjacent groups, metres.
 const PITCH: f64 = 2.6;
 /// Total area of the cubes' front faces relative to the front area of the group; equal for all groups, so that their
-/// coverage is equal. Chosen.
+/// coverage is equal: −ln(1 − [`COVERAGE`]) = 0.56, rounded.
 const LAYERS: f64 = 0.55;
 /// Covered fraction of the group's silhouette seen along the line to the wall; each group is generated again until its
-/// coverage is within [`COVERAGE_SLACK`]. Independent random cubes cover about 1 - exp(-LAYERS).
+/// coverage is within [`COVERAGE_SLACK`]. The mean coverage of independent random cubes is about 1 − exp(−[`LAYERS`]).
 pub(super) const COVERAGE: f64 = 0.43;
 const COVERAGE_SLACK: f64 = 0.01;
 

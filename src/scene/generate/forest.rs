@@ -15,7 +15,8 @@ use std::f64::consts::PI;
 const RADIUS: f64 = 2.0;
 /// Ratio of a crown's height to its width.
 const SLENDERNESS: f64 = 1.2;
-/// Grid spacing in mean radii. Chosen: crowns rarely touch, and the ground has lit and shaded parts.
+/// Grid spacing in mean radii. The radii of neighbours add up to 2 on average, so that crowns rarely touch and the
+/// ground has lit and shaded parts. Part of the definition of the scene.
 const SPACING: f64 = 2.4;
 /// Height of the lowest leaves, metres.
 const CLEAR_HEIGHT: f64 = 2.0;

@@ -101,7 +101,7 @@ pub struct Spec {
     pub light_size: Option<f64>,
 }
 
-/// Largest number of items. Chosen: a forest with so many leaves takes 4 GB.
+/// Largest number of items: limits a forest to 4 GB, at 40 bytes of corners and faces per leaf.
 const MAX_ITEMS: usize = 100_000_000;
 
 impl Spec {

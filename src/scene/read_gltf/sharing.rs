@@ -3,7 +3,6 @@
 //! Two or more nodes with one mesh become placements of a shared mesh. The triangles of a node are copied into the
 //! scene if its mesh emits or becomes an emitter by name (each emitter is a surface of its own), if its transform
 //! would falsify measurements of the mesh ([`MAX_STRETCH`]), or if the scene would have no triangles of its own.
-//! is measured of the mesh ([`MAX_STRETCH`]), or if the scene would have no triangles of its own.
 
 use super::{Reader, UniqueNames, nodes::MeshNode};
 use crate::{

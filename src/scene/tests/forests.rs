@@ -39,7 +39,7 @@ fn generated_forests_load_as_they_were() {
                 (&b.objects[0].name, &b.triangle_reflectance)
             );
         }
-        check_consistent(&loaded.flattened().expect("flat"));
+        check_consistent(&loaded.flattened(u64::MAX).expect("flat"));
     }
     assert_eq!(fs::read_dir(folder.path()).expect("folder").count(), 2, "temporary files are left");
 }

@@ -14,7 +14,7 @@ fn survives(extension: &str, bytes: &[u8]) {
         Ok(scene) => {
             check_consistent(&scene);
             scene.shared.iter().for_each(|mesh| check_consistent(mesh));
-            if let Ok(flat) = scene.flattened_within(10_000) {
+            if let Ok(flat) = scene.flattened(10_000) {
                 check_consistent(&flat);
             }
         }

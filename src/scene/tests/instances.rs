@@ -125,14 +125,14 @@ fn flattened_is_what_flat_files_hold() {
         let shared = file(nodes);
         let (s, flat) = (read(&shared).expect("shared"), read(&without_sharing(&shared)).expect("flat"));
         assert!(flat.placements.is_empty() && flat.shared.is_empty());
-        let flattened = s.flattened().expect("flattened");
+        let flattened = s.flattened(u64::MAX).expect("flattened");
         check_consistent(&flattened);
         assert!(flattened.placements.is_empty() && flattened.shared.is_empty());
         assert_eq!(flattened.triangles.len() as u64, s.visible_triangles());
         assert!(s.world_bounds().contains(flattened.bounds));
         if far == 0.0 {
             assert_eq!(facts(&flattened), facts(&flat));
-            assert_eq!(facts(&flat.flattened().expect("flat")), facts(&flat));
+            assert_eq!(facts(&flat.flattened(u64::MAX).expect("flat")), facts(&flat));
         } else {
             // The origins differ: the centre of all meshes for the flat file, the centre of the ground otherwise.
             for t in 0..flat.triangles.len() as u32 {
@@ -150,16 +150,16 @@ fn hidden_and_repainted_placements() {
     let mut s = read(&file(orchard())).expect("an orchard");
     s.placements[0].visible = false;
     s.placements[1].material = Some(0);
-    let flat = s.flattened().expect("flattened");
+    let flat = s.flattened(u64::MAX).expect("flattened");
     check_consistent(&flat);
     assert_eq!((flat.objects.len(), s.visible_triangles()), (4, 14));
     let elm = flat.faces_named("elm").expect("elm")[0] as usize;
     assert_eq!((flat.triangle_material[elm], flat.triangle_reflectance[elm]), (0, [0.25, 0.5, 0.125]));
     let refused = |s: &Scene, want: &str| {
-        let text = s.flattened().expect_err(want).to_string();
+        let text = s.flattened(u64::MAX).expect_err(want).to_string();
         assert!(text.contains(want), "{text}");
     };
-    let text = s.flattened_within(13).expect_err("too many").to_string();
+    let text = s.flattened(13).expect_err("too many").to_string();
     assert!(text.contains("3 placements of 1 meshes would become 14 triangles"), "{text}");
     s.placements[1].material = Some(3);
     refused(&s, "`elm` has a material that emits");
@@ -183,7 +183,8 @@ fn stretched_nodes_are_copied() {
         ["1 nodes place a shared mesh with shear or unequal scale: their triangles were copied"]
     );
     assert!(
-        (area(&s.flattened().expect("flat")) - area(&read(&without_sharing(&shared)).expect("flat"))).abs()
+        (area(&s.flattened(u64::MAX).expect("flat")) - area(&read(&without_sharing(&shared)).expect("flat")))
+            .abs()
             < 1e-4
     );
 }

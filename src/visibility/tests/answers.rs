@@ -101,9 +101,10 @@ fn claimed_errors_are_those_that_are_there() {
     (spec.trees, spec.leaves) = (20, 300);
     let stage = Stage::new(generate::build(&spec).expect("forest"));
     let engine = stage.engine(LeafMode::Exact).with_tolerance(0.1);
-    let points = crate::bench::workload::surface_points(&stage.scene, 600, 3).expect("points");
+    let model = crate::model::testing::model(&stage.scene, crate::model::Detail::Rays);
+    let points = crate::bench::workload::surface_points(&model, 600, 3).expect("points");
     use crate::bench::workload::{Order, Workload};
-    let workload = Workload::new(&stage.scene, points, 3);
+    let workload = Workload::new(&model, points, 3);
     let exact = Exact { scene: stage.traced.clone(), traversal: SINGLE };
     let (mut workspace, mut blocked) = (Workspace::default(), Vec::new());
     for s in [0.1f32, 0.4] {

@@ -109,8 +109,9 @@ fn one_triangle_that_covers_the_light_is_certain() {
 fn certificates_hold_for_the_whole_emitter() {
     for (name, often) in [("forest", 0.02), ("desk-room", 0.2), ("cubes", 0.02)] {
         let stage = Stage::generated(name);
-        let points = surface_points(&stage.scene, 500, 7).expect("points");
-        let workload = Workload::new(&stage.scene, points, 7);
+        let model = crate::model::testing::model(&stage.scene, crate::model::Detail::Rays);
+        let points = surface_points(&model, 500, 7).expect("points");
+        let workload = Workload::new(&model, points, 7);
         let exact = Exact { scene: stage.traced.clone(), traversal: SINGLE };
         let engine = stage.engine(LeafMode::Exact);
         let (mut workspace, mut blocked) = (Workspace::default(), Vec::new());

@@ -6,6 +6,7 @@ mod certificates;
 mod edges;
 mod extinction;
 mod folded;
+mod instances;
 mod rule;
 mod same_bits;
 mod solid;

@@ -159,6 +159,21 @@ fn limits_say_what_they_limit() {
     assert!(wrong.is_empty(), "use MIN_ or MAX_ and what is limited:\n{}", wrong.join("\n"));
 }
 
+/// Comments of constants state a formula, a bound, a source or figures, and not only that somebody chose the value.
+#[test]
+fn constants_state_their_origin() {
+    let mut wrong = Vec::new();
+    for path in rust_files(&source()) {
+        for (number, line) in read(&path).lines().enumerate() {
+            let comment = line.split_once("//").map_or("", |(_, comment)| comment);
+            if ["Chosen.", "Chosen:", "Both chosen", "re chosen."].iter().any(|word| comment.contains(word)) {
+                wrong.push(format!("{}:{}", path.display(), 1 + number));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "state where the value comes from:\n{}", wrong.join("\n"));
+}
+
 /// Comments cite sections of `docs/method.md` by name. Numbered citations belong to notes outside the repository.
 #[test]
 fn citations_are_in_the_repository() {

@@ -105,7 +105,7 @@ fn certificates_are_what_all_rays_say() {
     assert!(nothing > 100 && walls > 8 && unsure > 20, "{nothing} {walls} {unsure}");
 }
 
-/// What a link knows is true for the links of its parts, which believe it: down two levels of both ends.
+/// The certificate of a link holds for the links of its parts, which inherit it: down two levels of both ends.
 #[test]
 fn certificates_are_true_for_parts() {
     let mut random = Pcg64Mcg::new(6);
