@@ -2,6 +2,7 @@
 //! sideways, at widths from a telephone to a desktop, light, dark and printed.
 
 use crate::run::Scratch;
+use mrvis::internals::scene::generate::Spec;
 use std::process::{Command, Stdio};
 
 /// Widths in pixels, and media, at which each page is laid out. 700 pixels is A4 within its margins.
@@ -86,7 +87,8 @@ fn pages_fit_into_every_window() {
     let few = ["--points", "300", "--reference-rays", "64", "--quiet", "--cache", "off"];
     let all = ["bench", &scene, "--out", "all", "--unbiased", "--target-error", "0.1", "--scaling=10000"];
     folder.mrvis(&[&all[..], &few].concat());
-    let forest = folder.generate(&mrvis::internals::scene::generate::Spec::new("forest"));
+    let forest = Spec { trees: 9, leaves: 200, ..Spec::new("forest") };
+    let forest = folder.generate(&forest);
     folder.mrvis(&[&["bench", &forest, "--out", "forest"][..], &few].concat());
     folder.mrvis(&[
         "solve",
@@ -117,15 +119,19 @@ fn broken_pages_are_found() {
     };
     let columns = "<div style='display:grid;grid-template-columns:5rem 5rem;white-space:nowrap'>\
                    <div>a long name in a column</div><div>and another one</div></div>";
-    for (what, style, body) in [
+    let cases = [
         ("overlap", "", columns),
         ("pixels wide", "", "<div style='width:3000px'>wide</div>"),
         ("too narrow", "", "<div style='overflow:auto'><div style='width:3000px'>wide</div></div>"),
         ("contrast", "p { color: #bbb }", ""),
         ("dark page", "body { background: #000; color: #fff }", ""),
-    ] {
-        let found = problems(&[("page", page(style, body))]);
-        assert!(found.iter().any(|line| line.contains(what)), "{what}: {found:?}");
+        ("nothing", "", ""),
+    ];
+    let found = problems(&cases.map(|(what, style, body)| (what, page(style, body))));
+    for (what, ..) in cases {
+        let of_page = || found.iter().filter(|line| line.starts_with(&format!("{what}, ")));
+        let named = of_page().any(|line| line.split(": ").skip(1).any(|part| part.contains(what)));
+        assert_eq!(named, what != "nothing", "{what}: {:?}", of_page().collect::<Vec<_>>());
+        assert!(what != "nothing" || of_page().next().is_none(), "{:?}", of_page().collect::<Vec<_>>());
     }
-    assert_eq!(problems(&[("page", page("", ""))]), [""; 0]);
 }
