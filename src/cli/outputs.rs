@@ -137,7 +137,7 @@ impl Outputs {
             let cameras = self.cameras(scene, solution, &stage);
             for (k, camera) in cameras.iter().enumerate() {
                 let part = 1.0 / (cameras.len() - k) as f64;
-                let frame = self.frame(&stage, camera, solution, &|points| irradiance(points, part));
+                let frame = self.frame(&stage, camera, solution, (irradiance, part));
                 let width = self.image_size[0];
                 let picture = developed(width, &frame.radiance);
                 if wants(Kind::Image) {
@@ -159,12 +159,12 @@ impl Outputs {
         stage: &Stage,
         camera: &Camera,
         solution: &RadiosityMesh,
-        irradiance: &dyn Fn(&[Point]) -> Option<Vec<[f64; 3]>>,
+        (irradiance, part): (Gather, f64),
     ) -> Frame {
         let [width, height] = self.image_size;
         if self.gather {
             let mut frame = render(stage, camera, width, height, 1);
-            if let Some(light) = irradiance(&visible_points(&frame, solution)) {
+            if let Some(light) = irradiance(&visible_points(&frame, solution), part) {
                 frame.radiance = light_of(&frame, solution, &light);
                 for (first, light) in frame.first.iter_mut().flatten().zip(light) {
                     first.irradiance = light.map(|e| e as f32);

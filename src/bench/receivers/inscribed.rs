@@ -64,8 +64,8 @@ fn largest(cells: &[bool], width: usize) -> Option<[usize; 4]> {
         }
         for left in 0..width {
             let mut low = usize::MAX;
-            for right in left..width {
-                low = low.min(high[right]);
+            for (right, &cells) in high.iter().enumerate().skip(left) {
+                low = low.min(cells);
                 if low == 0 {
                     break;
                 }

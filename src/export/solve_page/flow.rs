@@ -10,16 +10,9 @@ use std::fmt::Write as _;
 
 /// Materials with a stream of their own; the others share one.
 const MAX_MATERIALS: usize = 4;
-/// Colours of streams, CSS.
-const COLOURS: [&str; 7] = [
-    "var(--plot-a)",
-    "var(--plot-b)",
-    "var(--plot-c)",
-    "var(--plot-d)",
-    "var(--plot-e)",
-    "var(--soft)",
-    "var(--loss)",
-];
+/// Colours of streams: classes of the style sheet.
+const COLOURS: [&str; 7] =
+    ["stream-a", "stream-b", "stream-c", "stream-d", "stream-e", "stream-rest", "stream-error"];
 /// Width and height of the drawing, and gap between the ends of streams, its own units.
 const SIZE: [f64; 2] = [1000.0, 240.0];
 const GAP: f64 = 14.0;
@@ -45,7 +38,7 @@ pub(super) fn section(record: &Record, scene: &Scene, solution: &RadiosityMesh) 
         div.streams {
             @for stream in &streams {
                 div {
-                    span.swatch style=(format!("background:{}", stream.colour)) {}
+                    span class=(format!("swatch {}", stream.colour)) {}
                     span.name { (stream.name) }
                     span.power { (number(stream.power)) " " (l.unit) ", " (percent(stream.power / l.emitted)) }
                 }
@@ -100,7 +93,7 @@ fn drawing(streams: &[Stream]) -> String {
     let (mut top, mut bottom) = (0.5 * gaps, 0.0);
     let mut svg = format!(
         "<svg class=\"flow\" viewBox=\"0 0 {width} {height}\" preserveAspectRatio=\"none\" role=\"img\" \
-         aria-label=\"flow of power\"><rect x=\"{top:.1}\" width=\"{:.1}\" height=\"{bar}\" fill=\"var(--plot-ink)\"/>",
+         aria-label=\"flow of power\"><rect x=\"{top:.1}\" width=\"{:.1}\" height=\"{bar}\" class=\"stream-all\"/>",
         width - gaps
     );
     for Stream { power, colour, .. } in streams {
@@ -110,7 +103,7 @@ fn drawing(streams: &[Stream]) -> String {
         let _ = write!(
             svg,
             "<path d=\"M{top:.1} {a}C{top:.1} {m} {bottom:.1} {m} {bottom:.1} {b}H{end:.1}C{end:.1} {m} {right:.1} {m} {right:.1} {a}Z\" \
-             fill=\"{colour}\" fill-opacity=\".45\"/><rect x=\"{bottom:.1}\" y=\"{b}\" width=\"{wide:.1}\" height=\"{bar}\" fill=\"{colour}\"/>",
+             class=\"{colour}\" fill-opacity=\".45\"/><rect x=\"{bottom:.1}\" y=\"{b}\" width=\"{wide:.1}\" height=\"{bar}\" class=\"{colour}\"/>",
             right = top + wide
         );
         top += wide;
