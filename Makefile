@@ -17,7 +17,7 @@ export PATH := $(PATH):$(HOME)/.cargo/bin
 SHELL := /bin/bash
 
 .PHONY: help demo test build scenes install fuzz clean distclean
-.PHONY: setup need-cargo need-packages need-embree need-furniture need-lint
+.PHONY: setup need-cargo need-packages need-embree need-furniture need-lint need-browser
 .DEFAULT_GOAL := help
 
 help:
@@ -54,6 +54,10 @@ need-embree: need-packages
 need-furniture: need-packages
 	@[ -d /usr/share/sweethome3d/furniture ] || .ci/debian-packages sweethome3d-furniture
 
+need-browser:
+	@command -v chromium-browser >/dev/null 2>&1 || command -v google-chrome >/dev/null 2>&1 || \
+	  .ci/debian-packages chromium=chromium fonts-liberation
+
 need-lint: need-cargo
 	@for part in fmt clippy; do \
 	  cargo $$part --version >/dev/null 2>&1 && continue; \
@@ -76,7 +80,7 @@ demo: build need-furniture
 	@python3 .ci/headline out/demo/bench.json out/demo/report.html
 
 # The tests come last, so that the output ends with their results.
-test: setup need-lint
+test: setup need-lint need-browser
 	cargo fmt --check
 	cargo clippy --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps

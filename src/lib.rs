@@ -96,6 +96,8 @@ pub mod metrics;
 mod model;
 mod optics;
 #[cfg(feature = "cli")]
+mod page;
+#[cfg(feature = "cli")]
 mod path_tracer;
 #[cfg(feature = "cli")]
 mod plot;

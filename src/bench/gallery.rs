@@ -1,9 +1,13 @@
 //! Shadow images of a run by both engines, and their feature-based errors.
+//!
+//! The images of the report have as many texels as the feature sizes need. Rows are timed on the middle of the images
+//! only: each row of every number of rays makes an image there, and their errors give the speed-up at the same
+//! feature-based error.
 
 use super::context::{Bench, PlannedRow};
-use super::measure::Queries;
-use super::page::ReceiverImages;
-use super::receivers::{self, ReceiverGrid};
+use super::measure::{Queries, Timer};
+use super::page::{MrImage, ReceiverImages};
+use super::receivers::{self, Crop, ReceiverGrid};
 use super::record::{self, MrRow, ReceiverFbem, interpolate_log_log};
 use super::rounds::rounds;
 use super::rows::ratio;
@@ -15,6 +19,23 @@ use crate::{Result, error::quote};
 
 /// Rays per texel of the exact image in the report: as many as the default number of segments of MR.
 const SHOWN_RAYS: usize = 16;
+/// Pairs of the parts of the images on which rows are timed: about 70 million segments of all rows a round, some ten
+/// seconds on one core.
+const TIMED_PAIRS: usize = 40_000;
+/// Rays per pair of the shown reference that decide whether the emitter is partly visible there, and rays where it is.
+/// Where the first agree, they miss less than about 1/64 of the emitter. 256 stratified rays have an error of less than
+/// one step of 8-bit grey in the mean.
+const SHOWN_REFERENCE_RAYS: [usize; 2] = [64, 256];
+
+/// Images by receiver.
+struct ShownImages {
+    reference: Vec<Image>,
+    exact16: Vec<Image>,
+    /// By feature size, with whether all bundles were handed to Embree.
+    mr: Vec<(bool, Vec<Image>)>,
+    /// If that is so at all sizes: what clusters answer at the largest.
+    clusters: Option<Vec<Image>>,
+}
 
 impl Bench<'_> {
     /// Measures shadow images of the receivers, and `speedup_at_same_fbem` of the rows.
@@ -27,34 +48,103 @@ impl Bench<'_> {
         self.progress.stage("receivers", 0);
         let single =
             Exact { scene: self.model.traced().clone(), traversal: Traversal { width: 1, coherent: false } };
-        let receivers = receivers::choose(self.model, &single, &self.options.receivers)?;
+        let sizes = [self.sizes[0], self.sizes[self.sizes.len() - 1]];
+        let receivers = receivers::choose(self.model, &single, &self.options.receivers, sizes)?;
         if receivers.is_empty() {
             warnings.push("No surface that is flat, or faces one way as a terrain does, sees an emitter: there are no shadow images.".into());
         }
         for receiver in receivers.iter().filter(|r| !r.lit) {
             warnings.push(format!("No light arrives at the receiver `{}`.", quote(&receiver.name)));
         }
-        let points = receivers.iter().flat_map(ReceiverGrid::points).collect();
-        let workload = Workload::new(self.model, points, self.options.seed ^ 0x696d_6167_6573);
+        let texels: usize = receivers.iter().map(|r| r.points.len()).sum();
+        let part = TIMED_PAIRS as f64 / (texels * self.scene.emitters.len()).max(1) as f64;
+        let parts: Vec<Crop> = receivers.iter().map(|r| r.middle(part)).collect();
+        let timed: Vec<ReceiverGrid> = receivers.iter().zip(&parts).map(|(r, part)| r.only(*part)).collect();
+        let workload = self.texels(&timed);
         if workload.pairs.is_empty() {
             return Ok((Vec::new(), Vec::new()));
         }
-        let gallery = Gallery { receivers: &receivers, workload: &workload };
-        let every: Vec<usize> = (0..workload.pairs.len()).collect();
-        let queries = Queries { scene: self.scene, workload: &workload, pairs: &every };
-        let pairs = workload.pairs.len() as u64;
-        let reference = self.reference("reference images", queries, self.options.reference_rays);
-        let means: Vec<f32> = (0..workload.pairs.len()).map(|pair| reference.mean(pair)).collect();
-        let references = gallery.images(&means)?;
-
         self.progress.stage("choosing", 0);
         let sample = self.sample(&workload);
-        let call = |rays| (rays, self.embree(&workload, rays));
-        let calls: Vec<(usize, Exact)> = self.exact_rays().into_iter().map(call).collect();
         let asked = self.decisions(&sample, engine);
+        let shown = self.shown(&receivers, engine, &asked)?;
+        self.time(engine, rows, &asked, &Gallery { receivers: &timed, workload: &workload })?;
+        self.gather(&receivers, shown)
+    }
+
+    /// The texels of receivers as one workload.
+    fn texels(&self, receivers: &[ReceiverGrid]) -> Workload {
+        let points = receivers.iter().flat_map(|r| r.points.iter().copied()).collect();
+        Workload::new(self.model, points, self.options.seed ^ 0x696d_6167_6573)
+    }
+
+    /// The images of the report, on all cores.
+    fn shown(
+        &self,
+        receivers: &[ReceiverGrid],
+        engine: &MultiResolution,
+        asked: &[PlannedRow],
+    ) -> Result<ShownImages> {
+        let workload = self.texels(receivers);
+        let gallery = Gallery { receivers, workload: &workload };
+        let every: Vec<usize> = (0..workload.pairs.len()).collect();
+        let queries = Queries { scene: self.scene, workload: &workload, pairs: &every };
+        let [few, many] = SHOWN_REFERENCE_RAYS.map(|rays| rays.min(self.options.reference_rays));
+        let first = self.reference("reference images", queries, few);
+        let mut means: Vec<f32> = every.iter().map(|&pair| first.mean(pair)).collect();
+        let partly: Vec<usize> =
+            every.iter().copied().filter(|&k| means[k] > 0.0 && means[k] < 1.0).collect();
+        let more = Queries { pairs: &partly, ..queries };
+        let full = self.reference("reference images", more, many);
+        for (k, &pair) in partly.iter().enumerate() {
+            means[pair] = full.mean(k);
+        }
+        let shown: Vec<&PlannedRow> = asked.iter().filter(|row| row.rays == self.options.rays).collect();
+        let timer = Timer::new(rayon::current_num_threads())?;
+        self.progress.stage("images", (every.len() * (SHOWN_RAYS + self.options.rays * shown.len())) as u64);
+        let exact = |rays: usize| {
+            let advance = |pairs: usize| self.progress.advance((pairs * rays) as u64);
+            gallery.images(&timer.exact(queries, &self.embree(&workload, rays), rays, &advance).visible)
+        };
+        let exact16 = exact(SHOWN_RAYS)?;
+        let walked = |row: &PlannedRow| {
+            let advance = |pairs: usize| self.progress.advance((pairs * row.rays) as u64);
+            let run = timer.multi_resolution(queries, engine, row.s as f32, row.rays, &advance).run;
+            gallery.images(&run.visible)
+        };
+        let mut mr = Vec::new();
+        for row in &shown {
+            let images = match (row.pays, row.rays == SHOWN_RAYS) {
+                (true, _) => walked(row)?,
+                (false, true) => exact16.clone(),
+                (false, false) => exact(row.rays)?,
+            };
+            mr.push((!row.pays, images));
+        }
+        let largest = shown.last().filter(|_| shown.iter().all(|row| !row.pays));
+        let clusters = largest.map(|row| walked(row)).transpose()?;
+        Ok(ShownImages { reference: gallery.images(&means)?, exact16, mr, clusters })
+    }
+
+    /// Times all rows on a gallery, and fills in `speedup_at_same_fbem`.
+    fn time(
+        &self,
+        engine: &MultiResolution,
+        rows: &mut [MrRow],
+        asked: &[PlannedRow],
+        gallery: &Gallery,
+    ) -> Result<()> {
+        let workload = gallery.workload;
+        let every: Vec<usize> = (0..workload.pairs.len()).collect();
+        let queries = Queries { scene: self.scene, workload, pairs: &every };
+        let reference = self.reference("reference images", queries, self.options.reference_rays);
+        let means: Vec<f32> = every.iter().map(|&pair| reference.mean(pair)).collect();
+        let references = gallery.images(&means)?;
+        let call = |rays| (rays, self.embree(workload, rays));
+        let calls: Vec<(usize, Exact)> = self.exact_rays().into_iter().map(call).collect();
         let walked: Vec<&PlannedRow> = asked.iter().filter(|row| row.pays).collect();
         let all_rays: usize = calls.iter().map(|call| call.0).chain(walked.iter().map(|row| row.rays)).sum();
-        self.progress.stage("images", pairs * all_rays as u64);
+        self.progress.stage("timing images", (every.len() * all_rays) as u64);
         let (mut exact, mut mr) = (Vec::new(), Vec::new());
         let timed = rounds(calls.len() + walked.len(), |k, first| {
             let (run, made) = match calls.get(k) {
@@ -68,7 +158,6 @@ impl Bench<'_> {
         });
         let exact = exact.into_iter().collect::<Result<Vec<Vec<Image>>>>()?;
         let mr = mr.into_iter().collect::<Result<Vec<Vec<Image>>>>()?;
-        let shown = calls.iter().position(|call| call.0 == SHOWN_RAYS).expect("one of the fixed numbers");
         // For each feature size: time and feature-based error of the exact images.
         let mut curves = Vec::new();
         for &s in &self.sizes {
@@ -78,43 +167,37 @@ impl Bench<'_> {
             }
             curves.push(curve);
         }
-        let mut shown_mr: Vec<Vec<Image>> = Vec::new();
-        let mut walked = mr.into_iter().zip(&timed.seconds[calls.len()..]);
-        for ((row, asked), curve) in rows.iter_mut().zip(&asked).zip(curves.iter().cycle()) {
+        let mut walked = mr.iter().zip(&timed.seconds[calls.len()..]);
+        for ((row, asked), curve) in rows.iter_mut().zip(asked).zip(curves.iter().cycle()) {
             let (images, &seconds) = if asked.pays {
                 walked.next().expect("a run of every row that was walked")
             } else {
                 let k =
                     calls.iter().position(|call| call.0 == row.rays).expect("exact has all numbers of rays");
-                (exact[k].clone(), &timed.seconds[k])
+                (&exact[k], &timed.seconds[k])
             };
-            let error = gallery.pooled_fbem(&references, &images, row.feature_size)?;
+            let error = gallery.pooled_fbem(&references, images, row.feature_size)?;
             let same = interpolate_log_log(curve, error);
             row.speedup_at_same_fbem = same.and_then(|t| ratio(t.seconds, seconds));
-            if row.rays == self.options.rays {
-                shown_mr.push(images);
-            }
         }
-        let shown = &exact[shown];
-        self.gather(&receivers, references, shown, shown_mr)
+        Ok(())
     }
 
     /// Errors and images by receiver.
     fn gather(
         &self,
         receivers: &[ReceiverGrid],
-        references: Vec<Image>,
-        shown: &[Image],
-        mut shown_mr: Vec<Vec<Image>>,
+        shown: ShownImages,
     ) -> Result<(Vec<record::ReceiverErrors>, Vec<ReceiverImages>)> {
         let (mut figures, mut images) = (Vec::new(), Vec::new());
-        for (i, (receiver, reference)) in receivers.iter().zip(references).enumerate().rev() {
-            let exact16 = shown[i].clone();
+        let ShownImages { reference, exact16, mr, clusters } = shown;
+        for (i, ((receiver, reference), exact16)) in receivers.iter().zip(reference).zip(exact16).enumerate()
+        {
             let l2 = norms(&reference, &exact16)?.l2;
             let mut errors = Vec::new();
-            let mut mr = Vec::new();
-            for (&s, images) in self.sizes.iter().zip(&mut shown_mr) {
-                let image = images.pop().expect("an image a receiver");
+            let mut own = Vec::new();
+            for (&s, (handed_over, images)) in self.sizes.iter().zip(&mr) {
+                let image = images[i].clone();
                 let features = missing_features(&reference, &image, s)?;
                 errors.push(ReceiverFbem {
                     feature_size: s,
@@ -125,21 +208,22 @@ impl Bench<'_> {
                     features: features.features(),
                     missing_features: features.missing(),
                 });
-                mr.push((s as f32, image));
+                own.push(MrImage { size: s as f32, image, handed_over: *handed_over });
             }
-            let ReceiverGrid { name, width, height, texel, .. } = receiver.clone();
+            let ReceiverGrid { name, width, height, texel, surface, .. } = receiver;
             figures.push(record::ReceiverErrors {
                 name: name.clone(),
-                width,
-                height,
-                texel,
+                width: *width,
+                height: *height,
+                texel: *texel,
+                surface: *surface,
                 l2,
                 fbem: errors,
             });
-            images.push(ReceiverImages { name, reference, exact16, mr });
+            let (name, surface) = (name.clone(), *surface);
+            let clusters = clusters.as_ref().map(|images| images[i].clone());
+            images.push(ReceiverImages { name, surface, reference, exact16, mr: own, clusters });
         }
-        figures.reverse();
-        images.reverse();
         Ok((figures, images))
     }
 }

@@ -3,12 +3,12 @@
 //! One file without references to other files or to the network: pictures are inline PNG and SVG. The page is a pure
 //! function of record and images.
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, html};
 
 use super::record::{MrRow, Record};
 use crate::Result;
 use crate::metrics::Image;
-use crate::plot::number;
+use crate::page::{document, figure, file_name, length, percent, times};
 
 mod losses;
 mod plots;
@@ -20,20 +20,33 @@ mod trust;
 
 pub use scaling::render_scaling;
 
-const STYLE: &str = include_str!("page/style.css");
-
 /// Shadow images of one receiver, of equal size: fraction of the unoccluded irradiance at each texel, in [0, 1].
 /// Feature masks are computed from the reference.
 #[derive(Clone, Debug)]
 pub struct ReceiverImages {
     /// Name of the receiver, as in the record.
     pub name: String,
+    /// Sides of the surface that the images are a window of, scene units.
+    pub surface: [f64; 2],
     /// Exact, with the rays of the reference.
     pub reference: Image,
     /// Exact, with 16 rays per texel.
     pub exact16: Image,
-    /// MR, by feature size (scene units).
-    pub mr: Vec<(f32, Image)>,
+    /// MR, by feature size.
+    pub mr: Vec<MrImage>,
+    /// If all bundles of all sizes were handed to Embree: what clusters answer at the largest size.
+    pub clusters: Option<Image>,
+}
+
+/// A shadow image by MR.
+#[derive(Clone, Debug)]
+pub struct MrImage {
+    /// Feature size, scene units.
+    pub size: f32,
+    /// The image.
+    pub image: Image,
+    /// Whether all bundles were handed to Embree: the image is an exact one.
+    pub handed_over: bool,
 }
 
 /// The page as HTML. `command` is the command line that repeats the run.
@@ -66,25 +79,7 @@ pub fn render(record: &Record, receivers: &[ReceiverImages], command: &str) -> R
         (prose::how_to_read())
         (footer(record, command))
     };
-    Ok(document(&title, body))
-}
-
-/// An HTML document with this title and body.
-fn document(title: &str, body: Markup) -> String {
-    let page = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                meta name="color-scheme" content="light dark";
-                title { (title) }
-                style { (PreEscaped(STYLE)) }
-            }
-            body { main { (body) } }
-        }
-    };
-    page.into_string()
+    Ok(document(&title, &body))
 }
 
 /// Title, the result in one sentence, and the largest speed-ups.
@@ -97,11 +92,7 @@ fn headline(record: &Record) -> Markup {
             .filter(|v| v.is_finite())
             .fold(None, |m: Option<f64>, v| Some(m.map_or(v, |m| m.max(v))))
     };
-    let figure = |value: Option<f64>, what: &str| {
-        html! {
-            div.figure { div.value { (times(value)) } div.what { (what) } }
-        }
-    };
+    let figure = |value: Option<f64>, what: &str| figure(&times(value), what);
     html! {
         header {
             p.kicker { "Exact against multi-resolution visibility" }
@@ -165,33 +156,6 @@ fn footer(record: &Record, command: &str) -> Markup {
             }
         }
     }
-}
-
-/// The last part of a path.
-fn file_name(path: &str) -> &str {
-    let name = path.rsplit(['/', '\\']).next().unwrap_or(path);
-    if name.is_empty() { "unnamed scene" } else { name }
-}
-
-/// A ratio such as `27×`; a dash if unknown.
-fn times(value: Option<f64>) -> String {
-    match value {
-        Some(v) if !v.is_finite() => "–".into(),
-        Some(v) if v >= 100.0 => format!("{v:.0}×"),
-        Some(v) if v >= 10.0 => format!("{v:.1}×"),
-        Some(v) => format!("{v:.2}×"),
-        None => "–".into(),
-    }
-}
-
-/// A fraction in per cent, with at least two significant digits.
-fn percent(part: f64) -> String {
-    format!("{}\u{a0}%", number(100.0 * part))
-}
-
-/// A length with its unit.
-fn length(value: f64, unit: &str) -> String {
-    format!("{}\u{a0}{unit}", number(value))
 }
 
 #[cfg(test)]

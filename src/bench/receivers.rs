@@ -1,14 +1,18 @@
 //! Selection of the surfaces with shadow images, and their grids of texels.
 //!
 //! A receiver is a planar patch (edge-connected triangles of one object in one plane) or a relief (all triangles of
-//! an object without a large planar patch whose faces point into one half space, such as terrain). Its image covers
-//! the smallest rectangle around it, the longer side horizontal; a relief is projected along its mean normal. By
-//! default the largest, nearly rectangular patches that see an emitter are taken, one per object before any object
+//! an object without a large planar patch whose faces point into one half space, such as terrain). Its image lies in
+//! the smallest rectangle around it, the longer side horizontal, or in the largest rectangle inside it if it covers
+//! less than 80 % of the former (discs, L shapes); a relief is projected along its mean normal. Texels are at most half
+//! the smallest feature size wide; if the surface would need too many, the image is a window of it, where most shadow
+//! borders are. By default the largest patches that see an emitter are taken, one per object before any object
 //! gets two; patches without shadows come last. A name selects the largest such patch of the object, group or
 //! material, or of the placed mesh (see [`faces_named`]); given k times it selects the k largest.
 
+mod inscribed;
 mod patch;
 mod relief;
+mod window;
 
 use super::workload::{Order, ReceiverPoint, Workload};
 use crate::math::Aabb;
@@ -19,17 +23,10 @@ use crate::{Error, Result, error::quote};
 use patch::{MIN_FILLED_PART, Patch, Rectangle, patches};
 use rayon::prelude::*;
 use std::sync::Arc;
+use window::TexelGrid;
 
 /// Number of receivers without names: their images fit on one page of the report.
 const DEFAULT_COUNT: usize = 3;
-/// Largest number of texels along the longer side: limits an image to 9,216 texels.
-const MAX_SIDE_TEXELS: usize = 96;
-/// Smallest number of texels along the longer side, however many emitters there are: shadows of 1/10 of the receiver
-/// keep the 3 texels that missing features need.
-const MIN_SIDE_TEXELS: usize = 32;
-/// Approximate number of pairs of all images; with many emitters images get fewer texels. Limits the time of images to
-/// 60,000 pairs per row.
-const MAX_PAIRS: usize = 60_000;
 /// Smallest longer side of a default receiver, relative to the scene's diagonal: excludes small objects. The same part
 /// as the largest default feature size.
 const MIN_EXTENT_PART: f32 = 0.05;
@@ -54,29 +51,42 @@ pub struct ReceiverGrid {
     pub height: usize,
     /// Side of a texel, scene units.
     pub texel: f64,
+    /// Sides of the rectangle that the texels are a window of, scene units.
+    pub surface: [f64; 2],
     /// Whether light arrives at the test points.
     pub lit: bool,
-    rectangle: Rectangle,
-    /// Points of a relief; `None` for a plane.
-    relief: Option<Vec<ReceiverPoint>>,
+    /// Centres of the texels, row by row from the top left as seen from the lit side.
+    pub points: Vec<ReceiverPoint>,
+}
+
+/// Texels of an image: first column and row, number of columns and rows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Crop {
+    first: [usize; 2],
+    size: [usize; 2],
 }
 
 impl ReceiverGrid {
-    /// Centres of the texels, row by row from the top left as seen from the lit side.
-    pub fn points(&self) -> Vec<ReceiverPoint> {
-        if let Some(points) = &self.relief {
-            return points.clone();
-        }
-        let Rectangle { right, normal, .. } = self.rectangle;
-        // A thousandth of a texel above the surface, so that coplanar faces of other objects do not block.
-        let centre = self.rectangle.lifted() + 1e-3 * self.texel * normal;
-        let up = normal.cross(right);
-        let at = move |i: usize, n: usize| (i as f64 + 0.5 - 0.5 * n as f64) * self.texel;
-        let texel = move |x, y| ReceiverPoint {
-            position: (centre + at(x, self.width) * right - at(y, self.height) * up).as_vec3(),
-            normal: normal.as_vec3(),
-        };
-        (0..self.height).flat_map(|y| (0..self.width).map(move |x| texel(x, y))).collect()
+    /// The middle of the image with this part of its texels.
+    pub fn middle(&self, part: f64) -> Crop {
+        let size = [self.width, self.height]
+            .map(|n| ((n as f64 * part.min(1.0).sqrt()).round() as usize).clamp(1, n));
+        Crop { first: [(self.width - size[0]) / 2, (self.height - size[1]) / 2], size }
+    }
+
+    /// The receiver with a part of its texels.
+    pub fn only(&self, part: Crop) -> ReceiverGrid {
+        let points = part.of(&self.points, self.width);
+        ReceiverGrid { width: part.size[0], height: part.size[1], points, ..self.clone() }
+    }
+}
+
+impl Crop {
+    /// These of the values of an image with `width` columns.
+    fn of<T: Copy>(self, values: &[T], width: usize) -> Vec<T> {
+        let Crop { first: [x, y], size: [columns, rows] } = self;
+        let row = |row: usize| values[row * width + x..][..columns].iter().copied();
+        (y..y + rows).flat_map(row).collect()
     }
 }
 
@@ -91,34 +101,29 @@ struct Candidate {
     shadowed: bool,
 }
 
-/// The receivers with these `names`, or the default ones, which are surfaces of the scene's own triangles.
+/// The receivers with these `names`, or the default ones, which are surfaces of the scene's own triangles; texels are for
+/// feature sizes from `sizes[0]` to `sizes[1]`.
 ///
 /// # Errors
 /// No surface has one of the names, or it has fewer planar patches than times it was named.
-pub fn choose(model: &Model, exact: &dyn Occluder, names: &[String]) -> Result<Vec<ReceiverGrid>> {
+pub fn choose(
+    model: &Model,
+    exact: &dyn Occluder,
+    names: &[String],
+    sizes: [f64; 2],
+) -> Result<Vec<ReceiverGrid>> {
     let chosen = if names.is_empty() { by_size(model, exact) } else { by_name(model, exact, names)? };
-    let area = |c: &Candidate| {
-        let (w, h) = (c.rectangle.width, c.rectangle.height);
-        h / w
+    let count = chosen.len();
+    let receiver = |(name, candidate): (String, Candidate)| {
+        let Candidate { patch, surfaces, rectangle, lit, .. } = candidate;
+        let surface = [rectangle.width, rectangle.height];
+        let grid = TexelGrid::new(surface, sizes, count * model.scene().emitters.len().max(1));
+        let rectangle = window::place((model, exact), (&surfaces, &patch), rectangle, &grid);
+        let TexelGrid { width, height, texel } = grid;
+        let points = patch.points(&surfaces, &rectangle, (width, height, texel));
+        ReceiverGrid { name, width, height, texel, surface, lit, points }
     };
-    let texels: f64 =
-        chosen.iter().map(|(_, c)| area(c)).sum::<f64>() * (MAX_SIDE_TEXELS * MAX_SIDE_TEXELS) as f64;
-    let pairs = texels * model.scene().emitters.len().max(1) as f64;
-    let side = (MAX_SIDE_TEXELS as f64 * (MAX_PAIRS as f64 / pairs.max(1.0)).sqrt()).floor();
-    let side = side.clamp(MIN_SIDE_TEXELS as f64, MAX_SIDE_TEXELS as f64);
-    Ok(chosen
-        .into_iter()
-        .map(|(name, candidate)| {
-            let rectangle = candidate.rectangle;
-            let texel = rectangle.width / side;
-            let height = (rectangle.height / texel).round().max(1.0) as usize;
-            let (width, Candidate { patch, surfaces, lit, .. }) = (side as usize, candidate);
-            let relief = patch
-                .relief
-                .then(|| relief::points(&surfaces, &patch.triangles, &rectangle, (width, height, texel)));
-            ReceiverGrid { name, width, height, texel, lit, rectangle, relief }
-        })
-        .collect())
+    Ok(chosen.into_iter().map(receiver).collect())
 }
 
 fn by_size(model: &Model, exact: &dyn Occluder) -> Vec<(String, Candidate)> {
@@ -146,7 +151,9 @@ fn by_size(model: &Model, exact: &dyn Occluder) -> Vec<(String, Candidate)> {
     let rough: Vec<u32> = reliefs.iter().map(|r| object(r.triangles[0])).collect();
     patches.retain(|p| !rough.contains(&object(p.triangles[0])));
     patches.extend(reliefs);
-    patches.retain(|p| p.filled() >= MIN_FILLED_PART && p.rectangle.width >= f64::from(least));
+    patches.retain(|p| p.rectangle.width >= f64::from(least));
+    let mut patches: Vec<Patch> = patches.into_iter().filter_map(|p| p.rectangular(&scene)).collect();
+    patches.retain(|p| p.rectangle.width >= f64::from(least));
     let mut candidates = candidates(model, &scene, exact, patches);
     candidates.retain(|c| c.lit);
     let mut chosen: Vec<Candidate> = Vec::new();
@@ -185,9 +192,11 @@ fn by_name(model: &Model, exact: &dyn Occluder, names: &[String]) -> Result<Vec<
                 patches.len()
             )));
         }
-        // Nearly rectangular patches only, if there are enough.
+        // Nearly rectangular patches only, if there are enough; else those with a rectangle inside.
         if patches.iter().filter(|p| p.filled() >= MIN_FILLED_PART).count() >= wanted {
             patches.retain(|p| p.filled() >= MIN_FILLED_PART);
+        } else {
+            patches = patches.into_iter().map(|p| p.clone().rectangular(&scene).unwrap_or(p)).collect();
         }
         let candidates = candidates(model, &scene, exact, patches);
         found.extend(candidates.into_iter().take(wanted).map(|c| (name.clone(), c)));
@@ -238,38 +247,31 @@ fn light_on(
     patch: &Patch,
     rectangle: Rectangle,
 ) -> (f64, f64) {
-    let n = PROBES_PER_SIDE as f64;
-    let up = rectangle.normal.cross(rectangle.right);
-    let at = |i: usize| (i as f64 + 0.5) / n - 0.5;
-    let plane = (0..PROBES_PER_SIDE * PROBES_PER_SIDE).map(|i| {
-        let (x, y) = (at(i % PROBES_PER_SIDE) * rectangle.width, at(i / PROBES_PER_SIDE) * rectangle.height);
-        ReceiverPoint {
-            position: (rectangle.lifted() + x * rectangle.right + y * up).as_vec3(),
-            normal: rectangle.normal.as_vec3(),
-        }
-    });
-    let points = if patch.relief {
-        let texel = rectangle.width / n;
-        let rows = (rectangle.height / texel).round().max(1.0) as usize;
-        relief::points(surfaces, &patch.triangles, &rectangle, (PROBES_PER_SIDE, rows, texel))
-    } else {
-        plane.collect()
-    };
+    let points = patch.spread(surfaces, &rectangle, PROBES_PER_SIDE).1;
+    let (workload, values) = probe(model, exact, points);
+    let (mut arrives, mut could) = (0.0, 0.0);
+    for (pair, value) in workload.pairs.iter().zip(values) {
+        could += f64::from(pair.weight);
+        arrives += f64::from(pair.weight * value);
+    }
+    (arrives, if could > 0.0 { arrives / could } else { 0.0 })
+}
+
+/// Pairs of points and emitters, and the visible fraction of each by a few rays.
+fn probe(model: &Model, exact: &dyn Occluder, points: Vec<ReceiverPoint>) -> (Workload, Vec<f32>) {
     let (scene, workload) = (model.scene(), Workload::new(model, points, 0));
     let (mut packets, mut blocked): (Vec<Packet>, Vec<u32>) = (Vec::new(), Vec::new());
-    let (mut arrives, mut could) = (0.0, 0.0);
-    for (i, pair) in workload.pairs.iter().enumerate() {
+    let values = (0..workload.pairs.len()).map(|pair| {
         packets.clear();
-        workload.add_bundle(scene, i, (PROBE_RAYS, Order::Near), 0, &mut packets);
+        workload.add_bundle(scene, pair, (PROBE_RAYS, Order::Near), 0, &mut packets);
         blocked.clear();
         blocked.resize(packets.len(), 0);
         exact.occluded(&packets, &mut blocked);
         let stopped: u32 = blocked.iter().map(|b| b.count_ones()).sum();
-        let weight = f64::from(pair.weight);
-        could += weight;
-        arrives += weight * (1.0 - f64::from(stopped) / PROBE_RAYS as f64);
-    }
-    (arrives, if could > 0.0 { arrives / could } else { 0.0 })
+        1.0 - stopped as f32 / PROBE_RAYS as f32
+    });
+    let values = values.collect();
+    (workload, values)
 }
 
 /// The faces of the objects, groups or materials with this name among the scene's own; else those of the first placed mesh of

@@ -249,6 +249,9 @@ pub struct ReceiverErrors {
     pub height: usize,
     /// Side of a texel; length.
     pub texel: f64,
+    /// Sides of the surface that the image is a window of; length.
+    #[serde(default)]
+    pub surface: [f64; 2],
     /// RMS error of the exact image with 16 rays per texel.
     pub l2: f64,
     /// Feature-based errors, by feature size.

@@ -267,6 +267,16 @@ pub fn grouped(n: usize) -> String {
     out
 }
 
+/// The text as one word of a shell command.
+pub fn shell_word(text: &str) -> String {
+    let plain = |c: char| c.is_alphanumeric() || "/._-+:,=".contains(c);
+    if !text.is_empty() && text.chars().all(plain) {
+        text.into()
+    } else {
+        format!("'{}'", text.replace('\'', "'\\''"))
+    }
+}
+
 /// Checks that a file can be written, without changing it.
 pub fn check_file(path: &Path) -> Result<()> {
     if path.is_dir() {

@@ -15,7 +15,7 @@ use crate::metrics::{
     DEFAULT_THRESHOLD, Fbem, FbemOptions, FeatureOptions, FeatureSet, Features, Filter, Image, Norms, norms,
     spectrum, spectrum_sizes,
 };
-use crate::plot::{Plot, PlotPoint, Scale, Series, number};
+use crate::plot::{Marks, Plot, PlotPoint, Scale, Series, number};
 use crate::raster::Morphology;
 use crate::{Error, Result};
 
@@ -241,7 +241,11 @@ fn write_pictures(
         y_label: "error that features larger than s see".into(),
         x_scale: Scale::Linear,
         y_scale: Scale::Linear,
-        series: vec![Series { name: "FBEM(s)".into(), points: rows.iter().map(point).collect(), line: true }],
+        series: vec![Series {
+            name: "FBEM(s)".into(),
+            points: rows.iter().map(point).collect(),
+            marks: Marks::Joined,
+        }],
     };
     write_atomically(&folder.join("spectrum.svg"), plot.svg(720, 420)?.as_bytes())
 }

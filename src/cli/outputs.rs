@@ -4,8 +4,8 @@ use super::args::{Common, distinct, plain};
 use crate::{
     Result,
     export::{
-        Camera, Mesh, Stage, Tone, best_view, light_of, lightmap, render, unwrapped_lightmap, visible_points,
-        write_glb, write_lightmap, write_ply, write_vtu,
+        Camera, Frame, Mesh, PageView, Stage, Tone, best_view, light_of, lightmap, render,
+        unwrapped_lightmap, visible_points, write_glb, write_lightmap, write_ply, write_vtu,
     },
     image_io::{Picture, write_exr_rgb, write_png},
     points::Point,
@@ -49,8 +49,18 @@ enum Kind {
     Lightmap,
     /// A picture per camera (those of a glTF file, or an automatic one): .png tone-mapped, .exr radiance.
     Image,
+    /// solution.html: one page with pictures, irradiance in false colours, energy, error bars and times.
+    Page,
     /// No files.
     None,
+}
+
+/// What was written, and the pictures of the page if one is wanted.
+pub struct Written {
+    /// Paths of the files.
+    pub files: Vec<PathBuf>,
+    /// Pictures, one per camera.
+    pub views: Vec<PageView>,
 }
 
 /// Irradiance at points within a part of the remaining time; `None` if the time does not suffice.
@@ -62,7 +72,7 @@ const MAX_PIXELS: usize = 1 << 25;
 const SAMPLES_PER_SIDE: usize = 2;
 
 impl Outputs {
-    /// Writes the requested files into a folder; returns their paths. `irradiance` computes the light of pixels for
+    /// Writes the requested files into a folder, except the page, which needs the final record. `irradiance` computes the light of pixels for
     /// `--gather`; where it returns `None`, light is interpolated.
     ///
     /// # Errors
@@ -75,7 +85,7 @@ impl Outputs {
         folder: &Path,
         with_points: bool,
         irradiance: Gather,
-    ) -> Result<Vec<PathBuf>> {
+    ) -> Result<Written> {
         let wants = |kind| self.wants(kind, with_points);
         let mut written = Vec::new();
         let mut file = |name: String| {
@@ -86,8 +96,8 @@ impl Outputs {
             let _spinner = common.spinner("writing solution.vtu");
             write_vtu(&file("solution.vtu".into()), solution, scene)?;
         }
-        if ![Kind::Ply, Kind::Glb, Kind::Lightmap, Kind::Image].into_iter().any(wants) {
-            return Ok(written);
+        if ![Kind::Ply, Kind::Glb, Kind::Lightmap, Kind::Image, Kind::Page].into_iter().any(wants) {
+            return Ok(Written { files: written, views: Vec::new() });
         }
         let spinner = common.spinner("smoothing");
         let mesh = Mesh::new(solution);
@@ -120,28 +130,54 @@ impl Outputs {
             };
             write_png(&file("lightmap.png".into()), &developed(map.width, &map.irradiance))?;
         }
-        if wants(Kind::Image) {
+        let mut views = Vec::new();
+        if wants(Kind::Image) || wants(Kind::Page) {
             let _spinner = common.spinner("rendering");
             let stage = Stage::new(&mesh, solution)?;
             let cameras = self.cameras(scene, solution, &stage);
             for (k, camera) in cameras.iter().enumerate() {
                 let part = 1.0 / (cameras.len() - k) as f64;
-                let [width, height] = self.image_size;
-                let gathered =
-                    self.gather.then(|| render(&stage, camera, width, height, 1)).and_then(|frame| {
-                        Some(light_of(
-                            &frame,
-                            solution,
-                            &irradiance(&visible_points(&frame, solution), part)?,
-                        ))
-                    });
-                let radiance = gathered
-                    .unwrap_or_else(|| render(&stage, camera, width, height, SAMPLES_PER_SIDE).radiance);
-                write_exr_rgb(&file(format!("{}.exr", camera.name)), width, &radiance)?;
-                write_png(&file(format!("{}.png", camera.name)), &developed(width, &radiance))?;
+                let frame = self.frame(&stage, camera, solution, (irradiance, part));
+                let width = self.image_size[0];
+                let picture = developed(width, &frame.radiance);
+                if wants(Kind::Image) {
+                    write_exr_rgb(&file(format!("{}.exr", camera.name)), width, &frame.radiance)?;
+                    write_png(&file(format!("{}.png", camera.name)), &picture)?;
+                }
+                if wants(Kind::Page) {
+                    let irradiance = frame.first.iter().map(|f| f.map(|f| f.irradiance)).collect();
+                    views.push(PageView { name: camera.name.clone(), picture, irradiance });
+                }
             }
         }
-        Ok(written)
+        Ok(Written { files: written, views })
+    }
+
+    /// The picture of a camera: by final gathering if that is asked for and there is time, else interpolated.
+    fn frame(
+        &self,
+        stage: &Stage,
+        camera: &Camera,
+        solution: &RadiosityMesh,
+        (irradiance, part): (Gather, f64),
+    ) -> Frame {
+        let [width, height] = self.image_size;
+        if self.gather {
+            let mut frame = render(stage, camera, width, height, 1);
+            if let Some(light) = irradiance(&visible_points(&frame, solution), part) {
+                frame.radiance = light_of(&frame, solution, &light);
+                for (first, light) in frame.first.iter_mut().flatten().zip(light) {
+                    first.irradiance = light.map(|e| e as f32);
+                }
+                return frame;
+            }
+        }
+        render(stage, camera, width, height, SAMPLES_PER_SIDE)
+    }
+
+    /// Whether the page is wanted.
+    pub fn wants_page(&self) -> bool {
+        self.wants(Kind::Page, true)
     }
 
     /// Whether a file of this name may be written.
@@ -152,6 +188,7 @@ impl Outputs {
             (Kind::Vtu, "solution.vtu"),
             (Kind::Lightmap, "lightmap."),
             (Kind::Image, "view"),
+            (Kind::Page, "solution.html"),
         ];
         kinds.into_iter().any(|(kind, start)| self.wants(kind, with_points) && name.starts_with(start))
     }
@@ -164,7 +201,7 @@ impl Outputs {
 
     /// Whether irradiance of pixels will be computed.
     pub fn gathers(&self, with_points: bool) -> bool {
-        self.gather && self.wants(Kind::Image, with_points)
+        self.gather && (self.wants(Kind::Image, with_points) || self.wants_page())
     }
 
     fn cameras(&self, scene: &Scene, solution: &RadiosityMesh, stage: &Stage) -> Vec<Camera> {
@@ -175,11 +212,15 @@ impl Outputs {
             let mut stored: Vec<Camera> = scene.cameras.iter().map(|c| stored(c, solution)).collect();
             let names = distinct(stored.iter().map(|c| c.name.clone()));
             stored.iter_mut().zip(names).for_each(|(camera, name)| camera.name = name);
-            return if stored.is_empty() { vec![best_view(stage, solution, up)] } else { stored };
+            return if stored.is_empty() {
+                vec![best_view(stage, solution, up, &scene.unit)]
+            } else {
+                stored
+            };
         };
         let eye = (glam::DVec3::new(x, y, z) - solution.origin).as_vec3();
         let forward = (glam::DVec3::new(u, v, w) - glam::DVec3::new(x, y, z)).normalize().as_vec3();
-        let automatic = best_view(stage, solution, up).up;
+        let automatic = best_view(stage, solution, up, &scene.unit).up;
         let up = if automatic.cross(forward).length() > 1e-3 {
             automatic
         } else {

@@ -5,12 +5,13 @@ pub mod sizes;
 mod summary;
 mod watch;
 
-use super::args::{CacheArgs, Common, SceneArgs, check_folder};
+use super::args::{CacheArgs, Common, SceneArgs, check_folder, shell_word};
 use super::flags::with_flags;
 use super::inputs::Inputs;
-use super::outputs::Outputs;
+use super::outputs::{Outputs, Written};
 use super::progress::Bar;
 use crate::bench::side_by_side::{ComparedRecord, Versus, side_by_side};
+use crate::export::solve_page;
 use crate::files::WholeFile;
 use crate::points::{Irradiance, Point, read_points, write_irradiance};
 use crate::progress::Progress;
@@ -93,7 +94,7 @@ pub struct Args {
     /// Rays per point for reflected light [default: by the error].
     #[arg(long, value_name = "N")]
     gather_rays: Option<usize>,
-    /// Total number of rays of the local pass, in scenes with clusters; 0: no local pass [default: by the error].
+    /// Largest number of rays by which elements gather their light; 0: light along links alone [default: by the error].
     #[arg(long, value_name = "N")]
     local_rays: Option<usize>,
     /// Refine in steps of this many seconds.
@@ -281,15 +282,23 @@ fn write(
         irradiance
     };
     let (scene, with_points) = (solution.model().scene(), args.points.is_some());
-    let shown = args.outputs.write(&args.common, scene, &mesh, out, with_points, &gather)?;
+    let Written { mut files, views } =
+        args.outputs.write(&args.common, scene, &mesh, out, with_points, &gather)?;
     let notes = notes.into_inner();
     if !notes.is_empty() {
         record.record.warnings.extend(notes);
         save(&record)?;
     }
+    if args.outputs.wants_page() {
+        let words = std::env::args().skip(1).map(|word| shell_word(&word));
+        let command: Vec<String> = std::iter::once("mrvis".into()).chain(words).collect();
+        let page = solve_page(&record.record, (scene, &mesh), &views, &command.join(" "))?;
+        files.push(out.join("solution.html"));
+        WholeFile::write(&files[files.len() - 1], page)?;
+    }
     args.common.write_json(&record)?;
     args.common.print(&summary(&record, with_points))?;
-    for file in shown {
+    for file in files {
         args.common.print(&format!("wrote {}\n", file.display()))?;
     }
     Ok(())

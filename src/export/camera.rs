@@ -45,6 +45,8 @@ pub struct First {
     pub position: Vec3,
     /// Index of the element.
     pub element: u32,
+    /// Irradiance, W/m².
+    pub irradiance: [f32; 3],
 }
 
 /// Radiance and first hit of a pixel.
@@ -84,7 +86,7 @@ impl<'a> Stage<'a> {
 
     /// First triangle that each ray of a packet hits on its front, and the distance. Surfaces are transparent from
     /// behind, so that a room can be seen from outside.
-    fn first(&self, rays: &Packet) -> [Option<(u32, f32)>; LANES] {
+    pub(super) fn first(&self, rays: &Packet) -> [Option<(u32, f32)>; LANES] {
         let mut best: [Option<(u32, f32)>; LANES] = [None; LANES];
         for (scene, chosen) in &self.sides {
             let mut rays = rays.clone();
@@ -176,7 +178,8 @@ pub fn render(stage: &Stage, camera: &Camera, width: usize, height: usize, sampl
                         sum.iter_mut().zip(radiance).for_each(|(s, x)| *s += share * x);
                         if k == samples * samples / 2 {
                             let element = stage.mesh.element[triangle as usize];
-                            *first = Some(First { distance: t, position, element });
+                            let irradiance = stage.interpolate(triangle, position, &stage.mesh.irradiance);
+                            *first = Some(First { distance: t, position, element, irradiance });
                         }
                     }
                 }

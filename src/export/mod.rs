@@ -10,6 +10,7 @@ mod gltf;
 mod lightmap;
 mod mesh;
 mod ply;
+mod solve_page;
 #[cfg(test)]
 mod tests;
 mod tone;
@@ -23,6 +24,7 @@ pub use gltf::write_glb;
 pub use lightmap::{Lightmap, lightmap, write_lightmap};
 pub use mesh::Mesh;
 pub use ply::write_ply;
+pub use solve_page::{PageView, solve_page};
 pub use tone::Tone;
 pub use unwrapped::unwrapped_lightmap;
 pub use view::best_view;

@@ -136,7 +136,7 @@ fn pictures_show_the_lit_side() {
     assert!(frame.first[7 * 21 + 10].is_some_and(|f| (f.distance - 1.0).abs() < 0.01));
     let behind = render(&stage, &camera(-1.0), 21, 15, 1);
     assert!(behind.radiance.iter().flatten().all(|&l| l == 0.0), "surfaces cannot be seen from behind");
-    let view = best_view(&stage, &solution, Vec3::Z);
+    let view = best_view(&stage, &solution, Vec3::Z, "m");
     assert!(view.eye.z > 0.0, "{view:?}");
     assert!(render(&stage, &view, 32, 24, 1).first.iter().flatten().count() > 50);
 }

@@ -1,52 +1,97 @@
 //! Automatic camera.
+//!
+//! Eyes stand on the ground, at eye height, and look to the places that are dense in detail. If nearly all directions
+//! from there meet a surface, the scene is enclosed (a room, a garden under a dome), and only they are considered;
+//! otherwise also views from outside, which show all of it. The best of them is lit, has little close to the camera,
+//! and shows many outlines, many surfaces and many objects that do not emit.
 
-use super::camera::{Camera, Stage, render};
+mod places;
+#[cfg(test)]
+mod tests;
+
+use super::camera::{Camera, First, Frame, Stage, render};
 use super::tone::luminance;
 use crate::math::Aabb;
 use crate::radiosity::mesh::RadiosityMesh;
 use glam::Vec3;
+use places::{Eye, dense_places, eyes};
 use std::collections::HashSet;
 
-/// Columns and rows of the pictures that views are compared by: limit the time to 3,072 rays per view.
+/// Columns and rows of the pictures that views are compared by: 3,072 rays, a few milliseconds a view.
 const PREVIEW_PIXELS: [usize; 2] = [64, 48];
+/// Part of the directions from an eye that meet a surface where the scene is enclosed. From the middle of a cube with
+/// one open side 5/6 do.
+const ENCLOSED_PART: f32 = 0.9;
+/// Angles of view from top to bottom, radians: of a 35 mm wide-angle lens of 20 mm from inside, of 28 mm from outside.
+const INSIDE_ANGLE: f32 = 1.1;
+const OUTSIDE_ANGLE: f32 = 0.8;
+/// Largest angle by which an eye looks up or down: the horizon stays in the picture.
+const MAX_PITCH: f32 = 0.4;
+/// Part of neighbouring pixels with an outline between them at which a picture has half of the possible detail: that of
+/// the furnished rooms of `make scenes`.
+const HALF_DETAIL: f32 = 0.15;
 
-/// The best of several views of the scene: from outside in all directions at three heights, and from inside the
-/// corners.
-///
-/// A good view is mostly lit, has little close to the camera, and shows many surfaces. Upwards is opposite to the
-/// mean direction of emission, or `up` if emission has no main direction.
-pub fn best_view(stage: &Stage, solution: &RadiosityMesh, up: Vec3) -> Camera {
-    let bounds = Aabb::of(stage.mesh.positions.iter().copied());
+/// Median distance in a picture, relative to half of the scene's diagonal, from which on it is an overview.
+const OVERVIEW_PART: f32 = 0.25;
+/// What a view of none of the objects is worth, relative to one of all: a close view of a few may still be the best.
+const ALONE_PART: f32 = 0.2;
+
+/// The best view of the scene. Upwards is opposite to the mean direction of emission, or `up` if emission has no main
+/// direction; `unit` is the name of the unit of length, for the eye height.
+pub fn best_view(stage: &Stage, solution: &RadiosityMesh, up: Vec3, unit: &str) -> Camera {
     let up = upward(stage, solution).unwrap_or(up);
+    let mut eyes = eyes(stage, up, unit);
+    let enclosed = eyes.iter().filter(|eye| eye.closed >= ENCLOSED_PART).count();
+    let inside = enclosed > 0 && 2 * enclosed >= eyes.len();
+    if inside {
+        eyes.retain(|eye| eye.closed >= ENCLOSED_PART);
+    }
+    let mut cameras = if inside { Vec::new() } else { from_outside(stage, up) };
+    let judge = Judge::new(stage, solution);
+    let places = dense_places(solution);
+    for eye in &eyes {
+        cameras.extend(places.iter().filter_map(|&place| from_eye(eye, place, up)));
+    }
+    let mut best: Option<(f32, Camera)> = None;
+    for (camera, near) in cameras {
+        let frame = render(stage, &camera, PREVIEW_PIXELS[0], PREVIEW_PIXELS[1], 1);
+        let score = judge.score(&frame, near);
+        if best.as_ref().is_none_or(|b| score > b.0) {
+            best = Some((score, camera));
+        }
+    }
+    let outside = || from_outside(stage, up).swap_remove(0).0;
+    best.map_or_else(outside, |(_, camera)| camera)
+}
+
+/// Views of the whole scene in eight directions at three heights, with the distance within which surfaces are too near.
+fn from_outside(stage: &Stage, up: Vec3) -> Vec<(Camera, f32)> {
+    let bounds = Aabb::of(stage.mesh.positions.iter().copied());
     let (x, y) = up.any_orthonormal_pair();
     let (centre, radius) = (bounds.center(), 0.5 * bounds.diagonal());
     let turns = (0..8).map(|k| std::f32::consts::TAU * (k as f32) / 8.0);
     let mut cameras = Vec::new();
     for side in turns.map(|turn| x * turn.cos() + y * turn.sin()) {
-        for rise in [0.0f32, 0.35, 0.8] {
+        for rise in [0.35f32, 0.0, 0.8] {
             let back = (side * rise.cos() + up * rise.sin()).normalize();
-            cameras.push(camera(centre + back * (2.4 * radius), centre, up, 0.8));
-        }
-        // Inside: near the wall in that direction, at two thirds of the height.
-        let reach = 0.46 * bounds.extent();
-        let far = (reach / side.abs().max(Vec3::splat(1e-6))).min_element();
-        let height = 0.17 * bounds.extent().dot(up.abs());
-        let eye = centre + side * far + up * height;
-        cameras.push(camera(eye, centre - up * (0.5 * height), up, 1.1));
-    }
-    // The first view always exists.
-    let mut best = (f32::NEG_INFINITY, 0);
-    for (i, camera) in cameras.iter().enumerate() {
-        let score = judge(stage, solution, camera, radius);
-        if score > best.0 {
-            best = (score, i);
+            let eye = centre + back * (2.4 * radius);
+            cameras.push((camera(eye, -back, up, OUTSIDE_ANGLE), 0.08 * radius));
         }
     }
-    cameras.swap_remove(best.1)
+    cameras
 }
 
-fn camera(eye: Vec3, at: Vec3, up: Vec3, angle: f32) -> Camera {
-    let forward = (at - eye).normalize();
+/// The view from an eye towards a place; `None` if the place is above or below it.
+fn from_eye(eye: &Eye, place: Vec3, up: Vec3) -> Option<(Camera, f32)> {
+    let way = place - eye.position;
+    let level = way - up * way.dot(up);
+    let pitch = way.dot(up).atan2(level.length()).clamp(-MAX_PITCH, MAX_PITCH);
+    let forward =
+        level.try_normalize().filter(|_| level.length() > eye.height)? * pitch.cos() + up * pitch.sin();
+    Some((camera(eye.position, forward, up, INSIDE_ANGLE), 0.6 * eye.height))
+}
+
+fn camera(eye: Vec3, forward: Vec3, up: Vec3, angle: f32) -> Camera {
     Camera { name: "view".into(), eye, forward, up, angle }
 }
 
@@ -69,20 +114,73 @@ fn upward(stage: &Stage, solution: &RadiosityMesh) -> Option<Vec3> {
     (total > 0.0 && sum[axis].abs() > 0.15 * total).then_some(up)
 }
 
-fn judge(stage: &Stage, solution: &RadiosityMesh, camera: &Camera, radius: f32) -> f32 {
-    let frame = render(stage, camera, PREVIEW_PIXELS[0], PREVIEW_PIXELS[1], 1);
-    let mut lights: Vec<f32> = frame.radiance.iter().map(|&r| luminance(r)).collect();
-    lights.sort_by(f32::total_cmp);
-    let dim = 0.02 * lights[lights.len() * 9 / 10];
-    let lit = frame.radiance.iter().filter(|&&r| luminance(r) > dim).count() as f32;
-    let near = frame.first.iter().flatten().filter(|f| f.distance < 0.08 * radius).count() as f32;
-    let surfaces: HashSet<(u32, bool)> = frame
-        .first
-        .iter()
-        .flatten()
-        .map(|f| &solution.elements[f.element as usize])
-        .map(|e| (e.triangle, e.front))
-        .collect();
-    let all = frame.radiance.len() as f32;
-    lit / all * (1.0 - near / all) * (1.0 + surfaces.len() as f32).ln()
+/// How good views of a scene are.
+struct Judge<'a> {
+    solution: &'a RadiosityMesh,
+    /// Number of objects that do not emit.
+    objects: usize,
+    /// Half of the scene's diagonal.
+    radius: f32,
+}
+
+impl Judge<'_> {
+    fn new<'a>(stage: &Stage, solution: &'a RadiosityMesh) -> Judge<'a> {
+        let dark = solution.elements.iter().filter(|e| e.exitance == [0.0; 3]);
+        let objects = dark.map(|e| e.object).collect::<HashSet<u32>>().len().max(1);
+        let radius = 0.5 * Aabb::of(stage.mesh.positions.iter().copied()).diagonal();
+        Judge { solution, objects, radius }
+    }
+
+    /// Lit surfaces that do not emit, not nearer than `near`, with outlines, many of them, of many objects, and far
+    /// enough for an overview.
+    fn score(&self, frame: &Frame, near: f32) -> f32 {
+        let all = frame.radiance.len() as f32;
+        let mut lights: Vec<f32> = frame.radiance.iter().map(|&r| luminance(r)).collect();
+        lights.sort_by(f32::total_cmp);
+        let dim = 0.02 * lights[lights.len() * 9 / 10];
+        let (mut lit, mut close) = (0.0, 0.0);
+        let (mut surfaces, mut objects) = (HashSet::new(), HashSet::new());
+        let mut distances = Vec::new();
+        for (first, &light) in frame.first.iter().zip(&frame.radiance) {
+            let Some(first) = first else { continue };
+            let element = &self.solution.elements[first.element as usize];
+            close += f32::from(u8::from(first.distance < near));
+            surfaces.insert((element.triangle, element.front));
+            distances.push(first.distance);
+            if element.exitance == [0.0; 3] {
+                objects.insert(element.object);
+                lit += f32::from(u8::from(luminance(light) > dim));
+            }
+        }
+        if distances.is_empty() {
+            return 0.0;
+        }
+        distances.sort_by(f32::total_cmp);
+        let overview = (distances[distances.len() / 2] / (OVERVIEW_PART * self.radius)).min(1.0);
+        let columns = PREVIEW_PIXELS[0];
+        let outline = |a: usize, b: usize| is_outline(&frame.first[a], &frame.first[b], self.solution);
+        let outlines = (0..frame.first.len()).filter(|&k| {
+            (k + 1) % columns != 0 && outline(k, k + 1)
+                || k + columns < frame.first.len() && outline(k, k + columns)
+        });
+        let detail = outlines.count() as f32 / all;
+        let detail = detail / (detail + HALF_DETAIL);
+        let shown = ALONE_PART + objects.len() as f32 / self.objects as f32;
+        let many = (1.0 + surfaces.len() as f32).ln();
+        (lit / all).sqrt() * (1.0 - close / all).powi(2) * detail * many * shown * overview
+    }
+}
+
+/// Whether there is an outline between two pixels: another object, a step of more than a tenth of the distance, or a
+/// bend of more than 37 degrees.
+fn is_outline(a: &Option<First>, b: &Option<First>, solution: &RadiosityMesh) -> bool {
+    let (Some(a), Some(b)) = (a, b) else { return a.is_some() != b.is_some() };
+    let [e, f] = [a, b].map(|first| &solution.elements[first.element as usize]);
+    let normal = |corners: [u32; 4]| {
+        let [a, b, c, d] = corners.map(|v| solution.vertices[v as usize]);
+        (c - a).cross(d - b).normalize_or_zero()
+    };
+    e.object != f.object
+        || (a.distance - b.distance).abs() > 0.1 * a.distance.min(b.distance)
+        || normal(e.corners).dot(normal(f.corners)) < 0.8
 }

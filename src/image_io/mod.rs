@@ -8,6 +8,6 @@ mod picture;
 mod read;
 mod write;
 
-pub use picture::{Picture, difference, grey, linear_to_srgb, mask_overlay};
+pub use picture::{Picture, difference, false_colour, grey, linear_to_srgb, mask_overlay};
 pub use read::{Channel, read_image};
 pub use write::{write_atomically, write_exr, write_exr_rgb, write_png};

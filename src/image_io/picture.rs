@@ -21,6 +21,20 @@ const DIVERGING: [[u8; 3]; 9] = [
     [103, 0, 31],
 ];
 
+/// Colour map for values: dark for small, light for large ones, with evenly increasing lightness (after *viridis* of
+/// S. van der Walt and N. Smith), linear in sRGB between anchors.
+const SEQUENTIAL: [[u8; 3]; 9] = [
+    [68, 1, 84],
+    [71, 44, 122],
+    [59, 81, 139],
+    [44, 113, 142],
+    [33, 144, 141],
+    [39, 173, 129],
+    [92, 200, 99],
+    [170, 220, 50],
+    [253, 231, 37],
+];
+
 /// An 8-bit sRGB picture, row by row.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Picture {
@@ -44,14 +58,6 @@ impl Picture {
         let sides = u32::try_from(self.width).ok().zip(u32::try_from(self.height).ok());
         let picture = sides.and_then(|(w, h)| RgbImage::from_raw(w, h, self.pixels.as_flattened().to_vec()));
         encode(picture.map(DynamicImage::ImageRgb8), ImageFormat::Png)
-    }
-
-    /// The picture with each pixel repeated `times` x `times` (at least once), to display small images.
-    pub fn enlarged(&self, times: usize) -> Picture {
-        let times = times.max(1);
-        let (width, height) = (self.width * times, self.height * times);
-        let at = |i: usize| self.pixels[i / width / times * self.width + i % width / times];
-        Picture { width, height, pixels: (0..width * height).map(at).collect() }
     }
 
     /// Maps each value to a colour.
@@ -81,6 +87,11 @@ pub fn difference(reference: &Image, approximation: &Image, range: f32) -> Resul
     let d = crate::metrics::difference(reference, approximation)?;
     let pixels = d.iter().map(|&d| colour(&DIVERGING, 0.5 + 0.5 * d as f32 / range)).collect();
     Ok(Picture { width: reference.width(), height: reference.height(), pixels })
+}
+
+/// The colour of a value at `t` in [0, 1] of a scale, on [`SEQUENTIAL`].
+pub fn false_colour(t: f32) -> [u8; 3] {
+    colour(&SEQUENTIAL, t)
 }
 
 /// [`grey`] with the texels of `mask` tinted orange.
@@ -136,11 +147,8 @@ mod tests {
     }
 
     #[test]
-    fn masks_and_enlargements() {
+    fn masks_are_orange() {
         let bits = BitImage::from_fn(2, 1, |x, _| x == 1);
-        let large = grey(&Image::new(2, 1, 1.0, vec![1.0, 0.0]).unwrap(), 1.0).enlarged(2);
-        assert_eq!((large.width, large.height), (4, 2));
-        assert_eq!(large.pixels[4..], [[255; 3], [255; 3], [0; 3], [0; 3]]);
         let image = Image::new(2, 1, 1.0, vec![1.0, 1.0]).unwrap();
         let overlay = mask_overlay(&image, 1.0, &bits).unwrap().pixels;
         assert_eq!(overlay[0], [255; 3]);

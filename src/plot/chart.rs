@@ -42,8 +42,20 @@ pub struct Series {
     pub name: String,
     /// The points. Points that an axis cannot show (not finite, or not positive on a logarithmic axis) are omitted.
     pub points: Vec<PlotPoint>,
-    /// Whether a line joins the points in their order.
-    pub line: bool,
+    /// How the points are drawn.
+    pub marks: Marks,
+}
+
+/// How the points of a series are drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Marks {
+    /// Dots.
+    #[default]
+    Points,
+    /// Dots joined by a line in their order.
+    Joined,
+    /// A line in their order, without dots.
+    Line,
 }
 
 /// A point of a series.
@@ -60,8 +72,10 @@ pub struct PlotPoint {
 /// Font size of point labels, pixels.
 const LABEL: i32 = 13;
 
-/// Margins around the plotting area, pixels: left, top, right, bottom.
-const MARGIN: [i32; 4] = [74, 40, 24, 52];
+/// Margins around the plotting area, pixels: left, top above the legend, right, bottom.
+const MARGIN: [i32; 4] = [74, 20, 24, 52];
+/// Height of a row of the legend, pixels.
+const LEGEND_ROW: i32 = 20;
 
 impl Plot {
     /// The chart as an SVG element of `width` x `height` pixels (at least 200 x 150). Without points that can be
@@ -87,6 +101,8 @@ impl Plot {
     fn draw(&self, root: &Area<'_>) -> Drawn {
         let (width, height) = root.dim_in_pixel();
         let [left, top, right, bottom] = MARGIN;
+        let legend = self.legend(width as i32 - 8);
+        let top = top + LEGEND_ROW * legend.last().map_or(0, |entry| entry.row + 1);
         let shown = || {
             self.series
                 .iter()
@@ -96,12 +112,12 @@ impl Plot {
         let x = Axis::new(self.x_scale, shown().map(|p| p.x), left, width as i32 - right);
         let y = Axis::new(self.y_scale, shown().map(|p| p.y), height as i32 - bottom, top);
         self.draw_frame(root, &x, &y)?;
-        self.draw_legend(root, left)?;
+        self.draw_legend(root, &legend)?;
         let mut boxes: Vec<[i32; 4]> = Vec::new();
         for (series, (colour, _)) in self.series.iter().zip(HUES.iter().cycle()) {
             let visible = series.points.iter().filter(|p| x.scale.shows(p.x) && y.scale.shows(p.y));
             let pixels: Vec<(i32, i32)> = visible.map(|p| (x.pixel(p.x), y.pixel(p.y))).collect();
-            if series.line {
+            if series.marks != Marks::Points {
                 root.draw(&PathElement::new(pixels.clone(), colour.stroke_width(2)))?;
                 for pair in pixels.windows(2) {
                     // Boxes along the line keep labels off the line.
@@ -112,69 +128,121 @@ impl Plot {
                     }));
                 }
             }
-            for &(u, v) in &pixels {
-                root.draw(&Circle::new((u, v), if series.line { 3 } else { 5 }, colour.filled()))?;
+            for &(u, v) in pixels.iter().filter(|_| series.marks != Marks::Line) {
+                root.draw(&Circle::new((u, v), series.marks.radius(), colour.filled()))?;
                 boxes.push([u - 5, v - 5, u + 5, v + 5]);
             }
         }
         let limits = [left, top, width as i32 - 2, height as i32 - bottom];
+        self.draw_labels(root, (&x, &y), limits, boxes)?;
+        root.present()
+    }
+
+    /// Writes the labels of points where there is room; `boxes` is what is drawn already.
+    fn draw_labels(
+        &self,
+        root: &Area<'_>,
+        (x, y): (&Axis, &Axis),
+        limits: [i32; 4],
+        mut boxes: Vec<[i32; 4]>,
+    ) -> Drawn {
         // Labels of unconnected points first: they are fewer, and lines identify their unlabelled points.
         let mut order: Vec<_> = self.series.iter().zip(HUES.iter().cycle()).collect();
-        order.sort_by_key(|(series, _)| series.line);
+        order.sort_by_key(|(series, _)| series.marks != Marks::Points);
         for (series, (colour, _)) in order {
-            for p in series
-                .points
-                .iter()
-                .filter(|p| x.scale.shows(p.x) && y.scale.shows(p.y) && !p.label.is_empty())
-            {
-                let place = label_place((x.pixel(p.x), y.pixel(p.y)), &p.label, limits, &boxes);
-                if let Some(rect) = place {
-                    boxes.push(rect);
-                    let (u, v) = (x.pixel(p.x), y.pixel(p.y));
-                    let near = (u.clamp(rect[0], rect[2]), v.clamp(rect[1], rect[3]));
-                    if (near.0 - u).abs().max((near.1 - v).abs()) > 12 {
-                        root.draw(&PathElement::new([(u, v), near], *colour))?;
-                    }
-                    text(root, &p.label, (rect[0], (rect[1] + rect[3]) / 2), LABEL, *colour, HPos::Left)?;
+            let shown = series.points.iter().filter(|p| x.scale.shows(p.x) && y.scale.shows(p.y));
+            for p in shown.filter(|p| !p.label.is_empty()) {
+                let (u, v) = (x.pixel(p.x), y.pixel(p.y));
+                let Some(rect) = label_place((u, v), &p.label, limits, &boxes) else { continue };
+                boxes.push(rect);
+                let near = (u.clamp(rect[0], rect[2]), v.clamp(rect[1], rect[3]));
+                if (near.0 - u).abs().max((near.1 - v).abs()) > 12 {
+                    root.draw(&PathElement::new([(u, v), near], *colour))?;
                 }
+                text(root, &p.label, (rect[0], (rect[1] + rect[3]) / 2), LABEL, INK.0, HPos::Left)?;
             }
         }
-        root.present()
+        Ok(())
     }
 
     /// Draws grid, axes, tick labels and axis names.
     fn draw_frame(&self, root: &Area<'_>, x: &Axis, y: &Axis) -> Drawn {
         let (bottom, top, left, right) = (y.from, y.to, x.from, x.to);
+        let mut free = i32::MIN;
         for tick in x.ticks() {
             let u = x.pixel(tick.value);
             root.draw(&PathElement::new([(u, bottom), (u, top)], FAINT.0))?;
-            text(root, &tick.label, (u, bottom + 14), 13, INK.0, HPos::Center)?;
+            let half = text_width(&tick.label, LABEL) / 2;
+            if u - half > free {
+                text(root, &tick.label, (u, bottom + 14), LABEL, INK.0, HPos::Center)?;
+                free = u + half + 4;
+            }
         }
         for tick in y.ticks() {
             let v = y.pixel(tick.value);
             root.draw(&PathElement::new([(left, v), (right, v)], FAINT.0))?;
-            text(root, &tick.label, (left - 8, v), 13, INK.0, HPos::Right)?;
+            text(root, &tick.label, (left - 8, v), LABEL, INK.0, HPos::Right)?;
         }
         root.draw(&PathElement::new([(left, top), (left, bottom), (right, bottom)], INK.0))?;
-        text(root, &self.x_label, ((left + right) / 2, bottom + 36), 14, INK.0, HPos::Center)?;
-        let upright = ("sans-serif", 14).into_font().transform(FontTransform::Rotate270).color(&INK.0);
+        // The names of the axes may be as long as the picture is wide or high, centred in it.
+        let (width, height) = root.dim_in_pixel();
+        let (name, size) = fitted(&self.x_label, 14, width as i32 - 16);
+        let half = text_width(&name, size) / 2;
+        let centre = ((left + right) / 2).min(width as i32 - 8 - half).max(8 + half);
+        text(root, &name, (centre, bottom + 36), size, INK.0, HPos::Center)?;
+        let (name, size) = fitted(&self.y_label, 14, bottom - top + MARGIN[3]);
+        let upright = ("sans-serif", size).into_font().transform(FontTransform::Rotate270).color(&INK.0);
         let upright = upright.pos(Pos::new(HPos::Center, VPos::Center));
-        root.draw(&Text::new(self.y_label.clone(), (16, (top + bottom) / 2), upright))
+        let half = text_width(&name, size) / 2;
+        let centre = ((top + bottom) / 2).min(height as i32 - 4 - half);
+        root.draw(&Text::new(name, (16, centre), upright))
     }
 
-    /// Draws the names of the series in a row above the plotting area.
-    fn draw_legend(&self, root: &Area<'_>, left: i32) -> Drawn {
-        let mut u = left;
-        for (series, (colour, _)) in self.series.iter().zip(HUES.iter().cycle()) {
-            if series.line {
-                root.draw(&PathElement::new([(u, 16), (u + 18, 16)], colour.stroke_width(2)))?;
+    /// Places of the names of the series, in rows of this width.
+    fn legend(&self, width: i32) -> Vec<LegendEntry> {
+        let (mut u, mut row) = (8, 0);
+        let mut entries = Vec::new();
+        for series in &self.series {
+            let (name, size) = fitted(&series.name, LABEL, width - 33);
+            let wide = 25 + text_width(&name, size);
+            if u > 8 && u + wide > width {
+                (u, row) = (8, row + 1);
             }
-            root.draw(&Circle::new((u + 9, 16), if series.line { 3 } else { 5 }, colour.filled()))?;
-            text(root, &series.name, (u + 25, 16), 13, INK.0, HPos::Left)?;
-            u += 25 + text_width(&series.name, 13) + 22;
+            entries.push(LegendEntry { name, size, row, left: u });
+            u += wide + 22;
+        }
+        entries
+    }
+
+    /// Draws the names of the series above the plotting area.
+    fn draw_legend(&self, root: &Area<'_>, legend: &[LegendEntry]) -> Drawn {
+        for ((series, entry), (colour, _)) in self.series.iter().zip(legend).zip(HUES.iter().cycle()) {
+            let (u, v) = (entry.left, 16 + LEGEND_ROW * entry.row);
+            if series.marks != Marks::Points {
+                root.draw(&PathElement::new([(u, v), (u + 18, v)], colour.stroke_width(2)))?;
+            }
+            if series.marks != Marks::Line {
+                root.draw(&Circle::new((u + 9, v), series.marks.radius(), colour.filled()))?;
+            }
+            text(root, &entry.name, (u + 25, v), entry.size, INK.0, HPos::Left)?;
         }
         Ok(())
     }
+}
+
+impl Marks {
+    /// Radius of the dots, pixels.
+    fn radius(self) -> i32 {
+        if self == Marks::Points { 5 } else { 3 }
+    }
+}
+
+/// A name in the legend.
+struct LegendEntry {
+    name: String,
+    size: i32,
+    row: i32,
+    left: i32,
 }
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
@@ -184,6 +252,20 @@ type Drawn = std::result::Result<(), DrawingAreaErrorKind<std::io::Error>>;
 fn text(root: &Area<'_>, what: &str, at: (i32, i32), size: i32, colour: RGBColor, horizontal: HPos) -> Drawn {
     let style = ("sans-serif", size).into_font().color(&colour).pos(Pos::new(horizontal, VPos::Center));
     root.draw(&Text::new(what.to_string(), at, style))
+}
+
+/// The text and a font size at most `size` so that it is not wider than `width` pixels: smaller down to 10 pixels, then
+/// cut.
+fn fitted(what: &str, size: i32, width: i32) -> (String, i32) {
+    let fits = |what: &str, size: &i32| text_width(what, *size) <= width;
+    if let Some(size) = (10..=size).rev().find(|size| fits(what, size)) {
+        return (what.to_owned(), size);
+    }
+    let mut short: Vec<char> = what.chars().collect();
+    while short.len() > 1 && !fits(&format!("{}…", short.iter().collect::<String>()), &10) {
+        short.pop();
+    }
+    (format!("{}…", short.into_iter().collect::<String>()), 10)
 }
 
 /// Approximate width of a text in pixels: the viewer chooses the font.
@@ -236,12 +318,30 @@ mod tests {
         let inputs = [vec![], odd, vec![point(1.0, 1.0)], vec![point(1e-300, 1e300), point(1e300, 1e-300)]];
         for points in inputs {
             for scale in [Scale::Linear, Scale::Log] {
-                let series = vec![Series { name: "a < b & c".into(), points: points.clone(), line: true }];
+                let series =
+                    vec![Series { name: "a < b & c".into(), points: points.clone(), marks: Marks::Joined }];
                 let plot = Plot { series, x_scale: scale, y_scale: scale, ..Default::default() };
                 let svg = plot.svg(0, 0).unwrap();
                 assert!(svg.starts_with("<svg ") && svg.contains("a &lt; b &amp; c") && !svg.contains("NaN"));
             }
         }
+    }
+
+    /// Long names of series and axes: shorter or in rows, never beyond the picture.
+    #[test]
+    fn names_stay_inside() {
+        let plot = Plot {
+            x_label: "time of the queries of a very long scene ".repeat(3),
+            series: ["exact", "exact with certificates", "multi-res., 16 segments", &"long ".repeat(40)]
+                .map(|name| Series { name: name.into(), points: vec![point(1.0, 2.0)], marks: Marks::Joined })
+                .into(),
+            ..Default::default()
+        };
+        let rows: Vec<i32> = plot.legend(352).iter().map(|entry| entry.row).collect();
+        assert_eq!(rows, [0, 0, 1, 2]);
+        assert!(plot.legend(352).iter().all(|e| e.left + 25 + text_width(&e.name, e.size) <= 352));
+        assert_eq!(fitted("short", 14, 100), ("short".into(), 14));
+        assert!(fitted(&plot.x_label, 14, 300).0.ends_with('…'));
     }
 
     #[test]

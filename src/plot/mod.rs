@@ -4,4 +4,4 @@ mod axis;
 mod chart;
 
 pub use axis::{Scale, number};
-pub use chart::{Plot, PlotPoint, Series};
+pub use chart::{Marks, Plot, PlotPoint, Series};

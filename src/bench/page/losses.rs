@@ -2,10 +2,11 @@
 
 use maud::{Markup, html};
 
-use super::{ReceiverImages, length, receivers::fbem_at, tables::signed, times};
+use super::{MrImage, ReceiverImages, receivers::fbem_at};
 use crate::Result;
 use crate::bench::record::Record;
 use crate::metrics::difference;
+use crate::page::{Cell, length, signed, table, times};
 use crate::plot::number;
 
 /// Slow rows, receivers where exact images of 16 rays are more accurate, and the largest differences.
@@ -19,14 +20,15 @@ pub(super) fn section(record: &Record, receivers: &[ReceiverImages]) -> Result<M
     let mut worse = Vec::new();
     let mut largest = Vec::new();
     for receiver in receivers {
-        for (size, image) in &receiver.mr {
+        for MrImage { size, image, .. } in &receiver.mr {
             let size = f64::from(*size);
             let (mr, exact) = (
                 fbem_at(&receiver.reference, image, size)?.value,
                 fbem_at(&receiver.reference, &receiver.exact16, size)?.value,
             );
             if mr > exact {
-                worse.push((&receiver.name, size, mr, exact));
+                let name = Cell::words(&receiver.name);
+                worse.push([name, length(size, unit).into(), number(mr).into(), number(exact).into()]);
             }
             let d = difference(&receiver.reference, image)?;
             let (at, d) = d.iter().enumerate().fold(
@@ -39,6 +41,13 @@ pub(super) fn section(record: &Record, receivers: &[ReceiverImages]) -> Result<M
         }
     }
     largest.sort_by(|a, b| b.4.abs().total_cmp(&a.4.abs()));
+    let largest: Vec<[Cell; 4]> = largest
+        .into_iter()
+        .take(6)
+        .map(|(name, size, x, y, d)| {
+            [Cell::words(name), length(size, unit).into(), format!("{x}, {y}").into(), signed(d).into()]
+        })
+        .collect();
     Ok(html! {
         section {
             h2 { "Where multi-resolution loses" }
@@ -60,31 +69,10 @@ pub(super) fn section(record: &Record, receivers: &[ReceiverImages]) -> Result<M
                 @if worse.is_empty() {
                     p { "On no receiver." }
                 } @else {
-                    div.scroll {
-                        table.rows {
-                            thead { tr { th.text { "receiver" } th { "s" } th { "FBEM, multi-resolution" } th { "FBEM, exact 16" } } }
-                            tbody {
-                                @for (name, size, mr, exact) in worse {
-                                    tr { td.text { (name) } td { (length(size, unit)) } td { (number(mr)) } td { (number(exact)) } }
-                                }
-                            }
-                        }
-                    }
+                    (table(["receiver", "s", "FBEM, multi-resolution", "FBEM, exact 16"], &worse))
                 }
                 h3 { "Largest differences to the reference" }
-                div.scroll {
-                    table.rows {
-                        thead { tr { th.text { "receiver" } th { "s" } th { "texel" } th { "difference" } } }
-                        tbody {
-                            @for (name, size, x, y, d) in largest.iter().take(6) {
-                                tr {
-                                    td.text { (name) } td { (length(*size, unit)) } td { (x) ", " (y) }
-                                    td { (signed(*d)) }
-                                }
-                            }
-                        }
-                    }
-                }
+                (table(["receiver", "s", "texel", "difference"], &largest))
             }
         }
     })

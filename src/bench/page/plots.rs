@@ -1,12 +1,12 @@
 //! Plots of the page.
 
-use maud::{Markup, PreEscaped, html};
+use maud::Markup;
 
-use super::length;
 use crate::Result;
 use crate::bench::record::{ExactRow, Record};
-use crate::metrics::Fbem;
-use crate::plot::{Plot, PlotPoint, Scale, Series};
+use crate::metrics::{Fbem, Image};
+use crate::page::{chart, length};
+use crate::plot::{Marks, Plot, PlotPoint, Scale, Series};
 
 /// Error against time of each row, both axes logarithmic.
 pub(super) fn error_against_time(record: &Record) -> Result<Markup> {
@@ -14,10 +14,11 @@ pub(super) fn error_against_time(record: &Record) -> Result<Markup> {
     let points = |rows: &[ExactRow]| -> Vec<PlotPoint> {
         rows.iter().map(|row| PlotPoint { x: row.seconds, y: row.rms, label: rays(row.rays) }).collect()
     };
-    let mut series = vec![Series { name: "exact".into(), points: points(&record.exact), line: true }];
+    let mut series =
+        vec![Series { name: "exact".into(), points: points(&record.exact), marks: Marks::Joined }];
     if !record.certified.is_empty() {
         let points = points(&record.certified);
-        series.push(Series { name: "exact with certificates".into(), points, line: true });
+        series.push(Series { name: "exact with certificates".into(), points, marks: Marks::Joined });
     }
     for row in &record.mr {
         let name = format!("multi-res., {} segments", row.rays);
@@ -25,7 +26,7 @@ pub(super) fn error_against_time(record: &Record) -> Result<Markup> {
         let point = PlotPoint { x: row.seconds, y: row.rms, label };
         match series.iter_mut().find(|s| s.name == name) {
             Some(series) => series.points.push(point),
-            None => series.push(Series { name, points: vec![point], line: false }),
+            None => series.push(Series { name, points: vec![point], marks: Marks::Points }),
         }
     }
     let plot = Plot {
@@ -35,25 +36,22 @@ pub(super) fn error_against_time(record: &Record) -> Result<Markup> {
         y_scale: Scale::Log,
         series,
     };
-    Ok(html! {
-        figure.plot {
-            div.scroll { (PreEscaped(plot.svg(860, 460)?)) }
-            figcaption {
-                "Both axes are logarithmic. The line shows exact visibility with increasing numbers of rays from each \
-                 point to each emitter. A multi-resolution point below and to the left of the line is faster at the \
-                 same error: time of the line at the height of the point, divided by the time of the point, is the speed-up at the same error."
-            }
-        }
-    })
+    chart(
+        &plot,
+        460,
+        "Both axes are logarithmic. The line shows exact visibility with increasing numbers of rays from each point to \
+         each emitter. A multi-resolution point below and to the left of the line is faster at the same error: time of \
+         the line at the height of the point, divided by the time of the point, is the speed-up at the same error.",
+    )
 }
 
 /// Spectrum (FBEM over feature size) of the exact image of 16 rays, and FBEM of each MR image at its own size.
 pub(super) fn spectrum(exact: &[Fbem], mr: &[Fbem], unit: &str) -> Result<Markup> {
     let point = |row: &Fbem| PlotPoint { x: row.size, y: row.value, label: String::new() };
-    let series = |name: &str, rows: &[Fbem], line| Series {
+    let series = |name: &str, rows: &[Fbem], marks| Series {
         name: name.into(),
         points: rows.iter().map(point).collect(),
-        line,
+        marks,
     };
     let plot = Plot {
         x_label: format!("feature size s, {unit}"),
@@ -61,17 +59,35 @@ pub(super) fn spectrum(exact: &[Fbem], mr: &[Fbem], unit: &str) -> Result<Markup
         x_scale: Scale::Linear,
         y_scale: Scale::Linear,
         series: vec![
-            series("exact, 16 rays", exact, true),
-            series("multi-resolution, each image at its own s", mr, false),
+            series("exact, 16 rays", exact, Marks::Joined),
+            series("multi-resolution, each image at its own s", mr, Marks::Points),
         ],
     };
-    Ok(html! {
-        figure.plot {
-            div.scroll { (PreEscaped(plot.svg(860, 340)?)) }
-            figcaption {
-                "Feature-based error by feature size: at s = 0 the RMS error, further right the error of features \
-                 larger than s and of averages."
-            }
-        }
-    })
+    chart(
+        &plot,
+        340,
+        "Feature-based error by feature size: at s = 0 the RMS error, further right the error of features larger than s \
+         and of averages.",
+    )
+}
+
+/// Visible fraction along a row of texels: reference, exact with 16 rays, multi-resolution.
+pub(super) fn cross_section(images: [&Image; 3], row: usize, unit: &str) -> Result<Markup> {
+    let series =
+        images.iter().zip(["reference", "exact, 16 rays", "multi-resolution"]).map(|(image, name)| {
+            let at = |x: usize| PlotPoint {
+                x: (x as f64 + 0.5) * image.texel(),
+                y: f64::from(image.at(x, row)),
+                label: String::new(),
+            };
+            Series { name: name.into(), points: (0..image.width()).map(at).collect(), marks: Marks::Line }
+        });
+    let plot = Plot {
+        x_label: format!("place along row {row} of the texels, {unit}"),
+        y_label: "visible fraction".into(),
+        x_scale: Scale::Linear,
+        y_scale: Scale::Linear,
+        series: series.collect(),
+    };
+    chart(&plot, 240, "Cross-section through the largest difference.")
 }

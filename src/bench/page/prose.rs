@@ -9,9 +9,10 @@ pub(super) fn shadow_images() -> Markup {
             "Each image shows the visible fraction of the emitters at every place of a surface: white sees all of \
              them, black none. The bar at the lower left of the first image is the scale. The difference is \
              multi-resolution minus reference: "
-            span.red { "red" } " is too bright, " span.blue { "blue" } " too dark. The mask shows in orange all \
+            span.red { "red" } " is too bright, " span.blue { "blue" } " too dark; a " span.mark { "circle" }
+            " marks the largest, and the plot below is a cross-section through it. The mask shows in orange all \
              features (shadows and lit regions) larger than s; there the image is compared texel by texel, elsewhere \
-             on average."
+             on average. A feature size whose image looks like one that is shown already is only named."
         }
     }
 }

@@ -1,12 +1,11 @@
 //! Growth of cost: plot and table, and a page of their own for `bench --scaling` without a scene.
 
-use maud::{Markup, PreEscaped, html};
+use maud::{Markup, html};
 
-use super::tables::{bytes, count, seconds};
-use super::{document, length};
 use crate::Result;
 use crate::bench::record::{ScalingRecord, ScalingRow};
-use crate::plot::{Plot, PlotPoint, Scale, Series, number};
+use crate::page::{Cell, bytes, chart, count, document, length, seconds, table};
+use crate::plot::{Marks, Plot, PlotPoint, Scale, Series, number};
 
 /// The rows of a series, in order.
 fn series<'a>(rows: &'a [ScalingRow], name: &str) -> Vec<&'a ScalingRow> {
@@ -25,7 +24,7 @@ pub(super) fn section(rows: &[ScalingRow], unit: &str) -> Result<Markup> {
                 em { "Finer leaves" } ": as many trees with more and smaller leaves of constant total area."
             }
             (plot(rows)?)
-            (table(rows))
+            (growth(rows))
             @for (name, words) in SERIES { @if let Some(text) = verdict(&series(rows, name), words) { p.note { (text) } } }
         }
     })
@@ -43,7 +42,7 @@ fn plot(rows: &[ScalingRow]) -> Result<Markup> {
                 .iter()
                 .map(|r| PlotPoint { x: r.triangles as f64, y: 1e6 * time(r), label: String::new() })
                 .collect(),
-            line: true,
+            marks: Marks::Joined,
         };
         lines.push(line("exact", |r| r.seconds_per_bundle_exact));
         lines.push(line("multi-res.", |r| r.seconds_per_bundle_mr));
@@ -56,15 +55,14 @@ fn plot(rows: &[ScalingRow]) -> Result<Markup> {
         y_scale: Scale::Log,
         series: lines,
     };
-    Ok(html! {
-        figure.plot {
-            div.scroll { (PreEscaped(plot.svg(860, 400)?)) }
-            figcaption { "Both axes are logarithmic: a horizontal line is a cost that does not depend on the size of the scene." }
-        }
-    })
+    chart(
+        &plot,
+        400,
+        "Both axes are logarithmic: a horizontal line is a cost that does not depend on the size of the scene.",
+    )
 }
 
-fn table(rows: &[ScalingRow]) -> Markup {
+fn growth(rows: &[ScalingRow]) -> Markup {
     let columns = [
         "series",
         "triangles",
@@ -77,29 +75,21 @@ fn table(rows: &[ScalingRow]) -> Markup {
         "memory",
         "per triangle",
     ];
-    html! {
-        div.scroll {
-            table.rows {
-                thead { tr { @for name in columns { th scope="col" { (name) } } } }
-                tbody {
-                    @for row in rows {
-                        tr {
-                            td { (row.series) }
-                            td { (count(row.triangles as u64)) }
-                            td { (number(1e6 * row.seconds_per_bundle_exact)) }
-                            td { (number(1e6 * row.seconds_per_bundle_mr)) }
-                            td { (number(row.rms_exact)) }
-                            td { (number(row.rms_mr)) }
-                            td { (number(row.nodes_per_segment)) }
-                            td { (seconds(row.build_s)) }
-                            td { (bytes(row.bytes)) }
-                            td { (number(row.bytes_per_triangle.total)) " B" }
-                        }
-                    }
-                }
-            }
-        }
-    }
+    let line = |row: &ScalingRow| -> [Cell; 10] {
+        [
+            Cell::from(&row.series),
+            count(row.triangles as u64).into(),
+            number(1e6 * row.seconds_per_bundle_exact).into(),
+            number(1e6 * row.seconds_per_bundle_mr).into(),
+            number(row.rms_exact).into(),
+            number(row.rms_mr).into(),
+            number(row.nodes_per_segment).into(),
+            seconds(row.build_s).into(),
+            bytes(row.bytes).into(),
+            format!("{} B", number(row.bytes_per_triangle.total)).into(),
+        ]
+    };
+    table(columns, &rows.iter().map(line).collect::<Vec<_>>())
 }
 
 /// Ratio of the times of the largest and the smallest forest, beside the ratio of the logarithms of their sizes.
@@ -140,5 +130,5 @@ pub fn render_scaling(record: &ScalingRecord) -> Result<String> {
             }
         }
     };
-    Ok(document("mrvis bench: cost by size of the scene", body))
+    Ok(document("mrvis bench: cost by size of the scene", &body))
 }

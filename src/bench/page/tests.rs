@@ -186,7 +186,15 @@ fn example() -> (Record, Vec<ReceiverImages>) {
         name: "lawn".into(),
         reference: shadows(false, 0.0, 1),
         exact16: shadows(false, 0.3, 2),
-        mr: vec![(0.1, shadows(false, 0.1, 3)), (0.6, shadows(true, 0.02, 4))],
+        surface: [8.0, 6.0],
+        mr: [(0.1, 0.1, false), (0.25, 0.1, false), (0.6, 0.02, true)]
+            .map(|(size, noise, large_only)| MrImage {
+                size,
+                image: shadows(large_only, noise, 3),
+                handed_over: false,
+            })
+            .into(),
+        clusters: None,
     };
     (record, vec![images])
 }
@@ -205,8 +213,11 @@ fn a_page_stands_alone_and_escapes_names() {
         assert!(found.all(|s| s.starts_with("http://www.w3.org/2000/svg")), "{outside}");
     }
     assert!(page.contains("park &lt;b&gt;.obj") && !page.contains("park <b>"));
-    assert_eq!(page.matches("<svg ").count(), 3);
+    // Error against time, calibration, two cross-sections, spectrum; each for wide and for narrow windows.
+    assert_eq!(page.matches("<svg ").count(), 2 * 5);
+    // The second size looks like the first.
     assert_eq!(page.matches("data:image/png;base64,").count(), 3 + 2 * 3);
+    assert!(page.contains("s = 0.25\u{a0}m: no texel differs visibly from the image of s = 0.1\u{a0}m."));
     assert!(page.contains("24.1×") && page.contains("41 zero area faces"));
     assert_eq!(page, render(&record, &receivers, "mrvis bench").unwrap());
 }
@@ -223,7 +234,7 @@ fn empty_and_odd_records_still_make_a_page() {
     let page = render(&record, &receivers, "mrvis bench").unwrap();
     // The letters may occur in encoded images.
     assert!(page.split("data:image").all(|part| !part.split_once('"').map_or(part, |p| p.1).contains("NaN")));
-    receivers[0].mr[0].1 = Image::new(2, 2, 1.0, vec![0.0; 4]).unwrap();
+    receivers[0].mr[0].image = Image::new(2, 2, 1.0, vec![0.0; 4]).unwrap();
     assert!(render(&record, &receivers, "mrvis bench").is_err());
 }
 
@@ -242,7 +253,7 @@ fn growth_has_a_plot_and_a_verdict() {
     record.scaling = scaling.clone();
     let page = render(&record, &receivers, "mrvis bench").unwrap();
     let alone = render_scaling(&ScalingRecord { scaling, ..Default::default() }).unwrap();
-    assert_eq!((page.matches("<svg ").count(), alone.matches("<svg ").count()), (4, 1));
+    assert_eq!((page.matches("<svg ").count(), alone.matches("<svg ").count()), (12, 2));
     for page in [page, alone] {
         assert!(page.contains("more trees: 100 times the triangles take 1.25 times the time"), "{page}");
         assert!(page.contains("their logarithm is 1.5 times as large"));

@@ -1,12 +1,11 @@
 //! Claimed against observed error.
 
-use maud::{Markup, PreEscaped, html};
+use maud::{Markup, html};
 
-use super::tables::{seconds, signed};
-use super::{length, percent, times};
 use crate::Result;
 use crate::bench::record::{IntervalAudit, MrRow, Record, TargetChoice, UnbiasedRow};
-use crate::plot::{Plot, PlotPoint, Scale, Series, number};
+use crate::page::{Cell, chart, length, percent, seconds, signed, table, times};
+use crate::plot::{Marks, Plot, PlotPoint, Scale, Series, number};
 
 /// Largest number of feature sizes in the plot: with the diagonal, one per colour.
 const MAX_SIZES: usize = 4;
@@ -17,6 +16,16 @@ pub(super) fn calibration(record: &Record) -> Result<Markup> {
     let rows: Vec<(&MrRow, &IntervalAudit)> =
         audited.filter(|(row, _)| row.rays == record.workload.rays).collect();
     let Some(&(_, any)) = rows.first() else { return Ok(html! {}) };
+    let columns = [
+        "s",
+        "claimed RMS",
+        "observed RMS",
+        "its 95 % interval",
+        "intervals confirmed",
+        "their 95 % interval",
+        "in bounds, all bundles",
+    ];
+    let lines: Vec<_> = rows.iter().map(|(row, audit)| line(row, audit, &record.unit)).collect();
     Ok(html! {
         section {
             h2 { "Claimed and observed errors" }
@@ -28,22 +37,7 @@ pub(super) fn calibration(record: &Record) -> Result<Markup> {
                  observed error is larger than claimed."
             }
             (plot(&rows, &record.unit)?)
-            div.scroll {
-                table.rows {
-                    thead {
-                        tr {
-                            th scope="col" { "s" }
-                            th scope="col" { "claimed RMS" }
-                            th scope="col" { "observed RMS" }
-                            th scope="col" { "its 95 % interval" }
-                            th scope="col" { "intervals confirmed" }
-                            th scope="col" { "its 95 % interval" }
-                            th scope="col" { "in bounds, all bundles" }
-                        }
-                    }
-                    tbody { @for (row, audit) in &rows { (line(row, audit, &record.unit)) } }
-                }
-            }
+            (table(columns, &lines))
             p.note {
                 "Rows of " (record.workload.rays) " segments. The noise of the audit's rays is subtracted from the \
                  observed error. An interval is confirmed if the mean of the rays differs from the answer by no more \
@@ -56,18 +50,17 @@ pub(super) fn calibration(record: &Record) -> Result<Markup> {
     })
 }
 
-fn line(row: &MrRow, audit: &IntervalAudit, unit: &str) -> Markup {
-    html! {
-        tr {
-            td { (length(row.feature_size, unit)) }
-            td { (number(audit.claimed_rms)) }
-            td { (number(audit.observed_rms)) }
-            td { (number(audit.observed_lo)) " to " (number(audit.observed_hi)) }
-            td class=(if audit.coverage_hi < 0.95 { "loss" } else { "" }) { (percent(audit.coverage)) }
-            td { (percent(audit.coverage_lo)) " to " (percent(audit.coverage_hi)) }
-            td class=(if row.interval_coverage < 0.95 { "loss" } else { "" }) { (percent(row.interval_coverage)) }
-        }
-    }
+fn line(row: &MrRow, audit: &IntervalAudit, unit: &str) -> [Cell; 7] {
+    let range = |low: String, high: String| Cell::from(format!("{low} to {high}"));
+    [
+        length(row.feature_size, unit).into(),
+        number(audit.claimed_rms).into(),
+        number(audit.observed_rms).into(),
+        range(number(audit.observed_lo), number(audit.observed_hi)),
+        Cell::from(percent(audit.coverage)).loss(audit.coverage_hi < 0.95),
+        range(percent(audit.coverage_lo), percent(audit.coverage_hi)),
+        Cell::from(percent(row.interval_coverage)).loss(row.interval_coverage < 0.95),
+    ]
 }
 
 fn plot(rows: &[(&MrRow, &IntervalAudit)], unit: &str) -> Result<Markup> {
@@ -78,7 +71,7 @@ fn plot(rows: &[(&MrRow, &IntervalAudit)], unit: &str) -> Result<Markup> {
         .map(|(row, audit)| Series {
             name: format!("s = {}", length(row.feature_size, unit)),
             points: audit.bins.iter().map(|bin| point(bin.claimed, bin.observed)).collect(),
-            line: false,
+            marks: Marks::Points,
         })
         .collect();
     let claims = shown.iter().flat_map(|s| &s.points).map(|p| p.x).filter(|x| *x > 0.0);
@@ -86,7 +79,7 @@ fn plot(rows: &[(&MrRow, &IntervalAudit)], unit: &str) -> Result<Markup> {
     let diagonal = Series {
         name: "claimed = observed".into(),
         points: vec![point(ends.0, ends.0), point(ends.1, ends.1)],
-        line: true,
+        marks: Marks::Joined,
     };
     let plot = Plot {
         x_label: "claimed standard error of the visible fraction".into(),
@@ -95,14 +88,11 @@ fn plot(rows: &[(&MrRow, &IntervalAudit)], unit: &str) -> Result<Markup> {
         y_scale: Scale::Log,
         series: std::iter::once(diagonal).chain(shown).collect(),
     };
-    Ok(html! {
-        figure.plot {
-            div.scroll { (PreEscaped(plot.svg(860, 380)?)) }
-            figcaption {
-                "Claimed against observed error, both axes logarithmic. Groups without any observed error are not shown."
-            }
-        }
-    })
+    chart(
+        &plot,
+        380,
+        "Claimed against observed error, both axes logarithmic. Groups without any observed error are not shown.",
+    )
 }
 
 /// Target, choice, expectation and result; empty without a target.
@@ -158,6 +148,18 @@ pub(super) fn unbiased(record: &Record) -> Markup {
     }
     let gain = |row: &UnbiasedRow| row.speedup_at_same_rms.is_some_and(|s| s > 1.05);
     let gains = record.unbiased.iter().filter(|row| gain(row)).count();
+    let columns = [
+        "s",
+        "segments",
+        "exact segments",
+        "time",
+        "pilot",
+        "RMS",
+        "bias",
+        "its error",
+        "speed-up, same RMS",
+    ];
+    let rows: Vec<_> = record.unbiased.iter().map(|row| unbiased_row(row, &record.unit)).collect();
     html! {
         section {
             h2 { "Unbiased estimates" }
@@ -168,40 +170,25 @@ pub(super) fn unbiased(record: &Record) -> Markup {
                 @if gains == 0 { "none of these rows is faster than plain exact rays." }
                 @else { (gains) " of " (record.unbiased.len()) " rows are faster than plain exact rays." }
             }
-            div.scroll {
-                table.rows {
-                    thead {
-                        tr {
-                            @for name in [
-                                "s", "segments", "exact segments", "time", "pilot", "RMS", "bias", "its error",
-                                "same RMS",
-                            ] { th scope="col" { (name) } }
-                        }
-                    }
-                    tbody { @for row in &record.unbiased { (unbiased_row(row, &record.unit)) } }
-                }
-            }
+            (table(columns, &rows))
         }
     }
 }
 
-fn unbiased_row(row: &UnbiasedRow, unit: &str) -> Markup {
+fn unbiased_row(row: &UnbiasedRow, unit: &str) -> [Cell; 9] {
     let averaged = row.levels.iter().find_map(|level| level.feature_size);
     let exact: f64 = row.levels.iter().filter(|level| level.feature_size.is_none()).map(|l| l.rays).sum();
-    let loss = row.speedup_at_same_rms.is_some_and(|s| s < 1.0);
-    html! {
-        tr {
-            td { (averaged.map_or("–".into(), |s| length(s, unit))) }
-            td { (row.rays) }
-            td { (number(exact)) }
-            td { (seconds(row.seconds)) }
-            td { (seconds(row.pilot_s)) }
-            td { (number(row.rms)) }
-            td { (signed(row.bias)) }
-            td { (number(row.bias_error)) }
-            td class=(if loss { "loss" } else { "" }) {
-                (if row.extrapolated { "~" } else { "" }) (times(row.speedup_at_same_rms))
-            }
-        }
-    }
+    let about = if row.extrapolated { "~" } else { "" };
+    [
+        averaged.map_or("–".into(), |s| length(s, unit)).into(),
+        row.rays.into(),
+        number(exact).into(),
+        seconds(row.seconds).into(),
+        seconds(row.pilot_s).into(),
+        number(row.rms).into(),
+        signed(row.bias).into(),
+        number(row.bias_error).into(),
+        Cell::from(format!("{about}{}", times(row.speedup_at_same_rms)))
+            .loss(row.speedup_at_same_rms.is_some_and(|s| s < 1.0)),
+    ]
 }

@@ -1,14 +1,19 @@
 //! Planar patches of surfaces and their bounding rectangles.
 
+use super::inscribed::inscribed;
+use super::relief;
+use crate::bench::workload::ReceiverPoint;
 use crate::clusters::MIN_COPLANAR_COSINE;
 use crate::math::{triangle_area, triangle_normal};
 use crate::scene::Scene;
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Part of its rectangle that a nearly rectangular patch covers at least: excludes triangles (1/2), L shapes with a
-/// missing quarter (3/4) and discs (π/4 = 0.79).
+/// Part of its rectangle that a nearly rectangular patch covers at least; the image of any other lies in a rectangle
+/// inside it. A disc covers π/4 = 0.785 of its square.
 pub(super) const MIN_FILLED_PART: f64 = 0.8;
+/// Smallest rectangle inside a patch, relative to the patch: a disc has one of 2/π, a triangle one of 1/2.
+const MIN_INSCRIBED_PART: f64 = 0.3;
 /// An object without a patch of at least this part of its area may be a relief. The sides of a cube (1/6) pass as well;
 /// their normals cancel, which [`super::relief`] tests. Selects receivers only.
 pub(super) const MIN_PATCH_PART: f64 = 0.25;
@@ -48,6 +53,7 @@ impl Rectangle {
 }
 
 /// Connected triangles in one plane, or a relief.
+#[derive(Clone)]
 pub(super) struct Patch {
     pub(super) triangles: Vec<u32>,
     /// Area projected along the rectangle's normal.
@@ -59,6 +65,51 @@ pub(super) struct Patch {
 impl Patch {
     pub(super) fn filled(&self) -> f64 {
         self.area / (self.rectangle.width * self.rectangle.height)
+    }
+
+    /// The patch, or a rectangle inside it if it is not nearly rectangular; `None` if the largest such rectangle is a
+    /// small part of it.
+    pub(super) fn rectangular(self, scene: &Scene) -> Option<Patch> {
+        if self.filled() >= MIN_FILLED_PART {
+            return Some(self);
+        }
+        let rectangle = inscribed(scene, &self.triangles, &self.rectangle)?;
+        let area = rectangle.width * rectangle.height;
+        (area >= MIN_INSCRIBED_PART * self.area).then_some(Patch { area, rectangle, ..self })
+    }
+
+    /// Centres of texels in a rectangle of the patch's plane, row by row from the top left: columns, rows, side.
+    pub(super) fn points(
+        &self,
+        scene: &Scene,
+        rectangle: &Rectangle,
+        (width, height, texel): (usize, usize, f64),
+    ) -> Vec<ReceiverPoint> {
+        if self.relief {
+            return relief::points(scene, &self.triangles, rectangle, (width, height, texel));
+        }
+        let Rectangle { right, normal, .. } = *rectangle;
+        // A thousandth of a texel above the surface, so that coplanar faces of other objects do not block.
+        let centre = rectangle.lifted() + 1e-3 * texel * normal;
+        let up = normal.cross(right);
+        let at = move |i: usize, n: usize| (i as f64 + 0.5 - 0.5 * n as f64) * texel;
+        let texel = move |x, y| ReceiverPoint {
+            position: (centre + at(x, width) * right - at(y, height) * up).as_vec3(),
+            normal: normal.as_vec3(),
+        };
+        (0..height).flat_map(|y| (0..width).map(move |x| texel(x, y))).collect()
+    }
+
+    /// Test points in a rectangle: columns and rows, `longer` along the longer side, and the points.
+    pub(super) fn spread(
+        &self,
+        scene: &Scene,
+        rectangle: &Rectangle,
+        longer: usize,
+    ) -> ([usize; 2], Vec<ReceiverPoint>) {
+        let texel = rectangle.width / longer as f64;
+        let rows = (rectangle.height / texel).round().max(1.0) as usize;
+        ([longer, rows], self.points(scene, rectangle, (longer, rows, texel)))
     }
 }
 

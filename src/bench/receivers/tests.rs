@@ -6,6 +6,9 @@ use crate::ray::Brute;
 use crate::scene::generate::{Spec, build};
 use glam::{DVec3, Vec3};
 
+/// Feature sizes that do not limit the texels of these scenes.
+const SIZES: [f64; 2] = [1e6, 1e6];
+
 fn cornell() -> Scene {
     build(&Spec::new("cornell")).unwrap()
 }
@@ -37,11 +40,11 @@ fn rectangles_fit_tilted_quads() {
 fn default_receivers_are_lit_and_distinct() {
     let scene = cornell();
     let model = testing::model(&scene, Detail::Rays);
-    let receivers = choose(&model, &Brute::new(&scene.positions, &scene.triangles), &[]).unwrap();
+    let receivers = choose(&model, &Brute::new(&scene.positions, &scene.triangles), &[], SIZES).unwrap();
     assert!(!receivers.is_empty() && receivers.len() <= DEFAULT_COUNT);
     for r in &receivers {
-        assert!(r.lit && r.width == MAX_SIDE_TEXELS && r.height <= MAX_SIDE_TEXELS, "{r:?}");
-        assert_eq!(r.points().len(), r.width * r.height);
+        assert!(r.lit && r.width == 96 && r.height <= 96, "{}", r.name);
+        assert_eq!(r.points.len(), r.width * r.height);
     }
 }
 
@@ -49,8 +52,8 @@ fn default_receivers_are_lit_and_distinct() {
 fn names_that_nothing_has_are_errors() {
     let scene = cornell();
     let brute = Brute::new(&scene.positions, &scene.triangles);
-    let message =
-        choose(&testing::model(&scene, Detail::Rays), &brute, &["nothing".into()]).unwrap_err().to_string();
+    let model = testing::model(&scene, Detail::Rays);
+    let message = choose(&model, &brute, &["nothing".into()], SIZES).unwrap_err().to_string();
     assert!(message.contains("nothing") && message.contains(&scene.objects[0].name), "{message}");
 }
 
@@ -68,16 +71,9 @@ fn images_show_what_is_up_at_the_top() {
     assert_eq!(wall.normal.cross(wall.right), DVec3::Z);
     let back = wall.turned();
     assert_eq!((back.normal, back.normal.cross(back.right)), (-DVec3::Y, DVec3::Z));
-    let receiver = ReceiverGrid {
-        name: String::new(),
-        width: 2,
-        height: 1,
-        texel: 1.0,
-        lit: true,
-        rectangle: back,
-        relief: None,
-    };
-    let points: Vec<Vec3> = receiver.points().iter().map(|p| p.position).collect();
+    let patch = Patch { triangles: Vec::new(), area: 2.0, rectangle: back, relief: false };
+    let points = patch.points(&cornell(), &back, (2, 1, 1.0));
+    let points: Vec<Vec3> = points.iter().map(|p| p.position).collect();
     // Seen from -y with z up, x grows to the right.
     assert!(points[0].x < points[1].x);
 }
@@ -112,17 +108,17 @@ fn placed_meshes_are_receivers() {
     for (name, at) in [("left", first), ("right", second), ("board", first)] {
         let options = crate::bench::Options { receivers: vec![name.into()], ..Default::default() };
         options.check_for(&scene).expect(name);
-        let receivers = choose(&model, &exact, &[name.to_owned()]).expect(name);
+        let receivers = choose(&model, &exact, &[name.to_owned()], SIZES).expect(name);
         assert!(receivers.len() == 1 && receivers[0].lit && receivers[0].name == name);
-        assert!((receivers[0].rectangle.width - 3.0).abs() < 1e-4, "{receivers:?}");
+        assert!((receivers[0].surface[0] - 3.0).abs() < 1e-4, "{:?}", receivers[0].surface);
         let normal = turn * DVec3::Z;
-        for point in receivers[0].points() {
+        for point in &receivers[0].points {
             let off = point.position.as_dvec3() + scene.origin - at;
             assert!(off.dot(normal).abs() < 1e-3 && off.length() < 1.7, "{name}: {off}");
             assert!(point.normal.as_dvec3().dot(normal) > 0.999);
         }
     }
-    let ghost = choose(&model, &exact, &["ghost".to_owned()]).expect_err("hidden").to_string();
+    let ghost = choose(&model, &exact, &["ghost".to_owned()], SIZES).expect_err("hidden").to_string();
     assert!(ghost.contains("`ghost`") && ghost.contains("`left`"), "{ghost}");
 }
 
@@ -147,11 +143,11 @@ fn a_terrain_is_a_receiver() {
     let model = testing::model(&scene, Detail::Rays);
     let brute = Brute::new(&scene.positions, &scene.triangles);
     for names in [vec![], vec!["hills".to_owned()]] {
-        let receivers = choose(&model, &brute, &names).expect("receivers");
+        let receivers = choose(&model, &brute, &names, SIZES).expect("receivers");
         assert_eq!(receivers.iter().map(|r| r.name.as_str()).collect::<Vec<_>>(), ["hills"]);
-        let points = receivers[0].points();
+        let points = &receivers[0].points;
         assert_eq!(points.len(), receivers[0].width * receivers[0].height);
-        for p in &points {
+        for p in points {
             let q = p.position.as_dvec3() + scene.origin;
             // Chord error of the sine: step² / 8 times its curvature. Beside the edge there is no surface.
             let inside = q.x.min(q.y) > 0.2 && q.x.max(q.y) < 7.8;
@@ -160,4 +156,81 @@ fn a_terrain_is_a_receiver() {
             assert!(p.normal.z > 0.8, "{p:?}");
         }
     }
+}
+
+/// A scene under a closed dome that emits: a round ground of 720 triangles, and a block on it.
+fn round_garden() -> Scene {
+    use crate::scene::testing::Pieces;
+    use std::f64::consts::{PI, TAU};
+    let mut pieces = Pieces::new();
+    pieces.object("ground");
+    let at = |ring: usize, k: usize| {
+        let (r, turn) = (ring as f64, TAU * k as f64 / 48.0);
+        DVec3::new(r * turn.cos(), r * turn.sin(), 0.0)
+    };
+    for k in 0..48 {
+        pieces.polygon(&[DVec3::ZERO, at(1, k), at(1, k + 1)]);
+        for ring in 1..8 {
+            pieces.polygon(&[at(ring, k), at(ring + 1, k), at(ring + 1, k + 1), at(ring, k + 1)]);
+        }
+    }
+    pieces.object("block").cuboid(DVec3::new(-1.0, -1.0, 0.0), DVec3::new(1.0, 1.0, 1.5));
+    let shell = |turn: f64, rise: f64| {
+        12.0 * DVec3::new(turn.cos() * rise.cos(), turn.sin() * rise.cos(), rise.sin())
+    };
+    for (i, j) in (0..96).map(|k| (k % 16, k / 16)) {
+        let [a, b] = [i, i + 1].map(|i| TAU * f64::from(i) / 16.0);
+        let [c, d] = [j, j + 1].map(|j| 0.5 * PI * f64::from(j) / 6.0);
+        let centre = shell(0.5 * (a + b), 0.5 * (c + d));
+        let (u, v) = (shell(a, c) - shell(b, c), shell(0.5 * (a + b), d) - shell(0.5 * (a + b), c));
+        pieces.light(centre, if u.cross(v).dot(centre) < 0.0 { u } else { -u }, v);
+    }
+    pieces.scene()
+}
+
+/// A disc covers π/4 of the square around it; its image is a rectangle inside, and all its texels are on the ground.
+#[test]
+fn a_round_ground_is_a_receiver() {
+    let scene = round_garden();
+    assert_eq!(
+        scene.triangle_object.iter().filter(|&&o| scene.objects[o as usize].name == "ground").count(),
+        720
+    );
+    let model = testing::model(&scene, Detail::Rays);
+    let brute = Brute::new(&scene.positions, &scene.triangles);
+    for names in [vec![], vec!["ground".to_owned()]] {
+        let receivers = choose(&model, &brute, &names, SIZES).expect("receivers");
+        let ground = receivers.iter().find(|r| r.name == "ground").expect("the ground");
+        assert!(ground.lit);
+        let points: Vec<DVec3> = ground.points.iter().map(|p| p.position.as_dvec3() + scene.origin).collect();
+        assert!(points.iter().all(|p| p.truncate().length() < 8.05 && p.z.abs() < 0.01));
+        // The largest square in a disc of radius 8.
+        assert!((ground.surface[0] * ground.surface[1] / 128.0 - 1.0).abs() < 0.05, "{:?}", ground.surface);
+    }
+}
+
+/// Texels of half the feature size on a large floor with one block: the image is a window with the block's shadow.
+#[test]
+fn windows_are_where_the_shadows_are() {
+    use crate::scene::testing::Pieces;
+    let mut pieces = Pieces::new();
+    pieces.object("floor").quad(DVec3::ZERO, 40.0 * DVec3::X, 30.0 * DVec3::Y);
+    pieces.object("block").cuboid(DVec3::new(11.0, -9.0, 0.0), DVec3::new(12.0, -8.0, 1.0));
+    pieces.light(DVec3::new(0.0, 0.0, 20.0), DVec3::Y, DVec3::X);
+    let scene = pieces.scene();
+    let model = testing::model(&scene, Detail::Rays);
+    let brute = Brute::new(&scene.positions, &scene.triangles);
+    let sizes = [0.04, 0.2];
+    let receivers = choose(&model, &brute, &["floor".to_owned()], sizes).expect("the floor");
+    let floor = &receivers[0];
+    assert!(floor.texel <= 0.5 * sizes[0] && floor.width <= 512, "{} {}", floor.texel, floor.width);
+    assert_eq!(floor.surface, [40.0, 30.0]);
+    let spots: Vec<DVec3> = floor.points.iter().map(|p| p.position.as_dvec3() + scene.origin).collect();
+    let near = |x: f64, y: f64| spots.iter().any(|p| (p.x - x).hypot(p.y - y) < floor.texel);
+    assert!(near(12.4, -8.5), "the shadow of the block falls outwards");
+    // The middle has the same texels.
+    let part = floor.middle(0.25);
+    let middle = floor.only(part);
+    assert!((2 * middle.width).abs_diff(floor.width) <= 1 && middle.texel == floor.texel);
+    assert!(middle.points.iter().all(|p| spots.contains(&(p.position.as_dvec3() + scene.origin))));
 }

@@ -2,7 +2,7 @@
 
 use super::super::args::{distinct, plain};
 use crate::Result;
-use crate::bench::page::ReceiverImages;
+use crate::bench::page::{MrImage, ReceiverImages};
 use crate::image_io::{difference, grey, mask_overlay, write_exr, write_png};
 use crate::metrics::{FeatureOptions, FeatureSet, Image};
 use std::path::Path;
@@ -24,7 +24,7 @@ pub fn write_pictures(folder: &Path, receivers: &[ReceiverImages]) -> Result<()>
         };
         compared("exact16", &receiver.exact16)?;
         let mut features = FeatureSet::new(reference, &FeatureOptions::default())?;
-        for (s, image) in &receiver.mr {
+        for MrImage { size: s, image, .. } in &receiver.mr {
             compared(&format!("mr-{s}"), image)?;
             let mask = mask_overlay(reference, 1.0, &features.mask(f64::from(*s)))?;
             write_png(&folder.join(format!("{stem}-mask-{s}.png")), &mask)?;

@@ -1,6 +1,7 @@
 //! The command line that repeats a run.
 
 use crate::bench::record::Record;
+use crate::cli::args::shell_word;
 use std::fmt::Write as _;
 
 /// `mrvis bench` with the options of a run.
@@ -30,16 +31,6 @@ pub fn command_line(record: &Record) -> String {
         shell_word(&record.unit)
     );
     text
-}
-
-/// The text as one word of a shell command.
-fn shell_word(text: &str) -> String {
-    let plain = |c: char| c.is_alphanumeric() || "/._-+:".contains(c);
-    if !text.is_empty() && text.chars().all(plain) {
-        text.into()
-    } else {
-        format!("'{}'", text.replace('\'', "'\\''"))
-    }
 }
 
 #[cfg(test)]

@@ -25,6 +25,8 @@ pub struct ErrorBarAudit {
     pub within_one: f64,
     /// Part of them whose error lies within twice the bar (0.95 for a normal distribution).
     pub within_two: f64,
+    /// Part of them whose error lies within 1/4, 2/4, … 12/4 of the bar.
+    pub within_quarters: [f64; 12],
     /// Root mean square of the errors, less the noise of the paths, relative to the mean irradiance of all elements.
     pub rms_error: f64,
     /// Root mean square of the bars, relative to the same.
@@ -72,12 +74,16 @@ impl FinalGather<'_> {
         for Check { error, noise, bar } in checks {
             audit.within_one += f64::from(u8::from(error <= bar.hypot(noise)));
             audit.within_two += f64::from(u8::from(error <= 2.0 * bar.hypot(noise)));
+            for (k, within) in audit.within_quarters.iter_mut().enumerate() {
+                *within += f64::from(u8::from(error <= 0.25 * (k + 1) as f64 * bar.hypot(noise)));
+            }
             audit.rms_error += error * error - noise * noise;
             audit.rms_bar += bar * bar;
         }
         let (n, level) = (audit.elements as f64, self.level());
         audit.within_one /= n;
         audit.within_two /= n;
+        audit.within_quarters.iter_mut().for_each(|within| *within /= n);
         audit.rms_error = (audit.rms_error.max(0.0) / n).sqrt() / level;
         audit.rms_bar = (audit.rms_bar / n).sqrt() / level;
         (audit, tally)

@@ -1,0 +1,210 @@
+//! `solution.html`: the light of a scene on one page.
+//!
+//! Pictures, the irradiance in false colours with its scale, where the emitted power goes, whether the error bars are
+//! right, and where the time went.
+
+mod audit;
+mod false_colours;
+mod flow;
+#[cfg(test)]
+mod tests;
+
+use crate::Result;
+use crate::image_io::Picture;
+use crate::page::{bytes, count, data_url, document, facts, figure, file_name, percent, seconds};
+use crate::plot::number;
+use crate::radiosity::mesh::RadiosityMesh;
+use crate::radiosity::{Record, Seconds};
+use crate::scene::Scene;
+use false_colours::Bands;
+use maud::{Markup, html};
+
+/// Unit of irradiance on the page.
+const IRRADIANCE: &str = "W/m²";
+/// More notes than this are at the end of the page: the pictures come first.
+const SHORT_NOTES: usize = 3;
+
+/// A picture of the page.
+#[derive(Clone, Debug)]
+pub struct PageView {
+    /// Name of the camera.
+    pub name: String,
+    /// The tone-mapped picture.
+    pub picture: Picture,
+    /// Irradiance by pixel, W/m²; `None` where no surface is visible.
+    pub irradiance: Vec<Option<[f32; 3]>>,
+}
+
+/// The page as HTML. `command` is the command line that repeats the run.
+///
+/// # Errors
+/// A picture has no pixels.
+pub fn solve_page(
+    record: &Record,
+    (scene, solution): (&Scene, &RadiosityMesh),
+    views: &[PageView],
+    command: &str,
+) -> Result<String> {
+    let name = file_name(&record.scene.path);
+    let body = html! {
+        (headline(record, name))
+        section {
+            h2 { "Pictures" }
+            (pictures(views)?)
+        }
+        section {
+            h2 { "Where the light goes" }
+            (flow::section(record, scene, solution))
+        }
+        (audit::section(record)?)
+        section {
+            h2 { "Where the time goes" }
+            (stages(&record.seconds))
+        }
+        section {
+            h2 { "Scene and solution" }
+            div.columns { (scene_facts(record)) (solution_facts(record)) }
+        }
+        (notes(record))
+        footer {
+            h2 { "To repeat this" }
+            p {
+                "mrvis " (record.mrvis) " · Embree " (record.embree) " · " (record.threads) " "
+                (if record.threads == 1 { "thread" } else { "threads" }) " · seed " (record.options.seed)
+                " · lengths in " (record.unit)
+            }
+            pre { (command) }
+        }
+    };
+    Ok(document(&format!("mrvis solve: {name}"), &body))
+}
+
+/// Mean of the channels.
+fn mean(light: [f64; 3]) -> f64 {
+    light.iter().sum::<f64>() / 3.0
+}
+
+fn headline(record: &Record, name: &str) -> Markup {
+    let light = mean(record.mean_irradiance);
+    let [red, green, blue] = record.mean_irradiance.map(number);
+    html! {
+        header {
+            p.kicker { "Light in a scene" }
+            h1 { (name) }
+            p.lead {
+                "All surfaces together emit " strong { (number(record.ledger.emitted)) " " (record.ledger.unit) }
+                " and receive " strong { (number(light)) " " (IRRADIANCE) } " in the mean."
+            }
+            div.figures {
+                (figure(&format!("{} {IRRADIANCE}", number(light)), "mean irradiance"))
+                @if let Some(audit) = &record.audit {
+                    (figure(&percent(audit.rms_error), "RMS error of the elements, of the mean"))
+                }
+                (figure(&seconds(record.seconds.load + record.seconds.work() + record.seconds.audit), "time, all stages"))
+            }
+            p.note { "Irradiance is the mean of the channels; red, green and blue are " (red) ", " (green) " and " (blue) " " (IRRADIANCE) "." }
+            @if record.warnings.len() > SHORT_NOTES {
+                p.warning { (record.warnings.len()) " notes are at the end of this page." }
+            } @else {
+                @for warning in &record.warnings { p.warning { (warning) } }
+            }
+        }
+    }
+}
+
+/// All notes, if they are too many for the head of the page.
+fn notes(record: &Record) -> Markup {
+    html! {
+        @if record.warnings.len() > SHORT_NOTES {
+            section {
+                h2 { "Notes" }
+                @for warning in &record.warnings { p.note { (warning) } }
+            }
+        }
+    }
+}
+
+fn pictures(views: &[PageView]) -> Result<Markup> {
+    let light = |view: &PageView| -> Vec<Option<f32>> {
+        view.irradiance.iter().map(|e| e.map(|e| mean(e.map(f64::from)) as f32)).collect()
+    };
+    let lights: Vec<Vec<Option<f32>>> = views.iter().map(light).collect();
+    let bands = Bands::of(lights.iter().flatten().flatten().copied());
+    let mut figures = Vec::new();
+    for (view, light) in views.iter().zip(&lights) {
+        let coloured = bands.picture(view.picture.width, light);
+        figures.push(html! {
+            div.views {
+                figure {
+                    div.frame { img src=(data_url(&view.picture)?) alt=(format!("picture of {}", view.name)); }
+                    figcaption { b { (view.name) } " tone-mapped" }
+                }
+                figure {
+                    div.frame { img src=(data_url(&coloured)?) alt=(format!("irradiance of {}", view.name)); }
+                    figcaption { b { "irradiance" } " of the surfaces that are seen" }
+                }
+            }
+        });
+    }
+    Ok(html! {
+        @if views.is_empty() { p { "The scene has no surface to show." } }
+        @for figure in figures { (figure) }
+        @if !views.is_empty() { (bands.legend(IRRADIANCE)) }
+    })
+}
+
+/// All stages that took time, the slowest first, as bars.
+fn stages(s: &Seconds) -> Markup {
+    let mut stages = vec![
+        ("reading the scene", s.load),
+        ("Embree's tree", s.embree),
+        ("clusters", s.hierarchy),
+        ("measuring clusters", s.characterise),
+        ("elements", s.elements),
+        ("links and light", s.solve),
+        ("local pass", s.local),
+        ("points", s.points),
+        ("audit", s.audit),
+    ];
+    let all: f64 = stages.iter().map(|stage| stage.1).sum::<f64>().max(f64::MIN_POSITIVE);
+    stages.retain(|stage| stage.1 > 0.005 * all);
+    stages.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let longest = stages.first().map_or(1.0, |stage| stage.1);
+    html! {
+        div.stages {
+            @for (name, time) in &stages {
+                div.stage {
+                    div { (name) }
+                    div.track { span style=(format!("width:{:.1}%", 100.0 * time / longest)) {} }
+                    div.time { (seconds(*time)) ", " (percent((time / all * 100.0).round() / 100.0)) }
+                }
+            }
+        }
+        p.note { "All stages took " (seconds(all)) "; those of less than half a per cent are not shown." }
+    }
+}
+
+fn scene_facts(record: &Record) -> Markup {
+    let scene = &record.scene;
+    facts(
+        "Scene",
+        &[
+            ("triangles", count(scene.triangles as u64)),
+            ("objects", count(scene.objects as u64)),
+            ("emitters", count(scene.emitters as u64)),
+            ("sides without light", count(record.unlit.sides as u64)),
+        ],
+    )
+}
+
+fn solution_facts(record: &Record) -> Markup {
+    facts(
+        "Solution",
+        &[
+            ("elements", count(record.elements as u64)),
+            ("links", count(record.links as u64)),
+            ("exact rays", count(record.exact_rays)),
+            ("memory of elements and links", bytes(record.bytes as u64)),
+        ],
+    )
+}

@@ -1,0 +1,54 @@
+//! Error bars against errors.
+
+use crate::Result;
+use crate::page::{chart, percent};
+use crate::plot::{Marks, Plot, PlotPoint, Scale, Series, number};
+use crate::radiosity::Record;
+use maud::{Markup, html};
+
+/// Part of normally distributed errors within 1/4, 2/4, … 12/4 standard deviations: erf(k/4 / √2).
+const NORMAL: [f64; 12] =
+    [0.1974, 0.3829, 0.5467, 0.6827, 0.7887, 0.8664, 0.9199, 0.9545, 0.9756, 0.9876, 0.9940, 0.9973];
+
+/// Plot and words; empty without an audit.
+pub(super) fn section(record: &Record) -> Result<Markup> {
+    let Some(audit) = record.audit.as_ref().filter(|audit| audit.elements > 0) else { return Ok(html! {}) };
+    let series = |name: &str, parts: &[f64; 12], marks| Series {
+        name: name.into(),
+        points: parts
+            .iter()
+            .enumerate()
+            .map(|(k, &y)| PlotPoint { x: 0.25 * (k + 1) as f64, y, label: String::new() })
+            .collect(),
+        marks,
+    };
+    let plot = Plot {
+        x_label: "error, in error bars".into(),
+        y_label: "part of the elements".into(),
+        x_scale: Scale::Linear,
+        y_scale: Scale::Linear,
+        series: vec![
+            series("normal distribution", &NORMAL, Marks::Line),
+            series("elements of the audit", &audit.within_quarters, Marks::Points),
+        ],
+    };
+    let chart = chart(
+        &plot,
+        320,
+        "Part of the audited elements whose error is at most so many error bars. Points above the line: the bars are \
+         wider than the errors; below: too narrow.",
+    )?;
+    Ok(html! {
+        section {
+            h2 { "Are the error bars right?" }
+            p {
+                "The light of " (audit.elements) " elements, drawn by area, was computed again by independent paths of \
+                 exact rays. " (percent(audit.within_one)) " of their errors lie within one error bar and "
+                (percent(audit.within_two)) " within two (68 and 95 % for a normal distribution). The RMS error is "
+                (number(100.0 * audit.rms_error)) " % of the mean irradiance, the bars say "
+                (number(100.0 * audit.rms_bar)) " %."
+            }
+            (chart)
+        }
+    })
+}

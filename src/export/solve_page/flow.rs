@@ -1,0 +1,127 @@
+//! The energy ledger as a flow: the emitted power at the top divides into what materials absorb and what escapes.
+
+use crate::page::percent;
+use crate::plot::number;
+use crate::radiosity::Record;
+use crate::radiosity::mesh::RadiosityMesh;
+use crate::scene::Scene;
+use maud::{Markup, PreEscaped, html};
+use std::fmt::Write as _;
+
+/// Materials with a stream of their own; the others share one.
+const MAX_MATERIALS: usize = 4;
+/// Colours of streams: classes of the style sheet.
+const COLOURS: [&str; 7] =
+    ["stream-a", "stream-b", "stream-c", "stream-d", "stream-e", "stream-rest", "stream-error"];
+/// Width and height of the drawing, and gap between the ends of streams, its own units.
+const SIZE: [f64; 2] = [1000.0, 240.0];
+const GAP: f64 = 14.0;
+
+/// A part of the emitted power.
+#[derive(Clone, Debug, PartialEq)]
+struct Stream {
+    name: String,
+    power: f64,
+    colour: &'static str,
+}
+
+/// Diagram and numbers.
+pub(super) fn section(record: &Record, scene: &Scene, solution: &RadiosityMesh) -> Markup {
+    let l = &record.ledger;
+    if l.emitted <= 0.0 {
+        return html! { p { "No surface emits light." } };
+    }
+    let streams = streams(record, scene, solution);
+    html! {
+        p { "Of " strong { (number(l.emitted)) " " (l.unit) } " that are emitted:" }
+        (PreEscaped(drawing(&streams)))
+        div.streams {
+            @for stream in &streams {
+                div {
+                    span class=(format!("swatch {}", stream.colour)) {}
+                    span.name { (stream.name) }
+                    span.power { (number(stream.power)) " " (l.unit) ", " (percent(stream.power / l.emitted)) }
+                }
+            }
+        }
+        p.note {
+            "The difference of what is received and what is sent, " (number(l.created)) " " (l.unit)
+            ", is an error of the solution. "
+            @if let Some([low, high]) = l.row_sums {
+                "The form factors of an element that sees no way out of the scene sum to " (format!("{low:.4} to {high:.4}")) "; 1 is right."
+            }
+        }
+    }
+}
+
+/// Absorption by material, the largest first, then what escapes and what is lost by error.
+fn streams(record: &Record, scene: &Scene, solution: &RadiosityMesh) -> Vec<Stream> {
+    let mut absorbed = vec![0.0; scene.materials.len()];
+    for e in &solution.elements {
+        let part = (0..3).map(|c| (1.0 - f64::from(e.albedo[c])) * e.irradiance[c]).sum::<f64>() / 3.0;
+        if let Some(absorbed) = absorbed.get_mut(e.material as usize) {
+            *absorbed += e.area * part;
+        }
+    }
+    let all = absorbed.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+    let mut order: Vec<usize> = (0..absorbed.len()).filter(|&m| absorbed[m] > 0.0).collect();
+    order.sort_by(|&a, &b| absorbed[b].total_cmp(&absorbed[a]));
+    let power = |share: f64| share / all * record.ledger.absorbed;
+    let mut streams = Vec::new();
+    let mut add = |name: String, power: f64, colour: &'static str| {
+        if power > 0.0 {
+            streams.push(Stream { name, power, colour });
+        }
+    };
+    for (&m, colour) in order.iter().zip(COLOURS).take(MAX_MATERIALS) {
+        add(format!("absorbed by {}", scene.materials[m].name), power(absorbed[m]), colour);
+    }
+    let others = &order[order.len().min(MAX_MATERIALS)..];
+    let name = format!("absorbed by {} other materials", others.len());
+    add(name, power(others.iter().map(|&m| absorbed[m]).sum()), COLOURS[4]);
+    add("escaped from the scene".into(), record.ledger.escaped, COLOURS[5]);
+    add("lost by error".into(), -record.ledger.created, COLOURS[6]);
+    streams
+}
+
+/// Streams from one bar at the top to bars with gaps at the bottom, as wide as their power.
+fn drawing(streams: &[Stream]) -> String {
+    let [width, height] = SIZE;
+    let all: f64 = streams.iter().map(|s| s.power).sum();
+    let gaps = GAP * streams.len().saturating_sub(1) as f64;
+    let (scale, bar) = ((width - gaps) / all, 12.0);
+    let (mut top, mut bottom) = (0.5 * gaps, 0.0);
+    let mut svg = format!(
+        "<svg class=\"flow\" viewBox=\"0 0 {width} {height}\" preserveAspectRatio=\"none\" role=\"img\" \
+         aria-label=\"flow of power\"><rect x=\"{top:.1}\" width=\"{:.1}\" height=\"{bar}\" class=\"stream-all\"/>",
+        width - gaps
+    );
+    for Stream { power, colour, .. } in streams {
+        let wide = power * scale;
+        let (a, b, m, end) = (bar, height - bar, 0.5 * height, bottom + wide);
+        // Writing to a string cannot fail.
+        let _ = write!(
+            svg,
+            "<path d=\"M{top:.1} {a}C{top:.1} {m} {bottom:.1} {m} {bottom:.1} {b}H{end:.1}C{end:.1} {m} {right:.1} {m} {right:.1} {a}Z\" \
+             class=\"{colour}\" fill-opacity=\".45\"/><rect x=\"{bottom:.1}\" y=\"{b}\" width=\"{wide:.1}\" height=\"{bar}\" class=\"{colour}\"/>",
+            right = top + wide
+        );
+        top += wide;
+        bottom += wide + GAP;
+    }
+    svg + "</svg>"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn streams_are_as_wide_as_their_power() {
+        let stream = |power| Stream { name: String::new(), power, colour: "red" };
+        let svg = drawing(&[stream(3.0), stream(1.0)]);
+        let widths: Vec<f64> =
+            svg.split("width=\"").skip(1).filter_map(|w| w.split('"').next()?.parse().ok()).collect();
+        assert_eq!(widths, [986.0, 739.5, 246.5]);
+    }
+}

@@ -1,0 +1,46 @@
+//! The page of a solution of the Cornell box.
+
+use super::*;
+use crate::model::Model;
+use crate::radiosity::Options;
+use crate::scene::generate::{Spec, build};
+
+fn page(audit: usize) -> (String, Record) {
+    let mut scene = build(&Spec::new("cornell")).expect("the box");
+    scene.materials[0].name = "<b>white</b>".into();
+    let options = Options { audit, error: 0.2, local_rays: Some(0), ..Options::default() };
+    let model = Model::prepare(scene, &options.prepare(), &()).expect("a model");
+    let outcome = crate::radiosity::run(&model, &[], &options, &()).expect("a solution");
+    let view = PageView {
+        name: "view <1>".into(),
+        picture: Picture { width: 2, height: 2, pixels: vec![[9; 3]; 4] },
+        irradiance: vec![Some([1.0; 3]), Some([2.0; 3]), Some([5.0; 3]), None],
+    };
+    let page =
+        solve_page(&outcome.record, (model.scene(), &outcome.mesh), &[view], "mrvis solve").expect("a page");
+    (page, outcome.record)
+}
+
+#[test]
+fn the_page_stands_alone_and_names_what_it_shows() {
+    let (page, record) = page(60);
+    assert!(page.starts_with("<!DOCTYPE html>") && page.ends_with("</html>"));
+    for outside in ["http://", "https://", "src=\"/", "href=", "@import", "url("] {
+        let mut found = page.match_indices(outside).map(|(i, _)| &page[i..i + 40]);
+        assert!(found.all(|s| s.starts_with("http://www.w3.org/2000/svg")), "{outside}");
+    }
+    assert!(page.contains("&lt;b&gt;white") && !page.contains("<b>white") && page.contains("view &lt;1&gt;"));
+    // A picture and its irradiance; the flow; the audit for wide and for narrow windows.
+    assert_eq!(page.matches("data:image/png;base64,").count(), 2);
+    assert_eq!((page.matches("<svg class=\"flow\"").count(), page.matches("<svg ").count()), (1, 3));
+    assert!(page.contains("W/m²") && page.contains(&format!("{} W", number(record.ledger.emitted))));
+    assert!(page.contains("Are the error bars right?") && page.contains("escaped from the scene"));
+}
+
+/// The streams of the flow are the ledger: what materials absorb and what escapes.
+#[test]
+fn pages_without_an_audit_say_nothing_about_it() {
+    let (page, record) = page(0);
+    assert!(record.audit.is_none() || record.audit.is_some_and(|a| a.elements == 0));
+    assert!(!page.contains("Are the error bars right?"));
+}

@@ -1,0 +1,161 @@
+//! The automatic camera in rooms, gardens, terrain and before single objects.
+
+use super::*;
+use crate::export::Mesh;
+use crate::radiosity::mesh::Element;
+use crate::scene::Scene;
+use crate::scene::generate::{Spec, build};
+use crate::scene::testing::Pieces;
+use glam::{DMat3, DVec3, dvec3};
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+/// The scene with equal light on all lit sides, one element per side of a triangle.
+fn lit(scene: &Scene) -> RadiosityMesh {
+    let mut solution =
+        RadiosityMesh { origin: scene.origin, vertices: scene.positions.clone(), ..RadiosityMesh::default() };
+    for (t, &[a, b, c]) in scene.triangles.iter().enumerate() {
+        let emits = scene.triangle_emitter[t] != u32::MAX;
+        for front in [true, false].into_iter().take(usize::from(scene.triangle_sides[t])) {
+            let corners = if front { [a, b, c, c] } else { [a, c, b, b] };
+            let exitance = [f64::from(u8::from(emits && front)); 3];
+            solution.elements.push(Element {
+                corners,
+                radiosity: exitance.map(|e| e + 0.5),
+                irradiance: [1.0; 3],
+                error: [0.0; 3],
+                albedo: [0.5; 3],
+                exitance,
+                area: 1.0,
+                level: 0,
+                links: 0,
+                triangle: t as u32,
+                object: scene.triangle_object[t],
+                material: 0,
+                front,
+            });
+        }
+    }
+    solution
+}
+
+/// The automatic view of a scene: its eye in coordinates of the scene, the camera, and the part of the picture that
+/// shows each object, the last entry being the part without a surface.
+fn view(scene: &Scene) -> (DVec3, Camera, Vec<f32>) {
+    let solution = lit(scene);
+    let mesh = Mesh::new(&solution);
+    let stage = Stage::new(&mesh, &solution).expect("a stage");
+    let camera = best_view(&stage, &solution, Vec3::Z, &scene.unit);
+    let frame = render(&stage, &camera, 80, 60, 1);
+    let mut parts = vec![0.0; scene.objects.len() + 1];
+    for first in &frame.first {
+        let object =
+            first.map_or(scene.objects.len(), |f| solution.elements[f.element as usize].object as usize);
+        parts[object] += 1.0 / 4800.0;
+    }
+    (camera.eye.as_dvec3() + scene.origin, camera, parts)
+}
+
+/// Part of the picture that shows an object.
+fn part(scene: &Scene, parts: &[f32], name: &str) -> f32 {
+    let named = scene.objects.iter().zip(parts).filter(|(object, _)| object.name.starts_with(name));
+    named.map(|(_, part)| part).sum()
+}
+
+/// Adds a dome of emitting quads that face inwards.
+fn dome(pieces: &mut Pieces, radius: f64) {
+    let shell =
+        |turn: f64, rise: f64| radius * dvec3(turn.cos() * rise.cos(), turn.sin() * rise.cos(), rise.sin());
+    for (i, j) in (0..384).map(|k| (k % 32, k / 32)) {
+        let [a, b] = [i, i + 1].map(|i| TAU * f64::from(i) / 32.0);
+        let [c, d] = [j, j + 1].map(|j| FRAC_PI_2 * f64::from(j) / 12.0);
+        let (turn, rise) = (0.5 * (a + b), 0.5 * (c + d));
+        // Wide enough to leave no gap to the next.
+        let u = (shell(b, c) - shell(a, c)) * 1.02;
+        let v = (shell(turn, d) - shell(turn, c)) * 1.02;
+        let centre = shell(turn, rise);
+        pieces.light(centre, u, if u.cross(v).dot(centre) < 0.0 { v } else { -v });
+    }
+}
+
+#[test]
+fn a_garden_under_a_dome_is_seen_from_the_ground() {
+    let mut pieces = Pieces::new();
+    pieces.object("ground").quad(DVec3::ZERO, 44.0 * DVec3::X, 44.0 * DVec3::Y);
+    pieces.object("shrubs");
+    let bush = dvec3(7.0, 4.0, 0.0);
+    for k in 0..400 {
+        let turn = 2.4 * f64::from(k);
+        let (r, z) = (1.8 * (f64::from(k) / 400.0).sqrt(), 0.1 + 1.6 * (f64::from(k) * 0.618).fract());
+        let leaf = DMat3::from_rotation_z(turn) * DMat3::from_rotation_x(f64::from(k));
+        pieces.quad(bush + dvec3(r * turn.cos(), r * turn.sin(), z), 0.25 * leaf.x_axis, 0.25 * leaf.y_axis);
+    }
+    pieces.object("wall").cuboid(dvec3(-9.0, -9.0, 0.0), dvec3(-5.0, -8.7, 2.0));
+    dome(&mut pieces, 20.0);
+    let scene = pieces.scene();
+    let (eye, camera, parts) = view(&scene);
+    assert!(eye.length() < 20.0, "inside the dome: {eye}");
+    assert!((1.0..2.6).contains(&eye.z), "at eye height: {eye}");
+    let way = (bush + DVec3::Z - eye).normalize().as_vec3();
+    assert!(camera.forward.dot(way) > 0.85, "towards the shrubs: {camera:?}");
+    let (sky, ground) = (part(&scene, &parts, "light"), part(&scene, &parts, "ground"));
+    assert!(sky < 0.6 && part(&scene, &parts, "shrubs") > 0.04, "sky {sky}, ground {ground}: {parts:?}");
+}
+
+#[test]
+fn rooms_are_seen_from_inside() {
+    let scene = build(&Spec::new("desk-room")).expect("a room");
+    let (eye, camera, parts) = view(&scene);
+    let (low, high) =
+        (scene.bounds.min.as_dvec3() + scene.origin, scene.bounds.max.as_dvec3() + scene.origin);
+    assert!(eye.cmpgt(low).all() && eye.cmplt(high).all(), "{eye} in {low} to {high}");
+    assert!((0.8..2.0).contains(&(eye.z - low.z)), "at eye height: {eye}");
+    assert!(camera.forward.z.abs() < 0.5, "{camera:?}");
+    let seen = parts[..scene.objects.len()].iter().filter(|&&p| p > 0.0005).count();
+    assert!(seen >= 5, "{seen} objects: {parts:?}");
+}
+
+#[test]
+fn terrain_is_seen_from_above() {
+    let mut pieces = Pieces::new();
+    pieces.object("terrain");
+    let height = |x: f64, y: f64| 600.0 * (x / 2500.0).sin() * (y / 1900.0).cos() + 150.0 * (x / 500.0).cos();
+    let at = |i: i32, j: i32| {
+        let (x, y) = (250.0 * f64::from(i), 250.0 * f64::from(j));
+        dvec3(x, y, height(x, y))
+    };
+    for (i, j) in (0..6400).map(|k| (k % 80, k / 80)) {
+        pieces.polygon(&[at(i, j), at(i + 1, j), at(i + 1, j + 1)]);
+        pieces.polygon(&[at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
+    }
+    pieces.light(dvec3(10_000.0, 10_000.0, 9000.0), 4000.0 * DVec3::Y, 4000.0 * DVec3::X);
+    let scene = pieces.scene();
+    let (eye, _, parts) = view(&scene);
+    assert!(eye.z > height(eye.x, eye.y) + 1.0, "above the ground: {eye}");
+    assert!(part(&scene, &parts, "terrain") > 0.3, "{parts:?}");
+}
+
+#[test]
+fn single_objects_are_seen_whole() {
+    let mut pieces = Pieces::new();
+    let turn = DMat3::from_rotation_z(0.4) * DMat3::from_rotation_x(0.3);
+    pieces.object("box").block(DVec3::ZERO, turn * DMat3::from_diagonal(dvec3(0.3, 0.2, 0.1)));
+    pieces.light(dvec3(0.0, 0.0, 0.5), 0.1 * DVec3::Y, 0.1 * DVec3::X);
+    let scene = pieces.scene();
+    let (eye, camera, parts) = view(&scene);
+    assert!(part(&scene, &parts, "box") > 0.04, "{parts:?}");
+    let half = 0.5 * camera.angle;
+    for p in &scene.positions {
+        let way = (*p - camera.eye).normalize();
+        assert!(camera.forward.dot(way) > half.cos(), "{p} is in the picture from {eye}");
+    }
+}
+
+/// A box with an open side is seen through it, or from inside: not through a wall that hides nothing.
+#[test]
+fn the_cornell_box_shows_its_blocks() {
+    let scene = build(&Spec::new("cornell")).expect("the box");
+    let (_, camera, parts) = view(&scene);
+    assert!(camera.up.y.abs() > 0.9, "{camera:?}");
+    let seen = parts[..scene.objects.len()].iter().filter(|&&p| p > 0.01).count();
+    assert!(seen >= 6 && *parts.last().unwrap() < 0.6, "{parts:?}");
+}

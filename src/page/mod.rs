@@ -1,0 +1,127 @@
+//! Pages: what the pages of `bench` and `solve` share.
+//!
+//! A page is one file without references to other files or to the network: pictures are inline PNG and SVG. It fits
+//! into any width from 320 pixels: wide tables become lists of names and values, and every chart is drawn twice, for
+//! wide and for narrow windows; the style sheet shows one of them.
+
+mod text;
+
+pub use text::{bytes, count, file_name, length, percent, seconds, signed, times};
+
+use crate::Result;
+use crate::image_io::Picture;
+use crate::plot::Plot;
+use base64::Engine;
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+const STYLE: &str = include_str!("style.css");
+
+/// Width of a chart in wide and in narrow windows, pixels: the text column of a wide page, and that of a telephone.
+const CHART_WIDTHS: [u32; 2] = [860, 360];
+/// Height of a narrow chart: enough for its legend and six tick marks.
+const NARROW_CHART_HEIGHT: u32 = 340;
+
+/// An HTML document with this title and body.
+pub fn document(title: &str, body: &Markup) -> String {
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta name="color-scheme" content="light dark";
+                title { (title) }
+                style { (PreEscaped(STYLE)) }
+            }
+            body { main { (body) } }
+        }
+    };
+    page.into_string()
+}
+
+/// A short table of names and values under a heading.
+pub fn facts(title: &str, rows: &[(&str, String)]) -> Markup {
+    html! {
+        div.facts {
+            h3 { (title) }
+            dl { @for (name, value) in rows { div { dt { (name) } dd { (value) } } } }
+        }
+    }
+}
+
+/// A large figure with its meaning.
+pub fn figure(value: &str, what: &str) -> Markup {
+    html! { div.figure { div.value { (value) } div.what { (what) } } }
+}
+
+/// A cell of a [`table`].
+#[derive(Clone, Debug)]
+pub struct Cell {
+    text: String,
+    class: Option<&'static str>,
+}
+
+impl Cell {
+    /// The cell, marked as a loss if `loss`.
+    pub fn loss(self, loss: bool) -> Cell {
+        Cell { class: if loss { Some("loss") } else { self.class }, ..self }
+    }
+
+    /// A cell of words, aligned left; it may be long.
+    pub fn words(text: impl Into<String>) -> Cell {
+        Cell { text: text.into(), class: Some("text") }
+    }
+}
+
+impl<T: ToString> From<T> for Cell {
+    fn from(value: T) -> Cell {
+        Cell { text: value.to_string(), class: None }
+    }
+}
+
+/// A table with a heading per column. In windows too narrow for its columns each row is a list of headings and values.
+pub fn table<const N: usize>(columns: [&str; N], rows: &[[Cell; N]]) -> Markup {
+    // More columns than this do not fit into a tablet.
+    let class = if N > 6 { "rows many" } else { "rows" };
+    html! {
+        table class=(class) {
+            thead {
+                tr {
+                    @for (k, name) in columns.iter().enumerate() {
+                        th scope="col" class=[rows.first().and_then(|row| row[k].class.filter(|c| *c == "text"))] { (name) }
+                    }
+                }
+            }
+            tbody {
+                @for row in rows {
+                    tr { @for (cell, name) in row.iter().zip(columns) { td class=[cell.class] data-name=(name) { (cell.text) } } }
+                }
+            }
+        }
+    }
+}
+
+/// A chart with its caption; `height` in wide windows, pixels.
+///
+/// # Errors
+/// The chart cannot be drawn.
+pub fn chart(plot: &Plot, height: u32, caption: &str) -> Result<Markup> {
+    let [wide, narrow] = [(CHART_WIDTHS[0], height), (CHART_WIDTHS[1], NARROW_CHART_HEIGHT)]
+        .map(|(width, height)| plot.svg(width, height));
+    let (wide, narrow) = (wide?, narrow?);
+    Ok(html! {
+        figure.plot {
+            div.wide { (PreEscaped(wide)) }
+            div.narrow { (PreEscaped(narrow)) }
+            figcaption { (caption) }
+        }
+    })
+}
+
+/// A picture as the address of inline PNG.
+///
+/// # Errors
+/// The picture has no pixels.
+pub fn data_url(picture: &Picture) -> Result<String> {
+    Ok(format!("data:image/png;base64,{}", base64::engine::general_purpose::STANDARD.encode(picture.png()?)))
+}

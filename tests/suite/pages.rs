@@ -1,0 +1,137 @@
+//! The pages of `bench` and `solve` in a headless browser: no text outside its box or over other text, nothing to scroll
+//! sideways, at widths from a telephone to a desktop, light, dark and printed.
+
+use crate::run::Scratch;
+use mrvis::internals::scene::generate::Spec;
+use std::process::{Command, Stdio};
+
+/// Widths in pixels, and media, at which each page is laid out. 700 pixels is A4 within its margins.
+const VIEWS: [(u32, &str); 7] = [
+    (1280, "light"),
+    (1280, "dark"),
+    (1000, "light"),
+    (641, "light"),
+    (400, "light"),
+    (320, "dark"),
+    (700, "print"),
+];
+
+/// What is wrong with the layout of these pages (names and HTML).
+fn problems(pages: &[(&str, String)]) -> Vec<String> {
+    let browser = ["chromium", "chromium-browser", "google-chrome"].into_iter().find(|name| {
+        Command::new(name).arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok()
+    });
+    let browser =
+        browser.expect("Chromium; `.ci/debian-packages chromium` installs it, and `make test` does so");
+    let count = pages.len();
+    let pages: Vec<_> =
+        pages.iter().map(|(name, html)| serde_json::json!({"name": name, "html": html})).collect();
+    let views: Vec<_> =
+        VIEWS.iter().map(|(width, media)| serde_json::json!({"width": width, "media": media})).collect();
+    // A page must not end the script that holds it.
+    let json =
+        |values: Vec<serde_json::Value>| serde_json::Value::from(values).to_string().replace("</", "<\\/");
+    let script = format!(
+        "const PAGES = {};\nconst VIEWS = {};\n{}",
+        json(pages),
+        json(views),
+        include_str!("pages/layout.js")
+    );
+    let folder = Scratch::new();
+    folder.write("check.html", format!("<!DOCTYPE html><meta charset=utf-8><body><script>{script}</script>"));
+    let output = Command::new(browser)
+        .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"])
+        .args(["--disable-background-networking", "--disable-component-update", "--disable-sync"])
+        .args(["--disable-dev-shm-usage", "--virtual-time-budget=60000", "--dump-dom"])
+        .arg(format!("--user-data-dir={}", folder.path("profile").display()))
+        .arg(format!("file://{}", folder.path("check.html").display()))
+        .output()
+        .expect("the browser runs");
+    let text = String::from_utf8_lossy(&output.stdout);
+    let report = text.split("<pre id=\"report\">").nth(1).and_then(|t| t.split("</pre>").next());
+    let report = report.unwrap_or_else(|| panic!("no report: {}", String::from_utf8_lossy(&output.stderr)));
+    let mut lines = report.lines();
+    assert_eq!(lines.next(), Some(&*format!("checked {}", VIEWS.len() * count)));
+    lines.map(str::to_owned).collect()
+}
+
+/// A name without a space, and one with many.
+const LONG: &str = "Wohnzimmerschrank_mit_Glastueren_und_Beleuchtung_links_unten_hinter_dem_Vorhang_Variante_B2_endgueltig_neu";
+
+/// A lit floor with a block, whose scene, objects and materials have long names.
+fn long_names(folder: &Scratch) -> String {
+    let words = "ein recht langer Name aus vielen Woertern ".repeat(4);
+    let scene = format!("{LONG}.obj");
+    folder.write(
+        "long.mtl",
+        format!(
+            "newmtl {LONG}\nKd .5 .5 .5\nnewmtl {words}\nKd .2 .6 .3\nnewmtl light\nKd 0 0 0\nKe 9 9 9\n"
+        ),
+    );
+    let mut text = format!("mtllib long.mtl\no floor_{LONG}\nusemtl {LONG}\n");
+    text += "v -2 -2 0\nv 2 -2 0\nv 2 2 0\nv -2 2 0\nf 1 2 3 4\n";
+    text += &format!("o {words}\nusemtl {words}\nv -1 -1 .5\nv 1 -1 .5\nv 1 1 .5\nv -1 1 .5\nf 5 6 7 8\n");
+    text += "o light\nusemtl light\nv -1 -1 3\nv -1 1 3\nv 1 1 3\nv 1 -1 3\nf 9 10 11 12\n";
+    folder.write(&scene, text);
+    scene
+}
+
+fn read(folder: &Scratch, name: &str) -> String {
+    std::fs::read_to_string(folder.path(name)).expect("a page")
+}
+
+#[test]
+fn pages_fit_into_every_window() {
+    let folder = Scratch::new();
+    let scene = long_names(&folder);
+    let few = ["--points", "300", "--reference-rays", "64", "--quiet", "--cache", "off"];
+    let all = ["bench", &scene, "--out", "all", "--unbiased", "--target-error", "0.1", "--scaling=10000"];
+    folder.mrvis(&[&all[..], &few].concat());
+    let forest = Spec { trees: 9, leaves: 200, ..Spec::new("forest") };
+    let forest = folder.generate(&forest);
+    folder.mrvis(&[&["bench", &forest, "--out", "forest"][..], &few].concat());
+    folder.mrvis(&[
+        "solve",
+        &scene,
+        "--out",
+        "all",
+        "--output",
+        "page",
+        "--image-size",
+        "320x240",
+        "--quiet",
+    ]);
+    let pages = [
+        ("bench with long names", read(&folder, "all/report.html")),
+        ("bench of a forest", read(&folder, "forest/report.html")),
+        ("solve with long names", read(&folder, "all/solution.html")),
+    ];
+    let found = problems(&pages);
+    assert!(found.is_empty(), "{}", found.join("\n"));
+}
+
+/// The check finds what it looks for.
+#[test]
+fn broken_pages_are_found() {
+    let page = |style: &str, body: &str| {
+        let filler = "<p>Some words of a page.</p>".repeat(10);
+        format!("<!DOCTYPE html><style>body {{ background: #fff }} {style}</style>{filler}{body}")
+    };
+    let columns = "<div style='display:grid;grid-template-columns:5rem 5rem;white-space:nowrap'>\
+                   <div>a long name in a column</div><div>and another one</div></div>";
+    let cases = [
+        ("overlap", "", columns),
+        ("pixels wide", "", "<div style='width:3000px'>wide</div>"),
+        ("too narrow", "", "<div style='overflow:auto'><div style='width:3000px'>wide</div></div>"),
+        ("contrast", "p { color: #bbb }", ""),
+        ("dark page", "body { background: #000; color: #fff }", ""),
+        ("nothing", "", ""),
+    ];
+    let found = problems(&cases.map(|(what, style, body)| (what, page(style, body))));
+    for (what, ..) in cases {
+        let of_page = || found.iter().filter(|line| line.starts_with(&format!("{what}, ")));
+        let named = of_page().any(|line| line.split(": ").skip(1).any(|part| part.contains(what)));
+        assert_eq!(named, what != "nothing", "{what}: {:?}", of_page().collect::<Vec<_>>());
+        assert!(what != "nothing" || of_page().next().is_none(), "{:?}", of_page().collect::<Vec<_>>());
+    }
+}
