@@ -16,6 +16,8 @@ import pathlib
 import resource
 import subprocess
 
+import elements
+
 SIDE = 64
 WALLS = {
     # Corners in mm, counter-clockwise seen from inside, as `mrvis generate cornell` writes them.
@@ -106,9 +108,10 @@ def main():
         if not os.path.exists(name):
             options = ["--samples", str(args.samples), "--out", name] + ["--direct-only"] * direct
             print(f"{name}: {run([mrvis, 'reference', *scene, *options]):.0f} s", flush=True)
-    print(f"\n| {count} points | options | RMS / mean | bias | user time |\n| --- | --- | --- | --- | --- |")
+    print(f"\n| {count} points | options | RMS / mean | bias | RMS of elements | bias | user time |")
+    print("| --- | --- | --- | --- | --- | --- | --- |")
     for name, options, direct in RUNS:
-        seconds = run([mrvis, "solve", *scene, "--threads", "1", "--out", "solution", *options])
+        seconds = run([mrvis, "solve", *scene, "--threads", "1", "--out", "solution", "--output", "vtu", *options])
         reference = f"reference-{'direct' if direct else 'all'}-{args.samples}.csv"
         compare = [mrvis, "compare", reference, "solution/irradiance.csv", "--quiet", "--json", "compare.json"]
         run(compare)
@@ -117,9 +120,13 @@ def main():
         # The difference includes the noise of the reference, which is independent of the error of the solution.
         noise = found["reference_noise"]
         rms = max(found["rms"] ** 2 - noise**2, 0.0) ** 0.5
+        columns = "- | -"
+        if not direct:
+            error, bias = elements.compare(mrvis, "cornell.obj", "solution/solution.vtu", ["--unit", "mm"])
+            columns = f"{100 * error:.2f} % | {100 * bias:+.2f} %"
         options = " ".join(options) or "none"
-        print(f"| {name} | `{options}` | {100 * rms:.2f} % | {100 * found['bias']:+.2f} % | {seconds:.2f} s |")
-    print("\nThe noise of the reference is subtracted.")
+        print(f"| {name} | `{options}` | {100 * rms:.2f} % | {100 * found['bias']:+.2f} % | {columns} | {seconds:.2f} s |")
+    print("\nThe noise of the references is subtracted.")
 
 
 if __name__ == "__main__":

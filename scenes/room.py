@@ -3,8 +3,8 @@
 
 The script draws random points on the fronts of all faces, evenly by area. It computes a path-traced reference
 (`mrvis reference`) once and keeps it in the output folder, solves with several options, compares each solution with the
-reference (`mrvis compare`) and prints a Markdown table. It needs only Python's standard library; `make scenes` assembles
-the rooms.
+reference (`mrvis compare`) and prints a Markdown table. Elements are read back from `solution.vtu`, drawn by area, and compared
+with path-traced means (`elements.py`). It needs only Python's standard library; `make scenes` assembles the rooms.
 
     python3 scenes/room.py scenes/real/livingroom.obj --out out/livingroom-solved
 """
@@ -17,6 +17,7 @@ import pathlib
 import random
 import time
 
+import elements
 from cornell import cross, run, subtract, unit
 
 SEED = 5
@@ -85,23 +86,25 @@ def main():
         print(f"{reference}: {seconds:.0f} s of user time", flush=True)
     # This run measures the clusters and caches them beside the scene. The times below do not include it.
     run([mrvis, "solve", *common, "--visibility", "mr", "--error", "1", "--out", "warm"])
-    print(f"\n| {args.points} points | options | RMS / mean | bias | time | user time |")
-    print("| --- | --- | --- | --- | --- | --- |")
+    print(f"\n| {args.points} points | options | RMS / mean | bias | RMS of elements | bias | time | user time |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- |")
     for name, options in RUNS:
         begun = time.monotonic()
-        seconds = run([mrvis, "solve", *common, "--out", "solution", *options])
+        seconds = run([mrvis, "solve", *common, "--out", "solution", "--output", "vtu", *options])
         wall = time.monotonic() - begun
         run([mrvis, "compare", reference, "solution/irradiance.csv", "--quiet", "--json", "compare.json"])
         with open("compare.json", encoding="utf-8") as file:
             found = json.load(file)
         # The difference includes the noise of the reference, which is independent of the error of the solution.
         rms = max(found["rms"] ** 2 - found["reference_noise"] ** 2, 0.0) ** 0.5
+        of_elements, bias = elements.compare(mrvis, scene, "solution/solution.vtu")
         options = " ".join(options) or "none"
         print(
-            f"| {name} | `{options}` | {100 * rms:.1f} % | {100 * found['bias']:+.1f} % | {wall:.1f} s | {seconds:.1f} s |",
+            f"| {name} | `{options}` | {100 * rms:.1f} % | {100 * found['bias']:+.1f} % | {100 * of_elements:.1f} % "
+            f"| {100 * bias:+.1f} % | {wall:.1f} s | {seconds:.1f} s |",
             flush=True,
         )
-    print("\nThe noise of the reference is subtracted.")
+    print("\nThe noise of the references is subtracted.")
 
 
 if __name__ == "__main__":

@@ -208,7 +208,7 @@ mod tests {
         };
         assert!(fits(16, 20_000, 0.1) && !fits(16, 10_000_000, 1.0));
         // 256 bundles of 65,536 segments, twice: 1.2 GB.
-        assert!(!fits(65_536, 100, 1.5) && fits(65_536, 100, 2.0));
+        assert!(!fits(65_536, 100, 1.0) && fits(65_536, 100, 1.5));
         let message =
             Options { rays: 65_536, ..Options::default() }.check_memory(1, Some(1_000_000)).unwrap_err();
         assert!(message.to_string().contains("rays 65536"), "{message}");

@@ -43,6 +43,9 @@ pub fn command() -> Command {
         let name = command.get_name().to_owned();
         let solve = name == "solve";
         let command = command.mut_args(|arg| arranged(arg, solve));
+        // The list of commands has one statement each.
+        let about = command.get_about().map(ToString::to_string).unwrap_or_default();
+        let command = command.about(first_sentence(&about).to_owned()).long_about(about);
         command.after_help(format!("mrvis help {name} describes all options at length."))
     })
 }

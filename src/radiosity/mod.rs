@@ -2,7 +2,7 @@
 //!
 //! [`solve()`] does all of it for a scene. It starts with the link of the root with itself, which stands for all exchange of light
 //! [Sillion 95], and refines the links with the greatest errors in steps (progressive multi-gridding [SD95 sec 6.2]). After every
-//! step the light is consistent, so that a solution can be had at any time. In scenes with clusters a local pass follows: links
+//! step the light is consistent, so that a solution can be had at any time. A local pass follows: links
 //! determine the light that reaches a cluster, rays the light that reaches each surface in it. The [`Solution`] answers irradiance
 //! at points.
 //!

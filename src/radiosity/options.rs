@@ -101,8 +101,8 @@ pub struct Options {
     /// Rays from a point that gather reflected light, rounded up to a grid of blocks of sixteen; by default derived from the
     /// error.
     pub gather_rays: Option<usize>,
-    /// Rays of the local pass, by which the elements of a scene with clusters gather their light in the end; 0 for no local
-    /// pass, by default derived from the error.
+    /// Rays by which elements gather their light in the end, at most; 0 for light along links alone, by default derived from the
+    /// error. Scenes of few elements need fewer.
     pub local_rays: Option<usize>,
     /// Seconds of refinement a step (progressive multi-gridding); without a number each step ends at its error threshold.
     pub step_seconds: Option<f64>,
@@ -230,11 +230,9 @@ impl Options {
 /// Least part of the scene's area of an element: numbers of elements have 32 bits, of which ranges of ids take a factor 4.
 const MIN_MIN_AREA: f64 = 1e-9;
 
-/// Rays of the smallest element that the local pass splits others into: 20 rays leave 1/√20 = 22 % of the spread of one
-/// ray as noise, fewer mostly noise. 10 or 40 instead change irradiance by less than 0.2 %, and the time from 1.9 s to
-/// 3.2 s or 1.7 s (`constants.py solve`).
-const RAYS_OF_SMALLEST_ELEMENT: f64 = 20.0;
-/// Rays of the local pass times the square of the error, as noise falls with one over the root of the rays: 4 million
-/// rays at the default error of 0.02. 1, 4 and 16 million rays leave errors of 0.79 %, 0.79 % and 0.77 % in 0.5 s, 1.9
-/// s and 11 s (`constants.py solve`).
-const LOCAL_RAYS_TIMES_ERROR_SQUARED: f64 = 1600.0;
+/// Rays of the smallest element that the local pass splits others into: a seventh of them, 10, exchange light, with noise of
+/// 1/√10 = 32 % of the spread of one ray; 60 gather, with noise of 13 %, which sharing between neighbours brings down.
+const RAYS_OF_SMALLEST_ELEMENT: f64 = 70.0;
+/// Rays of the local pass times the square of the error, as noise falls with one over the root of the rays: 14 million
+/// rays at the default error of 0.02, two to ten seconds on two cores.
+const LOCAL_RAYS_TIMES_ERROR_SQUARED: f64 = 5600.0;

@@ -80,8 +80,9 @@ fn a_furnace_has_the_same_light_everywhere() {
         let want = 1.0 / (1.0 - f64::from(reflectance));
         for element in &outcome.mesh.elements {
             for k in 0..3 {
-                assert!((element.irradiance[k] / want - 1.0).abs() < 1e-3, "{reflectance}: {element:?}");
-                assert!((element.radiosity[k] / want - 1.0).abs() < 1e-3, "{reflectance}: {element:?}");
+                // Rays to emitters have some noise.
+                assert!((element.irradiance[k] / want - 1.0).abs() < 0.02, "{reflectance}: {element:?}");
+                assert!((element.radiosity[k] / want - 1.0).abs() < 0.02, "{reflectance}: {element:?}");
             }
         }
         for value in &outcome.irradiance {
@@ -151,7 +152,8 @@ fn what_was_reached_when_stopped_is_consistent() {
 
 #[test]
 fn steps_bring_the_error_down() {
-    let options = Options { step_seconds: Some(0.01), error: 0.1, ..Options::default() };
+    // Links alone: before a local pass they are refined less.
+    let options = Options { step_seconds: Some(0.01), error: 0.1, local_rays: Some(0), ..Options::default() };
     let outcome = solved(&room(true), &[], &options);
     let steps = &outcome.record.iterations;
     assert!(steps.len() > 3);
@@ -166,7 +168,9 @@ fn importance_moves_the_work() {
     let scene = room(true);
     let links_at = |importance: &[&str]| {
         let importance = importance.iter().map(|s| (*s).to_owned()).collect();
-        let outcome = solved(&scene, &[], &Options { importance, ..Options::default() });
+        // Links alone: the local pass splits all surfaces evenly.
+        let options = Options { importance, local_rays: Some(0), ..Options::default() };
+        let outcome = solved(&scene, &[], &options);
         let at = |name: &str| {
             let object = scene.objects.iter().position(|o| o.name == name).expect("an object") as u32;
             outcome.mesh.elements.iter().filter(|e| e.object == object).count() as f64
@@ -182,7 +186,9 @@ fn importance_moves_the_work() {
 fn cameras_make_important_what_they_see() {
     let scene = room(true);
     let view = View { eye: DVec3::new(0.5, 2.0, 1.25), forward: DVec3::X, angle: 0.8 };
-    let options = Options { views: vec![view], ..Options::default() };
+    // Links alone: the local pass splits all surfaces evenly.
+    let plain = Options { local_rays: Some(0), ..Options::default() };
+    let options = Options { views: vec![view], ..plain.clone() };
     let at = |options: &Options, x: f64| {
         let outcome = solved(&scene, &[], options);
         let on = |e: &&Element| {
@@ -193,7 +199,7 @@ fn cameras_make_important_what_they_see() {
     // The vertices are relative to the scene's origin.
     let (seen, behind) = (3.0 - scene.origin.x, -scene.origin.x);
     let ratio = |options: &Options| at(options, seen) / at(options, behind);
-    let [important, plain] = [ratio(&options), ratio(&Options::default())];
+    let [important, plain] = [ratio(&options), ratio(&plain)];
     assert!(important > 1.15 * plain, "{important} {plain}");
 }
 

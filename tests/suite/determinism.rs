@@ -99,7 +99,10 @@ fn bench_reports_the_same_figures_with_a_cache() {
     assert_eq!(report(&[], "made"), measured);
     assert_eq!(report(&[], "hit"), measured);
     assert_eq!(report(&["--cache", "folder"], "made"), measured);
-    let kept = std::fs::read_dir(scratch.path("")).expect("the folder").flatten().map(|e| e.path());
+    let kept = std::fs::read_dir(scratch.path("cache/mrvis"))
+        .expect("the user's folder")
+        .flatten()
+        .map(|e| e.path());
     let file = kept.into_iter().find(|p| p.extension().is_some_and(|e| e == "mrvis-cache")).expect("a cache");
     let mut bytes = std::fs::read(&file).expect("read");
     let middle = bytes.len() / 2;

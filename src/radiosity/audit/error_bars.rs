@@ -14,7 +14,7 @@ use sobol_burley::sample_4d;
 /// Groups of paths from an element, whose spread gives the standard error of their mean to 1/√(2 · 7) = 27 %.
 const GROUPS: u32 = 8;
 /// Paths of a group: one packet.
-const PATHS: u32 = 16;
+const PATHS: u32 = 64;
 
 /// Comparison of error bars with errors at some elements, drawn by area.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]

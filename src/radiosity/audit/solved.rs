@@ -1,7 +1,8 @@
 //! A scene whose light is final.
 
 use crate::radiosity::deadline::Deadline;
-use crate::radiosity::final_gather::LocalPass;
+use crate::radiosity::final_gather::{LocalPass, SharedLight};
+use crate::radiosity::links::Tally;
 use crate::radiosity::refinement::{LinkClosing, LinkedScene, Refined};
 use crate::radiosity::rgb::{Rgb, add};
 
@@ -33,6 +34,20 @@ impl Solved {
         linked.tally.add(local.tally);
         linked.set_irradiance(local.results.iter().map(|r| r.irradiance));
         Solved { linked, closing: Closing::Rays(local) }
+    }
+
+    /// The same scene with the light that its elements gathered by more rays.
+    pub fn with_gathered(mut self, gathered: Vec<(u32, SharedLight)>, tally: Tally) -> Solved {
+        self.linked.tally.add(tally);
+        if let Closing::Rays(local) = &mut self.closing {
+            for (leaf, light) in gathered {
+                let result = &mut local.results[leaf as usize];
+                result.irradiance = light.irradiance;
+                result.noise = light.error.sqrt() as f32;
+            }
+            self.linked.set_irradiance(local.results.iter().map(|r| r.irradiance));
+        }
+        self
     }
 
     /// Mean irradiance of all elements, W/m².

@@ -1,10 +1,12 @@
 //! Emitting faces: closed forms use all faces of an emitter, single rays use one face drawn at random.
 
+use super::emitter_tree::{Cut, EmitterTree, Receiver, power_of};
 use super::{Elements, Shape};
 use crate::radiosity::rgb::{Rgb, mean};
-use crate::radiosity::sampling::{pick, point_on};
+use crate::radiosity::sampling::point_on;
 use crate::scene::Scene;
 use glam::{DVec3, Vec3};
+use std::collections::HashMap;
 
 /// One emitting face.
 pub struct EmitterFace {
@@ -36,9 +38,13 @@ pub struct Emitters {
     pub emitters: Vec<Emitter>,
     /// The smallest width of all, scene units.
     pub width: f32,
-    /// Every lit face as (emitter, face), with the running sums of the faces' power.
+    /// The tree over all lit faces.
+    tree: EmitterTree,
+    /// Every lit face as (emitter, face) in the order of the tree, with the running sums of the faces' power over π.
     lit: Vec<(u32, u32)>,
     powers: Vec<f32>,
+    /// By side, the place of its face in that order; [`Elements::NONE`] for sides that do not emit.
+    place_of_side: Vec<u32>,
 }
 
 impl Emitters {
@@ -46,11 +52,16 @@ impl Emitters {
     pub fn new(scene: &Scene, elements: &Elements) -> Emitters {
         let mut emitters: Vec<Emitter> =
             scene.emitters.iter().map(|e| Emitter { faces: Vec::new(), width: e.min_width }).collect();
-        for side in elements.sides.iter().filter(|s| s.exitance.iter().any(|&m| m > 0.0)) {
+        let mut lit: Vec<(u32, u32)> = Vec::new();
+        let mut side_of = HashMap::new();
+        for (s, side) in (0u32..).zip(&elements.sides).filter(|(_, s)| s.exitance.iter().any(|&m| m > 0.0)) {
             let element = &elements.elements[side.element as usize];
             let Shape::Surface { corners, .. } = element.shape else { continue };
-            let emitter = scene.triangle_emitter[side.triangles[0] as usize] as usize;
-            emitters[emitter].faces.push(EmitterFace {
+            let emitter = scene.triangle_emitter[side.triangles[0] as usize];
+            let faces = &mut emitters[emitter as usize].faces;
+            lit.push((emitter, faces.len() as u32));
+            side_of.insert((emitter, faces.len() as u32), s);
+            faces.push(EmitterFace {
                 corners,
                 polygon: corners.map(|p| p.as_dvec3()),
                 count: if corners[2] == corners[3] { 3 } else { 4 },
@@ -59,37 +70,74 @@ impl Emitters {
                 area: element.area as f32,
             });
         }
-        let (mut lit, mut powers, mut power) = (Vec::new(), Vec::new(), 0.0);
-        for (e, emitter) in (0u32..).zip(&emitters) {
-            for (k, face) in (0u32..).zip(&emitter.faces) {
-                power += face.area * mean(face.exitance) as f32;
-                lit.push((e, k));
-                powers.push(power);
-            }
+        let face = |(e, k): (u32, u32)| &emitters[e as usize].faces[k as usize];
+        let tree =
+            EmitterTree::build(&mut lit, &|f| face(f).corners, &|f| (face(f).normal, power_of(face(f))));
+        let mut power = 0.0;
+        let powers = lit.iter().map(|&f| {
+            power += power_of(face(f));
+            power
+        });
+        let powers = powers.collect();
+        let mut place_of_side = vec![Elements::NONE; elements.sides.len()];
+        for (place, f) in (0u32..).zip(&lit) {
+            place_of_side[side_of[f] as usize] = place;
         }
         let width = emitters.iter().map(|e| e.width).fold(f32::MAX, f32::min);
-        Emitters { emitters, width, lit, powers }
+        Emitters { width, tree, lit, powers, place_of_side, emitters }
     }
 
-    /// A point on an emitter for two numbers in `[0, 1)`. Faces are drawn with a probability proportional to their power.
-    pub fn sample(&self, u: f32, v: f32) -> Option<(Vec3, &EmitterFace)> {
-        if self.powers.is_empty() {
-            return None;
-        }
-        let (f, u, _) = pick(&self.powers, u);
+    /// Finds the groups of faces that a receiver draws from.
+    pub fn cut(&self, receiver: &Receiver, cut: &mut Cut) {
+        self.tree.cut(receiver, cut);
+    }
+
+    /// The faces that light the receiver of a cut, if they are so few that the cut has a node for each.
+    pub fn faces<'c>(&'c self, cut: &'c Cut) -> Option<impl Iterator<Item = &'c EmitterFace> + 'c> {
+        let face = |place: u32| {
+            let (e, k) = self.lit[place as usize];
+            &self.emitters[e as usize].faces[k as usize]
+        };
+        self.tree.faces(cut).map(|places| places.map(face))
+    }
+
+    /// The cut for receivers that are not known: faces are drawn by power.
+    pub fn any_receiver(&self) -> Cut {
+        self.tree.whole()
+    }
+
+    /// A point on an emitter for two numbers in `[0, 1)`, its face, and the density of the point on the face over the face's
+    /// exitance (mean over the channels). None if no emitter can light the receiver.
+    pub fn sample(&self, cut: &Cut, u: f32, v: f32) -> Option<(Vec3, &EmitterFace, f32)> {
+        let ([first, end], u, density) = self.tree.draw(cut, u)?;
+        let (first, end) = (first as usize, end as usize);
+        // The face of the group by power: the part of the running sums that belongs to the group.
+        let before = if first > 0 { self.powers[first - 1] } else { 0.0 };
+        let target = before + u * (self.powers[end - 1] - before);
+        let f = first + self.powers[first..end].partition_point(|&s| s <= target).min(end - first - 1);
+        let below = if f > 0 { self.powers[f - 1] } else { 0.0 };
+        let u = ((target - below) / (self.powers[f] - below)).clamp(0.0, 1.0);
         let (e, k) = self.lit[f];
         let face = &self.emitters[e as usize].faces[k as usize];
-        Some((point_on(&face.corners, u, v), face))
+        Some((point_on(&face.corners, u, v), face, density))
     }
 
-    /// The density with which a cosine-weighted ray from `from` finds the point `to` of an emitter, divided by the density of
-    /// [`Emitters::sample`]; both are (position, unit normal). Both strategies find the point. Weighted by their densities
-    /// (balance heuristic, Veach and Guibas 1995) each contributes less than the emitter's exitance at any distance.
-    pub fn density_ratio(&self, from: (Vec3, Vec3), to: (Vec3, Vec3), exitance: Rgb) -> f32 {
-        let d = to.0 - from.0;
-        let r2 = d.length_squared().max(f32::MIN_POSITIVE);
-        // Two divisions by r²: r⁴ overflows 32 bits for most lengths.
-        let kernel = (from.1.dot(d).max(0.0) / r2) * ((-to.1.dot(d)).max(0.0) / r2) / std::f32::consts::PI;
-        kernel * self.powers.last().copied().unwrap_or(0.0) / mean(exitance) as f32
+    /// The density of [`Emitters::sample`] at a point of a side over the side's exitance.
+    pub fn density(&self, cut: &Cut, side: u32) -> f32 {
+        match self.place_of_side[side as usize] {
+            Elements::NONE => 0.0,
+            place => self.tree.probability(cut, place),
+        }
     }
+}
+
+/// The density with which a cosine-weighted ray from `from` finds the point `to` of an emitter, divided by the density of
+/// [`Emitters::sample`]; both are (position, unit normal). Both strategies find the point. Weighted by their densities
+/// (balance heuristic, Veach and Guibas 1995) each contributes less than the emitter's exitance at any distance.
+pub fn density_ratio(from: (Vec3, Vec3), to: (Vec3, Vec3), exitance: Rgb, density: f32) -> f32 {
+    let d = to.0 - from.0;
+    let r2 = d.length_squared().max(f32::MIN_POSITIVE);
+    // Two divisions by r²: r⁴ overflows 32 bits for most lengths.
+    let kernel = (from.1.dot(d).max(0.0) / r2) * ((-to.1.dot(d)).max(0.0) / r2) / std::f32::consts::PI;
+    kernel / (density * mean(exitance) as f32)
 }

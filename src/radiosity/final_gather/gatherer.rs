@@ -3,6 +3,7 @@
 use crate::embree::CommittedScene;
 use crate::embree::{Hits, Traversal};
 use crate::model::Model;
+use crate::radiosity::elements::emitter_tree::{Cut, Receiver};
 use crate::radiosity::elements::emitters::Emitters;
 use crate::radiosity::elements::{Elements, Lookup, Shape};
 use crate::radiosity::links::Scratch;
@@ -93,6 +94,8 @@ pub struct Buffers {
     pub vertices: Vec<PathVertex>,
     pub(super) next_vertices: Vec<PathVertex>,
     pub(super) results: Vec<RayResult>,
+    /// Groups of emitting faces from which the emitter rays of the present element are drawn.
+    pub(super) cut: Cut,
 }
 
 impl<'a> FinalGather<'a> {
@@ -154,6 +157,15 @@ impl<'a> FinalGather<'a> {
         }
         let leaf = self.lookup.leaf(side, at);
         Some(PathVertex { at, side, leaf, share: Vec3::ONE })
+    }
+
+    /// Finds the groups of emitting faces that an element draws from.
+    pub(super) fn cut_of(&self, leaf: u32, cut: &mut Cut) {
+        let element = &self.linked.elements.elements[leaf as usize];
+        if let Shape::Surface { side, .. } = element.shape {
+            let normal = self.linked.elements.sides[side as usize].normal;
+            self.emitters.cut(&Receiver { centre: element.centre, radius: element.radius, normal }, cut);
+        }
     }
 
     /// The feature size of a surface element, or that for receivers without one; scene units.

@@ -19,6 +19,8 @@ pub struct LocalResult {
     pub irradiance: Rgb,
     /// Standard error of the irradiance's mean over the channels, W/m², from the spread of the rays.
     pub noise: f32,
+    /// Rays of the leaf.
+    pub rays: u32,
     /// Sum of the form factors with sides that light can reach.
     pub row_sum: f32,
     /// Part of the rays that did not leave the scene.
@@ -63,6 +65,7 @@ pub fn assign_noise(
             + sums[i] * sums[i] * reflected / rays
             + sums[i] * (1.0 - sums[i]).max(0.0) * spread.mean * spread.mean / n;
         let result = &mut results[leaf];
+        result.rays = n as u32;
         result.row_sum = sums[i] as f32;
         result.kept = 1.0 - row.gone as f32 / n as f32;
         // One more ray might meet a surface that no other ray has met, as bright as the scene on average.

@@ -1,14 +1,18 @@
-//! Final gathering by rays: irradiance at points, and the local pass that gathers the irradiance of elements in scenes with
-//! clusters.
+//! Final gathering by rays: irradiance at points, the local pass that solves the exchange of elements, and the light that
+//! elements gather from it.
 
 mod direct_light;
+mod element_light;
 mod gatherer;
 mod local_noise;
 mod local_pass;
+mod neighbours;
 mod paths;
 mod points;
 mod ray_rows;
+mod sharing;
 
 pub use gatherer::{Buffers, FinalGather, PathVertex};
 pub use local_pass::{LATE_RAYS, LocalPass};
 pub use points::with_fewer_rays;
+pub use sharing::SharedLight;

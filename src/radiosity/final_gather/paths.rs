@@ -3,19 +3,17 @@
 use super::gatherer::{Buffers, FinalGather, PathVertex, RayResult};
 use crate::embree::Hits;
 use crate::radiosity::elements::Elements;
+use crate::radiosity::elements::emitter_tree::Cut;
+use crate::radiosity::elements::emitters::density_ratio;
 use crate::radiosity::links::{VisibilityEngine, VisibilityQuery};
 use crate::radiosity::rgb::{Rgb, add};
 use crate::radiosity::sampling::{cosine_direction, mix, numbers};
 use crate::ray::{LANES, Packet};
 use glam::Vec3;
 
-/// Largest number of bounces of a path that ends at the first element that is far enough away; in narrow gaps there may
-/// be none. The light left after 8 bounces at a reflectance of 0.5 is 0.4 %. Paths of 4 change irradiance by 0.3 %, of
-/// 16 by 0.1 % (`constants.py solve`).
-const MAX_BOUNCES: u64 = 8;
-/// Largest number of bounces of a path that does not use the solution: limits the time where all reflectances are 0.999, with
-/// 0.999^256 = 77 % of the light left; at 0.9 the limit leaves 2e-12.
-const MAX_INDEPENDENT_BOUNCES: u64 = 256;
+/// Largest number of bounces of a path: limits the time where all reflectances are 0.999, with 0.999^256 = 77 % of the light left;
+/// at 0.9 the limit leaves 2e-12.
+const MAX_BOUNCES: u64 = 256;
 /// Bounce from which Russian roulette may end a path (Arvo and Kirk 1990): affects noise and time, not the mean.
 const FIRST_ROULETTE_BOUNCE: u64 = 3;
 /// Height above the surface at which rays start, relative to the largest coordinate: 34 roundings of f32 (2⁻²⁴).
@@ -29,10 +27,11 @@ impl FinalGather<'_> {
     }
 
     /// One cosine-weighted ray and one shadow ray from each of `buffers.vertices`, to `buffers.results`. `random` gives four numbers
-    /// in `[0, 1)` for each: the direction, and the point on an emitter.
+    /// in `[0, 1)` for each: the direction, and the point on an emitter, which is drawn from `cut`.
     pub(super) fn trace(
         &self,
         engine: &VisibilityEngine,
+        cut: &Cut,
         random: impl Fn(usize) -> [f32; 4],
         buffers: &mut Buffers,
     ) {
@@ -44,9 +43,9 @@ impl FinalGather<'_> {
             vertices.chunks(LANES).zip(packets.iter().zip(hits.iter())).enumerate()
         {
             for (lane, vertex) in group.iter().enumerate() {
-                results.push(self.result(vertex, packet, hits, lane));
+                results.push(self.result(vertex, cut, packet, hits, lane));
             }
-            let (shadow, light) = self.emitter_rays(group, |lane| random(g * LANES + lane));
+            let (shadow, light) = self.emitter_rays(group, cut, weight, |lane| random(g * LANES + lane));
             if shadow.is_empty() {
                 continue;
             }
@@ -62,8 +61,23 @@ impl FinalGather<'_> {
         }
     }
 
+    /// Writes what the scene rays have met to `buffers.results`, without the light of emitters.
+    pub(super) fn read_hits(&self, buffers: &mut Buffers) {
+        let Buffers { packets, hits, vertices, results, .. } = buffers;
+        results.clear();
+        for i in 0..vertices.len() {
+            let (packet, hits, lane) = (&packets[i / LANES], &hits[i / LANES], i % LANES);
+            let gone = hits.triangle[lane] == Hits::NOTHING;
+            let mut result = RayResult { gone, ..RayResult::NOTHING };
+            if let Some(met) = self.met(packet, hits, lane) {
+                (result.met, result.distance) = (met, hits.t[lane] * self.length);
+            }
+            results.push(result);
+        }
+    }
+
     /// The first hits of one cosine-weighted ray from each vertex.
-    fn trace_scene_rays(&self, random: &impl Fn(usize) -> [f32; 4], buffers: &mut Buffers) {
+    pub(super) fn trace_scene_rays(&self, random: &impl Fn(usize) -> [f32; 4], buffers: &mut Buffers) {
         let Buffers { packets, hits, vertices, scratch, .. } = buffers;
         packets.clear();
         for (i, vertex) in vertices.iter().enumerate() {
@@ -87,7 +101,7 @@ impl FinalGather<'_> {
 
     /// What a ray from a vertex has found. Light of an emitter that the ray met has the weight q / (1 + q) of the balance
     /// heuristic, q the ratio of the densities of both strategies.
-    fn result(&self, vertex: &PathVertex, packet: &Packet, hits: &Hits, lane: usize) -> RayResult {
+    fn result(&self, vertex: &PathVertex, cut: &Cut, packet: &Packet, hits: &Hits, lane: usize) -> RayResult {
         let elements = &self.linked.elements;
         let gone = hits.triangle[lane] == Hits::NOTHING;
         let mut result = RayResult { gone, ..RayResult::NOTHING };
@@ -96,29 +110,32 @@ impl FinalGather<'_> {
             let side = &elements.sides[met.side as usize];
             if side.exitance.iter().any(|&m| m > 0.0) {
                 let own = (vertex.at, elements.sides[vertex.side as usize].normal);
-                let q = self.emitters.density_ratio(own, (met.at, side.normal), side.exitance);
-                result.direct = q / (1.0 + q) * to_vec(side.exitance);
+                let density = self.emitters.density(cut, met.side);
+                let q = density_ratio(own, (met.at, side.normal), side.exitance, density);
+                result.direct = weight(q) * to_vec(side.exitance);
             }
         }
         result
     }
 
     /// One shadow ray from each vertex to a point on an emitter, and the irradiance that it carries if nothing blocks it, W/m².
-    fn emitter_rays(
+    pub(super) fn emitter_rays(
         &self,
         vertices: &[PathVertex],
+        cut: &Cut,
+        weight: impl Fn(f32) -> f32,
         random: impl Fn(usize) -> [f32; 4],
     ) -> (Packet, [Vec3; LANES]) {
         let mut shadow = Packet::EMPTY;
         let mut light = [Vec3::ZERO; LANES];
         for (lane, vertex) in vertices.iter().enumerate() {
             let [.., u, v] = random(lane);
-            let Some((at, face)) = self.emitters.sample(u, v) else { continue };
+            let Some((at, face, density)) = self.emitters.sample(cut, u, v) else { continue };
             let own = (vertex.at, self.linked.elements.sides[vertex.side as usize].normal);
-            let q = self.emitters.density_ratio(own, (at, face.normal), face.exitance);
+            let q = density_ratio(own, (at, face.normal), face.exitance, density);
             if q > 0.0 {
                 shadow.set(lane, vertex.at, at, self.linked.ends);
-                light[lane] = q / (1.0 + q) * to_vec(face.exitance);
+                light[lane] = weight(q) * to_vec(face.exitance);
             }
         }
         (shadow, light)
@@ -128,29 +145,32 @@ impl FinalGather<'_> {
     /// of the element that its ray meets, or a longer path where that element is too near. An `independent` path uses no light
     /// of the solution, and exact rays.
     pub(super) fn follow(&self, seed: u64, independent: bool, sum: &mut Rgb, buffers: &mut Buffers) {
-        let (last, engine) = if independent {
-            (MAX_INDEPENDENT_BOUNCES, &VisibilityEngine::Exact(self.linked.engine.exact()))
+        let exact;
+        let engine = if independent {
+            exact = VisibilityEngine::Exact(self.linked.engine.exact());
+            &exact
         } else {
-            (MAX_BOUNCES, &self.linked.engine)
+            &self.linked.engine
         };
-        for bounce in 1..=last {
+        let cut = self.emitters.any_receiver();
+        for bounce in 1..=MAX_BOUNCES {
             if buffers.vertices.is_empty() {
                 return;
             }
             let seed = mix(seed ^ bounce);
-            self.trace(engine, |i| numbers(seed, i as u64), buffers);
+            self.trace(engine, &cut, |i| numbers(seed, i as u64), buffers);
             let Buffers { vertices, results, next_vertices, .. } = buffers;
             next_vertices.clear();
             for (i, (vertex, found)) in vertices.iter().zip(results.iter()).enumerate() {
                 let mut received = found.direct;
                 if found.met.side != Elements::NONE {
-                    if bounce == last || (!independent && self.trusts(&found.met, found.distance)) {
+                    if !independent && self.trusts(&found.met, found.distance) {
                         received += Vec3::from(self.reflected[found.met.leaf as usize]);
                     } else {
                         let next = self.continued(found.met, vertex.share);
                         let survival = next.share.max_element().min(1.0);
                         let [chance, ..] = numbers(!seed, i as u64);
-                        if !independent || bounce < FIRST_ROULETTE_BOUNCE {
+                        if bounce < FIRST_ROULETTE_BOUNCE {
                             next_vertices.push(next);
                         } else if chance < survival {
                             next_vertices.push(PathVertex { share: next.share / survival, ..next });
@@ -183,6 +203,11 @@ impl FinalGather<'_> {
         let reflectance = Vec3::from(self.linked.elements.sides[met.side as usize].reflectance);
         PathVertex { share: share * reflectance, ..met }
     }
+}
+
+/// The weight `q / (1 + q)` of an emitter that a ray has met, for `q` from 0 to infinity.
+fn weight(q: f32) -> f32 {
+    if q.is_finite() { q / (1.0 + q) } else { 1.0 }
 }
 
 fn to_vec(exitance: Rgb) -> Vec3 {

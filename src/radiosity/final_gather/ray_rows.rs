@@ -87,7 +87,10 @@ impl RayRows {
             let [u, v, ..] = sample_4d(k, 1, seed);
             PathVertex { at: point_on(&corners, u, v), side, leaf, share: Vec3::ONE }
         }));
-        gather.trace(&linked.engine, |k| sample_4d(k as u32, 0, seed), buffers);
+        let mut cut = std::mem::take(&mut buffers.cut);
+        gather.cut_of(leaf, &mut cut);
+        gather.trace(&linked.engine, &cut, |k| sample_4d(k as u32, 0, seed), buffers);
+        buffers.cut = cut;
         let (mut direct, mut squares, mut gone) = (Vec3::ZERO, 0.0, 0);
         for found in &buffers.results {
             direct += found.direct;

@@ -88,7 +88,8 @@ pub struct Record {
     pub bundles: Tally,
     /// The energy ledger.
     pub ledger: Ledger,
-    /// Estimated RMS error of the elements' irradiance relative to its mean.
+    /// RMS error of the elements' irradiance relative to its mean, as audited by independent paths; without an audit, estimated from
+    /// the error bars.
     pub error_estimate: f64,
     /// Comparison of error bars with errors; none if reflected light was omitted.
     pub audit: Option<ErrorBarAudit>,

@@ -29,6 +29,9 @@ use std::time::Instant;
 /// large areas.
 const MIN_DIAGONAL: f64 = 1e-9;
 const MAX_DIAGONAL: f64 = 5e9;
+/// Audited elements whose RMS error is the error estimate: it is then known to about 1/√(2 · 50) = 10 % of itself where errors are
+/// normally distributed.
+const MIN_AUDITED: usize = 50;
 
 /// Solves a model for elements and points (file coordinates).
 ///
@@ -197,7 +200,8 @@ impl Stages<'_> {
             let mut linked = refined.linked;
             let found = self.local_pass(&mut linked, &plan.light);
             self.notes.extend(notes::unconverged(&found.convergence, &plan.light));
-            return (Solved::by_rays(linked, found), steps);
+            let solved = self.element_light(Solved::by_rays(linked, found), &plan.light);
+            return (solved, steps);
         }
         let solved = Solved::by_links(refined, &plan.light);
         if let Closing::Links(closing) = &solved.closing {
@@ -209,7 +213,7 @@ impl Stages<'_> {
         (solved, steps)
     }
 
-    /// Splits surfaces as finely as the rays allow, and traces the rays.
+    /// Splits surfaces as finely as the rays allow, and traces the rays of the exchange between elements.
     fn local_pass(&mut self, linked: &mut LinkedScene, deadline: &Deadline) -> LocalPass {
         let (scene, options) = (self.scene, self.options);
         let (found, note) = timed(&mut self.seconds.local, || {
@@ -223,11 +227,26 @@ impl Stages<'_> {
                 fewer => Options::area_for(fewer.unwrap_or(LATE_RAYS)).max(options.local_area()),
             };
             linked.split_all(smallest * total_area(scene), deadline);
-            let found = FinalGather::new(self.model, linked, options).local_pass(rays, deadline);
-            (found, notes::fewer_local_rays(rays, all, deadline))
+            let gather = FinalGather::new(self.model, linked, options);
+            let useful = gather.useful_rays(all, options.error);
+            let rays = rays.map(|rays| rays.min(useful));
+            let found = gather.local_pass(rays, deadline);
+            (found, notes::fewer_local_rays(rays, useful, deadline))
         });
         self.notes.extend(note);
         found
+    }
+
+    /// Lets all elements gather the light that the local pass has found.
+    fn element_light(&mut self, solved: Solved, deadline: &Deadline) -> Solved {
+        self.progress.stage("light of elements", 0);
+        timed(&mut self.seconds.local, || {
+            let Closing::Rays(local) = &solved.closing else { return solved };
+            let Some(rays) = local.element_rays.filter(|_| !deadline.late()) else { return solved };
+            let gather = FinalGather::new(self.model, &solved.linked, self.options);
+            let (light, tally) = gather.gather_elements(local, rays, deadline);
+            solved.with_gathered(light, tally)
+        })
     }
 
     /// Irradiance at points, W/m².
@@ -267,7 +286,11 @@ impl Stages<'_> {
     fn record(mut self, solved: &Solved, facts: Facts) -> Record {
         let Facts { unlit, steps, tally, audit, uncertainty } = facts;
         let (scene, options, linked) = (self.scene, self.options, &solved.linked);
-        let error_estimate = error_estimate(linked, uncertainty);
+        // Independent paths say more than the elements' own bars, if there are enough of them.
+        let error_estimate = match audit.elements >= MIN_AUDITED {
+            true => audit.rms_error,
+            false => error_estimate(linked, uncertainty),
+        };
         self.notes.extend(notes::ended(steps.ended, options, steps.iterations.last(), error_estimate));
         self.notes.extend(notes::missed(options, error_estimate));
         let (bytes, settled_local) = match &solved.closing {

@@ -121,13 +121,10 @@ pub struct LinkClosing {
 }
 
 impl Coarse {
-    /// Whether a local pass follows refinement: in scenes with clusters that have light.
+    /// Whether a local pass follows refinement: in scenes that have light.
     pub fn needs_local_pass(&self, options: &Options) -> bool {
         let Coarse(linked) = self;
-        linked.elements.large_from > 0
-            && options.local_rays() > 0
-            && !options.direct_only
-            && linked.mean_irradiance > 0.0
+        options.local_rays() > 0 && !options.direct_only && linked.mean_irradiance > 0.0
     }
 
     /// Ends without refinement.

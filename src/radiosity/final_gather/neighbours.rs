@@ -1,0 +1,157 @@
+//! Neighbours of an element: the nearest elements of about the same plane and orientation.
+
+use crate::clusters::{Tree, over_boxes};
+use crate::math::Aabb;
+use glam::Vec3;
+
+/// Smallest cosine between the normals of neighbours: 18 degrees, over which irradiance under a uniform half of the sky changes by
+/// no more than 5 %.
+const MIN_COSINE: f32 = 0.95;
+/// Largest height of a neighbour over the plane of an element, relative to its distance: the sine of the same 18 degrees.
+const MAX_SLOPE: f32 = 0.31;
+/// Largest distance of a neighbour in radii of the element. In a regular grid 48 neighbours lie within five radii.
+const MAX_RADII: f32 = 6.0;
+
+/// An element as neighbours are searched for.
+#[derive(Clone, Copy, Debug)]
+pub struct Place {
+    /// Centre.
+    pub centre: Vec3,
+    /// Unit normal.
+    pub normal: Vec3,
+    /// Radius, scene units.
+    pub radius: f32,
+}
+
+/// Buffers of a search: what was found, and what is still to be searched, both with squared distances.
+#[derive(Default)]
+pub struct Search {
+    found: Vec<(f32, u32)>,
+    stack: Vec<(f32, u32)>,
+}
+
+/// Elements by the axis that is nearest to their normals, each group with a tree over their centres.
+pub struct Neighbourhood<'a> {
+    places: &'a [Place],
+    groups: Vec<(Vec<u32>, Tree)>,
+}
+
+impl<'a> Neighbourhood<'a> {
+    /// Builds the trees.
+    pub fn new(places: &'a [Place]) -> Neighbourhood<'a> {
+        let group = |k: usize| {
+            let members: Vec<u32> =
+                (0..places.len() as u32).filter(|&i| axis(places[i as usize].normal) == k).collect();
+            let boxes: Vec<Aabb> = members.iter().map(|&i| Aabb::of([places[i as usize].centre])).collect();
+            let tree = over_boxes(&boxes);
+            (members, tree)
+        };
+        Neighbourhood { places, groups: (0..6).map(group).collect() }
+    }
+
+    /// The nearest `count` neighbours of an element with their squared distances, nearest first; the first one is itself.
+    pub fn nearest<'s>(&self, of: u32, count: usize, search: &'s mut Search) -> &'s [(f32, u32)] {
+        let Search { found, stack } = search;
+        let own = self.places[of as usize];
+        found.clear();
+        stack.clear();
+        let (members, tree) = &self.groups[axis(own.normal)];
+        let limit = (MAX_RADII * own.radius).powi(2);
+        if !tree.clusters.is_empty() {
+            stack.push((0.0, 0));
+        }
+        let farthest = |found: &Vec<(f32, u32)>| if found.len() < count { limit } else { found[count - 1].0 };
+        while let Some((distance, at)) = stack.pop() {
+            if distance > farthest(found) {
+                continue;
+            }
+            let cluster = &tree.clusters[at as usize];
+            if cluster.is_leaf() {
+                for &m in &tree.order[cluster.triangle_range()] {
+                    let i = members[m as usize];
+                    let place = &self.places[i as usize];
+                    let offset = place.centre - own.centre;
+                    let d2 = offset.length_squared();
+                    let fits = own.normal.dot(place.normal) >= MIN_COSINE
+                        && own.normal.dot(offset).powi(2) <= MAX_SLOPE * MAX_SLOPE * d2;
+                    let entry = (d2, if i == of { 0 } else { i + 1 });
+                    let later = |other: &(f32, u32)| (other.0, other.1) > entry;
+                    if !fits || d2 > farthest(found) || found.len() == count && !later(&found[count - 1]) {
+                        continue;
+                    }
+                    let place = found.partition_point(|other| !later(other));
+                    found.insert(place, entry);
+                    found.truncate(count);
+                }
+                continue;
+            }
+            let first = stack.len();
+            for child in cluster.child_range() {
+                let bounds = &tree.clusters[child].bounds;
+                let d2 = (own.centre.clamp(bounds.min, bounds.max) - own.centre).length_squared();
+                if d2 <= farthest(found) {
+                    stack.push((d2, child as u32));
+                }
+            }
+            // The nearest child is searched first.
+            stack[first..].sort_by(|a, b| b.0.total_cmp(&a.0));
+        }
+        for entry in found.iter_mut() {
+            entry.1 = if entry.1 == 0 { of } else { entry.1 - 1 };
+        }
+        found
+    }
+}
+
+/// The signed axis nearest to a vector.
+fn axis(normal: Vec3) -> usize {
+    let k = normal.abs().max_position();
+    2 * k + usize::from(normal[k] < 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::radiosity::sampling::numbers;
+
+    /// The nearest elements of random places, against a search through all of them.
+    #[test]
+    fn nearest_places_are_those_of_an_exhaustive_search() {
+        let places: Vec<Place> = (0..2000u64)
+            .map(|k| {
+                let [x, y, z, w] = numbers(9, k);
+                let normal = Vec3::new(0.2 * (w - 0.5), 0.1 * (x - 0.5), if k % 3 == 0 { -1.0 } else { 1.0 });
+                Place { centre: Vec3::new(x, y, 0.02 * z), normal: normal.normalize(), radius: 0.02 }
+            })
+            .collect();
+        let (around, mut search) = (Neighbourhood::new(&places), Search::default());
+        let mut many = 0;
+        for of in 0..places.len() as u32 {
+            let own = &places[of as usize];
+            let mut all: Vec<(f32, u32)> = (0..places.len() as u32)
+                .filter(|&i| {
+                    let (place, offset) = (&places[i as usize], places[i as usize].centre - own.centre);
+                    let height = own.normal.dot(offset).abs();
+                    axis(place.normal) == axis(own.normal)
+                        && own.normal.dot(place.normal) >= MIN_COSINE
+                        && height <= MAX_SLOPE * offset.length()
+                        && offset.length() <= MAX_RADII * own.radius
+                })
+                .map(|i| {
+                    (
+                        (places[i as usize].centre - own.centre).length_squared(),
+                        if i == of { 0 } else { i + 1 },
+                    )
+                })
+                .collect();
+            all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            all.truncate(25);
+            let want: Vec<u32> = all.iter().map(|a| if a.1 == 0 { of } else { a.1 - 1 }).collect();
+            let found: Vec<u32> = around.nearest(of, 25, &mut search).iter().map(|f| f.1).collect();
+            assert_eq!(found[0], of);
+            assert_eq!(found, want);
+            many += usize::from(found.len() > 9);
+        }
+        assert!(many > 500, "{many}");
+    }
+}

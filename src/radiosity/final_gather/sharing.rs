@@ -1,0 +1,253 @@
+//! Neighbouring elements share their samples where light is smooth.
+//!
+//! Around each element a plane is fitted to the irradiance of 8, 24 or 48 neighbours. Wider windows have less noise and more
+//! bias. The window is chosen by cross validation with independent halves of the rays: the fit to one half is compared with what the
+//! other half says of the element, averaged over the neighbours (Rousselle, Knaus and Zwicker 2012 choose filters in this way). The same
+//! comparison gives the error of the result, noise and bias together. Direct and reflected light have windows of their own.
+
+use super::element_light::{ElementLight, KINDS};
+use super::neighbours::{Neighbourhood, Place, Search};
+use crate::radiosity::rgb::Rgb;
+use glam::{DMat3, DVec3, Vec3};
+use rayon::prelude::*;
+
+/// Neighbours in each window, the element included: the element alone, then, in a regular grid, 3 by 3, 5 by 5 and 7 by 7 elements.
+/// Each window has at most about half of the variance of the one before.
+const WINDOWS: [usize; 4] = [1, 9, 25, 49];
+/// Neighbours over which the comparison of windows is averaged, the element included: two rings of a square grid. Their 26
+/// comparisons know a variance to √(2/26) = 28 %.
+const COMPARED: usize = 13;
+/// Weight, in rays, of the spread of the neighbours when it is mixed with that of an element: few rays that agree are not certain.
+/// Small against the least rays of an element, 8, so that a dark element among bright ones is known to be dark.
+const NEIGHBOUR_RAYS: f64 = 4.0;
+/// A window is rejected if it differs from the element's own rays by more standard deviations than this: a normal distribution
+/// exceeds it in 1.2 % of the elements, which then have their own noise.
+const MAX_DEVIATION: f64 = 2.5;
+/// Least neighbours of a plane: twice its three unknowns.
+const MIN_FOR_PLANE: usize = 6;
+
+/// Irradiance of an element after sharing.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct SharedLight {
+    /// W/m².
+    pub irradiance: Rgb,
+    /// Expected square of the error of the mean over the channels, (W/m²)².
+    pub error: f64,
+}
+
+/// What the windows give for one element.
+#[derive(Clone, Copy, Default)]
+struct Windows {
+    /// By kind, window and half, W/m².
+    fits: [[[Vec3; 2]; WINDOWS.len()]; KINDS],
+    /// By kind and window: mean square of the difference of the fit to one half and the other half of the element's own rays.
+    crossed: [[f32; WINDOWS.len()]; KINDS],
+    /// By kind and window: variance of the mean of the fits to both halves.
+    variance: [[f32; WINDOWS.len()]; KINDS],
+}
+
+/// The irradiance of all elements from the rays of their neighbourhood.
+pub fn share(places: &[Place], light: &[ElementLight]) -> Vec<SharedLight> {
+    let around = Neighbourhood::new(places);
+    let made: Vec<(Windows, Vec<u32>)> = (0..places.len() as u32)
+        .into_par_iter()
+        .with_min_len(256)
+        .map_init(Search::default, |search, i| {
+            let found = around.nearest(i, WINDOWS[WINDOWS.len() - 1], search);
+            let windows = fit(places, light, i as usize, found);
+            (windows, found.iter().take(COMPARED).map(|f| f.1).collect())
+        })
+        .collect();
+    (0..places.len()).into_par_iter().with_min_len(256).map(|i| choose(&made, light, i)).collect()
+}
+
+/// The fits of all windows around element `i`.
+fn fit(places: &[Place], light: &[ElementLight], i: usize, found: &[(f32, u32)]) -> Windows {
+    let own = &places[i];
+    let (x, y) = own.normal.any_orthonormal_pair();
+    let scale = 1.0 / own.radius.max(f32::MIN_POSITIVE);
+    // Normal equations of value, slope along x, slope along y; one right-hand side for each kind and half.
+    let mut matrix = DMat3::ZERO;
+    let mut sides = [[[DVec3::ZERO; 3]; 2]; KINDS];
+    let mut windows = Windows::default();
+    let mut next = 0;
+    for (w, &size) in WINDOWS.iter().enumerate() {
+        while next < size.min(found.len()) {
+            let j = found[next].1 as usize;
+            next += 1;
+            let offset = scale * (places[j].centre - own.centre);
+            let row = DVec3::new(1.0, f64::from(offset.dot(x)), f64::from(offset.dot(y)));
+            let weighted = f64::from(light[j].rays) * row;
+            matrix += DMat3::from_cols(row.x * weighted, row.y * weighted, row.z * weighted);
+            for (sides, halves) in sides.iter_mut().zip(&light[j].halves) {
+                for (sides, value) in sides.iter_mut().zip(halves) {
+                    for (side, v) in sides.iter_mut().zip(value.to_array()) {
+                        *side += f64::from(v) * weighted;
+                    }
+                }
+            }
+        }
+        let first = first_row(&matrix, next);
+        for (kind, sides) in sides.iter().enumerate() {
+            let values = sides.map(|side| Vec3::from(side.map(|s| first.dot(s) as f32)));
+            let [a, b] = values.map(|v| v.element_sum() / 3.0);
+            let [own_a, own_b] = light[i].halves[kind].map(|v| v.element_sum() / 3.0);
+            windows.fits[kind][w] = values;
+            windows.crossed[kind][w] = 0.5 * ((a - own_b).powi(2) + (b - own_a).powi(2));
+            windows.variance[kind][w] = 0.25 * (a - b).powi(2);
+        }
+    }
+    windows
+}
+
+/// The first row of the inverse of the normal equations: it gives the value at the element itself. Too few or collinear neighbours have no
+/// plane, but a mean.
+fn first_row(matrix: &DMat3, count: usize) -> DVec3 {
+    let weight = matrix.x_axis.x;
+    let mean = DVec3::new(1.0 / weight.max(f64::MIN_POSITIVE), 0.0, 0.0);
+    if count < MIN_FOR_PLANE {
+        return mean;
+    }
+    // Slopes that the neighbours hardly determine are drawn towards none.
+    let ridge = 1e-3 * weight;
+    let plane = *matrix + DMat3::from_diagonal(DVec3::new(0.0, ridge, ridge));
+    let inverse = plane.inverse();
+    if inverse.is_finite() { inverse.transpose().x_axis } else { mean }
+}
+
+/// Chooses the windows of an element.
+fn choose(made: &[(Windows, Vec<u32>)], light: &[ElementLight], i: usize) -> SharedLight {
+    let (own, around) = &made[i];
+    let mut shared = SharedLight::default();
+    for kind in 0..KINDS {
+        let compared = Compared::of(made, light, around, kind);
+        let noise = compared.variance_of_rays(&light[i], kind);
+        let value = |w: usize| f64::from(own.fits[kind][w].iter().sum::<Vec3>().element_sum()) / 6.0;
+        let agrees = |w: &usize| {
+            (value(*w) - value(0)).powi(2) <= MAX_DEVIATION * MAX_DEVIATION * (noise + compared.variance[*w])
+        };
+        let best = (0..WINDOWS.len())
+            .filter(agrees)
+            .min_by(|&a, &b| compared.crossed[a].total_cmp(&compared.crossed[b]))
+            .unwrap_or(0);
+        let [a, b] = own.fits[kind][best];
+        for (sum, v) in shared.irradiance.iter_mut().zip((0.5 * (a + b)).to_array()) {
+            *sum += f64::from(v.max(0.0));
+        }
+        shared.error += if best == 0 { noise } else { compared.error(best) };
+    }
+    shared
+}
+
+/// The comparisons of windows, averaged over some neighbours by their rays.
+struct Compared {
+    /// By window, the mean square difference of the fit to one half from the other half of the element's own rays.
+    crossed: [f64; WINDOWS.len()],
+    /// By window, the variance of the mean of both fits.
+    variance: [f64; WINDOWS.len()],
+    /// Variance of one ray.
+    of_ray: f64,
+}
+
+impl Compared {
+    fn of(made: &[(Windows, Vec<u32>)], light: &[ElementLight], around: &[u32], kind: usize) -> Compared {
+        let mut sums =
+            Compared { crossed: [0.0; WINDOWS.len()], variance: [0.0; WINDOWS.len()], of_ray: 0.0 };
+        let mut rays = 0.0;
+        for &j in around {
+            let (windows, own) = (&made[j as usize].0, &light[j as usize]);
+            let weight = f64::from(own.rays);
+            rays += weight;
+            for w in 0..WINDOWS.len() {
+                sums.crossed[w] += weight * f64::from(windows.crossed[kind][w]);
+                sums.variance[w] += weight * f64::from(windows.variance[kind][w]);
+            }
+            sums.of_ray += 0.5 * f64::from(own.squares[kind]);
+        }
+        let scale = 1.0 / rays.max(1.0);
+        Compared {
+            crossed: sums.crossed.map(|v| scale * v),
+            variance: sums.variance.map(|v| scale * v),
+            of_ray: scale * sums.of_ray,
+        }
+    }
+
+    /// Variance of an element's mean from the spread of its own rays, mixed with that of the neighbours' rays.
+    fn variance_of_rays(&self, light: &ElementLight, kind: usize) -> f64 {
+        let rays = 2.0 * f64::from(light.rays);
+        let spread = f64::from(light.squares[kind]) + NEIGHBOUR_RAYS * self.of_ray;
+        spread / ((rays + NEIGHBOUR_RAYS) * rays.max(1.0))
+    }
+
+    /// Expected square of the error of a window: `crossed` is the sum of the squared bias, the variance of the fit to one half
+    /// (twice that of the mean of both) and the noise of the other half (twice the variance of the first window).
+    fn error(&self, window: usize) -> f64 {
+        let variance = self.variance[window];
+        let bias = self.crossed[window] - 2.0 * variance - 2.0 * self.variance[0];
+        bias.max(0.0) + variance
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::radiosity::sampling::numbers;
+
+    /// A floor of 40 by 40 squares with side 1 and the light of `of` at their centres, and noise of standard deviation `noise` in
+    /// each half.
+    fn floor(of: impl Fn(f32, f32) -> f32, noise: f32) -> (Vec<Place>, Vec<ElementLight>, Vec<f64>) {
+        let (mut places, mut light, mut truth) = (Vec::new(), Vec::new(), Vec::new());
+        for k in 0..1600u64 {
+            let (x, y) = ((k % 40) as f32, (k / 40) as f32);
+            places.push(Place { centre: Vec3::new(x, y, 0.0), normal: Vec3::Z, radius: 0.71 });
+            // Uniform numbers have the variance 1/12.
+            let [a, b, ..] = numbers(3, k).map(|u| of(x, y) + noise * 12f32.sqrt() * (u - 0.5));
+            let halves = [[Vec3::splat(a), Vec3::splat(b)], [Vec3::ZERO; 2]];
+            // 16 rays, each with four times the deviation of their mean.
+            light.push(ElementLight { rays: 16, halves, squares: [32.0 * 16.0 * noise * noise, 0.0] });
+            truth.push(f64::from(of(x, y)));
+        }
+        (places, light, truth)
+    }
+
+    fn errors(shared: &[SharedLight], truth: &[f64]) -> (f64, f64) {
+        let n = truth.len() as f64;
+        let squares = shared.iter().zip(truth).map(|(s, t)| (s.irradiance[0] - t).powi(2)).sum::<f64>() / n;
+        (squares.sqrt(), (shared.iter().map(|s| s.error).sum::<f64>() / n).sqrt())
+    }
+
+    #[test]
+    fn noise_of_smooth_light_is_divided_and_stated() {
+        let noise = 0.2f32;
+        let (places, light, truth) = floor(|x, y| 1.0 + 0.01 * x + 0.02 * y, noise);
+        let (error, stated) = errors(&share(&places, &light), &truth);
+        // The mean of both halves has 0.141. A plane through 49 neighbours has a seventh of that, at borders more.
+        assert!(error < 0.4 * 0.141, "{error}");
+        assert!(stated > 0.5 * error && stated < 2.0 * error, "{stated} stated, {error} found");
+    }
+
+    #[test]
+    fn edges_of_shadows_stay_sharp() {
+        let (places, light, truth) = floor(|x, _| if x < 20.0 { 1.0 } else { 0.1 }, 0.1);
+        let shared = share(&places, &light);
+        let (error, _) = errors(&shared, &truth);
+        assert!(error < 0.05, "{error}");
+        for (k, s) in shared.iter().enumerate() {
+            assert!(
+                (s.irradiance[0] - truth[k]).abs() < 0.4,
+                "element {k}: {} for {}",
+                s.irradiance[0],
+                truth[k]
+            );
+        }
+    }
+
+    #[test]
+    fn a_single_dark_element_stays_dark() {
+        let (places, mut light, _) = floor(|_, _| 1.0, 0.1);
+        light[820] = ElementLight { rays: 16, ..ElementLight::default() };
+        let shared = share(&places, &light);
+        assert!(shared[820].irradiance[0] < 0.05, "{:?}", shared[820]);
+        assert!((shared[821].irradiance[0] - 1.0).abs() < 0.3, "{:?}", shared[821]);
+    }
+}
