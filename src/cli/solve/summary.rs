@@ -54,7 +54,7 @@ pub fn summary(compared: &ComparedRecord, with_points: bool) -> String {
     // Direct light at points needs no elements: their light was not refined and has no error estimate.
     let estimate = match r.options.direct_only && with_points {
         true => String::new(),
-        false => format!("; estimated error {} %", number(100.0 * r.error_estimate)),
+        false => format!("; estimated error {} %{}", number(100.0 * r.error_estimate), upper(r)),
     };
     let _ = writeln!(text, "mean irradiance {red}, {green}, {blue} W/m\u{b2} (red, green, blue){estimate}");
     if let Some(v) = versus {
@@ -113,4 +113,12 @@ fn side_by_side(r: &Record, v: &Versus) -> String {
         100.0 * v.difference.bias
     );
     text
+}
+
+/// The upper end of the audit's interval, if there was an audit.
+fn upper(record: &Record) -> String {
+    let audited = record.audit.as_ref().map(|audit| audit.rms_upper);
+    audited.map_or_else(String::new, |upper| {
+        format!(" (at most {} % with 95 % probability)", number(100.0 * upper))
+    })
 }

@@ -29,6 +29,10 @@ pub struct ErrorBarAudit {
     pub within_quarters: [f64; 12],
     /// Root mean square of the errors, less the noise of the paths, relative to the mean irradiance of all elements.
     pub rms_error: f64,
+    /// The same, but no less than the audit can tell from 0: the root of one standard error of its mean square.
+    pub expected_rms: f64,
+    /// Upper end of its 95 % interval.
+    pub rms_upper: f64,
     /// Root mean square of the bars, relative to the same.
     pub rms_bar: f64,
     /// The factor in `[1/4, 4]` by which the bars were multiplied, found at as many other elements.
@@ -71,6 +75,7 @@ impl FinalGather<'_> {
             return (ErrorBarAudit::default(), tally);
         }
         let mut audit = ErrorBarAudit { elements: checks.len(), ..ErrorBarAudit::default() };
+        let mut fourth_powers = 0.0;
         for Check { error, noise, bar } in checks {
             audit.within_one += f64::from(u8::from(error <= bar.hypot(noise)));
             audit.within_two += f64::from(u8::from(error <= 2.0 * bar.hypot(noise)));
@@ -78,13 +83,19 @@ impl FinalGather<'_> {
                 *within += f64::from(u8::from(error <= 0.25 * (k + 1) as f64 * bar.hypot(noise)));
             }
             audit.rms_error += error * error - noise * noise;
+            fourth_powers += (error * error - noise * noise).powi(2);
             audit.rms_bar += bar * bar;
         }
         let (n, level) = (audit.elements as f64, self.level());
         audit.within_one /= n;
         audit.within_two /= n;
         audit.within_quarters.iter_mut().for_each(|within| *within /= n);
-        audit.rms_error = (audit.rms_error.max(0.0) / n).sqrt() / level;
+        // The standard error of the mean square.
+        let mean_square = audit.rms_error / n;
+        let resolved = ((fourth_powers / n - mean_square * mean_square).max(0.0) / n).sqrt();
+        audit.rms_upper = (mean_square.max(0.0) + 2.0 * resolved).sqrt() / level;
+        audit.expected_rms = mean_square.max(resolved).sqrt() / level;
+        audit.rms_error = mean_square.max(0.0).sqrt() / level;
         audit.rms_bar = (audit.rms_bar / n).sqrt() / level;
         (audit, tally)
     }

@@ -288,7 +288,7 @@ impl Stages<'_> {
         let (scene, options, linked) = (self.scene, self.options, &solved.linked);
         // Independent paths say more than the elements' own bars, if there are enough of them.
         let error_estimate = match audit.elements >= MIN_AUDITED {
-            true => audit.rms_error,
+            true => audit.expected_rms,
             false => error_estimate(linked, uncertainty),
         };
         self.notes.extend(notes::ended(steps.ended, options, steps.iterations.last(), error_estimate));
