@@ -1,8 +1,8 @@
 //! A tree over emitting faces, by which a receiver draws faces with probabilities close to the light that they send it.
 //!
-//! Each node bounds positions and normals of its faces, so that its greatest possible irradiance at a receiver is known
-//! (Conty Estevez and Kulla 2018). A receiver divides the faces into a few nodes, a cut through the tree; it draws a node by that
-//! bound, then a face of the node by power.
+//! Each node bounds positions and normals of its faces, which gives an estimate of its irradiance at a receiver that is 0 only where
+//! no face can light the receiver (Conty Estevez and Kulla 2018). A receiver divides the faces into a few nodes, a cut through the
+//! tree; it draws a node by that estimate, then a face of the node by power.
 
 use super::emitters::EmitterFace;
 use crate::math::Aabb;
@@ -168,7 +168,8 @@ impl EmitterTree {
 }
 
 impl Node {
-    /// Greatest irradiance of the receiver, up to the distance from the centre that stands for all distances.
+    /// Irradiance of the receiver, with the largest cosines at both ends and the distance between the centres; 0 only if none of the
+    /// faces can light any point of the receiver.
     fn bound(&self, receiver: &Receiver) -> f32 {
         let to = self.centre - receiver.centre;
         let (d2, reach) = (to.length_squared(), self.radius + receiver.radius);

@@ -116,7 +116,9 @@ impl Emitters {
         let target = before + u * (self.powers[end - 1] - before);
         let f = first + self.powers[first..end].partition_point(|&s| s <= target).min(end - first - 1);
         let below = if f > 0 { self.powers[f - 1] } else { 0.0 };
-        let u = ((target - below) / (self.powers[f] - below)).clamp(0.0, 1.0);
+        // A face may be too weak to change the running sum.
+        let own = (self.powers[f] - below).max(f32::MIN_POSITIVE);
+        let u = ((target - below) / own).clamp(0.0, 1.0);
         let (e, k) = self.lit[f];
         let face = &self.emitters[e as usize].faces[k as usize];
         Some((point_on(&face.corners, u, v), face, density))

@@ -35,8 +35,6 @@ const REFLECTED: usize = 1;
 /// Radius of an element over its distance from a face from which the closed form is evaluated at the centre alone. The midpoint rule
 /// leaves an error of about half the square of that: 0.1 %.
 const MIDPOINT_RADIUS: f32 = 0.05;
-/// Centres of the four quarters of the unit square, for elements nearer than that.
-const QUADRATURE: [[f32; 2]; 4] = [[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [0.75, 0.75]];
 
 /// Irradiance of one leaf by its own rays.
 #[derive(Clone, Copy, Debug, Default)]
@@ -132,13 +130,16 @@ impl FinalGather<'_> {
         let element = &elements.elements[leaf as usize];
         let Shape::Surface { side, corners } = element.shape else { return None };
         let normal = elements.sides[side as usize].normal.as_dvec3();
+        let quarters = centres_of_quarters(&corners);
         let mut sum = [0.0; 3];
         for face in self.emitters.faces(cut)? {
+            // The distance from the face is at least that from its centre less its own radius.
             let middle = 0.25 * face.corners.iter().sum::<Vec3>();
-            let near = element.radius > MIDPOINT_RADIUS * (middle - element.centre).length();
-            let places = &QUADRATURE[..if near { QUADRATURE.len() } else { 1 }];
-            for &[u, v] in places {
-                let at = if near { point_on(&corners, u, v) } else { element.centre };
+            let radius = face.corners.iter().map(|c| (*c - middle).length()).fold(0.0, f32::max);
+            let near = element.radius > MIDPOINT_RADIUS * ((middle - element.centre).length() - radius);
+            let centre = [element.centre; 1];
+            let places: &[Vec3] = if near { &quarters } else { &centre };
+            for &at in places {
                 let factor = point_to_polygon(at.as_dvec3(), normal, &face.polygon[..face.count]).max(0.0);
                 add(&mut sum, factor / places.len() as f64, face.exitance);
             }
@@ -166,7 +167,9 @@ impl FinalGather<'_> {
                 true => [0.0; LANES],
                 false => engine.transmittances(&query, scratch),
             };
-            parts.extend((0..group.len()).map(|lane| (light[lane], through[lane])));
+            // A sample at no distance from the element has no finite weight.
+            let weight = |lane: usize| if light[lane].is_finite() { light[lane] } else { Vec3::ZERO };
+            parts.extend((0..group.len()).map(|lane| (weight(lane), through[lane])));
         }
         parts
     }
@@ -201,6 +204,17 @@ impl FinalGather<'_> {
     }
 }
 
+/// The centres of the four parts that subdivision would make of an element; their mean is its centre.
+fn centres_of_quarters(corners: &[Vec3; 4]) -> [Vec3; 4] {
+    let [a, b, c, d] = *corners;
+    if c == d {
+        let middle = (a + b + c) / 3.0;
+        return [middle, 0.5 * (a + middle), 0.5 * (b + middle), 0.5 * (c + middle)];
+    }
+    let at = |u: f32, v: f32| (1.0 - v) * ((1.0 - u) * a + u * b) + v * ((1.0 - u) * d + u * c);
+    [at(0.25, 0.25), at(0.75, 0.25), at(0.75, 0.75), at(0.25, 0.75)]
+}
+
 impl ElementLight {
     /// Direct light as the mean of what all rays have found.
     fn direct_of_rays(&mut self, half: usize, results: &[RayResult]) {
@@ -219,12 +233,16 @@ impl ElementLight {
         let ratio = |parts: &[(Vec3, f32)]| {
             let all: Vec3 = parts.iter().map(|p| p.0).sum();
             let seen: Vec3 = parts.iter().map(|p| p.1 * p.0).sum();
-            Vec3::select(all.cmpgt(Vec3::ZERO), seen / all.max(Vec3::splat(f32::MIN_POSITIVE)), Vec3::ONE)
+            (all, seen / all.max(Vec3::splat(f32::MIN_POSITIVE)))
         };
+        let (all, joint) = ratio(parts);
+        let joint = Vec3::select(all.cmpgt(Vec3::ZERO), joint, Vec3::ONE);
         for (h, parts) in parts.chunks(half).enumerate() {
-            self.halves[DIRECT][h] = free * ratio(parts);
+            // A half without a sample above the horizon has the ratio of both halves.
+            let (all, own) = ratio(parts);
+            self.halves[DIRECT][h] = free * Vec3::select(all.cmpgt(Vec3::ZERO), own, joint);
         }
-        let seen = (free * ratio(parts)).element_sum() / free.element_sum().max(f32::MIN_POSITIVE);
+        let seen = (free * joint).element_sum() / free.element_sum().max(f32::MIN_POSITIVE);
         let weights = || parts.iter().map(|p| (p.0.element_sum(), p.1));
         let all: f32 = weights().map(|(w, _)| w).sum();
         let squares: f32 = weights().map(|(w, through)| (w * (through - seen)).powi(2)).sum();
@@ -261,5 +279,33 @@ impl FinalGather<'_> {
         let places: Vec<Place> = leaves.iter().map(place).collect();
         let shared = share(&places, &light);
         (leaves.into_iter().zip(shared).collect(), tally)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The mean over the centres of the quarters is exact for linear functions.
+    #[test]
+    fn quarters_have_the_centre_of_the_whole() {
+        let [a, b, c] = [Vec3::ZERO, Vec3::new(2.0, 0.5, 0.0), Vec3::new(0.3, 1.5, 1.0)];
+        for corners in [[a, b, c, c], [a, b, b + c, c]] {
+            let mean = centres_of_quarters(&corners).iter().sum::<Vec3>() / 4.0;
+            let centre = if corners[2] == corners[3] { (a + b + c) / 3.0 } else { 0.5 * (b + c) };
+            assert!((mean - centre).length() < 1e-6, "{mean} {centre}");
+        }
+    }
+
+    #[test]
+    fn the_visible_part_is_a_ratio_of_sums() {
+        let mut light = ElementLight { rays: 2, ..ElementLight::default() };
+        let w = |w: f32, through: f32| (Vec3::splat(w), through);
+        light.direct_of_fraction(Vec3::splat(8.0), 2, &[w(1.0, 1.0), w(3.0, 0.0), w(0.0, 0.0), w(0.0, 0.0)]);
+        // The second half has no sample of its own.
+        assert_eq!(light.halves[DIRECT], [Vec3::splat(2.0); 2]);
+        let mut free = ElementLight { rays: 2, ..ElementLight::default() };
+        free.direct_of_fraction(Vec3::splat(8.0), 2, &[w(1.0, 1.0), w(3.0, 1.0), w(2.0, 1.0), w(1.0, 1.0)]);
+        assert_eq!((free.halves[DIRECT], free.squares[DIRECT]), ([Vec3::splat(8.0); 2], 0.0));
     }
 }

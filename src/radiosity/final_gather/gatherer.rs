@@ -162,9 +162,11 @@ impl<'a> FinalGather<'a> {
     /// Finds the groups of emitting faces that an element draws from.
     pub(super) fn cut_of(&self, leaf: u32, cut: &mut Cut) {
         let element = &self.linked.elements.elements[leaf as usize];
-        if let Shape::Surface { side, .. } = element.shape {
+        if let Shape::Surface { side, corners } = element.shape {
             let normal = self.linked.elements.sides[side as usize].normal;
-            self.emitters.cut(&Receiver { centre: element.centre, radius: element.radius, normal }, cut);
+            let centre = element.centre;
+            let radius = corners.iter().map(|c| (*c - centre).length()).fold(0.0, f32::max);
+            self.emitters.cut(&Receiver { centre, radius, normal }, cut);
         }
     }
 
