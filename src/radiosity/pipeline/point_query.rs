@@ -20,9 +20,9 @@ const RAYS_PER_CHECK: usize = 1 << 22;
 pub struct Solution {
     pub(super) model: Model,
     pub(super) solved: Solved,
-    pub(super) options: Options,
+    pub(in crate::radiosity) options: Options,
     /// The time limit of the whole solution.
-    pub(super) deadline: Deadline<'static>,
+    pub(in crate::radiosity) deadline: Deadline<'static>,
 }
 
 /// Irradiance at points within a time limit.
