@@ -18,7 +18,7 @@ mod tests;
 use crate::model::Model;
 use crate::points::{Irradiance, Point};
 use crate::{Error, Result};
-use light::EmitterSampler;
+use light::PowerSampler;
 use paths::Paths;
 use rayon::prelude::*;
 use surfaces::Surfaces;
@@ -53,7 +53,7 @@ pub fn irradiance(
         return Err(Error::Argument("samples must be at least 2".into()));
     }
     let surfaces = Surfaces::new(model);
-    let lights = EmitterSampler::new(model.scene());
+    let lights = PowerSampler::new(model.scene());
     let estimates: Vec<Estimate> = points
         .par_iter()
         .enumerate()

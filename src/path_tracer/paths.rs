@@ -1,6 +1,6 @@
 //! Paths from one point, advanced bounce by bounce so that rays form Embree packets.
 
-use super::light::EmitterSampler;
+use super::light::PowerSampler;
 use super::surfaces::Surfaces;
 use super::{Estimate, Settings};
 use crate::embree::Hits;
@@ -32,7 +32,7 @@ struct Path {
 /// Path tracer of one thread; keeps its buffers from point to point.
 pub struct Paths<'a> {
     surfaces: &'a Surfaces<'a>,
-    lights: Option<&'a EmitterSampler>,
+    lights: Option<&'a PowerSampler>,
     settings: Settings,
     active: Vec<Path>,
     next: Vec<Path>,
@@ -42,7 +42,7 @@ pub struct Paths<'a> {
 impl<'a> Paths<'a> {
     pub fn new(
         surfaces: &'a Surfaces<'a>,
-        lights: Option<&'a EmitterSampler>,
+        lights: Option<&'a PowerSampler>,
         settings: Settings,
     ) -> Paths<'a> {
         Paths { surfaces, lights, settings, active: Vec::new(), next: Vec::new(), sums: Default::default() }
@@ -78,7 +78,7 @@ impl<'a> Paths<'a> {
     }
 
     /// Advances all active paths by one bounce; continued paths are in `next`.
-    fn step(&mut self, lights: &EmitterSampler, stream: u64, bounce: u32) {
+    fn step(&mut self, lights: &PowerSampler, stream: u64, bounce: u32) {
         self.next.clear();
         for chunk in self.active.chunks(LANES) {
             let mut shadow = Packet::EMPTY;

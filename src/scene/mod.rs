@@ -35,7 +35,7 @@ mod write_gltf;
 #[cfg(any(test, feature = "cli"))]
 mod write_obj;
 
-pub use emitter_sampler::{EmitterSampler, point_on};
+pub use emitter_sampler::EmitterSampler;
 pub use flatten::InstanceTriangles;
 #[cfg(test)]
 pub(crate) use instances::resolve_placed;

@@ -2,9 +2,9 @@
 
 use super::gatherer::FinalGather;
 use crate::form_factors::analytic::point_to_polygon;
+use crate::math::sampling::{mix, numbers, pick, point_on};
 use crate::radiosity::links::{Scratch, VisibilityEngine, VisibilityQuery};
 use crate::radiosity::rgb::{Rgb, add, mean};
-use crate::radiosity::sampling::{mix, numbers, pick, point_on};
 use crate::ray::{LANES, Packet};
 use crate::visibility::sample_runs;
 use glam::Vec3;

@@ -2,6 +2,7 @@
 
 use crate::embree::CommittedScene;
 use crate::embree::{Hits, Traversal};
+use crate::math::sampling::{cosine_direction, mix, numbers};
 use crate::model::Model;
 use crate::radiosity::elements::emitter_tree::{Cut, Receiver};
 use crate::radiosity::elements::emitters::Emitters;
@@ -9,7 +10,6 @@ use crate::radiosity::elements::{Elements, Lookup, Shape};
 use crate::radiosity::links::Scratch;
 use crate::radiosity::options::Options;
 use crate::radiosity::refinement::LinkedScene;
-use crate::radiosity::sampling::{cosine_direction, mix, numbers};
 use crate::ray::{LANES, Packet};
 use glam::Vec3;
 use sobol_burley::sample;

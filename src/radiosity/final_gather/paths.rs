@@ -2,12 +2,12 @@
 
 use super::gatherer::{Buffers, FinalGather, PathVertex, RayResult};
 use crate::embree::Hits;
+use crate::math::sampling::{cosine_direction, mix, numbers};
 use crate::radiosity::elements::Elements;
 use crate::radiosity::elements::emitter_tree::Cut;
 use crate::radiosity::elements::emitters::density_ratio;
 use crate::radiosity::links::{VisibilityEngine, VisibilityQuery};
 use crate::radiosity::rgb::{Rgb, add};
-use crate::radiosity::sampling::{cosine_direction, mix, numbers};
 use crate::ray::{LANES, Packet};
 use glam::Vec3;
 

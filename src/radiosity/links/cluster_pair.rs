@@ -4,9 +4,9 @@
 use super::accuracy::{Accuracy, Draft, FEW_SEGMENTS_ERROR};
 use super::end_samples::{EndSamples, kernel};
 use super::{BlockerCertificate, VisibilityQuery};
+use crate::math::sampling::mix;
 use crate::radiosity::elements::{Element, Elements, Shape, facing};
 use crate::radiosity::options::Inside;
-use crate::radiosity::sampling::mix;
 use crate::ray::{EndRule, LANES, Packet};
 use glam::Vec3;
 

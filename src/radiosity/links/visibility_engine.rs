@@ -1,7 +1,7 @@
 //! The visibility engines behind one query: the transmittance of sixteen segments.
 
+use crate::math::sampling::{mix, numbers, point_on};
 use crate::radiosity::elements::{Elements, Shape};
-use crate::radiosity::sampling::{mix, numbers, point_on};
 use crate::ray::{EndRule, LANES, Occluder, Packet};
 use crate::visibility::{Bundle, Exact, LeafMode, Method, MultiResolution, Work, Workspace};
 use std::sync::Arc;

@@ -5,9 +5,9 @@
 
 use super::probe::RAY_OFFSET;
 use crate::embree::Hits;
+use crate::math::sampling::{cosine_direction, mix, numbers, point_on};
 use crate::radiosity::elements::emitters::{EmitterFace, Emitters};
 use crate::radiosity::elements::{Elements, Shape};
-use crate::radiosity::sampling::{cosine_direction, mix, numbers, point_on};
 use crate::ray::{EndRule, LANES, Packet};
 use crate::scene::Scene;
 use crate::visibility::Exact;
