@@ -13,11 +13,10 @@ const PREVIEW_PIXELS: [usize; 2] = [64, 48];
 /// The best of several views of the scene: from outside in all directions at three heights, and from inside the
 /// corners.
 ///
-/// A good view is mostly lit, has little close to the camera, and shows many surfaces. Upwards is opposite to the
-/// mean direction of emission, or `up` if emission has no main direction.
+/// A good view is mostly lit, has little close to the camera, and shows many surfaces. Emitters do not count for the
+/// size of the scene: the sun is far away.
 pub fn best_view(stage: &Stage, solution: &RadiosityMesh, up: Vec3) -> Camera {
-    let bounds = Aabb::of(stage.mesh.positions.iter().copied());
-    let up = upward(stage, solution).unwrap_or(up);
+    let bounds = bounds(stage, solution);
     let (x, y) = up.any_orthonormal_pair();
     let (centre, radius) = (bounds.center(), 0.5 * bounds.diagonal());
     let turns = (0..8).map(|k| std::f32::consts::TAU * (k as f32) / 8.0);
@@ -50,23 +49,13 @@ fn camera(eye: Vec3, at: Vec3, up: Vec3, angle: f32) -> Camera {
     Camera { name: "view".into(), eye, forward, up, angle }
 }
 
-/// The axis opposite to the mean direction of emission; `None` without a main direction.
-fn upward(stage: &Stage, solution: &RadiosityMesh) -> Option<Vec3> {
-    let (mut sum, mut total) = (Vec3::ZERO, 0.0);
-    for (t, corners) in stage.mesh.triangles.iter().enumerate() {
-        let element = &solution.elements[stage.mesh.element[t] as usize];
-        let strength = element.exitance.iter().sum::<f64>() as f32;
-        if strength > 0.0 {
-            let [a, b, c] = stage.mesh.corners(t);
-            let weight = strength * (b - a).cross(c - a).length();
-            sum += weight * stage.mesh.normals[corners[0] as usize];
-            total += weight;
-        }
-    }
-    let axis = sum.abs().max_position();
-    let mut up = Vec3::ZERO;
-    up[axis] = -sum[axis].signum();
-    (total > 0.0 && sum[axis].abs() > 0.15 * total).then_some(up)
+/// The box around what does not emit, or around everything if all emits.
+fn bounds(stage: &Stage, solution: &RadiosityMesh) -> Aabb {
+    let mesh = stage.mesh;
+    let dark = |t: &usize| solution.elements[mesh.element[*t] as usize].exitance == [0.0; 3];
+    let corners = (0..mesh.triangles.len()).filter(dark).flat_map(|t| mesh.corners(t));
+    let bounds = Aabb::of(corners);
+    if bounds.diagonal() > 0.0 { bounds } else { Aabb::of(mesh.positions.iter().copied()) }
 }
 
 fn judge(stage: &Stage, solution: &RadiosityMesh, camera: &Camera, radius: f32) -> f32 {

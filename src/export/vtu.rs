@@ -1,6 +1,7 @@
 //! VTK's unstructured grid, for ParaView.
 
 use crate::radiosity::mesh::RadiosityMesh;
+use crate::scene::Photometry;
 use crate::{Error, Result, files::WholeFile};
 use std::io::Write;
 use std::path::Path;
@@ -28,17 +29,18 @@ fn array<T: bytemuck::NoUninit>(
 
 /// Writes the elements as cells of a `.vtu` file with the fields `irradiance`, `radiosity`, `error` (standard error
 /// of the irradiance), all W/m² RGB; `level` (number of splits), `links`, `area`, `object`, `material`, `triangle`,
-/// `front`; in scenes with placed meshes `instance` and `id` as well. Coordinates are those of the scene's file.
+/// `front`; in scenes with placed meshes `instance` and `id` as well; with photometry `illuminance` (lx) and `luminance`
+/// (cd/m²). Coordinates are those of the scene's file.
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn write_vtu(path: &Path, solution: &RadiosityMesh) -> Result<()> {
+pub fn write_vtu(path: &Path, solution: &RadiosityMesh, photometry: Option<Photometry>) -> Result<()> {
     let mut file = WholeFile::create(path)?;
-    write(&mut file, solution).map_err(|e| Error::io(path, e))?;
+    write(&mut file, solution, photometry).map_err(|e| Error::io(path, e))?;
     file.commit()
 }
 
-fn write(out: &mut impl Write, s: &RadiosityMesh) -> std::io::Result<()> {
+fn write(out: &mut impl Write, s: &RadiosityMesh, photometry: Option<Photometry>) -> std::io::Result<()> {
     let points: Vec<[f64; 3]> = s.vertices.iter().map(|p| (s.origin + p.as_dvec3()).to_array()).collect();
     let size = |e: &crate::radiosity::mesh::Element| if e.is_triangle() { 3 } else { 4 };
     let connectivity: Vec<u32> = s.elements.iter().flat_map(|e| e.corners[..size(e)].to_vec()).collect();
@@ -77,6 +79,13 @@ fn write(out: &mut impl Write, s: &RadiosityMesh) -> std::io::Result<()> {
         count("triangle", |e| e.triangle),
         count("front", |e| e.front.into()),
     ];
+    if let Some(photometry) = photometry {
+        let lit = |of: fn(&crate::radiosity::mesh::Element) -> [f64; 3], divisor: f64| -> Vec<f32> {
+            s.elements.iter().map(|e| (photometry.of(of(e)) / divisor) as f32).collect()
+        };
+        fields.push(array("illuminance", "Float32", 1, &lit(|e| e.irradiance, 1.0)));
+        fields.push(array("luminance", "Float32", 1, &lit(|e| e.radiosity, std::f64::consts::PI)));
+    }
     if !s.instances.is_empty() {
         let instances: Vec<u32> = s.instances.iter().map(|e| e.instance).collect();
         let ids: Vec<u64> = s.instances.iter().map(|e| e.id).collect();

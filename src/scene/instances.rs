@@ -196,9 +196,13 @@ impl Repairs {
             transparent_faces,
             overlapping_objects,
             copied_placements,
+            unread_textures,
+            punctual_lights,
             messages: _,
         } = other;
         self.zero_area_faces += zero_area_faces;
+        self.unread_textures += unread_textures;
+        self.punctual_lights += punctual_lights;
         self.duplicate_faces += duplicate_faces;
         self.polygons_triangulated += polygons_triangulated;
         self.concave_polygons += concave_polygons;

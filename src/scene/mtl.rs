@@ -31,7 +31,9 @@ impl Library {
                 return Ok(());
             }
         };
-        let text = clean(path, &String::from_utf8_lossy(&bytes))?;
+        let text = String::from_utf8_lossy(&bytes);
+        note_unread_maps(path, &text, repairs);
+        let text = clean(path, &text)?;
         let (materials, _) = tobj::load_mtl_buf(&mut text.as_bytes())
             .map_err(|e| Error::format(path, None, format!("not a material library ({e})")))?;
         for m in materials {
@@ -62,6 +64,23 @@ impl Library {
         });
         self.textures.insert(file, texture.clone().ok());
         texture.ok()
+    }
+}
+
+/// Counts textures of emission and opacity, which are not read, and writes a message for each kind.
+fn note_unread_maps(path: &Path, text: &str, repairs: &mut Repairs) {
+    for (key, effect) in
+        [("map_ke", "these materials emit evenly, by Ke"), ("map_d", "these materials are opaque, or by d")]
+    {
+        let has = |line: &&str| line.split_whitespace().next().is_some_and(|w| w.eq_ignore_ascii_case(key));
+        let count = text.lines().filter(has).count();
+        if count > 0 {
+            repairs.unread_textures += count;
+            let (file, key) = (path.file_name().unwrap_or_default().to_string_lossy(), &key[4..]);
+            repairs
+                .messages
+                .push(format!("{count} textures map_{key} of {} are not read: {effect}", shorten(&file, 80)));
+        }
     }
 }
 

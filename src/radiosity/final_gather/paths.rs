@@ -2,7 +2,7 @@
 
 use super::gatherer::{Buffers, FinalGather, PathVertex, RayResult};
 use crate::embree::Hits;
-use crate::radiosity::elements::Elements;
+use crate::radiosity::elements::{Elements, emission_gain};
 use crate::radiosity::links::{VisibilityEngine, VisibilityQuery};
 use crate::radiosity::rgb::{Rgb, add};
 use crate::radiosity::sampling::{cosine_direction, mix, numbers};
@@ -97,7 +97,8 @@ impl FinalGather<'_> {
             if side.exitance.iter().any(|&m| m > 0.0) {
                 let own = (vertex.at, elements.sides[vertex.side as usize].normal);
                 let q = self.emitters.density_ratio(own, (met.at, side.normal), side.exitance);
-                result.direct = q / (1.0 + q) * to_vec(side.exitance);
+                let gain = emission_gain(side.profile.as_deref(), met.at, side.normal, vertex.at);
+                result.direct = gain * q / (1.0 + q) * to_vec(side.exitance);
             }
         }
         result
@@ -118,7 +119,8 @@ impl FinalGather<'_> {
             let q = self.emitters.density_ratio(own, (at, face.normal), face.exitance);
             if q > 0.0 {
                 shadow.set(lane, vertex.at, at, self.linked.ends);
-                light[lane] = q / (1.0 + q) * to_vec(face.exitance);
+                let gain = emission_gain(face.profile.as_deref(), at, face.normal, vertex.at);
+                light[lane] = gain * q / (1.0 + q) * to_vec(face.exitance);
             }
         }
         (shadow, light)

@@ -124,7 +124,7 @@ impl Coarse {
     /// Whether a local pass follows refinement: in scenes with clusters that have light.
     pub fn needs_local_pass(&self, options: &Options) -> bool {
         let Coarse(linked) = self;
-        linked.elements.large_from > 0
+        (linked.elements.large_from > 0 || linked.elements.has_profiles())
             && options.local_rays() > 0
             && !options.direct_only
             && linked.mean_irradiance > 0.0

@@ -5,6 +5,7 @@
 //! `EXT_mesh_gpu_instancing`. A file may have at most [`MAX_PLACEMENTS`] nodes, and as many placements.
 
 mod accessors;
+mod lights;
 mod nodes;
 mod primitives;
 mod sharing;
@@ -24,8 +25,8 @@ const GPU_INSTANCING: &str = "EXT_mesh_gpu_instancing";
 /// Reads a glTF or GLB file: one object per node, coordinates as in the file (y up).
 pub(super) fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
     let (document, buffers) = open(path)?;
-    let (repairs, materials, cameras) = Default::default();
-    let mut reader = Reader { path, buffers, materials, cameras, repairs };
+    let (repairs, materials, cameras, lights) = Default::default();
+    let mut reader = Reader { path, buffers, materials, cameras, lights, repairs };
     reader.read_materials(&document);
     let nodes = reader.nodes(&document)?;
     sharing::scene(&mut reader, &document, &nodes, options)
@@ -150,6 +151,7 @@ struct Reader<'a> {
     /// All materials of the file in order, then the substitute for faces without one.
     materials: Vec<SoupMaterial>,
     cameras: Vec<StoredCamera>,
+    lights: Vec<lights::PlacedLight>,
     repairs: Repairs,
 }
 
@@ -176,6 +178,7 @@ impl Reader<'_> {
             });
         }
         if emissive_textures > 0 {
+            self.repairs.unread_textures += emissive_textures;
             let what = "emissive textures are not read: these materials emit evenly";
             self.repairs.messages.push(format!("{emissive_textures} {what}"));
         }

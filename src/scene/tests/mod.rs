@@ -5,6 +5,7 @@ mod formats;
 mod generators;
 mod hostile;
 mod instances;
+mod luminaires;
 mod overlaps;
 mod repairs;
 
