@@ -128,7 +128,7 @@ pub fn choose(
 
 fn by_size(model: &Model, exact: &dyn Occluder) -> Vec<(String, Candidate)> {
     let scene = model.shared_scene();
-    let least = MIN_EXTENT_PART * model.bounds().diagonal();
+    let least = MIN_EXTENT_PART * model.scene().size();
     let mut extent = vec![Aabb::EMPTY; scene.triangle_component.iter().max().map_or(0, |&c| c as usize + 1)];
     for (t, &c) in scene.triangle_component.iter().enumerate() {
         extent[c as usize] = extent[c as usize].union(Aabb::of(scene.corners(t as u32)));

@@ -5,7 +5,9 @@ use crate::{
     Error, Result,
     files::WholeFile,
     model::cache::CacheLocation,
-    scene::{LoadOptions, Photometry, Scene, UpAxis, parse_emitter, read_placements, unit_in_metres},
+    scene::{
+        Channels, LoadOptions, Photometry, Scene, UpAxis, parse_emitter, read_placements, unit_in_metres,
+    },
     threads::{MAX_THREADS, Threads},
 };
 use indicatif::{ProgressBar, ProgressStyle};
@@ -157,8 +159,8 @@ pub struct SceneArgs {
     /// Also give lux, lumens and cd/m²: rgb by luminance weights and 179 lm/W (default), or one channel that is in
     /// lumens already (red, green, blue).
     #[arg(long, value_name = "CHANNELS", num_args = 0..=1, require_equals = true, default_missing_value = "rgb")]
-    pub photometric: Option<String>,
-    /// Upward axis of the scene's coordinates [default: y in glTF; elsewhere the shorter of y and z]
+    pub photometric: Option<Channels>,
+    /// Upward axis of the scene's coordinates [default: y in glTF; elsewhere from the light and the extents]
     #[arg(long, value_enum, value_name = "y|z")]
     pub up: Option<UpAxis>,
     /// Emissive faces emit from both sides instead of the front only.
@@ -171,11 +173,8 @@ pub struct SceneArgs {
 
 impl SceneArgs {
     /// How luminous quantities are reported, if they are asked for.
-    ///
-    /// # Errors
-    /// The value of `--photometric` is unknown.
-    pub fn photometry(&self) -> Result<Option<Photometry>> {
-        self.photometric.as_deref().map(Photometry::parse).transpose()
+    pub fn photometry(&self) -> Option<Photometry> {
+        self.photometric.map(Photometry::from)
     }
 
     /// Reads the scene.
@@ -188,7 +187,7 @@ impl SceneArgs {
             unit: common.unit.clone(),
             emitters,
             luminaires: self.luminaires.as_deref().map(read_placements).transpose()?.unwrap_or_default(),
-            photometry: self.photometry()?.unwrap_or_default(),
+            photometry: self.photometry().unwrap_or_default(),
             up: self.up,
             two_sided_emission: self.two_sided_emission,
             sides: self.sides,

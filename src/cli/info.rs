@@ -36,7 +36,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         let _spinner = args.common.spinner("clustering");
         ClusterCounts::of(&scene)
     };
-    let photometry = args.scene.photometry()?;
+    let photometry = args.scene.photometry();
     let mut json = summary_json(&scene, counts, seconds);
     if let (Some(photometry), Some(list)) = (photometry, json["emitters"].as_array_mut()) {
         for (emitter, entry) in scene.emitters.iter().zip(list) {

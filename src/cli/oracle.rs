@@ -61,7 +61,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let scene = model.scene();
     let seconds = start.elapsed().as_secs_f64();
     drop(bar);
-    let photometry = args.scene.photometry()?;
+    let photometry = args.scene.photometry();
     let lux = |rgb| photometry.unwrap_or_default().of(rgb);
     write_irradiance(&args.out, &found, photometry.map(|_| &lux as _))?;
     let (mean, noise) = (mean(&found), noise(&found));

@@ -260,7 +260,7 @@ fn write(
     (outcome, versus, load): (Outcome, Option<Versus>, f64),
     (solution, watch): (&Solution, &Watch),
 ) -> Result<()> {
-    let photometry = args.scene.as_ref().map_or(Ok(None), SceneArgs::photometry)?;
+    let photometry = args.scene.as_ref().and_then(SceneArgs::photometry);
     let Outcome { mesh, mut record, irradiance } = outcome;
     record.seconds.load = load;
     if record.interrupted {
@@ -297,7 +297,7 @@ fn write(
     if args.outputs.wants_page() {
         let words = std::env::args().skip(1).map(|word| shell_word(&word));
         let command: Vec<String> = std::iter::once("mrvis".into()).chain(words).collect();
-        let page = solve_page(&record.record, (scene, &mesh), &views, &command.join(" "))?;
+        let page = solve_page(&record.compared.record, (scene, &mesh), &views, &command.join(" "))?;
         files.push(out.join("solution.html"));
         WholeFile::write(&files[files.len() - 1], page)?;
     }

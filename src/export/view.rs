@@ -38,7 +38,7 @@ const ALONE_PART: f32 = 0.2;
 
 /// The best view of the scene; `unit` is the name of the unit of length, for the eye height.
 pub fn best_view(stage: &Stage, solution: &RadiosityMesh, up: Vec3, unit: &str) -> Camera {
-    let mut eyes = eyes(stage, up, unit);
+    let mut eyes = eyes(stage, bounds(stage, solution), up, unit);
     let enclosed = eyes.iter().filter(|eye| eye.closed >= ENCLOSED_PART).count();
     let inside = enclosed > 0 && 2 * enclosed >= eyes.len();
     if inside {
@@ -46,7 +46,7 @@ pub fn best_view(stage: &Stage, solution: &RadiosityMesh, up: Vec3, unit: &str) 
     }
     let mut cameras = if inside { Vec::new() } else { from_outside(stage, solution, up) };
     let judge = Judge::new(stage, solution);
-    let places = dense_places(solution);
+    let places = dense_places(solution, bounds(stage, solution));
     for eye in &eyes {
         cameras.extend(places.iter().filter_map(|&place| from_eye(eye, place, up)));
     }
@@ -93,7 +93,7 @@ fn camera(eye: Vec3, forward: Vec3, up: Vec3, angle: f32) -> Camera {
     Camera { name: "view".into(), eye, forward, up, angle }
 }
 
-/// The box around what does not emit, or around everything if all emits.
+/// The box around what does not emit, or around everything if all emits: emitters may be as far away as the sun.
 fn bounds(stage: &Stage, solution: &RadiosityMesh) -> Aabb {
     let mesh = stage.mesh;
     let dark = |t: &usize| solution.elements[mesh.element[*t] as usize].exitance == [0.0; 3];
@@ -115,7 +115,7 @@ impl Judge<'_> {
     fn new<'a>(stage: &Stage, solution: &'a RadiosityMesh) -> Judge<'a> {
         let dark = solution.elements.iter().filter(|e| e.exitance == [0.0; 3]);
         let objects = dark.map(|e| e.object).collect::<HashSet<u32>>().len().max(1);
-        let radius = 0.5 * Aabb::of(stage.mesh.positions.iter().copied()).diagonal();
+        let radius = 0.5 * bounds(stage, solution).diagonal();
         Judge { solution, objects, radius }
     }
 

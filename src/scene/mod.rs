@@ -24,6 +24,7 @@ mod read_luminaire;
 mod read_obj;
 mod read_ply;
 mod resolve;
+mod size;
 mod soup;
 mod sources;
 #[cfg(test)]
@@ -48,7 +49,7 @@ pub use load::{LoadOptions, read_from_memory};
 pub(crate) use luminaires::PlacedLuminaire;
 pub use luminaires::read_placements;
 pub use mtl::read_materials;
-pub use photometry::Photometry;
+pub use photometry::{Channels, Photometry};
 pub use power::{Strength, parse_emitter, unit_in_metres};
 pub use profile::Profile;
 pub use resolve::{MAX_COORDINATE, MIN_EXTENT, resolve};

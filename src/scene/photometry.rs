@@ -1,7 +1,5 @@
 //! Light as the eye weighs it: lumens, lux and candelas from RGB powers.
 
-use crate::{Error, Result};
-
 /// Luminous efficacy of white light of equal energy from 380 to 780 nm: 683 lm/W at 555 nm times the mean of the CIE
 /// 1931 curve V(λ) over that range, 106.9 nm / 400 nm (rounded as in Radiance, Ward 1994).
 pub const WHITE_LUMENS_PER_WATT: f64 = 179.0;
@@ -23,25 +21,33 @@ impl Default for Photometry {
     }
 }
 
-impl Photometry {
-    /// `rgb`: channels are radiometric. `red`, `green` or `blue`: that channel is luminous already, in lm instead of W.
-    pub fn parse(text: &str) -> Result<Photometry> {
-        let channel = |c: usize| {
-            let weights = std::array::from_fn(|k| f64::from(u8::from(k == c)));
-            Photometry { weights, lumens_per_watt: 1.0 }
-        };
-        match text {
-            "rgb" => Ok(Photometry::default()),
-            "red" => Ok(channel(0)),
-            "green" => Ok(channel(1)),
-            "blue" => Ok(channel(2)),
-            _ => Err(Error::Argument(format!(
-                "photometric {}: must be rgb, red, green or blue",
-                super::mtl::shorten(text, 40)
-            ))),
-        }
-    }
+/// Channels that hold light as the eye weighs it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+pub enum Channels {
+    /// Radiometric channels, weighted.
+    Rgb,
+    /// The red channel alone, in lumens instead of watts.
+    Red,
+    /// The green channel alone, in lumens instead of watts.
+    Green,
+    /// The blue channel alone, in lumens instead of watts.
+    Blue,
+}
 
+impl From<Channels> for Photometry {
+    fn from(channels: Channels) -> Photometry {
+        let weights = match channels {
+            Channels::Rgb => return Photometry::default(),
+            Channels::Red => [1.0, 0.0, 0.0],
+            Channels::Green => [0.0, 1.0, 0.0],
+            Channels::Blue => [0.0, 0.0, 1.0],
+        };
+        Photometry { weights, lumens_per_watt: 1.0 }
+    }
+}
+
+impl Photometry {
     /// The luminous counterpart of an RGB quantity: lm of W, lx of W/m², cd/m² of W/(m² sr).
     pub fn of(&self, rgb: [f64; 3]) -> f64 {
         self.lumens_per_watt * (0..3).map(|c| self.weights[c] * rgb[c]).sum::<f64>()
@@ -55,7 +61,6 @@ mod tests {
     #[test]
     fn white_light_has_the_stated_efficacy() {
         assert!((Photometry::default().of([2.0; 3]) - 358.0).abs() < 1e-9);
-        assert_eq!(Photometry::parse("green").unwrap().of([1.0, 5.0, 9.0]), 5.0);
-        assert!(Photometry::parse("x").is_err());
+        assert_eq!(Photometry::from(Channels::Green).of([1.0, 5.0, 9.0]), 5.0);
     }
 }

@@ -53,7 +53,7 @@ enum Role {
 fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene> {
     check_sides(options)?;
     if role == Role::Whole {
-        luminaires::add_placed(&mut soup, options)?;
+        luminaires::add_placed(&mut soup, options);
     }
     let mut repairs = std::mem::take(&mut soup.repairs);
     let mut materials = match role {

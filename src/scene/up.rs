@@ -24,16 +24,16 @@ impl UpAxis {
     }
 }
 
+/// Part of the emission that must point down an axis before it is a sign: that of a hemisphere of directions about the axis
+/// is 0.5, of a sphere 0.
+const MAIN_EMISSION: f32 = 0.15;
 /// Ratio of extents above which the shorter of y and z is taken as the height: rooms and terrains are wider than high,
 /// and a cube that was rounded is no sign.
 const FLAT: f32 = 1.1;
-/// Part of the emission that must point along an axis before it is a sign: that of a hemisphere of directions about
-/// the axis is 0.5, of a sphere 0.
-const MAIN_EMISSION: f32 = 0.15;
 
 impl Scene {
-    /// The upward axis: as the options say; y in glTF; in other formats the one of y and z along which the scene is shorter, or,
-    /// where both are alike, the one along which most light is emitted, or z.
+    /// The upward axis: as the options say; y in glTF; in other formats the one of y and z down which most light is emitted;
+    /// without such light the one along which the scene is shorter, or z where both are alike.
     pub(crate) fn up_axis(&self) -> UpAxis {
         if let Some(up) = self.up {
             return up;
@@ -42,20 +42,16 @@ impl Scene {
         if kind == "gltf" || kind == "glb" {
             return UpAxis::Y;
         }
-        let extent = self.world_bounds().extent();
-        if extent.y > FLAT * extent.z {
-            return UpAxis::Z;
-        }
-        if extent.z > FLAT * extent.y {
-            return UpAxis::Y;
-        }
-        let (mut sum, mut total) = (Vec3::ZERO, 0.0);
+        let (mut down, mut total) = (Vec3::ZERO, 0.0);
         for emitter in &self.emitters {
             let strength = emitter.area as f32 * emitter.emission.iter().sum::<f32>();
-            sum += strength * emitter.normal;
+            down -= strength * emitter.normal;
             total += strength;
         }
-        let along_y = sum.y.abs() > MAIN_EMISSION * total && sum.y.abs() > sum.z.abs();
-        if along_y { UpAxis::Y } else { UpAxis::Z }
+        let (main, along_y) = (down.y.max(down.z), down.y > down.z);
+        let extent = self.world_bounds().extent();
+        let lower_along_y = extent.z > FLAT * extent.y;
+        let is_y = if main > MAIN_EMISSION * total { along_y } else { lower_along_y };
+        if is_y { UpAxis::Y } else { UpAxis::Z }
     }
 }

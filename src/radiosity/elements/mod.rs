@@ -26,7 +26,7 @@ mod tests;
 
 pub use lit_sides::{Entered, lit_inside};
 pub use lookup::Lookup;
-pub use profiles::emission_gain;
+pub use profiles::{emission_gain, mean_over};
 pub use side_sampling::SideSampler;
 pub use state::{ElementState, LightStatistics, RowFactors};
 

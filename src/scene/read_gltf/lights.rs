@@ -3,8 +3,8 @@
 use super::Reader;
 use crate::scene::luminaires::Lamp;
 use crate::scene::profile::{Distribution, axes};
-use crate::scene::{LoadOptions, Soup, SoupMaterial};
-use crate::{Result, math::Aabb};
+use crate::scene::{LoadOptions, MAX_COORDINATE, Soup, SoupMaterial};
+use crate::{Result, error::quote, math::Aabb};
 use glam::{DMat4, DVec3};
 use gltf::khr_lights_punctual::{Kind, Light};
 
@@ -41,11 +41,12 @@ impl Reader<'_> {
         let (at, aim) = (world.transform_point3(DVec3::ZERO), world.transform_vector3(DVec3::NEG_Z));
         let (strength, colour) = (f64::from(light.intensity()), light.color().map(f64::from));
         let sound = |v: &f64| v.is_finite() && *v >= 0.0;
-        let aim = aim.try_normalize().filter(|_| at.is_finite());
+        let near = at.is_finite() && at.abs().max_element() <= MAX_COORDINATE;
+        let aim = aim.try_normalize().filter(|_| near);
         let (Some(aim), true) = (aim, sound(&strength) && colour.iter().all(sound)) else {
             return Err(self.wrong(format!(
-                "light `{}`: its position, color or intensity is not a finite number >= 0",
-                crate::scene::mtl::shorten(&name, 80)
+                "light `{}`: its position is not within ±{MAX_COORDINATE:e}, or its color or intensity is not a finite number >= 0",
+                quote(&name)
             )));
         };
         let table = match light.kind() {
@@ -59,12 +60,10 @@ impl Reader<'_> {
                 Some(cone(inner, outer))
             }
         };
-        let distribution =
-            table.map(|t| Distribution::about_axis(&t)).transpose().map_err(|e| self.wrong(e))?;
+        let distribution = table.map(|t| Distribution::about_axis(&t));
         if strength > 0.0 && colour != [0.0; 3] {
             self.lights.push(PlacedLight { name, at, aim, colour, strength, distribution });
         }
-        self.repairs.punctual_lights += 1;
         Ok(())
     }
 
@@ -73,7 +72,7 @@ impl Reader<'_> {
         let (diagonal, centre) = (f64::from(bounds.diagonal()), bounds.center().as_dvec3());
         for light in &self.lights {
             let c0 = if light.aim.x.abs() > 0.9 { DVec3::Y } else { DVec3::X };
-            let axes = axes(light.aim, c0)?;
+            let axes = axes(light.aim, c0).ok_or_else(|| self.wrong("a light without a direction"))?;
             if let Some(distribution) = light.distribution.clone() {
                 let side = PLATE * diagonal;
                 Lamp {

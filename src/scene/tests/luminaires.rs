@@ -75,8 +75,7 @@ fn light_below_a_luminaire_is_that_of_its_file() {
         &[0.0, 30.0, 60.0, 90.0],
         &[0, 1, 2].map(|c| [0.0, 30.0, 60.0, 89.999].map(|g| candelas(c, g)).to_vec()),
         crate::scene::profile::Symmetry::C0C180,
-    )
-    .expect("a table");
+    );
     let mut flux = 0.0;
     for i in 0..n * n {
         let p = dvec3((f64::from(i % n) + 0.5) * cell - 3.0, (f64::from(i / n) + 0.5) * cell - 3.0, -4.0);
@@ -102,21 +101,54 @@ fn placed_luminaires_have_the_flux_of_their_file() {
     let lumens: f64 = s.emitters.iter().map(|e| 179.0 * s.power(e)[0]).sum();
     assert_eq!(s.emitters.len(), 2, "downwards and upwards");
     assert!((lumens / table.distribution.halves().iter().sum::<f64>() - 1.0).abs() < 1e-4);
-    let toml = folder.path().join("lights.toml");
-    std::fs::write(&toml, "[[luminaire]]\nfile = \"lamp.ies\"\nat = 3\n").expect("written");
-    assert!(read_placements(&toml).expect_err("wrong").to_string().contains("lights.toml:3"));
 }
 
 #[test]
-fn up_follows_the_bounds_and_the_option() {
+fn wrong_luminaires_name_file_and_line() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("written");
+    write("lamp.ies", IES);
+    write("bad.ies", &IES.replace("1000 900", "1000 -900"));
+    write("dark.ies", &IES.replace("1 -1 1 5", "1 -1 0 5"));
+    write("short.ldt", "a\n1\n1\n1\n0\n");
+    let good = ["file = \"lamp.ies\"", "at = [0, 0, 4]", "aim = [0, 0, -1]"];
+    for (line, instead, want) in [
+        (0, "file = \"bad.ies\"", "bad.ies:8: an intensity of -900 cd"),
+        (0, "file = \"short.ldt\"", "short.ldt:5: the file ends before line 6"),
+        (0, "file = \"dark.ies\"", "lights.toml:2: the table of this file sums to no light"),
+        (0, "file = \"none.ies\"", "none.ies: "),
+        (0, "file = \"lights.toml\"", "lights.toml: the extension must be"),
+        (1, "at = 3", "lights.toml:3: "),
+        (1, "at = [0, nan, 4]", "lights.toml:3: `at`"),
+        (2, "aim = [0, 0, 0]", "lights.toml:4: `aim`"),
+        (2, "aim = [0, 0, -1]\nc0 = [0, 0, 1]", "lights.toml:4: `aim`"),
+        (2, "aim = [0, 0, -1]\nflux = -3", "lights.toml:5: `flux`"),
+        (2, "aim = [0, 0, -1]\ncolour = 1", "lights.toml:5: "),
+        (2, "", "lights.toml:1: missing field `aim`"),
+    ] {
+        let mut lines = good;
+        lines[line] = instead;
+        write("lights.toml", &format!("[[luminaire]]\n{}\n", lines.join("\n")));
+        let found = read_placements(&folder.path().join("lights.toml")).expect_err(instead).to_string();
+        assert!(found.contains(want), "{instead}: {found}");
+    }
+}
+
+#[test]
+fn up_follows_the_light_the_bounds_and_the_option() {
     let load = |obj: &str, up| {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("a.obj");
+        std::fs::write(folder.path().join("a.mtl"), "newmtl light\nKe 1 1 1\n").expect("written");
         std::fs::write(&path, obj).expect("written");
         Scene::load_with(&path, &LoadOptions { up, ..LoadOptions::default() }).expect("a scene").up_axis()
     };
+    let tower = "mtllib a.mtl\nv 0 0 0\nv 0 0 9\nv 9 0 0\nv 0 1 0\nv 1 0 9\nv 0 1 9\nf 1 2 3\nf 1 2 4\n";
     assert_eq!(load(FLOOR, None), UpAxis::Z);
-    assert_eq!(load("v 0 0 0\nv 0 0 9\nv 9 0 0\nv 0 1 0\nf 1 2 3\nf 1 2 4\n", None), UpAxis::Y);
+    assert_eq!(load(tower, None), UpAxis::Y);
+    // A light at its top that shines down z; then one that shines up.
+    assert_eq!(load(&format!("{tower}usemtl light\nf 2 6 5\n"), None), UpAxis::Z);
+    assert_eq!(load(&format!("{tower}usemtl light\nf 2 5 6\n"), None), UpAxis::Y);
     assert_eq!(load(FLOOR, Some(UpAxis::Y)), UpAxis::Y);
 }
 
@@ -138,7 +170,10 @@ fn punctual_lights_of_gltf() {
         let path = folder.path().join("a.gltf");
         std::fs::write(&path, json).expect("written");
         let scene = Scene::load(&path).expect("a scene");
-        assert_eq!(scene.repairs.punctual_lights, 1);
+        // Lengths are relative to the floor, not to the distance of the sun.
+        assert!(scene.size() < 26.0, "{}", scene.size());
+        let notes = &scene.repairs.messages;
+        assert!(notes.iter().any(|m| m.contains("1 lights of KHR_lights_punctual became")), "{notes:?}");
         let model =
             Model::prepare(scene, &PrepareOptions { detail: Detail::Rays, ..Default::default() }, &())
                 .expect("a model");
@@ -166,4 +201,69 @@ fn punctual_lights_of_gltf() {
     let sun = value(r#"{"type":"directional","intensity":5000}"#, place);
     near(sun[0], 5000.0, 0.05);
     near(sun[1], 5000.0, 0.05);
+}
+
+/// A grey room of 4 m × 4 m × 3 m with a downlight of I = I(0) cos⁸ γ below its ceiling.
+#[test]
+fn light_in_a_room_with_a_downlight_is_that_of_the_reference() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("written");
+    write("grey.mtl", "newmtl grey\nKd 0.6 0.6 0.6\n");
+    write(
+        "room.obj",
+        "mtllib grey.mtl\nusemtl grey\nv 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nv 0 0 3\nv 4 0 3\nv 4 4 3\nv 0 4 3\n\
+         f 1 2 3 4\nf 8 7 6 5\nf 1 5 6 2\nf 2 6 7 3\nf 3 7 8 4\nf 4 8 5 1\n",
+    );
+    let list = |of: &dyn Fn(f64) -> f64| (0..=36).map(|k| format!("{}", of(2.5 * f64::from(k))));
+    let gammas: Vec<String> = list(&|g| g).collect();
+    let candelas: Vec<String> = list(&|g| 900.0 * g.to_radians().cos().max(0.0).powi(8)).collect();
+    write(
+        "down.ies",
+        &format!(
+            "IESNA:LM-63-1995\nTILT=NONE\n1 -1 1 37 1 1 2 -0.15 0 0\n1 1 9\n{}\n0\n{}\n",
+            gammas.join(" "),
+            candelas.join("\n")
+        ),
+    );
+    write("lights.toml", "[[luminaire]]\nfile = \"down.ies\"\nat = [1.5, 2, 2.9]\naim = [0, 0, -1]\n");
+    let luminaires = read_placements(&folder.path().join("lights.toml")).expect("placements");
+    let scene = Scene::load_with(
+        folder.path().join("room.obj"),
+        &LoadOptions { luminaires, ..LoadOptions::default() },
+    )
+    .expect("a scene");
+    // The flux of I(0) cos⁸ γ is 2π I(0) / 9.
+    let lumens: f64 = scene.emitters.iter().map(|e| 179.0 * scene.power(e)[0]).sum();
+    assert!((lumens / (200.0 * std::f64::consts::PI) - 1.0).abs() < 0.01, "{lumens} lm");
+    let grid = |k: usize| 0.125 + 0.25 * k as f64;
+    let points: Vec<Point> = (0..256)
+        .map(|k| Point { position: dvec3(grid(k % 16), grid(k / 16), 0.0), normal: DVec3::Z })
+        .collect();
+    let model =
+        Model::prepare(scene.clone(), &PrepareOptions { detail: Detail::Rays, ..Default::default() }, &())
+            .expect("a model");
+    let settings = Settings { samples: 1024, direct_only: false, seed: 1 };
+    let reference = irradiance(&model, &points, settings, &|_| ()).expect("reference");
+    let options = radiosity::Options { seed: 1, ..Default::default() };
+    let model = Model::prepare(scene, &options.prepare(), &()).expect("a model");
+    let solved = radiosity::run(&model, &points, &options, &()).expect("solved");
+    let mean = |values: &[[f64; 3]]| values.iter().map(|v| v[1]).sum::<f64>() / values.len() as f64;
+    let (want, found) = (mean(&reference.values), mean(&solved.irradiance));
+    assert!((found / want - 1.0).abs() < 0.01, "points: {found} instead of {want}");
+    let squares: f64 =
+        reference.values.iter().zip(&solved.irradiance).map(|(r, s)| (r[1] - s[1]).powi(2)).sum();
+    let rms = (squares / 256.0).sqrt();
+    assert!(rms < 0.03 * want, "points: RMS difference {rms} of {want}");
+    let floor = solved.mesh.elements.iter().filter(|e| {
+        e.front
+            && e.corners
+                .iter()
+                .all(|&v| (solved.mesh.origin.z + f64::from(solved.mesh.vertices[v as usize].z)).abs() < 1e-5)
+    });
+    let (light, area) = floor.fold((0.0, 0.0), |(l, a), e| (l + e.area * e.irradiance[1], a + e.area));
+    assert!((area - 16.0).abs() < 1e-3, "{area} m²");
+    // A grid of points 0.25 m apart sums a smooth beam of 2 m exactly to about 1 %.
+    assert!((light / area / want - 1.0).abs() < 0.02, "elements: {} instead of {want}", light / area);
+    let ledger = &solved.record.ledger;
+    assert!((179.0 * ledger.emitted / lumens - 1.0).abs() < 1e-6, "{}", ledger.emitted);
 }
