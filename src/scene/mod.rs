@@ -27,6 +27,7 @@ mod resolve;
 mod size;
 mod soup;
 mod sources;
+mod stretch;
 #[cfg(test)]
 pub(crate) mod testing;
 #[cfg(test)]
@@ -45,15 +46,19 @@ pub use flatten::InstanceTriangles;
 #[cfg(test)]
 pub(crate) use instances::resolve_placed;
 pub use instances::{MAX_PLACEMENTS, Placement};
-pub use load::{LoadOptions, read_from_memory};
+pub use load::LoadOptions;
+#[cfg(any(test, feature = "internals"))]
+pub use load::read_from_memory;
 pub(crate) use luminaires::PlacedLuminaire;
 pub use luminaires::read_placements;
+#[cfg(any(test, feature = "internals"))]
 pub use mtl::read_materials;
 pub use photometry::{Channels, Photometry};
 pub use power::{Strength, parse_emitter, unit_in_metres};
 pub use profile::Profile;
 pub use resolve::{MAX_COORDINATE, MIN_EXTENT, resolve};
 pub use soup::{PlacedSoup, Soup, SoupMaterial};
+pub use stretch::{MAX_STRETCH, stretch};
 pub use up::UpAxis;
 #[cfg(any(test, feature = "cli"))]
 pub use write_gltf::write_gltf;
@@ -224,6 +229,11 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// Length of rays that leave the scene from any of its points, scene units: its diagonal, with one per cent for rounding.
+    pub(crate) fn ray_length(&self) -> f32 {
+        1.01 * self.bounds.diagonal()
+    }
+
     /// The corners of a triangle.
     #[inline]
     pub(crate) fn corners(&self, triangle: u32) -> [Vec3; 3] {

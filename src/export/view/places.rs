@@ -40,9 +40,9 @@ pub(super) struct Eye {
 /// Eyes, in scenes with this box and unit of length, above surfaces that face upwards, spread evenly by area, and above the ground below those.
 pub(super) fn eyes(stage: &Stage, bounds: Aabb, up: Vec3, unit: &str) -> Vec<Eye> {
     let (size, level) = (bounds.extent(), bounds.extent() * (Vec3::ONE - up.abs()));
-    let least = MIN_HEIGHT_PART * level.max_element();
+    let min_height = MIN_HEIGHT_PART * level.max_element();
     let person = unit_in_metres(unit).map_or(0.0, |metres| (EYE_HEIGHT_METRES / metres) as f32);
-    let (tall, tiny) = (person.max(least), 1e-4 * size.max_element());
+    let (tall, tiny) = (person.max(min_height), 1e-4 * size.max_element());
     let mut eyes = Vec::new();
     for spot in spots(stage, up) {
         let ground = lowest(stage, spot, up, tiny);

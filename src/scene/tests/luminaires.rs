@@ -214,9 +214,9 @@ fn light_in_a_room_with_a_downlight_is_that_of_the_reference() {
         "mtllib grey.mtl\nusemtl grey\nv 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nv 0 0 3\nv 4 0 3\nv 4 4 3\nv 0 4 3\n\
          f 1 2 3 4\nf 8 7 6 5\nf 1 5 6 2\nf 2 6 7 3\nf 3 7 8 4\nf 4 8 5 1\n",
     );
-    let list = |of: &dyn Fn(f64) -> f64| (0..=36).map(|k| format!("{}", of(2.5 * f64::from(k))));
-    let gammas: Vec<String> = list(&|g| g).collect();
-    let candelas: Vec<String> = list(&|g| 900.0 * g.to_radians().cos().max(0.0).powi(8)).collect();
+    let list = |of: fn(f64) -> f64| (0..=36).map(move |k| format!("{}", of(2.5 * f64::from(k))));
+    let gammas: Vec<String> = list(|g| g).collect();
+    let candelas: Vec<String> = list(|g| 900.0 * g.to_radians().cos().max(0.0).powi(8)).collect();
     write(
         "down.ies",
         &format!(
