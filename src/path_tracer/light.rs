@@ -2,8 +2,9 @@
 //! ([`crate::radiosity`]) or of the bench does not hide in both.
 
 use crate::math::{triangle_area, triangle_normal};
-use crate::scene::Scene;
+use crate::scene::{Profile, Scene};
 use glam::Vec3;
+use std::sync::Arc;
 
 /// The emissive faces with their probabilities.
 pub struct PowerSampler {
@@ -17,6 +18,8 @@ struct Face {
     corners: [Vec3; 3],
     normal: Vec3,
     radiance: [f32; 3],
+    /// Directions in which the front emits; none for a diffuse face.
+    profile: Option<Arc<Profile>>,
     /// Probability density per area of a point on this face, 1/length².
     density: f32,
 }
@@ -41,7 +44,8 @@ impl PowerSampler {
         let mut total = 0.0;
         for &t in scene.emitters.iter().flat_map(|e| &e.triangles) {
             let [a, b, c] = scene.corners(t);
-            let radiance = scene.materials[scene.triangle_material[t as usize] as usize].emission;
+            let material = &scene.materials[scene.triangle_material[t as usize] as usize];
+            let radiance = material.emission;
             let strength = f64::from(radiance.iter().sum::<f32>());
             total += triangle_area(a, b, c) * strength;
             chances.push(total);
@@ -49,6 +53,7 @@ impl PowerSampler {
                 corners: [a, b, c],
                 normal: triangle_normal(a, b, c),
                 radiance,
+                profile: material.profile.clone(),
                 density: strength as f32,
             });
         }
@@ -71,11 +76,13 @@ impl PowerSampler {
             return None;
         }
         let direction = to / squared.sqrt();
-        let cosine = self.facing(-face.normal.dot(direction))?;
+        let profile = face.profile.as_deref();
+        let cosine = self.facing(-face.normal.dot(direction), profile.is_some())?;
+        let gain = profile.map_or(1.0, |p| p.gain(-direction, cosine));
         Some(EmitterSample {
             point,
             direction,
-            radiance: face.radiance,
+            radiance: face.radiance.map(|l| l * gain),
             density: face.density * squared / cosine,
         })
     }
@@ -89,9 +96,9 @@ impl PowerSampler {
         radiance.iter().sum::<f32>() * per_radiance * distance * distance / cosine
     }
 
-    /// The cosine at a side that emits; `None` if the side does not emit.
-    pub fn facing(&self, cosine: f32) -> Option<f32> {
-        let cosine = if self.two_sided { cosine.abs() } else { cosine };
+    /// The cosine at a side that emits; `None` if the side does not emit. Faces with a profile emit from the front only.
+    pub fn facing(&self, cosine: f32, profiled: bool) -> Option<f32> {
+        let cosine = if self.two_sided && !profiled { cosine.abs() } else { cosine };
         (cosine > 0.0).then_some(cosine)
     }
 }

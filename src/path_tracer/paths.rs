@@ -113,12 +113,13 @@ impl<'a> Paths<'a> {
                 let direction = directions[lane];
                 let Some(place) = self.surfaces.place(&rays, &hits, lane, direction) else { continue };
                 if place.emission != [0.0; 3]
-                    && let Some(cosine) = lights.facing(place.cosine)
+                    && let Some(cosine) = lights.facing(place.cosine, place.profile.is_some())
                 {
                     let chance = path.normal.dot(direction) / PI;
                     let density = lights.density(place.emission, hits.t[lane], cosine);
                     let share = chance / (chance + density);
-                    add(sum, product(path.throughput, place.emission).map(|x| x * share));
+                    let gain = place.profile.map_or(1.0, |p| p.gain(-direction, cosine));
+                    add(sum, product(path.throughput, place.emission).map(|x| x * share * gain));
                 }
                 if self.settings.direct_only {
                     continue;

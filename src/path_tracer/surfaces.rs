@@ -4,6 +4,7 @@ use crate::embree::{CommittedScene, Hits, Traversal};
 use crate::math::triangle_normal;
 use crate::model::Model;
 use crate::ray::{EndRule, Packet};
+use crate::scene::Profile;
 use glam::{DVec3, Vec3};
 
 /// Path rays are incoherent; single rays are fastest.
@@ -25,7 +26,7 @@ pub struct Surfaces<'a> {
 }
 
 /// A hit of a path ray.
-pub struct SurfaceHit {
+pub struct SurfaceHit<'a> {
     /// Start of the next rays, slightly above the surface on the side that was hit; scene units.
     pub position: Vec3,
     /// Unit normal of the side that was hit.
@@ -34,6 +35,8 @@ pub struct SurfaceHit {
     pub reflectance: [f32; 3],
     /// Radiance of the front side, W/(m² sr), RGB.
     pub emission: [f32; 3],
+    /// Directions in which the front emits; none for a diffuse face.
+    pub profile: Option<&'a Profile>,
     /// Cosine between the face's front normal and the reverse ray direction, positive on the front.
     pub cosine: f32,
 }
@@ -72,7 +75,7 @@ impl<'a> Surfaces<'a> {
     }
 
     /// The hit of a lane whose ray has the unit vector `direction`; `None` if the ray left the scene.
-    pub fn place(&self, ray: &Packet, hits: &Hits, lane: usize, direction: Vec3) -> Option<SurfaceHit> {
+    pub fn place(&self, ray: &Packet, hits: &Hits, lane: usize, direction: Vec3) -> Option<SurfaceHit<'_>> {
         let t = hits.triangle[lane];
         if t == Hits::NOTHING {
             return None;
@@ -80,14 +83,14 @@ impl<'a> Surfaces<'a> {
         let instance = &self.model.instances()[hits.instance[lane] as usize];
         let mesh = self.model.mesh_of(hits.instance[lane]);
         let front = instance.turned(self.normals[instance.mesh as usize][t as usize]);
-        let (reflectance, emission) = match instance.material {
+        let (reflectance, emission, profile) = match instance.material {
             Some(m) => {
                 let material = &self.model.scene().materials[m as usize];
-                (material.reflectance, material.emission)
+                (material.reflectance, material.emission, None)
             }
             None => {
-                let material = mesh.triangle_material[t as usize] as usize;
-                (mesh.triangle_reflectance[t as usize], mesh.materials[material].emission)
+                let material = &mesh.materials[mesh.triangle_material[t as usize] as usize];
+                (mesh.triangle_reflectance[t as usize], material.emission, material.profile.as_deref())
             }
         };
         let cosine = -front.dot(direction);
@@ -97,6 +100,7 @@ impl<'a> Surfaces<'a> {
             normal,
             reflectance,
             emission,
+            profile,
             cosine,
         })
     }

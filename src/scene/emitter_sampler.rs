@@ -1,10 +1,10 @@
 //! Points on an emitter, its size as seen from a point, and points whose hull holds it.
 
-use super::{Emitter, Scene};
+use super::{Emitter, Profile, Scene};
 use crate::math::Aabb;
 use crate::math::sampling::{on_triangle, pick};
 use glam::{BVec3, Vec3};
-use std::borrow::Cow;
+use std::{borrow::Cow, sync::Arc};
 
 /// Draws points on an emitter.
 #[derive(Clone, Debug)]
@@ -23,6 +23,8 @@ pub struct EmitterSampler {
     area: f32,
     width: f32,
     radiance: f32,
+    /// Directions in which it emits; none for diffuse emission.
+    profile: Option<Arc<Profile>>,
 }
 
 impl EmitterSampler {
@@ -51,6 +53,9 @@ impl EmitterSampler {
             area: emitter.area as f32,
             width: emitter.min_width,
             radiance: emitter.emission.iter().sum::<f32>() / 3.0,
+            profile: scene.materials[scene.triangle_material[emitter.triangles[0] as usize] as usize]
+                .profile
+                .clone(),
         }
     }
 
@@ -88,7 +93,8 @@ impl EmitterSampler {
             return None;
         }
         let facing = self.cosine(to, distance);
-        let weight = self.radiance * self.area * cosine * facing / (distance * distance);
+        let emitted = self.profile.as_ref().map_or(facing, |p| p.projected(-to / distance));
+        let weight = self.radiance * self.area * cosine * emitted / (distance * distance);
         Some((self.width * facing, weight))
     }
 

@@ -10,7 +10,7 @@ use super::{
     connect::{self, Edges, Sets},
     emitters::{self, Faces},
     keep::Kept,
-    overlap,
+    luminaires, overlap,
     power::{self, Surfaces},
     triangulate::{Shape, Triangulator},
     weld,
@@ -52,6 +52,9 @@ enum Role {
 
 fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene> {
     check_sides(options)?;
+    if role == Role::Whole {
+        luminaires::add_placed(&mut soup, options);
+    }
     let mut repairs = std::mem::take(&mut soup.repairs);
     let mut materials = match role {
         Role::Whole => check_materials(&soup, &mut repairs)?,
@@ -106,6 +109,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
         files: Vec::new(),
         unit: options.unit.clone(),
         two_sided_emission: options.two_sided_emission,
+        up: options.up,
         origin,
         bounds: Aabb::of(positions.iter().copied()),
         positions,
@@ -149,7 +153,7 @@ fn check_materials(soup: &Soup, repairs: &mut Repairs) -> Result<Vec<Material>> 
         if reflectance != m.reflectance {
             clamped.push(&m.name);
         }
-        Ok(Material { name: m.name.clone(), reflectance, emission: m.emission })
+        Ok(Material { name: m.name.clone(), reflectance, emission: m.emission, profile: m.profile.clone() })
     });
     let materials = materials.collect::<Result<Vec<_>>>()?;
     if !clamped.is_empty() {

@@ -3,9 +3,9 @@
 use super::gatherer::{Buffers, FinalGather, PathVertex, RayResult};
 use crate::embree::Hits;
 use crate::math::sampling::{cosine_direction, mix, numbers};
-use crate::radiosity::elements::Elements;
 use crate::radiosity::elements::emitter_tree::Cut;
 use crate::radiosity::elements::emitters::density_ratio;
+use crate::radiosity::elements::{Elements, emission_gain};
 use crate::radiosity::links::{VisibilityEngine, VisibilityQuery};
 use crate::radiosity::rgb::{Rgb, add};
 use crate::ray::{LANES, Packet};
@@ -112,7 +112,8 @@ impl FinalGather<'_> {
                 let own = (vertex.at, elements.sides[vertex.side as usize].normal);
                 let density = self.emitters.density(cut, met.side);
                 let q = density_ratio(own, (met.at, side.normal), side.exitance, density);
-                result.direct = weight(q) * to_vec(side.exitance);
+                let gain = emission_gain(side.profile.as_deref(), met.at, side.normal, vertex.at);
+                result.direct = gain * weight(q) * to_vec(side.exitance);
             }
         }
         result
@@ -135,7 +136,8 @@ impl FinalGather<'_> {
             let q = density_ratio(own, (at, face.normal), face.exitance, density);
             if q > 0.0 {
                 shadow.set(lane, vertex.at, at, self.linked.ends);
-                light[lane] = weight(q) * to_vec(face.exitance);
+                let gain = emission_gain(face.profile.as_deref(), at, face.normal, vertex.at);
+                light[lane] = gain * weight(q) * to_vec(face.exitance);
             }
         }
         (shadow, light)
