@@ -1,9 +1,10 @@
 //! Updates: instances move, come, go, appear and disappear; meshes stay as they are.
 
 use super::instance::{Instance, InstanceChange, is_single};
-use super::top_level::TopLevel;
+use super::top_level::{Before, TopLevel};
 use super::{Inner, Model};
 use crate::{Error, Result};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 impl Model {
@@ -20,9 +21,13 @@ impl Model {
     pub fn update(&self, changes: &[InstanceChange]) -> Result<Model> {
         let inner = &*self.inner;
         let mut instances = inner.instances.clone();
+        let mut changed = BTreeSet::new();
         for change in changes {
-            apply(&mut instances, inner, change)?;
+            changed.insert(apply(&mut instances, inner, change)?);
         }
+        let changed: Vec<u32> = changed.into_iter().collect();
+        let before =
+            inner.top.as_ref().map(|top| Before { top, instances: &inner.instances, changed: &changed });
         let top = match is_single(&instances) {
             true => None,
             false => Some(self.on_threads(|| {
@@ -31,7 +36,7 @@ impl Model {
                     &inner.meshes,
                     &instances,
                     &inner.options.optics,
-                    inner.top.as_ref(),
+                    before.as_ref(),
                 )
             })??),
         };
@@ -53,8 +58,8 @@ impl Model {
     }
 }
 
-/// Applies one change.
-fn apply(instances: &mut Vec<Instance>, inner: &Inner, change: &InstanceChange) -> Result<()> {
+/// Applies one change; returns the number of its instance.
+fn apply(instances: &mut Vec<Instance>, inner: &Inner, change: &InstanceChange) -> Result<u32> {
     let (count, meshes) = (instances.len(), inner.meshes.len());
     let mesh = |instance: &Instance| inner.meshes[instance.mesh as usize].scene.as_ref();
     let at = |index: u32| match index as usize {
@@ -72,6 +77,7 @@ fn apply(instances: &mut Vec<Instance>, inner: &Inner, change: &InstanceChange) 
             let moved = Instance { transform: *transform, ..instances[i].clone() };
             moved.check(i, mesh(&moved), &inner.scene.materials)?;
             instances[i] = moved;
+            Ok(i as u32)
         }
         InstanceChange::Add(instance) => {
             if instance.mesh == 0 || instance.mesh as usize >= meshes {
@@ -82,15 +88,17 @@ fn apply(instances: &mut Vec<Instance>, inner: &Inner, change: &InstanceChange) 
             }
             instance.check(count, mesh(instance), &inner.scene.materials)?;
             instances.push(Instance { removed: false, ..instance.clone() });
+            Ok(count as u32)
         }
         InstanceChange::Remove { instance } => {
             let i = at(*instance)?;
             instances[i].removed = true;
+            Ok(i as u32)
         }
         InstanceChange::Show { instance, visible } => {
             let i = at(*instance)?;
             instances[i].visible = *visible;
+            Ok(i as u32)
         }
     }
-    Ok(())
 }

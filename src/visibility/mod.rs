@@ -15,6 +15,7 @@ mod bundle_walks;
 mod cost_model;
 mod exact;
 mod front;
+mod instance_tree;
 mod instances;
 mod multires;
 #[cfg(test)]
@@ -37,7 +38,7 @@ mod work;
 pub use answer::{Answer, Bundle, Cost, Method, wilson};
 pub use bundle_walks::Workspace;
 pub use exact::{Exact, fastest_traversal};
-pub use instances::{Frame, InstanceTree};
+pub use instance_tree::{Frame, InstanceTree, Instances, PlacedChange};
 pub use multires::{LeafMode, MultiResolution};
 #[cfg(any(test, feature = "cli"))]
 pub use unbiased::{Correction, Estimate, Unbiased};
