@@ -5,6 +5,9 @@
 //! at which their keys differ. Groups that an update leaves as they are are shared with the tree before it, so that an update
 //! of k items makes the groups above them anew, O(k log n), and keeps the rest.
 
+#[cfg(test)]
+mod tests;
+
 use super::FAN_OUT;
 use crate::math::Aabb;
 use rayon::prelude::*;

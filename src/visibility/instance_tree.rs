@@ -250,3 +250,49 @@ where
     let optics = groups::measure(bounds, &members, instances.options);
     Measured { bounds, optics, lanes: Lanes::of(children) }
 }
+
+/// Comparisons of trees in tests.
+#[cfg(test)]
+impl InstanceTree {
+    /// Whether both trees have the same groups of the same instances, with the same optics bit by bit.
+    pub fn equals(&self, other: &InstanceTree) -> bool {
+        fn equal(a: &Branch, b: &Branch) -> bool {
+            a.bounds() == b.bounds()
+                && match (a, b) {
+                    (Child::Item(a), Child::Item(b)) => {
+                        let (a, b) = (&a.content, &b.content);
+                        a.number == b.number && a.frame.to_mesh == b.frame.to_mesh
+                    }
+                    (Child::Group(a), Child::Group(b)) => {
+                        a.content.optics == b.content.optics
+                            && a.children.len() == b.children.len()
+                            && a.children.iter().zip(&b.children).all(|(a, b)| equal(a, b))
+                    }
+                    _ => false,
+                }
+        }
+        let roots = self.root.iter().zip(&other.root).all(|(a, b)| equal(a, b));
+        roots && self.root.len() == other.root.len() && self.magnitude == other.magnitude
+    }
+
+    /// Number of groups, of those that `before` does not share, and of levels.
+    pub fn counts(&self, before: &InstanceTree) -> [usize; 3] {
+        fn levels(branch: &Branch) -> usize {
+            match branch {
+                Child::Item(_) => 0,
+                Child::Group(group) => 1 + group.children.iter().map(levels).max().unwrap_or(0),
+            }
+        }
+        let groups = |tree: &InstanceTree| {
+            let mut all = std::collections::HashSet::new();
+            for root in &tree.root {
+                root.for_each_group(&mut |group| {
+                    all.insert(std::ptr::from_ref(group) as usize);
+                });
+            }
+            all
+        };
+        let (old, new) = (groups(before), groups(self));
+        [new.len(), new.difference(&old).count(), self.root.first().map_or(0, levels)]
+    }
+}
