@@ -88,13 +88,13 @@ impl<'a> Paths<'a> {
             let mut directions = [Vec3::ZERO; LANES];
             for (lane, path) in chunk.iter().enumerate() {
                 let (u, v) = numbers(stream, bounce, path.sample);
-                if let Some(sight) = lights.sample(path.position, [u[2], u[3], v[0]]) {
-                    let chance = path.normal.dot(sight.direction) / PI;
+                if let Some(emitter_sample) = lights.sample(path.position, [u[2], u[3], v[0]]) {
+                    let chance = path.normal.dot(emitter_sample.direction) / PI;
                     if chance > 0.0 {
                         // Balance heuristic with the sampled direction, which can hit the same emitter.
-                        let share = chance / (chance + sight.density);
-                        direct[lane] = product(path.throughput, sight.radiance).map(|x| x * share);
-                        shadow.set(lane, path.position, sight.point, self.surfaces.ends);
+                        let share = chance / (chance + emitter_sample.density);
+                        direct[lane] = product(path.throughput, emitter_sample.radiance).map(|x| x * share);
+                        shadow.set(lane, path.position, emitter_sample.point, self.surfaces.ends);
                     }
                 }
                 directions[lane] = cosine_direction(path.normal, u[0], u[1]);

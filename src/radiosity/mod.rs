@@ -25,5 +25,5 @@ mod surroundings;
 mod tests;
 mod transport;
 
-pub use options::{Inside, Options, Oracle, Rows, View, Visibility};
+pub use options::{Inside, Options, Oracle, RowSums, View, Visibility};
 pub use pipeline::{Outcome, PointLight, Record, Seconds, Solution, run, solve};

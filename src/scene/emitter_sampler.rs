@@ -157,9 +157,11 @@ fn in_turn(points: [Vec3; 4]) -> [Vec3; 4] {
     orders.into_iter().find(convex).unwrap_or(points)
 }
 
+/// Largest number of points of a hull that is kept as it is: as many as the box has corners that replaces larger ones.
+const MAX_HULL_POINTS: usize = 8;
+
 /// The points, each once, if there are few, or the corners of the box around them.
 fn hull(points: impl Iterator<Item = Vec3> + Clone) -> Vec<Vec3> {
-    const MAX_HULL_POINTS: usize = 8;
     let mut distinct: Vec<Vec3> = Vec::new();
     for p in points.clone() {
         if distinct.len() <= MAX_HULL_POINTS && !distinct.contains(&p) {

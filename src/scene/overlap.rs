@@ -26,9 +26,11 @@ pub(super) struct Faces<'a> {
     pub alike: &'a (dyn Fn(usize, usize) -> bool + Sync),
 }
 
+/// Pairs of objects that the message names: it stays below three lines of a terminal.
+const MAX_NAMED_PAIRS: usize = 4;
+
 /// Counts the overlaps and names the largest in a message.
 pub(super) fn report(faces: &Faces, objects: &[Object], unit: &str, repairs: &mut Repairs) {
-    const MAX_NAMED_PAIRS: usize = 4;
     let found = overlaps(faces);
     repairs.overlapping_objects += found.len();
     if found.is_empty() {
@@ -116,23 +118,25 @@ impl Tolerance {
             a - self.middle,
             [MAX_SLOPE_DIFFERENCE, MAX_SLOPE_DIFFERENCE, 2.0 * self.height].map(|t| CELL_TOLERANCES * t),
         );
-        let least = (1.0 - MAX_SLOPE_DIFFERENCE) * n.abs().max_element();
-        (0..3).filter(move |&axis| n[axis].abs() >= least && least > 0.0).flat_map(move |axis| {
-            let [i, j] = others(axis);
-            let slopes = [-n[i] / n[axis], -n[j] / n[axis]];
-            let intercept = from[axis] - slopes[0] * from[i] - slopes[1] * from[j];
-            let numbers = [slopes[0], slopes[1], intercept];
-            // Offset by half a cell, so that 0 is in the middle of a cell.
-            let cells: [[i64; 2]; 3] = std::array::from_fn(|k| {
-                let place = numbers[k] / sizes[k] + 0.5;
-                [-1.0, 1.0].map(|off| (place + off / CELL_TOLERANCES).floor() as i64)
-            });
-            (0..8usize).filter_map(move |upper| {
-                let is_upper = |k: usize| upper >> k & 1;
-                let distinct = (0..3).all(|k| is_upper(k) == 0 || cells[k][0] != cells[k][1]);
-                distinct.then(|| mixed(std::array::from_fn(|k| cells[k][is_upper(k)])) << 2 | axis as u64)
-            })
-        })
+        let min_component = (1.0 - MAX_SLOPE_DIFFERENCE) * n.abs().max_element();
+        (0..3).filter(move |&axis| n[axis].abs() >= min_component && min_component > 0.0).flat_map(
+            move |axis| {
+                let [i, j] = others(axis);
+                let slopes = [-n[i] / n[axis], -n[j] / n[axis]];
+                let intercept = from[axis] - slopes[0] * from[i] - slopes[1] * from[j];
+                let numbers = [slopes[0], slopes[1], intercept];
+                // Offset by half a cell, so that 0 is in the middle of a cell.
+                let cells: [[i64; 2]; 3] = std::array::from_fn(|k| {
+                    let place = numbers[k] / sizes[k] + 0.5;
+                    [-1.0, 1.0].map(|off| (place + off / CELL_TOLERANCES).floor() as i64)
+                });
+                (0..8usize).filter_map(move |upper| {
+                    let is_upper = |k: usize| upper >> k & 1;
+                    let distinct = (0..3).all(|k| is_upper(k) == 0 || cells[k][0] != cells[k][1]);
+                    distinct.then(|| mixed(std::array::from_fn(|k| cells[k][is_upper(k)])) << 2 | axis as u64)
+                })
+            },
+        )
     }
 }
 
@@ -168,7 +172,7 @@ fn within(faces: &Faces, group: &[(u64, u32)], tolerance: &Tolerance) -> Vec<(u3
     };
     let boxes: Vec<[DVec2; 2]> = group.iter().map(|&(_, t)| flat_box(t)).collect();
     let mut found = Vec::new();
-    let mut look = |k: usize, m: usize| {
+    let mut test_pair = |k: usize, m: usize| {
         let ([low, high], [from, to]) = (boxes[k], boxes[m]);
         let meets = low.cmplt(to).all() && from.cmplt(high).all();
         if meets {
@@ -182,7 +186,7 @@ fn within(faces: &Faces, group: &[(u64, u32)], tolerance: &Tolerance) -> Vec<(u3
     };
     if group.len() <= MAX_UNGRIDDED_FACES {
         for (k, m) in (0..group.len()).flat_map(|m| (0..m).map(move |k| (k, m))) {
-            look(k, m);
+            test_pair(k, m);
         }
         return found;
     }
@@ -210,7 +214,7 @@ fn within(faces: &Faces, group: &[(u64, u32)], tolerance: &Tolerance) -> Vec<(u3
         });
         let mut left = MAX_TESTS_PER_FACE;
         for &m in near {
-            left -= if look(k, m) { 1.0 } else { MISS_COST };
+            left -= if test_pair(k, m) { 1.0 } else { MISS_COST };
             if left <= 0.0 {
                 break;
             }

@@ -132,7 +132,7 @@ impl FinalGather<'_> {
                 Shape::Cluster(_) => unreachable!("rows are those of surfaces"),
             })
             .collect();
-        TransportMatrix::new(&matrix_rows, &met, linked.settings.rows, deadline)
+        TransportMatrix::new(&matrix_rows, &met, linked.settings.row_sums, deadline)
     }
 
     /// Irradiance of the rows, W/m², starting from the light along links.

@@ -23,7 +23,7 @@ impl FinalGather<'_> {
     /// Whether the mean light of an element may stand for the light at a point on it: if the point is seen from further away than
     /// the element is large (secondary final gathers, Jensen 2001).
     fn trusts(&self, met: &PathVertex, distance: f32) -> bool {
-        distance >= self.trust_distance[met.leaf as usize]
+        distance >= self.trust_distance(met.leaf)
     }
 
     /// One cosine-weighted ray and one shadow ray from each of `buffers.vertices`, to `buffers.results`. `random` gives four numbers

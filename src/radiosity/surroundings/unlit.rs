@@ -133,7 +133,7 @@ pub fn unlit_sides(scene: &Scene, elements: &Elements, exact: &Exact, ends: EndR
     if elements.large_from > 0 || emitters.is_empty() || emitters.len() > PATH_PACKETS {
         return Vec::new();
     }
-    let tracer = Tracer { elements, exact, ends, length: 1.01 * scene.bounds.diagonal() };
+    let tracer = Tracer { elements, exact, ends, length: scene.ray_length() };
     let counts = tracer.hits_by_side(&emitters, seed);
     let all: usize = counts.iter().map(|&n| n as usize).sum();
     let expected = |s: usize| {

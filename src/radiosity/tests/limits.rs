@@ -78,11 +78,11 @@ fn interrupted_clutter_is_lit_as_paths_say() {
         let stop = After(AtomicUsize::new(0), stages);
         let outcome = run(&model_for(&scene, &Options::default()), &points, &Options::default(), &stop)
             .expect("a solution");
-        let Record { interrupted, ended, settled_local, mean_irradiance, ledger, .. } = &outcome.record;
+        let Record { interrupted, ended, local_convergence, mean_irradiance, ledger, .. } = &outcome.record;
         assert!(*interrupted && *ended == Ended::Interrupted, "{stages}: {ended:?}");
         let (rms, bias) = off(&outcome.irradiance, &want);
         assert!(rms < 0.25 && bias.abs() < 0.05, "{stages}: {rms} {bias}");
-        assert!(settled_local.is_some() && ledger.created.abs() < 1e-2 * ledger.emitted, "{ledger:?}");
+        assert!(local_convergence.is_some() && ledger.created.abs() < 1e-2 * ledger.emitted, "{ledger:?}");
         let all = solved(&scene, &[], &Options { error: 0.1, audit: 0, ..Options::default() });
         let ratio = mean(*mean_irradiance) / mean(all.record.mean_irradiance);
         assert!((ratio - 1.0).abs() < 0.03, "{stages}: {ratio}");
@@ -137,16 +137,16 @@ fn light_does_not_grow_inside_clusters() {
         let mut spec = Spec { count, ..Spec::new(kind.name) };
         (spec.trees, spec.leaves) = (6, 60);
         let scene = build(&spec).expect("a scene");
-        let solve = |inside, rows| {
+        let solve = |inside, row_sums| {
             let options =
-                Options { inside, rows, error: 0.3, audit: 0, local_rays: Some(0), ..Options::default() };
+                Options { inside, row_sums, error: 0.3, audit: 0, local_rays: Some(0), ..Options::default() };
             solved(&scene, &[], &options).record
         };
-        let right = mean(solve(Inside::Visible, Rows::Balanced).mean_irradiance);
+        let right = mean(solve(Inside::Visible, RowSums::Balanced).mean_irradiance);
         for inside in [Inside::Isotropic, Inside::Oriented, Inside::Visible] {
-            let record = solve(inside, Rows::Sampled);
+            let record = solve(inside, RowSums::Sampled);
             let ratio = mean(record.mean_irradiance) / right;
-            assert!(record.settled.converged, "{} {inside:?}: {:?}", kind.name, record.settled);
+            assert!(record.convergence.converged, "{} {inside:?}: {:?}", kind.name, record.convergence);
             assert!(ratio > 0.3 && ratio < 5.0, "{} {inside:?}: {ratio}", kind.name);
         }
     }
