@@ -9,9 +9,12 @@ use std::sync::Arc;
 
 impl Model {
     /// The model after some changes of its instances, in their order. Its answers are those of a model that is prepared
-    /// afresh with the changed instances; clusters of meshes are not measured again, groups of instances only where a member
-    /// changed: O(changed · log n) measurements. Embree's tree and the tree of groups over n instances are built anew, in
-    /// O(n log n), about a microsecond an instance.
+    /// afresh with the changed instances. Clusters of meshes are not measured again. Groups of instances are made and measured anew
+    /// above the old and new places of changed instances, O(changed · log n); all others are shared with this model.
+    ///
+    /// Two parts take O(n): the list of instances is copied, and Embree builds its tree of instances anew, because it has no way to
+    /// change one: a scene of which one instance moved takes as long to commit as a new one. `cargo bench --bench preparation --
+    /// update` measures updates of 1 and 100 of 1,000, 10,000 and 100,000 instances.
     ///
     /// The scene's own triangles (instance 0) can be neither moved nor removed nor hidden: they hold the light sources.
     ///
