@@ -2,11 +2,12 @@
 //! preparation`.
 
 use divan::{Bencher, counter::ItemsCount};
-use mrvis::Scene;
+use glam::DVec3;
 use mrvis::internals::cache::{self, CacheLocation, Origin, PreparedClusters};
 use mrvis::internals::clusters;
 use mrvis::internals::optics::{self, Extinction};
 use mrvis::internals::scene::generate;
+use mrvis::{DAffine3, InstanceChange, Model, PrepareOptions, Scene};
 
 fn main() {
     divan::main();
@@ -50,5 +51,26 @@ fn cache_hit(bencher: Bencher, trees: usize) {
         let (table, origin, _) = cache::load_or_make(&scene, &place, &options, make);
         assert_eq!(origin, Origin::Hit);
         table
+    });
+}
+
+/// Moves instances of a forest of `n` trees of 100 leaves: the trees of Embree and of groups above them, nothing below.
+#[divan::bench(args = [(1_000, 1), (1_000, 100), (10_000, 1), (10_000, 100), (100_000, 1), (100_000, 100)], sample_count = 10)]
+fn update(bencher: Bencher, (n, changed): (usize, usize)) {
+    let spec = generate::Spec { trees: n, leaves: 100, instances: true, ..generate::Spec::new("forest") };
+    let scene = generate::build(&spec).expect("a forest");
+    let mut model = Model::prepare(scene, &PrepareOptions::default(), &()).expect("a model");
+    let mut round = 0;
+    bencher.bench_local(|| {
+        round += 1;
+        let away = DAffine3::from_translation(DVec3::new(0.37, -0.21, 0.0));
+        let changes: Vec<InstanceChange> = (0..changed)
+            .map(|k| 1 + (round * 7919 + k * (n / changed)) % n)
+            .map(|i| InstanceChange::Move {
+                instance: i as u32,
+                transform: away * model.instances()[i].transform,
+            })
+            .collect();
+        model = model.update(&changes).expect("updated");
     });
 }

@@ -285,7 +285,7 @@ fn probe(model: &Model, exact: &dyn Occluder, points: Vec<ReceiverPoint>) -> (Wo
 fn faces_named(model: &Model, name: &str) -> Result<(Arc<Scene>, Vec<u32>)> {
     let present: Vec<u32> =
         (1..model.instances().len() as u32).filter(|&i| model.instances()[i as usize].is_present()).collect();
-    let placed = present.iter().map(|&i| (&model.instances()[i as usize].name, model.mesh_of(i)));
+    let placed = present.iter().map(|&i| (&*model.instances()[i as usize].name, model.mesh_of(i)));
     let scene = model.shared_scene();
     let (place, faces) = scene.faces_named_placed(placed, name)?;
     let surfaces = place.map(|place| {

@@ -8,6 +8,7 @@ mod check;
 mod draft;
 mod grids;
 mod large;
+pub mod placed;
 #[cfg(test)]
 mod tests;
 mod tree;

@@ -4,6 +4,7 @@ use crate::math::Aabb;
 use crate::scene::{MAX_COORDINATE, MAX_STRETCH, MIN_EXTENT, Material, Scene, stretch};
 use crate::{Error, Result};
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
+use std::sync::Arc;
 
 /// A placed mesh.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,7 +16,7 @@ pub struct Instance {
     /// Material that replaces those of the mesh, an index into `Scene::materials`; `None` keeps them.
     pub material: Option<u32>,
     /// Name of the node in the file, or a made-up one.
-    pub name: String,
+    pub name: Arc<str>,
     /// Whether the instance blocks and receives light.
     pub visible: bool,
     /// Removed instances keep their place, so that the indices of others do not change.
@@ -26,7 +27,7 @@ impl Instance {
     /// The scene's own triangles, placed once and as they are.
     pub(super) fn own(name: String) -> Instance {
         let transform = DAffine3::IDENTITY;
-        Instance { mesh: 0, transform, material: None, name, visible: true, removed: false }
+        Instance { mesh: 0, transform, material: None, name: name.into(), visible: true, removed: false }
     }
 
     /// Whether rays see it.

@@ -135,12 +135,12 @@ impl Model {
         present.map(|i| self.mesh_of(i).triangles.len() as u64).sum()
     }
 
-    /// Bytes of the optics of groups of instances, and of the boxes that they are measured on; 0 without placed meshes.
+    /// Bytes of the boxes that groups of instances are measured on; 0 without placed meshes.
     pub(crate) fn group_bytes(&self) -> usize {
         let groups = self.inner.top.as_ref().and_then(|top| top.groups.as_ref());
         let parts =
             self.meshes().iter().filter_map(|mesh| mesh.measured()).map(|measured| measured.part_bytes());
-        groups.map_or(0, |groups| groups.bytes() + parts.sum::<usize>())
+        groups.map_or(0, |_| parts.sum())
     }
 
     /// The Embree scene that holds all geometry.
@@ -154,7 +154,7 @@ impl Model {
         let groups = self.inner.top.as_ref().and_then(|top| top.groups.as_ref());
         let engine = MultiResolution::new(tree, self.traced().clone(), traversal, leaf)
             .with_tolerance(self.inner.options.optics.tolerance);
-        Some(engine.with_instances(groups.map(|groups| groups.instances.clone()), self.magnitude()))
+        Some(engine.with_instances(groups.cloned(), self.magnitude()))
     }
 
     /// Refuses models in which rays see placed meshes: `what` needs triangles, not instances.

@@ -213,7 +213,7 @@ fn instances_of(scene: &Scene) -> Result<Vec<Instance>> {
         mesh: p.mesh + 1,
         transform: p.transform,
         material: p.material,
-        name: p.name.clone(),
+        name: p.name.as_str().into(),
         visible: p.visible,
         removed: false,
     });

@@ -1,6 +1,7 @@
 //! Optics of groups of instances, measured on the clusters of their meshes.
 //!
-//! A group represents each instance by a few boxes with extinction: a cut through the cluster tree of its mesh. The
+//! A group represents each instance by a few boxes with extinction, a cut through the cluster tree of its mesh, and each
+//! group inside it by its box with the extinction that was measured: measuring takes O(children), not O(instances). The
 //! group is measured like a cluster of triangles (docs/method.md, Groups of instances), except that a pixel transmits
 //! exp(-Σ κ l) over the boxes behind it instead of all or nothing. Blocker sizes are conservative: a pixel counts as
 //! blocked if it loses more than `MIN_LOSS`, although the contents of a box may leave gaps.
@@ -11,7 +12,6 @@ use super::{ClusterOptics, Extinction, OPAQUE_DEPTH, Options, Scratch};
 use crate::clusters::{Hierarchy, Tree};
 use crate::math::Aabb;
 use glam::{Affine3A, Vec2, Vec3};
-use rayon::prelude::*;
 
 /// Largest number of boxes that represent an instance, per cluster tree of its mesh: one node of the hierarchy opened
 /// completely ([`crate::clusters::FAN_OUT`]); limits the work of a projection.
@@ -71,40 +71,36 @@ pub fn parts(hierarchy: &Hierarchy, optics: &[ClusterOptics]) -> Vec<Part> {
     micro.chain(large).collect()
 }
 
-/// An instance as a member of groups.
-#[derive(Clone)]
+impl Part {
+    /// A measured group as a part of a larger one.
+    pub fn of_group(bounds: Aabb, optics: &ClusterOptics) -> Part {
+        Part {
+            bounds: bounds.thickened(),
+            extinction: optics.extinction,
+            feature_size: std::array::from_fn(|axis| optics.feature_size(axis)),
+        }
+    }
+}
+
+/// A member of a group: an instance, or another group.
 pub struct Member<'a> {
-    /// The boxes that represent its mesh.
+    /// The boxes that represent it: those of its mesh, or its own.
     pub parts: &'a [Part],
-    /// From the frame of the mesh to that of the groups: rotation, reflection and uniform scale.
+    /// From the frame of the boxes to that of the groups: rotation, reflection and uniform scale.
     pub to_world: Affine3A,
 }
 
-/// Measures some clusters of a tree over instances, in their order; `tree.order` holds indices into `members`. Parallel and
-/// deterministic.
-pub fn measure_some(tree: &Tree, some: &[u32], members: &[Member], options: &Options) -> Vec<ClusterOptics> {
-    some.par_iter()
-        .map_init(Scratch::default, |scratch, &c| measure_group(tree, c as usize, members, options, scratch))
-        .collect()
-}
-
-fn measure_group(
-    tree: &Tree,
-    cluster: usize,
-    members: &[Member],
-    options: &Options,
-    scratch: &mut Scratch,
-) -> ClusterOptics {
-    let bounds = tree.clusters[cluster].bounds.thickened();
+/// Measures a group of members; `bounds` is the box around them.
+pub fn measure(bounds: Aabb, members: &[Member], options: &Options) -> ClusterOptics {
+    let mut scratch = Scratch::default();
     for (k, silhouette) in scratch.silhouettes.iter_mut().enumerate() {
-        let members = tree.triangles_of(cluster).iter().map(|&m| &members[m as usize]);
-        silhouette.draw_members(members, bounds, view(k));
+        silhouette.draw_members(members, bounds.thickened(), view(k));
     }
     // Extinction is fitted, never analytic: the areas of the members are known to their own boxes only.
     let options = Options { extinction: Extinction::Measured, ..*options };
     let mut optics = scratch.measure((0.0, Vec3::ZERO), &options);
     // Boxes smaller than a pixel may be missed by the raster.
-    for member in tree.triangles_of(cluster).iter().map(|&m| &members[m as usize]) {
+    for member in members {
         let to_local = member.to_world.inverse();
         let scale = member.to_world.matrix3.determinant().abs().cbrt();
         for (k, size) in optics.blocker_size.iter_mut().enumerate() {
@@ -120,7 +116,7 @@ fn measure_group(
 
 impl Silhouette {
     /// Computes the transmittance of instances, pixel by pixel. `bounds` is the box of the group, `view` a unit vector.
-    fn draw_members<'a>(&mut self, members: impl Iterator<Item = &'a Member<'a>>, bounds: Aabb, view: Vec3) {
+    fn draw_members(&mut self, members: &[Member], bounds: Aabb, view: Vec3) {
         self.begin(bounds, view, GROUP_PIXELS);
         if self.frame.pixel <= 0.0 {
             return;

@@ -76,7 +76,7 @@ impl Scene {
     /// Nothing has this name; the message lists some names.
     pub(crate) fn faces_named_placed<'a>(
         &'a self,
-        placed: impl Iterator<Item = (&'a String, &'a Scene)> + Clone,
+        placed: impl Iterator<Item = (&'a str, &'a Scene)> + Clone,
         name: &str,
     ) -> Result<(Option<usize>, Vec<u32>)> {
         let own = self.faces_with_name(name);
@@ -101,9 +101,9 @@ impl Scene {
     }
 
     /// The names of the visible placements with their meshes.
-    pub(crate) fn placed(&self) -> impl Iterator<Item = (&String, &Scene)> + Clone {
+    pub(crate) fn placed(&self) -> impl Iterator<Item = (&str, &Scene)> + Clone {
         let visible = self.placements.iter().filter(|p| p.visible);
-        visible.map(|p| (&p.name, self.shared[p.mesh as usize].as_ref()))
+        visible.map(|p| (p.name.as_str(), self.shared[p.mesh as usize].as_ref()))
     }
 
     /// This scene, a shared mesh, where `transform` places it; a reflection keeps the front the front.

@@ -263,8 +263,9 @@ impl Scene {
     }
 
     /// Names of objects and materials.
-    fn names(&self) -> impl Iterator<Item = &String> {
-        self.objects.iter().map(|o| &o.name).chain(self.materials.iter().map(|m| &m.name))
+    fn names(&self) -> impl Iterator<Item = &str> {
+        let materials = self.materials.iter().map(|m| m.name.as_str());
+        self.objects.iter().map(|o| o.name.as_str()).chain(materials)
     }
 
     /// Memory of vertices, faces, objects, materials and placements, bytes; each shared mesh counts once.

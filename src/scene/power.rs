@@ -107,7 +107,8 @@ pub(super) fn apply(s: Surfaces, options: &LoadOptions) -> Result<()> {
             })
             .collect();
         if faces.is_empty() {
-            return Err(unknown(name, s.objects.iter().chain(s.materials.iter().map(|m| &m.name))));
+            let materials = s.materials.iter().map(|m| m.name.as_str());
+            return Err(unknown(name, s.objects.iter().map(String::as_str).chain(materials)));
         }
         let area: f64 = faces.iter().map(|&t| s.triangle_area[t]).sum::<f64>() * metres * metres;
         let radiance = strength.radiance(area * sides, options.photometry.lumens_per_watt) as f32;
@@ -135,8 +136,8 @@ const SIMILAR: f64 = 0.7;
 const MAX_COMPARED: usize = 100_000;
 
 /// The error for an unknown name.
-pub(super) fn unknown<'a>(name: &str, names: impl Iterator<Item = &'a String>) -> Error {
-    let names: Vec<&String> = names.take(MAX_COMPARED).collect();
+pub(super) fn unknown<'a>(name: &str, names: impl Iterator<Item = &'a str>) -> Error {
+    let names: Vec<&str> = names.take(MAX_COMPARED).collect();
     let similar = names.iter().map(|n| (strsim::jaro_winkler(name, n), n));
     if let Some((likeness, similar)) = similar.max_by(|a, b| a.0.total_cmp(&b.0))
         && likeness > SIMILAR
@@ -151,10 +152,14 @@ pub(super) fn unknown<'a>(name: &str, names: impl Iterator<Item = &'a String>) -
 }
 
 /// The first few distinct names, for messages.
-pub(super) fn some_names<'a>(names: impl Iterator<Item = &'a String>) -> String {
+pub(super) fn some_names<'a, S: AsRef<str> + ?Sized + 'a>(names: impl Iterator<Item = &'a S>) -> String {
     let mut seen = std::collections::HashSet::new();
-    let mut list: Vec<String> =
-        names.filter(|n| seen.insert(*n)).take(9).map(|n| format!("`{}`", quote(n))).collect();
+    let mut list: Vec<String> = names
+        .map(AsRef::as_ref)
+        .filter(|n: &&str| seen.insert(*n))
+        .take(9)
+        .map(|n| format!("`{}`", quote(n)))
+        .collect();
     if list.len() == 9 {
         list[8] = "others".into();
     }

@@ -3,7 +3,8 @@
 use super::answer::Bundle;
 use super::cost_model::CostModel;
 use super::front::Front;
-use super::instances::{ENTER_BUNDLE, ENTER_PACKET, InstanceBuffers, InstanceTree, walk_instances};
+use super::instance_tree::InstanceTree;
+use super::instances::{ENTER_BUNDLE, ENTER_PACKET, InstanceBuffers, walk_instances};
 use super::shaft::Shaft;
 use super::walk::{Buffers, Rule, Walked, walk};
 use super::wide::WideTree;

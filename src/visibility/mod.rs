@@ -15,6 +15,7 @@ mod bundle_walks;
 mod cost_model;
 mod exact;
 mod front;
+mod instance_tree;
 mod instances;
 mod multires;
 #[cfg(test)]
@@ -38,7 +39,7 @@ pub use answer::{Answer, Bundle, Cost, Method, wilson};
 pub use bundle_walks::Workspace;
 pub use cost_model::{SAMPLE_RUN, SAMPLE_RUNS, Work, sample_runs};
 pub use exact::{Exact, fastest_traversal};
-pub use instances::{Frame, InstanceTree};
+pub use instance_tree::{Frame, InstanceTree, Instances, PlacedChange};
 pub use multires::{LeafMode, MultiResolution};
 #[cfg(any(test, feature = "cli"))]
 pub use unbiased::{Correction, Estimate, Unbiased};

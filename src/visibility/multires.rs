@@ -4,7 +4,7 @@ use super::answer::{Answer, Bundle, Cost, Method, interval, wilson};
 use super::bundle_walks::{BundleWalks, Sizes, Walker, Workspace};
 use super::cost_model::{CostModel, Work};
 use super::exact::Exact;
-use super::instances::InstanceTree;
+use super::instance_tree::InstanceTree;
 #[cfg(feature = "internals")]
 use super::steps::Steps;
 use super::wide::WideTree;

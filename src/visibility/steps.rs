@@ -1,6 +1,6 @@
 //! Single steps of a walk, for the micro-benchmarks in `benches/visibility.rs`.
 
-use super::instances::InstanceTree;
+use super::instance_tree::{Frame, InstanceTree};
 use super::shaft::Shaft;
 use super::slabs::{Slabs, pass};
 use super::triangles::{self, Tiles};
@@ -17,7 +17,7 @@ const MAX_STEP_NODES: usize = 16;
 /// The first nodes and blocks of an engine's tree, and one bundle.
 pub struct Steps<'a> {
     tree: &'a WideTree,
-    instances: Option<&'a InstanceTree>,
+    frames: Vec<&'a Frame>,
     magnitude: f32,
     isa: Isa,
     packets: &'a [Packet],
@@ -30,7 +30,9 @@ impl<'a> Steps<'a> {
         isa: Isa,
         packets: &'a [Packet],
     ) -> Steps<'a> {
-        Steps { tree, instances, magnitude, isa, packets }
+        let mut frames = instances.map_or(Vec::new(), InstanceTree::frames);
+        frames.truncate(MAX_STEP_NODES);
+        Steps { tree, frames, magnitude, isa, packets }
     }
 
     /// Number of nodes that [`Steps::test_nodes`] and [`Steps::pass_slabs`] process.
@@ -60,7 +62,7 @@ impl<'a> Steps<'a> {
 
     /// Number of instances that [`Steps::enter_instances`] enters.
     pub fn instances(&self) -> usize {
-        self.instances.map_or(0, |instances| instances.frames.len().min(MAX_STEP_NODES))
+        self.frames.len()
     }
 
     /// Transforms the segments into the frames of the instances and constructs the shafts there.
@@ -114,10 +116,10 @@ impl Kernel for Run<'_> {
             }
             Step::Enter => {
                 let (mut moved, mut hull) = (Vec::new(), Vec::new());
-                let frames = steps.instances.iter().flat_map(|instances| &instances.frames);
-                let shafts = frames
-                    .take(steps.instances())
-                    .map(|frame| frame.enter(simd, (packets, &[]), (&mut moved, &mut hull)).direction().x);
+                let (magnitude, segments) = (steps.magnitude, (*packets, &[][..]));
+                let shafts = steps.frames.iter().map(|frame| {
+                    frame.enter(simd, magnitude, segments, (&mut moved, &mut hull)).direction().x
+                });
                 shafts.sum()
             }
             Step::Slabs => {

@@ -63,7 +63,7 @@ mod tests {
         let placed = model.instances().iter().skip(1).map(|i| Placement {
             mesh: i.mesh - 1,
             transform: i.transform,
-            name: i.name.clone(),
+            name: i.name.to_string(),
             material: i.material,
             visible: i.is_present(),
         });

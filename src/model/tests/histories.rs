@@ -1,0 +1,107 @@
+//! Sequences of updates against models that are prepared afresh.
+
+use super::{blocked, bundles, transmittances};
+use crate::model::testing::model;
+use crate::model::{Detail, Instance, InstanceChange, Model};
+use crate::scene::generate::{self, Spec};
+use crate::scene::testing::unit;
+use crate::scene::{Placement, Scene};
+use crate::visibility::InstanceTree;
+use glam::{DAffine3, DVec3};
+use proptest::prelude::*;
+use rand_pcg::Pcg64Mcg;
+
+fn forest(trees: usize, leaves: usize) -> Scene {
+    let spec = Spec { trees, leaves, instances: true, species: 2, ..Spec::new("forest") };
+    generate::build(&spec).expect("a forest")
+}
+
+fn groups(model: &Model) -> Option<&InstanceTree> {
+    model.inner.top.as_ref()?.groups.as_deref()
+}
+
+/// The scene as it stands after the updates of a model.
+fn scene_of(model: &Model) -> Scene {
+    let placements = model.instances()[1..].iter().map(|instance| Placement {
+        mesh: instance.mesh - 1,
+        transform: instance.transform,
+        name: instance.name.to_string(),
+        material: instance.material,
+        visible: instance.is_present(),
+    });
+    Scene { placements: placements.collect(), ..model.scene().clone() }
+}
+
+/// A change that is allowed, of an instance that exists.
+fn some_change(random: &mut Pcg64Mcg, instances: &[Instance]) -> InstanceChange {
+    let there: Vec<u32> = (1..instances.len() as u32).filter(|&i| !instances[i as usize].removed).collect();
+    let instance = there[(unit(random) * there.len() as f64) as usize];
+    let away = DVec3::new(30.0 * unit(random) - 15.0, 30.0 * unit(random) - 15.0, unit(random));
+    let of = &instances[instance as usize];
+    let transform = DAffine3::from_translation(away) * of.transform;
+    match (5.0 * unit(random)) as u32 {
+        0 | 1 => InstanceChange::Move { instance, transform },
+        2 => InstanceChange::Add(Instance { transform, ..of.clone() }),
+        3 if there.len() > 1 => InstanceChange::Remove { instance },
+        _ => InstanceChange::Show { instance, visible: unit(random) < 0.5 },
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(8))]
+
+    /// Whatever moved, came and went: groups, their optics and all answers are those of a model that is prepared afresh.
+    #[test]
+    fn histories_leave_no_trace(seed in 0u64..1 << 40, trees in 2usize..60) {
+        let mut random = Pcg64Mcg::new(u128::from(seed));
+        let mut updated = model(&forest(trees, 60), Detail::Optics);
+        for step in 0..4 {
+            let mut changes: Vec<InstanceChange> = Vec::new();
+            for _ in 0..1 + step * step {
+                // Only the last change of an instance may remove it.
+                let change = some_change(&mut random, updated.instances());
+                let last = matches!(change, InstanceChange::Remove { .. });
+                changes.push(change);
+                if last {
+                    break;
+                }
+            }
+            updated = updated.update(&changes).expect("updated");
+        }
+        let fresh = model(&scene_of(&updated), Detail::Optics);
+        match (groups(&updated), groups(&fresh)) {
+            (Some(updated), Some(fresh)) => prop_assert!(updated.equals(fresh)),
+            (updated, fresh) => prop_assert_eq!(updated.is_some(), fresh.is_some()),
+        }
+        let packets = &bundles(&fresh)[..100];
+        prop_assert_eq!(blocked(&updated, packets), blocked(&fresh, packets));
+        for s in [0.05, 1.0, 4.0] {
+            prop_assert_eq!(transmittances(&updated, packets, s), transmittances(&fresh, packets, s));
+        }
+    }
+}
+
+/// An update measures the groups above the instances that it moves, before and after; the model before it keeps its own.
+#[test]
+fn updates_measure_the_groups_above_changed_instances() {
+    let n = 1000;
+    let mut random = Pcg64Mcg::new(5);
+    let before = model(&forest(n, 20), Detail::Optics);
+    for k in [1, 10] {
+        let changes: Vec<InstanceChange> = (0..k)
+            .map(|_| {
+                let instance = 1 + (unit(&mut random) * n as f64) as u32;
+                let away = DVec3::new(20.0 * unit(&mut random), -20.0 * unit(&mut random), 0.0);
+                let transform =
+                    DAffine3::from_translation(away) * before.instances()[instance as usize].transform;
+                InstanceChange::Move { instance, transform }
+            })
+            .collect();
+        let after = before.update(&changes).expect("updated");
+        let (old, new) = (groups(&before).expect("groups"), groups(&after).expect("groups"));
+        let [all, made, levels] = new.counts(old);
+        assert!(made <= 2 * k * (levels + 1), "{made} of {all} groups in {levels} levels for {k} changes");
+        assert!(made > 0 && (k > 1 || made < all / 10), "{made} of {all} groups");
+        assert_eq!(old.counts(old)[1], 0);
+    }
+}
