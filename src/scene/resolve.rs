@@ -12,6 +12,7 @@ use super::{
     keep::Kept,
     overlap,
     power::{self, Surfaces},
+    stack::stack,
     triangulate::{Shape, Triangulator},
     weld,
 };
@@ -87,20 +88,29 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     if role == Role::Whole {
         summarise(&soup, &faces, &mut repairs);
     }
-    let (positions, triangles) = compact(&number, positions, faces.triangles, &mut repairs);
+    let (mut positions, mut triangles) = compact(&number, positions, faces.triangles, &mut repairs);
     let (objects, triangle_object) = used_objects(soup.objects, faces.object);
     let sides = |part: u32| options.sides.unwrap_or(if parts.closed[part as usize] { 1 } else { 2 });
     let (component, closed) = used_parts(&parts, &faces.polygon);
     let emission = |t: usize| materials[faces.material[t] as usize].emission;
-    let alike =
-        |s: usize, t: usize| faces.reflectance[s] == faces.reflectance[t] && emission(s) == emission(t);
+    let part = |t: usize| parts.part[faces.polygon[t] as usize];
+    let alike = |s: usize, t: usize| {
+        part(s) == part(t) && faces.reflectance[s] == faces.reflectance[t] && emission(s) == emission(t)
+    };
     let planes = overlap::Faces {
         positions: &positions,
         triangles: &triangles,
         object: &triangle_object,
         alike: &alike,
     };
-    overlap::report(&planes, &objects, &options.unit, &mut repairs);
+    let found = overlap::overlaps(&planes);
+    overlap::report(&found, &planes, &objects, &options.unit, &mut repairs);
+    if !found.is_empty() {
+        let mut areas = vec![0.0; parts.closed.len()];
+        (0..triangles.len()).for_each(|t| areas[part(t) as usize] += area[t]);
+        let order = |t: u32| (-areas[part(t as usize) as usize], t);
+        stack(&found, order, &mut positions, &mut triangles);
+    }
     Ok(Scene {
         path: soup.path,
         cameras: soup.cameras,

@@ -8,6 +8,7 @@ mod local_pass;
 mod paths;
 mod points;
 mod ray_rows;
+mod starts;
 
 pub use gatherer::{Buffers, FinalGather, PathVertex};
 pub use local_pass::{LATE_RAYS, LocalPass};

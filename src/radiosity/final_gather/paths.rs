@@ -117,7 +117,8 @@ impl FinalGather<'_> {
             let own = (vertex.at, self.linked.elements.sides[vertex.side as usize].normal);
             let q = self.emitters.density_ratio(own, (at, face.normal), face.exitance);
             if q > 0.0 {
-                shadow.set(lane, vertex.at, at, self.linked.ends);
+                let ends = self.linked.ends;
+                shadow.set_lifted(lane, ends.lifted(own.0, own.1), ends.lifted(at, face.normal), ends);
                 light[lane] = q / (1.0 + q) * to_vec(face.exitance);
             }
         }
