@@ -1,7 +1,7 @@
 //! Faces in one plane that overlap and face the same way: which of them a ray hits would depend on rounding.
 //!
-//! The rule: the face whose part (connected faces) has the smaller area lies on top, of equal parts the one later in the file. It
-//! is moved off the other by a few rounding errors, along its normal; the other gets no light there. See [`super::stack`].
+//! The rule: the face whose part (connected faces) has the smaller area lies on top, of equal parts the one later in the file. The
+//! other is moved off it by a few rounding errors, against its normal, and gets no light there. See [`super::stack`].
 //!
 //! Examples are a rug at the height of the floor and a poster in the plane of its wall. Faces in contact that face
 //! each other (a box on a floor) are excluded, because nothing between them is visible. Most sheets are excluded for

@@ -18,6 +18,7 @@ use super::{
 };
 use crate::{Error, Result, math::Aabb};
 use glam::{DVec3, Vec3};
+use std::cmp::Reverse;
 
 /// Largest coordinate: areas and volumes stay within f32.
 pub const MAX_COORDINATE: f64 = 1e12;
@@ -108,7 +109,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     if !found.is_empty() {
         let mut areas = vec![0.0; parts.closed.len()];
         (0..triangles.len()).for_each(|t| areas[part(t) as usize] += area[t]);
-        let order = |t: u32| (-areas[part(t as usize) as usize], t);
+        let order = |t: u32| (areas[part(t as usize) as usize], Reverse(t));
         stack(&found, order, &mut positions, &mut triangles);
     }
     Ok(Scene {

@@ -3,29 +3,34 @@
 use super::overlap::{Overlap, largest_distance};
 use crate::math::{Aabb, triangle_normal};
 use glam::Vec3;
+use std::cmp::Reverse;
 use std::collections::HashMap;
 
 /// Distance between stacked faces beyond that of the faces themselves, relative to the largest coordinate: twice the height at
 /// which rays start above surfaces (5 × 4e-7, see the end rule), which so start below the next face, with as much again for rounding.
 const GAP: f32 = 4e-6;
 
-/// Moves the upper one of each two overlapping triangles along its normal. `order` ascends from the bottom to the top, by triangle.
-/// Moved triangles get vertices of their own.
+/// Moves the lower one of each two overlapping triangles against its normal, so that points in their common plane lie on the upper
+/// one. `order` ascends from the top to the bottom, by triangle. Moved triangles get vertices of their own.
 pub(super) fn stack(
     found: &[Overlap],
-    order: impl Fn(u32) -> (f64, u32),
+    order: impl Fn(u32) -> (f64, Reverse<u32>),
     positions: &mut Vec<Vec3>,
     triangles: &mut [[u32; 3]],
 ) {
+    let compared = |s: u32, t: u32| {
+        let (a, b) = (order(s), order(t));
+        a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))
+    };
     let mut pairs: Vec<[u32; 2]> =
-        found.iter().map(|&(s, t, _)| if above(order(s), order(t)) { [t, s] } else { [s, t] }).collect();
-    // From the bottom: the level of the lower face is known when the upper one is reached.
-    pairs.sort_by(|a, b| compared(order(a[1]), order(b[1])));
+        found.iter().map(|&(s, t, _)| if compared(s, t).is_lt() { [s, t] } else { [t, s] }).collect();
+    // From the top: the level of the upper face is known when the lower one is reached.
+    pairs.sort_by(|a, b| compared(a[1], b[1]));
     let mut levels = HashMap::<u32, u32>::new();
-    for [lower, upper] in &pairs {
-        let level = 1 + levels.get(lower).copied().unwrap_or(0);
-        let of_upper = levels.entry(*upper).or_default();
-        *of_upper = level.max(*of_upper);
+    for [upper, lower] in &pairs {
+        let level = 1 + levels.get(upper).copied().unwrap_or(0);
+        let of_lower = levels.entry(*lower).or_default();
+        *of_lower = level.max(*of_lower);
     }
     let bounds = Aabb::of(positions.iter().copied());
     let magnitude = bounds.min.abs().max(bounds.max.abs()).max_element();
@@ -41,17 +46,9 @@ pub(super) fn stack(
         let axis = normal.abs().max_position();
         triangles[t as usize] = corners.map(|v| {
             *vertices.entry((v, level, axis, normal[axis] > 0.0)).or_insert_with(|| {
-                positions.push(positions[v as usize] + level as f32 * step * normal);
+                positions.push(positions[v as usize] - level as f32 * step * normal);
                 positions.len() as u32 - 1
             })
         });
     }
-}
-
-fn compared(a: (f64, u32), b: (f64, u32)) -> std::cmp::Ordering {
-    a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))
-}
-
-fn above(a: (f64, u32), b: (f64, u32)) -> bool {
-    compared(a, b).is_gt()
 }
