@@ -23,7 +23,7 @@ const MAX_WORK_RATIO: f64 = 0.8;
 /// times as much as exact rays alone.
 const GIVE_UP_FACTOR: u64 = 2;
 /// Work per bundle for its shaft and answer: five nodes. An estimate that selects between engines.
-pub(super) const BUNDLE_WORK: u64 = 30;
+const BUNDLE_WORK: u64 = 30;
 /// Estimated work of exact rays.
 #[derive(Clone, Copy)]
 pub(super) struct CostModel {
