@@ -24,6 +24,8 @@ struct Face {
 pub struct EmitterSample {
     /// The point, scene units.
     pub point: Vec3,
+    /// Unit normal of its face, on the side that is seen.
+    pub normal: Vec3,
     /// Unit direction from the receiver to the point.
     pub direction: Vec3,
     /// Emitted radiance, W/(m² sr), RGB.
@@ -73,6 +75,7 @@ impl EmitterSampler {
         let cosine = self.facing(-face.normal.dot(direction))?;
         Some(EmitterSample {
             point,
+            normal: if face.normal.dot(direction) > 0.0 { -face.normal } else { face.normal },
             direction,
             radiance: face.radiance,
             density: face.density * squared / cosine,

@@ -108,24 +108,26 @@ impl EmitterSampler {
                 sum
             })
             .collect();
-        Facing { triangles: &self.triangles, sums: Cow::Owned(sums) }
+        Facing { triangles: &self.triangles, normals: &self.normals, sums: Cow::Owned(sums) }
     }
 
     /// All faces.
     pub fn all(&self) -> Facing<'_> {
-        Facing { triangles: &self.triangles, sums: Cow::Borrowed(&self.sums) }
+        Facing { triangles: &self.triangles, normals: &self.normals, sums: Cow::Borrowed(&self.sums) }
     }
 }
 
 /// Some faces of an emitter.
 pub struct Facing<'a> {
     triangles: &'a [u32],
+    normals: &'a [Vec3],
     sums: Cow<'a, [f32]>,
 }
 
 impl Facing<'_> {
-    /// Area-uniform point from two numbers in `[0, 1)`: the first picks the face and is used again inside it.
-    pub fn sample(&self, scene: &Scene, u: f32, v: f32) -> Vec3 {
+    /// Area-uniform point from two numbers in `[0, 1)`, and the unit normal of its face: the first number picks the face and is used
+    /// again inside it.
+    pub fn sample(&self, scene: &Scene, u: f32, v: f32) -> (Vec3, Vec3) {
         let total = *self.sums.last().expect("emitters have faces");
         let target = u * total;
         let mut i = self.sums.partition_point(|&s| s <= target).min(self.sums.len() - 1);
@@ -135,7 +137,7 @@ impl Facing<'_> {
         }
         let before = if i > 0 { self.sums[i - 1] } else { 0.0 };
         let u = ((target - before) / (self.sums[i] - before)).clamp(0.0, 1.0);
-        point_on(scene.corners(self.triangles[i]), u, v)
+        (point_on(scene.corners(self.triangles[i]), u, v), self.normals[i])
     }
 }
 

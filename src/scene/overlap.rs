@@ -1,4 +1,7 @@
-//! Detection of faces in one plane that overlap and face the same way: which of them a ray hits depends on rounding.
+//! Faces in one plane that overlap and face the same way: which of them a ray hits would depend on rounding.
+//!
+//! The rule: the face whose part (connected faces) has the smaller area lies on top, of equal parts the one later in the file. The
+//! other is moved off it by a few rounding errors, against its normal, and gets no light there. See [`super::stack`].
 //!
 //! Examples are a rug at the height of the floor and a poster in the plane of its wall. Faces in contact that face
 //! each other (a box on a floor) are excluded, because nothing between them is visible. Most sheets are excluded for
@@ -22,36 +25,47 @@ pub(super) struct Faces<'a> {
     pub triangles: &'a [[u32; 3]],
     /// Object of each triangle.
     pub object: &'a [u32],
-    /// Whether two triangles have equal materials, so that their overlap does not matter.
+    /// Whether the overlap of two triangles is not looked for: triangles of one part with equal materials.
     pub alike: &'a (dyn Fn(usize, usize) -> bool + Sync),
 }
 
-/// Counts the overlaps and names the largest in a message.
-pub(super) fn report(faces: &Faces, objects: &[Object], unit: &str, repairs: &mut Repairs) {
+/// Two overlapping triangles, the smaller index first, and the area of their overlap, scene units squared.
+pub(super) type Overlap = (u32, u32, f64);
+
+/// Finds the overlaps, counts them and names the largest in a message.
+pub(super) fn find(faces: &Faces, objects: &[Object], unit: &str, repairs: &mut Repairs) -> Vec<Overlap> {
     const MAX_NAMED_PAIRS: usize = 4;
     let found = overlaps(faces);
-    repairs.overlapping_objects += found.len();
-    if found.is_empty() {
-        return;
+    let mut by_objects = BTreeMap::<[u32; 2], f64>::new();
+    for &(a, b, area) in &found {
+        let [a, b] = [a, b].map(|t| faces.object[t as usize]);
+        *by_objects.entry([a.min(b), a.max(b)]).or_default() += area;
     }
+    repairs.overlapping_objects += by_objects.len();
+    if by_objects.is_empty() {
+        return found;
+    }
+    let mut largest: Vec<_> = by_objects.into_iter().collect();
+    largest.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
     let one = |&([a, b], area): &([u32; 2], f64)| {
         let [first, second] = [a, b].map(|k| quote(&objects[k as usize].name));
         let other = if a == b { "itself".to_owned() } else { format!("`{second}`") };
         format!("`{first}` and {other} {area:.2e} {unit}²")
     };
-    let mut list: Vec<String> = found.iter().take(MAX_NAMED_PAIRS).map(one).collect();
-    if found.len() > MAX_NAMED_PAIRS {
-        list.push(format!("{} more", found.len() - MAX_NAMED_PAIRS));
+    let mut list: Vec<String> = largest.iter().take(MAX_NAMED_PAIRS).map(one).collect();
+    if largest.len() > MAX_NAMED_PAIRS {
+        list.push(format!("{} more", largest.len() - MAX_NAMED_PAIRS));
     }
     repairs.messages.push(format!(
-        "faces of one plane overlap and face the same way: which of them is seen and lit is chance; move one of them off a \
-         little ({})",
+        "faces of one plane overlap and face the same way: the one of the smaller part counts as on top, of equal parts the one later \
+         in the file; the other gets no light there ({})",
         list.join(", ")
     ));
+    found
 }
 
-/// Pairs of objects (smaller index first) with their overlapping area, scene units squared; largest first.
-fn overlaps(faces: &Faces) -> Vec<([u32; 2], f64)> {
+/// Pairs of overlapping triangles, ascending.
+fn overlaps(faces: &Faces) -> Vec<Overlap> {
     let tolerance = Tolerance::of(&Aabb::of(faces.positions.iter().copied()));
     let mut keys: Vec<(u64, u32)> = (0..faces.triangles.len())
         .into_par_iter()
@@ -65,18 +79,16 @@ fn overlaps(faces: &Faces) -> Vec<([u32; 2], f64)> {
     });
     let groups: Vec<&[(u64, u32)]> = groups.collect();
     // A face near the border of its cell is in several groups; each pair counts once.
-    let mut pairs: Vec<(u32, u32, f64)> =
+    let mut pairs: Vec<Overlap> =
         groups.into_par_iter().flat_map_iter(|group| within(faces, group, &tolerance)).collect();
     pairs.par_sort_unstable_by_key(|&(a, b, _)| (a, b));
     pairs.dedup_by_key(|&mut (a, b, _)| (a, b));
-    let mut by_objects = BTreeMap::<[u32; 2], f64>::new();
-    for (a, b, area) in pairs {
-        let [a, b] = [a, b].map(|t| faces.object[t as usize]);
-        *by_objects.entry([a.min(b), a.max(b)]).or_default() += area;
-    }
-    let mut found: Vec<_> = by_objects.into_iter().collect();
-    found.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-    found
+    pairs
+}
+
+/// Largest distance of the planes of overlapping faces in a scene with these bounds, scene units.
+pub(super) fn largest_distance(bounds: &Aabb) -> f64 {
+    Tolerance::of(bounds).height
 }
 
 /// Tolerances of coplanarity.

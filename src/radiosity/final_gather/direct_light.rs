@@ -34,11 +34,7 @@ impl FinalGather<'_> {
             .chunks(step)
             .flat_map(|part| &part[..SAMPLE_RUN.min(part.len())])
             .enumerate()
-            .map(|(i, &(at, normal))| GatherPoint {
-                at: at + self.slack * normal,
-                normal,
-                seed: mix(i as u64),
-            })
+            .map(|(i, &(at, normal))| GatherPoint { at: self.start(at, normal), normal, seed: mix(i as u64) })
             .collect();
         let of = |emitter: usize| {
             let views = self.emitter_views(&sample, emitter);
@@ -148,7 +144,7 @@ impl FinalGather<'_> {
             let kernel = (normal.dot(d).max(0.0) / r2) * ((-face.normal.dot(d)).max(0.0) / r2);
             *weight = kernel * face.area * mean(face.exitance) as f32 / share;
             if *weight > 0.0 {
-                packet.set(lane, at, y, self.linked.ends);
+                packet.set_lifted(lane, at, self.linked.ends.lifted(y, face.normal), self.linked.ends);
             }
         }
         let query =
