@@ -1,12 +1,12 @@
-//! Faces in one plane that overlap and face the same way: which of them a ray hits would depend on rounding.
+//! Faces in one plane that overlap and are visible from the same side: which of them a ray hits would depend on rounding.
 //!
 //! The rule: the face whose part (connected faces) has the smaller area lies on top, of equal parts the one later in the file. The
 //! other is moved off it by a few rounding errors, against its normal, and gets no light there. See [`super::stack`].
 //!
-//! Examples are a rug at the height of the floor and a poster in the plane of its wall. Faces in contact that face
-//! each other (a box on a floor) are excluded, because nothing between them is visible. Most sheets are excluded for
-//! the same reason (bottoms of furniture that is not quite closed), so a poster whose front is turned to its wall is
-//! not detected.
+//! Examples are a rug at the height of the floor and a poster in the plane of its wall. A closed solid in contact with a face that
+//! it faces (a box on a floor) is excluded, because nothing between them is visible. Two sheets in contact are visible from both
+//! sides, also if they face each other; then there is no message, because bottoms of furniture that is not quite closed would give one
+//! for each piece.
 //!
 //! A plane is described by two slopes and an intercept along the axis nearest to its normal. Faces with nearly equal
 //! descriptions are adjacent after sorting. Within such a group, faces with overlapping boxes are tested, found by a
@@ -25,6 +25,8 @@ pub(super) struct Faces<'a> {
     pub triangles: &'a [[u32; 3]],
     /// Object of each triangle.
     pub object: &'a [u32],
+    /// Whether a triangle is visible from both sides.
+    pub two_sided: &'a (dyn Fn(usize) -> bool + Sync),
     /// Whether the overlap of two triangles is not looked for: triangles of one part with equal materials.
     pub alike: &'a (dyn Fn(usize, usize) -> bool + Sync),
 }
@@ -32,12 +34,12 @@ pub(super) struct Faces<'a> {
 /// Two overlapping triangles, the smaller index first, and the area of their overlap, scene units squared.
 pub(super) type Overlap = (u32, u32, f64);
 
-/// Finds the overlaps, counts them and names the largest in a message.
+/// Finds the overlaps, counts those of faces that face the same way and names the largest in a message.
 pub(super) fn find(faces: &Faces, objects: &[Object], unit: &str, repairs: &mut Repairs) -> Vec<Overlap> {
     const MAX_NAMED_PAIRS: usize = 4;
     let found = overlaps(faces);
     let mut by_objects = BTreeMap::<[u32; 2], f64>::new();
-    for &(a, b, area) in &found {
+    for &(a, b, area) in found.iter().filter(|(a, b, _)| faces_alike(faces, [*a, *b])) {
         let [a, b] = [a, b].map(|t| faces.object[t as usize]);
         *by_objects.entry([a.min(b), a.max(b)]).or_default() += area;
     }
@@ -62,6 +64,17 @@ pub(super) fn find(faces: &Faces, objects: &[Object], unit: &str, repairs: &mut 
         list.join(", ")
     ));
     found
+}
+
+/// Whether two coplanar triangles face the same way.
+fn faces_alike(faces: &Faces, pair: [u32; 2]) -> bool {
+    let [n, m] = pair.map(|t| normal(&corners(faces, t as usize)));
+    n.dot(m) > 0.0
+}
+
+/// Normal of a triangle, of twice its area's length.
+fn normal([a, b, c]: &[DVec3; 3]) -> DVec3 {
+    (b - a).cross(c - a)
 }
 
 /// Pairs of overlapping triangles, ascending.
@@ -238,8 +251,9 @@ fn overlap(faces: &Faces, [s, t]: [u32; 2], tolerance: &Tolerance) -> f64 {
         return 0.0;
     }
     let [p, q] = [corners(faces, s), corners(faces, t)];
-    let [n, m] = [&p, &q].map(|c| (c[1] - c[0]).cross(c[2] - c[0]));
-    if n.dot(m) <= 0.0 || beside(&p, &q, m) || beside(&q, &p, n) {
+    let [n, m] = [&p, &q].map(normal);
+    let from_one_side = n.dot(m) > 0.0 || ((faces.two_sided)(s) && (faces.two_sided)(t));
+    if !from_one_side || beside(&p, &q, m) || beside(&q, &p, n) {
         return 0.0;
     }
     let part = clipped(&p, &q, m);

@@ -97,6 +97,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
         positions: &positions,
         triangles: &triangles,
         object: &triangle_object,
+        two_sided: &|t| sides(part(t)) == 2,
         alike: &alike,
     };
     let found = overlap::find(&planes, &objects, &options.unit, &mut repairs);
@@ -115,7 +116,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
         triangle_material: faces.material,
         triangle_polygon: faces.polygon.iter().map(|&p| kept.polygon[p as usize]).collect(),
         triangle_reflectance: faces.reflectance,
-        triangle_sides: faces.polygon.iter().map(|&p| sides(parts.part[p as usize])).collect(),
+        triangle_sides: (0..area.len()).map(|t| sides(part(t))).collect(),
         triangle_component: component,
         closed_parts: closed.iter().filter(|&&c| c).count(),
         sheet_parts: closed.iter().filter(|&&c| !c).count(),

@@ -3,8 +3,8 @@
 use super::*;
 use crate::path_tracer;
 
-/// An open room with a rug at a height above the floor, of the same material, and a lamp.
-fn rug_at(height: f64) -> Scene {
+/// An open room with a rug at a height above the floor, of the same material, and a lamp. The front of the rug is above or below.
+fn rug_at(height: f64, turned: bool) -> Scene {
     let mut soup = Soup::new("rug");
     let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
     let light = soup.material(SoupMaterial::light("light", [100.0; 3]));
@@ -16,7 +16,11 @@ fn rug_at(height: f64) -> Scene {
         [(-u, -v), (u, -v), (u, v), (-u, v)].map(|(a, b)| DVec3::new(x + a, y + b, z))
     };
     add("floor", grey, level(0.0, 0.0, 0.0, 2.0, 2.0));
-    add("rug", grey, level(0.1, -0.2, height, 1.0, 0.7));
+    let mut rug = level(0.1, -0.2, height, 1.0, 0.7);
+    if turned {
+        rug.reverse();
+    }
+    add("rug", grey, rug);
     let mut lamp = level(0.0, 0.0, 2.5, 0.2, 0.2);
     lamp.reverse();
     add("lamp", light, lamp);
@@ -34,10 +38,11 @@ fn at(x: f64, y: f64, z: f64) -> Point {
 
 #[test]
 fn rugs_create_no_energy() {
-    for height in [0.0, 1e-4] {
-        let outcome = solved(&rug_at(height), &[], &Options::default());
+    for (height, turned) in [(0.0, false), (0.0, true), (6e-5, false), (1e-4, true)] {
+        let outcome = solved(&rug_at(height, turned), &[], &Options::default());
         let Ledger { emitted, absorbed, escaped, created, .. } = outcome.record.ledger;
-        assert!(created.abs() <= 2e-3 * emitted, "{height}: {created} of {emitted}");
+        // The estimated error of the solution is 0.6 %. Where rug and floor both get the light, 12 % are created.
+        assert!(created.abs() <= 1e-2 * emitted, "{height}: {created} of {emitted}");
         assert!(absorbed + escaped <= 1.01 * emitted, "{height}: {absorbed} + {escaped} of {emitted}");
     }
 }
@@ -46,7 +51,7 @@ fn rugs_create_no_energy() {
 #[test]
 fn points_lie_on_the_nearest_sheet() {
     for height in [0.0, 1e-4, 1e-3] {
-        let scene = rug_at(height);
+        let scene = rug_at(height, false);
         // Beside the rug, on the rug, and rounded to six digits.
         let mut points = vec![at(-1.5, 1.5, 0.0), at(0.2, 0.1, height), at(0.2, 0.1, height + 3e-6)];
         if height > 0.0 {
