@@ -82,6 +82,7 @@ demo: build need-furniture
 # The tests come last, so that the output ends with their results.
 test: setup need-lint need-browser
 	cargo fmt --check
+	cargo clippy -- -D warnings
 	cargo clippy --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps
 	@.ci/public-items $(TARGET_DIR)/doc/mrvis 150

@@ -23,7 +23,7 @@
 //! # Ok::<(), mrvis::Error>(())
 //! ```
 //!
-//! Many questions at once, from and into the caller's arrays: [`Visibility::answer_into`].
+//! Many queries at once, from and into the caller's arrays: [`Visibility::answer_into`].
 //!
 //! # Radiosity
 //!

@@ -1,5 +1,7 @@
 //! Axis-aligned boxes, triangle areas and normals.
 
+pub mod sampling;
+
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
@@ -54,8 +56,8 @@ impl Aabb {
     #[must_use]
     pub fn thickened(self) -> Aabb {
         let rounding = f32::EPSILON * self.min.abs().max(self.max.abs()).max_element();
-        let least = (1e-3 * self.diagonal()).max(16.0 * rounding);
-        let missing = (Vec3::splat(least) - self.extent()).max(Vec3::ZERO);
+        let minimum = (1e-3 * self.diagonal()).max(16.0 * rounding);
+        let missing = (Vec3::splat(minimum) - self.extent()).max(Vec3::ZERO);
         Aabb { min: self.min - 0.5 * missing, max: self.max + 0.5 * missing }
     }
 
@@ -71,6 +73,9 @@ pub fn triangle_area(a: Vec3, b: Vec3, c: Vec3) -> f64 {
     let (a, b, c) = (a.as_dvec3(), b.as_dvec3(), c.as_dvec3());
     0.5 * (b - a).cross(c - a).length()
 }
+
+/// Quantile of the normal distribution for an interval that holds 95 %.
+pub const NORMAL_95: f64 = 1.959_964;
 
 /// Unit normal of triangle `a b c` by the right-hand rule; zero if the triangle has no area.
 pub fn triangle_normal(a: Vec3, b: Vec3, c: Vec3) -> Vec3 {

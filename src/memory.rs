@@ -16,7 +16,6 @@ fn available() -> Option<u64> {
     let machine = line.trim().trim_end_matches("kB").trim().parse::<u64>().ok()? * 1024;
     let number =
         |name| std::fs::read_to_string(format!("/sys/fs/cgroup/{name}")).ok()?.trim().parse::<u64>().ok();
-    let group =
-        number("memory.max").zip(number("memory.current")).map(|(most, now)| most.saturating_sub(now));
+    let group = number("memory.max").zip(number("memory.current")).map(|(max, now)| max.saturating_sub(now));
     Some(group.map_or(machine, |group| group.min(machine)))
 }

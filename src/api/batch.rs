@@ -4,17 +4,16 @@ use super::segments::{Answers, Frame, Segments};
 use super::visibility::{Chosen, Visibility};
 use crate::Result;
 use crate::ray::{EndRule, LANES, Occluder, Packet};
-use crate::visibility::{Answer, Bundle, Cost, Exact, Method, MultiResolution, Workspace, wilson};
+use crate::visibility::{
+    Answer, Bundle, Cost, Exact, Method, MultiResolution, Work, Workspace, sample_runs, wilson,
+};
 use rayon::prelude::*;
 use std::ops::Range;
 
 /// A chunk ends at so many bundles, or when it has so many segments: limits it to 1,024 packets and four groups of
 /// bundles that share their traversal. Does not depend on the number of threads, so that answers do not.
 const CHUNK: (usize, usize) = (256, 1 << 14);
-/// Runs of bundles, and bundles of each, that decide between engines, as in `mrvis bench`.
-const RUNS: (usize, usize) = (16, 16);
-/// Largest batch that is answered without deciding between engines: the decision walks up to 256 bundles, more than the
-/// batch.
+/// Largest batch that is answered without deciding between engines: the decision walks 16 bundles, a quarter of the batch.
 const SMALL: usize = 64;
 
 impl Visibility {
@@ -153,19 +152,15 @@ impl Ask<'_> {
     fn pays(&self, engine: &MultiResolution) -> bool {
         let (bundles, sizes) = (self.segments.bundle_count(), self.segments.feature_sizes);
         let Some(sizes) = sizes.filter(|_| bundles > SMALL) else { return true };
-        let runs = RUNS.0.min(bundles / RUNS.1);
-        let mut workspace = Workspace::default();
-        let mut yes = 0;
-        for k in 0..runs {
-            let first = (bundles - RUNS.1) * k / (runs - 1).max(1);
-            let run = first..first + RUNS.1;
+        let (mut workspace, mut work) = (Workspace::default(), Work::default());
+        for run in sample_runs(bundles) {
             let (packets, starts) = self.packets(run.clone());
             let sizes: Vec<f32> = run.clone().map(|k| sizes.of(k)).collect();
             let bundle = |(j, k): (usize, usize)| self.bundle(k, &packets[starts[j]..starts[j + 1]]);
             let asked: Vec<Bundle> = run.enumerate().map(bundle).collect();
-            yes += usize::from(engine.pays_each(&asked, &sizes, &mut workspace));
+            work.add(engine.work(&asked, &sizes, &mut workspace));
         }
-        2 * yes > runs
+        work.is_clearly_less()
     }
 
     fn bundle<'p>(&self, k: usize, packets: &'p [Packet]) -> Bundle<'p> {

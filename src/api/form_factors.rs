@@ -97,11 +97,11 @@ impl FormFactorOptions {
         settings.rays = self.rays.unwrap_or(settings.rays);
         settings.largest_bundle = self.pair_rays.unwrap_or(settings.largest_bundle);
         settings.bundle = settings.bundle.min(settings.largest_bundle);
-        for (name, value, least, most) in
+        for (name, value, min, max) in
             [("rays", settings.rays, 1, 1 << 20), ("pair_rays", settings.largest_bundle, 4, 1 << 22)]
         {
-            if !(least..=most).contains(&value) {
-                return Err(Error::Argument(format!("`{name}` {value}: must lie in {least}..{most}")));
+            if !(min..=max).contains(&value) {
+                return Err(Error::Argument(format!("`{name}` {value}: must lie in {min}..{max}")));
             }
         }
         let bytes = memory_bound(facets, &settings);

@@ -1,4 +1,4 @@
-//! A single question of visibility.
+//! A single visibility query.
 
 use super::positive;
 use super::visibility::{Chosen, Visibility};
@@ -13,11 +13,11 @@ const RAYS: usize = 64;
 /// Most segments: points of one scrambled sequence.
 const MAX_RAYS: usize = 1 << 16;
 
-/// A single question: from a point of a surface to a source, or to another point.
+/// A single query: from a point of a surface to a source, or to another point.
 ///
 /// Made by [`Visibility::from_point`]; ends with [`Query::answer`].
 #[derive(Clone, Copy)]
-#[must_use = "a question is asked by `answer`"]
+#[must_use = "`answer` runs the query"]
 pub struct Query<'a> {
     visibility: &'a Visibility,
     position: [f64; 3],
@@ -35,7 +35,7 @@ enum Target {
 }
 
 impl Visibility {
-    /// Begins a single question: how much of the light that would arrive at this point of a surface gets through. `position` is in
+    /// Begins a single query: how much of the light that would arrive at this point of a surface gets through. `position` is in
     /// the coordinates of the file, scene units; `normal` is the normal of the side that receives light, of any length above 0.
     pub fn from_point(&self, position: [f64; 3], normal: [f64; 3]) -> Query<'_> {
         Query::new(self, position, normal)
@@ -80,7 +80,7 @@ impl<'a> Query<'a> {
     }
 
     /// The visible fraction. Parts of a source below the horizon of the point's normal count as hidden; cosines and distances do not
-    /// count. The answer depends on the question alone.
+    /// count. The answer depends on the query alone.
     ///
     /// # Errors
     /// [`Error::Argument`] if there is no target, no such source, or a value is out of its range; if the engine needs a feature size

@@ -77,7 +77,7 @@ impl Sizes<'_> {
         }
     }
 
-    fn check(&self, name: &str, bundles: usize, least: impl Fn(f32) -> bool, must: &str) -> Result<()> {
+    fn check(&self, name: &str, bundles: usize, in_range: impl Fn(f32) -> bool, must: &str) -> Result<()> {
         let sizes = match self {
             Sizes::All(size) => std::slice::from_ref(size),
             Sizes::Each(sizes) if sizes.len() == bundles => sizes,
@@ -86,14 +86,14 @@ impl Sizes<'_> {
                 return Err(Error::Argument(format!("`{name}` has {count} entries for {bundles} bundles")));
             }
         };
-        match sizes.iter().position(|&size| !(size.is_finite() && least(size))) {
+        match sizes.iter().position(|&size| !(size.is_finite() && in_range(size))) {
             None => Ok(()),
             Some(k) => Err(Error::Argument(format!("`{name}`[{k}] {}: must be {must}", sizes[k]))),
         }
     }
 }
 
-/// A batch of questions: segments from receivers to emitters, in bundles that share their ends.
+/// A batch of queries: segments from receivers to emitters, in bundles that share their ends.
 ///
 /// Positions are f32, as engines trace them, and relative to a point in f64 ([`Segments::relative_to`]): scenes far from zero keep
 /// their precision and nothing is copied. A batch whose `relative_to` is [`Scene::origin`](crate::Scene::origin) is traced bit by

@@ -1,4 +1,4 @@
-//! The front door: batches agree with engines, single questions with batches, and wrong arguments are named.
+//! The front door: batches agree with engines, single queries with batches, and wrong arguments are named.
 
 use super::*;
 use crate::model::{Detail, Model, PrepareOptions};
@@ -17,7 +17,7 @@ fn forest() -> Model {
 type Arrays = (Vec<[f32; 3]>, Vec<[f32; 3]>, Vec<u64>, Vec<f32>);
 
 /// Points below the trees, so many segments from each to the source 0, and the emitter's size from each.
-fn questions(model: &Model, points: usize, rays: usize) -> Arrays {
+fn queries(model: &Model, points: usize, rays: usize) -> Arrays {
     let (scene, sampler) = (model.scene(), &model.samplers()[0]);
     let (bounds, faces) = (scene.bounds, sampler.all());
     let (mut origins, mut targets, mut sizes) = (Vec::new(), Vec::new(), Vec::new());
@@ -71,7 +71,7 @@ fn batches_are_answered_as_engines_do() {
     let visibility = model.visibility();
     let origin = model.scene().origin();
     for (points, rays) in [(300, 16), (40, 50), (700, 1)] {
-        let (origins, targets, bundles, sizes) = questions(&model, points, rays);
+        let (origins, targets, bundles, sizes) = queries(&model, points, rays);
         let segments = Segments::new(&origins[..], &targets[..], &bundles)
             .relative_to(origin)
             .feature_size(0.4)
@@ -129,7 +129,7 @@ fn batches_are_answered_as_engines_do() {
 fn strides_frames_and_threads_change_nothing() {
     let model = forest();
     let origin = model.scene().origin();
-    let (origins, targets, bundles, sizes) = questions(&model, 600, 16);
+    let (origins, targets, bundles, sizes) = queries(&model, 600, 16);
     let ask_with = |origins: Strided, targets: Strided, relative_to: [f64; 3]| {
         let segments = Segments::new(origins, targets, &bundles).relative_to(relative_to);
         let visibility = model.visibility().with_engine(Engine::MultiResolution);
@@ -173,7 +173,7 @@ fn single_questions_agree_with_batches() {
     let wall = visibility.from_point(below, [1.0, 0.0, 0.0]).to_source(0).rays(4096).answer().unwrap();
     assert!((wall.transmittance / seen.transmittance - 0.5).abs() < 0.25, "{wall:?}");
     let up = visibility.from_point([0.0, 0.0, 1e3], [0.0, 0.0, -1.0]).to_source(0).answer().unwrap();
-    assert_eq!(up.transmittance, 0.0, "the panel shines down");
+    assert_eq!(up.transmittance, 0.0, "the panel emits downwards");
     let point = visibility.from_point(below, [0.0, 0.0, 1.0]).to_point([0.0, 0.0, 0.02]).answer().unwrap();
     assert_eq!(point.transmittance, 1.0);
 }

@@ -23,7 +23,7 @@ pub enum Engine {
 
 /// Visibility of a model: the fraction of light between points that gets through.
 ///
-/// Made by [`Model::visibility`]; cheap to make and to clone. The first multi-resolution question estimates the cost of exact rays
+/// Made by [`Model::visibility`]; cheap to make and to clone. The first multi-resolution query estimates the cost of exact rays
 /// in this model once (milliseconds); the model keeps that.
 #[derive(Clone)]
 pub struct Visibility {

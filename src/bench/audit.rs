@@ -3,6 +3,7 @@
 use super::measure::{MrRun, Queries};
 use super::record;
 use super::reference::{Reference, RmsEstimate};
+use crate::math::NORMAL_95;
 use crate::visibility::{Exact, wilson};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::Rng;
@@ -12,8 +13,6 @@ use rand_pcg::rand_core::Rng;
 pub(super) const AUDIT_RAYS: usize = 64;
 /// Random streams of the two halves.
 const STREAMS: [u64; 2] = [3, 4];
-/// Quantile of the normal distribution for a 95 % interval.
-const Z: f64 = 1.96;
 /// Fewest bundles, where the workload has as many: coverage of 95 % is then known to ±2 % (Wilson: 1.96 √(0.95 · 0.05 /
 /// 400)).
 const MIN_BUNDLES: usize = 400;
@@ -49,7 +48,8 @@ impl AuditRays {
     /// [`AuditRays::evaluate`] for answers to the chosen queries alone.
     fn compare(&self, visible: &[f32], intervals: &[(f32, f32)]) -> record::IntervalAudit {
         let squares = self.truth.squares(visible);
-        let claims: Vec<f64> = intervals.iter().map(|&(lo, hi)| f64::from(hi - lo) / (2.0 * Z)).collect();
+        let claims: Vec<f64> =
+            intervals.iter().map(|&(lo, hi)| f64::from(hi - lo) / (2.0 * NORMAL_95)).collect();
         let n = intervals.len();
         let coverage = self.truth.coverage(visible, intervals);
         let (coverage_lo, coverage_hi) = wilson(coverage as f32, n.max(1) as f32);
@@ -83,11 +83,11 @@ fn one_of_each(all: usize, count: usize, seed: u64) -> Vec<usize> {
 
 /// Divides an order by claim into parts of about equal length; equal claims stay together.
 fn bins<'a>(order: &'a [usize], claims: &[f64]) -> Vec<&'a [usize]> {
-    let least = order.len().div_ceil(MAX_BINS).max(1);
+    let per_bin = order.len().div_ceil(MAX_BINS).max(1);
     let mut bins = Vec::new();
     let mut rest = order;
     while !rest.is_empty() {
-        let last = claims[rest[least.min(rest.len()) - 1]];
+        let last = claims[rest[per_bin.min(rest.len()) - 1]];
         let (bin, others) = rest.split_at(rest.partition_point(|&k| claims[k] <= last));
         bins.push(bin);
         rest = others;

@@ -107,9 +107,9 @@ impl Options {
             ("points", self.points, MAX_POINTS),
             ("threads", self.threads, MAX_THREADS),
         ];
-        for (name, count, most) in counts {
-            if count == 0 || count > most {
-                return Err(Error::Argument(format!("{name} {count}: must lie in 1..{most}")));
+        for (name, count, max) in counts {
+            if count == 0 || count > max {
+                return Err(Error::Argument(format!("{name} {count}: must lie in 1..{max}")));
             }
         }
         let segments = self.points as f64 * self.rays as f64;

@@ -11,6 +11,7 @@
 
 mod inscribed;
 mod patch;
+mod rectangle;
 mod relief;
 mod window;
 
@@ -20,8 +21,9 @@ use crate::model::Model;
 use crate::ray::{Occluder, Packet};
 use crate::scene::Scene;
 use crate::{Error, Result, error::quote};
-use patch::{MIN_FILLED_PART, Patch, Rectangle, patches};
+use patch::{MIN_FILLED_PART, Patch, patches, relief};
 use rayon::prelude::*;
+use rectangle::Rectangle;
 use std::sync::Arc;
 use window::TexelGrid;
 
@@ -128,32 +130,32 @@ pub fn choose(
 
 fn by_size(model: &Model, exact: &dyn Occluder) -> Vec<(String, Candidate)> {
     let scene = model.shared_scene();
-    let least = MIN_EXTENT_PART * model.bounds().diagonal();
+    let min_extent = MIN_EXTENT_PART * model.bounds().diagonal();
     let mut extent = vec![Aabb::EMPTY; scene.triangle_component.iter().max().map_or(0, |&c| c as usize + 1)];
     for (t, &c) in scene.triangle_component.iter().enumerate() {
         extent[c as usize] = extent[c as usize].union(Aabb::of(scene.corners(t as u32)));
     }
     let large = |t: &u32| {
         scene.triangle_emitter[*t as usize] == u32::MAX
-            && extent[scene.triangle_component[*t as usize] as usize].diagonal() >= least
+            && extent[scene.triangle_component[*t as usize] as usize].diagonal() >= min_extent
     };
     let triangles: Vec<u32> = (0..scene.triangles.len() as u32).filter(large).collect();
     let mut patches = patches(&scene, &triangles);
     let mut by_object = triangles;
     let object = |t: u32| scene.triangle_object[t as usize];
     by_object.sort_by_key(|&t| object(t));
-    let relief = |own: &[u32]| {
-        relief::of(&scene, own, patches.iter().filter(|p| object(p.triangles[0]) == object(own[0])))
+    let relief_of = |own: &[u32]| {
+        relief(&scene, own, patches.iter().filter(|p| object(p.triangles[0]) == object(own[0])))
     };
     let reliefs: Vec<Patch> =
-        by_object.chunk_by(|&a, &b| object(a) == object(b)).filter_map(relief).collect();
+        by_object.chunk_by(|&a, &b| object(a) == object(b)).filter_map(relief_of).collect();
     // Small flat parts of a relief are not receivers.
     let rough: Vec<u32> = reliefs.iter().map(|r| object(r.triangles[0])).collect();
     patches.retain(|p| !rough.contains(&object(p.triangles[0])));
     patches.extend(reliefs);
-    patches.retain(|p| p.rectangle.width >= f64::from(least));
+    patches.retain(|p| p.rectangle.width >= f64::from(min_extent));
     let mut patches: Vec<Patch> = patches.into_iter().filter_map(|p| p.rectangular(&scene)).collect();
-    patches.retain(|p| p.rectangle.width >= f64::from(least));
+    patches.retain(|p| p.rectangle.width >= f64::from(min_extent));
     let mut candidates = candidates(model, &scene, exact, patches);
     candidates.retain(|c| c.lit);
     let mut chosen: Vec<Candidate> = Vec::new();
@@ -184,7 +186,7 @@ fn by_name(model: &Model, exact: &dyn Occluder, names: &[String]) -> Result<Vec<
         let wanted = names.iter().filter(|n| *n == name).count();
         let (scene, faces) = faces_named(model, name)?;
         let mut patches = patches(&scene, &faces);
-        patches.extend(relief::of(&scene, &faces, patches.iter()));
+        patches.extend(relief(&scene, &faces, patches.iter()));
         if patches.len() < wanted {
             return Err(Error::Scene(format!(
                 "receiver `{}` is named {wanted} times but has {} planar patches",

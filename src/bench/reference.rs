@@ -1,6 +1,7 @@
 //! Independent reference of the answers: many exact rays per pair, in two independent halves.
 
 use super::measure::{Queries, chunks, clear_fraction};
+use crate::math::NORMAL_95;
 use crate::ray::Occluder;
 use crate::visibility::Exact;
 use rayon::prelude::*;
@@ -146,16 +147,16 @@ impl RmsEstimate {
 fn student(freedom: usize) -> f64 {
     /// Quantiles for 1 to 4 degrees of freedom.
     const FIRST: [f64; 4] = [12.706, 4.303, 3.182, 2.776];
-    /// Quantile of the normal distribution.
-    const Z: f64 = 1.959_964;
     let v = freedom as f64;
-    let first = (Z.powi(3) + Z) / 4.0;
-    let second = (5.0 * Z.powi(5) + 16.0 * Z.powi(3) + 3.0 * Z) / 96.0;
-    let third = (3.0 * Z.powi(7) + 19.0 * Z.powi(5) + 17.0 * Z.powi(3) - 15.0 * Z) / 384.0;
+    let first = (NORMAL_95.powi(3) + NORMAL_95) / 4.0;
+    let second = (5.0 * NORMAL_95.powi(5) + 16.0 * NORMAL_95.powi(3) + 3.0 * NORMAL_95) / 96.0;
+    let third = (3.0 * NORMAL_95.powi(7) + 19.0 * NORMAL_95.powi(5) + 17.0 * NORMAL_95.powi(3)
+        - 15.0 * NORMAL_95)
+        / 384.0;
     match freedom {
         0 => f64::INFINITY,
         1..=4 => FIRST[freedom - 1],
-        _ => Z + first / v + second / (v * v) + third / v.powi(3),
+        _ => NORMAL_95 + first / v + second / (v * v) + third / v.powi(3),
     }
 }
 

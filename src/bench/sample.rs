@@ -3,13 +3,8 @@
 use super::workload::{Order, Workload};
 use crate::ray::{LANES, Packet};
 use crate::scene::Scene;
-use crate::visibility::{Bundle, MultiResolution, Workspace};
+use crate::visibility::{Bundle, MultiResolution, SAMPLE_RUN, SAMPLE_RUNS, Work, Workspace};
 use glam::Vec3;
-
-/// Number of runs: spread over all pairs; 256 pairs in all limit the time of a decision.
-const RUNS: usize = 16;
-/// Pairs per run, neighbours that share their traversal.
-const PAIRS_PER_RUN: usize = 16;
 
 /// Segments of runs of neighbouring pairs, evenly spread over a workload, for each number of segments of the rows.
 pub struct Sample {
@@ -36,8 +31,8 @@ impl Sample {
     pub fn of(scene: &Scene, workload: &Workload, rays: &[usize]) -> Sample {
         let mut sample = Sample { sets: Vec::new(), runs: Vec::new() };
         let pairs = workload.pairs.len();
-        let length = (PAIRS_PER_RUN * scene.emitters.len()).min(pairs);
-        let runs = RUNS.min(pairs / length.max(1));
+        let length = (SAMPLE_RUN * scene.emitters.len()).min(pairs);
+        let runs = SAMPLE_RUNS.min(pairs / length.max(1));
         let mut chosen = Vec::new();
         for k in 0..runs {
             let first = (pairs - length) * k / (runs - 1).max(1);
@@ -45,7 +40,7 @@ impl Sample {
             let emitter = workload.pairs[first].emitter;
             let same = (first..first + length).filter(|&pair| workload.pairs[pair].emitter == emitter);
             let first_of_run = chosen.len();
-            chosen.extend(same.take(PAIRS_PER_RUN));
+            chosen.extend(same.take(SAMPLE_RUN));
             let sizes =
                 chosen[first_of_run..].iter().map(|&pair| workload.pairs[pair].emitter_size).collect();
             sample.runs.push(Run { hull: workload.hull(first).to_vec(), sizes });
@@ -63,7 +58,7 @@ impl Sample {
     /// Upper bound of the memory of a sample with these numbers of segments, bytes.
     pub fn bytes(rays: &[usize]) -> usize {
         let packets: usize = numbers(rays).iter().map(|n| n.div_ceil(LANES)).sum();
-        RUNS * PAIRS_PER_RUN * packets * size_of::<Packet>()
+        SAMPLE_RUNS * SAMPLE_RUN * packets * size_of::<Packet>()
     }
 
     /// The bundles with `rays` segments, run by run; with one packet if the sample has no such number.
@@ -81,7 +76,11 @@ impl Sample {
     /// Whether MR is estimated to be faster than exact rays for bundles like these.
     pub fn pays(&self, engine: &MultiResolution, s: f32, rays: usize) -> bool {
         let runs = self.bundles(rays);
-        engine.pays(runs.iter().map(Vec::as_slice), s, &mut Workspace::default())
+        let (mut workspace, mut work) = (Workspace::default(), Work::default());
+        for run in &runs {
+            work.add(engine.work(run, &vec![s; run.len()], &mut workspace));
+        }
+        work.is_clearly_less()
     }
 }
 

@@ -32,8 +32,8 @@ pub fn default_sizes(model: &Model) -> Vec<f64> {
         visible[instance.mesh as usize] +=
             model.meshes()[instance.mesh as usize].scene().triangles.len() as u64;
     }
-    let most = (0..visible.len()).max_by(|&a, &b| visible[a].cmp(&visible[b]).then(b.cmp(&a))).unwrap_or(0);
-    let mesh = &model.meshes()[most];
+    let chosen = (0..visible.len()).max_by(|&a, &b| visible[a].cmp(&visible[b]).then(b.cmp(&a))).unwrap_or(0);
+    let mesh = &model.meshes()[chosen];
     let (tree, optics) = (&mesh.hierarchy().micro, &mesh.measured().expect("optics").optics);
     let size = |c: usize| {
         let sum: f32 = (0..AXIS_COUNT).map(|axis| optics[c].blocker_size[axis]).sum();

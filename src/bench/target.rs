@@ -99,7 +99,7 @@ impl Bench<'_> {
             reachable,
             met: match target {
                 Target::Error(error) => rms <= error,
-                Target::Seconds(most) => pilot_s + seconds <= most,
+                Target::Seconds(limit) => pilot_s + seconds <= limit,
             },
             as_expected: found.lo <= best.error.hi && best.error.lo <= found.hi,
             audit: self.audit(queries).map(|audit| audit.evaluate(&run)),
@@ -114,21 +114,21 @@ impl Bench<'_> {
         target: Target,
         start: Instant,
     ) -> Vec<Expected> {
-        let most = match target {
+        let limit = match target {
             Target::Error(_) => f64::INFINITY,
-            Target::Seconds(most) => PILOT_TIME_PART * most,
+            Target::Seconds(limit) => PILOT_TIME_PART * limit,
         };
         let spent = || start.elapsed().as_secs_f64();
         let mut pairs = pilot_pairs(queries);
         // A pilot of limited time uses fewer pairs and fewer rays for its exact reference.
         let (mut rays, mut run) = (TRUTH_RAYS, PILOT_RUN_PAIRS.min(pairs.len().max(1)));
-        if most.is_finite() {
+        if limit.is_finite() {
             let few = Queries { pairs: &pairs[..run.min(pairs.len())], ..queries };
             let call = self.embree(queries.workload, MIN_TRUTH_RAYS);
             let before = spent();
             Reference::trace(few, &call, MIN_TRUTH_RAYS, STREAMS, &|_| ());
             let each = (spent() - before) / (few.pairs.len() * MIN_TRUTH_RAYS).max(1) as f64;
-            let affordable = (TRUTH_TIME_PART * (most - spent()).max(0.0) / each.max(1e-12)) as usize;
+            let affordable = (TRUTH_TIME_PART * (limit - spent()).max(0.0) / each.max(1e-12)) as usize;
             rays = (affordable / pairs.len().max(1) / 2 * 2).clamp(MIN_TRUTH_RAYS, TRUTH_RAYS);
             let runs = pairs.len().div_ceil(run);
             let shorter = (affordable / (rays * runs.max(1))).clamp(MIN_RUN_PAIRS.min(run), run);
@@ -141,7 +141,7 @@ impl Bench<'_> {
         let scale = queries.pairs.len() as f64 / pairs.len() as f64;
         let mut found: Vec<Expected> = Vec::new();
         for plan in self.plans() {
-            if !found.is_empty() && spent() > most {
+            if !found.is_empty() && spent() > limit {
                 break;
             }
             if cannot_win(plan, &found, target) {
@@ -206,16 +206,16 @@ fn exactly(timer: &Timer, queries: Queries, bench: &Bench, rays: usize) -> MrRun
 }
 
 /// Exact plans beyond the pilot's, extrapolated: error ∝ rays^(−1/2), time ∝ rays.
-fn beyond(most: Expected) -> impl Iterator<Item = Expected> {
+fn beyond(limit: Expected) -> impl Iterator<Item = Expected> {
     let steps =
-        (1..).map(move |k| (4usize.pow(k), most.plan.rays.max(most.plan.more.unwrap_or(0)) << (2 * k)));
+        (1..).map(move |k| (4usize.pow(k), limit.plan.rays.max(limit.plan.more.unwrap_or(0)) << (2 * k)));
     steps.take_while(|&(_, rays)| rays <= MAX_RAYS).map(move |(factor, rays)| {
         let less = |e: f64| e / (factor as f64).sqrt();
-        let RmsEstimate { rms, lo, hi } = most.error;
+        let RmsEstimate { rms, lo, hi } = limit.error;
         Expected {
             plan: Plan { feature_size: None, rays, more: None },
             error: RmsEstimate { rms: less(rms), lo: less(lo), hi: less(hi) },
-            seconds: most.seconds * factor as f64,
+            seconds: limit.seconds * factor as f64,
             partly: 0.0,
         }
     })
@@ -229,8 +229,8 @@ fn first_of_each(pairs: &[usize], length: usize, count: usize) -> Vec<usize> {
 /// Whether a plan cannot be the fastest that meets a target error: its first query, or one with fewer segments of the
 /// same engine, took as long as a complete plan that meets the target.
 fn cannot_win(plan: Plan, found: &[Expected], target: Target) -> bool {
-    let Target::Error(most) = target else { return false };
-    let good = found.iter().filter(|p| good_enough(p, most)).map(|p| p.seconds).fold(f64::MAX, f64::min);
+    let Target::Error(limit) = target else { return false };
+    let good = found.iter().filter(|p| good_enough(p, limit)).map(|p| p.seconds).fold(f64::MAX, f64::min);
     let begins = |p: &&Expected| {
         p.plan.more.is_none() && p.plan.feature_size == plan.feature_size && p.plan.rays <= plan.rays
     };
@@ -239,24 +239,24 @@ fn cannot_win(plan: Plan, found: &[Expected], target: Target) -> bool {
 
 /// Whether a plan is expected to meet a target error: the upper end of its 95 % interval does, or the pilot saw no
 /// error.
-fn good_enough(plan: &Expected, most: f64) -> bool {
-    plan.error.hi <= most || plan.error.rms == 0.0
+fn good_enough(plan: &Expected, limit: f64) -> bool {
+    plan.error.hi <= limit || plan.error.rms == 0.0
 }
 
 /// The best plan for a target, and whether it is expected to meet the target.
 ///
 /// `spent`: seconds of a target time that the pilot used.
 fn choose(plans: &[Expected], target: Target, spent: f64) -> (Expected, bool) {
-    let least = |key: fn(&Expected) -> f64, good: &dyn Fn(&Expected) -> bool| {
+    let minimum = |key: fn(&Expected) -> f64, good: &dyn Fn(&Expected) -> bool| {
         plans.iter().filter(|p| good(p)).min_by(|a, b| key(a).total_cmp(&key(b))).copied()
     };
     let all = |_: &Expected| true;
     let seconds: fn(&Expected) -> f64 = |p| p.seconds;
     let error: fn(&Expected) -> f64 = |p| p.error.rms;
     let (found, otherwise) = match target {
-        Target::Error(most) => (least(seconds, &|p| good_enough(p, most)), least(error, &all)),
-        Target::Seconds(most) => {
-            (least(error, &|p| spent + p.seconds <= PLAN_TIME_PART * most), least(seconds, &all))
+        Target::Error(limit) => (minimum(seconds, &|p| good_enough(p, limit)), minimum(error, &all)),
+        Target::Seconds(limit) => {
+            (minimum(error, &|p| spent + p.seconds <= PLAN_TIME_PART * limit), minimum(seconds, &all))
         }
     };
     (found.or(otherwise).expect("exact rays are always a plan"), found.is_some())

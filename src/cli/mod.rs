@@ -184,6 +184,7 @@ fn one_line(error: &Error) -> String {
 }
 
 /// Feature sizes by name from the content of a file; see `solve --feature-sizes`.
+#[cfg(any(test, feature = "internals"))]
 pub(crate) fn feature_sizes(path: &std::path::Path, bytes: &[u8]) -> Result<Vec<(String, f32)>> {
     solve::sizes::parse(path, bytes)
 }

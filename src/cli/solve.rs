@@ -16,7 +16,7 @@ use crate::files::WholeFile;
 use crate::points::{Irradiance, Point, read_points, write_irradiance};
 use crate::progress::Progress;
 use crate::radiosity::{
-    self, Inside, Options, Oracle, Outcome, PointLight, Rows, Solution, View, Visibility,
+    self, Inside, Options, Oracle, Outcome, PointLight, RowSums, Solution, View, Visibility,
 };
 use crate::scene::{Scene, StoredCamera};
 use crate::{Error, Result};
@@ -60,7 +60,7 @@ pub struct Args {
     oracle: Criterion,
     /// Normalisation of the form factors of elements in closed scenes to row sums of 1.
     #[arg(long, value_enum, default_value = "balanced")]
-    rows: RowSums,
+    rows: Normalisation,
     /// Engine for visibility.
     #[arg(long, value_enum, default_value = "exact")]
     visibility: Engine,
@@ -137,11 +137,9 @@ enum Criterion {
 }
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum RowSums {
+enum Normalisation {
     /// None.
     Sampled,
-    /// Scale the light that each element gathers.
-    Closed,
     /// Scale the light that each element gathers and sends by one factor: exactly reciprocal.
     Balanced,
 }
@@ -175,10 +173,9 @@ fn options(args: &Args) -> Result<Options> {
             Criterion::Error => Oracle::Error,
             Criterion::Bf => Oracle::Bf,
         },
-        rows: match args.rows {
-            RowSums::Sampled => Rows::Sampled,
-            RowSums::Closed => Rows::Closed,
-            RowSums::Balanced => Rows::Balanced,
+        row_sums: match args.rows {
+            Normalisation::Sampled => RowSums::Sampled,
+            Normalisation::Balanced => RowSums::Balanced,
         },
         visibility: args.visibility.into(),
         feature_size: args.feature_size,

@@ -84,8 +84,8 @@ pub fn lightmap(mesh: &Mesh, solution: &RadiosityMesh, scene: &Scene, texels: us
     };
     // Texels are enlarged until charts and margins fit. If even one texel per chart does not fit, margins dominate
     // the image, and it gets as much area for surfaces as for margins.
-    let least = charts.len() * (1 + 2 * MARGIN_TEXELS).pow(2);
-    let room = (texels + texels / 4).max(least + least / 2);
+    let minimum = charts.len() * (1 + 2 * MARGIN_TEXELS).pow(2);
+    let room = (texels + texels / 4).max(minimum + minimum / 2);
     while filled(&charts, texel) > room {
         texel *= 1.25;
     }

@@ -11,7 +11,7 @@ mod tests;
 
 use crate::Result;
 use crate::image_io::Picture;
-use crate::page::{bytes, count, data_url, document, facts, figure, file_name, percent, seconds};
+use crate::page::{bytes, count, data_url, document, figure, file_name, percent, properties, seconds};
 use crate::plot::number;
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::radiosity::{Record, Seconds};
@@ -63,7 +63,7 @@ pub fn solve_page(
         }
         section {
             h2 { "Scene and solution" }
-            div.columns { (scene_facts(record)) (solution_facts(record)) }
+            div.columns { (scene_properties(record)) (solution_properties(record)) }
         }
         (notes(record))
         footer {
@@ -184,9 +184,9 @@ fn stages(s: &Seconds) -> Markup {
     }
 }
 
-fn scene_facts(record: &Record) -> Markup {
+fn scene_properties(record: &Record) -> Markup {
     let scene = &record.scene;
-    facts(
+    properties(
         "Scene",
         &[
             ("triangles", count(scene.triangles as u64)),
@@ -197,8 +197,8 @@ fn scene_facts(record: &Record) -> Markup {
     )
 }
 
-fn solution_facts(record: &Record) -> Markup {
-    facts(
+fn solution_properties(record: &Record) -> Markup {
+    properties(
         "Solution",
         &[
             ("elements", count(record.elements as u64)),

@@ -2,7 +2,7 @@
 
 use image::{DynamicImage, ImageFormat, RgbImage};
 
-use super::write::encode;
+use super::encode::encode;
 use crate::metrics::Image;
 use crate::raster::BitImage;
 use crate::{Error, Result};

@@ -1,14 +1,14 @@
 //! Writes image files, completely or not at all.
 
-use std::io::Cursor;
 use std::path::Path;
 
 use image::{DynamicImage, ImageFormat, Rgb32FImage};
 
 use super::Picture;
+use super::encode::encode;
+use crate::Result;
 use crate::files::WholeFile;
 use crate::metrics::Image;
-use crate::{Error, Result};
 
 /// Writes `bytes` to a temporary file beside `path` and renames the file.
 ///
@@ -55,16 +55,6 @@ pub fn write_exr(path: &Path, image: &Image) -> Result<()> {
 /// Writes the picture to `path` as an 8-bit PNG. Errors as for [`Picture::png`] and [`write_atomically`].
 pub fn write_png(path: &Path, picture: &Picture) -> Result<()> {
     write_atomically(path, &picture.png()?)
-}
-
-/// Encodes a picture in memory; `None` is an image that is too large.
-pub(super) fn encode(picture: Option<DynamicImage>, format: ImageFormat) -> Result<Vec<u8>> {
-    let picture = picture.ok_or_else(|| Error::Argument("the image is too large for a file".into()))?;
-    let mut bytes = Cursor::new(Vec::new());
-    picture
-        .write_to(&mut bytes, format)
-        .map_err(|e| Error::Argument(format!("the image cannot be encoded: {e}")))?;
-    Ok(bytes.into_inner())
 }
 
 #[cfg(test)]

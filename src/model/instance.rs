@@ -1,7 +1,7 @@
 //! Instances: placed meshes, and changes of them.
 
 use crate::math::Aabb;
-use crate::scene::{MAX_COORDINATE, MIN_EXTENT, Material, Scene};
+use crate::scene::{MAX_COORDINATE, MAX_STRETCH, MIN_EXTENT, Material, Scene, stretch};
 use crate::{Error, Result};
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
 
@@ -21,10 +21,6 @@ pub struct Instance {
     /// Removed instances keep their place, so that the indices of others do not change.
     pub removed: bool,
 }
-
-/// Largest ratio of the longest to the shortest image of a unit vector. Sizes and extinctions of clusters scale with one
-/// factor, so that they are off by no more than this: a fifth of the default tolerance of cluster optics, 5 %.
-pub const MAX_STRETCH: f64 = 1.01;
 
 impl Instance {
     /// The scene's own triangles, placed once and as they are.
@@ -85,11 +81,13 @@ impl Instance {
         }
         let bounds = self.bounds(mesh);
         let farthest = f64::from(bounds.min.abs().max(bounds.max.abs()).max_element());
-        let least = MIN_EXTENT.max(f64::from(f32::EPSILON) * farthest);
-        if farthest.is_nan() || farthest > MAX_COORDINATE || f64::from(bounds.extent().max_element()) < least
+        let min_extent = MIN_EXTENT.max(f64::from(f32::EPSILON) * farthest);
+        if farthest.is_nan()
+            || farthest > MAX_COORDINATE
+            || f64::from(bounds.extent().max_element()) < min_extent
         {
             return Err(Error::Argument(format!(
-                "instance {index}: its transform places the mesh beyond {MAX_COORDINATE:e} or shrinks it below {least:.1e}"
+                "instance {index}: its transform places the mesh beyond {MAX_COORDINATE:e} or shrinks it below {min_extent:.1e}"
             )));
         }
         Ok(())
@@ -104,24 +102,6 @@ pub(super) fn is_single(instances: &[Instance]) -> bool {
 /// The unit normal of a face that the matrix maps, by the inverse transpose; a reflection keeps the front the front.
 fn turned(matrix: DMat3, normal: Vec3) -> Vec3 {
     (matrix.inverse().transpose() * normal.as_dvec3()).normalize_or_zero().as_vec3()
-}
-
-/// Ratio of the largest to the smallest singular value of a matrix; infinite for singular ones.
-fn stretch(matrix: DMat3) -> f64 {
-    // Eigenvalues of MᵀM (symmetric), in closed form (Smith 1961).
-    let m = matrix.transpose() * matrix;
-    let q = (m.x_axis.x + m.y_axis.y + m.z_axis.z) / 3.0;
-    let off = m.y_axis.x.powi(2) + m.z_axis.x.powi(2) + m.z_axis.y.powi(2);
-    let spread = (m.x_axis.x - q).powi(2) + (m.y_axis.y - q).powi(2) + (m.z_axis.z - q).powi(2) + 2.0 * off;
-    let p = (spread / 6.0).sqrt();
-    if p <= 1e-15 * q.abs() {
-        return if q > 0.0 { 1.0 } else { f64::INFINITY };
-    }
-    let b = (m - DMat3::from_diagonal(DVec3::splat(q))) * (1.0 / p);
-    let phi = (0.5 * b.determinant()).clamp(-1.0, 1.0).acos() / 3.0;
-    let largest = q + 2.0 * p * phi.cos();
-    let smallest = q + 2.0 * p * (phi + 2.0 * std::f64::consts::FRAC_PI_3).cos();
-    if smallest > 0.0 { (largest / smallest).sqrt() } else { f64::INFINITY }
 }
 
 /// A change of one instance; see [`super::Model::update`].
@@ -149,23 +129,4 @@ pub enum InstanceChange {
         /// Whether it blocks and receives light from now on.
         visible: bool,
     },
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use glam::DQuat;
-
-    #[test]
-    fn stretch_is_the_ratio_of_singular_values() {
-        let turn = DMat3::from_quat(DQuat::from_rotation_y(0.7) * DQuat::from_rotation_x(0.3));
-        for (scale, want) in
-            [(DVec3::ONE, 1.0), (DVec3::new(2.0, 2.0, -2.0), 1.0), (DVec3::new(1.0, 2.0, 3.0), 3.0)]
-        {
-            let found = stretch(turn * DMat3::from_diagonal(scale) * turn.transpose());
-            assert!((found - want).abs() < 1e-6, "{scale}: {found} instead of {want}");
-        }
-        assert_eq!(stretch(DMat3::ZERO), f64::INFINITY);
-        assert!(stretch(DMat3::from_diagonal(DVec3::new(1.0, 1.0, 0.0))) > 1e6);
-    }
 }

@@ -7,7 +7,7 @@
 
 use super::axes::{AXIS_COUNT, AxisMix, view};
 use super::silhouette::Silhouette;
-use super::{ClusterOptics, Extinction, Options, Scratch};
+use super::{ClusterOptics, Extinction, OPAQUE_DEPTH, Options, Scratch};
 use crate::clusters::{Hierarchy, Tree};
 use crate::math::Aabb;
 use glam::{Affine3A, Vec2, Vec3};
@@ -25,8 +25,6 @@ const MIN_LOSS: f32 = 0.05;
 const NEVER_AVERAGED: f32 = 1e30;
 /// Largest loss of a pixel that boxes smaller than a pixel make: e^-7 passes, as through a solid surface.
 const MAX_PIXEL_LOSS: f32 = 0.999;
-/// Optical depth of a solid surface: transmits e^-7, less than 0.1 %.
-const OPAQUE_DEPTH: f32 = 7.0;
 
 /// A box with extinction, in the frame of its mesh.
 ///
@@ -112,8 +110,8 @@ fn measure_group(
         for (k, size) in optics.blocker_size.iter_mut().enumerate() {
             let mix = AxisMix::around(to_local.transform_vector3(view(k)));
             for part in member.parts {
-                let least = mix.mix(|axis| part.feature_size[axis]);
-                *size = size.max((scale * least).min(NEVER_AVERAGED));
+                let member_size = mix.mix(|axis| part.feature_size[axis]);
+                *size = size.max((scale * member_size).min(NEVER_AVERAGED));
             }
         }
     }

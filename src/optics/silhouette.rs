@@ -2,7 +2,7 @@
 
 use super::averaging_width::{CELL_PIXELS, Cells, count_in_cell};
 use super::axes::{AXIS_COUNT, PROBE_COUNT};
-use super::{Extinction, Options};
+use super::{Extinction, OPAQUE_DEPTH, Options};
 use crate::math::Aabb;
 use crate::raster::{BitImage, Edt, Morphology, Opener, Outside, fill_triangle};
 use crate::scene::Scene;
@@ -169,12 +169,13 @@ impl Measure {
             };
         }
         if !self.project(silhouette, slope) {
-            // The projection is thinner than the raster can resolve. It counts as fully covered and opaque (e^-7 on the
+            // The projection is thinner than the raster can resolve. It counts as fully covered and opaque ([`OPAQUE_DEPTH`] on the
             // mean path V / front), and only a beam wider than the whole box may average the cluster.
             let averaging_width = bounds.diagonal();
             let e = bounds.extent();
             let front = Vec3::new(e.y * e.z, e.z * e.x, e.x * e.y).dot(view.abs());
-            let opaque = (7.0 * f64::from(front) / bounds.volume().max(f64::MIN_POSITIVE)) as f32;
+            let opaque =
+                (f64::from(OPAQUE_DEPTH) * f64::from(front) / bounds.volume().max(f64::MIN_POSITIVE)) as f32;
             let extinction = match options.extinction {
                 Extinction::Analytic => analytic,
                 Extinction::Measured => opaque,

@@ -40,9 +40,9 @@ pub fn document(title: &str, body: &Markup) -> String {
 }
 
 /// A short table of names and values under a heading.
-pub fn facts(title: &str, rows: &[(&str, String)]) -> Markup {
+pub fn properties(title: &str, rows: &[(&str, String)]) -> Markup {
     html! {
-        div.facts {
+        div.properties {
             h3 { (title) }
             dl { @for (name, value) in rows { div { dt { (name) } dd { (value) } } } }
         }

@@ -1,11 +1,12 @@
-//! Sampling of points on emitters, proportional to power.
+//! Sampling of points on emitters, proportional to power. The oracle has a sampler of its own, so that an error in that of the solver
+//! ([`crate::radiosity`]) or of the bench does not hide in both.
 
 use crate::math::{triangle_area, triangle_normal};
 use crate::scene::Scene;
 use glam::Vec3;
 
 /// The emissive faces with their probabilities.
-pub struct EmitterSampler {
+pub struct PowerSampler {
     faces: Vec<Face>,
     /// Cumulative probabilities of the faces; the last is 1.
     chances: Vec<f64>,
@@ -34,9 +35,9 @@ pub struct EmitterSample {
     pub density: f32,
 }
 
-impl EmitterSampler {
+impl PowerSampler {
     /// The emitters of a scene; `None` if nothing emits.
-    pub fn new(scene: &Scene) -> Option<EmitterSampler> {
+    pub fn new(scene: &Scene) -> Option<PowerSampler> {
         let mut chances = Vec::new();
         let mut faces = Vec::new();
         let mut total = 0.0;
@@ -55,7 +56,7 @@ impl EmitterSampler {
         }
         faces.iter_mut().for_each(|f| f.density = (f64::from(f.density) / total) as f32);
         chances.iter_mut().for_each(|c| *c /= total);
-        (!faces.is_empty()).then_some(EmitterSampler { faces, chances, two_sided: scene.two_sided_emission })
+        (!faces.is_empty()).then_some(PowerSampler { faces, chances, two_sided: scene.two_sided_emission })
     }
 
     /// Maps three numbers in `[0, 1)` to a point on the emitters, seen from `from`; `None` if the side that faces
@@ -82,7 +83,7 @@ impl EmitterSampler {
         })
     }
 
-    /// Probability density per solid angle (1/sr) of [`EmitterSampler::sample`] for a point of a face that emits
+    /// Probability density per solid angle (1/sr) of [`PowerSampler::sample`] for a point of a face that emits
     /// `radiance`, at `distance` (scene units) and with cosine `cosine` at the emitter.
     pub fn density(&self, radiance: [f32; 3], distance: f32, cosine: f32) -> f32 {
         // Faces are chosen by power, so the density per area is proportional to the radiance.

@@ -1,6 +1,6 @@
 //! Paths from one point, advanced bounce by bounce so that rays form Embree packets.
 
-use super::light::EmitterSampler;
+use super::light::PowerSampler;
 use super::surfaces::Surfaces;
 use super::{Estimate, Settings};
 use crate::embree::Hits;
@@ -32,7 +32,7 @@ struct Path {
 /// Path tracer of one thread; keeps its buffers from point to point.
 pub struct Paths<'a> {
     surfaces: &'a Surfaces<'a>,
-    lights: Option<&'a EmitterSampler>,
+    lights: Option<&'a PowerSampler>,
     settings: Settings,
     active: Vec<Path>,
     next: Vec<Path>,
@@ -42,7 +42,7 @@ pub struct Paths<'a> {
 impl<'a> Paths<'a> {
     pub fn new(
         surfaces: &'a Surfaces<'a>,
-        lights: Option<&'a EmitterSampler>,
+        lights: Option<&'a PowerSampler>,
         settings: Settings,
     ) -> Paths<'a> {
         Paths { surfaces, lights, settings, active: Vec::new(), next: Vec::new(), sums: Default::default() }
@@ -78,7 +78,7 @@ impl<'a> Paths<'a> {
     }
 
     /// Advances all active paths by one bounce; continued paths are in `next`.
-    fn step(&mut self, lights: &EmitterSampler, stream: u64, bounce: u32) {
+    fn step(&mut self, lights: &PowerSampler, stream: u64, bounce: u32) {
         self.next.clear();
         for chunk in self.active.chunks(LANES) {
             let mut shadow = Packet::EMPTY;
@@ -88,13 +88,13 @@ impl<'a> Paths<'a> {
             let mut directions = [Vec3::ZERO; LANES];
             for (lane, path) in chunk.iter().enumerate() {
                 let (u, v) = numbers(stream, bounce, path.sample);
-                if let Some(sight) = lights.sample(path.position, [u[2], u[3], v[0]]) {
-                    let chance = path.normal.dot(sight.direction) / PI;
+                if let Some(emitter_sample) = lights.sample(path.position, [u[2], u[3], v[0]]) {
+                    let chance = path.normal.dot(emitter_sample.direction) / PI;
                     if chance > 0.0 {
                         // Balance heuristic with the sampled direction, which can hit the same emitter.
-                        let share = chance / (chance + sight.density);
-                        direct[lane] = product(path.throughput, sight.radiance).map(|x| x * share);
-                        let end = sight.point + self.surfaces.skin * sight.normal;
+                        let share = chance / (chance + emitter_sample.density);
+                        direct[lane] = product(path.throughput, emitter_sample.radiance).map(|x| x * share);
+                        let end = emitter_sample.point + self.surfaces.skin * emitter_sample.normal;
                         shadow.set_between(lane, path.position, end, [0.0, 1.0]);
                     }
                 }

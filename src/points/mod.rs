@@ -16,8 +16,10 @@ mod write;
 
 #[cfg(any(test, feature = "cli"))]
 pub use compare::{Comparison, compare};
+#[cfg(any(test, all(feature = "cli", feature = "internals")))]
+pub use read::irradiance_of;
 #[cfg(any(test, feature = "cli"))]
-pub use read::{irradiance_of, read_irradiance, read_points};
+pub use read::{read_irradiance, read_points};
 #[cfg(any(test, feature = "cli"))]
 pub use write::write_irradiance;
 

@@ -30,6 +30,8 @@ pub const QUERY_SHARE: f64 = 0.8;
 #[derive(Clone, Copy)]
 pub struct Deadline<'a> {
     progress: &'a dyn Progress,
+    /// Tells the time. Tests count calls instead of seconds.
+    clock: fn() -> Instant,
     begun: Instant,
     /// Seconds that count as spent before `begun`.
     spent: f64,
@@ -40,7 +42,14 @@ pub struct Deadline<'a> {
 impl<'a> Deadline<'a> {
     /// A deadline so many seconds from now. Without a number only an interruption ends the work.
     pub fn start(progress: &'a dyn Progress, seconds: Option<f64>) -> Deadline<'a> {
-        Deadline { progress, begun: Instant::now(), spent: 0.0, seconds: seconds.unwrap_or(f64::INFINITY) }
+        let clock = Instant::now;
+        Deadline { progress, clock, begun: clock(), spent: 0.0, seconds: seconds.unwrap_or(f64::INFINITY) }
+    }
+
+    /// The same deadline by another clock, from now on.
+    #[cfg(test)]
+    pub fn with_clock(self, clock: fn() -> Instant) -> Deadline<'a> {
+        Deadline { clock, begun: clock(), ..self }
     }
 
     /// The same deadline with so many seconds spent before its start.
@@ -50,8 +59,8 @@ impl<'a> Deadline<'a> {
 
     /// The same deadline with the interruptions of another caller.
     pub fn for_caller<'b>(&self, progress: &'b dyn Progress) -> Deadline<'b> {
-        let Deadline { begun, spent, seconds, .. } = *self;
-        Deadline { progress, begun, spent, seconds }
+        let Deadline { clock, begun, spent, seconds, .. } = *self;
+        Deadline { progress, clock, begun, spent, seconds }
     }
 
     /// A deadline after this part of the time that is left now.
@@ -97,7 +106,7 @@ impl<'a> Deadline<'a> {
 
     /// Seconds since the start.
     pub fn elapsed(&self) -> f64 {
-        self.spent + self.begun.elapsed().as_secs_f64()
+        self.spent + (self.clock)().duration_since(self.begun).as_secs_f64()
     }
 
     fn unused(&self) -> f64 {

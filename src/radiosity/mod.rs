@@ -19,11 +19,10 @@ mod options;
 mod pipeline;
 mod refinement;
 mod rgb;
-mod sampling;
 mod surroundings;
 #[cfg(test)]
 mod tests;
 mod transport;
 
-pub use options::{Inside, Options, Oracle, Rows, View, Visibility};
+pub use options::{Inside, Options, Oracle, RowSums, View, Visibility};
 pub use pipeline::{Outcome, PointLight, Record, Seconds, Solution, run, solve};

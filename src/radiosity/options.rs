@@ -17,15 +17,13 @@ pub enum Visibility {
     Average,
 }
 
-/// How the form factors of an element that sees no way out of the scene are brought to their sum, 1.
+/// How the form factors of an element from which no light leaves the scene are brought to their sum, 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Rows {
+pub enum RowSums {
     /// No normalisation: the sums that sampling gave. The record always reports them; solving with them shows what
     /// normalisation changes.
     Sampled,
-    /// Each leaf's irradiance is multiplied by one over its row sum: each irradiance is a mean of radiosities.
-    Closed,
     /// Each leaf has one factor for what it gathers and what it sends (Sinkhorn and Knopp 1967): factors stay reciprocal, and
     /// no energy is created.
     #[default]
@@ -78,7 +76,8 @@ pub struct Options {
     /// Smallest element as part of the scene's area; above 0.
     pub min_area: f64,
     /// How row sums of form factors are normalised, along links and in the local pass.
-    pub rows: Rows,
+    #[serde(rename = "rows")]
+    pub row_sums: RowSums,
     /// The visibility engine.
     pub visibility: Visibility,
     /// Feature size of all receivers, scene units; by default each receiver's own diameter. With importance this is the size
@@ -128,7 +127,7 @@ impl Default for Options {
             error: 0.02,
             oracle: Oracle::default(),
             min_area: 2e-5,
-            rows: Rows::default(),
+            row_sums: RowSums::default(),
             visibility: Visibility::default(),
             feature_size: None,
             feature_sizes: Vec::new(),
@@ -177,15 +176,15 @@ impl Options {
             )));
         }
         let [light, gather] = [self.light_rays, self.gather_rays].map(|n| n.unwrap_or(1));
-        for (name, value, least, most) in [
+        for (name, value, min, max) in [
             ("light_rays", light, 1, 1 << 16),
             ("gather_rays", gather, 1, 1 << 20),
             ("max_links", self.max_links, 1, 1 << 30),
             ("local_rays", self.local_rays.unwrap_or(0), 0, 1 << 30),
             ("audit", self.audit, 0, 1 << 20),
         ] {
-            if value < least || value > most {
-                return Err(Error::Argument(format!("{name} {value}: must lie in {least}..{most}")));
+            if value < min || value > max {
+                return Err(Error::Argument(format!("{name} {value}: must lie in {min}..{max}")));
             }
         }
         if !(MIN_MIN_AREA..=1.0).contains(&self.min_area) {

@@ -5,10 +5,7 @@
 //! integers (A. Meijster, J. Roerdink, W. Hesselink 2000). Linear time in the number of pixels.
 
 use super::disc::{Discs, MAX_SIDE};
-use super::{BitImage, Morphology, Outside, disc, erode};
-
-/// Squared distance of every object pixel if there is no background at all.
-pub const NO_BACKGROUND: u32 = u32::MAX;
+use super::{BitImage, Morphology, NO_BACKGROUND, Outside, disc, erode};
 
 /// Euclidean distance transform with its working memory: make one per thread and reuse it.
 ///

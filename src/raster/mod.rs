@@ -29,9 +29,12 @@ mod fill;
 mod opening;
 
 pub use bits::BitImage;
-pub use edt::{Edt, NO_BACKGROUND};
+pub use edt::Edt;
 pub use fill::fill_triangle;
 pub use opening::Opener;
+
+/// Squared distance of every object pixel if there is no background at all.
+pub const NO_BACKGROUND: u32 = u32::MAX;
 
 /// State of the pixels outside the image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

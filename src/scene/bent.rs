@@ -26,8 +26,8 @@ pub(super) fn triangulate(p: &[DVec3]) -> Option<Vec<[u32; 3]>> {
             let j = i + length;
             let cost = |k: usize| best[i * n + k].0 + best[k * n + j].0 + area(i, k, j);
             let choices = (i + 1..j).map(|k| (cost(k), k));
-            if let Some(least) = choices.min_by(|a, b| a.0.total_cmp(&b.0)) {
-                best[i * n + j] = least;
+            if let Some(best_choice) = choices.min_by(|a, b| a.0.total_cmp(&b.0)) {
+                best[i * n + j] = best_choice;
             }
         }
     }

@@ -2,6 +2,7 @@
 
 use super::{Emitter, Scene};
 use crate::math::Aabb;
+use crate::math::sampling::{on_triangle, pick};
 use glam::{BVec3, Vec3};
 use std::borrow::Cow;
 
@@ -128,23 +129,9 @@ impl Facing<'_> {
     /// Area-uniform point from two numbers in `[0, 1)`, and the unit normal of its face: the first number picks the face and is used
     /// again inside it.
     pub fn sample(&self, scene: &Scene, u: f32, v: f32) -> (Vec3, Vec3) {
-        let total = *self.sums.last().expect("emitters have faces");
-        let target = u * total;
-        let mut i = self.sums.partition_point(|&s| s <= target).min(self.sums.len() - 1);
-        // Rounded up to the total: the last face that counts.
-        while i > 0 && self.sums[i] == self.sums[i - 1] {
-            i -= 1;
-        }
-        let before = if i > 0 { self.sums[i - 1] } else { 0.0 };
-        let u = ((target - before) / (self.sums[i] - before)).clamp(0.0, 1.0);
-        (point_on(scene.corners(self.triangles[i]), u, v), self.normals[i])
+        let (i, u, _) = pick(&self.sums, u);
+        (on_triangle(scene.corners(self.triangles[i]), u, v), self.normals[i])
     }
-}
-
-/// Area-uniform point of a triangle.
-pub fn point_on([a, b, c]: [Vec3; 3], u: f32, v: f32) -> Vec3 {
-    let root = u.sqrt();
-    a + root * (1.0 - v) * (b - a) + root * v * (c - a)
 }
 
 /// The corners of a convex polygon in turn; as they are if there is no such order.
@@ -159,9 +146,11 @@ fn in_turn(points: [Vec3; 4]) -> [Vec3; 4] {
     orders.into_iter().find(convex).unwrap_or(points)
 }
 
+/// Largest number of points of a hull that is kept as it is: as many as the box has corners that replaces larger ones.
+const MAX_HULL_POINTS: usize = 8;
+
 /// The points, each once, if there are few, or the corners of the box around them.
 fn hull(points: impl Iterator<Item = Vec3> + Clone) -> Vec<Vec3> {
-    const MAX_HULL_POINTS: usize = 8;
     let mut distinct: Vec<Vec3> = Vec::new();
     for p in points.clone() {
         if distinct.len() <= MAX_HULL_POINTS && !distinct.contains(&p) {

@@ -148,8 +148,8 @@ impl Scene {
                     format!("node `{}` places its mesh at coordinates that are {what}", quote(&p.name));
                 return Err(Error::format(&self.path, None, text));
             }
-            let least = MIN_EXTENT.max(f64::from(f32::EPSILON * farthest));
-            if f64::from(bounds.extent().max_element()) < least {
+            let min_extent = MIN_EXTENT.max(f64::from(f32::EPSILON * farthest));
+            if f64::from(bounds.extent().max_element()) < min_extent {
                 vanished += 1;
             } else {
                 self.placements.push(p);

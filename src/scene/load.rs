@@ -152,6 +152,7 @@ fn read_bytes(
 ///
 /// # Errors
 /// As for [`Scene::load_with`].
+#[cfg(any(test, feature = "internals"))]
 pub fn read_from_memory(folder: &Path, format: &str, bytes: &[u8], options: &LoadOptions) -> Result<Scene> {
     let path = folder.join("scene").with_extension(format);
     let mut sources = Sources::new(options.max_memory);

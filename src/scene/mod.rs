@@ -23,6 +23,7 @@ mod resolve;
 mod soup;
 mod sources;
 mod stack;
+mod stretch;
 #[cfg(test)]
 pub(crate) mod testing;
 #[cfg(test)]
@@ -35,16 +36,20 @@ mod write_gltf;
 #[cfg(any(test, feature = "cli"))]
 mod write_obj;
 
-pub use emitter_sampler::{EmitterSampler, point_on};
+pub use emitter_sampler::EmitterSampler;
 pub use flatten::InstanceTriangles;
 #[cfg(test)]
 pub(crate) use instances::resolve_placed;
 pub use instances::{MAX_PLACEMENTS, Placement};
-pub use load::{LoadOptions, read_from_memory};
+pub use load::LoadOptions;
+#[cfg(any(test, feature = "internals"))]
+pub use load::read_from_memory;
+#[cfg(any(test, feature = "internals"))]
 pub use mtl::read_materials;
 pub use power::{parse_emitter, unit_in_metres};
 pub use resolve::{MAX_COORDINATE, MIN_EXTENT, resolve};
 pub use soup::{PlacedSoup, Soup, SoupMaterial};
+pub use stretch::{MAX_STRETCH, stretch};
 #[cfg(any(test, feature = "cli"))]
 pub use write_gltf::write_gltf;
 #[cfg(any(test, feature = "cli"))]
@@ -209,6 +214,11 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// Length of rays that leave the scene from any of its points, scene units: its diagonal, with one per cent for rounding.
+    pub(crate) fn ray_length(&self) -> f32 {
+        1.01 * self.bounds.diagonal()
+    }
+
     /// The corners of a triangle.
     #[inline]
     pub(crate) fn corners(&self, triangle: u32) -> [Vec3; 3] {

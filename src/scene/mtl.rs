@@ -75,6 +75,7 @@ impl Library {
 ///
 /// # Errors
 /// It is no material library, or has an invalid colour.
+#[cfg(any(test, feature = "internals"))]
 pub fn read_materials(folder: &Path, bytes: &[u8]) -> Result<usize> {
     let mut library = Library::default();
     let path = folder.join("scene.mtl");

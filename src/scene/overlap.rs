@@ -1,7 +1,7 @@
 //! Faces in one plane that overlap and are visible from the same side: which of them a ray hits would depend on rounding.
 //!
 //! The rule: the face whose part (connected faces) has the smaller area lies on top, of equal parts the one later in the file. The
-//! other is moved off it by a few rounding errors, against its normal, and gets no light there. See [`super::stack`].
+//! other is moved behind it by a few rounding errors and gets no light there (`stack.rs`).
 //!
 //! Examples are a rug at the height of the floor and a poster in the plane of its wall. A closed solid in contact with a face that
 //! it faces (a box on a floor) is excluded, because nothing between them is visible. Two sheets in contact are visible from both
@@ -34,9 +34,11 @@ pub(super) struct Faces<'a> {
 /// Two overlapping triangles, the smaller index first, and the area of their overlap, scene units squared.
 pub(super) type Overlap = (u32, u32, f64);
 
+/// Pairs of objects that the message names: it stays below three lines of a terminal.
+const MAX_NAMED_PAIRS: usize = 4;
+
 /// Finds the overlaps, counts those of faces that face the same way and names the largest in a message.
 pub(super) fn find(faces: &Faces, objects: &[Object], unit: &str, repairs: &mut Repairs) -> Vec<Overlap> {
-    const MAX_NAMED_PAIRS: usize = 4;
     let found = overlaps(faces);
     let mut by_objects = BTreeMap::<[u32; 2], f64>::new();
     for &(a, b, area) in found.iter().filter(|(a, b, _)| faces_alike(faces, [*a, *b])) {
@@ -141,23 +143,25 @@ impl Tolerance {
             a - self.middle,
             [MAX_SLOPE_DIFFERENCE, MAX_SLOPE_DIFFERENCE, 2.0 * self.height].map(|t| CELL_TOLERANCES * t),
         );
-        let least = (1.0 - MAX_SLOPE_DIFFERENCE) * n.abs().max_element();
-        (0..3).filter(move |&axis| n[axis].abs() >= least && least > 0.0).flat_map(move |axis| {
-            let [i, j] = others(axis);
-            let slopes = [-n[i] / n[axis], -n[j] / n[axis]];
-            let intercept = from[axis] - slopes[0] * from[i] - slopes[1] * from[j];
-            let numbers = [slopes[0], slopes[1], intercept];
-            // Offset by half a cell, so that 0 is in the middle of a cell.
-            let cells: [[i64; 2]; 3] = std::array::from_fn(|k| {
-                let place = numbers[k] / sizes[k] + 0.5;
-                [-1.0, 1.0].map(|off| (place + off / CELL_TOLERANCES).floor() as i64)
-            });
-            (0..8usize).filter_map(move |upper| {
-                let is_upper = |k: usize| upper >> k & 1;
-                let distinct = (0..3).all(|k| is_upper(k) == 0 || cells[k][0] != cells[k][1]);
-                distinct.then(|| mixed(std::array::from_fn(|k| cells[k][is_upper(k)])) << 2 | axis as u64)
-            })
-        })
+        let min_component = (1.0 - MAX_SLOPE_DIFFERENCE) * n.abs().max_element();
+        (0..3).filter(move |&axis| n[axis].abs() >= min_component && min_component > 0.0).flat_map(
+            move |axis| {
+                let [i, j] = others(axis);
+                let slopes = [-n[i] / n[axis], -n[j] / n[axis]];
+                let intercept = from[axis] - slopes[0] * from[i] - slopes[1] * from[j];
+                let numbers = [slopes[0], slopes[1], intercept];
+                // Offset by half a cell, so that 0 is in the middle of a cell.
+                let cells: [[i64; 2]; 3] = std::array::from_fn(|k| {
+                    let place = numbers[k] / sizes[k] + 0.5;
+                    [-1.0, 1.0].map(|off| (place + off / CELL_TOLERANCES).floor() as i64)
+                });
+                (0..8usize).filter_map(move |upper| {
+                    let is_upper = |k: usize| upper >> k & 1;
+                    let distinct = (0..3).all(|k| is_upper(k) == 0 || cells[k][0] != cells[k][1]);
+                    distinct.then(|| mixed(std::array::from_fn(|k| cells[k][is_upper(k)])) << 2 | axis as u64)
+                })
+            },
+        )
     }
 }
 
@@ -193,7 +197,7 @@ fn within(faces: &Faces, group: &[(u64, u32)], tolerance: &Tolerance) -> Vec<(u3
     };
     let boxes: Vec<[DVec2; 2]> = group.iter().map(|&(_, t)| flat_box(t)).collect();
     let mut found = Vec::new();
-    let mut look = |k: usize, m: usize| {
+    let mut test_pair = |k: usize, m: usize| {
         let ([low, high], [from, to]) = (boxes[k], boxes[m]);
         let meets = low.cmplt(to).all() && from.cmplt(high).all();
         if meets {
@@ -207,7 +211,7 @@ fn within(faces: &Faces, group: &[(u64, u32)], tolerance: &Tolerance) -> Vec<(u3
     };
     if group.len() <= MAX_UNGRIDDED_FACES {
         for (k, m) in (0..group.len()).flat_map(|m| (0..m).map(move |k| (k, m))) {
-            look(k, m);
+            test_pair(k, m);
         }
         return found;
     }
@@ -235,7 +239,7 @@ fn within(faces: &Faces, group: &[(u64, u32)], tolerance: &Tolerance) -> Vec<(u3
         });
         let mut left = MAX_TESTS_PER_FACE;
         for &m in near {
-            left -= if look(k, m) { 1.0 } else { MISS_COST };
+            left -= if test_pair(k, m) { 1.0 } else { MISS_COST };
             if left <= 0.0 {
                 break;
             }

@@ -1,7 +1,11 @@
 //! Bundles of segments, and answers to them.
 
+use crate::math;
 use crate::ray::Packet;
 use glam::Vec3;
+
+/// [`math::NORMAL_95`] in single precision.
+const NORMAL_95: f32 = math::NORMAL_95 as f32;
 
 /// Segments of one visibility query: from `origin` at the receiver to `origin + direction` on the emitter.
 #[derive(Clone, Copy, Debug)]
@@ -102,11 +106,11 @@ pub fn wilson(mean: f32, n: f32) -> (f32, f32) {
 /// Wilson's interval with the variance of the values in place of mean (1 - mean); the allowance for unseen values is
 /// the same.
 pub(super) fn interval(mean: f32, variance: f32, n: f32, model: f32) -> (f32, f32) {
-    const Z: f32 = 1.96;
-    let unseen = Z * Z / n;
+    let unseen = NORMAL_95 * NORMAL_95 / n;
     let scale = 1.0 / (1.0 + unseen);
     let centre = (mean + 0.5 * unseen) * scale;
-    let half = Z * scale * (variance / n + 0.25 * unseen / n + (model / scale).powi(2)).max(0.0).sqrt();
+    let half =
+        NORMAL_95 * scale * (variance / n + 0.25 * unseen / n + (model / scale).powi(2)).max(0.0).sqrt();
     // Rounding must not exclude the mean.
     ((centre - half).clamp(0.0, mean), (centre + half).clamp(mean, 1.0))
 }

@@ -18,6 +18,11 @@ const MAX_GROUP_BUNDLES: usize = 64;
 /// Largest distance between the receiver ends of a group, relative to the distance to the emitter. Any value from 0.25
 /// to 1 changes the error of a forest by less than 0.5 % of itself (`constants.py bench`).
 const MAX_GROUP_WIDTH: f32 = 0.5;
+/// Largest box around the emitter ends of a group, relative to those of its first bundle: @G.
+const MAX_TARGET_GROWTH: f32 = 1.25;
+/// Emitter ends of the first bundle count as at least this wide, relative to their distance, so that bundles towards points form
+/// groups: @M.
+const MIN_TARGET_WIDTH: f32 = 0.05;
 
 /// Working memory of a thread, kept between calls.
 #[derive(Default)]
@@ -166,14 +171,14 @@ fn group(bundles: &[Bundle], shafts: &[Shaft], first: usize) -> Range<usize> {
     let distance = shafts[first].direction().length();
     let [from, to] = shafts[first].ends.map(|e| e.bounds());
     let (mut from, mut to) = (from, to);
-    let widest = (to[1] - to[0]).length() + 0.05 * distance;
+    let widest = (to[1] - to[0]).length() + MIN_TARGET_WIDTH * distance;
     let mut end = first + 1;
     while end < limit && !bundles[end].packets.is_empty() {
         let [a, b] = shafts[end].ends.map(|e| e.bounds());
         from = [from[0].min(a[0]), from[1].max(a[1])];
         to = [to[0].min(b[0]), to[1].max(b[1])];
         if (from[1] - from[0]).length() > MAX_GROUP_WIDTH * distance
-            || (to[1] - to[0]).length() > 1.25 * widest
+            || (to[1] - to[0]).length() > MAX_TARGET_GROWTH * widest
         {
             break;
         }

@@ -4,11 +4,21 @@
 //! results do not vary between runs. The model has three parts:
 //! * *calibration*: the work of exact rays per packet, from the work of testing everything in the shafts of sample bundles;
 //! * *limit*: a walk that exceeds a multiple of that work is abandoned, and Embree traces the bundle;
-//! * *choice*: before bundles are asked, their walks on a sample are compared with exact rays.
+//! * *choice*: before many bundles are answered, the walks of some runs of them ([`sample_runs`]) are compared with exact rays:
+//!   with a margin where only time counts (bench, batches; [`Work::is_clearly_less`]), without one in the solver
+//!   ([`Work::is_less`]), which also saves the links of shadows that it need not resolve.
 
 use super::answer::Bundle;
 use super::walk::Walked;
 use crate::simd::LANES;
+use std::ops::Range;
+
+/// Runs of neighbouring bundles that represent all bundles when the engine is chosen, and bundles of each run: 256 bundles in all
+/// limit the time of the choice, and the bundles of a run share their traversal as all bundles do.
+pub const SAMPLE_RUNS: usize = 16;
+pub const SAMPLE_RUN: usize = 16;
+/// Largest part of the bundles in the sample, except for its first run: an eighth, so that the choice takes little of the time.
+const MAX_SAMPLE_PART: usize = 8;
 
 /// Work of exact rays per packet until [`CostModel::calibrated`] replaces it: [`EMBREE_WORK_FACTOR`] · √1,100, for a
 /// shaft with some 90 blocks of triangles ([`super::work::BLOCK`]).
@@ -24,6 +34,17 @@ const MAX_WORK_RATIO: f64 = 0.8;
 const GIVE_UP_FACTOR: u64 = 2;
 /// Work per bundle for its shaft and answer: five nodes. An estimate that selects between engines.
 const BUNDLE_WORK: u64 = 30;
+
+/// Evenly spread runs of so many bundles, by which the engine is chosen for all of them.
+pub fn sample_runs(bundles: usize) -> impl Iterator<Item = Range<usize>> {
+    let length = SAMPLE_RUN.min(bundles);
+    let runs = SAMPLE_RUNS.min(bundles / (MAX_SAMPLE_PART * SAMPLE_RUN)).max(1);
+    (0..runs).map(move |k| {
+        let first = (bundles - length) * k / (runs - 1).max(1);
+        first..first + length
+    })
+}
+
 /// Estimated work of exact rays.
 #[derive(Clone, Copy)]
 pub(super) struct CostModel {
@@ -33,9 +54,9 @@ pub(super) struct CostModel {
 
 /// Work of both engines for the same bundles.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Work {
-    pub own: u64,
-    pub rays: u64,
+pub struct Work {
+    pub(super) own: u64,
+    pub(super) rays: u64,
 }
 
 impl CostModel {

@@ -43,7 +43,7 @@ pub(super) struct Front {
 }
 
 impl Front {
-    /// Opens the tree for a group whose emitter sizes lie in `(least, largest)` and feature sizes in `(finest,
+    /// Opens the tree for a group whose emitter sizes lie in `(narrowest, widest)` and feature sizes in `(finest,
     /// coarsest)`, scene units. Returns the number of visited nodes and the work. `soft`: leaves are never opened.
     #[inline(always)]
     pub fn open<S: Simd>(
@@ -51,7 +51,7 @@ impl Front {
         simd: S,
         tree: &WideTree,
         shaft: &Shaft,
-        (least, largest): (f32, f32),
+        (narrowest, widest): (f32, f32),
         (finest, coarsest): (f32, f32),
         soft: bool,
     ) -> (u32, u64) {
@@ -68,9 +68,9 @@ impl Front {
             if touched != 0 {
                 let optics = &tree.optics[at];
                 // Clusters that the bundles will probably aggregate stay closed.
-                let aggregated = shaft.aggregates(simd, node, mixed(simd, optics, &mix).0, least, finest);
+                let aggregated = shaft.aggregates(simd, node, mixed(simd, optics, &mix).0, narrowest, finest);
                 // Leaves that no bundle may aggregate, in any direction, are opened here.
-                let perhaps = simd.bits(simd.lt(smallest(simd, optics), simd.splat(coarsest.max(largest))));
+                let perhaps = simd.bits(simd.lt(smallest(simd, optics), simd.splat(coarsest.max(widest))));
                 for lane in Lanes(touched) {
                     let child = node.child[lane];
                     let found = Found { node: at as u32, lane };

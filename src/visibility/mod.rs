@@ -36,6 +36,7 @@ mod work;
 
 pub use answer::{Answer, Bundle, Cost, Method, wilson};
 pub use bundle_walks::Workspace;
+pub use cost_model::{SAMPLE_RUN, SAMPLE_RUNS, Work, sample_runs};
 pub use exact::{Exact, fastest_traversal};
 pub use instances::{Frame, InstanceTree};
 pub use multires::{LeafMode, MultiResolution};

@@ -175,30 +175,10 @@ impl MultiResolution {
         self
     }
 
-    /// Whether this engine probably takes less time than exact rays for runs of bundles like `sample`. Counts work, as
-    /// [`MultiResolution::with_budget`] does.
-    pub fn pays<'b>(
-        &self,
-        sample: impl IntoIterator<Item = &'b [Bundle<'b>]>,
-        s: f32,
-        workspace: &mut Workspace,
-    ) -> bool {
-        let mut work = Work::default();
-        for run in sample {
-            work.add(self.work(run, Sizes::All(s), workspace));
-        }
-        work.is_clearly_less()
-    }
-
-    /// Whether this engine probably does less work than exact rays for one run of bundles with individual feature
-    /// sizes.
-    pub fn pays_each(&self, run: &[Bundle], sizes: &[f32], workspace: &mut Workspace) -> bool {
-        self.work(run, Sizes::Each(sizes), workspace).is_less()
-    }
-
-    /// Work for a run of bundles by this engine and by exact rays.
-    fn work(&self, run: &[Bundle], sizes: Sizes, workspace: &mut Workspace) -> Work {
-        self.walk_all(run, sizes, true, workspace);
+    /// Work for a run of bundles with individual feature sizes, by this engine and by exact rays. The sum over some runs decides
+    /// between the engines, [`Work::is_clearly_less`].
+    pub fn work(&self, run: &[Bundle], sizes: &[f32], workspace: &mut Workspace) -> Work {
+        self.walk_all(run, Sizes::Each(sizes), true, workspace);
         let mut work = Work::default();
         for (bundle, walked) in run.iter().zip(&workspace.walked) {
             work.add(self.cost.of(bundle, walked));
@@ -255,18 +235,18 @@ impl MultiResolution {
         // A bundle without segments is unoccluded.
         let clear = walked.clear || segments == 0;
         let mean = |sum: f32| if clear { 1.0 } else { (sum / n).min(1.0) };
-        let [transmittance, square, least, greatest] =
+        let [transmittance, square, smallest, greatest] =
             [walked.transmittance, walked.square, walked.lo, walked.hi].map(mean);
         if certain {
             return Answer { transmittance, lo: transmittance, hi: transmittance, method, cost };
         }
         let variance = (square - transmittance * transmittance).max(0.0);
-        let dependence = DEPENDENCE_FRACTION * (greatest - least).max(0.0);
+        let dependence = DEPENDENCE_FRACTION * (greatest - smallest).max(0.0);
         let model = (walked.model * walked.model + dependence * dependence).sqrt();
         let (lo, hi) = interval(transmittance, variance, n, model);
         // Whatever the dependence between clusters, the mean lies between Fréchet's bounds, apart from the clusters'
         // own errors; the bounds are known from samples only.
-        let lo = lo.max(wilson(least, n).0 - 2.0 * model).clamp(0.0, transmittance);
+        let lo = lo.max(wilson(smallest, n).0 - 2.0 * model).clamp(0.0, transmittance);
         let hi = hi.min(wilson(greatest, n).1 + 2.0 * model).clamp(transmittance, 1.0);
         Answer { transmittance, lo, hi, method, cost }
     }

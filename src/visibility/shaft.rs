@@ -166,13 +166,13 @@ impl Shaft {
         // two coordinate axes that is the third axis, and t is exact.
         let mut axis = along / along.length_squared().max(f32::MIN_POSITIVE);
         let spread_along = |axis: Vec3| (ends[0].half + ends[1].half).dot(axis.abs());
-        let mut least = spread_along(axis);
+        let mut smallest = spread_along(axis);
         for k in 0..3 {
             // For axes nearly perpendicular to the segments, rounding of coordinates would dominate.
             if along[k].abs() > 0.05 * along.length() {
                 let candidate = Vec3::AXES[k] / along[k];
-                if spread_along(candidate) < least {
-                    (axis, least) = (candidate, spread_along(candidate));
+                if spread_along(candidate) < smallest {
+                    (axis, smallest) = (candidate, spread_along(candidate));
                 }
             }
         }

@@ -85,11 +85,11 @@ pub(super) const NO_OPTICS: [AxisOptics; AXIS_COUNT] =
 /// Smallest feature size of each child along any axis.
 #[inline(always)]
 pub(super) fn smallest<S: Simd>(simd: S, optics: &[AxisOptics; AXIS_COUNT]) -> S::F {
-    let mut least = simd.load_half(&optics[0].size);
+    let mut smallest = simd.load_half(&optics[0].size);
     for axis in &optics[1..] {
-        least = simd.min(least, simd.load_half(&axis.size));
+        smallest = simd.min(smallest, simd.load_half(&axis.size));
     }
-    least
+    smallest
 }
 
 /// Feature sizes and extinctions of a node's children, interpolated for a direction.

@@ -1,6 +1,7 @@
 //! Rules of the project that the compiler does not check. The table of rooms in `src/ARCHITECTURE.md` states which
 //! room may use which.
 
+mod circles;
 mod style;
 
 use std::collections::{BTreeMap, BTreeSet};

@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use crate::bench::record::{Build, ExactRow, MrRow, Record};
-use crate::page::{Cell, bytes, count, facts, length, percent, seconds, signed, table, times};
+use crate::page::{Cell, bytes, count, length, percent, properties, seconds, signed, table, times};
 use crate::plot::number;
 
 /// Scene, preparation and workload.
@@ -13,7 +13,7 @@ pub(super) fn scene(record: &Record) -> Markup {
         section {
             h2 { "Scene and workload" }
             div.columns {
-                (facts("Scene", &[
+                (properties("Scene", &[
                     ("triangles", count(scene.triangles as u64)),
                     ("objects", count(scene.objects as u64)),
                     ("emitters", count(scene.emitters as u64)),
@@ -22,7 +22,7 @@ pub(super) fn scene(record: &Record) -> Markup {
                     ("clusters", count(scene.clusters as u64)),
                     ("levels", count(scene.levels as u64)),
                 ]))
-                (facts("Preparation", &[
+                (properties("Preparation", &[
                     ("reading", seconds(build.load_s)),
                     ("Embree's tree", seconds(build.embree_s)),
                     ("hierarchy", seconds(build.hierarchy_s)),
@@ -35,7 +35,7 @@ pub(super) fn scene(record: &Record) -> Markup {
                     ("memory, Embree", bytes(build.embree_bytes)),
                     ("memory per triangle", per_triangle(build)),
                 ]))
-                (facts("Workload", &[
+                (properties("Workload", &[
                     ("points", count(work.points as u64)),
                     ("segments per point and emitter", count(work.rays as u64)),
                     ("segments", count(work.segments)),

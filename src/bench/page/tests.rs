@@ -17,7 +17,7 @@ fn shadows(large_only: bool, noise: f32, seed: u64) -> Image {
     let discs: Vec<[f32; 3]> = (0..260)
         .map(|i| [160.0 * random(), 120.0 * random(), if i < 6 { 12.0 } else { 1.5 + 2.0 * random() }])
         .collect();
-    let mut grain = seed | 1;
+    let mut random = seed | 1;
     Image::from_fn(160, 120, 0.05, |x, y| {
         let mut light = if large_only { 0.66 } else { 1.0f32 };
         for [cx, cy, r] in &discs {
@@ -27,8 +27,8 @@ fn shadows(large_only: bool, noise: f32, seed: u64) -> Image {
             let d = (x as f32 - cx).hypot(y as f32 - cy) - r;
             light *= ((d + 1.5) / 3.0).clamp(0.0, 1.0);
         }
-        grain = grain.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        let sign = (grain >> 40) as f32 / (1 << 24) as f32 - 0.5;
+        random = random.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        let sign = (random >> 40) as f32 / (1 << 24) as f32 - 0.5;
         (light + noise * sign).clamp(0.0, 1.0)
     })
     .unwrap()

@@ -1,6 +1,6 @@
 //! The largest rectangle inside a patch: the image of a disc or of an L-shaped floor shows no texel beside it.
 
-use super::patch::Rectangle;
+use super::rectangle::Rectangle;
 use crate::scene::Scene;
 use glam::DVec2;
 

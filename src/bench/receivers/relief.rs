@@ -1,36 +1,10 @@
 //! Receivers that are not planar: heights of terrain, texel by texel.
 
 use super::super::workload::ReceiverPoint;
-use super::patch::{MIN_FILLED_PART, MIN_PATCH_PART, Patch, Rectangle, fit};
-use crate::math::{triangle_area, triangle_normal};
+use super::rectangle::Rectangle;
+use crate::math::triangle_normal;
 use crate::scene::Scene;
 use glam::{DVec2, DVec3};
-
-/// Smallest length of the mean normal of a relief: for slopes of one angle in all directions its cosine, here 37
-/// degrees. Terrain exceeds it; foliage, which points everywhere, does not.
-const MIN_MEAN_NORMAL: f64 = 0.8;
-
-/// The relief of some faces; `None` if one of their planar patches is large, or if the faces point into all
-/// directions.
-pub(super) fn of<'a>(
-    scene: &Scene,
-    triangles: &[u32],
-    patches: impl Iterator<Item = &'a Patch>,
-) -> Option<Patch> {
-    let (mut sum, mut area) = (DVec3::ZERO, 0.0);
-    for &t in triangles {
-        let [a, b, c] = scene.corners(t);
-        let own = triangle_area(a, b, c);
-        sum += own * triangle_normal(a, b, c).as_dvec3();
-        area += own;
-    }
-    let largest = patches.filter(|p| p.filled() >= MIN_FILLED_PART).map(|p| p.area).fold(0.0, f64::max);
-    if largest >= MIN_PATCH_PART * area || sum.length() < MIN_MEAN_NORMAL * area {
-        return None;
-    }
-    let rectangle = fit(scene, triangles, sum.normalize())?;
-    Some(Patch { triangles: triangles.to_vec(), area: sum.length(), rectangle, relief: true })
-}
 
 /// Highest points of the faces at the centres of the texels of a rectangle, row by row from the top left, a
 /// thousandth of a texel above the surface. Texels beside the faces get the height of the nearest texel in the row.

@@ -1,7 +1,8 @@
 //! Number, size and place of a receiver's texels.
 
-use super::patch::{Patch, Rectangle};
+use super::patch::Patch;
 use super::probe;
+use super::rectangle::Rectangle;
 use crate::model::Model;
 use crate::ray::Occluder;
 use crate::scene::Scene;
@@ -33,18 +34,18 @@ impl TexelGrid {
     /// much of it as the number of texels allows. `share`: number of emitters times number of images. If six of
     /// `sizes[1]` do not fit into the image, its texels are larger.
     pub(super) fn new(surface: [f64; 2], sizes: [f64; 2], share: usize) -> TexelGrid {
-        let [least, most] = SIDE_TEXELS.map(|n| n as f64);
-        let fine = (0.5 * sizes[0]).min(surface[0] / least);
+        let [min, max] = SIDE_TEXELS.map(|n| n as f64);
+        let fine = (0.5 * sizes[0]).min(surface[0] / min);
         // A window is as wide as the number of its texels allows; narrow surfaces need fewer rows.
         let texels = MAX_PAIRS as f64 / share.max(1) as f64;
         let shape = surface[1] / surface[0];
-        let square = texels.sqrt().clamp(least / 3.0, most);
+        let square = texels.sqrt().clamp(min / 3.0, max);
         let rows = |texel: f64| (surface[1] / texel).min(square).max(1.0);
-        let side = |texel: f64| (texels / rows(texel)).clamp(square, most).min(surface[0] / texel);
+        let side = |texel: f64| (texels / rows(texel)).clamp(square, max).min(surface[0] / texel);
         let texel = match side(fine) * fine >= 0.999 * (LARGEST_FEATURES * sizes[1]).min(surface[0]) {
             true => fine,
             false => {
-                (LARGEST_FEATURES * sizes[1]).min(surface[0]) / (texels / shape).sqrt().clamp(square, most)
+                (LARGEST_FEATURES * sizes[1]).min(surface[0]) / (texels / shape).sqrt().clamp(square, max)
             }
         };
         let count = |n: f64| (n.round() as usize).max(1);

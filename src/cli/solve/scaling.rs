@@ -13,8 +13,8 @@ use std::sync::Arc;
 /// Solves a series of growing scenes; prints a table of times and the exponent of their growth.
 pub fn scaling(common: &Common, options: &Options, largest: usize) -> Result<ExitCode> {
     if !LARGEST.contains(&largest) {
-        let (least, most) = (LARGEST.start(), LARGEST.end());
-        return Err(Error::Argument(format!("--scaling={largest}: must lie in {least}..{most} triangles")));
+        let (min, max) = (LARGEST.start(), LARGEST.end());
+        return Err(Error::Argument(format!("--scaling={largest}: must lie in {min}..{max} triangles")));
     }
     common.check_json()?;
     let watch = Watch { bar: Bar::new(common.quiet), stopped: Arc::default() };
@@ -39,7 +39,7 @@ pub fn scaling(common: &Common, options: &Options, largest: usize) -> Result<Exi
     let _ = writeln!(
         text,
         "time grows as triangles to the power of {:.3} over all scenes, {:.3} over the last two, where what costs the same in \
-         all of them (rays of the local pass) counts least",
+         all of them (rays of the local pass) counts min",
         found.slope, found.slope_last
     );
     common.print(&text)?;

@@ -41,9 +41,9 @@ pub(super) struct Eye {
 pub(super) fn eyes(stage: &Stage, up: Vec3, unit: &str) -> Vec<Eye> {
     let bounds = Aabb::of(stage.mesh.positions.iter().copied());
     let (size, level) = (bounds.extent(), bounds.extent() * (Vec3::ONE - up.abs()));
-    let least = MIN_HEIGHT_PART * level.max_element();
+    let min_height = MIN_HEIGHT_PART * level.max_element();
     let person = unit_in_metres(unit).map_or(0.0, |metres| (EYE_HEIGHT_METRES / metres) as f32);
-    let (tall, tiny) = (person.max(least), 1e-4 * size.max_element());
+    let (tall, tiny) = (person.max(min_height), 1e-4 * size.max_element());
     let mut eyes = Vec::new();
     for spot in spots(stage, up) {
         let ground = lowest(stage, spot, up, tiny);

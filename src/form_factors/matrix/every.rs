@@ -11,6 +11,9 @@ use crate::ray::{LANES, Packet};
 /// Expected discovery rays from which a pair gets a bundle of its own. Any value from 1.25 to 5 changes the error of
 /// the matrix by less than 0.005 % (`constants.py form-factors`).
 const MIN_BUNDLE_EXPECTED: f64 = 2.5;
+/// Both parameters of the beta distribution of a transmittance before any ray: small, because most pairs are entirely visible or
+/// entirely blocked. @B
+const BETA_PRIOR: f64 = 0.1;
 /// Expected discovery rays from which a pair gets four rays instead of one. Any value from 0.3 to 1.2 changes the error
 /// of the matrix by less than 0.001 % (`constants.py form-factors`).
 const MIN_FOUR_RAYS_EXPECTED: f64 = 0.6;
@@ -58,15 +61,14 @@ impl Tally {
     }
 
     /// Transmittance with its error. Most pairs are entirely visible or entirely blocked: the prior is a beta
-    /// distribution with both parameters `PRIOR`, and the error is the standard deviation of the posterior.
+    /// distribution with both parameters [`BETA_PRIOR`], and the error is the standard deviation of the posterior.
     fn transmittance(&self) -> Transmittance {
-        const PRIOR: f64 = 0.1;
         if self.rays == 0 {
             // Only corners face each other; nothing is known to block them.
             return Transmittance { value: 1.0, error: 0.0 };
         }
         let (clear, blocked) =
-            (f64::from(self.clear_rays) + PRIOR, f64::from(self.rays - self.clear_rays) + PRIOR);
+            (f64::from(self.clear_rays) + BETA_PRIOR, f64::from(self.rays - self.clear_rays) + BETA_PRIOR);
         let all = clear + blocked;
         Transmittance {
             value: self.clear / self.all,
@@ -195,8 +197,8 @@ impl Pairs<'_> {
 fn rough(a: &Facet, b: &Facet) -> Option<f64> {
     let square = a.centre.distance_squared(b.centre);
     let size = a.radius + b.radius;
-    let least = COPLANAR_HEIGHT * (square.sqrt() + size);
-    let (here, there) = (a.rise(b, least)?, b.rise(a, least)?);
+    let min_rise = COPLANAR_HEIGHT * (square.sqrt() + size);
+    let (here, there) = (a.rise(b, min_rise)?, b.rise(a, min_rise)?);
     // The estimate from centres is far too small for close parallel facets and for adjacent slim ones.
     let slim = |f: &Facet| f.area < SLIM_AREA * f.radius * f.radius;
     let near = if slim(a) || slim(b) { 1.0 } else { NEAR_DISTANCE };

@@ -114,17 +114,17 @@ pub struct Labels {
 impl Facet {
     /// Approximate height of another facet above the plane of any piece, if more than `least`: the centre's height
     /// where the whole bounding ball is above, else the highest corner's. Scene units.
-    pub fn rise(&self, other: &Facet, least: f64) -> Option<f64> {
-        let mut most = least;
+    pub fn rise(&self, other: &Facet, min_rise: f64) -> Option<f64> {
+        let mut rise = min_rise;
         for (piece, normal) in self.pieces.iter().zip(&self.normals) {
             let height = normal.dot(other.centre - piece[0]);
             if height > other.radius {
-                most = most.max(height);
-            } else if height + other.radius > most {
-                most = other.corners.iter().map(|p| normal.dot(*p - piece[0])).fold(most, f64::max);
+                rise = rise.max(height);
+            } else if height + other.radius > rise {
+                rise = other.corners.iter().map(|p| normal.dot(*p - piece[0])).fold(rise, f64::max);
             }
         }
-        (most > least).then_some(most)
+        (rise > min_rise).then_some(rise)
     }
 
     /// Whether this facet is one piece and no corner of the other lies behind it.

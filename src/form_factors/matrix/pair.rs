@@ -54,6 +54,8 @@ pub type Tally = [[f64; 2]; CHANCE_CLASSES];
 /// Number of classes of pairs by expected discovery rays: two per octave, from below 1/16 to 32. Pairs above are found
 /// with certainty and have the class `CHANCE_CLASSES`.
 pub const CHANCE_CLASSES: usize = 20;
+/// Rays that are added to the met and the expected rays of a class, so that classes with few rays hardly change. @P
+const BALANCE_PRIOR_RAYS: f64 = 1000.0;
 
 fn chance(c: f64) -> usize {
     ((2.0 * c.log2()).floor() + 9.0).clamp(0.0, CHANCE_CLASSES as f64) as usize
@@ -234,16 +236,16 @@ pub struct Transmittance {
 /// Scales pairs that were found by chance so that, class by class, they expect as many discovery rays as hit them.
 /// Discovery rays are stratified, which makes discovery more likely than with independent rays, by a few percent where
 /// few rays are expected; the number of rays that hit a class is unbiased regardless (ratio estimator; Cochran 1977,
-/// chapter 6). `PRIOR` rays are added to both counts, so that classes with few hits hardly change.
+/// chapter 6). [`BALANCE_PRIOR_RAYS`] are added to both counts, so that classes with few hits hardly change.
 pub fn balance(rows: &mut [Row]) {
-    const PRIOR: f64 = 1000.0;
     let mut tally: Tally = Default::default();
     for row in &*rows {
         for (sum, [met, expected]) in tally.iter_mut().zip(row.tally) {
             *sum = [sum[0] + met, sum[1] + expected];
         }
     }
-    let factors = tally.map(|[met, expected]| ((met + PRIOR) / (expected + PRIOR)) as f32);
+    let factors =
+        tally.map(|[met, expected]| ((met + BALANCE_PRIOR_RAYS) / (expected + BALANCE_PRIOR_RAYS)) as f32);
     rows.par_iter_mut().for_each(|row| {
         for (exchange, class) in row.exchange.iter_mut().zip(std::mem::take(&mut row.chance)) {
             *exchange *= factors.get(usize::from(class)).copied().unwrap_or(1.0);

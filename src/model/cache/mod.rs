@@ -203,12 +203,12 @@ fn load(path: &Path, key: &blake3::Hash, scene: &Scene) -> std::result::Result<P
     }
     // A tree has fewer than twice as many clusters as leaves; numbers of four bytes take at most five in `postcard`.
     let cluster = size_of::<clusters::Cluster>() + size_of::<ClusterOptics>() + size_of::<u32>();
-    let most = (scene.triangles.len() as u64 + 1) * (2 * cluster as u64 * 5 / 4) + 4096;
-    if about.len() > most {
+    let limit = (scene.triangles.len() as u64 + 1) * (2 * cluster as u64 * 5 / 4) + 4096;
+    if about.len() > limit {
         return Err(Unusable::Damaged);
     }
     let mut body = Vec::with_capacity(about.len() as usize);
-    file.take(most).read_to_end(&mut body).map_err(|_| Unusable::Damaged)?;
+    file.take(limit).read_to_end(&mut body).map_err(|_| Unusable::Damaged)?;
     let (payload, sum) = body.split_last_chunk::<HASH>().ok_or(Unusable::Damaged)?;
     let mut hash = blake3::Hasher::new();
     hash.update(&head).update_rayon(payload);
@@ -230,6 +230,7 @@ pub fn decode(payload: &[u8], scene: &Scene) -> Option<PreparedClusters> {
 }
 
 /// The content of a file.
+#[cfg(any(test, feature = "internals"))]
 pub fn encode(table: &PreparedClusters) -> Option<Vec<u8>> {
     postcard::to_stdvec(table).ok()
 }
@@ -252,7 +253,7 @@ fn save(path: &Path, key: &blake3::Hash, table: &PreparedClusters) -> Result<()>
 }
 
 /// Removes the oldest cache files of a folder until the others take at most `most` bytes. Files that cannot be removed stay.
-fn remove_oldest(folder: &Path, most: u64) {
+fn remove_oldest(folder: &Path, limit: u64) {
     let about = |entry: std::fs::DirEntry| {
         let (path, about) = (entry.path(), entry.metadata().ok()?);
         let ours = about.is_file() && path.extension().is_some_and(|e| e == EXTENSION);
@@ -263,7 +264,7 @@ fn remove_oldest(folder: &Path, most: u64) {
     files.sort();
     let mut all: u64 = files.iter().map(|(_, bytes, _)| bytes).sum();
     for (_, bytes, path) in files {
-        if all <= most {
+        if all <= limit {
             break;
         }
         all -= bytes;

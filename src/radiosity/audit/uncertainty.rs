@@ -3,7 +3,7 @@
 use super::solved::{Closing, Solved};
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::mesh::{Element, PlacedElement, RadiosityMesh};
-use crate::radiosity::options::Rows;
+use crate::radiosity::options::RowSums;
 use crate::radiosity::refinement::LinkedScene;
 use crate::radiosity::rgb::mean;
 use crate::scene::Scene;
@@ -39,9 +39,9 @@ pub fn link_uncertainty(linked: &LinkedScene) -> Vec<f64> {
         variance[e] += variance[elements.elements[e].parent as usize];
     }
     let loss = 1.0 - f64::from(elements.clusters[0].reflectance);
-    let carried = match linked.settings.rows {
-        Rows::Sampled => 1.0 / loss.max(MIN_LOSS),
-        Rows::Closed | Rows::Balanced => 1.0 / loss.max(MIN_LOSS_NORMALISED),
+    let carried = match linked.settings.row_sums {
+        RowSums::Sampled => 1.0 / loss.max(MIN_LOSS),
+        RowSums::Balanced => 1.0 / loss.max(MIN_LOSS_NORMALISED),
     };
     variance.into_iter().map(|v| carried * v.sqrt()).collect()
 }

@@ -2,8 +2,8 @@
 
 use super::emitter_tree::{Cut, EmitterTree, Receiver, power_of};
 use super::{Elements, Shape};
+use crate::math::sampling::point_on;
 use crate::radiosity::rgb::{Rgb, mean};
-use crate::radiosity::sampling::point_on;
 use crate::scene::Scene;
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;

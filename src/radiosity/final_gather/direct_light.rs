@@ -2,10 +2,11 @@
 
 use super::gatherer::FinalGather;
 use crate::form_factors::analytic::point_to_polygon;
+use crate::math::sampling::{mix, numbers, pick, point_on};
 use crate::radiosity::links::{Scratch, VisibilityEngine, VisibilityQuery};
 use crate::radiosity::rgb::{Rgb, add, mean};
-use crate::radiosity::sampling::{mix, numbers, pick, point_on};
 use crate::ray::{LANES, Packet};
+use crate::visibility::sample_runs;
 use glam::Vec3;
 
 /// Points that are gathered for together, as one task: limits the buffers of a task. 64 points are four packets.
@@ -13,9 +14,6 @@ pub(super) const CHUNK: usize = 64;
 /// Smallest number of shadow rays of a point and an emitter: two packets, whose difference shows whether more rays are
 /// needed. 16 or 64 rays instead change irradiance by less than 0.08 % (`constants.py solve`).
 const MIN_SHADOW_RAYS: usize = 2 * LANES;
-/// Runs of consecutive points that represent all points when the engine is chosen, and points of each run.
-const SAMPLE_RUNS: usize = 16;
-const SAMPLE_RUN: usize = 16;
 
 /// A point at which irradiance is computed.
 #[derive(Clone, Copy)]
@@ -29,18 +27,18 @@ pub(super) struct GatherPoint {
 impl FinalGather<'_> {
     /// By emitter, the visibility engine for points like these.
     pub(super) fn engines(&self, points: &[(Vec3, Vec3)]) -> Vec<VisibilityEngine> {
-        let step = (points.len() / SAMPLE_RUNS).max(CHUNK);
-        let sample: Vec<GatherPoint> = points
-            .chunks(step)
-            .flat_map(|part| &part[..SAMPLE_RUN.min(part.len())])
-            .enumerate()
-            .map(|(i, &(at, normal))| GatherPoint { at: self.start(at, normal), normal, seed: mix(i as u64) })
-            .collect();
+        let point = |i: usize| {
+            let (at, normal) = points[i];
+            GatherPoint { at: self.start(at, normal), normal, seed: mix(i as u64) }
+        };
+        let runs: Vec<Vec<GatherPoint>> =
+            sample_runs(points.len()).map(|run| run.map(point).collect()).collect();
         let of = |emitter: usize| {
-            let views = self.emitter_views(&sample, emitter);
-            let queries: Vec<VisibilityQuery> =
-                views.iter().map(|view| self.shadow_rays(view, emitter, 0).0).collect();
-            self.linked.engine.for_queries(&queries, &mut Scratch::default())
+            let queries = |sample: &Vec<GatherPoint>| -> Vec<VisibilityQuery> {
+                let views = self.emitter_views(sample, emitter);
+                views.iter().map(|view| self.shadow_rays(view, emitter, 0).0).collect()
+            };
+            self.linked.engine.for_queries(runs.iter().map(queries))
         };
         (0..self.emitters.emitters.len()).map(of).collect()
     }

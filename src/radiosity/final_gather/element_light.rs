@@ -5,17 +5,18 @@
 //! cosine-weighted rays meet. An element's rays are two independent halves, so that noise can be told from differences between
 //! elements ([`super::sharing`]).
 
-use super::gatherer::{Buffers, FinalGather, PathVertex, RayResult};
+use super::element_samples::{ElementLight, REFLECTED};
+use super::gatherer::{Buffers, FinalGather, PathVertex};
 use super::local_pass::LocalPass;
 use super::neighbours::Place;
 use super::sharing::{SharedLight, share};
 use crate::form_factors::analytic::point_to_polygon;
+use crate::math::sampling::{mix, point_on};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::emitter_tree::Cut;
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::links::{Tally, VisibilityQuery};
 use crate::radiosity::rgb::add;
-use crate::radiosity::sampling::{mix, point_on};
 use crate::ray::LANES;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -23,29 +24,14 @@ use sobol_burley::sample_4d;
 
 /// Elements of one parallel task.
 const CHUNK: usize = 64;
-/// Least rays of each half: a quarter of a packet; a half that has none knows nothing of its noise.
+/// Least rays of each half: a quarter of a packet; a half without rays has no estimate of its noise.
 const MIN_HALF: u32 = 4;
 /// Most rays of each half, so that no element can use up all rays: noise of 1 % where one ray deviates by half of the mean.
 const MAX_HALF: u32 = 1024;
 
-/// The two kinds of light that are estimated and shared separately: direct light has shadow edges, reflected light is smooth.
-pub const KINDS: usize = 2;
-const DIRECT: usize = 0;
-const REFLECTED: usize = 1;
 /// Radius of an element over its distance from a face from which the closed form is evaluated at the centre alone. The midpoint rule
 /// leaves an error of about half the square of that: 0.1 %.
 const MIDPOINT_RADIUS: f32 = 0.05;
-
-/// Irradiance of one leaf by its own rays.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct ElementLight {
-    /// Rays of each half.
-    pub rays: u32,
-    /// By kind (direct, reflected) and half, W/m².
-    pub halves: [[Vec3; 2]; KINDS],
-    /// By kind, sum over all rays of the squared difference from the mean, mean over the channels, (W/m²)².
-    pub squares: [f32; KINDS],
-}
 
 impl FinalGather<'_> {
     /// Traces about `rays` rays from `leaves`. `deviation` is an estimate, by element, of how much the light of one ray deviates,
@@ -215,43 +201,6 @@ fn centres_of_quarters(corners: &[Vec3; 4]) -> [Vec3; 4] {
     [at(0.25, 0.25), at(0.75, 0.25), at(0.75, 0.75), at(0.25, 0.75)]
 }
 
-impl ElementLight {
-    /// Direct light as the mean of what all rays have found.
-    fn direct_of_rays(&mut self, half: usize, results: &[RayResult]) {
-        let mut squares = 0.0;
-        for (h, results) in results.chunks(half).enumerate() {
-            self.halves[DIRECT][h] = results.iter().map(|r| r.direct).sum::<Vec3>() / half as f32;
-            squares += results.iter().map(|r| (r.direct.element_sum() / 3.0).powi(2)).sum::<f32>();
-        }
-        let mean = self.halves[DIRECT].iter().sum::<Vec3>().element_sum() / 6.0;
-        self.squares[DIRECT] = (squares - 2.0 * half as f32 * mean * mean).max(0.0);
-    }
-
-    /// Direct light as the light without blockers, `free`, times the visible part of it: a ratio of two sums over the rays, which has
-    /// no noise where all rays or none are blocked.
-    fn direct_of_fraction(&mut self, free: Vec3, half: usize, parts: &[(Vec3, f32)]) {
-        let ratio = |parts: &[(Vec3, f32)]| {
-            let all: Vec3 = parts.iter().map(|p| p.0).sum();
-            let seen: Vec3 = parts.iter().map(|p| p.1 * p.0).sum();
-            (all, seen / all.max(Vec3::splat(f32::MIN_POSITIVE)))
-        };
-        let (all, joint) = ratio(parts);
-        let joint = Vec3::select(all.cmpgt(Vec3::ZERO), joint, Vec3::ONE);
-        for (h, parts) in parts.chunks(half).enumerate() {
-            // A half without a sample above the horizon has the ratio of both halves.
-            let (all, own) = ratio(parts);
-            self.halves[DIRECT][h] = free * Vec3::select(all.cmpgt(Vec3::ZERO), own, joint);
-        }
-        let seen = (free * joint).element_sum() / free.element_sum().max(f32::MIN_POSITIVE);
-        let weights = || parts.iter().map(|p| (p.0.element_sum(), p.1));
-        let all: f32 = weights().map(|(w, _)| w).sum();
-        let squares: f32 = weights().map(|(w, through)| (w * (through - seen)).powi(2)).sum();
-        let n = parts.len() as f32;
-        let level = free.element_sum() / 3.0;
-        self.squares[DIRECT] = if all > 0.0 { n * n * level * level * (squares / all) / all } else { 0.0 };
-    }
-}
-
 impl FinalGather<'_> {
     /// The irradiance of the leaves after a local pass, by about `rays` more rays of their own, shared between neighbours. Leaves
     /// that the deadline leaves without rays are missing.
@@ -295,17 +244,5 @@ mod tests {
             let centre = if corners[2] == corners[3] { (a + b + c) / 3.0 } else { 0.5 * (b + c) };
             assert!((mean - centre).length() < 1e-6, "{mean} {centre}");
         }
-    }
-
-    #[test]
-    fn the_visible_part_is_a_ratio_of_sums() {
-        let mut light = ElementLight { rays: 2, ..ElementLight::default() };
-        let w = |w: f32, through: f32| (Vec3::splat(w), through);
-        light.direct_of_fraction(Vec3::splat(8.0), 2, &[w(1.0, 1.0), w(3.0, 0.0), w(0.0, 0.0), w(0.0, 0.0)]);
-        // The second half has no sample of its own.
-        assert_eq!(light.halves[DIRECT], [Vec3::splat(2.0); 2]);
-        let mut free = ElementLight { rays: 2, ..ElementLight::default() };
-        free.direct_of_fraction(Vec3::splat(8.0), 2, &[w(1.0, 1.0), w(3.0, 1.0), w(2.0, 1.0), w(1.0, 1.0)]);
-        assert_eq!((free.halves[DIRECT], free.squares[DIRECT]), ([Vec3::splat(8.0); 2], 0.0));
     }
 }

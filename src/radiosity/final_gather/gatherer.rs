@@ -2,6 +2,7 @@
 
 use crate::embree::CommittedScene;
 use crate::embree::{Hits, Traversal};
+use crate::math::sampling::{cosine_direction, mix, numbers};
 use crate::model::Model;
 use crate::radiosity::elements::emitter_tree::{Cut, Receiver};
 use crate::radiosity::elements::emitters::Emitters;
@@ -9,7 +10,6 @@ use crate::radiosity::elements::{Elements, Lookup, Shape};
 use crate::radiosity::links::Scratch;
 use crate::radiosity::options::Options;
 use crate::radiosity::refinement::LinkedScene;
-use crate::radiosity::sampling::{cosine_direction, mix, numbers};
 use crate::ray::{LANES, Packet};
 use crate::scene::Scene;
 use glam::Vec3;
@@ -29,9 +29,6 @@ pub struct FinalGather<'a> {
     pub(super) emitters: Emitters,
     /// Reflected radiosity by element, W/m².
     pub(super) reflected: Vec<[f32; 3]>,
-    /// By element, the distance from which its mean light stands for all of its points, scene units; 0 in scenes without clusters,
-    /// whose elements are as small as their light requires.
-    pub(super) trust_distance: Vec<f32>,
     /// Low-discrepancy numbers for shadow rays.
     pub(super) table: Vec<[f32; 2]>,
     /// Shadow rays from a point to an emitter that is partly visible.
@@ -102,7 +99,6 @@ impl<'a> FinalGather<'a> {
     pub fn new(model: &'a Model, linked: &'a LinkedScene, options: &Options) -> FinalGather<'a> {
         let (scene, magnitude) = (model.scene(), model.magnitude());
         let elements = &linked.elements;
-        let cluttered = elements.large_from > 0;
         let gathered = options.gather_rays();
         let sets = if options.direct_only { 0 } else { DIRECTION_SETS };
         let hemispheres = (0..sets).map(|k| hemisphere(gathered, mix(options.seed ^ k as u64))).collect();
@@ -124,17 +120,12 @@ impl<'a> FinalGather<'a> {
             traced: model.traced().clone(),
             traversal: model.widest_packets(),
             emitters: Emitters::new(scene, elements),
-            trust_distance: elements
-                .elements
-                .iter()
-                .map(|e| if cluttered { e.radius } else { 0.0 })
-                .collect(),
             table,
             light_rays: options.light_rays(),
             hemispheres,
             slack: 1e-5 * scene.bounds.diagonal() + 1e-6 * magnitude,
             feature_size: options.feature_size.unwrap_or(1e-2 * scene.bounds.diagonal()),
-            length: 1.01 * scene.bounds.diagonal(),
+            length: scene.ray_length(),
         }
     }
 
@@ -156,6 +147,13 @@ impl<'a> FinalGather<'a> {
         }
         let leaf = self.lookup.leaf(side, at);
         Some(PathVertex { at, side, leaf, share: Vec3::ONE })
+    }
+
+    /// The distance from which the mean light of an element stands for all of its points, scene units: its radius; 0 in scenes without
+    /// clusters, where links have divided elements as finely as their light varies.
+    pub(super) fn trust_distance(&self, element: u32) -> f32 {
+        let elements = &self.linked.elements;
+        if elements.large_from > 0 { elements.elements[element as usize].radius } else { 0.0 }
     }
 
     /// Finds the groups of emitting faces that an element draws from.

@@ -15,7 +15,6 @@ use crate::radiosity::links::Tally;
 use crate::radiosity::transport::{
     Convergence, Field, MatrixRow, Method, RayTransport, TransportMatrix, solve,
 };
-use std::time::Instant;
 
 /// Smallest number of rays of an element, so that no element stays without exchange. 2 or 8 instead change irradiance
 /// by less than 0.05 % (`constants.py solve`).
@@ -85,9 +84,9 @@ impl FinalGather<'_> {
         let leaves = self.linked.leaves();
         let step = leaves.len().div_ceil(TIMED_LEAVES).max(1);
         let sample: Vec<u32> = leaves.iter().copied().step_by(step).collect();
-        let start = Instant::now();
+        let start = deadline.elapsed();
         let traced = RayRows::trace(self, &sample, |_| TIMED_RAYS, |_| ());
-        let each = start.elapsed().as_secs_f64() / traced.met.len().max(1) as f64;
+        let each = (deadline.elapsed() - start) / traced.met.len().max(1) as f64;
         let possible = RAY_SHARE * deadline.left() / each;
         let shared = (possible - MIN_ROW_RAYS * leaves.len() as f64) * SHARED_AFTER_SPLIT;
         (shared >= LATE_RAYS.min(rays)).then_some(shared.min(rays))
@@ -133,7 +132,7 @@ impl FinalGather<'_> {
                 Shape::Cluster(_) => unreachable!("rows are those of surfaces"),
             })
             .collect();
-        TransportMatrix::new(&matrix_rows, &met, linked.settings.rows, deadline)
+        TransportMatrix::new(&matrix_rows, &met, linked.settings.row_sums, deadline)
     }
 
     /// Irradiance of the rows, W/m², starting from the light along links.

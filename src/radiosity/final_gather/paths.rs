@@ -2,12 +2,12 @@
 
 use super::gatherer::{Buffers, FinalGather, PathVertex, RayResult};
 use crate::embree::Hits;
+use crate::math::sampling::{cosine_direction, mix, numbers};
 use crate::radiosity::elements::Elements;
 use crate::radiosity::elements::emitter_tree::Cut;
 use crate::radiosity::elements::emitters::density_ratio;
 use crate::radiosity::links::{VisibilityEngine, VisibilityQuery};
 use crate::radiosity::rgb::{Rgb, add};
-use crate::radiosity::sampling::{cosine_direction, mix, numbers};
 use crate::ray::{LANES, Packet};
 use glam::Vec3;
 
@@ -21,7 +21,7 @@ impl FinalGather<'_> {
     /// Whether the mean light of an element may stand for the light at a point on it: if the point is seen from further away than
     /// the element is large (secondary final gathers, Jensen 2001).
     fn trusts(&self, met: &PathVertex, distance: f32) -> bool {
-        distance >= self.trust_distance[met.leaf as usize]
+        distance >= self.trust_distance(met.leaf)
     }
 
     /// One cosine-weighted ray and one shadow ray from each of `buffers.vertices`, to `buffers.results`. `random` gives four numbers

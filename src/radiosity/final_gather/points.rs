@@ -3,15 +3,14 @@
 use super::direct_light::{CHUNK, GatherPoint};
 use super::gatherer::{Buffers, FinalGather};
 use crate::embree::Hits;
+use crate::math::sampling::{mix, numbers};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::links::Tally;
 use crate::radiosity::options::Options;
 use crate::radiosity::rgb::{Rgb, add};
-use crate::radiosity::sampling::{mix, numbers};
 use crate::ray::{LANES, Packet};
 use glam::Vec3;
 use rayon::prelude::*;
-use std::time::Instant;
 
 /// Points whose rays are timed for an estimate: a quarter of the points of one task. Used with a time limit only.
 const TIMED_POINTS: usize = CHUNK / 4;
@@ -86,10 +85,10 @@ impl FinalGather<'_> {
         } else if deadline.limited() && points.len() > TIMED_POINTS {
             let sample: Vec<(Vec3, Vec3)> =
                 points.iter().copied().step_by(points.len().div_ceil(TIMED_POINTS)).collect();
-            let start = Instant::now();
+            let start = deadline.elapsed();
             // The sample is one task; all points are tasks for all threads.
             self.irradiance(&sample);
-            let each = start.elapsed().as_secs_f64() / sample.len() as f64;
+            let each = (deadline.elapsed() - start) / sample.len() as f64;
             deadline.left() * rayon::current_num_threads() as f64 / (each * points.len() as f64)
         } else {
             1.0

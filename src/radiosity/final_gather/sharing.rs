@@ -5,7 +5,7 @@
 //! other half says of the element, averaged over the neighbours (Rousselle, Knaus and Zwicker 2012 choose filters in this way). The same
 //! comparison gives the error of the result, noise and bias together. Direct and reflected light have windows of their own.
 
-use super::element_light::{ElementLight, KINDS};
+use super::element_samples::{ElementLight, KINDS};
 use super::neighbours::{Neighbourhood, Place, Search};
 use crate::radiosity::rgb::Rgb;
 use glam::{DMat3, DVec3, Vec3};
@@ -191,7 +191,7 @@ impl Compared {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::radiosity::sampling::numbers;
+    use crate::math::sampling::numbers;
 
     /// A floor of 40 by 40 squares with side 1 and the light of `of` at their centres, and noise of standard deviation `noise` in
     /// each half.

@@ -92,13 +92,13 @@ impl Shaft {
             if normal == Vec3::ZERO {
                 continue;
             }
-            let (mut least, mut most) = (0.0f32, 0.0f32);
+            let (mut lowest, mut highest) = (0.0f32, 0.0f32);
             for p in own.iter().chain(other) {
                 let height = normal.dot(*p - start);
-                (least, most) = (least.min(height), most.max(height));
+                (lowest, highest) = (lowest.min(height), highest.max(height));
             }
-            let outward = if most <= self.slack { 1.0 } else { -1.0 };
-            if most.min(-least) <= self.slack && most.max(-least) > self.slack {
+            let outward = if highest <= self.slack { 1.0 } else { -1.0 };
+            if highest.min(-lowest) <= self.slack && highest.max(-lowest) > self.slack {
                 self.add(outward * normal, outward * normal.dot(start));
                 return;
             }
@@ -121,9 +121,9 @@ impl Shaft {
         }
         let height = |p: &Vec3| normal.dot(*p - polygon[0]);
         let heights = self.corners.as_flattened().iter().map(height);
-        let (least, most) = heights.fold((f32::MAX, f32::MIN), |(l, m), h| (l.min(h), m.max(h)));
+        let (lowest, highest) = heights.fold((f32::MAX, f32::MIN), |(l, m), h| (l.min(h), m.max(h)));
         let flat = self.slack - bend(polygon, normal);
-        least < -flat && most > flat
+        lowest < -flat && highest > flat
     }
 
     /// Whether every segment between the ends crosses a convex polygon, away from the polygon's edges and from both ends.

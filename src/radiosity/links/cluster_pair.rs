@@ -4,9 +4,9 @@
 use super::accuracy::{Accuracy, Draft, FEW_SEGMENTS_ERROR};
 use super::end_samples::{EndSamples, kernel};
 use super::{BlockerCertificate, VisibilityQuery};
+use crate::math::sampling::mix;
 use crate::radiosity::elements::{Element, Elements, Shape, facing};
 use crate::radiosity::options::Inside;
-use crate::radiosity::sampling::mix;
 use crate::ray::{EndRule, LANES, Packet};
 use glam::Vec3;
 
@@ -54,13 +54,13 @@ impl ClusterPair<'_> {
         let to = EndSamples::draw(elements, self.ids[1], -towards, 1, mix(seed));
         let weights = self.kernels(&from, &to);
         let distance = (eb.centre - ea.centre).length();
-        let most = MAX_FORM_FACTOR * ea.area.min(eb.area) as f32;
-        let free = (weights.iter().sum::<f32>() / LANES as f32).min(most);
+        let max = MAX_FORM_FACTOR * ea.area.min(eb.area) as f32;
+        let free = (weights.iter().sum::<f32>() / LANES as f32).min(max);
         // The error oracle reads a model of the exchange without noise: otherwise overestimates would be refined and
         // underestimates kept.
         let model = (projected_area(elements, ea, towards) * projected_area(elements, eb, -towards)
             / (std::f32::consts::PI * distance.max(0.5 * (ea.radius + eb.radius)).powi(2)))
-        .min(most);
+        .min(max);
         let deviation = [ea, eb].map(|e| {
             let near = (2.0 * e.radius / distance.max(1e-6 * e.radius)).min(MAX_NEARNESS);
             let rough = if e.is_cluster() { CLUSTER_DEVIATION } else { 0.0 };

@@ -9,8 +9,8 @@ use super::accuracy::{Accuracy, Draft, FEW_SEGMENTS_ERROR};
 use super::blocker_certificate::{BlockerCertificate, certify};
 use super::end_samples::{gauss_points, kernel, stratified_points};
 use crate::form_factors::analytic::{clip, point_to_polygon, polygon_to_polygon};
+use crate::math::sampling::mix;
 use crate::radiosity::elements::{Element, Elements};
-use crate::radiosity::sampling::mix;
 use crate::ray::{EndRule, LANES, Packet};
 use glam::{DVec3, Vec3};
 

@@ -3,9 +3,9 @@
 use super::*;
 use crate::clusters;
 use crate::embree::{Device, SceneBuilder, Traversal};
+use crate::math::sampling::*;
 use crate::radiosity::elements::Elements;
 use crate::radiosity::options::Inside;
-use crate::radiosity::sampling::*;
 use crate::scene::testing::Pieces;
 use crate::visibility::{Exact, reference};
 use glam::DVec3;
@@ -178,7 +178,7 @@ fn few_segments_where_visibility_is_certain() {
                 .expect("they face each other")
                 .rays
         };
-        // What the coupling is worth, 1 to 5, times how deviation visibility may be.
+        // The exchange area times a factor of 1 to 5, times the deviation of the visibility.
         assert_eq!([rays(5.0, 0.5), rays(5.0, 0.05), rays(1e3, 0.05), rays(0.1, 0.5)], [16, 4, 16, 4]);
     });
     let link = |transmittance: f32, rays: u32| Link {

@@ -1,9 +1,9 @@
 //! The visibility engines behind one query: the transmittance of sixteen segments.
 
+use crate::math::sampling::{mix, numbers, point_on};
 use crate::radiosity::elements::{Elements, Shape};
-use crate::radiosity::sampling::{mix, numbers, point_on};
 use crate::ray::{EndRule, LANES, Occluder, Packet};
-use crate::visibility::{Bundle, Exact, LeafMode, Method, MultiResolution, Workspace};
+use crate::visibility::{Bundle, Exact, LeafMode, Method, MultiResolution, Work, Workspace};
 use std::sync::Arc;
 
 /// The engine that answers visibility queries of links and points.
@@ -123,14 +123,18 @@ impl VisibilityEngine {
         found
     }
 
-    /// The engine for queries like these: exact rays where multi-resolution visibility is not expected to be faster. The
-    /// estimate counts operations, not time, so that equal queries have equal answers on every run. Average visibility never
-    /// changes to exact rays.
-    pub fn for_queries(&self, queries: &[VisibilityQuery], scratch: &mut Scratch) -> VisibilityEngine {
+    /// The engine for queries like those of these runs of neighbours: exact rays where multi-resolution visibility is not expected
+    /// to be faster. The estimate counts operations, not time, so that equal queries have equal answers on every run. Average
+    /// visibility never changes to exact rays.
+    pub fn for_queries(&self, runs: impl Iterator<Item = Vec<VisibilityQuery>>) -> VisibilityEngine {
         match self {
             VisibilityEngine::MultiResolution(engine) if engine.leaf() == LeafMode::Exact => {
-                let sizes: Vec<f32> = queries.iter().map(|q| q.feature_size).collect();
-                match engine.pays_each(&bundles(queries), &sizes, &mut scratch.workspace) {
+                let (mut workspace, mut work) = (Workspace::default(), Work::default());
+                for queries in runs {
+                    let sizes: Vec<f32> = queries.iter().map(|q| q.feature_size).collect();
+                    work.add(engine.work(&bundles(&queries), &sizes, &mut workspace));
+                }
+                match work.is_less() {
                     true => self.clone(),
                     false => VisibilityEngine::Exact(engine.exact()),
                 }

@@ -4,7 +4,7 @@ use crate::model::{Detail, Model, PrepareOptions};
 use crate::radiosity::elements::Elements;
 use crate::radiosity::links::{VisibilityEngine, sample_bundles};
 use crate::radiosity::options::{Options, Visibility};
-use crate::visibility::{Bundle, Exact, LeafMode, MultiResolution, Workspace};
+use crate::visibility::{Bundle, Exact, LeafMode, Workspace};
 use std::sync::Arc;
 
 /// Bundles on which the cost of exact rays is estimated: limit the time to 256 walks, and the relative standard error
@@ -32,11 +32,9 @@ pub fn engine_for(model: &Model, elements: &Elements, options: &Options) -> Visi
         Visibility::Average => LeafMode::Average,
         Visibility::Mr => LeafMode::Exact,
     };
-    let Some(measured) = model.base().measured() else {
+    let Some(engine) = model.engine(model.widest_packets(), leaf) else {
         return VisibilityEngine::Exact(exact_engine(model));
     };
-    let engine =
-        MultiResolution::new(measured.tree.clone(), model.traced().clone(), model.widest_packets(), leaf);
     let sample = sample_bundles(elements, model.end_rule(), COST_SAMPLE, options.seed);
     let bundles: Vec<Bundle> = sample
         .iter()

@@ -38,7 +38,7 @@ pub fn missed(options: &Options, estimate: f64) -> Option<String> {
 pub fn unlit(unlit: &Unlit) -> Option<String> {
     (unlit.area > USUAL_UNLIT_AREA).then(|| {
         format!(
-            "no light reaches {} of {} sides, {:.0} % of the surface: lamps shine on the front of their faces only, and not \
+            "no light reaches {} of {} sides, {:.0} % of the surface: emitters emit from the front of their faces only, and not \
              through closed doors",
             unlit.sides,
             unlit.of,
@@ -83,7 +83,7 @@ pub fn bounded(leaves: usize) -> Option<String> {
 pub fn unconverged(convergence: &Convergence, deadline: &Deadline) -> Option<String> {
     (!convergence.converged && !deadline.late()).then(|| {
         format!(
-            "the light has not settled after {} sweeps: it still changes by {:.1e} of itself",
+            "the light has not converged after {} sweeps: it still changes by {:.1e} of itself",
             convergence.sweeps, convergence.residual
         )
     })

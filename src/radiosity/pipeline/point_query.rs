@@ -20,9 +20,9 @@ const RAYS_PER_CHECK: usize = 1 << 22;
 pub struct Solution {
     pub(super) model: Model,
     pub(super) solved: Solved,
-    pub(super) options: Options,
+    pub(in crate::radiosity) options: Options,
     /// The time limit of the whole solution.
-    pub(super) deadline: Deadline<'static>,
+    pub(in crate::radiosity) deadline: Deadline<'static>,
 }
 
 /// Irradiance at points within a time limit.
@@ -57,8 +57,8 @@ impl Solution {
         let rays = |options: &Options| {
             options.light_rays() + if options.direct_only { 0 } else { options.gather_rays() }
         };
-        let least = rays(&with_fewer_rays(&self.options, 0.0)) as f64 / rays(&self.options) as f64;
-        if possible < least {
+        let min_part = rays(&with_fewer_rays(&self.options, 0.0)) as f64 / rays(&self.options) as f64;
+        if possible < min_part {
             return self.nothing(points.len(), &deadline);
         }
         let hurried = with_fewer_rays(&self.options, possible.min(1.0));

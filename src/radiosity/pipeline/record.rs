@@ -65,9 +65,11 @@ pub struct Record {
     /// Why refinement ended.
     pub ended: Ended,
     /// The last sweeps along links.
-    pub settled: Convergence,
+    #[serde(rename = "settled")]
+    pub convergence: Convergence,
     /// Those of the local pass, if there was one.
-    pub settled_local: Option<Convergence>,
+    #[serde(rename = "settled_local")]
+    pub local_convergence: Option<Convergence>,
     /// Whether the error estimate is no larger than [`Options::target_error`], where that is given.
     pub target_met: Option<bool>,
     /// Seconds by stage.

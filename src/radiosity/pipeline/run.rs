@@ -95,8 +95,8 @@ pub fn solve(
     let mut tally = solved.linked.tally;
     tally.add(points_tally);
     tally.add(audit_tally);
-    let facts = Facts { unlit, steps, tally, audit, uncertainty: &uncertainty };
-    let record = stages.record(&solved, facts);
+    let parts = RecordParts { unlit, steps, tally, audit, uncertainty: &uncertainty };
+    let record = stages.record(&solved, parts);
     let outcome = Outcome { mesh: solved.mesh(scene, &uncertainty), record, irradiance };
     Ok((
         outcome,
@@ -142,7 +142,7 @@ struct RefinementSteps {
 }
 
 /// What the record needs beside the solution.
-struct Facts<'a> {
+struct RecordParts<'a> {
     unlit: Unlit,
     steps: RefinementSteps,
     tally: Tally,
@@ -283,8 +283,8 @@ impl Stages<'_> {
         })
     }
 
-    fn record(mut self, solved: &Solved, facts: Facts) -> Record {
-        let Facts { unlit, steps, tally, audit, uncertainty } = facts;
+    fn record(mut self, solved: &Solved, parts: RecordParts) -> Record {
+        let RecordParts { unlit, steps, tally, audit, uncertainty } = parts;
         let (scene, options, linked) = (self.scene, self.options, &solved.linked);
         // Independent paths say more than the elements' own bars, if there are enough of them.
         let error_estimate = match audit.elements >= MIN_AUDITED {
@@ -293,7 +293,7 @@ impl Stages<'_> {
         };
         self.notes.extend(notes::ended(steps.ended, options, steps.iterations.last(), error_estimate));
         self.notes.extend(notes::missed(options, error_estimate));
-        let (bytes, settled_local) = match &solved.closing {
+        let (bytes, local_convergence) = match &solved.closing {
             Closing::Links(links) => (links.bytes, None),
             Closing::Rays(local) => (0, Some(local.convergence)),
         };
@@ -307,8 +307,8 @@ impl Stages<'_> {
             warnings: self.notes,
             iterations: steps.iterations,
             ended: steps.ended,
-            settled: steps.convergence,
-            settled_local,
+            convergence: steps.convergence,
+            local_convergence,
             target_met: options.target_error.map(|target| error_estimate <= target),
             seconds: self.seconds,
             cache: self.model.report().origin.name().into(),
@@ -336,7 +336,7 @@ fn lit_elements(
     options: &Options,
 ) -> (Elements, Surroundings, Unlit) {
     let area = total_area(scene);
-    let length = 1.01 * scene.bounds.diagonal();
+    let length = scene.ray_length();
     let around = |elements: &Elements| probe(elements, exact, ends, length, options.seed);
     // Ranges of ids have room for all elements of the local pass.
     let build = |open: &[u32]| {

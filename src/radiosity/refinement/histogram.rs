@@ -19,7 +19,7 @@ impl Histogram {
     }
 
     /// The smallest error that at most `count` links exceed, not below `least`.
-    pub fn threshold(&self, count: usize, least: f32) -> f32 {
+    pub fn threshold(&self, count: usize, min: f32) -> f32 {
         let mut sum = 0;
         for k in (0..BINS).rev() {
             sum += self.counts[k];
@@ -28,10 +28,10 @@ impl Histogram {
                 // refined.
                 let edge = if sum == self.counts[k] { k } else { k + 1 };
                 // Errors on the edge must exceed the threshold.
-                return (lower(edge) * (1.0 - 1e-6)).max(least);
+                return (lower(edge) * (1.0 - 1e-6)).max(min);
             }
         }
-        least
+        min
     }
 }
 

@@ -40,7 +40,7 @@ pub fn apply_importance(
 ) -> Result<()> {
     let mut chosen = vec![false; linked.elements.sides.len()];
     for view in &options.views {
-        let far = 1.01 * scene.bounds.diagonal();
+        let far = scene.ray_length();
         for (side, distance) in visible_sides(&linked.elements, view, scene.origin, far, exact) {
             chosen[side as usize] = true;
             // The nearest point of a side shows its smallest features.
@@ -153,9 +153,9 @@ pub fn propagate_importance(linked: &mut LinkedScene, nodes: &ActiveNodes) {
             importance[e] = sum / element.area;
         }
     }
-    let most = importance.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+    let largest = importance.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
     for (state, importance) in linked.states.iter_mut().zip(importance) {
-        state.importance = (importance / most).clamp(MIN_IMPORTANCE, 1.0) as f32;
+        state.importance = (importance / largest).clamp(MIN_IMPORTANCE, 1.0) as f32;
     }
     linked.feature_sizes.assign(&linked.elements, &mut linked.states);
 }

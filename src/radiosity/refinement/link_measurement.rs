@@ -1,19 +1,16 @@
 //! Measures the links of many pairs of elements in parallel.
 
 use super::linked_scene::LinkedScene;
+use crate::math::sampling::mix;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::links::{
     Accuracy, BlockerCertificate, Link, LinkEstimator, Scratch, Tally, VisibilityEngine, VisibilityQuery,
 };
-use crate::radiosity::sampling::mix;
+use crate::visibility::sample_runs;
 use rayon::prelude::*;
 
 /// Pairs that one task measures.
 const CHUNK: usize = 64;
-/// Runs of consecutive pairs that represent all pairs of a measurement when the engine is chosen, and pairs of each run; a run is
-/// at most an eighth of its part, except for the first.
-const SAMPLE_RUNS: usize = 16;
-const SAMPLE_RUN: usize = 16;
 /// Links measured between two checks of the deadline: at most 32,768 segments. Changes results with a time limit only.
 pub const SLICE: usize = 2048;
 /// Standard error of the link of a cluster with itself, relative to its exchange area: that of a share measured by 11
@@ -105,13 +102,13 @@ pub fn estimator(linked: &LinkedScene, seed: u64) -> LinkEstimator<'_> {
 /// The engine for a set of pairs: exact rays where a sample of the pairs says that multi-resolution visibility is not faster.
 fn engine_for(linked: &LinkedScene, pairs: &[Pair], threshold: f32) -> VisibilityEngine {
     let estimator = estimator(linked, linked.settings.seed);
-    let step = (pairs.len() / SAMPLE_RUNS).max(8 * SAMPLE_RUN);
-    let sample = pairs.chunks(step).flat_map(|part| &part[..SAMPLE_RUN.min(part.len())]);
-    let queries: Vec<VisibilityQuery> = sample
-        .filter(|pair| pair.a != pair.b)
-        .filter_map(|pair| Some(estimator.draft(pair.a, pair.b, accuracy(linked, pair, threshold))?.1))
-        .collect();
-    linked.engine.for_queries(&queries, &mut Scratch::default())
+    let queries = |pairs: &[Pair]| -> Vec<VisibilityQuery> {
+        let between = pairs.iter().filter(|pair| pair.a != pair.b);
+        between
+            .filter_map(|pair| Some(estimator.draft(pair.a, pair.b, accuracy(linked, pair, threshold))?.1))
+            .collect()
+    };
+    linked.engine.for_queries(sample_runs(pairs.len()).map(|run| queries(&pairs[run])))
 }
 
 /// The link of a cluster with itself, from the rays of the probe.

@@ -4,7 +4,7 @@ use super::feature_sizes::FeatureSizes;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{ElementState, Elements, LightStatistics, RowFactors, Shape};
 use crate::radiosity::links::{BlockerCertificate, Link, Tally, VisibilityEngine};
-use crate::radiosity::options::{Inside, Options, Oracle, Rows};
+use crate::radiosity::options::{Inside, Options, Oracle, RowSums};
 use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::radiosity::surroundings::{Surroundings, received_shares};
 use crate::radiosity::transport::{
@@ -25,7 +25,7 @@ pub struct LinkTransportSettings {
     /// Which quantity of a link decides about its refinement.
     pub oracle: Oracle,
     /// How row sums are normalised.
-    pub rows: Rows,
+    pub row_sums: RowSums,
     /// Links at which refinement ends.
     pub max_links: usize,
     /// Seed of all samples.
@@ -83,7 +83,7 @@ impl LinkedScene {
             rays: 0,
             certificate: BlockerCertificate::UNKNOWN,
         };
-        let Options { inside, oracle, rows, max_links, seed, .. } = *options;
+        let Options { inside, oracle, row_sums, max_links, seed, .. } = *options;
         let by_side = vec![f32::INFINITY; elements.sides.len()];
         let feature_sizes = FeatureSizes { given: options.feature_size, by_side, important: Vec::new() };
         let mut scene = LinkedScene {
@@ -93,7 +93,7 @@ impl LinkedScene {
             surroundings,
             engine,
             ends,
-            settings: LinkTransportSettings { inside, oracle, rows, max_links, seed },
+            settings: LinkTransportSettings { inside, oracle, row_sums, max_links, seed },
             feature_sizes,
             mean_irradiance: if absorbed > 0.0 { power / absorbed } else { 0.0 },
             tally: Tally::default(),
@@ -237,7 +237,7 @@ impl LinkedScene {
         let sampled = self.row_sums(&nodes);
         self.assign_row_targets(&sampled);
         let closed = &self.surroundings.closed;
-        let rows = (self.settings.rows, &sampled[..]);
+        let rows = (self.settings.row_sums, &sampled[..]);
         let bounded =
             normalise_link_rows(&self.elements, &mut self.states, &mut nodes, closed, rows, deadline);
         (sampled, bounded)

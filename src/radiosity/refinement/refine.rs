@@ -37,9 +37,9 @@ pub fn link_errors(linked: &LinkedScene) -> Vec<(f32, Split)> {
 }
 
 /// The error that at most `count` links exceed, no smaller than `least`.
-pub fn threshold(errors: &[(f32, Split)], count: usize, least: f32) -> f32 {
+pub fn threshold(errors: &[(f32, Split)], count: usize, min: f32) -> f32 {
     let open = errors.iter().filter(|(_, split)| *split != Split::Neither);
-    Histogram::new(open.map(|(error, _)| *error)).threshold(count, least)
+    Histogram::new(open.map(|(error, _)| *error)).threshold(count, min)
 }
 
 /// Refines all links with errors above a threshold and the links that replace them; with `once` not the latter. Between slices,
@@ -61,13 +61,13 @@ pub fn refine(
     let mut replaced = Replaced::default();
     while !wave.is_empty() {
         let held = linked.links.len() + wave.len();
-        let most = linked.settings.max_links.saturating_sub(held) / ADDED_LINKS;
-        replaced.full = most == 0;
+        let room = linked.settings.max_links.saturating_sub(held) / ADDED_LINKS;
+        replaced.full = room == 0;
         if replaced.full || (replaced.links > 0 && stop(held + linked.elements.len())) {
             break;
         }
         let slice = if once { SHORT_SLICE } else { SLICE };
-        let slice: Vec<_> = wave.drain(..slice.min(most).min(wave.len())).collect();
+        let slice: Vec<_> = wave.drain(..slice.min(room).min(wave.len())).collect();
         replaced.links += slice.len();
         let pairs = parts(linked, &slice);
         let made = measure(linked, &pairs, threshold, linked.settings.seed);

@@ -201,10 +201,9 @@ struct Steps {
 }
 
 impl Steps {
-    fn new(least: f32, seconds: Option<f64>) -> Steps {
-        let steps =
-            (FIRST_THRESHOLD / f64::from(least)).log(THRESHOLD_RATIO).ceil().max(f64::from(MIN_STEPS));
-        let next = f64::from(least) * THRESHOLD_RATIO.powf(steps);
+    fn new(last: f32, seconds: Option<f64>) -> Steps {
+        let steps = (FIRST_THRESHOLD / f64::from(last)).log(THRESHOLD_RATIO).ceil().max(f64::from(MIN_STEPS));
+        let next = f64::from(last) * THRESHOLD_RATIO.powf(steps);
         Steps { seconds, next, links: FIRST_STEP_LINKS, sweeping: 0.0 }
     }
 

@@ -1,8 +1,8 @@
 //! A few rays from every side: how much of a cluster's light meets the cluster itself, and which sides see out of the scene.
 
 use crate::embree::Hits;
+use crate::math::sampling::{cosine_direction, mix, numbers, point_on};
 use crate::radiosity::elements::{Element, Elements, Entered, Shape};
-use crate::radiosity::sampling::{cosine_direction, mix, numbers, point_on};
 use crate::ray::{EndRule, LANES, Packet};
 use crate::visibility::Exact;
 use glam::Vec3;

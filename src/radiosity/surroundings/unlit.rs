@@ -4,9 +4,9 @@
 //! normalisation would even amplify that light. Sides that paths from all emitters never hit get no elements.
 
 use crate::embree::Hits;
+use crate::math::sampling::{cosine_direction, mix, numbers, point_on};
 use crate::radiosity::elements::emitters::{EmitterFace, Emitters};
 use crate::radiosity::elements::{Elements, Shape};
-use crate::radiosity::sampling::{cosine_direction, mix, numbers, point_on};
 use crate::ray::{EndRule, LANES, Packet};
 use crate::scene::Scene;
 use crate::visibility::Exact;
@@ -132,7 +132,7 @@ pub fn unlit_sides(scene: &Scene, elements: &Elements, exact: &Exact, ends: EndR
     if elements.large_from > 0 || emitters.is_empty() || emitters.len() > PATH_PACKETS {
         return Vec::new();
     }
-    let tracer = Tracer { elements, exact, ends, length: 1.01 * scene.bounds.diagonal() };
+    let tracer = Tracer { elements, exact, ends, length: scene.ray_length() };
     let counts = tracer.hits_by_side(&emitters, seed);
     let all: usize = counts.iter().map(|&n| n as usize).sum();
     let expected = |s: usize| {

@@ -51,8 +51,11 @@ fn sizes_grow_where_importance_is_small() {
         grown.sort_by(|a, b| b.0.total_cmp(&a.0));
         assert!(painted > 100 && grown.windows(2).all(|w| w[0].1 <= w[1].1), "monotone");
         // Neither all alike nor without end: seven times, for importance below a fiftieth.
-        let (least, most) = (grown[0].1, grown[grown.len() - 1].1);
-        assert!(least < 4.0 * SIZE && most > 1.5 * least && most < 7.1 * SIZE, "{least} {most}");
+        let (smallest, largest) = (grown[0].1, grown[grown.len() - 1].1);
+        assert!(
+            smallest < 4.0 * SIZE && largest > 1.5 * smallest && largest < 7.1 * SIZE,
+            "{smallest} {largest}"
+        );
         // Parts are born with the size of what they are parts of.
         let leaf = (0..elements.len()).rfind(|&e| {
             elements[e].is_leaf()

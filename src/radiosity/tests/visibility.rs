@@ -169,14 +169,14 @@ fn wrong_bars_are_found_out() {
     refined(&scene, &with(Visibility::Exact), |linked| {
         let model = model_for(&scene, &with(Visibility::Exact));
         let bars = link_uncertainty(linked);
-        let look = |linked: &LinkedScene, factor: f64| {
+        let audit_both = |linked: &LinkedScene, factor: f64| {
             let bars: Vec<f64> = bars.iter().map(|b| factor * b).collect();
             let gather = FinalGather::new(&model, linked, &with(Visibility::Exact));
             (gather.audit(&bars, 300, &|| false).0, gather.bar_factor(&bars, 300, &|| false).0)
         };
-        let audit = |linked: &LinkedScene, factor: f64| look(linked, factor).0;
+        let audit = |linked: &LinkedScene, factor: f64| audit_both(linked, factor).0;
         // Bars that are too large or too small are brought to the same.
-        let [small, same, large] = [0.7, 1.0, 2.0].map(|factor| factor * look(linked, factor).1);
+        let [small, same, large] = [0.7, 1.0, 2.0].map(|factor| factor * audit_both(linked, factor).1);
         assert!(
             (small / same - 1.0).abs() < 0.3 && (large / same - 1.0).abs() < 0.3,
             "{small} {same} {large}"

@@ -30,7 +30,7 @@ pub fn krylov(transport: &dyn Transport, start: Option<Field>, deadline: &Deadli
     let mut best = start.unwrap_or_else(|| direct.clone());
     let mut space = Space::new(transport, direct, best.clone());
     let mut sound = true;
-    let least = (LATE_TERMS / transport.terms().max(1)).clamp(MIN_ITERATIONS, MAX_ITERATIONS);
+    let min_iterations = (LATE_TERMS / transport.terms().max(1)).clamp(MIN_ITERATIONS, MAX_ITERATIONS);
     for iteration in 0..MAX_ITERATIONS {
         let left = dot(transport, &space.r, &space.r);
         let worst = (0..3).map(|k| left[k] / want[k].max(f64::MIN_POSITIVE)).fold(0.0, f64::max);
@@ -41,7 +41,7 @@ pub fn krylov(transport: &dyn Transport, start: Option<Field>, deadline: &Deadli
         }
         let done: [bool; 3] = std::array::from_fn(|k| left[k] <= want[k]);
         convergence.converged = done == [true; 3];
-        if convergence.converged || (iteration >= least && deadline.late()) {
+        if convergence.converged || (iteration >= min_iterations && deadline.late()) {
             break;
         }
         if !sound {
@@ -141,8 +141,8 @@ mod tests {
     use super::super::solver::{Method, solve};
     use super::super::transport_matrix::{MatrixRow, TransportMatrix};
     use super::*;
-    use crate::radiosity::options::Rows;
-    use crate::radiosity::sampling::numbers;
+    use crate::math::sampling::numbers;
+    use crate::radiosity::options::RowSums;
 
     /// Two rooms of white walls, joined by a door: every `DOOR`th ray goes through.
     fn rooms(n: u32, rays: u32, reflectance: f32) -> TransportMatrix {
@@ -162,7 +162,7 @@ mod tests {
                 closed: true,
             })
             .collect();
-        TransportMatrix::new(&rows, &met, Rows::Balanced, &Deadline::start(&(), None))
+        TransportMatrix::new(&rows, &met, RowSums::Balanced, &Deadline::start(&(), None))
     }
 
     #[test]
@@ -191,7 +191,7 @@ mod tests {
         assert!(a.iter().flatten().zip(b.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-3), "{a:?} {b:?}");
     }
 
-    /// Rows that reflect more than they receive have no solution: the result is finite and not marked as converged.
+    /// RowSums that reflect more than they receive have no solution: the result is finite and not marked as converged.
     #[test]
     fn what_does_not_converge_says_so() {
         let direct: Field = (0..200).map(|i| [f64::from(u8::from(i < 10)), 0.0, f64::NAN]).collect();
@@ -217,7 +217,7 @@ mod tests {
                 columns[j as usize].push((i, factor));
             }
         }
-        let settled = |r: &[f64]| r.iter().map(|v| v * v).sum::<f64>() <= 10.0 * TOLERANCE * TOLERANCE;
+        let converged = |r: &[f64]| r.iter().map(|v| v * v).sum::<f64>() <= 10.0 * TOLERANCE * TOLERANCE;
         let relax = |i: usize, x: &mut [f64], r: &mut [f64]| {
             let d = std::mem::take(&mut r[i]);
             x[i] += d;
@@ -231,7 +231,7 @@ mod tests {
                 let largest = || (0..n).max_by(|&a, &b| r[a].total_cmp(&r[b])).unwrap_or(0);
                 let i = if southwell { largest() } else { step % n };
                 work += relax(i, &mut x, &mut r);
-                if settled(&r) {
+                if converged(&r) {
                     break;
                 }
             }

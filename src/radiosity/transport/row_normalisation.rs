@@ -1,49 +1,53 @@
-//! Row normalisation of transport: form factors of an element that sees no way out of the scene sum up to 1 (`docs/method.md`, Form
+//! Row normalisation of transport: form factors of an element from which no light leaves the scene sum up to 1 (`docs/method.md`, Form
 //! factors and closure).
 //!
-//! Every bounce multiplies the sampling errors of row sums. Links and rows of rays (`TransportMatrix`) scale what a leaf gathers
-//! and what it sends by the same factor (Sinkhorn and Knopp 1967), so that exchange stays reciprocal, and correct the remainder
-//! where light is gathered. This file holds what both share, [`SinkhornRule`] and [`scaled`], and the procedure for links. The
-//! procedure for rays is in `transport_matrix`. They are two because
-//!
-//! * a row sum of links is one gather of radiosity 1 through all levels of the tree, and only leaves of closed sides have a known
-//!   sum; a row of rays is a list of entries, and its sum follows from its own rays;
-//! * factors of links move by the square root of what is missing, those of rays by Chebyshev exponents: coarse links overlap, and
-//!   accelerated factors would oscillate;
-//! * links may add up to more than 1 where they are coarse, and such rows are bounded afterwards.
+//! Every bounce multiplies the sampling errors of row sums. [`balance`] scales what a row gathers and what it sends by the same
+//! factor (Sinkhorn and Knopp 1967), so that exchange stays reciprocal; the caller corrects the remainder where light is gathered.
+//! Rows of links and rows of rays are both [`BalancedRows`]. They differ in how a sum is found (one gather of radiosity 1 through
+//! all levels of the tree, or a list of entries) and in how fast factors move ([`BalanceRule`]). Links may add up to more than 1
+//! where they are coarse, and such rows are bounded afterwards.
 //!
 //! The matrix of form factors between facets is no such scaling: `form_factors::matrix::closure` changes every entry by its own
 //! standard error, which is the result that its user asks for. Here entries have no errors of their own (a ray is one sample, a
-//! link stands for many pairs), and one factor a leaf is all that transport needs. The two share the condition on row sums and
-//! nothing else.
+//! link stands for many pairs), and one factor a row is all that transport needs.
 
 use super::active_nodes::ActiveNodes;
 use super::directional::NodeIrradiance;
 use super::gather_push_pull::{NodeRadiosity, gather};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{ElementState, Elements, RowFactors, Shape};
-use crate::radiosity::options::Rows;
+use crate::radiosity::options::RowSums;
 use crate::radiosity::rgb::Rgb;
 
-/// When Sinkhorn scaling ends, and how far factors may go.
-pub struct SinkhornRule {
-    /// Most rounds.
+/// How Sinkhorn scaling proceeds, and when it ends.
+pub struct BalanceRule {
+    /// Largest number of rounds.
     pub max_rounds: usize,
-    /// Error of the row sums at which the rounds end, relative to their mean.
+    /// Rounds that are made even after the deadline.
+    pub min_rounds: usize,
+    /// Exponents ω of the corrections of the factors, used in turn.
+    pub exponents: &'static [f64],
+    /// Mean error of the row sums at which the rounds end, weighted by area, relative to their mean. Rows at a limit do not count.
     pub tolerance: f64,
     /// Smallest and largest factor.
     pub limits: [f32; 2],
 }
 
-/// For rays; the error is the mean absolute one. Coplanar faces that both claim one ray cannot be balanced: the rounds
-/// limit the time, the factors stay between 1/1,000 and 8, and the remainder is corrected where light is gathered.
-pub const RAY_ROWS: SinkhornRule = SinkhornRule { max_rounds: 16, tolerance: 1e-3, limits: [1e-3, 8.0] };
-/// For links; the error is the root mean square by area. The tolerance is a thirtieth of the error of 1e-3 that rays
-/// leave; a factor above 2 would amplify a row of which half is missing.
-pub const LINK_ROWS: SinkhornRule = SinkhornRule { max_rounds: 20, tolerance: 3e-5, limits: [1e-4, 2.0] };
+/// For rays. The exponents are Chebyshev's relaxation factors for the spectral interval [1/4, 2],
+/// `1/ω_k = 1.125 + 0.875 cos((2k - 1) π/8)`. Coplanar faces that both claim one ray cannot be balanced: the rounds limit the
+/// time, the factors stay between 1/1,000 and 8, and the remainder is corrected where light is gathered.
+pub const RAY_ROWS: BalanceRule = BalanceRule {
+    max_rounds: 16,
+    min_rounds: 1,
+    exponents: &[0.517, 0.685, 1.27, 3.16],
+    tolerance: 1e-3,
+    limits: [1e-3, 8.0],
+};
+/// For links. Both ends change, so each takes the square root; coarse links overlap, and larger exponents oscillate. The tolerance is
+/// a thirtieth of the error of 1e-3 that rays leave; a factor above 2 would amplify a row of which half is missing.
+pub const LINK_ROWS: BalanceRule =
+    BalanceRule { max_rounds: 20, min_rounds: 2, exponents: &[0.5], tolerance: 3e-5, limits: [1e-4, 2.0] };
 
-/// Rounds for links that are made even after the deadline: without any, rows would not be normalised at all.
-const MIN_LINK_ROUNDS: usize = 1;
 /// A closed leaf whose row sum is at most this is not normalised, because a factor above 10 would mostly amplify noise.
 /// 0.05 or 0.2 instead change irradiance without a local pass by less than 0.02 % (`constants.py solve`).
 const MIN_ROW_SUM: f64 = 0.1;
@@ -59,9 +63,46 @@ const SHORT_ROW_SUM: f64 = 0.8;
 /// grows to at most 1 / (1 − 0.98) = 50 times its source.
 const MAX_RETURNED: f64 = 0.98;
 
-/// A factor times a correction, within limits.
-pub fn scaled(factor: f32, correction: f64, [least, most]: [f32; 2]) -> f32 {
-    (factor * correction as f32).clamp(least, most)
+/// Rows whose sums [`balance`] brings to their targets.
+pub trait BalancedRows {
+    /// The sums of all rows with the present factors.
+    fn sums(&self) -> Vec<f64>;
+    /// The sum that row `i` should have, if that is known and a factor can bring `sum` to it; and the weight of the row's error.
+    fn target(&self, i: usize, sum: f64) -> Option<(f64, f64)>;
+    /// The factor of row `i` in both directions.
+    fn factor(&mut self, i: usize) -> &mut f32;
+    /// The factors have changed.
+    fn changed(&mut self) {}
+}
+
+/// Brings row sums to their targets by factors of both directions, as far as that converges (Sinkhorn and Knopp 1967), starting from
+/// `sums`. Returns the sums with the factors found.
+pub fn balance(
+    rows: &mut impl BalancedRows,
+    mut sums: Vec<f64>,
+    rule: &BalanceRule,
+    deadline: &Deadline,
+) -> Vec<f64> {
+    let [min, max] = rule.limits;
+    for round in 0..rule.max_rounds {
+        let exponent = rule.exponents[round % rule.exponents.len()];
+        let (mut error, mut all) = (0.0, 0.0);
+        for (i, &sum) in sums.iter().enumerate() {
+            let Some((target, weight)) = rows.target(i, sum) else { continue };
+            let factor = rows.factor(i);
+            *factor = (*factor * (target / sum).powf(exponent) as f32).clamp(min, max);
+            if *factor > min && *factor < max {
+                error += weight * (sum - target).abs();
+                all += weight * target;
+            }
+        }
+        rows.changed();
+        sums = rows.sums();
+        if error <= rule.tolerance * all || (round + 1 >= rule.min_rounds && deadline.late()) {
+            break;
+        }
+    }
+    sums
 }
 
 /// The sum of each surface element's form factors along its links before multiplication by its own gather factor: the irradiance
@@ -97,8 +138,41 @@ pub fn cap_row_sums(elements: &Elements, states: &mut [ElementState], nodes: &mu
     nodes.update_factors(elements, states);
 }
 
+/// The rows of surface elements along their links.
+struct LinkRows<'a> {
+    elements: &'a Elements,
+    states: &'a mut [ElementState],
+    nodes: &'a mut ActiveNodes,
+    /// By side, whether its leaves are closed: no light leaves the scene from them.
+    closed: &'a [bool],
+}
+
+impl BalancedRows for LinkRows<'_> {
+    fn sums(&self) -> Vec<f64> {
+        let sums = link_row_sums(self.elements, self.states, self.nodes);
+        sums.iter().zip(self.states.iter()).map(|(sum, s)| sum * f64::from(s.factors.gathers)).collect()
+    }
+
+    fn target(&self, e: usize, sum: f64) -> Option<(f64, f64)> {
+        let element = &self.elements.elements[e];
+        let Shape::Surface { side, .. } = element.shape else { return None };
+        let is_closed = self.closed[side as usize] && sum > MIN_ROW_SUM;
+        let weight = if element.is_leaf() { element.area } else { 0.0 };
+        (is_closed || sum > MAX_OPEN_ROW_SUM).then(|| (self.states[e].row_target.into(), weight))
+    }
+
+    fn factor(&mut self, e: usize) -> &mut f32 {
+        &mut self.states[e].factors.gathers
+    }
+
+    fn changed(&mut self) {
+        self.states.iter_mut().for_each(|s| s.factors.sends = s.factors.gathers);
+        self.nodes.update_factors(self.elements, self.states);
+    }
+}
+
 /// Brings the row sums of leaves to the targets in `states`, starting from `sampled` row sums with all factors 1. `closed` says by
-/// side whether its leaves see no way out. After the deadline fewer rounds are made.
+/// side whether no light leaves the scene from its leaves. After the deadline fewer rounds are made.
 ///
 /// Rows of open scenes are not normalised: scaling them to the sums that rays find was tried; it scales dim light that is right and
 /// adds the noise of the rays.
@@ -109,43 +183,20 @@ pub fn normalise_link_rows(
     states: &mut [ElementState],
     nodes: &mut ActiveNodes,
     closed: &[bool],
-    (rows, sampled): (Rows, &[f64]),
+    (row_sums, sampled): (RowSums, &[f64]),
     deadline: &Deadline,
 ) -> usize {
-    let rounds = if rows == Rows::Balanced { LINK_ROWS.max_rounds } else { 1 };
-    let max_factor = LINK_ROWS.limits[1];
     let mut sums = sampled.to_vec();
-    for round in 0..rounds {
-        let (mut off, mut all) = (0.0, 0.0);
-        for (e, &sum) in sums.iter().enumerate() {
-            let before = states[e].factors.gathers;
-            let missing = missing(elements, states, closed, e, f64::from(before) * sum);
-            let factors = match rows {
-                Rows::Sampled => RowFactors::ONE,
-                Rows::Closed => RowFactors { gathers: missing as f32, sends: 1.0 },
-                Rows::Balanced => {
-                    let factor = scaled(before, missing.sqrt(), LINK_ROWS.limits);
-                    RowFactors { gathers: factor, sends: factor }
-                }
-            };
-            states[e].factors = factors;
-            let element = &elements.elements[e];
-            if element.is_leaf() && factors.gathers < max_factor && missing != 1.0 {
-                off += element.area * (1.0 / missing - 1.0).powi(2);
-                all += element.area;
+    if row_sums == RowSums::Balanced {
+        let mut rows = LinkRows { elements, states, nodes, closed };
+        sums = balance(&mut rows, sums, &LINK_ROWS, deadline);
+        // The remainder is corrected where light is gathered.
+        for (e, sum) in sums.iter_mut().enumerate() {
+            if let Some((target, _)) = rows.target(e, *sum) {
+                rows.states[e].factors.gathers *= (target / *sum) as f32;
+                *sum = target;
             }
         }
-        let done = off <= LINK_ROWS.tolerance * LINK_ROWS.tolerance * all;
-        if done || (round >= MIN_LINK_ROUNDS && deadline.late()) {
-            break;
-        }
-        nodes.update_factors(elements, states);
-        sums = link_row_sums(elements, states, nodes);
-    }
-    // The remainder is corrected where light is gathered.
-    for (e, &sum) in sums.iter().enumerate().filter(|_| rows == Rows::Balanced) {
-        let row = f64::from(states[e].factors.gathers) * sum;
-        states[e].factors.gathers *= missing(elements, states, closed, e, row) as f32;
     }
     bound_growing_rows(elements, states, &sums)
 }
@@ -157,18 +208,10 @@ fn bound_growing_rows(elements: &Elements, states: &mut [ElementState], sums: &[
     for (e, &sum) in sums.iter().enumerate() {
         let Shape::Surface { side, .. } = elements.elements[e].shape else { continue };
         let reflectance = elements.sides[side as usize].reflectance.into_iter().fold(0.0, f32::max);
-        let row = f64::from(states[e].factors.gathers) * sum;
-        if row > 1.0 && row * f64::from(reflectance) > MAX_RETURNED {
-            states[e].factors.gathers = (1.0 / sum) as f32;
+        if sum > 1.0 && sum * f64::from(reflectance) > MAX_RETURNED {
+            states[e].factors.gathers /= sum as f32;
             bounded += usize::from(elements.elements[e].is_leaf());
         }
     }
     bounded
-}
-
-/// The factor by which the row sum of an element must change; 1 where its sum is not known.
-fn missing(elements: &Elements, states: &[ElementState], closed: &[bool], e: usize, sum: f64) -> f64 {
-    let Shape::Surface { side, .. } = elements.elements[e].shape else { return 1.0 };
-    let is_closed = closed[side as usize] && sum > MIN_ROW_SUM;
-    if is_closed || sum > MAX_OPEN_ROW_SUM { f64::from(states[e].row_target) / sum } else { 1.0 }
 }

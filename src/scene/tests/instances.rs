@@ -91,7 +91,7 @@ pub(super) fn orchard() -> Value {
 }
 
 /// All fields of triangles, materials and parts, without repairs, which count shared meshes once.
-fn facts(s: &Scene) -> String {
+fn description(s: &Scene) -> String {
     let parts = (s.closed_parts, s.sheet_parts, s.bounds, s.origin, &s.objects, &s.materials, &s.emitters);
     let faces = (&s.triangle_object, &s.triangle_material, &s.triangle_polygon, &s.triangle_reflectance);
     let more = (&s.triangle_sides, &s.triangle_component, &s.triangle_emitter, &s.triangle_texcoords);
@@ -131,8 +131,8 @@ fn flattened_is_what_flat_files_hold() {
         assert_eq!(flattened.triangles.len() as u64, s.visible_triangles());
         assert!(s.world_bounds().contains(flattened.bounds));
         if far == 0.0 {
-            assert_eq!(facts(&flattened), facts(&flat));
-            assert_eq!(facts(&flat.flattened(u64::MAX).expect("flat")), facts(&flat));
+            assert_eq!(description(&flattened), description(&flat));
+            assert_eq!(description(&flat.flattened(u64::MAX).expect("flat")), description(&flat));
         } else {
             // The origins differ: the centre of all meshes for the flat file, the centre of the ground otherwise.
             for t in 0..flat.triangles.len() as u32 {

@@ -29,11 +29,11 @@ fn neighbours_pass_as_one() {
             let mut ask = |to: &dyn Fn(usize) -> Vec3| {
                 let mut bundle = vec![Packet::EMPTY; packets];
                 (0..n).for_each(|i| bundle[i / LANES].set(i % LANES, from, to(i), ends));
-                let question = Bundle { packets: &bundle, emitter_size: emitter.min_width, emitter: &[] };
-                let answer = engine.answer(question, s, &mut workspace);
+                let bundle_query = Bundle { packets: &bundle, emitter_size: emitter.min_width, emitter: &[] };
+                let answer = engine.answer(bundle_query, s, &mut workspace);
                 let sums = workspace.sums().to_vec();
                 for other in &others {
-                    let again = other.answer(question, s, &mut workspace);
+                    let again = other.answer(bundle_query, s, &mut workspace);
                     let bits = |a: Answer| [a.transmittance, a.lo, a.hi].map(f32::to_bits);
                     assert_eq!((bits(again), again.cost), (bits(answer), answer.cost));
                     assert_eq!(workspace.sums(), sums);

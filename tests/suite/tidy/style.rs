@@ -110,7 +110,7 @@ fn the_diagram_names_every_room() {
 }
 
 /// Rooms on a circle of uses that begins and ends at `room`, by depth-first search.
-fn circle<'a>(
+pub(super) fn circle<'a>(
     table: &'a BTreeMap<String, BTreeSet<String>>,
     room: &'a str,
     path: &mut Vec<&'a str>,

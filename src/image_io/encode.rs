@@ -1,0 +1,15 @@
+//! Encodes images in memory.
+
+use crate::{Error, Result};
+use image::{DynamicImage, ImageFormat};
+use std::io::Cursor;
+
+/// Encodes a picture in memory; `None` is an image that is too large.
+pub(super) fn encode(picture: Option<DynamicImage>, format: ImageFormat) -> Result<Vec<u8>> {
+    let picture = picture.ok_or_else(|| Error::Argument("the image is too large for a file".into()))?;
+    let mut bytes = Cursor::new(Vec::new());
+    picture
+        .write_to(&mut bytes, format)
+        .map_err(|e| Error::Argument(format!("the image cannot be encoded: {e}")))?;
+    Ok(bytes.into_inner())
+}
