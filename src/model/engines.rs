@@ -83,7 +83,7 @@ impl Model {
             for lane in 0..LANES {
                 let [u, v, w, _] = sample_4d(lane as u32, 1, SEED ^ k);
                 let to = match target {
-                    Some(sampler) => sampler.all().sample(scene, u, v),
+                    Some(sampler) => sampler.all().sample(scene, u, v).0,
                     None => surfaces.point(scene, other, v, w),
                 };
                 packet.set(lane, from, to, ends);

@@ -28,6 +28,8 @@ struct Face {
 pub struct EmitterSample {
     /// The point, scene units.
     pub point: Vec3,
+    /// Unit normal of its face, on the side that is seen.
+    pub normal: Vec3,
     /// Unit direction from the receiver to the point.
     pub direction: Vec3,
     /// Emitted radiance, W/(m² sr), RGB.
@@ -81,6 +83,7 @@ impl PowerSampler {
         let gain = profile.map_or(1.0, |p| p.gain(-direction, cosine));
         Some(EmitterSample {
             point,
+            normal: if face.normal.dot(direction) > 0.0 { -face.normal } else { face.normal },
             direction,
             radiance: face.radiance.map(|l| l * gain),
             density: face.density * squared / cosine,

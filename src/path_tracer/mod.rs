@@ -36,10 +36,10 @@ pub struct Settings {
 
 /// Irradiance at `points` with standard errors, W/m² per channel (independent of the scene's unit of length).
 ///
-/// A path starts `1e-5` of the scene's diagonal above its point, along the normal, so that points with rounded
-/// coordinates do not lie below their surface. The same settings give the same bits on any number of threads. `done`
-/// is called with the number of points finished since its last call, from any thread. A scene without emitters gives
-/// zeros.
+/// A point means the nearest surface along its normal that is about parallel, within `1e-5` of the scene's diagonal: files
+/// round coordinates. Paths start a few rounding errors above it, on the side of the normal. The same settings give the
+/// same bits on any number of threads. `done` is called with the number of points finished since its last call, from any
+/// thread. A scene without emitters gives zeros.
 ///
 /// # Errors
 /// [`Error::Argument`] with fewer than two samples.

@@ -55,7 +55,7 @@ impl<'a> Paths<'a> {
         };
         self.sums = Default::default();
         let normal = point.normal.as_vec3();
-        let start = self.surfaces.local(point.position) + self.surfaces.slack * normal;
+        let start = self.surfaces.start(self.surfaces.local(point.position), normal);
         let stream = mix(self.settings.seed ^ mix(number));
         let total = self.settings.samples;
         for first in (0..total).step_by(BATCH_PATHS as usize) {
@@ -94,7 +94,8 @@ impl<'a> Paths<'a> {
                         // Balance heuristic with the sampled direction, which can hit the same emitter.
                         let share = chance / (chance + emitter_sample.density);
                         direct[lane] = product(path.throughput, emitter_sample.radiance).map(|x| x * share);
-                        shadow.set(lane, path.position, emitter_sample.point, self.surfaces.ends);
+                        let end = emitter_sample.point + self.surfaces.skin * emitter_sample.normal;
+                        shadow.set_between(lane, path.position, end, [0.0, 1.0]);
                     }
                 }
                 directions[lane] = cosine_direction(path.normal, u[0], u[1]);

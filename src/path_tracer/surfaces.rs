@@ -3,7 +3,7 @@
 use crate::embree::{CommittedScene, Hits, Traversal};
 use crate::math::triangle_normal;
 use crate::model::Model;
-use crate::ray::{EndRule, Packet};
+use crate::ray::Packet;
 use crate::scene::Profile;
 use glam::{DVec3, Vec3};
 
@@ -16,13 +16,11 @@ pub struct Surfaces<'a> {
     traced: CommittedScene,
     /// Unit normals of the triangles of each mesh, in the frame of the mesh.
     normals: Vec<Vec<Vec3>>,
-    /// Distance above a hit surface at which paths continue: a few rounding errors of the largest coordinate; scene
-    /// units.
+    /// Distance above a surface at which paths start, continue and end: 34 roundings (2⁻²⁴) of the largest coordinate,
+    /// four times what intersections with triangles as large as the scene err by; scene units.
     pub skin: f32,
-    /// Distance above a given point at which its paths start, scene units.
-    pub slack: f32,
-    /// Rule for the ends of segments to emitters.
-    pub ends: EndRule,
+    /// Largest distance of a given point from its surface, scene units.
+    slack: f32,
 }
 
 /// A hit of a path ray.
@@ -54,7 +52,6 @@ impl<'a> Surfaces<'a> {
             normals: normals.collect(),
             skin: 2e-6 * magnitude,
             slack: 1e-5 * model.bounds().diagonal() + 1e-6 * magnitude,
-            ends: model.end_rule(),
             model,
         }
     }
@@ -62,6 +59,41 @@ impl<'a> Surfaces<'a> {
     /// Converts a position in the file's coordinates to the scene's local coordinates.
     pub fn local(&self, position: DVec3) -> Vec3 {
         (position - self.model.scene().origin).as_vec3()
+    }
+
+    /// The start of the paths of a given point, above the surface that the point lies on: of the surfaces whose normals are
+    /// within 60° of that of the point, the nearest one along the normal of the point, within 1e-5 of the scene's diagonal.
+    /// Without one, the point is taken as it is, lifted.
+    pub fn start(&self, given: Vec3, normal: Vec3) -> Vec3 {
+        /// Most surfaces that are tried.
+        const MAX_SURFACES: usize = 64;
+        // One search on either side of the point, so that the nearest surface is met first.
+        let nearest = [1.0f32, -1.0].map(|side| {
+            let mut ray = Packet::EMPTY;
+            ray.set_ray(0, given, -side * normal);
+            (ray.near[0], ray.far[0]) = (0.0, self.slack);
+            for _ in 0..MAX_SURFACES {
+                let mut hits = Hits::NONE;
+                self.intersect(std::slice::from_ref(&ray), std::slice::from_mut(&mut hits));
+                let hit = self.place(&ray, &hits, 0, -side * normal)?;
+                if hit.cosine.abs() >= 0.5 {
+                    return Some(side * hits.t[0]);
+                }
+                ray.near[0] = hits.t[0].next_up();
+            }
+            None
+        });
+        let depth = match nearest {
+            [Some(below), Some(above)] => {
+                if below <= -above {
+                    below
+                } else {
+                    above
+                }
+            }
+            [below, above] => below.or(above).unwrap_or(0.0),
+        };
+        given - depth * normal + self.skin * normal
     }
 
     /// Sets `blocked[k]` to the mask of blocked lanes of `packets[k]`.

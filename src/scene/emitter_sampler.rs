@@ -115,26 +115,28 @@ impl EmitterSampler {
                 sum
             })
             .collect();
-        Facing { triangles: &self.triangles, sums: Cow::Owned(sums) }
+        Facing { triangles: &self.triangles, normals: &self.normals, sums: Cow::Owned(sums) }
     }
 
     /// All faces.
     pub fn all(&self) -> Facing<'_> {
-        Facing { triangles: &self.triangles, sums: Cow::Borrowed(&self.sums) }
+        Facing { triangles: &self.triangles, normals: &self.normals, sums: Cow::Borrowed(&self.sums) }
     }
 }
 
 /// Some faces of an emitter.
 pub struct Facing<'a> {
     triangles: &'a [u32],
+    normals: &'a [Vec3],
     sums: Cow<'a, [f32]>,
 }
 
 impl Facing<'_> {
-    /// Area-uniform point from two numbers in `[0, 1)`: the first picks the face and is used again inside it.
-    pub fn sample(&self, scene: &Scene, u: f32, v: f32) -> Vec3 {
+    /// Area-uniform point from two numbers in `[0, 1)`, and the unit normal of its face: the first number picks the face and is used
+    /// again inside it.
+    pub fn sample(&self, scene: &Scene, u: f32, v: f32) -> (Vec3, Vec3) {
         let (i, u, _) = pick(&self.sums, u);
-        on_triangle(scene.corners(self.triangles[i]), u, v)
+        (on_triangle(scene.corners(self.triangles[i]), u, v), self.normals[i])
     }
 }
 

@@ -184,7 +184,8 @@ impl Pairs<'_> {
             let to = (q - p).as_dvec3();
             let (here, there) = (a.normal(m).dot(to), -b.normal(n).dot(to));
             if here > 0.0 && there > 0.0 {
-                packet.set(lane, p, q, self.ends);
+                let lifted = |at, normal: glam::DVec3| self.ends.lifted(at, normal.as_vec3());
+                packet.set_lifted(lane, lifted(p, a.normal(m)), lifted(q, b.normal(n)), self.ends);
                 return Some(here * there / to.length_squared().powi(2));
             }
         }

@@ -206,7 +206,8 @@ impl Pairs<'_> {
             if here > 0.0 && there > 0.0 {
                 let lane = k % LANES;
                 weights[lane] = here * there / to.length_squared().powi(2);
-                packet.set(lane, p, q, self.ends);
+                let lifted = |at, normal: DVec3| self.ends.lifted(at, normal.as_vec3());
+                packet.set_lifted(lane, lifted(p, a.normal(m)), lifted(q, b.normal(n)), self.ends);
             }
             if k % LANES == LANES - 1 && !packet.is_empty() {
                 trace(&mut packet, &mut weights);

@@ -29,7 +29,7 @@ impl FinalGather<'_> {
     pub(super) fn engines(&self, points: &[(Vec3, Vec3)]) -> Vec<VisibilityEngine> {
         let point = |i: usize| {
             let (at, normal) = points[i];
-            GatherPoint { at: at + self.slack * normal, normal, seed: mix(i as u64) }
+            GatherPoint { at: self.start(at, normal), normal, seed: mix(i as u64) }
         };
         let runs: Vec<Vec<GatherPoint>> =
             sample_runs(points.len()).map(|run| run.map(point).collect()).collect();
@@ -143,7 +143,7 @@ impl FinalGather<'_> {
             let gain = emission_gain(face.profile.as_deref(), y, face.normal, at);
             *weight = gain * kernel * face.area * mean(face.exitance) as f32 / share;
             if *weight > 0.0 {
-                packet.set(lane, at, y, self.linked.ends);
+                packet.set_lifted(lane, at, self.linked.ends.lifted(y, face.normal), self.linked.ends);
             }
         }
         let query =

@@ -45,7 +45,7 @@ impl FinalGather<'_> {
                     .iter()
                     .enumerate()
                     .map(|(i, &(at, normal))| GatherPoint {
-                        at: at + self.slack * normal,
+                        at: self.start(at, normal),
                         normal,
                         seed: seed(i),
                     })

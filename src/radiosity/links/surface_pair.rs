@@ -83,7 +83,9 @@ impl SurfacePair<'_> {
         let weights: [f32; LANES] =
             std::array::from_fn(|l| kernel(pa[l & 3], Some(na), pb[l >> 2], Some(nb), nearest));
         let few = accuracy.worth * free * accuracy.deviation < FEW_SEGMENTS_ERROR;
-        let packet = accuracy.segments(few, &weights, seed, ends, |l| [pa[l & 3], pb[l >> 2]]);
+        let packet = accuracy.segments(few, &weights, seed, ends, |l| {
+            [ends.lifted(pa[l & 3], na), ends.lifted(pb[l >> 2], nb)]
+        });
         Some((draft(weights, certificate), accuracy.query(packet, widths)))
     }
 

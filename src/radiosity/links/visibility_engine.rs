@@ -195,7 +195,8 @@ pub fn sample_bundles(elements: &Elements, ends: EndRule, count: usize, seed: u6
             let mut packet = Packet::EMPTY;
             for lane in 0..LANES {
                 let [r, s, t, w] = numbers(mix(seed ^ k as u64), lane as u64);
-                packet.set(lane, point_on(ca, r, s), point_on(cb, t, w), ends);
+                let (from, to) = (point_on(ca, r, s), point_on(cb, t, w));
+                packet.set_lifted(lane, ends.lifted(from, na), ends.lifted(to, nb), ends);
             }
             (packet, width)
         })
