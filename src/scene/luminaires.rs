@@ -2,7 +2,7 @@
 
 use super::profile::{Distribution, Profile, axes};
 use super::read_luminaire::{Luminaire, read};
-use super::{LoadOptions, MAX_COORDINATE, Soup, SoupMaterial, power::unit_in_metres};
+use super::{LoadOptions, MAX_COORDINATE, PlacedLuminaire, Soup, SoupMaterial, power::unit_in_metres};
 use crate::files::input;
 use crate::{Error, Result, error::quote};
 use glam::DVec3;
@@ -20,20 +20,6 @@ const MAX_LUMENS: f64 = 1e15;
 /// Distance of the luminaire's two plates relative to the longer side: the least that keeps the plates apart in f32
 /// at a thousand sides from the origin of the scene, 2⁻²⁴ · 1000, with a margin of 160.
 const MIN_THICKNESS: f64 = 1e-2;
-
-/// A luminaire of a placement file.
-#[derive(Clone, Debug)]
-pub(crate) struct PlacedLuminaire {
-    /// Name of its object and material.
-    name: String,
-    luminaire: Arc<Luminaire>,
-    /// Position, scene units in the coordinates of the scene's file.
-    at: DVec3,
-    /// Unit vectors towards γ = 0, C = 0 and C = 90°.
-    axes: [DVec3; 3],
-    /// Factor of all intensities.
-    scale: f64,
-}
 
 /// A table `[[luminaire]]`.
 #[derive(serde::Deserialize)]

@@ -12,11 +12,14 @@ mod front;
 pub mod generate;
 mod instances;
 mod keep;
+mod limits;
 mod load;
+mod load_options;
 mod luminaires;
 mod mtl;
 mod overlap;
 mod photometry;
+mod placement;
 mod power;
 mod profile;
 mod read_gltf;
@@ -28,6 +31,7 @@ mod size;
 mod soup;
 mod sources;
 mod stack;
+mod strength;
 mod stretch;
 #[cfg(test)]
 pub(crate) mod testing;
@@ -46,19 +50,21 @@ pub use emitter_sampler::EmitterSampler;
 pub use flatten::InstanceTriangles;
 #[cfg(test)]
 pub(crate) use instances::resolve_placed;
-pub use instances::{MAX_PLACEMENTS, Placement};
-pub use load::LoadOptions;
+pub use limits::{MAX_COORDINATE, MAX_REFLECTANCE, MIN_EXTENT};
 #[cfg(any(test, feature = "internals"))]
 pub use load::read_from_memory;
-pub(crate) use luminaires::PlacedLuminaire;
+pub use load_options::LoadOptions;
+pub(crate) use load_options::PlacedLuminaire;
 pub use luminaires::read_placements;
 #[cfg(any(test, feature = "internals"))]
 pub use mtl::read_materials;
 pub use photometry::{Channels, Photometry};
-pub use power::{Strength, parse_emitter, unit_in_metres};
+pub use placement::{MAX_PLACEMENTS, Placement};
+pub use power::{parse_emitter, unit_in_metres};
 pub use profile::Profile;
-pub use resolve::{MAX_COORDINATE, MIN_EXTENT, resolve};
+pub use resolve::resolve;
 pub use soup::{PlacedSoup, Soup, SoupMaterial};
+pub use strength::Strength;
 pub use stretch::{MAX_STRETCH, stretch};
 pub use up::UpAxis;
 #[cfg(any(test, feature = "cli"))]

@@ -1,8 +1,8 @@
 //! Emitters by name, with their power.
 
-use super::{LoadOptions, Material};
+use super::{LoadOptions, Material, Strength};
 use crate::{Error, Result, error::quote};
-use std::{collections::HashMap, f64::consts::PI};
+use std::collections::HashMap;
 
 /// Length of one unit in metres; `None` for unknown names (they count as metres).
 pub fn unit_in_metres(unit: &str) -> Option<f64> {
@@ -16,37 +16,6 @@ pub fn unit_in_metres(unit: &str) -> Option<f64> {
         "ft" | "foot" => 0.3048,
         _ => return None,
     })
-}
-
-/// What a named emitter sends out.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Strength {
-    /// Power of each channel, W.
-    Watts(f64),
-    /// Luminous flux, lm.
-    Lumens(f64),
-    /// Luminance, cd/m².
-    Luminance(f64),
-}
-
-impl Strength {
-    /// Radiance of each channel, W/(m² sr), of an emitter of `area` m² (all emitting sides).
-    fn radiance(self, area: f64, lumens_per_watt: f64) -> f64 {
-        match self {
-            Strength::Watts(w) => w / (area * PI),
-            Strength::Lumens(lm) => lm / lumens_per_watt / (area * PI),
-            Strength::Luminance(l) => l / lumens_per_watt,
-        }
-    }
-
-    /// The number and its unit.
-    fn parts(self) -> (f64, &'static str) {
-        match self {
-            Strength::Watts(v) => (v, "W"),
-            Strength::Lumens(v) => (v, "lm"),
-            Strength::Luminance(v) => (v, "cd/m\u{b2}"),
-        }
-    }
 }
 
 /// Parses `NAME=60`, `NAME=60W`, `NAME=800lm` or `NAME=5000cd/m2`; the name may contain `=`.

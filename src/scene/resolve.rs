@@ -5,7 +5,8 @@
 //! and of millimetres both work.
 
 use super::{
-    Emitter, LoadOptions, Material, Repairs, Scene, Soup, SoupMaterial,
+    Emitter, LoadOptions, MAX_COORDINATE, MAX_REFLECTANCE, MIN_EXTENT, Material, Repairs, Scene, Soup,
+    SoupMaterial,
     compact::{compact, used_objects, used_parts},
     connect::{self, Edges, Parts, Sets},
     emitters::{self, Faces},
@@ -18,14 +19,6 @@ use super::{
 };
 use crate::{Error, Result, error::quote, math::Aabb};
 use glam::{DVec3, Vec3};
-
-/// Largest coordinate: areas and volumes stay within f32.
-pub const MAX_COORDINATE: f64 = 1e12;
-/// Smallest extent of a scene: areas stay within f32.
-pub const MIN_EXTENT: f64 = 1e-12;
-/// Largest reflectance: with 1 the light in a closed room would not converge; 0.999 reflects at most 1 / (1 − 0.999) =
-/// 1,000 times the emitted light.
-pub const MAX_REFLECTANCE: f32 = 0.999;
 
 /// Checks, repairs and converts a soup.
 ///

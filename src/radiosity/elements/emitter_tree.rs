@@ -4,10 +4,8 @@
 //! no face can light the receiver (Conty Estevez and Kulla 2018). A receiver divides the faces into a few nodes, a cut through the
 //! tree; it draws a node by that estimate, then a face of the node by power.
 
-use super::emitters::EmitterFace;
 use crate::math::Aabb;
 use crate::math::sampling::pick;
-use crate::radiosity::rgb::mean;
 use glam::Vec3;
 
 /// Nodes of a cut: as many as a packet has segments, so that each segment of a packet can have a node of its own.
@@ -214,11 +212,6 @@ impl Angle {
             sine: self.sine * other.cosine - self.cosine * other.sine,
         }
     }
-}
-
-/// Power of a face over π, W/π.
-pub fn power_of(face: &EmitterFace) -> f32 {
-    face.area * mean(face.exitance) as f32
 }
 
 #[cfg(test)]

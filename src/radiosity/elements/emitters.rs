@@ -1,43 +1,13 @@
 //! Emitting faces: closed forms use all faces of an emitter, single rays use one face drawn at random.
 
-use super::emitter_tree::{Cut, EmitterTree, Receiver, power_of};
-use super::profiles::profile_factor;
+use super::emitter_face::{EmitterFace, power_of};
+use super::emitter_tree::{Cut, EmitterTree, Receiver};
 use super::{Elements, Shape};
-use crate::form_factors::analytic::point_to_polygon;
 use crate::math::sampling::point_on;
 use crate::radiosity::rgb::{Rgb, mean};
-use crate::scene::{Profile, Scene};
-use glam::{DVec3, Vec3};
-use std::{collections::HashMap, sync::Arc};
-
-/// One emitting face.
-pub struct EmitterFace {
-    /// Counterclockwise seen from its side; a triangle repeats its third corner.
-    pub corners: [Vec3; 4],
-    /// The same corners in double precision, for closed forms.
-    pub polygon: [DVec3; 4],
-    /// Number of distinct corners: 3 or 4.
-    pub count: usize,
-    /// Unit normal.
-    pub normal: Vec3,
-    /// Exitance, W/m².
-    pub exitance: Rgb,
-    /// Area, scene units squared.
-    pub area: f32,
-    /// Directions in which the face emits; none for diffuse emission.
-    pub profile: Option<Arc<Profile>>,
-}
-
-impl EmitterFace {
-    /// Form factor from a point (position, unit normal) to the face: of a diffuse face in closed form, of one with a profile
-    /// with its radiance relative to a diffuse face as weight.
-    pub fn factor(&self, at: DVec3, normal: DVec3) -> f64 {
-        match &self.profile {
-            None => point_to_polygon(at, normal, &self.polygon[..self.count]).max(0.0),
-            Some(profile) => profile_factor(profile, (at, normal), &self.polygon[..self.count]),
-        }
-    }
-}
+use crate::scene::Scene;
+use glam::Vec3;
+use std::collections::HashMap;
 
 /// One emitter of the scene.
 pub struct Emitter {

@@ -11,6 +11,7 @@
 //! one solution; ids of surfaces that outlast it are in `instances`.
 
 mod build;
+pub mod emitter_face;
 pub mod emitter_tree;
 pub mod emitters;
 mod instances;

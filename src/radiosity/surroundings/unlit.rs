@@ -5,7 +5,8 @@
 
 use crate::embree::Hits;
 use crate::math::sampling::{cosine_direction, mix, numbers, point_on};
-use crate::radiosity::elements::emitters::{EmitterFace, Emitters};
+use crate::radiosity::elements::emitter_face::EmitterFace;
+use crate::radiosity::elements::emitters::Emitters;
 use crate::radiosity::elements::{Elements, Shape};
 use crate::ray::{EndRule, LANES, Packet};
 use crate::scene::Scene;

@@ -146,7 +146,7 @@ fn materials_and_their_absence() {
     let s = mtl("newmtl grün\nKd 1 2 -1\n");
     assert_eq!(
         s.triangle_reflectance[0],
-        [crate::scene::resolve::MAX_REFLECTANCE, crate::scene::resolve::MAX_REFLECTANCE, 0.0]
+        [crate::scene::MAX_REFLECTANCE, crate::scene::MAX_REFLECTANCE, 0.0]
     );
     assert_eq!(s.repairs.clamped_reflectances, 1);
     let s = mtl("newmtl blue\nKd 1 0 0\n");
