@@ -1,5 +1,7 @@
 //! Axis-aligned boxes, triangle areas and normals.
 
+pub mod sampling;
+
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 

@@ -103,7 +103,7 @@ impl<'a> Query<'a> {
             let cure = "give finite coordinates of the scene's file";
             lies.then_some(relative).ok_or_else(|| Error::Argument(format!("`{name}` {p:?}: {cure}")))
         };
-        let from = point("position", self.position)?;
+        let position = point("position", self.position)?;
         let normal = DVec3::from_array(self.normal).normalize_or_zero().as_vec3();
         if !(normal.is_finite() && normal != Vec3::ZERO) {
             return Err(Error::Argument(format!(
@@ -111,6 +111,8 @@ impl<'a> Query<'a> {
                 self.normal
             )));
         }
+        let rule = model.end_rule();
+        let from = rule.lifted(position, normal);
         if self.rays == 0 || self.rays > MAX_RAYS {
             return Err(Error::Argument(format!("`rays` {}: must lie in 1..{MAX_RAYS}", self.rays)));
         }
@@ -120,7 +122,7 @@ impl<'a> Query<'a> {
             None => return Err(Error::Argument("there is no target: call `to_source` or `to_point`".into())),
             Some(Target::Point(p)) => {
                 let to = point("to_point", p)?;
-                if to == from {
+                if to == position {
                     return Err(Error::Argument(format!("`to_point` {p:?}: is the point itself")));
                 }
                 (vec![to], 0.0, &[][..])
@@ -138,8 +140,11 @@ impl<'a> Query<'a> {
                 }
                 let faces = if all { sampler.all() } else { sampler.facing(scene, from) };
                 let draw = |i: usize| sample_4d(i as u32, 0, self.seed);
-                let ends: Vec<Vec3> =
-                    (0..self.rays).map(draw).map(|[u, v, ..]| faces.sample(scene, u, v)).collect();
+                let end = |[u, v, ..]: [f32; 4]| {
+                    let (at, normal) = faces.sample(scene, u, v);
+                    rule.lifted_towards(at, normal, from)
+                };
+                let ends: Vec<Vec3> = (0..self.rays).map(draw).map(end).collect();
                 (ends, sampler.size_from(from), sampler.hull())
             }
         };
@@ -152,7 +157,7 @@ impl<'a> Query<'a> {
         gather_neighbours(&mut ends);
         let mut packets = vec![Packet::EMPTY; ends.len().div_ceil(LANES)];
         for (k, &to) in ends.iter().enumerate() {
-            packets[k / LANES].set(k % LANES, from, to, model.end_rule());
+            packets[k / LANES].set_lifted(k % LANES, from, to, rule);
         }
         let bundle = Bundle { packets: &packets, emitter_size, emitter: hull };
         let answer = model.with_workspace(|workspace| match (&chosen, size) {

@@ -130,7 +130,7 @@ pub fn choose(
 
 fn by_size(model: &Model, exact: &dyn Occluder) -> Vec<(String, Candidate)> {
     let scene = model.shared_scene();
-    let min_extent = MIN_EXTENT_PART * model.bounds().diagonal();
+    let min_extent = MIN_EXTENT_PART * scene.size();
     let mut extent = vec![Aabb::EMPTY; scene.triangle_component.iter().max().map_or(0, |&c| c as usize + 1)];
     for (t, &c) in scene.triangle_component.iter().enumerate() {
         extent[c as usize] = extent[c as usize].union(Aabb::of(scene.corners(t as u32)));

@@ -49,7 +49,7 @@ pub fn default_sizes(model: &Model) -> Vec<f64> {
     let small = of(&|c| tree.clusters[c].is_leaf(), &triangles);
     let large = of(&|c| OBJECT_TRIANGLES.contains(&tree.clusters[c].triangles), &|_| 1.0)
         .or_else(|| of(&|c| c == 0, &|_| 1.0));
-    between(small, large, f64::from(model.bounds().diagonal()))
+    between(small, large, f64::from(model.scene().size()))
 }
 
 /// Sizes from the smallest to the largest, within the limits of a scene with this diagonal.

@@ -1,8 +1,9 @@
 //! Receiver points on the surfaces of a scene.
 
 use crate::math::Aabb;
+use crate::math::sampling::on_triangle;
 use crate::model::{Instance, Model};
-use crate::scene::{Scene, point_on};
+use crate::scene::Scene;
 use glam::Vec3;
 use rayon::prelude::*;
 use sobol_burley::sample_4d;
@@ -93,7 +94,7 @@ impl<'a> ReceivingTriangles<'a> {
     fn point(&self, target: f64, draw: [f32; 4]) -> ReceiverPoint {
         let k = self.sums.partition_point(|&s| s <= target).min(self.sums.len() - 1);
         let corners = self.scene.corners(self.triangles[k]);
-        let position = point_on(corners, draw[1], draw[2]);
+        let position = on_triangle(corners, draw[1], draw[2]);
         let mut normal = crate::math::triangle_normal(corners[0], corners[1], corners[2]);
         if self.scene.triangle_sides[self.triangles[k] as usize] == 2 && draw[3] < 0.5 {
             normal = -normal;

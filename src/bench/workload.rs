@@ -83,7 +83,7 @@ impl Workload {
             if i % LANES == 0 {
                 packets.push(Packet::EMPTY);
             }
-            packets.last_mut().expect("just pushed").set(i % LANES, a, b, self.ends);
+            packets.last_mut().expect("just pushed").set_lifted(i % LANES, a, b, self.ends);
         });
     }
 
@@ -120,7 +120,7 @@ impl Workload {
                 if n % LANES == 0 {
                     packets.push(Packet::EMPTY);
                 }
-                packets.last_mut().expect("just pushed").set(n % LANES, a, b, self.ends);
+                packets.last_mut().expect("just pushed").set_lifted(n % LANES, a, b, self.ends);
                 n += 1;
             });
         }
@@ -141,11 +141,15 @@ impl Workload {
         let facing = sampler.facing(scene, point.position);
         // Owen-scrambled Sobol' points, stratified for every power of two; a scramble serves 65,536 points.
         let draw = |i: u32| sample_4d(i & 0xffff, 0, seed ^ (i >> 16).wrapping_mul(0x9e37_79b9));
-        let mut ends: Vec<Vec3> =
-            (0..rays as u32).map(draw).map(|[u, v, ..]| facing.sample(scene, u, v)).collect();
+        let from = self.ends.lifted(point.position, point.normal);
+        let end = |[u, v, ..]: [f32; 4]| {
+            let (at, normal) = facing.sample(scene, u, v);
+            self.ends.lifted_towards(at, normal, from)
+        };
+        let mut ends: Vec<Vec3> = (0..rays as u32).map(draw).map(end).collect();
         if order == Order::Near {
             gather_neighbours(&mut ends);
         }
-        ends.into_iter().enumerate().for_each(|(i, end)| f(i, point.position, end));
+        ends.into_iter().enumerate().for_each(|(i, end)| f(i, from, end));
     }
 }

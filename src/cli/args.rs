@@ -5,7 +5,9 @@ use crate::{
     Error, Result,
     files::WholeFile,
     model::cache::CacheLocation,
-    scene::{LoadOptions, Scene, parse_emitter, unit_in_metres},
+    scene::{
+        Channels, LoadOptions, Photometry, Scene, UpAxis, parse_emitter, read_placements, unit_in_metres,
+    },
     threads::{MAX_THREADS, Threads},
 };
 use indicatif::{ProgressBar, ProgressStyle};
@@ -147,9 +149,20 @@ pub struct SceneArgs {
     /// The scene: .obj, .gltf, .glb or .ply.
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
-    /// Let the object, group or material NAME emit W watts (repeatable).
+    /// Let the object, group or material NAME emit W watts (repeatable); with a unit watts, lumens or luminance:
+    /// NAME=60W, NAME=800lm, NAME=5000cd/m2.
     #[arg(long = "emitter", value_name = "NAME=W")]
     pub emitters: Vec<String>,
+    /// Add luminaires with IES LM-63 or EULUMDAT files: a TOML file with [[luminaire]] tables of file, at and aim.
+    #[arg(long, value_name = "FILE.toml")]
+    pub luminaires: Option<PathBuf>,
+    /// Also give lux, lumens and cd/m²: rgb by luminance weights and 179 lm/W (default), or one channel that is in
+    /// lumens already (red, green, blue).
+    #[arg(long, value_name = "CHANNELS", num_args = 0..=1, require_equals = true, default_missing_value = "rgb")]
+    pub photometric: Option<Channels>,
+    /// Upward axis of the scene's coordinates [default: y in glTF; elsewhere from the light and the extents]
+    #[arg(long, value_enum, value_name = "y|z")]
+    pub up: Option<UpAxis>,
     /// Emissive faces emit from both sides instead of the front only.
     #[arg(long)]
     pub two_sided_emission: bool,
@@ -159,6 +172,11 @@ pub struct SceneArgs {
 }
 
 impl SceneArgs {
+    /// How luminous quantities are reported, if they are asked for.
+    pub fn photometry(&self) -> Option<Photometry> {
+        self.photometric.map(Photometry::from)
+    }
+
     /// Reads the scene.
     ///
     /// # Errors
@@ -168,6 +186,9 @@ impl SceneArgs {
         let options = LoadOptions {
             unit: common.unit.clone(),
             emitters,
+            luminaires: self.luminaires.as_deref().map(read_placements).transpose()?.unwrap_or_default(),
+            photometry: self.photometry().unwrap_or_default(),
+            up: self.up,
             two_sided_emission: self.two_sided_emission,
             sides: self.sides,
             threads: common.threads.map_or(0, usize::from),

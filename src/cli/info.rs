@@ -3,7 +3,11 @@
 use super::args::{Common, SceneArgs, grouped};
 use super::{flags::with_flags, inputs::Inputs};
 use crate::clusters;
-use crate::{Result, error::quote, scene::Scene};
+use crate::{
+    Result,
+    error::quote,
+    scene::{Photometry, Scene},
+};
 use serde_json::{Value, json};
 use std::{
     fmt::Write,
@@ -32,18 +36,35 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         let _spinner = args.common.spinner("clustering");
         ClusterCounts::of(&scene)
     };
-    args.common.write_json(&summary_json(&scene, counts, seconds))?;
-    args.common.print(&text(&scene, counts, seconds, if args.all { usize::MAX } else { 20 }))?;
+    let photometry = args.scene.photometry();
+    let mut json = summary_json(&scene, counts, seconds);
+    if let (Some(photometry), Some(list)) = (photometry, json["emitters"].as_array_mut()) {
+        for (emitter, entry) in scene.emitters.iter().zip(list) {
+            entry["flux_lm"] = photometry.of(scene.power(emitter)).into();
+        }
+    }
+    args.common.write_json(&json)?;
+    args.common.print(&text(
+        &scene,
+        (counts, photometry),
+        seconds,
+        if args.all { usize::MAX } else { 20 },
+    ))?;
     Ok(ExitCode::SUCCESS)
 }
 
 /// All sections as text.
-fn text(scene: &Scene, counts: ClusterCounts, seconds: f64, objects: usize) -> String {
+fn text(
+    scene: &Scene,
+    (counts, photometry): (ClusterCounts, Option<Photometry>),
+    seconds: f64,
+    objects: usize,
+) -> String {
     let mut out = String::new();
     // Writing to a string cannot fail.
     let _ = summary(&mut out, scene, seconds)
         .and_then(|()| clusters(&mut out, counts))
-        .and_then(|()| emitters(&mut out, scene))
+        .and_then(|()| emitters(&mut out, scene, photometry))
         .and_then(|()| list_objects(&mut out, scene, objects))
         .and_then(|()| list_meshes(&mut out, scene, objects))
         .and_then(|()| outside_files(&mut out, scene))
@@ -145,7 +166,7 @@ impl ClusterCounts {
     }
 }
 
-fn emitters(out: &mut String, s: &Scene) -> std::fmt::Result {
+fn emitters(out: &mut String, s: &Scene, photometry: Option<Photometry>) -> std::fmt::Result {
     if s.emitters.is_empty() {
         return writeln!(out, "no emitter: nothing has Ke; make one with --emitter NAME=W");
     }
@@ -159,9 +180,10 @@ fn emitters(out: &mut String, s: &Scene) -> std::fmt::Result {
             format!("{:.2} {:.2} {:.2}", n.x, n.y, n.z)
         };
         let power = s.power(e).map(round64).join(" ");
+        let lumens = photometry.map_or(String::new(), |p| format!(", {} lm", round64(p.of(s.power(e)))));
         writeln!(
             out,
-            "  {:24} area {} {u}², width {} {u}, normal {normal}, power {power} W (RGB)",
+            "  {:24} area {} {u}², width {} {u}, normal {normal}, power {power} W (RGB){lumens}",
             quote(&e.name),
             round64(e.area),
             round(e.min_width),
@@ -283,7 +305,7 @@ fn summary_json(s: &Scene, counts: ClusterCounts, seconds: f64) -> Value {
         "closed_parts": stored(s, |m| m.closed_parts), "sheet_parts": stored(s, |m| m.sheet_parts),
         "clusters": clusters, "levels": levels, "large_surface_triangles": large,
         "origin": s.origin.to_array(), "min": bounds.min.to_array(), "max": bounds.max.to_array(),
-        "two_sided_emission": s.two_sided_emission,
+        "two_sided_emission": s.two_sided_emission, "up": s.up_axis(),
         "files": s.files, "files_outside": outside(s),
     });
     if !s.placements.is_empty() {

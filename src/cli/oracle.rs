@@ -61,13 +61,15 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let scene = model.scene();
     let seconds = start.elapsed().as_secs_f64();
     drop(bar);
-    write_irradiance(&args.out, &found)?;
+    let photometry = args.scene.photometry();
+    let lux = |rgb| photometry.unwrap_or_default().of(rgb);
+    write_irradiance(&args.out, &found, photometry.map(|_| &lux as _))?;
     let (mean, noise) = (mean(&found), noise(&found));
     if mean == 0.0 && !scene.emitters.is_empty() {
         let cure = "if that is wrong, set --two-sided-emission or reverse the order of the corners of the emitters' faces";
         warn(common, &[format!("no light arrives at any point: {cure}")]);
     }
-    common.write_json(&serde_json::json!({
+    let mut json = serde_json::json!({
         "mrvis": env!("CARGO_PKG_VERSION"),
         "scene": args.scene.scene,
         "unit": scene.unit,
@@ -81,15 +83,24 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         "mean": mean,
         "noise": noise,
         "warnings": scene.repairs.messages,
-    }))?;
+    });
+    let luminous = photometry
+        .map(|p| (p, found.values.iter().map(|v| p.of(*v)).sum::<f64>() / points.len().max(1) as f64));
+    if let Some((photometry, lx)) = luminous {
+        json["photometric"] = serde_json::json!({
+            "weights": photometry.weights, "lumens_per_watt": photometry.lumens_per_watt, "mean_illuminance_lx": lx,
+        });
+    }
+    common.write_json(&json)?;
     common.print(&format!(
-        "{}: {} points, {} paths each, {} s; mean irradiance {} W/m\u{b2}, RMS standard error {} % of it\n",
+        "{}: {} points, {} paths each, {} s; mean irradiance {} W/m\u{b2}, RMS standard error {} % of it\n{}",
         file_name(&args.out),
         grouped(points.len()),
         args.samples,
         number(seconds),
         number(mean),
         number(100.0 * noise),
+        luminous.map_or(String::new(), |(_, lx)| format!("mean illuminance {} lx\n", number(lx))),
     ))?;
     Ok(ExitCode::SUCCESS)
 }

@@ -10,8 +10,9 @@ use crate::{
     image_io::{Picture, write_exr_rgb, write_png},
     points::Point,
     radiosity::mesh::RadiosityMesh,
-    scene::{Scene, StoredCamera},
+    scene::{Photometry, Scene, StoredCamera},
 };
+use glam::Vec3Swizzles;
 use std::path::{Path, PathBuf};
 
 /// Options of the files that show a solution.
@@ -85,6 +86,7 @@ impl Outputs {
         folder: &Path,
         with_points: bool,
         irradiance: Gather,
+        photometry: Option<Photometry>,
     ) -> Result<Written> {
         let wants = |kind| self.wants(kind, with_points);
         let mut written = Vec::new();
@@ -94,7 +96,7 @@ impl Outputs {
         };
         if wants(Kind::Vtu) {
             let _spinner = common.spinner("writing solution.vtu");
-            write_vtu(&file("solution.vtu".into()), solution, scene)?;
+            write_vtu(&file("solution.vtu".into()), solution, scene, photometry)?;
         }
         if ![Kind::Ply, Kind::Glb, Kind::Lightmap, Kind::Image, Kind::Page].into_iter().any(wants) {
             return Ok(Written { files: written, views: Vec::new() });
@@ -109,7 +111,7 @@ impl Outputs {
         }
         if wants(Kind::Glb) {
             let _spinner = common.spinner("writing solution.glb");
-            write_glb(&file("solution.glb".into()), &mesh, solution.origin, tone)?;
+            write_glb(&file("solution.glb".into()), &mesh, solution.origin, scene.up_axis(), tone)?;
         }
         if wants(Kind::Lightmap) {
             let spinner = common.spinner("writing lightmap.exr");
@@ -205,9 +207,7 @@ impl Outputs {
     }
 
     fn cameras(&self, scene: &Scene, solution: &RadiosityMesh, stage: &Stage) -> Vec<Camera> {
-        // y is up by the specification of glTF; for other formats z is assumed.
-        let gltf = scene.path.extension().is_some_and(|e| e == "gltf" || e == "glb");
-        let up = if gltf { glam::Vec3::Y } else { glam::Vec3::Z };
+        let up = scene.up_axis().vector();
         let Some([x, y, z, u, v, w, degrees]) = self.camera else {
             let mut stored: Vec<Camera> = scene.cameras.iter().map(|c| stored(c, solution)).collect();
             let names = distinct(stored.iter().map(|c| c.name.clone()));
@@ -220,12 +220,8 @@ impl Outputs {
         };
         let eye = (glam::DVec3::new(x, y, z) - solution.origin).as_vec3();
         let forward = (glam::DVec3::new(u, v, w) - glam::DVec3::new(x, y, z)).normalize().as_vec3();
-        let automatic = best_view(stage, solution, up, &scene.unit).up;
-        let up = if automatic.cross(forward).length() > 1e-3 {
-            automatic
-        } else {
-            forward.any_orthonormal_vector()
-        };
+        // Straight up or down: the picture's top is the other axis of the ground.
+        let up = if up.cross(forward).length() > 1e-3 { up } else { up.yzx() };
         vec![Camera { name: "view".into(), eye, forward, up, angle: degrees.to_radians() as f32 }]
     }
 }

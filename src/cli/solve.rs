@@ -1,5 +1,6 @@
 //! `mrvis solve SCENE --out DIR`: light in a scene.
 
+mod luminous;
 mod scaling;
 pub mod sizes;
 mod summary;
@@ -21,6 +22,7 @@ use crate::radiosity::{
 use crate::scene::{Scene, StoredCamera};
 use crate::{Error, Result};
 use glam::DVec3;
+use luminous::{Luminous, Reported};
 use scaling::scaling;
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
@@ -255,14 +257,16 @@ fn write(
     (outcome, versus, load): (Outcome, Option<Versus>, f64),
     (solution, watch): (&Solution, &Watch),
 ) -> Result<()> {
+    let photometry = args.scene.as_ref().and_then(SceneArgs::photometry);
     let Outcome { mesh, mut record, irradiance } = outcome;
     record.seconds.load = load;
     if record.interrupted {
         record.warnings.push("interrupted: this is the consistent solution reached so far".into());
     }
     record.warnings.iter_mut().for_each(|warning| *warning = with_flags(warning));
-    let mut record = ComparedRecord { record, versus };
-    let save = |record: &ComparedRecord| {
+    let photometric = photometry.map(|p| Luminous::of(p, &record));
+    let mut record = Reported { compared: ComparedRecord { record, versus }, photometric };
+    let save = |record: &Reported| {
         let text = serde_json::to_string_pretty(record)
             .map_err(|e| Error::format(out.join("solution.json"), None, e.to_string()))?;
         WholeFile::write(&out.join("solution.json"), text + "\n")
@@ -270,7 +274,8 @@ fn write(
     save(&record)?;
     if args.points.is_some() {
         let file = Irradiance { points: points.to_vec(), values: irradiance, standard_errors: Vec::new() };
-        write_irradiance(&out.join("irradiance.csv"), &file)?;
+        let lux = |rgb| photometry.unwrap_or_default().of(rgb);
+        write_irradiance(&out.join("irradiance.csv"), &file, photometry.map(|_| &lux as _))?;
     }
     let notes = RefCell::new(Vec::new());
     let gather = |points: &[Point], part: f64| {
@@ -280,16 +285,16 @@ fn write(
     };
     let (scene, with_points) = (solution.model().scene(), args.points.is_some());
     let Written { mut files, views } =
-        args.outputs.write(&args.common, scene, &mesh, out, with_points, &gather)?;
+        args.outputs.write(&args.common, scene, &mesh, out, with_points, &gather, photometry)?;
     let notes = notes.into_inner();
     if !notes.is_empty() {
-        record.record.warnings.extend(notes);
+        record.compared.record.warnings.extend(notes);
         save(&record)?;
     }
     if args.outputs.wants_page() {
         let words = std::env::args().skip(1).map(|word| shell_word(&word));
         let command: Vec<String> = std::iter::once("mrvis".into()).chain(words).collect();
-        let page = solve_page(&record.record, (scene, &mesh), &views, &command.join(" "))?;
+        let page = solve_page(&record.compared.record, (scene, &mesh), &views, &command.join(" "))?;
         files.push(out.join("solution.html"));
         WholeFile::write(&files[files.len() - 1], page)?;
     }

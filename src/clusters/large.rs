@@ -15,7 +15,7 @@ const DISC_RASTER_PIXELS: usize = 62;
 /// Triangles of planar, edge-connected surfaces whose inscribed disc has a diameter of at least `part` times the
 /// scene's diagonal; in ascending order.
 pub(super) fn surfaces(scene: &Scene, part: f32) -> Vec<u32> {
-    let size = part * scene.bounds.diagonal();
+    let size = part * scene.near_bounds().diagonal();
     // Only components that are wide along two axes can contain such a surface; most small objects are rejected here.
     let mut extent = vec![Aabb::EMPTY; scene.triangle_component.iter().max().map_or(0, |&c| c as usize + 1)];
     for (t, &c) in scene.triangle_component.iter().enumerate() {

@@ -2,6 +2,7 @@
 
 use super::{Mesh, Tone};
 use crate::math::Aabb;
+use crate::scene::UpAxis;
 use crate::{Error, Result, files::WholeFile};
 use gltf::binary::{Glb, Header};
 use serde_json::json;
@@ -15,11 +16,12 @@ const VERTICES: u32 = 34962;
 const INDICES: u32 = 34963;
 
 /// Writes a mesh as binary glTF 2.0, with linear vertex colours by `tone` and an unlit material
-/// (`KHR_materials_unlit`). Coordinates are relative to the solution's origin, which is in the node's `extras`.
+/// (`KHR_materials_unlit`). Coordinates are relative to the solution's origin, which is in the node's `extras`; the node
+/// turns a scene whose `up` is z, because y is up in glTF.
 ///
 /// # Errors
 /// The file cannot be written, or the mesh exceeds the 4 GiB of the format.
-pub fn write_glb(path: &Path, mesh: &Mesh, origin: glam::DVec3, tone: Tone) -> Result<()> {
+pub fn write_glb(path: &Path, mesh: &Mesh, origin: glam::DVec3, up: UpAxis, tone: Tone) -> Result<()> {
     let colours: Vec<[f32; 3]> = mesh.radiosity.iter().map(|&r| tone.linear(r)).collect();
     let positions: Vec<[f32; 3]> = mesh.positions.iter().map(|p| p.to_array()).collect();
     let normals: Vec<[f32; 3]> = mesh.normals.iter().map(|n| n.to_array()).collect();
@@ -44,12 +46,18 @@ pub fn write_glb(path: &Path, mesh: &Mesh, origin: glam::DVec3, tone: Tone) -> R
     let mut place = vector(0);
     place["min"] = json!(bounds.min.to_array());
     place["max"] = json!(bounds.max.to_array());
+    let mut node = json!({ "mesh": 0, "extras": { "origin": origin.to_array() } });
+    if up == UpAxis::Z {
+        // A quarter turn about x, from z to y.
+        node["rotation"] =
+            json!([-std::f32::consts::FRAC_1_SQRT_2, 0.0, 0.0, std::f32::consts::FRAC_1_SQRT_2]);
+    }
     let root = json!({
         "asset": { "version": "2.0", "generator": concat!("mrvis ", env!("CARGO_PKG_VERSION")) },
         "extensionsUsed": ["KHR_materials_unlit"],
         "scene": 0,
         "scenes": [{ "nodes": [0] }],
-        "nodes": [{ "mesh": 0, "extras": { "origin": origin.to_array() } }],
+        "nodes": [node],
         "meshes": [{ "primitives": [{
             "attributes": { "POSITION": 0, "NORMAL": 1, "COLOR_0": 2 }, "indices": 3, "material": 0
         }] }],

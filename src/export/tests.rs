@@ -324,7 +324,7 @@ fn files_are_what_their_formats_say() {
     let tone = Tone::of(mesh.radiosity.iter().copied());
     let folder = tempfile::tempdir().expect("scratch folder");
     let path = |name: &str| folder.path().join(name);
-    write_glb(&path("a.glb"), &mesh, DVec3::ZERO, tone).expect("written");
+    write_glb(&path("a.glb"), &mesh, DVec3::ZERO, crate::scene::UpAxis::Y, tone).expect("written");
     let (document, buffers, _) = ::gltf::import(path("a.glb")).expect("glTF that its own crate takes");
     let primitive = document.meshes().next().and_then(|m| m.primitives().next()).expect("a mesh");
     let reader = primitive.reader(|b| Some(&buffers[b.index()]));
@@ -339,11 +339,11 @@ fn files_are_what_their_formats_say() {
     let scene = Scene::load_with(path("a.ply"), &LoadOptions::default()).expect("PLY that we take ourselves");
     assert_eq!(scene.triangles.len(), mesh.triangles.len());
 
-    write_vtu(&path("a.vtu"), &solution, &square_scene).expect("written");
+    write_vtu(&path("a.vtu"), &solution, &square_scene, None).expect("written");
     check_vtu(&path("a.vtu"), &solution);
     let placed = (0..solution.elements.len()).map(|i| PlacedElement { instance: 3, id: 1 << 40 | i as u64 });
     let solution = RadiosityMesh { instances: placed.collect(), ..solution };
-    write_vtu(&path("b.vtu"), &solution, &square_scene).expect("written");
+    write_vtu(&path("b.vtu"), &solution, &square_scene, None).expect("written");
     check_vtu(&path("b.vtu"), &solution);
 }
 

@@ -36,19 +36,17 @@ const OVERVIEW_PART: f32 = 0.25;
 /// What a view of none of the objects is worth, relative to one of all: a close view of a few may still be the best.
 const ALONE_PART: f32 = 0.2;
 
-/// The best view of the scene. Upwards is opposite to the mean direction of emission, or `up` if emission has no main
-/// direction; `unit` is the name of the unit of length, for the eye height.
+/// The best view of the scene; `unit` is the name of the unit of length, for the eye height.
 pub fn best_view(stage: &Stage, solution: &RadiosityMesh, up: Vec3, unit: &str) -> Camera {
-    let up = upward(stage, solution).unwrap_or(up);
-    let mut eyes = eyes(stage, up, unit);
+    let mut eyes = eyes(stage, bounds(stage, solution), up, unit);
     let enclosed = eyes.iter().filter(|eye| eye.closed >= ENCLOSED_PART).count();
     let inside = enclosed > 0 && 2 * enclosed >= eyes.len();
     if inside {
         eyes.retain(|eye| eye.closed >= ENCLOSED_PART);
     }
-    let mut cameras = if inside { Vec::new() } else { from_outside(stage, up) };
+    let mut cameras = if inside { Vec::new() } else { from_outside(stage, solution, up) };
     let judge = Judge::new(stage, solution);
-    let places = dense_places(solution);
+    let places = dense_places(solution, bounds(stage, solution));
     for eye in &eyes {
         cameras.extend(places.iter().filter_map(|&place| from_eye(eye, place, up)));
     }
@@ -60,13 +58,13 @@ pub fn best_view(stage: &Stage, solution: &RadiosityMesh, up: Vec3, unit: &str) 
             best = Some((score, camera));
         }
     }
-    let outside = || from_outside(stage, up).swap_remove(0).0;
+    let outside = || from_outside(stage, solution, up).swap_remove(0).0;
     best.map_or_else(outside, |(_, camera)| camera)
 }
 
 /// Views of the whole scene in eight directions at three heights, with the distance within which surfaces are too near.
-fn from_outside(stage: &Stage, up: Vec3) -> Vec<(Camera, f32)> {
-    let bounds = Aabb::of(stage.mesh.positions.iter().copied());
+fn from_outside(stage: &Stage, solution: &RadiosityMesh, up: Vec3) -> Vec<(Camera, f32)> {
+    let bounds = bounds(stage, solution);
     let (x, y) = up.any_orthonormal_pair();
     let (centre, radius) = (bounds.center(), 0.5 * bounds.diagonal());
     let turns = (0..8).map(|k| std::f32::consts::TAU * (k as f32) / 8.0);
@@ -95,23 +93,13 @@ fn camera(eye: Vec3, forward: Vec3, up: Vec3, angle: f32) -> Camera {
     Camera { name: "view".into(), eye, forward, up, angle }
 }
 
-/// The axis opposite to the mean direction of emission; `None` without a main direction.
-fn upward(stage: &Stage, solution: &RadiosityMesh) -> Option<Vec3> {
-    let (mut sum, mut total) = (Vec3::ZERO, 0.0);
-    for (t, corners) in stage.mesh.triangles.iter().enumerate() {
-        let element = &solution.elements[stage.mesh.element[t] as usize];
-        let strength = element.exitance.iter().sum::<f64>() as f32;
-        if strength > 0.0 {
-            let [a, b, c] = stage.mesh.corners(t);
-            let weight = strength * (b - a).cross(c - a).length();
-            sum += weight * stage.mesh.normals[corners[0] as usize];
-            total += weight;
-        }
-    }
-    let axis = sum.abs().max_position();
-    let mut up = Vec3::ZERO;
-    up[axis] = -sum[axis].signum();
-    (total > 0.0 && sum[axis].abs() > 0.15 * total).then_some(up)
+/// The box around what does not emit, or around everything if all emits: emitters may be as far away as the sun.
+fn bounds(stage: &Stage, solution: &RadiosityMesh) -> Aabb {
+    let mesh = stage.mesh;
+    let dark = |t: &usize| solution.elements[mesh.element[*t] as usize].exitance == [0.0; 3];
+    let corners = (0..mesh.triangles.len()).filter(dark).flat_map(|t| mesh.corners(t));
+    let bounds = Aabb::of(corners);
+    if bounds.diagonal() > 0.0 { bounds } else { Aabb::of(mesh.positions.iter().copied()) }
 }
 
 /// How good views of a scene are.
@@ -127,7 +115,7 @@ impl Judge<'_> {
     fn new<'a>(stage: &Stage, solution: &'a RadiosityMesh) -> Judge<'a> {
         let dark = solution.elements.iter().filter(|e| e.exitance == [0.0; 3]);
         let objects = dark.map(|e| e.object).collect::<HashSet<u32>>().len().max(1);
-        let radius = 0.5 * Aabb::of(stage.mesh.positions.iter().copied()).diagonal();
+        let radius = 0.5 * bounds(stage, solution).diagonal();
         Judge { solution, objects, radius }
     }
 

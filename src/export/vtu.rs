@@ -1,7 +1,7 @@
 //! VTK's unstructured grid, for ParaView.
 
 use crate::radiosity::mesh::RadiosityMesh;
-use crate::scene::Scene;
+use crate::scene::{Photometry, Scene};
 use crate::{Error, Result, files::WholeFile};
 use std::io::Write;
 use std::path::Path;
@@ -44,14 +44,19 @@ fn escaped(text: &str) -> String {
 /// Writes the elements as cells of a `.vtu` file with the fields `irradiance`, `radiosity`, `error` (standard error
 /// of the irradiance), all W/m² RGB; `level` (number of splits), `links`, `area`, `object`, `material`, `triangle`,
 /// `front`; in scenes with placed meshes `instance` and `id` as well. The components of the fields `object_names` and
-/// `material_names` of the whole file have the names that the indices `object` and `material` stand for. Coordinates are those of
-/// the scene's file.
+/// `material_names` of the whole file have the names that the indices `object` and `material` stand for. With photometry the
+/// fields `illuminance` (lx) and `luminance` (cd/m²) as well. Coordinates are those of the scene's file.
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn write_vtu(path: &Path, solution: &RadiosityMesh, scene: &Scene) -> Result<()> {
+pub fn write_vtu(
+    path: &Path,
+    solution: &RadiosityMesh,
+    scene: &Scene,
+    photometry: Option<Photometry>,
+) -> Result<()> {
     let mut file = WholeFile::create(path)?;
-    write(&mut file, solution, scene).map_err(|e| Error::io(path, e))?;
+    write(&mut file, solution, (scene, photometry)).map_err(|e| Error::io(path, e))?;
     file.commit()
 }
 
@@ -79,7 +84,11 @@ fn write_names(out: &mut impl Write, scene: &Scene) -> std::io::Result<()> {
     writeln!(out, "</FieldData>")
 }
 
-fn write(out: &mut impl Write, s: &RadiosityMesh, scene: &Scene) -> std::io::Result<()> {
+fn write(
+    out: &mut impl Write,
+    s: &RadiosityMesh,
+    (scene, photometry): (&Scene, Option<Photometry>),
+) -> std::io::Result<()> {
     let points: Vec<[f64; 3]> = s.vertices.iter().map(|p| (s.origin + p.as_dvec3()).to_array()).collect();
     let size = |e: &crate::radiosity::mesh::Element| if e.is_triangle() { 3 } else { 4 };
     let connectivity: Vec<u32> = s.elements.iter().flat_map(|e| e.corners[..size(e)].to_vec()).collect();
@@ -118,6 +127,13 @@ fn write(out: &mut impl Write, s: &RadiosityMesh, scene: &Scene) -> std::io::Res
         count("triangle", |e| e.triangle),
         count("front", |e| e.front.into()),
     ];
+    if let Some(photometry) = photometry {
+        let lit = |of: fn(&crate::radiosity::mesh::Element) -> [f64; 3], divisor: f64| -> Vec<f32> {
+            s.elements.iter().map(|e| (photometry.of(of(e)) / divisor) as f32).collect()
+        };
+        fields.push(array("illuminance", "Float32", 1, &lit(|e| e.irradiance, 1.0)));
+        fields.push(array("luminance", "Float32", 1, &lit(|e| e.radiosity, std::f64::consts::PI)));
+    }
     if !s.instances.is_empty() {
         let instances: Vec<u32> = s.instances.iter().map(|e| e.instance).collect();
         let ids: Vec<u64> = s.instances.iter().map(|e| e.id).collect();

@@ -2,8 +2,9 @@
 
 use super::Model;
 use crate::math::Aabb;
+use crate::math::sampling::on_triangle;
 use crate::ray::{LANES, Packet};
-use crate::scene::{EmitterSampler, Scene, point_on};
+use crate::scene::{EmitterSampler, Scene};
 use crate::visibility::{Bundle, Exact, LeafMode, MultiResolution, Workspace};
 use glam::Vec3;
 use sobol_burley::sample_4d;
@@ -82,7 +83,7 @@ impl Model {
             for lane in 0..LANES {
                 let [u, v, w, _] = sample_4d(lane as u32, 1, SEED ^ k);
                 let to = match target {
-                    Some(sampler) => sampler.all().sample(scene, u, v),
+                    Some(sampler) => sampler.all().sample(scene, u, v).0,
                     None => surfaces.point(scene, other, v, w),
                 };
                 packet.set(lane, from, to, ends);
@@ -116,7 +117,7 @@ impl Surfaces {
             Some(&all) => {
                 let face =
                     self.sums.partition_point(|&sum| sum <= f64::from(u) * all).min(self.sums.len() - 1);
-                point_on(scene.corners(face as u32), v, w)
+                on_triangle(scene.corners(face as u32), v, w)
             }
             None => self.bounds.min + Vec3::new(u, v, w) * self.bounds.extent(),
         }

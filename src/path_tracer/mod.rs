@@ -18,7 +18,7 @@ mod tests;
 use crate::model::Model;
 use crate::points::{Irradiance, Point};
 use crate::{Error, Result};
-use light::EmitterSampler;
+use light::PowerSampler;
 use paths::Paths;
 use rayon::prelude::*;
 use surfaces::Surfaces;
@@ -36,10 +36,10 @@ pub struct Settings {
 
 /// Irradiance at `points` with standard errors, W/m² per channel (independent of the scene's unit of length).
 ///
-/// A path starts `1e-5` of the scene's diagonal above its point, along the normal, so that points with rounded
-/// coordinates do not lie below their surface. The same settings give the same bits on any number of threads. `done`
-/// is called with the number of points finished since its last call, from any thread. A scene without emitters gives
-/// zeros.
+/// A point means the nearest surface along its normal that is about parallel, within `1e-5` of the scene's diagonal: files
+/// round coordinates. Paths start a few rounding errors above it, on the side of the normal. The same settings give the
+/// same bits on any number of threads. `done` is called with the number of points finished since its last call, from any
+/// thread. A scene without emitters gives zeros.
 ///
 /// # Errors
 /// [`Error::Argument`] with fewer than two samples.
@@ -53,7 +53,7 @@ pub fn irradiance(
         return Err(Error::Argument("samples must be at least 2".into()));
     }
     let surfaces = Surfaces::new(model);
-    let lights = EmitterSampler::new(model.scene());
+    let lights = PowerSampler::new(model.scene());
     let estimates: Vec<Estimate> = points
         .par_iter()
         .enumerate()

@@ -1,6 +1,6 @@
 //! Paths from one point, advanced bounce by bounce so that rays form Embree packets.
 
-use super::light::EmitterSampler;
+use super::light::PowerSampler;
 use super::surfaces::Surfaces;
 use super::{Estimate, Settings};
 use crate::embree::Hits;
@@ -32,7 +32,7 @@ struct Path {
 /// Path tracer of one thread; keeps its buffers from point to point.
 pub struct Paths<'a> {
     surfaces: &'a Surfaces<'a>,
-    lights: Option<&'a EmitterSampler>,
+    lights: Option<&'a PowerSampler>,
     settings: Settings,
     active: Vec<Path>,
     next: Vec<Path>,
@@ -42,7 +42,7 @@ pub struct Paths<'a> {
 impl<'a> Paths<'a> {
     pub fn new(
         surfaces: &'a Surfaces<'a>,
-        lights: Option<&'a EmitterSampler>,
+        lights: Option<&'a PowerSampler>,
         settings: Settings,
     ) -> Paths<'a> {
         Paths { surfaces, lights, settings, active: Vec::new(), next: Vec::new(), sums: Default::default() }
@@ -55,7 +55,7 @@ impl<'a> Paths<'a> {
         };
         self.sums = Default::default();
         let normal = point.normal.as_vec3();
-        let start = self.surfaces.local(point.position) + self.surfaces.slack * normal;
+        let start = self.surfaces.start(self.surfaces.local(point.position), normal);
         let stream = mix(self.settings.seed ^ mix(number));
         let total = self.settings.samples;
         for first in (0..total).step_by(BATCH_PATHS as usize) {
@@ -78,7 +78,7 @@ impl<'a> Paths<'a> {
     }
 
     /// Advances all active paths by one bounce; continued paths are in `next`.
-    fn step(&mut self, lights: &EmitterSampler, stream: u64, bounce: u32) {
+    fn step(&mut self, lights: &PowerSampler, stream: u64, bounce: u32) {
         self.next.clear();
         for chunk in self.active.chunks(LANES) {
             let mut shadow = Packet::EMPTY;
@@ -94,7 +94,8 @@ impl<'a> Paths<'a> {
                         // Balance heuristic with the sampled direction, which can hit the same emitter.
                         let share = chance / (chance + emitter_sample.density);
                         direct[lane] = product(path.throughput, emitter_sample.radiance).map(|x| x * share);
-                        shadow.set(lane, path.position, emitter_sample.point, self.surfaces.ends);
+                        let end = emitter_sample.point + self.surfaces.skin * emitter_sample.normal;
+                        shadow.set_between(lane, path.position, end, [0.0, 1.0]);
                     }
                 }
                 directions[lane] = cosine_direction(path.normal, u[0], u[1]);
@@ -113,12 +114,13 @@ impl<'a> Paths<'a> {
                 let direction = directions[lane];
                 let Some(place) = self.surfaces.place(&rays, &hits, lane, direction) else { continue };
                 if place.emission != [0.0; 3]
-                    && let Some(cosine) = lights.facing(place.cosine)
+                    && let Some(cosine) = lights.facing(place.cosine, place.profile.is_some())
                 {
                     let chance = path.normal.dot(direction) / PI;
                     let density = lights.density(place.emission, hits.t[lane], cosine);
                     let share = chance / (chance + density);
-                    add(sum, product(path.throughput, place.emission).map(|x| x * share));
+                    let gain = place.profile.map_or(1.0, |p| p.gain(-direction, cosine));
+                    add(sum, product(path.throughput, place.emission).map(|x| x * share * gain));
                 }
                 if self.settings.direct_only {
                     continue;

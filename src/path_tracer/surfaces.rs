@@ -3,7 +3,8 @@
 use crate::embree::{CommittedScene, Hits, Traversal};
 use crate::math::triangle_normal;
 use crate::model::Model;
-use crate::ray::{EndRule, Packet};
+use crate::ray::Packet;
+use crate::scene::Profile;
 use glam::{DVec3, Vec3};
 
 /// Path rays are incoherent; single rays are fastest.
@@ -15,17 +16,15 @@ pub struct Surfaces<'a> {
     traced: CommittedScene,
     /// Unit normals of the triangles of each mesh, in the frame of the mesh.
     normals: Vec<Vec<Vec3>>,
-    /// Distance above a hit surface at which paths continue: a few rounding errors of the largest coordinate; scene
-    /// units.
+    /// Distance above a surface at which paths start, continue and end: 34 roundings (2⁻²⁴) of the largest coordinate,
+    /// four times what intersections with triangles as large as the scene err by; scene units.
     pub skin: f32,
-    /// Distance above a given point at which its paths start, scene units.
-    pub slack: f32,
-    /// Rule for the ends of segments to emitters.
-    pub ends: EndRule,
+    /// Largest distance of a given point from its surface, scene units.
+    slack: f32,
 }
 
 /// A hit of a path ray.
-pub struct SurfaceHit {
+pub struct SurfaceHit<'a> {
     /// Start of the next rays, slightly above the surface on the side that was hit; scene units.
     pub position: Vec3,
     /// Unit normal of the side that was hit.
@@ -34,6 +33,8 @@ pub struct SurfaceHit {
     pub reflectance: [f32; 3],
     /// Radiance of the front side, W/(m² sr), RGB.
     pub emission: [f32; 3],
+    /// Directions in which the front emits; none for a diffuse face.
+    pub profile: Option<&'a Profile>,
     /// Cosine between the face's front normal and the reverse ray direction, positive on the front.
     pub cosine: f32,
 }
@@ -51,7 +52,6 @@ impl<'a> Surfaces<'a> {
             normals: normals.collect(),
             skin: 2e-6 * magnitude,
             slack: 1e-5 * model.bounds().diagonal() + 1e-6 * magnitude,
-            ends: model.end_rule(),
             model,
         }
     }
@@ -59,6 +59,41 @@ impl<'a> Surfaces<'a> {
     /// Converts a position in the file's coordinates to the scene's local coordinates.
     pub fn local(&self, position: DVec3) -> Vec3 {
         (position - self.model.scene().origin).as_vec3()
+    }
+
+    /// The start of the paths of a given point, above the surface that the point lies on: of the surfaces whose normals are
+    /// within 60° of that of the point, the nearest one along the normal of the point, within 1e-5 of the scene's diagonal.
+    /// Without one, the point is taken as it is, lifted.
+    pub fn start(&self, given: Vec3, normal: Vec3) -> Vec3 {
+        /// Most surfaces that are tried.
+        const MAX_SURFACES: usize = 64;
+        // One search on either side of the point, so that the nearest surface is met first.
+        let nearest = [1.0f32, -1.0].map(|side| {
+            let mut ray = Packet::EMPTY;
+            ray.set_ray(0, given, -side * normal);
+            (ray.near[0], ray.far[0]) = (0.0, self.slack);
+            for _ in 0..MAX_SURFACES {
+                let mut hits = Hits::NONE;
+                self.intersect(std::slice::from_ref(&ray), std::slice::from_mut(&mut hits));
+                let hit = self.place(&ray, &hits, 0, -side * normal)?;
+                if hit.cosine.abs() >= 0.5 {
+                    return Some(side * hits.t[0]);
+                }
+                ray.near[0] = hits.t[0].next_up();
+            }
+            None
+        });
+        let depth = match nearest {
+            [Some(below), Some(above)] => {
+                if below <= -above {
+                    below
+                } else {
+                    above
+                }
+            }
+            [below, above] => below.or(above).unwrap_or(0.0),
+        };
+        given - depth * normal + self.skin * normal
     }
 
     /// Sets `blocked[k]` to the mask of blocked lanes of `packets[k]`.
@@ -72,7 +107,7 @@ impl<'a> Surfaces<'a> {
     }
 
     /// The hit of a lane whose ray has the unit vector `direction`; `None` if the ray left the scene.
-    pub fn place(&self, ray: &Packet, hits: &Hits, lane: usize, direction: Vec3) -> Option<SurfaceHit> {
+    pub fn place(&self, ray: &Packet, hits: &Hits, lane: usize, direction: Vec3) -> Option<SurfaceHit<'_>> {
         let t = hits.triangle[lane];
         if t == Hits::NOTHING {
             return None;
@@ -80,14 +115,14 @@ impl<'a> Surfaces<'a> {
         let instance = &self.model.instances()[hits.instance[lane] as usize];
         let mesh = self.model.mesh_of(hits.instance[lane]);
         let front = instance.turned(self.normals[instance.mesh as usize][t as usize]);
-        let (reflectance, emission) = match instance.material {
+        let (reflectance, emission, profile) = match instance.material {
             Some(m) => {
                 let material = &self.model.scene().materials[m as usize];
-                (material.reflectance, material.emission)
+                (material.reflectance, material.emission, None)
             }
             None => {
-                let material = mesh.triangle_material[t as usize] as usize;
-                (mesh.triangle_reflectance[t as usize], mesh.materials[material].emission)
+                let material = &mesh.materials[mesh.triangle_material[t as usize] as usize];
+                (mesh.triangle_reflectance[t as usize], material.emission, material.profile.as_deref())
             }
         };
         let cosine = -front.dot(direction);
@@ -97,6 +132,7 @@ impl<'a> Surfaces<'a> {
             normal,
             reflectance,
             emission,
+            profile,
             cosine,
         })
     }

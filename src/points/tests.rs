@@ -29,7 +29,7 @@ fn irradiance_files_read_back_bit_by_bit() {
     for errors in [false, true] {
         let (folder, _) = scratch(b"");
         let path = folder.path().join("irradiance.csv");
-        write_irradiance(&path, &sample(errors)).expect("written");
+        write_irradiance(&path, &sample(errors), None).expect("written");
         assert_eq!(read_irradiance(&path).expect("read"), sample(errors));
         // An irradiance file is a point file.
         assert_eq!(read_points(&path).expect("points"), sample(errors).points);

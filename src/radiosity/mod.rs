@@ -19,7 +19,6 @@ mod options;
 mod pipeline;
 mod refinement;
 mod rgb;
-mod sampling;
 mod surroundings;
 #[cfg(test)]
 mod tests;

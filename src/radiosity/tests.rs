@@ -2,6 +2,7 @@
 
 mod again;
 mod limits;
+mod sheets;
 mod sizes;
 mod unlit;
 mod visibility;

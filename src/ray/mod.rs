@@ -40,17 +40,29 @@ impl Packet {
         active: 0,
     };
 
-    /// Stores the segment from `a` to `b` in a lane.
+    /// Stores the segment from `a` to `b` in a lane. The surfaces at the ends are unknown.
     #[inline]
     pub fn set(&mut self, lane: usize, a: Vec3, b: Vec3, ends: EndRule) {
+        let margin = ends.margin(a.distance(b));
+        self.set_between(lane, a, b, [margin, 1.0 - margin]);
+    }
+
+    /// Stores the segment from `a` to `b` in a lane, both from [`EndRule::lifted`].
+    #[inline]
+    pub fn set_lifted(&mut self, lane: usize, a: Vec3, b: Vec3, ends: EndRule) {
+        let margin = ends.rounding(a.distance(b));
+        self.set_between(lane, a, b, [margin, 1.0 - margin]);
+    }
+
+    /// Stores the segment from `a` to `b` in a lane, with the parameters between which triangles block.
+    #[inline]
+    pub fn set_between(&mut self, lane: usize, a: Vec3, b: Vec3, [near, far]: [f32; 2]) {
         let d = b - a;
         for (axis, (o, v)) in a.to_array().into_iter().zip(d.to_array()).enumerate() {
             self.origin[axis][lane] = o;
             self.direction[axis][lane] = v;
         }
-        let margin = ends.margin(d.length());
-        self.near[lane] = margin;
-        self.far[lane] = 1.0 - margin;
+        (self.near[lane], self.far[lane]) = (near, far);
         self.active |= 1 << lane;
     }
 
@@ -130,19 +142,25 @@ impl Iterator for Lanes {
 /// The rule for segment ends, shared by all engines: keeps the surfaces at both ends from blocking (docs/method.md,
 /// Segment ends).
 ///
-/// A segment of length `L` leaves out the margin `1e-4 + 4e-7 M / L` (in parameters), at most 0.05, at both ends. `M`
-/// is the largest coordinate magnitude of the scene; 4e-7 is a few rounding errors of f32. 1e-4 is where false
-/// self-hits and missed blockers balanced in an early measurement, for which no command is known.
+/// `M` is the largest coordinate magnitude of the scene and r = 4e-7 M, a bound on rounding errors: 6.7 units of 2⁻²⁴ M, for the
+/// coordinates of a point and of three corners. No length depends on that of the segment.
+///
+/// Ends on surfaces with known normals are lifted by 5 r along their normals, and the segment leaves out a length of r at both
+/// ends. Of other segments a length of 16 r is left out: the surface at an end does not block them if their angle with it exceeds
+/// asin(1/16) = 3.6°, even if the end lies r off the surface.
 #[derive(Clone, Copy, Debug)]
 pub struct EndRule {
     magnitude: f32,
 }
 
 impl EndRule {
-    /// Smallest margin, as a parameter of the segment; see [`EndRule`].
-    pub const MIN_MARGIN: f32 = 1e-4;
-    /// Largest margin, as a parameter of the segment: short segments keep 90 % of their length.
+    /// Largest margin, as a parameter of the segment: segments shorter than 20 margins keep 90 % of their length.
     pub const MAX_MARGIN: f32 = 0.05;
+    /// Height of lifted ends in units of r: intersections with triangles as large as the scene err by up to 3 r (4 roundings of
+    /// products of coordinates up to 2 √3 M), points on surfaces by r.
+    const LIFT: f32 = 5.0;
+    /// Length left out at ends of unknown surfaces in units of r; see [`EndRule`].
+    const UNKNOWN: f32 = 16.0;
 
     /// The rule for a scene whose coordinates do not exceed `magnitude`, scene units.
     pub fn new(magnitude: f32) -> EndRule {
@@ -154,11 +172,35 @@ impl EndRule {
         4e-7 * self.magnitude
     }
 
-    /// Margin at either end of a segment of this length (scene units), a parameter in `(0, 0.05]`.
+    /// Height of lifted ends above their surfaces, scene units.
+    pub fn height(self) -> f32 {
+        Self::LIFT * self.slack()
+    }
+
+    /// A point of a surface, lifted on the side of the unit vector `normal`.
+    #[inline]
+    pub fn lifted(self, at: Vec3, normal: Vec3) -> Vec3 {
+        at + self.height() * normal
+    }
+
+    /// A point of a surface, lifted on the side that `from` lies on.
+    #[inline]
+    pub fn lifted_towards(self, at: Vec3, normal: Vec3, from: Vec3) -> Vec3 {
+        at + self.height().copysign(normal.dot(from - at)) * normal
+    }
+
+    /// Margin at either end of a segment of this length (scene units) between ends of unknown surfaces, a parameter in
+    /// `(0, 0.05]`.
     #[inline]
     pub fn margin(self, length: f32) -> f32 {
         // `min` also replaces the NaN of a segment of length 0.
-        (Self::MIN_MARGIN + self.slack() / length).min(Self::MAX_MARGIN)
+        (Self::UNKNOWN * self.slack() / length).min(Self::MAX_MARGIN)
+    }
+
+    /// The same between lifted ends.
+    #[inline]
+    pub fn rounding(self, length: f32) -> f32 {
+        (self.slack() / length).min(Self::MAX_MARGIN)
     }
 }
 

@@ -1,9 +1,10 @@
 //! Points on an emitter, its size as seen from a point, and points whose hull holds it.
 
-use super::{Emitter, Scene};
+use super::{Emitter, Profile, Scene};
 use crate::math::Aabb;
+use crate::math::sampling::{on_triangle, pick};
 use glam::{BVec3, Vec3};
-use std::borrow::Cow;
+use std::{borrow::Cow, sync::Arc};
 
 /// Draws points on an emitter.
 #[derive(Clone, Debug)]
@@ -22,6 +23,8 @@ pub struct EmitterSampler {
     area: f32,
     width: f32,
     radiance: f32,
+    /// Directions in which it emits; none for diffuse emission.
+    profile: Option<Arc<Profile>>,
 }
 
 impl EmitterSampler {
@@ -50,6 +53,9 @@ impl EmitterSampler {
             area: emitter.area as f32,
             width: emitter.min_width,
             radiance: emitter.emission.iter().sum::<f32>() / 3.0,
+            profile: scene.materials[scene.triangle_material[emitter.triangles[0] as usize] as usize]
+                .profile
+                .clone(),
         }
     }
 
@@ -87,7 +93,8 @@ impl EmitterSampler {
             return None;
         }
         let facing = self.cosine(to, distance);
-        let weight = self.radiance * self.area * cosine * facing / (distance * distance);
+        let emitted = self.profile.as_ref().map_or(facing, |p| p.projected(-to / distance));
+        let weight = self.radiance * self.area * cosine * emitted / (distance * distance);
         Some((self.width * facing, weight))
     }
 
@@ -108,41 +115,29 @@ impl EmitterSampler {
                 sum
             })
             .collect();
-        Facing { triangles: &self.triangles, sums: Cow::Owned(sums) }
+        Facing { triangles: &self.triangles, normals: &self.normals, sums: Cow::Owned(sums) }
     }
 
     /// All faces.
     pub fn all(&self) -> Facing<'_> {
-        Facing { triangles: &self.triangles, sums: Cow::Borrowed(&self.sums) }
+        Facing { triangles: &self.triangles, normals: &self.normals, sums: Cow::Borrowed(&self.sums) }
     }
 }
 
 /// Some faces of an emitter.
 pub struct Facing<'a> {
     triangles: &'a [u32],
+    normals: &'a [Vec3],
     sums: Cow<'a, [f32]>,
 }
 
 impl Facing<'_> {
-    /// Area-uniform point from two numbers in `[0, 1)`: the first picks the face and is used again inside it.
-    pub fn sample(&self, scene: &Scene, u: f32, v: f32) -> Vec3 {
-        let total = *self.sums.last().expect("emitters have faces");
-        let target = u * total;
-        let mut i = self.sums.partition_point(|&s| s <= target).min(self.sums.len() - 1);
-        // Rounded up to the total: the last face that counts.
-        while i > 0 && self.sums[i] == self.sums[i - 1] {
-            i -= 1;
-        }
-        let before = if i > 0 { self.sums[i - 1] } else { 0.0 };
-        let u = ((target - before) / (self.sums[i] - before)).clamp(0.0, 1.0);
-        point_on(scene.corners(self.triangles[i]), u, v)
+    /// Area-uniform point from two numbers in `[0, 1)`, and the unit normal of its face: the first number picks the face and is used
+    /// again inside it.
+    pub fn sample(&self, scene: &Scene, u: f32, v: f32) -> (Vec3, Vec3) {
+        let (i, u, _) = pick(&self.sums, u);
+        (on_triangle(scene.corners(self.triangles[i]), u, v), self.normals[i])
     }
-}
-
-/// Area-uniform point of a triangle.
-pub fn point_on([a, b, c]: [Vec3; 3], u: f32, v: f32) -> Vec3 {
-    let root = u.sqrt();
-    a + root * (1.0 - v) * (b - a) + root * v * (c - a)
 }
 
 /// The corners of a convex polygon in turn; as they are if there is no such order.

@@ -74,6 +74,7 @@ impl Scene {
             path: self.path.clone(),
             unit: self.unit.clone(),
             two_sided_emission: self.two_sided_emission,
+            up: self.up,
             origin: self.origin,
             positions: self.positions.clone(),
             triangles: self.triangles.clone(),

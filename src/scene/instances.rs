@@ -58,9 +58,14 @@ impl Scene {
     /// Box around the own triangles and the visible placements, relative to [`Scene::origin`], scene units; see
     /// [`Placement::bounds`] for how tight it is. Equal to [`Scene::bounds`] for a scene without placements.
     pub(crate) fn world_bounds(&self) -> Aabb {
+        self.placed_bounds(self.bounds)
+    }
+
+    /// Union of a box and those of the visible placements.
+    pub(super) fn placed_bounds(&self, own: Aabb) -> Aabb {
         let placed = self.placements.iter().filter(|p| p.visible);
         let boxes = placed.filter_map(|p| Some(p.bounds(self.shared.get(p.mesh as usize)?.bounds)));
-        boxes.fold(self.bounds, Aabb::union)
+        boxes.fold(own, Aabb::union)
     }
 
     /// The faces called `name` here or in a mesh of `placed` (names of placements with their meshes): the scene's own faces of

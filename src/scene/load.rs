@@ -1,6 +1,9 @@
 //! Loading of scene files.
 
-use super::{Scene, read_gltf, read_obj, read_ply, resolve, sources::Sources};
+use super::{
+    Photometry, PlacedLuminaire, Scene, Strength, UpAxis, read_gltf, read_obj, read_ply, resolve,
+    sources::Sources,
+};
 use crate::files::input::{guarded, is_standard_input};
 use crate::threads::Threads;
 use crate::{Error, Result};
@@ -12,8 +15,14 @@ use std::{io::BufReader, path::Path};
 pub struct LoadOptions {
     /// Name of the unit of length; default `m`.
     pub(crate) unit: String,
-    /// Objects, groups or materials that become emitters, with their total power in watts (per channel).
-    pub(crate) emitters: Vec<(String, f64)>,
+    /// Objects, groups or materials that become emitters, with what they send out.
+    pub(crate) emitters: Vec<(String, Strength)>,
+    /// Luminaires with photometric files.
+    pub(crate) luminaires: Vec<PlacedLuminaire>,
+    /// How luminous quantities of the input become radiometric.
+    pub(crate) photometry: Photometry,
+    /// Upward axis; none for that of the format.
+    pub(crate) up: Option<UpAxis>,
     /// Emissive faces emit from both sides; default: from the front only.
     pub(crate) two_sided_emission: bool,
     /// Overrides detection: 1: all faces bound solids, 2: all faces are sheets.
@@ -30,6 +39,9 @@ impl Default for LoadOptions {
         LoadOptions {
             unit: "m".into(),
             emitters: Vec::new(),
+            luminaires: Vec::new(),
+            photometry: Photometry::default(),
+            up: None,
             two_sided_emission: false,
             sides: None,
             threads: 0,
@@ -50,7 +62,7 @@ impl LoadOptions {
     /// Makes the object, group or material `name` emit `watts` in each channel. May be called several times.
     #[must_use]
     pub fn with_emitter(mut self, name: impl Into<String>, watts: f64) -> LoadOptions {
-        self.emitters.push((name.into(), watts));
+        self.emitters.push((name.into(), Strength::Watts(watts)));
         self
     }
 

@@ -13,15 +13,21 @@ pub mod generate;
 mod instances;
 mod keep;
 mod load;
+mod luminaires;
 mod mtl;
 mod overlap;
+mod photometry;
 mod power;
+mod profile;
 mod read_gltf;
+mod read_luminaire;
 mod read_obj;
 mod read_ply;
 mod resolve;
+mod size;
 mod soup;
 mod sources;
+mod stack;
 mod stretch;
 #[cfg(test)]
 pub(crate) mod testing;
@@ -29,13 +35,14 @@ pub(crate) mod testing;
 mod tests;
 mod texture;
 mod triangulate;
+mod up;
 mod weld;
 #[cfg(any(test, feature = "cli"))]
 mod write_gltf;
 #[cfg(any(test, feature = "cli"))]
 mod write_obj;
 
-pub use emitter_sampler::{EmitterSampler, point_on};
+pub use emitter_sampler::EmitterSampler;
 pub use flatten::InstanceTriangles;
 #[cfg(test)]
 pub(crate) use instances::resolve_placed;
@@ -43,12 +50,17 @@ pub use instances::{MAX_PLACEMENTS, Placement};
 pub use load::LoadOptions;
 #[cfg(any(test, feature = "internals"))]
 pub use load::read_from_memory;
+pub(crate) use luminaires::PlacedLuminaire;
+pub use luminaires::read_placements;
 #[cfg(any(test, feature = "internals"))]
 pub use mtl::read_materials;
-pub use power::{parse_emitter, unit_in_metres};
+pub use photometry::{Channels, Photometry};
+pub use power::{Strength, parse_emitter, unit_in_metres};
+pub use profile::Profile;
 pub use resolve::{MAX_COORDINATE, MIN_EXTENT, resolve};
 pub use soup::{PlacedSoup, Soup, SoupMaterial};
 pub use stretch::{MAX_STRETCH, stretch};
+pub use up::UpAxis;
 #[cfg(any(test, feature = "cli"))]
 pub use write_gltf::write_gltf;
 #[cfg(any(test, feature = "cli"))]
@@ -72,8 +84,11 @@ pub struct Material {
     pub name: String,
     /// Diffuse reflectance of both sides, linear RGB in `[0, 1)`.
     pub reflectance: [f32; 3],
-    /// Emitted radiance on the front side, W/(m² sr), linear RGB, `>= 0`.
+    /// Emitted radiance on the front side, W/(m² sr), linear RGB, `>= 0`; with a profile its mean over directions, weighted by the
+    /// cosine.
     pub emission: [f32; 3],
+    /// Directions in which the front sends its light; none for diffuse emission.
+    pub profile: Option<Arc<Profile>>,
 }
 
 /// A camera of the file.
@@ -136,8 +151,8 @@ pub struct Repairs {
     pub unused_vertices: usize,
     /// Faces of a material that is more transparent than opaque (`d` below 0.5) and does not emit; dropped.
     pub transparent_faces: usize,
-    /// Pairs of objects with overlapping faces in one plane that face the same way and differ in material: which of
-    /// them is hit by a ray depends on rounding.
+    /// Pairs of objects with overlapping faces in one plane that face the same way and differ in part or material: the face of the
+    /// smaller part counts as on top, of equal parts the one later in the file.
     pub overlapping_objects: usize,
     /// Nodes that place a shared mesh with shear or unequal scale, so that its triangles were copied. Not serialised
     /// if zero.
@@ -162,6 +177,8 @@ pub struct Scene {
     pub(crate) unit: String,
     /// Emissive faces emit from both sides instead of only from the front.
     pub(crate) two_sided_emission: bool,
+    /// Upward axis as given by the options.
+    pub(crate) up: Option<UpAxis>,
     /// Offset subtracted from the file's coordinates, in f64.
     pub(crate) origin: DVec3,
     /// Vertex positions relative to `origin`, distinct and finite.
@@ -278,7 +295,9 @@ impl Scene {
     /// count as metres.
     pub(crate) fn power(&self, emitter: &Emitter) -> [f64; 3] {
         let metres = unit_in_metres(&self.unit).unwrap_or(1.0);
-        let sides = if self.two_sided_emission { 2.0 } else { 1.0 };
+        let material = self.triangle_material[emitter.triangles[0] as usize] as usize;
+        let both = self.two_sided_emission && self.materials[material].profile.is_none();
+        let sides = if both { 2.0 } else { 1.0 };
         emitter.emission.map(|l| std::f64::consts::PI * f64::from(l) * emitter.area * metres * metres * sides)
     }
 }

@@ -1,9 +1,12 @@
-//! Detection of faces in one plane that overlap and face the same way: which of them a ray hits depends on rounding.
+//! Faces in one plane that overlap and are visible from the same side: which of them a ray hits would depend on rounding.
 //!
-//! Examples are a rug at the height of the floor and a poster in the plane of its wall. Faces in contact that face
-//! each other (a box on a floor) are excluded, because nothing between them is visible. Most sheets are excluded for
-//! the same reason (bottoms of furniture that is not quite closed), so a poster whose front is turned to its wall is
-//! not detected.
+//! The rule: the face whose part (connected faces) has the smaller area lies on top, of equal parts the one later in the file. The
+//! other is moved behind it by a few rounding errors and gets no light there (`stack.rs`).
+//!
+//! Examples are a rug at the height of the floor and a poster in the plane of its wall. A closed solid in contact with a face that
+//! it faces (a box on a floor) is excluded, because nothing between them is visible. Two sheets in contact are visible from both
+//! sides, also if they face each other; then there is no message, because bottoms of furniture that is not quite closed would give one
+//! for each piece.
 //!
 //! A plane is described by two slopes and an intercept along the axis nearest to its normal. Faces with nearly equal
 //! descriptions are adjacent after sorting. Within such a group, faces with overlapping boxes are tested, found by a
@@ -22,38 +25,62 @@ pub(super) struct Faces<'a> {
     pub triangles: &'a [[u32; 3]],
     /// Object of each triangle.
     pub object: &'a [u32],
-    /// Whether two triangles have equal materials, so that their overlap does not matter.
+    /// Whether a triangle is visible from both sides.
+    pub two_sided: &'a (dyn Fn(usize) -> bool + Sync),
+    /// Whether the overlap of two triangles is not looked for: triangles of one part with equal materials.
     pub alike: &'a (dyn Fn(usize, usize) -> bool + Sync),
 }
+
+/// Two overlapping triangles, the smaller index first, and the area of their overlap, scene units squared.
+pub(super) type Overlap = (u32, u32, f64);
 
 /// Pairs of objects that the message names: it stays below three lines of a terminal.
 const MAX_NAMED_PAIRS: usize = 4;
 
-/// Counts the overlaps and names the largest in a message.
-pub(super) fn report(faces: &Faces, objects: &[Object], unit: &str, repairs: &mut Repairs) {
+/// Finds the overlaps, counts those of faces that face the same way and names the largest in a message.
+pub(super) fn find(faces: &Faces, objects: &[Object], unit: &str, repairs: &mut Repairs) -> Vec<Overlap> {
     let found = overlaps(faces);
-    repairs.overlapping_objects += found.len();
-    if found.is_empty() {
-        return;
+    let mut by_objects = BTreeMap::<[u32; 2], f64>::new();
+    for &(a, b, area) in found.iter().filter(|(a, b, _)| faces_alike(faces, [*a, *b])) {
+        let [a, b] = [a, b].map(|t| faces.object[t as usize]);
+        *by_objects.entry([a.min(b), a.max(b)]).or_default() += area;
     }
+    repairs.overlapping_objects += by_objects.len();
+    if by_objects.is_empty() {
+        return found;
+    }
+    let mut largest: Vec<_> = by_objects.into_iter().collect();
+    largest.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
     let one = |&([a, b], area): &([u32; 2], f64)| {
         let [first, second] = [a, b].map(|k| quote(&objects[k as usize].name));
         let other = if a == b { "itself".to_owned() } else { format!("`{second}`") };
         format!("`{first}` and {other} {area:.2e} {unit}²")
     };
-    let mut list: Vec<String> = found.iter().take(MAX_NAMED_PAIRS).map(one).collect();
-    if found.len() > MAX_NAMED_PAIRS {
-        list.push(format!("{} more", found.len() - MAX_NAMED_PAIRS));
+    let mut list: Vec<String> = largest.iter().take(MAX_NAMED_PAIRS).map(one).collect();
+    if largest.len() > MAX_NAMED_PAIRS {
+        list.push(format!("{} more", largest.len() - MAX_NAMED_PAIRS));
     }
     repairs.messages.push(format!(
-        "faces of one plane overlap and face the same way: which of them is seen and lit is chance; move one of them off a \
-         little ({})",
+        "faces of one plane overlap and face the same way: the one of the smaller part counts as on top, of equal parts the one later \
+         in the file; the other gets no light there ({})",
         list.join(", ")
     ));
+    found
 }
 
-/// Pairs of objects (smaller index first) with their overlapping area, scene units squared; largest first.
-fn overlaps(faces: &Faces) -> Vec<([u32; 2], f64)> {
+/// Whether two coplanar triangles face the same way.
+fn faces_alike(faces: &Faces, pair: [u32; 2]) -> bool {
+    let [n, m] = pair.map(|t| normal(&corners(faces, t as usize)));
+    n.dot(m) > 0.0
+}
+
+/// Normal of a triangle, of twice its area's length.
+fn normal([a, b, c]: &[DVec3; 3]) -> DVec3 {
+    (b - a).cross(c - a)
+}
+
+/// Pairs of overlapping triangles, ascending.
+fn overlaps(faces: &Faces) -> Vec<Overlap> {
     let tolerance = Tolerance::of(&Aabb::of(faces.positions.iter().copied()));
     let mut keys: Vec<(u64, u32)> = (0..faces.triangles.len())
         .into_par_iter()
@@ -67,18 +94,16 @@ fn overlaps(faces: &Faces) -> Vec<([u32; 2], f64)> {
     });
     let groups: Vec<&[(u64, u32)]> = groups.collect();
     // A face near the border of its cell is in several groups; each pair counts once.
-    let mut pairs: Vec<(u32, u32, f64)> =
+    let mut pairs: Vec<Overlap> =
         groups.into_par_iter().flat_map_iter(|group| within(faces, group, &tolerance)).collect();
     pairs.par_sort_unstable_by_key(|&(a, b, _)| (a, b));
     pairs.dedup_by_key(|&mut (a, b, _)| (a, b));
-    let mut by_objects = BTreeMap::<[u32; 2], f64>::new();
-    for (a, b, area) in pairs {
-        let [a, b] = [a, b].map(|t| faces.object[t as usize]);
-        *by_objects.entry([a.min(b), a.max(b)]).or_default() += area;
-    }
-    let mut found: Vec<_> = by_objects.into_iter().collect();
-    found.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-    found
+    pairs
+}
+
+/// Largest distance of the planes of overlapping faces in a scene with these bounds, scene units.
+pub(super) fn largest_distance(bounds: &Aabb) -> f64 {
+    Tolerance::of(bounds).height
 }
 
 /// Tolerances of coplanarity.
@@ -230,8 +255,9 @@ fn overlap(faces: &Faces, [s, t]: [u32; 2], tolerance: &Tolerance) -> f64 {
         return 0.0;
     }
     let [p, q] = [corners(faces, s), corners(faces, t)];
-    let [n, m] = [&p, &q].map(|c| (c[1] - c[0]).cross(c[2] - c[0]));
-    if n.dot(m) <= 0.0 || beside(&p, &q, m) || beside(&q, &p, n) {
+    let [n, m] = [&p, &q].map(normal);
+    let from_one_side = n.dot(m) > 0.0 || ((faces.two_sided)(s) && (faces.two_sided)(t));
+    if !from_one_side || beside(&p, &q, m) || beside(&q, &p, n) {
         return 0.0;
     }
     let part = clipped(&p, &q, m);

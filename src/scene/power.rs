@@ -18,16 +18,62 @@ pub fn unit_in_metres(unit: &str) -> Option<f64> {
     })
 }
 
-/// Parses `NAME=W`; the name may contain `=`.
-pub fn parse_emitter(text: &str) -> Result<(String, f64)> {
-    let wrong =
-        || Error::Argument(format!("emitter {}: write NAME=W, with W > 0 in watts (lamp=60)", quote(text)));
-    let (name, watts) = text.rsplit_once('=').ok_or_else(wrong)?;
-    let watts: f64 = watts.trim().parse().map_err(|_| wrong())?;
-    if name.is_empty() || !watts.is_finite() || watts <= 0.0 {
+/// What a named emitter sends out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Strength {
+    /// Power of each channel, W.
+    Watts(f64),
+    /// Luminous flux, lm.
+    Lumens(f64),
+    /// Luminance, cd/m².
+    Luminance(f64),
+}
+
+impl Strength {
+    /// Radiance of each channel, W/(m² sr), of an emitter of `area` m² (all emitting sides).
+    fn radiance(self, area: f64, lumens_per_watt: f64) -> f64 {
+        match self {
+            Strength::Watts(w) => w / (area * PI),
+            Strength::Lumens(lm) => lm / lumens_per_watt / (area * PI),
+            Strength::Luminance(l) => l / lumens_per_watt,
+        }
+    }
+
+    /// The number and its unit.
+    fn parts(self) -> (f64, &'static str) {
+        match self {
+            Strength::Watts(v) => (v, "W"),
+            Strength::Lumens(v) => (v, "lm"),
+            Strength::Luminance(v) => (v, "cd/m\u{b2}"),
+        }
+    }
+}
+
+/// Parses `NAME=60`, `NAME=60W`, `NAME=800lm` or `NAME=5000cd/m2`; the name may contain `=`.
+pub fn parse_emitter(text: &str) -> Result<(String, Strength)> {
+    let wrong = || {
+        let units = "lamp=60W, lamp=800lm, lamp=5000cd/m2";
+        Error::Argument(format!(
+            "emitter {}: write NAME=W, with W > 0 in watts (lamp=60), or with a unit: {units}",
+            quote(text)
+        ))
+    };
+    let (name, strength) = text.rsplit_once('=').ok_or_else(wrong)?;
+    let strength = strength.trim();
+    let units: [(&str, fn(f64) -> Strength); 5] = [
+        ("cd/m2", Strength::Luminance),
+        ("cd/m\u{b2}", Strength::Luminance),
+        ("lm", Strength::Lumens),
+        ("W", Strength::Watts),
+        ("", Strength::Watts),
+    ];
+    let (number, unit) =
+        units.iter().find_map(|(unit, of)| Some((strength.strip_suffix(unit)?, of))).ok_or_else(wrong)?;
+    let value: f64 = number.trim().parse().map_err(|_| wrong())?;
+    if name.is_empty() || !value.is_finite() || value <= 0.0 {
         Err(wrong())
     } else {
-        Ok((name.to_owned(), watts))
+        Ok((name.to_owned(), unit(value)))
     }
 }
 
@@ -41,19 +87,18 @@ pub(super) struct Surfaces<'a> {
     pub triangle_area: &'a [f64],
 }
 
-/// Makes the named faces emit: the power W is distributed over the area A of its faces, with exitance M = W/A in each
+/// Makes the named faces emit: a power W is distributed over the area A of its faces, with exitance M = W/A in each
 /// of the three channels and radiance L = M/π.
 ///
 /// The faces get copies of their materials, so that other faces of the same material do not emit.
 pub(super) fn apply(s: Surfaces, options: &LoadOptions) -> Result<()> {
     let metres = unit_in_metres(&options.unit).unwrap_or(1.0);
     let sides = if options.two_sided_emission { 2.0 } else { 1.0 };
-    for (name, watts) in &options.emitters {
+    for (name, strength) in &options.emitters {
+        let (value, unit) = strength.parts();
         // The limits of `parse_emitter`; options may be set without it.
-        if !watts.is_finite() || *watts <= 0.0 {
-            return Err(Error::Argument(format!(
-                "emitter {name}: a power of {watts} W is not a number above 0"
-            )));
+        if !value.is_finite() || value <= 0.0 {
+            return Err(Error::Argument(format!("emitter {name}: {value} {unit} is not a number above 0")));
         }
         let faces: Vec<usize> = (0..s.triangle_object.len())
             .filter(|&t| {
@@ -66,10 +111,10 @@ pub(super) fn apply(s: Surfaces, options: &LoadOptions) -> Result<()> {
             return Err(unknown(name, s.objects.iter().map(String::as_str).chain(materials)));
         }
         let area: f64 = faces.iter().map(|&t| s.triangle_area[t]).sum::<f64>() * metres * metres;
-        let radiance = (watts / (area * sides * PI)) as f32;
+        let radiance = strength.radiance(area * sides, options.photometry.lumens_per_watt) as f32;
         if !radiance.is_finite() {
             return Err(Error::Scene(format!(
-                "emitter {name}: {watts} W on {area:e} m² is beyond every number"
+                "emitter {name}: {value} {unit} on {area:e} m² is beyond every number"
             )));
         }
         let mut lit = HashMap::new();
@@ -77,7 +122,7 @@ pub(super) fn apply(s: Surfaces, options: &LoadOptions) -> Result<()> {
             let dark = s.triangle_material[t];
             s.triangle_material[t] = *lit.entry(dark).or_insert_with(|| {
                 let material = s.materials[dark as usize].clone();
-                s.materials.push(Material { emission: [radiance; 3], ..material });
+                s.materials.push(Material { emission: [radiance; 3], profile: None, ..material });
                 s.materials.len() as u32 - 1
             });
         }

@@ -7,11 +7,12 @@
 use super::{
     Emitter, LoadOptions, Material, Repairs, Scene, Soup, SoupMaterial,
     compact::{compact, used_objects, used_parts},
-    connect::{self, Edges, Sets},
+    connect::{self, Edges, Parts, Sets},
     emitters::{self, Faces},
     keep::Kept,
-    overlap,
+    luminaires, overlap,
     power::{self, Surfaces},
+    stack::stack,
     triangulate::{Shape, Triangulator},
     weld,
 };
@@ -52,12 +53,11 @@ enum Role {
 
 fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene> {
     check_sides(options)?;
+    if role == Role::Whole {
+        luminaires::add_placed(&mut soup, options);
+    }
     let mut repairs = std::mem::take(&mut soup.repairs);
-    let mut materials = match role {
-        Role::Whole => check_materials(&soup, &mut repairs)?,
-        // The scene that places the mesh has the same materials and counts their repairs.
-        Role::Mesh => check_materials(&soup, &mut Repairs::default())?,
-    };
+    let mut materials = check_materials(&soup, role, &mut repairs)?;
     let origin = origin(&soup)?;
     let (number, positions) = weld::weld(soup.positions.iter().map(|p| (p - origin).as_vec3()));
     soup.positions = Vec::new();
@@ -87,25 +87,31 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     if role == Role::Whole {
         summarise(&soup, &faces, &mut repairs);
     }
-    let (positions, triangles) = compact(&number, positions, faces.triangles, &mut repairs);
+    let (mut positions, mut triangles) = compact(&number, positions, faces.triangles, &mut repairs);
     let (objects, triangle_object) = used_objects(soup.objects, faces.object);
     let sides = |part: u32| options.sides.unwrap_or(if parts.closed[part as usize] { 1 } else { 2 });
     let (component, closed) = used_parts(&parts, &faces.polygon);
     let emission = |t: usize| materials[faces.material[t] as usize].emission;
-    let alike = |s, t| faces.reflectance[s] == faces.reflectance[t] && emission(s) == emission(t);
+    let part = |t: usize| parts.part[faces.polygon[t] as usize];
+    let alike = |s: usize, t: usize| {
+        part(s) == part(t) && faces.reflectance[s] == faces.reflectance[t] && emission(s) == emission(t)
+    };
     let planes = overlap::Faces {
         positions: &positions,
         triangles: &triangles,
         object: &triangle_object,
+        two_sided: &|t| sides(part(t)) == 2,
         alike: &alike,
     };
-    overlap::report(&planes, &objects, &options.unit, &mut repairs);
+    let found = overlap::find(&planes, &objects, &options.unit, &mut repairs);
+    stack(&found, &area_of_parts(&parts, &faces.polygon, &area), &mut positions, &mut triangles);
     Ok(Scene {
         path: soup.path,
         cameras: soup.cameras,
         files: Vec::new(),
         unit: options.unit.clone(),
         two_sided_emission: options.two_sided_emission,
+        up: options.up,
         origin,
         bounds: Aabb::of(positions.iter().copied()),
         positions,
@@ -114,7 +120,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
         triangle_material: faces.material,
         triangle_polygon: faces.polygon.iter().map(|&p| kept.polygon[p as usize]).collect(),
         triangle_reflectance: faces.reflectance,
-        triangle_sides: faces.polygon.iter().map(|&p| sides(parts.part[p as usize])).collect(),
+        triangle_sides: (0..area.len()).map(|t| sides(part(t))).collect(),
         triangle_component: component,
         closed_parts: closed.iter().filter(|&&c| c).count(),
         sheet_parts: closed.iter().filter(|&&c| !c).count(),
@@ -130,6 +136,14 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     })
 }
 
+/// For each triangle, the area of its part, scene units squared.
+fn area_of_parts(parts: &Parts, polygon: &[u32], area: &[f64]) -> Vec<f64> {
+    let mut areas = vec![0.0; parts.closed.len()];
+    let part = |t: usize| parts.part[polygon[t] as usize] as usize;
+    (0..area.len()).for_each(|t| areas[part(t)] += area[t]);
+    (0..area.len()).map(|t| areas[part(t)]).collect()
+}
+
 fn check_sides(options: &LoadOptions) -> Result<()> {
     match options.sides {
         None | Some(1 | 2) => Ok(()),
@@ -137,7 +151,7 @@ fn check_sides(options: &LoadOptions) -> Result<()> {
     }
 }
 
-fn check_materials(soup: &Soup, repairs: &mut Repairs) -> Result<Vec<Material>> {
+fn check_materials(soup: &Soup, role: Role, repairs: &mut Repairs) -> Result<Vec<Material>> {
     let mut clamped = Vec::new();
     let materials = soup.materials.iter().map(|m| {
         let finite = m.emission.iter().chain(&m.reflectance).all(|v| v.is_finite());
@@ -149,10 +163,11 @@ fn check_materials(soup: &Soup, repairs: &mut Repairs) -> Result<Vec<Material>> 
         if reflectance != m.reflectance {
             clamped.push(&m.name);
         }
-        Ok(Material { name: m.name.clone(), reflectance, emission: m.emission })
+        Ok(Material { name: m.name.clone(), reflectance, emission: m.emission, profile: m.profile.clone() })
     });
     let materials = materials.collect::<Result<Vec<_>>>()?;
-    if !clamped.is_empty() {
+    // The scene that places a mesh has the same materials and counts their repairs.
+    if role == Role::Whole && !clamped.is_empty() {
         repairs.clamped_reflectances += clamped.len();
         let names = power::some_names(clamped.iter().copied());
         repairs.messages.push(format!("reflectance clamped to 0..{MAX_REFLECTANCE} in {names}"));

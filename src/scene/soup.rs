@@ -1,8 +1,8 @@
 //! Polygon soup: unchecked input of [`resolve`](super::resolve()).
 
-use super::{Placement, Repairs, StoredCamera, texture::Texture};
+use super::{Placement, Profile, Repairs, StoredCamera, texture::Texture};
 use glam::DVec3;
-use std::{collections::HashMap, path::PathBuf};
+use std::{collections::HashMap, path::PathBuf, sync::Arc};
 
 /// Polygons of a file or a generator: not merged, triangulated or checked.
 ///
@@ -61,6 +61,8 @@ pub struct SoupMaterial {
     pub texture: Option<Texture>,
     /// Whether this is the substitute of a missing material.
     pub missing: bool,
+    /// Directions in which an emitter sends its light; none for a diffuse one.
+    pub profile: Option<Arc<Profile>>,
 }
 
 impl SoupMaterial {
@@ -70,7 +72,16 @@ impl SoupMaterial {
     /// An opaque surface without texture or emission.
     pub fn diffuse(name: impl Into<String>, reflectance: [f32; 3]) -> Self {
         let name = name.into();
-        SoupMaterial { name, reflectance, emission: [0.0; 3], opacity: 1.0, texture: None, missing: false }
+        let emission = [0.0; 3];
+        SoupMaterial {
+            name,
+            reflectance,
+            emission,
+            opacity: 1.0,
+            texture: None,
+            missing: false,
+            profile: None,
+        }
     }
 
     /// An emitter: radiance in W/(m² sr) on the front side, reflectance 0.

@@ -19,10 +19,11 @@ const MAX_GROUP_BUNDLES: usize = 64;
 /// Largest distance between the receiver ends of a group, relative to the distance to the emitter. Any value from 0.25
 /// to 1 changes the error of a forest by less than 0.5 % of itself (`constants.py bench`).
 const MAX_GROUP_WIDTH: f32 = 0.5;
-/// Largest box around the emitter ends of a group, relative to those of its first bundle: @G.
+/// Largest box around the emitter ends of a group, relative to those of its first bundle. Any value from 1 to 4
+/// changes the error of a forest by less than 0.1 % of itself (`constants.py bench`).
 const MAX_TARGET_GROWTH: f32 = 1.25;
 /// Emitter ends of the first bundle count as at least this wide, relative to their distance, so that bundles towards points form
-/// groups: @M.
+/// groups. Any value from 0.01 to 0.2 changes the error of a forest by less than 0.1 % of itself (`constants.py bench`).
 const MIN_TARGET_WIDTH: f32 = 0.05;
 
 /// Working memory of a thread, kept between calls.

@@ -5,8 +5,7 @@
 //! Geometry outside the shaft blocks none of *these segments*. If the emitter is known, a shaft from a common receiver
 //! end contains all segments to the whole emitter, so that its tests are certain for the emitter.
 //!
-//! Segments leave out margins of at least [`EndRule::MIN_MARGIN`] at their ends, and so does that shaft: a frame that
-//! starts at the emitter's edge is outside unless it hides a part of the emitter.
+//! The shaft of a whole emitter is wider by the height of lifted ends ([`EndRule::lifted`]).
 
 mod hits;
 mod slopes;
@@ -91,9 +90,9 @@ impl Shaft {
     pub fn of<S: Simd>(simd: S, packets: &[Packet], emitter: &[Vec3], magnitude: f32) -> Shaft {
         let some = packets.iter().find(|packet| !packet.is_empty()).unwrap_or(&packets[0]);
         let apex = some.point(some.active.trailing_zeros() as usize % LANES, 0.0);
-        let slack = 4e-7 * magnitude;
+        let slack = EndRule::new(magnitude).slack();
         if !emitter.is_empty() {
-            return Shaft::whole(simd, packets, emitter, apex, slack);
+            return Shaft::whole(simd, packets, emitter, apex, magnitude);
         }
         // Extremes per lane first, then once across lanes.
         let mut lanes = [[(simd.splat(f32::MAX), simd.splat(f32::MIN)); 3]; 2];
@@ -118,7 +117,7 @@ impl Shaft {
         let mut shaft = Shaft::between([from, to], slack, simd.greatest(near));
         if shared {
             shaft.apex = Some(apex);
-            shaft.add_pyramid(simd, packets, emitter, apex);
+            shaft.add_pyramid(simd, packets, emitter, apex, 0.0);
         } else {
             shaft.add_planes();
         }
@@ -127,24 +126,21 @@ impl Shaft {
 
     /// The shaft of all segments from a point to an emitter, independent of the query's segments.
     ///
-    /// The shaft leaves out the smallest margin of the [`EndRule`]; `near` is the margin of the shortest segment, for
-    /// tests that need geometry to lie inside all segments.
+    /// `near` is the largest margin of any segment, for tests that need geometry to lie inside all segments.
     #[inline(always)]
-    fn whole<S: Simd>(simd: S, packets: &[Packet], emitter: &[Vec3], apex: Vec3, slack: f32) -> Shaft {
+    fn whole<S: Simd>(simd: S, packets: &[Packet], emitter: &[Vec3], apex: Vec3, magnitude: f32) -> Shaft {
+        let rule = EndRule::new(magnitude);
         let (mut lo, mut hi) = (emitter[0], emitter[0]);
         for &p in emitter {
             (lo, hi) = (lo.min(p), hi.max(p));
         }
         let nearest = apex.clamp(lo, hi).distance(apex);
-        let near = EndRule::MAX_MARGIN.min(EndRule::MIN_MARGIN + slack / nearest);
-        let mut shaft = Shaft::between([Ends::of([apex, apex]), Ends::of([lo, hi])], slack, near);
-        // Half of the margin allows for rounding in this function.
-        let open = 0.5 * EndRule::MIN_MARGIN;
-        let (to_lo, to_hi) = (lo - apex, hi - apex);
-        shaft.lo = (apex + open * to_lo).min(apex + (1.0 - open) * to_lo) - slack;
-        shaft.hi = (apex + open * to_hi).max(apex + (1.0 - open) * to_hi) + slack;
+        let near = rule.margin((nearest - rule.height()).max(0.0));
+        let ends = [Ends::of([apex, apex]), Ends::of([lo, hi])];
+        let mut shaft = Shaft::between(ends, rule.slack(), near);
+        (shaft.lo, shaft.hi) = (shaft.lo - rule.height(), shaft.hi + rule.height());
         (shaft.whole, shaft.apex) = (true, Some(apex));
-        shaft.add_pyramid(simd, packets, emitter, apex);
+        shaft.add_pyramid(simd, packets, emitter, apex, rule.height());
         shaft
     }
 
@@ -219,9 +215,9 @@ impl Shaft {
     }
 
     /// Adds side planes through the common point and the edges of the polygon or panel at the emitter end, else planes
-    /// of extreme slopes relative to the mean direction.
+    /// of extreme slopes relative to the mean direction. Segments end up to `lift` off the emitter.
     #[inline(always)]
-    fn add_pyramid<S: Simd>(&mut self, simd: S, packets: &[Packet], emitter: &[Vec3], apex: Vec3) {
+    fn add_pyramid<S: Simd>(&mut self, simd: S, packets: &[Packet], emitter: &[Vec3], apex: Vec3, lift: f32) {
         let w = self.direction();
         if w == Vec3::ZERO {
             return;
@@ -255,8 +251,8 @@ impl Shaft {
             let inside = n.dot(corners[(k + 2) % 4] + corners[(k + 3) % 4]);
             let sign = if inside.abs() <= 2.0 * rounding { 0.0 } else { -inside.signum() };
             self.normals[k] = sign * n;
-            self.offsets[k] =
-                self.normals[k].dot(apex) + self.slack * self.normals[k].abs().element_sum() + rounding;
+            let slack = (self.slack + lift) * self.normals[k].abs().element_sum();
+            self.offsets[k] = self.normals[k].dot(apex) + slack + rounding;
         }
         self.planes = 4;
         self.pyramid = Some(Pyramid { apex, corners, longest });

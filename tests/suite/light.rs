@@ -286,3 +286,41 @@ fn pictures_are_whole_when_time_is_short() {
         assert_eq!((picture.width(), picture.height()), (1000, 800));
     }
 }
+
+/// Luminous quantities are the weights times those of the channels, in every output.
+#[test]
+fn photometric_outputs() {
+    let scratch = scratch();
+    scratch.write(
+        "lamp.ies",
+        "IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 3 1 1 2 0.1 0.1 0\n1 1 9\n0 45 90\n0\n90 60 0\n",
+    );
+    scratch
+        .write("lights.toml", "[[luminaire]]\nfile = \"lamp.ies\"\nat = [0.5, 0.5, 0.9]\naim = [0, 0, -1]\n");
+    scratch.write("bad.toml", "[[luminaire]]\nfile = \"lamp.ies\"\nat = [0.5]\naim = [0, 0, -1]\n");
+    let lit = ["dark.obj", "--luminaires", "lights.toml", "--photometric"];
+    done(&scratch.mrvis(&[&["info"], &lit[..], &["--json", "i.json"]].concat()));
+    // ∫ I 2π sin γ dγ of the linear table, by parts: 2π (90 − 30 sin 45° / (π/4) − 60 (1 − sin 45°) / (π/4)).
+    let (half, step) = (0.5f64.sqrt(), std::f64::consts::FRAC_PI_4);
+    let flux = 2.0 * std::f64::consts::PI * (90.0 - (30.0 * half + 60.0 * (1.0 - half)) / step);
+    let found = scratch.json("i.json")["emitters"][0]["flux_lm"].as_f64().expect("a flux");
+    assert!((found / flux - 1.0).abs() < 1e-5, "{found} instead of {flux} lm");
+    let solve = ["--points", "points.csv", "--out", "p", "--json", "s.json"];
+    done(&scratch.mrvis(&[&["solve"], &lit[..], &solve].concat()));
+    done(
+        &scratch.mrvis(
+            &[&["reference"], &lit[..], &["--points", "points.csv", "--samples", "256", "--out", "r.csv"]]
+                .concat(),
+        ),
+    );
+    for row in values(&scratch, "p/irradiance.csv").iter().chain(&values(&scratch, "r.csv")) {
+        let lux = 179.0 * (0.2126 * row[0] + 0.7152 * row[1] + 0.0722 * row[2]);
+        assert!((row[row.len() - 1] - lux).abs() < 1e-9 * lux, "{row:?}");
+    }
+    let json = scratch.json("s.json");
+    let (lux, watts) = (&json["photometric"]["mean_illuminance_lx"], &json["mean_irradiance"][0]);
+    assert!((lux.as_f64().unwrap() / watts.as_f64().unwrap() - 179.0).abs() < 1e-6, "{lux} {watts}");
+    done(&scratch.mrvis(&["compare", "p/irradiance.csv", "r.csv", "--tolerance", "0.2"]));
+    let bad = scratch.mrvis(&["info", "dark.obj", "--luminaires", "bad.toml"]);
+    assert!(bad.code == Some(2) && bad.stderr.contains("bad.toml:3: "), "{}", bad.stderr);
+}

@@ -1,14 +1,15 @@
 //! The record of a solution as text.
 
 use super::super::args::grouped;
+use super::luminous::Reported;
 use crate::bench::side_by_side::{ComparedRecord, Versus};
 use crate::plot::number;
 use crate::radiosity::{Record, Visibility};
 use std::fmt::Write as _;
 
 /// The record as text. `with_points`: irradiance at points was asked for.
-pub fn summary(compared: &ComparedRecord, with_points: bool) -> String {
-    let ComparedRecord { record: r, versus } = compared;
+pub fn summary(reported: &Reported, with_points: bool) -> String {
+    let Reported { compared: ComparedRecord { record: r, versus }, photometric } = reported;
     let mut text = String::new();
     let s = &r.seconds;
     // Writing to a string cannot fail.
@@ -57,6 +58,9 @@ pub fn summary(compared: &ComparedRecord, with_points: bool) -> String {
         false => format!("; estimated error {} %{}", number(100.0 * r.error_estimate), upper(r)),
     };
     let _ = writeln!(text, "mean irradiance {red}, {green}, {blue} W/m\u{b2} (red, green, blue){estimate}");
+    if let Some(l) = photometric {
+        let _ = writeln!(text, "mean illuminance {} lx", number(l.mean_illuminance_lx));
+    }
     if let Some(v) = versus {
         text += &side_by_side(r, v);
     }

@@ -37,9 +37,8 @@ pub(super) struct Eye {
     pub(super) closed: f32,
 }
 
-/// Eyes, in scenes with this unit of length, above surfaces that face upwards, spread evenly by area, and above the ground below those.
-pub(super) fn eyes(stage: &Stage, up: Vec3, unit: &str) -> Vec<Eye> {
-    let bounds = Aabb::of(stage.mesh.positions.iter().copied());
+/// Eyes, in scenes with this box and unit of length, above surfaces that face upwards, spread evenly by area, and above the ground below those.
+pub(super) fn eyes(stage: &Stage, bounds: Aabb, up: Vec3, unit: &str) -> Vec<Eye> {
     let (size, level) = (bounds.extent(), bounds.extent() * (Vec3::ONE - up.abs()));
     let min_height = MIN_HEIGHT_PART * level.max_element();
     let person = unit_in_metres(unit).map_or(0.0, |metres| (EYE_HEIGHT_METRES / metres) as f32);
@@ -118,8 +117,8 @@ fn sphere(k: usize) -> Vec3 {
 }
 
 /// Middles of the cells with the most faces that do not emit, the densest first; neighbours of a cell do not follow it.
-pub(super) fn dense_places(solution: &RadiosityMesh) -> Vec<Vec3> {
-    let cell = Aabb::of(solution.vertices.iter().copied()).extent().max_element() / CELLS;
+pub(super) fn dense_places(solution: &RadiosityMesh, bounds: Aabb) -> Vec<Vec3> {
+    let cell = bounds.extent().max_element() / CELLS;
     let mut seen = HashSet::new();
     let mut cells: HashMap<[i32; 3], (usize, Vec3)> = HashMap::new();
     for element in &solution.elements {

@@ -54,7 +54,8 @@ pub type Tally = [[f64; 2]; CHANCE_CLASSES];
 /// Number of classes of pairs by expected discovery rays: two per octave, from below 1/16 to 32. Pairs above are found
 /// with certainty and have the class `CHANCE_CLASSES`.
 pub const CHANCE_CLASSES: usize = 20;
-/// Rays that are added to the met and the expected rays of a class, so that classes with few rays hardly change. @P
+/// Rays that are added to the met and the expected rays of a class, so that classes with few rays hardly change: a class
+/// of as many rays, whose ratio has a standard error of 1/√1,000 = 3 %, changes by half of its ratio.
 const BALANCE_PRIOR_RAYS: f64 = 1000.0;
 
 fn chance(c: f64) -> usize {
@@ -205,7 +206,8 @@ impl Pairs<'_> {
             if here > 0.0 && there > 0.0 {
                 let lane = k % LANES;
                 weights[lane] = here * there / to.length_squared().powi(2);
-                packet.set(lane, p, q, self.ends);
+                let lifted = |at, normal: DVec3| self.ends.lifted(at, normal.as_vec3());
+                packet.set_lifted(lane, lifted(p, a.normal(m)), lifted(q, b.normal(n)), self.ends);
             }
             if k % LANES == LANES - 1 && !packet.is_empty() {
                 trace(&mut packet, &mut weights);

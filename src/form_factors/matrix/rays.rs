@@ -32,7 +32,7 @@ impl Traced {
         Traced {
             scene: model.traced().clone(),
             normals: corners.map(|[a, b, c]| triangle_normal(a, b, c)).collect(),
-            skin: 2e-6 * model.magnitude(),
+            skin: model.end_rule().height(),
             facet: (0..scene.triangles.len() as u32).map(|t| facets.of_triangle(t)).collect(),
         }
     }

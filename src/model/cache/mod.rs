@@ -151,6 +151,7 @@ fn key(scene: &Scene, settings: &str, code: &str) -> blake3::Hash {
         emitters: _,
         objects: _,
         two_sided_emission: _,
+        up: _,
         path: _,
         unit: _,
         origin: _,

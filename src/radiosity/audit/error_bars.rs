@@ -1,12 +1,12 @@
 //! The audit of error bars: independent paths from a few elements, followed to the end by exact rays. They share nothing with the
 //! solution but the sides that count as unlit.
 
+use crate::math::sampling::{mix, point_on};
 use crate::radiosity::elements::Shape;
 use crate::radiosity::final_gather::{Buffers, FinalGather, PathVertex};
 use crate::radiosity::links::Tally;
 use crate::radiosity::refinement::LinkedScene;
 use crate::radiosity::rgb::{add, mean};
-use crate::radiosity::sampling::{mix, point_on};
 use glam::Vec3;
 use rayon::prelude::*;
 use sobol_burley::sample_4d;

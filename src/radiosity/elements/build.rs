@@ -174,15 +174,17 @@ fn sides_of(scene: &Scene, faces: &[u32], lit: &[[bool; 2]]) -> Vec<NewSide> {
             // The first diagonal remains the edge between the two faces.
             let turned = if r == s { [r, q, p, p] } else { [r, q, p, s] };
             let normal = triangle_normal(a, b, c);
-            let emits = front || scene.two_sided_emission;
-            let emission = scene.materials[scene.triangle_material[t] as usize].emission;
-            let exitance = emission.map(|l| if emits { std::f64::consts::PI * f64::from(l) } else { 0.0 });
+            let material = &scene.materials[scene.triangle_material[t] as usize];
+            let emits = front || (scene.two_sided_emission && material.profile.is_none());
+            let exitance =
+                material.emission.map(|l| if emits { std::f64::consts::PI * f64::from(l) } else { 0.0 });
             let side = Side {
                 triangles,
                 normal: if front { normal } else { -normal },
                 front,
                 reflectance: scene.triangle_reflectance[t],
                 exitance,
+                profile: material.profile.clone().filter(|_| front),
                 element: 0,
             };
             made.push(NewSide { side, corners: if front { corners } else { turned } });

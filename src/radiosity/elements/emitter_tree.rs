@@ -6,8 +6,8 @@
 
 use super::emitters::EmitterFace;
 use crate::math::Aabb;
+use crate::math::sampling::pick;
 use crate::radiosity::rgb::mean;
-use crate::radiosity::sampling::pick;
 use glam::Vec3;
 
 /// Nodes of a cut: as many as a packet has segments, so that each segment of a packet can have a node of its own.
@@ -224,7 +224,7 @@ pub fn power_of(face: &EmitterFace) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::radiosity::sampling::numbers;
+    use crate::math::sampling::numbers;
 
     /// Corners, and normals with powers.
     type Squares = (Vec<[Vec3; 4]>, Vec<(Vec3, f32)>);

@@ -1,12 +1,14 @@
 //! Emitting faces: closed forms use all faces of an emitter, single rays use one face drawn at random.
 
 use super::emitter_tree::{Cut, EmitterTree, Receiver, power_of};
+use super::profiles::profile_factor;
 use super::{Elements, Shape};
+use crate::form_factors::analytic::point_to_polygon;
+use crate::math::sampling::point_on;
 use crate::radiosity::rgb::{Rgb, mean};
-use crate::radiosity::sampling::point_on;
-use crate::scene::Scene;
+use crate::scene::{Profile, Scene};
 use glam::{DVec3, Vec3};
-use std::collections::HashMap;
+use std::{collections::HashMap, sync::Arc};
 
 /// One emitting face.
 pub struct EmitterFace {
@@ -22,6 +24,19 @@ pub struct EmitterFace {
     pub exitance: Rgb,
     /// Area, scene units squared.
     pub area: f32,
+    /// Directions in which the face emits; none for diffuse emission.
+    pub profile: Option<Arc<Profile>>,
+}
+
+impl EmitterFace {
+    /// Form factor from a point (position, unit normal) to the face: of a diffuse face in closed form, of one with a profile
+    /// with its radiance relative to a diffuse face as weight.
+    pub fn factor(&self, at: DVec3, normal: DVec3) -> f64 {
+        match &self.profile {
+            None => point_to_polygon(at, normal, &self.polygon[..self.count]).max(0.0),
+            Some(profile) => profile_factor(profile, (at, normal), &self.polygon[..self.count]),
+        }
+    }
 }
 
 /// One emitter of the scene.
@@ -68,6 +83,7 @@ impl Emitters {
                 normal: side.normal,
                 exitance: side.exitance,
                 area: element.area as f32,
+                profile: side.profile.clone(),
             });
         }
         let face = |(e, k): (u32, u32)| &emitters[e as usize].faces[k as usize];

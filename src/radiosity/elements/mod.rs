@@ -16,6 +16,7 @@ pub mod emitters;
 mod instances;
 mod lit_sides;
 mod lookup;
+mod profiles;
 mod quads;
 mod side_sampling;
 mod state;
@@ -25,12 +26,15 @@ mod tests;
 
 pub use lit_sides::{Entered, lit_inside};
 pub use lookup::Lookup;
+pub use profiles::{emission_gain, mean_over};
 pub use side_sampling::SideSampler;
 pub use state::{ElementState, LightStatistics, RowFactors};
 
 use crate::math::Aabb;
 use crate::scene::InstanceTriangles;
+use crate::scene::Profile;
 use glam::Vec3;
+use std::sync::Arc;
 
 /// Number of signed axes, in the order +x, -x, +y, -y, +z, -z.
 pub const DIRECTIONS: usize = 6;
@@ -48,6 +52,8 @@ pub struct Side {
     pub reflectance: [f32; 3],
     /// Exitance, W/m², RGB.
     pub exitance: [f64; 3],
+    /// Directions in which the side emits; none for diffuse emission.
+    pub profile: Option<Arc<Profile>>,
     /// The element that covers the whole side.
     pub element: u32,
 }
@@ -144,6 +150,11 @@ pub struct Elements {
 impl Elements {
     /// Index that stands for no side.
     pub const NONE: u32 = u32::MAX;
+
+    /// Whether any side emits by a profile of directions. Links take such emission as diffuse, rays do not.
+    pub fn has_profiles(&self) -> bool {
+        self.sides.iter().any(|side| side.profile.is_some())
+    }
 
     /// Number of elements.
     pub fn len(&self) -> usize {

@@ -56,7 +56,7 @@ pub(super) fn surface(side: u32, corners: [Vec3; 4]) -> Element {
     }
 }
 
-fn centroid(c: &[Vec3; 4]) -> Vec3 {
+pub(super) fn centroid(c: &[Vec3; 4]) -> Vec3 {
     if is_triangle(c) { (c[0] + c[1] + c[2]) / 3.0 } else { 0.25 * (c[0] + c[1] + c[2] + c[3]) }
 }
 
@@ -70,7 +70,7 @@ fn area(corners: &[Vec3; 4]) -> f64 {
 /// The parts of a quad meet at the midpoint of its first diagonal, which is the edge between its two faces: two parts are similar
 /// to the quad, two are parallelograms, and all lie in the faces even if the quad is slightly bent. (Parts that met at the mean
 /// of the corners would lie behind bent faces, which would hide them.)
-fn quarters(c: [Vec3; 4]) -> [[Vec3; 4]; 4] {
+pub(super) fn quarters(c: [Vec3; 4]) -> [[Vec3; 4]; 4] {
     let middle = |i: usize, j: usize| 0.5 * (c[i] + c[j]);
     if is_triangle(&c) {
         let (ab, bc, ca) = (middle(0, 1), middle(1, 2), middle(2, 0));

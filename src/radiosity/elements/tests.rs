@@ -17,7 +17,8 @@ fn load(obj: &str, emitters: &[(&str, f64)]) -> Scene {
     let folder = tempfile::tempdir().expect("scratch folder");
     let path = folder.path().join("a.obj");
     std::fs::write(&path, obj).expect("written");
-    let emitters = emitters.iter().map(|&(name, w)| (name.to_owned(), w)).collect();
+    let emitters =
+        emitters.iter().map(|&(name, w)| (name.to_owned(), crate::scene::Strength::Watts(w))).collect();
     Scene::load_with(&path, &LoadOptions { emitters, ..LoadOptions::default() }).expect("a scene")
 }
 

@@ -1,10 +1,10 @@
 //! Direct light at points: Lambert's formula times the visible part, from bundles of shadow rays.
 
 use super::gatherer::FinalGather;
-use crate::form_factors::analytic::point_to_polygon;
+use crate::math::sampling::{mix, numbers, pick, point_on};
+use crate::radiosity::elements::emission_gain;
 use crate::radiosity::links::{Scratch, VisibilityEngine, VisibilityQuery};
 use crate::radiosity::rgb::{Rgb, add, mean};
-use crate::radiosity::sampling::{mix, numbers, pick, point_on};
 use crate::ray::{LANES, Packet};
 use crate::visibility::sample_runs;
 use glam::Vec3;
@@ -29,7 +29,7 @@ impl FinalGather<'_> {
     pub(super) fn engines(&self, points: &[(Vec3, Vec3)]) -> Vec<VisibilityEngine> {
         let point = |i: usize| {
             let (at, normal) = points[i];
-            GatherPoint { at: at + self.slack * normal, normal, seed: mix(i as u64) }
+            GatherPoint { at: self.start(at, normal), normal, seed: mix(i as u64) }
         };
         let runs: Vec<Vec<GatherPoint>> =
             sample_runs(points.len()).map(|run| run.map(point).collect()).collect();
@@ -70,7 +70,7 @@ impl FinalGather<'_> {
             let (mut free, mut total, mut shares) = ([0.0; 3], 0.0, Vec::with_capacity(faces.len()));
             for face in faces {
                 let (at, normal) = (from.at.as_dvec3(), from.normal.as_dvec3());
-                let factor = point_to_polygon(at, normal, &face.polygon[..face.count]).max(0.0);
+                let factor = face.factor(at, normal);
                 add(&mut free, factor, face.exitance);
                 total += (factor * mean(face.exitance)) as f32;
                 shares.push(total);
@@ -140,9 +140,10 @@ impl FinalGather<'_> {
             let d = y - at;
             let r2 = d.length_squared().max(f32::MIN_POSITIVE);
             let kernel = (normal.dot(d).max(0.0) / r2) * ((-face.normal.dot(d)).max(0.0) / r2);
-            *weight = kernel * face.area * mean(face.exitance) as f32 / share;
+            let gain = emission_gain(face.profile.as_deref(), y, face.normal, at);
+            *weight = gain * kernel * face.area * mean(face.exitance) as f32 / share;
             if *weight > 0.0 {
-                packet.set(lane, at, y, self.linked.ends);
+                packet.set_lifted(lane, at, self.linked.ends.lifted(y, face.normal), self.linked.ends);
             }
         }
         let query =

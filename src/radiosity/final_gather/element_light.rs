@@ -10,13 +10,12 @@ use super::gatherer::{Buffers, FinalGather, PathVertex};
 use super::local_pass::LocalPass;
 use super::neighbours::Place;
 use super::sharing::{SharedLight, share};
-use crate::form_factors::analytic::point_to_polygon;
+use crate::math::sampling::{mix, point_on};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::emitter_tree::Cut;
-use crate::radiosity::elements::{Elements, Shape};
+use crate::radiosity::elements::{Elements, Shape, mean_over};
 use crate::radiosity::links::{Tally, VisibilityQuery};
 use crate::radiosity::rgb::add;
-use crate::radiosity::sampling::{mix, point_on};
 use crate::ray::LANES;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -109,7 +108,7 @@ impl FinalGather<'_> {
         light
     }
 
-    /// Irradiance of an element from all emitters if nothing blocked them, W/m², by closed form. None if too many faces light the
+    /// Irradiance of an element from all emitters if nothing blocked them, W/m², by closed form or quadrature. None if too many faces light the
     /// element.
     fn unblocked(&self, leaf: u32, cut: &Cut) -> Option<Vec3> {
         let elements = &self.linked.elements;
@@ -119,6 +118,11 @@ impl FinalGather<'_> {
         let quarters = centres_of_quarters(&corners);
         let mut sum = [0.0; 3];
         for face in self.emitters.faces(cut)? {
+            let of = |at: Vec3| face.factor(at.as_dvec3(), normal);
+            if face.profile.is_some() {
+                add(&mut sum, mean_over(&of, corners), face.exitance);
+                continue;
+            }
             // The distance from the face is at least that from its centre less its own radius.
             let middle = 0.25 * face.corners.iter().sum::<Vec3>();
             let radius = face.corners.iter().map(|c| (*c - middle).length()).fold(0.0, f32::max);
@@ -126,8 +130,7 @@ impl FinalGather<'_> {
             let centre = [element.centre; 1];
             let places: &[Vec3] = if near { &quarters } else { &centre };
             for &at in places {
-                let factor = point_to_polygon(at.as_dvec3(), normal, &face.polygon[..face.count]).max(0.0);
-                add(&mut sum, factor / places.len() as f64, face.exitance);
+                add(&mut sum, of(at) / places.len() as f64, face.exitance);
             }
         }
         Some(Vec3::from(sum.map(|s| s as f32)))

@@ -2,6 +2,7 @@
 
 use crate::embree::CommittedScene;
 use crate::embree::{Hits, Traversal};
+use crate::math::sampling::{cosine_direction, mix, numbers};
 use crate::model::Model;
 use crate::radiosity::elements::emitter_tree::{Cut, Receiver};
 use crate::radiosity::elements::emitters::Emitters;
@@ -9,8 +10,8 @@ use crate::radiosity::elements::{Elements, Lookup, Shape};
 use crate::radiosity::links::Scratch;
 use crate::radiosity::options::Options;
 use crate::radiosity::refinement::LinkedScene;
-use crate::radiosity::sampling::{cosine_direction, mix, numbers};
 use crate::ray::{LANES, Packet};
+use crate::scene::Scene;
 use glam::Vec3;
 use sobol_burley::sample;
 
@@ -21,6 +22,7 @@ const DIRECTION_SETS: usize = 64;
 /// What gathering needs of a scene and its light.
 pub struct FinalGather<'a> {
     pub(super) linked: &'a LinkedScene,
+    pub(super) scene: &'a Scene,
     pub(super) traced: CommittedScene,
     pub(super) traversal: Traversal,
     pub(super) lookup: Lookup,
@@ -33,13 +35,10 @@ pub struct FinalGather<'a> {
     pub(super) light_rays: usize,
     /// Sets of directions about +z for reflected light, in blocks of 4 by 4 neighbours; none for direct light only.
     pub(super) hemispheres: Vec<Vec<Vec3>>,
-    /// Distance from their surface at which given points are taken to lie, scene units: files round points, and sheets of paper
-    /// lie on desks.
+    /// Largest distance of given points from their surface, scene units: files round points.
     pub(super) slack: f32,
     /// Feature size where none is given, scene units.
     pub(super) feature_size: f32,
-    /// Largest coordinate of the scene, scene units.
-    pub(super) magnitude: f32,
     /// Length of rays, more than the diagonal of the scene; scene units.
     pub(super) length: f32,
 }
@@ -97,7 +96,7 @@ pub struct Buffers {
 
 impl<'a> FinalGather<'a> {
     /// Prepares gathering from the light of a model.
-    pub fn new(model: &Model, linked: &'a LinkedScene, options: &Options) -> FinalGather<'a> {
+    pub fn new(model: &'a Model, linked: &'a LinkedScene, options: &Options) -> FinalGather<'a> {
         let (scene, magnitude) = (model.scene(), model.magnitude());
         let elements = &linked.elements;
         let gathered = options.gather_rays();
@@ -117,6 +116,7 @@ impl<'a> FinalGather<'a> {
             lookup: Lookup::new(elements),
             reflected: reflected.collect(),
             linked,
+            scene,
             traced: model.traced().clone(),
             traversal: model.widest_packets(),
             emitters: Emitters::new(scene, elements),
@@ -124,8 +124,7 @@ impl<'a> FinalGather<'a> {
             light_rays: options.light_rays(),
             hemispheres,
             slack: 1e-5 * scene.bounds.diagonal() + 1e-6 * magnitude,
-            feature_size: options.feature_size.unwrap_or(1e-2 * scene.bounds.diagonal()),
-            magnitude,
+            feature_size: options.feature_size.unwrap_or(1e-2 * scene.near_bounds().diagonal()),
             length: scene.ray_length(),
         }
     }

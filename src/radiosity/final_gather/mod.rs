@@ -12,6 +12,7 @@ mod paths;
 mod points;
 mod ray_rows;
 mod sharing;
+mod starts;
 
 pub use gatherer::{Buffers, FinalGather, PathVertex};
 pub use local_pass::{LATE_RAYS, LocalPass};

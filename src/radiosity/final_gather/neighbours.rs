@@ -112,7 +112,7 @@ fn axis(normal: Vec3) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::radiosity::sampling::numbers;
+    use crate::math::sampling::numbers;
 
     /// The nearest elements of random places, against a search through all of them.
     #[test]

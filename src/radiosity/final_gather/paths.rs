@@ -2,12 +2,12 @@
 
 use super::gatherer::{Buffers, FinalGather, PathVertex, RayResult};
 use crate::embree::Hits;
-use crate::radiosity::elements::Elements;
+use crate::math::sampling::{cosine_direction, mix, numbers};
 use crate::radiosity::elements::emitter_tree::Cut;
 use crate::radiosity::elements::emitters::density_ratio;
+use crate::radiosity::elements::{Elements, emission_gain};
 use crate::radiosity::links::{VisibilityEngine, VisibilityQuery};
 use crate::radiosity::rgb::{Rgb, add};
-use crate::radiosity::sampling::{cosine_direction, mix, numbers};
 use crate::ray::{LANES, Packet};
 use glam::Vec3;
 
@@ -16,8 +16,6 @@ use glam::Vec3;
 const MAX_BOUNCES: u64 = 256;
 /// Bounce from which Russian roulette may end a path (Arvo and Kirk 1990): affects noise and time, not the mean.
 const FIRST_ROULETTE_BOUNCE: u64 = 3;
-/// Height above the surface at which rays start, relative to the largest coordinate: 34 roundings of f32 (2⁻²⁴).
-const RAY_OFFSET: f32 = 2e-6;
 
 impl FinalGather<'_> {
     /// Whether the mean light of an element may stand for the light at a point on it: if the point is seen from further away than
@@ -86,11 +84,9 @@ impl FinalGather<'_> {
             }
             let [u, v, ..] = random(i);
             let normal = self.linked.elements.sides[vertex.side as usize].normal;
-            let from = vertex.at + RAY_OFFSET * self.magnitude * normal;
+            let from = self.linked.ends.lifted(vertex.at, normal);
             let to = from + self.length * cosine_direction(normal, u, v);
-            let (packet, lane) = (&mut packets[i / LANES], i % LANES);
-            packet.set(lane, from, to, self.linked.ends);
-            packet.near[lane] = 0.0;
+            packets[i / LANES].set_between(i % LANES, from, to, [0.0, 1.0]);
         }
         hits.clear();
         hits.resize(packets.len(), Hits::NONE);
@@ -112,7 +108,8 @@ impl FinalGather<'_> {
                 let own = (vertex.at, elements.sides[vertex.side as usize].normal);
                 let density = self.emitters.density(cut, met.side);
                 let q = density_ratio(own, (met.at, side.normal), side.exitance, density);
-                result.direct = weight(q) * to_vec(side.exitance);
+                let gain = emission_gain(side.profile.as_deref(), met.at, side.normal, vertex.at);
+                result.direct = gain * weight(q) * to_vec(side.exitance);
             }
         }
         result
@@ -134,8 +131,10 @@ impl FinalGather<'_> {
             let own = (vertex.at, self.linked.elements.sides[vertex.side as usize].normal);
             let q = density_ratio(own, (at, face.normal), face.exitance, density);
             if q > 0.0 {
-                shadow.set(lane, vertex.at, at, self.linked.ends);
-                light[lane] = weight(q) * to_vec(face.exitance);
+                let ends = self.linked.ends;
+                shadow.set_lifted(lane, ends.lifted(own.0, own.1), ends.lifted(at, face.normal), ends);
+                let gain = emission_gain(face.profile.as_deref(), at, face.normal, vertex.at);
+                light[lane] = gain * weight(q) * to_vec(face.exitance);
             }
         }
         (shadow, light)

@@ -3,11 +3,11 @@
 use super::direct_light::{CHUNK, GatherPoint};
 use super::gatherer::{Buffers, FinalGather};
 use crate::embree::Hits;
+use crate::math::sampling::{mix, numbers};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::links::Tally;
 use crate::radiosity::options::Options;
 use crate::radiosity::rgb::{Rgb, add};
-use crate::radiosity::sampling::{mix, numbers};
 use crate::ray::{LANES, Packet};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -45,7 +45,7 @@ impl FinalGather<'_> {
                     .iter()
                     .enumerate()
                     .map(|(i, &(at, normal))| GatherPoint {
-                        at: at + self.slack * normal,
+                        at: self.start(at, normal),
                         normal,
                         seed: seed(i),
                     })

@@ -1,9 +1,9 @@
 //! Rows of rays: what the rays of each leaf have met.
 
 use super::gatherer::{Buffers, FinalGather, PathVertex};
+use crate::math::sampling::{mix, point_on};
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::links::Tally;
-use crate::radiosity::sampling::{mix, point_on};
 use glam::Vec3;
 use rayon::prelude::*;
 use sobol_burley::sample_4d;

@@ -191,7 +191,7 @@ impl Compared {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::radiosity::sampling::numbers;
+    use crate::math::sampling::numbers;
 
     /// A floor of 40 by 40 squares with side 1 and the light of `of` at their centres, and noise of standard deviation `noise` in
     /// each half.

@@ -36,7 +36,7 @@ impl Accuracy {
         VisibilityQuery { packet, emitter_size, feature_size: self.feature_size }
     }
 
-    /// Segments between sixteen pairs of points with positive weight, or between four of them, from the receiving end.
+    /// Segments between sixteen pairs of lifted points with positive weight, or between four of them, from the receiving end.
     pub(super) fn segments(
         &self,
         few: bool,
@@ -50,7 +50,7 @@ impl Accuracy {
         for lane in lane_order(seed).filter(|&l| weights[l] > 0.0).take(count) {
             let [a, b] = points(lane);
             let (from, to) = if self.first_receives { (a, b) } else { (b, a) };
-            packet.set(lane, from, to, ends);
+            packet.set_lifted(lane, from, to, ends);
         }
         packet
     }

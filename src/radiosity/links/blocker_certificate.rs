@@ -143,10 +143,12 @@ impl Shaft {
                 let d = *b - *a;
                 let (from, to) = (normal.dot(polygon[0] - *a), normal.dot(polygon[0] - *b));
                 let t = from / (from - to);
-                let margin = 2.0 * ends.margin(d.length());
+                let margin = 2.0 * ends.rounding(d.length());
+                let beyond = from.abs().min(to.abs()) > 2.0 * ends.height();
                 let at = *a + t * d;
                 // Comparisons with NaN are false.
-                t > margin
+                beyond
+                    && t > margin
                     && t < 1.0 - margin
                     && edges.iter().all(|(n, offset)| *n == Vec3::ZERO || n.dot(at) > *offset)
             })

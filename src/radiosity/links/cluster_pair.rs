@@ -4,9 +4,9 @@
 use super::accuracy::{Accuracy, Draft, FEW_SEGMENTS_ERROR};
 use super::end_samples::{EndSamples, kernel};
 use super::{BlockerCertificate, VisibilityQuery};
+use crate::math::sampling::mix;
 use crate::radiosity::elements::{Element, Elements, Shape, facing};
 use crate::radiosity::options::Inside;
-use crate::radiosity::sampling::mix;
 use crate::ray::{EndRule, LANES, Packet};
 use glam::Vec3;
 
@@ -67,7 +67,10 @@ impl ClusterPair<'_> {
             model * near.hypot(rough)
         });
         let few = accuracy.worth * model * accuracy.deviation < FEW_SEGMENTS_CLUSTER_ERROR;
-        let mut packet = accuracy.segments(few, &weights, seed, ends, |l| [from.points[l], to.points[l]]);
+        let mut packet = accuracy.segments(few, &weights, seed, ends, |l| {
+            let (a, b) = (from.points[l], to.points[l]);
+            [ends.lifted_towards(a, from.normals[l], b), ends.lifted_towards(b, to.normals[l], a)]
+        });
         // Without a sample the exchange is probably 0; where an error would matter the link is kept for its parts.
         if packet.is_empty() && free <= 0.0 && accuracy.worth * deviation[0].max(deviation[1]) <= 1.0 {
             return None;

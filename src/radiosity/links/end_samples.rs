@@ -1,7 +1,7 @@
 //! Sample points on the two ends of a link, and the kernel between two points.
 
+use crate::math::sampling::{numbers, parallel_length, point_on};
 use crate::radiosity::elements::{Elements, Shape};
-use crate::radiosity::sampling::{numbers, parallel_length, point_on};
 use crate::ray::LANES;
 use glam::Vec3;
 

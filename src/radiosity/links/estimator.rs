@@ -4,9 +4,9 @@ use super::accuracy::{Accuracy, Draft};
 use super::cluster_pair::ClusterPair;
 use super::surface_pair::SurfacePair;
 use super::{BlockerCertificate, Link, Scratch, VisibilityEngine, VisibilityQuery};
+use crate::math::sampling::mix;
 use crate::radiosity::elements::{Element, Elements, Shape};
 use crate::radiosity::options::Inside;
-use crate::radiosity::sampling::mix;
 use crate::ray::{EndRule, LANES, Packet};
 use glam::Vec3;
 

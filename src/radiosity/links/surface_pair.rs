@@ -9,8 +9,8 @@ use super::accuracy::{Accuracy, Draft, FEW_SEGMENTS_ERROR};
 use super::blocker_certificate::{BlockerCertificate, certify};
 use super::end_samples::{gauss_points, kernel, stratified_points};
 use crate::form_factors::analytic::{clip, point_to_polygon, polygon_to_polygon};
+use crate::math::sampling::mix;
 use crate::radiosity::elements::{Element, Elements};
-use crate::radiosity::sampling::mix;
 use crate::ray::{EndRule, LANES, Packet};
 use glam::{DVec3, Vec3};
 
@@ -83,7 +83,9 @@ impl SurfacePair<'_> {
         let weights: [f32; LANES] =
             std::array::from_fn(|l| kernel(pa[l & 3], Some(na), pb[l >> 2], Some(nb), nearest));
         let few = accuracy.worth * free * accuracy.deviation < FEW_SEGMENTS_ERROR;
-        let packet = accuracy.segments(few, &weights, seed, ends, |l| [pa[l & 3], pb[l >> 2]]);
+        let packet = accuracy.segments(few, &weights, seed, ends, |l| {
+            [ends.lifted(pa[l & 3], na), ends.lifted(pb[l >> 2], nb)]
+        });
         Some((draft(weights, certificate), accuracy.query(packet, widths)))
     }
 

@@ -3,9 +3,9 @@
 use super::*;
 use crate::clusters;
 use crate::embree::{Device, SceneBuilder, Traversal};
+use crate::math::sampling::*;
 use crate::radiosity::elements::Elements;
 use crate::radiosity::options::Inside;
-use crate::radiosity::sampling::*;
 use crate::scene::testing::Pieces;
 use crate::visibility::{Exact, reference};
 use glam::DVec3;

@@ -1,7 +1,7 @@
 //! The visibility engines behind one query: the transmittance of sixteen segments.
 
+use crate::math::sampling::{mix, numbers, point_on};
 use crate::radiosity::elements::{Elements, Shape};
-use crate::radiosity::sampling::{mix, numbers, point_on};
 use crate::ray::{EndRule, LANES, Occluder, Packet};
 use crate::visibility::{Bundle, Exact, LeafMode, Method, MultiResolution, Work, Workspace};
 use std::sync::Arc;
@@ -195,7 +195,8 @@ pub fn sample_bundles(elements: &Elements, ends: EndRule, count: usize, seed: u6
             let mut packet = Packet::EMPTY;
             for lane in 0..LANES {
                 let [r, s, t, w] = numbers(mix(seed ^ k as u64), lane as u64);
-                packet.set(lane, point_on(ca, r, s), point_on(cb, t, w), ends);
+                let (from, to) = (point_on(ca, r, s), point_on(cb, t, w));
+                packet.set_lifted(lane, ends.lifted(from, na), ends.lifted(to, nb), ends);
             }
             (packet, width)
         })

@@ -84,6 +84,9 @@ pub fn solve(
     let gather = FinalGather::new(model, &solved.linked, options);
     let (irradiance, points_tally) = stages.points(&gather, points, &plan);
     let (uncertainty, audit, audit_tally) = stages.audit(&gather, &solved, &plan);
+    if !local && !idle && solved.linked.elements.has_profiles() {
+        stages.notes.push(notes::DIFFUSE_LUMINAIRES.into());
+    }
     if scene.emitters.is_empty() {
         stages.notes.push(notes::NO_EMITTERS.into());
     } else if irradiance.iter().chain([&solved.mean_irradiance()]).flatten().all(|&e| e == 0.0) {

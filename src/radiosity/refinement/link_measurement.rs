@@ -1,11 +1,11 @@
 //! Measures the links of many pairs of elements in parallel.
 
 use super::linked_scene::LinkedScene;
+use crate::math::sampling::mix;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::links::{
     Accuracy, BlockerCertificate, Link, LinkEstimator, Scratch, Tally, VisibilityEngine, VisibilityQuery,
 };
-use crate::radiosity::sampling::mix;
 use crate::visibility::sample_runs;
 use rayon::prelude::*;
 

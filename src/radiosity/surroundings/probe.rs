@@ -1,8 +1,8 @@
 //! A few rays from every side: how much of a cluster's light meets the cluster itself, and which sides see out of the scene.
 
 use crate::embree::Hits;
+use crate::math::sampling::{cosine_direction, mix, numbers, point_on};
 use crate::radiosity::elements::{Element, Elements, Entered, Shape};
-use crate::radiosity::sampling::{cosine_direction, mix, numbers, point_on};
 use crate::ray::{EndRule, LANES, Packet};
 use crate::visibility::Exact;
 use glam::Vec3;
@@ -33,9 +33,6 @@ const SHARED_RAYS: f64 = 1e5;
 const MIN_CLOSED_RAYS: u32 = 24;
 /// Rays of a leaf whose row sum is short: a standard error of at most 1 / (2 √64) = 0.0625.
 const SHORT_ROW_RAYS: usize = 64;
-/// Height above the surface at which rays start, in units of the rounding error of the end rule: above the errors of
-/// surface point, offset and direction together; rays meet everything beyond, also walls that the surface ends at.
-pub(super) const RAY_OFFSET: f32 = 5.0;
 
 /// Stands for a ray that left the scene.
 const ESCAPED: u32 = u32::MAX - 1;
@@ -171,11 +168,10 @@ impl Tracer<'_> {
             }
             let [u, v, p, q] = numbers(seed, i as u64);
             let on_surface = point_on(corners, u, (i as f32 + v) / count as f32);
-            let from = on_surface + RAY_OFFSET * self.ends.slack() * normal;
+            let from = self.ends.lifted(on_surface, normal);
             let to = from + self.length * cosine_direction(normal, p, q);
             let packet = packets.last_mut().expect("just pushed");
-            packet.set(i % LANES, from, to, self.ends);
-            packet.near[i % LANES] = 0.0;
+            packet.set_between(i % LANES, from, to, [0.0, 1.0]);
         }
         let mut hits = vec![Hits::NONE; packets.len()];
         self.exact.scene.first_hits(self.exact.traversal, packets, &mut hits);

@@ -3,11 +3,10 @@
 //! An element of a floor under the edge of such a box is lit as a whole and would send light into the box; in closed rooms row
 //! normalisation would even amplify that light. Sides that paths from all emitters never hit get no elements.
 
-use super::probe::RAY_OFFSET;
 use crate::embree::Hits;
+use crate::math::sampling::{cosine_direction, mix, numbers, point_on};
 use crate::radiosity::elements::emitters::{EmitterFace, Emitters};
 use crate::radiosity::elements::{Elements, Shape};
-use crate::radiosity::sampling::{cosine_direction, mix, numbers, point_on};
 use crate::ray::{EndRule, LANES, Packet};
 use crate::scene::Scene;
 use crate::visibility::Exact;
@@ -61,10 +60,10 @@ impl Tracer<'_> {
         for (lane, point) in points.iter().enumerate() {
             let Some((at, normal)) = point else { continue };
             let [u, v, ..] = numbers(seed, lane as u64);
-            let from = *at + RAY_OFFSET * self.ends.slack() * *normal;
-            packet.set(lane, from, from + self.length * cosine_direction(*normal, u, v), self.ends);
+            let from = self.ends.lifted(*at, *normal);
+            let to = from + self.length * cosine_direction(*normal, u, v);
+            packet.set_between(lane, from, to, [0.0, 1.0]);
         }
-        packet.near = [0.0; LANES];
         let mut hits = [Hits::NONE];
         self.exact.scene.first_hits(self.exact.traversal, std::slice::from_ref(&packet), &mut hits);
         std::array::from_fn(|lane| {

@@ -141,8 +141,8 @@ mod tests {
     use super::super::solver::{Method, solve};
     use super::super::transport_matrix::{MatrixRow, TransportMatrix};
     use super::*;
+    use crate::math::sampling::numbers;
     use crate::radiosity::options::RowSums;
-    use crate::radiosity::sampling::numbers;
 
     /// Two rooms of white walls, joined by a door: every `DOOR`th ray goes through.
     fn rooms(n: u32, rays: u32, reflectance: f32) -> TransportMatrix {

@@ -208,7 +208,7 @@ fn both_ways(rows: &[MatrixRow], met: &[u32]) -> (Vec<usize>, Vec<u32>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::radiosity::sampling::numbers;
+    use crate::math::sampling::numbers;
 
     /// Rows that face each other at random, with different numbers of rays: exchange is symmetric and no row sum is short.
     #[test]

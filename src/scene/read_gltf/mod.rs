@@ -5,6 +5,7 @@
 //! `EXT_mesh_gpu_instancing`. A file may have at most [`MAX_PLACEMENTS`] nodes, and as many placements.
 
 mod accessors;
+mod lights;
 mod nodes;
 mod primitives;
 mod sharing;
@@ -24,8 +25,6 @@ use std::{collections::HashMap, path::Path};
 const MAX_CORNERS: usize = 1 << 29;
 /// Extension whose nodes place a mesh many times.
 const GPU_INSTANCING: &str = "EXT_mesh_gpu_instancing";
-/// Extension whose nodes are lights without a surface.
-const PUNCTUAL_LIGHTS: &str = "KHR_lights_punctual";
 
 /// Reads a glTF or GLB file, of which `path` is the name: one object per node, coordinates as in the file (y up).
 pub(super) fn read(
@@ -35,10 +34,9 @@ pub(super) fn read(
     options: &LoadOptions,
 ) -> Result<Scene> {
     let (document, buffers) = open(path, bytes, sources)?;
-    let (repairs, materials, cameras) = Default::default();
-    let mut reader = Reader { path, buffers, materials, cameras, repairs };
+    let (repairs, materials, cameras, lights) = Default::default();
+    let mut reader = Reader { path, buffers, materials, cameras, lights, repairs };
     reader.read_materials(&document, sources)?;
-    reader.report_lights(&document);
     let nodes = reader.nodes(&document)?;
     sharing::scene(&mut reader, &document, &nodes, options)
 }
@@ -166,6 +164,7 @@ struct Reader<'a> {
     /// All materials of the file in order, then the substitute for faces without one.
     materials: Vec<SoupMaterial>,
     cameras: Vec<StoredCamera>,
+    lights: Vec<lights::PlacedLight>,
     repairs: Repairs,
 }
 
@@ -198,17 +197,6 @@ impl Reader<'_> {
         }
         self.materials.push(SoupMaterial::missing("(none)"));
         Ok(())
-    }
-
-    /// Counts the punctual lights, which are not read.
-    fn report_lights(&mut self, document: &gltf::Document) {
-        let lights = document.nodes().filter(|n| n.extension_value(PUNCTUAL_LIGHTS).is_some()).count();
-        if lights > 0 {
-            let what = "are not read; let a surface emit instead (option `emitters`)";
-            self.repairs
-                .messages
-                .push(format!("{lights} lights without a surface ({PUNCTUAL_LIGHTS}) {what}"));
-        }
     }
 
     fn texture(&mut self, image: gltf::Image, sources: &mut Sources) -> Result<Option<Texture>> {

@@ -60,6 +60,9 @@ impl Reader<'_> {
             if let Some(camera) = node.camera() {
                 self.camera(&mut camera_names, &camera, node.name(), world);
             }
+            if let Some(light) = node.light() {
+                self.light(&light, node.name(), world)?;
+            }
             let children: Vec<_> = node.children().map(|c| (c, world)).collect();
             stack.extend(children.into_iter().rev());
         }

@@ -7,6 +7,7 @@
 use super::{Reader, UniqueNames, nodes::MeshNode};
 use crate::{
     Result,
+    math::Aabb,
     scene::{
         LoadOptions, MAX_STRETCH, Placement, Scene, Soup,
         keep::MIN_OPACITY,
@@ -30,9 +31,28 @@ pub(super) fn scene(
     if !plan.uses.contains(&Use::Own) {
         plan.copy_first();
     }
-    let mut scene = match resolve(own_soup(reader, document, &plan)?, options) {
+    let mut placed = Vec::new();
+    for m in &shared {
+        let same = nodes.iter().zip(&plan.uses).filter(|(n, used)| **used == Use::Shared && n.mesh == m.mesh);
+        let from_mesh = DAffine3::from_translation(m.scene.origin);
+        let of = |node: &MeshNode| Placement {
+            mesh: 0,
+            transform: node.world * from_mesh,
+            name: String::new(),
+            material: None,
+            visible: true,
+        };
+        placed.extend(same.map(|(node, _)| of(node).bounds(m.scene.bounds)));
+    }
+    let own_soup = |reader: &Reader, plan: &Plan| -> Result<Soup> {
+        let mut soup = own_soup(reader, document, plan)?;
+        let own = Aabb::of(soup.positions.iter().map(|p| p.as_vec3()));
+        reader.add_lights(&mut soup, placed.iter().copied().fold(own, Aabb::union), options)?;
+        Ok(soup)
+    };
+    let mut scene = match resolve(own_soup(reader, &plan)?, options) {
         // The scene's own nodes may have no usable face.
-        Err(_) if plan.copy_first() => resolve(own_soup(reader, document, &plan)?, options)?,
+        Err(_) if plan.copy_first() => resolve(own_soup(reader, &plan)?, options)?,
         other => other?,
     };
     let number: HashMap<usize, u32> = shared.iter().enumerate().map(|(i, m)| (m.mesh, i as u32)).collect();

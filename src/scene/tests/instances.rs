@@ -200,8 +200,11 @@ fn emitters_are_never_placements() {
     let s = read(&shared).expect("two lamps");
     assert_eq!((s.emitters.len(), s.placements.len(), s.emitters[1].name.as_str()), (2, 3, "second lamp"));
     let lit = |name: &str| {
-        let options =
-            LoadOptions { emitters: vec![(name.into(), 5.0)], sides: Some(2), ..Default::default() };
+        let options = LoadOptions {
+            emitters: vec![(name.into(), Strength::Watts(5.0))],
+            sides: Some(2),
+            ..Default::default()
+        };
         read_with(&shared, &options)
     };
     let s = lit("elm").expect("one tree glows");

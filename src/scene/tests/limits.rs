@@ -89,13 +89,13 @@ fn lights_and_maps_that_are_not_read_are_noted() {
     file["nodes"][0]["extensions"] = json!({ "KHR_lights_punctual": { "light": 0 } });
     file["extensionsUsed"] = json!(["KHR_lights_punctual"]);
     file["extensions"] = json!({ "KHR_lights_punctual": { "lights": [{ "type": "point" }] } });
+    file["nodes"][0]["translation"] = json!([0, 0, 1e30]);
+    let far = load_bytes("gltf", file.to_string().as_bytes()).expect_err("beyond all scenes").to_string();
+    assert!(far.contains("scene.gltf: light"), "{far}");
+    file["nodes"][0]["translation"] = json!([0, 0, 1]);
     let scene = load_bytes("gltf", file.to_string().as_bytes()).expect("a scene");
     let noted = |s: &Scene, what: &str| s.repairs.messages.iter().any(|m| m.contains(what));
-    assert!(
-        noted(&scene, "1 lights without a surface (KHR_lights_punctual)"),
-        "{:?}",
-        scene.repairs.messages
-    );
+    assert!(noted(&scene, "1 lights of KHR_lights_punctual became emitters"), "{:?}", scene.repairs.messages);
     let obj = "mtllib a.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
     let maps: &[(&str, &[u8])] = &[("a.mtl", b"newmtl a\nKe 1 1 1\nmap_Ke e.png\nmap_d d.png\n")];
     let scene = load_with(obj, maps, &LoadOptions::default()).expect("a scene");

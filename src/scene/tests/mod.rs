@@ -6,6 +6,7 @@ mod generators;
 mod hostile;
 mod instances;
 mod limits;
+mod luminaires;
 mod overlaps;
 mod repairs;
 

@@ -42,6 +42,24 @@ fn posters_in_their_wall_are_told() {
     }
 }
 
+/// A sheet whose front is turned to its wall is stacked without a message, and the wall is behind both.
+#[test]
+fn sheets_that_face_each_other_are_stacked() {
+    let (wall, poster) = (("wall", DVec3::ZERO, 3.0 * X, 2.0 * Y), ("poster", X, 0.25 * Y, 0.5 * X));
+    for list in [[wall, poster], [poster, wall]] {
+        let scene = sheets(DMat3::IDENTITY, DVec3::ZERO, &list);
+        assert!(said(&scene).is_none());
+        for t in 0..scene.triangles.len() as u32 {
+            let z = scene.corners(t).map(|p| p.z);
+            if scene.objects[scene.triangle_object[t as usize] as usize].name == "wall" {
+                assert!(z.iter().all(|&z| z < -1e-5 && z > -4e-5), "{z:?}");
+            } else {
+                assert_eq!(z, [0.0; 3]);
+            }
+        }
+    }
+}
+
 #[test]
 fn boxes_on_each_other_and_meshes_are_fine() {
     let mut soup = Soup::new("boxes");

@@ -194,7 +194,7 @@ fn emitters_are_surfaces() {
     // A rectangle of 3 by 0.5, turned by 30 degrees in the plane x = 0, in two triangles; and a triangle apart.
     let obj = "o lamp\nv 0 0 0\nv 0 2.598076 1.5\nv 0 2.348076 1.933013\nv 0 -0.25 0.433013\n\
                f 1 2 3\nf 1 3 4\nv 9 0 0\nv 9 1 0\nv 9 0 1\nf 5 6 7\no box\nv 20 0 0\nf 5 7 8\n";
-    let emitters = vec![("lamp".to_owned(), 10.0)];
+    let emitters = vec![("lamp".to_owned(), Strength::Watts(10.0))];
     for two_sided_emission in [false, true] {
         let options = LoadOptions { emitters: emitters.clone(), two_sided_emission, ..Default::default() };
         let s = load_with(obj, &[], &options).expect("emitters");
@@ -212,7 +212,7 @@ fn emitters_are_surfaces() {
         load_with(obj, &[], &options).expect(unit).emitters[0].emission[0]
     };
     assert!((radiance("mm") / radiance("m") / 1e6 - 1.0).abs() < 1e-5);
-    let wrong = LoadOptions { emitters: vec![("sun".into(), 1.0)], ..Default::default() };
+    let wrong = LoadOptions { emitters: vec![("sun".into(), Strength::Watts(1.0))], ..Default::default() };
     let text = message(load_with(obj, &[], &wrong));
     assert_eq!(text, "no object, group or material is called `sun`; there are `lamp`, `box`, `(none)`");
 }
@@ -220,7 +220,8 @@ fn emitters_are_surfaces() {
 #[test]
 fn a_thin_luminous_box_is_one_emitter() {
     let panel = cube("panel", 1, 1.0, [0.0; 3]).replace(" 1\n", " 0.1\n");
-    let options = LoadOptions { emitters: vec![("panel".into(), 5.0)], ..Default::default() };
+    let options =
+        LoadOptions { emitters: vec![("panel".into(), Strength::Watts(5.0))], ..Default::default() };
     let s = load_with(&panel, &[], &options).expect("a panel");
     assert_eq!((s.emitters.len(), s.closed_parts), (1, 1));
     let e = &s.emitters[0];
@@ -232,8 +233,11 @@ fn a_thin_luminous_box_is_one_emitter() {
 
 #[test]
 fn emitter_arguments() {
-    assert_eq!(parse_emitter("a=b=60").expect("a name with ="), ("a=b".to_owned(), 60.0));
-    for wrong in ["lamp", "lamp=", "=3", "lamp=-1", "lamp=nan", "lamp=inf", "lamp=0", "lamp=6W"] {
+    assert_eq!(parse_emitter("a=b=60").expect("a name with ="), ("a=b".to_owned(), Strength::Watts(60.0)));
+    assert_eq!(parse_emitter("a=6W").unwrap().1, Strength::Watts(6.0));
+    assert_eq!(parse_emitter("a=800 lm").unwrap().1, Strength::Lumens(800.0));
+    assert_eq!(parse_emitter("a=5e3cd/m2").unwrap().1, Strength::Luminance(5e3));
+    for wrong in ["lamp", "lamp=", "=3", "lamp=-1", "lamp=nan", "lamp=inf", "lamp=0", "lamp=6V", "lamp=lm"] {
         assert!(parse_emitter(wrong).is_err(), "{wrong}");
     }
 }

@@ -16,6 +16,15 @@ struct Differences {
     squares: [f64; 2],
 }
 
+/// The segments without 1e-4 of their length at both ends. The margins of the end rule are below the tolerance of the verdict, so that
+/// the surfaces at the ends would leave it open for all segments that nothing else blocks.
+fn without_ends(mut packets: Vec<Packet>) -> Vec<Packet> {
+    for packet in &mut packets {
+        (packet.near, packet.far) = ([1e-4; LANES], [1.0 - 1e-4; LANES]);
+    }
+    packets
+}
+
 /// Checks every segment, with `tolerance` for the verdict of exact arithmetic:
 ///
 /// * what the reference blocks with a triangle, the fast engine blocks too: it never aggregates more;
@@ -86,7 +95,7 @@ fn fast_engine_keeps_the_rule_of_the_reference() {
         let stage = Stage::generated(name);
         let e = stage.scene.emitters[0].min_width;
         for (lanes, count) in [(1, 300), (16, 25)] {
-            let packets = stage.bundles(3, count, lanes);
+            let packets = without_ends(stage.bundles(3, count, lanes));
             for s in stage.sizes() {
                 for e in [0.0, 0.5 * e] {
                     let d = compare(&stage, &packets, e, s);
@@ -113,7 +122,7 @@ fn fast_engine_keeps_the_rule_in_random_clouds() {
         let mut pieces = cloud(seed as u64, count, edge, in_cube(&mut random) + 0.1, seed % 2 == 0);
         pieces.light(DVec3::new(0.5, 0.5, 2.0), 0.4 * DVec3::Y, 0.4 * DVec3::X);
         let stage = Stage::new(pieces.scene());
-        let packets = stage.bundles(seed as u64, 20, 16);
+        let packets = without_ends(stage.bundles(seed as u64, 20, 16));
         // Segments from an element instead of a point: no common end.
         let apart: Vec<Packet> = packets
             .iter()
@@ -121,7 +130,7 @@ fn fast_engine_keeps_the_rule_in_random_clouds() {
                 let mut apart = Packet::EMPTY;
                 for lane in p.lanes() {
                     let from = p.point(lane, 0.0) + 0.02 * direction(&mut random);
-                    apart.set(lane, from, p.point(lane, 1.0), end_rule(&stage.scene));
+                    apart.set_between(lane, from, p.point(lane, 1.0), [p.near[lane], p.far[lane]]);
                 }
                 apart
             })

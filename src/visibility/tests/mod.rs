@@ -4,6 +4,7 @@ mod against_reference;
 mod answers;
 mod certificates;
 mod edges;
+mod ends;
 mod extinction;
 mod folded;
 mod instances;

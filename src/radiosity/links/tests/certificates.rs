@@ -20,7 +20,8 @@ fn seen(estimator: &LinkEstimator, ends: [u32; 2], random: &mut Pcg64Mcg) -> Vec
             let mut place = |corners| point_on(corners, unit(random) as f32, unit(random) as f32);
             let (from, to) = (place(&a.0), place(&b.0));
             if (to - from).dot(a.1) > 1e-2 && (from - to).dot(b.1) > 1e-2 {
-                packet.set(lane, from, to, estimator.ends);
+                let (ends, [na, nb]) = (estimator.ends, [a.1, b.1]);
+                packet.set_lifted(lane, ends.lifted(from, na), ends.lifted(to, nb), ends);
             }
         }
         let query = VisibilityQuery { packet, emitter_size: 1.0, feature_size: 0.0 };

@@ -20,11 +20,15 @@ pub fn mix(v: u64) -> u64 {
 
 /// The entry of a table of running sums that a number `u` in `[0, 1)` selects, each with a probability proportional to its
 /// own part, with the share of `u` that is left inside the entry, in `[0, 1]`, and the entry's own part. The table is not
-/// empty.
+/// empty; entries with part 0 are not selected unless all are 0.
 pub fn pick(running_sums: &[f32], u: f32) -> (usize, f32, f32) {
     let last = running_sums.len() - 1;
     let target = u * running_sums[last];
-    let k = running_sums.partition_point(|&s| s <= target).min(last);
+    let mut k = running_sums.partition_point(|&s| s <= target).min(last);
+    // The product was rounded up to the total: the last entry with a part.
+    while k > 0 && running_sums[k] == running_sums[k - 1] {
+        k -= 1;
+    }
     let before = if k > 0 { running_sums[k - 1] } else { 0.0 };
     let part = running_sums[k] - before;
     (k, ((target - before) / part).clamp(0.0, 1.0), part)
@@ -52,7 +56,8 @@ pub fn parallel_length(v: Vec3) -> f32 {
     v.abs().element_sum()
 }
 
-fn on_triangle([a, b, c]: [Vec3; 3], u: f32, v: f32) -> Vec3 {
+/// The point of a triangle for `(u, v)` in the unit square. Equal areas of the square give equal areas of the triangle.
+pub fn on_triangle([a, b, c]: [Vec3; 3], u: f32, v: f32) -> Vec3 {
     // Equal steps of u are bands of equal area parallel to the edge bc; v is uniform along a band.
     let root = u.sqrt();
     a + root * ((1.0 - v) * (b - a) + v * (c - a))

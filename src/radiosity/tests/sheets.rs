@@ -1,0 +1,103 @@
+//! Sheets on floors: no energy is created, and what lies under a sheet is dark.
+
+use super::*;
+use crate::path_tracer;
+
+/// An open room with a rug at a height above the floor, of the same material, and a lamp. The front of the rug is above or below.
+fn rug_at(height: f64, turned: bool) -> Scene {
+    let mut soup = Soup::new("rug");
+    let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
+    let light = soup.material(SoupMaterial::light("light", [100.0; 3]));
+    let mut add = |name: &str, material: u32, corners: [DVec3; 4]| {
+        let object = soup.object(name);
+        soup.polygon(object, material, &corners);
+    };
+    let level = |x: f64, y: f64, z: f64, u: f64, v: f64| {
+        [(-u, -v), (u, -v), (u, v), (-u, v)].map(|(a, b)| DVec3::new(x + a, y + b, z))
+    };
+    add("floor", grey, level(0.0, 0.0, 0.0, 2.0, 2.0));
+    let mut rug = level(0.1, -0.2, height, 1.0, 0.7);
+    if turned {
+        rug.reverse();
+    }
+    add("rug", grey, rug);
+    let mut lamp = level(0.0, 0.0, 2.5, 0.2, 0.2);
+    lamp.reverse();
+    add("lamp", light, lamp);
+    let corners = [(-2.0, -2.0), (2.0, -2.0), (2.0, 2.0), (-2.0, 2.0)];
+    for k in 0..4 {
+        let at = |k: usize, z: f64| DVec3::new(corners[k % 4].0, corners[k % 4].1, z);
+        add("wall", grey, [at(k, 2.0), at(k + 1, 2.0), at(k + 1, 0.0), at(k, 0.0)]);
+    }
+    resolve(soup, &LoadOptions::default()).expect("a scene")
+}
+
+fn at(x: f64, y: f64, z: f64) -> Point {
+    Point { position: DVec3::new(x, y, z), normal: DVec3::Z }
+}
+
+#[test]
+fn rugs_create_no_energy() {
+    for (height, turned) in [(0.0, false), (0.0, true), (6e-5, false), (1e-4, true)] {
+        let outcome = solved(&rug_at(height, turned), &[], &Options::default());
+        let Ledger { emitted, absorbed, escaped, created, .. } = outcome.record.ledger;
+        // The estimated error of the solution is 0.6 %. Where rug and floor both get the light, 12 % are created.
+        assert!(created.abs() <= 1e-2 * emitted, "{height}: {created} of {emitted}");
+        assert!(absorbed + escaped <= 1.01 * emitted, "{height}: {absorbed} + {escaped} of {emitted}");
+    }
+}
+
+/// Points on the floor under a rug are dark, points on the rug are lit, by the solver and by path tracing.
+#[test]
+fn points_lie_on_the_nearest_sheet() {
+    for height in [0.0, 1e-4, 1e-3] {
+        let scene = rug_at(height, false);
+        // Beside the rug, on the rug, and rounded to six digits.
+        let mut points = vec![at(-1.5, 1.5, 0.0), at(0.2, 0.1, height), at(0.2, 0.1, height + 3e-6)];
+        if height > 0.0 {
+            points.push(at(0.2, 0.1, 0.0));
+        }
+        let found = solved(&scene, &points, &Options::default()).irradiance;
+        let settings = path_tracer::Settings { samples: 4096, direct_only: false, seed: 1 };
+        let model = model_for(&scene, &Options::default());
+        let truth = path_tracer::irradiance(&model, &points, settings, &|_| ()).expect("irradiance").values;
+        for (k, (found, truth)) in found.iter().zip(&truth).enumerate() {
+            if k == 3 {
+                // Elements at the rug's edge are lit in part: 0.027 of 2.8 W/m² for a rug 1 mm above the floor.
+                assert!(truth[0] == 0.0 && found[0] < 0.05, "{height}: {found:?} {truth:?}");
+            } else {
+                assert!(
+                    truth[0] > 1.0 && (found[0] / truth[0] - 1.0).abs() < 0.05,
+                    "{height} {k}: {found:?} {truth:?}"
+                );
+            }
+        }
+    }
+}
+
+/// A plate 9 cm above the floor under a lamp at 1 km: its shadow is black.
+#[test]
+fn a_distant_lamp_does_not_shine_through_plates() {
+    let mut soup = Soup::new("plate");
+    let grey = soup.material(SoupMaterial::diffuse("grey", [0.0; 3]));
+    let light = soup.material(SoupMaterial::light("light", [1e5; 3]));
+    for (name, material, z, half) in [("floor", grey, 0.0, 5.0), ("plate", grey, 0.09, 1.0)] {
+        let object = soup.object(name);
+        let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
+        soup.polygon(object, material, &corners.map(|(x, y)| DVec3::new(half * x, half * y, z)));
+    }
+    let lamp = soup.object("lamp");
+    let corners = [(-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (1.0, -1.0)];
+    soup.polygon(lamp, light, &corners.map(|(x, y)| DVec3::new(x, y, 1000.0)));
+    let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+    let points = [at(0.0, 0.0, 0.0), at(0.5, 0.5, 0.0), at(3.0, 3.0, 0.0)];
+    let found = solved(&scene, &points, &Options::default()).irradiance;
+    let settings = path_tracer::Settings { samples: 256, direct_only: false, seed: 1 };
+    let model = model_for(&scene, &Options::default());
+    let truth = path_tracer::irradiance(&model, &points, settings, &|_| ()).expect("irradiance").values;
+    for values in [found, truth] {
+        assert_eq!((values[0], values[1]), ([0.0; 3], [0.0; 3]));
+        // M A / (π d²), M = π L.
+        assert!((values[2][0] / (1e5 * 4.0 / 1e6) - 1.0).abs() < 0.01, "{values:?}");
+    }
+}

@@ -1,0 +1,175 @@
+//! Luminaires: plane emitters with an intensity distribution, placed in a scene.
+
+use super::profile::{Distribution, Profile, axes};
+use super::read_luminaire::{Luminaire, read};
+use super::{LoadOptions, MAX_COORDINATE, Soup, SoupMaterial, power::unit_in_metres};
+use crate::files::input;
+use crate::{Error, Result, error::quote};
+use glam::DVec3;
+use std::collections::{HashMap, HashSet};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use toml::Spanned;
+
+/// Largest size of a placement file: 10,000 luminaires of about 100 bytes each.
+const MAX_BYTES: u64 = 1 << 20;
+/// Part of the flux below which the back of a luminaire is left out: the rounding of tables.
+const DARK_HALF: f64 = 1e-6;
+/// Largest flux, lm: as the largest intensity of photometric files.
+const MAX_LUMENS: f64 = 1e15;
+/// Distance of the luminaire's two plates relative to the longer side: the least that keeps the plates apart in f32
+/// at a thousand sides from the origin of the scene, 2⁻²⁴ · 1000, with a margin of 160.
+const MIN_THICKNESS: f64 = 1e-2;
+
+/// A luminaire of a placement file.
+#[derive(Clone, Debug)]
+pub(crate) struct PlacedLuminaire {
+    /// Name of its object and material.
+    name: String,
+    luminaire: Arc<Luminaire>,
+    /// Position, scene units in the coordinates of the scene's file.
+    at: DVec3,
+    /// Unit vectors towards γ = 0, C = 0 and C = 90°.
+    axes: [DVec3; 3],
+    /// Factor of all intensities.
+    scale: f64,
+}
+
+/// A table `[[luminaire]]`.
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Entry {
+    name: Option<String>,
+    /// Photometric file, relative to the placement file.
+    file: Spanned<PathBuf>,
+    at: Spanned<[f64; 3]>,
+    /// Direction of γ = 0.
+    aim: Spanned<[f64; 3]>,
+    /// Direction of C = 0; by default the x axis, or y if the luminaire points along x.
+    c0: Option<[f64; 3]>,
+    /// Luminous flux that replaces that of the file, lm.
+    flux: Option<Spanned<f64>>,
+}
+
+impl Entry {
+    /// Checks the values; an error has the place in the text and what is wrong.
+    fn check(self, luminaire: Arc<Luminaire>) -> Result<PlacedLuminaire, (usize, &'static str)> {
+        let [at, aim] = [&self.at, &self.aim].map(|v| DVec3::from(*v.get_ref()));
+        if !at.is_finite() || at.abs().max_element() > MAX_COORDINATE {
+            return Err((self.at.span().start, "`at` must be three numbers within ±1e12"));
+        }
+        let along_x = aim.normalize_or_zero().x.abs() > 0.999;
+        let c0 = self.c0.map_or(if along_x { DVec3::Y } else { DVec3::X }, DVec3::from);
+        let parallel = "`aim` must be a direction that is not parallel to `c0`";
+        let axes = axes(aim, c0).ok_or((self.aim.span().start, parallel))?;
+        let flux: f64 = luminaire.distribution.halves().iter().sum();
+        if flux <= 0.0 {
+            return Err((self.file.span().start, "the table of this file sums to no light"));
+        }
+        let scale = match self.flux {
+            Some(lm) if (0.0..=MAX_LUMENS).contains(lm.get_ref()) && *lm.get_ref() > 0.0 => {
+                lm.get_ref() / flux
+            }
+            Some(lm) => return Err((lm.span().start, "`flux` must be above 0 and at most 1e15")),
+            None => 1.0,
+        };
+        let stem = || self.file.get_ref().file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        Ok(PlacedLuminaire { name: self.name.unwrap_or_else(stem), luminaire, at, axes, scale })
+    }
+}
+
+/// Reads a placement file, TOML with a table `[[luminaire]]` for each, and the photometric files that it names.
+pub fn read_placements(path: &Path) -> Result<Vec<PlacedLuminaire>> {
+    #[derive(serde::Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct File {
+        luminaire: Vec<Entry>,
+    }
+    let bytes = input::read(path, MAX_BYTES)?;
+    let text = String::from_utf8(bytes).map_err(|_| Error::format(path, None, "not a text in UTF-8"))?;
+    let line = |at: usize| Some(1 + text[..at].matches('\n').count());
+    let file: File = toml::from_str(&text).map_err(|e| {
+        let what = "write [[luminaire]] with file, at and aim";
+        Error::format(path, e.span().and_then(|s| line(s.start)), format!("{}; {what}", quote(e.message())))
+    })?;
+    let mut known: HashMap<PathBuf, Arc<Luminaire>> = HashMap::new();
+    let place = |entry: Entry| {
+        let name = path.with_file_name("").join(entry.file.get_ref());
+        let luminaire = match known.get(&name) {
+            Some(luminaire) => luminaire.clone(),
+            None => known.entry(name.clone()).or_insert(Arc::new(read(&name)?)).clone(),
+        };
+        entry.check(luminaire).map_err(|(at, what)| Error::format(path, line(at), what))
+    };
+    file.luminaire.into_iter().map(place).collect()
+}
+
+/// Adds the luminaires of the options to the scene's polygons.
+pub(super) fn add_placed(soup: &mut Soup, options: &LoadOptions) {
+    let metres = unit_in_metres(&options.unit).unwrap_or(1.0);
+    let mut taken: HashSet<String> = soup.objects.iter().cloned().collect();
+    let mut noted = HashSet::new();
+    for placed in &options.luminaires {
+        let PlacedLuminaire { name, luminaire, at, axes, scale } = placed.clone();
+        // Once for each file.
+        if let Some(note) = luminaire.note.as_ref().filter(|_| noted.insert(Arc::as_ptr(&luminaire))) {
+            soup.repairs.messages.push(format!("luminaire `{}`: {note}", quote(&name)));
+        }
+        let numbered = (2..).map(|k| format!("{name} {k}"));
+        let free = std::iter::once(name.clone()).chain(numbered).find(|n| taken.insert(n.clone()));
+        let size = luminaire.opening.map(|v| v / metres);
+        let distribution = luminaire.distribution.clone();
+        let name = free.unwrap_or(name);
+        Lamp { name, at, axes, size, distribution, scale, colour: [1.0; 3] }.add(soup, options);
+    }
+}
+
+/// A small plane emitter with an intensity distribution.
+pub(super) struct Lamp {
+    pub name: String,
+    /// Centre of the front plate.
+    pub at: DVec3,
+    /// Unit vectors towards γ = 0, C = 0 and C = 90°.
+    pub axes: [DVec3; 3],
+    /// Length along C = 0, width along C = 90° and height, scene units.
+    pub size: [f64; 3],
+    pub distribution: Distribution,
+    /// Factor of all intensities.
+    pub scale: f64,
+    /// Factors of the channels.
+    pub colour: [f64; 3],
+}
+
+impl Lamp {
+    /// Adds its plates: the front emits the directions up to 90° from the axis, the back, one height behind it, the others.
+    pub fn add(self, soup: &mut Soup, options: &LoadOptions) {
+        let metres = unit_in_metres(&options.unit).unwrap_or(1.0);
+        let [length, width, height] = self.size;
+        let behind = height.max(MIN_THICKNESS * length.max(width));
+        let halves = self.distribution.halves();
+        let total: f64 = halves.iter().sum();
+        let distribution = Arc::new(self.distribution);
+        let [axis, c0, c90] = self.axes;
+        let object = soup.object(&self.name);
+        let area = length * width * metres * metres;
+        for (half, flux) in halves.into_iter().enumerate().filter(|(_, f)| *f > DARK_HALF * total) {
+            let watts = flux * self.scale / options.photometry.lumens_per_watt;
+            let radiance = watts / (std::f64::consts::PI * area);
+            let name = if half == 0 { self.name.clone() } else { format!("{} (back)", self.name) };
+            let material = soup.material(SoupMaterial {
+                profile: Some(Arc::new(Profile::new(distribution.clone(), self.axes, flux))),
+                ..SoupMaterial::light(name, self.colour.map(|c| (c * radiance) as f32))
+            });
+            let (centre, u, v) = match half {
+                0 => (self.at, 0.5 * length * c0, 0.5 * width * c90),
+                _ => (self.at - behind * axis, 0.5 * width * c90, 0.5 * length * c0),
+            };
+            // c90 = c0 × axis: corners turn counterclockwise about c90 × c0 = axis · |c0|².
+            let corners = [centre - u - v, centre - u + v, centre + u + v, centre + u - v];
+            soup.polygon(object, material, &corners);
+            if !soup.corner_texcoords.is_empty() || !soup.texcoords.is_empty() {
+                soup.corner_texcoords.extend([0; 4]);
+            }
+        }
+    }
+}

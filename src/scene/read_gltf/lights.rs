@@ -1,0 +1,126 @@
+//! Lights of the extension `KHR_lights_punctual` as small or distant emitters.
+
+use super::Reader;
+use crate::scene::luminaires::Lamp;
+use crate::scene::profile::{Distribution, axes};
+use crate::scene::{LoadOptions, MAX_COORDINATE, Soup, SoupMaterial};
+use crate::{Result, error::quote, math::Aabb};
+use glam::{DMat4, DVec3};
+use gltf::khr_lights_punctual::{Kind, Light};
+
+/// Side of the plate of a point or spot light relative to the scene's diagonal: light at ten sides' distance, 2 % of the
+/// diagonal, is that of a point within (1/10)² / 2 = 0.5 %.
+const PLATE: f64 = 2e-3;
+/// Distance of a directional light in diagonals of the scene: light differs by (1 + 1/40)² - 1 = 5 % over the scene, by
+/// the square of the distance.
+const DISTANCE: f64 = 20.0;
+/// Tangent of half the side over distance of a directional light: a square of the solid angle of the sun, 6.8e-5 sr.
+const HALF_SIDE: f64 = 4.12e-3;
+/// Tabulated angles between the inner and the outer cone of a spot: interpolation loses less than (1/64)² / 4 of its
+/// intensity.
+const CONE_STEPS: usize = 64;
+
+/// A light of a node.
+pub(super) struct PlacedLight {
+    name: String,
+    at: DVec3,
+    /// Towards −z of the node.
+    aim: DVec3,
+    /// Linear RGB factors.
+    colour: [f64; 3],
+    /// Candelas, or lux of a directional light.
+    strength: f64,
+    /// None for a directional light.
+    distribution: Option<Distribution>,
+}
+
+impl Reader<'_> {
+    /// Adds the light of a node.
+    pub(super) fn light(&mut self, light: &Light, node: Option<&str>, world: DMat4) -> Result<()> {
+        let name = node.or(light.name()).map_or(format!("light {}", light.index()), str::to_owned);
+        let (at, aim) = (world.transform_point3(DVec3::ZERO), world.transform_vector3(DVec3::NEG_Z));
+        let (strength, colour) = (f64::from(light.intensity()), light.color().map(f64::from));
+        let sound = |v: &f64| v.is_finite() && *v >= 0.0;
+        let near = at.is_finite() && at.abs().max_element() <= MAX_COORDINATE;
+        let aim = aim.try_normalize().filter(|_| near);
+        let (Some(aim), true) = (aim, sound(&strength) && colour.iter().all(sound)) else {
+            return Err(self.wrong(format!(
+                "light `{}`: its position is not within ±{MAX_COORDINATE:e}, or its color or intensity is not a finite number >= 0",
+                quote(&name)
+            )));
+        };
+        let table = match light.kind() {
+            Kind::Directional => None,
+            Kind::Point => Some(vec![(0.0, 1.0), (180.0, 1.0)]),
+            Kind::Spot { inner_cone_angle, outer_cone_angle } => {
+                let (inner, outer) = (f64::from(inner_cone_angle), f64::from(outer_cone_angle));
+                if !(0.0 <= inner && inner < outer && outer <= std::f64::consts::FRAC_PI_2 + 1e-6) {
+                    return Err(self.wrong("a spot light's cone angles must ascend within 0 to π/2"));
+                }
+                Some(cone(inner, outer))
+            }
+        };
+        let distribution = table.map(|t| Distribution::about_axis(&t));
+        if strength > 0.0 && colour != [0.0; 3] {
+            self.lights.push(PlacedLight { name, at, aim, colour, strength, distribution });
+        }
+        Ok(())
+    }
+
+    /// Adds emitters for the lights to the polygons of the scene. `bounds`: of all its polygons and placements.
+    pub(super) fn add_lights(&self, soup: &mut Soup, bounds: Aabb, options: &LoadOptions) -> Result<()> {
+        let (diagonal, centre) = (f64::from(bounds.diagonal()), bounds.center().as_dvec3());
+        for light in &self.lights {
+            let c0 = if light.aim.x.abs() > 0.9 { DVec3::Y } else { DVec3::X };
+            let axes = axes(light.aim, c0).ok_or_else(|| self.wrong("a light without a direction"))?;
+            if let Some(distribution) = light.distribution.clone() {
+                let side = PLATE * diagonal;
+                Lamp {
+                    name: light.name.clone(),
+                    at: light.at,
+                    axes,
+                    size: [side, side, 0.0],
+                    distribution,
+                    scale: light.strength,
+                    colour: light.colour,
+                }
+                .add(soup, options);
+                continue;
+            }
+            // Irradiance of a small square of radiance L facing it: L A / d².
+            let distance = DISTANCE * diagonal;
+            let radiance =
+                light.strength / options.photometry.lumens_per_watt / (4.0 * HALF_SIDE * HALF_SIDE);
+            let emission = light.colour.map(|c| (c * radiance) as f32);
+            let material = soup.material(SoupMaterial::light(&light.name, emission));
+            let object = soup.object(&light.name);
+            let (at, half) = (centre - distance * light.aim, HALF_SIDE * distance);
+            let (u, v) = (half * axes[1], half * axes[2]);
+            soup.polygon(object, material, &[at - u - v, at - u + v, at + u + v, at + u - v]);
+            soup.corner_texcoords.extend([0; 4]);
+        }
+        if !self.lights.is_empty() {
+            let count = self.lights.len();
+            soup.repairs.messages.push(format!(
+                "{count} lights of KHR_lights_punctual became emitters: point and spot lights squares of {PLATE} of the scene's \
+                 diagonal, directional lights squares of the size of the sun at {DISTANCE} diagonals; their ranges are not used"
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// The intensity of a spot light of one candela: ((cos γ − cos outer) / (cos inner − cos outer))², as the extension
+/// recommends; pairs of degrees and candelas.
+fn cone(inner: f64, outer: f64) -> Vec<(f64, f64)> {
+    let mut table = vec![];
+    if inner > 0.0 {
+        table.push((0.0, 1.0));
+    }
+    for k in 0..=CONE_STEPS {
+        let gamma = inner + (outer - inner) * k as f64 / CONE_STEPS as f64;
+        let part = (gamma.cos() - outer.cos()) / (inner.cos() - outer.cos());
+        table.push((gamma.to_degrees(), part.clamp(0.0, 1.0).powi(2)));
+    }
+    table
+}

@@ -1,0 +1,27 @@
+//! The size of a scene, to which other lengths are relative.
+
+use super::Scene;
+use crate::math::Aabb;
+
+/// Ratio of the whole scene to what does not emit, above which emitters do not count: rooms with their lamps and terrains
+/// under their skies are below 3, distant lights of glTF files above 20.
+const FAR: f32 = 8.0;
+
+impl Scene {
+    /// Box around the own triangles, without emitters that are much farther away than the rest is wide, as the sun is.
+    pub(crate) fn near_bounds(&self) -> Aabb {
+        let dark =
+            (0..self.triangles.len() as u32).filter(|&t| self.triangle_emitter[t as usize] == u32::MAX);
+        let dark = Aabb::of(dark.flat_map(|t| self.corners(t)));
+        if dark.diagonal() > 0.0 && self.bounds.diagonal() > FAR * dark.diagonal() {
+            dark
+        } else {
+            self.bounds
+        }
+    }
+
+    /// Diagonal of the box around these and the visible placements.
+    pub(crate) fn size(&self) -> f32 {
+        self.placed_bounds(self.near_bounds()).diagonal()
+    }
+}

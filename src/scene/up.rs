@@ -1,0 +1,57 @@
+//! Which axis of a scene points upwards.
+
+use super::Scene;
+use glam::Vec3;
+
+/// The upward axis of a scene's coordinates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+pub enum UpAxis {
+    /// +y, as in glTF.
+    Y,
+    /// +z.
+    Z,
+}
+
+impl UpAxis {
+    /// Its unit vector.
+    pub fn vector(self) -> Vec3 {
+        match self {
+            UpAxis::Y => Vec3::Y,
+            UpAxis::Z => Vec3::Z,
+        }
+    }
+}
+
+/// Part of the emission that must point down an axis before it is a sign: that of a hemisphere of directions about the axis
+/// is 0.5, of a sphere 0.
+const MAIN_EMISSION: f32 = 0.15;
+/// Ratio of extents above which the shorter of y and z is taken as the height: rooms and terrains are wider than high,
+/// and a cube that was rounded is no sign.
+const FLAT: f32 = 1.1;
+
+impl Scene {
+    /// The upward axis: as the options say; y in glTF; in other formats the one of y and z down which most light is emitted;
+    /// without such light the one along which the scene is shorter, or z where both are alike.
+    pub(crate) fn up_axis(&self) -> UpAxis {
+        if let Some(up) = self.up {
+            return up;
+        }
+        let kind = self.path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        if kind == "gltf" || kind == "glb" {
+            return UpAxis::Y;
+        }
+        let (mut down, mut total) = (Vec3::ZERO, 0.0);
+        for emitter in &self.emitters {
+            let strength = emitter.area as f32 * emitter.emission.iter().sum::<f32>();
+            down -= strength * emitter.normal;
+            total += strength;
+        }
+        let (main, along_y) = (down.y.max(down.z), down.y > down.z);
+        let extent = self.world_bounds().extent();
+        let lower_along_y = extent.z > FLAT * extent.y;
+        let is_y = if main > MAIN_EMISSION * total { along_y } else { lower_along_y };
+        if is_y { UpAxis::Y } else { UpAxis::Z }
+    }
+}
