@@ -42,10 +42,11 @@ fn posters_in_their_wall_are_told() {
     }
 }
 
-/// A sheet whose front is turned to its wall is stacked without a message, and the wall is behind both.
+/// A sheet whose front is turned to its wall, over both triangles of it, is stacked without a message: the wall is behind.
 #[test]
 fn sheets_that_face_each_other_are_stacked() {
-    let (wall, poster) = (("wall", DVec3::ZERO, 3.0 * X, 2.0 * Y), ("poster", X, 0.25 * Y, 0.5 * X));
+    let (wall, poster) =
+        (("wall", DVec3::ZERO, 3.0 * X, 2.0 * Y), ("poster", DVec3::ZERO, 0.25 * Y, 0.5 * X));
     for list in [[wall, poster], [poster, wall]] {
         let scene = sheets(DMat3::IDENTITY, DVec3::ZERO, &list);
         assert!(said(&scene).is_none());
