@@ -47,6 +47,7 @@ pub(super) fn stack(
     let bounds = Aabb::of(positions.iter().copied());
     let magnitude = bounds.min.abs().max(bounds.max.abs()).max_element();
     let step = largest_distance(&bounds) as f32 + GAP * magnitude;
+    let before = positions.len();
     let mut moved: Vec<(u32, u32)> = levels.into_iter().filter(|&(_, level)| level > 0).collect();
     moved.sort_unstable();
     // Neighbours in one plane share their moved vertices: planes of one vertex differ in the largest axis of their normals.
@@ -61,6 +62,23 @@ pub(super) fn stack(
             })
         });
     }
+    if positions.len() > before {
+        drop_unused(positions, triangles);
+    }
+}
+
+/// Drops vertices of no triangle.
+fn drop_unused(positions: &mut Vec<Vec3>, triangles: &mut [[u32; 3]]) {
+    let mut number = vec![u32::MAX; positions.len()];
+    triangles.iter().flatten().for_each(|&v| number[v as usize] = 0);
+    let mut kept = 0;
+    for number in number.iter_mut().filter(|number| **number == 0) {
+        *number = kept;
+        kept += 1;
+    }
+    let mut used = number.iter().map(|&number| number != u32::MAX);
+    positions.retain(|_| used.next().unwrap_or(false));
+    triangles.iter_mut().flatten().for_each(|v| *v = number[*v as usize]);
 }
 
 /// Number of steps by which each face lies below the top of its stack, from pairs of an upper and a lower face, sorted by the lower one

@@ -44,7 +44,7 @@ fn view(scene: &Scene) -> (DVec3, Camera, Vec<f32>) {
     let solution = lit(scene);
     let mesh = Mesh::new(&solution);
     let stage = Stage::new(&mesh, &solution).expect("a stage");
-    let camera = best_view(&stage, &solution, Vec3::Z, &scene.unit);
+    let camera = best_view(&stage, &solution, scene.up_axis().vector(), &scene.unit);
     let frame = render(&stage, &camera, 80, 60, 1);
     let mut parts = vec![0.0; scene.objects.len() + 1];
     for first in &frame.first {
