@@ -81,12 +81,11 @@ impl Outputs {
     pub fn write(
         &self,
         common: &Common,
-        scene: &Scene,
+        (scene, photometry): (&Scene, Option<Photometry>),
         solution: &RadiosityMesh,
         folder: &Path,
         with_points: bool,
         irradiance: Gather,
-        photometry: Option<Photometry>,
     ) -> Result<Written> {
         let wants = |kind| self.wants(kind, with_points);
         let mut written = Vec::new();

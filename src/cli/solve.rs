@@ -285,7 +285,7 @@ fn write(
     };
     let (scene, with_points) = (solution.model().scene(), args.points.is_some());
     let Written { mut files, views } =
-        args.outputs.write(&args.common, scene, &mesh, out, with_points, &gather, photometry)?;
+        args.outputs.write(&args.common, (scene, photometry), &mesh, out, with_points, &gather)?;
     let notes = notes.into_inner();
     if !notes.is_empty() {
         record.compared.record.warnings.extend(notes);

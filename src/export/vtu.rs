@@ -84,6 +84,17 @@ fn write_names(out: &mut impl Write, scene: &Scene) -> std::io::Result<()> {
     writeln!(out, "</FieldData>")
 }
 
+/// Illuminance (lx) and luminance (cd/m²) of the elements.
+fn photometric_fields(s: &RadiosityMesh, photometry: &Photometry) -> [Array; 2] {
+    let of = |light: fn(&crate::radiosity::mesh::Element) -> [f64; 3], divisor: f64| -> Vec<f32> {
+        s.elements.iter().map(|e| (photometry.of(light(e)) / divisor) as f32).collect()
+    };
+    [
+        array("illuminance", "Float32", 1, &of(|e| e.irradiance, 1.0)),
+        array("luminance", "Float32", 1, &of(|e| e.radiosity, std::f64::consts::PI)),
+    ]
+}
+
 fn write(
     out: &mut impl Write,
     s: &RadiosityMesh,
@@ -127,13 +138,7 @@ fn write(
         count("triangle", |e| e.triangle),
         count("front", |e| e.front.into()),
     ];
-    if let Some(photometry) = photometry {
-        let lit = |of: fn(&crate::radiosity::mesh::Element) -> [f64; 3], divisor: f64| -> Vec<f32> {
-            s.elements.iter().map(|e| (photometry.of(of(e)) / divisor) as f32).collect()
-        };
-        fields.push(array("illuminance", "Float32", 1, &lit(|e| e.irradiance, 1.0)));
-        fields.push(array("luminance", "Float32", 1, &lit(|e| e.radiosity, std::f64::consts::PI)));
-    }
+    fields.extend(photometry.iter().flat_map(|photometry| photometric_fields(s, photometry)));
     if !s.instances.is_empty() {
         let instances: Vec<u32> = s.instances.iter().map(|e| e.instance).collect();
         let ids: Vec<u64> = s.instances.iter().map(|e| e.id).collect();

@@ -18,6 +18,9 @@ pub fn unit_in_metres(unit: &str) -> Option<f64> {
     })
 }
 
+/// Makes a strength of a number in some unit.
+type OfUnit = fn(f64) -> Strength;
+
 /// Parses `NAME=60`, `NAME=60W`, `NAME=800lm` or `NAME=5000cd/m2`; the name may contain `=`.
 pub fn parse_emitter(text: &str) -> Result<(String, Strength)> {
     let wrong = || {
@@ -29,7 +32,7 @@ pub fn parse_emitter(text: &str) -> Result<(String, Strength)> {
     };
     let (name, strength) = text.rsplit_once('=').ok_or_else(wrong)?;
     let strength = strength.trim();
-    let units: [(&str, fn(f64) -> Strength); 5] = [
+    let units: [(&str, OfUnit); 5] = [
         ("cd/m2", Strength::Luminance),
         ("cd/m\u{b2}", Strength::Luminance),
         ("lm", Strength::Lumens),

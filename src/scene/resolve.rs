@@ -24,7 +24,8 @@ use glam::{DVec3, Vec3};
 ///
 /// # Errors
 /// See [`Scene::load`].
-pub fn resolve(soup: Soup, options: &LoadOptions) -> Result<Scene> {
+pub fn resolve(mut soup: Soup, options: &LoadOptions) -> Result<Scene> {
+    luminaires::add_placed(&mut soup, options);
     resolve_as(soup, options, Role::Whole)
 }
 
@@ -46,9 +47,6 @@ enum Role {
 
 fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene> {
     check_sides(options)?;
-    if role == Role::Whole {
-        luminaires::add_placed(&mut soup, options);
-    }
     let mut repairs = std::mem::take(&mut soup.repairs);
     let mut materials = check_materials(&soup, role, &mut repairs)?;
     let origin = origin(&soup)?;
@@ -84,11 +82,9 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     let (objects, triangle_object) = used_objects(soup.objects, faces.object);
     let sides = |part: u32| options.sides.unwrap_or(if parts.closed[part as usize] { 1 } else { 2 });
     let (component, closed) = used_parts(&parts, &faces.polygon);
-    let emission = |t: usize| materials[faces.material[t] as usize].emission;
     let part = |t: usize| parts.part[faces.polygon[t] as usize];
-    let alike = |s: usize, t: usize| {
-        part(s) == part(t) && faces.reflectance[s] == faces.reflectance[t] && emission(s) == emission(t)
-    };
+    let appearance = |t: usize| (faces.reflectance[t], materials[faces.material[t] as usize].emission);
+    let alike = |s: usize, t: usize| part(s) == part(t) && appearance(s) == appearance(t);
     let planes = overlap::Faces {
         positions: &positions,
         triangles: &triangles,

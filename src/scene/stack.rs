@@ -71,10 +71,8 @@ pub(super) fn stack(
 fn drop_unused(positions: &mut Vec<Vec3>, triangles: &mut [[u32; 3]]) {
     let mut number = vec![u32::MAX; positions.len()];
     triangles.iter().flatten().for_each(|&v| number[v as usize] = 0);
-    let mut kept = 0;
-    for number in number.iter_mut().filter(|number| **number == 0) {
-        *number = kept;
-        kept += 1;
+    for (new, number) in (0..).zip(number.iter_mut().filter(|number| **number == 0)) {
+        *number = new;
     }
     let mut used = number.iter().map(|&number| number != u32::MAX);
     positions.retain(|_| used.next().unwrap_or(false));
