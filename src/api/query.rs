@@ -10,7 +10,7 @@ use sobol_burley::sample_4d;
 
 /// Segments to a source by default: a standard error of at most 1 / (2 √64) = 0.06.
 const RAYS: usize = 64;
-/// Most segments: points of one scrambled sequence.
+/// Largest number of segments: points of one scrambled sequence.
 const MAX_RAYS: usize = 1 << 16;
 
 /// A single query: from a point of a surface to a source, or to another point.

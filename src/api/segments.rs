@@ -8,7 +8,7 @@ use std::ops::Range;
 
 /// Largest coordinate, scene units: squares of differences stay finite in f32.
 pub(super) const MAX_COORDINATE: f32 = 1e12;
-/// Most segments of a bundle: limits its packets to 34 MB (65,536 of 516 bytes).
+/// Largest number of segments of a bundle: limits its packets to 34 MB (65,536 of 516 bytes).
 const MAX_BUNDLE: u64 = 1 << 20;
 
 /// Positions in an array of the caller: x, y, z of each one after the other, at a fixed stride. Borrowed, never copied.

@@ -152,7 +152,7 @@ pub struct Change<I> {
 }
 
 impl<I> Change<I> {
-    /// By how much these changes grow a tree of `items` items.
+    /// The number of items of a tree of `items` items after these changes.
     fn items_after(items: usize, changes: &[Change<I>]) -> usize {
         let count = |of: fn(&Change<I>) -> bool| changes.iter().filter(|change| of(change)).count();
         items + count(|change| change.item.is_some()) - count(|change| change.is_there)

@@ -65,7 +65,7 @@ impl<'a> Surfaces<'a> {
     /// within 60° of that of the point, the nearest one along the normal of the point, within 1e-5 of the scene's diagonal.
     /// Without one, the point is taken as it is, lifted.
     pub fn start(&self, given: Vec3, normal: Vec3) -> Vec3 {
-        /// Most surfaces that are tried.
+        /// Largest number of surfaces that are tried.
         const MAX_SURFACES: usize = 64;
         // One search on either side of the point, so that the nearest surface is met first.
         let nearest = [1.0f32, -1.0].map(|side| {

@@ -226,7 +226,7 @@ impl Options {
     }
 }
 
-/// Least part of the scene's area of an element: numbers of elements have 32 bits, of which ranges of ids take a factor 4.
+/// Smallest part of the scene's area of an element: numbers of elements have 32 bits, of which ranges of ids take a factor 4.
 const MIN_MIN_AREA: f64 = 1e-9;
 
 /// Rays of the smallest element that the local pass splits others into: a seventh of them, 10, exchange light, with noise of

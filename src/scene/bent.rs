@@ -19,7 +19,7 @@ pub(super) fn triangulate(p: &[DVec3]) -> Option<Vec<[u32; 3]>> {
         return None;
     }
     let area = |i: usize, k: usize, j: usize| (p[k] - p[i]).cross(p[j] - p[i]).length();
-    // Least doubled area of the chain from corner i to corner j, and the third corner of its triangle.
+    // Smallest doubled area of the chain from corner i to corner j, and the third corner of its triangle.
     let mut best = vec![(0.0f64, 0); n * n];
     for length in 2..n {
         for i in 0..n - length {

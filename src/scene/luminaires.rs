@@ -17,9 +17,11 @@ const MAX_BYTES: u64 = 1 << 20;
 const DARK_HALF: f64 = 1e-6;
 /// Largest flux, lm: as the largest intensity of photometric files.
 const MAX_LUMENS: f64 = 1e15;
-/// Distance of the luminaire's two plates relative to the longer side: the least that keeps the plates apart in f32
-/// at a thousand sides from the origin of the scene, 2⁻²⁴ · 1000, with a margin of 160.
+/// Smallest distance of the luminaire's two plates relative to the longer side.
 const MIN_THICKNESS: f64 = 1e-2;
+/// The same relative to the extent of the scene: ten times the height up to which faces count as coplanar, 8 × 2⁻²³ = 1e-6, so that
+/// neither plate hides the other.
+const MIN_SEPARATION: f64 = 1e-5;
 
 /// A table `[[luminaire]]`.
 #[derive(serde::Deserialize)]
@@ -94,19 +96,29 @@ pub fn read_placements(path: &Path) -> Result<Vec<PlacedLuminaire>> {
 pub(super) fn add_placed(soup: &mut Soup, options: &LoadOptions) {
     let metres = unit_in_metres(&options.unit).unwrap_or(1.0);
     let mut taken: HashSet<String> = soup.objects.iter().cloned().collect();
+    let mut numbers = HashMap::<String, usize>::new();
     let mut noted = HashSet::new();
+    let places = soup.positions.iter().copied().chain(options.luminaires.iter().map(|placed| placed.at));
+    let (low, high) = places.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
+    let extent = (high - low).length();
     for placed in &options.luminaires {
         let PlacedLuminaire { name, luminaire, at, axes, scale } = placed.clone();
         // Once for each file.
         if let Some(note) = luminaire.note.as_ref().filter(|_| noted.insert(Arc::as_ptr(&luminaire))) {
             soup.repairs.messages.push(format!("luminaire `{}`: {note}", quote(&name)));
         }
-        let numbered = (2..).map(|k| format!("{name} {k}"));
-        let free = std::iter::once(name.clone()).chain(numbered).find(|n| taken.insert(n.clone()));
+        // Of equal names the next number is known.
+        let next = numbers.entry(name.clone()).or_insert(1);
+        let free = loop {
+            let numbered = if *next == 1 { name.clone() } else { format!("{name} {next}") };
+            *next += 1;
+            if taken.insert(numbered.clone()) {
+                break numbered;
+            }
+        };
         let size = luminaire.opening.map(|v| v / metres);
         let distribution = luminaire.distribution.clone();
-        let name = free.unwrap_or(name);
-        Lamp { name, at, axes, size, distribution, scale, colour: [1.0; 3] }.add(soup, options);
+        Lamp { name: free, at, axes, size, distribution, scale, colour: [1.0; 3] }.add(soup, extent, options);
     }
 }
 
@@ -127,11 +139,12 @@ pub(super) struct Lamp {
 }
 
 impl Lamp {
-    /// Adds its plates: the front emits the directions up to 90° from the axis, the back, one height behind it, the others.
-    pub fn add(self, soup: &mut Soup, options: &LoadOptions) {
+    /// Adds its plates: the front emits the directions up to 90° from the axis, the back, one height behind it, the others. `extent`: that
+    /// of the scene, scene units.
+    pub fn add(self, soup: &mut Soup, extent: f64, options: &LoadOptions) {
         let metres = unit_in_metres(&options.unit).unwrap_or(1.0);
         let [length, width, height] = self.size;
-        let behind = height.max(MIN_THICKNESS * length.max(width));
+        let behind = height.max(MIN_THICKNESS * length.max(width)).max(MIN_SEPARATION * extent);
         let halves = self.distribution.halves();
         let total: f64 = halves.iter().sum();
         let distribution = Arc::new(self.distribution);

@@ -139,7 +139,7 @@ impl Profile {
     }
 
     /// Radiance towards `direction` (a unit vector away from the face) relative to that of a diffuse face of the same flux,
-    /// times `cosine` between the direction and the normal: π I / Φ. For a diffuse face this is the cosine.
+    /// times the cosine between the direction and the normal: π I / Φ. For a diffuse face this is the cosine.
     pub fn projected(&self, direction: Vec3) -> f32 {
         let d = direction.as_dvec3();
         let [axis, c0, c90] = self.axes.map(|a| a.dot(d));

@@ -152,8 +152,12 @@ fn ies(text: &str) -> Result<Luminaire, Wrong> {
         (0.0, 90.0) => Symmetry::Both,
         (0.0, 180.0) => Symmetry::C0C180,
         (90.0, 270.0) => Symmetry::C90C270,
-        (0.0, _) => Symmetry::None,
-        _ => return Err((numbers.line, "horizontal angles must begin with 0, or go from 90 to 270".into())),
+        // The plane 360 repeats the plane 0 and may be left out.
+        (0.0, last) if 360.0 - last <= 1.5 * (last / (around - 1) as f64) => Symmetry::None,
+        _ => {
+            let ends = "horizontal angles must go from 0 to 0, 90, 180 or 360, or from 90 to 270";
+            return Err((numbers.line, ends.into()));
+        }
     };
     let scale = multiplier * factors[0] * if factors[1] > 0.0 { factors[1] } else { 1.0 };
     let rows = (0..around).map(|_| numbers.candelas(down, scale)).collect::<Result<Vec<_>, Wrong>>()?;
@@ -208,10 +212,8 @@ fn eulumdat(text: &str) -> Result<Luminaire, Wrong> {
         _ => return Err((3, "the symmetry must be 0 to 4 and divide the number of C planes".into())),
     };
     let sets = whole(lines.number(26, "the number of lamp sets")?, 26, "the number of lamp sets", 20)?;
-    let mut lamp = 0.0;
-    for set in 0..sets {
-        lamp += lines.number(29 + 6 * set, "the flux of the lamps")?;
-    }
+    // Further sets are alternatives to the first one.
+    let lamp = lines.number(29, "the flux of the lamps")?;
     let angles = 27 + 6 * sets + 10;
     let c = lines.angles(angles, all, 360.0, "the C angles")?;
     let gammas = lines.angles(angles + all, down, 180.0, "the angles from the axis")?;
@@ -231,8 +233,11 @@ fn eulumdat(text: &str) -> Result<Luminaire, Wrong> {
     let distribution = Distribution::new(&listed, &gammas, &rows, symmetry);
     let stated = lamp * lines.number(23, "the light output ratio")? / 100.0;
     let flux = distribution.flux(0.0, PI);
-    let note = (stated > 0.0 && (flux / stated - 1.0).abs() > FLUX_TOLERANCE)
+    let off = (stated > 0.0 && (flux / stated - 1.0).abs() > FLUX_TOLERANCE)
         .then(|| format!("its table sums to {flux:.0} lm, its light output ratio to {stated:.0} lm"));
+    let several = (sets > 1).then(|| format!("the first of its {sets} sets of lamps is used"));
+    let notes: Vec<String> = several.into_iter().chain(off).collect();
+    let note = (!notes.is_empty()).then(|| notes.join("; "));
     let [length, width] = [lines.number(16, "the luminous length")?, lines.number(17, "the luminous width")?];
     // A width of 0: round, with the length as diameter.
     let [length, width] = if width == 0.0 { [-length; 2] } else { [length, width] };
@@ -288,6 +293,12 @@ mod tests {
             (" 3 1 1 2", " 3 1 2 2", 4, "type C"),
             ("0 45 90", "0 95 90", 6, "ascend"),
             ("0 45 90", "0 45 190", 6, "180"),
+            (
+                "3 1 1 2 0.1 0.2 0\n1 1 20\n0 45 90\n0\n100, 80 0",
+                "2 2 1 2 1 1 0\n1 1 20\n0 90\n0 45\n1 1 1 1",
+                7,
+                "from 0 to 0, 90",
+            ),
             ("TILT=NONE", "TILT=a.tlt", 3, "another file"),
             ("TILT=NONE", "", 1, "not an IES"),
         ] {
@@ -323,6 +334,17 @@ mod tests {
         assert!((l.opening[0] - 0.5 * (0.25 * PI).sqrt()).abs() < 1e-9);
         lines[22] = "60".into();
         assert!(eulumdat(&lines.join("\n")).unwrap().note.is_some());
+        let sets = lines.iter().take(25).cloned().chain(["2".into()]);
+        let sets: Vec<String> = sets
+            .chain(lines[26..32].iter().cycle().take(12).cloned())
+            .chain(lines[32..].iter().cloned())
+            .collect();
+        let two = eulumdat(&sets.join("\n")).unwrap();
+        assert!(
+            (two.distribution.flux(0.0, PI) / 1600.0 - 1.0).abs() < 1e-4,
+            "sets of lamps are alternatives"
+        );
+        assert!(two.note.expect("a note").contains("first of its 2 sets"));
         let short = eulumdat(&lines[..100].join("\n")).unwrap_err();
         assert!(short.0 == 100 && short.1.contains("ends before line 101"), "{short:?}");
         lines[140] = "?".into();

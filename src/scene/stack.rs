@@ -5,19 +5,24 @@ use crate::math::{Aabb, triangle_normal};
 use glam::Vec3;
 use std::collections::{HashMap, HashSet};
 
-/// Distance between stacked faces beyond that of the faces themselves, relative to the largest coordinate: twice the height at
-/// which rays start above surfaces (5 × 4e-7, see the end rule), so that rays of the lower face start below the upper one.
-const GAP: f32 = 4e-6;
-/// Most levels of a stack: faces move by at most 7 × 6e-6 of the largest coordinate, 0.4 mm in a room of 10 m. In longer chains, as of
-/// shingles, the next face takes a level that is free beside those that it overlaps.
+/// Distance between stacked faces beyond that of the faces themselves, relative to the largest coordinate: more than what segments
+/// leave out at their ends (16 × 4e-7, see the end rule of rays), so that rays of the lower face meet the upper one. Of a shared mesh
+/// the coordinates are its own: in a model that is much larger than the mesh, rays may start above both faces.
+const GAP: f32 = 8e-6;
+/// Largest number of levels below the uppermost face: faces move by at most 8 × 1.2e-5 of the largest coordinate, 1 mm in a room of
+/// 10 m. In longer chains, as of shingles, the next face takes a level that is free beside those that it overlaps.
 const MAX_LEVELS: u32 = 8;
+/// Smallest cosine between the normals of faces in one plane that share moved vertices.
+const MIN_COSINE: f32 = 0.999;
 
 /// Moves the lower one of each two overlapping triangles behind the upper one: that of the smaller part, of equal parts the later
-/// one. Front is the front of the lowest face. `part_area` is the area of the part of each triangle. Moved triangles get vertices of
-/// their own; points in the common plane lie on the uppermost face.
+/// one. Front is the front of an emitting face, so that lamps in the plane of a ceiling stay in front of it, or else the front of the
+/// lowest face. `part_area` is the area of the part of each triangle. Moved triangles get vertices of their own; points in the common
+/// plane lie on the uppermost face.
 pub(super) fn stack(
     found: &[Overlap],
     part_area: &[f64],
+    emits: &dyn Fn(u32) -> bool,
     positions: &mut Vec<Vec3>,
     triangles: &mut [[u32; 3]],
 ) {
@@ -37,29 +42,25 @@ pub(super) fn stack(
             (t, triangle_normal(a, b, c))
         })
         .collect();
-    // From the bottom: faces turn their backs to the front of the face below.
-    let mut fronts = HashMap::<u32, Vec3>::new();
-    for [upper, lower] in pairs.iter().rev() {
-        let below = *fronts.entry(*lower).or_insert(normals[lower]);
-        let own = normals[upper];
-        fronts.entry(*upper).or_insert(if own.dot(below) < 0.0 { -own } else { own });
-    }
+    let fronts = fronts(&pairs, &normals, emits);
     let bounds = Aabb::of(positions.iter().copied());
     let magnitude = bounds.min.abs().max(bounds.max.abs()).max_element();
     let step = largest_distance(&bounds) as f32 + GAP * magnitude;
     let before = positions.len();
     let mut moved: Vec<(u32, u32)> = levels.into_iter().filter(|&(_, level)| level > 0).collect();
     moved.sort_unstable();
-    // Neighbours in one plane share their moved vertices: planes of one vertex differ in the largest axis of their normals.
-    let mut vertices = HashMap::<(u32, u32, usize, bool), u32>::new();
+    // Neighbours in one plane share their moved vertices.
+    let mut vertices = HashMap::<(u32, u32), Vec<(Vec3, u32)>>::new();
     for (t, level) in moved {
         let front = fronts[&t];
-        let axis = front.abs().max_position();
         triangles[t as usize] = triangles[t as usize].map(|v| {
-            *vertices.entry((v, level, axis, front[axis] > 0.0)).or_insert_with(|| {
-                positions.push(positions[v as usize] - level as f32 * step * front);
-                positions.len() as u32 - 1
-            })
+            let made = vertices.entry((v, level)).or_default();
+            if let Some((_, same)) = made.iter().find(|(other, _)| other.dot(front) > MIN_COSINE) {
+                return *same;
+            }
+            positions.push(positions[v as usize] - level as f32 * step * front);
+            made.push((front, positions.len() as u32 - 1));
+            positions.len() as u32 - 1
         });
     }
     if positions.len() > before {
@@ -79,6 +80,31 @@ fn drop_unused(positions: &mut Vec<Vec3>, triangles: &mut [[u32; 3]]) {
     triangles.iter_mut().flatten().for_each(|v| *v = number[*v as usize]);
 }
 
+/// The fronts of all faces of pairs of an upper and a lower face, sorted by the lower one from top to bottom.
+fn fronts(
+    pairs: &[[u32; 2]],
+    normals: &HashMap<u32, Vec3>,
+    emits: &dyn Fn(u32) -> bool,
+) -> HashMap<u32, Vec3> {
+    let turned = |t: u32, front: Vec3| if normals[&t].dot(front) < 0.0 { -normals[&t] } else { normals[&t] };
+    let mut fronts = HashMap::<u32, Vec3>::new();
+    for &pair in pairs {
+        if let Some(lamp) = pair.into_iter().find(|&t| emits(t)) {
+            pair.into_iter().for_each(|t| {
+                fronts.entry(t).or_insert(turned(t, normals[&lamp]));
+            });
+        }
+    }
+    // From the bottom: the other faces turn their backs to the front of the face below.
+    for &[upper, lower] in pairs.iter().rev() {
+        let known = fronts.get(&lower).or(fronts.get(&upper)).copied().unwrap_or(normals[&lower]);
+        for t in [lower, upper] {
+            fronts.entry(t).or_insert(turned(t, known));
+        }
+    }
+    fronts
+}
+
 /// Number of steps by which each face lies below the top of its stack, from pairs of an upper and a lower face, sorted by the lower one
 /// from top to bottom.
 fn levels(pairs: &[[u32; 2]]) -> HashMap<u32, u32> {
@@ -86,8 +112,8 @@ fn levels(pairs: &[[u32; 2]]) -> HashMap<u32, u32> {
     for group in pairs.chunk_by(|a, b| a[1] == b[1]) {
         let taken: HashSet<u32> = group.iter().map(|[upper, _]| *levels.entry(*upper).or_default()).collect();
         let below = 1 + taken.iter().max().copied().unwrap_or(0);
-        let free = || (0..MAX_LEVELS).find(|level| !taken.contains(level));
-        let level = if below < MAX_LEVELS { below } else { free().unwrap_or(MAX_LEVELS - 1) };
+        let free = || (0..MAX_LEVELS).rev().find(|level| !taken.contains(level));
+        let level = if below < MAX_LEVELS { below } else { free().unwrap_or(MAX_LEVELS) };
         levels.insert(group[0][1], level);
     }
     levels

@@ -40,7 +40,8 @@ pub fn sample_runs(bundles: usize) -> impl Iterator<Item = Range<usize>> {
     let length = SAMPLE_RUN.min(bundles);
     let runs = SAMPLE_RUNS.min(bundles / (MAX_SAMPLE_PART * SAMPLE_RUN)).max(1);
     (0..runs).map(move |k| {
-        let first = (bundles - length) * k / (runs - 1).max(1);
+        // A single run is that in the middle.
+        let first = if runs == 1 { (bundles - length) / 2 } else { (bundles - length) * k / (runs - 1) };
         first..first + length
     })
 }

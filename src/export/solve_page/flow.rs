@@ -48,7 +48,7 @@ pub(super) fn section(record: &Record, scene: &Scene, solution: &RadiosityMesh) 
             "The difference of what is received and what is sent, " (number(l.created)) " " (l.unit)
             ", is an error of the solution. "
             @if let Some([low, high]) = l.row_sums {
-                "The form factors of an element that sees no way out of the scene sum to " (format!("{low:.4} to {high:.4}")) "; 1 is right."
+                "The form factors of an element from which no light leaves the scene sum to " (format!("{low:.4} to {high:.4}")) "; 1 is right."
             }
         }
     }

@@ -10,7 +10,7 @@ use std::collections::{HashMap, HashSet};
 
 /// Eye height of a standing person, metres (ISO 7250: median of adults).
 const EYE_HEIGHT_METRES: f64 = 1.6;
-/// Least eye height relative to the width of the scene: in a valley of kilometres a person sees the next slope only.
+/// Smallest eye height relative to the width of the scene: in a valley of kilometres a person sees the next slope only.
 const MIN_HEIGHT_PART: f32 = 0.015;
 /// Largest eye height relative to the free height above the ground.
 const MAX_HEADROOM_PART: f32 = 0.6;

@@ -22,14 +22,14 @@ pub struct Ledger {
     /// for both directions, so that only these factors set `A_a F(a→b)` and `A_b F(b→a)` apart. After a local pass the mean
     /// difference of the exchange of two leaves, relative to their exchange.
     pub reciprocity_residual: f64,
-    /// Smallest and largest sum of the form factors of an element that sees no way out of the scene, with the part that meets
+    /// Smallest and largest sum of the form factors of an element from which no light leaves the scene, with the part that meets
     /// unlit insides.
     pub row_sums: Option<[f64; 2]>,
     /// Root mean square difference of the row sums from 1, by area, before normalisation.
     pub row_sum_error_sampled: f64,
     /// The same after normalisation.
     pub row_sum_error: f64,
-    /// Part of the scene's area whose elements see no way out of the scene.
+    /// Part of the scene's area from whose elements no light leaves the scene.
     pub closed_area: f64,
 }
 

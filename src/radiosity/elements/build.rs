@@ -9,7 +9,7 @@ use crate::math::{Aabb, triangle_normal};
 use crate::scene::Scene;
 use rayon::prelude::*;
 
-/// Most subdivisions of a side. Limits the ranges of ids: 4^14 parts a side leave room for 10^10 sides in 64 bits.
+/// Largest number of subdivisions of a side. Limits the ranges of ids: 4^14 parts a side leave room for 10^10 sides in 64 bits.
 pub(super) const MAX_LEVEL: u32 = 14;
 
 impl Elements {

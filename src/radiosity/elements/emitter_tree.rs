@@ -11,7 +11,7 @@ use glam::Vec3;
 /// Nodes of a cut: as many as a packet has segments, so that each segment of a packet can have a node of its own.
 const MAX_CUT: usize = 16;
 
-/// A receiver as the tree sees it.
+/// A receiver for which faces are drawn.
 #[derive(Clone, Copy, Debug)]
 pub struct Receiver {
     /// Centre of the sphere that holds all its points.

@@ -8,13 +8,13 @@ use std::f64::consts::PI;
 /// Longest side of a part of a face relative to its distance: the quadrature is exact for polynomials of degree 2 in each
 /// part, so its error is about (1/4)⁴ / 24 = 2e-4 of a diffuse kernel.
 const LARGEST_PART: f64 = 0.25;
-/// Most subdivisions of a face, for points that lie on it: 4⁵ parts limit the time to 3,072 evaluations.
+/// Largest number of subdivisions of a face, for points that lie on it: 4⁵ parts limit the time to 3,072 evaluations.
 const MAX_LEVEL: u32 = 5;
 /// Largest difference between the values at the centres of a receiver's quarters and their mean, relative to the mean over the
 /// receiver: a kernel that bends by that much over a part leaves a quarter of it, 1 %, and edges of beams leave less the more
 /// parts they cut.
 const LARGEST_DIFFERENCE: f64 = 0.04;
-/// Most subdivisions of a receiver, at edges of beams: the values of 4⁴ = 256 points take about 0.1 ms.
+/// Largest number of subdivisions of a receiver, at edges of beams: limits the time to the values of 4⁴ = 256 points.
 const MAX_RECEIVER_LEVEL: u32 = 3;
 
 /// Radiance of a face towards `from` seen from its point `at`, relative to a diffuse face of the same exitance; 1 without a profile.

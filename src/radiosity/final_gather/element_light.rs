@@ -23,9 +23,9 @@ use sobol_burley::sample_4d;
 
 /// Elements of one parallel task.
 const CHUNK: usize = 64;
-/// Least rays of each half: a quarter of a packet; a half without rays has no estimate of its noise.
+/// Smallest number of rays of each half: a quarter of a packet; a half without rays has no estimate of its noise.
 const MIN_HALF: u32 = 4;
-/// Most rays of each half, so that no element can use up all rays: noise of 1 % where one ray deviates by half of the mean.
+/// Largest number of rays of each half, so that no element can use up all rays: noise of 1 % where one ray deviates by half of the mean.
 const MAX_HALF: u32 = 1024;
 
 /// Radius of an element over its distance from a face from which the closed form is evaluated at the centre alone. The midpoint rule
@@ -53,6 +53,7 @@ impl FinalGather<'_> {
             // Halves fill packets of sixteen.
             ((half / 8.0).round() as u32 * 8).clamp(MIN_HALF, MAX_HALF)
         };
+        deadline.stage("light of elements", leaves.len());
         let made: Vec<(Vec<ElementLight>, Tally)> = leaves
             .par_chunks(CHUNK)
             .map_init(Buffers::default, |buffers, leaves| {
@@ -61,7 +62,9 @@ impl FinalGather<'_> {
                     true => ElementLight::default(),
                     false => self.light_of(leaf, count(leaf), buffers),
                 });
-                (light.collect(), buffers.scratch.tally)
+                let light = light.collect();
+                deadline.advance(leaves.len());
+                (light, buffers.scratch.tally)
             })
             .collect();
         let (mut light, mut tally) = (Vec::with_capacity(leaves.len()), Tally::default());
@@ -120,7 +123,9 @@ impl FinalGather<'_> {
         for face in self.emitters.faces(cut)? {
             let of = |at: Vec3| face.factor(at.as_dvec3(), normal);
             if face.profile.is_some() {
-                add(&mut sum, mean_over(&of, corners), face.exitance);
+                // A beam between all places has no closed form: its light is found by rays.
+                let mean = Some(mean_over(&of, corners)).filter(|mean| *mean > 0.0)?;
+                add(&mut sum, mean, face.exitance);
                 continue;
             }
             // The distance from the face is at least that from its centre less its own radius.
@@ -229,7 +234,7 @@ impl FinalGather<'_> {
             Place { centre: element.centre, normal, radius: element.radius }
         };
         let places: Vec<Place> = leaves.iter().map(place).collect();
-        let shared = share(&places, &light);
+        let shared = share(&places, &light, deadline);
         (leaves.into_iter().zip(shared).collect(), tally)
     }
 }

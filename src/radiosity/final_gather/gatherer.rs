@@ -124,7 +124,7 @@ impl<'a> FinalGather<'a> {
             light_rays: options.light_rays(),
             hemispheres,
             slack: 1e-5 * scene.bounds.diagonal() + 1e-6 * magnitude,
-            feature_size: options.feature_size.unwrap_or(1e-2 * scene.near_bounds().diagonal()),
+            feature_size: options.feature_size.unwrap_or(1e-2 * scene.size()),
             length: scene.ray_length(),
         }
     }

@@ -75,7 +75,7 @@ impl FinalGather<'_> {
         rays.min((each * self.linked.leaves().len() as f64).max(LATE_RAYS))
     }
 
-    /// The number of rays, at most `rays`, that there is time for; none if there is not even time for the least number of each
+    /// The number of rays, at most `rays`, that there is time for; none if there is not even time for the smallest number of rays of each
     /// element. From a timed sample of the leaves.
     pub fn affordable_rays(&self, rays: f64, deadline: &Deadline) -> Option<f64> {
         if deadline.late() {

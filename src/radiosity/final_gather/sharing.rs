@@ -7,6 +7,7 @@
 
 use super::element_samples::{ElementLight, KINDS};
 use super::neighbours::{Neighbourhood, Place, Search};
+use crate::radiosity::deadline::Deadline;
 use crate::radiosity::rgb::Rgb;
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
@@ -18,12 +19,12 @@ const WINDOWS: [usize; 4] = [1, 9, 25, 49];
 /// comparisons know a variance to √(2/26) = 28 %.
 const COMPARED: usize = 13;
 /// Weight, in rays, of the spread of the neighbours when it is mixed with that of an element: few rays that agree are not certain.
-/// Small against the least rays of an element, 8, so that a dark element among bright ones is known to be dark.
+/// Small against the smallest number of rays of an element, 8, so that a dark element among bright ones is known to be dark.
 const NEIGHBOUR_RAYS: f64 = 4.0;
 /// A window is rejected if it differs from the element's own rays by more standard deviations than this: a normal distribution
 /// exceeds it in 1.2 % of the elements, which then have their own noise.
 const MAX_DEVIATION: f64 = 2.5;
-/// Least neighbours of a plane: twice its three unknowns.
+/// Smallest number of neighbours of a plane: twice its three unknowns.
 const MIN_FOR_PLANE: usize = 6;
 
 /// Irradiance of an element after sharing.
@@ -46,15 +47,18 @@ struct Windows {
     variance: [[f32; WINDOWS.len()]; KINDS],
 }
 
-/// The irradiance of all elements from the rays of their neighbourhood.
-pub fn share(places: &[Place], light: &[ElementLight]) -> Vec<SharedLight> {
+/// The irradiance of all elements from the rays of their neighbourhood; after the deadline from their own rays.
+pub fn share(places: &[Place], light: &[ElementLight], deadline: &Deadline) -> Vec<SharedLight> {
+    deadline.stage("light of elements, neighbours", places.len());
     let around = Neighbourhood::new(places);
     let made: Vec<(Windows, Vec<u32>)> = (0..places.len() as u32)
         .into_par_iter()
         .with_min_len(256)
         .map_init(Search::default, |search, i| {
-            let found = around.nearest(i, WINDOWS[WINDOWS.len() - 1], search);
+            let count = if deadline.late() { 1 } else { WINDOWS[WINDOWS.len() - 1] };
+            let found = around.nearest(i, count, search);
             let windows = fit(places, light, i as usize, found);
+            deadline.advance(1);
             (windows, found.iter().take(COMPARED).map(|f| f.1).collect())
         })
         .collect();
@@ -220,7 +224,7 @@ mod tests {
     fn noise_of_smooth_light_is_divided_and_stated() {
         let noise = 0.2f32;
         let (places, light, truth) = floor(|x, y| 1.0 + 0.01 * x + 0.02 * y, noise);
-        let (error, stated) = errors(&share(&places, &light), &truth);
+        let (error, stated) = errors(&share(&places, &light, &Deadline::start(&(), None)), &truth);
         // The mean of both halves has 0.141. A plane through 49 neighbours has a seventh of that, at borders more.
         assert!(error < 0.4 * 0.141, "{error}");
         assert!(stated > 0.5 * error && stated < 2.0 * error, "{stated} stated, {error} found");
@@ -229,7 +233,7 @@ mod tests {
     #[test]
     fn edges_of_shadows_stay_sharp() {
         let (places, light, truth) = floor(|x, _| if x < 20.0 { 1.0 } else { 0.1 }, 0.1);
-        let shared = share(&places, &light);
+        let shared = share(&places, &light, &Deadline::start(&(), None));
         let (error, _) = errors(&shared, &truth);
         assert!(error < 0.05, "{error}");
         for (k, s) in shared.iter().enumerate() {
@@ -246,7 +250,7 @@ mod tests {
     fn a_single_dark_element_stays_dark() {
         let (places, mut light, _) = floor(|_, _| 1.0, 0.1);
         light[820] = ElementLight { rays: 16, ..ElementLight::default() };
-        let shared = share(&places, &light);
+        let shared = share(&places, &light, &Deadline::start(&(), None));
         assert!(shared[820].irradiance[0] < 0.05, "{:?}", shared[820]);
         assert!((shared[821].irradiance[0] - 1.0).abs() < 0.3, "{:?}", shared[821]);
     }

@@ -6,7 +6,7 @@ use crate::math::triangle_normal;
 use crate::ray::Packet;
 use glam::Vec3;
 
-/// Most surfaces that are looked at around a point: bounds the time where many sheets lie on each other.
+/// Largest number of surfaces that are tested around a point: bounds the time where many sheets lie on each other.
 const MAX_SURFACES: usize = 64;
 /// Smallest cosine between the normals of a point and of its surface, that of 60°: files hold smoothed normals.
 const MIN_COSINE: f32 = 0.5;

@@ -47,17 +47,15 @@ pub fn unlit(unlit: &Unlit) -> Option<String> {
     })
 }
 
-/// If the local pass had time for fewer rays than were asked for; none of them means the least number.
+/// If the local pass had time for fewer rays than were asked for; none of them means the smallest number.
 pub fn fewer_local_rays(rays: Option<f64>, all: f64, deadline: &Deadline) -> Option<String> {
     let fewer = match rays {
         Some(rays) if rays >= all => return None,
-        Some(rays) => format!("{rays:.1e}"),
-        None => "the least".into(),
+        Some(rays) => format!("{rays:.1e} of {all:.1e} rays"),
+        None => format!("the fewest rays it can, instead of {all:.1e}"),
     };
     let why = if deadline.interrupted() { "an interruption" } else { "option `max_seconds`" };
-    Some(format!(
-        "{why} left the local pass {fewer} of {all:.1e} rays: elements are noisier than option `error` says"
-    ))
+    Some(format!("{why}: the local pass traced {fewer}; elements are noisier than option `error` says"))
 }
 
 /// If preparation used up the time.

@@ -27,7 +27,7 @@ pub struct Solution {
 
 /// Irradiance at points within a time limit.
 pub struct PointLight {
-    /// Irradiance at the points, W/m²; none after an interruption, or if there was no time for the least rays of each point.
+    /// Irradiance at the points, W/m²; none after an interruption, or if there was no time for the smallest number of rays of each point.
     pub irradiance: Option<Vec<Rgb>>,
     /// A note for the user if fewer rays were traced than asked for.
     pub note: Option<String>,

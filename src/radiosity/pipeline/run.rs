@@ -242,7 +242,6 @@ impl Stages<'_> {
 
     /// Lets all elements gather the light that the local pass has found.
     fn element_light(&mut self, solved: Solved, deadline: &Deadline) -> Solved {
-        self.progress.stage("light of elements", 0);
         timed(&mut self.seconds.local, || {
             let Closing::Rays(local) = &solved.closing else { return solved };
             let Some(rays) = local.element_rays.filter(|_| !deadline.late()) else { return solved };

@@ -229,7 +229,7 @@ impl LinkedScene {
         cap_row_sums(&self.elements, &mut self.states, nodes);
     }
 
-    /// Normalises the row sums of leaves that see no way out. Short rows get their target from rays first. Returns the row sums
+    /// Normalises the row sums of leaves from which no light leaves the scene. Short rows get their target from rays first. Returns the row sums
     /// before, and the number of leaves whose light would have grown without end and was bounded.
     pub fn normalise_rows(&mut self, deadline: &Deadline) -> (Vec<f64>, usize) {
         self.states.iter_mut().for_each(|s| s.factors = RowFactors::ONE);

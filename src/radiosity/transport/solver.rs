@@ -16,7 +16,7 @@ pub enum Method {
     Sweeps {
         /// Relative change at which the sweeps end.
         tolerance: f64,
-        /// Most sweeps.
+        /// Largest number of sweeps.
         max_sweeps: usize,
     },
     /// Stabilised bi-conjugate gradients.

@@ -20,6 +20,9 @@ const HALF_SIDE: f64 = 4.12e-3;
 /// intensity.
 const CONE_STEPS: usize = 64;
 
+/// Smallest outer angle of a spot, radians: a beam of a millimetre at a metre.
+const MIN_CONE: f64 = 1e-3;
+
 /// A light of a node.
 pub(super) struct PlacedLight {
     name: String,
@@ -54,8 +57,11 @@ impl Reader<'_> {
             Kind::Point => Some(vec![(0.0, 1.0), (180.0, 1.0)]),
             Kind::Spot { inner_cone_angle, outer_cone_angle } => {
                 let (inner, outer) = (f64::from(inner_cone_angle), f64::from(outer_cone_angle));
-                if !(0.0 <= inner && inner < outer && outer <= std::f64::consts::FRAC_PI_2 + 1e-6) {
-                    return Err(self.wrong("a spot light's cone angles must ascend within 0 to π/2"));
+                if !(0.0 <= inner
+                    && inner < outer
+                    && (MIN_CONE..=std::f64::consts::FRAC_PI_2 + 1e-6).contains(&outer))
+                {
+                    return Err(self.wrong("a spot light's cone angles must ascend within 0 to π/2, the outer one at least 0.001"));
                 }
                 Some(cone(inner, outer))
             }
@@ -70,6 +76,12 @@ impl Reader<'_> {
     /// Adds emitters for the lights to the polygons of the scene. `bounds`: of all its polygons and placements.
     pub(super) fn add_lights(&self, soup: &mut Soup, bounds: Aabb, options: &LoadOptions) -> Result<()> {
         let (diagonal, centre) = (f64::from(bounds.diagonal()), bounds.center().as_dvec3());
+        // Without surfaces nothing is lit, and the size of a light is not known.
+        if diagonal <= 0.0 {
+            return Ok(());
+        }
+        let is_distant = |light: &PlacedLight| light.distribution.is_none();
+        let extent = if self.lights.iter().any(is_distant) { 2.0 * DISTANCE * diagonal } else { diagonal };
         for light in &self.lights {
             let c0 = if light.aim.x.abs() > 0.9 { DVec3::Y } else { DVec3::X };
             let axes = axes(light.aim, c0).ok_or_else(|| self.wrong("a light without a direction"))?;
@@ -84,7 +96,7 @@ impl Reader<'_> {
                     scale: light.strength,
                     colour: light.colour,
                 }
-                .add(soup, options);
+                .add(soup, extent, options);
                 continue;
             }
             // Irradiance of a small square of radiance L facing it: L A / d².
@@ -97,7 +109,9 @@ impl Reader<'_> {
             let (at, half) = (centre - distance * light.aim, HALF_SIDE * distance);
             let (u, v) = (half * axes[1], half * axes[2]);
             soup.polygon(object, material, &[at - u - v, at - u + v, at + u + v, at + u - v]);
-            soup.corner_texcoords.extend([0; 4]);
+            if !soup.corner_texcoords.is_empty() || !soup.texcoords.is_empty() {
+                soup.corner_texcoords.extend([0; 4]);
+            }
         }
         if !self.lights.is_empty() {
             let count = self.lights.len();

@@ -61,6 +61,30 @@ fn sheets_that_face_each_other_are_stacked() {
     }
 }
 
+/// A lamp in the plane of a ceiling emits into the room, wherever the ceiling's front is.
+#[test]
+fn lamps_stay_in_front_of_their_ceiling() {
+    for up in [false, true] {
+        let mut soup = Soup::new("ceiling");
+        let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
+        let light = soup.material(SoupMaterial::light("light", [1.0; 3]));
+        let rectangle = |u: DVec3, v: DVec3| [-u - v, u - v, u + v, v - u].map(|p| p + 3.0 * DVec3::Z);
+        let (ceiling, lamp) = (soup.object("ceiling"), soup.object("lamp"));
+        let front = if up { rectangle(3.0 * X, 2.0 * Y) } else { rectangle(2.0 * Y, 3.0 * X) };
+        soup.polygon(ceiling, grey, &front);
+        soup.polygon(lamp, light, &rectangle(0.5 * Y, 0.5 * X));
+        let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
+        let heights = |emits: bool| -> Vec<f32> {
+            let own = (0..scene.triangles.len() as u32)
+                .filter(|&t| (scene.triangle_emitter[t as usize] != u32::MAX) == emits);
+            own.flat_map(|t| scene.corners(t).map(|p| p.z)).collect()
+        };
+        let lowest_of_ceiling = heights(false).into_iter().fold(f32::MAX, f32::min);
+        let highest_of_lamp = heights(true).into_iter().fold(f32::MIN, f32::max);
+        assert!(lowest_of_ceiling > highest_of_lamp, "{up}: {lowest_of_ceiling} {highest_of_lamp}");
+    }
+}
+
 #[test]
 fn boxes_on_each_other_and_meshes_are_fine() {
     let mut soup = Soup::new("boxes");

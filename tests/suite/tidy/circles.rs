@@ -1,4 +1,4 @@
-//! No two files import from each other, directly or through others.
+//! No two files import from each other, directly or through others. Checked are the imports at the top level of each file.
 //!
 //! A file and the files of its folder count as one: what `a.rs` defines may be used in `a/b.rs`, and the other way round. An import
 //! through a re-export counts as an import from the file that defines the name.
