@@ -38,12 +38,18 @@ fn at(x: f64, y: f64, z: f64) -> Point {
 
 #[test]
 fn rugs_create_no_energy() {
-    for (height, turned) in [(0.0, false), (0.0, true), (6e-5, false), (1e-4, true)] {
-        let outcome = solved(&rug_at(height, turned), &[], &Options::default());
-        let Ledger { emitted, absorbed, escaped, created, .. } = outcome.record.ledger;
-        // The estimated error of the solution is 0.6 %. Where rug and floor both get the light, 12 % are created.
-        assert!(created.abs() <= 1e-2 * emitted, "{height}: {created} of {emitted}");
-        assert!(absorbed + escaped <= 1.01 * emitted, "{height}: {absorbed} + {escaped} of {emitted}");
+    // The created power of one solution has a standard deviation of about 0.8 % of the emitted power, that of four 0.4 %. Where rug
+    // and floor both get the light, 12 % are created.
+    let seeds = [1, 2, 3, 4];
+    for (height, turned) in [(0.0, false), (0.0, true), (1e-4, true)] {
+        let (mut made, mut gone, mut given) = (0.0, 0.0, 0.0);
+        for seed in seeds {
+            let outcome = solved(&rug_at(height, turned), &[], &Options { seed, ..Options::default() });
+            let Ledger { emitted, absorbed, escaped, created, .. } = outcome.record.ledger;
+            (made, gone, given) = (made + created, gone + absorbed + escaped, given + emitted);
+        }
+        assert!(made.abs() <= 1e-2 * given, "{height}: {made} of {given}");
+        assert!((gone - given).abs() <= 1e-2 * given, "{height}: {gone} of {given}");
     }
 }
 
