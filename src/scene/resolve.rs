@@ -93,9 +93,8 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
         alike: &alike,
     };
     let found = overlap::find(&planes, &objects, &options.unit, &mut repairs);
-    let emits = |t: u32| triangle_emitter[t as usize] != u32::MAX;
     let areas = area_of_parts(&parts, &faces.polygon, &area);
-    stack(&found, &areas, &emits, &mut positions, &mut triangles);
+    stack(&found, &areas, &triangle_emitter, &mut positions, &mut triangles);
     Ok(Scene {
         path: soup.path,
         cameras: soup.cameras,

@@ -17,12 +17,13 @@ const MIN_COSINE: f32 = 0.999;
 
 /// Moves the lower one of each two overlapping triangles behind the upper one: that of the smaller part, of equal parts the later
 /// one. Front is the front of an emitting face, so that lamps in the plane of a ceiling stay in front of it, or else the front of the
-/// lowest face. `part_area` is the area of the part of each triangle. Moved triangles get vertices of their own; points in the common
+/// lowest face. `part_area` is the area of the part of each triangle, `emitter` its
+/// emitter or `u32::MAX`. Moved triangles get vertices of their own; points in the common
 /// plane lie on the uppermost face.
 pub(super) fn stack(
     found: &[Overlap],
     part_area: &[f64],
-    emits: &dyn Fn(u32) -> bool,
+    emitter: &[u32],
     positions: &mut Vec<Vec3>,
     triangles: &mut [[u32; 3]],
 ) {
@@ -42,7 +43,7 @@ pub(super) fn stack(
             (t, triangle_normal(a, b, c))
         })
         .collect();
-    let fronts = fronts(&pairs, &normals, emits);
+    let fronts = fronts(&pairs, &normals, emitter);
     let bounds = Aabb::of(positions.iter().copied());
     let magnitude = bounds.min.abs().max(bounds.max.abs()).max_element();
     let step = largest_distance(&bounds) as f32 + GAP * magnitude;
@@ -81,15 +82,11 @@ fn drop_unused(positions: &mut Vec<Vec3>, triangles: &mut [[u32; 3]]) {
 }
 
 /// The fronts of all faces of pairs of an upper and a lower face, sorted by the lower one from top to bottom.
-fn fronts(
-    pairs: &[[u32; 2]],
-    normals: &HashMap<u32, Vec3>,
-    emits: &dyn Fn(u32) -> bool,
-) -> HashMap<u32, Vec3> {
+fn fronts(pairs: &[[u32; 2]], normals: &HashMap<u32, Vec3>, emitter: &[u32]) -> HashMap<u32, Vec3> {
     let turned = |t: u32, front: Vec3| if normals[&t].dot(front) < 0.0 { -normals[&t] } else { normals[&t] };
     let mut fronts = HashMap::<u32, Vec3>::new();
     for &pair in pairs {
-        if let Some(lamp) = pair.into_iter().find(|&t| emits(t)) {
+        if let Some(lamp) = pair.into_iter().find(|&t| emitter[t as usize] != u32::MAX) {
             pair.into_iter().for_each(|t| {
                 fronts.entry(t).or_insert(turned(t, normals[&lamp]));
             });
