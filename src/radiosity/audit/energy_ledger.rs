@@ -40,7 +40,7 @@ impl Solved {
         let (elements, area) = (&linked.elements, linked.elements.area);
         let mut ledger = Ledger::default();
         let (mut received, mut sent, mut closed) = (0.0, 0.0, 0.0);
-        for (e, (element, state)) in elements.elements.iter().zip(&linked.states).enumerate() {
+        for (e, (element, state)) in elements.elements.iter().zip(elements.states.iter()).enumerate() {
             let Shape::Surface { side, .. } = element.shape else { continue };
             if !element.is_leaf() {
                 continue;
@@ -84,7 +84,7 @@ impl Solved {
     fn row_sums(&self, e: usize) -> RowSums {
         match &self.closing {
             Closing::Links(links) => {
-                let used = links.used[e] * f64::from(self.linked.states[e].factors.gathers);
+                let used = links.used[e] * f64::from(self.linked.elements.states[e].factors.gathers);
                 RowSums { sampled: links.sampled[e], used, sent: used }
             }
             Closing::Rays(local) => {

@@ -5,7 +5,6 @@ use crate::math::sampling::{mix, point_on};
 use crate::radiosity::elements::Shape;
 use crate::radiosity::final_gather::{Buffers, FinalGather, PathVertex};
 use crate::radiosity::links::Tally;
-use crate::radiosity::refinement::LinkedScene;
 use crate::radiosity::rgb::{add, mean};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -123,9 +122,9 @@ impl FinalGather<'_> {
 
     /// Mean irradiance of all elements, W/m².
     fn level(&self) -> f64 {
-        let LinkedScene { elements, states, .. } = self.linked();
+        let elements = &self.linked().elements;
         let (mut area, mut light) = (0.0, 0.0);
-        for (element, state) in elements.elements.iter().zip(states) {
+        for (element, state) in elements.elements.iter().zip(elements.states.iter()) {
             if element.is_leaf() && !element.is_cluster() {
                 (area, light) = (area + element.area, light + element.area * mean(state.irradiance));
             }
@@ -163,7 +162,7 @@ impl FinalGather<'_> {
                 buffers.scratch.tally = Tally::default();
                 let e = drawn(k);
                 let (by_paths, noise) = self.path_irradiance(e, position.to_bits(), buffers);
-                let error = (mean(self.linked().states[e as usize].irradiance) - by_paths).abs();
+                let error = (mean(self.linked().elements.states[e as usize].irradiance) - by_paths).abs();
                 Some((Check { error, noise, bar: bars[e as usize] }, buffers.scratch.tally))
             })
             .collect();

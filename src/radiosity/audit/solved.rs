@@ -1,6 +1,7 @@
 //! A scene whose light is final.
 
 use crate::radiosity::deadline::Deadline;
+use crate::radiosity::elements::ElementState;
 use crate::radiosity::final_gather::{LocalPass, SharedLight};
 use crate::radiosity::links::Tally;
 use crate::radiosity::refinement::{LinkClosing, LinkedScene, Refined};
@@ -52,9 +53,9 @@ impl Solved {
 
     /// Mean irradiance of all elements, W/m².
     pub fn mean_irradiance(&self) -> Rgb {
-        let LinkedScene { elements, states, .. } = &self.linked;
+        let elements = &self.linked.elements;
         let mut sum = [0.0; 3];
-        for (element, state) in elements.elements.iter().zip(states) {
+        for (element, state) in elements.elements.iter().zip(elements.states.iter()) {
             if element.is_leaf() && !element.is_cluster() {
                 add(&mut sum, element.area / elements.area, state.irradiance);
             }
@@ -64,7 +65,7 @@ impl Solved {
 
     /// Whether all light is a finite number.
     pub fn is_finite(&self) -> bool {
-        let light = |s: &crate::radiosity::elements::ElementState| [s.irradiance, s.radiosity];
-        self.linked.states.iter().flat_map(light).flatten().all(f64::is_finite)
+        let light = |s: &ElementState| [s.irradiance, s.radiosity];
+        self.linked.elements.states.iter().flat_map(light).flatten().all(f64::is_finite)
     }
 }

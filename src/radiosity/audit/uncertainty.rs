@@ -24,7 +24,7 @@ pub fn link_uncertainty(linked: &LinkedScene) -> Vec<f64> {
     for l in &linked.links {
         let mut put = |at: u32, variation: f32, other: u32| {
             let e = &elements.elements[at as usize];
-            let light = linked.states[other as usize].statistics;
+            let light = elements.states[other as usize].statistics;
             let (mean, deviation) = (f64::from(light.mean), f64::from(light.deviation));
             let error_area = f64::from(variation.hypot(l.noise));
             variance[at as usize] +=
@@ -53,7 +53,7 @@ pub fn error_estimate(linked: &LinkedScene, uncertainty: &[f64]) -> f64 {
     for (e, element) in elements.elements.iter().enumerate() {
         if element.is_leaf() && !element.is_cluster() {
             squares += element.area * uncertainty[e].powi(2);
-            sum += element.area * mean(linked.states[e].irradiance);
+            sum += element.area * mean(elements.states[e].irradiance);
         }
     }
     if sum > 0.0 { (squares * elements.area).sqrt() / sum } else { 0.0 }
@@ -71,7 +71,7 @@ impl Solved {
 
     /// The leaves of all surfaces as plain data, with their uncertainties.
     pub fn mesh(&self, scene: &Scene, uncertainty: &[f64]) -> RadiosityMesh {
-        let LinkedScene { elements, states, links: all_links, .. } = &self.linked;
+        let LinkedScene { elements, links: all_links, .. } = &self.linked;
         let mut places: HashMap<[u32; 3], u32> = HashMap::new();
         let mut mesh = RadiosityMesh { origin: scene.origin, ..RadiosityMesh::default() };
         let instance_of_side = instances_of_sides(elements);
@@ -87,7 +87,7 @@ impl Solved {
                 continue;
             }
             let s = &elements.sides[*side as usize];
-            let state = &states[e];
+            let state = &elements.states[e];
             let corners = corners.map(|p| {
                 let next = mesh.vertices.len() as u32;
                 // Adding +0 turns -0 into +0: both are one position.

@@ -3,7 +3,7 @@
 use super::lit_sides::lit_sides;
 use super::quads::quads;
 use super::subdivision::surface;
-use super::{Cluster, DIRECTIONS, Element, Elements, Shape, Side, SideSampler, facing};
+use super::{Cluster, Column, DIRECTIONS, Element, ElementState, Elements, Shape, Side, SideSampler, facing};
 use crate::clusters::{Hierarchy, Tree};
 use crate::math::{Aabb, triangle_normal};
 use crate::scene::Scene;
@@ -150,7 +150,8 @@ impl Build {
         }
         let area = elements[0].area;
         Elements {
-            elements,
+            states: Column::new(vec![ElementState::DARK; elements.len()]),
+            elements: Column::new(elements),
             clusters: made,
             sides,
             sides_of_triangle,

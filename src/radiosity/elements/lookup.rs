@@ -66,7 +66,7 @@ impl Lookup {
             cells: Vec::new(),
         };
         let mut parts = vec![0u32; elements.sides.len()];
-        for element in &elements.elements {
+        for element in elements.elements.iter() {
             if let Shape::Surface { side, .. } = element.shape {
                 parts[side as usize] += 1;
             }

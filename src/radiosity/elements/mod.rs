@@ -7,10 +7,11 @@
 //!
 //! The elements of a scene are one tree in one arena, parents before children; indices never change. Each element owns a range
 //! of ids that is large enough for every possible subdivision, so that "is a part of" is a comparison of ranges and stays
-//! valid while elements are added. The solver's own data, [`ElementState`], has the same indices. Indices and these ids belong to
-//! one solution; ids of surfaces that outlast it are in `instances`.
+//! valid while elements are added. The solver's own data, [`ElementState`], are a column of the same arena. Indices and these ids
+//! belong to one solution; ids of surfaces that outlast it are in `instances`.
 
 mod build;
+mod column;
 pub mod emitter_face;
 pub mod emitter_tree;
 pub mod emitters;
@@ -25,6 +26,7 @@ mod subdivision;
 #[cfg(test)]
 mod tests;
 
+pub use column::Column;
 pub use lit_sides::{Entered, lit_inside};
 pub use lookup::Lookup;
 pub use profiles::{emission_gain, mean_over};
@@ -129,8 +131,10 @@ pub struct Cluster {
 /// All elements of a scene.
 #[derive(Clone, Debug)]
 pub struct Elements {
-    /// The arena; the root comes first, parents before children.
-    pub elements: Vec<Element>,
+    /// The arena: geometry of the elements. The root comes first, parents before children.
+    pub elements: Column<Element>,
+    /// The arena: light, importance, feature size and row factors of each element.
+    pub states: Column<ElementState>,
     /// Clusters; cluster c belongs to element c.
     pub clusters: Vec<Cluster>,
     /// Sides, ordered so that those of every cluster are consecutive.
@@ -177,7 +181,8 @@ impl Elements {
 
     /// Bytes of the arena and its tables.
     pub fn bytes(&self) -> usize {
-        self.elements.capacity() * size_of::<Element>()
+        self.elements.bytes()
+            + self.states.bytes()
             + self.clusters.capacity() * size_of::<Cluster>()
             + self.sides.capacity() * size_of::<Side>()
             + self.sides_of_triangle.capacity() * 8

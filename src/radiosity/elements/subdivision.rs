@@ -12,7 +12,7 @@ impl Elements {
     }
 
     /// Splits a surface without children into four parts at the midpoints of its edges. Parts meet the parts of neighbouring
-    /// surfaces along whole edges or half edges.
+    /// surfaces along whole edges or half edges. They send out the light of the whole.
     pub fn split(&mut self, element: u32) {
         let parent = self.elements[element as usize].clone();
         let Shape::Surface { side, corners } = parent.shape else { return };
@@ -20,6 +20,7 @@ impl Elements {
             return;
         }
         let first = self.elements.len() as u32;
+        let state = self.states[element as usize].of_part();
         let room = (parent.ids[1] - parent.ids[0] - 1) / 4;
         for (k, corners) in quarters(corners).into_iter().enumerate() {
             let start = parent.ids[0] + 1 + k as u64 * room;
@@ -29,6 +30,7 @@ impl Elements {
                 level: parent.level + 1,
                 ..surface(side, corners)
             });
+            self.states.push(state);
         }
         let parent = &mut self.elements[element as usize];
         (parent.first_child, parent.children) = (first, 4);

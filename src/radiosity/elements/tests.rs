@@ -167,7 +167,7 @@ fn parts_lie_in_faces_that_are_bent_a_little() {
             };
             off(0).min(off(1))
         };
-        for element in &elements.elements {
+        for element in elements.elements.iter() {
             let Shape::Surface { corners: c, .. } = element.shape else { continue };
             for p in [c[0], c[1], c[2], c[3], 0.5 * (c[0] + c[2]), (c[0] + c[1] + c[2]) / 3.0] {
                 assert!(off_face(p) < 1e-6, "{lift} {p} {}", off_face(p));

@@ -44,7 +44,7 @@ impl FinalGather<'_> {
     ) -> (Vec<ElementLight>, Tally) {
         let elements = &self.linked.elements.elements;
         let wanted = |e: u32| {
-            let importance = f64::from(self.linked.states[e as usize].importance);
+            let importance = f64::from(self.linked.elements.states[e as usize].importance);
             (elements[e as usize].area * importance).sqrt() * deviation(e)
         };
         let all: f64 = leaves.iter().map(|&e| wanted(e)).sum();

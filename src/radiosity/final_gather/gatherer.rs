@@ -105,13 +105,14 @@ impl<'a> FinalGather<'a> {
         let table = (0..options.light_rays() as u32)
             .map(|i| [sample(i & 0xffff, 0, 7), sample(i & 0xffff, 1, 7)])
             .collect();
-        let reflected = elements.elements.iter().zip(&linked.states).map(|(e, state)| match e.shape {
-            Shape::Cluster(_) => [0.0; 3],
-            Shape::Surface { side, .. } => {
-                let emitted = elements.sides[side as usize].exitance;
-                std::array::from_fn(|k| (state.radiosity[k] - emitted[k]) as f32)
-            }
-        });
+        let reflected =
+            elements.elements.iter().zip(elements.states.iter()).map(|(e, state)| match e.shape {
+                Shape::Cluster(_) => [0.0; 3],
+                Shape::Surface { side, .. } => {
+                    let emitted = elements.sides[side as usize].exitance;
+                    std::array::from_fn(|k| (state.radiosity[k] - emitted[k]) as f32)
+                }
+            });
         FinalGather {
             lookup: Lookup::new(elements),
             reflected: reflected.collect(),
@@ -169,8 +170,8 @@ impl<'a> FinalGather<'a> {
 
     /// The feature size of a surface element, or that for receivers without one; scene units.
     pub(super) fn feature_size_of(&self, element: u32) -> f32 {
-        let LinkedScene { feature_sizes, elements, states, .. } = self.linked;
-        feature_sizes.of_surface(elements, states, element as usize).unwrap_or(self.feature_size)
+        let LinkedScene { feature_sizes, elements, .. } = self.linked;
+        feature_sizes.of_surface(elements, element as usize).unwrap_or(self.feature_size)
     }
 }
 

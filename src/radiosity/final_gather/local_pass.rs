@@ -94,7 +94,7 @@ impl FinalGather<'_> {
 
     /// The rays of all leaves: each leaf's share by its area and importance.
     fn trace_rows(&self, rays: Option<f64>, deadline: &Deadline) -> RayRows {
-        let (elements, states) = (&self.linked.elements, &self.linked.states);
+        let (elements, states) = (&self.linked.elements, &self.linked.elements.states);
         let leaves = self.linked.leaves();
         let counted = |e: u32| elements.elements[e as usize].area * f64::from(states[e as usize].importance);
         let all_counted: f64 = leaves.iter().map(|&e| counted(e)).sum();
@@ -148,7 +148,8 @@ impl FinalGather<'_> {
                 row.direct.to_array().map(|d| f64::from(d) / met.len() as f64)
             })
             .collect();
-        let start = rows.rows.iter().map(|r| self.linked.states[r.leaf as usize].irradiance).collect();
+        let start =
+            rows.rows.iter().map(|r| self.linked.elements.states[r.leaf as usize].irradiance).collect();
         solve(&RayTransport { matrix, direct }, Some(start), Method::Krylov, deadline)
     }
 }

@@ -2,7 +2,7 @@
 
 use super::Link;
 use super::cluster_pair::CLUSTER_DEVIATION;
-use crate::radiosity::elements::{ElementState, Elements};
+use crate::radiosity::elements::Elements;
 use crate::radiosity::options::Oracle;
 
 /// Which end of a link is to be split.
@@ -23,8 +23,9 @@ pub enum Split {
 /// At the receiver a, the irradiance from b varies by `variation_a B_b / A_a`. Where the radiosity of b varies, the light from
 /// its parts differs by as much of that deviation as the exchange varies over b. Visibility is part of both variations. With
 /// [`Oracle::Bf`] all irradiance counts as error. The end with the greater contribution is split.
-pub fn link_error(elements: &Elements, link: &Link, states: &[ElementState], oracle: Oracle) -> (f32, Split) {
-    let ends = [link.a, link.b].map(|e| (&elements.elements[e as usize], states[e as usize].statistics));
+pub fn link_error(elements: &Elements, link: &Link, oracle: Oracle) -> (f32, Split) {
+    let ends =
+        [link.a, link.b].map(|e| (&elements.elements[e as usize], elements.states[e as usize].statistics));
     if link.a == link.b {
         let (e, l) = ends[0];
         let error = link.exchange_area * (l.deviation + CLUSTER_DEVIATION * l.mean) / e.area as f32;

@@ -1,6 +1,6 @@
 //! Feature sizes of receivers: which shadows on them may be averaged (`docs/method.md`, Links and refinement).
 
-use crate::radiosity::elements::{ElementState, Elements, Shape};
+use crate::radiosity::elements::{Elements, Shape};
 
 /// Smallest importance relative to the most important element: bounds the growth of feature sizes to √50 = 7, as the
 /// help of `--feature-size` states.
@@ -22,32 +22,33 @@ impl FeatureSizes {
     /// Where the importance I is only indirect the size grows by √(I_max / I): an error there shows like a shadow of the given size
     /// where I is largest, as I s² is the same. I is at least [`MIN_IMPORTANCE`] of I_max, so that sizes grow by at most 7.
     /// Diameters do not grow: elements of small importance are large already.
-    pub fn of_surface(&self, elements: &Elements, states: &[ElementState], element: usize) -> Option<f32> {
+    pub fn of_surface(&self, elements: &Elements, element: usize) -> Option<f32> {
         let Shape::Surface { side, .. } = elements.elements[element].shape else { return None };
         let own = self.by_side[side as usize];
         if own.is_finite() {
             return Some(own);
         }
         let direct = self.important.get(side as usize).copied().unwrap_or(true);
-        let importance = if direct { 1.0 } else { states[element].importance };
+        let importance = if direct { 1.0 } else { elements.states[element].importance };
         self.given.map(|size| size / importance.sqrt())
     }
 
     /// Assigns feature sizes to all elements. The size of a cluster is the smallest of its parts, as one query serves all of them.
-    pub fn assign(&self, elements: &Elements, states: &mut [ElementState]) {
+    pub fn assign(&self, elements: &mut Elements) {
         let rows = &elements.elements;
         let mut sizes = vec![f32::INFINITY; rows.len()];
         for e in (1..rows.len()).rev() {
             if !rows[e].is_cluster() {
-                sizes[e] = self.of_surface(elements, states, e).unwrap_or(f32::INFINITY);
+                sizes[e] = self.of_surface(elements, e).unwrap_or(f32::INFINITY);
             }
             let parent = rows[e].parent as usize;
             if rows[parent].is_cluster() {
                 sizes[parent] = sizes[parent].min(sizes[e]);
             }
         }
-        for ((state, size), row) in states.iter_mut().zip(sizes).zip(rows) {
-            state.feature_size = if size.is_finite() { size } else { 2.0 * row.radius };
+        let Elements { elements, states, .. } = elements;
+        for ((state, size), element) in states.iter_mut().zip(sizes).zip(elements.iter()) {
+            state.feature_size = if size.is_finite() { size } else { 2.0 * element.radius };
         }
     }
 }

@@ -68,7 +68,7 @@ pub fn apply_importance(
     if chosen.contains(&true) {
         linked.feature_sizes.important = chosen;
     }
-    linked.feature_sizes.assign(&linked.elements, &mut linked.states);
+    linked.feature_sizes.assign(&mut linked.elements);
     Ok(())
 }
 
@@ -154,8 +154,8 @@ pub fn propagate_importance(linked: &mut LinkedScene, nodes: &ActiveNodes) {
         }
     }
     let largest = importance.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
-    for (state, importance) in linked.states.iter_mut().zip(importance) {
+    for (state, importance) in linked.elements.states.iter_mut().zip(importance) {
         state.importance = (importance / largest).clamp(MIN_IMPORTANCE, 1.0) as f32;
     }
-    linked.feature_sizes.assign(&linked.elements, &mut linked.states);
+    linked.feature_sizes.assign(&mut linked.elements);
 }

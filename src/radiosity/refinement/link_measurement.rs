@@ -132,7 +132,7 @@ fn accuracy(linked: &LinkedScene, pair: &Pair, threshold: f32) -> Accuracy {
     let &Pair { a, b, deviation, certificate, blocked } = pair;
     let worth = |receiver: u32, source: u32| {
         let e = &linked.elements.elements[receiver as usize];
-        let [l, from] = [receiver, source].map(|e| linked.states[e as usize].statistics);
+        let [l, from] = [receiver, source].map(|e| linked.elements.states[e as usize].statistics);
         let of_area = (e.area / linked.elements.area).sqrt() / e.area.max(f64::MIN_POSITIVE);
         f64::from(l.weight) * f64::from(from.mean + from.deviation) * of_area
     };
@@ -142,7 +142,7 @@ fn accuracy(linked: &LinkedScene, pair: &Pair, threshold: f32) -> Accuracy {
     let receiver = if first_receives { a } else { b };
     Accuracy {
         worth: (at_a.max(at_b) / tolerated) as f32,
-        feature_size: linked.states[receiver as usize].feature_size,
+        feature_size: linked.elements.states[receiver as usize].feature_size,
         deviation,
         certificate,
         blocked,

@@ -2,7 +2,7 @@
 
 use super::feature_sizes::FeatureSizes;
 use crate::radiosity::deadline::Deadline;
-use crate::radiosity::elements::{ElementState, Elements, LightStatistics, RowFactors, Shape};
+use crate::radiosity::elements::{Elements, LightStatistics, RowFactors, Shape};
 use crate::radiosity::links::{BlockerCertificate, Link, Tally, VisibilityEngine};
 use crate::radiosity::options::{Inside, Options, Oracle, RowSums};
 use crate::radiosity::rgb::{Rgb, add, mean};
@@ -34,10 +34,8 @@ pub struct LinkTransportSettings {
 
 /// The elements of a scene with their links and their light.
 pub struct LinkedScene {
-    /// The elements.
+    /// The elements with their light, importance, feature sizes and row factors.
     pub elements: Elements,
-    /// Light, importance, feature size and row factors of each element.
-    pub states: Vec<ElementState>,
     /// The links.
     pub links: Vec<Link>,
     /// What rays have found around every side.
@@ -87,7 +85,6 @@ impl LinkedScene {
         let by_side = vec![f32::INFINITY; elements.sides.len()];
         let feature_sizes = FeatureSizes { given: options.feature_size, by_side, important: Vec::new() };
         let mut scene = LinkedScene {
-            states: vec![ElementState::DARK; elements.len()],
             elements,
             links: vec![root],
             surroundings,
@@ -99,7 +96,7 @@ impl LinkedScene {
             tally: Tally::default(),
             last_field: None,
         };
-        scene.feature_sizes.assign(&scene.elements, &mut scene.states);
+        scene.feature_sizes.assign(&mut scene.elements);
         scene.pull_radiosity();
         scene.update_oracle_statistics();
         scene
@@ -107,20 +104,17 @@ impl LinkedScene {
 
     /// The active nodes of the present links.
     pub fn active_nodes(&self) -> ActiveNodes {
-        ActiveNodes::new(&self.elements, &self.links, &self.states)
+        ActiveNodes::new(&self.elements, &self.links)
     }
 
     /// Splits a surface into four parts that send out the light of the whole.
     pub fn split(&mut self, element: u32) {
+        let first = self.elements.len();
         self.elements.split(element);
-        let parent = self.states[element as usize];
-        for child in self.states.len()..self.elements.len() {
-            let LightStatistics { deviation, .. } = parent.statistics;
-            // Parts of half the size vary half as much.
-            let statistics = LightStatistics { deviation: 0.5 * deviation, ..parent.statistics };
-            self.states.push(ElementState { statistics, ..parent });
-            let size = self.feature_sizes.of_surface(&self.elements, &self.states, child);
-            self.states[child].feature_size = size.unwrap_or(2.0 * self.elements.elements[child].radius);
+        for part in first..self.elements.len() {
+            let size = self.feature_sizes.of_surface(&self.elements, part);
+            let diameter = 2.0 * self.elements.elements[part].radius;
+            self.elements.states[part].feature_size = size.unwrap_or(diameter);
         }
     }
 
@@ -141,29 +135,29 @@ impl LinkedScene {
 
     /// Sets the irradiance of all elements, W/m², and derives radiosities and statistics.
     pub fn set_irradiance(&mut self, irradiance: impl Iterator<Item = Rgb>) {
-        self.states.iter_mut().zip(irradiance).for_each(|(state, e)| state.irradiance = e);
+        self.elements.states.iter_mut().zip(irradiance).for_each(|(state, e)| state.irradiance = e);
         self.pull_radiosity();
         self.update_oracle_statistics();
     }
 
     /// Radiosity of all elements from the irradiance of the leaves; elements with children have the mean by area.
     fn pull_radiosity(&mut self) {
-        let elements = &self.elements.elements;
+        let Elements { elements, states, sides, .. } = &mut self.elements;
         for (e, element) in elements.iter().enumerate().rev() {
             let mut radiosity = [0.0; 3];
             if let (Shape::Surface { side, .. }, true) = (&element.shape, element.is_leaf()) {
-                let s = &self.elements.sides[*side as usize];
-                let irradiance = self.states[e].irradiance;
+                let s = &sides[*side as usize];
+                let irradiance = states[e].irradiance;
                 radiosity =
                     std::array::from_fn(|k| s.exitance[k] + f64::from(s.reflectance[k]) * irradiance[k]);
             }
             let mut irradiance = [0.0; 3];
             for c in element.child_range() {
                 let share = elements[c].area / element.area.max(f64::MIN_POSITIVE);
-                add(&mut radiosity, share, self.states[c].radiosity);
-                add(&mut irradiance, share, self.states[c].irradiance);
+                add(&mut radiosity, share, states[c].radiosity);
+                add(&mut irradiance, share, states[c].irradiance);
             }
-            let state = &mut self.states[e];
+            let state = &mut states[e];
             state.radiosity = radiosity;
             if !element.is_leaf() && !element.is_cluster() {
                 state.irradiance = irradiance;
@@ -177,14 +171,14 @@ impl LinkedScene {
         let mut squares = vec![0.0f64; n];
         for e in (0..n).rev() {
             let element = &self.elements.elements[e];
-            let mean = mean(self.states[e].radiosity);
+            let mean = mean(self.elements.states[e].radiosity);
             let reflectance = match element.shape {
                 Shape::Cluster(c) => self.elements.clusters[c as usize].reflectance,
                 Shape::Surface { side, .. } => {
                     self.elements.sides[side as usize].reflectance.iter().sum::<f32>() / 3.0
                 }
             };
-            let weight = reflectance.max(MIN_WEIGHT) * self.states[e].importance;
+            let weight = reflectance.max(MIN_WEIGHT) * self.elements.states[e].importance;
             if element.is_leaf() {
                 squares[e] = mean * mean;
             } else {
@@ -193,7 +187,7 @@ impl LinkedScene {
                 squares[e] = sum / element.area.max(f64::MIN_POSITIVE);
             }
             let deviation = (squares[e] - mean * mean).max(0.0).sqrt();
-            self.states[e].statistics =
+            self.elements.states[e].statistics =
                 LightStatistics { mean: mean as f32, deviation: deviation as f32, weight };
         }
     }
@@ -206,12 +200,12 @@ impl LinkedScene {
         max_sweeps: usize,
         deadline: &Deadline,
     ) -> Convergence {
-        let transport = LinkTransport::new(&self.elements, &self.states, nodes);
+        let transport = LinkTransport::new(&self.elements, nodes);
         let method = Method::Sweeps { tolerance, max_sweeps };
         let (field, convergence) = solve(&transport, self.last_field.take(), method, deadline);
         let found = NodeIrradiance::from_field(&field, nodes.clusters);
         let irradiance = nodes.expand(&self.elements, &found.clusters, &found.surfaces);
-        for (state, e) in self.states.iter_mut().zip(irradiance) {
+        for (state, e) in self.elements.states.iter_mut().zip(irradiance) {
             state.irradiance = e.map(|v| v * f64::from(state.factors.gathers));
         }
         self.pull_radiosity();
@@ -221,25 +215,24 @@ impl LinkedScene {
 
     /// Row sums of the form factors along links, before multiplication by each element's own gather factor.
     pub fn row_sums(&self, nodes: &ActiveNodes) -> Vec<f64> {
-        link_row_sums(&self.elements, &self.states, nodes)
+        link_row_sums(&self.elements, nodes)
     }
 
     /// Lets rows with a sum above 1 gather as if it were 1.
     pub fn cap_row_sums(&mut self, nodes: &mut ActiveNodes) {
-        cap_row_sums(&self.elements, &mut self.states, nodes);
+        cap_row_sums(&mut self.elements, nodes);
     }
 
     /// Normalises the row sums of leaves from which no light leaves the scene. Short rows get their target from rays first. Returns the row sums
     /// before, and the number of leaves whose light would have grown without end and was bounded.
     pub fn normalise_rows(&mut self, deadline: &Deadline) -> (Vec<f64>, usize) {
-        self.states.iter_mut().for_each(|s| s.factors = RowFactors::ONE);
+        self.elements.states.iter_mut().for_each(|s| s.factors = RowFactors::ONE);
         let mut nodes = self.active_nodes();
         let sampled = self.row_sums(&nodes);
         self.assign_row_targets(&sampled);
         let closed = &self.surroundings.closed;
         let rows = (self.settings.row_sums, &sampled[..]);
-        let bounded =
-            normalise_link_rows(&self.elements, &mut self.states, &mut nodes, closed, rows, deadline);
+        let bounded = normalise_link_rows(&mut self.elements, &mut nodes, closed, rows, deadline);
         (sampled, bounded)
     }
 
@@ -250,9 +243,9 @@ impl LinkedScene {
         let exact = self.engine.exact();
         let seed = self.settings.seed;
         let shares = received_shares(&self.elements, &exact, self.ends, *length, seed, &short);
-        self.states.iter_mut().for_each(|s| s.row_target = 1.0);
+        self.elements.states.iter_mut().for_each(|s| s.row_target = 1.0);
         for (e, share) in short.into_iter().zip(shares) {
-            self.states[e as usize].row_target = share as f32;
+            self.elements.states[e as usize].row_target = share as f32;
         }
     }
 

@@ -30,7 +30,7 @@ pub fn link_errors(linked: &LinkedScene) -> Vec<(f32, Split)> {
         .par_iter()
         .with_min_len(4096)
         .map(|l| {
-            let (error, split) = link_error(&linked.elements, l, &linked.states, linked.settings.oracle);
+            let (error, split) = link_error(&linked.elements, l, linked.settings.oracle);
             (error * scale, split)
         })
         .collect()
@@ -75,7 +75,7 @@ pub fn refine(
         let errors: Vec<(f32, Split)> = made
             .par_iter()
             .with_min_len(1024)
-            .map(|l| link_error(&linked.elements, l, &linked.states, linked.settings.oracle))
+            .map(|l| link_error(&linked.elements, l, linked.settings.oracle))
             .collect();
         for (link, (error, split)) in made.into_iter().zip(errors) {
             if !once && open((error * scale, split)) {

@@ -76,7 +76,7 @@ pub fn probe(elements: &Elements, exact: &Exact, ends: EndRule, length: f32, see
         .collect();
     let enclosed = enclosed
         .iter()
-        .zip(&elements.elements)
+        .zip(elements.elements.iter())
         .map(|(area, e)| if e.area > 0.0 { (area / e.area).min(1.0) as f32 } else { 0.0 })
         .collect();
     Surroundings { enclosed, closed, length, entered }

@@ -65,7 +65,7 @@ fn under(scene: &Scene, seeds: std::ops::RangeInclusive<u64>, again: bool) -> Ve
             let on_floor = side.front && scene.triangle_object[side.triangles[0] as usize] == 0;
             let inner = (element.centre - glam::Vec3::new(0.07, 0.03, 0.0)).abs().max_element() < 1.0;
             if element.is_leaf() && on_floor && inner {
-                sum += element.area * mean(linked.states[e].irradiance);
+                sum += element.area * mean(linked.elements.states[e].irradiance);
                 all += element.area;
             }
         }

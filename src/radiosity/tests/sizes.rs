@@ -28,11 +28,12 @@ fn sizes_grow_where_importance_is_small() {
         let (mut painted, mut grown) = (0, Vec::new());
         let elements = &linked.elements.elements;
         for (e, element) in elements.iter().enumerate() {
-            let (size, importance) = (linked.states[e].feature_size, linked.states[e].importance);
+            let (size, importance) =
+                (linked.elements.states[e].feature_size, linked.elements.states[e].importance);
             let parent = element.parent as usize;
             if elements[parent].is_cluster() {
                 assert!(
-                    linked.states[parent].feature_size <= size,
+                    linked.elements.states[parent].feature_size <= size,
                     "{e}: a cluster is asked for all of its parts"
                 );
             }
@@ -59,12 +60,12 @@ fn sizes_grow_where_importance_is_small() {
         // Parts are born with the size of what they are parts of.
         let leaf = (0..elements.len()).rfind(|&e| {
             elements[e].is_leaf()
-                && linked.states[e].feature_size > SIZE
+                && linked.elements.states[e].feature_size > SIZE
                 && linked.elements.can_open(e as u32)
         });
         let (leaf, before) = (leaf.expect("a leaf"), elements.len());
         linked.split(leaf as u32);
-        let states = &linked.states;
+        let states = &linked.elements.states;
         let size = states[leaf].feature_size;
         assert!(states.len() > before && states[before..].iter().all(|s| s.feature_size == size));
     });
@@ -74,11 +75,13 @@ fn sizes_grow_where_importance_is_small() {
 #[test]
 fn sizes_without_importance_are_those_given() {
     let all = Options { importance: Vec::new(), ..ground_matters() };
-    refined(&forest(), &all, |linked| assert!(linked.states.iter().all(|s| s.feature_size == SIZE)));
+    refined(&forest(), &all, |linked| assert!(linked.elements.states.iter().all(|s| s.feature_size == SIZE)));
     let none = Options { feature_size: None, ..ground_matters() };
     refined(&forest(), &none, |linked| {
         let elements = &linked.elements.elements;
-        assert!(elements.iter().zip(&linked.states).all(|(e, s)| s.feature_size == 2.0 * e.radius));
+        assert!(
+            elements.iter().zip(linked.elements.states.iter()).all(|(e, s)| s.feature_size == 2.0 * e.radius)
+        );
     });
 }
 

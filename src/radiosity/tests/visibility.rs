@@ -185,7 +185,7 @@ fn wrong_bars_are_found_out() {
         assert!(right.within_two > 0.9 && right.rms_bar < 6.0 * right.rms_error, "{right:?}");
         assert!(bold.within_two < 0.8 * right.within_two, "{bold:?} {right:?}");
         assert!(shy.rms_bar > 10.0 * shy.rms_error, "{shy:?}");
-        linked.states.iter_mut().flat_map(|s| &mut s.irradiance).for_each(|e| *e *= 1.5);
+        linked.elements.states.iter_mut().flat_map(|s| &mut s.irradiance).for_each(|e| *e *= 1.5);
         let wrong = audit(linked, 1.0);
         assert!(wrong.within_two < 0.7 * right.within_two && wrong.rms_error > 0.2, "{wrong:?}");
     });
@@ -236,7 +236,8 @@ fn clusters_do_not_shine_alike_to_all_sides() {
                 };
                 corners.iter().all(|c| c.abs().max_element() < 1.0)
             });
-            side.map(|s| linked.states[s.element as usize].irradiance[0]).expect("a side of the block")
+            side.map(|s| linked.elements.states[s.element as usize].irradiance[0])
+                .expect("a side of the block")
         };
         let (top, bottom) = (irradiance(Vec3::Z), irradiance(-Vec3::Z));
         assert!(top > 5.0 * bottom, "{top} {bottom}");

@@ -6,7 +6,7 @@
 
 use super::cluster_reflection::ClusterReflection;
 use super::directional::DirectionalIrradiance;
-use crate::radiosity::elements::{ElementState, Elements, Shape, facing};
+use crate::radiosity::elements::{Elements, Shape, facing};
 use crate::radiosity::links::Link;
 use crate::radiosity::rgb::Rgb;
 use rayon::prelude::*;
@@ -45,8 +45,8 @@ impl ActiveNodes {
     /// Stands for no node.
     pub const NONE: u32 = u32::MAX;
 
-    /// The active nodes for a set of links, with the row factors in `states`.
-    pub fn new(elements: &Elements, links: &[Link], states: &[ElementState]) -> ActiveNodes {
+    /// The active nodes for a set of links, with the row factors of the elements.
+    pub fn new(elements: &Elements, links: &[Link]) -> ActiveNodes {
         let n = elements.len();
         let mut below = vec![false; n];
         let mut linked = vec![false; n];
@@ -87,16 +87,15 @@ impl ActiveNodes {
                 }
             });
         }
-        active.update_factors(elements, states);
+        active.update_factors(elements);
         active.connect(links);
         active
     }
 
-    /// Applies other row factors.
-    pub fn update_factors(&mut self, elements: &Elements, states: &[ElementState]) {
+    /// Applies the present row factors of the elements.
+    pub fn update_factors(&mut self, elements: &Elements) {
         let clusters: Vec<u32> = self.aggregated().map(|node| self.elements[node]).collect();
-        self.reflections =
-            clusters.par_iter().map(|&c| ClusterReflection::new(elements, c, states)).collect();
+        self.reflections = clusters.par_iter().map(|&c| ClusterReflection::new(elements, c)).collect();
     }
 
     fn connect(&mut self, links: &[Link]) {

@@ -4,7 +4,7 @@
 //! what arrives: a symmetric matrix over seven basis functions, the cosines with six directions and the constant 1.
 
 use super::directional::DirectionalIrradiance;
-use crate::radiosity::elements::{DIRECTIONS, ElementState, Elements, RowFactors, facing};
+use crate::radiosity::elements::{DIRECTIONS, Elements, RowFactors, facing};
 use crate::radiosity::rgb::{Rgb, add};
 
 /// Basis functions of a normal: its cosines with the six directions, and 1 for even light.
@@ -24,7 +24,7 @@ pub struct ClusterReflection {
 
 impl ClusterReflection {
     /// Of a cluster, with the row factors of its sides.
-    pub fn new(elements: &Elements, cluster: u32, states: &[ElementState]) -> ClusterReflection {
+    pub fn new(elements: &Elements, cluster: u32) -> ClusterReflection {
         let [from, to] = elements.clusters[cluster as usize].sides;
         let mut reflect = [[0.0f64; ENTRIES]; 3];
         let mut emit = [[0.0; 3]; BASIS];
@@ -34,7 +34,7 @@ impl ClusterReflection {
             let basis: [f64; BASIS] =
                 std::array::from_fn(|p| if p < DIRECTIONS { f64::from(faces[p]) } else { 1.0 });
             let area = elements.elements[side.element as usize].area;
-            let RowFactors { gathers, sends } = states[side.element as usize].factors;
+            let RowFactors { gathers, sends } = elements.states[side.element as usize].factors;
             let (gain, sends) = (area * f64::from(gathers * sends), f64::from(sends));
             let mut entry = 0;
             for p in 0..BASIS {

@@ -5,28 +5,23 @@ use super::cluster_reflection::BASIS;
 use super::directional::{CLUSTER_UNKNOWNS, NodeIrradiance};
 use super::gather_push_pull::{NodeRadiosity, gather};
 use super::operator::{Field, Transport};
-use crate::radiosity::elements::{DIRECTIONS, ElementState, Elements, RowFactors, Shape};
+use crate::radiosity::elements::{DIRECTIONS, Elements, RowFactors, Shape};
 use crate::radiosity::rgb::Rgb;
 
 /// Links as rows of the transport operator. Unknowns are the irradiances of the active nodes in the order of
 /// [`NodeIrradiance::to_field`].
 pub struct LinkTransport<'a> {
     elements: &'a Elements,
-    states: &'a [ElementState],
     nodes: &'a ActiveNodes,
     weights: Vec<f64>,
 }
 
 impl<'a> LinkTransport<'a> {
-    /// For active nodes, with the row factors in `states`.
-    pub fn new(
-        elements: &'a Elements,
-        states: &'a [ElementState],
-        nodes: &'a ActiveNodes,
-    ) -> LinkTransport<'a> {
+    /// For active nodes, with the row factors of the elements.
+    pub fn new(elements: &'a Elements, nodes: &'a ActiveNodes) -> LinkTransport<'a> {
         let unknowns = CLUSTER_UNKNOWNS * nodes.clusters + nodes.elements.len() - nodes.clusters;
         let weights = (0..unknowns).map(|i| weight(elements, nodes, i)).collect();
-        LinkTransport { elements, states, nodes, weights }
+        LinkTransport { elements, nodes, weights }
     }
 
     /// Gathers the reflection of `irradiance` and, if `emits`, what emitters send. Row factors apply to both.
@@ -37,7 +32,7 @@ impl<'a> LinkTransport<'a> {
                 let e = nodes.elements[p] as usize;
                 let Shape::Surface { side, .. } = self.elements.elements[e].shape else { return [0.0; 3] };
                 let s = &self.elements.sides[side as usize];
-                let RowFactors { gathers, sends } = self.states[e].factors;
+                let RowFactors { gathers, sends } = self.elements.states[e].factors;
                 let (gathers, sends) = (f64::from(gathers), f64::from(sends));
                 let incident = irradiance.surfaces[p - nodes.clusters];
                 let exitance = if emits { s.exitance } else { [0.0; 3] };

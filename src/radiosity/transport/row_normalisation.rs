@@ -15,7 +15,7 @@ use super::active_nodes::ActiveNodes;
 use super::directional::NodeIrradiance;
 use super::gather_push_pull::{NodeRadiosity, gather};
 use crate::radiosity::deadline::Deadline;
-use crate::radiosity::elements::{ElementState, Elements, RowFactors, Shape};
+use crate::radiosity::elements::{Elements, RowFactors, Shape};
 use crate::radiosity::options::RowSums;
 use crate::radiosity::rgb::Rgb;
 
@@ -107,8 +107,8 @@ pub fn balance(
 
 /// The sum of each surface element's form factors along its links before multiplication by its own gather factor: the irradiance
 /// that radiosity 1 everywhere would cause.
-pub fn link_row_sums(elements: &Elements, states: &[ElementState], nodes: &ActiveNodes) -> Vec<f64> {
-    let of = |&e: &u32| [f64::from(states[e as usize].factors.sends); 3];
+pub fn link_row_sums(elements: &Elements, nodes: &ActiveNodes) -> Vec<f64> {
+    let of = |&e: &u32| [f64::from(elements.states[e as usize].factors.sends); 3];
     let surfaces: Vec<Rgb> = nodes.elements[nodes.clusters..].iter().map(of).collect();
     let ones = NodeRadiosity::pull(elements, nodes, &surfaces, |_, r| nodes.reflections[r].ones);
     let NodeIrradiance { clusters, surfaces } = gather(elements, nodes, &ones);
@@ -129,19 +129,18 @@ pub fn short_rows(elements: &Elements, closed: &[bool], sums: &[f64]) -> Vec<u32
 
 /// Lets leaves whose row sum is above 1 gather as if it were 1. The row sum of a few coarse links may be several times 1, and
 /// all other links would be refined for the light that is created there.
-pub fn cap_row_sums(elements: &Elements, states: &mut [ElementState], nodes: &mut ActiveNodes) {
-    states.iter_mut().for_each(|s| s.factors = RowFactors::ONE);
-    let sums = link_row_sums(elements, states, nodes);
-    for (state, sum) in states.iter_mut().zip(sums) {
+pub fn cap_row_sums(elements: &mut Elements, nodes: &mut ActiveNodes) {
+    elements.states.iter_mut().for_each(|s| s.factors = RowFactors::ONE);
+    let sums = link_row_sums(elements, nodes);
+    for (state, sum) in elements.states.iter_mut().zip(sums) {
         state.factors = RowFactors { gathers: (1.0 / sum).min(1.0) as f32, ..RowFactors::ONE };
     }
-    nodes.update_factors(elements, states);
+    nodes.update_factors(elements);
 }
 
 /// The rows of surface elements along their links.
 struct LinkRows<'a> {
-    elements: &'a Elements,
-    states: &'a mut [ElementState],
+    elements: &'a mut Elements,
     nodes: &'a mut ActiveNodes,
     /// By side, whether its leaves are closed: no light leaves the scene from them.
     closed: &'a [bool],
@@ -149,8 +148,11 @@ struct LinkRows<'a> {
 
 impl BalancedRows for LinkRows<'_> {
     fn sums(&self) -> Vec<f64> {
-        let sums = link_row_sums(self.elements, self.states, self.nodes);
-        sums.iter().zip(self.states.iter()).map(|(sum, s)| sum * f64::from(s.factors.gathers)).collect()
+        let sums = link_row_sums(self.elements, self.nodes);
+        sums.iter()
+            .zip(self.elements.states.iter())
+            .map(|(sum, s)| sum * f64::from(s.factors.gathers))
+            .collect()
     }
 
     fn target(&self, e: usize, sum: f64) -> Option<(f64, f64)> {
@@ -158,20 +160,20 @@ impl BalancedRows for LinkRows<'_> {
         let Shape::Surface { side, .. } = element.shape else { return None };
         let is_closed = self.closed[side as usize] && sum > MIN_ROW_SUM;
         let weight = if element.is_leaf() { element.area } else { 0.0 };
-        (is_closed || sum > MAX_OPEN_ROW_SUM).then(|| (self.states[e].row_target.into(), weight))
+        (is_closed || sum > MAX_OPEN_ROW_SUM).then(|| (self.elements.states[e].row_target.into(), weight))
     }
 
     fn factor(&mut self, e: usize) -> &mut f32 {
-        &mut self.states[e].factors.gathers
+        &mut self.elements.states[e].factors.gathers
     }
 
     fn changed(&mut self) {
-        self.states.iter_mut().for_each(|s| s.factors.sends = s.factors.gathers);
-        self.nodes.update_factors(self.elements, self.states);
+        self.elements.states.iter_mut().for_each(|s| s.factors.sends = s.factors.gathers);
+        self.nodes.update_factors(self.elements);
     }
 }
 
-/// Brings the row sums of leaves to the targets in `states`, starting from `sampled` row sums with all factors 1. `closed` says by
+/// Brings the row sums of leaves to their targets, starting from `sampled` row sums with all factors 1. `closed` says by
 /// side whether no light leaves the scene from its leaves. After the deadline fewer rounds are made.
 ///
 /// Rows of open scenes are not normalised: scaling them to the sums that rays find was tried; it scales dim light that is right and
@@ -179,8 +181,7 @@ impl BalancedRows for LinkRows<'_> {
 ///
 /// Returns the number of leaves whose light would have grown without end and was bounded.
 pub fn normalise_link_rows(
-    elements: &Elements,
-    states: &mut [ElementState],
+    elements: &mut Elements,
     nodes: &mut ActiveNodes,
     closed: &[bool],
     (row_sums, sampled): (RowSums, &[f64]),
@@ -188,28 +189,28 @@ pub fn normalise_link_rows(
 ) -> usize {
     let mut sums = sampled.to_vec();
     if row_sums == RowSums::Balanced {
-        let mut rows = LinkRows { elements, states, nodes, closed };
+        let mut rows = LinkRows { elements, nodes, closed };
         sums = balance(&mut rows, sums, &LINK_ROWS, deadline);
         // The remainder is corrected where light is gathered.
         for (e, sum) in sums.iter_mut().enumerate() {
             if let Some((target, _)) = rows.target(e, *sum) {
-                rows.states[e].factors.gathers *= (target / *sum) as f32;
+                *rows.factor(e) *= (target / *sum) as f32;
                 *sum = target;
             }
         }
     }
-    bound_growing_rows(elements, states, &sums)
+    bound_growing_rows(elements, &sums)
 }
 
 /// Leaves with a row sum above 1, which no form factors have, and reflect so much that their light would hardly decay, gather as
 /// if the sum were 1. Returns their number.
-fn bound_growing_rows(elements: &Elements, states: &mut [ElementState], sums: &[f64]) -> usize {
+fn bound_growing_rows(elements: &mut Elements, sums: &[f64]) -> usize {
     let mut bounded = 0;
     for (e, &sum) in sums.iter().enumerate() {
         let Shape::Surface { side, .. } = elements.elements[e].shape else { continue };
         let reflectance = elements.sides[side as usize].reflectance.into_iter().fold(0.0, f32::max);
         if sum > 1.0 && sum * f64::from(reflectance) > MAX_RETURNED {
-            states[e].factors.gathers /= sum as f32;
+            elements.states[e].factors.gathers /= sum as f32;
             bounded += usize::from(elements.elements[e].is_leaf());
         }
     }
