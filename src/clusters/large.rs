@@ -45,15 +45,6 @@ fn patches(scene: &Scene, candidates: &[u32]) -> Vec<Vec<u32>> {
             triangle_normal(a, b, c)
         })
         .collect();
-    let mut edges: Vec<(u32, u32, u32)> = candidates
-        .iter()
-        .enumerate()
-        .flat_map(|(i, &t)| {
-            let [a, b, c] = scene.triangles[t as usize];
-            [(a, b), (b, c), (c, a)].map(|(p, q)| (p.min(q), p.max(q), i as u32))
-        })
-        .collect();
-    edges.par_sort_unstable();
     let mut leader: Vec<u32> = (0..candidates.len() as u32).collect();
     fn find(leader: &mut [u32], mut i: u32) -> u32 {
         while leader[i as usize] != i {
@@ -62,7 +53,7 @@ fn patches(scene: &Scene, candidates: &[u32]) -> Vec<Vec<u32>> {
         }
         i
     }
-    for pair in edges.windows(2) {
+    for pair in scene.edges_of(candidates).windows(2) {
         let ((a0, b0, i), (a1, b1, j)) = (pair[0], pair[1]);
         if (a0, b0) == (a1, b1) {
             // Compare with the representative's normal, not the neighbour's: small angles must not add up around a

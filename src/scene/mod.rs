@@ -74,6 +74,7 @@ pub use write_obj::{mtl_path, write_obj};
 
 use crate::{Result, math::Aabb};
 use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 use std::{path::PathBuf, sync::Arc};
 
 /// A named range of faces: an OBJ object or group, a glTF node, a PLY file.
@@ -245,6 +246,17 @@ impl Scene {
     #[inline]
     pub(crate) fn corners(&self, triangle: u32) -> [Vec3; 3] {
         self.triangles[triangle as usize].map(|v| self.positions[v as usize])
+    }
+
+    /// The edges of some triangles, ascending: both vertices, the smaller index first, and the place of the triangle in the list.
+    pub(crate) fn edges_of(&self, triangles: &[u32]) -> Vec<(u32, u32, u32)> {
+        let edges_of_triangle = |(i, &t): (u32, &u32)| {
+            let [a, b, c] = self.triangles[t as usize];
+            [(a, b), (b, c), (c, a)].map(|(p, q)| (p.min(q), p.max(q), i))
+        };
+        let mut edges: Vec<(u32, u32, u32)> = (0..).zip(triangles).flat_map(edges_of_triangle).collect();
+        edges.par_sort_unstable();
+        edges
     }
 
     /// The scene's own faces of the objects, groups or materials called `name`, ascending. Placements are not

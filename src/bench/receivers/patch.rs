@@ -1,7 +1,7 @@
 //! Planar patches of surfaces.
 
 use super::inscribed::inscribed;
-use super::rectangle::{Rectangle, edges, fit};
+use super::rectangle::{Rectangle, fit};
 use super::relief::points as relief_points;
 use crate::bench::workload::ReceiverPoint;
 use crate::clusters::MIN_COPLANAR_COSINE;
@@ -158,7 +158,8 @@ pub(super) fn relief<'a>(
 
 /// Pairs of indices into `triangles` that share an edge, in both orders, ascending.
 fn neighbours(scene: &Scene, triangles: &[u32]) -> Vec<(u32, u32)> {
-    let mut pairs: Vec<(u32, u32)> = edges(scene, triangles)
+    let mut pairs: Vec<(u32, u32)> = scene
+        .edges_of(triangles)
         .chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))
         .flat_map(|run| {
             // More than eight faces at one edge form a fan; each is joined to its next neighbour only.

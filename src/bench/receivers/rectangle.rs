@@ -2,7 +2,6 @@
 
 use crate::scene::Scene;
 use glam::{DVec2, DVec3, Vec3};
-use rayon::prelude::*;
 
 /// Number of longest outer edges that are tried: limits the time for finely tessellated outlines to 64 rectangles.
 const DIRECTIONS: usize = 64;
@@ -41,26 +40,13 @@ impl Rectangle {
     }
 }
 
-/// Edges as pairs of vertices with the index of their triangle, ascending.
-pub(super) fn edges(scene: &Scene, triangles: &[u32]) -> Vec<(u32, u32, u32)> {
-    let mut edges: Vec<(u32, u32, u32)> = triangles
-        .iter()
-        .enumerate()
-        .flat_map(|(i, &t)| {
-            let [a, b, c] = scene.triangles[t as usize];
-            [(a, b), (b, c), (c, a)].map(|(p, q)| (p.min(q), p.max(q), i as u32))
-        })
-        .collect();
-    edges.par_sort_unstable();
-    edges
-}
-
 /// The smallest rectangle around the triangles in their plane with a side along one of their outer edges. (The
 /// smallest of all rectangles has a side along the convex hull.) `None` if it has no area.
 pub(super) fn fit(scene: &Scene, triangles: &[u32], normal: DVec3) -> Option<Rectangle> {
     let (u, v) = normal.any_orthonormal_pair();
     let flat = |p: Vec3| DVec2::new(p.as_dvec3().dot(u), p.as_dvec3().dot(v));
-    let mut outer: Vec<DVec2> = edges(scene, triangles)
+    let mut outer: Vec<DVec2> = scene
+        .edges_of(triangles)
         .chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))
         .filter(|run| run.len() == 1)
         .map(|run| flat(scene.positions[run[0].1 as usize]) - flat(scene.positions[run[0].0 as usize]))
