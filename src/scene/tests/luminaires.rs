@@ -1,9 +1,9 @@
 //! Luminaires with photometric files and lights of glTF: light at a distance is I cos θ / d².
 
 use super::*;
-use crate::model::{Detail, Model, PrepareOptions};
+use crate::model::{Detail, Model, testing::model};
 use crate::path_tracer::{Settings, irradiance};
-use crate::points::Point;
+use crate::points::{Irradiance, Point};
 use crate::radiosity;
 use crate::scene::{UpAxis, read_placements};
 use glam::{DVec3, dvec3};
@@ -31,6 +31,16 @@ fn candelas(c: usize, gamma: f64) -> f64 {
     row[i] + part * (row[i + 1] - row[i])
 }
 
+/// Irradiance at points by path tracing, and the solution of the scene with its values there.
+fn reference_and_solution(scene: &Scene, points: &[Point]) -> (Irradiance, radiosity::Outcome) {
+    let settings = Settings { samples: 1024, direct_only: false, seed: 1 };
+    let reference = irradiance(&model(scene, Detail::Rays), points, settings, &|_| ()).expect("reference");
+    let options = radiosity::Options { seed: 1, ..Default::default() };
+    let model = Model::prepare(scene.clone(), &options.prepare(), &()).expect("a model");
+    let solved = radiosity::run(&model, points, &options, &()).expect("solved");
+    (reference, solved)
+}
+
 #[test]
 fn light_below_a_luminaire_is_that_of_its_file() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -52,14 +62,7 @@ fn light_below_a_luminaire_is_that_of_its_file() {
             candelas(c, cosine.acos().to_degrees()) * cosine / d2 / 179.0
         })
         .collect();
-    let model =
-        Model::prepare(scene.clone(), &PrepareOptions { detail: Detail::Rays, ..Default::default() }, &())
-            .expect("a model");
-    let settings = Settings { samples: 1024, direct_only: false, seed: 1 };
-    let reference = irradiance(&model, &points, settings, &|_| ()).expect("reference");
-    let options = radiosity::Options { seed: 1, ..Default::default() };
-    let model = Model::prepare(scene, &options.prepare(), &()).expect("a model");
-    let solved = radiosity::run(&model, &points, &options, &()).expect("solved");
+    let (reference, solved) = reference_and_solution(&scene, &points);
     for (i, want) in want.iter().enumerate() {
         let (r, s) = (reference.values[i][1], solved.irradiance[i][1]);
         // The opening is 1/20 of the distance: the kink of a table in steps of 30 degrees is smoothed by about 1 %.
@@ -174,9 +177,7 @@ fn punctual_lights_of_gltf() {
         assert!(scene.size() < 26.0, "{}", scene.size());
         let notes = &scene.repairs.messages;
         assert!(notes.iter().any(|m| m.contains("1 lights of KHR_lights_punctual became")), "{notes:?}");
-        let model =
-            Model::prepare(scene, &PrepareOptions { detail: Detail::Rays, ..Default::default() }, &())
-                .expect("a model");
+        let model = model(&scene, Detail::Rays);
         let points = [DVec3::ZERO, dvec3(2.0, 0.0, 0.0)].map(|position| Point { position, normal: DVec3::Y });
         let settings = Settings { samples: 256, direct_only: true, seed: 1 };
         irradiance(&model, &points, settings, &|_| ())
@@ -239,14 +240,7 @@ fn light_in_a_room_with_a_downlight_is_that_of_the_reference() {
     let points: Vec<Point> = (0..256)
         .map(|k| Point { position: dvec3(grid(k % 16), grid(k / 16), 0.0), normal: DVec3::Z })
         .collect();
-    let model =
-        Model::prepare(scene.clone(), &PrepareOptions { detail: Detail::Rays, ..Default::default() }, &())
-            .expect("a model");
-    let settings = Settings { samples: 1024, direct_only: false, seed: 1 };
-    let reference = irradiance(&model, &points, settings, &|_| ()).expect("reference");
-    let options = radiosity::Options { seed: 1, ..Default::default() };
-    let model = Model::prepare(scene, &options.prepare(), &()).expect("a model");
-    let solved = radiosity::run(&model, &points, &options, &()).expect("solved");
+    let (reference, solved) = reference_and_solution(&scene, &points);
     let mean = |values: &[[f64; 3]]| values.iter().map(|v| v[1]).sum::<f64>() / values.len() as f64;
     let (want, found) = (mean(&reference.values), mean(&solved.irradiance));
     assert!((found / want - 1.0).abs() < 0.01, "points: {found} instead of {want}");
