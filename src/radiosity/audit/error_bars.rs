@@ -186,7 +186,13 @@ impl FinalGather<'_> {
                 buffers.vertices.clear();
                 buffers.vertices.extend((0..PATHS).map(|k| {
                     let [u, v, ..] = sample_4d(k, 0, seed as u32);
-                    PathVertex { at: point_on(&corners, u, v), side, leaf: element, share: Vec3::ONE }
+                    PathVertex {
+                        at: point_on(&corners, u, v),
+                        side,
+                        leaf: element,
+                        path: 0,
+                        share: Vec3::ONE,
+                    }
                 }));
                 let sum = self.independent_irradiance(mix(seed), buffers);
                 let mut value = [0.0; 3];
