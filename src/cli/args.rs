@@ -92,6 +92,7 @@ impl Common {
             // A closed standard error is ignored.
             let _ = std::io::stderr().write_all(text.as_bytes());
             return Ok(());
+        let text = printable(text);
         }
         super::print(text)
     }
@@ -132,6 +133,12 @@ pub struct Spinner(ProgressBar);
 
 impl Spinner {
     /// Removes the spinner.
+/// A text without control characters, which a terminal could obey, besides ends of lines and tabs. Names and messages from files are
+/// in it.
+fn printable(text: &str) -> String {
+    text.chars().filter(|&c| !c.is_control() || c == '\n' || c == '\t').collect()
+}
+
     pub fn clear(&self) {
         self.0.finish_and_clear();
     }
@@ -221,7 +228,7 @@ const MAX_COPIED_TRIANGLES: u64 = 20_000_000;
 /// Writes warnings to standard error, one per line. A closed standard error is ignored.
 pub fn warn(common: &Common, messages: &[String]) {
     for message in messages.iter().filter(|_| !common.quiet) {
-        let _ = writeln!(std::io::stderr(), "mrvis: warning: {}", with_flags(message));
+        let _ = writeln!(std::io::stderr(), "mrvis: warning: {}", printable(&with_flags(message)));
     }
 }
 

@@ -3,8 +3,10 @@
 //! Parsed here: the one maintained crate for both formats, `eulumdat`, is under a licence (AGPL) that this crate cannot use.
 
 use super::profile::{Distribution, Symmetry};
+use super::sources::text_of;
+use crate::error::{figure, quote};
 use crate::files::input;
-use crate::{Error, Result, error::quote};
+use crate::{Error, Result};
 use std::f64::consts::PI;
 use std::path::Path;
 
@@ -54,12 +56,12 @@ fn whole(value: f64, line: usize, what: &str, most: usize) -> Result<usize, Wron
     if value.fract() == 0.0 && (1.0..=most as f64).contains(&value) {
         Ok(value as usize)
     } else {
-        Err((line, format!("{what}: {value} is not a whole number in 1 to {most}")))
+        Err((line, format!("{what}: {} is not a whole number in 1 to {most}", figure(value))))
     }
 }
 
 fn wrong_intensity(candelas: f64) -> String {
-    format!("an intensity of {candelas} cd is not in 0 to {MAX_CANDELAS:e}")
+    format!("an intensity of {} cd is not in 0 to {MAX_CANDELAS:e}", figure(candelas))
 }
 
 /// Checks a list of angles in degrees.

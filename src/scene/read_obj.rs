@@ -13,7 +13,8 @@ use super::{
     soup::Names,
     sources::{Sources, beside},
 };
-use crate::{Error, Result, error::quote};
+use crate::error::{figure, quote};
+use crate::{Error, Result};
 use glam::DVec3;
 use std::{
     io::{self, BufRead, Read},
@@ -201,7 +202,8 @@ impl<'a, R: BufRead> Lines<'a, R> {
         for c in &xyzw[..3] {
             let c = c / xyzw[3];
             if !c.is_finite() || c.abs() > MAX_COORDINATE {
-                let what = format!("the coordinate {c} is not finite or beyond ±{MAX_COORDINATE:e}");
+                let what =
+                    format!("the coordinate {} is not finite or beyond ±{MAX_COORDINATE:e}", figure(c));
                 return Err(self.wrong(format!("{what}; mend the vertex `v {}`", quote(rest))));
             }
         }

@@ -125,7 +125,31 @@ fn messages_quote_little_of_a_file() {
     let told = scratch.mrvis(&["bench", "long.obj", "--receiver", "nowhere"]);
     refused(&told, "nowhere");
     assert!(told.stderr.chars().count() < 600 && !told.stderr.contains('\u{1b}'), "{}", told.stderr);
-    assert!(!scratch.mrvis(&["info", "long.obj"]).stdout.contains('\u{1b}'));
+    let short = |told: &str| !told.contains('\u{1b}') && told.lines().all(|line| line.chars().count() < 200);
+    let told = scratch.mrvis(&["info", "long.obj", "--all"]);
+    assert!(short(&told.stdout) && told.stdout.contains("a[31mbbb"), "{}", told.stdout);
+    // The mesh is placed twice, so it is shared.
+    let esc = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,1]}],
+        "nodes":[{"mesh":0},{"mesh":0,"translation":[0,0,2]}],
+        "meshes":[{"name":"NAME","primitives":[{"attributes":{"POSITION":0}}]}],
+        "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}],
+        "bufferViews":[{"buffer":0,"byteLength":36}],
+        "buffers":[{"uri":"data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA","byteLength":36}]}"#;
+    scratch.write(
+        "esc.gltf",
+        esc.replace("NAME", &format!("\\u001b[31m\\u001b]0;t\\u0007{}", "m".repeat(5000))),
+    );
+    let told = scratch.mrvis(&["info", "esc.gltf"]);
+    done(&told);
+    assert!(short(&told.stdout) && !told.stdout.contains('\u{7}'), "{}", told.stdout);
+    assert!(told.stdout.contains("[31m]0;tmmm"), "{}", told.stdout);
+    // Of a long path the end is shown.
+    scratch.write("far.obj", SCENE.replace("scene.mtl", &format!("{}/end.mtl", "d/".repeat(300))));
+    let told = scratch.mrvis(&["info", "far.obj"]);
+    assert!(short(&told.stdout) && told.stdout.contains("/d/end.mtl"), "{}", told.stdout);
+    let told = scratch.mrvis(&["info", "scene.obj", "--emitter", "lamp=1e300"]);
+    refused(&told, "1e300 W");
+    assert!(told.stderr.chars().count() < 200, "{}", told.stderr);
     scratch.write("number.obj", format!("v 0 0 {}\n", "9x".repeat(5000)));
     let told = scratch.mrvis(&["info", "number.obj"]);
     refused(&told, "is not a number");

@@ -1,7 +1,8 @@
 //! The record of a benchmark as text.
 
 use super::super::args::grouped;
-use crate::bench::record::{Build, MrRow, Record, ScalingRow, Target, UnbiasedRow};
+use crate::bench::record::{Build, MrRow, NO_FASTER, Record, ScalingRow, Target, UnbiasedRow};
+use crate::error::quote;
 use crate::plot::number;
 use std::fmt::Write as _;
 
@@ -32,7 +33,7 @@ fn head(record: &Record) -> String {
     let _ = writeln!(
         text,
         "{}: {} triangles, {} objects, {} emitters, {} closed parts, {} sheets, {} clusters in {} levels",
-        scene.path,
+        quote(&scene.path),
         scene.triangles,
         scene.objects,
         scene.emitters,

@@ -12,10 +12,11 @@ mod sharing;
 
 use super::{
     LoadOptions, MAX_PLACEMENTS, Repairs, Scene, SoupMaterial, StoredCamera,
-    sources::{Sources, TextureKey, shown},
+    sources::{Sources, TextureKey},
     texture::Texture,
 };
-use crate::{Error, Result, error::quote};
+use crate::error::{quote, shown};
+use crate::{Error, Result};
 use base64::{Engine, engine::general_purpose::STANDARD};
 use gltf::Gltf;
 use serde::de::{Deserialize, Deserializer, IgnoredAny, SeqAccess, Visitor};

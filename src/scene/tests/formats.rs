@@ -39,10 +39,7 @@ fn obj_errors_name_the_line() {
         assert!(text.starts_with(want), "{obj}\n  {text}\n  {want}");
     };
     check(&format!("{SQUARE}v 0 nan 0\nf 1 2 3\n"), ":5: the coordinate NaN is not finite");
-    check(
-        "# c\n\nv 1e30 0 0\n",
-        ":3: the coordinate 1000000000000000000000000000000 is not finite or beyond",
-    );
+    check("# c\n\nv 1e30 0 0\n", ":3: the coordinate 1e30 is not finite or beyond");
     check("v 1e999 0 0\n", ":1: the coordinate inf is not finite");
     check("v 1 0 0 0\n", ":1: the coordinate inf");
     check("v 1 0\n", ":1: `v 1 0`: a vertex has three coordinates");
