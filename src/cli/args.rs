@@ -1,6 +1,10 @@
 //! Arguments shared by several subcommands.
 
-use super::{flags::with_flags, inputs::Inputs, limits};
+use super::{
+    flags::with_flags,
+    inputs::{Inputs, Output},
+    limits,
+};
 use crate::{
     Error, Result,
     files::WholeFile,
@@ -111,9 +115,10 @@ impl Common {
     /// Refuses a JSON file that would replace an input.
     ///
     /// # Errors
-    /// [`Error::Argument`] if it would.
-    pub fn check_outputs(&self, inputs: &Inputs) -> Result<()> {
-        self.json.as_deref().map_or(Ok(()), |json| inputs.check_file(json))
+    /// As [`Inputs::check`].
+    pub fn check_outputs(&self, inputs: &Inputs, outputs: impl IntoIterator<Item = Output>) -> Result<()> {
+        let json = self.json.as_deref().filter(|_| !self.json_is_piped());
+        inputs.check(outputs.into_iter().chain(json.map(|path| Output::new("--json", path))))
     }
 
     /// Writes the JSON if requested.

@@ -1,7 +1,7 @@
 //! `mrvis form-factors SCENE --out FILE`: the matrix of obstructed form factors.
 
 use super::args::{Common, SceneArgs, check_file, file_name, grouped, warn};
-use super::inputs::Inputs;
+use super::inputs::{Inputs, Output};
 use super::limits::{self, GIB};
 use super::progress::Bar;
 use crate::{
@@ -72,8 +72,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     }
     let scene = args.scene.load_flat(common)?;
     let inputs = Inputs::of(scene.files.iter().map(PathBuf::as_path));
-    inputs.check_file(&args.out)?;
-    common.check_outputs(&inputs)?;
+    common.check_outputs(&inputs, [Output::new("--out", &args.out)])?;
     warn(common, &scene.repairs.messages);
     let facets = Facets::new(&scene);
     let mut settings = Settings {

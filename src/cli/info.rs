@@ -31,7 +31,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let start = Instant::now();
     let scene = args.scene.load(&args.common)?;
     let seconds = start.elapsed().as_secs_f64();
-    args.common.check_outputs(&Inputs::of(scene.files.iter().map(PathBuf::as_path)))?;
+    args.common.check_outputs(&Inputs::of(scene.files.iter().map(PathBuf::as_path)), [])?;
     let counts = {
         let _spinner = args.common.spinner("clustering");
         ClusterCounts::of(&scene)

@@ -8,7 +8,7 @@ mod watch;
 
 use super::args::{CacheArgs, Common, SceneArgs, check_folder, shell_word};
 use super::flags::with_flags;
-use super::inputs::Inputs;
+use super::inputs::{Inputs, Output};
 use super::outputs::{Outputs, Written};
 use super::progress::Bar;
 use crate::bench::side_by_side::{ComparedRecord, Versus, side_by_side};
@@ -224,13 +224,10 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
     let scene = scene.load_flat(&args.common)?;
     let read = scene.files.iter().chain(&args.points).chain(&args.feature_sizes);
     let inputs = Inputs::of(read.map(PathBuf::as_path));
-    args.common.check_outputs(&inputs)?;
-    let with_points = args.points.is_some();
-    inputs.check_folder(out, |name| {
-        name == "solution.json"
-            || (with_points && name == "irradiance.csv")
-            || args.outputs.writes(name, with_points)
-    })?;
+    let mut written = args.outputs.names(&scene, args.points.is_some());
+    written.push("solution.json".into());
+    written.extend(args.points.as_ref().map(|_| "irradiance.csv".into()));
+    args.common.check_outputs(&inputs, Output::within("--out", out, written))?;
     if args.importance_camera {
         options.views = views(&scene, args.outputs.camera)?;
     }

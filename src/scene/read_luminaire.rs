@@ -37,15 +37,18 @@ pub struct Luminaire {
 
 /// Reads a file by its extension: `.ies`, or `.ldt` and `.eul`.
 pub fn read(path: &Path) -> Result<Luminaire> {
+    parse(path, || input::read(path, MAX_BYTES))
+}
+
+/// The luminaire of a file called `path` with the content `bytes`, which is read if the extension is right.
+pub fn parse(path: &Path, bytes: impl FnOnce() -> Result<Vec<u8>>) -> Result<Luminaire> {
     let kind = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     let parse = match kind.as_str() {
         "ies" => ies,
         "ldt" | "eul" => eulumdat,
         _ => return Err(Error::format(path, None, "the extension must be .ies, .ldt or .eul")),
     };
-    let bytes = input::read(path, MAX_BYTES)?;
-    let luminaire = parse(&String::from_utf8_lossy(&bytes));
-    luminaire.map_err(|(line, what)| Error::format(path, Some(line), what))
+    parse(&text_of(&bytes()?)).map_err(|(line, what)| Error::format(path, Some(line), what))
 }
 
 /// The line, counted from 1, and what is wrong there.
