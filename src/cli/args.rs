@@ -92,13 +92,13 @@ impl Common {
         if self.quiet {
             return Ok(());
         }
+        let text = printable(text);
         if self.json_is_piped() {
             // A closed standard error is ignored.
             let _ = std::io::stderr().write_all(text.as_bytes());
             return Ok(());
-        let text = printable(text);
         }
-        super::print(text)
+        super::print(&text)
     }
 
     /// Checks before the work that the JSON file can be written.
@@ -112,7 +112,7 @@ impl Common {
         }
     }
 
-    /// Refuses a JSON file that would replace an input.
+    /// Refuses outputs of the command that would replace an input, each other or the JSON file.
     ///
     /// # Errors
     /// As [`Inputs::check`].
@@ -133,17 +133,17 @@ impl Common {
     }
 }
 
-/// A spinner on the terminal; see [`Common::spinner`].
-pub struct Spinner(ProgressBar);
-
-impl Spinner {
-    /// Removes the spinner.
 /// A text without control characters, which a terminal could obey, besides ends of lines and tabs. Names and messages from files are
 /// in it.
 fn printable(text: &str) -> String {
     text.chars().filter(|&c| !c.is_control() || c == '\n' || c == '\t').collect()
 }
 
+/// A spinner on the terminal; see [`Common::spinner`].
+pub struct Spinner(ProgressBar);
+
+impl Spinner {
+    /// Removes the spinner.
     pub fn clear(&self) {
         self.0.finish_and_clear();
     }
@@ -187,6 +187,17 @@ impl SceneArgs {
     /// How luminous quantities are reported, if they are asked for.
     pub fn photometry(&self) -> Option<Photometry> {
         self.photometric.map(Photometry::from)
+    }
+
+    /// Refuses luminous quantities, for commands that compute no light.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] if they are asked for.
+    pub fn without_light(&self) -> Result<()> {
+        self.photometric.map_or(Ok(()), |_| {
+            let what = "has no effect here: nothing that this command writes is light";
+            Err(Error::Argument(format!("--photometric {what}; omit it")))
+        })
     }
 
     /// Reads the scene.
@@ -308,6 +319,13 @@ pub fn shell_word(text: &str) -> String {
     } else {
         format!("'{}'", text.replace('\'', "'\\''"))
     }
+}
+
+/// The command line of this run, for a shell.
+pub fn command_line() -> String {
+    let words = std::env::args_os().skip(1).map(|word| shell_word(&word.to_string_lossy()));
+    let words: Vec<String> = std::iter::once("mrvis".into()).chain(words).collect();
+    words.join(" ")
 }
 
 /// Checks that a file can be written, without changing it.

@@ -1,7 +1,6 @@
 //! `mrvis bench SCENE`: exact against multi-resolution visibility on the same segments.
 
 mod pictures;
-mod repeat;
 mod table;
 
 use super::args::{CacheArgs, Common, SceneArgs, check_folder, command_line};
@@ -12,8 +11,8 @@ use crate::bench::{self, Options, Target, page};
 use crate::image_io::write_atomically;
 use crate::model::Model;
 use crate::optics::{self, Extinction};
-use crate::scene::Scene;
 use crate::progress::Progress;
+use crate::scene::Scene;
 use crate::threads::Threads;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -24,6 +23,7 @@ use std::time::Instant;
 /// an HTML report.
 #[derive(Clone, Debug, clap::Args)]
 #[command(mut_arg("scene", |a| a.required(false).required_unless_present("scaling")))]
+#[command(mut_arg("photometric", |a| a.hide(true)))]
 pub struct Args {
     #[command(flatten)]
     pub scene: Option<SceneArgs>,
@@ -154,15 +154,16 @@ fn run_on_all_cores(args: &Args) -> Result<ExitCode> {
         args.check_scaling_alone()?;
     }
     args.scaling.map_or(Ok(()), bench::check_scaling)?;
+    args.scene.as_ref().map_or(Ok(()), SceneArgs::without_light)?;
     common.check_json()?;
     if let Some(folder) = &args.out {
         check_folder(folder)?;
     }
     let scaling = |bar: &Bar| args.scaling.map(|n| bench::scaling(&options, n, bar)).transpose();
     let Some(scene) = &args.scene else {
-        let bar = Bar::new(common.quiet);
         let page = args.out.as_ref().map(|folder| Output::new("--out", folder.join(REPORT)));
         common.check_outputs(&Inputs::default(), page)?;
+        let bar = Bar::new(common.quiet);
         let record = scaling(&bar)?.unwrap_or_default();
         bar.finish();
         let mut text = table::scaling(&record.scaling);
@@ -189,7 +190,7 @@ fn run_on_all_cores(args: &Args) -> Result<ExitCode> {
     let mut text = table::table(&record);
     if let Some(folder) = &args.out {
         pictures::write_pictures(folder, &images)?;
-        text += &write_page(folder, &page::render(&record, &images, &repeat::command_line(&record))?)?;
+        text += &write_page(folder, &page::render(&record, &images, &command_line())?)?;
     }
     common.write_json(&record)?;
     bar.finish();
@@ -198,7 +199,6 @@ fn run_on_all_cores(args: &Args) -> Result<ExitCode> {
     Ok(ExitCode::from(u8::from(record.target.is_some_and(|target| !target.met))))
 }
 
-/// Writes the report; returns a line with its path.
 /// Refuses outputs that would replace an input or each other.
 fn check_outputs(args: &Args, scene: &Scene) -> Result<()> {
     let inputs = Inputs::of(scene.files.iter().map(PathBuf::as_path));
@@ -224,6 +224,7 @@ fn check_outputs(args: &Args, scene: &Scene) -> Result<()> {
 /// Name of the report.
 const REPORT: &str = "report.html";
 
+/// Writes the report; returns a line with its path.
 fn write_page(folder: &Path, page: &str) -> Result<String> {
     let path = folder.join(REPORT);
     write_atomically(&path, page.as_bytes())?;

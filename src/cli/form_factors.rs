@@ -20,6 +20,7 @@ use std::{fmt::Write as _, path::PathBuf, process::ExitCode, time::Instant};
 /// F(from, to) is the fraction of the light from the front of `from` that arrives at the front of `to`. Row sums,
 /// escaped light and light lost on back sides are reported; A F is symmetric by construction.
 #[derive(clap::Args, Debug)]
+#[command(mut_arg("photometric", |a| a.hide(true)))]
 pub struct Args {
     #[command(flatten)]
     scene: SceneArgs,
@@ -64,6 +65,7 @@ enum Enforce {
 
 pub fn run(args: &Args) -> Result<ExitCode> {
     let common = &args.common;
+    args.scene.without_light()?;
     let format = Format::of(&args.out)?;
     check_file(&args.out)?;
     common.check_json()?;

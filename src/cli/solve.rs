@@ -6,7 +6,7 @@ pub mod sizes;
 mod summary;
 mod watch;
 
-use super::args::{CacheArgs, Common, SceneArgs, check_folder, shell_word};
+use super::args::{CacheArgs, Common, SceneArgs, check_folder, command_line};
 use super::flags::with_flags;
 use super::inputs::{Inputs, Output};
 use super::outputs::{Outputs, Written};
@@ -289,9 +289,7 @@ fn write(
         save(&record)?;
     }
     if args.outputs.wants_page() {
-        let words = std::env::args().skip(1).map(|word| shell_word(&word));
-        let command: Vec<String> = std::iter::once("mrvis".into()).chain(words).collect();
-        let page = solve_page(&record.compared.record, (scene, &mesh), &views, &command.join(" "))?;
+        let page = solve_page(&record.compared.record, (scene, photometry, &mesh), &views, &command_line())?;
         files.push(out.join("solution.html"));
         WholeFile::write(&files[files.len() - 1], page)?;
     }
