@@ -192,6 +192,14 @@ fn gltf_nodes_and_materials() {
     };
     check("\"count\":4,\"type\":\"S", "\"count\":5,\"type\":\"S", "lies outside its buffer view");
     check("\"count\":4,\"type\":\"S", "\"count\":0,\"type\":\"S", "");
+    let glass = |factor: &str| {
+        let transmission =
+            format!(r#""extensions":{{"KHR_materials_transmission":{{"transmissionFactor":{factor}}},"#);
+        let file = glb(|j| j.replacen(r#""extensions":{"#, &transmission, 1));
+        let messages = load_bytes("glb", &file).expect("a square").repairs.messages;
+        messages.iter().any(|m| m.starts_with("1 materials transmit light"))
+    };
+    assert!(glass("0.9") && !glass("0"));
     check("\"byteOffset\":48", "\"byteOffset\":4294967290", "lies outside its buffer");
     check("\"indices\":1", "\"indices\":7", "not a usable glTF");
     check("\"type\":\"SCALAR\"", "\"type\":\"VEC2\"", "");
