@@ -108,7 +108,7 @@ install: setup
 
 # libFuzzer, guided by the code that is reached; `cargo test` runs the same readers for a minute without guidance. Inputs that
 # fail are kept as target/fuzz/READER-crash-… and the like, others that reach new code in target/fuzz/corpus.
-FUZZ_READERS := obj mtl ply gltf glb cache csv toml
+FUZZ_READERS := obj mtl ply gltf glb cache csv toml ies ldt placements
 FUZZ_FLAGS := -Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 -Cllvm-args=-sanitizer-coverage-trace-compares \
   -Cllvm-args=-sanitizer-coverage-inline-8bit-counters -Cllvm-args=-sanitizer-coverage-pc-table
 FUZZ_DIR := $(TARGET_DIR)/fuzz
@@ -121,7 +121,7 @@ fuzz: setup
 	  mkdir -p "$(FUZZ_DIR)/corpus/$$reader" tests/corpus/$$reader && \
 	  READER=$$reader SEEDS="$(FUZZ_DIR)/corpus/$$reader" "$(FUZZ_DIR)/$$host/release/mrvis-fuzz" \
 	    "$(FUZZ_DIR)/corpus/$$reader" tests/corpus/$$reader -artifact_prefix="$(FUZZ_DIR)/$$reader-" -verbosity=0 \
-	    -print_final_stats=1 -max_total_time=$$(($(FUZZ_SECONDS) / 8)) -timeout=20 -rss_limit_mb=4096 -max_len=65536 \
+	    -print_final_stats=1 -max_total_time=$$(($(FUZZ_SECONDS) / $(words $(FUZZ_READERS)))) -timeout=20 -rss_limit_mb=4096 -max_len=65536 \
 	    || exit 1; \
 	done
 

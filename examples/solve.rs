@@ -22,6 +22,7 @@ fn main() -> mrvis::Result<()> {
     for (point, [red, green, blue]) in points.iter().zip(light.irradiance(&points)?) {
         println!("{:6} {red:10.3} {green:10.3} {blue:10.3}", point.position[0]);
     }
-    println!("{} elements, estimated error {:.1} %", light.element_count(), 100.0 * light.error_estimate());
+    let error = light.error_estimate().map_or("unknown".into(), |e| format!("{:.1} %", 100.0 * e));
+    println!("{} elements, estimated error {error}", light.element_count());
     Ok(())
 }

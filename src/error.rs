@@ -95,15 +95,13 @@ impl Error {
     }
 }
 
-/// Longest path in a message, characters: a file can name another by a path of any length.
-const MAX_PATH: usize = 300;
-
-/// A path for a message: without control characters; of a long one the end.
-fn shown(path: &Path) -> String {
+/// A path for a message: without control characters; of one with more than [`MAX_QUOTED`] characters the end, which has the name of
+/// the file.
+pub(crate) fn shown(path: &Path) -> String {
     let text: Vec<char> = path.display().to_string().chars().filter(|c| !c.is_control()).collect();
-    match text.len().checked_sub(MAX_PATH) {
+    match text.len().checked_sub(MAX_QUOTED) {
         None | Some(0) => text.into_iter().collect(),
-        Some(more) => std::iter::once('…').chain(text.into_iter().skip(more)).collect(),
+        Some(more) => std::iter::once('…').chain(text.into_iter().skip(more + 1)).collect(),
     }
 }
 
@@ -122,6 +120,12 @@ pub(crate) fn quote(text: &str) -> String {
     short
 }
 
+/// A number of a file or an option for a message: with an exponent if it has more than 20 digits otherwise.
+pub(crate) fn figure(value: f64) -> String {
+    let text = value.to_string();
+    if text.len() <= 20 { text } else { format!("{value:e}") }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -130,7 +134,8 @@ mod tests {
     #[test]
     fn paths_are_short_and_printable() {
         let text = Error::io("a/\u{1b}[1mb".repeat(99), ErrorKind::NotFound.into()).to_string();
-        assert!(text.chars().count() < MAX_PATH + 30 && text.starts_with('…') && !text.contains('\u{1b}'));
+        let (path, _) = text.split_once(": ").expect("a path");
+        assert!(path.chars().count() == MAX_QUOTED && path.starts_with('…') && !path.contains('\u{1b}'));
         assert_eq!(Error::io("a b.obj", ErrorKind::NotFound.into()).to_string(), "a b.obj: entity not found");
     }
 
@@ -139,6 +144,13 @@ mod tests {
         assert_eq!(quote("a\u{1b}[31m b"), "a[31m b");
         assert_eq!(quote(&"é".repeat(80)), "é".repeat(80));
         assert_eq!(quote(&"é".repeat(81)), "é".repeat(79) + "…");
+    }
+
+    #[test]
+    fn figures_are_short() {
+        assert_eq!(figure(-2.5), "-2.5");
+        assert_eq!(figure(1e300), "1e300");
+        assert_eq!(figure(1e-200), "1e-200");
     }
 
     #[test]

@@ -30,7 +30,8 @@ pub mod readers {
     use std::path::Path;
 
     /// Names of the readers.
-    pub const NAMES: [&str; 8] = ["obj", "mtl", "ply", "gltf", "glb", "cache", "csv", "toml"];
+    pub const NAMES: [&str; 11] =
+        ["obj", "mtl", "ply", "gltf", "glb", "cache", "csv", "toml", "ies", "ldt", "placements"];
 
     /// Reads the content of a file with a reader of [`NAMES`]. Files that it names do not exist.
     ///
@@ -55,6 +56,11 @@ pub mod readers {
             }
             "csv" => drop(points::irradiance_of(folder, bytes)?),
             "toml" => drop(crate::cli::feature_sizes(folder, bytes)?),
+            "ies" | "ldt" | "placements" => {
+                let scene = scene::lit_from_memory(reader, bytes)?;
+                let power = scene.emitters.iter().flat_map(|emitter| scene.power(emitter));
+                assert!(scene.bounds.diagonal().is_finite() && power.sum::<f64>().is_finite());
+            }
             other => panic!("no reader is called {other}"),
         }
         Ok(())

@@ -163,8 +163,8 @@ impl Solution {
         self.record.mean_irradiance
     }
 
-    /// Estimated RMS error of the irradiance of the elements, relative to its mean.
-    pub fn error_estimate(&self) -> f64 {
+    /// Estimated RMS error of the irradiance of the elements, relative to its mean; `None` if it is unknown.
+    pub fn error_estimate(&self) -> Option<f64> {
         self.record.error_estimate
     }
 

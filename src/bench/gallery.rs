@@ -8,9 +8,8 @@ use super::context::{Bench, PlannedRow};
 use super::measure::{Queries, Timer};
 use super::page::{MrImage, ReceiverImages};
 use super::receivers::{self, Crop, ReceiverGrid};
-use super::record::{self, MrRow, ReceiverFbem, interpolate_log_log};
+use super::record::{self, MrRow, ReceiverFbem, interpolate_log_log, ratio};
 use super::rounds::rounds;
-use super::rows::ratio;
 use super::workload::Workload;
 use crate::embree::Traversal;
 use crate::metrics::{FbemOptions, Image, fbem, missing_features, norms};
@@ -143,13 +142,17 @@ impl Bench<'_> {
         let call = |rays| (rays, self.embree(workload, rays));
         let calls: Vec<(usize, Exact)> = self.exact_rays().into_iter().map(call).collect();
         let walked: Vec<&PlannedRow> = asked.iter().filter(|row| row.pays).collect();
-        let all_rays: usize = calls.iter().map(|call| call.0).chain(walked.iter().map(|row| row.rays)).sum();
+        let certified = self.mr_rays();
+        let first_mr = calls.len() + certified.len();
+        let numbers = calls.iter().map(|call| call.0).chain(certified.iter().copied());
+        let all_rays: usize = numbers.chain(walked.iter().map(|row| row.rays)).sum();
         self.progress.stage("timing images", (every.len() * all_rays) as u64);
         let (mut exact, mut mr) = (Vec::new(), Vec::new());
-        let timed = rounds(calls.len() + walked.len(), |k, first| {
-            let (run, made) = match calls.get(k) {
-                Some((rays, call)) => (self.exact(queries, call, *rays, first), &mut exact),
-                None => (self.mr(queries, engine, walked[k - calls.len()], first).run, &mut mr),
+        let timed = rounds(first_mr + walked.len(), |k, first| {
+            let (run, made) = match (calls.get(k), certified.get(k.wrapping_sub(calls.len()))) {
+                (Some((rays, call)), _) => (self.exact(queries, call, *rays, first), &mut exact),
+                (_, Some(&rays)) => (self.certified(queries, engine, rays, first).run, &mut exact),
+                _ => (self.mr(queries, engine, walked[k - first_mr], first).run, &mut mr),
             };
             if first {
                 made.push(gallery.images(&run.visible));
@@ -158,7 +161,7 @@ impl Bench<'_> {
         });
         let exact = exact.into_iter().collect::<Result<Vec<Vec<Image>>>>()?;
         let mr = mr.into_iter().collect::<Result<Vec<Vec<Image>>>>()?;
-        // For each feature size: time and feature-based error of the exact images.
+        // For each feature size: time and feature-based error of the exact images, with and without certificates.
         let mut curves = Vec::new();
         for &s in &self.sizes {
             let mut curve = Vec::new();
@@ -167,7 +170,7 @@ impl Bench<'_> {
             }
             curves.push(curve);
         }
-        let mut walked = mr.iter().zip(&timed.seconds[calls.len()..]);
+        let mut walked = mr.iter().zip(&timed.seconds[first_mr..]);
         for ((row, asked), curve) in rows.iter_mut().zip(asked).zip(curves.iter().cycle()) {
             let (images, &seconds) = if asked.pays {
                 walked.next().expect("a run of every row that was walked")

@@ -2,11 +2,12 @@
 
 use super::pilot::pilot_bytes;
 use super::sample::Sample;
+use crate::error::{quote, shown};
 use crate::model::cache::CacheLocation;
 use crate::optics;
 use crate::scene::Scene;
 use crate::threads::MAX_THREADS;
-use crate::{Error, Result, error::quote, memory};
+use crate::{Error, Result, memory};
 
 /// Largest number of segments from a point to an emitter: the length of one scrambled Sobol' sequence.
 pub(super) const MAX_RAYS: usize = 1 << 16;
@@ -160,7 +161,7 @@ impl Options {
             return Err(Error::Scene(format!(
                 "{}: nothing emits light; add option `emitters` with the name of an object, group or material and its \
                  power in watts (there are `{}`{})",
-                scene.path.display(),
+                shown(&scene.path),
                 names.join("`, `"),
                 if scene.objects.len() > names.len() { ", …" } else { "" },
             )));

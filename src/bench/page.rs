@@ -5,7 +5,7 @@
 
 use maud::{Markup, html};
 
-use super::record::{MrRow, Record};
+use super::record::{MrRow, NO_FASTER, Record};
 use crate::Result;
 use crate::metrics::Image;
 use crate::page::{document, figure, file_name, length, percent, times};
@@ -114,21 +114,26 @@ fn sentence(record: &Record) -> Markup {
         return html! { p.lead { "This run has no multi-resolution row whose speed could be compared." } };
     };
     let size = length(best.feature_size, &record.unit);
+    let (exact, gain) = (best.compared_in_words(), best.certificates_gain());
     html! {
         p.lead {
-            @if speed >= 1.05 {
+            @if speed >= NO_FASTER[1] {
                 "At feature size " (size) " multi-resolution visibility was "
                 strong { (times(Some(speed))) " faster" }
-                " than exact ray tracing (Embree) of the same accuracy"
-            } @else if speed > 0.95 {
+                " than " (exact) " of the same accuracy"
+            } @else if speed > NO_FASTER[0] {
                 "Multi-resolution visibility was " strong { "no faster" }
-                " than exact ray tracing (Embree) of the same accuracy on this scene; its best feature size was " (size)
+                " than " (exact) " of the same accuracy on this scene; its best feature size was " (size)
             } @else {
                 "On this scene multi-resolution visibility was " strong { "slower" }
-                " than exact ray tracing (Embree) of the same accuracy: " (times(Some(speed))) " of its speed at best, at "
+                " than " (exact) " of the same accuracy: " (times(Some(speed))) " of its speed at best, at "
                 (size)
             }
-            ", with a root mean square error of " (percent(best.rms)) " of the light."
+            ", with a root mean square error of " (percent(best.rms)) " of the light. "
+            (percent(best.aggregated_fraction)) " of its segments met averaged clusters."
+            @if gain > NO_FASTER[1] {
+                " Certificates alone, without averaging, make exact rays " (times(Some(gain))) " as fast."
+            }
         }
         @if best.extrapolated {
             p.note {

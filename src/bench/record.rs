@@ -6,10 +6,12 @@
 //! the scene's unit, times in seconds of wall clock. `rms` and `bias` are errors of the visible fraction of each
 //! emitter at each point, in [0, 1], relative to the reference, whose noise is subtracted.
 
+mod compared;
 mod scaling;
 mod trust;
 
 pub use crate::model::summary::SceneSummary;
+pub use compared::{NO_FASTER, curve, ratio};
 pub use scaling::{ScalingRecord, ScalingRow};
 pub use trust::{
     CalibrationBin, IntervalAudit, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow,
@@ -50,7 +52,7 @@ pub struct Record {
     pub workload: Workload,
     /// Exact visibility, by number of rays.
     pub exact: Vec<ExactRow>,
-    /// Exact visibility with certificates. Speed-ups refer to `exact`.
+    /// Exact visibility with certificates. Speed-ups refer to the fastest rows of `exact` and `certified` together.
     #[serde(default)]
     pub certified: Vec<ExactRow>,
     /// MR visibility, by number of segments and feature size.
@@ -226,11 +228,17 @@ pub struct MrRow {
     pub decide_s: f64,
     /// Mean number of visited clusters per segment.
     pub nodes_per_segment: f64,
-    /// Best exact time for the same number of segments, divided by this time.
+    /// Best exact time for the same number of segments, with or without certificates, divided by this time.
     pub speedup_per_segment: f64,
-    /// Time of exact rays for the same RMS error, divided by this time; see [`interpolate_log_log`]. `null` if
-    /// undefined, for example without any error.
+    /// Time of the fastest exact rays for the same RMS error, with or without certificates, divided by this time; see
+    /// [`interpolate_log_log`]. `null` if undefined, for example without any error.
     pub speedup_at_same_rms: Option<f64>,
+    /// What `speedup_at_same_rms` refers to: `exact`, or `certified` if certificates make exact rays faster at this error.
+    #[serde(default)]
+    pub compared_with: String,
+    /// `speedup_at_same_rms` over exact rays without certificates.
+    #[serde(default)]
+    pub speedup_over_plain_exact: Option<f64>,
     /// The same with the feature-based error of the shadow images at this feature size instead of `rms`.
     pub speedup_at_same_fbem: Option<f64>,
     /// Whether `speedup_at_same_rms` is extrapolated beyond the last exact row, with error ∝ rays^(−1/2).

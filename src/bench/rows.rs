@@ -3,7 +3,7 @@
 use super::audit::AuditRays;
 use super::context::{Bench, PlannedRow};
 use super::measure::{MrRun, Queries, Run};
-use super::record::{ExactRow, MrRow, interpolate_log_log};
+use super::record::{ExactRow, MrRow};
 use super::reference::Reference;
 use super::rounds::rounds;
 use super::sample::Sample;
@@ -72,14 +72,10 @@ impl Bench<'_> {
         });
         let mut seconds = timed.seconds.iter().copied();
         exact.iter_mut().chain(&mut certified).zip(&mut seconds).for_each(|(row, s)| row.seconds = s);
-        let curve = curve(&exact);
         for (row, asked) in rows.iter_mut().zip(&asked) {
-            let as_many = exact.iter().find(|e| e.rays == row.rays).map_or(0.0, |e| e.seconds);
-            row.seconds = if asked.pays { seconds.next().unwrap_or(0.0) } else { as_many };
-            let same_rms = interpolate_log_log(&curve, row.rms);
-            row.speedup_per_segment = ratio(as_many, row.seconds).unwrap_or(0.0);
-            row.speedup_at_same_rms = same_rms.and_then(|t| ratio(t.seconds, row.seconds));
-            row.extrapolated = same_rms.is_some_and(|t| t.extrapolated);
+            let as_many = || exact.iter().find(|e| e.rays == row.rays).map(|e| e.seconds);
+            row.seconds = if asked.pays { seconds.next() } else { as_many() }.unwrap_or(0.0);
+            row.compare(&exact, &certified);
         }
         Measured { reference, exact, certified, mr: rows, rounds: timed.rounds }
     }
@@ -108,15 +104,4 @@ impl MrRow {
         self.handed_over = cost.handed_over as f64 / segments;
         self.nodes_per_segment = cost.nodes as f64 / segments;
     }
-}
-
-/// Time (seconds) and error of the exact rows, for [`interpolate_log_log`].
-pub(super) fn curve(rows: &[ExactRow]) -> Vec<(f64, f64)> {
-    rows.iter().map(|row| (row.seconds, row.rms)).collect()
-}
-
-/// `a / b` if finite.
-pub(super) fn ratio(a: f64, b: f64) -> Option<f64> {
-    let ratio = a / b;
-    ratio.is_finite().then_some(ratio)
 }

@@ -13,7 +13,7 @@ use crate::model::Model;
 use crate::model::summary::SceneSummary;
 use crate::optics::Extinction;
 use crate::progress::Progress;
-use crate::{Error, Result};
+use crate::{Error, Result, error::shown};
 
 /// Measures a scene.
 ///
@@ -39,7 +39,7 @@ pub fn run(
         return Err(Error::Scene(format!(
             "{}: no surface faces an emitter; check the winding of the emitters' faces (front sides emit) or set \
              option `two_sided_emission`",
-            scene.path.display()
+            shown(&scene.path)
         )));
     }
     let sizes = sizes(model, options);

@@ -10,11 +10,11 @@ mod allocate;
 use super::context::Bench;
 use super::measure::{Queries, Run, Timer, bundles};
 use super::pilot::{UNBIASED_SEGMENTS, pilot_pairs};
-use super::record::{UnbiasedLevel, UnbiasedRow, interpolate_log_log};
+use super::record::{UnbiasedLevel, UnbiasedRow, curve, interpolate_log_log, ratio};
 use super::reference::Reference;
 use super::rounds::WARM_UP_PAIRS;
 use super::rounds::as_often;
-use super::rows::{Measured, curve, ratio};
+use super::rows::Measured;
 use super::workload::Order;
 use crate::ray::{LANES, Occluder, Packet};
 use crate::visibility::{Bundle, Correction, Estimate, Exact, MultiResolution, Unbiased, Workspace};
@@ -49,7 +49,8 @@ impl Bench<'_> {
         engine: &MultiResolution,
         measured: &Measured,
     ) -> Vec<UnbiasedRow> {
-        let (reference, curve) = (&measured.reference, &curve(&measured.exact)[..]);
+        let curve = &curve(measured.exact.iter().chain(&measured.certified))[..];
+        let reference = &measured.reference;
         self.progress.stage("unbiased", (UNBIASED_SEGMENTS.len() * queries.pairs.len()) as u64);
         let sample = pilot_pairs(queries);
         let pilot_queries = Queries { pairs: &sample, ..queries };

@@ -1,6 +1,10 @@
 //! Arguments shared by several subcommands.
 
-use super::{flags::with_flags, inputs::Inputs, limits};
+use super::{
+    flags::with_flags,
+    inputs::{Inputs, Output},
+    limits,
+};
 use crate::{
     Error, Result,
     files::WholeFile,
@@ -88,12 +92,13 @@ impl Common {
         if self.quiet {
             return Ok(());
         }
+        let text = printable(text);
         if self.json_is_piped() {
             // A closed standard error is ignored.
             let _ = std::io::stderr().write_all(text.as_bytes());
             return Ok(());
         }
-        super::print(text)
+        super::print(&text)
     }
 
     /// Checks before the work that the JSON file can be written.
@@ -107,12 +112,13 @@ impl Common {
         }
     }
 
-    /// Refuses a JSON file that would replace an input.
+    /// Refuses outputs of the command that would replace an input, each other or the JSON file.
     ///
     /// # Errors
-    /// [`Error::Argument`] if it would.
-    pub fn check_outputs(&self, inputs: &Inputs) -> Result<()> {
-        self.json.as_deref().map_or(Ok(()), |json| inputs.check_file(json))
+    /// As [`Inputs::check`].
+    pub fn check_outputs(&self, inputs: &Inputs, outputs: impl IntoIterator<Item = Output>) -> Result<()> {
+        let json = self.json.as_deref().filter(|_| !self.json_is_piped());
+        inputs.check(outputs.into_iter().chain(json.map(|path| Output::new("--json", path))))
     }
 
     /// Writes the JSON if requested.
@@ -125,6 +131,12 @@ impl Common {
             serde_json::to_string_pretty(value).map_err(|e| Error::format(path, None, e.to_string()))? + "\n";
         if self.json_is_piped() { super::print(&text) } else { WholeFile::write(path, text) }
     }
+}
+
+/// A text without control characters, which a terminal could obey, besides ends of lines and tabs. Names and messages from files are
+/// in it.
+fn printable(text: &str) -> String {
+    text.chars().filter(|&c| !c.is_control() || c == '\n' || c == '\t').collect()
 }
 
 /// A spinner on the terminal; see [`Common::spinner`].
@@ -177,6 +189,17 @@ impl SceneArgs {
         self.photometric.map(Photometry::from)
     }
 
+    /// Refuses luminous quantities, for commands that compute no light.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] if they are asked for.
+    pub fn without_light(&self) -> Result<()> {
+        self.photometric.map_or(Ok(()), |_| {
+            let what = "has no effect here: nothing that this command writes is light";
+            Err(Error::Argument(format!("--photometric {what}; omit it")))
+        })
+    }
+
     /// Reads the scene.
     ///
     /// # Errors
@@ -221,7 +244,7 @@ const MAX_COPIED_TRIANGLES: u64 = 20_000_000;
 /// Writes warnings to standard error, one per line. A closed standard error is ignored.
 pub fn warn(common: &Common, messages: &[String]) {
     for message in messages.iter().filter(|_| !common.quiet) {
-        let _ = writeln!(std::io::stderr(), "mrvis: warning: {}", with_flags(message));
+        let _ = writeln!(std::io::stderr(), "mrvis: warning: {}", printable(&with_flags(message)));
     }
 }
 
@@ -296,6 +319,13 @@ pub fn shell_word(text: &str) -> String {
     } else {
         format!("'{}'", text.replace('\'', "'\\''"))
     }
+}
+
+/// The command line of this run, for a shell.
+pub fn command_line() -> String {
+    let words = std::env::args_os().skip(1).map(|word| shell_word(&word.to_string_lossy()));
+    let words: Vec<String> = std::iter::once("mrvis".into()).chain(words).collect();
+    words.join(" ")
 }
 
 /// Checks that a file can be written, without changing it.

@@ -1,11 +1,10 @@
 //! `mrvis bench SCENE`: exact against multi-resolution visibility on the same segments.
 
 mod pictures;
-mod repeat;
 mod table;
 
-use super::args::{CacheArgs, Common, SceneArgs, check_folder};
-use super::inputs::Inputs;
+use super::args::{CacheArgs, Common, SceneArgs, check_folder, command_line};
+use super::inputs::{Inputs, Output};
 use super::limits;
 use super::progress::Bar;
 use crate::bench::{self, Options, Target, page};
@@ -13,6 +12,7 @@ use crate::image_io::write_atomically;
 use crate::model::Model;
 use crate::optics::{self, Extinction};
 use crate::progress::Progress;
+use crate::scene::Scene;
 use crate::threads::Threads;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -23,6 +23,7 @@ use std::time::Instant;
 /// an HTML report.
 #[derive(Clone, Debug, clap::Args)]
 #[command(mut_arg("scene", |a| a.required(false).required_unless_present("scaling")))]
+#[command(mut_arg("photometric", |a| a.hide(true)))]
 pub struct Args {
     #[command(flatten)]
     pub scene: Option<SceneArgs>,
@@ -153,12 +154,15 @@ fn run_on_all_cores(args: &Args) -> Result<ExitCode> {
         args.check_scaling_alone()?;
     }
     args.scaling.map_or(Ok(()), bench::check_scaling)?;
+    args.scene.as_ref().map_or(Ok(()), SceneArgs::without_light)?;
     common.check_json()?;
     if let Some(folder) = &args.out {
         check_folder(folder)?;
     }
     let scaling = |bar: &Bar| args.scaling.map(|n| bench::scaling(&options, n, bar)).transpose();
     let Some(scene) = &args.scene else {
+        let page = args.out.as_ref().map(|folder| Output::new("--out", folder.join(REPORT)));
+        common.check_outputs(&Inputs::default(), page)?;
         let bar = Bar::new(common.quiet);
         let record = scaling(&bar)?.unwrap_or_default();
         bar.finish();
@@ -176,13 +180,7 @@ fn run_on_all_cores(args: &Args) -> Result<ExitCode> {
     let load_s = start.elapsed().as_secs_f64();
     let bar = Bar::new(common.quiet);
     options.check_for(&scene)?;
-    let inputs = Inputs::of(scene.files.iter().map(PathBuf::as_path));
-    common.check_outputs(&inputs)?;
-    if let Some(folder) = &args.out {
-        inputs.check_folder(folder, |name| {
-            name == "report.html" || name.ends_with(".png") || name.ends_with(".exr")
-        })?;
-    }
+    check_outputs(args, &scene)?;
     let model = Model::prepare(scene, &options.prepare(), &bar)?;
     let (mut record, images) = bench::run(&model, &options, &bar)?;
     record.build.load_s = load_s;
@@ -192,7 +190,7 @@ fn run_on_all_cores(args: &Args) -> Result<ExitCode> {
     let mut text = table::table(&record);
     if let Some(folder) = &args.out {
         pictures::write_pictures(folder, &images)?;
-        text += &write_page(folder, &page::render(&record, &images, &repeat::command_line(&record))?)?;
+        text += &write_page(folder, &page::render(&record, &images, &command_line())?)?;
     }
     common.write_json(&record)?;
     bar.finish();
@@ -201,9 +199,34 @@ fn run_on_all_cores(args: &Args) -> Result<ExitCode> {
     Ok(ExitCode::from(u8::from(record.target.is_some_and(|target| !target.met))))
 }
 
+/// Refuses outputs that would replace an input or each other.
+fn check_outputs(args: &Args, scene: &Scene) -> Result<()> {
+    let inputs = Inputs::of(scene.files.iter().map(PathBuf::as_path));
+    let Some(folder) = &args.out else { return args.common.check_outputs(&inputs, []) };
+    // Which surfaces have pictures is not known yet: of other files, the names that a picture may get.
+    let stems: Vec<String> = if args.receivers.is_empty() {
+        scene.objects.iter().map(|object| pictures::file_stem(&object.name)).collect()
+    } else {
+        args.receivers.iter().map(|name| pictures::file_stem(name)).collect()
+    };
+    let json = args.common.json.iter().filter_map(|json| json.file_name());
+    let others = json.chain(scene.files.iter().filter_map(|file| file.file_name()));
+    let mut names: Vec<String> = others
+        .map(|name| name.to_string_lossy().into_owned())
+        .filter(|name| pictures::may_be_written(&stems, name))
+        .collect();
+    names.sort();
+    names.dedup();
+    names.push(REPORT.into());
+    args.common.check_outputs(&inputs, Output::within("--out", folder, names))
+}
+
+/// Name of the report.
+const REPORT: &str = "report.html";
+
 /// Writes the report; returns a line with its path.
 fn write_page(folder: &Path, page: &str) -> Result<String> {
-    let path = folder.join("report.html");
+    let path = folder.join(REPORT);
     write_atomically(&path, page.as_bytes())?;
     Ok(format!("report: {}\n", path.display()))
 }

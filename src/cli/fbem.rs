@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use super::inputs::Inputs;
+use super::inputs::{Inputs, Output};
 use clap::ValueEnum;
 use serde_json::json;
 
@@ -113,15 +113,19 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         Component::Blue => Channel::Blue,
     };
     let inputs = Inputs::of([args.reference.as_path(), &args.approximation]);
-    args.json.as_deref().map_or(Ok(()), |json| inputs.check_file(json))?;
-    if let Some(folder) = &args.out {
-        inputs.check_folder(folder, |name| name.starts_with("mask-") || name.starts_with("difference."))?;
-    }
+    let json = args.json.iter().filter(|path| *path != Path::new("-"));
+    let json = || json.clone().map(|path| Output::new("--json", path));
+    inputs.check(json())?;
     let reference = read_image(&args.reference, channel, args.texel)?;
     let approximation = read_image(&args.approximation, channel, args.texel)?;
     let white = args.white.unwrap_or_else(|| reference.range().1.max(1.0));
     let options = options(args, white);
     let sizes = if args.sizes.is_empty() { spectrum_sizes(&reference, 8) } else { args.sizes.clone() };
+    if let Some(folder) = &args.out {
+        let pictures =
+            FIXED_PICTURES.map(String::from).into_iter().chain(sizes.iter().map(|&s| mask_name(s)));
+        inputs.check(Output::within("--out", folder, pictures).chain(json()))?;
+    }
     let norms = norms(&reference, &approximation)?;
     let rows = spectrum(&reference, &approximation, &sizes, &options)?;
     let json_is_piped = args.json.as_deref() == Some(Path::new("-"));
@@ -216,6 +220,14 @@ fn report(args: &Args, image: &Image, white: f32, norms: &Norms, rows: &[Fbem]) 
     })
 }
 
+/// Names of the pictures besides masks.
+const FIXED_PICTURES: [&str; 3] = ["difference.png", "difference.exr", "spectrum.svg"];
+
+/// Name of the mask of a feature size.
+fn mask_name(size: f64) -> String {
+    format!("mask-{size}.png")
+}
+
 /// Writes masks over the reference, the difference and the spectrum.
 fn write_pictures(
     folder: &Path,
@@ -228,13 +240,14 @@ fn write_pictures(
     let mut set = FeatureSet::new(reference, features)?;
     for row in rows {
         let picture = mask_overlay(reference, features.white, &set.mask(row.size))?;
-        write_png(&folder.join(format!("mask-{}.png", row.size)), &picture)?;
+        write_png(&folder.join(mask_name(row.size)), &picture)?;
     }
     let range = features.white;
-    write_png(&folder.join("difference.png"), &difference(reference, approximation, range)?)?;
+    let [difference_png, difference_exr, svg] = FIXED_PICTURES.map(|name| folder.join(name));
+    write_png(&difference_png, &difference(reference, approximation, range)?)?;
     let values = reference.data().iter().zip(approximation.data()).map(|(r, a)| a - r).collect();
     let signed = Image::new(reference.width(), reference.height(), reference.texel(), values)?;
-    write_exr(&folder.join("difference.exr"), &signed)?;
+    write_exr(&difference_exr, &signed)?;
     let point = |row: &Fbem| PlotPoint { x: row.size, y: row.value, label: String::new() };
     let plot = Plot {
         x_label: "feature size s".into(),
@@ -247,7 +260,7 @@ fn write_pictures(
             marks: Marks::Joined,
         }],
     };
-    write_atomically(&folder.join("spectrum.svg"), plot.svg(720, 420)?.as_bytes())
+    write_atomically(&svg, plot.svg(720, 420)?.as_bytes())
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! `mrvis form-factors SCENE --out FILE`: the matrix of obstructed form factors.
 
 use super::args::{Common, SceneArgs, check_file, file_name, grouped, warn};
-use super::inputs::Inputs;
+use super::inputs::{Inputs, Output};
 use super::limits::{self, GIB};
 use super::progress::Bar;
 use crate::{
@@ -20,6 +20,7 @@ use std::{fmt::Write as _, path::PathBuf, process::ExitCode, time::Instant};
 /// F(from, to) is the fraction of the light from the front of `from` that arrives at the front of `to`. Row sums,
 /// escaped light and light lost on back sides are reported; A F is symmetric by construction.
 #[derive(clap::Args, Debug)]
+#[command(mut_arg("photometric", |a| a.hide(true)))]
 pub struct Args {
     #[command(flatten)]
     scene: SceneArgs,
@@ -64,6 +65,7 @@ enum Enforce {
 
 pub fn run(args: &Args) -> Result<ExitCode> {
     let common = &args.common;
+    args.scene.without_light()?;
     let format = Format::of(&args.out)?;
     check_file(&args.out)?;
     common.check_json()?;
@@ -72,8 +74,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     }
     let scene = args.scene.load_flat(common)?;
     let inputs = Inputs::of(scene.files.iter().map(PathBuf::as_path));
-    inputs.check_file(&args.out)?;
-    common.check_outputs(&inputs)?;
+    common.check_outputs(&inputs, [Output::new("--out", &args.out)])?;
     warn(common, &scene.repairs.messages);
     let facets = Facets::new(&scene);
     let mut settings = Settings {

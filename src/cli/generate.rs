@@ -1,6 +1,7 @@
 //! `mrvis generate NAME --out FILE`: procedural scenes.
 
 use super::args::{Common, file_name, grouped};
+use super::inputs::{Inputs, Output};
 use crate::{
     Error, Result,
     scene::{
@@ -78,6 +79,8 @@ fn flat(args: &Args, spec: &Spec, kind: &Kind, out: &Path) -> Result<ExitCode> {
     if !has_extension(out, &["obj"]) {
         return Err(Error::Argument(format!("--out {}: must end in .obj", out.display())));
     }
+    let files = [out.to_owned(), mtl_path(out)].map(|path| Output::new("--out", path));
+    args.common.check_outputs(&Inputs::default(), files)?;
     let spinner = args.common.spinner(format!("generating {}", kind.name));
     let soup = soup(spec)?;
     write_obj(out, &soup, &[&format!("{}: {}", origin(kind), kind.about)])?;
@@ -109,6 +112,7 @@ fn with_instances(args: &Args, spec: &Spec, kind: &Kind, out: &Path) -> Result<E
             out.display()
         )));
     }
+    args.common.check_outputs(&Inputs::default(), [Output::new("--out", out)])?;
     let spinner = args.common.spinner(format!("generating {}", kind.name));
     let placed = placed(spec)?;
     write_gltf(out, &placed, &origin(kind))?;

@@ -5,7 +5,7 @@ use super::{flags::with_flags, inputs::Inputs};
 use crate::clusters;
 use crate::{
     Result,
-    error::quote,
+    error::{quote, shown},
     scene::{Photometry, Scene},
 };
 use serde_json::{Value, json};
@@ -31,7 +31,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let start = Instant::now();
     let scene = args.scene.load(&args.common)?;
     let seconds = start.elapsed().as_secs_f64();
-    args.common.check_outputs(&Inputs::of(scene.files.iter().map(PathBuf::as_path)))?;
+    args.common.check_outputs(&Inputs::of(scene.files.iter().map(PathBuf::as_path)), [])?;
     let counts = {
         let _spinner = args.common.spinner("clustering");
         ClusterCounts::of(&scene)
@@ -90,19 +90,14 @@ fn outside_files(out: &mut String, s: &Scene) -> std::fmt::Result {
         return Ok(());
     }
     writeln!(out, "read from outside the folder of the scene")?;
-    files.iter().try_for_each(|file| writeln!(out, "  {}", printable(&file.display().to_string())))
-}
-
-/// A text without control characters, which a terminal could obey.
-fn printable(text: &str) -> String {
-    text.chars().filter(|c| !c.is_control()).collect()
+    files.iter().try_for_each(|file| writeln!(out, "  {}", shown(file)))
 }
 
 fn summary(out: &mut String, s: &Scene, seconds: f64) -> std::fmt::Result {
     let (bounds, unit) = (s.world_bounds(), &s.unit);
     let e = bounds.extent();
     let (min, max) = (s.origin + bounds.min.as_dvec3(), s.origin + bounds.max.as_dvec3());
-    writeln!(out, "{} (read in {seconds:.2} s, unit {unit})", s.path.display())?;
+    writeln!(out, "{} (read in {seconds:.2} s, unit {unit})", shown(&s.path))?;
     writeln!(out, "  triangles   {:>12}", grouped(s.triangles.len()))?;
     if !s.placements.is_empty() {
         let meshes = grouped(s.shared.len());
@@ -200,7 +195,7 @@ fn list_objects(out: &mut String, s: &Scene, limit: usize) -> std::fmt::Result {
     let counts = face_counts(s);
     writeln!(out, "objects by number of triangles")?;
     for &(object, count) in counts.iter().take(limit) {
-        writeln!(out, "  {:>12}  {}", grouped(count), printable(&s.objects[object].name))?;
+        writeln!(out, "  {:>12}  {}", grouped(count), quote(&s.objects[object].name))?;
     }
     if counts.len() > limit {
         writeln!(out, "  and {} more (--all)", counts.len() - limit)?;
@@ -215,7 +210,7 @@ fn list_meshes(out: &mut String, s: &Scene, limit: usize) -> std::fmt::Result {
     writeln!(out, "shared meshes by number of visible triangles")?;
     let meshes = mesh_counts(s);
     for &(mesh, instances) in meshes.iter().take(limit) {
-        let (triangles, name) = (s.shared[mesh].triangles.len(), mesh_name(s, mesh));
+        let (triangles, name) = (s.shared[mesh].triangles.len(), quote(mesh_name(s, mesh)));
         let visible = grouped(triangles * instances);
         writeln!(
             out,

@@ -1,11 +1,44 @@
-//! Inputs of a command, which its outputs must not replace.
+//! Files that a command reads and writes: no output may replace an input or another output.
 
-use crate::{Error, Result, error::quote, files::input::is_standard_input};
+use crate::{Error, Result, error::shown, files::input::is_standard_input};
 use std::path::{Path, PathBuf};
 
 /// Files that are read.
 #[derive(Default)]
 pub struct Inputs(Vec<PathBuf>);
+
+/// A file that will be written, and the option that asks for it.
+pub struct Output {
+    option: &'static str,
+    path: PathBuf,
+}
+
+impl Output {
+    /// A file of `option`.
+    pub fn new(option: &'static str, path: impl Into<PathBuf>) -> Output {
+        Output { option, path: path.into() }
+    }
+
+    /// Files of these names in the folder of `option`.
+    pub fn within<'a>(
+        option: &'static str,
+        folder: &'a Path,
+        names: impl IntoIterator<Item = String> + 'a,
+    ) -> impl Iterator<Item = Output> + 'a {
+        names.into_iter().map(move |name| Output::new(option, folder.join(name)))
+    }
+
+    /// Where the file appears; `None` for devices, which are written and not replaced. Links are replaced, not followed.
+    fn place(&self) -> Option<PathBuf> {
+        if std::fs::metadata(&self.path).is_ok_and(|about| !about.is_file()) {
+            return None;
+        }
+        let folder = self.path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        // A folder that does not exist yet has one name only.
+        let folder = folder.canonicalize().unwrap_or_else(|_| folder.into());
+        Some(folder.join(self.path.file_name()?))
+    }
+}
 
 impl Inputs {
     /// These files; those that do not exist and standard input are left out.
@@ -14,35 +47,53 @@ impl Inputs {
         Inputs(files.filter_map(|file| file.canonicalize().ok()).collect())
     }
 
-    /// Refuses an output that would replace an input.
+    /// Refuses outputs that would replace an input or each other.
     ///
     /// # Errors
-    /// [`Error::Argument`] if `output` is one of the files.
-    pub fn check_file(&self, output: &Path) -> Result<()> {
-        match output.canonicalize() {
-            Ok(full) if self.0.contains(&full) => Err(refused(output)),
-            _ => Ok(()),
+    /// [`Error::Argument`] with the file and the options of the outputs.
+    pub fn check(&self, outputs: impl IntoIterator<Item = Output>) -> Result<()> {
+        let mut places: Vec<(PathBuf, &str)> = Vec::new();
+        for output in outputs {
+            let Output { option, path } = &output;
+            if path.canonicalize().is_ok_and(|full| self.0.contains(&full)) {
+                return Err(Error::Argument(format!(
+                    "{}: is read by this command and would be replaced; choose another place for {option}",
+                    shown(path)
+                )));
+            }
+            let Some(place) = output.place() else { continue };
+            if let Some((_, other)) = places.iter().find(|(known, _)| *known == place) {
+                return Err(Error::Argument(format!(
+                    "{}: {other} and {option} would replace each other's file; choose another place for one of them",
+                    shown(path)
+                )));
+            }
+            places.push((place, option));
         }
-    }
-
-    /// Refuses a folder of outputs with an input of the name of an output. `writes` tells whether an output has the
-    /// name.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] if an input lies in the folder and has the name of an output.
-    pub fn check_folder(&self, folder: &Path, writes: impl Fn(&str) -> bool) -> Result<()> {
-        let Ok(full) = folder.canonicalize() else { return Ok(()) };
-        let within = |file: &&PathBuf| {
-            file.parent() == Some(&full)
-                && file.file_name().is_some_and(|name| writes(&name.to_string_lossy()))
-        };
-        self.0.iter().find(within).map_or(Ok(()), |file| Err(refused(file)))
+        Ok(())
     }
 }
 
-fn refused(file: &Path) -> Error {
-    let name = quote(&file.display().to_string());
-    Error::Argument(format!(
-        "{name}: is read by this command and would be replaced; choose another place for the output"
-    ))
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn outputs_in_one_place_are_refused() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let at = |name: &str| folder.path().join(name);
+        let check = |a: &str, b: &str| {
+            let outputs = [Output::new("--out", at(a)), Output::new("--json", at(b))];
+            Inputs::of([at("read.obj").as_path()]).check(outputs).map_err(|e| e.to_string())
+        };
+        std::fs::write(at("read.obj"), "").expect("written");
+        std::fs::create_dir(at("b")).expect("made");
+        check("a", "b/a").expect("two files");
+        let refused = check("a", "b/../a").expect_err("one file");
+        assert!(refused.contains("--out and --json would replace"), "{refused}");
+        let refused = check("read.obj", "a").expect_err("an input");
+        assert!(refused.contains("would be replaced") && refused.contains("--out"), "{refused}");
+        #[cfg(unix)]
+        check("/dev/null", "/dev/null").expect("a device is not replaced");
+    }
 }

@@ -1,7 +1,7 @@
 //! `mrvis reference SCENE --points FILE`: irradiance by path tracing.
 
 use super::args::{Common, SceneArgs, check_file, file_name, grouped, warn};
-use super::inputs::Inputs;
+use super::inputs::{Inputs, Output};
 use super::progress::Bar;
 use crate::{
     Result,
@@ -42,8 +42,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let scene = args.scene.load(common)?;
     let read = scene.files.iter().chain([&args.points]);
     let inputs = Inputs::of(read.map(PathBuf::as_path));
-    inputs.check_file(&args.out)?;
-    common.check_outputs(&inputs)?;
+    common.check_outputs(&inputs, [Output::new("--out", &args.out)])?;
     warn(common, &scene.repairs.messages);
     if scene.emitters.is_empty() {
         warn(common, &["the scene has no light: all irradiance is zero (see --emitter NAME=W)".into()]);

@@ -4,7 +4,7 @@ use super::args::{Common, distinct, plain};
 use crate::{
     Result,
     export::{
-        Camera, Frame, Mesh, PageView, Stage, Tone, best_view, light_of, lightmap, render,
+        Camera, Frame, Mesh, PageView, Stage, Tone, VIEW, best_view, light_of, lightmap, render,
         unwrapped_lightmap, visible_points, write_glb, write_lightmap, write_ply, write_vtu,
     },
     image_io::{Picture, write_exr_rgb, write_png},
@@ -181,17 +181,26 @@ impl Outputs {
         self.wants(Kind::Page, true)
     }
 
-    /// Whether a file of this name may be written.
-    pub fn writes(&self, name: &str, with_points: bool) -> bool {
-        let kinds = [
-            (Kind::Ply, "solution.ply"),
-            (Kind::Glb, "solution.glb"),
-            (Kind::Vtu, "solution.vtu"),
-            (Kind::Lightmap, "lightmap."),
-            (Kind::Image, "view"),
-            (Kind::Page, "solution.html"),
+    /// Names of the files that will be written, and of `lightmap.obj`, which depends on the texture coordinates.
+    pub fn names(&self, scene: &Scene, with_points: bool) -> Vec<String> {
+        let kinds: [(Kind, &[&str]); 5] = [
+            (Kind::Ply, &["solution.ply"]),
+            (Kind::Glb, &["solution.glb"]),
+            (Kind::Vtu, &["solution.vtu"]),
+            (Kind::Lightmap, &["lightmap.exr", "lightmap.png", "lightmap.obj"]),
+            (Kind::Page, &["solution.html"]),
         ];
-        kinds.into_iter().any(|(kind, start)| self.wants(kind, with_points) && name.starts_with(start))
+        let wanted = kinds.into_iter().filter(|(kind, _)| self.wants(*kind, with_points));
+        let mut names: Vec<String> =
+            wanted.flat_map(|(_, names)| names.iter().map(|name| name.to_string())).collect();
+        if self.wants(Kind::Image, with_points) {
+            let views = match &self.camera {
+                None if !scene.cameras.is_empty() => view_names(&scene.cameras),
+                _ => vec![VIEW.into()],
+            };
+            names.extend(views.iter().flat_map(|view| [format!("{view}.exr"), format!("{view}.png")]));
+        }
+        names
     }
 
     fn wants(&self, kind: Kind, with_points: bool) -> bool {
@@ -208,9 +217,9 @@ impl Outputs {
     fn cameras(&self, scene: &Scene, solution: &RadiosityMesh, stage: &Stage) -> Vec<Camera> {
         let up = scene.up_axis().vector();
         let Some([x, y, z, u, v, w, degrees]) = self.camera else {
-            let mut stored: Vec<Camera> = scene.cameras.iter().map(|c| stored(c, solution)).collect();
-            let names = distinct(stored.iter().map(|c| c.name.clone()));
-            stored.iter_mut().zip(names).for_each(|(camera, name)| camera.name = name);
+            let names = view_names(&scene.cameras).into_iter();
+            let stored: Vec<Camera> =
+                scene.cameras.iter().zip(names).map(|(c, name)| stored(c, name, solution)).collect();
             return if stored.is_empty() {
                 vec![best_view(stage, solution, up, &scene.unit)]
             } else {
@@ -221,14 +230,19 @@ impl Outputs {
         let forward = (glam::DVec3::new(u, v, w) - glam::DVec3::new(x, y, z)).normalize().as_vec3();
         // Straight up or down: the picture's top is the other axis of the ground.
         let up = if up.cross(forward).length() > 1e-3 { up } else { up.yzx() };
-        vec![Camera { name: "view".into(), eye, forward, up, angle: degrees.to_radians() as f32 }]
+        vec![Camera { name: VIEW.into(), eye, forward, up, angle: degrees.to_radians() as f32 }]
     }
 }
 
-/// A camera of the file; its pictures get its name.
-fn stored(c: &StoredCamera, solution: &RadiosityMesh) -> Camera {
+/// Names of the pictures of the cameras of a file.
+fn view_names(cameras: &[StoredCamera]) -> Vec<String> {
+    distinct(cameras.iter().map(|c| format!("{VIEW}-{}", plain(&c.name))))
+}
+
+/// A camera of the file; its pictures get the name.
+fn stored(c: &StoredCamera, name: String, solution: &RadiosityMesh) -> Camera {
     Camera {
-        name: format!("view-{}", plain(&c.name)),
+        name,
         eye: (c.eye - solution.origin).as_vec3(),
         forward: c.forward.as_vec3(),
         up: c.up.as_vec3(),

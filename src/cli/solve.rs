@@ -6,9 +6,9 @@ pub mod sizes;
 mod summary;
 mod watch;
 
-use super::args::{CacheArgs, Common, SceneArgs, check_folder, shell_word};
+use super::args::{CacheArgs, Common, SceneArgs, check_folder, command_line};
 use super::flags::with_flags;
-use super::inputs::Inputs;
+use super::inputs::{Inputs, Output};
 use super::outputs::{Outputs, Written};
 use super::progress::Bar;
 use crate::bench::side_by_side::{ComparedRecord, Versus, side_by_side};
@@ -225,13 +225,10 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
     let scene = scene.load_flat(&args.common)?;
     let read = scene.files.iter().chain(&args.points).chain(&args.feature_sizes);
     let inputs = Inputs::of(read.map(PathBuf::as_path));
-    args.common.check_outputs(&inputs)?;
-    let with_points = args.points.is_some();
-    inputs.check_folder(out, |name| {
-        name == "solution.json"
-            || (with_points && name == "irradiance.csv")
-            || args.outputs.writes(name, with_points)
-    })?;
+    let mut written = args.outputs.names(&scene, args.points.is_some());
+    written.push("solution.json".into());
+    written.extend(args.points.as_ref().map(|_| "irradiance.csv".into()));
+    args.common.check_outputs(&inputs, Output::within("--out", out, written))?;
     if args.importance_camera {
         options.views = views(&scene, args.outputs.camera)?;
     }
@@ -293,9 +290,7 @@ fn write(
         save(&record)?;
     }
     if args.outputs.wants_page() {
-        let words = std::env::args().skip(1).map(|word| shell_word(&word));
-        let command: Vec<String> = std::iter::once("mrvis".into()).chain(words).collect();
-        let page = solve_page(&record.compared.record, (scene, &mesh), &views, &command.join(" "))?;
+        let page = solve_page(&record.compared.record, (scene, photometry, &mesh), &views, &command_line())?;
         files.push(out.join("solution.html"));
         WholeFile::write(&files[files.len() - 1], page)?;
     }

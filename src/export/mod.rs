@@ -27,5 +27,5 @@ pub use ply::write_ply;
 pub use solve_page::{PageView, solve_page};
 pub use tone::Tone;
 pub use unwrapped::unwrapped_lightmap;
-pub use view::best_view;
+pub use view::{VIEW, best_view};
 pub use vtu::write_vtu;

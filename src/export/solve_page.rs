@@ -15,14 +15,37 @@ use crate::page::{bytes, count, data_url, document, figure, file_name, percent, 
 use crate::plot::number;
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::radiosity::{Record, Seconds};
-use crate::scene::Scene;
+use crate::scene::{Photometry, Scene};
 use false_colours::Bands;
 use maud::{Markup, html};
 
-/// Unit of irradiance on the page.
-const IRRADIANCE: &str = "W/m²";
 /// More notes than this are at the end of the page: the pictures come first.
 const SHORT_NOTES: usize = 3;
+
+/// How irradiance is shown: in W/m², the mean of the channels, or in lux.
+#[derive(Clone, Copy)]
+struct Shown(Option<Photometry>);
+
+impl Shown {
+    fn unit(self) -> &'static str {
+        if self.0.is_some() { "lx" } else { "W/m²" }
+    }
+
+    fn name(self) -> &'static str {
+        if self.0.is_some() { "illuminance" } else { "irradiance" }
+    }
+
+    fn legend(self) -> &'static str {
+        match self.0 {
+            Some(_) => "Illuminance in lx:",
+            None => "Irradiance in W/m², mean of the channels:",
+        }
+    }
+
+    fn of(self, light: [f64; 3]) -> f64 {
+        self.0.map_or_else(|| light.iter().sum::<f64>() / 3.0, |photometry| photometry.of(light))
+    }
+}
 
 /// A picture of the page.
 #[derive(Clone, Debug)]
@@ -35,22 +58,23 @@ pub struct PageView {
     pub irradiance: Vec<Option<[f32; 3]>>,
 }
 
-/// The page as HTML. `command` is the command line that repeats the run.
+/// The page as HTML, in lux with `photometry`. `command` is the command line that repeats the run.
 ///
 /// # Errors
 /// A picture has no pixels.
 pub fn solve_page(
     record: &Record,
-    (scene, solution): (&Scene, &RadiosityMesh),
+    (scene, photometry, solution): (&Scene, Option<Photometry>, &RadiosityMesh),
     views: &[PageView],
     command: &str,
 ) -> Result<String> {
     let name = file_name(&record.scene.path);
+    let shown = Shown(photometry);
     let body = html! {
-        (headline(record, name))
+        (headline(record, name, shown))
         section {
             h2 { "Pictures" }
-            (pictures(views)?)
+            (pictures(views, shown)?)
         }
         section {
             h2 { "Where the light goes" }
@@ -79,13 +103,8 @@ pub fn solve_page(
     Ok(document(&format!("mrvis solve: {name}"), &body))
 }
 
-/// Mean of the channels.
-fn mean(light: [f64; 3]) -> f64 {
-    light.iter().sum::<f64>() / 3.0
-}
-
-fn headline(record: &Record, name: &str) -> Markup {
-    let light = mean(record.mean_irradiance);
+fn headline(record: &Record, name: &str, shown: Shown) -> Markup {
+    let (light, unit) = (shown.of(record.mean_irradiance), shown.unit());
     let [red, green, blue] = record.mean_irradiance.map(number);
     html! {
         header {
@@ -93,16 +112,19 @@ fn headline(record: &Record, name: &str) -> Markup {
             h1 { (name) }
             p.lead {
                 "All surfaces together emit " strong { (number(record.ledger.emitted)) " " (record.ledger.unit) }
-                " and receive " strong { (number(light)) " " (IRRADIANCE) } " in the mean."
+                " and receive " strong { (number(light)) " " (unit) } " in the mean."
             }
             div.figures {
-                (figure(&format!("{} {IRRADIANCE}", number(light)), "mean irradiance"))
-                @if let Some(audit) = &record.audit {
-                    (figure(&percent(audit.rms_error), "RMS error of the elements, of the mean"))
+                (figure(&format!("{} {unit}", number(light)), &format!("mean {}", shown.name())))
+                @if let Some(error) = record.error_estimate {
+                    (figure(&percent(error), "estimated RMS error of the elements, of the mean"))
                 }
                 (figure(&seconds(record.seconds.load + record.seconds.work() + record.seconds.audit), "time, all stages"))
             }
-            p.note { "Irradiance is the mean of the channels; red, green and blue are " (red) ", " (green) " and " (blue) " " (IRRADIANCE) "." }
+            p.note {
+                @if shown.0.is_none() { "Irradiance is the mean of the channels; red" } @else { "Red" }
+                ", green and blue are " (red) ", " (green) " and " (blue) " W/m² in the mean."
+            }
             @if record.warnings.len() > SHORT_NOTES {
                 p.warning { (record.warnings.len()) " notes are at the end of this page." }
             } @else {
@@ -124,9 +146,9 @@ fn notes(record: &Record) -> Markup {
     }
 }
 
-fn pictures(views: &[PageView]) -> Result<Markup> {
+fn pictures(views: &[PageView], shown: Shown) -> Result<Markup> {
     let light = |view: &PageView| -> Vec<Option<f32>> {
-        view.irradiance.iter().map(|e| e.map(|e| mean(e.map(f64::from)) as f32)).collect()
+        view.irradiance.iter().map(|e| e.map(|e| shown.of(e.map(f64::from)) as f32)).collect()
     };
     let lights: Vec<Vec<Option<f32>>> = views.iter().map(light).collect();
     let bands = Bands::of(lights.iter().flatten().flatten().copied());
@@ -140,8 +162,8 @@ fn pictures(views: &[PageView]) -> Result<Markup> {
                     figcaption { b { (view.name) } " tone-mapped" }
                 }
                 figure {
-                    div.frame { img src=(data_url(&coloured)?) alt=(format!("irradiance of {}", view.name)); }
-                    figcaption { b { "irradiance" } " of the surfaces that are seen" }
+                    div.frame { img src=(data_url(&coloured)?) alt=(format!("{} of {}", shown.name(), view.name)); }
+                    figcaption { b { (shown.name()) } " of the surfaces that are seen" }
                 }
             }
         });
@@ -149,7 +171,7 @@ fn pictures(views: &[PageView]) -> Result<Markup> {
     Ok(html! {
         @if views.is_empty() { p { "The scene has no surface to show." } }
         @for figure in figures { (figure) }
-        @if !views.is_empty() { (bands.legend(IRRADIANCE)) }
+        @if !views.is_empty() { (bands.legend(shown.legend())) }
     })
 }
 

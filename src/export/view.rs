@@ -89,8 +89,11 @@ fn from_eye(eye: &Eye, place: Vec3, up: Vec3) -> Option<(Camera, f32)> {
     Some((camera(eye.position, forward, up, INSIDE_ANGLE), 0.6 * eye.height))
 }
 
+/// Name of the automatic camera, and beginning of the names of others.
+pub const VIEW: &str = "view";
+
 fn camera(eye: Vec3, forward: Vec3, up: Vec3, angle: f32) -> Camera {
-    Camera { name: "view".into(), eye, forward, up, angle }
+    Camera { name: VIEW.into(), eye, forward, up, angle }
 }
 
 /// The box around what does not emit, or around everything if all emits: emitters may be as far away as the sun.

@@ -3,7 +3,7 @@
 //! A pipe or a device under any other name is refused, because reading it could block or never end. Sizes are
 //! compared with a limit before anything is read.
 
-use crate::error::quote;
+use crate::error::{quote, shown};
 use crate::{Error, Result};
 use std::{
     fs::File,
@@ -81,7 +81,7 @@ impl Input {
         let mut bytes = Vec::new();
         bytes
             .try_reserve_exact(expected as usize + 1)
-            .map_err(|_| Error::OutOfMemory(format!("{}: {expected} bytes", self.path.display())))?;
+            .map_err(|_| Error::OutOfMemory(format!("{}: {expected} bytes", shown(&self.path))))?;
         match self.read_to_end(&mut bytes) {
             Ok(_) => Ok(bytes),
             Err(e) => Err(Error::io(&self.path, e)),

@@ -59,6 +59,7 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
         }
     };
     scene.files = sources.read;
+    scene.files.extend(options.luminaires.files.iter().cloned());
     Ok(scene)
 }
 

@@ -3,7 +3,7 @@
 use super::read_luminaire::Luminaire;
 use super::{Photometry, Strength, UpAxis};
 use glam::DVec3;
-use std::sync::Arc;
+use std::{path::PathBuf, sync::Arc};
 
 /// Properties that a file does not state or states wrongly: [`LoadOptions::default`], then `with_…`.
 #[derive(Clone, Debug)]
@@ -14,7 +14,7 @@ pub struct LoadOptions {
     /// Objects, groups or materials that become emitters, with what they send out.
     pub(crate) emitters: Vec<(String, Strength)>,
     /// Luminaires with photometric files.
-    pub(crate) luminaires: Vec<PlacedLuminaire>,
+    pub(crate) luminaires: Placements,
     /// How luminous quantities of the input become radiometric.
     pub(crate) photometry: Photometry,
     /// Upward axis; none for that of the format.
@@ -27,6 +27,14 @@ pub struct LoadOptions {
     pub(crate) threads: usize,
     /// Largest file and largest sum of decoded textures, bytes; `None`: a part of the available memory.
     pub(crate) max_memory: Option<u64>,
+}
+
+/// The luminaires of a placement file.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Placements {
+    pub(super) list: Vec<PlacedLuminaire>,
+    /// Files that were read: the placement file, then the photometric files, without repetition.
+    pub(super) files: Vec<PathBuf>,
 }
 
 /// A luminaire of a placement file.
@@ -49,7 +57,7 @@ impl Default for LoadOptions {
         LoadOptions {
             unit: "m".into(),
             emitters: Vec::new(),
-            luminaires: Vec::new(),
+            luminaires: Placements::default(),
             photometry: Photometry::default(),
             up: None,
             two_sided_emission: false,

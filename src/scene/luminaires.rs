@@ -1,8 +1,9 @@
 //! Luminaires: plane emitters with an intensity distribution, placed in a scene.
 
+use super::load_options::{PlacedLuminaire, Placements};
 use super::profile::{Distribution, Profile, axes};
 use super::read_luminaire::{Luminaire, read};
-use super::{LoadOptions, MAX_COORDINATE, PlacedLuminaire, Soup, SoupMaterial, power::unit_in_metres};
+use super::{LoadOptions, MAX_COORDINATE, Soup, SoupMaterial, power::unit_in_metres};
 use crate::files::input;
 use crate::{Error, Result, error::quote};
 use glam::DVec3;
@@ -67,13 +68,17 @@ impl Entry {
 }
 
 /// Reads a placement file, TOML with a table `[[luminaire]]` for each, and the photometric files that it names.
-pub fn read_placements(path: &Path) -> Result<Vec<PlacedLuminaire>> {
+pub fn read_placements(path: &Path) -> Result<Placements> {
+    placements(path, input::read(path, MAX_BYTES)?, read)
+}
+
+/// The luminaires of a placement file called `path` with the content `bytes`; photometric files are read by `read`.
+fn placements(path: &Path, bytes: Vec<u8>, read: impl Fn(&Path) -> Result<Luminaire>) -> Result<Placements> {
     #[derive(serde::Deserialize)]
     #[serde(deny_unknown_fields)]
     struct File {
         luminaire: Vec<Entry>,
     }
-    let bytes = input::read(path, MAX_BYTES)?;
     let text = String::from_utf8(bytes).map_err(|_| Error::format(path, None, "not a text in UTF-8"))?;
     let line = |at: usize| Some(1 + text[..at].matches('\n').count());
     let file: File = toml::from_str(&text).map_err(|e| {
@@ -81,15 +86,43 @@ pub fn read_placements(path: &Path) -> Result<Vec<PlacedLuminaire>> {
         Error::format(path, e.span().and_then(|s| line(s.start)), format!("{}; {what}", quote(e.message())))
     })?;
     let mut known: HashMap<PathBuf, Arc<Luminaire>> = HashMap::new();
+    let mut files = vec![path.to_owned()];
     let place = |entry: Entry| {
         let name = path.with_file_name("").join(entry.file.get_ref());
         let luminaire = match known.get(&name) {
             Some(luminaire) => luminaire.clone(),
-            None => known.entry(name.clone()).or_insert(Arc::new(read(&name)?)).clone(),
+            None => {
+                files.push(name.clone());
+                known.entry(name.clone()).or_insert(Arc::new(read(&name)?)).clone()
+            }
         };
         entry.check(luminaire).map_err(|(at, what)| Error::format(path, line(at), what))
     };
-    file.luminaire.into_iter().map(place).collect()
+    let list = file.luminaire.into_iter().map(place).collect::<Result<_>>()?;
+    Ok(Placements { list, files })
+}
+
+/// A floor lit by a photometric file of the `format` `ies` or `ldt` with the content `bytes`; with another format by luminaires in the
+/// places that `bytes` states as a placement file, whose photometric files are all the same.
+///
+/// # Errors
+/// The file is wrong.
+#[cfg(any(test, feature = "internals"))]
+pub fn lit_from_memory(format: &str, bytes: &[u8]) -> Result<super::Scene> {
+    const PLACE: &str = "[[luminaire]]\nfile = \"a\"\nat = [0, 0, 2]\naim = [0, 0, -1]\n";
+    const LAMP: &str = "TILT=NONE\n1 -1 1 2 1 1 2 0.1 0.1 0\n1 1 20\n0 180\n0\n100 50\n";
+    const FLOOR: &[u8] = b"v -3 -3 0\nv 3 -3 0\nv 3 3 0\nv -3 3 0\nf 1 2 3 4\n";
+    let path = Path::new("/nonexistent/lights.toml");
+    let luminaires = match format {
+        "ies" | "ldt" => placements(path, PLACE.into(), |name| {
+            super::read_luminaire::parse(&name.with_extension(format), || Ok(bytes.to_vec()))
+        })?,
+        _ => placements(path, bytes.to_vec(), |name| {
+            super::read_luminaire::parse(&name.with_extension("ies"), || Ok(LAMP.into()))
+        })?,
+    };
+    let options = LoadOptions { luminaires, max_memory: Some(1 << 30), ..LoadOptions::default() };
+    super::read_from_memory(Path::new("/nonexistent"), "obj", FLOOR, &options)
 }
 
 /// Adds the luminaires of the options to the scene's polygons.
@@ -98,10 +131,10 @@ pub(super) fn add_placed(soup: &mut Soup, options: &LoadOptions) {
     let mut taken: HashSet<String> = soup.objects.iter().cloned().collect();
     let mut numbers = HashMap::<String, usize>::new();
     let mut noted = HashSet::new();
-    let places = soup.positions.iter().copied().chain(options.luminaires.iter().map(|placed| placed.at));
+    let places = soup.positions.iter().copied().chain(options.luminaires.list.iter().map(|placed| placed.at));
     let (low, high) = places.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
     let extent = (high - low).length();
-    for placed in &options.luminaires {
+    for placed in &options.luminaires.list {
         let PlacedLuminaire { name, luminaire, at, axes, scale } = placed.clone();
         // Once for each file.
         if let Some(note) = luminaire.note.as_ref().filter(|_| noted.insert(Arc::as_ptr(&luminaire))) {

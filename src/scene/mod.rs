@@ -54,7 +54,8 @@ pub use limits::{MAX_COORDINATE, MAX_REFLECTANCE, MIN_EXTENT};
 #[cfg(any(test, feature = "internals"))]
 pub use load::read_from_memory;
 pub use load_options::LoadOptions;
-pub(crate) use load_options::PlacedLuminaire;
+#[cfg(any(test, feature = "internals"))]
+pub use luminaires::lit_from_memory;
 pub use luminaires::read_placements;
 #[cfg(any(test, feature = "internals"))]
 pub use mtl::read_materials;
@@ -225,7 +226,7 @@ pub struct Scene {
     pub(crate) bounds: Aabb,
     /// Repairs made while reading.
     pub(crate) repairs: Repairs,
-    /// Files that were read: the scene, its material libraries, textures and buffers; empty for generated scenes.
+    /// Files that were read: the scene, its material libraries, textures and buffers, placed luminaires; empty for generated scenes.
     pub(crate) files: Vec<PathBuf>,
     /// Meshes that are stored once and placed by `placements`; each is a scene in its own frame, without emitters,
     /// shared meshes or placements. Empty if every mesh occurs once.

@@ -2,9 +2,10 @@
 
 use super::{
     Repairs, SoupMaterial,
-    sources::{Sources, TextureKey, beside, shown},
+    sources::{Sources, TextureKey, beside, text_of},
 };
-use crate::{Error, Result, error::quote, files::input::guarded};
+use crate::error::{quote, shown};
+use crate::{Error, Result, files::input::guarded};
 use std::{collections::HashMap, fmt::Write, path::Path};
 
 /// Materials that were read.
@@ -40,7 +41,7 @@ impl Library {
         sources: &mut Sources,
         repairs: &mut Repairs,
     ) -> Result<()> {
-        let cleaned = clean(path, &String::from_utf8_lossy(bytes))?;
+        let cleaned = clean(path, &text_of(bytes))?;
         let text = &cleaned.text;
         let (materials, _) = guarded(path, || {
             tobj::load_mtl_buf(&mut text.as_bytes())

@@ -1,7 +1,8 @@
 //! Emitters by name, with their power.
 
 use super::{LoadOptions, Material, Strength};
-use crate::{Error, Result, error::quote};
+use crate::error::{figure, quote};
+use crate::{Error, Result};
 use std::collections::HashMap;
 
 /// Length of one unit in metres; `None` for unknown names (they count as metres).
@@ -70,7 +71,11 @@ pub(super) fn apply(s: Surfaces, options: &LoadOptions) -> Result<()> {
         let (value, unit) = strength.parts();
         // The limits of `parse_emitter`; options may be set without it.
         if !value.is_finite() || value <= 0.0 {
-            return Err(Error::Argument(format!("emitter {name}: {value} {unit} is not a number above 0")));
+            return Err(Error::Argument(format!(
+                "emitter {}: {} {unit} is not a number above 0",
+                quote(name),
+                figure(value)
+            )));
         }
         let faces: Vec<usize> = (0..s.triangle_object.len())
             .filter(|&t| {
@@ -86,7 +91,9 @@ pub(super) fn apply(s: Surfaces, options: &LoadOptions) -> Result<()> {
         let radiance = strength.radiance(area * sides, options.photometry.lumens_per_watt) as f32;
         if !radiance.is_finite() {
             return Err(Error::Scene(format!(
-                "emitter {name}: {value} {unit} on {area:e} m² is beyond every number"
+                "emitter {}: {} {unit} on {area:e} m² is beyond every number",
+                quote(name),
+                figure(value)
             )));
         }
         let mut lit = HashMap::new();

@@ -3,8 +3,10 @@
 //! Parsed here: the one maintained crate for both formats, `eulumdat`, is under a licence (AGPL) that this crate cannot use.
 
 use super::profile::{Distribution, Symmetry};
+use super::sources::text_of;
+use crate::error::{figure, quote};
 use crate::files::input;
-use crate::{Error, Result, error::quote};
+use crate::{Error, Result};
 use std::f64::consts::PI;
 use std::path::Path;
 
@@ -35,15 +37,18 @@ pub struct Luminaire {
 
 /// Reads a file by its extension: `.ies`, or `.ldt` and `.eul`.
 pub fn read(path: &Path) -> Result<Luminaire> {
+    parse(path, || input::read(path, MAX_BYTES))
+}
+
+/// The luminaire of a file called `path` with the content `bytes`, which is read if the extension is right.
+pub fn parse(path: &Path, bytes: impl FnOnce() -> Result<Vec<u8>>) -> Result<Luminaire> {
     let kind = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     let parse = match kind.as_str() {
         "ies" => ies,
         "ldt" | "eul" => eulumdat,
         _ => return Err(Error::format(path, None, "the extension must be .ies, .ldt or .eul")),
     };
-    let bytes = input::read(path, MAX_BYTES)?;
-    let luminaire = parse(&String::from_utf8_lossy(&bytes));
-    luminaire.map_err(|(line, what)| Error::format(path, Some(line), what))
+    parse(&text_of(&bytes()?)).map_err(|(line, what)| Error::format(path, Some(line), what))
 }
 
 /// The line, counted from 1, and what is wrong there.
@@ -54,12 +59,12 @@ fn whole(value: f64, line: usize, what: &str, most: usize) -> Result<usize, Wron
     if value.fract() == 0.0 && (1.0..=most as f64).contains(&value) {
         Ok(value as usize)
     } else {
-        Err((line, format!("{what}: {value} is not a whole number in 1 to {most}")))
+        Err((line, format!("{what}: {} is not a whole number in 1 to {most}", figure(value))))
     }
 }
 
 fn wrong_intensity(candelas: f64) -> String {
-    format!("an intensity of {candelas} cd is not in 0 to {MAX_CANDELAS:e}")
+    format!("an intensity of {} cd is not in 0 to {MAX_CANDELAS:e}", figure(candelas))
 }
 
 /// Checks a list of angles in degrees.

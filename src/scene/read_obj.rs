@@ -13,7 +13,8 @@ use super::{
     soup::Names,
     sources::{Sources, beside},
 };
-use crate::{Error, Result, error::quote};
+use crate::error::{figure, quote};
+use crate::{Error, Result};
 use glam::DVec3;
 use std::{
     io::{self, BufRead, Read},
@@ -69,6 +70,8 @@ struct Lines<'a, R> {
     /// Current line of the file, from 1.
     number: usize,
     raw: Vec<u8>,
+    /// Whether the last line ended with a carriage return, which a line feed may follow.
+    returned: bool,
     /// The forwarded statement, and how much of it was read.
     out: Vec<u8>,
     given: usize,
@@ -94,6 +97,7 @@ impl<'a, R: BufRead> Lines<'a, R> {
             file,
             number: 0,
             raw: Vec::new(),
+            returned: false,
             out: Vec::new(),
             given: 0,
             error: None,
@@ -144,16 +148,38 @@ impl<'a, R: BufRead> Lines<'a, R> {
         Ok(())
     }
 
-    /// Appends a line of the file to `raw`; whether there was one.
+    /// Appends a line of the file to `raw`, without its end, which is LF, CR LF or CR; whether there was one.
     fn read_line(&mut self) -> Result<bool> {
-        let left = (MAX_LINE - self.raw.len()) as u64;
-        let mut line = self.file.by_ref().take(left);
-        let n = line.read_until(b'\n', &mut self.raw).map_err(|e| Error::io(self.path, e))?;
-        if self.raw.len() >= MAX_LINE {
-            let what = format!("a line of more than {MAX_LINE} bytes: is it an OBJ file?");
-            return Err(Error::format(self.path, Some(self.number + 1), what));
+        let mut any = false;
+        loop {
+            let buffer = match self.file.fill_buf() {
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+                buffer => buffer.map_err(|e| Error::io(self.path, e))?,
+            };
+            // The second byte of a line end of two.
+            let skip = usize::from(std::mem::take(&mut self.returned) && buffer.first() == Some(&b'\n'));
+            let buffer = &buffer[skip..];
+            if buffer.is_empty() {
+                self.file.consume(skip);
+                if skip > 0 {
+                    continue;
+                }
+                return Ok(any);
+            }
+            any = true;
+            let end = buffer.iter().position(|b| matches!(b, b'\n' | b'\r'));
+            self.returned = end.is_some_and(|end| buffer[end] == b'\r');
+            self.raw.extend_from_slice(&buffer[..end.unwrap_or(buffer.len())]);
+            let used = skip + end.map_or(buffer.len(), |end| end + 1);
+            self.file.consume(used);
+            if self.raw.len() >= MAX_LINE {
+                let what = format!("a line of more than {MAX_LINE} bytes: is it an OBJ file?");
+                return Err(Error::format(self.path, Some(self.number + 1), what));
+            }
+            if end.is_some() {
+                return Ok(true);
+            }
         }
-        Ok(n > 0)
     }
 
     fn statement(&mut self, line: &str) -> Result<()> {
@@ -201,7 +227,8 @@ impl<'a, R: BufRead> Lines<'a, R> {
         for c in &xyzw[..3] {
             let c = c / xyzw[3];
             if !c.is_finite() || c.abs() > MAX_COORDINATE {
-                let what = format!("the coordinate {c} is not finite or beyond ±{MAX_COORDINATE:e}");
+                let what =
+                    format!("the coordinate {} is not finite or beyond ±{MAX_COORDINATE:e}", figure(c));
                 return Err(self.wrong(format!("{what}; mend the vertex `v {}`", quote(rest))));
             }
         }

@@ -4,7 +4,7 @@
 
 use super::{Repairs, texture::Texture};
 use crate::files::input::{Input, MAX_SMALL_FILE, guarded};
-use crate::{Error, Result, error::quote, memory};
+use crate::{Error, Result, error::shown, memory};
 use std::{
     collections::HashMap,
     hash::Hash,
@@ -118,12 +118,16 @@ impl Repairs {
     }
 }
 
+/// The text of a file, in any encoding, with line feeds only as ends of lines.
+pub(super) fn text_of(bytes: &[u8]) -> String {
+    let text = String::from_utf8_lossy(bytes);
+    match text.contains('\r') {
+        true => text.replace("\r\n", "\n").replace('\r', "\n"),
+        false => text.into_owned(),
+    }
+}
+
 /// The path that a scene file states, for messages: shortened, and found from the folder of the scene.
 pub(super) fn beside(scene: &Path, name: &str) -> PathBuf {
     scene.with_file_name("").join(name.replace('\\', "/"))
-}
-
-/// A path for messages.
-pub(super) fn shown(path: &Path) -> String {
-    quote(&path.display().to_string())
 }

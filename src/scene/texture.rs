@@ -1,6 +1,7 @@
 //! Mean linear colour of a texture over a triangle.
 
-use crate::{Error, Result, error::quote};
+use crate::error::{quote, shown};
+use crate::{Error, Result};
 use image::{ImageReader, RgbaImage};
 use std::{io::Cursor, path::Path, sync::Arc};
 
@@ -47,7 +48,7 @@ impl Texture {
             return Err(Error::OutOfMemory(format!(
                 "the texture {} of {width} x {height} texels needs {:.1} GB, {:.1} GB are left: make the textures \
                  smaller or raise option `max_memory`",
-                quote(&file.display().to_string()),
+                shown(file),
                 needed as f64 / 1e9,
                 limit as f64 / 1e9
             )));

@@ -13,6 +13,7 @@ fn is_timing(key: &str) -> bool {
         || key == "coherent"
         || key == "threads"
         || key.starts_with("speedup")
+        || key == "compared_with"
         // Embree allocates blocks of memory per thread.
         || key == "embree_bytes"
         || key == "bytes_per_triangle"

@@ -246,3 +246,18 @@ fn fuzz_csv() {
 fn fuzz_toml() {
     fuzz("toml");
 }
+
+#[test]
+fn fuzz_ies() {
+    fuzz("ies");
+}
+
+#[test]
+fn fuzz_ldt() {
+    fuzz("ldt");
+}
+
+#[test]
+fn fuzz_placements() {
+    fuzz("placements");
+}

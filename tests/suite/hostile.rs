@@ -5,13 +5,15 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 /// A floor, and a lamp above it that faces downwards.
-const SCENE: &str = "mtllib scene.mtl\no floor\nusemtl grey\nv 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nf 1 2 3 4\n\
+pub const SCENE: &str = "mtllib scene.mtl\no floor\nusemtl grey\nv 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nf 1 2 3 4\n\
     o lamp\nusemtl light\nv 2 2 2\nv 2 3 2\nv 3 2 2\nf 5 6 7\n";
-const LIBRARY: &str = "newmtl grey\nKd 0.5 0.5 0.5\nnewmtl light\nKd 0 0 0\nKe 10 10 10\n";
-const POINTS: &str = "x,y,z,nx,ny,nz\n1,1,0,0,0,1\n2,2,0,0,0,1\n";
-const QUICK: [&str; 6] = ["--points", "20", "--rays", "4", "--reference-rays", "16"];
+pub const LIBRARY: &str = "newmtl grey\nKd 0.5 0.5 0.5\nnewmtl light\nKd 0 0 0\nKe 10 10 10\n";
+pub const POINTS: &str = "x,y,z,nx,ny,nz\n1,1,0,0,0,1\n2,2,0,0,0,1\n";
+pub const IES: &str = "IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 2 1 1 2 0.1 0.1 0\n1 1 20\n0 90\n0\n100 0\n";
+pub const LIGHTS: &str = "[[luminaire]]\nfile = \"lamp.ies\"\nat = [1, 1, 1.5]\naim = [0, 0, -1]\n";
+pub const QUICK: [&str; 6] = ["--points", "20", "--rays", "4", "--reference-rays", "16"];
 
-fn scratch() -> Scratch {
+pub fn scratch() -> Scratch {
     let scratch = Scratch::new();
     scratch.write("scene.obj", SCENE);
     scratch.write("scene.mtl", LIBRARY);
@@ -19,12 +21,12 @@ fn scratch() -> Scratch {
     scratch
 }
 
-fn done(outcome: &Outcome) {
+pub fn done(outcome: &Outcome) {
     assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
 }
 
 /// An error of one line that holds `word`.
-fn refused(outcome: &Outcome, word: &str) {
+pub fn refused(outcome: &Outcome, word: &str) {
     let one_line = outcome.stderr.trim_end().lines().count() == 1;
     assert!(
         outcome.code == Some(2) && one_line && outcome.stderr.contains(word),
@@ -112,6 +114,13 @@ fn files_from_elsewhere_are_listed() {
     let scene = &scratch.json("far.json")["scene"];
     assert_eq!(scene["files"].as_array().map(Vec::len), Some(2));
     assert_eq!(scene["files_outside"].as_array().map(Vec::len), Some(1));
+    other.write("lamp.ies", IES);
+    other.write("lights.toml", LIGHTS);
+    let lights = other.path("lights.toml").display().to_string();
+    let told = scratch.mrvis(&["info", "scene.obj", "--luminaires", &lights, "--json", "far.json"]);
+    done(&told);
+    assert!(told.stdout.contains("lights.toml") && told.stdout.contains("lamp.ies"), "{}", told.stdout);
+    assert_eq!(scratch.json("far.json")["scene"]["files_outside"].as_array().map(Vec::len), Some(2));
     let near = scratch.mrvis(&["info", "scene.obj"]);
     assert!(!near.stdout.contains("outside"), "{}", near.stdout);
 }
@@ -125,47 +134,35 @@ fn messages_quote_little_of_a_file() {
     let told = scratch.mrvis(&["bench", "long.obj", "--receiver", "nowhere"]);
     refused(&told, "nowhere");
     assert!(told.stderr.chars().count() < 600 && !told.stderr.contains('\u{1b}'), "{}", told.stderr);
-    assert!(!scratch.mrvis(&["info", "long.obj"]).stdout.contains('\u{1b}'));
+    let short = |told: &str| !told.contains('\u{1b}') && told.lines().all(|line| line.chars().count() < 200);
+    let told = scratch.mrvis(&["info", "long.obj", "--all"]);
+    assert!(short(&told.stdout) && told.stdout.contains("a[31mbbb"), "{}", told.stdout);
+    // The mesh is placed twice, so it is shared.
+    let esc = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,1]}],
+        "nodes":[{"mesh":0},{"mesh":0,"translation":[0,0,2]}],
+        "meshes":[{"name":"NAME","primitives":[{"attributes":{"POSITION":0}}]}],
+        "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}],
+        "bufferViews":[{"buffer":0,"byteLength":36}],
+        "buffers":[{"uri":"data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA","byteLength":36}]}"#;
+    scratch.write(
+        "esc.gltf",
+        esc.replace("NAME", &format!("\\u001b[31m\\u001b]0;t\\u0007{}", "m".repeat(5000))),
+    );
+    let told = scratch.mrvis(&["info", "esc.gltf"]);
+    done(&told);
+    assert!(short(&told.stdout) && !told.stdout.contains('\u{7}'), "{}", told.stdout);
+    assert!(told.stdout.contains("[31m]0;tmmm"), "{}", told.stdout);
+    // Of a long path the end is shown.
+    scratch.write("far.obj", SCENE.replace("scene.mtl", &format!("{}/end.mtl", "d/".repeat(300))));
+    let told = scratch.mrvis(&["info", "far.obj"]);
+    assert!(short(&told.stdout) && told.stdout.contains("/d/end.mtl"), "{}", told.stdout);
+    let told = scratch.mrvis(&["info", "scene.obj", "--emitter", "lamp=1e300"]);
+    refused(&told, "1e300 W");
+    assert!(told.stderr.chars().count() < 200, "{}", told.stderr);
     scratch.write("number.obj", format!("v 0 0 {}\n", "9x".repeat(5000)));
     let told = scratch.mrvis(&["info", "number.obj"]);
     refused(&told, "is not a number");
     assert!(told.stderr.chars().count() < 200, "{}", told.stderr);
-}
-
-/// An output never replaces a file that the command reads.
-#[test]
-fn inputs_are_not_replaced() {
-    let scratch = scratch();
-    scratch.write("lightmap.obj", SCENE);
-    scratch.write("report.obj", SCENE.replace("scene.mtl", "solution.json"));
-    scratch.write("solution.json", LIBRARY);
-    let calls: [&[&str]; 7] = [
-        &["solve", "lightmap.obj", "--out", ".", "--output", "lightmap"],
-        &["solve", "report.obj", "--out", "."],
-        &["reference", "scene.obj", "--points", "points.csv", "--samples", "4", "--out", "points.csv"],
-        &["reference", "scene.obj", "--points", "points.csv", "--samples", "4", "--out", "./scene.mtl"],
-        &["info", "scene.obj", "--json", "scene.obj"],
-        &["info", "scene.obj", "--json", "scene.mtl"],
-        &["form-factors", "scene.obj", "--out", "f.csv", "--json", "scene.obj"],
-    ];
-    for call in calls {
-        refused(&scratch.mrvis(call), "would be replaced");
-    }
-    assert_eq!(std::fs::read_to_string(scratch.path("points.csv")).expect("points"), POINTS);
-    for name in ["scene.obj", "lightmap.obj"] {
-        assert_eq!(std::fs::read_to_string(scratch.path(name)).expect("a scene"), SCENE);
-    }
-    // Other outputs of the same folder are no danger.
-    done(&scratch.mrvis(&[
-        "solve",
-        "lightmap.obj",
-        "--out",
-        ".",
-        "--output",
-        "none",
-        "--points",
-        "points.csv",
-    ]));
 }
 
 /// Nothing is written beside the scene; a link of the former name of a cache file leads nowhere.

@@ -155,7 +155,7 @@ fn form_factors_of_a_box_are_the_closed_forms() {
     }
 }
 
-/// Direct light at points needs no elements, whose error would be meaningless.
+/// Direct light at points needs no elements, whose error would be meaningless; other estimates have the interval of their source.
 #[test]
 fn direct_light_at_points_has_no_error_estimate() {
     let scratch = scratch();
@@ -163,10 +163,19 @@ fn direct_light_at_points_has_no_error_estimate() {
     let direct = scratch.mrvis(&[&solve[..], &["--direct-only"]].concat());
     done(&direct);
     assert!(!direct.stdout.contains("estimated error"), "{}", direct.stdout);
-    assert!(scratch.json("s/solution.json")["error_estimate"].is_number());
+    assert!(scratch.json("s/solution.json")["error_estimate"].is_null());
     let all = scratch.mrvis(&solve);
     done(&all);
     assert!(all.stdout.contains("estimated error"), "{}", all.stdout);
+    let record = scratch.json("s/solution.json");
+    assert_eq!(record["error_estimate_source"], "audit");
+    let [estimate, upper] = ["error_estimate", "error_estimate_upper"].map(|key| record[key].as_f64());
+    assert!(estimate.is_some() && estimate <= upper, "{estimate:?} {upper:?}");
+    // The interval of an audit that is too small for an estimate is not that of the estimate.
+    let few = scratch.mrvis(&[&solve[..], &["--audit", "20"]].concat());
+    done(&few);
+    assert!(few.stdout.contains("estimated error") && !few.stdout.contains("at most"), "{}", few.stdout);
+    assert!(scratch.json("s/solution.json")["error_estimate_upper"].is_null());
 }
 
 #[test]

@@ -12,6 +12,8 @@ mod hostile;
 #[cfg(feature = "cli")]
 mod light;
 #[cfg(feature = "cli")]
+mod outputs;
+#[cfg(feature = "cli")]
 mod pages;
 #[cfg(feature = "cli")]
 mod run;

@@ -39,9 +39,9 @@ pub(super) fn error_against_time(record: &Record) -> Result<Markup> {
     chart(
         &plot,
         460,
-        "Both axes are logarithmic. The line shows exact visibility with increasing numbers of rays from each point to \
-         each emitter. A multi-resolution point below and to the left of the line is faster at the same error: time of \
-         the line at the height of the point, divided by the time of the point, is the speed-up at the same error.",
+        "Both axes are logarithmic. The lines show exact visibility with increasing numbers of rays from each point to \
+         each emitter. A multi-resolution point below and to the left of both lines is faster at the same error: time of \
+         the faster line at the height of the point, divided by the time of the point, is the speed-up at the same error.",
     )
 }
 

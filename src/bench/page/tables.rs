@@ -109,8 +109,8 @@ pub(super) fn measurements(record: &Record) -> Markup {
         ("bias", "mean error; positive: too bright"),
         (
             "speed-up, same RMS",
-            "time of exact rays for this RMS error, divided by this row's time; ~: extrapolated beyond \
-            the largest measured number of rays",
+            "time of the fastest exact rays for this RMS error, certificates included, divided by this row's time; ~: \
+            extrapolated beyond the largest measured number of rays",
         ),
         ("speed-up, same FBEM", "the same with the feature-based error of the shadow images at this s"),
         ("speed-up, segment", "best exact time for the same number of segments, divided by this row's time"),

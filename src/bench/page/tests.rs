@@ -116,6 +116,8 @@ fn mr_rows() -> [MrRow; 4] {
         nodes_per_segment: 11.4,
         speedup_per_segment: per_segment,
         speedup_at_same_rms: Some(0.021 * (0.31 / rms).powi(2) / seconds),
+        compared_with: "exact".into(),
+        speedup_over_plain_exact: Some(0.021 * (0.31 / rms).powi(2) / seconds),
         speedup_at_same_fbem: (s > 0.2).then_some(7.0),
         extrapolated: s < 0.2,
     })
@@ -270,4 +272,22 @@ fn the_headline_says_when_it_is_slower() {
     assert!(render(&record, &[], "").unwrap().contains("<strong>slower</strong>"));
     record.mr.iter_mut().for_each(|row| row.speedup_at_same_rms = Some(1.0));
     assert!(render(&record, &[], "").unwrap().contains("<strong>no faster</strong>"));
+}
+
+/// What certificates gain is no gain of averaging.
+#[test]
+fn the_headline_compares_with_certified_rows() {
+    let (mut record, _) = example();
+    record.certified = record.mr[..1]
+        .iter()
+        .map(|row| ExactRow { rays: row.rays, seconds: row.seconds, rms: row.rms, ..ExactRow::default() })
+        .collect();
+    record.mr.truncate(1);
+    let Record { exact, certified, mr, .. } = &mut record;
+    mr[0].compare(exact, certified);
+    assert!(mr[0].speedup_at_same_rms == Some(1.0) && mr[0].compared_with == "certified", "{:?}", mr[0]);
+    assert!(mr[0].speedup_over_plain_exact.is_some_and(|s| s > 20.0));
+    let page = render(&record, &[], "").unwrap();
+    assert!(page.contains("<strong>no faster</strong> than exact rays (Embree) with certificates"));
+    assert!(page.contains("Certificates alone"));
 }

@@ -26,6 +26,7 @@ fn every_key_of_the_contract_is_written() {
         "feature_size rays seconds rms bias interval_coverage aggregated_fraction exact_rays",
     );
     keys(&json["mr"][0], "nodes_per_segment speedup_per_segment speedup_at_same_rms speedup_at_same_fbem");
+    keys(&json["mr"][0], "compared_with speedup_over_plain_exact");
     keys(&json["receivers"][0], "name width height texel l2 fbem");
     keys(&json["receivers"][0]["fbem"][0], "feature_size exact16 mr");
     assert_eq!(serde_json::from_value::<Record>(json).unwrap(), record);

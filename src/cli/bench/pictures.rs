@@ -33,8 +33,25 @@ pub fn write_pictures(folder: &Path, receivers: &[ReceiverImages]) -> Result<()>
     Ok(())
 }
 
+/// Whether a picture of a receiver with one of the stems may get the name `file`.
+pub fn may_be_written(stems: &[String], file: &str) -> bool {
+    let Some((name, _)) = file.rsplit_once('.').filter(|(_, end)| ["png", "exr"].contains(end)) else {
+        return false;
+    };
+    let number = |text: &str| text.parse::<f32>().is_ok();
+    let is_picture = |what: &str| {
+        let of_size = what.strip_prefix("mr-").map(|s| s.strip_suffix("-difference").unwrap_or(s));
+        ["reference", "exact16", "exact16-difference"].contains(&what)
+            || of_size.or(what.strip_prefix("mask-")).is_some_and(number)
+    };
+    // Of equal stems the later ones are numbered.
+    let numbered = |rest: &str| rest.split_once('-').is_some_and(|(n, what)| number(n) && is_picture(what));
+    let of_stem = |stem: &String| name.strip_prefix(stem).and_then(|rest| rest.strip_prefix('-'));
+    stems.iter().filter_map(of_stem).any(|rest| is_picture(rest) || numbered(rest))
+}
+
 /// A name that is valid in every file system.
-fn file_stem(name: &str) -> String {
+pub fn file_stem(name: &str) -> String {
     let stem = plain(name);
     if stem.is_empty() { "receiver".into() } else { stem }
 }
@@ -47,5 +64,17 @@ mod tests {
     fn names_become_file_names() {
         assert_eq!(file_stem("a/b: c"), "a_b__c");
         assert_eq!(file_stem(""), "receiver");
+    }
+
+    #[test]
+    fn names_of_pictures_are_known() {
+        let stems = ["floor".to_string()];
+        for name in ["floor-reference.exr", "floor-2-mask-0.5.png", "floor-mr-0.25-difference.png"] {
+            assert!(may_be_written(&stems, name), "{name}");
+        }
+        for name in ["wood.png", "floor.png", "wall-reference.exr", "floor-reference.obj", "floor-mask-a.png"]
+        {
+            assert!(!may_be_written(&stems, name), "{name}");
+        }
     }
 }

@@ -1,7 +1,8 @@
 //! The record of a benchmark as text.
 
 use super::super::args::grouped;
-use crate::bench::record::{Build, MrRow, Record, ScalingRow, Target, UnbiasedRow};
+use crate::bench::record::{Build, MrRow, NO_FASTER, Record, ScalingRow, Target, UnbiasedRow};
+use crate::error::quote;
 use crate::plot::number;
 use std::fmt::Write as _;
 
@@ -32,7 +33,7 @@ fn head(record: &Record) -> String {
     let _ = writeln!(
         text,
         "{}: {} triangles, {} objects, {} emitters, {} closed parts, {} sheets, {} clusters in {} levels",
-        scene.path,
+        quote(&scene.path),
         scene.triangles,
         scene.objects,
         scene.emitters,
@@ -261,17 +262,25 @@ fn headline(best: Option<&MrRow>, unit: &str) -> String {
     let Some((row, speed)) = best.and_then(|row| Some((row, row.speedup_at_same_rms?))) else {
         return "no multi-resolution row could be compared with exact at the same error".into();
     };
-    let speed = if speed >= 1.0 {
-        format!("{} times faster than exact", number(speed))
-    } else {
-        format!("{} times slower than exact", number(1.0 / speed))
+    let speed = match speed {
+        v if v >= NO_FASTER[1] => format!("{} times faster than", number(v)),
+        v if v > NO_FASTER[0] => "no faster than".into(),
+        v => format!("{} times slower than", number(1.0 / v)),
+    };
+    let gain = row.certificates_gain();
+    let certificates = match gain > NO_FASTER[1] {
+        true => format!("; certificates alone make exact rays {} times faster", number(gain)),
+        false => String::new(),
     };
     format!(
-        "best: s = {} {unit} with {} segments is {speed} at the same RMS error of {} % (per segment {})",
+        "best: s = {} {unit} with {} segments is {speed} {} at the same RMS error of {} % (per segment {}); {} % of its segments \
+         met averaged clusters{certificates}",
         number(row.feature_size),
         row.rays,
+        row.compared_in_words(),
         number(100.0 * row.rms),
-        times(Some(row.speedup_per_segment), false)
+        times(Some(row.speedup_per_segment), false),
+        number(100.0 * row.aggregated_fraction)
     )
 }
 
@@ -286,6 +295,7 @@ fn times(v: Option<f64>, about: bool) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bench::record::ExactRow;
 
     #[test]
     fn losses_are_said_plainly() {
@@ -297,6 +307,18 @@ mod tests {
         };
         assert!(headline(Some(&row(2.0)), "m").contains("2 times faster"));
         assert!(headline(Some(&row(0.5)), "m").contains("2 times slower"));
+        assert!(headline(Some(&row(1.03)), "m").contains("no faster than exact rays"));
         assert!(headline(None, "m").contains("no multi-resolution row"));
+    }
+
+    #[test]
+    fn what_certificates_gain_is_not_the_gain_of_averaging() {
+        let exact = ExactRow { rays: 16, seconds: 2.0, rms: 0.01, ..ExactRow::default() };
+        let certified = ExactRow { seconds: 1.0, ..exact.clone() };
+        let mut row = MrRow { rays: 16, seconds: 1.0, rms: 0.01, ..MrRow::default() };
+        row.compare(&[exact], &[certified]);
+        let text = headline(Some(&row), "m");
+        assert!(text.contains("no faster than exact rays (Embree) with certificates"), "{text}");
+        assert!(text.contains("certificates alone make exact rays 2 times faster"), "{text}");
     }
 }

@@ -53,9 +53,10 @@ pub fn summary(reported: &Reported, with_points: bool) -> String {
     }
     let [red, green, blue] = r.mean_irradiance.map(number);
     // Direct light at points needs no elements: their light was not refined and has no error estimate.
-    let estimate = match r.options.direct_only && with_points {
-        true => String::new(),
-        false => format!("; estimated error {} %{}", number(100.0 * r.error_estimate), upper(r)),
+    let estimate = match r.error_estimate {
+        Some(estimate) => format!("; estimated error {} %{}", number(100.0 * estimate), upper(r)),
+        None if r.options.direct_only && with_points => String::new(),
+        None => "; error unknown".into(),
     };
     let _ = writeln!(text, "mean irradiance {red}, {green}, {blue} W/m\u{b2} (red, green, blue){estimate}");
     if let Some(l) = photometric {
@@ -119,10 +120,9 @@ fn side_by_side(r: &Record, v: &Versus) -> String {
     text
 }
 
-/// The upper end of the audit's interval, if there was an audit.
+/// The upper end of the estimate's interval, if it has one.
 fn upper(record: &Record) -> String {
-    let audited = record.audit.as_ref().map(|audit| audit.rms_upper);
-    audited.map_or_else(String::new, |upper| {
+    record.error_estimate_upper.map_or_else(String::new, |upper| {
         format!(" (at most {} % with 95 % probability)", number(100.0 * upper))
     })
 }

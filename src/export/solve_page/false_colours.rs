@@ -48,8 +48,8 @@ impl Bands {
         Picture { width, height: pixels.len() / width.max(1), pixels }
     }
 
-    /// The colours with their ranges.
-    pub(super) fn legend(&self, unit: &str) -> Markup {
+    /// The colours with their ranges, below a heading.
+    pub(super) fn legend(&self, heading: &str) -> Markup {
         let range = |band: usize| {
             let limit = |k: usize| number(self.limits[k]);
             match band {
@@ -59,7 +59,7 @@ impl Bands {
             }
         };
         html! {
-            p.note { "Irradiance in " (unit) ", mean of the channels:" }
+            p.note { (heading) }
             div.bands {
                 @for band in 0..=self.limits.len() {
                     div { (swatch(self.colour(band))) span { (range(band)) } }

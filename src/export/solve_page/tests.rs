@@ -5,7 +5,7 @@ use crate::model::Model;
 use crate::radiosity::Options;
 use crate::scene::generate::{Spec, build};
 
-fn page(audit: usize) -> (String, Record) {
+fn page(audit: usize, photometry: Option<Photometry>) -> (String, Record) {
     let mut scene = build(&Spec::new("cornell")).expect("the box");
     scene.materials[0].name = "<b>white</b>".into();
     let options = Options { audit, error: 0.2, local_rays: Some(0), ..Options::default() };
@@ -17,13 +17,14 @@ fn page(audit: usize) -> (String, Record) {
         irradiance: vec![Some([1.0; 3]), Some([2.0; 3]), Some([5.0; 3]), None],
     };
     let page =
-        solve_page(&outcome.record, (model.scene(), &outcome.mesh), &[view], "mrvis solve").expect("a page");
+        solve_page(&outcome.record, (model.scene(), photometry, &outcome.mesh), &[view], "mrvis solve")
+            .expect("a page");
     (page, outcome.record)
 }
 
 #[test]
 fn the_page_stands_alone_and_names_what_it_shows() {
-    let (page, record) = page(60);
+    let (page, record) = page(60, None);
     assert!(page.starts_with("<!DOCTYPE html>") && page.ends_with("</html>"));
     for outside in ["http://", "https://", "src=\"/", "href=", "@import", "url("] {
         let mut found = page.match_indices(outside).map(|(i, _)| &page[i..i + 40]);
@@ -37,10 +38,22 @@ fn the_page_stands_alone_and_names_what_it_shows() {
     assert!(page.contains("Are the error bars right?") && page.contains("escaped from the scene"));
 }
 
+#[test]
+fn photometric_pages_are_in_lux() {
+    let photometry = Photometry::default();
+    let (page, record) = page(0, Some(photometry));
+    let mean = photometry.of(record.mean_irradiance);
+    assert!(page.contains(&format!("{} lx", number(mean))) && page.contains("mean illuminance"));
+    assert!(page.contains("illuminance of view") && !page.contains("mean irradiance"));
+    // The pixels have 1, 2 and 5 W/m² in each channel.
+    let lux = [1.0, 2.0, 5.0].map(|e| photometry.of([e; 3]) as f32);
+    assert!(page.contains(&Bands::of(lux.into_iter()).legend("Illuminance in lx:").into_string()));
+}
+
 /// The streams of the flow are the ledger: what materials absorb and what escapes.
 #[test]
 fn pages_without_an_audit_say_nothing_about_it() {
-    let (page, record) = page(0);
+    let (page, record) = page(0, None);
     assert!(record.audit.is_none() || record.audit.is_some_and(|a| a.elements == 0));
     assert!(!page.contains("Are the error bars right?"));
 }

@@ -2,10 +2,12 @@
 
 mod energy_ledger;
 mod error_bars;
+mod estimate;
 mod solved;
 mod uncertainty;
 
 pub use energy_ledger::Ledger;
 pub use error_bars::{AuditSize, ErrorBarAudit};
+pub use estimate::{ErrorEstimate, ErrorSource};
 pub use solved::{Closing, Solved};
 pub use uncertainty::{error_estimate, link_uncertainty};

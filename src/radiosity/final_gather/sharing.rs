@@ -137,8 +137,8 @@ fn choose(
 ) -> SharedLight {
     let (own, around) = &made[i];
     let mut shared = SharedLight::default();
-    for kind in 0..KINDS {
-        let compared = Compared::of(made, light, around, kind, level[kind].max(light[i].mean(kind)));
+    for (kind, level) in level.into_iter().enumerate() {
+        let compared = Compared::of(made, light, around, kind, level.max(light[i].mean(kind)));
         let noise = compared.variance_of_rays(&light[i], kind);
         let value = |w: usize| f64::from(own.fits[kind][w].iter().sum::<Vec3>().element_sum()) / 6.0;
         let agrees = |w: &usize| {

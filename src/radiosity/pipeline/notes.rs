@@ -11,27 +11,37 @@ use crate::radiosity::transport::Convergence;
 const USUAL_UNLIT_AREA: f64 = 0.5;
 
 /// If refinement ended before the error asked for.
-pub fn ended(ended: Ended, options: &Options, last: Option<&Iteration>, estimate: f64) -> Option<String> {
+pub fn ended(
+    ended: Ended,
+    options: &Options,
+    last: Option<&Iteration>,
+    estimate: Option<f64>,
+) -> Option<String> {
     let why = match ended {
         Ended::Error | Ended::Target | Ended::Interrupted | Ended::Nothing => return None,
         Ended::Time => limit(options),
         Ended::Links => format!("max_links {}", options.max_links),
     };
     let bound = last.map_or(f64::INFINITY, |i| i.error_bound);
-    let error = options.error;
+    let (error, estimate) = (options.error, in_words(estimate));
     Some(format!(
         "{why} ended refinement before option `error` {error} was reached: links with errors below {bound:.1e} are as they were, \
-         the estimated error is {estimate:.2e}"
+         {estimate}"
     ))
 }
 
 /// If the estimated error is larger than the target.
-pub fn missed(options: &Options, estimate: f64) -> Option<String> {
-    let target = options.target_error.filter(|target| estimate > *target)?;
+pub fn missed(options: &Options, estimate: Option<f64>) -> Option<String> {
+    let target = options.target_error.filter(|target| estimate.is_none_or(|e| e > *target))?;
+    let estimate = in_words(estimate);
     Some(format!(
-        "target_error {target} was missed: the estimated error is {estimate:.2e}; a smaller option `error` or option `min_area`, more time or \
+        "target_error {target} was missed: {estimate}; a smaller option `error` or option `min_area`, more time or \
          more links bring it down"
     ))
+}
+
+fn in_words(estimate: Option<f64>) -> String {
+    estimate.map_or_else(|| "the error is unknown".into(), |e| format!("the estimated error is {e:.2e}"))
 }
 
 /// If more of the scene is unlit than objects usually hide.

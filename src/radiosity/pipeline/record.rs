@@ -1,7 +1,7 @@
 //! What is written down about a solution.
 
 use crate::model::summary::SceneSummary;
-use crate::radiosity::audit::{ErrorBarAudit, Ledger};
+use crate::radiosity::audit::{ErrorBarAudit, ErrorSource, Ledger};
 use crate::radiosity::links::Tally;
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::radiosity::options::Options;
@@ -90,9 +90,12 @@ pub struct Record {
     pub bundles: Tally,
     /// The energy ledger.
     pub ledger: Ledger,
-    /// RMS error of the elements' irradiance relative to its mean, as audited by independent paths; without an audit, estimated from
-    /// the error bars.
-    pub error_estimate: f64,
+    /// RMS error of the elements' irradiance relative to its mean; `None` if it is unknown, or elements were not refined.
+    pub error_estimate: Option<f64>,
+    /// Upper end of the 95 % interval of the estimate; `None` for an estimate from error bars.
+    pub error_estimate_upper: Option<f64>,
+    /// Where the estimate comes from: an audit by independent paths, or the error bars if there was none of enough elements.
+    pub error_estimate_source: Option<ErrorSource>,
     /// Comparison of error bars with errors; none if reflected light was omitted.
     pub audit: Option<ErrorBarAudit>,
     /// Mean irradiance over all elements, W/m², RGB.

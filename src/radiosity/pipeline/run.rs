@@ -9,7 +9,9 @@ use crate::model::summary::SceneSummary;
 use crate::model::{Detail, Model};
 use crate::points::Point;
 use crate::progress::Progress;
-use crate::radiosity::audit::{AuditSize, Closing, ErrorBarAudit, Solved, error_estimate, link_uncertainty};
+use crate::radiosity::audit::{
+    AuditSize, Closing, ErrorBarAudit, ErrorEstimate, Solved, error_estimate, link_uncertainty,
+};
 use crate::radiosity::deadline::{Deadline, DeadlinePlan};
 use crate::radiosity::elements::{Elements, lit_inside};
 use crate::radiosity::final_gather::{FinalGather, LATE_RAYS, LocalPass};
@@ -29,9 +31,6 @@ use std::time::Instant;
 /// large areas.
 const MIN_DIAGONAL: f64 = 1e-9;
 const MAX_DIAGONAL: f64 = 5e9;
-/// Audited elements whose RMS error is the error estimate: it is then known to about 1/√(2 · 50) = 10 % of itself where errors are
-/// normally distributed.
-const MIN_AUDITED: usize = 50;
 
 /// Largest number of local passes for [`Options::target_error`]: each has more rays than all before it together.
 const MAX_ATTEMPTS: usize = 5;
@@ -106,7 +105,7 @@ pub fn solve(
     let mut tally = solved.linked.tally;
     tally.add(points_tally);
     tally.add(audit_tally);
-    let parts = RecordParts { unlit, steps, tally, audit, uncertainty: &uncertainty };
+    let parts = RecordParts { unlit, steps, tally, audit, uncertainty: &uncertainty, idle };
     let record = stages.record(&solved, parts);
     let outcome = Outcome { mesh: solved.mesh(scene, &uncertainty), record, irradiance };
     Ok((
@@ -159,6 +158,8 @@ struct RecordParts<'a> {
     tally: Tally,
     audit: ErrorBarAudit,
     uncertainty: &'a [f64],
+    /// Whether the light of elements was not refined.
+    idle: bool,
 }
 
 /// The stages of one solution, with the seconds and notes that they leave.
@@ -326,13 +327,10 @@ impl Stages<'_> {
     }
 
     fn record(mut self, solved: &Solved, parts: RecordParts) -> Record {
-        let RecordParts { unlit, steps, tally, audit, uncertainty } = parts;
+        let RecordParts { unlit, steps, tally, audit, uncertainty, idle } = parts;
         let (scene, options, linked) = (self.scene, self.options, &solved.linked);
-        // Independent paths say more than the elements' own bars, if there are enough of them.
-        let error_estimate = match audit.elements >= MIN_AUDITED {
-            true => audit.expected_rms,
-            false => error_estimate(linked, uncertainty),
-        };
+        let estimate = ErrorEstimate::of(&audit, error_estimate(linked, uncertainty)).filter(|_| !idle);
+        let error_estimate = estimate.map(|e| e.rms);
         self.notes.extend(notes::ended(steps.ended, options, steps.iterations.last(), error_estimate));
         self.notes.extend(notes::missed(options, error_estimate));
         let (bytes, local_convergence) = match &solved.closing {
@@ -351,7 +349,7 @@ impl Stages<'_> {
             ended: steps.ended,
             convergence: steps.convergence,
             local_convergence,
-            target_met: options.target_error.map(|target| error_estimate <= target),
+            target_met: options.target_error.map(|target| error_estimate.is_some_and(|e| e <= target)),
             seconds: self.seconds,
             cache: self.model.report().origin.name().into(),
             links: linked.links.len(),
@@ -362,6 +360,8 @@ impl Stages<'_> {
             bundles: tally,
             ledger: solved.ledger(&scene.unit),
             error_estimate,
+            error_estimate_upper: estimate.and_then(|e| e.upper),
+            error_estimate_source: estimate.map(|e| e.source),
             audit: (audit.elements > 0).then_some(audit),
             mean_irradiance: solved.mean_irradiance(),
             interrupted: self.progress.stopped(),

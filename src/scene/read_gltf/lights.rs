@@ -20,6 +20,9 @@ const HALF_SIDE: f64 = 4.12e-3;
 /// intensity.
 const CONE_STEPS: usize = 64;
 
+/// Largest inner angle of a spot relative to the outer one: an edge of 1 % of the beam is sharp in any image, and steps of
+/// the table differ by more than the rounding of cosines.
+const MAX_INNER: f64 = 0.99;
 /// Smallest outer angle of a spot, radians: a beam of a millimetre at a metre.
 const MIN_CONE: f64 = 1e-3;
 
@@ -57,13 +60,13 @@ impl Reader<'_> {
             Kind::Point => Some(vec![(0.0, 1.0), (180.0, 1.0)]),
             Kind::Spot { inner_cone_angle, outer_cone_angle } => {
                 let (inner, outer) = (f64::from(inner_cone_angle), f64::from(outer_cone_angle));
-                if !(0.0 <= inner
-                    && inner < outer
-                    && (MIN_CONE..=std::f64::consts::FRAC_PI_2 + 1e-6).contains(&outer))
-                {
-                    return Err(self.wrong("a spot light's cone angles must ascend within 0 to π/2, the outer one at least 0.001"));
+                if !(0.0 <= inner && (MIN_CONE..=std::f64::consts::FRAC_PI_2 + 1e-6).contains(&outer)) {
+                    return Err(self.wrong(
+                        "a spot light's cone angles must lie within 0 to π/2, the outer one at least 0.001",
+                    ));
                 }
-                Some(cone(inner, outer))
+                self.hard_spots += usize::from(inner >= outer);
+                Some(cone(inner.min(MAX_INNER * outer), outer))
             }
         };
         let distribution = table.map(|t| Distribution::about_axis(&t));
@@ -112,6 +115,12 @@ impl Reader<'_> {
             if !soup.corner_texcoords.is_empty() || !soup.texcoords.is_empty() {
                 soup.corner_texcoords.extend([0; 4]);
             }
+        }
+        if self.hard_spots > 0 {
+            soup.repairs.messages.push(format!(
+                "{} spot lights have an inner cone angle that is not below the outer one: it became {MAX_INNER} of the outer one",
+                self.hard_spots
+            ));
         }
         if !self.lights.is_empty() {
             let count = self.lights.len();

@@ -12,10 +12,11 @@ mod sharing;
 
 use super::{
     LoadOptions, MAX_PLACEMENTS, Repairs, Scene, SoupMaterial, StoredCamera,
-    sources::{Sources, TextureKey, shown},
+    sources::{Sources, TextureKey},
     texture::Texture,
 };
-use crate::{Error, Result, error::quote};
+use crate::error::{quote, shown};
+use crate::{Error, Result};
 use base64::{Engine, engine::general_purpose::STANDARD};
 use gltf::Gltf;
 use serde::de::{Deserialize, Deserializer, IgnoredAny, SeqAccess, Visitor};
@@ -25,6 +26,8 @@ use std::{collections::HashMap, path::Path};
 const MAX_CORNERS: usize = 1 << 29;
 /// Extension whose nodes place a mesh many times.
 const GPU_INSTANCING: &str = "EXT_mesh_gpu_instancing";
+/// Extension of materials that light passes through.
+const TRANSMISSION: &str = "KHR_materials_transmission";
 
 /// Reads a glTF or GLB file, of which `path` is the name: one object per node, coordinates as in the file (y up).
 pub(super) fn read(
@@ -35,7 +38,7 @@ pub(super) fn read(
 ) -> Result<Scene> {
     let (document, buffers) = open(path, bytes, sources)?;
     let (repairs, materials, cameras, lights) = Default::default();
-    let mut reader = Reader { path, buffers, materials, cameras, lights, repairs };
+    let mut reader = Reader { path, buffers, materials, cameras, lights, hard_spots: 0, repairs };
     reader.read_materials(&document, sources)?;
     let nodes = reader.nodes(&document)?;
     sharing::scene(&mut reader, &document, &nodes, options)
@@ -165,6 +168,8 @@ struct Reader<'a> {
     materials: Vec<SoupMaterial>,
     cameras: Vec<StoredCamera>,
     lights: Vec<lights::PlacedLight>,
+    /// Spot lights without a gradual edge.
+    hard_spots: usize,
     repairs: Repairs,
 }
 
@@ -175,7 +180,7 @@ impl Reader<'_> {
 
     /// Fills the table of materials.
     fn read_materials(&mut self, document: &gltf::Document, sources: &mut Sources) -> Result<()> {
-        let (mut emissive_textures, mut names) = (0, UniqueNames::default());
+        let (mut emissive_textures, mut transmitting, mut names) = (0, 0, UniqueNames::default());
         for material in document.materials() {
             let pbr = material.pbr_metallic_roughness();
             let [r, g, b, a] = pbr.base_color_factor();
@@ -184,6 +189,9 @@ impl Reader<'_> {
             let image = pbr.base_color_texture().map(|t| t.texture().source());
             let texture = image.map(|i| self.texture(i, sources)).transpose()?.flatten();
             emissive_textures += usize::from(material.emissive_texture().is_some());
+            let transmission =
+                material.extension_value(TRANSMISSION).and_then(|t| t.get("transmissionFactor"));
+            transmitting += usize::from(transmission.and_then(|f| f.as_f64()).is_some_and(|f| f > 0.0));
             self.materials.push(SoupMaterial {
                 emission: material.emissive_factor().map(|e| e * strength),
                 opacity: if material.alpha_mode() == gltf::material::AlphaMode::Opaque { 1.0 } else { a },
@@ -194,6 +202,11 @@ impl Reader<'_> {
         if emissive_textures > 0 {
             let what = "emissive textures are not read: these materials emit evenly";
             self.repairs.messages.push(format!("{emissive_textures} {what}"));
+        }
+        if transmitting > 0 {
+            let what =
+                "materials transmit light in the file (KHR_materials_transmission): they are opaque here";
+            self.repairs.messages.push(format!("{transmitting} {what}"));
         }
         self.materials.push(SoupMaterial::missing("(none)"));
         Ok(())

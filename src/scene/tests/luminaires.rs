@@ -199,6 +199,16 @@ fn punctual_lights_of_gltf() {
         value(r#"{"type":"spot","intensity":400,"spot":{"innerConeAngle":0.2,"outerConeAngle":0.5}}"#, place);
     near(spot[0], 100.0, 0.01);
     assert!(spot[1] == 0.0, "45 degrees are outside of the cone");
+    // A hard edge is the limit of gradual ones.
+    let hard =
+        value(r#"{"type":"spot","intensity":400,"spot":{"innerConeAngle":0.5,"outerConeAngle":0.5}}"#, place);
+    near(hard[0], 100.0, 0.01);
+    assert!(hard[1] == 0.0, "45 degrees are outside of the cone");
+    assert!(
+        Scene::load(folder.path().join("a.gltf")).expect("a scene").repairs.messages.iter().any(|m| {
+            m.contains("1 spot lights have an inner cone angle that is not below the outer one")
+        })
+    );
     let sun = value(r#"{"type":"directional","intensity":5000}"#, place);
     near(sun[0], 5000.0, 0.05);
     near(sun[1], 5000.0, 0.05);

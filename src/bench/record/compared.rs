@@ -1,0 +1,52 @@
+//! Speed of rows compared with the fastest exact rays.
+
+use super::{ExactRow, Interpolated, MrRow, interpolate_log_log};
+
+/// Which exact rays a speed-up refers to.
+pub const PLAIN: &str = "exact";
+pub const CERTIFIED: &str = "certified";
+
+/// Speed-ups between these are none: repeated runs of a row differ by 5 %.
+pub const NO_FASTER: [f64; 2] = [0.95, 1.05];
+
+/// Time (seconds) and error of rows, for [`interpolate_log_log`].
+pub fn curve<'a>(rows: impl IntoIterator<Item = &'a ExactRow>) -> Vec<(f64, f64)> {
+    rows.into_iter().map(|row| (row.seconds, row.rms)).collect()
+}
+
+/// `a / b` if finite.
+pub fn ratio(a: f64, b: f64) -> Option<f64> {
+    let ratio = a / b;
+    ratio.is_finite().then_some(ratio)
+}
+
+impl MrRow {
+    /// Computes the speed-ups from the times: over the fastest exact rays, with or without certificates.
+    pub fn compare(&mut self, exact: &[ExactRow], certified: &[ExactRow]) {
+        let as_many = exact.iter().chain(certified).filter(|row| row.rays == self.rays && row.seconds > 0.0);
+        let as_many = as_many.map(|row| row.seconds).min_by(f64::total_cmp).unwrap_or(0.0);
+        self.speedup_per_segment = ratio(as_many, self.seconds).unwrap_or(0.0);
+        let plain = interpolate_log_log(&curve(exact), self.rms);
+        let fastest = interpolate_log_log(&curve(exact.iter().chain(certified)), self.rms);
+        let over = |time: Option<Interpolated>| time.and_then(|t| ratio(t.seconds, self.seconds));
+        self.speedup_over_plain_exact = over(plain);
+        self.speedup_at_same_rms = over(fastest);
+        self.extrapolated = fastest.is_some_and(|t| t.extrapolated);
+        let gained = fastest.zip(plain).is_some_and(|(fastest, plain)| fastest.seconds < plain.seconds);
+        self.compared_with = if gained { CERTIFIED } else { PLAIN }.into();
+    }
+
+    /// How much faster certificates make exact rays at the error of this row; 1 if they do not.
+    pub fn certificates_gain(&self) -> f64 {
+        let gain = self.speedup_over_plain_exact.zip(self.speedup_at_same_rms);
+        gain.and_then(|(plain, fastest)| ratio(plain, fastest)).unwrap_or(1.0)
+    }
+
+    /// What the speed-up refers to, in words.
+    pub fn compared_in_words(&self) -> &'static str {
+        match self.compared_with == CERTIFIED {
+            true => "exact rays (Embree) with certificates",
+            false => "exact rays (Embree)",
+        }
+    }
+}
