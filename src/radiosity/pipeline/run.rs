@@ -91,6 +91,8 @@ pub fn solve(
         stages.notes.push(notes::NO_EMITTERS.into());
     } else if irradiance.iter().chain([&solved.mean_irradiance()]).flatten().all(|&e| e == 0.0) {
         stages.notes.push(notes::DARK.into());
+    } else {
+        stages.notes.extend(model.note_of_turned_emitters());
     }
     if !solved.is_finite() || irradiance.iter().flatten().any(|v| !v.is_finite()) {
         return Err(Error::Scene(notes::NOT_FINITE.into()));
