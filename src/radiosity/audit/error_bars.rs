@@ -2,6 +2,7 @@
 //! solution but the sides that count as unlit.
 
 use crate::math::sampling::{mix, point_on};
+use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::Shape;
 use crate::radiosity::final_gather::{Buffers, FinalGather, PathVertex};
 use crate::radiosity::links::Tally;
@@ -62,14 +63,9 @@ struct Check {
 
 impl FinalGather<'_> {
     /// Compares the solution's irradiance with paths, and the differences with `bars` (standard uncertainty by element, W/m²), at
-    /// `count` elements. The audit is empty if `stop` ends it early.
-    pub fn audit(
-        &self,
-        bars: &[f64],
-        count: usize,
-        stop: &(dyn Fn() -> bool + Sync),
-    ) -> (ErrorBarAudit, Tally) {
-        let (checks, tally) = self.checks(bars, count, FOR_AUDIT, stop);
+    /// `count` elements. The audit is empty if the deadline ends it early.
+    pub fn audit(&self, bars: &[f64], count: usize, deadline: &Deadline) -> (ErrorBarAudit, Tally) {
+        let (checks, tally) = self.checks(bars, count, FOR_AUDIT, deadline);
         if checks.is_empty() {
             return (ErrorBarAudit::default(), tally);
         }
@@ -102,8 +98,8 @@ impl FinalGather<'_> {
     /// The factor by which bars must be multiplied so that 95 % of the errors at `count` elements (others than those of the audit)
     /// lie within twice the bars; 1 if too few of them have bars above the noise of the paths. Bars assume
     /// independent samples, but stratified samples are better, and errors of links are correlated.
-    pub fn bar_factor(&self, bars: &[f64], count: usize, stop: &(dyn Fn() -> bool + Sync)) -> (f64, Tally) {
-        let (mut checks, tally) = self.checks(bars, count, FOR_FACTOR, stop);
+    pub fn bar_factor(&self, bars: &[f64], count: usize, deadline: &Deadline) -> (f64, Tally) {
+        let (mut checks, tally) = self.checks(bars, count, FOR_FACTOR, deadline);
         checks.retain(|check| check.noise < check.bar);
         if checks.len() < MIN_ELEMENTS {
             return (1.0, tally);
@@ -134,13 +130,7 @@ impl FinalGather<'_> {
 
     /// Checks `count` elements, drawn by area in strata; `position` in `[0, 1)` lies in each stratum. No checks without light
     /// or after an early stop.
-    fn checks(
-        &self,
-        bars: &[f64],
-        count: usize,
-        position: f64,
-        stop: &(dyn Fn() -> bool + Sync),
-    ) -> (Vec<Check>, Tally) {
+    fn checks(&self, bars: &[f64], count: usize, position: f64, deadline: &Deadline) -> (Vec<Check>, Tally) {
         let (mut areas, mut sum) = (Vec::new(), 0.0);
         for e in self.linked().leaves() {
             sum += self.linked().elements.elements[e as usize].area;
@@ -156,12 +146,13 @@ impl FinalGather<'_> {
         let made: Option<Vec<(Check, Tally)>> = (0..count)
             .into_par_iter()
             .map_init(Buffers::default, |buffers, k| {
-                if stop() {
+                if deadline.late() {
                     return None;
                 }
                 buffers.scratch.tally = Tally::default();
                 let e = drawn(k);
                 let (by_paths, noise) = self.path_irradiance(e, position.to_bits(), buffers);
+                deadline.advance(1);
                 let error = (mean(self.linked().elements.states[e as usize].irradiance) - by_paths).abs();
                 Some((Check { error, noise, bar: bars[e as usize] }, buffers.scratch.tally))
             })

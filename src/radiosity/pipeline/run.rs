@@ -174,8 +174,9 @@ impl Stages<'_> {
         self.notes.extend(scene.repairs.messages.clone());
         self.notes.extend(self.model.report().note.clone());
         let hierarchy = self.model.base().hierarchy();
-        let (elements, surroundings, unlit) =
-            timed(&mut self.seconds.elements, || lit_elements(scene, hierarchy, exact, ends, options));
+        let (elements, surroundings, unlit) = timed(&mut self.seconds.elements, || {
+            lit_elements(scene, hierarchy, exact, ends, (options, &self.deadline))
+        });
         let model = self.model;
         let engine = timed(&mut self.seconds.characterise, || engine_for(model, &elements, options));
         let mut linked = LinkedScene::new(elements, surroundings, engine, ends, options);
@@ -188,7 +189,7 @@ impl Stages<'_> {
     /// The final light, by a local pass or along links. `start` is when refinement began.
     fn final_light(
         &mut self,
-        refined: Refined,
+        mut refined: Refined,
         local: bool,
         plan: &DeadlinePlan,
         start: Instant,
@@ -202,10 +203,12 @@ impl Stages<'_> {
         if local {
             self.seconds.solve = start.elapsed().as_secs_f64();
             self.progress.stage("local pass", 0);
-            let mut linked = refined.linked;
-            let found = self.local_pass(&mut linked, &plan.light);
+            let Some(found) = self.local_pass(&mut refined.linked, &plan.light) else {
+                self.notes.push(notes::no_local_pass(&plan.light));
+                return (Solved::interrupted(refined), steps);
+            };
             self.notes.extend(notes::unconverged(&found.convergence, &plan.light));
-            let solved = self.element_light(Solved::by_rays(linked, found), &plan.light);
+            let solved = self.element_light(Solved::by_rays(refined.linked, found), &plan.light);
             return (solved, steps);
         }
         let solved = Solved::by_links(refined, &plan.light);
@@ -219,24 +222,35 @@ impl Stages<'_> {
     }
 
     /// Splits surfaces as finely as the rays allow, and traces the rays of the exchange between elements.
-    fn local_pass(&mut self, linked: &mut LinkedScene, deadline: &Deadline) -> LocalPass {
+    /// None if an interruption leaves no time for it.
+    fn local_pass(&mut self, linked: &mut LinkedScene, deadline: &Deadline) -> Option<LocalPass> {
         let (scene, options) = (self.scene, self.options);
         let (found, note) = timed(&mut self.seconds.local, || {
+            if deadline.late() && linked.has_long_local_pass() {
+                return (None, None);
+            }
             let all = options.local_rays() as f64;
             let rays = match deadline.limited() {
                 true => FinalGather::new(self.model, linked, options).affordable_rays(all, deadline),
                 false => Some(all).filter(|_| !deadline.late()),
             };
+            if rays.is_none() && linked.has_long_local_pass() {
+                return (None, None);
+            }
             let smallest = match rays {
                 Some(rays) if rays >= all => options.local_area(),
                 fewer => Options::area_for(fewer.unwrap_or(LATE_RAYS)).max(options.local_area()),
             };
             linked.split_all(smallest * total_area(scene), deadline);
+            if deadline.late() && linked.has_long_local_pass() {
+                return (None, None);
+            }
             let gather = FinalGather::new(self.model, linked, options);
             let useful = gather.useful_rays(all, options.error);
             let rays = rays.map(|rays| rays.min(useful));
             let found = gather.local_pass(rays, deadline);
-            (found, notes::fewer_local_rays(rays, useful, deadline))
+            let note = found.as_ref().and_then(|_| notes::fewer_local_rays(rays, useful, deadline));
+            (found, note)
         });
         self.notes.extend(note);
         found
@@ -255,13 +269,19 @@ impl Stages<'_> {
 
     /// Irradiance at points, W/m².
     fn points(&mut self, gather: &FinalGather, points: &[Point], plan: &DeadlinePlan) -> (Vec<Rgb>, Tally) {
-        self.progress.stage("points", 0);
+        self.progress.stage("points", points.len() as u64);
+        let done = |n| self.progress.advance(n as u64);
         let (scene, options) = (self.scene, self.options);
+        if points.is_empty() {
+            return (Vec::new(), Tally::default());
+        }
         let points = relative(scene, points);
         let found =
             timed(&mut self.seconds.points, || match gather.hurried(&points, options, &plan.closing) {
-                Some(fewer) => FinalGather::new(self.model, gather.linked(), &fewer).irradiance(&points),
-                None => gather.irradiance(&points),
+                Some(fewer) => {
+                    FinalGather::new(self.model, gather.linked(), &fewer).irradiance(&points, &done)
+                }
+                None => gather.irradiance(&points, &done),
             });
         self.notes.extend(gather.far_off(&points));
         found
@@ -276,12 +296,11 @@ impl Stages<'_> {
     ) -> (Vec<f64>, ErrorBarAudit, Tally) {
         let mut uncertainty = solved.uncertainty();
         let count = if self.options.direct_only { 0 } else { self.options.audit };
-        self.progress.stage("audit", 0);
-        let late = || plan.closing.late();
+        self.progress.stage("audit", 2 * count as u64);
         timed(&mut self.seconds.audit, || {
-            let (factor, mut tally) = gather.bar_factor(&uncertainty, count, &late);
+            let (factor, mut tally) = gather.bar_factor(&uncertainty, count, &plan.closing);
             uncertainty.iter_mut().for_each(|u| *u *= factor);
-            let (audit, cost) = gather.audit(&uncertainty, count, &late);
+            let (audit, cost) = gather.audit(&uncertainty, count, &plan.closing);
             tally.add(cost);
             (uncertainty, ErrorBarAudit { factor, ..audit }, tally)
         })
@@ -337,11 +356,11 @@ fn lit_elements(
     hierarchy: &Hierarchy,
     exact: &Exact,
     ends: EndRule,
-    options: &Options,
+    (options, deadline): (&Options, &Deadline),
 ) -> (Elements, Surroundings, Unlit) {
     let area = total_area(scene);
     let length = scene.ray_length();
-    let around = |elements: &Elements| probe(elements, exact, ends, length, options.seed);
+    let around = |elements: &Elements| probe(elements, exact, (ends, length), options.seed, deadline);
     // Ranges of ids have room for all elements of the local pass.
     let build = |open: &[u32]| {
         let mut elements = Elements::build(scene, hierarchy, options.local_area() * area, open);
