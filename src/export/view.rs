@@ -52,7 +52,7 @@ pub fn best_view(stage: &Stage, solution: &RadiosityMesh, up: Vec3, unit: &str) 
     }
     let mut best: Option<(f32, Camera)> = None;
     for (camera, near) in cameras {
-        let frame = render(stage, &camera, PREVIEW_PIXELS[0], PREVIEW_PIXELS[1], 1);
+        let frame = render(stage, &camera, PREVIEW_PIXELS, 1, &());
         let score = judge.score(&frame, near);
         if best.as_ref().is_none_or(|b| score > b.0) {
             best = Some((score, camera));

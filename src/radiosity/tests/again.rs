@@ -42,13 +42,13 @@ fn under(scene: &Scene, seeds: std::ops::RangeInclusive<u64>, again: bool) -> Ve
     for seed in seeds {
         options.seed = seed;
         let length = 2.0 * scene.bounds.diagonal();
-        let found = probe(&elements, &exact, ends, length, 1);
+        let found = probe(&elements, &exact, (ends, length), 1, &Deadline::start(&(), None));
         let engine = VisibilityEngine::Exact(exact.clone());
         let mut linked = LinkedScene::new(elements.clone(), found, engine, ends, &options);
         const THRESHOLD: f32 = 5e-3;
         for _ in 0..3 {
             let errors = link_errors(&linked);
-            refine(&mut linked, &errors, THRESHOLD, false, &|_| false);
+            refine(&mut linked, &errors, THRESHOLD, false, &|_| false, &());
             let nodes = linked.active_nodes();
             linked.iterate(&nodes, 1e-3, 12, &deadline);
             linked.update_oracle_statistics();
