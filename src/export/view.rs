@@ -33,7 +33,7 @@ const HALF_DETAIL: f32 = 0.15;
 
 /// Median distance in a picture, relative to half of the scene's diagonal, from which on it is an overview.
 const OVERVIEW_PART: f32 = 0.25;
-/// What a view of none of the objects is worth, relative to one of all: a close view of a few may still be the best.
+/// Score factor of a view without objects; 1 for a view of all, relative to one of all: a close view of a few may still be the best.
 const ALONE_PART: f32 = 0.2;
 
 /// The best view of the scene; `unit` is the name of the unit of length, for the eye height.

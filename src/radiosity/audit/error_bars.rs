@@ -35,7 +35,7 @@ pub struct ErrorBarAudit {
     pub within_quarters: [f64; 12],
     /// Root mean square of the errors, less the noise of the paths, relative to the mean irradiance of all elements.
     pub rms_error: f64,
-    /// The same, but no less than the audit can tell from 0: the root of one standard error of its mean square.
+    /// RMS error, at least the detection limit: the root of one standard error of the mean square.
     pub expected_rms: f64,
     /// Upper end of its 95 % interval.
     pub rms_upper: f64,

@@ -1,6 +1,6 @@
 //! The stages of a solution, in their order.
 
-use super::engine::{engine_for, exact_engine};
+use super::engine::engine_for;
 use super::notes;
 use super::point_query::{Solution, relative};
 use super::record::{Outcome, Record, Seconds, timed};
@@ -179,7 +179,7 @@ impl Stages<'_> {
     /// Elements with the link of the root, importance and feature sizes.
     fn coarse(&mut self) -> Result<(Coarse, Unlit)> {
         let (scene, options) = (self.scene, self.options);
-        let (ends, exact) = (self.model.end_rule(), &exact_engine(self.model));
+        let (ends, exact) = (self.model.end_rule(), &self.model.exact());
         self.notes.extend(scene.repairs.messages.clone());
         self.notes.extend(self.model.report().note.clone());
         let hierarchy = self.model.base().hierarchy();

@@ -37,7 +37,7 @@ pub fn link_errors(linked: &LinkedScene) -> Vec<(f32, Split)> {
         .collect()
 }
 
-/// The error that at most `count` links exceed, no smaller than `least`.
+/// The error that at most `count` links exceed, no smaller than `min`.
 pub fn threshold(errors: &[(f32, Split)], count: usize, min: f32) -> f32 {
     let open = errors.iter().filter(|(_, split)| *split != Split::Neither);
     Histogram::new(open.map(|(error, _)| *error)).threshold(count, min)

@@ -187,7 +187,7 @@ impl Coarse {
     }
 }
 
-/// What the steps learn from each other.
+/// Estimates that one refinement step passes to the next.
 struct Steps {
     /// Seconds of a step, if they are limited.
     seconds: Option<f64>,

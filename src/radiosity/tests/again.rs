@@ -4,7 +4,7 @@ use super::*;
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::Elements;
 use crate::radiosity::links::VisibilityEngine;
-use crate::radiosity::pipeline::{exact_engine, total_area};
+use crate::radiosity::pipeline::total_area;
 use crate::radiosity::refinement::{LinkedScene, link_errors, refine, remeasure_links};
 use crate::radiosity::surroundings::probe;
 
@@ -35,7 +35,7 @@ fn under(scene: &Scene, seeds: std::ops::RangeInclusive<u64>, again: bool) -> Ve
     let mut options = Options { error: 0.3, min_area: 1e-4, ..Options::default() };
     let deadline = Deadline::start(&(), None);
     let model = model_for(scene, &options);
-    let (exact, ends) = (exact_engine(&model), model.end_rule());
+    let (exact, ends) = (model.exact(), model.end_rule());
     let elements =
         Elements::build(scene, model.base().hierarchy(), options.min_area * total_area(scene), &[]);
     let mut by_seed = Vec::new();

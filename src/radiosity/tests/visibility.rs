@@ -8,7 +8,7 @@ use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::final_gather::FinalGather;
 use crate::radiosity::links::{Accuracy, BlockerCertificate, Link, Scratch, Split, Tally};
-use crate::radiosity::pipeline::{engine_for, exact_engine, total_area};
+use crate::radiosity::pipeline::{engine_for, total_area};
 use crate::radiosity::refinement::{
     LinkedScene, Replaced, apply_importance, estimator, link_errors, propagate_importance, refine,
 };
@@ -39,7 +39,7 @@ fn with(visibility: Visibility) -> Options {
 pub(super) fn refined<R>(scene: &Scene, options: &Options, see: impl FnOnce(&mut LinkedScene) -> R) -> R {
     let deadline = Deadline::start(&(), None);
     let model = model_for(scene, options);
-    let (exact, ends) = (exact_engine(&model), model.end_rule());
+    let (exact, ends) = (model.exact(), model.end_rule());
     let min_area = options.min_area * total_area(scene);
     let elements = Elements::build(scene, model.base().hierarchy(), min_area, &[]);
     let length = 2.0 * scene.bounds.diagonal();
