@@ -125,7 +125,7 @@ impl FinalGather<'_> {
         deadline.stage("local pass, rays", leaves.len());
         let rows = RayRows::trace(self, &leaves, count, |n| deadline.advance(n));
         deadline.stage("local pass, light", 0);
-        (!cut_short.into_inner() && !(long && deadline.interrupted())).then_some(rows)
+        (!(cut_short.into_inner() || long && deadline.interrupted())).then_some(rows)
     }
 
     /// The exchange of the leaves, from their rays.
