@@ -204,7 +204,7 @@ impl Stages<'_> {
             self.seconds.solve = start.elapsed().as_secs_f64();
             self.progress.stage("local pass", 0);
             let Some(found) = self.local_pass(&mut refined.linked, &plan.light) else {
-                self.notes.push(notes::no_local_pass(&plan.light));
+                self.notes.push(notes::NO_LOCAL_PASS.into());
                 return (Solved::interrupted(refined), steps);
             };
             self.notes.extend(notes::unconverged(&found.convergence, &plan.light));
@@ -226,7 +226,7 @@ impl Stages<'_> {
     fn local_pass(&mut self, linked: &mut LinkedScene, deadline: &Deadline) -> Option<LocalPass> {
         let (scene, options) = (self.scene, self.options);
         let (found, note) = timed(&mut self.seconds.local, || {
-            if deadline.late() && linked.has_long_local_pass() {
+            if deadline.interrupted() && linked.has_long_local_pass() {
                 return (None, None);
             }
             let all = options.local_rays() as f64;
@@ -234,15 +234,12 @@ impl Stages<'_> {
                 true => FinalGather::new(self.model, linked, options).affordable_rays(all, deadline),
                 false => Some(all).filter(|_| !deadline.late()),
             };
-            if rays.is_none() && linked.has_long_local_pass() {
-                return (None, None);
-            }
             let smallest = match rays {
                 Some(rays) if rays >= all => options.local_area(),
                 fewer => Options::area_for(fewer.unwrap_or(LATE_RAYS)).max(options.local_area()),
             };
             linked.split_all(smallest * total_area(scene), deadline);
-            if deadline.late() && linked.has_long_local_pass() {
+            if deadline.interrupted() && linked.has_long_local_pass() {
                 return (None, None);
             }
             let gather = FinalGather::new(self.model, linked, options);
