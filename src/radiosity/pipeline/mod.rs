@@ -1,6 +1,7 @@
 //! From a scene to a solution: preparation, refinement, final light, points, audit and record.
 
 mod engine;
+mod light_by_rays;
 mod notes;
 mod point_query;
 mod record;

@@ -1,0 +1,108 @@
+//! The light of elements by rays, with more of them until a target is kept.
+
+use super::notes;
+use super::record::timed;
+use super::run::{Stages, total_area};
+use crate::radiosity::audit::{AuditSize, Closing, Solved};
+use crate::radiosity::deadline::Deadline;
+use crate::radiosity::final_gather::{FinalGather, LATE_RAYS, LocalPass};
+use crate::radiosity::options::Options;
+use crate::radiosity::refinement::{LinkedScene, Refined};
+
+/// Largest number of local passes for [`Options::target_error`]: each has more rays than all before it together.
+const MAX_ATTEMPTS: usize = 5;
+/// Part of the target that the next attempt aims at.
+const TARGET_MARGIN: f64 = 0.75;
+/// Smallest factor between the errors of two attempts: at most sixteen times the rays, as the first attempt's error is known only to
+/// about a quarter.
+const MIN_ERROR_STEP: f64 = 0.25;
+
+impl Stages<'_> {
+    /// Repeats the local pass and the light of elements with more rays until independent paths find no larger error than the target.
+    pub(super) fn light_by_rays(&mut self, mut refined: Refined, deadline: &Deadline) -> Solved {
+        let mut options = self.options.clone();
+        for attempt in 1.. {
+            let Some(found) = self.local_pass(&mut refined.linked, &options, deadline) else {
+                // A later attempt leaves the light of the one before.
+                if attempt == 1 {
+                    self.notes.push(notes::NO_LOCAL_PASS.into());
+                }
+                return Solved::interrupted(refined);
+            };
+            let notes = notes::unconverged(&found.convergence, deadline);
+            let solved = self.element_light(Solved::by_rays(refined.linked, found), &options, deadline);
+            let smaller = self.smaller_error(&solved, &options, deadline);
+            let Some(error) = smaller.filter(|_| attempt < MAX_ATTEMPTS) else {
+                self.notes.extend(notes);
+                return solved;
+            };
+            options.error = error;
+            refined.linked = solved.linked;
+        }
+        unreachable!("the last attempt returns")
+    }
+
+    /// The option `error` with which the light of elements should keep to the target; none if it does already, or more rays are not
+    /// possible. Errors fall with one over the root of the rays, of which there are 1 / error²; a quarter of the way is kept for the noise
+    /// of the comparison.
+    fn smaller_error(&mut self, solved: &Solved, options: &Options, deadline: &Deadline) -> Option<f64> {
+        let target = options.target_error.filter(|_| options.local_rays.is_none() && !deadline.late())?;
+        let Closing::Rays(local) = &solved.closing else { return None };
+        local.element_rays?;
+        let size = AuditSize::of(options);
+        self.progress.stage("error of elements", size.elements as u64);
+        let gather = FinalGather::new(self.model, &solved.linked, options);
+        let (found, _) = timed(&mut self.seconds.audit, || gather.sampled_error(size, deadline));
+        let error = options.error * (TARGET_MARGIN * target / found?).max(MIN_ERROR_STEP);
+        let more = Options { error, ..options.clone() };
+        (found? > target && more.local_rays() > options.local_rays()).then_some(error)
+    }
+
+    /// Splits surfaces as finely as the rays allow, and traces the rays of the exchange between elements.
+    /// None if an interruption leaves no time for it.
+    fn local_pass(
+        &mut self,
+        linked: &mut LinkedScene,
+        options: &Options,
+        deadline: &Deadline,
+    ) -> Option<LocalPass> {
+        let scene = self.scene;
+        let (found, note) = timed(&mut self.seconds.local, || {
+            if deadline.interrupted() && linked.has_long_local_pass() {
+                return (None, None);
+            }
+            let all = options.local_rays() as f64;
+            let rays = match deadline.limited() {
+                true => FinalGather::new(self.model, linked, options).affordable_rays(all, deadline),
+                false => Some(all).filter(|_| !deadline.late()),
+            };
+            let smallest = match rays {
+                Some(rays) if rays >= all => options.local_area(),
+                fewer => Options::area_for(fewer.unwrap_or(LATE_RAYS)).max(options.local_area()),
+            };
+            linked.split_all(smallest * total_area(scene), deadline);
+            if deadline.interrupted() && linked.has_long_local_pass() {
+                return (None, None);
+            }
+            let gather = FinalGather::new(self.model, linked, options);
+            let useful = gather.useful_rays(all, options.error);
+            let rays = rays.map(|rays| rays.min(useful));
+            let found = gather.local_pass(rays, deadline);
+            let note = found.as_ref().and_then(|_| notes::fewer_local_rays(rays, useful, deadline));
+            (found, note)
+        });
+        self.notes.extend(note);
+        found
+    }
+
+    /// Lets all elements gather the light that the local pass has found.
+    fn element_light(&mut self, solved: Solved, options: &Options, deadline: &Deadline) -> Solved {
+        timed(&mut self.seconds.local, || {
+            let Closing::Rays(local) = &solved.closing else { return solved };
+            let Some(rays) = local.element_rays.filter(|_| !deadline.late()) else { return solved };
+            let gather = FinalGather::new(self.model, &solved.linked, options);
+            let (light, tally) = gather.gather_elements(local, rays, deadline);
+            solved.with_gathered(light, tally)
+        })
+    }
+}
