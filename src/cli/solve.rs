@@ -106,7 +106,8 @@ pub struct Args {
     /// solution): refine less and trace fewer rays. Pixels of --gather beyond the time show the light of elements.
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     max_seconds: Option<f64>,
-    /// Stop refinement at this estimated error; exit code 1 if the final error is larger.
+    /// Trace more rays until independent paths find an RMS error of the elements of at most E, relative to the mean irradiance;
+    /// exit code 1 if that is not reached. Not with --local-rays.
     #[arg(long, value_name = "E", allow_negative_numbers = true)]
     target_error: Option<f64>,
     /// Stop refinement at this number of links.

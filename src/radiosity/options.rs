@@ -110,7 +110,8 @@ pub struct Options {
     pub max_seconds: Option<f64>,
     /// Whether irradiance at more points will be asked for after the solution: part of the time limit is kept for that.
     pub more_points: bool,
-    /// Refinement ends when the error estimate is no larger than this.
+    /// Largest RMS error of the elements' irradiance relative to its mean, as independent paths find it: the local pass is repeated with more
+    /// rays until then, unless `local_rays` is given. Refinement of links ends when their error estimate is no larger.
     pub target_error: Option<f64>,
     /// Refinement ends at this number of links.
     pub max_links: usize,

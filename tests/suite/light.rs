@@ -239,7 +239,8 @@ fn a_missed_target_is_told_by_the_exit_code() {
     let scratch = scratch();
     let scene = scratch.generate(&Spec::new("cornell"));
     let solve = |target: &str, links: &str| {
-        let options = ["--output", "none", "--target-error", target, "--max-links", links];
+        let options =
+            ["--output", "none", "--target-error", target, "--max-links", links, "--local-rays", "100000"];
         scratch.mrvis(&[&["solve", &scene, "--unit", "mm", "--out", "s"][..], &options].concat())
     };
     let missed = solve("1e-6", "2000");

@@ -5,6 +5,7 @@ use crate::math::sampling::{mix, point_on};
 use crate::radiosity::elements::Shape;
 use crate::radiosity::final_gather::{Buffers, FinalGather, PathVertex};
 use crate::radiosity::links::Tally;
+use crate::radiosity::options::Options;
 use crate::radiosity::rgb::{add, mean};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -14,6 +15,11 @@ use sobol_burley::sample_4d;
 const GROUPS: u32 = 8;
 /// Paths of a group: with 512 paths an element is known to about 3 %, where single paths deviate by two thirds of the mean.
 const PATHS: u32 = 64;
+/// Target of the error that these paths can tell from half of it: the mean square of noise of 3 % of 200 elements is known to
+/// √(2 / 200) of itself, whose root is 0.95 %.
+const TARGET_OF_PATHS: f64 = 0.02;
+/// Largest factor of the number of paths, for a target of 0.25 %: limits the time of the audit to 64 times that of one without target.
+const MAX_PATH_FACTOR: f64 = 64.0;
 
 /// Comparison of error bars with errors at some elements, drawn by area.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
@@ -50,6 +56,24 @@ const WITHIN_TWO: f64 = 0.9545;
 const FOR_FACTOR: f64 = 0.25;
 const FOR_AUDIT: f64 = 0.75;
 
+/// The size of an audit.
+#[derive(Clone, Copy, Debug)]
+pub struct AuditSize {
+    /// Elements that are checked.
+    pub elements: usize,
+    /// Paths of each group of an element.
+    paths: u32,
+}
+
+impl AuditSize {
+    /// The size that the options ask for; smaller targets need more paths.
+    pub fn of(options: &Options) -> AuditSize {
+        let elements = if options.direct_only { 0 } else { options.audit };
+        let factor = options.target_error.map_or(1.0, |target| (TARGET_OF_PATHS / target).powi(2));
+        AuditSize { elements, paths: PATHS * factor.clamp(1.0, MAX_PATH_FACTOR).ceil() as u32 }
+    }
+}
+
 /// An element that was checked, W/m².
 struct Check {
     /// Difference of the solution from the paths.
@@ -60,38 +84,43 @@ struct Check {
     bar: f64,
 }
 
+/// The mean of squared errors and its standard error; none without any.
+fn mean_square(squares: &[f64]) -> Option<(f64, f64)> {
+    let n = squares.len() as f64;
+    let mean = squares.iter().sum::<f64>() / n;
+    let variance = squares.iter().map(|s| s * s).sum::<f64>() / n - mean * mean;
+    (n > 0.0).then(|| (mean, (variance.max(0.0) / n).sqrt()))
+}
+
 impl FinalGather<'_> {
     /// Compares the solution's irradiance with paths, and the differences with `bars` (standard uncertainty by element, W/m²), at
-    /// `count` elements. The audit is empty if `stop` ends it early.
+    /// some elements. The audit is empty if `stop` ends it early.
     pub fn audit(
         &self,
         bars: &[f64],
-        count: usize,
+        size: AuditSize,
         stop: &(dyn Fn() -> bool + Sync),
     ) -> (ErrorBarAudit, Tally) {
-        let (checks, tally) = self.checks(bars, count, FOR_AUDIT, stop);
+        let (checks, tally) = self.checks(bars, size, FOR_AUDIT, stop);
         if checks.is_empty() {
             return (ErrorBarAudit::default(), tally);
         }
         let mut audit = ErrorBarAudit { elements: checks.len(), ..ErrorBarAudit::default() };
-        let mut fourth_powers = 0.0;
+        let mut squares = Vec::with_capacity(checks.len());
         for Check { error, noise, bar } in checks {
             audit.within_one += f64::from(u8::from(error <= bar.hypot(noise)));
             audit.within_two += f64::from(u8::from(error <= 2.0 * bar.hypot(noise)));
             for (k, within) in audit.within_quarters.iter_mut().enumerate() {
                 *within += f64::from(u8::from(error <= 0.25 * (k + 1) as f64 * bar.hypot(noise)));
             }
-            audit.rms_error += error * error - noise * noise;
-            fourth_powers += (error * error - noise * noise).powi(2);
+            squares.push(error * error - noise * noise);
             audit.rms_bar += bar * bar;
         }
         let (n, level) = (audit.elements as f64, self.level());
         audit.within_one /= n;
         audit.within_two /= n;
         audit.within_quarters.iter_mut().for_each(|within| *within /= n);
-        // The standard error of the mean square.
-        let mean_square = audit.rms_error / n;
-        let resolved = ((fourth_powers / n - mean_square * mean_square).max(0.0) / n).sqrt();
+        let (mean_square, resolved) = mean_square(&squares).unwrap_or_default();
         audit.rms_upper = (mean_square.max(0.0) + 2.0 * resolved).sqrt() / level;
         audit.expected_rms = mean_square.max(resolved).sqrt() / level;
         audit.rms_error = mean_square.max(0.0).sqrt() / level;
@@ -99,11 +128,26 @@ impl FinalGather<'_> {
         (audit, tally)
     }
 
-    /// The factor by which bars must be multiplied so that 95 % of the errors at `count` elements (others than those of the audit)
+    /// RMS error of elements relative to the mean irradiance, as some of them show, others than those of the audit; no less than can be
+    /// told from 0. None if that cannot be told.
+    pub fn sampled_error(&self, size: AuditSize, stop: &(dyn Fn() -> bool + Sync)) -> (Option<f64>, Tally) {
+        let bars = vec![0.0; self.linked().elements.len()];
+        let (checks, tally) = self.checks(&bars, size, FOR_FACTOR, stop);
+        let squares: Vec<f64> = checks.iter().map(|c| c.error * c.error - c.noise * c.noise).collect();
+        let error = mean_square(&squares).map(|(mean, resolved)| mean.max(resolved).sqrt() / self.level());
+        (error, tally)
+    }
+
+    /// The factor by which bars must be multiplied so that 95 % of the errors at some elements (others than those of the audit)
     /// lie within twice the bars; 1 if too few of them have bars above the noise of the paths. Bars assume
     /// independent samples, but stratified samples are better, and errors of links are correlated.
-    pub fn bar_factor(&self, bars: &[f64], count: usize, stop: &(dyn Fn() -> bool + Sync)) -> (f64, Tally) {
-        let (mut checks, tally) = self.checks(bars, count, FOR_FACTOR, stop);
+    pub fn bar_factor(
+        &self,
+        bars: &[f64],
+        size: AuditSize,
+        stop: &(dyn Fn() -> bool + Sync),
+    ) -> (f64, Tally) {
+        let (mut checks, tally) = self.checks(bars, size, FOR_FACTOR, stop);
         checks.retain(|check| check.noise < check.bar);
         if checks.len() < MIN_ELEMENTS {
             return (1.0, tally);
@@ -132,12 +176,12 @@ impl FinalGather<'_> {
         if area > 0.0 { light / area } else { 0.0 }
     }
 
-    /// Checks `count` elements, drawn by area in strata; `position` in `[0, 1)` lies in each stratum. No checks without light
+    /// Checks elements, drawn by area in strata; `position` in `[0, 1)` lies in each stratum. No checks without light
     /// or after an early stop.
     fn checks(
         &self,
         bars: &[f64],
-        count: usize,
+        size: AuditSize,
         position: f64,
         stop: &(dyn Fn() -> bool + Sync),
     ) -> (Vec<Check>, Tally) {
@@ -150,10 +194,10 @@ impl FinalGather<'_> {
             return (Vec::new(), Tally::default());
         }
         let drawn = |k: usize| {
-            let at = (k as f64 + position) / count as f64 * sum;
+            let at = (k as f64 + position) / size.elements as f64 * sum;
             areas[areas.partition_point(|a| a.0 <= at).min(areas.len() - 1)].1
         };
-        let made: Option<Vec<(Check, Tally)>> = (0..count)
+        let made: Option<Vec<(Check, Tally)>> = (0..size.elements)
             .into_par_iter()
             .map_init(Buffers::default, |buffers, k| {
                 if stop() {
@@ -161,7 +205,7 @@ impl FinalGather<'_> {
                 }
                 buffers.scratch.tally = Tally::default();
                 let e = drawn(k);
-                let (by_paths, noise) = self.path_irradiance(e, position.to_bits(), buffers);
+                let (by_paths, noise) = self.path_irradiance(e, size.paths, position.to_bits(), buffers);
                 let error = (mean(self.linked().elements.states[e as usize].irradiance) - by_paths).abs();
                 Some((Check { error, noise, bar: bars[e as usize] }, buffers.scratch.tally))
             })
@@ -175,7 +219,7 @@ impl FinalGather<'_> {
     }
 
     /// Irradiance of an element by independent paths, mean over the channels, and its standard error; W/m².
-    fn path_irradiance(&self, element: u32, seed: u64, buffers: &mut Buffers) -> (f64, f64) {
+    fn path_irradiance(&self, element: u32, paths: u32, seed: u64, buffers: &mut Buffers) -> (f64, f64) {
         let Shape::Surface { side, corners } = self.linked().elements.elements[element as usize].shape else {
             return (0.0, 0.0);
         };
@@ -184,13 +228,19 @@ impl FinalGather<'_> {
             .map(|g| {
                 let seed = mix(seed ^ u64::from(g));
                 buffers.vertices.clear();
-                buffers.vertices.extend((0..PATHS).map(|k| {
+                buffers.vertices.extend((0..paths).map(|k| {
                     let [u, v, ..] = sample_4d(k, 0, seed as u32);
-                    PathVertex { at: point_on(&corners, u, v), side, leaf: element, share: Vec3::ONE }
+                    PathVertex {
+                        at: point_on(&corners, u, v),
+                        side,
+                        leaf: element,
+                        path: 0,
+                        share: Vec3::ONE,
+                    }
                 }));
                 let sum = self.independent_irradiance(mix(seed), buffers);
                 let mut value = [0.0; 3];
-                add(&mut value, 1.0 / f64::from(PATHS), sum);
+                add(&mut value, 1.0 / f64::from(paths), sum);
                 mean(value)
             })
             .collect();

@@ -7,7 +7,7 @@ mod solved;
 mod uncertainty;
 
 pub use energy_ledger::Ledger;
-pub use error_bars::ErrorBarAudit;
+pub use error_bars::{AuditSize, ErrorBarAudit};
 pub use estimate::{ErrorEstimate, ErrorSource};
 pub use solved::{Closing, Solved};
 pub use uncertainty::{error_estimate, link_uncertainty};

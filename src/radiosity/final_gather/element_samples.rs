@@ -22,6 +22,11 @@ pub struct ElementLight {
 }
 
 impl ElementLight {
+    /// Irradiance of a kind, mean over halves and channels, W/m².
+    pub fn mean(&self, kind: usize) -> f64 {
+        f64::from(self.halves[kind].iter().sum::<Vec3>().element_sum()) / 6.0
+    }
+
     /// Direct light as the mean of what all rays have found.
     pub fn direct_of_rays(&mut self, half: usize, results: &[RayResult]) {
         let mut squares = 0.0;

@@ -52,6 +52,8 @@ pub struct PathVertex {
     pub side: u32,
     /// The leaf element at the position.
     pub leaf: u32,
+    /// Index of the path's sum.
+    pub path: u32,
     /// Part of the light sent here that reaches the start of the path, by channel.
     pub share: Vec3,
 }
@@ -73,7 +75,7 @@ impl RayResult {
     /// No light and no surface.
     pub const NOTHING: RayResult = RayResult {
         direct: Vec3::ZERO,
-        met: PathVertex { at: Vec3::ZERO, side: Elements::NONE, leaf: 0, share: Vec3::ZERO },
+        met: PathVertex { at: Vec3::ZERO, side: Elements::NONE, leaf: 0, path: 0, share: Vec3::ZERO },
         distance: 0.0,
         gone: false,
     };
@@ -90,8 +92,8 @@ pub struct Buffers {
     pub vertices: Vec<PathVertex>,
     pub(super) next_vertices: Vec<PathVertex>,
     pub(super) results: Vec<RayResult>,
-    /// Groups of emitting faces from which the emitter rays of the present element are drawn.
-    pub(super) cut: Cut,
+    /// By element of a batch, the groups of emitting faces from which its emitter rays are drawn.
+    pub(super) cuts: Vec<Cut>,
 }
 
 impl<'a> FinalGather<'a> {
@@ -147,7 +149,7 @@ impl<'a> FinalGather<'a> {
             return None;
         }
         let leaf = self.lookup.leaf(side, at);
-        Some(PathVertex { at, side, leaf, share: Vec3::ONE })
+        Some(PathVertex { at, side, leaf, path: 0, share: Vec3::ONE })
     }
 
     /// The distance from which the mean light of an element stands for all of its points, scene units: its radius; 0 in scenes without

@@ -3,6 +3,7 @@
 
 mod direct_light;
 mod element_light;
+mod element_rays;
 mod element_samples;
 mod gatherer;
 mod local_noise;

@@ -7,8 +7,12 @@ use glam::Vec3;
 /// Smallest cosine between the normals of neighbours: 18 degrees, over which irradiance under a uniform half of the sky changes by
 /// no more than 5 %.
 const MIN_COSINE: f32 = 0.95;
-/// Largest height of a neighbour over the plane of an element, relative to its distance: the sine of the same 18 degrees.
-const MAX_SLOPE: f32 = 0.31;
+/// Largest height of a neighbour over the plane of an element: on an arc it is the distance times the sine of half the angle between
+/// the normals; facets of an arc can have twice that.
+const MAX_BEND: f32 = 2.0;
+/// Height, in radii of the element, that is allowed besides: planes with a step that is small against the elements. Sheets further apart
+/// than that do not share: one may be lit and the other not.
+const MAX_STEP: f32 = 0.05;
 /// Largest distance of a neighbour in radii of the element. In a regular grid 48 neighbours lie within five radii.
 const MAX_RADII: f32 = 6.0;
 
@@ -21,6 +25,16 @@ pub struct Place {
     pub normal: Vec3,
     /// Radius, scene units.
     pub radius: f32,
+}
+
+impl Place {
+    /// Whether another element, `offset` away, lies on a continuation of this one's surface.
+    fn continues_at(&self, other: &Place, offset: Vec3) -> bool {
+        let cosine = self.normal.dot(other.normal);
+        let half_angle = (0.5 * (1.0 - cosine)).max(0.0).sqrt();
+        let height = self.normal.dot(offset).abs();
+        cosine >= MIN_COSINE && height <= MAX_BEND * half_angle * offset.length() + MAX_STEP * self.radius
+    }
 }
 
 /// Buffers of a search: what was found, and what is still to be searched, both with squared distances.
@@ -72,8 +86,7 @@ impl<'a> Neighbourhood<'a> {
                     let place = &self.places[i as usize];
                     let offset = place.centre - own.centre;
                     let d2 = offset.length_squared();
-                    let fits = own.normal.dot(place.normal) >= MIN_COSINE
-                        && own.normal.dot(offset).powi(2) <= MAX_SLOPE * MAX_SLOPE * d2;
+                    let fits = own.continues_at(place, offset);
                     let entry = (d2, if i == of { 0 } else { i + 1 });
                     let later = |other: &(f32, u32)| (other.0, other.1) > entry;
                     if !fits || d2 > farthest(found) || found.len() == count && !later(&found[count - 1]) {
@@ -114,6 +127,22 @@ mod tests {
     use super::*;
     use crate::math::sampling::numbers;
 
+    /// A sheet above another one does not share its light, however far away; the facets of a cylinder do.
+    #[test]
+    fn sheets_are_told_from_bends() {
+        let place = |centre, normal: Vec3| Place { centre, normal: normal.normalize(), radius: 1.0 };
+        let own = place(Vec3::ZERO, Vec3::Z);
+        let continues = |other: Place| own.continues_at(&other, other.centre);
+        assert!(continues(place(Vec3::new(5.0, 0.0, 0.04), Vec3::Z)));
+        assert!(!continues(place(Vec3::new(5.0, 0.0, 0.2), Vec3::Z)));
+        let on_cylinder = |angle: f32| {
+            let (sin, cos) = angle.sin_cos();
+            place(10.0 * Vec3::new(sin, 0.0, cos - 1.0), Vec3::new(sin, 0.0, cos))
+        };
+        assert!(continues(on_cylinder(0.1)) && continues(on_cylinder(0.3)));
+        assert!(!continues(on_cylinder(0.4)));
+    }
+
     /// The nearest elements of random places, against a search through all of them.
     #[test]
     fn nearest_places_are_those_of_an_exhaustive_search() {
@@ -131,10 +160,8 @@ mod tests {
             let mut all: Vec<(f32, u32)> = (0..places.len() as u32)
                 .filter(|&i| {
                     let (place, offset) = (&places[i as usize], places[i as usize].centre - own.centre);
-                    let height = own.normal.dot(offset).abs();
                     axis(place.normal) == axis(own.normal)
-                        && own.normal.dot(place.normal) >= MIN_COSINE
-                        && height <= MAX_SLOPE * offset.length()
+                        && own.continues_at(place, offset)
                         && offset.length() <= MAX_RADII * own.radius
                 })
                 .map(|i| {

@@ -34,24 +34,26 @@ impl FinalGather<'_> {
         buffers: &mut Buffers,
     ) {
         self.trace_scene_rays(&random, buffers);
-        let Buffers { packets, hits, vertices, results, scratch, .. } = buffers;
-        results.clear();
+        self.read_hits(|_| Some(cut), buffers);
+        let Buffers { vertices, results, scratch, .. } = buffers;
         let scattered = engine.scattered();
-        for (g, (group, (packet, hits))) in
-            vertices.chunks(LANES).zip(packets.iter().zip(hits.iter())).enumerate()
-        {
+        for (g, group) in vertices.chunks(LANES).enumerate() {
+            let (mut packet, mut light) = (Packet::EMPTY, [Vec3::ZERO; LANES]);
             for (lane, vertex) in group.iter().enumerate() {
-                results.push(self.result(vertex, cut, packet, hits, lane));
+                let ray = self.emitter_ray(vertex, cut, weight, random(g * LANES + lane));
+                if let Some((from, to, of_ray)) = ray {
+                    packet.set_lifted(lane, from, to, self.linked.ends);
+                    light[lane] = of_ray;
+                }
             }
-            let (shadow, light) = self.emitter_rays(group, cut, weight, |lane| random(g * LANES + lane));
-            if shadow.is_empty() {
+            if packet.is_empty() {
                 continue;
             }
             // Rays of one element to one emitter share a search for clusters.
             let together = self.emitters.emitters.len() == 1 && group.iter().all(|p| p.leaf == group[0].leaf);
             let engine = if together { engine } else { &scattered };
             let feature_size = self.feature_size_of(group[0].leaf);
-            let query = VisibilityQuery { packet: shadow, emitter_size: self.emitters.width, feature_size };
+            let query = VisibilityQuery { packet, emitter_size: self.emitters.width, feature_size };
             let through = engine.transmittances(&query, scratch);
             for lane in query.packet.lanes() {
                 results[g * LANES + lane].direct += through[lane] * light[lane];
@@ -59,18 +61,14 @@ impl FinalGather<'_> {
         }
     }
 
-    /// Writes what the scene rays have met to `buffers.results`, without the light of emitters.
-    pub(super) fn read_hits(&self, buffers: &mut Buffers) {
+    /// Writes what the scene rays have met to `buffers.results`, with the light of emitters that they met where `cut` gives the
+    /// emitters to which the vertex also sends shadow rays.
+    pub(super) fn read_hits<'c>(&self, cut: impl Fn(&PathVertex) -> Option<&'c Cut>, buffers: &mut Buffers) {
         let Buffers { packets, hits, vertices, results, .. } = buffers;
         results.clear();
-        for i in 0..vertices.len() {
+        for (i, vertex) in vertices.iter().enumerate() {
             let (packet, hits, lane) = (&packets[i / LANES], &hits[i / LANES], i % LANES);
-            let gone = hits.triangle[lane] == Hits::NOTHING;
-            let mut result = RayResult { gone, ..RayResult::NOTHING };
-            if let Some(met) = self.met(packet, hits, lane) {
-                (result.met, result.distance) = (met, hits.t[lane] * self.length);
-            }
-            results.push(result);
+            results.push(self.result(vertex, cut(vertex), packet, hits, lane));
         }
     }
 
@@ -97,14 +95,22 @@ impl FinalGather<'_> {
 
     /// What a ray from a vertex has found. Light of an emitter that the ray met has the weight q / (1 + q) of the balance
     /// heuristic, q the ratio of the densities of both strategies.
-    fn result(&self, vertex: &PathVertex, cut: &Cut, packet: &Packet, hits: &Hits, lane: usize) -> RayResult {
+    fn result(
+        &self,
+        vertex: &PathVertex,
+        cut: Option<&Cut>,
+        packet: &Packet,
+        hits: &Hits,
+        lane: usize,
+    ) -> RayResult {
         let elements = &self.linked.elements;
         let gone = hits.triangle[lane] == Hits::NOTHING;
         let mut result = RayResult { gone, ..RayResult::NOTHING };
         if let Some(met) = self.met(packet, hits, lane) {
             (result.met, result.distance) = (met, hits.t[lane] * self.length);
             let side = &elements.sides[met.side as usize];
-            if side.exitance.iter().any(|&m| m > 0.0) {
+            let emits = side.exitance.iter().any(|&m| m > 0.0);
+            if let Some(cut) = cut.filter(|_| emits) {
                 let own = (vertex.at, elements.sides[vertex.side as usize].normal);
                 let density = self.emitters.density(cut, met.side);
                 let q = density_ratio(own, (met.at, side.normal), side.exitance, density);
@@ -115,35 +121,30 @@ impl FinalGather<'_> {
         result
     }
 
-    /// One shadow ray from each vertex to a point on an emitter, and the irradiance that it carries if nothing blocks it, W/m².
-    pub(super) fn emitter_rays(
+    /// A shadow ray from a vertex to a point on an emitter: its ends and the irradiance that it carries if nothing blocks it, W/m².
+    pub(super) fn emitter_ray(
         &self,
-        vertices: &[PathVertex],
+        vertex: &PathVertex,
         cut: &Cut,
         weight: impl Fn(f32) -> f32,
-        random: impl Fn(usize) -> [f32; 4],
-    ) -> (Packet, [Vec3; LANES]) {
-        let mut shadow = Packet::EMPTY;
-        let mut light = [Vec3::ZERO; LANES];
-        for (lane, vertex) in vertices.iter().enumerate() {
-            let [.., u, v] = random(lane);
-            let Some((at, face, density)) = self.emitters.sample(cut, u, v) else { continue };
-            let own = (vertex.at, self.linked.elements.sides[vertex.side as usize].normal);
-            let q = density_ratio(own, (at, face.normal), face.exitance, density);
-            if q > 0.0 {
-                let ends = self.linked.ends;
-                shadow.set_lifted(lane, ends.lifted(own.0, own.1), ends.lifted(at, face.normal), ends);
-                let gain = emission_gain(face.profile.as_deref(), at, face.normal, vertex.at);
-                light[lane] = gain * weight(q) * to_vec(face.exitance);
-            }
+        [.., u, v]: [f32; 4],
+    ) -> Option<(Vec3, Vec3, Vec3)> {
+        let (at, face, density) = self.emitters.sample(cut, u, v)?;
+        let own = (vertex.at, self.linked.elements.sides[vertex.side as usize].normal);
+        let q = density_ratio(own, (at, face.normal), face.exitance, density);
+        if q <= 0.0 {
+            return None;
         }
-        (shadow, light)
+        let ends = self.linked.ends;
+        let gain = emission_gain(face.profile.as_deref(), at, face.normal, vertex.at);
+        let light = gain * weight(q) * to_vec(face.exitance);
+        Some((ends.lifted(own.0, own.1), ends.lifted(at, face.normal), light))
     }
 
-    /// Adds the light that reaches the path starts through all of `buffers.vertices`: direct light at each vertex, and the light
+    /// Adds the light that reaches the path starts through all of `buffers.vertices` to the sums of their paths: direct light at each vertex, and the light
     /// of the element that its ray meets, or a longer path where that element is too near. An `independent` path uses no light
     /// of the solution, and exact rays.
-    pub(super) fn follow(&self, seed: u64, independent: bool, sum: &mut Rgb, buffers: &mut Buffers) {
+    pub(super) fn follow(&self, seed: u64, independent: bool, sums: &mut [Rgb], buffers: &mut Buffers) {
         let exact;
         let engine = if independent {
             exact = VisibilityEngine::Exact(self.linked.engine.exact());
@@ -166,7 +167,7 @@ impl FinalGather<'_> {
                     if !independent && self.trusts(&found.met, found.distance) {
                         received += Vec3::from(self.reflected[found.met.leaf as usize]);
                     } else {
-                        let next = self.continued(found.met, vertex.share);
+                        let next = self.continued(found.met, vertex.share, vertex.path);
                         let survival = next.share.max_element().min(1.0);
                         let [chance, ..] = numbers(!seed, i as u64);
                         if bounce < FIRST_ROULETTE_BOUNCE {
@@ -176,7 +177,11 @@ impl FinalGather<'_> {
                         }
                     }
                 }
-                add(sum, 1.0, (vertex.share * received).to_array().map(f64::from));
+                add(
+                    &mut sums[vertex.path as usize],
+                    1.0,
+                    (vertex.share * received).to_array().map(f64::from),
+                );
             }
             std::mem::swap(vertices, next_vertices);
         }
@@ -185,27 +190,33 @@ impl FinalGather<'_> {
     /// Irradiance of independent paths from all of `buffers.vertices`, summed; W/m².
     pub fn independent_irradiance(&self, seed: u64, buffers: &mut Buffers) -> Rgb {
         let mut sum = [0.0; 3];
-        self.follow(seed, true, &mut sum, buffers);
+        self.follow(seed, true, std::slice::from_mut(&mut sum), buffers);
         sum
     }
 
-    /// The reflected radiosity at a point met, or the vertex from which the path continues if the element is too near.
-    pub(super) fn reflected_or_next(&self, met: PathVertex, distance: f32) -> Result<Vec3, PathVertex> {
+    /// The reflected radiosity at the point that a ray has met, or the vertex from which its path continues if the element is too
+    /// near.
+    pub(super) fn reflected_or_next(
+        &self,
+        met: PathVertex,
+        distance: f32,
+        path: u32,
+    ) -> Result<Vec3, PathVertex> {
         if self.trusts(&met, distance) {
             Ok(Vec3::from(self.reflected[met.leaf as usize]))
         } else {
-            Err(self.continued(met, Vec3::ONE))
+            Err(self.continued(met, Vec3::ONE, path))
         }
     }
 
-    fn continued(&self, met: PathVertex, share: Vec3) -> PathVertex {
+    fn continued(&self, met: PathVertex, share: Vec3, path: u32) -> PathVertex {
         let reflectance = Vec3::from(self.linked.elements.sides[met.side as usize].reflectance);
-        PathVertex { share: share * reflectance, ..met }
+        PathVertex { share: share * reflectance, path, ..met }
     }
 }
 
 /// The weight `q / (1 + q)` of an emitter that a ray has met, for `q` from 0 to infinity.
-fn weight(q: f32) -> f32 {
+pub(super) fn weight(q: f32) -> f32 {
     if q.is_finite() { q / (1.0 + q) } else { 1.0 }
 }
 

@@ -155,14 +155,14 @@ impl FinalGather<'_> {
             let mut part = Vec3::ZERO;
             for lane in 0..LANES {
                 let Some(met) = self.met(packet, hits, lane) else { continue };
-                match self.reflected_or_next(met, self.length * hits.t[lane]) {
+                match self.reflected_or_next(met, self.length * hits.t[lane], 0) {
                     Ok(reflected) => part += reflected,
                     Err(vertex) => vertices.push(vertex),
                 }
             }
             add(&mut sum, 1.0, part.to_array().map(f64::from));
         }
-        self.follow(seed, false, &mut sum, buffers);
+        self.follow(seed, false, std::slice::from_mut(&mut sum), buffers);
         let rays = directions.len() as u64;
         buffers.scratch.tally.segments += rays;
         buffers.scratch.tally.exact_rays += rays;

@@ -1,15 +1,11 @@
 //! Rows of rays: what the rays of each leaf have met.
 
-use super::gatherer::{Buffers, FinalGather, PathVertex};
-use crate::math::sampling::{mix, point_on};
-use crate::radiosity::elements::{Elements, Shape};
+use super::element_rays::{LeafRays, ROW, batches};
+use super::gatherer::{Buffers, FinalGather};
+use crate::radiosity::elements::Elements;
 use crate::radiosity::links::Tally;
 use glam::Vec3;
 use rayon::prelude::*;
-use sobol_burley::sample_4d;
-
-/// Elements that one task traces for.
-const CHUNK: usize = 64;
 
 /// The rays of one leaf.
 pub struct RayRow {
@@ -53,16 +49,16 @@ impl RayRows {
         count: impl Fn(u32) -> u32 + Sync,
         done: impl Fn(usize) + Sync,
     ) -> RayRows {
-        let made: Vec<RayRows> = leaves
-            .par_chunks(CHUNK)
-            .map_init(Buffers::default, |buffers, leaves| {
+        let rays: Vec<LeafRays> = leaves.iter().map(|&leaf| LeafRays { leaf, count: count(leaf) }).collect();
+        let made: Vec<RayRows> = batches(&rays)
+            .into_par_iter()
+            .map_init(Buffers::default, |buffers, batch| {
+                let batch = &rays[batch];
                 let mut made = RayRows::new();
                 buffers.scratch.tally = Tally::default();
-                for &leaf in leaves {
-                    made.trace_leaf(gather, leaf, count(leaf), buffers);
-                }
+                made.trace_batch(gather, batch, buffers);
                 made.tally = buffers.scratch.tally;
-                done(leaves.len());
+                done(batch.len());
                 made
             })
             .collect();
@@ -77,28 +73,21 @@ impl RayRows {
         all
     }
 
-    fn trace_leaf(&mut self, gather: &FinalGather, leaf: u32, count: u32, buffers: &mut Buffers) {
-        let linked = gather.linked;
-        let element = &linked.elements.elements[leaf as usize];
-        let Shape::Surface { side, corners } = element.shape else { return };
-        let seed = mix(linked.settings.seed ^ mix(element.ids[0])) as u32;
-        buffers.vertices.clear();
-        buffers.vertices.extend((0..count).map(|k| {
-            let [u, v, ..] = sample_4d(k, 1, seed);
-            PathVertex { at: point_on(&corners, u, v), side, leaf, share: Vec3::ONE }
-        }));
-        let mut cut = std::mem::take(&mut buffers.cut);
-        gather.cut_of(leaf, &mut cut);
-        gather.trace(&linked.engine, &cut, |k| sample_4d(k as u32, 0, seed), buffers);
-        buffers.cut = cut;
-        let (mut direct, mut squares, mut gone) = (Vec3::ZERO, 0.0, 0);
-        for found in &buffers.results {
-            direct += found.direct;
-            gone += u32::from(found.gone);
-            squares += (found.direct.element_sum() / 3.0).powi(2);
-            let nothing = found.met.side == Elements::NONE;
-            self.met.push(if nothing { Elements::NONE } else { found.met.leaf });
+    fn trace_batch(&mut self, gather: &FinalGather, batch: &[LeafRays], buffers: &mut Buffers) {
+        let cuts = gather.cuts_of(batch, buffers);
+        gather.trace_leaves(batch, ROW, &cuts, &vec![None; batch.len()], buffers);
+        buffers.cuts = cuts;
+        let mut results = buffers.results.iter();
+        for of in batch {
+            let (mut direct, mut squares, mut gone) = (Vec3::ZERO, 0.0, 0);
+            for found in results.by_ref().take(of.count as usize) {
+                direct += found.direct;
+                gone += u32::from(found.gone);
+                squares += (found.direct.element_sum() / 3.0).powi(2);
+                let nothing = found.met.side == Elements::NONE;
+                self.met.push(if nothing { Elements::NONE } else { found.met.leaf });
+            }
+            self.rows.push(RayRow { leaf: of.leaf, end: self.met.len(), direct, squares, gone });
         }
-        self.rows.push(RayRow { leaf, end: self.met.len(), direct, squares, gone });
     }
 }

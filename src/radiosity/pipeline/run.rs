@@ -10,7 +10,7 @@ use crate::model::{Detail, Model};
 use crate::points::Point;
 use crate::progress::Progress;
 use crate::radiosity::audit::{
-    Closing, ErrorBarAudit, ErrorEstimate, Solved, error_estimate, link_uncertainty,
+    AuditSize, Closing, ErrorBarAudit, ErrorEstimate, Solved, error_estimate, link_uncertainty,
 };
 use crate::radiosity::deadline::{Deadline, DeadlinePlan};
 use crate::radiosity::elements::{Elements, lit_inside};
@@ -31,6 +31,14 @@ use std::time::Instant;
 /// large areas.
 const MIN_DIAGONAL: f64 = 1e-9;
 const MAX_DIAGONAL: f64 = 5e9;
+
+/// Largest number of local passes for [`Options::target_error`]: each has more rays than all before it together.
+const MAX_ATTEMPTS: usize = 5;
+/// Part of the target that the next attempt aims at.
+const TARGET_MARGIN: f64 = 0.75;
+/// Smallest factor between the errors of two attempts: at most sixteen times the rays, as the first attempt's error is known only to
+/// about a quarter.
+const MIN_ERROR_STEP: f64 = 0.25;
 
 /// Solves a model for elements and points (file coordinates).
 ///
@@ -201,11 +209,7 @@ impl Stages<'_> {
         if local {
             self.seconds.solve = start.elapsed().as_secs_f64();
             self.progress.stage("local pass", 0);
-            let mut linked = refined.linked;
-            let found = self.local_pass(&mut linked, &plan.light);
-            self.notes.extend(notes::unconverged(&found.convergence, &plan.light));
-            let solved = self.element_light(Solved::by_rays(linked, found), &plan.light);
-            return (solved, steps);
+            return (self.light_by_rays(refined.linked, &plan.light), steps);
         }
         let solved = Solved::by_links(refined, &plan.light);
         if let Closing::Links(closing) = &solved.closing {
@@ -217,9 +221,45 @@ impl Stages<'_> {
         (solved, steps)
     }
 
+    /// Repeats the local pass and the light of elements with more rays until independent paths find no larger error than the target.
+    fn light_by_rays(&mut self, mut linked: LinkedScene, deadline: &Deadline) -> Solved {
+        let mut options = self.options.clone();
+        for attempt in 1.. {
+            let found = self.local_pass(&mut linked, &options, deadline);
+            let notes = notes::unconverged(&found.convergence, deadline);
+            let solved = self.element_light(Solved::by_rays(linked, found), &options, deadline);
+            match self.smaller_error(&solved, &options, deadline).filter(|_| attempt < MAX_ATTEMPTS) {
+                Some(error) => options.error = error,
+                None => {
+                    self.notes.extend(notes);
+                    return solved;
+                }
+            }
+            linked = solved.linked;
+        }
+        unreachable!("the last attempt returns")
+    }
+
+    /// The option `error` with which the light of elements should keep to the target; none if it does already, or more rays are not
+    /// possible. Errors fall with one over the root of the rays, of which there are 1 / error²; a quarter of the way is kept for the noise
+    /// of the comparison.
+    fn smaller_error(&mut self, solved: &Solved, options: &Options, deadline: &Deadline) -> Option<f64> {
+        let target = options.target_error.filter(|_| options.local_rays.is_none() && !deadline.late())?;
+        let Closing::Rays(local) = &solved.closing else { return None };
+        local.element_rays?;
+        self.progress.stage("error of elements", 0);
+        let gather = FinalGather::new(self.model, &solved.linked, options);
+        let late = || deadline.late();
+        let (found, _) =
+            timed(&mut self.seconds.audit, || gather.sampled_error(AuditSize::of(options), &late));
+        let error = options.error * (TARGET_MARGIN * target / found?).max(MIN_ERROR_STEP);
+        let more = Options { error, ..options.clone() };
+        (found? > target && more.local_rays() > options.local_rays()).then_some(error)
+    }
+
     /// Splits surfaces as finely as the rays allow, and traces the rays of the exchange between elements.
-    fn local_pass(&mut self, linked: &mut LinkedScene, deadline: &Deadline) -> LocalPass {
-        let (scene, options) = (self.scene, self.options);
+    fn local_pass(&mut self, linked: &mut LinkedScene, options: &Options, deadline: &Deadline) -> LocalPass {
+        let scene = self.scene;
         let (found, note) = timed(&mut self.seconds.local, || {
             let all = options.local_rays() as f64;
             let rays = match deadline.limited() {
@@ -242,11 +282,11 @@ impl Stages<'_> {
     }
 
     /// Lets all elements gather the light that the local pass has found.
-    fn element_light(&mut self, solved: Solved, deadline: &Deadline) -> Solved {
+    fn element_light(&mut self, solved: Solved, options: &Options, deadline: &Deadline) -> Solved {
         timed(&mut self.seconds.local, || {
             let Closing::Rays(local) = &solved.closing else { return solved };
             let Some(rays) = local.element_rays.filter(|_| !deadline.late()) else { return solved };
-            let gather = FinalGather::new(self.model, &solved.linked, self.options);
+            let gather = FinalGather::new(self.model, &solved.linked, options);
             let (light, tally) = gather.gather_elements(local, rays, deadline);
             solved.with_gathered(light, tally)
         })
@@ -274,13 +314,13 @@ impl Stages<'_> {
         plan: &DeadlinePlan,
     ) -> (Vec<f64>, ErrorBarAudit, Tally) {
         let mut uncertainty = solved.uncertainty();
-        let count = if self.options.direct_only { 0 } else { self.options.audit };
+        let size = AuditSize::of(self.options);
         self.progress.stage("audit", 0);
         let late = || plan.closing.late();
         timed(&mut self.seconds.audit, || {
-            let (factor, mut tally) = gather.bar_factor(&uncertainty, count, &late);
+            let (factor, mut tally) = gather.bar_factor(&uncertainty, size, &late);
             uncertainty.iter_mut().for_each(|u| *u *= factor);
-            let (audit, cost) = gather.audit(&uncertainty, count, &late);
+            let (audit, cost) = gather.audit(&uncertainty, size, &late);
             tally.add(cost);
             (uncertainty, ErrorBarAudit { factor, ..audit }, tally)
         })

@@ -114,7 +114,10 @@ fn time_limits_bound_the_time() {
 #[test]
 fn a_missed_target_is_recorded() {
     let target = |target_error: f64, max_links: usize| {
-        let options = Options { target_error: Some(target_error), max_links, ..Options::default() };
+        // A given number of rays is not raised to meet the target.
+        let local_rays = Some(100_000);
+        let options =
+            Options { target_error: Some(target_error), max_links, local_rays, ..Options::default() };
         solved(&room(true), &[], &options).record
     };
     let missed = target(1e-6, 10_000_000);
@@ -130,6 +133,21 @@ fn a_missed_target_is_recorded() {
     assert!(full.ended == Ended::Links && full.links <= 500, "{:?} {}", full.ended, full.links);
     assert!(full.warnings.iter().any(|w| w.contains("max_links 500")), "{:?}", full.warnings);
     assert_eq!(solved(&room(true), &[], &Options::default()).record.target_met, None);
+}
+
+/// More rays are traced until independent paths find no larger error than the target.
+#[test]
+fn targets_are_kept_by_more_rays() {
+    let coarse = Options { error: 0.1, ..Options::default() };
+    let target = 0.02;
+    let solve = |target_error| {
+        let record = solved(&clutter(), &[], &Options { target_error, ..coarse.clone() }).record;
+        (record.error_estimate.expect("an audit"), record)
+    };
+    let ((first, without), (found, record)) = (solve(None), solve(Some(target)));
+    assert!(first > 1.5 * target, "{first}");
+    assert!(record.target_met == Some(true) && found <= target, "{found}");
+    assert!(record.exact_rays > 2 * without.exact_rays, "{} {}", record.exact_rays, without.exact_rays);
 }
 
 /// All three ways through clusters, in all scenes that are generated, with what is hidden left out and put in: light stays

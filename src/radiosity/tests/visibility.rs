@@ -3,7 +3,7 @@
 use super::*;
 use crate::bench::side_by_side::side_by_side;
 use crate::model::cache::CacheLocation;
-use crate::radiosity::audit::link_uncertainty;
+use crate::radiosity::audit::{AuditSize, link_uncertainty};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::final_gather::FinalGather;
@@ -172,7 +172,8 @@ fn wrong_bars_are_found_out() {
         let audit_both = |linked: &LinkedScene, factor: f64| {
             let bars: Vec<f64> = bars.iter().map(|b| factor * b).collect();
             let gather = FinalGather::new(&model, linked, &with(Visibility::Exact));
-            (gather.audit(&bars, 300, &|| false).0, gather.bar_factor(&bars, 300, &|| false).0)
+            let size = AuditSize::of(&Options { audit: 300, ..Options::default() });
+            (gather.audit(&bars, size, &|| false).0, gather.bar_factor(&bars, size, &|| false).0)
         };
         let audit = |linked: &LinkedScene, factor: f64| audit_both(linked, factor).0;
         // Bars that are too large or too small are brought to the same.
