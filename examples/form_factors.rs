@@ -1,11 +1,11 @@
 //! Form factors between the objects of a room: `cargo run --release --example form_factors`.
 
-use mrvis::{Between, Detail, FormFactorOptions, Model, PrepareOptions, Scene};
+use mrvis::{Detail, FormFactorOptions, Grouping, Model, PrepareOptions, Scene};
 
 fn main() -> mrvis::Result<()> {
     let scene = Scene::generate("cornell")?;
     let model = Model::prepare(scene, &PrepareOptions::default().with_detail(Detail::Rays), &())?;
-    let options = FormFactorOptions::default().with_between(Between::Objects);
+    let options = FormFactorOptions::default().with_grouping(Grouping::Object);
     let factors = model.form_factors(&options, &())?;
     for (from, name) in factors.names().iter().enumerate() {
         print!("{name:>12}");

@@ -84,7 +84,7 @@ def main():
     if not os.path.exists(reference):
         seconds = run([mrvis, "reference", *common, "--samples", str(args.samples), "--out", reference])
         print(f"{reference}: {seconds:.0f} s of user time", flush=True)
-    # This run measures the clusters and caches them beside the scene. The times below do not include it.
+    # This run measures the clusters and keeps them in the user's cache folder. The times below do not include it.
     run([mrvis, "solve", *common, "--visibility", "mr", "--error", "1", "--out", "warm"])
     print(f"\n| {args.points} points | options | RMS / mean | bias | RMS of elements | bias | time | user time |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- |")

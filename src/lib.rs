@@ -42,11 +42,11 @@
 //! # Form factors
 //!
 //! ```
-//! use mrvis::{Between, Detail, FormFactorOptions, Model, PrepareOptions, Scene};
+//! use mrvis::{Detail, FormFactorOptions, Grouping, Model, PrepareOptions, Scene};
 //!
 //! let scene = Scene::generate("cornell")?;
 //! let model = Model::prepare(scene, &PrepareOptions::default().with_detail(Detail::Rays), &())?;
-//! let factors = model.form_factors(&FormFactorOptions::default().with_between(Between::Objects), &())?;
+//! let factors = model.form_factors(&FormFactorOptions::default().with_grouping(Grouping::Object), &())?;
 //! let (columns, values) = factors.row(0);
 //! for (&to, factor) in columns.iter().zip(values) {
 //!     println!("{} -> {}: {factor}", factors.names()[0], factors.names()[to as usize]);
@@ -112,7 +112,7 @@ mod threads;
 mod visibility;
 
 pub use api::{
-    Answers, Between, Engine, FormFactorOptions, FormFactors, Query, Segments, Solution, SolveOptions,
+    Answers, Engine, FormFactorOptions, FormFactors, Grouping, Query, Segments, Solution, SolveOptions,
     Strided, SurfacePoint, Visibility,
 };
 pub use error::{Error, ErrorCategory, Result};

@@ -1,5 +1,8 @@
 //! Memory that the machine has left, and how much of it may be used.
 
+use std::fs::read_to_string;
+use std::path::Path;
+
 /// Part of the available memory that is used if the caller states no limit: the rest is for the system and for what is
 /// not estimated.
 pub const PART: f64 = 0.8;
@@ -9,13 +12,98 @@ pub fn usable() -> Option<u64> {
     Some((PART * available()? as f64) as u64)
 }
 
-/// Memory available for allocation, bytes: of the machine, and of the control group that the process is in.
+/// Memory available for allocation, bytes: the smallest of what the machine, the control groups of the process and its limit of
+/// address space leave.
 fn available() -> Option<u64> {
-    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let line = text.lines().find_map(|l| l.strip_prefix("MemAvailable:"))?;
-    let machine = line.trim().trim_end_matches("kB").trim().parse::<u64>().ok()? * 1024;
-    let number =
-        |name| std::fs::read_to_string(format!("/sys/fs/cgroup/{name}")).ok()?.trim().parse::<u64>().ok();
-    let group = number("memory.max").zip(number("memory.current")).map(|(max, now)| max.saturating_sub(now));
-    Some(group.map_or(machine, |group| group.min(machine)))
+    let machine = kilobytes(&read_to_string("/proc/meminfo").ok()?, "MemAvailable:")?;
+    let groups = read_to_string("/proc/self/cgroup")
+        .ok()
+        .and_then(|groups| left_by_groups(Path::new("/sys/fs/cgroup"), &groups));
+    Some([groups, left_of_address_space()].into_iter().flatten().fold(machine, u64::min))
+}
+
+/// A value of a table of kB in `/proc`, bytes.
+fn kilobytes(table: &str, name: &str) -> Option<u64> {
+    let line = table.lines().find_map(|line| line.strip_prefix(name))?;
+    Some(1024 * line.trim().trim_end_matches("kB").trim().parse::<u64>().ok()?)
+}
+
+/// What the limit of address space (`ulimit -v`) leaves, bytes; `None` without a limit.
+#[cfg(target_os = "linux")]
+fn left_of_address_space() -> Option<u64> {
+    let limit = rustix::process::getrlimit(rustix::process::Resource::As).current?;
+    let used = kilobytes(&read_to_string("/proc/self/status").ok()?, "VmSize:")?;
+    Some(limit.saturating_sub(used))
+}
+
+#[cfg(not(target_os = "linux"))]
+fn left_of_address_space() -> Option<u64> {
+    None
+}
+
+/// By version of control groups the files of limit and usage, and the line of `memory.stat` about unused pages of files.
+const V1: [&str; 3] = ["memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file "];
+const V2: [&str; 3] = ["memory.max", "memory.current", "inactive_file "];
+
+/// What the control groups in `/proc/self/cgroup` leave, bytes, and the groups that they are in: each may have a limit of its own.
+/// `root` is where they are mounted.
+fn left_by_groups(root: &Path, groups: &str) -> Option<u64> {
+    // Version 1 has a hierarchy for memory, version 2 one for everything, which is at `unified` where both are used.
+    let mut left: Option<u64> = None;
+    for line in groups.lines() {
+        let mut fields = line.splitn(3, ':').skip(1);
+        let (Some(controllers), Some(path)) = (fields.next(), fields.next()) else { continue };
+        // Version 1 has a hierarchy for memory, version 2 one for everything, which is at `unified` where both are used.
+        let mounts: &[(&str, [&str; 3])] = match controllers {
+            "" => &[(".", V2), ("unified", V2)],
+            _ if controllers.split(',').any(|c| c == "memory") => &[("memory", V1)],
+            _ => continue,
+        };
+        for (mount, names) in mounts {
+            for group in Path::new(path.trim_start_matches('/')).ancestors() {
+                let found = left_by_group(&root.join(mount).join(group), names);
+                left = left.into_iter().chain(found).min();
+            }
+        }
+    }
+    left
+}
+
+/// What one control group leaves; `None` without a limit. Pages of files that are not in use count as left: the system takes them
+/// back. `names` are those of the files of the limit and of the usage, and of the line about such pages.
+fn left_by_group(folder: &Path, [limit, usage, pages]: &[&str; 3]) -> Option<u64> {
+    let number = |name: &str| read_to_string(folder.join(name)).ok()?.trim().parse::<u64>().ok();
+    let (limit, usage) = (number(limit)?, number(usage)?);
+    let statistics = read_to_string(folder.join("memory.stat")).unwrap_or_default();
+    let unused = statistics.lines().find_map(|line| line.strip_prefix(*pages)?.trim().parse::<u64>().ok());
+    Some(limit.saturating_sub(usage.saturating_sub(unused.unwrap_or(0))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs::{create_dir_all, write};
+
+    #[test]
+    fn the_smallest_control_group_counts() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let root = folder.path();
+        assert_eq!(left_by_groups(root, "0::/\n"), None);
+        // Version 2: the limit is that of the outer group, and the inner one has none.
+        let outer = root.join("user");
+        create_dir_all(outer.join("job")).expect("a folder");
+        write(outer.join("memory.max"), "1000\n").expect("written");
+        write(outer.join("memory.current"), "900\n").expect("written");
+        write(outer.join("memory.stat"), "anon 7\ninactive_file 50\n").expect("written");
+        write(outer.join("job/memory.max"), "max\n").expect("written");
+        write(outer.join("job/memory.current"), "10\n").expect("written");
+        assert_eq!(left_by_groups(root, "0::/user/job\n"), Some(150));
+        // Version 1 beside it, seen from inside a container: the path of the group does not exist.
+        let v1 = root.join("memory");
+        create_dir_all(&v1).expect("a folder");
+        write(v1.join("memory.limit_in_bytes"), "600\n").expect("written");
+        write(v1.join("memory.usage_in_bytes"), "500\n").expect("written");
+        assert_eq!(left_by_groups(root, "5:cpu,memory:/docker/1\n0::/user/job\n"), Some(100));
+        assert!(usable().is_none_or(|bytes| bytes > 0));
+    }
 }

@@ -63,7 +63,7 @@ struct Chunk<'a> {
     lo: &'a mut [f32],
     hi: &'a mut [f32],
     methods: &'a mut [Method],
-    /// Of the segments of these bundles; none if not wanted.
+    /// Transmittance of each segment; `None` if the caller gave no array.
     each: Option<&'a mut [f32]>,
 }
 

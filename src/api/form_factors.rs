@@ -8,24 +8,11 @@ use crate::progress::Progress;
 use crate::{Error, Result};
 use std::path::Path;
 
-/// What the rows and columns of [`FormFactors`] are.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-pub enum Between {
-    /// Polygons of the file, in its order.
-    #[default]
-    Polygons,
-    /// Objects (and groups) of the file.
-    Objects,
-    /// Materials.
-    Materials,
-}
-
 /// Options of [`Model::form_factors`]: [`FormFactorOptions::default`], then `with_…`.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct FormFactorOptions {
-    between: Between,
+    grouping: Grouping,
     rays: Option<u32>,
     pair_rays: Option<u32>,
     closure: bool,
@@ -34,10 +21,10 @@ pub struct FormFactorOptions {
 }
 
 impl Default for FormFactorOptions {
-    /// Between polygons; rays by their number; closure; at most 16 GiB; seed 1.
+    /// By polygon; rays by their number; closure; at most 16 GiB; seed 1.
     fn default() -> Self {
         FormFactorOptions {
-            between: Between::Polygons,
+            grouping: Grouping::Polygon,
             rays: None,
             pair_rays: None,
             closure: true,
@@ -48,10 +35,10 @@ impl Default for FormFactorOptions {
 }
 
 impl FormFactorOptions {
-    /// What rows and columns are.
+    /// Rows and columns.
     #[must_use]
-    pub fn with_between(mut self, between: Between) -> FormFactorOptions {
-        self.between = between;
+    pub fn with_grouping(mut self, grouping: Grouping) -> FormFactorOptions {
+        self.grouping = grouping;
         self
     }
 
@@ -140,11 +127,7 @@ impl Model {
             }
             progress.stage("form factors", 2 * facets.count() as u64);
             let (matrix, report) = compute(self, &facets, &settings, &|n| progress.advance(n))?;
-            let matrix = match options.between {
-                Between::Polygons => matrix,
-                Between::Objects => matrix.grouped(scene, &facets, Grouping::Object),
-                Between::Materials => matrix.grouped(scene, &facets, Grouping::Material),
-            };
+            let matrix = matrix.grouped(scene, &facets, options.grouping);
             Ok(FormFactors { matrix, report })
         })?
     }

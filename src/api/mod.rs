@@ -9,7 +9,8 @@ mod solve;
 mod tests;
 mod visibility;
 
-pub use form_factors::{Between, FormFactorOptions, FormFactors};
+pub use crate::form_factors::matrix::Grouping;
+pub use form_factors::{FormFactorOptions, FormFactors};
 pub use query::Query;
 pub use segments::{Answers, Segments, Strided};
 pub use solve::{Solution, SolveOptions, SurfacePoint};

@@ -285,7 +285,7 @@ fn form_factors_have_rows() {
             assert!((there - back).abs() <= 1e-5 * there.abs(), "{from} {to}: {there} {back}");
         }
     }
-    let objects = FormFactorOptions::default().with_between(Between::Objects);
+    let objects = FormFactorOptions::default().with_grouping(Grouping::Object);
     let found = model.form_factors(&objects, &()).unwrap();
     let names: Vec<&str> = model.scene().object_names().collect();
     assert_eq!(found.names(), names);

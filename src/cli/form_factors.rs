@@ -109,11 +109,12 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let scene = model.scene();
     let seconds = start.elapsed().as_secs_f64();
     drop(bar);
-    let matrix = match args.by {
-        By::Face => faces,
-        By::Object => faces.grouped(scene, &facets, Grouping::Object),
-        By::Material => faces.grouped(scene, &facets, Grouping::Material),
+    let by = match args.by {
+        By::Face => Grouping::Polygon,
+        By::Object => Grouping::Object,
+        By::Material => Grouping::Material,
     };
+    let matrix = faces.grouped(scene, &facets, by);
     let spinner = common.spinner(format!("writing {}", file_name(&args.out)));
     let labels = matches!(args.by, By::Face).then(|| facets.labels(scene));
     write(&args.out, &matrix, format, labels.as_ref())?;

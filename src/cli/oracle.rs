@@ -64,6 +64,11 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let lux = |rgb| photometry.unwrap_or_default().of(rgb);
     write_irradiance(&args.out, &found, photometry.map(|_| &lux as _))?;
     let (mean, noise) = (mean(&found), noise(&found));
+    let mut warnings = scene.repairs.messages.clone();
+    if let Some(note) = model.note_of_turned_emitters().filter(|_| mean > 0.0) {
+        warn(common, std::slice::from_ref(&note));
+        warnings.push(note);
+    }
     if mean == 0.0 && !scene.emitters.is_empty() {
         let cure = "if that is wrong, set --two-sided-emission or reverse the order of the corners of the emitters' faces";
         warn(common, &[format!("no light arrives at any point: {cure}")]);
@@ -81,7 +86,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         "seconds": seconds,
         "mean": mean,
         "noise": noise,
-        "warnings": scene.repairs.messages,
+        "warnings": warnings,
     });
     let luminous = photometry
         .map(|p| (p, found.values.iter().map(|v| p.of(*v)).sum::<f64>() / points.len().max(1) as f64));

@@ -9,6 +9,7 @@ use crate::{
     },
     image_io::{Picture, write_exr_rgb, write_png},
     points::Point,
+    progress::Progress,
     radiosity::mesh::RadiosityMesh,
     scene::{Photometry, Scene, StoredCamera},
 };
@@ -74,7 +75,7 @@ const SAMPLES_PER_SIDE: usize = 2;
 
 impl Outputs {
     /// Writes the requested files into a folder, except the page, which needs the final record. `irradiance` computes the light of pixels for
-    /// `--gather`; where it returns `None`, light is interpolated.
+    /// `--gather`; where it returns `None`, light is interpolated. Pictures are left out when `progress` has stopped.
     ///
     /// # Errors
     /// A file cannot be written, or the scene does not fit into a lightmap.
@@ -85,7 +86,7 @@ impl Outputs {
         solution: &RadiosityMesh,
         folder: &Path,
         with_points: bool,
-        irradiance: Gather,
+        (irradiance, progress): (Gather, &dyn Progress),
     ) -> Result<Written> {
         let wants = |kind| self.wants(kind, with_points);
         let mut written = Vec::new();
@@ -133,12 +134,15 @@ impl Outputs {
         }
         let mut views = Vec::new();
         if wants(Kind::Image) || wants(Kind::Page) {
-            let _spinner = common.spinner("rendering");
             let stage = Stage::new(&mesh, solution)?;
             let cameras = self.cameras(scene, solution, &stage);
             for (k, camera) in cameras.iter().enumerate() {
                 let part = 1.0 / (cameras.len() - k) as f64;
-                let frame = self.frame(&stage, camera, solution, (irradiance, part));
+                let frame = self.frame(&stage, camera, solution, (irradiance, part), progress);
+                if progress.stopped() {
+                    common.print(&format!("interrupted: no picture `{}`\n", camera.name))?;
+                    continue;
+                }
                 let width = self.image_size[0];
                 let picture = developed(width, &frame.radiance);
                 if wants(Kind::Image) {
@@ -161,10 +165,10 @@ impl Outputs {
         camera: &Camera,
         solution: &RadiosityMesh,
         (irradiance, part): (Gather, f64),
+        progress: &dyn Progress,
     ) -> Frame {
-        let [width, height] = self.image_size;
         if self.gather {
-            let mut frame = render(stage, camera, width, height, 1);
+            let mut frame = render(stage, camera, self.image_size, 1, progress);
             if let Some(light) = irradiance(&visible_points(&frame, solution), part) {
                 frame.radiance = light_of(&frame, solution, &light);
                 for (first, light) in frame.first.iter_mut().flatten().zip(light) {
@@ -173,7 +177,12 @@ impl Outputs {
                 return frame;
             }
         }
-        render(stage, camera, width, height, SAMPLES_PER_SIDE)
+        render(stage, camera, self.image_size, SAMPLES_PER_SIDE, progress)
+    }
+
+    /// Pixels of a picture.
+    pub fn pixels(&self) -> usize {
+        self.image_size[0] * self.image_size[1]
     }
 
     /// Whether the page is wanted.

@@ -282,8 +282,15 @@ fn write(
         irradiance
     };
     let (scene, with_points) = (solution.model().scene(), args.points.is_some());
-    let Written { mut files, views } =
-        args.outputs.write(&args.common, (scene, photometry), &mesh, out, with_points, &gather)?;
+    let Written { mut files, views } = args.outputs.write(
+        &args.common,
+        (scene, photometry),
+        &mesh,
+        out,
+        with_points,
+        (&gather, &watch.for_pictures(args.outputs.pixels())),
+    )?;
+    watch.bar.finish();
     let notes = notes.into_inner();
     if !notes.is_empty() {
         record.compared.record.warnings.extend(notes);

@@ -7,6 +7,7 @@
 use super::Mesh;
 use crate::Result;
 use crate::embree::{CommittedScene, Device, Hits, Options, SceneBuilder, Traversal};
+use crate::progress::Progress;
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::ray::{LANES, Packet};
 use glam::Vec3;
@@ -145,8 +146,15 @@ impl<'a> Stage<'a> {
     }
 }
 
-/// Renders a picture with `samples` × `samples` rays per pixel.
-pub fn render(stage: &Stage, camera: &Camera, width: usize, height: usize, samples: usize) -> Frame {
+/// Renders a picture with `samples` × `samples` rays per pixel. Rows that begin after `progress` has stopped stay black.
+pub fn render(
+    stage: &Stage,
+    camera: &Camera,
+    [width, height]: [usize; 2],
+    samples: usize,
+    progress: &dyn Progress,
+) -> Frame {
+    progress.stage("rendering", height as u64);
     let right = camera.forward.cross(camera.up).normalize();
     let up = right.cross(camera.forward);
     let half = (0.5 * camera.angle).tan();
@@ -161,6 +169,10 @@ pub fn render(stage: &Stage, camera: &Camera, width: usize, height: usize, sampl
         .into_par_iter()
         .map(|y| {
             let mut row = vec![([0f32; 3], None); width];
+            progress.advance(1);
+            if progress.stopped() {
+                return row;
+            }
             for left in (0..width).step_by(LANES) {
                 let lanes = LANES.min(width - left);
                 for k in 0..samples * samples {

@@ -128,17 +128,17 @@ fn pictures_show_the_lit_side() {
         up: Vec3::Y,
         angle: 0.8,
     };
-    let frame = render(&stage, &camera(1.0), 21, 15, 2);
+    let frame = render(&stage, &camera(1.0), [21, 15], 2, &());
     assert_eq!((frame.radiance.len(), frame.first.len()), (21 * 15, 21 * 15));
     // 0.5 × 2 W/m² over π; the middle row and column of the picture see the square at distance 1.
     let middle = frame.radiance[7 * 21 + 10];
     assert!((middle[0] - 1.0 / std::f32::consts::PI).abs() < 1e-5, "{middle:?}");
     assert!(frame.first[7 * 21 + 10].is_some_and(|f| (f.distance - 1.0).abs() < 0.01));
-    let behind = render(&stage, &camera(-1.0), 21, 15, 1);
+    let behind = render(&stage, &camera(-1.0), [21, 15], 1, &());
     assert!(behind.radiance.iter().flatten().all(|&l| l == 0.0), "surfaces cannot be seen from behind");
     let view = best_view(&stage, &solution, Vec3::Z, "m");
     assert!(view.eye.z > 0.0, "{view:?}");
-    assert!(render(&stage, &view, 32, 24, 1).first.iter().flatten().count() > 50);
+    assert!(render(&stage, &view, [32, 24], 1, &()).first.iter().flatten().count() > 50);
 }
 
 #[test]

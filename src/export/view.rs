@@ -33,7 +33,7 @@ const HALF_DETAIL: f32 = 0.15;
 
 /// Median distance in a picture, relative to half of the scene's diagonal, from which on it is an overview.
 const OVERVIEW_PART: f32 = 0.25;
-/// What a view of none of the objects is worth, relative to one of all: a close view of a few may still be the best.
+/// Score factor of a view without objects; 1 for a view of all, relative to one of all: a close view of a few may still be the best.
 const ALONE_PART: f32 = 0.2;
 
 /// The best view of the scene; `unit` is the name of the unit of length, for the eye height.
@@ -52,7 +52,7 @@ pub fn best_view(stage: &Stage, solution: &RadiosityMesh, up: Vec3, unit: &str) 
     }
     let mut best: Option<(f32, Camera)> = None;
     for (camera, near) in cameras {
-        let frame = render(stage, &camera, PREVIEW_PIXELS[0], PREVIEW_PIXELS[1], 1);
+        let frame = render(stage, &camera, PREVIEW_PIXELS, 1, &());
         let score = judge.score(&frame, near);
         if best.as_ref().is_none_or(|b| score > b.0) {
             best = Some((score, camera));

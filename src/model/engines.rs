@@ -5,13 +5,11 @@ use crate::math::Aabb;
 use crate::math::sampling::on_triangle;
 use crate::ray::{LANES, Packet};
 use crate::scene::{EmitterSampler, Scene};
-use crate::visibility::{Bundle, Exact, LeafMode, MultiResolution, Workspace};
+use crate::visibility::{Bundle, CALIBRATION_BUNDLES, Exact, LeafMode, MultiResolution, Workspace};
 use glam::Vec3;
 use sobol_burley::sample_4d;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
-/// Bundles on which the cost of exact rays is estimated: as many as a solve takes.
-const SAMPLE: u32 = 256;
 /// Seed of their ends.
 const SEED: u32 = 0x6d72_7669;
 
@@ -35,14 +33,7 @@ impl Model {
         let engine = self.engine(self.widest_packets(), LeafMode::Exact)?;
         Some(self.inner.engines.multi_resolution.get_or_init(|| {
             let sample = self.sample();
-            let bundles: Vec<Bundle> = sample
-                .iter()
-                .map(|(packet, emitter_size)| Bundle {
-                    packets: std::slice::from_ref(packet),
-                    emitter_size: *emitter_size,
-                    emitter: &[],
-                })
-                .collect();
+            let bundles: Vec<Bundle> = sample.iter().map(|(p, size)| Bundle::of_packet(p, *size)).collect();
             engine.with_budget(&bundles, &mut Workspace::default())
         }))
     }
@@ -90,7 +81,7 @@ impl Model {
             }
             (packet, size)
         };
-        (0..SAMPLE).map(bundle).collect()
+        (0..CALIBRATION_BUNDLES as u32).map(bundle).collect()
     }
 }
 

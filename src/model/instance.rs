@@ -13,7 +13,7 @@ pub struct Instance {
     pub mesh: u32,
     /// From the frame of the mesh to that of the model, scene units relative to `Scene::origin`.
     pub transform: DAffine3,
-    /// Material that replaces those of the mesh, an index into `Scene::materials`; `None` keeps them.
+    /// Material that replaces those of the mesh, an index into [`Scene::material_names`](crate::Scene::material_names); `None` keeps them.
     pub material: Option<u32>,
     /// Name of the node in the file, or a made-up one.
     pub name: Arc<str>,

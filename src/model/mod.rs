@@ -16,6 +16,7 @@ pub mod testing;
 #[cfg(test)]
 mod tests;
 mod top_level;
+mod turned_emitters;
 mod update;
 
 pub use instance::{Instance, InstanceChange};

@@ -9,7 +9,7 @@
 pub enum Source {
     /// An emissive surface of the scene's own triangles.
     Surface {
-        /// Index into `Scene::emitters`.
+        /// Index into [`Scene::emitter_names`](crate::Scene::emitter_names).
         emitter: u32,
     },
 }

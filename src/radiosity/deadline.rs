@@ -1,6 +1,6 @@
 //! When each stage of a solution must end: on an interruption, or when its part of the given time is used up.
 //!
-//! All shares of the time are in this file; stages receive a [`Deadline`] and never compute one from the options.
+//! The shares of the time between stages are in this file; stages receive a [`Deadline`] and never compute one from the options.
 
 use crate::progress::Progress;
 use std::time::Instant;

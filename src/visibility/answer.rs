@@ -26,6 +26,13 @@ pub struct Bundle<'a> {
     pub emitter: &'a [Vec3],
 }
 
+impl<'a> Bundle<'a> {
+    /// The segments of one packet, which may start anywhere.
+    pub fn of_packet(packet: &'a Packet, emitter_size: f32) -> Bundle<'a> {
+        Bundle { packets: std::slice::from_ref(packet), emitter_size, emitter: &[] }
+    }
+}
+
 /// Method by which an answer was found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]

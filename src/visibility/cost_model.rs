@@ -35,6 +35,10 @@ const GIVE_UP_FACTOR: u64 = 2;
 /// Work per bundle for its shaft and answer: five nodes. An estimate that selects between engines.
 const BUNDLE_WORK: u64 = 30;
 
+/// Bundles between surfaces and emitters on which the cost of exact rays is calibrated: limit the time to 256 walks, and the relative
+/// standard error of a mean to 1/16 of the spread of one.
+pub const CALIBRATION_BUNDLES: usize = 256;
+
 /// Evenly spread runs of so many bundles, by which the engine is chosen for all of them.
 pub fn sample_runs(bundles: usize) -> impl Iterator<Item = Range<usize>> {
     let length = SAMPLE_RUN.min(bundles);

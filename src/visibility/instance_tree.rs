@@ -82,7 +82,7 @@ pub(super) struct Lanes {
     pub optics: [AxisOptics; AXIS_COUNT],
 }
 
-/// What is known of a group of instances.
+/// Measured optics of a group of instances of instances.
 pub struct Measured {
     bounds: Aabb,
     optics: ClusterOptics,

@@ -37,7 +37,7 @@ mod work;
 
 pub use answer::{Answer, Bundle, Cost, Method, wilson};
 pub use bundle_walks::Workspace;
-pub use cost_model::{SAMPLE_RUN, SAMPLE_RUNS, Work, sample_runs};
+pub use cost_model::{CALIBRATION_BUNDLES, SAMPLE_RUN, SAMPLE_RUNS, Work, sample_runs};
 pub use exact::{Exact, fastest_traversal};
 pub use instance_tree::{Frame, InstanceTree, Instances, PlacedChange};
 pub use multires::{LeafMode, MultiResolution};

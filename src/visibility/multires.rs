@@ -25,7 +25,7 @@ pub enum LeafMode {
     Average,
 }
 
-/// Trees larger than this count [`super::walk::FETCH`] for every node, bytes: twice the 32 MiB last-level cache of the
+/// Trees larger than this count [`super::work::FETCH`] for every node, bytes: twice the 32 MiB last-level cache of the
 /// processor that was measured (an AMD EPYC; `lscpu`). Not read from the machine: choices of engines must not depend on
 /// it.
 const CACHE_BYTES: usize = 64 << 20;

@@ -4,6 +4,8 @@
 mod cli;
 #[cfg(feature = "cli")]
 mod determinism;
+#[cfg(feature = "cli")]
+mod ended;
 mod features;
 #[cfg(feature = "cli")]
 mod fuzz;
@@ -22,3 +24,5 @@ mod shown;
 #[cfg(feature = "cli")]
 mod target;
 mod tidy;
+#[cfg(feature = "cli")]
+mod upright;

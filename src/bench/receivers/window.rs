@@ -7,7 +7,7 @@ use crate::model::Model;
 use crate::ray::Occluder;
 use crate::scene::Scene;
 
-/// Largest and smallest number of texels along the longer side. A page shows 512 pixels without scaling; fewer than 96
+/// Smallest and largest number of texels along the longer side. A page shows 512 pixels without scaling; fewer than 96
 /// show no shape.
 const SIDE_TEXELS: [usize; 2] = [96, 512];
 /// Approximate number of pairs of all images: about 100 million segments of reference and rows together, some ten seconds

@@ -54,6 +54,34 @@ impl Progress for Watch {
     }
 }
 
+/// Largest number of pixels of a picture that is made even after an interruption: one of a million takes about half a second on
+/// two cores.
+const SMALL_PICTURE: usize = 1 << 20;
+
+impl Watch {
+    /// Progress of pictures of so many pixels.
+    pub fn for_pictures(&self, pixels: usize) -> impl Progress {
+        struct Pictures<'a> {
+            watch: &'a Watch,
+            large: bool,
+        }
+        impl Progress for Pictures<'_> {
+            fn stage(&self, name: &str, steps: u64) {
+                self.watch.stage(name, steps);
+            }
+
+            fn advance(&self, steps: u64) {
+                self.watch.advance(steps);
+            }
+
+            fn stopped(&self) -> bool {
+                self.large && self.watch.stopped()
+            }
+        }
+        Pictures { watch: self, large: pixels > SMALL_PICTURE }
+    }
+}
+
 /// Prepares the model within the time that the options allow for the whole solve.
 pub fn prepare(scene: Scene, options: &Options, watch: &Watch) -> Result<Model> {
     let until = Until { watch, start: Instant::now(), seconds: options.max_seconds.unwrap_or(f64::INFINITY) };

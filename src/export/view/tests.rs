@@ -45,7 +45,7 @@ fn view(scene: &Scene) -> (DVec3, Camera, Vec<f32>) {
     let mesh = Mesh::new(&solution);
     let stage = Stage::new(&mesh, &solution).expect("a stage");
     let camera = best_view(&stage, &solution, scene.up_axis().vector(), &scene.unit);
-    let frame = render(&stage, &camera, 80, 60, 1);
+    let frame = render(&stage, &camera, [80, 60], 1, &());
     let mut parts = vec![0.0; scene.objects.len() + 1];
     for first in &frame.first {
         let object =

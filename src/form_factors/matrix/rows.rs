@@ -56,8 +56,9 @@ impl Matrix {
     }
 
     /// The matrix of groups: `F(G→H) = Σ_{i in G} A_i Σ_{j in H} F_ij / A_G`.
-    pub fn grouped(&self, scene: &Scene, facets: &Facets, by: Grouping) -> Matrix {
+    pub fn grouped(self, scene: &Scene, facets: &Facets, by: Grouping) -> Matrix {
         let (of, names): (&[u32], Vec<String>) = match by {
+            Grouping::Polygon => return self,
             Grouping::Object => {
                 (&scene.triangle_object, scene.objects.iter().map(|o| o.name.clone()).collect())
             }
@@ -101,12 +102,16 @@ impl Matrix {
     }
 }
 
-/// Criterion for groups of facets.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Rows and columns of a matrix of form factors.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Grouping {
-    /// By object or group of the file.
+    /// Polygons of the file, in its order.
+    #[default]
+    Polygon,
+    /// Objects and groups of the file.
     Object,
-    /// By material.
+    /// Materials.
     Material,
 }
 

@@ -208,7 +208,7 @@ fn groups_are_sums_of_their_facets() {
     let facets = Facets::new(&scene);
     let (m, _) = run(&scene, |_| ());
     for by in [Grouping::Object, Grouping::Material] {
-        let g = m.grouped(&scene, &facets, by);
+        let g = m.clone().grouped(&scene, &facets, by);
         let total: f64 = (0..m.len()).map(|i| m.areas[i] * m.row_sum(i)).sum();
         let summed: f64 = (0..g.len()).map(|i| g.areas[i] * g.row_sum(i)).sum();
         near(summed, total, 1e-6, "exchange in all");

@@ -3,6 +3,7 @@
 use super::solved::{Closing, Solved};
 use crate::radiosity::elements::{RowFactors, Shape};
 use crate::radiosity::rgb::{Rgb, mean};
+use crate::radiosity::surroundings::directed_share;
 use crate::scene::unit_in_metres;
 
 /// Powers, summed over all surfaces; means of the channels.
@@ -39,7 +40,8 @@ impl Solved {
         let linked = &self.linked;
         let (elements, area) = (&linked.elements, linked.elements.area);
         let mut ledger = Ledger::default();
-        let (mut received, mut sent, mut closed) = (0.0, 0.0, 0.0);
+        let (mut received, mut sent, mut directed, mut closed) = (0.0, 0.0, 0.0, 0.0);
+        let by_rays = matches!(self.closing, Closing::Rays(_));
         for (e, (element, state)) in elements.elements.iter().zip(elements.states.iter()).enumerate() {
             let Shape::Surface { side, .. } = element.shape else { continue };
             if !element.is_leaf() {
@@ -55,8 +57,13 @@ impl Solved {
             ledger.emitted += power(s.exitance);
             ledger.absorbed += power(absorbed);
             received += power(state.irradiance);
-            sent += power(state.radiosity) * sent_part.min(1.0);
-            ledger.escaped += power(state.radiosity) * (1.0 - sent_part).max(0.0);
+            // Rays send the light of profiles in their directions, links as if it were diffuse.
+            let directs = by_rays && s.profile.is_some();
+            let emitted = if directs { s.exitance } else { [0.0; 3] };
+            let diffuse = power(std::array::from_fn(|k| state.radiosity[k] - emitted[k]));
+            directed += power(emitted);
+            sent += diffuse * sent_part.min(1.0);
+            ledger.escaped += diffuse * (1.0 - sent_part).max(0.0);
             if linked.surroundings.closed[side as usize] {
                 closed += element.area;
                 let covered = 1.0 - f64::from(state.row_target);
@@ -66,6 +73,12 @@ impl Solved {
                 ledger.row_sum_error += element.area * (row - 1.0).powi(2);
                 ledger.row_sum_error_sampled += element.area * (sampled - 1.0).powi(2);
             }
+        }
+        if directed > 0.0 {
+            let (length, exact) = (linked.surroundings.length, linked.engine.exact());
+            let share = directed_share(elements, &exact, linked.ends, length, linked.settings.seed);
+            sent += directed * share;
+            ledger.escaped += directed * (1.0 - share);
         }
         for error in [&mut ledger.row_sum_error, &mut ledger.row_sum_error_sampled] {
             *error = if closed > 0.0 { (*error / closed).sqrt() } else { 0.0 };

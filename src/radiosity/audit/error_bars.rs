@@ -2,6 +2,7 @@
 //! solution but the sides that count as unlit.
 
 use crate::math::sampling::{mix, point_on};
+use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::Shape;
 use crate::radiosity::final_gather::{Buffers, FinalGather, PathVertex};
 use crate::radiosity::links::Tally;
@@ -34,7 +35,7 @@ pub struct ErrorBarAudit {
     pub within_quarters: [f64; 12],
     /// Root mean square of the errors, less the noise of the paths, relative to the mean irradiance of all elements.
     pub rms_error: f64,
-    /// The same, but no less than the audit can tell from 0: the root of one standard error of its mean square.
+    /// RMS error, at least the detection limit: the root of one standard error of the mean square.
     pub expected_rms: f64,
     /// Upper end of its 95 % interval.
     pub rms_upper: f64,
@@ -94,14 +95,9 @@ fn mean_square(squares: &[f64]) -> Option<(f64, f64)> {
 
 impl FinalGather<'_> {
     /// Compares the solution's irradiance with paths, and the differences with `bars` (standard uncertainty by element, W/m²), at
-    /// some elements. The audit is empty if `stop` ends it early.
-    pub fn audit(
-        &self,
-        bars: &[f64],
-        size: AuditSize,
-        stop: &(dyn Fn() -> bool + Sync),
-    ) -> (ErrorBarAudit, Tally) {
-        let (checks, tally) = self.checks(bars, size, FOR_AUDIT, stop);
+    /// some elements. The audit is empty if the deadline ends it early.
+    pub fn audit(&self, bars: &[f64], size: AuditSize, deadline: &Deadline) -> (ErrorBarAudit, Tally) {
+        let (checks, tally) = self.checks(bars, size, FOR_AUDIT, deadline);
         if checks.is_empty() {
             return (ErrorBarAudit::default(), tally);
         }
@@ -130,9 +126,9 @@ impl FinalGather<'_> {
 
     /// RMS error of elements relative to the mean irradiance, as some of them show, others than those of the audit; no less than can be
     /// told from 0. None if that cannot be told.
-    pub fn sampled_error(&self, size: AuditSize, stop: &(dyn Fn() -> bool + Sync)) -> (Option<f64>, Tally) {
+    pub fn sampled_error(&self, size: AuditSize, deadline: &Deadline) -> (Option<f64>, Tally) {
         let bars = vec![0.0; self.linked().elements.len()];
-        let (checks, tally) = self.checks(&bars, size, FOR_FACTOR, stop);
+        let (checks, tally) = self.checks(&bars, size, FOR_FACTOR, deadline);
         let squares: Vec<f64> = checks.iter().map(|c| c.error * c.error - c.noise * c.noise).collect();
         let error = mean_square(&squares).map(|(mean, resolved)| mean.max(resolved).sqrt() / self.level());
         (error, tally)
@@ -141,13 +137,8 @@ impl FinalGather<'_> {
     /// The factor by which bars must be multiplied so that 95 % of the errors at some elements (others than those of the audit)
     /// lie within twice the bars; 1 if too few of them have bars above the noise of the paths. Bars assume
     /// independent samples, but stratified samples are better, and errors of links are correlated.
-    pub fn bar_factor(
-        &self,
-        bars: &[f64],
-        size: AuditSize,
-        stop: &(dyn Fn() -> bool + Sync),
-    ) -> (f64, Tally) {
-        let (mut checks, tally) = self.checks(bars, size, FOR_FACTOR, stop);
+    pub fn bar_factor(&self, bars: &[f64], size: AuditSize, deadline: &Deadline) -> (f64, Tally) {
+        let (mut checks, tally) = self.checks(bars, size, FOR_FACTOR, deadline);
         checks.retain(|check| check.noise < check.bar);
         if checks.len() < MIN_ELEMENTS {
             return (1.0, tally);
@@ -183,7 +174,7 @@ impl FinalGather<'_> {
         bars: &[f64],
         size: AuditSize,
         position: f64,
-        stop: &(dyn Fn() -> bool + Sync),
+        deadline: &Deadline,
     ) -> (Vec<Check>, Tally) {
         let (mut areas, mut sum) = (Vec::new(), 0.0);
         for e in self.linked().leaves() {
@@ -200,12 +191,13 @@ impl FinalGather<'_> {
         let made: Option<Vec<(Check, Tally)>> = (0..size.elements)
             .into_par_iter()
             .map_init(Buffers::default, |buffers, k| {
-                if stop() {
+                if deadline.late() {
                     return None;
                 }
                 buffers.scratch.tally = Tally::default();
                 let e = drawn(k);
                 let (by_paths, noise) = self.path_irradiance(e, size.paths, position.to_bits(), buffers);
+                deadline.advance(1);
                 let error = (mean(self.linked().elements.states[e as usize].irradiance) - by_paths).abs();
                 Some((Check { error, noise, bar: bars[e as usize] }, buffers.scratch.tally))
             })

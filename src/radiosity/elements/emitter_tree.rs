@@ -7,6 +7,7 @@
 use crate::math::Aabb;
 use crate::math::sampling::pick;
 use glam::Vec3;
+use rayon::prelude::*;
 
 /// Nodes of a cut: as many as a packet has segments, so that each segment of a packet can have a node of its own.
 const MAX_CUT: usize = 16;
@@ -23,6 +24,7 @@ pub struct Receiver {
 }
 
 /// A group of faces.
+#[derive(Clone)]
 struct Node {
     /// Centre and radius of a sphere around the faces.
     centre: Vec3,
@@ -52,52 +54,37 @@ pub struct Cut {
     sums: Vec<f32>,
 }
 
+/// A face while the tree is built.
+#[derive(Clone, Copy)]
+struct Face {
+    id: (u32, u32),
+    bounds: Aabb,
+    centre: Vec3,
+    normal: Vec3,
+    power: f32,
+}
+
+/// Faces of a subtree from which its halves are built on two threads: a task of about 0.1 ms.
+const PARALLEL_FACES: usize = 1 << 10;
+
 impl EmitterTree {
     /// Builds the tree and brings `faces` into its order.
     pub fn build(
         faces: &mut [(u32, u32)],
-        of: &impl Fn((u32, u32)) -> [Vec3; 4],
-        face: &impl Fn((u32, u32)) -> (Vec3, f32),
+        of: &(impl Fn((u32, u32)) -> [Vec3; 4] + Sync),
+        face: &(impl Fn((u32, u32)) -> (Vec3, f32) + Sync),
     ) -> EmitterTree {
-        let mut tree = EmitterTree { nodes: Vec::new() };
-        if !faces.is_empty() {
-            tree.add(faces, 0, of, face);
+        let known = |&id: &(u32, u32)| {
+            let (corners, (normal, power)) = (of(id), face(id));
+            Face { id, bounds: Aabb::of(corners), centre: corners.iter().sum::<Vec3>(), normal, power }
+        };
+        let mut known: Vec<Face> = faces.par_iter().with_min_len(PARALLEL_FACES).map(known).collect();
+        let mut nodes = vec![Node::NONE; (2 * known.len()).saturating_sub(1)];
+        if !known.is_empty() {
+            add(&mut known, 0, &mut nodes, 0);
         }
-        tree
-    }
-
-    fn add(
-        &mut self,
-        faces: &mut [(u32, u32)],
-        first: u32,
-        corners: &impl Fn((u32, u32)) -> [Vec3; 4],
-        face: &impl Fn((u32, u32)) -> (Vec3, f32),
-    ) {
-        let bounds = Aabb::of(faces.iter().flat_map(|&f| corners(f)));
-        let sum: Vec3 = faces.iter().map(|&f| face(f).0 * face(f).1).sum();
-        let axis = sum.try_normalize().unwrap_or(Vec3::Z);
-        let spread = faces.iter().map(|&f| axis.dot(face(f).0)).fold(1.0, f32::min);
-        let at = self.nodes.len();
-        self.nodes.push(Node {
-            centre: 0.5 * (bounds.min + bounds.max),
-            radius: 0.5 * bounds.diagonal(),
-            axis,
-            spread,
-            power: faces.iter().map(|&f| face(f).1).sum(),
-            faces: [first, first + faces.len() as u32],
-            second: 0,
-        });
-        if faces.len() > 1 {
-            let centre = |f: (u32, u32)| corners(f).iter().sum::<Vec3>();
-            let centres = Aabb::of(faces.iter().map(|&f| centre(f)));
-            let axis = centres.extent().max_position();
-            faces.sort_by(|&a, &b| centre(a)[axis].total_cmp(&centre(b)[axis]));
-            let middle = faces.len() / 2;
-            let (left, right) = faces.split_at_mut(middle);
-            self.add(left, first, corners, face);
-            self.nodes[at].second = self.nodes.len() as u32;
-            self.add(right, first + middle as u32, corners, face);
-        }
+        faces.iter_mut().zip(known).for_each(|(place, face)| *place = face.id);
+        EmitterTree { nodes }
     }
 
     /// The cut for a receiver: the node with the largest bound is divided first.
@@ -165,7 +152,61 @@ impl EmitterTree {
     }
 }
 
+/// Builds the subtree of some faces, of which the first has the place `first`, in `nodes`, of which the first has the index `at`.
+fn add(faces: &mut [Face], first: u32, nodes: &mut [Node], at: u32) {
+    let sum: Vec3 = faces.iter().map(|f| f.normal * f.power).sum();
+    let axis = sum.try_normalize().unwrap_or(Vec3::Z);
+    let (mut bounds, mut centres) = (Aabb::EMPTY, Aabb::EMPTY);
+    for face in faces.iter() {
+        bounds = bounds.union(face.bounds);
+        centres = centres.union(Aabb::of([face.centre]));
+    }
+    let count = faces.len();
+    nodes[0] = Node {
+        centre: 0.5 * (bounds.min + bounds.max),
+        radius: 0.5 * bounds.diagonal(),
+        axis,
+        spread: faces.iter().map(|f| axis.dot(f.normal)).fold(1.0, f32::min),
+        power: faces.iter().map(|f| f.power).sum(),
+        faces: [first, first + count as u32],
+        second: 0,
+    };
+    if count < 2 {
+        return;
+    }
+    let longest = centres.extent().max_position();
+    let middle = count / 2;
+    let order = |f: &Face| (f.centre[longest], f.id);
+    faces.select_nth_unstable_by(middle, |a, b| {
+        let ((p, i), (q, k)) = (order(a), order(b));
+        p.total_cmp(&q).then(i.cmp(&k))
+    });
+    let (left, right) = faces.split_at_mut(middle);
+    // A subtree of n faces has 2 n - 1 nodes.
+    let (near, far) = nodes[1..].split_at_mut(2 * middle - 1);
+    let second = at + 2 * middle as u32;
+    let mut near = || add(left, first, near, at + 1);
+    let mut far = || add(right, first + middle as u32, far, second);
+    if count > PARALLEL_FACES {
+        rayon::join(near, far);
+    } else {
+        near();
+        far();
+    }
+    nodes[0].second = second;
+}
+
 impl Node {
+    const NONE: Node = Node {
+        centre: Vec3::ZERO,
+        radius: 0.0,
+        axis: Vec3::Z,
+        spread: 1.0,
+        power: 0.0,
+        faces: [0, 0],
+        second: 0,
+    };
+
     /// Irradiance of the receiver, with the largest cosines at both ends and the distance between the centres; 0 only if none of the
     /// faces can light any point of the receiver.
     fn bound(&self, receiver: &Receiver) -> f32 {

@@ -7,7 +7,6 @@ use crate::math::sampling::point_on;
 use crate::radiosity::rgb::{Rgb, mean};
 use crate::scene::Scene;
 use glam::Vec3;
-use std::collections::HashMap;
 
 /// One emitter of the scene.
 pub struct Emitter {
@@ -38,14 +37,14 @@ impl Emitters {
         let mut emitters: Vec<Emitter> =
             scene.emitters.iter().map(|e| Emitter { faces: Vec::new(), width: e.min_width }).collect();
         let mut lit: Vec<(u32, u32)> = Vec::new();
-        let mut side_of = HashMap::new();
+        let mut sides: Vec<(u32, u32, u32)> = Vec::new();
         for (s, side) in (0u32..).zip(&elements.sides).filter(|(_, s)| s.exitance.iter().any(|&m| m > 0.0)) {
             let element = &elements.elements[side.element as usize];
             let Shape::Surface { corners, .. } = element.shape else { continue };
             let emitter = scene.triangle_emitter[side.triangles[0] as usize];
             let faces = &mut emitters[emitter as usize].faces;
             lit.push((emitter, faces.len() as u32));
-            side_of.insert((emitter, faces.len() as u32), s);
+            sides.push((emitter, faces.len() as u32, s));
             faces.push(EmitterFace {
                 corners,
                 polygon: corners.map(|p| p.as_dvec3()),
@@ -66,8 +65,17 @@ impl Emitters {
         });
         let powers = powers.collect();
         let mut place_of_side = vec![Elements::NONE; elements.sides.len()];
-        for (place, f) in (0u32..).zip(&lit) {
-            place_of_side[side_of[f] as usize] = place;
+        // By emitter and face the side, at the sum of the faces of earlier emitters.
+        let mut starts = Vec::with_capacity(emitters.len());
+        emitters.iter().fold(0, |start, e| {
+            starts.push(start);
+            start + e.faces.len()
+        });
+        let index = |e: u32, k: u32| starts[e as usize] + k as usize;
+        let mut side_of = vec![0; sides.len()];
+        sides.into_iter().for_each(|(e, k, side)| side_of[index(e, k)] = side);
+        for (place, &(e, k)) in (0u32..).zip(&lit) {
+            place_of_side[side_of[index(e, k)] as usize] = place;
         }
         let width = emitters.iter().map(|e| e.width).fold(f32::MAX, f32::min);
         Emitters { width, tree, lit, powers, place_of_side, emitters }

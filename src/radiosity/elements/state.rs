@@ -2,7 +2,7 @@
 
 use crate::radiosity::rgb::Rgb;
 
-/// What the solver knows of one element; the arena holds its geometry under the same index.
+/// Light, importance, feature size and row factors of one element; the arena holds its geometry under the same index.
 #[derive(Clone, Copy, Debug)]
 pub struct ElementState {
     /// Radiosity, W/m²: for an element with children the mean by area.

@@ -11,6 +11,19 @@ impl Elements {
         !e.is_leaf() || (!e.is_cluster() && 0.25 * e.area >= self.min_area && e.ids[1] - e.ids[0] >= 5)
     }
 
+    /// Approximate number of elements after all surfaces are split down to [`Elements::min_area`].
+    pub fn expected_after_split(&self) -> usize {
+        let below = |e: &Element| {
+            let levels = if e.is_leaf() && !e.is_cluster() {
+                (e.area / self.min_area).log(4.0).floor().max(0.0)
+            } else {
+                0.0
+            };
+            (4f64.powf(levels + 1.0) - 1.0) / 3.0
+        };
+        self.elements.iter().map(below).sum::<f64>() as usize
+    }
+
     /// Splits a surface without children into four parts at the midpoints of its edges. Parts meet the parts of neighbouring
     /// surfaces along whole edges or half edges. They send out the light of the whole.
     pub fn split(&mut self, element: u32) {

@@ -173,7 +173,7 @@ impl FinalGather<'_> {
         let mut parts = vec![(Vec3::ZERO, 0.0); vertices.len()];
         let scattered = self.linked.engine.scattered();
         let engine = if self.emitters.emitters.len() == 1 { &self.linked.engine } else { &scattered };
-        // Exact rays of several leaves fill packets together; the other engines know the feature size of one leaf.
+        // Exact rays of several leaves fill packets together; other engines take one feature size a packet.
         let mixes = matches!(engine, VisibilityEngine::Exact(_));
         let (mut packet, mut rays) = (Packet::EMPTY, [0usize; LANES]);
         let mut used = 0;

@@ -85,7 +85,7 @@ fn reflected(elements: &Elements, element: u32, results: &[LocalResult]) -> f64 
 struct RowSpread {
     /// Mean reflected radiosity that the leaf sees, W/m².
     mean: f64,
-    /// Of the direct light and of the reflected light, from ray to ray.
+    /// Spread between rays: direct light, reflected light.
     spreads: [Spread; 2],
 }
 

@@ -12,9 +12,11 @@ use super::ray_rows::RayRows;
 use crate::radiosity::deadline::{Deadline, RAY_SHARE};
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::links::Tally;
+use crate::radiosity::refinement::LinkedScene;
 use crate::radiosity::transport::{
     Convergence, Field, MatrixRow, Method, RayTransport, TransportMatrix, solve,
 };
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Smallest number of rays of an element, so that no element stays without exchange. 2 or 8 instead change irradiance
 /// by less than 0.05 % (`constants.py solve`).
@@ -24,6 +26,8 @@ const MAX_ROW_RAYS: f64 = 4096.0;
 /// Rays that all elements share after the deadline. Too few rays can isolate two elements that only see each other, and their
 /// light would never decay.
 pub const LATE_RAYS: f64 = 1e5;
+/// Largest number of rays of a local pass that begins or goes on after the deadline: 0.4 million take some 0.3 s on two cores.
+const MAX_LATE_RAYS: f64 = 4e5;
 /// Part of the rays by which elements exchange light. The others gather that light for one element each. In an office and a living
 /// room a seventh and two sevenths leave the same error of the elements within a tenth of it (`scenes/room.py`).
 const EXCHANGE_SHARE: f64 = 1.0 / 7.0;
@@ -53,11 +57,20 @@ pub struct LocalPass {
     pub tally: Tally,
 }
 
+impl LinkedScene {
+    /// Whether even the smallest number of rays of a local pass takes long. After the deadline the pass is then left out, and the
+    /// light along links stays.
+    pub fn has_long_local_pass(&self) -> bool {
+        MIN_ROW_RAYS * self.leaves().len() as f64 > MAX_LATE_RAYS
+    }
+}
+
 impl FinalGather<'_> {
     /// Traces about `rays` rays and solves the light on them. Without a number, or after the deadline, elements trace only a few:
-    /// enough for the light of the whole scene, not for that of each element.
-    pub fn local_pass(&self, rays: Option<f64>, deadline: &Deadline) -> LocalPass {
-        let rows = self.trace_rows(rays.map(|rays| EXCHANGE_SHARE * rays), deadline);
+    /// enough for the light of the whole scene, not for that of each element. None after a
+    /// deadline if even these would take long.
+    pub fn local_pass(&self, rays: Option<f64>, deadline: &Deadline) -> Option<LocalPass> {
+        let rows = self.trace_rows(rays.map(|rays| EXCHANGE_SHARE * rays), deadline)?;
         let matrix = self.transport_matrix(&rows, deadline);
         let (irradiance, convergence) = self.light_on_rays(&rows, &matrix, deadline);
         let mut results = vec![LocalResult::default(); self.linked.elements.len()];
@@ -66,7 +79,8 @@ impl FinalGather<'_> {
         }
         assign_noise(&self.linked.elements, &rows, &matrix, &mut results);
         let element_rays = rays.map(|rays| (1.0 - EXCHANGE_SHARE) * rays);
-        LocalPass { results, reciprocity: matrix.reciprocity(), element_rays, convergence, tally: rows.tally }
+        let reciprocity = matrix.reciprocity();
+        Some(LocalPass { results, reciprocity, element_rays, convergence, tally: rows.tally })
     }
 
     /// The number of rays, at most `rays`, that brings the error of the elements below `error`, relative to the mean.
@@ -92,21 +106,26 @@ impl FinalGather<'_> {
         (shared >= LATE_RAYS.min(rays)).then_some(shared.min(rays))
     }
 
-    /// The rays of all leaves: each leaf's share by its area and importance.
-    fn trace_rows(&self, rays: Option<f64>, deadline: &Deadline) -> RayRows {
+    /// The rays of all leaves: each leaf's share by its area and importance. None if the deadline cut a long pass short.
+    fn trace_rows(&self, rays: Option<f64>, deadline: &Deadline) -> Option<RayRows> {
         let (elements, states) = (&self.linked.elements, &self.linked.elements.states);
         let leaves = self.linked.leaves();
         let counted = |e: u32| elements.elements[e as usize].area * f64::from(states[e as usize].importance);
         let all_counted: f64 = leaves.iter().map(|&e| counted(e)).sum();
+        let (long, cut_short) = (self.linked.has_long_local_pass(), AtomicBool::new(false));
         let count = |leaf| {
             let share = counted(leaf) / all_counted;
+            if long && deadline.late() {
+                cut_short.store(true, Ordering::Relaxed);
+                return 0;
+            }
             let rays = rays.filter(|_| !deadline.late()).unwrap_or(LATE_RAYS);
             (MIN_ROW_RAYS + rays * share).min(MAX_ROW_RAYS) as u32
         };
         deadline.stage("local pass, rays", leaves.len());
         let rows = RayRows::trace(self, &leaves, count, |n| deadline.advance(n));
         deadline.stage("local pass, light", 0);
-        rows
+        (!cut_short.into_inner() && !(long && deadline.interrupted())).then_some(rows)
     }
 
     /// The exchange of the leaves, from their rays.

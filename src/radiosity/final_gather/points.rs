@@ -32,8 +32,8 @@ pub fn with_fewer_rays(options: &Options, part: f64) -> Options {
 
 impl FinalGather<'_> {
     /// Irradiance (W/m²) at points (scene units relative to the scene's origin, unit normals), in their order, and how visibility
-    /// was answered.
-    pub fn irradiance(&self, points: &[(Vec3, Vec3)]) -> (Vec<Rgb>, Tally) {
+    /// was answered. `done` learns of how many points more it is known.
+    pub fn irradiance(&self, points: &[(Vec3, Vec3)], done: &(dyn Fn(usize) + Sync)) -> (Vec<Rgb>, Tally) {
         let engines = self.engines(points);
         let made: Vec<(Vec<Rgb>, Tally)> = points
             .par_chunks(CHUNK)
@@ -56,6 +56,7 @@ impl FinalGather<'_> {
                         add(value, 1.0, self.reflected_irradiance(point, buffers));
                     }
                 }
+                done(points.len());
                 (values, buffers.scratch.tally)
             })
             .collect();
@@ -87,7 +88,7 @@ impl FinalGather<'_> {
                 points.iter().copied().step_by(points.len().div_ceil(TIMED_POINTS)).collect();
             let start = deadline.elapsed();
             // The sample is one task; all points are tasks for all threads.
-            self.irradiance(&sample);
+            self.irradiance(&sample, &|_| ());
             let each = (deadline.elapsed() - start) / sample.len() as f64;
             deadline.left() * rayon::current_num_threads() as f64 / (each * points.len() as f64)
         } else {

@@ -42,7 +42,7 @@ impl RayRows {
         (&self.rows[i], &self.met[from..self.rows[i].end])
     }
 
-    /// Traces `count` rays of each leaf; `done` learns of how many leaves more they are traced.
+    /// Traces `count` rays of each leaf; `done` is called with the number of further leaves finished.
     pub fn trace(
         gather: &FinalGather,
         leaves: &[u32],

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 /// Each window has at most about half of the variance of the one before.
 const WINDOWS: [usize; 4] = [1, 9, 25, 49];
 /// Neighbours over which the comparison of windows is averaged, the element included: two rings of a square grid. Their 26
-/// comparisons know a variance to √(2/26) = 28 %.
+/// comparisons determine a variance to √(2/26) = 28 %.
 const COMPARED: usize = 13;
 /// Weight, in rays, of the spread of the neighbours when it is mixed with that of an element: few rays that agree are not certain.
 /// Small against the smallest number of rays of an element, 8, so that a dark element among bright ones is known to be dark.

@@ -164,10 +164,7 @@ impl VisibilityEngine {
 }
 
 fn bundles(queries: &[VisibilityQuery]) -> Vec<Bundle<'_>> {
-    fn one(q: &VisibilityQuery) -> Bundle<'_> {
-        Bundle { packets: std::slice::from_ref(&q.packet), emitter_size: q.emitter_size, emitter: &[] }
-    }
-    queries.iter().map(one).collect()
+    queries.iter().map(|q| Bundle::of_packet(&q.packet, q.emitter_size)).collect()
 }
 
 /// About `count` bundles of sixteen segments between surfaces that face each other, drawn by area, with the width of the

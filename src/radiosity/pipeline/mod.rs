@@ -7,7 +7,7 @@ mod record;
 mod run;
 
 #[cfg(test)]
-pub use engine::{engine_for, exact_engine};
+pub use engine::engine_for;
 pub use point_query::{PointLight, Solution};
 pub use record::{Outcome, Record, Seconds};
 #[cfg(test)]

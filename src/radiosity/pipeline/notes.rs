@@ -64,8 +64,21 @@ pub fn fewer_local_rays(rays: Option<f64>, all: f64, deadline: &Deadline) -> Opt
         Some(rays) => format!("{rays:.1e} of {all:.1e} rays"),
         None => format!("the fewest rays it can, instead of {all:.1e}"),
     };
-    let why = if deadline.interrupted() { "an interruption" } else { "option `max_seconds`" };
+    let why = why(deadline);
     Some(format!("{why}: the local pass traced {fewer}; elements are noisier than option `error` says"))
+}
+
+/// If there was no time for the rays of the local pass.
+pub fn no_local_pass(deadline: &Deadline) -> String {
+    format!(
+        "{}: there was no time for the local pass; elements have the light along links, which is approximate in and behind clusters",
+        why(deadline)
+    )
+}
+
+/// What ended the work.
+fn why(deadline: &Deadline) -> &'static str {
+    if deadline.interrupted() { "an interruption" } else { "option `max_seconds`" }
 }
 
 /// If preparation used up the time.

@@ -42,7 +42,7 @@ impl Solution {
     /// Irradiance at points (file coordinates), W/m², with all rays.
     pub fn irradiance(&self, points: &[Point]) -> Vec<Rgb> {
         FinalGather::new(&self.model, &self.solved.linked, &self.options)
-            .irradiance(&relative(self.model.scene(), points))
+            .irradiance(&relative(self.model.scene(), points), &|_| ())
             .0
     }
 
@@ -64,11 +64,12 @@ impl Solution {
         let hurried = with_fewer_rays(&self.options, possible.min(1.0));
         let gather = if possible < 1.0 { gather(&hurried) } else { all };
         let mut irradiance = Vec::with_capacity(points.len());
+        deadline.stage("light at pixels", points.len());
         for some in points.chunks((RAYS_PER_CHECK / rays(&hurried)).max(1)) {
             if deadline.with_grace().late() {
                 return self.nothing(points.len(), &deadline);
             }
-            irradiance.extend(gather.irradiance(some).0);
+            irradiance.extend(gather.irradiance(some, &|n| deadline.advance(n)).0);
         }
         let note = (possible < 1.0).then(|| {
             let (few, many) = (rays(&hurried), rays(&self.options));

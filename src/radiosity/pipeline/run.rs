@@ -1,6 +1,6 @@
 //! The stages of a solution, in their order.
 
-use super::engine::{engine_for, exact_engine};
+use super::engine::engine_for;
 use super::notes;
 use super::point_query::{Solution, relative};
 use super::record::{Outcome, Record, Seconds, timed};
@@ -98,6 +98,8 @@ pub fn solve(
         stages.notes.push(notes::NO_EMITTERS.into());
     } else if irradiance.iter().chain([&solved.mean_irradiance()]).flatten().all(|&e| e == 0.0) {
         stages.notes.push(notes::DARK.into());
+    } else {
+        stages.notes.extend(model.note_of_turned_emitters());
     }
     if !solved.is_finite() || irradiance.iter().flatten().any(|v| !v.is_finite()) {
         return Err(Error::Scene(notes::NOT_FINITE.into()));
@@ -177,12 +179,13 @@ impl Stages<'_> {
     /// Elements with the link of the root, importance and feature sizes.
     fn coarse(&mut self) -> Result<(Coarse, Unlit)> {
         let (scene, options) = (self.scene, self.options);
-        let (ends, exact) = (self.model.end_rule(), &exact_engine(self.model));
+        let (ends, exact) = (self.model.end_rule(), &self.model.exact());
         self.notes.extend(scene.repairs.messages.clone());
         self.notes.extend(self.model.report().note.clone());
         let hierarchy = self.model.base().hierarchy();
-        let (elements, surroundings, unlit) =
-            timed(&mut self.seconds.elements, || lit_elements(scene, hierarchy, exact, ends, options));
+        let (elements, surroundings, unlit) = timed(&mut self.seconds.elements, || {
+            lit_elements(scene, hierarchy, exact, ends, (options, &self.deadline))
+        });
         let model = self.model;
         let engine = timed(&mut self.seconds.characterise, || engine_for(model, &elements, options));
         let mut linked = LinkedScene::new(elements, surroundings, engine, ends, options);
@@ -209,7 +212,7 @@ impl Stages<'_> {
         if local {
             self.seconds.solve = start.elapsed().as_secs_f64();
             self.progress.stage("local pass", 0);
-            return (self.light_by_rays(refined.linked, &plan.light), steps);
+            return (self.light_by_rays(refined, &plan.light), steps);
         }
         let solved = Solved::by_links(refined, &plan.light);
         if let Closing::Links(closing) = &solved.closing {
@@ -222,20 +225,25 @@ impl Stages<'_> {
     }
 
     /// Repeats the local pass and the light of elements with more rays until independent paths find no larger error than the target.
-    fn light_by_rays(&mut self, mut linked: LinkedScene, deadline: &Deadline) -> Solved {
-        let mut options = self.options.clone();
+    fn light_by_rays(&mut self, mut refined: Refined, deadline: &Deadline) -> Solved {
+        let (mut options, mut before) = (self.options.clone(), None);
         for attempt in 1.. {
-            let found = self.local_pass(&mut linked, &options, deadline);
+            let Some(found) = self.local_pass(&mut refined.linked, &options, deadline) else {
+                let Some(closing) = before else {
+                    self.notes.push(notes::no_local_pass(deadline));
+                    return Solved::interrupted(refined);
+                };
+                return Solved { linked: refined.linked, closing };
+            };
             let notes = notes::unconverged(&found.convergence, deadline);
-            let solved = self.element_light(Solved::by_rays(linked, found), &options, deadline);
-            match self.smaller_error(&solved, &options, deadline).filter(|_| attempt < MAX_ATTEMPTS) {
-                Some(error) => options.error = error,
-                None => {
-                    self.notes.extend(notes);
-                    return solved;
-                }
-            }
-            linked = solved.linked;
+            let solved = self.element_light(Solved::by_rays(refined.linked, found), &options, deadline);
+            let smaller = self.smaller_error(&solved, &options, deadline);
+            let Some(error) = smaller.filter(|_| attempt < MAX_ATTEMPTS) else {
+                self.notes.extend(notes);
+                return solved;
+            };
+            options.error = error;
+            (refined.linked, before) = (solved.linked, Some(solved.closing));
         }
         unreachable!("the last attempt returns")
     }
@@ -247,35 +255,50 @@ impl Stages<'_> {
         let target = options.target_error.filter(|_| options.local_rays.is_none() && !deadline.late())?;
         let Closing::Rays(local) = &solved.closing else { return None };
         local.element_rays?;
-        self.progress.stage("error of elements", 0);
+        let size = AuditSize::of(options);
+        self.progress.stage("error of elements", size.elements as u64);
         let gather = FinalGather::new(self.model, &solved.linked, options);
-        let late = || deadline.late();
-        let (found, _) =
-            timed(&mut self.seconds.audit, || gather.sampled_error(AuditSize::of(options), &late));
+        let (found, _) = timed(&mut self.seconds.audit, || gather.sampled_error(size, deadline));
         let error = options.error * (TARGET_MARGIN * target / found?).max(MIN_ERROR_STEP);
         let more = Options { error, ..options.clone() };
         (found? > target && more.local_rays() > options.local_rays()).then_some(error)
     }
 
     /// Splits surfaces as finely as the rays allow, and traces the rays of the exchange between elements.
-    fn local_pass(&mut self, linked: &mut LinkedScene, options: &Options, deadline: &Deadline) -> LocalPass {
+    /// None if an interruption leaves no time for it.
+    fn local_pass(
+        &mut self,
+        linked: &mut LinkedScene,
+        options: &Options,
+        deadline: &Deadline,
+    ) -> Option<LocalPass> {
         let scene = self.scene;
         let (found, note) = timed(&mut self.seconds.local, || {
+            if deadline.late() && linked.has_long_local_pass() {
+                return (None, None);
+            }
             let all = options.local_rays() as f64;
             let rays = match deadline.limited() {
                 true => FinalGather::new(self.model, linked, options).affordable_rays(all, deadline),
                 false => Some(all).filter(|_| !deadline.late()),
             };
+            if rays.is_none() && linked.has_long_local_pass() {
+                return (None, None);
+            }
             let smallest = match rays {
                 Some(rays) if rays >= all => options.local_area(),
                 fewer => Options::area_for(fewer.unwrap_or(LATE_RAYS)).max(options.local_area()),
             };
             linked.split_all(smallest * total_area(scene), deadline);
+            if deadline.late() && linked.has_long_local_pass() {
+                return (None, None);
+            }
             let gather = FinalGather::new(self.model, linked, options);
             let useful = gather.useful_rays(all, options.error);
             let rays = rays.map(|rays| rays.min(useful));
             let found = gather.local_pass(rays, deadline);
-            (found, notes::fewer_local_rays(rays, useful, deadline))
+            let note = found.as_ref().and_then(|_| notes::fewer_local_rays(rays, useful, deadline));
+            (found, note)
         });
         self.notes.extend(note);
         found
@@ -294,13 +317,19 @@ impl Stages<'_> {
 
     /// Irradiance at points, W/m².
     fn points(&mut self, gather: &FinalGather, points: &[Point], plan: &DeadlinePlan) -> (Vec<Rgb>, Tally) {
-        self.progress.stage("points", 0);
+        self.progress.stage("points", points.len() as u64);
+        let done = |n| self.progress.advance(n as u64);
         let (scene, options) = (self.scene, self.options);
+        if points.is_empty() {
+            return (Vec::new(), Tally::default());
+        }
         let points = relative(scene, points);
         let found =
             timed(&mut self.seconds.points, || match gather.hurried(&points, options, &plan.closing) {
-                Some(fewer) => FinalGather::new(self.model, gather.linked(), &fewer).irradiance(&points),
-                None => gather.irradiance(&points),
+                Some(fewer) => {
+                    FinalGather::new(self.model, gather.linked(), &fewer).irradiance(&points, &done)
+                }
+                None => gather.irradiance(&points, &done),
             });
         self.notes.extend(gather.far_off(&points));
         found
@@ -315,12 +344,11 @@ impl Stages<'_> {
     ) -> (Vec<f64>, ErrorBarAudit, Tally) {
         let mut uncertainty = solved.uncertainty();
         let size = AuditSize::of(self.options);
-        self.progress.stage("audit", 0);
-        let late = || plan.closing.late();
+        self.progress.stage("audit", 2 * size.elements as u64);
         timed(&mut self.seconds.audit, || {
-            let (factor, mut tally) = gather.bar_factor(&uncertainty, size, &late);
+            let (factor, mut tally) = gather.bar_factor(&uncertainty, size, &plan.closing);
             uncertainty.iter_mut().for_each(|u| *u *= factor);
-            let (audit, cost) = gather.audit(&uncertainty, size, &late);
+            let (audit, cost) = gather.audit(&uncertainty, size, &plan.closing);
             tally.add(cost);
             (uncertainty, ErrorBarAudit { factor, ..audit }, tally)
         })
@@ -375,11 +403,11 @@ fn lit_elements(
     hierarchy: &Hierarchy,
     exact: &Exact,
     ends: EndRule,
-    options: &Options,
+    (options, deadline): (&Options, &Deadline),
 ) -> (Elements, Surroundings, Unlit) {
     let area = total_area(scene);
     let length = scene.ray_length();
-    let around = |elements: &Elements| probe(elements, exact, ends, length, options.seed);
+    let around = |elements: &Elements| probe(elements, exact, (ends, length), options.seed, deadline);
     // Ranges of ids have room for all elements of the local pass.
     let build = |open: &[u32]| {
         let mut elements = Elements::build(scene, hierarchy, options.local_area() * area, open);

@@ -3,7 +3,7 @@
 use crate::radiosity::elements::{Elements, Shape};
 
 /// Smallest importance relative to the most important element: bounds the growth of feature sizes to √50 = 7, as the
-/// help of `--feature-size` states.
+/// help of option `feature_size` states.
 pub const MIN_IMPORTANCE: f64 = 0.02;
 
 /// What determines feature sizes beside importance, scene units.

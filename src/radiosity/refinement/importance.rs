@@ -25,7 +25,7 @@ const ASPECT: f32 = 4.0 / 3.0;
 /// Smallest feature that is resolved, in pixels of a picture with [`PICTURE_ROWS`]: a shadow needs a lit and a dark pixel.
 const FEATURE_PIXELS: f64 = 2.0;
 /// Rows of the picture that feature sizes are computed for. A convention: a picture with more rows needs a smaller
-/// `--feature-size`.
+/// option `feature_size`.
 const PICTURE_ROWS: usize = 480;
 
 /// Assigns importance and feature sizes to sides: by the names in the options, and by what their cameras see.

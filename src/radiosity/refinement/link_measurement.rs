@@ -77,7 +77,9 @@ pub fn remeasure_links(linked: &mut LinkedScene, threshold: f32, closing: f64, d
     };
     let closing = closing * (certain.len() + uncertain.len() + linked.elements.len()) as f64;
     linked.links = certain;
+    deadline.stage("measuring links again", uncertain.len());
     for slice in uncertain.chunks(SLICE) {
+        deadline.advance(slice.len());
         if deadline.left() <= closing {
             linked.links.extend(slice);
             continue;

@@ -17,6 +17,9 @@ use crate::ray::EndRule;
 /// or 0.2 instead change irradiance by less than 0.04 % (`constants.py solve`).
 const MIN_WEIGHT: f32 = 0.1;
 
+/// Elements that are split between two looks at the caller: 2¹² take about 1 ms.
+const SPLIT_SLICE: usize = 1 << 12;
+
 /// How links are measured, refined and normalised: the part of [`Options`] that they need.
 #[derive(Clone, Copy, Debug)]
 pub struct LinkTransportSettings {
@@ -123,8 +126,15 @@ impl LinkedScene {
     /// Splitting ends on an interruption.
     pub fn split_all(&mut self, min_area: f64, deadline: &Deadline) {
         self.elements.min_area = min_area;
+        deadline.stage("splitting surfaces", self.elements.expected_after_split());
         let mut e = 0;
-        while e < self.elements.len() && !deadline.interrupted() {
+        while e < self.elements.len() {
+            if e % SPLIT_SLICE == 0 {
+                deadline.advance(SPLIT_SLICE);
+                if deadline.interrupted() {
+                    break;
+                }
+            }
             if self.elements.elements[e].is_leaf() && self.elements.can_open(e as u32) {
                 self.split(e as u32);
             }

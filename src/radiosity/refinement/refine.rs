@@ -3,6 +3,7 @@
 use super::histogram::Histogram;
 use super::link_measurement::{Pair, SLICE, measure};
 use super::linked_scene::LinkedScene;
+use crate::progress::Progress;
 use crate::radiosity::links::{Link, Split, link_error};
 use rayon::prelude::*;
 use std::collections::VecDeque;
@@ -36,20 +37,21 @@ pub fn link_errors(linked: &LinkedScene) -> Vec<(f32, Split)> {
         .collect()
 }
 
-/// The error that at most `count` links exceed, no smaller than `least`.
+/// The error that at most `count` links exceed, no smaller than `min`.
 pub fn threshold(errors: &[(f32, Split)], count: usize, min: f32) -> f32 {
     let open = errors.iter().filter(|(_, split)| *split != Split::Neither);
     Histogram::new(open.map(|(error, _)| *error)).threshold(count, min)
 }
 
 /// Refines all links with errors above a threshold and the links that replace them; with `once` not the latter. Between slices,
-/// but not before the first, `stop` is asked with the number of links and elements.
+/// but not before the first, `stop` is asked with the number of links and elements. Each generation of links is a stage.
 pub fn refine(
     linked: &mut LinkedScene,
     errors: &[(f32, Split)],
     threshold: f32,
     once: bool,
     stop: &dyn Fn(usize) -> bool,
+    progress: &dyn Progress,
 ) -> Replaced {
     let open = |(error, split): (f32, Split)| error > threshold && split != Split::Neither;
     let mut wave: VecDeque<(Link, Split)> = VecDeque::new();
@@ -59,7 +61,13 @@ pub fn refine(
     }
     linked.links = kept;
     let mut replaced = Replaced::default();
+    // Links of the present generation that are not replaced yet.
+    let mut generation = 0;
     while !wave.is_empty() {
+        if generation == 0 {
+            generation = wave.len();
+            progress.stage(&format!("refining to {threshold:.0e}"), generation as u64);
+        }
         let held = linked.links.len() + wave.len();
         let room = linked.settings.max_links.saturating_sub(held) / ADDED_LINKS;
         replaced.full = room == 0;
@@ -67,7 +75,9 @@ pub fn refine(
             break;
         }
         let slice = if once { SHORT_SLICE } else { SLICE };
-        let slice: Vec<_> = wave.drain(..slice.min(room).min(wave.len())).collect();
+        let slice: Vec<_> = wave.drain(..slice.min(room).min(generation)).collect();
+        generation -= slice.len();
+        progress.advance(slice.len() as u64);
         replaced.links += slice.len();
         let pairs = parts(linked, &slice);
         let made = measure(linked, &pairs, threshold, linked.settings.seed);

@@ -155,9 +155,8 @@ impl Coarse {
         }
         let mut steps = Steps::new(refined.link_error, options.step_seconds);
         loop {
-            let (replaced, threshold) = refined.step(&mut steps, deadline);
+            let (replaced, threshold) = refined.step(&mut steps, progress, deadline);
             let last = refined.iterations.last().expect("a step has been made");
-            progress.stage(&format!("{} links, error {threshold:.2e}", last.links), 0);
             let size = last.links + last.elements;
             let is_done = match steps.seconds {
                 Some(_) => replaced.links == 0,
@@ -188,7 +187,7 @@ impl Coarse {
     }
 }
 
-/// What the steps learn from each other.
+/// Estimates that one refinement step passes to the next.
 struct Steps {
     /// Seconds of a step, if they are limited.
     seconds: Option<f64>,
@@ -224,7 +223,7 @@ impl Steps {
 
 impl Refined {
     /// One step: refines links, sweeps, and updates importance and statistics. Returns its threshold.
-    fn step(&mut self, steps: &mut Steps, deadline: &Deadline) -> (Replaced, f32) {
+    fn step(&mut self, steps: &mut Steps, progress: &dyn Progress, deadline: &Deadline) -> (Replaced, f32) {
         let start = Instant::now();
         let linked = &mut self.linked;
         let errors = link_errors(linked);
@@ -236,7 +235,7 @@ impl Refined {
         let (room, closing) = (steps.room(), self.closing_cost);
         let over =
             |size: usize| deadline.left() <= closing * size as f64 || start.elapsed().as_secs_f64() > room;
-        let replaced = refine(linked, &errors, threshold, once, &over);
+        let replaced = refine(linked, &errors, threshold, once, &over, progress);
         let refining = start.elapsed().as_secs_f64();
         let mut nodes = linked.active_nodes();
         linked.cap_row_sums(&mut nodes);
@@ -261,6 +260,14 @@ impl Refined {
             residual: self.convergence.residual,
         });
         (replaced, threshold)
+    }
+
+    /// The last light along the links as it is.
+    pub fn keep_links(&self) -> LinkClosing {
+        let nodes = self.linked.active_nodes();
+        let used = self.linked.row_sums(&nodes);
+        let convergence = self.convergence;
+        LinkClosing { sampled: used.clone(), used, bounded: 0, bytes: nodes.bytes(), convergence }
     }
 
     /// Measures the links again, normalises row sums, and finds the last light along the links.

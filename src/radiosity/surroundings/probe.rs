@@ -2,6 +2,7 @@
 
 use crate::embree::Hits;
 use crate::math::sampling::{cosine_direction, mix, numbers, point_on};
+use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{Element, Elements, Entered, Shape};
 use crate::ray::{EndRule, LANES, Packet};
 use crate::visibility::Exact;
@@ -31,29 +32,53 @@ const SHARED_RAYS: f64 = 1e5;
 /// A side is closed only if so many rays stayed in the scene, its own or those of all sides of its cluster: a side of
 /// which a tenth sees out loses all 24 rays to the inside with a probability of 0.9²⁴ = 8 %.
 const MIN_CLOSED_RAYS: u32 = 24;
+/// Sides that are traced after the deadline, evenly spread: 2¹⁶ of two rays each take some 0.05 s.
+const LATE_SIDES: usize = 1 << 16;
 /// Rays of a leaf whose row sum is short: a standard error of at most 1 / (2 √64) = 0.0625.
 const SHORT_ROW_RAYS: usize = 64;
+
+/// Sides between two reports of progress.
+const STEPS_AT_ONCE: usize = 1 << 10;
 
 /// Stands for a ray that left the scene.
 const ESCAPED: u32 = u32::MAX - 1;
 
-/// Traces the rays of all sides. `length` exceeds the diagonal of the scene.
-pub fn probe(elements: &Elements, exact: &Exact, ends: EndRule, length: f32, seed: u64) -> Surroundings {
+/// Traces the rays of all sides, after the deadline those of a part of them. `length` exceeds the diagonal of the scene.
+pub fn probe(
+    elements: &Elements,
+    exact: &Exact,
+    (ends, length): (EndRule, f32),
+    seed: u64,
+    deadline: &Deadline,
+) -> Surroundings {
     let sides = elements.sides.len();
+    let step = sides.div_ceil(LATE_SIDES).max(1);
+    deadline.stage("surroundings of surfaces", sides);
     let tracer = Tracer { elements, exact, ends, length };
     let found: Vec<(Vec<ProbeRay>, Vec<Entered>)> = (0..sides)
         .into_par_iter()
         .with_min_len(64)
-        .map_init(Vec::new, |packets: &mut Vec<Packet>, s| tracer.rays_of_side(seed, s, packets))
+        .map_init(Vec::new, |packets: &mut Vec<Packet>, s| {
+            if s % STEPS_AT_ONCE == 0 {
+                deadline.advance(STEPS_AT_ONCE.min(sides - s));
+            }
+            match s % step > 0 && deadline.late() {
+                true => (Vec::new(), Vec::new()),
+                false => tracer.rays_of_side(seed, s, packets),
+            }
+        })
         .collect();
     let entered = found.iter().flat_map(|f| &f.1).copied().collect();
     let found: Vec<&Vec<ProbeRay>> = found.iter().map(|f| &f.0).collect();
     let mut enclosed = vec![0.0; elements.clusters.len()];
+    // By cluster: area of the sides that were traced.
+    let mut traced = enclosed.clone();
     // By leaf cluster: rays, and rays that left the scene.
     let mut rays_of_leaf = vec![(0u32, 0u32); elements.clusters.len()];
     for (s, rays) in found.iter().enumerate() {
         let leaf = elements.elements[elements.sides[s].element as usize].parent as usize;
         for &ProbeRay { area, met } in *rays {
+            traced[leaf] += area;
             rays_of_leaf[leaf].0 += 1;
             rays_of_leaf[leaf].1 += u32::from(met == ESCAPED);
             if met < sides as u32 {
@@ -63,6 +88,7 @@ pub fn probe(elements: &Elements, exact: &Exact, ends: EndRule, length: f32, see
     }
     for c in (1..enclosed.len()).rev() {
         enclosed[elements.elements[c].parent as usize] += enclosed[c];
+        traced[elements.elements[c].parent as usize] += traced[c];
     }
     let closed = found
         .iter()
@@ -76,8 +102,8 @@ pub fn probe(elements: &Elements, exact: &Exact, ends: EndRule, length: f32, see
         .collect();
     let enclosed = enclosed
         .iter()
-        .zip(elements.elements.iter())
-        .map(|(area, e)| if e.area > 0.0 { (area / e.area).min(1.0) as f32 } else { 0.0 })
+        .zip(&traced)
+        .map(|(area, of)| if *of > 0.0 { (area / of).min(1.0) as f32 } else { 0.0 })
         .collect();
     Surroundings { enclosed, closed, length, entered }
 }

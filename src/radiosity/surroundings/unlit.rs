@@ -128,9 +128,12 @@ impl Tracer<'_> {
 /// Sides (ascending) that no path from an emitter hits although they are large enough for many hits, and that see no lit dim
 /// side. None in scenes with clusters: their local pass follows light from point to point.
 pub fn unlit_sides(scene: &Scene, elements: &Elements, exact: &Exact, ends: EndRule, seed: u64) -> Vec<u32> {
+    if elements.large_from > 0 || lit_emitters(scene, elements) > PATH_PACKETS {
+        return Vec::new();
+    }
     let emitters = Emitters::new(scene, elements);
     let emitters: Vec<_> = emitters.emitters.iter().map(|e| &e.faces).filter(|f| !f.is_empty()).collect();
-    if elements.large_from > 0 || emitters.is_empty() || emitters.len() > PATH_PACKETS {
+    if emitters.is_empty() {
         return Vec::new();
     }
     let tracer = Tracer { elements, exact, ends, length: scene.ray_length() };
@@ -157,4 +160,13 @@ pub fn unlit_sides(scene: &Scene, elements: &Elements, exact: &Exact, ends: EndR
         lit.into_iter().for_each(|s| dark[s] = false);
     }
     (0..counts.len()).filter(|&s| dark[s]).map(|s| s as u32).collect()
+}
+
+/// Number of emitters with a lit side.
+fn lit_emitters(scene: &Scene, elements: &Elements) -> usize {
+    let mut lit = vec![false; scene.emitters.len()];
+    for side in elements.sides.iter().filter(|side| side.exitance.iter().any(|&m| m > 0.0)) {
+        lit[scene.triangle_emitter[side.triangles[0] as usize] as usize] = true;
+    }
+    lit.into_iter().filter(|&lit| lit).count()
 }

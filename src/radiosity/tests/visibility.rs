@@ -8,7 +8,7 @@ use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{Elements, Shape};
 use crate::radiosity::final_gather::FinalGather;
 use crate::radiosity::links::{Accuracy, BlockerCertificate, Link, Scratch, Split, Tally};
-use crate::radiosity::pipeline::{engine_for, exact_engine, total_area};
+use crate::radiosity::pipeline::{engine_for, total_area};
 use crate::radiosity::refinement::{
     LinkedScene, Replaced, apply_importance, estimator, link_errors, propagate_importance, refine,
 };
@@ -39,17 +39,17 @@ fn with(visibility: Visibility) -> Options {
 pub(super) fn refined<R>(scene: &Scene, options: &Options, see: impl FnOnce(&mut LinkedScene) -> R) -> R {
     let deadline = Deadline::start(&(), None);
     let model = model_for(scene, options);
-    let (exact, ends) = (exact_engine(&model), model.end_rule());
+    let (exact, ends) = (model.exact(), model.end_rule());
     let min_area = options.min_area * total_area(scene);
     let elements = Elements::build(scene, model.base().hierarchy(), min_area, &[]);
     let length = 2.0 * scene.bounds.diagonal();
-    let found = probe(&elements, &exact, ends, length, 1);
+    let found = probe(&elements, &exact, (ends, length), 1, &Deadline::start(&(), None));
     let engine = engine_for(&model, &elements, options);
     let mut linked = LinkedScene::new(elements, found, engine, ends, options);
     apply_importance(&mut linked, scene, options, &exact).expect("names of the scene");
     for _ in 0..3 {
         let errors = link_errors(&linked);
-        refine(&mut linked, &errors, 1e-3, false, &|_| false);
+        refine(&mut linked, &errors, 1e-3, false, &|_| false, &());
         let nodes = linked.active_nodes();
         linked.iterate(&nodes, 1e-3, 12, &deadline);
         propagate_importance(&mut linked, &nodes);
@@ -137,12 +137,12 @@ fn visibility_is_kept_with_the_link() {
     refined(&room(true), &with(Visibility::Exact), |linked| {
         let before = (linked.tally, linked.links.clone());
         let errors = link_errors(linked);
-        assert_eq!(refine(linked, &errors, f32::INFINITY, false, &|_| false), Replaced::default());
+        assert_eq!(refine(linked, &errors, f32::INFINITY, false, &|_| false, &()), Replaced::default());
         assert_eq!((linked.tally, linked.links.clone()), before);
         // One link more than refined: only its parts are measured.
         let worst = errors.iter().filter(|(_, split)| *split != Split::Neither);
         let worst = worst.map(|(error, _)| *error).fold(0.0, f32::max);
-        let refined = refine(linked, &errors, 0.999 * worst, true, &|_| false).links;
+        let refined = refine(linked, &errors, 0.999 * worst, true, &|_| false, &()).links;
         let asked = linked.tally.segments - before.0.segments;
         assert!(refined >= 1 && asked <= 16 * 64 * refined as u64, "{refined} {asked}");
     });
@@ -173,7 +173,8 @@ fn wrong_bars_are_found_out() {
             let bars: Vec<f64> = bars.iter().map(|b| factor * b).collect();
             let gather = FinalGather::new(&model, linked, &with(Visibility::Exact));
             let size = AuditSize::of(&Options { audit: 300, ..Options::default() });
-            (gather.audit(&bars, size, &|| false).0, gather.bar_factor(&bars, size, &|| false).0)
+            let endless = Deadline::start(&(), None);
+            (gather.audit(&bars, size, &endless).0, gather.bar_factor(&bars, size, &endless).0)
         };
         let audit = |linked: &LinkedScene, factor: f64| audit_both(linked, factor).0;
         // Bars that are too large or too small are brought to the same.

@@ -191,7 +191,7 @@ mod tests {
         assert!(a.iter().flatten().zip(b.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-3), "{a:?} {b:?}");
     }
 
-    /// RowSums that reflect more than they receive have no solution: the result is finite and not marked as converged.
+    /// Rows that reflect more than they receive have no solution: the result is finite and not marked as converged.
     #[test]
     fn what_does_not_converge_says_so() {
         let direct: Field = (0..200).map(|i| [f64::from(u8::from(i < 10)), 0.0, f64::NAN]).collect();

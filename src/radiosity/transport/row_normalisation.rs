@@ -34,7 +34,7 @@ pub struct BalanceRule {
 }
 
 /// For rays. The exponents are Chebyshev's relaxation factors for the spectral interval [1/4, 2],
-/// `1/ω_k = 1.125 + 0.875 cos((2k - 1) π/8)`. Coplanar faces that both claim one ray cannot be balanced: the rounds limit the
+/// `1/ω_k = 1.125 + 0.875 cos((2k - 1) π/8)`. Coplanar faces hit by the same rays have no balanced factors: the rounds limit the
 /// time, the factors stay between 1/1,000 and 8, and the remainder is corrected where light is gathered.
 pub const RAY_ROWS: BalanceRule = BalanceRule {
     max_rounds: 16,

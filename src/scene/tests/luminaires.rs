@@ -15,9 +15,14 @@ const IES: &str = "IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 5 3 1 2 0.1 0.2 0\n1 1 20
 
 /// A floor 4 m below the luminaire.
 fn scene(folder: &std::path::Path) -> Scene {
+    scene_of(folder, IES)
+}
+
+/// The same with another photometric file.
+fn scene_of(folder: &std::path::Path, ies: &str) -> Scene {
     let write = |name: &str, text: &str| std::fs::write(folder.join(name), text).expect("written");
     write("floor.obj", FLOOR);
-    write("lamp.ies", IES);
+    write("lamp.ies", ies);
     write("lights.toml", "[[luminaire]]\nfile = \"lamp.ies\"\nat = [0, 0, 4]\naim = [0, 0, -1]\n");
     let luminaires = read_placements(&folder.join("lights.toml")).expect("placements");
     let options = LoadOptions { luminaires, ..LoadOptions::default() };
@@ -270,4 +275,29 @@ fn light_in_a_room_with_a_downlight_is_that_of_the_reference() {
     assert!((light / area / want - 1.0).abs() < 0.02, "elements: {} instead of {want}", light / area);
     let ledger = &solved.record.ledger;
     assert!((179.0 * ledger.emitted / lumens - 1.0).abs() < 1e-6, "{}", ledger.emitted);
+}
+
+/// Two beams, one of 27° that lights nothing but the floor and one that passes it: the ledger sends light where the beams do.
+#[test]
+fn ledgers_send_directed_light_where_it_goes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let beam = |gammas: &str| {
+        let candelas = if gammas.starts_with('0') { "100 100 0" } else { "0 100 0" };
+        let ies = format!(
+            "IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 3 1 1 2 0.1 0.2 0\n1 1 20\n{gammas}\n0\n{candelas}\n"
+        );
+        let solved = reference_and_solution(&scene_of(folder.path(), &ies), &[]).1;
+        assert!(
+            solved.record.local_convergence.is_some(),
+            "no local pass: links take the emission as diffuse"
+        );
+        solved.record.ledger
+    };
+    // Escaped, absorbed and created, as parts of the emitted power.
+    for (gammas, want) in [("0 26 27", [0.5, 0.5, 0.0]), ("70 75 80", [1.0, 0.0, 0.0])] {
+        let ledger = beam(gammas);
+        for (found, want) in [ledger.escaped, ledger.absorbed, ledger.created].into_iter().zip(want) {
+            assert!((found / ledger.emitted - want).abs() < 0.02, "{gammas}: {ledger:?}");
+        }
+    }
 }

@@ -1,0 +1,135 @@
+//! Emitters whose front faces away from the whole scene: most often the corners of their faces are in the wrong order.
+
+use super::Model;
+use crate::embree::Hits;
+use crate::error::quote;
+use crate::math::sampling::{cosine_direction, mix, numbers, on_triangle};
+use crate::math::triangle_normal;
+use crate::ray::{LANES, Packet};
+use crate::scene::Emitter;
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Largest number of emitters that are tested, evenly spread: limits the time to 0.5 million rays, some 0.1 s.
+const MAX_TESTED: usize = 4096;
+/// Packets of rays from each side of an emitter: 64 rays all miss what covers a tenth of the hemisphere with a probability of
+/// 0.9⁶⁴ = 0.1 %. What covers less is found by [`MAX_LOOKED_AT`].
+const PACKETS: usize = 4;
+/// Largest number of faces, evenly spread, whose centres are compared with the plane of an emitter: limits the time to that of
+/// as many products of vectors.
+const MAX_LOOKED_AT: usize = 4096;
+/// Names that the note lists.
+const MAX_NAMES: usize = 3;
+
+impl Model {
+    /// A note if emitters send all their light out of the scene although there are surfaces behind them.
+    pub(crate) fn note_of_turned_emitters(&self) -> Option<String> {
+        let emitters = &self.scene().emitters;
+        let tested: Vec<&Emitter> =
+            emitters.iter().step_by(emitters.len().div_ceil(MAX_TESTED).max(1)).collect();
+        let turned: Vec<&Emitter> = tested.par_iter().copied().filter(|e| self.is_turned(e)).collect();
+        if turned.is_empty() {
+            return None;
+        }
+        let names: Vec<String> =
+            turned.iter().take(MAX_NAMES).map(|e| format!("`{}`", quote(&e.name))).collect();
+        let more = if turned.len() > MAX_NAMES { ", ..." } else { "" };
+        Some(format!(
+            "the light of {} of {} emitters leaves the scene, as their fronts face away from everything: {}{more}; set option \
+             `two_sided_emission`, or reverse the order of the corners of their faces",
+            turned.len(),
+            tested.len(),
+            names.join(", ")
+        ))
+    }
+
+    /// Whether nothing is in front of an emitter that emits from its front alone, and something is behind it.
+    fn is_turned(&self, emitter: &Emitter) -> bool {
+        let scene = self.scene();
+        let material = scene.triangle_material[emitter.triangles[0] as usize] as usize;
+        let one_sided = !scene.two_sided_emission || scene.materials[material].profile.is_some();
+        one_sided
+            && !self.meets_others(emitter, 1.0)
+            && self.meets_others(emitter, -1.0)
+            && !self.has_others_in_front(emitter)
+    }
+
+    /// Whether rays from one side of an emitter (1 front, −1 back) meet other surfaces.
+    fn meets_others(&self, emitter: &Emitter, side: f32) -> bool {
+        let (scene, ends) = (self.scene(), self.end_rule());
+        let length = 1.01 * self.bounds().diagonal();
+        let seed = mix(u64::from(emitter.triangles[0]));
+        let mut packets = [Packet::EMPTY; PACKETS];
+        for i in 0..PACKETS * LANES {
+            let face = emitter.triangles[i * emitter.triangles.len() / (PACKETS * LANES)];
+            let [a, b, c] = scene.corners(face);
+            let normal = side * triangle_normal(a, b, c);
+            let [u, v, p, q] = numbers(seed, i as u64);
+            let from = ends.lifted(on_triangle([a, b, c], u, v), normal);
+            let to = from + length * cosine_direction(normal, p, q);
+            packets[i / LANES].set_between(i % LANES, from, to, [0.0, 1.0]);
+        }
+        let mut hits = [Hits::NONE; PACKETS];
+        self.traced().first_hits(self.widest_packets(), &packets, &mut hits);
+        let other = |hits: &Hits, lane: usize| match hits.triangle[lane] {
+            Hits::NOTHING => false,
+            // The first instance holds the scene's own faces.
+            t => hits.instance[lane] != 0 || emitter.triangles.binary_search(&t).is_err(),
+        };
+        hits.iter().any(|hits| (0..LANES).any(|lane| other(hits, lane)))
+    }
+
+    /// Whether the centre of another face lies in front of the emitter's first face, however small it looks from there.
+    fn has_others_in_front(&self, emitter: &Emitter) -> bool {
+        let scene = self.scene();
+        let [a, b, c] = scene.corners(emitter.triangles[0]);
+        let (normal, slack) = (triangle_normal(a, b, c), self.end_rule().height());
+        let step = scene.triangles.len().div_ceil(MAX_LOOKED_AT).max(1);
+        (0..scene.triangles.len() as u32).step_by(step).any(|t| {
+            let centre = scene.corners(t).iter().sum::<Vec3>() / 3.0;
+            normal.dot(centre - a) > slack && emitter.triangles.binary_search(&t).is_err()
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::model::{Detail, testing::model};
+    use crate::scene::{LoadOptions, Soup, SoupMaterial, resolve};
+    use glam::DVec3;
+
+    /// The note about lamps (height, whether it faces up) above a floor.
+    fn note(lamps: &[(f64, bool)], options: &LoadOptions) -> Option<String> {
+        let mut soup = Soup::new("lamps");
+        let square = |x: f64, z: f64, size: f64| {
+            [[0.0, 0.0], [size, 0.0], [size, size], [0.0, size]].map(|[u, v]| DVec3::new(x + u, v, z))
+        };
+        let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
+        let floor = soup.object("floor");
+        soup.polygon(floor, grey, &square(0.0, 0.0, 4.0));
+        let light = soup.material(SoupMaterial::light("light", [10.0; 3]));
+        for (i, &(z, up)) in lamps.iter().enumerate() {
+            let mut corners = square(0.5 + i as f64, z, 0.5);
+            if !up {
+                corners.reverse();
+            }
+            let lamp = soup.object(&format!("lamp {i}"));
+            soup.polygon(lamp, light, &corners);
+        }
+        let scene = resolve(soup, options).expect("a scene");
+        model(&scene, Detail::Rays).note_of_turned_emitters()
+    }
+
+    #[test]
+    fn one_lamp_of_two_that_faces_away_is_named() {
+        let options = LoadOptions::default();
+        assert_eq!(note(&[(2.0, false), (2.0, false)], &options), None);
+        let found = note(&[(2.0, false), (2.0, true)], &options).expect("a note");
+        assert!(found.contains("1 of 2 emitters") && found.contains("`lamp 1`"), "{found}");
+        // The upper lamp is in front of the lower one.
+        assert_eq!(note(&[(2.1, false), (2.0, true)], &options), None);
+        assert_eq!(note(&[(2.0, false), (2.0, true)], &options.with_two_sided_emission(true)), None);
+        // However small the floor looks from there.
+        assert_eq!(note(&[(1e4, false)], &LoadOptions::default()), None);
+    }
+}

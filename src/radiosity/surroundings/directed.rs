@@ -1,0 +1,107 @@
+//! Where the light of emitters with a profile of directions goes: their rays are drawn by the profile, not by the cosine.
+
+use crate::embree::Hits;
+use crate::math::sampling::{cosine_direction, mix, numbers, point_on};
+use crate::radiosity::elements::{Elements, Shape, Side, emission_gain};
+use crate::radiosity::rgb::mean;
+use crate::ray::{EndRule, LANES, Packet};
+use crate::visibility::Exact;
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Packets of sixteen rays, which all sides share by power: 16,384 rays leave a standard error of at most 1 / (2 · 128) = 0.4 %
+/// of the power.
+const PACKETS: usize = 1 << 10;
+/// Directions, over all packets, at which profiles are read: 2²² readings of 0.1 µs take 0.4 s on one thread.
+const READINGS: usize = 1 << 22;
+/// Largest number of those of one packet: a beam of 1° is 1/3,300 of the cosine distribution and holds about 20 of 256² directions.
+const MAX_GRID: usize = 256;
+
+/// The part of the power of all sides with profiles that meets sides with elements, in `[0, 1]`; 0 without such sides. `length`
+/// exceeds the diagonal of the scene.
+pub fn directed_share(elements: &Elements, exact: &Exact, ends: EndRule, length: f32, seed: u64) -> f64 {
+    let directed = elements.sides.iter().filter(|side| side.profile.is_some());
+    let power = |side: &Side| elements.elements[side.element as usize].area * mean(side.exitance);
+    let all: f64 = directed.clone().map(power).sum();
+    if all <= 0.0 {
+        return 0.0;
+    }
+    // Evenly spaced in the running sum of the power.
+    let mut groups: Vec<(&Side, usize)> = Vec::new();
+    let mut before = 0.0;
+    for side in directed {
+        let places = |sum: f64| (sum / all * PACKETS as f64).round() as usize;
+        let count = places(before + power(side)) - places(before);
+        before += power(side);
+        if count > 0 {
+            groups.push((side, count));
+        }
+    }
+    let grid = ((READINGS / groups.len()).isqrt()).min(MAX_GRID);
+    let tracer = Tracer { elements, exact, ends, length };
+    let found: Vec<[usize; 2]> = (groups.par_iter().enumerate())
+        .map(|(i, (side, count))| tracer.rays(side, count * LANES, grid, mix(!seed ^ mix(i as u64))))
+        .collect();
+    let [met, traced] = found.iter().fold([0, 0], |[a, b], [c, d]| [a + c, b + d]);
+    met as f64 / traced.max(1) as f64
+}
+
+struct Tracer<'a> {
+    elements: &'a Elements,
+    exact: &'a Exact,
+    ends: EndRule,
+    length: f32,
+}
+
+impl Tracer<'_> {
+    /// Rays of a side that meet sides with elements, and all its rays.
+    fn rays(&self, side: &Side, count: usize, grid: usize, seed: u64) -> [usize; 2] {
+        let Shape::Surface { corners, .. } = self.elements.elements[side.element as usize].shape else {
+            return [0, 0];
+        };
+        let directions = directions(side, count, grid, seed);
+        let mut packets = Vec::with_capacity(count.div_ceil(LANES));
+        for (i, direction) in directions.iter().enumerate() {
+            if i % LANES == 0 {
+                packets.push(Packet::EMPTY);
+            }
+            let [u, v, ..] = numbers(seed, i as u64);
+            let from = self.ends.lifted(point_on(&corners, u, v), side.normal);
+            packets[i / LANES].set_between(i % LANES, from, from + self.length * *direction, [0.0, 1.0]);
+        }
+        let mut hits = vec![Hits::NONE; packets.len()];
+        self.exact.scene.first_hits(self.exact.traversal, &packets, &mut hits);
+        let meets = |i: &usize| match hits[i / LANES].triangle[i % LANES] {
+            Hits::NOTHING => false,
+            triangle => self.elements.met(triangle, directions[*i]) != Elements::NONE,
+        };
+        [(0..directions.len()).filter(meets).count(), directions.len()]
+    }
+}
+
+/// Directions of a side's light, in proportion to it: evenly spaced in the running sum of the light of a grid of cosine-weighted
+/// directions. None if none of these is lit.
+fn directions(side: &Side, count: usize, grid: usize, seed: u64) -> Vec<Vec3> {
+    let candidate = |k: usize| {
+        let [u, v, ..] = numbers(!seed, k as u64);
+        let (column, row) = ((k % grid) as f32, (k / grid) as f32);
+        cosine_direction(side.normal, (column + u) / grid as f32, (row + v) / grid as f32)
+    };
+    let gain = |k: usize| {
+        let from = candidate(k);
+        f64::from(emission_gain(side.profile.as_deref(), Vec3::ZERO, side.normal, from))
+    };
+    let gains: Vec<f64> = (0..grid * grid).map(gain).collect();
+    let all: f64 = gains.iter().sum();
+    let [start, ..] = numbers(seed, u64::MAX);
+    let (mut directions, mut sum) = (Vec::with_capacity(count), 0.0);
+    for (k, gain) in gains.iter().enumerate() {
+        sum += gain;
+        while directions.len() < count
+            && (directions.len() as f64 + f64::from(start)) / count as f64 * all < sum
+        {
+            directions.push(candidate(k));
+        }
+    }
+    directions
+}

@@ -1,0 +1,133 @@
+//! Calls that end early: interrupted by the user, or for lack of memory.
+#![cfg(unix)]
+
+use crate::run::{Outcome, Scratch};
+use mrvis::internals::scene::generate::Spec;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// A loaded machine of tests is many times slower than an idle one, on which a second is the promise.
+const LATEST_END: Duration = Duration::from_secs(30);
+
+fn wait(seconds: f64) {
+    std::thread::sleep(Duration::from_secs_f64(seconds));
+}
+
+/// Sends Ctrl-C and waits for the end.
+fn interrupted(mut child: Child) -> Outcome {
+    let ended = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(ended.expect("kill").success());
+    let start = Instant::now();
+    while child.try_wait().expect("a child").is_none() {
+        if start.elapsed() > LATEST_END {
+            child.kill().expect("ended");
+        }
+        wait(0.01);
+    }
+    Outcome::of(child.wait_with_output().expect("its output"))
+}
+
+fn started(scratch: &Scratch, arguments: &[&str]) -> Child {
+    let mut command = scratch.command(arguments);
+    command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the command runs")
+}
+
+/// Some 200,000 triangles, whose solution takes minutes.
+fn forest(scratch: &Scratch) -> String {
+    scratch.generate(&Spec { trees: 60, leaves: 2000, ..Spec::new("forest") })
+}
+
+/// Whenever a solve is interrupted, it ends soon with a consistent solution, or says that there is none yet.
+#[test]
+fn an_interrupted_solve_ends_soon() {
+    let scratch = Scratch::new();
+    let scene = forest(&scratch);
+    let mut solutions = 0;
+    for (k, seconds) in [0.3, 2.0, 4.0, 8.0].into_iter().enumerate() {
+        let out = format!("o{k}");
+        let child = started(
+            &scratch,
+            &[
+                "solve",
+                &scene,
+                "--error",
+                "0.002",
+                "--visibility",
+                "exact",
+                "--out",
+                &out,
+                "--output",
+                "none",
+            ],
+        );
+        wait(seconds);
+        let outcome = interrupted(child);
+        match outcome.code {
+            Some(0) => {
+                let record = scratch.json(format!("{out}/solution.json"));
+                assert_eq!(record["interrupted"], true, "{}", outcome.stdout);
+                let ledger = &record["ledger"];
+                let power = |name: &str| ledger[name].as_f64().expect("a power");
+                let balance = power("absorbed") + power("escaped") + -power("created") - power("emitted");
+                assert!(balance.abs() < 0.05 * power("emitted"), "{ledger}");
+                solutions += 1;
+            }
+            Some(2) => assert!(outcome.stderr.contains("stopped"), "{}", outcome.stderr),
+            // Before the handler is set, the signal ends the program.
+            None if k == 0 => {}
+            other => panic!("at {seconds} s: {other:?} {}", outcome.stderr),
+        }
+    }
+    assert!(solutions > 0, "every call was interrupted before there was light");
+}
+
+/// A large picture is left out when it is interrupted.
+#[test]
+fn an_interrupted_picture_is_left_out() {
+    let scratch = Scratch::new();
+    let scene = scratch.generate(&Spec::new("cornell"));
+    let child = started(
+        &scratch,
+        &["solve", &scene, "--unit", "mm", "--out", "o", "--output", "image", "--image-size", "5792x5792"],
+    );
+    let start = Instant::now();
+    while !scratch.path("o/solution.json").exists() && start.elapsed() < 4 * LATEST_END {
+        wait(0.01);
+    }
+    wait(0.5);
+    let outcome = interrupted(child);
+    assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
+    assert!(outcome.stdout.contains("no picture `view`") && !scratch.path("o/view.png").exists());
+}
+
+/// However little address space there is, the end is an error of one line or the solution: never an abort.
+#[test]
+#[cfg(target_os = "linux")]
+fn little_memory_ends_in_an_error() {
+    let scratch = Scratch::new();
+    let scene = forest(&scratch);
+    let limited = |kilobytes: u32, arguments: &[&str]| {
+        let mut command = Command::new("sh");
+        let script = format!("ulimit -v {kilobytes} && exec \"$0\" \"$@\"");
+        command.args(["-c", &script, env!("CARGO_BIN_EXE_mrvis")]).args(arguments);
+        let folder = scratch.path("");
+        Outcome::of(command.current_dir(folder).output().expect("the command runs"))
+    };
+    let mut refused = 0;
+    for megabytes in [150, 200, 300, 450] {
+        let call =
+            ["solve", &scene, "--visibility", "exact", "--error", "0.5", "--out", "o", "--output", "none"];
+        let outcome = limited(1000 * megabytes, &call);
+        let text = outcome.stderr.trim_end();
+        match outcome.code {
+            Some(0) => {}
+            Some(2) => {
+                let one_line = text.lines().filter(|line| !line.contains("warning")).count() == 1;
+                assert!(one_line && text.contains("memory"), "{megabytes} MB: {text}");
+                refused += 1;
+            }
+            other => panic!("{megabytes} MB: {other:?} {text}"),
+        }
+    }
+    assert!(refused > 0, "all limits were large enough");
+}
