@@ -169,6 +169,9 @@ impl Outputs {
     ) -> Frame {
         if self.gather {
             let mut frame = render(stage, camera, self.image_size, 1, progress);
+            if progress.stopped() {
+                return frame;
+            }
             if let Some(light) = irradiance(&visible_points(&frame, solution), part) {
                 frame.radiance = light_of(&frame, solution, &light);
                 for (first, light) in frame.first.iter_mut().flatten().zip(light) {

@@ -146,7 +146,7 @@ impl<'a> Stage<'a> {
     }
 }
 
-/// Renders a picture with `samples` × `samples` rays per pixel. Rows that begin after `progress` has stopped stay black.
+/// Renders a picture with `samples` × `samples` rays per pixel. Empty if `progress` has stopped.
 pub fn render(
     stage: &Stage,
     camera: &Camera,
@@ -168,11 +168,11 @@ pub fn render(
     let rows: Vec<Vec<Pixel>> = (0..height)
         .into_par_iter()
         .map(|y| {
-            let mut row = vec![([0f32; 3], None); width];
-            progress.advance(1);
             if progress.stopped() {
-                return row;
+                return Vec::new();
             }
+            progress.advance(1);
+            let mut row = vec![([0f32; 3], None); width];
             for left in (0..width).step_by(LANES) {
                 let lanes = LANES.min(width - left);
                 for k in 0..samples * samples {
@@ -199,6 +199,9 @@ pub fn render(
             row
         })
         .collect();
+    if progress.stopped() {
+        return Frame { radiance: Vec::new(), first: Vec::new() };
+    }
     let (radiance, first) = rows.into_iter().flatten().unzip();
     Frame { radiance, first }
 }

@@ -113,7 +113,7 @@ mod tests {
             if !up {
                 corners.reverse();
             }
-            let lamp = soup.object(&format!("lamp {i}"));
+            let lamp = soup.object(format!("lamp {i}"));
             soup.polygon(lamp, light, &corners);
         }
         let scene = resolve(soup, options).expect("a scene");

@@ -26,8 +26,8 @@ const MAX_ROW_RAYS: f64 = 4096.0;
 /// Rays that all elements share after the deadline. Too few rays can isolate two elements that only see each other, and their
 /// light would never decay.
 pub const LATE_RAYS: f64 = 1e5;
-/// Largest number of rays of a local pass that begins or goes on after the deadline: 0.4 million take some 0.3 s on two cores.
-const MAX_LATE_RAYS: f64 = 4e5;
+/// Largest number of rays of a local pass that begins or goes on after an interruption: 0.4 million take some 0.3 s on two cores.
+const MAX_INTERRUPTED_RAYS: f64 = 4e5;
 /// Part of the rays by which elements exchange light. The others gather that light for one element each. In an office and a living
 /// room a seventh and two sevenths leave the same error of the elements within a tenth of it (`scenes/room.py`).
 const EXCHANGE_SHARE: f64 = 1.0 / 7.0;
@@ -58,17 +58,17 @@ pub struct LocalPass {
 }
 
 impl LinkedScene {
-    /// Whether even the smallest number of rays of a local pass takes long. After the deadline the pass is then left out, and the
-    /// light along links stays.
+    /// Whether even the smallest number of rays of a local pass takes long. After an interruption the pass is then left out, and
+    /// the light along links stays.
     pub fn has_long_local_pass(&self) -> bool {
-        MIN_ROW_RAYS * self.leaves().len() as f64 > MAX_LATE_RAYS
+        MIN_ROW_RAYS * self.leaves().len() as f64 > MAX_INTERRUPTED_RAYS
     }
 }
 
 impl FinalGather<'_> {
     /// Traces about `rays` rays and solves the light on them. Without a number, or after the deadline, elements trace only a few:
-    /// enough for the light of the whole scene, not for that of each element. None after a
-    /// deadline if even these would take long.
+    /// enough for the light of the whole scene, not for that of each element. None after an
+    /// interruption if even these would take long.
     pub fn local_pass(&self, rays: Option<f64>, deadline: &Deadline) -> Option<LocalPass> {
         let rows = self.trace_rows(rays.map(|rays| EXCHANGE_SHARE * rays), deadline)?;
         let matrix = self.transport_matrix(&rows, deadline);
@@ -106,7 +106,7 @@ impl FinalGather<'_> {
         (shared >= LATE_RAYS.min(rays)).then_some(shared.min(rays))
     }
 
-    /// The rays of all leaves: each leaf's share by its area and importance. None if the deadline cut a long pass short.
+    /// The rays of all leaves: each leaf's share by its area and importance. None if an interruption cut a long pass short.
     fn trace_rows(&self, rays: Option<f64>, deadline: &Deadline) -> Option<RayRows> {
         let (elements, states) = (&self.linked.elements, &self.linked.elements.states);
         let leaves = self.linked.leaves();
@@ -115,7 +115,7 @@ impl FinalGather<'_> {
         let (long, cut_short) = (self.linked.has_long_local_pass(), AtomicBool::new(false));
         let count = |leaf| {
             let share = counted(leaf) / all_counted;
-            if long && deadline.late() {
+            if long && deadline.interrupted() {
                 cut_short.store(true, Ordering::Relaxed);
                 return 0;
             }
@@ -125,7 +125,7 @@ impl FinalGather<'_> {
         deadline.stage("local pass, rays", leaves.len());
         let rows = RayRows::trace(self, &leaves, count, |n| deadline.advance(n));
         deadline.stage("local pass, light", 0);
-        (!cut_short.into_inner() && !(long && deadline.interrupted())).then_some(rows)
+        (!(cut_short.into_inner() || long && deadline.interrupted())).then_some(rows)
     }
 
     /// The exchange of the leaves, from their rays.

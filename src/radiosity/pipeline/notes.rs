@@ -64,21 +64,8 @@ pub fn fewer_local_rays(rays: Option<f64>, all: f64, deadline: &Deadline) -> Opt
         Some(rays) => format!("{rays:.1e} of {all:.1e} rays"),
         None => format!("the fewest rays it can, instead of {all:.1e}"),
     };
-    let why = why(deadline);
+    let why = if deadline.interrupted() { "an interruption" } else { "option `max_seconds`" };
     Some(format!("{why}: the local pass traced {fewer}; elements are noisier than option `error` says"))
-}
-
-/// If there was no time for the rays of the local pass.
-pub fn no_local_pass(deadline: &Deadline) -> String {
-    format!(
-        "{}: there was no time for the local pass; elements have the light along links, which is approximate in and behind clusters",
-        why(deadline)
-    )
-}
-
-/// What ended the work.
-fn why(deadline: &Deadline) -> &'static str {
-    if deadline.interrupted() { "an interruption" } else { "option `max_seconds`" }
 }
 
 /// If preparation used up the time.
@@ -118,6 +105,10 @@ pub fn limit(options: &Options) -> String {
 /// If the emitters light nothing.
 pub const DARK: &str = "no light arrives anywhere: the emitters face away from everything; set option `two_sided_emission`, or \
                         reverse the order of the corners of their faces";
+
+/// If an interruption left no time for the rays of the local pass.
+pub const NO_LOCAL_PASS: &str = "an interruption: the local pass was left out, as it takes long in this scene; elements have the light along \
+     links, which is coarse, and approximate in and behind clusters";
 
 /// If links alone give the light of luminaires.
 pub const DIFFUSE_LUMINAIRES: &str = "without a local pass (option `local_rays` 0, option `direct_only`) elements see luminaires as diffuse \

@@ -226,14 +226,14 @@ impl Stages<'_> {
 
     /// Repeats the local pass and the light of elements with more rays until independent paths find no larger error than the target.
     fn light_by_rays(&mut self, mut refined: Refined, deadline: &Deadline) -> Solved {
-        let (mut options, mut before) = (self.options.clone(), None);
+        let mut options = self.options.clone();
         for attempt in 1.. {
             let Some(found) = self.local_pass(&mut refined.linked, &options, deadline) else {
-                let Some(closing) = before else {
-                    self.notes.push(notes::no_local_pass(deadline));
-                    return Solved::interrupted(refined);
-                };
-                return Solved { linked: refined.linked, closing };
+                // A later attempt leaves the light of the one before.
+                if attempt == 1 {
+                    self.notes.push(notes::NO_LOCAL_PASS.into());
+                }
+                return Solved::interrupted(refined);
             };
             let notes = notes::unconverged(&found.convergence, deadline);
             let solved = self.element_light(Solved::by_rays(refined.linked, found), &options, deadline);
@@ -243,7 +243,7 @@ impl Stages<'_> {
                 return solved;
             };
             options.error = error;
-            (refined.linked, before) = (solved.linked, Some(solved.closing));
+            refined.linked = solved.linked;
         }
         unreachable!("the last attempt returns")
     }
@@ -274,7 +274,7 @@ impl Stages<'_> {
     ) -> Option<LocalPass> {
         let scene = self.scene;
         let (found, note) = timed(&mut self.seconds.local, || {
-            if deadline.late() && linked.has_long_local_pass() {
+            if deadline.interrupted() && linked.has_long_local_pass() {
                 return (None, None);
             }
             let all = options.local_rays() as f64;
@@ -282,15 +282,12 @@ impl Stages<'_> {
                 true => FinalGather::new(self.model, linked, options).affordable_rays(all, deadline),
                 false => Some(all).filter(|_| !deadline.late()),
             };
-            if rays.is_none() && linked.has_long_local_pass() {
-                return (None, None);
-            }
             let smallest = match rays {
                 Some(rays) if rays >= all => options.local_area(),
                 fewer => Options::area_for(fewer.unwrap_or(LATE_RAYS)).max(options.local_area()),
             };
             linked.split_all(smallest * total_area(scene), deadline);
-            if deadline.late() && linked.has_long_local_pass() {
+            if deadline.interrupted() && linked.has_long_local_pass() {
                 return (None, None);
             }
             let gather = FinalGather::new(self.model, linked, options);

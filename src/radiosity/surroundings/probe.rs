@@ -32,7 +32,8 @@ const SHARED_RAYS: f64 = 1e5;
 /// A side is closed only if so many rays stayed in the scene, its own or those of all sides of its cluster: a side of
 /// which a tenth sees out loses all 24 rays to the inside with a probability of 0.9²⁴ = 8 %.
 const MIN_CLOSED_RAYS: u32 = 24;
-/// Sides that are traced after the deadline, evenly spread: 2¹⁶ of two rays each take some 0.05 s.
+/// Sides that are traced after the deadline, evenly spread, and part of the area of all sides from which a side is always traced:
+/// at most 2¹⁷ of two rays each and the shared rays take some 0.1 s.
 const LATE_SIDES: usize = 1 << 16;
 /// Rays of a leaf whose row sum is short: a standard error of at most 1 / (2 √64) = 0.0625.
 const SHORT_ROW_RAYS: usize = 64;
@@ -53,6 +54,7 @@ pub fn probe(
 ) -> Surroundings {
     let sides = elements.sides.len();
     let step = sides.div_ceil(LATE_SIDES).max(1);
+    let large = elements.area / LATE_SIDES as f64;
     deadline.stage("surroundings of surfaces", sides);
     let tracer = Tracer { elements, exact, ends, length };
     let found: Vec<(Vec<ProbeRay>, Vec<Entered>)> = (0..sides)
@@ -62,7 +64,8 @@ pub fn probe(
             if s % STEPS_AT_ONCE == 0 {
                 deadline.advance(STEPS_AT_ONCE.min(sides - s));
             }
-            match s % step > 0 && deadline.late() {
+            let small = elements.elements[elements.sides[s].element as usize].area < large;
+            match s % step > 0 && small && deadline.late() {
                 true => (Vec::new(), Vec::new()),
                 false => tracer.rays_of_side(seed, s, packets),
             }
