@@ -127,7 +127,7 @@ fn the_page_of_a_benchmark_repeats_its_command_line() {
     let scratch = scratch();
     let more = [
         "--emitter",
-        "floor=100",
+        "lamp=100",
         "--two-sided-emission",
         "--tolerance",
         "0.1",
