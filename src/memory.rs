@@ -48,7 +48,6 @@ const V2: [&str; 3] = ["memory.max", "memory.current", "inactive_file "];
 /// What the control groups in `/proc/self/cgroup` leave, bytes, and the groups that they are in: each may have a limit of its own.
 /// `root` is where they are mounted.
 fn left_by_groups(root: &Path, groups: &str) -> Option<u64> {
-    // Version 1 has a hierarchy for memory, version 2 one for everything, which is at `unified` where both are used.
     let mut left: Option<u64> = None;
     for line in groups.lines() {
         let mut fields = line.splitn(3, ':').skip(1);

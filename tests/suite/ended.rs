@@ -1,4 +1,4 @@
-//! Calls that end early: interrupted by the user, or for lack of memory.
+//! Calls that end early: interrupted by the user.
 #![cfg(unix)]
 
 use crate::run::{Outcome, Scratch};
@@ -103,36 +103,4 @@ fn an_interrupted_picture_is_left_out() {
     let outcome = interrupted(child);
     assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
     assert!(outcome.stdout.contains("no picture `view`") && !scratch.path("o/view.png").exists());
-}
-
-/// However little address space there is, the end is an error of one line or the solution: never an abort.
-#[test]
-#[cfg(target_os = "linux")]
-fn little_memory_ends_in_an_error() {
-    let scratch = Scratch::new();
-    let scene = forest(&scratch);
-    let limited = |kilobytes: u32, arguments: &[&str]| {
-        let mut command = Command::new("sh");
-        let script = format!("ulimit -v {kilobytes} && exec \"$0\" \"$@\"");
-        command.args(["-c", &script, env!("CARGO_BIN_EXE_mrvis")]).args(arguments);
-        command.current_dir(scratch.path("")).stdout(Stdio::piped()).stderr(Stdio::piped());
-        ended(command.spawn().expect("the command runs"))
-    };
-    let mut refused = 0;
-    for megabytes in [80, 120, 400, 600] {
-        let call =
-            ["solve", &scene, "--visibility", "exact", "--error", "0.5", "--out", "o", "--output", "none"];
-        let outcome = limited(1000 * megabytes, &call);
-        let text = outcome.stderr.trim_end();
-        match outcome.code {
-            Some(0) => {}
-            Some(2) => {
-                let one_line = text.lines().filter(|line| !line.contains("warning")).count() == 1;
-                assert!(one_line && text.contains("memory"), "{megabytes} MB: {text}");
-                refused += 1;
-            }
-            other => panic!("{megabytes} MB: {other:?} {text}"),
-        }
-    }
-    assert!(refused > 0, "all limits were large enough");
 }
