@@ -34,10 +34,10 @@ def read_vtu(path):
     return found
 
 
-def read_ply(path):
-    """Returns the triangles of a `.ply` file of mrvis in the form of `read_vtu`.
+def on_mesh(vtu, path):
+    """Returns the mean irradiance of the exported mesh (a `.ply` file of mrvis) over each element, by linear interpolation.
 
-    The irradiance of a triangle is the mean of its vertices: the mean of what linear interpolation gives.
+    The triangles of an element follow each other in the file, in the order of the elements; they fill its area.
     """
     data = open(path, "rb").read()
     end = data.index(b"end_header\n") + len(b"end_header\n")
@@ -45,19 +45,21 @@ def read_ply(path):
     counts = {name: int(count) for name, count in re.findall(r"element (\w+) (\d+)", head)}
     fields = re.findall(r"property (float|double|uchar) (\w+)", head)
     layout = struct.Struct("<" + "".join({"float": "f", "double": "d", "uchar": "B"}[kind] for kind, _ in fields))
-    names = [name for _, name in fields]
-    light, place = names.index("irradiance_r"), names.index("x")
+    light = [name for _, name in fields].index("irradiance_r")
     faces = end + counts["vertex"] * layout.size
-    vertices = list(layout.iter_unpack(data[end:faces]))
-    points = [v[place : place + 3] for v in vertices]
-    found = {"points": points, "connectivity": [], "offsets": [], "area": [], "irradiance": []}
-    for _, *corners in struct.iter_unpack("<Biii", data[faces:]):
-        a, b, c = (points[i] for i in corners)
-        found["connectivity"] += corners
-        found["offsets"].append(len(found["connectivity"]))
-        found["area"].append(0.5 * length(cross(subtract(b, a), subtract(c, a))))
-        found["irradiance"].append([sum(vertices[i][light + k] for i in corners) / 3 for k in range(3)])
-    return found
+    vertices = [(v[:3], v[light : light + 3]) for v in layout.iter_unpack(data[end:faces])]
+    triangles = struct.iter_unpack("<Biii", data[faces:])
+    means = []
+    for area in vtu["area"]:
+        filled, sums = 0.0, [0.0, 0.0, 0.0]
+        while filled < 0.999 * area:
+            corners = [vertices[i] for i in next(triangles)[1:]]
+            a, b, c = (place for place, _ in corners)
+            own = 0.5 * length(cross(subtract(b, a), subtract(c, a)))
+            filled += own
+            sums = [s + own * sum(irradiance[k] for _, irradiance in corners) / 3 for k, s in enumerate(sums)]
+        means.append([s / filled for s in sums])
+    return means
 
 
 def subtract(a, b):
@@ -97,14 +99,15 @@ def draw_elements(vtu, count, each, seed):
         yield e, made
 
 
-def compare(mrvis, scene, path, options=(), count=500, each=16, samples=128, seed=7):
-    """Returns the RMS error and the bias of the irradiance of the elements in a `.vtu` file or of the triangles in a `.ply` file,
-    relative to the mean irradiance; the reference's noise is subtracted.
+def compare(mrvis, scene, folder, options=(), count=500, each=16, samples=128, seed=7):
+    """Returns the RMS error and the bias of the irradiance of the elements in `folder`/solution.vtu, and the RMS error of the mean
+    that the mesh in `folder`/solution.ply has over the elements, all relative to the mean irradiance; the reference's noise is subtracted.
 
     `options` are options of `mrvis reference` that the solution needs as well, such as `--unit`. References are kept in the working
-    folder for other solutions with the same elements or triangles.
+    folder for other solutions with the same elements.
     """
-    vtu = read_ply(path) if path.endswith(".ply") else read_vtu(path)
+    vtu = read_vtu(f"{folder}/solution.vtu")
+    mesh = on_mesh(vtu, f"{folder}/solution.ply")
     drawn = list(draw_elements(vtu, count, each, seed))
     with open("elements.csv", "w", encoding="utf-8") as file:
         file.write("x,y,z,nx,ny,nz\n")
@@ -119,11 +122,13 @@ def compare(mrvis, scene, path, options=(), count=500, each=16, samples=128, see
     with open(reference, encoding="utf-8") as file:
         values = [sum(float(row[channel]) for channel in ("Er", "Eg", "Eb")) / 3 for row in csv.DictReader(file)]
     level = sum(area * sum(light) / 3 for area, light in zip(vtu["area"], vtu["irradiance"])) / sum(vtu["area"])
-    squares, noise, bias = 0.0, 0.0, 0.0
+    squares, mesh_squares, noise, bias = 0.0, 0.0, 0.0, 0.0
     for k, (element, _) in enumerate(drawn):
         own = values[k * each : (k + 1) * each]
         difference = sum(vtu["irradiance"][element]) / 3 - statistics.fmean(own)
         squares += difference**2
+        mesh_squares += (sum(mesh[element]) / 3 - statistics.fmean(own)) ** 2
         noise += statistics.variance(own) / each
         bias += difference
-    return max((squares - noise) / count, 0.0) ** 0.5 / level, bias / count / level
+    rms, of_mesh = (max((sum_ - noise) / count, 0.0) ** 0.5 / level for sum_ in (squares, mesh_squares))
+    return rms, bias / count / level, of_mesh

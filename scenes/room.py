@@ -4,7 +4,8 @@
 The script draws random points on the fronts of all faces, evenly by area. It computes a path-traced reference
 (`mrvis reference`) once and keeps it in the output folder, solves with several options, compares each solution with the
 reference (`mrvis compare`) and prints a Markdown table. Elements are read back from `solution.vtu`, drawn by area, and compared
-with path-traced means (`elements.py`). It needs only Python's standard library; `make scenes` assembles the rooms.
+with path-traced means, and so is the mesh of `solution.ply` over the same elements (`elements.py`). It needs only Python's standard
+library; `make scenes` assembles the rooms.
 
     python3 scenes/room.py scenes/real/livingroom.obj --out out/livingroom-solved
 """
@@ -97,8 +98,7 @@ def main():
             found = json.load(file)
         # The difference includes the noise of the reference, which is independent of the error of the solution.
         rms = max(found["rms"] ** 2 - found["reference_noise"] ** 2, 0.0) ** 0.5
-        of_elements, bias = elements.compare(mrvis, scene, "solution/solution.vtu")
-        of_mesh, _ = elements.compare(mrvis, scene, "solution/solution.ply")
+        of_elements, bias, of_mesh = elements.compare(mrvis, scene, "solution")
         options = " ".join(options) or "none"
         print(
             f"| {name} | `{options}` | {100 * rms:.1f} % | {100 * found['bias']:+.1f} % | {100 * of_elements:.1f} % "

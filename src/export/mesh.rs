@@ -1,7 +1,8 @@
 //! Triangle mesh with light at its vertices.
 
 use crate::radiosity::mesh::{Element, RadiosityMesh};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 use std::collections::HashMap;
 
 /// A triangle mesh of all sides of surfaces, with light at the vertices. Vectors have one entry per vertex or per
@@ -25,6 +26,8 @@ pub struct Mesh {
 /// Smallest cosine between normals of elements of one smooth surface: 26 degrees, between the 20 and 30 degrees of
 /// edges of round columns with 18 and 12 sides.
 const MIN_SMOOTH_COSINE: f32 = 0.9;
+/// Relative difference of light that an 8-bit picture does not show.
+const VISIBLE_STEP: f64 = 1.0 / 255.0;
 /// Largest number of halvings of an edge: the largest depth of a quadtree.
 const MAX_HALVINGS: u32 = 24;
 
@@ -37,13 +40,13 @@ impl Mesh {
         let outlines: Vec<Vec<u32>> =
             solution.elements.iter().map(|e| outline(solution, &vertices, e)).collect();
         let around = Around::new(solution.vertices.len(), &outlines);
+        let at_outlines = at_outlines(solution, &normals, &outlines, &around);
         let mut out = Builder::default();
         for (e, (element, outline)) in solution.elements.iter().zip(&outlines).enumerate() {
-            let vertex = |out: &mut Builder, v: u32| {
-                let irradiance = mean(solution, &normals, normals[e], around.of(v));
+            let vertex = |(&v, &irradiance): (&u32, &[f32; 3])| {
                 out.vertex(solution.vertices[v as usize], normals[e], irradiance, element)
             };
-            let ring: Vec<u32> = outline.iter().map(|&v| vertex(&mut out, v)).collect();
+            let ring: Vec<u32> = outline.iter().zip(&at_outlines[e]).map(vertex).collect();
             match ring[..] {
                 [a, b, c] => out.triangle([a, b, c], e),
                 [a, b, c, d] if !element.is_triangle() => {
@@ -136,16 +139,95 @@ impl Around {
     }
 }
 
-/// Mean irradiance of the elements that face along `normal`, weighted by the distance of their centres.
-fn mean(solution: &RadiosityMesh, normals: &[Vec3], normal: Vec3, around: &[u32]) -> [f32; 3] {
+/// Irradiance at the vertices along each element's outline, W/m².
+///
+/// A vertex has the mean of the elements around it. Interpolation between such means flattens light: at the edge of a wall the value of
+/// a vertex lies half an element away from it. So each vertex is corrected by the mean of what its elements lack: the difference
+/// between an element's irradiance and the mean of its vertices (one step of van Cittert's iteration). Where an element still lacks
+/// more than its uncertainty, as at the edge of a shadow, its own vertices are changed so that it does not; light is not continuous there.
+fn at_outlines(
+    solution: &RadiosityMesh,
+    normals: &[Vec3],
+    outlines: &[Vec<u32>],
+    around: &Around,
+) -> Vec<Vec<[f32; 3]>> {
+    let means = |values: &[[f64; 3]]| -> Vec<Vec<[f64; 3]>> {
+        let of = |(e, outline): (usize, &Vec<u32>)| {
+            outline.iter().map(|&v| mean(solution, values, normals, normals[e], around.of(v))).collect()
+        };
+        outlines.par_iter().enumerate().map(of).collect()
+    };
+    let weights: Vec<Vec<f64>> =
+        solution.elements.iter().zip(outlines).map(|(e, outline)| weights(solution, e, outline)).collect();
+    let of_elements: Vec<[f64; 3]> = solution.elements.iter().map(|e| e.irradiance).collect();
+    let mut found = means(&of_elements);
+    let corrections = means(&lacking(solution, &weights, &found));
+    for (found, correction) in found.iter_mut().flatten().zip(corrections.iter().flatten()) {
+        *found = std::array::from_fn(|c| (found[c] + correction[c]).max(0.0));
+    }
+    let lacks = lacking(solution, &weights, &found);
+    let changed = |((at, lacks), e): ((&Vec<[f64; 3]>, &[f64; 3]), &Element)| {
+        // What the element lacks beyond its uncertainty is added; an excess scales the vertices, so that none becomes negative.
+        let change = |v: f64, c: usize| {
+            let beyond = lacks[c].abs() - e.error[c].max(VISIBLE_STEP * e.irradiance[c]);
+            match beyond > 0.0 {
+                true if lacks[c] > 0.0 => v + beyond,
+                true => v * (1.0 - beyond / (e.irradiance[c] - lacks[c])),
+                false => v,
+            }
+        };
+        at.iter().map(|v| std::array::from_fn(|c| change(v[c], c) as f32)).collect()
+    };
+    found.iter().zip(&lacks).zip(&solution.elements).map(changed).collect()
+}
+
+/// The irradiance of each element less the mean of the mesh over it, W/m². The vertex in the middle of an element with smaller
+/// neighbours has the element's own light and does not count.
+fn lacking(solution: &RadiosityMesh, weights: &[Vec<f64>], at_outlines: &[Vec<[f64; 3]>]) -> Vec<[f64; 3]> {
+    let of = |((e, weights), at): ((&Element, &Vec<f64>), &Vec<[f64; 3]>)| {
+        std::array::from_fn(|c| e.irradiance[c] - weights.iter().zip(at).map(|(w, v)| w * v[c]).sum::<f64>())
+    };
+    solution.elements.iter().zip(weights).zip(at_outlines).map(of).collect()
+}
+
+/// The part of each vertex of an outline in the mean of linear interpolation over the element's triangles: the area of the triangles at
+/// the vertex.
+fn weights(solution: &RadiosityMesh, element: &Element, outline: &[u32]) -> Vec<f64> {
+    let place = |k: usize| solution.vertices[outline[k % outline.len()] as usize].as_dvec3();
+    let area = |a: DVec3, b: DVec3, c: DVec3| (b - a).cross(c - a).length();
+    let sums: Vec<f64> = match outline.len() {
+        3 => return vec![1.0 / 3.0; 3],
+        4 if !element.is_triangle() => {
+            let (first, second) = (area(place(0), place(1), place(2)), area(place(0), place(2), place(3)));
+            vec![first + second, first, first + second, second]
+        }
+        n => {
+            let corners = &element.corners[..if element.is_triangle() { 3 } else { 4 }];
+            let sum: DVec3 = corners.iter().map(|&v| solution.vertices[v as usize].as_dvec3()).sum();
+            let centre = sum / corners.len() as f64;
+            let parts: Vec<f64> = (0..n).map(|k| area(centre, place(k), place(k + 1))).collect();
+            (0..n).map(|k| parts[k] + parts[(k + n - 1) % n]).collect()
+        }
+    };
+    let all: f64 = sums.iter().sum();
+    sums.iter().map(|s| if all > 0.0 { s / all } else { 1.0 / sums.len() as f64 }).collect()
+}
+
+/// Mean of the values of the elements that face along `normal`, weighted by the distance of their centres.
+fn mean(
+    solution: &RadiosityMesh,
+    values: &[[f64; 3]],
+    normals: &[Vec3],
+    normal: Vec3,
+    around: &[u32],
+) -> [f64; 3] {
     let (mut sum, mut weights) = ([0.0; 3], 0.0);
     for &e in around.iter().filter(|&&e| normals[e as usize].dot(normal) >= MIN_SMOOTH_COSINE) {
-        let element = &solution.elements[e as usize];
-        let weight = 1.0 / element.area.sqrt();
+        let weight = 1.0 / solution.elements[e as usize].area.sqrt();
         weights += weight;
-        sum.iter_mut().zip(element.irradiance).for_each(|(s, x)| *s += weight * x);
+        sum.iter_mut().zip(values[e as usize]).for_each(|(s, x)| *s += weight * x);
     }
-    sum.map(|s| if weights > 0.0 { (s / weights) as f32 } else { 0.0 })
+    sum.map(|s| if weights > 0.0 { s / weights } else { 0.0 })
 }
 
 /// Vertices with equal position, normal and light are merged.

@@ -72,7 +72,9 @@ fn square(light: impl Fn(Vec3) -> f64) -> (Scene, RadiosityMesh) {
 
 #[test]
 fn meshes_have_no_cracks() {
-    let (_, solution) = square(|p| f64::from(p.x) + 1.0);
+    let (_, mut solution) = square(|p| f64::from(p.x) + 1.0);
+    // Light is continuous up to the uncertainty of the elements.
+    solution.elements.iter_mut().for_each(|e| e.error = [0.1; 3]);
     let mesh = Mesh::new(&solution);
     let area: f32 = (0..mesh.triangles.len())
         .map(|t| mesh.corners(t))
@@ -114,6 +116,29 @@ fn meshes_have_no_cracks() {
 fn constant_light_stays_constant() {
     let (_, solution) = square(|_| 3.0);
     assert!(Mesh::new(&solution).irradiance.iter().flatten().all(|e| (e - 3.0).abs() < 1e-6));
+}
+
+/// Over each element the mesh has the element's mean light within its uncertainty, also where a shadow ends.
+#[test]
+fn meshes_keep_the_mean_light_of_elements() {
+    for light in [|p: Vec3| f64::from(1.0 + p.x), |p: Vec3| if p.x < 0.3 { 5.0 } else { 0.2 }] {
+        let (_, solution) = square(light);
+        let mesh = Mesh::new(&solution);
+        let mut sums = vec![(0.0, 0.0); solution.elements.len()];
+        for (k, &e) in mesh.element.iter().enumerate() {
+            let [a, b, c] = mesh.corners(k).map(|p| p.as_dvec3());
+            let area = 0.5 * (b - a).cross(c - a).length();
+            let light: f64 =
+                mesh.triangles[k].iter().map(|&v| f64::from(mesh.irradiance[v as usize][0])).sum();
+            sums[e as usize].0 += area;
+            sums[e as usize].1 += area * light / 3.0;
+        }
+        for (element, (area, sum)) in solution.elements.iter().zip(sums) {
+            let allowed = element.error[0].max(element.irradiance[0] / 255.0);
+            let difference = (sum / area - element.irradiance[0]).abs();
+            assert!(difference < 1.001 * allowed, "{difference} for {allowed}");
+        }
+    }
 }
 
 #[test]

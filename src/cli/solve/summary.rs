@@ -68,12 +68,10 @@ pub fn summary(reported: &Reported, with_points: bool) -> String {
     if let Some(a) = &r.audit {
         let _ = writeln!(
             text,
-            "error bars: {:.0} % of {} elements within one, {:.0} % within two; RMS error {:.3} of the mean, bars say {:.3}",
-            100.0 * a.within_one,
+            "error bars: the paths traced for {} elements lie within one in {:.0} %, within two in {:.0} %",
             a.elements,
-            100.0 * a.within_two,
-            a.rms_error,
-            a.rms_bar
+            100.0 * a.within_one,
+            100.0 * a.within_two
         );
     }
     for warning in &r.warnings {

@@ -2,7 +2,7 @@
 
 use crate::Result;
 use crate::page::{chart, percent};
-use crate::plot::{Marks, Plot, PlotPoint, Scale, Series, number};
+use crate::plot::{Marks, Plot, PlotPoint, Scale, Series};
 use crate::radiosity::Record;
 use maud::{Markup, html};
 
@@ -44,9 +44,8 @@ pub(super) fn section(record: &Record) -> Result<Markup> {
             p {
                 "The light of " (audit.elements) " elements, drawn by area, was computed again by independent paths of \
                  exact rays. " (percent(audit.within_one)) " of their errors lie within one error bar and "
-                (percent(audit.within_two)) " within two (68 and 95 % for a normal distribution). The RMS error is "
-                (number(100.0 * audit.rms_error)) " % of the mean irradiance, the bars say "
-                (number(100.0 * audit.rms_bar)) " %."
+                (percent(audit.within_two)) " within two (68 and 95 % for a normal distribution). The error of the whole \
+                 solution above comes from the same paths."
             }
             (chart)
         }
