@@ -45,9 +45,9 @@ impl Model {
 
     /// A sampler for each emitter of the scene.
     pub(crate) fn samplers(&self) -> &[EmitterSampler] {
-        let scene = self.scene();
+        let (scene, magnitudes) = (self.scene(), self.base().magnitudes());
         self.inner.engines.samplers.get_or_init(|| {
-            scene.emitters.iter().map(|emitter| EmitterSampler::new(scene, emitter)).collect()
+            scene.emitters.iter().map(|emitter| EmitterSampler::new(scene, emitter, magnitudes)).collect()
         })
     }
 

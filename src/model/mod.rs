@@ -24,14 +24,15 @@ pub use mesh::Mesh;
 pub use prepare::{Detail, PrepareOptions, PrepareReport};
 pub use source::Source;
 
-use crate::embree::{CommittedScene, Device, Traversal};
+use crate::embree::{CommittedScene, Device, Hits, Traversal};
 use crate::math::Aabb;
-use crate::ray::EndRule;
-use crate::scene::Scene;
+use crate::ray::{EndRule, Packet};
+use crate::scene::{Scene, magnitude};
 use crate::threads::Threads;
 use crate::visibility::{LeafMode, MultiResolution};
 use crate::{Error, Result};
 use engines::Engines;
+use glam::Vec3;
 use std::sync::Arc;
 use top_level::TopLevel;
 
@@ -197,7 +198,29 @@ impl Model {
         bounds.min.abs().max(bounds.max.abs()).max_element()
     }
 
-    /// The rule for the open ends of segments.
+    /// The rule of an end on a face of an instance.
+    pub(crate) fn end_on(&self, instance: u32, triangle: u32) -> EndRule {
+        let placed = &self.inner.instances[instance as usize];
+        EndRule::new(placed.magnitude_of(&self.inner.meshes[placed.mesh as usize], triangle))
+    }
+
+    /// The rule of an end at a given point of a surface: that of the face nearest along its normal, within what rounding of the whole
+    /// scene may move them apart; without a face that of the point's own coordinates.
+    pub(crate) fn end_at(&self, at: Vec3, normal: Vec3) -> EndRule {
+        let reach = self.end_rule().height() * normal;
+        let nearest = [1.0f32, -1.0].map(|side| {
+            let mut packet = Packet::EMPTY;
+            packet.set_between(0, at, at + side * reach, [0.0, 1.0]);
+            let mut hits = [Hits::NONE];
+            self.traced().first_hits(self.widest_packets(), &[packet], &mut hits);
+            let [Hits { triangle, instance, t }] = hits;
+            (triangle[0] != Hits::NOTHING).then(|| (t[0], self.end_on(instance[0], triangle[0])))
+        });
+        let nearest = nearest.into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0));
+        nearest.map_or(EndRule::new(magnitude([at])), |(_, rule)| rule)
+    }
+
+    /// The rule of ends on faces that are not known: it holds on all of them.
     pub(crate) fn end_rule(&self) -> EndRule {
         EndRule::new(self.magnitude())
     }

@@ -58,7 +58,7 @@ pub(super) fn block_all<S: Simd>(
     match &shaft.pyramid {
         Some(pyramid) => {
             let fans = Fans::of(simd, shaft, pyramid, (&corner, &edge1, &edge2, &normal));
-            fans.block(simd, touched, packets, (tiles, blocked))
+            fans.block(simd, (block, touched), packets, (tiles, blocked))
         }
         None => each(simd, block, touched, packets, blocked),
     }
@@ -128,7 +128,7 @@ impl Tiles {
         for (packets, blocked) in packets.chunks(LANES).zip(blocked.chunks(LANES)) {
             let mut row = Row { lo: [[0.0; LANES]; 3], hi: [[0.0; LANES]; 3], open: 0 };
             for (k, (packet, blocked)) in packets.iter().zip(blocked).enumerate() {
-                let (_, direction) = filled(simd, packet);
+                let [_, direction, _] = filled(simd, packet);
                 for (axis, d) in direction.into_iter().enumerate() {
                     row.lo[axis][k] = simd.least(d);
                     row.hi[axis][k] = simd.greatest(d);
@@ -241,7 +241,7 @@ impl Fans {
     fn block<S: Simd>(
         &self,
         simd: S,
-        touched: u32,
+        (block, touched): (&Block, u32),
         packets: &[Packet],
         (tiles, blocked): (&mut Tiles, &mut [u32]),
     ) -> Tested {
@@ -253,7 +253,7 @@ impl Fans {
         let mut tested = Tested { any: touched != 0, ..Tested::default() };
         if packets.len() <= MAX_UNTILED_PACKETS {
             for k in Lanes(touched) {
-                let plane = self.planes_of(simd, k);
+                let plane = self.planes_of(simd, block, k);
                 tested.work += 1 + packets.len() as u64;
                 tested.all = true;
                 for (packet, blocked) in packets.iter().zip(&mut *blocked) {
@@ -271,7 +271,7 @@ impl Fans {
             tested.work += packets.len() as u64;
         }
         for k in Lanes(touched) {
-            let plane = self.planes_of(simd, k);
+            let plane = self.planes_of(simd, block, k);
             tested.work += 1;
             tested.all = true;
             for (row, first) in tiles.rows.iter_mut().zip((0..).step_by(LANES)) {
@@ -317,7 +317,7 @@ impl Fans {
     }
 
     #[inline(always)]
-    fn planes_of<S: Simd>(&self, simd: S, k: usize) -> Planes<S> {
+    fn planes_of<S: Simd>(&self, simd: S, block: &Block, k: usize) -> Planes<S> {
         Planes {
             planes: [
                 pick(simd, &self.planes[0], k),
@@ -326,7 +326,7 @@ impl Fans {
             ],
             height: simd.splat(self.height[k]),
             rounding: simd.splat(self.rounding[k]),
-            amid: self.amid >> k & 1 == 1,
+            near_an_end: (self.amid >> k & 1 == 0).then(|| Triangle::of(block, k)),
         }
     }
 }
@@ -336,13 +336,20 @@ struct Planes<S: Simd> {
     planes: [Vector<S>; 3],
     height: S::F,
     rounding: S::F,
-    amid: bool,
+    /// The triangle, if a segment may end on it.
+    near_an_end: Option<Triangle>,
 }
 
 impl<S: Simd> Planes<S> {
     /// Active lanes of a packet that the triangle blocks.
     #[inline(always)]
     fn hits(&self, simd: S, packet: &Packet) -> u32 {
+        if packet.backwards != 0
+            && let Some(triangle) = &self.near_an_end
+        {
+            // The common end has rounding errors that are larger than the margins at the other ends.
+            return triangle.blocks(simd, packet) & packet.active;
+        }
         let d = vector::load(simd, &packet.direction);
         let [a, b, c] = &self.planes;
         let [a, b, c] = [vector::dot(simd, a, &d), vector::dot(simd, b, &d), vector::dot(simd, c, &d)];
@@ -351,7 +358,7 @@ impl<S: Simd> Planes<S> {
         let beside = simd.sub(simd.splat(0.0), self.rounding);
         let inside = simd.le(beside, simd.min(simd.min(a, b), c));
         let mut hit = simd.and(inside, simd.lt(self.rounding, det));
-        if !self.amid {
+        if self.near_an_end.is_some() {
             let beyond = simd.le(simd.mul(simd.load(&packet.near), det), self.height);
             let before = simd.le(self.height, simd.mul(simd.load(&packet.far), det));
             hit = simd.and(hit, simd.and(beyond, before));

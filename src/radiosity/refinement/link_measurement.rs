@@ -95,7 +95,6 @@ pub fn estimator(linked: &LinkedScene, seed: u64) -> LinkEstimator<'_> {
     LinkEstimator {
         elements: &linked.elements,
         engine: &linked.engine,
-        ends: linked.ends,
         seed,
         inside: linked.settings.inside,
     }
