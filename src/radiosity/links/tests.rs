@@ -54,7 +54,6 @@ fn staged_with<R>(pieces: Pieces, seed: u64, see: impl FnOnce(&LinkEstimator, [u
             scene: traced,
             traversal: Traversal { width: 1, coherent: false },
         }),
-        ends: reference::end_rule(&scene),
         seed,
         inside: Inside::default(),
     };
