@@ -1,7 +1,7 @@
 //! Instances: placed meshes, and changes of them.
 
-use crate::math::Aabb;
 use super::mesh::Mesh;
+use crate::math::Aabb;
 use crate::scene::{MAX_COORDINATE, MAX_STRETCH, MIN_EXTENT, Material, Scene, magnitude, stretch};
 use crate::{Error, Result};
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
@@ -63,7 +63,8 @@ impl Instance {
         if self.mesh == 0 {
             return own;
         }
-        let placed = mesh.scene.corners(triangle).map(|p| self.transform.transform_point3(p.as_dvec3()).as_vec3());
+        let placed =
+            mesh.scene.corners(triangle).map(|p| self.transform.transform_point3(p.as_dvec3()).as_vec3());
         let scale = self.transform.matrix3.determinant().abs().cbrt() as f32;
         magnitude(placed).max(scale * own)
     }

@@ -28,5 +28,8 @@ pub(super) fn face_magnitudes(positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec
         let own = magnitude(corners.map(|v| positions[v as usize]));
         corners.iter().for_each(|&v| of_vertex[v as usize] = of_vertex[v as usize].max(own));
     }
-    triangles.iter().map(|corners| corners.iter().map(|&v| of_vertex[v as usize]).fold(0.0, f32::max)).collect()
+    triangles
+        .iter()
+        .map(|corners| corners.iter().map(|&v| of_vertex[v as usize]).fold(0.0, f32::max))
+        .collect()
 }

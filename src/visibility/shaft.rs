@@ -268,20 +268,21 @@ impl Shaft {
         }
         let to = self.ends[1];
         let polygon = corners_of_polygon(emitter, apex);
-        let corners = match if polygon.is_none() { corners_of_panel(to, apex, self.slack[1]) } else { polygon } {
-            Some(corners) => corners,
-            None => {
-                let w = w.normalize();
-                let (u, v) = w.any_orthonormal_pair();
-                let slopes = match self.whole {
-                    true => slopes_of_points(emitter, apex, [u, v, w]),
-                    false => slopes_of_segments(simd, packets, [u, v, w]),
-                };
-                let Some([low, high]) = slopes else { return };
-                let ([left, right], [down, up]) = ([low[0] * u, high[0] * u], [low[1] * v, high[1] * v]);
-                [w + left + down, w + right + down, w + right + up, w + left + up]
-            }
-        };
+        let corners =
+            match if polygon.is_none() { corners_of_panel(to, apex, self.slack[1]) } else { polygon } {
+                Some(corners) => corners,
+                None => {
+                    let w = w.normalize();
+                    let (u, v) = w.any_orthonormal_pair();
+                    let slopes = match self.whole {
+                        true => slopes_of_points(emitter, apex, [u, v, w]),
+                        false => slopes_of_segments(simd, packets, [u, v, w]),
+                    };
+                    let Some([low, high]) = slopes else { return };
+                    let ([left, right], [down, up]) = ([low[0] * u, high[0] * u], [low[1] * v, high[1] * v]);
+                    [w + left + down, w + right + down, w + right + up, w + left + up]
+                }
+            };
         let [a, b, c, d] = corners;
         let longest =
             a.length_squared().max(b.length_squared()).max(c.length_squared()).max(d.length_squared()).sqrt();

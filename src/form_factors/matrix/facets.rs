@@ -188,7 +188,9 @@ fn facet(scene: &Scene, magnitudes: &[f32], triangles: std::ops::Range<u32>) -> 
         nodes,
         normals,
         triangles: shares,
-        end: EndRule::new(magnitudes[triangles.start as usize..triangles.end as usize].iter().copied().fold(0.0, f32::max)),
+        end: EndRule::new(
+            magnitudes[triangles.start as usize..triangles.end as usize].iter().copied().fold(0.0, f32::max),
+        ),
         parallelogram,
     }
 }

@@ -47,7 +47,8 @@ impl FinalGather<'_> {
     /// The end rule on a face of the scene, also on one that no light reaches.
     fn end_of(&self, triangle: u32) -> EndRule {
         let elements = &self.linked.elements;
-        let side = elements.sides_of_triangle[triangle as usize].into_iter().find(|&side| side != Elements::NONE);
+        let side =
+            elements.sides_of_triangle[triangle as usize].into_iter().find(|&side| side != Elements::NONE);
         side.map_or_else(
             || EndRule::new(magnitude(self.scene.corners(triangle))),
             |side| elements.sides[side as usize].end,

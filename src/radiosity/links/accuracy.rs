@@ -51,7 +51,8 @@ impl Accuracy {
             let [a, b] = points(lane);
             let (from, to) = if self.first_receives { (a, b) } else { (b, a) };
             let rules = [from.2, to.2.seen_from(from.2)];
-            let [start, end] = [rules[0].lifted_towards(from.0, from.1, to.0), rules[1].lifted_towards(to.0, to.1, from.0)];
+            let [start, end] =
+                [rules[0].lifted_towards(from.0, from.1, to.0), rules[1].lifted_towards(to.0, to.1, from.0)];
             packet.set_lifted(lane, start, end, rules);
         }
         packet

@@ -141,7 +141,8 @@ impl Shaft {
     /// Whether every segment between the ends crosses a convex polygon, away from the polygon's edges and from both ends.
     fn covered_by(&self, polygon: &[Vec3; 4], normal: Vec3) -> bool {
         // Rounding of the polygon, and of a ray at it that starts at the end with the smaller coordinates.
-        let slack = EndRule::new(magnitude(*polygon)).slack().max(self.rules[0].slack().min(self.rules[1].slack()));
+        let slack =
+            EndRule::new(magnitude(*polygon)).slack().max(self.rules[0].slack().min(self.rules[1].slack()));
         if bend(polygon, normal) > slack {
             return false;
         }

@@ -7,7 +7,7 @@ use crate::math::sampling::*;
 use crate::radiosity::elements::Elements;
 use crate::radiosity::options::Inside;
 use crate::scene::testing::Pieces;
-use crate::visibility::{Exact, reference};
+use crate::visibility::Exact;
 use glam::DVec3;
 
 /// Links of the first and the second surface of a scene, both ways, by `sides` that face each other.

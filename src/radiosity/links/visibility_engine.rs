@@ -186,7 +186,8 @@ pub fn sample_bundles(elements: &Elements, count: usize, seed: u64) -> Vec<(Pack
     };
     let pair = |k: usize| {
         let [u, v, p, q] = numbers(seed, k as u64);
-        let ((ca, (na, here), _), (cb, (nb, there), width)) = (pick(u)?, pick((v + k as f32 / count as f32).fract())?);
+        let ((ca, (na, here), _), (cb, (nb, there), width)) =
+            (pick(u)?, pick((v + k as f32 / count as f32).fract())?);
         let d = point_on(cb, q, p) - point_on(ca, p, q);
         (na.dot(d) > 0.0 && nb.dot(d) < 0.0).then(|| {
             let mut packet = Packet::EMPTY;

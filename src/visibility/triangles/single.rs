@@ -22,8 +22,7 @@ struct Ray<S: Simd> {
 impl<S: Simd> Ray<S> {
     #[inline(always)]
     fn of(simd: S, packet: &Packet) -> Ray<S> {
-        let (mut origin, mut d) =
-            (vector::load(simd, &packet.origin), vector::load(simd, &packet.direction));
+        let (mut origin, mut d) = (vector::load(simd, &packet.origin), vector::load(simd, &packet.direction));
         let (mut near, mut far) = (simd.load(&packet.near), simd.load(&packet.far));
         if packet.backwards != 0 {
             let back = simd.mask(packet.backwards);
@@ -76,10 +75,7 @@ impl Triangle {
         let slack = simd.mul(det, simd.splat(-EDGE_WIDENING));
         let inside = simd.and(simd.le(slack, a), simd.le(slack, b));
         let inside = simd.and(inside, simd.le(simd.add(simd.add(a, b), slack), det));
-        let reach = simd.and(
-            simd.le(simd.mul(near, det), t),
-            simd.le(t, simd.mul(far, det)),
-        );
+        let reach = simd.and(simd.le(simd.mul(near, det), t), simd.le(t, simd.mul(far, det)));
         simd.bits(simd.and(simd.and(inside, reach), simd.lt(zero, det)))
     }
 }
