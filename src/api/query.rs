@@ -3,7 +3,6 @@
 use super::positive;
 use super::visibility::{Chosen, Visibility};
 use crate::ray::{EndRule, LANES, Packet, gather_neighbours};
-use crate::scene::magnitude;
 use crate::visibility::{Answer, Bundle, Cost, Method, wilson};
 use crate::{Error, Result};
 use glam::{DVec3, Vec3};
@@ -126,7 +125,8 @@ impl<'a> Query<'a> {
                 if to == position {
                     return Err(Error::Argument(format!("`to_point` {p:?}: is the point itself")));
                 }
-                (vec![(to, EndRule::new(magnitude([to])).seen_from(rule))], 0.0, &[][..])
+                let there = model.end_at(to, (to - position).normalize_or_zero()).seen_from(rule);
+                (vec![(to, there)], 0.0, &[][..])
             }
             Some(Target::Source(source)) => {
                 let sampler = model.samplers().get(source).ok_or_else(|| {

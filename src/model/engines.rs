@@ -77,7 +77,7 @@ impl Model {
                     Some(sampler) => sampler.all().sample(scene, u, v).0,
                     None => surfaces.point(scene, other, v, w),
                 };
-                packet.set(lane, from, to, ends);
+                packet.set_unknown(lane, from, to, [ends; 2]);
             }
             (packet, size)
         };

@@ -204,23 +204,28 @@ impl Model {
         EndRule::new(placed.magnitude_of(&self.inner.meshes[placed.mesh as usize], triangle))
     }
 
-    /// The rule of an end at a given point of a surface: that of the face nearest along its normal, within what rounding of the whole
-    /// scene may move them apart; without a face that of the point's own coordinates.
-    pub(crate) fn end_at(&self, at: Vec3, normal: Vec3) -> EndRule {
-        let reach = self.end_rule().height() * normal;
-        let nearest = [1.0f32, -1.0].map(|side| {
+    /// The rule of an end at a given point of a surface that is not known: that of the faces which a line through the point meets so
+    /// near to it that a segment would leave them out, and of the point's own coordinates. Where these are no less than a sixteenth of
+    /// the scene's largest, the rule of the whole scene.
+    pub(crate) fn end_at(&self, at: Vec3, along: Vec3) -> EndRule {
+        let (whole, own) = (self.end_rule(), EndRule::new(magnitude([at])));
+        if own.is_close_to(whole) {
+            return whole;
+        }
+        let faces = [1.0f32, -1.0].into_iter().filter_map(|side| {
             let mut packet = Packet::EMPTY;
-            packet.set_between(0, at, at + side * reach, [0.0, 1.0]);
+            packet.set_ray(0, at, side * along);
+            packet.far[0] = whole.left_out();
             let mut hits = [Hits::NONE];
             self.traced().first_hits(self.widest_packets(), &[packet], &mut hits);
             let [Hits { triangle, instance, t }] = hits;
-            (triangle[0] != Hits::NOTHING).then(|| (t[0], self.end_on(instance[0], triangle[0])))
+            let face = (triangle[0] != Hits::NOTHING).then(|| self.end_on(instance[0], triangle[0]));
+            face.filter(|rule| t[0] <= rule.left_out())
         });
-        let nearest = nearest.into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0));
-        nearest.map_or(EndRule::new(magnitude([at])), |(_, rule)| rule)
+        faces.fold(own, |all, rule| if rule.slack() > all.slack() { rule } else { all })
     }
 
-    /// The rule of ends on faces that are not known: it holds on all of them.
+    /// An end rule that holds on all faces.
     pub(crate) fn end_rule(&self) -> EndRule {
         EndRule::new(self.magnitude())
     }

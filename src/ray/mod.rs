@@ -54,10 +54,25 @@ impl Packet {
 
     /// Stores the segment from `a` to `b` in a lane. The surfaces at the ends are unknown; `rule` holds for both.
     #[inline]
+    #[cfg(any(test, feature = "internals"))]
     pub fn set(&mut self, lane: usize, a: Vec3, b: Vec3, rule: EndRule) {
-        let margin = rule.margin(a.distance(b));
-        self.set_between(lane, a, b, [margin, 1.0 - margin]);
-        self.widen([rule; 2]);
+        self.set_unknown(lane, a, b, [rule; 2]);
+    }
+
+    /// Stores the segment from `a` to `b` in a lane. The surfaces at the ends have no known normals. The second rule is
+    /// [`EndRule::seen_from`] the first.
+    #[inline]
+    pub fn set_unknown(&mut self, lane: usize, a: Vec3, b: Vec3, rules: [EndRule; 2]) {
+        let length = a.distance(b);
+        let [first, last] = rules.map(|rule| rule.margin(length));
+        if rules[1].reach < rules[0].reach {
+            // The margin as a part of the length may be below the rounding of parameters near 1, so the end itself moves.
+            self.set_between(lane, a, b + last * (a - b), [first, 1.0]);
+            self.backwards |= 1 << lane;
+        } else {
+            self.set_between(lane, a, b, [first, 1.0 - last]);
+        }
+        self.widen(rules);
     }
 
     /// Stores the segment from `a` to `b` in a lane, both from [`EndRule::lifted`] with these rules, the second of which is
@@ -209,8 +224,7 @@ impl EndRule {
     /// than a factor of 16 and the segment is tested from this end.
     #[inline]
     pub fn seen_from(self, from: EndRule) -> EndRule {
-        let close = from.reach <= Self::MAX_RATIO * self.reach;
-        EndRule { reach: if close { self.reach.max(from.reach) } else { self.reach } }
+        EndRule { reach: if self.is_close_to(from) { self.reach.max(from.reach) } else { self.reach } }
     }
 
     /// r, the bound on rounding errors of the coordinates at the end, scene units.
@@ -237,11 +251,21 @@ impl EndRule {
         at + self.height().copysign(normal.dot(from - at)) * normal
     }
 
+    /// Length that segments leave out at an end on an unknown surface, scene units.
+    pub fn left_out(self) -> f32 {
+        Self::UNKNOWN * self.slack()
+    }
+
+    /// Whether r is no less than that of another rule by more than a factor of 16, the ratio up to which ends share the larger one.
+    pub fn is_close_to(self, larger: EndRule) -> bool {
+        larger.reach <= Self::MAX_RATIO * self.reach
+    }
+
     /// Margin at the end of a segment of this length (scene units) at an unknown surface, a parameter in `(0, 0.05]`.
     #[inline]
     pub fn margin(self, length: f32) -> f32 {
         // `min` also replaces the NaN of a segment of length 0.
-        (Self::UNKNOWN * self.slack() / length).min(Self::MAX_MARGIN)
+        (self.left_out() / length).min(Self::MAX_MARGIN)
     }
 
     /// The same at a lifted end.
