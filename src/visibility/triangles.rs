@@ -317,7 +317,7 @@ impl Fans {
     }
 
     #[inline(always)]
-    fn planes_of<S: Simd>(&self, simd: S, block: &Block, k: usize) -> Planes<S> {
+    fn planes_of<'b, S: Simd>(&self, simd: S, block: &'b Block, k: usize) -> Planes<'b, S> {
         Planes {
             planes: [
                 pick(simd, &self.planes[0], k),
@@ -326,29 +326,29 @@ impl Fans {
             ],
             height: simd.splat(self.height[k]),
             rounding: simd.splat(self.rounding[k]),
-            near_an_end: (self.amid >> k & 1 == 0).then(|| Triangle::of(block, k)),
+            near_an_end: (self.amid >> k & 1 == 0).then_some((block, k)),
         }
     }
 }
 
 /// The planes of one triangle, repeated in every lane; see [`Fans`].
-struct Planes<S: Simd> {
+struct Planes<'b, S: Simd> {
     planes: [Vector<S>; 3],
     height: S::F,
     rounding: S::F,
-    /// The triangle, if a segment may end on it.
-    near_an_end: Option<Triangle>,
+    /// The triangle in its block, if a segment may end on it.
+    near_an_end: Option<(&'b Block, usize)>,
 }
 
-impl<S: Simd> Planes<S> {
+impl<S: Simd> Planes<'_, S> {
     /// Active lanes of a packet that the triangle blocks.
     #[inline(always)]
     fn hits(&self, simd: S, packet: &Packet) -> u32 {
         if packet.backwards != 0
-            && let Some(triangle) = &self.near_an_end
+            && let Some((block, k)) = self.near_an_end
         {
             // The common end has rounding errors that are larger than the margins at the other ends.
-            return triangle.blocks(simd, packet) & packet.active;
+            return Triangle::of(block, k).blocks(simd, packet) & packet.active;
         }
         let d = vector::load(simd, &packet.direction);
         let [a, b, c] = &self.planes;
