@@ -163,6 +163,9 @@ struct Fans {
     /// A segment's line passes through the triangle, ahead of the receiver end, where all three products of planes and
     /// direction are >= 0. The products sum to the determinant.
     planes: [[[f32; LANES]; 3]; 3],
+    /// The determinant is the product with the direction. The sum of the three products differs from it by the rounding of products with
+    /// the distance, which is too much for the parameter of a hit on a distant triangle.
+    normal: [[f32; LANES]; 3],
     /// t times the determinant, >= 0.
     height: [f32; LANES],
     /// Bounds of the products' rounding errors.
@@ -223,6 +226,7 @@ impl Fans {
         }
         let mut fans = Fans {
             planes: [[[0.0; LANES]; 3]; 3],
+            normal: [[0.0; LANES]; 3],
             height: [0.0; LANES],
             rounding: [0.0; LANES],
             covering: simd.bits(covering) & crossed & amid,
@@ -232,6 +236,7 @@ impl Fans {
         vector::store(simd, &a, &mut fans.planes[0]);
         vector::store(simd, &b, &mut fans.planes[1]);
         vector::store(simd, &c, &mut fans.planes[2]);
+        vector::store(simd, &normal, &mut fans.normal);
         simd.store(height, &mut fans.height);
         simd.store(simd.mul(rounding, simd.splat(shaft.longest())), &mut fans.rounding);
         fans
@@ -324,6 +329,7 @@ impl Fans {
                 pick(simd, &self.planes[1], k),
                 pick(simd, &self.planes[2], k),
             ],
+            normal: pick(simd, &self.normal, k),
             height: simd.splat(self.height[k]),
             rounding: simd.splat(self.rounding[k]),
             near_an_end: (self.amid >> k & 1 == 0).then_some((block, k)),
@@ -334,6 +340,7 @@ impl Fans {
 /// The planes of one triangle, repeated in every lane; see [`Fans`].
 struct Planes<'b, S: Simd> {
     planes: [Vector<S>; 3],
+    normal: Vector<S>,
     height: S::F,
     rounding: S::F,
     /// The triangle in its block, if a segment may end on it.
@@ -359,6 +366,7 @@ impl<S: Simd> Planes<'_, S> {
         let inside = simd.le(beside, simd.min(simd.min(a, b), c));
         let mut hit = simd.and(inside, simd.lt(self.rounding, det));
         if self.near_an_end.is_some() {
+            let det = vector::dot(simd, &self.normal, &d);
             let beyond = simd.le(simd.mul(simd.load(&packet.near), det), self.height);
             let before = simd.le(self.height, simd.mul(simd.load(&packet.far), det));
             hit = simd.and(hit, simd.and(beyond, before));
