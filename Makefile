@@ -1,7 +1,7 @@
 # `make demo` and `make test` include all set-up; `make help` lists the other targets.
 
 PREFIX ?= /usr/local
-SCENES ?= livingroom kitchen office park sponza
+SCENES ?= livingroom kitchen office park sponza garden valley
 # Scene and options of `make demo`; with these defaults the measurement takes about a minute on one core.
 DEMO_SCENE ?= livingroom
 DEMO_OPTIONS ?= --points 8000 --reference-rays 512

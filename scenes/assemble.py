@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
-"""Assembles scenes of real furniture, trees and architecture from installable packages.
+"""Assembles scenes of real furniture, trees and architecture from installable packages, and two outdoor scenes by formula.
 
-    python3 scenes/assemble.py [livingroom kitchen office park sponza] [--out scenes/real] [--force]
+    python3 scenes/assemble.py [livingroom kitchen office park sponza garden valley] [--out scenes/real] [--force]
 
 Furniture and trees come from Debian's package sweethome3d-furniture (models under CC0 and CC-BY; every OBJ file and
 CREDITS.txt hold the credits), Sponza comes from the crate `bvh`. layouts.py lists the pieces and their positions. The
 script needs only Python's standard library. Equal inputs give equal files.
 
 Each scene is one OBJ file with its MTL file: metres, z up (sponza: y up, its own scale), one object (`o`) per piece of
-furniture, the polygons of the original models, and copies of the textures. Only the light panels have a Ke.
+furniture, the polygons of the original models, and copies of the textures. Only the light panels and skies have a Ke.
 """
 
 import argparse
@@ -28,6 +28,7 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path.insert(0, HERE)
 sys.dont_write_bytecode = True
 import layouts  # noqa: E402
+import outdoor  # noqa: E402
 
 CATALOGUES = {
     # short name in layouts.py: (file, licence)
@@ -490,16 +491,19 @@ class Scene:
         for name, data in sorted(self.textures.items()):
             with open(os.path.join(self.out, "textures", name), "wb") as file:
                 file.write(data)
-        head = [
-            f"# {self.name}: assembled by mrvis scenes/assemble.py ({self.stamp})",
-            f"# units: {unit}, {up} up; {self.triangles} triangles after triangulation",
+        origin = [
             "# The models below were scaled, turned, placed and given other material names; normals were left out.",
             "# Credits and licences of the models:",
             *[f"#   {self.credits[k]}" for k in sorted(self.credits)],
+        ]
+        head = [
+            f"# {self.name}: assembled by mrvis scenes/assemble.py ({self.stamp})",
+            f"# units: {unit}, {up} up; {self.triangles} triangles after triangulation",
+            *(origin if self.credits else []),
             f"mtllib {self.name}.mtl",
         ]
         with replacing(os.path.join(self.out, f"{self.name}.mtl")) as file:
-            file.write("\n".join(head[:1] + head[3:-1] + [""] + self.mtl) + "\n")
+            file.write("\n".join(head[:1] + origin[1:] * bool(self.credits) + [""] + self.mtl) + "\n")
         self.obj.seek(0)
         with replacing(os.path.join(self.out, f"{self.name}.obj")) as file:
             file.write("\n".join(head) + "\n")
@@ -579,6 +583,16 @@ def sponza(catalogue, out, stamp):
     return scene
 
 
+OUTDOOR = {"garden": outdoor.garden, "valley": outdoor.valley}
+
+
+def by_formula(name, catalogue, out, stamp):
+    scene = Scene(name, catalogue, out, stamp)
+    OUTDOOR[name](scene)
+    scene.write()
+    return scene
+
+
 def fetch_sponza():
     """Returns media/sponza.obj of the crate `bvh`. cargo fetches the crate as a dependency of a temporary package."""
     cargo = os.environ.get("CARGO", "cargo")
@@ -643,7 +657,7 @@ def check(path):
 
 def fingerprint(name, folder):
     digest = hashlib.sha256(name.encode())
-    for file in ("assemble.py", "layouts.py"):
+    for file in ("assemble.py", "layouts.py", "outdoor.py"):
         with open(os.path.join(HERE, file), "rb") as data:
             digest.update(data.read())
     for file, _ in CATALOGUES.values():
@@ -661,7 +675,7 @@ def up_to_date(path, stamp):
 
 
 def main():
-    every = [*layouts.SCENES, "sponza"]
+    every = [*layouts.SCENES, "sponza", *OUTDOOR]
     parser = argparse.ArgumentParser(description="Assembles scenes of real furniture, trees and architecture.", epilog="scenes: " + ", ".join(every))
     parser.add_argument("scenes", nargs="*", metavar="SCENE", help="scenes to assemble (default: all)")
     parser.add_argument("--out", default=os.path.join(HERE, "real"), help="folder to write into (default: scenes/real)")
@@ -680,7 +694,8 @@ def main():
             say(f"{name} is up to date")
             continue
         catalogue = Catalogue(args.furniture)  # one per scene, to free the memory of the previous one
-        scene = sponza(catalogue, args.out, stamp) if name == "sponza" else furnished(name, catalogue, args.out, stamp)
+        make = by_formula if name in OUTDOOR else sponza if name == "sponza" else furnished
+        make(name, catalogue, args.out, stamp)
         vertices, triangles = check(path)
         size = os.path.getsize(path) / 1e6
         say(f"{name}: {triangles} triangles, {vertices} vertices, {size:.0f} MB, in {os.path.relpath(path)}")

@@ -108,10 +108,10 @@ def main():
         if not os.path.exists(name):
             options = ["--samples", str(args.samples), "--out", name] + ["--direct-only"] * direct
             print(f"{name}: {run([mrvis, 'reference', *scene, *options]):.0f} s", flush=True)
-    print(f"\n| {count} points | options | RMS / mean | bias | RMS of elements | bias | user time |")
-    print("| --- | --- | --- | --- | --- | --- | --- |")
+    print(f"\n| {count} points | options | RMS / mean | bias | RMS of elements | bias | RMS of the mesh | user time |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- |")
     for name, options, direct in RUNS:
-        seconds = run([mrvis, "solve", *scene, "--threads", "1", "--out", "solution", "--output", "vtu", *options])
+        seconds = run([mrvis, "solve", *scene, "--threads", "1", "--out", "solution", "--output", "vtu,ply", *options])
         reference = f"reference-{'direct' if direct else 'all'}-{args.samples}.csv"
         compare = [mrvis, "compare", reference, "solution/irradiance.csv", "--quiet", "--json", "compare.json"]
         run(compare)
@@ -120,10 +120,11 @@ def main():
         # The difference includes the noise of the reference, which is independent of the error of the solution.
         noise = found["reference_noise"]
         rms = max(found["rms"] ** 2 - noise**2, 0.0) ** 0.5
-        columns = "- | -"
+        columns = "- | - | -"
         if not direct:
             error, bias = elements.compare(mrvis, "cornell.obj", "solution/solution.vtu", ["--unit", "mm"])
-            columns = f"{100 * error:.2f} % | {100 * bias:+.2f} %"
+            of_mesh, _ = elements.compare(mrvis, "cornell.obj", "solution/solution.ply", ["--unit", "mm"])
+            columns = f"{100 * error:.2f} % | {100 * bias:+.2f} % | {100 * of_mesh:.2f} %"
         options = " ".join(options) or "none"
         print(f"| {name} | `{options}` | {100 * rms:.2f} % | {100 * found['bias']:+.2f} % | {columns} | {seconds:.2f} s |")
     print("\nThe noise of the references is subtracted.")

@@ -1,4 +1,4 @@
-"""Compares the irradiance of elements, read from `solution.vtu`, with path-traced references.
+"""Compares the irradiance of elements (`solution.vtu`) and of the exported mesh (`solution.ply`) with path-traced references.
 
 Elements are drawn with a probability proportional to their area. The reference of an element is the mean over points that are
 drawn on it at random; its noise is estimated from their spread and subtracted. It needs only Python's standard library.
@@ -31,6 +31,32 @@ def read_vtu(path):
         values = array.array(codes[kind.decode()])
         values.frombytes(data[at + 8 : at + 8 + size])
         found[name.decode()] = list(zip(*[iter(values)] * width)) if width > 1 else list(values)
+    return found
+
+
+def read_ply(path):
+    """Returns the triangles of a `.ply` file of mrvis in the form of `read_vtu`.
+
+    The irradiance of a triangle is the mean of its vertices: the mean of what linear interpolation gives.
+    """
+    data = open(path, "rb").read()
+    end = data.index(b"end_header\n") + len(b"end_header\n")
+    head = data[:end].decode("ascii")
+    counts = {name: int(count) for name, count in re.findall(r"element (\w+) (\d+)", head)}
+    fields = re.findall(r"property (float|double|uchar) (\w+)", head)
+    layout = struct.Struct("<" + "".join({"float": "f", "double": "d", "uchar": "B"}[kind] for kind, _ in fields))
+    names = [name for _, name in fields]
+    light, place = names.index("irradiance_r"), names.index("x")
+    faces = end + counts["vertex"] * layout.size
+    vertices = list(layout.iter_unpack(data[end:faces]))
+    points = [v[place : place + 3] for v in vertices]
+    found = {"points": points, "connectivity": [], "offsets": [], "area": [], "irradiance": []}
+    for _, *corners in struct.iter_unpack("<Biii", data[faces:]):
+        a, b, c = (points[i] for i in corners)
+        found["connectivity"] += corners
+        found["offsets"].append(len(found["connectivity"]))
+        found["area"].append(0.5 * length(cross(subtract(b, a), subtract(c, a))))
+        found["irradiance"].append([sum(vertices[i][light + k] for i in corners) / 3 for k in range(3)])
     return found
 
 
@@ -71,13 +97,14 @@ def draw_elements(vtu, count, each, seed):
         yield e, made
 
 
-def compare(mrvis, scene, vtu_path, options=(), count=500, each=16, samples=128, seed=7):
-    """Returns the RMS error and the bias of the elements' irradiance, relative to its mean; the reference's noise is subtracted.
+def compare(mrvis, scene, path, options=(), count=500, each=16, samples=128, seed=7):
+    """Returns the RMS error and the bias of the irradiance of the elements in a `.vtu` file or of the triangles in a `.ply` file,
+    relative to the mean irradiance; the reference's noise is subtracted.
 
     `options` are options of `mrvis reference` that the solution needs as well, such as `--unit`. References are kept in the working
-    folder for other solutions with the same elements.
+    folder for other solutions with the same elements or triangles.
     """
-    vtu = read_vtu(vtu_path)
+    vtu = read_ply(path) if path.endswith(".ply") else read_vtu(path)
     drawn = list(draw_elements(vtu, count, each, seed))
     with open("elements.csv", "w", encoding="utf-8") as file:
         file.write("x,y,z,nx,ny,nz\n")
