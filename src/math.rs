@@ -82,3 +82,9 @@ pub fn triangle_normal(a: Vec3, b: Vec3, c: Vec3) -> Vec3 {
     let (a, b, c) = (a.as_dvec3(), b.as_dvec3(), c.as_dvec3());
     (b - a).cross(c - a).normalize_or_zero().as_vec3()
 }
+
+/// A point that rounding moved off the plane of a triangle, moved back onto it along the triangle's normal.
+pub fn on_plane([a, b, c]: [Vec3; 3], point: Vec3) -> Vec3 {
+    let normal = triangle_normal(a, b, c);
+    point - normal.dot(point - a) * normal
+}

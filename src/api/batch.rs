@@ -3,7 +3,8 @@
 use super::segments::{Answers, Frame, Segments};
 use super::visibility::{Chosen, Visibility};
 use crate::Result;
-use crate::ray::{EndRule, LANES, Occluder, Packet};
+use crate::model::Model;
+use crate::ray::{LANES, Occluder, Packet};
 use crate::visibility::{
     Answer, Bundle, Cost, Exact, Method, MultiResolution, Work, Workspace, sample_runs, wilson,
 };
@@ -29,7 +30,7 @@ impl Visibility {
             let frame = segments.frame(self.model.scene().origin);
             segments.check(&frame)?;
             answers.check(segments.bundle_count(), segments.origins.len())?;
-            let ask = Ask { segments, frame, ends: self.model.end_rule() };
+            let ask = Ask { segments, frame, model: &self.model };
             let engine = match self.chosen(segments.feature_sizes.is_some())? {
                 Chosen::Either(engine) => {
                     if ask.pays(&engine) {
@@ -122,7 +123,7 @@ fn front<'a, T>(slice: &mut &'a mut [T], count: usize) -> &'a mut [T] {
 struct Ask<'a> {
     segments: &'a Segments<'a>,
     frame: Frame<'a>,
-    ends: EndRule,
+    model: &'a Model,
 }
 
 impl Ask<'_> {
@@ -133,7 +134,10 @@ impl Ask<'_> {
                 packets.push(Packet::EMPTY);
             }
             let (from, to) = self.frame.ends(i);
-            packets.last_mut().expect("just pushed").set(k % LANES, from, to, self.ends);
+            let along = (to - from).normalize_or_zero();
+            let here = self.model.end_at(from, along);
+            let rules = [here, self.model.end_at(to, along).seen_from(here)];
+            packets.last_mut().expect("just pushed").set_unknown(k % LANES, from, to, rules);
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::positive;
 use super::visibility::{Chosen, Visibility};
-use crate::ray::{LANES, Packet, gather_neighbours};
+use crate::ray::{EndRule, LANES, Packet, gather_neighbours};
 use crate::visibility::{Answer, Bundle, Cost, Method, wilson};
 use crate::{Error, Result};
 use glam::{DVec3, Vec3};
@@ -111,7 +111,7 @@ impl<'a> Query<'a> {
                 self.normal
             )));
         }
-        let rule = model.end_rule();
+        let rule = model.end_at(position, normal);
         let from = rule.lifted(position, normal);
         if self.rays == 0 || self.rays > MAX_RAYS {
             return Err(Error::Argument(format!("`rays` {}: must lie in 1..{MAX_RAYS}", self.rays)));
@@ -125,7 +125,8 @@ impl<'a> Query<'a> {
                 if to == position {
                     return Err(Error::Argument(format!("`to_point` {p:?}: is the point itself")));
                 }
-                (vec![to], 0.0, &[][..])
+                let there = model.end_at(to, (to - position).normalize_or_zero()).seen_from(rule);
+                (vec![(to, there)], 0.0, &[][..])
             }
             Some(Target::Source(source)) => {
                 let sampler = model.samplers().get(source).ok_or_else(|| {
@@ -141,23 +142,24 @@ impl<'a> Query<'a> {
                 let faces = if all { sampler.all() } else { sampler.facing(scene, from) };
                 let draw = |i: usize| sample_4d(i as u32, 0, self.seed);
                 let end = |[u, v, ..]: [f32; 4]| {
-                    let (at, normal) = faces.sample(scene, u, v);
-                    rule.lifted_towards(at, normal, from)
+                    let (at, normal, magnitude) = faces.sample(scene, u, v);
+                    let there = EndRule::new(magnitude).seen_from(rule);
+                    (there.lifted_towards(at, normal, from), there)
                 };
-                let ends: Vec<Vec3> = (0..self.rays).map(draw).map(end).collect();
+                let ends: Vec<(Vec3, EndRule)> = (0..self.rays).map(draw).map(end).collect();
                 (ends, sampler.size_from(from), sampler.hull())
             }
         };
         let above = |to: &Vec3| normal.dot(*to - from) > 0.0;
         let asked = ends.len();
-        let mut ends: Vec<Vec3> = ends.into_iter().filter(above).collect();
+        let mut ends: Vec<(Vec3, EndRule)> = ends.into_iter().filter(|(to, _)| above(to)).collect();
         if ends.is_empty() && (hull.is_empty() || !hull.iter().any(above)) {
             return Ok(hidden());
         }
         gather_neighbours(&mut ends);
         let mut packets = vec![Packet::EMPTY; ends.len().div_ceil(LANES)];
-        for (k, &to) in ends.iter().enumerate() {
-            packets[k / LANES].set_lifted(k % LANES, from, to, rule);
+        for (k, &(to, there)) in ends.iter().enumerate() {
+            packets[k / LANES].set_lifted(k % LANES, from, to, [rule, there]);
         }
         let bundle = Bundle { packets: &packets, emitter_size, emitter: hull };
         let answer = model.with_workspace(|workspace| match (&chosen, size) {

@@ -99,8 +99,9 @@ impl Sizes<'_> {
 /// their precision and nothing is copied. A batch whose `relative_to` is [`Scene::origin`](crate::Scene::origin) is traced bit by
 /// bit as given; by default positions are in the coordinates of the file.
 ///
-/// Surfaces at the ends are not known: 6.4e-6 of the scene's largest coordinate is left out at both ends. Ends on surfaces of which
-/// segments leave at less than 4° should be given 2e-6 of that coordinate above them.
+/// Surfaces at the ends are not known: 6.4e-6 of the scene's largest coordinate is left out at both ends, or of the largest coordinate
+/// of the end and of the face at it, where those of the end are below a sixteenth of the scene's. Ends on surfaces of which segments
+/// leave at less than 4° should be given 2e-6 of that coordinate above them.
 ///
 /// Segments of a bundle should begin at one place and end at one emitter, those that end close together one after the other;
 /// bundles whose receivers are neighbours should follow each other: that is faster, and answers do not depend on it but for rounding.

@@ -178,6 +178,31 @@ fn single_questions_agree_with_batches() {
     assert_eq!(point.transmittance, 1.0);
 }
 
+/// A plate 2 mm above a floor hides a lamp at 50 km, from the floor to the lamp and back.
+#[test]
+fn what_lies_near_an_end_blocks_however_large_the_scene_is() {
+    use glam::DVec3;
+    let mut pieces = crate::scene::testing::Pieces::new();
+    pieces.quad(DVec3::ZERO, 10.0 * DVec3::X, 10.0 * DVec3::Y);
+    pieces.object("plate").quad(0.002 * DVec3::Z, 2.0 * DVec3::X, 2.0 * DVec3::Y);
+    pieces.light(5e4 * DVec3::Z, 10.0 * DVec3::Y, 10.0 * DVec3::X);
+    let model = Model::prepare(pieces.scene(), &PrepareOptions::default(), &()).unwrap();
+    let floor = [[0.3f32, -0.2, 0.0], [-0.4, 0.1, 0.0], [1.5, 0.0, 0.0], [-2.0, 1.7, 0.0]];
+    let lamp = [[1.0f32, 2.0, 5e4]; 4];
+    for engine in [Engine::Exact, Engine::MultiResolution] {
+        let visibility = model.visibility().with_engine(engine);
+        for (from, to) in [(&floor, &lamp), (&lamp, &floor)] {
+            let segments = Segments::new(&from[..], &to[..], &[0, 1, 2, 3, 4]).feature_size(0.1);
+            assert_eq!(ask(&visibility, &segments, true).each, [0.0, 0.0, 1.0, 1.0], "{engine:?}");
+        }
+        for (at, seen) in floor.iter().zip([0.0, 0.0, 1.0, 1.0]) {
+            let query = visibility.from_point(at.map(f64::from), [0.0, 0.0, 1.0]).feature_size(0.1);
+            assert_eq!(query.to_source(0).answer().unwrap().transmittance, seen);
+            assert_eq!(query.to_point([1.0, 2.0, 5e4]).answer().unwrap().transmittance, seen);
+        }
+    }
+}
+
 #[test]
 fn wrong_arguments_are_named_and_nothing_is_written() {
     let model = forest();

@@ -2,8 +2,7 @@
 
 use crate::math::Aabb;
 use crate::math::sampling::on_triangle;
-use crate::model::{Instance, Model};
-use crate::scene::Scene;
+use crate::model::{Instance, Mesh, Model};
 use glam::Vec3;
 use rayon::prelude::*;
 use sobol_burley::sample_4d;
@@ -15,6 +14,8 @@ pub struct ReceiverPoint {
     pub position: Vec3,
     /// Unit normal.
     pub normal: Vec3,
+    /// Largest coordinate magnitude of the surface there, scene units: the scale of rounding errors.
+    pub magnitude: f32,
 }
 
 /// A hash of 32 bits.
@@ -31,7 +32,7 @@ pub(super) fn scramble(v: u64) -> u32 {
 /// Every surface emits.
 pub fn surface_points(model: &Model, count: usize, seed: u64) -> crate::Result<Vec<ReceiverPoint>> {
     let meshes: Vec<ReceivingTriangles> =
-        model.meshes().iter().map(|mesh| ReceivingTriangles::of(mesh.scene())).collect();
+        model.meshes().iter().map(|mesh| ReceivingTriangles::of(mesh)).collect();
     // Sums of areas: the scene's own triangles first, then the placed meshes.
     let mut sum = 0.0;
     let mut placed = Vec::new();
@@ -54,7 +55,7 @@ pub fn surface_points(model: &Model, count: usize, seed: u64) -> crate::Result<V
             // The first sum is 0; of instances without area the last has the same sum as the next with one.
             let (before, instance) = placed[placed.partition_point(|(before, _)| *before <= target) - 1];
             let target = (target - before) / area_scale(instance);
-            let point = moved(meshes[instance.mesh as usize].point(target, draw), instance);
+            let point = meshes[instance.mesh as usize].point(target, draw, instance);
             (curve_key(bounds, point.position), point)
         })
         .collect();
@@ -65,13 +66,14 @@ pub fn surface_points(model: &Model, count: usize, seed: u64) -> crate::Result<V
 
 /// Triangles of a mesh that do not emit, with cumulative areas.
 struct ReceivingTriangles<'a> {
-    scene: &'a Scene,
+    mesh: &'a Mesh,
     triangles: Vec<u32>,
     sums: Vec<f64>,
 }
 
 impl<'a> ReceivingTriangles<'a> {
-    fn of(scene: &'a Scene) -> ReceivingTriangles<'a> {
+    fn of(mesh: &'a Mesh) -> ReceivingTriangles<'a> {
+        let scene = mesh.scene();
         let triangles: Vec<u32> = (0..scene.triangles.len() as u32)
             .filter(|&t| scene.triangle_emitter[t as usize] == u32::MAX)
             .collect();
@@ -82,7 +84,7 @@ impl<'a> ReceivingTriangles<'a> {
             sum += crate::math::triangle_area(a, b, c);
             sums.push(sum);
         }
-        ReceivingTriangles { scene, triangles, sums }
+        ReceivingTriangles { mesh, triangles, sums }
     }
 
     /// Area of all triangles, squared units of the mesh.
@@ -90,28 +92,25 @@ impl<'a> ReceivingTriangles<'a> {
         self.sums.last().copied().unwrap_or(0.0)
     }
 
-    /// The point at which the cumulative area reaches `target`; a sheet gets points on both sides.
-    fn point(&self, target: f64, draw: [f32; 4]) -> ReceiverPoint {
+    /// The point at which the cumulative area reaches `target`, where the instance places it; a sheet gets points on both sides.
+    fn point(&self, target: f64, draw: [f32; 4], instance: &Instance) -> ReceiverPoint {
         let k = self.sums.partition_point(|&s| s <= target).min(self.sums.len() - 1);
-        let corners = self.scene.corners(self.triangles[k]);
+        let (scene, face) = (self.mesh.scene(), self.triangles[k]);
+        let corners = scene.corners(face);
         let position = on_triangle(corners, draw[1], draw[2]);
         let mut normal = crate::math::triangle_normal(corners[0], corners[1], corners[2]);
-        if self.scene.triangle_sides[self.triangles[k] as usize] == 2 && draw[3] < 0.5 {
+        if scene.triangle_sides[face as usize] == 2 && draw[3] < 0.5 {
             normal = -normal;
         }
-        ReceiverPoint { position, normal }
+        let position = instance.transform.transform_point3(position.as_dvec3()).as_vec3();
+        let magnitude = instance.magnitude_of(self.mesh, face);
+        ReceiverPoint { position, normal: instance.turned(normal), magnitude }
     }
 }
 
 /// Ratio of the area of a placed triangle to its area in the mesh.
 fn area_scale(instance: &Instance) -> f64 {
     instance.transform.matrix3.determinant().abs().cbrt().powi(2)
-}
-
-/// A point of a placed mesh, in the frame of the model.
-fn moved(ReceiverPoint { position, normal }: ReceiverPoint, instance: &Instance) -> ReceiverPoint {
-    let position = instance.transform.transform_point3(position.as_dvec3()).as_vec3();
-    ReceiverPoint { position, normal: instance.turned(normal) }
 }
 
 /// Index along a Morton curve of 2^10 cells per axis.

@@ -40,16 +40,13 @@ pub struct Workload {
     /// Pairs in the order of their points.
     pub pairs: Vec<Pair>,
     seed: u64,
-    ends: EndRule,
     samplers: Vec<EmitterSampler>,
 }
 
 impl Workload {
     /// All pairs of these points and the emitters of the model that face each other.
     pub fn new(model: &Model, points: Vec<ReceiverPoint>, seed: u64) -> Workload {
-        let scene = model.scene();
-        let samplers: Vec<EmitterSampler> =
-            scene.emitters.iter().map(|e| EmitterSampler::new(scene, e)).collect();
+        let samplers = model.samplers().to_vec();
         let pairs = points
             .par_iter()
             .enumerate()
@@ -64,7 +61,7 @@ impl Workload {
                 })
             })
             .collect();
-        Workload { points, pairs, seed, ends: model.end_rule(), samplers }
+        Workload { points, pairs, seed, samplers }
     }
 
     /// Appends `rays` segments of a pair to `packets`, sixteen per packet.
@@ -79,11 +76,11 @@ impl Workload {
         stream: u64,
         packets: &mut Vec<Packet>,
     ) {
-        self.each_segment(scene, pair, (rays, order), stream, |i, a, b| {
+        self.each_segment(scene, pair, (rays, order), stream, |i, a, b, rules| {
             if i % LANES == 0 {
                 packets.push(Packet::EMPTY);
             }
-            packets.last_mut().expect("just pushed").set_lifted(i % LANES, a, b, self.ends);
+            packets.last_mut().expect("just pushed").set_lifted(i % LANES, a, b, rules);
         });
     }
 
@@ -116,11 +113,11 @@ impl Workload {
         packets.clear();
         let mut n = 0;
         for &pair in pairs {
-            self.each_segment(scene, pair, (rays, Order::Near), stream, |_, a, b| {
+            self.each_segment(scene, pair, (rays, Order::Near), stream, |_, a, b, rules| {
                 if n % LANES == 0 {
                     packets.push(Packet::EMPTY);
                 }
-                packets.last_mut().expect("just pushed").set_lifted(n % LANES, a, b, self.ends);
+                packets.last_mut().expect("just pushed").set_lifted(n % LANES, a, b, rules);
                 n += 1;
             });
         }
@@ -132,7 +129,7 @@ impl Workload {
         pair: usize,
         (rays, order): (usize, Order),
         stream: u64,
-        mut f: impl FnMut(usize, Vec3, Vec3),
+        mut f: impl FnMut(usize, Vec3, Vec3, [EndRule; 2]),
     ) {
         let Pair { point, emitter, .. } = self.pairs[pair];
         let point = &self.points[point as usize];
@@ -141,15 +138,17 @@ impl Workload {
         let facing = sampler.facing(scene, point.position);
         // Owen-scrambled Sobol' points, stratified for every power of two; a scramble serves 65,536 points.
         let draw = |i: u32| sample_4d(i & 0xffff, 0, seed ^ (i >> 16).wrapping_mul(0x9e37_79b9));
-        let from = self.ends.lifted(point.position, point.normal);
+        let rule = EndRule::new(point.magnitude);
+        let from = rule.lifted(point.position, point.normal);
         let end = |[u, v, ..]: [f32; 4]| {
-            let (at, normal) = facing.sample(scene, u, v);
-            self.ends.lifted_towards(at, normal, from)
+            let (at, normal, magnitude) = facing.sample(scene, u, v);
+            let there = EndRule::new(magnitude).seen_from(rule);
+            (there.lifted_towards(at, normal, from), there)
         };
-        let mut ends: Vec<Vec3> = (0..rays as u32).map(draw).map(end).collect();
+        let mut ends: Vec<(Vec3, EndRule)> = (0..rays as u32).map(draw).map(end).collect();
         if order == Order::Near {
             gather_neighbours(&mut ends);
         }
-        ends.into_iter().enumerate().for_each(|(i, end)| f(i, from, end));
+        ends.into_iter().enumerate().for_each(|(i, (end, there))| f(i, from, end, [rule, there]));
     }
 }

@@ -3,9 +3,9 @@
 use super::lightmap::MAX_SIDE_TEXELS;
 use super::{Lightmap, Stage};
 use crate::error::quote;
-use crate::math::triangle_normal;
+use crate::math::{Aabb, triangle_normal};
 use crate::ray::{LANES, Packet};
-use crate::scene::Scene;
+use crate::scene::{Scene, magnitude};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -122,8 +122,6 @@ fn owners(scene: &Scene, faces: &[[Vec2; 3]], side: usize) -> Result<Vec<u32>, S
 
 /// Rays from just in front of the surface onto it, at up to sixteen texels of a row.
 fn probe_rays(scene: &Scene, faces: &[[Vec2; 3]], owner: &[u32], [left, y]: [usize; 2]) -> Packet {
-    let magnitude = scene.bounds.min.abs().max(scene.bounds.max.abs()).max_element();
-    let off = 1e-5 * scene.bounds.diagonal() + 2e-6 * magnitude;
     let mut rays = Packet::EMPTY;
     for (lane, &t) in owner[left..].iter().take(LANES).enumerate().filter(|(_, t)| **t != FREE) {
         let corners = scene.corners(t);
@@ -131,6 +129,8 @@ fn probe_rays(scene: &Scene, faces: &[[Vec2; 3]], owner: &[u32], [left, y]: [usi
         let place: Vec3 = corners.into_iter().zip(shares).map(|(p, w)| w * p).sum();
         let [a, b, c] = corners;
         let normal = triangle_normal(a, b, c);
+        // Elements of the face may be off its plane by a part of its size, and by rounding.
+        let off = 1e-5 * Aabb::of(corners).diagonal() + 2e-6 * magnitude(corners);
         rays.set_ray(lane, place + off * normal, -normal);
         rays.far[lane] = 2.0 * off;
     }

@@ -45,9 +45,9 @@ impl Model {
 
     /// A sampler for each emitter of the scene.
     pub(crate) fn samplers(&self) -> &[EmitterSampler] {
-        let scene = self.scene();
+        let (scene, magnitudes) = (self.scene(), self.base().magnitudes());
         self.inner.engines.samplers.get_or_init(|| {
-            scene.emitters.iter().map(|emitter| EmitterSampler::new(scene, emitter)).collect()
+            scene.emitters.iter().map(|emitter| EmitterSampler::new(scene, emitter, magnitudes)).collect()
         })
     }
 
@@ -77,7 +77,7 @@ impl Model {
                     Some(sampler) => sampler.all().sample(scene, u, v).0,
                     None => surfaces.point(scene, other, v, w),
                 };
-                packet.set(lane, from, to, ends);
+                packet.set_unknown(lane, from, to, [ends; 2]);
             }
             (packet, size)
         };

@@ -1,7 +1,8 @@
 //! Instances: placed meshes, and changes of them.
 
+use super::mesh::Mesh;
 use crate::math::Aabb;
-use crate::scene::{MAX_COORDINATE, MAX_STRETCH, MIN_EXTENT, Material, Scene, stretch};
+use crate::scene::{MAX_COORDINATE, MAX_STRETCH, MIN_EXTENT, Material, Scene, magnitude, stretch};
 use crate::{Error, Result};
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
 use std::sync::Arc;
@@ -53,6 +54,19 @@ impl Instance {
     pub(crate) fn turned(&self, normal: Vec3) -> Vec3 {
         // The scene's own triangles are not turned: their normals keep all bits.
         if self.mesh == 0 { normal } else { turned(self.transform.matrix3, normal) }
+    }
+
+    /// Largest coordinate magnitude of a face of its mesh and of that face's neighbours, scene units: in the frame of the model, and in
+    /// that of the mesh, in which Embree meets them.
+    pub(crate) fn magnitude_of(&self, mesh: &Mesh, triangle: u32) -> f32 {
+        let own = mesh.magnitudes()[triangle as usize];
+        if self.mesh == 0 {
+            return own;
+        }
+        let placed =
+            mesh.scene.corners(triangle).map(|p| self.transform.transform_point3(p.as_dvec3()).as_vec3());
+        let scale = self.transform.matrix3.determinant().abs().cbrt() as f32;
+        magnitude(placed).max(scale * own)
     }
 
     /// # Errors

@@ -6,7 +6,7 @@ use crate::optics::ClusterOptics;
 use crate::optics::groups::Part;
 use crate::scene::Scene;
 use crate::visibility::WideTree;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Triangles in a local frame, their Embree scene, and their clusters with optics as far as they were asked for.
 ///
@@ -15,6 +15,7 @@ pub struct Mesh {
     pub(super) scene: Arc<Scene>,
     pub(super) traced: CommittedScene,
     pub(super) clusters: Option<Arc<Clusters>>,
+    magnitudes: OnceLock<Vec<f32>>,
 }
 
 /// The clusters of a mesh.
@@ -44,6 +45,15 @@ impl Measured {
 }
 
 impl Mesh {
+    pub(super) fn new(scene: Arc<Scene>, traced: CommittedScene, clusters: Option<Arc<Clusters>>) -> Mesh {
+        Mesh { scene, traced, clusters, magnitudes: OnceLock::new() }
+    }
+
+    /// [`Scene::face_magnitudes`] in the mesh's own frame, made when first asked for.
+    pub(crate) fn magnitudes(&self) -> &[f32] {
+        self.magnitudes.get_or_init(|| self.scene.face_magnitudes())
+    }
+
     /// Geometry and materials, in the mesh's own frame.
     pub fn scene(&self) -> &Scene {
         &self.scene

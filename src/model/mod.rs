@@ -24,14 +24,15 @@ pub use mesh::Mesh;
 pub use prepare::{Detail, PrepareOptions, PrepareReport};
 pub use source::Source;
 
-use crate::embree::{CommittedScene, Device, Traversal};
+use crate::embree::{CommittedScene, Device, Hits, Traversal};
 use crate::math::Aabb;
-use crate::ray::EndRule;
-use crate::scene::Scene;
+use crate::ray::{EndRule, Packet};
+use crate::scene::{Scene, magnitude};
 use crate::threads::Threads;
 use crate::visibility::{LeafMode, MultiResolution};
 use crate::{Error, Result};
 use engines::Engines;
+use glam::Vec3;
 use std::sync::Arc;
 use top_level::TopLevel;
 
@@ -197,7 +198,34 @@ impl Model {
         bounds.min.abs().max(bounds.max.abs()).max_element()
     }
 
-    /// The rule for the open ends of segments.
+    /// The rule of an end on a face of an instance.
+    pub(crate) fn end_on(&self, instance: u32, triangle: u32) -> EndRule {
+        let placed = &self.inner.instances[instance as usize];
+        EndRule::new(placed.magnitude_of(&self.inner.meshes[placed.mesh as usize], triangle))
+    }
+
+    /// The rule of an end at a given point of a surface that is not known: that of the faces which a line through the point meets so
+    /// near to it that a segment would leave them out, and of the point's own coordinates. Where these are no less than a sixteenth of
+    /// the scene's largest, the rule of the whole scene.
+    pub(crate) fn end_at(&self, at: Vec3, along: Vec3) -> EndRule {
+        let (whole, own) = (self.end_rule(), EndRule::new(magnitude([at])));
+        if own.is_close_to(whole) {
+            return whole;
+        }
+        let faces = [1.0f32, -1.0].into_iter().filter_map(|side| {
+            let mut packet = Packet::EMPTY;
+            packet.set_ray(0, at, side * along);
+            packet.far[0] = whole.left_out();
+            let mut hits = [Hits::NONE];
+            self.traced().first_hits(self.widest_packets(), &[packet], &mut hits);
+            let [Hits { triangle, instance, t }] = hits;
+            let face = (triangle[0] != Hits::NOTHING).then(|| self.end_on(instance[0], triangle[0]));
+            face.filter(|rule| t[0] <= rule.left_out())
+        });
+        faces.fold(own, |all, rule| if rule.slack() > all.slack() { rule } else { all })
+    }
+
+    /// An end rule that holds on all faces.
     pub(crate) fn end_rule(&self) -> EndRule {
         EndRule::new(self.magnitude())
     }

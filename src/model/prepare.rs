@@ -145,7 +145,7 @@ impl Model {
         let mut report = self.inner.report.clone();
         let meshes = self.inner.meshes.iter().map(|mesh| {
             let clusters = clusters_of(&mesh.scene, options, progress, &mut report)?;
-            Ok(Arc::new(Mesh { scene: mesh.scene.clone(), traced: mesh.traced.clone(), clusters }))
+            Ok(Arc::new(Mesh::new(mesh.scene.clone(), mesh.traced.clone(), clusters)))
         });
         let meshes = meshes.collect::<Result<_>>()?;
         let Inner { scene, device, instances, sources, revision, threads, .. } = &*self.inner;
@@ -184,7 +184,7 @@ fn prepare(
     let mut meshes = Vec::with_capacity(scenes.len());
     for (scene, traced) in scenes.into_iter().zip(traced) {
         let clusters = clusters_of(scene, options, progress, &mut report)?;
-        meshes.push(Arc::new(Mesh { scene: scene.clone(), traced, clusters }));
+        meshes.push(Arc::new(Mesh::new(scene.clone(), traced, clusters)));
     }
     let instances = instances_of(&scene)?;
     let sources = (0..scene.emitters.len() as u32).map(|emitter| Source::Surface { emitter }).collect();

@@ -56,7 +56,7 @@ impl Model {
 
     /// Whether rays from one side of an emitter (1 front, −1 back) meet other surfaces.
     fn meets_others(&self, emitter: &Emitter, side: f32) -> bool {
-        let (scene, ends) = (self.scene(), self.end_rule());
+        let scene = self.scene();
         let length = 1.01 * self.bounds().diagonal();
         let seed = mix(u64::from(emitter.triangles[0]));
         let mut packets = [Packet::EMPTY; PACKETS];
@@ -65,7 +65,7 @@ impl Model {
             let [a, b, c] = scene.corners(face);
             let normal = side * triangle_normal(a, b, c);
             let [u, v, p, q] = numbers(seed, i as u64);
-            let from = ends.lifted(on_triangle([a, b, c], u, v), normal);
+            let from = self.end_on(0, face).lifted(on_triangle([a, b, c], u, v), normal);
             let to = from + length * cosine_direction(normal, p, q);
             packets[i / LANES].set_between(i % LANES, from, to, [0.0, 1.0]);
         }

@@ -1,6 +1,7 @@
 //! Sampling of points on emitters, proportional to power. The oracle has a sampler of its own, so that an error in that of the solver
 //! ([`crate::radiosity`]) or of the bench does not hide in both.
 
+use super::surfaces::skin;
 use crate::math::{triangle_area, triangle_normal};
 use crate::scene::{Profile, Scene};
 use glam::Vec3;
@@ -22,14 +23,16 @@ struct Face {
     profile: Option<Arc<Profile>>,
     /// Probability density per area of a point on this face, 1/length².
     density: f32,
+    /// Distance of ends of shadow rays from the face, scene units.
+    skin: f32,
 }
 
 /// A sampled point on an emitter, seen from a receiver point.
 pub struct EmitterSample {
-    /// The point, scene units.
-    pub point: Vec3,
-    /// Unit normal of its face, on the side that is seen.
-    pub normal: Vec3,
+    /// The end of the shadow ray, slightly above the face on the side that is seen; scene units.
+    pub end: Vec3,
+    /// Its distance from the face, scene units.
+    pub skin: f32,
     /// Unit direction from the receiver to the point.
     pub direction: Vec3,
     /// Emitted radiance, W/(m² sr), RGB.
@@ -57,6 +60,7 @@ impl PowerSampler {
                 radiance,
                 profile: material.profile.clone(),
                 density: strength as f32,
+                skin: skin([a, b, c]),
             });
         }
         faces.iter_mut().for_each(|f| f.density = (f64::from(f.density) / total) as f32);
@@ -82,8 +86,8 @@ impl PowerSampler {
         let cosine = self.facing(-face.normal.dot(direction), profile.is_some())?;
         let gain = profile.map_or(1.0, |p| p.gain(-direction, cosine));
         Some(EmitterSample {
-            point,
-            normal: if face.normal.dot(direction) > 0.0 { -face.normal } else { face.normal },
+            end: point - face.skin.copysign(face.normal.dot(direction)) * face.normal,
+            skin: face.skin,
             direction,
             radiance: face.radiance.map(|l| l * gain),
             density: face.density * squared / cosine,

@@ -1,7 +1,7 @@
 //! Paths from one point, advanced bounce by bounce so that rays form Embree packets.
 
 use super::light::PowerSampler;
-use super::surfaces::Surfaces;
+use super::surfaces::{SurfaceHit, Surfaces};
 use super::{Estimate, Settings};
 use crate::embree::Hits;
 use crate::points::Point;
@@ -24,6 +24,8 @@ const SEQUENCE_SAMPLES: u32 = 1 << 16;
 /// A path at its current vertex.
 struct Path {
     position: Vec3,
+    /// Its distance from its surface, scene units.
+    skin: f32,
     normal: Vec3,
     throughput: [f32; 3],
     sample: u32,
@@ -55,13 +57,14 @@ impl<'a> Paths<'a> {
         };
         self.sums = Default::default();
         let normal = point.normal.as_vec3();
-        let start = self.surfaces.start(self.surfaces.local(point.position), normal);
+        let (start, skin) = self.surfaces.start(self.surfaces.local(point.position), normal);
         let stream = mix(self.settings.seed ^ mix(number));
         let total = self.settings.samples;
         for first in (0..total).step_by(BATCH_PATHS as usize) {
             self.active.clear();
             self.active.extend((first..total.min(first.saturating_add(BATCH_PATHS))).map(|sample| Path {
                 position: start,
+                skin,
                 normal,
                 // Irradiance is π times the mean radiance over cosine-distributed directions.
                 throughput: [PI; 3],
@@ -94,8 +97,12 @@ impl<'a> Paths<'a> {
                         // Balance heuristic with the sampled direction, which can hit the same emitter.
                         let share = chance / (chance + emitter_sample.density);
                         direct[lane] = product(path.throughput, emitter_sample.radiance).map(|x| x * share);
-                        let end = emitter_sample.point + self.surfaces.skin * emitter_sample.normal;
-                        shadow.set_between(lane, path.position, end, [0.0, 1.0]);
+                        // A ray is most exact at its start: the end with the smaller coordinates.
+                        let mut ends = [path.position, emitter_sample.end];
+                        if emitter_sample.skin < path.skin {
+                            ends.reverse();
+                        }
+                        shadow.set_between(lane, ends[0], ends[1], [0.0, 1.0]);
                     }
                 }
                 directions[lane] = cosine_direction(path.normal, u[0], u[1]);
@@ -133,7 +140,8 @@ impl<'a> Paths<'a> {
                 }
                 throughput = throughput.map(|x| x / survival);
                 let Path { sample, .. } = *path;
-                self.next.push(Path { position: place.position, normal: place.normal, throughput, sample });
+                let SurfaceHit { position, skin, normal, .. } = place;
+                self.next.push(Path { position, skin, normal, throughput, sample });
             }
         }
     }

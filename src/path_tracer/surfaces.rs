@@ -16,9 +16,6 @@ pub struct Surfaces<'a> {
     traced: CommittedScene,
     /// Unit normals of the triangles of each mesh, in the frame of the mesh.
     normals: Vec<Vec<Vec3>>,
-    /// Distance above a surface at which paths start, continue and end: 34 roundings (2⁻²⁴) of the largest coordinate,
-    /// four times what intersections with triangles as large as the scene err by; scene units.
-    pub skin: f32,
     /// Largest distance of a given point from its surface, scene units.
     slack: f32,
 }
@@ -27,6 +24,8 @@ pub struct Surfaces<'a> {
 pub struct SurfaceHit<'a> {
     /// Start of the next rays, slightly above the surface on the side that was hit; scene units.
     pub position: Vec3,
+    /// Distance of the position from the surface, scene units; see [`skin`].
+    pub skin: f32,
     /// Unit normal of the side that was hit.
     pub normal: Vec3,
     /// Reflectance, RGB, in `[0, 1]`.
@@ -37,6 +36,12 @@ pub struct SurfaceHit<'a> {
     pub profile: Option<&'a Profile>,
     /// Cosine between the face's front normal and the reverse ray direction, positive on the front.
     pub cosine: f32,
+}
+
+/// Distance above a face with these corners at which paths start, continue and end: 34 roundings (2⁻²⁴) of the largest coordinate of
+/// the face, four times what intersections with it err by for rays from places with no larger coordinates; scene units.
+pub fn skin(corners: impl IntoIterator<Item = Vec3>) -> f32 {
+    2e-6 * corners.into_iter().fold(Vec3::ZERO, |most, p| most.max(p.abs())).max_element()
 }
 
 impl<'a> Surfaces<'a> {
@@ -50,7 +55,6 @@ impl<'a> Surfaces<'a> {
         Surfaces {
             traced: model.traced().clone(),
             normals: normals.collect(),
-            skin: 2e-6 * magnitude,
             slack: 1e-5 * model.bounds().diagonal() + 1e-6 * magnitude,
             model,
         }
@@ -63,8 +67,8 @@ impl<'a> Surfaces<'a> {
 
     /// The start of the paths of a given point, above the surface that the point lies on: of the surfaces whose normals are
     /// within 60° of that of the point, the nearest one along the normal of the point, within 1e-5 of the scene's diagonal.
-    /// Without one, the point is taken as it is, lifted.
-    pub fn start(&self, given: Vec3, normal: Vec3) -> Vec3 {
+    /// Without one, the point is taken as it is, lifted. Also returns the distance of the start from the surface.
+    pub fn start(&self, given: Vec3, normal: Vec3) -> (Vec3, f32) {
         /// Largest number of surfaces that are tried.
         const MAX_SURFACES: usize = 64;
         // One search on either side of the point, so that the nearest surface is met first.
@@ -77,23 +81,23 @@ impl<'a> Surfaces<'a> {
                 self.intersect(std::slice::from_ref(&ray), std::slice::from_mut(&mut hits));
                 let hit = self.place(&ray, &hits, 0, -side * normal)?;
                 if hit.cosine.abs() >= 0.5 {
-                    return Some(side * hits.t[0]);
+                    return Some((side * hits.t[0], hit.skin));
                 }
                 ray.near[0] = hits.t[0].next_up();
             }
             None
         });
-        let depth = match nearest {
+        let (depth, skin) = match nearest {
             [Some(below), Some(above)] => {
-                if below <= -above {
+                if below.0 <= -above.0 {
                     below
                 } else {
                     above
                 }
             }
-            [below, above] => below.or(above).unwrap_or(0.0),
+            [below, above] => below.or(above).unwrap_or((0.0, skin([given]))),
         };
-        given - depth * normal + self.skin * normal
+        (given - depth * normal + skin * normal, skin)
     }
 
     /// Sets `blocked[k]` to the mask of blocked lanes of `packets[k]`.
@@ -125,10 +129,23 @@ impl<'a> Surfaces<'a> {
                 (mesh.triangle_reflectance[t as usize], material.emission, material.profile.as_deref())
             }
         };
+        // The face where it stands; Embree meets it in the frame of its mesh.
+        let own = mesh.corners(t);
+        let (placed, skin) = if instance.mesh == 0 {
+            (own, skin(own))
+        } else {
+            let placed = own.map(|p| instance.transform.transform_point3(p.as_dvec3()).as_vec3());
+            let scale = instance.transform.matrix3.determinant().abs().cbrt() as f32;
+            (placed, skin(placed).max(scale * skin(own)))
+        };
+        // Rounding of a long ray may exceed the skin of a face near the origin.
+        let met = ray.point(lane, hits.t[lane]);
+        let met = met - front.dot(met - placed[0]) * front;
         let cosine = -front.dot(direction);
         let normal = if cosine < 0.0 { -front } else { front };
         Some(SurfaceHit {
-            position: ray.point(lane, hits.t[lane]) + self.skin * normal,
+            position: met + skin * normal,
+            skin,
             normal,
             reflectance,
             emission,

@@ -14,6 +14,9 @@ pub const LANES: usize = 16;
 /// Up to 16 segments, one per lane. The point of lane `i` at parameter `t` is `origin + t * direction`; the ends are
 /// `t = 0` and `t = 1`. Triangles at `near <= t <= far` block.
 ///
+/// A ray is most exact where it starts. Lanes of `backwards` have the smaller rounding errors at `t = 1`: triangles are tested
+/// along the ray from `end` along `-direction` with the parameter `1 - t`.
+///
 /// Field order and layout equal those of `mrvis_packet` in `ffi/embree/shim.h`.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
@@ -26,8 +29,14 @@ pub struct Packet {
     pub near: [f32; LANES],
     /// Largest parameter at which a triangle blocks.
     pub far: [f32; LANES],
+    /// End points by axis and lane, scene units; undefined for infinite rays.
+    pub end: [[f32; LANES]; 3],
     /// Mask of used lanes: bit `i` is set if lane `i` holds a segment. Unused lanes hold zeros.
     pub active: u32,
+    /// Mask of lanes that are tested from `end`.
+    pub backwards: u32,
+    /// Smallest and largest [`EndRule::slack`] at the starts and at the ends, scene units.
+    pub slack: [[f32; 2]; 2],
 }
 
 impl Packet {
@@ -37,33 +46,64 @@ impl Packet {
         direction: [[0.0; LANES]; 3],
         near: [0.0; LANES],
         far: [0.0; LANES],
+        end: [[0.0; LANES]; 3],
         active: 0,
+        backwards: 0,
+        slack: [[f32::MAX, 0.0]; 2],
     };
 
-    /// Stores the segment from `a` to `b` in a lane. The surfaces at the ends are unknown.
+    /// Stores the segment from `a` to `b` in a lane. The surfaces at the ends are unknown; `rule` holds for both.
     #[inline]
-    pub fn set(&mut self, lane: usize, a: Vec3, b: Vec3, ends: EndRule) {
-        let margin = ends.margin(a.distance(b));
-        self.set_between(lane, a, b, [margin, 1.0 - margin]);
+    #[cfg(any(test, feature = "internals"))]
+    pub fn set(&mut self, lane: usize, a: Vec3, b: Vec3, rule: EndRule) {
+        self.set_unknown(lane, a, b, [rule; 2]);
     }
 
-    /// Stores the segment from `a` to `b` in a lane, both from [`EndRule::lifted`].
+    /// Stores the segment from `a` to `b` in a lane. The surfaces at the ends have no known normals. The second rule is
+    /// [`EndRule::seen_from`] the first.
     #[inline]
-    pub fn set_lifted(&mut self, lane: usize, a: Vec3, b: Vec3, ends: EndRule) {
-        let margin = ends.rounding(a.distance(b));
-        self.set_between(lane, a, b, [margin, 1.0 - margin]);
+    pub fn set_unknown(&mut self, lane: usize, a: Vec3, b: Vec3, rules: [EndRule; 2]) {
+        let length = a.distance(b);
+        let [first, last] = rules.map(|rule| rule.margin(length));
+        if rules[1].reach < rules[0].reach {
+            // The margin as a part of the length may be below the rounding of parameters near 1, so the end itself moves.
+            self.set_between(lane, a, b + last * (a - b), [first, 1.0]);
+            self.backwards |= 1 << lane;
+        } else {
+            self.set_between(lane, a, b, [first, 1.0 - last]);
+        }
+        self.widen(rules);
+    }
+
+    /// Stores the segment from `a` to `b` in a lane, both from [`EndRule::lifted`] with these rules, the second of which is
+    /// [`EndRule::seen_from`] the first.
+    #[inline]
+    pub fn set_lifted(&mut self, lane: usize, a: Vec3, b: Vec3, rules: [EndRule; 2]) {
+        let length = a.distance(b);
+        let [first, last] = rules.map(|rule| rule.rounding(length));
+        self.set_between(lane, a, b, [first, 1.0 - last]);
+        self.backwards |= u32::from(rules[1].reach < rules[0].reach) << lane;
+        self.widen(rules);
     }
 
     /// Stores the segment from `a` to `b` in a lane, with the parameters between which triangles block.
     #[inline]
     pub fn set_between(&mut self, lane: usize, a: Vec3, b: Vec3, [near, far]: [f32; 2]) {
         let d = b - a;
-        for (axis, (o, v)) in a.to_array().into_iter().zip(d.to_array()).enumerate() {
-            self.origin[axis][lane] = o;
-            self.direction[axis][lane] = v;
+        for axis in 0..3 {
+            self.origin[axis][lane] = a[axis];
+            self.direction[axis][lane] = d[axis];
+            self.end[axis][lane] = b[axis];
         }
         (self.near[lane], self.far[lane]) = (near, far);
         self.active |= 1 << lane;
+    }
+
+    #[inline]
+    fn widen(&mut self, rules: [EndRule; 2]) {
+        for ([least, most], rule) in self.slack.iter_mut().zip(rules) {
+            (*least, *most) = (least.min(rule.slack()), most.max(rule.slack()));
+        }
     }
 
     /// Stores the infinite ray from `origin` along the unit vector `direction` in a lane; parameters are lengths.
@@ -106,17 +146,17 @@ impl Packet {
 
 /// Sorts points so that each run of [`LANES`] points is compact, and within the run each group of four and of two, by
 /// repeated median splits along the longest side of the bounding box. Segments from one point to the points of a run
-/// then form coherent packets.
-pub fn gather_neighbours(points: &mut [Vec3]) {
+/// then form coherent packets. Each point has its end rule.
+pub fn gather_neighbours(points: &mut [(Vec3, EndRule)]) {
     let run = if points.len() > LANES { LANES } else { 2 };
     let runs = points.len().div_ceil(run);
     if runs < 2 {
         return;
     }
-    let (lo, hi) = points.iter().fold((points[0], points[0]), |(lo, hi), &p| (lo.min(p), hi.max(p)));
+    let (lo, hi) = points.iter().fold((points[0].0, points[0].0), |(lo, hi), &(p, _)| (lo.min(p), hi.max(p)));
     let axis = (hi - lo).max_position();
     let half = runs / 2 * run;
-    points.select_nth_unstable_by(half, |a, b| a[axis].total_cmp(&b[axis]));
+    points.select_nth_unstable_by(half, |a, b| a.0[axis].total_cmp(&b.0[axis]));
     let (near, far) = points.split_at_mut(half);
     gather_neighbours(near);
     gather_neighbours(far);
@@ -139,40 +179,62 @@ impl Iterator for Lanes {
     }
 }
 
-/// The rule for segment ends, shared by all engines: keeps the surfaces at both ends from blocking (docs/method.md,
-/// Segment ends).
+/// The rule for an end of a segment, shared by all engines: keeps the surface at the end from blocking (docs/method.md, Segment ends).
 ///
-/// `M` is the largest coordinate magnitude of the scene and r = 4e-7 M, a bound on rounding errors: 6.7 units of 2⁻²⁴ M, for the
-/// coordinates of a point and of three corners. No length depends on that of the segment.
+/// It follows from the faces at the ends alone: not from the length of the segment, nor from the size of the scene. `M` is the largest
+/// coordinate magnitude of the face at the end and of the faces that share a vertex with it, and r = 4e-7 M, a bound on rounding
+/// errors: 6.7 units of 2⁻²⁴ M, for the coordinates of a point and of three corners.
 ///
 /// Ends on surfaces with known normals are lifted by 5 r along their normals, and the segment leaves out a length of r at both
 /// ends. Of other segments a length of 16 r is left out: the surface at an end does not block them if their angle with it exceeds
 /// asin(1/16) = 3.6°, even if the end lies r off the surface.
-#[derive(Clone, Copy, Debug)]
+///
+/// Rounding of a ray grows with the distance from its start, to that of the coordinates of both ends. So a ray starts at the end with
+/// the smaller M; its other end has the rounding errors of its own coordinates.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EndRule {
-    magnitude: f32,
+    /// r, scene units.
+    reach: f32,
 }
 
 impl EndRule {
     /// Largest margin, as a parameter of the segment: segments shorter than 20 margins keep 90 % of their length.
     pub const MAX_MARGIN: f32 = 0.05;
-    /// Height of lifted ends in units of r: intersections with triangles as large as the scene err by up to 3 r (4 roundings of
+    /// Height of lifted ends in units of r: intersections with triangles as large as their coordinates err by up to 3 r (4 roundings of
     /// products of coordinates up to 2 √3 M), points on surfaces by r.
     const LIFT: f32 = 5.0;
     /// Length left out at ends of unknown surfaces in units of r; see [`EndRule`].
     const UNKNOWN: f32 = 16.0;
+    /// Largest ratio of the r of both ends with which a segment is tested from its first end all the same, so that the rays of a bundle
+    /// keep their common start: with 16 the ends of a lamp in a room of 8 m have r of at most 3 µm.
+    const MAX_RATIO: f32 = 16.0;
 
-    /// The rule for a scene whose coordinates do not exceed `magnitude`, scene units.
+    /// The rule of an end at faces whose coordinates do not exceed `magnitude`, scene units.
     pub fn new(magnitude: f32) -> EndRule {
-        EndRule { magnitude }
+        EndRule { reach: 4e-7 * magnitude }
     }
 
-    /// Bound on rounding errors of the scene's coordinates: 4e-7 times their magnitude, scene units.
+    /// The rule with a known r, scene units.
+    #[inline]
+    pub fn of_slack(slack: f32) -> EndRule {
+        EndRule { reach: slack }
+    }
+
+    /// The rule of this end for a segment that begins at an end with the rule `from`: r is no less than there, unless it is less by more
+    /// than a factor of 16 and the segment is tested from this end.
+    #[inline]
+    pub fn seen_from(self, from: EndRule) -> EndRule {
+        EndRule { reach: if self.is_close_to(from) { self.reach.max(from.reach) } else { self.reach } }
+    }
+
+    /// r, the bound on rounding errors of the coordinates at the end, scene units.
+    #[inline]
     pub fn slack(self) -> f32 {
-        4e-7 * self.magnitude
+        self.reach
     }
 
     /// Height of lifted ends above their surfaces, scene units.
+    #[inline]
     pub fn height(self) -> f32 {
         Self::LIFT * self.slack()
     }
@@ -189,15 +251,24 @@ impl EndRule {
         at + self.height().copysign(normal.dot(from - at)) * normal
     }
 
-    /// Margin at either end of a segment of this length (scene units) between ends of unknown surfaces, a parameter in
-    /// `(0, 0.05]`.
+    /// Length that segments leave out at an end on an unknown surface, scene units.
+    pub fn left_out(self) -> f32 {
+        Self::UNKNOWN * self.slack()
+    }
+
+    /// Whether r is no less than that of another rule by more than a factor of 16, the ratio up to which ends share the larger one.
+    pub fn is_close_to(self, larger: EndRule) -> bool {
+        larger.reach <= Self::MAX_RATIO * self.reach
+    }
+
+    /// Margin at the end of a segment of this length (scene units) at an unknown surface, a parameter in `(0, 0.05]`.
     #[inline]
     pub fn margin(self, length: f32) -> f32 {
         // `min` also replaces the NaN of a segment of length 0.
-        (Self::UNKNOWN * self.slack() / length).min(Self::MAX_MARGIN)
+        (self.left_out() / length).min(Self::MAX_MARGIN)
     }
 
-    /// The same between lifted ends.
+    /// The same at a lifted end.
     #[inline]
     pub fn rounding(self, length: f32) -> f32 {
         (self.slack() / length).min(Self::MAX_MARGIN)

@@ -14,6 +14,8 @@ pub struct EmitterSampler {
     normals: Vec<Vec3>,
     /// A corner of each face.
     corners: Vec<Vec3>,
+    /// [`Scene::face_magnitudes`] of each face.
+    magnitudes: Vec<f32>,
     hull: Vec<Vec3>,
     /// Running sums of the areas.
     sums: Vec<f32>,
@@ -28,8 +30,8 @@ pub struct EmitterSampler {
 }
 
 impl EmitterSampler {
-    /// The sampler of one of the scene's emitters.
-    pub fn new(scene: &Scene, emitter: &Emitter) -> EmitterSampler {
+    /// The sampler of one of the scene's emitters; `magnitudes` are [`Scene::face_magnitudes`].
+    pub fn new(scene: &Scene, emitter: &Emitter, magnitudes: &[f32]) -> EmitterSampler {
         let (mut sum, mut centre) = (0.0f64, glam::DVec3::ZERO);
         let (mut normals, mut sums, mut corners) = (Vec::new(), Vec::new(), Vec::new());
         for &t in &emitter.triangles {
@@ -46,6 +48,7 @@ impl EmitterSampler {
             triangles: emitter.triangles.clone(),
             normals,
             corners,
+            magnitudes: emitter.triangles.iter().map(|&t| magnitudes[t as usize]).collect(),
             sums,
             centre: (centre / sum).as_vec3(),
             normal: emitter.normal.normalize_or_zero(),
@@ -115,28 +118,28 @@ impl EmitterSampler {
                 sum
             })
             .collect();
-        Facing { triangles: &self.triangles, normals: &self.normals, sums: Cow::Owned(sums) }
+        Facing { sampler: self, sums: Cow::Owned(sums) }
     }
 
     /// All faces.
     pub fn all(&self) -> Facing<'_> {
-        Facing { triangles: &self.triangles, normals: &self.normals, sums: Cow::Borrowed(&self.sums) }
+        Facing { sampler: self, sums: Cow::Borrowed(&self.sums) }
     }
 }
 
 /// Some faces of an emitter.
 pub struct Facing<'a> {
-    triangles: &'a [u32],
-    normals: &'a [Vec3],
+    sampler: &'a EmitterSampler,
     sums: Cow<'a, [f32]>,
 }
 
 impl Facing<'_> {
-    /// Area-uniform point from two numbers in `[0, 1)`, and the unit normal of its face: the first number picks the face and is used
-    /// again inside it.
-    pub fn sample(&self, scene: &Scene, u: f32, v: f32) -> (Vec3, Vec3) {
+    /// Area-uniform point from two numbers in `[0, 1)`, the unit normal of its face, and the [`Scene::face_magnitudes`] of the face: the
+    /// first number picks the face and is used again inside it.
+    pub fn sample(&self, scene: &Scene, u: f32, v: f32) -> (Vec3, Vec3, f32) {
         let (i, u, _) = pick(&self.sums, u);
-        (on_triangle(scene.corners(self.triangles[i]), u, v), self.normals[i])
+        let EmitterSampler { triangles, normals, magnitudes, .. } = self.sampler;
+        (on_triangle(scene.corners(triangles[i]), u, v), normals[i], magnitudes[i])
     }
 }
 

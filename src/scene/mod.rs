@@ -16,6 +16,7 @@ mod limits;
 mod load;
 mod load_options;
 mod luminaires;
+mod magnitudes;
 mod mtl;
 mod overlap;
 mod photometry;
@@ -57,6 +58,7 @@ pub use load_options::LoadOptions;
 #[cfg(any(test, feature = "internals"))]
 pub use luminaires::lit_from_memory;
 pub use luminaires::read_placements;
+pub(crate) use magnitudes::magnitude;
 #[cfg(any(test, feature = "internals"))]
 pub use mtl::read_materials;
 pub use photometry::{Channels, Photometry};

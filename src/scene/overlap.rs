@@ -101,7 +101,7 @@ fn overlaps(faces: &Faces) -> Vec<Overlap> {
     pairs
 }
 
-/// Largest distance of the planes of overlapping faces in a scene with these bounds, scene units.
+/// Largest distance of the planes of overlapping faces inside a box, scene units.
 pub(super) fn largest_distance(bounds: &Aabb) -> f64 {
     Tolerance::of(bounds).height
 }
@@ -248,6 +248,11 @@ fn within(faces: &Faces, group: &[(u64, u32)], tolerance: &Tolerance) -> Vec<(u3
     found
 }
 
+/// Largest distance of the planes of two overlapping faces, by their own coordinates.
+fn distance_of(p: &[DVec3; 3], q: &[DVec3; 3]) -> f64 {
+    largest_distance(&Aabb::of(p.iter().chain(q).map(|c| c.as_vec3())))
+}
+
 /// Area of the overlap of two nearly coplanar faces; 0 if it is below the limits.
 fn overlap(faces: &Faces, [s, t]: [u32; 2], tolerance: &Tolerance) -> f64 {
     let [s, t] = [s as usize, t as usize];
@@ -266,7 +271,7 @@ fn overlap(faces: &Faces, [s, t]: [u32; 2], tolerance: &Tolerance) -> f64 {
     let normal = m.normalize_or_zero();
     let apart = part.iter().map(|c| normal.dot(*c - q[0]).abs()).fold(0.0, f64::max);
     let matters = area > MIN_OVERLAP_PART * 0.5 * n.length().min(m.length());
-    if matters && apart <= tolerance.height { area } else { 0.0 }
+    if matters && apart <= distance_of(&p, &q).min(tolerance.height) { area } else { 0.0 }
 }
 
 /// Whether a triangle lies outside of an edge of another one with this normal.

@@ -1,11 +1,12 @@
 //! Overlapping faces of one plane are stacked: moved off each other, so that rays meet them in one order.
 
+use super::magnitudes::face_magnitudes;
 use super::overlap::{Overlap, largest_distance};
 use crate::math::{Aabb, triangle_normal};
 use glam::Vec3;
 use std::collections::{HashMap, HashSet};
 
-/// Distance between stacked faces beyond that of the faces themselves, relative to the largest coordinate: more than what segments
+/// Distance between stacked faces beyond that of the faces themselves, relative to their largest coordinate: more than what segments
 /// leave out at their ends (16 × 4e-7, see the end rule of rays), so that rays of the lower face meet the upper one. Of a shared mesh
 /// the coordinates are its own: in a model that is much larger than the mesh, rays may start above both faces.
 const GAP: f32 = 8e-6;
@@ -45,9 +46,7 @@ pub(super) fn stack(
         })
         .collect();
     let fronts = fronts(&pairs, &normals, emitter);
-    let bounds = Aabb::of(positions.iter().copied());
-    let magnitude = bounds.min.abs().max(bounds.max.abs()).max_element();
-    let step = largest_distance(&bounds) as f32 + GAP * magnitude;
+    let step = step(levels.keys().copied(), positions, triangles);
     let before = positions.len();
     let mut moved: Vec<(u32, u32)> = levels.into_iter().filter(|&(_, level)| level > 0).collect();
     moved.sort_unstable();
@@ -68,6 +67,14 @@ pub(super) fn stack(
     if positions.len() > before {
         drop_unused(positions, triangles);
     }
+}
+
+/// Distance between stacked faces: by the coordinates of these faces and, as rays start above them by those, of their neighbours.
+fn step(stacked: impl Iterator<Item = u32> + Clone, positions: &[Vec3], triangles: &[[u32; 3]]) -> f32 {
+    let corners = stacked.clone().flat_map(|t| triangles[t as usize].map(|v| positions[v as usize]));
+    let magnitudes = face_magnitudes(positions, triangles);
+    let magnitude = stacked.map(|t| magnitudes[t as usize]).fold(0.0, f32::max);
+    largest_distance(&Aabb::of(corners)) as f32 + GAP * magnitude
 }
 
 /// Drops vertices of no triangle.

@@ -21,8 +21,8 @@ pub struct Bundle<'a> {
     ///
     /// A convex polygon of three or four corners in order gives an exact pyramid; other points one of extreme slopes.
     ///
-    /// The caller guarantees that all segments start at one point, end inside the hull, and have the margins of the
-    /// scene's [`crate::ray::EndRule`].
+    /// The caller guarantees that all segments start at one point, end inside the hull, and have the margins of an
+    /// [`crate::ray::EndRule`].
     pub emitter: &'a [Vec3],
 }
 

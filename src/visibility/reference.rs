@@ -124,7 +124,7 @@ fn visit(
     }
 }
 
-/// The end rule of a scene.
+/// An end rule that holds on all faces of a scene.
 pub fn end_rule(scene: &Scene) -> crate::ray::EndRule {
     crate::ray::EndRule::new(scene.magnitude())
 }

@@ -69,10 +69,14 @@ pub(super) struct Shaft {
     pub ends: [Ends; 2],
     /// Whether the shaft contains all segments between the common receiver end and the whole emitter.
     pub whole: bool,
-    /// Bound on rounding errors of the scene's coordinates, scene units.
-    pub slack: f32,
-    /// Largest `near` of the segments.
-    near: f32,
+    /// Widening of the box and of the side planes: bound on rounding errors of the scene's coordinates, scene units.
+    widening: f32,
+    /// Smallest bound on rounding errors at the receiver ends and at the emitter ends, scene units: what lies in front of an end by more
+    /// may block.
+    slack: [f32; 2],
+    /// Largest margins at the receiver ends and at the emitter ends, as parameters and as lengths.
+    margins: [f32; 2],
+    lengths: [f32; 2],
     /// The common receiver end, if any.
     pub apex: Option<Vec3>,
     /// The pyramid around the segments, if there is a common receiver end and all segments run forward.
@@ -83,6 +87,17 @@ pub(super) struct Shaft {
     spread: [f32; 2],
 }
 
+/// Smallest and largest bounds on rounding errors at the receiver ends and at the emitter ends of some packets, scene units.
+#[inline(always)]
+fn ends_slack(packets: &[Packet]) -> [[f32; 2]; 2] {
+    [0, 1].map(|end| {
+        let all = packets.iter().map(|packet| packet.slack[end]);
+        let [least, most] = all.fold([f32::MAX, 0.0f32], |[a, b], [least, most]| [a.min(least), b.max(most)]);
+        // Segments of which no rule is known leave out no length.
+        [least.min(most), most]
+    })
+}
+
 impl Shaft {
     /// The shaft of the active segments of `packets`, or of all segments to an emitter in the hull of `emitter` if
     /// that is not empty. `magnitude` is the largest absolute coordinate of the scene.
@@ -90,22 +105,23 @@ impl Shaft {
     pub fn of<S: Simd>(simd: S, packets: &[Packet], emitter: &[Vec3], magnitude: f32) -> Shaft {
         let some = packets.iter().find(|packet| !packet.is_empty()).unwrap_or(&packets[0]);
         let apex = some.point(some.active.trailing_zeros() as usize % LANES, 0.0);
-        let slack = EndRule::new(magnitude).slack();
         if !emitter.is_empty() {
             return Shaft::whole(simd, packets, emitter, apex, magnitude);
         }
         // Extremes per lane first, then once across lanes.
         let mut lanes = [[(simd.splat(f32::MAX), simd.splat(f32::MIN)); 3]; 2];
         let mut apart = simd.mask(0);
-        let mut near = simd.splat(0.0);
+        let (mut near, mut far) = (simd.splat(0.0), simd.splat(1.0));
         for packet in packets {
-            let (origin, direction) = filled(simd, packet);
+            let [origin, _, end] = filled(simd, packet);
             near = simd.max(near, simd.load(&packet.near));
+            let beyond = simd.select(simd.mask(packet.active), simd.load(&packet.far), simd.splat(1.0));
+            far = simd.min(far, beyond);
             for axis in 0..3 {
                 let o = origin[axis];
                 let differs = simd.abs(simd.sub(o, simd.splat(apex[axis])));
                 apart = simd.or(apart, simd.lt(simd.splat(0.0), differs));
-                for (end, v) in lanes.iter_mut().zip([o, simd.add(o, direction[axis])]) {
+                for (end, v) in lanes.iter_mut().zip([o, end[axis]]) {
                     let (lo, hi) = &mut end[axis];
                     (*lo, *hi) = (simd.min(*lo, v), simd.max(*hi, v));
                 }
@@ -114,7 +130,11 @@ impl Shaft {
         let shared = simd.bits(apart) == 0;
         let from = if shared { Ends::of([apex, apex]) } else { Ends::around(simd, &lanes[0]) };
         let to = Ends::around(simd, &lanes[1]);
-        let mut shaft = Shaft::between([from, to], slack, simd.greatest(near));
+        let mut shaft = Shaft::between([from, to], magnitude);
+        let slack = ends_slack(packets);
+        shaft.slack = slack.map(|[least, _]| least);
+        shaft.margins = [simd.greatest(near), 1.0 - simd.least(far)];
+        shaft.lengths = shaft.lengths_left_out(slack);
         if shared {
             shaft.apex = Some(apex);
             shaft.add_pyramid(simd, packets, emitter, apex, 0.0);
@@ -126,21 +146,25 @@ impl Shaft {
 
     /// The shaft of all segments from a point to an emitter, independent of the query's segments.
     ///
-    /// `near` is the largest margin of any segment, for tests that need geometry to lie inside all segments.
+    /// Margins are the largest of any segment, for tests that need geometry to lie inside all segments.
     #[inline(always)]
     fn whole<S: Simd>(simd: S, packets: &[Packet], emitter: &[Vec3], apex: Vec3, magnitude: f32) -> Shaft {
-        let rule = EndRule::new(magnitude);
+        let slack = ends_slack(packets);
+        let rules = slack.map(|[_, most]| EndRule::of_slack(most));
+        let height = rules[1].height();
         let (mut lo, mut hi) = (emitter[0], emitter[0]);
         for &p in emitter {
             (lo, hi) = (lo.min(p), hi.max(p));
         }
         let nearest = apex.clamp(lo, hi).distance(apex);
-        let near = rule.margin((nearest - rule.height()).max(0.0));
         let ends = [Ends::of([apex, apex]), Ends::of([lo, hi])];
-        let mut shaft = Shaft::between(ends, rule.slack(), near);
-        (shaft.lo, shaft.hi) = (shaft.lo - rule.height(), shaft.hi + rule.height());
+        let mut shaft = Shaft::between(ends, magnitude);
+        shaft.slack = slack.map(|[least, _]| least);
+        shaft.margins = rules.map(|rule| rule.margin((nearest - height).max(0.0)));
+        shaft.lengths = shaft.lengths_left_out(slack);
+        (shaft.lo, shaft.hi) = (shaft.lo - height, shaft.hi + height);
         (shaft.whole, shaft.apex) = (true, Some(apex));
-        shaft.add_pyramid(simd, packets, emitter, apex, rule.height());
+        shaft.add_pyramid(simd, packets, emitter, apex, height);
         shaft
     }
 
@@ -153,14 +177,32 @@ impl Shaft {
             let boxes = shafts.iter().map(|s| s.ends[end].bounds());
             Ends::of(boxes.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).expect("a shaft"))
         });
-        let near = shafts.iter().map(|s| s.near).fold(0.0, f32::max);
-        let mut shaft = Shaft::between(ends, shafts[0].slack, near);
+        let mut shaft = Shaft::between(ends, 0.0);
+        shaft.widen(shafts.iter().map(|s| s.widening).fold(0.0, f32::max));
+        for end in 0..2 {
+            // What may block segments of one of the shafts may not be dropped for all.
+            shaft.slack[end] = shafts.iter().map(|s| s.slack[end]).fold(f32::MAX, f32::min);
+            shaft.margins[end] = shafts.iter().map(|s| s.margins[end]).fold(0.0, f32::max);
+            shaft.lengths[end] = shafts.iter().map(|s| s.lengths[end]).fold(0.0, f32::max);
+        }
         shaft.add_planes();
         shaft
     }
 
-    /// A shaft with box and axis, without side planes.
-    fn between(ends: [Ends; 2], slack: f32, near: f32) -> Shaft {
+    fn widen(&mut self, by: f32) {
+        (self.lo, self.hi, self.widening) = (self.lo - by, self.hi + by, self.widening + by);
+    }
+
+    /// Lengths that the longest segment leaves out at either end, with rounding; `slack` is [`ends_slack`].
+    #[inline(always)]
+    fn lengths_left_out(&self, slack: [[f32; 2]; 2]) -> [f32; 2] {
+        let longest = self.longest();
+        [0, 1].map(|end| 1.001 * self.margins[end] * longest + slack[end][1])
+    }
+
+    /// A shaft with box and axis, without side planes and margins. `magnitude` is the largest absolute coordinate of the scene.
+    fn between(ends: [Ends; 2], magnitude: f32) -> Shaft {
+        let widening = EndRule::new(magnitude).slack();
         let along = ends[1].centre - ends[0].centre;
         // Of the directions that measure t, choose the one along which the ends spread least. For a panel parallel to
         // two coordinate axes that is the third axis, and t is exact.
@@ -178,15 +220,17 @@ impl Shaft {
         }
         let [a, b] = ends.map(Ends::bounds);
         Shaft {
-            lo: a[0].min(b[0]) - slack,
-            hi: a[1].max(b[1]) + slack,
+            lo: a[0].min(b[0]) - widening,
+            hi: a[1].max(b[1]) + widening,
             normals: [Vec3::ZERO; 4],
             offsets: [0.0; 4],
             planes: 0,
             ends,
             whole: false,
-            slack,
-            near,
+            widening,
+            slack: [0.0; 2],
+            margins: [0.0; 2],
+            lengths: [0.0; 2],
             apex: None,
             pyramid: None,
             axis,
@@ -209,7 +253,7 @@ impl Shaft {
             let normal = n - slope * w;
             self.normals[k] = normal;
             self.offsets[k] = self.ends[0].reach(normal).max(self.ends[1].reach(normal))
-                + self.slack * normal.abs().element_sum();
+                + self.widening * normal.abs().element_sum();
         }
         self.planes = 4;
     }
@@ -224,20 +268,21 @@ impl Shaft {
         }
         let to = self.ends[1];
         let polygon = corners_of_polygon(emitter, apex);
-        let corners = match if polygon.is_none() { corners_of_panel(to, apex, self.slack) } else { polygon } {
-            Some(corners) => corners,
-            None => {
-                let w = w.normalize();
-                let (u, v) = w.any_orthonormal_pair();
-                let slopes = match self.whole {
-                    true => slopes_of_points(emitter, apex, [u, v, w]),
-                    false => slopes_of_segments(simd, packets, [u, v, w]),
-                };
-                let Some([low, high]) = slopes else { return };
-                let ([left, right], [down, up]) = ([low[0] * u, high[0] * u], [low[1] * v, high[1] * v]);
-                [w + left + down, w + right + down, w + right + up, w + left + up]
-            }
-        };
+        let corners =
+            match if polygon.is_none() { corners_of_panel(to, apex, self.slack[1]) } else { polygon } {
+                Some(corners) => corners,
+                None => {
+                    let w = w.normalize();
+                    let (u, v) = w.any_orthonormal_pair();
+                    let slopes = match self.whole {
+                        true => slopes_of_points(emitter, apex, [u, v, w]),
+                        false => slopes_of_segments(simd, packets, [u, v, w]),
+                    };
+                    let Some([low, high]) = slopes else { return };
+                    let ([left, right], [down, up]) = ([low[0] * u, high[0] * u], [low[1] * v, high[1] * v]);
+                    [w + left + down, w + right + down, w + right + up, w + left + up]
+                }
+            };
         let [a, b, c, d] = corners;
         let longest =
             a.length_squared().max(b.length_squared()).max(c.length_squared()).max(d.length_squared()).sqrt();
@@ -251,7 +296,7 @@ impl Shaft {
             let inside = n.dot(corners[(k + 2) % 4] + corners[(k + 3) % 4]);
             let sign = if inside.abs() <= 2.0 * rounding { 0.0 } else { -inside.signum() };
             self.normals[k] = sign * n;
-            let slack = (self.slack + lift) * self.normals[k].abs().element_sum();
+            let slack = (self.widening + lift) * self.normals[k].abs().element_sum();
             self.offsets[k] = self.normals[k].dot(apex) + slack + rounding;
         }
         self.planes = 4;

@@ -58,7 +58,7 @@ pub(super) fn block_all<S: Simd>(
     match &shaft.pyramid {
         Some(pyramid) => {
             let fans = Fans::of(simd, shaft, pyramid, (&corner, &edge1, &edge2, &normal));
-            fans.block(simd, touched, packets, (tiles, blocked))
+            fans.block(simd, (block, touched), packets, (tiles, blocked))
         }
         None => each(simd, block, touched, packets, blocked),
     }
@@ -128,7 +128,7 @@ impl Tiles {
         for (packets, blocked) in packets.chunks(LANES).zip(blocked.chunks(LANES)) {
             let mut row = Row { lo: [[0.0; LANES]; 3], hi: [[0.0; LANES]; 3], open: 0 };
             for (k, (packet, blocked)) in packets.iter().zip(blocked).enumerate() {
-                let (_, direction) = filled(simd, packet);
+                let [_, direction, _] = filled(simd, packet);
                 for (axis, d) in direction.into_iter().enumerate() {
                     row.lo[axis][k] = simd.least(d);
                     row.hi[axis][k] = simd.greatest(d);
@@ -163,6 +163,9 @@ struct Fans {
     /// A segment's line passes through the triangle, ahead of the receiver end, where all three products of planes and
     /// direction are >= 0. The products sum to the determinant.
     planes: [[[f32; LANES]; 3]; 3],
+    /// The determinant is the product with the direction. The sum of the three products differs from it by the rounding of products with
+    /// the distance, which is too much for the parameter of a hit on a distant triangle.
+    normal: [[f32; LANES]; 3],
     /// t times the determinant, >= 0.
     height: [f32; LANES],
     /// Bounds of the products' rounding errors.
@@ -223,6 +226,7 @@ impl Fans {
         }
         let mut fans = Fans {
             planes: [[[0.0; LANES]; 3]; 3],
+            normal: [[0.0; LANES]; 3],
             height: [0.0; LANES],
             rounding: [0.0; LANES],
             covering: simd.bits(covering) & crossed & amid,
@@ -232,6 +236,7 @@ impl Fans {
         vector::store(simd, &a, &mut fans.planes[0]);
         vector::store(simd, &b, &mut fans.planes[1]);
         vector::store(simd, &c, &mut fans.planes[2]);
+        vector::store(simd, &normal, &mut fans.normal);
         simd.store(height, &mut fans.height);
         simd.store(simd.mul(rounding, simd.splat(shaft.longest())), &mut fans.rounding);
         fans
@@ -241,7 +246,7 @@ impl Fans {
     fn block<S: Simd>(
         &self,
         simd: S,
-        touched: u32,
+        (block, touched): (&Block, u32),
         packets: &[Packet],
         (tiles, blocked): (&mut Tiles, &mut [u32]),
     ) -> Tested {
@@ -253,7 +258,7 @@ impl Fans {
         let mut tested = Tested { any: touched != 0, ..Tested::default() };
         if packets.len() <= MAX_UNTILED_PACKETS {
             for k in Lanes(touched) {
-                let plane = self.planes_of(simd, k);
+                let plane = self.planes_of(simd, block, k);
                 tested.work += 1 + packets.len() as u64;
                 tested.all = true;
                 for (packet, blocked) in packets.iter().zip(&mut *blocked) {
@@ -271,7 +276,7 @@ impl Fans {
             tested.work += packets.len() as u64;
         }
         for k in Lanes(touched) {
-            let plane = self.planes_of(simd, k);
+            let plane = self.planes_of(simd, block, k);
             tested.work += 1;
             tested.all = true;
             for (row, first) in tiles.rows.iter_mut().zip((0..).step_by(LANES)) {
@@ -317,32 +322,41 @@ impl Fans {
     }
 
     #[inline(always)]
-    fn planes_of<S: Simd>(&self, simd: S, k: usize) -> Planes<S> {
+    fn planes_of<'b, S: Simd>(&self, simd: S, block: &'b Block, k: usize) -> Planes<'b, S> {
         Planes {
             planes: [
                 pick(simd, &self.planes[0], k),
                 pick(simd, &self.planes[1], k),
                 pick(simd, &self.planes[2], k),
             ],
+            normal: pick(simd, &self.normal, k),
             height: simd.splat(self.height[k]),
             rounding: simd.splat(self.rounding[k]),
-            amid: self.amid >> k & 1 == 1,
+            near_an_end: (self.amid >> k & 1 == 0).then_some((block, k)),
         }
     }
 }
 
 /// The planes of one triangle, repeated in every lane; see [`Fans`].
-struct Planes<S: Simd> {
+struct Planes<'b, S: Simd> {
     planes: [Vector<S>; 3],
+    normal: Vector<S>,
     height: S::F,
     rounding: S::F,
-    amid: bool,
+    /// The triangle in its block, if a segment may end on it.
+    near_an_end: Option<(&'b Block, usize)>,
 }
 
-impl<S: Simd> Planes<S> {
+impl<S: Simd> Planes<'_, S> {
     /// Active lanes of a packet that the triangle blocks.
     #[inline(always)]
     fn hits(&self, simd: S, packet: &Packet) -> u32 {
+        if packet.backwards != 0
+            && let Some((block, k)) = self.near_an_end
+        {
+            // The common end has rounding errors that are larger than the margins at the other ends.
+            return Triangle::of(block, k).blocks(simd, packet) & packet.active;
+        }
         let d = vector::load(simd, &packet.direction);
         let [a, b, c] = &self.planes;
         let [a, b, c] = [vector::dot(simd, a, &d), vector::dot(simd, b, &d), vector::dot(simd, c, &d)];
@@ -351,7 +365,8 @@ impl<S: Simd> Planes<S> {
         let beside = simd.sub(simd.splat(0.0), self.rounding);
         let inside = simd.le(beside, simd.min(simd.min(a, b), c));
         let mut hit = simd.and(inside, simd.lt(self.rounding, det));
-        if !self.amid {
+        if self.near_an_end.is_some() {
+            let det = vector::dot(simd, &self.normal, &d);
             let beyond = simd.le(simd.mul(simd.load(&packet.near), det), self.height);
             let before = simd.le(self.height, simd.mul(simd.load(&packet.far), det));
             hit = simd.and(hit, simd.and(beyond, before));

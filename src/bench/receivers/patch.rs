@@ -59,6 +59,7 @@ impl Patch {
             return relief_points(scene, &self.triangles, rectangle, (width, height, texel));
         }
         let Rectangle { right, normal, .. } = *rectangle;
+        let magnitude = scene.magnitude_of(&self.triangles);
         // A thousandth of a texel above the surface, so that coplanar faces of other objects do not block.
         let centre = rectangle.lifted() + 1e-3 * texel * normal;
         let up = normal.cross(right);
@@ -66,6 +67,7 @@ impl Patch {
         let texel = move |x, y| ReceiverPoint {
             position: (centre + at(x, width) * right - at(y, height) * up).as_vec3(),
             normal: normal.as_vec3(),
+            magnitude,
         };
         (0..height).flat_map(|y| (0..width).map(move |x| texel(x, y))).collect()
     }

@@ -15,6 +15,7 @@ pub(super) fn points(
     (width, height, texel): (usize, usize, f64),
 ) -> Vec<ReceiverPoint> {
     let Rectangle { right, normal, centre, .. } = *rectangle;
+    let magnitude = scene.magnitude_of(triangles);
     let up = normal.cross(right);
     let middle = |x: usize, y: usize| {
         let at = |i: usize, n: usize| (i as f64 + 0.5 - 0.5 * n as f64) * texel;
@@ -66,7 +67,7 @@ pub(super) fn points(
         .map(|(i, (rise, face))| {
             let p = middle(i % width, i / width);
             let position = centre + p.x * right + p.y * up + rise * normal + 1e-3 * texel * face;
-            ReceiverPoint { position: position.as_vec3(), normal: face.as_vec3() }
+            ReceiverPoint { position: position.as_vec3(), normal: face.as_vec3(), magnitude }
         })
         .collect()
 }

@@ -148,7 +148,7 @@ fn spread(
             packets.push(Packet::EMPTY);
         }
         if let Some(packet) = packets.last_mut() {
-            packet.set_ray(lane, point + traced.skin * normal, direction);
+            packet.set_ray(lane, from.end.lifted(point, normal), direction);
         }
     }
     trace(packets);

@@ -184,8 +184,10 @@ impl Pairs<'_> {
             let to = (q - p).as_dvec3();
             let (here, there) = (a.normal(m).dot(to), -b.normal(n).dot(to));
             if here > 0.0 && there > 0.0 {
-                let lifted = |at, normal: glam::DVec3| self.ends.lifted(at, normal.as_vec3());
-                packet.set_lifted(lane, lifted(p, a.normal(m)), lifted(q, b.normal(n)), self.ends);
+                let rules = [a.end, b.end.seen_from(a.end)];
+                let start = rules[0].lifted(p, a.normal(m).as_vec3());
+                let end = rules[1].lifted(q, b.normal(n).as_vec3());
+                packet.set_lifted(lane, start, end, rules);
                 return Some(here * there / to.length_squared().powi(2));
             }
         }

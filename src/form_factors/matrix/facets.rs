@@ -1,6 +1,7 @@
 //! Facets: input polygons with the pieces that closed forms need and the points that rays start from.
 
 use crate::math::triangle_area;
+use crate::ray::EndRule;
 use crate::scene::Scene;
 use glam::{DVec3, Vec3};
 
@@ -35,6 +36,8 @@ pub(super) struct Facet {
     pub normals: Vec<DVec3>,
     /// Triangles with the cumulative fraction of the area.
     pub triangles: Vec<([Vec3; 3], f32)>,
+    /// The rule for ends of segments on it.
+    pub end: EndRule,
     /// Corner and two edges of a parallelogram, for direct sampling of points.
     pub parallelogram: Option<[Vec3; 3]>,
 }
@@ -48,7 +51,8 @@ impl Facets {
             .map(|t| t as u32)
             .collect();
         first.push(polygon.len() as u32);
-        let facets: Vec<Facet> = first.windows(2).map(|w| facet(scene, w[0]..w[1])).collect();
+        let magnitudes = scene.face_magnitudes();
+        let facets: Vec<Facet> = first.windows(2).map(|w| facet(scene, &magnitudes, w[0]..w[1])).collect();
         let balls = facets.iter().map(|f| (f.centre, f.radius)).collect();
         let mut of_triangle = Vec::with_capacity(polygon.len());
         for (f, w) in first.windows(2).enumerate() {
@@ -140,7 +144,7 @@ impl Facet {
 const RULE: [[f64; 3]; 3] =
     [[2.0 / 3.0, 1.0 / 6.0, 1.0 / 6.0], [1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0], [1.0 / 6.0, 1.0 / 6.0, 2.0 / 3.0]];
 
-fn facet(scene: &Scene, triangles: std::ops::Range<u32>) -> Facet {
+fn facet(scene: &Scene, magnitudes: &[f32], triangles: std::ops::Range<u32>) -> Facet {
     let corners: Vec<[Vec3; 3]> = triangles.clone().map(|t| scene.corners(t)).collect();
     let areas: Vec<f64> = corners.iter().map(|&[a, b, c]| triangle_area(a, b, c)).collect();
     let area: f64 = areas.iter().sum();
@@ -184,6 +188,9 @@ fn facet(scene: &Scene, triangles: std::ops::Range<u32>) -> Facet {
         nodes,
         normals,
         triangles: shares,
+        end: EndRule::new(
+            magnitudes[triangles.start as usize..triangles.end as usize].iter().copied().fold(0.0, f32::max),
+        ),
         parallelogram,
     }
 }

@@ -169,7 +169,7 @@ pub fn compute(
     let partners = discover::upper(&found);
     let shares: Vec<[f32; 2]> = found.iter().map(|f| [f.escaped, f.lost]).collect();
     drop(found);
-    let pairs = pair::Pairs { traced: &traced, facets, settings, ends: model.end_rule() };
+    let pairs = pair::Pairs { traced: &traced, facets, settings };
     let mut upper: Vec<pair::Row> = partners
         .par_iter()
         .enumerate()

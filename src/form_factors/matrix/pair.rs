@@ -5,7 +5,7 @@ use super::discover::Partner;
 use super::facets::{Facet, Facets};
 use super::rays::{SampleTable, Traced};
 use crate::form_factors::analytic::{point_to_polygon, polygon_to_polygon};
-use crate::ray::{EndRule, LANES, Packet};
+use crate::ray::{LANES, Packet};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -67,7 +67,6 @@ pub struct Pairs<'a> {
     pub traced: &'a Traced,
     pub facets: &'a Facets,
     pub settings: &'a Settings,
-    pub ends: EndRule,
 }
 
 /// Working memory of a thread: sample tables of 1, 4, 16, 64 ... points.
@@ -206,8 +205,10 @@ impl Pairs<'_> {
             if here > 0.0 && there > 0.0 {
                 let lane = k % LANES;
                 weights[lane] = here * there / to.length_squared().powi(2);
-                let lifted = |at, normal: DVec3| self.ends.lifted(at, normal.as_vec3());
-                packet.set_lifted(lane, lifted(p, a.normal(m)), lifted(q, b.normal(n)), self.ends);
+                let rules = [a.end, b.end.seen_from(a.end)];
+                let start = rules[0].lifted(p, a.normal(m).as_vec3());
+                let end = rules[1].lifted(q, b.normal(n).as_vec3());
+                packet.set_lifted(lane, start, end, rules);
             }
             if k % LANES == LANES - 1 && !packet.is_empty() {
                 trace(&mut packet, &mut weights);

@@ -19,8 +19,6 @@ pub struct Traced {
     scene: CommittedScene,
     /// Unit normals of triangles.
     pub normals: Vec<Vec3>,
-    /// Distance above a surface at which rays start, scene units.
-    pub skin: f32,
     /// Facet of each triangle.
     pub facet: Vec<u32>,
 }
@@ -32,7 +30,6 @@ impl Traced {
         Traced {
             scene: model.traced().clone(),
             normals: corners.map(|[a, b, c]| triangle_normal(a, b, c)).collect(),
-            skin: model.end_rule().height(),
             facet: (0..scene.triangles.len() as u32).map(|t| facets.of_triangle(t)).collect(),
         }
     }

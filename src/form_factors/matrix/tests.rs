@@ -154,7 +154,7 @@ fn counted(scene: &Scene, i: u32, rays: u64) -> Vec<f64> {
             let (s, (sin, cos)) = (next(), (std::f32::consts::TAU * next()).sin_cos());
             packet.set_ray(
                 lane,
-                point + traced.skin * normal,
+                from.end.lifted(point, normal),
                 (x * cos + y * sin) * s.sqrt() + normal * (1.0 - s).sqrt(),
             );
         }

@@ -76,7 +76,7 @@ impl Solved {
         }
         if directed > 0.0 {
             let (length, exact) = (linked.surroundings.length, linked.engine.exact());
-            let share = directed_share(elements, &exact, linked.ends, length, linked.settings.seed);
+            let share = directed_share(elements, &exact, length, linked.settings.seed);
             sent += directed * share;
             ledger.escaped += directed * (1.0 - share);
         }

@@ -6,6 +6,7 @@ use super::subdivision::surface;
 use super::{Cluster, Column, DIRECTIONS, Element, ElementState, Elements, Shape, Side, SideSampler, facing};
 use crate::clusters::{Hierarchy, Tree};
 use crate::math::{Aabb, triangle_normal};
+use crate::ray::EndRule;
 use crate::scene::Scene;
 use rayon::prelude::*;
 
@@ -33,13 +34,14 @@ impl Elements {
         let trees: Vec<&Tree> =
             [&hierarchy.micro, &hierarchy.large].into_iter().filter(|t| !t.clusters.is_empty()).collect();
         // The root, the roots of the trees, then the other clusters tree by tree.
+        let magnitudes = scene.face_magnitudes();
         let roots = (0..=trees.len()).map(|_| NewCluster::new(0, 0, [0, 0])).collect();
         let mut build = Build { clusters: roots, sides: Vec::new() };
         let root = &mut build.clusters[0].element;
         (root.first_child, root.children) = (1, trees.len() as u16);
         let mut large_from = 0;
         for (k, tree) in trees.iter().enumerate() {
-            build.tree(scene, tree, 1 + k as u32, lit);
+            build.tree((scene, &magnitudes), tree, 1 + k as u32, lit);
             if std::ptr::eq(*tree, &hierarchy.micro) {
                 large_from = build.sides.len() as u32;
             }
@@ -78,7 +80,7 @@ struct Build {
 }
 
 impl Build {
-    fn tree(&mut self, scene: &Scene, tree: &Tree, root: u32, lit: &[[bool; 2]]) {
+    fn tree(&mut self, scene: (&Scene, &[f32]), tree: &Tree, root: u32, lit: &[[bool; 2]]) {
         let base = self.clusters.len() as u32 - 1;
         let place = |c: usize| if c == 0 { root } else { base + c as u32 };
         for cluster in &tree.clusters[1..] {
@@ -164,8 +166,8 @@ impl Build {
     }
 }
 
-/// The lit sides of the faces of a leaf.
-fn sides_of(scene: &Scene, faces: &[u32], lit: &[[bool; 2]]) -> Vec<NewSide> {
+/// The lit sides of the faces of a leaf; `magnitudes` are [`Scene::face_magnitudes`].
+fn sides_of((scene, magnitudes): (&Scene, &[f32]), faces: &[u32], lit: &[[bool; 2]]) -> Vec<NewSide> {
     let mut made = Vec::new();
     for (triangles, corners) in quads(scene, faces) {
         let t = triangles[0] as usize;
@@ -182,6 +184,7 @@ fn sides_of(scene: &Scene, faces: &[u32], lit: &[[bool; 2]]) -> Vec<NewSide> {
             let side = Side {
                 triangles,
                 normal: if front { normal } else { -normal },
+                end: EndRule::new(triangles.map(|t| magnitudes[t as usize]).into_iter().fold(0.0, f32::max)),
                 front,
                 reflectance: scene.triangle_reflectance[t],
                 exitance,

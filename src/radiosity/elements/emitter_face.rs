@@ -3,6 +3,7 @@
 use super::profiles::profile_factor;
 use crate::form_factors::analytic::point_to_polygon;
 use crate::radiosity::rgb::{Rgb, mean};
+use crate::ray::EndRule;
 use crate::scene::Profile;
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
@@ -17,6 +18,8 @@ pub struct EmitterFace {
     pub count: usize,
     /// Unit normal.
     pub normal: Vec3,
+    /// The rule for ends of segments on the face.
+    pub end: EndRule,
     /// Exitance, W/m².
     pub exitance: Rgb,
     /// Area, scene units squared.

@@ -50,6 +50,7 @@ impl Emitters {
                 polygon: corners.map(|p| p.as_dvec3()),
                 count: if corners[2] == corners[3] { 3 } else { 4 },
                 normal: side.normal,
+                end: side.end,
                 exitance: side.exitance,
                 area: element.area as f32,
                 profile: side.profile.clone(),

@@ -34,6 +34,7 @@ pub use side_sampling::SideSampler;
 pub use state::{ElementState, LightStatistics, RowFactors};
 
 use crate::math::Aabb;
+use crate::ray::EndRule;
 use crate::scene::InstanceTriangles;
 use crate::scene::Profile;
 use glam::Vec3;
@@ -49,6 +50,8 @@ pub struct Side {
     pub triangles: [u32; 2],
     /// Unit normal on the side that is seen.
     pub normal: Vec3,
+    /// The rule for ends of segments on the side.
+    pub end: EndRule,
     /// Whether this is the front, from which the corners of the faces turn counterclockwise.
     pub front: bool,
     /// Diffuse reflectance, RGB in `[0, 1)`.

@@ -5,7 +5,7 @@ use crate::math::sampling::{mix, numbers, pick, point_on};
 use crate::radiosity::elements::emission_gain;
 use crate::radiosity::links::{Scratch, VisibilityEngine, VisibilityQuery};
 use crate::radiosity::rgb::{Rgb, add, mean};
-use crate::ray::{LANES, Packet};
+use crate::ray::{EndRule, LANES, Packet};
 use crate::visibility::sample_runs;
 use glam::Vec3;
 
@@ -20,16 +20,24 @@ const MIN_SHADOW_RAYS: usize = 2 * LANES;
 pub(super) struct GatherPoint {
     pub at: Vec3,
     pub normal: Vec3,
+    /// The end rule of its surface.
+    pub end: EndRule,
     /// Seed of its samples.
     pub seed: u64,
 }
 
 impl FinalGather<'_> {
+    /// A given point, with its seed, where its rays start.
+    pub(super) fn gather_point(&self, at: Vec3, normal: Vec3, seed: u64) -> GatherPoint {
+        let (at, end) = self.start(at, normal);
+        GatherPoint { at, normal, end, seed }
+    }
+
     /// By emitter, the visibility engine for points like these.
     pub(super) fn engines(&self, points: &[(Vec3, Vec3)]) -> Vec<VisibilityEngine> {
         let point = |i: usize| {
             let (at, normal) = points[i];
-            GatherPoint { at: self.start(at, normal), normal, seed: mix(i as u64) }
+            self.gather_point(at, normal, mix(i as u64))
         };
         let runs: Vec<Vec<GatherPoint>> =
             sample_runs(points.len()).map(|run| run.map(point).collect()).collect();
@@ -128,7 +136,7 @@ impl FinalGather<'_> {
         first: usize,
     ) -> (VisibilityQuery, [f32; LANES]) {
         let emitter_of = &self.emitters.emitters[emitter];
-        let GatherPoint { at, normal, seed } = view.from;
+        let GatherPoint { at, normal, end, seed } = view.from;
         let [shift_u, shift_v, ..] = numbers(seed ^ emitter as u64, 0);
         let mut packet = Packet::EMPTY;
         let mut weights = [0.0f32; LANES];
@@ -143,7 +151,8 @@ impl FinalGather<'_> {
             let gain = emission_gain(face.profile.as_deref(), y, face.normal, at);
             *weight = gain * kernel * face.area * mean(face.exitance) as f32 / share;
             if *weight > 0.0 {
-                packet.set_lifted(lane, at, self.linked.ends.lifted(y, face.normal), self.linked.ends);
+                let rules = [end, face.end.seen_from(end)];
+                packet.set_lifted(lane, at, rules[1].lifted(y, face.normal), rules);
             }
         }
         let query =

@@ -179,12 +179,12 @@ impl FinalGather<'_> {
         let mut used = 0;
         for (i, vertex) in vertices.iter().enumerate() {
             let (cut, free) = emitters(vertex);
-            if let Some((from, to, light)) =
+            if let Some(([from, to], rules, light)) =
                 self.emitter_ray(vertex, cut, if free { |q| q } else { weight }, random[i])
             {
                 // A sample at no distance from the element has no finite weight.
                 if light.is_finite() {
-                    packet.set_lifted(used, from, to, self.linked.ends);
+                    packet.set_lifted(used, from, to, rules);
                     parts[i].0 = light;
                     rays[used] = i;
                     used += 1;

@@ -2,6 +2,7 @@
 
 use crate::embree::CommittedScene;
 use crate::embree::{Hits, Traversal};
+use crate::math::on_plane;
 use crate::math::sampling::{cosine_direction, mix, numbers};
 use crate::model::Model;
 use crate::radiosity::elements::emitter_tree::{Cut, Receiver};
@@ -148,6 +149,8 @@ impl<'a> FinalGather<'a> {
         if side == Elements::NONE {
             return None;
         }
+        // A long ray ends farther off the surface than the next ray is lifted.
+        let at = on_plane(self.scene.corners(triangle), at);
         let leaf = self.lookup.leaf(side, at);
         Some(PathVertex { at, side, leaf, path: 0, share: Vec3::ONE })
     }

@@ -5,10 +5,10 @@ use crate::embree::Hits;
 use crate::math::sampling::{cosine_direction, mix, numbers};
 use crate::radiosity::elements::emitter_tree::Cut;
 use crate::radiosity::elements::emitters::density_ratio;
-use crate::radiosity::elements::{Elements, emission_gain};
+use crate::radiosity::elements::{Elements, Side, emission_gain};
 use crate::radiosity::links::{VisibilityEngine, VisibilityQuery};
 use crate::radiosity::rgb::{Rgb, add};
-use crate::ray::{LANES, Packet};
+use crate::ray::{EndRule, LANES, Packet};
 use glam::Vec3;
 
 /// Largest number of bounces of a path: limits the time where all reflectances are 0.999, with 0.999^256 = 77 % of the light left;
@@ -41,8 +41,8 @@ impl FinalGather<'_> {
             let (mut packet, mut light) = (Packet::EMPTY, [Vec3::ZERO; LANES]);
             for (lane, vertex) in group.iter().enumerate() {
                 let ray = self.emitter_ray(vertex, cut, weight, random(g * LANES + lane));
-                if let Some((from, to, of_ray)) = ray {
-                    packet.set_lifted(lane, from, to, self.linked.ends);
+                if let Some(([from, to], rules, of_ray)) = ray {
+                    packet.set_lifted(lane, from, to, rules);
                     light[lane] = of_ray;
                 }
             }
@@ -81,8 +81,8 @@ impl FinalGather<'_> {
                 packets.push(Packet::EMPTY);
             }
             let [u, v, ..] = random(i);
-            let normal = self.linked.elements.sides[vertex.side as usize].normal;
-            let from = self.linked.ends.lifted(vertex.at, normal);
+            let Side { normal, end, .. } = self.linked.elements.sides[vertex.side as usize];
+            let from = end.lifted(vertex.at, normal);
             let to = from + self.length * cosine_direction(normal, u, v);
             packets[i / LANES].set_between(i % LANES, from, to, [0.0, 1.0]);
         }
@@ -121,24 +121,25 @@ impl FinalGather<'_> {
         result
     }
 
-    /// A shadow ray from a vertex to a point on an emitter: its ends and the irradiance that it carries if nothing blocks it, W/m².
+    /// A shadow ray from a vertex to a point on an emitter: its ends with their rules, and the irradiance that it carries if nothing blocks it, W/m².
     pub(super) fn emitter_ray(
         &self,
         vertex: &PathVertex,
         cut: &Cut,
         weight: impl Fn(f32) -> f32,
         [.., u, v]: [f32; 4],
-    ) -> Option<(Vec3, Vec3, Vec3)> {
+    ) -> Option<([Vec3; 2], [EndRule; 2], Vec3)> {
         let (at, face, density) = self.emitters.sample(cut, u, v)?;
-        let own = (vertex.at, self.linked.elements.sides[vertex.side as usize].normal);
+        let Side { normal, end, .. } = self.linked.elements.sides[vertex.side as usize];
+        let own = (vertex.at, normal);
         let q = density_ratio(own, (at, face.normal), face.exitance, density);
         if q <= 0.0 {
             return None;
         }
-        let ends = self.linked.ends;
+        let rules = [end, face.end.seen_from(end)];
         let gain = emission_gain(face.profile.as_deref(), at, face.normal, vertex.at);
         let light = gain * weight(q) * to_vec(face.exitance);
-        Some((ends.lifted(own.0, own.1), ends.lifted(at, face.normal), light))
+        Some(([rules[0].lifted(own.0, own.1), rules[1].lifted(at, face.normal)], rules, light))
     }
 
     /// Adds the light that reaches the path starts through all of `buffers.vertices` to the sums of their paths: direct light at each vertex, and the light

@@ -44,11 +44,7 @@ impl FinalGather<'_> {
                 let points: Vec<GatherPoint> = points
                     .iter()
                     .enumerate()
-                    .map(|(i, &(at, normal))| GatherPoint {
-                        at: self.start(at, normal),
-                        normal,
-                        seed: seed(i),
-                    })
+                    .map(|(i, &(at, normal))| self.gather_point(at, normal, seed(i)))
                     .collect();
                 let mut values = self.direct(&points, &engines, &mut buffers.scratch);
                 if !self.hemispheres.is_empty() {
@@ -127,7 +123,7 @@ impl FinalGather<'_> {
 
     /// Irradiance from surfaces, W/m²: one ray in each cell of a hemisphere of equal cosine weight.
     fn reflected_irradiance(&self, point: &GatherPoint, buffers: &mut Buffers) -> Rgb {
-        let &GatherPoint { at, normal, seed } = point;
+        let &GatherPoint { at, normal, seed, .. } = point;
         let Buffers { packets, hits, vertices, .. } = buffers;
         let (x, y) = normal.any_orthonormal_pair();
         let [turn, ..] = numbers(seed, 1);

@@ -2,8 +2,10 @@
 
 use super::gatherer::FinalGather;
 use crate::embree::Hits;
-use crate::math::triangle_normal;
-use crate::ray::Packet;
+use crate::math::{on_plane, triangle_normal};
+use crate::radiosity::elements::Elements;
+use crate::ray::{EndRule, Packet};
+use crate::scene::magnitude;
 use glam::Vec3;
 
 /// Largest number of surfaces that are tested around a point: bounds the time where many sheets lie on each other.
@@ -12,18 +14,15 @@ const MAX_SURFACES: usize = 64;
 const MIN_COSINE: f32 = 0.5;
 
 impl FinalGather<'_> {
-    /// The start of the rays of a given point: above the surface that the point lies on. That is the surface nearest to the point
+    /// The start of the rays of a given point, and its end rule: above the surface that the point lies on. That is the surface nearest to the point
     /// along its normal within the slack, if both are about parallel. A point without one is taken as it is, lifted all the same:
     /// its surface may end beside it.
-    pub(super) fn start(&self, at: Vec3, normal: Vec3) -> Vec3 {
-        let ends = self.linked.ends;
+    pub(super) fn start(&self, at: Vec3, normal: Vec3) -> (Vec3, EndRule) {
         let (from, to) = (at + self.slack * normal, at - self.slack * normal);
         let mut packet = Packet::EMPTY;
         packet.set_between(0, from, to, [0.0, 1.0]);
-        let mut found = at;
+        let mut found = (at, EndRule::new(magnitude([at])));
         let mut nearest = f32::INFINITY;
-        // Surfaces nearer to each other than rounding count as one.
-        let step = ends.slack() / (2.0 * self.slack);
         for _ in 0..MAX_SURFACES {
             let mut hits = [Hits::NONE];
             self.traced.first_hits(self.traversal, std::slice::from_ref(&packet), &mut hits);
@@ -32,13 +31,27 @@ impl FinalGather<'_> {
             if triangle == Hits::NOTHING || t - 0.5 >= nearest {
                 break;
             }
-            let [a, b, c] = self.scene.corners(triangle);
+            let corners @ [a, b, c] = self.scene.corners(triangle);
+            let end = self.end_of(triangle);
             let parallel = triangle_normal(a, b, c).dot(normal).abs() >= MIN_COSINE;
             if parallel && (t - 0.5).abs() < nearest {
-                (found, nearest) = (packet.point(0, t), (t - 0.5).abs());
+                (found, nearest) = ((on_plane(corners, packet.point(0, t)), end), (t - 0.5).abs());
             }
-            packet.near[0] = t + step;
+            // Surfaces nearer to each other than rounding count as one.
+            packet.near[0] = (t + end.slack() / (2.0 * self.slack)).max(t.next_up());
         }
-        ends.lifted(found, normal)
+        let (on_surface, end) = found;
+        (end.lifted(on_surface, normal), end)
+    }
+
+    /// The end rule on a face of the scene, also on one that no light reaches.
+    fn end_of(&self, triangle: u32) -> EndRule {
+        let elements = &self.linked.elements;
+        let side =
+            elements.sides_of_triangle[triangle as usize].into_iter().find(|&side| side != Elements::NONE);
+        side.map_or_else(
+            || EndRule::new(magnitude(self.scene.corners(triangle))),
+            |side| elements.sides[side as usize].end,
+        )
     }
 }

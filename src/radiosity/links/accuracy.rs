@@ -36,21 +36,24 @@ impl Accuracy {
         VisibilityQuery { packet, emitter_size, feature_size: self.feature_size }
     }
 
-    /// Segments between sixteen pairs of lifted points with positive weight, or between four of them, from the receiving end.
+    /// Segments between sixteen pairs of points with positive weight, or between four of them, lifted towards each other, from the
+    /// receiving end. `points` gives those of both ends with their normals and end rules.
     pub(super) fn segments(
         &self,
         few: bool,
         weights: &[f32; LANES],
         seed: u64,
-        ends: EndRule,
-        points: impl Fn(usize) -> [Vec3; 2],
+        points: impl Fn(usize) -> [(Vec3, Vec3, EndRule); 2],
     ) -> Packet {
         let mut packet = Packet::EMPTY;
         let count = if few { FEW_SEGMENTS } else { LANES };
         for lane in lane_order(seed).filter(|&l| weights[l] > 0.0).take(count) {
             let [a, b] = points(lane);
             let (from, to) = if self.first_receives { (a, b) } else { (b, a) };
-            packet.set_lifted(lane, from, to, ends);
+            let rules = [from.2, to.2.seen_from(from.2)];
+            let [start, end] =
+                [rules[0].lifted_towards(from.0, from.1, to.0), rules[1].lifted_towards(to.0, to.1, from.0)];
+            packet.set_lifted(lane, start, end, rules);
         }
         packet
     }

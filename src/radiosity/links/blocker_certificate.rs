@@ -9,14 +9,15 @@
 use crate::math::Aabb;
 use crate::radiosity::elements::{Elements, Shape};
 use crate::ray::EndRule;
-use glam::Vec3;
+use crate::scene::magnitude;
+use glam::{DVec3, Vec3};
 
 /// Clusters and surfaces tested for one pair; beyond that the pair has no certificate. Limits the time of a pair to 96
 /// tests, and the stack to 97 entries.
 const MAX_TESTS: usize = 96;
 /// Distance of a blocked segment's crossing point from the edges of the blocker, relative to its size: 1,700 roundings
 /// of f32 (2⁻²⁴). Pairs nearer to an edge are traced.
-const MIN_EDGE_DISTANCE: f32 = 1e-4;
+const MIN_EDGE_DISTANCE: f64 = 1e-4;
 
 /// What geometry proves about the space between two ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,38 +41,39 @@ impl BlockerCertificate {
     }
 }
 
-/// The convex hull of two surfaces that face each other.
+/// The convex hull of two surfaces that face each other. Double precision: heights above planes are exact, so that only rounding of
+/// coordinates counts, which is that of the point itself.
 struct Shaft {
     bounds: Aabb,
-    /// Points inside satisfy `normal · x < offset` for every (normal, offset).
-    planes: [(Vec3, f32); MAX_PLANES],
+    /// Points inside satisfy `normal · (x - point) < 0` for every (normal, point).
+    planes: [(DVec3, DVec3); MAX_PLANES],
     count: usize,
-    corners: [[Vec3; 4]; 2],
-    slack: f32,
+    corners: [[DVec3; 4]; 2],
+    /// End rules of the surfaces.
+    rules: [EndRule; 2],
 }
 
 /// Two own planes, and one through each of eight edges.
 const MAX_PLANES: usize = 10;
 
 impl Shaft {
-    fn new(corners: [&[Vec3; 4]; 2], normals: [Vec3; 2], slack: f32) -> Shaft {
-        let mut shaft = Shaft {
-            bounds: Aabb::of(corners.into_iter().flatten().copied()),
-            planes: [(Vec3::ZERO, 0.0); MAX_PLANES],
-            count: 0,
-            corners: corners.map(|c| *c),
-            slack,
-        };
-        for (corners, normal) in corners.into_iter().zip(normals) {
+    fn new(corners: [&[Vec3; 4]; 2], normals: [Vec3; 2], rules: [EndRule; 2]) -> Shaft {
+        let bounds = Aabb::of(corners.into_iter().flatten().copied());
+        let corners = corners.map(|of| of.map(|c| c.as_dvec3()));
+        let mut shaft =
+            Shaft { bounds, planes: [(DVec3::ZERO, DVec3::ZERO); MAX_PLANES], count: 0, corners, rules };
+        for ((corners, normal), rule) in corners.iter().zip(normals).zip(rules) {
             // Points behind a surface or in its plane block nothing in front of it. A bent surface may block itself, so
             // its lowest corner counts.
-            let height = corners.iter().map(|c| normal.dot(*c)).fold(f32::MAX, f32::min);
-            shaft.add(-normal, -height);
+            let normal = normal.as_dvec3();
+            let height = |p: &DVec3| normal.dot(*p - corners[0]);
+            let lowest = corners.iter().map(height).fold(0.0, f64::min);
+            shaft.add(-normal, corners[0] + (lowest + f64::from(rule.slack())) * normal);
         }
-        for (own, other) in [(corners[0], corners[1]), (corners[1], corners[0])] {
+        for (own, other) in [(&corners[0], &corners[1]), (&corners[1], &corners[0])] {
             for k in 0..4 {
                 let (start, edge) = (own[k], own[(k + 1) & 3] - own[k]);
-                if edge != Vec3::ZERO {
+                if edge != DVec3::ZERO {
                     shaft.add_side(start, edge, own, other);
                 }
             }
@@ -79,27 +81,29 @@ impl Shaft {
         shaft
     }
 
-    /// Adds a plane, moved inwards by the slack.
-    fn add(&mut self, normal: Vec3, offset: f32) {
-        self.planes[self.count] = (normal, offset - self.slack);
+    fn add(&mut self, normal: DVec3, point: DVec3) {
+        self.planes[self.count] = (normal, point);
         self.count += 1;
     }
 
     /// Adds the plane through an edge of one end and a corner of the other that has both ends on one side, if it exists.
-    fn add_side(&mut self, start: Vec3, edge: Vec3, own: &[Vec3; 4], other: &[Vec3; 4]) {
+    fn add_side(&mut self, start: DVec3, edge: DVec3, own: &[DVec3; 4], other: &[DVec3; 4]) {
+        let slack = self.rules.map(|rule| f64::from(rule.slack())).into_iter().fold(0.0, f64::max);
         for corner in other {
             let normal = edge.cross(*corner - start).normalize_or_zero();
-            if normal == Vec3::ZERO {
+            if normal == DVec3::ZERO {
                 continue;
             }
-            let (mut lowest, mut highest) = (0.0f32, 0.0f32);
+            let (mut lowest, mut highest) = (0.0f64, 0.0f64);
             for p in own.iter().chain(other) {
                 let height = normal.dot(*p - start);
                 (lowest, highest) = (lowest.min(height), highest.max(height));
             }
-            let outward = if highest <= self.slack { 1.0 } else { -1.0 };
-            if highest.min(-lowest) <= self.slack && highest.max(-lowest) > self.slack {
-                self.add(outward * normal, outward * normal.dot(start));
+            let outward = if highest <= -lowest { 1.0 } else { -1.0 };
+            let beyond = highest.min(-lowest);
+            if beyond <= slack && highest.max(-lowest) > slack {
+                // Both ends lie behind the plane as it is, also a bent one.
+                self.add(outward * normal, start + outward * beyond * normal);
                 return;
             }
         }
@@ -108,49 +112,62 @@ impl Shaft {
     fn meets_box(&self, b: &Aabb) -> bool {
         b.min.cmple(self.bounds.max).all()
             && b.max.cmpge(self.bounds.min).all()
-            && self.planes[..self.count]
-                .iter()
-                .all(|(n, offset)| n.dot(Vec3::select(n.cmplt(Vec3::ZERO), b.max, b.min)) < *offset)
+            && self.planes[..self.count].iter().all(|(n, at)| {
+                let lowest = Vec3::select(n.as_vec3().cmplt(Vec3::ZERO), b.max, b.min);
+                n.dot(lowest.as_dvec3() - *at) < 0.0
+            })
     }
 
     fn meets(&self, polygon: &[Vec3; 4], normal: Vec3) -> bool {
-        let inside =
-            self.planes[..self.count].iter().all(|(n, offset)| polygon.iter().any(|p| n.dot(*p) < *offset));
-        if !inside {
+        // Inside by more than the rounding of the coordinates of the polygon's corner.
+        let is_inside = |(n, at): &(DVec3, DVec3)| {
+            let rounding = |p: &Vec3| f64::from(EndRule::new(magnitude([*p])).slack());
+            polygon.iter().any(|p| n.dot(p.as_dvec3() - *at) < -rounding(p))
+        };
+        if !self.planes[..self.count].iter().all(is_inside) {
             return false;
         }
-        let height = |p: &Vec3| normal.dot(*p - polygon[0]);
-        let heights = self.corners.as_flattened().iter().map(height);
-        let (lowest, highest) = heights.fold((f32::MAX, f32::MIN), |(l, m), h| (l.min(h), m.max(h)));
-        let flat = self.slack - bend(polygon, normal);
-        lowest < -flat && highest > flat
+        let (normal, first, bend) = (normal.as_dvec3(), polygon[0].as_dvec3(), bend(polygon, normal));
+        // Of one end a corner lies below the polygon's plane and of one a corner above it, by more than the rounding there.
+        let beyond = |side: f64| {
+            self.corners.iter().zip(self.rules).any(|(corners, rule)| {
+                let flat = f64::from(rule.slack() - bend);
+                corners.iter().any(|p| side * normal.dot(*p - first) > flat)
+            })
+        };
+        beyond(1.0) && beyond(-1.0)
     }
 
     /// Whether every segment between the ends crosses a convex polygon, away from the polygon's edges and from both ends.
-    fn covered_by(&self, polygon: &[Vec3; 4], normal: Vec3, ends: EndRule) -> bool {
-        if bend(polygon, normal) > self.slack {
+    fn covered_by(&self, polygon: &[Vec3; 4], normal: Vec3) -> bool {
+        // Rounding of the polygon, and of a ray at it that starts at the end with the smaller coordinates.
+        let slack =
+            EndRule::new(magnitude(*polygon)).slack().max(self.rules[0].slack().min(self.rules[1].slack()));
+        if bend(polygon, normal) > slack {
             return false;
         }
+        let (polygon, normal) = (polygon.map(|p| p.as_dvec3()), normal.as_dvec3());
         let size = (polygon[2] - polygon[0]).length().max((polygon[3] - polygon[1]).length());
-        let rim = (MIN_EDGE_DISTANCE * size).max(2.0 * self.slack);
-        let mut edges = [(Vec3::ZERO, 0.0); 4];
+        let rim = (MIN_EDGE_DISTANCE * size).max(2.0 * f64::from(slack));
+        let mut edges = [(DVec3::ZERO, DVec3::ZERO); 4];
         for k in 0..4 {
             let inward = normal.cross(polygon[(k + 1) & 3] - polygon[k]).normalize_or_zero();
-            edges[k] = (inward, inward.dot(polygon[k]) + rim);
+            edges[k] = (inward, polygon[k] + rim * inward);
         }
         self.corners[0].iter().all(|a| {
             self.corners[1].iter().all(|b| {
                 let d = *b - *a;
                 let (from, to) = (normal.dot(polygon[0] - *a), normal.dot(polygon[0] - *b));
                 let t = from / (from - to);
-                let margin = 2.0 * ends.rounding(d.length());
-                let beyond = from.abs().min(to.abs()) > 2.0 * ends.height();
+                let [start, end] = self.rules.map(|rule| 2.0 * f64::from(rule.slack()) / d.length());
+                let [below, above] = self.rules.map(|rule| 2.0 * f64::from(rule.height()));
                 let at = *a + t * d;
                 // Comparisons with NaN are false.
-                beyond
-                    && t > margin
-                    && t < 1.0 - margin
-                    && edges.iter().all(|(n, offset)| *n == Vec3::ZERO || n.dot(at) > *offset)
+                from.abs() > below
+                    && to.abs() > above
+                    && t > start
+                    && t < 1.0 - end
+                    && edges.iter().all(|(n, edge)| *n == DVec3::ZERO || n.dot(at - *edge) > 0.0)
             })
         })
     }
@@ -169,14 +186,14 @@ pub(super) fn certify(
     elements: &Elements,
     corners: [&[Vec3; 4]; 2],
     normals: [Vec3; 2],
-    ends: EndRule,
+    rules: [EndRule; 2],
     before: BlockerCertificate,
     blocked: bool,
 ) -> BlockerCertificate {
     if matches!(before, BlockerCertificate::CLEAR | BlockerCertificate::BLOCKED) {
         return before;
     }
-    let shaft = Shaft::new(corners, normals, ends.slack());
+    let shaft = Shaft::new(corners, normals, rules);
     let test = |side: u32| -> Option<BlockerCertificate> {
         let s = &elements.sides[side as usize];
         let Shape::Surface { corners, .. } = &elements.elements[s.element as usize].shape else {
@@ -185,7 +202,7 @@ pub(super) fn certify(
         if !shaft.meets(corners, s.normal) {
             return None;
         }
-        Some(if shaft.covered_by(corners, s.normal, ends) {
+        Some(if shaft.covered_by(corners, s.normal) {
             BlockerCertificate::BLOCKED
         } else {
             BlockerCertificate::possible_blocker(side)

@@ -7,7 +7,7 @@ use super::{BlockerCertificate, VisibilityQuery};
 use crate::math::sampling::mix;
 use crate::radiosity::elements::{Element, Elements, Shape, facing};
 use crate::radiosity::options::Inside;
-use crate::ray::{EndRule, LANES, Packet};
+use crate::ray::{LANES, Packet};
 use glam::Vec3;
 
 /// Relative deviation of the exchange over a cluster whose sides face a direction only on average. Half or twice as
@@ -44,7 +44,6 @@ impl ClusterPair<'_> {
     pub fn draft(
         &self,
         elements: &Elements,
-        ends: EndRule,
         accuracy: Accuracy,
         seed: u64,
     ) -> Option<(Draft, VisibilityQuery)> {
@@ -67,9 +66,9 @@ impl ClusterPair<'_> {
             model * near.hypot(rough)
         });
         let few = accuracy.worth * model * accuracy.deviation < FEW_SEGMENTS_CLUSTER_ERROR;
-        let mut packet = accuracy.segments(few, &weights, seed, ends, |l| {
-            let (a, b) = (from.points[l], to.points[l]);
-            [ends.lifted_towards(a, from.normals[l], b), ends.lifted_towards(b, to.normals[l], a)]
+        let mut packet = accuracy.segments(few, &weights, seed, |l| {
+            let of = |end: &EndSamples| (end.points[l], end.normals[l], end.rules[l]);
+            [of(&from), of(&to)]
         });
         // Without a sample the exchange is probably 0; where an error would matter the link is kept for its parts.
         if packet.is_empty() && free <= 0.0 && accuracy.worth * deviation[0].max(deviation[1]) <= 1.0 {

@@ -2,13 +2,15 @@
 
 use crate::math::sampling::{numbers, parallel_length, point_on};
 use crate::radiosity::elements::{Elements, Shape};
-use crate::ray::LANES;
+use crate::ray::{EndRule, LANES};
 use glam::Vec3;
 
 /// Sixteen points on one end.
 pub(super) struct EndSamples {
     pub points: [Vec3; LANES],
     pub normals: [Vec3; LANES],
+    /// End rules of the surfaces at the points.
+    pub rules: [EndRule; LANES],
     /// Density with which each point was drawn, 1/area.
     pub density: [f32; LANES],
 }
@@ -21,16 +23,20 @@ impl EndSamples {
     /// One point in each cell of a four by four grid over the element; on clusters with a preference for sides that face
     /// `towards`. `order` is 0 for the first end of a link and 1 for the second.
     pub fn draw(elements: &Elements, element: u32, towards: Vec3, order: usize, seed: u64) -> EndSamples {
-        let mut ends =
-            EndSamples { points: [Vec3::ZERO; LANES], normals: [Vec3::ZERO; LANES], density: [0.0; LANES] };
+        let mut ends = EndSamples {
+            points: [Vec3::ZERO; LANES],
+            normals: [Vec3::ZERO; LANES],
+            rules: [EndRule::of_slack(0.0); LANES],
+            density: [0.0; LANES],
+        };
         let e = &elements.elements[element as usize];
         for (lane, permuted) in PERMUTED.into_iter().enumerate() {
             let cell = if order == 0 { lane } else { permuted };
             let [r, s, t, q] = numbers(seed, lane as u64);
             let (u, v) = (((cell & 3) as f32 + r) / 4.0, ((cell >> 2) as f32 + s) / 4.0);
-            (ends.points[lane], ends.normals[lane], ends.density[lane]) = match &e.shape {
+            let (point, side, density) = match &e.shape {
                 Shape::Surface { side, corners } => {
-                    (point_on(corners, u, v), elements.sides[*side as usize].normal, 1.0 / e.area as f32)
+                    (point_on(corners, u, v), &elements.sides[*side as usize], 1.0 / e.area as f32)
                 }
                 Shape::Cluster(c) => {
                     let cluster = &elements.clusters[*c as usize];
@@ -40,9 +46,11 @@ impl EndSamples {
                         Shape::Cluster(_) => [e.centre; 4],
                     };
                     let density = elements.samples().density(cluster, towards, side.normal);
-                    (point_on(&corners, t, q), side.normal, density)
+                    (point_on(&corners, t, q), side, density)
                 }
             };
+            (ends.points[lane], ends.normals[lane]) = (point, side.normal);
+            (ends.rules[lane], ends.density[lane]) = (side.end, density);
         }
         ends
     }

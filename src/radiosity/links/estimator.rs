@@ -7,7 +7,7 @@ use super::{BlockerCertificate, Link, Scratch, VisibilityEngine, VisibilityQuery
 use crate::math::sampling::mix;
 use crate::radiosity::elements::{Element, Elements, Shape};
 use crate::radiosity::options::Inside;
-use crate::ray::{EndRule, LANES, Packet};
+use crate::ray::{LANES, Packet};
 use glam::Vec3;
 
 /// Measures links.
@@ -17,8 +17,6 @@ pub struct LinkEstimator<'a> {
     pub elements: &'a Elements,
     /// The visibility engine.
     pub engine: &'a VisibilityEngine,
-    /// What counts as the end of a segment.
-    pub ends: EndRule,
     /// Seed of all samples.
     pub seed: u64,
     /// What light does inside clusters.
@@ -70,17 +68,16 @@ impl LinkEstimator<'_> {
             mix(self.seed ^ mix(ea.ids[0].min(eb.ids[0])) ^ mix(ea.ids[0].max(eb.ids[0])).rotate_left(17));
         match (&ea.shape, &eb.shape) {
             (Shape::Surface { side: sa, corners: ca }, Shape::Surface { side: sb, corners: cb }) => {
-                let normals = [sa, sb].map(|&s| self.elements.sides[s as usize].normal);
-                SurfacePair { ids: [a, b], ends: [ea, eb], corners: [ca, cb], normals }.draft(
+                let sides = [sa, sb].map(|&s| &self.elements.sides[s as usize]);
+                let (normals, rules) = (sides.map(|s| s.normal), sides.map(|s| s.end));
+                SurfacePair { ids: [a, b], ends: [ea, eb], corners: [ca, cb], normals, rules }.draft(
                     self.elements,
-                    self.ends,
                     accuracy,
                     seed,
                 )
             }
             _ => ClusterPair { ids: [a, b], ends: [ea, eb], inside: self.inside }.draft(
                 self.elements,
-                self.ends,
                 accuracy,
                 seed,
             ),

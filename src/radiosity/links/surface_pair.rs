@@ -39,6 +39,8 @@ pub(super) struct SurfacePair<'a> {
     pub ends: [&'a Element; 2],
     pub corners: [&'a [Vec3; 4]; 2],
     pub normals: [Vec3; 2],
+    /// End rules of the surfaces.
+    pub rules: [EndRule; 2],
 }
 
 /// The unoccluded exchange area of two surfaces and its standard deviation over each, scene units squared.
@@ -52,7 +54,6 @@ impl SurfacePair<'_> {
     pub fn draft(
         &self,
         elements: &Elements,
-        ends: EndRule,
         accuracy: Accuracy,
         seed: u64,
     ) -> Option<(Draft, VisibilityQuery)> {
@@ -70,7 +71,7 @@ impl SurfacePair<'_> {
         };
         // The certificate comes first: it costs no ray and holds for all parts.
         let certificate =
-            certify(elements, self.corners, self.normals, ends, accuracy.certificate, accuracy.blocked);
+            certify(elements, self.corners, self.normals, self.rules, accuracy.certificate, accuracy.blocked);
         if certificate == BlockerCertificate::BLOCKED {
             return None;
         }
@@ -83,8 +84,8 @@ impl SurfacePair<'_> {
         let weights: [f32; LANES] =
             std::array::from_fn(|l| kernel(pa[l & 3], Some(na), pb[l >> 2], Some(nb), nearest));
         let few = accuracy.worth * free * accuracy.deviation < FEW_SEGMENTS_ERROR;
-        let packet = accuracy.segments(few, &weights, seed, ends, |l| {
-            [ends.lifted(pa[l & 3], na), ends.lifted(pb[l >> 2], nb)]
+        let packet = accuracy.segments(few, &weights, seed, |l| {
+            [(pa[l & 3], na, self.rules[0]), (pb[l >> 2], nb, self.rules[1])]
         });
         Some((draft(weights, certificate), accuracy.query(packet, widths)))
     }

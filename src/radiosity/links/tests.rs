@@ -7,7 +7,7 @@ use crate::math::sampling::*;
 use crate::radiosity::elements::Elements;
 use crate::radiosity::options::Inside;
 use crate::scene::testing::Pieces;
-use crate::visibility::{Exact, reference};
+use crate::visibility::Exact;
 use glam::DVec3;
 
 /// Links of the first and the second surface of a scene, both ways, by `sides` that face each other.
@@ -54,7 +54,6 @@ fn staged_with<R>(pieces: Pieces, seed: u64, see: impl FnOnce(&LinkEstimator, [u
             scene: traced,
             traversal: Traversal { width: 1, coherent: false },
         }),
-        ends: reference::end_rule(&scene),
         seed,
         inside: Inside::default(),
     };

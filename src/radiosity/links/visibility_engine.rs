@@ -2,7 +2,7 @@
 
 use crate::math::sampling::{mix, numbers, point_on};
 use crate::radiosity::elements::{Elements, Shape};
-use crate::ray::{EndRule, LANES, Occluder, Packet};
+use crate::ray::{LANES, Occluder, Packet};
 use crate::visibility::{Bundle, Exact, LeafMode, Method, MultiResolution, Work, Workspace};
 use std::sync::Arc;
 
@@ -169,7 +169,7 @@ fn bundles(queries: &[VisibilityQuery]) -> Vec<Bundle<'_>> {
 
 /// About `count` bundles of sixteen segments between surfaces that face each other, drawn by area, with the width of the
 /// second surface (scene units): a sample of a solver's queries.
-pub fn sample_bundles(elements: &Elements, ends: EndRule, count: usize, seed: u64) -> Vec<(Packet, f32)> {
+pub fn sample_bundles(elements: &Elements, count: usize, seed: u64) -> Vec<(Packet, f32)> {
     let mut running = Vec::with_capacity(elements.sides.len());
     let mut sum = 0.0;
     for side in &elements.sides {
@@ -182,18 +182,20 @@ pub fn sample_bundles(elements: &Elements, ends: EndRule, count: usize, seed: u6
         let Shape::Surface { corners, .. } = &elements.elements[side.element as usize].shape else {
             return None;
         };
-        Some((corners, side.normal, elements.elements[side.element as usize].radius))
+        Some((corners, (side.normal, side.end), elements.elements[side.element as usize].radius))
     };
     let pair = |k: usize| {
         let [u, v, p, q] = numbers(seed, k as u64);
-        let ((ca, na, _), (cb, nb, width)) = (pick(u)?, pick((v + k as f32 / count as f32).fract())?);
+        let ((ca, (na, here), _), (cb, (nb, there), width)) =
+            (pick(u)?, pick((v + k as f32 / count as f32).fract())?);
         let d = point_on(cb, q, p) - point_on(ca, p, q);
         (na.dot(d) > 0.0 && nb.dot(d) < 0.0).then(|| {
             let mut packet = Packet::EMPTY;
             for lane in 0..LANES {
                 let [r, s, t, w] = numbers(mix(seed ^ k as u64), lane as u64);
                 let (from, to) = (point_on(ca, r, s), point_on(cb, t, w));
-                packet.set_lifted(lane, ends.lifted(from, na), ends.lifted(to, nb), ends);
+                let rules = [here, there.seen_from(here)];
+                packet.set_lifted(lane, rules[0].lifted(from, na), rules[1].lifted(to, nb), rules);
             }
             (packet, width)
         })

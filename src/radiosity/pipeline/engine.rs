@@ -26,7 +26,7 @@ pub fn engine_for(model: &Model, elements: &Elements, options: &Options) -> Visi
     let Some(engine) = model.engine(model.widest_packets(), leaf) else {
         return VisibilityEngine::Exact(model.exact());
     };
-    let sample = sample_bundles(elements, model.end_rule(), CALIBRATION_BUNDLES, options.seed);
+    let sample = sample_bundles(elements, CALIBRATION_BUNDLES, options.seed);
     let bundles: Vec<Bundle> = sample.iter().map(|(p, width)| Bundle::of_packet(p, *width)).collect();
     VisibilityEngine::MultiResolution(Arc::new(engine.with_budget(&bundles, &mut Workspace::default())))
 }

@@ -21,7 +21,6 @@ use crate::radiosity::refinement::{Coarse, Ended, Iteration, LinkedScene, Refine
 use crate::radiosity::rgb::Rgb;
 use crate::radiosity::surroundings::{Surroundings, Unlit, probe, unlit_sides};
 use crate::radiosity::transport::Convergence;
-use crate::ray::EndRule;
 use crate::scene::Scene;
 use crate::visibility::Exact;
 use crate::{Error, Result};
@@ -171,16 +170,16 @@ impl Stages<'_> {
     /// Elements with the link of the root, importance and feature sizes.
     fn coarse(&mut self) -> Result<(Coarse, Unlit)> {
         let (scene, options) = (self.scene, self.options);
-        let (ends, exact) = (self.model.end_rule(), &self.model.exact());
+        let exact = &self.model.exact();
         self.notes.extend(scene.repairs.messages.clone());
         self.notes.extend(self.model.report().note.clone());
         let hierarchy = self.model.base().hierarchy();
         let (elements, surroundings, unlit) = timed(&mut self.seconds.elements, || {
-            lit_elements(scene, hierarchy, exact, ends, (options, &self.deadline))
+            lit_elements(scene, hierarchy, exact, (options, &self.deadline))
         });
         let model = self.model;
         let engine = timed(&mut self.seconds.characterise, || engine_for(model, &elements, options));
-        let mut linked = LinkedScene::new(elements, surroundings, engine, ends, options);
+        let mut linked = LinkedScene::new(elements, surroundings, engine, options);
         apply_importance(&mut linked, scene, options, exact)?;
         self.notes.extend(notes::unlit(&unlit));
         self.notes.extend(notes::late_preparation(options, &self.deadline));
@@ -303,12 +302,11 @@ fn lit_elements(
     scene: &Scene,
     hierarchy: &Hierarchy,
     exact: &Exact,
-    ends: EndRule,
     (options, deadline): (&Options, &Deadline),
 ) -> (Elements, Surroundings, Unlit) {
     let area = total_area(scene);
     let length = scene.ray_length();
-    let around = |elements: &Elements| probe(elements, exact, (ends, length), options.seed, deadline);
+    let around = |elements: &Elements| probe(elements, exact, length, options.seed, deadline);
     // Ranges of ids have room for all elements of the local pass.
     let build = |open: &[u32]| {
         let mut elements = Elements::build(scene, hierarchy, options.local_area() * area, open);
@@ -319,7 +317,7 @@ fn lit_elements(
     let (elements, found) = build(&[]);
     let open = lit_inside(scene, &found.entered);
     let (elements, found) = if open.is_empty() { (elements, found) } else { build(&open) };
-    let dark = unlit_sides(scene, &elements, exact, ends, options.seed);
+    let dark = unlit_sides(scene, &elements, exact, options.seed);
     let (sides, before) = (elements.sides.len(), elements.area);
     if dark.is_empty() {
         return (elements, found, Unlit { of: sides, ..Unlit::default() });

@@ -92,13 +92,7 @@ pub fn remeasure_links(linked: &mut LinkedScene, threshold: f32, closing: f64, d
 
 /// The estimator of the scene's links.
 pub fn estimator(linked: &LinkedScene, seed: u64) -> LinkEstimator<'_> {
-    LinkEstimator {
-        elements: &linked.elements,
-        engine: &linked.engine,
-        ends: linked.ends,
-        seed,
-        inside: linked.settings.inside,
-    }
+    LinkEstimator { elements: &linked.elements, engine: &linked.engine, seed, inside: linked.settings.inside }
 }
 
 /// The engine for a set of pairs: exact rays where a sample of the pairs says that multi-resolution visibility is not faster.

@@ -11,7 +11,6 @@ use crate::radiosity::transport::{
     ActiveNodes, Convergence, Field, LinkTransport, Method, NodeIrradiance, cap_row_sums, link_row_sums,
     normalise_link_rows, short_rows, solve,
 };
-use crate::ray::EndRule;
 
 /// Reflectance that dark surfaces count with in the error oracle, because their irradiance is an output as well. 0.05
 /// or 0.2 instead change irradiance by less than 0.04 % (`constants.py solve`).
@@ -45,8 +44,6 @@ pub struct LinkedScene {
     pub surroundings: Surroundings,
     /// The visibility engine.
     pub engine: VisibilityEngine,
-    /// What counts as the end of a segment.
-    pub ends: EndRule,
     /// How links are treated.
     pub settings: LinkTransportSettings,
     /// What determines the feature sizes of receivers.
@@ -65,7 +62,6 @@ impl LinkedScene {
         elements: Elements,
         surroundings: Surroundings,
         engine: VisibilityEngine,
-        ends: EndRule,
         options: &Options,
     ) -> LinkedScene {
         let (mut power, mut absorbed) = (0.0, 0.0);
@@ -92,7 +88,6 @@ impl LinkedScene {
             links: vec![root],
             surroundings,
             engine,
-            ends,
             settings: LinkTransportSettings { inside, oracle, row_sums, max_links, seed },
             feature_sizes,
             mean_irradiance: if absorbed > 0.0 { power / absorbed } else { 0.0 },
@@ -252,7 +247,7 @@ impl LinkedScene {
         let short = short_rows(&self.elements, closed, sums);
         let exact = self.engine.exact();
         let seed = self.settings.seed;
-        let shares = received_shares(&self.elements, &exact, self.ends, *length, seed, &short);
+        let shares = received_shares(&self.elements, &exact, *length, seed, &short);
         self.elements.states.iter_mut().for_each(|s| s.row_target = 1.0);
         for (e, share) in short.into_iter().zip(shares) {
             self.elements.states[e as usize].row_target = share as f32;

@@ -4,7 +4,7 @@ use crate::embree::Hits;
 use crate::math::sampling::{cosine_direction, mix, numbers, point_on};
 use crate::radiosity::elements::{Elements, Shape, Side, emission_gain};
 use crate::radiosity::rgb::mean;
-use crate::ray::{EndRule, LANES, Packet};
+use crate::ray::{LANES, Packet};
 use crate::visibility::Exact;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -19,7 +19,7 @@ const MAX_GRID: usize = 256;
 
 /// The part of the power of all sides with profiles that meets sides with elements, in `[0, 1]`; 0 without such sides. `length`
 /// exceeds the diagonal of the scene.
-pub fn directed_share(elements: &Elements, exact: &Exact, ends: EndRule, length: f32, seed: u64) -> f64 {
+pub fn directed_share(elements: &Elements, exact: &Exact, length: f32, seed: u64) -> f64 {
     let directed = elements.sides.iter().filter(|side| side.profile.is_some());
     let power = |side: &Side| elements.elements[side.element as usize].area * mean(side.exitance);
     let all: f64 = directed.clone().map(power).sum();
@@ -38,7 +38,7 @@ pub fn directed_share(elements: &Elements, exact: &Exact, ends: EndRule, length:
         }
     }
     let grid = ((READINGS / groups.len()).isqrt()).min(MAX_GRID);
-    let tracer = Tracer { elements, exact, ends, length };
+    let tracer = Tracer { elements, exact, length };
     let found: Vec<[usize; 2]> = (groups.par_iter().enumerate())
         .map(|(i, (side, count))| tracer.rays(side, count * LANES, grid, mix(!seed ^ mix(i as u64))))
         .collect();
@@ -49,7 +49,6 @@ pub fn directed_share(elements: &Elements, exact: &Exact, ends: EndRule, length:
 struct Tracer<'a> {
     elements: &'a Elements,
     exact: &'a Exact,
-    ends: EndRule,
     length: f32,
 }
 
@@ -66,7 +65,7 @@ impl Tracer<'_> {
                 packets.push(Packet::EMPTY);
             }
             let [u, v, ..] = numbers(seed, i as u64);
-            let from = self.ends.lifted(point_on(&corners, u, v), side.normal);
+            let from = side.end.lifted(point_on(&corners, u, v), side.normal);
             packets[i / LANES].set_between(i % LANES, from, from + self.length * *direction, [0.0, 1.0]);
         }
         let mut hits = vec![Hits::NONE; packets.len()];

@@ -3,8 +3,8 @@
 use crate::embree::Hits;
 use crate::math::sampling::{cosine_direction, mix, numbers, point_on};
 use crate::radiosity::deadline::Deadline;
-use crate::radiosity::elements::{Element, Elements, Entered, Shape};
-use crate::ray::{EndRule, LANES, Packet};
+use crate::radiosity::elements::{Element, Elements, Entered, Shape, Side};
+use crate::ray::{LANES, Packet};
 use crate::visibility::Exact;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -48,7 +48,7 @@ const ESCAPED: u32 = u32::MAX - 1;
 pub fn probe(
     elements: &Elements,
     exact: &Exact,
-    (ends, length): (EndRule, f32),
+    length: f32,
     seed: u64,
     deadline: &Deadline,
 ) -> Surroundings {
@@ -56,7 +56,7 @@ pub fn probe(
     let step = sides.div_ceil(LATE_SIDES).max(1);
     let large = elements.area / LATE_SIDES as f64;
     deadline.stage("surroundings of surfaces", sides);
-    let tracer = Tracer { elements, exact, ends, length };
+    let tracer = Tracer { elements, exact, length };
     let found: Vec<(Vec<ProbeRay>, Vec<Entered>)> = (0..sides)
         .into_par_iter()
         .with_min_len(64)
@@ -115,12 +115,11 @@ pub fn probe(
 pub fn received_shares(
     elements: &Elements,
     exact: &Exact,
-    ends: EndRule,
     length: f32,
     seed: u64,
     surfaces: &[u32],
 ) -> Vec<f64> {
-    let tracer = Tracer { elements, exact, ends, length };
+    let tracer = Tracer { elements, exact, length };
     let of = |packets: &mut Vec<Packet>, e: &u32| {
         let element = &elements.elements[*e as usize];
         let (mut met, seed) = (0, mix(!seed ^ element.ids[0]));
@@ -155,7 +154,6 @@ fn smallest_holding(elements: &Elements, leaf: usize, side: u32) -> usize {
 struct Tracer<'a> {
     elements: &'a Elements,
     exact: &'a Exact,
-    ends: EndRule,
     length: f32,
 }
 
@@ -189,7 +187,7 @@ impl Tracer<'_> {
         mut tell: impl FnMut(u32, u32, Vec3),
     ) {
         let Shape::Surface { side, corners } = &element.shape else { return };
-        let normal = self.elements.sides[*side as usize].normal;
+        let Side { normal, end, .. } = self.elements.sides[*side as usize];
         packets.clear();
         for i in 0..count {
             if i % LANES == 0 {
@@ -197,7 +195,7 @@ impl Tracer<'_> {
             }
             let [u, v, p, q] = numbers(seed, i as u64);
             let on_surface = point_on(corners, u, (i as f32 + v) / count as f32);
-            let from = self.ends.lifted(on_surface, normal);
+            let from = end.lifted(on_surface, normal);
             let to = from + self.length * cosine_direction(normal, p, q);
             let packet = packets.last_mut().expect("just pushed");
             packet.set_between(i % LANES, from, to, [0.0, 1.0]);

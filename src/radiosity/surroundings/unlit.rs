@@ -4,10 +4,11 @@
 //! normalisation would even amplify that light. Sides that paths from all emitters never hit get no elements.
 
 use crate::embree::Hits;
+use crate::math::on_plane;
 use crate::math::sampling::{cosine_direction, mix, numbers, point_on};
 use crate::radiosity::elements::emitter_face::EmitterFace;
 use crate::radiosity::elements::emitters::Emitters;
-use crate::radiosity::elements::{Elements, Shape};
+use crate::radiosity::elements::{Elements, Shape, Side};
 use crate::ray::{EndRule, LANES, Packet};
 use crate::scene::Scene;
 use crate::visibility::Exact;
@@ -42,14 +43,14 @@ pub struct Unlit {
     pub area: f64,
 }
 
-/// A point of a path, on a surface, with the unit normal of the surface.
-type PathPoint = (Vec3, Vec3);
+/// A point of a path, on a surface, with the unit normal and the end rule of the surface.
+type PathPoint = (Vec3, Vec3, EndRule);
 
 /// Traces single rays from surface to surface.
 struct Tracer<'a> {
+    scene: &'a Scene,
     elements: &'a Elements,
     exact: &'a Exact,
-    ends: EndRule,
     /// Length of rays, more than the diagonal of the scene; scene units.
     length: f32,
 }
@@ -59,9 +60,9 @@ impl Tracer<'_> {
     fn step(&self, points: &[Option<PathPoint>; LANES], seed: u64) -> [Option<(u32, PathPoint)>; LANES] {
         let mut packet = Packet::EMPTY;
         for (lane, point) in points.iter().enumerate() {
-            let Some((at, normal)) = point else { continue };
+            let Some((at, normal, end)) = point else { continue };
             let [u, v, ..] = numbers(seed, lane as u64);
-            let from = self.ends.lifted(*at, *normal);
+            let from = end.lifted(*at, *normal);
             let to = from + self.length * cosine_direction(*normal, u, v);
             packet.set_between(lane, from, to, [0.0, 1.0]);
         }
@@ -74,7 +75,8 @@ impl Tracer<'_> {
             }
             let (from, at) = (packet.point(lane, 0.0), packet.point(lane, hits[0].t[lane]));
             let side = self.elements.met(triangle, at - from);
-            Some((side, (at, self.elements.sides.get(side as usize)?.normal)))
+            let Side { normal, end, .. } = self.elements.sides.get(side as usize)?;
+            Some((side, (on_plane(self.scene.corners(triangle), at), *normal, *end)))
         })
     }
 
@@ -88,7 +90,7 @@ impl Tracer<'_> {
                 let mut points: [Option<PathPoint>; LANES] = std::array::from_fn(|lane| {
                     let [u, v, face, _] = numbers(seed, lane as u64);
                     let face = &faces[(face * faces.len() as f32) as usize % faces.len()];
-                    Some((point_on(&face.corners, u, v), face.normal))
+                    Some((point_on(&face.corners, u, v), face.normal, face.end))
                 });
                 let mut met = Vec::new();
                 for bounce in 1..=BOUNCES {
@@ -107,7 +109,7 @@ impl Tracer<'_> {
     /// The sides that rays from a side meet.
     fn around(&self, side: usize, seed: u64) -> Vec<usize> {
         let elements = self.elements;
-        let normal = elements.sides[side].normal;
+        let Side { normal, end, .. } = elements.sides[side];
         let Shape::Surface { corners, .. } = elements.elements[elements.sides[side].element as usize].shape
         else {
             return Vec::new();
@@ -116,7 +118,7 @@ impl Tracer<'_> {
         for k in 0..LOOK_PACKETS {
             let points = std::array::from_fn(|lane| {
                 let [u, v, ..] = numbers(mix(!seed ^ side as u64), (k * LANES + lane) as u64);
-                Some((point_on(&corners, u, v), normal))
+                Some((point_on(&corners, u, v), normal, end))
             });
             let next = self.step(&points, mix(seed ^ mix((side * LOOK_PACKETS + k) as u64)));
             seen.extend(next.into_iter().flatten().map(|(side, _)| side as usize));
@@ -127,7 +129,7 @@ impl Tracer<'_> {
 
 /// Sides (ascending) that no path from an emitter hits although they are large enough for many hits, and that see no lit dim
 /// side. None in scenes with clusters: their local pass follows light from point to point.
-pub fn unlit_sides(scene: &Scene, elements: &Elements, exact: &Exact, ends: EndRule, seed: u64) -> Vec<u32> {
+pub fn unlit_sides(scene: &Scene, elements: &Elements, exact: &Exact, seed: u64) -> Vec<u32> {
     if elements.large_from > 0 || lit_emitters(scene, elements) > PATH_PACKETS {
         return Vec::new();
     }
@@ -136,7 +138,7 @@ pub fn unlit_sides(scene: &Scene, elements: &Elements, exact: &Exact, ends: EndR
     if emitters.is_empty() {
         return Vec::new();
     }
-    let tracer = Tracer { elements, exact, ends, length: scene.ray_length() };
+    let tracer = Tracer { scene, elements, exact, length: scene.ray_length() };
     let counts = tracer.hits_by_side(&emitters, seed);
     let all: usize = counts.iter().map(|&n| n as usize).sum();
     let expected = |s: usize| {

@@ -39,13 +39,13 @@ fn with(visibility: Visibility) -> Options {
 pub(super) fn refined<R>(scene: &Scene, options: &Options, see: impl FnOnce(&mut LinkedScene) -> R) -> R {
     let deadline = Deadline::start(&(), None);
     let model = model_for(scene, options);
-    let (exact, ends) = (model.exact(), model.end_rule());
+    let exact = model.exact();
     let min_area = options.min_area * total_area(scene);
     let elements = Elements::build(scene, model.base().hierarchy(), min_area, &[]);
     let length = 2.0 * scene.bounds.diagonal();
-    let found = probe(&elements, &exact, (ends, length), 1, &Deadline::start(&(), None));
+    let found = probe(&elements, &exact, length, 1, &Deadline::start(&(), None));
     let engine = engine_for(&model, &elements, options);
-    let mut linked = LinkedScene::new(elements, found, engine, ends, options);
+    let mut linked = LinkedScene::new(elements, found, engine, options);
     apply_importance(&mut linked, scene, options, &exact).expect("names of the scene");
     for _ in 0..3 {
         let errors = link_errors(&linked);

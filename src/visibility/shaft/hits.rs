@@ -58,8 +58,8 @@ impl Shaft {
     #[inline(always)]
     pub fn amid<S: Simd>(&self, simd: S, low: S::F, high: S::F) -> S::M {
         let (first, last) = self.parameters(simd, low, high);
-        let margin = simd.splat(1.001 * self.near + 1e-6);
-        simd.and(simd.lt(margin, first), simd.lt(simd.add(last, margin), simd.splat(1.0)))
+        let [start, end] = self.margins.map(|margin| simd.splat(1.001 * margin + 1e-6));
+        simd.and(simd.lt(start, first), simd.lt(simd.add(last, end), simd.splat(1.0)))
     }
 
     /// Children that may be aggregated: their feature size is below `s (1 - t) + e t` at the less favourable end of
@@ -68,8 +68,6 @@ impl Shaft {
     pub fn aggregates<S: Simd>(&self, simd: S, node: &Node, sizes: S::F, e: f32, s: f32) -> u32 {
         let (mut low, mut high) = (simd.splat(0.0), simd.splat(0.0));
         let from = self.ends[0];
-        // The margin of the end rule as a length, for the longest segment.
-        let margin = 1.001 * self.near * self.longest() + self.slack;
         let mut holds = [simd.mask(0xffff); 2];
         for axis in 0..3 {
             let (min, max) = (simd.load(&node.min[axis]), simd.load(&node.max[axis]));
@@ -78,7 +76,7 @@ impl Shaft {
             let b = simd.mul(n, simd.sub(max, centre));
             low = simd.add(low, simd.min(a, b));
             high = simd.add(high, simd.max(a, b));
-            for (holds, end) in holds.iter_mut().zip(&self.ends) {
+            for (holds, (end, margin)) in holds.iter_mut().zip(self.ends.iter().zip(self.lengths)) {
                 let upper = simd.splat(end.centre[axis] + end.half[axis] + margin);
                 let lower = simd.splat(end.centre[axis] - end.half[axis] - margin);
                 *holds = simd.and(*holds, simd.and(simd.le(min, upper), simd.le(lower, max)));
@@ -87,7 +85,7 @@ impl Shaft {
         let (first, last) = self.parameters(simd, low, high);
         let t = if e > s { first } else { last };
         let threshold = simd.fma(simd.splat(e - s), t, simd.splat(s));
-        let before_emitter = simd.lt(last, simd.splat(1.0 - 1.001 * self.near - 1e-6));
+        let before_emitter = simd.lt(last, simd.splat(1.0 - 1.001 * self.margins[1] - 1e-6));
         let ends_inside = simd.or(holds[0], simd.and_not(holds[1], before_emitter));
         simd.bits(simd.and_not(simd.lt(sizes, threshold), ends_inside))
     }
@@ -145,12 +143,12 @@ impl Shaft {
     /// Lanes whose triangle plane has all ends of the shaft on one side.
     #[inline(always)]
     pub fn on_one_side<S: Simd>(&self, simd: S, corner: &Vector<S>, normal: &Vector<S>) -> S::M {
-        let slack = simd.mul(vector::sum_abs(simd, normal), simd.splat(self.slack));
+        let size = vector::sum_abs(simd, normal);
         let (mut above, mut below) = (simd.mask(0xffff), simd.mask(0xffff));
-        for Ends { centre, half } in self.ends {
+        for (Ends { centre, half }, slack) in self.ends.into_iter().zip(self.slack) {
             let to = vector::sub(simd, &vector::splat(simd, centre), corner);
             let height = vector::dot(simd, normal, &to);
-            let mut reach = slack;
+            let mut reach = simd.mul(size, simd.splat(slack));
             for axis in 0..3 {
                 reach = simd.sub(reach, simd.mul(simd.abs(normal[axis]), simd.splat(half[axis])));
             }

@@ -69,7 +69,7 @@ pub(super) fn slopes_of_segments<S: Simd>(
 ) -> Option<[[f32; 2]; 2]> {
     let mut slopes = [(simd.splat(f32::MAX), simd.splat(f32::MIN)); 2];
     for packet in packets {
-        let (_, direction) = filled(simd, packet);
+        let [_, direction, _] = filled(simd, packet);
         let forward = vector::dot(simd, &vector::splat(simd, w), &direction);
         let steep = simd.mul(simd.splat(MAX_SLOPE), forward);
         let inverse = simd.div(simd.splat(1.0), forward);
@@ -85,20 +85,20 @@ pub(super) fn slopes_of_segments<S: Simd>(
     Some([slopes.map(|range| simd.least(range.0)), slopes.map(|range| simd.greatest(range.1))])
 }
 
-/// Origins and directions; unused lanes repeat the first segment, so that reductions can use whole registers.
+/// Origins, directions and ends; unused lanes repeat the first segment, so that reductions can use whole registers.
 #[inline(always)]
-pub(in super::super) fn filled<S: Simd>(simd: S, packet: &Packet) -> (Vector<S>, Vector<S>) {
+pub(in super::super) fn filled<S: Simd>(simd: S, packet: &Packet) -> [Vector<S>; 3] {
+    let all = [&packet.origin, &packet.direction, &packet.end];
+    let mut filled = all.map(|v| vector::load(simd, v));
     if packet.active == 0xffff {
-        return (vector::load(simd, &packet.origin), vector::load(simd, &packet.direction));
+        return filled;
     }
     let first = packet.active.trailing_zeros() as usize % LANES;
     let active = simd.mask(packet.active);
-    let mut filled = [vector::load(simd, &packet.origin), vector::load(simd, &packet.direction)];
-    for (filled, v) in filled.iter_mut().zip([&packet.origin, &packet.direction]) {
+    for (filled, v) in filled.iter_mut().zip(all) {
         for axis in 0..3 {
             filled[axis] = simd.select(active, filled[axis], simd.splat(v[axis][first]));
         }
     }
-    let [origin, direction] = filled;
-    (origin, direction)
+    filled
 }

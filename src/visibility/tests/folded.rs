@@ -24,8 +24,10 @@ fn neighbours_pass_as_one() {
         let (mut squares, mut sum, mut apart, mut count) = (0.0f64, 0.0f64, 0, 0);
         for _ in 0..400 {
             let from = stage.point(&mut random, &surfaces);
-            let mut to: Vec<Vec3> = (0..n).map(|_| stage.point(&mut random, &emitter.triangles)).collect();
+            let mut to: Vec<(Vec3, EndRule)> =
+                (0..n).map(|_| (stage.point(&mut random, &emitter.triangles), ends)).collect();
             gather_neighbours(&mut to);
+            let to: Vec<Vec3> = to.into_iter().map(|(p, _)| p).collect();
             let mut ask = |to: &dyn Fn(usize) -> Vec3| {
                 let mut bundle = vec![Packet::EMPTY; packets];
                 (0..n).for_each(|i| bundle[i / LANES].set(i % LANES, from, to(i), ends));

@@ -9,7 +9,8 @@ use rand_pcg::Pcg64Mcg;
 fn seen(estimator: &LinkEstimator, ends: [u32; 2], random: &mut Pcg64Mcg) -> Vec<f32> {
     let [a, b] = ends.map(|e| match &estimator.elements.elements[e as usize].shape {
         crate::radiosity::elements::Shape::Surface { side, corners } => {
-            (*corners, estimator.elements.sides[*side as usize].normal)
+            let side = &estimator.elements.sides[*side as usize];
+            (*corners, side.normal, side.end)
         }
         crate::radiosity::elements::Shape::Cluster(_) => unreachable!("a surface"),
     });
@@ -20,8 +21,8 @@ fn seen(estimator: &LinkEstimator, ends: [u32; 2], random: &mut Pcg64Mcg) -> Vec
             let mut place = |corners| point_on(corners, unit(random) as f32, unit(random) as f32);
             let (from, to) = (place(&a.0), place(&b.0));
             if (to - from).dot(a.1) > 1e-2 && (from - to).dot(b.1) > 1e-2 {
-                let (ends, [na, nb]) = (estimator.ends, [a.1, b.1]);
-                packet.set_lifted(lane, ends.lifted(from, na), ends.lifted(to, nb), ends);
+                let rules = [a.2, b.2.seen_from(a.2)];
+                packet.set_lifted(lane, rules[0].lifted(from, a.1), rules[1].lifted(to, b.1), rules);
             }
         }
         let query = VisibilityQuery { packet, emitter_size: 1.0, feature_size: 0.0 };
