@@ -9,7 +9,7 @@ _Static_assert(RTC_VERSION >= 40300, "mrvis needs Embree 4.3 headers or newer");
 _Static_assert(sizeof(struct RTCRay) == 48, "RTCRay layout");
 _Static_assert(sizeof(struct RTCRay16) == 12 * 64, "RTCRay16 layout");
 _Static_assert(offsetof(struct RTCRay16, tfar) == 8 * 64, "RTCRay16 layout");
-_Static_assert(offsetof(mrvis_packet, active) == 11 * 64, "mrvis_packet layout");
+_Static_assert(offsetof(mrvis_packet, active) == 8 * 64, "mrvis_packet layout");
 
 /* Traces lanes [first, first + W) of a packet as Embree packets and adds the blocked lanes to `result`. */
 #define TRACE_WIDE(W, ALIGN)                                                                                \

@@ -15,10 +15,10 @@ typedef struct {
     float direction[3][16];
     float near_t[16];
     float far_t[16];
-    float end[3][16];
     uint32_t active; /* bit i: lane i is a segment */
     uint32_t backwards;
     float slack[2][2]; /* of no use to Embree */
+    float end[3][16];
 } mrvis_packet;
 
 /* Traces `count` packets for any hit. Bit i of occluded[k] is set if lane i of packets[k] is active and blocked.

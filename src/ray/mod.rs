@@ -29,14 +29,14 @@ pub struct Packet {
     pub near: [f32; LANES],
     /// Largest parameter at which a triangle blocks.
     pub far: [f32; LANES],
-    /// End points by axis and lane, scene units; undefined for infinite rays.
-    pub end: [[f32; LANES]; 3],
     /// Mask of used lanes: bit `i` is set if lane `i` holds a segment. Unused lanes hold zeros.
     pub active: u32,
     /// Mask of lanes that are tested from `end`.
     pub backwards: u32,
     /// Smallest and largest [`EndRule::slack`] at the starts and at the ends, scene units.
     pub slack: [[f32; 2]; 2],
+    /// End points by axis and lane, scene units; undefined for infinite rays.
+    pub end: [[f32; LANES]; 3],
 }
 
 impl Packet {
@@ -46,10 +46,10 @@ impl Packet {
         direction: [[0.0; LANES]; 3],
         near: [0.0; LANES],
         far: [0.0; LANES],
-        end: [[0.0; LANES]; 3],
         active: 0,
         backwards: 0,
         slack: [[f32::MAX, 0.0]; 2],
+        end: [[0.0; LANES]; 3],
     };
 
     /// Stores the segment from `a` to `b` in a lane. The surfaces at the ends are unknown; `rule` holds for both.

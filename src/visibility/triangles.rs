@@ -163,11 +163,10 @@ struct Fans {
     /// A segment's line passes through the triangle, ahead of the receiver end, where all three products of planes and
     /// direction are >= 0. The products sum to the determinant.
     planes: [[[f32; LANES]; 3]; 3],
-    /// The determinant is the product with the direction. The sum of the three products differs from it by the rounding of products with
-    /// the distance, which is too much for the parameter of a hit on a distant triangle.
-    normal: [[f32; LANES]; 3],
     /// t times the determinant, >= 0.
     height: [f32; LANES],
+    /// Mask of triangles whose height had to change its sign.
+    turned: u32,
     /// Bounds of the products' rounding errors.
     rounding: [f32; LANES],
     /// Mask of triangles that block every segment.
@@ -191,7 +190,8 @@ impl Fans {
         let q = vector::cross(simd, &v, edge1);
         let height = vector::dot(simd, edge2, &q);
         // A triangle ahead of the receiver end has a determinant with the sign of the height.
-        let sign = simd.select(simd.lt(height, zero), simd.splat(-1.0), simd.splat(1.0));
+        let below = simd.lt(height, zero);
+        let sign = simd.select(below, simd.splat(-1.0), simd.splat(1.0));
         let height = simd.abs(height);
         let normal = vector::scaled(simd, sign, normal);
         let p = vector::scaled(simd, sign, &vector::cross(simd, edge2, &v));
@@ -226,8 +226,8 @@ impl Fans {
         }
         let mut fans = Fans {
             planes: [[[0.0; LANES]; 3]; 3],
-            normal: [[0.0; LANES]; 3],
             height: [0.0; LANES],
+            turned: simd.bits(below),
             rounding: [0.0; LANES],
             covering: simd.bits(covering) & crossed & amid,
             missed: simd.bits(missed),
@@ -236,7 +236,6 @@ impl Fans {
         vector::store(simd, &a, &mut fans.planes[0]);
         vector::store(simd, &b, &mut fans.planes[1]);
         vector::store(simd, &c, &mut fans.planes[2]);
-        vector::store(simd, &normal, &mut fans.normal);
         simd.store(height, &mut fans.height);
         simd.store(simd.mul(rounding, simd.splat(shaft.longest())), &mut fans.rounding);
         fans
@@ -254,8 +253,18 @@ impl Fans {
             packets.iter().zip(blocked).for_each(|(packet, blocked)| *blocked = packet.active);
             return Tested { all: true, ..Tested::default() };
         }
-        let touched = touched & !self.missed;
+        let mut touched = touched & !self.missed;
         let mut tested = Tested { any: touched != 0, ..Tested::default() };
+        let near_an_end = touched & !self.amid;
+        if near_an_end != 0 && packets.iter().any(|packet| packet.backwards != 0) {
+            // The common end has rounding errors that are larger than the margins at the other ends.
+            let alone = each(simd, block, near_an_end, packets, blocked);
+            (tested.work, tested.all) = (alone.work, alone.all);
+            touched &= self.amid;
+            if tested.all {
+                return tested;
+            }
+        }
         if packets.len() <= MAX_UNTILED_PACKETS {
             for k in Lanes(touched) {
                 let plane = self.planes_of(simd, block, k);
@@ -322,41 +331,39 @@ impl Fans {
     }
 
     #[inline(always)]
-    fn planes_of<'b, S: Simd>(&self, simd: S, block: &'b Block, k: usize) -> Planes<'b, S> {
+    fn planes_of<S: Simd>(&self, simd: S, block: &Block, k: usize) -> Planes<S> {
+        let normal = || {
+            let edge = |edge: &[[f32; LANES]; 3]| Vec3::new(edge[0][k], edge[1][k], edge[2][k]);
+            let normal = edge(&block.edge2).cross(edge(&block.edge1));
+            vector::splat(simd, if self.turned >> k & 1 == 1 { -normal } else { normal })
+        };
         Planes {
             planes: [
                 pick(simd, &self.planes[0], k),
                 pick(simd, &self.planes[1], k),
                 pick(simd, &self.planes[2], k),
             ],
-            normal: pick(simd, &self.normal, k),
             height: simd.splat(self.height[k]),
             rounding: simd.splat(self.rounding[k]),
-            near_an_end: (self.amid >> k & 1 == 0).then_some((block, k)),
+            normal: (self.amid >> k & 1 == 0).then(normal),
         }
     }
 }
 
 /// The planes of one triangle, repeated in every lane; see [`Fans`].
-struct Planes<'b, S: Simd> {
+struct Planes<S: Simd> {
     planes: [Vector<S>; 3],
-    normal: Vector<S>,
     height: S::F,
     rounding: S::F,
-    /// The triangle in its block, if a segment may end on it.
-    near_an_end: Option<(&'b Block, usize)>,
+    /// If a segment may end on the triangle. The product with the direction is the determinant, without the rounding of products with
+    /// the distance in the sum of the three planes' products.
+    normal: Option<Vector<S>>,
 }
 
-impl<S: Simd> Planes<'_, S> {
+impl<S: Simd> Planes<S> {
     /// Active lanes of a packet that the triangle blocks.
     #[inline(always)]
     fn hits(&self, simd: S, packet: &Packet) -> u32 {
-        if packet.backwards != 0
-            && let Some((block, k)) = self.near_an_end
-        {
-            // The common end has rounding errors that are larger than the margins at the other ends.
-            return Triangle::of(block, k).blocks(simd, packet) & packet.active;
-        }
         let d = vector::load(simd, &packet.direction);
         let [a, b, c] = &self.planes;
         let [a, b, c] = [vector::dot(simd, a, &d), vector::dot(simd, b, &d), vector::dot(simd, c, &d)];
@@ -365,8 +372,8 @@ impl<S: Simd> Planes<'_, S> {
         let beside = simd.sub(simd.splat(0.0), self.rounding);
         let inside = simd.le(beside, simd.min(simd.min(a, b), c));
         let mut hit = simd.and(inside, simd.lt(self.rounding, det));
-        if self.near_an_end.is_some() {
-            let det = vector::dot(simd, &self.normal, &d);
+        if let Some(normal) = &self.normal {
+            let det = vector::dot(simd, normal, &d);
             let beyond = simd.le(simd.mul(simd.load(&packet.near), det), self.height);
             let before = simd.le(self.height, simd.mul(simd.load(&packet.far), det));
             hit = simd.and(hit, simd.and(beyond, before));
