@@ -34,17 +34,6 @@ _Static_assert(offsetof(mrvis_packet, active) == 8 * 64, "mrvis_packet layout");
             ray.id[i] = 0;                                                                                  \
             ray.flags[i] = 0;                                                                               \
         }                                                                                                   \
-        for (uint32_t left = lanes & (p->backwards >> first); left; left &= left - 1) {                     \
-            const int i = __builtin_ctz(left), lane = first + i;                                            \
-            ray.org_x[i] = p->end[0][lane];                                                                 \
-            ray.org_y[i] = p->end[1][lane];                                                                 \
-            ray.org_z[i] = p->end[2][lane];                                                                 \
-            ray.dir_x[i] = -p->direction[0][lane];                                                          \
-            ray.dir_y[i] = -p->direction[1][lane];                                                          \
-            ray.dir_z[i] = -p->direction[2][lane];                                                          \
-            ray.tnear[i] = 1.0f - p->far_t[lane];                                                           \
-            ray.tfar[i] = 1.0f - p->near_t[lane];                                                           \
-        }                                                                                                   \
         rtcOccluded##W(valid, scene, &ray, &args);                                                          \
         for (int i = 0; i < W; i++) result |= (uint32_t)(valid[i] && ray.tfar[i] < 0.0f) << (first + i);    \
     }
@@ -56,16 +45,12 @@ static uint32_t trace_single(RTCScene scene, const mrvis_packet *p, uint32_t mas
         const int i = __builtin_ctz(left);
         struct RTCRay ray;
         memset(&ray, 0, sizeof ray);
-        const int back = (p->backwards >> i) & 1;
-        const float(*start)[16] = back ? p->end : p->origin;
-        const float sign = back ? -1.0f : 1.0f;
-        const float near_t = back ? 1.0f - p->far_t[i] : p->near_t[i];
         /* Compilers merge these copies into two 16-byte stores; scalar stores would stall Embree's wide loads. */
-        const float head[4] = {start[0][i], start[1][i], start[2][i], near_t};
-        const float tail[4] = {sign * p->direction[0][i], sign * p->direction[1][i], sign * p->direction[2][i], 0.0f};
+        const float head[4] = {p->origin[0][i], p->origin[1][i], p->origin[2][i], p->near_t[i]};
+        const float tail[4] = {p->direction[0][i], p->direction[1][i], p->direction[2][i], 0.0f};
         memcpy(&ray.org_x, head, sizeof head);
         memcpy(&ray.dir_x, tail, sizeof tail);
-        ray.tfar = back ? 1.0f - p->near_t[i] : p->far_t[i];
+        ray.tfar = p->far_t[i];
         ray.mask = mask;
         rtcOccluded1(scene, &ray, args);
         result |= (uint32_t)(ray.tfar < 0.0f) << i;

@@ -8,17 +8,15 @@
 #include <stdint.h>
 
 /* 16 segments in lanes; mirrors `ray::Packet` field by field (Rust asserts size and offsets).
- * The point of lane i at parameter t is origin + t * direction; hits count at near <= t <= far. For any hit, lanes of
- * `backwards` are traced from `end` along -direction, with parameters 1 - t. */
+ * The point of lane i at parameter t is origin + t * direction; hits count at near <= t <= far. */
 typedef struct {
     _Alignas(64) float origin[3][16];
     float direction[3][16];
     float near_t[16];
     float far_t[16];
     uint32_t active; /* bit i: lane i is a segment */
-    uint32_t backwards;
-    float slack[2][2]; /* of no use to Embree */
-    float end[3][16];
+    uint32_t backwards; /* this and the next are of no use to Embree */
+    float slack[2][2];
 } mrvis_packet;
 
 /* Traces `count` packets for any hit. Bit i of occluded[k] is set if lane i of packets[k] is active and blocked.

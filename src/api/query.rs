@@ -161,6 +161,7 @@ impl<'a> Query<'a> {
         for (k, &(to, there)) in ends.iter().enumerate() {
             packets[k / LANES].set_lifted(k % LANES, from, to, [rule, there]);
         }
+        Packet::share_slack(&mut packets);
         let bundle = Bundle { packets: &packets, emitter_size, emitter: hull };
         let answer = model.with_workspace(|workspace| match (&chosen, size) {
             (Chosen::Clusters(engine) | Chosen::Either(engine), Some(s)) => {

@@ -76,12 +76,14 @@ impl Workload {
         stream: u64,
         packets: &mut Vec<Packet>,
     ) {
+        let first = packets.len();
         self.each_segment(scene, pair, (rays, order), stream, |i, a, b, rules| {
             if i % LANES == 0 {
                 packets.push(Packet::EMPTY);
             }
             packets.last_mut().expect("just pushed").set_lifted(i % LANES, a, b, rules);
         });
+        Packet::share_slack(&mut packets[first..]);
     }
 
     /// Points whose convex hull contains the emitter of a pair.

@@ -213,9 +213,7 @@ const _: () = {
     assert!(std::mem::offset_of!(Packet, direction) == std::mem::offset_of!(sys::mrvis_packet, direction));
     assert!(std::mem::offset_of!(Packet, near) == std::mem::offset_of!(sys::mrvis_packet, near_t));
     assert!(std::mem::offset_of!(Packet, far) == std::mem::offset_of!(sys::mrvis_packet, far_t));
-    assert!(std::mem::offset_of!(Packet, end) == std::mem::offset_of!(sys::mrvis_packet, end));
     assert!(std::mem::offset_of!(Packet, active) == std::mem::offset_of!(sys::mrvis_packet, active));
-    assert!(std::mem::offset_of!(Packet, backwards) == std::mem::offset_of!(sys::mrvis_packet, backwards));
 };
 
 impl CommittedScene {

@@ -129,7 +129,8 @@ fn brute_force_and_every_packet_mode_agree_on_100_000_segments() {
                 .collect();
         for (k, packet) in packets.iter().enumerate() {
             for lane in packet.lanes() {
-                let (a, d) = (packet.point(lane, 0.0), Vec3::from(packet.direction.map(|axis| axis[lane])));
+                let [a, d] =
+                    [&packet.origin, &packet.direction].map(|v| Vec3::from(v.map(|axis| axis[lane])));
                 compared += 1;
                 // f32 and f64, single rays and packets may differ only where brute force is within 1e-6 (eight rounding
                 // errors) of an edge, an end or the plane.

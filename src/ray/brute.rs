@@ -79,8 +79,9 @@ impl Occluder for Brute {
             *blocked = packet
                 .lanes()
                 .filter(|&i| {
-                    let (o, e) = (packet.point(i, 0.0), packet.direction.map(|axis| axis[i]));
-                    self.verdict(o, Vec3::from(e), packet.near[i], packet.far[i], 0.0) != Verdict::Clear
+                    let [o, e] =
+                        [&packet.origin, &packet.direction].map(|v| Vec3::from(v.map(|axis| axis[i])));
+                    self.verdict(o, e, packet.near[i], packet.far[i], 0.0) != Verdict::Clear
                 })
                 .fold(0, |mask, lane| mask | 1 << lane);
         }

@@ -11,11 +11,11 @@ use glam::Vec3;
 /// Number of segments of a packet: one AVX-512 register of f32.
 pub const LANES: usize = 16;
 
-/// Up to 16 segments, one per lane. The point of lane `i` at parameter `t` is `origin + t * direction`; the ends are
+/// Up to 16 segments, one per lane, as rays: the ray of lane `i` is `origin + t * direction`, its ends are
 /// `t = 0` and `t = 1`. Triangles at `near <= t <= far` block.
 ///
-/// A ray is most exact where it starts. Lanes of `backwards` have the smaller rounding errors at `t = 1`: triangles are tested
-/// along the ray from `end` along `-direction` with the parameter `1 - t`.
+/// A ray is most exact where it starts, so a segment with smaller rounding errors at its emitter end runs from there to the receiver: its
+/// lane is one of `backwards`.
 ///
 /// Field order and layout equal those of `mrvis_packet` in `ffi/embree/shim.h`.
 #[derive(Clone, Debug)]
@@ -31,12 +31,10 @@ pub struct Packet {
     pub far: [f32; LANES],
     /// Mask of used lanes: bit `i` is set if lane `i` holds a segment. Unused lanes hold zeros.
     pub active: u32,
-    /// Mask of lanes that are tested from `end`.
+    /// Mask of lanes whose rays run from the emitter end to the receiver end.
     pub backwards: u32,
-    /// Smallest and largest [`EndRule::slack`] at the starts and at the ends, scene units.
+    /// Smallest and largest [`EndRule::slack`] at the receiver ends and at the emitter ends, scene units.
     pub slack: [[f32; 2]; 2],
-    /// End points by axis and lane, scene units; undefined for infinite rays.
-    pub end: [[f32; LANES]; 3],
 }
 
 impl Packet {
@@ -49,7 +47,6 @@ impl Packet {
         active: 0,
         backwards: 0,
         slack: [[f32::MAX, 0.0]; 2],
-        end: [[0.0; LANES]; 3],
     };
 
     /// Stores the segment from `a` to `b` in a lane. The surfaces at the ends are unknown; `rule` holds for both.
@@ -63,15 +60,7 @@ impl Packet {
     /// [`EndRule::seen_from`] the first.
     #[inline]
     pub fn set_unknown(&mut self, lane: usize, a: Vec3, b: Vec3, rules: [EndRule; 2]) {
-        let length = a.distance(b);
-        let [first, last] = rules.map(|rule| rule.margin(length));
-        if rules[1].reach < rules[0].reach {
-            // The margin as a part of the length may be below the rounding of parameters near 1, so the end itself moves.
-            self.set_between(lane, a, b + last * (a - b), [first, 1.0]);
-            self.backwards |= 1 << lane;
-        } else {
-            self.set_between(lane, a, b, [first, 1.0 - last]);
-        }
+        self.set_from_better_end(lane, [a, b], rules, EndRule::margin);
         self.widen(rules);
     }
 
@@ -79,10 +68,7 @@ impl Packet {
     /// [`EndRule::seen_from`] the first.
     #[inline]
     pub fn set_lifted(&mut self, lane: usize, a: Vec3, b: Vec3, rules: [EndRule; 2]) {
-        let length = a.distance(b);
-        let [first, last] = rules.map(|rule| rule.rounding(length));
-        self.set_between(lane, a, b, [first, 1.0 - last]);
-        self.backwards |= u32::from(rules[1].reach < rules[0].reach) << lane;
+        self.set_from_better_end(lane, [a, b], rules, EndRule::rounding);
         self.widen(rules);
     }
 
@@ -93,10 +79,39 @@ impl Packet {
         for axis in 0..3 {
             self.origin[axis][lane] = a[axis];
             self.direction[axis][lane] = d[axis];
-            self.end[axis][lane] = b[axis];
         }
         (self.near[lane], self.far[lane]) = (near, far);
         self.active |= 1 << lane;
+        self.backwards &= !(1 << lane);
+    }
+
+    #[inline]
+    fn set_from_better_end(
+        &mut self,
+        lane: usize,
+        [a, b]: [Vec3; 2],
+        rules: [EndRule; 2],
+        margin: fn(EndRule, f32) -> f32,
+    ) {
+        let length = a.distance(b);
+        let [first, last] = rules.map(|rule| margin(rule, length));
+        if rules[1].reach < rules[0].reach {
+            self.set_between(lane, b, a, [last, 1.0 - first]);
+            self.backwards |= 1 << lane;
+        } else {
+            self.set_between(lane, a, b, [first, 1.0 - last]);
+        }
+    }
+
+    /// Gives the first of these packets the range of [`EndRule::slack`] of all.
+    pub fn share_slack(packets: &mut [Packet]) {
+        if let Some((first, rest)) = packets.split_first_mut() {
+            for packet in rest {
+                for ([least, most], [own_least, own_most]) in first.slack.iter_mut().zip(packet.slack) {
+                    (*least, *most) = (least.min(own_least), most.max(own_most));
+                }
+            }
+        }
     }
 
     #[inline]
@@ -118,9 +133,10 @@ impl Packet {
         self.active |= 1 << lane;
     }
 
-    /// The point of a lane at parameter `t`.
+    /// The point of a lane at parameter `t` from the receiver end, 0, to the emitter end, 1.
     #[inline]
     pub fn point(&self, lane: usize, t: f32) -> Vec3 {
+        let t = if self.backwards >> lane & 1 == 1 { 1.0 - t } else { t };
         let o = Vec3::new(self.origin[0][lane], self.origin[1][lane], self.origin[2][lane]);
         let d = Vec3::new(self.direction[0][lane], self.direction[1][lane], self.direction[2][lane]);
         o + t * d

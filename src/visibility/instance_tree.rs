@@ -59,9 +59,7 @@ impl Frame {
             let take = |v: &[[f32; 16]; 3]| Vec3::new(v[0][lane], v[1][lane], v[2][lane]);
             let origin = self.point(take(&packet.origin));
             let direction = self.to_mesh.transform_vector3(take(&packet.direction).as_dvec3()).as_vec3();
-            let end = self.point(take(&packet.end));
             for axis in 0..3 {
-                moved.end[axis][lane] = end[axis];
                 moved.origin[axis][lane] = origin[axis];
                 moved.direction[axis][lane] = direction[axis];
             }

@@ -15,7 +15,7 @@ mod tests;
 use crate::ray::{EndRule, Packet};
 use crate::simd::{LANES, Simd};
 use glam::Vec3;
-pub(super) use slopes::filled;
+pub(super) use slopes::{FromReceiver, filled};
 use slopes::{corners_of_panel, corners_of_polygon, slopes_of_points, slopes_of_segments};
 
 /// A box as centre and half extent, scene units.
@@ -113,15 +113,16 @@ impl Shaft {
         let mut apart = simd.mask(0);
         let (mut near, mut far) = (simd.splat(0.0), simd.splat(1.0));
         for packet in packets {
-            let [origin, _, end] = filled(simd, packet);
-            near = simd.max(near, simd.load(&packet.near));
-            let beyond = simd.select(simd.mask(packet.active), simd.load(&packet.far), simd.splat(1.0));
-            far = simd.min(far, beyond);
+            let [origin, direction] = filled(simd, packet);
+            let margins = FromReceiver::of(simd, packet);
+            let active = simd.mask(packet.active);
+            near = simd.max(near, simd.keep(active, margins.near));
+            far = simd.min(far, simd.select(active, margins.far, simd.splat(1.0)));
             for axis in 0..3 {
                 let o = origin[axis];
                 let differs = simd.abs(simd.sub(o, simd.splat(apex[axis])));
                 apart = simd.or(apart, simd.lt(simd.splat(0.0), differs));
-                for (end, v) in lanes.iter_mut().zip([o, end[axis]]) {
+                for (end, v) in lanes.iter_mut().zip([o, simd.add(o, direction[axis])]) {
                     let (lo, hi) = &mut end[axis];
                     (*lo, *hi) = (simd.min(*lo, v), simd.max(*hi, v));
                 }
@@ -149,7 +150,7 @@ impl Shaft {
     /// Margins are the largest of any segment, for tests that need geometry to lie inside all segments.
     #[inline(always)]
     fn whole<S: Simd>(simd: S, packets: &[Packet], emitter: &[Vec3], apex: Vec3, magnitude: f32) -> Shaft {
-        let slack = ends_slack(packets);
+        let slack = ends_slack(&packets[..1]);
         let rules = slack.map(|[_, most]| EndRule::of_slack(most));
         let height = rules[1].height();
         let (mut lo, mut hi) = (emitter[0], emitter[0]);

@@ -1,5 +1,6 @@
 //! Aggregated clusters: boxes with extinction, and the transmittance of segments through them.
 
+use super::shaft::FromReceiver;
 use super::wide::Node;
 use crate::ray::{Lanes, Packet};
 use crate::simd::vector::{self, Vector};
@@ -288,11 +289,8 @@ impl<S: Simd> Lines<S> {
     /// All segments of a packet, unfolded.
     #[inline(always)]
     fn of(simd: S, packet: &Packet, blocked: u32) -> Lines<S> {
-        Lines {
-            origin: vector::load(simd, &packet.origin),
-            direction: vector::load(simd, &packet.direction),
-            weights: simd.keep(simd.mask(packet.active & !blocked), simd.splat(1.0)),
-        }
+        let FromReceiver { origin, direction, .. } = FromReceiver::of(simd, packet);
+        Lines { origin, direction, weights: simd.keep(simd.mask(packet.active & !blocked), simd.splat(1.0)) }
     }
 
     /// The means of four (two) adjacent segments each, of up to four (two) full packets; `None` if any end lies
@@ -314,13 +312,13 @@ impl<S: Simd> Lines<S> {
         let mut apart = simd.splat(0.0);
         for ((packet, blocked), &lanes) in packets.iter().zip(blocked).zip(lanes) {
             let lanes = simd.mask(lanes);
+            let FromReceiver { origin, direction, .. } = FromReceiver::of(simd, packet);
             for axis in 0..3 {
-                for (of, v, skip) in [
-                    (&mut lines.direction, &packet.direction, false),
-                    (&mut lines.origin, &packet.origin, shared),
-                ] {
+                for (of, v, skip) in
+                    [(&mut lines.direction, &direction, false), (&mut lines.origin, &origin, shared)]
+                {
                     if !skip {
-                        let v = simd.load(&v[axis]);
+                        let v = v[axis];
                         let sum = if fours { simd.sum_fours(v) } else { simd.sum_twos(v) };
                         let mean = simd.mul(part, sum);
                         apart = simd.max(apart, simd.abs(simd.sub(v, mean)));

@@ -7,7 +7,7 @@
 
 mod single;
 
-use super::shaft::{Pyramid, Shaft, filled};
+use super::shaft::{FromReceiver, Pyramid, Shaft, filled};
 use super::wide::Block;
 use crate::ray::{Lanes, Packet};
 use crate::simd::vector::{self, Vector};
@@ -128,7 +128,7 @@ impl Tiles {
         for (packets, blocked) in packets.chunks(LANES).zip(blocked.chunks(LANES)) {
             let mut row = Row { lo: [[0.0; LANES]; 3], hi: [[0.0; LANES]; 3], open: 0 };
             for (k, (packet, blocked)) in packets.iter().zip(blocked).enumerate() {
-                let [_, direction, _] = filled(simd, packet);
+                let [_, direction] = filled(simd, packet);
                 for (axis, d) in direction.into_iter().enumerate() {
                     row.lo[axis][k] = simd.least(d);
                     row.hi[axis][k] = simd.greatest(d);
@@ -364,7 +364,7 @@ impl<S: Simd> Planes<S> {
     /// Active lanes of a packet that the triangle blocks.
     #[inline(always)]
     fn hits(&self, simd: S, packet: &Packet) -> u32 {
-        let d = vector::load(simd, &packet.direction);
+        let FromReceiver { direction: d, near, far, .. } = FromReceiver::of(simd, packet);
         let [a, b, c] = &self.planes;
         let [a, b, c] = [vector::dot(simd, a, &d), vector::dot(simd, b, &d), vector::dot(simd, c, &d)];
         // All three products are >= 0 where the smallest is; an edge-on triangle blocks nothing.
@@ -374,8 +374,8 @@ impl<S: Simd> Planes<S> {
         let mut hit = simd.and(inside, simd.lt(self.rounding, det));
         if let Some(normal) = &self.normal {
             let det = vector::dot(simd, normal, &d);
-            let beyond = simd.le(simd.mul(simd.load(&packet.near), det), self.height);
-            let before = simd.le(self.height, simd.mul(simd.load(&packet.far), det));
+            let beyond = simd.le(simd.mul(near, det), self.height);
+            let before = simd.le(self.height, simd.mul(far, det));
             hit = simd.and(hit, simd.and(beyond, before));
         }
         simd.bits(hit) & packet.active

@@ -69,7 +69,7 @@ pub(super) fn slopes_of_segments<S: Simd>(
 ) -> Option<[[f32; 2]; 2]> {
     let mut slopes = [(simd.splat(f32::MAX), simd.splat(f32::MIN)); 2];
     for packet in packets {
-        let [_, direction, _] = filled(simd, packet);
+        let [_, direction] = filled(simd, packet);
         let forward = vector::dot(simd, &vector::splat(simd, w), &direction);
         let steep = simd.mul(simd.splat(MAX_SLOPE), forward);
         let inverse = simd.div(simd.splat(1.0), forward);
@@ -85,19 +85,58 @@ pub(super) fn slopes_of_segments<S: Simd>(
     Some([slopes.map(|range| simd.least(range.0)), slopes.map(|range| simd.greatest(range.1))])
 }
 
-/// Origins, directions and ends; unused lanes repeat the first segment, so that reductions can use whole registers.
+/// The segments of a packet from their receiver ends.
+pub(in super::super) struct FromReceiver<S: Simd> {
+    pub origin: Vector<S>,
+    pub direction: Vector<S>,
+    /// Parameters between which triangles block.
+    pub near: S::F,
+    pub far: S::F,
+}
+
+impl<S: Simd> FromReceiver<S> {
+    #[inline(always)]
+    pub fn of(simd: S, packet: &Packet) -> FromReceiver<S> {
+        let mut of = FromReceiver {
+            origin: vector::load(simd, &packet.origin),
+            direction: vector::load(simd, &packet.direction),
+            near: simd.load(&packet.near),
+            far: simd.load(&packet.far),
+        };
+        if packet.backwards != 0 {
+            let back = simd.mask(packet.backwards);
+            let (zero, one) = (simd.splat(0.0), simd.splat(1.0));
+            for axis in 0..3 {
+                let (o, d) = (of.origin[axis], of.direction[axis]);
+                of.origin[axis] = simd.select(back, simd.add(o, d), o);
+                of.direction[axis] = simd.select(back, simd.sub(zero, d), d);
+            }
+            (of.near, of.far) = (
+                simd.select(back, simd.sub(one, of.far), of.near),
+                simd.select(back, simd.sub(one, of.near), of.far),
+            );
+        }
+        of
+    }
+}
+
+/// Ends of segments at the receiver, and directions from there; unused lanes repeat the first segment, so that reductions can use whole
+/// registers.
 #[inline(always)]
-pub(in super::super) fn filled<S: Simd>(simd: S, packet: &Packet) -> [Vector<S>; 3] {
-    let all = [&packet.origin, &packet.direction, &packet.end];
-    let mut filled = all.map(|v| vector::load(simd, v));
+pub(in super::super) fn filled<S: Simd>(simd: S, packet: &Packet) -> [Vector<S>; 2] {
+    let FromReceiver { origin, direction, .. } = FromReceiver::of(simd, packet);
     if packet.active == 0xffff {
-        return filled;
+        return [origin, direction];
     }
     let first = packet.active.trailing_zeros() as usize % LANES;
     let active = simd.mask(packet.active);
-    for (filled, v) in filled.iter_mut().zip(all) {
+    let start = packet.point(first, 0.0);
+    let along = Vec3::from(packet.direction.map(|axis| axis[first]));
+    let along = if packet.backwards >> first & 1 == 1 { -along } else { along };
+    let mut filled = [origin, direction];
+    for (filled, v) in filled.iter_mut().zip([start, along]) {
         for axis in 0..3 {
-            filled[axis] = simd.select(active, filled[axis], simd.splat(v[axis][first]));
+            filled[axis] = simd.select(active, filled[axis], simd.splat(v[axis]));
         }
     }
     filled

@@ -32,11 +32,7 @@ fn agreed(stage: &Stage, packet: &Packet) -> [bool; LANES] {
     let brute = Brute::new(&stage.scene.positions, &stage.scene.triangles);
     std::array::from_fn(|lane| {
         let clear = exact >> lane & 1 == 0;
-        let Segment { mut origin, mut direction, mut near, mut far } = segment(packet, lane);
-        if packet.backwards >> lane & 1 == 1 {
-            (origin, direction) = (Vec3::from(packet.end.map(|axis| axis[lane])), -direction);
-            (near, far) = (1.0 - far, 1.0 - near);
-        }
+        let Segment { origin, direction, near, far } = segment(packet, lane);
         assert_eq!(clear, fast[lane] > 0.0, "{origin} {direction}");
         let verdict = brute.verdict(origin, direction, near, far, 0.0);
         assert_eq!(clear, verdict == Verdict::Clear, "{origin} {direction}: {verdict:?}");

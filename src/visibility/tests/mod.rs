@@ -89,7 +89,7 @@ impl Stage {
 
 fn segment(packet: &Packet, lane: usize) -> Segment {
     Segment {
-        origin: packet.point(lane, 0.0),
+        origin: Vec3::from(packet.origin.map(|axis| axis[lane])),
         direction: Vec3::from(packet.direction.map(|axis| axis[lane])),
         near: packet.near[lane],
         far: packet.far[lane],

@@ -1,7 +1,7 @@
 //! One triangle against segments that share no end.
 
 use crate::ray::Packet;
-use crate::simd::vector::{self, Vector};
+use crate::simd::vector;
 use crate::simd::{LANES, Simd};
 use crate::visibility::wide::Block;
 use glam::Vec3;
@@ -10,34 +10,6 @@ use glam::Vec3;
 /// function rounds at most 6 times (difference 1, cross product 2, dot product 3) by 2⁻²⁴ = 6e-8, which is 3.6e-7; the
 /// value leaves a factor of nearly 3.
 const EDGE_WIDENING: f32 = 1e-6;
-
-/// The segments of a packet as rays that start where they are most exact.
-struct Ray<S: Simd> {
-    origin: Vector<S>,
-    d: Vector<S>,
-    near: S::F,
-    far: S::F,
-}
-
-impl<S: Simd> Ray<S> {
-    #[inline(always)]
-    fn of(simd: S, packet: &Packet) -> Ray<S> {
-        let (mut origin, mut d) = (vector::load(simd, &packet.origin), vector::load(simd, &packet.direction));
-        let (mut near, mut far) = (simd.load(&packet.near), simd.load(&packet.far));
-        if packet.backwards != 0 {
-            let back = simd.mask(packet.backwards);
-            let end = vector::load(simd, &packet.end);
-            let (zero, one) = (simd.splat(0.0), simd.splat(1.0));
-            for axis in 0..3 {
-                origin[axis] = simd.select(back, end[axis], origin[axis]);
-                d[axis] = simd.select(back, simd.sub(zero, d[axis]), d[axis]);
-            }
-            (near, far) =
-                (simd.select(back, simd.sub(one, far), near), simd.select(back, simd.sub(one, near), far));
-        }
-        Ray { origin, d, near, far }
-    }
-}
 
 /// A triangle for tests against segments without a common end.
 pub(super) struct Triangle {
@@ -60,8 +32,8 @@ impl Triangle {
     #[inline(always)]
     pub fn blocks<S: Simd>(&self, simd: S, packet: &Packet) -> u32 {
         let (e1, e2) = (vector::splat(simd, self.edge1), vector::splat(simd, self.edge2));
-        let Ray { origin, d, near, far } = Ray::of(simd, packet);
-        let v = vector::sub(simd, &origin, &vector::splat(simd, self.corner));
+        let d = vector::load(simd, &packet.direction);
+        let v = vector::sub(simd, &vector::load(simd, &packet.origin), &vector::splat(simd, self.corner));
         let (p, q) = (vector::cross(simd, &e2, &v), vector::cross(simd, &v, &e1));
         let det = vector::dot(simd, &d, &vector::splat(simd, self.normal));
         // All volumes are multiplied by the sign of the determinant.
@@ -75,7 +47,10 @@ impl Triangle {
         let slack = simd.mul(det, simd.splat(-EDGE_WIDENING));
         let inside = simd.and(simd.le(slack, a), simd.le(slack, b));
         let inside = simd.and(inside, simd.le(simd.add(simd.add(a, b), slack), det));
-        let reach = simd.and(simd.le(simd.mul(near, det), t), simd.le(t, simd.mul(far, det)));
+        let reach = simd.and(
+            simd.le(simd.mul(simd.load(&packet.near), det), t),
+            simd.le(t, simd.mul(simd.load(&packet.far), det)),
+        );
         simd.bits(simd.and(simd.and(inside, reach), simd.lt(zero, det)))
     }
 }
