@@ -1,8 +1,10 @@
 //! Triangle mesh with light at its vertices.
 
+use crate::progress::Progress;
 use crate::radiosity::mesh::{Element, RadiosityMesh};
 use glam::Vec3;
-use std::collections::HashMap;
+use rayon::prelude::*;
+use rustc_hash::FxHashMap;
 
 /// A triangle mesh of all sides of surfaces, with light at the vertices. Vectors have one entry per vertex or per
 /// triangle.
@@ -30,20 +32,35 @@ const MAX_HALVINGS: u32 = 24;
 
 impl Mesh {
     /// The mesh of a solution.
+    #[cfg(test)]
     pub fn new(solution: &RadiosityMesh) -> Mesh {
-        let vertices: HashMap<[u32; 3], u32> =
+        Mesh::new_unless(solution, &()).expect("nothing stops it")
+    }
+
+    /// The mesh of a solution; none if `progress` has stopped.
+    pub fn new_unless(solution: &RadiosityMesh, progress: &dyn Progress) -> Option<Mesh> {
+        let go_on = || (!progress.stopped()).then_some(());
+        let vertices: FxHashMap<[u32; 3], u32> =
             solution.vertices.iter().enumerate().map(|(i, &p)| (bits(p), i as u32)).collect();
-        let normals: Vec<Vec3> = solution.elements.iter().map(|e| normal(solution, e)).collect();
-        let outlines: Vec<Vec<u32>> =
-            solution.elements.iter().map(|e| outline(solution, &vertices, e)).collect();
+        let normals: Vec<Vec3> = solution.elements.par_iter().map(|e| normal(solution, e)).collect();
+        let outlined = |e| go_on().map(|()| outline(solution, &vertices, e));
+        let outlines: Vec<Vec<u32>> = solution.elements.par_iter().map(outlined).collect::<Option<_>>()?;
         let around = Around::new(solution.vertices.len(), &outlines);
+        // By element the irradiance at the vertices of its outline.
+        let light_of = |(outline, &normal): (&Vec<u32>, &Vec3)| -> Option<Vec<[f32; 3]>> {
+            go_on()?;
+            Some(outline.iter().map(|&v| mean(solution, &normals, normal, around.of(v))).collect())
+        };
+        let light: Vec<Vec<[f32; 3]>> =
+            outlines.par_iter().zip(&normals).map(light_of).collect::<Option<_>>()?;
         let mut out = Builder::default();
         for (e, (element, outline)) in solution.elements.iter().zip(&outlines).enumerate() {
-            let vertex = |out: &mut Builder, v: u32| {
-                let irradiance = mean(solution, &normals, normals[e], around.of(v));
-                out.vertex(solution.vertices[v as usize], normals[e], irradiance, element)
-            };
-            let ring: Vec<u32> = outline.iter().map(|&v| vertex(&mut out, v)).collect();
+            go_on()?;
+            let ring: Vec<u32> = outline
+                .iter()
+                .zip(&light[e])
+                .map(|(&v, &light)| out.vertex(solution.vertices[v as usize], normals[e], light, element))
+                .collect();
             match ring[..] {
                 [a, b, c] => out.triangle([a, b, c], e),
                 [a, b, c, d] if !element.is_triangle() => {
@@ -61,7 +78,7 @@ impl Mesh {
                 }
             }
         }
-        out.mesh
+        Some(out.mesh)
     }
 
     /// The corners of a triangle.
@@ -81,7 +98,7 @@ fn normal(solution: &RadiosityMesh, e: &Element) -> Vec3 {
 }
 
 /// Vertices along an element's edges: its corners and the vertices of smaller neighbours.
-fn outline(solution: &RadiosityMesh, vertices: &HashMap<[u32; 3], u32>, e: &Element) -> Vec<u32> {
+fn outline(solution: &RadiosityMesh, vertices: &FxHashMap<[u32; 3], u32>, e: &Element) -> Vec<u32> {
     let corners = &e.corners[..if e.is_triangle() { 3 } else { 4 }];
     let mut out = Vec::with_capacity(corners.len());
     for (k, &a) in corners.iter().enumerate() {
@@ -94,7 +111,7 @@ fn outline(solution: &RadiosityMesh, vertices: &HashMap<[u32; 3], u32>, e: &Elem
 /// Appends the vertices between two positions, found by halving: elements are split at the middles of their edges.
 fn halves(
     solution: &RadiosityMesh,
-    vertices: &HashMap<[u32; 3], u32>,
+    vertices: &FxHashMap<[u32; 3], u32>,
     a: u32,
     b: u32,
     depth: u32,
@@ -154,7 +171,7 @@ type Key = ([u32; 3], [u32; 3], [u32; 3]);
 #[derive(Default)]
 struct Builder {
     mesh: Mesh,
-    known: HashMap<Key, u32>,
+    known: FxHashMap<Key, u32>,
 }
 
 impl Builder {
