@@ -16,7 +16,7 @@ RUST_VERSION := 1.89
 export PATH := $(PATH):$(HOME)/.cargo/bin
 SHELL := /bin/bash
 
-.PHONY: help demo test build scenes install fuzz clean distclean
+.PHONY: help demo test build scenes install install-files fuzz clean distclean
 .PHONY: setup need-cargo need-packages need-embree need-furniture need-lint need-browser
 .DEFAULT_GOAL := help
 
@@ -46,7 +46,7 @@ need-cargo:
 	  echo "mrvis: cargo is $$have, Rust $(RUST_VERSION) or later is required: run rustup update stable" >&2; exit 1; }
 
 need-packages:
-	@.ci/debian-packages g++=g++ gcc=cc python3=python3 $(if $(LIBCLANG_PATH),,libclang-dev)
+	@.ci/debian-packages g++=g++ gcc=cc binutils=strip python3=python3 $(if $(LIBCLANG_PATH),,libclang-dev)
 
 need-embree: need-packages
 	@ffi/embree/get-embree.sh
@@ -88,22 +88,27 @@ test: setup need-lint need-browser
 	@.ci/public-items $(TARGET_DIR)/doc/mrvis 150
 	cargo test
 
-# A private Embree is installed in lib/mrvis. The command finds it relative to itself, so PREFIX may be moved.
-install: setup
-	cargo rustc --release --bin mrvis -- -C strip=debuginfo -C 'link-arg=-Wl,-rpath,$$ORIGIN/../lib/mrvis'
+install: build
+	@$(MAKE) --no-print-directory install-files
+
+# Copies BINARY without debug information, with manual pages and completions, as tests/suite/install.rs does with the binary of the
+# tests. A private Embree is installed in lib/mrvis. The command finds it relative to itself, so PREFIX may be moved.
+install-files:
 	install -d "$(DESTDIR)$(PREFIX)/bin"
-	install -m 755 $(BINARY) "$(DESTDIR)$(PREFIX)/bin/mrvis"
-	@if ldd $(BINARY) | grep -q '/\.prefix/embree/lib/'; then \
+	install -m 755 "$(BINARY)" "$(DESTDIR)$(PREFIX)/bin/mrvis"
+	strip -S "$(DESTDIR)$(PREFIX)/bin/mrvis"
+	@embree=$$(ldd "$(BINARY)" | sed -n 's|.* => \(.*/\.prefix/embree\)/lib/.*|\1|p' | head -n 1); \
+	  if [ -n "$$embree" ]; then \
 	  install -d "$(DESTDIR)$(PREFIX)/lib/mrvis" && \
-	  cp -P .prefix/embree/lib/lib* "$(DESTDIR)$(PREFIX)/lib/mrvis/" && \
-	  cp .prefix/embree/share/doc/* "$(DESTDIR)$(PREFIX)/lib/mrvis/" && \
+	  cp -P "$$embree"/lib/lib* "$(DESTDIR)$(PREFIX)/lib/mrvis/" && \
+	  cp "$$embree"/share/doc/* "$(DESTDIR)$(PREFIX)/lib/mrvis/" && \
 	  echo "mrvis: installed Embree 4 in $(DESTDIR)$(PREFIX)/lib/mrvis"; fi
 	@share="$(DESTDIR)$(PREFIX)/share"; \
 	  install -d "$$share/bash-completion/completions" "$$share/zsh/site-functions" "$$share/fish/vendor_completions.d" && \
-	  $(BINARY) completions bash > "$$share/bash-completion/completions/mrvis" && \
-	  $(BINARY) completions zsh > "$$share/zsh/site-functions/_mrvis" && \
-	  $(BINARY) completions fish > "$$share/fish/vendor_completions.d/mrvis.fish" && \
-	  $(BINARY) man --out "$$share/man/man1"
+	  "$(BINARY)" completions bash > "$$share/bash-completion/completions/mrvis" && \
+	  "$(BINARY)" completions zsh > "$$share/zsh/site-functions/_mrvis" && \
+	  "$(BINARY)" completions fish > "$$share/fish/vendor_completions.d/mrvis.fish" && \
+	  "$(BINARY)" man --out "$$share/man/man1"
 	@echo "mrvis: installed $(DESTDIR)$(PREFIX)/bin/mrvis"
 
 # libFuzzer, guided by the code that is reached; `cargo test` runs the same readers for a minute without guidance. Inputs that

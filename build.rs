@@ -28,6 +28,8 @@ fn main() {
     println!("cargo:rustc-link-lib=dylib=embree4");
     // Executables and tests find the library from any working directory without LD_LIBRARY_PATH.
     println!("cargo:rustc-link-arg=-Wl,-rpath,{}", embree.lib.display());
+    // An installed command finds a private library beside itself, wherever it is moved.
+    println!("cargo:rustc-link-arg-bins=-Wl,-rpath,$ORIGIN/../lib/mrvis");
 
     let include = format!("-I{}", embree.include.display());
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
@@ -41,7 +43,7 @@ fn main() {
         )
         .allowlist_function("rtcSetScene(Flags|BuildQuality)")
         .allowlist_function("rtc(CommitScene|CommitGeometry|AttachGeometry|AttachGeometryByID)")
-        .allowlist_function("rtcSet(NewGeometryBuffer|GeometryMask|GeometryInstancedScene|GeometryTransform)")
+        .allowlist_function("rtcSet(SceneProgressMonitorFunction|NewGeometryBuffer|GeometryMask|GeometryInstancedScene|GeometryTransform)")
         .allowlist_function("mrvis_.*")
         .allowlist_var("RTC_(VERSION|VERSION_MAJOR|VERSION_STRING|INVALID_GEOMETRY_ID)")
         // A newer library may return unknown codes. Constants keep this defined; Rust enums would not.

@@ -72,7 +72,8 @@ impl SolveOptions {
         self
     }
 
-    /// Seconds from the start of the preparation in which to be done, about, above 0; default: no limit.
+    /// Seconds from the start of the preparation in which to be done, about, above 0; default: no limit. Of many elements for whose rays
+    /// there is no time, some are traced and determine the light of the others.
     #[must_use]
     pub fn with_max_seconds(mut self, seconds: f64) -> SolveOptions {
         self.options.max_seconds = Some(seconds);

@@ -25,6 +25,17 @@ pub fn bytes(given: Option<f64>) -> Option<u64> {
     given.map(|g| (g * GIB) as u64).or_else(memory::usable)
 }
 
+/// A refused allocation aborts the program after a message of the runtime; the exit code is then that of all errors.
+pub fn end_aborts_as_errors() {
+    // Without the handler the code is that of the signal.
+    #[cfg(unix)]
+    let _ = signal_hook::flag::register_conditional_shutdown(
+        signal_hook::consts::SIGABRT,
+        2,
+        std::sync::Arc::new(true.into()),
+    );
+}
+
 /// Ends the command with an error when it uses more memory than the limit.
 pub fn watch(given: Option<f64>) {
     let (Some(limit), Some(_)) = (bytes(given), memory_stats::memory_stats()) else { return };

@@ -135,6 +135,7 @@ fn parse_and_run() -> ExitCode {
             return ExitCode::SUCCESS;
         }
     };
+    limits::end_aborts_as_errors();
     limits::watch(cli.command.max_memory());
     match run(&cli.command) {
         Ok(code) => code,

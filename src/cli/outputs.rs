@@ -65,6 +65,44 @@ pub struct Written {
     pub views: Vec<PageView>,
 }
 
+/// The files of a folder that are written unless the caller stops.
+struct Files<'a> {
+    common: &'a Common,
+    folder: &'a Path,
+    progress: &'a dyn Progress,
+    /// Paths of the files so far.
+    written: Vec<PathBuf>,
+}
+
+impl Files<'_> {
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.join(name)
+    }
+
+    /// Writes a file, or says that it is left out.
+    fn write(&mut self, name: &str, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
+        let spinner = self.common.spinner(format!("writing {name}"));
+        let path = self.path(name);
+        let done = (!self.progress.stopped()).then(|| write(&path));
+        drop(spinner);
+        match done {
+            Some(Ok(())) => self.written.push(path),
+            // A file that was stopped in its middle does not appear.
+            Some(Err(error)) if !self.progress.stopped() => return Err(error),
+            _ => drop(self.left_out(name)?),
+        }
+        Ok(())
+    }
+
+    /// Whether the caller has stopped; says then that the file is left out.
+    fn left_out(&self, name: &str) -> Result<bool> {
+        if self.progress.stopped() {
+            self.common.print(&format!("interrupted: no `{name}`\n"))?;
+        }
+        Ok(self.progress.stopped())
+    }
+}
+
 /// Irradiance at points within a part of the remaining time; `None` if the time does not suffice.
 pub type Gather<'a> = &'a dyn Fn(&[Point], f64) -> Option<Vec<[f64; 3]>>;
 
@@ -75,7 +113,7 @@ const SAMPLES_PER_SIDE: usize = 2;
 
 impl Outputs {
     /// Writes the requested files into a folder, except the page, which needs the final record. `irradiance` computes the light of pixels for
-    /// `--gather`; where it returns `None`, light is interpolated. Pictures are left out when `progress` has stopped.
+    /// `--gather`; where it returns `None`, light is interpolated. Once `progress` has stopped, only `solution.vtu` is written.
     ///
     /// # Errors
     /// A file cannot be written, or the scene does not fit into a lightmap.
@@ -89,73 +127,109 @@ impl Outputs {
         (irradiance, progress): (Gather, &dyn Progress),
     ) -> Result<Written> {
         let wants = |kind| self.wants(kind, with_points);
-        let mut written = Vec::new();
-        let mut file = |name: String| {
-            written.push(folder.join(name));
-            written[written.len() - 1].clone()
-        };
+        let mut files = Files { common, folder, progress, written: Vec::new() };
         if wants(Kind::Vtu) {
             let _spinner = common.spinner("writing solution.vtu");
-            write_vtu(&file("solution.vtu".into()), solution, scene, photometry)?;
-        }
-        if ![Kind::Ply, Kind::Glb, Kind::Lightmap, Kind::Image, Kind::Page].into_iter().any(wants) {
-            return Ok(Written { files: written, views: Vec::new() });
-        }
-        let spinner = common.spinner("smoothing");
-        let mesh = Mesh::new(solution);
-        let tone = Tone::of(mesh.radiosity.iter().copied());
-        drop(spinner);
-        if wants(Kind::Ply) {
-            let _spinner = common.spinner("writing solution.ply");
-            write_ply(&file("solution.ply".into()), &mesh, solution.origin, tone)?;
-        }
-        if wants(Kind::Glb) {
-            let _spinner = common.spinner("writing solution.glb");
-            write_glb(&file("solution.glb".into()), &mesh, solution.origin, scene.up_axis(), tone)?;
-        }
-        if wants(Kind::Lightmap) {
-            let spinner = common.spinner("writing lightmap.exr");
-            let stage = Stage::new(&mesh, solution)?;
-            let image = file("lightmap.exr".into());
-            let map = match unwrapped_lightmap(&stage, scene, self.lightmap_texels) {
-                Ok(map) => {
-                    write_exr_rgb(&image, map.width, &map.irradiance)?;
-                    map
-                }
-                Err(why) => {
-                    spinner.clear();
-                    common.print(&format!("note: lightmap with a chart for each plane: {why}\n"))?;
-                    let map = lightmap(&mesh, solution, scene, self.lightmap_texels)?;
-                    write_lightmap(&image, &file("lightmap.obj".into()), &map, scene)?;
-                    map
-                }
-            };
-            write_png(&file("lightmap.png".into()), &developed(map.width, &map.irradiance))?;
+            let file = files.path("solution.vtu");
+            write_vtu(&file, solution, scene, photometry)?;
+            files.written.push(file);
         }
         let mut views = Vec::new();
+        if ![Kind::Ply, Kind::Glb, Kind::Lightmap, Kind::Image, Kind::Page].into_iter().any(wants) {
+            return Ok(Written { files: files.written, views });
+        }
+        let spinner = common.spinner("smoothing");
+        let mesh = Mesh::new_unless(solution, progress);
+        let tone = Tone::of(mesh.iter().flat_map(|mesh| mesh.radiosity.iter().copied()));
+        drop(spinner);
+        // Without a mesh nothing is written: the caller has stopped.
+        let mesh = mesh.unwrap_or_default();
+        if wants(Kind::Ply) {
+            files.write("solution.ply", |path| write_ply(path, &mesh, solution.origin, tone, progress))?;
+        }
+        if wants(Kind::Glb) {
+            let place = (solution.origin, scene.up_axis());
+            files.write("solution.glb", |path| write_glb(path, &mesh, place, tone, progress))?;
+        }
+        if wants(Kind::Lightmap) && !files.left_out("lightmap.exr")? {
+            self.write_lightmap(&mut files, (&mesh, solution), scene)?;
+        }
         if wants(Kind::Image) || wants(Kind::Page) {
-            let stage = Stage::new(&mesh, solution)?;
-            let cameras = self.cameras(scene, solution, &stage);
-            for (k, camera) in cameras.iter().enumerate() {
-                let part = 1.0 / (cameras.len() - k) as f64;
-                let frame = self.frame(&stage, camera, solution, (irradiance, part), progress);
-                if progress.stopped() {
-                    common.print(&format!("interrupted: no picture `{}`\n", camera.name))?;
-                    continue;
-                }
-                let width = self.image_size[0];
-                let picture = developed(width, &frame.radiance);
-                if wants(Kind::Image) {
-                    write_exr_rgb(&file(format!("{}.exr", camera.name)), width, &frame.radiance)?;
-                    write_png(&file(format!("{}.png", camera.name)), &picture)?;
-                }
-                if wants(Kind::Page) {
-                    let irradiance = frame.first.iter().map(|f| f.map(|f| f.irradiance)).collect();
-                    views.push(PageView { name: camera.name.clone(), picture, irradiance });
-                }
+            let wants_images = wants(Kind::Image);
+            views = self.write_views(&mut files, (&mesh, solution), scene, wants_images, irradiance)?;
+        }
+        Ok(Written { files: files.written, views })
+    }
+
+    /// The lightmap, in the texture coordinates of the file if they are suitable.
+    fn write_lightmap(
+        &self,
+        files: &mut Files,
+        (mesh, solution): (&Mesh, &RadiosityMesh),
+        scene: &Scene,
+    ) -> Result<()> {
+        let common = files.common;
+        let spinner = common.spinner("writing lightmap.exr");
+        let stage = Stage::new(mesh, solution)?;
+        let [image, charts, picture] =
+            ["lightmap.exr", "lightmap.obj", "lightmap.png"].map(|name| files.path(name));
+        files.written.push(image.clone());
+        let map = match unwrapped_lightmap(&stage, scene, self.lightmap_texels) {
+            Ok(map) => {
+                write_exr_rgb(&image, map.width, &map.irradiance)?;
+                map
+            }
+            Err(why) => {
+                spinner.clear();
+                common.print(&format!("note: lightmap with a chart for each plane: {why}\n"))?;
+                let map = lightmap(mesh, solution, scene, self.lightmap_texels)?;
+                write_lightmap(&image, &charts, &map, scene)?;
+                files.written.push(charts);
+                map
+            }
+        };
+        write_png(&picture, &developed(map.width, &map.irradiance))?;
+        files.written.push(picture);
+        Ok(())
+    }
+
+    /// The pictures of all cameras, for the page and, if wanted, as files.
+    fn write_views(
+        &self,
+        files: &mut Files,
+        (mesh, solution): (&Mesh, &RadiosityMesh),
+        scene: &Scene,
+        wants_images: bool,
+        irradiance: Gather,
+    ) -> Result<Vec<PageView>> {
+        let (common, progress) = (files.common, files.progress);
+        let mut views = Vec::new();
+        if progress.stopped() {
+            common.print("interrupted: no pictures\n")?;
+            return Ok(views);
+        }
+        let stage = Stage::new(mesh, solution)?;
+        let cameras = self.cameras(scene, solution, &stage);
+        for (k, camera) in cameras.iter().enumerate() {
+            let part = 1.0 / (cameras.len() - k) as f64;
+            let frame = self.frame(&stage, camera, solution, (irradiance, part), progress);
+            if progress.stopped() {
+                common.print(&format!("interrupted: no picture `{}`\n", camera.name))?;
+                continue;
+            }
+            let width = self.image_size[0];
+            let picture = developed(width, &frame.radiance);
+            if wants_images {
+                let name = |kind| format!("{}.{kind}", camera.name);
+                files.write(&name("exr"), |path| write_exr_rgb(path, width, &frame.radiance))?;
+                files.write(&name("png"), |path| write_png(path, &picture))?;
+            }
+            if self.wants_page() {
+                let irradiance = frame.first.iter().map(|f| f.map(|f| f.irradiance)).collect();
+                views.push(PageView { name: camera.name.clone(), picture, irradiance });
             }
         }
-        Ok(Written { files: written, views })
+        Ok(views)
     }
 
     /// The picture of a camera: by final gathering if that is asked for and there is time, else interpolated.

@@ -102,7 +102,7 @@ pub struct Args {
     /// Refine in steps of this many seconds.
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     step_seconds: Option<f64>,
-    /// Limit the time to about T seconds, preparation included (at least for preparation and a first coarse
+    /// Limit the time to about T seconds, reading and preparation included (at least for preparation and a first coarse
     /// solution): refine less and trace fewer rays. Pixels of --gather beyond the time show the light of elements.
     #[arg(long, value_name = "T", allow_negative_numbers = true)]
     max_seconds: Option<f64>,
@@ -197,6 +197,7 @@ fn options(args: &Args) -> Result<Options> {
         local_rays: args.local_rays,
         step_seconds: args.step_seconds,
         max_seconds: args.max_seconds,
+        seconds_spent: 0.0,
         more_points: args.outputs.gathers(args.points.is_some()),
         target_error: args.target_error,
         max_links: args.max_links,
@@ -233,6 +234,7 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
         options.views = views(&scene, args.outputs.camera)?;
     }
     let load = start.elapsed().as_secs_f64();
+    options.seconds_spent = load;
     let watch = Watch { bar: Bar::new(args.common.quiet), stopped: Arc::default() };
     watch.stop_on_interruption(args.common.quiet);
     watch.stage("preparing", 0);
@@ -288,7 +290,7 @@ fn write(
         &mesh,
         out,
         with_points,
-        (&gather, &watch.for_pictures(args.outputs.pixels())),
+        (&gather, &watch.for_files(args.outputs.pixels(), mesh.elements.len())),
     )?;
     watch.bar.finish();
     let notes = notes.into_inner();

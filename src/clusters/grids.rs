@@ -76,8 +76,12 @@ impl Grid {
     }
 }
 
-/// Clusters `items` into one tree. The draft already holds the clusters that items refer to.
-pub(super) fn cluster(mut draft: Draft, mut items: Vec<Item>) -> Draft {
+/// Clusters `items` into one tree. The draft already holds the clusters that items refer to. None soon after `stopped` returns true.
+pub(super) fn cluster(
+    mut draft: Draft,
+    mut items: Vec<Item>,
+    stopped: &(dyn Fn() -> bool + Sync),
+) -> Option<Draft> {
     let grid = Grid::around(&items);
     for item in &mut items {
         if let Member::Face(_) = item.member {
@@ -95,7 +99,7 @@ pub(super) fn cluster(mut draft: Draft, mut items: Vec<Item>) -> Draft {
     loop {
         let from = waiting.partition_point(|(l, _)| *l < level);
         moving.extend(waiting.drain(from..).map(|(_, item)| item));
-        moving = treat_level(&mut draft, &grid, level, moving);
+        moving = treat_level(&mut draft, &grid, level, moving, stopped)?;
         if level == 0 {
             break;
         }
@@ -111,22 +115,29 @@ pub(super) fn cluster(mut draft: Draft, mut items: Vec<Item>) -> Draft {
             draft.group(several);
         }
     }
-    draft
+    Some(draft)
 }
 
 /// Groups of one voxel, in order. A group of one is the item itself.
 type Groups = Vec<Vec<Item>>;
 
-fn treat_level(draft: &mut Draft, grid: &Grid, level: u32, items: Vec<Item>) -> Vec<Item> {
+fn treat_level(
+    draft: &mut Draft,
+    grid: &Grid,
+    level: u32,
+    items: Vec<Item>,
+    stopped: &(dyn Fn() -> bool + Sync),
+) -> Option<Vec<Item>> {
     if items.len() < 2 {
-        return items;
+        return Some(items);
     }
     let mut keyed: Vec<(u64, Item)> = items.into_par_iter().map(|i| (grid.key(&i), i)).collect();
     keyed.par_sort_by_key(|(key, item)| (*key, item.first_face));
     let shift = 3 * (FINEST_LEVEL - level);
     let voxels: Vec<&[(u64, Item)]> = keyed.chunk_by(|a, b| a.0 >> shift == b.0 >> shift).collect();
-    let groups: Vec<Groups> = voxels.into_par_iter().map(|voxel| treat_voxel(grid, level, voxel)).collect();
-    emit(draft, groups)
+    let of_voxel = |voxel| (!stopped()).then(|| treat_voxel(grid, level, voxel));
+    let groups: Vec<Groups> = voxels.into_par_iter().map(of_voxel).collect::<Option<_>>()?;
+    Some(emit(draft, groups))
 }
 
 /// Makes clusters of the groups; single items pass through.

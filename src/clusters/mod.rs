@@ -69,23 +69,36 @@ pub struct Hierarchy {
 
 /// Builds the clusters of a scene. Parallel; the result does not depend on the number of threads; O(n log n).
 pub fn build(scene: &Scene, options: &Options) -> Hierarchy {
+    build_unless(scene, options, &|| false).expect("nothing stops it")
+}
+
+/// Like [`build`]; none soon after `stopped` returns true, which must not change back.
+pub fn build_unless(
+    scene: &Scene,
+    options: &Options,
+    stopped: &(dyn Fn() -> bool + Sync),
+) -> Option<Hierarchy> {
     let large = large::surfaces(scene, options.large_surface);
+    if stopped() {
+        return None;
+    }
     let mut is_large = vec![false; scene.triangles.len()];
     large.iter().for_each(|&t| is_large[t as usize] = true);
     let boxes: Vec<Aabb> =
         (0..scene.triangles.len()).into_par_iter().map(|t| Aabb::of(scene.corners(t as u32))).collect();
     let small: Vec<u32> = (0..scene.triangles.len() as u32).filter(|&t| !is_large[t as usize]).collect();
     let Builder::UniformGrids = options.builder;
-    Hierarchy {
-        micro: Tree::arrange(by_objects(scene, &boxes, small)).fit(&boxes),
-        large: Tree::arrange(grids::cluster(Draft::default(), faces(&large, &boxes))).fit(&boxes),
-    }
+    Some(Hierarchy {
+        micro: Tree::arrange(by_objects(scene, &boxes, small, stopped)?).fit(&boxes),
+        large: Tree::arrange(grids::cluster(Draft::default(), faces(&large, &boxes), stopped)?).fit(&boxes),
+    })
 }
 
 /// Builds a tree over boxes by uniform grids; `order` of the tree holds indices into `boxes`.
 pub fn over_boxes(boxes: &[Aabb]) -> Tree {
     let all: Vec<u32> = (0..boxes.len() as u32).collect();
-    Tree::arrange(grids::cluster(Draft::default(), faces(&all, boxes))).fit(boxes)
+    let draft = grids::cluster(Draft::default(), faces(&all, boxes), &|| false);
+    Tree::arrange(draft.expect("nothing stops it")).fit(boxes)
 }
 
 fn faces(triangles: &[u32], boxes: &[Aabb]) -> Vec<Item> {
@@ -93,7 +106,12 @@ fn faces(triangles: &[u32], boxes: &[Aabb]) -> Vec<Item> {
 }
 
 /// Clusters the inside of each large object first, then objects, faces of small objects and single faces together.
-fn by_objects(scene: &Scene, boxes: &[Aabb], mut triangles: Vec<u32>) -> Draft {
+fn by_objects(
+    scene: &Scene,
+    boxes: &[Aabb],
+    mut triangles: Vec<u32>,
+    stopped: &(dyn Fn() -> bool + Sync),
+) -> Option<Draft> {
     let spread = SPREAD_OBJECT_FRACTION * scene.bounds.extent().max_element();
     // Sort into runs of one object, and inside spread objects into runs of one connected part.
     triangles.par_sort_by_key(|&t| (scene.triangle_object[t as usize], t));
@@ -124,10 +142,10 @@ fn by_objects(scene: &Scene, boxes: &[Aabb], mut triangles: Vec<u32>) -> Draft {
     let (own, rest): (Vec<_>, Vec<_>) =
         parts.into_iter().partition(|part| part.len() > LARGE_OBJECT_TRIANGLES);
     loose.extend(rest.into_iter().flatten());
-    let inner: Vec<Draft> =
-        own.par_iter().map(|part| grids::cluster(Draft::default(), faces(part, boxes))).collect();
+    let of_part = |part: &Vec<u32>| grids::cluster(Draft::default(), faces(part, boxes), stopped);
+    let inner: Vec<Draft> = own.par_iter().map(of_part).collect::<Option<_>>()?;
     let mut draft = Draft::default();
     let mut items: Vec<Item> = inner.into_iter().map(|inner| draft.adopt(inner)).collect();
     items.extend(faces(&loose, boxes));
-    grids::cluster(draft, items)
+    grids::cluster(draft, items, stopped)
 }

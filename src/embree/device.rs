@@ -118,6 +118,7 @@ fn error_of(code: i32, message: String) -> Error {
     use sys::RTCError as E;
     match E(code as _) {
         E::RTC_ERROR_OUT_OF_MEMORY => Error::OutOfMemory(format!("Embree: {message}")),
+        E::RTC_ERROR_CANCELLED => Error::Cancelled("stopped while Embree's tree was built".into()),
         E::RTC_ERROR_UNSUPPORTED_CPU => Error::Unsupported(format!("Embree: {message}")),
         _ => Error::Embree(message),
     }

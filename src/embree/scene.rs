@@ -5,6 +5,8 @@ use super::device::Device;
 use crate::error::{Error, Result};
 use crate::ray::{LANES, Occluder, Packet};
 use glam::{Affine3A, Vec3};
+use std::ffi::c_void;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 /// Options of an Embree scene.
@@ -201,11 +203,36 @@ impl SceneBuilder {
     /// # Errors
     /// [`Error::Embree`] if Embree reports an error, such as lack of memory.
     pub fn commit(self) -> Result<CommittedScene> {
-        // SAFETY: the scene is live and no other reference to it exists: `self` is consumed.
-        unsafe { sys::rtcCommitScene(self.handle.raw) };
+        self.commit_unless(&|| false)
+    }
+
+    /// Like [`SceneBuilder::commit`]; ends soon after `stopped` returns true, from any thread.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`] if it was stopped; those of [`SceneBuilder::commit`].
+    pub fn commit_unless(self, stopped: Stopped) -> Result<CommittedScene> {
+        let user = (&raw const stopped).cast_mut().cast::<c_void>();
+        // SAFETY: the scene is live and no other reference to it exists: `self` is consumed. `user` points to `stopped`, which outlives
+        // the commit; Embree calls the function during the commit only, and it is removed afterwards.
+        unsafe {
+            sys::rtcSetSceneProgressMonitorFunction(self.handle.raw, Some(on_progress), user);
+            sys::rtcCommitScene(self.handle.raw);
+            sys::rtcSetSceneProgressMonitorFunction(self.handle.raw, None, std::ptr::null_mut());
+        }
         self.handle.device.check()?;
         Ok(CommittedScene { handle: Arc::new(self.handle) })
     }
+}
+
+/// Tells whether a commit shall stop.
+type Stopped<'a> = &'a (dyn Fn() -> bool + Sync);
+
+/// Returns whether the commit goes on.
+extern "C" fn on_progress(user: *mut c_void, _part: f64) -> bool {
+    // SAFETY: `user` is the address of a `Stopped` that outlives the commit, see `commit_unless`.
+    let stopped = unsafe { &*user.cast::<Stopped>() };
+    // A panic must not cross Embree; it ends the commit.
+    catch_unwind(AssertUnwindSafe(|| !stopped())).unwrap_or(false)
 }
 
 const _: () = {

@@ -1,10 +1,13 @@
 //! Binary glTF.
 
+use super::stoppable::Stoppable;
 use super::{Mesh, Tone};
 use crate::math::Aabb;
+use crate::progress::Progress;
 use crate::scene::UpAxis;
 use crate::{Error, Result, files::WholeFile};
 use gltf::binary::{Glb, Header};
+use rayon::prelude::*;
 use serde_json::json;
 use std::borrow::Cow;
 use std::path::Path;
@@ -20,9 +23,15 @@ const INDICES: u32 = 34963;
 /// turns a scene whose `up` is z, because y is up in glTF.
 ///
 /// # Errors
-/// The file cannot be written, or the mesh exceeds the 4 GiB of the format.
-pub fn write_glb(path: &Path, mesh: &Mesh, origin: glam::DVec3, up: UpAxis, tone: Tone) -> Result<()> {
-    let colours: Vec<[f32; 3]> = mesh.radiosity.iter().map(|&r| tone.linear(r)).collect();
+/// The file cannot be written, the mesh exceeds the 4 GiB of the format, or `progress` has stopped.
+pub fn write_glb(
+    path: &Path,
+    mesh: &Mesh,
+    (origin, up): (glam::DVec3, UpAxis),
+    tone: Tone,
+    progress: &dyn Progress,
+) -> Result<()> {
+    let colours: Vec<[f32; 3]> = mesh.radiosity.par_iter().map(|&r| tone.linear(r)).collect();
     let positions: Vec<[f32; 3]> = mesh.positions.iter().map(|p| p.to_array()).collect();
     let normals: Vec<[f32; 3]> = mesh.normals.iter().map(|n| n.to_array()).collect();
     let parts: [&[u8]; 4] = [
@@ -77,7 +86,7 @@ pub fn write_glb(path: &Path, mesh: &Mesh, origin: glam::DVec3, up: UpAxis, tone
     let header = Header { magic: *b"glTF", version: 2, length: u32::try_from(length).map_err(too_large)? };
     let glb = Glb { header, json: Cow::Owned(json), bin: Some(Cow::Owned(binary)) };
     let mut file = WholeFile::create(path)?;
-    glb.to_writer(&mut file).map_err(|e| match e {
+    glb.to_writer(Stoppable { out: &mut file, progress }).map_err(|e| match e {
         gltf::Error::Io(e) => Error::io(path, e),
         other => Error::format(path, None, other.to_string()),
     })?;

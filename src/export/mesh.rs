@@ -1,9 +1,10 @@
 //! Triangle mesh with light at its vertices.
 
+use crate::progress::Progress;
 use crate::radiosity::mesh::{Element, RadiosityMesh};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 
 /// A triangle mesh of all sides of surfaces, with light at the vertices. Vectors have one entry per vertex or per
 /// triangle.
@@ -33,16 +34,24 @@ const MAX_HALVINGS: u32 = 24;
 
 impl Mesh {
     /// The mesh of a solution.
+    #[cfg(test)]
     pub fn new(solution: &RadiosityMesh) -> Mesh {
-        let vertices: HashMap<[u32; 3], u32> =
+        Mesh::new_unless(solution, &()).expect("nothing stops it")
+    }
+
+    /// The mesh of a solution; none if `progress` has stopped.
+    pub fn new_unless(solution: &RadiosityMesh, progress: &dyn Progress) -> Option<Mesh> {
+        let go_on = || (!progress.stopped()).then_some(());
+        let vertices: FxHashMap<[u32; 3], u32> =
             solution.vertices.iter().enumerate().map(|(i, &p)| (bits(p), i as u32)).collect();
-        let normals: Vec<Vec3> = solution.elements.iter().map(|e| normal(solution, e)).collect();
-        let outlines: Vec<Vec<u32>> =
-            solution.elements.iter().map(|e| outline(solution, &vertices, e)).collect();
+        let normals: Vec<Vec3> = solution.elements.par_iter().map(|e| normal(solution, e)).collect();
+        let outlined = |e| go_on().map(|()| outline(solution, &vertices, e));
+        let outlines: Vec<Vec<u32>> = solution.elements.par_iter().map(outlined).collect::<Option<_>>()?;
         let around = Around::new(solution.vertices.len(), &outlines);
-        let at_outlines = at_outlines(solution, &normals, &outlines, &around);
+        let at_outlines = at_outlines(solution, &normals, &outlines, &around, &go_on)?;
         let mut out = Builder::default();
         for (e, (element, outline)) in solution.elements.iter().zip(&outlines).enumerate() {
+            go_on()?;
             let vertex = |(&v, &irradiance): (&u32, &[f32; 3])| {
                 out.vertex(solution.vertices[v as usize], normals[e], irradiance, element)
             };
@@ -64,7 +73,7 @@ impl Mesh {
                 }
             }
         }
-        out.mesh
+        Some(out.mesh)
     }
 
     /// The corners of a triangle.
@@ -84,7 +93,7 @@ fn normal(solution: &RadiosityMesh, e: &Element) -> Vec3 {
 }
 
 /// Vertices along an element's edges: its corners and the vertices of smaller neighbours.
-fn outline(solution: &RadiosityMesh, vertices: &HashMap<[u32; 3], u32>, e: &Element) -> Vec<u32> {
+fn outline(solution: &RadiosityMesh, vertices: &FxHashMap<[u32; 3], u32>, e: &Element) -> Vec<u32> {
     let corners = &e.corners[..if e.is_triangle() { 3 } else { 4 }];
     let mut out = Vec::with_capacity(corners.len());
     for (k, &a) in corners.iter().enumerate() {
@@ -97,7 +106,7 @@ fn outline(solution: &RadiosityMesh, vertices: &HashMap<[u32; 3], u32>, e: &Elem
 /// Appends the vertices between two positions, found by halving: elements are split at the middles of their edges.
 fn halves(
     solution: &RadiosityMesh,
-    vertices: &HashMap<[u32; 3], u32>,
+    vertices: &FxHashMap<[u32; 3], u32>,
     a: u32,
     b: u32,
     depth: u32,
@@ -139,7 +148,7 @@ impl Around {
     }
 }
 
-/// Irradiance at the vertices along each element's outline, W/m².
+/// Irradiance at the vertices along each element's outline, W/m²; none if `go_on` says no.
 ///
 /// A vertex has the mean of the elements around it. Interpolation between such means flattens light: at the edge of a wall the value of
 /// a vertex lies half an element away from it. So each vertex is corrected by the mean of what its elements lack: the difference
@@ -150,18 +159,20 @@ fn at_outlines(
     normals: &[Vec3],
     outlines: &[Vec<u32>],
     around: &Around,
-) -> Vec<Vec<[f32; 3]>> {
-    let means = |values: &[[f64; 3]]| -> Vec<Vec<[f64; 3]>> {
+    go_on: &(impl Fn() -> Option<()> + Sync),
+) -> Option<Vec<Vec<[f32; 3]>>> {
+    let means = |values: &[[f64; 3]]| -> Option<Vec<Vec<[f64; 3]>>> {
         let of = |(e, outline): (usize, &Vec<u32>)| {
-            outline.iter().map(|&v| mean(solution, values, normals, normals[e], around.of(v))).collect()
+            go_on()?;
+            Some(outline.iter().map(|&v| mean(solution, values, normals, normals[e], around.of(v))).collect())
         };
         outlines.par_iter().enumerate().map(of).collect()
     };
     let weights: Vec<Vec<f64>> =
         solution.elements.iter().zip(outlines).map(|(e, outline)| weights(solution, e, outline)).collect();
     let of_elements: Vec<[f64; 3]> = solution.elements.iter().map(|e| e.irradiance).collect();
-    let mut found = means(&of_elements);
-    let corrections = means(&lacking(solution, &weights, &found));
+    let mut found = means(&of_elements)?;
+    let corrections = means(&lacking(solution, &weights, &found))?;
     for (found, correction) in found.iter_mut().flatten().zip(corrections.iter().flatten()) {
         *found = std::array::from_fn(|c| (found[c] + correction[c]).max(0.0));
     }
@@ -178,7 +189,7 @@ fn at_outlines(
         };
         at.iter().map(|v| std::array::from_fn(|c| change(v[c], c) as f32)).collect()
     };
-    found.iter().zip(&lacks).zip(&solution.elements).map(changed).collect()
+    Some(found.iter().zip(&lacks).zip(&solution.elements).map(changed).collect())
 }
 
 /// The irradiance of each element less the mean of the mesh over it, W/m². The vertex in the middle of an element with smaller
@@ -236,7 +247,7 @@ type Key = ([u32; 3], [u32; 3], [u32; 3]);
 #[derive(Default)]
 struct Builder {
     mesh: Mesh,
-    known: HashMap<Key, u32>,
+    known: FxHashMap<Key, u32>,
 }
 
 impl Builder {

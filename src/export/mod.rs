@@ -11,6 +11,7 @@ mod lightmap;
 mod mesh;
 mod ply;
 mod solve_page;
+mod stoppable;
 #[cfg(test)]
 mod tests;
 mod tone;

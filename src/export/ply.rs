@@ -1,19 +1,23 @@
 //! PLY files.
 
+use super::stoppable::Stoppable;
 use super::{Mesh, Tone};
+use crate::progress::Progress;
 use crate::{Error, Result, files::WholeFile};
 use glam::DVec3;
-use std::io::Write;
+use std::io::{BufWriter, Write};
 use std::path::Path;
 
 /// Writes a mesh as binary PLY: vertices with normals, 8-bit colours by `tone`, radiosity and irradiance in W/m²;
 /// triangles. Coordinates are those of the scene's file.
 ///
 /// # Errors
-/// The file cannot be written.
-pub fn write_ply(path: &Path, mesh: &Mesh, origin: DVec3, tone: Tone) -> Result<()> {
+/// The file cannot be written, or `progress` has stopped.
+pub fn write_ply(path: &Path, mesh: &Mesh, origin: DVec3, tone: Tone, progress: &dyn Progress) -> Result<()> {
     let mut file = WholeFile::create(path)?;
-    write(&mut file, mesh, origin, tone).map_err(|e| Error::io(path, e))?;
+    let mut out = BufWriter::with_capacity(1 << 16, Stoppable { out: &mut file, progress });
+    write(&mut out, mesh, origin, tone).and_then(|()| out.flush()).map_err(|e| Error::io(path, e))?;
+    drop(out);
     file.commit()
 }
 

@@ -349,7 +349,7 @@ fn files_are_what_their_formats_say() {
     let tone = Tone::of(mesh.radiosity.iter().copied());
     let folder = tempfile::tempdir().expect("scratch folder");
     let path = |name: &str| folder.path().join(name);
-    write_glb(&path("a.glb"), &mesh, DVec3::ZERO, crate::scene::UpAxis::Y, tone).expect("written");
+    write_glb(&path("a.glb"), &mesh, (DVec3::ZERO, crate::scene::UpAxis::Y), tone, &()).expect("written");
     let (document, buffers, _) = ::gltf::import(path("a.glb")).expect("glTF that its own crate takes");
     let primitive = document.meshes().next().and_then(|m| m.primitives().next()).expect("a mesh");
     let reader = primitive.reader(|b| Some(&buffers[b.index()]));
@@ -360,7 +360,7 @@ fn files_are_what_their_formats_say() {
         reader.read_colors(0).expect("colours").into_rgb_f32().flatten().all(|c| (0.0..=1.0).contains(&c))
     );
 
-    write_ply(&path("a.ply"), &mesh, solution.origin, tone).expect("written");
+    write_ply(&path("a.ply"), &mesh, solution.origin, tone, &()).expect("written");
     let scene = Scene::load_with(path("a.ply"), &LoadOptions::default()).expect("PLY that we take ourselves");
     assert_eq!(scene.triangles.len(), mesh.triangles.len());
 

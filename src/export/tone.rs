@@ -1,6 +1,7 @@
 //! Tone mapping.
 
 use crate::image_io::linear_to_srgb;
+use rayon::prelude::*;
 
 /// A tone curve: exposure by the mean logarithm of luminance, compressed highlights (Reinhard et al. 2002, equations
 /// 1 to 4).
@@ -24,7 +25,7 @@ impl Tone {
         }
         let logs: f64 = lit.iter().map(|l| f64::from(*l).ln()).sum();
         let scale = KEY / (logs / lit.len() as f64).exp() as f32;
-        lit.sort_by(f32::total_cmp);
+        lit.par_sort_unstable_by(f32::total_cmp);
         // The brightest 2 % are emitters and may be white.
         let bright = lit[(lit.len() * 98 / 100).min(lit.len() - 1)] * scale;
         Tone { scale, white: bright.max(1.0) }

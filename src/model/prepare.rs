@@ -14,6 +14,7 @@ use crate::visibility::WideTree;
 use crate::{Error, Result, clusters, optics};
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time;
 
 /// How much of a model is prepared. Each level includes those before it.
@@ -119,7 +120,7 @@ impl Model {
     ///
     /// # Errors
     /// [`Error::Unsupported`] if the installed Embree is too old, [`Error::OutOfMemory`] or [`Error::Embree`] if it fails,
-    /// [`Error::Argument`] for too many threads, [`Error::Cancelled`] if `progress` stops the preparation before optics are measured.
+    /// [`Error::Argument`] for too many threads, [`Error::Cancelled`] if `progress` stops the preparation.
     pub fn prepare(
         scene: impl Into<Arc<Scene>>,
         options: &PrepareOptions,
@@ -177,9 +178,11 @@ fn prepare(
     let mut report = PrepareReport::default();
     let device = Device::new(rayon::current_num_threads())?;
     progress.stage("building Embree's tree", 0);
+    let stop = Stop::of(progress);
+    let stopped = || stop.asked();
     let scenes: Vec<&Arc<Scene>> = std::iter::once(&scene).chain(&scene.shared).collect();
     let traced = timed(&mut report.embree_s, || {
-        scenes.iter().map(|scene| commit(&device, scene)).collect::<Result<Vec<_>>>()
+        scenes.iter().map(|scene| commit(&device, scene, &stopped)).collect::<Result<Vec<_>>>()
     })?;
     let mut meshes = Vec::with_capacity(scenes.len());
     for (scene, traced) in scenes.into_iter().zip(traced) {
@@ -239,10 +242,29 @@ fn top_level(inner: &mut Inner) -> Result<Option<TopLevel>> {
 }
 
 /// The Embree scene of the triangles of a mesh.
-fn commit(device: &Device, scene: &Scene) -> Result<CommittedScene> {
+fn commit(device: &Device, scene: &Scene, stopped: &(dyn Fn() -> bool + Sync)) -> Result<CommittedScene> {
     let mut builder = SceneBuilder::new(device, Default::default())?;
     builder.add_triangles(&scene.positions, &scene.triangles, 1)?;
-    builder.commit()
+    builder.commit_unless(stopped)
+}
+
+/// Whether a preparation shall stop: asks the caller, until it says so once.
+struct Stop<'a> {
+    progress: &'a dyn Progress,
+    asked: AtomicBool,
+}
+
+impl Stop<'_> {
+    fn of(progress: &dyn Progress) -> Stop<'_> {
+        Stop { progress, asked: AtomicBool::new(false) }
+    }
+
+    fn asked(&self) -> bool {
+        if !self.asked.load(Ordering::Relaxed) && self.progress.stopped() {
+            self.asked.store(true, Ordering::Relaxed);
+        }
+        self.asked.load(Ordering::Relaxed)
+    }
 }
 
 /// The clusters of a mesh: built, or from the cache.
@@ -255,6 +277,9 @@ fn clusters_of(
     let how = cache::Options { clusters: options.clusters, optics: options.optics };
     let start = time::Instant::now();
     let (mut clusters_s, mut optics_s) = (0.0, 0.0);
+    let stop = Stop::of(progress);
+    let stopped = || stop.asked();
+    let cancelled = || Error::Cancelled("stopped before the clusters were measured".into());
     let prepared = match options.detail {
         Detail::Rays => return Ok(None),
         // Exact visibility needs no optics: none are measured, but clusters that are kept are used.
@@ -262,25 +287,30 @@ fn clusters_of(
             let (hierarchy, origin) = match cache::find(scene, &options.cache, &how) {
                 Some(kept) => (kept.hierarchy, Origin::Hit),
                 None => {
-                    let made = timed(&mut clusters_s, || clusters::build(scene, &how.clusters));
-                    (made, Origin::Off)
+                    progress.stage("building clusters", 0);
+                    let build = || clusters::build_unless(scene, &how.clusters, &stopped);
+                    let made = timed(&mut clusters_s, build);
+                    (made.ok_or_else(cancelled)?, Origin::Off)
                 }
             };
             report.add_origin(origin);
             Clusters { hierarchy: Arc::new(hierarchy), measured: None }
         }
         Detail::Optics => {
-            if progress.stopped() {
-                return Err(Error::Cancelled("stopped before the clusters were measured".into()));
+            if stopped() {
+                return Err(cancelled());
             }
             progress.stage("looking for measured clusters", 0);
-            let (kept, origin, note) = cache::load_or_make(scene, &options.cache, &how, || {
+            let made = cache::load_or_try(scene, &options.cache, &how, || {
                 progress.stage("building clusters", 0);
-                let hierarchy = timed(&mut clusters_s, || clusters::build(scene, &how.clusters));
+                let build = || clusters::build_unless(scene, &how.clusters, &stopped);
+                let hierarchy = timed(&mut clusters_s, build)?;
                 progress.stage("measuring clusters", 0);
-                let optics = timed(&mut optics_s, || optics::measure(scene, &hierarchy.micro, &how.optics));
-                PreparedClusters { hierarchy, optics }
+                let measure = || optics::measure_unless(scene, &hierarchy.micro, &how.optics, &stopped);
+                let optics = timed(&mut optics_s, measure)?;
+                Some(PreparedClusters { hierarchy, optics })
             });
+            let (kept, origin, note) = made.ok_or_else(cancelled)?;
             report.add_origin(origin);
             report.note = report.note.take().or(note);
             let PreparedClusters { hierarchy, optics } = kept;

@@ -2,6 +2,7 @@
 
 mod histories;
 mod single;
+mod stopped;
 
 use super::testing::model;
 use super::{Detail, InstanceChange, Model};

@@ -107,7 +107,18 @@ impl ClusterOptics {
 /// Measures every cluster of `tree`, a tree over triangles of `scene`; the result is in the order of `tree.clusters`.
 ///
 /// Parallel; the result does not depend on the number of threads.
+#[cfg(any(test, feature = "internals"))]
 pub fn measure(scene: &Scene, tree: &Tree, options: &Options) -> Vec<ClusterOptics> {
+    measure_unless(scene, tree, options, &|| false).expect("nothing stops it")
+}
+
+/// Like [`measure`]; none soon after `stopped` returns true, which must not change back.
+pub fn measure_unless(
+    scene: &Scene,
+    tree: &Tree,
+    options: &Options,
+    stopped: &(dyn Fn() -> bool + Sync),
+) -> Option<Vec<ClusterOptics>> {
     let sums = moments(scene, tree);
     let boxes: Vec<Aabb> = tree.clusters.par_iter().map(|c| c.bounds.thickened()).collect();
     let average = |c: usize| {
@@ -124,7 +135,7 @@ pub fn measure(scene: &Scene, tree: &Tree, options: &Options) -> Vec<ClusterOpti
     let drawn: Vec<(Option<ClusterOptics>, Option<Box<Silhouettes>>)> = (0..tree.clusters.len())
         .into_par_iter()
         .map_init(Scratch::default, |scratch, c| {
-            if !is_direct(c) {
+            if !is_direct(c) || stopped() {
                 return (None, None);
             }
             for (k, silhouette) in scratch.silhouettes.iter_mut().enumerate() {
@@ -137,23 +148,26 @@ pub fn measure(scene: &Scene, tree: &Tree, options: &Options) -> Vec<ClusterOpti
         .collect();
     let (mut optics, mut pictures): (Vec<_>, Vec<_>) = drawn.into_iter().unzip();
     for level in levels_from_below(tree, is_direct) {
-        let made: Vec<(ClusterOptics, Box<Silhouettes>)> = level
+        let made: Option<Vec<(ClusterOptics, Box<Silhouettes>)>> = level
             .par_iter()
             .map_init(Scratch::default, |scratch, &c| {
+                if stopped() {
+                    return None;
+                }
                 for (k, silhouette) in scratch.silhouettes.iter_mut().enumerate() {
                     let parts = pictures[tree.clusters[c].child_range()].iter().flatten();
                     silhouette.compose(parts.map(|p| &p[k]), boxes[c], view(k));
                 }
-                (scratch.measure(average(c), options), Box::new(scratch.silhouettes.clone()))
+                Some((scratch.measure(average(c), options), Box::new(scratch.silhouettes.clone())))
             })
             .collect();
-        for (c, (t, p)) in level.into_iter().zip(made) {
+        for (c, (t, p)) in level.into_iter().zip(made?) {
             (optics[c], pictures[c]) = (Some(t), Some(p));
             pictures[tree.clusters[c].child_range()].fill(None);
         }
     }
-    let mut optics: Vec<ClusterOptics> =
-        optics.into_iter().map(|t| t.expect("every cluster is drawn or composed")).collect();
+    // Every cluster is drawn or composed, unless it was stopped.
+    let mut optics: Vec<ClusterOptics> = optics.into_iter().collect::<Option<_>>()?;
     // In tree order, parents come before their children.
     for (c, part) in fragments(scene, tree).into_iter().enumerate().skip(1) {
         if part > CONNECTED_FRACTION {
@@ -162,7 +176,7 @@ pub fn measure(scene: &Scene, tree: &Tree, options: &Options) -> Vec<ClusterOpti
                 std::array::from_fn(|axis| parent.blocker_size[axis].max(parent.connected_size[axis]));
         }
     }
-    optics
+    Some(optics)
 }
 
 /// Clusters of at most this many triangles are rasterised triangle by triangle; larger ones are composed of their

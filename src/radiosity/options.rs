@@ -108,6 +108,9 @@ pub struct Options {
     /// Time limit in seconds from the start for preparation, refinement, the local pass and points. Fewer links are refined
     /// and fewer rays traced to meet it.
     pub max_seconds: Option<f64>,
+    /// Seconds of that time that the caller has spent before the preparation of the model, such as for reading the scene.
+    #[serde(skip)]
+    pub seconds_spent: f64,
     /// Whether irradiance at more points will be asked for after the solution: part of the time limit is kept for that.
     pub more_points: bool,
     /// Largest RMS error of the elements' irradiance relative to its mean, as independent paths find it: the local pass is repeated with more
@@ -142,6 +145,7 @@ impl Default for Options {
             local_rays: None,
             step_seconds: None,
             max_seconds: None,
+            seconds_spent: 0.0,
             more_points: false,
             target_error: None,
             max_links: 10_000_000,

@@ -1,6 +1,7 @@
 //! Promises of the solver: conservation, closed forms, and that it can be stopped.
 
 mod again;
+mod hurried;
 mod limits;
 mod sheets;
 mod sizes;

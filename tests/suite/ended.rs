@@ -104,3 +104,35 @@ fn an_interrupted_picture_is_left_out() {
     assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
     assert!(outcome.stdout.contains("no picture `view`") && !scratch.path("o/view.png").exists());
 }
+
+/// A refused allocation aborts the program, which ends with the code of errors.
+#[test]
+fn an_aborted_call_has_the_code_of_errors() {
+    let scratch = Scratch::new();
+    let scene = forest(&scratch);
+    let child = started(&scratch, &["solve", &scene, "--error", "0.002", "--out", "o", "--output", "none"]);
+    wait(1.0);
+    let sent = Command::new("kill").args(["-ABRT", &child.id().to_string()]).status();
+    assert!(sent.expect("kill").success());
+    assert_eq!(ended(child).code, Some(2));
+}
+
+/// Of a large solution an interruption leaves out the files that take long, and says which; the elements are written.
+#[test]
+fn an_interrupted_large_solution_is_written_as_elements() {
+    let scratch = Scratch::new();
+    let scene = forest(&scratch);
+    let child =
+        started(&scratch, &["solve", &scene, "--error", "0.002", "--visibility", "exact", "--out", "o"]);
+    wait(6.0);
+    let outcome = interrupted(child);
+    if outcome.code != Some(0) {
+        // A slow machine was still preparing.
+        assert!(outcome.code.is_none() || outcome.stderr.contains("stopped"), "{}", outcome.stderr);
+        return;
+    }
+    assert!(outcome.stdout.contains("no `solution.glb`"), "{}", outcome.stdout);
+    assert!(outcome.stdout.contains("no pictures"), "{}", outcome.stdout);
+    assert!(scratch.path("o/solution.vtu").exists() && !scratch.path("o/solution.glb").exists());
+    assert!(!scratch.path("o/view.png").exists());
+}

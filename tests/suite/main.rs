@@ -12,6 +12,8 @@ mod fuzz;
 #[cfg(feature = "cli")]
 mod hostile;
 #[cfg(feature = "cli")]
+mod install;
+#[cfg(feature = "cli")]
 mod light;
 #[cfg(feature = "cli")]
 mod outputs;

@@ -3,7 +3,7 @@
 use super::super::progress::Bar;
 use crate::model::Model;
 use crate::progress::Progress;
-use crate::radiosity::Options;
+use crate::radiosity::{Options, Visibility};
 use crate::scene::Scene;
 use crate::{Error, Result};
 use std::io::Write as _;
@@ -54,18 +54,19 @@ impl Progress for Watch {
     }
 }
 
-/// Largest number of pixels of a picture that is made even after an interruption: one of a million takes about half a second on
-/// two cores.
+/// Largest numbers of pixels of a picture, and of elements of a solution, of which all files are written even after an interruption: a
+/// picture of a million pixels, and the smooth mesh of 100,000 elements with its files, each take about half a second on two cores.
 const SMALL_PICTURE: usize = 1 << 20;
+const SMALL_SOLUTION: usize = 100_000;
 
 impl Watch {
-    /// Progress of pictures of so many pixels.
-    pub fn for_pictures(&self, pixels: usize) -> impl Progress {
-        struct Pictures<'a> {
+    /// Progress of the files of a solution of so many elements, and of its pictures of so many pixels. It stops if they are large.
+    pub fn for_files(&self, pixels: usize, elements: usize) -> impl Progress {
+        struct Files<'a> {
             watch: &'a Watch,
             large: bool,
         }
-        impl Progress for Pictures<'_> {
+        impl Progress for Files<'_> {
             fn stage(&self, name: &str, steps: u64) {
                 self.watch.stage(name, steps);
             }
@@ -78,13 +79,16 @@ impl Watch {
                 self.large && self.watch.stopped()
             }
         }
-        Pictures { watch: self, large: pixels > SMALL_PICTURE }
+        Files { watch: self, large: pixels > SMALL_PICTURE || elements > SMALL_SOLUTION }
     }
 }
 
 /// Prepares the model within the time that the options allow for the whole solve.
 pub fn prepare(scene: Scene, options: &Options, watch: &Watch) -> Result<Model> {
-    let until = Until { watch, start: Instant::now(), seconds: options.max_seconds.unwrap_or(f64::INFINITY) };
+    // What exact visibility needs is always prepared.
+    let limit = options.max_seconds.filter(|_| options.visibility != Visibility::Exact);
+    let left = limit.map_or(f64::INFINITY, |limit| limit - options.seconds_spent);
+    let until = Until { watch, start: Instant::now(), seconds: left };
     Model::prepare(scene, &options.prepare(), &until).map_err(|error| match (error, options.max_seconds) {
         (Error::Cancelled(_), Some(seconds)) if !watch.stopped() => Error::Argument(format!(
             "--max-seconds {seconds}: the time was up before the clusters were measured; allow more (they are kept for the \
@@ -94,7 +98,7 @@ pub fn prepare(scene: Scene, options: &Options, watch: &Watch) -> Result<Model> 
     })
 }
 
-/// Stops the preparation when the time of the solve is over.
+/// Stops the preparation when the time of the solve is over: measuring clusters is worth it only if there is time for more.
 struct Until<'a> {
     watch: &'a Watch,
     start: Instant,

@@ -85,27 +85,39 @@ impl Origin {
     }
 }
 
-/// Prepared clusters of a scene, from the cache file if it is valid; otherwise from `make`, which are then cached.
-///
-/// Also returns the origin, and a note for the user if a file was replaced or could not be written. Neither is an
-/// error, because the clusters are correct in any case.
+/// [`load_or_try`] with clusters that are always made.
+#[cfg(any(test, feature = "internals"))]
 pub fn load_or_make(
     scene: &Scene,
     place: &CacheLocation,
     options: &Options,
     make: impl FnOnce() -> PreparedClusters,
 ) -> (PreparedClusters, Origin, Option<String>) {
+    load_or_try(scene, place, options, || Some(make())).expect("clusters are made")
+}
+
+/// Prepared clusters of a scene, from the cache file if it is valid; otherwise from `make`, which are then cached. None if `make` makes
+/// none.
+///
+/// Also returns the origin, and a note for the user if a file was replaced or could not be written. Neither is an
+/// error, because the clusters are correct in any case.
+pub fn load_or_try(
+    scene: &Scene,
+    place: &CacheLocation,
+    options: &Options,
+    make: impl FnOnce() -> Option<PreparedClusters>,
+) -> Option<(PreparedClusters, Origin, Option<String>)> {
     let settings = format!("{options:?}");
-    let CacheLocation::Folder(folder) = place else { return (make(), Origin::Off, None) };
+    let CacheLocation::Folder(folder) = place else { return Some((make()?, Origin::Off, None)) };
     let key = key(scene, &settings, CODE);
     let path = path(folder, &key);
     let mut note = match load(&path, &key, scene) {
-        Ok(table) => return (table, Origin::Hit, None),
+        Ok(table) => return Some((table, Origin::Hit, None)),
         Err(Unusable::Missing) => None,
         Err(Unusable::Other) => Some(format!("{}: not the file of this scene; made again", path.display())),
         Err(Unusable::Damaged) => Some(format!("{}: damaged; made again", path.display())),
     };
-    let table = make();
+    let table = make()?;
     let origin = match save(&path, &key, &table) {
         Ok(()) => Origin::Made,
         Err(error) => {
@@ -113,7 +125,7 @@ pub fn load_or_make(
             Origin::Off
         }
     };
-    (table, origin, note)
+    Some((table, origin, note))
 }
 
 /// Prepared clusters of a scene if a valid cache file exists.

@@ -30,12 +30,6 @@ impl Solved {
         Solved { linked: refined.linked, closing }
     }
 
-    /// The light along links as an interruption left it.
-    pub fn interrupted(refined: Refined) -> Solved {
-        let closing = Closing::Links(refined.keep_links());
-        Solved { linked: refined.linked, closing }
-    }
-
     /// The final light of the local pass.
     pub fn by_rays(mut linked: LinkedScene, local: LocalPass) -> Solved {
         linked.tally.add(local.tally);

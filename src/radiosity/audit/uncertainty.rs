@@ -7,7 +7,7 @@ use crate::radiosity::options::RowSums;
 use crate::radiosity::refinement::LinkedScene;
 use crate::radiosity::rgb::mean;
 use crate::scene::Scene;
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 
 /// Lower bound of the part of the light that is lost at every bounce, without row normalisation: errors add up over at most
 /// 1 / 0.05 = 20 bounces. Affects error bars only, which the audit rescales.
@@ -72,8 +72,10 @@ impl Solved {
     /// The leaves of all surfaces as plain data, with their uncertainties.
     pub fn mesh(&self, scene: &Scene, uncertainty: &[f64]) -> RadiosityMesh {
         let LinkedScene { elements, links: all_links, .. } = &self.linked;
-        let mut places: HashMap<[u32; 3], u32> = HashMap::new();
+        let mut places: FxHashMap<[u32; 3], u32> = FxHashMap::default();
         let mut mesh = RadiosityMesh { origin: scene.origin, ..RadiosityMesh::default() };
+        // About one vertex for each element, in quads that share all theirs.
+        places.reserve(elements.len());
         let instance_of_side = instances_of_sides(elements);
         let mut links = vec![0u32; elements.len()];
         for l in all_links {

@@ -6,17 +6,18 @@
 //! created. The rays are stored, twelve bytes each, and the light is solved on them to the last bounce without further rays,
 //! starting from the light along links. See `docs/method.md`, Local pass.
 
+use super::element_rays::LeafRays;
 use super::gatherer::FinalGather;
 use super::local_noise::{LocalResult, assign_noise};
 use super::ray_rows::RayRows;
+use super::untraced::estimate_untraced;
+use crate::math::sampling::mix;
 use crate::radiosity::deadline::{Deadline, RAY_SHARE};
-use crate::radiosity::elements::{Elements, Shape};
+use crate::radiosity::elements::Shape;
 use crate::radiosity::links::Tally;
-use crate::radiosity::refinement::LinkedScene;
 use crate::radiosity::transport::{
     Convergence, Field, MatrixRow, Method, RayTransport, TransportMatrix, solve,
 };
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Smallest number of rays of an element, so that no element stays without exchange. 2 or 8 instead change irradiance
 /// by less than 0.05 % (`constants.py solve`).
@@ -26,8 +27,9 @@ const MAX_ROW_RAYS: f64 = 4096.0;
 /// Rays that all elements share after the deadline. Too few rays can isolate two elements that only see each other, and their
 /// light would never decay.
 pub const LATE_RAYS: f64 = 1e5;
-/// Largest number of rays of a local pass that begins or goes on after an interruption: 0.4 million take some 0.3 s on two cores.
-const MAX_INTERRUPTED_RAYS: f64 = 4e5;
+/// Largest number of leaves that are traced after the deadline: with [`MIN_ROW_RAYS`] and [`LATE_RAYS`] half a million rays, some 0.4 s on
+/// two cores. Of more leaves only those of more than their share of the area, and others evenly spread, are traced.
+const MAX_LATE_LEAVES: usize = 100_000;
 /// Part of the rays by which elements exchange light. The others gather that light for one element each. In an office and a living
 /// room a seventh and two sevenths leave the same error of the elements within a tenth of it (`scenes/room.py`).
 const EXCHANGE_SHARE: f64 = 1.0 / 7.0;
@@ -53,24 +55,21 @@ pub struct LocalPass {
     pub element_rays: Option<f64>,
     /// How the light converged.
     pub convergence: Convergence,
+    /// Leaves with fewer rays than planned.
+    pub hurried: usize,
+    /// Leaves that there was no time to trace: their light is estimated ([`estimate_untraced`]).
+    pub untraced: usize,
     /// Cost of the rays.
     pub tally: Tally,
 }
 
-impl LinkedScene {
-    /// Whether even the smallest number of rays of a local pass takes long. After an interruption the pass is then left out, and
-    /// the light along links stays.
-    pub fn has_long_local_pass(&self) -> bool {
-        MIN_ROW_RAYS * self.leaves().len() as f64 > MAX_INTERRUPTED_RAYS
-    }
-}
-
 impl FinalGather<'_> {
     /// Traces about `rays` rays and solves the light on them. Without a number, or after the deadline, elements trace only a few:
-    /// enough for the light of the whole scene, not for that of each element. None after an
-    /// interruption if even these would take long.
-    pub fn local_pass(&self, rays: Option<f64>, deadline: &Deadline) -> Option<LocalPass> {
-        let rows = self.trace_rows(rays.map(|rays| EXCHANGE_SHARE * rays), deadline)?;
+    /// enough for the light of the whole scene, not for that of each element. Of many elements, some are then not traced.
+    pub fn local_pass(&self, rays: Option<f64>, deadline: &Deadline) -> LocalPass {
+        let leaves = self.linked.leaves();
+        let mut rows = self.trace_rows(&leaves, rays.map(|rays| EXCHANGE_SHARE * rays), deadline);
+        rows.number_rows(self.linked.elements.len(), &self.reflected);
         let matrix = self.transport_matrix(&rows, deadline);
         let (irradiance, convergence) = self.light_on_rays(&rows, &matrix, deadline);
         let mut results = vec![LocalResult::default(); self.linked.elements.len()];
@@ -78,9 +77,14 @@ impl FinalGather<'_> {
             results[row.leaf as usize].irradiance = irradiance;
         }
         assign_noise(&self.linked.elements, &rows, &matrix, &mut results);
+        let untraced = leaves.len() - rows.rows.len();
+        if untraced > 0 {
+            estimate_untraced(&self.linked.elements, &leaves, &mut results);
+        }
         let element_rays = rays.map(|rays| (1.0 - EXCHANGE_SHARE) * rays);
         let reciprocity = matrix.reciprocity();
-        Some(LocalPass { results, reciprocity, element_rays, convergence, tally: rows.tally })
+        let RayRows { hurried, tally, .. } = rows;
+        LocalPass { results, reciprocity, element_rays, convergence, hurried, untraced, tally }
     }
 
     /// The number of rays, at most `rays`, that brings the error of the elements below `error`, relative to the mean.
@@ -97,47 +101,51 @@ impl FinalGather<'_> {
         }
         let leaves = self.linked.leaves();
         let step = leaves.len().div_ceil(TIMED_LEAVES).max(1);
-        let sample: Vec<u32> = leaves.iter().copied().step_by(step).collect();
+        let timed = |&leaf: &u32| LeafRays { leaf, count: TIMED_RAYS };
+        let sample: Vec<LeafRays> = leaves.iter().step_by(step).map(timed).collect();
         let start = deadline.elapsed();
-        let traced = RayRows::trace(self, &sample, |_| TIMED_RAYS, |_| ());
+        let traced = RayRows::trace(self, &sample, |_| None, |_| ());
         let each = (deadline.elapsed() - start) / traced.met.len().max(1) as f64;
         let possible = RAY_SHARE * deadline.left() / each;
         let shared = (possible - MIN_ROW_RAYS * leaves.len() as f64) * SHARED_AFTER_SPLIT;
         (shared >= LATE_RAYS.min(rays)).then_some(shared.min(rays))
     }
 
-    /// The rays of all leaves: each leaf's share by its area and importance. None if an interruption cut a long pass short.
-    fn trace_rows(&self, rays: Option<f64>, deadline: &Deadline) -> Option<RayRows> {
+    /// The rays of all leaves: each leaf's share by its area and importance. After the deadline only the smallest number of rays, and of
+    /// many leaves only some.
+    fn trace_rows(&self, leaves: &[u32], rays: Option<f64>, deadline: &Deadline) -> RayRows {
         let (elements, states) = (&self.linked.elements, &self.linked.elements.states);
-        let leaves = self.linked.leaves();
-        let counted = |e: u32| elements.elements[e as usize].area * f64::from(states[e as usize].importance);
+        let area = |e: u32| elements.elements[e as usize].area;
+        let counted = |e: u32| area(e) * f64::from(states[e as usize].importance);
         let all_counted: f64 = leaves.iter().map(|&e| counted(e)).sum();
-        let (long, cut_short) = (self.linked.has_long_local_pass(), AtomicBool::new(false));
-        let count = |leaf| {
-            let share = counted(leaf) / all_counted;
-            if long && deadline.interrupted() {
-                cut_short.store(true, Ordering::Relaxed);
-                return 0;
-            }
-            let rays = rays.filter(|_| !deadline.late()).unwrap_or(LATE_RAYS);
-            (MIN_ROW_RAYS + rays * share).min(MAX_ROW_RAYS) as u32
+        let count = |leaf: u32, rays: f64| {
+            (MIN_ROW_RAYS + rays * counted(leaf) / all_counted).min(MAX_ROW_RAYS) as u32
+        };
+        let rays = rays.filter(|_| !deadline.late()).unwrap_or(LATE_RAYS);
+        let planned: Vec<LeafRays> =
+            leaves.iter().map(|&leaf| LeafRays { leaf, count: count(leaf, rays) }).collect();
+        // Half of the leaves that are traced late are large ones, half are drawn.
+        let large = elements.area / (0.5 * MAX_LATE_LEAVES as f64);
+        let step = leaves.len().div_ceil(MAX_LATE_LEAVES / 2) as u64;
+        let few = leaves.len() <= MAX_LATE_LEAVES;
+        let traced_late = |leaf: u32| few || area(leaf) >= large || mix(u64::from(leaf)).is_multiple_of(step);
+        let fewer = |of: &LeafRays| LeafRays { count: of.count.min(count(of.leaf, LATE_RAYS)), ..*of };
+        // What follows the rays has the rest of the time.
+        let tracing = deadline.part(RAY_SHARE);
+        let instead = |batch: &[LeafRays]| {
+            let late = || batch.iter().filter(|of| traced_late(of.leaf)).map(fewer).collect();
+            tracing.late().then(late)
         };
         deadline.stage("local pass, rays", leaves.len());
-        let rows = RayRows::trace(self, &leaves, count, |n| deadline.advance(n));
+        let rows = RayRows::trace(self, &planned, instead, |n| deadline.advance(n));
         deadline.stage("local pass, light", 0);
-        (!(cut_short.into_inner() || long && deadline.interrupted())).then_some(rows)
+        rows
     }
 
     /// The exchange of the leaves, from their rays.
     fn transport_matrix(&self, rows: &RayRows, deadline: &Deadline) -> TransportMatrix {
         let linked = self.linked;
         let elements = &linked.elements;
-        let mut row_of = vec![Elements::NONE; elements.len()];
-        for (i, row) in (0..).zip(&rows.rows) {
-            row_of[row.leaf as usize] = i;
-        }
-        let met: Vec<u32> =
-            rows.met.iter().map(|&e| if e == Elements::NONE { e } else { row_of[e as usize] }).collect();
         let matrix_rows: Vec<MatrixRow> = rows
             .rows
             .iter()
@@ -146,12 +154,12 @@ impl FinalGather<'_> {
                     area: elements.elements[row.leaf as usize].area,
                     reflectance: elements.sides[side as usize].reflectance,
                     end: row.end,
-                    closed: linked.surroundings.closed[side as usize],
+                    closed: linked.surroundings.closed[side as usize] && row.outside == 0,
                 },
                 Shape::Cluster(_) => unreachable!("rows are those of surfaces"),
             })
             .collect();
-        TransportMatrix::new(&matrix_rows, &met, linked.settings.row_sums, deadline)
+        TransportMatrix::new(&matrix_rows, &rows.met, linked.settings.row_sums, deadline)
     }
 
     /// Irradiance of the rows, W/m², starting from the light along links.

@@ -14,6 +14,7 @@ mod points;
 mod ray_rows;
 mod sharing;
 mod starts;
+mod untraced;
 
 pub use gatherer::{Buffers, FinalGather, PathVertex};
 pub use local_pass::{LATE_RAYS, LocalPass};

@@ -3,6 +3,7 @@
 use crate::clusters::{Tree, over_boxes};
 use crate::math::Aabb;
 use glam::Vec3;
+use rayon::prelude::*;
 
 /// Smallest cosine between the normals of neighbours: 18 degrees, over which irradiance under a uniform half of the sky changes by
 /// no more than 5 %.
@@ -60,7 +61,7 @@ impl<'a> Neighbourhood<'a> {
             let tree = over_boxes(&boxes);
             (members, tree)
         };
-        Neighbourhood { places, groups: (0..6).map(group).collect() }
+        Neighbourhood { places, groups: (0..6).into_par_iter().map(group).collect() }
     }
 
     /// The nearest `count` neighbours of an element with their squared distances, nearest first; the first one is itself.

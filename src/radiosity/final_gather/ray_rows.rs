@@ -19,6 +19,8 @@ pub struct RayRow {
     pub squares: f32,
     /// Rays that left the scene.
     pub gone: u32,
+    /// Rays that met leaves without rows: their light is known and counts as direct.
+    pub outside: u32,
 }
 
 /// The rays of all leaves.
@@ -27,13 +29,15 @@ pub struct RayRows {
     pub rows: Vec<RayRow>,
     /// By ray, the leaf that it met; [`Elements::NONE`] for none.
     pub met: Vec<u32>,
+    /// Leaves for which other rays were traced than planned.
+    pub hurried: usize,
     /// Cost of the rays.
     pub tally: Tally,
 }
 
 impl RayRows {
     fn new() -> RayRows {
-        RayRows { rows: Vec::new(), met: Vec::new(), tally: Tally::default() }
+        RayRows { rows: Vec::new(), met: Vec::new(), hurried: 0, tally: Tally::default() }
     }
 
     /// A row with the leaves that its rays met.
@@ -42,32 +46,38 @@ impl RayRows {
         (&self.rows[i], &self.met[from..self.rows[i].end])
     }
 
-    /// Traces `count` rays of each leaf; `done` is called with the number of further leaves finished.
+    /// Traces the planned rays of each leaf. `instead` is asked for every batch of leaves when its turn comes: the rays that it
+    /// returns are traced instead of those that were planned. Leaves that it leaves out have no row. Batches come in an order in which
+    /// any first part of them is spread over all leaves. `done` is called with the number of further leaves finished.
     pub fn trace(
         gather: &FinalGather,
-        leaves: &[u32],
-        count: impl Fn(u32) -> u32 + Sync,
+        planned: &[LeafRays],
+        instead: impl Fn(&[LeafRays]) -> Option<Vec<LeafRays>> + Sync,
         done: impl Fn(usize) + Sync,
     ) -> RayRows {
-        let rays: Vec<LeafRays> = leaves.iter().map(|&leaf| LeafRays { leaf, count: count(leaf) }).collect();
-        let made: Vec<RayRows> = batches(&rays)
+        let batches = batches(planned);
+        let mut made: Vec<(usize, RayRows)> = spread_order(batches.len())
             .into_par_iter()
-            .map_init(Buffers::default, |buffers, batch| {
-                let batch = &rays[batch];
+            .map_init(Buffers::default, |buffers, k| {
+                let planned = &planned[batches[k].clone()];
+                let fewer = instead(planned);
                 let mut made = RayRows::new();
                 buffers.scratch.tally = Tally::default();
-                made.trace_batch(gather, batch, buffers);
+                made.trace_batch(gather, fewer.as_deref().unwrap_or(planned), buffers);
+                made.hurried = fewer.map_or(0, |fewer| fewer.len());
                 made.tally = buffers.scratch.tally;
-                done(batch.len());
-                made
+                done(planned.len());
+                (k, made)
             })
             .collect();
-        let mut all = RayRows { rows: Vec::with_capacity(leaves.len()), ..RayRows::new() };
-        all.met.reserve_exact(made.iter().map(|m| m.met.len()).sum());
-        for part in made {
+        made.sort_unstable_by_key(|(k, _)| *k);
+        let mut all = RayRows { rows: Vec::with_capacity(planned.len()), ..RayRows::new() };
+        all.met.reserve_exact(made.iter().map(|(_, m)| m.met.len()).sum());
+        for (_, part) in made {
             let before = all.met.len();
             all.rows.extend(part.rows.into_iter().map(|r| RayRow { end: before + r.end, ..r }));
             all.met.extend(part.met);
+            all.hurried += part.hurried;
             all.tally.add(part.tally);
         }
         all
@@ -87,7 +97,66 @@ impl RayRows {
                 let nothing = found.met.side == Elements::NONE;
                 self.met.push(if nothing { Elements::NONE } else { found.met.leaf });
             }
-            self.rows.push(RayRow { leaf: of.leaf, end: self.met.len(), direct, squares, gone });
+            self.rows.push(RayRow { leaf: of.leaf, end: self.met.len(), direct, squares, gone, outside: 0 });
+        }
+    }
+
+    /// Replaces the leaves that rays have met by the numbers of their rows. Leaves without rows count as outside: the light that they
+    /// reflect (by element, W/m²) becomes direct light.
+    pub fn number_rows(&mut self, elements: usize, reflected: &[[f32; 3]]) {
+        let mut row_of = vec![Elements::NONE; elements];
+        for (i, row) in (0..).zip(&self.rows) {
+            row_of[row.leaf as usize] = i;
+        }
+        let mut first = 0;
+        for row in &mut self.rows {
+            for met in &mut self.met[first..row.end] {
+                let Some(&number) = row_of.get(*met as usize) else { continue };
+                if number == Elements::NONE {
+                    let light = Vec3::from(reflected[*met as usize]);
+                    row.direct += light;
+                    row.squares += (light.element_sum() / 3.0).powi(2);
+                    row.outside += 1;
+                }
+                *met = number;
+            }
+            first = row.end;
+        }
+    }
+}
+
+/// The numbers below `count` in an order in which any run of them is spread evenly: the k-th is the rank of the fraction of k times the
+/// golden section.
+fn spread_order(count: usize) -> Vec<usize> {
+    const GOLDEN_SECTION: f64 = 0.618_033_988_749_895;
+    let mut places: Vec<(f64, usize)> =
+        (0..count).map(|k| ((GOLDEN_SECTION * k as f64).fract(), k)).collect();
+    places.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let mut order = vec![0; count];
+    for (rank, (_, k)) in places.into_iter().enumerate() {
+        order[k] = rank;
+    }
+    order
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn orders_are_permutations_whose_runs_are_spread() {
+        for count in [0usize, 1, 2, 3, 10, 997, 1024] {
+            let order = spread_order(count);
+            let mut sorted = order.clone();
+            sorted.sort_unstable();
+            assert!(sorted.into_iter().eq(0..count), "{count}");
+        }
+        // A tenth of a thousand: no gap is more than three times the mean one.
+        let order = spread_order(1000);
+        for run in order.chunks(100) {
+            let mut run = run.to_vec();
+            run.sort_unstable();
+            assert!(run.windows(2).all(|w| w[1] - w[0] <= 30), "{run:?}");
         }
     }
 }

@@ -55,7 +55,7 @@ pub fn share(
     deadline: &Deadline,
 ) -> Vec<SharedLight> {
     deadline.stage("light of elements, neighbours", places.len());
-    let around = Neighbourhood::new(places);
+    let around = (!deadline.late()).then(|| Neighbourhood::new(places));
     let level = [0, 1].map(|kind| {
         let of = |(light, area): (&ElementLight, &f64)| area * light.mean(kind);
         light.iter().zip(areas).map(of).sum::<f64>() / areas.iter().sum::<f64>().max(f64::MIN_POSITIVE)
@@ -64,8 +64,11 @@ pub fn share(
         .into_par_iter()
         .with_min_len(256)
         .map_init(Search::default, |search, i| {
-            let count = if deadline.late() { 1 } else { WINDOWS[WINDOWS.len() - 1] };
-            let found = around.nearest(i, count, search);
+            let own = [(0.0, i)];
+            let found = match &around {
+                Some(around) if !deadline.late() => around.nearest(i, WINDOWS[WINDOWS.len() - 1], search),
+                _ => &own,
+            };
             let windows = fit(places, light, i as usize, found);
             deadline.advance(1);
             (windows, found.iter().take(COMPARED).map(|f| f.1).collect())

@@ -22,13 +22,7 @@ impl Stages<'_> {
     pub(super) fn light_by_rays(&mut self, mut refined: Refined, deadline: &Deadline) -> Solved {
         let mut options = self.options.clone();
         for attempt in 1.. {
-            let Some(found) = self.local_pass(&mut refined.linked, &options, deadline) else {
-                // A later attempt leaves the light of the one before.
-                if attempt == 1 {
-                    self.notes.push(notes::NO_LOCAL_PASS.into());
-                }
-                return Solved::interrupted(refined);
-            };
+            let found = self.local_pass(&mut refined.linked, &options, deadline);
             let notes = notes::unconverged(&found.convergence, deadline);
             let solved = self.element_light(Solved::by_rays(refined.linked, found), &options, deadline);
             let smaller = self.smaller_error(&solved, &options, deadline);
@@ -59,18 +53,9 @@ impl Stages<'_> {
     }
 
     /// Splits surfaces as finely as the rays allow, and traces the rays of the exchange between elements.
-    /// None if an interruption leaves no time for it.
-    fn local_pass(
-        &mut self,
-        linked: &mut LinkedScene,
-        options: &Options,
-        deadline: &Deadline,
-    ) -> Option<LocalPass> {
+    fn local_pass(&mut self, linked: &mut LinkedScene, options: &Options, deadline: &Deadline) -> LocalPass {
         let scene = self.scene;
         let (found, note) = timed(&mut self.seconds.local, || {
-            if deadline.interrupted() && linked.has_long_local_pass() {
-                return (None, None);
-            }
             let all = options.local_rays() as f64;
             let rays = match deadline.limited() {
                 true => FinalGather::new(self.model, linked, options).affordable_rays(all, deadline),
@@ -81,28 +66,32 @@ impl Stages<'_> {
                 fewer => Options::area_for(fewer.unwrap_or(LATE_RAYS)).max(options.local_area()),
             };
             linked.split_all(smallest * total_area(scene), deadline);
-            if deadline.interrupted() && linked.has_long_local_pass() {
-                return (None, None);
-            }
             let gather = FinalGather::new(self.model, linked, options);
             let useful = gather.useful_rays(all, options.error);
             let rays = rays.map(|rays| rays.min(useful));
             let found = gather.local_pass(rays, deadline);
-            let note = found.as_ref().and_then(|_| notes::fewer_local_rays(rays, useful, deadline));
-            (found, note)
+            (found, notes::fewer_local_rays(rays, useful, deadline))
         });
         self.notes.extend(note);
+        let all = linked.leaves().len();
+        self.notes.extend(notes::hurried(found.hurried, all, deadline));
+        self.notes.extend(notes::untraced(found.untraced, all, deadline));
         found
     }
 
     /// Lets all elements gather the light that the local pass has found.
     fn element_light(&mut self, solved: Solved, options: &Options, deadline: &Deadline) -> Solved {
-        timed(&mut self.seconds.local, || {
+        let mut hurried = 0;
+        let all = solved.linked.leaves().len();
+        let solved = timed(&mut self.seconds.local, || {
             let Closing::Rays(local) = &solved.closing else { return solved };
             let Some(rays) = local.element_rays.filter(|_| !deadline.late()) else { return solved };
             let gather = FinalGather::new(self.model, &solved.linked, options);
             let (light, tally) = gather.gather_elements(local, rays, deadline);
+            hurried = all - light.len();
             solved.with_gathered(light, tally)
-        })
+        });
+        self.notes.extend(notes::hurried(hurried, all, deadline));
+        solved
     }
 }

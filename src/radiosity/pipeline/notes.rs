@@ -64,8 +64,34 @@ pub fn fewer_local_rays(rays: Option<f64>, all: f64, deadline: &Deadline) -> Opt
         Some(rays) => format!("{rays:.1e} of {all:.1e} rays"),
         None => format!("the fewest rays it can, instead of {all:.1e}"),
     };
-    let why = if deadline.interrupted() { "an interruption" } else { "option `max_seconds`" };
+    let why = why(deadline);
     Some(format!("{why}: the local pass traced {fewer}; elements are noisier than option `error` says"))
+}
+
+/// If some of the leaves have fewer rays than planned.
+pub fn hurried(hurried: usize, all: usize, deadline: &Deadline) -> Option<String> {
+    (hurried > 0).then(|| {
+        format!(
+            "{}: {hurried} of {all} elements have fewer rays than planned; they are noisier than option `error` says",
+            why(deadline)
+        )
+    })
+}
+
+/// If there was no time for any rays of some of the leaves.
+pub fn untraced(untraced: usize, all: usize, deadline: &Deadline) -> Option<String> {
+    (untraced > 0).then(|| {
+        format!(
+            "{}: {untraced} of {all} elements have no rays; their light is that along links, times the factor that rays have found at \
+             elements around them, and their error bars are the deviations from it",
+            why(deadline)
+        )
+    })
+}
+
+/// What has cut the rays short.
+fn why(deadline: &Deadline) -> &'static str {
+    if deadline.interrupted() { "an interruption" } else { "option `max_seconds`" }
 }
 
 /// If preparation used up the time.
@@ -73,7 +99,7 @@ pub fn late_preparation(options: &Options, deadline: &Deadline) -> Option<String
     let limit = options.max_seconds.filter(|_| deadline.late() && !deadline.interrupted())?;
     let taken = deadline.elapsed();
     Some(format!(
-        "max_seconds {limit}: preparing the scene took {taken:.1} s; this is the coarsest light there is"
+        "max_seconds {limit}: reading and preparing the scene took {taken:.1} s; this is the coarsest light there is"
     ))
 }
 
@@ -105,10 +131,6 @@ pub fn limit(options: &Options) -> String {
 /// If the emitters light nothing.
 pub const DARK: &str = "no light arrives anywhere: the emitters face away from everything; set option `two_sided_emission`, or \
                         reverse the order of the corners of their faces";
-
-/// If an interruption left no time for the rays of the local pass.
-pub const NO_LOCAL_PASS: &str = "an interruption: the local pass was left out, as it takes long in this scene; elements have the light along \
-     links, which is coarse, and approximate in and behind clusters";
 
 /// If links alone give the light of luminaires.
 pub const DIFFUSE_LUMINAIRES: &str = "without a local pass (option `local_rays` 0, option `direct_only`) elements see luminaires as diffuse \

@@ -54,7 +54,8 @@ pub fn solve(
     let scene = model.scene();
     check_size(scene)?;
     // The time of the model's preparation counts.
-    let deadline = Deadline::start(progress, options.max_seconds).after(model.report().seconds());
+    let spent = options.seconds_spent + model.report().seconds();
+    let deadline = Deadline::start(progress, options.max_seconds).after(spent);
     let mut stages = Stages {
         model,
         scene,

@@ -2,6 +2,7 @@
 
 use super::feature_sizes::FeatureSizes;
 use crate::radiosity::deadline::Deadline;
+use crate::radiosity::elements::emitters::Emitters;
 use crate::radiosity::elements::{Elements, LightStatistics, RowFactors, Shape};
 use crate::radiosity::links::{BlockerCertificate, Link, Tally, VisibilityEngine};
 use crate::radiosity::options::{Inside, Options, Oracle, RowSums};
@@ -11,6 +12,8 @@ use crate::radiosity::transport::{
     ActiveNodes, Convergence, Field, LinkTransport, Method, NodeIrradiance, cap_row_sums, link_row_sums,
     normalise_link_rows, short_rows, solve,
 };
+use crate::scene::Scene;
+use std::sync::{Arc, OnceLock};
 
 /// Reflectance that dark surfaces count with in the error oracle, because their irradiance is an output as well. 0.05
 /// or 0.2 instead change irradiance by less than 0.04 % (`constants.py solve`).
@@ -54,6 +57,8 @@ pub struct LinkedScene {
     pub tally: Tally,
     /// Irradiance at the active nodes after the last sweeps: where the next ones start.
     last_field: Option<Field>,
+    /// The emitting faces, which subdivision does not change.
+    emitters: OnceLock<Arc<Emitters>>,
 }
 
 impl LinkedScene {
@@ -93,11 +98,17 @@ impl LinkedScene {
             mean_irradiance: if absorbed > 0.0 { power / absorbed } else { 0.0 },
             tally: Tally::default(),
             last_field: None,
+            emitters: OnceLock::new(),
         };
         scene.feature_sizes.assign(&mut scene.elements);
         scene.pull_radiosity();
         scene.update_oracle_statistics();
         scene
+    }
+
+    /// The emitting faces of the scene of the elements; found at the first call.
+    pub fn emitters(&self, scene: &Scene) -> Arc<Emitters> {
+        self.emitters.get_or_init(|| Arc::new(Emitters::new(scene, &self.elements))).clone()
     }
 
     /// The active nodes of the present links.

@@ -262,14 +262,6 @@ impl Refined {
         (replaced, threshold)
     }
 
-    /// The last light along the links as it is.
-    pub fn keep_links(&self) -> LinkClosing {
-        let nodes = self.linked.active_nodes();
-        let used = self.linked.row_sums(&nodes);
-        let convergence = self.convergence;
-        LinkClosing { sampled: used.clone(), used, bounded: 0, bytes: nodes.bytes(), convergence }
-    }
-
     /// Measures the links again, normalises row sums, and finds the last light along the links.
     pub fn close_links(&mut self, deadline: &Deadline) -> LinkClosing {
         let linked = &mut self.linked;

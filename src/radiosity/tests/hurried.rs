@@ -1,0 +1,82 @@
+//! Local passes that are cut short.
+
+use super::*;
+use crate::radiosity::refinement::Ended;
+use crate::scene::generate::{Spec, build};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Interrupts when so many steps of the stage of this name are done.
+struct In {
+    stage: &'static str,
+    steps: usize,
+    inside: AtomicUsize,
+    done: AtomicUsize,
+}
+
+impl In {
+    fn new(stage: &'static str, steps: usize) -> In {
+        In { stage, steps, inside: AtomicUsize::new(0), done: AtomicUsize::new(0) }
+    }
+}
+
+impl Progress for In {
+    fn stage(&self, name: &str, _: u64) {
+        let inside = self.inside.load(Ordering::Relaxed) > 0 || name == self.stage;
+        self.inside.store(usize::from(inside), Ordering::Relaxed);
+    }
+
+    fn advance(&self, steps: u64) {
+        if self.inside.load(Ordering::Relaxed) > 0 {
+            self.done.fetch_add(steps as usize, Ordering::Relaxed);
+        }
+    }
+
+    fn stopped(&self) -> bool {
+        self.inside.load(Ordering::Relaxed) > 0 && self.done.load(Ordering::Relaxed) >= self.steps
+    }
+}
+
+/// A local pass of many elements that is interrupted at its beginning or in its middle traces few more rays; the light is that of the
+/// whole pass within the error bars, and notes say what it is.
+#[test]
+fn an_interrupted_pass_of_many_elements_keeps_its_light() {
+    let scene = build(&Spec { trees: 30, leaves: 2000, ..Spec::new("forest") }).expect("a forest");
+    let options = Options { error: 0.1, audit: 0, ..Options::default() };
+    let model = model_for(&scene, &options);
+    let solve = |stop: &dyn Progress| run(&model, &[], &options, stop).expect("a solution");
+    let all = solve(&());
+    let leaves = all.mesh.elements.len();
+    assert!(leaves > 150_000, "{leaves} elements");
+    for steps in [0, leaves / 2] {
+        let Outcome { mesh, record, .. } = solve(&In::new("local pass, rays", steps));
+        assert!(record.interrupted && record.ended != Ended::Interrupted, "{:?}", record.ended);
+        let notes = record.warnings.join("\n");
+        assert!(notes.contains("elements have no rays") && notes.contains("an interruption"), "{notes}");
+        assert!(record.exact_rays < all.record.exact_rays / 2, "{steps}: {} rays", record.exact_rays);
+        let ratio = mean(record.mean_irradiance) / mean(all.record.mean_irradiance);
+        assert!((ratio - 1.0).abs() < 0.1, "{steps}: {ratio}");
+        let created = record.ledger.created.abs() / record.ledger.emitted;
+        assert!(created < 0.2, "{steps}: {created}");
+        // Elements are the same, as surfaces had been split before.
+        assert_eq!(mesh.elements.len(), leaves);
+        let (mut squares, mut bars) = (0.0, 0.0);
+        for (got, want) in mesh.elements.iter().zip(&all.mesh.elements) {
+            squares += got.area * (mean(got.irradiance) - mean(want.irradiance)).powi(2);
+            bars += got.area * mean(got.error).powi(2) + got.area * mean(want.error).powi(2);
+        }
+        let part: f64 = (squares / bars).sqrt();
+        assert!((0.25..1.5).contains(&part), "{steps}: errors are {part} of their bars");
+    }
+}
+
+/// Time that is up before the local pass: the largest elements, on which most light falls, have rays all the same.
+#[test]
+fn late_passes_trace_what_is_large() {
+    let scene = room(true);
+    let options = Options { max_seconds: Some(1e-6), audit: 0, ..Options::default() };
+    let late = solved(&scene, &[], &options).record;
+    let all = solved(&scene, &[], &Options { audit: 0, ..Options::default() }).record;
+    let ratio = mean(late.mean_irradiance) / mean(all.mean_irradiance);
+    assert!((ratio - 1.0).abs() < 0.1 && late.exact_rays < all.exact_rays / 2, "{ratio}");
+    assert!(!late.warnings.join(" ").contains("have no rays"), "{:?}", late.warnings);
+}
