@@ -6,6 +6,8 @@ use glam::{DVec3, Vec3, dvec3};
 use std::collections::HashMap;
 use std::path::Path;
 
+mod mesh;
+
 /// The front of a grey triangle or quad with an irradiance.
 fn grey(corners: [u32; 4], irradiance: f64, area: f64, triangle: u32) -> Element {
     Element {
@@ -68,77 +70,6 @@ fn square(light: impl Fn(Vec3) -> f64) -> (Scene, RadiosityMesh) {
         add([x, y], 0.25);
     }
     (scene, solution)
-}
-
-#[test]
-fn meshes_have_no_cracks() {
-    let (_, mut solution) = square(|p| f64::from(p.x) + 1.0);
-    // Light is continuous up to the uncertainty of the elements.
-    solution.elements.iter_mut().for_each(|e| e.error = [0.1; 3]);
-    let mesh = Mesh::new(&solution);
-    let area: f32 = (0..mesh.triangles.len())
-        .map(|t| mesh.corners(t))
-        .map(|[a, b, c]| 0.5 * (b - a).cross(c - a).z)
-        .sum();
-    assert!((area - 1.0).abs() < 1e-6, "{area}");
-    // Every edge inside the square has an opposite edge between the same positions: there are no vertices in the
-    // middle of an edge, and light is continuous.
-    let mut edges: HashMap<[[u32; 2]; 2], i32> = HashMap::new();
-    let place = |v: u32| {
-        let p = mesh.positions[v as usize];
-        [p.x.to_bits(), p.y.to_bits()]
-    };
-    for t in &mesh.triangles {
-        for k in 0..3 {
-            let (a, b) = (place(t[k]), place(t[(k + 1) % 3]));
-            if a < b {
-                *edges.entry([a, b]).or_default() += 1;
-            } else {
-                *edges.entry([b, a]).or_default() -= 1;
-            }
-        }
-    }
-    let on_border = |[a, b]: [[u32; 2]; 2]| {
-        let [a, b] = [a, b].map(|p| p.map(f32::from_bits));
-        (0..2).any(|k| a[k] == b[k] && (a[k] == 0.0 || a[k] == 1.0))
-    };
-    for (&edge, &count) in &edges {
-        assert_eq!(count != 0, on_border(edge), "{:?}", edge.map(|p| p.map(f32::from_bits)));
-    }
-    let mut light: HashMap<[u32; 2], [f32; 3]> = HashMap::new();
-    for (v, e) in mesh.irradiance.iter().enumerate() {
-        assert_eq!(*light.entry(place(v as u32)).or_insert(*e), *e, "one light at one place");
-        assert_eq!(mesh.radiosity[v], e.map(|x| 0.5 * x));
-    }
-}
-
-#[test]
-fn constant_light_stays_constant() {
-    let (_, solution) = square(|_| 3.0);
-    assert!(Mesh::new(&solution).irradiance.iter().flatten().all(|e| (e - 3.0).abs() < 1e-6));
-}
-
-/// Over each element the mesh has the element's mean light within its uncertainty, also where a shadow ends.
-#[test]
-fn meshes_keep_the_mean_light_of_elements() {
-    for light in [|p: Vec3| f64::from(1.0 + p.x), |p: Vec3| if p.x < 0.3 { 5.0 } else { 0.2 }] {
-        let (_, solution) = square(light);
-        let mesh = Mesh::new(&solution);
-        let mut sums = vec![(0.0, 0.0); solution.elements.len()];
-        for (k, &e) in mesh.element.iter().enumerate() {
-            let [a, b, c] = mesh.corners(k).map(|p| p.as_dvec3());
-            let area = 0.5 * (b - a).cross(c - a).length();
-            let light: f64 =
-                mesh.triangles[k].iter().map(|&v| f64::from(mesh.irradiance[v as usize][0])).sum();
-            sums[e as usize].0 += area;
-            sums[e as usize].1 += area * light / 3.0;
-        }
-        for (element, (area, sum)) in solution.elements.iter().zip(sums) {
-            let allowed = element.error[0].max(element.irradiance[0] / 255.0);
-            let difference = (sum / area - element.irradiance[0]).abs();
-            assert!(difference < 1.001 * allowed, "{difference} for {allowed}");
-        }
-    }
 }
 
 #[test]
