@@ -37,7 +37,7 @@ def read_vtu(path):
 def on_mesh(vtu, path):
     """Returns the mean irradiance of the exported mesh (a `.ply` file of mrvis) over each element, by linear interpolation.
 
-    The triangles of an element follow each other in the file, in the order of the elements; they fill its area.
+    Triangles state their element, the number of the cell in the `.vtu` file.
     """
     data = open(path, "rb").read()
     end = data.index(b"end_header\n") + len(b"end_header\n")
@@ -48,17 +48,16 @@ def on_mesh(vtu, path):
     light = [name for _, name in fields].index("irradiance_r")
     faces = end + counts["vertex"] * layout.size
     vertices = [(v[:3], v[light : light + 3]) for v in layout.iter_unpack(data[end:faces])]
-    triangles = struct.iter_unpack("<Biii", data[faces:])
-    means = []
-    for area in vtu["area"]:
-        filled, sums = 0.0, [0.0, 0.0, 0.0]
-        while filled < 0.999 * area:
-            corners = [vertices[i] for i in next(triangles)[1:]]
-            a, b, c = (place for place, _ in corners)
-            own = 0.5 * length(cross(subtract(b, a), subtract(c, a)))
-            filled += own
-            sums = [s + own * sum(irradiance[k] for _, irradiance in corners) / 3 for k, s in enumerate(sums)]
-        means.append([s / filled for s in sums])
+    filled, sums = [0.0] * len(vtu["area"]), [[0.0, 0.0, 0.0] for _ in vtu["area"]]
+    for _, i, j, k, element in struct.iter_unpack("<BiiiI", data[faces:]):
+        corners = [vertices[i], vertices[j], vertices[k]]
+        a, b, c = (place for place, _ in corners)
+        own = 0.5 * length(cross(subtract(b, a), subtract(c, a)))
+        filled[element] += own
+        for channel in range(3):
+            sums[element][channel] += own * sum(irradiance[channel] for _, irradiance in corners) / 3
+    # Elements that are thinner than the rounding of coordinates have no area in the file.
+    means = [[s / f if f > 0.0 else e for s, e in zip(row, own)] for row, f, own in zip(sums, filled, vtu["irradiance"])]
     return means
 
 

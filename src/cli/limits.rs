@@ -25,7 +25,8 @@ pub fn bytes(given: Option<f64>) -> Option<u64> {
     given.map(|g| (g * GIB) as u64).or_else(memory::usable)
 }
 
-/// A refused allocation aborts the program after a message of the runtime; the exit code is then that of all errors.
+/// A refused allocation aborts the program (SIGABRT) after a message of the runtime; the exit code is then that of all errors. Other
+/// reasons for that signal, as a defect of a library, have the same code and leave no core dump.
 pub fn end_aborts_as_errors() {
     // Without the handler the code is that of the signal.
     #[cfg(unix)]

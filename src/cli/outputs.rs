@@ -113,7 +113,8 @@ const SAMPLES_PER_SIDE: usize = 2;
 
 impl Outputs {
     /// Writes the requested files into a folder, except the page, which needs the final record. `irradiance` computes the light of pixels for
-    /// `--gather`; where it returns `None`, light is interpolated. Once `progress` has stopped, only `solution.vtu` is written.
+    /// `--gather`; where it returns `None`, light is interpolated. Once `progress` has stopped, only `solution.vtu` is written; it does
+    /// not stop for small solutions.
     ///
     /// # Errors
     /// A file cannot be written, or the scene does not fit into a lightmap.
@@ -351,9 +352,9 @@ fn size(text: &str) -> Result<[usize; 2], String> {
 }
 
 fn camera(text: &str) -> Result<[f64; 7], String> {
-    let numbers: Vec<f64> = text.split(',').filter_map(|w| w.trim().parse().ok()).collect();
     let bad = || "seven numbers: eye x,y,z, target x,y,z, angle of view in degrees (1 to 170)".to_owned();
-    let camera: [f64; 7] = numbers.try_into().map_err(|_| bad())?;
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|w| w.trim().parse()).collect();
+    let camera: [f64; 7] = numbers.map_err(|_| bad())?.try_into().map_err(|_| bad())?;
     let distinct = (0..3).any(|k| camera[k] != camera[k + 3]);
     let fine = camera.iter().all(|v| v.is_finite()) && distinct && (1.0..=170.0).contains(&camera[6]);
     if fine { Ok(camera) } else { Err(bad()) }

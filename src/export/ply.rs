@@ -9,7 +9,7 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 
 /// Writes a mesh as binary PLY: vertices with normals, 8-bit colours by `tone`, radiosity and irradiance in W/m²;
-/// triangles. Coordinates are those of the scene's file.
+/// triangles with their element, the number of the cell in the `.vtu` file. Coordinates are those of the scene's file.
 ///
 /// # Errors
 /// The file cannot be written, or `progress` has stopped.
@@ -34,7 +34,7 @@ fn write(out: &mut impl Write, mesh: &Mesh, origin: DVec3, tone: Tone) -> std::i
     }
     writeln!(
         out,
-        "element face {}\nproperty list uchar int vertex_indices\nend_header",
+        "element face {}\nproperty list uchar int vertex_indices\nproperty uint element\nend_header",
         mesh.triangles.len()
     )?;
     for (i, p) in mesh.positions.iter().enumerate() {
@@ -48,9 +48,9 @@ fn write(out: &mut impl Write, mesh: &Mesh, origin: DVec3, tone: Tone) -> std::i
         floats(out, mesh.radiosity[i])?;
         floats(out, mesh.irradiance[i])?;
     }
-    for t in &mesh.triangles {
+    for (t, element) in mesh.triangles.iter().zip(&mesh.element) {
         out.write_all(&[3])?;
-        t.iter().try_for_each(|v| out.write_all(&v.to_le_bytes()))?;
+        t.iter().chain([element]).try_for_each(|v| out.write_all(&v.to_le_bytes()))?;
     }
     Ok(())
 }

@@ -131,6 +131,7 @@ impl Packet {
         self.near[lane] = 0.0;
         self.far[lane] = f32::INFINITY;
         self.active |= 1 << lane;
+        self.backwards &= !(1 << lane);
     }
 
     /// The point of a lane at parameter `t` from the receiver end, 0, to the emitter end, 1.
@@ -222,7 +223,8 @@ impl EndRule {
     /// Length left out at ends of unknown surfaces in units of r; see [`EndRule`].
     const UNKNOWN: f32 = 16.0;
     /// Largest ratio of the r of both ends with which a segment is tested from its first end all the same, so that the rays of a bundle
-    /// keep their common start: with 16 the ends of a lamp in a room of 8 m have r of at most 3 µm.
+    /// keep their common start: in a room of 8 m, where r is up to 3 µm, this holds for all faces that reach further than .5 m from
+    /// the origin.
     const MAX_RATIO: f32 = 16.0;
 
     /// The rule of an end at faces whose coordinates do not exceed `magnitude`, scene units.

@@ -88,7 +88,12 @@ pub fn solve(
     }
     if scene.emitters.is_empty() {
         stages.notes.push(notes::NO_EMITTERS.into());
-    } else if irradiance.iter().chain([&solved.mean_irradiance()]).flatten().all(|&e| e == 0.0) {
+    } else if irradiance
+        .iter()
+        .chain([&solved.mean_irradiance()])
+        .flatten()
+        .all(|&e| e <= solved.linked.dark())
+    {
         stages.notes.push(notes::DARK.into());
     } else {
         stages.notes.extend(model.note_of_turned_emitters());

@@ -111,6 +111,14 @@ impl LinkedScene {
         self.emitters.get_or_init(|| Arc::new(Emitters::new(scene, &self.elements))).clone()
     }
 
+    /// Irradiance that counts as none, W/m²: 1e-9 of what the surfaces would receive if all emitted light arrived once. Rounding at the
+    /// edges of emitters lets about 1e-14 pass.
+    pub fn dark(&self) -> f64 {
+        let Elements { elements, sides, .. } = &self.elements;
+        let emitted: f64 = sides.iter().map(|s| elements[s.element as usize].area * mean(s.exitance)).sum();
+        1e-9 * emitted / elements[0].area
+    }
+
     /// The active nodes of the present links.
     pub fn active_nodes(&self) -> ActiveNodes {
         ActiveNodes::new(&self.elements, &self.links)
