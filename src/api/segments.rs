@@ -11,30 +11,31 @@ pub(super) const MAX_COORDINATE: f32 = 1e12;
 /// Largest number of segments of a bundle: limits its packets to 34 MB (65,536 of 516 bytes).
 const MAX_BUNDLE: u64 = 1 << 20;
 
-/// Positions in an array of the caller: x, y, z of each one after the other, at a fixed stride. Borrowed, never copied.
+/// Positions in an array of the caller: x, y, z of each one after the other, at a fixed stride. Borrowed. Numbers are f32; those of
+/// meshes may be f64.
 #[derive(Clone, Copy, Debug)]
-pub struct Strided<'a> {
-    data: &'a [f32],
+pub struct Strided<'a, T = f32> {
+    data: &'a [T],
     stride: usize,
     count: usize,
 }
 
-impl<'a> Strided<'a> {
-    /// `count` positions, of which each begins `stride` floats after the one before. A stride of 0 stands for 3: packed.
+impl<'a, T> Strided<'a, T> {
+    /// `count` positions, of which each begins `stride` numbers after the one before. A stride of 0 stands for 3: packed.
     ///
     /// # Errors
     /// [`Error::Argument`] if the stride is 1 or 2, or `data` is too short.
-    pub fn new(data: &'a [f32], stride: usize, count: usize) -> Result<Strided<'a>> {
+    pub fn new(data: &'a [T], stride: usize, count: usize) -> Result<Strided<'a, T>> {
         let stride = if stride == 0 { 3 } else { stride };
         if stride < 3 {
             return Err(Error::Argument(format!(
-                "`stride` {stride}: must be 0 (packed) or at least 3 floats"
+                "`stride` {stride}: must be 0 (packed) or at least 3 numbers"
             )));
         }
         let needed = count.checked_sub(1).map_or(Some(0), |last| last.checked_mul(stride)?.checked_add(3));
         if needed.is_none_or(|needed| needed > data.len()) {
             return Err(Error::Argument(format!(
-                "`data` holds {} floats: too few for {count} positions with a stride of {stride}",
+                "`data` holds {} numbers: too few for {count} positions with a stride of {stride}",
                 data.len()
             )));
         }
@@ -42,7 +43,7 @@ impl<'a> Strided<'a> {
     }
 
     /// The same position, `count` times.
-    pub fn repeated(position: &'a [f32; 3], count: usize) -> Strided<'a> {
+    pub fn repeated(position: &'a [T; 3], count: usize) -> Strided<'a, T> {
         Strided { data: position, stride: 0, count }
     }
 
@@ -51,13 +52,20 @@ impl<'a> Strided<'a> {
         self.count
     }
 
-    fn at(&self, i: usize) -> Vec3 {
-        Vec3::from_slice(&self.data[i * self.stride..])
+    /// The numbers of position `i`.
+    pub(super) fn numbers(&self, i: usize) -> &'a [T] {
+        &self.data[i * self.stride..][..3]
     }
 }
 
-impl<'a> From<&'a [[f32; 3]]> for Strided<'a> {
-    fn from(positions: &'a [[f32; 3]]) -> Strided<'a> {
+impl Strided<'_> {
+    fn at(&self, i: usize) -> Vec3 {
+        Vec3::from_slice(self.numbers(i))
+    }
+}
+
+impl<'a, T> From<&'a [[T; 3]]> for Strided<'a, T> {
+    fn from(positions: &'a [[T; 3]]) -> Strided<'a, T> {
         Strided { data: positions.as_flattened(), stride: 3, count: positions.len() }
     }
 }
