@@ -16,8 +16,8 @@ RUST_VERSION := 1.89
 export PATH := $(PATH):$(HOME)/.cargo/bin
 SHELL := /bin/bash
 
-.PHONY: help demo test build scenes install install-files fuzz clean distclean
-.PHONY: setup need-cargo need-packages need-embree need-furniture need-lint need-browser
+.PHONY: help demo test build scenes install install-files python python-test fuzz clean distclean
+.PHONY: setup need-cargo need-packages need-embree need-furniture need-lint need-browser need-python
 .DEFAULT_GOAL := help
 
 help:
@@ -28,6 +28,7 @@ help:
 	@echo "  make build     set up and build the command ($(BINARY))"
 	@echo "  make scenes    assemble the scenes in scenes/real (a selection: make scenes SCENES=\"park sponza\")"
 	@echo "  make install   install the command under PREFIX (now $(PREFIX))"
+	@echo "  make python    build the Python package as a wheel in $(TARGET_DIR)/wheels"
 	@echo "  make fuzz      search for files that readers fail at, FUZZ_SECONDS (now $(FUZZ_SECONDS)) in all"
 	@echo "  make clean     remove build products and reports; distclean: also assembled scenes and the private Embree"
 	@echo
@@ -58,6 +59,12 @@ need-browser:
 	@command -v chromium-browser >/dev/null 2>&1 || command -v google-chrome >/dev/null 2>&1 || \
 	  .ci/debian-packages chromium=chromium fonts-liberation
 
+# pyenv and others bring venv along; Debian packs it apart.
+need-python: need-packages
+	@python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	  echo "mrvis: $$(python3 --version) is too old for the Python package: 3.11 or later is required" >&2; exit 1; }
+	@python3 -c 'import ensurepip' 2>/dev/null || .ci/debian-packages python3-venv
+
 need-lint: need-cargo
 	@for part in fmt clippy; do \
 	  cargo $$part --version >/dev/null 2>&1 && continue; \
@@ -80,15 +87,34 @@ demo: build need-furniture
 	@python3 .ci/headline out/demo/bench.json out/demo/report.html
 
 # The tests come last, so that the output ends with their results.
-test: setup need-lint need-browser
-	cargo fmt --check
+test: setup need-lint need-browser need-python
+	cargo fmt --all --check
 	cargo clippy --no-default-features -- -D warnings
 	cargo clippy --no-default-features --features reports -- -D warnings
 	cargo clippy -- -D warnings
 	cargo clippy --all-targets -- -D warnings
+	cargo clippy -p mrvis-python -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps
 	@.ci/public-items $(TARGET_DIR)/doc/mrvis 200
 	cargo test
+	@$(MAKE) --no-print-directory python-test
+
+# --- the Python package: its own virtual environment; nothing else needs Python packages ------------------------------
+
+PYTHON_DIR := $(TARGET_DIR)/python
+WHEELS := $(abspath $(TARGET_DIR))/wheels
+
+$(PYTHON_DIR)/bin/pip: | need-python
+	python3 -m venv "$(PYTHON_DIR)"
+
+python: setup $(PYTHON_DIR)/bin/pip
+	"$(PYTHON_DIR)/bin/pip" -q wheel --no-deps --wheel-dir "$(WHEELS)" ./python
+	@echo "mrvis: $$(ls -t "$(WHEELS)"/mrvis-*.whl | head -n 1)"
+
+# Built as `cargo test` builds the crate, whose result it takes; what users install is built for release.
+python-test: setup $(PYTHON_DIR)/bin/pip
+	MATURIN_PEP517_ARGS="--profile test --features tests" "$(PYTHON_DIR)/bin/pip" -q install "./python[test]"
+	"$(PYTHON_DIR)/bin/pytest" -q python
 
 install: build
 	@$(MAKE) --no-print-directory install-files

@@ -20,10 +20,8 @@ pub fn unknown<T>(function: &str, name: &str) -> PyResult<T> {
 
 /// A value of a type.
 pub fn value<'py, T: FromPyObjectOwned<'py>>(name: &str, value: &Bound<'py, PyAny>) -> PyResult<T> {
-    value.extract().map_err(|error| {
-        let error: PyErr = error.into();
-        PyTypeError::new_err(format!("`{name}`: {}", error.value(value.py())))
-    })
+    let extracted = value.extract::<T>().map_err(Into::<PyErr>::into);
+    extracted.map_err(|error| PyTypeError::new_err(format!("`{name}`: {}", error.value(value.py()))))
 }
 
 /// A whole number that is not negative.

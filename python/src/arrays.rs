@@ -51,6 +51,7 @@ impl<'py, T: Element + Copy> Rows<'py, T> {
     fn new(array: &Bound<'py, PyArrayDyn<T>>) -> PyResult<Rows<'py, T>> {
         let count = array.shape()[0];
         if let Ok(whole) = array.try_readonly()
+            && whole.is_c_contiguous()
             && whole.as_slice().is_ok()
         {
             return Ok(Rows { array: whole, first: 0, stride: 3, count });
@@ -111,7 +112,8 @@ impl<'py, T: Element + Copy> Rows<'py, T> {
 
 fn readonly<'py, T: Element>(array: &Bound<'py, PyArrayDyn<T>>) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
     let borrowed = array.try_readonly();
-    borrowed.map_err(|_| input(array.py(), "an array is read and written (`out`) at once: give another `out`"))
+    borrowed
+        .map_err(|_| input(array.py(), "an array is read and written (`out`) at once: give another `out`"))
 }
 
 /// Positions in single or double precision.
@@ -169,7 +171,7 @@ pub fn numbers<'py, T: Element + TryFrom<i64>>(
     let shape = array.shape().to_vec();
     if let Ok(same) = array.cast::<PyArrayDyn<T>>() {
         let same = readonly(same)?;
-        if same.as_slice().is_ok() {
+        if same.is_c_contiguous() && same.as_slice().is_ok() {
             return Ok((Numbers::Borrowed(same), shape));
         }
     }
@@ -236,4 +238,20 @@ pub fn output<'py>(
 pub fn rows_out<T: Element>(py: Python<'_>, rows: Vec<[T; 3]>) -> PyResult<Bound<'_, numpy::PyArray2<T>>> {
     let count = rows.len();
     PyArray1::from_vec(py, rows.into_flattened()).reshape([count, 3])
+}
+
+/// The array as an image of shape (rows, columns): its columns, rows and values, copied.
+pub fn image(name: &str, value: &Bound<'_, PyAny>) -> PyResult<(usize, usize, Vec<f32>)> {
+    let array = array(name, value)?;
+    if array.ndim() != 2 || !"fiu".contains(kind(&array)?) {
+        return Err(wrong(&array, name, "be (rows, columns) of real numbers"));
+    }
+    let [rows, columns] = [array.shape()[0], array.shape()[1]];
+    Ok((columns, rows, converted::<f32>(&array)?.to_vec()?))
+}
+
+/// The object as three numbers if it is a list or an array of three.
+pub fn single(value: &Bound<'_, PyAny>) -> Option<[f64; 3]> {
+    let is_table = value.cast::<PyUntypedArray>().is_ok_and(|array| array.ndim() != 1);
+    if is_table { None } else { value.extract().ok() }
 }

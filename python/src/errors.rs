@@ -6,7 +6,7 @@ use pyo3::types::PyType;
 use std::any::Any;
 
 /// Names in messages of the crate, and the arguments of the package that they stand for.
-const WORDS: [(&str, &str); 9] = [
+const WORDS: [(&str, &str); 10] = [
     ("`Detail::Optics`", "`detail=\"optics\"`"),
     ("`Detail::Clusters`", "`detail=\"clusters\"`"),
     ("`Detail::Rays`", "`detail=\"rays\"`"),
@@ -15,11 +15,12 @@ const WORDS: [(&str, &str); 9] = [
     ("`feature_sizes`[0]", "`feature_size`"),
     ("`feature_sizes`", "`feature_size`"),
     ("`emitter_sizes`", "`emitter_size`"),
+    ("`face_materials`", "`material`"),
     ("`to_source`", "`source`"),
 ];
 
 /// An exception of `mrvis._types`.
-fn exception(py: Python<'_>, class: &str, arguments: impl PyErrArguments) -> PyErr {
+fn exception(py: Python<'_>, class: &str, arguments: impl PyErrArguments + 'static) -> PyErr {
     let found = py.import("mrvis._types").and_then(|types| types.getattr(class));
     match found.and_then(|class| Ok(class.cast_into::<PyType>()?)) {
         Ok(class) => PyErr::from_type(class, arguments),
@@ -74,4 +75,3 @@ impl<T> Raise<T> for mrvis::Result<T> {
         self.map_err(|error| translated(py, &error))
     }
 }
-

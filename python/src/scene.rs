@@ -1,6 +1,6 @@
 //! Scenes from files, bytes, arrays and generators.
 
-use crate::arguments::{keywords, not_pickled, unknown, value, vector, whole, word};
+use crate::arguments::{keywords, not_pickled, unknown, value, vector, whole};
 use crate::arrays::{Numbers, Points, numbers, points};
 use crate::errors::{Raise, input};
 use crate::work::short;
@@ -40,6 +40,12 @@ fn load_options(function: &str, options: Option<&Bound<'_, PyDict>>) -> PyResult
 #[pymethods]
 impl PyScene {
     /// Reads a file: OBJ, glTF, GLB or PLY by its extension.
+    ///
+    /// unit: name of the length unit, "m" (default), "cm", "mm", "km", "in" or "ft". emitters: power in W per channel of objects, groups or
+    /// materials that become emitters, as a dict of names. two_sided_emission: whether emissive faces emit from both sides (default False).
+    /// sides: 1 if all faces bound solids, 2 if all are sheets; default: by connectivity. threads: 0 (default) for one a core.
+    ///
+    /// Raises IoError, or InputError that names file and line.
     #[staticmethod]
     #[pyo3(signature = (path, **options))]
     fn load(py: Python<'_>, path: PathBuf, options: Option<&Bound<'_, PyDict>>) -> PyResult<PyScene> {
@@ -48,7 +54,8 @@ impl PyScene {
         Ok(PyScene { scene: Arc::new(scene), source: path.display().to_string() })
     }
 
-    /// Reads the bytes of a file; `format` is "obj", "gltf", "glb" or "ply". Files that it names are looked for in `folder`.
+    /// Reads the bytes of a file, borrowed; `format` is "obj", "gltf", "glb" or "ply". Files that it names are looked for in `folder`; without
+    /// one it may name none. Options are those of `load`.
     #[staticmethod]
     #[pyo3(signature = (data, format, folder=None, **options))]
     fn from_bytes(
@@ -64,7 +71,8 @@ impl PyScene {
         Ok(PyScene { scene: Arc::new(scene), source: format!("{format} in memory") })
     }
 
-    /// Generates a scene by name, such as "cornell" or "forest".
+    /// Generates a scene by name: "cube-groups", "forest", "cubes", "brick-wall", "louvres", "bookshelf", "desk-room", "urban-block" or
+    /// "cornell". Metres, but "cornell" is in millimetres. Every one has an emitter.
     #[staticmethod]
     fn generate(py: Python<'_>, name: &str) -> PyResult<PyScene> {
         let scene = short(py, || Scene::generate(name))?;
@@ -157,6 +165,7 @@ impl<'py> Mesh<'py> {
         sizes: Option<&Bound<'py, PyAny>>,
         material: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Mesh<'py>> {
+        let py = positions.py();
         let positions = points("positions", positions)?;
         let (indices, shape) = numbers("indices", indices)?;
         let sizes = match sizes {
@@ -166,7 +175,7 @@ impl<'py> Mesh<'py> {
                 [polygons, corners] => Some(Numbers::Owned(vec![corners as u32; polygons])),
                 _ => {
                     let what = format!("`indices` has shape {shape:?}: must be (M, 3), (M, corners) or flat");
-                    return Err(input(positions.py(), what));
+                    return Err(input(py, what));
                 }
             },
         };
@@ -207,21 +216,29 @@ impl PySceneBuilder {
         PySceneBuilder::default()
     }
 
-    /// Adds a material and returns its number: diffuse reflectance in [0, 1] and emitted radiance, W/(m² sr), linear RGB.
-    #[pyo3(signature = (name, reflectance, emission=(0.0, 0.0, 0.0)))]
+    /// Adds a material with a unique name and returns its number: diffuse reflectance of both sides in [0, 1], and the radiance that the front
+    /// emits, W/(m² sr), default none; both linear RGB.
+    #[pyo3(signature = (name, reflectance, emission=None))]
     fn add_material(
         &self,
         py: Python<'_>,
         name: &str,
         reflectance: &Bound<'_, PyAny>,
-        emission: (f32, f32, f32),
+        emission: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<u32> {
         let reflectance = vector("reflectance", reflectance)?.map(|v| v as f32);
-        let added = self.lock().add_material(name, reflectance, emission.into());
+        let emission =
+            emission.map_or(Ok([0.0; 3]), |emission| vector("emission", emission))?.map(|v| v as f32);
+        let added = self.lock().add_material(name, reflectance, emission);
         added.raise(py)
     }
 
-    /// Adds a mesh as an object of the scene.
+    /// Adds a mesh as an object of the scene, with a name that is unique among objects and instances. Everything is checked, then copied
+    /// once.
+    ///
+    /// positions: (V, 3), scene units; float32 and float64 are borrowed for the copy. indices: whole numbers below V: (M, 3) triangles,
+    /// (M, C) polygons of C corners, or flat; counterclockwise from the front; uint32 is borrowed, other integers are checked and copied.
+    /// polygon_sizes: (M,) numbers of corners for flat indices of polygons. material: a number, or (M,) numbers, one a polygon; default 0.
     #[pyo3(signature = (name, positions, indices, *, polygon_sizes=None, material=None))]
     fn add_object<'py>(
         &self,
@@ -237,7 +254,8 @@ impl PySceneBuilder {
         short(py, || self.lock().add_object(&arrays))
     }
 
-    /// Adds a mesh that instances share and returns its number.
+    /// Adds a mesh that instances share and returns its number; arguments are those of `add_object`. It is not seen until an instance
+    /// places it, and its materials do not emit.
     #[pyo3(signature = (name, positions, indices, *, polygon_sizes=None, material=None))]
     fn add_shared_mesh<'py>(
         &self,
@@ -253,7 +271,8 @@ impl PySceneBuilder {
         short(py, || self.lock().add_shared_mesh(&arrays))
     }
 
-    /// Places a shared mesh: a matrix of shape (3, 4) or (4, 4), which maps columns.
+    /// Places a shared mesh: rotation, reflection, uniform scale and translation as a matrix of shape (3, 4) or (4, 4), which maps column
+    /// vectors of the mesh to the scene. The name is unique among objects and instances.
     fn add_instance(
         &self,
         py: Python<'_>,
@@ -266,7 +285,8 @@ impl PySceneBuilder {
         added.raise(py)
     }
 
-    /// Makes the scene. The builder is empty afterwards, also after an error.
+    /// Makes the scene, checked and repaired as a file is (`Scene.repairs` says what). Options are those of `Scene.load`. The builder is
+    /// empty afterwards, also after an error.
     #[pyo3(signature = (**options))]
     fn finish(&self, py: Python<'_>, options: Option<&Bound<'_, PyDict>>) -> PyResult<PyScene> {
         let options = load_options("finish", options)?;
@@ -286,14 +306,18 @@ pub fn affine(name: &str, given: &Bound<'_, PyAny>) -> PyResult<DAffine3> {
     let arguments = (given, "float64");
     let made = py.import("numpy").and_then(|numpy| numpy.call_method1("asarray", arguments));
     let matrix = made.ok().and_then(|made| made.extract::<PyReadonlyArray2<'_, f64>>().ok());
-    let matrix = matrix.ok_or_else(|| input(py, format!("`{name}`: must be a matrix of shape (3, 4) or (4, 4)")))?;
+    let matrix =
+        matrix.ok_or_else(|| input(py, format!("`{name}`: must be a matrix of shape (3, 4) or (4, 4)")))?;
     let m = matrix.as_array();
     match m.dim() {
         (3, 4) => {}
         (4, 4) if [0.0, 0.0, 0.0, 1.0] == [m[[3, 0]], m[[3, 1]], m[[3, 2]], m[[3, 3]]] => {}
         (4, 4) => return Err(input(py, format!("`{name}`: its last row must be 0, 0, 0, 1"))),
         (rows, columns) => {
-            return Err(input(py, format!("`{name}` has shape ({rows}, {columns}): must be (3, 4) or (4, 4)")));
+            return Err(input(
+                py,
+                format!("`{name}` has shape ({rows}, {columns}): must be (3, 4) or (4, 4)"),
+            ));
         }
     }
     let columns = (0..4).flat_map(|c| (0..3).map(move |r| (r, c)));

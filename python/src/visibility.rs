@@ -1,14 +1,14 @@
 //! Visibility in batches, from and into arrays.
 
 use crate::arguments::{keywords, unknown, value, vector, whole, word};
-use crate::arrays::{Floats, Numbers, Points, Rows, floats, numbers, output, points, points_f64};
-use crate::errors::{Raise, input, translated};
-use crate::work::{Watch, long, short};
-use mrvis::{Answer, Answers, Cost, Engine, Error, ErrorCategory, Method, Model, Progress, Segments, Strided};
-use numpy::{PyArray1, PyArrayMethods, PyReadwriteArray1};
+use crate::arrays::{Floats, Numbers, Points, Rows, floats, numbers, output, points, single};
+use crate::errors::{Raise, input};
+use crate::work::short;
+use mrvis::{Answers, Cost, Engine, Method, Model, Segments, Strided};
+use numpy::{PyArray1, PyReadwriteArray1};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use rayon::prelude::*;
+use std::borrow::Cow;
 
 pub const ENGINES: [(&str, Engine); 4] = [
     ("auto", Engine::Automatic),
@@ -22,22 +22,22 @@ pub const ENGINES: [(&str, Engine); 4] = [
 pub struct PyVisibility {
     /// Mean transmittance in [0, 1], shape (K,), float32; `out` if that was given.
     #[pyo3(get)]
-    transmittance: Py<PyArray1<f32>>,
+    pub transmittance: Py<PyArray1<f32>>,
     /// Lower ends of the 95 % intervals, shape (K,), float32.
     #[pyo3(get)]
-    lo: Option<Py<PyArray1<f32>>>,
+    pub lo: Option<Py<PyArray1<f32>>>,
     /// Upper ends of the 95 % intervals, shape (K,), float32.
     #[pyo3(get)]
-    hi: Option<Py<PyArray1<f32>>>,
+    pub hi: Option<Py<PyArray1<f32>>>,
     /// How each answer was found, shape (K,), uint8: values of `mrvis.Method`.
     #[pyo3(get)]
-    method: Option<Py<PyArray1<u8>>>,
+    pub method: Option<Py<PyArray1<u8>>>,
     /// Transmittance of each segment, shape (N,), float32.
     #[pyo3(get)]
-    segments: Option<Py<PyArray1<f32>>>,
+    pub segments: Option<Py<PyArray1<f32>>>,
     /// What it took: numbers of segments and nodes.
     #[pyo3(get)]
-    cost: Py<PyDict>,
+    pub cost: Py<PyDict>,
 }
 
 #[pymethods]
@@ -56,24 +56,16 @@ impl PyVisibility {
 
 /// Costs added up: the entries of [`PyVisibility::cost`].
 #[derive(Default)]
-struct Costs([u64; 6]);
+pub struct Costs(pub [u64; 6]);
 
 impl Costs {
-    const NAMES: [&str; 6] =
-        ["segments", "nodes", "exact_rays", "handed_over", "aggregated", "certified"];
+    const NAMES: [&str; 6] = ["segments", "nodes", "exact_rays", "handed_over", "aggregated", "certified"];
 
-    fn of(cost: &Cost) -> Costs {
-        Costs([
-            cost.segments,
-            cost.nodes,
-            cost.exact_rays,
-            cost.handed_over,
-            cost.aggregated,
-            cost.certified,
-        ])
+    pub fn of(cost: &Cost) -> Costs {
+        Costs([cost.segments, cost.nodes, cost.exact_rays, cost.handed_over, cost.aggregated, cost.certified])
     }
 
-    fn dict(&self, py: Python<'_>) -> PyResult<Py<PyDict>> {
+    pub fn dict(&self, py: Python<'_>) -> PyResult<Py<PyDict>> {
         let all = PyDict::new(py);
         for (name, count) in Costs::NAMES.iter().zip(self.0) {
             all.set_item(name, count)?;
@@ -82,7 +74,7 @@ impl Costs {
     }
 }
 
-fn methods(py: Python<'_>, methods: Vec<Method>) -> Py<PyArray1<u8>> {
+pub fn methods(py: Python<'_>, methods: Vec<Method>) -> Py<PyArray1<u8>> {
     PyArray1::from_vec(py, methods.into_iter().map(|method| method as u8).collect()).unbind()
 }
 
@@ -118,6 +110,23 @@ enum Bundles<'py> {
     Offsets(Numbers<'py, u64>),
 }
 
+impl Bundles<'_> {
+    /// Where bundles of so many segments begin and end.
+    fn offsets(&self, py: Python<'_>, segments: usize) -> PyResult<Cow<'_, [u64]>> {
+        let segments = segments as u64;
+        match self {
+            Bundles::Offsets(offsets) => Ok(Cow::Borrowed(offsets.slice())),
+            Bundles::Size(size) if *size > 0 && segments.is_multiple_of(*size) => {
+                Ok(Cow::Owned((0..=segments / size).map(|k| k * size).collect()))
+            }
+            Bundles::Size(size) => {
+                let must = format!("must be at least 1 and divide the number of segments, {segments}");
+                Err(input(py, format!("`bundles` {size}: {must}; or give offsets")))
+            }
+        }
+    }
+}
+
 /// A batch of segments from the arguments of Python.
 pub struct Ask<'py> {
     py: Python<'py>,
@@ -141,9 +150,9 @@ enum Source<'py> {
 
 impl<'py> Source<'py> {
     fn new(name: &str, given: &Bound<'py, PyAny>) -> PyResult<Source<'py>> {
-        match given.extract::<[f64; 3]>() {
-            Ok(one) => Ok(Source::One(one)),
-            Err(_) => points(name, given).map(Source::Many),
+        match single(given) {
+            Some(one) => Ok(Source::One(one)),
+            None => points(name, given).map(Source::Many),
         }
     }
 
@@ -220,22 +229,9 @@ impl<'py> Ask<'py> {
         let relative_to = if is_moved { origin } else { self.relative_to };
         let (origins, targets) = (self.origins.ends(move_by), self.targets.ends(move_by));
         let count = origins.count().or(targets.count()).unwrap_or(1);
-        let made = match self.bundles {
-            Bundles::Offsets(_) => Vec::new(),
-            Bundles::Size(size) if size > 0 && (count as u64).is_multiple_of(size) => {
-                (0..=count as u64 / size).map(|k| k * size).collect()
-            }
-            Bundles::Size(size) => {
-                let must = "must be 1 or larger and divide the number of segments";
-                return Err(input(py, format!("`bundles` {size}: {must}, {count}; or give offsets")));
-            }
-        };
-        let bundles = match &self.bundles {
-            Bundles::Offsets(offsets) => offsets.slice(),
-            Bundles::Size(_) => &made,
-        };
-        let mut segments = Segments::new(origins.strided(count).raise(py)?, targets.strided(count).raise(py)?, bundles)
-            .relative_to(relative_to);
+        let offsets = self.bundles.offsets(py, count)?;
+        let (from, to) = (origins.strided(count).raise(py)?, targets.strided(count).raise(py)?);
+        let mut segments = Segments::new(from, to, &offsets).relative_to(relative_to);
         segments = match &self.feature_size {
             None => segments,
             Some(Floats::All(size)) => segments.feature_size(*size),
@@ -246,7 +242,7 @@ impl<'py> Ask<'py> {
             Some(Floats::All(size)) => segments.emitter_size(*size),
             Some(Floats::Each(sizes)) => segments.emitter_sizes(sizes.as_slice()?),
         };
-        let entries = bundles.len().saturating_sub(1);
+        let entries = offsets.len().saturating_sub(1);
         let mut clear = output(py, "out", out, entries)?;
         let room = |wanted: bool, count: usize| if wanted { vec![0.0f32; count] } else { Vec::new() };
         let (mut lo, mut hi) = (room(self.intervals, entries), room(self.intervals, entries));
@@ -266,7 +262,7 @@ impl<'py> Ask<'py> {
         let cost = short(py, || visibility.answer_into(&segments, &mut answers))?;
         let array = |wanted: bool, values: Vec<f32>| wanted.then(|| PyArray1::from_vec(py, values).unbind());
         Ok(PyVisibility {
-            transmittance: unlocked(clear),
+            transmittance: unlocked(&clear),
             lo: array(self.intervals, lo),
             hi: array(self.intervals, hi),
             method: self.methods.then(|| methods(py, how)),
@@ -277,148 +273,6 @@ impl<'py> Ask<'py> {
 }
 
 /// The array, no longer borrowed.
-fn unlocked(array: PyReadwriteArray1<'_, f32>) -> Py<PyArray1<f32>> {
-    (*array).clone().unbind()
-}
-
-/// Points of surfaces that look at a source.
-pub struct SourceAsk<'py> {
-    py: Python<'py>,
-    points: Rows<'py, f64>,
-    normals: Normals<'py>,
-    source: usize,
-    feature_size: Option<Floats<'py>>,
-    rays: usize,
-    seed: u32,
-    engine: Engine,
-}
-
-/// One normal for all points, or one each.
-pub enum Normals<'py> {
-    All([f64; 3]),
-    Each(Rows<'py, f64>),
-}
-
-impl<'py> Normals<'py> {
-    pub fn new(given: &Bound<'py, PyAny>, points: usize) -> PyResult<Normals<'py>> {
-        if let Ok(one) = given.extract::<[f64; 3]>() {
-            return Ok(Normals::All(one));
-        }
-        let rows = points_f64("normals", given)?;
-        if rows.len() != points {
-            let what = format!("`normals` has {} rows for {points} `points`: give one each, or one", rows.len());
-            return Err(input(given.py(), what));
-        }
-        Ok(Normals::Each(rows))
-    }
-
-    pub fn of(&self, point: usize) -> [f64; 3] {
-        match self {
-            Normals::All(normal) => *normal,
-            Normals::Each(rows) => rows.row(point),
-        }
-    }
-}
-
-impl<'py> SourceAsk<'py> {
-    pub fn new(
-        points: &Bound<'py, PyAny>,
-        normals: &Bound<'py, PyAny>,
-        source: Option<&Bound<'py, PyAny>>,
-        options: Option<&Bound<'py, PyDict>>,
-    ) -> PyResult<SourceAsk<'py>> {
-        let points = points_f64("points", points)?;
-        let mut ask = SourceAsk {
-            py: normals.py(),
-            normals: Normals::new(normals, points.len())?,
-            points,
-            source: source.map_or(Ok(0), |source| whole("source", source))?,
-            feature_size: None,
-            rays: 64,
-            seed: 1,
-            engine: Engine::Automatic,
-        };
-        for (name, given) in keywords(options) {
-            match name.as_str() {
-                "feature_size" => ask.feature_size = Some(floats(&name, &given)?),
-                "rays" => ask.rays = whole(&name, &given)?,
-                "seed" => ask.seed = whole(&name, &given)?,
-                "engine" => ask.engine = word(&name, &given, &ENGINES)?,
-                _ => return unknown("source_visibility", &name),
-            }
-        }
-        if let Some(Floats::Each(sizes)) = &ask.feature_size
-            && sizes.as_slice()?.len() != ask.points.len()
-        {
-            let (sizes, points) = (sizes.as_slice()?.len(), ask.points.len());
-            let what = format!("`feature_size` has {sizes} entries for {points} `points`: give one each, or one");
-            return Err(input(ask.py, what));
-        }
-        Ok(ask)
-    }
-
-    /// Asks the model on as many threads as it has, without the GIL.
-    pub fn answer(
-        self,
-        model: &Model,
-        threads: usize,
-        out: Option<&Bound<'py, PyAny>>,
-        progress: Option<Py<PyAny>>,
-    ) -> PyResult<PyVisibility> {
-        let (py, count) = (self.py, self.points.len());
-        let mut clear = output(py, "out", out, count)?;
-        let queries: Vec<([f64; 3], [f64; 3], Option<f32>)> = (0..count)
-            .map(|i| {
-                let size = match &self.feature_size {
-                    None => None,
-                    Some(Floats::All(size)) => Some(*size),
-                    Some(Floats::Each(sizes)) => sizes.as_slice()?.get(i).copied(),
-                };
-                Ok((self.points.row(i), self.normals.of(i), size))
-            })
-            .collect::<PyResult<_>>()?;
-        let SourceAsk { source, rays, seed, engine, .. } = self;
-        let visibility = model.visibility().with_engine(engine);
-        let one = |&(point, normal, size): &([f64; 3], [f64; 3], Option<f32>)| {
-            let query = visibility.from_point(point, normal).to_source(source).rays(rays).seed(seed);
-            size.map_or(query, |size| query.feature_size(size)).answer()
-        };
-        let work = |watch: &Watch| {
-            watch.stage("visibility", count as u64);
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).stack_size(8 << 20).build();
-            let pool = pool.map_err(|error| Error::OutOfMemory(format!("threads: {error}")))?;
-            pool.install(|| {
-                let answers = queries.par_iter().enumerate().map(|(i, query)| {
-                    if watch.stopped() {
-                        return Err((i, Error::Cancelled("stopped before all points were answered".into())));
-                    }
-                    watch.advance(1);
-                    one(query).map_err(|error| (i, error))
-                });
-                // The error of the first point that has one, on any number of threads.
-                let answers: Vec<Result<Answer, (usize, Error)>> = answers.collect();
-                Ok(answers.into_iter().collect::<Result<Vec<Answer>, _>>())
-            })
-        };
-        let answers = long(py, progress, work)?.map_err(|(i, error)| match error.category() {
-            ErrorCategory::Input => input(py, format!("`points`[{i}]: {}", translated(py, &error).value(py))),
-            _ => translated(py, &error),
-        })?;
-        for (out, answer) in clear.as_slice_mut()?.iter_mut().zip(&answers) {
-            *out = answer.transmittance;
-        }
-        let mut costs = Costs::default();
-        for answer in &answers {
-            costs.0.iter_mut().zip(Costs::of(&answer.cost).0).for_each(|(sum, n)| *sum += n);
-        }
-        let array = |of: fn(&Answer) -> f32| Some(PyArray1::from_vec(py, answers.iter().map(of).collect()).unbind());
-        Ok(PyVisibility {
-            transmittance: unlocked(clear),
-            lo: array(|answer| answer.lo),
-            hi: array(|answer| answer.hi),
-            method: Some(methods(py, answers.iter().map(|answer| answer.method).collect())),
-            segments: None,
-            cost: costs.dict(py)?,
-        })
-    }
+pub fn unlocked(array: &PyReadwriteArray1<'_, f32>) -> Py<PyArray1<f32>> {
+    (***array).clone().unbind()
 }
