@@ -111,9 +111,11 @@ python: setup $(PYTHON_DIR)/bin/pip
 	"$(PYTHON_DIR)/bin/pip" -q wheel --no-deps --wheel-dir "$(WHEELS)" ./python
 	@echo "mrvis: $$(ls -t "$(WHEELS)"/mrvis-*.whl | head -n 1)"
 
-# Built as `cargo test` builds the crate, whose result it takes; what users install is built for release.
+# Built as `cargo test` builds the crate, whose result it takes: the profile `dev` with the settings of `test`, because Cargo makes a
+# program with tests of a library in the profile `test`. What users install is built for release.
 python-test: setup $(PYTHON_DIR)/bin/pip
-	MATURIN_PEP517_ARGS="--profile test --features tests" "$(PYTHON_DIR)/bin/pip" -q install "./python[test]"
+	CARGO_PROFILE_DEV_OPT_LEVEL=3 CARGO_PROFILE_DEV_DEBUG=line-tables-only MATURIN_PEP517_ARGS="--profile dev --features tests" \
+	  "$(PYTHON_DIR)/bin/pip" -q install "./python[test]"
 	"$(PYTHON_DIR)/bin/pytest" -q python
 
 install: build

@@ -10,6 +10,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._types import Camera, Elements, Fbem, Lightmap
 
+__all__ = [
+    "FormFactors",
+    "Model",
+    "Scene",
+    "SceneBuilder",
+    "Solution",
+    "Visibility",
+    "__version__",
+    "fbem",
+    "fbem_spectrum",
+]
+
 __version__: Final[str]
 
 _Engine: TypeAlias = Literal["auto", "exact", "mr", "average"]
@@ -223,13 +235,13 @@ class Solution:
     def image(
         self,
         camera: Camera | None = None,
-        size: tuple[int, int] = (800, 600),
+        size: tuple[int, int] | None = None,
         *,
         gather: bool = False,
         out: NDArray[np.float32] | None = None,
         progress: _Progress | None = None,
     ) -> NDArray[np.float32]: ...
-    def lightmap(self, texels: int = 1048576, *, progress: _Progress | None = None) -> Lightmap: ...
+    def lightmap(self, texels: int | None = None, *, progress: _Progress | None = None) -> Lightmap: ...
     def page(self, *, progress: _Progress | None = None) -> str: ...
     @property
     def mean_irradiance(self) -> NDArray[np.float64]: ...

@@ -42,7 +42,7 @@ pub fn translated(py: Python<'_>, error: &mrvis::Error) -> PyErr {
     {
         let text = source.to_string();
         let text = text.split(" (os error").next().unwrap_or_default().to_owned();
-        return exception(py, "IoError", (code, text, path.clone()));
+        return exception(py, "IoError", (code, text, path.clone().into_os_string()));
     }
     let class = match error.category() {
         Input => "InputError",

