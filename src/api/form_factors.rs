@@ -153,6 +153,12 @@ impl FormFactors {
         (&self.matrix.columns[span.clone()], &self.matrix.factors[span])
     }
 
+    /// All rows as one sparse array: row `i` has the columns `columns[offsets[i]..offsets[i + 1]]`, ascending, and the form factors at the
+    /// same places of `values`. Gives `(offsets, columns, values)`.
+    pub fn sparse(&self) -> (&[u64], &[u32], &[f32]) {
+        (&self.matrix.offsets, &self.matrix.columns, &self.matrix.factors)
+    }
+
     /// One form factor; 0 if there is no entry.
     ///
     /// # Panics

@@ -6,11 +6,43 @@
 #![allow(unsafe_code, non_camel_case_types)]
 
 mod arguments;
+mod call_progress;
 mod float_state;
+mod form_factors;
 mod guard;
 mod handle;
+mod model;
+mod query;
 mod record;
 mod scene;
+mod solve;
 mod status;
 #[cfg(test)]
 mod tests;
+mod update;
+mod visibility;
+
+/// Name, size and members with their offsets, of each record.
+#[cfg(feature = "internals")]
+pub fn layouts() -> Vec<(&'static str, usize, &'static [(&'static str, usize)])> {
+    fn of<R: record::Record>() -> (&'static str, usize, &'static [(&'static str, usize)]) {
+        (R::NAME, size_of::<R>(), R::MEMBERS)
+    }
+    vec![
+        of::<scene::mrv_load_options>(),
+        of::<scene::mrv_scene_info>(),
+        of::<model::mrv_prepare_options>(),
+        of::<model::mrv_model_info>(),
+        of::<update::mrv_instance>(),
+        of::<update::mrv_instance_change>(),
+        of::<visibility::mrv_segments>(),
+        of::<visibility::mrv_answers>(),
+        of::<visibility::mrv_cost>(),
+        of::<query::mrv_query>(),
+        of::<query::mrv_answer>(),
+        of::<solve::mrv_solve_options>(),
+        of::<solve::mrv_solution_info>(),
+        of::<form_factors::mrv_form_factor_options>(),
+        of::<form_factors::mrv_form_factor_arrays>(),
+    ]
+}

@@ -1,6 +1,6 @@
 //! Statuses, and the message of the last error of a thread; versions.
 
-use super::arguments::slice_mut;
+use super::arguments::{check_room, put_text};
 use super::guard::{guard, quiet};
 use crate::error::ErrorCategory;
 use crate::model;
@@ -75,14 +75,9 @@ pub extern "C" fn mrv_version() -> i32 {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mrv_embree_version(text: *mut c_char, size: usize) -> mrv_status {
     guard("mrv_embree_version", |_| {
-        // SAFETY: the caller gives room for `size` bytes.
-        let room = unsafe { slice_mut(text.cast::<u8>(), size.max(1), "text") }?;
+        check_room(text, size, "text")?;
         let version = model::embree_version()?;
-        let length = version.len().min(size.saturating_sub(1));
-        if let Some(room) = room.get_mut(..length + 1).filter(|_| size > 0) {
-            room[..length].copy_from_slice(&version.as_bytes()[..length]);
-            room[length] = 0;
-        }
-        Ok(())
+        // SAFETY: the caller gives room for `size` bytes.
+        unsafe { put_text(&version, text, size, "text") }
     })
 }
