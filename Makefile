@@ -85,7 +85,7 @@ test: setup need-lint need-browser
 	cargo clippy -- -D warnings
 	cargo clippy --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps
-	@.ci/public-items $(TARGET_DIR)/doc/mrvis 150
+	@.ci/public-items $(TARGET_DIR)/doc/mrvis 200
 	cargo test
 
 install: build

@@ -5,7 +5,7 @@
 //! that cast only shadows smaller than a stated feature size transmit according to their extinction. Hierarchical radiosity and form
 //! factors use these engines.
 //!
-//! A [`Scene`] is read from a file (OBJ, glTF, PLY) or generated. A [`Model`] is a scene prepared for queries: owned, immutable, shared
+//! A [`Scene`] is read from a file (OBJ, glTF, PLY), built from arrays ([`SceneBuilder`]) or generated. A [`Model`] is a scene prepared for queries: owned, immutable, shared
 //! between threads by cheap clones. Queries are [`Model::visibility`], [`Model::solve`] and [`Model::form_factors`]; [`Model::update`]
 //! moves instances of meshes.
 //!
@@ -114,8 +114,8 @@ mod threads;
 mod visibility;
 
 pub use api::{
-    Answers, Engine, FormFactorOptions, FormFactors, Grouping, Query, Segments, Solution, SolveOptions,
-    Strided, SurfacePoint, Visibility,
+    Answers, Engine, FormFactorOptions, FormFactors, Grouping, MeshArrays, Positions, Query, SceneBuilder,
+    Segments, Solution, SolveOptions, Strided, SurfacePoint, Visibility,
 };
 pub use error::{Error, ErrorCategory, Result};
 #[doc(no_inline)]

@@ -135,6 +135,56 @@ mrv_status mrv_scene_get_name(const mrv_scene *scene, int32_t kind, uint64_t ind
 /* The unit of length as it was given, into `text`, which has room for `size` bytes with the NUL; longer text is cut. */
 mrv_status mrv_scene_get_unit(const mrv_scene *scene, char *text, size_t size);
 
+/* --- scenes from arrays --------------------------------------------------------------------------------------------- */
+
+/* Collects materials, then meshes that use them, then instances. From one thread at a time. A call that fails leaves it as it was. */
+typedef struct mrv_scene_builder mrv_scene_builder;
+
+/* An empty builder. */
+mrv_status mrv_scene_builder_create(mrv_scene_builder **builder);
+
+mrv_status mrv_scene_builder_retain(const mrv_scene_builder *builder);
+void mrv_scene_builder_release(const mrv_scene_builder *builder);
+
+/* Adds a material with a unique name; its index counts from 0. `reflectance` of both sides and `emission` of the front have three
+ * numbers each, linear RGB: in [0, 1] (above .999 becomes .999), and radiance in W/(m^2 sr), at least 0. NULL stands for .5 and for no
+ * emission. `index` may be NULL. */
+mrv_status mrv_scene_builder_add_material(mrv_scene_builder *builder, const char *name, const float *reflectance,
+                                          const float *emission, uint32_t *index);
+
+/* Triangles, or polygons with any number of corners, also concave. Corners turn counterclockwise as seen from the front. */
+typedef struct mrv_mesh {
+  size_t struct_size;
+  const char *name;               /* unique among objects and instances, or among shared meshes; required */
+  const float *positions;         /* x, y, z of each vertex, scene units; this one ... */
+  const double *positions_f64;    /* ... or this one */
+  size_t position_stride;         /* bytes, a multiple of the size of a number; 0: packed */
+  size_t vertex_count;
+  const uint32_t *indices;        /* vertices of all polygons, one polygon after the other */
+  size_t index_count;
+  const uint32_t *polygon_sizes;  /* corners of each polygon, at least 3; NULL: triangles */
+  size_t polygon_count;           /* entries of polygon_sizes; not needed for triangles */
+  const uint32_t *face_materials; /* material of each polygon; NULL: `material` for all */
+  uint32_t material;
+  uint32_t reserved;
+} mrv_mesh;
+
+/* Adds a mesh as an object of the scene. Its arrays are copied. */
+mrv_status mrv_scene_builder_add_object(mrv_scene_builder *builder, const mrv_mesh *mesh);
+
+/* Adds a mesh that instances share; its index counts from 0. Its arrays are copied. It is not seen until it is placed; its materials
+ * must not emit. */
+mrv_status mrv_scene_builder_add_shared_mesh(mrv_scene_builder *builder, const mrv_mesh *mesh, uint32_t *index);
+
+/* Places a shared mesh. `transform` has twelve numbers: the rows of a 3 by 4 matrix that maps coordinates of the mesh to those of the
+ * scene: rotation, reflection, uniform scale (within 1 %) and translation. `name` is unique among objects and instances. */
+mrv_status mrv_scene_builder_add_instance(mrv_scene_builder *builder, uint32_t mesh, const char *name,
+                                          const double *transform);
+
+/* Makes the scene: merges vertices, triangulates, checks and repairs as for a file. `options` may be NULL. The builder is empty
+ * afterwards, also if there is no usable face or an emitter of the options does not exist (MRV_ERROR_INPUT). */
+mrv_status mrv_scene_builder_finish(mrv_scene_builder *builder, const mrv_load_options *options, mrv_scene **scene);
+
 /* --- models: scenes prepared for queries ---------------------------------------------------------------------------- */
 
 /* A scene with everything that queries share. It does not change: mrv_model_update makes another. */

@@ -51,7 +51,7 @@ record!(mrv_load_options: 56, struct_size, unit, emitters, emitter_watts, emitte
 ///
 /// # Safety
 /// `options` is NULL or a record, with arrays and text as the header says.
-unsafe fn load_options(options: *const mrv_load_options) -> Outcome<LoadOptions> {
+pub unsafe fn load_options(options: *const mrv_load_options) -> Outcome<LoadOptions> {
     // SAFETY: as for this function.
     let given = unsafe { read_optional(options, "options") }?;
     no_reserved(given.reserved)?;
