@@ -82,6 +82,8 @@ demo: build need-furniture
 # The tests come last, so that the output ends with their results.
 test: setup need-lint need-browser
 	cargo fmt --check
+	cargo clippy --no-default-features -- -D warnings
+	cargo clippy --no-default-features --features reports -- -D warnings
 	cargo clippy -- -D warnings
 	cargo clippy --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps

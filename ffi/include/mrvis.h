@@ -101,6 +101,11 @@ typedef struct mrv_load_options {
  * read, MRV_ERROR_INPUT if its content cannot be used. */
 mrv_status mrv_scene_load(const char *path, const mrv_load_options *options, mrv_scene **scene);
 
+/* Reads a scene from `size` bytes of such a file. `format` is "obj", "gltf", "glb" or "ply"; files that it names (materials, textures,
+ * buffers) are looked for from the folder `folder`; without one (NULL) they are MRV_ERROR_INPUT. `options` may be NULL. */
+mrv_status mrv_scene_from_memory(const void *data, size_t size, const char *format, const char *folder,
+                                 const mrv_load_options *options, mrv_scene **scene);
+
 /* A generated scene: "cornell" (millimetres), "cubes", "cube-groups", "forest", "brick-wall", "louvres", "bookshelf", "desk-room" or
  * "urban-block" (metres). */
 mrv_status mrv_scene_generate(const char *name, mrv_scene **scene);

@@ -338,6 +338,14 @@ class scene : public detail::handle<mrv_scene, mrv_scene_retain, mrv_scene_relea
     const mrv_status status = mrv_scene_load(path.c_str(), &options, &made);
     return detail::finish(status, scene(made));
   }
+  /* `folder`: where files that the scene names are looked for; empty: nowhere. */
+  static result<scene> from_memory(span<const unsigned char> data, const std::string &format, const std::string &folder = {},
+                                   const load_options &options = {}) {
+    mrv_scene *made = nullptr;
+    const mrv_status status = mrv_scene_from_memory(data.data(), data.size(), format.c_str(),
+                                                    folder.empty() ? nullptr : folder.c_str(), &options, &made);
+    return detail::finish(status, scene(made));
+  }
   static result<scene> generate(const std::string &name) {
     mrv_scene *made = nullptr;
     const mrv_status status = mrv_scene_generate(name.c_str(), &made);

@@ -144,6 +144,9 @@ static void sizes_and_numbers(void) {
   load.emitter_count = 1;
   load.emitter_watts = &nan_watts;
   CHECK(mrv_scene_load("a.obj", &load, &s) != MRV_OK);
+  WRONG(mrv_scene_from_memory(NULL, 5, "obj", NULL, NULL, &s), "data");
+  WRONG(mrv_scene_from_memory("v 0 0", 5, "doc", NULL, NULL, &s), "format");
+  WRONG(mrv_scene_from_memory("v 0 0", 5, "obj", NULL, NULL, &s), "memory.obj");
   memset(&solve, 0, sizeof solve);
   solve.struct_size = sizeof solve;
   solve.engine = -1;
