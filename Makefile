@@ -94,10 +94,12 @@ demo: build need-furniture
 # The tests come last, so that the output ends with their results.
 test: setup need-lint need-browser need-hosts
 	cargo fmt --check
+	cargo clippy --no-default-features -- -D warnings
+	cargo clippy --no-default-features --features reports -- -D warnings
 	cargo clippy -- -D warnings
 	cargo clippy --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps
-	@.ci/public-items $(TARGET_DIR)/doc/mrvis 150
+	@.ci/public-items $(TARGET_DIR)/doc/mrvis 200
 	cargo test
 
 install: build need-install

@@ -2,7 +2,9 @@
 
 mod batch;
 mod form_factors;
+mod mesh_arrays;
 mod query;
+mod scene_builder;
 mod segments;
 mod solve;
 #[cfg(test)]
@@ -11,7 +13,9 @@ mod visibility;
 
 pub use crate::form_factors::matrix::Grouping;
 pub use form_factors::{FormFactorOptions, FormFactors};
+pub use mesh_arrays::{MeshArrays, Positions};
 pub use query::Query;
+pub use scene_builder::SceneBuilder;
 pub use segments::{Answers, Segments, Strided};
 pub use solve::{Solution, SolveOptions, SurfacePoint};
 pub use visibility::{Engine, Visibility};

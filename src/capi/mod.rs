@@ -6,6 +6,7 @@
 #![allow(unsafe_code, non_camel_case_types)]
 
 mod arguments;
+mod builder;
 mod call_progress;
 mod float_state;
 mod form_factors;
@@ -31,6 +32,7 @@ pub fn layouts() -> Vec<(&'static str, usize, &'static [(&'static str, usize)])>
     vec![
         of::<scene::mrv_load_options>(),
         of::<scene::mrv_scene_info>(),
+        of::<builder::mrv_mesh>(),
         of::<model::mrv_prepare_options>(),
         of::<model::mrv_model_info>(),
         of::<update::mrv_instance>(),

@@ -6,7 +6,8 @@ use super::handle::{Opaque, give, object, release, retain};
 use super::record::{RecordPlace, read_optional, record};
 use super::status::mrv_status;
 use crate::scene::{LoadOptions, Scene};
-use std::ffi::{CString, c_char};
+use std::ffi::{CString, c_char, c_void};
+use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
 /// A scene.
@@ -51,7 +52,7 @@ record!(mrv_load_options: 56, struct_size, unit, emitters, emitter_watts, emitte
 ///
 /// # Safety
 /// `options` is NULL or a record, with arrays and text as the header says.
-unsafe fn load_options(options: *const mrv_load_options) -> Outcome<LoadOptions> {
+pub unsafe fn load_options(options: *const mrv_load_options) -> Outcome<LoadOptions> {
     // SAFETY: as for this function.
     let given = unsafe { read_optional(options, "options") }?;
     no_reserved(given.reserved)?;
@@ -88,6 +89,33 @@ pub unsafe extern "C" fn mrv_scene_load(
         let place = Place::of(scene, "scene")?;
         let scene = Scene::load_with(path, &options)?;
         // SAFETY: as above.
+        unsafe { place.set(give(NamedScene::new(Arc::new(scene)))) };
+        Ok(())
+    })
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_scene_from_memory(
+    data: *const c_void,
+    size: usize,
+    format: *const c_char,
+    folder: *const c_char,
+    options: *const mrv_load_options,
+    scene: *mut *mut mrv_scene,
+) -> mrv_status {
+    guard("mrv_scene_from_memory", |_| {
+        // SAFETY: the caller gives `size` bytes, texts and a record.
+        let (data, format, folder, options) = unsafe {
+            (
+                slice(data.cast::<u8>(), size, "data")?,
+                text(format, "format")?,
+                optional_text(folder, "folder")?,
+                load_options(options)?,
+            )
+        };
+        let place = Place::of(scene, "scene")?;
+        let scene = Scene::from_memory(data, format, folder.map(Path::new), &options)?;
+        // SAFETY: the caller gives a place.
         unsafe { place.set(give(NamedScene::new(Arc::new(scene)))) };
         Ok(())
     })

@@ -10,7 +10,7 @@ use crate::model::{Instance, InstanceChange};
 use glam::DAffine3;
 use std::ffi::c_char;
 
-pub const MRV_MATERIAL_KEEP: i64 = -1;
+pub const MRV_MATERIAL_KEEP: i32 = -1;
 
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -45,7 +45,7 @@ pub unsafe extern "C" fn mrv_model_get_instance(
             struct_size: 0,
             name: names[i].as_ptr(),
             transform: rows_of(found.transform),
-            material: found.material.map_or(MRV_MATERIAL_KEEP, i64::from),
+            material: found.material.map_or(i64::from(MRV_MATERIAL_KEEP), i64::from),
             mesh: found.mesh,
             visible: i32::from(found.visible),
             removed: i32::from(found.removed),
@@ -135,10 +135,9 @@ unsafe fn change(given: &mrv_instance_change, name: &str) -> Outcome<InstanceCha
         MRV_CHANGE_ADD => InstanceChange::Add(Instance {
             mesh: given.mesh,
             transform,
-            material: match given.material {
-                MRV_MATERIAL_KEEP => None,
-                material => Some(u32::try_from(material).unwrap_or(u32::MAX)),
-            },
+            // The crate refuses numbers of no material by their value.
+            material: (given.material != i64::from(MRV_MATERIAL_KEEP))
+                .then(|| u32::try_from(given.material).unwrap_or(u32::MAX)),
             // SAFETY: as for this function.
             name: unsafe { optional_text(given.name, &format!("{name}.name")) }?.unwrap_or("instance").into(),
             visible: true,
