@@ -68,7 +68,7 @@ void *realloc(void *block, size_t size) {
 }
 
 static void round_trip(void) {
-  mrv_model *model = prepared("cubes", 2);
+  mrv_model *model = prepared(2);
   CHECK(seen(model, MRV_ENGINE_MULTI_RESOLUTION, 0.1f) > 0 && light(model) > 0);
   mrv_model_release(model);
 }

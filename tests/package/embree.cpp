@@ -48,7 +48,7 @@ int main() {
   const int alone = hits(scene);
   CHECK(alone > 4500 && alone < 5500);
 
-  mrv_model *model = prepared("cubes", 2);
+  mrv_model *model = prepared(2);
   const double expected = seen(model, MRV_ENGINE_MULTI_RESOLUTION, 0.1f) + light(model);
   std::atomic<bool> done{false};
   std::thread host([&] {
@@ -61,7 +61,7 @@ int main() {
   // Also from inside an arena of the host.
   tbb::task_arena arena(2);
   arena.execute([&] {
-    mrv_model *again = prepared("cubes", 2);
+    mrv_model *again = prepared(2);
     CHECK(seen(again, MRV_ENGINE_MULTI_RESOLUTION, 0.1f) + light(again) == expected);
     mrv_model_release(again);
   });

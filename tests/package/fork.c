@@ -5,7 +5,7 @@
 #include "check.h"
 
 static double work(void) {
-  mrv_model *model = prepared("cubes", 2);
+  mrv_model *model = prepared(2);
   double sum = seen(model, MRV_ENGINE_AUTOMATIC, 0.2f) + light(model);
   mrv_model_release(model);
   return sum;

@@ -8,14 +8,14 @@ static void *work(void *user) {
   static double results[2];
   static int next = 0;
   double sum = light(model);
-  for (int i = 0; i < 20; i++) sum += seen(model, MRV_ENGINE_MULTI_RESOLUTION, 0.1f);
+  for (int i = 0; i < 100; i++) sum += seen(model, MRV_ENGINE_MULTI_RESOLUTION, 0.1f);
   double *place = &results[__atomic_fetch_add(&next, 1, __ATOMIC_SEQ_CST)];
   *place = sum;
   return place;
 }
 
 int main(void) {
-  mrv_model *models[2] = {prepared("cubes", 1), prepared("cubes", 2)};
+  mrv_model *models[2] = {prepared(1), prepared(2)};
   pthread_t threads[2];
   void *results[2];
   for (int i = 0; i < 2; i++) CHECK(pthread_create(&threads[i], NULL, work, &models[i]) == 0);

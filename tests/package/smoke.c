@@ -25,7 +25,7 @@ int main(void) {
   CHECK(strstr(mrv_error_message(), "file.obj") != NULL);
   CHECK(mrv_scene_generate("atlantis", &scene) == MRV_ERROR_INPUT && scene == NULL);
 
-  mrv_model *model = prepared("cubes", 2);
+  mrv_model *model = prepared(2);
   CHECK(seen(model, MRV_ENGINE_EXACT, 0) > 0);
   CHECK(seen(model, MRV_ENGINE_MULTI_RESOLUTION, 0.1f) > 0);
   options.error = 0.1;

@@ -18,6 +18,8 @@ mod light;
 #[cfg(feature = "cli")]
 mod outputs;
 #[cfg(feature = "cli")]
+mod package;
+#[cfg(feature = "cli")]
 mod pages;
 #[cfg(feature = "cli")]
 mod run;
