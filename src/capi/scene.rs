@@ -70,10 +70,10 @@ pub unsafe fn load_options(options: *const mrv_load_options) -> Outcome<LoadOpti
     for (name, &watts) in names.into_iter().zip(watts) {
         options = options.with_emitter(name, watts);
     }
-    match given.sides {
-        0 => Ok(options),
-        // The crate refuses numbers other than 1 and 2 by name and value.
-        sides => Ok(options.with_sides(u8::try_from(sides).unwrap_or(u8::MAX))),
+    match u8::try_from(given.sides) {
+        Ok(0) => Ok(options),
+        Ok(sides @ 1..=2) => Ok(options.with_sides(sides)),
+        _ => wrong(format!("`options.sides` {}: give 0, 1 or 2", given.sides)),
     }
 }
 

@@ -391,7 +391,7 @@ static void builders(void) {
   TRY_MESH(bad.positions_f64 = transform, "positions_f64");
   TRY_MESH(bad.position_stride = 5, "position_stride` 5");
   TRY_MESH(bad.vertex_count = 2, "indices");
-  TRY_MESH(bad.vertex_count = SIZE_MAX, "positions");
+  TRY_MESH(bad.vertex_count = SIZE_MAX, "vertex_count");
   TRY_MESH(bad.indices = NULL, "indices");
   TRY_MESH(bad.index_count = 2, "indices");
   TRY_MESH(bad.index_count = SIZE_MAX, "indices");
