@@ -114,9 +114,11 @@ mod threads;
 mod visibility;
 
 pub use api::{
-    Answers, Engine, FormFactorOptions, FormFactors, Grouping, MeshArrays, Positions, Query, SceneBuilder,
-    Segments, Solution, SolveOptions, Strided, SurfacePoint, Visibility,
+    Answers, Element, Engine, FormFactorOptions, FormFactors, Grouping, MeshArrays, Positions, Query,
+    SceneBuilder, Segments, Solution, SolveOptions, Strided, SurfacePoint, Visibility,
 };
+#[cfg(feature = "reports")]
+pub use api::{Camera, ImageOptions, Lightmap};
 pub use error::{Error, ErrorCategory, Result};
 #[doc(no_inline)]
 pub use glam::DAffine3;

@@ -122,6 +122,7 @@ typedef struct mrv_scene_info {
   uint64_t materials;
   uint64_t emitters;       /* connected emissive surfaces: the sources of visibility queries */
   uint64_t repairs;        /* repairs and assumptions made while reading */
+  uint64_t cameras;        /* perspective cameras of the file */
   double low[3], high[3];  /* corners of the bounding box, scene units */
   double origin[3];        /* the point that coordinates are stored relative to; see mrv_segments.relative_to */
 } mrv_scene_info;
@@ -132,6 +133,7 @@ mrv_status mrv_scene_get_info(const mrv_scene *scene, mrv_scene_info *info);
 #define MRV_NAME_MATERIAL 1 /* materials, in the order of the file */
 #define MRV_NAME_EMITTER 2  /* emitters; the index is that of the source of light */
 #define MRV_NAME_REPAIR 3   /* no names but sentences, one for each kind of repair */
+#define MRV_NAME_CAMERA 4   /* cameras; the index is that of mrv_scene_get_camera */
 
 /* A name, by its kind MRV_NAME_... and its index, which is below the number that mrv_scene_info states. Valid until the scene is
  * released. */
@@ -385,6 +387,7 @@ typedef struct mrv_solve_options {
   int32_t engine;        /* MRV_ENGINE_EXACT (also for 0), _MULTI_RESOLUTION or _AVERAGE; others than exact need MRV_DETAIL_OPTICS */
   int32_t direct_only;   /* other than 0: irradiance at points is direct light alone */
   double error;          /* target error relative to the mean irradiance; 0: .02 */
+  double target_error;   /* RMS error of the elements relative to the mean irradiance, until which more rays are traced; 0: none */
   double min_area;       /* smallest element as a part of the scene's area; 0: 2e-5 */
   double max_seconds;    /* time limit, about, counted from the start of the preparation; 0: none */
   uint64_t max_links;    /* number of links (72 bytes each) at which refinement ends; 0: ten million */
@@ -407,6 +410,8 @@ void mrv_solution_release(const mrv_solution *solution);
 
 typedef struct mrv_solution_info {
   size_t struct_size;
+  uint64_t vertices;         /* corners of the elements */
+  uint64_t elements;         /* constant pieces of lit sides of surfaces */
   double mean_irradiance[3]; /* of all surfaces, W/m^2 */
   double error_estimate;     /* RMS error of the elements relative to the mean irradiance; negative if unknown */
   int32_t interrupted;       /* other than 0: `progress` cancelled before the error was reached */
@@ -419,6 +424,100 @@ mrv_status mrv_solution_get_info(const mrv_solution *solution, mrv_solution_info
  * three doubles each, packed; three doubles each in `irradiance`, W/m^2. Runs on the threads of the model. */
 mrv_status mrv_solution_irradiance(const mrv_solution *solution, const double *positions, const double *normals,
                                    size_t count, double *irradiance);
+
+/* The elements in arrays of the caller; NULL for what is not wanted. */
+typedef struct mrv_elements {
+  size_t struct_size;
+  uint64_t vertex_capacity;  /* vertices that `positions` has room for, at least mrv_solution_info.vertices */
+  uint64_t element_capacity; /* elements that each other array has room for, at least mrv_solution_info.elements */
+  double *positions;         /* three numbers for each vertex, scene units */
+  uint32_t *corners;         /* four vertices for each element, counterclockwise from its lit side; a triangle repeats the third */
+  float *irradiance;         /* three numbers for each element, W/m^2 */
+  float *radiosity;          /* three, W/m^2, emission included */
+  float *error;              /* three: standard uncertainty of the irradiance, W/m^2 */
+  float *reflectance;        /* three, in [0, 1) */
+  double *area;              /* scene units squared */
+  uint32_t *triangle;        /* a triangle of the scene that the element lies on */
+  uint32_t *object;          /* index of the object */
+  uint32_t *material;        /* index of the material */
+  uint8_t *front;            /* 1: on the front of its face, 0: on the back */
+} mrv_elements;
+
+/* Copies the elements and their corners. */
+mrv_status mrv_solution_get_elements(const mrv_solution *solution, const mrv_elements *elements);
+
+/* The record of the solution as JSON, as the file solution.json: options, times, energy, error estimate, warnings. Valid until the
+ * solution is released. */
+mrv_status mrv_solution_get_json(const mrv_solution *solution, const char **json);
+
+/* One HTML page about the solution with pictures and tables, which refers to no other file. Valid until the solution is released. */
+mrv_status mrv_solution_get_page(const mrv_solution *solution, const char **html);
+
+/* --- images --------------------------------------------------------------------------------------------------------- */
+
+/* A pinhole camera. */
+typedef struct mrv_camera {
+  size_t struct_size;
+  double eye[3];    /* position */
+  double target[3]; /* a point in the middle of the picture, other than `eye` */
+  double up[3];     /* direction that is upwards in the picture, of any length above 0 */
+  double angle;     /* angle of view from top to bottom, degrees, above 0 and below 180 */
+} mrv_camera;
+
+/* The camera of the file with this index, below mrv_scene_info.cameras. */
+mrv_status mrv_scene_get_camera(const mrv_scene *scene, uint64_t index, mrv_camera *camera);
+
+/* A camera that shows much of the scene: from inside at eye height if it is enclosed. */
+mrv_status mrv_solution_get_camera(const mrv_solution *solution, mrv_camera *camera);
+
+typedef struct mrv_image_options {
+  size_t struct_size;
+  uint32_t width;        /* columns and rows, at most 16384 each and 33554432 pixels; both 0: 800 and 600 */
+  uint32_t height;
+  int32_t gather;        /* other than 0: final gathering for every pixel instead of interpolation: slower and sharper */
+  uint32_t reserved;
+  mrv_progress progress; /* may be NULL; if it cancels, MRV_ERROR_CANCELLED is returned */
+  void *user;            /* first argument of `progress` */
+} mrv_image_options;
+
+/* The radiance that a camera sees, W/(m^2 sr), linear RGB: three numbers for each pixel, row by row from the top, black where it sees
+ * no lit side. `size` is the number of floats in `radiance`: 3 width height. `options` may be NULL. */
+mrv_status mrv_solution_image(const mrv_solution *solution, const mrv_camera *camera, const mrv_image_options *options,
+                              float *radiance, size_t size);
+
+/* Irradiance of all surfaces in one image, and where each triangle lies in it. It does not change. */
+typedef struct mrv_lightmap mrv_lightmap;
+
+typedef struct mrv_lightmap_options {
+  size_t struct_size;
+  uint64_t texels;       /* about so many texels, at most 67108864; 0: 1048576 */
+  mrv_progress progress; /* may be NULL; if it cancels, MRV_ERROR_CANCELLED is returned */
+  void *user;            /* first argument of `progress` */
+} mrv_lightmap_options;
+
+/* Draws a lightmap: in the texture coordinates of the file, which show fronts alone, if they are suitable, else with a chart for each
+ * plane. `options` may be NULL. */
+mrv_status mrv_solution_lightmap(const mrv_solution *solution, const mrv_lightmap_options *options,
+                                 mrv_lightmap **lightmap);
+
+mrv_status mrv_lightmap_retain(const mrv_lightmap *lightmap);
+void mrv_lightmap_release(const mrv_lightmap *lightmap);
+
+/* The lightmap in arrays of the library, packed, valid until it is released. */
+typedef struct mrv_lightmap_arrays {
+  size_t struct_size;
+  uint64_t width;
+  uint64_t height;
+  const float *irradiance; /* three numbers for each texel, W/m^2, row by row from the top */
+  uint64_t vertices;
+  const double *positions; /* three numbers for each vertex, scene units */
+  uint64_t triangles;
+  const uint32_t *corners; /* three vertices for each triangle, counterclockwise from its lit side */
+  const float *texcoords;  /* six numbers for each triangle: u, v of its corners, from the lower left corner of the image */
+  const char *note;        /* why the texture coordinates are not those of the file; NULL if they are */
+} mrv_lightmap_arrays;
+
+mrv_status mrv_lightmap_get_arrays(const mrv_lightmap *lightmap, mrv_lightmap_arrays *arrays);
 
 /* --- form factors --------------------------------------------------------------------------------------------------- */
 

@@ -86,7 +86,8 @@ enum class name_kind : int32_t {
   object = MRV_NAME_OBJECT,
   material = MRV_NAME_MATERIAL,
   emitter = MRV_NAME_EMITTER,
-  repair = MRV_NAME_REPAIR
+  repair = MRV_NAME_REPAIR,
+  camera = MRV_NAME_CAMERA
 };
 
 /* The number of a constant, for the members of records. */
@@ -235,6 +236,11 @@ using query = record<mrv_query>;
 using answer = record<mrv_answer>;
 using solve_options = record<mrv_solve_options>;
 using solution_info = record<mrv_solution_info>;
+using elements = record<mrv_elements>;
+using camera = record<mrv_camera>;
+using image_options = record<mrv_image_options>;
+using lightmap_options = record<mrv_lightmap_options>;
+using lightmap_arrays = record<mrv_lightmap_arrays>;
 using form_factor_options = record<mrv_form_factor_options>;
 using form_factor_arrays = record<mrv_form_factor_arrays>;
 
@@ -362,6 +368,11 @@ class scene : public detail::handle<mrv_scene, mrv_scene_retain, mrv_scene_relea
     const mrv_status status = mrv_scene_get_name(get(), number(kind), index, &text);
     return detail::finish<std::string>(status, text);
   }
+  result<mrv::camera> camera(uint64_t index) const {
+    mrv::camera found;
+    const mrv_status status = mrv_scene_get_camera(get(), index, &found);
+    return detail::finish(status, found);
+  }
   result<std::string> unit() const {
     char text[64] = "";
     const mrv_status status = mrv_scene_get_unit(get(), text, sizeof text);
@@ -462,6 +473,18 @@ struct answers {
 
 /* --- radiosity and form factors ------------------------------------------------------------------------------------- */
 
+class lightmap : public detail::handle<mrv_lightmap, mrv_lightmap_retain, mrv_lightmap_release> {
+ public:
+  using handle::handle;
+
+  /* The image and the triangles in it; the arrays live as long as this handle. */
+  result<lightmap_arrays> arrays() const {
+    lightmap_arrays arrays;
+    const mrv_status status = mrv_lightmap_get_arrays(get(), &arrays);
+    return detail::finish(status, arrays);
+  }
+};
+
 class solution : public detail::handle<mrv_solution, mrv_solution_retain, mrv_solution_release> {
  public:
   using handle::handle;
@@ -479,6 +502,43 @@ class solution : public detail::handle<mrv_solution, mrv_solution_retain, mrv_so
     const mrv_status status =
         mrv_solution_irradiance(get(), positions.data(), normals.data(), positions.size() / 3, found.data());
     return detail::finish(status, std::move(found));
+  }
+  /* Copies the elements into arrays of the caller, as mrv_elements says. */
+  result<void> copy_elements(const mrv_elements &wanted) const {
+    return detail::finish(mrv_solution_get_elements(get(), &wanted));
+  }
+  result<std::string> json() const {
+    const char *text = "";
+    const mrv_status status = mrv_solution_get_json(get(), &text);
+    return detail::finish<std::string>(status, text);
+  }
+  result<std::string> page() const {
+    const char *text = "";
+    const mrv_status status = mrv_solution_get_page(get(), &text);
+    return detail::finish<std::string>(status, text);
+  }
+  /* A camera that shows much of the scene. */
+  result<mrv::camera> camera() const {
+    mrv::camera found;
+    const mrv_status status = mrv_solution_get_camera(get(), &found);
+    return detail::finish(status, found);
+  }
+  /* Radiance of width x height pixels, three numbers each, row by row from the top. */
+  result<void> image(const mrv_camera &camera, image_options options, span<float> radiance,
+                     const progress &progress = {}) const {
+    const detail::progress_call call(progress, options);
+    const mrv_status status =
+        mrv_solution_image(get(), &camera, &options, radiance.data(), radiance.size());
+    call.rethrow();
+    return detail::finish(status);
+  }
+  result<mrv::lightmap> lightmap(lightmap_options options = {}, const progress &progress = {}) const {
+    const detail::progress_call call(progress, options);
+    mrv_lightmap *made = nullptr;
+    const mrv_status status = mrv_solution_lightmap(get(), &options, &made);
+    mrv::lightmap owned(made);
+    call.rethrow();
+    return detail::finish(status, std::move(owned));
   }
 };
 

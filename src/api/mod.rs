@@ -6,17 +6,22 @@ mod mesh_arrays;
 mod query;
 mod scene_builder;
 mod segments;
+#[cfg(feature = "reports")]
+mod shown;
 mod solve;
 #[cfg(test)]
 mod tests;
 mod visibility;
 
 pub use crate::form_factors::matrix::Grouping;
+pub use crate::radiosity::mesh::Element;
 pub use form_factors::{FormFactorOptions, FormFactors};
 pub use mesh_arrays::{MeshArrays, Positions};
 pub use query::Query;
 pub use scene_builder::SceneBuilder;
 pub use segments::{Answers, Segments, Strided};
+#[cfg(feature = "reports")]
+pub use shown::{Camera, ImageOptions, Lightmap};
 pub use solve::{Solution, SolveOptions, SurfacePoint};
 pub use visibility::{Engine, Visibility};
 

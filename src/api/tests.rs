@@ -1,6 +1,7 @@
 //! The front door: batches agree with engines, single queries with batches, and wrong arguments are named.
 
 mod scene_builder;
+mod shown;
 
 use super::*;
 use crate::model::{Detail, Model, PrepareOptions};

@@ -41,7 +41,9 @@ pub fn with_progress<R: Send>(
             work(&told)
         });
         let worker = worker.map_err(|e| Error::OutOfMemory(format!("a thread cannot be started ({e})")))?;
-        told.pass_on(ask);
+        if !told.stopped() {
+            told.pass_on(ask);
+        }
         Ok(worker.join().unwrap_or_else(|panic| resume_unwind(panic)))
     })
 }

@@ -8,10 +8,12 @@
 mod arguments;
 mod builder;
 mod call_progress;
+mod elements;
 mod float_state;
 mod form_factors;
 mod guard;
 mod handle;
+mod images;
 mod model;
 mod query;
 mod record;
@@ -44,6 +46,11 @@ pub fn layouts() -> Vec<(&'static str, usize, &'static [(&'static str, usize)])>
         of::<query::mrv_answer>(),
         of::<solve::mrv_solve_options>(),
         of::<solve::mrv_solution_info>(),
+        of::<elements::mrv_elements>(),
+        of::<images::mrv_camera>(),
+        of::<images::mrv_image_options>(),
+        of::<images::mrv_lightmap_options>(),
+        of::<images::mrv_lightmap_arrays>(),
         of::<form_factors::mrv_form_factor_options>(),
         of::<form_factors::mrv_form_factor_arrays>(),
     ]

@@ -19,7 +19,7 @@ pub struct mrv_scene {
 /// A scene and its names as C text.
 pub struct NamedScene {
     pub scene: Arc<Scene>,
-    names: OnceLock<[Vec<CString>; 4]>,
+    names: OnceLock<[Vec<CString>; 5]>,
 }
 
 impl NamedScene {
@@ -70,10 +70,10 @@ pub unsafe fn load_options(options: *const mrv_load_options) -> Outcome<LoadOpti
     for (name, &watts) in names.into_iter().zip(watts) {
         options = options.with_emitter(name, watts);
     }
-    match given.sides {
-        0 => Ok(options),
-        // The crate refuses numbers other than 1 and 2 by name and value.
-        sides => Ok(options.with_sides(u8::try_from(sides).unwrap_or(u8::MAX))),
+    match u8::try_from(given.sides) {
+        Ok(0) => Ok(options),
+        Ok(sides @ 1..=2) => Ok(options.with_sides(sides)),
+        _ => wrong(format!("`options.sides` {}: give 0, 1 or 2", given.sides)),
     }
 }
 
@@ -154,11 +154,12 @@ pub struct mrv_scene_info {
     pub materials: u64,
     pub emitters: u64,
     pub repairs: u64,
+    pub cameras: u64,
     pub low: [f64; 3],
     pub high: [f64; 3],
     pub origin: [f64; 3],
 }
-record!(mrv_scene_info: 128, struct_size, triangles, visible, objects, materials, emitters, repairs, low, high, origin);
+record!(mrv_scene_info: 136, struct_size, triangles, visible, objects, materials, emitters, repairs, cameras, low, high, origin);
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mrv_scene_get_info(
@@ -178,6 +179,7 @@ pub unsafe extern "C" fn mrv_scene_get_info(
             materials: scene.material_names().len() as u64,
             emitters: scene.emitter_names().len() as u64,
             repairs: scene.repairs().len() as u64,
+            cameras: scene.cameras().len() as u64,
             low,
             high,
             origin: scene.origin(),
@@ -192,6 +194,7 @@ pub const MRV_NAME_OBJECT: i32 = 0;
 pub const MRV_NAME_MATERIAL: i32 = 1;
 pub const MRV_NAME_EMITTER: i32 = 2;
 pub const MRV_NAME_REPAIR: i32 = 3;
+pub const MRV_NAME_CAMERA: i32 = 4;
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mrv_scene_get_name(
@@ -210,6 +213,7 @@ pub unsafe extern "C" fn mrv_scene_get_name(
                 scene.material_names().map(c_text).collect(),
                 scene.emitter_names().map(c_text).collect(),
                 scene.repairs().iter().map(|text| c_text(text)).collect(),
+                scene.cameras().map(|(name, _)| c_text(name)).collect(),
             ]
         });
         let list = match kind {
@@ -217,7 +221,8 @@ pub unsafe extern "C" fn mrv_scene_get_name(
             MRV_NAME_MATERIAL => &all[1],
             MRV_NAME_EMITTER => &all[2],
             MRV_NAME_REPAIR => &all[3],
-            _ => return wrong(format!("`kind` {kind}: give one of MRV_NAME_OBJECT to MRV_NAME_REPAIR")),
+            MRV_NAME_CAMERA => &all[4],
+            _ => return wrong(format!("`kind` {kind}: give one of MRV_NAME_OBJECT to MRV_NAME_CAMERA")),
         };
         let Some(text) = usize::try_from(index).ok().and_then(|i| list.get(i)) else {
             return wrong(format!("`index` {index}: the scene has {} names of this kind", list.len()));

@@ -10,7 +10,8 @@ use super::status::mrv_status;
 use super::visibility::engine_of;
 use crate::api::{Solution, SolveOptions, SurfacePoint};
 use crate::progress::Progress;
-use std::ffi::{c_char, c_void};
+use std::ffi::{CString, c_char, c_void};
+use std::sync::OnceLock;
 
 /// A solution.
 #[repr(C)]
@@ -18,9 +19,16 @@ pub struct mrv_solution {
     _opaque: [u8; 0],
 }
 
+/// A solution and what it says as C text, made when it is first needed.
+pub struct NotedSolution {
+    pub solution: Solution,
+    pub json: OnceLock<CString>,
+    pub page: OnceLock<CString>,
+}
+
 impl Opaque for mrv_solution {
     const NAME: &'static str = "mrv_solution";
-    type Value = Solution;
+    type Value = NotedSolution;
 }
 
 #[repr(C)]
@@ -30,6 +38,7 @@ pub struct mrv_solve_options {
     pub engine: i32,
     pub direct_only: i32,
     pub error: f64,
+    pub target_error: f64,
     pub min_area: f64,
     pub max_seconds: f64,
     pub max_links: u64,
@@ -43,7 +52,7 @@ pub struct mrv_solve_options {
     pub progress: mrv_progress,
     pub user: *mut c_void,
 }
-record!(mrv_solve_options: 120, struct_size, engine, direct_only, error, min_area, max_seconds, max_links, seed, feature_size, feature_size_names, feature_sizes, feature_size_count, importance, importance_count, progress, user);
+record!(mrv_solve_options: 128, struct_size, engine, direct_only, error, target_error, min_area, max_seconds, max_links, seed, feature_size, feature_size_names, feature_sizes, feature_size_count, importance, importance_count, progress, user);
 
 /// The options of a caller.
 ///
@@ -55,6 +64,9 @@ unsafe fn solve_options(given: &mrv_solve_options) -> Outcome<SolveOptions> {
         .with_direct_only(given.direct_only != 0);
     if given.error != 0.0 {
         options = options.with_error(given.error);
+    }
+    if given.target_error != 0.0 {
+        options = options.with_target_error(given.target_error);
     }
     if given.min_area != 0.0 {
         options = options.with_min_area(given.min_area);
@@ -102,7 +114,7 @@ pub unsafe extern "C" fn mrv_model_solve(
         let solve = |progress: &dyn Progress| model.model.solve(&options, progress);
         let solution = with_progress(call, given.progress, given.user, solve)??;
         // SAFETY: the caller gives a place.
-        unsafe { place.set(give(solution)) };
+        unsafe { place.set(give(NotedSolution { solution, json: OnceLock::new(), page: OnceLock::new() })) };
         Ok(())
     })
 }
@@ -121,12 +133,14 @@ pub extern "C" fn mrv_solution_release(solution: *const mrv_solution) {
 #[derive(Clone, Copy)]
 pub struct mrv_solution_info {
     pub struct_size: usize,
+    pub vertices: u64,
+    pub elements: u64,
     pub mean_irradiance: [f64; 3],
     pub error_estimate: f64,
     pub interrupted: i32,
     pub reserved: u32,
 }
-record!(mrv_solution_info: 48, struct_size, mean_irradiance, error_estimate, interrupted, reserved);
+record!(mrv_solution_info: 64, struct_size, vertices, elements, mean_irradiance, error_estimate, interrupted, reserved);
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mrv_solution_get_info(
@@ -134,11 +148,13 @@ pub unsafe extern "C" fn mrv_solution_get_info(
     info: *mut mrv_solution_info,
 ) -> mrv_status {
     guard("mrv_solution_get_info", |call| {
-        let solution = object(call, solution, "solution")?;
+        let solution = &object(call, solution, "solution")?.solution;
         // SAFETY: the caller gives a record.
         let place = unsafe { RecordPlace::of(info, "info") }?;
         let info = mrv_solution_info {
             struct_size: 0,
+            vertices: solution.vertices().len() as u64,
+            elements: solution.elements().len() as u64,
             mean_irradiance: solution.mean_irradiance(),
             error_estimate: solution.error_estimate().unwrap_or(-1.0),
             interrupted: i32::from(solution.interrupted()),
@@ -159,7 +175,7 @@ pub unsafe extern "C" fn mrv_solution_irradiance(
     irradiance: *mut f64,
 ) -> mrv_status {
     guard("mrv_solution_irradiance", |call| {
-        let solution = object(call, solution, "solution")?;
+        let solution = &object(call, solution, "solution")?.solution;
         // SAFETY: the caller gives arrays of `count` triples.
         let (positions, normals, out) = unsafe {
             (

@@ -2,7 +2,7 @@
 #include "common.h"
 
 static void print_scene(const mrv_scene *scene) {
-  mrv_scene_info info = {sizeof info, 0, 0, 0, 0, 0, 0, {0}, {0}, {0}};
+  mrv_scene_info info = {sizeof info, 0, 0, 0, 0, 0, 0, 0, {0}, {0}, {0}};
   const char *name;
   char unit[8];
   OK(mrv_scene_get_info(scene, &info));
@@ -87,7 +87,7 @@ static void print_solution(const mrv_model *model) {
   const double positions[6] = {.25, .25, 0, .8, .6, 0}, normals[6] = {0, 0, 1, 0, 0, 5};
   double irradiance[6];
   int calls = 0;
-  mrv_solution_info info = {sizeof info, {0}, 0, 0, 0};
+  mrv_solution_info info = {sizeof info, 0, 0, {0}, 0, 0, 0};
   mrv_solve_options options;
   mrv_solution *solution;
   memset(&options, 0, sizeof options);

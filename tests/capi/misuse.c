@@ -31,7 +31,7 @@ static void nulls(void) {
   mrv_solution *l;
   mrv_form_factors *f;
   mrv_scene_builder *b;
-  mrv_scene_info si = {sizeof si, 0, 0, 0, 0, 0, 0, {0}, {0}, {0}};
+  mrv_scene_info si = {sizeof si, 0, 0, 0, 0, 0, 0, 0, {0}, {0}, {0}};
   mrv_segments segments;
   const mrv_answers answers = {sizeof answers, NULL, NULL, NULL, NULL, NULL};
   const char *name;
@@ -98,7 +98,7 @@ static void sizes_and_numbers(void) {
   mrv_load_options load = {sizeof load, NULL, NULL, NULL, 0, 0, 0, 0, 0};
   mrv_solve_options solve;
   mrv_form_factor_options factors;
-  mrv_scene_info info = {3, 0, 0, 0, 0, 0, 0, {0}, {0}, {0}};
+  mrv_scene_info info = {3, 0, 0, 0, 0, 0, 0, 0, {0}, {0}, {0}};
   const char *name = "kept";
   const char *names[1] = {"no such"};
   const double watts = 5, nan_watts = NAN;
@@ -176,7 +176,7 @@ static void sizes_and_numbers(void) {
 
 static void handles(void) {
   mrv_scene *s;
-  mrv_scene_info info = {sizeof info, 0, 0, 0, 0, 0, 0, {0}, {0}, {0}};
+  mrv_scene_info info = {sizeof info, 0, 0, 0, 0, 0, 0, 0, {0}, {0}, {0}};
   mrv_model *m;
   mrv_prepare_options rays = {sizeof rays, MRV_DETAIL_RAYS, 1, NULL, NULL, NULL};
   char memory[64] = {0};
@@ -391,7 +391,7 @@ static void builders(void) {
   TRY_MESH(bad.positions_f64 = transform, "positions_f64");
   TRY_MESH(bad.position_stride = 5, "position_stride` 5");
   TRY_MESH(bad.vertex_count = 2, "indices");
-  TRY_MESH(bad.vertex_count = SIZE_MAX, "positions");
+  TRY_MESH(bad.vertex_count = SIZE_MAX, "vertex_count");
   TRY_MESH(bad.indices = NULL, "indices");
   TRY_MESH(bad.index_count = 2, "indices");
   TRY_MESH(bad.index_count = SIZE_MAX, "indices");
@@ -428,7 +428,7 @@ static void cancelling(void) {
   mrv_model *m = NULL;
   mrv_solution *light;
   mrv_form_factors *f = NULL;
-  mrv_solution_info info = {sizeof info, {0}, 0, 0, 0};
+  mrv_solution_info info = {sizeof info, 0, 0, {0}, 0, 0, 0};
   mrv_prepare_options prepare = {sizeof prepare, 0, 0, NULL, stop_at_once, &calls};
   mrv_form_factor_options factors;
   mrv_solve_options solve;
