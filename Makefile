@@ -66,9 +66,9 @@ need-browser:
 need-install:
 	@.ci/debian-packages patchelf=patchelf
 
-# What the tests of the C library use: the build systems and compilers of its hosts, and checkers of memory and binary interface.
+# What the tests of the C library use: build systems and compilers of its hosts, TBB of one of them, a checker of memory.
 need-hosts: need-install
-	@.ci/debian-packages cmake=cmake pkg-config=pkg-config clang=clang valgrind=valgrind abigail-tools=abidiff dpkg-dev=dpkg-shlibdeps
+	@.ci/debian-packages cmake=cmake pkg-config=pkg-config clang=clang valgrind=valgrind dpkg-dev=dpkg-shlibdeps libtbb-dev
 
 need-lint: need-cargo
 	@for part in fmt clippy; do \
@@ -122,7 +122,7 @@ install-files:
 	@echo "mrvis: installed $(DESTDIR)$(PREFIX)/bin/mrvis"
 
 dist: build need-install
-	@.ci/debian-packages dpkg-dev=dpkg-shlibdeps
+	@.ci/debian-packages dpkg-dev=dpkg-shlibdeps libtbb-dev
 	@rm -rf out/dist
 	@$(MAKE) --no-print-directory install-files PREFIX=/usr DESTDIR="$(CURDIR)/out/dist/stage"
 	@ffi/package/dist out/dist/stage out/dist "$(MAINTAINER)"

@@ -96,8 +96,10 @@ fn examples_in_cpp_are_built_and_run() {
         let mut cmake = Command::new("cmake");
         cmake.arg("-S").arg(project("examples/cpp")).arg("-B").arg(folder.path());
         cmake.arg(format!("-DCMAKE_PREFIX_PATH={}", prefix.display()));
-        cmake
-            .args([&format!("-DCMAKE_CXX_COMPILER={compiler}"), &format!("-DCMAKE_CXX_FLAGS={WARNINGS} -O1")]);
+        cmake.args([
+            &format!("-DCMAKE_CXX_COMPILER={compiler}"),
+            &format!("-DCMAKE_CXX_FLAGS={WARNINGS} -O1"),
+        ]);
         output(cmake.arg(format!("-DMRVIS={library}")));
         output(Command::new("cmake").arg("--build").arg(folder.path()));
         let said = |name: &str, arguments: &[&str]| {
@@ -132,7 +134,9 @@ fn the_example_in_c_is_built_and_run() {
         let plain = folder.path().join("prefix");
         std::os::unix::fs::symlink(prefix, &plain).expect("a link");
         let mut make = Command::new("make");
-        make.arg("-f").arg(project("examples/c/Makefile")).arg(format!("VPATH={}", project("examples/c").display()));
+        make.arg("-f")
+            .arg(project("examples/c/Makefile"))
+            .arg(format!("VPATH={}", project("examples/c").display()));
         make.arg(format!("CFLAGS={WARNINGS}")).args(more);
         for name in ["MAKEFLAGS", "MFLAGS", "MAKELEVEL"] {
             make.env_remove(name);
@@ -188,8 +192,7 @@ fn hosts_keep_their_habits() {
     if installed().is_none() {
         return;
     }
-    for (source, standard) in
-        [("fork.c", "-std=c99"), ("models.c", "-std=c99"), ("allocator.c", "-std=c11")]
+    for (source, standard) in [("fork.c", "-std=c99"), ("models.c", "-std=c99"), ("allocator.c", "-std=c11")]
     {
         for is_static in [false, true] {
             run(&compiled(&folder(), "gcc", source, is_static, &[standard]));
@@ -233,4 +236,46 @@ fn checkers_of_memory_find_nothing() {
     let mut valgrind = Command::new("valgrind");
     valgrind.args(["--quiet", "--error-exitcode=9", "--leak-check=full", "--errors-for-leak-kinds=definite"]);
     output(valgrind.arg(program).current_dir("/"));
+}
+
+/// The archive and the Debian package hold a command and a library that run where they are unpacked, and licences of all parts.
+#[test]
+fn packages_are_complete() {
+    let Some(prefix) = installed() else { return };
+    let folder = folder();
+    let [stage, out, unpacked] = ["stage", "out", "unpacked"].map(|name| folder.path().join(name));
+    std::fs::create_dir_all(&stage).and(std::fs::create_dir(&unpacked)).expect("folders");
+    output(Command::new("cp").arg("-R").arg(prefix).arg(stage.join("usr")));
+    // With the fastest compression.
+    output(
+        Command::new(project("ffi/package/dist"))
+            .args([&stage, &out])
+            .args(["Test <test@example.invalid>", "0"]),
+    );
+    let version = env!("CARGO_PKG_VERSION");
+    let [archive, package] = [".tar.gz", ".deb"].map(|end| {
+        let mut files = std::fs::read_dir(&out).expect("a folder").map(|entry| entry.expect("a file").path());
+        files.find(|path| path.to_string_lossy().ends_with(end)).unwrap_or_else(|| panic!("no {end} file"))
+    });
+    let field = |name: &str| output(Command::new("dpkg-deb").arg("-f").arg(&package).arg(name));
+    assert!(field("Depends").contains("libc6 (>= ") && field("Version").trim() == version);
+    output(Command::new("dpkg-deb").arg("-x").args([&package, &unpacked]));
+    output(Command::new("tar").arg("-xzf").arg(&archive).arg("-C").arg(&unpacked));
+    let architecture = output(Command::new("uname").arg("-m"));
+    let top = format!("mrvis-{version}-linux-{}", architecture.trim());
+    for root in [unpacked.join("usr"), unpacked.join(top)] {
+        let said = output(Command::new(root.join("bin/mrvis")).arg("--version").env_clear().current_dir("/"));
+        assert!(said.contains("Embree 4."), "{said}");
+        let linked = output(Command::new("ldd").arg(root.join("lib/libmrvis.so.0")));
+        assert!(!linked.contains("not found") && !linked.contains("/.prefix/"), "{linked}");
+        let read = |name: &str| std::fs::read_to_string(root.join("share/doc/mrvis").join(name)).expect(name);
+        assert!(read("copyright").contains("Embree") && read("LICENSE").contains("Apache License"));
+        let crates = output(
+            Command::new("sh")
+                .arg("-c")
+                .arg("zcat -f licences-of-crates.txt*")
+                .current_dir(root.join("share/doc/mrvis")),
+        );
+        assert!(crates.contains("\nrayon ") && crates.contains("Permission is hereby granted"));
+    }
 }

@@ -45,7 +45,8 @@ fn declarations(code: &str) -> Vec<String> {
 fn layout_program(declarations: &[String]) -> String {
     let mut program = String::from("#include <mrvis.h>\n#include <stdio.h>\nint main(void) {\n");
     for declaration in declarations {
-        let Some((body, name)) = declaration.strip_prefix("typedef struct ").and_then(|d| d.rsplit_once("} "))
+        let Some((body, name)) =
+            declaration.strip_prefix("typedef struct ").and_then(|d| d.rsplit_once("} "))
         else {
             continue;
         };
@@ -56,11 +57,8 @@ fn layout_program(declarations: &[String]) -> String {
             let declarator = declarator.split('[').next().unwrap_or_default().trim();
             let member = declarator.rsplit(|c| !is_name(c)).next().unwrap_or_default();
             if !member.is_empty() {
-                writeln!(
-                    program,
-                    "printf(\"offset {name}.{member} %zu\\n\", offsetof({name}, {member}));"
-                )
-                .unwrap();
+                writeln!(program, "printf(\"offset {name}.{member} %zu\\n\", offsetof({name}, {member}));")
+                    .unwrap();
             }
         }
     }
