@@ -104,6 +104,7 @@ test: setup need-lint need-browser need-hosts
 
 install: build need-install
 	@$(MAKE) --no-print-directory install-files
+	@if [ -z "$(DESTDIR)" ] && [ "$$(id -u)" = 0 ] && command -v ldconfig >/dev/null; then ldconfig; fi
 
 # Copies BINARY and the C library without debug information, with manual pages and completions, as tests/suite/install.rs does with
 # those of the tests. A private Embree is installed in lib/mrvis. All find each other relative to themselves, so PREFIX may be moved.
@@ -122,7 +123,7 @@ install-files:
 	@echo "mrvis: installed $(DESTDIR)$(PREFIX)/bin/mrvis"
 
 dist: build need-install
-	@.ci/debian-packages dpkg-dev=dpkg-shlibdeps libtbb-dev
+	@.ci/debian-packages dpkg-dev=dpkg-shlibdeps
 	@rm -rf out/dist
 	@$(MAKE) --no-print-directory install-files PREFIX=/usr DESTDIR="$(CURDIR)/out/dist/stage"
 	@ffi/package/dist out/dist/stage out/dist "$(MAINTAINER)"
