@@ -87,6 +87,29 @@ fn pkg_config_finds_the_moved_library() {
     }
 }
 
+/// The programs of `docs/c-api.md` give the answer that it states.
+#[test]
+fn the_first_programs_run() {
+    let Some(prefix) = installed() else { return };
+    let text = std::fs::read_to_string(project("docs/c-api.md")).expect("the page");
+    let folder = folder();
+    for (language, compiler, standard) in [("c", "gcc", "-std=c99"), ("cpp", "g++", "-std=c++17")] {
+        let code = text.split(&format!("```{language}\n")).nth(1).and_then(|rest| rest.split("```").next());
+        let source = folder.path().join(format!("first.{language}"));
+        std::fs::write(&source, code.expect("a program")).expect("a file");
+        let program = folder.path().join(language);
+        let mut command = Command::new(compiler);
+        command.args(WARNINGS.split(' ')).arg(standard).arg(&source).arg("-o").arg(&program);
+        command.args(stated(prefix, false)).arg(format!("-Wl,-rpath,{}", prefix.join("lib").display()));
+        output(&mut command);
+        let said = output(Command::new(program).env_clear().current_dir("/"));
+        assert!(
+            said.starts_with("0.90625, between 0.81") && text.contains("0.90625, between 0.81"),
+            "{said}"
+        );
+    }
+}
+
 /// The examples in C++, shared and static; they print what they compute and write what they promise.
 #[test]
 fn examples_in_cpp_are_built_and_run() {
