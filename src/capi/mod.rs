@@ -55,3 +55,9 @@ pub fn layouts() -> Vec<(&'static str, usize, &'static [(&'static str, usize)])>
         of::<form_factors::mrv_form_factor_arrays>(),
     ]
 }
+
+/// A handle `mrv_model *` of a model, for the benchmark of this interface.
+#[cfg(feature = "internals")]
+pub fn model_handle(model: crate::model::Model) -> *mut std::ffi::c_void {
+    handle::give::<model::mrv_model>(model::NamedModel::new(model)).cast()
+}
