@@ -65,8 +65,7 @@ fn an_interrupted_pass_of_many_elements_keeps_its_light() {
         let ratio = mean(record.mean_irradiance) / mean(all.record.mean_irradiance);
         assert!((ratio - 1.0).abs() < 0.1, "{steps}: {ratio}");
         let created = record.ledger.created.abs() / record.ledger.emitted;
-        eprintln!("DBG {steps} {created} all {}", all.record.ledger.created / all.record.ledger.emitted);
-        assert!(created < 0.2, "{steps}: {created}");
+        assert!(created < 0.02, "{steps}: {created}");
         // Elements are the same, as surfaces had been split before.
         assert_eq!(mesh.elements.len(), leaves);
         let (mut squares, mut bars) = (0.0, 0.0);
