@@ -75,6 +75,8 @@
 mod api;
 #[cfg(feature = "reports")]
 mod bench;
+#[cfg(feature = "capi")]
+mod capi;
 #[cfg(feature = "cli")]
 #[doc(hidden)]
 pub mod cli;
