@@ -214,7 +214,7 @@ fn form_factor_lines(text: &mut String) {
     let model = Model::prepare(Scene::generate("cornell").expect("a box"), &options, &()).expect("a model");
     let options = FormFactorOptions::default().with_grouping(Grouping::Object).with_rays(256);
     let factors = model.form_factors(&options, &()).expect("factors");
-    let (rows, entries) = (factors.len(), factors.sparse().1.len());
+    let (rows, entries) = (factors.len(), factors.csr().1.len());
     writeln!(text, "factors {rows} {entries} {} {:016x}", factors.rays(), factors.row_sum_error().to_bits())
         .unwrap();
     for row in 0..factors.len() {
