@@ -6,9 +6,11 @@
 #![allow(unsafe_code, non_camel_case_types)]
 
 mod arguments;
+mod bench;
 mod builder;
 mod call_progress;
 mod elements;
+mod fbem;
 mod float_state;
 mod form_factors;
 mod guard;
@@ -51,6 +53,9 @@ pub fn layouts() -> Vec<(&'static str, usize, &'static [(&'static str, usize)])>
         of::<images::mrv_image_options>(),
         of::<images::mrv_lightmap_options>(),
         of::<images::mrv_lightmap_arrays>(),
+        of::<bench::mrv_bench_options>(),
+        of::<bench::mrv_reference_options>(),
+        of::<fbem::mrv_fbem_images>(),
         of::<form_factors::mrv_form_factor_options>(),
         of::<form_factors::mrv_form_factor_arrays>(),
     ]
