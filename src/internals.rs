@@ -82,9 +82,9 @@ pub mod readers {
     }
 }
 
-/// Records of the C interface.
+/// The C interface.
 pub mod capi {
-    pub use crate::capi::layouts;
+    pub use crate::capi::{layouts, model_handle};
 }
 
 /// Form factors between facets.

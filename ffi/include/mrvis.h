@@ -576,6 +576,87 @@ mrv_status mrv_form_factors_get_name(const mrv_form_factors *factors, uint64_t r
  * csv (from, to, factor) or mtx (Matrix Market). */
 mrv_status mrv_form_factors_write(const mrv_form_factors *factors, const char *path);
 
+/* --- measurements --------------------------------------------------------------------------------------------------- */
+
+/* Time and error of exact and of multi-resolution visibility, as `mrvis bench` measures them. It does not change. */
+typedef struct mrv_bench_report mrv_bench_report;
+
+typedef struct mrv_bench_options {
+  size_t struct_size;
+  uint64_t points;               /* receiver points, at most 100 million; 0: 20000 */
+  uint32_t rays;                 /* segments from a point to an emitter, at most 65536; 0: 16 */
+  uint32_t reference_rays;       /* the same in the reference; 0: 1024 */
+  const double *feature_sizes;   /* scene units, above 0; none: four sizes from the scene's statistics */
+  size_t feature_size_count;
+  const char *const *receivers;  /* names of objects, groups or materials for shadow images; none: the largest flat surfaces */
+  size_t receiver_count;
+  double audit;                  /* part of the bundles on which exact rays check the stated intervals, in [0, 1]; 0: .05 */
+  double target_error;           /* chooses sizes and segments for this RMS error of the visible fraction; 0: none */
+  double target_seconds;         /* chooses them for the smallest error in so many seconds; 0: none */
+  uint64_t seed;                 /* of all random numbers; 0: 1 */
+  uint32_t threads;              /* threads of the timed sections; 0: 1 */
+  int32_t unbiased;              /* other than 0: unbiased estimates are measured as well */
+  int32_t no_audit;              /* other than 0: no audit */
+  uint32_t reserved;
+  mrv_progress progress;         /* may be NULL; if it cancels, MRV_ERROR_CANCELLED is returned after the stage */
+  void *user;                    /* first argument of `progress` */
+} mrv_bench_options;
+
+/* Measures a model with MRV_DETAIL_OPTICS, in seconds to minutes; nothing else should run meanwhile. `options` may be NULL. */
+mrv_status mrv_model_bench(const mrv_model *model, const mrv_bench_options *options, mrv_bench_report **report);
+
+mrv_status mrv_bench_report_retain(const mrv_bench_report *report);
+void mrv_bench_report_release(const mrv_bench_report *report);
+
+/* The report as JSON and as an HTML page that refers to no other file, valid until it is released, and whether the target was met: 1, 0,
+ * or -1 without a target. NULL for what is not wanted. */
+mrv_status mrv_bench_report_get_text(const mrv_bench_report *report, const char **json, const char **html,
+                                     int32_t *target_met);
+
+typedef struct mrv_reference_options {
+  size_t struct_size;
+  uint64_t seed;         /* of all random numbers; 0: 1 */
+  uint32_t samples;      /* paths for each point, at least 2; 0: 4096 */
+  uint32_t reserved;
+  mrv_progress progress; /* may be NULL; if it cancels, MRV_ERROR_CANCELLED is returned */
+  void *user;            /* first argument of `progress` */
+} mrv_reference_options;
+
+/* Irradiance at points by path tracing, a reference that shares nothing with solutions: positions and normals as for
+ * mrv_solution_irradiance; three doubles for each point in `irradiance` and, unless that is NULL, in `standard_errors`, W/m^2.
+ * `options` may be NULL. */
+mrv_status mrv_model_reference(const mrv_model *model, const double *positions, const double *normals, size_t count,
+                               const mrv_reference_options *options, double *irradiance, double *standard_errors);
+
+#define MRV_FEATURES_BOTH 0   /* shadows and lit regions are features */
+#define MRV_FEATURES_SHADOW 1 /* shadows alone, as in the paper */
+
+#define MRV_MORPHOLOGY_EUCLID 0 /* sizes by the largest disc in a feature */
+#define MRV_MORPHOLOGY_PAPER8 1 /* by erosions with 8 neighbours, as in the program of the paper */
+#define MRV_MORPHOLOGY_PAPER4 2 /* by erosions with 4 neighbours, as in the definition of the paper */
+
+/* Two images of one quantity, such as a visible fraction: one float for each texel, row by row from the top left, packed. */
+typedef struct mrv_fbem_images {
+  size_t struct_size;
+  const float *reference;
+  const float *approximation;
+  uint64_t width;
+  uint64_t height;
+  double texel;            /* side of a texel, scene units; 0: 1, sizes are then in texels */
+  double exponent;         /* of the norm, at least 1; 0: 2 */
+  float white;             /* value of an unoccluded texel, above 0; 0: 1 */
+  float threshold;         /* smallest relative darkening that is shadow, in [0, 1); 0: that of `mrvis fbem` */
+  int32_t features;        /* MRV_FEATURES_... */
+  int32_t morphology;      /* MRV_MORPHOLOGY_... */
+  int32_t unmasked_filter; /* other than 0: averages outside of features leave features out */
+  uint32_t reserved;
+} mrv_fbem_images;
+
+/* The feature-based error of an image at `count` feature sizes (scene units, at least 0): features larger than the size are compared
+ * texel by texel, the rest on average. An error for each size, in units of the image, and, unless `masked` is NULL, the part of the
+ * image in such features, in [0, 1]. Runs on the calling thread. */
+mrv_status mrv_fbem(const mrv_fbem_images *images, const double *sizes, size_t count, double *errors, double *masked);
+
 #ifdef __cplusplus
 }
 #endif

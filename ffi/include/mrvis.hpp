@@ -82,6 +82,14 @@ enum class grouping : int32_t {
   material = MRV_GROUPING_MATERIAL
 };
 
+enum class features : int32_t { both = MRV_FEATURES_BOTH, shadow = MRV_FEATURES_SHADOW };
+
+enum class morphology : int32_t {
+  euclid = MRV_MORPHOLOGY_EUCLID,
+  paper8 = MRV_MORPHOLOGY_PAPER8,
+  paper4 = MRV_MORPHOLOGY_PAPER4
+};
+
 enum class name_kind : int32_t {
   object = MRV_NAME_OBJECT,
   material = MRV_NAME_MATERIAL,
@@ -239,6 +247,9 @@ using solution_info = record<mrv_solution_info>;
 using elements = record<mrv_elements>;
 using camera = record<mrv_camera>;
 using image_options = record<mrv_image_options>;
+using bench_options = record<mrv_bench_options>;
+using reference_options = record<mrv_reference_options>;
+using fbem_images = record<mrv_fbem_images>;
 using lightmap_options = record<mrv_lightmap_options>;
 using lightmap_arrays = record<mrv_lightmap_arrays>;
 using form_factor_options = record<mrv_form_factor_options>;
@@ -562,6 +573,37 @@ class form_factors : public detail::handle<mrv_form_factors, mrv_form_factors_re
   }
 };
 
+/* --- measurements --------------------------------------------------------------------------------------------------- */
+
+class bench_report : public detail::handle<mrv_bench_report, mrv_bench_report_retain, mrv_bench_report_release> {
+ public:
+  using handle::handle;
+
+  result<std::string> json() const {
+    const char *text = "";
+    const mrv_status status = mrv_bench_report_get_text(get(), &text, nullptr, nullptr);
+    return detail::finish<std::string>(status, text);
+  }
+  result<std::string> page() const {
+    const char *text = "";
+    const mrv_status status = mrv_bench_report_get_text(get(), nullptr, &text, nullptr);
+    return detail::finish<std::string>(status, text);
+  }
+  /* 1: the target was met, 0: it was missed, -1: there was none. */
+  result<int> target_met() const {
+    int32_t met = -1;
+    const mrv_status status = mrv_bench_report_get_text(get(), nullptr, nullptr, &met);
+    return detail::finish<int>(status, met);
+  }
+};
+
+/* The feature-based error of an image at each size. */
+inline result<std::vector<double>> fbem(const mrv_fbem_images &images, span<const double> sizes) {
+  std::vector<double> errors(sizes.size());
+  const mrv_status status = mrv_fbem(&images, sizes.data(), sizes.size(), errors.data(), nullptr);
+  return detail::finish(status, std::move(errors));
+}
+
 /* --- models --------------------------------------------------------------------------------------------------------- */
 
 class model : public detail::handle<mrv_model, mrv_model_retain, mrv_model_release> {
@@ -634,6 +676,26 @@ class model : public detail::handle<mrv_model, mrv_model_retain, mrv_model_relea
     solution owned(made);
     call.rethrow();
     return detail::finish(status, std::move(owned));
+  }
+  result<bench_report> bench(bench_options options = {}, const progress &progress = {}) const {
+    const detail::progress_call call(progress, options);
+    mrv_bench_report *made = nullptr;
+    const mrv_status status = mrv_model_bench(get(), &options, &made);
+    bench_report owned(made);
+    call.rethrow();
+    return detail::finish(status, std::move(owned));
+  }
+  /* Irradiance at points by path tracing: packed positions and normals, three numbers each. */
+  result<std::vector<double>> reference(span<const double> positions, span<const double> normals,
+                                        reference_options options = {}, const progress &progress = {}) const {
+    if (positions.size() % 3 != 0 || normals.size() != positions.size())
+      return detail::too_short<std::vector<double>>("normals", normals.size(), positions.size());
+    const detail::progress_call call(progress, options);
+    std::vector<double> found(positions.size());
+    const mrv_status status = mrv_model_reference(get(), positions.data(), normals.data(), positions.size() / 3,
+                                                  &options, found.data(), nullptr);
+    call.rethrow();
+    return detail::finish(status, std::move(found));
   }
   result<mrv::form_factors> form_factors(form_factor_options options = {}, const progress &progress = {}) const {
     const detail::progress_call call(progress, options);

@@ -153,10 +153,11 @@ impl FormFactors {
         (&self.matrix.columns[span.clone()], &self.matrix.factors[span])
     }
 
-    /// All rows as one sparse array: row `i` has the columns `columns[offsets[i]..offsets[i + 1]]`, ascending, and the form factors at the
-    /// same places of `values`. Gives `(offsets, columns, values)`.
-    pub fn sparse(&self) -> (&[u64], &[u32], &[f32]) {
-        (&self.matrix.offsets, &self.matrix.columns, &self.matrix.factors)
+    /// The whole matrix by rows (CSR): row `i` has the entries `offsets[i]..offsets[i + 1]` of the columns and the form factors; one offset
+    /// more than rows.
+    pub fn csr(&self) -> (&[u64], &[u32], &[f32]) {
+        let Matrix { offsets, columns, factors, .. } = &self.matrix;
+        (offsets, columns, factors)
     }
 
     /// One form factor; 0 if there is no entry.

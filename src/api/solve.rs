@@ -126,6 +126,10 @@ impl SurfacePoint {
         }
         Ok(Point { position, normal })
     }
+
+    pub(super) fn all_checked(points: &[SurfacePoint]) -> Result<Vec<Point>> {
+        points.iter().enumerate().map(|(i, point)| point.checked(i)).collect()
+    }
 }
 
 /// The light in a model: radiosity of all surfaces. Owned; answers irradiance at points any time.
@@ -196,8 +200,7 @@ impl Solution {
     /// # Errors
     /// [`Error::Argument`] if a position is not finite or a normal has no length; the message names the point.
     pub fn irradiance(&self, points: &[SurfacePoint]) -> Result<Vec<[f64; 3]>> {
-        let points: Vec<Point> =
-            points.iter().enumerate().map(|(i, point)| point.checked(i)).collect::<Result<_>>()?;
+        let points = SurfacePoint::all_checked(points)?;
         let solved = &self.inner.solved;
         solved.model().on_threads(|| solved.irradiance(&points))
     }

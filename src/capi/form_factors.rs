@@ -132,7 +132,7 @@ pub unsafe extern "C" fn mrv_form_factors_get_arrays(
         let factors = &object(call, factors, "factors")?.factors;
         // SAFETY: the caller gives a record.
         let place = unsafe { RecordPlace::of(arrays, "arrays") }?;
-        let (offsets, columns, values) = factors.sparse();
+        let (offsets, columns, values) = factors.csr();
         let arrays = mrv_form_factor_arrays {
             struct_size: 0,
             rows: factors.len() as u64,

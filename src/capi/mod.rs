@@ -6,9 +6,11 @@
 #![allow(unsafe_code, non_camel_case_types)]
 
 mod arguments;
+mod bench;
 mod builder;
 mod call_progress;
 mod elements;
+mod fbem;
 mod float_state;
 mod form_factors;
 mod guard;
@@ -51,7 +53,16 @@ pub fn layouts() -> Vec<(&'static str, usize, &'static [(&'static str, usize)])>
         of::<images::mrv_image_options>(),
         of::<images::mrv_lightmap_options>(),
         of::<images::mrv_lightmap_arrays>(),
+        of::<bench::mrv_bench_options>(),
+        of::<bench::mrv_reference_options>(),
+        of::<fbem::mrv_fbem_images>(),
         of::<form_factors::mrv_form_factor_options>(),
         of::<form_factors::mrv_form_factor_arrays>(),
     ]
+}
+
+/// A handle `mrv_model *` of a model, for the benchmark of this interface.
+#[cfg(feature = "internals")]
+pub fn model_handle(model: crate::model::Model) -> *mut std::ffi::c_void {
+    handle::give::<model::mrv_model>(model::NamedModel::new(model)).cast()
 }

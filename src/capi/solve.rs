@@ -177,19 +177,33 @@ pub unsafe extern "C" fn mrv_solution_irradiance(
     guard("mrv_solution_irradiance", |call| {
         let solution = &object(call, solution, "solution")?.solution;
         // SAFETY: the caller gives arrays of `count` triples.
-        let (positions, normals, out) = unsafe {
+        let (points, out) = unsafe {
             (
-                slice(positions.cast::<[f64; 3]>(), count, "positions")?,
-                slice(normals.cast::<[f64; 3]>(), count, "normals")?,
+                points_of(positions, normals, count)?,
                 slice_mut(irradiance.cast::<[f64; 3]>(), count, "irradiance")?,
             )
         };
-        let points: Vec<SurfacePoint> = positions
-            .iter()
-            .zip(normals)
-            .map(|(&position, &normal)| SurfacePoint { position, normal })
-            .collect();
         out.copy_from_slice(&solution.irradiance(&points)?);
         Ok(())
     })
+}
+
+/// Points of the caller.
+///
+/// # Safety
+/// The arrays hold `count` triples.
+pub unsafe fn points_of(
+    positions: *const f64,
+    normals: *const f64,
+    count: usize,
+) -> Outcome<Vec<SurfacePoint>> {
+    // SAFETY: as for this function.
+    let (positions, normals) = unsafe {
+        (
+            slice(positions.cast::<[f64; 3]>(), count, "positions")?,
+            slice(normals.cast::<[f64; 3]>(), count, "normals")?,
+        )
+    };
+    let point = |(&position, &normal): (&[f64; 3], &[f64; 3])| SurfacePoint { position, normal };
+    Ok(positions.iter().zip(normals).map(point).collect())
 }

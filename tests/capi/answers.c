@@ -77,6 +77,91 @@ static void print_queries(const mrv_model *model) {
   printf("query %08x %08x %08x %d\n", bits(answer.transmittance), bits(answer.lo), bits(answer.hi), (int)answer.method);
 }
 
+/* A number that stands for an array: FNV-1a. */
+static unsigned long long hash(const void *array, size_t bytes) {
+  uint64_t number = 14695981039346656037u;
+  for (size_t i = 0; i < bytes; i++) number = (number ^ ((const unsigned char *)array)[i]) * 1099511628211u;
+  return (unsigned long long)number;
+}
+
+static void *room(size_t bytes) {
+  void *memory = malloc(bytes + 1);
+  CHECK(memory != NULL);
+  return memory;
+}
+
+static void print_elements(const mrv_solution *solution) {
+  mrv_solution_info info = {sizeof info, 0, 0, {0}, 0, 0, 0};
+  mrv_elements e;
+  size_t n;
+  OK(mrv_solution_get_info(solution, &info));
+  n = (size_t)info.elements;
+  memset(&e, 0, sizeof e);
+  e.struct_size = sizeof e;
+  e.vertex_capacity = info.vertices;
+  e.element_capacity = n;
+  e.positions = (double *)room(24 * (size_t)info.vertices);
+  e.corners = (uint32_t *)room(16 * n);
+  e.irradiance = (float *)room(12 * n);
+  e.radiosity = (float *)room(12 * n);
+  e.error = (float *)room(12 * n);
+  e.reflectance = (float *)room(12 * n);
+  e.area = (double *)room(8 * n);
+  e.triangle = (uint32_t *)room(4 * n);
+  e.object = (uint32_t *)room(4 * n);
+  e.material = (uint32_t *)room(4 * n);
+  e.front = (uint8_t *)room(n);
+  OK(mrv_solution_get_elements(solution, &e));
+  printf("elements %d %d\n", (int)info.vertices, (int)n);
+  printf("positions %016llx\ncorners %016llx\n", hash(e.positions, 24 * (size_t)info.vertices), hash(e.corners, 16 * n));
+  printf("irradiance %016llx\nradiosity %016llx\n", hash(e.irradiance, 12 * n), hash(e.radiosity, 12 * n));
+  printf("error %016llx\nreflectance %016llx\n", hash(e.error, 12 * n), hash(e.reflectance, 12 * n));
+  printf("area %016llx\ntriangle %016llx\n", hash(e.area, 8 * n), hash(e.triangle, 4 * n));
+  printf("object %016llx\nmaterial %016llx\nfront %016llx\n", hash(e.object, 4 * n), hash(e.material, 4 * n), hash(e.front, n));
+  e.element_capacity--;
+  CHECK(mrv_solution_get_elements(solution, &e) == MRV_ERROR_INPUT && strstr(mrv_error_message(), "element_capacity"));
+  free(e.positions);
+  free(e.corners);
+  free(e.irradiance);
+  free(e.radiosity);
+  free(e.error);
+  free(e.reflectance);
+  free(e.area);
+  free(e.triangle);
+  free(e.object);
+  free(e.material);
+  free(e.front);
+}
+
+static void print_images(const mrv_solution *solution) {
+  static float radiance[3 * 32 * 24];
+  mrv_camera camera = {sizeof camera, {0}, {0}, {0}, 0};
+  mrv_image_options options = {sizeof options, 32, 24, 0, 0, NULL, NULL};
+  mrv_lightmap_options texels = {sizeof texels, 4096, NULL, NULL};
+  mrv_lightmap_arrays a;
+  mrv_lightmap *lightmap;
+  const char *text, *again;
+  OK(mrv_solution_get_camera(solution, &camera));
+  OK(mrv_solution_image(solution, &camera, &options, radiance, 3 * 32 * 24));
+  printf("image %016llx %016llx\n", hash(camera.eye, sizeof camera.eye), hash(radiance, sizeof radiance));
+  CHECK(mrv_solution_image(solution, &camera, &options, radiance, 3 * 32 * 23) == MRV_ERROR_INPUT);
+  OK(mrv_solution_lightmap(solution, &texels, &lightmap));
+  memset(&a, 0, sizeof a);
+  a.struct_size = sizeof a;
+  OK(mrv_lightmap_get_arrays(lightmap, &a));
+  printf("lightmap %d %d %016llx\n", (int)a.width, (int)a.height, hash(a.irradiance, (size_t)(12 * a.width * a.height)));
+  printf("positions %016llx\n", hash(a.positions, (size_t)(24 * a.vertices)));
+  printf("corners %016llx\n", hash(a.corners, (size_t)(12 * a.triangles)));
+  printf("texcoords %016llx\n", hash(a.texcoords, (size_t)(24 * a.triangles)));
+  mrv_lightmap_release(lightmap);
+  OK(mrv_solution_get_json(solution, &text));
+  CHECK(text[0] == '{' && strstr(text, "\"error_estimate\"") != NULL);
+  OK(mrv_solution_get_json(solution, &again));
+  CHECK(text == again);
+  OK(mrv_solution_get_page(solution, &text));
+  CHECK(strstr(text, "</html>") != NULL);
+}
+
 static int32_t count_calls(void *user, const char *stage, double done) {
   CHECK(stage != NULL && done <= 1.0);
   ++*(int *)user;
@@ -101,6 +186,8 @@ static void print_solution(const mrv_model *model) {
   OK(mrv_solution_irradiance(solution, positions, normals, 2, irradiance));
   printf("solution %016llx %016llx %d\n", bits_f64(info.mean_irradiance[0]), bits_f64(info.error_estimate), (int)info.interrupted);
   for (int i = 0; i < 6; i++) printf("irradiance %016llx\n", bits_f64(irradiance[i]));
+  print_elements(solution);
+  print_images(solution);
   mrv_solution_release(solution);
 }
 

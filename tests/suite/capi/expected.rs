@@ -1,8 +1,9 @@
 //! What `tests/capi/answers.c` prints, computed by the crate.
 
 use mrvis::{
-    Answers, Cost, Detail, Engine, FormFactorOptions, Grouping, LoadOptions, MeshArrays, Method, Model,
-    PrepareOptions, Scene, SceneBuilder, Segments, SolveOptions, SurfacePoint,
+    Answers, Cost, Detail, Element, Engine, FormFactorOptions, Grouping, ImageOptions, LoadOptions,
+    MeshArrays, Method, Model, PrepareOptions, Scene, SceneBuilder, Segments, Solution, SolveOptions,
+    SurfacePoint,
 };
 use std::fmt::Write;
 
@@ -159,6 +160,53 @@ fn solution_lines(text: &mut String, model: &Model) {
     let point = |x, y, z| SurfacePoint { position: [x, y, 0.0], normal: [0.0, 0.0, z] };
     let found = light.irradiance(&[point(0.25, 0.25, 1.0), point(0.8, 0.6, 5.0)]).expect("irradiance");
     found.as_flattened().iter().for_each(|e| writeln!(text, "irradiance {:016x}", e.to_bits()).unwrap());
+    element_lines(text, &light);
+    image_lines(text, &light);
+}
+
+/// A number that stands for an array: FNV-1a of its bytes.
+fn hash<const N: usize>(numbers: impl IntoIterator<Item = [u8; N]>) -> u64 {
+    let step = |number: u64, byte: u8| (number ^ u64::from(byte)).wrapping_mul(1_099_511_628_211);
+    numbers.into_iter().flatten().fold(14_695_981_039_346_656_037, step)
+}
+
+fn element_lines(text: &mut String, light: &Solution) {
+    let all = light.elements();
+    let rgb = |of: fn(&Element) -> [f64; 3]| hash(all.iter().flat_map(of).map(|c| (c as f32).to_ne_bytes()));
+    let number = |of: fn(&Element) -> u32| hash(all.iter().map(|e| of(e).to_ne_bytes()));
+    writeln!(text, "elements {} {}", light.vertices().len(), all.len()).unwrap();
+    for (name, value) in [
+        ("positions", hash(light.vertices().flatten().map(f64::to_ne_bytes))),
+        ("corners", hash(all.iter().flat_map(|e| e.corners).map(u32::to_ne_bytes))),
+        ("irradiance", rgb(|e| e.irradiance)),
+        ("radiosity", rgb(|e| e.radiosity)),
+        ("error", rgb(|e| e.error)),
+        ("reflectance", hash(all.iter().flat_map(|e| e.albedo).map(f32::to_ne_bytes))),
+        ("area", hash(all.iter().map(|e| e.area.to_ne_bytes()))),
+        ("triangle", number(|e| e.triangle)),
+        ("object", number(|e| e.object)),
+        ("material", number(|e| e.material)),
+        ("front", hash(all.iter().map(|e| [u8::from(e.front)]))),
+    ] {
+        writeln!(text, "{name} {value:016x}").unwrap();
+    }
+}
+
+fn image_lines(text: &mut String, light: &Solution) {
+    let camera = light.automatic_camera(&()).expect("a camera");
+    let mut radiance = vec![0.0; 3 * 32 * 24];
+    light.image(&camera, &ImageOptions::default().with_size(32, 24), &mut radiance, &()).expect("an image");
+    let (eye, image) =
+        (hash(camera.eye.map(f64::to_ne_bytes)), hash(radiance.into_iter().map(f32::to_ne_bytes)));
+    writeln!(text, "image {eye:016x} {image:016x}").unwrap();
+    let map = light.lightmap(4096, &()).expect("a lightmap");
+    let floats = |numbers: Vec<f32>| hash(numbers.into_iter().map(f32::to_ne_bytes));
+    let irradiance = floats(map.irradiance.concat());
+    writeln!(text, "lightmap {} {} {irradiance:016x}", map.width, map.height).unwrap();
+    let positions = hash(map.positions.iter().flatten().map(|p| p.to_ne_bytes()));
+    let corners = hash(map.triangles.iter().flatten().map(|v| v.to_ne_bytes()));
+    let texcoords = floats(map.texcoords.concat().concat());
+    writeln!(text, "positions {positions:016x}\ncorners {corners:016x}\ntexcoords {texcoords:016x}").unwrap();
 }
 
 fn form_factor_lines(text: &mut String) {
@@ -166,7 +214,7 @@ fn form_factor_lines(text: &mut String) {
     let model = Model::prepare(Scene::generate("cornell").expect("a box"), &options, &()).expect("a model");
     let options = FormFactorOptions::default().with_grouping(Grouping::Object).with_rays(256);
     let factors = model.form_factors(&options, &()).expect("factors");
-    let (rows, entries) = (factors.len(), factors.sparse().1.len());
+    let (rows, entries) = (factors.len(), factors.csr().1.len());
     writeln!(text, "factors {rows} {entries} {} {:016x}", factors.rays(), factors.row_sum_error().to_bits())
         .unwrap();
     for row in 0..factors.len() {
