@@ -1,5 +1,5 @@
 // Light over a floor: a lamp above a table, from arrays of this program. Writes the irradiance of the floor as an image.
-//   light [IMAGE.pgm]
+//   light [IMAGE.ppm]
 #include <mrvis.hpp>
 
 #include <algorithm>
@@ -34,10 +34,10 @@ int main(int count, char **arguments) try {
   const std::vector<double> irradiance = solution.irradiance(points, normals);  // W/m^2, three channels a point
 
   const double brightest = *std::max_element(irradiance.begin(), irradiance.end());
-  std::ofstream image(count > 1 ? arguments[1] : "light.pgm", std::ios::binary);
-  image << "P5\n" << size << " " << size << "\n255\n";
-  for (std::size_t i = 0; i < size * size; i++)
-    image.put(static_cast<char>(std::lround(255 * std::pow(irradiance[3 * i + 1] / brightest, 1 / 2.2))));
+  std::ofstream image(count > 1 ? arguments[1] : "light.ppm", std::ios::binary);
+  image << "P6\n" << size << " " << size << "\n255\n";
+  for (const double channel : irradiance)
+    image.put(static_cast<char>(std::lround(255 * std::pow(channel / brightest, 1 / 2.2))));
   std::cout << "brightest " << brightest << " W/m^2, mean of all surfaces " << solution.info().mean_irradiance[1] << " W/m^2\n";
   return image.flush() ? 0 : 1;
 } catch (const mrv::error &error) {

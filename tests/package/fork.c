@@ -1,4 +1,5 @@
 /* A host that forks before it uses the library: parent and child compute the same. */
+#define _POSIX_C_SOURCE 200809L
 #include <sys/wait.h>
 #include <unistd.h>
 

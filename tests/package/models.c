@@ -1,4 +1,5 @@
 /* Two models with one and two threads of their own, asked at once by two threads of the host: the same answers, bit by bit. */
+#define _POSIX_C_SOURCE 200809L
 #include <pthread.h>
 
 #include "check.h"
@@ -8,7 +9,7 @@ static void *work(void *user) {
   static double results[2];
   static int next = 0;
   double sum = light(model);
-  for (int i = 0; i < 100; i++) sum += seen(model, MRV_ENGINE_MULTI_RESOLUTION, 0.1f);
+  for (int i = 0; i < 30; i++) sum += seen(model, MRV_ENGINE_MULTI_RESOLUTION, 0.1f);
   double *place = &results[__atomic_fetch_add(&next, 1, __ATOMIC_SEQ_CST)];
   *place = sum;
   return place;
