@@ -83,7 +83,7 @@ static inline double light(const mrv_model *model) {
   mrv_solution *solution = NULL;
   RECORD(mrv_solve_options, options);
   RECORD(mrv_solution_info, info);
-  options.error = 0.1;
+  options.error = 0.5, options.min_area = 0.01;
   CHECK(mrv_model_solve(model, &options, &solution) == MRV_OK);
   CHECK(mrv_solution_get_info(solution, &info) == MRV_OK);
   mrv_solution_release(solution);

@@ -28,7 +28,7 @@ int main(void) {
   mrv_model *model = prepared(2);
   CHECK(seen(model, MRV_ENGINE_EXACT, 0) > 0);
   CHECK(seen(model, MRV_ENGINE_MULTI_RESOLUTION, 0.1f) > 0);
-  options.error = 0.1;
+  options.error = 0.5, options.min_area = 0.01;
   options.progress = progress;
   options.user = &calls;
   CHECK(mrv_model_solve(model, &options, &solution) == MRV_OK);
