@@ -44,7 +44,11 @@ pub struct mrv_mesh {
     pub material: u32,
     pub reserved: u32,
 }
-record!(mrv_mesh: 96, struct_size, name, positions, positions_f64, position_stride, vertex_count, indices, index_count, polygon_sizes, polygon_count, face_materials, material, reserved);
+record!(
+    mrv_mesh: 96,
+    struct_size, name, positions, positions_f64, position_stride, vertex_count, indices, index_count,
+    polygon_sizes, polygon_count, face_materials, material, reserved
+);
 
 /// The mesh of a caller.
 ///

@@ -25,6 +25,7 @@ mod form_factors;
 mod guard;
 mod handle;
 mod images;
+mod library;
 mod model;
 mod query;
 mod record;

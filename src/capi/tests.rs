@@ -3,11 +3,10 @@
 use super::arguments::{check_pointer, put_text};
 use super::guard::{Outcome, guard};
 use super::handle::object;
+use super::library::mrv_error_message;
 use super::record::{RecordPlace, read, read_optional, record};
 use super::scene::{mrv_scene, mrv_scene_generate, mrv_scene_get_unit, mrv_scene_release, mrv_scene_retain};
-use super::status::{
-    MRV_ERROR_INPUT, MRV_ERROR_INTERNAL, MRV_ERROR_UNSUPPORTED, MRV_OK, mrv_error_message, mrv_status,
-};
+use super::status::{MRV_ERROR_INPUT, MRV_ERROR_INTERNAL, MRV_ERROR_UNSUPPORTED, MRV_OK, mrv_status};
 use std::ffi::{CStr, c_char};
 
 /// A record as it was in its first version.
