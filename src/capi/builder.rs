@@ -57,12 +57,13 @@ record!(
 unsafe fn mesh_of<'a>(given: &mrv_mesh) -> Outcome<MeshArrays<'a>> {
     no_reserved(given.reserved)?;
     let (stride, count) = (given.position_stride, given.vertex_count);
-    // SAFETY: as for this function.
     let positions = match (given.positions.is_null(), given.positions_f64.is_null()) {
         (false, true) => {
+            // SAFETY: as for this function.
             Positions::F32(unsafe { strided(given.positions, stride, count, "mesh.positions") }?)
         }
         (true, false) => {
+            // SAFETY: as for this function.
             Positions::F64(unsafe { strided(given.positions_f64, stride, count, "mesh.positions_f64") }?)
         }
         (true, true) => return wrong("`mesh.positions` is NULL: give it or `positions_f64`".into()),
