@@ -1,5 +1,6 @@
 //! What the C interface adds to a batch of a million segments: the same call in Rust and from C (`-O2`) in turn, in one process, on one
-//! model: `cargo bench --features internals --bench boundary`.
+//! model, on one thread: `cargo bench --features internals --bench boundary`. Times are those of the processor, which other programs
+//! disturb little.
 
 #![allow(unsafe_code)]
 
@@ -8,7 +9,6 @@ use mrvis::{Answers, Engine, Method, Model, PrepareOptions, Scene, Segments};
 use std::ffi::{CString, c_void};
 use std::hint::black_box;
 use std::process::Command;
-use std::time::Instant;
 
 /// Segments of a batch, and of a bundle.
 const SEGMENTS: usize = 1_000_000;
@@ -67,6 +67,15 @@ fn c_side(folder: &tempfile::TempDir) -> Ask {
     }
 }
 
+/// Processor seconds of this process.
+fn cpu_seconds() -> f64 {
+    let mut time = libc::timespec { tv_sec: 0, tv_nsec: 0 };
+    // SAFETY: the place is a local variable.
+    let status = unsafe { libc::clock_gettime(libc::CLOCK_PROCESS_CPUTIME_ID, &raw mut time) };
+    assert_eq!(status, 0);
+    time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
+}
+
 /// A batch between random points of the scene's box: bundles begin at one point near the ground.
 struct Batch {
     origins: Vec<[f32; 3]>,
@@ -106,7 +115,7 @@ fn main() {
     let ask = c_side(&folder);
     let scene = Scene::generate("cubes").expect("a scene");
     let batch = Batch::new(&scene);
-    let model = Model::prepare(scene, &PrepareOptions::default(), &()).expect("a model");
+    let model = Model::prepare(scene, &PrepareOptions::default().with_threads(1), &()).expect("a model");
     let handle = model_handle(model.clone());
     let bundles = batch.offsets.len() - 1;
     for (number, engine) in [(1, Engine::Exact), (2, Engine::MultiResolution)] {
@@ -115,16 +124,16 @@ fn main() {
             (vec![0.0; bundles], vec![0.0; bundles], vec![0.0; bundles], vec![Method::Clear; bundles]);
         let mut c = (vec![0.0; bundles], vec![0.0; bundles], vec![0.0; bundles], vec![0u8; bundles]);
         let mut in_rust = || {
-            let start = Instant::now();
+            let start = cpu_seconds();
             let segments =
                 Segments::new(&batch.origins[..], &batch.targets[..], &batch.offsets).feature_size(SIZE);
             let mut answers =
                 Answers::new(&mut rust.0).intervals(&mut rust.1, &mut rust.2).methods(&mut rust.3);
             black_box(visibility.answer_into(&segments, &mut answers)).expect("answers");
-            start.elapsed().as_secs_f64()
+            cpu_seconds() - start
         };
         let mut from_c = || {
-            let start = Instant::now();
+            let start = cpu_seconds();
             // SAFETY: the arrays have as many entries as the C side says, and the handle is live.
             let status = unsafe {
                 ask(
@@ -143,7 +152,7 @@ fn main() {
                 )
             };
             assert_eq!(status, 0);
-            start.elapsed().as_secs_f64()
+            cpu_seconds() - start
         };
         (in_rust(), from_c());
         let (mut ratios, mut seconds) = (Vec::new(), Vec::new());

@@ -1,11 +1,10 @@
 //! The light in a model, and irradiance at points.
 
-use super::Element;
 use super::visibility::Engine;
 use crate::model::Model;
 use crate::points::Point;
 use crate::progress::Progress;
-use crate::radiosity::mesh::RadiosityMesh;
+use crate::radiosity::mesh::{Element, RadiosityMesh};
 use crate::radiosity::{self, Options, Record};
 use crate::{Error, Result};
 use glam::DVec3;

@@ -46,7 +46,6 @@ pub fn run(
     let sizes = sizes(model, options);
     let mut warnings = Vec::new();
     let bench = Bench { model, scene, options, timer, sizes, progress };
-    go_on(progress)?;
     let sample = bench.sample(&workload);
     let mr = bench.engine(&workload, &sample, &mut build);
 

@@ -52,7 +52,12 @@ pub struct mrv_bench_options {
     pub progress: mrv_progress,
     pub user: *mut c_void,
 }
-record!(mrv_bench_options: 120, struct_size, points, rays, reference_rays, feature_sizes, feature_size_count, receivers, receiver_count, audit, target_error, target_seconds, seed, threads, unbiased, no_audit, reserved, progress, user);
+record!(
+    mrv_bench_options: 120,
+    struct_size, points, rays, reference_rays, feature_sizes, feature_size_count, receivers,
+    receiver_count, audit, target_error, target_seconds, seed, threads, unbiased, no_audit, reserved,
+    progress, user
+);
 
 /// The options of a caller.
 ///

@@ -44,7 +44,11 @@ pub struct mrv_mesh {
     pub material: u32,
     pub reserved: u32,
 }
-record!(mrv_mesh: 96, struct_size, name, positions, positions_f64, position_stride, vertex_count, indices, index_count, polygon_sizes, polygon_count, face_materials, material, reserved);
+record!(
+    mrv_mesh: 96,
+    struct_size, name, positions, positions_f64, position_stride, vertex_count, indices, index_count,
+    polygon_sizes, polygon_count, face_materials, material, reserved
+);
 
 /// The mesh of a caller.
 ///
@@ -53,12 +57,13 @@ record!(mrv_mesh: 96, struct_size, name, positions, positions_f64, position_stri
 unsafe fn mesh_of<'a>(given: &mrv_mesh) -> Outcome<MeshArrays<'a>> {
     no_reserved(given.reserved)?;
     let (stride, count) = (given.position_stride, given.vertex_count);
-    // SAFETY: as for this function.
     let positions = match (given.positions.is_null(), given.positions_f64.is_null()) {
         (false, true) => {
+            // SAFETY: as for this function.
             Positions::F32(unsafe { strided(given.positions, stride, count, "mesh.positions") }?)
         }
         (true, false) => {
+            // SAFETY: as for this function.
             Positions::F64(unsafe { strided(given.positions_f64, stride, count, "mesh.positions_f64") }?)
         }
         (true, true) => return wrong("`mesh.positions` is NULL: give it or `positions_f64`".into()),

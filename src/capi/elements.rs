@@ -28,7 +28,11 @@ pub struct mrv_elements {
     pub material: *mut u32,
     pub front: *mut u8,
 }
-record!(mrv_elements: 112, struct_size, vertex_capacity, element_capacity, positions, corners, irradiance, radiosity, error, reflectance, area, triangle, object, material, front);
+record!(
+    mrv_elements: 112,
+    struct_size, vertex_capacity, element_capacity, positions, corners, irradiance, radiosity, error,
+    reflectance, area, triangle, object, material, front
+);
 
 /// Writes what `of` gives for each item into an array of the caller, unless that is NULL.
 ///

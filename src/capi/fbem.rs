@@ -30,7 +30,11 @@ pub struct mrv_fbem_images {
     pub unmasked_filter: i32,
     pub reserved: u32,
 }
-record!(mrv_fbem_images: 80, struct_size, reference, approximation, width, height, texel, exponent, white, threshold, features, morphology, unmasked_filter, reserved);
+record!(
+    mrv_fbem_images: 80,
+    struct_size, reference, approximation, width, height, texel, exponent, white, threshold, features,
+    morphology, unmasked_filter, reserved
+);
 
 fn fbem_options(given: &mrv_fbem_images) -> Outcome<FbemOptions> {
     no_reserved(given.reserved)?;

@@ -45,7 +45,10 @@ pub struct mrv_form_factor_options {
     pub progress: mrv_progress,
     pub user: *mut c_void,
 }
-record!(mrv_form_factor_options: 56, struct_size, grouping, no_closure, rays, pair_rays, max_bytes, seed, progress, user);
+record!(
+    mrv_form_factor_options: 56,
+    struct_size, grouping, no_closure, rays, pair_rays, max_bytes, seed, progress, user
+);
 
 fn form_factor_options(given: &mrv_form_factor_options) -> Outcome<FormFactorOptions> {
     let grouping = match given.grouping {
@@ -121,7 +124,10 @@ pub struct mrv_form_factor_arrays {
     pub rays: u64,
     pub row_sum_error: f64,
 }
-record!(mrv_form_factor_arrays: 88, struct_size, rows, entries, offsets, columns, values, areas, escaped, lost, rays, row_sum_error);
+record!(
+    mrv_form_factor_arrays: 88,
+    struct_size, rows, entries, offsets, columns, values, areas, escaped, lost, rays, row_sum_error
+);
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mrv_form_factors_get_arrays(

@@ -179,7 +179,10 @@ pub struct mrv_lightmap_arrays {
     pub texcoords: *const f32,
     pub note: *const c_char,
 }
-record!(mrv_lightmap_arrays: 80, struct_size, width, height, irradiance, vertices, positions, triangles, corners, texcoords, note);
+record!(
+    mrv_lightmap_arrays: 80,
+    struct_size, width, height, irradiance, vertices, positions, triangles, corners, texcoords, note
+);
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mrv_lightmap_get_arrays(

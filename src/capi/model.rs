@@ -136,7 +136,11 @@ pub struct mrv_model_info {
     pub detail: i32,
     pub from_cache: i32,
 }
-record!(mrv_model_info: 80, struct_size, sources, instances, revision, embree_bytes, embree_seconds, cluster_seconds, optics_seconds, cache_seconds, detail, from_cache);
+record!(
+    mrv_model_info: 80,
+    struct_size, sources, instances, revision, embree_bytes, embree_seconds, cluster_seconds,
+    optics_seconds, cache_seconds, detail, from_cache
+);
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mrv_model_get_info(

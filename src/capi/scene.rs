@@ -46,7 +46,11 @@ pub struct mrv_load_options {
     pub threads: u32,
     pub reserved: u32,
 }
-record!(mrv_load_options: 56, struct_size, unit, emitters, emitter_watts, emitter_count, two_sided_emission, sides, threads, reserved);
+record!(
+    mrv_load_options: 56,
+    struct_size, unit, emitters, emitter_watts, emitter_count, two_sided_emission, sides, threads,
+    reserved
+);
 
 /// The options of a caller.
 ///
@@ -159,7 +163,10 @@ pub struct mrv_scene_info {
     pub high: [f64; 3],
     pub origin: [f64; 3],
 }
-record!(mrv_scene_info: 136, struct_size, triangles, visible, objects, materials, emitters, repairs, cameras, low, high, origin);
+record!(
+    mrv_scene_info: 136,
+    struct_size, triangles, visible, objects, materials, emitters, repairs, cameras, low, high, origin
+);
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mrv_scene_get_info(

@@ -52,7 +52,12 @@ pub struct mrv_solve_options {
     pub progress: mrv_progress,
     pub user: *mut c_void,
 }
-record!(mrv_solve_options: 128, struct_size, engine, direct_only, error, target_error, min_area, max_seconds, max_links, seed, feature_size, feature_size_names, feature_sizes, feature_size_count, importance, importance_count, progress, user);
+record!(
+    mrv_solve_options: 128,
+    struct_size, engine, direct_only, error, target_error, min_area, max_seconds, max_links, seed,
+    feature_size, feature_size_names, feature_sizes, feature_size_count, importance, importance_count,
+    progress, user
+);
 
 /// The options of a caller.
 ///
@@ -140,7 +145,10 @@ pub struct mrv_solution_info {
     pub interrupted: i32,
     pub reserved: u32,
 }
-record!(mrv_solution_info: 64, struct_size, vertices, elements, mean_irradiance, error_estimate, interrupted, reserved);
+record!(
+    mrv_solution_info: 64,
+    struct_size, vertices, elements, mean_irradiance, error_estimate, interrupted, reserved
+);
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mrv_solution_get_info(

@@ -69,7 +69,11 @@ pub struct mrv_segments {
     pub emitter_size: f32,
     pub relative_to: [f64; 3],
 }
-record!(mrv_segments: 144, struct_size, origins, targets, segment_count, offsets, bundle_count, feature_sizes, emitter_sizes, feature_size, emitter_size, relative_to);
+record!(
+    mrv_segments: 144,
+    struct_size, origins, targets, segment_count, offsets, bundle_count, feature_sizes, emitter_sizes,
+    feature_size, emitter_size, relative_to
+);
 
 #[repr(C)]
 #[derive(Clone, Copy)]

@@ -226,6 +226,36 @@ static void print_form_factors(void) {
   mrv_form_factors_release(factors);
 }
 
+/* A dark square with a bright spot, and the same with noise. */
+static void print_fbem(void) {
+  static float reference[32 * 32], approximation[32 * 32];
+  const double sizes[3] = {0, .5, 4};
+  double errors[3], masked[3];
+  mrv_fbem_images images;
+  random_state = 3;
+  for (int i = 0; i < 32 * 32; i++) {
+    const int x = i % 32, y = i / 32;
+    reference[i] = x > 8 && x < 24 && y > 8 && y < 24 ? (x == 16 && y == 16 ? .75f : .25f) : 1.0f;
+    approximation[i] = reference[i] + .125f * draw();
+  }
+  memset(&images, 0, sizeof images);
+  images.struct_size = sizeof images;
+  images.reference = reference;
+  images.approximation = approximation;
+  images.width = images.height = 32;
+  images.texel = .25;
+  OK(mrv_fbem(&images, sizes, 3, errors, masked));
+  for (int i = 0; i < 3; i++) printf("fbem %016llx %016llx\n", bits_f64(errors[i]), bits_f64(masked[i]));
+}
+
+static void print_reference(const mrv_model *model) {
+  const double positions[6] = {.25, .25, 0, .8, .6, 0}, normals[6] = {0, 0, 1, 0, 0, 5};
+  double irradiance[6], errors[6];
+  mrv_reference_options options = {sizeof options, 9, 16, 0, NULL, NULL};
+  OK(mrv_model_reference(model, positions, normals, 2, &options, irradiance, errors));
+  for (int i = 0; i < 6; i++) printf("reference %016llx %016llx\n", bits_f64(irradiance[i]), bits_f64(errors[i]));
+}
+
 /* A square over the floor that is placed twice, moved and hidden. */
 static void print_updates(void) {
   const float square[12] = {-.5f, -.5f, 0, .5f, -.5f, 0, .5f, .5f, 0, -.5f, .5f, 0}, bottom[12] = {-9, -9, 0, 9, -9, 0, 9, 9, 0, -9, 9, 0};
@@ -303,6 +333,8 @@ int main(void) {
   print_batches(model);
   print_queries(model);
   print_solution(model);
+  print_reference(model);
+  print_fbem();
   mrv_model_release(model);
   print_form_factors();
   print_updates();

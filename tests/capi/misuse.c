@@ -79,6 +79,20 @@ static void nulls(void) {
   WRONG(mrv_form_factors_get_row(NULL, 0, NULL, NULL, NULL), "factors");
   WRONG(mrv_form_factors_get_name(NULL, 0, &name), "factors");
   WRONG(mrv_form_factors_write(NULL, "a.csv"), "factors");
+  WRONG(mrv_solution_get_elements(NULL, NULL), "solution");
+  WRONG(mrv_solution_get_json(NULL, &name), "solution");
+  WRONG(mrv_solution_get_page(NULL, &name), "solution");
+  WRONG(mrv_solution_get_camera(NULL, NULL), "solution");
+  WRONG(mrv_solution_image(NULL, NULL, NULL, NULL, 0), "solution");
+  WRONG(mrv_solution_lightmap(NULL, NULL, NULL), "solution");
+  WRONG(mrv_lightmap_get_arrays(NULL, NULL), "lightmap");
+  WRONG(mrv_scene_get_camera(scene, 0, NULL), "camera");
+  WRONG(mrv_model_bench(model, NULL, NULL), "report");
+  WRONG(mrv_bench_report_get_text(NULL, NULL, NULL, NULL), "report");
+  WRONG(mrv_model_reference(model, NULL, NULL, 1, NULL, NULL, NULL), "positions");
+  WRONG(mrv_fbem(NULL, NULL, 0, NULL, NULL), "images");
+  mrv_lightmap_release(NULL);
+  mrv_bench_report_release(NULL);
   mrv_scene_release(NULL);
   mrv_scene_builder_release(NULL);
   mrv_model_release(NULL);
@@ -416,11 +430,84 @@ static void builders(void) {
   mrv_scene_builder_release(b);
 }
 
+static void images(void) {
+  float texels[16], noisy[16];
+  const double sizes[2] = {0, 1}, bad_sizes[1] = {-1};
+  unsigned char *errors = guarded(2 * sizeof(double)), *masked = guarded(2 * sizeof(double));
+  double *e = (double *)(void *)errors, *m = (double *)(void *)masked;
+  mrv_fbem_images good, bad;
+  for (int i = 0; i < 16; i++) texels[i] = noisy[i] = (float)(i % 3);
+  memset(&good, 0, sizeof good);
+  good.struct_size = sizeof good;
+  good.reference = texels;
+  good.approximation = noisy;
+  good.width = good.height = 4;
+#define TRY_IMAGES(change, word)                       \
+  do {                                                 \
+    bad = good;                                        \
+    change;                                            \
+    WRONG(mrv_fbem(&bad, sizes, 2, e, m), word);       \
+  } while (0)
+  TRY_IMAGES(bad.reference = NULL, "reference");
+  TRY_IMAGES(bad.approximation = NULL, "approximation");
+  TRY_IMAGES(bad.width = 0, "empty");
+  TRY_IMAGES(bad.width = bad.height = UINT64_MAX, "reference");
+  TRY_IMAGES(bad.texel = -1, "texel");
+  TRY_IMAGES(bad.exponent = NAN, "exponent");
+  TRY_IMAGES(bad.features = 3, "features` 3");
+  TRY_IMAGES(bad.morphology = -2, "morphology` -2");
+  TRY_IMAGES(bad.reserved = 2, "reserved");
+  noisy[5] = NAN;
+  TRY_IMAGES((void)0, "texel 1,1");
+  noisy[5] = 2;
+  WRONG(mrv_fbem(&good, bad_sizes, 1, e, m), "-1");
+  WRONG(mrv_fbem(&good, sizes, 2, NULL, m), "errors");
+  WRONG(mrv_fbem(&good, NULL, 2, e, m), "sizes");
+  CHECK(is_untouched(errors, 2 * sizeof(double), 1) && is_untouched(masked, 2 * sizeof(double), 1));
+  OK(mrv_fbem(&good, sizes, 2, e, m));
+  CHECK(is_untouched(errors, 2 * sizeof(double), 0) && is_untouched(masked, 2 * sizeof(double), 0) && e[0] == 0);
+  OK(mrv_fbem(&good, sizes, 2, e, NULL));
+  free(errors - GUARD);
+  free(masked - GUARD);
+}
+
 static int32_t stop_at_once(void *user, const char *stage, double done) {
   (void)stage;
   (void)done;
   ++*(int *)user;
   return 1;
+}
+
+/* Cancels what shows or measures light. */
+static void stop_showing(const mrv_solution *light, int *calls) {
+  static float radiance[3 * 8 * 6];
+  const double at[3] = {.3, .3, 0}, normal[3] = {0, 0, 1};
+  double irradiance[3] = {7, 7, 7};
+  mrv_camera camera = {sizeof camera, {0}, {0}, {0}, 0}, bad;
+  const mrv_image_options small = {sizeof small, 8, 6, 0, 0, NULL, NULL};
+  const mrv_image_options image = {sizeof image, 8, 6, 0, 0, stop_at_once, calls};
+  const mrv_lightmap_options texels = {sizeof texels, 4096, stop_at_once, calls};
+  const mrv_reference_options reference = {sizeof reference, 0, 0, 0, stop_at_once, calls};
+  mrv_bench_options bench;
+  mrv_bench_report *report = NULL;
+  mrv_lightmap *map = NULL;
+  CHECK(mrv_solution_lightmap(light, &texels, &map) == MRV_ERROR_CANCELLED && map == NULL);
+  OK(mrv_solution_get_camera(light, &camera));
+  CHECK(mrv_solution_image(light, &camera, &image, radiance, 3 * 8 * 6) == MRV_ERROR_CANCELLED && radiance[0] == 0);
+  CHECK(mrv_model_reference(model, at, normal, 1, &reference, irradiance, NULL) == MRV_ERROR_CANCELLED && irradiance[0] == 7);
+  memset(&bench, 0, sizeof bench);
+  bench.struct_size = sizeof bench;
+  bench.audit = NAN;
+  CHECK(mrv_model_bench(model, &bench, &report) == MRV_ERROR_INPUT);
+  bench.audit = 0;
+  bench.progress = stop_at_once;
+  bench.user = calls;
+  CHECK(mrv_model_bench(model, &bench, &report) == MRV_ERROR_CANCELLED && report == NULL);
+  bad = camera;
+  bad.angle = 180;
+  WRONG(mrv_solution_image(light, &bad, &small, radiance, 3 * 8 * 6), "angle");
+  WRONG(mrv_solution_image(light, &camera, NULL, radiance, 1), "radiance");
+  CHECK(*calls == 7);
 }
 
 static void cancelling(void) {
@@ -445,6 +532,7 @@ static void cancelling(void) {
   OK(mrv_model_solve(model, &solve, &light));
   OK(mrv_solution_get_info(light, &info));
   CHECK(info.interrupted && calls == 3);
+  stop_showing(light, &calls);
   mrv_solution_release(light);
 }
 
@@ -567,6 +655,7 @@ int main(void) {
   batches();
   queries_and_points();
   builders();
+  images();
   cancelling();
   threads();
   float_state();

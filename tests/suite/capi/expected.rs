@@ -1,5 +1,6 @@
 //! What `tests/capi/answers.c` prints, computed by the crate.
 
+use mrvis::metrics::{Fbem, FbemOptions, Image, spectrum};
 use mrvis::{
     Answers, Cost, Detail, Element, Engine, FormFactorOptions, Grouping, ImageOptions, LoadOptions,
     MeshArrays, Method, Model, PrepareOptions, Scene, SceneBuilder, Segments, Solution, SolveOptions,
@@ -112,6 +113,8 @@ pub fn all() -> String {
     text.push_str(&batches(&model, true));
     query_lines(&mut text, &model);
     solution_lines(&mut text, &model);
+    reference_lines(&mut text, &model);
+    fbem_lines(&mut text);
     form_factor_lines(&mut text);
     text.push_str("before 0 0 1 1\ninstance two 3 -1\nafter 1 1 0 0\n");
     text
@@ -207,6 +210,32 @@ fn image_lines(text: &mut String, light: &Solution) {
     let corners = hash(map.triangles.iter().flatten().map(|v| v.to_ne_bytes()));
     let texcoords = floats(map.texcoords.concat().concat());
     writeln!(text, "positions {positions:016x}\ncorners {corners:016x}\ntexcoords {texcoords:016x}").unwrap();
+}
+
+fn reference_lines(text: &mut String, model: &Model) {
+    let point = |x, y| SurfacePoint { position: [x, y, 0.0], normal: [0.0, 0.0, 1.0] };
+    let found = model.reference(&[point(0.25, 0.25), point(0.8, 0.6)], 16, 9, &()).expect("a reference");
+    for (value, error) in found.irradiance.as_flattened().iter().zip(found.standard_errors.as_flattened()) {
+        writeln!(text, "reference {:016x} {:016x}", value.to_bits(), error.to_bits()).unwrap();
+    }
+}
+
+fn fbem_lines(text: &mut String) {
+    let inside = |i: usize| i > 8 && i < 24;
+    let value = |x, y| match (inside(x) && inside(y), x == 16 && y == 16) {
+        (true, true) => 0.75,
+        (true, false) => 0.25,
+        _ => 1.0,
+    };
+    let reference = Image::from_fn(32, 32, 0.25, value).expect("an image");
+    let mut draw = Draw(3);
+    let noisy = |x, y| value(x, y) + 0.125 * draw.next();
+    let approximation = Image::from_fn(32, 32, 0.25, noisy).expect("an image");
+    let found =
+        spectrum(&reference, &approximation, &[0.0, 0.5, 4.0], &FbemOptions::default()).expect("errors");
+    for Fbem { value, masked_fraction, .. } in found {
+        writeln!(text, "fbem {:016x} {:016x}", value.to_bits(), masked_fraction.to_bits()).unwrap();
+    }
 }
 
 fn form_factor_lines(text: &mut String) {

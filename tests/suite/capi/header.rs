@@ -2,7 +2,7 @@
 
 use super::{declared, library, project};
 use mrvis::internals::capi::layouts;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::process::Command;
 
@@ -21,7 +21,7 @@ struct Side {
 fn shown(syntax: &impl quote::ToTokens) -> String {
     let text = syntax.to_token_stream().to_string().replace(' ', "");
     let text = text.replace("::std::os::raw::", "").replace("::std::option::", "");
-    text.replace("usize]", "]")
+    text.replace("usize]", "]").replace(",)", ")").replace(",>", ">")
 }
 
 impl Side {
@@ -122,17 +122,29 @@ fn library_side() -> Side {
     side
 }
 
+/// Compares what both sides say, so that a failure shows the differences alone.
+fn assert_same<T: PartialEq + std::fmt::Debug>(
+    what: &str,
+    header: &BTreeMap<String, T>,
+    library: &BTreeMap<String, T>,
+) {
+    let names: BTreeSet<&String> = header.keys().chain(library.keys()).collect();
+    let differ = names.into_iter().filter(|name| header.get(*name) != library.get(*name));
+    let differ: Vec<_> = differ.map(|name| (name, header.get(name), library.get(name))).collect();
+    assert!(differ.is_empty(), "{what} (name, header, src/capi): {differ:#?}");
+}
+
 #[test]
 fn the_header_declares_what_the_library_exports() {
     let (header, library) = (header_side(), library_side());
     assert!(header.functions.len() > 40 && header.records.len() > 15, "bindgen found little");
-    assert_eq!(header.functions, library.functions, "functions: header (left), src/capi (right)");
-    assert_eq!(header.records, library.records, "records: header (left), src/capi (right)");
+    assert_same("functions", &header.functions, &library.functions);
+    assert_same("records", &header.records, &library.records);
     let mut constants = header.constants;
     constants.retain(|name, _| !name.starts_with("MRV_VERSION"));
     // bindgen does not give the value of SIZE_MAX.
     constants.insert("MRV_SAME_POSITION".into(), i128::from(u64::MAX));
-    assert_eq!(constants, library.constants, "constants: header (left), src/capi (right)");
+    assert_same("constants", &constants, &library.constants);
 }
 
 #[test]
