@@ -17,7 +17,7 @@ export PATH := $(PATH):$(HOME)/.cargo/bin
 SHELL := /bin/bash
 
 .PHONY: help demo test build scenes install install-files fuzz clean distclean
-.PHONY: setup need-cargo need-packages need-embree need-furniture need-lint need-browser
+.PHONY: setup need-cargo need-packages need-embree need-furniture need-lint need-browser need-clang
 .DEFAULT_GOAL := help
 
 help:
@@ -58,6 +58,10 @@ need-browser:
 	@command -v chromium-browser >/dev/null 2>&1 || command -v google-chrome >/dev/null 2>&1 || \
 	  .ci/debian-packages chromium=chromium fonts-liberation
 
+# The tests compile C and C++ programs with two compilers.
+need-clang: need-packages
+	@.ci/debian-packages clang=clang++
+
 need-lint: need-cargo
 	@for part in fmt clippy; do \
 	  cargo $$part --version >/dev/null 2>&1 && continue; \
@@ -80,12 +84,14 @@ demo: build need-furniture
 	@python3 .ci/headline out/demo/bench.json out/demo/report.html
 
 # The tests come last, so that the output ends with their results.
-test: setup need-lint need-browser
+test: setup need-lint need-browser need-clang
 	cargo fmt --check
+	cargo clippy --no-default-features -- -D warnings
+	cargo clippy --no-default-features --features reports -- -D warnings
 	cargo clippy -- -D warnings
 	cargo clippy --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps
-	@.ci/public-items $(TARGET_DIR)/doc/mrvis 150
+	@.ci/public-items $(TARGET_DIR)/doc/mrvis 200
 	cargo test
 
 install: build

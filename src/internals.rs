@@ -45,7 +45,7 @@ pub mod readers {
         match reader {
             "obj" | "ply" | "gltf" | "glb" => {
                 let options = LoadOptions { max_memory: Some(1 << 30), ..LoadOptions::default() };
-                let scene = scene::read_from_memory(folder, reader, bytes, &options)?;
+                let scene = scene::read_from_memory(Some(folder), reader, bytes, &options)?;
                 assert!(scene.bounds.diagonal().is_finite() && !scene.triangles.is_empty());
             }
             "mtl" => drop(scene::read_materials(folder, bytes)?),
@@ -80,6 +80,11 @@ pub mod readers {
         let optics = crate::optics::measure(&scene, &hierarchy.micro, &options.optics);
         cache::encode(&cache::PreparedClusters { hierarchy, optics }).expect("bytes")
     }
+}
+
+/// The C interface.
+pub mod capi {
+    pub use crate::capi::{layouts, model_handle};
 }
 
 /// Form factors between facets.

@@ -5,7 +5,7 @@
 //! that cast only shadows smaller than a stated feature size transmit according to their extinction. Hierarchical radiosity and form
 //! factors use these engines.
 //!
-//! A [`Scene`] is read from a file (OBJ, glTF, PLY) or generated. A [`Model`] is a scene prepared for queries: owned, immutable, shared
+//! A [`Scene`] is read from a file (OBJ, glTF, PLY), built from arrays ([`SceneBuilder`]) or generated. A [`Model`] is a scene prepared for queries: owned, immutable, shared
 //! between threads by cheap clones. Queries are [`Model::visibility`], [`Model::solve`] and [`Model::form_factors`]; [`Model::update`]
 //! moves instances of meshes.
 //!
@@ -67,13 +67,13 @@
 //!
 //! The formulas, with their papers, are in `docs/method.md` of the source code.
 
-// Without `cli` some functions and fields have no reader: cameras, texture coordinates, what reports show. Files that serve the
-// command alone are left out; attributes on each of the other items, and on fields, would hide the code. Unused code is found
-// by the builds with `cli` and with all features.
+// Without `cli` some functions and fields have no reader: what the command shows, and without `reports` also cameras and texture
+// coordinates. Files that serve the command or reports alone are left out; attributes on each of the other items, and on fields,
+// would hide the code. Unused code is found by the builds with `cli` and with all features.
 #![cfg_attr(not(feature = "cli"), allow(dead_code, unused_imports))]
 
 mod api;
-#[cfg(feature = "cli")]
+#[cfg(feature = "reports")]
 mod bench;
 #[cfg(feature = "capi")]
 mod capi;
@@ -83,11 +83,11 @@ pub mod cli;
 mod clusters;
 mod embree;
 mod error;
-#[cfg(feature = "cli")]
+#[cfg(feature = "reports")]
 mod export;
 mod files;
 mod form_factors;
-#[cfg(feature = "cli")]
+#[cfg(feature = "reports")]
 mod image_io;
 #[cfg(feature = "internals")]
 #[doc(hidden)]
@@ -97,11 +97,11 @@ mod memory;
 pub mod metrics;
 mod model;
 mod optics;
-#[cfg(feature = "cli")]
+#[cfg(feature = "reports")]
 mod page;
-#[cfg(feature = "cli")]
+#[cfg(feature = "reports")]
 mod path_tracer;
-#[cfg(feature = "cli")]
+#[cfg(feature = "reports")]
 mod plot;
 mod points;
 mod progress;
@@ -114,9 +114,11 @@ mod threads;
 mod visibility;
 
 pub use api::{
-    Answers, Engine, FormFactorOptions, FormFactors, Grouping, Query, Segments, Solution, SolveOptions,
-    Strided, SurfacePoint, Visibility,
+    Answers, Element, Engine, FormFactorOptions, FormFactors, Grouping, MeshArrays, Positions, Query,
+    SceneBuilder, Segments, Solution, SolveOptions, Strided, SurfacePoint, Visibility,
 };
+#[cfg(feature = "reports")]
+pub use api::{BenchOptions, BenchReport, Camera, ImageOptions, Lightmap, Reference};
 pub use error::{Error, ErrorCategory, Result};
 #[doc(no_inline)]
 pub use glam::DAffine3;

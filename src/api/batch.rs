@@ -64,6 +64,7 @@ struct Chunk<'a> {
     lo: &'a mut [f32],
     hi: &'a mut [f32],
     methods: &'a mut [Method],
+    method_codes: &'a mut [u8],
     /// Transmittance of each segment; `None` if the caller gave no array.
     each: Option<&'a mut [f32]>,
 }
@@ -76,16 +77,18 @@ impl Chunk<'_> {
             out.get_mut(k).into_iter().for_each(|out| *out = value);
         }
         self.methods.get_mut(k).into_iter().for_each(|out| *out = answer.method);
+        self.method_codes.get_mut(k).into_iter().for_each(|out| *out = answer.method as u8);
     }
 }
 
 /// The batch in chunks.
 fn chunks<'a>(segments: &Segments, answers: &'a mut Answers) -> Vec<Chunk<'a>> {
-    let Answers { transmittance, intervals, methods, segments: each } = answers;
+    let Answers { transmittance, intervals, methods, method_codes, segments: each } = answers;
     let mut transmittance = &mut **transmittance;
     let (mut lo, mut hi) =
         intervals.as_mut().map_or_else(Default::default, |(lo, hi)| (&mut **lo, &mut **hi));
     let mut methods = methods.as_mut().map_or_else(Default::default, |m| &mut **m);
+    let mut method_codes = method_codes.as_mut().map_or_else(Default::default, |m| &mut **m);
     let mut each = each.as_mut().map(|e| &mut **e);
     let (mut chunks, mut first) = (Vec::new(), 0);
     while first < segments.bundle_count() {
@@ -104,6 +107,7 @@ fn chunks<'a>(segments: &Segments, answers: &'a mut Answers) -> Vec<Chunk<'a>> {
             lo: front(&mut lo, end - first),
             hi: front(&mut hi, end - first),
             methods: front(&mut methods, end - first),
+            method_codes: front(&mut method_codes, end - first),
             each: each.as_mut().map(|each| front(each, count)),
         });
         first = end;

@@ -4,6 +4,7 @@ use super::visibility::Engine;
 use crate::model::Model;
 use crate::points::Point;
 use crate::progress::Progress;
+use crate::radiosity::mesh::{Element, RadiosityMesh};
 use crate::radiosity::{self, Options, Record};
 use crate::{Error, Result};
 use glam::DVec3;
@@ -87,6 +88,14 @@ impl SolveOptions {
         self
     }
 
+    /// RMS error of the elements relative to the mean irradiance, above 0, until which more rays are traced, as independent paths find it;
+    /// default: none.
+    #[must_use]
+    pub fn with_target_error(mut self, error: f64) -> SolveOptions {
+        self.options.target_error = Some(error);
+        self
+    }
+
     /// Seed of all random numbers; default 1.
     #[must_use]
     pub fn with_seed(mut self, seed: u64) -> SolveOptions {
@@ -116,13 +125,41 @@ impl SurfacePoint {
         }
         Ok(Point { position, normal })
     }
+
+    pub(super) fn all_checked(points: &[SurfacePoint]) -> Result<Vec<Point>> {
+        points.iter().enumerate().map(|(i, point)| point.checked(i)).collect()
+    }
 }
 
 /// The light in a model: radiosity of all surfaces. Owned; answers irradiance at points any time.
+///
+/// ```
+/// use mrvis::{Detail, Model, PrepareOptions, Scene, SolveOptions};
+///
+/// let scene = Scene::generate("cornell")?;
+/// let model = Model::prepare(scene, &PrepareOptions::default().with_detail(Detail::Clusters), &())?;
+/// let light = model.solve(&SolveOptions::default().with_error(0.1), &())?;
+/// let vertices: Vec<[f64; 3]> = light.vertices().collect(); // scene units
+/// for element in light.elements() {
+///     let corners = element.corners.map(|v| vertices[v as usize]);
+///     let [red, _, _] = element.radiosity; // W/m², emission included
+///     assert!(red >= 0.0 && element.area > 0.0 && corners[0] != corners[1]);
+/// }
+/// # Ok::<(), mrvis::Error>(())
+/// ```
 #[derive(Clone)]
 pub struct Solution {
-    solved: Arc<radiosity::Solution>,
-    record: Arc<Record>,
+    pub(super) inner: Arc<Solved>,
+}
+
+/// What all copies of a solution share.
+pub(super) struct Solved {
+    pub solved: radiosity::Solution,
+    pub record: Record,
+    pub mesh: RadiosityMesh,
+    /// The mesh of pictures and lightmaps, made when it is first needed.
+    #[cfg(feature = "reports")]
+    pub smooth: std::sync::OnceLock<crate::export::Mesh>,
 }
 
 impl Model {
@@ -143,7 +180,15 @@ impl Model {
             )));
         }
         let (outcome, solved) = self.on_threads(|| radiosity::solve(self, &[], options, progress))??;
-        Ok(Solution { solved: Arc::new(solved), record: Arc::new(outcome.record) })
+        let radiosity::Outcome { mesh, record, .. } = outcome;
+        let solved = Solved {
+            solved,
+            record,
+            mesh,
+            #[cfg(feature = "reports")]
+            smooth: Default::default(),
+        };
+        Ok(Solution { inner: Arc::new(solved) })
     }
 }
 
@@ -154,33 +199,49 @@ impl Solution {
     /// # Errors
     /// [`Error::Argument`] if a position is not finite or a normal has no length; the message names the point.
     pub fn irradiance(&self, points: &[SurfacePoint]) -> Result<Vec<[f64; 3]>> {
-        let points: Vec<Point> =
-            points.iter().enumerate().map(|(i, point)| point.checked(i)).collect::<Result<_>>()?;
-        self.solved.model().on_threads(|| self.solved.irradiance(&points))
+        let points = SurfacePoint::all_checked(points)?;
+        let solved = &self.inner.solved;
+        solved.model().on_threads(|| solved.irradiance(&points))
+    }
+
+    /// The model that was solved.
+    pub fn model(&self) -> &Model {
+        self.inner.solved.model()
+    }
+
+    /// The elements, constant pieces of lit sides of surfaces: the cells of `solution.vtu`. Borrowed.
+    pub fn elements(&self) -> &[Element] {
+        &self.inner.mesh.elements
+    }
+
+    /// Corners of the elements, each position once, in the coordinates of the file, scene units.
+    pub fn vertices(&self) -> impl ExactSizeIterator<Item = [f64; 3]> {
+        let RadiosityMesh { origin, vertices, .. } = &self.inner.mesh;
+        vertices.iter().map(move |p| (origin + p.as_dvec3()).to_array())
     }
 
     /// Mean irradiance of all surfaces, W/m², linear RGB.
     pub fn mean_irradiance(&self) -> [f64; 3] {
-        self.record.mean_irradiance
+        self.inner.record.mean_irradiance
     }
 
     /// Estimated RMS error of the irradiance of the elements, relative to its mean; `None` if it is unknown.
     pub fn error_estimate(&self) -> Option<f64> {
-        self.record.error_estimate
+        self.inner.record.error_estimate
     }
 
-    /// Number of elements of the hierarchy.
+    /// Number of elements of the hierarchy, clusters included: more than [`Solution::elements`].
     pub fn element_count(&self) -> usize {
-        self.record.elements
+        self.inner.record.elements
     }
 
     /// What a user should know, one sentence each: repairs of the scene, limits that were reached.
     pub fn warnings(&self) -> &[String] {
-        &self.record.warnings
+        &self.inner.record.warnings
     }
 
     /// Whether the caller's progress stopped it before the error was reached.
     pub fn interrupted(&self) -> bool {
-        self.record.interrupted
+        self.inner.record.interrupted
     }
 }

@@ -1,5 +1,9 @@
 //! The front door: batches agree with engines, single queries with batches, and wrong arguments are named.
 
+mod reports;
+mod scene_builder;
+mod shown;
+
 use super::*;
 use crate::model::{Detail, Model, PrepareOptions};
 use crate::ray::{LANES, Packet};
@@ -239,7 +243,7 @@ fn wrong_arguments_are_named_and_nothing_is_written() {
     assert!(error.to_string().contains("`transmittance` has 1 entries, must have 2"), "{error}");
     assert!(Strided::new(&[0.0; 8], 2, 1).is_err() && Strided::new(&[0.0; 8], 3, 3).is_err());
     assert!(Strided::new(&[0.0; 8], usize::MAX, 3).is_err());
-    assert_eq!(Strided::new(&[], 0, 0).unwrap().len(), 0);
+    assert_eq!(Strided::<f32>::new(&[], 0, 0).unwrap().len(), 0);
     let query = visibility.from_point([0.0; 3], [0.0, 0.0, 1.0]);
     for (query, want) in [
         (query, "target"),

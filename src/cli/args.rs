@@ -7,7 +7,7 @@ use super::{
 };
 use crate::{
     Error, Result,
-    files::WholeFile,
+    files::{WholeFile, json_text},
     model::cache::CacheLocation,
     scene::{
         Channels, LoadOptions, Photometry, Scene, UpAxis, parse_emitter, read_placements, unit_in_metres,
@@ -127,8 +127,7 @@ impl Common {
     /// The file cannot be written.
     pub fn write_json(&self, value: &impl serde::Serialize) -> Result<()> {
         let Some(path) = &self.json else { return Ok(()) };
-        let text =
-            serde_json::to_string_pretty(value).map_err(|e| Error::format(path, None, e.to_string()))? + "\n";
+        let text = json_text(value).map_err(|e| Error::format(path, None, e.to_string()))?;
         if self.json_is_piped() { super::print(&text) } else { WholeFile::write(path, text) }
     }
 }

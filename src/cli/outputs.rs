@@ -4,16 +4,16 @@ use super::args::{Common, distinct, plain};
 use crate::{
     Result,
     export::{
-        Camera, Frame, Mesh, PageView, Stage, Tone, VIEW, best_view, light_of, lightmap, render,
-        unwrapped_lightmap, visible_points, write_glb, write_lightmap, write_ply, write_vtu,
+        Camera, MAX_PIXELS, MAX_SIDE, Mesh, PageView, Stage, Tone, VIEW, best_view, developed, picture,
+        suitable_lightmap, write_glb, write_lightmap, write_ply, write_vtu,
     },
-    image_io::{Picture, write_exr_rgb, write_png},
+    image_io::{write_exr_rgb, write_png},
     points::Point,
     progress::Progress,
     radiosity::mesh::RadiosityMesh,
     scene::{Photometry, Scene, StoredCamera},
 };
-use glam::Vec3Swizzles;
+use glam::DVec3;
 use std::path::{Path, PathBuf};
 
 /// Options of the files that show a solution.
@@ -106,11 +106,6 @@ impl Files<'_> {
 /// Irradiance at points within a part of the remaining time; `None` if the time does not suffice.
 pub type Gather<'a> = &'a dyn Fn(&[Point], f64) -> Option<Vec<[f64; 3]>>;
 
-/// Largest number of pixels: limits memory to about 1 GB during rendering.
-const MAX_PIXELS: usize = 1 << 25;
-/// Rays per pixel along either side: 4 rays give edges 5 levels. Pictures only.
-const SAMPLES_PER_SIDE: usize = 2;
-
 impl Outputs {
     /// Writes the requested files into a folder, except the page, which needs the final record. `irradiance` computes the light of pixels for
     /// `--gather`; where it returns `None`, light is interpolated. Once `progress` has stopped, only `solution.vtu` is written; it does
@@ -174,21 +169,16 @@ impl Outputs {
         let stage = Stage::new(mesh, solution)?;
         let [image, charts, picture] =
             ["lightmap.exr", "lightmap.obj", "lightmap.png"].map(|name| files.path(name));
+        let (map, why) = suitable_lightmap(&stage, solution, scene, self.lightmap_texels)?;
         files.written.push(image.clone());
-        let map = match unwrapped_lightmap(&stage, scene, self.lightmap_texels) {
-            Ok(map) => {
-                write_exr_rgb(&image, map.width, &map.irradiance)?;
-                map
-            }
-            Err(why) => {
-                spinner.clear();
-                common.print(&format!("note: lightmap with a chart for each plane: {why}\n"))?;
-                let map = lightmap(mesh, solution, scene, self.lightmap_texels)?;
-                write_lightmap(&image, &charts, &map, scene)?;
-                files.written.push(charts);
-                map
-            }
-        };
+        if let Some(why) = why {
+            spinner.clear();
+            common.print(&format!("note: lightmap with a chart for each plane: {why}\n"))?;
+            write_lightmap(&image, &charts, &map, scene)?;
+            files.written.push(charts);
+        } else {
+            write_exr_rgb(&image, map.width, &map.irradiance)?;
+        }
         write_png(&picture, &developed(map.width, &map.irradiance))?;
         files.written.push(picture);
         Ok(())
@@ -213,49 +203,25 @@ impl Outputs {
         let cameras = self.cameras(scene, solution, &stage);
         for (k, camera) in cameras.iter().enumerate() {
             let part = 1.0 / (cameras.len() - k) as f64;
-            let frame = self.frame(&stage, camera, solution, (irradiance, part), progress);
+            let gather = |points: &[Point]| irradiance(points, part);
+            let gather = self.gather.then_some(&gather as _);
+            let frame = picture(&stage, (camera, self.image_size), solution, gather, progress);
             if progress.stopped() {
                 common.print(&format!("interrupted: no picture `{}`\n", camera.name))?;
                 continue;
             }
             let width = self.image_size[0];
-            let picture = developed(width, &frame.radiance);
+            let view = PageView::of(camera, width, &frame);
             if wants_images {
                 let name = |kind| format!("{}.{kind}", camera.name);
                 files.write(&name("exr"), |path| write_exr_rgb(path, width, &frame.radiance))?;
-                files.write(&name("png"), |path| write_png(path, &picture))?;
+                files.write(&name("png"), |path| write_png(path, &view.picture))?;
             }
             if self.wants_page() {
-                let irradiance = frame.first.iter().map(|f| f.map(|f| f.irradiance)).collect();
-                views.push(PageView { name: camera.name.clone(), picture, irradiance });
+                views.push(view);
             }
         }
         Ok(views)
-    }
-
-    /// The picture of a camera: by final gathering if that is asked for and there is time, else interpolated.
-    fn frame(
-        &self,
-        stage: &Stage,
-        camera: &Camera,
-        solution: &RadiosityMesh,
-        (irradiance, part): (Gather, f64),
-        progress: &dyn Progress,
-    ) -> Frame {
-        if self.gather {
-            let mut frame = render(stage, camera, self.image_size, 1, progress);
-            if progress.stopped() {
-                return frame;
-            }
-            if let Some(light) = irradiance(&visible_points(&frame, solution), part) {
-                frame.radiance = light_of(&frame, solution, &light);
-                for (first, light) in frame.first.iter_mut().flatten().zip(light) {
-                    first.irradiance = light.map(|e| e as f32);
-                }
-                return frame;
-            }
-        }
-        render(stage, camera, self.image_size, SAMPLES_PER_SIDE, progress)
     }
 
     /// Pixels of a picture.
@@ -305,19 +271,17 @@ impl Outputs {
         let up = scene.up_axis().vector();
         let Some([x, y, z, u, v, w, degrees]) = self.camera else {
             let names = view_names(&scene.cameras).into_iter();
-            let stored: Vec<Camera> =
-                scene.cameras.iter().zip(names).map(|(c, name)| stored(c, name, solution)).collect();
+            let stored: Vec<Camera> = (scene.cameras.iter().zip(names))
+                .map(|(c, name)| Camera::stored(c, name, solution.origin))
+                .collect();
             return if stored.is_empty() {
                 vec![best_view(stage, solution, up, &scene.unit)]
             } else {
                 stored
             };
         };
-        let eye = (glam::DVec3::new(x, y, z) - solution.origin).as_vec3();
-        let forward = (glam::DVec3::new(u, v, w) - glam::DVec3::new(x, y, z)).normalize().as_vec3();
-        // Straight up or down: the picture's top is the other axis of the ground.
-        let up = if up.cross(forward).length() > 1e-3 { up } else { up.yzx() };
-        vec![Camera { name: VIEW.into(), eye, forward, up, angle: degrees.to_radians() as f32 }]
+        let ends = [DVec3::new(x, y, z), DVec3::new(u, v, w)];
+        vec![Camera::towards(ends, up, degrees.to_radians(), solution.origin)]
     }
 }
 
@@ -326,28 +290,10 @@ fn view_names(cameras: &[StoredCamera]) -> Vec<String> {
     distinct(cameras.iter().map(|c| format!("{VIEW}-{}", plain(&c.name))))
 }
 
-/// A camera of the file; its pictures get the name.
-fn stored(c: &StoredCamera, name: String, solution: &RadiosityMesh) -> Camera {
-    Camera {
-        name,
-        eye: (c.eye - solution.origin).as_vec3(),
-        forward: c.forward.as_vec3(),
-        up: c.up.as_vec3(),
-        angle: c.angle as f32,
-    }
-}
-
-/// Tone-mapped colours of light.
-fn developed(width: usize, light: &[[f32; 3]]) -> Picture {
-    let tone = Tone::of(light.iter().copied());
-    let pixels = light.iter().map(|&r| tone.srgb(r)).collect();
-    Picture { width, height: light.len() / width.max(1), pixels }
-}
-
 fn size(text: &str) -> Result<[usize; 2], String> {
     let sides = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
     sides
-        .filter(|s: &[usize; 2]| s.iter().all(|n| (1..=16_384).contains(n)) && s[0] * s[1] <= MAX_PIXELS)
+        .filter(|s: &[usize; 2]| s.iter().all(|n| (1..=MAX_SIDE).contains(n)) && s[0] * s[1] <= MAX_PIXELS)
         .ok_or_else(|| "columns x rows, 1 to 16384 each and at most 2^25 pixels, such as 800x600".into())
 }
 

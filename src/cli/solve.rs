@@ -13,7 +13,7 @@ use super::outputs::{Outputs, Written};
 use super::progress::Bar;
 use crate::bench::side_by_side::{ComparedRecord, Versus, side_by_side};
 use crate::export::solve_page;
-use crate::files::WholeFile;
+use crate::files::{WholeFile, json_text};
 use crate::points::{Irradiance, Point, read_points, write_irradiance};
 use crate::progress::Progress;
 use crate::radiosity::{
@@ -267,9 +267,9 @@ fn write(
     let photometric = photometry.map(|p| Luminous::of(p, &record));
     let mut record = Reported { compared: ComparedRecord { record, versus }, photometric };
     let save = |record: &Reported| {
-        let text = serde_json::to_string_pretty(record)
-            .map_err(|e| Error::format(out.join("solution.json"), None, e.to_string()))?;
-        WholeFile::write(&out.join("solution.json"), text + "\n")
+        let path = out.join("solution.json");
+        let text = json_text(record).map_err(|e| Error::format(&path, None, e.to_string()))?;
+        WholeFile::write(&path, text)
     };
     save(&record)?;
     if args.points.is_some() {

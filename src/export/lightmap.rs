@@ -43,6 +43,15 @@ pub struct MapSide {
     pub texcoords: [Vec2; 3],
 }
 
+impl MapSide {
+    /// The vertices of the triangle, counterclockwise from this side, and their texture coordinates.
+    pub fn turned(&self, scene: &Scene) -> ([u32; 3], [[f32; 2]; 3]) {
+        let ([a, b, c], [s, t, u]) =
+            (scene.triangles[self.triangle as usize], self.texcoords.map(|place| place.to_array()));
+        if self.front { ([a, b, c], [s, t, u]) } else { ([a, c, b], [s, u, t]) }
+    }
+}
+
 /// Width of the margin around each chart that repeats its border: bilinear filtering reads one texel beyond a chart,
 /// also at half the resolution.
 const MARGIN_TEXELS: usize = 2;

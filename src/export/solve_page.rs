@@ -58,7 +58,7 @@ pub struct PageView {
     pub irradiance: Vec<Option<[f32; 3]>>,
 }
 
-/// The page as HTML, in lux with `photometry`. `command` is the command line that repeats the run.
+/// The page as HTML, in lux with `photometry`. `command` is the command line that repeats the run, if there is one.
 ///
 /// # Errors
 /// A picture has no pixels.
@@ -97,7 +97,7 @@ pub fn solve_page(
                 (if record.threads == 1 { "thread" } else { "threads" }) " · seed " (record.options.seed)
                 " · lengths in " (record.unit)
             }
-            pre { (command) }
+            @if !command.is_empty() { pre { (command) } }
         }
     };
     Ok(document(&format!("mrvis solve: {name}"), &body))

@@ -10,6 +10,11 @@ use std::{
 };
 use tempfile::NamedTempFile;
 
+/// The text of a JSON file: indented, with a line feed at its end.
+pub fn json_text(value: &impl serde::Serialize) -> serde_json::Result<String> {
+    Ok(serde_json::to_string_pretty(value)? + "\n")
+}
+
 /// A buffered file being written. The data go to a temporary file until [`WholeFile::commit`]; a file that is dropped
 /// before is removed. On Linux the temporary file has no name until then, so that nothing is left if the program is killed.
 pub struct WholeFile {

@@ -15,7 +15,7 @@ mod fbem;
 mod features;
 mod filter;
 mod image;
-#[cfg(any(test, feature = "cli"))]
+#[cfg(any(test, feature = "reports"))]
 mod missing;
 mod norms;
 
@@ -24,7 +24,7 @@ pub use fbem::{Fbem, FbemOptions, Filter, fbem, spectrum};
 pub use features::{FeatureOptions, Features, feature_mask};
 pub use image::Image;
 
-#[cfg(any(test, feature = "cli"))]
+#[cfg(any(test, feature = "reports"))]
 pub(crate) use {
     fbem::spectrum_sizes,
     features::{DEFAULT_THRESHOLD, FeatureSet},

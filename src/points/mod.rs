@@ -5,7 +5,7 @@
 //! `Er_se,Eg_se,Eb_se` if standard errors are known. Further columns are ignored, so every irradiance file is also a
 //! point file.
 
-#[cfg(any(test, feature = "cli"))]
+#[cfg(any(test, feature = "reports"))]
 mod compare;
 #[cfg(any(test, feature = "cli"))]
 mod read;
@@ -14,7 +14,7 @@ mod tests;
 #[cfg(any(test, feature = "cli"))]
 mod write;
 
-#[cfg(any(test, feature = "cli"))]
+#[cfg(any(test, feature = "reports"))]
 pub use compare::{Comparison, compare};
 #[cfg(any(test, all(feature = "cli", feature = "internals")))]
 pub use read::irradiance_of;
@@ -35,7 +35,7 @@ pub struct Point {
 }
 
 /// Irradiance at points. All vectors have one entry per point.
-#[cfg(any(test, feature = "cli"))]
+#[cfg(any(test, feature = "reports"))]
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Irradiance {
     /// The points.

@@ -4,11 +4,12 @@
 
 use glam::{DVec3, Vec3};
 
-/// One side of a piece of a surface, with constant light.
+/// One side of a piece of a surface, with constant light; see [`Solution::elements`](crate::Solution::elements).
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Element {
-    /// Indices into [`RadiosityMesh::vertices`], counterclockwise seen from the lit side; a triangle repeats its third
-    /// corner as the fourth.
+    /// Indices into [`Solution::vertices`](crate::Solution::vertices), counterclockwise seen from the lit side; a triangle repeats its
+    /// third corner as the fourth.
     pub corners: [u32; 4],
     /// Radiosity, emission included, W/m², linear RGB.
     pub radiosity: [f64; 3],
@@ -26,11 +27,11 @@ pub struct Element {
     pub level: u8,
     /// Links that end at the element or at its ancestors.
     pub links: u32,
-    /// A face of the scene that the element lies on, an index into `Scene::triangles`.
+    /// A triangle of the scene that the element lies on.
     pub triangle: u32,
-    /// Index into the scene's objects.
+    /// Index into [`Scene::object_names`](crate::Scene::object_names).
     pub object: u32,
-    /// Index into the scene's materials.
+    /// Index into [`Scene::material_names`](crate::Scene::material_names).
     pub material: u32,
     /// Whether the element is on the front of the face, from which its corners turn counterclockwise.
     pub front: bool,

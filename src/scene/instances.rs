@@ -146,6 +146,7 @@ pub(crate) fn resolve_placed(placed: PlacedSoup, options: &LoadOptions) -> Resul
     let shared = meshes.into_iter().map(|m| resolve_mesh(m, options)).collect::<Result<Vec<_>>>()?;
     shared.iter().for_each(|m| soup.repairs.add_counts(&m.repairs));
     let mut scene = resolve(soup, options)?;
+    scene.repairs.messages.extend(shared.iter().flat_map(|m| m.repairs.messages.iter().cloned()));
     scene.place(shared, placements)?;
     Ok(scene)
 }

@@ -3,7 +3,7 @@
 use super::{LoadOptions, Scene, read_gltf, read_obj, read_ply, resolve, sources::Sources};
 use crate::files::input::{guarded, is_standard_input};
 use crate::threads::Threads;
-use crate::{Error, Result};
+use crate::{Error, Result, error::quote};
 use std::{io::BufReader, path::Path};
 
 impl Scene {
@@ -31,6 +31,26 @@ impl Scene {
         }
         Threads::new(options.threads)?.run(|| guarded(path, || read(path, options)))?
     }
+
+    /// Reads a scene from the bytes of a file. `format` is `obj`, `gltf`, `glb` or `ply`. Files that it names (material libraries, textures,
+    /// buffers) are looked for from `folder`, as for a file that lies there.
+    ///
+    /// # Errors
+    /// As for [`Scene::load_with`]; [`Error::Argument`] for another format, or if the scene names a file and there is no `folder`.
+    pub fn from_memory(
+        data: &[u8],
+        format: &str,
+        folder: Option<&Path>,
+        options: &LoadOptions,
+    ) -> Result<Scene> {
+        if !["obj", "gltf", "glb", "ply"].contains(&format) {
+            return Err(Error::Argument(format!(
+                "`format` {}: must be obj, gltf, glb or ply",
+                quote(format)
+            )));
+        }
+        Threads::new(options.threads)?.run(|| read_from_memory(folder, format, data, options))?
+    }
 }
 
 /// Reads a scene on the threads of the caller.
@@ -39,7 +59,7 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
     let stem = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     let mut scene = if is_standard_input(path) {
         let bytes = sources.bytes(path)?;
-        read_bytes(path, format_of(&bytes), bytes, &mut sources, options)?
+        read_bytes(path, format_of(&bytes), &bytes, &mut sources, options)?
     } else {
         match stem.as_str() {
             "obj" => {
@@ -48,7 +68,7 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
             }
             "gltf" | "glb" | "ply" => {
                 let bytes = sources.bytes(path)?;
-                read_bytes(path, &stem, bytes, &mut sources, options)?
+                read_bytes(path, &stem, &bytes, &mut sources, options)?
             }
             _ => {
                 let what = "unknown kind of scene; the extension must be .obj, .gltf, .glb or .ply";
@@ -67,27 +87,36 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
 fn read_bytes(
     path: &Path,
     format: &str,
-    bytes: Vec<u8>,
+    bytes: &[u8],
     sources: &mut Sources,
     options: &LoadOptions,
 ) -> Result<Scene> {
     match format {
         "gltf" | "glb" => read_gltf::read(path, bytes, sources, options),
-        "ply" => resolve(read_ply::read(path, &bytes)?, options),
-        _ => resolve(read_obj::read(path, bytes.as_slice(), sources)?, options),
+        "ply" => resolve(read_ply::read(path, bytes)?, options),
+        _ => resolve(read_obj::read(path, bytes, sources)?, options),
     }
 }
 
-/// Reads a scene from memory as [`Scene::load_with`] does, with an error for a panic of a decoder. Other files that it names are
-/// looked for in `folder`.
+/// [`Scene::from_memory`] on the threads of the caller, for a format that is known.
 ///
 /// # Errors
-/// As for [`Scene::load_with`].
-#[cfg(any(test, feature = "internals"))]
-pub fn read_from_memory(folder: &Path, format: &str, bytes: &[u8], options: &LoadOptions) -> Result<Scene> {
-    let path = folder.join("scene").with_extension(format);
+/// As for [`Scene::from_memory`].
+pub fn read_from_memory(
+    folder: Option<&Path>,
+    format: &str,
+    bytes: &[u8],
+    options: &LoadOptions,
+) -> Result<Scene> {
     let mut sources = Sources::new(options.max_memory);
-    guarded(&path, || read_bytes(&path, format, bytes.to_vec(), &mut sources, options))
+    sources.is_closed = folder.is_none();
+    // Beside an empty path the name `-` would be standard input.
+    let folder = folder.map(|folder| if folder.as_os_str().is_empty() { Path::new(".") } else { folder });
+    let path = folder.unwrap_or(Path::new("")).join("memory").with_extension(format);
+    let mut scene = guarded(&path, || read_bytes(&path, format, bytes, &mut sources, options))?;
+    scene.files = sources.read;
+    scene.files.extend(options.luminaires.files.iter().cloned());
+    Ok(scene)
 }
 
 /// Format of a scene without a name, by its first characters.

@@ -122,7 +122,7 @@ pub fn lit_from_memory(format: &str, bytes: &[u8]) -> Result<super::Scene> {
         })?,
     };
     let options = LoadOptions { luminaires, max_memory: Some(1 << 30), ..LoadOptions::default() };
-    super::read_from_memory(Path::new("/nonexistent"), "obj", FLOOR, &options)
+    super::read_from_memory(None, "obj", FLOOR, &options)
 }
 
 /// Adds the luminaires of the options to the scene's polygons.

@@ -19,6 +19,8 @@ const MAX_MESSAGES: usize = 20;
 pub(super) struct Sources {
     /// Largest file, and largest sum of decoded textures, bytes.
     limit: u64,
+    /// Whether the scene is in memory without a folder: it must not name files.
+    pub is_closed: bool,
     /// Files that were read, in order, without repetition.
     pub read: Vec<PathBuf>,
     textures: HashMap<TextureKey, Option<Texture>>,
@@ -37,11 +39,12 @@ impl Sources {
     /// `max_memory`: largest memory of the scene, bytes; `None` for [`memory::PART`] of what is available.
     pub fn new(max_memory: Option<u64>) -> Sources {
         let limit = max_memory.or_else(memory::usable).unwrap_or(u64::MAX >> 1);
-        Sources { limit, read: Vec::new(), textures: HashMap::new(), texture_bytes: 0 }
+        Sources { limit, is_closed: false, read: Vec::new(), textures: HashMap::new(), texture_bytes: 0 }
     }
 
     /// Opens a file that may take all memory.
     pub fn open(&mut self, path: &Path) -> Result<Input> {
+        self.check_open(path)?;
         let input = Input::open(path, self.limit)?;
         self.note(path);
         Ok(input)
@@ -54,9 +57,20 @@ impl Sources {
 
     /// All bytes of a file of definitions.
     pub fn small(&mut self, path: &Path) -> Result<Vec<u8>> {
+        self.check_open(path)?;
         let bytes = Input::open(path, MAX_SMALL_FILE.min(self.limit))?.bytes()?;
         self.note(path);
         Ok(bytes)
+    }
+
+    fn check_open(&self, path: &Path) -> Result<()> {
+        match self.is_closed {
+            false => Ok(()),
+            true => Err(Error::Argument(format!(
+                "the scene names the file `{}`: give `folder`, where it is looked for, or leave it out of the scene",
+                shown(path)
+            ))),
+        }
     }
 
     fn note(&mut self, path: &Path) {
@@ -68,7 +82,7 @@ impl Sources {
     /// The texture `key`, whose encoded bytes are `read` once; `None`, with a counted repair, if it cannot be read.
     ///
     /// # Errors
-    /// The textures of the scene take more memory than allowed.
+    /// The textures of the scene take more memory than allowed, or the scene must not name files.
     pub fn texture(
         &mut self,
         scene: &Path,
@@ -86,7 +100,7 @@ impl Sources {
         let left = self.limit.saturating_sub(self.texture_bytes);
         let decoded = read(self).and_then(|bytes| guarded(&file, || Texture::decode(&file, &bytes, left)));
         let texture = match decoded {
-            Err(error @ Error::OutOfMemory(_)) => return Err(error),
+            Err(error @ (Error::OutOfMemory(_) | Error::Argument(_))) => return Err(error),
             Err(error) => {
                 let why = match &error {
                     Error::Io { source, .. } => source.to_string(),

@@ -29,7 +29,7 @@ mod testing;
 #[cfg(test)]
 mod tests;
 mod triangles;
-#[cfg(any(test, feature = "cli"))]
+#[cfg(any(test, feature = "reports"))]
 mod unbiased;
 mod walk;
 mod wide;
@@ -41,6 +41,6 @@ pub use cost_model::{CALIBRATION_BUNDLES, SAMPLE_RUN, SAMPLE_RUNS, Work, sample_
 pub use exact::{Exact, fastest_traversal};
 pub use instance_tree::{Frame, InstanceTree, Instances, PlacedChange};
 pub use multires::{LeafMode, MultiResolution};
-#[cfg(any(test, feature = "cli"))]
+#[cfg(any(test, feature = "reports"))]
 pub use unbiased::{Correction, Estimate, Unbiased};
 pub use wide::WideTree;

@@ -1,5 +1,7 @@
 //! Tests of the whole project, in one binary.
 
+#[cfg(feature = "capi")]
+mod capi;
 #[cfg(feature = "cli")]
 mod cli;
 #[cfg(feature = "cli")]

@@ -49,7 +49,15 @@ impl Solution {
     /// Irradiance at points (file coordinates) within a part, in `(0, 1]`, of the time that is left of [`Options::max_seconds`]: by
     /// fewer rays if there is no time for all of them.
     pub fn irradiance_within(&self, points: &[Point], part: f64, progress: &dyn Progress) -> PointLight {
-        let deadline = self.deadline.for_caller(progress).part(part);
+        self.gathered(points, self.deadline.for_caller(progress).part(part))
+    }
+
+    /// Irradiance at points (file coordinates), W/m², with all rays, whatever time limit the solution had; none if `progress` has stopped.
+    pub fn irradiance_unless(&self, points: &[Point], progress: &dyn Progress) -> Option<Vec<Rgb>> {
+        self.gathered(points, Deadline::start(progress, None)).irradiance
+    }
+
+    fn gathered(&self, points: &[Point], deadline: Deadline) -> PointLight {
         let points = relative(self.model.scene(), points);
         let gather = |options: &Options| FinalGather::new(&self.model, &self.solved.linked, options);
         let all = gather(&self.options);

@@ -30,12 +30,7 @@ const GPU_INSTANCING: &str = "EXT_mesh_gpu_instancing";
 const TRANSMISSION: &str = "KHR_materials_transmission";
 
 /// Reads a glTF or GLB file, of which `path` is the name: one object per node, coordinates as in the file (y up).
-pub(super) fn read(
-    path: &Path,
-    bytes: Vec<u8>,
-    sources: &mut Sources,
-    options: &LoadOptions,
-) -> Result<Scene> {
+pub(super) fn read(path: &Path, bytes: &[u8], sources: &mut Sources, options: &LoadOptions) -> Result<Scene> {
     let (document, buffers) = open(path, bytes, sources)?;
     let (repairs, materials, cameras, lights) = Default::default();
     let mut reader = Reader { path, buffers, materials, cameras, lights, hard_spots: 0, repairs };
@@ -45,7 +40,7 @@ pub(super) fn read(
 }
 
 /// The checked document, and the bytes of its buffers.
-fn open(path: &Path, bytes: Vec<u8>, sources: &mut Sources) -> Result<(gltf::Document, Vec<Vec<u8>>)> {
+fn open(path: &Path, bytes: &[u8], sources: &mut Sources) -> Result<(gltf::Document, Vec<Vec<u8>>)> {
     let wrong = |what: String| Error::format(path, None, what);
     if bytes.starts_with(b"glTF") {
         let length = bytes.get(8..12).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes);
@@ -55,14 +50,14 @@ fn open(path: &Path, bytes: Vec<u8>, sources: &mut Sources) -> Result<(gltf::Doc
             ));
         }
     }
-    let nodes = count_nodes(&bytes);
+    let nodes = count_nodes(bytes);
     if nodes > MAX_PLACEMENTS {
         return Err(wrong(format!(
             "{nodes} nodes, more than {MAX_PLACEMENTS}: join meshes that belong together or split the scene"
         )));
     }
     let unusable = |e: gltf::Error| wrong(format!("not a usable glTF file: {}", quote(&e.to_string())));
-    let Gltf { document, mut blob } = Gltf::from_slice_without_validation(&bytes).map_err(unusable)?;
+    let Gltf { document, mut blob } = Gltf::from_slice_without_validation(bytes).map_err(unusable)?;
     // The crate's validation panics on a mesh whose accessor does not exist, so that is checked first.
     let mut json = document.into_json();
     let primitives = json.meshes.iter().flat_map(|m| &m.primitives);

@@ -45,10 +45,10 @@ fn shared_textures_are_decoded_once() {
     let bytes = textured(300, 2048).to_string();
     let options = LoadOptions { max_memory: Some(100 << 20), ..LoadOptions::default() };
     let folder = std::path::Path::new("/nonexistent");
-    let scene = read_from_memory(folder, "gltf", bytes.as_bytes(), &options).expect("a scene");
+    let scene = read_from_memory(Some(folder), "gltf", bytes.as_bytes(), &options).expect("a scene");
     assert!((scene.triangle_reflectance[0][0] - 0.5029).abs() < 1e-3);
     let tight = LoadOptions { max_memory: Some(20 << 20), ..options };
-    let error = read_from_memory(folder, "gltf", bytes.as_bytes(), &tight).expect_err("too large");
+    let error = read_from_memory(Some(folder), "gltf", bytes.as_bytes(), &tight).expect_err("too large");
     assert!(matches!(error, crate::Error::OutOfMemory(_)), "{error}");
 }
 

@@ -7,6 +7,7 @@ mod hostile;
 mod instances;
 mod limits;
 mod luminaires;
+mod memory;
 mod overlaps;
 mod repairs;
 
