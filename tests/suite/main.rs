@@ -20,6 +20,8 @@ mod light;
 #[cfg(feature = "cli")]
 mod outputs;
 #[cfg(feature = "cli")]
+mod package;
+#[cfg(feature = "cli")]
 mod pages;
 #[cfg(feature = "cli")]
 mod run;
