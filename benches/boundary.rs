@@ -154,7 +154,8 @@ fn main() {
             assert_eq!(status, 0);
             cpu_seconds() - start
         };
-        (in_rust(), from_c());
+        in_rust();
+        from_c();
         let (mut ratios, mut seconds) = (Vec::new(), Vec::new());
         for pair in 0..PAIRS {
             let [r, c] = if pair % 2 == 0 {

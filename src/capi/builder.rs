@@ -103,7 +103,7 @@ unsafe fn strided<'a, T: Copy>(
 ) -> Outcome<Strided<'a, T>> {
     let size = size_of::<T>();
     let numbers = if stride == 0 { 3 } else { stride / size };
-    if stride % size != 0 || numbers < 3 {
+    if !stride.is_multiple_of(size) || numbers < 3 {
         return wrong(format!(
             "`mesh.position_stride` {stride}: must be 0 (packed) or a multiple of {size} bytes, at least {}",
             3 * size

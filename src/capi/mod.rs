@@ -37,10 +37,14 @@ mod tests;
 mod update;
 mod visibility;
 
-/// Name, size and members with their offsets, of each record.
+/// Name and size of a record, and its members with their offsets.
 #[cfg(feature = "internals")]
-pub fn layouts() -> Vec<(&'static str, usize, &'static [(&'static str, usize)])> {
-    fn of<R: record::Record>() -> (&'static str, usize, &'static [(&'static str, usize)]) {
+pub type Layout = (&'static str, usize, &'static [(&'static str, usize)]);
+
+/// The layout of each record.
+#[cfg(feature = "internals")]
+pub fn layouts() -> Vec<Layout> {
+    fn of<R: record::Record>() -> Layout {
         (R::NAME, size_of::<R>(), R::MEMBERS)
     }
     vec![

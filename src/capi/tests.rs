@@ -74,7 +74,7 @@ fn records_of_other_versions_are_understood() {
 fn results_fit_records_of_other_versions() {
     let mut all = [16u64, 7, 7];
     let value = Second { struct_size: 0, a: 1, b: 2 };
-    let mut write = |all: &mut [u64]| {
+    let write = |all: &mut [u64]| {
         // SAFETY: the record has the size that it states.
         run(|| unsafe {
             RecordPlace::of(all.as_mut_ptr().cast::<Second>(), "r")?.set(value);

@@ -123,7 +123,7 @@ unsafe fn positions<'a>(given: &mrv_positions, count: usize, name: &str) -> Outc
     }
     let size = if is_interleaved { 3 } else { 1 };
     let numbers = if stride == 0 { size } else { stride / size_of::<f32>() };
-    if stride % size_of::<f32>() != 0 || numbers < size {
+    if !stride.is_multiple_of(size_of::<f32>()) || numbers < size {
         return wrong(format!(
             "`{name}.stride` {stride}: must be 0 (packed) or a multiple of 4 bytes, at least {}",
             size * size_of::<f32>()

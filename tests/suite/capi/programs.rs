@@ -6,7 +6,7 @@ use std::process::Command;
 use tempfile::TempDir;
 
 /// Compilers that this machine has; gcc and g++ are required.
-fn compilers<'a>(all: [&'a str; 2]) -> Vec<&'a str> {
+fn compilers(all: [&str; 2]) -> Vec<&str> {
     let [first, second] = all;
     let has = |name: &str| Command::new(name).arg("--version").output().is_ok_and(|o| o.status.success());
     if has(second) { vec![first, second] } else { vec![first] }
