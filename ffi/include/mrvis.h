@@ -344,7 +344,8 @@ typedef struct mrv_cost {
   uint64_t certified;   /* segments of bundles whose answer is certain without rays */
 } mrv_cost;
 
-/* Answers a batch on the threads of the model. Several threads may ask one model at once. `cost` may be NULL. MRV_ERROR_INPUT names
+/* Answers a batch on the threads of the model, or on the calling thread if the model has one thread. Several threads may ask one model
+ * at once. No memory is taken once the model's buffers are large enough. `cost` may be NULL. MRV_ERROR_INPUT names
  * the array and the index if a position is not finite, a segment has no length, offsets do not ascend or a size is out of range. */
 mrv_status mrv_visibility_answer(const mrv_model *model, int32_t engine, const mrv_segments *segments,
                                  const mrv_answers *answers, mrv_cost *cost);

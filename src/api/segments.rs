@@ -222,7 +222,7 @@ impl<'a> Segments<'a> {
     }
 
     /// Checks everything that engines rely on.
-    pub(super) fn check(&self, frame: &Frame) -> Result<()> {
+    pub(super) fn check(&self, frame: &Frame, parallel: bool) -> Result<()> {
         let argument = |what: String| Err(Error::Argument(what));
         let (segments, bundles) = (self.origins.len(), self.bundle_count());
         if self.targets.len() != segments {
@@ -258,9 +258,11 @@ impl<'a> Segments<'a> {
             let (from, to) = frame.ends(i);
             !lies(from) || !lies(to) || from == to
         };
-        let Some(i) = (0..segments).into_par_iter().with_min_len(1 << 12).find_first(|&i| bad(i)) else {
-            return Ok(());
+        let first = match parallel {
+            true => (0..segments).into_par_iter().with_min_len(1 << 12).find_first(|&i| bad(i)),
+            false => (0..segments).find(|&i| bad(i)),
         };
+        let Some(i) = first else { return Ok(()) };
         let (from, to) = (self.origins.at(i), self.targets.at(i));
         if lies(frame.ends(i).0) && lies(frame.ends(i).1) {
             return argument(format!("segment {i} from {from} to {to}: has no length"));

@@ -106,16 +106,24 @@ pub fn cost_record(cost: Cost) -> mrv_cost {
     mrv_cost { struct_size: 0, segments, nodes, exact_rays, handed_over, aggregated, certified }
 }
 
+/// Names of positions and of their arrays x, y and z, for messages: whole, so that no call needs memory for them.
+type PositionNames = [&'static str; 4];
+const ORIGINS: PositionNames =
+    ["segments.origins", "segments.origins.x", "segments.origins.y", "segments.origins.z"];
+const TARGETS: PositionNames =
+    ["segments.targets", "segments.targets.x", "segments.targets.y", "segments.targets.z"];
+
 /// Positions of the caller.
 ///
 /// # Safety
 /// The arrays hold `count` positions at the stated stride.
-unsafe fn positions<'a>(given: &mrv_positions, count: usize, name: &str) -> Outcome<Strided<'a>> {
+unsafe fn positions<'a>(given: &mrv_positions, count: usize, names: PositionNames) -> Outcome<Strided<'a>> {
+    let name = names[0];
     let mrv_positions { x, y, z, stride } = *given;
     if count == 0 {
         return Ok(Strided::from(&[][..]));
     }
-    check_pointer(x, &format!("{name}.x"))?;
+    check_pointer(x, names[1])?;
     let is_interleaved = y.is_null() && z.is_null();
     if stride == MRV_SAME_POSITION && is_interleaved {
         // SAFETY: there is one position.
@@ -137,8 +145,8 @@ unsafe fn positions<'a>(given: &mrv_positions, count: usize, name: &str) -> Outc
         return Ok(Strided::new(unsafe { slice(x, length, name) }?, numbers, count)?);
     }
     // SAFETY: as for this function.
-    let axis = |pointer, axis: &str| unsafe { slice(pointer, length, &format!("{name}.{axis}")) };
-    Ok(Strided::of_axes(axis(x, "x")?, axis(y, "y")?, axis(z, "z")?, numbers, count)?)
+    let axis = |pointer, axis: usize| unsafe { slice(pointer, length, names[axis]) };
+    Ok(Strided::of_axes(axis(x, 1)?, axis(y, 2)?, axis(z, 3)?, numbers, count)?)
 }
 
 /// A number of entries as a length.
@@ -198,12 +206,8 @@ unsafe fn segments_of<'a>(
         unsafe { slice(given.offsets, bundles.saturating_add(1), "segments.offsets") }?
     };
     // SAFETY: as for this function.
-    let (origins, targets) = unsafe {
-        (
-            positions(&given.origins, count, "segments.origins")?,
-            positions(&given.targets, count, "segments.targets")?,
-        )
-    };
+    let (origins, targets) =
+        unsafe { (positions(&given.origins, count, ORIGINS)?, positions(&given.targets, count, TARGETS)?) };
     let mut segments = Segments::new(origins, targets, offsets).relative_to(given.relative_to);
     if !given.feature_sizes.is_null() {
         // SAFETY: as for this function.

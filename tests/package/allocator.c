@@ -74,7 +74,46 @@ static void round_trip(void) {
   mrv_model_release(model);
 }
 
+enum { POINTS = 1000, RAYS = 32 };
+static float from[POINTS * RAYS][3], to[POINTS * RAYS][3], seen_of[POINTS], segments_of[POINTS * RAYS];
+static uint64_t offsets[POINTS + 1];
+
+/* Sum of the transmittances from points above the floor to the lamp, in one batch; with those of segments if `apart`. */
+static double batch(const mrv_model *model, int32_t engine, int apart) {
+  double sum = 0;
+  RECORD(mrv_segments, segments);
+  RECORD(mrv_answers, answers);
+  for (int i = 0; i < POINTS * RAYS; i++) {
+    const int point = i / RAYS, ray = i % RAYS;
+    from[i][0] = (float)(point % 40 + .5) / 40, from[i][1] = (float)(point / 40 + .5) / 25, from[i][2] = .01f;
+    to[i][0] = .3f + .4f * (float)ray / RAYS, to[i][1] = .3f + .4f * (float)(ray % 8) / 8, to[i][2] = .99f;
+    offsets[point + 1] = (uint64_t)i + 1;
+  }
+  segments.origins.x = from[0], segments.targets.x = to[0], segments.segment_count = POINTS * RAYS;
+  segments.offsets = offsets, segments.bundle_count = POINTS, segments.feature_size = .1f;
+  answers.transmittance = seen_of, answers.segment_transmittance = apart ? segments_of : NULL;
+  CHECK(mrv_visibility_answer(model, engine, &segments, &answers, NULL) == MRV_OK);
+  for (int i = 0; i < POINTS; i++) sum += (double)seen_of[i];
+  return sum;
+}
+
+/* A model with one thread answers batches on this one, in buffers that it keeps. */
+static void batches_without_allocation(void) {
+  const int32_t engines[] = {MRV_ENGINE_EXACT, MRV_ENGINE_MULTI_RESOLUTION, MRV_ENGINE_AVERAGE, MRV_ENGINE_AUTOMATIC};
+  mrv_model *model = prepared(1);
+  for (int i = 0; i < 8; i++) {
+    const double first = batch(model, engines[i / 2], i % 2);
+    const long long before = atomic_load(&calls);
+    const double second = batch(model, engines[i / 2], i % 2);
+    const long long called = atomic_load(&calls) - before;
+    fprintf(stderr, "engine %d: %g seen, %lld blocks taken\n", (int)engines[i / 2], second, called);
+    CHECK(second >= first && second <= first && called == 0);
+  }
+  mrv_model_release(model);
+}
+
 int main(void) {
+  batches_without_allocation();
   round_trip();
   long long before = atomic_load(&blocks), calls_before = atomic_load(&calls);
   for (int i = 0; i < 3; i++) round_trip();
