@@ -10,14 +10,18 @@ FUZZ_SECONDS ?= 3600
 
 TARGET_DIR := $(or $(CARGO_TARGET_DIR),target)
 BINARY := $(TARGET_DIR)/release/mrvis
+# Folder with libmrvis.so and libmrvis.a.
+LIBRARIES = $(dir $(BINARY))
+# Of the Debian package.
+MAINTAINER ?= The mrvis authors <mrvis@example.invalid>
 RUST_VERSION := 1.89
 
 # rustup adds its folder to the PATH of login shells only.
 export PATH := $(PATH):$(HOME)/.cargo/bin
 SHELL := /bin/bash
 
-.PHONY: help demo test build scenes install install-files python python-test fuzz clean distclean
-.PHONY: setup need-cargo need-packages need-embree need-furniture need-lint need-browser need-python
+.PHONY: help demo test build scenes install install-files dist python python-test fuzz clean distclean
+.PHONY: setup need-cargo need-packages need-embree need-furniture need-lint need-browser need-install need-hosts need-python
 .DEFAULT_GOAL := help
 
 help:
@@ -25,10 +29,11 @@ help:
 	@echo
 	@echo "  make demo      set up, build, assemble a furnished room, measure it, print the path of the report"
 	@echo "  make test      set up, then check formatting, lints and documentation and run all tests"
-	@echo "  make build     set up and build the command ($(BINARY))"
+	@echo "  make build     set up and build the command ($(BINARY)) and the C library beside it"
 	@echo "  make scenes    assemble the scenes in scenes/real (a selection: make scenes SCENES=\"park sponza\")"
-	@echo "  make install   install the command under PREFIX (now $(PREFIX))"
 	@echo "  make python    build the Python package as a wheel in $(TARGET_DIR)/wheels"
+	@echo "  make install   install the command and the C library under PREFIX (now $(PREFIX))"
+	@echo "  make dist      make a .tar.gz and a Debian package of both in out/dist"
 	@echo "  make fuzz      search for files that readers fail at, FUZZ_SECONDS (now $(FUZZ_SECONDS)) in all"
 	@echo "  make clean     remove build products and reports; distclean: also assembled scenes and the private Embree"
 	@echo
@@ -65,6 +70,13 @@ need-python: need-packages
 	  echo "mrvis: $$(python3 --version) is too old for the Python package: 3.11 or later is required" >&2; exit 1; }
 	@python3 -c 'import ensurepip' 2>/dev/null || .ci/debian-packages python3-venv
 
+need-install:
+	@.ci/debian-packages patchelf=patchelf
+
+# What the tests of the C library use: build systems and compilers of its hosts, TBB of one of them, a checker of memory.
+need-hosts: need-install
+	@.ci/debian-packages cmake=cmake pkg-config=pkg-config clang=clang valgrind=valgrind dpkg-dev=dpkg-shlibdeps libtbb-dev
+
 need-lint: need-cargo
 	@for part in fmt clippy; do \
 	  cargo $$part --version >/dev/null 2>&1 && continue; \
@@ -75,7 +87,7 @@ need-lint: need-cargo
 # --- build, demo, test, install ---------------------------------------------------------------------------------------
 
 build: setup
-	cargo build --release
+	cargo build --release --features capi
 
 scenes: need-furniture
 	@python3 scenes/assemble.py $(SCENES) --out scenes/real
@@ -87,7 +99,7 @@ demo: build need-furniture
 	@python3 .ci/headline out/demo/bench.json out/demo/report.html
 
 # The tests come last, so that the output ends with their results.
-test: setup need-lint need-browser need-python
+test: setup need-lint need-browser need-hosts need-python
 	cargo fmt --all --check
 	cargo clippy --no-default-features -- -D warnings
 	cargo clippy --no-default-features --features reports -- -D warnings
@@ -118,21 +130,18 @@ python-test: setup $(PYTHON_DIR)/bin/pip
 	  "$(PYTHON_DIR)/bin/pip" -q install "./python[test]"
 	"$(PYTHON_DIR)/bin/pytest" -q python
 
-install: build
+install: build need-install
 	@$(MAKE) --no-print-directory install-files
+	@if [ -z "$(DESTDIR)" ] && [ "$$(id -u)" = 0 ] && command -v ldconfig >/dev/null; then ldconfig; fi
 
-# Copies BINARY without debug information, with manual pages and completions, as tests/suite/install.rs does with the binary of the
-# tests. A private Embree is installed in lib/mrvis. The command finds it relative to itself, so PREFIX may be moved.
+# Copies BINARY and the C library without debug information, with manual pages and completions, as tests/suite/install.rs does with
+# those of the tests. A private Embree is installed in lib/mrvis. All find each other relative to themselves, so PREFIX may be moved.
 install-files:
 	install -d "$(DESTDIR)$(PREFIX)/bin"
 	install -m 755 "$(BINARY)" "$(DESTDIR)$(PREFIX)/bin/mrvis"
 	strip -S "$(DESTDIR)$(PREFIX)/bin/mrvis"
-	@embree=$$(ldd "$(BINARY)" | sed -n 's|.* => \(.*/\.prefix/embree\)/lib/.*|\1|p' | head -n 1); \
-	  if [ -n "$$embree" ]; then \
-	  install -d "$(DESTDIR)$(PREFIX)/lib/mrvis" && \
-	  cp -P "$$embree"/lib/lib* "$(DESTDIR)$(PREFIX)/lib/mrvis/" && \
-	  cp "$$embree"/share/doc/* "$(DESTDIR)$(PREFIX)/lib/mrvis/" && \
-	  echo "mrvis: installed Embree 4 in $(DESTDIR)$(PREFIX)/lib/mrvis"; fi
+	patchelf --set-rpath '$$ORIGIN/../lib/mrvis' "$(DESTDIR)$(PREFIX)/bin/mrvis"
+	@ffi/package/install-library "$(LIBRARIES)" "$(DESTDIR)$(PREFIX)"
 	@share="$(DESTDIR)$(PREFIX)/share"; \
 	  install -d "$$share/bash-completion/completions" "$$share/zsh/site-functions" "$$share/fish/vendor_completions.d" && \
 	  "$(BINARY)" completions bash > "$$share/bash-completion/completions/mrvis" && \
@@ -140,6 +149,13 @@ install-files:
 	  "$(BINARY)" completions fish > "$$share/fish/vendor_completions.d/mrvis.fish" && \
 	  "$(BINARY)" man --out "$$share/man/man1"
 	@echo "mrvis: installed $(DESTDIR)$(PREFIX)/bin/mrvis"
+
+dist: build need-install
+	@.ci/debian-packages dpkg-dev=dpkg-shlibdeps
+	@rm -rf out/dist
+	@$(MAKE) --no-print-directory install-files PREFIX=/usr DESTDIR="$(CURDIR)/out/dist/stage"
+	@ffi/package/dist out/dist/stage out/dist "$(MAINTAINER)"
+	@rm -rf out/dist/stage
 
 # libFuzzer, guided by the code that is reached; `cargo test` runs the same readers for a minute without guidance. Inputs that
 # fail are kept as target/fuzz/READER-crash-… and the like, others that reach new code in target/fuzz/corpus.

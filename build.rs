@@ -30,6 +30,11 @@ fn main() {
     println!("cargo:rustc-link-arg=-Wl,-rpath,{}", embree.lib.display());
     // An installed command finds a private library beside itself, wherever it is moved.
     println!("cargo:rustc-link-arg-bins=-Wl,-rpath,$ORIGIN/../lib/mrvis");
+    // So does an installed shared library. The number of its soname changes with the binary interface.
+    if env::var("CARGO_CFG_TARGET_OS").as_deref() == Ok("linux") {
+        println!("cargo:rustc-cdylib-link-arg=-Wl,-soname,libmrvis.so.0");
+        println!("cargo:rustc-cdylib-link-arg=-Wl,-rpath,$ORIGIN/mrvis");
+    }
 
     let include = format!("-I{}", embree.include.display());
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));

@@ -75,6 +75,8 @@
 mod api;
 #[cfg(feature = "reports")]
 mod bench;
+#[cfg(feature = "capi")]
+mod capi;
 #[cfg(feature = "cli")]
 #[doc(hidden)]
 pub mod cli;
@@ -116,7 +118,7 @@ pub use api::{
     SceneBuilder, Segments, Solution, SolveOptions, Strided, SurfacePoint, Visibility,
 };
 #[cfg(feature = "reports")]
-pub use api::{Camera, ImageOptions, Lightmap};
+pub use api::{BenchOptions, BenchReport, Camera, ImageOptions, Lightmap, Reference};
 pub use error::{Error, ErrorCategory, Result};
 #[doc(no_inline)]
 pub use glam::DAffine3;

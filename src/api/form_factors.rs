@@ -153,6 +153,13 @@ impl FormFactors {
         (&self.matrix.columns[span.clone()], &self.matrix.factors[span])
     }
 
+    /// The whole matrix by rows (CSR): row `i` has the entries `offsets[i]..offsets[i + 1]` of the columns and the form factors; one offset
+    /// more than rows.
+    pub fn csr(&self) -> (&[u64], &[u32], &[f32]) {
+        let Matrix { offsets, columns, factors, .. } = &self.matrix;
+        (offsets, columns, factors)
+    }
+
     /// One form factor; 0 if there is no entry.
     ///
     /// # Panics

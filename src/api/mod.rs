@@ -1,9 +1,13 @@
 //! The front door of the crate: what a user asks of a [`Model`](crate::Model), checked, and answered by the rooms behind it.
 
 mod batch;
+#[cfg(feature = "reports")]
+mod bench;
 mod form_factors;
 mod mesh_arrays;
 mod query;
+#[cfg(feature = "reports")]
+mod reference;
 mod scene_builder;
 mod segments;
 #[cfg(feature = "reports")]
@@ -15,9 +19,13 @@ mod visibility;
 
 pub use crate::form_factors::matrix::Grouping;
 pub use crate::radiosity::mesh::Element;
+#[cfg(feature = "reports")]
+pub use bench::{BenchOptions, BenchReport};
 pub use form_factors::{FormFactorOptions, FormFactors};
 pub use mesh_arrays::{MeshArrays, Positions};
 pub use query::Query;
+#[cfg(feature = "reports")]
+pub use reference::Reference;
 pub use scene_builder::SceneBuilder;
 pub use segments::{Answers, Segments, Strided};
 #[cfg(feature = "reports")]

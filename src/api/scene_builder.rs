@@ -24,7 +24,7 @@ const PATH: &str = "arrays";
 /// let light = builder.add_material("light", [0.0; 3], [10.0; 3])?; // W/(m² sr)
 /// let square = [[0.0f32, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
 /// builder.add_object(&MeshArrays::new("floor", &square[..], &[0, 1, 2, 0, 2, 3]).material(grey))?;
-/// let above = square.map(|[x, y, _]| [x, y, 2.0f64]);
+/// let above = square.map(|[x, y, _]| [x, y, 2.0]);
 /// builder.add_object(&MeshArrays::new("lamp", &above[..], &[3, 2, 1, 0]).polygon_sizes(&[4]).material(light))?;
 /// let scene = builder.finish(&LoadOptions::default())?;
 /// assert_eq!(scene.object_names().collect::<Vec<_>>(), ["floor", "lamp"]);

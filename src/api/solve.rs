@@ -1,11 +1,10 @@
 //! The light in a model, and irradiance at points.
 
-use super::Element;
 use super::visibility::Engine;
 use crate::model::Model;
 use crate::points::Point;
 use crate::progress::Progress;
-use crate::radiosity::mesh::RadiosityMesh;
+use crate::radiosity::mesh::{Element, RadiosityMesh};
 use crate::radiosity::{self, Options, Record};
 use crate::{Error, Result};
 use glam::DVec3;
@@ -126,6 +125,10 @@ impl SurfacePoint {
         }
         Ok(Point { position, normal })
     }
+
+    pub(super) fn all_checked(points: &[SurfacePoint]) -> Result<Vec<Point>> {
+        points.iter().enumerate().map(|(i, point)| point.checked(i)).collect()
+    }
 }
 
 /// The light in a model: radiosity of all surfaces. Owned; answers irradiance at points any time.
@@ -196,8 +199,7 @@ impl Solution {
     /// # Errors
     /// [`Error::Argument`] if a position is not finite or a normal has no length; the message names the point.
     pub fn irradiance(&self, points: &[SurfacePoint]) -> Result<Vec<[f64; 3]>> {
-        let points: Vec<Point> =
-            points.iter().enumerate().map(|(i, point)| point.checked(i)).collect::<Result<_>>()?;
+        let points = SurfacePoint::all_checked(points)?;
         let solved = &self.inner.solved;
         solved.model().on_threads(|| solved.irradiance(&points))
     }

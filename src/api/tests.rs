@@ -1,5 +1,6 @@
 //! The front door: batches agree with engines, single queries with batches, and wrong arguments are named.
 
+mod reports;
 mod scene_builder;
 mod shown;
 

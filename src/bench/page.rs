@@ -49,7 +49,7 @@ pub struct MrImage {
     pub handed_over: bool,
 }
 
-/// The page as HTML. `command` is the command line that repeats the run.
+/// The page as HTML. `command` is the command line that repeats the run, if there is one.
 ///
 /// # Errors
 /// [`Error::Argument`](crate::Error::Argument): the images of a receiver differ in size, or a feature size is
@@ -144,7 +144,7 @@ fn sentence(record: &Record) -> Markup {
     }
 }
 
-/// Versions, settings and the command that repeats the run.
+/// Versions, settings and the command that repeats the run, if there is one.
 fn footer(record: &Record, command: &str) -> Markup {
     let plural = if record.threads == 1 { "thread" } else { "threads" };
     html! {
@@ -154,9 +154,9 @@ fn footer(record: &Record, command: &str) -> Markup {
                 "mrvis " (record.mrvis) " · Embree " (record.embree) " (" (record.isa) ") · "
                 (record.threads) " " (plural) " in the timed sections · seed " (record.seed) " · lengths in " (record.unit)
             }
-            pre { (command) }
+            @if !command.is_empty() { pre { (command) } }
             p.note {
-                "The command gives the same results except for times, which depend on the machine and its load. \
+                "A repetition gives the same results except for times, which depend on the machine and its load. \
                  Speed-ups are ratios of times of one run."
             }
         }

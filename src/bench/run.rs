@@ -22,7 +22,8 @@ use crate::{Error, Result, error::shown};
 /// rows depend on measured times and may differ between runs.
 ///
 /// # Errors
-/// An option is out of range, a name is unknown, the scene has no emitter or no receiver, or Embree fails.
+/// An option is out of range, a name is unknown, the scene has no emitter or no receiver, Embree fails, or `progress` stops the run, which
+/// is asked between its stages.
 pub fn run(
     model: &Model,
     options: &Options,
@@ -48,15 +49,18 @@ pub fn run(
     let sample = bench.sample(&workload);
     let mr = bench.engine(&workload, &sample, &mut build);
 
+    go_on(progress)?;
     let every: Vec<usize> = (0..workload.pairs.len()).collect();
     let queries = Queries { scene, workload: &workload, pairs: &every };
     let measured = bench.points(queries, &mr, &sample);
+    go_on(progress)?;
     let unbiased = match options.unbiased {
         true => bench.unbiased(queries, &mr, &measured),
         false => Vec::new(),
     };
     let Measured { reference, exact, certified, mr: mut rows, rounds } = measured;
     let target = options.target.map(|target| bench.target(target, queries, &mr, &reference));
+    go_on(progress)?;
     let (receivers, images) = bench.images(&mr, &mut rows, &mut warnings)?;
     build.exact_setup_s = build.embree_s + exact.iter().map(|row| row.setup_s).sum::<f64>();
     build.mr_setup_s = build.hierarchy_s
@@ -99,6 +103,13 @@ pub fn run(
         scaling: Vec::new(),
     };
     Ok((record, images))
+}
+
+fn go_on(progress: &dyn Progress) -> Result<()> {
+    if progress.stopped() {
+        return Err(Error::Cancelled("stopped before the benchmark was complete".into()));
+    }
+    Ok(())
 }
 
 /// Feature sizes of the options or by default, ascending, without duplicates.

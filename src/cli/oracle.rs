@@ -9,7 +9,6 @@ use crate::{
     path_tracer::{Settings, irradiance},
     plot::number,
     points::{Irradiance, read_points, write_irradiance},
-    progress::Progress,
 };
 use std::{path::PathBuf, process::ExitCode, time::Instant};
 
@@ -53,8 +52,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let rays = PrepareOptions { detail: Detail::Rays, ..PrepareOptions::default() };
     let (model, found) = common.on_threads(|| {
         let model = Model::prepare(scene, &rays, &bar)?;
-        bar.stage("following paths", points.len() as u64);
-        let found = irradiance(&model, &points, settings, &|n| bar.advance(n))?;
+        let found = irradiance(&model, &points, settings, &bar)?;
         Ok((model, found))
     })?;
     let scene = model.scene();

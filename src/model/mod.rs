@@ -26,6 +26,7 @@ pub use source::Source;
 
 use crate::embree::{CommittedScene, Device, Hits, Traversal};
 use crate::math::Aabb;
+use crate::optics;
 use crate::ray::{EndRule, Packet};
 use crate::scene::{Scene, magnitude};
 use crate::threads::Threads;
@@ -101,6 +102,16 @@ impl Model {
     /// Seconds, bytes and cache of the preparation.
     pub fn report(&self) -> &PrepareReport {
         &self.inner.report
+    }
+
+    /// How the optics of clusters were measured.
+    pub(crate) fn optics_options(&self) -> optics::Options {
+        self.inner.options.optics
+    }
+
+    /// Whether the caller asked for one thread, so that the caller's will do.
+    pub(crate) fn has_one_thread(&self) -> bool {
+        self.inner.threads.count() == 1
     }
 
     /// Does `work` on the threads of [`PrepareOptions::with_threads`], or of the rayon pool that the caller is in.

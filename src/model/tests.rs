@@ -188,7 +188,7 @@ fn paths_meet_placed_meshes() {
         .collect();
     let settings = crate::path_tracer::Settings { samples: 512, direct_only: false, seed: 1 };
     let light = |scene: &Scene| {
-        let found = crate::path_tracer::irradiance(&model(scene, Detail::Rays), &points, settings, &|_| ());
+        let found = crate::path_tracer::irradiance(&model(scene, Detail::Rays), &points, settings, &());
         found.expect("light").values.iter().map(|v| v[0]).sum::<f64>()
     };
     let (placed, copied) = (light(&scene), light(&scene.flattened(u64::MAX).expect("copied")));

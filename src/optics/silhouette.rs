@@ -191,7 +191,11 @@ impl Measure {
         let coverage = 1.0 - self.cells.free_pixels() / self.hull.count().max(1) as f32;
         let extinction = match options.extinction {
             Extinction::Analytic => analytic,
-            Extinction::Measured => self.cells.fitted_extinction(),
+            // Lines through pixels on the outline can miss the box by rounding. Where all pixels are blocked, the fit would then grow
+            // without bound; with this extinction, paths along the shortest edge are opaque.
+            Extinction::Measured => {
+                self.cells.fitted_extinction().min(OPAQUE_DEPTH / bounds.extent().min_element())
+            }
         };
         let mut diameter = |image: &BitImage| match options.morphology {
             Morphology::Euclid => self.edt.max_inscribed_diameter(image, Outside::Free),

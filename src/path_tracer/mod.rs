@@ -17,6 +17,7 @@ mod tests;
 
 use crate::model::Model;
 use crate::points::{Irradiance, Point};
+use crate::progress::Progress;
 use crate::{Error, Result};
 use light::PowerSampler;
 use paths::Paths;
@@ -38,34 +39,36 @@ pub struct Settings {
 ///
 /// A point means the nearest surface along its normal that is about parallel, within `1e-5` of the scene's diagonal: files
 /// round coordinates. Paths start a few rounding errors above it, on the side of the normal. The same settings give the
-/// same bits on any number of threads. `done` is called with the number of points finished since its last call, from any
-/// thread. A scene without emitters gives zeros.
+/// same bits on any number of threads. A scene without emitters gives zeros.
 ///
 /// # Errors
-/// [`Error::Argument`] with fewer than two samples.
+/// [`Error::Argument`] with fewer than two samples; [`Error::Cancelled`] if `progress` stops it.
 pub fn irradiance(
     model: &Model,
     points: &[Point],
     settings: Settings,
-    done: &(dyn Fn(u64) + Sync),
+    progress: &dyn Progress,
 ) -> Result<Irradiance> {
     if settings.samples < 2 {
-        return Err(Error::Argument("samples must be at least 2".into()));
+        return Err(Error::Argument(format!("`samples` {}: must be at least 2", settings.samples)));
     }
+    progress.stage("following paths", points.len() as u64);
     let surfaces = Surfaces::new(model);
     let lights = PowerSampler::new(model.scene());
-    let estimates: Vec<Estimate> = points
+    let estimates: Option<Vec<Estimate>> = points
         .par_iter()
         .enumerate()
         .map_init(
             || Paths::new(&surfaces, lights.as_ref(), settings),
             |paths, (i, point)| {
-                let estimate = paths.estimate(i as u64, point);
-                done(1);
+                let estimate = (!progress.stopped()).then(|| paths.estimate(i as u64, point));
+                progress.advance(1);
                 estimate
             },
         )
         .collect();
+    let stopped = || Error::Cancelled("stopped before all points had their paths".into());
+    let estimates = estimates.ok_or_else(stopped)?;
     Ok(Irradiance {
         points: points.to_vec(),
         values: estimates.iter().map(|e| e.mean).collect(),

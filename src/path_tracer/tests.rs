@@ -58,7 +58,7 @@ fn grid(n: usize, z: f64, normal: DVec3) -> Vec<Point> {
 }
 
 fn run(scene: &Scene, points: &[Point], samples: u32, direct_only: bool) -> Irradiance {
-    irradiance(&model(scene, Detail::Rays), points, Settings { samples, direct_only, seed: 1 }, &|_| ())
+    irradiance(&model(scene, Detail::Rays), points, Settings { samples, direct_only, seed: 1 }, &())
         .expect("irradiance")
 }
 
@@ -221,7 +221,7 @@ fn standard_errors_tell_the_truth() {
     let runs: Vec<(f64, f64)> = (0..200)
         .map(|seed| {
             let settings = Settings { samples: 64, direct_only: false, seed };
-            let e = irradiance(&model(&scene, Detail::Rays), &point, settings, &|_| ()).expect("irradiance");
+            let e = irradiance(&model(&scene, Detail::Rays), &point, settings, &()).expect("irradiance");
             (e.values[0][0], e.standard_errors[0][0])
         })
         .collect();
@@ -239,5 +239,5 @@ fn no_light_no_irradiance() {
     let e = run(&scene, &grid(2, 0.0, DVec3::Z), 16, false);
     assert!(e.values.iter().chain(&e.standard_errors).all(|v| *v == [0.0; 3]));
     let one = Settings { samples: 1, direct_only: false, seed: 1 };
-    assert!(irradiance(&model(&scene, Detail::Rays), &[], one, &|_| ()).is_err());
+    assert!(irradiance(&model(&scene, Detail::Rays), &[], one, &()).is_err());
 }

@@ -14,7 +14,8 @@
 //! many stacked faces only some are reported.
 
 use super::{Object, Repairs};
-use crate::{error::quote, math::Aabb};
+use crate::error::{figure, quote};
+use crate::math::Aabb;
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
@@ -54,7 +55,7 @@ pub(super) fn find(faces: &Faces, objects: &[Object], unit: &str, repairs: &mut 
     let one = |&([a, b], area): &([u32; 2], f64)| {
         let [first, second] = [a, b].map(|k| quote(&objects[k as usize].name));
         let other = if a == b { "itself".to_owned() } else { format!("`{second}`") };
-        format!("`{first}` and {other} {area:.2e} {unit}²")
+        format!("`{first}` and {other} {} {unit}²", figure(format!("{area:.2e}").parse().unwrap_or(area)))
     };
     let mut list: Vec<String> = largest.iter().take(MAX_NAMED_PAIRS).map(one).collect();
     if largest.len() > MAX_NAMED_PAIRS {

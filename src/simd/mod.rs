@@ -4,7 +4,7 @@
 //! additions are fused only where a kernel says so, so results are bit-identical on every instruction set. (Portable
 //! code on a processor without fused operations makes a function call for each.)
 //!
-//! Besides the Embree binding this is the only room with `unsafe`.
+//! Besides the Embree binding and the C interface this is the only room with `unsafe`.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;

@@ -105,7 +105,7 @@ fn an_interrupted_picture_is_left_out() {
     assert!(outcome.stdout.contains("no picture `view`") && !scratch.path("o/view.png").exists());
 }
 
-/// A refused allocation aborts the program, which ends with the code of errors.
+/// Rust raises SIGABRT if an allocation is refused. No test can have one refused at a chosen moment, so the signal is sent.
 #[test]
 fn an_aborted_call_has_the_code_of_errors() {
     let scratch = Scratch::new();
@@ -122,15 +122,17 @@ fn an_aborted_call_has_the_code_of_errors() {
 fn an_interrupted_large_solution_is_written_as_elements() {
     let scratch = Scratch::new();
     let scene = forest(&scratch);
-    let child =
-        started(&scratch, &["solve", &scene, "--error", "0.002", "--visibility", "exact", "--out", "o"]);
-    wait(6.0);
-    let outcome = interrupted(child);
-    if outcome.code != Some(0) {
-        // A slow machine was still preparing.
-        assert!(outcome.code.is_none() || outcome.stderr.contains("stopped"), "{}", outcome.stderr);
-        return;
-    }
+    // Interrupted later and later, until there is light: a busy machine takes long to prepare the scene.
+    let outcome = [6.0, 12.0, 24.0, 48.0].into_iter().find_map(|seconds| {
+        let child =
+            started(&scratch, &["solve", &scene, "--error", "0.002", "--visibility", "exact", "--out", "o"]);
+        wait(seconds);
+        let outcome = interrupted(child);
+        let early = outcome.code == Some(2) && outcome.stderr.contains("stopped");
+        assert!(early || outcome.code == Some(0), "{:?} {}", outcome.code, outcome.stderr);
+        (!early).then_some(outcome)
+    });
+    let outcome = outcome.expect("light after 48 s");
     assert!(outcome.stdout.contains("no `solution.glb`"), "{}", outcome.stdout);
     assert!(outcome.stdout.contains("no pictures"), "{}", outcome.stdout);
     assert!(scratch.path("o/solution.vtu").exists() && !scratch.path("o/solution.glb").exists());

@@ -1,5 +1,7 @@
 //! Tests of the whole project, in one binary.
 
+#[cfg(feature = "capi")]
+mod capi;
 #[cfg(feature = "cli")]
 mod cli;
 #[cfg(feature = "cli")]
@@ -17,6 +19,8 @@ mod install;
 mod light;
 #[cfg(feature = "cli")]
 mod outputs;
+#[cfg(feature = "cli")]
+mod package;
 #[cfg(feature = "cli")]
 mod pages;
 #[cfg(feature = "cli")]

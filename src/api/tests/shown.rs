@@ -49,10 +49,10 @@ fn elements_hold_the_light_of_the_surfaces() {
         if names[e.object as usize] == "lamp" && e.front {
             assert!(normal.z < 0.0, "corners turn counterclockwise from the lit side");
         }
-        for k in 0..3 {
+        for (k, received) in received.iter_mut().enumerate() {
             let sent = e.exitance[k] + f64::from(e.albedo[k]) * e.irradiance[k];
             assert!((e.radiosity[k] - sent).abs() <= 1e-4 * sent + 1e-9, "{} {sent}", e.radiosity[k]);
-            received[k] += e.area * e.irradiance[k];
+            *received += e.area * e.irradiance[k];
         }
         area += e.area;
     }

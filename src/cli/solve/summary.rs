@@ -37,11 +37,11 @@ pub fn summary(reported: &Reported, with_points: bool) -> String {
     let l = &r.ledger;
     let _ = writeln!(
         text,
-        "emitted {0} {unit}, absorbed {1} {unit}, escaped {2} {unit}, created {3:.1e} {unit} (mean of the channels)",
+        "emitted {0} {unit}, absorbed {1} {unit}, escaped {2} {unit}, created {3} {unit} (mean of the channels)",
         number(l.emitted),
         number(l.absorbed),
         number(l.escaped),
-        l.created,
+        number(l.created),
         unit = l.unit
     );
     if let Some([low, high]) = l.row_sums {

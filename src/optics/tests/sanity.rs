@@ -48,6 +48,26 @@ fn traits_are_sane_everywhere() {
     }
 }
 
+/// Rectangles on the diagonal of boxes: along some axes they block all pixels of the box.
+#[test]
+fn optics_of_closed_silhouettes_are_in_range() {
+    let mut random = rand_pcg::Pcg64Mcg::new(3);
+    let mut pieces = Pieces::new();
+    for _ in 0..2000 {
+        let [p, size] = [5.0, 1e-3].map(|length| length * in_cube(&mut random));
+        pieces.polygon(&[p, p + size.z * DVec3::Z, p + size, p + size.with_z(0.0)]);
+    }
+    let scene = pieces.scene();
+    let tree = clusters::build(&scene, &Default::default()).micro;
+    let longest = 4.0 * scene.bounds.diagonal();
+    for (optics, cluster) in measure(&scene, &tree, &options()).iter().zip(&tree.clusters) {
+        // The mean path along a diagonal of a box is at least the shortest edge divided by √3.
+        let opaque = 3f32.sqrt() * OPAQUE_DEPTH / cluster.bounds.thickened().extent().min_element();
+        assert!(optics.is_in_range(longest), "{cluster:?}: {optics:?}");
+        assert!(optics.extinction.iter().all(|&kappa| kappa <= 1.001 * opaque), "{cluster:?}: {optics:?}");
+    }
+}
+
 #[test]
 fn result_does_not_depend_on_threads() {
     let scene = cloud(13, 2000, 0.05, DVec3::ONE, true).scene();

@@ -41,7 +41,7 @@ pub fn missed(options: &Options, estimate: Option<f64>) -> Option<String> {
 }
 
 fn in_words(estimate: Option<f64>) -> String {
-    estimate.map_or_else(|| "the error is unknown".into(), |e| format!("the estimated error is {e:.2e}"))
+    estimate.map_or_else(|| "the error is unknown".into(), |e| format!("the estimated error is {e:.4}"))
 }
 
 /// If more of the scene is unlit than objects usually hide.

@@ -50,7 +50,7 @@ pub fn on_surfaces(scene: &Scene, count: usize) -> Vec<Point> {
 pub fn truth(scene: &Scene, points: &[Point], samples: u32) -> Vec<f64> {
     let settings = crate::path_tracer::Settings { samples, direct_only: false, seed: 3 };
     let values =
-        crate::path_tracer::irradiance(&model_for(scene, &Options::default()), points, settings, &|_| {})
+        crate::path_tracer::irradiance(&model_for(scene, &Options::default()), points, settings, &())
             .expect("a reference")
             .values;
     values.into_iter().map(mean).collect()

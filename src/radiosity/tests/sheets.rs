@@ -66,7 +66,7 @@ fn points_lie_on_the_nearest_sheet() {
         let found = solved(&scene, &points, &Options::default()).irradiance;
         let settings = path_tracer::Settings { samples: 4096, direct_only: false, seed: 1 };
         let model = model_for(&scene, &Options::default());
-        let truth = path_tracer::irradiance(&model, &points, settings, &|_| ()).expect("irradiance").values;
+        let truth = path_tracer::irradiance(&model, &points, settings, &()).expect("irradiance").values;
         for (k, (found, truth)) in found.iter().zip(&truth).enumerate() {
             if k == 3 {
                 // Elements at the rug's edge are lit in part: 0.027 of 2.8 W/m² for a rug 1 mm above the floor.
@@ -106,7 +106,7 @@ fn check_plate(gap: f64, height: f64) {
     let found = solved(&scene, &points, &Options::default()).irradiance;
     let settings = path_tracer::Settings { samples: 256, direct_only: false, seed: 1 };
     let model = model_for(&scene, &Options::default());
-    let truth = path_tracer::irradiance(&model, &points, settings, &|_| ()).expect("irradiance").values;
+    let truth = path_tracer::irradiance(&model, &points, settings, &()).expect("irradiance").values;
     for values in [found, truth] {
         assert_eq!((values[0], values[1]), ([0.0; 3], [0.0; 3]), "{gap} m below the lamp at {height} m");
         // M A / (π d²), M = π L.

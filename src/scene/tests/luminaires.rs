@@ -39,7 +39,7 @@ fn candelas(c: usize, gamma: f64) -> f64 {
 /// Irradiance at points by path tracing, and the solution of the scene with its values there.
 fn reference_and_solution(scene: &Scene, points: &[Point]) -> (Irradiance, radiosity::Outcome) {
     let settings = Settings { samples: 1024, direct_only: false, seed: 1 };
-    let reference = irradiance(&model(scene, Detail::Rays), points, settings, &|_| ()).expect("reference");
+    let reference = irradiance(&model(scene, Detail::Rays), points, settings, &()).expect("reference");
     let options = radiosity::Options { seed: 1, ..Default::default() };
     let model = Model::prepare(scene.clone(), &options.prepare(), &()).expect("a model");
     let solved = radiosity::run(&model, points, &options, &()).expect("solved");
@@ -185,7 +185,7 @@ fn punctual_lights_of_gltf() {
         let model = model(&scene, Detail::Rays);
         let points = [DVec3::ZERO, dvec3(2.0, 0.0, 0.0)].map(|position| Point { position, normal: DVec3::Y });
         let settings = Settings { samples: 256, direct_only: true, seed: 1 };
-        irradiance(&model, &points, settings, &|_| ())
+        irradiance(&model, &points, settings, &())
             .expect("reference")
             .values
             .iter()

@@ -1,0 +1,75 @@
+//! Benchmarks and references from the front door.
+
+use crate::model::{Detail, Model, PrepareOptions};
+use crate::scene::Scene;
+use crate::scene::generate::{Spec, build};
+use crate::{BenchOptions, Error, FormFactorOptions, Grouping, Progress, SolveOptions, SurfacePoint};
+
+struct Never;
+
+impl Progress for Never {
+    fn stopped(&self) -> bool {
+        true
+    }
+}
+
+fn model(scene: Scene, detail: Detail) -> Model {
+    Model::prepare(scene, &PrepareOptions::default().with_detail(detail), &()).unwrap()
+}
+
+#[test]
+fn benchmarks_have_a_record_and_a_page() {
+    let spec = Spec { trees: 4, leaves: 40, ..Spec::new("forest") };
+    let model_of = |detail| model(build(&spec).unwrap(), detail);
+    let optics = model_of(Detail::Optics);
+    let options = BenchOptions::default().with_points(60).with_rays(2).with_reference_rays(16);
+    let options = options.with_feature_size(0.3).with_feature_size(0.1).with_audit(0.0);
+    let report = optics.bench(&options, &()).unwrap();
+    let record: serde_json::Value = serde_json::from_str(&report.json()).unwrap();
+    assert_eq!((&record["workload"]["points"], &record["seed"]), (&60.into(), &1.into()));
+    let sizes = record["mr"].as_array().unwrap().iter().map(|row| row["feature_size"].as_f64().unwrap());
+    assert!(sizes.clone().all(|s| s == 0.1 || s == 0.3) && sizes.count() == 6);
+    assert!(report.page().starts_with("<!DOCTYPE html>") && !report.page().contains("<pre>"));
+    assert_eq!(report.target_met(), None);
+
+    let says = |result: crate::Result<_>, part: &str| {
+        let message = result.err().unwrap().to_string();
+        assert!(message.contains(part), "{message}");
+    };
+    says(model_of(Detail::Clusters).bench(&options, &()), "prepare the model with `Detail::Optics`");
+    says(optics.bench(&options.clone().with_points(0), &()), "points 0");
+    says(optics.bench(&options.clone().with_receiver("nobody"), &()), "nobody");
+    assert!(matches!(optics.bench(&options, &Never), Err(Error::Cancelled(_))));
+}
+
+#[test]
+fn references_agree_with_solutions() {
+    let model = model(Scene::generate("cornell").unwrap(), Detail::Clusters);
+    let floor = SurfacePoint { position: [278.0, 0.0, 279.6], normal: [0.0, 2.0, 0.0] };
+    let found = model.reference(&[floor], 4096, 1, &()).unwrap();
+    let solved = model.solve(&SolveOptions::default().with_error(0.05), &()).unwrap();
+    let light = solved.irradiance(&[floor]).unwrap()[0];
+    for (k, light) in light.into_iter().enumerate() {
+        let (want, noise) = (found.irradiance[0][k], found.standard_errors[0][k]);
+        assert!(noise > 0.0 && noise < 0.05 * want, "{noise} {want}");
+        assert!((light - want).abs() < 4.0 * noise + 0.05 * want, "{light} {want}");
+    }
+    assert!(model.reference(&[floor], 1, 1, &()).unwrap_err().to_string().contains("`samples` 1"));
+    let nowhere = SurfacePoint { normal: [0.0; 3], ..floor };
+    assert!(model.reference(&[floor, nowhere], 8, 1, &()).unwrap_err().to_string().contains("`points`[1]"));
+    assert!(matches!(model.reference(&[floor], 8, 1, &Never), Err(Error::Cancelled(_))));
+}
+
+#[test]
+fn whole_matrices_of_form_factors_are_their_rows() {
+    let model = model(Scene::generate("cornell").unwrap(), Detail::Rays);
+    let options = FormFactorOptions::default().with_grouping(Grouping::Object).with_rays(256);
+    let factors = model.form_factors(&options, &()).unwrap();
+    let (offsets, columns, values) = factors.csr();
+    assert_eq!((offsets.len(), offsets[0]), (factors.len() + 1, 0));
+    for row in 0..factors.len() {
+        let span = offsets[row] as usize..offsets[row + 1] as usize;
+        assert_eq!(factors.row(row), (&columns[span.clone()], &values[span]));
+    }
+    assert!(values.len() == columns.len() && !values.is_empty());
+}
