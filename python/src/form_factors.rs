@@ -61,16 +61,18 @@ pub struct PyFormFactors {
 impl PyFormFactors {
     /// Copies the matrix once, into memory that NumPy owns.
     pub fn new(py: Python<'_>, factors: &FormFactors) -> PyFormFactors {
-        let count: usize = (0..factors.len()).map(|from| factors.row(from).0.len()).sum();
+        let (offsets, columns, values) = factors.csr();
         // SciPy wants one type for both, and copies what has another. There are at most 2³¹ polygons.
-        let (indices, indptr) = match i32::try_from(count) {
-            Ok(_) => places(py, factors, |n| n as i32),
-            Err(_) => places(py, factors, |n| n as i64),
+        let (indices, indptr) = match i32::try_from(values.len()) {
+            Ok(_) => {
+                (array(py, columns, |&column| column as i32), array(py, offsets, |&offset| offset as i32))
+            }
+            Err(_) => {
+                (array(py, columns, |&column| i64::from(column)), array(py, offsets, |&offset| offset as i64))
+            }
         };
-        let mut data = Vec::with_capacity(count);
-        (0..factors.len()).for_each(|from| data.extend_from_slice(factors.row(from).1));
         PyFormFactors {
-            data: PyArray1::from_vec(py, data).unbind(),
+            data: PyArray1::from_slice(py, values).unbind(),
             indices,
             indptr,
             areas: PyArray1::from_slice(py, factors.areas()).unbind(),
@@ -83,15 +85,8 @@ impl PyFormFactors {
     }
 }
 
-/// Columns, and where rows begin and end.
-fn places<T: Element>(py: Python<'_>, factors: &FormFactors, of: fn(usize) -> T) -> (Py<PyAny>, Py<PyAny>) {
-    let (mut indices, mut indptr) = (Vec::new(), vec![of(0)]);
-    for from in 0..factors.len() {
-        indices.extend(factors.row(from).0.iter().map(|&column| of(column as usize)));
-        indptr.push(of(indices.len()));
-    }
-    let [indices, indptr] = [indices, indptr].map(|numbers| PyArray1::from_vec(py, numbers));
-    (indices.into_any().unbind(), indptr.into_any().unbind())
+fn array<S, T: Element>(py: Python<'_>, numbers: &[S], of: fn(&S) -> T) -> Py<PyAny> {
+    PyArray1::from_vec(py, numbers.iter().map(of).collect()).into_any().unbind()
 }
 
 #[pymethods]
