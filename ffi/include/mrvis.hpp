@@ -309,7 +309,7 @@ class handle {
  public:
   handle() noexcept = default;
   handle(const handle &other) noexcept : pointer_(other.pointer_) {
-    if (pointer_) Retain(pointer_);
+    if (pointer_ && Retain(pointer_) != MRV_OK) pointer_ = nullptr; /* after a defect there is nothing to own */
   }
   handle(handle &&other) noexcept : pointer_(std::exchange(other.pointer_, nullptr)) {}
   handle &operator=(handle other) noexcept {
@@ -369,6 +369,12 @@ class scene : public detail::handle<mrv_scene, mrv_scene_retain, mrv_scene_relea
     return detail::finish(status, scene(made));
   }
 
+  /* The same scene without instances, as radiosity and form factors need it. */
+  result<scene> flattened(uint64_t max_triangles = 0) const {
+    mrv_scene *made = nullptr;
+    const mrv_status status = mrv_scene_flatten(get(), max_triangles, &made);
+    return detail::finish(status, scene(made));
+  }
   result<scene_info> info() const {
     scene_info info;
     const mrv_status status = mrv_scene_get_info(get(), &info);
@@ -537,14 +543,14 @@ class solution : public detail::handle<mrv_solution, mrv_solution_retain, mrv_so
   /* Radiance of width x height pixels, three numbers each, row by row from the top. */
   result<void> image(const mrv_camera &camera, image_options options, span<float> radiance,
                      const progress &progress = {}) const {
-    const detail::progress_call call(progress, options);
+    detail::progress_call call(progress, options);
     const mrv_status status =
         mrv_solution_image(get(), &camera, &options, radiance.data(), radiance.size());
     call.rethrow();
     return detail::finish(status);
   }
   result<mrv::lightmap> lightmap(lightmap_options options = {}, const progress &progress = {}) const {
-    const detail::progress_call call(progress, options);
+    detail::progress_call call(progress, options);
     mrv_lightmap *made = nullptr;
     const mrv_status status = mrv_solution_lightmap(get(), &options, &made);
     mrv::lightmap owned(made);
@@ -611,7 +617,7 @@ class model : public detail::handle<mrv_model, mrv_model_retain, mrv_model_relea
   using handle::handle;
 
   static result<model> prepare(const mrv::scene &scene, prepare_options options = {}, const progress &progress = {}) {
-    const detail::progress_call call(progress, options);
+    detail::progress_call call(progress, options);
     mrv_model *made = nullptr;
     const mrv_status status = mrv_model_prepare(scene.get(), &options, &made);
     model owned(made);
@@ -670,7 +676,7 @@ class model : public detail::handle<mrv_model, mrv_model_retain, mrv_model_relea
   }
 
   result<solution> solve(solve_options options = {}, const progress &progress = {}) const {
-    const detail::progress_call call(progress, options);
+    detail::progress_call call(progress, options);
     mrv_solution *made = nullptr;
     const mrv_status status = mrv_model_solve(get(), &options, &made);
     solution owned(made);
@@ -678,7 +684,7 @@ class model : public detail::handle<mrv_model, mrv_model_retain, mrv_model_relea
     return detail::finish(status, std::move(owned));
   }
   result<bench_report> bench(bench_options options = {}, const progress &progress = {}) const {
-    const detail::progress_call call(progress, options);
+    detail::progress_call call(progress, options);
     mrv_bench_report *made = nullptr;
     const mrv_status status = mrv_model_bench(get(), &options, &made);
     bench_report owned(made);
@@ -690,7 +696,7 @@ class model : public detail::handle<mrv_model, mrv_model_retain, mrv_model_relea
                                         reference_options options = {}, const progress &progress = {}) const {
     if (positions.size() % 3 != 0 || normals.size() != positions.size())
       return detail::too_short<std::vector<double>>("normals", normals.size(), positions.size());
-    const detail::progress_call call(progress, options);
+    detail::progress_call call(progress, options);
     std::vector<double> found(positions.size());
     const mrv_status status = mrv_model_reference(get(), positions.data(), normals.data(), positions.size() / 3,
                                                   &options, found.data(), nullptr);
@@ -698,7 +704,7 @@ class model : public detail::handle<mrv_model, mrv_model_retain, mrv_model_relea
     return detail::finish(status, std::move(found));
   }
   result<mrv::form_factors> form_factors(form_factor_options options = {}, const progress &progress = {}) const {
-    const detail::progress_call call(progress, options);
+    detail::progress_call call(progress, options);
     mrv_form_factors *made = nullptr;
     const mrv_status status = mrv_model_form_factors(get(), &options, &made);
     mrv::form_factors owned(made);

@@ -27,6 +27,7 @@ mod handle;
 mod images;
 mod library;
 mod model;
+mod overlap;
 mod query;
 mod record;
 mod scene;
