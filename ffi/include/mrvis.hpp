@@ -179,16 +179,20 @@ inline result<void> finish(mrv_status status) {
 #endif
 }
 
-/* An array of the caller that is too short for what the call writes or reads. */
+/* Arrays of the caller that do not fit together. */
 template <class T>
-result<T> too_short(const char *name, std::size_t have, std::size_t want) {
-  std::string message =
-      std::string("`") + name + "` has " + std::to_string(have) + " entries, must have " + std::to_string(want);
+result<T> incomplete(std::string message) {
 #ifndef MRVIS_NO_EXCEPTIONS
   throw error(mrv::status::input, message);
 #else
   return {mrv::status::input, std::move(message)};
 #endif
+}
+
+/* An array of the caller that is too short for what the call writes or reads. */
+template <class T>
+result<T> too_short(const char *name, std::size_t have, std::size_t want) {
+  return incomplete<T>(std::string("`") + name + "` has " + std::to_string(have) + " entries, must have " + std::to_string(want));
 }
 
 }  // namespace detail
@@ -448,11 +452,13 @@ inline mesh triangles(const char *name, span<const float> positions, span<const 
 /* Positions of the caller and their number. */
 struct positions : mrv_positions {
   std::size_t count = 0;
+  /* Whether the spans hold x, y and z of each position; queries refuse others. */
+  bool is_whole = true;
 
   positions() noexcept : mrv_positions{} {}
   /* Packed. */
   positions(span<const float> packed) noexcept
-      : mrv_positions{packed.data(), nullptr, nullptr, 0}, count(packed.size() / 3) {}
+      : mrv_positions{packed.data(), nullptr, nullptr, 0}, count(packed.size() / 3), is_whole(packed.size() % 3 == 0) {}
   positions(span<const std::array<float, 3>> packed) noexcept
       : mrv_positions{packed.empty() ? nullptr : packed.data()->data(), nullptr, nullptr, 0}, count(packed.size()) {}
   /* Interleaved at a stride in bytes. */
@@ -461,16 +467,23 @@ struct positions : mrv_positions {
   /* Structure of arrays, packed. */
   positions(span<const float> x, span<const float> y, span<const float> z) noexcept
       : mrv_positions{x.data(), y.data(), z.data(), 0},
-        count(x.size() == y.size() && x.size() == z.size() ? x.size() : 0) {}
+        count(x.size()),
+        is_whole(x.size() == y.size() && x.size() == z.size()) {}
 };
 
 /* A batch in arrays of the caller, which live until it is answered. */
 struct segments : record<mrv_segments> {
+  /* Number of targets: must be that of origins. */
+  std::size_t target_count;
+  /* Whether all positions are. */
+  bool is_whole;
+
   /* Segments of one bundle. */
-  segments(const positions &from, const positions &to) noexcept {
+  segments(const positions &from, const positions &to) noexcept
+      : target_count(to.count), is_whole(from.is_whole && to.is_whole) {
     origins = from;
     targets = to;
-    segment_count = from.count < to.count ? from.count : to.count;
+    segment_count = from.count;
   }
   /* Bundles that begin at `bundles`, one entry more than bundles. */
   segments(const positions &from, const positions &to, span<const uint64_t> bundles) noexcept : segments(from, to) {
@@ -650,15 +663,17 @@ class model : public detail::handle<mrv_model, mrv_model_retain, mrv_model_relea
   result<mrv::cost> visibility(engine engine, const segments &asked, const answers &wanted) const {
     using found = mrv::cost;
     const std::size_t bundles = asked.bundles();
+    const auto count = static_cast<std::size_t>(asked.segment_count);
+    if (!asked.is_whole) return detail::incomplete<found>("x, y and z of each position are needed: the spans have other sizes");
+    if (asked.target_count != count) return detail::too_short<found>("targets", asked.target_count, count);
     if (wanted.transmittance.size() != bundles)
       return detail::too_short<found>("transmittance", wanted.transmittance.size(), bundles);
     if (!wanted.lo.empty() && wanted.lo.size() != bundles) return detail::too_short<found>("lo", wanted.lo.size(), bundles);
     if (!wanted.hi.empty() && wanted.hi.size() != bundles) return detail::too_short<found>("hi", wanted.hi.size(), bundles);
     if (!wanted.methods.empty() && wanted.methods.size() != bundles)
       return detail::too_short<found>("methods", wanted.methods.size(), bundles);
-    if (!wanted.segment_transmittance.empty() && wanted.segment_transmittance.size() != asked.segment_count)
-      return detail::too_short<found>("segment_transmittance", wanted.segment_transmittance.size(),
-                                      static_cast<std::size_t>(asked.segment_count));
+    if (!wanted.segment_transmittance.empty() && wanted.segment_transmittance.size() != count)
+      return detail::too_short<found>("segment_transmittance", wanted.segment_transmittance.size(), count);
     record<mrv_answers> out;
     out.transmittance = wanted.transmittance.data();
     out.lo = wanted.lo.data();
