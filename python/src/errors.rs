@@ -27,7 +27,7 @@ const WORDS: [(&str, &str); 16] = [
 ];
 
 /// How messages of the crate begin that describe an argument, and how they then name it.
-const BEGINNINGS: [(&str, &str); 10] = [
+const BEGINNINGS: [(&str, &str); 9] = [
     ("feature size ", "`feature_sizes` "),
     ("the feature size ", "`size` "),
     ("the exponent ", "`exponent` "),
@@ -37,22 +37,35 @@ const BEGINNINGS: [(&str, &str); 10] = [
     ("no scene is called ", "`name`: no scene is called "),
     ("receiver ", "`receivers`: "),
     ("emitter ", "`emitters`: "),
-    ("sides must ", "`sides` must "),
 ];
 
-/// A message of the crate in words of the package. The crate names an option by its field: `max_links 0: must lie in 1..100`.
+/// Options that the crate names by their fields in front of their values, as in `max_links 0: must lie in 1..100`.
+const FIELDS: [&str; 13] = [
+    "audit",
+    "error",
+    "feature_size",
+    "max_links",
+    "max_seconds",
+    "min_area",
+    "points",
+    "rays",
+    "reference_rays",
+    "seed",
+    "target_error",
+    "target_seconds",
+    "threads",
+];
+
+/// A message of the crate in words of the package.
 fn in_words(text: String) -> String {
     let mut text = WORDS.iter().fold(text, |text, (from, to)| text.replace(from, to));
-    let is_field = |word: &str| word.bytes().all(|b| b.is_ascii_lowercase() || b == b'_');
     let mut words = text.split([' ', ':']);
     if let (Some(field), Some(value)) = (words.next(), words.next())
-        && is_field(field)
+        && FIELDS.contains(&field)
         && value.parse::<f64>().is_ok()
-        && field != "instance"
     {
-        text = format!("`{field}`{}", &text[field.len()..])
-            .replace("and rays ", "and `rays` ")
-            .replace("with rays ", "with `rays` ");
+        text = format!("`{field}`{}", &text[field.len()..]);
+        text = text.replace("and rays ", "and `rays` ").replace("with rays ", "with `rays` ");
     }
     match BEGINNINGS.iter().find(|(from, _)| text.starts_with(from)) {
         Some((from, to)) => format!("{to}{}", &text[from.len()..]),

@@ -31,7 +31,13 @@ fn load_options(function: &str, options: Option<&Bound<'_, PyDict>>) -> PyResult
                 emitters.into_iter().fold(all, |all, (emitter, watts)| all.with_emitter(emitter, watts))
             }
             "two_sided_emission" => all.with_two_sided_emission(value(&name, &given)?),
-            "sides" => all.with_sides(whole(&name, &given)?),
+            "sides" => match whole(&name, &given)? {
+                sides @ (1 | 2) => all.with_sides(sides),
+                other => {
+                    let what = format!("`sides` {other}: must be 1 (closed solids) or 2 (sheets)");
+                    return Err(input(given.py(), what));
+                }
+            },
             "threads" => all.with_threads(whole(&name, &given)?),
             _ => return unknown(function, &name),
         };
