@@ -116,17 +116,18 @@ impl Model {
     ///
     /// # Errors
     /// [`Error::Argument`] if an option is out of its range, [`Error::OutOfMemory`] if the matrix could be too large,
-    /// [`Error::Scene`] with more than 2³¹ polygons, [`Error::Cancelled`] if `progress` stops it before it begins.
+    /// [`Error::Scene`] with more than 2³¹ polygons, [`Error::Cancelled`] if `progress` stops it.
     pub fn form_factors(&self, options: &FormFactorOptions, progress: &dyn Progress) -> Result<FormFactors> {
         self.on_threads(|| {
             let scene = self.scene();
             let facets = Facets::new(scene);
             let settings = options.settings(facets.count())?;
-            if progress.stopped() {
-                return Err(Error::Cancelled("stopped before form factors were computed".into()));
-            }
             progress.stage("form factors", 2 * facets.count() as u64);
-            let (matrix, report) = compute(self, &facets, &settings, &|n| progress.advance(n))?;
+            let goes_on = |n| {
+                progress.advance(n);
+                !progress.stopped()
+            };
+            let (matrix, report) = compute(self, &facets, &settings, &goes_on)?;
             let matrix = matrix.grouped(scene, &facets, options.grouping);
             Ok(FormFactors { matrix, report })
         })?

@@ -103,7 +103,10 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let (model, (faces, report)) = common.on_threads(|| {
         let model = Model::prepare(scene, &rays, &bar)?;
         bar.stage("form factors", 2 * facets.count() as u64);
-        let found = compute(&model, &facets, &settings, &|n| bar.advance(n))?;
+        let found = compute(&model, &facets, &settings, &|n| {
+            bar.advance(n);
+            !bar.stopped()
+        })?;
         Ok((model, found))
     })?;
     let scene = model.scene();

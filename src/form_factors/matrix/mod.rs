@@ -138,15 +138,15 @@ pub fn memory_bound(facets: usize, settings: &Settings) -> u64 {
 }
 
 /// Computes the matrix between all facets and its statistics. `done` is called with increments that sum to `2 ×
-/// facets`, from any thread.
+/// facets`, from any thread; it says whether to go on.
 ///
 /// # Errors
-/// [`Error::Argument`] if a setting is out of range, [`Error::Scene`] with too many facets.
+/// [`Error::Argument`] if a setting is out of range, [`Error::Scene`] with too many facets, [`Error::Cancelled`] if `done` says no.
 pub fn compute(
     model: &Model,
     facets: &Facets,
     settings: &Settings,
-    done: &(dyn Fn(u64) + Sync),
+    done: &(dyn Fn(u64) -> bool + Sync),
 ) -> Result<(Matrix, Report)> {
     model.check_single("the form factor matrix")?;
     if settings.rays == 0 || settings.bundle < 4 || settings.largest_bundle < settings.bundle {
@@ -157,20 +157,21 @@ pub fn compute(
     if facets.count() > discover::Partner::MAX_FACETS {
         return Err(Error::Scene(format!("more than {} facets", discover::Partner::MAX_FACETS)));
     }
+    let stopped = || Error::Cancelled("stopped before all form factors were computed".into());
     let traced = Traced::new(model, facets);
-    let found: Vec<discover::Found> = (0..facets.count() as u32)
+    let found: Option<Vec<discover::Found>> = (0..facets.count() as u32)
         .into_par_iter()
         .map_init(discover::Buffers::default, |buffers, i| {
             let found = discover::partners(&traced, facets, settings, i, buffers);
-            done(1);
-            found
+            done(1).then_some(found)
         })
         .collect();
+    let found = found.ok_or_else(stopped)?;
     let partners = discover::upper(&found);
     let shares: Vec<[f32; 2]> = found.iter().map(|f| [f.escaped, f.lost]).collect();
     drop(found);
     let pairs = pair::Pairs { traced: &traced, facets, settings };
-    let mut upper: Vec<pair::Row> = partners
+    let upper: Option<Vec<pair::Row>> = partners
         .par_iter()
         .enumerate()
         .map_init(pair::Buffers::default, |buffers, (i, partners)| {
@@ -179,10 +180,10 @@ pub fn compute(
             } else {
                 pairs.row(i as u32, partners, buffers)
             };
-            done(1);
-            row
+            done(1).then_some(row)
         })
         .collect();
+    let mut upper = upper.ok_or_else(stopped)?;
     drop(partners);
     pair::balance(&mut upper);
     Ok(rows::assemble(facets, upper, shares, settings))
