@@ -123,10 +123,14 @@ impl Sizes<'_> {
                 return Err(Error::Argument(format!("`{name}` has {count} entries for {bundles} bundles")));
             }
         };
-        match sizes.iter().position(|&size| !(size.is_finite() && in_range(size))) {
-            None => Ok(()),
-            Some(k) => Err(Error::Argument(format!("`{name}`[{k}] {}: must be {must}", sizes[k]))),
-        }
+        let Some(k) = sizes.iter().position(|&size| !(size.is_finite() && in_range(size))) else {
+            return Ok(());
+        };
+        let name = match self {
+            Sizes::All(_) => format!("`{}`", name.trim_end_matches('s')),
+            Sizes::Each(_) => format!("`{name}`[{k}]"),
+        };
+        Err(Error::Argument(format!("{name} {}: must be {must}", sizes[k])))
     }
 }
 

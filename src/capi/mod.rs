@@ -37,6 +37,7 @@ mod status;
 mod tests;
 mod update;
 mod visibility;
+mod words;
 
 /// Name and size of a record, and its members with their offsets.
 #[cfg(feature = "internals")]
