@@ -241,7 +241,7 @@ impl Solution {
     ///
     /// # Errors
     /// [`Error::Argument`] if `texels` is out of range, [`Error::Scene`] if the charts do not fit into an image of 16,384 texels a side,
-    /// [`Error::Cancelled`] if `progress` stops it before it is drawn; [`Error::Embree`] or [`Error::OutOfMemory`].
+    /// [`Error::Cancelled`] if `progress` stops it; [`Error::Embree`] or [`Error::OutOfMemory`].
     pub fn lightmap(&self, texels: usize, progress: &dyn Progress) -> Result<Lightmap> {
         if !(1..=1 << 26).contains(&texels) {
             return Err(Error::Argument(format!("`texels` {texels}: must lie in 1..{}", 1 << 26)));
@@ -249,7 +249,8 @@ impl Solution {
         let inner = &*self.inner;
         self.model().on_threads(|| {
             let stage = Stage::new(inner.smooth(progress)?, &inner.mesh)?;
-            let (map, note) = export::suitable_lightmap(&stage, &inner.mesh, inner.scene(), texels)?;
+            let (map, note) =
+                export::suitable_lightmap(&stage, &inner.mesh, inner.scene(), texels, progress)?;
             Ok(Lightmap::of(map, note, inner.scene()))
         })?
     }

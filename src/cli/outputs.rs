@@ -169,7 +169,11 @@ impl Outputs {
         let stage = Stage::new(mesh, solution)?;
         let [image, charts, picture] =
             ["lightmap.exr", "lightmap.obj", "lightmap.png"].map(|name| files.path(name));
-        let (map, why) = suitable_lightmap(&stage, solution, scene, self.lightmap_texels)?;
+        let drawn = suitable_lightmap(&stage, solution, scene, self.lightmap_texels, files.progress);
+        let (map, why) = match drawn {
+            Err(_) if files.left_out("lightmap.exr")? => return Ok(()),
+            drawn => drawn?,
+        };
         files.written.push(image.clone());
         if let Some(why) = why {
             spinner.clear();
@@ -224,9 +228,10 @@ impl Outputs {
         Ok(views)
     }
 
-    /// Pixels of a picture.
-    pub fn pixels(&self) -> usize {
-        self.image_size[0] * self.image_size[1]
+    /// Pixels of the largest image that is written.
+    pub fn pixels(&self, with_points: bool) -> usize {
+        let texels = if self.wants(Kind::Lightmap, with_points) { self.lightmap_texels } else { 0 };
+        texels.max(self.image_size[0] * self.image_size[1])
     }
 
     /// Whether the page is wanted.

@@ -284,13 +284,14 @@ fn write(
         irradiance
     };
     let (scene, with_points) = (solution.model().scene(), args.points.is_some());
+    let pixels = args.outputs.pixels(with_points);
     let Written { mut files, views } = args.outputs.write(
         &args.common,
         (scene, photometry),
         &mesh,
         out,
         with_points,
-        (&gather, &watch.for_files(args.outputs.pixels(), mesh.elements.len())),
+        (&gather, &watch.for_files(pixels, mesh.elements.len())),
     )?;
     watch.bar.finish();
     let notes = notes.into_inner();

@@ -3,6 +3,7 @@
 
 use super::Mesh;
 use crate::image_io::write_exr_rgb;
+use crate::progress::Progress;
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::scene::Scene;
 use crate::{Error, Result, files::WholeFile};
@@ -58,6 +59,9 @@ const MARGIN_TEXELS: usize = 2;
 /// Largest side of an image, texels: the limit of common graphics hardware.
 pub(super) const MAX_SIDE_TEXELS: usize = 16_384;
 
+/// Triangles that are drawn between two looks at the caller: below a millisecond.
+pub(super) const TRIANGLES_BETWEEN_LOOKS: usize = 1 << 10;
+
 struct Chart {
     triangles: Vec<u32>,
     u: Vec3,
@@ -83,8 +87,14 @@ impl Chart {
 /// Lightmap of a mesh with about `texels` texels; with more if there are more charts.
 ///
 /// # Errors
-/// The charts do not fit into an image of 16,384 texels per side.
-pub fn lightmap(mesh: &Mesh, solution: &RadiosityMesh, scene: &Scene, texels: usize) -> Result<Lightmap> {
+/// The charts do not fit into an image of 16,384 texels per side; [`Error::Cancelled`] if `progress` stops it.
+pub fn lightmap(
+    mesh: &Mesh,
+    solution: &RadiosityMesh,
+    scene: &Scene,
+    texels: usize,
+    progress: &dyn Progress,
+) -> Result<Lightmap> {
     let mut charts = charts(mesh, solution, scene);
     let area: f32 = charts.iter().map(|c| (c.high - c.low).element_product()).sum();
     let mut texel = (area / texels.max(1) as f32).sqrt().max(f32::MIN_POSITIVE);
@@ -114,12 +124,27 @@ pub fn lightmap(mesh: &Mesh, solution: &RadiosityMesh, scene: &Scene, texels: us
         sides: Vec::new(),
     };
     map.sides = map.sides_of(&charts, mesh, solution, scene);
+    let mut drawn = 0;
     for chart in &charts {
-        chart.triangles.iter().for_each(|&t| map.draw(mesh, chart, t));
+        for &t in &chart.triangles {
+            map.draw(mesh, chart, t);
+            drawn += 1;
+            if drawn % TRIANGLES_BETWEEN_LOOKS == 0 {
+                go_on(progress)?;
+            }
+        }
         chart.triangles.iter().for_each(|&t| map.cover_small(mesh, t));
     }
-    map.fill_margins();
+    map.fill_margins(progress)?;
     Ok(map)
+}
+
+/// An error once the caller has stopped.
+pub(super) fn go_on(progress: &dyn Progress) -> Result<()> {
+    match progress.stopped() {
+        true => Err(Error::Cancelled("stopped before the lightmap was complete".into())),
+        false => Ok(()),
+    }
 }
 
 /// Groups triangles in one plane and on one side of a connected surface.
@@ -265,11 +290,15 @@ impl Lightmap {
     }
 
     /// Fills texels beside covered ones with the mean of these, once per texel of the margin.
-    pub(super) fn fill_margins(&mut self) {
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`] if `progress` stops it.
+    pub(super) fn fill_margins(&mut self, progress: &dyn Progress) -> Result<()> {
         let mut known = self.covered.clone();
         for _ in 0..MARGIN_TEXELS {
             let before = known.clone();
             for y in 0..self.height {
+                go_on(progress)?;
                 for x in (0..self.width).filter(|x| !before[y * self.width + x]) {
                     let (mut sum, mut count) = ([0.0; 3], 0.0);
                     for j in y.saturating_sub(1)..(y + 2).min(self.height) {
@@ -288,6 +317,7 @@ impl Lightmap {
                 }
             }
         }
+        Ok(())
     }
 }
 

@@ -70,16 +70,17 @@ pub fn picture(
 /// The lightmap in the texture coordinates of the file if they are suitable; else one with a chart for each plane, and why.
 ///
 /// # Errors
-/// The charts do not fit into an image.
+/// The charts do not fit into an image; [`Error::Cancelled`](crate::Error::Cancelled) if `progress` stops it.
 pub fn suitable_lightmap(
     stage: &Stage,
     solution: &RadiosityMesh,
     scene: &Scene,
     texels: usize,
+    progress: &dyn Progress,
 ) -> Result<(Lightmap, Option<String>)> {
-    match unwrapped_lightmap(stage, scene, texels) {
+    match unwrapped_lightmap(stage, scene, texels, progress)? {
         Ok(map) => Ok((map, None)),
-        Err(why) => Ok((lightmap(stage.mesh, solution, scene, texels)?, Some(why))),
+        Err(why) => Ok((lightmap(stage.mesh, solution, scene, texels, progress)?, Some(why))),
     }
 }
 
