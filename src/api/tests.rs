@@ -3,6 +3,7 @@
 mod reports;
 mod scene_builder;
 mod shown;
+mod stopped;
 
 use super::*;
 use crate::model::{Detail, Model, PrepareOptions};

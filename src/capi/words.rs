@@ -11,7 +11,7 @@ use super::images::{mrv_image_options, mrv_lightmap_options};
 use super::model::mrv_prepare_options;
 use super::query::mrv_query;
 use super::record::Record;
-use super::scene::mrv_load_options;
+use super::scene::{mrv_generate_options, mrv_load_options};
 use super::solve::mrv_solve_options;
 use super::visibility::{mrv_answers, mrv_segments};
 
@@ -23,6 +23,7 @@ const LOAD: Members = mrv_load_options::MEMBERS;
 const RECORDS: &[(&str, &str, Members)] = &[
     ("mrv_scene_load", "options", LOAD),
     ("mrv_scene_from_memory", "options", LOAD),
+    ("mrv_scene_generate_with", "options", mrv_generate_options::MEMBERS),
     ("mrv_scene_builder_finish", "options", LOAD),
     ("mrv_scene_builder_add_object", "mesh", mrv_mesh::MEMBERS),
     ("mrv_scene_builder_add_shared_mesh", "mesh", mrv_mesh::MEMBERS),
@@ -70,7 +71,9 @@ pub fn in_c(name: &str, text: &str) -> String {
     let text = points_as_arrays(&text);
     let argument_of = |word: &str| {
         let mut records = RECORDS.iter().filter(|(function, ..)| *function == name);
-        records.find(|(.., members)| members.iter().any(|(member, _)| *member == word)).map(|(_, argument, _)| argument)
+        records
+            .find(|(.., members)| members.iter().any(|(member, _)| *member == word))
+            .map(|(_, argument, _)| argument)
     };
     // A leading `max_links 0`.
     let leading = text.split_once(' ').and_then(|(word, rest)| {
@@ -121,14 +124,26 @@ mod tests {
     fn names_are_those_of_the_header() {
         for (function, text, want) in [
             ("mrv_visibility_answer", "`bundles`: the last 3", "`segments.offsets`: the last 3"),
-            ("mrv_visibility_answer", "`targets` has 2 for 3 `origins`", "`segments.targets` has 2 for 3 `segments.origins`"),
+            (
+                "mrv_visibility_answer",
+                "`targets` has 2 for 3 `origins`",
+                "`segments.targets` has 2 for 3 `segments.origins`",
+            ),
             ("mrv_visibility_answer", "the engine `Average` needs optics", "MRV_ENGINE_AVERAGE needs optics"),
             ("mrv_visibility_query", "`to_source` 9: there are 2", "`query.source` 9: there are 2"),
             ("mrv_model_solve", "max_links 0: must lie in 1..9", "`options.max_links` 0: must lie in 1..9"),
             ("mrv_model_solve", "error bars: 3", "error bars: 3"),
-            ("mrv_model_bench", "points 9: lower option `points`", "`options.points` 9: lower `options.points`"),
+            (
+                "mrv_model_bench",
+                "points 9: lower option `points`",
+                "`options.points` 9: lower `options.points`",
+            ),
             ("mrv_model_bench", "dark; add option `emitters`", "dark; add `mrv_load_options.emitters`"),
-            ("mrv_model_bench", "prepare the model with `Detail::Optics`", "prepare the model with MRV_DETAIL_OPTICS"),
+            (
+                "mrv_model_bench",
+                "prepare the model with `Detail::Optics`",
+                "prepare the model with MRV_DETAIL_OPTICS",
+            ),
             ("mrv_solution_irradiance", "`points`[7].normal [0]: is 0", "`normals`[7] [0]: is 0"),
             ("mrv_scene_load", "no emitter `sofa`", "no emitter `sofa`"),
             ("mrv_scene_load", "an odd ` `threads`", "an odd ` `threads`"),
