@@ -39,12 +39,16 @@ impl Camera {
             p.is_finite() && (p - origin).abs().max_element() <= f64::from(super::segments::MAX_COORDINATE)
         };
         if !lies(eye) {
-            return wrong("eye", eye.to_string(), "be finite, at most 1e12 from the scene's origin");
+            return wrong(
+                "eye",
+                format!("{:?}", self.eye),
+                "be finite, at most 1e12 from the scene's origin",
+            );
         }
         if !lies(target) || (target - eye).normalize_or_zero() == DVec3::ZERO {
             return wrong(
                 "target",
-                target.to_string(),
+                format!("{:?}", self.target),
                 "be finite, at most 1e12 from the scene's origin, and away from `eye`",
             );
         }

@@ -43,7 +43,7 @@ static mrv_form_factor_options long_form_factors(mrv_progress progress, void *us
   mrv_form_factor_options options;
   memset(&options, 0, sizeof options);
   options.struct_size = sizeof options;
-  options.rays = 1u << 20;
+  options.rays = 1u << 18;
   options.pair_rays = 1u << 22;
   options.progress = progress;
   options.user = user;

@@ -167,7 +167,7 @@ pub fn compute(
         .into_par_iter()
         .map_init(discover::Buffers::default, |buffers, i| {
             go_on()?;
-            let found = discover::partners(&traced, facets, settings, i, buffers);
+            let found = discover::partners(&traced, facets, settings, i, buffers, progress);
             progress.advance(1);
             Ok(found)
         })

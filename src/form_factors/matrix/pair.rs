@@ -175,6 +175,9 @@ impl Pairs<'_> {
         let wanted = (16.0 * c).min(f64::from(self.settings.largest_bundle)) / size;
         let (mut sum, mut squares, mut count) = (first.value, first.error.powi(2), 1.0);
         for k in 1..wanted as u64 {
+            if self.progress.stopped() {
+                break;
+            }
             *rays += table.len() as u64;
             let next = self.bundle(pair, table, super::rays::mix(key ^ k));
             if next.error > 0.0 {
