@@ -2,14 +2,13 @@
 //! texture coordinates of the file.
 
 use super::Mesh;
-use crate::image_io::write_exr_rgb;
-use crate::progress::Progress;
+use crate::progress::{Progress, Stoppable};
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::scene::Scene;
 use crate::{Error, Result, files::WholeFile};
 use glam::{Vec2, Vec3};
 use std::collections::HashMap;
-use std::io::Write;
+use std::io::{BufWriter, Write};
 use std::path::Path;
 
 /// An image of irradiance and its texture coordinates.
@@ -321,30 +320,35 @@ impl Lightmap {
     }
 }
 
-/// Writes `image` (EXR) and `model` (OBJ: the triangles of the scene with texture coordinates, in coordinates of the scene's file;
-/// back sides are faces of their own).
+/// Writes the triangles of the scene with the texture coordinates of a lightmap, in coordinates of the scene's file, as an OBJ file; back
+/// sides are faces of their own. `image` is the name of the lightmap's file.
 ///
 /// # Errors
-/// A file cannot be written.
-pub fn write_lightmap(image: &Path, model: &Path, map: &Lightmap, scene: &Scene) -> Result<()> {
-    write_exr_rgb(image, map.width, &map.irradiance)?;
-    let mut file = WholeFile::create(model)?;
+/// The file cannot be written, or `progress` has stopped.
+pub fn write_lightmap_mesh(
+    path: &Path,
+    map: &Lightmap,
+    (scene, image): (&Scene, &str),
+    progress: &dyn Progress,
+) -> Result<()> {
+    let mut file = WholeFile::create(path)?;
+    let mut out = BufWriter::with_capacity(1 << 16, Stoppable { out: &mut file, progress });
     let mut write = || -> std::io::Result<()> {
-        let name = image.file_name().unwrap_or_default().to_string_lossy();
-        writeln!(file, "# irradiance, W/m\u{b2}: {name}, {} x {} texels", map.width, map.height)?;
+        writeln!(out, "# irradiance, W/m\u{b2}: {image}, {} x {} texels", map.width, map.height)?;
         for p in &scene.positions {
             let p = scene.origin + p.as_dvec3();
-            writeln!(file, "v {} {} {}", p.x, p.y, p.z)?;
+            writeln!(out, "v {} {} {}", p.x, p.y, p.z)?;
         }
         let texcoords = map.sides.iter().flat_map(|side| side.texcoords);
-        texcoords.into_iter().try_for_each(|t| writeln!(file, "vt {} {}", t.x, t.y))?;
+        texcoords.into_iter().try_for_each(|t| writeln!(out, "vt {} {}", t.x, t.y))?;
         for (i, side) in map.sides.iter().enumerate() {
             let corners = scene.triangles[side.triangle as usize];
             let [a, b, c] = [0, 1, 2].map(|k| format!("{}/{}", corners[k] + 1, 3 * i + k + 1));
-            if side.front { writeln!(file, "f {a} {b} {c}")? } else { writeln!(file, "f {a} {c} {b}")? }
+            if side.front { writeln!(out, "f {a} {b} {c}")? } else { writeln!(out, "f {a} {c} {b}")? }
         }
-        Ok(())
+        out.flush()
     };
-    write().map_err(|e| Error::io(model, e))?;
+    write().map_err(|e| Error::io(path, e))?;
+    drop(out);
     file.commit()
 }

@@ -9,6 +9,7 @@ use crate::progress::Progress;
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::scene::{Scene, StoredCamera};
 use glam::{DVec3, Vec3, Vec3Swizzles};
+use rayon::prelude::*;
 
 /// Largest number of pixels: limits memory to about 1 GB during rendering.
 pub const MAX_PIXELS: usize = 1 << 25;
@@ -87,7 +88,7 @@ pub fn suitable_lightmap(
 /// Tone-mapped colours of light.
 pub fn developed(width: usize, light: &[[f32; 3]]) -> Picture {
     let tone = Tone::of(light.iter().copied());
-    let pixels = light.iter().map(|&r| tone.srgb(r)).collect();
+    let pixels = light.par_iter().map(|&r| tone.srgb(r)).collect();
     Picture { width, height: light.len() / width.max(1), pixels }
 }
 

@@ -125,7 +125,7 @@ fn lightmaps_hold_the_light_where_they_say() {
     }
     let folder = tempfile::tempdir().expect("scratch folder");
     let model = folder.path().join("lightmap.obj");
-    write_lightmap(&folder.path().join("lightmap.exr"), &model, &map, &scene).expect("written");
+    write_lightmap_mesh(&model, &map, (&scene, "lightmap.exr"), &()).expect("written");
     assert_eq!(Scene::load(&model).expect("an OBJ file").triangles.len(), scene.triangles.len());
 }
 
