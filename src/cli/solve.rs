@@ -239,6 +239,7 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
     watch.stop_on_interruption(args.common.quiet);
     watch.stage("preparing", 0);
     let model = prepare(scene, &options, &watch)?;
+    options.seconds_spent = start.elapsed().as_secs_f64();
     let (outcome, solution) = radiosity::solve(&model, &points, &options, &watch)?;
     let other = args.compare.filter(|_| !outcome.record.interrupted);
     let versus =
