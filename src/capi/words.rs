@@ -3,41 +3,171 @@
 //! The crate names its own arguments: `` `origins` ``, a leading `max_links 0`, or option `` `emitters` `` within a sentence. A C program
 //! reads the members of the records that it gave: `` `segments.origins` ``, `` `options.max_links` ``.
 
-use super::bench::{mrv_bench_options, mrv_reference_options};
-use super::builder::mrv_mesh;
-use super::fbem::mrv_fbem_images;
-use super::form_factors::mrv_form_factor_options;
-use super::images::{mrv_image_options, mrv_lightmap_options};
-use super::model::mrv_prepare_options;
-use super::query::mrv_query;
-use super::record::Record;
-use super::scene::{mrv_generate_options, mrv_load_options};
-use super::solve::mrv_solve_options;
-use super::visibility::{mrv_answers, mrv_segments};
+/// A record: its name and its members, those of [`super::record::Record`]. A test compares them; the files of records use this one.
+pub type Members = (&'static str, &'static [&'static str]);
 
-type Members = &'static [(&'static str, usize)];
-
-const LOAD: Members = mrv_load_options::MEMBERS;
+const LOAD: Members = (
+    "mrv_load_options",
+    &[
+        "struct_size",
+        "unit",
+        "emitters",
+        "emitter_watts",
+        "emitter_count",
+        "two_sided_emission",
+        "sides",
+        "threads",
+        "reserved",
+        "emitter_units",
+        "luminaires",
+        "up",
+        "channels",
+        "max_memory",
+    ],
+);
+const GENERATE_OPTIONS: Members = (
+    "mrv_generate_options",
+    &["struct_size", "seed", "count", "trees", "leaves", "light_size", "trunks", "reserved"],
+);
+const MESH: Members = (
+    "mrv_mesh",
+    &[
+        "struct_size",
+        "name",
+        "positions",
+        "positions_f64",
+        "position_stride",
+        "vertex_count",
+        "indices",
+        "index_count",
+        "polygon_sizes",
+        "polygon_count",
+        "face_materials",
+        "material",
+        "reserved",
+    ],
+);
+const PREPARE_OPTIONS: Members =
+    ("mrv_prepare_options", &["struct_size", "detail", "threads", "cache", "progress", "user"]);
+const SEGMENTS: Members = (
+    "mrv_segments",
+    &[
+        "struct_size",
+        "origins",
+        "targets",
+        "segment_count",
+        "offsets",
+        "bundle_count",
+        "feature_sizes",
+        "emitter_sizes",
+        "feature_size",
+        "emitter_size",
+        "relative_to",
+    ],
+);
+const ANSWERS: Members =
+    ("mrv_answers", &["struct_size", "transmittance", "lo", "hi", "methods", "segment_transmittance"]);
+const QUERY: Members = (
+    "mrv_query",
+    &["struct_size", "position", "normal", "point", "source", "target", "feature_size", "rays", "seed"],
+);
+const SOLVE_OPTIONS: Members = (
+    "mrv_solve_options",
+    &[
+        "struct_size",
+        "engine",
+        "direct_only",
+        "error",
+        "target_error",
+        "min_area",
+        "max_seconds",
+        "max_links",
+        "seed",
+        "feature_size",
+        "feature_size_names",
+        "feature_sizes",
+        "feature_size_count",
+        "importance",
+        "importance_count",
+        "progress",
+        "user",
+        "audit",
+        "no_audit",
+        "light_rays",
+        "gather_rays",
+    ],
+);
+const FORM_FACTOR_OPTIONS: Members = (
+    "mrv_form_factor_options",
+    &["struct_size", "grouping", "no_closure", "rays", "pair_rays", "max_bytes", "seed", "progress", "user"],
+);
+const BENCH_OPTIONS: Members = (
+    "mrv_bench_options",
+    &[
+        "struct_size",
+        "points",
+        "rays",
+        "reference_rays",
+        "feature_sizes",
+        "feature_size_count",
+        "receivers",
+        "receiver_count",
+        "audit",
+        "target_error",
+        "target_seconds",
+        "seed",
+        "threads",
+        "unbiased",
+        "no_audit",
+        "reserved",
+        "progress",
+        "user",
+        "max_memory",
+    ],
+);
+const REFERENCE_OPTIONS: Members =
+    ("mrv_reference_options", &["struct_size", "seed", "samples", "direct_only", "progress", "user"]);
+const IMAGE_OPTIONS: Members =
+    ("mrv_image_options", &["struct_size", "width", "height", "gather", "reserved", "progress", "user"]);
+const LIGHTMAP_OPTIONS: Members = ("mrv_lightmap_options", &["struct_size", "texels", "progress", "user"]);
+const FBEM_IMAGES: Members = (
+    "mrv_fbem_images",
+    &[
+        "struct_size",
+        "reference",
+        "approximation",
+        "width",
+        "height",
+        "texel",
+        "exponent",
+        "white",
+        "threshold",
+        "features",
+        "morphology",
+        "unmasked_filter",
+        "reserved",
+    ],
+);
 
 /// Functions, their arguments that are records, and the members of these.
-const RECORDS: &[(&str, &str, Members)] = &[
+pub const RECORDS: &[(&str, &str, Members)] = &[
     ("mrv_scene_load", "options", LOAD),
     ("mrv_scene_from_memory", "options", LOAD),
-    ("mrv_scene_generate_with", "options", mrv_generate_options::MEMBERS),
+    ("mrv_scene_generate_with", "options", GENERATE_OPTIONS),
     ("mrv_scene_builder_finish", "options", LOAD),
-    ("mrv_scene_builder_add_object", "mesh", mrv_mesh::MEMBERS),
-    ("mrv_scene_builder_add_shared_mesh", "mesh", mrv_mesh::MEMBERS),
-    ("mrv_model_prepare", "options", mrv_prepare_options::MEMBERS),
-    ("mrv_visibility_answer", "segments", mrv_segments::MEMBERS),
-    ("mrv_visibility_answer", "answers", mrv_answers::MEMBERS),
-    ("mrv_visibility_query", "query", mrv_query::MEMBERS),
-    ("mrv_model_solve", "options", mrv_solve_options::MEMBERS),
-    ("mrv_model_form_factors", "options", mrv_form_factor_options::MEMBERS),
-    ("mrv_model_bench", "options", mrv_bench_options::MEMBERS),
-    ("mrv_model_reference", "options", mrv_reference_options::MEMBERS),
-    ("mrv_solution_image", "options", mrv_image_options::MEMBERS),
-    ("mrv_solution_lightmap", "options", mrv_lightmap_options::MEMBERS),
-    ("mrv_fbem", "images", mrv_fbem_images::MEMBERS),
+    ("mrv_scene_builder_add_object", "mesh", MESH),
+    ("mrv_scene_builder_add_shared_mesh", "mesh", MESH),
+    ("mrv_model_prepare", "options", PREPARE_OPTIONS),
+    ("mrv_visibility_answer", "segments", SEGMENTS),
+    ("mrv_visibility_answer", "answers", ANSWERS),
+    ("mrv_visibility_query", "query", QUERY),
+    ("mrv_model_solve", "options", SOLVE_OPTIONS),
+    ("mrv_model_form_factors", "options", FORM_FACTOR_OPTIONS),
+    ("mrv_model_bench", "options", BENCH_OPTIONS),
+    ("mrv_model_reference", "options", REFERENCE_OPTIONS),
+    ("mrv_solution_image", "options", IMAGE_OPTIONS),
+    ("mrv_solution_lightmap", "options", LIGHTMAP_OPTIONS),
+    ("mrv_fbem", "images", FBEM_IMAGES),
 ];
 
 /// Words that have another name in C: function (empty: all), word of the crate, word of the header.
@@ -71,9 +201,7 @@ pub fn in_c(name: &str, text: &str) -> String {
     let text = points_as_arrays(&text);
     let argument_of = |word: &str| {
         let mut records = RECORDS.iter().filter(|(function, ..)| *function == name);
-        records
-            .find(|(.., members)| members.iter().any(|(member, _)| *member == word))
-            .map(|(_, argument, _)| argument)
+        records.find(|(.., members)| members.1.contains(&word)).map(|(_, argument, _)| argument)
     };
     // A leading `max_links 0`.
     let leading = text.split_once(' ').and_then(|(word, rest)| {
@@ -94,7 +222,7 @@ pub fn in_c(name: &str, text: &str) -> String {
         }
         match argument_of(part) {
             Some(argument) => out += &format!("`{argument}.{part}`"),
-            None if is_option && LOAD.iter().any(|(member, _)| *member == part) => {
+            None if is_option && LOAD.1.contains(&part) => {
                 out += &format!("`mrv_load_options.{part}`");
             }
             None if is_option => out += &format!("option `{part}`"),

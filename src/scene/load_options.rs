@@ -1,10 +1,9 @@
 //! What a file does not state.
 
 use super::read_luminaire::Luminaire;
-use super::{Channels, Photometry, Strength, UpAxis, read_placements};
-use crate::Result;
+use super::{Channels, Photometry, Strength, UpAxis};
 use glam::DVec3;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Properties that a file does not state or states wrongly: [`LoadOptions::default`], then `with_…`.
@@ -98,16 +97,6 @@ impl LoadOptions {
     pub fn with_emitter_luminance(mut self, name: impl Into<String>, luminance: f64) -> LoadOptions {
         self.emitters.push((name.into(), Strength::Luminance(luminance)));
         self
-    }
-
-    /// Adds luminaires with IES LM-63 or EULUMDAT files: a placement file in TOML with tables `[[luminaire]]` of `file`, `at` and `aim`,
-    /// which is read now.
-    ///
-    /// # Errors
-    /// [`Error::Io`](crate::Error::Io) or [`Error::Format`](crate::Error::Format): it, or a file that it names, cannot be read or is wrong.
-    pub fn with_luminaires(mut self, placements: impl AsRef<Path>) -> Result<LoadOptions> {
-        self.luminaires = read_placements(placements.as_ref())?;
-        Ok(self)
     }
 
     /// Which channels hold light as the eye weighs it, for luminaires and luminous emitters; default [`Channels::Rgb`].

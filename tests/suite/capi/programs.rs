@@ -97,7 +97,7 @@ fn check_words(message: &str) {
     assert!(words.contains(function) && function.starts_with("mrv_"), "{message}");
     assert!(!what.contains("::") && !what.contains("option `"), "a name of the crate: {message}");
     // What the program called its meshes, materials and so on.
-    const OWN: [&str; 7] = ["m", "a", "b", "i", "floor", "lamp", "boxes"];
+    const OWN: [&str; 9] = ["m", "a", "b", "i", "floor", "lamp", "boxes", "grey", "red"];
     for quoted in what.split('`').skip(1).step_by(2) {
         let is_name = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '.';
         if OWN.contains(&quoted) || !quoted.chars().all(is_name) {
@@ -118,7 +118,7 @@ fn check_words(message: &str) {
 }
 
 /// Arguments of functions, and the record that messages about other calls name.
-const ARGUMENTS: [&str; 41] = [
+const ARGUMENTS: [&str; 45] = [
     "answer",
     "answers",
     "approximation",
@@ -160,6 +160,10 @@ const ARGUMENTS: [&str; 41] = [
     "segments",
     "solution",
     "text",
+    "flat",
+    "sizes",
+    "transform",
+    "updated",
 ];
 
 /// Work that is cancelled in the middle, callbacks that use the library, and work that memory does not suffice for.
