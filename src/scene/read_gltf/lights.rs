@@ -23,6 +23,9 @@ const CONE_STEPS: usize = 64;
 /// Largest inner angle of a spot relative to the outer one: an edge of 1 % of the beam is sharp in any image, and steps of
 /// the table differ by more than the rounding of cosines.
 const MAX_INNER: f64 = 0.99;
+/// Axis of the two plates of a point light: nothing is lit in their plane, which with coordinates in irrational ratios passes through no
+/// other point of a grid along the axes of the scene.
+const POINT_AXIS: DVec3 = DVec3::new(1.0, std::f64::consts::SQRT_2, 1.732_050_807_568_877_2);
 /// Smallest outer angle of a spot, radians: a beam of a millimetre at a metre.
 const MIN_CONE: f64 = 1e-3;
 
@@ -55,6 +58,7 @@ impl Reader<'_> {
                 quote(&name)
             )));
         };
+        let aim = if matches!(light.kind(), Kind::Point) { POINT_AXIS.normalize() } else { aim };
         let table = match light.kind() {
             Kind::Directional => None,
             Kind::Point => Some(vec![(0.0, 1.0), (180.0, 1.0)]),

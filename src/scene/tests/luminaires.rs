@@ -200,6 +200,10 @@ fn punctual_lights_of_gltf() {
     let point = value(r#"{"type":"point","intensity":400,"color":[1,0.5,0]}"#, place);
     near(point[0], 100.0, 0.01);
     near(point[1], 400.0 * 2.0 / 8f64.powf(1.5), 0.01);
+    // The orientation of its node does not matter.
+    for place in [r#""translation":[0,2,0]"#, r#""translation":[0,2,0],"rotation":[0,0.6,0,0.8]"#] {
+        near(value(r#"{"type":"point","intensity":400}"#, place)[0], 100.0, 0.01);
+    }
     let spot =
         value(r#"{"type":"spot","intensity":400,"spot":{"innerConeAngle":0.2,"outerConeAngle":0.5}}"#, place);
     near(spot[0], 100.0, 0.01);
