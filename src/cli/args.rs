@@ -3,7 +3,7 @@
 use super::{
     flags::with_flags,
     inputs::{Inputs, Output},
-    limits,
+    job_context, limits,
 };
 use crate::{
     Error, Result,
@@ -217,7 +217,9 @@ impl SceneArgs {
             max_memory: limits::bytes(common.max_memory),
         };
         let _spinner = common.spinner(format!("reading {}", file_name(&self.scene)));
-        Scene::load_with(&self.scene, &options)
+        let scene = Scene::load_with(&self.scene, &options)?;
+        job_context::note_read(&scene.files);
+        Ok(scene)
     }
 
     /// Reads the scene for commands that need triangles of its own: placed meshes are copied, with a warning.
@@ -320,8 +322,11 @@ pub fn shell_word(text: &str) -> String {
     }
 }
 
-/// The command line of this run, for a shell.
+/// The command line of this run or of the job of a batch, for a shell.
 pub fn command_line() -> String {
+    if let Some(line) = job_context::command_line() {
+        return line;
+    }
     let words = std::env::args_os().skip(1).map(|word| shell_word(&word.to_string_lossy()));
     let words: Vec<String> = std::iter::once("mrvis".into()).chain(words).collect();
     words.join(" ")

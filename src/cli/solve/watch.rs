@@ -1,42 +1,22 @@
 //! Progress, interruption and the time limit of a solve.
 
-use super::super::progress::Bar;
+use super::super::{interruption, progress::Bar};
 use crate::model::Model;
 use crate::progress::Progress;
 use crate::radiosity::{Options, Visibility};
 use crate::scene::Scene;
 use crate::{Error, Result};
-use std::io::Write as _;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
-
-/// Exit code after a second interruption: 128 + SIGINT, the convention of shells.
-const INTERRUPTED: i32 = 130;
 
 /// Shows the stage of the solve and forwards an interruption to it.
 pub struct Watch {
     pub bar: Bar,
-    pub stopped: Arc<AtomicBool>,
 }
 
 impl Watch {
     /// Stops the solve at the first interruption (SIGINT) and ends the program at the second.
     pub fn stop_on_interruption(&self, quiet: bool) {
-        let stopped = self.stopped.clone();
-        // If the handler cannot be set, the first interruption ends the program.
-        let _ = ctrlc::set_handler(move || {
-            if stopped.swap(true, Ordering::Relaxed) {
-                std::process::exit(INTERRUPTED);
-            }
-            if !quiet {
-                // A closed standard error is ignored.
-                let _ = writeln!(
-                    std::io::stderr(),
-                    "mrvis: stopping with the light there is; once more ends at once"
-                );
-            }
-        });
+        interruption::watch((!quiet).then_some("stopping with the light there is; once more ends at once"));
     }
 }
 
@@ -50,7 +30,7 @@ impl Progress for Watch {
     }
 
     fn stopped(&self) -> bool {
-        self.stopped.load(Ordering::Relaxed)
+        interruption::stopped()
     }
 }
 
