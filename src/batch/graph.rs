@@ -13,7 +13,8 @@ use std::collections::{BTreeMap, HashMap};
 /// Two jobs have one folder, a name leaves the output folder, a dependency is unknown, or dependencies form a circle.
 pub fn check(source: &TomlSource, jobs: &mut [Job]) -> Result<()> {
     check_names(source, jobs)?;
-    let by_name: HashMap<&str, usize> = jobs.iter().enumerate().map(|(k, job)| (job.name.as_str(), k)).collect();
+    let by_name: HashMap<&str, usize> =
+        jobs.iter().enumerate().map(|(k, job)| (job.name.as_str(), k)).collect();
     let mut by_tag: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
     for (k, job) in jobs.iter().enumerate() {
         job.tags.iter().for_each(|tag| by_tag.entry(tag).or_default().push(k));
@@ -70,7 +71,11 @@ fn check_names(source: &TomlSource, jobs: &[Job]) -> Result<()> {
             let what = format!(
                 "two jobs have the folder `{}`{}: name the options in which they differ, as in `{{scene}}-{{error}}`",
                 quote(&job.name),
-                if other.name == job.name { "" } else { " (some file systems do not distinguish upper and lower case)" }
+                if other.name == job.name {
+                    ""
+                } else {
+                    " (some file systems do not distinguish upper and lower case)"
+                }
             );
             return Err(source.error(&job.span, what));
         }

@@ -25,6 +25,16 @@ impl Value {
         }
     }
 
+    /// The value in a table: a number where it is one.
+    fn json(&self) -> serde_json::Value {
+        if let Value::Flag(set) = self {
+            return (*set).into();
+        }
+        let text = self.shown();
+        let number = text.parse::<f64>().ok().and_then(serde_json::Number::from_f64);
+        number.map_or(text.into(), serde_json::Value::Number)
+    }
+
     /// All texts of the value.
     pub fn texts(&self) -> &[String] {
         match self {
@@ -150,6 +160,19 @@ pub struct Job {
 }
 
 impl Job {
+    /// Columns of the table of results that say what the job is: its command, scene, tags and swept options.
+    pub fn about(&self) -> serde_json::Map<String, serde_json::Value> {
+        let mut about = serde_json::Map::new();
+        let mut add = |name: &str, value: serde_json::Value| drop(about.insert(name.into(), value));
+        add("command", self.command.name.into());
+        add("scene", self.inputs.first().map(String::as_str).into());
+        add("tags", self.tags.join(" ").into());
+        for name in &self.swept {
+            add(&format!("option.{name}"), self.option(name).map_or(serde_json::Value::Null, Value::json));
+        }
+        about
+    }
+
     /// The last value of an option.
     pub fn option(&self, name: &str) -> Option<&Value> {
         self.options.iter().rev().find(|o| o.name == name).map(|o| &o.value)

@@ -1,6 +1,7 @@
 //! The journal: one line of JSON for each job that ended, on disk before its outputs appear.
 
 use super::hashes::HashedFile;
+use super::job::Job;
 use super::names::FOLDER;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -38,6 +39,12 @@ pub struct Entry {
     /// The error of a failed job.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
+    /// Its place among the jobs of its file.
+    pub index: usize,
+    /// Columns of the table of results that say what the job is.
+    pub about: serde_json::Map<String, serde_json::Value>,
+    /// Its record in its folder; see [`super::CommandKind`].
+    pub record: String,
     /// Its command line.
     pub command: String,
     /// Seconds.
@@ -65,15 +72,20 @@ impl Entry {
     /// A hash of all outputs: another one after the job has run again.
     pub fn fingerprint(&self) -> String {
         let mut hasher = blake3::Hasher::new();
-        self.outputs.iter().for_each(|file| drop(hasher.update(file.blake3.as_bytes())));
+        for file in &self.outputs {
+            hasher.update(file.blake3.as_bytes());
+        }
         hasher.finalize().to_hex().to_string()
     }
 
     /// A line without files.
-    pub fn new(job: &str, key: &str, status: Status, command: String) -> Entry {
+    pub fn new(job: (usize, &Job), key: &str, status: Status, command: String) -> Entry {
         Entry {
             version: VERSION,
-            job: job.into(),
+            job: job.1.name.clone(),
+            index: job.0,
+            about: job.1.about(),
+            record: job.1.command.record.into(),
             key: key.into(),
             status,
             error: None,
@@ -141,7 +153,9 @@ fn read(path: &Path, entries: &mut Entries) -> Result<u64> {
             .map_err(|e| damaged(format!("is damaged ({e}); remove the line to run its job again")))?;
         if value["version"] != VERSION {
             let what = format!("is of version {}, this program writes {VERSION}", value["version"]);
-            return Err(damaged(format!("{what}: choose another output folder, or the program that wrote it")));
+            return Err(damaged(format!(
+                "{what}: choose another output folder, or the program that wrote it"
+            )));
         }
         let mut entry: Entry = serde_json::from_value(value)
             .map_err(|e| damaged(format!("is damaged ({e}); remove the line to run its job again")))?;
@@ -192,10 +206,24 @@ impl Journal {
 
 #[cfg(test)]
 mod tests {
+    use super::super::job::{COMMANDS, Limits};
     use super::*;
 
     fn entry(job: &str) -> Entry {
-        Entry::new(job, "k", Status::Done, "mrvis".into())
+        let job = Job {
+            name: job.into(),
+            command: &COMMANDS[0],
+            inputs: Vec::new(),
+            options: Vec::new(),
+            swept: Vec::new(),
+            tags: Vec::new(),
+            after: Vec::new(),
+            needs: Vec::new(),
+            limits: Limits::default(),
+            retry: 0,
+            span: 0..0,
+        };
+        Entry::new((0, &job), "k", Status::Done, "mrvis".into())
     }
 
     #[test]

@@ -27,7 +27,10 @@ pub fn fault(name: &str) -> Option<String> {
         return Some("must have 1 to 200 characters".into());
     }
     if let Some(c) = name.chars().find(|c| c.is_control() || "\\:*?\"<>|{}".contains(*c)) {
-        return Some(format!("has `{}`, which is not valid in names of folders everywhere", c.escape_default()));
+        return Some(format!(
+            "has `{}`, which is not valid in names of folders everywhere",
+            c.escape_default()
+        ));
     }
     let inside = path.components().all(|c| matches!(c, Component::Normal(_)));
     if !inside || name.contains("//") || name.ends_with('/') || name.split('/').any(|part| part == ".") {

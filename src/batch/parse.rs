@@ -1,9 +1,7 @@
 //! Reads a job file.
 
 use super::job::{COMMANDS, CommandKind, Limits, Opt, Reads, Value};
-use super::job_file::{
-    AXIS_KEYS, Axis, DEFAULT_KEYS, FILE_KEYS, JOB_KEYS, JobEntry, JobFile, LIMIT_KEYS,
-};
+use super::job_file::{AXIS_KEYS, Axis, DEFAULT_KEYS, FILE_KEYS, JOB_KEYS, JobEntry, JobFile, LIMIT_KEYS};
 use super::names::suggestion;
 use super::toml_source::{Span, TomlSource};
 use crate::{Error, Result, error::quote};
@@ -21,9 +19,8 @@ type Node<'a> = Spanned<DeValue<'a>>;
 /// # Errors
 /// [`Error::Argument`] with file, line and column.
 pub fn parse(source: &TomlSource) -> Result<JobFile> {
-    let table = DeTable::parse(&source.text).map_err(|e| {
-        source.error(&e.span().unwrap_or(0..0), quote(e.message()))
-    })?;
+    let table = DeTable::parse(&source.text)
+        .map_err(|e| source.error(&e.span().unwrap_or(0..0), quote(e.message())))?;
     let reader = Reader { source };
     let table = table.get_ref();
     reader.check_keys(table, &FILE_KEYS)?;
@@ -137,7 +134,9 @@ impl Reader<'_> {
         let name = entry.command.name;
         match entry.command.reads {
             Reads::Scene if entry.scenes.is_empty() => fault(format!("`{name}` needs `scene`")),
-            Reads::Scene if !entry.inputs.is_empty() => fault(format!("`{name}` reads `scene`, not `inputs`")),
+            Reads::Scene if !entry.inputs.is_empty() => {
+                fault(format!("`{name}` reads `scene`, not `inputs`"))
+            }
             Reads::Inputs(_) if !entry.scenes.is_empty() => {
                 fault(format!("`{name}` reads `inputs`, not `scene`"))
             }
@@ -173,7 +172,10 @@ impl Reader<'_> {
         COMMANDS.iter().find(|c| c.name == text).ok_or_else(|| {
             let all: Vec<_> = names.clone().collect();
             let similar = suggestion(&text, names);
-            self.error(node, format!("unknown command `{}` (there are {}){similar}", quote(&text), all.join(", ")))
+            self.error(
+                node,
+                format!("unknown command `{}` (there are {}){similar}", quote(&text), all.join(", ")),
+            )
         })
     }
 
@@ -198,7 +200,7 @@ impl Reader<'_> {
         let power = "KMGT".find(unit.to_ascii_uppercase()).ok_or_else(wanted)? as i32 + 1;
         let number: f64 = digits[..digits.len() - 1].trim().parse().map_err(|_| wanted())?;
         let bytes = number * 1024f64.powi(power);
-        if bytes >= 1.0 && bytes < 1e18 { Ok(bytes as u64) } else { Err(wanted()) }
+        if (1.0..1e18).contains(&bytes) { Ok(bytes as u64) } else { Err(wanted()) }
     }
 
     fn options(&self, node: &Node) -> Result<Vec<Opt>> {
@@ -271,7 +273,8 @@ impl Reader<'_> {
     /// Values of `{ from, to, steps }`, evenly spaced or by equal factors, or of `{ from, to, by }`.
     fn range(&self, node: &Node, table: &DeTable) -> Result<Vec<Value>> {
         self.check_keys(table, &AXIS_KEYS)?;
-        let need = |key: &str| table.get(key).ok_or_else(|| self.error(node, format!("the range lacks `{key}`")));
+        let need =
+            |key: &str| table.get(key).ok_or_else(|| self.error(node, format!("the range lacks `{key}`")));
         let (from, to) = (self.number(need("from")?)?, self.number(need("to")?)?);
         let scale = table.get("scale").map_or(Ok("linear".into()), |n| self.text(n))?;
         if !["linear", "log"].contains(&scale.as_str()) {
@@ -288,7 +291,9 @@ impl Reader<'_> {
                 // A hair more, so that rounding does not omit the last value.
                 let count = ((to - from) / by + 1e-9).floor();
                 if !(count >= 0.0 && count < MAX_STEPS as f64) {
-                    return Err(self.error(n, format!("does not lead from {from} to {to} in {MAX_STEPS} steps")));
+                    return Err(
+                        self.error(n, format!("does not lead from {from} to {to} in {MAX_STEPS} steps"))
+                    );
                 }
                 let at = |k: u64| Value::Text(rounded(from + k as f64 * by));
                 return Ok((0..=count as u64).map(at).collect());

@@ -107,7 +107,10 @@ fn errors_name_line_column_and_cure() {
         (solve("[job.sweep]\nerror = { from = 0, to = 1, by = 0 }"), "does not lead"),
         (solve("[job.sweep]\nerror = []"), "no values"),
         (solve("[job.zip]\nerror = [1, 2]\nseed = [1]"), "jobs.toml:6:1: lists of `zip` have one length"),
-        (solve("name = '{eror}'\noptions = { error = 1 }"), "jobs.toml:4:8: `{eror}` is no value of this job; did"),
+        (
+            solve("name = '{eror}'\noptions = { error = 1 }"),
+            "jobs.toml:4:8: `{eror}` is no value of this job; did",
+        ),
         (solve("name = '{scene'"), "brace without its partner"),
         (solve("name = '../x'"), "leaves the output folder"),
         (solve("name = '/x'"), "leaves the output folder"),
@@ -115,11 +118,22 @@ fn errors_name_line_column_and_cure() {
         (solve("name = '.mrvis-batch/work'"), "of the batch itself"),
         (solve("name = 'x'\n[job.sweep]\nerror = [1, 2]"), "jobs.toml:4:8: two jobs have the folder `x`"),
         (solve("name = 'x'\n[[job]]\ncommand = 'info'\nscene = 'rooms/b.obj'\nname = 'x/y'"), "lies in that"),
-        (solve("after = 'slove-a'"), "jobs.toml:4:9: `slove-a` is no name or tag of a job; did you mean `solve-a`?"),
+        (
+            solve("after = 'slove-a'"),
+            "jobs.toml:4:9: `slove-a` is no name or tag of a job; did you mean `solve-a`?",
+        ),
         (solve("options = { points = '{out:x}/p.csv' }"), "is the output of no job"),
         (solve("after = 'solve-a'"), "wait for each other: solve-a -> solve-a"),
-        (solve("after = 'b'\n[[job]]\ncommand = 'info'\nscene = 'rooms/b.obj'\nname = 'b'\nafter = 'solve-a'"), "wait"),
-        (refused("[[job]]\ncommand = 'info'\nscene = 'missing.obj'\n"), "jobs.toml:3:9: the scene `missing.obj` cannot"),
+        (
+            solve(
+                "after = 'b'\n[[job]]\ncommand = 'info'\nscene = 'rooms/b.obj'\nname = 'b'\nafter = 'solve-a'",
+            ),
+            "wait",
+        ),
+        (
+            refused("[[job]]\ncommand = 'info'\nscene = 'missing.obj'\n"),
+            "jobs.toml:3:9: the scene `missing.obj` cannot",
+        ),
         (refused("[[job]]\ncommand = 'info'\nscene = 'x*.obj'\n"), "no file matches"),
     ] {
         assert!(found.contains(want), "{found}\nlacks {want}");
@@ -132,4 +146,29 @@ fn sweeps_beyond_all_memory_are_refused() {
     let text = format!("{SOLVE}[job.sweep]\n{}", (0..6).map(axis).collect::<String>());
     assert!(refused(&text).contains("more than 1000000 jobs"));
     assert_eq!(nearest("feature", ["scene", "features"]), Some("features"));
+}
+
+/// The JSON Schema for editors knows the keys and commands that the parser knows.
+#[test]
+fn the_schema_has_the_keys_of_the_parser() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/batch.schema.json");
+    let text = std::fs::read_to_string(path).expect("the schema");
+    let schema: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    let keys = |place: &str| -> Vec<String> {
+        let object = schema.pointer(place).and_then(|v| v["properties"].as_object()).expect("properties");
+        object.keys().cloned().collect()
+    };
+    let sorted = |known: &[&str]| -> Vec<String> {
+        let mut names: Vec<String> = known.iter().map(|name| name.to_string()).collect();
+        names.sort();
+        names
+    };
+    use super::job_file::{AXIS_KEYS, DEFAULT_KEYS, FILE_KEYS, JOB_KEYS, LIMIT_KEYS};
+    assert_eq!(keys(""), sorted(&FILE_KEYS));
+    assert_eq!(keys("/properties/defaults"), sorted(&DEFAULT_KEYS));
+    assert_eq!(keys("/$defs/job"), sorted(&JOB_KEYS));
+    assert_eq!(keys("/$defs/limits"), sorted(&LIMIT_KEYS));
+    assert_eq!(keys("/$defs/axis/anyOf/1"), sorted(&AXIS_KEYS));
+    let commands = schema.pointer("/$defs/job/properties/command/enum").expect("commands");
+    assert_eq!(commands, &serde_json::json!(COMMANDS.map(|c| c.name)));
 }

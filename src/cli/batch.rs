@@ -81,7 +81,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let settings = Settings { capacity, retry: args.retry };
     let ran = runner::run(&plan, (&mut entries, &done), (&hashes, journal), &settings, &reporter);
     reporter.finish();
-    results::write(&plan, &entries)?;
+    results::write(&plan.out, plan.own_entries(&entries))?;
     let summary = ran?;
     if !args.quiet {
         let before = plan.chosen.len() - to_do.len();

@@ -24,11 +24,11 @@ mod progress;
 mod solve;
 
 use crate::{Error, Result, model::embree_version};
-use flags::with_flags;
 use clap::{
     FromArgMatches, Parser, Subcommand,
     error::{ContextKind, ContextValue},
 };
+use flags::with_flags;
 use std::{
     error::Error as _,
     io::{ErrorKind, Write},

@@ -110,7 +110,8 @@ fn outputs_are_those_of_single_commands() {
     for line in &lines {
         let words = line["command"].as_str().expect("a command line").replace(" a/", " single/");
         let words: Vec<&str> = words.split(' ').skip(1).collect();
-        std::fs::create_dir_all(scratch.path("single").join(line["job"].as_str().expect("a name"))).expect("made");
+        std::fs::create_dir_all(scratch.path("single").join(line["job"].as_str().expect("a name")))
+            .expect("made");
         let ran = scratch.mrvis(&words);
         assert_eq!(ran.code, Some(0), "{words:?} {}", ran.stderr);
     }
@@ -120,7 +121,10 @@ fn outputs_are_those_of_single_commands() {
     }
     let table = std::fs::read_to_string(scratch.path("a/results.csv")).expect("a table");
     assert_eq!(table.lines().count(), 1 + COUNT);
-    assert!(table.starts_with("job,command,scene,tags,status,option.error,option.visibility,job_seconds"));
+    assert!(
+        table.starts_with("job,command,scene,tags,option.error,option.visibility,status,job_seconds"),
+        "{table}"
+    );
 }
 
 /// A second run repeats what changed, and only that.
@@ -171,7 +175,9 @@ fn nothing_is_lost_when_the_batch_is_killed() {
         child.kill().expect("killed");
         child.wait().expect("ended");
         cut += usize::from(!ended);
-        for (name, bytes) in if scratch.path(&out).exists() { results(&scratch.path(&out)) } else { BTreeMap::new() } {
+        for (name, bytes) in
+            if scratch.path(&out).exists() { results(&scratch.path(&out)) } else { BTreeMap::new() }
+        {
             assert!(bytes == want[&name], "{} is not whole after {seconds} s", name.display());
         }
         if journal(&scratch.path(&out)).len() == COUNT {
@@ -185,7 +191,8 @@ fn nothing_is_lost_when_the_batch_is_killed() {
         assert_eq!(ran.code, Some(0), "{}", ran.stderr);
         assert_same(&results(&scratch.path(&out)), &want);
         // No job whose line was written has run again.
-        let mut names: Vec<String> = journal(&scratch.path(&out)).iter().map(|l| l["job"].to_string()).collect();
+        let mut names: Vec<String> =
+            journal(&scratch.path(&out)).iter().map(|l| l["job"].to_string()).collect();
         names.sort();
         let lines = names.len();
         names.dedup();
@@ -198,7 +205,8 @@ fn nothing_is_lost_when_the_batch_is_killed() {
 fn an_interrupted_batch_goes_on() {
     let scratch = prepared();
     scratch.generate(&Spec { trees: 60, leaves: 2000, ..Spec::new("forest") });
-    let long = "[[job]]\nname = 'long'\ncommand = 'solve'\nscene = 'forest.obj'\noptions = { error = 0.001 }\n";
+    let long =
+        "[[job]]\nname = 'long'\ncommand = 'solve'\nscene = 'forest.obj'\noptions = { error = 0.001 }\n";
     scratch.write("long.toml", JOBS.replace("'*.obj'", "'cornell.obj'") + long);
     let child = started(&scratch, &["batch", "long.toml", "--out", "o", "--threads", "2"]);
     let start = Instant::now();
@@ -217,7 +225,11 @@ fn an_interrupted_batch_goes_on() {
     assert!((1..=COUNT).contains(&done));
     scratch.write("jobs.toml", JOBS.replace("'*.obj'", "'cornell.obj'"));
     let ran = batch(&scratch, &["--out", "o"]);
-    assert!(ran.stdout.contains(&format!("{} jobs done, {done} were done before", COUNT - done)), "{}", ran.stdout);
+    assert!(
+        ran.stdout.contains(&format!("{} jobs done, {done} were done before", COUNT - done)),
+        "{}",
+        ran.stdout
+    );
 }
 
 /// A job that fails, takes too long or too much memory does not touch the others; what needs it is skipped.
@@ -239,7 +251,12 @@ fn failures_are_kept_to_one_job() {
     );
     let ran = batch(&scratch, &["--out", "o", "--log", "log.jsonl"]);
     assert_eq!(ran.code, Some(2), "{}", ran.stdout);
-    for part in ["failed bad: ", "failed late: the time limit of 0.5 s", "failed large: ", "skipped after: it needs bad"] {
+    for part in [
+        "failed bad: ",
+        "failed late: the time limit of 0.5 s",
+        "failed large: ",
+        "skipped after: it needs bad",
+    ] {
         assert!(ran.stderr.contains(part), "{} lacks {part}", ran.stderr);
     }
     assert!(ran.stdout.contains("2 jobs done, 0 were done before, 3 failed, 1 skipped"), "{}", ran.stdout);
@@ -298,5 +315,9 @@ fn nothing_starts_if_something_is_wrong() {
     refused(&["--out", "o"], "invalid value 'x'");
     scratch.write("jobs.toml", JOBS);
     let listed = batch(&scratch, &["--out", "new", "--dry-run", "--only", "compared/fine"]);
-    assert!(listed.stdout.contains("3 of 12 jobs, 3 to do") && !scratch.path("new").exists(), "{}", listed.stdout);
+    assert!(
+        listed.stdout.contains("3 of 12 jobs, 3 to do") && !scratch.path("new").exists(),
+        "{}",
+        listed.stdout
+    );
 }

@@ -49,8 +49,7 @@ pub fn commit(
 ) {
     while let Ok(first) = finished.recv() {
         let group: Vec<Finished> = std::iter::once(first).chain(finished.try_iter()).collect();
-        let entries: Vec<(usize, Entry)> =
-            group.iter().map(|f| (f.job, entry(plan, hashes, f))).collect();
+        let entries: Vec<(usize, Entry)> = group.iter().map(|f| (f.job, entry(plan, hashes, f))).collect();
         let event = keep(plan, &mut journal, entries).map_or_else(Event::Broken, Event::Kept);
         // Without a receiver the batch has ended.
         let _ = events.send(event);
@@ -60,7 +59,7 @@ pub fn commit(
 
 /// The line of a job, whose outputs are on disk.
 fn entry(plan: &Plan, hashes: &Hashes, finished: &Finished) -> Entry {
-    let (k, name) = (finished.job, &plan.jobs[finished.job].name);
+    let (k, job) = (finished.job, &plan.jobs[finished.job]);
     let sealed = match &finished.ended.error {
         Some(error) => Err(error.clone()),
         None => files(plan, hashes, finished).map_err(|e| one_line(&e)),
@@ -83,7 +82,7 @@ fn entry(plan: &Plan, hashes: &Hashes, finished: &Finished) -> Entry {
         inputs,
         needs: finished.needs.clone(),
         outputs,
-        ..Entry::new(name, &plan.keys[k], status, plan.shown[k].clone())
+        ..Entry::new((k, job), &plan.keys[k], status, plan.shown[k].clone())
     }
 }
 

@@ -2,8 +2,8 @@
 
 use super::words::{Grammar, Line, scene_of};
 use crate::batch::{
-    Entries, HashedFile, Hashes, Job, Status, TomlSource, check, expand, hash_file, holds, key, nearest,
-    order, parse, publish, read_journals, work,
+    Entries, Entry, HashedFile, Hashes, Job, Status, TomlSource, check, expand, hash_file, holds, key,
+    nearest, order, parse, publish, read_journals, work,
 };
 use crate::cli::{Command, one_line};
 use crate::error::quote;
@@ -112,7 +112,8 @@ impl Plan {
         let name = &self.jobs[job].name;
         let Some(entry) = entries.get(name).filter(|e| e.key == self.keys[job]) else { return Ok(false) };
         let same = |file: &HashedFile| hashes.of(&file.path).is_ok_and(|now| now == *file);
-        if entry.status == Status::Failed || !entry.inputs.iter().all(same)
+        if entry.status == Status::Failed
+            || !entry.inputs.iter().all(same)
             || entry.needs != self.fingerprints(job, entries)
         {
             return Ok(false);
@@ -139,6 +140,11 @@ impl Plan {
         Ok((entries, done))
     }
 
+    /// The lines of the journal that are about jobs of this file.
+    pub fn own_entries<'a>(&'a self, entries: &'a Entries) -> impl Iterator<Item = &'a Entry> {
+        self.jobs.iter().filter_map(|job| entries.get(&job.name))
+    }
+
     /// Refuses to replace folders that no batch made.
     ///
     /// # Errors
@@ -148,7 +154,8 @@ impl Plan {
             let folder = self.out.join(&self.jobs[k].name);
             let made = entries.get(&self.jobs[k].name).is_some_and(|entry| entry.made);
             if !made && folder.symlink_metadata().is_ok() {
-                let what = "exists and was not made by this batch; remove it, or choose another output folder";
+                let what =
+                    "exists and was not made by this batch; remove it, or choose another output folder";
                 return Err(Error::format(folder, None, what));
             }
         }
@@ -162,8 +169,7 @@ impl Plan {
             let memory = self.memory(k, entries).map(|b| format!("{} MB", b.div_ceil(1_000_000)));
             let seconds = self.seconds(k, entries).map(|s| format!("{s:.1} s in an earlier run"));
             let state = if done[k] { "done" } else { "to do" };
-            let known: Vec<String> =
-                [Some(state.into()), memory, seconds].into_iter().flatten().collect();
+            let known: Vec<String> = [Some(state.into()), memory, seconds].into_iter().flatten().collect();
             // Writing to a string cannot fail.
             let _ = writeln!(text, "{} [{}]\n  {}", self.jobs[k].name, known.join(", "), self.shown[k]);
         }
@@ -198,7 +204,10 @@ fn selected(jobs: &[Job], only: &[String]) -> Result<BTreeSet<usize>> {
         if waiting.len() == before {
             let known = jobs.iter().flat_map(|job| job.tags.iter().chain([&job.name])).map(String::as_str);
             let similar = nearest(wanted, known).map_or(String::new(), |k| format!("; did you mean {k}?"));
-            return Err(Error::Argument(format!("--only {}: no job has this tag or name{similar}", quote(wanted))));
+            return Err(Error::Argument(format!(
+                "--only {}: no job has this tag or name{similar}",
+                quote(wanted)
+            )));
         }
     }
     let mut chosen = BTreeSet::new();

@@ -1,7 +1,6 @@
 //! The tables of all jobs: `results.csv` and `results.jsonl`.
 
-use super::plan::Plan;
-use crate::batch::{Entries, Entry, Job, Status, Value};
+use crate::batch::{Entry, Status};
 use crate::files::WholeFile;
 use crate::{Error, Result};
 use serde_json::{Map, Value as Json};
@@ -13,14 +12,19 @@ const MAX_RECORD: u64 = 16 << 20;
 /// A row of the table: names and values in the order of columns.
 pub type Row = Map<String, Json>;
 
-/// Writes the tables of all jobs that have ended.
+/// Writes the tables of jobs that have ended, in the order of the job file.
 ///
 /// # Errors
 /// A table cannot be written.
-pub fn write(plan: &Plan, entries: &Entries) -> Result<()> {
-    let rows: Vec<Row> =
-        (plan.jobs.iter()).filter_map(|job| Some(row(&plan.out, job, entries.get(&job.name)?))).collect();
-    write_tables(&plan.out, &rows)
+pub fn write<'a>(out: &Path, entries: impl IntoIterator<Item = &'a Entry>) -> Result<()> {
+    write_tables(out, &rows(out, entries))
+}
+
+/// The rows of jobs in the order of the job file.
+pub fn rows<'a>(out: &Path, entries: impl IntoIterator<Item = &'a Entry>) -> Vec<Row> {
+    let mut entries: Vec<&Entry> = entries.into_iter().collect();
+    entries.sort_by(|a, b| (a.index, &a.job).cmp(&(b.index, &b.job)));
+    entries.into_iter().map(|entry| row(out, entry)).collect()
 }
 
 /// Writes rows as tables of an output folder.
@@ -42,11 +46,23 @@ pub fn write_tables(out: &Path, rows: &[Row]) -> Result<()> {
     WholeFile::write(&path, text)
 }
 
-/// All names of columns, in the order in which they first occur.
+/// Columns before and after those of swept options; all others follow in alphabetic order.
+const BEFORE: [&str; 4] = ["job", "command", "scene", "tags"];
+const AFTER: [&str; 6] = ["status", "job_seconds", "job_threads", "attempt", "output_bytes", "error_message"];
+
+/// All names of columns: what a job is, its swept options, how it ended, then the numbers of its record.
 pub fn columns(rows: &[Row]) -> Vec<String> {
-    let mut seen = std::collections::HashSet::new();
-    let names = rows.iter().flat_map(|row| row.keys());
-    names.filter(|name| seen.insert(name.as_str())).cloned().collect()
+    let place =
+        |name: &str| match (BEFORE.iter().position(|n| *n == name), AFTER.iter().position(|n| *n == name)) {
+            (Some(k), _) => k,
+            (_, Some(k)) => BEFORE.len() + 1 + k,
+            _ if name.starts_with("option.") => BEFORE.len(),
+            _ => BEFORE.len() + 1 + AFTER.len(),
+        };
+    let mut names: Vec<String> = rows.iter().flat_map(|row| row.keys().cloned()).collect();
+    names.sort_by(|a, b| (place(a), a).cmp(&(place(b), b)));
+    names.dedup();
+    names
 }
 
 /// A value in a cell of text.
@@ -58,18 +74,13 @@ pub fn cell(value: Option<&Json>) -> String {
     }
 }
 
-/// The row of a job: what ran, what was swept, how it ended, and the numbers of its record.
-fn row(out: &Path, job: &Job, entry: &Entry) -> Row {
+/// The row of a job: what ran, how it ended, and the numbers of its record.
+fn row(out: &Path, entry: &Entry) -> Row {
     let mut row = Row::new();
+    row.insert("job".into(), entry.job.as_str().into());
+    row.extend(entry.about.clone());
     let mut add = |name: &str, value: Json| drop(row.insert(name.into(), value));
-    add("job", job.name.as_str().into());
-    add("command", job.command.name.into());
-    add("scene", job.inputs.first().map(String::as_str).into());
-    add("tags", job.tags.join(" ").into());
     add("status", serde_json::to_value(entry.status).unwrap_or_default());
-    for name in &job.swept {
-        add(&format!("option.{name}"), job.option(name).map_or(Json::Null, option));
-    }
     add("job_seconds", entry.seconds.into());
     add("job_threads", entry.threads.into());
     add("attempt", entry.attempt.into());
@@ -77,24 +88,12 @@ fn row(out: &Path, job: &Job, entry: &Entry) -> Row {
     add("output_bytes", entry.outputs.iter().map(|file| file.bytes).sum::<u64>().into());
     add("key", entry.key.as_str().into());
     if entry.status != Status::Failed {
-        let record = out.join(&job.name).join(job.command.record);
+        let record = out.join(&entry.job).join(&entry.record);
         for (name, value) in figures(&record) {
             row.entry(name).or_insert(value);
         }
     }
     row
-}
-
-/// A swept value: a number where it is one.
-fn option(value: &Value) -> Json {
-    match value {
-        Value::Flag(set) => (*set).into(),
-        other => {
-            let text = other.shown();
-            let number = text.parse::<f64>().ok().and_then(serde_json::Number::from_f64);
-            number.map_or(text.into(), Json::Number)
-        }
-    }
 }
 
 /// Numbers and truth values of a record and of the objects in it, as `seconds.solve`; nothing if there is no such file.

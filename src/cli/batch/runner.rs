@@ -88,7 +88,7 @@ pub fn run(
         if runner.summary.interrupted {
             // Threads of running jobs cannot be waited for; what they write is in work folders.
             reporter.interrupted(&runner.summary, runner.schedule.waiting().count() + runner.open);
-            let _ = super::results::write(plan, entries);
+            let _ = super::results::write(&plan.out, plan.own_entries(entries));
             std::process::exit(interruption::INTERRUPTED.into());
         }
     });

@@ -239,8 +239,13 @@ mod tests {
              [[job]]\ncommand = 'compare'\nname = 'c'\ninputs = ['{out:ref-a}/irradiance.csv', '{out:ref-b}/irradiance.csv']",
         );
         let found = found.expect("three lines");
-        assert!(found[1].contains("--out work/ref-b/irradiance.csv --json work/ref-b/reference.json"), "{found:?}");
-        assert!(found[2].starts_with("mrvis compare out/ref-a/irradiance.csv out/ref-b/irradiance.csv --json"));
+        assert!(
+            found[1].contains("--out work/ref-b/irradiance.csv --json work/ref-b/reference.json"),
+            "{found:?}"
+        );
+        assert!(
+            found[2].starts_with("mrvis compare out/ref-a/irradiance.csv out/ref-b/irradiance.csv --json")
+        );
     }
 
     #[test]
