@@ -98,18 +98,19 @@ pub fn holds(folder: &Path, files: &[HashedFile], content: bool) -> bool {
         })
 }
 
-/// Takes the lock of an output folder, made if it is missing; it is released when the file is closed, also by a crash.
+/// Takes a lock of an output folder, made if it is missing; it is released when the file is closed, also by a crash. Several may hold a
+/// shared one.
 ///
 /// # Errors
 /// Another batch holds it, or the folder cannot be written.
-pub fn lock(out: &Path, name: &str) -> Result<File> {
+pub fn lock(out: &Path, name: &str, shared: bool) -> Result<File> {
     let folder = out.join(FOLDER);
     fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, e))?;
     let path = folder.join(name);
     let mut options = File::options();
     let file = options.create(true).truncate(false).write(true).open(&path);
     let file = file.map_err(|e| Error::io(&path, e))?;
-    match file.try_lock() {
+    match if shared { file.try_lock_shared() } else { file.try_lock() } {
         Ok(()) => Ok(file),
         Err(fs::TryLockError::WouldBlock) => Err(Error::format(
             out,
@@ -143,9 +144,12 @@ mod tests {
     #[test]
     fn one_batch_has_the_lock() {
         let out = tempfile::tempdir().expect("a folder");
-        let held = lock(out.path(), "lock").expect("locked");
-        assert!(lock(out.path(), "lock").expect_err("refused").to_string().contains("another batch"));
+        let held = lock(out.path(), "lock", false).expect("locked");
+        assert!(lock(out.path(), "lock", false).expect_err("refused").to_string().contains("another batch"));
         drop(held);
-        lock(out.path(), "lock").expect("locked again");
+        let parts = [true, true].map(|shared| lock(out.path(), "lock", shared).expect("shared"));
+        assert!(lock(out.path(), "lock", false).is_err());
+        drop(parts);
+        lock(out.path(), "lock", false).expect("locked again");
     }
 }

@@ -9,6 +9,7 @@ use std::collections::HashMap;
 use std::fs::File;
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 /// Version of the journal's lines.
 const VERSION: u32 = 1;
@@ -32,6 +33,8 @@ pub struct Entry {
     pub version: u32,
     /// Name of the job.
     pub job: String,
+    /// When it ended, seconds since 1970: of lines in several journals the latest counts.
+    pub time: f64,
     /// See [`super::key`].
     pub key: String,
     /// How it ended.
@@ -83,6 +86,7 @@ impl Entry {
         Entry {
             version: VERSION,
             job: job.1.name.clone(),
+            time: SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_secs_f64(),
             index: job.0,
             about: job.1.about(),
             record: job.1.command.record.into(),
@@ -113,7 +117,7 @@ pub struct Journal {
 /// The last line of each job.
 pub type Entries = HashMap<String, Entry>;
 
-/// Reads all journals of an output folder; later files in alphabetic order count more.
+/// Reads all journals of an output folder.
 ///
 /// # Errors
 /// A journal cannot be read, is damaged before its last line, or is of another version.
@@ -159,9 +163,12 @@ fn read(path: &Path, entries: &mut Entries) -> Result<u64> {
         }
         let mut entry: Entry = serde_json::from_value(value)
             .map_err(|e| damaged(format!("is damaged ({e}); remove the line to run its job again")))?;
-        let before = entries.get(&entry.job).is_some_and(|former| former.made);
-        entry.made = before || entry.status != Status::Failed;
-        entries.insert(entry.job.clone(), entry);
+        let former = entries.get_mut(&entry.job);
+        entry.made = entry.status != Status::Failed || former.as_ref().is_some_and(|former| former.made);
+        match former {
+            Some(former) if former.time > entry.time => former.made |= entry.made,
+            _ => drop(entries.insert(entry.job.clone(), entry)),
+        }
     }
     Ok(whole as u64)
 }

@@ -6,9 +6,11 @@ mod plan;
 mod reporter;
 mod results;
 mod runner;
+mod shard;
 mod words;
 
 pub use job_run::run_requested;
+pub use results::write as write_results;
 
 use super::{interruption, limits};
 use crate::batch::{Capacity, Hashes, Journal, lock, read_journals};
@@ -17,6 +19,7 @@ use crate::{Result, memory};
 use plan::Plan;
 use reporter::Reporter;
 use runner::Settings;
+use shard::Shard;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -47,6 +50,9 @@ pub struct Args {
     /// Run a failed job again, so many times at most.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=100))]
     retry: u32,
+    /// Only a part of the jobs, for several machines: part i of n; `mrvis merge` then makes the tables.
+    #[arg(long, value_name = "i/n", value_parser = shard::parse)]
+    shard: Option<Shard>,
     /// Append what happens to FILE as JSON Lines.
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
@@ -57,16 +63,24 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<ExitCode> {
     let hashes = Hashes::default();
-    let plan = Plan::new(&args.jobs, &args.out, &args.only, &hashes)?;
+    let mut plan = Plan::new(&args.jobs, &args.out, &args.only, &hashes)?;
+    if let Some(shard) = args.shard {
+        plan.chosen = shard.jobs(&plan.jobs, &plan.chosen);
+    }
     if args.dry_run {
         let (entries, done) = (read_journals(&args.out)?, plan.chosen_done(&args.out, &hashes, false)?.1);
         super::print(&plan.listed(&entries, &done))?;
         return Ok(ExitCode::SUCCESS);
     }
-    let _lock = lock(&args.out, "lock")?;
+    let part = args.shard.map_or(String::new(), Shard::suffix);
+    // Parts share the folder with each other, but not with a batch of all jobs.
+    let _locks = [
+        Some(lock(&args.out, "lock", args.shard.is_some())?),
+        args.shard.map(|_| lock(&args.out, &format!("lock{part}"), false)).transpose()?,
+    ];
     let (mut entries, done) = plan.chosen_done(&args.out, &hashes, true)?;
     plan.check_folders(&entries, &done)?;
-    let journal = Journal::open(&args.out, "journal.jsonl")?;
+    let journal = Journal::open(&args.out, &format!("journal{part}.jsonl"))?;
     interruption::watch(None);
     let threads = args.threads.map_or_else(cores, usize::from);
     let budget = args.memory.map(|g| (g * limits::GIB) as u64).or_else(memory::usable);
@@ -81,8 +95,13 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let settings = Settings { capacity, retry: args.retry };
     let ran = runner::run(&plan, (&mut entries, &done), (&hashes, journal), &settings, &reporter);
     reporter.finish();
-    results::write(&plan.out, plan.own_entries(&entries))?;
+    let written = match args.shard {
+        None => results::write(&plan.out, plan.own_entries(&entries)),
+        Some(_) => Ok(()),
+    };
+    // The first error is the reason of the second.
     let summary = ran?;
+    written?;
     if !args.quiet {
         let before = plan.chosen.len() - to_do.len();
         let mut text = format!("{} jobs done, {before} were done before", summary.done + summary.missed);
@@ -93,7 +112,11 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         ] {
             text += &if count > 0 { format!(", {count} {what}") } else { String::new() };
         }
-        super::print(&format!("{text}; table: {}\n", args.out.join("results.csv").display()))?;
+        let table = match args.shard {
+            None => format!("table: {}", args.out.join("results.csv").display()),
+            Some(_) => "tables by mrvis merge".into(),
+        };
+        super::print(&format!("{text}; {table}\n"))?;
     }
     Ok(match summary {
         s if s.failed + s.skipped > 0 => ExitCode::from(2),

@@ -18,6 +18,7 @@ mod interruption;
 mod job_context;
 mod limits;
 mod manual;
+mod merge;
 mod oracle;
 mod outputs;
 mod progress;
@@ -67,6 +68,7 @@ enum Command {
     Compare(compare::Args),
     FormFactors(form_factors::Args),
     Batch(batch::Args),
+    Merge(merge::Args),
     /// Write a procedural scene as OBJ and MTL (list of scenes: --list).
     Generate(generate::Args),
     /// Print the script that completes options in a shell.
@@ -95,6 +97,7 @@ impl Command {
             | Command::Fbem(_)
             | Command::Completions(_)
             | Command::Man(_)
+            | Command::Merge(_)
             | Command::RunJob => return None,
         })
     }
@@ -110,6 +113,7 @@ fn run(command: &Command) -> Result<ExitCode> {
         Command::Compare(args) => compare::run(args),
         Command::FormFactors(args) => form_factors::run(args),
         Command::Batch(args) => batch::run(args),
+        Command::Merge(args) => merge::run(args),
         Command::Generate(args) => generate::run(args),
         Command::Completions(args) => manual::completions(args),
         Command::Man(args) => manual::pages(args),
