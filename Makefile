@@ -10,14 +10,18 @@ FUZZ_SECONDS ?= 3600
 
 TARGET_DIR := $(or $(CARGO_TARGET_DIR),target)
 BINARY := $(TARGET_DIR)/release/mrvis
+# Folder with libmrvis.so and libmrvis.a.
+LIBRARIES = $(dir $(BINARY))
+# Of the Debian package.
+MAINTAINER ?= The mrvis authors <mrvis@example.invalid>
 RUST_VERSION := 1.89
 
 # rustup adds its folder to the PATH of login shells only.
 export PATH := $(PATH):$(HOME)/.cargo/bin
 SHELL := /bin/bash
 
-.PHONY: help demo test build scenes install install-files fuzz clean distclean
-.PHONY: setup need-cargo need-packages need-embree need-furniture need-lint need-browser
+.PHONY: help demo test build scenes install install-files dist python python-test fuzz clean distclean
+.PHONY: setup need-cargo need-packages need-embree need-furniture need-lint need-browser need-install need-hosts need-python
 .DEFAULT_GOAL := help
 
 help:
@@ -25,9 +29,11 @@ help:
 	@echo
 	@echo "  make demo      set up, build, assemble a furnished room, measure it, print the path of the report"
 	@echo "  make test      set up, then check formatting, lints and documentation and run all tests"
-	@echo "  make build     set up and build the command ($(BINARY))"
+	@echo "  make build     set up and build the command ($(BINARY)) and the C library beside it"
 	@echo "  make scenes    assemble the scenes in scenes/real (a selection: make scenes SCENES=\"park sponza\")"
-	@echo "  make install   install the command under PREFIX (now $(PREFIX))"
+	@echo "  make python    build the Python package as a wheel in $(TARGET_DIR)/wheels"
+	@echo "  make install   install the command and the C library under PREFIX (now $(PREFIX))"
+	@echo "  make dist      make a .tar.gz and a Debian package of both in out/dist"
 	@echo "  make fuzz      search for files that readers fail at, FUZZ_SECONDS (now $(FUZZ_SECONDS)) in all"
 	@echo "  make clean     remove build products and reports; distclean: also assembled scenes and the private Embree"
 	@echo
@@ -58,6 +64,19 @@ need-browser:
 	@command -v chromium-browser >/dev/null 2>&1 || command -v google-chrome >/dev/null 2>&1 || \
 	  .ci/debian-packages chromium=chromium fonts-liberation
 
+# pyenv and others bring venv along; Debian packs it apart.
+need-python: need-packages
+	@python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	  echo "mrvis: $$(python3 --version) is too old for the Python package: 3.11 or later is required" >&2; exit 1; }
+	@python3 -c 'import ensurepip' 2>/dev/null || .ci/debian-packages python3-venv
+
+need-install:
+	@.ci/debian-packages patchelf=patchelf
+
+# What the tests of the C library use: build systems and compilers of its hosts, TBB of one of them, a checker of memory.
+need-hosts: need-install
+	@.ci/debian-packages cmake=cmake pkg-config=pkg-config clang=clang valgrind=valgrind dpkg-dev=dpkg-shlibdeps libtbb-dev
+
 need-lint: need-cargo
 	@for part in fmt clippy; do \
 	  cargo $$part --version >/dev/null 2>&1 && continue; \
@@ -68,7 +87,7 @@ need-lint: need-cargo
 # --- build, demo, test, install ---------------------------------------------------------------------------------------
 
 build: setup
-	cargo build --release
+	cargo build --release --features capi
 
 scenes: need-furniture
 	@python3 scenes/assemble.py $(SCENES) --out scenes/real
@@ -80,31 +99,49 @@ demo: build need-furniture
 	@python3 .ci/headline out/demo/bench.json out/demo/report.html
 
 # The tests come last, so that the output ends with their results.
-test: setup need-lint need-browser
-	cargo fmt --check
+test: setup need-lint need-browser need-hosts need-python
+	cargo fmt --all --check
 	cargo clippy --no-default-features -- -D warnings
 	cargo clippy --no-default-features --features reports -- -D warnings
 	cargo clippy -- -D warnings
 	cargo clippy --all-targets -- -D warnings
+	cargo clippy -p mrvis-python -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps
 	@.ci/public-items $(TARGET_DIR)/doc/mrvis 200
 	cargo test
+	@$(MAKE) --no-print-directory python-test
 
-install: build
+# --- the Python package: its own virtual environment; nothing else needs Python packages ------------------------------
+
+PYTHON_DIR := $(TARGET_DIR)/python
+WHEELS := $(abspath $(TARGET_DIR))/wheels
+
+$(PYTHON_DIR)/bin/pip: | need-python
+	python3 -m venv "$(PYTHON_DIR)"
+
+python: setup $(PYTHON_DIR)/bin/pip
+	"$(PYTHON_DIR)/bin/pip" -q wheel --no-deps --wheel-dir "$(WHEELS)" ./python
+	@echo "mrvis: $$(ls -t "$(WHEELS)"/mrvis-*.whl | head -n 1)"
+
+# Built as `cargo test` builds the crate, whose result it takes: the profile `dev` with the settings of `test`, because Cargo makes a
+# program with tests of a library in the profile `test`. What users install is built for release.
+python-test: setup $(PYTHON_DIR)/bin/pip
+	CARGO_PROFILE_DEV_OPT_LEVEL=3 CARGO_PROFILE_DEV_DEBUG=line-tables-only MATURIN_PEP517_ARGS="--profile dev --features tests" \
+	  "$(PYTHON_DIR)/bin/pip" -q install "./python[test]"
+	"$(PYTHON_DIR)/bin/pytest" -q python
+
+install: build need-install
 	@$(MAKE) --no-print-directory install-files
+	@if [ -z "$(DESTDIR)" ] && [ "$$(id -u)" = 0 ] && command -v ldconfig >/dev/null; then ldconfig; fi
 
-# Copies BINARY without debug information, with manual pages and completions, as tests/suite/install.rs does with the binary of the
-# tests. A private Embree is installed in lib/mrvis. The command finds it relative to itself, so PREFIX may be moved.
+# Copies BINARY and the C library without debug information, with manual pages and completions, as tests/suite/install.rs does with
+# those of the tests. A private Embree is installed in lib/mrvis. All find each other relative to themselves, so PREFIX may be moved.
 install-files:
 	install -d "$(DESTDIR)$(PREFIX)/bin"
 	install -m 755 "$(BINARY)" "$(DESTDIR)$(PREFIX)/bin/mrvis"
 	strip -S "$(DESTDIR)$(PREFIX)/bin/mrvis"
-	@embree=$$(ldd "$(BINARY)" | sed -n 's|.* => \(.*/\.prefix/embree\)/lib/.*|\1|p' | head -n 1); \
-	  if [ -n "$$embree" ]; then \
-	  install -d "$(DESTDIR)$(PREFIX)/lib/mrvis" && \
-	  cp -P "$$embree"/lib/lib* "$(DESTDIR)$(PREFIX)/lib/mrvis/" && \
-	  cp "$$embree"/share/doc/* "$(DESTDIR)$(PREFIX)/lib/mrvis/" && \
-	  echo "mrvis: installed Embree 4 in $(DESTDIR)$(PREFIX)/lib/mrvis"; fi
+	patchelf --set-rpath '$$ORIGIN/../lib/mrvis' "$(DESTDIR)$(PREFIX)/bin/mrvis"
+	@ffi/package/install-library "$(LIBRARIES)" "$(DESTDIR)$(PREFIX)"
 	@share="$(DESTDIR)$(PREFIX)/share"; \
 	  install -d "$$share/bash-completion/completions" "$$share/zsh/site-functions" "$$share/fish/vendor_completions.d" && \
 	  "$(BINARY)" completions bash > "$$share/bash-completion/completions/mrvis" && \
@@ -112,6 +149,13 @@ install-files:
 	  "$(BINARY)" completions fish > "$$share/fish/vendor_completions.d/mrvis.fish" && \
 	  "$(BINARY)" man --out "$$share/man/man1"
 	@echo "mrvis: installed $(DESTDIR)$(PREFIX)/bin/mrvis"
+
+dist: build need-install
+	@.ci/debian-packages dpkg-dev=dpkg-shlibdeps
+	@rm -rf out/dist
+	@$(MAKE) --no-print-directory install-files PREFIX=/usr DESTDIR="$(CURDIR)/out/dist/stage"
+	@ffi/package/dist out/dist/stage out/dist "$(MAINTAINER)"
+	@rm -rf out/dist/stage
 
 # libFuzzer, guided by the code that is reached; `cargo test` runs the same readers for a minute without guidance. Inputs that
 # fail are kept as target/fuzz/READER-crash-… and the like, others that reach new code in target/fuzz/corpus.

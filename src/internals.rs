@@ -82,6 +82,11 @@ pub mod readers {
     }
 }
 
+/// The C interface.
+pub mod capi {
+    pub use crate::capi::{layouts, model_handle};
+}
+
 /// Form factors between facets.
 pub mod form_factors {
     pub use crate::form_factors::matrix::{Facets, Grouping, Matrix, Settings, compute};

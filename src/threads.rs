@@ -31,6 +31,11 @@ impl Threads {
         Ok(Threads { count, pool: OnceLock::new() })
     }
 
+    /// The number that was asked for; 0: one for each core.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
     /// Does `work` on the threads.
     ///
     /// # Errors

@@ -1,4 +1,4 @@
-//! Answers to batches: bundles in chunks, chunks in parallel, segments in packets.
+//! Answers to batches: bundles in chunks, chunks in parallel, segments in packets. No memory is allocated once buffers are large enough.
 
 use super::segments::{Answers, Frame, Segments};
 use super::visibility::{Chosen, Visibility};
@@ -6,54 +6,47 @@ use crate::Result;
 use crate::model::Model;
 use crate::ray::{LANES, Occluder, Packet};
 use crate::visibility::{
-    Answer, Bundle, Cost, Exact, Method, MultiResolution, Work, Workspace, sample_runs, wilson,
+    Answer, BatchBuffers, Bundle, Cost, Exact, Method, MultiResolution, Work, Workspace, sample_runs, wilson,
 };
-use rayon::prelude::*;
+use smallvec::SmallVec;
 use std::ops::Range;
 
-/// A chunk ends at so many bundles, or when it has so many segments: limits it to 1,024 packets and four groups of
+/// Largest numbers of bundles and of segments of a chunk, unless it is one bundle: limits it to 1,024 packets and four groups of
 /// bundles that share their traversal. Does not depend on the number of threads, so that answers do not.
 const CHUNK: (usize, usize) = (256, 1 << 14);
 /// Largest batch that is answered without deciding between engines: the decision walks 16 bundles, a quarter of the batch.
 const SMALL: usize = 64;
 
 impl Visibility {
-    /// Answers a batch into the caller's arrays, on the threads of the model; gives what it took. The answers do not depend on the
-    /// number of threads. See [`Segments`] for the frame of positions.
+    /// Answers a batch into the caller's arrays; gives what it took. The answers do not depend on the number of threads. A model with
+    /// one thread answers on the caller's, any other on its own. Buffers are kept for the next batch. See [`Segments`] for the frame of
+    /// positions.
     ///
     /// # Errors
     /// [`Error::Argument`](crate::Error::Argument), which names array and index, if lengths do not match, offsets do not ascend, a
     /// position is not finite, a segment has no length, or a size is out of its range; if the engine needs feature sizes or optics that
     /// are missing. `answers` are then as they were.
     pub fn answer_into(&self, segments: &Segments, answers: &mut Answers) -> Result<Cost> {
-        self.model.on_threads(|| {
-            let frame = segments.frame(self.model.scene().origin);
-            segments.check(&frame)?;
-            answers.check(segments.bundle_count(), segments.origins.len())?;
-            let ask = Ask { segments, frame, model: &self.model };
-            let engine = match self.chosen(segments.feature_sizes.is_some())? {
-                Chosen::Either(engine) => {
-                    if ask.pays(&engine) {
-                        Chosen::Clusters(engine)
-                    } else {
-                        Chosen::Exact(self.model.exact())
-                    }
-                }
-                engine => engine,
-            };
-            let costs: Vec<Cost> = chunks(segments, answers)
-                .into_par_iter()
-                .map(|chunk| match &engine {
-                    Chosen::Exact(engine) => ask.exact(engine, chunk),
-                    Chosen::Clusters(engine) | Chosen::Either(engine) => {
-                        self.model.with_workspace(|workspace| ask.clusters(engine, chunk, workspace))
-                    }
-                })
-                .collect();
-            let mut all = Cost::default();
-            costs.into_iter().for_each(|cost| all.add(cost));
-            Ok(all)
-        })?
+        match self.model.has_one_thread() {
+            true => self.answer_batch(segments, answers, false),
+            false => self.model.on_threads(|| self.answer_batch(segments, answers, true))?,
+        }
+    }
+
+    fn answer_batch(&self, segments: &Segments, answers: &mut Answers, parallel: bool) -> Result<Cost> {
+        let frame = segments.frame(self.model.scene().origin);
+        segments.check(&frame, parallel)?;
+        answers.check(segments.bundle_count(), segments.origins.len())?;
+        let ask = Ask { segments, frame, model: &self.model, parallel };
+        let engine = match self.chosen(segments.feature_sizes.is_some())? {
+            Chosen::Either(engine) if ask.pays(&engine) => Chosen::Clusters(engine),
+            Chosen::Either(_) => Chosen::Exact(self.model.exact()),
+            engine => engine,
+        };
+        match segments.bundle_count() {
+            0 => Ok(Cost::default()),
+            bundles => Ok(ask.answer(&engine, Chunk::new(answers, bundles))),
+        }
     }
 }
 
@@ -64,11 +57,58 @@ struct Chunk<'a> {
     lo: &'a mut [f32],
     hi: &'a mut [f32],
     methods: &'a mut [Method],
+    method_codes: &'a mut [u8],
     /// Transmittance of each segment; `None` if the caller gave no array.
     each: Option<&'a mut [f32]>,
 }
 
-impl Chunk<'_> {
+impl<'a> Chunk<'a> {
+    /// All bundles of a batch.
+    fn new(answers: &'a mut Answers, bundles: usize) -> Chunk<'a> {
+        let Answers { transmittance, intervals, methods, method_codes, segments } = answers;
+        let (lo, hi) = intervals.as_mut().map_or_else(Default::default, |(lo, hi)| (&mut **lo, &mut **hi));
+        Chunk {
+            bundles: 0..bundles,
+            transmittance,
+            lo,
+            hi,
+            methods: methods.as_mut().map_or_else(Default::default, |m| &mut **m),
+            method_codes: method_codes.as_mut().map_or_else(Default::default, |m| &mut **m),
+            each: segments.as_mut().map(|each| &mut **each),
+        }
+    }
+
+    /// The number of bundles of the first part, if the chunk is to be divided: whole groups of bundles as long as there are several.
+    fn division(&self, segments: &Segments) -> Option<usize> {
+        let (bundles, first) = (self.bundles.len(), segments.of_bundle(self.bundles.start).start);
+        let large = bundles > CHUNK.0 || segments.of_bundle(self.bundles.end - 1).end - first > CHUNK.1;
+        let half = bundles / 2;
+        (large && half > 0).then(|| if bundles > CHUNK.0 { half.next_multiple_of(CHUNK.0) } else { half })
+    }
+
+    /// The first bundles, which have so many segments, and the others.
+    fn divided(self, bundles: usize, segments: usize) -> (Chunk<'a>, Chunk<'a>) {
+        let Chunk { bundles: all, transmittance, lo, hi, methods, method_codes, each } = self;
+        let middle = all.start + bundles;
+        let (transmittance, lo) = (divided(transmittance, bundles), divided(lo, bundles));
+        let (hi, methods) = (divided(hi, bundles), divided(methods, bundles));
+        let (method_codes, each) = (divided(method_codes, bundles), each.map(|each| divided(each, segments)));
+        let (first, other) = each.map_or((None, None), |(first, other)| (Some(first), Some(other)));
+        let part = |bundles, transmittance, lo, hi, methods, method_codes, each| Chunk {
+            bundles,
+            transmittance,
+            lo,
+            hi,
+            methods,
+            method_codes,
+            each,
+        };
+        (
+            part(all.start..middle, transmittance.0, lo.0, hi.0, methods.0, method_codes.0, first),
+            part(middle..all.end, transmittance.1, lo.1, hi.1, methods.1, method_codes.1, other),
+        )
+    }
+
     fn write(&mut self, k: usize, answer: &Answer) {
         self.transmittance[k] = answer.transmittance;
         // Outputs that were not asked for are empty.
@@ -76,47 +116,13 @@ impl Chunk<'_> {
             out.get_mut(k).into_iter().for_each(|out| *out = value);
         }
         self.methods.get_mut(k).into_iter().for_each(|out| *out = answer.method);
+        self.method_codes.get_mut(k).into_iter().for_each(|out| *out = answer.method as u8);
     }
 }
 
-/// The batch in chunks.
-fn chunks<'a>(segments: &Segments, answers: &'a mut Answers) -> Vec<Chunk<'a>> {
-    let Answers { transmittance, intervals, methods, segments: each } = answers;
-    let mut transmittance = &mut **transmittance;
-    let (mut lo, mut hi) =
-        intervals.as_mut().map_or_else(Default::default, |(lo, hi)| (&mut **lo, &mut **hi));
-    let mut methods = methods.as_mut().map_or_else(Default::default, |m| &mut **m);
-    let mut each = each.as_mut().map(|e| &mut **e);
-    let (mut chunks, mut first) = (Vec::new(), 0);
-    while first < segments.bundle_count() {
-        let from = segments.of_bundle(first).start;
-        let mut end = first + 1;
-        while end < segments.bundle_count()
-            && end - first < CHUNK.0
-            && segments.of_bundle(end - 1).end - from < CHUNK.1
-        {
-            end += 1;
-        }
-        let count = segments.of_bundle(end - 1).end - from;
-        chunks.push(Chunk {
-            bundles: first..end,
-            transmittance: front(&mut transmittance, end - first),
-            lo: front(&mut lo, end - first),
-            hi: front(&mut hi, end - first),
-            methods: front(&mut methods, end - first),
-            each: each.as_mut().map(|each| front(each, count)),
-        });
-        first = end;
-    }
-    chunks
-}
-
-/// Removes and returns the first entries of a slice; an empty slice (an output that was not asked for) gives none.
-fn front<'a, T>(slice: &mut &'a mut [T], count: usize) -> &'a mut [T] {
-    let all = std::mem::take(slice);
-    let (front, rest) = all.split_at_mut(count.min(all.len()));
-    *slice = rest;
-    front
+/// The first entries of a slice and the others; none of both of an empty slice, an output that was not asked for.
+fn divided<T>(slice: &mut [T], count: usize) -> (&mut [T], &mut [T]) {
+    slice.split_at_mut(count.min(slice.len()))
 }
 
 /// A batch that was checked.
@@ -124,9 +130,35 @@ struct Ask<'a> {
     segments: &'a Segments<'a>,
     frame: Frame<'a>,
     model: &'a Model,
+    /// Whether parts are answered in parallel, on the threads of the pool that this runs in.
+    parallel: bool,
 }
 
 impl Ask<'_> {
+    /// Answers a chunk: its halves, until they are small.
+    fn answer(&self, engine: &Chosen, chunk: Chunk) -> Cost {
+        let Some(bundles) = chunk.division(self.segments) else {
+            return self.model.with_workspace(|workspace| {
+                let mut buffers = std::mem::take(&mut workspace.batch);
+                let cost = match engine {
+                    Chosen::Exact(engine) => self.exact(engine, chunk, &mut buffers),
+                    Chosen::Clusters(engine) | Chosen::Either(engine) => {
+                        self.clusters(engine, chunk, &mut buffers, workspace)
+                    }
+                };
+                workspace.batch = buffers;
+                cost
+            });
+        };
+        let start = chunk.bundles.start;
+        let segments = self.segments.of_bundle(start + bundles).start - self.segments.of_bundle(start).start;
+        let (first, other) = chunk.divided(bundles, segments);
+        let (first, other) = (|| self.answer(engine, first), || self.answer(engine, other));
+        let (mut all, other) = if self.parallel { rayon::join(first, other) } else { (first(), other()) };
+        all.add(other);
+        all
+    }
+
     /// Appends segments to packets, sixteen a packet, beginning with a new one.
     fn pack(&self, segments: Range<usize>, packets: &mut Vec<Packet>) {
         for (k, i) in segments.enumerate() {
@@ -141,14 +173,16 @@ impl Ask<'_> {
         }
     }
 
-    /// Packets of bundles, and where those of each bundle begin.
-    fn packets(&self, bundles: Range<usize>) -> (Vec<Packet>, Vec<usize>) {
-        let (mut packets, mut starts) = (Vec::new(), vec![0]);
+    /// Writes the packets of bundles, and where those of each bundle begin.
+    fn packets(&self, bundles: Range<usize>, buffers: &mut BatchBuffers) {
+        let BatchBuffers { packets, starts, .. } = buffers;
+        packets.clear();
+        starts.clear();
+        starts.push(0);
         for k in bundles {
-            self.pack(self.segments.of_bundle(k), &mut packets);
+            self.pack(self.segments.of_bundle(k), packets);
             starts.push(packets.len());
         }
-        (packets, starts)
     }
 
     /// Whether the multi-resolution engine is likely to take less time than exact rays, by a sample of the bundles. A small batch is
@@ -156,15 +190,20 @@ impl Ask<'_> {
     fn pays(&self, engine: &MultiResolution) -> bool {
         let (bundles, sizes) = (self.segments.bundle_count(), self.segments.feature_sizes);
         let Some(sizes) = sizes.filter(|_| bundles > SMALL) else { return true };
-        let (mut workspace, mut work) = (Workspace::default(), Work::default());
-        for run in sample_runs(bundles) {
-            let (packets, starts) = self.packets(run.clone());
-            let sizes: Vec<f32> = run.clone().map(|k| sizes.of(k)).collect();
-            let bundle = |(j, k): (usize, usize)| self.bundle(k, &packets[starts[j]..starts[j + 1]]);
-            let asked: Vec<Bundle> = run.enumerate().map(bundle).collect();
-            work.add(engine.work(&asked, &sizes, &mut workspace));
-        }
-        work.is_clearly_less()
+        self.model.with_workspace(|workspace| {
+            let (mut buffers, mut work) = (std::mem::take(&mut workspace.batch), Work::default());
+            for run in sample_runs(bundles) {
+                self.packets(run.clone(), &mut buffers);
+                let BatchBuffers { packets, starts, sizes: of_run, .. } = &mut buffers;
+                of_run.clear();
+                of_run.extend(run.clone().map(|k| sizes.of(k)));
+                let bundle = |(j, k): (usize, usize)| self.bundle(k, &packets[starts[j]..starts[j + 1]]);
+                let asked: SmallVec<[Bundle; CHUNK.0]> = run.enumerate().map(bundle).collect();
+                work.add(engine.work(&asked, of_run, workspace));
+            }
+            workspace.batch = buffers;
+            work.is_clearly_less()
+        })
     }
 
     fn bundle<'p>(&self, k: usize, packets: &'p [Packet]) -> Bundle<'p> {
@@ -172,14 +211,16 @@ impl Ask<'_> {
     }
 
     /// Exact answers: packets hold the segments of the chunk without gaps.
-    fn exact(&self, engine: &Exact, mut chunk: Chunk) -> Cost {
+    fn exact(&self, engine: &Exact, mut chunk: Chunk, buffers: &mut BatchBuffers) -> Cost {
         let bundles = chunk.bundles.clone();
         let first = self.segments.of_bundle(bundles.start).start;
         let all = first..self.segments.of_bundle(bundles.end - 1).end;
-        let mut packets = Vec::with_capacity(all.len().div_ceil(LANES));
-        self.pack(all.clone(), &mut packets);
-        let mut blocked = vec![0; packets.len()];
-        engine.occluded(&packets, &mut blocked);
+        let BatchBuffers { packets, blocked, .. } = buffers;
+        packets.clear();
+        self.pack(all.clone(), packets);
+        blocked.clear();
+        blocked.resize(packets.len(), 0);
+        engine.occluded(packets, blocked);
         let clear = |i: usize| blocked[(i - first) / LANES] >> ((i - first) % LANES) & 1 == 0;
         for (j, k) in bundles.enumerate() {
             let own = self.segments.of_bundle(k);
@@ -198,32 +239,47 @@ impl Ask<'_> {
     }
 
     /// Answers by clusters: bundles have packets of their own. Where segments are wanted each packet is asked by itself.
-    fn clusters(&self, engine: &MultiResolution, mut chunk: Chunk, workspace: &mut Workspace) -> Cost {
-        let bundles = chunk.bundles.clone();
-        let (packets, starts) = self.packets(bundles.clone());
-        let apart = chunk.each.is_some();
+    fn clusters(
+        &self,
+        engine: &MultiResolution,
+        mut chunk: Chunk,
+        buffers: &mut BatchBuffers,
+        workspace: &mut Workspace,
+    ) -> Cost {
+        self.packets(chunk.bundles.clone(), buffers);
+        let BatchBuffers { packets, starts, sizes, bundle_of, .. } = buffers;
+        let (first, mut each) = (chunk.bundles.start, chunk.each.take());
         let size = |k: usize| self.segments.feature_sizes.map_or(0.0, |sizes| sizes.of(k));
-        let (mut asked, mut sizes, mut of) = (Vec::new(), Vec::new(), Vec::new());
-        for (j, k) in bundles.enumerate() {
+        let apart = each.is_some();
+        let parts = |j: usize| {
             let own = &packets[starts[j]..starts[j + 1]];
-            for part in own.chunks(if apart { 1 } else { own.len().max(1) }) {
-                asked.push(self.bundle(k, part));
-                sizes.push(size(k));
-                of.push(j);
-            }
-        }
-        let mut sums = vec![Sum::default(); chunk.bundles.len()];
-        let mut each = chunk.each.take();
+            own.chunks(if apart { 1 } else { own.len().max(1) }).map(move |part| (j, part))
+        };
+        let mut parts = (0..chunk.bundles.len()).flat_map(parts).peekable();
+        let mut sums: SmallVec<[Sum; CHUNK.0]> = SmallVec::from_elem(Sum::default(), chunk.bundles.len());
         let (mut at, mut cost) = (0, Cost::default());
-        engine.answers_lanes(&asked, &sizes, workspace, |k, answer, lanes| {
-            sums[of[k]].add(&answer);
-            cost.add(answer.cost);
-            if let Some(each) = &mut each {
-                let n = answer.cost.segments as usize;
-                each[at..at + n].copy_from_slice(&lanes[..n]);
-                at += n;
-            }
-        });
+        while parts.peek().is_some() {
+            sizes.clear();
+            bundle_of.clear();
+            let asked: SmallVec<[Bundle; CHUNK.0]> = parts
+                .by_ref()
+                .take(CHUNK.0)
+                .map(|(j, part)| {
+                    sizes.push(size(first + j));
+                    bundle_of.push(j);
+                    self.bundle(first + j, part)
+                })
+                .collect();
+            engine.answers_lanes(&asked, sizes, workspace, |k, answer, lanes| {
+                sums[bundle_of[k]].add(&answer);
+                cost.add(answer.cost);
+                if let Some(each) = &mut each {
+                    let n = answer.cost.segments as usize;
+                    each[at..at + n].copy_from_slice(&lanes[..n]);
+                    at += n;
+                }
+            });
+        }
         for (j, sum) in sums.iter().enumerate() {
             chunk.write(j, &sum.answer());
         }

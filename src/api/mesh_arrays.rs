@@ -26,8 +26,8 @@ impl Positions<'_> {
     /// All positions in order.
     pub(super) fn iter(&self) -> impl Iterator<Item = DVec3> {
         (0..self.len()).map(|i| match self {
-            Positions::F32(positions) => glam::Vec3::from_slice(positions.numbers(i)).as_dvec3(),
-            Positions::F64(positions) => DVec3::from_slice(positions.numbers(i)),
+            Positions::F32(positions) => glam::Vec3::from_array(positions.numbers(i)).as_dvec3(),
+            Positions::F64(positions) => DVec3::from_array(positions.numbers(i)),
         })
     }
 }

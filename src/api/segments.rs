@@ -11,16 +11,17 @@ pub(super) const MAX_COORDINATE: f32 = 1e12;
 /// Largest number of segments of a bundle: limits its packets to 34 MB (65,536 of 516 bytes).
 const MAX_BUNDLE: u64 = 1 << 20;
 
-/// Positions in an array of the caller: x, y, z of each one after the other, at a fixed stride. Borrowed. Numbers are f32; those of
-/// meshes may be f64.
+/// Positions in arrays of the caller: x, y, z of each one after the other at a fixed stride, or in three arrays. Borrowed. Numbers are
+/// f32; those of meshes may be f64.
 #[derive(Clone, Copy, Debug)]
 pub struct Strided<'a, T = f32> {
-    data: &'a [T],
+    /// The arrays of x, y and z; of interleaved positions the same array from the first, second and third number on.
+    axes: [&'a [T]; 3],
     stride: usize,
     count: usize,
 }
 
-impl<'a, T> Strided<'a, T> {
+impl<'a, T: Copy> Strided<'a, T> {
     /// `count` positions, of which each begins `stride` numbers after the one before. A stride of 0 stands for 3: packed.
     ///
     /// # Errors
@@ -32,19 +33,36 @@ impl<'a, T> Strided<'a, T> {
                 "`stride` {stride}: must be 0 (packed) or at least 3 numbers"
             )));
         }
-        let needed = count.checked_sub(1).map_or(Some(0), |last| last.checked_mul(stride)?.checked_add(3));
-        if needed.is_none_or(|needed| needed > data.len()) {
-            return Err(Error::Argument(format!(
-                "`data` holds {} numbers: too few for {count} positions with a stride of {stride}",
-                data.len()
-            )));
+        check_length("data", data.len(), stride, 3, count)?;
+        Ok(Strided::interleaved(data, stride, count))
+    }
+
+    /// `count` positions with x, y and z in arrays of their own, each number `stride` numbers after the one before. A stride of 0 stands
+    /// for 1: packed.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] if an array is too short.
+    pub fn of_axes(
+        x: &'a [T],
+        y: &'a [T],
+        z: &'a [T],
+        stride: usize,
+        count: usize,
+    ) -> Result<Strided<'a, T>> {
+        let stride = stride.max(1);
+        for (name, axis) in [("x", x), ("y", y), ("z", z)] {
+            check_length(name, axis.len(), stride, 1, count)?;
         }
-        Ok(Strided { data, stride, count })
+        Ok(Strided { axes: [x, y, z], stride, count })
     }
 
     /// The same position, `count` times.
     pub fn repeated(position: &'a [T; 3], count: usize) -> Strided<'a, T> {
-        Strided { data: position, stride: 0, count }
+        Strided::interleaved(position, 0, count)
+    }
+
+    fn interleaved(data: &'a [T], stride: usize, count: usize) -> Strided<'a, T> {
+        Strided { axes: [0, 1, 2].map(|axis| data.get(axis..).unwrap_or_default()), stride, count }
     }
 
     /// Number of positions.
@@ -53,20 +71,31 @@ impl<'a, T> Strided<'a, T> {
     }
 
     /// The numbers of position `i`.
-    pub(super) fn numbers(&self, i: usize) -> &'a [T] {
-        &self.data[i * self.stride..][..3]
+    pub(super) fn numbers(&self, i: usize) -> [T; 3] {
+        self.axes.map(|axis| axis[i * self.stride])
     }
+}
+
+/// Checks that an array holds `count` entries of `size` numbers, of which each begins `stride` numbers after the one before.
+fn check_length(name: &str, length: usize, stride: usize, size: usize, count: usize) -> Result<()> {
+    let needed = count.checked_sub(1).map_or(Some(0), |last| last.checked_mul(stride)?.checked_add(size));
+    if needed.is_none_or(|needed| needed > length) {
+        return Err(Error::Argument(format!(
+            "`{name}` holds {length} numbers: too few for {count} positions with a stride of {stride}"
+        )));
+    }
+    Ok(())
 }
 
 impl Strided<'_> {
     fn at(&self, i: usize) -> Vec3 {
-        Vec3::from_slice(self.numbers(i))
+        Vec3::from_array(self.numbers(i))
     }
 }
 
-impl<'a, T> From<&'a [[T; 3]]> for Strided<'a, T> {
+impl<'a, T: Copy> From<&'a [[T; 3]]> for Strided<'a, T> {
     fn from(positions: &'a [[T; 3]]) -> Strided<'a, T> {
-        Strided { data: positions.as_flattened(), stride: 3, count: positions.len() }
+        Strided::interleaved(positions.as_flattened(), 3, positions.len())
     }
 }
 
@@ -193,7 +222,7 @@ impl<'a> Segments<'a> {
     }
 
     /// Checks everything that engines rely on.
-    pub(super) fn check(&self, frame: &Frame) -> Result<()> {
+    pub(super) fn check(&self, frame: &Frame, parallel: bool) -> Result<()> {
         let argument = |what: String| Err(Error::Argument(what));
         let (segments, bundles) = (self.origins.len(), self.bundle_count());
         if self.targets.len() != segments {
@@ -229,9 +258,11 @@ impl<'a> Segments<'a> {
             let (from, to) = frame.ends(i);
             !lies(from) || !lies(to) || from == to
         };
-        let Some(i) = (0..segments).into_par_iter().with_min_len(1 << 12).find_first(|&i| bad(i)) else {
-            return Ok(());
+        let first = match parallel {
+            true => (0..segments).into_par_iter().with_min_len(1 << 12).find_first(|&i| bad(i)),
+            false => (0..segments).find(|&i| bad(i)),
         };
+        let Some(i) = first else { return Ok(()) };
         let (from, to) = (self.origins.at(i), self.targets.at(i));
         if lies(frame.ends(i).0) && lies(frame.ends(i).1) {
             return argument(format!("segment {i} from {from} to {to}: has no length"));
@@ -269,13 +300,15 @@ pub struct Answers<'a> {
     pub(super) transmittance: &'a mut [f32],
     pub(super) intervals: Option<(&'a mut [f32], &'a mut [f32])>,
     pub(super) methods: Option<&'a mut [Method]>,
+    /// The same as numbers.
+    pub(super) method_codes: Option<&'a mut [u8]>,
     pub(super) segments: Option<&'a mut [f32]>,
 }
 
 impl<'a> Answers<'a> {
     /// Mean transmittance of the segments of each bundle, in `[0, 1]`; 1 for a bundle without segments.
     pub fn new(transmittance: &'a mut [f32]) -> Answers<'a> {
-        Answers { transmittance, intervals: None, methods: None, segments: None }
+        Answers { transmittance, intervals: None, methods: None, method_codes: None, segments: None }
     }
 
     /// Also the ends of the stated 95 % interval of each bundle; see [`Answer`](crate::Answer).
@@ -287,6 +320,13 @@ impl<'a> Answers<'a> {
     /// Also how the answer to each bundle was found.
     pub fn methods(mut self, methods: &'a mut [Method]) -> Answers<'a> {
         self.methods = Some(methods);
+        self
+    }
+
+    /// The same as numbers: `Method as u8`.
+    #[cfg(feature = "capi")]
+    pub(crate) fn method_codes(mut self, codes: &'a mut [u8]) -> Answers<'a> {
+        self.method_codes = Some(codes);
         self
     }
 
@@ -305,6 +345,7 @@ impl<'a> Answers<'a> {
             ("lo", lo, bundles),
             ("hi", hi, bundles),
             ("methods", self.methods.as_ref().map(|m| m.len()), bundles),
+            ("methods", self.method_codes.as_ref().map(|m| m.len()), bundles),
             ("segments", self.segments.as_ref().map(|s| s.len()), segments),
         ] {
             if have.is_some_and(|have| have != want) {

@@ -2,7 +2,7 @@
 
 use super::guard::{Failure, Outcome};
 use crate::Error;
-use std::ffi::{CStr, c_char};
+use std::ffi::{CStr, CString, c_char};
 
 /// A required pointer is NULL.
 pub fn null(name: &str) -> Failure {
@@ -124,4 +124,32 @@ impl<T> Place<T> {
 /// Refuses members that have no meaning yet.
 pub fn no_reserved(value: u32) -> Outcome {
     if value == 0 { Ok(()) } else { wrong(format!("`reserved` {value}: must be 0")) }
+}
+
+/// Text for a C program; NUL within it is left out.
+pub fn c_text(text: &str) -> CString {
+    CString::new(text.bytes().filter(|&b| b != 0).collect::<Vec<_>>()).unwrap_or_default()
+}
+
+/// Refuses room for text without any byte.
+pub fn check_room(room: *mut c_char, size: usize, name: &str) -> Outcome {
+    check_pointer(room, name)?;
+    if size == 0 {
+        return wrong("`size` 0: must be at least 1, for the NUL at the end".into());
+    }
+    Ok(())
+}
+
+/// Writes text and the NUL behind it; what does not fit is cut between two characters.
+///
+/// # Safety
+/// There is room for `size` bytes.
+pub unsafe fn put_text(text: &str, room: *mut c_char, size: usize, name: &str) -> Outcome {
+    check_room(room, size, name)?;
+    // SAFETY: as for this function.
+    let room = unsafe { slice_mut(room.cast::<u8>(), size, name) }?;
+    let length = (0..=text.len().min(size - 1)).rev().find(|&n| text.is_char_boundary(n)).unwrap_or(0);
+    room[..length].copy_from_slice(&text.as_bytes()[..length]);
+    room[length] = 0;
+    Ok(())
 }

@@ -1,6 +1,7 @@
 //! The floating-point state of a thread: rounding, flush to zero, denormals are zero.
 
 /// The floating-point control register as a caller left it.
+#[derive(Clone, Copy)]
 pub struct FloatState(Register);
 
 #[cfg(target_arch = "x86_64")]

@@ -32,8 +32,8 @@ pub trait Suspect {
 }
 
 /// A running call.
-#[derive(Default)]
 pub struct Call {
+    caller: FloatState,
     /// Objects of the handles that were given; they stay alive during the call. Four need no allocation.
     used: RefCell<SmallVec<[Arc<dyn Suspect>; 4]>>,
 }
@@ -43,12 +43,20 @@ impl Call {
     pub fn uses(&self, object: Arc<dyn Suspect>) {
         self.used.borrow_mut().push(object);
     }
+
+    /// Runs code of the caller in the caller's floating-point state.
+    pub fn as_the_caller<R>(&self, run: impl FnOnce() -> R) -> R {
+        self.caller.enter();
+        let result = run();
+        FloatState::DEFAULT.enter();
+        result
+    }
 }
 
 /// Runs the body of an entry; gives its status and keeps the message of its error.
 pub fn guard(name: &str, body: impl FnOnce(&Call) -> Outcome) -> mrv_status {
     let caller = FloatState::DEFAULT.enter();
-    let call = Call::default();
+    let call = Call { caller, used: RefCell::default() };
     let (status, message) = match catch_unwind(AssertUnwindSafe(|| body(&call))) {
         Ok(Ok(())) => (MRV_OK, None),
         Ok(Err(Failure::Error(error))) => (status::of(error.category()), Some(error.to_string())),

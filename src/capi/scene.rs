@@ -1,13 +1,14 @@
 //! Scenes: read, generated, and what they say about themselves.
 
-use super::arguments::{Place, no_reserved, optional_text, slice, text, texts};
+use super::arguments::{Place, c_text, no_reserved, optional_text, put_text, slice, text, texts, wrong};
 use super::guard::{Outcome, guard, quiet};
-use super::handle::{Opaque, give, release, retain};
-use super::record::{read_optional, record};
+use super::handle::{Opaque, give, object, release, retain};
+use super::record::{RecordPlace, read_optional, record};
 use super::status::mrv_status;
 use crate::scene::{LoadOptions, Scene};
-use std::ffi::c_char;
-use std::sync::Arc;
+use std::ffi::{CString, c_char, c_void};
+use std::path::Path;
+use std::sync::{Arc, OnceLock};
 
 /// A scene.
 #[repr(C)]
@@ -15,9 +16,21 @@ pub struct mrv_scene {
     _opaque: [u8; 0],
 }
 
+/// A scene and its names as C text.
+pub struct NamedScene {
+    pub scene: Arc<Scene>,
+    names: OnceLock<[Vec<CString>; 5]>,
+}
+
+impl NamedScene {
+    pub fn new(scene: Arc<Scene>) -> NamedScene {
+        NamedScene { scene, names: OnceLock::new() }
+    }
+}
+
 impl Opaque for mrv_scene {
     const NAME: &'static str = "mrv_scene";
-    type Value = Arc<Scene>;
+    type Value = NamedScene;
 }
 
 #[repr(C)]
@@ -33,13 +46,17 @@ pub struct mrv_load_options {
     pub threads: u32,
     pub reserved: u32,
 }
-record!(mrv_load_options: 56, struct_size, unit, emitters, emitter_watts, emitter_count, two_sided_emission, sides, threads, reserved);
+record!(
+    mrv_load_options: 56,
+    struct_size, unit, emitters, emitter_watts, emitter_count, two_sided_emission, sides, threads,
+    reserved
+);
 
 /// The options of a caller.
 ///
 /// # Safety
 /// `options` is NULL or a record, with arrays and text as the header says.
-unsafe fn load_options(options: *const mrv_load_options) -> Outcome<LoadOptions> {
+pub unsafe fn load_options(options: *const mrv_load_options) -> Outcome<LoadOptions> {
     // SAFETY: as for this function.
     let given = unsafe { read_optional(options, "options") }?;
     no_reserved(given.reserved)?;
@@ -57,10 +74,10 @@ unsafe fn load_options(options: *const mrv_load_options) -> Outcome<LoadOptions>
     for (name, &watts) in names.into_iter().zip(watts) {
         options = options.with_emitter(name, watts);
     }
-    match given.sides {
-        0 => Ok(options),
-        // The crate refuses numbers other than 1 and 2 by name and value.
-        sides => Ok(options.with_sides(u8::try_from(sides).unwrap_or(u8::MAX))),
+    match u8::try_from(given.sides) {
+        Ok(0) => Ok(options),
+        Ok(sides @ 1..=2) => Ok(options.with_sides(sides)),
+        _ => wrong(format!("`options.sides` {}: give 0, 1 or 2", given.sides)),
     }
 }
 
@@ -76,7 +93,34 @@ pub unsafe extern "C" fn mrv_scene_load(
         let place = Place::of(scene, "scene")?;
         let scene = Scene::load_with(path, &options)?;
         // SAFETY: as above.
-        unsafe { place.set(give(Arc::new(scene))) };
+        unsafe { place.set(give(NamedScene::new(Arc::new(scene)))) };
+        Ok(())
+    })
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_scene_from_memory(
+    data: *const c_void,
+    size: usize,
+    format: *const c_char,
+    folder: *const c_char,
+    options: *const mrv_load_options,
+    scene: *mut *mut mrv_scene,
+) -> mrv_status {
+    guard("mrv_scene_from_memory", |_| {
+        // SAFETY: the caller gives `size` bytes, texts and a record.
+        let (data, format, folder, options) = unsafe {
+            (
+                slice(data.cast::<u8>(), size, "data")?,
+                text(format, "format")?,
+                optional_text(folder, "folder")?,
+                load_options(options)?,
+            )
+        };
+        let place = Place::of(scene, "scene")?;
+        let scene = Scene::from_memory(data, format, folder.map(Path::new), &options)?;
+        // SAFETY: the caller gives a place.
+        unsafe { place.set(give(NamedScene::new(Arc::new(scene)))) };
         Ok(())
     })
 }
@@ -89,7 +133,7 @@ pub unsafe extern "C" fn mrv_scene_generate(name: *const c_char, scene: *mut *mu
         let place = Place::of(scene, "scene")?;
         let scene = Scene::generate(name)?;
         // SAFETY: as above.
-        unsafe { place.set(give(Arc::new(scene))) };
+        unsafe { place.set(give(NamedScene::new(Arc::new(scene)))) };
         Ok(())
     })
 }
@@ -102,4 +146,109 @@ pub extern "C" fn mrv_scene_retain(scene: *const mrv_scene) -> mrv_status {
 #[unsafe(no_mangle)]
 pub extern "C" fn mrv_scene_release(scene: *const mrv_scene) {
     quiet((), || release(scene));
+}
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct mrv_scene_info {
+    pub struct_size: usize,
+    pub triangles: u64,
+    pub visible: u64,
+    pub objects: u64,
+    pub materials: u64,
+    pub emitters: u64,
+    pub repairs: u64,
+    pub cameras: u64,
+    pub low: [f64; 3],
+    pub high: [f64; 3],
+    pub origin: [f64; 3],
+}
+record!(
+    mrv_scene_info: 136,
+    struct_size, triangles, visible, objects, materials, emitters, repairs, cameras, low, high, origin
+);
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_scene_get_info(
+    scene: *const mrv_scene,
+    info: *mut mrv_scene_info,
+) -> mrv_status {
+    guard("mrv_scene_get_info", |call| {
+        let scene = &object(call, scene, "scene")?.scene;
+        // SAFETY: the caller gives a record.
+        let place = unsafe { RecordPlace::of(info, "info") }?;
+        let [low, high] = scene.bounds();
+        let info = mrv_scene_info {
+            struct_size: 0,
+            triangles: scene.triangle_count() as u64,
+            visible: scene.visible_triangle_count(),
+            objects: scene.object_names().len() as u64,
+            materials: scene.material_names().len() as u64,
+            emitters: scene.emitter_names().len() as u64,
+            repairs: scene.repairs().len() as u64,
+            cameras: scene.cameras().len() as u64,
+            low,
+            high,
+            origin: scene.origin(),
+        };
+        // SAFETY: as above.
+        unsafe { place.set(info) };
+        Ok(())
+    })
+}
+
+pub const MRV_NAME_OBJECT: i32 = 0;
+pub const MRV_NAME_MATERIAL: i32 = 1;
+pub const MRV_NAME_EMITTER: i32 = 2;
+pub const MRV_NAME_REPAIR: i32 = 3;
+pub const MRV_NAME_CAMERA: i32 = 4;
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_scene_get_name(
+    scene: *const mrv_scene,
+    kind: i32,
+    index: u64,
+    name: *mut *const c_char,
+) -> mrv_status {
+    guard("mrv_scene_get_name", |call| {
+        let scene = object(call, scene, "scene")?;
+        let place = Place::of(name, "name")?;
+        let all = scene.names.get_or_init(|| {
+            let scene = &scene.scene;
+            [
+                scene.object_names().map(c_text).collect(),
+                scene.material_names().map(c_text).collect(),
+                scene.emitter_names().map(c_text).collect(),
+                scene.repairs().iter().map(|text| c_text(text)).collect(),
+                scene.cameras().map(|(name, _)| c_text(name)).collect(),
+            ]
+        });
+        let list = match kind {
+            MRV_NAME_OBJECT => &all[0],
+            MRV_NAME_MATERIAL => &all[1],
+            MRV_NAME_EMITTER => &all[2],
+            MRV_NAME_REPAIR => &all[3],
+            MRV_NAME_CAMERA => &all[4],
+            _ => return wrong(format!("`kind` {kind}: give one of MRV_NAME_OBJECT to MRV_NAME_CAMERA")),
+        };
+        let Some(text) = usize::try_from(index).ok().and_then(|i| list.get(i)) else {
+            return wrong(format!("`index` {index}: the scene has {} names of this kind", list.len()));
+        };
+        // SAFETY: the caller gives a place.
+        unsafe { place.set(text.as_ptr()) };
+        Ok(())
+    })
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_scene_get_unit(
+    scene: *const mrv_scene,
+    text: *mut c_char,
+    size: usize,
+) -> mrv_status {
+    guard("mrv_scene_get_unit", |call| {
+        let scene = object(call, scene, "scene")?;
+        // SAFETY: the caller gives room for `size` bytes.
+        unsafe { put_text(scene.scene.unit(), text, size, "text") }
+    })
 }

@@ -109,6 +109,11 @@ impl Model {
         self.inner.options.optics
     }
 
+    /// Whether the caller asked for one thread, so that the caller's will do.
+    pub(crate) fn has_one_thread(&self) -> bool {
+        self.inner.threads.count() == 1
+    }
+
     /// Does `work` on the threads of [`PrepareOptions::with_threads`], or of the rayon pool that the caller is in.
     ///
     /// # Errors

@@ -36,6 +36,23 @@ pub struct Workspace {
     pub(super) walked: Vec<Walked>,
     /// Transmittance of each segment of the first packet of each bundle, if kept.
     pub(super) lanes: Vec<[f32; LANES]>,
+    /// For the caller: what a chunk of a batch needs. Taken out during calls of the engine.
+    pub batch: BatchBuffers,
+}
+
+/// Buffers of a chunk of a batch.
+#[derive(Default)]
+pub struct BatchBuffers {
+    /// Packets of all bundles.
+    pub packets: Vec<Packet>,
+    /// First packet of each bundle, and the number of packets.
+    pub starts: Vec<usize>,
+    /// Segments of each packet that are blocked, a bit for each.
+    pub blocked: Vec<u32>,
+    /// Feature size of each part of a bundle that is asked, scene units.
+    pub sizes: Vec<f32>,
+    /// Bundle of each part.
+    pub bundle_of: Vec<usize>,
 }
 
 impl Workspace {
@@ -102,7 +119,7 @@ impl Kernel for BundleWalks<'_> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         let BundleWalks { engine, bundles, sizes, bounded, workspace } = self;
-        let Workspace { buffers, placed, front, shafts, walked, lanes } = workspace;
+        let Workspace { buffers, placed, front, shafts, walked, lanes, batch: _ } = workspace;
         let averages = !matches!(sizes, Sizes::Nothing);
         let soft = engine.average && averages;
         let size = |bundle: &Bundle| if averages { bundle.emitter_size } else { 0.0 };

@@ -36,7 +36,7 @@ mod wide;
 mod work;
 
 pub use answer::{Answer, Bundle, Cost, Method, wilson};
-pub use bundle_walks::Workspace;
+pub use bundle_walks::{BatchBuffers, Workspace};
 pub use cost_model::{CALIBRATION_BUNDLES, SAMPLE_RUN, SAMPLE_RUNS, Work, sample_runs};
 pub use exact::{Exact, fastest_traversal};
 pub use instance_tree::{Frame, InstanceTree, Instances, PlacedChange};

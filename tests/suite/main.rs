@@ -2,6 +2,8 @@
 
 #[cfg(all(feature = "cli", unix))]
 mod batch;
+#[cfg(feature = "capi")]
+mod capi;
 #[cfg(feature = "cli")]
 mod cli;
 #[cfg(feature = "cli")]
@@ -19,6 +21,8 @@ mod install;
 mod light;
 #[cfg(feature = "cli")]
 mod outputs;
+#[cfg(feature = "cli")]
+mod package;
 #[cfg(feature = "cli")]
 mod pages;
 #[cfg(feature = "cli")]

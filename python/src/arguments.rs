@@ -1,0 +1,55 @@
+//! Arguments other than arrays: numbers, words and keyword arguments, with their names in messages.
+
+use crate::errors::input;
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// Keyword arguments; those that are `None` have their defaults.
+pub fn keywords<'py>(
+    options: Option<&Bound<'py, PyDict>>,
+) -> impl Iterator<Item = (String, Bound<'py, PyAny>)> {
+    let all: Vec<_> = options.into_iter().flat_map(|options| options.iter()).collect();
+    all.into_iter().filter(|(_, value)| !value.is_none()).map(|(name, value)| (name.to_string(), value))
+}
+
+/// The error of a keyword argument that does not exist.
+pub fn unknown<T>(function: &str, name: &str) -> PyResult<T> {
+    Err(PyTypeError::new_err(format!("{function}() got an unexpected keyword argument '{name}'")))
+}
+
+/// A value of a type.
+pub fn value<'py, T: FromPyObjectOwned<'py>>(name: &str, value: &Bound<'py, PyAny>) -> PyResult<T> {
+    let extracted = value.extract::<T>().map_err(Into::<PyErr>::into);
+    extracted.map_err(|error| PyTypeError::new_err(format!("`{name}`: {}", error.value(value.py()))))
+}
+
+/// A whole number that is not negative.
+pub fn whole<T: TryFrom<i64>>(name: &str, given: &Bound<'_, PyAny>) -> PyResult<T> {
+    let number: i64 = value(name, given)?;
+    T::try_from(number).map_err(|_| {
+        let bits = 8 * size_of::<T>();
+        let must = format!("must be a whole number, not negative, of at most {bits} bits");
+        input(given.py(), format!("`{name}` {number}: {must}"))
+    })
+}
+
+/// One of several words.
+pub fn word<T: Copy>(name: &str, given: &Bound<'_, PyAny>, words: &[(&str, T)]) -> PyResult<T> {
+    let text: String = value(name, given)?;
+    if let Some((_, found)) = words.iter().find(|(word, _)| *word == text) {
+        return Ok(*found);
+    }
+    let known: Vec<String> = words.iter().map(|(word, _)| format!("{word:?}")).collect();
+    Err(input(given.py(), format!("`{name}` {text:?}: must be {}", known.join(", "))))
+}
+
+/// Three numbers.
+pub fn vector(name: &str, given: &Bound<'_, PyAny>) -> PyResult<[f64; 3]> {
+    given.extract().map_err(|_| input(given.py(), format!("`{name}`: must be three numbers (x, y, z)")))
+}
+
+/// The answer to an attempt to pickle or copy.
+pub fn not_pickled<T>(class: &str, cure: &str) -> PyResult<T> {
+    Err(PyTypeError::new_err(format!("mrvis.{class} cannot be pickled or copied: {cure}")))
+}

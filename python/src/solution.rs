@@ -1,0 +1,272 @@
+//! Solutions: irradiance, elements, pictures.
+
+use crate::arguments::{keywords, not_pickled, unknown, value, whole, word};
+use crate::arrays::{points_f64, rows_out};
+use crate::errors::input;
+use crate::source::Normals;
+use crate::visibility::ENGINES;
+use crate::work::long;
+use mrvis::{Camera, Element, Error, ImageOptions, Progress, Solution, SolveOptions, SurfacePoint};
+use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyType};
+use std::collections::BTreeMap;
+
+/// Points between two looks for an interruption: 4,096 of them take about a second on one core at the default of some hundred rays each.
+const POINTS: usize = 1 << 12;
+
+pub fn solve_options(options: Option<&Bound<'_, PyDict>>) -> PyResult<SolveOptions> {
+    let mut all = SolveOptions::default();
+    for (name, given) in keywords(options) {
+        all = match name.as_str() {
+            "error" => all.with_error(value(&name, &given)?),
+            "engine" => all.with_engine(word(&name, &given, &ENGINES)?),
+            "feature_size" => all.with_feature_size(value(&name, &given)?),
+            "feature_sizes" => {
+                let sizes: BTreeMap<String, f32> = value(&name, &given)?;
+                sizes.into_iter().fold(all, |all, (of, size)| all.with_feature_size_of(of, size))
+            }
+            "importance" => {
+                value::<Vec<String>>(&name, &given)?.into_iter().fold(all, SolveOptions::with_importance)
+            }
+            "min_area" => all.with_min_area(value(&name, &given)?),
+            "direct_only" => all.with_direct_only(value(&name, &given)?),
+            "max_seconds" => all.with_max_seconds(value(&name, &given)?),
+            "max_links" => all.with_max_links(whole(&name, &given)?),
+            "target_error" => all.with_target_error(value(&name, &given)?),
+            "seed" => all.with_seed(whole(&name, &given)?),
+            _ => return unknown("solve", &name),
+        };
+    }
+    Ok(all)
+}
+
+/// The light in a model. Immutable; several threads may ask at once.
+#[pyclass(frozen, module = "mrvis", name = "Solution")]
+pub struct PySolution {
+    solution: Solution,
+}
+
+impl PySolution {
+    pub fn new(solution: Solution) -> PySolution {
+        PySolution { solution }
+    }
+}
+
+/// A class of `mrvis._types`.
+pub fn class<'py>(py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyType>> {
+    Ok(py.import("mrvis._types")?.getattr(name)?.cast_into()?)
+}
+
+/// Name of an array of `mrvis.Elements`, and its entries.
+type Column<T> = (&'static str, fn(&Element) -> T);
+
+/// A `mrvis.Camera`.
+#[derive(FromPyObject)]
+struct GivenCamera {
+    eye: [f64; 3],
+    target: [f64; 3],
+    up: [f64; 3],
+    angle: f64,
+}
+
+#[pymethods]
+impl PySolution {
+    /// Irradiance at N points of surfaces, shape (N, 3), float64, W/m², linear RGB: direct light by rays to the emitters, reflected light by
+    /// rays that gather the radiosity of surfaces.
+    ///
+    /// points: (N, 3) scene units; normals: (N, 3), or (3,) for all, of any length above 0; both are copied. progress: as for `Model`.
+    #[pyo3(signature = (points, normals, *, progress=None))]
+    fn irradiance<'py>(
+        &self,
+        py: Python<'py>,
+        points: &Bound<'py, PyAny>,
+        normals: &Bound<'py, PyAny>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let points = points_f64("points", points)?;
+        let normals = Normals::new(normals, points.len())?;
+        let surface = |i| SurfacePoint { position: points.row(i), normal: normals.of(i) };
+        let surface: Vec<SurfacePoint> = (0..points.len()).map(surface).collect();
+        for (i, SurfacePoint { position, normal }) in surface.iter().enumerate() {
+            let length: f64 = normal.iter().map(|n| n * n).sum();
+            if !position.iter().chain([&length]).all(|v| v.is_finite()) || length == 0.0 {
+                let what = format!("`points`[{i}] {position:?} with normal {normal:?}");
+                return Err(input(py, format!("{what}: give a finite position and a normal longer than 0")));
+            }
+        }
+        let found = long(py, progress, |watch| {
+            let mut found = Vec::with_capacity(surface.len());
+            watch.stage("light at points", surface.len() as u64);
+            for some in surface.chunks(POINTS) {
+                if watch.stopped() {
+                    return Err(Error::Cancelled("stopped before the light at all points was found".into()));
+                }
+                found.extend(self.solution.irradiance(some)?);
+                watch.advance(some.len() as u64);
+            }
+            Ok(found)
+        })?;
+        rows_out(py, found)
+    }
+
+    /// The elements, constant pieces of lit sides of surfaces, as `Elements`: new arrays at each call.
+    fn elements<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let (all, fields) = (self.solution.elements(), PyDict::new(py));
+        fields.set_item("vertices", rows_out(py, self.solution.vertices().collect())?)?;
+        let corners: Vec<u32> = all.iter().flat_map(|element| element.corners).collect();
+        fields.set_item("corners", PyArray1::from_vec(py, corners).reshape([all.len(), 4])?)?;
+        let colours: [Column<[f64; 3]>; 4] = [
+            ("radiosity", |element| element.radiosity),
+            ("irradiance", |element| element.irradiance),
+            ("error", |element| element.error),
+            ("exitance", |element| element.exitance),
+        ];
+        for (name, of) in colours {
+            fields.set_item(name, rows_out(py, all.iter().map(of).collect())?)?;
+        }
+        fields.set_item("albedo", rows_out(py, all.iter().map(|element| element.albedo).collect())?)?;
+        let area = all.iter().map(|element| element.area).collect();
+        fields.set_item("area", PyArray1::from_vec(py, area))?;
+        let numbers: [Column<u32>; 3] = [
+            ("triangle", |element| element.triangle),
+            ("object", |element| element.object),
+            ("material", |element| element.material),
+        ];
+        for (name, of) in numbers {
+            fields.set_item(name, PyArray1::from_vec(py, all.iter().map(of).collect()))?;
+        }
+        let front = all.iter().map(|element| element.front).collect();
+        fields.set_item("front", PyArray1::from_vec(py, front))?;
+        class(py, "Elements")?.call((), Some(&fields))
+    }
+
+    /// The record of the solution as a dict, the content of `solution.json`: options, times, energy, error estimate, warnings.
+    fn json<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        py.import("json")?.call_method1("loads", (self.solution.json(),))
+    }
+
+    /// A camera that shows much of the scene.
+    #[pyo3(signature = (*, progress=None))]
+    fn automatic_camera<'py>(
+        &self,
+        py: Python<'py>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let Camera { eye, target, up, angle } =
+            long(py, progress, |watch| self.solution.automatic_camera(watch))?;
+        let tuple = |v: [f64; 3]| (v[0], v[1], v[2]);
+        class(py, "Camera")?.call1((tuple(eye), tuple(target), tuple(up), angle))
+    }
+
+    /// The radiance that a camera sees, shape (rows, columns, 3), float32, W/(m² sr), linear RGB, from the top; black where it sees no lit
+    /// side.
+    ///
+    /// camera: a `Camera`; default: the automatic one. size: columns and rows, 1 to 16,384, default (800, 600). gather: whether the irradiance of each pixel is
+    /// gathered instead of interpolated, slower and sharper (default False). out: a C-contiguous float32 array of that shape to write into.
+    /// progress: as for `Model`.
+    #[pyo3(signature = (camera=None, size=None, *, gather=false, out=None, progress=None))]
+    fn image<'py>(
+        &self,
+        py: Python<'py>,
+        camera: Option<&Bound<'py, PyAny>>,
+        size: Option<(i64, i64)>,
+        gather: bool,
+        out: Option<&Bound<'py, PyAny>>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        let camera: Option<GivenCamera> = camera.map(|camera| value("camera", camera)).transpose()?;
+        let size = size.unwrap_or((800, 600));
+        let [columns, rows] = [size.0, size.1].map(|n| usize::try_from(n).unwrap_or(0));
+        let options = ImageOptions::default().with_size(columns, rows).with_gather(gather);
+        // Sizes that the crate refuses get no array.
+        let pixels = columns.checked_mul(rows).filter(|pixels| *pixels <= 1 << 25).unwrap_or(0);
+        let array = match out {
+            None => {
+                let shape = if pixels == 0 { [0, 0, 3] } else { [rows, columns, 3] };
+                PyArray1::from_vec(py, vec![0.0f32; 3 * pixels]).reshape(shape)?
+            }
+            Some(out) => match out.cast::<PyArray3<f32>>() {
+                Ok(array) if array.is_c_contiguous() && *array.shape() == [rows, columns, 3] => array.clone(),
+                _ => {
+                    let must =
+                        format!("must be a C-contiguous float32 array of shape ({rows}, {columns}, 3)");
+                    return Err(input(py, format!("`out`: {must}")));
+                }
+            },
+        };
+        let mut locked = array.try_readwrite().map_err(|error| input(py, format!("`out`: {error}")))?;
+        let radiance = locked.as_slice_mut()?;
+        long(py, progress, |watch| {
+            let camera = match camera {
+                Some(GivenCamera { eye, target, up, angle }) => Camera { eye, target, up, angle },
+                None => self.solution.automatic_camera(watch)?,
+            };
+            self.solution.image(&camera, &options, radiance, watch)
+        })?;
+        drop(locked);
+        Ok(array)
+    }
+
+    /// The irradiance of all surfaces in one image of about `texels` texels (1 to 2**26, default 2**20), as a `Lightmap`.
+    #[pyo3(signature = (texels=None, *, progress=None))]
+    fn lightmap<'py>(
+        &self,
+        py: Python<'py>,
+        texels: Option<i64>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let texels = texels.map_or(1 << 20, |texels| usize::try_from(texels).unwrap_or(0));
+        let map = long(py, progress, |watch| self.solution.lightmap(texels, watch))?;
+        let fields = PyDict::new(py);
+        let irradiance = PyArray1::from_vec(py, map.irradiance.into_flattened());
+        fields.set_item("irradiance", irradiance.reshape([map.height, map.width, 3])?)?;
+        fields.set_item("positions", rows_out(py, map.positions)?)?;
+        let texcoords = PyArray1::from_vec(py, map.texcoords.into_flattened().into_flattened());
+        fields.set_item("texcoords", texcoords.reshape([map.triangles.len(), 3, 2])?)?;
+        fields.set_item("triangles", rows_out(py, map.triangles)?)?;
+        fields.set_item("note", map.note)?;
+        class(py, "Lightmap")?.call((), Some(&fields))
+    }
+
+    /// One HTML page that shows the solution: pictures, energy, error bars and times. It refers to no other file.
+    #[pyo3(signature = (*, progress=None))]
+    fn page(&self, py: Python<'_>, progress: Option<Py<PyAny>>) -> PyResult<String> {
+        long(py, progress, |watch| self.solution.page(watch))
+    }
+
+    /// Mean irradiance of all surfaces, shape (3,), float64, W/m², linear RGB.
+    #[getter]
+    fn mean_irradiance<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.solution.mean_irradiance())
+    }
+
+    /// Estimated RMS error of the irradiance of the elements, relative to its mean; None if it is unknown.
+    #[getter]
+    fn error_estimate(&self) -> Option<f64> {
+        self.solution.error_estimate()
+    }
+
+    /// What a user should know, one sentence each.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.solution.warnings().to_vec()
+    }
+
+    /// Whether progress stopped it before the error was reached.
+    #[getter]
+    fn interrupted(&self) -> bool {
+        self.solution.interrupted()
+    }
+
+    fn __repr__(&self) -> String {
+        let elements = self.solution.elements().len();
+        let error =
+            self.solution.error_estimate().map_or("unknown".into(), |e| format!("{:.2} %", 100.0 * e));
+        format!("<mrvis.Solution: {elements} elements, estimated error {error}>")
+    }
+
+    fn __reduce__(&self) -> PyResult<()> {
+        not_pickled("Solution", "store its arrays, or solve in the other process")
+    }
+}

@@ -1,0 +1,157 @@
+//! Visibility of a source from points of surfaces.
+
+use crate::arguments::{keywords, unknown, whole, word};
+use crate::arrays::{Floats, Rows, floats, output, points_f64, single};
+use crate::errors::{input, translated};
+use crate::visibility::{Costs, ENGINES, PyVisibility, methods, unlocked};
+use crate::work::{Watch, long};
+use mrvis::{Answer, Engine, Error, ErrorCategory, Model, Progress};
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use rayon::prelude::*;
+
+/// Points of surfaces that look at a source.
+pub struct SourceAsk<'py> {
+    py: Python<'py>,
+    points: Rows<'py, f64>,
+    normals: Normals<'py>,
+    source: usize,
+    feature_size: Option<Floats<'py>>,
+    rays: usize,
+    seed: u32,
+    engine: Engine,
+}
+
+/// One normal for all points, or one each.
+pub enum Normals<'py> {
+    All([f64; 3]),
+    Each(Rows<'py, f64>),
+}
+
+impl<'py> Normals<'py> {
+    pub fn new(given: &Bound<'py, PyAny>, points: usize) -> PyResult<Normals<'py>> {
+        if let Some(one) = single(given) {
+            return Ok(Normals::All(one));
+        }
+        let rows = points_f64("normals", given)?;
+        if rows.len() != points {
+            let what =
+                format!("`normals` has {} rows for {points} `points`: give one each, or one", rows.len());
+            return Err(input(given.py(), what));
+        }
+        Ok(Normals::Each(rows))
+    }
+
+    pub fn of(&self, point: usize) -> [f64; 3] {
+        match self {
+            Normals::All(normal) => *normal,
+            Normals::Each(rows) => rows.row(point),
+        }
+    }
+}
+
+impl<'py> SourceAsk<'py> {
+    pub fn new(
+        points: &Bound<'py, PyAny>,
+        normals: &Bound<'py, PyAny>,
+        source: Option<&Bound<'py, PyAny>>,
+        options: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<SourceAsk<'py>> {
+        let points = points_f64("points", points)?;
+        let mut ask = SourceAsk {
+            py: normals.py(),
+            normals: Normals::new(normals, points.len())?,
+            points,
+            source: source.map_or(Ok(0), |source| whole("source", source))?,
+            feature_size: None,
+            rays: 64,
+            seed: 1,
+            engine: Engine::Automatic,
+        };
+        for (name, given) in keywords(options) {
+            match name.as_str() {
+                "feature_size" => ask.feature_size = Some(floats(&name, &given)?),
+                "rays" => ask.rays = whole(&name, &given)?,
+                "seed" => ask.seed = whole(&name, &given)?,
+                "engine" => ask.engine = word(&name, &given, &ENGINES)?,
+                _ => return unknown("source_visibility", &name),
+            }
+        }
+        if let Some(Floats::Each(sizes)) = &ask.feature_size
+            && sizes.as_slice()?.len() != ask.points.len()
+        {
+            let (sizes, points) = (sizes.as_slice()?.len(), ask.points.len());
+            let what =
+                format!("`feature_size` has {sizes} entries for {points} `points`: give one each, or one");
+            return Err(input(ask.py, what));
+        }
+        Ok(ask)
+    }
+
+    /// Asks the model on as many threads as it has, without the GIL.
+    pub fn answer(
+        self,
+        model: &Model,
+        threads: usize,
+        out: Option<&Bound<'py, PyAny>>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<PyVisibility> {
+        let (py, count) = (self.py, self.points.len());
+        let mut clear = output(py, "out", out, count)?;
+        let queries: Vec<([f64; 3], [f64; 3], Option<f32>)> = (0..count)
+            .map(|i| {
+                let size = match &self.feature_size {
+                    None => None,
+                    Some(Floats::All(size)) => Some(*size),
+                    Some(Floats::Each(sizes)) => sizes.as_slice()?.get(i).copied(),
+                };
+                Ok((self.points.row(i), self.normals.of(i), size))
+            })
+            .collect::<PyResult<_>>()?;
+        let SourceAsk { source, rays, seed, engine, .. } = self;
+        let visibility = model.visibility().with_engine(engine);
+        let one = |&(point, normal, size): &([f64; 3], [f64; 3], Option<f32>)| {
+            let query = visibility.from_point(point, normal).to_source(source).rays(rays).seed(seed);
+            size.map_or(query, |size| query.feature_size(size)).answer()
+        };
+        let work = |watch: &Watch| {
+            watch.stage("visibility", count as u64);
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).stack_size(8 << 20).build();
+            let pool = pool.map_err(|error| Error::OutOfMemory(format!("threads: {error}")))?;
+            pool.install(|| {
+                let answers = queries.par_iter().enumerate().map(|(i, query)| {
+                    if watch.stopped() {
+                        return Err((i, Error::Cancelled("stopped before all points were answered".into())));
+                    }
+                    watch.advance(1);
+                    one(query).map_err(|error| (i, error))
+                });
+                // The error of the first point that has one, on any number of threads.
+                let answers: Vec<Result<Answer, (usize, Error)>> = answers.collect();
+                Ok(answers.into_iter().collect::<Result<Vec<Answer>, _>>())
+            })
+        };
+        let answers = long(py, progress, work)?.map_err(|(i, error)| match error.category() {
+            ErrorCategory::Input => input(py, format!("`points`[{i}]: {}", translated(py, &error).value(py))),
+            _ => translated(py, &error),
+        })?;
+        for (out, answer) in clear.as_slice_mut()?.iter_mut().zip(&answers) {
+            *out = answer.transmittance;
+        }
+        let mut costs = Costs::default();
+        for answer in &answers {
+            costs.0.iter_mut().zip(Costs::of(&answer.cost).0).for_each(|(sum, n)| *sum += n);
+        }
+        let array =
+            |of: fn(&Answer) -> f32| Some(PyArray1::from_vec(py, answers.iter().map(of).collect()).unbind());
+        Ok(PyVisibility {
+            transmittance: unlocked(&clear),
+            lo: array(|answer| answer.lo),
+            hi: array(|answer| answer.hi),
+            method: Some(methods(py, answers.iter().map(|answer| answer.method).collect())),
+            segments: None,
+            cost: costs.dict(py)?,
+        })
+    }
+}

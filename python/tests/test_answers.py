@@ -1,0 +1,177 @@
+"""Answers: closed forms, and the same bits on any number of threads."""
+
+import json
+
+import mrvis
+import numpy as np
+import pytest
+from known import DOWN, SQUARE, UP, opposite, squares
+
+
+def test_blocked_and_clear_segments():
+    builder = mrvis.SceneBuilder()
+    builder.add_material("grey", (0.5, 0.5, 0.5))
+    builder.add_object("blocker", SQUARE + [0, 0, 1], UP)
+    builder.add_object("floor", SQUARE * [4, 4, 1], UP)
+    model = mrvis.Model(builder.finish(), detail="rays")
+    x = np.array([0.25, 0.75, 1.25, 3.0], dtype=np.float32)
+    origins = np.column_stack([x, x, np.full(4, 0.1, np.float32)])
+    seen = model.visibility(origins, origins + np.float32([0, 0, 5]), intervals=True, methods=True, segments=True)
+    assert seen.transmittance.tolist() == [0, 0, 1, 1] == seen.segments.tolist()
+    assert seen.cost["segments"] == 4 and len(seen) == 4
+    assert set(seen.method) <= {mrvis.Method.EXACT, mrvis.Method.CLEAR}
+    assert np.all(seen.lo <= seen.transmittance) and np.all(seen.transmittance <= seen.hi)
+    bundles = model.visibility(origins, origins + np.float32([0, 0, 5]), bundles=[0, 1, 4, 4])
+    assert bundles.transmittance == pytest.approx([0, 2 / 3, 1])
+    assert model.visibility(origins, origins + [0, 0, 5], bundles=4).transmittance.tolist() == [0.5]
+
+
+def test_all_layouts_give_the_same_bits(cubes, ground):
+    origins, targets = ground
+    want = cubes.visibility(origins, targets, engine="exact").transmittance
+    assert 0 < want.mean() < 1
+    both = np.hstack([origins, targets])
+    twice = np.repeat(both, 2, axis=0)
+    for from_, to in [
+        (both[:, :3], both[:, 3:]),
+        (twice[::2, :3], twice[::2, 3:]),
+        (np.asfortranarray(origins), targets),
+        (origins.astype(">f4"), targets.tolist()),
+        (np.ascontiguousarray(origins[::-1])[::-1], targets),
+    ]:
+        assert np.array_equal(cubes.visibility(from_, to, engine="exact").transmittance, want)
+    moved = cubes.visibility(origins - np.float32([0, 0, 1]), targets.astype(np.float64) - [0, 0, 1], relative_to=(0, 0, 1))
+    assert np.mean(moved.transmittance != want) < 0.01
+    one = cubes.visibility(origins, targets[0], engine="exact")
+    assert np.array_equal(one.transmittance, cubes.visibility(origins, np.tile(targets[0], (len(origins), 1)), engine="exact").transmittance)
+
+
+@pytest.mark.parametrize("height", [0.5, 1.0, 3.0])
+def test_form_factor_of_squares(height):
+    factors = mrvis.Model(squares(height), detail="rays").form_factors(grouping="object")
+    x = 1 / height
+    r = np.hypot(1, x)
+    want = 2 / (np.pi * x * x) * (np.log(r * r / np.sqrt(1 + 2 * x * x)) + 2 * x * r * np.arctan(x / r) - 2 * x * np.arctan(x))
+    assert factors.names == ["floor", "lamp"] and factors.areas == pytest.approx([1, 1])
+    assert factors.matrix.toarray() == pytest.approx(np.array([[0, want], [want, 0]]), abs=2e-3)
+
+
+def test_form_factors_are_sparse_rows(cornell):
+    factors = cornell.form_factors(rays=512, pair_rays=64)
+    matrix = factors.matrix
+    assert np.shares_memory(matrix.data, factors.data) and np.shares_memory(matrix.indices, factors.indices)
+    assert matrix.shape == (len(factors),) * 2 and factors.indptr[-1] == len(factors.data)
+    rows = matrix.sum(axis=1) + factors.escaped + factors.lost
+    assert rows == pytest.approx(1, abs=0.15) and rows.mean() == pytest.approx(1, abs=0.02)  # 512 rays a polygon
+    exchange = factors.areas[:, None] * matrix.toarray()
+    assert exchange == pytest.approx(exchange.T, rel=1e-5)
+
+
+def test_irradiance_below_a_lamp():
+    solution = mrvis.Model(squares(), detail="clusters").solve(direct_only=True)
+    points = np.array([[0.5, 0.5, 0], [0.25, 0.5, 0]], dtype=np.float32)
+    found = solution.irradiance(points, (0, 0, 2))
+    quarter = [4 * opposite(0.5, 0.5, 1), 2 * opposite(0.25, 0.5, 1) + 2 * opposite(0.75, 0.5, 1)]
+    assert found.shape == (2, 3) and found.dtype == np.float64 and found.base is not None
+    assert found == pytest.approx(np.outer(quarter, [10 * np.pi] * 3), rel=0.01)
+    assert solution.irradiance(points, [0, 0, -1]).max() == 0
+
+
+def test_elements_hold_the_light(light):
+    elements = light.elements()
+    assert len(elements) == len(elements.corners) and elements.corners.max() < len(elements.vertices)
+    a, b, c, d = (elements.vertices[elements.corners[:, k]] for k in range(4))
+    area = np.linalg.norm(np.cross(c - a, d - b), axis=1) / 2
+    triangle = elements.corners[:, 2] == elements.corners[:, 3]
+    area[triangle] = np.linalg.norm(np.cross(b - a, c - a), axis=1)[triangle] / 2
+    assert area == pytest.approx(elements.area, rel=1e-4)
+    reflected = elements.radiosity - elements.exitance
+    assert reflected == pytest.approx(elements.albedo * elements.irradiance, rel=1e-4, abs=1e-9)
+    assert elements.error.min() >= 0 and elements.front.any()
+
+
+def test_records_of_a_solution(light):
+    record = light.json()
+    assert json.loads(json.dumps(record)) == record and record["mean_irradiance"] == pytest.approx(light.mean_irradiance)
+    assert light.error_estimate > 0 and not light.interrupted and isinstance(light.warnings, list)
+    assert light.page().startswith("<!")
+    lightmap = light.lightmap(4096)
+    assert lightmap.irradiance.shape[2] == 3 and lightmap.texcoords.shape == (len(lightmap.triangles), 3, 2)
+    assert lightmap.triangles.max() < len(lightmap.positions) and "texels" in repr(lightmap)
+
+
+def test_picture(light):
+    picture = light.image(size=(40, 30))
+    assert picture.shape == (30, 40, 3) and picture.dtype == np.float32 and picture.max() > 0
+    camera = light.automatic_camera()
+    out = np.zeros((30, 40, 3), np.float32)
+    assert light.image(camera, (40, 30), out=out) is out and np.array_equal(out, picture)
+    away = mrvis.Camera(eye=camera.eye, target=tuple(2 * np.array(camera.eye) - camera.target), up=camera.up)
+    assert not np.array_equal(light.image(away, (40, 30)), picture)
+
+
+def test_same_bits_on_any_number_of_threads(ground):
+    origins, targets = ground
+    scene = mrvis.Scene.generate("cubes")
+    found = []
+    for threads in (1, 2, 3):
+        model = mrvis.Model(scene, threads=threads)
+        visibility = model.visibility(origins, targets, bundles=16, feature_size=4, engine="mr", intervals=True)
+        source = model.source_visibility(origins[::8], (0, 0, 1), feature_size=4, engine="mr")
+        found.append([visibility.transmittance, visibility.lo, visibility.hi, source.transmittance, source.lo, source.hi])
+        assert source.cost["aggregated"] > 0
+    for other in found[1:]:
+        assert all(np.array_equal(a, b) for a, b in zip(found[0], other))
+
+
+def test_source_visibility(model):
+    seen = model.source_visibility([[0.5, 0.5, 0], [0.5, 0.5, 0]], [[0, 0, 1], [0, 0, -1]])
+    assert seen.transmittance.tolist() == [1, 0] and seen.method[1] == mrvis.Method.COVERED
+
+
+def test_instances_move():
+    builder = mrvis.SceneBuilder()
+    builder.add_material("grey", (0.5, 0.5, 0.5))
+    builder.add_object("floor", SQUARE * [9, 9, 1], UP)
+    mesh = builder.add_shared_mesh("plate", SQUARE, DOWN)
+    builder.add_instance(mesh, "a", np.eye(4))
+    shift = np.hstack([np.eye(3), [[3], [3], [1]]])
+    builder.add_instance(mesh, "b", shift)
+    model = mrvis.Model(builder.finish(), detail="rays")
+    number = model.instance_names.index("b")
+    ray = np.float32([[3.5, 3.5, 0.5]]), np.float32([[3.5, 3.5, 2.5]])
+    assert model.visibility(*ray).transmittance == 0
+    moved = np.array(shift)
+    moved[:, 3] = [6, 6, 1] - model.scene.origin
+    assert model.moved({number: moved}).visibility(*ray).transmittance == 1
+
+
+def test_feature_based_error():
+    image = np.ones((32, 32), np.float32)
+    image[8:16, 8:16] = 0
+    other = image + np.float32(0.1) * (np.arange(32) % 2 - 0.5)
+    plain = mrvis.fbem(image, other)
+    assert mrvis.fbem(image, image).value == 0
+    assert plain.value == pytest.approx(np.sqrt(np.mean((image - other).astype(float) ** 2)))
+    spectrum = mrvis.fbem_spectrum(image, other, [0, 4, 64], features="shadow")
+    assert [f.size for f in spectrum] == [0, 4, 64] and spectrum[0].value == plain.value
+    assert spectrum[2].masked_fraction == 0 and spectrum[2].value < plain.value / 2
+
+
+def test_scenes_from_files_and_bytes(tmp_path):
+    text = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\no tile\nf 1 2 3 4\n"
+    path = tmp_path / "tile.obj"
+    path.write_text(text)
+    for scene in (mrvis.Scene.load(path, emitters={"tile": 3.0}), mrvis.Scene.from_bytes(text.encode(), "obj", emitters={"tile": 3.0})):
+        assert scene.object_names == ["tile"] and scene.emitter_names and scene.triangle_count == 2
+        assert scene.bounds.tolist() == [[0, 0, 0], [1, 1, 0]] and scene.unit == "m"
+
+
+def test_polygons():
+    quads = np.array([[0, 1, 2, 3]], dtype=np.int64)
+    flat = [0, 1, 2, 3]
+    for options in ({"indices": quads}, {"indices": flat, "polygon_sizes": np.int32([4])}):
+        builder = mrvis.SceneBuilder()
+        builder.add_material("grey", (0.5, 0.5, 0.5))
+        builder.add_object("tile", SQUARE.astype(np.float32), material=[0], **options)
+        assert builder.finish().triangle_count == 2

@@ -1,0 +1,159 @@
+"""Wrong arguments: the exception of the category, which names the argument."""
+
+import copy
+import pickle
+
+import mrvis
+import numpy as np
+import pytest
+from known import SQUARE, UP
+
+ONE = np.float32([[0.5, 0.5, 0.1]])
+TWO = np.float32([[0.5, 0.5, 0.9]])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "options", "names"),
+    [
+        ((ONE[:, :2], TWO), {}, r"`origins` has shape \(1, 2\)"),
+        ((ONE, TWO.reshape(1, 1, 3)), {}, r"`targets` has shape \(1, 1, 3\)"),
+        ((ONE, TWO.astype(complex)), {}, "`targets`.*complex"),
+        ((np.array([["a", "b", "c"]]), TWO), {}, "`origins`.*dtype"),
+        (([[1, 2], [3]], TWO), {}, "`origins`"),
+        ((ONE, np.vstack([TWO, TWO])), {}, "`targets` has 2 positions"),
+        ((ONE * np.nan, TWO), {}, r"`origins`\[0\]"),
+        ((ONE, TWO * np.inf), {}, r"`targets`\[0\]"),
+        ((ONE, ONE), {}, "segment 0.*no length"),
+        ((ONE, TWO), {"feature_size": -1}, "`feature_size` -1"),
+        ((ONE, TWO), {"feature_size": [0.1, np.nan]}, "`feature_size`"),
+        ((ONE, TWO), {"feature_size": "large"}, "`feature_size`"),
+        ((ONE, TWO), {"emitter_size": np.nan}, "`emitter_size`"),
+        ((ONE, TWO), {"bundles": 2}, "`bundles` 2"),
+        ((ONE, TWO), {"bundles": 0}, "`bundles` 0"),
+        ((ONE, TWO), {"bundles": -1}, "`bundles` -1"),
+        ((ONE, TWO), {"bundles": [0, -1]}, r"`bundles`\[1\] -1"),
+        ((ONE, TWO), {"bundles": [0, 2]}, "`bundles`"),
+        ((ONE, TWO), {"bundles": [0.0, 1.0]}, "`bundles`.*float64"),
+        ((ONE, TWO), {"engine": "fast"}, '`engine` "fast".*"exact"'),
+        ((ONE, TWO), {"engine": "mr"}, "`feature_size` is missing.*`mr`"),
+        ((ONE, TWO), {"relative_to": (0, 1)}, "`relative_to`"),
+        ((ONE, TWO), {"out": np.zeros(1)}, "`out`.*float32"),
+        ((ONE, TWO), {"out": np.zeros(2, np.float32)}, r"`out` has shape \(2,\)"),
+        ((ONE, TWO), {"out": np.zeros((1, 2), np.float32)[:, 0][:0]}, "`out`"),
+    ],
+)
+def test_segments(model, arguments, options, names):
+    with pytest.raises(mrvis.InputError, match=names) as caught:
+        model.visibility(*arguments, **options)
+    assert isinstance(caught.value, ValueError) and isinstance(caught.value, mrvis.Error)
+
+
+def test_read_only_arrays(model):
+    fixed = np.zeros(1, np.float32)
+    fixed.flags.writeable = False
+    with pytest.raises(mrvis.InputError, match="`out`"):
+        model.visibility(ONE, TWO, out=fixed)
+    ends = ONE.copy(), TWO.copy()
+    for end in ends:
+        end.flags.writeable = False
+    assert model.visibility(*ends).transmittance == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "names"),
+    [
+        ({"points": [[0, 0]]}, "`points`"),
+        ({"points": [[0, 0, np.nan]]}, r"`points`\[0\]: `position`"),
+        ({"normals": [[0, 0, 1]] * 2}, "`normals` has 2 rows"),
+        ({"normals": [0, 0, 0]}, r"`points`\[0\]: `normal`"),
+        ({"source": 9}, "`source` 9"),
+        ({"source": -1}, "`source` -1"),
+        ({"rays": 0}, "`rays` 0"),
+        ({"rays": -5}, "`rays` -5"),
+        ({"feature_size": [1, 2]}, "`feature_size` has 2 entries"),
+    ],
+)
+def test_sources(model, options, names):
+    arguments = {"points": [[0.5, 0.5, 0]], "normals": [0, 0, 1], **options}
+    with pytest.raises(mrvis.InputError, match=names):
+        model.source_visibility(**arguments)
+
+
+@pytest.mark.parametrize(
+    ("options", "names"),
+    [
+        ({"positions": SQUARE[:, :2]}, "`positions`"),
+        ({"positions": SQUARE * np.nan}, r"`positions`\[0\]"),
+        ({"indices": [[0, 1, 4]]}, r"`indices`\[2\] 4: must be below 4"),
+        ({"indices": [[0, 1, -2]]}, r"`indices`\[2\] -2"),
+        ({"indices": [[0.0, 1.0, 2.0]]}, "`indices`.*float64"),
+        ({"indices": [0, 1, 2, 3]}, "`indices` holds 4"),
+        ({"indices": np.zeros((1, 1, 3), int)}, r"`indices` has shape \[1, 1, 3\]"),
+        ({"indices": []}, "`indices` is empty"),
+        ({"polygon_sizes": [2, 4]}, r"`polygon_sizes`\[0\] 2"),
+        ({"material": 7}, "`material`"),
+        ({"material": [0]}, "`material`"),
+    ],
+)
+def test_meshes(options, names):
+    builder = mrvis.SceneBuilder()
+    builder.add_material("grey", (0.5, 0.5, 0.5))
+    arguments = {"positions": SQUARE, "indices": UP, **options}
+    with pytest.raises(mrvis.InputError, match=names):
+        builder.add_object("tile", **arguments)
+
+
+def test_other_inputs(model, light):
+    for names, call in [
+        ("`reflectance` 2", lambda: mrvis.SceneBuilder().add_material("a", (2, 0, 0))),
+        ("`transform`", lambda: mrvis.SceneBuilder().add_instance(0, "a", np.eye(2))),
+        ("`transform`.*last row", lambda: mrvis.SceneBuilder().add_instance(0, "a", np.ones((4, 4)))),
+        ("cornell", lambda: mrvis.Scene.generate("nothing")),
+        ("`format`", lambda: mrvis.Scene.from_bytes(b"", "stl")),
+        ("`threads` 9999", lambda: mrvis.Model(model.scene, threads=9999)),
+        ("`threads` -1", lambda: mrvis.Model(model.scene, threads=-1)),
+        ('`detail` "all"', lambda: mrvis.Model(model.scene, detail="all")),
+        ("error", lambda: model.solve(error=-1)),
+        ('`grouping` "face"', lambda: model.form_factors(grouping="face")),
+        ("`points`.*normal longer", lambda: light.irradiance([[0, 0, 0]], [0, 0, 0])),
+        ("`size`", lambda: light.image(size=(-1, 5))),
+        ("`size`", lambda: light.image(size=(1 << 40, 1 << 40))),
+        ("`out`", lambda: light.image(size=(4, 4), out=np.zeros((4, 4, 3)))),
+        ("`camera.angle`", lambda: light.image(mrvis.Camera((0, 0, 0), (1, 0, 0), angle=200))),
+        ("`texels` 0", lambda: light.lightmap(-1)),
+        ("`reference`", lambda: mrvis.fbem([1, 2], [[1, 2]])),
+        ("`approximation`.*texel 1,0", lambda: mrvis.fbem([[1, 2]], [[1, np.nan]])),
+        ("same size", lambda: mrvis.fbem([[1, 2]], [[1, 2, 3]])),
+        ("exponent", lambda: mrvis.fbem([[1, 2]], [[1, 2]], exponent=0.5)),
+    ]:
+        with pytest.raises(mrvis.InputError, match=names):
+            call()
+    with pytest.raises(TypeError, match="unexpected keyword argument 'eror'"):
+        model.solve(eror=0.1)
+    with pytest.raises(TypeError, match="`error`"):
+        model.solve(error="small")
+
+
+def test_categories(cornell, tmp_path):
+    with pytest.raises(mrvis.IoError) as caught:
+        mrvis.Scene.load(tmp_path / "none.obj")
+    assert isinstance(caught.value, OSError) and caught.value.errno == 2 and caught.value.filename.endswith("none.obj")
+    with pytest.raises(mrvis.OutOfMemoryError, match="`max_bytes`") as caught:
+        cornell.form_factors(max_bytes=10)
+    assert isinstance(caught.value, MemoryError)
+    with pytest.raises(mrvis.InputError, match='detail="optics"'):
+        cornell.solve(engine="mr")
+    broken = tmp_path / "broken.obj"
+    broken.write_text("v 0 0 zero\n")
+    with pytest.raises(mrvis.InputError, match="broken.obj:1"):
+        mrvis.Scene.load(broken)
+
+
+def test_nothing_is_pickled(model, light, cornell):
+    for thing in (model.scene, model, light, cornell.form_factors(grouping="object"), mrvis.SceneBuilder()):
+        for act in (pickle.dumps, copy.deepcopy):
+            with pytest.raises(TypeError, match=f"mrvis.{type(thing).__name__} cannot be pickled"):
+                act(thing)
+        assert repr(thing).startswith("<") and "mrvis." in repr(thing)
+    camera = light.automatic_camera()
+    assert pickle.loads(pickle.dumps(camera)) == camera

@@ -1,0 +1,125 @@
+//! The elements of a solution in arrays of the caller, and its record as text.
+
+use super::arguments::{Place, c_text, slice_mut, wrong};
+use super::guard::{Outcome, guard};
+use super::handle::object;
+use super::record::{read, record};
+use super::solve::mrv_solution;
+use super::status::mrv_status;
+use crate::api::Element;
+use crate::progress::Progress;
+use std::ffi::c_char;
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct mrv_elements {
+    pub struct_size: usize,
+    pub vertex_capacity: u64,
+    pub element_capacity: u64,
+    pub positions: *mut f64,
+    pub corners: *mut u32,
+    pub irradiance: *mut f32,
+    pub radiosity: *mut f32,
+    pub error: *mut f32,
+    pub reflectance: *mut f32,
+    pub area: *mut f64,
+    pub triangle: *mut u32,
+    pub object: *mut u32,
+    pub material: *mut u32,
+    pub front: *mut u8,
+}
+record!(
+    mrv_elements: 112,
+    struct_size, vertex_capacity, element_capacity, positions, corners, irradiance, radiosity, error,
+    reflectance, area, triangle, object, material, front
+);
+
+/// Writes what `of` gives for each item into an array of the caller, unless that is NULL.
+///
+/// # Safety
+/// `out` is NULL or has room for as many entries as there are items.
+unsafe fn put<I, T>(
+    out: *mut T,
+    name: &str,
+    items: impl ExactSizeIterator<Item = I>,
+    of: impl Fn(I) -> T,
+) -> Outcome {
+    if out.is_null() {
+        return Ok(());
+    }
+    // SAFETY: as for this function.
+    let out = unsafe { slice_mut(out, items.len(), name) }?;
+    out.iter_mut().zip(items).for_each(|(out, item)| *out = of(item));
+    Ok(())
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_solution_get_elements(
+    solution: *const mrv_solution,
+    elements: *const mrv_elements,
+) -> mrv_status {
+    guard("mrv_solution_get_elements", |call| {
+        let solution = &object(call, solution, "solution")?.solution;
+        // SAFETY: the caller gives a record.
+        let to = unsafe { read(elements, "elements") }?;
+        let all = solution.elements();
+        for (name, have, need) in [
+            ("vertex_capacity", to.vertex_capacity, solution.vertices().len() as u64),
+            ("element_capacity", to.element_capacity, all.len() as u64),
+        ] {
+            if have < need {
+                return wrong(format!("`elements.{name}` {have}: there are {need}; see mrv_solution_info"));
+            }
+        }
+        let rgb = |c: [f64; 3]| c.map(|c| c as f32);
+        let each = || all.iter();
+        // SAFETY: the caller gives arrays of so many entries. They are aligned like their numbers.
+        unsafe {
+            put(to.positions.cast::<[f64; 3]>(), "elements.positions", solution.vertices(), |p| p)?;
+            put(to.corners.cast::<[u32; 4]>(), "elements.corners", each(), |e: &Element| e.corners)?;
+            put(to.irradiance.cast(), "elements.irradiance", each(), |e| rgb(e.irradiance))?;
+            put(to.radiosity.cast(), "elements.radiosity", each(), |e| rgb(e.radiosity))?;
+            put(to.error.cast(), "elements.error", each(), |e| rgb(e.error))?;
+            put(to.reflectance.cast::<[f32; 3]>(), "elements.reflectance", each(), |e| e.albedo)?;
+            put(to.area, "elements.area", each(), |e| e.area)?;
+            put(to.triangle, "elements.triangle", each(), |e| e.triangle)?;
+            put(to.object, "elements.object", each(), |e| e.object)?;
+            put(to.material, "elements.material", each(), |e| e.material)?;
+            put(to.front, "elements.front", each(), |e| u8::from(e.front))
+        }
+    })
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_solution_get_json(
+    solution: *const mrv_solution,
+    json: *mut *const c_char,
+) -> mrv_status {
+    guard("mrv_solution_get_json", |call| {
+        let solution = object(call, solution, "solution")?;
+        let place = Place::of(json, "json")?;
+        let text = solution.json.get_or_init(|| c_text(&solution.solution.json()));
+        // SAFETY: the caller gives a place.
+        unsafe { place.set(text.as_ptr()) };
+        Ok(())
+    })
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_solution_get_page(
+    solution: *const mrv_solution,
+    html: *mut *const c_char,
+) -> mrv_status {
+    guard("mrv_solution_get_page", |call| {
+        let solution = object(call, solution, "solution")?;
+        let place = Place::of(html, "html")?;
+        if solution.page.get().is_none() {
+            let ignored: &dyn Progress = &();
+            // Another thread may have set it meanwhile; either page serves.
+            let _ = solution.page.set(c_text(&solution.solution.page(ignored)?));
+        }
+        // SAFETY: the caller gives a place.
+        unsafe { place.set(solution.page.get().map_or(c"".as_ptr(), |page| page.as_ptr())) };
+        Ok(())
+    })
+}

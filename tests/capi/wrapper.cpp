@@ -1,0 +1,127 @@
+/* The C++ wrapper: handles, errors, spans, progress; the first lines of its answers are those of answers.c. */
+#include <mrvis.hpp>
+
+#include <cstdlib>
+#include <cstring>
+#if __cplusplus >= 202002L
+#include <span>
+#endif
+
+#include "common.h"
+
+static mrv::answers into(std::vector<float> &t, std::vector<float> &lo, std::vector<float> &hi, std::vector<uint8_t> &m) {
+  mrv::answers wanted;
+  wanted.transmittance = t;
+  wanted.lo = lo;
+  wanted.hi = hi;
+  wanted.methods = m;
+  return wanted;
+}
+
+static void print_batches(const mrv::model &model) {
+  static batch b;
+  fill_batch(&b);
+  std::vector<float> t(BUNDLES), lo(BUNDLES), hi(BUNDLES), again(BUNDLES);
+  std::vector<uint8_t> methods(BUNDLES);
+  mrv::segments segments(mrv::span<const float>(b.origins), mrv::span<const float>(b.targets), b.offsets);
+  segments.feature_sizes = b.feature_sizes;
+  segments.emitter_sizes = b.emitter_sizes;
+  for (mrv::engine engine : {mrv::engine::automatic, mrv::engine::exact, mrv::engine::multi_resolution, mrv::engine::average}) {
+    (void)model.visibility(engine, segments, into(t, lo, hi, methods));
+    for (int k = 0; k < BUNDLES; k++)
+      std::printf("%d %d %08x %08x %08x %d\n", static_cast<int>(mrv::number(engine)), k, bits(t[static_cast<size_t>(k)]),
+                  bits(lo[static_cast<size_t>(k)]), bits(hi[static_cast<size_t>(k)]), methods[static_cast<size_t>(k)]);
+  }
+#if __cplusplus >= 202002L
+  const std::span<const float> from(b.origins), to(b.targets);
+  mrv::segments same(mrv::span<const float>(from), mrv::span<const float>(to), std::span<const uint64_t>(b.offsets));
+  same.feature_sizes = b.feature_sizes;
+  same.emitter_sizes = b.emitter_sizes;
+  mrv::answers wanted;
+  wanted.transmittance = std::span<float>(again);
+  (void)model.visibility(mrv::engine::average, same, wanted);
+  CHECK(std::memcmp(again.data(), t.data(), sizeof(float) * BUNDLES) == 0);
+#endif
+}
+
+#ifndef MRVIS_NO_EXCEPTIONS
+
+/* The status of what is thrown. */
+template <class F>
+static mrv::status thrown(F call) {
+  try {
+    call();
+  } catch (const mrv::error &error) {
+    CHECK(std::strlen(error.what()) > 0);
+    return error.status();
+  }
+  return mrv::status::ok;
+}
+
+static void check_errors(const mrv::model &model) {
+  CHECK(thrown([] { mrv::scene::load("/nonexistent/a.obj"); }) == mrv::status::io);
+  CHECK(thrown([] { mrv::scene().info(); }) == mrv::status::input);
+  mrv::prepare_options options;
+  options.detail = 99;
+  CHECK(thrown([&] { mrv::model::prepare(model.scene(), options); }) == mrv::status::input);
+  CHECK(thrown([&] { mrv::model::prepare(model.scene(), {}, [](const char *, double) { return false; }); }) == mrv::status::cancelled);
+  mrv::answers wanted;
+  CHECK(thrown([&] { model.visibility(mrv::engine::exact, mrv::segments(mrv::positions(), mrv::positions()), wanted); }) ==
+        mrv::status::input);
+  bool is_passed_on = false;
+  try {
+    model.solve({}, [](const char *, double) -> bool { throw 7; });
+  } catch (int number) {
+    is_passed_on = number == 7;
+  }
+  CHECK(is_passed_on);
+}
+
+#else
+
+static void check_errors(const mrv::model &model) {
+  const auto missing = mrv::scene::load("/nonexistent/a.obj");
+  CHECK(!missing && missing.status() == mrv::status::io && !missing.message().empty() && !missing.value());
+  const auto stopped = mrv::model::prepare(model.scene().value(), {}, [](const char *, double) { return false; });
+  CHECK(!stopped && stopped.status() == mrv::status::cancelled);
+  CHECK(model.solve({}, [](const char *, double) { return false; }).value().info().value().interrupted);
+}
+
+#endif
+
+/* The value of a result in both modes. */
+#ifndef MRVIS_NO_EXCEPTIONS
+#define VALUE(call) (call)
+#else
+#define VALUE(call) ((call).value())
+#endif
+
+int main() {
+  mrv::scene scene(box_scene());
+  CHECK(VALUE(scene.info()).emitters == 1 && VALUE(scene.name(mrv::name_kind::emitter, 0)).size() > 0);
+  mrv::prepare_options options;
+  options.threads = 2;
+  int calls = 0;
+  mrv::model model = VALUE(mrv::model::prepare(scene, options, [&](const char *, double) { return ++calls > 0; }));
+  CHECK(calls > 0);
+
+  mrv::scene copy = scene, moved = std::move(scene);
+  CHECK(copy.get() == moved.get() && !scene);
+  scene = moved;
+  moved = mrv::scene();
+  copy = std::move(scene);
+  CHECK(copy && !scene && !moved);
+  const mrv::model &self = model;
+  model = self;
+  print_batches(model);
+  check_errors(model);
+
+  mrv::query query;
+  query.position[0] = .3;
+  query.position[1] = .7;
+  query.normal[2] = 2;
+  CHECK(VALUE(model.visibility(mrv::engine::exact, query)).lo >= 0);
+  CHECK(mrv::version() == MRV_VERSION && VALUE(mrv::embree_version()).size() > 4);
+  mrv_scene_release(copy.release());
+  return 0;
+}
