@@ -12,13 +12,13 @@
  *   Errors     Functions return a status; MRV_OK is 0. Outputs are written only on MRV_OK. mrv_error_message() then names the
  *              argument, its value and the cure. Every function may return MRV_ERROR_INPUT for a required pointer that is NULL, a
  *              wrong record size, or a handle that was released, and MRV_ERROR_OUT_OF_MEMORY. A defect of the library is
- *              MRV_ERROR_INTERNAL and never a crash; the handles of that call are then refused, but for their release.
+ *              MRV_ERROR_INTERNAL and never a crash; later calls with the handles of that call return it too: release them.
  *   Handles    are reference counted. A function that makes one gives the caller one reference. mrv_*_retain adds one, mrv_*_release
  *              gives one back; release(NULL) does nothing. A solution keeps its model alive, a model its scene: any order of release
  *              is right.
  *   Threads    Different handles: from any threads. The same mrv_scene, mrv_model, mrv_solution or mrv_form_factors: from several
- *              threads at once. A reference is given back when no other thread still uses it. Work runs on threads of the model
- *              (mrv_prepare_options.threads); the thread pools and the floating-point state (rounding, flush to zero, denormals are
+ *              threads at once. Release a reference only when no other thread uses that reference any more; a call keeps its
+ *              objects alive until it returns. Work runs on threads of the model (mrv_prepare_options.threads); the thread pools and the floating-point state (rounding, flush to zero, denormals are
  *              zero) of the program stay as they are. No result depends on the number of threads.
  *   Arrays in  are borrowed for the call and not changed. Strides are in bytes from one entry to the next; 0 stands for packed.
  *              Pointers have the alignment of their numbers. An array without entries may be NULL.
@@ -76,7 +76,8 @@ mrv_status mrv_embree_version(char *text, size_t size);
 /* Called on the thread that called the function, never concurrently: once before the work begins, then at each stage and about every
  * 50 ms. `stage` names what is done and is valid during the call; `done` is the part of the stage that is finished, in [0, 1],
  * negative if unknown. A return value other than 0 cancels: it is not called again, and the work ends within milliseconds where it
- * can, at the end of the stage where it cannot. It must not throw or jump; it may call mrvis. */
+ * can, at the end of the stage where it cannot. It must not throw or jump. It may call mrvis; a call that needs the threads of the
+ * model at work waits until that work ends, so that it can no longer be cancelled. */
 typedef int32_t (*mrv_progress)(void *user, const char *stage, double done);
 
 /* --- scenes --------------------------------------------------------------------------------------------------------- */
@@ -87,7 +88,7 @@ typedef struct mrv_scene mrv_scene;
 /* What files or arrays do not state. */
 typedef struct mrv_load_options {
   size_t struct_size;
-  const char *unit;            /* unit of length: "m" (default), "cm", "mm", "km", "in", "ft"; others count as metres for power */
+  const char *unit;            /* unit of length: "m" (default), "cm", "mm", "km", "in", "ft"; else power counts as in metres */
   const char *const *emitters; /* names of objects, groups or materials that become emitters ... */
   const double *emitter_watts; /* ... and the power that each sends out in each channel, W; above 0 */
   size_t emitter_count;        /* entries of both */
@@ -109,6 +110,10 @@ mrv_status mrv_scene_from_memory(const void *data, size_t size, const char *form
 /* A generated scene: "cornell" (millimetres), "cubes", "cube-groups", "forest", "brick-wall", "louvres", "bookshelf", "desk-room" or
  * "urban-block" (metres). */
 mrv_status mrv_scene_generate(const char *name, mrv_scene **scene);
+
+/* The same scene without instances: each placed mesh becomes triangles of the scene's own, which radiosity and form factors need.
+ * MRV_ERROR_INPUT if it would have more than `max_triangles` (0: 2^31) triangles. */
+mrv_status mrv_scene_flatten(const mrv_scene *scene, uint64_t max_triangles, mrv_scene **flat);
 
 mrv_status mrv_scene_retain(const mrv_scene *scene);
 void mrv_scene_release(const mrv_scene *scene);
@@ -320,7 +325,7 @@ typedef struct mrv_segments {
   float feature_size;         /* 0: none; only the engines exact and automatic answer without */
   float emitter_size;         /* 0: a point */
   double relative_to[3];      /* the point of the scene that positions are relative to; with mrv_scene_info.origin they are used
-                                 bit by bit as given */
+                                 without rounding */
 } mrv_segments;
 
 /* Where answers go; NULL for what is not wanted. */
@@ -330,7 +335,7 @@ typedef struct mrv_answers {
   float *lo;                    /* for each bundle: the interval that holds it with 95 % probability; both or none */
   float *hi;
   uint8_t *methods;             /* for each bundle, MRV_METHOD_... */
-  float *segment_transmittance; /* for each segment; cluster engines then ask every sixteen segments by themselves */
+  float *segment_transmittance; /* for each segment; cluster engines then answer groups of 16 segments, with wider intervals */
 } mrv_answers;
 
 /* What answers took: numbers of segments, but for `nodes`. */
@@ -388,9 +393,9 @@ typedef struct mrv_solve_options {
   int32_t engine;        /* MRV_ENGINE_EXACT (also for 0), _MULTI_RESOLUTION or _AVERAGE; others than exact need MRV_DETAIL_OPTICS */
   int32_t direct_only;   /* other than 0: irradiance at points is direct light alone */
   double error;          /* target error relative to the mean irradiance; 0: .02 */
-  double target_error;   /* RMS error of the elements relative to the mean irradiance, until which more rays are traced; 0: none */
+  double target_error;   /* rays are added until this RMS error of the elements, relative to the mean irradiance, is reached; 0: none */
   double min_area;       /* smallest element as a part of the scene's area; 0: 2e-5 */
-  double max_seconds;    /* time limit, about, counted from the start of the preparation; 0: none */
+  double max_seconds;    /* limit of this call and the preparation of the model together, about; 0: none */
   uint64_t max_links;    /* number of links (72 bytes each) at which refinement ends; 0: ten million */
   uint64_t seed;         /* of all random numbers; 0: 1 */
   double feature_size;   /* scene units, for engines other than exact; 0: the diameter of each receiver */
@@ -403,7 +408,8 @@ typedef struct mrv_solve_options {
   void *user;            /* first argument of `progress` */
 } mrv_solve_options;
 
-/* Computes the light, on the threads of the model. `options` may be NULL. */
+/* Computes the light, on the threads of the model. `options` may be NULL. MRV_ERROR_INPUT for a model with placed meshes:
+ * see mrv_scene_flatten. */
 mrv_status mrv_model_solve(const mrv_model *model, const mrv_solve_options *options, mrv_solution **solution);
 
 mrv_status mrv_solution_retain(const mrv_solution *solution);
@@ -542,7 +548,8 @@ typedef struct mrv_form_factor_options {
   void *user;            /* first argument of `progress` */
 } mrv_form_factor_options;
 
-/* Computes the form factors of a scene by exact rays, on the threads of the model. `options` may be NULL. */
+/* Computes the form factors of a scene by exact rays, on the threads of the model. `options` may be NULL. MRV_ERROR_INPUT for a model
+ * with placed meshes: see mrv_scene_flatten. */
 mrv_status mrv_model_form_factors(const mrv_model *model, const mrv_form_factor_options *options,
                                   mrv_form_factors **factors);
 
@@ -617,7 +624,7 @@ mrv_status mrv_bench_report_get_text(const mrv_bench_report *report, const char 
 typedef struct mrv_reference_options {
   size_t struct_size;
   uint64_t seed;         /* of all random numbers; 0: 1 */
-  uint32_t samples;      /* paths for each point, at least 2; 0: 4096 */
+  uint32_t samples;      /* paths for each point, at least 2; 0: 1024 */
   uint32_t reserved;
   mrv_progress progress; /* may be NULL; if it cancels, MRV_ERROR_CANCELLED is returned */
   void *user;            /* first argument of `progress` */

@@ -179,16 +179,20 @@ inline result<void> finish(mrv_status status) {
 #endif
 }
 
-/* An array of the caller that is too short for what the call writes or reads. */
+/* Arrays of the caller that do not fit together. */
 template <class T>
-result<T> too_short(const char *name, std::size_t have, std::size_t want) {
-  std::string message =
-      std::string("`") + name + "` has " + std::to_string(have) + " entries, must have " + std::to_string(want);
+result<T> incomplete(std::string message) {
 #ifndef MRVIS_NO_EXCEPTIONS
   throw error(mrv::status::input, message);
 #else
   return {mrv::status::input, std::move(message)};
 #endif
+}
+
+/* An array of the caller that is too short for what the call writes or reads. */
+template <class T>
+result<T> too_short(const char *name, std::size_t have, std::size_t want) {
+  return incomplete<T>(std::string("`") + name + "` has " + std::to_string(have) + " entries, must have " + std::to_string(want));
 }
 
 }  // namespace detail
@@ -309,7 +313,7 @@ class handle {
  public:
   handle() noexcept = default;
   handle(const handle &other) noexcept : pointer_(other.pointer_) {
-    if (pointer_) Retain(pointer_);
+    if (pointer_ && Retain(pointer_) != MRV_OK) pointer_ = nullptr; /* after a defect there is nothing to own */
   }
   handle(handle &&other) noexcept : pointer_(std::exchange(other.pointer_, nullptr)) {}
   handle &operator=(handle other) noexcept {
@@ -369,6 +373,12 @@ class scene : public detail::handle<mrv_scene, mrv_scene_retain, mrv_scene_relea
     return detail::finish(status, scene(made));
   }
 
+  /* The same scene without instances, as radiosity and form factors need it. */
+  result<scene> flattened(uint64_t max_triangles = 0) const {
+    mrv_scene *made = nullptr;
+    const mrv_status status = mrv_scene_flatten(get(), max_triangles, &made);
+    return detail::finish(status, scene(made));
+  }
   result<scene_info> info() const {
     scene_info info;
     const mrv_status status = mrv_scene_get_info(get(), &info);
@@ -442,11 +452,13 @@ inline mesh triangles(const char *name, span<const float> positions, span<const 
 /* Positions of the caller and their number. */
 struct positions : mrv_positions {
   std::size_t count = 0;
+  /* Whether the spans hold x, y and z of each position; queries refuse others. */
+  bool is_whole = true;
 
   positions() noexcept : mrv_positions{} {}
   /* Packed. */
   positions(span<const float> packed) noexcept
-      : mrv_positions{packed.data(), nullptr, nullptr, 0}, count(packed.size() / 3) {}
+      : mrv_positions{packed.data(), nullptr, nullptr, 0}, count(packed.size() / 3), is_whole(packed.size() % 3 == 0) {}
   positions(span<const std::array<float, 3>> packed) noexcept
       : mrv_positions{packed.empty() ? nullptr : packed.data()->data(), nullptr, nullptr, 0}, count(packed.size()) {}
   /* Interleaved at a stride in bytes. */
@@ -455,16 +467,23 @@ struct positions : mrv_positions {
   /* Structure of arrays, packed. */
   positions(span<const float> x, span<const float> y, span<const float> z) noexcept
       : mrv_positions{x.data(), y.data(), z.data(), 0},
-        count(x.size() == y.size() && x.size() == z.size() ? x.size() : 0) {}
+        count(x.size()),
+        is_whole(x.size() == y.size() && x.size() == z.size()) {}
 };
 
 /* A batch in arrays of the caller, which live until it is answered. */
 struct segments : record<mrv_segments> {
+  /* Number of targets: must be that of origins. */
+  std::size_t target_count;
+  /* Whether all positions are. */
+  bool is_whole;
+
   /* Segments of one bundle. */
-  segments(const positions &from, const positions &to) noexcept {
+  segments(const positions &from, const positions &to) noexcept
+      : target_count(to.count), is_whole(from.is_whole && to.is_whole) {
     origins = from;
     targets = to;
-    segment_count = from.count < to.count ? from.count : to.count;
+    segment_count = from.count;
   }
   /* Bundles that begin at `bundles`, one entry more than bundles. */
   segments(const positions &from, const positions &to, span<const uint64_t> bundles) noexcept : segments(from, to) {
@@ -537,14 +556,14 @@ class solution : public detail::handle<mrv_solution, mrv_solution_retain, mrv_so
   /* Radiance of width x height pixels, three numbers each, row by row from the top. */
   result<void> image(const mrv_camera &camera, image_options options, span<float> radiance,
                      const progress &progress = {}) const {
-    const detail::progress_call call(progress, options);
+    detail::progress_call call(progress, options);
     const mrv_status status =
         mrv_solution_image(get(), &camera, &options, radiance.data(), radiance.size());
     call.rethrow();
     return detail::finish(status);
   }
   result<mrv::lightmap> lightmap(lightmap_options options = {}, const progress &progress = {}) const {
-    const detail::progress_call call(progress, options);
+    detail::progress_call call(progress, options);
     mrv_lightmap *made = nullptr;
     const mrv_status status = mrv_solution_lightmap(get(), &options, &made);
     mrv::lightmap owned(made);
@@ -611,7 +630,7 @@ class model : public detail::handle<mrv_model, mrv_model_retain, mrv_model_relea
   using handle::handle;
 
   static result<model> prepare(const mrv::scene &scene, prepare_options options = {}, const progress &progress = {}) {
-    const detail::progress_call call(progress, options);
+    detail::progress_call call(progress, options);
     mrv_model *made = nullptr;
     const mrv_status status = mrv_model_prepare(scene.get(), &options, &made);
     model owned(made);
@@ -644,15 +663,17 @@ class model : public detail::handle<mrv_model, mrv_model_retain, mrv_model_relea
   result<mrv::cost> visibility(engine engine, const segments &asked, const answers &wanted) const {
     using found = mrv::cost;
     const std::size_t bundles = asked.bundles();
+    const auto count = static_cast<std::size_t>(asked.segment_count);
+    if (!asked.is_whole) return detail::incomplete<found>("x, y and z of each position are needed: the spans have other sizes");
+    if (asked.target_count != count) return detail::too_short<found>("targets", asked.target_count, count);
     if (wanted.transmittance.size() != bundles)
       return detail::too_short<found>("transmittance", wanted.transmittance.size(), bundles);
     if (!wanted.lo.empty() && wanted.lo.size() != bundles) return detail::too_short<found>("lo", wanted.lo.size(), bundles);
     if (!wanted.hi.empty() && wanted.hi.size() != bundles) return detail::too_short<found>("hi", wanted.hi.size(), bundles);
     if (!wanted.methods.empty() && wanted.methods.size() != bundles)
       return detail::too_short<found>("methods", wanted.methods.size(), bundles);
-    if (!wanted.segment_transmittance.empty() && wanted.segment_transmittance.size() != asked.segment_count)
-      return detail::too_short<found>("segment_transmittance", wanted.segment_transmittance.size(),
-                                      static_cast<std::size_t>(asked.segment_count));
+    if (!wanted.segment_transmittance.empty() && wanted.segment_transmittance.size() != count)
+      return detail::too_short<found>("segment_transmittance", wanted.segment_transmittance.size(), count);
     record<mrv_answers> out;
     out.transmittance = wanted.transmittance.data();
     out.lo = wanted.lo.data();
@@ -670,7 +691,7 @@ class model : public detail::handle<mrv_model, mrv_model_retain, mrv_model_relea
   }
 
   result<solution> solve(solve_options options = {}, const progress &progress = {}) const {
-    const detail::progress_call call(progress, options);
+    detail::progress_call call(progress, options);
     mrv_solution *made = nullptr;
     const mrv_status status = mrv_model_solve(get(), &options, &made);
     solution owned(made);
@@ -678,7 +699,7 @@ class model : public detail::handle<mrv_model, mrv_model_retain, mrv_model_relea
     return detail::finish(status, std::move(owned));
   }
   result<bench_report> bench(bench_options options = {}, const progress &progress = {}) const {
-    const detail::progress_call call(progress, options);
+    detail::progress_call call(progress, options);
     mrv_bench_report *made = nullptr;
     const mrv_status status = mrv_model_bench(get(), &options, &made);
     bench_report owned(made);
@@ -690,7 +711,7 @@ class model : public detail::handle<mrv_model, mrv_model_retain, mrv_model_relea
                                         reference_options options = {}, const progress &progress = {}) const {
     if (positions.size() % 3 != 0 || normals.size() != positions.size())
       return detail::too_short<std::vector<double>>("normals", normals.size(), positions.size());
-    const detail::progress_call call(progress, options);
+    detail::progress_call call(progress, options);
     std::vector<double> found(positions.size());
     const mrv_status status = mrv_model_reference(get(), positions.data(), normals.data(), positions.size() / 3,
                                                   &options, found.data(), nullptr);
@@ -698,7 +719,7 @@ class model : public detail::handle<mrv_model, mrv_model_retain, mrv_model_relea
     return detail::finish(status, std::move(found));
   }
   result<mrv::form_factors> form_factors(form_factor_options options = {}, const progress &progress = {}) const {
-    const detail::progress_call call(progress, options);
+    detail::progress_call call(progress, options);
     mrv_form_factors *made = nullptr;
     const mrv_status status = mrv_model_form_factors(get(), &options, &made);
     mrv::form_factors owned(made);

@@ -143,7 +143,7 @@ impl PyModel {
 
     /// Visible fraction of a light source from N points of surfaces, as a `Visibility`; parts below the horizon count as hidden.
     ///
-    /// points: (N, 3) scene units; normals: (N, 3), or (3,) for all, of any length above 0; float64 is borrowed, others are copied. source: its
+    /// points: (N, 3) scene units; normals: (N, 3), or (3,) for all, of any length above 0; both are copied. source: its
     /// number in `Scene.emitter_names`, default 0. feature_size: a number or (N,), scene units, above 0; default: exact. rays: segments a
     /// point, 1 to 65,536, default 64. seed: default 1. engine, out, progress: as for `visibility` and `Model`.
     #[pyo3(signature = (points, normals, source=None, *, out=None, progress=None, **options))]
@@ -163,7 +163,8 @@ impl PyModel {
     ///
     /// grouping: "polygon" (default), "object" or "material". rays: of every polygon, 1 to 1,048,576, default 2,048 or more. pair_rays: most
     /// between two polygons, 4 to 4,194,304, default 256 or more. closure: whether rows that nothing escapes from are adjusted to the sum 1
-    /// (default True). max_bytes: OutOfMemoryError beyond it, default 16 GiB. seed: default 1. progress: as for `Model`.
+    /// (default True). max_bytes: OutOfMemoryError beyond it, default 16 GiB. seed: default 1. progress: as for `Model`, but
+    /// it stops the work only before it begins.
     #[pyo3(signature = (*, progress=None, **options))]
     fn form_factors(
         &self,

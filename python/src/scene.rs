@@ -79,6 +79,16 @@ impl PyScene {
         Ok(PyScene { scene: Arc::new(scene), source: name.to_owned() })
     }
 
+    /// The same scene without instances: each placed mesh becomes triangles of the scene's own, which `Model.solve` and
+    /// `Model.form_factors` need.
+    ///
+    /// max_triangles: InputError beyond this number; default 2³¹.
+    #[pyo3(signature = (max_triangles=None))]
+    fn flattened(&self, py: Python<'_>, max_triangles: Option<u64>) -> PyResult<PyScene> {
+        let scene = short(py, || self.scene.flattened(max_triangles.unwrap_or(u64::MAX)))?;
+        Ok(PyScene { scene: Arc::new(scene), source: self.source.clone() })
+    }
+
     /// Name of the length unit.
     #[getter]
     fn unit(&self) -> &str {

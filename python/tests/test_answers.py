@@ -144,6 +144,13 @@ def test_instances_move():
     moved = np.array(shift)
     moved[:, 3] = [6, 6, 1] - model.scene.origin
     assert model.moved({number: moved}).visibility(*ray).transmittance == 1
+    with pytest.raises(mrvis.InputError, match="placed meshes"):
+        model.form_factors()
+    flat = model.scene.flattened()
+    assert flat.triangle_count == model.scene.visible_triangle_count == 6
+    assert len(mrvis.Model(flat, detail="rays").form_factors(grouping="object").areas) == 3
+    with pytest.raises(mrvis.InputError, match="triangles"):
+        model.scene.flattened(5)
 
 
 def test_feature_based_error():

@@ -27,7 +27,7 @@ pub fn check_pointer<T>(pointer: *const T, name: &str) -> Outcome {
 }
 
 /// Refuses NULL, wrong addresses, and numbers of entries that no memory holds. Without entries every pointer is right.
-fn check_array<T>(pointer: *const T, count: usize, name: &str) -> Outcome {
+pub fn check_array<T>(pointer: *const T, count: usize, name: &str) -> Outcome {
     if count == 0 {
         return Ok(());
     }
@@ -62,6 +62,18 @@ pub unsafe fn slice_mut<'a, T>(pointer: *mut T, count: usize, name: &str) -> Out
     }
     // SAFETY: it is neither NULL nor misaligned nor too large; the rest is the caller's promise.
     Ok(unsafe { std::slice::from_raw_parts_mut(pointer, count) })
+}
+
+/// A copy of entries of the caller.
+///
+/// # Errors
+/// [`Error::OutOfMemory`] if there is no room.
+pub fn copied<T>(entries: impl ExactSizeIterator<Item = T>) -> crate::Result<Vec<T>> {
+    let mut copy = Vec::new();
+    copy.try_reserve_exact(entries.len())
+        .map_err(|_| Error::OutOfMemory(format!("{} entries cannot be copied", entries.len())))?;
+    copy.extend(entries);
+    Ok(copy)
 }
 
 /// Text of the caller.

@@ -5,6 +5,7 @@ use super::call_progress::{mrv_progress, with_progress};
 use super::guard::{Outcome, guard, quiet};
 use super::handle::{Opaque, give, object, release, retain};
 use super::model::mrv_model;
+use super::overlap::{Span, check_apart};
 use super::record::{read_optional, record};
 use super::solve::points_of;
 use super::status::mrv_status;
@@ -168,7 +169,7 @@ pub struct mrv_reference_options {
 record!(mrv_reference_options: 40, struct_size, seed, samples, reserved, progress, user);
 
 /// Paths for each point by default, as `mrvis oracle` traces.
-const SAMPLES: u32 = 4096;
+const SAMPLES: u32 = 1024;
 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn mrv_model_reference(
@@ -182,6 +183,16 @@ pub unsafe extern "C" fn mrv_model_reference(
 ) -> mrv_status {
     guard("mrv_model_reference", |call| {
         let model = object(call, model, "model")?;
+        check_apart(
+            &[
+                Span::of("positions", positions, count.saturating_mul(3)),
+                Span::of("normals", normals, count.saturating_mul(3)),
+            ],
+            &[
+                Span::of("irradiance", irradiance, count.saturating_mul(3)),
+                Span::of("standard_errors", standard_errors, count.saturating_mul(3)),
+            ],
+        )?;
         // SAFETY: the caller gives a record, and arrays of `count` triples.
         let (given, points, out) = unsafe {
             (

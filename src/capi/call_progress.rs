@@ -72,7 +72,8 @@ impl Told {
 
     /// Calls `ask` every [`INTERVAL`] and at the begin of each stage, until the work is over or `ask` says that it shall stop.
     fn pass_on(&self, ask: impl Fn(&CString, f64) -> bool) {
-        let mut due = Instant::now();
+        // The caller was asked before the work began.
+        let mut due = Instant::now() + INTERVAL;
         loop {
             let mut stage = self.stage();
             while !stage.is_over && !stage.is_new && Instant::now() < due {

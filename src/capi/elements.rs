@@ -1,8 +1,9 @@
 //! The elements of a solution in arrays of the caller, and its record as text.
 
-use super::arguments::{Place, c_text, slice_mut, wrong};
+use super::arguments::{Place, c_text, check_array, slice_mut, wrong};
 use super::guard::{Outcome, guard};
 use super::handle::object;
+use super::overlap::{Span, check_apart};
 use super::record::{read, record};
 use super::solve::mrv_solution;
 use super::status::mrv_status;
@@ -33,6 +34,11 @@ record!(
     struct_size, vertex_capacity, element_capacity, positions, corners, irradiance, radiosity, error,
     reflectance, area, triangle, object, material, front
 );
+
+/// Refuses an array that is neither NULL nor room for `count` entries, before anything is written.
+fn check<T>(out: *mut T, name: &str, count: usize) -> Outcome {
+    if out.is_null() { Ok(()) } else { check_array(out, count, name) }
+}
 
 /// Writes what `of` gives for each item into an array of the caller, unless that is NULL.
 ///
@@ -73,6 +79,37 @@ pub unsafe extern "C" fn mrv_solution_get_elements(
         }
         let rgb = |c: [f64; 3]| c.map(|c| c as f32);
         let each = || all.iter();
+        check(to.positions, "elements.positions", 3 * solution.vertices().len())?;
+        check(to.corners, "elements.corners", 4 * all.len())?;
+        for (out, name) in [
+            (to.irradiance, "elements.irradiance"),
+            (to.radiosity, "elements.radiosity"),
+            (to.error, "elements.error"),
+            (to.reflectance, "elements.reflectance"),
+        ] {
+            check(out, name, 3 * all.len())?;
+        }
+        check(to.area, "elements.area", all.len())?;
+        check(to.triangle, "elements.triangle", all.len())?;
+        check(to.object, "elements.object", all.len())?;
+        check(to.material, "elements.material", all.len())?;
+        let (vertices, elements) = (solution.vertices().len(), all.len());
+        check_apart(
+            &[],
+            &[
+                Span::of("elements.positions", to.positions, 3 * vertices),
+                Span::of("elements.corners", to.corners, 4 * elements),
+                Span::of("elements.irradiance", to.irradiance, 3 * elements),
+                Span::of("elements.radiosity", to.radiosity, 3 * elements),
+                Span::of("elements.error", to.error, 3 * elements),
+                Span::of("elements.reflectance", to.reflectance, 3 * elements),
+                Span::of("elements.area", to.area, elements),
+                Span::of("elements.triangle", to.triangle, elements),
+                Span::of("elements.object", to.object, elements),
+                Span::of("elements.material", to.material, elements),
+                Span::of("elements.front", to.front, elements),
+            ],
+        )?;
         // SAFETY: the caller gives arrays of so many entries. They are aligned like their numbers.
         unsafe {
             put(to.positions.cast::<[f64; 3]>(), "elements.positions", solution.vertices(), |p| p)?;

@@ -1,7 +1,8 @@
 //! The feature-based error metric of two images.
 
-use super::arguments::{no_reserved, slice, slice_mut, wrong};
+use super::arguments::{copied, no_reserved, slice, slice_mut, wrong};
 use super::guard::{Outcome, guard};
+use super::overlap::{Span, check_apart};
 use super::record::{read, record};
 use super::status::mrv_status;
 use crate::metrics::{Fbem, FbemOptions, FeatureOptions, Features, Filter, Image, Morphology, spectrum};
@@ -84,6 +85,14 @@ pub unsafe extern "C" fn mrv_fbem(
         let side = |value: u64| usize::try_from(value).unwrap_or(usize::MAX);
         let (width, height) = (side(given.width), side(given.height));
         let texels = width.saturating_mul(height);
+        check_apart(
+            &[
+                Span::of("images.reference", given.reference, texels),
+                Span::of("images.approximation", given.approximation, texels),
+                Span::of("sizes", sizes, count),
+            ],
+            &[Span::of("errors", errors, count), Span::of("masked", masked, count)],
+        )?;
         // SAFETY: the caller gives images of so many texels, and arrays of `count` entries.
         let (reference, approximation, sizes, errors) = unsafe {
             (
@@ -96,7 +105,7 @@ pub unsafe extern "C" fn mrv_fbem(
         // SAFETY: as above.
         let masked = unsafe { slice_mut(masked, if masked.is_null() { 0 } else { count }, "masked") }?;
         let texel = if given.texel == 0.0 { 1.0 } else { given.texel };
-        let image = |texels: &[f32]| Image::new(width, height, texel, texels.to_vec());
+        let image = |texels: &[f32]| Image::new(width, height, texel, copied(texels.iter().copied())?);
         let found = spectrum(&image(reference)?, &image(approximation)?, sizes, &options)?;
         let put =
             |out: &mut [f64], of: fn(&Fbem) -> f64| out.iter_mut().zip(&found).for_each(|(o, f)| *o = of(f));

@@ -1,12 +1,13 @@
 //! Opaque handles: reference-counted objects that a C program holds by pointers.
 //!
-//! All live handles are listed with their type, so that a released handle or one of another type is an error and not a crash. The list
-//! holds the complements of addresses: tools that look for leaks find the pointers of the program alone.
+//! A handle is a number in the form of a pointer; no number is given twice. All live handles are listed with their objects, so that a
+//! handle that was released, or has another type, is an error and never another object.
 
 use super::arguments::null;
 use super::guard::{Call, Failure, Outcome, Suspect};
 use super::status::keep_message;
 use crate::Error;
+use std::any::Any;
 use std::collections::BTreeMap;
 use std::ops::Deref;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -43,15 +44,27 @@ impl<T> Deref for Object<T> {
     }
 }
 
-/// Types of live handles by the complements of their addresses.
-static LIVE: RwLock<BTreeMap<usize, &'static str>> = RwLock::new(BTreeMap::new());
+/// A live handle.
+struct Live {
+    /// Type of the handle.
+    name: &'static str,
+    object: Arc<dyn Any + Send + Sync>,
+}
+
+/// All live handles by their numbers.
+static LIVE: RwLock<BTreeMap<usize, Live>> = RwLock::new(BTreeMap::new());
+/// Number of the next handle, a multiple of [`STEP`].
+static NEXT: AtomicUsize = AtomicUsize::new(STEP);
+/// Difference of handles: that of aligned memory, for hosts that use the lowest bits of pointers.
+const STEP: usize = 16;
 
 /// A new handle with one reference.
 pub fn give<H: Opaque>(value: H::Value) -> *mut H {
     let object = Object { value, references: AtomicUsize::new(1), suspect: AtomicBool::new(false) };
-    let handle = Arc::into_raw(Arc::new(object));
-    LIVE.write().unwrap_or_else(PoisonError::into_inner).insert(!handle.addr(), H::NAME);
-    handle.cast::<H>().cast_mut()
+    let handle = NEXT.fetch_add(STEP, Ordering::Relaxed);
+    let live = Live { name: H::NAME, object: Arc::new(object) };
+    LIVE.write().unwrap_or_else(PoisonError::into_inner).insert(handle, live);
+    std::ptr::without_provenance_mut(handle)
 }
 
 /// The object of the handle that the argument `name` holds, alive until the result is dropped.
@@ -59,16 +72,10 @@ pub fn object<H: Opaque>(call: &Call, handle: *const H, name: &str) -> Outcome<A
     if handle.is_null() {
         return Err(null(name));
     }
-    let live = LIVE.read().unwrap_or_else(PoisonError::into_inner);
-    check::<H>(&live, handle, name)?;
-    let pointer = handle.cast::<Object<H::Value>>();
-    // SAFETY: the handle is listed as one of this type, so that `give` made it by `Arc::into_raw` of this type, and its reference
-    // is not given back before it leaves the list, for which the list is locked.
-    let object = unsafe {
-        Arc::increment_strong_count(pointer);
-        Arc::from_raw(pointer)
+    let object = {
+        let live = LIVE.read().unwrap_or_else(PoisonError::into_inner);
+        listed(&live, handle, name)?
     };
-    drop(live);
     call.uses(object.clone());
     if object.suspect.load(Ordering::Relaxed) {
         return Err(Failure::Internal(format!("`{name}` was in use when a defect occurred: release it")));
@@ -88,25 +95,32 @@ pub fn release<H: Opaque>(handle: *const H) {
         return;
     }
     let mut live = LIVE.write().unwrap_or_else(PoisonError::into_inner);
-    if let Err(Failure::Error(error)) = check::<H>(&live, handle, "handle") {
-        return keep_message(&error.to_string());
-    }
-    let pointer = handle.cast::<Object<H::Value>>();
-    // SAFETY: as in `object`.
-    let last = unsafe { &*pointer }.references.fetch_sub(1, Ordering::Relaxed) == 1;
-    if last {
-        live.remove(&!handle.addr());
-        drop(live);
-        // SAFETY: the reference of `Arc::into_raw` in `give`; the handle left the list, so that nobody gives it back again.
-        drop(unsafe { Arc::from_raw(pointer) });
+    match listed(&live, handle, "handle") {
+        Ok(object) => {
+            let last = object.references.fetch_sub(1, Ordering::Relaxed) == 1;
+            // The object ends after the list is free: that may take long.
+            let _ended = last.then(|| live.remove(&handle.addr()));
+            drop(live);
+        }
+        Err(Failure::Error(error)) => keep_message(&error.to_string()),
+        Err(Failure::Internal(_)) => {}
     }
 }
 
-/// Whether the list has a handle of this type.
-fn check<H: Opaque>(live: &BTreeMap<usize, &'static str>, handle: *const H, name: &str) -> Outcome {
-    let what = match live.get(&!handle.addr()) {
-        Some(&found) if found == H::NAME => return Ok(()),
-        Some(found) => format!("a {found}"),
+/// The object of a handle of this type.
+fn listed<H: Opaque>(
+    live: &BTreeMap<usize, Live>,
+    handle: *const H,
+    name: &str,
+) -> Outcome<Arc<Object<H::Value>>> {
+    let found = live.get(&handle.addr());
+    if let Some(Ok(object)) =
+        found.filter(|found| found.name == H::NAME).map(|found| found.object.clone().downcast())
+    {
+        return Ok(object);
+    }
+    let what = match found {
+        Some(found) => format!("a {}", found.name),
         None => "no live handle, perhaps released already".into(),
     };
     let want = H::NAME;

@@ -139,6 +139,22 @@ pub unsafe extern "C" fn mrv_scene_generate(name: *const c_char, scene: *mut *mu
 }
 
 #[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_scene_flatten(
+    scene: *const mrv_scene,
+    max_triangles: u64,
+    flat: *mut *mut mrv_scene,
+) -> mrv_status {
+    guard("mrv_scene_flatten", |call| {
+        let scene = object(call, scene, "scene")?;
+        let place = Place::of(flat, "flat")?;
+        let made = scene.scene.flattened(if max_triangles == 0 { u64::MAX } else { max_triangles })?;
+        // SAFETY: the caller gives a place.
+        unsafe { place.set(give(NamedScene::new(Arc::new(made)))) };
+        Ok(())
+    })
+}
+
+#[unsafe(no_mangle)]
 pub extern "C" fn mrv_scene_retain(scene: *const mrv_scene) -> mrv_status {
     guard("mrv_scene_retain", |call| retain(call, scene, "scene"))
 }

@@ -1,6 +1,6 @@
 //! The light in a model.
 
-use super::arguments::{Place, slice, slice_mut, texts};
+use super::arguments::{Place, copied, slice, slice_mut, texts};
 use super::call_progress::{mrv_progress, with_progress};
 use super::guard::{Outcome, guard, quiet};
 use super::handle::{Opaque, give, object, release, retain};
@@ -213,5 +213,5 @@ pub unsafe fn points_of(
         )
     };
     let point = |(&position, &normal): (&[f64; 3], &[f64; 3])| SurfacePoint { position, normal };
-    Ok(positions.iter().zip(normals).map(point).collect())
+    Ok(copied(positions.iter().zip(normals).map(point))?)
 }

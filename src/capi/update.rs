@@ -107,6 +107,9 @@ unsafe fn changes_of(changes: *const mrv_instance_change, count: usize) -> Outco
     check_pointer(changes, "changes")?;
     // SAFETY: there is a first record, which begins with its size.
     let stride = unsafe { changes.cast::<usize>().read() };
+    if count.checked_mul(stride.max(1)).is_none_or(|bytes| isize::try_from(bytes).is_err()) {
+        return wrong(format!("`changes` with {count} entries is larger than memory: give their number"));
+    }
     let mut all = Vec::new();
     for i in 0..count {
         let name = format!("changes[{i}]");

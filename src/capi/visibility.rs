@@ -4,6 +4,7 @@ use super::arguments::{check_pointer, slice, slice_mut, wrong};
 use super::guard::{Outcome, guard};
 use super::handle::object;
 use super::model::mrv_model;
+use super::overlap::{Span, check_apart};
 use super::record::{RecordPlace, read, record};
 use super::status::mrv_status;
 use crate::api::{Answers, Engine, Segments, Strided};
@@ -175,7 +176,7 @@ pub unsafe extern "C" fn mrv_visibility_answer(
         let (segments, bundles) = unsafe { segments_of(&given, count, &one) }?;
         // SAFETY: as above.
         let mut answers = unsafe { answers_of(&wanted, bundles, count) }?;
-        check_apart(&given, &wanted, bundles, count)?;
+        check_batch_apart(&given, &wanted, bundles, count)?;
         let cost = model.model.visibility().with_engine(engine).answer_into(&segments, &mut answers)?;
         if let Some(place) = place {
             // SAFETY: as above.
@@ -259,42 +260,35 @@ unsafe fn answers_of<'a>(wanted: &mrv_answers, bundles: usize, segments: usize) 
 }
 
 /// Refuses outputs that overlap each other or an input.
-fn check_apart(given: &mrv_segments, wanted: &mrv_answers, bundles: usize, segments: usize) -> Outcome {
-    let float = size_of::<f32>();
-    let span = |name: &'static str, start: usize, bytes: usize| (name, start, start.saturating_add(bytes));
-    let axes = |p: &mrv_positions| {
-        let packed = if p.y.is_null() { 3 * float } else { float };
+fn check_batch_apart(given: &mrv_segments, wanted: &mrv_answers, bundles: usize, segments: usize) -> Outcome {
+    let axis = |name: &'static str, p: &mrv_positions, axis: *const f32| {
+        let one = if p.y.is_null() { 3 * size_of::<f32>() } else { size_of::<f32>() };
         let bytes = match p.stride {
-            MRV_SAME_POSITION => packed,
-            0 => packed.saturating_mul(segments),
-            stride => stride.saturating_mul(segments.saturating_sub(1)).saturating_add(packed),
+            MRV_SAME_POSITION => one,
+            0 => one.saturating_mul(segments),
+            stride => stride.saturating_mul(segments.saturating_sub(1)).saturating_add(one),
         };
-        [(p.x.addr(), bytes), (p.y.addr(), bytes), (p.z.addr(), bytes)]
+        Span::new(name, axis, bytes)
     };
-    let ([ox, oy, oz], [tx, ty, tz]) = (axes(&given.origins), axes(&given.targets));
-    let inputs = [
-        span("segments.origins.x", ox.0, ox.1),
-        span("segments.origins.y", oy.0, oy.1),
-        span("segments.origins.z", oz.0, oz.1),
-        span("segments.targets.x", tx.0, tx.1),
-        span("segments.targets.y", ty.0, ty.1),
-        span("segments.targets.z", tz.0, tz.1),
-        span("segments.offsets", given.offsets.addr(), 8 * (bundles + 1)),
-        span("segments.feature_sizes", given.feature_sizes.addr(), float * bundles),
-        span("segments.emitter_sizes", given.emitter_sizes.addr(), float * bundles),
-    ];
-    let outputs = [
-        span("answers.transmittance", wanted.transmittance.addr(), float * bundles),
-        span("answers.lo", wanted.lo.addr(), float * bundles),
-        span("answers.hi", wanted.hi.addr(), float * bundles),
-        span("answers.methods", wanted.methods.addr(), bundles),
-        span("answers.segment_transmittance", wanted.segment_transmittance.addr(), float * segments),
-    ];
-    for (i, out) in outputs.iter().enumerate().filter(|(_, out)| out.1 != 0) {
-        let others = inputs.iter().chain(&outputs[i + 1..]).filter(|other| other.1 != 0);
-        if let Some(other) = others.into_iter().find(|other| out.1 < other.2 && other.1 < out.2) {
-            return wrong(format!("`{}` and `{}` overlap: give each memory of its own", out.0, other.0));
-        }
-    }
-    Ok(())
+    let (origins, targets) = (&given.origins, &given.targets);
+    check_apart(
+        &[
+            axis(ORIGINS[1], origins, origins.x),
+            axis(ORIGINS[2], origins, origins.y),
+            axis(ORIGINS[3], origins, origins.z),
+            axis(TARGETS[1], targets, targets.x),
+            axis(TARGETS[2], targets, targets.y),
+            axis(TARGETS[3], targets, targets.z),
+            Span::of("segments.offsets", given.offsets, bundles + 1),
+            Span::of("segments.feature_sizes", given.feature_sizes, bundles),
+            Span::of("segments.emitter_sizes", given.emitter_sizes, bundles),
+        ],
+        &[
+            Span::of("answers.transmittance", wanted.transmittance, bundles),
+            Span::of("answers.lo", wanted.lo, bundles),
+            Span::of("answers.hi", wanted.hi, bundles),
+            Span::of("answers.methods", wanted.methods, bundles),
+            Span::of("answers.segment_transmittance", wanted.segment_transmittance, segments),
+        ],
+    )
 }

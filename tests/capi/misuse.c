@@ -206,6 +206,17 @@ static void handles(void) {
   WRONG(mrv_scene_retain(s), "released");
   WRONG(mrv_scene_get_info((const mrv_scene *)(const void *)memory, &info), "no live handle");
   WRONG(mrv_scene_get_info((const mrv_scene *)(const void *)(memory + 1), &info), "no live handle");
+  /* A handle that was released does not become another object's, however many are made. */
+  const mrv_scene *released = s;
+  for (int i = 0; i < 100; i++) {
+    mrv_scene *next;
+    OK(mrv_scene_generate("cornell", &next));
+    CHECK(next != released);
+    WRONG(mrv_scene_get_info(released, &info), "released");
+    mrv_scene_release(released);
+    OK(mrv_scene_get_info(next, &info));
+    mrv_scene_release(next);
+  }
   OK(mrv_model_get_scene(m, &s));
   mrv_model_release(m);
   OK(mrv_scene_get_info(s, &info));
@@ -261,7 +272,6 @@ static void batches(void) {
   const mrv_answers answers = guarded_answers();
   mrv_answers some;
   mrv_cost cost = {sizeof cost, 1, 2, 3, 4, 5, 6};
-  const float kept = b.targets[5];
   int again;
   fill_batch(&b);
   good = packed(&b);
@@ -303,7 +313,6 @@ static void batches(void) {
     TRY((void)0, "feature_sizes");
     fill_batch(&b);
   }
-  (void)kept;
   some = answers;
   some.hi = NULL;
   WRONG(mrv_visibility_answer(model, 0, &good, &some, NULL), "hi");
@@ -325,6 +334,34 @@ static void batches(void) {
   bad.origins.stride = MRV_SAME_POSITION;
   OK(mrv_visibility_answer(model, MRV_ENGINE_EXACT, &bad, &answers, NULL));
   free_answers(&answers);
+}
+
+/* If one array of elements is wrong, none is written. */
+static void no_element_of_wrong_arrays(const mrv_solution *light) {
+  mrv_solution_info about;
+  mrv_elements to;
+  size_t bytes;
+  unsigned char *places;
+  memset(&about, 0, sizeof about);
+  memset(&to, 0, sizeof to);
+  about.struct_size = sizeof about;
+  to.struct_size = sizeof to;
+  OK(mrv_solution_get_info(light, &about));
+  bytes = (size_t)about.vertices * 3 * sizeof(double);
+  places = guarded(bytes);
+  to.vertex_capacity = about.vertices;
+  to.element_capacity = about.elements;
+  to.positions = (double *)(void *)places;
+  to.irradiance = (float *)(void *)(places + 1);
+  WRONG(mrv_solution_get_elements(light, &to), "irradiance");
+  CHECK(is_untouched(places, bytes, 1));
+  to.irradiance = (float *)(void *)places;
+  WRONG(mrv_solution_get_elements(light, &to), "overlap");
+  CHECK(is_untouched(places, bytes, 1));
+  to.irradiance = NULL;
+  OK(mrv_solution_get_elements(light, &to));
+  CHECK(is_untouched(places, bytes, 0));
+  free(places - GUARD);
 }
 
 static void queries_and_points(void) {
@@ -368,8 +405,32 @@ static void queries_and_points(void) {
   OK(mrv_solution_irradiance(light, at, normals, 2, (double *)(void *)out));
   CHECK(is_untouched(out, 6 * sizeof(double), 0));
   OK(mrv_solution_irradiance(light, NULL, NULL, 0, NULL));
+  no_element_of_wrong_arrays(light);
   mrv_solution_release(light);
   free(out - GUARD);
+}
+
+/* Form factors of a scene with an instance: only of the flat scene. */
+static void flattened(const mrv_scene *placed) {
+  mrv_scene *flat;
+  mrv_model *m;
+  mrv_form_factors *f;
+  mrv_scene_info info = {sizeof info, 0, 0, 0, 0, 0, 0, 0, {0}, {0}, {0}};
+  const mrv_prepare_options rays = {sizeof rays, MRV_DETAIL_RAYS, 1, NULL, NULL, NULL};
+  OK(mrv_model_prepare(placed, &rays, &m));
+  WRONG(mrv_model_form_factors(m, NULL, &f), "placed");
+  mrv_model_release(m);
+  WRONG(mrv_scene_flatten(NULL, 0, &flat), "scene");
+  WRONG(mrv_scene_flatten(placed, 0, NULL), "flat");
+  WRONG(mrv_scene_flatten(placed, 1, &flat), "1");
+  OK(mrv_scene_flatten(placed, 0, &flat));
+  OK(mrv_scene_get_info(flat, &info));
+  CHECK(info.triangles == 2 && info.visible == 2);
+  OK(mrv_model_prepare(flat, &rays, &m));
+  OK(mrv_model_form_factors(m, NULL, &f));
+  mrv_form_factors_release(f);
+  mrv_model_release(m);
+  mrv_scene_release(flat);
 }
 
 static void builders(void) {
@@ -425,7 +486,10 @@ static void builders(void) {
   WRONG(mrv_scene_builder_add_instance(b, index + 1, "i", transform), "mesh");
   OK(mrv_scene_builder_add_object(b, &mesh));
   WRONG(mrv_scene_builder_add_object(b, &mesh), "taken");
+  transform[3] = 2;
+  OK(mrv_scene_builder_add_instance(b, index, "i", transform));
   OK(mrv_scene_builder_finish(b, NULL, &s));
+  flattened(s);
   mrv_scene_release(s);
   mrv_scene_builder_release(b);
 }

@@ -3,6 +3,8 @@
 
 #include <cstdlib>
 #include <cstring>
+#include <utility>
+#include <vector>
 #if __cplusplus >= 202002L
 #include <span>
 #endif
@@ -68,6 +70,14 @@ static void check_errors(const mrv::model &model) {
   mrv::answers wanted;
   CHECK(thrown([&] { model.visibility(mrv::engine::exact, mrv::segments(mrv::positions(), mrv::positions()), wanted); }) ==
         mrv::status::input);
+  const std::vector<float> ten(10), nine(9);
+  std::vector<float> one(1);
+  wanted.transmittance = one;
+  for (const auto &[from, to] : {std::pair(mrv::positions(ten), mrv::positions(nine)),                       // 10 is no multiple of 3
+                                 std::pair(mrv::positions(nine), mrv::positions(nine, nine, nine)),          // 3 and 9 positions
+                                 std::pair(mrv::positions(ten, ten, nine), mrv::positions(ten, ten, ten))})  // z is short
+    CHECK(thrown([&, from = from, to = to] { model.visibility(mrv::engine::exact, mrv::segments(from, to), wanted); }) ==
+          mrv::status::input);
   bool is_passed_on = false;
   try {
     model.solve({}, [](const char *, double) -> bool { throw 7; });

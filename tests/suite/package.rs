@@ -1,5 +1,5 @@
-//! The installed C library in the hands of others: found by CMake and pkg-config in a folder to which it was moved, from a third folder,
-//! shared and static, by gcc and clang; in hosts with habits of their own; under checkers of memory; and its interface as a snapshot.
+//! The installed C library: found by CMake and pkg-config in a folder to which it was moved, from a third folder, shared and static, by
+//! gcc and clang; in hosts that fork first, replace malloc or use two models; under checkers of memory; and its interface as a snapshot.
 #![cfg(target_os = "linux")]
 
 mod interface;
@@ -211,7 +211,7 @@ fn the_static_library_stands_beside_another_in_rust() {
 
 /// Hosts that fork first, ask two models at once, or have a malloc of their own.
 #[test]
-fn hosts_keep_their_habits() {
+fn hosts_may_fork_first_replace_malloc_and_use_two_models() {
     if installed().is_none() {
         return;
     }

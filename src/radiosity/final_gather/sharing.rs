@@ -27,7 +27,7 @@ const MAX_DEVIATION: f64 = 4.0;
 /// Weight of a turn of the normal against a distance of one radius where slopes are drawn towards none: a quarter of a radian counts
 /// as one radius. 16 instead of 4 changes the error of a valley's elements by less than a hundredth of it.
 const NORMAL_SCALE: f32 = 4.0;
-/// Largest sum of squares of drawn slopes relative to that of the neighbours. 0.01 instead changes the same error as little.
+/// Largest sum of squares of drawn slopes relative to that of the neighbours. 0.01 instead changes the same error by a hundredth of it.
 const RIDGE: f64 = 1e-3;
 /// Smallest numbers of neighbours for a plane, twice its three unknowns, and for all unknowns: the smallest window has that many.
 const MIN_FOR_PLANE: usize = 6;
