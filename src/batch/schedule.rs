@@ -76,7 +76,7 @@ impl Schedule {
     /// The next job and its number of threads, if one can start now.
     pub fn start(&mut self) -> Option<(usize, usize)> {
         let used: usize = self.running.iter().map(|(_, threads)| threads).sum();
-        let memory: u64 = self.running.iter().map(|&(k, _)| self.tasks[k].memory).sum();
+        let memory = self.memory_left();
         let idle = self.running.is_empty();
         let free = self.capacity.threads.saturating_sub(used);
         let places = self.capacity.jobs.saturating_sub(self.running.len());
@@ -94,13 +94,19 @@ impl Schedule {
         // A job that asks for more than there is runs alone.
         let fits = |&k: &usize| {
             let task = &self.tasks[k];
-            idle || (!task.alone && threads(task) <= free && memory + task.memory <= self.capacity.memory)
+            idle || (!task.alone && threads(task) <= free && task.memory <= memory)
         };
         let at = self.ready.iter().rposition(fits)?;
         let threads = threads(&self.tasks[self.ready[at]]);
         let job = self.ready.remove(at);
         self.running.push((job, threads));
         Some((job, threads))
+    }
+
+    /// Memory that running jobs leave, bytes.
+    pub fn memory_left(&self) -> u64 {
+        let used: u64 = self.running.iter().map(|&(k, _)| self.tasks[k].memory).sum();
+        self.capacity.memory.saturating_sub(used)
     }
 
     /// The job does not run any more; its outputs are not there yet.

@@ -19,6 +19,7 @@ use std::{
     collections::HashSet,
     io::Write as _,
     path::{Path, PathBuf},
+    sync::Arc,
     time::Duration,
 };
 
@@ -203,7 +204,17 @@ impl SceneArgs {
     ///
     /// # Errors
     /// As for [`Scene::load`], or an invalid `--emitter`.
-    pub fn load(&self, common: &Common) -> Result<Scene> {
+    pub fn load(&self, common: &Common) -> Result<Arc<Scene>> {
+        self.shared(common, false)
+    }
+
+    /// The scene, from other jobs of the batch if they have read it with the same options.
+    fn shared(&self, common: &Common, flat: bool) -> Result<Arc<Scene>> {
+        let read = || if flat { self.read_flat(common) } else { self.read(common) };
+        job_context::scene(|| format!("{self:?} {} {flat}", common.unit), read)
+    }
+
+    fn read(&self, common: &Common) -> Result<Scene> {
         let emitters = self.emitters.iter().map(|e| parse_emitter(e)).collect::<Result<Vec<_>>>()?;
         let options = LoadOptions {
             unit: common.unit.clone(),
@@ -217,17 +228,19 @@ impl SceneArgs {
             max_memory: limits::bytes(common.max_memory),
         };
         let _spinner = common.spinner(format!("reading {}", file_name(&self.scene)));
-        let scene = Scene::load_with(&self.scene, &options)?;
-        job_context::note_read(&scene.files);
-        Ok(scene)
+        Scene::load_with(&self.scene, &options)
     }
 
     /// Reads the scene for commands that need triangles of its own: placed meshes are copied, with a warning.
     ///
     /// # Errors
     /// As [`SceneArgs::load`], or more than [`MAX_COPIED_TRIANGLES`].
-    pub fn load_flat(&self, common: &Common) -> Result<Scene> {
-        let scene = self.load(common)?;
+    pub fn load_flat(&self, common: &Common) -> Result<Arc<Scene>> {
+        self.shared(common, true)
+    }
+
+    fn read_flat(&self, common: &Common) -> Result<Scene> {
+        let scene = self.read(common)?;
         if scene.placements.is_empty() {
             return Ok(scene);
         }

@@ -22,6 +22,7 @@ use runner::Settings;
 use shard::Shard;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
 
 /// Run all jobs of a file: scenes, sweeps of options and comparisons. Jobs that are done are not repeated.
 #[derive(clap::Args, Debug)]
@@ -62,7 +63,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<ExitCode> {
-    let hashes = Hashes::default();
+    let hashes = Arc::new(Hashes::default());
     let mut plan = Plan::new(&args.jobs, &args.out, &args.only, &hashes)?;
     if let Some(shard) = args.shard {
         plan.chosen = shard.jobs(&plan.jobs, &plan.chosen);

@@ -22,6 +22,7 @@ mod merge;
 mod oracle;
 mod outputs;
 mod progress;
+mod shared_scenes;
 mod solve;
 
 use crate::{Error, Result, model::embree_version};

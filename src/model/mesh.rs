@@ -1,5 +1,7 @@
 //! A mesh of the model: triangles in a local frame with everything that is prepared once for all its instances.
 
+#[cfg(any(test, feature = "cli"))]
+use super::Detail;
 use crate::clusters::Hierarchy;
 use crate::embree::CommittedScene;
 use crate::optics::ClusterOptics;
@@ -47,6 +49,32 @@ impl Measured {
 impl Mesh {
     pub(super) fn new(scene: Arc<Scene>, traced: CommittedScene, clusters: Option<Arc<Clusters>>) -> Mesh {
         Mesh { scene, traced, clusters, magnitudes: OnceLock::new() }
+    }
+
+    /// The mesh with no more than `detail`.
+    #[cfg(any(test, feature = "cli"))]
+    pub(super) fn reduced_to(&self, detail: Detail) -> Mesh {
+        let reduced = |clusters: &Arc<Clusters>| {
+            let hierarchy = clusters.hierarchy.clone();
+            Arc::new(Clusters { hierarchy, measured: None })
+        };
+        let clusters = match detail {
+            Detail::Rays => None,
+            Detail::Clusters => self.clusters.as_ref().map(reduced),
+            Detail::Optics => self.clusters.clone(),
+        };
+        Mesh::new(self.scene.clone(), self.traced.clone(), clusters)
+    }
+
+    /// Memory of the clusters, bytes.
+    #[cfg(any(test, feature = "cli"))]
+    pub(super) fn cluster_bytes(&self) -> usize {
+        let of = |clusters: &Arc<Clusters>| {
+            let trees = clusters.hierarchy.micro.bytes() + clusters.hierarchy.large.bytes();
+            let measured = |m: &Measured| size_of_val(m.optics.as_slice()) + m.tree.bytes() + m.part_bytes();
+            trees + clusters.measured.as_ref().map_or(0, measured)
+        };
+        self.clusters.as_ref().map_or(0, of)
     }
 
     /// [`Scene::face_magnitudes`] in the mesh's own frame, made when first asked for.

@@ -8,7 +8,6 @@ use super::plan::Plan;
 use crate::batch::{Entry, HashedFile, Hashes, Journal, Status, publish, remove, seal, work};
 use crate::cli::one_line;
 use crate::{Error, Result};
-use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, Sender};
 
 /// A job whose command has ended.
@@ -89,7 +88,12 @@ fn entry(plan: &Plan, hashes: &Hashes, finished: &Finished) -> Entry {
 /// Inputs, which must be those of the beginning, and outputs of a job.
 fn files(plan: &Plan, hashes: &Hashes, finished: &Finished) -> Result<(Vec<HashedFile>, Vec<HashedFile>)> {
     let job = finished.job;
+    let outputs = plan.out.canonicalize().map_err(|e| Error::io(&plan.out, e))?;
     let mut inputs = plan.inputs[job].clone();
+    // What the key of another job stands for is left out.
+    inputs.extend(finished.ended.read.iter().filter(|file| !file.path.starts_with(&outputs)).cloned());
+    inputs.sort_by(|a, b| a.path.cmp(&b.path));
+    inputs.dedup();
     for file in &inputs {
         if hashes.of(&file.path)? != *file {
             return Err(Error::format(
@@ -98,15 +102,6 @@ fn files(plan: &Plan, hashes: &Hashes, finished: &Finished) -> Result<(Vec<Hashe
                 "was changed while the batch ran; run the batch again",
             ));
         }
-    }
-    let outputs = plan.out.canonicalize().map_err(|e| Error::io(&plan.out, e))?;
-    let mut read: Vec<PathBuf> = finished.ended.read.iter().filter_map(|f| f.canonicalize().ok()).collect();
-    // What the key of another job stands for is left out.
-    read.retain(|file| !file.starts_with(&outputs) && inputs.iter().all(|known| known.path != *file));
-    read.sort();
-    read.dedup();
-    for file in read {
-        inputs.push(hashes.of(&file)?);
     }
     Ok((inputs, seal(&work(&plan.out, &plan.jobs[job].name))?))
 }

@@ -1,7 +1,8 @@
 //! Runs the command of one job, in this process or, with limits, in a process of its own.
 
 use super::words::Line;
-use crate::batch::Limits;
+use crate::batch::{HashedFile, Limits};
+use crate::cli::shared_scenes::SharedScenes;
 use crate::cli::{interruption, job_context, one_line, with_flags};
 use crate::threads::Threads;
 use crate::{Error, Result};
@@ -9,8 +10,8 @@ use serde::{Deserialize, Serialize};
 use std::ffi::OsString;
 use std::io::{ErrorKind, Read, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::PathBuf;
 use std::process::{Child, Command, ExitCode, Stdio};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// How the command of a job ended.
@@ -22,8 +23,8 @@ pub struct Ended {
     pub is_full: bool,
     /// Whether a stated tolerance was missed.
     pub missed: bool,
-    /// Files of its scene.
-    pub read: Vec<PathBuf>,
+    /// Files of its scene, as they were when it was read.
+    pub read: Vec<HashedFile>,
     /// Largest resident size of a process of its own, bytes.
     pub peak_bytes: Option<u64>,
 }
@@ -35,12 +36,12 @@ impl Ended {
 }
 
 /// Runs a job in this process. A panic ends the job only.
-pub fn in_process(line: &Line, shown: &str, threads: usize) -> Ended {
+pub fn in_process(line: &Line, shown: &str, threads: usize, scenes: &Arc<SharedScenes>) -> Ended {
     let command = match line.parse() {
         Ok(command) => command,
         Err(error) => return Ended::failed(crate::cli::usage(&error)),
     };
-    let work = || job_context::within(shown, || crate::cli::run(&command));
+    let work = || job_context::within(shown, scenes, || crate::cli::run(&command));
     let ran = catch_unwind(AssertUnwindSafe(|| Threads::new(threads)?.run(work)));
     let (result, read) = match ran {
         Err(panic) => {
@@ -149,7 +150,8 @@ pub fn run_requested() -> Result<ExitCode> {
     #[cfg(target_os = "linux")]
     limit_process(&request)?;
     let line = Line { words: request.words, files: Vec::new() };
-    let mut ended = in_process(&line, &request.shown, request.threads);
+    let scenes = Arc::new(SharedScenes::new(Arc::default()));
+    let mut ended = in_process(&line, &request.shown, request.threads, &scenes);
     ended.peak_bytes = peak();
     let text = serde_json::to_string(&ended).map_err(|e| Error::format("answer", None, e.to_string()))?;
     crate::cli::print(&text)?;

@@ -5,9 +5,11 @@ use super::job_run::{as_process, in_process};
 use super::plan::{MIN_MEMORY, Plan};
 use super::reporter::Reporter;
 use crate::batch::{Capacity, Entries, Entry, Hashes, Journal, Limits, Schedule, Status, Task, begin};
+use crate::cli::shared_scenes::SharedScenes;
 use crate::cli::{interruption, one_line};
 use crate::{Error, Result};
 use std::collections::HashMap;
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::Scope;
 use std::time::{Duration, Instant};
@@ -54,6 +56,7 @@ struct Runner<'a> {
     broken: Option<Error>,
     /// Jobs that run or are being made permanent.
     open: usize,
+    scenes: Arc<SharedScenes>,
 }
 
 /// Runs all chosen jobs that are not done. `entries` gets the lines of the journal.
@@ -63,7 +66,7 @@ struct Runner<'a> {
 pub fn run(
     plan: &Plan,
     (entries, done): (&mut Entries, &[bool]),
-    (hashes, journal): (&Hashes, Journal),
+    (hashes, journal): (&Arc<Hashes>, Journal),
     settings: &Settings,
     reporter: &Reporter,
 ) -> Result<Summary> {
@@ -78,6 +81,7 @@ pub fn run(
         summary: Summary::default(),
         broken: None,
         open: 0,
+        scenes: Arc::new(SharedScenes::new(hashes.clone())),
     };
     std::thread::scope(|scope| {
         let (events, inbox) = channel();
@@ -151,13 +155,15 @@ impl<'a> Runner<'a> {
         let attempt = *self.attempts.entry(job).and_modify(|n| *n += 1).or_insert(1);
         let limits = self.limits(job, threads);
         self.open += 1;
+        self.scenes.shrink_to(self.schedule.memory_left());
+        let scenes = self.scenes.clone();
         self.reporter.started(job, &plan.jobs[job].name, threads);
         let work = move || {
             let start = Instant::now();
             let (line, shown) = (&plan.lines[job], &plan.shown[job]);
             let ended = match begin(&plan.out, &plan.jobs[job].name) {
                 Err(error) => super::job_run::Ended { error: Some(one_line(&error)), ..Default::default() },
-                Ok(()) if limits == Limits::default() => in_process(line, shown, threads),
+                Ok(()) if limits == Limits::default() => in_process(line, shown, threads, &scenes),
                 Ok(()) => as_process(line, shown, threads, limits),
             };
             let seconds = start.elapsed().as_secs_f64();

@@ -1,11 +1,12 @@
 //! Progress, interruption and the time limit of a solve.
 
-use super::super::{interruption, progress::Bar};
+use super::super::{interruption, job_context, progress::Bar};
 use crate::model::Model;
 use crate::progress::Progress;
 use crate::radiosity::{Options, Visibility};
 use crate::scene::Scene;
 use crate::{Error, Result};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Shows the stage of the solve and forwards an interruption to it.
@@ -64,12 +65,17 @@ impl Watch {
 }
 
 /// Prepares the model within the time that the options allow for the whole solve.
-pub fn prepare(scene: Scene, options: &Options, watch: &Watch) -> Result<Model> {
+pub fn prepare(scene: Arc<Scene>, options: &Options, watch: &Watch) -> Result<Model> {
     // What exact visibility needs is always prepared.
     let limit = options.max_seconds.filter(|_| options.visibility != Visibility::Exact);
     let left = limit.map_or(f64::INFINITY, |limit| limit - options.seconds_spent);
     let until = Until { watch, start: Instant::now(), seconds: left };
-    Model::prepare(scene, &options.prepare(), &until).map_err(|error| match (error, options.max_seconds) {
+    // A job with a limit of time does not wait for another one that prepares the same scene.
+    let prepared = match options.max_seconds {
+        Some(_) => Model::prepare(scene, &options.prepare(), &until),
+        None => job_context::prepare(scene, &options.prepare(), &until),
+    };
+    prepared.map_err(|error| match (error, options.max_seconds) {
         (Error::Cancelled(_), Some(seconds)) if !watch.stopped() => Error::Argument(format!(
             "--max-seconds {seconds}: the time was up before the clusters were measured; allow more (they are kept for the \
              next run) or take --visibility exact"
