@@ -87,7 +87,7 @@ need-lint: need-cargo
 # --- build, demo, test, install ---------------------------------------------------------------------------------------
 
 build: setup
-	cargo build --release --features capi
+	cargo build --release --features capi,parquet
 
 scenes: need-furniture
 	@python3 scenes/assemble.py $(SCENES) --out scenes/real

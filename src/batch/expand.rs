@@ -66,8 +66,9 @@ fn job(source: &TomlSource, entry: &JobEntry, inputs: Vec<String>, point: &Point
         value: (*value).clone(),
         span: axis.span.clone(),
     };
-    options.extend(point.iter().map(swept));
-    let fields = fields(entry, &inputs, &options);
+    options.extend(point.iter().filter(|(axis, _)| axis.is_option).map(swept));
+    let mut fields = fields(entry, &inputs, &options);
+    fields.extend(point.iter().map(|(axis, value)| (axis.name.clone(), plain(&value.shown()))));
     let filled = |text: &str, span: &Span| fill(text, &fields).map_err(|what| source.error(span, what));
     for option in &mut options {
         let span = &option.span;
@@ -83,7 +84,6 @@ fn job(source: &TomlSource, entry: &JobEntry, inputs: Vec<String>, point: &Point
         command: entry.command,
         inputs: inputs.iter().map(|text| filled(text, &entry.span)).collect::<Result<_>>()?,
         options,
-        swept: point.iter().map(|(axis, _)| axis.name.clone()).collect(),
         tags: entry.tags.iter().map(|text| filled(text, &entry.span)).collect::<Result<_>>()?,
         after: after.collect::<Result<_>>()?,
         needs: Vec::new(),
@@ -105,7 +105,7 @@ fn fields(entry: &JobEntry, inputs: &[String], options: &[Opt]) -> Fields {
     fields
 }
 
-/// Template of a name: the command, the scene and all swept options.
+/// Template of a name: the command, the scene and all swept values.
 fn default_name(entry: &JobEntry, point: &Point) -> String {
     let scene = if entry.scenes.is_empty() { "" } else { "-{scene}" };
     let swept: String = point.iter().map(|(axis, _)| format!("-{0}={{{0}}}", axis.name)).collect();

@@ -143,8 +143,6 @@ pub struct Job {
     pub inputs: Vec<String>,
     /// Options in the order of the job file, swept ones last.
     pub options: Vec<Opt>,
-    /// Names of the options that are swept.
-    pub swept: Vec<String>,
     /// Tags.
     pub tags: Vec<String>,
     /// Names or tags of jobs that must be done before, as the file states them.
@@ -160,20 +158,22 @@ pub struct Job {
 }
 
 impl Job {
-    /// Columns of the table of results that say what the job is: its command, scene, tags and swept options.
+    /// Columns of the table of results that say what the job is: its command, what it reads, tags and options.
     pub fn about(&self) -> serde_json::Map<String, serde_json::Value> {
         let mut about = serde_json::Map::new();
         let mut add = |name: &str, value: serde_json::Value| drop(about.insert(name.into(), value));
         add("command", self.command.name.into());
-        add("scene", self.inputs.first().map(String::as_str).into());
-        add("tags", self.tags.join(" ").into());
-        for name in &self.swept {
-            add(&format!("option.{name}"), self.option(name).map_or(serde_json::Value::Null, Value::json));
+        match self.command.reads {
+            Reads::Scene => add("scene", self.inputs.first().map(String::as_str).into()),
+            Reads::Inputs(_) => add("inputs", self.inputs.clone().into()),
         }
+        add("tags", self.tags.join(" ").into());
+        self.options.iter().for_each(|option| add(&format!("option.{}", option.name), option.value.json()));
         about
     }
 
     /// The last value of an option.
+    #[cfg(test)]
     pub fn option(&self, name: &str) -> Option<&Value> {
         self.options.iter().rev().find(|o| o.name == name).map(|o| &o.value)
     }

@@ -8,8 +8,10 @@ pub const FILE_KEYS: [&str; 2] = ["defaults", "job"];
 /// Keys of `[defaults]`.
 pub const DEFAULT_KEYS: [&str; 4] = ["options", "limits", "retry", "tags"];
 /// Keys of `[[job]]`.
-pub const JOB_KEYS: [&str; 11] =
-    ["name", "command", "scene", "inputs", "tags", "after", "options", "limits", "retry", "sweep", "zip"];
+pub const JOB_KEYS: [&str; 12] = [
+    "name", "command", "scene", "inputs", "tags", "after", "options", "limits", "retry", "sweep", "zip",
+    "each",
+];
 /// Keys of `limits`.
 pub const LIMIT_KEYS: [&str; 2] = ["seconds", "memory"];
 /// Keys of a range of a sweep.
@@ -43,7 +45,7 @@ pub struct JobEntry {
     pub limits: Limits,
     /// How often a job is run again after a failure.
     pub retry: u32,
-    /// Lists that are combined with each other.
+    /// Lists that are combined with each other, those of `each` among them.
     pub sweep: Vec<Axis>,
     /// Lists of one length that are read side by side.
     pub zip: Vec<Axis>,
@@ -51,11 +53,13 @@ pub struct JobEntry {
     pub span: Span,
 }
 
-/// The values that an option takes in a sweep.
+/// The values that an option, or a key of templates, takes in a sweep.
 #[derive(Clone, Debug)]
 pub struct Axis {
-    /// The option.
+    /// The option or key.
     pub name: String,
+    /// Whether it is an option of the command, not only a key of templates.
+    pub is_option: bool,
     /// Its values.
     pub values: Vec<Value>,
     /// Where the axis is stated.

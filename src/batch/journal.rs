@@ -222,7 +222,6 @@ mod tests {
             command: &COMMANDS[0],
             inputs: Vec::new(),
             options: Vec::new(),
-            swept: Vec::new(),
             tags: Vec::new(),
             after: Vec::new(),
             needs: Vec::new(),

@@ -13,7 +13,11 @@ mod job_file;
 mod journal;
 mod names;
 mod parse;
+mod report;
 mod schedule;
+mod table;
+#[cfg(feature = "parquet")]
+mod table_parquet;
 mod template;
 mod toml_source;
 
@@ -27,7 +31,9 @@ pub use job::{Job, Limits, Opt, Out, Reads, Value};
 pub use journal::{Entries, Entry, Journal, Status, read_journals};
 pub use names::nearest;
 pub use parse::parse;
+pub use report::{Report, report_page};
 pub use schedule::{Capacity, Schedule, Task};
+pub use table::{rows, write_results};
 pub use template::resolve_outputs;
 pub use toml_source::TomlSource;
 

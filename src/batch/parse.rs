@@ -121,8 +121,8 @@ impl Reader<'_> {
                 memory: own.memory.or(defaults.limits.memory),
             },
             retry: table.get("retry").map_or(Ok(defaults.retry.into()), |n| self.count(n))? as u32,
-            sweep: table.get("sweep").map_or(Ok(Vec::new()), |n| self.axes(n))?,
-            zip: table.get("zip").map_or(Ok(Vec::new()), |n| self.axes(n))?,
+            sweep: [self.axes(table, "each")?, self.axes(table, "sweep")?].concat(),
+            zip: self.axes(table, "zip")?,
             span: node.span(),
         };
         self.check_entry(&entry)?;
@@ -252,7 +252,8 @@ impl Reader<'_> {
         }
     }
 
-    fn axes(&self, node: &Node) -> Result<Vec<Axis>> {
+    fn axes(&self, table: &DeTable, key: &str) -> Result<Vec<Axis>> {
+        let Some(node) = table.get(key) else { return Ok(Vec::new()) };
         let pairs = self.ordered(node)?.into_iter();
         pairs
             .map(|(name, span, node)| {
@@ -261,7 +262,7 @@ impl Reader<'_> {
                     DeValue::Table(table) => self.range(node, table)?,
                     _ => return Err(self.error(node, "must be a list, or a range { from, to, steps }")),
                 };
-                let axis = Axis { name, values, span };
+                let axis = Axis { name, is_option: key != "each", values, span };
                 if axis.values.is_empty() {
                     return Err(self.error(node, format!("`{}` has no values", axis.name)));
                 }

@@ -87,6 +87,17 @@ fn dependencies_are_names_tags_or_outputs() {
 }
 
 #[test]
+fn values_for_templates_are_no_options() {
+    let text = "[[job]]\ncommand = 'reference'\nscene = 'rooms/a.obj'\nname = 'ref-{seed}'\n[job.sweep]\nseed = [1, 2]\n\
+                [[job]]\ncommand = 'compare'\nname = 'c{run}'\ninputs = ['{out:ref-{run}}/i.csv', 'rooms/a.obj']\n\
+                [job.each]\nrun = [1, 2]\n";
+    let found = jobs(text).expect("jobs");
+    assert_eq!(found.iter().map(|job| job.name.as_str()).collect::<Vec<_>>(), ["ref-1", "ref-2", "c1", "c2"]);
+    assert!(found[2].options.is_empty());
+    assert_eq!([&found[2].needs, &found[3].needs], [&[0], &[1]]);
+}
+
+#[test]
 fn errors_name_line_column_and_cure() {
     let solve = |rest: &str| refused(&format!("{SOLVE}{rest}"));
     for (found, want) in [

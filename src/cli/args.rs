@@ -205,13 +205,7 @@ impl SceneArgs {
     /// # Errors
     /// As for [`Scene::load`], or an invalid `--emitter`.
     pub fn load(&self, common: &Common) -> Result<Arc<Scene>> {
-        self.shared(common, false)
-    }
-
-    /// The scene, from other jobs of the batch if they have read it with the same options.
-    fn shared(&self, common: &Common, flat: bool) -> Result<Arc<Scene>> {
-        let read = || if flat { self.read_flat(common) } else { self.read(common) };
-        job_context::scene(|| format!("{self:?} {} {flat}", common.unit), read)
+        job_context::scene(|| format!("{self:?} {}", common.unit), || self.read(common))
     }
 
     fn read(&self, common: &Common) -> Result<Scene> {
@@ -236,18 +230,17 @@ impl SceneArgs {
     /// # Errors
     /// As [`SceneArgs::load`], or more than [`MAX_COPIED_TRIANGLES`].
     pub fn load_flat(&self, common: &Common) -> Result<Arc<Scene>> {
-        self.shared(common, true)
-    }
-
-    fn read_flat(&self, common: &Common) -> Result<Scene> {
-        let scene = self.read(common)?;
+        let scene = self.load(common)?;
         if scene.placements.is_empty() {
             return Ok(scene);
         }
-        let flat = scene.flattened(MAX_COPIED_TRIANGLES)?;
-        let (placed, triangles) = (grouped(scene.placements.len()), grouped(flat.triangles.len()));
-        warn(common, &[format!("{placed} placed meshes were copied: {triangles} triangles")]);
-        Ok(flat)
+        let flatten = || {
+            let flat = scene.flattened(MAX_COPIED_TRIANGLES)?;
+            let (placed, triangles) = (grouped(scene.placements.len()), grouped(flat.triangles.len()));
+            warn(common, &[format!("{placed} placed meshes were copied: {triangles} triangles")]);
+            Ok(flat)
+        };
+        job_context::scene(|| format!("{self:?} {} copied", common.unit), flatten)
     }
 }
 

@@ -4,16 +4,14 @@ mod commit;
 mod job_run;
 mod plan;
 mod reporter;
-mod results;
 mod runner;
 mod shard;
 mod words;
 
 pub use job_run::run_requested;
-pub use results::write as write_results;
 
 use super::{interruption, limits};
-use crate::batch::{Capacity, Hashes, Journal, lock, read_journals};
+use crate::batch::{Capacity, Hashes, Journal, lock, read_journals, write_results};
 use crate::threads::MAX_THREADS;
 use crate::{Result, memory};
 use plan::Plan;
@@ -97,7 +95,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let ran = runner::run(&plan, (&mut entries, &done), (&hashes, journal), &settings, &reporter);
     reporter.finish();
     let written = match args.shard {
-        None => results::write(&plan.out, plan.own_entries(&entries)),
+        None => write_results(&plan.out, plan.own_entries(&entries)),
         Some(_) => Ok(()),
     };
     // The first error is the reason of the second.

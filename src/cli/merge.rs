@@ -1,7 +1,8 @@
 //! `mrvis merge DIR... --out OUT`: joins the outputs of the parts of a batch.
 
-use super::batch::write_results;
-use crate::batch::{Entries, Entry, Journal, Status, begin, holds, lock, publish, read_journals, seal, work};
+use crate::batch::{
+    Entries, Entry, Journal, Status, begin, holds, lock, publish, read_journals, seal, work, write_results,
+};
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;

@@ -22,6 +22,7 @@ mod merge;
 mod oracle;
 mod outputs;
 mod progress;
+mod report;
 mod shared_scenes;
 mod solve;
 
@@ -70,6 +71,7 @@ enum Command {
     FormFactors(form_factors::Args),
     Batch(batch::Args),
     Merge(merge::Args),
+    Report(report::Args),
     /// Write a procedural scene as OBJ and MTL (list of scenes: --list).
     Generate(generate::Args),
     /// Print the script that completes options in a shell.
@@ -99,6 +101,7 @@ impl Command {
             | Command::Completions(_)
             | Command::Man(_)
             | Command::Merge(_)
+            | Command::Report(_)
             | Command::RunJob => return None,
         })
     }
@@ -115,6 +118,7 @@ fn run(command: &Command) -> Result<ExitCode> {
         Command::FormFactors(args) => form_factors::run(args),
         Command::Batch(args) => batch::run(args),
         Command::Merge(args) => merge::run(args),
+        Command::Report(args) => report::run(args),
         Command::Generate(args) => generate::run(args),
         Command::Completions(args) => manual::completions(args),
         Command::Man(args) => manual::pages(args),

@@ -1,5 +1,9 @@
 //! `mrvis batch`: nothing is lost, nothing is repeated, and outputs are those of single commands.
 
+mod bad_input;
+mod parts;
+mod results;
+
 use crate::determinism::strip;
 use crate::run::{Outcome, Scratch};
 use mrvis::internals::scene::generate::Spec;
@@ -121,10 +125,14 @@ fn outputs_are_those_of_single_commands() {
     }
     let table = std::fs::read_to_string(scratch.path("a/results.csv")).expect("a table");
     assert_eq!(table.lines().count(), 1 + COUNT);
-    assert!(
-        table.starts_with("job,command,scene,tags,option.error,option.visibility,status,job_seconds"),
-        "{table}"
-    );
+    assert!(table.starts_with("job,command,scene,inputs,tags,option.audit,"), "{table}");
+    assert!(table.contains(",option.visibility,status,job_seconds,"), "{table}");
+    // One job prepared the scene for all solves.
+    let rows = std::fs::read_to_string(scratch.path("a/results.jsonl")).expect("a table");
+    let rows = rows.lines().map(|line| serde_json::from_str::<Value>(line).expect("JSON"));
+    let times: Vec<f64> = rows.filter_map(|row| row["seconds.embree"].as_f64()).collect();
+    assert_eq!(times.len(), 9);
+    assert!(times.iter().filter(|t| **t > 0.0).count() <= 1, "{times:?}");
 }
 
 /// A second run repeats what changed, and only that.

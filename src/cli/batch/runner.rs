@@ -4,7 +4,9 @@ use super::commit::{Event, Finished, commit};
 use super::job_run::{as_process, in_process};
 use super::plan::{MIN_MEMORY, Plan};
 use super::reporter::Reporter;
-use crate::batch::{Capacity, Entries, Entry, Hashes, Journal, Limits, Schedule, Status, Task, begin};
+use crate::batch::{
+    Capacity, Entries, Entry, Hashes, Journal, Limits, Schedule, Status, Task, begin, write_results,
+};
 use crate::cli::shared_scenes::SharedScenes;
 use crate::cli::{interruption, one_line};
 use crate::{Error, Result};
@@ -92,7 +94,7 @@ pub fn run(
         if runner.summary.interrupted {
             // Threads of running jobs cannot be waited for; what they write is in work folders.
             reporter.interrupted(&runner.summary, runner.schedule.waiting().count() + runner.open);
-            let _ = super::results::write(&plan.out, plan.own_entries(entries));
+            let _ = write_results(&plan.out, plan.own_entries(entries));
             std::process::exit(interruption::INTERRUPTED.into());
         }
     });

@@ -1,9 +1,13 @@
-//! The tables of all jobs: `results.csv` and `results.jsonl`.
+//! The tables of all jobs: `results.csv`, `results.jsonl` and, with the feature `parquet`, `results.parquet`.
 
-use crate::batch::{Entry, Status};
+use super::journal::{Entry, Status};
+#[cfg(feature = "parquet")]
+use super::table_parquet::parquet;
+use super::template::outputs_of;
 use crate::files::WholeFile;
 use crate::{Error, Result};
 use serde_json::{Map, Value as Json};
+use std::collections::HashMap;
 use std::path::Path;
 
 /// Largest record of a job that is read, bytes: that of a solve has some kilobytes.
@@ -16,7 +20,7 @@ pub type Row = Map<String, Json>;
 ///
 /// # Errors
 /// A table cannot be written.
-pub fn write<'a>(out: &Path, entries: impl IntoIterator<Item = &'a Entry>) -> Result<()> {
+pub fn write_results<'a>(out: &Path, entries: impl IntoIterator<Item = &'a Entry>) -> Result<()> {
     write_tables(out, &rows(out, entries))
 }
 
@@ -24,14 +28,36 @@ pub fn write<'a>(out: &Path, entries: impl IntoIterator<Item = &'a Entry>) -> Re
 pub fn rows<'a>(out: &Path, entries: impl IntoIterator<Item = &'a Entry>) -> Vec<Row> {
     let mut entries: Vec<&Entry> = entries.into_iter().collect();
     entries.sort_by(|a, b| (a.index, &a.job).cmp(&(b.index, &b.job)));
-    entries.into_iter().map(|entry| row(out, entry)).collect()
+    let mut rows: Vec<Row> = entries.into_iter().map(|entry| row(out, entry)).collect();
+    add_comparisons(&mut rows);
+    rows
+}
+
+/// Column of a job whose output was compared with a reference: the RMS difference that the comparison found.
+pub const COMPARED: &str = "compared.rms";
+
+/// Notes the results of comparisons at the jobs whose outputs were compared.
+fn add_comparisons(rows: &mut [Row]) {
+    let found: HashMap<String, Json> = rows
+        .iter()
+        .filter(|row| row["command"] == "compare")
+        .filter_map(|row| {
+            let compared = row.get("inputs")?.get(1)?.as_str()?;
+            Some(((*outputs_of(compared).first()?).to_owned(), row.get("rms")?.clone()))
+        })
+        .collect();
+    for row in rows {
+        if let Some(rms) = row["job"].as_str().and_then(|job| found.get(job)) {
+            row.insert(COMPARED.into(), rms.clone());
+        }
+    }
 }
 
 /// Writes rows as tables of an output folder.
 ///
 /// # Errors
 /// A table cannot be written.
-pub fn write_tables(out: &Path, rows: &[Row]) -> Result<()> {
+fn write_tables(out: &Path, rows: &[Row]) -> Result<()> {
     let lines = rows.iter().map(|row| serde_json::to_string(row).unwrap_or_default() + "\n");
     WholeFile::write(&out.join("results.jsonl"), lines.collect::<String>())?;
     let columns = columns(rows);
@@ -43,15 +69,28 @@ pub fn write_tables(out: &Path, rows: &[Row]) -> Result<()> {
         table.write_record(columns.iter().map(|name| cell(row.get(name)))).map_err(at)?;
     }
     let text = table.into_inner().map_err(|e| Error::format(&path, None, e.to_string()))?;
-    WholeFile::write(&path, text)
+    WholeFile::write(&path, text)?;
+    #[cfg(feature = "parquet")]
+    WholeFile::write(&out.join("results.parquet"), parquet(&columns, rows)?)?;
+    Ok(())
 }
 
 /// Columns before and after those of swept options; all others follow in alphabetic order.
-const BEFORE: [&str; 4] = ["job", "command", "scene", "tags"];
-const AFTER: [&str; 6] = ["status", "job_seconds", "job_threads", "attempt", "output_bytes", "error_message"];
+const BEFORE: [&str; 5] = ["job", "command", "scene", "inputs", "tags"];
+const AFTER: [&str; 9] = [
+    "status",
+    "job_seconds",
+    "job_threads",
+    "attempt",
+    "output_bytes",
+    "output_blake3",
+    "key",
+    "command_line",
+    "error_message",
+];
 
 /// All names of columns: what a job is, its swept options, how it ended, then the numbers of its record.
-pub fn columns(rows: &[Row]) -> Vec<String> {
+fn columns(rows: &[Row]) -> Vec<String> {
     let place =
         |name: &str| match (BEFORE.iter().position(|n| *n == name), AFTER.iter().position(|n| *n == name)) {
             (Some(k), _) => k,
@@ -86,7 +125,9 @@ fn row(out: &Path, entry: &Entry) -> Row {
     add("attempt", entry.attempt.into());
     add("error_message", entry.error.as_deref().into());
     add("output_bytes", entry.outputs.iter().map(|file| file.bytes).sum::<u64>().into());
+    add("output_blake3", entry.fingerprint().into());
     add("key", entry.key.as_str().into());
+    add("command_line", entry.command.as_str().into());
     if entry.status != Status::Failed {
         let record = out.join(&entry.job).join(&entry.record);
         for (name, value) in figures(&record) {
