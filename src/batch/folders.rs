@@ -68,7 +68,8 @@ fn sync_folder(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Gives the finished folder of a job its place. A former one is moved away first and removed afterwards.
+/// Gives the finished folder of a job its place. A former one is moved away first and removed afterwards. A renaming that a failure of
+/// power undoes is repeated by the next run.
 ///
 /// # Errors
 /// [`Error::Io`].
@@ -84,7 +85,6 @@ pub fn publish(out: &Path, name: &str) -> Result<()> {
     let parent = to.parent().unwrap_or(out);
     fs::create_dir_all(parent).map_err(at)?;
     fs::rename(&from, &to).map_err(at)?;
-    sync_folder(parent)?;
     remove(&former)
 }
 

@@ -31,6 +31,9 @@ impl Value {
             return (*set).into();
         }
         let text = self.shown();
+        if let Ok(whole) = text.parse::<i64>() {
+            return whole.into();
+        }
         let number = text.parse::<f64>().ok().and_then(serde_json::Number::from_f64);
         number.map_or(text.into(), serde_json::Value::Number)
     }

@@ -319,7 +319,7 @@ fn nothing_starts_if_something_is_wrong() {
     refused(&["--out", "o", "--only", "referense"], "did you mean reference?");
     scratch.write("jobs.toml", JOBS.replace("error = [0.4", "eror = [0.4"));
     refused(&["--out", "o"], "jobs.toml:6:8: `{error}` is no value of this job; did you mean `eror`?");
-    scratch.write("jobs.toml", JOBS.replace("[0.4, 0.3, 0.2]", "[0.4, 'x']"));
+    scratch.write("jobs.toml", JOBS.replace("[0.4, 0.3, 0.2]", "[0.4, 0.3, 0.2, 'x']"));
     refused(&["--out", "o"], "invalid value 'x'");
     scratch.write("jobs.toml", JOBS);
     let listed = batch(&scratch, &["--out", "new", "--dry-run", "--only", "compared/fine"]);

@@ -63,7 +63,9 @@ fn pairs<'a>(options: &'a [String]) -> Vec<[&'a str; 2]> {
         [] => Vec::new(),
         [only] => vec![[only, only]],
         _ => {
-            let of = |a: &'a String| options.iter().filter(move |b| *b != a).map(move |b| [a.as_str(), b.as_str()]);
+            let of = |a: &'a String| {
+                options.iter().filter(move |b| *b != a).map(move |b| [a.as_str(), b.as_str()])
+            };
             options.iter().flat_map(of).collect()
         }
     }
@@ -86,14 +88,20 @@ fn plot(rows: &[&Row], (column, name): (&str, &str), colour: &str, label: Option
         .collect();
     let all: Vec<[f64; 2]> = rows.iter().map(point).map(|p| [p.x, p.y]).collect();
     let front = front(&all).into_iter().map(|[x, y]| PlotPoint { x, y, label: String::new() });
-    series.push(Series { name: "Pareto front".into(), points: front.collect(), marks: Marks::Line });
+    series.push(Series { name: "Pareto front".into(), points: front.collect(), marks: Marks::Joined });
     Plot {
         x_label: "time of the job, s".into(),
         y_label: name.into(),
-        x_scale: Scale::Log,
-        y_scale: Scale::Log,
+        x_scale: scale(all.iter().map(|p| p[0])),
+        y_scale: scale(all.iter().map(|p| p[1])),
         series,
     }
+}
+
+/// A logarithmic scale if it has at least two powers of ten to be labelled: below that a linear one has more marks.
+fn scale(values: impl Iterator<Item = f64> + Clone) -> Scale {
+    let (least, most) = (values.clone().fold(f64::INFINITY, f64::min), values.fold(0.0, f64::max));
+    if least > 0.0 && most > 100.0 * least { Scale::Log } else { Scale::Linear }
 }
 
 /// Jobs by the value of an option. Beyond [`MAX_SERIES`] values, neighbours are put together in groups of equal numbers of values.

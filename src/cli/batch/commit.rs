@@ -38,6 +38,9 @@ pub enum Event {
     Closed,
 }
 
+/// Largest number of jobs that are made permanent together: what waits for a slow disk is spread over so many threads.
+const MAX_GROUP: usize = 16;
+
 /// Makes jobs permanent until the sender of `finished` is dropped. Those that wait at the same time share one write of the journal.
 pub fn commit(
     plan: &Plan,
@@ -47,8 +50,15 @@ pub fn commit(
     events: &Sender<Event>,
 ) {
     while let Ok(first) = finished.recv() {
-        let group: Vec<Finished> = std::iter::once(first).chain(finished.try_iter()).collect();
-        let entries: Vec<(usize, Entry)> = group.iter().map(|f| (f.job, entry(plan, hashes, f))).collect();
+        let group: Vec<Finished> =
+            std::iter::once(first).chain(finished.try_iter().take(MAX_GROUP - 1)).collect();
+        // File systems write at once what several threads force to disk at the same time.
+        let entries: Vec<(usize, Entry)> = std::thread::scope(|scope| {
+            let sealing: Vec<_> =
+                group.iter().map(|f| (f.job, scope.spawn(|| entry(plan, hashes, f)))).collect();
+            let ended = sealing.into_iter();
+            ended.map(|(job, entry)| (job, entry.join().expect("sealing does not panic"))).collect()
+        });
         let event = keep(plan, &mut journal, entries).map_or_else(Event::Broken, Event::Kept);
         // Without a receiver the batch has ended.
         let _ = events.send(event);
