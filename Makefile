@@ -15,6 +15,9 @@ LIBRARIES = $(dir $(BINARY))
 # Of the Debian package.
 MAINTAINER ?= The mrvis authors <mrvis@example.invalid>
 RUST_VERSION := 1.89
+# Where cargo keeps the sources of other crates: messages of panics in what is installed name files without it. Set here alone, so that
+# builds by `cargo` itself, with their debug information, are as ever; the two kinds of builds do not replace each other's crates.
+CRATES := $(or $(CARGO_HOME),$(HOME)/.cargo)/registry/src
 
 # rustup adds its folder to the PATH of login shells only.
 export PATH := $(PATH):$(HOME)/.cargo/bin
@@ -87,7 +90,7 @@ need-lint: need-cargo
 # --- build, demo, test, install ---------------------------------------------------------------------------------------
 
 build: setup
-	cargo build --release --features capi,parquet
+	cargo build --release --features capi,parquet --config 'build.rustflags=["--remap-path-prefix=$(CRATES)=crates"]'
 
 scenes: need-furniture
 	@python3 scenes/assemble.py $(SCENES) --out scenes/real
@@ -154,6 +157,7 @@ dist: build need-install
 	@.ci/debian-packages dpkg-dev=dpkg-shlibdeps
 	@rm -rf out/dist
 	@$(MAKE) --no-print-directory install-files PREFIX=/usr DESTDIR="$(CURDIR)/out/dist/stage"
+	@! grep -rlaF "$(CRATES)" out/dist/stage || { echo "mrvis: these files name a folder of this machine: unset RUSTFLAGS" >&2; exit 1; }
 	@ffi/package/dist out/dist/stage out/dist "$(MAINTAINER)"
 	@rm -rf out/dist/stage
 

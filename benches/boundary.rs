@@ -1,6 +1,6 @@
 //! What the C interface adds to a batch of a million segments: the same call in Rust and from C (`-O2`) in turn, in one process, on one
 //! model, on one thread: `cargo bench --features internals --bench boundary`. Times are those of the processor, which other programs
-//! disturb little.
+//! disturb little. Fails if the interface adds more than 3 %.
 
 #![allow(unsafe_code)]
 
@@ -8,13 +8,16 @@ use mrvis::internals::capi::model_handle;
 use mrvis::{Answers, Engine, Method, Model, PrepareOptions, Scene, Segments};
 use std::ffi::{CString, c_void};
 use std::hint::black_box;
-use std::process::Command;
+use std::process::{Command, ExitCode};
 
 /// Segments of a batch, and of a bundle.
 const SEGMENTS: usize = 1_000_000;
 const RAYS: usize = 16;
-/// Pairs of calls; their order alternates.
+/// Pairs of calls; their order alternates. More are measured until the interval of their median leaves the limit out, up to so many.
 const PAIRS: usize = 15;
+const MAX_PAIRS: usize = 120;
+/// Largest ratio of the times.
+const LIMIT: f64 = 1.03;
 /// Feature size, scene units: most clusters of the scene are averaged.
 const SIZE: f32 = 0.3;
 
@@ -110,7 +113,17 @@ fn median(mut values: Vec<f64>) -> f64 {
     values[values.len() / 2]
 }
 
-fn main() {
+/// The median of the ratio, and the interval that holds it with a probability of 95 % or more: order statistics at n / 2 ± 0.98 √n, two
+/// standard deviations of a binomial count with p = 1/2, rounded outwards.
+fn median_and_interval(mut values: Vec<f64>) -> [f64; 3] {
+    values.sort_by(f64::total_cmp);
+    let n = values.len() as f64;
+    let low = (n / 2.0 - 0.98 * n.sqrt()).floor().max(1.0) as usize;
+    [values[values.len() / 2], values[low - 1], values[values.len() - low]]
+}
+
+fn main() -> ExitCode {
+    let mut holds = true;
     let folder = tempfile::tempdir().expect("a folder");
     let ask = c_side(&folder);
     let scene = Scene::generate("cubes").expect("a scene");
@@ -157,7 +170,8 @@ fn main() {
         in_rust();
         from_c();
         let (mut ratios, mut seconds) = (Vec::new(), Vec::new());
-        for pair in 0..PAIRS {
+        let mut found = [0.0, 0.0, f64::INFINITY];
+        for pair in 0..MAX_PAIRS {
             let [r, c] = if pair % 2 == 0 {
                 let r = in_rust();
                 [r, from_c()]
@@ -167,12 +181,22 @@ fn main() {
             };
             ratios.push(c / r);
             seconds.push(r);
+            if (pair + 1) % PAIRS == 0 {
+                found = median_and_interval(ratios.clone());
+                if found[2] <= LIMIT || found[1] > LIMIT {
+                    break;
+                }
+            }
         }
         assert!(rust.0 == c.0 && rust.1 == c.1 && rust.2 == c.2, "C and Rust differ");
+        // An interval that the limit lies in after all pairs: the median decides.
+        let [ratio, low, high] = found;
+        holds &= ratio <= LIMIT;
         println!(
-            "{engine:?}: {SEGMENTS} segments, Rust {:.1} ms, C / Rust {:.4} (median of {PAIRS} pairs)",
+            "{engine:?}: {SEGMENTS} segments, Rust {:.1} ms, C / Rust {ratio:.4}, {low:.4} to {high:.4} (median of {} pairs), limit {LIMIT}",
             1e3 * median(seconds),
-            median(ratios)
+            ratios.len()
         );
     }
+    if holds { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }

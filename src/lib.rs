@@ -126,5 +126,5 @@ pub use error::{Error, ErrorCategory, Result};
 pub use glam::DAffine3;
 pub use model::{Detail, Instance, InstanceChange, Model, PrepareOptions, PrepareReport, Source};
 pub use progress::Progress;
-pub use scene::{LoadOptions, Scene};
+pub use scene::{Channels, GenerateOptions, LoadOptions, Scene, UpAxis};
 pub use visibility::{Answer, Cost, Method};

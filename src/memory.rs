@@ -1,5 +1,6 @@
 //! Memory that the machine has left, and how much of it may be used.
 
+use crate::{Error, Result};
 use std::fs::read_to_string;
 use std::path::Path;
 
@@ -10,6 +11,22 @@ pub const PART: f64 = 0.8;
 /// Bytes that may be used if the caller states no limit; `None` where the system does not report what is available.
 pub fn usable() -> Option<u64> {
     Some((PART * available()? as f64) as u64)
+}
+
+/// Refuses work for which the process cannot have so many bytes at once, by a limit of its address space or of the system: what would
+/// otherwise end the process is an error. Nothing is touched.
+///
+/// # Errors
+/// [`Error::OutOfMemory`] that names `what`.
+pub fn check_room(bytes: u64, what: impl FnOnce() -> String) -> Result<()> {
+    let mut room: Vec<u8> = Vec::new();
+    match usize::try_from(bytes).ok().map(|bytes| room.try_reserve_exact(bytes)) {
+        Some(Ok(())) => Ok(()),
+        _ => Err(Error::OutOfMemory(format!(
+            "{} take {bytes} bytes, which are not left: ask for less at once",
+            what()
+        ))),
+    }
 }
 
 /// Memory available for allocation, bytes: the smallest of what the machine, the control groups of the process and its limit of
@@ -82,6 +99,15 @@ fn left_by_group(folder: &Path, [limit, usage, pages]: &[&str; 3]) -> Option<u64
 mod tests {
     use super::*;
     use std::fs::{create_dir_all, write};
+
+    #[test]
+    fn too_much_is_an_error() {
+        assert!(check_room(1 << 20, || "nothing".into()).is_ok());
+        for bytes in [1 << 62, u64::MAX] {
+            let message = check_room(bytes, || "9 points".into()).unwrap_err().to_string();
+            assert!(message.contains("9 points") && message.contains(&bytes.to_string()), "{message}");
+        }
+    }
 
     #[test]
     fn the_smallest_control_group_counts() {

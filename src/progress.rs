@@ -1,5 +1,7 @@
 //! Progress of long computations, and cancellation.
 
+use std::io::{Error, Result, Seek, SeekFrom, Write};
+
 /// Receives the progress of a computation and can cancel it. `()` ignores progress and never cancels.
 ///
 /// Methods are called from any thread, and never inside a timed section of a benchmark.
@@ -20,3 +22,33 @@ pub trait Progress: Sync {
 }
 
 impl Progress for () {}
+
+/// Bytes that are written between two looks at the caller: a millisecond.
+const SLICE: usize = 1 << 20;
+
+/// A writer that fails once `progress` has stopped.
+pub struct Stoppable<'a, W> {
+    /// Where the bytes go.
+    pub out: W,
+    /// The caller.
+    pub progress: &'a dyn Progress,
+}
+
+impl<W: Write> Write for Stoppable<'_, W> {
+    fn write(&mut self, bytes: &[u8]) -> Result<usize> {
+        match self.progress.stopped() {
+            true => Err(Error::other("interrupted")),
+            false => self.out.write(&bytes[..bytes.len().min(SLICE)]),
+        }
+    }
+
+    fn flush(&mut self) -> Result<()> {
+        self.out.flush()
+    }
+}
+
+impl<W: Seek> Seek for Stoppable<'_, W> {
+    fn seek(&mut self, to: SeekFrom) -> Result<u64> {
+        self.out.seek(to)
+    }
+}

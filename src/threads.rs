@@ -1,6 +1,7 @@
 //! Pools of threads: each is made for a caller that asked for it; rayon's global pool is never built.
 
 use crate::{Error, Result};
+use std::cell::Cell;
 use std::sync::OnceLock;
 
 /// Largest number of threads of a pool: limits stacks to 8 GiB of address space.
@@ -8,6 +9,31 @@ pub const MAX_THREADS: usize = 1024;
 
 /// Stack of a thread in bytes: that of a main thread on Linux, so that work does as well in a pool as outside.
 const STACK: usize = 8 << 20;
+
+thread_local! {
+    /// Whether this thread runs a callback: see [`in_callback`].
+    static IN_CALLBACK: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Runs a callback that is called while a pool works for its caller. What it asks is done on a thread of its own: in the pool at work it
+/// would wait until that work is over.
+#[cfg(feature = "capi")]
+pub fn in_callback<R>(is_callback: bool, run: impl FnOnce() -> R) -> R {
+    struct Before(bool);
+    impl Drop for Before {
+        fn drop(&mut self) {
+            IN_CALLBACK.set(self.0);
+        }
+    }
+    let _before = Before(IN_CALLBACK.replace(is_callback));
+    run()
+}
+
+/// Whether this thread runs a callback.
+#[cfg(feature = "capi")]
+pub fn is_in_callback() -> bool {
+    IN_CALLBACK.get()
+}
 
 /// Threads that work is done on: those of the pool that the caller is in already, else of a pool that is built when it is first
 /// needed.
@@ -44,16 +70,21 @@ impl Threads {
         if rayon::current_thread_index().is_some() {
             return Ok(work());
         }
+        if IN_CALLBACK.get() {
+            return Ok(pool(1)?.install(work));
+        }
         if self.pool.get().is_none() {
-            let builder = rayon::ThreadPoolBuilder::new().num_threads(self.count).stack_size(STACK);
-            let pool = builder
-                .build()
-                .map_err(|e| Error::OutOfMemory(format!("threads cannot be started ({e})")))?;
+            let pool = pool(self.count)?;
             // Another thread may have set a pool meanwhile; either pool serves.
             let _ = self.pool.set(pool);
         }
         Ok(self.pool.get().expect("just set").install(work))
     }
+}
+
+fn pool(count: usize) -> Result<rayon::ThreadPool> {
+    let builder = rayon::ThreadPoolBuilder::new().num_threads(count).stack_size(STACK);
+    builder.build().map_err(|e| Error::OutOfMemory(format!("threads cannot be started ({e})")))
 }
 
 #[cfg(test)]
@@ -67,5 +98,19 @@ mod tests {
         let three = Threads::new(3).unwrap();
         assert_eq!(two.run(|| three.run(rayon::current_num_threads)).unwrap().unwrap(), 2);
         assert!(Threads::new(MAX_THREADS + 1).is_err());
+    }
+
+    /// A pool at work does not hold up what a callback asks of it.
+    #[cfg(feature = "capi")]
+    #[test]
+    fn callbacks_have_a_thread_of_their_own() {
+        let (one, (tell, told)) = (Threads::new(1).unwrap(), std::sync::mpsc::channel::<()>());
+        let told = std::sync::Mutex::new(told);
+        std::thread::scope(|scope| {
+            scope.spawn(|| one.run(|| told.lock().unwrap().recv().unwrap()).unwrap());
+            let asked = in_callback(true, || one.run(rayon::current_num_threads).unwrap());
+            assert!(asked == 1 && !is_in_callback());
+            tell.send(()).unwrap();
+        });
     }
 }

@@ -9,7 +9,7 @@
  *   Units      Lengths are in the unit of the scene (mrv_load_options.unit, metres by default), positions in the coordinates of its
  *              file or arrays. Light is linear RGB: irradiance and radiosity in W/m^2, emission of materials as radiance in
  *              W/(m^2 sr).
- *   Errors     Functions return a status; MRV_OK is 0. Outputs are written only on MRV_OK. mrv_error_message() then names the
+ *   Errors     Functions return a status; MRV_OK is 0. Outputs are written only on MRV_OK. mrv_error_message() otherwise names the
  *              argument, its value and the cure. Every function may return MRV_ERROR_INPUT for a required pointer that is NULL, a
  *              wrong record size, or a handle that was released, and MRV_ERROR_OUT_OF_MEMORY. A defect of the library is
  *              MRV_ERROR_INTERNAL and never a crash; later calls with the handles of that call return it too: release them.
@@ -18,8 +18,9 @@
  *              is right.
  *   Threads    Different handles: from any threads. The same mrv_scene, mrv_model, mrv_solution or mrv_form_factors: from several
  *              threads at once. Release a reference only when no other thread uses that reference any more; a call keeps its
- *              objects alive until it returns. Work runs on threads of the model (mrv_prepare_options.threads); the thread pools and the floating-point state (rounding, flush to zero, denormals are
- *              zero) of the program stay as they are. No result depends on the number of threads.
+ *              objects alive until it returns. Work runs on threads of the model (mrv_prepare_options.threads); the thread pools and the
+ *              floating-point state (rounding, flush to zero, denormals are zero) of the program stay as they are. No result depends on
+ *              the number of threads.
  *   Arrays in  are borrowed for the call and not changed. Strides are in bytes from one entry to the next; 0 stands for packed.
  *              Pointers have the alignment of their numbers. An array without entries may be NULL.
  *   Arrays out are the caller's, with room for as many entries as the comment says, and overlap no other array of the call.
@@ -75,9 +76,9 @@ mrv_status mrv_embree_version(char *text, size_t size);
 
 /* Called on the thread that called the function, never concurrently: once before the work begins, then at each stage and about every
  * 50 ms. `stage` names what is done and is valid during the call; `done` is the part of the stage that is finished, in [0, 1],
- * negative if unknown. A return value other than 0 cancels: it is not called again, and the work ends within milliseconds where it
- * can, at the end of the stage where it cannot. It must not throw or jump. It may call mrvis; a call that needs the threads of the
- * model at work waits until that work ends, so that it can no longer be cancelled. */
+ * negative if unknown. A return value other than 0 cancels: it is not called again, and the work ends within a second, a benchmark at the
+ * end of its stage. It must not throw or jump. It may call mrvis, also about the model at work, and release handles: what it asks is
+ * done on one thread of its own, whatever the threads of the model. */
 typedef int32_t (*mrv_progress)(void *user, const char *stage, double done);
 
 /* --- scenes --------------------------------------------------------------------------------------------------------- */
@@ -85,17 +86,37 @@ typedef int32_t (*mrv_progress)(void *user, const char *stage, double done);
 /* Geometry, materials and emitters. It does not change. */
 typedef struct mrv_scene mrv_scene;
 
+#define MRV_UP_AUTOMATIC 0 /* y in glTF; elsewhere as the light and the extents say */
+#define MRV_UP_Y 1
+#define MRV_UP_Z 2
+
+/* Channels that hold light as the eye weighs it. Luminous quantities of MRV_CHANNELS_RGB are 179 (.2126 R + .7152 G + .0722 B): lx of
+ * W/m^2, lm of W, cd/m^2 of W/(m^2 sr). The others hold lumens instead of watts. */
+#define MRV_CHANNELS_RGB 0
+#define MRV_CHANNELS_RED 1
+#define MRV_CHANNELS_GREEN 2
+#define MRV_CHANNELS_BLUE 3
+
+#define MRV_POWER_WATTS 0     /* W in each channel */
+#define MRV_POWER_LUMENS 1    /* lm */
+#define MRV_POWER_LUMINANCE 2 /* cd/m^2 */
+
 /* What files or arrays do not state. */
 typedef struct mrv_load_options {
   size_t struct_size;
-  const char *unit;            /* unit of length: "m" (default), "cm", "mm", "km", "in", "ft"; else power counts as in metres */
+  const char *unit;            /* unit of length: "m" (default), "dm", "cm", "mm", "km", "in", "ft"; else power counts as in metres */
   const char *const *emitters; /* names of objects, groups or materials that become emitters ... */
-  const double *emitter_watts; /* ... and the power that each sends out in each channel, W; above 0 */
+  const double *emitter_watts; /* ... and the power that each sends out, above 0, in W in each channel or as emitter_units says */
   size_t emitter_count;        /* entries of both */
   int32_t two_sided_emission;  /* other than 0: emissive faces emit from both sides; default: the front alone */
   int32_t sides;               /* 1: all faces bound solids, 2: all are sheets seen from both sides; 0: by connectivity */
   uint32_t threads;            /* threads for reading, at most 1024; 0: one a core */
   uint32_t reserved;
+  const int32_t *emitter_units; /* MRV_POWER_... of each emitter; NULL: MRV_POWER_WATTS for all */
+  const char *luminaires;      /* placement file in TOML: [[luminaire]] tables of an IES LM-63 or EULUMDAT file, at and aim; NULL: none */
+  int32_t up;                  /* MRV_UP_...: upward axis, for automatic cameras and GLB files */
+  int32_t channels;            /* MRV_CHANNELS_..., for luminaires and luminous emitters */
+  uint64_t max_memory;         /* largest file and largest sum of decoded textures, bytes; 0: four fifths of what is available */
 } mrv_load_options;
 
 /* Reads an OBJ, glTF, GLB or PLY file; the extension of `path` says which. `options` may be NULL. MRV_ERROR_IO if it cannot be
@@ -110,6 +131,21 @@ mrv_status mrv_scene_from_memory(const void *data, size_t size, const char *form
 /* A generated scene: "cornell" (millimetres), "cubes", "cube-groups", "forest", "brick-wall", "louvres", "bookshelf", "desk-room" or
  * "urban-block" (metres). */
 mrv_status mrv_scene_generate(const char *name, mrv_scene **scene);
+
+/* Parameters of generated scenes; those that a scene has no use for are ignored. */
+typedef struct mrv_generate_options {
+  size_t struct_size;
+  uint64_t seed;     /* of all random numbers; 0: 1 */
+  uint64_t count;    /* cubes, slats, courses of bricks, boards or facets, at most 100 million; 0: as mrv_scene_generate */
+  uint64_t trees;    /* trees of the forest, at most 100 million; 0: 100 */
+  uint64_t leaves;   /* of each tree, at most 100 million in all; 0: 1000 */
+  double light_size; /* edge of the emitter, in the unit of the scene, above 0, at most 1e6; 0: as mrv_scene_generate */
+  int32_t trunks;    /* other than 0: trees have trunks */
+  uint32_t reserved;
+} mrv_generate_options;
+
+/* A generated scene with other parameters. `options` may be NULL. */
+mrv_status mrv_scene_generate_with(const char *name, const mrv_generate_options *options, mrv_scene **scene);
 
 /* The same scene without instances: each placed mesh becomes triangles of the scene's own, which radiosity and form factors need.
  * MRV_ERROR_INPUT if it would have more than `max_triangles` (0: 2^31) triangles. */
@@ -296,7 +332,7 @@ mrv_status mrv_model_update(const mrv_model *model, const mrv_instance_change *c
 #define MRV_METHOD_AGGREGATED 3 /* clusters were averaged */
 #define MRV_METHOD_MIXED 4      /* both */
 
-/* As a stride: all positions are the first one. */
+/* As a stride: all positions are the first one, interleaved or in three arrays. */
 #define MRV_SAME_POSITION SIZE_MAX
 
 /* Positions in arrays of the caller; nothing is copied. Interleaved: set x, leave y and z NULL; x, y, z of a position follow each
@@ -392,11 +428,12 @@ typedef struct mrv_solve_options {
   size_t struct_size;
   int32_t engine;        /* MRV_ENGINE_EXACT (also for 0), _MULTI_RESOLUTION or _AVERAGE; others than exact need MRV_DETAIL_OPTICS */
   int32_t direct_only;   /* other than 0: irradiance at points is direct light alone */
-  double error;          /* target error relative to the mean irradiance; 0: .02 */
-  double target_error;   /* rays are added until this RMS error of the elements, relative to the mean irradiance, is reached; 0: none */
-  double min_area;       /* smallest element as a part of the scene's area; 0: 2e-5 */
-  double max_seconds;    /* limit of this call and the preparation of the model together, about; 0: none */
-  uint64_t max_links;    /* number of links (72 bytes each) at which refinement ends; 0: ten million */
+  double error;          /* target error relative to the mean irradiance, above 0; 0: .02 */
+  double target_error;   /* rays are added until this RMS error of the elements, relative to the mean irradiance, is reached, above 0;
+                            0: none */
+  double min_area;       /* smallest element as a part of the scene's area, in [1e-9, 1]; 0: 2e-5 */
+  double max_seconds;    /* limit of this call, about, above 0; the preparation of the model does not count; 0: none */
+  uint64_t max_links;    /* number of links (72 bytes each) at which refinement ends, at most 2^30; 0: ten million */
   uint64_t seed;         /* of all random numbers; 0: 1 */
   double feature_size;   /* scene units, for engines other than exact; 0: the diameter of each receiver */
   const char *const *feature_size_names; /* names of objects, groups or materials with feature sizes of their own ... */
@@ -406,6 +443,10 @@ typedef struct mrv_solve_options {
   size_t importance_count;
   mrv_progress progress; /* may be NULL; if it cancels, the solution is the consistent one reached so far */
   void *user;            /* first argument of `progress` */
+  uint32_t audit;        /* elements whose error bars are checked by independent paths, at most 1048576; 0: 200 */
+  int32_t no_audit;      /* other than 0: none are */
+  uint32_t light_rays;   /* shadow rays from a point to an emitter that is partly visible, at most 65536; 0: by the error */
+  uint32_t gather_rays;  /* rays from a point that gather reflected light, at most 1048576; 0: by the error */
 } mrv_solve_options;
 
 /* Computes the light, on the threads of the model. `options` may be NULL. MRV_ERROR_INPUT for a model with placed meshes:
@@ -423,12 +464,19 @@ typedef struct mrv_solution_info {
   double error_estimate;     /* RMS error of the elements relative to the mean irradiance; negative if unknown */
   int32_t interrupted;       /* other than 0: `progress` cancelled before the error was reached */
   uint32_t reserved;
+  uint64_t warnings;         /* sentences of mrv_solution_get_warning */
 } mrv_solution_info;
 
 mrv_status mrv_solution_get_info(const mrv_solution *solution, mrv_solution_info *info);
 
-/* Irradiance at points of surfaces: positions and normals (of the side that receives light, of any length above 0) of `count` points,
- * three doubles each, packed; three doubles each in `irradiance`, W/m^2. Runs on the threads of the model. */
+/* What a user should know: repairs of the scene, limits that were reached. `index` is below mrv_solution_info.warnings. Valid until the
+ * solution is released. */
+mrv_status mrv_solution_get_warning(const mrv_solution *solution, uint64_t index, const char **text);
+
+/* Irradiance at points of surfaces: positions (at most 1e12 from mrv_scene_info.origin) and normals (of the side that receives light, of
+ * any length above 0) of `count` points, three doubles each, packed; three doubles each in `irradiance`, W/m^2. Runs on the threads of
+ * the model. Points are copied once, into 24 bytes each; all in all about 256 bytes a point must be free, else
+ * MRV_ERROR_OUT_OF_MEMORY. */
 mrv_status mrv_solution_irradiance(const mrv_solution *solution, const double *positions, const double *normals,
                                    size_t count, double *irradiance);
 
@@ -448,6 +496,7 @@ typedef struct mrv_elements {
   uint32_t *object;          /* index of the object */
   uint32_t *material;        /* index of the material */
   uint8_t *front;            /* 1: on the front of its face, 0: on the back */
+  float *exitance;           /* three, W/m^2: what the element emits by itself */
 } mrv_elements;
 
 /* Copies the elements and their corners. */
@@ -457,6 +506,10 @@ mrv_status mrv_solution_get_elements(const mrv_solution *solution, const mrv_ele
  * solution is released. */
 mrv_status mrv_solution_get_json(const mrv_solution *solution, const char **json);
 
+/* Writes the solution to a file, completely or not at all. The extension says the format: vtu (elements with all fields, for ParaView),
+ * ply or glb (smooth meshes with colours). `progress` may be NULL; if it cancels, there is no file and MRV_ERROR_CANCELLED. */
+mrv_status mrv_solution_write(const mrv_solution *solution, const char *path, mrv_progress progress, void *user);
+
 /* One HTML page about the solution with pictures and tables, which refers to no other file. Valid until the solution is released. */
 mrv_status mrv_solution_get_page(const mrv_solution *solution, const char **html);
 
@@ -465,7 +518,7 @@ mrv_status mrv_solution_get_page(const mrv_solution *solution, const char **html
 /* A pinhole camera. */
 typedef struct mrv_camera {
   size_t struct_size;
-  double eye[3];    /* position */
+  double eye[3];    /* position, as `target` at most 1e12 from mrv_scene_info.origin */
   double target[3]; /* a point in the middle of the picture, other than `eye` */
   double up[3];     /* direction that is upwards in the picture, of any length above 0 */
   double angle;     /* angle of view from top to bottom, degrees, above 0 and below 180 */
@@ -498,7 +551,7 @@ typedef struct mrv_lightmap mrv_lightmap;
 typedef struct mrv_lightmap_options {
   size_t struct_size;
   uint64_t texels;       /* about so many texels, at most 67108864; 0: 1048576 */
-  mrv_progress progress; /* may be NULL; it cancels only before the image is drawn, by MRV_ERROR_CANCELLED */
+  mrv_progress progress; /* may be NULL; if it cancels, MRV_ERROR_CANCELLED is returned */
   void *user;            /* first argument of `progress` */
 } mrv_lightmap_options;
 
@@ -542,9 +595,9 @@ typedef struct mrv_form_factor_options {
   int32_t no_closure;    /* other than 0: rows from which nothing escapes are not adjusted to the sum 1 */
   uint32_t rays;         /* rays of every polygon that look for what it sees, at most 1048576; 0: 2048, more for few polygons */
   uint32_t pair_rays;    /* largest number of rays between two polygons, 4 to 4194304; 0: 256, more for few polygons */
-  uint64_t max_bytes;    /* a matrix that could be larger is MRV_ERROR_OUT_OF_MEMORY; 0: 16 GiB */
+  uint64_t max_bytes;    /* a matrix that could be larger is MRV_ERROR_OUT_OF_MEMORY; 0: four fifths of what is available */
   uint64_t seed;         /* of all random numbers; 0: 1 */
-  mrv_progress progress; /* may be NULL; it cancels only before the work begins, by MRV_ERROR_CANCELLED */
+  mrv_progress progress; /* may be NULL; if it cancels, MRV_ERROR_CANCELLED is returned */
   void *user;            /* first argument of `progress` */
 } mrv_form_factor_options;
 
@@ -569,6 +622,7 @@ typedef struct mrv_form_factor_arrays {
   const float *lost;       /* of each row: the part that falls on back sides, in [0, 1] */
   uint64_t rays;           /* rays that were traced */
   double row_sum_error;    /* mean of |row sum + escaped + lost - 1| over the polygons, before closure */
+  double closed_row_sum_error; /* the same over those from which nothing escapes, after closure; 0 without such polygons */
 } mrv_form_factor_arrays;
 
 mrv_status mrv_form_factors_get_arrays(const mrv_form_factors *factors, mrv_form_factor_arrays *arrays);
@@ -593,21 +647,22 @@ typedef struct mrv_bench_options {
   size_t struct_size;
   uint64_t points;               /* receiver points, at most 100 million; 0: 20000 */
   uint32_t rays;                 /* segments from a point to an emitter, at most 65536; 0: 16 */
-  uint32_t reference_rays;       /* the same in the reference; 0: 1024 */
+  uint32_t reference_rays;       /* the same in the reference, at most 65536; 0: 1024 */
   const double *feature_sizes;   /* scene units, above 0; none: four sizes from the scene's statistics */
   size_t feature_size_count;
   const char *const *receivers;  /* names of objects, groups or materials for shadow images; none: the largest flat surfaces */
   size_t receiver_count;
   double audit;                  /* part of the bundles on which exact rays check the stated intervals, in [0, 1]; 0: .05 */
-  double target_error;           /* chooses sizes and segments for this RMS error of the visible fraction; 0: none */
-  double target_seconds;         /* chooses them for the smallest error in so many seconds; 0: none */
+  double target_error;           /* chooses sizes and segments for this RMS error of the visible fraction, in (0, 1]; 0: none */
+  double target_seconds;         /* chooses them for the smallest error in so many seconds, above 0; 0: none; not both targets */
   uint64_t seed;                 /* of all random numbers; 0: 1 */
-  uint32_t threads;              /* threads of the timed sections; 0: 1 */
+  uint32_t threads;              /* threads of the timed sections, at most 1024; 0: 1 */
   int32_t unbiased;              /* other than 0: unbiased estimates are measured as well */
   int32_t no_audit;              /* other than 0: no audit */
   uint32_t reserved;
   mrv_progress progress;         /* may be NULL; if it cancels, MRV_ERROR_CANCELLED is returned after the stage */
   void *user;                    /* first argument of `progress` */
+  uint64_t max_memory;           /* largest memory of the results, bytes; 0: four fifths of what is available */
 } mrv_bench_options;
 
 /* Measures a model with MRV_DETAIL_OPTICS, in seconds to minutes; nothing else should run meanwhile. `options` may be NULL. */
@@ -625,7 +680,7 @@ typedef struct mrv_reference_options {
   size_t struct_size;
   uint64_t seed;         /* of all random numbers; 0: 1 */
   uint32_t samples;      /* paths for each point, at least 2; 0: 1024 */
-  uint32_t reserved;
+  int32_t direct_only;   /* other than 0: direct light alone, without reflections */
   mrv_progress progress; /* may be NULL; if it cancels, MRV_ERROR_CANCELLED is returned */
   void *user;            /* first argument of `progress` */
 } mrv_reference_options;
@@ -662,7 +717,8 @@ typedef struct mrv_fbem_images {
 
 /* The feature-based error of an image at `count` feature sizes (scene units, at least 0): features larger than the size are compared
  * texel by texel, the rest on average. An error for each size, in units of the image, and, unless `masked` is NULL, the part of the
- * image in such features, in [0, 1]. Runs on the calling thread. */
+ * image in such features, in [0, 1]. Runs on the calling thread. Images are not copied; about 128 bytes a texel must be free, else
+ * MRV_ERROR_OUT_OF_MEMORY. */
 mrv_status mrv_fbem(const mrv_fbem_images *images, const double *sizes, size_t count, double *errors, double *masked);
 
 #ifdef __cplusplus

@@ -98,6 +98,24 @@ enum class name_kind : int32_t {
   camera = MRV_NAME_CAMERA
 };
 
+enum class up_axis : int32_t { automatic = MRV_UP_AUTOMATIC, y = MRV_UP_Y, z = MRV_UP_Z };
+
+enum class channels : int32_t {
+  rgb = MRV_CHANNELS_RGB,
+  red = MRV_CHANNELS_RED,
+  green = MRV_CHANNELS_GREEN,
+  blue = MRV_CHANNELS_BLUE
+};
+
+enum class power_unit : int32_t {
+  watts = MRV_POWER_WATTS,
+  lumens = MRV_POWER_LUMENS,
+  luminance = MRV_POWER_LUMINANCE
+};
+
+/* The name of a status, as "MRV_ERROR_INPUT". */
+inline const char *status_name(status value) noexcept { return mrv_status_name(static_cast<mrv_status>(value)); }
+
 /* The number of a constant, for the members of records. */
 template <class E>
 constexpr std::underlying_type_t<E> number(E value) noexcept {
@@ -189,6 +207,28 @@ result<T> incomplete(std::string message) {
 #endif
 }
 
+/* Whether the library speaks the interface of this header: the same first number of the version, before 1.0 also the second, and no
+ * older one. Asked once. */
+inline bool version_fits() noexcept {
+  static const bool fits = [] {
+    const int32_t have = mrv_version(), part = MRV_VERSION_MAJOR == 0 ? 100 : 10000;
+    return have / part == MRV_VERSION / part && have >= MRV_VERSION;
+  }();
+  return fits;
+}
+
+/* A library of another version. */
+template <class T>
+result<T> other_version() {
+  std::string message = "the library is version " + std::to_string(mrv_version()) + ", the program was compiled for " +
+                        std::to_string(MRV_VERSION) + ": install that version or compile again";
+#ifndef MRVIS_NO_EXCEPTIONS
+  throw error(mrv::status::unsupported, message);
+#else
+  return {mrv::status::unsupported, std::move(message)};
+#endif
+}
+
 /* An array of the caller that is too short for what the call writes or reads. */
 template <class T>
 result<T> too_short(const char *name, std::size_t have, std::size_t want) {
@@ -237,6 +277,7 @@ struct record : R {
 };
 
 using load_options = record<mrv_load_options>;
+using generate_options = record<mrv_generate_options>;
 using scene_info = record<mrv_scene_info>;
 using mesh = record<mrv_mesh>;
 using prepare_options = record<mrv_prepare_options>;
@@ -355,6 +396,7 @@ class scene : public detail::handle<mrv_scene, mrv_scene_retain, mrv_scene_relea
   using handle::handle;
 
   static result<scene> load(const std::string &path, const load_options &options = {}) {
+    if (!detail::version_fits()) return detail::other_version<scene>();
     mrv_scene *made = nullptr;
     const mrv_status status = mrv_scene_load(path.c_str(), &options, &made);
     return detail::finish(status, scene(made));
@@ -362,14 +404,16 @@ class scene : public detail::handle<mrv_scene, mrv_scene_retain, mrv_scene_relea
   /* `folder`: where files that the scene names are looked for; empty: nowhere. */
   static result<scene> from_memory(span<const unsigned char> data, const std::string &format, const std::string &folder = {},
                                    const load_options &options = {}) {
+    if (!detail::version_fits()) return detail::other_version<scene>();
     mrv_scene *made = nullptr;
     const mrv_status status = mrv_scene_from_memory(data.data(), data.size(), format.c_str(),
                                                     folder.empty() ? nullptr : folder.c_str(), &options, &made);
     return detail::finish(status, scene(made));
   }
-  static result<scene> generate(const std::string &name) {
+  static result<scene> generate(const std::string &name, const generate_options &options = {}) {
+    if (!detail::version_fits()) return detail::other_version<scene>();
     mrv_scene *made = nullptr;
-    const mrv_status status = mrv_scene_generate(name.c_str(), &made);
+    const mrv_status status = mrv_scene_generate_with(name.c_str(), &options, &made);
     return detail::finish(status, scene(made));
   }
 
@@ -407,6 +451,7 @@ class scene_builder
   using handle::handle;
 
   static result<scene_builder> create() {
+    if (!detail::version_fits()) return detail::other_version<scene_builder>();
     mrv_scene_builder *made = nullptr;
     const mrv_status status = mrv_scene_builder_create(&made);
     return detail::finish(status, scene_builder(made));
@@ -537,6 +582,23 @@ class solution : public detail::handle<mrv_solution, mrv_solution_retain, mrv_so
   result<void> copy_elements(const mrv_elements &wanted) const {
     return detail::finish(mrv_solution_get_elements(get(), &wanted));
   }
+  /* What a user should know, below info().warnings. */
+  result<std::string> warning(uint64_t index) const {
+    const char *text = "";
+    const mrv_status status = mrv_solution_get_warning(get(), index, &text);
+    return detail::finish<std::string>(status, text);
+  }
+  /* A .vtu, .ply or .glb file. */
+  result<void> write(const std::string &path, const progress &progress = {}) const {
+    struct callback {
+      mrv_progress progress;
+      void *user;
+    } options = {nullptr, nullptr};
+    detail::progress_call call(progress, options);
+    const mrv_status status = mrv_solution_write(get(), path.c_str(), options.progress, options.user);
+    call.rethrow();
+    return detail::finish(status);
+  }
   result<std::string> json() const {
     const char *text = "";
     const mrv_status status = mrv_solution_get_json(get(), &text);
@@ -572,6 +634,12 @@ class solution : public detail::handle<mrv_solution, mrv_solution_retain, mrv_so
   }
 };
 
+/* The entries of a row of form factors, in arrays of the library. */
+struct form_factor_row {
+  span<const uint32_t> columns; /* ascending */
+  span<const float> values;
+};
+
 class form_factors : public detail::handle<mrv_form_factors, mrv_form_factors_retain, mrv_form_factors_release> {
  public:
   using handle::handle;
@@ -581,6 +649,14 @@ class form_factors : public detail::handle<mrv_form_factors, mrv_form_factors_re
     form_factor_arrays arrays;
     const mrv_status status = mrv_form_factors_get_arrays(get(), &arrays);
     return detail::finish(status, arrays);
+  }
+  /* One row; its arrays live as long as this handle. */
+  result<form_factor_row> row(uint64_t row) const {
+    const uint32_t *columns = nullptr;
+    const float *values = nullptr;
+    std::size_t count = 0;
+    const mrv_status status = mrv_form_factors_get_row(get(), row, &columns, &values, &count);
+    return detail::finish(status, form_factor_row{{columns, count}, {values, count}});
   }
   result<std::string> name(uint64_t row) const {
     const char *text = "";
@@ -614,6 +690,24 @@ class bench_report : public detail::handle<mrv_bench_report, mrv_bench_report_re
     const mrv_status status = mrv_bench_report_get_text(get(), nullptr, nullptr, &met);
     return detail::finish<int>(status, met);
   }
+};
+
+/* The feature-based error of an image at each size, and the part of the image in features above it. */
+struct fbem_spectrum {
+  std::vector<double> errors;
+  std::vector<double> masked;
+};
+
+inline result<fbem_spectrum> fbem_with_masked(const mrv_fbem_images &images, span<const double> sizes) {
+  fbem_spectrum found{std::vector<double>(sizes.size()), std::vector<double>(sizes.size())};
+  const mrv_status status = mrv_fbem(&images, sizes.data(), sizes.size(), found.errors.data(), found.masked.data());
+  return detail::finish(status, std::move(found));
+}
+
+/* Irradiance by path tracing and its standard errors, W/m^2, three numbers for each point. */
+struct reference_light {
+  std::vector<double> irradiance;
+  std::vector<double> standard_errors;
 };
 
 /* The feature-based error of an image at each size. */
@@ -684,9 +778,10 @@ class model : public detail::handle<mrv_model, mrv_model_retain, mrv_model_relea
     const mrv_status status = mrv_visibility_answer(get(), number(engine), &asked, &out, &cost);
     return detail::finish(status, cost);
   }
-  result<mrv::answer> visibility(engine engine, const query &asked) const {
+  /* `cost`: what the answer took; may be null. */
+  result<mrv::answer> visibility(engine engine, const query &asked, mrv::cost *cost = nullptr) const {
     mrv::answer found;
-    const mrv_status status = mrv_visibility_query(get(), number(engine), &asked, &found, nullptr);
+    const mrv_status status = mrv_visibility_query(get(), number(engine), &asked, &found, cost);
     return detail::finish(status, found);
   }
 
@@ -707,14 +802,14 @@ class model : public detail::handle<mrv_model, mrv_model_retain, mrv_model_relea
     return detail::finish(status, std::move(owned));
   }
   /* Irradiance at points by path tracing: packed positions and normals, three numbers each. */
-  result<std::vector<double>> reference(span<const double> positions, span<const double> normals,
-                                        reference_options options = {}, const progress &progress = {}) const {
+  result<reference_light> reference(span<const double> positions, span<const double> normals, reference_options options = {},
+                                    const progress &progress = {}) const {
     if (positions.size() % 3 != 0 || normals.size() != positions.size())
-      return detail::too_short<std::vector<double>>("normals", normals.size(), positions.size());
+      return detail::too_short<reference_light>("normals", normals.size(), positions.size());
     detail::progress_call call(progress, options);
-    std::vector<double> found(positions.size());
-    const mrv_status status = mrv_model_reference(get(), positions.data(), normals.data(), positions.size() / 3,
-                                                  &options, found.data(), nullptr);
+    reference_light found{std::vector<double>(positions.size()), std::vector<double>(positions.size())};
+    const mrv_status status = mrv_model_reference(get(), positions.data(), normals.data(), positions.size() / 3, &options,
+                                                  found.irradiance.data(), found.standard_errors.data());
     call.rethrow();
     return detail::finish(status, std::move(found));
   }

@@ -21,6 +21,7 @@ from ._mrvis import (
     fbem_spectrum,
 )
 from ._types import (
+    Bench,
     Camera,
     CancelledError,
     DeviceError,
@@ -28,14 +29,17 @@ from ._types import (
     Error,
     Fbem,
     InputError,
+    Instance,
     IoError,
     Lightmap,
     Method,
     OutOfMemoryError,
+    Reference,
     UnsupportedError,
 )
 
 __all__ = [
+    "Bench",
     "Camera",
     "CancelledError",
     "DeviceError",
@@ -44,11 +48,13 @@ __all__ = [
     "Fbem",
     "FormFactors",
     "InputError",
+    "Instance",
     "IoError",
     "Lightmap",
     "Method",
     "Model",
     "OutOfMemoryError",
+    "Reference",
     "Scene",
     "SceneBuilder",
     "Solution",

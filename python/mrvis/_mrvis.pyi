@@ -8,7 +8,7 @@ from typing import Any, Final, Literal, TypeAlias, TypedDict, Unpack, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._types import Camera, Elements, Fbem, Lightmap
+from ._types import Bench, Camera, Elements, Fbem, Instance, Lightmap, Reference
 
 __all__ = [
     "FormFactors",
@@ -76,6 +76,19 @@ class _SolveOptions(TypedDict, total=False):
     target_error: float | None
     seed: int | None
 
+class _BenchOptions(TypedDict, total=False):
+    points: int | None
+    rays: int | None
+    feature_size: float | Sequence[float] | None
+    receivers: Sequence[str] | None
+    reference_rays: int | None
+    threads: int | None
+    audit: float | None
+    unbiased: bool | None
+    target_error: float | None
+    target_seconds: float | None
+    seed: int | None
+
 class _FbemOptions(TypedDict, total=False):
     texel: float | None
     exponent: float | None
@@ -115,6 +128,8 @@ class Scene:
     def material_names(self) -> list[str]: ...
     @property
     def emitter_names(self) -> list[str]: ...
+    @property
+    def cameras(self) -> list[tuple[str, Camera]]: ...
     @property
     def repairs(self) -> list[str]: ...
 
@@ -160,7 +175,14 @@ class Model:
     def report(self) -> dict[str, Any]: ...
     @property
     def instance_names(self) -> list[str]: ...
+    @property
+    def instances(self) -> list[Instance]: ...
     def moved(self, transforms: dict[int, ArrayLike]) -> Model: ...
+    def with_instance(
+        self, mesh: int, name: str, transform: ArrayLike, *, material: int | None = None
+    ) -> Model: ...
+    def without_instances(self, instances: Sequence[int]) -> Model: ...
+    def shown(self, visible: dict[int, bool]) -> Model: ...
     def visibility(
         self,
         origins: ArrayLike,
@@ -168,6 +190,7 @@ class Model:
         *,
         bundles: int | ArrayLike | None = None,
         out: NDArray[np.float32] | None = None,
+        progress: _Progress | None = None,
         **options: Unpack[_VisibilityOptions],
     ) -> Visibility: ...
     def source_visibility(
@@ -184,6 +207,16 @@ class Model:
         self, *, progress: _Progress | None = None, **options: Unpack[_FormFactorOptions]
     ) -> FormFactors: ...
     def solve(self, *, progress: _Progress | None = None, **options: Unpack[_SolveOptions]) -> Solution: ...
+    def reference(
+        self,
+        points: ArrayLike,
+        normals: ArrayLike,
+        *,
+        samples: int | None = None,
+        seed: int | None = None,
+        progress: _Progress | None = None,
+    ) -> Reference: ...
+    def bench(self, *, progress: _Progress | None = None, **options: Unpack[_BenchOptions]) -> Bench: ...
 
 @final
 class Visibility:
@@ -227,6 +260,8 @@ class FormFactors:
 
 @final
 class Solution:
+    @property
+    def model(self) -> Model: ...
     def irradiance(
         self, points: ArrayLike, normals: ArrayLike, *, progress: _Progress | None = None
     ) -> NDArray[np.float64]: ...

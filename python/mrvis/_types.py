@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,6 +119,55 @@ class Lightmap:
     def __repr__(self) -> str:
         rows, columns, _ = self.irradiance.shape
         return f"<mrvis.Lightmap: {columns} x {rows} texels, {len(self.triangles)} triangles>"
+
+
+@dataclass(frozen=True, eq=False)
+class Instance:
+    """A placed mesh of a model; its number is its place in ``Model.instances``."""
+
+    name: str
+    """Name of the node in the file, or a made-up one."""
+    mesh: int
+    """Number of the mesh: 0 holds the scene's own triangles, shared meshes follow in their order."""
+    transform: NDArray[np.float64]
+    """Shape (3, 4): from the frame of the mesh to that of the model, scene units relative to ``Scene.origin``."""
+    material: int | None
+    """Number in ``Scene.material_names`` that replaces the materials of the mesh, or None."""
+    visible: bool
+    """Whether it blocks and receives light."""
+    removed: bool
+    """Removed instances keep their place, so that the numbers of others do not change."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Reference:
+    """Irradiance at N points by path tracing."""
+
+    irradiance: NDArray[np.float64]
+    """Shape (N, 3): W/m2, linear RGB."""
+    standard_errors: NDArray[np.float64]
+    """Shape (N, 3): standard error of the irradiance, W/m2."""
+
+    def __len__(self) -> int:
+        return len(self.irradiance)
+
+    def __repr__(self) -> str:
+        return f"<mrvis.Reference: {len(self)} points>"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Bench:
+    """What a benchmark measured."""
+
+    record: dict[str, Any]
+    """Everything, as ``mrvis bench --json`` writes it."""
+    page: str
+    """The report as one HTML page, which refers to no other file."""
+    target_met: bool | None
+    """Whether ``target_error`` or ``target_seconds`` was met; None if neither was given."""
+
+    def __repr__(self) -> str:
+        return f"<mrvis.Bench: {len(self.record.get('mr', []))} multi-resolution rows, target met: {self.target_met}>"
 
 
 @dataclass(frozen=True)

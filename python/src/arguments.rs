@@ -24,14 +24,28 @@ pub fn value<'py, T: FromPyObjectOwned<'py>>(name: &str, value: &Bound<'py, PyAn
     extracted.map_err(|error| PyTypeError::new_err(format!("`{name}`: {}", error.value(value.py()))))
 }
 
-/// A whole number that is not negative.
-pub fn whole<T: TryFrom<i64>>(name: &str, given: &Bound<'_, PyAny>) -> PyResult<T> {
-    let number: i64 = value(name, given)?;
-    T::try_from(number).map_err(|_| {
-        let bits = 8 * size_of::<T>();
-        let must = format!("must be a whole number, not negative, of at most {bits} bits");
-        input(given.py(), format!("`{name}` {number}: {must}"))
+/// Whether it is a whole number, of Python or NumPy.
+pub fn is_whole(given: &Bound<'_, PyAny>) -> bool {
+    given.call_method0("__index__").is_ok()
+}
+
+/// A whole number that is not negative: any that the type holds.
+pub fn whole<T: TryFrom<u64>>(name: &str, given: &Bound<'_, PyAny>) -> PyResult<T> {
+    let number = given.call_method0("__index__").map_err(|_| {
+        let class = given.get_type().name().map(|name| name.to_string()).unwrap_or_default();
+        PyTypeError::new_err(format!("`{name}`: must be a whole number, not {class}"))
+    })?;
+    let found = number.extract::<u64>().ok().and_then(|number| T::try_from(number).ok());
+    found.ok_or_else(|| {
+        // Python refuses to write numbers of thousands of digits.
+        let shown = number.str().map_or_else(|_| "(of thousands of digits)".into(), |text| text.to_string());
+        input(given.py(), format!("`{name}` {shown}: must be a whole number from 0 to {}", largest::<T>()))
     })
+}
+
+/// Largest value of an unsigned type.
+pub fn largest<T>() -> u64 {
+    u64::MAX >> (64 - 8 * size_of::<T>())
 }
 
 /// One of several words.

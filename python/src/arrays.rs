@@ -3,11 +3,13 @@
 //! A borrow is registered with rust-numpy, which refuses to write into the same memory through `out=` meanwhile. Python code in other
 //! threads is not kept from writing: callers must not change arrays during a call.
 
+use crate::arguments::largest;
 use crate::errors::input;
 use numpy::{Element, PyArray1, PyArrayDyn, PyReadonlyArrayDyn, PyReadwriteArray1, PyUntypedArray};
 use numpy::{PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::fmt::Display;
 
 /// The object as an array; lists and numbers become one.
 fn array<'py>(name: &str, value: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyUntypedArray>> {
@@ -163,7 +165,7 @@ impl<T: Element> Numbers<'_, T> {
 }
 
 /// The array as whole numbers that are not negative, with its shape: those of type `T` in C order are borrowed, others checked and copied.
-pub fn numbers<'py, T: Element + TryFrom<i64>>(
+pub fn numbers<'py, T: Element + TryFrom<i64> + TryFrom<u64>>(
     name: &str,
     value: &Bound<'py, PyAny>,
 ) -> PyResult<(Numbers<'py, T>, Vec<usize>)> {
@@ -178,15 +180,24 @@ pub fn numbers<'py, T: Element + TryFrom<i64>>(
     if !"iu".contains(kind(&array)?) && !array.is_empty() {
         return Err(wrong(&array, name, "hold whole numbers (int32, uint32, int64 or uint64)"));
     }
-    let copy = readonly(&converted::<i64>(&array)?)?;
-    let all = copy.as_slice()?;
-    let small = |(i, &v): (usize, &i64)| {
-        let bits = 8 * size_of::<T>();
-        let what = format!("`{name}`[{i}] {v}: must be a whole number, not negative, of at most {bits} bits");
-        T::try_from(v).map_err(|_| input(array.py(), what))
-    };
-    let all = all.iter().enumerate().map(small).collect::<PyResult<_>>()?;
+    let all = match kind(&array)? {
+        'u' => checked::<u64, T>(name, &array),
+        _ => checked::<i64, T>(name, &array),
+    }?;
     Ok((Numbers::Owned(all), shape))
+}
+
+/// Numbers of the wide type `W`, copied as `T`.
+fn checked<W: Element + Copy + Display, T: TryFrom<W>>(
+    name: &str,
+    array: &Bound<'_, PyUntypedArray>,
+) -> PyResult<Vec<T>> {
+    let copy = readonly(&converted::<W>(array)?)?;
+    let one = |(i, &number): (usize, &W)| {
+        let what = format!("`{name}`[{i}] {number}: must be a whole number from 0 to {}", largest::<T>());
+        T::try_from(number).map_err(|_| input(array.py(), what))
+    };
+    copy.as_slice()?.iter().enumerate().map(one).collect()
 }
 
 /// A number, or an array of real numbers as float32.

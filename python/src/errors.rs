@@ -5,11 +5,12 @@ use pyo3::prelude::*;
 use pyo3::types::PyType;
 use std::any::Any;
 
-/// Names in messages of the crate, and the arguments of the package that they stand for.
-const WORDS: [(&str, &str); 10] = [
+/// Names in messages of the crate, and what stands for them in the package.
+const WORDS: [(&str, &str); 16] = [
     ("`Detail::Optics`", "`detail=\"optics\"`"),
     ("`Detail::Clusters`", "`detail=\"clusters\"`"),
     ("`Detail::Rays`", "`detail=\"rays\"`"),
+    ("`Scene::flattened`", "`Scene.flattened()`"),
     ("the engine `MultiResolution`", "the engine `mr`"),
     ("the engine `Average`", "the engine `average`"),
     ("`feature_sizes`[0]", "`feature_size`"),
@@ -17,7 +18,60 @@ const WORDS: [(&str, &str); 10] = [
     ("`emitter_sizes`", "`emitter_size`"),
     ("`face_materials`", "`material`"),
     ("`to_source`", "`source`"),
+    // The package has no such option.
+    (", or raise option `max_memory`", ""),
+    (" or raise option `max_memory`", ""),
+    ("option `emitters`", "`emitters` to where the scene is made,"),
+    ("option `two_sided_emission`", "`two_sided_emission=True` where the scene is made"),
+    ("option `", "`"),
 ];
+
+/// How messages of the crate begin that describe an argument, and how they then name it.
+const BEGINNINGS: [(&str, &str); 9] = [
+    ("feature size ", "`feature_sizes` "),
+    ("the feature size ", "`size` "),
+    ("the exponent ", "`exponent` "),
+    ("the unoccluded value ", "`white` "),
+    ("the shadow threshold ", "`threshold` "),
+    ("the texel size ", "`texel` "),
+    ("no scene is called ", "`name`: no scene is called "),
+    ("receiver ", "`receivers`: "),
+    ("emitter ", "`emitters`: "),
+];
+
+/// Options that the crate names by their fields in front of their values, as in `max_links 0: must lie in 1..100`.
+const FIELDS: [&str; 13] = [
+    "audit",
+    "error",
+    "feature_size",
+    "max_links",
+    "max_seconds",
+    "min_area",
+    "points",
+    "rays",
+    "reference_rays",
+    "seed",
+    "target_error",
+    "target_seconds",
+    "threads",
+];
+
+/// A message of the crate in words of the package.
+fn in_words(text: String) -> String {
+    let mut text = WORDS.iter().fold(text, |text, (from, to)| text.replace(from, to));
+    let mut words = text.split([' ', ':']);
+    if let (Some(field), Some(value)) = (words.next(), words.next())
+        && FIELDS.contains(&field)
+        && value.parse::<f64>().is_ok()
+    {
+        text = format!("`{field}`{}", &text[field.len()..]);
+        text = text.replace("and rays ", "and `rays` ").replace("with rays ", "with `rays` ");
+    }
+    match BEGINNINGS.iter().find(|(from, _)| text.starts_with(from)) {
+        Some((from, to)) => format!("{to}{}", &text[from.len()..]),
+        None => text,
+    }
+}
 
 /// An exception of `mrvis._types`.
 fn exception(py: Python<'_>, class: &str, arguments: impl PyErrArguments + 'static) -> PyErr {
@@ -53,8 +107,7 @@ pub fn translated(py: Python<'_>, error: &mrvis::Error) -> PyErr {
         Io => "IoError",
         _ => "Error",
     };
-    let message = WORDS.iter().fold(error.to_string(), |text, (from, to)| text.replace(from, to));
-    exception(py, class, message)
+    exception(py, class, in_words(error.to_string()))
 }
 
 /// A panic of the crate as an `Error`.

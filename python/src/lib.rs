@@ -17,6 +17,8 @@ use pyo3::prelude::*;
 /// Visibility and radiosity in scenes full of small detail.
 #[pymodule]
 mod _mrvis {
+    use pyo3::prelude::*;
+
     #[pymodule_export]
     use super::form_factors::PyFormFactors;
     #[pymodule_export]
@@ -29,6 +31,13 @@ mod _mrvis {
     use super::solution::PySolution;
     #[pymodule_export]
     use super::visibility::PyVisibility;
+
+    /// Work that was left behind ends before the libraries that it uses.
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        let stop = wrap_pyfunction!(crate::work::stop_all, module)?;
+        module.py().import("atexit")?.call_method1("register", (stop,)).map(drop)
+    }
 
     #[expect(non_upper_case_globals, reason = "the name that Python users look for")]
     #[pymodule_export]

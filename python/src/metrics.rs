@@ -4,7 +4,7 @@ use crate::arguments::{keywords, unknown, value, word};
 use crate::arrays::image;
 use crate::errors::{Raise, input};
 use crate::solution::class;
-use crate::work::short;
+use crate::work::long;
 use mrvis::metrics::{FbemOptions, FeatureOptions, Features, Filter, Image, Morphology, spectrum};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -41,7 +41,7 @@ fn measured<'py>(
     reference: &Bound<'py, PyAny>,
     approximation: &Bound<'py, PyAny>,
     sizes: &[f64],
-    options: &Options,
+    options: Options,
 ) -> PyResult<Vec<Bound<'py, PyAny>>> {
     let py = reference.py();
     let images = [("reference", reference), ("approximation", approximation)];
@@ -49,9 +49,14 @@ fn measured<'py>(
     for (name, given) in images {
         let (width, height, data) = image(name, given)?;
         let checked = Image::new(width, height, options.texel, data);
-        pixels.push(checked.raise(py).map_err(|error| input(py, format!("`{name}`: {}", error.value(py))))?);
+        // The side of a texel is an argument of its own.
+        pixels.push(checked.raise(py).map_err(|error| match error.value(py).to_string() {
+            text if text.starts_with('`') => error,
+            text => input(py, format!("`{name}`: {text}")),
+        })?);
     }
-    let found = short(py, || spectrum(&pixels[0], &pixels[1], sizes, &options.fbem))?;
+    let sizes = sizes.to_vec();
+    let found = long(py, None, move |_| spectrum(&pixels[0], &pixels[1], &sizes, &options.fbem))?;
     let class = class(py, "Fbem")?;
     let made = found.iter().map(|f| class.call1((f.size, f.value, f.masked_fraction, f.inside, f.outside)));
     made.collect()
@@ -72,7 +77,7 @@ pub fn fbem<'py>(
     options: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let options = self::options("fbem", options)?;
-    Ok(measured(reference, approximation, &[size], &options)?.remove(0))
+    Ok(measured(reference, approximation, &[size], options)?.remove(0))
 }
 
 /// `fbem` for each of `sizes` (scene units), as a list of `Fbem`: the error by feature size. Options are those of `fbem`.
@@ -85,5 +90,5 @@ pub fn fbem_spectrum<'py>(
     options: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<Bound<'py, PyList>> {
     let options = self::options("fbem_spectrum", options)?;
-    PyList::new(reference.py(), measured(reference, approximation, &sizes, &options)?)
+    PyList::new(reference.py(), measured(reference, approximation, &sizes, options)?)
 }

@@ -1,13 +1,16 @@
 //! Models: scenes prepared for queries.
 
 use crate::arguments::{keywords, not_pickled, unknown, value, whole, word};
+use crate::arrays::rows_out;
+use crate::errors::input;
 use crate::form_factors::{PyFormFactors, form_factor_options};
 use crate::scene::{PyScene, affine};
-use crate::solution::{PySolution, solve_options};
+use crate::solution::{PySolution, class, solve_options, surface_points};
 use crate::source::SourceAsk;
 use crate::visibility::{Ask, PyVisibility};
-use crate::work::{long, short};
-use mrvis::{Detail, InstanceChange, Model, PrepareOptions};
+use crate::work::long;
+use mrvis::{BenchOptions, Detail, Instance, InstanceChange, Model, PrepareOptions};
+use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
@@ -25,9 +28,49 @@ const DETAILS: [(&str, Detail); 3] =
 /// returns False, CancelledError is raised; what it raises is raised here, KeyboardInterrupt too.
 #[pyclass(frozen, module = "mrvis", name = "Model")]
 pub struct PyModel {
-    model: Model,
+    pub model: Model,
     scene: Py<PyScene>,
-    threads: usize,
+}
+
+impl PyModel {
+    /// The model after changes of its instances.
+    fn changed(&self, py: Python<'_>, changes: Vec<InstanceChange>) -> PyResult<PyModel> {
+        let model = self.model.clone();
+        let model = long(py, None, move |_| model.update(&changes))?;
+        Ok(PyModel { model, scene: self.scene.clone_ref(py) })
+    }
+}
+
+fn bench_options(options: Option<&Bound<'_, PyDict>>) -> PyResult<BenchOptions> {
+    let (mut all, mut targets) = (BenchOptions::default(), 0);
+    for (name, given) in keywords(options) {
+        targets += usize::from(name.starts_with("target_"));
+        all = match name.as_str() {
+            "points" => all.with_points(whole(&name, &given)?),
+            "rays" => all.with_rays(whole(&name, &given)?),
+            "feature_size" => {
+                let sizes =
+                    given.extract::<f64>().map_or_else(|_| value(&name, &given), |size| Ok(vec![size]))?;
+                sizes.into_iter().fold(all, BenchOptions::with_feature_size)
+            }
+            "receivers" => {
+                value::<Vec<String>>(&name, &given)?.into_iter().fold(all, BenchOptions::with_receiver)
+            }
+            "reference_rays" => all.with_reference_rays(whole(&name, &given)?),
+            "threads" => all.with_threads(whole(&name, &given)?),
+            "audit" => all.with_audit(value(&name, &given)?),
+            "unbiased" => all.with_unbiased(value(&name, &given)?),
+            "target_error" => all.with_target_error(value(&name, &given)?),
+            "target_seconds" => all.with_target_seconds(value(&name, &given)?),
+            "seed" => all.with_seed(whole(&name, &given)?),
+            _ => return unknown("bench", &name),
+        };
+        if targets > 1 {
+            let what = "`target_error` and `target_seconds` are both given: give one of them";
+            return Err(input(given.py(), what));
+        }
+    }
+    Ok(all)
 }
 
 #[pymethods]
@@ -40,21 +83,18 @@ impl PyModel {
         progress: Option<Py<PyAny>>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<PyModel> {
-        let (mut prepare, mut threads) = (PrepareOptions::default(), 0);
+        let mut prepare = PrepareOptions::default();
         for (name, given) in keywords(options) {
             prepare = match name.as_str() {
                 "detail" => prepare.with_detail(word(&name, &given, &DETAILS)?),
-                "threads" => {
-                    threads = whole(&name, &given)?;
-                    prepare.with_threads(threads)
-                }
+                "threads" => prepare.with_threads(whole(&name, &given)?),
                 "cache" => prepare.with_cache(value::<PathBuf>(&name, &given)?),
                 _ => return unknown("Model", &name),
             };
         }
         let shared = scene.get().scene.clone();
-        let model = long(py, progress, |watch| Model::prepare(shared, &prepare, watch))?;
-        Ok(PyModel { model, scene, threads })
+        let model = long(py, progress, move |watch| Model::prepare(shared, &prepare, watch))?;
+        Ok(PyModel { model, scene })
     }
 
     /// The scene that was prepared.
@@ -106,16 +146,74 @@ impl PyModel {
         self.model.instances().iter().map(|instance| instance.name.to_string()).collect()
     }
 
+    /// The instances as a list of `Instance`, removed ones included: the number of an instance is its place and never changes. The first
+    /// holds the scene's own triangles.
+    #[getter]
+    fn instances<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyAny>>> {
+        let class = class(py, "Instance")?;
+        let all = self.model.instances().iter();
+        let one = |instance: &Instance| {
+            let m = instance.transform.matrix3.to_cols_array_2d();
+            let t = instance.transform.translation.to_array();
+            let rows = (0..3).map(|r| [m[0][r], m[1][r], m[2][r], t[r]]).collect::<Vec<_>>();
+            let transform = PyArray1::from_vec(py, rows.into_flattened()).reshape([3, 4])?;
+            let (visible, removed) = (instance.visible, instance.removed);
+            class.call1((&*instance.name, instance.mesh, transform, instance.material, visible, removed))
+        };
+        all.map(one).collect()
+    }
+
     /// A model in which instances were moved, as a dict from numbers of instances (1 or larger) to matrices (3, 4) or (4, 4) from the frame of
-    /// the mesh to that of the model, scene units relative to `Scene.origin`. Clusters of meshes are not measured again.
+    /// the mesh to that of the model, scene units relative to `Scene.origin`: rotation, reflection, uniform scale and translation. Clusters of
+    /// meshes are not measured again; this model stays as it is. InputError for instances that do not exist, and for instance 0.
     fn moved(&self, py: Python<'_>, transforms: &Bound<'_, PyDict>) -> PyResult<PyModel> {
         let mut changes = Vec::new();
         for (instance, transform) in transforms {
-            let (instance, transform) = (whole("instance", &instance)?, affine("transform", &transform)?);
+            let (instance, transform) = (whole("transforms", &instance)?, affine("transforms", &transform)?);
             changes.push(InstanceChange::Move { instance, transform });
         }
-        let model = short(py, || self.model.update(&changes))?;
-        Ok(PyModel { model, scene: self.scene.clone_ref(py), threads: self.threads })
+        self.changed(py, changes)
+    }
+
+    /// A model with one more instance, after all others, of a mesh that an instance has already (`Instance.mesh`, 1 or larger). transform: as
+    /// for `moved`. material: a number in `Scene.material_names` that replaces those of the mesh and does not emit.
+    #[pyo3(signature = (mesh, name, transform, *, material=None))]
+    fn with_instance(
+        &self,
+        py: Python<'_>,
+        mesh: &Bound<'_, PyAny>,
+        name: &str,
+        transform: &Bound<'_, PyAny>,
+        material: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<PyModel> {
+        let added = Instance {
+            mesh: whole("mesh", mesh)?,
+            transform: affine("transform", transform)?,
+            material: material.map(|material| whole("material", material)).transpose()?,
+            name: name.into(),
+            visible: true,
+            removed: false,
+        };
+        self.changed(py, vec![InstanceChange::Add(added)])
+    }
+
+    /// A model without some instances, given by their numbers (1 or larger); those of others do not change.
+    fn without_instances(&self, py: Python<'_>, instances: Vec<Bound<'_, PyAny>>) -> PyResult<PyModel> {
+        let removed = |instance: &Bound<'_, PyAny>| {
+            Ok(InstanceChange::Remove { instance: whole("instances", instance)? })
+        };
+        let changes = instances.iter().map(removed).collect::<PyResult<_>>()?;
+        self.changed(py, changes)
+    }
+
+    /// A model in which instances are shown or hidden, as a dict from their numbers (1 or larger) to True or False.
+    fn shown(&self, py: Python<'_>, visible: &Bound<'_, PyDict>) -> PyResult<PyModel> {
+        let mut changes = Vec::new();
+        for (instance, shown) in visible {
+            let (instance, visible) = (whole("visible", &instance)?, value("visible", &shown)?);
+            changes.push(InstanceChange::Show { instance, visible });
+        }
+        self.changed(py, changes)
     }
 
     /// Transmittance of N segments in K bundles, as a `Visibility`.
@@ -128,24 +226,25 @@ impl PyModel {
     /// engine: "auto" (default), "exact", "mr" (multi-resolution) or "average". relative_to: the point that positions are relative to; default
     /// zero. out: (K,) float32 that the transmittance is written into. intervals, methods, segments: whether to make these arrays of the answer.
     ///
-    /// The GIL is released. The batch is not interrupted by signals: a million segments take about a second or less.
-    #[pyo3(signature = (origins, targets, *, bundles=None, out=None, **options))]
+    /// progress: as for `Model`; after an interruption some of `out` is written.
+    #[pyo3(signature = (origins, targets, *, bundles=None, out=None, progress=None, **options))]
     fn visibility<'py>(
         &self,
         origins: &Bound<'py, PyAny>,
         targets: &Bound<'py, PyAny>,
         bundles: Option<&Bound<'py, PyAny>>,
         out: Option<&Bound<'py, PyAny>>,
+        progress: Option<Py<PyAny>>,
         options: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<PyVisibility> {
-        Ask::new(origins, targets, bundles, options)?.answer(&self.model, out)
+        Ask::new(origins, targets, bundles, options)?.answer(&self.model, out, progress)
     }
 
     /// Visible fraction of a light source from N points of surfaces, as a `Visibility`; parts below the horizon count as hidden.
     ///
     /// points: (N, 3) scene units; normals: (N, 3), or (3,) for all, of any length above 0; both are copied. source: its
     /// number in `Scene.emitter_names`, default 0. feature_size: a number or (N,), scene units, above 0; default: exact. rays: segments a
-    /// point, 1 to 65,536, default 64. seed: default 1. engine, out, progress: as for `visibility` and `Model`.
+    /// point, 1 to 65,536, default 64. seed: 0 to 2**64 - 1, default 1. engine, out, progress: as for `visibility` and `Model`.
     #[pyo3(signature = (points, normals, source=None, *, out=None, progress=None, **options))]
     fn source_visibility<'py>(
         &self,
@@ -156,15 +255,14 @@ impl PyModel {
         progress: Option<Py<PyAny>>,
         options: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<PyVisibility> {
-        SourceAsk::new(points, normals, source, options)?.answer(&self.model, self.threads, out, progress)
+        SourceAsk::new(points, normals, source, options)?.answer(&self.model, out, progress)
     }
 
     /// Form factors with occlusion, as `FormFactors`; needs detail "rays".
     ///
     /// grouping: "polygon" (default), "object" or "material". rays: of every polygon, 1 to 1,048,576, default 2,048 or more. pair_rays: most
     /// between two polygons, 4 to 4,194,304, default 256 or more. closure: whether rows that nothing escapes from are adjusted to the sum 1
-    /// (default True). max_bytes: OutOfMemoryError beyond it, default 16 GiB. seed: default 1. progress: as for `Model`, but
-    /// it stops the work only before it begins.
+    /// (default True). max_bytes: OutOfMemoryError beyond it, default 16 GiB. seed: 0 to 2**64 - 1, default 1. progress: as for `Model`.
     #[pyo3(signature = (*, progress=None, **options))]
     fn form_factors(
         &self,
@@ -173,7 +271,8 @@ impl PyModel {
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<PyFormFactors> {
         let options = form_factor_options(options)?;
-        let factors = long(py, progress, |watch| self.model.form_factors(&options, watch))?;
+        let model = self.model.clone();
+        let factors = long(py, progress, move |watch| model.form_factors(&options, watch))?;
         Ok(PyFormFactors::new(py, &factors))
     }
 
@@ -183,18 +282,67 @@ impl PyModel {
     /// which need detail "optics". feature_size: of all receivers, scene units; feature_sizes: of named objects, groups or materials, a dict.
     /// importance: names whose light matters. min_area: smallest element as a fraction of the scene's area, default 2e-5. direct_only: no
     /// reflected light at points (default False). max_seconds: time limit from the start of the preparation. max_links: default ten
-    /// million. target_error: RMS error until which more rays are traced. seed: default 1.
+    /// million. target_error: RMS error until which more rays are traced. seed: 0 to 2**64 - 1, default 1.
     /// progress: as for `Model`, but if it returns False the result is what was reached: `Solution.interrupted` is True.
     #[pyo3(signature = (*, progress=None, **options))]
     fn solve(
-        &self,
+        this: &Bound<'_, Self>,
         py: Python<'_>,
         progress: Option<Py<PyAny>>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<PySolution> {
         let options = solve_options(options)?;
-        let solution = long(py, progress, |watch| self.model.solve(&options, watch))?;
-        Ok(PySolution::new(solution))
+        let model = this.get().model.clone();
+        let solution = long(py, progress, move |watch| model.solve(&options, watch))?;
+        Ok(PySolution { solution, model: this.clone().unbind() })
+    }
+
+    /// Irradiance by path tracing with all reflections, as a `Reference`: independent of clusters, elements and form factors; slow.
+    ///
+    /// points: (N, 3) scene units; normals: (N, 3), or (3,) for all, of any length above 0; both are copied. A point means the nearest surface
+    /// along its normal that is about parallel, within 1e-5 of the scene's diagonal. samples: paths a point, 2 to 2**32 - 1, best 8 times a
+    /// power of two, default 1,024. seed: 0 to 2**64 - 1, default 1. progress: as for `Model`.
+    #[pyo3(signature = (points, normals, *, samples=None, seed=None, progress=None))]
+    fn reference<'py>(
+        &self,
+        points: &Bound<'py, PyAny>,
+        normals: &Bound<'py, PyAny>,
+        samples: Option<&Bound<'py, PyAny>>,
+        seed: Option<&Bound<'py, PyAny>>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (py, points) = (points.py(), surface_points(points, normals)?);
+        let samples = samples.map_or(Ok(1024), |samples| whole("samples", samples))?;
+        let seed = seed.map_or(Ok(1), |seed| whole("seed", seed))?;
+        let model = self.model.clone();
+        let found = long(py, progress, move |watch| model.reference(&points, samples, seed, watch))?;
+        let (values, errors) = (rows_out(py, found.irradiance)?, rows_out(py, found.standard_errors)?);
+        class(py, "Reference")?.call1((values, errors))
+    }
+
+    /// Time and error of exact and of multi-resolution visibility on the same segments, as a `Bench`: what `mrvis bench` measures. Needs
+    /// detail "optics". Takes seconds to minutes; nothing else should run on the machine meanwhile.
+    ///
+    /// points: receivers, uniform over all surfaces that do not emit, 1 to 100 million, default 20,000. rays: segments from a point to an
+    /// emitter, 1 to 65,536, default 16; 4 and 16 times as many are measured as well. feature_size: a number or several, scene units, above 0,
+    /// default four from the scene's statistics. receivers: names of objects, groups or materials for shadow images, default the largest flat surfaces.
+    /// reference_rays: from a point to an emitter in the reference, 1 to 65,536, default 1,024. threads: of the timed sections, 1 to 1,024,
+    /// default 1. audit: part of the bundles, 0 to 1, on which exact rays check the intervals, default 0.05. unbiased: whether corrected
+    /// estimates are measured too, default False. target_error: chooses size and segments for this RMS error of the visible fraction, above 0,
+    /// at most 1; target_seconds: for the smallest error within this time; give one of both, or none. seed: 0 to 2**64 - 1, default 1.
+    /// progress: as for `Model`; it stops the work between stages.
+    #[pyo3(signature = (*, progress=None, **options))]
+    fn bench<'py>(
+        &self,
+        py: Python<'py>,
+        progress: Option<Py<PyAny>>,
+        options: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let options = bench_options(options)?;
+        let model = self.model.clone();
+        let report = long(py, progress, move |watch| model.bench(&options, watch))?;
+        let record = py.import("json")?.call_method1("loads", (report.json(),))?;
+        class(py, "Bench")?.call1((record, report.page(), report.target_met()))
     }
 
     fn __repr__(&self) -> String {

@@ -1,13 +1,15 @@
 //! Scenes from files, bytes, arrays and generators.
 
-use crate::arguments::{keywords, not_pickled, unknown, value, vector, whole};
+use crate::arguments::{is_whole, keywords, not_pickled, unknown, value, vector, whole};
 use crate::arrays::{Numbers, Points, numbers, points};
 use crate::errors::{Raise, input};
-use crate::work::short;
+use crate::solution::camera_out;
+use crate::work::{Watch, long, short};
 use mrvis::{DAffine3, LoadOptions, MeshArrays, Positions, Scene, SceneBuilder};
 use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
+use pyo3::pybacked::PyBackedBytes;
+use pyo3::types::PyDict;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -29,7 +31,13 @@ fn load_options(function: &str, options: Option<&Bound<'_, PyDict>>) -> PyResult
                 emitters.into_iter().fold(all, |all, (emitter, watts)| all.with_emitter(emitter, watts))
             }
             "two_sided_emission" => all.with_two_sided_emission(value(&name, &given)?),
-            "sides" => all.with_sides(whole(&name, &given)?),
+            "sides" => match whole(&name, &given)? {
+                sides @ (1 | 2) => all.with_sides(sides),
+                other => {
+                    let what = format!("`sides` {other}: must be 1 (closed solids) or 2 (sheets)");
+                    return Err(input(given.py(), what));
+                }
+            },
             "threads" => all.with_threads(whole(&name, &given)?),
             _ => return unknown(function, &name),
         };
@@ -50,8 +58,9 @@ impl PyScene {
     #[pyo3(signature = (path, **options))]
     fn load(py: Python<'_>, path: PathBuf, options: Option<&Bound<'_, PyDict>>) -> PyResult<PyScene> {
         let options = load_options("load", options)?;
-        let scene = short(py, || Scene::load_with(&path, &options))?;
-        Ok(PyScene { scene: Arc::new(scene), source: path.display().to_string() })
+        let source = path.display().to_string();
+        let scene = long(py, None, move |_| Scene::load_with(&path, &options))?;
+        Ok(PyScene { scene: Arc::new(scene), source })
     }
 
     /// Reads the bytes of a file, borrowed; `format` is "obj", "gltf", "glb" or "ply". Files that it names are looked for in `folder`; without
@@ -60,23 +69,25 @@ impl PyScene {
     #[pyo3(signature = (data, format, folder=None, **options))]
     fn from_bytes(
         py: Python<'_>,
-        data: &Bound<'_, PyBytes>,
+        data: PyBackedBytes,
         format: &str,
         folder: Option<PathBuf>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<PyScene> {
         let options = load_options("from_bytes", options)?;
-        let data = data.as_bytes();
-        let scene = short(py, || Scene::from_memory(data, format, folder.as_deref(), &options))?;
-        Ok(PyScene { scene: Arc::new(scene), source: format!("{format} in memory") })
+        let (source, format) = (format!("{format} in memory"), format.to_owned());
+        let read = move |_: &Watch| Scene::from_memory(&data, &format, folder.as_deref(), &options);
+        let scene = long(py, None, read)?;
+        Ok(PyScene { scene: Arc::new(scene), source })
     }
 
     /// Generates a scene by name: "cube-groups", "forest", "cubes", "brick-wall", "louvres", "bookshelf", "desk-room", "urban-block" or
     /// "cornell". Metres, but "cornell" is in millimetres. Every one has an emitter.
     #[staticmethod]
-    fn generate(py: Python<'_>, name: &str) -> PyResult<PyScene> {
-        let scene = short(py, || Scene::generate(name))?;
-        Ok(PyScene { scene: Arc::new(scene), source: name.to_owned() })
+    fn generate(py: Python<'_>, name: String) -> PyResult<PyScene> {
+        let source = name.to_owned();
+        let scene = long(py, None, move |_| Scene::generate(&name))?;
+        Ok(PyScene { scene: Arc::new(scene), source })
     }
 
     /// The same scene without instances: each placed mesh becomes triangles of the scene's own, which `Model.solve` and
@@ -84,8 +95,10 @@ impl PyScene {
     ///
     /// max_triangles: InputError beyond this number; default 2³¹.
     #[pyo3(signature = (max_triangles=None))]
-    fn flattened(&self, py: Python<'_>, max_triangles: Option<u64>) -> PyResult<PyScene> {
-        let scene = short(py, || self.scene.flattened(max_triangles.unwrap_or(u64::MAX)))?;
+    fn flattened(&self, py: Python<'_>, max_triangles: Option<&Bound<'_, PyAny>>) -> PyResult<PyScene> {
+        let most = max_triangles.map_or(Ok(u64::MAX), |most| whole("max_triangles", most))?;
+        let placed = self.scene.clone();
+        let scene = long(py, None, move |_| placed.flattened(most))?;
         Ok(PyScene { scene: Arc::new(scene), source: self.source.clone() })
     }
 
@@ -135,6 +148,12 @@ impl PyScene {
     #[getter]
     fn emitter_names(&self) -> Vec<&str> {
         self.scene.emitter_names().collect()
+    }
+
+    /// The perspective cameras of the file as (name, `Camera`), for `Solution.image`; names need not be unique.
+    #[getter]
+    fn cameras<'py>(&self, py: Python<'py>) -> PyResult<Vec<(&str, Bound<'py, PyAny>)>> {
+        self.scene.cameras().map(|(name, camera)| Ok((name, camera_out(py, &camera)?))).collect()
     }
 
     /// Repairs made while reading, one sentence each.
@@ -191,7 +210,7 @@ impl<'py> Mesh<'py> {
         };
         let material = match material {
             None => Ok(0),
-            Some(material) if material.extract::<i64>().is_ok() => Ok(whole("material", material)?),
+            Some(material) if is_whole(material) => Ok(whole("material", material)?),
             Some(material) => Err(numbers("material", material)?.0),
         };
         Ok(Mesh { positions, indices, sizes, material })
@@ -301,7 +320,7 @@ impl PySceneBuilder {
     fn finish(&self, py: Python<'_>, options: Option<&Bound<'_, PyDict>>) -> PyResult<PyScene> {
         let options = load_options("finish", options)?;
         let builder = std::mem::take(&mut *self.lock());
-        let scene = short(py, || builder.finish(&options))?;
+        let scene = long(py, None, move |_| builder.finish(&options))?;
         Ok(PyScene { scene: Arc::new(scene), source: "arrays".into() })
     }
 

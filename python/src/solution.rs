@@ -3,6 +3,7 @@
 use crate::arguments::{keywords, not_pickled, unknown, value, whole, word};
 use crate::arrays::{points_f64, rows_out};
 use crate::errors::input;
+use crate::model::PyModel;
 use crate::source::Normals;
 use crate::visibility::ENGINES;
 use crate::work::long;
@@ -14,6 +15,10 @@ use std::collections::BTreeMap;
 
 /// Points between two looks for an interruption: 4,096 of them take about a second on one core at the default of some hundred rays each.
 const POINTS: usize = 1 << 12;
+
+/// Limits of [`ImageOptions::with_size`].
+const MAX_SIDE: usize = 16_384;
+const MAX_PIXELS: usize = 1 << 25;
 
 pub fn solve_options(options: Option<&Bound<'_, PyDict>>) -> PyResult<SolveOptions> {
     let mut all = SolveOptions::default();
@@ -44,13 +49,10 @@ pub fn solve_options(options: Option<&Bound<'_, PyDict>>) -> PyResult<SolveOptio
 /// The light in a model. Immutable; several threads may ask at once.
 #[pyclass(frozen, module = "mrvis", name = "Solution")]
 pub struct PySolution {
-    solution: Solution,
-}
-
-impl PySolution {
-    pub fn new(solution: Solution) -> PySolution {
-        PySolution { solution }
-    }
+    pub solution: Solution,
+    /// The model that was solved.
+    #[pyo3(get)]
+    pub model: Py<PyModel>,
 }
 
 /// A class of `mrvis._types`.
@@ -58,8 +60,43 @@ pub fn class<'py>(py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyType>> {
     Ok(py.import("mrvis._types")?.getattr(name)?.cast_into()?)
 }
 
+/// A camera as a `mrvis.Camera`.
+pub fn camera_out<'py>(py: Python<'py>, camera: &Camera) -> PyResult<Bound<'py, PyAny>> {
+    let tuple = |v: [f64; 3]| (v[0], v[1], v[2]);
+    class(py, "Camera")?.call1((tuple(camera.eye), tuple(camera.target), tuple(camera.up), camera.angle))
+}
+
+/// Points of surfaces from positions and normals, checked.
+pub fn surface_points(points: &Bound<'_, PyAny>, normals: &Bound<'_, PyAny>) -> PyResult<Vec<SurfacePoint>> {
+    let positions = points_f64("points", points)?;
+    let normals = Normals::new(normals, positions.len())?;
+    let surface = |i| {
+        let (position, normal) = (positions.row(i), normals.of(i));
+        let length: f64 = normal.iter().map(|n| n * n).sum();
+        if !position.iter().chain([&length]).all(|v| v.is_finite()) || length == 0.0 {
+            let what = format!("`points`[{i}] {position:?} with `normals`[{i}] {normal:?}");
+            let cure = "give a finite position and a normal longer than 0";
+            return Err(input(points.py(), format!("{what}: {cure}")));
+        }
+        Ok(SurfacePoint { position, normal })
+    };
+    (0..positions.len()).map(surface).collect()
+}
+
 /// Name of an array of `mrvis.Elements`, and its entries.
 type Column<T> = (&'static str, fn(&Element) -> T);
+
+/// Columns and rows of an image, of as many pixels as the crate allows.
+fn sides(given: &Bound<'_, PyAny>) -> PyResult<[usize; 2]> {
+    let numbers = given.extract::<[Bound<'_, PyAny>; 2]>();
+    let [columns, rows] = numbers.map_err(|_| input(given.py(), "`size`: must be (columns, rows)"))?;
+    let [columns, rows] = [whole("size", &columns)?, whole("size", &rows)?];
+    if [columns, rows].iter().any(|n| !(1..=MAX_SIDE).contains(n)) || columns * rows > MAX_PIXELS {
+        let must = format!("each must lie in 1..{MAX_SIDE}, with at most {MAX_PIXELS} pixels");
+        return Err(input(given.py(), format!("`size` ({columns}, {rows}): {must}")));
+    }
+    Ok([columns, rows])
+}
 
 /// A `mrvis.Camera`.
 #[derive(FromPyObject)]
@@ -84,25 +121,16 @@ impl PySolution {
         normals: &Bound<'py, PyAny>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let points = points_f64("points", points)?;
-        let normals = Normals::new(normals, points.len())?;
-        let surface = |i| SurfacePoint { position: points.row(i), normal: normals.of(i) };
-        let surface: Vec<SurfacePoint> = (0..points.len()).map(surface).collect();
-        for (i, SurfacePoint { position, normal }) in surface.iter().enumerate() {
-            let length: f64 = normal.iter().map(|n| n * n).sum();
-            if !position.iter().chain([&length]).all(|v| v.is_finite()) || length == 0.0 {
-                let what = format!("`points`[{i}] {position:?} with normal {normal:?}");
-                return Err(input(py, format!("{what}: give a finite position and a normal longer than 0")));
-            }
-        }
-        let found = long(py, progress, |watch| {
+        let surface = surface_points(points, normals)?;
+        let solution = self.solution.clone();
+        let found = long(py, progress, move |watch| {
             let mut found = Vec::with_capacity(surface.len());
             watch.stage("light at points", surface.len() as u64);
             for some in surface.chunks(POINTS) {
                 if watch.stopped() {
                     return Err(Error::Cancelled("stopped before the light at all points was found".into()));
                 }
-                found.extend(self.solution.irradiance(some)?);
+                found.extend(solution.irradiance(some)?);
                 watch.advance(some.len() as u64);
             }
             Ok(found)
@@ -153,10 +181,8 @@ impl PySolution {
         py: Python<'py>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let Camera { eye, target, up, angle } =
-            long(py, progress, |watch| self.solution.automatic_camera(watch))?;
-        let tuple = |v: [f64; 3]| (v[0], v[1], v[2]);
-        class(py, "Camera")?.call1((tuple(eye), tuple(target), tuple(up), angle))
+        let solution = self.solution.clone();
+        camera_out(py, &long(py, progress, move |watch| solution.automatic_camera(watch))?)
     }
 
     /// The radiance that a camera sees, shape (rows, columns, 3), float32, W/(m² sr), linear RGB, from the top; black where it sees no lit
@@ -170,24 +196,21 @@ impl PySolution {
         &self,
         py: Python<'py>,
         camera: Option<&Bound<'py, PyAny>>,
-        size: Option<(i64, i64)>,
+        size: Option<&Bound<'py, PyAny>>,
         gather: bool,
         out: Option<&Bound<'py, PyAny>>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyArray3<f32>>> {
         let camera: Option<GivenCamera> = camera.map(|camera| value("camera", camera)).transpose()?;
-        let size = size.unwrap_or((800, 600));
-        let [columns, rows] = [size.0, size.1].map(|n| usize::try_from(n).unwrap_or(0));
+        let [columns, rows] = size.map_or(Ok([800, 600]), sides)?;
         let options = ImageOptions::default().with_size(columns, rows).with_gather(gather);
-        // Sizes that the crate refuses get no array.
-        let pixels = columns.checked_mul(rows).filter(|pixels| *pixels <= 1 << 25).unwrap_or(0);
-        let array = match out {
-            None => {
-                let shape = if pixels == 0 { [0, 0, 3] } else { [rows, columns, 3] };
-                PyArray1::from_vec(py, vec![0.0f32; 3 * pixels]).reshape(shape)?
-            }
+        let out = match out {
+            None => None,
             Some(out) => match out.cast::<PyArray3<f32>>() {
-                Ok(array) if array.is_c_contiguous() && *array.shape() == [rows, columns, 3] => array.clone(),
+                Ok(array) if array.is_c_contiguous() && *array.shape() == [rows, columns, 3] => {
+                    let locked = array.try_readwrite();
+                    Some(locked.map_err(|error| input(py, format!("`out`: {error}")))?)
+                }
                 _ => {
                     let must =
                         format!("must be a C-contiguous float32 array of shape ({rows}, {columns}, 3)");
@@ -195,17 +218,23 @@ impl PySolution {
                 }
             },
         };
-        let mut locked = array.try_readwrite().map_err(|error| input(py, format!("`out`: {error}")))?;
-        let radiance = locked.as_slice_mut()?;
-        long(py, progress, |watch| {
+        let solution = self.solution.clone();
+        let radiance = long(py, progress, move |watch| {
             let camera = match camera {
                 Some(GivenCamera { eye, target, up, angle }) => Camera { eye, target, up, angle },
-                None => self.solution.automatic_camera(watch)?,
+                None => solution.automatic_camera(watch)?,
             };
-            self.solution.image(&camera, &options, radiance, watch)
+            let mut radiance = vec![0.0f32; 3 * columns * rows];
+            solution.image(&camera, &options, &mut radiance, watch)?;
+            Ok(radiance)
         })?;
-        drop(locked);
-        Ok(array)
+        match out {
+            None => PyArray1::from_vec(py, radiance).reshape([rows, columns, 3]),
+            Some(mut out) => {
+                out.as_slice_mut()?.copy_from_slice(&radiance);
+                Ok((**out).clone())
+            }
+        }
     }
 
     /// The irradiance of all surfaces in one image of about `texels` texels (1 to 2**26, default 2**20), as a `Lightmap`.
@@ -213,11 +242,12 @@ impl PySolution {
     fn lightmap<'py>(
         &self,
         py: Python<'py>,
-        texels: Option<i64>,
+        texels: Option<&Bound<'py, PyAny>>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let texels = texels.map_or(1 << 20, |texels| usize::try_from(texels).unwrap_or(0));
-        let map = long(py, progress, |watch| self.solution.lightmap(texels, watch))?;
+        let texels = texels.map_or(Ok(1 << 20), |texels| whole("texels", texels))?;
+        let solution = self.solution.clone();
+        let map = long(py, progress, move |watch| solution.lightmap(texels, watch))?;
         let fields = PyDict::new(py);
         let irradiance = PyArray1::from_vec(py, map.irradiance.into_flattened());
         fields.set_item("irradiance", irradiance.reshape([map.height, map.width, 3])?)?;
@@ -232,7 +262,8 @@ impl PySolution {
     /// One HTML page that shows the solution: pictures, energy, error bars and times. It refers to no other file.
     #[pyo3(signature = (*, progress=None))]
     fn page(&self, py: Python<'_>, progress: Option<Py<PyAny>>) -> PyResult<String> {
-        long(py, progress, |watch| self.solution.page(watch))
+        let solution = self.solution.clone();
+        long(py, progress, move |watch| solution.page(watch))
     }
 
     /// Mean irradiance of all surfaces, shape (3,), float64, W/m², linear RGB.

@@ -73,7 +73,11 @@ impl<'py> SourceAsk<'py> {
             match name.as_str() {
                 "feature_size" => ask.feature_size = Some(floats(&name, &given)?),
                 "rays" => ask.rays = whole(&name, &given)?,
-                "seed" => ask.seed = whole(&name, &given)?,
+                "seed" => {
+                    // The crate has seeds of 32 bits here; those below 2³² stay as they are.
+                    let seed: u64 = whole(&name, &given)?;
+                    ask.seed = (seed ^ (seed >> 32)) as u32;
+                }
                 "engine" => ask.engine = word(&name, &given, &ENGINES)?,
                 _ => return unknown("source_visibility", &name),
             }
@@ -89,11 +93,10 @@ impl<'py> SourceAsk<'py> {
         Ok(ask)
     }
 
-    /// Asks the model on as many threads as it has, without the GIL.
+    /// Asks the model on its threads, without the GIL.
     pub fn answer(
         self,
         model: &Model,
-        threads: usize,
         out: Option<&Bound<'py, PyAny>>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<PyVisibility> {
@@ -111,15 +114,14 @@ impl<'py> SourceAsk<'py> {
             .collect::<PyResult<_>>()?;
         let SourceAsk { source, rays, seed, engine, .. } = self;
         let visibility = model.visibility().with_engine(engine);
-        let one = |&(point, normal, size): &([f64; 3], [f64; 3], Option<f32>)| {
+        let one = move |&(point, normal, size): &([f64; 3], [f64; 3], Option<f32>)| {
             let query = visibility.from_point(point, normal).to_source(source).rays(rays).seed(seed);
             size.map_or(query, |size| query.feature_size(size)).answer()
         };
-        let work = |watch: &Watch| {
+        let model = model.clone();
+        let work = move |watch: &Watch| {
             watch.stage("visibility", count as u64);
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).stack_size(8 << 20).build();
-            let pool = pool.map_err(|error| Error::OutOfMemory(format!("threads: {error}")))?;
-            pool.install(|| {
+            model.on_threads(|| {
                 let answers = queries.par_iter().enumerate().map(|(i, query)| {
                     if watch.stopped() {
                         return Err((i, Error::Cancelled("stopped before all points were answered".into())));
@@ -129,7 +131,7 @@ impl<'py> SourceAsk<'py> {
                 });
                 // The error of the first point that has one, on any number of threads.
                 let answers: Vec<Result<Answer, (usize, Error)>> = answers.collect();
-                Ok(answers.into_iter().collect::<Result<Vec<Answer>, _>>())
+                answers.into_iter().collect::<Result<Vec<Answer>, _>>()
             })
         };
         let answers = long(py, progress, work)?.map_err(|(i, error)| match error.category() {

@@ -7,11 +7,15 @@ use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How often the calling thread looks for signals and reports progress: a key that stops the program feels immediate below 0.1 s.
 const TICK: Duration = Duration::from_millis(50);
+
+/// Work that has not stopped so long after an exception is left behind: Ctrl-C then acts within a second, with two ticks more.
+const PATIENCE: Duration = Duration::from_millis(500);
 
 /// Stack of the working thread, bytes: that of the threads of a model.
 const STACK: usize = 8 << 20;
@@ -23,18 +27,19 @@ enum Event {
 
 /// What the computation says, and whether it shall stop.
 pub struct Watch {
-    events: Sender<Event>,
+    events: Mutex<Sender<Event>>,
     steps: AtomicU64,
     done: AtomicU64,
     stop: AtomicBool,
+    /// Whether nothing of the work is left, its result included.
+    ended: AtomicBool,
 }
 
 impl Progress for Watch {
     fn stage(&self, name: &str, steps: u64) {
         self.steps.store(steps, Relaxed);
         self.done.store(0, Relaxed);
-        // The receiver lives as long as the work.
-        let _ = self.events.send(Event::Stage(name.to_owned()));
+        self.tell(Event::Stage(name.to_owned()));
     }
 
     fn advance(&self, steps: u64) {
@@ -47,6 +52,18 @@ impl Progress for Watch {
 }
 
 impl Watch {
+    fn new() -> (Arc<Watch>, Receiver<Event>) {
+        let (events, heard) = channel();
+        let (steps, done) = (AtomicU64::new(0), AtomicU64::new(0));
+        let (stop, ended) = (AtomicBool::new(false), AtomicBool::new(false));
+        (Arc::new(Watch { events: Mutex::new(events), steps, done, stop, ended }), heard)
+    }
+
+    fn tell(&self, event: Event) {
+        // Nobody hears work that was left behind.
+        let _ = self.events.lock().unwrap_or_else(PoisonError::into_inner).send(event);
+    }
+
     /// Part of the stage that is done, in `[0, 1]`; 0 if the number of its steps is unknown.
     fn fraction(&self) -> f64 {
         match self.steps.load(Relaxed) {
@@ -54,6 +71,26 @@ impl Watch {
             steps => (self.done.load(Relaxed) as f64 / steps as f64).min(1.0),
         }
     }
+}
+
+/// The work of [`long`] that has not ended.
+static RUNNING: Mutex<Vec<Arc<Watch>>> = Mutex::new(Vec::new());
+
+fn running<R>(of: impl FnOnce(&mut Vec<Arc<Watch>>) -> R) -> R {
+    of(&mut RUNNING.lock().unwrap_or_else(PoisonError::into_inner))
+}
+
+/// Called when the program ends: stops work that was left behind and waits for it, because it uses libraries that are unloaded next. A
+/// signal ends the waiting.
+#[pyfunction]
+pub fn stop_all(py: Python<'_>) -> PyResult<()> {
+    let all = running(|all| all.clone());
+    all.iter().for_each(|watch| watch.stop.store(true, Relaxed));
+    while !all.iter().all(|watch| watch.ended.load(Relaxed)) {
+        py.detach(|| thread::sleep(TICK));
+        py.check_signals()?;
+    }
+    Ok(())
 }
 
 /// Does short work without the GIL on the calling thread. Neither signals nor progress are served.
@@ -65,21 +102,54 @@ pub fn short<R: Send>(py: Python<'_>, work: impl FnOnce() -> mrvis::Result<R> + 
 }
 
 /// Does work without the GIL on another thread. Meanwhile `progress(stage, fraction)` is called on this one: when a stage begins and every
-/// [`TICK`]. The work is told to stop if it returns `False` or raises, or a signal raises: that exception is raised when the work has
-/// stopped, whatever its result.
-pub fn long<R: Send>(
+/// [`TICK`]. The work is told to stop if it returns `False` or raises, or a signal raises. That exception is raised when the work has
+/// stopped, whatever its result, and at the latest after [`PATIENCE`] or when a signal raises again: then the work is left behind.
+pub fn long<R: Send + 'static>(
+    py: Python<'_>,
+    progress: Option<Py<PyAny>>,
+    work: impl FnOnce(&Watch) -> mrvis::Result<R> + Send + 'static,
+) -> PyResult<R> {
+    let (watch, heard) = Watch::new();
+    let (results, result) = channel();
+    let own = watch.clone();
+    let job = move || {
+        // Without a caller the result is dropped here.
+        let _ = results.send(catch_unwind(AssertUnwindSafe(|| work(&own))));
+        own.ended.store(true, Relaxed);
+        own.tell(Event::Done);
+    };
+    running(|all| {
+        all.retain(|watch| !watch.ended.load(Relaxed));
+        all.push(watch.clone());
+    });
+    if let Err(error) = thread::Builder::new().stack_size(STACK).spawn(job) {
+        watch.ended.store(true, Relaxed);
+        return Err(mrvis::Error::OutOfMemory(format!("a thread: {error}"))).raise(py);
+    }
+    let (raised, result) = py.detach(move || {
+        let raised = serve(&watch, &heard, progress.as_ref(), true);
+        (raised, result.try_recv().ok())
+    });
+    match (raised, result) {
+        (_, Some(Err(panic))) => Err(panicked(py, &*panic)),
+        (Some(raised), _) => Err(raised),
+        (None, Some(Ok(result))) => result.raise(py),
+        (None, None) => Err(panicked(py, &"the work has no result")),
+    }
+}
+
+/// [`long`] for work that borrows arrays: it cannot be left behind, and must stop soon.
+pub fn borrowing<R: Send>(
     py: Python<'_>,
     progress: Option<Py<PyAny>>,
     work: impl FnOnce(&Watch) -> mrvis::Result<R> + Send,
 ) -> PyResult<R> {
     let (result, raised) = py.detach(|| {
-        let (events, heard) = channel();
-        let watch =
-            Watch { events, steps: AtomicU64::new(0), done: AtomicU64::new(0), stop: AtomicBool::new(false) };
+        let (watch, heard) = Watch::new();
         thread::scope(|scope| {
             let job = || {
                 let result = catch_unwind(AssertUnwindSafe(|| work(&watch)));
-                let _ = watch.events.send(Event::Done);
+                watch.tell(Event::Done);
                 result
             };
             let working = match thread::Builder::new().stack_size(STACK).spawn_scoped(scope, job) {
@@ -88,7 +158,7 @@ pub fn long<R: Send>(
                     return (Ok(Err(mrvis::Error::OutOfMemory(format!("a thread: {error}")))), None);
                 }
             };
-            let raised = serve(&watch, &heard, progress.as_ref());
+            let raised = serve(&watch, &heard, progress.as_ref(), false);
             (working.join().unwrap_or_else(|panic: Box<dyn Any + Send>| Err(panic)), raised)
         })
     });
@@ -99,31 +169,50 @@ pub fn long<R: Send>(
     }
 }
 
-/// Reports until the work is done; gives what the caller's function or a signal raised.
-fn serve(watch: &Watch, heard: &Receiver<Event>, progress: Option<&Py<PyAny>>) -> Option<PyErr> {
-    let (mut stage, mut raised) = (None, None);
+/// Reports until the work is done, or is to be left behind if it may be. Gives what the caller's function or a signal raised last.
+fn serve(
+    watch: &Watch,
+    heard: &Receiver<Event>,
+    progress: Option<&Py<PyAny>>,
+    may_leave: bool,
+) -> Option<PyErr> {
+    let mut stage = None;
+    let mut raised: Option<(PyErr, Instant)> = None;
     loop {
         match heard.recv_timeout(TICK) {
             Ok(Event::Stage(name)) => stage = Some(name),
             Err(RecvTimeoutError::Timeout) => {}
-            Ok(Event::Done) | Err(RecvTimeoutError::Disconnected) => return raised,
-        }
-        if raised.is_some() {
-            continue;
+            Ok(Event::Done) | Err(RecvTimeoutError::Disconnected) => return raised.map(|(error, _)| error),
         }
         let goes_on = Python::attach(|py| {
             py.check_signals()?;
-            let (Some(progress), Some(stage)) = (progress, &stage) else { return Ok(true) };
-            let said = progress.bind(py).call1((stage, watch.fraction()))?;
-            Ok(!said.is(pyo3::types::PyBool::new(py, false)))
-        });
-        match goes_on {
-            Ok(true) => {}
-            Ok(false) => watch.stop.store(true, Relaxed),
-            Err(error) => {
-                raised = Some(error);
-                watch.stop.store(true, Relaxed);
+            match (progress, &stage) {
+                (Some(progress), Some(stage)) if !watch.stopped() => {
+                    let said = progress.bind(py).call1((stage, watch.fraction()))?;
+                    Ok(!said.is(pyo3::types::PyBool::new(py, false)))
+                }
+                _ => Ok(true),
             }
+        });
+        let is_again = match goes_on {
+            Ok(true) => false,
+            Ok(false) => {
+                watch.stop.store(true, Relaxed);
+                false
+            }
+            Err(error) => {
+                watch.stop.store(true, Relaxed);
+                let before = raised.take();
+                let is_again = before.is_some();
+                raised = Some((error, before.map_or_else(Instant::now, |(_, since)| since)));
+                is_again
+            }
+        };
+        if may_leave
+            && let Some((_, since)) = &raised
+            && (is_again || since.elapsed() > PATIENCE)
+        {
+            return raised.map(|(error, _)| error);
         }
     }
 }

@@ -1,5 +1,6 @@
 """Answers: closed forms, and the same bits on any number of threads."""
 
+import base64
 import json
 
 import mrvis
@@ -182,3 +183,100 @@ def test_polygons():
         builder.add_material("grey", (0.5, 0.5, 0.5))
         builder.add_object("tile", SQUARE.astype(np.float32), material=[0], **options)
         assert builder.finish().triangle_count == 2
+
+
+def test_seeds_have_64_bits(cornell):
+    plain = mrvis.Model(squares(reflectance=0.5), detail="clusters")
+    points, up = [[278.0, 1, 280]] * 4, (0, 1, 0)
+    calls = {
+        "source": lambda seed: cornell.source_visibility(points, up, seed=seed, rays=16).transmittance,
+        "factors": lambda seed: plain.form_factors(seed=seed, rays=16, pair_rays=16, grouping="object").data,
+        "reference": lambda seed: cornell.reference(points, up, samples=8, seed=seed).irradiance,
+        "solve": lambda seed: plain.solve(error=0.5, seed=seed).mean_irradiance,
+    }
+    for name, call in calls.items():
+        for seed in (0, 2**63 - 1, 2**63, 2**64 - 1, np.uint64(2**63 + 1)):
+            assert np.array_equal(call(seed), call(seed)), (name, seed)
+        if name == "reference":  # the others have closed forms here, or seeds of 32 bits
+            assert not np.array_equal(call(1), call(2**63 + 1)), name
+        for seed in (-1, 2**64, -(2**63) - 1, 2**200, 10**5000):
+            with pytest.raises(ValueError, match=r"`seed` .*: must be a whole number from 0 to 18446744073709551615"):
+                call(seed)
+        with pytest.raises(TypeError, match="`seed`.*float"):
+            call(1.0)
+
+
+def test_path_tracing_finds_the_light_of_the_closed_form():
+    found = mrvis.Model(squares(), detail="rays").reference([[0.5, 0.5, 0]], (0, 0, 1), samples=4096)
+    want = 10 * np.pi * 4 * opposite(0.5, 0.5, 1)
+    assert found.irradiance.shape == found.standard_errors.shape == (1, 3) and len(found) == 1
+    assert found.irradiance == pytest.approx(np.full((1, 3), want), rel=0.02)
+    assert 0 <= found.standard_errors.max() < 0.02 * want
+
+
+def test_path_tracing_agrees_with_the_solution(cornell, light):
+    points = np.column_stack([np.linspace(100, 450, 6), np.full(6, 0.0), np.linspace(100, 450, 6)])
+    reference = cornell.reference(points, (0, 1, 0), samples=512).irradiance
+    found = light.irradiance(points, (0, 1, 0))
+    assert np.sqrt(np.mean((found - reference) ** 2)) < 0.1 * reference.mean()
+
+
+def test_benchmark():
+    stages = []
+    model = mrvis.Model(mrvis.Scene.generate("cubes"))
+    found = model.bench(points=50, rays=4, reference_rays=32, feature_size=2.0, progress=lambda stage, part: stages.append(stage))
+    assert found.target_met is None and found.page.startswith("<!") and len(set(stages)) > 1
+    record = found.record
+    assert json.loads(json.dumps(record)) == record and record["mr"] and "mrvis.Bench" in repr(found)
+
+
+def test_instances_come_and_go():
+    builder = mrvis.SceneBuilder()
+    builder.add_material("grey", (0.5, 0.5, 0.5))
+    builder.add_object("floor", SQUARE * [9, 9, 1], UP)
+    mesh = builder.add_shared_mesh("plate", SQUARE, DOWN)
+    builder.add_instance(mesh, "a", np.eye(4) + np.array([[0, 0, 0, 3], [0, 0, 0, 3], [0, 0, 0, 1], [0, 0, 0, 0]]))
+    model = mrvis.Model(builder.finish(), detail="rays")
+    here, there = (np.float32([[x, x, 0.5]]) for x in (3.5, 6.5))
+
+    def clear(model):
+        return [float(model.visibility(p, p + np.float32([0, 0, 2])).transmittance[0]) for p in (here, there)]
+
+    own, a = model.instances
+    assert (own.mesh, a.name, a.visible, a.removed, a.material) == (0, "a", True, False, None) and a.transform.shape == (3, 4)
+    assert clear(model) == [0, 1]
+    further = a.transform + np.array([[0, 0, 0, 3], [0, 0, 0, 3], [0, 0, 0, 0]])
+    more = model.with_instance(a.mesh, "b", further)
+    assert clear(more) == [0, 0] and more.instance_names[1:] == ["a", "b"]
+    assert clear(more.shown({2: False})) == [0, 1] and clear(more.shown({2: False}).shown({2: True})) == [0, 0]
+    fewer = more.without_instances([1])
+    assert clear(fewer) == [1, 0] and fewer.instances[1].removed and clear(model) == [0, 1]
+    for call, message in [
+        (lambda: fewer.without_instances([1]), "instance 1 does not exist"),
+        (lambda: model.moved({0: np.eye(4)}), "instance 0 holds"),
+        (lambda: model.moved({-1: np.eye(4)}), "`transforms` -1"),
+        (lambda: model.shown({9: True}), "instance 9 does not exist"),
+        (lambda: model.with_instance(7, "c", np.eye(4)), "mesh 7 must lie"),
+        (lambda: model.with_instance(1, "c", np.eye(4), material=5), "material 5 must be"),
+    ]:
+        with pytest.raises(mrvis.InputError, match=message):
+            call()
+
+
+def test_cameras_of_a_file():
+    triangle = base64.b64encode(np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0]]).tobytes()).decode()
+    document = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0, 1]}],
+        "nodes": [{"mesh": 0}, {"name": "door", "camera": 0, "translation": [0.25, 0.25, 5]}],
+        "cameras": [{"type": "perspective", "perspective": {"yfov": 0.5, "znear": 0.1}}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "buffers": [{"byteLength": 36, "uri": "data:application/octet-stream;base64," + triangle}],
+    }
+    scene = mrvis.Scene.from_bytes(json.dumps(document).encode(), "gltf")
+    [(name, camera)] = scene.cameras
+    assert name == "door" and camera.eye == pytest.approx((0.25, 0.25, 5)) and camera.angle == pytest.approx(np.degrees(0.5))
+    assert np.subtract(camera.target, camera.eye)[2] < 0 and camera.up == pytest.approx((0, 1, 0))

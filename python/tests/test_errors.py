@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from known import SQUARE, UP
 
+TILE = b"v 0 0 0\nv 1 0 0\nv 1 1 0\no tile\nf 1 2 3\n"
 ONE = np.float32([[0.5, 0.5, 0.1]])
 TWO = np.float32([[0.5, 0.5, 0.9]])
 
@@ -103,31 +104,72 @@ def test_meshes(options, names):
         builder.add_object("tile", **arguments)
 
 
+def builder_with_tile(**options):
+    builder = mrvis.SceneBuilder()
+    builder.add_material("grey", (0.5, 0.5, 0.5))
+    builder.add_object("t", SQUARE, UP, **options)
+
+
 def test_other_inputs(model, light):
     for names, call in [
         ("`reflectance` 2", lambda: mrvis.SceneBuilder().add_material("a", (2, 0, 0))),
         ("`transform`", lambda: mrvis.SceneBuilder().add_instance(0, "a", np.eye(2))),
         ("`transform`.*last row", lambda: mrvis.SceneBuilder().add_instance(0, "a", np.ones((4, 4)))),
-        ("cornell", lambda: mrvis.Scene.generate("nothing")),
+        ("^`name`: .*`nothing`.*cornell", lambda: mrvis.Scene.generate("nothing")),
         ("`format`", lambda: mrvis.Scene.from_bytes(b"", "stl")),
         ("`threads` 9999", lambda: mrvis.Model(model.scene, threads=9999)),
         ("`threads` -1", lambda: mrvis.Model(model.scene, threads=-1)),
         ('`detail` "all"', lambda: mrvis.Model(model.scene, detail="all")),
-        ("error", lambda: model.solve(error=-1)),
+        ("^`error` -1: must be", lambda: model.solve(error=-1)),
+        ("^`error` NaN: must be", lambda: model.solve(error=np.nan)),
+        ("^`min_area` 2e0: ", lambda: model.solve(min_area=2.0)),
+        ("^`max_links` 0: must", lambda: model.solve(max_links=0)),
+        ("^`max_seconds` 0: must", lambda: model.solve(max_seconds=0)),
+        ("^`target_error` -1: must", lambda: model.solve(target_error=-1)),
+        ("^`feature_size` -1: must", lambda: model.solve(feature_size=-1)),
+        ("^`feature_sizes` -1 of `floor`: must", lambda: model.solve(feature_sizes={"floor": -1})),
+        ("called `sofa`", lambda: model.solve(importance=["sofa"])),
+        ("^`points` 0: must", lambda: model.bench(points=0)),
+        ("^`audit` 2: must", lambda: model.bench(audit=2)),
+        ("^`feature_size` -1: ", lambda: model.bench(feature_size=[-1])),
+        ("^`points` 100000000 with `rays` 65536 .*`points` or `rays`$", lambda: model.bench(points=10**8, rays=65536)),
+        ("^`target_seconds` 0: must", lambda: model.bench(target_seconds=0)),
+        ("`target_error` and `target_seconds`", lambda: model.bench(target_seconds=1, target_error=0.1)),
+        ('detail="optics"', lambda: mrvis.Model(model.scene, detail="rays").bench()),
+        ("^`samples` 1: must", lambda: model.reference([[0, 0, 0]], [0, 0, 1], samples=1)),
+        ("^`samples` -1: must", lambda: model.reference([[0, 0, 0]], [0, 0, 1], samples=-1)),
+        (r"`points`\[0\].*normal longer", lambda: model.reference([[0, 0, 0]], [0, 0, 0])),
+        ("^`rays` 0: must lie", lambda: model.form_factors(rays=0)),
+        ("^`pair_rays` 1: must lie", lambda: model.form_factors(pair_rays=1)),
+        ("^`max_triangles` -1: must", lambda: model.scene.flattened(-1)),
+        ("^`sides` 3: must", lambda: mrvis.Scene.from_bytes(b"", "obj", sides=3)),
+        ("^`threads` 5000: must", lambda: mrvis.Scene.from_bytes(b"v 0 0 0", "obj", threads=5000)),
+        ("^`emitters`: lamp", lambda: mrvis.Scene.from_bytes(TILE, "obj", emitters={"lamp": -3.0})),
+        ("called `lamp`", lambda: mrvis.Scene.from_bytes(TILE, "obj", emitters={"lamp": 3.0})),
+        ("^mesh `t`: `material`", lambda: builder_with_tile(material=[0, 9])),
         ('`grouping` "face"', lambda: model.form_factors(grouping="face")),
         ("`points`.*normal longer", lambda: light.irradiance([[0, 0, 0]], [0, 0, 0])),
-        ("`size`", lambda: light.image(size=(-1, 5))),
+        ("^`size` -1: must", lambda: light.image(size=(-1, 5))),
+        ("^`size` .0, 5.: ", lambda: light.image(size=(0, 5))),
+        ("^`size`: must be", lambda: light.image(size=5)),
         ("`size`", lambda: light.image(size=(1 << 40, 1 << 40))),
         ("`out`", lambda: light.image(size=(4, 4), out=np.zeros((4, 4, 3)))),
         ("`camera.angle`", lambda: light.image(mrvis.Camera((0, 0, 0), (1, 0, 0), angle=200))),
-        ("`texels` 0", lambda: light.lightmap(-1)),
+        ("^`texels` -1: must", lambda: light.lightmap(-1)),
+        ("^`texels` 0: must", lambda: light.lightmap(0)),
         ("`reference`", lambda: mrvis.fbem([1, 2], [[1, 2]])),
         ("`approximation`.*texel 1,0", lambda: mrvis.fbem([[1, 2]], [[1, np.nan]])),
         ("same size", lambda: mrvis.fbem([[1, 2]], [[1, 2, 3]])),
-        ("exponent", lambda: mrvis.fbem([[1, 2]], [[1, 2]], exponent=0.5)),
+        ("^`exponent` 0.5 ", lambda: mrvis.fbem([[1, 2]], [[1, 2]], exponent=0.5)),
+        ("^`white` 0 ", lambda: mrvis.fbem([[1, 2]], [[1, 2]], white=0)),
+        ("^`threshold` 2 ", lambda: mrvis.fbem([[1, 2]], [[1, 2]], threshold=2)),
+        ("^`size` -1 ", lambda: mrvis.fbem([[1, 2]], [[1, 2]], -1)),
+        ("^`texel` 0 ", lambda: mrvis.fbem([[1, 2]], [[1, 2]], texel=0)),
     ]:
-        with pytest.raises(mrvis.InputError, match=names):
+        with pytest.raises(mrvis.InputError, match=names) as caught:
             call()
+        # Nothing of Rust is named.
+        assert "::" not in str(caught.value) and "option `" not in str(caught.value), caught.value
     with pytest.raises(TypeError, match="unexpected keyword argument 'eror'"):
         model.solve(eror=0.1)
     with pytest.raises(TypeError, match="`error`"):

@@ -1,6 +1,9 @@
 """What is copied, what is shared, and what is freed."""
 
 import gc
+import os
+import subprocess
+import sys
 import tracemalloc
 
 import mrvis
@@ -42,6 +45,47 @@ def test_segments_are_borrowed(model):
     assert traced(lambda: model.visibility(both[:, :3], both[:, 3:], **borrowed)) < 50_000
     assert traced(lambda: model.visibility(origins, targets, engine="exact")) < 50_000 + out.nbytes
     assert traced(lambda: model.visibility(np.asfortranarray(origins), targets, **borrowed)) > origins.nbytes
+
+
+PEAK = """
+import sys
+import mrvis, numpy as np
+from known import squares
+def peak():
+    with open("/proc/self/status") as file:
+        return next(int(line.split()[1]) for line in file if line.startswith("VmHWM")) * 1024
+model = mrvis.Model(squares(), detail="rays", threads=2)
+count = 4_000_000
+both = np.empty((count, 6), np.float32)
+both[:] = [0.5, 0.5, 0.1, 0.5, 0.5, 0.9]
+out = np.full(count, 7, np.float32)
+layout = sys.argv[1]
+origins, targets = both[:, :3], both[:, 3:]
+bundles = np.arange(count + 1, dtype=np.uint64)
+if layout == "columns":
+    origins, targets = np.asfortranarray(origins), np.asfortranarray(targets)
+few = slice(0, 60_000)
+model.visibility(both[few, :3], both[few, 3:], out=out[few], bundles=bundles[:60_001])  # threads, buffers
+before = peak()
+model.visibility(origins, targets, out=out, bundles=bundles)
+assert (out == 1).all()
+print(peak() - before, origins.nbytes)
+"""
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/status"), reason="the peak is read from /proc")
+def test_a_large_batch_takes_no_memory():
+    """The growth of the peak of resident memory, which counts what the crate takes as well as NumPy does."""
+
+    def growth(layout):
+        done = subprocess.run([sys.executable, "-c", PEAK, layout], capture_output=True, text=True, cwd=os.path.dirname(__file__))
+        assert done.returncode == 0, done.stderr
+        return map(int, done.stdout.split())
+
+    grown, size = growth("rows")
+    assert grown < size // 8, (grown, size)
+    grown, size = growth("columns")
+    assert grown > size, "the measurement sees copies"
 
 
 def test_an_array_is_not_read_and_written_at_once(model):

@@ -50,3 +50,9 @@ def test_example(tmp_path):
     environment = {**os.environ, "MPLBACKEND": "Agg"}
     run(sys.executable, PROJECT / "examples/python/exact_against_mr.py", "--points", 64, "--out", picture, cwd=tmp_path, env=environment)
     assert picture.read_bytes()[:4] == b"\x89PNG" and picture.stat().st_size > 10_000
+
+
+def test_first_program(tmp_path):
+    text = (PROJECT / "docs/python.md").read_text()
+    program = text.split("```python\n")[1].split("```")[0]
+    assert "1000, 3" in program and run(sys.executable, "-c", program, cwd=tmp_path)

@@ -2,12 +2,13 @@
 
 use super::segments::{Answers, Frame, Segments};
 use super::visibility::{Chosen, Visibility};
-use crate::Result;
 use crate::model::Model;
+use crate::progress::Progress;
 use crate::ray::{LANES, Occluder, Packet};
 use crate::visibility::{
     Answer, BatchBuffers, Bundle, Cost, Exact, Method, MultiResolution, Work, Workspace, sample_runs, wilson,
 };
+use crate::{Error, Result};
 use smallvec::SmallVec;
 use std::ops::Range;
 
@@ -23,30 +24,52 @@ impl Visibility {
     /// positions.
     ///
     /// # Errors
-    /// [`Error::Argument`](crate::Error::Argument), which names array and index, if lengths do not match, offsets do not ascend, a
+    /// [`Error::Argument`], which names array and index, if lengths do not match, offsets do not ascend, a
     /// position is not finite, a segment has no length, or a size is out of its range; if the engine needs feature sizes or optics that
     /// are missing. `answers` are then as they were.
     pub fn answer_into(&self, segments: &Segments, answers: &mut Answers) -> Result<Cost> {
+        self.answer_into_unless(segments, answers, &())
+    }
+
+    /// [`Visibility::answer_into`] that `progress` can stop, which hears of one stage with a step a bundle.
+    ///
+    /// # Errors
+    /// As for `answer_into`, and [`Error::Cancelled`] if `progress` stopped it: some of the `answers` are then written.
+    pub fn answer_into_unless(
+        &self,
+        segments: &Segments,
+        answers: &mut Answers,
+        progress: &dyn Progress,
+    ) -> Result<Cost> {
         match self.model.has_one_thread() {
-            true => self.answer_batch(segments, answers, false),
-            false => self.model.on_threads(|| self.answer_batch(segments, answers, true))?,
+            true => self.answer_batch(segments, answers, (progress, false)),
+            false => self.model.on_threads(|| self.answer_batch(segments, answers, (progress, true)))?,
         }
     }
 
-    fn answer_batch(&self, segments: &Segments, answers: &mut Answers, parallel: bool) -> Result<Cost> {
+    /// `parallel`: whether parts are answered in parallel.
+    fn answer_batch(
+        &self,
+        segments: &Segments,
+        answers: &mut Answers,
+        (progress, parallel): (&dyn Progress, bool),
+    ) -> Result<Cost> {
         let frame = segments.frame(self.model.scene().origin);
         segments.check(&frame, parallel)?;
         answers.check(segments.bundle_count(), segments.origins.len())?;
-        let ask = Ask { segments, frame, model: &self.model, parallel };
+        let ask = Ask { segments, frame, model: &self.model, progress, parallel };
         let engine = match self.chosen(segments.feature_sizes.is_some())? {
             Chosen::Either(engine) if ask.pays(&engine) => Chosen::Clusters(engine),
             Chosen::Either(_) => Chosen::Exact(self.model.exact()),
             engine => engine,
         };
-        match segments.bundle_count() {
-            0 => Ok(Cost::default()),
-            bundles => Ok(ask.answer(&engine, Chunk::new(answers, bundles))),
+        let bundles = segments.bundle_count();
+        if bundles == 0 {
+            return Ok(Cost::default());
         }
+        progress.stage("visibility", bundles as u64);
+        let cost = ask.answer(&engine, Chunk::new(answers, bundles));
+        cost.ok_or_else(|| Error::Cancelled("stopped before all segments were answered".into()))
     }
 }
 
@@ -130,15 +153,20 @@ struct Ask<'a> {
     segments: &'a Segments<'a>,
     frame: Frame<'a>,
     model: &'a Model,
+    progress: &'a dyn Progress,
     /// Whether parts are answered in parallel, on the threads of the pool that this runs in.
     parallel: bool,
 }
 
 impl Ask<'_> {
-    /// Answers a chunk: its halves, until they are small.
-    fn answer(&self, engine: &Chosen, chunk: Chunk) -> Cost {
+    /// Answers a chunk: its halves, until they are small. `None` if it was stopped.
+    fn answer(&self, engine: &Chosen, chunk: Chunk) -> Option<Cost> {
         let Some(bundles) = chunk.division(self.segments) else {
-            return self.model.with_workspace(|workspace| {
+            if self.progress.stopped() {
+                return None;
+            }
+            let steps = chunk.bundles.len() as u64;
+            let cost = self.model.with_workspace(|workspace| {
                 let mut buffers = std::mem::take(&mut workspace.batch);
                 let cost = match engine {
                     Chosen::Exact(engine) => self.exact(engine, chunk, &mut buffers),
@@ -149,14 +177,17 @@ impl Ask<'_> {
                 workspace.batch = buffers;
                 cost
             });
+            self.progress.advance(steps);
+            return Some(cost);
         };
         let start = chunk.bundles.start;
         let segments = self.segments.of_bundle(start + bundles).start - self.segments.of_bundle(start).start;
         let (first, other) = chunk.divided(bundles, segments);
         let (first, other) = (|| self.answer(engine, first), || self.answer(engine, other));
-        let (mut all, other) = if self.parallel { rayon::join(first, other) } else { (first(), other()) };
-        all.add(other);
-        all
+        let (first, other) = if self.parallel { rayon::join(first, other) } else { (first(), other()) };
+        let mut all = first?;
+        all.add(other?);
+        Some(all)
     }
 
     /// Appends segments to packets, sixteen a packet, beginning with a new one.

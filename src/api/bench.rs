@@ -85,6 +85,13 @@ impl BenchOptions {
         self
     }
 
+    /// Largest memory of the results, bytes; default: four fifths of the available memory.
+    #[must_use]
+    pub fn with_max_memory(mut self, bytes: u64) -> BenchOptions {
+        self.options.max_memory = Some(bytes);
+        self
+    }
+
     /// Seed of all random numbers; default 1.
     #[must_use]
     pub fn with_seed(mut self, seed: u64) -> BenchOptions {

@@ -5,7 +5,7 @@ use crate::form_factors::matrix::{
 };
 use crate::model::Model;
 use crate::progress::Progress;
-use crate::{Error, Result};
+use crate::{Error, Result, memory};
 use std::path::Path;
 
 /// Options of [`Model::form_factors`]: [`FormFactorOptions::default`], then `with_…`.
@@ -16,19 +16,20 @@ pub struct FormFactorOptions {
     rays: Option<u32>,
     pair_rays: Option<u32>,
     closure: bool,
-    max_bytes: u64,
+    /// None: a part of the available memory.
+    max_bytes: Option<u64>,
     seed: u64,
 }
 
 impl Default for FormFactorOptions {
-    /// By polygon; rays by their number; closure; at most 16 GiB; seed 1.
+    /// By polygon; rays by their number; closure; a part of the available memory; seed 1.
     fn default() -> Self {
         FormFactorOptions {
             grouping: Grouping::Polygon,
             rays: None,
             pair_rays: None,
             closure: true,
-            max_bytes: 16 << 30,
+            max_bytes: None,
             seed: 1,
         }
     }
@@ -65,10 +66,10 @@ impl FormFactorOptions {
         self
     }
 
-    /// Refuses to begin if the matrix could take more than so many bytes; default 16 GiB.
+    /// Refuses to begin if the matrix could take more than so many bytes; default: four fifths of the available memory.
     #[must_use]
     pub fn with_max_bytes(mut self, bytes: u64) -> FormFactorOptions {
-        self.max_bytes = bytes;
+        self.max_bytes = Some(bytes);
         self
     }
 
@@ -91,11 +92,10 @@ impl FormFactorOptions {
                 return Err(Error::Argument(format!("`{name}` {value}: must lie in {min}..{max}")));
             }
         }
-        let bytes = memory_bound(facets, &settings);
-        if bytes > self.max_bytes {
+        let (bytes, limit) = (memory_bound(facets, &settings), self.max_bytes.or_else(memory::usable));
+        if let Some(limit) = limit.filter(|&limit| bytes > limit) {
             return Err(Error::OutOfMemory(format!(
-                "the matrix of {facets} polygons could take {bytes} bytes: raise `max_bytes` (now {}) or lower `rays`",
-                self.max_bytes
+                "the matrix of {facets} polygons could take {bytes} bytes: raise `max_bytes` (now {limit}) or lower `rays`"
             )));
         }
         Ok(settings)
@@ -116,17 +116,13 @@ impl Model {
     ///
     /// # Errors
     /// [`Error::Argument`] if an option is out of its range, [`Error::OutOfMemory`] if the matrix could be too large,
-    /// [`Error::Scene`] with more than 2³¹ polygons, [`Error::Cancelled`] if `progress` stops it before it begins.
+    /// [`Error::Scene`] with more than 2²⁶ polygons, [`Error::Cancelled`] if `progress` stops it, which takes less than a second or so.
     pub fn form_factors(&self, options: &FormFactorOptions, progress: &dyn Progress) -> Result<FormFactors> {
         self.on_threads(|| {
             let scene = self.scene();
             let facets = Facets::new(scene);
             let settings = options.settings(facets.count())?;
-            if progress.stopped() {
-                return Err(Error::Cancelled("stopped before form factors were computed".into()));
-            }
-            progress.stage("form factors", 2 * facets.count() as u64);
-            let (matrix, report) = compute(self, &facets, &settings, &|n| progress.advance(n))?;
+            let (matrix, report) = compute(self, &facets, &settings, progress)?;
             let matrix = matrix.grouped(scene, &facets, options.grouping);
             Ok(FormFactors { matrix, report })
         })?
@@ -197,6 +193,11 @@ impl FormFactors {
     /// Mean over the polygons of |row sum + escaped + lost − 1| before closure: what sampling and discovery missed.
     pub fn row_sum_error(&self) -> f64 {
         self.report.row_sum_error
+    }
+
+    /// The same over the rows from which nothing escapes, after closure; 0 without such rows.
+    pub fn closed_row_sum_error(&self) -> f64 {
+        self.report.closed_row_sum_error
     }
 
     /// Writes the matrix, completely or not at all; the extension says the format: `npz` (as `scipy.sparse.load_npz` reads it), `csv`

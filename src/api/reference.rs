@@ -23,7 +23,7 @@ impl Model {
     /// A point means the nearest surface along its normal that is about parallel, within 1e-5 of the scene's diagonal.
     ///
     /// # Errors
-    /// [`Error::Argument`](crate::Error::Argument) if a position is not finite, a normal has no length or there are fewer than 2 samples;
+    /// [`Error::Argument`](crate::Error::Argument) if a position is not finite or beyond 1e12, a normal has no length or there are fewer than 2 samples;
     /// [`Error::Cancelled`](crate::Error::Cancelled) if `progress` stops it.
     pub fn reference(
         &self,
@@ -32,8 +32,19 @@ impl Model {
         seed: u64,
         progress: &dyn Progress,
     ) -> Result<Reference> {
-        let points = SurfacePoint::all_checked(points)?;
-        let settings = Settings { samples, direct_only: false, seed };
+        self.reference_of(points.len(), |i| points[i], (samples, false, seed), progress)
+    }
+
+    /// [`Model::reference`] at `count` points that `at` gives: they are copied once. `direct_only`: without reflections.
+    pub(crate) fn reference_of(
+        &self,
+        count: usize,
+        at: impl Fn(usize) -> SurfacePoint,
+        (samples, direct_only, seed): (u32, bool, u64),
+        progress: &dyn Progress,
+    ) -> Result<Reference> {
+        let points = SurfacePoint::all_checked(count, at, self.scene().origin, |point| point)?;
+        let settings = Settings { samples, direct_only, seed };
         let found = self.on_threads(|| irradiance(self, &points, settings, progress))??;
         Ok(Reference { irradiance: found.values, standard_errors: found.standard_errors })
     }

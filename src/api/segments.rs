@@ -61,6 +61,12 @@ impl<'a, T: Copy> Strided<'a, T> {
         Strided::interleaved(position, 0, count)
     }
 
+    /// The same position, `count` times, with its numbers in arrays of one entry.
+    #[cfg(feature = "capi")]
+    pub(crate) fn repeated_axes(x: &'a [T], y: &'a [T], z: &'a [T], count: usize) -> Strided<'a, T> {
+        Strided { axes: [x, y, z], stride: 0, count }
+    }
+
     fn interleaved(data: &'a [T], stride: usize, count: usize) -> Strided<'a, T> {
         Strided { axes: [0, 1, 2].map(|axis| data.get(axis..).unwrap_or_default()), stride, count }
     }
@@ -123,10 +129,14 @@ impl Sizes<'_> {
                 return Err(Error::Argument(format!("`{name}` has {count} entries for {bundles} bundles")));
             }
         };
-        match sizes.iter().position(|&size| !(size.is_finite() && in_range(size))) {
-            None => Ok(()),
-            Some(k) => Err(Error::Argument(format!("`{name}`[{k}] {}: must be {must}", sizes[k]))),
-        }
+        let Some(k) = sizes.iter().position(|&size| !(size.is_finite() && in_range(size))) else {
+            return Ok(());
+        };
+        let name = match self {
+            Sizes::All(_) => format!("`{}`", name.trim_end_matches('s')),
+            Sizes::Each(_) => format!("`{name}`[{k}]"),
+        };
+        Err(Error::Argument(format!("{name} {}: must be {must}", sizes[k])))
     }
 }
 

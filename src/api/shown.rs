@@ -2,13 +2,14 @@
 
 use super::solve::{Solution, Solved};
 use crate::bench::side_by_side::ComparedRecord;
-use crate::export::{self, MAX_PIXELS, MAX_SIDE, Mesh, PageView, SIZE, Stage};
+use crate::export::{self, MAX_PIXELS, MAX_SIDE, Mesh, PageView, SIZE, Stage, Tone};
 use crate::files::json_text;
 use crate::points::Point;
 use crate::progress::Progress;
 use crate::scene::{Scene, StoredCamera};
-use crate::{Error, Result};
+use crate::{Error, Result, memory};
 use glam::DVec3;
+use std::path::Path;
 
 /// A pinhole camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,11 +35,22 @@ impl Camera {
         let wrong = |name: &str, value: String, must: &str| {
             Err(Error::Argument(format!("`camera.{name}` {value}: must {must}")))
         };
-        if !eye.is_finite() {
-            return wrong("eye", eye.to_string(), "be finite");
+        let lies = |p: DVec3| {
+            p.is_finite() && (p - origin).abs().max_element() <= f64::from(super::segments::MAX_COORDINATE)
+        };
+        if !lies(eye) {
+            return wrong(
+                "eye",
+                format!("{:?}", self.eye),
+                "be finite, at most 1e12 from the scene's origin",
+            );
         }
-        if !target.is_finite() || (target - eye).normalize_or_zero() == DVec3::ZERO {
-            return wrong("target", target.to_string(), "be finite and away from `eye`");
+        if !lies(target) || (target - eye).normalize_or_zero() == DVec3::ZERO {
+            return wrong(
+                "target",
+                format!("{:?}", self.target),
+                "be finite, at most 1e12 from the scene's origin, and away from `eye`",
+            );
         }
         let up_unit = up.normalize_or_zero();
         if up_unit == DVec3::ZERO {
@@ -51,6 +63,10 @@ impl Camera {
         Ok(export::Camera::towards(ends, up_unit.as_vec3(), self.angle.to_radians(), origin))
     }
 }
+
+/// Bytes that a pixel takes while its picture is drawn, at most: its radiance and first hit (48), both again while rows are gathered, and
+/// with final gathering a point with its light (148).
+const BYTES_PER_PIXEL: u64 = 256;
 
 /// Options of [`Solution::image`]: [`ImageOptions::default`], then `with_…`.
 #[derive(Clone, Debug)]
@@ -220,6 +236,8 @@ impl Solution {
         progress: &dyn Progress,
     ) -> Result<()> {
         options.check(radiance.len())?;
+        let pixels = radiance.len() / 3;
+        memory::check_room(BYTES_PER_PIXEL * pixels as u64, || format!("{pixels} pixels"))?;
         let inner = &*self.inner;
         let camera = camera.checked(inner.mesh.origin)?;
         let gather = |points: &[Point]| inner.solved.irradiance_unless(points, progress);
@@ -241,7 +259,7 @@ impl Solution {
     ///
     /// # Errors
     /// [`Error::Argument`] if `texels` is out of range, [`Error::Scene`] if the charts do not fit into an image of 16,384 texels a side,
-    /// [`Error::Cancelled`] if `progress` stops it before it is drawn; [`Error::Embree`] or [`Error::OutOfMemory`].
+    /// [`Error::Cancelled`] if `progress` stops it; [`Error::Embree`] or [`Error::OutOfMemory`].
     pub fn lightmap(&self, texels: usize, progress: &dyn Progress) -> Result<Lightmap> {
         if !(1..=1 << 26).contains(&texels) {
             return Err(Error::Argument(format!("`texels` {texels}: must lie in 1..{}", 1 << 26)));
@@ -249,8 +267,42 @@ impl Solution {
         let inner = &*self.inner;
         self.model().on_threads(|| {
             let stage = Stage::new(inner.smooth(progress)?, &inner.mesh)?;
-            let (map, note) = export::suitable_lightmap(&stage, &inner.mesh, inner.scene(), texels)?;
+            let (map, note) =
+                export::suitable_lightmap(&stage, &inner.mesh, inner.scene(), texels, progress)?;
             Ok(Lightmap::of(map, note, inner.scene()))
+        })?
+    }
+
+    /// Writes the solution to a file, completely or not at all; the extension says the format: `vtu` (elements with all fields, for ParaView),
+    /// `ply` or `glb` (smooth meshes with colours).
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for another extension, [`Error::Io`] if the file cannot be written, [`Error::Cancelled`] if `progress` stops it.
+    pub fn write(&self, path: impl AsRef<Path>, progress: &dyn Progress) -> Result<()> {
+        let (path, inner) = (path.as_ref(), &*self.inner);
+        let (scene, mesh) = (inner.scene(), &inner.mesh);
+        let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        if !["vtu", "ply", "glb"].contains(&&*extension) {
+            return Err(Error::Argument(format!(
+                "{}: the extension must be .vtu, .ply or .glb",
+                path.display()
+            )));
+        }
+        self.model().on_threads(|| {
+            if progress.stopped() {
+                return Err(stopped("the file"));
+            }
+            if extension == "vtu" {
+                return export::write_vtu(path, mesh, scene, None);
+            }
+            let smooth = inner.smooth(progress)?;
+            progress.stage("writing", 0);
+            let tone = Tone::of(smooth.radiosity.iter().copied());
+            let written = match &*extension {
+                "ply" => export::write_ply(path, smooth, mesh.origin, tone, progress),
+                _ => export::write_glb(path, smooth, (mesh.origin, scene.up_axis()), tone, progress),
+            };
+            if progress.stopped() { Err(stopped("the file")) } else { written }
         })?
     }
 

@@ -1,12 +1,13 @@
 //! The light in a model, and irradiance at points.
 
+use super::segments::MAX_COORDINATE;
 use super::visibility::Engine;
 use crate::model::Model;
 use crate::points::Point;
 use crate::progress::Progress;
 use crate::radiosity::mesh::{Element, RadiosityMesh};
 use crate::radiosity::{self, Options, Record};
-use crate::{Error, Result};
+use crate::{Error, Result, memory};
 use glam::DVec3;
 use std::sync::Arc;
 
@@ -59,7 +60,7 @@ impl SolveOptions {
         self
     }
 
-    /// Smallest element as a fraction of the scene's area, in `(0, 1]`; default 2e-5.
+    /// Smallest element as a fraction of the scene's area, in `[1e-9, 1]`; default 2e-5.
     #[must_use]
     pub fn with_min_area(mut self, part: f64) -> SolveOptions {
         self.options.min_area = part;
@@ -73,15 +74,15 @@ impl SolveOptions {
         self
     }
 
-    /// Seconds from the start of the preparation in which to be done, about, above 0; default: no limit. Of many elements for whose rays
-    /// there is no time, some are traced and determine the light of the others.
+    /// Seconds from the call of [`Model::solve`] in which to be done, about, above 0; default: no limit. The preparation of the model does not
+    /// count. Of many elements for whose rays there is no time, some are traced and determine the light of the others.
     #[must_use]
     pub fn with_max_seconds(mut self, seconds: f64) -> SolveOptions {
         self.options.max_seconds = Some(seconds);
         self
     }
 
-    /// Number of links at which refinement ends, which bounds the memory (72 bytes each); default ten million.
+    /// Number of links at which refinement ends, which bounds the memory (72 bytes each), 1 to 2³⁰; default ten million.
     #[must_use]
     pub fn with_max_links(mut self, links: usize) -> SolveOptions {
         self.options.max_links = links;
@@ -96,6 +97,28 @@ impl SolveOptions {
         self
     }
 
+    /// Number of elements whose error bars independent paths check, at most 1,048,576; default 200. More say more about the error in
+    /// [`Solution::json`]; 0 leaves it out.
+    #[must_use]
+    pub fn with_audit(mut self, elements: usize) -> SolveOptions {
+        self.options.audit = elements;
+        self
+    }
+
+    /// Shadow rays from a point to an emitter that is partly visible, 1 to 65,536; default: derived from the error.
+    #[must_use]
+    pub fn with_light_rays(mut self, rays: usize) -> SolveOptions {
+        self.options.light_rays = Some(rays);
+        self
+    }
+
+    /// Rays from a point that gather reflected light, 1 to 1,048,576; default: derived from the error.
+    #[must_use]
+    pub fn with_gather_rays(mut self, rays: usize) -> SolveOptions {
+        self.options.gather_rays = Some(rays);
+        self
+    }
+
     /// Seed of all random numbers; default 1.
     #[must_use]
     pub fn with_seed(mut self, seed: u64) -> SolveOptions {
@@ -103,6 +126,10 @@ impl SolveOptions {
         self
     }
 }
+
+/// Bytes that a point takes while its irradiance is found, at most: the point in f64 and f32, twice (148), its values and their errors,
+/// twice (96).
+const BYTES_PER_POINT: u64 = 256;
 
 /// A point of a surface that receives light.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -114,20 +141,44 @@ pub struct SurfacePoint {
 }
 
 impl SurfacePoint {
-    fn checked(&self, index: usize) -> Result<Point> {
+    /// The point, if rays can begin there. `origin`: that of the scene.
+    fn checked(&self, index: usize, origin: DVec3) -> Result<Point> {
         let position = DVec3::from_array(self.position);
         let normal = DVec3::from_array(self.normal).normalize_or_zero();
-        if !position.is_finite() || normal == DVec3::ZERO {
+        let largest = (position - origin).abs().max_element();
+        if !position.is_finite() || largest > f64::from(MAX_COORDINATE) {
             return Err(Error::Argument(format!(
-                "`points`[{index}] {:?} {:?}: give a finite position and a normal longer than 0",
-                self.position, self.normal
+                "`points`[{index}].position {:?}: must be finite, at most {MAX_COORDINATE:e} from the scene's origin; give \
+                 coordinates of the scene's file",
+                self.position
+            )));
+        }
+        if normal == DVec3::ZERO {
+            return Err(Error::Argument(format!(
+                "`points`[{index}].normal {:?}: must be finite and longer than 0",
+                self.normal
             )));
         }
         Ok(Point { position, normal })
     }
 
-    pub(super) fn all_checked(points: &[SurfacePoint]) -> Result<Vec<Point>> {
-        points.iter().enumerate().map(|(i, point)| point.checked(i)).collect()
+    /// `count` points that `at` gives, checked, in the form that `as_kept` gives them.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] that names the first wrong point, [`Error::OutOfMemory`] if there is no room for the points and what is found
+    /// there.
+    pub(super) fn all_checked<T>(
+        count: usize,
+        at: impl Fn(usize) -> SurfacePoint,
+        origin: DVec3,
+        as_kept: impl Fn(Point) -> T,
+    ) -> Result<Vec<T>> {
+        memory::check_room((count as u64).saturating_mul(BYTES_PER_POINT), || format!("{count} points"))?;
+        let mut points = Vec::with_capacity(count);
+        for i in 0..count {
+            points.push(as_kept(at(i).checked(i, origin)?));
+        }
+        Ok(points)
     }
 }
 
@@ -197,10 +248,22 @@ impl Solution {
     /// rays that gather the radiosity of surfaces.
     ///
     /// # Errors
-    /// [`Error::Argument`] if a position is not finite or a normal has no length; the message names the point.
+    /// [`Error::Argument`] if a position is not finite or beyond 1e12 from the scene's origin, or a normal has no length; the message names
+    /// the point. [`Error::OutOfMemory`] if there are too many.
     pub fn irradiance(&self, points: &[SurfacePoint]) -> Result<Vec<[f64; 3]>> {
-        let points = SurfacePoint::all_checked(points)?;
+        self.irradiance_of(points.len(), |i| points[i])
+    }
+
+    /// [`Solution::irradiance`] at `count` points that `at` gives: they are copied once, into 24 bytes each.
+    pub(crate) fn irradiance_of(
+        &self,
+        count: usize,
+        at: impl Fn(usize) -> SurfacePoint,
+    ) -> Result<Vec<[f64; 3]>> {
         let solved = &self.inner.solved;
+        let origin = solved.model().scene().origin;
+        let kept = |p: Point| ((p.position - origin).as_vec3(), p.normal.as_vec3());
+        let points = SurfacePoint::all_checked(count, at, origin, kept)?;
         solved.model().on_threads(|| solved.irradiance(&points))
     }
 

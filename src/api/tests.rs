@@ -3,6 +3,7 @@
 mod reports;
 mod scene_builder;
 mod shown;
+mod stopped;
 
 use super::*;
 use crate::model::{Detail, Model, PrepareOptions};
@@ -233,7 +234,7 @@ fn wrong_arguments_are_named_and_nothing_is_written() {
     refuse(&Segments::new(&a[..], &with(2, f32::NAN)[..], &two), "`targets`[2]");
     refuse(&Segments::new(&with(3, f32::INFINITY)[..], &a[..], &two), "`origins`[3]");
     refuse(&Segments::new(&a[..], &a[..], &two), "segment 0");
-    refuse(&Segments::new(&a[..], &b[..], &two).feature_size(0.0), "`feature_sizes`[0] 0");
+    refuse(&Segments::new(&a[..], &b[..], &two).feature_size(0.0), "`feature_size` 0");
     refuse(&Segments::new(&a[..], &b[..], &two).feature_sizes(&[1.0]), "`feature_sizes` has 1");
     refuse(&Segments::new(&a[..], &b[..], &two).emitter_sizes(&[1.0, -1.0]), "`emitter_sizes`[1] -1");
     refuse(&Segments::new(&a[..], &b[..], &two).relative_to([f64::NAN; 3]), "`relative_to`");

@@ -28,12 +28,12 @@ const SHOWN_REFERENCE_RAYS: [usize; 2] = [64, 256];
 
 /// Images by receiver.
 struct ShownImages {
-    reference: Vec<Image>,
-    exact16: Vec<Image>,
+    reference: Vec<Image<'static>>,
+    exact16: Vec<Image<'static>>,
     /// By feature size, with whether all bundles were handed to Embree.
-    mr: Vec<(bool, Vec<Image>)>,
+    mr: Vec<(bool, Vec<Image<'static>>)>,
     /// If that is so at all sizes: what clusters answer at the largest.
-    clusters: Option<Vec<Image>>,
+    clusters: Option<Vec<Image<'static>>>,
 }
 
 impl Bench<'_> {
@@ -159,8 +159,8 @@ impl Bench<'_> {
             }
             run.sections
         });
-        let exact = exact.into_iter().collect::<Result<Vec<Vec<Image>>>>()?;
-        let mr = mr.into_iter().collect::<Result<Vec<Vec<Image>>>>()?;
+        let exact = exact.into_iter().collect::<Result<Vec<Vec<Image<'static>>>>>()?;
+        let mr = mr.into_iter().collect::<Result<Vec<Vec<Image<'static>>>>>()?;
         // For each feature size: time and feature-based error of the exact images, with and without certificates.
         let mut curves = Vec::new();
         for &s in &self.sizes {
@@ -243,7 +243,7 @@ struct Gallery<'a> {
 
 impl Gallery<'_> {
     /// An image per receiver: fraction of the unoccluded irradiance, from the visible fraction of each pair.
-    fn images(&self, visible: &[f32]) -> Result<Vec<Image>> {
+    fn images(&self, visible: &[f32]) -> Result<Vec<Image<'static>>> {
         let mut values = self.workload.weighted(visible).into_iter();
         let image = |r: &ReceiverGrid| {
             let texels = values.by_ref().take(r.width * r.height).collect();

@@ -29,13 +29,13 @@ pub struct ReceiverImages {
     /// Sides of the surface that the images are a window of, scene units.
     pub surface: [f64; 2],
     /// Exact, with the rays of the reference.
-    pub reference: Image,
+    pub reference: Image<'static>,
     /// Exact, with 16 rays per texel.
-    pub exact16: Image,
+    pub exact16: Image<'static>,
     /// MR, by feature size.
     pub mr: Vec<MrImage>,
     /// If all bundles of all sizes were handed to Embree: what clusters answer at the largest size.
-    pub clusters: Option<Image>,
+    pub clusters: Option<Image<'static>>,
 }
 
 /// A shadow image by MR.
@@ -44,7 +44,7 @@ pub struct MrImage {
     /// Feature size, scene units.
     pub size: f32,
     /// The image.
-    pub image: Image,
+    pub image: Image<'static>,
     /// Whether all bundles were handed to Embree: the image is an exact one.
     pub handed_over: bool,
 }

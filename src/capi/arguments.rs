@@ -64,18 +64,6 @@ pub unsafe fn slice_mut<'a, T>(pointer: *mut T, count: usize, name: &str) -> Out
     Ok(unsafe { std::slice::from_raw_parts_mut(pointer, count) })
 }
 
-/// A copy of entries of the caller.
-///
-/// # Errors
-/// [`Error::OutOfMemory`] if there is no room.
-pub fn copied<T>(entries: impl ExactSizeIterator<Item = T>) -> crate::Result<Vec<T>> {
-    let mut copy = Vec::new();
-    copy.try_reserve_exact(entries.len())
-        .map_err(|_| Error::OutOfMemory(format!("{} entries cannot be copied", entries.len())))?;
-    copy.extend(entries);
-    Ok(copy)
-}
-
 /// Text of the caller.
 ///
 /// # Safety

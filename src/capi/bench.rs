@@ -1,6 +1,6 @@
 //! Measurements of a model: exact against multi-resolution visibility, and irradiance by path tracing.
 
-use super::arguments::{Place, c_text, no_reserved, slice, slice_mut, texts};
+use super::arguments::{Place, c_text, no_reserved, slice, slice_mut, texts, wrong};
 use super::call_progress::{mrv_progress, with_progress};
 use super::guard::{Outcome, guard, quiet};
 use super::handle::{Opaque, give, object, release, retain};
@@ -52,12 +52,13 @@ pub struct mrv_bench_options {
     pub reserved: u32,
     pub progress: mrv_progress,
     pub user: *mut c_void,
+    pub max_memory: u64,
 }
 record!(
     mrv_bench_options: 120,
     struct_size, points, rays, reference_rays, feature_sizes, feature_size_count, receivers,
     receiver_count, audit, target_error, target_seconds, seed, threads, unbiased, no_audit, reserved,
-    progress, user
+    progress, user, max_memory
 );
 
 /// The options of a caller.
@@ -81,6 +82,15 @@ unsafe fn bench_options(given: &mrv_bench_options) -> Outcome<BenchOptions> {
     }
     if given.no_audit != 0 || given.audit != 0.0 {
         options = options.with_audit(if given.no_audit != 0 { 0.0 } else { given.audit });
+    }
+    if given.target_error != 0.0 && given.target_seconds != 0.0 {
+        return wrong(format!(
+            "`options.target_error` {} and `options.target_seconds` {}: give one of them, the other 0",
+            given.target_error, given.target_seconds
+        ));
+    }
+    if given.max_memory != 0 {
+        options = options.with_max_memory(given.max_memory);
     }
     if given.target_error != 0.0 {
         options = options.with_target_error(given.target_error);
@@ -162,11 +172,11 @@ pub struct mrv_reference_options {
     pub struct_size: usize,
     pub seed: u64,
     pub samples: u32,
-    pub reserved: u32,
+    pub direct_only: i32,
     pub progress: mrv_progress,
     pub user: *mut c_void,
 }
-record!(mrv_reference_options: 40, struct_size, seed, samples, reserved, progress, user);
+record!(mrv_reference_options: 40, struct_size, seed, samples, direct_only, progress, user);
 
 /// Paths for each point by default, as `mrvis oracle` traces.
 const SAMPLES: u32 = 1024;
@@ -204,10 +214,12 @@ pub unsafe extern "C" fn mrv_model_reference(
         let wanted = if standard_errors.is_null() { 0 } else { count };
         // SAFETY: as above.
         let errors = unsafe { slice_mut(standard_errors.cast::<[f64; 3]>(), wanted, "standard_errors") }?;
-        no_reserved(given.reserved)?;
         let samples = if given.samples == 0 { SAMPLES } else { given.samples };
         let seed = if given.seed == 0 { 1 } else { given.seed };
-        let trace = |progress: &dyn Progress| model.model.reference(&points, samples, seed, progress);
+        let direct_only = given.direct_only != 0;
+        let trace = |progress: &dyn Progress| {
+            model.model.reference_of(count, points, (samples, direct_only, seed), progress)
+        };
         let found = with_progress(call, given.progress, given.user, trace)??;
         out.copy_from_slice(&found.irradiance);
         errors.iter_mut().zip(found.standard_errors).for_each(|(out, error)| *out = error);

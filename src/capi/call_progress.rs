@@ -3,6 +3,7 @@
 use super::guard::{Call, Outcome};
 use crate::Error;
 use crate::progress::Progress;
+use crate::threads::{in_callback, is_in_callback};
 use std::ffi::{CString, c_char, c_void};
 use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -29,8 +30,10 @@ pub fn with_progress<R: Send>(
     let Some(callback) = callback else { return Ok(work(&())) };
     let ask = |stage: &CString, done: f64| {
         // SAFETY: the caller promises that the callback may be called so; `stage` outlives the call.
-        call.as_the_caller(|| unsafe { callback(user, stage.as_ptr(), done) }) != 0
+        call.as_the_caller(|| in_callback(true, || unsafe { callback(user, stage.as_ptr(), done) })) != 0
     };
+    // Work of a call that is made in another callback stays apart from the pool that is at work there.
+    let nested = is_in_callback();
     let told = Told::default();
     // A caller who stops at once stops before anything is done.
     told.stop.store(ask(&CString::from(c"start"), 0.0), Ordering::Relaxed);
@@ -38,7 +41,7 @@ pub fn with_progress<R: Send>(
         let worker = thread::Builder::new().name("mrvis".into()).stack_size(STACK);
         let worker = worker.spawn_scoped(scope, || {
             let _over = Over(&told);
-            work(&told)
+            in_callback(nested, || work(&told))
         });
         let worker = worker.map_err(|e| Error::OutOfMemory(format!("a thread cannot be started ({e})")))?;
         if !told.stopped() {

@@ -1,15 +1,17 @@
 //! The elements of a solution in arrays of the caller, and its record as text.
 
-use super::arguments::{Place, c_text, check_array, slice_mut, wrong};
+use super::arguments::{Place, c_text, check_array, slice_mut, text, wrong};
+use super::call_progress::{mrv_progress, with_progress};
 use super::guard::{Outcome, guard};
 use super::handle::object;
 use super::overlap::{Span, check_apart};
 use super::record::{read, record};
 use super::solve::mrv_solution;
 use super::status::mrv_status;
+use super::words::in_c;
 use crate::api::Element;
 use crate::progress::Progress;
-use std::ffi::c_char;
+use std::ffi::{c_char, c_void};
 
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -28,11 +30,12 @@ pub struct mrv_elements {
     pub object: *mut u32,
     pub material: *mut u32,
     pub front: *mut u8,
+    pub exitance: *mut f32,
 }
 record!(
     mrv_elements: 112,
     struct_size, vertex_capacity, element_capacity, positions, corners, irradiance, radiosity, error,
-    reflectance, area, triangle, object, material, front
+    reflectance, area, triangle, object, material, front, exitance
 );
 
 /// Refuses an array that is neither NULL nor room for `count` entries, before anything is written.
@@ -86,6 +89,7 @@ pub unsafe extern "C" fn mrv_solution_get_elements(
             (to.radiosity, "elements.radiosity"),
             (to.error, "elements.error"),
             (to.reflectance, "elements.reflectance"),
+            (to.exitance, "elements.exitance"),
         ] {
             check(out, name, 3 * all.len())?;
         }
@@ -108,6 +112,7 @@ pub unsafe extern "C" fn mrv_solution_get_elements(
                 Span::of("elements.object", to.object, elements),
                 Span::of("elements.material", to.material, elements),
                 Span::of("elements.front", to.front, elements),
+                Span::of("elements.exitance", to.exitance, 3 * elements),
             ],
         )?;
         // SAFETY: the caller gives arrays of so many entries. They are aligned like their numbers.
@@ -118,6 +123,7 @@ pub unsafe extern "C" fn mrv_solution_get_elements(
             put(to.radiosity.cast(), "elements.radiosity", each(), |e| rgb(e.radiosity))?;
             put(to.error.cast(), "elements.error", each(), |e| rgb(e.error))?;
             put(to.reflectance.cast::<[f32; 3]>(), "elements.reflectance", each(), |e| e.albedo)?;
+            put(to.exitance.cast(), "elements.exitance", each(), |e| rgb(e.exitance))?;
             put(to.area, "elements.area", each(), |e| e.area)?;
             put(to.triangle, "elements.triangle", each(), |e| e.triangle)?;
             put(to.object, "elements.object", each(), |e| e.object)?;
@@ -139,6 +145,43 @@ pub unsafe extern "C" fn mrv_solution_get_json(
         // SAFETY: the caller gives a place.
         unsafe { place.set(text.as_ptr()) };
         Ok(())
+    })
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_solution_get_warning(
+    solution: *const mrv_solution,
+    index: u64,
+    text: *mut *const c_char,
+) -> mrv_status {
+    guard("mrv_solution_get_warning", |call| {
+        let solution = object(call, solution, "solution")?;
+        let place = Place::of(text, "text")?;
+        let all = solution.warnings.get_or_init(|| {
+            solution.solution.warnings().iter().map(|text| c_text(&in_c("mrv_model_solve", text))).collect()
+        });
+        let Some(text) = usize::try_from(index).ok().and_then(|i| all.get(i)) else {
+            return wrong(format!("`index` {index}: the solution has {} warnings", all.len()));
+        };
+        // SAFETY: the caller gives a place.
+        unsafe { place.set(text.as_ptr()) };
+        Ok(())
+    })
+}
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_solution_write(
+    solution: *const mrv_solution,
+    path: *const c_char,
+    progress: mrv_progress,
+    user: *mut c_void,
+) -> mrv_status {
+    guard("mrv_solution_write", |call| {
+        let solution = object(call, solution, "solution")?;
+        // SAFETY: the caller gives text.
+        let path = unsafe { text(path, "path") }?;
+        let write = |progress: &dyn Progress| solution.solution.write(path, progress);
+        Ok(with_progress(call, progress, user, write)??)
     })
 }
 

@@ -1,10 +1,12 @@
 //! The feature-based error metric of two images.
 
-use super::arguments::{copied, no_reserved, slice, slice_mut, wrong};
+use super::arguments::{no_reserved, slice, slice_mut, wrong};
 use super::guard::{Outcome, guard};
 use super::overlap::{Span, check_apart};
 use super::record::{read, record};
 use super::status::mrv_status;
+use crate::Error;
+use crate::memory;
 use crate::metrics::{Fbem, FbemOptions, FeatureOptions, Features, Filter, Image, Morphology, spectrum};
 
 pub const MRV_FEATURES_BOTH: i32 = 0;
@@ -36,6 +38,10 @@ record!(
     struct_size, reference, approximation, width, height, texel, exponent, white, threshold, features,
     morphology, unmasked_filter, reserved
 );
+
+/// Bytes that the metric takes for each texel, at most: eight arrays of f64 (differences, weights, box sums and their steps) and two
+/// distance transforms of both kinds of features with their orders, 16 bytes each.
+const BYTES_PER_TEXEL: u64 = 8 * 8 + 4 * 16;
 
 fn fbem_options(given: &mrv_fbem_images) -> Outcome<FbemOptions> {
     no_reserved(given.reserved)?;
@@ -105,8 +111,15 @@ pub unsafe extern "C" fn mrv_fbem(
         // SAFETY: as above.
         let masked = unsafe { slice_mut(masked, if masked.is_null() { 0 } else { count }, "masked") }?;
         let texel = if given.texel == 0.0 { 1.0 } else { given.texel };
-        let image = |texels: &[f32]| Image::new(width, height, texel, copied(texels.iter().copied())?);
-        let found = spectrum(&image(reference)?, &image(approximation)?, sizes, &options)?;
+        let [reference, approximation] =
+            [("images.reference", reference), ("images.approximation", approximation)].map(
+                |(name, texels)| {
+                    Image::borrowed(width, height, texel, texels)
+                        .map_err(|e| Error::Argument(format!("`{name}`: {e}")))
+                },
+            );
+        memory::check_room(BYTES_PER_TEXEL * texels as u64, || format!("the errors of {texels} texels"))?;
+        let found = spectrum(&reference?, &approximation?, sizes, &options)?;
         let put =
             |out: &mut [f64], of: fn(&Fbem) -> f64| out.iter_mut().zip(&found).for_each(|(o, f)| *o = of(f));
         put(errors, |found| found.value);

@@ -123,10 +123,12 @@ pub struct mrv_form_factor_arrays {
     pub lost: *const f32,
     pub rays: u64,
     pub row_sum_error: f64,
+    pub closed_row_sum_error: f64,
 }
 record!(
     mrv_form_factor_arrays: 88,
-    struct_size, rows, entries, offsets, columns, values, areas, escaped, lost, rays, row_sum_error
+    struct_size, rows, entries, offsets, columns, values, areas, escaped, lost, rays, row_sum_error,
+    closed_row_sum_error
 );
 
 #[unsafe(no_mangle)]
@@ -151,6 +153,7 @@ pub unsafe extern "C" fn mrv_form_factors_get_arrays(
             lost: factors.lost().as_ptr(),
             rays: factors.rays(),
             row_sum_error: factors.row_sum_error(),
+            closed_row_sum_error: factors.closed_row_sum_error(),
         };
         // SAFETY: as above.
         unsafe { place.set(arrays) };

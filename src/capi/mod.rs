@@ -37,6 +37,7 @@ mod status;
 mod tests;
 mod update;
 mod visibility;
+mod words;
 
 /// Name and size of a record, and its members with their offsets.
 #[cfg(feature = "internals")]
@@ -50,6 +51,7 @@ pub fn layouts() -> Vec<Layout> {
     }
     vec![
         of::<scene::mrv_load_options>(),
+        of::<scene::mrv_generate_options>(),
         of::<scene::mrv_scene_info>(),
         of::<builder::mrv_mesh>(),
         of::<model::mrv_prepare_options>(),

@@ -5,7 +5,7 @@ use super::guard::{Outcome, guard, quiet};
 use super::handle::{Opaque, give, object, release, retain};
 use super::record::{RecordPlace, read_optional, record};
 use super::status::mrv_status;
-use crate::scene::{LoadOptions, Scene};
+use crate::scene::{Channels, GenerateOptions, LoadOptions, Scene, UpAxis};
 use std::ffi::{CString, c_char, c_void};
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
@@ -45,12 +45,56 @@ pub struct mrv_load_options {
     pub sides: i32,
     pub threads: u32,
     pub reserved: u32,
+    pub emitter_units: *const i32,
+    pub luminaires: *const c_char,
+    pub up: i32,
+    pub channels: i32,
+    pub max_memory: u64,
 }
 record!(
     mrv_load_options: 56,
     struct_size, unit, emitters, emitter_watts, emitter_count, two_sided_emission, sides, threads,
-    reserved
+    reserved, emitter_units, luminaires, up, channels, max_memory
 );
+
+pub const MRV_UP_AUTOMATIC: i32 = 0;
+pub const MRV_UP_Y: i32 = 1;
+pub const MRV_UP_Z: i32 = 2;
+
+pub const MRV_CHANNELS_RGB: i32 = 0;
+pub const MRV_CHANNELS_RED: i32 = 1;
+pub const MRV_CHANNELS_GREEN: i32 = 2;
+pub const MRV_CHANNELS_BLUE: i32 = 3;
+
+pub const MRV_POWER_WATTS: i32 = 0;
+pub const MRV_POWER_LUMENS: i32 = 1;
+pub const MRV_POWER_LUMINANCE: i32 = 2;
+
+/// An option that is one of a few numbers.
+fn one_of<T: Copy>(name: &str, number: i32, all: &[(i32, &str, T)]) -> Outcome<T> {
+    match all.iter().find(|(known, ..)| *known == number) {
+        Some((.., value)) => Ok(*value),
+        None => {
+            let names: Vec<&str> = all.iter().map(|(_, name, _)| *name).collect();
+            wrong(format!("`{name}` {number}: give one of {}", names.join(", ")))
+        }
+    }
+}
+
+/// Options with an emitter of a strength in this unit.
+fn with_emitter(options: LoadOptions, name: &str, strength: f64, unit: i32) -> Outcome<LoadOptions> {
+    type Add = fn(LoadOptions, &str, f64) -> LoadOptions;
+    let add: Add = one_of(
+        "options.emitter_units",
+        unit,
+        &[
+            (MRV_POWER_WATTS, "MRV_POWER_WATTS", (|o, n, s| o.with_emitter(n, s)) as Add),
+            (MRV_POWER_LUMENS, "MRV_POWER_LUMENS", |o, n, s| o.with_emitter_lumens(n, s)),
+            (MRV_POWER_LUMINANCE, "MRV_POWER_LUMINANCE", |o, n, s| o.with_emitter_luminance(n, s)),
+        ],
+    )?;
+    Ok(add(options, name, strength))
+}
 
 /// The options of a caller.
 ///
@@ -71,8 +115,37 @@ pub unsafe fn load_options(options: *const mrv_load_options) -> Outcome<LoadOpti
     let names = unsafe { texts(given.emitters, given.emitter_count, "options.emitters") }?;
     // SAFETY: as for this function.
     let watts = unsafe { slice(given.emitter_watts, given.emitter_count, "options.emitter_watts") }?;
-    for (name, &watts) in names.into_iter().zip(watts) {
-        options = options.with_emitter(name, watts);
+    let counted = if given.emitter_units.is_null() { 0 } else { given.emitter_count };
+    // SAFETY: as for this function.
+    let units = unsafe { slice(given.emitter_units, counted, "options.emitter_units") }?;
+    for (i, (name, &strength)) in names.into_iter().zip(watts).enumerate() {
+        let unit = units.get(i).copied().unwrap_or(MRV_POWER_WATTS);
+        options = with_emitter(options, name, strength, unit)?;
+    }
+    let up = [
+        (MRV_UP_AUTOMATIC, "MRV_UP_AUTOMATIC", None),
+        (MRV_UP_Y, "MRV_UP_Y", Some(UpAxis::Y)),
+        (MRV_UP_Z, "MRV_UP_Z", Some(UpAxis::Z)),
+    ];
+    if let Some(up) = one_of("options.up", given.up, &up)? {
+        options = options.with_up(up);
+    }
+    options = options.with_channels(one_of(
+        "options.channels",
+        given.channels,
+        &[
+            (MRV_CHANNELS_RGB, "MRV_CHANNELS_RGB", Channels::Rgb),
+            (MRV_CHANNELS_RED, "MRV_CHANNELS_RED", Channels::Red),
+            (MRV_CHANNELS_GREEN, "MRV_CHANNELS_GREEN", Channels::Green),
+            (MRV_CHANNELS_BLUE, "MRV_CHANNELS_BLUE", Channels::Blue),
+        ],
+    )?);
+    if given.max_memory != 0 {
+        options = options.with_max_memory(given.max_memory);
+    }
+    // SAFETY: as for this function.
+    if let Some(placements) = unsafe { optional_text(given.luminaires, "options.luminaires") }? {
+        options = options.with_luminaires(placements)?;
     }
     match u8::try_from(given.sides) {
         Ok(0) => Ok(options),
@@ -133,6 +206,48 @@ pub unsafe extern "C" fn mrv_scene_generate(name: *const c_char, scene: *mut *mu
         let place = Place::of(scene, "scene")?;
         let scene = Scene::generate(name)?;
         // SAFETY: as above.
+        unsafe { place.set(give(NamedScene::new(Arc::new(scene)))) };
+        Ok(())
+    })
+}
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct mrv_generate_options {
+    pub struct_size: usize,
+    pub seed: u64,
+    pub count: u64,
+    pub trees: u64,
+    pub leaves: u64,
+    pub light_size: f64,
+    pub trunks: i32,
+    pub reserved: u32,
+}
+record!(mrv_generate_options: 56, struct_size, seed, count, trees, leaves, light_size, trunks, reserved);
+
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn mrv_scene_generate_with(
+    name: *const c_char,
+    options: *const mrv_generate_options,
+    scene: *mut *mut mrv_scene,
+) -> mrv_status {
+    guard("mrv_scene_generate_with", |_| {
+        // SAFETY: the caller gives text and a record.
+        let (name, given) = unsafe { (text(name, "name")?, read_optional(options, "options")?) };
+        no_reserved(given.reserved)?;
+        let place = Place::of(scene, "scene")?;
+        let number = |n: u64| (n != 0).then(|| usize::try_from(n).unwrap_or(usize::MAX));
+        let mut options = GenerateOptions::default();
+        if given.seed != 0 {
+            options.seed = given.seed;
+        }
+        options.count = number(given.count);
+        options.trees = number(given.trees);
+        options.leaves = number(given.leaves);
+        options.light_size = (given.light_size != 0.0).then_some(given.light_size);
+        options.trunks = given.trunks != 0;
+        let scene = Scene::generate_with(name, &options)?;
+        // SAFETY: the caller gives a place.
         unsafe { place.set(give(NamedScene::new(Arc::new(scene)))) };
         Ok(())
     })

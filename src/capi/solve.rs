@@ -1,10 +1,11 @@
 //! The light in a model.
 
-use super::arguments::{Place, copied, slice, slice_mut, texts};
+use super::arguments::{Place, slice, slice_mut, texts};
 use super::call_progress::{mrv_progress, with_progress};
 use super::guard::{Outcome, guard, quiet};
 use super::handle::{Opaque, give, object, release, retain};
 use super::model::mrv_model;
+use super::overlap::{Span, check_apart};
 use super::record::{RecordPlace, read_optional, record};
 use super::status::mrv_status;
 use super::visibility::engine_of;
@@ -24,6 +25,14 @@ pub struct NotedSolution {
     pub solution: Solution,
     pub json: OnceLock<CString>,
     pub page: OnceLock<CString>,
+    pub warnings: OnceLock<Vec<CString>>,
+}
+
+impl NotedSolution {
+    fn new(solution: Solution) -> NotedSolution {
+        let (json, page, warnings) = Default::default();
+        NotedSolution { solution, json, page, warnings }
+    }
 }
 
 impl Opaque for mrv_solution {
@@ -51,12 +60,16 @@ pub struct mrv_solve_options {
     pub importance_count: usize,
     pub progress: mrv_progress,
     pub user: *mut c_void,
+    pub audit: u32,
+    pub no_audit: i32,
+    pub light_rays: u32,
+    pub gather_rays: u32,
 }
 record!(
     mrv_solve_options: 128,
     struct_size, engine, direct_only, error, target_error, min_area, max_seconds, max_links, seed,
     feature_size, feature_size_names, feature_sizes, feature_size_count, importance, importance_count,
-    progress, user
+    progress, user, audit, no_audit, light_rays, gather_rays
 );
 
 /// The options of a caller.
@@ -84,6 +97,15 @@ unsafe fn solve_options(given: &mrv_solve_options) -> Outcome<SolveOptions> {
     }
     if given.seed != 0 {
         options = options.with_seed(given.seed);
+    }
+    if given.no_audit != 0 || given.audit != 0 {
+        options = options.with_audit(if given.no_audit != 0 { 0 } else { given.audit as usize });
+    }
+    if given.light_rays != 0 {
+        options = options.with_light_rays(given.light_rays as usize);
+    }
+    if given.gather_rays != 0 {
+        options = options.with_gather_rays(given.gather_rays as usize);
     }
     if given.feature_size != 0.0 {
         options = options.with_feature_size(given.feature_size as f32);
@@ -119,7 +141,7 @@ pub unsafe extern "C" fn mrv_model_solve(
         let solve = |progress: &dyn Progress| model.model.solve(&options, progress);
         let solution = with_progress(call, given.progress, given.user, solve)??;
         // SAFETY: the caller gives a place.
-        unsafe { place.set(give(NotedSolution { solution, json: OnceLock::new(), page: OnceLock::new() })) };
+        unsafe { place.set(give(NotedSolution::new(solution))) };
         Ok(())
     })
 }
@@ -144,10 +166,12 @@ pub struct mrv_solution_info {
     pub error_estimate: f64,
     pub interrupted: i32,
     pub reserved: u32,
+    pub warnings: u64,
 }
 record!(
     mrv_solution_info: 64,
-    struct_size, vertices, elements, mean_irradiance, error_estimate, interrupted, reserved
+    struct_size, vertices, elements, mean_irradiance, error_estimate, interrupted, reserved,
+    warnings
 );
 
 #[unsafe(no_mangle)]
@@ -167,6 +191,7 @@ pub unsafe extern "C" fn mrv_solution_get_info(
             error_estimate: solution.error_estimate().unwrap_or(-1.0),
             interrupted: i32::from(solution.interrupted()),
             reserved: 0,
+            warnings: solution.warnings().len() as u64,
         };
         // SAFETY: as above.
         unsafe { place.set(info) };
@@ -184,6 +209,11 @@ pub unsafe extern "C" fn mrv_solution_irradiance(
 ) -> mrv_status {
     guard("mrv_solution_irradiance", |call| {
         let solution = &object(call, solution, "solution")?.solution;
+        let numbers = count.saturating_mul(3);
+        check_apart(
+            &[Span::of("positions", positions, numbers), Span::of("normals", normals, numbers)],
+            &[Span::of("irradiance", irradiance, numbers)],
+        )?;
         // SAFETY: the caller gives arrays of `count` triples.
         let (points, out) = unsafe {
             (
@@ -191,20 +221,20 @@ pub unsafe extern "C" fn mrv_solution_irradiance(
                 slice_mut(irradiance.cast::<[f64; 3]>(), count, "irradiance")?,
             )
         };
-        out.copy_from_slice(&solution.irradiance(&points)?);
+        out.copy_from_slice(&solution.irradiance_of(count, points)?);
         Ok(())
     })
 }
 
-/// Points of the caller.
+/// Points of the caller by their index, where they are.
 ///
 /// # Safety
 /// The arrays hold `count` triples.
-pub unsafe fn points_of(
+pub unsafe fn points_of<'a>(
     positions: *const f64,
     normals: *const f64,
     count: usize,
-) -> Outcome<Vec<SurfacePoint>> {
+) -> Outcome<impl Fn(usize) -> SurfacePoint + Sync + 'a> {
     // SAFETY: as for this function.
     let (positions, normals) = unsafe {
         (
@@ -212,6 +242,5 @@ pub unsafe fn points_of(
             slice(normals.cast::<[f64; 3]>(), count, "normals")?,
         )
     };
-    let point = |(&position, &normal): (&[f64; 3], &[f64; 3])| SurfacePoint { position, normal };
-    Ok(copied(positions.iter().zip(normals).map(point))?)
+    Ok(move |i: usize| SurfacePoint { position: positions[i], normal: normals[i] })
 }

@@ -108,6 +108,17 @@ fn defects_are_a_status() {
     }
 }
 
+/// The names by which messages are translated are those of the records.
+#[cfg(feature = "internals")]
+#[test]
+fn members_of_messages_are_those_of_records() {
+    for (.., (name, members)) in super::words::RECORDS {
+        let layouts = super::layouts();
+        let (.., known) = layouts.iter().find(|(record, ..)| record == name).expect(name);
+        assert_eq!(known.iter().map(|(member, _)| *member).collect::<Vec<_>>(), *members, "{name}");
+    }
+}
+
 #[test]
 fn text_is_cut_between_characters() {
     for (size, want) in [(1, ""), (2, "a"), (3, "a"), (4, "aé"), (9, "aé")] {

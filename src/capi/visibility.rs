@@ -130,6 +130,11 @@ unsafe fn positions<'a>(given: &mrv_positions, count: usize, names: PositionName
         // SAFETY: there is one position.
         return Ok(Strided::repeated(unsafe { &*x.cast::<[f32; 3]>() }, count));
     }
+    if stride == MRV_SAME_POSITION {
+        // SAFETY: there is one number in each array.
+        let axis = |pointer, axis: usize| unsafe { slice(pointer, 1, names[axis]) };
+        return Ok(Strided::repeated_axes(axis(x, 1)?, axis(y, 2)?, axis(z, 3)?, count));
+    }
     let size = if is_interleaved { 3 } else { 1 };
     let numbers = if stride == 0 { size } else { stride / size_of::<f32>() };
     if !stride.is_multiple_of(size_of::<f32>()) || numbers < size {

@@ -142,13 +142,6 @@ fn printable(text: &str) -> String {
 /// A spinner on the terminal; see [`Common::spinner`].
 pub struct Spinner(ProgressBar);
 
-impl Spinner {
-    /// Removes the spinner.
-    pub fn clear(&self) {
-        self.0.finish_and_clear();
-    }
-}
-
 impl Drop for Spinner {
     fn drop(&mut self) {
         self.0.finish_and_clear();

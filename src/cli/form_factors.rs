@@ -12,7 +12,6 @@ use crate::{
     },
     model::{Detail, PrepareOptions},
     plot::number,
-    progress::Progress,
 };
 use std::{fmt::Write as _, path::PathBuf, process::ExitCode, time::Instant};
 
@@ -103,8 +102,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let rays = PrepareOptions { detail: Detail::Rays, ..PrepareOptions::default() };
     let (model, (faces, report)) = common.on_threads(|| {
         let model = job_context::prepare(scene, &rays, &bar)?;
-        bar.stage("form factors", 2 * facets.count() as u64);
-        let found = compute(&model, &facets, &settings, &|n| bar.advance(n))?;
+        let found = compute(&model, &facets, &settings, &bar)?;
         Ok((model, found))
     })?;
     let scene = model.scene();

@@ -5,9 +5,9 @@ use crate::{
     Result,
     export::{
         Camera, MAX_PIXELS, MAX_SIDE, Mesh, PageView, Stage, Tone, VIEW, best_view, developed, picture,
-        suitable_lightmap, write_glb, write_lightmap, write_ply, write_vtu,
+        suitable_lightmap, write_glb, write_lightmap_mesh, write_ply, write_vtu,
     },
-    image_io::{write_exr_rgb, write_png},
+    image_io::{Picture, write_exr_rgb, write_png},
     points::Point,
     progress::Progress,
     radiosity::mesh::RadiosityMesh,
@@ -164,24 +164,25 @@ impl Outputs {
         (mesh, solution): (&Mesh, &RadiosityMesh),
         scene: &Scene,
     ) -> Result<()> {
-        let common = files.common;
-        let spinner = common.spinner("writing lightmap.exr");
+        let (common, progress) = (files.common, files.progress);
+        let spinner = common.spinner("drawing the lightmap");
         let stage = Stage::new(mesh, solution)?;
-        let [image, charts, picture] =
-            ["lightmap.exr", "lightmap.obj", "lightmap.png"].map(|name| files.path(name));
-        let (map, why) = suitable_lightmap(&stage, solution, scene, self.lightmap_texels)?;
-        files.written.push(image.clone());
-        if let Some(why) = why {
-            spinner.clear();
+        let (map, why) = match suitable_lightmap(&stage, solution, scene, self.lightmap_texels, progress) {
+            Err(_) if files.left_out("lightmap.exr")? => return Ok(()),
+            drawn => drawn?,
+        };
+        drop(spinner);
+        if let Some(why) = &why {
             common.print(&format!("note: lightmap with a chart for each plane: {why}\n"))?;
-            write_lightmap(&image, &charts, &map, scene)?;
-            files.written.push(charts);
-        } else {
-            write_exr_rgb(&image, map.width, &map.irradiance)?;
         }
-        write_png(&picture, &developed(map.width, &map.irradiance))?;
-        files.written.push(picture);
-        Ok(())
+        let light = &map.irradiance;
+        files.write("lightmap.exr", |path| write_exr_rgb(path, map.width, light, progress))?;
+        if why.is_some() {
+            let of = (scene, "lightmap.exr");
+            files.write("lightmap.obj", |path| write_lightmap_mesh(path, &map, of, progress))?;
+        }
+        let picture = if progress.stopped() { Picture::default() } else { developed(map.width, light) };
+        files.write("lightmap.png", |path| write_png(path, &picture))
     }
 
     /// The pictures of all cameras, for the page and, if wanted, as files.
@@ -214,7 +215,7 @@ impl Outputs {
             let view = PageView::of(camera, width, &frame);
             if wants_images {
                 let name = |kind| format!("{}.{kind}", camera.name);
-                files.write(&name("exr"), |path| write_exr_rgb(path, width, &frame.radiance))?;
+                files.write(&name("exr"), |path| write_exr_rgb(path, width, &frame.radiance, progress))?;
                 files.write(&name("png"), |path| write_png(path, &view.picture))?;
             }
             if self.wants_page() {
@@ -224,9 +225,10 @@ impl Outputs {
         Ok(views)
     }
 
-    /// Pixels of a picture.
-    pub fn pixels(&self) -> usize {
-        self.image_size[0] * self.image_size[1]
+    /// Pixels of the largest image that is written.
+    pub fn pixels(&self, with_points: bool) -> usize {
+        let texels = if self.wants(Kind::Lightmap, with_points) { self.lightmap_texels } else { 0 };
+        texels.max(self.image_size[0] * self.image_size[1])
     }
 
     /// Whether the page is wanted.

@@ -232,10 +232,10 @@ mod tests {
         };
         let used = scene("used");
         let size = used.0.bytes() as u64;
-        ["old", "new"].map(|key| drop(scene(key)));
+        ["old", "new"].into_iter().for_each(|key| drop(scene(key)));
         shared.shrink_to(size);
         assert_eq!(reads.get(), 3);
-        ["used", "new"].map(|key| drop(scene(key)));
+        ["used", "new"].into_iter().for_each(|key| drop(scene(key)));
         assert_eq!(reads.get(), 3, "these are there");
         scene("old");
         assert_eq!(reads.get(), 4, "this was dropped");

@@ -246,6 +246,7 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
     watch.stop_on_interruption(args.common.quiet);
     watch.stage("preparing", 0);
     let model = prepare(scene, &options, &watch)?;
+    options.seconds_spent = start.elapsed().as_secs_f64();
     let (outcome, solution) = radiosity::solve(&model, &points, &options, &watch)?;
     let other = args.compare.filter(|_| !outcome.record.interrupted);
     let versus =
@@ -291,13 +292,14 @@ fn write(
         irradiance
     };
     let (scene, with_points) = (solution.model().scene(), args.points.is_some());
+    let pixels = args.outputs.pixels(with_points);
     let Written { mut files, views } = args.outputs.write(
         &args.common,
         (scene, photometry),
         &mesh,
         out,
         with_points,
-        (&gather, &watch.for_files(args.outputs.pixels(), mesh.elements.len())),
+        (&gather, &watch.for_files(pixels, mesh.elements.len())),
     )?;
     watch.bar.finish();
     let notes = notes.into_inner();

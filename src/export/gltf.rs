@@ -1,9 +1,8 @@
 //! Binary glTF.
 
-use super::stoppable::Stoppable;
 use super::{Mesh, Tone};
 use crate::math::Aabb;
-use crate::progress::Progress;
+use crate::progress::{Progress, Stoppable};
 use crate::scene::UpAxis;
 use crate::{Error, Result, files::WholeFile};
 use gltf::binary::{Glb, Header};

@@ -2,13 +2,13 @@
 //! texture coordinates of the file.
 
 use super::Mesh;
-use crate::image_io::write_exr_rgb;
+use crate::progress::{Progress, Stoppable};
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::scene::Scene;
 use crate::{Error, Result, files::WholeFile};
 use glam::{Vec2, Vec3};
 use std::collections::HashMap;
-use std::io::Write;
+use std::io::{BufWriter, Write};
 use std::path::Path;
 
 /// An image of irradiance and its texture coordinates.
@@ -58,6 +58,9 @@ const MARGIN_TEXELS: usize = 2;
 /// Largest side of an image, texels: the limit of common graphics hardware.
 pub(super) const MAX_SIDE_TEXELS: usize = 16_384;
 
+/// Triangles that are drawn between two looks at the caller: below a millisecond.
+pub(super) const TRIANGLES_BETWEEN_LOOKS: usize = 1 << 10;
+
 struct Chart {
     triangles: Vec<u32>,
     u: Vec3,
@@ -83,8 +86,14 @@ impl Chart {
 /// Lightmap of a mesh with about `texels` texels; with more if there are more charts.
 ///
 /// # Errors
-/// The charts do not fit into an image of 16,384 texels per side.
-pub fn lightmap(mesh: &Mesh, solution: &RadiosityMesh, scene: &Scene, texels: usize) -> Result<Lightmap> {
+/// The charts do not fit into an image of 16,384 texels per side; [`Error::Cancelled`] if `progress` stops it.
+pub fn lightmap(
+    mesh: &Mesh,
+    solution: &RadiosityMesh,
+    scene: &Scene,
+    texels: usize,
+    progress: &dyn Progress,
+) -> Result<Lightmap> {
     let mut charts = charts(mesh, solution, scene);
     let area: f32 = charts.iter().map(|c| (c.high - c.low).element_product()).sum();
     let mut texel = (area / texels.max(1) as f32).sqrt().max(f32::MIN_POSITIVE);
@@ -114,12 +123,27 @@ pub fn lightmap(mesh: &Mesh, solution: &RadiosityMesh, scene: &Scene, texels: us
         sides: Vec::new(),
     };
     map.sides = map.sides_of(&charts, mesh, solution, scene);
+    let mut drawn = 0;
     for chart in &charts {
-        chart.triangles.iter().for_each(|&t| map.draw(mesh, chart, t));
+        for &t in &chart.triangles {
+            map.draw(mesh, chart, t);
+            drawn += 1;
+            if drawn % TRIANGLES_BETWEEN_LOOKS == 0 {
+                go_on(progress)?;
+            }
+        }
         chart.triangles.iter().for_each(|&t| map.cover_small(mesh, t));
     }
-    map.fill_margins();
+    map.fill_margins(progress)?;
     Ok(map)
+}
+
+/// An error once the caller has stopped.
+pub(super) fn go_on(progress: &dyn Progress) -> Result<()> {
+    match progress.stopped() {
+        true => Err(Error::Cancelled("stopped before the lightmap was complete".into())),
+        false => Ok(()),
+    }
 }
 
 /// Groups triangles in one plane and on one side of a connected surface.
@@ -265,11 +289,15 @@ impl Lightmap {
     }
 
     /// Fills texels beside covered ones with the mean of these, once per texel of the margin.
-    pub(super) fn fill_margins(&mut self) {
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`] if `progress` stops it.
+    pub(super) fn fill_margins(&mut self, progress: &dyn Progress) -> Result<()> {
         let mut known = self.covered.clone();
         for _ in 0..MARGIN_TEXELS {
             let before = known.clone();
             for y in 0..self.height {
+                go_on(progress)?;
                 for x in (0..self.width).filter(|x| !before[y * self.width + x]) {
                     let (mut sum, mut count) = ([0.0; 3], 0.0);
                     for j in y.saturating_sub(1)..(y + 2).min(self.height) {
@@ -288,33 +316,39 @@ impl Lightmap {
                 }
             }
         }
+        Ok(())
     }
 }
 
-/// Writes `image` (EXR) and `model` (OBJ: the triangles of the scene with texture coordinates, in coordinates of the scene's file;
-/// back sides are faces of their own).
+/// Writes the triangles of the scene with the texture coordinates of a lightmap, in coordinates of the scene's file, as an OBJ file; back
+/// sides are faces of their own. `image` is the name of the lightmap's file.
 ///
 /// # Errors
-/// A file cannot be written.
-pub fn write_lightmap(image: &Path, model: &Path, map: &Lightmap, scene: &Scene) -> Result<()> {
-    write_exr_rgb(image, map.width, &map.irradiance)?;
-    let mut file = WholeFile::create(model)?;
+/// The file cannot be written, or `progress` has stopped.
+pub fn write_lightmap_mesh(
+    path: &Path,
+    map: &Lightmap,
+    (scene, image): (&Scene, &str),
+    progress: &dyn Progress,
+) -> Result<()> {
+    let mut file = WholeFile::create(path)?;
+    let mut out = BufWriter::with_capacity(1 << 16, Stoppable { out: &mut file, progress });
     let mut write = || -> std::io::Result<()> {
-        let name = image.file_name().unwrap_or_default().to_string_lossy();
-        writeln!(file, "# irradiance, W/m\u{b2}: {name}, {} x {} texels", map.width, map.height)?;
+        writeln!(out, "# irradiance, W/m\u{b2}: {image}, {} x {} texels", map.width, map.height)?;
         for p in &scene.positions {
             let p = scene.origin + p.as_dvec3();
-            writeln!(file, "v {} {} {}", p.x, p.y, p.z)?;
+            writeln!(out, "v {} {} {}", p.x, p.y, p.z)?;
         }
         let texcoords = map.sides.iter().flat_map(|side| side.texcoords);
-        texcoords.into_iter().try_for_each(|t| writeln!(file, "vt {} {}", t.x, t.y))?;
+        texcoords.into_iter().try_for_each(|t| writeln!(out, "vt {} {}", t.x, t.y))?;
         for (i, side) in map.sides.iter().enumerate() {
             let corners = scene.triangles[side.triangle as usize];
             let [a, b, c] = [0, 1, 2].map(|k| format!("{}/{}", corners[k] + 1, 3 * i + k + 1));
-            if side.front { writeln!(file, "f {a} {b} {c}")? } else { writeln!(file, "f {a} {c} {b}")? }
+            if side.front { writeln!(out, "f {a} {b} {c}")? } else { writeln!(out, "f {a} {c} {b}")? }
         }
-        Ok(())
+        out.flush()
     };
-    write().map_err(|e| Error::io(model, e))?;
+    write().map_err(|e| Error::io(path, e))?;
+    drop(out);
     file.commit()
 }

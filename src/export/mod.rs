@@ -12,7 +12,6 @@ mod mesh;
 mod picture;
 mod ply;
 mod solve_page;
-mod stoppable;
 #[cfg(test)]
 mod tests;
 mod tone;
@@ -23,7 +22,7 @@ mod vtu;
 pub use camera::{Camera, First, Frame, Stage, render};
 pub use gather::{light_of, visible_points};
 pub use gltf::write_glb;
-pub use lightmap::{Lightmap, lightmap, write_lightmap};
+pub use lightmap::{Lightmap, lightmap, write_lightmap_mesh};
 pub use mesh::Mesh;
 pub use picture::{MAX_PIXELS, MAX_SIDE, SIZE, developed, picture, suitable_lightmap};
 pub use ply::write_ply;

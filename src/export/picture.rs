@@ -9,6 +9,7 @@ use crate::progress::Progress;
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::scene::{Scene, StoredCamera};
 use glam::{DVec3, Vec3, Vec3Swizzles};
+use rayon::prelude::*;
 
 /// Largest number of pixels: limits memory to about 1 GB during rendering.
 pub const MAX_PIXELS: usize = 1 << 25;
@@ -70,23 +71,24 @@ pub fn picture(
 /// The lightmap in the texture coordinates of the file if they are suitable; else one with a chart for each plane, and why.
 ///
 /// # Errors
-/// The charts do not fit into an image.
+/// The charts do not fit into an image; [`Error::Cancelled`](crate::Error::Cancelled) if `progress` stops it.
 pub fn suitable_lightmap(
     stage: &Stage,
     solution: &RadiosityMesh,
     scene: &Scene,
     texels: usize,
+    progress: &dyn Progress,
 ) -> Result<(Lightmap, Option<String>)> {
-    match unwrapped_lightmap(stage, scene, texels) {
+    match unwrapped_lightmap(stage, scene, texels, progress)? {
         Ok(map) => Ok((map, None)),
-        Err(why) => Ok((lightmap(stage.mesh, solution, scene, texels)?, Some(why))),
+        Err(why) => Ok((lightmap(stage.mesh, solution, scene, texels, progress)?, Some(why))),
     }
 }
 
 /// Tone-mapped colours of light.
 pub fn developed(width: usize, light: &[[f32; 3]]) -> Picture {
     let tone = Tone::of(light.iter().copied());
-    let pixels = light.iter().map(|&r| tone.srgb(r)).collect();
+    let pixels = light.par_iter().map(|&r| tone.srgb(r)).collect();
     Picture { width, height: light.len() / width.max(1), pixels }
 }
 

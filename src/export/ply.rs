@@ -1,8 +1,7 @@
 //! PLY files.
 
-use super::stoppable::Stoppable;
 use super::{Mesh, Tone};
-use crate::progress::Progress;
+use crate::progress::{Progress, Stoppable};
 use crate::{Error, Result, files::WholeFile};
 use glam::DVec3;
 use std::io::{BufWriter, Write};

@@ -101,7 +101,7 @@ fn pictures_show_the_lit_side() {
 fn lightmaps_hold_the_light_where_they_say() {
     let (scene, solution) = square(|p| f64::from(p.x));
     let mesh = Mesh::new(&solution);
-    let map = lightmap(&mesh, &solution, &scene, 4096).expect("a lightmap");
+    let map = lightmap(&mesh, &solution, &scene, 4096, &()).expect("a lightmap");
     let covered = map.covered.iter().filter(|&&c| c).count() as f32 * map.texel * map.texel;
     assert!((covered - 1.0).abs() < 0.05, "{covered}");
     for (t, uv) in mesh.triangles.iter().zip(&map.texcoords) {
@@ -125,8 +125,38 @@ fn lightmaps_hold_the_light_where_they_say() {
     }
     let folder = tempfile::tempdir().expect("scratch folder");
     let model = folder.path().join("lightmap.obj");
-    write_lightmap(&folder.path().join("lightmap.exr"), &model, &map, &scene).expect("written");
+    write_lightmap_mesh(&model, &map, (&scene, "lightmap.exr"), &()).expect("written");
     assert_eq!(Scene::load(&model).expect("an OBJ file").triangles.len(), scene.triangles.len());
+}
+
+/// Stops at the given look, and counts looks.
+struct AtLook {
+    looks: std::sync::atomic::AtomicUsize,
+    stop: usize,
+}
+
+impl crate::progress::Progress for AtLook {
+    fn stopped(&self) -> bool {
+        self.looks.fetch_add(1, std::sync::atomic::Ordering::Relaxed) >= self.stop
+    }
+}
+
+#[test]
+fn a_lightmap_stops_when_the_caller_asks_for_it() {
+    let (scene, solution) = square(|p| f64::from(p.x));
+    let mesh = Mesh::new(&solution);
+    let stop_at = |stop: usize| {
+        let progress = AtLook { looks: 0.into(), stop };
+        let map = lightmap(&mesh, &solution, &scene, 4096, &progress);
+        (map.map(|_| ()), progress.looks.into_inner())
+    };
+    let (whole, looks) = stop_at(usize::MAX);
+    // Margins are filled row by row: 64 rows and margins, twice.
+    assert!(whole.is_ok() && looks >= 128, "{looks} looks");
+    for stop in [0, 1, looks / 2, looks - 1] {
+        let (stopped, looks) = stop_at(stop);
+        assert!(matches!(stopped, Err(crate::Error::Cancelled(_))) && looks == stop + 1, "{stop}: {looks}");
+    }
 }
 
 /// A square and so many small triangles that one texel for each exceeds the image: the square keeps its part of the
@@ -148,7 +178,7 @@ fn lightmaps_of_crumbs_leave_room_for_walls() {
     }
     let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
     let mesh = Mesh::new(&solution);
-    let map = lightmap(&mesh, &solution, &scene, 1000).expect("a lightmap");
+    let map = lightmap(&mesh, &solution, &scene, 1000, &()).expect("a lightmap");
     assert!(map.texel < 0.04 && map.width * map.height < 60_000, "{} {}", map.texel, map.width);
     for uv in &map.texcoords {
         let middle = (uv[0] + uv[1] + uv[2]) / 3.0;
@@ -179,7 +209,7 @@ fn unwrapped(gap: f32, texels: usize) -> Result<Lightmap, String> {
     let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
     let mesh = Mesh::new(&solution);
     let stage = Stage::new(&mesh, &solution).expect("a stage");
-    unwrapped_lightmap(&stage, &scene, texels)
+    unwrapped_lightmap(&stage, &scene, texels, &()).expect("never stopped")
 }
 
 /// Bilinear interpolation of a lightmap at texture coordinates.
@@ -219,7 +249,12 @@ fn lightmaps_refuse_coordinates_that_cannot_hold_them() {
     let (scene, solution) = square(|_| 1.0);
     let mesh = Mesh::new(&solution);
     let stage = Stage::new(&mesh, &solution).expect("a stage");
-    assert!(unwrapped_lightmap(&stage, &scene, 100).expect_err("no lightmap").contains("no texture"));
+    assert!(
+        unwrapped_lightmap(&stage, &scene, 100, &())
+            .expect("never stopped")
+            .expect_err("no lightmap")
+            .contains("no texture")
+    );
     // Shared edges do not overlap.
     assert!(unwrapped(0.0, 10_000).is_ok());
 }

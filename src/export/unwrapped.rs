@@ -1,9 +1,11 @@
 //! Lightmaps in the texture coordinates of the scene's file.
 
-use super::lightmap::MAX_SIDE_TEXELS;
+use super::lightmap::{MAX_SIDE_TEXELS, TRIANGLES_BETWEEN_LOOKS, go_on};
 use super::{Lightmap, Stage};
+use crate::Result;
 use crate::error::quote;
 use crate::math::{Aabb, triangle_normal};
+use crate::progress::Progress;
 use crate::ray::{LANES, Packet};
 use crate::scene::{Scene, magnitude};
 use glam::{Vec2, Vec3};
@@ -14,14 +16,26 @@ const TEXCOORD_TOLERANCE: f32 = 1e-4;
 /// Marks texels without a face.
 const FREE: u32 = u32::MAX;
 
-/// Irradiance of the fronts of all faces, in a square image of about `texels` texels.
+/// Irradiance of the fronts of all faces, in a square image of about `texels` texels; or a sentence that says why the coordinates are
+/// unsuitable: they are missing, leave 0..1, have no area, or overlap.
 ///
 /// # Errors
-/// A sentence that says why the coordinates are unsuitable: they are missing, leave 0..1, have no area, or overlap.
-pub fn unwrapped_lightmap(stage: &Stage, scene: &Scene, texels: usize) -> Result<Lightmap, String> {
+/// [`Error::Cancelled`](crate::Error::Cancelled) if `progress` stops it.
+pub fn unwrapped_lightmap(
+    stage: &Stage,
+    scene: &Scene,
+    texels: usize,
+    progress: &dyn Progress,
+) -> Result<Result<Lightmap, String>> {
     let side = ((texels as f64).sqrt().ceil() as usize).clamp(1, MAX_SIDE_TEXELS);
-    let faces = placed(scene, side)?;
-    let owner = owners(scene, &faces, side)?;
+    let faces = match placed(scene, side) {
+        Ok(faces) => faces,
+        Err(why) => return Ok(Err(why)),
+    };
+    let owner = match owners(scene, &faces, side, progress)? {
+        Ok(owner) => owner,
+        Err(why) => return Ok(Err(why)),
+    };
     let mut map = Lightmap {
         width: side,
         height: side,
@@ -32,7 +46,8 @@ pub fn unwrapped_lightmap(stage: &Stage, scene: &Scene, texels: usize) -> Result
         sides: Vec::new(),
     };
     let rows = map.irradiance.par_chunks_mut(side).zip(map.covered.par_chunks_mut(side));
-    rows.zip(owner.par_chunks(side)).enumerate().for_each(|(y, ((light, covered), owner))| {
+    rows.zip(owner.par_chunks(side)).enumerate().try_for_each(|(y, ((light, covered), owner))| {
+        go_on(progress)?;
         for left in (0..side).step_by(LANES) {
             let rays = probe_rays(scene, &faces, owner, [left, y]);
             for (lane, met) in stage.irradiance(&rays).into_iter().enumerate() {
@@ -41,13 +56,14 @@ pub fn unwrapped_lightmap(stage: &Stage, scene: &Scene, texels: usize) -> Result
                 }
             }
         }
-    });
-    map.fill_margins();
-    Ok(map)
+        Ok(())
+    })?;
+    map.fill_margins(progress)?;
+    Ok(Ok(map))
 }
 
 /// Corners of each face in texels from the upper left corner.
-fn placed(scene: &Scene, side: usize) -> Result<Vec<[Vec2; 3]>, String> {
+fn placed(scene: &Scene, side: usize) -> std::result::Result<Vec<[Vec2; 3]>, String> {
     if scene.triangle_texcoords.is_empty() {
         return Err("the file has no texture coordinates".into());
     }
@@ -79,7 +95,12 @@ fn middle(x: usize, y: usize) -> Vec2 {
 }
 
 /// Index of the face at each texel's centre, or [`FREE`].
-fn owners(scene: &Scene, faces: &[[Vec2; 3]], side: usize) -> Result<Vec<u32>, String> {
+fn owners(
+    scene: &Scene,
+    faces: &[[Vec2; 3]],
+    side: usize,
+    progress: &dyn Progress,
+) -> Result<Result<Vec<u32>, String>> {
     let mut owner = vec![FREE; side * side];
     let (mut all, mut taken) = (0.0, 0usize);
     // At least half a texel inside the face, where adjacent faces do not reach.
@@ -90,6 +111,9 @@ fn owners(scene: &Scene, faces: &[[Vec2; 3]], side: usize) -> Result<Vec<u32>, S
         weights(face, p).iter().zip(sides).all(|(w, s)| w * area > 0.5 * s)
     };
     for (t, &face) in faces.iter().enumerate() {
+        if t % TRIANGLES_BETWEEN_LOOKS == 0 {
+            go_on(progress)?;
+        }
         let [a, b, c] = face;
         all += f64::from(0.5 * (b - a).perp_dot(c - a).abs());
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));
@@ -108,16 +132,16 @@ fn owners(scene: &Scene, faces: &[[Vec2; 3]], side: usize) -> Result<Vec<u32>, S
                 } else if deep(face, p) && deep(faces[*at as usize], p) {
                     let name = |t: usize| quote(&scene.objects[scene.triangle_object[t] as usize].name);
                     let (one, other) = (name(*at as usize), name(t));
-                    return Err(format!("faces of `{one}` and `{other}` overlap in texture coordinates"));
+                    return Ok(Err(format!("faces of `{one}` and `{other}` overlap in texture coordinates")));
                 }
             }
         }
     }
     // Faces below the size of a texel: the number of centres inside is proportional to their area, up to chance.
     if all > 1.1 * taken as f64 + 4.0 * (faces.len() as f64).sqrt() {
-        return Err("faces overlap in texture coordinates".into());
+        return Ok(Err("faces overlap in texture coordinates".into()));
     }
-    Ok(owner)
+    Ok(Ok(owner))
 }
 
 /// Rays from just in front of the surface onto it, at up to sixteen texels of a row.

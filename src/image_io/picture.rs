@@ -36,7 +36,7 @@ const SEQUENTIAL: [[u8; 3]; 9] = [
 ];
 
 /// An 8-bit sRGB picture, row by row.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Picture {
     /// Number of columns.
     pub width: usize,
@@ -57,7 +57,7 @@ impl Picture {
         }
         let sides = u32::try_from(self.width).ok().zip(u32::try_from(self.height).ok());
         let picture = sides.and_then(|(w, h)| RgbImage::from_raw(w, h, self.pixels.as_flattened().to_vec()));
-        encode(picture.map(DynamicImage::ImageRgb8), ImageFormat::Png)
+        encode(picture.map(DynamicImage::ImageRgb8), ImageFormat::Png, &())
     }
 
     /// Maps each value to a colour.

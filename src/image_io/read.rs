@@ -47,7 +47,7 @@ impl Channel {
 /// # Errors
 /// [`Error::Io`] if the file cannot be opened, [`Error::Format`] if the file is no such image or holds a value that is
 /// not finite, [`Error::Argument`] if `texel` is not a positive length.
-pub fn read_image(path: &Path, channel: Channel, texel: f64) -> Result<Image> {
+pub fn read_image(path: &Path, channel: Channel, texel: f64) -> Result<Image<'static>> {
     let bytes = input::read(path, memory::usable().unwrap_or(u64::MAX >> 1))?;
     let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
     let reader = reader.map_err(|e| Error::io(path, e))?;
@@ -85,7 +85,7 @@ mod tests {
     use super::*;
     use crate::image_io::{grey, write_atomically, write_exr, write_png};
 
-    fn ramp() -> Image {
+    fn ramp() -> Image<'static> {
         Image::from_fn(256, 4, 1.0, |x, y| (x as f32 / 255.0) * if y == 0 { 1.0 } else { 0.5 }).unwrap()
     }
 

@@ -1,14 +1,16 @@
 //! Writes image files, completely or not at all.
 
+use std::io::Write;
 use std::path::Path;
 
 use image::{DynamicImage, ImageFormat, Rgb32FImage};
 
 use super::Picture;
 use super::encode::encode;
-use crate::Result;
 use crate::files::WholeFile;
 use crate::metrics::Image;
+use crate::progress::{Progress, Stoppable};
+use crate::{Error, Result};
 
 /// Writes `bytes` to a temporary file beside `path` and renames the file.
 ///
@@ -31,6 +33,7 @@ pub fn exr_bytes(image: &Image) -> Result<Vec<u8>> {
             .zip(u32::try_from(image.height()).ok())
             .and_then(|(w, h)| Rgb32FImage::from_raw(w, h, data).map(DynamicImage::ImageRgb32F)),
         ImageFormat::OpenExr,
+        &(),
     )
 }
 
@@ -38,13 +41,16 @@ pub fn exr_bytes(image: &Image) -> Result<Vec<u8>> {
 ///
 /// # Errors
 /// [`Error::Argument`] if the image is too large for the format or `pixels` is not a multiple of `width`; errors of
-/// [`write_atomically`].
-pub fn write_exr_rgb(path: &Path, width: usize, pixels: &[[f32; 3]]) -> Result<()> {
+/// [`write_atomically`]; an error if `progress` stops it.
+pub fn write_exr_rgb(path: &Path, width: usize, pixels: &[[f32; 3]], progress: &dyn Progress) -> Result<()> {
     let side = |n: usize| u32::try_from(n).ok();
     let image = side(width)
         .zip(side(pixels.len() / width.max(1)))
         .and_then(|(w, h)| Rgb32FImage::from_raw(w, h, pixels.as_flattened().to_vec()));
-    write_atomically(path, &encode(image.map(DynamicImage::ImageRgb32F), ImageFormat::OpenExr)?)
+    let bytes = encode(image.map(DynamicImage::ImageRgb32F), ImageFormat::OpenExr, progress)?;
+    let mut file = WholeFile::create(path)?;
+    Stoppable { out: &mut file, progress }.write_all(&bytes).map_err(|e| Error::io(path, e))?;
+    file.commit()
 }
 
 /// Writes [`exr_bytes`] to `path`, with the errors of both.

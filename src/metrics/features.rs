@@ -142,7 +142,7 @@ mod tests {
     use super::*;
 
     /// A wall with a shadow of 10 texels and one of 4; texels of 0.5 scene units.
-    fn wall() -> Image {
+    fn wall() -> Image<'static> {
         Image::from_fn(64, 64, 0.5, |x, y| match (x, y) {
             (10..20, 10..20) => 0.0,
             (40..44, 40..44) => 0.5,

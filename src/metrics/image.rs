@@ -1,25 +1,37 @@
 //! An image of one scalar quantity on a receiver.
 
 use crate::{Error, Result};
+use std::borrow::Cow;
 
 /// Values on a grid of square texels, row by row from the top left, each sampled at its texel's centre.
 ///
 /// The constructor guarantees finite values and at least one texel; the metrics rely on that.
+///
+/// Borrows the values, or owns them.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Image {
+pub struct Image<'a> {
     width: usize,
     height: usize,
     texel: f64,
-    data: Vec<f32>,
+    data: Cow<'a, [f32]>,
 }
 
-impl Image {
+impl<'a> Image<'a> {
     /// An image of `width` x `height` values with texels of side `texel` (scene units; with 1, sizes are in texels).
     ///
     /// # Errors
     /// [`Error::Argument`] if a side is zero, `data` has another length than `width * height`, `texel` is not positive
     /// and finite, or a value is not finite (the message names the first such texel).
-    pub fn new(width: usize, height: usize, texel: f64, data: Vec<f32>) -> Result<Image> {
+    pub fn new(width: usize, height: usize, texel: f64, data: Vec<f32>) -> Result<Image<'a>> {
+        Image::checked(width, height, texel, Cow::Owned(data))
+    }
+
+    /// The same of values that stay where they are. Errors as for [`Image::new`].
+    pub fn borrowed(width: usize, height: usize, texel: f64, data: &'a [f32]) -> Result<Image<'a>> {
+        Image::checked(width, height, texel, Cow::Borrowed(data))
+    }
+
+    fn checked(width: usize, height: usize, texel: f64, data: Cow<'a, [f32]>) -> Result<Image<'a>> {
         let argument = |what: String| Err(Error::Argument(what));
         if width == 0 || height == 0 {
             return argument(format!("an image of {width} x {height} texels is empty"));
@@ -45,7 +57,7 @@ impl Image {
         height: usize,
         texel: f64,
         mut value: impl FnMut(usize, usize) -> f32,
-    ) -> Result<Image> {
+    ) -> Result<Image<'a>> {
         let data =
             (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| value(x, y)).collect();
         Image::new(width, height, texel, data)

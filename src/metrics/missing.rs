@@ -140,7 +140,7 @@ mod tests {
     use super::*;
 
     /// Two shadows of 10 texels and one of 3 on a lit wall; texels of 0.5 scene units.
-    fn wall(second: f32) -> Image {
+    fn wall(second: f32) -> Image<'static> {
         Image::from_fn(64, 48, 0.5, |x, y| match (x, y) {
             (10..20, 10..20) => 0.0,
             (30..40, 10..20) => second,

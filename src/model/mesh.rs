@@ -1,7 +1,5 @@
 //! A mesh of the model: triangles in a local frame with everything that is prepared once for all its instances.
 
-#[cfg(any(test, feature = "cli"))]
-use super::Detail;
 use crate::clusters::Hierarchy;
 use crate::embree::CommittedScene;
 use crate::optics::ClusterOptics;
@@ -49,21 +47,6 @@ impl Measured {
 impl Mesh {
     pub(super) fn new(scene: Arc<Scene>, traced: CommittedScene, clusters: Option<Arc<Clusters>>) -> Mesh {
         Mesh { scene, traced, clusters, magnitudes: OnceLock::new() }
-    }
-
-    /// The mesh with no more than `detail`.
-    #[cfg(any(test, feature = "cli"))]
-    pub(super) fn reduced_to(&self, detail: Detail) -> Mesh {
-        let reduced = |clusters: &Arc<Clusters>| {
-            let hierarchy = clusters.hierarchy.clone();
-            Arc::new(Clusters { hierarchy, measured: None })
-        };
-        let clusters = match detail {
-            Detail::Rays => None,
-            Detail::Clusters => self.clusters.as_ref().map(reduced),
-            Detail::Optics => self.clusters.clone(),
-        };
-        Mesh::new(self.scene.clone(), self.traced.clone(), clusters)
     }
 
     /// Memory of the clusters, bytes.

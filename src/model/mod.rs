@@ -114,11 +114,12 @@ impl Model {
         self.inner.threads.count() == 1
     }
 
-    /// Does `work` on the threads of [`PrepareOptions::with_threads`], or of the rayon pool that the caller is in.
+    /// Does `work` on the threads of [`PrepareOptions::with_threads`], or of the rayon pool that the caller is in: many single queries
+    /// in parallel, for example. All clones and updates of a model share one pool, which is built when it is first needed.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`] if the threads cannot be started.
-    pub(crate) fn on_threads<R: Send>(&self, work: impl FnOnce() -> R + Send) -> Result<R> {
+    pub fn on_threads<R: Send>(&self, work: impl FnOnce() -> R + Send) -> Result<R> {
         self.inner.threads.run(work)
     }
 

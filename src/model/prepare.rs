@@ -168,7 +168,7 @@ impl Model {
         }
         let meshes = self.inner.meshes.iter().map(|mesh| match options.detail == self.detail() {
             true => mesh.clone(),
-            false => Arc::new(mesh.reduced_to(options.detail)),
+            false => Arc::new(reduced(mesh, options.detail)),
         });
         self.with_meshes(meshes.collect(), options, PrepareReport { origin, ..report })
     }
@@ -197,6 +197,21 @@ impl Model {
         inner.top = top_level(&mut inner)?;
         Ok(Model { inner: Arc::new(inner) })
     }
+}
+
+/// A mesh with no more than `detail`.
+#[cfg(any(test, feature = "cli"))]
+fn reduced(mesh: &Mesh, detail: Detail) -> Mesh {
+    let trees = |clusters: &Arc<Clusters>| {
+        let hierarchy = clusters.hierarchy.clone();
+        Arc::new(Clusters { hierarchy, measured: None })
+    };
+    let clusters = match detail {
+        Detail::Rays => None,
+        Detail::Clusters => mesh.clusters.as_ref().map(trees),
+        Detail::Optics => mesh.clusters.clone(),
+    };
+    Mesh::new(mesh.scene.clone(), mesh.traced.clone(), clusters)
 }
 
 /// See [`Model::prepare`]; on the threads of the caller.

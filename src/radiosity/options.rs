@@ -105,10 +105,10 @@ pub struct Options {
     pub local_rays: Option<usize>,
     /// Seconds of refinement a step (progressive multi-gridding); without a number each step ends at its error threshold.
     pub step_seconds: Option<f64>,
-    /// Time limit in seconds from the start for preparation, refinement, the local pass and points. Fewer links are refined
-    /// and fewer rays traced to meet it.
+    /// Time limit in seconds for refinement, the local pass and points, from the call that solves, less [`Options::seconds_spent`]. Fewer
+    /// links are refined and fewer rays traced to meet it.
     pub max_seconds: Option<f64>,
-    /// Seconds of that time that the caller has spent before the preparation of the model, such as for reading the scene.
+    /// Seconds of that time that the caller has spent already: the command counts reading and preparation.
     #[serde(skip)]
     pub seconds_spent: f64,
     /// Whether irradiance at more points will be asked for after the solution: part of the time limit is kept for that.

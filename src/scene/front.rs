@@ -3,6 +3,31 @@
 use super::{Scene, generate};
 use crate::Result;
 use crate::threads::Threads;
+use generate::Spec;
+
+/// Parameters of [`Scene::generate_with`]; those that a kind has no use for are ignored.
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub struct GenerateOptions {
+    /// Seed of all random numbers; default 1.
+    pub seed: u64,
+    /// Number of cubes, slats, courses of bricks, boards or facets, 1 to 100 million; default: that of the kind.
+    pub count: Option<usize>,
+    /// Trees of the forest, 1 to 100 million; default 100.
+    pub trees: Option<usize>,
+    /// Leaves of each tree, 1 to 100 million, at most 100 million in all; default 1,000.
+    pub leaves: Option<usize>,
+    /// Whether the trees have trunks; default false.
+    pub trunks: bool,
+    /// Edge of the emitter, in the kind's unit, above 0, at most 1e6; default: that of the kind.
+    pub light_size: Option<f64>,
+}
+
+impl Default for GenerateOptions {
+    fn default() -> Self {
+        GenerateOptions { seed: 1, count: None, trees: None, leaves: None, trunks: false, light_size: None }
+    }
+}
 
 impl Scene {
     /// Generates a scene by name, with the defaults of its kind: `cube-groups`, `forest`, `cubes`, `brick-wall`, `louvres`,
@@ -14,7 +39,26 @@ impl Scene {
         Threads::new(0)?.run(|| generate::build(&generate::Spec::new(name)))?
     }
 
-    /// Name of the length unit, as given when the scene was loaded: `m`, `cm`, `mm`, `km`, `in`, `ft` or another.
+    /// Generates a scene by name with other parameters than those of its kind.
+    ///
+    /// # Errors
+    /// [`Error::Argument`](crate::Error::Argument) if no kind has this name or a number is out of its range.
+    pub fn generate_with(name: &str, options: &GenerateOptions) -> Result<Scene> {
+        let GenerateOptions { seed, count, trees, leaves, trunks, light_size } = *options;
+        let spec = Spec::new(name);
+        let spec = Spec {
+            seed,
+            count,
+            trees: trees.unwrap_or(spec.trees),
+            leaves: leaves.unwrap_or(spec.leaves),
+            trunks,
+            light_size,
+            ..spec
+        };
+        Threads::new(0)?.run(|| generate::build(&spec))?
+    }
+
+    /// Name of the length unit, as given when the scene was loaded: `m`, `dm`, `cm`, `mm`, `km`, `in`, `ft` or another.
     pub fn unit(&self) -> &str {
         &self.unit
     }

@@ -1,9 +1,10 @@
 //! What a file does not state.
 
 use super::read_luminaire::Luminaire;
-use super::{Photometry, Strength, UpAxis};
+use super::{Channels, Photometry, Strength, UpAxis};
 use glam::DVec3;
-use std::{path::PathBuf, sync::Arc};
+use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Properties that a file does not state or states wrongly: [`LoadOptions::default`], then `with_…`.
 #[derive(Clone, Debug)]
@@ -69,7 +70,7 @@ impl Default for LoadOptions {
 }
 
 impl LoadOptions {
-    /// The length unit of the scene's coordinates: `m` (default), `cm`, `mm`, `km`, `in` or `ft`; any other name counts as metres where
+    /// The length unit of the scene's coordinates: `m` (default), `dm`, `cm`, `mm`, `km`, `in` or `ft`; any other name counts as metres where
     /// power is concerned.
     #[must_use]
     pub fn with_unit(mut self, unit: impl Into<String>) -> LoadOptions {
@@ -81,6 +82,42 @@ impl LoadOptions {
     #[must_use]
     pub fn with_emitter(mut self, name: impl Into<String>, watts: f64) -> LoadOptions {
         self.emitters.push((name.into(), Strength::Watts(watts)));
+        self
+    }
+
+    /// Makes the object, group or material `name` emit a luminous flux, lm. May be called several times.
+    #[must_use]
+    pub fn with_emitter_lumens(mut self, name: impl Into<String>, lumens: f64) -> LoadOptions {
+        self.emitters.push((name.into(), Strength::Lumens(lumens)));
+        self
+    }
+
+    /// Makes the object, group or material `name` emit light of a luminance, cd/m². May be called several times.
+    #[must_use]
+    pub fn with_emitter_luminance(mut self, name: impl Into<String>, luminance: f64) -> LoadOptions {
+        self.emitters.push((name.into(), Strength::Luminance(luminance)));
+        self
+    }
+
+    /// Which channels hold light as the eye weighs it, for luminaires and luminous emitters; default [`Channels::Rgb`].
+    #[must_use]
+    pub fn with_channels(mut self, channels: Channels) -> LoadOptions {
+        self.photometry = Photometry::from(channels);
+        self
+    }
+
+    /// Upward axis of the scene's coordinates, for automatic cameras and files that have one; default: y in glTF, elsewhere as the light and
+    /// the extents say.
+    #[must_use]
+    pub fn with_up(mut self, up: UpAxis) -> LoadOptions {
+        self.up = Some(up);
+        self
+    }
+
+    /// Largest file and largest sum of decoded textures, bytes; default: four fifths of the available memory.
+    #[must_use]
+    pub fn with_max_memory(mut self, bytes: u64) -> LoadOptions {
+        self.max_memory = Some(bytes);
         self
     }
 

@@ -67,6 +67,18 @@ impl Entry {
     }
 }
 
+impl LoadOptions {
+    /// Adds luminaires with IES LM-63 or EULUMDAT files: a placement file in TOML with tables `[[luminaire]]` of `file`, `at` and `aim`,
+    /// which is read now.
+    ///
+    /// # Errors
+    /// [`Error::Io`](crate::Error::Io) or [`Error::Format`](crate::Error::Format): it, or a file that it names, cannot be read or is wrong.
+    pub fn with_luminaires(mut self, placements: impl AsRef<Path>) -> Result<LoadOptions> {
+        self.luminaires = read_placements(placements.as_ref())?;
+        Ok(self)
+    }
+}
+
 /// Reads a placement file, TOML with a table `[[luminaire]]` for each, and the photometric files that it names.
 pub fn read_placements(path: &Path) -> Result<Placements> {
     placements(path, input::read(path, MAX_BYTES)?, read)

@@ -49,6 +49,7 @@ mod write_obj;
 
 pub use emitter_sampler::EmitterSampler;
 pub use flatten::InstanceTriangles;
+pub use front::GenerateOptions;
 pub(crate) use instances::resolve_placed;
 pub use limits::{MAX_COORDINATE, MAX_REFLECTANCE, MIN_EXTENT};
 #[cfg(any(test, feature = "internals"))]

@@ -59,6 +59,27 @@ static void print_batches(const mrv_model *model) {
   }
 }
 
+/* One position for all segments, interleaved and in three arrays. */
+static void check_same_position(const mrv_model *model) {
+  static batch b;
+  static float out[2][SEGMENTS];
+  float whole[2];
+  fill_batch(&b);
+  for (int layout = 0; layout < 2; layout++) {
+    mrv_segments segments = packed(&b);
+    mrv_answers answers = {sizeof answers, whole + layout, NULL, NULL, NULL, out[layout]};
+    if (layout == 1) {
+      segments.origins.y = segments.origins.x + 1;
+      segments.origins.z = segments.origins.x + 2;
+    }
+    segments.origins.stride = MRV_SAME_POSITION;
+    segments.offsets = NULL;
+    segments.bundle_count = 1;
+    OK(mrv_visibility_answer(model, MRV_ENGINE_EXACT, &segments, &answers, NULL));
+  }
+  CHECK(whole[0] == whole[1] && memcmp(out[0], out[1], sizeof out[0]) == 0);
+}
+
 static void print_queries(const mrv_model *model) {
   mrv_answer answer = {sizeof answer, 0, 0, 0, 0};
   mrv_query query;
@@ -91,7 +112,7 @@ static void *room(size_t bytes) {
 }
 
 static void print_elements(const mrv_solution *solution) {
-  mrv_solution_info info = {sizeof info, 0, 0, {0}, 0, 0, 0};
+  mrv_solution_info info = {sizeof info, 0, 0, {0}, 0, 0, 0, 0};
   mrv_elements e;
   size_t n;
   OK(mrv_solution_get_info(solution, &info));
@@ -111,6 +132,7 @@ static void print_elements(const mrv_solution *solution) {
   e.object = (uint32_t *)room(4 * n);
   e.material = (uint32_t *)room(4 * n);
   e.front = (uint8_t *)room(n);
+  e.exitance = (float *)room(12 * n);
   OK(mrv_solution_get_elements(solution, &e));
   printf("elements %d %d\n", (int)info.vertices, (int)n);
   printf("positions %016llx\ncorners %016llx\n", hash(e.positions, 24 * (size_t)info.vertices), hash(e.corners, 16 * n));
@@ -118,6 +140,7 @@ static void print_elements(const mrv_solution *solution) {
   printf("error %016llx\nreflectance %016llx\n", hash(e.error, 12 * n), hash(e.reflectance, 12 * n));
   printf("area %016llx\ntriangle %016llx\n", hash(e.area, 8 * n), hash(e.triangle, 4 * n));
   printf("object %016llx\nmaterial %016llx\nfront %016llx\n", hash(e.object, 4 * n), hash(e.material, 4 * n), hash(e.front, n));
+  printf("exitance %016llx\n", hash(e.exitance, 12 * n));
   e.element_capacity--;
   CHECK(mrv_solution_get_elements(solution, &e) == MRV_ERROR_INPUT && strstr(mrv_error_message(), "element_capacity"));
   free(e.positions);
@@ -131,6 +154,7 @@ static void print_elements(const mrv_solution *solution) {
   free(e.object);
   free(e.material);
   free(e.front);
+  free(e.exitance);
 }
 
 static void print_images(const mrv_solution *solution) {
@@ -172,7 +196,7 @@ static void print_solution(const mrv_model *model) {
   const double positions[6] = {.25, .25, 0, .8, .6, 0}, normals[6] = {0, 0, 1, 0, 0, 5};
   double irradiance[6];
   int calls = 0;
-  mrv_solution_info info = {sizeof info, 0, 0, {0}, 0, 0, 0};
+  mrv_solution_info info = {sizeof info, 0, 0, {0}, 0, 0, 0, 0};
   mrv_solve_options options;
   mrv_solution *solution;
   memset(&options, 0, sizeof options);
@@ -331,6 +355,7 @@ int main(void) {
   OK(mrv_model_prepare(scene, &options, &model));
   mrv_scene_release(scene);
   print_batches(model);
+  check_same_position(model);
   print_queries(model);
   print_solution(model);
   print_reference(model);

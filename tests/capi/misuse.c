@@ -1,4 +1,5 @@
-/* Whatever a program passes gets a status and a message, never a crash, and nothing is written outside of its arrays. */
+/* Whatever a program passes gets a status and a message, never a crash, and nothing is written outside of its arrays. Prints the
+ * messages; an argument is the number of lives of handles. */
 #ifdef __linux__
 #define _GNU_SOURCE
 #endif
@@ -20,6 +21,7 @@
               mrv_error_message(), word);                                                                    \
       exit(1);                                                                                               \
     }                                                                                                        \
+    puts(mrv_error_message());                                                                               \
   } while (0)
 
 static const mrv_scene *scene;
@@ -109,13 +111,18 @@ static void sizes_and_numbers(void) {
     mrv_prepare_options known;
     int64_t later[4];
   } newer;
-  mrv_load_options load = {sizeof load, NULL, NULL, NULL, 0, 0, 0, 0, 0};
+  mrv_load_options load;
   mrv_solve_options solve;
   mrv_form_factor_options factors;
   mrv_scene_info info = {3, 0, 0, 0, 0, 0, 0, 0, {0}, {0}, {0}};
   const char *name = "kept";
-  const char *names[1] = {"no such"};
+  const char *names[1] = {"no such"}, *floor_name[1] = {"floor"};
+  const float negative = -1;
+  mrv_generate_options generate = {sizeof generate, 0, 1ull << 40, 0, 0, 0, 0, 0};
   const double watts = 5, nan_watts = NAN;
+  const int32_t unit = 9;
+  memset(&load, 0, sizeof load);
+  load.struct_size = sizeof load;
   WRONG(mrv_scene_get_info(scene, &info), "sizeof(mrv_scene_info)");
   CHECK(info.struct_size == 3 && info.triangles == 0);
   memset(&newer, 0, sizeof newer);
@@ -134,7 +141,7 @@ static void sizes_and_numbers(void) {
   WRONG(mrv_model_prepare(scene, &newer.known, &m), "detail` 77");
   newer.known.detail = 0;
   newer.known.threads = 1u << 20;
-  WRONG(mrv_model_prepare(scene, &newer.known, &m), "threads");
+  WRONG(mrv_model_prepare(scene, &newer.known, &m), "`options.threads` 1048576");
   WRONG(mrv_scene_get_name(scene, 9, 0, &name), "kind` 9");
   WRONG(mrv_scene_get_name(scene, MRV_NAME_OBJECT, 1u << 20, &name), "index` 1048576");
   WRONG(mrv_scene_get_name(scene, MRV_NAME_OBJECT, UINT64_MAX, &name), "index");
@@ -143,7 +150,7 @@ static void sizes_and_numbers(void) {
   WRONG(mrv_scene_generate("\xff\xfe", &s), "UTF-8");
   CHECK(mrv_scene_load("/nonexistent/a.obj", NULL, &s) == MRV_ERROR_IO);
   load.reserved = 1;
-  WRONG(mrv_scene_load("a.obj", &load, &s), "reserved");
+  WRONG(mrv_scene_load("a.obj", &load, &s), "`options.reserved` 1");
   load.reserved = 0;
   load.sides = -3;
   WRONG(mrv_scene_load("a.obj", &load, &s), "sides` -3");
@@ -156,6 +163,22 @@ static void sizes_and_numbers(void) {
   load.emitter_watts = &watts;
   WRONG(mrv_scene_load("a.obj", &load, &s), "emitters");
   load.emitter_count = 1;
+  load.emitter_units = &unit;
+  WRONG(mrv_scene_load("a.obj", &load, &s), "emitter_units` 9");
+  load.emitter_units = NULL;
+  load.up = 3;
+  WRONG(mrv_scene_load("a.obj", &load, &s), "`options.up` 3");
+  load.up = 0;
+  load.channels = -1;
+  WRONG(mrv_scene_load("a.obj", &load, &s), "`options.channels` -1");
+  load.channels = 0;
+  load.luminaires = "/nonexistent/lamps.toml";
+  CHECK(mrv_scene_load("a.obj", &load, &s) == MRV_ERROR_IO);
+  load.luminaires = NULL;
+  WRONG(mrv_scene_generate_with("cubes", &generate, &s), "`options.count` 1099511627776");
+  generate.count = 0;
+  generate.light_size = -1;
+  WRONG(mrv_scene_generate_with("cubes", &generate, &s), "`options.light_size` -1");
   load.emitter_watts = &nan_watts;
   CHECK(mrv_scene_load("a.obj", &load, &s) != MRV_OK);
   WRONG(mrv_scene_from_memory(NULL, 5, "obj", NULL, NULL, &s), "data");
@@ -167,11 +190,36 @@ static void sizes_and_numbers(void) {
   WRONG(mrv_model_solve(model, &solve, &l), "engine` -1");
   solve.engine = 0;
   solve.error = NAN;
-  WRONG(mrv_model_solve(model, &solve, &l), "error");
+  WRONG(mrv_model_solve(model, &solve, &l), "`options.error` NaN");
   solve.error = 0;
   solve.min_area = -2;
-  WRONG(mrv_model_solve(model, &solve, &l), "min_area");
+  WRONG(mrv_model_solve(model, &solve, &l), "`options.min_area` -2");
+  solve.min_area = 1e-10;
+  WRONG(mrv_model_solve(model, &solve, &l), "`options.min_area` 1e-10");
   solve.min_area = 0;
+  solve.max_links = UINT64_MAX;
+  WRONG(mrv_model_solve(model, &solve, &l), "`options.max_links`");
+  solve.max_links = 0;
+  solve.max_seconds = -1;
+  WRONG(mrv_model_solve(model, &solve, &l), "`options.max_seconds` -1");
+  solve.max_seconds = 0;
+  solve.audit = UINT32_MAX;
+  WRONG(mrv_model_solve(model, &solve, &l), "`options.audit`");
+  solve.audit = 0;
+  solve.light_rays = UINT32_MAX;
+  WRONG(mrv_model_solve(model, &solve, &l), "`options.light_rays`");
+  solve.light_rays = 0;
+  solve.gather_rays = UINT32_MAX;
+  WRONG(mrv_model_solve(model, &solve, &l), "`options.gather_rays`");
+  solve.gather_rays = 0;
+  solve.feature_size = -3;
+  WRONG(mrv_model_solve(model, &solve, &l), "`options.feature_size` -3");
+  solve.feature_size = 0;
+  solve.feature_size_names = floor_name;
+  solve.feature_sizes = &negative;
+  solve.feature_size_count = 1;
+  WRONG(mrv_model_solve(model, &solve, &l), "`options.feature_sizes` -1 of `floor`");
+  solve.feature_size_count = 0;
   solve.importance = names;
   solve.importance_count = 1;
   WRONG(mrv_model_solve(model, &solve, &l), "no such");
@@ -181,10 +229,12 @@ static void sizes_and_numbers(void) {
   WRONG(mrv_model_form_factors(model, &factors, &f), "grouping` 5");
   factors.grouping = 0;
   factors.pair_rays = 1;
-  WRONG(mrv_model_form_factors(model, &factors, &f), "pair_rays` 1");
+  WRONG(mrv_model_form_factors(model, &factors, &f), "`options.pair_rays` 1");
   factors.pair_rays = 0;
   factors.max_bytes = 1;
   CHECK(mrv_model_form_factors(model, &factors, &f) == MRV_ERROR_OUT_OF_MEMORY);
+  puts(mrv_error_message());
+  CHECK(strstr(mrv_error_message(), "raise `options.max_bytes` (now 1)") != NULL);
   CHECK(strcmp(mrv_status_name(12345), "unknown") == 0 && strcmp(mrv_status_name(3), "MRV_ERROR_OUT_OF_MEMORY") == 0);
 }
 
@@ -290,27 +340,28 @@ static void batches(void) {
     TRY(bad.targets.stride = 8, "stride` 8");
     TRY(bad.targets.stride = SIZE_MAX - 3, "stride");
     TRY(bad.segment_count = UINT64_MAX, "memory");
-    TRY(bad.segment_count = SEGMENTS - 1, "bundles");
+    TRY(bad.segment_count = SEGMENTS - 1, "`segments.offsets`: the first");
     TRY(bad.bundle_count = UINT64_MAX, "offsets");
-    TRY(bad.bundle_count = 0, "bundles");
+    TRY(bad.bundle_count = 0, "`segments.offsets`: the first");
     TRY(bad.offsets = NULL, "offsets");
     TRY(bad.origins.x = (const float *)(const void *)((const char *)b.origins + 1), "multiple of 4");
-    TRY(bad.feature_sizes = NULL, "feature_size");
-    TRY((bad.feature_sizes = NULL, bad.feature_size = -1), "feature_sizes");
-    TRY((bad.emitter_sizes = NULL, bad.emitter_size = NAN), "emitter_sizes");
-    TRY(bad.relative_to[1] = INFINITY, "relative_to");
+    TRY(bad.feature_sizes = NULL, "`segments.feature_size` is missing: MRV_ENGINE_MULTI_RESOLUTION");
+    TRY((bad.feature_sizes = NULL, bad.feature_size = -1), "`segments.feature_size` -1");
+    TRY((bad.emitter_sizes = NULL, bad.emitter_size = NAN), "`segments.emitter_size` NaN");
+    TRY(bad.relative_to[1] = INFINITY, "`segments.relative_to`");
+    TRY((bad.origins.y = b.origins, bad.origins.stride = MRV_SAME_POSITION), "origins.z");
     TRY(bad.feature_sizes = answers.lo, "overlap");
     TRY(bad.struct_size = 20, "struct_size` 20");
     b.offsets[3] = 1000000;
-    TRY((void)0, "bundles");
+    TRY((void)0, "`segments.offsets`[4]");
     b.offsets[3] = 3 * RAYS;
     b.targets[5] = NAN;
-    TRY((void)0, "targets");
+    TRY((void)0, "`segments.targets`[1]");
     memcpy(b.targets + 3, b.origins + 3, 3 * sizeof(float));
     TRY((void)0, "no length");
     fill_batch(&b);
     b.feature_sizes[1] = -1;
-    TRY((void)0, "feature_sizes");
+    TRY((void)0, "`segments.feature_sizes`[1] -1");
     fill_batch(&b);
   }
   some = answers;
@@ -369,35 +420,50 @@ static void queries_and_points(void) {
   mrv_answer answer = {sizeof answer, 9, 9, 9, 9};
   mrv_solve_options options;
   mrv_solution *light;
+  const char *text;
   double at[6] = {.2, .2, 0, NAN, 0, 0};
   const double normals[6] = {0, 0, 1, 0, 0, 1};
   unsigned char *out = guarded(6 * sizeof(double));
   memset(&query, 0, sizeof query);
   query.struct_size = sizeof query;
-  WRONG(mrv_visibility_query(model, 0, &query, &answer, NULL), "normal");
+  WRONG(mrv_visibility_query(model, 0, &query, &answer, NULL), "`query.normal`");
   query.normal[2] = 1;
   query.source = 99;
-  WRONG(mrv_visibility_query(model, 0, &query, &answer, NULL), "99");
+  WRONG(mrv_visibility_query(model, 0, &query, &answer, NULL), "`query.source` 99");
   query.source = UINT64_MAX;
-  WRONG(mrv_visibility_query(model, 0, &query, &answer, NULL), "source");
+  WRONG(mrv_visibility_query(model, 0, &query, &answer, NULL), "`query.source`");
   query.source = 0;
   query.target = 4;
   WRONG(mrv_visibility_query(model, 0, &query, &answer, NULL), "target` 4");
   query.target = 0;
   query.position[0] = NAN;
-  WRONG(mrv_visibility_query(model, 0, &query, &answer, NULL), "position");
+  WRONG(mrv_visibility_query(model, 0, &query, &answer, NULL), "`query.position`");
+  query.position[0] = 1e300;
+  WRONG(mrv_visibility_query(model, 0, &query, &answer, NULL), "`query.position` [1e300");
+  query.position[0] = 0;
+  query.target = MRV_TARGET_POINT;
+  query.point[1] = INFINITY;
+  WRONG(mrv_visibility_query(model, 0, &query, &answer, NULL), "`query.point`");
+  query.target = 0;
   query.position[0] = 0;
   query.feature_size = -1;
-  WRONG(mrv_visibility_query(model, 0, &query, &answer, NULL), "feature_size");
+  WRONG(mrv_visibility_query(model, 0, &query, &answer, NULL), "`query.feature_size` -1");
   query.feature_size = 0;
   query.rays = 1u << 30;
-  WRONG(mrv_visibility_query(model, 0, &query, &answer, NULL), "rays");
+  WRONG(mrv_visibility_query(model, 0, &query, &answer, NULL), "`query.rays`");
   CHECK(answer.transmittance == 9 && answer.method == 9);
   memset(&options, 0, sizeof options);
   options.struct_size = sizeof options;
   options.error = .5;
   OK(mrv_model_solve(model, &options, &light));
-  WRONG(mrv_solution_irradiance(light, at, normals, 2, (double *)(void *)out), "points");
+  WRONG(mrv_solution_irradiance(light, at, normals, 2, (double *)(void *)out), "`positions`[1]");
+  at[3] = 1e300;
+  WRONG(mrv_solution_irradiance(light, at, normals, 2, (double *)(void *)out), "`positions`[1] [1e300, 0.0, 0.0]: must be finite, at most");
+  WRONG(mrv_model_reference(model, at, normals, 2, NULL, (double *)(void *)out, NULL), "`positions`[1] [1e300");
+  WRONG(mrv_solution_irradiance(light, normals, at + 1, 1, (double *)(void *)out), "`normals`[0]");
+  WRONG(mrv_solution_irradiance(light, at, normals, 2, at), "overlap");
+  WRONG(mrv_solution_get_warning(light, 99, &text), "`index` 99");
+  WRONG(mrv_solution_write(light, "a.doc", NULL, NULL), ".vtu");
   WRONG(mrv_solution_irradiance(light, at, NULL, 2, (double *)(void *)out), "normals");
   WRONG(mrv_solution_irradiance(light, at, normals, SIZE_MAX / 16, (double *)(void *)out), "positions");
   CHECK(is_untouched(out, 6 * sizeof(double), 1));
@@ -460,25 +526,25 @@ static void builders(void) {
     change;                                            \
     WRONG(mrv_scene_builder_add_object(b, &bad), word); \
   } while (0)
-  TRY_MESH(bad.name = NULL, "name");
+  TRY_MESH(bad.name = NULL, "`mesh.name`");
   TRY_MESH(bad.name = "", "name");
   TRY_MESH(bad.positions = NULL, "positions");
   TRY_MESH(bad.positions_f64 = transform, "positions_f64");
   TRY_MESH(bad.position_stride = 5, "position_stride` 5");
-  TRY_MESH(bad.vertex_count = 2, "indices");
+  TRY_MESH(bad.vertex_count = 2, "`mesh.indices`[2] 2");
   TRY_MESH(bad.vertex_count = SIZE_MAX, "vertex_count");
   TRY_MESH(bad.indices = NULL, "indices");
   TRY_MESH(bad.index_count = 2, "indices");
   TRY_MESH(bad.index_count = SIZE_MAX, "indices");
   TRY_MESH(bad.index_count = 0, "indices");
-  TRY_MESH(bad.material = 9, "material");
+  TRY_MESH(bad.material = 9, "`mesh.material`");
   TRY_MESH(bad.face_materials = materials, "face_materials");
   TRY_MESH((bad.polygon_sizes = sizes, bad.polygon_count = 1), "polygon_sizes");
   TRY_MESH((bad.polygon_sizes = sizes, bad.polygon_count = SIZE_MAX), "polygon_sizes");
   TRY_MESH(bad.polygon_count = 4, "polygon_count");
   TRY_MESH(bad.reserved = 1, "reserved");
   at[4] = NAN;
-  TRY_MESH((void)0, "positions");
+  TRY_MESH((void)0, "`mesh.positions`[1]");
   at[4] = 0;
   OK(mrv_scene_builder_add_shared_mesh(b, &mesh, &index));
   WRONG(mrv_scene_builder_add_instance(b, index, "i", transform), "transform");
@@ -514,17 +580,19 @@ static void images(void) {
   } while (0)
   TRY_IMAGES(bad.reference = NULL, "reference");
   TRY_IMAGES(bad.approximation = NULL, "approximation");
-  TRY_IMAGES(bad.width = 0, "empty");
+  TRY_IMAGES(bad.width = 0, "`images.width`");
   TRY_IMAGES(bad.width = bad.height = UINT64_MAX, "reference");
-  TRY_IMAGES(bad.texel = -1, "texel");
-  TRY_IMAGES(bad.exponent = NAN, "exponent");
+  TRY_IMAGES(bad.texel = -1, "`images.texel` -1");
+  TRY_IMAGES(bad.white = -1, "`images.white` -1");
+  TRY_IMAGES(bad.threshold = 2, "`images.threshold` 2");
+  TRY_IMAGES(bad.exponent = NAN, "`images.exponent` NaN");
   TRY_IMAGES(bad.features = 3, "features` 3");
   TRY_IMAGES(bad.morphology = -2, "morphology` -2");
   TRY_IMAGES(bad.reserved = 2, "reserved");
   noisy[5] = NAN;
-  TRY_IMAGES((void)0, "texel 1,1");
+  TRY_IMAGES((void)0, "`images.approximation`: texel 1,1");
   noisy[5] = 2;
-  WRONG(mrv_fbem(&good, bad_sizes, 1, e, m), "-1");
+  WRONG(mrv_fbem(&good, bad_sizes, 1, e, m), "`sizes` -1");
   WRONG(mrv_fbem(&good, sizes, 2, NULL, m), "errors");
   WRONG(mrv_fbem(&good, NULL, 2, e, m), "sizes");
   CHECK(is_untouched(errors, 2 * sizeof(double), 1) && is_untouched(masked, 2 * sizeof(double), 1));
@@ -546,9 +614,10 @@ static int32_t stop_at_once(void *user, const char *stage, double done) {
 static void stop_showing(const mrv_solution *light, int *calls) {
   static float radiance[3 * 8 * 6];
   const double at[3] = {.3, .3, 0}, normal[3] = {0, 0, 1};
+  const double negative = -1;
   double irradiance[3] = {7, 7, 7};
   mrv_camera camera = {sizeof camera, {0}, {0}, {0}, 0}, bad;
-  const mrv_image_options small = {sizeof small, 8, 6, 0, 0, NULL, NULL};
+  mrv_image_options small = {sizeof small, 8, 6, 0, 0, NULL, NULL};
   const mrv_image_options image = {sizeof image, 8, 6, 0, 0, stop_at_once, calls};
   const mrv_lightmap_options texels = {sizeof texels, 4096, stop_at_once, calls};
   const mrv_reference_options reference = {sizeof reference, 0, 0, 0, stop_at_once, calls};
@@ -562,14 +631,39 @@ static void stop_showing(const mrv_solution *light, int *calls) {
   memset(&bench, 0, sizeof bench);
   bench.struct_size = sizeof bench;
   bench.audit = NAN;
-  CHECK(mrv_model_bench(model, &bench, &report) == MRV_ERROR_INPUT);
+  WRONG(mrv_model_bench(model, &bench, &report), "`options.audit` NaN");
   bench.audit = 0;
+  bench.target_error = .1;
+  bench.target_seconds = 1;
+  WRONG(mrv_model_bench(model, &bench, &report), "`options.target_seconds` 1");
+  bench.target_error = 2;
+  bench.target_seconds = 0;
+  WRONG(mrv_model_bench(model, &bench, &report), "`options.target_error` 2");
+  bench.target_error = 0;
+  bench.threads = 1u << 20;
+  WRONG(mrv_model_bench(model, &bench, &report), "`options.threads` 1048576");
+  bench.threads = 0;
+  bench.reference_rays = 1u << 20;
+  WRONG(mrv_model_bench(model, &bench, &report), "`options.reference_rays` 1048576");
+  bench.reference_rays = 0;
+  bench.feature_sizes = &negative;
+  bench.feature_size_count = 1;
+  WRONG(mrv_model_bench(model, &bench, &report), "`options.feature_sizes` -1");
+  bench.feature_size_count = 0;
+  bench.max_memory = 1;
+  WRONG(mrv_model_bench(model, &bench, &report), "raise `options.max_memory`");
+  bench.max_memory = 0;
   bench.progress = stop_at_once;
   bench.user = calls;
   CHECK(mrv_model_bench(model, &bench, &report) == MRV_ERROR_CANCELLED && report == NULL);
   bad = camera;
   bad.angle = 180;
-  WRONG(mrv_solution_image(light, &bad, &small, radiance, 3 * 8 * 6), "angle");
+  WRONG(mrv_solution_image(light, &bad, &small, radiance, 3 * 8 * 6), "`camera.angle` 180");
+  bad = camera;
+  bad.eye[1] = 1e300;
+  WRONG(mrv_solution_image(light, &bad, &small, radiance, 3 * 8 * 6), "`camera.eye`");
+  small.width = 0;
+  WRONG(mrv_solution_image(light, &camera, &small, radiance, 3 * 8 * 6), "`options.width`");
   WRONG(mrv_solution_image(light, &camera, NULL, radiance, 1), "radiance");
   CHECK(*calls == 7);
 }
@@ -579,7 +673,7 @@ static void cancelling(void) {
   mrv_model *m = NULL;
   mrv_solution *light;
   mrv_form_factors *f = NULL;
-  mrv_solution_info info = {sizeof info, 0, 0, {0}, 0, 0, 0};
+  mrv_solution_info info = {sizeof info, 0, 0, {0}, 0, 0, 0, 0};
   mrv_prepare_options prepare = {sizeof prepare, 0, 0, NULL, stop_at_once, &calls};
   mrv_form_factor_options factors;
   mrv_solve_options solve;
@@ -665,11 +759,15 @@ static void live(int i) {
   const float at[9] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
   const uint32_t corners[3] = {0, 1, 2};
   mrv_prepare_options rays = {sizeof rays, MRV_DETAIL_RAYS, 1, NULL, NULL, NULL};
-  mrv_load_options load = {sizeof load, "cm", NULL, NULL, 0, 0, 0, 1, 0};
+  mrv_load_options load;
   mrv_scene_builder *b;
   mrv_scene *s;
   mrv_model *m = NULL;
   mrv_mesh mesh;
+  memset(&load, 0, sizeof load);
+  load.struct_size = sizeof load;
+  load.unit = "cm";
+  load.threads = 1;
   memset(&mesh, 0, sizeof mesh);
   mesh.struct_size = sizeof mesh;
   mesh.name = "m";
@@ -692,14 +790,14 @@ static void live(int i) {
   mrv_scene_builder_release(b);
 }
 
-static void growth(void) {
+static void growth(int lives) {
   long before, after, allowed = 1500000;
 #ifdef __SANITIZE_ADDRESS__
   allowed = 1L << 40; /* it holds freed blocks back, and finds by itself what is lost */
 #endif
-  for (int i = 0; i < 2000; i++) live(i);
+  for (int i = 0; i < lives / 5; i++) live(i);
   before = resident();
-  for (int i = 0; i < 10000; i++) live(i);
+  for (int i = 0; i < lives; i++) live(i);
   after = resident();
   /* A handle of 200 bytes that stayed in each life would be 2 MB, a thread or a model in each hundredth far more. */
   if (after - before > allowed) {
@@ -708,7 +806,7 @@ static void growth(void) {
   }
 }
 
-int main(void) {
+int main(int count, char **arguments) {
   const mrv_prepare_options options = {sizeof options, MRV_DETAIL_OPTICS, 2, NULL, NULL, NULL};
   mrv_scene *s = box_scene();
   mrv_model *m;
@@ -727,7 +825,7 @@ int main(void) {
   threads();
   float_state();
   mrv_scene_release(s);
-  growth();
+  growth(count > 1 ? atoi(arguments[1]) : 10000);
   mrv_model_release(m);
   return 0;
 }

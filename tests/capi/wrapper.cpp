@@ -106,6 +106,36 @@ static void check_errors(const mrv::model &model) {
 #define VALUE(call) ((call).value())
 #endif
 
+/* What has no lines of its own in answers.c. */
+static void check_measurements(const mrv::model &model) {
+  mrv::form_factor_options options;
+  options.grouping = mrv::number(mrv::grouping::object);
+  options.rays = 64;
+  const mrv::form_factors factors = VALUE(model.form_factors(options));
+  const mrv::form_factor_arrays all = VALUE(factors.arrays());
+  const mrv::form_factor_row row = VALUE(factors.row(1));
+  CHECK(row.columns.size() == all.offsets[2] - all.offsets[1] && row.values.data() == all.values + all.offsets[1]);
+  const std::array<double, 3> at = {.1, .1, 0}, up = {0, 0, 1};
+  mrv::reference_options paths;
+  paths.samples = 256;
+  const mrv::reference_light light = VALUE(model.reference(at, up, paths));
+  CHECK(light.irradiance[0] > 0 && light.standard_errors[0] > 0 && light.standard_errors[0] < light.irradiance[0]);
+  paths.direct_only = 1;
+  CHECK(VALUE(model.reference(at, up, paths)).irradiance[0] < light.irradiance[0]);
+  const std::array<float, 4> white = {1, 1, 1, 1}, shadow = {0, 1, 1, 1};
+  mrv::fbem_images images;
+  images.reference = white.data();
+  images.approximation = shadow.data();
+  images.width = images.height = 2;
+  const std::array<double, 2> sizes = {0, 1};
+  const mrv::fbem_spectrum spectrum = VALUE(mrv::fbem_with_masked(images, sizes));
+  CHECK(spectrum.errors == VALUE(mrv::fbem(images, sizes)) && spectrum.masked[0] == 1);
+  CHECK(std::string(mrv::status_name(mrv::status::io)) == "MRV_ERROR_IO");
+  mrv::generate_options few;
+  few.count = 3;
+  CHECK(VALUE(VALUE(mrv::scene::generate("cubes", few)).info()).triangles < VALUE(VALUE(mrv::scene::generate("cubes")).info()).triangles);
+}
+
 int main() {
   mrv::scene scene(box_scene());
   CHECK(VALUE(scene.info()).emitters == 1 && VALUE(scene.name(mrv::name_kind::emitter, 0)).size() > 0);
@@ -130,7 +160,9 @@ int main() {
   query.position[0] = .3;
   query.position[1] = .7;
   query.normal[2] = 2;
-  CHECK(VALUE(model.visibility(mrv::engine::exact, query)).lo >= 0);
+  mrv::cost cost;
+  CHECK(VALUE(model.visibility(mrv::engine::exact, query, &cost)).lo >= 0 && cost.segments > 0);
+  check_measurements(model);
   CHECK(mrv::version() == MRV_VERSION && VALUE(mrv::embree_version()).size() > 4);
   mrv_scene_release(copy.release());
   return 0;

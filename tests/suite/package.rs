@@ -248,7 +248,7 @@ fn address_sanitizer_finds_nothing() {
         return;
     }
     let folder = folder();
-    for source in ["smoke.c", "../capi/misuse.c"] {
+    for source in ["smoke.c", "../capi/misuse.c", "../capi/progress.c"] {
         let flags = ["-std=c99", "-fsanitize=address", "-fno-omit-frame-pointer", "-lm"];
         let program = compiled(&folder, "gcc", source, false, &flags);
         output(Command::new(program).env("ASAN_OPTIONS", "detect_leaks=1").current_dir("/"));

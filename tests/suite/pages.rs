@@ -105,9 +105,10 @@ fn pages_fit_into_every_window() {
         "[[job]]\ncommand = 'solve'\nscene = '{scene}'\nname = '{LONG}/{{visibility}}-{{error}}'\n\
          options = {{ output = 'image', image-size = '64x48', cache = 'off' }}\n\
          [job.sweep]\nvisibility = ['exact', 'mr']\nerror = [0.5, 0.4, 0.3, 0.2, 0.15, 0.1]\n\
-         [[job]]\ncommand = 'info'\nscene = '{scene}'\nname = 'fails'\noptions = {{ max-memory = 1e-9 }}\n"
+         [[job]]\ncommand = 'info'\nscene = 'broken.obj'\nname = 'fails'\n"
     );
     folder.write("jobs.toml", jobs);
+    folder.write("broken.obj", "f 1 2 3\n");
     folder.mrvis(&["batch", "jobs.toml", "--out", "batch", "--quiet"]);
     assert_eq!(folder.mrvis(&["report", "batch", "--quiet"]).code, Some(0));
     let pages = [

@@ -106,7 +106,7 @@ fn solutions_of_published_obstructed_pairs() {
 fn factors(scene: &Scene) -> Matrix {
     let facets = Facets::new(scene);
     let settings = Settings::new(facets.count());
-    let (matrix, _) = compute(&model(scene), &facets, &settings, &|_| ()).expect("a matrix");
+    let (matrix, _) = compute(&model(scene), &facets, &settings, &()).expect("a matrix");
     matrix.grouped(scene, &facets, Grouping::Object)
 }
 

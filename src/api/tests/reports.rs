@@ -3,7 +3,9 @@
 use crate::model::{Detail, Model, PrepareOptions};
 use crate::scene::Scene;
 use crate::scene::generate::{Spec, build};
-use crate::{BenchOptions, Error, FormFactorOptions, Grouping, Progress, SolveOptions, SurfacePoint};
+use crate::{Answers, BenchOptions, Error, FormFactorOptions, Grouping, Progress, Segments, SolveOptions};
+use crate::{Strided, SurfacePoint};
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 struct Never;
 
@@ -72,4 +74,37 @@ fn whole_matrices_of_form_factors_are_their_rows() {
         assert_eq!(factors.row(row), (&columns[span.clone()], &values[span]));
     }
     assert!(values.len() == columns.len() && !values.is_empty());
+}
+
+/// Stops after so many steps.
+struct After(u64, AtomicU64);
+
+impl Progress for After {
+    fn advance(&self, steps: u64) {
+        self.1.fetch_add(steps, Relaxed);
+    }
+
+    fn stopped(&self) -> bool {
+        self.1.load(Relaxed) >= self.0
+    }
+}
+
+#[test]
+fn form_factors_and_batches_stop_in_their_middle() {
+    let model = model(Scene::generate("cornell").unwrap(), Detail::Rays);
+    let (few, steps) = (FormFactorOptions::default().with_rays(16), After(3, AtomicU64::new(0)));
+    assert!(matches!(model.form_factors(&few, &steps), Err(Error::Cancelled(_))));
+    // Those that were at work on other threads end.
+    assert!((3..30).contains(&steps.1.into_inner()));
+
+    let (ends, offsets) = ([100.0f32, 100.0, 100.0, 400.0, 400.0, 400.0], Vec::from_iter(0..=100_000));
+    let [from, to] = [&ends[..3], &ends[3..]].map(|p| Strided::repeated(p.try_into().unwrap(), 100_000));
+    let (segments, mut clear) = (Segments::new(from, to, &offsets), vec![-1.0; 100_000]);
+    let steps = After(1, AtomicU64::new(0));
+    let found = model.visibility().answer_into_unless(&segments, &mut Answers::new(&mut clear), &steps);
+    assert!(matches!(found, Err(Error::Cancelled(_))));
+    assert!(clear.contains(&-1.0) && steps.1.into_inner() < 100_000);
+    let steps = After(u64::MAX, AtomicU64::new(0));
+    model.visibility().answer_into_unless(&segments, &mut Answers::new(&mut clear), &steps).unwrap();
+    assert!(!clear.contains(&-1.0) && steps.1.into_inner() == 100_000);
 }

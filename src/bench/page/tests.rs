@@ -8,7 +8,7 @@ use crate::bench::record::{
 };
 
 /// Shadows of 260 discs, six of them large, with noise; `large_only`: of the large ones.
-fn shadows(large_only: bool, noise: f32, seed: u64) -> Image {
+fn shadows(large_only: bool, noise: f32, seed: u64) -> Image<'static> {
     let mut state = 1u64;
     let mut random = move || {
         state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);

@@ -6,6 +6,7 @@
 //! uncertain ones. The problems differ, so the code does.
 
 use super::pair::Row;
+use crate::progress::Progress;
 
 /// Relative error of closed forms evaluated at few points; a lower bound of the assumed error of every entry, so that
 /// the system of equations is never singular. Of the order of the mean error of row sums, 5e-4, in a block of houses
@@ -28,7 +29,9 @@ const MIN_ENTRY_FACTOR: f64 = 0.1;
 /// errors): `δ_ij = σ_ij² (λ_i + λ_j)`, with one `λ` per row from a positive semi-definite system, solved by conjugate
 /// gradients with diagonal preconditioning (Hestenes and Stiefel 1952). Accurate entries hardly change; uncertain ones
 /// absorb the missing sum. Entries stay positive; further rounds correct the rest.
-pub fn adjust(upper: &mut [Row], wanted: &[Option<f64>]) -> usize {
+///
+/// Ends early once `progress` has stopped.
+pub fn adjust(upper: &mut [Row], wanted: &[Option<f64>], progress: &dyn Progress) -> usize {
     let mut steps = 0;
     for _ in 0..MAX_ROUNDS {
         let mut sums = vec![0.0; wanted.len()];
@@ -44,10 +47,10 @@ pub fn adjust(upper: &mut [Row], wanted: &[Option<f64>]) -> usize {
             .collect();
         let off =
             missing.iter().zip(wanted).filter_map(|(m, w)| w.map(|w| (m / w).abs())).fold(0.0, f64::max);
-        if off < TOLERANCE {
+        if off < TOLERANCE || progress.stopped() {
             break;
         }
-        let (lambda, taken) = solve(upper, wanted, &missing);
+        let (lambda, taken) = solve(upper, wanted, &missing, progress);
         steps += taken;
         for (i, row) in upper.iter_mut().enumerate() {
             for k in 0..row.partner.len() {
@@ -65,7 +68,12 @@ fn variance(exchange: f64, error: f64) -> f64 {
 }
 
 /// Solves `Σ_j σ_ij² (λ_i + λ_j) = missing_i` over the rows with a wanted sum; returns λ and the number of steps.
-fn solve(upper: &[Row], wanted: &[Option<f64>], missing: &[f64]) -> (Vec<f64>, usize) {
+fn solve(
+    upper: &[Row],
+    wanted: &[Option<f64>],
+    missing: &[f64],
+    progress: &dyn Progress,
+) -> (Vec<f64>, usize) {
     let n = missing.len();
     let mut diagonal = vec![0.0; n];
     each(upper, |i, j, exchange, error| {
@@ -92,7 +100,7 @@ fn solve(upper: &[Row], wanted: &[Option<f64>], missing: &[f64]) -> (Vec<f64>, u
         });
         (0..n).filter(|&i| !free(i)).for_each(|i| product[i] = 0.0);
         let curvature = dot(&direction, &product);
-        if curvature <= 0.0 {
+        if curvature <= 0.0 || progress.stopped() {
             return (lambda, step);
         }
         let length = square / curvature;

@@ -4,6 +4,7 @@ use super::Settings;
 use super::facets::Facets;
 use super::rays::{SampleTable, Traced};
 use crate::embree::Hits;
+use crate::progress::Progress;
 use crate::ray::{LANES, Packet};
 use glam::Vec3;
 
@@ -78,6 +79,7 @@ pub fn partners(
     settings: &Settings,
     facet: u32,
     buffers: &mut Buffers,
+    progress: &dyn Progress,
 ) -> Found {
     let Buffers { tables, packets, hits, seen } = buffers;
     let [few, all] = tables.get_or_insert_with(|| {
@@ -88,7 +90,7 @@ pub fn partners(
     let tables: &[&SampleTable] = if settings.every { &[few, all] } else { &[all] };
     for table in tables {
         seen.clear();
-        shares = spread(traced, facets, settings, facet, table, (packets, hits, seen));
+        shares = spread(traced, facets, settings, facet, table, (packets, hits, seen), progress);
         if shares == [0.0; 2] {
             break;
         }
@@ -100,7 +102,8 @@ pub fn partners(
     Found { partners: seen.clone(), escaped: shares[0], lost: shares[1] }
 }
 
-/// Traces the rays of a table; appends hit facets to `seen` and returns the escaped and lost shares.
+/// Traces the rays of a table; appends hit facets to `seen` and returns the escaped and lost shares. Ends early once `progress` has
+/// stopped.
 fn spread(
     traced: &Traced,
     facets: &Facets,
@@ -108,6 +111,7 @@ fn spread(
     facet: u32,
     table: &SampleTable,
     (packets, hits, seen): (&mut Vec<Packet>, &mut Vec<Hits>, &mut Vec<Partner>),
+    progress: &dyn Progress,
 ) -> [f32; 2] {
     let from = facets.get(facet);
     let (mut escaped, mut lost) = (0u32, 0u32);
@@ -144,6 +148,9 @@ fn spread(
         if lane == 0 {
             if packets.len() == BATCH_PACKETS {
                 trace(packets);
+                if progress.stopped() {
+                    break;
+                }
             }
             packets.push(Packet::EMPTY);
         }

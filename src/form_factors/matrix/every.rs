@@ -110,6 +110,9 @@ impl Pairs<'_> {
         let mut row = Row::with_capacity(candidates.len());
         self.few_rays(i, &mut candidates, &mut row.rays);
         for c in &candidates {
+            if self.progress.stopped() {
+                break;
+            }
             let b = self.facets.get(c.partner);
             let seen = if c.expected < MIN_BUNDLE_EXPECTED {
                 c.tally.transmittance()

@@ -32,6 +32,7 @@ pub use rows::{Grouping, Matrix};
 pub use write::{Format, write};
 
 use crate::model::Model;
+use crate::progress::Progress;
 use crate::{Error, Result};
 use rayon::prelude::*;
 use rays::Traced;
@@ -137,16 +138,16 @@ pub fn memory_bound(facets: usize, settings: &Settings) -> u64 {
     found * (8 + 8 + 13 + 16) + facets as u64 * 640
 }
 
-/// Computes the matrix between all facets and its statistics. `done` is called with increments that sum to `2 ×
-/// facets`, from any thread.
+/// Computes the matrix between all facets and its statistics. Stops within about a second of the caller's wish: `progress` is asked
+/// between facets, between the pairs of a facet, and between the steps of the closure.
 ///
 /// # Errors
-/// [`Error::Argument`] if a setting is out of range, [`Error::Scene`] with too many facets.
+/// [`Error::Argument`] if a setting is out of range, [`Error::Scene`] with too many facets, [`Error::Cancelled`] if `progress` stops.
 pub fn compute(
     model: &Model,
     facets: &Facets,
     settings: &Settings,
-    done: &(dyn Fn(u64) + Sync),
+    progress: &dyn Progress,
 ) -> Result<(Matrix, Report)> {
     model.check_single("the form factor matrix")?;
     if settings.rays == 0 || settings.bundle < 4 || settings.largest_bundle < settings.bundle {
@@ -157,33 +158,43 @@ pub fn compute(
     if facets.count() > discover::Partner::MAX_FACETS {
         return Err(Error::Scene(format!("more than {} facets", discover::Partner::MAX_FACETS)));
     }
+    let stopped = || Error::Cancelled("stopped before the form factors were complete".into());
+    let go_on = || if progress.stopped() { Err(stopped()) } else { Ok(()) };
+    go_on()?;
+    progress.stage("form factors", 2 * facets.count() as u64);
     let traced = Traced::new(model, facets);
     let found: Vec<discover::Found> = (0..facets.count() as u32)
         .into_par_iter()
         .map_init(discover::Buffers::default, |buffers, i| {
-            let found = discover::partners(&traced, facets, settings, i, buffers);
-            done(1);
-            found
+            go_on()?;
+            let found = discover::partners(&traced, facets, settings, i, buffers, progress);
+            progress.advance(1);
+            Ok(found)
         })
-        .collect();
+        .collect::<Result<_>>()?;
     let partners = discover::upper(&found);
     let shares: Vec<[f32; 2]> = found.iter().map(|f| [f.escaped, f.lost]).collect();
     drop(found);
-    let pairs = pair::Pairs { traced: &traced, facets, settings };
+    let pairs = pair::Pairs { traced: &traced, facets, settings, progress };
     let mut upper: Vec<pair::Row> = partners
         .par_iter()
         .enumerate()
         .map_init(pair::Buffers::default, |buffers, (i, partners)| {
+            go_on()?;
             let row = if settings.every {
                 pairs.every(i as u32, buffers)
             } else {
                 pairs.row(i as u32, partners, buffers)
             };
-            done(1);
-            row
+            progress.advance(1);
+            Ok(row)
         })
-        .collect();
+        .collect::<Result<_>>()?;
     drop(partners);
     pair::balance(&mut upper);
-    Ok(rows::assemble(facets, upper, shares, settings))
+    go_on()?;
+    let made = rows::assemble(facets, upper, shares, settings, progress);
+    // Rows that were cut short are not shown.
+    go_on()?;
+    Ok(made)
 }

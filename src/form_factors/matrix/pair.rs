@@ -5,6 +5,7 @@ use super::discover::Partner;
 use super::facets::{Facet, Facets};
 use super::rays::{SampleTable, Traced};
 use crate::form_factors::analytic::{point_to_polygon, polygon_to_polygon};
+use crate::progress::Progress;
 use crate::ray::{LANES, Packet};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -67,6 +68,8 @@ pub struct Pairs<'a> {
     pub traced: &'a Traced,
     pub facets: &'a Facets,
     pub settings: &'a Settings,
+    /// Rows end early once it has stopped.
+    pub progress: &'a dyn Progress,
 }
 
 /// Working memory of a thread: sample tables of 1, 4, 16, 64 ... points.
@@ -105,6 +108,9 @@ impl Pairs<'_> {
         let a = self.facets.get(i);
         let mut row = Row::with_capacity(partners.len());
         for partner in partners {
+            if self.progress.stopped() {
+                break;
+            }
             let j = partner.facet();
             let b = self.facets.get(j);
             let open = exchange(a, b);
@@ -169,6 +175,9 @@ impl Pairs<'_> {
         let wanted = (16.0 * c).min(f64::from(self.settings.largest_bundle)) / size;
         let (mut sum, mut squares, mut count) = (first.value, first.error.powi(2), 1.0);
         for k in 1..wanted as u64 {
+            if self.progress.stopped() {
+                break;
+            }
             *rays += table.len() as u64;
             let next = self.bundle(pair, table, super::rays::mix(key ^ k));
             if next.error > 0.0 {

@@ -4,6 +4,7 @@ use super::closure::{self, each};
 use super::facets::Facets;
 use super::pair::Row;
 use super::{Report, Settings};
+use crate::progress::Progress;
 use crate::scene::Scene;
 use std::collections::BTreeMap;
 
@@ -115,12 +116,14 @@ pub enum Grouping {
     Material,
 }
 
-/// Assembles the full matrix from its upper half, adjusted if [`Settings::enforce`] is set, with its statistics.
+/// Assembles the full matrix from its upper half, adjusted if [`Settings::enforce`] is set, with its statistics. The adjustment ends
+/// early once `progress` has stopped.
 pub fn assemble(
     facets: &Facets,
     mut upper: Vec<Row>,
     shares: Vec<[f32; 2]>,
     settings: &Settings,
+    progress: &dyn Progress,
 ) -> (Matrix, Report) {
     let n = facets.count();
     let rays = n as u64 * u64::from(settings.rays) + upper.iter().map(|r| r.rays).sum::<u64>();
@@ -143,7 +146,7 @@ pub fn assemble(
     let steps = if settings.enforce {
         let kept = |i: usize| 1.0 - f64::from(shares[i][0] + shares[i][1]);
         let wanted: Vec<Option<f64>> = (0..n).map(|i| closed[i].then_some(areas[i] * kept(i))).collect();
-        closure::adjust(&mut upper, &wanted)
+        closure::adjust(&mut upper, &wanted, progress)
     } else {
         0
     };

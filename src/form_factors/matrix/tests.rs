@@ -24,7 +24,7 @@ fn run(scene: &Scene, change: impl FnOnce(&mut Settings)) -> (Matrix, Report) {
     let facets = Facets::new(scene);
     let mut settings = Settings::new(facets.count());
     change(&mut settings);
-    compute(&model(scene, Detail::Rays), &facets, &settings, &|_| ()).expect("a matrix")
+    compute(&model(scene, Detail::Rays), &facets, &settings, &()).expect("a matrix")
 }
 
 fn town(count: usize) -> Scene {
@@ -245,7 +245,7 @@ fn settings_out_of_range_and_memory() {
     let scene = quads(&[(DVec3::ZERO, DVec3::X, DVec3::Y)]);
     let facets = Facets::new(&scene);
     let none = Settings { rays: 0, ..Settings::new(1) };
-    assert!(compute(&model(&scene, Detail::Rays), &facets, &none, &|_| ()).is_err());
+    assert!(compute(&model(&scene, Detail::Rays), &facets, &none, &()).is_err());
     // 22,000 facets fit in 2 GiB with default settings.
     assert!(memory_bound(22_000, &Settings::new(22_000)) < 2 << 30);
     assert!(Format::of(std::path::Path::new("a.txt")).is_err());

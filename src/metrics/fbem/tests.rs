@@ -20,7 +20,7 @@ fn all_options() -> impl Iterator<Item = FbemOptions> {
     })
 }
 
-fn image(w: usize, h: usize, seed: u64) -> Image {
+fn image(w: usize, h: usize, seed: u64) -> Image<'static> {
     let value = |x: usize, y: usize| {
         let hash = (seed ^ ((x / 3 * 131 + y / 3 * 17) as u64)).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40;
         ((hash as f32) / (1 << 23) as f32).min(1.0)
@@ -71,7 +71,7 @@ fn the_unmasked_filter_does_not_bleed() {
 
 /// 128 x 128 texels with square shadows of one size at random places; a quarter of the area or a little more is
 /// covered.
-fn shadows(side: usize) -> Image {
+fn shadows(side: usize) -> Image<'static> {
     let mut state = 7 + side as u64;
     let mut random = |below: usize| {
         state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
@@ -93,7 +93,7 @@ fn shadows(side: usize) -> Image {
 }
 
 /// The image on a mesh of 4 x 4 elements, each with its mean value.
-fn coarse(image: &Image) -> Image {
+fn coarse(image: &Image) -> Image<'static> {
     let cell = 32;
     let mean = |cx: usize, cy: usize| {
         let texels = (0..cell * cell).map(|i| image.at(cx * cell + i % cell, cy * cell + i / cell));

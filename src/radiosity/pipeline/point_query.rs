@@ -39,11 +39,9 @@ impl Solution {
         &self.model
     }
 
-    /// Irradiance at points (file coordinates), W/m², with all rays.
-    pub fn irradiance(&self, points: &[Point]) -> Vec<Rgb> {
-        FinalGather::new(&self.model, &self.solved.linked, &self.options)
-            .irradiance(&relative(self.model.scene(), points), &|_| ())
-            .0
+    /// Irradiance at points relative to the scene's origin, with unit normals, W/m², with all rays.
+    pub fn irradiance(&self, points: &[(Vec3, Vec3)]) -> Vec<Rgb> {
+        FinalGather::new(&self.model, &self.solved.linked, &self.options).irradiance(points, &|_| ()).0
     }
 
     /// Irradiance at points (file coordinates) within a part, in `(0, 1]`, of the time that is left of [`Options::max_seconds`]: by

@@ -53,9 +53,7 @@ pub fn solve(
     model.check_single("the radiosity solver")?;
     let scene = model.scene();
     check_size(scene)?;
-    // The time of the model's preparation counts.
-    let spent = options.seconds_spent + model.report().seconds();
-    let deadline = Deadline::start(progress, options.max_seconds).after(spent);
+    let deadline = Deadline::start(progress, options.max_seconds).after(options.seconds_spent);
     let mut stages = Stages {
         model,
         scene,

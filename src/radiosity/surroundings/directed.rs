@@ -1,10 +1,10 @@
 //! Where the light of emitters with a profile of directions goes: their rays are drawn by the profile, not by the cosine.
 
-use crate::embree::Hits;
+use super::side_rays::{ESCAPED, SideRays};
 use crate::math::sampling::{cosine_direction, mix, numbers, point_on};
 use crate::radiosity::elements::{Elements, Shape, Side, emission_gain};
 use crate::radiosity::rgb::mean;
-use crate::ray::{LANES, Packet};
+use crate::ray::LANES;
 use crate::visibility::Exact;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -38,44 +38,27 @@ pub fn directed_share(elements: &Elements, exact: &Exact, length: f32, seed: u64
         }
     }
     let grid = ((READINGS / groups.len()).isqrt()).min(MAX_GRID);
-    let tracer = Tracer { elements, exact, length };
+    let tracer = SideRays { elements, exact, length };
     let found: Vec<[usize; 2]> = (groups.par_iter().enumerate())
-        .map(|(i, (side, count))| tracer.rays(side, count * LANES, grid, mix(!seed ^ mix(i as u64))))
+        .map(|(i, (side, count))| rays(&tracer, side, count * LANES, grid, mix(!seed ^ mix(i as u64))))
         .collect();
     let [met, traced] = found.iter().fold([0, 0], |[a, b], [c, d]| [a + c, b + d]);
     met as f64 / traced.max(1) as f64
 }
 
-struct Tracer<'a> {
-    elements: &'a Elements,
-    exact: &'a Exact,
-    length: f32,
-}
-
-impl Tracer<'_> {
-    /// Rays of a side that meet sides with elements, and all its rays.
-    fn rays(&self, side: &Side, count: usize, grid: usize, seed: u64) -> [usize; 2] {
-        let Shape::Surface { corners, .. } = self.elements.elements[side.element as usize].shape else {
-            return [0, 0];
-        };
-        let directions = directions(side, count, grid, seed);
-        let mut packets = Vec::with_capacity(count.div_ceil(LANES));
-        for (i, direction) in directions.iter().enumerate() {
-            if i % LANES == 0 {
-                packets.push(Packet::EMPTY);
-            }
-            let [u, v, ..] = numbers(seed, i as u64);
-            let from = side.end.lifted(point_on(&corners, u, v), side.normal);
-            packets[i / LANES].set_between(i % LANES, from, from + self.length * *direction, [0.0, 1.0]);
-        }
-        let mut hits = vec![Hits::NONE; packets.len()];
-        self.exact.scene.first_hits(self.exact.traversal, &packets, &mut hits);
-        let meets = |i: &usize| match hits[i / LANES].triangle[i % LANES] {
-            Hits::NOTHING => false,
-            triangle => self.elements.met(triangle, directions[*i]) != Elements::NONE,
-        };
-        [(0..directions.len()).filter(meets).count(), directions.len()]
-    }
+/// Rays of a side that meet sides with elements, and all its rays.
+fn rays(tracer: &SideRays, side: &Side, count: usize, grid: usize, seed: u64) -> [usize; 2] {
+    let Shape::Surface { corners, .. } = tracer.elements.elements[side.element as usize].shape else {
+        return [0, 0];
+    };
+    let directions = directions(side, count, grid, seed);
+    let rays = directions.iter().enumerate().map(|(i, direction)| {
+        let [u, v, ..] = numbers(seed, i as u64);
+        ((point_on(&corners, u, v), side.normal, side.end), *direction)
+    });
+    let mut met = 0;
+    tracer.trace(rays, &mut Vec::new(), |found| met += usize::from(found.side < ESCAPED));
+    [met, directions.len()]
 }
 
 /// Directions of a side's light, in proportion to it: evenly spaced in the running sum of the light of a grid of cosine-weighted

@@ -2,6 +2,7 @@
 
 mod directed;
 mod probe;
+mod side_rays;
 mod unlit;
 
 pub use directed::directed_share;

@@ -1,12 +1,11 @@
 //! A few rays from every side: how much of a cluster's light meets the cluster itself, and which sides see out of the scene.
 
-use crate::embree::Hits;
+use super::side_rays::{ESCAPED, Met, SideRays};
 use crate::math::sampling::{cosine_direction, mix, numbers, point_on};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::elements::{Element, Elements, Entered, Shape, Side};
-use crate::ray::{LANES, Packet};
+use crate::ray::Packet;
 use crate::visibility::Exact;
-use glam::Vec3;
 use rayon::prelude::*;
 
 /// What the rays found.
@@ -41,9 +40,6 @@ const SHORT_ROW_RAYS: usize = 64;
 /// Sides between two reports of progress.
 const STEPS_AT_ONCE: usize = 1 << 10;
 
-/// Stands for a ray that left the scene.
-const ESCAPED: u32 = u32::MAX - 1;
-
 /// Traces the rays of all sides, after the deadline those of a part of them. `length` exceeds the diagonal of the scene.
 pub fn probe(
     elements: &Elements,
@@ -56,7 +52,7 @@ pub fn probe(
     let step = sides.div_ceil(LATE_SIDES).max(1);
     let large = elements.area / LATE_SIDES as f64;
     deadline.stage("surroundings of surfaces", sides);
-    let tracer = Tracer { elements, exact, length };
+    let tracer = SideRays { elements, exact, length };
     let found: Vec<(Vec<ProbeRay>, Vec<Entered>)> = (0..sides)
         .into_par_iter()
         .with_min_len(64)
@@ -67,7 +63,7 @@ pub fn probe(
             let small = elements.elements[elements.sides[s].element as usize].area < large;
             match s % step > 0 && small && deadline.late() {
                 true => (Vec::new(), Vec::new()),
-                false => tracer.rays_of_side(seed, s, packets),
+                false => rays_of_side(&tracer, seed, s, packets),
             }
         })
         .collect();
@@ -119,12 +115,12 @@ pub fn received_shares(
     seed: u64,
     surfaces: &[u32],
 ) -> Vec<f64> {
-    let tracer = Tracer { elements, exact, length };
+    let tracer = SideRays { elements, exact, length };
     let of = |packets: &mut Vec<Packet>, e: &u32| {
         let element = &elements.elements[*e as usize];
         let (mut met, seed) = (0, mix(!seed ^ element.ids[0]));
-        tracer.rays(element, SHORT_ROW_RAYS, seed, packets, |side, _, _| {
-            met += usize::from(side < ESCAPED);
+        rays(&tracer, element, SHORT_ROW_RAYS, seed, packets, |found| {
+            met += usize::from(found.side < ESCAPED)
         });
         met as f64 / SHORT_ROW_RAYS as f64
     };
@@ -151,66 +147,45 @@ fn smallest_holding(elements: &Elements, leaf: usize, side: u32) -> usize {
     }
 }
 
-struct Tracer<'a> {
-    elements: &'a Elements,
-    exact: &'a Exact,
-    length: f32,
+/// The rays of a side, and those of them that met a side without an element.
+fn rays_of_side(
+    tracer: &SideRays,
+    seed: u64,
+    s: usize,
+    packets: &mut Vec<Packet>,
+) -> (Vec<ProbeRay>, Vec<Entered>) {
+    let elements = tracer.elements;
+    let side = &elements.sides[s];
+    let element = &elements.elements[side.element as usize];
+    let count = (MIN_RAYS + SHARED_RAYS * element.area / elements.area).min(MAX_RAYS) as usize;
+    let mut entered = Vec::new();
+    let emits = side.exitance.iter().any(|&m| m > 0.0);
+    let mut found = Vec::with_capacity(count);
+    let seed = seed ^ (s as u64) << 20;
+    rays(tracer, element, count, seed, packets, |Met { side, triangle, from, .. }| {
+        found.push(ProbeRay { area: element.area / count as f64, met: side });
+        if side == Elements::NONE {
+            entered.push(Entered { triangle, from, emits });
+        }
+    });
+    (found, entered)
 }
 
-impl Tracer<'_> {
-    /// The rays of a side, and those of them that met a side without an element.
-    fn rays_of_side(&self, seed: u64, s: usize, packets: &mut Vec<Packet>) -> (Vec<ProbeRay>, Vec<Entered>) {
-        let elements = self.elements;
-        let side = &elements.sides[s];
-        let element = &elements.elements[side.element as usize];
-        let count = (MIN_RAYS + SHARED_RAYS * element.area / elements.area).min(MAX_RAYS) as usize;
-        let mut entered = Vec::new();
-        let emits = side.exitance.iter().any(|&m| m > 0.0);
-        let mut rays = Vec::with_capacity(count);
-        let seed = seed ^ (s as u64) << 20;
-        self.rays(element, count, seed, packets, |met, triangle, from| {
-            rays.push(ProbeRay { area: element.area / count as f64, met });
-            if met == Elements::NONE {
-                entered.push(Entered { triangle, from, emits });
-            }
-        });
-        (rays, entered)
-    }
-
-    /// Traces `count` rays from a surface. Calls `tell` with the side met ([`ProbeRay::met`]), the face met and the origin.
-    fn rays(
-        &self,
-        element: &Element,
-        count: usize,
-        seed: u64,
-        packets: &mut Vec<Packet>,
-        mut tell: impl FnMut(u32, u32, Vec3),
-    ) {
-        let Shape::Surface { side, corners } = &element.shape else { return };
-        let Side { normal, end, .. } = self.elements.sides[*side as usize];
-        packets.clear();
-        for i in 0..count {
-            if i % LANES == 0 {
-                packets.push(Packet::EMPTY);
-            }
-            let [u, v, p, q] = numbers(seed, i as u64);
-            let on_surface = point_on(corners, u, (i as f32 + v) / count as f32);
-            let from = end.lifted(on_surface, normal);
-            let to = from + self.length * cosine_direction(normal, p, q);
-            let packet = packets.last_mut().expect("just pushed");
-            packet.set_between(i % LANES, from, to, [0.0, 1.0]);
-        }
-        let mut hits = vec![Hits::NONE; packets.len()];
-        self.exact.scene.first_hits(self.exact.traversal, packets, &mut hits);
-        for i in 0..count {
-            let packet = &packets[i / LANES];
-            let from = packet.point(i % LANES, 0.0);
-            let triangle = hits[i / LANES].triangle[i % LANES];
-            let met = match triangle {
-                Hits::NOTHING => ESCAPED,
-                t => self.elements.met(t, packet.point(i % LANES, 1.0) - from),
-            };
-            tell(met, triangle, from);
-        }
-    }
+/// Traces `count` cosine-weighted rays from a surface, and calls `tell` with what each of them met.
+fn rays(
+    tracer: &SideRays,
+    element: &Element,
+    count: usize,
+    seed: u64,
+    packets: &mut Vec<Packet>,
+    tell: impl FnMut(Met),
+) {
+    let Shape::Surface { side, corners } = &element.shape else { return };
+    let Side { normal, end, .. } = tracer.elements.sides[*side as usize];
+    let rays = (0..count).map(|i| {
+        let [u, v, p, q] = numbers(seed, i as u64);
+        let at = point_on(corners, u, (i as f32 + v) / count as f32);
+        ((at, normal, end), cosine_direction(normal, p, q))
+    });
+    tracer.trace(rays, packets, tell);
 }

@@ -3,16 +3,15 @@
 //! An element of a floor under the edge of such a box is lit as a whole and would send light into the box; in closed rooms row
 //! normalisation would even amplify that light. Sides that paths from all emitters never hit get no elements.
 
-use crate::embree::Hits;
+use super::side_rays::{Met, SideRays, SurfacePoint};
 use crate::math::on_plane;
 use crate::math::sampling::{cosine_direction, mix, numbers, point_on};
 use crate::radiosity::elements::emitter_face::EmitterFace;
 use crate::radiosity::elements::emitters::Emitters;
 use crate::radiosity::elements::{Elements, Shape, Side};
-use crate::ray::{EndRule, LANES, Packet};
+use crate::ray::LANES;
 use crate::scene::Scene;
 use crate::visibility::Exact;
-use glam::Vec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -43,41 +42,33 @@ pub struct Unlit {
     pub area: f64,
 }
 
-/// A point of a path, on a surface, with the unit normal and the end rule of the surface.
-type PathPoint = (Vec3, Vec3, EndRule);
-
-/// Traces single rays from surface to surface.
-struct Tracer<'a> {
+/// Traces paths from surface to surface.
+struct Paths<'a> {
     scene: &'a Scene,
-    elements: &'a Elements,
-    exact: &'a Exact,
-    /// Length of rays, more than the diagonal of the scene; scene units.
-    length: f32,
+    rays: SideRays<'a>,
 }
 
-impl Tracer<'_> {
+impl Paths<'_> {
     /// The sides that one cosine-weighted ray from each of sixteen points meets, and the points met.
-    fn step(&self, points: &[Option<PathPoint>; LANES], seed: u64) -> [Option<(u32, PathPoint)>; LANES] {
-        let mut packet = Packet::EMPTY;
-        for (lane, point) in points.iter().enumerate() {
-            let Some((at, normal, end)) = point else { continue };
+    fn step(
+        &self,
+        points: &[Option<SurfacePoint>; LANES],
+        seed: u64,
+    ) -> [Option<(u32, SurfacePoint)>; LANES] {
+        let known = (0..LANES).filter_map(|lane| Some((lane, points[lane]?)));
+        let rays = known.clone().map(|(lane, point)| {
             let [u, v, ..] = numbers(seed, lane as u64);
-            let from = end.lifted(*at, *normal);
-            let to = from + self.length * cosine_direction(*normal, u, v);
-            packet.set_between(lane, from, to, [0.0, 1.0]);
-        }
-        let mut hits = [Hits::NONE];
-        self.exact.scene.first_hits(self.exact.traversal, std::slice::from_ref(&packet), &mut hits);
-        std::array::from_fn(|lane| {
-            let triangle = hits[0].triangle[lane];
-            if packet.active >> lane & 1 == 0 || triangle == Hits::NOTHING {
-                return None;
-            }
-            let (from, at) = (packet.point(lane, 0.0), packet.point(lane, hits[0].t[lane]));
-            let side = self.elements.met(triangle, at - from);
-            let Side { normal, end, .. } = self.elements.sides.get(side as usize)?;
-            Some((side, (on_plane(self.scene.corners(triangle), at), *normal, *end)))
-        })
+            (point, cosine_direction(point.1, u, v))
+        });
+        let mut next = [None; LANES];
+        let mut lanes = known.map(|(lane, _)| lane);
+        self.rays.trace(rays, &mut Vec::new(), |Met { side, triangle, at, .. }| {
+            let lane = lanes.next().unwrap_or_default();
+            next[lane] = self.rays.elements.sides.get(side as usize).map(|&Side { normal, end, .. }| {
+                (side, (on_plane(self.scene.corners(triangle), at), normal, end))
+            });
+        });
+        next
     }
 
     /// Number of hits of each side by paths from all emitters.
@@ -87,7 +78,7 @@ impl Tracer<'_> {
             .map(|k| {
                 let seed = mix(seed ^ mix(k as u64));
                 let faces = emitters[k % emitters.len()];
-                let mut points: [Option<PathPoint>; LANES] = std::array::from_fn(|lane| {
+                let mut points: [Option<SurfacePoint>; LANES] = std::array::from_fn(|lane| {
                     let [u, v, face, _] = numbers(seed, lane as u64);
                     let face = &faces[(face * faces.len() as f32) as usize % faces.len()];
                     Some((point_on(&face.corners, u, v), face.normal, face.end))
@@ -101,14 +92,14 @@ impl Tracer<'_> {
                 met
             })
             .collect();
-        let mut counts = vec![0u32; self.elements.sides.len()];
+        let mut counts = vec![0u32; self.rays.elements.sides.len()];
         met.iter().flatten().for_each(|&side| counts[side as usize] += 1);
         counts
     }
 
     /// The sides that rays from a side meet.
     fn around(&self, side: usize, seed: u64) -> Vec<usize> {
-        let elements = self.elements;
+        let elements = self.rays.elements;
         let Side { normal, end, .. } = elements.sides[side];
         let Shape::Surface { corners, .. } = elements.elements[elements.sides[side].element as usize].shape
         else {
@@ -138,8 +129,8 @@ pub fn unlit_sides(scene: &Scene, elements: &Elements, exact: &Exact, seed: u64)
     if emitters.is_empty() {
         return Vec::new();
     }
-    let tracer = Tracer { scene, elements, exact, length: scene.ray_length() };
-    let counts = tracer.hits_by_side(&emitters, seed);
+    let paths = Paths { scene, rays: SideRays { elements, exact, length: scene.ray_length() } };
+    let counts = paths.hits_by_side(&emitters, seed);
     let all: usize = counts.iter().map(|&n| n as usize).sum();
     let expected = |s: usize| {
         let element = elements.sides[s].element as usize;
@@ -149,7 +140,7 @@ pub fn unlit_sides(scene: &Scene, elements: &Elements, exact: &Exact, seed: u64)
     let mut dark: Vec<bool> =
         (0..counts.len()).map(|s| counts[s] == 0 && expected(s) >= MIN_EXPECTED_HITS && !emits(s)).collect();
     let candidates: Vec<usize> = (0..counts.len()).filter(|&s| dark[s]).collect();
-    let seen: Vec<Vec<usize>> = candidates.par_iter().map(|&s| tracer.around(s, seed)).collect();
+    let seen: Vec<Vec<usize>> = candidates.par_iter().map(|&s| paths.around(s, seed)).collect();
     let dim = |s: usize| f64::from(counts[s]) < DIM * expected(s);
     loop {
         let lit: Vec<usize> = (candidates.iter().zip(&seen))

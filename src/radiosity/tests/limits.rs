@@ -240,7 +240,7 @@ fn light_at_more_points_keeps_to_the_time() {
     // Without a limit all rays are traced.
     let all = solution.irradiance_within(&floor(50), 1.0, &());
     assert!(all.note.is_none());
-    assert_eq!(all.irradiance.expect("light"), solution.irradiance(&floor(50)));
+    assert_eq!(all.irradiance.expect("light"), solution.irradiance_unless(&floor(50), &()).expect("light"));
     // By this clock the timed sample of 64 points takes a millisecond, so that 12,000 points would take 188 ms on one thread and
     // 94 ms on two.
     solution.options.max_seconds = Some(0.02);

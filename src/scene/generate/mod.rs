@@ -168,7 +168,8 @@ impl Spec {
             return Err(Error::Argument(format!("more than {MAX_ITEMS} leaves: lower trees or leaves")));
         }
         if self.light_size.is_some_and(|s| !s.is_finite() || s <= 0.0 || s > 1e6) {
-            return Err(Error::Argument("light_size must lie in 0..1e6".into()));
+            let size = self.light_size.unwrap_or(0.0);
+            return Err(Error::Argument(format!("light_size {size}: must lie in 0..1e6, above 0")));
         }
         Ok(())
     }

@@ -190,6 +190,7 @@ fn element_lines(text: &mut String, light: &Solution) {
         ("object", number(|e| e.object)),
         ("material", number(|e| e.material)),
         ("front", hash(all.iter().map(|e| [u8::from(e.front)]))),
+        ("exitance", rgb(|e| e.exitance)),
     ] {
         writeln!(text, "{name} {value:016x}").unwrap();
     }

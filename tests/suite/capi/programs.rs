@@ -1,6 +1,7 @@
 //! C and C++ programs are compiled against the header and the library, and run.
 
 use super::{expected, library, project};
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::Command;
 use tempfile::TempDir;
@@ -82,6 +83,94 @@ fn cpp_programs_get_the_answers_of_the_crate() {
 fn misuse_gets_a_status() {
     let folder = tempfile::tempdir().expect("a folder");
     for compiler in compilers(["gcc", "clang"]) {
-        printed(&compiled(&folder, compiler, "misuse.c", &["-std=c99"]));
+        let messages = printed(&compiled(&folder, compiler, "misuse.c", &["-std=c99"]));
+        assert!(messages.lines().count() > 250, "{} messages", messages.lines().count());
+        messages.lines().for_each(check_words);
+    }
+}
+
+/// A message names its function, and uses words of the header alone: nothing of the crate's own names.
+fn check_words(message: &str) {
+    let header = std::fs::read_to_string(project("ffi/include/mrvis.h")).expect("the header");
+    let words: BTreeSet<&str> = header.split(|c: char| !c.is_ascii_alphanumeric() && c != '_').collect();
+    let (function, what) = message.split_once(": ").unwrap_or_else(|| panic!("{message}"));
+    assert!(words.contains(function) && function.starts_with("mrv_"), "{message}");
+    assert!(!what.contains("::") && !what.contains("option `"), "a name of the crate: {message}");
+    // What the program called its meshes, materials and so on.
+    const OWN: [&str; 9] = ["m", "a", "b", "i", "floor", "lamp", "boxes", "grey", "red"];
+    for quoted in what.split('`').skip(1).step_by(2) {
+        let is_name = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '.';
+        if OWN.contains(&quoted) || !quoted.chars().all(is_name) {
+            continue;
+        }
+        assert!(
+            quoted.split('.').all(|part| words.contains(part)),
+            "`{quoted}` is not in the header: {message}"
+        );
+        // Members of records are named with their record.
+        let mut path = quoted.split('.');
+        let is_argument = path.next().is_some_and(|first| ARGUMENTS.contains(&first));
+        assert!(is_argument, "`{quoted}` is no argument: {message}");
+    }
+    // An option that stands at the beginning without its record.
+    let first = what.split(' ').next().unwrap_or_default();
+    assert!(!first.contains('_') || first.starts_with(['`', 'M']) || first.contains('.'), "{message}");
+}
+
+/// Arguments of functions, and the record that messages about other calls name.
+const ARGUMENTS: [&str; 45] = [
+    "answer",
+    "answers",
+    "approximation",
+    "arrays",
+    "builder",
+    "camera",
+    "changes",
+    "cost",
+    "data",
+    "elements",
+    "emission",
+    "engine",
+    "errors",
+    "factors",
+    "folder",
+    "format",
+    "html",
+    "images",
+    "index",
+    "info",
+    "instance",
+    "irradiance",
+    "json",
+    "kind",
+    "lightmap",
+    "mesh",
+    "model",
+    "mrv_load_options",
+    "name",
+    "normals",
+    "options",
+    "path",
+    "positions",
+    "query",
+    "radiance",
+    "reflectance",
+    "report",
+    "scene",
+    "segments",
+    "solution",
+    "text",
+    "flat",
+    "sizes",
+    "transform",
+    "updated",
+];
+
+/// Work that is cancelled in the middle, callbacks that use the library, and work that memory does not suffice for.
+#[test]
+fn callbacks_may_cancel_ask_and_release() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for compiler in compilers(["gcc", "clang"]) {
+        printed(&compiled(&folder, compiler, "progress.c", &["-std=c99"]));
     }
 }
