@@ -176,8 +176,14 @@ fn nothing_is_lost_when_the_batch_is_killed() {
     for _ in 0..kills {
         let out = format!("killed-{rounds}");
         random = random.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        let seconds = longest * (random >> 33) as f64 / (1u64 << 31) as f64;
+        // After a random number of jobs, and a random part of the time of one: other load of the machine does not matter.
+        let before = journal(&scratch.path(&out)).len();
+        let jobs = before + (random >> 40) as usize % (COUNT - before);
+        let seconds = longest / COUNT as f64 * (random >> 33) as f64 / (1u64 << 31) as f64;
         let mut child = started(&scratch, &["batch", "jobs.toml", "--out", &out]);
+        while journal(&scratch.path(&out)).len() < jobs && child.try_wait().expect("a child").is_none() {
+            std::thread::sleep(Duration::from_millis(1));
+        }
         std::thread::sleep(Duration::from_secs_f64(seconds));
         let ended = child.try_wait().expect("a child").is_some();
         child.kill().expect("killed");
@@ -186,7 +192,11 @@ fn nothing_is_lost_when_the_batch_is_killed() {
         for (name, bytes) in
             if scratch.path(&out).exists() { results(&scratch.path(&out)) } else { BTreeMap::new() }
         {
-            assert!(bytes == want[&name], "{} is not whole after {seconds} s", name.display());
+            assert!(
+                bytes == want[&name],
+                "{} is not whole after {jobs} jobs and {seconds} s",
+                name.display()
+            );
         }
         if journal(&scratch.path(&out)).len() == COUNT {
             rounds += 1;
