@@ -14,6 +14,7 @@ mod journal;
 mod names;
 mod parse;
 mod report;
+mod row;
 mod schedule;
 mod table;
 #[cfg(feature = "parquet")]

@@ -1,20 +1,18 @@
 //! The tables of all jobs: `results.csv`, `results.jsonl` and, with the feature `parquet`, `results.parquet`.
 
 use super::journal::{Entry, Status};
+use super::row::{Row, cell};
 #[cfg(feature = "parquet")]
 use super::table_parquet::parquet;
 use super::template::outputs_of;
 use crate::files::WholeFile;
 use crate::{Error, Result};
-use serde_json::{Map, Value as Json};
+use serde_json::Value as Json;
 use std::collections::HashMap;
 use std::path::Path;
 
 /// Largest record of a job that is read, bytes: that of a solve has some kilobytes.
 const MAX_RECORD: u64 = 16 << 20;
-
-/// A row of the table: names and values in the order of columns.
-pub type Row = Map<String, Json>;
 
 /// Writes the tables of jobs that have ended, in the order of the job file.
 ///
@@ -102,15 +100,6 @@ fn columns(rows: &[Row]) -> Vec<String> {
     names.sort_by(|a, b| (place(a), a).cmp(&(place(b), b)));
     names.dedup();
     names
-}
-
-/// A value in a cell of text.
-pub fn cell(value: Option<&Json>) -> String {
-    match value {
-        None | Some(Json::Null) => String::new(),
-        Some(Json::String(text)) => text.clone(),
-        Some(other) => other.to_string(),
-    }
 }
 
 /// The row of a job: what ran, how it ended, and the numbers of its record.

@@ -1,6 +1,6 @@
 //! The table of all jobs as Parquet.
 
-use super::table::{Row, cell};
+use super::row::{Row, cell};
 use crate::{Error, Result};
 use parquet::basic::{ConvertedType, Repetition, Type as Physical};
 use parquet::data_type::{BoolType, ByteArray, ByteArrayType, DoubleType, Int64Type};

@@ -4,7 +4,8 @@ mod charts;
 #[cfg(test)]
 mod tests;
 
-use super::table::{COMPARED, Row, cell};
+use super::row::{Row, cell};
+use super::table::COMPARED;
 use crate::Result;
 use crate::image_io::Picture;
 use crate::page::{bytes, count, data_url, document, figure, seconds};
