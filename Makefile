@@ -110,7 +110,7 @@ test: setup need-lint need-browser need-hosts need-python
 	cargo clippy --all-targets -- -D warnings
 	cargo clippy -p mrvis-python -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps
-	@.ci/public-items $(TARGET_DIR)/doc/mrvis 200
+	@.ci/public-items $(TARGET_DIR)/doc/mrvis 220
 	cargo test
 	@$(MAKE) --no-print-directory python-test
 
