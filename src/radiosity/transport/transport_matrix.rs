@@ -98,7 +98,8 @@ impl TransportMatrix {
     }
 
     /// The expected row sum of i: the part of its own rays that stayed in the scene and the sum of its weights, each weighted by
-    /// the variance of the other.
+    /// the variance of the other, relative to the row sum: `(1 - p)/n` of n rays with the part p, and the mean weight. Variances in
+    /// proportion to either estimate would prefer the smaller one: row sums were 0.5 to 1.3 % too small.
     fn expected_row_sum(&self, i: usize, closed: bool, rays: usize, met: usize) -> f64 {
         if closed && met == rays {
             return 1.0;
@@ -110,7 +111,7 @@ impl TransportMatrix {
         let (rays, met) = (rays as f64, met as f64);
         // Half a ray more of either kind (Jeffreys): none of a few rays does not mean probability 0.
         let part = (met + 0.5) / (rays + 1.0);
-        let (of_part, of_sum) = (part * (1.0 - part) / rays, squares);
+        let (of_part, of_sum) = ((1.0 - part) / rays, if sum > 0.0 { squares / sum } else { 0.0 });
         (met / rays * of_sum + sum * of_part) / (of_sum + of_part)
     }
 
@@ -245,5 +246,25 @@ mod tests {
         assert!(balanced.rows().iter().all(|row| (row - 1.0).abs() < 1e-5));
         let found = balanced.reciprocity();
         assert!(found > 0.0 && found < 3e-3, "{found}");
+    }
+
+    /// Rows of which six rays in ten leave the scene: their row sums are right on average.
+    #[test]
+    fn row_sums_of_open_rows_have_no_bias() {
+        let n = 2000u32;
+        let mut met = Vec::new();
+        let rows: Vec<MatrixRow> = (0..n)
+            .map(|i| {
+                met.extend((0..20 + 20 * u64::from(i % 3)).map(|k| {
+                    let [stays, which, ..] = numbers(u64::from(i), k);
+                    if stays < 0.4 { (which * n as f32) as u32 } else { u32::MAX }
+                }));
+                MatrixRow { area: 1.0, reflectance: [0.5; 3], end: met.len(), closed: false }
+            })
+            .collect();
+        let kept = met.iter().filter(|&&j| j != u32::MAX).count() as f64 / met.len() as f64;
+        let matrix = TransportMatrix::new(&rows, &met, RowSums::Balanced, &Deadline::start(&(), None));
+        let mean = matrix.rows().iter().sum::<f64>() / f64::from(n);
+        assert!((mean / kept - 1.0).abs() < 3e-3, "{mean} instead of {kept}");
     }
 }
