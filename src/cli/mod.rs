@@ -62,7 +62,7 @@ enum Command {
     Reference(oracle::Args),
     Compare(compare::Args),
     FormFactors(form_factors::Args),
-    /// Write a procedural scene as OBJ and MTL (list of scenes: --list).
+    /// Write a procedural scene as OBJ and MTL; --list shows all scenes.
     Generate(generate::Args),
     /// Print the script that completes options in a shell.
     #[command(hide = true)]
