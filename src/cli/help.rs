@@ -63,11 +63,13 @@ fn arranged(arg: Arg, solve: bool) -> Arg {
     arg.help(short).long_help(text).hide_short_help(hidden)
 }
 
-/// The beginning of a text up to the first sign that ends a statement.
+/// The beginning of a text up to the first sign that ends a statement and is not in parentheses.
 fn first_sentence(text: &str) -> &str {
     let ends = [". ", ": ", "; ", ".\n", " [default", " (at least"];
-    let end = ends.iter().filter_map(|sign| text.find(sign)).min().unwrap_or(text.len());
-    text[..end].trim_end_matches('.')
+    let is_outside = |&at: &usize| text[..at].matches('(').count() == text[..at].matches(')').count();
+    let end =
+        ends.iter().filter_map(|sign| text.match_indices(sign).map(|(at, _)| at).find(is_outside)).min();
+    text[..end.unwrap_or(text.len())].trim_end_matches('.')
 }
 
 #[cfg(test)]
@@ -94,6 +96,19 @@ mod tests {
         }
     }
 
+    /// Each line of the list of commands, and each short help of an option, is a whole phrase.
+    #[test]
+    fn short_help_ends_outside_parentheses() {
+        for command in command().get_subcommands() {
+            let about = command.get_about().map(ToString::to_string);
+            assert!(about.as_ref().is_some_and(|about| !about.is_empty()), "{}", command.get_name());
+            let options = command.get_arguments().filter_map(Arg::get_help).map(ToString::to_string);
+            for text in options.chain(about) {
+                assert_eq!(text.matches('(').count(), text.matches(')').count(), "{text}");
+            }
+        }
+    }
+
     /// A group of options that does not exist any more is taken from the table.
     #[test]
     fn groups_hold_existing_options() {
@@ -112,5 +127,6 @@ mod tests {
     fn sentences_are_short() {
         assert_eq!(first_sentence("Feature size: smaller [default: x]"), "Feature size");
         assert_eq!(first_sentence("Print nothing."), "Print nothing");
+        assert_eq!(first_sentence("Write a scene (list: --list)."), "Write a scene (list: --list)");
     }
 }

@@ -72,7 +72,7 @@ enum Command {
     Batch(batch::Args),
     Merge(merge::Args),
     Report(report::Args),
-    /// Write a procedural scene as OBJ and MTL (list of scenes: --list).
+    /// Write a procedural scene as OBJ and MTL; --list shows all scenes.
     Generate(generate::Args),
     /// Print the script that completes options in a shell.
     #[command(hide = true)]

@@ -1,7 +1,7 @@
 //! Files that are read: regular files, or standard input under the name `-`.
 //!
-//! A pipe or a device under any other name is refused, because reading it could block or never end. Sizes are
-//! compared with a limit before anything is read.
+//! A pipe or a device under any other name is refused, because reading it could block or never end. Standard input may be a pipe or a
+//! terminal, but no other device. Sizes are compared with a limit before anything is read.
 
 use crate::error::{quote, shown};
 use crate::{Error, Result};
@@ -41,9 +41,12 @@ impl Input {
     /// Opens a regular file, or standard input if `path` is `-`. At most `limit` bytes can be read.
     ///
     /// # Errors
-    /// [`Error::Io`] if the file cannot be opened, [`Error::Format`] if it is no regular file or larger than `limit`.
+    /// [`Error::Io`] if the file cannot be opened, [`Error::Format`] if it is no regular file (standard input: a device that is no
+    /// terminal) or larger than `limit`.
     pub fn open(path: &Path, limit: u64) -> Result<Input> {
         if is_standard_input(path) {
+            #[cfg(unix)]
+            check_standard(path, std::os::fd::AsFd::as_fd(&io::stdin()), limit)?;
             return Ok(Input {
                 path: path.into(),
                 source: Source::Standard(io::stdin()),
@@ -122,6 +125,24 @@ fn check_kind(path: &Path, about: &std::fs::Metadata) -> Result<()> {
     Err(Error::format(path, None, what))
 }
 
+/// Refuses devices as standard input: most never end, and disks hold no scene as a file does. A terminal ends with Ctrl-D.
+#[cfg(unix)]
+fn check_standard(path: &Path, stream: std::os::fd::BorrowedFd, limit: u64) -> Result<()> {
+    use std::os::unix::fs::FileTypeExt;
+    // A stream that is closed or cannot be examined fails when it is read.
+    let Ok(file) = stream.try_clone_to_owned().map(File::from) else { return Ok(()) };
+    let Ok(about) = file.metadata() else { return Ok(()) };
+    let kind = about.file_type();
+    if kind.is_block_device() || (kind.is_char_device() && !io::IsTerminal::is_terminal(&file)) {
+        let what = "standard input is a device, which may never end: redirect a regular file or a pipe to it (`< FILE`)";
+        return Err(Error::format(path, None, what));
+    }
+    match about.len() {
+        size if about.is_file() && size > limit => Err(too_large(path, &format!("{size} bytes"), limit)),
+        _ => Ok(()),
+    }
+}
+
 fn too_large(path: &Path, size: &str, limit: u64) -> Error {
     Error::format(path, None, format!("{size}, more than the {limit} bytes that may be read"))
 }
@@ -159,6 +180,24 @@ mod tests {
             let message = read(Path::new(device), 9).expect_err(device).to_string();
             assert!(message.contains("pipe or a device"), "{message}");
         }
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn devices_are_refused_as_standard_input() {
+        use std::os::fd::AsFd;
+        let check = |file: &File| check_standard(Path::new("-"), file.as_fd(), 4);
+        for device in ["/dev/zero", "/dev/urandom", "/dev/null"] {
+            let message = check(&File::open(device).expect(device)).expect_err(device).to_string();
+            assert!(message.starts_with("-: ") && message.contains("`< FILE`"), "{message}");
+        }
+        let file = tempfile::tempfile().expect("scratch file");
+        check(&file).expect("a regular file");
+        file.set_len(5).expect("grown");
+        let message = check(&file).expect_err("too large").to_string();
+        assert!(message.contains("5 bytes, more than the 4 bytes"), "{message}");
+        let (read, _write) = io::pipe().expect("a pipe");
+        check_standard(Path::new("-"), read.as_fd(), 4).expect("a pipe");
     }
 
     #[test]

@@ -4,7 +4,13 @@ use super::{LoadOptions, Scene, read_gltf, read_obj, read_ply, resolve, sources:
 use crate::files::input::{guarded, is_standard_input};
 use crate::threads::Threads;
 use crate::{Error, Result, error::quote};
-use std::{io::BufReader, path::Path};
+use std::{
+    io::{BufReader, Read},
+    path::Path,
+};
+
+/// Number of bytes from which the format of a scene without an extension is found: it may begin with as many blanks.
+const START: u64 = 1 << 16;
 
 impl Scene {
     /// Reads a scene with default options: metres, emission as the file has it; see [`Scene::load_with`].
@@ -58,8 +64,8 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
     let mut sources = Sources::new(options.max_memory);
     let stem = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     let mut scene = if is_standard_input(path) {
-        let bytes = sources.bytes(path)?;
-        read_bytes(path, format_of(&bytes), &bytes, &mut sources, options)?
+        let stream = sources.open(path)?;
+        read_stream(path, stream, &mut sources, options)?
     } else {
         match stem.as_str() {
             "obj" => {
@@ -81,6 +87,26 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
     scene.files = sources.read;
     scene.files.extend(options.luminaires.files.iter().cloned());
     Ok(scene)
+}
+
+/// Reads a scene without an extension, of which `path` is the name. OBJ is checked while it is read, so that what is no scene is not
+/// read to its end.
+fn read_stream(
+    path: &Path,
+    mut stream: impl Read,
+    sources: &mut Sources,
+    options: &LoadOptions,
+) -> Result<Scene> {
+    let wrong = |e| Error::io(path, e);
+    let mut start = Vec::new();
+    stream.by_ref().take(START).read_to_end(&mut start).map_err(wrong)?;
+    let format = format_of(&start);
+    if format == "obj" {
+        let file = BufReader::with_capacity(1 << 20, start.as_slice().chain(stream));
+        return resolve(read_obj::read(path, file, sources)?, options);
+    }
+    stream.read_to_end(&mut start).map_err(wrong)?;
+    read_bytes(path, format, &start, sources, options)
 }
 
 /// Reads a scene from memory; `path` is its name, from which other files are found.
@@ -127,5 +153,45 @@ fn format_of(bytes: &[u8]) -> &'static str {
         _ if start.starts_with(b"{") => "gltf",
         _ if start.starts_with(b"ply") => "ply",
         _ => "obj",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A stream that fails after `left` zeros.
+    struct Zeros {
+        left: usize,
+    }
+
+    impl Read for Zeros {
+        fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+            self.left = self.left.checked_sub(buffer.len()).ok_or(std::io::Error::other("read too far"))?;
+            buffer.fill(0);
+            Ok(buffer.len())
+        }
+    }
+
+    #[test]
+    fn streams_without_lines_are_not_read_to_their_end() {
+        // A line may have 256 MiB.
+        let stream = Zeros { left: (256 << 20) + (2 << 20) };
+        let error = read_stream(Path::new("-"), stream, &mut Sources::new(None), &LoadOptions::default());
+        let message = error.expect_err("no scene").to_string();
+        assert!(message.contains("line of more than 268435456 bytes"), "{message}");
+    }
+
+    #[test]
+    fn streams_of_all_formats_are_read() {
+        let obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+        let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+                   element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+        let long = format!("{}{obj}", "\n".repeat(3 << 16));
+        for text in [obj, ply, &long] {
+            let mut sources = Sources::new(None);
+            let scene = read_stream(Path::new("-"), text.as_bytes(), &mut sources, &LoadOptions::default());
+            assert_eq!(scene.expect("a scene").triangle_count(), 1);
+        }
     }
 }

@@ -53,7 +53,7 @@ impl Library {
                 Some(statement) => {
                     let file = beside(path, texture_file(&statement));
                     let key = TextureKey::File(file.clone());
-                    sources.texture(path, key, repairs, |sources| sources.bytes(&file))?
+                    sources.texture(path, &key, repairs, |sources| sources.bytes(&file))?
                 }
                 None => None,
             };

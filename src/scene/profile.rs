@@ -4,6 +4,10 @@ use glam::{DVec3, Vec3};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::Arc;
 
+/// Largest difference of the intensities that planes state at the nadir or the zenith, relative to the largest of the table: the
+/// rounding of tables in whole candelas with a peak of 100 cd.
+const AXIS_TOLERANCE: f64 = 0.01;
+
 /// Luminous intensity by direction: angle γ from the axis of the luminaire (0 to 180°) and angle C about it. Between
 /// the tabulated directions intensity is linear in both angles; beyond the tabulated γ it is 0.
 #[derive(Clone, Debug, PartialEq)]
@@ -70,6 +74,23 @@ impl Distribution {
         let gap = (self.planes[b] - self.planes[a]).rem_euclid(TAU);
         let share = if gap == 0.0 { 0.0 } else { (c - self.planes[a]).rem_euclid(TAU) / gap };
         (1.0 - share) * self.in_plane(a, gamma) + share * self.in_plane(b, gamma)
+    }
+
+    /// What is wrong if the planes state different intensities at the nadir or the zenith, the directions that they share.
+    pub fn contradiction(&self) -> Option<String> {
+        let peak = self.candelas.iter().copied().fold(0.0, f64::max);
+        let differs = |(name, gamma)| {
+            let all = (0..self.planes.len()).map(|plane| self.in_plane(plane, gamma));
+            let (low, high) = all.fold((f64::INFINITY, 0.0), |(a, b): (f64, f64), v| (a.min(v), b.max(v)));
+            // As f32, without the digits that factors of the table add by rounding.
+            (high - low > AXIS_TOLERANCE * peak)
+                .then(|| format!("{} to {} cd at the {name}", low as f32, high as f32))
+        };
+        let ends = [("nadir (γ = 0)", 0.0), ("zenith (γ = 180°)", PI)];
+        let found: Vec<String> = ends.into_iter().filter_map(differs).collect();
+        let why = "depending on the C plane, but all planes are one direction there: results of different methods differ \
+                   near it; make these values equal in the file";
+        (!found.is_empty()).then(|| format!("its table states {} {why}", found.join(" and ")))
     }
 
     fn in_plane(&self, plane: usize, gamma: f64) -> f64 {

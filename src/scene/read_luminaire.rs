@@ -4,7 +4,7 @@
 
 use super::profile::{Distribution, Symmetry};
 use super::sources::text_of;
-use crate::error::{figure, quote};
+use crate::error::{figure, quote, shown};
 use crate::files::input;
 use crate::{Error, Result};
 use std::f64::consts::PI;
@@ -31,7 +31,8 @@ pub struct Luminaire {
     pub distribution: Distribution,
     /// Length along C = 0, width along C = 90° and height of the luminous opening, metres.
     pub opening: [f64; 3],
-    /// A sentence if the file's own flux and the integral of its table disagree.
+    /// A sentence, beginning with the file, if the file contradicts itself: its own flux and the integral of its table, or planes along
+    /// the axis that they share.
     pub note: Option<String>,
 }
 
@@ -48,7 +49,10 @@ pub fn parse(path: &Path, bytes: impl FnOnce() -> Result<Vec<u8>>) -> Result<Lum
         "ldt" | "eul" => eulumdat,
         _ => return Err(Error::format(path, None, "the extension must be .ies, .ldt or .eul")),
     };
-    parse(&text_of(&bytes()?)).map_err(|(line, what)| Error::format(path, Some(line), what))
+    let read = parse(&text_of(&bytes()?)).map_err(|(line, what)| Error::format(path, Some(line), what))?;
+    let notes: Vec<String> = read.distribution.contradiction().into_iter().chain(read.note).collect();
+    let note = (!notes.is_empty()).then(|| format!("{}: {}", shown(path), notes.join("; ")));
+    Ok(Luminaire { note, ..read })
 }
 
 /// The line, counted from 1, and what is wrong there.
@@ -286,6 +290,24 @@ mod tests {
         // A round opening of 0.12 m, as LM-63-1995 writes it.
         let round = ies(&IES.replace("0.1 0.2 0", "-0.12 0 0")).unwrap().opening;
         assert!((round[0] * round[1] / (PI * 0.06 * 0.06) - 1.0).abs() < 1e-9 && round[0] == round[1]);
+    }
+
+    #[test]
+    fn planes_that_disagree_along_the_axis_are_noted() {
+        let note = |gammas: &str, rows: &str| {
+            let text = format!("TILT=NONE\n1 -1 1 3 2 1 2 0.1 0.1 0\n1 1 20\n{gammas}\n0 90\n{rows}\n");
+            parse(Path::new("lamps/spot.ies"), || Ok(text.into_bytes())).unwrap().note
+        };
+        let nadir = note("0 45 90", "100 80 0 250.5 80 0").expect("a note");
+        assert!(
+            nadir.starts_with("lamps/spot.ies: its table states 100 to 250.5 cd at the nadir"),
+            "{nadir}"
+        );
+        let both = note("0 90 180", "100 80 5 250 80 40").expect("a note");
+        assert!(both.contains("at the nadir") && both.contains("5 to 40 cd at the zenith"), "{both}");
+        // Rounding, and angles that all planes state for themselves.
+        assert_eq!(note("0 45 90", "100 80 0 101 80 0"), None);
+        assert_eq!(note("5 45 90", "100 80 0 250 80 60"), None);
     }
 
     #[test]

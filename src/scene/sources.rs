@@ -31,7 +31,7 @@ pub(super) struct Sources {
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) enum TextureKey {
     File(PathBuf),
-    /// Index of the image in a glTF file.
+    /// Index of the first image of a glTF file that has these bytes.
     Image(usize),
 }
 
@@ -79,21 +79,27 @@ impl Sources {
         }
     }
 
-    /// The texture `key`, whose encoded bytes are `read` once; `None`, with a counted repair, if it cannot be read.
+    /// The texture `key`, whose encoded bytes are `read` once, whatever names lead to its file; `None`, with a counted repair, if it
+    /// cannot be read.
     ///
     /// # Errors
     /// The textures of the scene take more memory than allowed, or the scene must not name files.
     pub fn texture(
         &mut self,
         scene: &Path,
-        key: TextureKey,
+        key: &TextureKey,
         repairs: &mut Repairs,
         read: impl FnOnce(&mut Sources) -> Result<Vec<u8>>,
     ) -> Result<Option<Texture>> {
-        if let Some(known) = self.textures.get(&key) {
+        if let Some(known) = self.textures.get(key) {
             return Ok(known.clone());
         }
-        let file = match &key {
+        let place = self.place(key);
+        if let Some(known) = place.as_ref().and_then(|place| self.textures.get(place)).cloned() {
+            self.textures.insert(key.clone(), known.clone());
+            return Ok(known);
+        }
+        let file = match key {
             TextureKey::File(path) => path.clone(),
             TextureKey::Image(number) => format!("image {number} of {}", scene.display()).into(),
         };
@@ -113,8 +119,18 @@ impl Sources {
             Ok(texture) => Some(texture),
         };
         self.texture_bytes += texture.as_ref().map_or(0, Texture::bytes);
-        self.textures.insert(key, texture.clone());
+        for key in place.into_iter().chain([key.clone()]) {
+            self.textures.insert(key, texture.clone());
+        }
         Ok(texture)
+    }
+
+    /// The key of an existing file by its path without links, `.` and `..`.
+    fn place(&self, key: &TextureKey) -> Option<TextureKey> {
+        match key {
+            TextureKey::File(path) if !self.is_closed => path.canonicalize().ok().map(TextureKey::File),
+            _ => None,
+        }
     }
 }
 

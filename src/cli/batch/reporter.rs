@@ -1,6 +1,5 @@
 //! What a batch says while it runs: lines on a terminal that change, plain lines elsewhere, and a log of JSON Lines.
 
-use super::runner::Summary;
 use crate::batch::{Entry, Status};
 use crate::{Error, Result};
 use indicatif::{HumanDuration, MultiProgress, ProgressBar, ProgressStyle};
@@ -156,11 +155,10 @@ impl Reporter {
         self.say(&format!("skipped {name}: it needs {needs}, which failed"));
     }
 
-    /// The user has interrupted the batch; so many jobs are left.
-    pub fn interrupted(&self, summary: &Summary, left: usize) {
+    /// The user has interrupted the batch; so many jobs are done and left.
+    pub fn interrupted(&self, done: usize, left: usize) {
         self.note("interrupted", json!({ "left": left }));
         self.finish();
-        let done = summary.done + summary.missed;
         self.say(&format!("interrupted after {done} jobs; the same command goes on with the other {left}"));
     }
 

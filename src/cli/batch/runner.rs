@@ -93,7 +93,10 @@ pub fn run(
         runner.follow(scope, (&events, &inbox), finished, entries);
         if runner.summary.interrupted {
             // Threads of running jobs cannot be waited for; what they write is in work folders.
-            reporter.interrupted(&runner.summary, runner.schedule.waiting().count() + runner.open);
+            reporter.interrupted(
+                runner.summary.done + runner.summary.missed,
+                runner.schedule.waiting().count() + runner.open,
+            );
             let _ = write_results(&plan.out, plan.own_entries(entries));
             std::process::exit(interruption::INTERRUPTED.into());
         }

@@ -20,7 +20,10 @@ use crate::{Error, Result};
 use base64::{Engine, engine::general_purpose::STANDARD};
 use gltf::Gltf;
 use serde::de::{Deserialize, Deserializer, IgnoredAny, SeqAccess, Visitor};
-use std::{collections::HashMap, path::Path};
+use std::{
+    collections::HashMap,
+    path::{Path, PathBuf},
+};
 
 /// Largest number of corners: a file of a few kilobytes can refer to one mesh very often.
 const MAX_CORNERS: usize = 1 << 29;
@@ -131,11 +134,16 @@ fn resource(path: &Path, uri: &str, sources: &mut Sources) -> Result<Vec<u8>> {
     if uri.contains(':') {
         return Err(wrong(format!("`{}`: only files are read", quote(uri))));
     }
-    let file = path.with_file_name("").join(percent_decoded(uri));
+    let file = file_of(path, uri);
     sources.bytes(&file).map_err(|e| match e {
         Error::Io { source, .. } => wrong(format!("{}: {source}", shown(&file))),
         other => other,
     })
+}
+
+/// The file of a URI that is relative to the scene's place.
+fn file_of(path: &Path, uri: &str) -> PathBuf {
+    path.with_file_name("").join(percent_decoded(uri))
 }
 
 fn percent_decoded(uri: &str) -> String {
@@ -176,13 +184,14 @@ impl Reader<'_> {
     /// Fills the table of materials.
     fn read_materials(&mut self, document: &gltf::Document, sources: &mut Sources) -> Result<()> {
         let (mut emissive_textures, mut transmitting, mut names) = (0, 0, UniqueNames::default());
+        let images = image_keys(self.path, document);
         for material in document.materials() {
             let pbr = material.pbr_metallic_roughness();
             let [r, g, b, a] = pbr.base_color_factor();
             let name = names.of(material.name().unwrap_or("material"));
             let strength = material.emissive_strength().unwrap_or(1.0);
             let image = pbr.base_color_texture().map(|t| t.texture().source());
-            let texture = image.map(|i| self.texture(i, sources)).transpose()?.flatten();
+            let texture = image.map(|i| self.texture(&i, &images, sources)).transpose()?.flatten();
             emissive_textures += usize::from(material.emissive_texture().is_some());
             let transmission =
                 material.extension_value(TRANSMISSION).and_then(|t| t.get("transmissionFactor"));
@@ -207,12 +216,19 @@ impl Reader<'_> {
         Ok(())
     }
 
-    fn texture(&mut self, image: gltf::Image, sources: &mut Sources) -> Result<Option<Texture>> {
+    /// The decoded image; `keys` are those of all images.
+    fn texture(
+        &mut self,
+        image: &gltf::Image,
+        keys: &[TextureKey],
+        sources: &mut Sources,
+    ) -> Result<Option<Texture>> {
         let Reader { path, buffers, repairs, .. } = self;
-        let key = TextureKey::Image(image.index());
-        sources.texture(path, key, repairs, |sources| match image.source() {
-            gltf::image::Source::Uri { uri, .. } => resource(path, uri, sources),
-            gltf::image::Source::View { view, .. } => {
+        let key = &keys[image.index()];
+        sources.texture(path, key, repairs, |sources| match (key, image.source()) {
+            (TextureKey::File(file), _) => sources.bytes(file),
+            (_, gltf::image::Source::Uri { uri, .. }) => resource(path, uri, sources),
+            (_, gltf::image::Source::View { view, .. }) => {
                 let end = view.offset().checked_add(view.length());
                 let range = end.and_then(|end| buffers.get(view.buffer().index())?.get(view.offset()..end));
                 let outside = || Error::format(*path, None, "a texture lies outside its buffer");
@@ -220,6 +236,29 @@ impl Reader<'_> {
             }
         })
     }
+}
+
+/// The place of the encoded bytes of each image. Images of the same file, the same bytes of a buffer or the same `data:` URI have the
+/// same place.
+fn image_keys(path: &Path, document: &gltf::Document) -> Vec<TextureKey> {
+    #[derive(PartialEq, Eq, Hash)]
+    enum Inside<'a> {
+        Uri(&'a str),
+        /// Buffer, first byte and number of bytes.
+        View(usize, usize, usize),
+    }
+    let mut first = HashMap::new();
+    let key = |image: gltf::Image<'_>| match image.source() {
+        gltf::image::Source::Uri { uri, .. } if !uri.contains(':') => TextureKey::File(file_of(path, uri)),
+        gltf::image::Source::Uri { uri, .. } => {
+            TextureKey::Image(*first.entry(Inside::Uri(uri)).or_insert(image.index()))
+        }
+        gltf::image::Source::View { view, .. } => {
+            let place = Inside::View(view.buffer().index(), view.offset(), view.length());
+            TextureKey::Image(*first.entry(place).or_insert(image.index()))
+        }
+    };
+    document.images().map(key).collect()
 }
 
 /// Makes names unique.

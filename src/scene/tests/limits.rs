@@ -52,6 +52,38 @@ fn shared_textures_are_decoded_once() {
     assert!(matches!(error, crate::Error::OutOfMemory(_)), "{error}");
 }
 
+/// 300 entries of the same image take its memory once: entries of the same buffer view, of the same bytes in other views, of the same
+/// `data:` URI, and of the same file under several names.
+#[test]
+fn equal_images_are_decoded_once() {
+    let folder = tempfile::tempdir().expect("scratch folder");
+    std::fs::create_dir(folder.path().join("sub")).expect("made");
+    std::fs::write(folder.path().join("t.png"), png(1024)).expect("written");
+    let data = format!("data:image/png;base64,{}", STANDARD.encode(png(1024)));
+    let names = ["t.png", "./t.png", "%74.png", "sub/../t.png"];
+    let entries: [(&str, &dyn Fn(usize) -> Value); 4] = [
+        ("view", &|_| json!({ "bufferView": 2, "mimeType": "image/png" })),
+        ("equal views", &|i| json!({ "bufferView": 2 + i, "mimeType": "image/png" })),
+        ("data", &|_| json!({ "uri": data })),
+        ("file", &|i| json!({ "uri": names[i % names.len()] })),
+    ];
+    for (what, entry) in entries {
+        let mut file = textured(300, 1024);
+        file["images"] = (0..300).map(entry).collect();
+        file["textures"] = (0..300).map(|i| json!({ "source": i })).collect();
+        for i in 0..300 {
+            file["materials"][i]["pbrMetallicRoughness"]["baseColorTexture"]["index"] = json!(i);
+        }
+        let views = file["bufferViews"].as_array_mut().expect("views");
+        views.extend(vec![views[2].clone(); 299]);
+        // One texture takes 4 MB, and 21 MB while it is decoded.
+        let options = LoadOptions { max_memory: Some(32 << 20), ..LoadOptions::default() };
+        let scene = read_from_memory(Some(folder.path()), "gltf", file.to_string().as_bytes(), &options);
+        let scene = scene.unwrap_or_else(|error| panic!("{what}: {error}"));
+        assert!((scene.triangle_reflectance[0][0] - 0.5029).abs() < 1e-3, "{what}");
+    }
+}
+
 /// A star of 12,000 corners does not cross itself.
 #[test]
 fn stars_of_many_corners_keep_their_area() {
