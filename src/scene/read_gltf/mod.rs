@@ -220,11 +220,11 @@ impl Reader<'_> {
     fn texture(
         &mut self,
         image: &gltf::Image,
-        keys: &[TextureKey],
+        keys: &HashMap<usize, TextureKey>,
         sources: &mut Sources,
     ) -> Result<Option<Texture>> {
         let Reader { path, buffers, repairs, .. } = self;
-        let key = &keys[image.index()];
+        let key = &keys[&image.index()];
         sources.texture(path, key, repairs, |sources| match (key, image.source()) {
             (TextureKey::File(file), _) => sources.bytes(file),
             (_, gltf::image::Source::Uri { uri, .. }) => resource(path, uri, sources),
@@ -238,27 +238,34 @@ impl Reader<'_> {
     }
 }
 
-/// The place of the encoded bytes of each image. Images of the same file, the same bytes of a buffer or the same `data:` URI have the
-/// same place.
-fn image_keys(path: &Path, document: &gltf::Document) -> Vec<TextureKey> {
+/// The place of the encoded bytes of each image that a material has, by its index. Images of the same file, the same bytes of a buffer
+/// or the same `data:` URI have the same place.
+fn image_keys(path: &Path, document: &gltf::Document) -> HashMap<usize, TextureKey> {
     #[derive(PartialEq, Eq, Hash)]
     enum Inside<'a> {
         Uri(&'a str),
         /// Buffer, first byte and number of bytes.
         View(usize, usize, usize),
     }
-    let mut first = HashMap::new();
-    let key = |image: gltf::Image<'_>| match image.source() {
-        gltf::image::Source::Uri { uri, .. } if !uri.contains(':') => TextureKey::File(file_of(path, uri)),
-        gltf::image::Source::Uri { uri, .. } => {
-            TextureKey::Image(*first.entry(Inside::Uri(uri)).or_insert(image.index()))
-        }
-        gltf::image::Source::View { view, .. } => {
-            let place = Inside::View(view.buffer().index(), view.offset(), view.length());
-            TextureKey::Image(*first.entry(place).or_insert(image.index()))
-        }
-    };
-    document.images().map(key).collect()
+    let (mut keys, mut first) = (HashMap::new(), HashMap::new());
+    for material in document.materials() {
+        let Some(texture) = material.pbr_metallic_roughness().base_color_texture() else { continue };
+        let image = texture.texture().source();
+        let number = image.index();
+        keys.entry(number).or_insert_with(|| match image.source() {
+            gltf::image::Source::Uri { uri, .. } if !uri.contains(':') => {
+                TextureKey::File(file_of(path, uri))
+            }
+            gltf::image::Source::Uri { uri, .. } => {
+                TextureKey::Image(*first.entry(Inside::Uri(uri)).or_insert(number))
+            }
+            gltf::image::Source::View { view, .. } => {
+                let place = Inside::View(view.buffer().index(), view.offset(), view.length());
+                TextureKey::Image(*first.entry(place).or_insert(number))
+            }
+        });
+    }
+    keys
 }
 
 /// Makes names unique.
