@@ -73,6 +73,8 @@
 #![cfg_attr(not(feature = "cli"), allow(dead_code, unused_imports))]
 
 mod api;
+#[cfg(feature = "cli")]
+mod batch;
 #[cfg(feature = "reports")]
 mod bench;
 #[cfg(feature = "capi")]

@@ -3,7 +3,7 @@
 use super::{
     flags::with_flags,
     inputs::{Inputs, Output},
-    limits,
+    job_context, limits,
 };
 use crate::{
     Error, Result,
@@ -19,6 +19,7 @@ use std::{
     collections::HashSet,
     io::Write as _,
     path::{Path, PathBuf},
+    sync::Arc,
     time::Duration,
 };
 
@@ -196,7 +197,11 @@ impl SceneArgs {
     ///
     /// # Errors
     /// As for [`Scene::load`], or an invalid `--emitter`.
-    pub fn load(&self, common: &Common) -> Result<Scene> {
+    pub fn load(&self, common: &Common) -> Result<Arc<Scene>> {
+        job_context::scene(|| format!("{self:?} {}", common.unit), || self.read(common))
+    }
+
+    fn read(&self, common: &Common) -> Result<Scene> {
         let emitters = self.emitters.iter().map(|e| parse_emitter(e)).collect::<Result<Vec<_>>>()?;
         let options = LoadOptions {
             unit: common.unit.clone(),
@@ -217,15 +222,18 @@ impl SceneArgs {
     ///
     /// # Errors
     /// As [`SceneArgs::load`], or more than [`MAX_COPIED_TRIANGLES`].
-    pub fn load_flat(&self, common: &Common) -> Result<Scene> {
+    pub fn load_flat(&self, common: &Common) -> Result<Arc<Scene>> {
         let scene = self.load(common)?;
         if scene.placements.is_empty() {
             return Ok(scene);
         }
-        let flat = scene.flattened(MAX_COPIED_TRIANGLES)?;
-        let (placed, triangles) = (grouped(scene.placements.len()), grouped(flat.triangles.len()));
-        warn(common, &[format!("{placed} placed meshes were copied: {triangles} triangles")]);
-        Ok(flat)
+        let flatten = || {
+            let flat = scene.flattened(MAX_COPIED_TRIANGLES)?;
+            let (placed, triangles) = (grouped(scene.placements.len()), grouped(flat.triangles.len()));
+            warn(common, &[format!("{placed} placed meshes were copied: {triangles} triangles")]);
+            Ok(flat)
+        };
+        job_context::scene(|| format!("{self:?} {} copied", common.unit), flatten)
     }
 }
 
@@ -313,8 +321,11 @@ pub fn shell_word(text: &str) -> String {
     }
 }
 
-/// The command line of this run, for a shell.
+/// The command line of this run or of the job of a batch, for a shell.
 pub fn command_line() -> String {
+    if let Some(line) = job_context::command_line() {
+        return line;
+    }
     let words = std::env::args_os().skip(1).map(|word| shell_word(&word.to_string_lossy()));
     let words: Vec<String> = std::iter::once("mrvis".into()).chain(words).collect();
     words.join(" ")

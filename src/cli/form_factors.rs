@@ -2,6 +2,7 @@
 
 use super::args::{Common, SceneArgs, check_file, file_name, grouped, warn};
 use super::inputs::{Inputs, Output};
+use super::job_context;
 use super::limits::{self, GIB};
 use super::progress::Bar;
 use crate::{
@@ -9,7 +10,7 @@ use crate::{
     form_factors::matrix::{
         Facets, Format, Grouping, Matrix, Report, Settings, compute, memory_bound, write,
     },
-    model::{Detail, Model, PrepareOptions},
+    model::{Detail, PrepareOptions},
     plot::number,
 };
 use std::{fmt::Write as _, path::PathBuf, process::ExitCode, time::Instant};
@@ -100,7 +101,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let start = Instant::now();
     let rays = PrepareOptions { detail: Detail::Rays, ..PrepareOptions::default() };
     let (model, (faces, report)) = common.on_threads(|| {
-        let model = Model::prepare(scene, &rays, &bar)?;
+        let model = job_context::prepare(scene, &rays, &bar)?;
         let found = compute(&model, &facets, &settings, &bar)?;
         Ok((model, found))
     })?;

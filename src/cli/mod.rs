@@ -4,6 +4,7 @@
 //! each in `Command` and `run`.
 
 mod args;
+mod batch;
 mod bench;
 mod compare;
 mod fbem;
@@ -13,11 +14,16 @@ mod generate;
 mod help;
 mod info;
 mod inputs;
+mod interruption;
+mod job_context;
 mod limits;
 mod manual;
+mod merge;
 mod oracle;
 mod outputs;
 mod progress;
+mod report;
+mod shared_scenes;
 mod solve;
 
 use crate::{Error, Result, model::embree_version};
@@ -25,6 +31,7 @@ use clap::{
     FromArgMatches, Parser, Subcommand,
     error::{ContextKind, ContextValue},
 };
+use flags::with_flags;
 use std::{
     error::Error as _,
     io::{ErrorKind, Write},
@@ -62,6 +69,9 @@ enum Command {
     Reference(oracle::Args),
     Compare(compare::Args),
     FormFactors(form_factors::Args),
+    Batch(batch::Args),
+    Merge(merge::Args),
+    Report(report::Args),
     /// Write a procedural scene as OBJ and MTL; --list shows all scenes.
     Generate(generate::Args),
     /// Print the script that completes options in a shell.
@@ -70,12 +80,15 @@ enum Command {
     /// Write the manual pages.
     #[command(hide = true)]
     Man(manual::ManArgs),
+    /// Run the job that standard input describes, for `batch`.
+    #[command(hide = true)]
+    RunJob,
 }
 
 impl Command {
-    /// The value of `--max-memory`, of commands that have it.
-    fn max_memory(&self) -> Option<f64> {
-        let common = match self {
+    /// The common options, of commands that have them.
+    fn common(&self) -> Option<&args::Common> {
+        Some(match self {
             Command::Info(args) => &args.common,
             Command::Bench(args) => &args.common,
             Command::Solve(args) => &args.common,
@@ -83,9 +96,14 @@ impl Command {
             Command::Compare(args) => &args.common,
             Command::FormFactors(args) => &args.common,
             Command::Generate(args) => &args.common,
-            Command::Fbem(_) | Command::Completions(_) | Command::Man(_) => return None,
-        };
-        common.max_memory
+            Command::Batch(_)
+            | Command::Fbem(_)
+            | Command::Completions(_)
+            | Command::Man(_)
+            | Command::Merge(_)
+            | Command::Report(_)
+            | Command::RunJob => return None,
+        })
     }
 }
 
@@ -98,9 +116,13 @@ fn run(command: &Command) -> Result<ExitCode> {
         Command::Reference(args) => oracle::run(args),
         Command::Compare(args) => compare::run(args),
         Command::FormFactors(args) => form_factors::run(args),
+        Command::Batch(args) => batch::run(args),
+        Command::Merge(args) => merge::run(args),
+        Command::Report(args) => report::run(args),
         Command::Generate(args) => generate::run(args),
         Command::Completions(args) => manual::completions(args),
         Command::Man(args) => manual::pages(args),
+        Command::RunJob => batch::run_requested(),
     }
 }
 
@@ -136,14 +158,14 @@ fn parse_and_run() -> ExitCode {
         }
     };
     limits::end_aborts_as_errors();
-    limits::watch(cli.command.max_memory());
+    limits::watch(cli.command.common().and_then(|common| common.max_memory));
     match run(&cli.command) {
         Ok(code) => code,
         // A reader may close the pipe early.
         Err(Error::Io { source, .. }) if source.kind() == ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(error) => {
             // A closed standard error is ignored.
-            let _ = writeln!(std::io::stderr(), "mrvis: {}", flags::with_flags(&one_line(&error)));
+            let _ = writeln!(std::io::stderr(), "mrvis: {}", with_flags(&one_line(&error)));
             ExitCode::from(2)
         }
     }

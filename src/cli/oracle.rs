@@ -2,10 +2,11 @@
 
 use super::args::{Common, SceneArgs, check_file, file_name, grouped, warn};
 use super::inputs::{Inputs, Output};
+use super::job_context;
 use super::progress::Bar;
 use crate::{
     Result,
-    model::{Detail, Model, PrepareOptions},
+    model::{Detail, PrepareOptions},
     path_tracer::{Settings, irradiance},
     plot::number,
     points::{Irradiance, read_points, write_irradiance},
@@ -51,7 +52,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let start = Instant::now();
     let rays = PrepareOptions { detail: Detail::Rays, ..PrepareOptions::default() };
     let (model, found) = common.on_threads(|| {
-        let model = Model::prepare(scene, &rays, &bar)?;
+        let model = job_context::prepare(scene, &rays, &bar)?;
         let found = irradiance(&model, &points, settings, &bar)?;
         Ok((model, found))
     })?;

@@ -27,7 +27,6 @@ use scaling::scaling;
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::Arc;
 use std::time::Instant;
 use summary::summary;
 use watch::{Watch, prepare};
@@ -206,6 +205,14 @@ fn options(args: &Args) -> Result<Options> {
     })
 }
 
+/// Checks all options that need no scene.
+///
+/// # Errors
+/// As the command itself.
+pub fn check(args: &Args) -> Result<()> {
+    options(args)?.check()
+}
+
 pub fn run(args: &Args) -> Result<ExitCode> {
     args.common.on_threads(|| run_on_threads(args))
 }
@@ -235,7 +242,7 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
     }
     let load = start.elapsed().as_secs_f64();
     options.seconds_spent = load;
-    let watch = Watch { bar: Bar::new(args.common.quiet), stopped: Arc::default() };
+    let watch = Watch { bar: Bar::new(args.common.quiet) };
     watch.stop_on_interruption(args.common.quiet);
     watch.stage("preparing", 0);
     let model = prepare(scene, &options, &watch)?;

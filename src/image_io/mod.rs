@@ -7,8 +7,10 @@
 mod encode;
 mod picture;
 mod read;
+mod thumbnail;
 mod write;
 
 pub use picture::{Picture, difference, false_colour, grey, linear_to_srgb, mask_overlay};
 pub use read::{Channel, read_image};
+pub use thumbnail::thumbnail;
 pub use write::{write_atomically, write_exr, write_exr_rgb, write_png};

@@ -49,6 +49,17 @@ impl Mesh {
         Mesh { scene, traced, clusters, magnitudes: OnceLock::new() }
     }
 
+    /// Memory of the clusters, bytes.
+    #[cfg(any(test, feature = "cli"))]
+    pub(super) fn cluster_bytes(&self) -> usize {
+        let of = |clusters: &Arc<Clusters>| {
+            let trees = clusters.hierarchy.micro.bytes() + clusters.hierarchy.large.bytes();
+            let measured = |m: &Measured| size_of_val(m.optics.as_slice()) + m.tree.bytes() + m.part_bytes();
+            trees + clusters.measured.as_ref().map_or(0, measured)
+        };
+        self.clusters.as_ref().map_or(0, of)
+    }
+
     /// [`Scene::face_magnitudes`] in the mesh's own frame, made when first asked for.
     pub(crate) fn magnitudes(&self) -> &[f32] {
         self.magnitudes.get_or_init(|| self.scene.face_magnitudes())

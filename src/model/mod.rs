@@ -157,6 +157,13 @@ impl Model {
         groups.map_or(0, |_| parts.sum())
     }
 
+    /// Memory of what was prepared, bytes; the scene is not in it.
+    #[cfg(any(test, feature = "cli"))]
+    pub(crate) fn bytes(&self) -> u64 {
+        let clusters: usize = self.meshes().iter().map(|mesh| mesh.cluster_bytes()).sum();
+        self.report().embree_bytes + clusters as u64
+    }
+
     /// The Embree scene that holds all geometry.
     pub(crate) fn traced(&self) -> &CommittedScene {
         self.inner.top.as_ref().map_or(&self.base().traced, |top| &top.traced)

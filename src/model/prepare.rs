@@ -139,16 +139,47 @@ impl Model {
         if self.detail() >= options.detail {
             return Ok(self.clone());
         }
-        self.on_threads(|| self.prepared_further(options, progress))?
+        let report = self.inner.report.clone();
+        self.on_threads(|| self.prepared_further(options, progress, report))?
     }
 
-    fn prepared_further(&self, options: &PrepareOptions, progress: &dyn Progress) -> Result<Model> {
-        let mut report = self.inner.report.clone();
+    fn prepared_further(
+        &self,
+        options: &PrepareOptions,
+        progress: &dyn Progress,
+        mut report: PrepareReport,
+    ) -> Result<Model> {
         let meshes = self.inner.meshes.iter().map(|mesh| {
             let clusters = clusters_of(&mesh.scene, options, progress, &mut report)?;
             Ok(Arc::new(Mesh::new(mesh.scene.clone(), mesh.traced.clone(), clusters)))
         });
         let meshes = meshes.collect::<Result<_>>()?;
+        self.with_meshes(meshes, options, report)
+    }
+
+    /// The model that [`Model::prepare`] would make of the same scene with these options, which differ from those of this one in
+    /// their detail at most. Nothing is made again, and the report has only what is made now.
+    #[cfg(any(test, feature = "cli"))]
+    pub(crate) fn prepared_again(&self, options: &PrepareOptions, progress: &dyn Progress) -> Result<Model> {
+        let PrepareReport { embree_bytes, origin, .. } = self.inner.report;
+        let report = PrepareReport { embree_bytes, ..PrepareReport::default() };
+        if options.detail > self.detail() {
+            return self.on_threads(|| self.prepared_further(options, progress, report))?;
+        }
+        let meshes = self.inner.meshes.iter().map(|mesh| match options.detail == self.detail() {
+            true => mesh.clone(),
+            false => Arc::new(reduced(mesh, options.detail)),
+        });
+        self.with_meshes(meshes.collect(), options, PrepareReport { origin, ..report })
+    }
+
+    /// The model with other meshes in the places of its own.
+    fn with_meshes(
+        &self,
+        meshes: Vec<Arc<Mesh>>,
+        options: &PrepareOptions,
+        report: PrepareReport,
+    ) -> Result<Model> {
         let Inner { scene, device, instances, sources, revision, threads, .. } = &*self.inner;
         let mut inner = Inner {
             scene: scene.clone(),
@@ -166,6 +197,21 @@ impl Model {
         inner.top = top_level(&mut inner)?;
         Ok(Model { inner: Arc::new(inner) })
     }
+}
+
+/// A mesh with no more than `detail`.
+#[cfg(any(test, feature = "cli"))]
+fn reduced(mesh: &Mesh, detail: Detail) -> Mesh {
+    let trees = |clusters: &Arc<Clusters>| {
+        let hierarchy = clusters.hierarchy.clone();
+        Arc::new(Clusters { hierarchy, measured: None })
+    };
+    let clusters = match detail {
+        Detail::Rays => None,
+        Detail::Clusters => mesh.clusters.as_ref().map(trees),
+        Detail::Optics => mesh.clusters.clone(),
+    };
+    Mesh::new(mesh.scene.clone(), mesh.traced.clone(), clusters)
 }
 
 /// See [`Model::prepare`]; on the threads of the caller.

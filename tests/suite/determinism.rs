@@ -21,7 +21,7 @@ fn is_timing(key: &str) -> bool {
         || key.starts_with("cache")
 }
 
-fn strip(value: &mut Value) {
+pub fn strip(value: &mut Value) {
     match value {
         Value::Object(map) => {
             map.retain(|key, _| !is_timing(key));

@@ -1,5 +1,7 @@
 //! Tests of the whole project, in one binary.
 
+#[cfg(all(feature = "cli", unix))]
+mod batch;
 #[cfg(feature = "capi")]
 mod capi;
 #[cfg(feature = "cli")]

@@ -1,4 +1,4 @@
-//! The pages of `bench` and `solve` in a headless browser: no text outside its box or over other text, nothing to scroll
+//! The pages of `bench`, `solve` and `batch` in a headless browser: no text outside its box or over other text, nothing to scroll
 //! sideways, at widths from a telephone to a desktop, light, dark and printed.
 
 use crate::run::Scratch;
@@ -101,7 +101,18 @@ fn pages_fit_into_every_window() {
         "320x240",
         "--quiet",
     ]);
+    let jobs = format!(
+        "[[job]]\ncommand = 'solve'\nscene = '{scene}'\nname = '{LONG}/{{visibility}}-{{error}}'\n\
+         options = {{ output = 'image', image-size = '64x48', cache = 'off' }}\n\
+         [job.sweep]\nvisibility = ['exact', 'mr']\nerror = [0.5, 0.4, 0.3, 0.2, 0.15, 0.1]\n\
+         [[job]]\ncommand = 'info'\nscene = 'broken.obj'\nname = 'fails'\n"
+    );
+    folder.write("jobs.toml", jobs);
+    folder.write("broken.obj", "f 1 2 3\n");
+    folder.mrvis(&["batch", "jobs.toml", "--out", "batch", "--quiet"]);
+    assert_eq!(folder.mrvis(&["report", "batch", "--quiet"]).code, Some(0));
     let pages = [
+        ("batch with long names", read(&folder, "batch/report.html")),
         ("bench with long names", read(&folder, "all/report.html")),
         ("bench of a forest", read(&folder, "forest/report.html")),
         ("solve with long names", read(&folder, "all/solution.html")),

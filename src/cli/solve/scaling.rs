@@ -8,7 +8,6 @@ use crate::radiosity::Options;
 use crate::{Error, Result};
 use std::fmt::Write as _;
 use std::process::ExitCode;
-use std::sync::Arc;
 
 /// Solves a series of growing scenes; prints a table of times and the exponent of their growth.
 pub fn scaling(common: &Common, options: &Options, largest: usize) -> Result<ExitCode> {
@@ -17,7 +16,7 @@ pub fn scaling(common: &Common, options: &Options, largest: usize) -> Result<Exi
         return Err(Error::Argument(format!("--scaling={largest}: must lie in {min}..{max} triangles")));
     }
     common.check_json()?;
-    let watch = Watch { bar: Bar::new(common.quiet), stopped: Arc::default() };
+    let watch = Watch { bar: Bar::new(common.quiet) };
     let found = solve_scaling(options, largest, &watch)?;
     drop(watch);
     common.write_json(&found)?;

@@ -1,42 +1,23 @@
 //! Progress, interruption and the time limit of a solve.
 
-use super::super::progress::Bar;
+use super::super::{interruption, job_context, progress::Bar};
 use crate::model::Model;
 use crate::progress::Progress;
 use crate::radiosity::{Options, Visibility};
 use crate::scene::Scene;
 use crate::{Error, Result};
-use std::io::Write as _;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
-
-/// Exit code after a second interruption: 128 + SIGINT, the convention of shells.
-const INTERRUPTED: i32 = 130;
 
 /// Shows the stage of the solve and forwards an interruption to it.
 pub struct Watch {
     pub bar: Bar,
-    pub stopped: Arc<AtomicBool>,
 }
 
 impl Watch {
     /// Stops the solve at the first interruption (SIGINT) and ends the program at the second.
     pub fn stop_on_interruption(&self, quiet: bool) {
-        let stopped = self.stopped.clone();
-        // If the handler cannot be set, the first interruption ends the program.
-        let _ = ctrlc::set_handler(move || {
-            if stopped.swap(true, Ordering::Relaxed) {
-                std::process::exit(INTERRUPTED);
-            }
-            if !quiet {
-                // A closed standard error is ignored.
-                let _ = writeln!(
-                    std::io::stderr(),
-                    "mrvis: stopping with the light there is; once more ends at once"
-                );
-            }
-        });
+        interruption::watch((!quiet).then_some("stopping with the light there is; once more ends at once"));
     }
 }
 
@@ -50,7 +31,7 @@ impl Progress for Watch {
     }
 
     fn stopped(&self) -> bool {
-        self.stopped.load(Ordering::Relaxed)
+        interruption::stopped()
     }
 }
 
@@ -84,12 +65,17 @@ impl Watch {
 }
 
 /// Prepares the model within the time that the options allow for the whole solve.
-pub fn prepare(scene: Scene, options: &Options, watch: &Watch) -> Result<Model> {
+pub fn prepare(scene: Arc<Scene>, options: &Options, watch: &Watch) -> Result<Model> {
     // What exact visibility needs is always prepared.
     let limit = options.max_seconds.filter(|_| options.visibility != Visibility::Exact);
     let left = limit.map_or(f64::INFINITY, |limit| limit - options.seconds_spent);
     let until = Until { watch, start: Instant::now(), seconds: left };
-    Model::prepare(scene, &options.prepare(), &until).map_err(|error| match (error, options.max_seconds) {
+    // A job with a limit of time does not wait for another one that prepares the same scene.
+    let prepared = match options.max_seconds {
+        Some(_) => Model::prepare(scene, &options.prepare(), &until),
+        None => job_context::prepare(scene, &options.prepare(), &until),
+    };
+    prepared.map_err(|error| match (error, options.max_seconds) {
         (Error::Cancelled(_), Some(seconds)) if !watch.stopped() => Error::Argument(format!(
             "--max-seconds {seconds}: the time was up before the clusters were measured; allow more (they are kept for the \
              next run) or take --visibility exact"

@@ -1,0 +1,155 @@
+//! Folders of jobs: written aside, forced to disk, then renamed.
+
+use super::hashes::{HashedFile, hash_file};
+use super::names::FOLDER;
+use crate::{Error, Result};
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+
+/// The folder that a job writes into until it is done.
+pub fn work(out: &Path, name: &str) -> PathBuf {
+    out.join(FOLDER).join("work").join(name)
+}
+
+/// Removes a folder with all it holds, if it exists.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn remove(folder: &Path) -> Result<()> {
+    match fs::remove_dir_all(folder) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io(folder, e)),
+        _ => Ok(()),
+    }
+}
+
+/// Makes the empty folder that a job writes into.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn begin(out: &Path, name: &str) -> Result<()> {
+    let folder = work(out, name);
+    remove(&folder)?;
+    fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, e))
+}
+
+/// Forces all files of a folder to disk; returns them in alphabetic order.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn seal(folder: &Path) -> Result<Vec<HashedFile>> {
+    let mut files = Vec::new();
+    seal_below(folder, Path::new(""), &mut files)?;
+    files.sort_by(|a, b| a.path.cmp(&b.path));
+    Ok(files)
+}
+
+fn seal_below(folder: &Path, relative: &Path, files: &mut Vec<HashedFile>) -> Result<()> {
+    let at = |e| Error::io(folder, e);
+    for entry in fs::read_dir(folder).map_err(at)? {
+        let entry = entry.map_err(at)?;
+        let (path, name) = (entry.path(), relative.join(entry.file_name()));
+        if entry.file_type().map_err(at)?.is_dir() {
+            seal_below(&path, &name, files)?;
+            continue;
+        }
+        let file = File::open(&path).map_err(|e| Error::io(&path, e))?;
+        file.sync_all().map_err(|e| Error::io(&path, e))?;
+        let bytes = file.metadata().map_err(|e| Error::io(&path, e))?.len();
+        files.push(HashedFile { path: name, bytes, blake3: hash_file(&path)? });
+    }
+    sync_folder(folder)
+}
+
+/// Forces the names in a folder to disk.
+fn sync_folder(folder: &Path) -> Result<()> {
+    // Other systems cannot open folders.
+    #[cfg(unix)]
+    File::open(folder).and_then(|f| f.sync_all()).map_err(|e| Error::io(folder, e))?;
+    Ok(())
+}
+
+/// Gives the finished folder of a job its place. A former one is moved away first and removed afterwards. A renaming that a failure of
+/// power undoes is repeated by the next run.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn publish(out: &Path, name: &str) -> Result<()> {
+    let (from, to) = (work(out, name), out.join(name));
+    let at = |e| Error::io(&to, e);
+    let former = out.join(FOLDER).join("former").join(name);
+    if to.exists() {
+        remove(&former)?;
+        fs::create_dir_all(former.parent().unwrap_or(out)).map_err(at)?;
+        fs::rename(&to, &former).map_err(at)?;
+    }
+    let parent = to.parent().unwrap_or(out);
+    fs::create_dir_all(parent).map_err(at)?;
+    fs::rename(&from, &to).map_err(at)?;
+    remove(&former)
+}
+
+/// Whether a folder holds these files with their sizes and, if `content`, their content.
+pub fn holds(folder: &Path, files: &[HashedFile], content: bool) -> bool {
+    folder.is_dir()
+        && files.iter().all(|file| {
+            let path = folder.join(&file.path);
+            let same_size = fs::metadata(&path).is_ok_and(|about| about.len() == file.bytes);
+            same_size && (!content || hash_file(&path).is_ok_and(|hash| hash == file.blake3))
+        })
+}
+
+/// Takes a lock of an output folder, made if it is missing; it is released when the file is closed, also by a crash. Several may hold a
+/// shared one.
+///
+/// # Errors
+/// Another batch holds it, or the folder cannot be written.
+pub fn lock(out: &Path, name: &str, shared: bool) -> Result<File> {
+    let folder = out.join(FOLDER);
+    fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, e))?;
+    let path = folder.join(name);
+    let mut options = File::options();
+    let file = options.create(true).truncate(false).write(true).open(&path);
+    let file = file.map_err(|e| Error::io(&path, e))?;
+    match if shared { file.try_lock_shared() } else { file.try_lock() } {
+        Ok(()) => Ok(file),
+        Err(fs::TryLockError::WouldBlock) => Err(Error::format(
+            out,
+            None,
+            "another batch is writing into this folder; wait for its end or choose another folder",
+        )),
+        Err(fs::TryLockError::Error(e)) => Err(Error::io(&path, e)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_appears_whole_and_replaces_the_former() {
+        let out = tempfile::tempdir().expect("a folder");
+        for text in ["one", "three"] {
+            begin(out.path(), "a/b").expect("made");
+            fs::create_dir(work(out.path(), "a/b").join("sub")).expect("made");
+            fs::write(work(out.path(), "a/b").join("sub/x"), text).expect("written");
+            let files = seal(&work(out.path(), "a/b")).expect("sealed");
+            assert_eq!((files.len(), files[0].bytes), (1, text.len() as u64));
+            assert!(!holds(&out.path().join("a/b"), &files, false));
+            publish(out.path(), "a/b").expect("renamed");
+            assert!(holds(&out.path().join("a/b"), &files, true));
+            assert!(!work(out.path(), "a/b").exists());
+        }
+    }
+
+    #[test]
+    fn one_batch_has_the_lock() {
+        let out = tempfile::tempdir().expect("a folder");
+        let held = lock(out.path(), "lock", false).expect("locked");
+        assert!(lock(out.path(), "lock", false).expect_err("refused").to_string().contains("another batch"));
+        drop(held);
+        let parts = [true, true].map(|shared| lock(out.path(), "lock", shared).expect("shared"));
+        assert!(lock(out.path(), "lock", false).is_err());
+        drop(parts);
+        lock(out.path(), "lock", false).expect("locked again");
+    }
+}

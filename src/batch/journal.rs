@@ -1,0 +1,269 @@
+//! The journal: one line of JSON for each job that ended, on disk before its outputs appear.
+
+use super::hashes::HashedFile;
+use super::job::Job;
+use super::names::FOLDER;
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::{Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+/// Version of the journal's lines.
+const VERSION: u32 = 1;
+
+/// How a job ended.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Status {
+    /// All outputs are there.
+    Done,
+    /// All outputs are there, but a stated tolerance was missed.
+    Missed,
+    /// There are no outputs.
+    Failed,
+}
+
+/// A line of the journal.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+pub struct Entry {
+    /// Version of the line.
+    pub version: u32,
+    /// Name of the job.
+    pub job: String,
+    /// When it ended, seconds since 1970: of lines in several journals the latest counts.
+    pub time: f64,
+    /// See [`super::key`].
+    pub key: String,
+    /// How it ended.
+    pub status: Status,
+    /// The error of a failed job.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
+    /// Its place among the jobs of its file.
+    pub index: usize,
+    /// Columns of the table of results that say what the job is.
+    pub about: serde_json::Map<String, serde_json::Value>,
+    /// Its record in its folder; see [`super::CommandKind`].
+    pub record: String,
+    /// Its command line.
+    pub command: String,
+    /// Seconds.
+    pub seconds: f64,
+    /// Threads it ran on.
+    pub threads: usize,
+    /// 1 for the first run.
+    pub attempt: u32,
+    /// Largest resident size of a job that was a process of its own, bytes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub peak_bytes: Option<u64>,
+    /// All files that it read besides outputs of jobs.
+    pub inputs: Vec<HashedFile>,
+    /// Fingerprints of the jobs that it needs; see [`Entry::fingerprint`].
+    #[serde(default)]
+    pub needs: Vec<String>,
+    /// All files in its folder.
+    pub outputs: Vec<HashedFile>,
+    /// Whether this run or an earlier one made the folder of the job.
+    #[serde(skip)]
+    pub made: bool,
+}
+
+impl Entry {
+    /// A hash of all outputs: another one after the job has run again.
+    pub fn fingerprint(&self) -> String {
+        let mut hasher = blake3::Hasher::new();
+        for file in &self.outputs {
+            hasher.update(file.blake3.as_bytes());
+        }
+        hasher.finalize().to_hex().to_string()
+    }
+
+    /// A line without files.
+    pub fn new(job: (usize, &Job), key: &str, status: Status, command: String) -> Entry {
+        Entry {
+            version: VERSION,
+            job: job.1.name.clone(),
+            time: SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default().as_secs_f64(),
+            index: job.0,
+            about: job.1.about(),
+            record: job.1.command.record.into(),
+            key: key.into(),
+            status,
+            error: None,
+            command,
+            seconds: 0.0,
+            threads: 0,
+            attempt: 1,
+            peak_bytes: None,
+            inputs: Vec::new(),
+            needs: Vec::new(),
+            outputs: Vec::new(),
+            made: status != Status::Failed,
+        }
+    }
+}
+
+/// The journal of an output folder, open for more lines.
+pub struct Journal {
+    path: PathBuf,
+    file: File,
+    /// Length up to the last whole line on disk.
+    end: u64,
+}
+
+/// The last line of each job.
+pub type Entries = HashMap<String, Entry>;
+
+/// Reads all journals of an output folder.
+///
+/// # Errors
+/// A journal cannot be read, is damaged before its last line, or is of another version.
+pub fn read_journals(out: &Path) -> Result<Entries> {
+    let mut entries = Entries::new();
+    for path in journals(out)? {
+        read(&path, &mut entries)?;
+    }
+    Ok(entries)
+}
+
+/// The journals of an output folder.
+fn journals(out: &Path) -> Result<Vec<PathBuf>> {
+    let folder = out.join(FOLDER);
+    let list = match std::fs::read_dir(&folder) {
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
+        list => list.map_err(|e| Error::io(&folder, e))?,
+    };
+    let mut found = Vec::new();
+    for entry in list {
+        let path = entry.map_err(|e| Error::io(&folder, e))?.path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        found.extend((name.starts_with("journal") && name.ends_with(".jsonl")).then_some(path));
+    }
+    found.sort();
+    Ok(found)
+}
+
+/// Adds the lines of a journal; returns its length up to the last whole line. A line that is not whole is the last and was being written
+/// when the program or the machine stopped.
+fn read(path: &Path, entries: &mut Entries) -> Result<u64> {
+    let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+    let whole = bytes.iter().rposition(|b| *b == b'\n').map_or(0, |i| i + 1);
+    for (k, line) in bytes[..whole].split_inclusive(|b| *b == b'\n').enumerate() {
+        let damaged = |what: String| Error::format(path, Some(k + 1), what);
+        let value: serde_json::Value = serde_json::from_slice(line)
+            .map_err(|e| damaged(format!("is damaged ({e}); remove the line to run its job again")))?;
+        if value["version"] != VERSION {
+            let what = format!("is of version {}, this program writes {VERSION}", value["version"]);
+            return Err(damaged(format!(
+                "{what}: choose another output folder, or the program that wrote it"
+            )));
+        }
+        let mut entry: Entry = serde_json::from_value(value)
+            .map_err(|e| damaged(format!("is damaged ({e}); remove the line to run its job again")))?;
+        let former = entries.get_mut(&entry.job);
+        entry.made = entry.status != Status::Failed || former.as_ref().is_some_and(|former| former.made);
+        match former {
+            Some(former) if former.time > entry.time => former.made |= entry.made,
+            _ => drop(entries.insert(entry.job.clone(), entry)),
+        }
+    }
+    Ok(whole as u64)
+}
+
+impl Journal {
+    /// Opens the journal `name` of an output folder for more lines and cuts off a line that is not whole.
+    ///
+    /// # Errors
+    /// It cannot be read or written.
+    pub fn open(out: &Path, name: &str) -> Result<Journal> {
+        let path = out.join(FOLDER).join(name);
+        let at = |e| Error::io(&path, e);
+        let mut options = File::options();
+        let file = options.create(true).truncate(false).read(true).write(true).open(&path).map_err(at)?;
+        let end = read(&path, &mut Entries::new())?;
+        Ok(Journal { path, file, end })
+    }
+
+    /// Writes lines and waits until they are on disk.
+    ///
+    /// # Errors
+    /// [`Error::Io`], and the file is then as before.
+    pub fn append(&mut self, entries: &[&Entry]) -> Result<()> {
+        let mut text = Vec::new();
+        for entry in entries {
+            serde_json::to_writer(&mut text, entry)
+                .map_err(|e| Error::format(&self.path, None, e.to_string()))?;
+            text.push(b'\n');
+        }
+        let written = self.file.set_len(self.end).and_then(|()| {
+            self.file.seek(SeekFrom::Start(self.end))?;
+            self.file.write_all(&text)?;
+            self.file.sync_data()
+        });
+        match written {
+            Ok(()) => self.end += text.len() as u64,
+            Err(_) => drop(self.file.set_len(self.end)),
+        }
+        written.map_err(|e| Error::io(&self.path, e))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::job::{COMMANDS, Limits};
+    use super::*;
+
+    fn entry(job: &str) -> Entry {
+        let job = Job {
+            name: job.into(),
+            command: &COMMANDS[0],
+            inputs: Vec::new(),
+            options: Vec::new(),
+            tags: Vec::new(),
+            after: Vec::new(),
+            needs: Vec::new(),
+            limits: Limits::default(),
+            retry: 0,
+            span: 0..0,
+        };
+        Entry::new((0, &job), "k", Status::Done, "mrvis".into())
+    }
+
+    #[test]
+    fn a_half_line_is_ignored_and_replaced() {
+        let out = tempfile::tempdir().expect("a folder");
+        std::fs::create_dir(out.path().join(FOLDER)).expect("made");
+        let mut journal = Journal::open(out.path(), "journal.jsonl").expect("opened");
+        journal.append(&[&entry("a"), &entry("b")]).expect("written");
+        let path = out.path().join(FOLDER).join("journal.jsonl");
+        let text = std::fs::read_to_string(&path).expect("read");
+        let line = text.lines().next().expect("a line");
+        // Wherever the last line was cut, the others count.
+        for cut in 0..line.len() {
+            std::fs::write(&path, format!("{text}{}", &line[..cut])).expect("written");
+            assert_eq!(read_journals(out.path()).expect("read").len(), 2);
+        }
+        Journal::open(out.path(), "journal.jsonl").expect("opened").append(&[&entry("c")]).expect("written");
+        assert_eq!(read_journals(out.path()).expect("read").len(), 3);
+    }
+
+    #[test]
+    fn damaged_and_foreign_lines_are_refused() {
+        let out = tempfile::tempdir().expect("a folder");
+        std::fs::create_dir(out.path().join(FOLDER)).expect("made");
+        let path = out.path().join(FOLDER).join("journal-1of2.jsonl");
+        for (text, want) in [
+            ("{\"version\":1,\n{}\n", "journal-1of2.jsonl:1: is damaged"),
+            ("{\"version\":9}\n", "is of version 9, this program writes 1"),
+            ("{\"version\":1}\n", "missing field `job`"),
+        ] {
+            std::fs::write(&path, text).expect("written");
+            let found = read_journals(out.path()).expect_err("refused").to_string();
+            assert!(found.contains(want), "{found}");
+        }
+        assert!(read_journals(&out.path().join("missing")).expect("nothing").is_empty());
+    }
+}

@@ -1,0 +1,42 @@
+//! Batches of jobs: the job file and what it expands to, dependencies, journal, folders and the table of results.
+//!
+//! A job is a command line of the program. This room makes names and values of options from the job file; it does not know which
+//! options a command has, and does not run anything.
+
+mod expand;
+mod folders;
+mod glob_scenes;
+mod graph;
+mod hashes;
+mod job;
+mod job_file;
+mod journal;
+mod names;
+mod parse;
+mod report;
+mod row;
+mod schedule;
+mod table;
+#[cfg(feature = "parquet")]
+mod table_parquet;
+mod template;
+mod toml_source;
+
+pub use expand::expand;
+pub use folders::{begin, holds, lock, publish, remove, seal, work};
+pub use graph::{check, order};
+pub use hashes::{HashedFile, Hashes, hash_file, key};
+#[cfg(test)]
+pub use job::COMMANDS;
+pub use job::{Job, Limits, Opt, Out, Reads, Value};
+pub use journal::{Entries, Entry, Journal, Status, read_journals};
+pub use names::nearest;
+pub use parse::parse;
+pub use report::{Report, report_page};
+pub use schedule::{Capacity, Schedule, Task};
+pub use table::{rows, write_results};
+pub use template::resolve_outputs;
+pub use toml_source::TomlSource;
+
+#[cfg(test)]
+mod tests;

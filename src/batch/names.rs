@@ -1,0 +1,48 @@
+//! Names: of the batch's own folder, of jobs, and the nearest known one of a misspelled key.
+
+use std::path::{Component, Path};
+
+/// Folder of the batch below its output folder: journals, lock and unfinished jobs.
+pub const FOLDER: &str = ".mrvis-batch";
+
+/// Similarity (Jaro-Winkler) from which a known name is suggested: that of clap for options and commands.
+const MIN_SIMILARITY: f64 = 0.7;
+
+/// The known name that is most similar to an unknown one.
+pub fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let similar = known.into_iter().map(|k| (strsim::jaro_winkler(name, k), k));
+    let best = similar.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    (best.0 >= MIN_SIMILARITY).then_some(best.1)
+}
+
+/// A sentence that suggests the nearest known name, empty if none is similar.
+pub fn suggestion<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
+    nearest(name, known).map_or(String::new(), |k| format!("; did you mean `{k}`?"))
+}
+
+/// Why a job cannot have this name, which is that of its folder.
+pub fn fault(name: &str) -> Option<String> {
+    let path = Path::new(name);
+    if name.is_empty() || name.len() > 200 {
+        return Some("must have 1 to 200 characters".into());
+    }
+    if let Some(c) = name.chars().find(|c| c.is_control() || "\\:*?\"<>|{}".contains(*c)) {
+        return Some(format!(
+            "has `{}`, which is not valid in names of folders everywhere",
+            c.escape_default()
+        ));
+    }
+    let inside = path.components().all(|c| matches!(c, Component::Normal(_)));
+    if !inside || name.contains("//") || name.ends_with('/') || name.split('/').any(|part| part == ".") {
+        return Some("leaves the output folder, or is no plain path below it".into());
+    }
+    let first = name.split('/').next().unwrap_or_default();
+    let own = [FOLDER, "results.csv", "results.jsonl", "results.parquet", "report.html"];
+    own.contains(&first).then(|| format!("`{first}` is a file or folder of the batch itself"))
+}
+
+/// A value as a part of a name: other characters than letters, digits and `-_.+=,` become `_`.
+pub fn plain(value: &str) -> String {
+    let valid = |c: char| if c.is_alphanumeric() || "-_.+=,".contains(c) { c } else { '_' };
+    value.chars().map(valid).collect()
+}

@@ -1,0 +1,58 @@
+//! The page of a batch.
+
+use super::charts::front;
+use super::*;
+use serde_json::json;
+
+fn row(value: serde_json::Value) -> Row {
+    value.as_object().expect("an object").clone()
+}
+
+fn rows() -> Vec<Row> {
+    let job = |error: f64, engine: &str, seconds: f64, found: f64| {
+        row(json!({
+            "job": format!("e{error}-{engine}"), "command": "solve", "scene": "a.obj", "status": "done",
+            "option.error": error, "option.visibility": engine, "option.seed": 3,
+            "job_seconds": seconds, "output_bytes": 1000, "error_estimate": found,
+        }))
+    };
+    let failed = json!({ "job": "bad", "command": "solve", "scene": "a.obj", "status": "failed", "error_message": "a < b", "job_seconds": 1.0 });
+    vec![job(0.1, "exact", 1.0, 0.2), job(0.05, "exact", 2.0, 0.1), job(0.1, "mr", 0.5, 0.3), row(failed)]
+}
+
+#[test]
+fn the_page_has_all_jobs_and_refers_to_nothing() {
+    let picture = Picture { width: 1, height: 1, pixels: vec![[1, 2, 3]] };
+    let pictures = [("e0.1-mr".to_owned(), picture)];
+    let report = Report { name: "out", rows: &rows(), pictures: &pictures, pictures_in_all: 3 };
+    let page = report_page(&report).expect("a page");
+    for part in [
+        "3</strong> of <strong>4</strong> jobs",
+        "a &lt; b",
+        "by error and visibility",
+        "by visibility and error",
+        "Pareto front",
+        "1 of 3 pictures",
+        "data-value=\"0.05\"",
+    ] {
+        assert!(page.contains(part), "lacks {part}");
+    }
+    // The seed does not differ.
+    assert!(!page.contains("and seed") && !page.contains("data-name=\"seed\""));
+    for outside in ["http://", "https://", "src=\"/", "url(", "@import"] {
+        let text = page.replace("http://www.w3.org/2000/svg", "");
+        assert!(!text.contains(outside), "{outside}");
+    }
+}
+
+#[test]
+fn a_batch_without_jobs_has_a_page() {
+    let report = Report { name: "out", rows: &[], pictures: &[], pictures_in_all: 0 };
+    assert!(report_page(&report).expect("a page").contains("0</strong> of <strong>0"));
+}
+
+#[test]
+fn the_front_has_what_no_job_beats() {
+    let found = front(&[[3.0, 0.1], [1.0, 0.5], [2.0, 0.6], [2.0, 0.2], [4.0, 0.1], [1.0, 0.7]]);
+    assert_eq!(found, [[1.0, 0.5], [2.0, 0.2], [3.0, 0.1]]);
+}

@@ -1,0 +1,130 @@
+//! `mrvis batch JOBS.toml --out DIR`: many jobs of other commands.
+
+mod commit;
+mod job_run;
+mod plan;
+mod reporter;
+mod runner;
+mod shard;
+mod words;
+
+pub use job_run::run_requested;
+
+use super::{interruption, limits};
+use crate::batch::{Capacity, Hashes, Journal, lock, read_journals, write_results};
+use crate::threads::MAX_THREADS;
+use crate::{Result, memory};
+use plan::Plan;
+use reporter::Reporter;
+use runner::Settings;
+use shard::Shard;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+
+/// Run all jobs of a file: scenes, sweeps of options and comparisons. Jobs that are done are not repeated.
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    /// The jobs: a TOML file with [[job]] tables, see docs/batch.md.
+    #[arg(value_name = "JOBS.toml")]
+    jobs: PathBuf,
+    /// Folder for the results: one folder a job, and tables of all jobs.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Only jobs with this tag or name, and those that they need; repeatable.
+    #[arg(long, value_name = "TAG")]
+    only: Vec<String>,
+    /// Check everything and list the jobs with what is known of their memory and time, without running any.
+    #[arg(long)]
+    dry_run: bool,
+    /// Threads of all jobs together [default: one per core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MAX_THREADS as i64))]
+    threads: Option<u16>,
+    /// Largest number of jobs at once [default: the number of threads]
+    #[arg(long = "jobs-at-once", value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    at_once: Option<u16>,
+    /// Memory of all jobs together, in GiB [default: 80 % of what is available]
+    #[arg(long, value_name = "G", value_parser = limits::parse)]
+    memory: Option<f64>,
+    /// Run a failed job again, so many times at most.
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=100))]
+    retry: u32,
+    /// Only a part of the jobs, for several machines: part i of n; `mrvis merge` then makes the tables.
+    #[arg(long, value_name = "i/n", value_parser = shard::parse)]
+    shard: Option<Shard>,
+    /// Append what happens to FILE as JSON Lines.
+    #[arg(long, value_name = "FILE")]
+    log: Option<PathBuf>,
+    /// No progress and no text: only files and the exit code.
+    #[arg(long)]
+    pub quiet: bool,
+}
+
+pub fn run(args: &Args) -> Result<ExitCode> {
+    let hashes = Arc::new(Hashes::default());
+    let mut plan = Plan::new(&args.jobs, &args.out, &args.only, &hashes)?;
+    if let Some(shard) = args.shard {
+        plan.chosen = shard.jobs(&plan.jobs, &plan.chosen);
+    }
+    if args.dry_run {
+        let (entries, done) = (read_journals(&args.out)?, plan.chosen_done(&args.out, &hashes, false)?.1);
+        super::print(&plan.listed(&entries, &done))?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let part = args.shard.map_or(String::new(), Shard::suffix);
+    // Parts share the folder with each other, but not with a batch of all jobs.
+    let _locks = [
+        Some(lock(&args.out, "lock", args.shard.is_some())?),
+        args.shard.map(|_| lock(&args.out, &format!("lock{part}"), false)).transpose()?,
+    ];
+    let (mut entries, done) = plan.chosen_done(&args.out, &hashes, true)?;
+    plan.check_folders(&entries, &done)?;
+    let journal = Journal::open(&args.out, &format!("journal{part}.jsonl"))?;
+    interruption::watch(None);
+    let threads = args.threads.map_or_else(cores, usize::from);
+    let budget = args.memory.map(|g| (g * limits::GIB) as u64).or_else(memory::usable);
+    let capacity = Capacity {
+        threads,
+        jobs: args.at_once.map_or(threads, usize::from),
+        memory: budget.unwrap_or(u64::MAX),
+    };
+    let to_do: Vec<usize> = plan.chosen.iter().copied().filter(|&k| !done[k]).collect();
+    let work = (0..plan.jobs.len()).map(|k| plan.work(k, &entries)).collect();
+    let reporter = Reporter::new(work, &to_do, args.log.as_deref(), args.quiet)?;
+    let settings = Settings { capacity, retry: args.retry };
+    let ran = runner::run(&plan, (&mut entries, &done), (&hashes, journal), &settings, &reporter);
+    reporter.finish();
+    let written = match args.shard {
+        None => write_results(&plan.out, plan.own_entries(&entries)),
+        Some(_) => Ok(()),
+    };
+    // The first error is the reason of the second.
+    let summary = ran?;
+    written?;
+    if !args.quiet {
+        let before = plan.chosen.len() - to_do.len();
+        let mut text = format!("{} jobs done, {before} were done before", summary.done + summary.missed);
+        for (count, what) in [
+            (summary.missed, "missed their tolerance"),
+            (summary.failed, "failed"),
+            (summary.skipped, "skipped"),
+        ] {
+            text += &if count > 0 { format!(", {count} {what}") } else { String::new() };
+        }
+        let table = match args.shard {
+            None => format!("table: {}", args.out.join("results.csv").display()),
+            Some(_) => "tables by mrvis merge".into(),
+        };
+        super::print(&format!("{text}; {table}\n"))?;
+    }
+    Ok(match summary {
+        s if s.failed + s.skipped > 0 => ExitCode::from(2),
+        s if s.missed > 0 => ExitCode::from(1),
+        _ => ExitCode::SUCCESS,
+    })
+}
+
+/// Cores that this process may use.
+fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}

@@ -1,0 +1,220 @@
+//! What a batch will do: jobs with their command lines, checked before anything starts.
+
+use super::words::{Grammar, Line, scene_of};
+use crate::batch::{
+    Entries, Entry, HashedFile, Hashes, Job, Status, TomlSource, check, expand, hash_file, holds, key,
+    nearest, order, parse, publish, read_journals, work,
+};
+use crate::cli::{Command, one_line};
+use crate::error::quote;
+use crate::{Error, Result};
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+/// Bytes of memory that a job takes for each byte of its scene file: a solve takes about 1 kB for each triangle, and a triangle of a
+/// binary file is about 40 bytes long (an OBJ file has 70 to 100, for which this is an upper bound).
+const MEMORY_PER_BYTE: u64 = 25;
+/// Bytes that any job takes: the program, Embree and a small scene (`mrvis solve` of cornell.obj, resident size).
+pub const MIN_MEMORY: u64 = 60 << 20;
+
+/// A checked batch.
+pub struct Plan {
+    /// Output folder.
+    pub out: PathBuf,
+    /// All jobs of the file.
+    pub jobs: Vec<Job>,
+    /// Their command lines, which write into work folders.
+    pub lines: Vec<Line>,
+    /// The command lines as a user would write them.
+    pub shown: Vec<String>,
+    /// Keys of the jobs; see [`key`].
+    pub keys: Vec<String>,
+    /// Files that the command lines name.
+    pub inputs: Vec<Vec<HashedFile>>,
+    /// Threads that a job asks for.
+    pub threads: Vec<Option<usize>>,
+    /// Indices of the jobs to be run, in an order that dependencies allow.
+    pub chosen: Vec<usize>,
+}
+
+impl Plan {
+    /// Reads a job file and checks all of it.
+    ///
+    /// # Errors
+    /// With file, line and column.
+    pub fn new(path: &Path, out: &Path, only: &[String], hashes: &Hashes) -> Result<Plan> {
+        let source = TomlSource::read(path)?;
+        let mut jobs = expand(&source, &parse(&source)?)?;
+        check(&source, &mut jobs)?;
+        let (grammar, count) = (Grammar::new(), jobs.len());
+        let (mut lines, mut shown, mut threads) = (Vec::new(), Vec::new(), Vec::new());
+        let mut inputs = Vec::new();
+        for job in &jobs {
+            let line = grammar.line(&source, job, out, &work(out, &job.name))?;
+            let command = grammar.check(&source, job, &line)?;
+            shown.push(grammar.line(&source, job, out, &out.join(&job.name))?.shown());
+            threads.push(threads_of(&command));
+            let hashed = line.files.iter().map(|file| {
+                let file = file.canonicalize().map_err(|e| Error::io(file, e))?;
+                hashes.of(&file)
+            });
+            inputs.push(hashed.collect::<Result<Vec<_>>>()?);
+            lines.push(line);
+        }
+        let (wanted, order) = (selected(&jobs, only)?, order(&jobs));
+        let program = program()?;
+        let mut keys = vec![String::new(); count];
+        for &k in &order {
+            let needs: Vec<&str> = jobs[k].needs.iter().map(|&need| keys[need].as_str()).collect();
+            keys[k] = key(&program, &jobs[k], &inputs[k], &needs);
+        }
+        let chosen = order.into_iter().filter(|k| wanted.contains(k)).collect();
+        Ok(Plan { out: out.into(), jobs, lines, shown, keys, inputs, threads, chosen })
+    }
+
+    /// Bytes of the scene of a job, if it is there.
+    fn scene_bytes(&self, job: usize) -> Option<u64> {
+        let scene = scene_of(&self.jobs[job], &self.lines[job])?;
+        Some(std::fs::metadata(scene).ok()?.len())
+    }
+
+    /// Memory of a job, bytes: that of an earlier run as a process of its own, else an estimate if its scene is there.
+    pub fn memory(&self, job: usize, entries: &Entries) -> Option<u64> {
+        let known = entries.get(&self.jobs[job].name).and_then(|entry| entry.peak_bytes);
+        known.or_else(|| Some(MIN_MEMORY + MEMORY_PER_BYTE * self.scene_bytes(job)?))
+    }
+
+    /// Seconds that an earlier run of a job took.
+    pub fn seconds(&self, job: usize, entries: &Entries) -> Option<f64> {
+        entries.get(&self.jobs[job].name).map(|entry| entry.seconds)
+    }
+
+    /// Expected work of a job for the order in which jobs start: seconds of an earlier run, else the size of the scene at 1 MB a second,
+    /// which only compares jobs with each other.
+    pub fn work(&self, job: usize, entries: &Entries) -> f64 {
+        let by_size = || self.scene_bytes(job).unwrap_or(0) as f64 / 1e6;
+        self.seconds(job, entries).unwrap_or_else(by_size)
+    }
+
+    /// Fingerprints of the jobs that a job needs.
+    pub fn fingerprints(&self, job: usize, entries: &Entries) -> Vec<String> {
+        let needs = self.jobs[job].needs.iter();
+        needs.filter_map(|&need| Some(entries.get(&self.jobs[need].name)?.fingerprint())).collect()
+    }
+
+    /// Whether the outputs of a job are there and are those that it would make. Finishes what a crash left between the journal and
+    /// the renaming of the folder.
+    ///
+    /// # Errors
+    /// The folder cannot be renamed.
+    pub fn is_done(&self, job: usize, entries: &Entries, hashes: &Hashes, may_finish: bool) -> Result<bool> {
+        let name = &self.jobs[job].name;
+        let Some(entry) = entries.get(name).filter(|e| e.key == self.keys[job]) else { return Ok(false) };
+        let same = |file: &HashedFile| hashes.of(&file.path).is_ok_and(|now| now == *file);
+        if entry.status == Status::Failed
+            || !entry.inputs.iter().all(same)
+            || entry.needs != self.fingerprints(job, entries)
+        {
+            return Ok(false);
+        }
+        let aside = work(&self.out, name);
+        if aside.is_dir() && holds(&aside, &entry.outputs, true) {
+            return if may_finish { publish(&self.out, name).map(|()| true) } else { Ok(true) };
+        }
+        Ok(holds(&self.out.join(name), &entry.outputs, false))
+    }
+
+    /// The journals of the output folder, and by job whether it is done.
+    ///
+    /// # Errors
+    /// A journal cannot be read.
+    pub fn chosen_done(&self, out: &Path, hashes: &Hashes, may_finish: bool) -> Result<(Entries, Vec<bool>)> {
+        let entries = read_journals(out)?;
+        let mut done = vec![false; self.jobs.len()];
+        for &k in &self.chosen {
+            // Outputs of a job that runs again are new inputs.
+            done[k] = self.jobs[k].needs.iter().all(|&need| done[need])
+                && self.is_done(k, &entries, hashes, may_finish)?;
+        }
+        Ok((entries, done))
+    }
+
+    /// The lines of the journal that are about jobs of this file.
+    pub fn own_entries<'a>(&'a self, entries: &'a Entries) -> impl Iterator<Item = &'a Entry> {
+        self.jobs.iter().filter_map(|job| entries.get(&job.name))
+    }
+
+    /// Refuses to replace folders that no batch made.
+    ///
+    /// # Errors
+    /// [`Error::Format`] with the folder.
+    pub fn check_folders(&self, entries: &Entries, done: &[bool]) -> Result<()> {
+        for &k in self.chosen.iter().filter(|&&k| !done[k]) {
+            let folder = self.out.join(&self.jobs[k].name);
+            let made = entries.get(&self.jobs[k].name).is_some_and(|entry| entry.made);
+            if !made && folder.symlink_metadata().is_ok() {
+                let what =
+                    "exists and was not made by this batch; remove it, or choose another output folder";
+                return Err(Error::format(folder, None, what));
+            }
+        }
+        Ok(())
+    }
+
+    /// The chosen jobs as text.
+    pub fn listed(&self, entries: &Entries, done: &[bool]) -> String {
+        let mut text = String::new();
+        for &k in &self.chosen {
+            let memory = self.memory(k, entries).map(|b| format!("{} MB", b.div_ceil(1_000_000)));
+            let seconds = self.seconds(k, entries).map(|s| format!("{s:.1} s in an earlier run"));
+            let state = if done[k] { "done" } else { "to do" };
+            let known: Vec<String> = [Some(state.into()), memory, seconds].into_iter().flatten().collect();
+            // Writing to a string cannot fail.
+            let _ = writeln!(text, "{} [{}]\n  {}", self.jobs[k].name, known.join(", "), self.shown[k]);
+        }
+        let left = self.chosen.iter().filter(|&&k| !done[k]).count();
+        let _ = writeln!(text, "{} of {} jobs, {left} to do", self.chosen.len(), self.jobs.len());
+        text
+    }
+}
+
+/// What the key of a job knows of this program: its version and the hash of its file.
+fn program() -> Result<String> {
+    let path = std::env::current_exe().map_err(|e| Error::io("this program", e))?;
+    let hash = hash_file(&path).map_err(|e| Error::Unsupported(one_line(&e)))?;
+    Ok(format!("{} {hash}", env!("CARGO_PKG_VERSION")))
+}
+
+/// Threads that a command line states.
+fn threads_of(command: &Command) -> Option<usize> {
+    command.common().and_then(|common| common.threads).map(usize::from)
+}
+
+/// The jobs with these tags or names, and all that they need; all jobs without a choice.
+fn selected(jobs: &[Job], only: &[String]) -> Result<BTreeSet<usize>> {
+    if only.is_empty() {
+        return Ok((0..jobs.len()).collect());
+    }
+    let mut waiting = Vec::new();
+    for wanted in only {
+        let is_meant = |job: &Job| job.name == *wanted || job.tags.contains(wanted);
+        let before = waiting.len();
+        waiting.extend((0..jobs.len()).filter(|&k| is_meant(&jobs[k])));
+        if waiting.len() == before {
+            let known = jobs.iter().flat_map(|job| job.tags.iter().chain([&job.name])).map(String::as_str);
+            let similar = nearest(wanted, known).map_or(String::new(), |k| format!("; did you mean {k}?"));
+            return Err(Error::Argument(format!(
+                "--only {}: no job has this tag or name{similar}",
+                quote(wanted)
+            )));
+        }
+    }
+    let mut chosen = BTreeSet::new();
+    while let Some(k) = waiting.pop() {
+        if chosen.insert(k) {
+            waiting.extend(&jobs[k].needs);
+        }
+    }
+    Ok(chosen)
+}

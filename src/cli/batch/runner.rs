@@ -1,0 +1,250 @@
+//! Runs the jobs of a plan: starts them as threads and memory allow, and follows them to their end.
+
+use super::commit::{Event, Finished, commit};
+use super::job_run::{as_process, in_process};
+use super::plan::{MIN_MEMORY, Plan};
+use super::reporter::Reporter;
+use crate::batch::{
+    Capacity, Entries, Entry, Hashes, Journal, Limits, Schedule, Status, Task, begin, write_results,
+};
+use crate::cli::shared_scenes::SharedScenes;
+use crate::cli::{interruption, one_line};
+use crate::{Error, Result};
+use std::collections::HashMap;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::thread::Scope;
+use std::time::{Duration, Instant};
+
+/// A job whose expected memory is more than this part of the budget is a process of its own with the budget as its limit, so that a
+/// wrong estimate ends that job only. Four jobs of the size at the border fill the budget.
+const MAX_SHARED_PART: u64 = 4;
+
+/// Address space that a thread takes without using it, bytes: an arena of glibc (64 MiB) and a stack (8 MiB).
+const RESERVED_BY_THREAD: u64 = 72 << 20;
+
+/// Time between two looks at the flag of interruption: not noticed by a user.
+const INTERVAL: Duration = Duration::from_millis(50);
+
+/// How a batch runs.
+pub struct Settings {
+    /// Threads and memory of all jobs together, and jobs at once.
+    pub capacity: Capacity,
+    /// Further runs of a failed job, if the job file states fewer.
+    pub retry: u32,
+}
+
+/// How a batch ended.
+#[derive(Debug, Default)]
+pub struct Summary {
+    /// Jobs that ended, by their status.
+    pub done: usize,
+    pub missed: usize,
+    pub failed: usize,
+    /// Jobs that were not run because they need a failed one.
+    pub skipped: usize,
+    /// Whether the user has interrupted the batch.
+    pub interrupted: bool,
+}
+
+struct Runner<'a> {
+    plan: &'a Plan,
+    settings: &'a Settings,
+    reporter: &'a Reporter,
+    schedule: Schedule,
+    attempts: HashMap<usize, u32>,
+    summary: Summary,
+    /// Why no more jobs start.
+    broken: Option<Error>,
+    /// Jobs that run or are being made permanent.
+    open: usize,
+    scenes: Arc<SharedScenes>,
+}
+
+/// Runs all chosen jobs that are not done. `entries` gets the lines of the journal.
+///
+/// # Errors
+/// The journal or a folder cannot be written.
+pub fn run(
+    plan: &Plan,
+    (entries, done): (&mut Entries, &[bool]),
+    (hashes, journal): (&Arc<Hashes>, Journal),
+    settings: &Settings,
+    reporter: &Reporter,
+) -> Result<Summary> {
+    let tasks = (0..plan.jobs.len()).map(|k| task(plan, k, entries)).collect();
+    let schedule = Schedule::new(tasks, settings.capacity, done.to_vec(), &plan.chosen);
+    let mut runner = Runner {
+        plan,
+        settings,
+        reporter,
+        schedule,
+        attempts: HashMap::new(),
+        summary: Summary::default(),
+        broken: None,
+        open: 0,
+        scenes: Arc::new(SharedScenes::new(hashes.clone())),
+    };
+    std::thread::scope(|scope| {
+        let (events, inbox) = channel();
+        let (finished, to_commit) = channel();
+        let own_events = events.clone();
+        scope.spawn(move || commit(plan, hashes, journal, &to_commit, &own_events));
+        runner.follow(scope, (&events, &inbox), finished, entries);
+        if runner.summary.interrupted {
+            // Threads of running jobs cannot be waited for; what they write is in work folders.
+            reporter.interrupted(
+                runner.summary.done + runner.summary.missed,
+                runner.schedule.waiting().count() + runner.open,
+            );
+            let _ = write_results(&plan.out, plan.own_entries(entries));
+            std::process::exit(interruption::INTERRUPTED.into());
+        }
+    });
+    runner.broken.map_or(Ok(runner.summary), Err)
+}
+
+fn task(plan: &Plan, k: usize, entries: &Entries) -> Task {
+    let job = &plan.jobs[k];
+    Task {
+        needs: job.needs.clone(),
+        work: plan.work(k, entries),
+        memory: plan.memory(k, entries).unwrap_or(0),
+        threads: plan.threads[k],
+        alone: job.command.name == "bench",
+    }
+}
+
+impl<'a> Runner<'a> {
+    /// Starts jobs and handles what happens until all have ended, or the user interrupts the batch.
+    fn follow<'s>(
+        &mut self,
+        scope: &'s Scope<'s, '_>,
+        (events, inbox): (&Sender<Event>, &Receiver<Event>),
+        finished: Sender<Finished>,
+        entries: &mut Entries,
+    ) where
+        'a: 's,
+    {
+        loop {
+            while !interruption::stopped() && self.broken.is_none() {
+                let Some((job, threads)) = self.schedule.start() else { break };
+                self.start(scope, job, threads, events.clone());
+            }
+            if interruption::stopped() || self.open == 0 {
+                break;
+            }
+            match inbox.recv_timeout(INTERVAL) {
+                Ok(event) => self.handle(event, &finished, entries),
+                Err(RecvTimeoutError::Timeout) => self.reporter.tick(),
+                Err(RecvTimeoutError::Disconnected) => break,
+            }
+        }
+        self.summary.interrupted = interruption::stopped();
+        // Jobs that have ended become permanent.
+        drop(finished);
+        while let Ok(event) = inbox.recv() {
+            match event {
+                Event::Closed => break,
+                Event::Ran(_) => {}
+                event => self.handle_kept(event, entries),
+            }
+        }
+    }
+
+    fn start<'s>(&mut self, scope: &'s Scope<'s, '_>, job: usize, threads: usize, events: Sender<Event>)
+    where
+        'a: 's,
+    {
+        let plan: &'a Plan = self.plan;
+        let attempt = *self.attempts.entry(job).and_modify(|n| *n += 1).or_insert(1);
+        let limits = self.limits(job, threads);
+        self.open += 1;
+        self.scenes.shrink_to(self.schedule.memory_left());
+        let scenes = self.scenes.clone();
+        self.reporter.started(job, &plan.jobs[job].name, threads);
+        let work = move || {
+            let start = Instant::now();
+            let (line, shown) = (&plan.lines[job], &plan.shown[job]);
+            let ended = match begin(&plan.out, &plan.jobs[job].name) {
+                Err(error) => super::job_run::Ended { error: Some(one_line(&error)), ..Default::default() },
+                Ok(()) if limits == Limits::default() => in_process(line, shown, threads, &scenes),
+                Ok(()) => as_process(line, shown, threads, limits),
+            };
+            let seconds = start.elapsed().as_secs_f64();
+            // Without a receiver the batch has ended.
+            let needs = Vec::new();
+            let _ = events.send(Event::Ran(Finished { job, attempt, threads, seconds, ended, needs }));
+        };
+        scope.spawn(work);
+    }
+
+    /// The limits of a job; one that takes much of the budget has at least that limit.
+    fn limits(&self, job: usize, threads: usize) -> Limits {
+        let mut limits = self.plan.jobs[job].limits;
+        let budget = self.settings.capacity.memory;
+        let expected = self.plan.memory(job, &Entries::new()).unwrap_or(0);
+        if expected.saturating_sub(MIN_MEMORY) > budget / MAX_SHARED_PART {
+            let reserved = RESERVED_BY_THREAD.saturating_mul(threads as u64 + 1);
+            limits.memory = limits.memory.or(Some(budget.saturating_add(reserved)));
+        }
+        limits
+    }
+
+    fn handle(&mut self, event: Event, finished: &Sender<Finished>, entries: &mut Entries) {
+        let Event::Ran(mut ran) = event else { return self.handle_kept(event, entries) };
+        self.schedule.ended(ran.job);
+        // What an interrupted command has written may be incomplete.
+        if interruption::stopped() {
+            return;
+        }
+        if ran.ended.is_full {
+            let what = ran.ended.error.clone().unwrap_or_default();
+            self.broken = Some(Error::Argument(format!(
+                "{what}: make room and run the same command again, which goes on where it stopped"
+            )));
+        }
+        let retries = self.plan.jobs[ran.job].retry.max(self.settings.retry);
+        if ran.ended.error.is_some() && ran.attempt <= retries && self.broken.is_none() {
+            self.open -= 1;
+            let error = ran.ended.error.unwrap_or_default();
+            self.reporter.retried(ran.job, &self.plan.jobs[ran.job].name, &error);
+            self.schedule.again(ran.job);
+            return;
+        }
+        ran.needs = self.plan.fingerprints(ran.job, entries);
+        // The other end lives as long as this sender.
+        let _ = finished.send(ran);
+    }
+
+    fn handle_kept(&mut self, event: Event, entries: &mut Entries) {
+        match event {
+            Event::Kept(kept) => kept.into_iter().for_each(|(k, entry)| self.kept(k, entry, entries)),
+            Event::Broken(error) => {
+                self.broken.get_or_insert(error);
+                self.open = 0;
+            }
+            Event::Ran(_) | Event::Closed => {}
+        }
+    }
+
+    fn kept(&mut self, job: usize, entry: Entry, entries: &mut Entries) {
+        self.open -= 1;
+        self.reporter.ended(job, &entry);
+        match entry.status {
+            Status::Failed => {
+                self.summary.failed += 1;
+                for lost in self.schedule.failed(job) {
+                    self.summary.skipped += 1;
+                    self.reporter.skipped(&self.plan.jobs[lost].name, &entry.job);
+                }
+            }
+            Status::Missed => self.summary.missed += 1,
+            Status::Done => self.summary.done += 1,
+        }
+        if entry.status != Status::Failed {
+            self.schedule.done(job);
+        }
+        entries.insert(entry.job.clone(), entry);
+    }
+}

@@ -1,0 +1,32 @@
+//! Interruption by the user (SIGINT): one flag for the whole process.
+
+use std::io::Write as _;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Exit code after a second interruption: 128 + SIGINT, the convention of shells.
+pub const INTERRUPTED: u8 = 130;
+
+static STOPPED: AtomicBool = AtomicBool::new(false);
+
+/// Lets the first interruption set the flag, with this message, and the second end the program. Later calls change nothing.
+pub fn watch(message: Option<&'static str>) {
+    static WATCHED: OnceLock<()> = OnceLock::new();
+    WATCHED.get_or_init(|| {
+        // If the handler cannot be set, the first interruption ends the program.
+        let _ = ctrlc::set_handler(move || {
+            if STOPPED.swap(true, Ordering::Relaxed) {
+                std::process::exit(INTERRUPTED.into());
+            }
+            if let Some(message) = message {
+                // A closed standard error is ignored.
+                let _ = writeln!(std::io::stderr(), "mrvis: {message}");
+            }
+        });
+    });
+}
+
+/// Whether the user has interrupted the program.
+pub fn stopped() -> bool {
+    STOPPED.load(Ordering::Relaxed)
+}

@@ -1,0 +1,60 @@
+//! `mrvis report DIR`: the results of a batch on one page.
+
+use super::args::file_name;
+use crate::batch::{Entry, Report, Status, read_journals, report_page, rows};
+use crate::files::WholeFile;
+use crate::image_io::{Picture, thumbnail};
+use crate::{Error, Result};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Write one page about the outputs of a batch: table of all jobs, errors against times, pictures.
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    /// Output folder of `mrvis batch`.
+    #[arg(value_name = "DIR")]
+    folder: PathBuf,
+    /// The page [default: report.html in DIR]
+    #[arg(long, value_name = "FILE.html")]
+    out: Option<PathBuf>,
+    /// Print nothing.
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// Largest side of the pictures of the page, pixels: a row of five fits into its width, sharp on fine screens.
+const SIDE: u32 = 320;
+/// Pictures of the page: at about 60 kB each it stays below 6 MB.
+const MAX_PICTURES: usize = 96;
+
+pub fn run(args: &Args) -> Result<ExitCode> {
+    let entries = read_journals(&args.folder)?;
+    if entries.is_empty() {
+        return Err(Error::format(&args.folder, None, "is no output folder of a batch: it has no journal"));
+    }
+    let page = args.out.clone().unwrap_or_else(|| args.folder.join("report.html"));
+    let rows = rows(&args.folder, entries.values());
+    let mut entries: Vec<&Entry> = entries.values().filter(|e| e.status != Status::Failed).collect();
+    entries.sort_by(|a, b| (a.index, &a.job).cmp(&(b.index, &b.job)));
+    let files: Vec<(&Entry, PathBuf)> = entries.into_iter().flat_map(|e| pictures(&args.folder, e)).collect();
+    let small = |(entry, file): &(&Entry, PathBuf)| -> Result<(String, Picture)> {
+        Ok((entry.job.clone(), thumbnail(file, SIDE)?))
+    };
+    let pictures = files.iter().take(MAX_PICTURES).map(small).collect::<Result<Vec<_>>>()?;
+    let name = args.folder.canonicalize().unwrap_or_else(|_| args.folder.clone());
+    let report =
+        Report { name: &file_name(&name), rows: &rows, pictures: &pictures, pictures_in_all: files.len() };
+    WholeFile::write(&page, report_page(&report)?)?;
+    if !args.quiet {
+        super::print(&format!("report: {}\n", page.display()))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The pictures that a job has made.
+fn pictures<'a>(folder: &Path, entry: &'a Entry) -> Vec<(&'a Entry, PathBuf)> {
+    let of_job = folder.join(&entry.job);
+    let names = entry.outputs.iter().map(|file| &file.path);
+    let pictures = names.filter(|path| path.extension().is_some_and(|e| e == "png"));
+    pictures.map(|path| (entry, of_job.join(path))).collect()
+}

@@ -1,0 +1,341 @@
+//! `mrvis batch`: nothing is lost, nothing is repeated, and outputs are those of single commands.
+
+mod bad_input;
+mod parts;
+mod results;
+
+use crate::determinism::strip;
+use crate::run::{Outcome, Scratch};
+use mrvis::internals::scene::generate::Spec;
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// Twelve short jobs, of which two need others.
+const JOBS: &str = "
+[defaults]
+options = { unit = 'mm' }
+
+[[job]]
+name = 'solve-{error}-{visibility}'
+command = 'solve'
+scene = '*.obj'
+options = { audit = 0, output = ['none'], cache = 'off', points = 'points.csv' }
+[job.sweep]
+error = [0.4, 0.3, 0.2]
+visibility = ['exact', 'mr', 'average']
+
+[[job]]
+name = 'reference'
+command = 'reference'
+scene = 'cornell.obj'
+options = { points = 'points.csv', samples = 16 }
+
+[[job]]
+name = 'compared/coarse'
+command = 'compare'
+inputs = ['{out:reference}/irradiance.csv', '{out:solve-0.4-exact}/irradiance.csv']
+[[job]]
+name = 'compared/fine'
+command = 'compare'
+inputs = ['{out:reference}/irradiance.csv', '{out:solve-0.2-exact}/irradiance.csv']
+";
+/// Number of jobs in it.
+const COUNT: usize = 12;
+
+/// A scratch folder with the jobs and their scene.
+fn prepared() -> Scratch {
+    let scratch = Scratch::new();
+    scratch.generate(&Spec::new("cornell"));
+    scratch.write("points.csv", "x,y,z,nx,ny,nz\n278,0,280,0,1,0\n100,0,100,0,1,0\n400,300,559,0,0,-1\n");
+    scratch.write("jobs.toml", JOBS);
+    scratch
+}
+
+fn batch(scratch: &Scratch, more: &[&str]) -> Outcome {
+    scratch.mrvis(&[&["batch", "jobs.toml"], more].concat())
+}
+
+/// All files of finished jobs by their names, without times.
+fn results(out: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let (mut found, mut waiting) = (BTreeMap::new(), vec![out.to_owned()]);
+    while let Some(folder) = waiting.pop() {
+        for entry in std::fs::read_dir(&folder).expect("a folder") {
+            let path = entry.expect("an entry").path();
+            let own = path.file_name().expect("a name").to_string_lossy().into_owned();
+            if path.is_dir() && own != ".mrvis-batch" {
+                waiting.push(path);
+            } else if path.is_file() && !own.starts_with("results.") {
+                let mut bytes = std::fs::read(&path).expect("read");
+                if own.ends_with(".json") {
+                    let mut value: Value = serde_json::from_slice(&bytes).expect("JSON");
+                    strip(&mut value);
+                    bytes = value.to_string().into();
+                }
+                found.insert(path.strip_prefix(out).expect("below").to_owned(), bytes);
+            }
+        }
+    }
+    found
+}
+
+/// Lines of the journal.
+fn journal(out: &Path) -> Vec<Value> {
+    let text = std::fs::read_to_string(out.join(".mrvis-batch/journal.jsonl")).unwrap_or_default();
+    let whole = text.rfind('\n').map_or(0, |i| i + 1);
+    text[..whole].lines().map(|line| serde_json::from_str(line).expect("a line")).collect()
+}
+
+fn started(scratch: &Scratch, arguments: &[&str]) -> Child {
+    let mut command = scratch.command(arguments);
+    command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the command runs")
+}
+
+fn assert_same(found: &BTreeMap<PathBuf, Vec<u8>>, want: &BTreeMap<PathBuf, Vec<u8>>) {
+    assert_eq!(found.keys().collect::<Vec<_>>(), want.keys().collect::<Vec<_>>());
+    for (name, bytes) in found {
+        assert!(bytes == &want[name], "{} differs", name.display());
+    }
+}
+
+/// However jobs are packed, their files are those of the single commands.
+#[test]
+fn outputs_are_those_of_single_commands() {
+    let scratch = prepared();
+    for (out, threads, at_once) in [("a", "1", "1"), ("b", "2", "2"), ("c", "4", "3")] {
+        let ran = batch(&scratch, &["--out", out, "--threads", threads, "--jobs-at-once", at_once]);
+        assert_eq!(ran.code, Some(0), "{}{}", ran.stdout, ran.stderr);
+        assert!(ran.stdout.contains("12 jobs done, 0 were done before"), "{}", ran.stdout);
+    }
+    let lines = journal(&scratch.path("a"));
+    assert_eq!(lines.len(), COUNT);
+    for line in &lines {
+        let words = line["command"].as_str().expect("a command line").replace(" a/", " single/");
+        let words: Vec<&str> = words.split(' ').skip(1).collect();
+        std::fs::create_dir_all(scratch.path("single").join(line["job"].as_str().expect("a name")))
+            .expect("made");
+        let ran = scratch.mrvis(&words);
+        assert_eq!(ran.code, Some(0), "{words:?} {}", ran.stderr);
+    }
+    let single = results(&scratch.path("single"));
+    for out in ["a", "b", "c"] {
+        assert_same(&results(&scratch.path(out)), &single);
+    }
+    let table = std::fs::read_to_string(scratch.path("a/results.csv")).expect("a table");
+    assert_eq!(table.lines().count(), 1 + COUNT);
+    assert!(table.starts_with("job,command,scene,inputs,tags,option.audit,"), "{table}");
+    assert!(table.contains(",option.visibility,status,job_seconds,"), "{table}");
+    // One job prepared the scene for all solves.
+    let rows = std::fs::read_to_string(scratch.path("a/results.jsonl")).expect("a table");
+    let rows = rows.lines().map(|line| serde_json::from_str::<Value>(line).expect("JSON"));
+    let times: Vec<f64> = rows.filter_map(|row| row["seconds.embree"].as_f64()).collect();
+    assert_eq!(times.len(), 9);
+    assert!(times.iter().filter(|t| **t > 0.0).count() <= 1, "{times:?}");
+}
+
+/// A second run repeats what changed, and only that.
+#[test]
+fn only_what_changed_is_repeated() {
+    let scratch = prepared();
+    assert_eq!(batch(&scratch, &["--out", "o"]).code, Some(0));
+    let repeated = |want: usize| {
+        let before = journal(&scratch.path("o")).len();
+        let ran = batch(&scratch, &["--out", "o"]);
+        assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+        assert_eq!(journal(&scratch.path("o")).len() - before, want, "{}", ran.stderr);
+    };
+    repeated(0);
+    // Another time of the file is no change.
+    scratch.write("jobs.toml", JOBS);
+    repeated(0);
+    scratch.write("jobs.toml", JOBS.replace("samples = 16", "samples = 17"));
+    repeated(3);
+    std::fs::remove_file(scratch.path("o/solve-0.3-mr/irradiance.csv")).expect("removed");
+    repeated(1);
+    // The materials are in a file that only the scene names.
+    let materials = std::fs::read_to_string(scratch.path("cornell.mtl")).expect("materials");
+    scratch.write("cornell.mtl", materials.replace("Kd ", "Kd 0"));
+    repeated(COUNT);
+}
+
+/// Kills the batch at random moments; whatever is there is whole, and in the end everything is there once.
+#[test]
+fn nothing_is_lost_when_the_batch_is_killed() {
+    // `MRVIS_KILLS=50` for the long test.
+    let kills: u64 = std::env::var("MRVIS_KILLS").ok().and_then(|n| n.parse().ok()).unwrap_or(10);
+    let scratch = prepared();
+    let start = Instant::now();
+    assert_eq!(batch(&scratch, &["--out", "undisturbed"]).code, Some(0));
+    let longest = start.elapsed().as_secs_f64();
+    let want = results(&scratch.path("undisturbed"));
+    let (mut rounds, mut cut) = (0, 0);
+    // A linear congruential generator (Knuth, MMIX).
+    let mut random = 7u64;
+    for _ in 0..kills {
+        let out = format!("killed-{rounds}");
+        random = random.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        // After a random number of jobs, and a random part of the time of one: other load of the machine does not matter.
+        let before = journal(&scratch.path(&out)).len();
+        let jobs = before + (random >> 40) as usize % (COUNT - before);
+        let seconds = longest / COUNT as f64 * (random >> 33) as f64 / (1u64 << 31) as f64;
+        let mut child = started(&scratch, &["batch", "jobs.toml", "--out", &out]);
+        while journal(&scratch.path(&out)).len() < jobs && child.try_wait().expect("a child").is_none() {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        std::thread::sleep(Duration::from_secs_f64(seconds));
+        let ended = child.try_wait().expect("a child").is_some();
+        child.kill().expect("killed");
+        child.wait().expect("ended");
+        cut += usize::from(!ended);
+        for (name, bytes) in
+            if scratch.path(&out).exists() { results(&scratch.path(&out)) } else { BTreeMap::new() }
+        {
+            assert!(
+                bytes == want[&name],
+                "{} is not whole after {jobs} jobs and {seconds} s",
+                name.display()
+            );
+        }
+        if journal(&scratch.path(&out)).len() == COUNT {
+            rounds += 1;
+        }
+    }
+    assert!(cut as u64 > kills / 2, "only {cut} of {kills} calls were killed before their end");
+    for round in 0..=rounds {
+        let out = format!("killed-{round}");
+        let ran = batch(&scratch, &["--out", &out]);
+        assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+        assert_same(&results(&scratch.path(&out)), &want);
+        // No job whose line was written has run again.
+        let mut names: Vec<String> =
+            journal(&scratch.path(&out)).iter().map(|l| l["job"].to_string()).collect();
+        names.sort();
+        let lines = names.len();
+        names.dedup();
+        assert_eq!((lines, names.len()), (COUNT, COUNT));
+    }
+}
+
+/// Ctrl-C ends the batch soon; the next run does the rest.
+#[test]
+fn an_interrupted_batch_goes_on() {
+    let scratch = prepared();
+    scratch.generate(&Spec { trees: 60, leaves: 2000, ..Spec::new("forest") });
+    let long =
+        "[[job]]\nname = 'long'\ncommand = 'solve'\nscene = 'forest.obj'\noptions = { error = 0.001 }\n";
+    scratch.write("long.toml", JOBS.replace("'*.obj'", "'cornell.obj'") + long);
+    let child = started(&scratch, &["batch", "long.toml", "--out", "o", "--threads", "2"]);
+    let start = Instant::now();
+    while journal(&scratch.path("o")).is_empty() && start.elapsed() < Duration::from_secs(60) {
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(sent.expect("kill").success());
+    let sent = Instant::now();
+    let ended = Outcome::of(child.wait_with_output().expect("its end"));
+    assert_eq!(ended.code, Some(130), "{}", ended.stderr);
+    assert!(ended.stderr.contains("the same command goes on"), "{}", ended.stderr);
+    // A second on an idle machine; tests share a loaded one.
+    assert!(sent.elapsed() < Duration::from_secs(20));
+    let done = journal(&scratch.path("o")).len();
+    assert!((1..=COUNT).contains(&done));
+    scratch.write("jobs.toml", JOBS.replace("'*.obj'", "'cornell.obj'"));
+    let ran = batch(&scratch, &["--out", "o"]);
+    assert!(
+        ran.stdout.contains(&format!("{} jobs done, {done} were done before", COUNT - done)),
+        "{}",
+        ran.stdout
+    );
+}
+
+/// A job that fails, takes too long or too much memory does not touch the others; what needs it is skipped.
+#[test]
+fn failures_are_kept_to_one_job() {
+    let scratch = Scratch::new();
+    scratch.generate(&Spec::new("cornell"));
+    scratch.generate(&Spec { trees: 60, leaves: 2000, ..Spec::new("forest") });
+    scratch.write("dark.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    scratch.write("bad.obj", "f 1 2 3\n");
+    scratch.write(
+        "jobs.toml",
+        "[[job]]\nname = 'fine'\ncommand = 'info'\nscene = 'cornell.obj'\n\
+         [[job]]\nname = 'bad'\ncommand = 'info'\nscene = 'bad.obj'\nretry = 2\n\
+         [[job]]\nname = 'after'\ncommand = 'info'\nscene = 'dark.obj'\nafter = 'bad'\n\
+         [[job]]\nname = 'late'\ncommand = 'solve'\nscene = 'forest.obj'\noptions = { error = 0.001 }\nlimits = { seconds = 0.5 }\n\
+         [[job]]\nname = 'large'\ncommand = 'solve'\nscene = 'forest.obj'\noptions = { error = 0.001 }\nlimits = { memory = '300M', seconds = 100 }\n\
+         [[job]]\nname = 'within'\ncommand = 'info'\nscene = 'cornell.obj'\nlimits = { memory = '4G', seconds = 100 }\n",
+    );
+    let ran = batch(&scratch, &["--out", "o", "--log", "log.jsonl"]);
+    assert_eq!(ran.code, Some(2), "{}", ran.stdout);
+    for part in [
+        "failed bad: ",
+        "failed late: the time limit of 0.5 s",
+        "failed large: ",
+        "skipped after: it needs bad",
+    ] {
+        assert!(ran.stderr.contains(part), "{} lacks {part}", ran.stderr);
+    }
+    assert!(ran.stdout.contains("2 jobs done, 0 were done before, 3 failed, 1 skipped"), "{}", ran.stdout);
+    assert!(scratch.path("o/within/info.json").exists() && !scratch.path("o/late").exists());
+    let log = std::fs::read_to_string(scratch.path("log.jsonl")).expect("a log");
+    let events: Vec<Value> = log.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
+    assert_eq!(events.iter().filter(|e| e["event"] == "retried").count(), 2);
+    assert_eq!(events.iter().filter(|e| e["event"] == "failed").count(), 3);
+    let line = journal(&scratch.path("o")).into_iter().find(|line| line["job"] == "within").expect("a line");
+    assert!(line["peak_bytes"].as_u64().expect("a peak") > 1 << 20);
+    let table = std::fs::read_to_string(scratch.path("o/results.jsonl")).expect("a table");
+    assert_eq!(table.lines().count(), 5);
+}
+
+/// When no more can be written the batch stops with what is done, and goes on when there is room.
+#[test]
+fn a_full_disk_stops_the_batch_until_there_is_room() {
+    let scratch = prepared();
+    scratch.write("jobs.toml", JOBS.replace("output = ['none']", "output = ['vtu', 'glb']"));
+    let run = |blocks: &str, out: &str| {
+        // Without the trap the signal of the limit would end the program.
+        let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" batch jobs.toml --out {out}");
+        let mut shell = Command::new("sh");
+        shell.args(["-c", &script, env!("CARGO_BIN_EXE_mrvis")]).current_dir(scratch.path("."));
+        Outcome::of(shell.output().expect("a shell"))
+    };
+    let full = run("16", "o");
+    assert_eq!(full.code, Some(2), "{}{}", full.stdout, full.stderr);
+    assert!(full.stderr.contains("make room and run the same command again"), "{}", full.stderr);
+    let done = journal(&scratch.path("o")).iter().filter(|line| line["status"] == "done").count();
+    assert!(done < COUNT);
+    let ran = run("unlimited", "o");
+    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+    assert!(ran.stdout.contains(&format!("{done} were done before")), "{}", ran.stdout);
+    assert_eq!(run("unlimited", "p").code, Some(0));
+    assert_same(&results(&scratch.path("o")), &results(&scratch.path("p")));
+}
+
+/// Nothing starts, and nothing is overwritten, when something is wrong.
+#[test]
+fn nothing_starts_if_something_is_wrong() {
+    let scratch = prepared();
+    let refused = |more: &[&str], want: &str| {
+        let ran = batch(&scratch, more);
+        assert_eq!(ran.code, Some(2), "{}", ran.stdout);
+        assert!(ran.stderr.contains(want) && ran.stderr.lines().count() == 1, "{} lacks {want}", ran.stderr);
+        assert!(journal(&scratch.path("o")).is_empty());
+    };
+    std::fs::create_dir_all(scratch.path("o/reference")).expect("made");
+    refused(&["--out", "o"], "o/reference: exists and was not made by this batch");
+    refused(&["--out", "jobs.toml"], "jobs.toml");
+    refused(&["--out", "o", "--only", "referense"], "did you mean reference?");
+    scratch.write("jobs.toml", JOBS.replace("error = [0.4", "eror = [0.4"));
+    refused(&["--out", "o"], "jobs.toml:6:8: `{error}` is no value of this job; did you mean `eror`?");
+    scratch.write("jobs.toml", JOBS.replace("[0.4, 0.3, 0.2]", "[0.4, 0.3, 0.2, 'x']"));
+    refused(&["--out", "o"], "invalid value 'x'");
+    scratch.write("jobs.toml", JOBS);
+    let listed = batch(&scratch, &["--out", "new", "--dry-run", "--only", "compared/fine"]);
+    assert!(
+        listed.stdout.contains("3 of 12 jobs, 3 to do") && !scratch.path("new").exists(),
+        "{}",
+        listed.stdout
+    );
+}

@@ -1,0 +1,99 @@
+//! What changes or is wrong outside the job file: clear, early, and nothing is overwritten.
+
+use super::{COUNT, JOBS, batch, journal, prepared, started};
+use crate::run::{Outcome, Scratch};
+use mrvis::internals::scene::generate::Spec;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+/// Two jobs, of which the second waits for the first; between them `change` happens.
+fn with_change(change: impl FnOnce(&Scratch)) -> (Scratch, Outcome) {
+    let scratch = Scratch::new();
+    scratch.generate(&Spec { trees: 20, leaves: 500, ..Spec::new("forest") });
+    scratch.generate(&Spec::new("cornell"));
+    scratch.write(
+        "jobs.toml",
+        "[[job]]\nname = 'first'\ncommand = 'solve'\nscene = 'forest.obj'\noptions = { audit = 0, output = 'none' }\n\
+         [[job]]\nname = 'second'\ncommand = 'info'\nscene = 'cornell.obj'\nafter = 'first'\n",
+    );
+    let child = started(&scratch, &["batch", "jobs.toml", "--out", "o", "--log", "log.jsonl"]);
+    let start = Instant::now();
+    while std::fs::read_to_string(scratch.path("log.jsonl")).map_or(true, |log| !log.contains("started")) {
+        assert!(start.elapsed() < Duration::from_secs(60), "the first job does not start");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    change(&scratch);
+    let ended = Outcome::of(child.wait_with_output().expect("its end"));
+    assert_eq!(ended.code, Some(2), "{}{}", ended.stdout, ended.stderr);
+    assert!(scratch.path("o/first/solution.json").exists() && !scratch.path("o/second").exists());
+    (scratch, ended)
+}
+
+#[test]
+fn a_scene_that_changes_meanwhile_fails_its_job() {
+    let (scratch, ended) = with_change(|scratch| {
+        let text = std::fs::read_to_string(scratch.path("cornell.obj")).expect("read");
+        scratch.write("cornell.obj", text + "# changed\n");
+    });
+    let want = "cornell.obj: was changed while the batch ran; run the batch again";
+    assert!(ended.stderr.contains(want), "{}", ended.stderr);
+    // The cure that the message names.
+    assert_eq!(batch(&scratch, &["--out", "o"]).code, Some(0));
+}
+
+#[test]
+fn a_scene_that_vanishes_meanwhile_fails_its_job() {
+    let (scratch, ended) =
+        with_change(|scratch| std::fs::remove_file(scratch.path("cornell.obj")).expect("removed"));
+    assert!(ended.stderr.contains("failed second: cornell.obj: No such file"), "{}", ended.stderr);
+    let refused = batch(&scratch, &["--out", "o"]);
+    assert!(refused.stderr.contains("the scene `cornell.obj` cannot be read"), "{}", refused.stderr);
+}
+
+#[test]
+fn folders_without_rights_and_foreign_journals_are_refused() {
+    let scratch = prepared();
+    // Nobody may write there, not even root.
+    let refused = batch(&scratch, &["--out", "/proc/mrvis"]);
+    assert_eq!(refused.code, Some(2));
+    assert!(refused.stderr.starts_with("mrvis: /proc/mrvis"), "{}", refused.stderr);
+
+    assert_eq!(batch(&scratch, &["--out", "o", "--only", "reference"]).code, Some(0));
+    let path = scratch.path("o/.mrvis-batch/journal.jsonl");
+    let line = std::fs::read_to_string(&path).expect("a journal");
+    for (text, want) in [
+        (
+            line.replace("\"version\":1", "\"version\":2"),
+            "journal.jsonl:1: is of version 2, this program writes 1",
+        ),
+        (line.replace("{\"version\"", "{\"ver"), "journal.jsonl:1: is"),
+    ] {
+        std::fs::write(&path, &text).expect("written");
+        let refused = batch(&scratch, &["--out", "o"]);
+        assert_eq!(refused.code, Some(2), "{}", refused.stdout);
+        assert!(refused.stderr.contains(want), "{}", refused.stderr);
+        assert_eq!(std::fs::read_to_string(&path).expect("a journal"), text, "nothing is overwritten");
+    }
+}
+
+/// The same on a file system that is really full: a small tmpfs that grows afterwards.
+#[test]
+fn a_full_file_system_stops_the_batch_until_it_grows() {
+    let scratch = prepared();
+    scratch.write("jobs.toml", JOBS.replace("output = ['none']", "output = ['vtu', 'glb']"));
+    let inside = "mkdir full && mount -t tmpfs -o size=96k tmpfs full || exit 77; \
+                  \"$0\" batch jobs.toml --out full > first 2>&1; echo $? > code; \
+                  mount -o remount,size=64m full && \"$0\" batch jobs.toml --out full > second 2>&1; cp -r full kept";
+    let mut command = Command::new("unshare");
+    command.args(["--map-root-user", "--mount", "sh", "-c", inside, env!("CARGO_BIN_EXE_mrvis")]);
+    let ran = command.current_dir(scratch.path(".")).env("XDG_CACHE_HOME", scratch.path("cache")).output();
+    if !ran.is_ok_and(|ran| ran.status.success()) {
+        eprintln!("skipped: this system does not allow a tmpfs of the test's own");
+        return;
+    }
+    let text = |name: &str| std::fs::read_to_string(scratch.path(name)).expect("a file");
+    assert_eq!(text("code").trim(), "2", "{}", text("first"));
+    assert!(text("first").contains("make room and run the same command again"), "{}", text("first"));
+    assert!(text("second").contains("were done before"), "{}", text("second"));
+    assert_eq!(journal(&scratch.path("kept")).iter().filter(|line| line["status"] == "done").count(), COUNT);
+}

@@ -1,0 +1,88 @@
+//! Parts of a batch by several processes: in one folder, in several, with GNU parallel and with Slurm.
+
+use super::{assert_same, batch, prepared, results, started};
+use crate::run::{Outcome, Scratch};
+use std::process::Command;
+
+/// Parts that run at the same time make what one process makes.
+#[test]
+fn parts_make_the_whole() {
+    let scratch = prepared();
+    assert_eq!(batch(&scratch, &["--out", "whole"]).code, Some(0));
+    let whole = results(&scratch.path("whole"));
+    for folders in [["one", "one", "one"], ["first", "second", "third"]] {
+        let children: Vec<_> = ["1/3", "2/3", "3/3"]
+            .iter()
+            .zip(folders)
+            .map(|(part, out)| {
+                started(&scratch, &["batch", "jobs.toml", "--out", out, "--shard", part, "--threads", "1"])
+            })
+            .collect();
+        for child in children {
+            let ended = Outcome::of(child.wait_with_output().expect("its end"));
+            assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        }
+    }
+    let merged = scratch.mrvis(&["merge", "one"]);
+    assert_eq!(merged.code, Some(0), "{}", merged.stderr);
+    let merged = scratch.mrvis(&["merge", "first", "second", "third", "--out", "all"]);
+    assert!(merged.stdout.contains("12 jobs done, 0 failed"), "{}{}", merged.stdout, merged.stderr);
+    for out in ["one", "all"] {
+        assert_same(&results(&scratch.path(out)), &whole);
+        let table = std::fs::read_to_string(scratch.path(out).join("results.csv")).expect("a table");
+        assert_eq!(table.lines().count(), 13);
+        // A batch of all jobs finds them done.
+        let again = batch(&scratch, &["--out", out]);
+        assert!(
+            again.stdout.contains("0 jobs done, 12 were done before"),
+            "{}{}",
+            again.stdout,
+            again.stderr
+        );
+    }
+    std::fs::write(scratch.path("second").join("solve-0.4-mr/solution.json"), "{}").expect("changed");
+    let refused = scratch.mrvis(&["merge", "first", "second", "third", "--out", "other"]);
+    assert!(refused.code == Some(0) || refused.stderr.contains("was changed since"), "{}", refused.stderr);
+}
+
+/// Runs a script of the project; `None` if it says that it cannot run here.
+fn script(scratch: &Scratch, name: &str, arguments: &[&str]) -> Option<Outcome> {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(name);
+    let mut command = Command::new(path);
+    command.args(arguments).current_dir(scratch.path(".")).env("MRVIS", env!("CARGO_BIN_EXE_mrvis"));
+    let ran = Outcome::of(command.output().expect("the script runs"));
+    if ran.code == Some(77) {
+        eprintln!("{name}: {}", ran.stderr.trim());
+        return None;
+    }
+    assert_eq!(ran.code, Some(0), "{}{}", ran.stdout, ran.stderr);
+    Some(ran)
+}
+
+#[test]
+fn gnu_parallel_runs_the_parts() {
+    if Command::new("parallel").arg("--version").output().is_err() {
+        eprintln!("skipped: parallel is missing (Debian: apt-get install parallel)");
+        return;
+    }
+    let scratch = prepared();
+    script(&scratch, "examples/slurm/parallel.sh", &["jobs.toml", "o", "2"]);
+    let again = batch(&scratch, &["--out", "o"]);
+    assert!(again.stdout.contains("0 jobs done, 12 were done before"), "{}{}", again.stdout, again.stderr);
+}
+
+/// A job array of a real Slurm on this machine.
+#[test]
+fn slurm_runs_the_parts() {
+    let scratch = prepared();
+    let arguments = [env!("CARGO_BIN_EXE_mrvis"), "jobs.toml", "o", "3"];
+    if script(&scratch, "tests/slurm/run-array", &arguments).is_some() {
+        let again = batch(&scratch, &["--out", "o"]);
+        assert!(
+            again.stdout.contains("0 jobs done, 12 were done before"),
+            "{}{}",
+            again.stdout,
+            again.stderr
+        );
+    }
+}

@@ -1,0 +1,53 @@
+//! Tables and the page of a batch; the files in `examples/batch`.
+
+use crate::run::Scratch;
+use serde_json::Value;
+use std::path::Path;
+
+fn text(scratch: &Scratch, name: &str) -> String {
+    std::fs::read_to_string(scratch.path(name)).expect("a file")
+}
+
+/// Every example runs, and its page has what it promises.
+#[test]
+fn examples_run() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/batch");
+    let scratch = Scratch::new();
+    let mut names = Vec::new();
+    for entry in std::fs::read_dir(&folder).expect("the examples") {
+        let path = entry.expect("an entry").path();
+        if path.extension().is_none_or(|e| e != "toml") {
+            continue;
+        }
+        let name = path.file_stem().expect("a name").to_string_lossy().into_owned();
+        let path = path.to_string_lossy().into_owned();
+        let ran = scratch.mrvis(&["batch", &path, "--out", &name]);
+        assert_eq!(ran.code, Some(0), "{name}: {}{}", ran.stdout, ran.stderr);
+        let made = scratch.mrvis(&["report", &name]);
+        assert_eq!(made.code, Some(0), "{name}: {}", made.stderr);
+        assert!(made.stdout.contains("report.html"), "{}", made.stdout);
+        names.push(name);
+    }
+    assert!(names.len() >= 3, "{names:?}");
+
+    let page = text(&scratch, "compare/report.html");
+    for part in
+        ["Pareto front", "by visibility and error", "RMS difference from the reference", "data:image/png"]
+    {
+        assert!(page.contains(part), "the page lacks {part}");
+    }
+    let rows: Vec<Value> = text(&scratch, "compare/results.jsonl")
+        .lines()
+        .map(|l| serde_json::from_str(l).expect("JSON"))
+        .collect();
+    for row in rows.iter().filter(|row| row["command"] == "solve") {
+        assert!(row["compared.rms"].as_f64().is_some_and(|rms| rms > 0.0), "{row}");
+        assert!(row["seconds.solve"].is_number() && row["output_blake3"].is_string(), "{row}");
+    }
+    let parquet = std::fs::read(scratch.path("compare/results.parquet")).expect("a table");
+    assert!(parquet.starts_with(b"PAR1") && parquet.ends_with(b"PAR1"));
+
+    let refused = scratch.mrvis(&["report", "."]);
+    assert_eq!(refused.code, Some(2));
+    assert!(refused.stderr.contains("has no journal"), "{}", refused.stderr);
+}
