@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-/// Compare exact (Embree) with multi-resolution visibility on the same segments of a scene: table, JSON, images and
+/// Compare exact and multi-resolution visibility on the same segments: table, JSON, images and
 /// an HTML report.
 #[derive(Clone, Debug, clap::Args)]
 #[command(mut_arg("scene", |a| a.required(false).required_unless_present("scaling")))]

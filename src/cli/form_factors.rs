@@ -15,7 +15,7 @@ use crate::{
 };
 use std::{fmt::Write as _, path::PathBuf, process::ExitCode, time::Instant};
 
-/// Form factors between the polygons, objects or materials of a scene, visibility included.
+/// Form factors between polygons, objects or materials, with visibility.
 ///
 /// F(from, to) is the fraction of the light from the front of `from` that arrives at the front of `to`. Row sums,
 /// escaped light and light lost on back sides are reported; A F is symmetric by construction.

@@ -262,10 +262,13 @@ fn valgrind_finds_nothing() {
         return;
     }
     let folder = folder();
-    let program = compiled(&folder, "gcc", "smoke.c", false, &["-std=c99"]);
-    let mut valgrind = Command::new("valgrind");
-    valgrind.args(["--quiet", "--error-exitcode=9", "--leak-check=full", "--errors-for-leak-kinds=definite"]);
-    output(valgrind.arg(program).current_dir("/"));
+    for (source, arguments) in [("smoke.c", &[][..]), ("../capi/misuse.c", &["0"])] {
+        let program = compiled(&folder, "gcc", source, false, &["-std=c99", "-lm"]);
+        let mut valgrind = Command::new("valgrind");
+        valgrind.args(["--quiet", "--error-exitcode=9", "--leak-check=full"]);
+        valgrind.args(["--show-leak-kinds=definite", "--errors-for-leak-kinds=definite"]);
+        output(valgrind.arg(program).args(arguments).current_dir("/"));
+    }
 }
 
 /// The archive and the Debian package hold a command and a library that run where they are unpacked, and licences of all parts.
