@@ -251,7 +251,13 @@ fn address_sanitizer_finds_nothing() {
     for source in ["smoke.c", "../capi/misuse.c", "../capi/progress.c"] {
         let flags = ["-std=c99", "-fsanitize=address", "-fno-omit-frame-pointer", "-lm"];
         let program = compiled(&folder, "gcc", source, false, &flags);
-        output(Command::new(program).env("ASAN_OPTIONS", "detect_leaks=1").current_dir("/"));
+        // glibc keeps the last error of dlopen of each thread until it ends; a thread of a pool may still run at the end of the program.
+        let known = folder.path().join("known");
+        std::fs::write(&known, "leak:_dlerror_run\n").expect("written");
+        let mut host = Command::new(program);
+        host.env("ASAN_OPTIONS", "detect_leaks=1");
+        host.env("LSAN_OPTIONS", format!("print_suppressions=0:suppressions={}", known.display()));
+        output(host.current_dir("/"));
     }
 }
 
