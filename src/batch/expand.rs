@@ -60,7 +60,7 @@ fn points<'a>(entry: &'a JobEntry) -> Vec<Point<'a>> {
 
 fn job(source: &TomlSource, entry: &JobEntry, inputs: Vec<String>, point: &Point) -> Result<Job> {
     let mut options = entry.options.clone();
-    options.retain(|o| point.iter().all(|(axis, _)| axis.name != o.name));
+    options.retain(|o| point.iter().all(|(axis, _)| !axis.is_option || axis.name != o.name));
     let swept = |(axis, value): &(&Axis, &Value)| Opt {
         name: axis.name.clone(),
         value: (*value).clone(),

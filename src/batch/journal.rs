@@ -2,13 +2,13 @@
 
 use super::hashes::HashedFile;
 use super::job::Job;
-use super::names::FOLDER;
+use super::names::{FOLDER, fault};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::fs::File;
 use std::io::{Seek, SeekFrom, Write};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::time::SystemTime;
 
 /// Version of the journal's lines.
@@ -163,6 +163,13 @@ fn read(path: &Path, entries: &mut Entries) -> Result<u64> {
         }
         let mut entry: Entry = serde_json::from_value(value)
             .map_err(|e| damaged(format!("is damaged ({e}); remove the line to run its job again")))?;
+        let inside = |path: &Path| path.components().all(|c| matches!(c, Component::Normal(_)));
+        let outputs = entry.outputs.iter().map(|file| Path::new(&file.path));
+        if fault(&entry.job).is_some() || !outputs.chain([Path::new(&entry.record)]).all(inside) {
+            return Err(damaged(
+                "names files outside of the output folder; remove the line to run its job again".into(),
+            ));
+        }
         let former = entries.get_mut(&entry.job);
         entry.made = entry.status != Status::Failed || former.as_ref().is_some_and(|former| former.made);
         match former {
@@ -263,6 +270,21 @@ mod tests {
             std::fs::write(&path, text).expect("written");
             let found = read_journals(out.path()).expect_err("refused").to_string();
             assert!(found.contains(want), "{found}");
+        }
+        for change in [
+            |e: &mut Entry| e.job = "../victim".into(),
+            |e: &mut Entry| e.job = "/victim".into(),
+            |e: &mut Entry| e.record = "../victim.json".into(),
+            |e: &mut Entry| {
+                e.outputs = vec![HashedFile { path: "/victim".into(), bytes: 1, blake3: String::new() }];
+            },
+        ] {
+            let mut line = entry("a");
+            change(&mut line);
+            let text = serde_json::to_string(&line).expect("a line");
+            std::fs::write(&path, text + "\n").expect("written");
+            let found = read_journals(out.path()).expect_err("refused").to_string();
+            assert!(found.contains("names files outside of the output folder"), "{found}");
         }
         assert!(read_journals(&out.path().join("missing")).expect("nothing").is_empty());
     }

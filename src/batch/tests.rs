@@ -95,6 +95,9 @@ fn values_for_templates_are_no_options() {
     assert_eq!(found.iter().map(|job| job.name.as_str()).collect::<Vec<_>>(), ["ref-1", "ref-2", "c1", "c2"]);
     assert!(found[2].options.is_empty());
     assert_eq!([&found[2].needs, &found[3].needs], [&[0], &[1]]);
+    // An option of the same name stays.
+    let kept = jobs(&format!("{SOLVE}options = {{ seed = 3 }}\n[job.each]\nseed = [1, 2]\n")).expect("jobs");
+    assert!(kept.len() == 2 && kept.iter().all(|job| job.options.iter().any(|o| o.name == "seed")));
 }
 
 #[test]

@@ -158,7 +158,10 @@ fn parse_and_run() -> ExitCode {
         }
     };
     limits::end_aborts_as_errors();
-    limits::watch(cli.command.common().and_then(|common| common.max_memory));
+    // A batch has a budget of its own, and one job's memory must not end the others.
+    if !matches!(cli.command, Command::Batch(_)) {
+        limits::watch(cli.command.common().and_then(|common| common.max_memory));
+    }
     match run(&cli.command) {
         Ok(code) => code,
         // A reader may close the pipe early.

@@ -12,6 +12,7 @@ use std::io::{ErrorKind, Read, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::{Child, Command, ExitCode, Stdio};
 use std::sync::Arc;
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// How the command of a job ended.
@@ -90,6 +91,8 @@ pub fn as_process(line: &Line, shown: &str, threads: usize, limits: Limits) -> E
         Ok(child) => child,
         Err(e) => return Ended::failed(format!("the process of the job cannot be started ({e})")),
     };
+    // Read while the process runs: it waits for room in a pipe that is full.
+    let (answer, text) = (read_on_thread(child.stdout.take()), read_on_thread(child.stderr.take()));
     let late = || limits.seconds.is_some_and(|s| start.elapsed().as_secs_f64() > s);
     let mut stopped = false;
     // Short jobs are not held up, long ones cost little: the pause grows from 1 to 50 ms.
@@ -107,22 +110,30 @@ pub fn as_process(line: &Line, shown: &str, threads: usize, limits: Limits) -> E
         }
         pause = (pause * 2).min(Duration::from_millis(50));
     };
-    let mut answer = String::new();
-    let read = child.stdout.take().map(|mut out| out.read_to_string(&mut answer));
-    if let (true, Some(Ok(_)), Ok(ended)) = (status.success(), read, serde_json::from_str(&answer)) {
+    // A thread that failed has read nothing.
+    let [answer, text] = [answer, text].map(|reader| reader.join().unwrap_or_default());
+    if let (true, Ok(ended)) = (status.success(), serde_json::from_str(&answer)) {
         return ended;
     }
     if stopped {
         let seconds = limits.seconds.unwrap_or_default();
         return Ended::failed(format!("the time limit of {seconds} s was over; raise `limits.seconds`"));
     }
-    let mut text = String::new();
-    let _ = child.stderr.take().map(|mut err| err.read_to_string(&mut text));
     let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
     let limit = limits.memory.map_or(String::new(), |bytes| {
         format!(" (its memory limit is {:.1} GiB: `limits.memory`)", bytes as f64 / (1u64 << 30) as f64)
     });
     Ended::failed(format!("the process of the job ended with {status}{limit} {text}").trim_end())
+}
+
+/// Reads a pipe to its end.
+fn read_on_thread(pipe: Option<impl Read + Send + 'static>) -> JoinHandle<String> {
+    std::thread::spawn(move || {
+        let mut text = String::new();
+        // What came before an error is shown.
+        let _ = pipe.map(|mut pipe| pipe.read_to_string(&mut text));
+        text
+    })
 }
 
 fn started(request: &Request) -> std::io::Result<Child> {

@@ -229,7 +229,8 @@ impl<'a> Runner<'a> {
     }
 
     fn kept(&mut self, job: usize, entry: Entry, entries: &mut Entries) {
-        self.open -= 1;
+        // After an error of the journal none counts as open.
+        self.open = self.open.saturating_sub(1);
         self.reporter.ended(job, &entry);
         match entry.status {
             Status::Failed => {
