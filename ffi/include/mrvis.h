@@ -541,7 +541,8 @@ typedef struct mrv_image_options {
 } mrv_image_options;
 
 /* The radiance that a camera sees, W/(m^2 sr), linear RGB: three numbers for each pixel, row by row from the top, black where it sees
- * no lit side. `size` is the number of floats in `radiance`: 3 width height. `options` may be NULL. */
+ * no lit side. `size` is the number of floats in `radiance`: 3 width height. `options` may be NULL. The work takes 96 bytes a pixel, 156
+ * with `gather`; MRV_ERROR_OUT_OF_MEMORY before it begins if they are not left. */
 mrv_status mrv_solution_image(const mrv_solution *solution, const mrv_camera *camera, const mrv_image_options *options,
                               float *radiance, size_t size);
 
