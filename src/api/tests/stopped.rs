@@ -108,7 +108,7 @@ fn one_large_bundle_stops() {
     let [low, high] = model.scene().bounds().map(|corner| corner.map(|x| x as f32));
     let count = 5 << 14;
     let at = |i: usize, z: f32| {
-        let [u, v, ..] = sobol_burley::sample_4d(i as u32, 0, 3);
+        let [u, v, ..] = sobol_burley::sample_4d((i % 4096) as u32, 0, (i / 4096) as u32);
         [low[0] + u * (high[0] - low[0]), low[1] + v * (high[1] - low[1]), z]
     };
     let from: Vec<[f32; 3]> = (0..count).map(|i| at(i, low[2] + 0.01)).collect();

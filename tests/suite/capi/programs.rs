@@ -107,7 +107,12 @@ fn check_words(message: &str) {
         let end = quoted.find(|c: char| !c.is_ascii_alphanumeric() && c != '_').unwrap_or(quoted.len());
         ARGUMENTS.contains(&&quoted[..end])
     };
-    assert!(what.split('`').skip(1).step_by(2).any(argument), "names no argument: {message}");
+    let names_file =
+        what.split(':').next().is_some_and(|first| first.ends_with(".obj") || first.ends_with(".ply"));
+    assert!(
+        names_file || what.split('`').skip(1).step_by(2).any(argument),
+        "names neither argument nor file: {message}"
+    );
     // What the program called its meshes, materials and so on.
     const OWN: [&str; 9] = ["m", "a", "b", "i", "floor", "lamp", "boxes", "grey", "red"];
     for quoted in what.split('`').skip(1).step_by(2) {
