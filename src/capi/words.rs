@@ -184,6 +184,8 @@ const WORDS: &[(&str, &str, &str)] = &[
     ("mrv_visibility_answer", "`bundles`", "`segments.offsets`"),
     ("mrv_visibility_query", "`to_source`", "`query.source`"),
     ("mrv_visibility_query", "`to_point`", "`query.point`"),
+    ("mrv_visibility_answer", "segment ", "`segments.targets`: segment "),
+    ("mrv_scene_builder_add_material", "material ", "`name`: material "),
     ("mrv_scene_generate", "no scene ", "`name`: no scene "),
     ("mrv_scene_generate_with", "no scene ", "`name`: no scene "),
     ("mrv_scene_load", "no object, group ", "`options.emitters`: no object, group "),

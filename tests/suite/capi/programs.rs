@@ -107,8 +107,9 @@ fn check_words(message: &str) {
         let end = quoted.find(|c: char| !c.is_ascii_alphanumeric() && c != '_').unwrap_or(quoted.len());
         ARGUMENTS.contains(&&quoted[..end])
     };
-    let names_file =
-        what.split(':').next().is_some_and(|first| first.ends_with(".obj") || first.ends_with(".ply"));
+    let first = what.split(':').next().unwrap_or_default();
+    // A file, or what a builder collected.
+    let names_file = first == "arrays" || first.ends_with(".obj") || first.ends_with(".ply");
     assert!(
         names_file || what.split('`').skip(1).step_by(2).any(argument),
         "names neither argument nor file: {message}"
