@@ -104,7 +104,7 @@ LONG = {
     "visibility": (
         "model = mrvis.Model(mrvis.Scene.generate('cubes'), threads=1); n = 1 << 18; low, high = model.scene.bounds\n"
         "a, b = (np.tile(np.random.default_rng(k).uniform(low, high, (n, 3)).astype(np.float32), (64, 1)) for k in (1, 2))\n",
-        "model.visibility(a, b, engine='exact', bundles=len(a))",
+        "model.visibility(a, b, engine='exact', bundles=1 << 20)",
     ),
 }
 
@@ -143,14 +143,14 @@ def takes_longer(call, seconds):
 @pytest.mark.parametrize("call", LONG)
 def test_ctrl_c(call):
     presses, late = interrupted(call, 1)
-    # An interruption that acts when the work is over comes after all of it. On an idle machine it is 0.6 s late at most.
-    assert presses == 1 and takes_longer(call, 0.3 + 5 * max(late, 0.6)), f"{late} s late"
+    # An interruption that acts when the work is over is as late as the work is long.
+    assert presses == 1 and takes_longer(call, 0.5 + 5 * late), f"{late} s late"
 
 
 def test_a_second_ctrl_c_leaves_work_that_does_not_stop():
     # The error metric does not look whether it shall stop; it is left to itself half a second after the first interruption.
     presses, late = interrupted("fbem", 2)
-    assert presses == 2 and takes_longer("fbem", 0.6 + 5 * max(late, 0.2)), f"{late} s late"
+    assert presses == 2 and takes_longer("fbem", 0.8 + 5 * late), f"{late} s late"
 
 
 def test_form_factors_are_cancelled(cornell):
