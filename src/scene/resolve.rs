@@ -99,6 +99,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
         path: soup.path,
         cameras: soup.cameras,
         files: Vec::new(),
+        unread_files: Vec::new(),
         unit: options.unit.clone(),
         two_sided_emission: options.two_sided_emission,
         up: options.up,

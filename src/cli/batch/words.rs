@@ -2,8 +2,9 @@
 
 use crate::batch::{Job, Opt, Out, Reads, TomlSource, Value, nearest, resolve_outputs};
 use crate::cli::{Cli, Command, args::shell_word, usage};
-use crate::{Error, Result};
+use crate::{Error, Result, error::quote};
 use clap::{Arg, ArgAction, CommandFactory, Parser, error::ContextKind, error::ContextValue};
+use std::collections::HashMap;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
@@ -109,6 +110,37 @@ impl Grammar {
         words.extend(kind.json.into_iter().flat_map(|name| given("--json", folder.join(name))));
         words.push("--quiet".into());
         Ok(Line { words, files })
+    }
+
+    /// Takes the options of `[defaults]` away from jobs whose command does not have them.
+    ///
+    /// # Errors
+    /// No command of the file has such an option.
+    pub fn drop_foreign_defaults(&self, source: &TomlSource, jobs: &mut [Job]) -> Result<()> {
+        let names = |job: &Job| -> Vec<&str> {
+            let command =
+                self.command.find_subcommand(job.command.name).expect("commands of jobs are commands");
+            command.get_arguments().filter_map(Arg::get_long).collect()
+        };
+        let mut known: HashMap<&str, Vec<&str>> = HashMap::new();
+        for job in &*jobs {
+            known.entry(job.command.name).or_insert_with(|| names(job));
+        }
+        let somewhere = |name: &str| known.values().flatten().any(|k| *k == name);
+        for option in jobs.iter().flat_map(|job| &job.options).filter(|o| o.is_default) {
+            if !somewhere(&option.name) {
+                let similar = nearest(&option.name, known.values().flatten().copied());
+                let similar = similar.map_or(String::new(), |k| format!("; did you mean `{k}`?"));
+                let what =
+                    format!("no command of this file has the option `{}`{similar}", quote(&option.name));
+                return Err(source.error(&option.span, what));
+            }
+        }
+        for job in jobs {
+            let own = &known[job.command.name];
+            job.options.retain(|o| !o.is_default || own.contains(&o.name.as_str()));
+        }
+        Ok(())
     }
 
     /// The definition of an option of a job.
