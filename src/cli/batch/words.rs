@@ -241,6 +241,7 @@ mod tests {
         let mut jobs = expand(&source, &parse(&source)?)?;
         check(&source, &mut jobs)?;
         let grammar = Grammar::new();
+        grammar.drop_foreign_defaults(&source, &mut jobs)?;
         let line = |job: &Job| {
             let line = grammar.line(&source, job, Path::new("out"), &Path::new("work").join(&job.name))?;
             grammar.check(&source, job, &line)?;
@@ -280,6 +281,23 @@ mod tests {
         assert!(
             found[2].starts_with("mrvis compare out/ref-a/irradiance.csv out/ref-b/irradiance.csv --json")
         );
+    }
+
+    #[test]
+    fn defaults_apply_to_commands_that_have_them() {
+        let jobs = "[[job]]\ncommand = 'solve'\nscene = 'a.obj'\n\
+                    [[job]]\ncommand = 'fbem'\nname = 'f'\ninputs = ['a.obj', 'b.obj']\n";
+        let found =
+            lines(&format!("[defaults]\noptions = {{ unit = 'mm', seed = 3 }}\n{jobs}")).expect("two lines");
+        assert!(found[0].contains("--unit=mm --seed=3"), "{found:?}");
+        assert!(!found[1].contains("unit") && !found[1].contains("seed"), "{found:?}");
+        let refused =
+            lines(&format!("[defaults]\noptions = {{ sed = 3 }}\n{jobs}")).expect_err("refused").to_string();
+        let want = "jobs.toml:2:13: no command of this file has the option `sed`; did you mean `seed`?";
+        assert!(refused.contains(want), "{refused}");
+        // A job's own options must be those of its command.
+        let own = lines(&format!("{jobs}options = {{ seed = 3 }}\n")).expect_err("refused").to_string();
+        assert!(own.contains("`fbem` has no option `seed`"), "{own}");
     }
 
     #[test]
