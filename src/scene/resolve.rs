@@ -84,13 +84,12 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     let (component, closed) = used_parts(&parts, &faces.polygon);
     let part = |t: usize| parts.part[faces.polygon[t] as usize];
     let appearance = |t: usize| (faces.reflectance[t], materials[faces.material[t] as usize].emission);
-    let alike = |s: usize, t: usize| part(s) == part(t) && appearance(s) == appearance(t);
     let planes = overlap::Faces {
         positions: &positions,
         triangles: &triangles,
         object: &triangle_object,
         two_sided: &|t| sides(part(t)) == 2,
-        alike: &alike,
+        alike: &|s, t| part(s) == part(t) && appearance(s) == appearance(t),
     };
     let found = overlap::find(&planes, &objects, &options.unit, &mut repairs);
     let areas = area_of_parts(&parts, &faces.polygon, &area);

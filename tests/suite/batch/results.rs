@@ -56,7 +56,8 @@ fn examples_run() {
 #[test]
 fn the_example_of_the_page_runs() {
     let page = include_str!("../../../docs/batch.md");
-    let example = page.split("```toml\n").nth(1).and_then(|rest| rest.split("```").next()).expect("an example");
+    let example =
+        page.split("```toml\n").nth(1).and_then(|rest| rest.split("```").next()).expect("an example");
     let scratch = Scratch::new();
     scratch.write("jobs.toml", example);
     scratch.write("points.csv", include_str!("../../../examples/batch/points.csv"));
@@ -90,5 +91,8 @@ fn the_page_names_pictures_that_are_gone() {
     let made = scratch.mrvis(&["report", "o"]);
     assert_eq!(made.code, Some(0), "{}", made.stderr);
     let page = text(&scratch, "o/report.html");
-    assert!(page.contains("A picture cannot be read: o/1/view.png") && page.contains("data:image/png"), "{page}");
+    assert!(
+        page.contains("A picture cannot be read: o/1/view.png") && page.contains("data:image/png"),
+        "{page}"
+    );
 }
