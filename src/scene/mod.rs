@@ -3,8 +3,10 @@
 //! File formats, defaults, units and repairs are handled here; later rooms do not check again.
 
 mod bent;
+mod box_grid;
 mod compact;
 mod connect;
+mod duplicates;
 mod emitter_sampler;
 mod emitters;
 mod flatten;
@@ -41,7 +43,6 @@ mod tests;
 mod texture;
 mod triangulate;
 mod up;
-mod weld;
 #[cfg(any(test, feature = "cli"))]
 mod write_gltf;
 #[cfg(any(test, feature = "cli"))]

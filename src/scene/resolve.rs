@@ -15,9 +15,12 @@ use super::{
     power::{self, Surfaces},
     stack::stack,
     triangulate::{Shape, Triangulator},
-    weld,
 };
-use crate::{Error, Result, error::quote, math::Aabb};
+use crate::{
+    Error, Result,
+    error::quote,
+    math::{Aabb, weld::weld},
+};
 use glam::{DVec3, Vec3};
 
 /// Checks, repairs and converts a soup.
@@ -50,7 +53,9 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     let mut repairs = std::mem::take(&mut soup.repairs);
     let mut materials = check_materials(&soup, role, &mut repairs)?;
     let origin = origin(&soup)?;
-    let (number, positions) = weld::weld(soup.positions.iter().map(|p| (p - origin).as_vec3()));
+    let single: Vec<Vec3> = soup.positions.iter().map(|p| (p - origin).as_vec3()).collect();
+    let (number, positions) = weld(&single);
+    drop(single);
     soup.positions = Vec::new();
 
     let kept = Kept::of(&soup, &number, &positions, &mut repairs);
