@@ -53,9 +53,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     let mut repairs = std::mem::take(&mut soup.repairs);
     let mut materials = check_materials(&soup, role, &mut repairs)?;
     let origin = origin(&soup)?;
-    let single: Vec<Vec3> = soup.positions.iter().map(|p| (p - origin).as_vec3()).collect();
-    let (number, positions) = weld(&single);
-    drop(single);
+    let (number, positions) = weld(&seen_from(origin, &soup.positions));
     soup.positions = Vec::new();
 
     let kept = Kept::of(&soup, &number, &positions, &mut repairs);
@@ -168,6 +166,11 @@ fn check_materials(soup: &Soup, role: Role, repairs: &mut Repairs) -> Result<Vec
         repairs.messages.push(format!("reflectance clamped to 0..{MAX_REFLECTANCE} in {names}"));
     }
     Ok(materials)
+}
+
+/// The positions relative to the origin.
+fn seen_from(origin: DVec3, positions: &[DVec3]) -> Vec<Vec3> {
+    positions.iter().map(|p| (p - origin).as_vec3()).collect()
 }
 
 /// Offset of the positions: zero unless the scene is far from zero relative to its size; otherwise its centre,

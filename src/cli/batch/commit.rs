@@ -161,16 +161,15 @@ fn files(plan: &Plan, hashes: &Hashes, finished: &Finished) -> Result<(Vec<Hashe
     Ok((inputs, seal(&plan.out, &plan.jobs[finished.job].name)?))
 }
 
+/// Lines that count, and the error of a file system without space.
+type Kept = (Vec<(usize, Entry)>, Option<String>);
+
 /// Writes the lines of jobs, then gives their folders their places and takes those of former runs away. Returns the lines that count, and
 /// the error of a file system without space.
 ///
 /// # Errors
 /// The journal cannot be written.
-fn keep(
-    plan: &Plan,
-    journal: &mut Journal,
-    mut lines: Vec<Line>,
-) -> Result<(Vec<(usize, Entry)>, Option<String>)> {
+fn keep(plan: &Plan, journal: &mut Journal, mut lines: Vec<Line>) -> Result<Kept> {
     let out = &plan.out;
     journal.append(&lines.iter().map(|line| &line.entry).collect::<Vec<_>>())?;
     let each_with_outputs = |lines: &mut [Line], act: &dyn Fn(&str) -> Result<()>| -> Vec<usize> {

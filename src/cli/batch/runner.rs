@@ -220,8 +220,10 @@ impl<'a> Runner<'a> {
 
     /// Lets the journal get the line of a job; not after the end, when what follows is known from the lines of others.
     fn close(&self, job: Closing) {
-        // The other end lives as long as this sender.
-        let _ = self.closing.as_ref().map(|closing| closing.send(job));
+        if let Some(closing) = &self.closing {
+            // The other end lives as long as this sender.
+            let _ = closing.send(job);
+        }
     }
 
     fn handle_kept(&mut self, event: Event, entries: &mut Entries) {
