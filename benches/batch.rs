@@ -44,7 +44,7 @@ fn timed(work: impl FnOnce()) -> Times {
 fn in_process(folder: &Path) {
     let next = AtomicU64::new(0);
     let solves = || {
-        let scene = Scene::load_with(&folder.join("cornell.obj"), &LoadOptions::default()).expect("a scene");
+        let scene = Scene::load_with(folder.join("cornell.obj"), &LoadOptions::default()).expect("a scene");
         let model = Model::prepare(scene, &PrepareOptions::default().with_threads(1), &()).expect("a model");
         loop {
             let seed = next.fetch_add(1, Ordering::Relaxed);
