@@ -231,6 +231,8 @@ pub struct Scene {
     pub(crate) repairs: Repairs,
     /// Files that were read: the scene, its material libraries, textures and buffers, placed luminaires; empty for generated scenes.
     pub(crate) files: Vec<PathBuf>,
+    /// Files that the scene names and that could not be opened: with them it would be another scene.
+    pub(crate) unread_files: Vec<PathBuf>,
     /// Meshes that are stored once and placed by `placements`; each is a scene in its own frame, without emitters,
     /// shared meshes or placements. Empty if every mesh occurs once.
     pub(crate) shared: Vec<Arc<Scene>>,
