@@ -106,7 +106,7 @@ typedef struct mrv_load_options {
   size_t struct_size;
   const char *unit;            /* unit of length: "m" (default), "dm", "cm", "mm", "km", "in", "ft"; else power counts as in metres */
   const char *const *emitters; /* names of objects, groups or materials that become emitters ... */
-  const double *emitter_watts; /* ... and the power that each sends out, above 0, in W in each channel or as emitter_units says */
+  const double *emitter_watts; /* ... and the power that each sends out, at least 0 (0: it emits nothing), in W in each channel or as emitter_units says */
   size_t emitter_count;        /* entries of both */
   int32_t two_sided_emission;  /* other than 0: emissive faces emit from both sides; default: the front alone */
   int32_t sides;               /* 1: all faces bound solids, 2: all are sheets seen from both sides; 0: by connectivity */
