@@ -65,6 +65,7 @@ impl Model {
                 threads: inner.threads.clone(),
                 engines: Default::default(),
             }),
+            ranks: self.ranks.clone(),
         })
     }
 }

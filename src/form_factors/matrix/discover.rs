@@ -9,7 +9,7 @@ use crate::ray::{LANES, Packet};
 use glam::Vec3;
 
 /// A facet that rays hit on its front, and the number of hits up to [`Partner::MAX_HITS`], in 32 bits to save memory.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Deserialize, serde::Serialize)]
 pub struct Partner(u32);
 
 impl Partner {
@@ -47,6 +47,7 @@ impl Partner {
 }
 
 /// Result of the rays of one facet.
+#[derive(serde::Deserialize, serde::Serialize)]
 pub struct Found {
     /// Facets whose fronts were hit, ascending.
     pub partners: Vec<Partner>,
