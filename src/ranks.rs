@@ -173,6 +173,13 @@ pub mod testing {
 mod tests {
     use super::testing::on_ranks;
     use super::*;
+    use crate::form_factors::matrix::{Facets, Settings, compute};
+    use crate::model::{Detail, testing::model};
+    use crate::path_tracer;
+    use crate::points::Point;
+    use crate::radiosity::{Options, run};
+    use crate::scene::generate::{Spec, build};
+    use glam::DVec3;
 
     #[test]
     fn every_row_is_dealt_once() {
@@ -212,5 +219,49 @@ mod tests {
     fn one_rank_has_all_rows() {
         let alone = Ranks::default();
         assert_eq!(alone.rows(5).gather(alone.rows(5).numbers().collect()), [0, 1, 2, 3, 4]);
+    }
+
+    /// A room with clusters has the same light, of elements and at points, on any number of ranks.
+    #[test]
+    fn a_solution_has_the_same_bits() {
+        let scene = build(&Spec::new("cornell")).expect("a scene");
+        let model = model(&scene, Detail::Clusters);
+        let options = Options { error: 0.1, ..Options::default() };
+        let points: Vec<Point> = (0..100)
+            .map(|k| Point { position: DVec3::new(5.0 * f64::from(k) + 20.0, 0.0, 280.0), normal: DVec3::Y })
+            .collect();
+        let solved = |ranks: Ranks| {
+            let found = run(&model.clone().on_ranks(ranks), &points, &options, &()).expect("a solution");
+            let light: Vec<[f64; 3]> = found.mesh.elements.iter().map(|e| e.irradiance).collect();
+            (light, found.irradiance, found.record.error_estimate, found.record.bundles)
+        };
+        let alone = solved(Ranks::default());
+        assert!(alone.0.len() > 1000 && alone.1.iter().flatten().any(|&e| e > 0.0));
+        for count in [2, 3] {
+            assert!(on_ranks(count, solved).into_iter().all(|found| found == alone), "{count} ranks");
+        }
+    }
+
+    #[test]
+    fn paths_and_form_factors_have_the_same_bits() {
+        let scene = build(&Spec::new("cornell")).expect("a scene");
+        let (model, facets) = (model(&scene, Detail::Rays), Facets::new(&scene));
+        let points: Vec<Point> = (0..20)
+            .map(|k| Point { position: DVec3::new(20.0 * f64::from(k) + 20.0, 0.0, 280.0), normal: DVec3::Y })
+            .collect();
+        let found = |ranks: Ranks, every: bool| {
+            let model = model.clone().on_ranks(ranks);
+            let settings = path_tracer::Settings { samples: 64, direct_only: false, seed: 1 };
+            let light = path_tracer::irradiance(&model, &points, settings, &()).expect("light");
+            let settings = Settings { rays: 128, every, ..Settings::new(facets.count()) };
+            let (matrix, report) = compute(&model, &facets, &settings, &()).expect("a matrix");
+            (light.values, light.standard_errors, matrix, report.rays)
+        };
+        for every in [true, false] {
+            let alone = found(Ranks::default(), every);
+            for count in [2, 5] {
+                assert!(on_ranks(count, |ranks| found(ranks, every)).into_iter().all(|one| one == alone));
+            }
+        }
     }
 }

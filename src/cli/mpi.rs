@@ -176,3 +176,27 @@ impl Command {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::Cli;
+    use clap::Parser;
+
+    #[test]
+    #[cfg(not(feature = "mpi"))]
+    fn programs_without_mpi_say_how_to_get_it() {
+        let line = ["mrvis", "solve", "a.obj", "--out", "o", "--mpi"];
+        let mut command = Cli::try_parse_from(line).unwrap().command;
+        let error = start(&mut command, true).unwrap_err().to_string();
+        assert!(error.starts_with("--mpi: ") && error.contains("--features mpi"), "{error}");
+    }
+
+    #[test]
+    fn what_depends_on_time_is_refused() {
+        let several = MpiArgs { mpi: true };
+        assert!(several.refuse("--max-seconds", true).unwrap_err().to_string().contains("--max-seconds"));
+        assert!(several.refuse("--max-seconds", false).is_ok());
+        assert!(MpiArgs::default().refuse("--max-seconds", true).is_ok());
+    }
+}
