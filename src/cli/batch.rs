@@ -111,7 +111,12 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let to_do: Vec<usize> = plan.chosen.iter().copied().filter(|&k| !done[k]).collect();
     let work = (0..plan.jobs.len()).map(|k| plan.work(k, &entries)).collect();
     let reporter = Reporter::new(work, &to_do, args.log.as_deref(), args.quiet)?;
-    let settings = Settings { capacity: args.capacity(), retry: args.retry, mpi: args.mpi };
+    let settings = Settings {
+        capacity: args.capacity(),
+        retry: args.retry,
+        #[cfg(feature = "mpi")]
+        world: args.mpi.world(),
+    };
     let ran = runner::run(&plan, (&mut entries, &done), (&hashes, journal), &settings, &reporter);
     reporter.finish();
     let written = match args.shard {

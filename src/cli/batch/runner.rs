@@ -9,7 +9,8 @@ use super::reporter::Reporter;
 use crate::batch::{
     Capacity, Entries, Entry, Hashes, Journal, Limits, Schedule, Status, Task, begin, write_results,
 };
-use crate::cli::mpi::MpiArgs;
+#[cfg(feature = "mpi")]
+use crate::cli::mpi::World;
 use crate::cli::shared_scenes::SharedScenes;
 use crate::cli::{interruption, one_line};
 use crate::{Error, Result};
@@ -35,8 +36,9 @@ pub struct Settings {
     pub capacity: Capacity,
     /// Further runs of a failed job, if the job file states fewer.
     pub retry: u32,
-    /// Whether other processes run jobs as well.
-    pub mpi: MpiArgs,
+    /// All ranks, if others run jobs as well.
+    #[cfg(feature = "mpi")]
+    pub world: Option<World>,
 }
 
 /// How a batch ended.
@@ -105,7 +107,7 @@ pub fn run(
         let own_events = events.clone();
         scope.spawn(move || commit(plan, hashes, journal, &to_commit, &own_events));
         #[cfg(feature = "mpi")]
-        if let Some(world) = settings.mpi.world() {
+        if let Some(world) = settings.world {
             let ((sender, assignments), events) = (channel(), events.clone());
             runner.assignments = Some(sender);
             scope.spawn(move || ranks::hand_out(world, plan, &assignments, &events));
@@ -129,7 +131,7 @@ pub fn run(
 /// What all processes can run at once.
 fn capacities(settings: &Settings) -> Vec<Capacity> {
     #[cfg(feature = "mpi")]
-    if let Some(world) = settings.mpi.world() {
+    if let Some(world) = settings.world {
         return ranks::capacities(world, settings.capacity);
     }
     vec![settings.capacity]

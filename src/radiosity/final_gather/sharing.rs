@@ -10,9 +10,9 @@ use super::neighbours::{Neighbourhood, Place, Search};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::rgb::Rgb;
 use crate::ranks::Ranks;
+use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
 /// Neighbours in each window, the element included: the element alone, then, in a regular grid, 3 by 3, 5 by 5 and 7 by 7 elements.
 /// Each window has at most about half of the variance of the one before.
@@ -37,7 +37,8 @@ const MIN_FOR_PLANE: usize = 6;
 const MIN_FOR_NORMALS: usize = WINDOWS[1];
 
 /// Irradiance of an element after sharing.
-#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C)]
 pub struct SharedLight {
     /// W/m².
     pub irradiance: Rgb,
@@ -49,7 +50,8 @@ pub struct SharedLight {
 type Fits = [[[Vec3; 2]; WINDOWS.len()]; KINDS];
 
 /// How the windows of one element compare.
-#[derive(Clone, Copy, Default, Deserialize, Serialize)]
+#[derive(Clone, Copy, Default, Pod, Zeroable)]
+#[repr(C)]
 struct Comparison {
     /// By kind and window: mean square of the difference of the fit to one half and the other half of the element's own rays.
     crossed: [[f32; WINDOWS.len()]; KINDS],
@@ -66,7 +68,7 @@ pub fn share(
     deadline: &Deadline,
 ) -> Vec<SharedLight> {
     deadline.stage("light of elements, neighbours", places.len());
-    let around = (!deadline.late()).then(|| Neighbourhood::new(places));
+    let around = (!deadline.late()).then(|| Neighbourhood::new(places, ranks));
     let level = [0, 1].map(|kind| {
         let of = |(light, area): (&ElementLight, &f64)| area * light.mean(kind);
         light.iter().zip(areas).map(of).sum::<f64>() / areas.iter().sum::<f64>().max(f64::MIN_POSITIVE)
@@ -85,9 +87,9 @@ pub fn share(
     });
     let (mut own, mut compared) = (Vec::new(), Vec::new());
     made.unzip_into_vecs(&mut own, &mut compared);
-    let compared: Vec<Comparison> = rows.gather(compared);
+    let compared: Vec<Comparison> = rows.gather_numbers(compared);
     let chosen = rows.numbers().zip(own).with_min_len(256);
-    rows.gather(chosen.map(|(i, own)| choose(&own, &compared, light, level, i)).collect())
+    rows.gather_numbers(chosen.map(|(i, own)| choose(&own, &compared, light, level, i)).collect())
 }
 
 /// Number of unknowns of a fit: the value, its slopes along two directions of the surface, and its slopes by two components of the normal.

@@ -186,6 +186,7 @@ impl Stages<'_> {
         let model = self.model;
         let engine = timed(&mut self.seconds.characterise, || engine_for(model, &elements, options));
         let mut linked = LinkedScene::new(elements, surroundings, engine, options);
+        linked.ranks = model.ranks().clone();
         apply_importance(&mut linked, scene, options, exact)?;
         self.notes.extend(notes::unlit(&unlit));
         self.notes.extend(notes::late_preparation(options, &self.deadline));

@@ -170,7 +170,7 @@ impl TransportMatrix {
                 sum.map(|s| gathers * s)
             })
             .collect();
-        rows.gather(own)
+        rows.gather_numbers(own)
     }
 }
 
@@ -182,7 +182,7 @@ impl BalancedRows for TransportMatrix {
             f64::from(self.factors[i]) * sum / self.area[i]
         };
         let rows = self.ranks.rows(self.area.len());
-        rows.gather(rows.numbers().with_min_len(CHUNK).map(sum).collect())
+        rows.gather_numbers(rows.numbers().with_min_len(CHUNK).map(sum).collect())
     }
 
     fn target(&self, i: usize, sum: f64) -> Option<(f64, f64)> {
