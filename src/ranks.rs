@@ -138,12 +138,18 @@ impl Rows<'_> {
 }
 
 #[cfg(test)]
-pub mod testing {
-    //! Ranks that are threads of one process.
-
+mod tests {
     use super::*;
+    use crate::form_factors::matrix::{Facets, Settings, compute};
+    use crate::model::{Detail, testing::model};
+    use crate::path_tracer;
+    use crate::points::Point;
+    use crate::radiosity::{Options, run};
+    use crate::scene::generate::{Spec, build};
+    use glam::DVec3;
     use std::sync::{Barrier, Mutex};
 
+    /// Ranks that are threads of one process.
     struct Shared {
         barrier: Barrier,
         parts: Mutex<Vec<Vec<u8>>>,
@@ -173,7 +179,7 @@ pub mod testing {
     }
 
     /// What each of `count` ranks returns from the same work, on a thread of its own.
-    pub fn on_ranks<R: Send>(count: usize, work: impl Fn(Ranks) -> R + Sync) -> Vec<R> {
+    fn on_ranks<R: Send>(count: usize, work: impl Fn(Ranks) -> R + Sync) -> Vec<R> {
         let shared =
             Arc::new(Shared { barrier: Barrier::new(count), parts: Mutex::new(vec![Vec::new(); count]) });
         std::thread::scope(|scope| {
@@ -186,19 +192,6 @@ pub mod testing {
             threads.into_iter().map(|t| t.join().expect("no panic")).collect()
         })
     }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::testing::on_ranks;
-    use super::*;
-    use crate::form_factors::matrix::{Facets, Settings, compute};
-    use crate::model::{Detail, testing::model};
-    use crate::path_tracer;
-    use crate::points::Point;
-    use crate::radiosity::{Options, run};
-    use crate::scene::generate::{Spec, build};
-    use glam::DVec3;
 
     #[test]
     fn every_row_is_dealt_once() {

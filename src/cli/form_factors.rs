@@ -70,9 +70,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let common = &args.common;
     args.scene.without_light()?;
     let format = Format::of(&args.out)?;
-    if args.mpi.is_first() {
-        check_file(&args.out)?;
-    }
+    args.mpi.on_first(|| check_file(&args.out))?;
     common.check_json()?;
     if let Some(v) = args.tolerance.filter(|v| !(v.is_finite() && *v >= 0.0)) {
         return Err(Error::Argument(format!("--tolerance {v}: must be a number not below 0")));

@@ -51,6 +51,14 @@ impl MpiArgs {
         true
     }
 
+    /// Does what only the first rank does.
+    ///
+    /// # Errors
+    /// As `work`.
+    pub fn on_first(self, work: impl FnOnce() -> Result<()>) -> Result<()> {
+        if self.is_first() { work() } else { Ok(()) }
+    }
+
     /// Number of ranks on this machine.
     pub fn on_machine(self) -> usize {
         #[cfg(feature = "mpi")]

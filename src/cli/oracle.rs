@@ -39,9 +39,7 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<ExitCode> {
     let common = &args.common;
-    if args.mpi.is_first() {
-        check_file(&args.out)?;
-    }
+    args.mpi.on_first(|| check_file(&args.out))?;
     common.check_json()?;
     let points = read_points(&args.points)?;
     let scene = args.scene.load(common)?;

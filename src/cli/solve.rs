@@ -236,9 +236,7 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
     let (Some(scene), Some(out)) = (&args.scene, &args.out) else {
         return Err(Error::Argument("give a scene and --out DIR, or --scaling".into()));
     };
-    if args.mpi.is_first() {
-        check_folder(out)?;
-    }
+    args.mpi.on_first(|| check_folder(out))?;
     args.common.check_json()?;
     let points = args.points.as_deref().map(read_points).transpose()?.unwrap_or_default();
     let start = Instant::now();

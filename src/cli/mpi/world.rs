@@ -144,7 +144,7 @@ pub struct Mailbox {
 }
 
 impl Mailbox {
-    /// No messages.
+    /// No messages yet; MPI has started.
     pub fn new(_: World) -> Mailbox {
         Mailbox { arrived: VecDeque::new() }
     }
