@@ -7,6 +7,8 @@ DEMO_SCENE ?= livingroom
 DEMO_OPTIONS ?= --points 8000 --reference-rays 512
 
 FUZZ_SECONDS ?= 3600
+# How often `make kills` ends a batch; `make test` does so 10 times.
+KILLS ?= 50
 
 TARGET_DIR := $(or $(CARGO_TARGET_DIR),target)
 BINARY := $(TARGET_DIR)/release/mrvis
@@ -23,7 +25,7 @@ CRATES := $(or $(CARGO_HOME),$(HOME)/.cargo)/registry/src
 export PATH := $(PATH):$(HOME)/.cargo/bin
 SHELL := /bin/bash
 
-.PHONY: help demo test build scenes install install-files dist python python-test fuzz clean distclean
+.PHONY: help demo test build scenes install install-files dist python python-test fuzz kills batch-speed clean distclean
 .PHONY: setup need-cargo need-packages need-embree need-furniture need-lint need-browser need-install need-hosts need-python need-mpi
 .DEFAULT_GOAL := help
 
@@ -38,6 +40,8 @@ help:
 	@echo "  make install   install the command and the C library under PREFIX (now $(PREFIX))"
 	@echo "  make dist      make a .tar.gz and a Debian package of both in out/dist"
 	@echo "  make fuzz      search for files that readers fail at, FUZZ_SECONDS (now $(FUZZ_SECONDS)) in all"
+	@echo "  make kills     end batches of jobs at KILLS (now $(KILLS)) random moments: nothing may be lost"
+	@echo "  make batch-speed  compare a batch with solves in one process"
 	@echo "  make clean     remove build products and reports; distclean: also assembled scenes and the private Embree"
 	@echo
 	@echo "Embree 4 is taken from EMBREE_DIR if that is set, else from the system, else downloaded into .prefix."
@@ -188,6 +192,12 @@ fuzz: setup
 	    -print_final_stats=1 -max_total_time=$$(($(FUZZ_SECONDS) / $(words $(FUZZ_READERS)))) -timeout=20 -rss_limit_mb=4096 -max_len=65536 \
 	    || exit 1; \
 	done
+
+kills: setup
+	MRVIS_KILLS=$(KILLS) cargo test --test suite nothing_is_lost_when_the_batch_is_killed
+
+batch-speed: setup
+	cargo bench --bench batch
 
 clean: need-cargo
 	cargo clean

@@ -128,4 +128,6 @@ pub use glam::DAffine3;
 pub use model::{Detail, Instance, InstanceChange, Model, PrepareOptions, PrepareReport, Source};
 pub use progress::Progress;
 pub use scene::{Channels, GenerateOptions, LoadOptions, Scene, UpAxis};
+#[doc(hidden)]
+pub use threads::{in_callback, is_in_callback};
 pub use visibility::{Answer, Cost, Method};

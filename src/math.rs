@@ -1,6 +1,7 @@
 //! Axis-aligned boxes, triangle areas and normals.
 
 pub mod sampling;
+pub mod weld;
 
 use glam::Vec3;
 use serde::{Deserialize, Serialize};

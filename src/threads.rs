@@ -16,8 +16,7 @@ thread_local! {
 }
 
 /// Runs a callback that is called while a pool works for its caller. What it asks is done on a thread of its own: in the pool at work it
-/// would wait until that work is over.
-#[cfg(feature = "capi")]
+/// would wait until that work is over. For interfaces to other languages, whose callbacks run on the thread of the caller.
 pub fn in_callback<R>(is_callback: bool, run: impl FnOnce() -> R) -> R {
     struct Before(bool);
     impl Drop for Before {
@@ -30,7 +29,6 @@ pub fn in_callback<R>(is_callback: bool, run: impl FnOnce() -> R) -> R {
 }
 
 /// Whether this thread runs a callback.
-#[cfg(feature = "capi")]
 pub fn is_in_callback() -> bool {
     IN_CALLBACK.get()
 }
@@ -101,7 +99,6 @@ mod tests {
     }
 
     /// A pool at work does not hold up what a callback asks of it.
-    #[cfg(feature = "capi")]
     #[test]
     fn callbacks_have_a_thread_of_their_own() {
         let (one, (tell, told)) = (Threads::new(1).unwrap(), std::sync::mpsc::channel::<()>());

@@ -106,7 +106,7 @@ typedef struct mrv_load_options {
   size_t struct_size;
   const char *unit;            /* unit of length: "m" (default), "dm", "cm", "mm", "km", "in", "ft"; else power counts as in metres */
   const char *const *emitters; /* names of objects, groups or materials that become emitters ... */
-  const double *emitter_watts; /* ... and the power that each sends out, above 0, in W in each channel or as emitter_units says */
+  const double *emitter_watts; /* ... and the power that each sends out, at least 0 (0: it emits nothing), in W in each channel or as emitter_units says */
   size_t emitter_count;        /* entries of both */
   int32_t two_sided_emission;  /* other than 0: emissive faces emit from both sides; default: the front alone */
   int32_t sides;               /* 1: all faces bound solids, 2: all are sheets seen from both sides; 0: by connectivity */
@@ -541,7 +541,8 @@ typedef struct mrv_image_options {
 } mrv_image_options;
 
 /* The radiance that a camera sees, W/(m^2 sr), linear RGB: three numbers for each pixel, row by row from the top, black where it sees
- * no lit side. `size` is the number of floats in `radiance`: 3 width height. `options` may be NULL. */
+ * no lit side. `size` is the number of floats in `radiance`: 3 width height. `options` may be NULL. The work takes 96 bytes a pixel, 156
+ * with `gather`; MRV_ERROR_OUT_OF_MEMORY before it begins if they are not left. */
 mrv_status mrv_solution_image(const mrv_solution *solution, const mrv_camera *camera, const mrv_image_options *options,
                               float *radiance, size_t size);
 

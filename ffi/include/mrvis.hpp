@@ -217,11 +217,16 @@ inline bool version_fits() noexcept {
   return fits;
 }
 
+/* A version as in "0.1.0". */
+inline std::string version_text(int32_t version) {
+  return std::to_string(version / 10000) + "." + std::to_string(version / 100 % 100) + "." + std::to_string(version % 100);
+}
+
 /* A library of another version. */
 template <class T>
 result<T> other_version() {
-  std::string message = "the library is version " + std::to_string(mrv_version()) + ", the program was compiled for " +
-                        std::to_string(MRV_VERSION) + ": install that version or compile again";
+  std::string message = "the library is version " + version_text(mrv_version()) + ", the program was compiled for " +
+                        version_text(MRV_VERSION) + ": install that version or compile again";
 #ifndef MRVIS_NO_EXCEPTIONS
   throw error(mrv::status::unsupported, message);
 #else
@@ -384,6 +389,7 @@ inline int32_t version() noexcept { return mrv_version(); }
 
 /* Version of the Embree that is loaded. */
 inline result<std::string> embree_version() {
+  if (!detail::version_fits()) return detail::other_version<std::string>();
   char text[64] = "";
   const mrv_status status = mrv_embree_version(text, sizeof text);
   return detail::finish<std::string>(status, text);
@@ -699,6 +705,7 @@ struct fbem_spectrum {
 };
 
 inline result<fbem_spectrum> fbem_with_masked(const mrv_fbem_images &images, span<const double> sizes) {
+  if (!detail::version_fits()) return detail::other_version<fbem_spectrum>();
   fbem_spectrum found{std::vector<double>(sizes.size()), std::vector<double>(sizes.size())};
   const mrv_status status = mrv_fbem(&images, sizes.data(), sizes.size(), found.errors.data(), found.masked.data());
   return detail::finish(status, std::move(found));
@@ -712,6 +719,7 @@ struct reference_light {
 
 /* The feature-based error of an image at each size. */
 inline result<std::vector<double>> fbem(const mrv_fbem_images &images, span<const double> sizes) {
+  if (!detail::version_fits()) return detail::other_version<std::vector<double>>();
   std::vector<double> errors(sizes.size());
   const mrv_status status = mrv_fbem(&images, sizes.data(), sizes.size(), errors.data(), nullptr);
   return detail::finish(status, std::move(errors));

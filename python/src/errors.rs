@@ -58,6 +58,9 @@ const FIELDS: [&str; 13] = [
 
 /// A message of the crate in words of the package.
 fn in_words(text: String) -> String {
+    // Changes of instances are arguments of several methods; the message goes on with the number of the instance.
+    let changed = text.strip_prefix("`changes`[").and_then(|rest| rest.split_once("]: "));
+    let text = changed.map(|(_, what)| what.to_owned()).unwrap_or(text);
     let mut text = WORDS.iter().fold(text, |text, (from, to)| text.replace(from, to));
     let mut words = text.split([' ', ':']);
     if let (Some(field), Some(value)) = (words.next(), words.next())
@@ -85,6 +88,11 @@ fn exception(py: Python<'_>, class: &str, arguments: impl PyErrArguments + 'stat
 /// An `InputError`: `what` names the argument, its value and the cure.
 pub fn input(py: Python<'_>, what: impl Into<String>) -> PyErr {
     exception(py, "InputError", what.into())
+}
+
+/// An `UnsupportedError`: `what` names the reason and the cure.
+pub fn unsupported(py: Python<'_>, what: &'static str) -> PyErr {
+    exception(py, "UnsupportedError", what)
 }
 
 /// An error of the crate as the exception of its category.

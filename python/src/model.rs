@@ -262,7 +262,7 @@ impl PyModel {
     ///
     /// grouping: "polygon" (default), "object" or "material". rays: of every polygon, 1 to 1,048,576, default 2,048 or more. pair_rays: most
     /// between two polygons, 4 to 4,194,304, default 256 or more. closure: whether rows that nothing escapes from are adjusted to the sum 1
-    /// (default True). max_bytes: OutOfMemoryError beyond it, default 16 GiB. seed: 0 to 2**64 - 1, default 1. progress: as for `Model`.
+    /// (default True). max_bytes: OutOfMemoryError beyond it, default four fifths of what is available. seed: 0 to 2**64 - 1, default 1. progress: as for `Model`.
     #[pyo3(signature = (*, progress=None, **options))]
     fn form_factors(
         &self,
@@ -281,7 +281,7 @@ impl PyModel {
     /// error: RMS error that links are refined to, relative to the mean irradiance, default 0.02. engine: "exact" (default), "mr" or "average",
     /// which need detail "optics". feature_size: of all receivers, scene units; feature_sizes: of named objects, groups or materials, a dict.
     /// importance: names whose light matters. min_area: smallest element as a fraction of the scene's area, default 2e-5. direct_only: no
-    /// reflected light at points (default False). max_seconds: time limit from the start of the preparation. max_links: default ten
+    /// reflected light at points (default False). max_seconds: time limit of this call. max_links: default ten
     /// million. target_error: RMS error until which more rays are traced. seed: 0 to 2**64 - 1, default 1.
     /// progress: as for `Model`, but if it returns False the result is what was reached: `Solution.interrupted` is True.
     #[pyo3(signature = (*, progress=None, **options))]

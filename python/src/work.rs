@@ -1,11 +1,11 @@
 //! Work without the GIL: the calling thread waits, and serves progress and signals meanwhile.
 
-use crate::errors::{Raise, panicked};
-use mrvis::Progress;
+use crate::errors::{Raise, panicked, unsupported};
+use mrvis::{Progress, in_callback, is_in_callback};
 use pyo3::prelude::*;
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
@@ -73,6 +73,27 @@ impl Watch {
     }
 }
 
+/// The process that first did work. 0: none did yet.
+static WORKED: AtomicU32 = AtomicU32::new(0);
+
+/// Whether this process was forked from one that had done work: pools of threads and locks are copies without the threads that serve them.
+fn is_forked() -> bool {
+    ![0, std::process::id()].contains(&WORKED.load(Relaxed))
+}
+
+/// Refuses work that would wait for ever for threads of another process.
+fn begin(py: Python<'_>) -> PyResult<()> {
+    if is_forked() {
+        return Err(unsupported(
+            py,
+            "mrvis worked before this process was forked, and its threads stayed behind: fork before the first call, or start processes \
+             with multiprocessing.get_context(\"spawn\")",
+        ));
+    }
+    WORKED.store(std::process::id(), Relaxed);
+    Ok(())
+}
+
 /// The work of [`long`] that has not ended.
 static RUNNING: Mutex<Vec<Arc<Watch>>> = Mutex::new(Vec::new());
 
@@ -84,6 +105,9 @@ fn running<R>(of: impl FnOnce(&mut Vec<Arc<Watch>>) -> R) -> R {
 /// signal ends the waiting.
 #[pyfunction]
 pub fn stop_all(py: Python<'_>) -> PyResult<()> {
+    if is_forked() {
+        return Ok(());
+    }
     let all = running(|all| all.clone());
     all.iter().for_each(|watch| watch.stop.store(true, Relaxed));
     while !all.iter().all(|watch| watch.ended.load(Relaxed)) {
@@ -95,6 +119,7 @@ pub fn stop_all(py: Python<'_>) -> PyResult<()> {
 
 /// Does short work without the GIL on the calling thread. Neither signals nor progress are served.
 pub fn short<R: Send>(py: Python<'_>, work: impl FnOnce() -> mrvis::Result<R> + Send) -> PyResult<R> {
+    begin(py)?;
     match py.detach(|| catch_unwind(AssertUnwindSafe(work))) {
         Ok(result) => result.raise(py),
         Err(panic) => Err(panicked(py, &*panic)),
@@ -104,17 +129,20 @@ pub fn short<R: Send>(py: Python<'_>, work: impl FnOnce() -> mrvis::Result<R> + 
 /// Does work without the GIL on another thread. Meanwhile `progress(stage, fraction)` is called on this one: when a stage begins and every
 /// [`TICK`]. The work is told to stop if it returns `False` or raises, or a signal raises. That exception is raised when the work has
 /// stopped, whatever its result, and at the latest after [`PATIENCE`] or when a signal raises again: then the work is left behind.
+///
+/// What `progress` itself asks is done apart from the threads that are at work, for which it would wait.
 pub fn long<R: Send + 'static>(
     py: Python<'_>,
     progress: Option<Py<PyAny>>,
     work: impl FnOnce(&Watch) -> mrvis::Result<R> + Send + 'static,
 ) -> PyResult<R> {
+    begin(py)?;
     let (watch, heard) = Watch::new();
     let (results, result) = channel();
-    let own = watch.clone();
+    let (own, nested) = (watch.clone(), is_in_callback());
     let job = move || {
         // Without a caller the result is dropped here.
-        let _ = results.send(catch_unwind(AssertUnwindSafe(|| work(&own))));
+        let _ = results.send(catch_unwind(AssertUnwindSafe(|| in_callback(nested, || work(&own)))));
         own.ended.store(true, Relaxed);
         own.tell(Event::Done);
     };
@@ -144,11 +172,13 @@ pub fn borrowing<R: Send>(
     progress: Option<Py<PyAny>>,
     work: impl FnOnce(&Watch) -> mrvis::Result<R> + Send,
 ) -> PyResult<R> {
+    begin(py)?;
+    let nested = is_in_callback();
     let (result, raised) = py.detach(|| {
         let (watch, heard) = Watch::new();
         thread::scope(|scope| {
             let job = || {
-                let result = catch_unwind(AssertUnwindSafe(|| work(&watch)));
+                let result = catch_unwind(AssertUnwindSafe(|| in_callback(nested, || work(&watch))));
                 watch.tell(Event::Done);
                 result
             };
@@ -184,7 +214,7 @@ fn serve(
             Err(RecvTimeoutError::Timeout) => {}
             Ok(Event::Done) | Err(RecvTimeoutError::Disconnected) => return raised.map(|(error, _)| error),
         }
-        let goes_on = Python::attach(|py| {
+        let ask = |py: Python<'_>| {
             py.check_signals()?;
             match (progress, &stage) {
                 (Some(progress), Some(stage)) if !watch.stopped() => {
@@ -193,7 +223,8 @@ fn serve(
                 }
                 _ => Ok(true),
             }
-        });
+        };
+        let goes_on: PyResult<bool> = in_callback(true, || Python::attach(ask));
         let is_again = match goes_on {
             Ok(true) => false,
             Ok(false) => {

@@ -12,8 +12,8 @@ use crate::{Error, Result};
 use smallvec::SmallVec;
 use std::ops::Range;
 
-/// Largest numbers of bundles and of segments of a chunk, unless it is one bundle: limits it to 1,024 packets and four groups of
-/// bundles that share their traversal. Does not depend on the number of threads, so that answers do not.
+/// Largest numbers of bundles and of segments of a chunk: limits it to 1,024 packets and four groups of bundles that share their
+/// traversal. Larger bundles are answered in parts of so many segments. Does not depend on the number of threads, so that answers do not.
 const CHUNK: (usize, usize) = (256, 1 << 14);
 /// Largest batch that is answered without deciding between engines: the decision walks 16 bundles, a quarter of the batch.
 const SMALL: usize = 64;
@@ -178,7 +178,7 @@ impl Ask<'_> {
                 cost
             });
             self.progress.advance(steps);
-            return Some(cost);
+            return cost;
         };
         let start = chunk.bundles.start;
         let segments = self.segments.of_bundle(start + bundles).start - self.segments.of_bundle(start).start;
@@ -204,14 +204,14 @@ impl Ask<'_> {
         }
     }
 
-    /// Writes the packets of bundles, and where those of each bundle begin.
-    fn packets(&self, bundles: Range<usize>, buffers: &mut BatchBuffers) {
+    /// Writes the packets of bundles or parts of them, and where those of each begin.
+    fn packets(&self, parts: impl Iterator<Item = Range<usize>>, buffers: &mut BatchBuffers) {
         let BatchBuffers { packets, starts, .. } = buffers;
         packets.clear();
         starts.clear();
         starts.push(0);
-        for k in bundles {
-            self.pack(self.segments.of_bundle(k), packets);
+        for segments in parts {
+            self.pack(segments, packets);
             starts.push(packets.len());
         }
     }
@@ -224,7 +224,7 @@ impl Ask<'_> {
         self.model.with_workspace(|workspace| {
             let (mut buffers, mut work) = (std::mem::take(&mut workspace.batch), Work::default());
             for run in sample_runs(bundles) {
-                self.packets(run.clone(), &mut buffers);
+                self.packets(run.clone().map(|k| self.segments.of_bundle(k)), &mut buffers);
                 let BatchBuffers { packets, starts, sizes: of_run, .. } = &mut buffers;
                 of_run.clear();
                 of_run.extend(run.clone().map(|k| sizes.of(k)));
@@ -241,17 +241,23 @@ impl Ask<'_> {
         Bundle { packets, emitter_size: self.segments.emitter_sizes.of(k), emitter: &[] }
     }
 
-    /// Exact answers: packets hold the segments of the chunk without gaps.
-    fn exact(&self, engine: &Exact, mut chunk: Chunk, buffers: &mut BatchBuffers) -> Cost {
+    /// Exact answers: packets hold the segments of the chunk without gaps. `None` if it was stopped.
+    fn exact(&self, engine: &Exact, mut chunk: Chunk, buffers: &mut BatchBuffers) -> Option<Cost> {
         let bundles = chunk.bundles.clone();
         let first = self.segments.of_bundle(bundles.start).start;
         let all = first..self.segments.of_bundle(bundles.end - 1).end;
         let BatchBuffers { packets, blocked, .. } = buffers;
-        packets.clear();
-        self.pack(all.clone(), packets);
         blocked.clear();
-        blocked.resize(packets.len(), 0);
-        engine.occluded(packets, blocked);
+        for part in parts(all.clone()) {
+            if self.progress.stopped() {
+                return None;
+            }
+            packets.clear();
+            self.pack(part, packets);
+            let before = blocked.len();
+            blocked.resize(before + packets.len(), 0);
+            engine.occluded(packets, &mut blocked[before..]);
+        }
         let clear = |i: usize| blocked[(i - first) / LANES] >> ((i - first) % LANES) & 1 == 0;
         for (j, k) in bundles.enumerate() {
             let own = self.segments.of_bundle(k);
@@ -266,29 +272,60 @@ impl Ask<'_> {
             *out = f32::from(u8::from(clear(i)));
         }
         let segments = all.len() as u64;
-        Cost { segments, exact_rays: segments, ..Cost::default() }
+        Some(Cost { segments, exact_rays: segments, ..Cost::default() })
     }
 
-    /// Answers by clusters: bundles have packets of their own. Where segments are wanted each packet is asked by itself.
+    /// Answers by clusters: bundles have packets of their own. Where segments are wanted each packet is asked by itself. `None` if it was
+    /// stopped.
     fn clusters(
         &self,
         engine: &MultiResolution,
         mut chunk: Chunk,
         buffers: &mut BatchBuffers,
         workspace: &mut Workspace,
-    ) -> Cost {
-        self.packets(chunk.bundles.clone(), buffers);
+    ) -> Option<Cost> {
+        let (bundles, mut each) = (chunk.bundles.clone(), chunk.each.take());
+        let mut sums: SmallVec<[Sum; CHUNK.0]> = SmallVec::from_elem(Sum::default(), bundles.len());
+        let mut cost = Cost::default();
+        if bundles.len() > 1 {
+            self.packets(bundles.clone().map(|k| self.segments.of_bundle(k)), buffers);
+            self.sums(engine, (bundles, each), (&mut sums, &mut cost), buffers, workspace);
+        } else {
+            // A bundle may be larger than a chunk.
+            for part in parts(self.segments.of_bundle(bundles.start)) {
+                if self.progress.stopped() {
+                    return None;
+                }
+                let own = each.as_mut().and_then(|each| each.split_off_mut(..part.len()));
+                self.packets(std::iter::once(part), buffers);
+                self.sums(engine, (bundles.clone(), own), (&mut sums, &mut cost), buffers, workspace);
+            }
+        }
+        for (j, sum) in sums.iter().enumerate() {
+            chunk.write(j, &sum.answer());
+        }
+        Some(cost)
+    }
+
+    /// Adds the answers to the packets in the buffers to those of their bundles, and writes those of their segments.
+    fn sums(
+        &self,
+        engine: &MultiResolution,
+        (bundles, mut each): (Range<usize>, Option<&mut [f32]>),
+        (sums, cost): (&mut [Sum], &mut Cost),
+        buffers: &mut BatchBuffers,
+        workspace: &mut Workspace,
+    ) {
         let BatchBuffers { packets, starts, sizes, bundle_of, .. } = buffers;
-        let (first, mut each) = (chunk.bundles.start, chunk.each.take());
+        let first = bundles.start;
         let size = |k: usize| self.segments.feature_sizes.map_or(0.0, |sizes| sizes.of(k));
         let apart = each.is_some();
         let parts = |j: usize| {
             let own = &packets[starts[j]..starts[j + 1]];
             own.chunks(if apart { 1 } else { own.len().max(1) }).map(move |part| (j, part))
         };
-        let mut parts = (0..chunk.bundles.len()).flat_map(parts).peekable();
-        let mut sums: SmallVec<[Sum; CHUNK.0]> = SmallVec::from_elem(Sum::default(), chunk.bundles.len());
-        let (mut at, mut cost) = (0, Cost::default());
+        let mut parts = (0..bundles.len()).flat_map(parts).peekable();
+        let mut at = 0;
         while parts.peek().is_some() {
             sizes.clear();
             bundle_of.clear();
@@ -311,11 +348,13 @@ impl Ask<'_> {
                 }
             });
         }
-        for (j, sum) in sums.iter().enumerate() {
-            chunk.write(j, &sum.answer());
-        }
-        cost
     }
+}
+
+/// Segments in parts of at most a chunk. None for no segments.
+fn parts(segments: Range<usize>) -> impl Iterator<Item = Range<usize>> {
+    let end = segments.end;
+    segments.step_by(CHUNK.1).map(move |first| first..end.min(first + CHUNK.1))
 }
 
 /// Answers to parts of a bundle.

@@ -120,10 +120,10 @@ impl Model {
     pub fn form_factors(&self, options: &FormFactorOptions, progress: &dyn Progress) -> Result<FormFactors> {
         self.on_threads(|| {
             let scene = self.scene();
-            let facets = Facets::new(scene);
+            let facets = Facets::new_unless(scene, progress)?;
             let settings = options.settings(facets.count())?;
             let (matrix, report) = compute(self, &facets, &settings, progress)?;
-            let matrix = matrix.grouped(scene, &facets, options.grouping);
+            let matrix = matrix.grouped(scene, &facets, options.grouping, progress)?;
             Ok(FormFactors { matrix, report })
         })?
     }
@@ -207,6 +207,7 @@ impl FormFactors {
     /// [`Error::Argument`] for another extension, [`Error::Io`] if the file cannot be written.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
-        write(path, &self.matrix, Format::of(path)?, None)
+        let format = Format::of(path).map_err(|error| Error::Argument(format!("`path` {error}")))?;
+        write(path, &self.matrix, format, None)
     }
 }

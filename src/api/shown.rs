@@ -2,6 +2,7 @@
 
 use super::solve::{Solution, Solved};
 use crate::bench::side_by_side::ComparedRecord;
+use crate::error::shown;
 use crate::export::{self, MAX_PIXELS, MAX_SIDE, Mesh, PageView, SIZE, Stage, Tone};
 use crate::files::json_text;
 use crate::points::Point;
@@ -63,10 +64,6 @@ impl Camera {
         Ok(export::Camera::towards(ends, up_unit.as_vec3(), self.angle.to_radians(), origin))
     }
 }
-
-/// Bytes that a pixel takes while its picture is drawn, at most: its radiance and first hit (48), both again while rows are gathered, and
-/// with final gathering a point with its light (148).
-const BYTES_PER_PIXEL: u64 = 256;
 
 /// Options of [`Solution::image`]: [`ImageOptions::default`], then `with_…`.
 #[derive(Clone, Debug)]
@@ -237,7 +234,8 @@ impl Solution {
     ) -> Result<()> {
         options.check(radiance.len())?;
         let pixels = radiance.len() / 3;
-        memory::check_room(BYTES_PER_PIXEL * pixels as u64, || format!("{pixels} pixels"))?;
+        let bytes = export::bytes_per_pixel(options.gather) * pixels;
+        memory::check_room(bytes as u64, || format!("{pixels} pixels"))?;
         let inner = &*self.inner;
         let camera = camera.checked(inner.mesh.origin)?;
         let gather = |points: &[Point]| inner.solved.irradiance_unless(points, progress);
@@ -277,32 +275,36 @@ impl Solution {
     /// `ply` or `glb` (smooth meshes with colours).
     ///
     /// # Errors
-    /// [`Error::Argument`] for another extension, [`Error::Io`] if the file cannot be written, [`Error::Cancelled`] if `progress` stops it.
+    /// [`Error::Argument`] for another extension, [`Error::Io`] if the file cannot be written, [`Error::Cancelled`] if `progress` stops it
+    /// before the file is complete: then there is none.
     pub fn write(&self, path: impl AsRef<Path>, progress: &dyn Progress) -> Result<()> {
         let (path, inner) = (path.as_ref(), &*self.inner);
         let (scene, mesh) = (inner.scene(), &inner.mesh);
         let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
         if !["vtu", "ply", "glb"].contains(&&*extension) {
             return Err(Error::Argument(format!(
-                "{}: the extension must be .vtu, .ply or .glb",
-                path.display()
+                "`path` {}: the extension must be .vtu, .ply or .glb",
+                shown(path)
             )));
         }
         self.model().on_threads(|| {
             if progress.stopped() {
                 return Err(stopped("the file"));
             }
-            if extension == "vtu" {
-                return export::write_vtu(path, mesh, scene, None);
-            }
-            let smooth = inner.smooth(progress)?;
-            progress.stage("writing", 0);
-            let tone = Tone::of(smooth.radiosity.iter().copied());
-            let written = match &*extension {
-                "ply" => export::write_ply(path, smooth, mesh.origin, tone, progress),
-                _ => export::write_glb(path, smooth, (mesh.origin, scene.up_axis()), tone, progress),
+            let written = if extension == "vtu" {
+                progress.stage("writing", 0);
+                export::write_vtu(path, mesh, scene, None, progress)
+            } else {
+                let smooth = inner.smooth(progress)?;
+                progress.stage("writing", 0);
+                let tone = Tone::of(smooth.radiosity.iter().copied());
+                match &*extension {
+                    "ply" => export::write_ply(path, smooth, mesh.origin, tone, progress),
+                    _ => export::write_glb(path, smooth, (mesh.origin, scene.up_axis()), tone, progress),
+                }
             };
-            if progress.stopped() { Err(stopped("the file")) } else { written }
+            // A stop after the file got its name comes too late: the file is complete.
+            written.map_err(|error| if progress.stopped() { stopped("the file") } else { error })
         })?
     }
 

@@ -8,7 +8,7 @@ use crate::progress::Progress;
 use crate::radiosity::mesh::{Element, RadiosityMesh};
 use crate::radiosity::{self, Options, Record};
 use crate::{Error, Result, memory};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
 /// Options of [`Model::solve`]: [`SolveOptions::default`], then `with_…`.
@@ -127,9 +127,10 @@ impl SolveOptions {
     }
 }
 
-/// Bytes that a point takes while its irradiance is found, at most: the point in f64 and f32, twice (148), its values and their errors,
-/// twice (96).
-const BYTES_PER_POINT: u64 = 256;
+/// Bytes that a point takes while its irradiance is found, at most: the point in double and in single precision, its irradiance and the
+/// error of that, all twice while they are put together.
+const BYTES_PER_POINT: u64 =
+    2 * (size_of::<Point>() + size_of::<(Vec3, Vec3)>() + 2 * size_of::<[f64; 3]>()) as u64;
 
 /// A point of a surface that receives light.
 #[derive(Clone, Copy, Debug, PartialEq)]

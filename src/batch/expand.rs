@@ -65,6 +65,7 @@ fn job(source: &TomlSource, entry: &JobEntry, inputs: Vec<String>, point: &Point
         name: axis.name.clone(),
         value: (*value).clone(),
         span: axis.span.clone(),
+        is_default: false,
     };
     options.extend(point.iter().filter(|(axis, _)| axis.is_option).map(swept));
     let mut fields = fields(entry, &inputs, &options);

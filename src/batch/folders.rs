@@ -32,13 +32,14 @@ pub fn begin(out: &Path, name: &str) -> Result<()> {
     fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, e))
 }
 
-/// Forces all files of a folder to disk; returns them in alphabetic order.
+/// Forces the work folder of a job to disk with all its files; returns them in alphabetic order.
 ///
 /// # Errors
 /// [`Error::Io`].
-pub fn seal(folder: &Path) -> Result<Vec<HashedFile>> {
-    let mut files = Vec::new();
-    seal_below(folder, Path::new(""), &mut files)?;
+pub fn seal(out: &Path, name: &str) -> Result<Vec<HashedFile>> {
+    let (mut files, folder) = (Vec::new(), work(out, name));
+    seal_below(&folder, Path::new(""), &mut files)?;
+    sync_up(&folder, &out.join(FOLDER))?;
     files.sort_by(|a, b| a.path.cmp(&b.path));
     Ok(files)
 }
@@ -68,6 +69,29 @@ fn sync_folder(folder: &Path) -> Result<()> {
     Ok(())
 }
 
+/// Forces the name of a file or folder to disk, and those of all folders from there up to `out`, which it lies in.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn sync_up(path: &Path, out: &Path) -> Result<()> {
+    path.ancestors().skip(1).take_while(|folder| folder.starts_with(out)).try_for_each(sync_folder)
+}
+
+/// Takes the folder of a job out of the results at once; [`publish`] or [`remove`] of what is returned ends its life.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn withdraw(out: &Path, name: &str) -> Result<PathBuf> {
+    let (folder, former) = (out.join(name), out.join(FOLDER).join("former").join(name));
+    if folder.symlink_metadata().is_ok() {
+        remove(&former)?;
+        let moved =
+            fs::create_dir_all(former.parent().unwrap_or(out)).and_then(|()| fs::rename(&folder, &former));
+        moved.map_err(|e| Error::io(&folder, e))?;
+    }
+    Ok(former)
+}
+
 /// Gives the finished folder of a job its place. A former one is moved away first and removed afterwards. A renaming that a failure of
 /// power undoes is repeated by the next run.
 ///
@@ -75,17 +99,28 @@ fn sync_folder(folder: &Path) -> Result<()> {
 /// [`Error::Io`].
 pub fn publish(out: &Path, name: &str) -> Result<()> {
     let (from, to) = (work(out, name), out.join(name));
-    let at = |e| Error::io(&to, e);
-    let former = out.join(FOLDER).join("former").join(name);
-    if to.exists() {
-        remove(&former)?;
-        fs::create_dir_all(former.parent().unwrap_or(out)).map_err(at)?;
-        fs::rename(&to, &former).map_err(at)?;
+    let former = withdraw(out, name)?;
+    let placed = fs::create_dir_all(to.parent().unwrap_or(out)).and_then(|()| fs::rename(&from, &to));
+    placed.map_err(|e| Error::io(&to, e))?;
+    // What cannot be removed takes space, nothing else; the next withdrawal tries again.
+    let _ = remove(&former);
+    Ok(())
+}
+
+/// Whether the outputs of a job are in their place. Those that a crash has left in the work folder, complete, are given it if
+/// `may_publish`.
+///
+/// # Errors
+/// The folder cannot be renamed.
+pub fn publish_left(out: &Path, name: &str, outputs: &[HashedFile], may_publish: bool) -> Result<bool> {
+    if !holds(&work(out, name), outputs, true) {
+        return Ok(holds(&out.join(name), outputs, false));
     }
-    let parent = to.parent().unwrap_or(out);
-    fs::create_dir_all(parent).map_err(at)?;
-    fs::rename(&from, &to).map_err(at)?;
-    remove(&former)
+    if may_publish {
+        publish(out, name)?;
+        sync_up(&out.join(name), out)?;
+    }
+    Ok(true)
 }
 
 /// Whether a folder holds these files with their sizes and, if `content`, their content.
@@ -121,6 +156,28 @@ pub fn lock(out: &Path, name: &str, shared: bool) -> Result<File> {
     }
 }
 
+/// Takes a lock for a part of a split into `of` parts. Parts of one split have different jobs; those of two splits would run the same.
+///
+/// # Errors
+/// Parts of another split run in this folder, or it cannot be written.
+pub fn lock_split(out: &Path, of: usize) -> Result<File> {
+    const PREFIX: &str = "split-into-";
+    let own = format!("{PREFIX}{of}");
+    let held = lock(out, &own, true)?;
+    let folder = out.join(FOLDER);
+    let at = |e| Error::io(&folder, e);
+    for entry in fs::read_dir(&folder).map_err(at)? {
+        let name = entry.map_err(at)?.file_name().to_string_lossy().into_owned();
+        if name.starts_with(PREFIX) && name != own && lock(out, &name, false).is_err() {
+            let what = format!(
+                "parts of another split are running in this folder ({name}); wait for their end, or write the part of {of} into another folder"
+            );
+            return Err(Error::format(out, None, what));
+        }
+    }
+    Ok(held)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -132,13 +189,20 @@ mod tests {
             begin(out.path(), "a/b").expect("made");
             fs::create_dir(work(out.path(), "a/b").join("sub")).expect("made");
             fs::write(work(out.path(), "a/b").join("sub/x"), text).expect("written");
-            let files = seal(&work(out.path(), "a/b")).expect("sealed");
+            let files = seal(out.path(), "a/b").expect("sealed");
             assert_eq!((files.len(), files[0].bytes), (1, text.len() as u64));
             assert!(!holds(&out.path().join("a/b"), &files, false));
-            publish(out.path(), "a/b").expect("renamed");
+            // A crash has left it there.
+            let place = |may_publish| publish_left(out.path(), "a/b", &files, may_publish).expect("renamed");
+            assert!(place(false) && work(out.path(), "a/b").exists());
+            assert!(place(true) && place(true));
             assert!(holds(&out.path().join("a/b"), &files, true));
             assert!(!work(out.path(), "a/b").exists());
         }
+        let former = withdraw(out.path(), "a/b").expect("moved");
+        assert!(!out.path().join("a/b").exists() && former.join("sub/x").exists());
+        remove(&former).expect("removed");
+        remove(&withdraw(out.path(), "a/b").expect("nothing")).expect("nothing");
     }
 
     #[test]
@@ -151,5 +215,15 @@ mod tests {
         assert!(lock(out.path(), "lock", false).is_err());
         drop(parts);
         lock(out.path(), "lock", false).expect("locked again");
+    }
+
+    #[test]
+    fn parts_of_one_split_share_a_folder() {
+        let out = tempfile::tempdir().expect("a folder");
+        let parts = [2, 2].map(|of| lock_split(out.path(), of).expect("one split"));
+        let refused = lock_split(out.path(), 3).expect_err("refused").to_string();
+        assert!(refused.contains("parts of another split are running") && refused.contains("3"), "{refused}");
+        drop(parts);
+        lock_split(out.path(), 3).expect("the others have ended");
     }
 }

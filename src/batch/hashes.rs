@@ -9,14 +9,18 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::SystemTime;
 
+/// Takes the place of the hash of a file that cannot be read: one that appears later is a change.
+const UNREADABLE: &str = "unreadable";
+
 /// A file with its content.
 #[derive(Clone, Debug, Deserialize, PartialEq, Eq, Serialize)]
 pub struct HashedFile {
-    /// Its path: of inputs as the program reads them, of outputs relative to the folder of the job.
+    /// Its path: of inputs as the program reads them, in journals as [`super::Places`] keeps them; of outputs relative to the folder of
+    /// the job.
     pub path: PathBuf,
     /// Size.
     pub bytes: u64,
-    /// BLAKE3 of the content, hexadecimal.
+    /// BLAKE3 of the content, hexadecimal; `unreadable` for an input that is missing or cannot be read.
     pub blake3: String,
 }
 
@@ -34,13 +38,23 @@ pub struct Hashes {
 }
 
 impl Hashes {
+    /// The file with its hash, also if it cannot be read.
+    pub fn of(&self, path: &Path) -> HashedFile {
+        let unreadable = |_| HashedFile { path: path.into(), bytes: 0, blake3: UNREADABLE.into() };
+        self.read(path).unwrap_or_else(unreadable)
+    }
+
     /// The file with its hash.
     ///
     /// # Errors
-    /// [`Error::Io`] if it cannot be read.
-    pub fn of(&self, path: &Path) -> Result<HashedFile> {
+    /// [`Error::Io`] if it cannot be read or is no regular file.
+    pub fn read(&self, path: &Path) -> Result<HashedFile> {
         let at = |e| Error::io(path, e);
-        let now = stamp(&std::fs::metadata(path).map_err(at)?);
+        let about = std::fs::metadata(path).map_err(at)?;
+        if !about.is_file() {
+            return Err(at(std::io::ErrorKind::InvalidInput.into()));
+        }
+        let now = stamp(&about);
         let lock = || self.known.lock().unwrap_or_else(PoisonError::into_inner);
         let known = lock().get(path).filter(|(stamp, _)| *stamp == now).map(|(_, hash)| hash.clone());
         let blake3 = match known {
@@ -66,7 +80,7 @@ pub fn hash_file(path: &Path) -> Result<String> {
     Ok(hasher.finalize().to_hex().to_string())
 }
 
-/// The key of a job: a hash of the program, the command, its options, the files they name and the keys of jobs whose outputs it reads.
+/// The key of a job: a hash of the programs, the command, its options, the files they name and the keys of jobs whose outputs it reads.
 /// Paths are those of the job file, so that the key is the same from any working folder.
 pub fn key(program: &str, job: &Job, files: &[HashedFile], needs: &[&str]) -> String {
     let mut hasher = blake3::Hasher::new();

@@ -66,6 +66,8 @@ pub struct Opt {
     pub value: Value,
     /// Where the job file states it.
     pub span: Span,
+    /// Whether `[defaults]` states it: it then applies only to commands that have it.
+    pub is_default: bool,
 }
 
 /// Limits of a job; a job that has any runs as a process of its own.

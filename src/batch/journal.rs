@@ -1,5 +1,6 @@
 //! The journal: one line of JSON for each job that ended, on disk before its outputs appear.
 
+use super::folders::sync_up;
 use super::hashes::HashedFile;
 use super::job::Job;
 use super::names::{FOLDER, fault};
@@ -12,7 +13,7 @@ use std::path::{Component, Path, PathBuf};
 use std::time::SystemTime;
 
 /// Version of the journal's lines.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// How a job ended.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Serialize)]
@@ -24,6 +25,8 @@ pub enum Status {
     Missed,
     /// There are no outputs.
     Failed,
+    /// It was not run because a job that it needs failed; there are no outputs.
+    Skipped,
 }
 
 /// A line of the journal.
@@ -33,13 +36,13 @@ pub struct Entry {
     pub version: u32,
     /// Name of the job.
     pub job: String,
-    /// When it ended, seconds since 1970: of lines in several journals the latest counts.
+    /// When it ended, seconds since 1970: of the last lines of several journals the latest counts.
     pub time: f64,
     /// See [`super::key`].
     pub key: String,
     /// How it ended.
     pub status: Status,
-    /// The error of a failed job.
+    /// The error of a failed job, or why it was skipped.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
     /// Its place among the jobs of its file.
@@ -59,7 +62,7 @@ pub struct Entry {
     /// Largest resident size of a job that was a process of its own, bytes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub peak_bytes: Option<u64>,
-    /// All files that it read besides outputs of jobs.
+    /// All files that it read or looked for, with paths of [`super::Places`].
     pub inputs: Vec<HashedFile>,
     /// Fingerprints of the jobs that it needs; see [`Entry::fingerprint`].
     #[serde(default)]
@@ -72,6 +75,11 @@ pub struct Entry {
 }
 
 impl Entry {
+    /// Whether the job has outputs.
+    pub fn has_outputs(&self) -> bool {
+        matches!(self.status, Status::Done | Status::Missed)
+    }
+
     /// A hash of all outputs: another one after the job has run again.
     pub fn fingerprint(&self) -> String {
         let mut hasher = blake3::Hasher::new();
@@ -101,7 +109,7 @@ impl Entry {
             inputs: Vec::new(),
             needs: Vec::new(),
             outputs: Vec::new(),
-            made: status != Status::Failed,
+            made: matches!(status, Status::Done | Status::Missed),
         }
     }
 }
@@ -124,7 +132,12 @@ pub type Entries = HashMap<String, Entry>;
 pub fn read_journals(out: &Path) -> Result<Entries> {
     let mut entries = Entries::new();
     for path in journals(out)? {
-        read(&path, &mut entries)?;
+        for (job, entry) in read(&path)?.0 {
+            let former = entries.remove(&job);
+            let made = entry.made || former.as_ref().is_some_and(|former| former.made);
+            let last = former.filter(|former| former.time > entry.time).unwrap_or(entry);
+            entries.insert(job, Entry { made, ..last });
+        }
     }
     Ok(entries)
 }
@@ -146,9 +159,10 @@ fn journals(out: &Path) -> Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// Adds the lines of a journal; returns its length up to the last whole line. A line that is not whole is the last and was being written
-/// when the program or the machine stopped.
-fn read(path: &Path, entries: &mut Entries) -> Result<u64> {
+/// The last line of each job, whatever the clock said, and the length of the journal up to the last whole line. A line that is not whole
+/// is the last and was being written when the program or the machine stopped.
+fn read(path: &Path) -> Result<(Entries, u64)> {
+    let mut entries = Entries::new();
     let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
     let whole = bytes.iter().rposition(|b| *b == b'\n').map_or(0, |i| i + 1);
     for (k, line) in bytes[..whole].split_inclusive(|b| *b == b'\n').enumerate() {
@@ -170,14 +184,10 @@ fn read(path: &Path, entries: &mut Entries) -> Result<u64> {
                 "names files outside of the output folder; remove the line to run its job again".into(),
             ));
         }
-        let former = entries.get_mut(&entry.job);
-        entry.made = entry.status != Status::Failed || former.as_ref().is_some_and(|former| former.made);
-        match former {
-            Some(former) if former.time > entry.time => former.made |= entry.made,
-            _ => drop(entries.insert(entry.job.clone(), entry)),
-        }
+        entry.made = entry.has_outputs() || entries.get(&entry.job).is_some_and(|former| former.made);
+        entries.insert(entry.job.clone(), entry);
     }
-    Ok(whole as u64)
+    Ok((entries, whole as u64))
 }
 
 impl Journal {
@@ -190,7 +200,9 @@ impl Journal {
         let at = |e| Error::io(&path, e);
         let mut options = File::options();
         let file = options.create(true).truncate(false).read(true).write(true).open(&path).map_err(at)?;
-        let end = read(&path, &mut Entries::new())?;
+        let (_, end) = read(&path)?;
+        // The name of a new journal is on disk before its lines are.
+        sync_up(&path, out)?;
         Ok(Journal { path, file, end })
     }
 
@@ -258,14 +270,30 @@ mod tests {
     }
 
     #[test]
+    fn the_last_line_of_a_job_counts_whatever_the_clock_said() {
+        let out = tempfile::tempdir().expect("a folder");
+        std::fs::create_dir(out.path().join(FOLDER)).expect("made");
+        let at = |status, time| Entry { status, time, ..entry("a") };
+        let mut own = Journal::open(out.path(), "journal.jsonl").expect("opened");
+        own.append(&[&at(Status::Done, 20.0), &at(Status::Failed, 10.0)]).expect("written");
+        let status = || read_journals(out.path()).expect("read")["a"].status;
+        assert_eq!(status(), Status::Failed, "the clock was set back");
+        // Of several journals the latest last line counts.
+        let mut part = Journal::open(out.path(), "journal-1of2.jsonl").expect("opened");
+        part.append(&[&at(Status::Missed, 15.0)]).expect("written");
+        assert_eq!(status(), Status::Missed);
+        assert!(read_journals(out.path()).expect("read")["a"].made);
+    }
+
+    #[test]
     fn damaged_and_foreign_lines_are_refused() {
         let out = tempfile::tempdir().expect("a folder");
         std::fs::create_dir(out.path().join(FOLDER)).expect("made");
         let path = out.path().join(FOLDER).join("journal-1of2.jsonl");
         for (text, want) in [
-            ("{\"version\":1,\n{}\n", "journal-1of2.jsonl:1: is damaged"),
-            ("{\"version\":9}\n", "is of version 9, this program writes 1"),
-            ("{\"version\":1}\n", "missing field `job`"),
+            ("{\"version\":2,\n{}\n", "journal-1of2.jsonl:1: is damaged"),
+            ("{\"version\":9}\n", "is of version 9, this program writes 2"),
+            ("{\"version\":2}\n", "missing field `job`"),
         ] {
             std::fs::write(&path, text).expect("written");
             let found = read_journals(out.path()).expect_err("refused").to_string();

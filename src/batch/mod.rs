@@ -13,6 +13,7 @@ mod job_file;
 mod journal;
 mod names;
 mod parse;
+mod places;
 mod report;
 mod row;
 mod schedule;
@@ -23,7 +24,9 @@ mod template;
 mod toml_source;
 
 pub use expand::expand;
-pub use folders::{begin, holds, lock, publish, remove, seal, work};
+pub use folders::{
+    begin, holds, lock, lock_split, publish, publish_left, remove, seal, sync_up, withdraw, work,
+};
 pub use graph::{check, order};
 pub use hashes::{HashedFile, Hashes, hash_file, key};
 #[cfg(test)]
@@ -32,6 +35,7 @@ pub use job::{Job, Limits, Opt, Out, Reads, Value};
 pub use journal::{Entries, Entry, Journal, Status, read_journals};
 pub use names::nearest;
 pub use parse::parse;
+pub use places::Places;
 pub use report::{Report, report_page};
 pub use schedule::{Capacity, Schedule, Task};
 pub use table::{rows, write_results};

@@ -89,7 +89,7 @@ impl Reader<'_> {
         let table = self.table(node)?;
         self.check_keys(table, &DEFAULT_KEYS)?;
         Ok(Defaults {
-            options: table.get("options").map_or(Ok(Vec::new()), |n| self.options(n))?,
+            options: table.get("options").map_or(Ok(Vec::new()), |n| self.options(n, true))?,
             limits: table.get("limits").map_or(Ok(Limits::default()), |n| self.limits(n))?,
             retry: table.get("retry").map_or(Ok(0), |n| self.count(n))? as u32,
             tags: self.texts(table, "tags")?.into_iter().map(|(text, _)| text).collect(),
@@ -101,7 +101,7 @@ impl Reader<'_> {
         self.check_keys(table, &JOB_KEYS)?;
         let command = self.command(table.get("command"), &node.span())?;
         let own = table.get("limits").map_or(Ok(Limits::default()), |n| self.limits(n))?;
-        let mut options = table.get("options").map_or(Ok(Vec::new()), |n| self.options(n))?;
+        let mut options = table.get("options").map_or(Ok(Vec::new()), |n| self.options(n, false))?;
         let inherited = defaults.options.iter().filter(|d| options.iter().all(|o| o.name != d.name));
         let inherited: Vec<Opt> = inherited.cloned().collect();
         options.splice(0..0, inherited);
@@ -203,9 +203,11 @@ impl Reader<'_> {
         if (1.0..1e18).contains(&bytes) { Ok(bytes as u64) } else { Err(wanted()) }
     }
 
-    fn options(&self, node: &Node) -> Result<Vec<Opt>> {
+    fn options(&self, node: &Node, is_default: bool) -> Result<Vec<Opt>> {
         let pairs = self.ordered(node)?.into_iter();
-        pairs.map(|(name, span, value)| Ok(Opt { name, value: self.value(value)?, span })).collect()
+        pairs
+            .map(|(name, span, value)| Ok(Opt { name, value: self.value(value)?, span, is_default }))
+            .collect()
     }
 
     fn value(&self, node: &Node) -> Result<Value> {

@@ -1,6 +1,6 @@
 //! The tables of all jobs: `results.csv`, `results.jsonl` and, with the feature `parquet`, `results.parquet`.
 
-use super::journal::{Entry, Status};
+use super::journal::Entry;
 use super::row::{Row, cell};
 #[cfg(feature = "parquet")]
 use super::table_parquet::parquet;
@@ -64,13 +64,21 @@ fn write_tables(out: &Path, rows: &[Row]) -> Result<()> {
     let mut table = csv::Writer::from_writer(Vec::new());
     table.write_record(&columns).map_err(at)?;
     for row in rows {
-        table.write_record(columns.iter().map(|name| cell(row.get(name)))).map_err(at)?;
+        table.write_record(columns.iter().map(|name| csv_cell(row.get(name)))).map_err(at)?;
     }
     let text = table.into_inner().map_err(|e| Error::format(&path, None, e.to_string()))?;
     WholeFile::write(&path, text)?;
     #[cfg(feature = "parquet")]
     WholeFile::write(&out.join("results.parquet"), parquet(&columns, rows)?)?;
     Ok(())
+}
+
+/// A value in a cell of CSV. Spreadsheets compute texts that begin with these characters as formulas: an apostrophe keeps them texts.
+fn csv_cell(value: Option<&Json>) -> String {
+    match value {
+        Some(Json::String(text)) if text.starts_with(['=', '+', '-', '@', '\t', '\r']) => format!("'{text}"),
+        _ => cell(value),
+    }
 }
 
 /// Columns before and after those of swept options; all others follow in alphabetic order.
@@ -117,7 +125,7 @@ fn row(out: &Path, entry: &Entry) -> Row {
     add("output_blake3", entry.fingerprint().into());
     add("key", entry.key.as_str().into());
     add("command_line", entry.command.as_str().into());
-    if entry.status != Status::Failed {
+    if entry.has_outputs() {
         let record = out.join(&entry.job).join(&entry.record);
         for (name, value) in figures(&record) {
             row.entry(name).or_insert(value);
@@ -146,4 +154,25 @@ fn figures(record: &Path) -> Vec<(String, Json)> {
         }
     }
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn texts_are_no_formulas_for_spreadsheets() {
+        for (value, want) in [
+            (json!("=1+1"), "'=1+1"),
+            (json!("+a"), "'+a"),
+            (json!("-a"), "'-a"),
+            (json!("@a"), "'@a"),
+            (json!("a=1"), "a=1"),
+            (json!(-1.5), "-1.5"),
+            (json!(null), ""),
+        ] {
+            assert_eq!(csv_cell(Some(&value)), want);
+        }
+    }
 }

@@ -122,8 +122,8 @@ impl<T> Place<T> {
 }
 
 /// Refuses members that have no meaning yet.
-pub fn no_reserved(value: u32) -> Outcome {
-    if value == 0 { Ok(()) } else { wrong(format!("`reserved` {value}: must be 0")) }
+pub fn no_reserved(value: u32, name: &str) -> Outcome {
+    if value == 0 { Ok(()) } else { wrong(format!("`{name}` {value}: must be 0")) }
 }
 
 /// Text for a C program; NUL within it is left out.

@@ -66,7 +66,7 @@ record!(
 /// # Safety
 /// The record holds arrays and text as the header says.
 unsafe fn bench_options(given: &mrv_bench_options) -> Outcome<BenchOptions> {
-    no_reserved(given.reserved)?;
+    no_reserved(given.reserved, "options.reserved")?;
     let mut options = BenchOptions::default().with_unbiased(given.unbiased != 0);
     if given.points != 0 {
         options = options.with_points(usize::try_from(given.points).unwrap_or(usize::MAX));

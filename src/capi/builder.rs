@@ -55,7 +55,7 @@ record!(
 /// # Safety
 /// The record holds arrays and text as the header says.
 unsafe fn mesh_of<'a>(given: &mrv_mesh) -> Outcome<MeshArrays<'a>> {
-    no_reserved(given.reserved)?;
+    no_reserved(given.reserved, "mesh.reserved")?;
     let (stride, count) = (given.position_stride, given.vertex_count);
     let positions = match (given.positions.is_null(), given.positions_f64.is_null()) {
         (false, true) => {

@@ -44,7 +44,7 @@ record!(
 const BYTES_PER_TEXEL: u64 = 8 * 8 + 4 * 16;
 
 fn fbem_options(given: &mrv_fbem_images) -> Outcome<FbemOptions> {
-    no_reserved(given.reserved)?;
+    no_reserved(given.reserved, "images.reserved")?;
     let kinds = match given.features {
         MRV_FEATURES_BOTH => Features::Both,
         MRV_FEATURES_SHADOW => Features::Shadow,

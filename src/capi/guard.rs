@@ -2,7 +2,7 @@
 
 use super::float_state::FloatState;
 use super::status::{self, MRV_ERROR_INTERNAL, MRV_OK, mrv_status};
-use super::words::in_c;
+use super::words::error_in_c;
 use crate::Error;
 use smallvec::SmallVec;
 use std::any::Any;
@@ -60,9 +60,7 @@ pub fn guard(name: &str, body: impl FnOnce(&Call) -> Outcome) -> mrv_status {
     let call = Call { caller, used: RefCell::default() };
     let (status, message) = match catch_unwind(AssertUnwindSafe(|| body(&call))) {
         Ok(Ok(())) => (MRV_OK, None),
-        Ok(Err(Failure::Error(error))) => {
-            (status::of(error.category()), Some(in_c(name, &error.to_string())))
-        }
+        Ok(Err(Failure::Error(error))) => (status::of(error.category()), Some(error_in_c(name, &error))),
         Ok(Err(Failure::Internal(what))) => (MRV_ERROR_INTERNAL, Some(what)),
         Err(panic) => {
             call.used.borrow().iter().for_each(|object| object.refuse());

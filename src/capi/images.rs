@@ -90,7 +90,7 @@ pub unsafe extern "C" fn mrv_solution_image(
         let solution = &object(call, solution, "solution")?.solution;
         // SAFETY: the caller gives records.
         let (from, given) = unsafe { (read(camera, "camera")?, read_optional(options, "options")?) };
-        no_reserved(given.reserved)?;
+        no_reserved(given.reserved, "options.reserved")?;
         let mut options = ImageOptions::default().with_gather(given.gather != 0);
         if (given.width, given.height) != (0, 0) {
             options = options.with_size(given.width as usize, given.height as usize);

@@ -103,7 +103,7 @@ fn with_emitter(options: LoadOptions, name: &str, strength: f64, unit: i32) -> O
 pub unsafe fn load_options(options: *const mrv_load_options) -> Outcome<LoadOptions> {
     // SAFETY: as for this function.
     let given = unsafe { read_optional(options, "options") }?;
-    no_reserved(given.reserved)?;
+    no_reserved(given.reserved, "options.reserved")?;
     let mut options = LoadOptions::default()
         .with_two_sided_emission(given.two_sided_emission != 0)
         .with_threads(given.threads as usize);
@@ -234,7 +234,7 @@ pub unsafe extern "C" fn mrv_scene_generate_with(
     guard("mrv_scene_generate_with", |_| {
         // SAFETY: the caller gives text and a record.
         let (name, given) = unsafe { (text(name, "name")?, read_optional(options, "options")?) };
-        no_reserved(given.reserved)?;
+        no_reserved(given.reserved, "options.reserved")?;
         let place = Place::of(scene, "scene")?;
         let number = |n: u64| (n != 0).then(|| usize::try_from(n).unwrap_or(usize::MAX));
         let mut options = GenerateOptions::default();

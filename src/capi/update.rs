@@ -131,7 +131,7 @@ unsafe fn changes_of(changes: *const mrv_instance_change, count: usize) -> Outco
 /// # Safety
 /// The record holds text as the header says.
 unsafe fn change(given: &mrv_instance_change, name: &str) -> Outcome<InstanceChange> {
-    no_reserved(given.reserved)?;
+    no_reserved(given.reserved, &format!("{name}.reserved"))?;
     let (instance, transform) = (given.instance, matrix_of(&given.transform));
     Ok(match given.kind {
         MRV_CHANGE_MOVE => InstanceChange::Move { instance, transform },

@@ -14,7 +14,7 @@ pub use job_run::run_requested;
 
 use super::mpi::MpiArgs;
 use super::{cores, interruption, limits};
-use crate::batch::{Capacity, Hashes, Journal, lock, read_journals, write_results};
+use crate::batch::{Capacity, Hashes, Journal, lock, lock_split, read_journals, write_results};
 use crate::threads::MAX_THREADS;
 use crate::{Result, memory};
 use plan::Plan;
@@ -102,6 +102,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     // Parts share the folder with each other, but not with a batch of all jobs.
     let _locks = [
         Some(lock(&args.out, "lock", args.shard.is_some())?),
+        args.shard.map(|shard| lock_split(&args.out, shard.parts())).transpose()?,
         args.shard.map(|_| lock(&args.out, &format!("lock{part}"), false)).transpose()?,
     ];
     let (mut entries, done) = plan.chosen_done(&args.out, &hashes, true)?;

@@ -79,7 +79,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let inputs = Inputs::of(scene.files.iter().map(PathBuf::as_path));
     common.check_outputs(&inputs, [Output::new("--out", &args.out)])?;
     warn(common, &scene.repairs.messages);
-    let facets = Facets::new(&scene);
+    let facets = Facets::new_unless(&scene, &())?;
     let mut settings = Settings {
         enforce: args.enforce == Enforce::Closure,
         seed: common.seed,
@@ -119,7 +119,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         By::Object => Grouping::Object,
         By::Material => Grouping::Material,
     };
-    let matrix = faces.grouped(scene, &facets, by);
+    let matrix = faces.grouped(scene, &facets, by, &())?;
     let spinner = common.spinner(format!("writing {}", file_name(&args.out)));
     let labels = matches!(args.by, By::Face).then(|| facets.labels(scene));
     write(&args.out, &matrix, format, labels.as_ref())?;

@@ -14,7 +14,7 @@ struct Context {
     /// Its command line, for pages.
     command_line: String,
     shared: Arc<SharedScenes>,
-    /// Files that it has read.
+    /// Files that it has read or looked for.
     read: Vec<HashedFile>,
     /// Scenes that it uses.
     uses: Vec<InUse>,
@@ -58,7 +58,7 @@ fn shared() -> Option<Arc<SharedScenes>> {
 pub fn scene(key: impl FnOnce() -> String, read: impl FnOnce() -> Result<Scene>) -> Result<Arc<Scene>> {
     let Some(shared) = shared() else { return Ok(Arc::new(read()?)) };
     let (scene, in_use) = shared.scene(key(), read)?;
-    let mut files = shared.hashed(&scene.files)?;
+    let mut files = shared.files(&scene);
     CONTEXT.with(|c| {
         for context in c.borrow_mut().iter_mut() {
             context.read.append(&mut files);

@@ -1,7 +1,8 @@
 //! `mrvis merge DIR... --out OUT`: joins the outputs of the parts of a batch.
 
 use crate::batch::{
-    Entries, Entry, Journal, Status, begin, holds, lock, publish, read_journals, seal, work, write_results,
+    Entries, Entry, Journal, Status, begin, holds, lock, publish, publish_left, read_journals, seal, sync_up,
+    work, write_results,
 };
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -39,50 +40,82 @@ pub fn run(args: &Args) -> Result<ExitCode> {
             take(folder, out, entry, &mut entries, &mut journal)?;
         }
     }
+    // A batch or a merge that was ended may have left finished jobs without their place.
+    let mut lost: Vec<String> = Vec::new();
+    for entry in entries.values().filter(|entry| entry.has_outputs()) {
+        if !publish_left(out, &entry.job, &entry.outputs, true)? {
+            lost.push(entry.job.clone());
+        }
+    }
+    lost.iter().for_each(|job| drop(entries.remove(job)));
     write_results(out, entries.values())?;
+    if let Some(one) = lost.iter().min() {
+        let more = if lost.len() > 1 { format!(" and {} more jobs", lost.len() - 1) } else { String::new() };
+        let what = format!(
+            "the outputs of {one}{more} are missing: run the batch again, which makes them, then merge again"
+        );
+        return Err(Error::format(out, None, what));
+    }
     if !args.quiet {
-        let done = entries.values().filter(|e| e.status != Status::Failed).count();
-        super::print(&format!(
-            "{done} jobs done, {} failed; table: {}\n",
-            entries.len() - done,
-            out.join("results.csv").display()
-        ))?;
+        let done = entries.values().filter(|e| e.has_outputs()).count();
+        let skipped = entries.values().filter(|e| e.status == Status::Skipped).count();
+        let failed = entries.len() - done - skipped;
+        let skipped = if skipped > 0 { format!(", {skipped} skipped") } else { String::new() };
+        let table = out.join("results.csv");
+        super::print(&format!("{done} jobs done, {failed} failed{skipped}; table: {}\n", table.display()))?;
     }
     Ok(ExitCode::SUCCESS)
 }
 
 /// Copies a job of another folder, unless it is there.
 fn take(from: &Path, out: &Path, entry: Entry, entries: &mut Entries, journal: &mut Journal) -> Result<()> {
-    let known = entries.get(&entry.job).filter(|known| known.status != Status::Failed);
-    if let Some(known) = known {
-        if known.key == entry.key || entry.status == Status::Failed {
+    if let Some(known) = entries.get(&entry.job) {
+        let is_same = known.key == entry.key && known.status == entry.status;
+        let is_better = known.has_outputs() && !entry.has_outputs();
+        // A merge that was ended may have written the line only.
+        if is_better
+            || is_same && (!known.has_outputs() || publish_left(out, &known.job, &known.outputs, true)?)
+        {
             return Ok(());
         }
-        let what = format!("the job `{}` is also in another folder, with other options or inputs", entry.job);
-        return Err(Error::format(from, None, what));
+        if known.has_outputs() && known.key != entry.key {
+            let what =
+                format!("the job `{}` is also in another folder, with other options or inputs", entry.job);
+            return Err(Error::format(from, None, what));
+        }
     }
-    if entry.status != Status::Failed {
-        let target = out.join(&entry.job);
-        if target.symlink_metadata().is_ok() {
-            return Err(Error::format(target, None, "exists and was not made by a batch; remove it"));
-        }
-        begin(out, &entry.job)?;
-        let aside = work(out, &entry.job);
-        for file in &entry.outputs {
-            let (source, target) = (from.join(&entry.job).join(&file.path), aside.join(&file.path));
-            let copied = std::fs::create_dir_all(target.parent().unwrap_or(&aside))
-                .and_then(|()| std::fs::copy(&source, &target));
-            copied.map_err(|e| Error::io(source, e))?;
-        }
-        seal(&aside)?;
-        if !holds(&aside, &entry.outputs, true) {
-            return Err(Error::format(from.join(&entry.job), None, "was changed since the batch made it"));
-        }
+    if entry.has_outputs() {
+        copy(from, out, &entry, entries.get(&entry.job).is_some_and(|known| known.made))?;
     }
     journal.append(&[&entry])?;
-    if entry.status != Status::Failed {
+    if entry.has_outputs() {
         publish(out, &entry.job)?;
+        sync_up(&out.join(&entry.job), out)?;
     }
     entries.insert(entry.job.clone(), entry);
+    Ok(())
+}
+
+/// Copies the outputs of a job into its work folder. A folder in its place is replaced if a batch has `made` it.
+fn copy(from: &Path, out: &Path, entry: &Entry, made: bool) -> Result<()> {
+    let target = out.join(&entry.job);
+    if !made && target.symlink_metadata().is_ok() {
+        return Err(Error::format(target, None, "exists and was not made by a batch; remove it"));
+    }
+    // The part may have been ended between the journal and the renaming of the folder.
+    let finished = Some(work(from, &entry.job)).filter(|folder| holds(folder, &entry.outputs, true));
+    let folder = finished.unwrap_or_else(|| from.join(&entry.job));
+    begin(out, &entry.job)?;
+    let aside = work(out, &entry.job);
+    for file in &entry.outputs {
+        let (source, target) = (folder.join(&file.path), aside.join(&file.path));
+        let copied = std::fs::create_dir_all(target.parent().unwrap_or(&aside))
+            .and_then(|()| std::fs::copy(&source, &target));
+        copied.map_err(|e| Error::io(source, e))?;
+    }
+    seal(out, &entry.job)?;
+    if !holds(&aside, &entry.outputs, true) {
+        return Err(Error::format(folder, None, "was changed since the batch made it"));
+    }
     Ok(())
 }

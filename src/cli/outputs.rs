@@ -127,7 +127,7 @@ impl Outputs {
         if wants(Kind::Vtu) {
             let _spinner = common.spinner("writing solution.vtu");
             let file = files.path("solution.vtu");
-            write_vtu(&file, solution, scene, photometry)?;
+            write_vtu(&file, solution, scene, photometry, &())?;
             files.written.push(file);
         }
         let mut views = Vec::new();

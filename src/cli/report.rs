@@ -1,9 +1,9 @@
 //! `mrvis report DIR`: the results of a batch on one page.
 
-use super::args::file_name;
-use crate::batch::{Entry, Report, Status, read_journals, report_page, rows};
+use super::{args::file_name, one_line};
+use crate::batch::{Entry, Report, read_journals, report_page, rows};
 use crate::files::WholeFile;
-use crate::image_io::{Picture, thumbnail};
+use crate::image_io::thumbnail;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -34,16 +34,25 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     }
     let page = args.out.clone().unwrap_or_else(|| args.folder.join("report.html"));
     let rows = rows(&args.folder, entries.values());
-    let mut entries: Vec<&Entry> = entries.values().filter(|e| e.status != Status::Failed).collect();
+    let mut entries: Vec<&Entry> = entries.values().filter(|e| e.has_outputs()).collect();
     entries.sort_by(|a, b| (a.index, &a.job).cmp(&(b.index, &b.job)));
     let files: Vec<(&Entry, PathBuf)> = entries.into_iter().flat_map(|e| pictures(&args.folder, e)).collect();
-    let small = |(entry, file): &(&Entry, PathBuf)| -> Result<(String, Picture)> {
-        Ok((entry.job.clone(), thumbnail(file, SIDE)?))
-    };
-    let pictures = files.iter().take(MAX_PICTURES).map(small).collect::<Result<Vec<_>>>()?;
+    let small = |(entry, file): &(&Entry, PathBuf)| (entry.job.clone(), thumbnail(file, SIDE));
+    let (mut pictures, mut unreadable) = (Vec::new(), Vec::new());
+    for (job, picture) in files.iter().take(MAX_PICTURES).map(small) {
+        match picture {
+            Ok(picture) => pictures.push((job, picture)),
+            Err(error) => unreadable.push(one_line(&error)),
+        }
+    }
     let name = args.folder.canonicalize().unwrap_or_else(|_| args.folder.clone());
-    let report =
-        Report { name: &file_name(&name), rows: &rows, pictures: &pictures, pictures_in_all: files.len() };
+    let report = Report {
+        name: &file_name(&name),
+        rows: &rows,
+        pictures: &pictures,
+        unreadable: &unreadable,
+        pictures_in_all: files.len(),
+    };
     WholeFile::write(&page, report_page(&report)?)?;
     if !args.quiet {
         super::print(&format!("report: {}\n", page.display()))?;

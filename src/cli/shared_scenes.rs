@@ -3,13 +3,12 @@
 //! A job gets the same bits as alone: what is kept was made from files with the same content and with the same options. Jobs that need
 //! the same scene at the same time wait for the one that makes it.
 
+use crate::Result;
 use crate::batch::{HashedFile, Hashes};
 use crate::model::{Model, PrepareOptions};
 use crate::progress::Progress;
 use crate::scene::Scene;
-use crate::{Error, Result};
 use std::collections::HashMap;
-use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Scenes and models of a batch.
@@ -72,12 +71,12 @@ impl SharedScenes {
         let _one_at_a_time = lock(&gate);
         let known = lock(&self.kept).get(&key).and_then(|entry| entry.scene.clone());
         if let Some((scene, files)) = known
-            && files.iter().all(|file| self.hashes.of(&file.path).is_ok_and(|now| now == *file))
+            && files.iter().all(|file| self.hashes.of(&file.path) == *file)
         {
             return Ok((scene, in_use));
         }
         let scene = Arc::new(read()?);
-        let files = self.hashed(&scene.files)?;
+        let files = self.files(&scene);
         let mut kept = lock(&self.kept);
         let entry = kept.entry(key).or_default();
         entry.scene = Some((scene.clone(), files));
@@ -85,16 +84,9 @@ impl SharedScenes {
         Ok((scene, in_use))
     }
 
-    /// Files with their content.
-    ///
-    /// # Errors
-    /// A file cannot be read.
-    pub fn hashed(&self, files: &[PathBuf]) -> Result<Vec<HashedFile>> {
-        let hashed = files.iter().map(|file| {
-            let full = file.canonicalize().map_err(|e| Error::io(file, e))?;
-            self.hashes.of(&full)
-        });
-        hashed.collect()
+    /// The files of a scene with their content, also those that it names and that could not be read.
+    pub fn files(&self, scene: &Scene) -> Vec<HashedFile> {
+        scene.files.iter().chain(&scene.unread_files).map(|file| self.hashes.of(file)).collect()
     }
 
     /// A model of a scene: what was prepared of it already is not made again.
@@ -161,7 +153,7 @@ mod tests {
     use crate::scene::generate::{Spec, soup};
     use crate::scene::write_obj;
     use std::cell::Cell;
-    use std::path::Path;
+    use std::path::{Path, PathBuf};
 
     fn cornell(folder: &Path) -> PathBuf {
         let path = folder.join("cornell.obj");
@@ -190,6 +182,13 @@ mod tests {
         std::fs::write(&materials, text.replace("Kd ", "Kd 0")).expect("written");
         assert!(!Arc::ptr_eq(&first, &scene().0));
         assert_eq!(reads.get(), 2);
+        // So is a file that appears, and one that vanishes.
+        std::fs::rename(&materials, folder.path().join("aside")).expect("renamed");
+        let (without, _) = scene();
+        assert!(Arc::ptr_eq(&without, &scene().0));
+        std::fs::rename(folder.path().join("aside"), &materials).expect("renamed");
+        assert!(!Arc::ptr_eq(&without, &scene().0));
+        assert_eq!(reads.get(), 4);
         let missing = shared.scene("x".into(), || Scene::load_with(Path::new("x.obj"), &Default::default()));
         assert!(missing.is_err());
     }

@@ -51,7 +51,7 @@ pub struct First {
 }
 
 /// Radiance and first hit of a pixel.
-type Pixel = ([f32; 3], Option<First>);
+pub(super) type Pixel = ([f32; 3], Option<First>);
 
 /// A mesh in an Embree scene.
 pub struct Stage<'a> {

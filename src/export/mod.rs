@@ -24,7 +24,7 @@ pub use gather::{light_of, visible_points};
 pub use gltf::write_glb;
 pub use lightmap::{Lightmap, lightmap, write_lightmap_mesh};
 pub use mesh::Mesh;
-pub use picture::{MAX_PIXELS, MAX_SIDE, SIZE, developed, picture, suitable_lightmap};
+pub use picture::{MAX_PIXELS, MAX_SIDE, SIZE, bytes_per_pixel, developed, picture, suitable_lightmap};
 pub use ply::write_ply;
 pub use solve_page::{PageView, solve_page};
 pub use tone::Tone;

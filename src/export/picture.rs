@@ -1,5 +1,6 @@
 //! Cameras and pictures as the command and users of the crate ask for them.
 
+use super::camera::Pixel;
 use super::visible_points;
 use super::{Camera, Frame, Lightmap, PageView, Stage, Tone, light_of, lightmap, render, unwrapped_lightmap};
 use crate::Result;
@@ -19,6 +20,19 @@ pub const MAX_SIDE: usize = 16_384;
 pub const SIZE: [usize; 2] = [800, 600];
 /// Rays per pixel along either side: 4 rays give edges 5 levels. Pictures only.
 const SAMPLES_PER_SIDE: usize = 2;
+
+/// Bytes that a pixel takes while its picture is drawn, at most.
+pub const fn bytes_per_pixel(gathers: bool) -> usize {
+    // Rows of pixels, and the picture that they become.
+    let drawn = 2 * size_of::<Pixel>();
+    // The picture, and of each pixel its point, that in single precision, its irradiance and the radiance of that.
+    let gathered = size_of::<Pixel>()
+        + size_of::<Point>()
+        + size_of::<(Vec3, Vec3)>()
+        + size_of::<[f64; 3]>()
+        + size_of::<[f32; 3]>();
+    if gathers && gathered > drawn { gathered } else { drawn }
+}
 
 /// Irradiance at points; `None` if there is no time.
 pub type Gather<'a> = &'a dyn Fn(&[Point]) -> Option<Vec<[f64; 3]>>;

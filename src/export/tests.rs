@@ -330,11 +330,11 @@ fn files_are_what_their_formats_say() {
     let scene = Scene::load_with(path("a.ply"), &LoadOptions::default()).expect("PLY that we take ourselves");
     assert_eq!(scene.triangles.len(), mesh.triangles.len());
 
-    write_vtu(&path("a.vtu"), &solution, &square_scene, None).expect("written");
+    write_vtu(&path("a.vtu"), &solution, &square_scene, None, &()).expect("written");
     check_vtu(&path("a.vtu"), &solution);
     let placed = (0..solution.elements.len()).map(|i| PlacedElement { instance: 3, id: 1 << 40 | i as u64 });
     let solution = RadiosityMesh { instances: placed.collect(), ..solution };
-    write_vtu(&path("b.vtu"), &solution, &square_scene, None).expect("written");
+    write_vtu(&path("b.vtu"), &solution, &square_scene, None, &()).expect("written");
     check_vtu(&path("b.vtu"), &solution);
 }
 

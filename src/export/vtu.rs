@@ -1,9 +1,10 @@
 //! VTK's unstructured grid, for ParaView.
 
+use crate::progress::{Progress, Stoppable};
 use crate::radiosity::mesh::RadiosityMesh;
 use crate::scene::{Photometry, Scene};
 use crate::{Error, Result, files::WholeFile};
-use std::io::Write;
+use std::io::{BufWriter, Write};
 use std::path::Path;
 
 /// Cell types of VTK.
@@ -48,15 +49,19 @@ fn escaped(text: &str) -> String {
 /// fields `illuminance` (lx) and `luminance` (cd/m²) as well. Coordinates are those of the scene's file.
 ///
 /// # Errors
-/// The file cannot be written.
+/// The file cannot be written, or `progress` has stopped.
 pub fn write_vtu(
     path: &Path,
     solution: &RadiosityMesh,
     scene: &Scene,
     photometry: Option<Photometry>,
+    progress: &dyn Progress,
 ) -> Result<()> {
     let mut file = WholeFile::create(path)?;
-    write(&mut file, solution, (scene, photometry)).map_err(|e| Error::io(path, e))?;
+    let mut out = BufWriter::with_capacity(1 << 16, Stoppable { out: &mut file, progress });
+    let written = write(&mut out, solution, (scene, photometry)).and_then(|()| out.flush());
+    written.map_err(|e| Error::io(path, e))?;
+    drop(out);
     file.commit()
 }
 

@@ -33,8 +33,12 @@ impl Model {
         let inner = &*self.inner;
         let mut instances = inner.instances.clone();
         let mut changed = BTreeSet::new();
-        for change in changes {
-            changed.insert(apply(&mut instances, inner, change)?);
+        for (i, change) in changes.iter().enumerate() {
+            let applied = apply(&mut instances, inner, change).map_err(|error| match error {
+                Error::Argument(what) => Error::Argument(format!("`changes`[{i}]: {what}")),
+                other => other,
+            });
+            changed.insert(applied?);
         }
         let changed: Vec<u32> = changed.into_iter().collect();
         let before =

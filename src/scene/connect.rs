@@ -1,5 +1,7 @@
 //! Edge-connected parts of polygons, and whether they are closed.
 
+use rayon::prelude::*;
+
 /// Disjoint sets of `0..n` (union by smaller root: the root is the first member).
 pub(super) struct Sets(Vec<u32>);
 
@@ -38,7 +40,7 @@ impl Edges {
                 edges.push((u64::from(a.min(b)) << 32 | u64::from(a.max(b)), i as u32));
             }
         }
-        edges.sort_unstable();
+        edges.par_sort_unstable();
         Edges(edges)
     }
 

@@ -2,6 +2,8 @@
 
 use super::{Emitter, connect::Sets};
 use glam::{DVec2, DVec3, Vec3};
+use rayon::prelude::*;
+use rustc_hash::FxHashMap;
 
 /// Triangles for the grouping.
 pub(super) struct Faces<'a> {
@@ -21,11 +23,11 @@ impl Faces<'_> {
 pub(super) fn group(
     faces: &Faces,
     sets: &mut Sets,
-    emission: impl Fn(u32) -> [f32; 3],
+    emission: impl Fn(u32) -> [f32; 3] + Sync,
     object: impl Fn(u32) -> String,
 ) -> (Vec<Emitter>, Vec<u32>) {
     let mut of_triangle = vec![u32::MAX; faces.triangles.len()];
-    let mut of_root = std::collections::HashMap::new();
+    let mut of_root = FxHashMap::default();
     let mut members: Vec<Vec<u32>> = Vec::new();
     for t in 0..faces.triangles.len() as u32 {
         if emission(t).iter().all(|&e| e <= 0.0) {
@@ -39,23 +41,29 @@ pub(super) fn group(
         members[e as usize].push(t);
         of_triangle[t as usize] = e;
     }
-    let mut emitters: Vec<Emitter> = members.into_iter().map(|m| measure(faces, m, &emission)).collect();
+    let mut emitters: Vec<Emitter> =
+        members.into_par_iter().with_min_len(256).map(|m| measure(faces, m, &emission)).collect();
     name(&mut emitters, object);
     (emitters, of_triangle)
 }
 
 /// Names emitters after their object, numbered from 1 where an object has several.
 fn name(emitters: &mut [Emitter], object: impl Fn(u32) -> String) {
-    let mut count = std::collections::HashMap::<String, usize>::new();
+    let mut count = FxHashMap::<String, [usize; 2]>::default();
     for e in emitters.iter_mut() {
         e.name = object(e.triangles[0]);
-        *count.entry(e.name.clone()).or_default() += 1;
+        match count.get_mut(&e.name) {
+            Some([all, _]) => *all += 1,
+            None => _ = count.insert(e.name.clone(), [1, 0]),
+        }
     }
-    let mut seen = std::collections::HashMap::<String, usize>::new();
-    for e in emitters.iter_mut().filter(|e| count[&e.name] > 1) {
-        let n = seen.entry(e.name.clone()).or_default();
-        *n += 1;
-        e.name = format!("{} {n}", e.name);
+    for e in emitters.iter_mut() {
+        if let Some([all, number]) = count.get_mut(&e.name)
+            && *all > 1
+        {
+            *number += 1;
+            e.name = format!("{} {number}", e.name);
+        }
     }
 }
 

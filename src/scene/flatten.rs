@@ -94,6 +94,7 @@ impl Scene {
             cameras: self.cameras.clone(),
             bounds: self.bounds,
             files: self.files.clone(),
+            unread_files: self.unread_files.clone(),
             repairs: self.repairs.clone(),
             shared: Vec::new(),
             placements: Vec::new(),

@@ -1,6 +1,6 @@
 //! Selection of the polygons to triangulate.
 
-use super::{Repairs, Soup, triangulate::newell, weld};
+use super::{Repairs, Soup, duplicates::same_corners, triangulate::newell};
 use glam::{DVec3, Vec3};
 
 /// Smallest opacity of a face that blocks light; faces below are dropped. A face transmits all or nothing here, so an
@@ -80,7 +80,7 @@ impl Kept {
         };
         let object = |i: u32| soup.polygon_object[self.polygon[i as usize] as usize];
         let mut drop = vec![false; slices.len()];
-        for group in weld::same_corners(&slices) {
+        for group in same_corners(&slices) {
             // Groups keep few polygons, and the cap bounds the search among them.
             let mut survivors: Vec<(u32, DVec3)> = Vec::new();
             for &i in &group {

@@ -78,7 +78,7 @@ impl LoadOptions {
         self
     }
 
-    /// Makes the object, group or material `name` emit `watts` in each channel. May be called several times.
+    /// Makes the object, group or material `name` emit `watts` in each channel, at least 0; 0 switches it off. May be called several times.
     #[must_use]
     pub fn with_emitter(mut self, name: impl Into<String>, watts: f64) -> LoadOptions {
         self.emitters.push((name.into(), Strength::Watts(watts)));

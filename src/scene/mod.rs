@@ -3,8 +3,10 @@
 //! File formats, defaults, units and repairs are handled here; later rooms do not check again.
 
 mod bent;
+mod box_grid;
 mod compact;
 mod connect;
+mod duplicates;
 mod emitter_sampler;
 mod emitters;
 mod flatten;
@@ -41,7 +43,6 @@ mod tests;
 mod texture;
 mod triangulate;
 mod up;
-mod weld;
 #[cfg(any(test, feature = "cli"))]
 mod write_gltf;
 #[cfg(any(test, feature = "cli"))]
@@ -230,6 +231,8 @@ pub struct Scene {
     pub(crate) repairs: Repairs,
     /// Files that were read: the scene, its material libraries, textures and buffers, placed luminaires; empty for generated scenes.
     pub(crate) files: Vec<PathBuf>,
+    /// Files that the scene names and that could not be opened: with them it would be another scene.
+    pub(crate) unread_files: Vec<PathBuf>,
     /// Meshes that are stored once and placed by `placements`; each is a scene in its own frame, without emitters,
     /// shared meshes or placements. Empty if every mesh occurs once.
     pub(crate) shared: Vec<Arc<Scene>>,

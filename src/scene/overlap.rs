@@ -13,12 +13,12 @@
 //! grid of cells of the size of each face. The number of tests per face is limited, so the time is O(n log n), and of
 //! many stacked faces only some are reported.
 
-use super::{Object, Repairs};
+use super::{Object, Repairs, box_grid::BoxGrid};
 use crate::error::{figure, quote};
 use crate::math::Aabb;
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 
 /// Triangles for the detection.
 pub(super) struct Faces<'a> {
@@ -190,63 +190,37 @@ const MAX_TESTS_PER_FACE: f64 = 32.0;
 const MISS_COST: f64 = 1.0 / 16.0;
 
 /// The overlapping pairs of a group, with their areas.
-fn within(faces: &Faces, group: &[(u64, u32)], tolerance: &Tolerance) -> Vec<(u32, u32, f64)> {
+fn within(faces: &Faces, group: &[(u64, u32)], tolerance: &Tolerance) -> Vec<Overlap> {
     let [i, j] = others((group[0].0 & 3) as usize);
     let flat_box = |t: u32| {
         let [a, b, c] = corners(faces, t as usize).map(|p| DVec2::new(p[i], p[j]));
         [a.min(b).min(c), a.max(b).max(c)]
     };
     let boxes: Vec<[DVec2; 2]> = group.iter().map(|&(_, t)| flat_box(t)).collect();
-    let mut found = Vec::new();
-    let mut test_pair = |k: usize, m: usize| {
+    let boxes_overlap = |k: usize, m: usize| {
         let ([low, high], [from, to]) = (boxes[k], boxes[m]);
-        let meets = low.cmplt(to).all() && from.cmplt(high).all();
-        if meets {
-            let (s, t) = (group[k].1, group[m].1);
-            let area = overlap(faces, [s, t], tolerance);
-            if area > 0.0 {
-                found.push((s.min(t), s.max(t), area));
-            }
-        }
-        meets
+        low.cmplt(to).all() && from.cmplt(high).all()
+    };
+    let test_pair = |k: usize, m: usize| {
+        let (s, t) = (group[k].1, group[m].1);
+        let area = overlap(faces, [s, t], tolerance);
+        (area > 0.0).then_some((s.min(t), s.max(t), area))
     };
     if group.len() <= MAX_UNGRIDDED_FACES {
-        for (k, m) in (0..group.len()).flat_map(|m| (0..m).map(move |k| (k, m))) {
-            test_pair(k, m);
-        }
-        return found;
+        let pairs = (0..group.len()).flat_map(|m| (0..m).map(move |k| (k, m)));
+        return pairs.filter(|&(k, m)| boxes_overlap(k, m)).filter_map(|(k, m)| test_pair(k, m)).collect();
     }
-    // Each face is entered into the cells of a grid of its size, and searched in its own and coarser grids.
-    let level = |b: &[DVec2; 2]| (b[1] - b[0]).max_element().max(f64::MIN_POSITIVE).log2().ceil() as i32;
-    let cells = |b: &[DVec2; 2], level: i32| {
-        let size = f64::from(level).exp2();
-        let [low, high] = b.map(|p| (p / size).floor().as_i64vec2());
-        (low.x..=high.x).flat_map(move |x| (low.y..=high.y).map(move |y| (level, x, y)))
-    };
-    let own: Vec<i32> = boxes.iter().map(level).collect();
-    let mut grid = HashMap::<(i32, i64, i64), Vec<usize>>::new();
-    for (k, b) in boxes.iter().enumerate() {
-        cells(b, own[k]).for_each(|cell| grid.entry(cell).or_default().push(k));
-    }
-    let mut levels = own.clone();
-    levels.sort_unstable();
-    levels.dedup();
-    for (k, b) in boxes.iter().enumerate() {
-        let coarser = levels.iter().filter(|&&level| level >= own[k]);
-        let near = coarser.flat_map(|&level| {
-            let after = if level > own[k] { 0 } else { k + 1 };
-            let held = cells(b, level).filter_map(|cell| grid.get(&cell));
-            held.flat_map(move |held| &held[held.partition_point(|&m| m < after)..])
-        });
+    let grid = BoxGrid::new(&boxes);
+    let overlaps_of = |k: usize| {
         let mut left = MAX_TESTS_PER_FACE;
-        for &m in near {
-            left -= if test_pair(k, m) { 1.0 } else { MISS_COST };
-            if left <= 0.0 {
-                break;
-            }
-        }
-    }
-    found
+        let near = grid.near(k, &boxes[k]).take_while(move |&m| {
+            let goes_on = left > 0.0;
+            left -= if boxes_overlap(k, m) { 1.0 } else { MISS_COST };
+            goes_on
+        });
+        near.filter(move |&m| boxes_overlap(k, m)).filter_map(move |m| test_pair(k, m))
+    };
+    (0..boxes.len()).into_par_iter().with_min_len(1024).flat_map_iter(overlaps_of).collect()
 }
 
 /// Largest distance of the planes of two overlapping faces, by their own coordinates.

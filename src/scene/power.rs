@@ -27,7 +27,7 @@ pub fn parse_emitter(text: &str) -> Result<(String, Strength)> {
     let wrong = || {
         let units = "lamp=60W, lamp=800lm, lamp=5000cd/m2";
         Error::Argument(format!(
-            "emitter {}: write NAME=W, with W > 0 in watts (lamp=60), or with a unit: {units}",
+            "emitter {}: write NAME=W, with W >= 0 in watts (lamp=60; lamp=0 switches it off), or with a unit: {units}",
             quote(text)
         ))
     };
@@ -43,7 +43,7 @@ pub fn parse_emitter(text: &str) -> Result<(String, Strength)> {
     let (number, unit) =
         units.iter().find_map(|(unit, of)| Some((strength.strip_suffix(unit)?, of))).ok_or_else(wrong)?;
     let value: f64 = number.trim().parse().map_err(|_| wrong())?;
-    if name.is_empty() || !value.is_finite() || value <= 0.0 {
+    if name.is_empty() || !value.is_finite() || value < 0.0 {
         Err(wrong())
     } else {
         Ok((name.to_owned(), unit(value)))
@@ -63,16 +63,16 @@ pub(super) struct Surfaces<'a> {
 /// Makes the named faces emit: a power W is distributed over the area A of its faces, with exitance M = W/A in each
 /// of the three channels and radiance L = M/π.
 ///
-/// The faces get copies of their materials, so that other faces of the same material do not emit.
+/// The faces get copies of their materials, so that other faces of the same material emit as before. A power of 0 switches faces off.
 pub(super) fn apply(s: Surfaces, options: &LoadOptions) -> Result<()> {
     let metres = unit_in_metres(&options.unit).unwrap_or(1.0);
     let sides = if options.two_sided_emission { 2.0 } else { 1.0 };
     for (name, strength) in &options.emitters {
         let (value, unit) = strength.parts();
         // The limits of `parse_emitter`; options may be set without it.
-        if !value.is_finite() || value <= 0.0 {
+        if !value.is_finite() || value < 0.0 {
             return Err(Error::Argument(format!(
-                "emitter {}: {} {unit} is not a number above 0",
+                "emitter {}: {} {unit} is not a number of at least 0",
                 quote(name),
                 figure(value)
             )));

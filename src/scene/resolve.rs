@@ -15,9 +15,12 @@ use super::{
     power::{self, Surfaces},
     stack::stack,
     triangulate::{Shape, Triangulator},
-    weld,
 };
-use crate::{Error, Result, error::quote, math::Aabb};
+use crate::{
+    Error, Result,
+    error::quote,
+    math::{Aabb, weld::weld},
+};
 use glam::{DVec3, Vec3};
 
 /// Checks, repairs and converts a soup.
@@ -50,7 +53,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     let mut repairs = std::mem::take(&mut soup.repairs);
     let mut materials = check_materials(&soup, role, &mut repairs)?;
     let origin = origin(&soup)?;
-    let (number, positions) = weld::weld(soup.positions.iter().map(|p| (p - origin).as_vec3()));
+    let (number, positions) = weld(&seen_from(origin, &soup.positions));
     soup.positions = Vec::new();
 
     let kept = Kept::of(&soup, &number, &positions, &mut repairs);
@@ -84,13 +87,12 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     let (component, closed) = used_parts(&parts, &faces.polygon);
     let part = |t: usize| parts.part[faces.polygon[t] as usize];
     let appearance = |t: usize| (faces.reflectance[t], materials[faces.material[t] as usize].emission);
-    let alike = |s: usize, t: usize| part(s) == part(t) && appearance(s) == appearance(t);
     let planes = overlap::Faces {
         positions: &positions,
         triangles: &triangles,
         object: &triangle_object,
         two_sided: &|t| sides(part(t)) == 2,
-        alike: &alike,
+        alike: &|s, t| part(s) == part(t) && appearance(s) == appearance(t),
     };
     let found = overlap::find(&planes, &objects, &options.unit, &mut repairs);
     let areas = area_of_parts(&parts, &faces.polygon, &area);
@@ -99,6 +101,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
         path: soup.path,
         cameras: soup.cameras,
         files: Vec::new(),
+        unread_files: Vec::new(),
         unit: options.unit.clone(),
         two_sided_emission: options.two_sided_emission,
         up: options.up,
@@ -163,6 +166,11 @@ fn check_materials(soup: &Soup, role: Role, repairs: &mut Repairs) -> Result<Vec
         repairs.messages.push(format!("reflectance clamped to 0..{MAX_REFLECTANCE} in {names}"));
     }
     Ok(materials)
+}
+
+/// The positions relative to the origin.
+fn seen_from(origin: DVec3, positions: &[DVec3]) -> Vec<Vec3> {
+    positions.iter().map(|p| (p - origin).as_vec3()).collect()
 }
 
 /// Offset of the positions: zero unless the scene is far from zero relative to its size; otherwise its centre,

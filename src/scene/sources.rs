@@ -23,6 +23,8 @@ pub(super) struct Sources {
     pub is_closed: bool,
     /// Files that were read, in order, without repetition.
     pub read: Vec<PathBuf>,
+    /// Files that were looked for and could not be opened, in order, without repetition.
+    pub unread: Vec<PathBuf>,
     textures: HashMap<TextureKey, Option<Texture>>,
     texture_bytes: u64,
 }
@@ -39,15 +41,19 @@ impl Sources {
     /// `max_memory`: largest memory of the scene, bytes; `None` for [`memory::PART`] of what is available.
     pub fn new(max_memory: Option<u64>) -> Sources {
         let limit = max_memory.or_else(memory::usable).unwrap_or(u64::MAX >> 1);
-        Sources { limit, is_closed: false, read: Vec::new(), textures: HashMap::new(), texture_bytes: 0 }
+        Sources {
+            limit,
+            is_closed: false,
+            read: Vec::new(),
+            unread: Vec::new(),
+            textures: HashMap::new(),
+            texture_bytes: 0,
+        }
     }
 
     /// Opens a file that may take all memory.
     pub fn open(&mut self, path: &Path) -> Result<Input> {
-        self.check_open(path)?;
-        let input = Input::open(path, self.limit)?;
-        self.note(path);
-        Ok(input)
+        self.open_up_to(path, self.limit)
     }
 
     /// All bytes of a file that may take all memory.
@@ -57,26 +63,22 @@ impl Sources {
 
     /// All bytes of a file of definitions.
     pub fn small(&mut self, path: &Path) -> Result<Vec<u8>> {
-        self.check_open(path)?;
-        let bytes = Input::open(path, MAX_SMALL_FILE.min(self.limit))?.bytes()?;
-        self.note(path);
-        Ok(bytes)
+        self.open_up_to(path, MAX_SMALL_FILE.min(self.limit))?.bytes()
     }
 
-    fn check_open(&self, path: &Path) -> Result<()> {
-        match self.is_closed {
-            false => Ok(()),
-            true => Err(Error::Argument(format!(
+    fn open_up_to(&mut self, path: &Path, limit: u64) -> Result<Input> {
+        if self.is_closed {
+            return Err(Error::Argument(format!(
                 "the scene names the file `{}`: give `folder`, where it is looked for, or leave it out of the scene",
                 shown(path)
-            ))),
+            )));
         }
-    }
-
-    fn note(&mut self, path: &Path) {
-        if !self.read.iter().any(|p| p == path) {
-            self.read.push(path.into());
+        let opened = Input::open(path, limit);
+        let list = if opened.is_ok() { &mut self.read } else { &mut self.unread };
+        if !list.iter().any(|p| p == path) {
+            list.push(path.into());
         }
+        opened
     }
 
     /// The texture `key`, whose encoded bytes are `read` once, whatever names lead to its file; `None`, with a counted repair, if it

@@ -67,6 +67,15 @@ static void nulls(void) {
   WRONG(mrv_model_get_instance(model, 0, NULL), "instance");
   WRONG(mrv_model_update(model, NULL, 2, &m), "changes");
   WRONG(mrv_model_update(model, NULL, 0, NULL), "updated");
+  mrv_instance_change changes[2];
+  memset(changes, 0, sizeof changes);
+  for (int i = 0; i < 2; i++) {
+    changes[i].struct_size = sizeof changes[i];
+    changes[i].kind = MRV_CHANGE_SHOW;
+    changes[i].instance = i == 0 ? 0 : 999;
+  }
+  WRONG(mrv_model_update(model, changes, 2, &m), "`changes`[0]: instance 0 holds");
+  WRONG(mrv_model_update(model, changes + 1, 1, &m), "`changes`[0]: instance 999 does not exist");
   WRONG(mrv_visibility_answer(NULL, 0, &segments, &answers, NULL), "model");
   WRONG(mrv_visibility_answer(model, 0, NULL, &answers, NULL), "segments");
   WRONG(mrv_visibility_answer(model, 0, &segments, NULL, NULL), "answers");
@@ -463,7 +472,7 @@ static void queries_and_points(void) {
   WRONG(mrv_solution_irradiance(light, normals, at + 1, 1, (double *)(void *)out), "`normals`[0]");
   WRONG(mrv_solution_irradiance(light, at, normals, 2, at), "overlap");
   WRONG(mrv_solution_get_warning(light, 99, &text), "`index` 99");
-  WRONG(mrv_solution_write(light, "a.doc", NULL, NULL), ".vtu");
+  WRONG(mrv_solution_write(light, "a.doc", NULL, NULL), "`path` a.doc: the extension must be .vtu");
   WRONG(mrv_solution_irradiance(light, at, NULL, 2, (double *)(void *)out), "normals");
   WRONG(mrv_solution_irradiance(light, at, normals, SIZE_MAX / 16, (double *)(void *)out), "positions");
   CHECK(is_untouched(out, 6 * sizeof(double), 1));

@@ -1,6 +1,7 @@
 //! `mrvis batch`: nothing is lost, nothing is repeated, and outputs are those of single commands.
 
 mod bad_input;
+mod kept;
 mod parts;
 mod results;
 
@@ -163,8 +164,8 @@ fn only_what_changed_is_repeated() {
 /// Kills the batch at random moments; whatever is there is whole, and in the end everything is there once.
 #[test]
 fn nothing_is_lost_when_the_batch_is_killed() {
-    // `MRVIS_KILLS=50` for the long test.
-    let kills: u64 = std::env::var("MRVIS_KILLS").ok().and_then(|n| n.parse().ok()).unwrap_or(10);
+    // `make kills` kills it 50 times.
+    let kills: u64 = std::env::var("MRVIS_KILLS").map_or(10, |n| n.parse().expect("MRVIS_KILLS is a number"));
     let scratch = prepared();
     let start = Instant::now();
     assert_eq!(batch(&scratch, &["--out", "undisturbed"]).code, Some(0));
@@ -286,7 +287,12 @@ fn failures_are_kept_to_one_job() {
     let line = journal(&scratch.path("o")).into_iter().find(|line| line["job"] == "within").expect("a line");
     assert!(line["peak_bytes"].as_u64().expect("a peak") > 1 << 20);
     let table = std::fs::read_to_string(scratch.path("o/results.jsonl")).expect("a table");
-    assert_eq!(table.lines().count(), 5);
+    // Those of all jobs, the skipped one among them.
+    assert_eq!(table.lines().count(), 6);
+    assert!(
+        table.contains("\"status\":\"skipped\"") && table.contains("it needs bad, which failed"),
+        "{table}"
+    );
 }
 
 /// When no more can be written the batch stops with what is done, and goes on when there is room.

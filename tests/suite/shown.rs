@@ -107,7 +107,7 @@ fn factors(scene: &Scene) -> Matrix {
     let facets = Facets::new(scene);
     let settings = Settings::new(facets.count());
     let (matrix, _) = compute(&model(scene), &facets, &settings, &()).expect("a matrix");
-    matrix.grouped(scene, &facets, Grouping::Object)
+    matrix.grouped(scene, &facets, Grouping::Object, &()).expect("groups")
 }
 
 /// A regular polygon at height `z` with the area of a disc; `up`: faces upwards.

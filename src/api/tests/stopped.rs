@@ -3,7 +3,10 @@
 use crate::model::testing::{model, prepared_in};
 use crate::model::{Detail, Model};
 use crate::scene::Scene;
-use crate::{Error, FormFactorOptions, GenerateOptions, Progress, SolveOptions, SurfacePoint};
+use crate::{
+    Answers, Engine, Error, FormFactorOptions, GenerateOptions, Grouping, Progress, Segments, SolveOptions,
+    SurfacePoint,
+};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Stops when so many steps are done.
@@ -26,6 +29,35 @@ fn after(steps: u64) -> After {
     After { steps, done: AtomicU64::new(0) }
 }
 
+/// Stops when it is asked for the time `at`, counted from 1.
+#[derive(Default)]
+struct AtAsk {
+    at: u64,
+    asked: AtomicU64,
+    /// Numbers of questions before the first stage, and since the last step.
+    before: AtomicU64,
+    since: AtomicU64,
+}
+
+impl Progress for AtAsk {
+    fn stage(&self, _: &str, _: u64) {
+        self.before.fetch_min(self.asked.load(Ordering::Relaxed), Ordering::Relaxed);
+    }
+
+    fn advance(&self, _: u64) {
+        self.since.store(0, Ordering::Relaxed);
+    }
+
+    fn stopped(&self) -> bool {
+        self.since.fetch_add(1, Ordering::Relaxed);
+        self.asked.fetch_add(1, Ordering::Relaxed) + 1 >= self.at
+    }
+}
+
+fn at_ask(at: u64) -> AtAsk {
+    AtAsk { at, before: AtomicU64::new(u64::MAX), ..AtAsk::default() }
+}
+
 fn cornell(detail: Detail) -> Model {
     model(&Scene::generate("cornell").expect("a scene"), detail)
 }
@@ -46,6 +78,61 @@ fn form_factors_stop_at_any_step() {
         let done = progress.done.load(Ordering::Relaxed);
         assert!(done < steps + 64.max(rayon::current_num_threads() as u64), "{done} after {steps}");
     }
+}
+
+/// Facets are made, and the matrix is put together, in steps that a caller can stop at.
+#[test]
+fn form_factors_stop_before_and_after_their_rays() {
+    let model = model(&Scene::generate("cubes").expect("a scene"), Detail::Rays);
+    let options = FormFactorOptions::default().with_rays(16).with_grouping(Grouping::Material);
+    let all = at_ask(u64::MAX);
+    model.form_factors(&options, &all).expect("form factors");
+    let facets =
+        model.form_factors(&options.with_grouping(Grouping::Polygon), &()).expect("form factors").len();
+    let [asked, before, since] = [&all.asked, &all.before, &all.since].map(|n| n.load(Ordering::Relaxed));
+    assert!(before >= facets as u64, "{before} questions while {facets} facets are made");
+    assert!(since >= 2 * facets as u64, "{since} questions while {facets} rows are balanced and grouped");
+    let options = FormFactorOptions::default().with_rays(16).with_grouping(Grouping::Material);
+    for at in [2, before / 2, asked - facets as u64 / 2] {
+        assert!(
+            matches!(model.form_factors(&options, &at_ask(at)), Err(Error::Cancelled(_))),
+            "{at} of {asked}"
+        );
+    }
+}
+
+/// A bundle of many chunks is answered in parts, and stops between them.
+#[test]
+fn one_large_bundle_stops() {
+    let model = model(&Scene::generate("cubes").expect("a scene"), Detail::Optics);
+    let [low, high] = model.scene().bounds().map(|corner| corner.map(|x| x as f32));
+    let count = 5 << 14;
+    let at = |i: usize, z: f32| {
+        let [u, v, ..] = sobol_burley::sample_4d((i % 4096) as u32, 0, (i / 4096) as u32);
+        [low[0] + u * (high[0] - low[0]), low[1] + v * (high[1] - low[1]), z]
+    };
+    let from: Vec<[f32; 3]> = (0..count).map(|i| at(i, low[2] + 0.01)).collect();
+    let to: Vec<[f32; 3]> = (0..count).map(|i| at(i ^ 7, high[2] - 0.01)).collect();
+    let whole = [0, count as u64];
+    let segments = Segments::new(&from[..], &to[..], &whole).feature_size(0.5);
+    let mut clear = Vec::new();
+    for engine in [Engine::Exact, Engine::MultiResolution] {
+        let visibility = model.visibility().with_engine(engine);
+        let (mut found, mut each) = ([0.0], vec![7.0; count]);
+        for at in [1, 4] {
+            let stopped =
+                visibility.answer_into_unless(&segments, &mut Answers::new(&mut found), &at_ask(at));
+            assert!(matches!(stopped, Err(Error::Cancelled(_))), "{engine:?} {at}");
+        }
+        visibility
+            .answer_into(&segments, &mut Answers::new(&mut found).segments(&mut each))
+            .expect("answers");
+        let mean = each.iter().map(|&t| f64::from(t)).sum::<f64>() / count as f64;
+        assert!((mean - f64::from(found[0])).abs() < 1e-5, "{engine:?}: {mean} {}", found[0]);
+        visibility.answer_into(&segments, &mut Answers::new(&mut found)).expect("answers");
+        clear.push(found[0]);
+    }
+    assert!((clear[0] - clear[1]).abs() < 0.02 && (0.1..0.99).contains(&clear[0]), "{clear:?}");
 }
 
 /// What the preparation of a model took does not shorten its solutions.
@@ -112,7 +199,18 @@ fn solutions_are_written_by_their_extension() {
         solution.write(&path, &()).expect(name);
         assert!(std::fs::read(&path).expect(name).starts_with(begin.as_bytes()), "{name}");
         std::fs::remove_file(&path).expect(name);
-        assert!(matches!(solution.write(&path, &after(0)), Err(Error::Cancelled(_))) && !path.exists());
+        // Stopped at any time: either there is a complete file, or the work was cancelled and there is none.
+        for at in 1.. {
+            match solution.write(&path, &at_ask(at)) {
+                Ok(()) => {
+                    assert!(at > 2, "{name}: asked {} times", at - 1);
+                    break;
+                }
+                Err(Error::Cancelled(_)) => assert!(!path.exists(), "{name} {at}"),
+                Err(other) => panic!("{name} {at}: {other}"),
+            }
+        }
+        assert!(path.exists());
     }
     assert!(solution.write(folder.path().join("a.doc"), &()).unwrap_err().to_string().contains(".glb"));
 }

@@ -21,23 +21,25 @@ pub struct Chart {
     pub markup: Markup,
 }
 
-/// Errors against times for any two swept options: the first by colour, the second by labels.
+/// Errors against times for any two swept options: the first by colour, the second by labels. At most [`MAX_CHARTS`], and how many there
+/// would be without that limit.
 ///
 /// # Errors
 /// A chart cannot be drawn.
-pub fn charts(rows: &[Row]) -> Result<Vec<Chart>> {
+pub fn charts(rows: &[Row]) -> Result<(Vec<Chart>, usize)> {
     let mut by_scene: BTreeMap<String, Vec<&Row>> = BTreeMap::new();
     rows.iter().for_each(|row| by_scene.entry(text(row, "scene")).or_default().push(row));
     let several = by_scene.values().filter(|rows| errors(rows.iter().copied()).next().is_some()).count() > 1;
-    let mut charts = Vec::new();
+    let (mut charts, mut in_all) = (Vec::new(), 0);
     for (scene, rows) in &by_scene {
         for (column, name) in errors(rows.iter().copied()) {
             let known: Vec<&Row> =
                 rows.iter().copied().filter(|row| value(row, column).is_some_and(|e| e > 0.0)).collect();
             let options = swept(known.iter().copied());
             for [a, b] in pairs(&options) {
-                if charts.len() == MAX_CHARTS {
-                    return Ok(charts);
+                in_all += 1;
+                if in_all > MAX_CHARTS {
+                    continue;
                 }
                 let short = |option: &str| option.trim_start_matches("option.").to_owned();
                 let mut title = format!("{name}, by {}", short(a));
@@ -54,7 +56,7 @@ pub fn charts(rows: &[Row]) -> Result<Vec<Chart>> {
             }
         }
     }
-    Ok(charts)
+    Ok((charts, in_all))
 }
 
 /// All pairs of options, in both orders; the only option with itself.

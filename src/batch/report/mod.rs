@@ -37,6 +37,8 @@ pub struct Report<'a> {
     pub rows: &'a [Row],
     /// Pictures by name of the job.
     pub pictures: &'a [(String, Picture)],
+    /// Errors of pictures that cannot be read.
+    pub unreadable: &'a [String],
     /// Number of pictures that jobs have made.
     pub pictures_in_all: usize,
 }
@@ -47,18 +49,18 @@ pub struct Report<'a> {
 /// A picture or a chart cannot be drawn.
 pub fn report_page(report: &Report) -> Result<String> {
     let rows = report.rows;
-    let charts = charts(rows)?;
+    let (charts, charts_in_all) = charts(rows)?;
     let body = html! {
         (headline(report))
         (failures(rows))
-        @if !charts.is_empty() { section { h2 { "Errors against time" } (chart_section(&charts)) } }
+        @if !charts.is_empty() { section { h2 { "Errors against time" } (chart_section(&charts, charts_in_all)) } }
         section {
             h2 { "Jobs" }
             (controls(rows))
             (table(rows))
             p.note { "All figures of all jobs are in results.csv and results.jsonl." }
         }
-        @if !report.pictures.is_empty() { section { h2 { "Pictures" } (pictures(report)?) } }
+        @if report.pictures_in_all > 0 { section { h2 { "Pictures" } (pictures(report)?) } }
         script { (PreEscaped(SCRIPT)) }
     };
     Ok(document(&format!("mrvis batch: {}", report.name), &body))
@@ -103,13 +105,15 @@ fn headline(report: &Report) -> Markup {
     let total = |column: &str| rows.iter().filter_map(|row| value(row, column)).sum::<f64>();
     let failed = rows.iter().filter(|row| text(row, "status") == "failed").count();
     let missed = rows.iter().filter(|row| text(row, "status") == "missed").count();
+    let skipped = rows.iter().filter(|row| text(row, "status") == "skipped").count();
     html! {
         header {
             p.kicker { "Batch of jobs" }
             h1 { (report.name) }
             p.lead {
-                strong { (rows.len() - failed) } " of " strong { (rows.len()) } " jobs are done"
-                @if missed > 0 { ", " (missed) " of them missed a tolerance" } "."
+                strong { (rows.len() - failed - skipped) } " of " strong { (rows.len()) } " jobs are done"
+                @if missed > 0 { ", " (missed) " of them missed a tolerance" }
+                @if skipped > 0 { ", " (skipped) " were skipped because a job that they need failed" } "."
             }
             div.figures {
                 (figure(&count(rows.len() as u64), "jobs"))
@@ -135,8 +139,11 @@ fn failures(rows: &[Row]) -> Markup {
     }
 }
 
-fn chart_section(charts: &[Chart]) -> Markup {
+fn chart_section(charts: &[Chart], in_all: usize) -> Markup {
     html! {
+        @if in_all > charts.len() {
+            p.note { (charts.len()) " of " (in_all) " charts: one for each scene, error and two swept options. The others can be made from results.csv." }
+        }
         @if charts.len() > 1 {
             p.controls hidden {
                 label { "Chart " select id="chart" { @for (k, chart) in charts.iter().enumerate() { option value=(k) { (chart.title) } } } }
@@ -223,9 +230,10 @@ fn pictures(report: &Report) -> Result<Markup> {
     let urls = report.pictures.iter().map(|(job, picture)| Ok((job, data_url(picture)?)));
     let urls = urls.collect::<Result<Vec<_>>>()?;
     Ok(html! {
-        @if report.pictures_in_all > urls.len() {
+        @if report.pictures_in_all > urls.len() + report.unreadable.len() {
             p.note { (urls.len()) " of " (report.pictures_in_all) " pictures; the others are in the folders of their jobs." }
         }
+        @for what in report.unreadable { p.warning { "A picture cannot be read: " (what) } }
         div.images.small {
             @for (job, url) in &urls {
                 figure data-job=(job) { div.frame { img src=(url) alt=(format!("picture of {job}")); } figcaption { (job) } }

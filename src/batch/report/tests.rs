@@ -24,7 +24,13 @@ fn rows() -> Vec<Row> {
 fn the_page_has_all_jobs_and_refers_to_nothing() {
     let picture = Picture { width: 1, height: 1, pixels: vec![[1, 2, 3]] };
     let pictures = [("e0.1-mr".to_owned(), picture)];
-    let report = Report { name: "out", rows: &rows(), pictures: &pictures, pictures_in_all: 3 };
+    let report = Report {
+        name: "out",
+        rows: &rows(),
+        pictures: &pictures,
+        unreadable: &["b.png: gone".into()],
+        pictures_in_all: 3,
+    };
     let page = report_page(&report).expect("a page");
     for part in [
         "3</strong> of <strong>4</strong> jobs",
@@ -33,6 +39,7 @@ fn the_page_has_all_jobs_and_refers_to_nothing() {
         "by visibility and error",
         "Pareto front",
         "1 of 3 pictures",
+        "A picture cannot be read: b.png: gone",
         "data-value=\"0.05\"",
     ] {
         assert!(page.contains(part), "lacks {part}");
@@ -46,8 +53,20 @@ fn the_page_has_all_jobs_and_refers_to_nothing() {
 }
 
 #[test]
+fn the_page_says_how_many_charts_it_leaves_out() {
+    let names = "abcdefgh".chars();
+    let jobs = [1.0, 2.0].map(|k| {
+        let options = names.clone().map(|name| (format!("option.{name}"), json!(k)));
+        let fixed = json!({ "job": format!("j{k}"), "scene": "a.obj", "status": "done", "job_seconds": k, "error_estimate": 0.1 / k });
+        row(fixed).into_iter().chain(options).collect::<Row>()
+    });
+    let report = Report { name: "out", rows: &jobs, pictures: &[], unreadable: &[], pictures_in_all: 0 };
+    assert!(report_page(&report).expect("a page").contains("40 of 56 charts"));
+}
+
+#[test]
 fn a_batch_without_jobs_has_a_page() {
-    let report = Report { name: "out", rows: &[], pictures: &[], pictures_in_all: 0 };
+    let report = Report { name: "out", rows: &[], pictures: &[], unreadable: &[], pictures_in_all: 0 };
     assert!(report_page(&report).expect("a page").contains("0</strong> of <strong>0"));
 }
 

@@ -1,11 +1,13 @@
 //! Makes the outputs of finished jobs permanent: files to disk, a line in the journal, then the folder gets its place.
 //!
-//! The line is on disk before the folder is renamed. After a crash between the two, the next run finds the folder complete in the work
-//! folder and renames it.
+//! All files and the line are on disk before the folder is renamed. After a crash between the two, the next run finds the folder complete
+//! in the work folder and renames it. What goes wrong with the outputs of one job makes that job fail; others are kept.
 
-use super::job_run::Ended;
+use super::job_run::{Ended, is_full};
 use super::plan::Plan;
-use crate::batch::{Entry, HashedFile, Hashes, Journal, Status, publish, remove, seal, work};
+use crate::batch::{
+    Entry, HashedFile, Hashes, Journal, Status, publish, remove, seal, sync_up, withdraw, work,
+};
 use crate::cli::one_line;
 use crate::{Error, Result};
 use std::sync::mpsc::{Receiver, Sender};
@@ -26,14 +28,22 @@ pub struct Finished {
     pub needs: Vec<String>,
 }
 
+/// A job that gets its line in the journal.
+pub enum Closing {
+    /// Its command has ended.
+    Ran(Finished),
+    /// It will not run, for this reason.
+    Skipped(usize, String),
+}
+
 /// What happened.
 pub enum Event {
     /// The command of a job has ended.
     Ran(Finished),
     /// The outputs of jobs are permanent, or they failed.
     Kept(Vec<(usize, Entry)>),
-    /// The journal cannot be written.
-    Broken(Error),
+    /// No more jobs may start. The journal has no lines of so many that have ended.
+    Broken(Error, usize),
     /// All finished jobs are permanent.
     Closed,
 }
@@ -41,88 +51,149 @@ pub enum Event {
 /// Largest number of jobs that are made permanent together: what waits for a slow disk is spread over so many threads.
 const MAX_GROUP: usize = 16;
 
-/// Makes jobs permanent until the sender of `finished` is dropped. Those that wait at the same time share one write of the journal.
+/// Makes jobs permanent until the sender of `closing` is dropped. Those that wait at the same time share one write of the journal.
 pub fn commit(
     plan: &Plan,
     hashes: &Hashes,
     mut journal: Journal,
-    finished: &Receiver<Finished>,
+    closing: &Receiver<Closing>,
     events: &Sender<Event>,
 ) {
-    while let Ok(first) = finished.recv() {
-        let group: Vec<Finished> =
-            std::iter::once(first).chain(finished.try_iter().take(MAX_GROUP - 1)).collect();
+    while let Ok(first) = closing.recv() {
+        let group: Vec<Closing> =
+            std::iter::once(first).chain(closing.try_iter().take(MAX_GROUP - 1)).collect();
         // File systems write at once what several threads force to disk at the same time.
-        let entries: Vec<(usize, Entry)> = std::thread::scope(|scope| {
-            let sealing: Vec<_> =
-                group.iter().map(|f| (f.job, scope.spawn(|| entry(plan, hashes, f)))).collect();
-            let ended = sealing.into_iter();
-            ended.map(|(job, entry)| (job, entry.join().expect("sealing does not panic"))).collect()
+        let lines: Vec<Line> = std::thread::scope(|scope| {
+            let sealing: Vec<_> = group.iter().map(|c| scope.spawn(|| line(plan, hashes, c))).collect();
+            sealing.into_iter().map(|line| line.join().expect("sealing does not panic")).collect()
         });
-        let event = keep(plan, &mut journal, entries).map_or_else(Event::Broken, Event::Kept);
-        // Without a receiver the batch has ended.
-        let _ = events.send(event);
+        let count = lines.len();
+        let (kept, full) = match keep(plan, &mut journal, lines) {
+            Ok((kept, full)) => (Event::Kept(kept), full.map(|what| Event::Broken(make_room(&what), 0))),
+            Err(error) if is_full(&error) => (Event::Broken(make_room(&one_line(&error)), count), None),
+            Err(error) => (Event::Broken(error, count), None),
+        };
+        for event in full.into_iter().chain([kept]) {
+            // Without a receiver the batch has ended.
+            let _ = events.send(event);
+        }
     }
     let _ = events.send(Event::Closed);
 }
 
+/// The error of a batch that stops because a file could not be written for lack of space.
+pub fn make_room(what: &str) -> Error {
+    Error::Argument(format!(
+        "{what}: make room and run the same command again, which goes on where it stopped"
+    ))
+}
+
+/// The line of a job for the journal.
+struct Line {
+    job: usize,
+    entry: Entry,
+    /// The error, if there was no space for its outputs.
+    full: Option<String>,
+}
+
+impl Line {
+    /// The job has failed with this error.
+    fn fail(&mut self, error: &Error) {
+        let what = one_line(error);
+        self.full = self.full.take().or(is_full(error).then(|| what.clone()));
+        (self.entry.status, self.entry.error) = (Status::Failed, Some(what));
+        (self.entry.inputs, self.entry.outputs) = Default::default();
+    }
+}
+
 /// The line of a job, whose outputs are on disk.
-fn entry(plan: &Plan, hashes: &Hashes, finished: &Finished) -> Entry {
-    let (k, job) = (finished.job, &plan.jobs[finished.job]);
-    let sealed = match &finished.ended.error {
-        Some(error) => Err(error.clone()),
-        None => files(plan, hashes, finished).map_err(|e| one_line(&e)),
-    };
-    let status = match &sealed {
-        Err(_) => Status::Failed,
-        Ok(_) if finished.ended.missed => Status::Missed,
-        Ok(_) => Status::Done,
-    };
-    let (error, (inputs, outputs)) = match sealed {
-        Err(error) => (Some(error), Default::default()),
-        Ok(files) => (None, files),
-    };
-    Entry {
-        error,
-        seconds: finished.seconds,
-        threads: finished.threads,
-        attempt: finished.attempt,
-        peak_bytes: finished.ended.peak_bytes,
-        inputs,
-        needs: finished.needs.clone(),
-        outputs,
-        ..Entry::new((k, job), &plan.keys[k], status, plan.shown[k].clone())
+fn line(plan: &Plan, hashes: &Hashes, closing: &Closing) -> Line {
+    let entry =
+        |k: usize, status| Entry::new((k, &plan.jobs[k]), &plan.keys[k], status, plan.shown[k].clone());
+    match closing {
+        Closing::Skipped(job, why) => {
+            let entry = Entry { error: Some(why.clone()), attempt: 0, ..entry(*job, Status::Skipped) };
+            Line { job: *job, entry, full: None }
+        }
+        Closing::Ran(finished) => {
+            let Finished { job, ended, .. } = finished;
+            let status = match (&ended.error, ended.missed) {
+                (Some(_), _) => Status::Failed,
+                (None, true) => Status::Missed,
+                (None, false) => Status::Done,
+            };
+            let entry = Entry {
+                error: ended.error.clone(),
+                seconds: finished.seconds,
+                threads: finished.threads,
+                attempt: finished.attempt,
+                peak_bytes: ended.peak_bytes,
+                needs: finished.needs.clone(),
+                ..entry(*job, status)
+            };
+            let mut line = Line { job: *job, entry, full: None };
+            if line.entry.has_outputs() {
+                match files(plan, hashes, finished) {
+                    Ok(files) => (line.entry.inputs, line.entry.outputs) = files,
+                    Err(error) => line.fail(&error),
+                }
+            }
+            line
+        }
     }
 }
 
 /// Inputs, which must be those of the beginning, and outputs of a job.
 fn files(plan: &Plan, hashes: &Hashes, finished: &Finished) -> Result<(Vec<HashedFile>, Vec<HashedFile>)> {
-    let job = finished.job;
-    let outputs = plan.out.canonicalize().map_err(|e| Error::io(&plan.out, e))?;
-    let mut inputs = plan.inputs[job].clone();
-    // What the key of another job stands for is left out.
-    inputs.extend(finished.ended.read.iter().filter(|file| !file.path.starts_with(&outputs)).cloned());
+    let mut inputs = [plan.inputs[finished.job].clone(), finished.ended.read.clone()].concat();
     inputs.sort_by(|a, b| a.path.cmp(&b.path));
     inputs.dedup();
-    for file in &inputs {
-        if hashes.of(&file.path)? != *file {
+    for file in &mut inputs {
+        if hashes.of(&file.path) != *file {
             return Err(Error::format(
                 &file.path,
                 None,
                 "was changed while the batch ran; run the batch again",
             ));
         }
+        file.path = plan.places.stored(&file.path);
     }
-    Ok((inputs, seal(&work(&plan.out, &plan.jobs[job].name))?))
+    Ok((inputs, seal(&plan.out, &plan.jobs[finished.job].name)?))
 }
 
-fn keep(plan: &Plan, journal: &mut Journal, entries: Vec<(usize, Entry)>) -> Result<Vec<(usize, Entry)>> {
-    journal.append(&entries.iter().map(|(_, entry)| entry).collect::<Vec<_>>())?;
-    for (_, entry) in &entries {
-        match entry.status {
-            Status::Failed => remove(&work(&plan.out, &entry.job))?,
-            Status::Done | Status::Missed => publish(&plan.out, &entry.job)?,
+/// Lines that count, and the error of a file system without space.
+type Kept = (Vec<(usize, Entry)>, Option<String>);
+
+/// Writes the lines of jobs, then gives their folders their places and takes those of former runs away. Returns the lines that count, and
+/// the error of a file system without space.
+///
+/// # Errors
+/// The journal cannot be written.
+fn keep(plan: &Plan, journal: &mut Journal, mut lines: Vec<Line>) -> Result<Kept> {
+    let out = &plan.out;
+    journal.append(&lines.iter().map(|line| &line.entry).collect::<Vec<_>>())?;
+    let each_with_outputs = |lines: &mut [Line], act: &dyn Fn(&str) -> Result<()>| -> Vec<usize> {
+        let mut failed = Vec::new();
+        for (k, line) in lines.iter_mut().enumerate().filter(|(_, line)| line.entry.has_outputs()) {
+            if let Err(error) = act(&line.entry.job) {
+                line.fail(&error);
+                failed.push(k);
+            }
         }
+        failed
+    };
+    let mut failed = each_with_outputs(&mut lines, &|job| publish(out, job));
+    // After all have been renamed: the first write of a shared folder serves all.
+    failed.extend(each_with_outputs(&mut lines, &|job| sync_up(&out.join(job), out)));
+    if !failed.is_empty() {
+        journal.append(&failed.iter().map(|&k| &lines[k].entry).collect::<Vec<_>>())?;
     }
-    Ok(entries)
+    for line in lines.iter().filter(|line| !line.entry.has_outputs()) {
+        // What an earlier run has made with other options or inputs must not pass for a result of this run. What cannot be removed is
+        // contradicted by the journal.
+        let _ = withdraw(out, &line.entry.job).and_then(|former| remove(&former));
+        let _ = remove(&work(out, &line.entry.job));
+    }
+    let full = lines.iter().find_map(|line| line.full.clone());
+    Ok((lines.into_iter().map(|line| (line.job, line.entry)).collect(), full))
 }

@@ -24,7 +24,7 @@ pub struct Ended {
     pub is_full: bool,
     /// Whether a stated tolerance was missed.
     pub missed: bool,
-    /// Files of its scene, as they were when it was read.
+    /// Files of its scene, as they were when it was read or looked for.
     pub read: Vec<HashedFile>,
     /// Largest resident size of a process of its own, bytes.
     pub peak_bytes: Option<u64>,
@@ -33,6 +33,11 @@ pub struct Ended {
 impl Ended {
     fn failed(error: impl Into<String>) -> Ended {
         Ended { error: Some(error.into()), ..Ended::default() }
+    }
+
+    /// The end of a job whose files cannot be written or read.
+    pub fn with_error(error: &Error) -> Ended {
+        Ended { is_full: is_full(error), ..Ended::failed(with_flags(&one_line(error))) }
     }
 }
 
@@ -56,12 +61,12 @@ pub fn in_process(line: &Line, shown: &str, threads: usize, scenes: &Arc<SharedS
     };
     match result {
         Ok(code) => Ended { missed: code != ExitCode::SUCCESS, read, ..Ended::default() },
-        Err(error) => Ended { is_full: is_full(&error), ..Ended::failed(with_flags(&one_line(&error))) },
+        Err(error) => Ended::with_error(&error),
     }
 }
 
 /// Whether a file could not be written for lack of space.
-fn is_full(error: &Error) -> bool {
+pub fn is_full(error: &Error) -> bool {
     let kinds = [ErrorKind::StorageFull, ErrorKind::QuotaExceeded, ErrorKind::FileTooLarge];
     matches!(error, Error::Io { source, .. } if kinds.contains(&source.kind()))
 }

@@ -2,11 +2,12 @@
 
 use super::words::{Grammar, Line, scene_of};
 use crate::batch::{
-    Entries, Entry, HashedFile, Hashes, Job, Status, TomlSource, check, expand, hash_file, holds, key,
-    nearest, order, parse, publish, read_journals, work,
+    Entries, Entry, HashedFile, Hashes, Job, Places, Status, TomlSource, check, expand, hash_file, key,
+    nearest, order, parse, publish_left, read_journals, work,
 };
 use crate::cli::{Command, one_line};
 use crate::error::quote;
+use crate::model::embree_version;
 use crate::{Error, Result};
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -22,6 +23,8 @@ pub const MIN_MEMORY: u64 = 60 << 20;
 pub struct Plan {
     /// Output folder.
     pub out: PathBuf,
+    /// What paths in journals are relative to.
+    pub places: Places,
     /// All jobs of the file.
     pub jobs: Vec<Job>,
     /// Their command lines, which write into work folders.
@@ -48,6 +51,7 @@ impl Plan {
         let mut jobs = expand(&source, &parse(&source)?)?;
         check(&source, &mut jobs)?;
         let (grammar, count) = (Grammar::new(), jobs.len());
+        grammar.drop_foreign_defaults(&source, &mut jobs)?;
         let (mut lines, mut shown, mut threads) = (Vec::new(), Vec::new(), Vec::new());
         let mut inputs = Vec::new();
         for job in &jobs {
@@ -55,22 +59,19 @@ impl Plan {
             let command = grammar.check(&source, job, &line)?;
             shown.push(grammar.line(&source, job, out, &out.join(&job.name))?.shown());
             threads.push(threads_of(&command));
-            let hashed = line.files.iter().map(|file| {
-                let file = file.canonicalize().map_err(|e| Error::io(file, e))?;
-                hashes.of(&file)
-            });
-            inputs.push(hashed.collect::<Result<Vec<_>>>()?);
+            inputs.push(line.files.iter().map(|file| hashes.read(file)).collect::<Result<Vec<_>>>()?);
             lines.push(line);
         }
         let (wanted, order) = (selected(&jobs, only)?, order(&jobs));
-        let program = program()?;
+        let programs = programs()?;
         let mut keys = vec![String::new(); count];
         for &k in &order {
             let needs: Vec<&str> = jobs[k].needs.iter().map(|&need| keys[need].as_str()).collect();
-            keys[k] = key(&program, &jobs[k], &inputs[k], &needs);
+            keys[k] = key(&programs, &jobs[k], &inputs[k], &needs);
         }
         let chosen = order.into_iter().filter(|k| wanted.contains(k)).collect();
-        Ok(Plan { out: out.into(), jobs, lines, shown, keys, inputs, threads, chosen })
+        let places = Places { jobs: source.folder().into(), out: out.into() };
+        Ok(Plan { out: out.into(), places, jobs, lines, shown, keys, inputs, threads, chosen })
     }
 
     /// Bytes of the scene of a job, if it is there.
@@ -87,7 +88,8 @@ impl Plan {
 
     /// Seconds that an earlier run of a job took.
     pub fn seconds(&self, job: usize, entries: &Entries) -> Option<f64> {
-        entries.get(&self.jobs[job].name).map(|entry| entry.seconds)
+        let ran = entries.get(&self.jobs[job].name).filter(|entry| entry.status != Status::Skipped);
+        ran.map(|entry| entry.seconds)
     }
 
     /// Expected work of a job for the order in which jobs start: seconds of an earlier run, else the size of the scene at 1 MB a second,
@@ -111,18 +113,17 @@ impl Plan {
     pub fn is_done(&self, job: usize, entries: &Entries, hashes: &Hashes, may_finish: bool) -> Result<bool> {
         let name = &self.jobs[job].name;
         let Some(entry) = entries.get(name).filter(|e| e.key == self.keys[job]) else { return Ok(false) };
-        let same = |file: &HashedFile| hashes.of(&file.path).is_ok_and(|now| now == *file);
-        if entry.status == Status::Failed
+        let same = |file: &HashedFile| {
+            let now = hashes.of(&self.places.found(&file.path));
+            (now.bytes, &now.blake3) == (file.bytes, &file.blake3)
+        };
+        if !entry.has_outputs()
             || !entry.inputs.iter().all(same)
             || entry.needs != self.fingerprints(job, entries)
         {
             return Ok(false);
         }
-        let aside = work(&self.out, name);
-        if aside.is_dir() && holds(&aside, &entry.outputs, true) {
-            return if may_finish { publish(&self.out, name).map(|()| true) } else { Ok(true) };
-        }
-        Ok(holds(&self.out.join(name), &entry.outputs, false))
+        publish_left(&self.out, name, &entry.outputs, may_finish)
     }
 
     /// The journals of the output folder, and by job whether it is done.
@@ -140,9 +141,10 @@ impl Plan {
         Ok((entries, done))
     }
 
-    /// The lines of the journal that are about jobs of this file.
+    /// The lines of the journal that are about jobs of this file as it is now: those of jobs that had other options are left out.
     pub fn own_entries<'a>(&'a self, entries: &'a Entries) -> impl Iterator<Item = &'a Entry> {
-        self.jobs.iter().filter_map(|job| entries.get(&job.name))
+        let own = self.jobs.iter().zip(&self.keys);
+        own.filter_map(|(job, key)| entries.get(&job.name).filter(|entry| entry.key == *key))
     }
 
     /// Refuses to replace folders that no batch made.
@@ -179,11 +181,12 @@ impl Plan {
     }
 }
 
-/// What the key of a job knows of this program: its version and the hash of its file.
-fn program() -> Result<String> {
+/// What the key of a job knows of the programs: version and hash of this one, and the version of Embree, which is loaded from a file of
+/// its own.
+fn programs() -> Result<String> {
     let path = std::env::current_exe().map_err(|e| Error::io("this program", e))?;
     let hash = hash_file(&path).map_err(|e| Error::Unsupported(one_line(&e)))?;
-    Ok(format!("{} {hash}", env!("CARGO_PKG_VERSION")))
+    Ok(format!("{} {hash} Embree {}", env!("CARGO_PKG_VERSION"), embree_version()?))
 }
 
 /// Threads that a command line states.

@@ -9,7 +9,6 @@ use super::plan::Plan;
 use super::words::Line;
 use crate::batch::{Capacity, Limits, begin};
 use crate::cli::mpi::{Mailbox, World};
-use crate::cli::one_line;
 use crate::cli::shared_scenes::SharedScenes;
 use crate::ranks::Exchange;
 use serde::{Deserialize, Serialize};
@@ -89,10 +88,7 @@ pub fn hand_out(world: World, plan: &Plan, assignments: &Receiver<Assignment>, e
     loop {
         match assignments.recv_timeout(PAUSE) {
             Ok(assignment) => match begin(&plan.out, &plan.jobs[assignment.job].name) {
-                Err(error) => {
-                    let ended = Ended { error: Some(one_line(&error)), ..Ended::default() };
-                    finished(&assignment, 0.0, ended);
-                }
+                Err(error) => finished(&assignment, 0.0, Ended::with_error(&error)),
                 Ok(()) => {
                     mailbox.send(assignment.rank, &encoded(&request(plan, &assignment)));
                     open.insert(assignment.job, assignment);

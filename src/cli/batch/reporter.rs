@@ -120,6 +120,7 @@ impl Reporter {
             Status::Done => "done",
             Status::Missed => "missed",
             Status::Failed => "failed",
+            Status::Skipped => "skipped",
         };
         let left = {
             let mut state = self.state();

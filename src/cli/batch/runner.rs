@@ -1,7 +1,7 @@
 //! Runs the jobs of a plan: starts them as threads and memory allow, and follows them to their end.
 
-use super::commit::{Event, Finished, commit};
-use super::job_run::{as_process, in_process};
+use super::commit::{Closing, Event, Finished, commit, make_room};
+use super::job_run::{Ended, as_process, in_process};
 use super::plan::{MIN_MEMORY, Plan};
 #[cfg(feature = "mpi")]
 use super::ranks;
@@ -9,10 +9,10 @@ use super::reporter::Reporter;
 use crate::batch::{
     Capacity, Entries, Entry, Hashes, Journal, Limits, Schedule, Status, Task, begin, write_results,
 };
+use crate::cli::interruption;
 #[cfg(feature = "mpi")]
 use crate::cli::mpi::World;
 use crate::cli::shared_scenes::SharedScenes;
-use crate::cli::{interruption, one_line};
 use crate::{Error, Result};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -65,6 +65,8 @@ struct Runner<'a> {
     broken: Option<Error>,
     /// Jobs that run or are being made permanent.
     open: usize,
+    /// To where jobs are made permanent, until no more follow.
+    closing: Option<Sender<Closing>>,
     scenes: Arc<SharedScenes>,
     /// By process, what it can run at once; the first is this one.
     capacities: Vec<Capacity>,
@@ -86,6 +88,8 @@ pub fn run(
 ) -> Result<Summary> {
     let tasks = (0..plan.jobs.len()).map(|k| task(plan, k, entries)).collect();
     let capacities = capacities(settings);
+    // What an earlier run has made of jobs that are to be run is no result of this one.
+    plan.chosen.iter().filter(|&&k| !done[k]).for_each(|&k| drop(entries.remove(&plan.jobs[k].name)));
     let schedule = Schedule::new(tasks, capacities.clone(), done.to_vec(), &plan.chosen);
     let mut runner = Runner {
         plan,
@@ -96,6 +100,7 @@ pub fn run(
         summary: Summary::default(),
         broken: None,
         open: 0,
+        closing: None,
         scenes: Arc::new(SharedScenes::new(hashes.clone())),
         capacities,
         #[cfg(feature = "mpi")]
@@ -103,7 +108,8 @@ pub fn run(
     };
     std::thread::scope(|scope| {
         let (events, inbox) = channel();
-        let (finished, to_commit) = channel();
+        let (closing, to_commit) = channel();
+        runner.closing = Some(closing);
         let own_events = events.clone();
         scope.spawn(move || commit(plan, hashes, journal, &to_commit, &own_events));
         #[cfg(feature = "mpi")]
@@ -112,7 +118,7 @@ pub fn run(
             runner.assignments = Some(sender);
             scope.spawn(move || ranks::hand_out(world, plan, &assignments, &events));
         }
-        runner.follow(scope, (&events, &inbox), finished, entries);
+        runner.follow(scope, (&events, &inbox), entries);
         #[cfg(feature = "mpi")]
         runner.assignments.take();
         if runner.summary.interrupted {
@@ -154,7 +160,6 @@ impl<'a> Runner<'a> {
         &mut self,
         scope: &'s Scope<'s, '_>,
         (events, inbox): (&Sender<Event>, &Receiver<Event>),
-        finished: Sender<Finished>,
         entries: &mut Entries,
     ) where
         'a: 's,
@@ -176,14 +181,14 @@ impl<'a> Runner<'a> {
                 break;
             }
             match inbox.recv_timeout(INTERVAL) {
-                Ok(event) => self.handle(event, &finished, entries),
+                Ok(event) => self.handle(event, entries),
                 Err(RecvTimeoutError::Timeout) => self.reporter.tick(),
                 Err(RecvTimeoutError::Disconnected) => break,
             }
         }
         self.summary.interrupted = interruption::stopped();
         // Jobs that have ended become permanent.
-        drop(finished);
+        self.closing = None;
         while let Ok(event) = inbox.recv() {
             match event {
                 Event::Closed => break,
@@ -220,13 +225,13 @@ impl<'a> Runner<'a> {
             let start = Instant::now();
             let (line, shown) = (&plan.lines[job], &plan.shown[job]);
             let ended = match begin(&plan.out, &plan.jobs[job].name) {
-                Err(error) => super::job_run::Ended { error: Some(one_line(&error)), ..Default::default() },
+                Err(error) => Ended::with_error(&error),
                 Ok(()) if limits == Limits::default() => in_process(line, shown, threads, &scenes),
                 Ok(()) => as_process(line, shown, threads, limits),
             };
             let seconds = start.elapsed().as_secs_f64();
-            // Without a receiver the batch has ended.
             let needs = Vec::new();
+            // Without a receiver the batch has ended.
             let _ = events.send(Event::Ran(Finished { job, attempt, threads, seconds, ended, needs }));
         };
         scope.spawn(work);
@@ -243,7 +248,7 @@ impl<'a> Runner<'a> {
         limits
     }
 
-    fn handle(&mut self, event: Event, finished: &Sender<Finished>, entries: &mut Entries) {
+    fn handle(&mut self, event: Event, entries: &mut Entries) {
         let Event::Ran(mut ran) = event else { return self.handle_kept(event, entries) };
         self.schedule.ended(ran.job);
         // What an interrupted command has written may be incomplete.
@@ -251,10 +256,7 @@ impl<'a> Runner<'a> {
             return;
         }
         if ran.ended.is_full {
-            let what = ran.ended.error.clone().unwrap_or_default();
-            self.broken = Some(Error::Argument(format!(
-                "{what}: make room and run the same command again, which goes on where it stopped"
-            )));
+            self.broken.get_or_insert(make_room(ran.ended.error.as_deref().unwrap_or_default()));
         }
         let retries = self.plan.jobs[ran.job].retry.max(self.settings.retry);
         if ran.ended.error.is_some() && ran.attempt <= retries && self.broken.is_none() {
@@ -265,39 +267,57 @@ impl<'a> Runner<'a> {
             return;
         }
         ran.needs = self.plan.fingerprints(ran.job, entries);
-        // The other end lives as long as this sender.
-        let _ = finished.send(ran);
+        self.close(Closing::Ran(ran));
+    }
+
+    /// Lets the journal get the line of a job; not after the end, when what follows is known from the lines of others.
+    fn close(&self, job: Closing) {
+        if let Some(closing) = &self.closing {
+            // The other end lives as long as this sender.
+            let _ = closing.send(job);
+        }
     }
 
     fn handle_kept(&mut self, event: Event, entries: &mut Entries) {
         match event {
             Event::Kept(kept) => kept.into_iter().for_each(|(k, entry)| self.kept(k, entry, entries)),
-            Event::Broken(error) => {
+            Event::Broken(error, lost) => {
                 self.broken.get_or_insert(error);
-                self.open = 0;
+                self.open -= lost;
             }
             Event::Ran(_) | Event::Closed => {}
         }
     }
 
     fn kept(&mut self, job: usize, entry: Entry, entries: &mut Entries) {
-        // After an error of the journal none counts as open.
-        self.open = self.open.saturating_sub(1);
-        self.reporter.ended(job, &entry);
+        self.open -= 1;
+        if entry.status != Status::Skipped {
+            self.reporter.ended(job, &entry);
+        }
         match entry.status {
             Status::Failed => {
                 self.summary.failed += 1;
                 for lost in self.schedule.failed(job) {
-                    self.summary.skipped += 1;
-                    self.reporter.skipped(&self.plan.jobs[lost].name, &entry.job);
+                    self.skip(lost, &entry.job);
                 }
             }
             Status::Missed => self.summary.missed += 1,
             Status::Done => self.summary.done += 1,
+            Status::Skipped => {}
         }
-        if entry.status != Status::Failed {
+        if entry.has_outputs() {
             self.schedule.done(job);
         }
         entries.insert(entry.job.clone(), entry);
+    }
+
+    /// A job cannot run because one that it needs failed.
+    fn skip(&mut self, job: usize, needs: &str) {
+        self.summary.skipped += 1;
+        self.reporter.skipped(&self.plan.jobs[job].name, needs);
+        if self.closing.is_some() {
+            self.open += 1;
+            self.close(Closing::Skipped(job, format!("it needs {needs}, which failed")));
+        }
     }
 }

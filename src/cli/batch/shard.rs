@@ -24,6 +24,11 @@ pub fn parse(text: &str) -> Result<Shard, String> {
 }
 
 impl Shard {
+    /// Number of parts.
+    pub fn parts(self) -> usize {
+        self.of
+    }
+
     /// Ending of the names of its journal and its lock.
     pub fn suffix(self) -> String {
         format!("-{}of{}", self.part, self.of)

@@ -2,8 +2,9 @@
 
 use crate::batch::{Job, Opt, Out, Reads, TomlSource, Value, nearest, resolve_outputs};
 use crate::cli::{Cli, Command, args::shell_word, usage};
-use crate::{Error, Result};
+use crate::{Error, Result, error::quote};
 use clap::{Arg, ArgAction, CommandFactory, Parser, error::ContextKind, error::ContextValue};
+use std::collections::HashMap;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
@@ -111,6 +112,37 @@ impl Grammar {
         Ok(Line { words, files })
     }
 
+    /// Takes the options of `[defaults]` away from jobs whose command does not have them.
+    ///
+    /// # Errors
+    /// No command of the file has such an option.
+    pub fn drop_foreign_defaults(&self, source: &TomlSource, jobs: &mut [Job]) -> Result<()> {
+        let names = |job: &Job| -> Vec<&str> {
+            let command =
+                self.command.find_subcommand(job.command.name).expect("commands of jobs are commands");
+            command.get_arguments().filter_map(Arg::get_long).collect()
+        };
+        let mut known: HashMap<&str, Vec<&str>> = HashMap::new();
+        for job in &*jobs {
+            known.entry(job.command.name).or_insert_with(|| names(job));
+        }
+        let somewhere = |name: &str| known.values().flatten().any(|k| *k == name);
+        for option in jobs.iter().flat_map(|job| &job.options).filter(|o| o.is_default) {
+            if !somewhere(&option.name) {
+                let similar = nearest(&option.name, known.values().flatten().copied());
+                let similar = similar.map_or(String::new(), |k| format!("; did you mean `{k}`?"));
+                let what =
+                    format!("no command of this file has the option `{}`{similar}", quote(&option.name));
+                return Err(source.error(&option.span, what));
+            }
+        }
+        for job in jobs {
+            let own = &known[job.command.name];
+            job.options.retain(|o| !o.is_default || own.contains(&o.name.as_str()));
+        }
+        Ok(())
+    }
+
     /// The definition of an option of a job.
     fn option(&self, source: &TomlSource, job: &Job, option: &Opt) -> Result<&Arg> {
         let name = job.command.name;
@@ -209,6 +241,7 @@ mod tests {
         let mut jobs = expand(&source, &parse(&source)?)?;
         check(&source, &mut jobs)?;
         let grammar = Grammar::new();
+        grammar.drop_foreign_defaults(&source, &mut jobs)?;
         let line = |job: &Job| {
             let line = grammar.line(&source, job, Path::new("out"), &Path::new("work").join(&job.name))?;
             grammar.check(&source, job, &line)?;
@@ -248,6 +281,23 @@ mod tests {
         assert!(
             found[2].starts_with("mrvis compare out/ref-a/irradiance.csv out/ref-b/irradiance.csv --json")
         );
+    }
+
+    #[test]
+    fn defaults_apply_to_commands_that_have_them() {
+        let jobs = "[[job]]\ncommand = 'solve'\nscene = 'a.obj'\n\
+                    [[job]]\ncommand = 'fbem'\nname = 'f'\ninputs = ['a.obj', 'b.obj']\n";
+        let found =
+            lines(&format!("[defaults]\noptions = {{ unit = 'mm', seed = 3 }}\n{jobs}")).expect("two lines");
+        assert!(found[0].contains("--unit=mm --seed=3"), "{found:?}");
+        assert!(!found[1].contains("unit") && !found[1].contains("seed"), "{found:?}");
+        let refused =
+            lines(&format!("[defaults]\noptions = {{ sed = 3 }}\n{jobs}")).expect_err("refused").to_string();
+        let want = "jobs.toml:2:13: no command of this file has the option `sed`; did you mean `seed`?";
+        assert!(refused.contains(want), "{refused}");
+        // A job's own options must be those of its command.
+        let own = lines(&format!("{jobs}options = {{ seed = 3 }}\n")).expect_err("refused").to_string();
+        assert!(own.contains("`fbem` has no option `seed`"), "{own}");
     }
 
     #[test]

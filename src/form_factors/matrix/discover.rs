@@ -1,12 +1,14 @@
 //! Discovery of facets that see each other, by cosine-distributed rays.
 
-use super::Settings;
 use super::facets::Facets;
 use super::rays::{SampleTable, Traced};
+use super::{Settings, go_on};
+use crate::Result;
 use crate::embree::Hits;
 use crate::progress::Progress;
 use crate::ray::{LANES, Packet};
 use glam::Vec3;
+use rayon::prelude::*;
 
 /// A facet that rays hit on its front, and the number of hits up to [`Partner::MAX_HITS`], in 32 bits to save memory.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Deserialize, serde::Serialize)]
@@ -164,16 +166,22 @@ fn spread(
 }
 
 /// For each facet the partners with higher numbers, ascending, found from either side, with the hits of both.
-pub fn upper(found: &[Found]) -> Vec<Vec<Partner>> {
+///
+/// # Errors
+/// [`crate::Error::Cancelled`] if `progress` stops it.
+pub fn upper(found: &[Found], progress: &dyn Progress) -> Result<Vec<Vec<Partner>>> {
     let mut upper: Vec<Vec<Partner>> = vec![Vec::new(); found.len()];
     for (i, f) in (0u32..).zip(found) {
+        go_on(progress)?;
         for p in &f.partners {
             upper[i.min(p.facet()) as usize].push(Partner::new(p.facet().max(i), p.hits()));
         }
     }
-    upper.iter_mut().for_each(|u| {
+    upper.par_iter_mut().try_for_each(|u| {
+        go_on(progress)?;
         Partner::merge(u);
         u.shrink_to_fit();
-    });
-    upper
+        Ok(())
+    })?;
+    Ok(upper)
 }

@@ -101,6 +101,7 @@ impl Pairs<'_> {
     pub fn every(&self, i: u32, buffers: &mut Buffers) -> Row {
         let a = self.facets.get(i);
         let mut candidates: Vec<Candidate> = (i + 1..self.facets.count() as u32)
+            .take_while(|_| !self.progress.stopped())
             .filter_map(|j| {
                 let b = self.facets.rising(a, j)?;
                 let expected = self.expected(a, b, rough(a, b)?);
@@ -134,7 +135,7 @@ impl Pairs<'_> {
         row
     }
 
-    /// Traces the rays of all pairs of facet `i` without bundles of their own.
+    /// Traces the rays of all pairs of facet `i` without bundles of their own. Ends early once the caller has stopped.
     fn few_rays(&self, i: u32, candidates: &mut [Candidate], rays: &mut u64) {
         let a = self.facets.get(i);
         let mut sequence = Sequence::new(self.settings.seed << 32 ^ u64::from(i));
@@ -149,6 +150,9 @@ impl Pairs<'_> {
             *packet = Packet::EMPTY;
         };
         for k in 0..candidates.len() {
+            if self.progress.stopped() {
+                return;
+            }
             let Candidate { partner, expected, .. } = candidates[k];
             let b = self.facets.get(partner);
             let wanted = match expected {

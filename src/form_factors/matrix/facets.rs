@@ -1,6 +1,9 @@
 //! Facets: input polygons with the pieces that closed forms need and the points that rays start from.
 
+use super::go_on;
+use crate::Result;
 use crate::math::triangle_area;
+use crate::progress::Progress;
 use crate::ray::EndRule;
 use crate::scene::Scene;
 use glam::{DVec3, Vec3};
@@ -43,8 +46,17 @@ pub(super) struct Facet {
 }
 
 impl Facets {
-    /// Groups the scene's triangles by the polygons that they came from.
+    /// The facets of a scene.
+    #[cfg(any(test, feature = "internals"))]
     pub fn new(scene: &Scene) -> Facets {
+        Facets::new_unless(scene, &()).expect("nobody stops")
+    }
+
+    /// The facets of a scene: groups its triangles by the polygons that they came from.
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`] if `progress` stops it.
+    pub fn new_unless(scene: &Scene, progress: &dyn Progress) -> Result<Facets> {
         let polygon = &scene.triangle_polygon;
         let mut first: Vec<u32> = (0..polygon.len())
             .filter(|&t| t == 0 || polygon[t] != polygon[t - 1])
@@ -52,13 +64,17 @@ impl Facets {
             .collect();
         first.push(polygon.len() as u32);
         let magnitudes = scene.face_magnitudes();
-        let facets: Vec<Facet> = first.windows(2).map(|w| facet(scene, &magnitudes, w[0]..w[1])).collect();
+        let one = |w: &[u32]| {
+            go_on(progress)?;
+            Ok(facet(scene, &magnitudes, w[0]..w[1]))
+        };
+        let facets: Vec<Facet> = first.windows(2).map(one).collect::<Result<_>>()?;
         let balls = facets.iter().map(|f| (f.centre, f.radius)).collect();
         let mut of_triangle = Vec::with_capacity(polygon.len());
         for (f, w) in first.windows(2).enumerate() {
             of_triangle.resize(w[1] as usize, f as u32);
         }
-        Facets { first, facets, balls, of_triangle }
+        Ok(Facets { first, facets, balls, of_triangle })
     }
 
     /// Number of facets.

@@ -139,7 +139,7 @@ pub fn memory_bound(facets: usize, settings: &Settings) -> u64 {
 }
 
 /// Computes the matrix between all facets and its statistics. Stops within about a second of the caller's wish: `progress` is asked
-/// between facets, between the pairs of a facet, and between the steps of the closure.
+/// between facets, between the pairs of a facet, between the steps of the closure, and between passes over the matrix.
 ///
 /// # Errors
 /// [`Error::Argument`] if a setting is out of range, [`Error::Scene`] with too many facets, [`Error::Cancelled`] if `progress` stops.
@@ -158,9 +158,7 @@ pub fn compute(
     if facets.count() > discover::Partner::MAX_FACETS {
         return Err(Error::Scene(format!("more than {} facets", discover::Partner::MAX_FACETS)));
     }
-    let stopped = || Error::Cancelled("stopped before the form factors were complete".into());
-    let go_on = || if progress.stopped() { Err(stopped()) } else { Ok(()) };
-    go_on()?;
+    go_on(progress)?;
     progress.stage("form factors", 2 * facets.count() as u64);
     let traced = Traced::new(model, facets);
     let rows = model.ranks().rows(facets.count());
@@ -168,21 +166,21 @@ pub fn compute(
     let found: Vec<discover::Found> = rows
         .numbers()
         .map_init(discover::Buffers::default, |buffers, i| {
-            go_on()?;
+            go_on(progress)?;
             let found = discover::partners(&traced, facets, settings, i as u32, buffers, progress);
             advance();
             Ok(found)
         })
         .collect::<Result<_>>()?;
     let found = rows.gather(found);
-    let partners = discover::upper(&found);
+    let partners = discover::upper(&found, progress)?;
     let shares: Vec<[f32; 2]> = found.iter().map(|f| [f.escaped, f.lost]).collect();
     drop(found);
     let pairs = pair::Pairs { traced: &traced, facets, settings, progress };
     let upper: Vec<pair::Row> = rows
         .numbers()
         .map_init(pair::Buffers::default, |buffers, i| {
-            go_on()?;
+            go_on(progress)?;
             let row = if settings.every {
                 pairs.every(i as u32, buffers)
             } else {
@@ -194,10 +192,16 @@ pub fn compute(
         .collect::<Result<_>>()?;
     let mut upper = rows.gather(upper);
     drop(partners);
-    pair::balance(&mut upper);
-    go_on()?;
-    let made = rows::assemble(facets, upper, shares, settings, progress);
     // Rows that were cut short are not shown.
-    go_on()?;
-    Ok(made)
+    go_on(progress)?;
+    pair::balance(&mut upper, progress)?;
+    rows::assemble(facets, upper, shares, settings, progress)
+}
+
+/// Nothing, or [`Error::Cancelled`] if `progress` has stopped.
+fn go_on(progress: &dyn Progress) -> Result<()> {
+    match progress.stopped() {
+        true => Err(Error::Cancelled("stopped before the form factors were complete".into())),
+        false => Ok(()),
+    }
 }

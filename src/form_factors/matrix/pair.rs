@@ -1,9 +1,10 @@
 //! Exchange of two facets: closed form times sampled transmittance.
 
-use super::Settings;
 use super::discover::Partner;
 use super::facets::{Facet, Facets};
 use super::rays::{SampleTable, Traced};
+use super::{Settings, go_on};
+use crate::Result;
 use crate::form_factors::analytic::{point_to_polygon, polygon_to_polygon};
 use crate::progress::Progress;
 use crate::ray::{LANES, Packet};
@@ -248,7 +249,10 @@ pub struct Transmittance {
 /// Discovery rays are stratified, which makes discovery more likely than with independent rays, by a few percent where
 /// few rays are expected; the number of rays that hit a class is unbiased regardless (ratio estimator; Cochran 1977,
 /// chapter 6). [`BALANCE_PRIOR_RAYS`] are added to both counts, so that classes with few hits hardly change.
-pub fn balance(rows: &mut [Row]) {
+///
+/// # Errors
+/// [`crate::Error::Cancelled`] if `progress` stops it.
+pub fn balance(rows: &mut [Row], progress: &dyn Progress) -> Result<()> {
     let mut tally: Tally = Default::default();
     for row in &*rows {
         for (sum, [met, expected]) in tally.iter_mut().zip(row.tally) {
@@ -257,11 +261,13 @@ pub fn balance(rows: &mut [Row]) {
     }
     let factors =
         tally.map(|[met, expected]| ((met + BALANCE_PRIOR_RAYS) / (expected + BALANCE_PRIOR_RAYS)) as f32);
-    rows.par_iter_mut().for_each(|row| {
+    rows.par_iter_mut().try_for_each(|row| {
+        go_on(progress)?;
         for (exchange, class) in row.exchange.iter_mut().zip(std::mem::take(&mut row.chance)) {
             *exchange *= factors.get(usize::from(class)).copied().unwrap_or(1.0);
         }
-    });
+        Ok(())
+    })
 }
 
 /// The fraction of the unoccluded exchange area that a found pair represents: `f(T) = T / (1 − exp(−c T))`. f is

@@ -3,7 +3,8 @@
 use super::closure::{self, each};
 use super::facets::Facets;
 use super::pair::Row;
-use super::{Report, Settings};
+use super::{Report, Settings, go_on};
+use crate::Result;
 use crate::progress::Progress;
 use crate::scene::Scene;
 use std::collections::BTreeMap;
@@ -57,9 +58,18 @@ impl Matrix {
     }
 
     /// The matrix of groups: `F(G→H) = Σ_{i in G} A_i Σ_{j in H} F_ij / A_G`.
-    pub fn grouped(self, scene: &Scene, facets: &Facets, by: Grouping) -> Matrix {
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`] if `progress` stops it.
+    pub fn grouped(
+        self,
+        scene: &Scene,
+        facets: &Facets,
+        by: Grouping,
+        progress: &dyn Progress,
+    ) -> Result<Matrix> {
         let (of, names): (&[u32], Vec<String>) = match by {
-            Grouping::Polygon => return self,
+            Grouping::Polygon => return Ok(self),
             Grouping::Object => {
                 (&scene.triangle_object, scene.objects.iter().map(|o| o.name.clone()).collect())
             }
@@ -72,6 +82,7 @@ impl Matrix {
         let (mut areas, mut shares) = (vec![0.0; n], vec![[0.0; 2]; n]);
         let mut sums: Vec<BTreeMap<u32, f64>> = vec![BTreeMap::new(); n];
         for i in 0..self.len() {
+            go_on(progress)?;
             let (g, area) = (group(i), self.areas[i]);
             areas[g] += area;
             shares[g][0] += area * f64::from(self.escaped[i]);
@@ -99,7 +110,7 @@ impl Matrix {
             }
             out.offsets.push(out.columns.len() as u64);
         }
-        out
+        Ok(out)
     }
 }
 
@@ -116,15 +127,17 @@ pub enum Grouping {
     Material,
 }
 
-/// Assembles the full matrix from its upper half, adjusted if [`Settings::enforce`] is set, with its statistics. The adjustment ends
-/// early once `progress` has stopped.
+/// Assembles the full matrix from its upper half, adjusted if [`Settings::enforce`] is set, with its statistics.
+///
+/// # Errors
+/// [`crate::Error::Cancelled`] if `progress` stops it.
 pub fn assemble(
     facets: &Facets,
     mut upper: Vec<Row>,
     shares: Vec<[f32; 2]>,
     settings: &Settings,
     progress: &dyn Progress,
-) -> (Matrix, Report) {
+) -> Result<(Matrix, Report)> {
     let n = facets.count();
     let rays = n as u64 * u64::from(settings.rays) + upper.iter().map(|r| r.rays).sum::<u64>();
     let (mut variance, mut sums) = (vec![0f64; n], vec![0f64; n]);
@@ -136,6 +149,7 @@ pub fn assemble(
             variance[k] += error * error;
         }
     });
+    go_on(progress)?;
     let areas: Vec<f64> = (0..n).map(|i| facets.area(i)).collect();
     // Error of the row sums before closure.
     let off: Vec<f64> = (0..n)
@@ -150,6 +164,7 @@ pub fn assemble(
     } else {
         0
     };
+    go_on(progress)?;
     (0..n).for_each(|i| offsets[i + 1] += offsets[i]);
     let entries = offsets[n] as usize;
     let (mut columns, mut factors) = (vec![0u32; entries], vec![0f32; entries]);
@@ -164,6 +179,7 @@ pub fn assemble(
         }
     });
     drop(upper);
+    go_on(progress)?;
     let matrix = Matrix {
         offsets,
         columns,
@@ -174,7 +190,8 @@ pub fn assemble(
         areas,
     };
     let report = report(&matrix, &off, &closed, &variance, rays, steps);
-    (matrix, report)
+    go_on(progress)?;
+    Ok((matrix, report))
 }
 
 fn report(m: &Matrix, off: &[f64], closed: &[bool], variance: &[f64], rays: u64, steps: usize) -> Report {

@@ -208,7 +208,7 @@ fn groups_are_sums_of_their_facets() {
     let facets = Facets::new(&scene);
     let (m, _) = run(&scene, |_| ());
     for by in [Grouping::Object, Grouping::Material] {
-        let g = m.clone().grouped(&scene, &facets, by);
+        let g = m.clone().grouped(&scene, &facets, by, &()).unwrap();
         let total: f64 = (0..m.len()).map(|i| m.areas[i] * m.row_sum(i)).sum();
         let summed: f64 = (0..g.len()).map(|i| g.areas[i] * g.row_sum(i)).sum();
         near(summed, total, 1e-6, "exchange in all");
@@ -255,7 +255,7 @@ fn settings_out_of_range_and_memory() {
 fn files_hold_the_matrix() {
     let scene = town(100);
     let facets = Facets::new(&scene);
-    let m = run(&scene, |_| ()).0.grouped(&scene, &facets, Grouping::Material);
+    let m = run(&scene, |_| ()).0.grouped(&scene, &facets, Grouping::Material, &()).unwrap();
     let folder = tempfile::tempdir().expect("scratch folder");
     let path = |name: &str| folder.path().join(name);
     for (name, format) in [("f.npz", Format::Npz), ("f.csv", Format::Csv), ("f.mtx", Format::Mtx)] {

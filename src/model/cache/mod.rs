@@ -171,6 +171,7 @@ fn key(scene: &Scene, settings: &str, code: &str) -> blake3::Hash {
         sheet_parts: _,
         repairs: _,
         files: _,
+        unread_files: _,
         // Each shared mesh has a cache file of its own.
         shared: _,
         placements: _,

@@ -177,6 +177,9 @@ impl FinalGather<'_> {
         position: f64,
         deadline: &Deadline,
     ) -> (Vec<Check>, Tally) {
+        if deadline.late() {
+            return (Vec::new(), Tally::default());
+        }
         let (mut areas, mut sum) = (Vec::new(), 0.0);
         for e in self.linked().leaves() {
             sum += self.linked().elements.elements[e as usize].area;

@@ -1,13 +1,15 @@
 //! Error bars of the solution.
 
 use super::solved::{Closing, Solved};
-use crate::radiosity::elements::{Elements, Shape};
+use crate::math::weld::weld;
+use crate::radiosity::elements::{Element as ElementNode, Elements, Shape};
 use crate::radiosity::mesh::{Element, PlacedElement, RadiosityMesh};
 use crate::radiosity::options::RowSums;
 use crate::radiosity::refinement::LinkedScene;
 use crate::radiosity::rgb::mean;
 use crate::scene::Scene;
-use rustc_hash::FxHashMap;
+use glam::Vec3;
+use rayon::prelude::*;
 
 /// Lower bound of the part of the light that is lost at every bounce, without row normalisation: errors add up over at most
 /// 1 / 0.05 = 20 bounces. Affects error bars only, which the audit rescales.
@@ -71,61 +73,64 @@ impl Solved {
 
     /// The leaves of all surfaces as plain data, with their uncertainties.
     pub fn mesh(&self, scene: &Scene, uncertainty: &[f64]) -> RadiosityMesh {
-        let LinkedScene { elements, links: all_links, .. } = &self.linked;
-        let mut places: FxHashMap<[u32; 3], u32> = FxHashMap::default();
-        let mut mesh = RadiosityMesh { origin: scene.origin, ..RadiosityMesh::default() };
-        // About one vertex for each element, in quads that share all theirs.
-        places.reserve(elements.len());
-        let instance_of_side = instances_of_sides(elements);
-        let mut links = vec![0u32; elements.len()];
-        for l in all_links {
-            links[l.a as usize] += 1;
-            links[l.b as usize] += u32::from(l.a != l.b);
-        }
-        for (e, element) in elements.elements.iter().enumerate() {
-            links[e] += if e > 0 { links[element.parent as usize] } else { 0 };
-            let Shape::Surface { side, corners } = &element.shape else { continue };
-            if !element.is_leaf() {
-                continue;
-            }
-            let s = &elements.sides[*side as usize];
-            let state = &elements.states[e];
-            let corners = corners.map(|p| {
-                let next = mesh.vertices.len() as u32;
-                // Adding +0 turns -0 into +0: both are one position.
-                let key = (p + glam::Vec3::ZERO).to_array().map(f32::to_bits);
-                *places.entry(key).or_insert_with(|| {
-                    mesh.vertices.push(p);
-                    next
-                })
-            });
+        let elements = &self.linked.elements;
+        let leaf = |(e, element): (usize, &ElementNode)| match &element.shape {
+            Shape::Surface { side, corners } if element.is_leaf() => Some((e, *side, *corners)),
+            _ => None,
+        };
+        let leaves: Vec<_> = elements.elements.iter().enumerate().filter_map(leaf).collect();
+        let corners: Vec<Vec3> = leaves.par_iter().flat_map_iter(|(.., corners)| *corners).collect();
+        let (number, vertices) = weld(&corners);
+        let links = links_at(&self.linked);
+        let one = |(&(e, side, _), corners): (&(usize, u32, [Vec3; 4]), &[u32])| {
+            let (s, state) = (&elements.sides[side as usize], &elements.states[e]);
             let level = mean(state.irradiance);
             let error = state
                 .irradiance
                 .map(|v| if level > 0.0 { uncertainty[e] * v / level } else { uncertainty[e] });
             let t = s.triangles[0] as usize;
-            mesh.elements.push(Element {
-                corners,
+            Element {
+                corners: std::array::from_fn(|k| corners[k]),
                 radiosity: state.radiosity,
                 irradiance: state.irradiance,
                 error,
                 albedo: s.reflectance,
                 exitance: s.exitance,
-                area: element.area,
-                level: element.level,
+                area: elements.elements[e].area,
+                level: elements.elements[e].level,
                 links: links[e],
                 triangle: s.triangles[0],
                 object: scene.triangle_object[t],
                 material: scene.triangle_material[t],
                 front: s.front,
-            });
-            if let Some(&instance) = instance_of_side.get(*side as usize) {
-                let id = elements.surface_id(instance, e as u32).expect("a surface");
-                mesh.instances.push(PlacedElement { instance, id });
             }
+        };
+        let instance_of_side = instances_of_sides(elements);
+        let placed = |&(e, side, _): &(usize, u32, [Vec3; 4])| {
+            let instance = *instance_of_side.get(side as usize)?;
+            Some(PlacedElement { instance, id: elements.surface_id(instance, e as u32).expect("a surface") })
+        };
+        RadiosityMesh {
+            origin: scene.origin,
+            elements: leaves.par_iter().zip(number.par_chunks_exact(4)).map(one).collect(),
+            instances: leaves.par_iter().filter_map(placed).collect(),
+            vertices,
         }
-        mesh
     }
+}
+
+/// The number of links at each element and its ancestors.
+fn links_at(linked: &LinkedScene) -> Vec<u32> {
+    let elements = &linked.elements;
+    let mut links = vec![0u32; elements.len()];
+    for l in &linked.links {
+        links[l.a as usize] += 1;
+        links[l.b as usize] += u32::from(l.a != l.b);
+    }
+    for e in 1..elements.len() {
+        links[e] += links[elements.elements[e].parent as usize];
+    }
+    links
 }
 
 /// The instance of each side; empty if there is only one.

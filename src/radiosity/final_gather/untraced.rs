@@ -7,6 +7,7 @@
 use super::local_noise::LocalResult;
 use crate::radiosity::elements::Elements;
 use crate::radiosity::rgb::{Rgb, add, mean};
+use rayon::prelude::*;
 
 /// Smallest number of traced leaves that determine the factor: their deviation is known to 1/√(2 · 7) = 27 %.
 const MIN_TRACED: u32 = 8;
@@ -90,27 +91,34 @@ impl Traced {
 
 /// Estimates the light of all `leaves` without rays in `results`. The states of the elements have the light along links.
 pub fn estimate_untraced(elements: &Elements, leaves: &[u32], results: &mut [LocalResult]) {
-    let mut traced = vec![Traced::default(); elements.len()];
+    let parent = |e: u32| elements.elements[e as usize].parent;
+    // Elements with children, in their order, so that parents come first; and by element, its place among them.
+    let inner: Vec<u32> =
+        (0..elements.len() as u32).filter(|&e| !elements.elements[e as usize].is_leaf()).collect();
+    let mut place = vec![u32::MAX; elements.len()];
+    (0..).zip(&inner).for_each(|(k, &e)| place[e as usize] = k);
+    let mut traced = vec![Traced::default(); inner.len()];
+    let above = |e: u32| place[parent(e) as usize] as usize;
     for &leaf in leaves.iter().filter(|&&leaf| results[leaf as usize].rays > 0) {
-        let e = leaf as usize;
-        let state = &elements.states[e];
+        let state = &elements.states[leaf as usize];
         let light = [state.irradiance, state.radiosity];
-        traced[e] = Traced::of(elements.elements[e].area, light, &results[e]);
+        let of = Traced::of(elements.elements[leaf as usize].area, light, &results[leaf as usize]);
+        traced[above(leaf)].add(&of);
     }
-    for e in (1..elements.len()).rev() {
-        let below = traced[e];
-        traced[elements.elements[e].parent as usize].add(&below);
+    for k in (1..inner.len()).rev() {
+        let below = traced[k];
+        traced[above(inner[k])].add(&below);
     }
-    for &leaf in leaves {
-        if results[leaf as usize].rays > 0 {
-            continue;
-        }
-        let mut around = elements.elements[leaf as usize].parent as usize;
+    let estimate = |&leaf: &u32| {
+        let mut around = above(leaf);
         while around > 0 && traced[around].count < MIN_TRACED {
-            around = elements.elements[around].parent as usize;
+            around = above(inner[around]);
         }
-        results[leaf as usize] = traced[around].estimate(elements.states[leaf as usize].irradiance);
-    }
+        (leaf, traced[around].estimate(elements.states[leaf as usize].irradiance))
+    };
+    let found: Vec<(u32, LocalResult)> =
+        leaves.par_iter().filter(|&&leaf| results[leaf as usize].rays == 0).map(estimate).collect();
+    found.into_iter().for_each(|(leaf, result)| results[leaf as usize] = result);
 }
 
 #[cfg(test)]

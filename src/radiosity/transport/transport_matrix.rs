@@ -76,6 +76,8 @@ impl TransportMatrix {
             ranks: ranks.clone(),
         };
         matrix.expected = (0..n)
+            .into_par_iter()
+            .with_min_len(CHUNK)
             .map(|i| {
                 let own = &met[rows[i].end - rays(i)..rows[i].end];
                 let kept = own.iter().filter(|&&j| j != u32::MAX).count();

@@ -23,6 +23,7 @@ use serde::de::{Deserialize, Deserializer, IgnoredAny, SeqAccess, Visitor};
 use std::{
     collections::HashMap,
     path::{Path, PathBuf},
+    sync::Arc,
 };
 
 /// Largest number of corners: a file of a few kilobytes can refer to one mesh very often.
@@ -43,7 +44,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], sources: &mut Sources, options: &L
 }
 
 /// The checked document, and the bytes of its buffers.
-fn open(path: &Path, bytes: &[u8], sources: &mut Sources) -> Result<(gltf::Document, Vec<Vec<u8>>)> {
+fn open(path: &Path, bytes: &[u8], sources: &mut Sources) -> Result<(gltf::Document, Vec<Arc<Vec<u8>>>)> {
     let wrong = |what: String| Error::format(path, None, what);
     if bytes.starts_with(b"glTF") {
         let length = bytes.get(8..12).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes);
@@ -71,15 +72,21 @@ fn open(path: &Path, bytes: &[u8], sources: &mut Sources) -> Result<(gltf::Docum
     json.extensions_required.retain(|e| e != GPU_INSTANCING);
     let document = gltf::Document::from_json(json).map_err(unusable)?;
     let mut buffers = Vec::new();
+    // Buffers with one URI share its bytes.
+    let mut by_uri = HashMap::<&str, Arc<Vec<u8>>>::new();
     for buffer in document.buffers() {
         let data = match buffer.source() {
             gltf::buffer::Source::Bin => {
-                blob.take().ok_or_else(|| wrong("the GLB has no binary chunk".into()))?
+                blob.take().ok_or_else(|| wrong("the GLB has no binary chunk".into()))?.into()
             }
-            gltf::buffer::Source::Uri(uri) => resource(path, uri, sources)?,
+            gltf::buffer::Source::Uri(uri) => match by_uri.get(uri) {
+                Some(data) => data.clone(),
+                None => by_uri.entry(uri).or_insert(resource(path, uri, sources)?.into()).clone(),
+            },
         };
         buffers.push(data);
     }
+    drop(by_uri);
     Ok((document, buffers))
 }
 
@@ -166,7 +173,7 @@ fn percent_decoded(uri: &str) -> String {
 
 struct Reader<'a> {
     path: &'a Path,
-    buffers: Vec<Vec<u8>>,
+    buffers: Vec<Arc<Vec<u8>>>,
     /// All materials of the file in order, then the substitute for faces without one.
     materials: Vec<SoupMaterial>,
     cameras: Vec<StoredCamera>,

@@ -16,8 +16,11 @@ fn files_are_looked_for_in_the_folder_alone() {
     let scene = read(OBJ, "obj", Some(folder.path())).unwrap();
     assert_eq!(scene.materials[0].reflectance, [0.9, 0.1, 0.1]);
     assert_eq!(scene.files, [folder.path().join("a.mtl")]);
+    assert!(scene.unread_files.is_empty());
     // As for files, a library that is missing is a repair.
-    assert!(!read(OBJ, "obj", Some(&folder.path().join("b"))).unwrap().repairs().is_empty());
+    let without = read(OBJ, "obj", Some(&folder.path().join("b"))).unwrap();
+    assert!(!without.repairs().is_empty() && without.files.is_empty());
+    assert_eq!(without.unread_files, [folder.path().join("b/a.mtl")]);
 }
 
 #[test]

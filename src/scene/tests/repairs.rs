@@ -212,6 +212,17 @@ fn emitters_are_surfaces() {
         load_with(obj, &[], &options).expect(unit).emitters[0].emission[0]
     };
     assert!((radiance("mm") / radiance("m") / 1e6 - 1.0).abs() < 1e-5);
+    // A power of 0 switches off what emits by its material, and nothing else.
+    let lit = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\no a\nusemtl l\nf 1 2 3\no b\nf 1 2 4\n";
+    let files = [("m.mtl", "newmtl l\nKd .3 .3 .3\nKe 5 5 5\n".as_bytes())];
+    let off = LoadOptions { emitters: vec![("a".into(), Strength::Watts(0.0))], ..Default::default() };
+    let names = |options| {
+        let s = load_with(lit, &files, options).expect("a scene");
+        assert!(s.triangle_reflectance.iter().all(|r| (r[1] - 0.3).abs() < 1e-6));
+        s.emitters.iter().map(|e| e.name.clone()).collect::<Vec<_>>()
+    };
+    assert_eq!(names(&LoadOptions::default()), ["a", "b"]);
+    assert_eq!(names(&off), ["b"]);
     let wrong = LoadOptions { emitters: vec![("sun".into(), Strength::Watts(1.0))], ..Default::default() };
     let text = message(load_with(obj, &[], &wrong));
     assert_eq!(text, "no object, group or material is called `sun`; there are `lamp`, `box`, `(none)`");
@@ -237,7 +248,8 @@ fn emitter_arguments() {
     assert_eq!(parse_emitter("a=6W").unwrap().1, Strength::Watts(6.0));
     assert_eq!(parse_emitter("a=800 lm").unwrap().1, Strength::Lumens(800.0));
     assert_eq!(parse_emitter("a=5e3cd/m2").unwrap().1, Strength::Luminance(5e3));
-    for wrong in ["lamp", "lamp=", "=3", "lamp=-1", "lamp=nan", "lamp=inf", "lamp=0", "lamp=6V", "lamp=lm"] {
+    for wrong in ["lamp", "lamp=", "=3", "lamp=-1", "lamp=nan", "lamp=inf", "lamp=-0.1", "lamp=6V", "lamp=lm"]
+    {
         assert!(parse_emitter(wrong).is_err(), "{wrong}");
     }
 }

@@ -51,3 +51,48 @@ fn examples_run() {
     assert_eq!(refused.code, Some(2));
     assert!(refused.stderr.contains("has no journal"), "{}", refused.stderr);
 }
+
+/// The example of the documentation, beside the scenes that it names.
+#[test]
+fn the_example_of_the_page_runs() {
+    let page = include_str!("../../../docs/batch.md");
+    let example =
+        page.split("```toml\n").nth(1).and_then(|rest| rest.split("```").next()).expect("an example");
+    let scratch = Scratch::new();
+    scratch.write("jobs.toml", example);
+    scratch.write("points.csv", include_str!("../../../examples/batch/points.csv"));
+    std::fs::create_dir(scratch.path("rooms")).expect("made");
+    for scene in ["hall", "rooms/a", "rooms/b"] {
+        let made = scratch.mrvis(&["generate", "cornell", "--out", &format!("{scene}.obj")]);
+        assert_eq!(made.code, Some(0), "{}", made.stderr);
+    }
+    let listed = scratch.mrvis(&["batch", "jobs.toml", "--out", "results", "--dry-run"]);
+    assert!(listed.stdout.contains("29 of 29 jobs, 29 to do"), "{}{}", listed.stdout, listed.stderr);
+    // All commands of the example, with one of the scenes.
+    scratch.write("jobs.toml", example.replace("\"rooms/*.obj\", ", ""));
+    let ran = scratch.mrvis(&["batch", "jobs.toml", "--out", "results"]);
+    assert_eq!(ran.code, Some(0), "{}{}", ran.stdout, ran.stderr);
+    assert!(ran.stdout.contains("13 jobs done"), "{}", ran.stdout);
+}
+
+/// A picture that was removed is named on the page; the others are shown.
+#[test]
+fn the_page_names_pictures_that_are_gone() {
+    let scratch = Scratch::new();
+    scratch.generate(&mrvis::internals::scene::generate::Spec::new("cornell"));
+    scratch.write(
+        "jobs.toml",
+        "[[job]]\nname = '{seed}'\ncommand = 'solve'\nscene = 'cornell.obj'\n\
+         options = { error = 0.4, audit = 0, output = 'image', image-size = '32x32', cache = 'off' }\n[job.sweep]\nseed = [1, 2]\n",
+    );
+    let ran = scratch.mrvis(&["batch", "jobs.toml", "--out", "o"]);
+    assert_eq!(ran.code, Some(0), "{}{}", ran.stdout, ran.stderr);
+    std::fs::remove_file(scratch.path("o/1/view.png")).expect("removed");
+    let made = scratch.mrvis(&["report", "o"]);
+    assert_eq!(made.code, Some(0), "{}", made.stderr);
+    let page = text(&scratch, "o/report.html");
+    assert!(
+        page.contains("A picture cannot be read: o/1/view.png") && page.contains("data:image/png"),
+        "{page}"
+    );
+}

@@ -80,6 +80,12 @@ fn cpp_programs_get_the_answers_of_the_crate() {
 }
 
 #[test]
+fn the_wrapper_refuses_other_versions() {
+    let folder = tempfile::tempdir().expect("a folder");
+    printed(&compiled(&folder, "g++", "version.cpp", &["-std=c++17"]));
+}
+
+#[test]
 fn misuse_gets_a_status() {
     let folder = tempfile::tempdir().expect("a folder");
     for compiler in compilers(["gcc", "clang"]) {
@@ -96,6 +102,18 @@ fn check_words(message: &str) {
     let (function, what) = message.split_once(": ").unwrap_or_else(|| panic!("{message}"));
     assert!(words.contains(function) && function.starts_with("mrv_"), "{message}");
     assert!(!what.contains("::") && !what.contains("option `"), "a name of the crate: {message}");
+    // What is wrong: an argument, or an entry or member of it.
+    let argument = |quoted: &str| {
+        let end = quoted.find(|c: char| !c.is_ascii_alphanumeric() && c != '_').unwrap_or(quoted.len());
+        ARGUMENTS.contains(&&quoted[..end])
+    };
+    let first = what.split(':').next().unwrap_or_default();
+    // A file, or what a builder collected.
+    let names_file = first == "arrays" || first.ends_with(".obj") || first.ends_with(".ply");
+    assert!(
+        names_file || what.split('`').skip(1).step_by(2).any(argument),
+        "names neither argument nor file: {message}"
+    );
     // What the program called its meshes, materials and so on.
     const OWN: [&str; 9] = ["m", "a", "b", "i", "floor", "lamp", "boxes", "grey", "red"];
     for quoted in what.split('`').skip(1).step_by(2) {

@@ -17,7 +17,7 @@ fn solids(list: &[Vec<Vec<DVec3>>]) -> Scene {
 
 /// Form factors between the objects of a scene, without adjustment.
 fn between(scene: &Scene) -> Matrix {
-    run(scene, |s| s.enforce = false).0.grouped(scene, &Facets::new(scene), Grouping::Object)
+    run(scene, |s| s.enforce = false).0.grouped(scene, &Facets::new(scene), Grouping::Object, &()).unwrap()
 }
 
 /// An octahedron subdivided `halved` times with its corners on a sphere; reversed if `inward`.

@@ -1,0 +1,222 @@
+//! What counts as done, and what is kept when something goes wrong with the outputs of one job.
+
+use super::{COUNT, JOBS, batch, journal, prepared, results};
+use crate::run::Scratch;
+use serde_json::Value;
+use std::path::Path;
+
+const TRIANGLE: &str = "mtllib m.mtl\nusemtl red\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+
+/// Runs the batch, which must succeed; returns the jobs that ran.
+fn ran(scratch: &Scratch, out: &str) -> Vec<String> {
+    let before = journal(&scratch.path(out)).len();
+    let ended = batch(scratch, &["--out", out]);
+    assert_eq!(ended.code, Some(0), "{}{}", ended.stdout, ended.stderr);
+    let lines = journal(&scratch.path(out)).into_iter().skip(before);
+    lines.map(|line| line["job"].as_str().expect("a name").to_owned()).collect()
+}
+
+/// Scenes that lie below the output folder, such as with `--out .`, are inputs as all others.
+#[test]
+fn inputs_below_the_output_folder_are_noticed() {
+    let scratch = Scratch::new();
+    std::fs::create_dir(scratch.path("scenes")).expect("made");
+    scratch.write("scenes/a.obj", TRIANGLE);
+    scratch.write("scenes/m.mtl", "newmtl red\nKd 0.5 0.1 0.1\n");
+    scratch.write(
+        "jobs.toml",
+        "[[job]]\nname = 'made'\ncommand = 'generate'\ninputs = 'cubes'\n\
+         [[job]]\nname = 'own'\ncommand = 'info'\nscene = 'scenes/a.obj'\n\
+         [[job]]\nname = 'of-made'\ncommand = 'info'\nscene = '{out:made}/scene.obj'\n",
+    );
+    assert_eq!(ran(&scratch, ".").len(), 3);
+    assert!(ran(&scratch, ".").is_empty());
+    // The library is named by the scene only.
+    scratch.write("scenes/m.mtl", "newmtl red\nKd 0.1 0.1 0.5\n");
+    assert_eq!(ran(&scratch, "."), ["own"]);
+    assert!(ran(&scratch, ".").is_empty());
+}
+
+/// A library or a texture that was missing is an input when it appears.
+#[test]
+fn files_that_appear_are_noticed() {
+    let scratch = Scratch::new();
+    scratch.write("a.obj", TRIANGLE);
+    scratch.write("other.obj", TRIANGLE.replace("mtllib m.mtl\n", ""));
+    scratch.write("jobs.toml", "[[job]]\nname = '{scene}'\ncommand = 'info'\nscene = '*.obj'\n");
+    assert_eq!(ran(&scratch, "o").len(), 2);
+    assert!(ran(&scratch, "o").is_empty());
+    scratch.write("m.mtl", "newmtl red\nKd 1 1 1\nmap_Kd t.png\n");
+    assert_eq!(ran(&scratch, "o"), ["a"]);
+    assert!(ran(&scratch, "o").is_empty());
+    scratch.write("t.png", "no picture, but a file");
+    assert_eq!(ran(&scratch, "o"), ["a"]);
+    std::fs::remove_file(scratch.path("m.mtl")).expect("removed");
+    assert_eq!(ran(&scratch, "o"), ["a"]);
+}
+
+/// A folder that is moved with its scenes and results is done.
+#[test]
+fn a_moved_folder_is_done() {
+    let scratch = Scratch::new();
+    std::fs::create_dir(scratch.path("here")).expect("made");
+    scratch.write("here/a.obj", TRIANGLE);
+    scratch.write("here/m.mtl", "newmtl red\nKd 0.5 0.1 0.1\n");
+    scratch.write("here/jobs.toml", "[[job]]\ncommand = 'info'\nscene = 'a.obj'\n");
+    let done = |folder: &str, want: &str| {
+        let ran = scratch.mrvis(&["batch", &format!("{folder}/jobs.toml"), "--out", &format!("{folder}/o")]);
+        assert!(ran.stdout.contains(want), "{}{}", ran.stdout, ran.stderr);
+    };
+    done("here", "1 jobs done, 0 were done before");
+    std::fs::rename(scratch.path("here"), scratch.path("there")).expect("moved");
+    done("there", "0 jobs done, 1 were done before");
+    let full = scratch.path("there");
+    done(&full.to_string_lossy(), "0 jobs done, 1 were done before");
+    scratch.write("there/m.mtl", "newmtl red\nKd 0.1 0.1 0.5\n");
+    done("there", "1 jobs done, 0 were done before");
+}
+
+/// What a job made with other options is no result of a run in which it fails or is skipped.
+#[test]
+fn results_of_other_options_do_not_stay() {
+    let scratch = Scratch::new();
+    let jobs = |seed: u32| {
+        scratch.write(
+            "jobs.toml",
+            format!(
+                "[[job]]\nname = 'first'\ncommand = 'generate'\ninputs = 'cubes'\noptions = {{ seed = {seed} }}\n\
+                 [[job]]\nname = 'second'\ncommand = 'info'\nscene = '{{out:first}}/scene.obj'\n\
+                 [[job]]\nname = 'third'\ncommand = 'info'\nscene = 'a.obj'\n"
+            ),
+        );
+    };
+    scratch.write("a.obj", TRIANGLE);
+    jobs(1);
+    assert_eq!(ran(&scratch, "o").len(), 3);
+    // The first job cannot write its outputs now, as its work folder cannot be made: nobody may replace a mount point by a folder, so a
+    // file takes the place of the folder of all work.
+    jobs(2);
+    std::fs::remove_dir_all(scratch.path("o/.mrvis-batch/work")).expect("removed");
+    scratch.write("o/.mrvis-batch/work", "in the way");
+    let ended = batch(&scratch, &["--out", "o"]);
+    assert_eq!(ended.code, Some(2), "{}", ended.stdout);
+    assert!(
+        ended.stderr.contains("failed first: ") && ended.stderr.contains("skipped second"),
+        "{}",
+        ended.stderr
+    );
+    for job in ["first", "second"] {
+        assert!(!scratch.path("o").join(job).exists(), "{job}");
+    }
+    assert!(scratch.path("o/third/info.json").exists());
+    let table = std::fs::read_to_string(scratch.path("o/results.jsonl")).expect("a table");
+    let rows = table.lines().map(|line| serde_json::from_str::<Value>(line).expect("JSON"));
+    let status: Vec<String> = rows.map(|row| row["status"].as_str().expect("a status").to_owned()).collect();
+    assert_eq!(status, ["failed", "skipped", "done"]);
+    std::fs::remove_file(scratch.path("o/.mrvis-batch/work")).expect("removed");
+    assert_eq!(ran(&scratch, "o"), ["first", "second"]);
+}
+
+/// The outputs of one job cannot take their place; the others are finished.
+#[test]
+fn an_output_without_a_place_fails_its_job_only() {
+    let scratch = prepared();
+    std::fs::create_dir(scratch.path("o")).expect("made");
+    // The folder of `compared/coarse` cannot be made.
+    scratch.write("o/compared", "in the way");
+    let ended = batch(&scratch, &["--out", "o"]);
+    assert_eq!(ended.code, Some(2), "{}", ended.stdout);
+    assert!(
+        ended.stdout.contains("10 jobs done, 0 were done before, 2 failed"),
+        "{}{}",
+        ended.stdout,
+        ended.stderr
+    );
+    assert!(ended.stderr.contains("failed compared/coarse: "), "{}", ended.stderr);
+    std::fs::remove_file(scratch.path("o/compared")).expect("removed");
+    assert_eq!(ran(&scratch, "o").len(), 2);
+    assert_eq!(batch(&scratch, &["--out", "p"]).code, Some(0));
+    super::assert_same(&results(&scratch.path("o")), &results(&scratch.path("p")));
+}
+
+/// Moves the folders of finished jobs back into the work folder, as a crash between the journal and the renaming leaves them.
+fn unpublish(out: &Path, jobs: &[&str]) {
+    for job in jobs {
+        let aside = out.join(".mrvis-batch/work").join(job);
+        std::fs::create_dir_all(aside.parent().expect("a folder")).expect("made");
+        std::fs::rename(out.join(job), aside).expect("moved");
+    }
+}
+
+/// Whether a part or the merge itself was ended between a line and its folder: no job is lost, and none is in the table without outputs.
+#[test]
+fn a_merge_after_a_crash_has_all_jobs() {
+    let scratch = prepared();
+    assert_eq!(batch(&scratch, &["--out", "whole"]).code, Some(0));
+    let want = results(&scratch.path("whole"));
+    for (part, out) in [("1/2", "first"), ("2/2", "second")] {
+        assert_eq!(batch(&scratch, &["--out", out, "--shard", part]).code, Some(0));
+    }
+    let jobs = |out: &str| {
+        let folders = ["solve-0.3-mr", "solve-0.3-exact", "solve-0.3-average"];
+        folders.into_iter().filter(|job| scratch.path(out).join(job).exists()).collect::<Vec<_>>()
+    };
+    for out in ["first", "second"] {
+        unpublish(&scratch.path(out), &jobs(out));
+    }
+    let merge = |folders: &[&str], out: &str| scratch.mrvis(&[&["merge"], folders, &["--out", out]].concat());
+    let merged = merge(&["first", "second"], "all");
+    assert_eq!(merged.code, Some(0), "{}", merged.stderr);
+    super::assert_same(&results(&scratch.path("all")), &want);
+    // The merge was ended after a line.
+    let own = jobs("all");
+    assert_eq!(own.len(), 3);
+    unpublish(&scratch.path("all"), &own);
+    let merged = merge(&["all"], "all");
+    assert_eq!(merged.code, Some(0), "{}", merged.stderr);
+    super::assert_same(&results(&scratch.path("all")), &want);
+    // Outputs that are nowhere in the folder are copied again, or the merge says so.
+    std::fs::remove_dir_all(scratch.path("all/solve-0.3-mr")).expect("removed");
+    let refused = merge(&["all"], "all");
+    assert_eq!(refused.code, Some(2), "{}", refused.stdout);
+    assert!(refused.stderr.contains("the outputs of solve-0.3-mr are missing"), "{}", refused.stderr);
+    let table = std::fs::read_to_string(scratch.path("all/results.csv")).expect("a table");
+    assert_eq!(table.lines().count(), COUNT);
+    let merged = merge(&["first", "second"], "all");
+    assert!(merged.stdout.contains("12 jobs done, 0 failed"), "{}{}", merged.stdout, merged.stderr);
+    super::assert_same(&results(&scratch.path("all")), &want);
+}
+
+/// Parts of two splits would run the same jobs at the same time.
+#[test]
+fn parts_of_two_splits_do_not_run_together() {
+    let scratch = prepared();
+    scratch.generate(&mrvis::internals::scene::generate::Spec {
+        trees: 60,
+        leaves: 2000,
+        ..mrvis::internals::scene::generate::Spec::new("forest")
+    });
+    scratch.write(
+        "jobs.toml",
+        JOBS.replace("'*.obj'", "'forest.obj'")
+            .replace("error = [0.4, 0.3, 0.2]", "error = [0.001]")
+            .replace("solve-0.4-exact", "solve-0.001-exact")
+            .replace("solve-0.2-exact", "solve-0.001-exact"),
+    );
+    let mut child =
+        super::started(&scratch, &["batch", "jobs.toml", "--out", "o", "--shard", "1/2", "--threads", "1"]);
+    let start = std::time::Instant::now();
+    while !scratch.path("o/.mrvis-batch/work").exists() {
+        assert!(start.elapsed().as_secs() < 60, "the first part does not start");
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let refused = batch(&scratch, &["--out", "o", "--shard", "2/3"]);
+    child.kill().expect("ended");
+    child.wait().expect("ended");
+    assert_eq!(refused.code, Some(2), "{}", refused.stdout);
+    assert!(
+        refused.stderr.contains("parts of another split are running in this folder"),
+        "{}",
+        refused.stderr
+    );
+}
