@@ -26,7 +26,7 @@ export PATH := $(PATH):$(HOME)/.cargo/bin
 SHELL := /bin/bash
 
 .PHONY: help demo test build scenes install install-files dist python python-test fuzz kills batch-speed clean distclean
-.PHONY: setup need-cargo need-packages need-embree need-furniture need-lint need-browser need-install need-hosts need-python
+.PHONY: setup need-cargo need-packages need-embree need-furniture need-lint need-browser need-install need-hosts need-python need-mpi
 .DEFAULT_GOAL := help
 
 help:
@@ -84,6 +84,10 @@ need-install:
 need-hosts: need-install
 	@.ci/debian-packages cmake=cmake pkg-config=pkg-config clang=clang valgrind=valgrind dpkg-dev=dpkg-shlibdeps libtbb-dev
 
+# What the feature `mpi` needs: the headers and the launcher of Open MPI. Only its tests, as the default build has no MPI.
+need-mpi: need-packages
+	@.ci/debian-packages openmpi-bin=mpirun libopenmpi-dev=mpicc
+
 need-lint: need-cargo
 	@for part in fmt clippy; do \
 	  cargo $$part --version >/dev/null 2>&1 && continue; \
@@ -105,17 +109,22 @@ demo: build need-furniture
 	$(BINARY) bench scenes/real/$(DEMO_SCENE).obj $(DEMO_OPTIONS) --out out/demo --json out/demo/bench.json || [ $$? = 1 ]
 	@python3 .ci/headline out/demo/bench.json out/demo/report.html
 
+# The tests of MPI have a build of the crate of their own, with little optimisation; they take all other crates from that of the suite.
+TEST_MPI := cargo test --features mpi --test mpi --config 'profile.test.package.mrvis.opt-level=1'
+
 # The tests come last, so that the output ends with their results.
-test: setup need-lint need-browser need-hosts need-python
+test: setup need-lint need-browser need-hosts need-python need-mpi
 	cargo fmt --all --check
 	cargo clippy --no-default-features -- -D warnings
 	cargo clippy --no-default-features --features reports -- -D warnings
 	cargo clippy -- -D warnings
 	cargo clippy --all-targets -- -D warnings
+	cargo clippy --features mpi --test mpi -- -D warnings
 	cargo clippy -p mrvis-python -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps
 	@.ci/public-items $(TARGET_DIR)/doc/mrvis 220
 	cargo test
+	$(TEST_MPI)
 	@$(MAKE) --no-print-directory python-test
 
 # --- the Python package: its own virtual environment; nothing else needs Python packages ------------------------------

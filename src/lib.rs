@@ -108,6 +108,7 @@ mod plot;
 mod points;
 mod progress;
 mod radiosity;
+mod ranks;
 mod raster;
 mod ray;
 mod scene;

@@ -31,22 +31,30 @@ pub struct Capacity {
 /// Jobs that wait and run.
 pub struct Schedule {
     tasks: Vec<Task>,
-    capacity: Capacity,
+    /// By process that runs jobs.
+    capacities: Vec<Capacity>,
     /// Jobs that wait for nothing, the next one last.
     ready: Vec<usize>,
     /// Jobs that wait for others.
     blocked: BTreeSet<usize>,
     done: Vec<bool>,
-    /// Threads of each running job.
-    running: Vec<(usize, usize)>,
+    running: Vec<Running>,
+}
+
+/// A job that runs.
+struct Running {
+    job: usize,
+    threads: usize,
+    /// Index of its process.
+    process: usize,
 }
 
 impl Schedule {
-    /// A schedule of the jobs that are not done.
-    pub fn new(tasks: Vec<Task>, capacity: Capacity, done: Vec<bool>, chosen: &[usize]) -> Schedule {
+    /// A schedule of the jobs that are not done, on processes with these limits.
+    pub fn new(tasks: Vec<Task>, capacities: Vec<Capacity>, done: Vec<bool>, chosen: &[usize]) -> Schedule {
         let blocked = chosen.iter().copied().filter(|&k| !done[k]).collect();
         let mut schedule =
-            Schedule { tasks, capacity, ready: Vec::new(), blocked, done, running: Vec::new() };
+            Schedule { tasks, capacities, ready: Vec::new(), blocked, done, running: Vec::new() };
         schedule.release();
         schedule
     }
@@ -73,20 +81,24 @@ impl Schedule {
         });
     }
 
-    /// The next job and its number of threads, if one can start now.
-    pub fn start(&mut self) -> Option<(usize, usize)> {
-        let used: usize = self.running.iter().map(|(_, threads)| threads).sum();
-        let memory = self.memory_left();
-        let idle = self.running.is_empty();
-        let free = self.capacity.threads.saturating_sub(used);
-        let places = self.capacity.jobs.saturating_sub(self.running.len());
-        if !idle && (free == 0 || places == 0 || self.running.iter().any(|&(k, _)| self.tasks[k].alone)) {
+    /// The next job of a process and its number of threads, if one can start there now.
+    pub fn start(&mut self, process: usize) -> Option<(usize, usize)> {
+        let capacity = self.capacities[process];
+        let here = || self.running.iter().filter(|running| running.process == process);
+        let used: usize = here().map(|running| running.threads).sum();
+        let memory = self.memory_left(process);
+        let (idle, all_idle) = (here().next().is_none(), self.running.is_empty());
+        let free = capacity.threads.saturating_sub(used);
+        let places = capacity.jobs.saturating_sub(here().count());
+        let measures = self.running.iter().any(|running| self.tasks[running.job].alone);
+        if measures || !idle && (free == 0 || places == 0) {
             return None;
         }
+        let waiting = self.ready.len().div_ceil(self.capacities.len());
         let threads = |task: &Task| {
-            let share = self.capacity.threads.saturating_sub(used) / self.ready.len().min(places).max(1);
+            let share = free / waiting.min(places).max(1);
             match task.threads {
-                _ if task.alone => self.capacity.threads,
+                _ if task.alone => capacity.threads,
                 Some(threads) => threads,
                 None => share.max(1),
             }
@@ -94,24 +106,30 @@ impl Schedule {
         // A job that asks for more than there is runs alone.
         let fits = |&k: &usize| {
             let task = &self.tasks[k];
-            idle || (!task.alone && threads(task) <= free && task.memory <= memory)
+            if task.alone { all_idle } else { idle || threads(task) <= free && task.memory <= memory }
         };
         let at = self.ready.iter().rposition(fits)?;
         let threads = threads(&self.tasks[self.ready[at]]);
         let job = self.ready.remove(at);
-        self.running.push((job, threads));
+        self.running.push(Running { job, threads, process });
         Some((job, threads))
     }
 
-    /// Memory that running jobs leave, bytes.
-    pub fn memory_left(&self) -> u64 {
-        let used: u64 = self.running.iter().map(|&(k, _)| self.tasks[k].memory).sum();
-        self.capacity.memory.saturating_sub(used)
+    /// Number of processes.
+    pub fn processes(&self) -> usize {
+        self.capacities.len()
+    }
+
+    /// Memory that the running jobs of a process leave, bytes.
+    pub fn memory_left(&self, process: usize) -> u64 {
+        let here = self.running.iter().filter(|running| running.process == process);
+        let used: u64 = here.map(|running| self.tasks[running.job].memory).sum();
+        self.capacities[process].memory.saturating_sub(used)
     }
 
     /// The job does not run any more; its outputs are not there yet.
     pub fn ended(&mut self, job: usize) {
-        self.running.retain(|(k, _)| *k != job);
+        self.running.retain(|running| running.job != job);
     }
 
     /// The outputs of a job are there.
@@ -156,17 +174,17 @@ mod tests {
 
     fn schedule(tasks: Vec<Task>, capacity: Capacity) -> Schedule {
         let (done, chosen) = (vec![false; tasks.len()], (0..tasks.len()).collect::<Vec<_>>());
-        Schedule::new(tasks, capacity, done, &chosen)
+        Schedule::new(tasks, vec![capacity], done, &chosen)
     }
 
     #[test]
     fn many_jobs_have_a_thread_each_and_the_last_all() {
         let mut s = schedule([1.0, 3.0, 2.0].map(task).into(), TWO);
         // The longest first.
-        assert_eq!([s.start(), s.start(), s.start()], [Some((1, 1)), Some((2, 1)), None]);
+        assert_eq!([s.start(0), s.start(0), s.start(0)], [Some((1, 1)), Some((2, 1)), None]);
         s.ended(1);
         s.ended(2);
-        assert_eq!([s.start(), s.start()], [Some((0, 2)), None]);
+        assert_eq!([s.start(0), s.start(0)], [Some((0, 2)), None]);
     }
 
     #[test]
@@ -174,33 +192,47 @@ mod tests {
         let large = Task { memory: 95, ..task(1.0) };
         let after = Task { needs: vec![0], ..task(9.0) };
         let mut s = schedule(vec![task(5.0), large, after], TWO);
-        assert_eq!([s.start(), s.start()], [Some((0, 1)), None]);
+        assert_eq!([s.start(0), s.start(0)], [Some((0, 1)), None]);
         s.ended(0);
-        assert_eq!(s.start(), Some((1, 2)), "alone it may start");
+        assert_eq!(s.start(0), Some((1, 2)), "alone it may start");
         s.done(0);
         s.ended(1);
-        assert_eq!(s.start(), Some((2, 2)));
+        assert_eq!(s.start(0), Some((2, 2)));
     }
 
     #[test]
     fn measurements_of_time_run_alone_and_last() {
         let bench = Task { alone: true, ..task(9.0) };
         let mut s = schedule(vec![bench, task(1.0), task(1.0)], TWO);
-        assert_eq!([s.start(), s.start(), s.start()], [Some((1, 1)), Some((2, 1)), None]);
+        assert_eq!([s.start(0), s.start(0), s.start(0)], [Some((1, 1)), Some((2, 1)), None]);
         s.ended(1);
-        assert_eq!(s.start(), None);
+        assert_eq!(s.start(0), None);
         s.ended(2);
-        assert_eq!([s.start(), s.start()], [Some((0, 2)), None]);
+        assert_eq!([s.start(0), s.start(0)], [Some((0, 2)), None]);
+    }
+
+    #[test]
+    fn processes_share_the_jobs() {
+        let tasks = vec![task(3.0), task(2.0), task(1.0), Task { alone: true, ..task(9.0) }];
+        let one = Capacity { threads: 1, ..TWO };
+        let mut s = Schedule::new(tasks, vec![one, TWO], vec![false; 4], &[0, 1, 2, 3]);
+        assert_eq!([s.start(0), s.start(0)], [Some((0, 1)), None]);
+        assert_eq!([s.start(1), s.start(1), s.start(1)], [Some((1, 1)), Some((2, 1)), None]);
+        s.ended(0);
+        assert_eq!(s.start(0), None, "times are measured when all processes are idle");
+        s.ended(1);
+        s.ended(2);
+        assert_eq!(s.start(1), Some((3, 2)));
     }
 
     #[test]
     fn a_failure_takes_out_what_needs_it() {
         let need = |k| Task { needs: vec![k], ..task(1.0) };
         let mut s = schedule(vec![task(1.0), need(0), need(1), task(0.5)], TWO);
-        assert_eq!(s.start().expect("starts").0, 0);
+        assert_eq!(s.start(0).expect("starts").0, 0);
         s.ended(0);
         s.again(0);
-        assert_eq!(s.start().expect("starts again").0, 0);
+        assert_eq!(s.start(0).expect("starts again").0, 0);
         s.ended(0);
         assert_eq!(s.failed(0), [1, 2]);
         assert_eq!(s.waiting().collect::<Vec<_>>(), [3]);

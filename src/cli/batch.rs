@@ -3,6 +3,8 @@
 mod commit;
 mod job_run;
 mod plan;
+#[cfg(feature = "mpi")]
+mod ranks;
 mod reporter;
 mod runner;
 mod shard;
@@ -10,7 +12,8 @@ mod words;
 
 pub use job_run::run_requested;
 
-use super::{interruption, limits};
+use super::mpi::MpiArgs;
+use super::{cores, interruption, limits};
 use crate::batch::{Capacity, Hashes, Journal, lock, lock_split, read_journals, write_results};
 use crate::threads::MAX_THREADS;
 use crate::{Result, memory};
@@ -52,6 +55,8 @@ pub struct Args {
     /// Only a part of the jobs, for several machines: part i of n; `mrvis merge` then makes the tables.
     #[arg(long, value_name = "i/n", value_parser = shard::parse)]
     shard: Option<Shard>,
+    #[command(flatten)]
+    pub mpi: MpiArgs,
     /// Append what happens to FILE as JSON Lines.
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
@@ -60,7 +65,29 @@ pub struct Args {
     pub quiet: bool,
 }
 
+impl Args {
+    /// What one process runs at once. Ranks on one machine share it.
+    fn capacity(&self) -> Capacity {
+        let processes = self.mpi.on_machine();
+        let threads = self.threads.map_or_else(|| cores().div_ceil(processes), usize::from);
+        let usable = || memory::usable().map(|bytes| bytes / processes as u64);
+        let budget = self.memory.map(|g| (g * limits::GIB) as u64).or_else(usable);
+        Capacity {
+            threads,
+            jobs: self.at_once.map_or(threads, usize::from),
+            memory: budget.unwrap_or(u64::MAX),
+        }
+    }
+}
+
 pub fn run(args: &Args) -> Result<ExitCode> {
+    #[cfg(feature = "mpi")]
+    if let Some(world) = args.mpi.world().filter(|world| !world.is_first()) {
+        if !args.dry_run {
+            ranks::serve(world, args.capacity());
+        }
+        return Ok(ExitCode::SUCCESS);
+    }
     let hashes = Arc::new(Hashes::default());
     let mut plan = Plan::new(&args.jobs, &args.out, &args.only, &hashes)?;
     if let Some(shard) = args.shard {
@@ -82,17 +109,15 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     plan.check_folders(&entries, &done)?;
     let journal = Journal::open(&args.out, &format!("journal{part}.jsonl"))?;
     interruption::watch(None);
-    let threads = args.threads.map_or_else(cores, usize::from);
-    let budget = args.memory.map(|g| (g * limits::GIB) as u64).or_else(memory::usable);
-    let capacity = Capacity {
-        threads,
-        jobs: args.at_once.map_or(threads, usize::from),
-        memory: budget.unwrap_or(u64::MAX),
-    };
     let to_do: Vec<usize> = plan.chosen.iter().copied().filter(|&k| !done[k]).collect();
     let work = (0..plan.jobs.len()).map(|k| plan.work(k, &entries)).collect();
     let reporter = Reporter::new(work, &to_do, args.log.as_deref(), args.quiet)?;
-    let settings = Settings { capacity, retry: args.retry };
+    let settings = Settings {
+        capacity: args.capacity(),
+        retry: args.retry,
+        #[cfg(feature = "mpi")]
+        world: args.mpi.world(),
+    };
     let ran = runner::run(&plan, (&mut entries, &done), (&hashes, journal), &settings, &reporter);
     reporter.finish();
     let written = match args.shard {
@@ -123,9 +148,4 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         s if s.missed > 0 => ExitCode::from(1),
         _ => ExitCode::SUCCESS,
     })
-}
-
-/// Cores that this process may use.
-fn cores() -> usize {
-    std::thread::available_parallelism().map_or(1, usize::from)
 }

@@ -4,6 +4,7 @@ use super::args::{Common, SceneArgs, check_file, file_name, grouped, warn};
 use super::inputs::{Inputs, Output};
 use super::job_context;
 use super::limits::{self, GIB};
+use super::mpi::MpiArgs;
 use super::progress::Bar;
 use crate::{
     Error, Result,
@@ -47,6 +48,8 @@ pub struct Args {
     #[arg(long, value_name = "R")]
     tolerance: Option<f64>,
     #[command(flatten)]
+    pub mpi: MpiArgs,
+    #[command(flatten)]
     pub common: Common,
 }
 
@@ -67,7 +70,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let common = &args.common;
     args.scene.without_light()?;
     let format = Format::of(&args.out)?;
-    check_file(&args.out)?;
+    args.mpi.on_first(|| check_file(&args.out))?;
     common.check_json()?;
     if let Some(v) = args.tolerance.filter(|v| !(v.is_finite() && *v >= 0.0)) {
         return Err(Error::Argument(format!("--tolerance {v}: must be a number not below 0")));
@@ -101,13 +104,16 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let start = Instant::now();
     let rays = PrepareOptions { detail: Detail::Rays, ..PrepareOptions::default() };
     let (model, (faces, report)) = common.on_threads(|| {
-        let model = job_context::prepare(scene, &rays, &bar)?;
+        let model = job_context::prepare(scene, &rays, &bar)?.on_ranks(args.mpi.ranks());
         let found = compute(&model, &facets, &settings, &bar)?;
         Ok((model, found))
     })?;
     let scene = model.scene();
     let seconds = start.elapsed().as_secs_f64();
     drop(bar);
+    if !args.mpi.is_first() {
+        return Ok(ExitCode::SUCCESS);
+    }
     let by = match args.by {
         By::Face => Grouping::Polygon,
         By::Object => Grouping::Object,
@@ -118,7 +124,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let labels = matches!(args.by, By::Face).then(|| facets.labels(scene));
     write(&args.out, &matrix, format, labels.as_ref())?;
     drop(spinner);
-    common.write_json(&serde_json::json!({
+    let mut json = serde_json::json!({
         "mrvis": env!("CARGO_PKG_VERSION"),
         "scene": args.scene.scene,
         "unit": scene.unit,
@@ -132,7 +138,9 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         },
         "report": report,
         "warnings": scene.repairs.messages,
-    }))?;
+    });
+    args.mpi.add_sharing(&mut json);
+    common.write_json(&json)?;
     common.print(&text(args, &matrix, &report, seconds))?;
     let missed = args.tolerance.is_some_and(|t| report.closed_row_sum_error > t);
     Ok(if missed { ExitCode::from(1) } else { ExitCode::SUCCESS })

@@ -19,6 +19,7 @@ mod job_context;
 mod limits;
 mod manual;
 mod merge;
+mod mpi;
 mod oracle;
 mod outputs;
 mod progress;
@@ -141,7 +142,7 @@ pub fn main() -> ExitCode {
 
 fn parse_and_run() -> ExitCode {
     let parsed = help::command().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches));
-    let cli = match parsed {
+    let mut cli = match parsed {
         Ok(cli) => cli,
         Err(error) if error.use_stderr() => {
             let _ = writeln!(std::io::stderr(), "mrvis: {} (see mrvis --help)", usage(&error));
@@ -158,20 +159,28 @@ fn parse_and_run() -> ExitCode {
         }
     };
     limits::end_aborts_as_errors();
+    if let Err(error) = mpi::start(&mut cli.command, cli.quiet) {
+        return failed(&error);
+    }
     // A batch has a budget of its own, and one job's memory must not end the others.
     if !matches!(cli.command, Command::Batch(_)) {
         limits::watch(cli.command.common().and_then(|common| common.max_memory));
     }
     match run(&cli.command) {
-        Ok(code) => code,
+        Ok(code) => mpi::end(code),
         // A reader may close the pipe early.
-        Err(Error::Io { source, .. }) if source.kind() == ErrorKind::BrokenPipe => ExitCode::SUCCESS,
-        Err(error) => {
-            // A closed standard error is ignored.
-            let _ = writeln!(std::io::stderr(), "mrvis: {}", with_flags(&one_line(&error)));
-            ExitCode::from(2)
+        Err(Error::Io { source, .. }) if source.kind() == ErrorKind::BrokenPipe => {
+            mpi::end(ExitCode::SUCCESS)
         }
+        Err(error) => failed(&error),
     }
+}
+
+fn failed(error: &Error) -> ExitCode {
+    let (sign, text) = (mpi::sign(), with_flags(&one_line(error)));
+    // A closed standard error is ignored.
+    let _ = writeln!(std::io::stderr(), "mrvis: {sign}{text}");
+    ExitCode::from(2)
 }
 
 /// The error in a command line, with a suggestion if there is one, without usage.
@@ -219,6 +228,11 @@ pub(crate) fn feature_sizes(path: &std::path::Path, bytes: &[u8]) -> Result<Vec<
 fn print(text: &str) -> Result<()> {
     let mut out = std::io::stdout().lock();
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|e| Error::io("standard output", e))
+}
+
+/// Cores that this process may use.
+fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 use super::args::{Common, SceneArgs, check_file, file_name, grouped, warn};
 use super::inputs::{Inputs, Output};
 use super::job_context;
+use super::mpi::MpiArgs;
 use super::progress::Bar;
 use crate::{
     Result,
@@ -31,12 +32,14 @@ pub struct Args {
     #[arg(long, value_name = "FILE", default_value = "irradiance.csv")]
     out: PathBuf,
     #[command(flatten)]
+    pub mpi: MpiArgs,
+    #[command(flatten)]
     pub common: Common,
 }
 
 pub fn run(args: &Args) -> Result<ExitCode> {
     let common = &args.common;
-    check_file(&args.out)?;
+    args.mpi.on_first(|| check_file(&args.out))?;
     common.check_json()?;
     let points = read_points(&args.points)?;
     let scene = args.scene.load(common)?;
@@ -52,13 +55,16 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let start = Instant::now();
     let rays = PrepareOptions { detail: Detail::Rays, ..PrepareOptions::default() };
     let (model, found) = common.on_threads(|| {
-        let model = job_context::prepare(scene, &rays, &bar)?;
+        let model = job_context::prepare(scene, &rays, &bar)?.on_ranks(args.mpi.ranks());
         let found = irradiance(&model, &points, settings, &bar)?;
         Ok((model, found))
     })?;
     let scene = model.scene();
     let seconds = start.elapsed().as_secs_f64();
     drop(bar);
+    if !args.mpi.is_first() {
+        return Ok(ExitCode::SUCCESS);
+    }
     let photometry = args.scene.photometry();
     let lux = |rgb| photometry.unwrap_or_default().of(rgb);
     write_irradiance(&args.out, &found, photometry.map(|_| &lux as _))?;
@@ -94,6 +100,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
             "weights": photometry.weights, "lumens_per_watt": photometry.lumens_per_watt, "mean_illuminance_lx": lx,
         });
     }
+    args.mpi.add_sharing(&mut json);
     common.write_json(&json)?;
     common.print(&format!(
         "{}: {} points, {} paths each, {} s; mean irradiance {} W/m\u{b2}, RMS standard error {} % of it\n{}",

@@ -9,6 +9,7 @@ mod watch;
 use super::args::{CacheArgs, Common, SceneArgs, check_folder, command_line};
 use super::flags::with_flags;
 use super::inputs::{Inputs, Output};
+use super::mpi::MpiArgs;
 use super::outputs::{Outputs, Written};
 use super::progress::Bar;
 use crate::bench::side_by_side::{ComparedRecord, Versus, side_by_side};
@@ -117,6 +118,8 @@ pub struct Args {
     #[command(flatten)]
     outputs: Outputs,
     #[command(flatten)]
+    pub mpi: MpiArgs,
+    #[command(flatten)]
     pub common: Common,
 }
 
@@ -220,13 +223,20 @@ pub fn run(args: &Args) -> Result<ExitCode> {
 fn run_on_threads(args: &Args) -> Result<ExitCode> {
     let mut options = options(args)?;
     options.check()?;
+    for (option, is_given) in [
+        ("--max-seconds", args.max_seconds.is_some()),
+        ("--step-seconds", args.step_seconds.is_some()),
+        ("--scaling", args.scaling.is_some()),
+    ] {
+        args.mpi.refuse(option, is_given)?;
+    }
     if let Some(largest) = args.scaling {
         return scaling(&args.common, &options, largest);
     }
     let (Some(scene), Some(out)) = (&args.scene, &args.out) else {
         return Err(Error::Argument("give a scene and --out DIR, or --scaling".into()));
     };
-    check_folder(out)?;
+    args.mpi.on_first(|| check_folder(out))?;
     args.common.check_json()?;
     let points = args.points.as_deref().map(read_points).transpose()?.unwrap_or_default();
     let start = Instant::now();
@@ -243,15 +253,21 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
     let load = start.elapsed().as_secs_f64();
     options.seconds_spent = load;
     let watch = Watch { bar: Bar::new(args.common.quiet) };
-    watch.stop_on_interruption(args.common.quiet);
+    // Ranks that stop at different places would wait for each other: an interruption ends them at once.
+    if !args.mpi.mpi {
+        watch.stop_on_interruption(args.common.quiet);
+    }
     watch.stage("preparing", 0);
-    let model = prepare(scene, &options, &watch)?;
+    let model = prepare(scene, &options, &watch)?.on_ranks(args.mpi.ranks());
     options.seconds_spent = start.elapsed().as_secs_f64();
     let (outcome, solution) = radiosity::solve(&model, &points, &options, &watch)?;
     let other = args.compare.filter(|_| !outcome.record.interrupted);
     let versus =
         other.map(|other| side_by_side(&model, &points, &outcome, other.into(), &watch)).transpose()?;
     watch.bar.finish();
+    if !args.mpi.is_first() {
+        return Ok(ExitCode::SUCCESS);
+    }
     let met = outcome.record.target_met != Some(false);
     write(args, out, &points, (outcome, versus, load), (&solution, &watch))?;
     Ok(if met { ExitCode::SUCCESS } else { ExitCode::from(1) })
@@ -273,7 +289,8 @@ fn write(
     }
     record.warnings.iter_mut().for_each(|warning| *warning = with_flags(warning));
     let photometric = photometry.map(|p| Luminous::of(p, &record));
-    let mut record = Reported { compared: ComparedRecord { record, versus }, photometric };
+    let compared = ComparedRecord { record, versus };
+    let mut record = Reported { compared, photometric, sharing: args.mpi.sharing() };
     let save = |record: &Reported| {
         let path = out.join("solution.json");
         let text = json_text(record).map_err(|e| Error::format(&path, None, e.to_string()))?;

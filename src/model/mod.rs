@@ -27,6 +27,7 @@ pub use source::Source;
 use crate::embree::{CommittedScene, Device, Hits, Traversal};
 use crate::math::Aabb;
 use crate::optics;
+use crate::ranks::Ranks;
 use crate::ray::{EndRule, Packet};
 use crate::scene::{Scene, magnitude};
 use crate::threads::Threads;
@@ -49,6 +50,7 @@ pub fn embree_version() -> Result<String> {
 #[derive(Clone)]
 pub struct Model {
     inner: Arc<Inner>,
+    ranks: Ranks,
 }
 
 struct Inner {
@@ -87,6 +89,16 @@ impl Model {
     /// The mesh of the scene's own triangles.
     pub(crate) fn base(&self) -> &Mesh {
         &self.inner.meshes[0]
+    }
+
+    /// The processes that share queries of this model; one alone unless [`Model::on_ranks`] says otherwise.
+    pub(crate) fn ranks(&self) -> &Ranks {
+        &self.ranks
+    }
+
+    /// The same model, of which each of these processes has prepared an equal one: they share its queries.
+    pub(crate) fn on_ranks(self, ranks: Ranks) -> Model {
+        Model { ranks, ..self }
     }
 
     /// Light sources.

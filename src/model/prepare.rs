@@ -8,6 +8,7 @@ use super::top_level::TopLevel;
 use super::{Inner, Model};
 use crate::embree::{CommittedScene, Device, SceneBuilder};
 use crate::progress::Progress;
+use crate::ranks::Ranks;
 use crate::scene::Scene;
 use crate::threads::Threads;
 use crate::visibility::WideTree;
@@ -195,7 +196,7 @@ impl Model {
             engines: Default::default(),
         };
         inner.top = top_level(&mut inner)?;
-        Ok(Model { inner: Arc::new(inner) })
+        Ok(Model { inner: Arc::new(inner), ranks: Ranks::default() })
     }
 }
 
@@ -252,7 +253,7 @@ fn prepare(
     };
     inner.top = top_level(&mut inner)?;
     inner.report.embree_bytes = inner.device.bytes() as u64;
-    Ok(Model { inner: Arc::new(inner) })
+    Ok(Model { inner: Arc::new(inner), ranks: Ranks::default() })
 }
 
 /// The instances of a scene: its own triangles, then its placements.

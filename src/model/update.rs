@@ -69,6 +69,7 @@ impl Model {
                 threads: inner.threads.clone(),
                 engines: Default::default(),
             }),
+            ranks: self.ranks.clone(),
         })
     }
 }

@@ -22,6 +22,7 @@ use crate::{Error, Result};
 use light::PowerSampler;
 use paths::Paths;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use surfaces::Surfaces;
 
 /// Options of [`irradiance`].
@@ -39,7 +40,7 @@ pub struct Settings {
 ///
 /// A point means the nearest surface along its normal that is about parallel, within `1e-5` of the scene's diagonal: files
 /// round coordinates. Paths start a few rounding errors above it, on the side of the normal. The same settings give the
-/// same bits on any number of threads. A scene without emitters gives zeros.
+/// same bits on any number of threads and ranks. A scene without emitters gives zeros.
 ///
 /// # Errors
 /// [`Error::Argument`] with fewer than two samples; [`Error::Cancelled`] if `progress` stops it.
@@ -55,20 +56,20 @@ pub fn irradiance(
     progress.stage("following paths", points.len() as u64);
     let surfaces = Surfaces::new(model);
     let lights = PowerSampler::new(model.scene());
-    let estimates: Option<Vec<Estimate>> = points
-        .par_iter()
-        .enumerate()
+    let rows = model.ranks().rows(points.len());
+    let estimates: Option<Vec<Estimate>> = rows
+        .numbers()
         .map_init(
             || Paths::new(&surfaces, lights.as_ref(), settings),
-            |paths, (i, point)| {
-                let estimate = (!progress.stopped()).then(|| paths.estimate(i as u64, point));
-                progress.advance(1);
+            |paths, i| {
+                let estimate = (!progress.stopped()).then(|| paths.estimate(i as u64, &points[i]));
+                progress.advance(rows.steps(1) as u64);
                 estimate
             },
         )
         .collect();
     let stopped = || Error::Cancelled("stopped before all points had their paths".into());
-    let estimates = estimates.ok_or_else(stopped)?;
+    let estimates = rows.gather(estimates.ok_or_else(stopped)?);
     Ok(Irradiance {
         points: points.to_vec(),
         values: estimates.iter().map(|e| e.mean).collect(),
@@ -77,6 +78,7 @@ pub fn irradiance(
 }
 
 /// A mean and its standard error, W/m², RGB.
+#[derive(Deserialize, Serialize)]
 struct Estimate {
     mean: [f64; 3],
     standard_error: [f64; 3],

@@ -3,11 +3,15 @@
 use super::commit::{Closing, Event, Finished, commit, make_room};
 use super::job_run::{Ended, as_process, in_process};
 use super::plan::{MIN_MEMORY, Plan};
+#[cfg(feature = "mpi")]
+use super::ranks;
 use super::reporter::Reporter;
 use crate::batch::{
     Capacity, Entries, Entry, Hashes, Journal, Limits, Schedule, Status, Task, begin, write_results,
 };
 use crate::cli::interruption;
+#[cfg(feature = "mpi")]
+use crate::cli::mpi::World;
 use crate::cli::shared_scenes::SharedScenes;
 use crate::{Error, Result};
 use std::collections::HashMap;
@@ -28,10 +32,13 @@ const INTERVAL: Duration = Duration::from_millis(50);
 
 /// How a batch runs.
 pub struct Settings {
-    /// Threads and memory of all jobs together, and jobs at once.
+    /// Threads and memory of all jobs of this process together, and jobs at once.
     pub capacity: Capacity,
     /// Further runs of a failed job, if the job file states fewer.
     pub retry: u32,
+    /// All ranks, if others run jobs as well.
+    #[cfg(feature = "mpi")]
+    pub world: Option<World>,
 }
 
 /// How a batch ended.
@@ -61,6 +68,11 @@ struct Runner<'a> {
     /// To where jobs are made permanent, until no more follow.
     closing: Option<Sender<Closing>>,
     scenes: Arc<SharedScenes>,
+    /// By process, what it can run at once; the first is this one.
+    capacities: Vec<Capacity>,
+    /// Takes jobs for other processes.
+    #[cfg(feature = "mpi")]
+    assignments: Option<Sender<ranks::Assignment>>,
 }
 
 /// Runs all chosen jobs that are not done. `entries` gets the lines of the journal.
@@ -75,9 +87,10 @@ pub fn run(
     reporter: &Reporter,
 ) -> Result<Summary> {
     let tasks = (0..plan.jobs.len()).map(|k| task(plan, k, entries)).collect();
+    let capacities = capacities(settings);
     // What an earlier run has made of jobs that are to be run is no result of this one.
     plan.chosen.iter().filter(|&&k| !done[k]).for_each(|&k| drop(entries.remove(&plan.jobs[k].name)));
-    let schedule = Schedule::new(tasks, settings.capacity, done.to_vec(), &plan.chosen);
+    let schedule = Schedule::new(tasks, capacities.clone(), done.to_vec(), &plan.chosen);
     let mut runner = Runner {
         plan,
         settings,
@@ -89,6 +102,9 @@ pub fn run(
         open: 0,
         closing: None,
         scenes: Arc::new(SharedScenes::new(hashes.clone())),
+        capacities,
+        #[cfg(feature = "mpi")]
+        assignments: None,
     };
     std::thread::scope(|scope| {
         let (events, inbox) = channel();
@@ -96,7 +112,15 @@ pub fn run(
         runner.closing = Some(closing);
         let own_events = events.clone();
         scope.spawn(move || commit(plan, hashes, journal, &to_commit, &own_events));
+        #[cfg(feature = "mpi")]
+        if let Some(world) = settings.world {
+            let ((sender, assignments), events) = (channel(), events.clone());
+            runner.assignments = Some(sender);
+            scope.spawn(move || ranks::hand_out(world, plan, &assignments, &events));
+        }
         runner.follow(scope, (&events, &inbox), entries);
+        #[cfg(feature = "mpi")]
+        runner.assignments.take();
         if runner.summary.interrupted {
             // Threads of running jobs cannot be waited for; what they write is in work folders.
             reporter.interrupted(
@@ -108,6 +132,15 @@ pub fn run(
         }
     });
     runner.broken.map_or(Ok(runner.summary), Err)
+}
+
+/// What all processes can run at once.
+fn capacities(settings: &Settings) -> Vec<Capacity> {
+    #[cfg(feature = "mpi")]
+    if let Some(world) = settings.world {
+        return ranks::capacities(world, settings.capacity);
+    }
+    vec![settings.capacity]
 }
 
 fn task(plan: &Plan, k: usize, entries: &Entries) -> Task {
@@ -133,8 +166,16 @@ impl<'a> Runner<'a> {
     {
         loop {
             while !interruption::stopped() && self.broken.is_none() {
-                let Some((job, threads)) = self.schedule.start() else { break };
-                self.start(scope, job, threads, events.clone());
+                // In turn, so that all processes have jobs.
+                let mut started = 0;
+                for process in 0..self.schedule.processes() {
+                    let Some((job, threads)) = self.schedule.start(process) else { continue };
+                    self.start(scope, (job, threads, process), events.clone());
+                    started += 1;
+                }
+                if started == 0 {
+                    break;
+                }
             }
             if interruption::stopped() || self.open == 0 {
                 break;
@@ -157,17 +198,29 @@ impl<'a> Runner<'a> {
         }
     }
 
-    fn start<'s>(&mut self, scope: &'s Scope<'s, '_>, job: usize, threads: usize, events: Sender<Event>)
-    where
+    fn start<'s>(
+        &mut self,
+        scope: &'s Scope<'s, '_>,
+        (job, threads, process): (usize, usize, usize),
+        events: Sender<Event>,
+    ) where
         'a: 's,
     {
         let plan: &'a Plan = self.plan;
         let attempt = *self.attempts.entry(job).and_modify(|n| *n += 1).or_insert(1);
-        let limits = self.limits(job, threads);
+        let limits = self.limits(job, threads, self.capacities[process].memory);
+        let spare = self.schedule.memory_left(process);
         self.open += 1;
-        self.scenes.shrink_to(self.schedule.memory_left());
-        let scenes = self.scenes.clone();
         self.reporter.started(job, &plan.jobs[job].name, threads);
+        #[cfg(feature = "mpi")]
+        if let (1.., Some(assignments)) = (process, &self.assignments) {
+            // The other end lives as long as this sender.
+            let _ =
+                assignments.send(ranks::Assignment { rank: process, job, attempt, threads, limits, spare });
+            return;
+        }
+        self.scenes.shrink_to(spare);
+        let scenes = self.scenes.clone();
         let work = move || {
             let start = Instant::now();
             let (line, shown) = (&plan.lines[job], &plan.shown[job]);
@@ -184,10 +237,9 @@ impl<'a> Runner<'a> {
         scope.spawn(work);
     }
 
-    /// The limits of a job; one that takes much of the budget has at least that limit.
-    fn limits(&self, job: usize, threads: usize) -> Limits {
+    /// The limits of a job; one that takes much of the budget of its process has at least that limit.
+    fn limits(&self, job: usize, threads: usize, budget: u64) -> Limits {
         let mut limits = self.plan.jobs[job].limits;
-        let budget = self.settings.capacity.memory;
         let expected = self.plan.memory(job, &Entries::new()).unwrap_or(0);
         if expected.saturating_sub(MIN_MEMORY) > budget / MAX_SHARED_PART {
             let reserved = RESERVED_BY_THREAD.saturating_mul(threads as u64 + 1);

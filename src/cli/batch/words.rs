@@ -9,7 +9,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 /// Options that the batch itself sets, or that make no sense in it.
-const RESERVED: [&str; 5] = ["json", "quiet", "help", "version", "list"];
+const RESERVED: [&str; 6] = ["json", "quiet", "help", "version", "list", "mpi"];
 
 /// The commands, with their options.
 pub struct Grammar {

@@ -1,11 +1,12 @@
 //! Luminous quantities of a solution.
 
 use crate::bench::side_by_side::ComparedRecord;
+use crate::cli::mpi::Sharing;
 use crate::radiosity::Record;
 use crate::scene::Photometry;
 use serde::Serialize;
 
-/// The record with luminous quantities.
+/// The record with luminous quantities, and what the ranks have shared.
 #[derive(Serialize)]
 pub struct Reported {
     #[serde(flatten)]
@@ -13,6 +14,9 @@ pub struct Reported {
     /// Only with `--photometric`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub photometric: Option<Luminous>,
+    /// Only with `--mpi`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sharing: Option<Sharing>,
 }
 
 /// Luminous quantities of the whole scene.

@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 
 /// The record as text. `with_points`: irradiance at points was asked for.
 pub fn summary(reported: &Reported, with_points: bool) -> String {
-    let Reported { compared: ComparedRecord { record: r, versus }, photometric } = reported;
+    let Reported { compared: ComparedRecord { record: r, versus }, photometric, .. } = reported;
     let mut text = String::new();
     let s = &r.seconds;
     // Writing to a string cannot fail.

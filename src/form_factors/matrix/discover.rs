@@ -11,7 +11,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 /// A facet that rays hit on its front, and the number of hits up to [`Partner::MAX_HITS`], in 32 bits to save memory.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Deserialize, serde::Serialize)]
 pub struct Partner(u32);
 
 impl Partner {
@@ -49,6 +49,7 @@ impl Partner {
 }
 
 /// Result of the rays of one facet.
+#[derive(serde::Deserialize, serde::Serialize)]
 pub struct Found {
     /// Facets whose fronts were hit, ascending.
     pub partners: Vec<Partner>,

@@ -14,7 +14,7 @@
 //! 3. *Closure* ([`Settings::enforce`]): rows without escaped rays are adjusted symmetrically to the sum 1, each entry
 //!    in proportion to its variance (docs/method.md, Form factors and closure).
 //!
-//! Results do not depend on the number of threads. Memory is proportional to facets times rays, see [`memory_bound`].
+//! Results do not depend on the number of threads or ranks. Memory is proportional to facets times rays, see [`memory_bound`].
 
 mod closure;
 mod discover;
@@ -161,33 +161,36 @@ pub fn compute(
     go_on(progress)?;
     progress.stage("form factors", 2 * facets.count() as u64);
     let traced = Traced::new(model, facets);
-    let found: Vec<discover::Found> = (0..facets.count() as u32)
-        .into_par_iter()
+    let rows = model.ranks().rows(facets.count());
+    let advance = || progress.advance(rows.steps(1) as u64);
+    let found: Vec<discover::Found> = rows
+        .numbers()
         .map_init(discover::Buffers::default, |buffers, i| {
             go_on(progress)?;
-            let found = discover::partners(&traced, facets, settings, i, buffers, progress);
-            progress.advance(1);
+            let found = discover::partners(&traced, facets, settings, i as u32, buffers, progress);
+            advance();
             Ok(found)
         })
         .collect::<Result<_>>()?;
+    let found = rows.gather(found);
     let partners = discover::upper(&found, progress)?;
     let shares: Vec<[f32; 2]> = found.iter().map(|f| [f.escaped, f.lost]).collect();
     drop(found);
     let pairs = pair::Pairs { traced: &traced, facets, settings, progress };
-    let mut upper: Vec<pair::Row> = partners
-        .par_iter()
-        .enumerate()
-        .map_init(pair::Buffers::default, |buffers, (i, partners)| {
+    let upper: Vec<pair::Row> = rows
+        .numbers()
+        .map_init(pair::Buffers::default, |buffers, i| {
             go_on(progress)?;
             let row = if settings.every {
                 pairs.every(i as u32, buffers)
             } else {
-                pairs.row(i as u32, partners, buffers)
+                pairs.row(i as u32, &partners[i], buffers)
             };
-            progress.advance(1);
+            advance();
             Ok(row)
         })
         .collect::<Result<_>>()?;
+    let mut upper = rows.gather(upper);
     drop(partners);
     // Rows that were cut short are not shown.
     go_on(progress)?;

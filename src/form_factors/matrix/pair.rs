@@ -12,7 +12,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 /// The pairs of one facet with facets of higher numbers.
-#[derive(Default)]
+#[derive(Default, serde::Deserialize, serde::Serialize)]
 pub struct Row {
     /// The other facets, ascending.
     pub partner: Vec<u32>,

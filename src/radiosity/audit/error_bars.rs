@@ -76,6 +76,7 @@ impl AuditSize {
 }
 
 /// An element that was checked, W/m².
+#[derive(serde::Deserialize, serde::Serialize)]
 struct Check {
     /// Difference of the solution from the paths.
     error: f64,
@@ -191,8 +192,9 @@ impl FinalGather<'_> {
             let at = (k as f64 + position) / size.elements as f64 * sum;
             areas[areas.partition_point(|a| a.0 <= at).min(areas.len() - 1)].1
         };
-        let made: Option<Vec<(Check, Tally)>> = (0..size.elements)
-            .into_par_iter()
+        let rows = self.ranks.rows(size.elements);
+        let made: Vec<Option<(Check, Tally)>> = rows
+            .numbers()
             .map_init(Buffers::default, |buffers, k| {
                 if deadline.late() {
                     return None;
@@ -200,12 +202,13 @@ impl FinalGather<'_> {
                 buffers.scratch.tally = Tally::default();
                 let e = drawn(k);
                 let (by_paths, noise) = self.path_irradiance(e, size.paths, position.to_bits(), buffers);
-                deadline.advance(1);
+                deadline.advance(rows.steps(1));
                 let error = (mean(self.linked().elements.states[e as usize].irradiance) - by_paths).abs();
                 Some((Check { error, noise, bar: bars[e as usize] }, buffers.scratch.tally))
             })
             .collect();
         let (mut checks, mut tally) = (Vec::new(), Tally::default());
+        let made: Option<Vec<(Check, Tally)>> = rows.gather(made).into_iter().collect();
         for (check, cost) in made.into_iter().flatten() {
             checks.push(check);
             tally.add(cost);

@@ -53,7 +53,7 @@ impl FinalGather<'_> {
             all.into_iter().zip(light).filter(|(_, light)| light.rays > 0).unzip();
         let places: Vec<Place> = leaves.iter().map(|&e| self.place_of(e)).collect();
         let areas: Vec<f64> = leaves.iter().map(|&e| elements[e as usize].area).collect();
-        let shared = share(&places, &areas, &light, deadline);
+        let shared = share(&places, &areas, &light, &self.ranks, deadline);
         (leaves.into_iter().zip(shared).collect(), tally)
     }
 
@@ -67,21 +67,23 @@ impl FinalGather<'_> {
     /// The light of leaves by their own rays. Leaves that the deadline leaves without rays have none.
     fn trace_elements(&self, leaves: &[LeafRays], deadline: &Deadline) -> (Vec<ElementLight>, Tally) {
         deadline.stage("light of elements", leaves.len());
-        let made: Vec<(Vec<ElementLight>, Tally)> = batches(leaves)
-            .into_par_iter()
-            .map_init(Buffers::default, |buffers, part| {
+        let batches = batches(leaves);
+        let rows = self.ranks.rows(batches.len());
+        let made: Vec<(Vec<ElementLight>, Tally)> = rows
+            .numbers()
+            .map_init(Buffers::default, |buffers, k| {
                 buffers.scratch.tally = Tally::default();
-                let batch = &leaves[part];
+                let batch = &leaves[batches[k].clone()];
                 let light = match deadline.late() {
                     true => vec![ElementLight::default(); batch.len()],
                     false => self.light_of(batch, buffers),
                 };
-                deadline.advance(batch.len());
+                deadline.advance(rows.steps(batch.len()));
                 (light, buffers.scratch.tally)
             })
             .collect();
         let (mut light, mut tally) = (Vec::with_capacity(leaves.len()), Tally::default());
-        for (part, cost) in made {
+        for (part, cost) in rows.gather(made) {
             light.extend(part);
             tally.add(cost);
         }

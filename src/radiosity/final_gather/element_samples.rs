@@ -11,7 +11,7 @@ pub const DIRECT: usize = 0;
 pub const REFLECTED: usize = 1;
 
 /// Irradiance of one leaf by its own rays.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, serde::Deserialize, serde::Serialize)]
 pub struct ElementLight {
     /// Rays of each half.
     pub rays: u32,

@@ -11,6 +11,7 @@ use crate::radiosity::elements::{Elements, Lookup, Shape};
 use crate::radiosity::links::Scratch;
 use crate::radiosity::options::Options;
 use crate::radiosity::refinement::LinkedScene;
+use crate::ranks::Ranks;
 use crate::ray::{LANES, Packet};
 use crate::scene::Scene;
 use glam::Vec3;
@@ -43,6 +44,8 @@ pub struct FinalGather<'a> {
     pub(super) feature_size: f32,
     /// Length of rays, more than the diagonal of the scene; scene units.
     pub(super) length: f32,
+    /// The processes that share the rows.
+    pub(in crate::radiosity) ranks: Ranks,
 }
 
 /// A point of a path on a surface.
@@ -131,6 +134,7 @@ impl<'a> FinalGather<'a> {
             slack: 1e-5 * scene.bounds.diagonal() + 1e-6 * magnitude,
             feature_size: options.feature_size.unwrap_or(1e-2 * scene.size()),
             length: scene.ray_length(),
+            ranks: model.ranks().clone(),
         }
     }
 

@@ -159,7 +159,7 @@ impl FinalGather<'_> {
                 Shape::Cluster(_) => unreachable!("rows are those of surfaces"),
             })
             .collect();
-        TransportMatrix::new(&matrix_rows, &rows.met, linked.settings.row_sums, deadline)
+        TransportMatrix::new(&matrix_rows, &rows.met, linked.settings.row_sums, &self.ranks, deadline)
     }
 
     /// Irradiance of the rows, W/m², starting from the light along links.

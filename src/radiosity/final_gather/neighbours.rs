@@ -2,6 +2,7 @@
 
 use crate::clusters::{Tree, over_boxes};
 use crate::math::Aabb;
+use crate::ranks::Ranks;
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -52,8 +53,8 @@ pub struct Neighbourhood<'a> {
 }
 
 impl<'a> Neighbourhood<'a> {
-    /// Builds the trees.
-    pub fn new(places: &'a [Place]) -> Neighbourhood<'a> {
+    /// Builds the trees, of which each rank has its part.
+    pub fn new(places: &'a [Place], ranks: &Ranks) -> Neighbourhood<'a> {
         let group = |k: usize| {
             let members: Vec<u32> =
                 (0..places.len() as u32).filter(|&i| axis(places[i as usize].normal) == k).collect();
@@ -61,7 +62,8 @@ impl<'a> Neighbourhood<'a> {
             let tree = over_boxes(&boxes);
             (members, tree)
         };
-        Neighbourhood { places, groups: (0..6).into_par_iter().map(group).collect() }
+        let groups = ranks.rows(6);
+        Neighbourhood { places, groups: groups.gather(groups.numbers().map(group).collect()) }
     }
 
     /// The nearest `count` neighbours of an element with their squared distances, nearest first; the first one is itself.
@@ -154,7 +156,7 @@ mod tests {
                 Place { centre: Vec3::new(x, y, 0.02 * z), normal: normal.normalize(), radius: 0.02 }
             })
             .collect();
-        let (around, mut search) = (Neighbourhood::new(&places), Search::default());
+        let (around, mut search) = (Neighbourhood::new(&places, &Ranks::default()), Search::default());
         let mut many = 0;
         for of in 0..places.len() as u32 {
             let own = &places[of as usize];

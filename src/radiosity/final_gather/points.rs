@@ -35,10 +35,11 @@ impl FinalGather<'_> {
     /// was answered. `done` learns of how many points more it is known.
     pub fn irradiance(&self, points: &[(Vec3, Vec3)], done: &(dyn Fn(usize) + Sync)) -> (Vec<Rgb>, Tally) {
         let engines = self.engines(points);
-        let made: Vec<(Vec<Rgb>, Tally)> = points
-            .par_chunks(CHUNK)
-            .enumerate()
-            .map_init(Buffers::default, |buffers, (chunk, points)| {
+        let rows = self.ranks.rows(points.len().div_ceil(CHUNK));
+        let made: Vec<(Vec<Rgb>, Tally)> = rows
+            .numbers()
+            .map_init(Buffers::default, |buffers, chunk| {
+                let points = &points[CHUNK * chunk..points.len().min(CHUNK * (chunk + 1))];
                 buffers.scratch.tally = Tally::default();
                 let seed = |i: usize| mix(self.linked.settings.seed ^ (CHUNK * chunk + i) as u64);
                 let points: Vec<GatherPoint> = points
@@ -52,12 +53,12 @@ impl FinalGather<'_> {
                         add(value, 1.0, self.reflected_irradiance(point, buffers));
                     }
                 }
-                done(points.len());
+                done(rows.steps(points.len()));
                 (values, buffers.scratch.tally)
             })
             .collect();
         let (mut values, mut tally) = (Vec::with_capacity(points.len()), Tally::default());
-        for (part, counts) in made {
+        for (part, counts) in rows.gather(made) {
             values.extend(part);
             tally.add(counts);
         }

@@ -6,8 +6,10 @@ use crate::radiosity::elements::Elements;
 use crate::radiosity::links::Tally;
 use glam::Vec3;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// The rays of one leaf.
+#[derive(Deserialize, Serialize)]
 pub struct RayRow {
     /// The leaf element.
     pub leaf: u32,
@@ -24,6 +26,7 @@ pub struct RayRow {
 }
 
 /// The rays of all leaves.
+#[derive(Deserialize, Serialize)]
 pub struct RayRows {
     /// One row a leaf.
     pub rows: Vec<RayRow>,
@@ -56,9 +59,12 @@ impl RayRows {
         done: impl Fn(usize) + Sync,
     ) -> RayRows {
         let batches = batches(planned);
-        let mut made: Vec<(usize, RayRows)> = spread_order(batches.len())
-            .into_par_iter()
-            .map_init(Buffers::default, |buffers, k| {
+        let order = spread_order(batches.len());
+        let rows = gather.ranks.rows(order.len());
+        let made: Vec<RayRows> = rows
+            .numbers()
+            .map_init(Buffers::default, |buffers, i| {
+                let k = order[i];
                 let planned = &planned[batches[k].clone()];
                 let fewer = instead(planned);
                 let mut made = RayRows::new();
@@ -66,10 +72,11 @@ impl RayRows {
                 made.trace_batch(gather, fewer.as_deref().unwrap_or(planned), buffers);
                 made.hurried = fewer.map_or(0, |fewer| fewer.len());
                 made.tally = buffers.scratch.tally;
-                done(planned.len());
-                (k, made)
+                done(rows.steps(planned.len()));
+                made
             })
             .collect();
+        let mut made: Vec<(usize, RayRows)> = order.into_iter().zip(rows.gather(made)).collect();
         made.sort_unstable_by_key(|(k, _)| *k);
         let mut all = RayRows { rows: Vec::with_capacity(planned.len()), ..RayRows::new() };
         all.met.reserve_exact(made.iter().map(|(_, m)| m.met.len()).sum());

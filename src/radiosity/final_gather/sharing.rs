@@ -9,6 +9,8 @@ use super::element_samples::{ElementLight, KINDS};
 use super::neighbours::{Neighbourhood, Place, Search};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::rgb::Rgb;
+use crate::ranks::Ranks;
+use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -35,7 +37,8 @@ const MIN_FOR_PLANE: usize = 6;
 const MIN_FOR_NORMALS: usize = WINDOWS[1];
 
 /// Irradiance of an element after sharing.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C)]
 pub struct SharedLight {
     /// W/m².
     pub irradiance: Rgb,
@@ -43,11 +46,13 @@ pub struct SharedLight {
     pub error: f64,
 }
 
-/// What the windows give for one element.
-#[derive(Clone, Copy, Default)]
-struct Windows {
-    /// By kind, window and half, W/m².
-    fits: [[[Vec3; 2]; WINDOWS.len()]; KINDS],
+/// What the windows give for one element: by kind, window and half, W/m².
+type Fits = [[[Vec3; 2]; WINDOWS.len()]; KINDS];
+
+/// How the windows of one element compare.
+#[derive(Clone, Copy, Default, Pod, Zeroable)]
+#[repr(C)]
+struct Comparison {
     /// By kind and window: mean square of the difference of the fit to one half and the other half of the element's own rays.
     crossed: [[f32; WINDOWS.len()]; KINDS],
     /// By kind and window: variance of the mean of the fits to both halves.
@@ -59,29 +64,32 @@ pub fn share(
     places: &[Place],
     areas: &[f64],
     light: &[ElementLight],
+    ranks: &Ranks,
     deadline: &Deadline,
 ) -> Vec<SharedLight> {
     deadline.stage("light of elements, neighbours", places.len());
-    let around = (!deadline.late()).then(|| Neighbourhood::new(places));
+    let around = (!deadline.late()).then(|| Neighbourhood::new(places, ranks));
     let level = [0, 1].map(|kind| {
         let of = |(light, area): (&ElementLight, &f64)| area * light.mean(kind);
         light.iter().zip(areas).map(of).sum::<f64>() / areas.iter().sum::<f64>().max(f64::MIN_POSITIVE)
     });
-    let made: Vec<(Windows, Vec<u32>)> = (0..places.len() as u32)
-        .into_par_iter()
-        .with_min_len(256)
-        .map_init(Search::default, |search, i| {
-            let own = [(0.0, i)];
-            let found = match &around {
-                Some(around) if !deadline.late() => around.nearest(i, WINDOWS[WINDOWS.len() - 1], search),
-                _ => &own,
-            };
-            let windows = fit(places, light, i as usize, found);
-            deadline.advance(1);
-            (windows, found.iter().take(COMPARED).map(|f| f.1).collect())
-        })
-        .collect();
-    (0..places.len()).into_par_iter().with_min_len(256).map(|i| choose(&made, light, level, i)).collect()
+    let rows = ranks.rows(places.len());
+    let made = rows.numbers().with_min_len(256).map_init(Search::default, |search, i| {
+        let own = [(0.0, i as u32)];
+        let found = match &around {
+            Some(around) if !deadline.late() => around.nearest(i as u32, WINDOWS[WINDOWS.len() - 1], search),
+            _ => &own,
+        };
+        let (fits, compared) = fit(places, light, i, found);
+        deadline.advance(rows.steps(1));
+        let around: Vec<u32> = found.iter().take(COMPARED).map(|f| f.1).collect();
+        ((fits, around), compared)
+    });
+    let (mut own, mut compared) = (Vec::new(), Vec::new());
+    made.unzip_into_vecs(&mut own, &mut compared);
+    let compared: Vec<Comparison> = rows.gather_numbers(compared);
+    let chosen = rows.numbers().zip(own).with_min_len(256);
+    rows.gather_numbers(chosen.map(|(i, own)| choose(&own, &compared, light, level, i)).collect())
 }
 
 /// Number of unknowns of a fit: the value, its slopes along two directions of the surface, and its slopes by two components of the normal.
@@ -89,15 +97,15 @@ const UNKNOWNS: usize = 5;
 /// Values of the unknowns' columns for one neighbour, and sums of them.
 type Row = [f64; UNKNOWNS];
 
-/// The fits of all windows around element `i`.
-fn fit(places: &[Place], light: &[ElementLight], i: usize, found: &[(f32, u32)]) -> Windows {
+/// The fits of all windows around element `i`, and how they compare.
+fn fit(places: &[Place], light: &[ElementLight], i: usize, found: &[(f32, u32)]) -> (Fits, Comparison) {
     let own = &places[i];
     let (x, y) = own.normal.any_orthonormal_pair();
     let scale = 1.0 / own.radius.max(f32::MIN_POSITIVE);
     // Normal equations, lower triangle; one right-hand side for each kind, half and channel.
     let mut matrix = [[0.0; UNKNOWNS]; UNKNOWNS];
     let mut sides = [[[[0.0; UNKNOWNS]; 3]; 2]; KINDS];
-    let mut windows = Windows::default();
+    let (mut fits, mut compared) = (Fits::default(), Comparison::default());
     let mut next = 0;
     for (w, &size) in WINDOWS.iter().enumerate() {
         while next < size.min(found.len()) {
@@ -124,12 +132,12 @@ fn fit(places: &[Place], light: &[ElementLight], i: usize, found: &[(f32, u32)])
             let values = sides.map(|side| Vec3::from(side.map(dot)));
             let [a, b] = values.map(|v| v.element_sum() / 3.0);
             let [own_a, own_b] = light[i].halves[kind].map(|v| v.element_sum() / 3.0);
-            windows.fits[kind][w] = values;
-            windows.crossed[kind][w] = 0.5 * ((a - own_b).powi(2) + (b - own_a).powi(2));
-            windows.variance[kind][w] = 0.25 * (a - b).powi(2);
+            fits[kind][w] = values;
+            compared.crossed[kind][w] = 0.5 * ((a - own_b).powi(2) + (b - own_a).powi(2));
+            compared.variance[kind][w] = 0.25 * (a - b).powi(2);
         }
     }
-    windows
+    (fits, compared)
 }
 
 /// The first row of the inverse of the normal equations: it gives the value at the element itself. Of few neighbours it is
@@ -165,19 +173,19 @@ fn first_row(matrix: &[Row; UNKNOWNS], count: usize) -> Row {
     row
 }
 
-/// Chooses the windows of an element.
+/// Chooses the windows of an element from its own fits and the comparisons at the elements around.
 fn choose(
-    made: &[(Windows, Vec<u32>)],
+    (fits, around): &(Fits, Vec<u32>),
+    compared: &[Comparison],
     light: &[ElementLight],
     level: [f64; KINDS],
     i: usize,
 ) -> SharedLight {
-    let (own, around) = &made[i];
     let mut shared = SharedLight::default();
     for (kind, level) in level.into_iter().enumerate() {
-        let compared = Compared::of(made, light, around, kind, level.max(light[i].mean(kind)));
+        let compared = Compared::of(compared, light, around, kind, level.max(light[i].mean(kind)));
         let noise = compared.variance_of_rays(&light[i], kind);
-        let value = |w: usize| f64::from(own.fits[kind][w].iter().sum::<Vec3>().element_sum()) / 6.0;
+        let value = |w: usize| f64::from(fits[kind][w].iter().sum::<Vec3>().element_sum()) / 6.0;
         let agrees = |w: &usize| {
             (value(*w) - value(0)).powi(2) <= MAX_DEVIATION * MAX_DEVIATION * (noise + compared.variance[*w])
         };
@@ -185,7 +193,7 @@ fn choose(
             .filter(agrees)
             .min_by(|&a, &b| compared.crossed[a].total_cmp(&compared.crossed[b]))
             .unwrap_or(0);
-        let [a, b] = own.fits[kind][best];
+        let [a, b] = fits[kind][best];
         for (sum, v) in shared.irradiance.iter_mut().zip((0.5 * (a + b)).to_array()) {
             *sum += f64::from(v.max(0.0));
         }
@@ -206,7 +214,7 @@ struct Compared {
 
 impl Compared {
     fn of(
-        made: &[(Windows, Vec<u32>)],
+        compared: &[Comparison],
         light: &[ElementLight],
         around: &[u32],
         kind: usize,
@@ -216,7 +224,7 @@ impl Compared {
             Compared { crossed: [0.0; WINDOWS.len()], variance: [0.0; WINDOWS.len()], of_ray: 0.0 };
         let mut rays = 0.0;
         for &j in around {
-            let (windows, own) = (&made[j as usize].0, &light[j as usize]);
+            let (windows, own) = (&compared[j as usize], &light[j as usize]);
             let weight = f64::from(own.rays);
             rays += weight;
             for w in 0..WINDOWS.len() {
@@ -283,8 +291,10 @@ mod tests {
     fn noise_of_smooth_light_is_divided_and_stated() {
         let noise = 0.2f32;
         let (places, light, truth) = floor(|x, y| 1.0 + 0.01 * x + 0.02 * y, noise);
-        let (error, stated) =
-            errors(&share(&places, &[1.0; 1600], &light, &Deadline::start(&(), None)), &truth);
+        let (error, stated) = errors(
+            &share(&places, &[1.0; 1600], &light, &Ranks::default(), &Deadline::start(&(), None)),
+            &truth,
+        );
         // The mean of both halves has 0.141. A plane through 49 neighbours has a seventh of that, at borders more.
         assert!(error < 0.4 * 0.141, "{error}");
         assert!(stated > 0.5 * error && stated < 2.0 * error, "{stated} stated, {error} found");
@@ -301,7 +311,7 @@ mod tests {
             light.halves[0].iter_mut().for_each(|half| *half += exact);
             truth[k] = f64::from(exact);
         }
-        let shared = share(&places, &[1.0; 1600], &light, &Deadline::start(&(), None));
+        let shared = share(&places, &[1.0; 1600], &light, &Ranks::default(), &Deadline::start(&(), None));
         let (error, stated) = errors(&shared, &truth);
         assert!(error < 0.6 * 0.071, "{error}");
         assert!(stated > 0.5 * error && stated < 2.0 * error, "{stated} stated, {error} found");
@@ -310,7 +320,7 @@ mod tests {
     #[test]
     fn edges_of_shadows_stay_sharp() {
         let (places, light, truth) = floor(|x, _| if x < 20.0 { 1.0 } else { 0.1 }, 0.1);
-        let shared = share(&places, &[1.0; 1600], &light, &Deadline::start(&(), None));
+        let shared = share(&places, &[1.0; 1600], &light, &Ranks::default(), &Deadline::start(&(), None));
         let (error, _) = errors(&shared, &truth);
         assert!(error < 0.05, "{error}");
         for (k, s) in shared.iter().enumerate() {
@@ -327,7 +337,7 @@ mod tests {
     fn a_single_dark_element_stays_dark() {
         let (places, mut light, _) = floor(|_, _| 1.0, 0.1);
         light[820] = ElementLight { rays: 16, ..ElementLight::default() };
-        let shared = share(&places, &[1.0; 1600], &light, &Deadline::start(&(), None));
+        let shared = share(&places, &[1.0; 1600], &light, &Ranks::default(), &Deadline::start(&(), None));
         assert!(shared[820].irradiance[0] < 0.05, "{:?}", shared[820]);
         assert!((shared[821].irradiance[0] - 1.0).abs() < 0.3, "{:?}", shared[821]);
     }

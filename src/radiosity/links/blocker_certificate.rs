@@ -20,7 +20,7 @@ const MAX_TESTS: usize = 96;
 const MIN_EDGE_DISTANCE: f64 = 1e-4;
 
 /// What geometry proves about the space between two ends.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
 pub struct BlockerCertificate(u32);
 
 impl BlockerCertificate {

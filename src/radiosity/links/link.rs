@@ -3,7 +3,7 @@
 use super::BlockerCertificate;
 
 /// The exchange of light between two elements, or between the parts of one cluster.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize, serde::Serialize)]
 pub struct Link {
     /// One end.
     pub a: u32,

@@ -16,7 +16,7 @@ pub enum VisibilityEngine {
 }
 
 /// Numbers of bundles and segments by how they were answered.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize, serde::Serialize)]
 pub struct Tally {
     /// Bundles whose segments all got through without a test.
     pub clear: u64,

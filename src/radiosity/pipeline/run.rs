@@ -21,6 +21,7 @@ use crate::radiosity::refinement::{Coarse, Ended, Iteration, LinkedScene, Refine
 use crate::radiosity::rgb::Rgb;
 use crate::radiosity::surroundings::{Surroundings, Unlit, probe, unlit_sides};
 use crate::radiosity::transport::Convergence;
+use crate::ranks::Ranks;
 use crate::scene::Scene;
 use crate::visibility::Exact;
 use crate::{Error, Result};
@@ -108,7 +109,8 @@ pub fn solve(
     Ok((
         outcome,
         Solution {
-            model: model.clone(),
+            // Its points are asked for by one rank.
+            model: model.clone().on_ranks(Ranks::default()),
             solved,
             options: options.clone(),
             deadline: deadline.for_caller(&()),
@@ -184,6 +186,7 @@ impl Stages<'_> {
         let model = self.model;
         let engine = timed(&mut self.seconds.characterise, || engine_for(model, &elements, options));
         let mut linked = LinkedScene::new(elements, surroundings, engine, options);
+        linked.ranks = model.ranks().clone();
         apply_importance(&mut linked, scene, options, exact)?;
         self.notes.extend(notes::unlit(&unlit));
         self.notes.extend(notes::late_preparation(options, &self.deadline));

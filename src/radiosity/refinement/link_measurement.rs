@@ -53,7 +53,9 @@ pub fn measure(linked: &mut LinkedScene, pairs: &[Pair], threshold: f32, seed: u
             links.extend(inside.iter().map(|pair| inside_link(linked, pair.a)));
             (links, scratch.tally)
         };
-        pairs.par_chunks(CHUNK).map_init(Scratch::default, measure_chunk).collect()
+        let rows = linked.ranks.rows(pairs.len().div_ceil(CHUNK));
+        let chunk = |k: usize| &pairs[CHUNK * k..pairs.len().min(CHUNK * (k + 1))];
+        rows.gather(rows.numbers().map(chunk).map_init(Scratch::default, measure_chunk).collect())
     };
     let mut links = Vec::with_capacity(pairs.len());
     for (part, tally) in made {

@@ -12,6 +12,7 @@ use crate::radiosity::transport::{
     ActiveNodes, Convergence, Field, LinkTransport, Method, NodeIrradiance, cap_row_sums, link_row_sums,
     normalise_link_rows, short_rows, solve,
 };
+use crate::ranks::Ranks;
 use crate::scene::Scene;
 use std::sync::{Arc, OnceLock};
 
@@ -53,6 +54,8 @@ pub struct LinkedScene {
     pub feature_sizes: FeatureSizes,
     /// Mean irradiance that the emitted power and the mean reflectance imply, W/m²: errors are relative to this.
     pub mean_irradiance: f64,
+    /// The processes that share the measurement of links.
+    pub ranks: Ranks,
     /// Visibility queries so far.
     pub tally: Tally,
     /// Irradiance at the active nodes after the last sweeps: where the next ones start.
@@ -96,6 +99,7 @@ impl LinkedScene {
             settings: LinkTransportSettings { inside, oracle, row_sums, max_links, seed },
             feature_sizes,
             mean_irradiance: if absorbed > 0.0 { power / absorbed } else { 0.0 },
+            ranks: Ranks::default(),
             tally: Tally::default(),
             last_field: None,
             emitters: OnceLock::new(),

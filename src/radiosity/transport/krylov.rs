@@ -147,6 +147,7 @@ mod tests {
     use super::*;
     use crate::math::sampling::numbers;
     use crate::radiosity::options::RowSums;
+    use crate::ranks::Ranks;
 
     /// Two rooms of white walls, joined by a door: every `DOOR`th ray goes through.
     fn rooms(n: u32, rays: u32, reflectance: f32) -> TransportMatrix {
@@ -166,7 +167,7 @@ mod tests {
                 closed: true,
             })
             .collect();
-        TransportMatrix::new(&rows, &met, RowSums::Balanced, &Deadline::start(&(), None))
+        TransportMatrix::new(&rows, &met, RowSums::Balanced, &Ranks::default(), &Deadline::start(&(), None))
     }
 
     #[test]

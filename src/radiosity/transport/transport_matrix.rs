@@ -5,6 +5,7 @@ use super::row_normalisation::{BalancedRows, RAY_ROWS, balance};
 use crate::radiosity::deadline::Deadline;
 use crate::radiosity::options::RowSums;
 use crate::radiosity::rgb::add;
+use crate::ranks::Ranks;
 use rayon::prelude::*;
 
 /// Rows of one parallel task.
@@ -35,6 +36,8 @@ pub struct TransportMatrix {
     rests: Vec<f32>,
     /// The row sums that are expected.
     expected: Vec<f64>,
+    /// The processes that share products with the matrix.
+    ranks: Ranks,
 }
 
 /// One row of a [`TransportMatrix`].
@@ -51,7 +54,13 @@ pub struct MatrixRow {
 
 impl TransportMatrix {
     /// For rows and the rows that their rays met, `u32::MAX` for none. `row_sums` says how row sums are normalised.
-    pub fn new(rows: &[MatrixRow], met: &[u32], row_sums: RowSums, deadline: &Deadline) -> TransportMatrix {
+    pub fn new(
+        rows: &[MatrixRow],
+        met: &[u32],
+        row_sums: RowSums,
+        ranks: &Ranks,
+        deadline: &Deadline,
+    ) -> TransportMatrix {
         let n = rows.len();
         let rays = |i: usize| rows[i].end - if i > 0 { rows[i - 1].end } else { 0 };
         let (ends, others) = both_ways(rows, met);
@@ -64,6 +73,7 @@ impl TransportMatrix {
             factors: vec![1.0; n],
             rests: vec![1.0; n],
             expected: Vec::new(),
+            ranks: ranks.clone(),
         };
         matrix.expected = (0..n)
             .into_par_iter()
@@ -146,8 +156,9 @@ impl TransportMatrix {
                 [r, g, b, self.density[j]]
             })
             .collect();
-        (0..x.len())
-            .into_par_iter()
+        let rows = self.ranks.rows(x.len());
+        let own = rows
+            .numbers()
             .with_min_len(CHUNK)
             .map(|i| {
                 let from = if i > 0 { self.ends[i - 1] } else { 0 };
@@ -160,7 +171,8 @@ impl TransportMatrix {
                 let gathers = f64::from(self.factors[i] * self.rests[i]) / self.area[i];
                 sum.map(|s| gathers * s)
             })
-            .collect()
+            .collect();
+        rows.gather_numbers(own)
     }
 }
 
@@ -171,7 +183,8 @@ impl BalancedRows for TransportMatrix {
             let sum: f64 = self.weights(i).map(|(j, w)| f64::from(w * self.factors[j as usize])).sum();
             f64::from(self.factors[i]) * sum / self.area[i]
         };
-        (0..self.area.len()).into_par_iter().with_min_len(CHUNK).map(sum).collect()
+        let rows = self.ranks.rows(self.area.len());
+        rows.gather_numbers(rows.numbers().with_min_len(CHUNK).map(sum).collect())
     }
 
     fn target(&self, i: usize, sum: f64) -> Option<(f64, f64)> {
@@ -230,7 +243,9 @@ mod tests {
                 }
             })
             .collect();
-        let system = |rows| TransportMatrix::new(&matrix_rows, &met, rows, &Deadline::start(&(), None));
+        let system = |rows| {
+            TransportMatrix::new(&matrix_rows, &met, rows, &Ranks::default(), &Deadline::start(&(), None))
+        };
         let sampled = system(RowSums::Sampled);
         let mut exchange = vec![0.0; (n * n) as usize];
         for i in 0..n as usize {
@@ -265,7 +280,13 @@ mod tests {
             })
             .collect();
         let kept = met.iter().filter(|&&j| j != u32::MAX).count() as f64 / met.len() as f64;
-        let matrix = TransportMatrix::new(&rows, &met, RowSums::Balanced, &Deadline::start(&(), None));
+        let matrix = TransportMatrix::new(
+            &rows,
+            &met,
+            RowSums::Balanced,
+            &Ranks::default(),
+            &Deadline::start(&(), None),
+        );
         let mean = matrix.rows().iter().sum::<f64>() / f64::from(n);
         assert!((mean / kept - 1.0).abs() < 3e-3, "{mean} instead of {kept}");
     }

@@ -1,0 +1,210 @@
+//! `--mpi`: the processes that an MPI launcher (`mpirun`, `srun`) started share one command. Each is a rank; the first, number 0, writes
+//! and prints, the others only compute.
+//!
+//! An error of any rank ends all: a rank that exits without leaving MPI is noticed by the launcher, which then ends the others. Outputs
+//! appear whole or not at all, so that nothing half-written remains.
+
+#[cfg(feature = "mpi")]
+mod world;
+
+use super::Command;
+use super::args::Common;
+#[cfg(feature = "mpi")]
+use super::limits::GIB;
+use crate::ranks::Ranks;
+#[cfg(feature = "mpi")]
+use crate::threads::MAX_THREADS;
+use crate::{Error, Result};
+use std::io::Write as _;
+use std::process::ExitCode;
+#[cfg(feature = "mpi")]
+pub use world::{Mailbox, Sharing, World};
+
+/// What the ranks have exchanged: nothing without MPI.
+#[cfg(not(feature = "mpi"))]
+#[derive(Clone, Debug, serde::Serialize)]
+pub enum Sharing {}
+
+/// The option of commands that several processes can share.
+#[derive(clap::Args, Clone, Copy, Debug, Default)]
+pub struct MpiArgs {
+    /// Share the work among the processes that mpirun or srun started; the first of them writes and prints. In builds with MPI.
+    #[arg(long)]
+    pub mpi: bool,
+}
+
+impl MpiArgs {
+    /// The ranks that share the command: one without the option.
+    pub fn ranks(self) -> Ranks {
+        #[cfg(feature = "mpi")]
+        if let Some(world) = self.world() {
+            return Ranks::of(std::sync::Arc::new(world));
+        }
+        Ranks::default()
+    }
+
+    /// Whether this process writes and prints.
+    pub fn is_first(self) -> bool {
+        #[cfg(feature = "mpi")]
+        return self.world().is_none_or(World::is_first);
+        #[cfg(not(feature = "mpi"))]
+        true
+    }
+
+    /// Does what only the first rank does.
+    ///
+    /// # Errors
+    /// As `work`.
+    pub fn on_first(self, work: impl FnOnce() -> Result<()>) -> Result<()> {
+        if self.is_first() { work() } else { Ok(()) }
+    }
+
+    /// Number of ranks on this machine.
+    pub fn on_machine(self) -> usize {
+        #[cfg(feature = "mpi")]
+        return self.world().map_or(1, World::on_machine);
+        #[cfg(not(feature = "mpi"))]
+        1
+    }
+
+    /// All ranks, if the option is given.
+    #[cfg(feature = "mpi")]
+    pub fn world(self) -> Option<World> {
+        World::present().filter(|_| self.mpi)
+    }
+
+    /// What the ranks have exchanged, if there are several.
+    pub fn sharing(self) -> Option<Sharing> {
+        #[cfg(feature = "mpi")]
+        return self.world().map(World::sharing);
+        #[cfg(not(feature = "mpi"))]
+        None
+    }
+
+    /// Adds what the ranks have exchanged to the results, if there are several.
+    pub fn add_sharing(self, json: &mut serde_json::Value) {
+        if let Some(sharing) = self.sharing() {
+            json["sharing"] = serde_json::json!(sharing);
+        }
+    }
+
+    /// Refuses options that make results depend on the time: ranks would decide differently, and wait for each other in vain.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] if the option is given.
+    pub fn refuse(self, option: &str, is_given: bool) -> Result<()> {
+        if !(self.mpi && is_given) {
+            return Ok(());
+        }
+        Err(Error::Argument(format!(
+            "{option}: not with --mpi, as ranks would end their parts at different places; omit one of them"
+        )))
+    }
+}
+
+/// Joins the other ranks if the command has `--mpi`. Ranks other than the first become silent, and those of one machine share
+/// its memory and cores.
+///
+/// # Errors
+/// The program was built without MPI, or MPI does not start.
+pub fn start(command: &mut Command, quiet: bool) -> Result<()> {
+    let Some((args, common)) = command.shared() else { return Ok(()) };
+    if args.mpi {
+        return join(common);
+    }
+    if let (Some((0, count)), false) = (launched(), quiet) {
+        let what = "copies of this command were started, and each does all of the work: share it with --mpi";
+        // A closed standard error is ignored.
+        let _ = writeln!(std::io::stderr(), "mrvis: warning: {count} {what}");
+    }
+    Ok(())
+}
+
+#[cfg(feature = "mpi")]
+fn join(common: Option<&mut Common>) -> Result<()> {
+    let world = World::join()?;
+    let Some(common) = common else { return Ok(()) };
+    let usable = crate::memory::usable().map(|bytes| bytes as f64 / GIB / world.on_machine() as f64);
+    common.max_memory = common.max_memory.or(usable);
+    let threads = super::cores().div_ceil(world.on_machine());
+    common.threads = common.threads.or(Some(threads.min(MAX_THREADS) as u16));
+    if !world.is_first() {
+        (common.quiet, common.json) = (true, None);
+    }
+    Ok(())
+}
+
+#[cfg(not(feature = "mpi"))]
+fn join(_: Option<&mut Common>) -> Result<()> {
+    Err(Error::Unsupported(
+        "--mpi: this program was built without MPI: build it with cargo build --release --features mpi (Debian: apt-get install \
+         libopenmpi-dev openmpi-bin), or omit --mpi"
+            .into(),
+    ))
+}
+
+/// The exit code of this rank once its command has ended well. Waits for all ranks.
+pub fn end(code: ExitCode) -> ExitCode {
+    #[cfg(feature = "mpi")]
+    if let Some(world) = World::present() {
+        world.leave();
+        // The launcher would end the first rank if another had a code of its own.
+        return if world.is_first() { code } else { ExitCode::SUCCESS };
+    }
+    code
+}
+
+/// The sign of this rank in error messages. Ranks other than the first wait a little before: most errors are those of all ranks, and the
+/// first one ends them all.
+pub fn sign() -> String {
+    #[cfg(feature = "mpi")]
+    if let Some(world) = World::present().filter(|world| !world.is_first()) {
+        std::thread::sleep(std::time::Duration::from_secs(2));
+        return format!("rank {}: ", world.number());
+    }
+    String::new()
+}
+
+/// The number of this process and how many a launcher started, as Open MPI and MPICH tell them.
+fn launched() -> Option<(usize, usize)> {
+    let number = |name: &str| std::env::var(name).ok()?.parse::<usize>().ok();
+    let of = |kind: &str| Some((number(&format!("{kind}_RANK"))?, number(&format!("{kind}_SIZE"))?));
+    ["OMPI_COMM_WORLD", "PMI"].into_iter().find_map(of).filter(|(_, count)| *count > 1)
+}
+
+impl Command {
+    /// The option `--mpi` of commands that have it, with their common options.
+    fn shared(&mut self) -> Option<(MpiArgs, Option<&mut Common>)> {
+        Some(match self {
+            Command::Batch(args) => (args.mpi, None),
+            Command::FormFactors(args) => (args.mpi, Some(&mut args.common)),
+            Command::Reference(args) => (args.mpi, Some(&mut args.common)),
+            Command::Solve(args) => (args.mpi, Some(&mut args.common)),
+            _ => return None,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::Cli;
+    use clap::Parser;
+
+    #[test]
+    #[cfg(not(feature = "mpi"))]
+    fn programs_without_mpi_say_how_to_get_it() {
+        let line = ["mrvis", "solve", "a.obj", "--out", "o", "--mpi"];
+        let mut command = Cli::try_parse_from(line).unwrap().command;
+        let error = start(&mut command, true).unwrap_err().to_string();
+        assert!(error.starts_with("--mpi: ") && error.contains("--features mpi"), "{error}");
+    }
+
+    #[test]
+    fn what_depends_on_time_is_refused() {
+        let several = MpiArgs { mpi: true };
+        assert!(several.refuse("--max-seconds", true).unwrap_err().to_string().contains("--max-seconds"));
+        assert!(several.refuse("--max-seconds", false).is_ok());
+        assert!(MpiArgs::default().refuse("--max-seconds", true).is_ok());
+    }
+}

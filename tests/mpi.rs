@@ -1,0 +1,261 @@
+//! `--mpi` with Open MPI: several processes give the files of one, and a lost process leaves nothing half-written and no finished job
+//! behind. A test binary of its own, for the feature `mpi`: `make test` runs it after the suite.
+
+#[allow(dead_code)]
+#[path = "suite/run.rs"]
+mod run;
+
+use mrvis::internals::scene::generate::Spec;
+use run::{Outcome, Scratch};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+const POINTS: &str =
+    "x,y,z,nx,ny,nz\n278,0,280,0,1,0\n100,0,100,0,1,0\n400,300,559,0,0,-1\n20,0,30,0,1,0\n500,0,500,0,1,0\n";
+
+/// Many short jobs and one that needs another.
+const JOBS: &str = "
+[defaults]
+options = { unit = 'mm' }
+
+[[job]]
+name = 'solve-{error}-{seed}'
+command = 'solve'
+scene = 'cornell.obj'
+options = { audit = 0, output = ['ply'], cache = 'off', points = 'points.csv' }
+[job.sweep]
+error = [0.4, 0.3, 0.2, 0.1]
+seed = [1, 2, 3]
+
+[[job]]
+name = 'reference'
+command = 'reference'
+scene = 'cornell.obj'
+options = { points = 'points.csv', samples = 64 }
+
+[[job]]
+name = 'compared'
+command = 'compare'
+inputs = ['{out:reference}/irradiance.csv', '{out:solve-0.4-1}/irradiance.csv']
+";
+const COUNT: usize = 14;
+
+fn prepared() -> Scratch {
+    let scratch = Scratch::new();
+    scratch.generate(&Spec::new("cornell"));
+    scratch.generate(&Spec { trees: 3, leaves: 100, ..Spec::new("forest") });
+    scratch.write("points.csv", POINTS);
+    scratch.write("jobs.toml", JOBS);
+    scratch
+}
+
+/// The command on so many ranks. Root, as in containers, is a user like others; one machine has as many places as are asked for.
+fn ranks(scratch: &Scratch, count: usize, arguments: &[&str]) -> Command {
+    let mut command = Command::new("mpirun");
+    command.args([
+        "-n",
+        &count.to_string(),
+        "--oversubscribe",
+        "--bind-to",
+        "none",
+        env!("CARGO_BIN_EXE_mrvis"),
+    ]);
+    command.args(arguments).current_dir(scratch.path("")).env("XDG_CACHE_HOME", scratch.path("cache"));
+    command.env("OMPI_ALLOW_RUN_AS_ROOT", "1").env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1");
+    // Ranks of a container may not read each other's memory.
+    command.env("OMPI_MCA_btl_vader_single_copy_mechanism", "none");
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
+
+fn on_ranks(scratch: &Scratch, count: usize, arguments: &[&str]) -> Outcome {
+    Outcome::of(ranks(scratch, count, arguments).output().expect("mpirun runs"))
+}
+
+/// Files below a folder, without those that hold times.
+fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let (mut found, mut waiting) = (BTreeMap::new(), vec![folder.to_owned()]);
+    while let Some(at) = waiting.pop() {
+        for entry in std::fs::read_dir(&at).expect("a folder") {
+            let path = entry.expect("an entry").path();
+            let name = path.file_name().expect("a name").to_string_lossy().into_owned();
+            if path.is_dir() && name != ".mrvis-batch" {
+                waiting.push(path);
+            } else if path.is_file() && !name.starts_with("results.") && !name.ends_with(".json") {
+                found.insert(
+                    path.strip_prefix(folder).expect("below").into(),
+                    std::fs::read(&path).expect("read"),
+                );
+            }
+        }
+    }
+    found
+}
+
+fn assert_same(found: &Path, want: &Path) {
+    let (found, want) = (files(found), files(want));
+    assert_eq!(found.keys().collect::<Vec<_>>(), want.keys().collect::<Vec<_>>());
+    for (name, bytes) in found {
+        assert!(bytes == want[&name], "{} differs", name.display());
+    }
+}
+
+/// Ends rank 1 of a running command without a word, once it has joined the others.
+fn kill_rank_1(scratch: &Scratch) {
+    let folder = scratch.path("").canonicalize().expect("a folder");
+    let is_it = |process: &Path| {
+        let environment = std::fs::read(process.join("environ")).unwrap_or_default();
+        environment.split(|b| *b == 0).any(|line| line == b"OMPI_COMM_WORLD_RANK=1")
+            && std::fs::read_link(process.join("cwd")).is_ok_and(|cwd| cwd == folder)
+    };
+    let start = Instant::now();
+    loop {
+        let processes =
+            std::fs::read_dir("/proc").expect("Linux").map(|entry| entry.expect("an entry").path());
+        if let Some(process) = processes.filter(|process| process.join("environ").exists()).find(|p| is_it(p))
+        {
+            let id = process.file_name().expect("a number").to_owned();
+            assert!(Command::new("kill").arg("-KILL").arg(id).status().expect("kill").success());
+            return;
+        }
+        assert!(start.elapsed() < Duration::from_secs(60), "rank 1 does not run");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+fn ended(child: Child) -> Outcome {
+    Outcome::of(child.wait_with_output().expect("its output"))
+}
+
+/// Lines of the journal.
+fn journal(out: &Path) -> usize {
+    let text = std::fs::read_to_string(out.join(".mrvis-batch/journal.jsonl")).unwrap_or_default();
+    text.matches('\n').count()
+}
+
+#[test]
+fn files_are_those_of_one_process() {
+    let scratch = prepared();
+    let commands: [&[&str]; 4] = [
+        &[
+            "solve",
+            "cornell.obj",
+            "--points",
+            "points.csv",
+            "--error",
+            "0.05",
+            "--output",
+            "ply,vtu,lightmap",
+        ],
+        &["solve", "forest.obj", "--error", "0.1", "--visibility", "mr", "--output", "ply", "--cache", "off"],
+        &["reference", "cornell.obj", "--points", "points.csv", "--samples", "200"],
+        &["form-factors", "forest.obj", "--rays", "64"],
+    ];
+    for (k, words) in commands.into_iter().enumerate() {
+        let out = |count: usize| {
+            let folder = format!("{k}-{count}");
+            std::fs::create_dir(scratch.path(&folder)).expect("made");
+            let file = ["", "", "irradiance.csv", "factors.csv"][k];
+            [folder.clone(), format!("{folder}/{file}"), format!("{folder}/record.json")]
+        };
+        let line = |out: &[String; 3]| {
+            let more = ["--threads", "1", "--unit", "mm", "--out", &out[1], "--json", &out[2]];
+            words.iter().copied().chain(more).map(str::to_owned).collect::<Vec<_>>()
+        };
+        let one = out(1);
+        let alone = scratch.mrvis(&line(&one).iter().map(String::as_str).collect::<Vec<_>>());
+        assert_eq!(alone.code, Some(0), "{words:?} {}", alone.stderr);
+        assert!(files(&scratch.path(&one[0])).values().any(|bytes| bytes.len() > 100));
+        for count in [2, 4] {
+            let several = out(count);
+            let line = [line(&several), vec!["--mpi".into()]].concat();
+            let ran = on_ranks(&scratch, count, &line.iter().map(String::as_str).collect::<Vec<_>>());
+            assert_eq!(ran.code, Some(0), "{words:?} {}", ran.stderr);
+            assert_same(&scratch.path(&several[0]), &scratch.path(&one[0]));
+            // One rank prints, and all have shared the rows.
+            assert_eq!(ran.stdout.lines().count(), alone.stdout.lines().count(), "{}", ran.stdout);
+            let sharing = &scratch.json(&several[2])["sharing"];
+            assert_eq!(sharing["ranks"], count);
+            assert!(sharing["bytes"].as_u64().is_some_and(|bytes| bytes > 0), "{sharing}");
+        }
+    }
+}
+
+#[test]
+fn jobs_of_a_batch_run_on_all_ranks() {
+    let scratch = prepared();
+    let line = |out| ["batch", "jobs.toml", "--threads", "1", "--out", out];
+    assert_eq!(scratch.mrvis(&line("one")).code, Some(0));
+    for (out, count) in [("two", 2), ("four", 4)] {
+        let line = [&line(out)[..], &["--mpi"]].concat();
+        let ran = on_ranks(&scratch, count, &line);
+        assert_eq!(ran.code, Some(0), "{}{}", ran.stdout, ran.stderr);
+        assert_eq!(journal(&scratch.path(out)), COUNT);
+        assert_same(&scratch.path(out), &scratch.path("one"));
+        let again = on_ranks(&scratch, count, &line);
+        assert!(again.stdout.contains("14 were done before"), "{}{}", again.stdout, again.stderr);
+    }
+    let listed = on_ranks(&scratch, 2, &[&line("two")[..], &["--mpi", "--dry-run"]].concat());
+    assert!(listed.stdout.contains("14 of 14 jobs, 0 to do"), "{}{}", listed.stdout, listed.stderr);
+}
+
+#[test]
+fn a_batch_goes_on_after_a_rank_has_died() {
+    let scratch = prepared();
+    let line = ["batch", "jobs.toml", "--threads", "1", "--jobs-at-once", "1", "--out", "o"];
+    let child = ranks(&scratch, 2, &[&line[..], &["--mpi"]].concat()).spawn().expect("mpirun runs");
+    let start = Instant::now();
+    while journal(&scratch.path("o")) < 3 {
+        assert!(start.elapsed() < Duration::from_secs(120), "no jobs end");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    kill_rank_1(&scratch);
+    assert_ne!(ended(child).code, Some(0));
+    let before = journal(&scratch.path("o"));
+    assert!((3..COUNT).contains(&before), "{before} jobs were done");
+    let ran = scratch.mrvis(&line);
+    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+    assert!(ran.stdout.contains(&format!("{before} were done before")), "{before}: {}", ran.stdout);
+    assert_eq!(journal(&scratch.path("o")), COUNT);
+    assert_eq!(scratch.mrvis(&["batch", "jobs.toml", "--out", "whole"]).code, Some(0));
+    assert_same(&scratch.path("o"), &scratch.path("whole"));
+}
+
+#[test]
+fn a_lost_rank_ends_a_solve_without_outputs() {
+    let scratch = prepared();
+    let line =
+        ["solve", "cornell.obj", "--unit", "mm", "--error", "0.01", "--threads", "1", "--out", "o", "--mpi"];
+    let child = ranks(&scratch, 2, &line).spawn().expect("mpirun runs");
+    // The first rank makes the folder before its work, which takes seconds.
+    let start = Instant::now();
+    while !scratch.path("o").exists() {
+        assert!(start.elapsed() < Duration::from_secs(60), "the folder is not made");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    std::thread::sleep(Duration::from_millis(300));
+    kill_rank_1(&scratch);
+    let outcome = ended(child);
+    assert_ne!(outcome.code, Some(0));
+    assert!(outcome.stderr.contains("rank 1"), "{}", outcome.stderr);
+    assert_eq!(std::fs::read_dir(scratch.path("o")).expect("a folder").count(), 0);
+}
+
+#[test]
+fn errors_are_said_once_and_name_the_cure() {
+    let scratch = prepared();
+    let missing = on_ranks(&scratch, 2, &["solve", "missing.obj", "--out", "o", "--mpi"]);
+    assert_eq!(missing.code, Some(2), "{}", missing.stderr);
+    assert_eq!(missing.stderr.matches("mrvis: missing.obj: ").count(), 1, "{}", missing.stderr);
+    let timed = on_ranks(&scratch, 2, &["solve", "cornell.obj", "--max-seconds", "9", "--out", "o", "--mpi"]);
+    assert!(timed.stderr.contains("mrvis: --max-seconds: not with --mpi"), "{}", timed.stderr);
+    let copies = on_ranks(&scratch, 2, &["form-factors", "cornell.obj", "--out", "f.csv", "--unit", "mm"]);
+    assert_eq!(copies.code, Some(0), "{}", copies.stderr);
+    assert_eq!(copies.stderr.matches("2 copies of this command").count(), 1, "{}", copies.stderr);
+    // A job file cannot ask for ranks.
+    scratch.write("bad.toml", JOBS.replace("audit = 0", "mpi = true"));
+    let refused = scratch.mrvis(&["batch", "bad.toml", "--out", "o"]);
+    assert!(refused.stderr.contains("`mpi` is set by the batch itself"), "{}", refused.stderr);
+}
