@@ -216,7 +216,7 @@ fn emitters_are_surfaces() {
     let lit = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\no a\nusemtl l\nf 1 2 3\no b\nf 1 2 4\n";
     let files = [("m.mtl", "newmtl l\nKd .3 .3 .3\nKe 5 5 5\n".as_bytes())];
     let off = LoadOptions { emitters: vec![("a".into(), Strength::Watts(0.0))], ..Default::default() };
-    let names = |options| {
+    let names = |options: &LoadOptions| {
         let s = load_with(lit, &files, options).expect("a scene");
         assert!(s.triangle_reflectance.iter().all(|r| (r[1] - 0.3).abs() < 1e-6));
         s.emitters.iter().map(|e| e.name.clone()).collect::<Vec<_>>()
