@@ -77,7 +77,7 @@ pub fn sync_up(path: &Path, out: &Path) -> Result<()> {
     path.ancestors().skip(1).take_while(|folder| folder.starts_with(out)).try_for_each(sync_folder)
 }
 
-/// Takes the folder of a job out of the results at once; [`publish`] or [`remove`] of what is returned ends its life.
+/// Moves the folder of a job out of the results in one step, into a folder that is returned and that the caller then removes.
 ///
 /// # Errors
 /// [`Error::Io`].
@@ -108,19 +108,12 @@ pub fn publish(out: &Path, name: &str) -> Result<()> {
 }
 
 /// Whether the outputs of a job are in their place. Those that a crash has left in the work folder, complete, are given it if
-/// `may_publish`.
-///
-/// # Errors
-/// The folder cannot be renamed.
-pub fn publish_left(out: &Path, name: &str, outputs: &[HashedFile], may_publish: bool) -> Result<bool> {
+/// `may_publish`; if that fails they are not in their place, and the job that runs again gives the reason.
+pub fn publish_left(out: &Path, name: &str, outputs: &[HashedFile], may_publish: bool) -> bool {
     if !holds(&work(out, name), outputs, true) {
-        return Ok(holds(&out.join(name), outputs, false));
+        return holds(&out.join(name), outputs, false);
     }
-    if may_publish {
-        publish(out, name)?;
-        sync_up(&out.join(name), out)?;
-    }
-    Ok(true)
+    !may_publish || publish(out, name).and_then(|()| sync_up(&out.join(name), out)).is_ok()
 }
 
 /// Whether a folder holds these files with their sizes and, if `content`, their content.
@@ -213,7 +206,7 @@ mod tests {
             assert_eq!((files.len(), files[0].bytes), (1, text.len() as u64));
             assert!(!holds(&out.path().join("a/b"), &files, false));
             // A crash has left it there.
-            let place = |may_publish| publish_left(out.path(), "a/b", &files, may_publish).expect("renamed");
+            let place = |may_publish| publish_left(out.path(), "a/b", &files, may_publish);
             assert!(place(false) && work(out.path(), "a/b").exists());
             assert!(place(true) && place(true));
             assert!(holds(&out.path().join("a/b"), &files, true));

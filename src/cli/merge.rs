@@ -41,12 +41,9 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         }
     }
     // A batch or a merge that was ended may have left finished jobs without their place.
-    let mut lost: Vec<String> = Vec::new();
-    for entry in entries.values().filter(|entry| entry.has_outputs()) {
-        if !publish_left(out, &entry.job, &entry.outputs, true)? {
-            lost.push(entry.job.clone());
-        }
-    }
+    let is_lost =
+        |entry: &&Entry| entry.has_outputs() && !publish_left(out, &entry.job, &entry.outputs, true);
+    let lost: Vec<String> = entries.values().filter(is_lost).map(|entry| entry.job.clone()).collect();
     lost.iter().for_each(|job| drop(entries.remove(job)));
     write_results(out, entries.values())?;
     if let Some(one) = lost.iter().min() {
@@ -74,7 +71,7 @@ fn take(from: &Path, out: &Path, entry: Entry, entries: &mut Entries, journal: &
         let is_better = known.has_outputs() && !entry.has_outputs();
         // A merge that was ended may have written the line only.
         if is_better
-            || is_same && (!known.has_outputs() || publish_left(out, &known.job, &known.outputs, true)?)
+            || is_same && (!known.has_outputs() || publish_left(out, &known.job, &known.outputs, true))
         {
             return Ok(());
         }

@@ -107,12 +107,9 @@ impl Plan {
 
     /// Whether the outputs of a job are there and are those that it would make. Finishes what a crash left between the journal and
     /// the renaming of the folder.
-    ///
-    /// # Errors
-    /// The folder cannot be renamed.
-    pub fn is_done(&self, job: usize, entries: &Entries, hashes: &Hashes, may_finish: bool) -> Result<bool> {
+    fn is_done(&self, job: usize, entries: &Entries, hashes: &Hashes, may_finish: bool) -> bool {
         let name = &self.jobs[job].name;
-        let Some(entry) = entries.get(name).filter(|e| e.key == self.keys[job]) else { return Ok(false) };
+        let Some(entry) = entries.get(name).filter(|e| e.key == self.keys[job]) else { return false };
         let same = |file: &HashedFile| {
             let now = hashes.of(&self.places.found(&file.path));
             (now.bytes, &now.blake3) == (file.bytes, &file.blake3)
@@ -121,7 +118,7 @@ impl Plan {
             || !entry.inputs.iter().all(same)
             || entry.needs != self.fingerprints(job, entries)
         {
-            return Ok(false);
+            return false;
         }
         publish_left(&self.out, name, &entry.outputs, may_finish)
     }
@@ -136,7 +133,7 @@ impl Plan {
         for &k in &self.chosen {
             // Outputs of a job that runs again are new inputs.
             done[k] = self.jobs[k].needs.iter().all(|&need| done[need])
-                && self.is_done(k, &entries, hashes, may_finish)?;
+                && self.is_done(k, &entries, hashes, may_finish);
         }
         Ok((entries, done))
     }

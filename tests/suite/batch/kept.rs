@@ -137,6 +137,18 @@ fn an_output_without_a_place_fails_its_job_only() {
     assert_eq!(ran(&scratch, "o").len(), 2);
     assert_eq!(batch(&scratch, &["--out", "p"]).code, Some(0));
     super::assert_same(&results(&scratch.path("o")), &results(&scratch.path("p")));
+    // The batch was killed between the line of a finished job and that of its failure.
+    unpublish(&scratch.path("p"), &["compared/coarse", "compared/fine"]);
+    std::fs::remove_dir(scratch.path("p/compared")).expect("removed");
+    scratch.write("p/compared", "in the way");
+    let ended = batch(&scratch, &["--out", "p"]);
+    assert_eq!(ended.code, Some(2), "{}", ended.stdout);
+    assert!(
+        ended.stdout.contains("0 jobs done, 10 were done before, 2 failed"),
+        "{}{}",
+        ended.stdout,
+        ended.stderr
+    );
 }
 
 /// Moves the folders of finished jobs back into the work folder, as a crash between the journal and the renaming leaves them.
