@@ -102,6 +102,8 @@ fn take(
         let made = made || entries.get(&entry.job).is_some_and(|known| known.made);
         copy(from, out, &entry, made)?;
     }
+    // It says what happened to the folder in `from`.
+    entry.withdrawn = false;
     journal.append(&[&entry])?;
     if entry.has_outputs() {
         publish(out, &entry.job)?;

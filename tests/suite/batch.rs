@@ -310,8 +310,10 @@ fn a_full_disk_stops_the_batch_until_there_is_room() {
     let full = run("16", "o");
     assert_eq!(full.code, Some(2), "{}{}", full.stdout, full.stderr);
     assert!(full.stderr.contains("make room and run the same command again"), "{}", full.stderr);
-    let done = journal(&scratch.path("o")).iter().filter(|line| line["status"] == "done").count();
+    let lines = journal(&scratch.path("o"));
+    let done = lines.iter().filter(|line| line["status"] == "done").count();
     assert!(done < COUNT);
+    assert_eq!(lines.len(), done, "jobs without room count as not run");
     let ran = run("unlimited", "o");
     assert_eq!(ran.code, Some(0), "{}", ran.stderr);
     assert!(ran.stdout.contains(&format!("{done} were done before")), "{}", ran.stdout);

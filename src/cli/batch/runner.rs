@@ -5,7 +5,8 @@ use super::job_run::{Ended, as_process, in_process};
 use super::plan::{MIN_MEMORY, Plan};
 use super::reporter::Reporter;
 use crate::batch::{
-    Capacity, Entries, Entry, Hashes, Journal, Limits, Schedule, Status, Task, begin, write_results,
+    Capacity, Entries, Entry, Hashes, Journal, Limits, Schedule, Status, Task, begin, remove, work,
+    write_results,
 };
 use crate::cli::interruption;
 use crate::cli::shared_scenes::SharedScenes;
@@ -205,6 +206,10 @@ impl<'a> Runner<'a> {
         }
         if ran.ended.is_full {
             self.broken.get_or_insert(make_room(ran.ended.error.as_deref().unwrap_or_default()));
+            // The job counts as not run: what an earlier run has made of it stays.
+            self.open -= 1;
+            let _ = remove(&work(&self.plan.out, &self.plan.jobs[ran.job].name));
+            return;
         }
         let retries = self.plan.jobs[ran.job].retry.max(self.settings.retry);
         if ran.ended.error.is_some() && ran.attempt <= retries && self.broken.is_none() {
