@@ -475,7 +475,7 @@ mrv_status mrv_solution_get_warning(const mrv_solution *solution, uint64_t index
 
 /* Irradiance at points of surfaces: positions (at most 1e12 from mrv_scene_info.origin) and normals (of the side that receives light, of
  * any length above 0) of `count` points, three doubles each, packed; three doubles each in `irradiance`, W/m^2. Runs on the threads of
- * the model. Points are copied once, into 24 bytes each; all in all about 256 bytes a point must be free, else
+ * the model. Points are copied once, into 24 bytes each; all in all 240 bytes a point must be free, else
  * MRV_ERROR_OUT_OF_MEMORY. */
 mrv_status mrv_solution_irradiance(const mrv_solution *solution, const double *positions, const double *normals,
                                    size_t count, double *irradiance);
@@ -507,7 +507,8 @@ mrv_status mrv_solution_get_elements(const mrv_solution *solution, const mrv_ele
 mrv_status mrv_solution_get_json(const mrv_solution *solution, const char **json);
 
 /* Writes the solution to a file, completely or not at all. The extension says the format: vtu (elements with all fields, for ParaView),
- * ply or glb (smooth meshes with colours). `progress` may be NULL; if it cancels, there is no file and MRV_ERROR_CANCELLED. */
+ * ply or glb (smooth meshes with colours). `progress` may be NULL; if it cancels before the file is complete, the call returns
+ * MRV_ERROR_CANCELLED, and an older file of that name stays. */
 mrv_status mrv_solution_write(const mrv_solution *solution, const char *path, mrv_progress progress, void *user);
 
 /* One HTML page about the solution with pictures and tables, which refers to no other file. Valid until the solution is released. */

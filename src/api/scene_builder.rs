@@ -180,11 +180,11 @@ impl SceneBuilder {
 
 fn check_name(what: &str, name: &str, known: &HashSet<String>) -> Result<()> {
     if name.is_empty() {
-        return Err(Error::Argument(format!("`name` of a {what} is empty: give it one")));
+        return Err(Error::Argument(format!("`name` of the {what} is empty: give it one")));
     }
     if known.contains(name) {
         return Err(Error::Argument(format!(
-            "{what} `{}`: this name is taken; names are unique",
+            "`name` `{}` of a second {what}: this name is taken; names are unique",
             quote(name)
         )));
     }

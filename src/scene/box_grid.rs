@@ -13,7 +13,7 @@ pub(super) struct BoxGrid {
     levels: Vec<i32>,
     /// First entry of each bucket of a hash table of cells, and the number of entries.
     starts: Vec<u32>,
-    /// Cells and boxes by bucket; the boxes of a bucket ascend.
+    /// Cells and boxes by bucket; those of a bucket ascend.
     entries: Vec<(Cell, u32)>,
 }
 
@@ -39,6 +39,7 @@ impl BoxGrid {
             entries[*place as usize] = (cell, k);
             *place += 1;
         });
+        starts.windows(2).for_each(|of| entries[of[0] as usize..of[1] as usize].sort_unstable());
         BoxGrid { exponents, levels, starts, entries }
     }
 
@@ -57,8 +58,8 @@ impl BoxGrid {
     fn of(&self, cell: Cell, first: usize) -> impl Iterator<Item = usize> + '_ {
         let i = bucket(cell, self.starts.len() - 1);
         let held = &self.entries[self.starts[i] as usize..self.starts[i + 1] as usize];
-        let rest = &held[held.partition_point(|&(_, k)| (k as usize) < first)..];
-        rest.iter().filter(move |(of, _)| *of == cell).map(|&(_, k)| k as usize)
+        let rest = &held[held.partition_point(|&(of, k)| (of, k as usize) < (cell, first))..];
+        rest.iter().take_while(move |(of, _)| *of == cell).map(|&(_, k)| k as usize)
     }
 }
 
@@ -79,4 +80,33 @@ fn bucket((level, x, y): Cell, buckets: usize) -> usize {
         z ^ (z >> 31)
     });
     mixed as usize & (buckets - 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::sampling::numbers;
+    use std::collections::BTreeSet;
+
+    /// All pairs of overlapping boxes are found, whatever their sizes, and each once in either order.
+    #[test]
+    fn overlapping_boxes_are_near() {
+        let boxes: Vec<[DVec2; 2]> = (0..400)
+            .map(|k| {
+                let [x, y, w, h] = numbers(3, k).map(f64::from);
+                let low = DVec2::new(20.0 * x - 10.0, 20.0 * y - 10.0);
+                [low, low + DVec2::new(w, h) * f64::from(k as i32 % 9 - 5).exp2()]
+            })
+            .collect();
+        let grid = BoxGrid::new(&boxes);
+        let near = |k: usize| grid.near(k, &boxes[k]).map(move |m| (k, m)).collect::<BTreeSet<_>>();
+        let pairs: BTreeSet<(usize, usize)> = (0..boxes.len()).flat_map(near).collect();
+        let overlap =
+            |k: usize, m: usize| boxes[k][0].cmplt(boxes[m][1]).all() && boxes[m][0].cmplt(boxes[k][1]).all();
+        let all = (0..boxes.len()).flat_map(|m| (0..m).map(move |k| (k, m)));
+        let overlapping: Vec<_> = all.filter(|&(k, m)| overlap(k, m)).collect();
+        assert!(overlapping.len() > 300, "{}", overlapping.len());
+        assert!(overlapping.iter().all(|&(k, m)| pairs.contains(&(k, m)) != pairs.contains(&(m, k))));
+        assert!(pairs.len() < 50 * overlapping.len(), "{} {}", pairs.len(), overlapping.len());
+    }
 }

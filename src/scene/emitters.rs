@@ -4,6 +4,7 @@ use super::{Emitter, connect::Sets};
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
+use std::collections::HashMap;
 
 /// Triangles for the grouping.
 pub(super) struct Faces<'a> {
@@ -49,7 +50,8 @@ pub(super) fn group(
 
 /// Names emitters after their object, numbered from 1 where an object has several.
 fn name(emitters: &mut [Emitter], object: impl Fn(u32) -> String) {
-    let mut count = FxHashMap::<String, [usize; 2]>::default();
+    // Names are the file's: the standard hasher cannot be made to collide.
+    let mut count = HashMap::<String, [usize; 2]>::new();
     for e in emitters.iter_mut() {
         e.name = object(e.triangles[0]);
         match count.get_mut(&e.name) {

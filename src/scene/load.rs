@@ -84,7 +84,7 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Scene> {
             }
         }
     };
-    (scene.files, scene.unread_files) = (sources.read, sources.unread);
+    (scene.files, scene.unread_files) = sources.lists();
     scene.files.extend(options.luminaires.files.iter().cloned());
     Ok(scene)
 }
@@ -140,7 +140,7 @@ pub fn read_from_memory(
     let folder = folder.map(|folder| if folder.as_os_str().is_empty() { Path::new(".") } else { folder });
     let path = folder.unwrap_or(Path::new("")).join("memory").with_extension(format);
     let mut scene = guarded(&path, || read_bytes(&path, format, bytes, &mut sources, options))?;
-    (scene.files, scene.unread_files) = (sources.read, sources.unread);
+    (scene.files, scene.unread_files) = sources.lists();
     scene.files.extend(options.luminaires.files.iter().cloned());
     Ok(scene)
 }

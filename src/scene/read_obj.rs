@@ -87,6 +87,8 @@ struct Lines<'a, R> {
     material: Option<u32>,
     runs: Vec<Run>,
     libraries: Vec<PathBuf>,
+    /// Other readings of names with spaces, as files that do not exist.
+    missed_libraries: Vec<PathBuf>,
     repairs: super::Repairs,
 }
 
@@ -111,6 +113,7 @@ impl<'a, R: BufRead> Lines<'a, R> {
             material: None,
             runs: Vec::new(),
             libraries: Vec::new(),
+            missed_libraries: Vec::new(),
             repairs: super::Repairs::default(),
         }
     }
@@ -202,7 +205,9 @@ impl<'a, R: BufRead> Lines<'a, R> {
                 Ok(())
             }
             "mtllib" => {
-                self.libraries.extend(libraries(self.path, rest));
+                let (found, missed) = libraries(self.path, rest);
+                self.libraries.extend(found);
+                self.missed_libraries.extend(missed);
                 Ok(())
             }
             _ => Ok(()),
@@ -328,6 +333,7 @@ impl<'a, R: BufRead> Lines<'a, R> {
     fn give_names(mut self, soup: &mut Soup, sources: &mut Sources) -> Result<()> {
         let mut library = Library::default();
         self.libraries.dedup();
+        self.missed_libraries.into_iter().for_each(|path| sources.missed(path));
         for path in &self.libraries {
             library.read(path, sources, &mut self.repairs)?;
         }
@@ -349,15 +355,16 @@ fn uncommented(rest: &str) -> impl Iterator<Item = &str> {
     rest.split_whitespace().take_while(|w| !w.starts_with('#'))
 }
 
-/// The files of a `mtllib` statement: one name, which may contain spaces, or several names.
-fn libraries(obj: &Path, rest: &str) -> Vec<PathBuf> {
+/// The files of a `mtllib` statement: one name, which may contain spaces, or several names. Then the files of the other reading that do
+/// not exist.
+fn libraries(obj: &Path, rest: &str) -> (Vec<PathBuf>, Vec<PathBuf>) {
     let whole = beside(obj, rest);
-    let several: Vec<PathBuf> = rest.split_whitespace().map(|name| beside(obj, name)).collect();
+    let mut several: Vec<PathBuf> = rest.split_whitespace().map(|name| beside(obj, name)).collect();
     if several.len() > 1 && !whole.exists() && several.iter().any(|p| p.exists()) {
-        several
-    } else {
-        vec![whole]
+        return (several, vec![whole]);
     }
+    several.retain(|path| *path != whole && !path.exists());
+    (vec![whole], several)
 }
 
 impl<R: BufRead> Read for Lines<'_, R> {

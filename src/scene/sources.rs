@@ -5,6 +5,7 @@
 use super::{Repairs, texture::Texture};
 use crate::files::input::{Input, MAX_SMALL_FILE, guarded};
 use crate::{Error, Result, error::shown, memory};
+use indexmap::IndexSet;
 use std::{
     collections::HashMap,
     hash::Hash,
@@ -22,9 +23,9 @@ pub(super) struct Sources {
     /// Whether the scene is in memory without a folder: it must not name files.
     pub is_closed: bool,
     /// Files that were read, in order, without repetition.
-    pub read: Vec<PathBuf>,
+    pub read: IndexSet<PathBuf>,
     /// Files that were looked for and could not be opened, in order, without repetition.
-    pub unread: Vec<PathBuf>,
+    pub unread: IndexSet<PathBuf>,
     textures: HashMap<TextureKey, Option<Texture>>,
     texture_bytes: u64,
 }
@@ -44,8 +45,8 @@ impl Sources {
         Sources {
             limit,
             is_closed: false,
-            read: Vec::new(),
-            unread: Vec::new(),
+            read: IndexSet::new(),
+            unread: IndexSet::new(),
             textures: HashMap::new(),
             texture_bytes: 0,
         }
@@ -66,6 +67,16 @@ impl Sources {
         self.open_up_to(path, MAX_SMALL_FILE.min(self.limit))?.bytes()
     }
 
+    /// The files that were read, and those that could not be opened.
+    pub fn lists(self) -> (Vec<PathBuf>, Vec<PathBuf>) {
+        (self.read.into_iter().collect(), self.unread.into_iter().collect())
+    }
+
+    /// Lists a file that was looked for and does not exist.
+    pub fn missed(&mut self, path: PathBuf) {
+        self.unread.insert(path);
+    }
+
     fn open_up_to(&mut self, path: &Path, limit: u64) -> Result<Input> {
         if self.is_closed {
             return Err(Error::Argument(format!(
@@ -75,8 +86,8 @@ impl Sources {
         }
         let opened = Input::open(path, limit);
         let list = if opened.is_ok() { &mut self.read } else { &mut self.unread };
-        if !list.iter().any(|p| p == path) {
-            list.push(path.into());
+        if !list.contains(path) {
+            list.insert(path.into());
         }
         opened
     }

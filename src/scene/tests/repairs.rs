@@ -213,8 +213,8 @@ fn emitters_are_surfaces() {
     };
     assert!((radiance("mm") / radiance("m") / 1e6 - 1.0).abs() < 1e-5);
     // A power of 0 switches off what emits by its material, and nothing else.
-    let lit = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\no a\nusemtl l\nf 1 2 3\no b\nf 1 2 4\n";
-    let files = [("m.mtl", "newmtl l\nKd .3 .3 .3\nKe 5 5 5\n".as_bytes())];
+    let lit = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 9 0 0\nv 9 1 0\nv 9 0 1\no a\nusemtl l\nf 1 2 3\no b\nf 4 5 6\n";
+    let files: [(&str, &[u8]); 1] = [("m.mtl", b"newmtl l\nKd .3 .3 .3\nKe 5 5 5\n")];
     let off = LoadOptions { emitters: vec![("a".into(), Strength::Watts(0.0))], ..Default::default() };
     let names = |options: &LoadOptions| {
         let s = load_with(lit, &files, options).expect("a scene");
