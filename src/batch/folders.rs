@@ -77,7 +77,7 @@ pub fn sync_up(path: &Path, out: &Path) -> Result<()> {
     path.ancestors().skip(1).take_while(|folder| folder.starts_with(out)).try_for_each(sync_folder)
 }
 
-/// Takes the folder of a job out of the results at once; [`publish`] or [`remove`] of what is returned ends its life.
+/// Moves the folder of a job out of the results in one step, into a folder that is returned and that the caller then removes.
 ///
 /// # Errors
 /// [`Error::Io`].
@@ -108,19 +108,12 @@ pub fn publish(out: &Path, name: &str) -> Result<()> {
 }
 
 /// Whether the outputs of a job are in their place. Those that a crash has left in the work folder, complete, are given it if
-/// `may_publish`.
-///
-/// # Errors
-/// The folder cannot be renamed.
-pub fn publish_left(out: &Path, name: &str, outputs: &[HashedFile], may_publish: bool) -> Result<bool> {
+/// `may_publish`; if that fails they are not in their place, and the job that runs again gives the reason.
+pub fn publish_left(out: &Path, name: &str, outputs: &[HashedFile], may_publish: bool) -> bool {
     if !holds(&work(out, name), outputs, true) {
-        return Ok(holds(&out.join(name), outputs, false));
+        return holds(&out.join(name), outputs, false);
     }
-    if may_publish {
-        publish(out, name)?;
-        sync_up(&out.join(name), out)?;
-    }
-    Ok(true)
+    !may_publish || publish(out, name).and_then(|()| sync_up(&out.join(name), out)).is_ok()
 }
 
 /// Whether a folder holds these files with their sizes and, if `content`, their content.
@@ -139,21 +132,39 @@ pub fn holds(folder: &Path, files: &[HashedFile], content: bool) -> bool {
 /// # Errors
 /// Another batch holds it, or the folder cannot be written.
 pub fn lock(out: &Path, name: &str, shared: bool) -> Result<File> {
+    let what = "another batch is writing into this folder; wait for its end or choose another folder";
+    try_lock(out, name, shared)?.ok_or_else(|| Error::format(out, None, what))
+}
+
+/// Takes a lock of an output folder as soon as others have released it: they hold it for moments only.
+///
+/// # Errors
+/// The folder cannot be written.
+pub fn wait_for_lock(out: &Path, name: &str) -> Result<File> {
+    let (path, file) = lock_file(out, name)?;
+    file.lock().map_err(|e| Error::io(path, e))?;
+    Ok(file)
+}
+
+/// Takes a lock, unless others hold it.
+fn try_lock(out: &Path, name: &str, shared: bool) -> Result<Option<File>> {
+    let (path, file) = lock_file(out, name)?;
+    match if shared { file.try_lock_shared() } else { file.try_lock() } {
+        Ok(()) => Ok(Some(file)),
+        Err(fs::TryLockError::WouldBlock) => Ok(None),
+        Err(fs::TryLockError::Error(e)) => Err(Error::io(path, e)),
+    }
+}
+
+/// The file of a lock, made if it is missing.
+fn lock_file(out: &Path, name: &str) -> Result<(PathBuf, File)> {
     let folder = out.join(FOLDER);
     fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, e))?;
     let path = folder.join(name);
     let mut options = File::options();
     let file = options.create(true).truncate(false).write(true).open(&path);
     let file = file.map_err(|e| Error::io(&path, e))?;
-    match if shared { file.try_lock_shared() } else { file.try_lock() } {
-        Ok(()) => Ok(file),
-        Err(fs::TryLockError::WouldBlock) => Err(Error::format(
-            out,
-            None,
-            "another batch is writing into this folder; wait for its end or choose another folder",
-        )),
-        Err(fs::TryLockError::Error(e)) => Err(Error::io(&path, e)),
-    }
+    Ok((path, file))
 }
 
 /// Takes a lock for a part of a split into `of` parts. Parts of one split have different jobs; those of two splits would run the same.
@@ -163,12 +174,14 @@ pub fn lock(out: &Path, name: &str, shared: bool) -> Result<File> {
 pub fn lock_split(out: &Path, of: usize) -> Result<File> {
     const PREFIX: &str = "split-into-";
     let own = format!("{PREFIX}{of}");
+    // To look for parts of another split is to take their lock for a moment: two parts that look at the same time would find each other.
+    let _check = wait_for_lock(out, "check-of-splits")?;
     let held = lock(out, &own, true)?;
     let folder = out.join(FOLDER);
     let at = |e| Error::io(&folder, e);
     for entry in fs::read_dir(&folder).map_err(at)? {
         let name = entry.map_err(at)?.file_name().to_string_lossy().into_owned();
-        if name.starts_with(PREFIX) && name != own && lock(out, &name, false).is_err() {
+        if name.starts_with(PREFIX) && name != own && try_lock(out, &name, false)?.is_none() {
             let what = format!(
                 "parts of another split are running in this folder ({name}); wait for their end, or write the part of {of} into another folder"
             );
@@ -193,7 +206,7 @@ mod tests {
             assert_eq!((files.len(), files[0].bytes), (1, text.len() as u64));
             assert!(!holds(&out.path().join("a/b"), &files, false));
             // A crash has left it there.
-            let place = |may_publish| publish_left(out.path(), "a/b", &files, may_publish).expect("renamed");
+            let place = |may_publish| publish_left(out.path(), "a/b", &files, may_publish);
             assert!(place(false) && work(out.path(), "a/b").exists());
             assert!(place(true) && place(true));
             assert!(holds(&out.path().join("a/b"), &files, true));
@@ -225,5 +238,18 @@ mod tests {
         assert!(refused.contains("parts of another split are running") && refused.contains("3"), "{refused}");
         drop(parts);
         lock_split(out.path(), 3).expect("the others have ended");
+    }
+
+    #[test]
+    fn parts_start_at_the_same_time_beside_locks_of_former_splits() {
+        let out = tempfile::tempdir().expect("a folder");
+        for of in 3..40 {
+            drop(lock_split(out.path(), of).expect("no others"));
+        }
+        std::thread::scope(|scope| {
+            let starts = || (0..50).try_for_each(|_| lock_split(out.path(), 2).map(drop));
+            let parts = [(); 4].map(|()| scope.spawn(starts));
+            parts.map(|part| part.join().expect("no panic").expect("one split"));
+        });
     }
 }

@@ -69,7 +69,10 @@ pub struct Entry {
     pub needs: Vec<String>,
     /// All files in its folder.
     pub outputs: Vec<HashedFile>,
-    /// Whether this run or an earlier one made the folder of the job.
+    /// Whether a job without outputs has no folder any more: that of an earlier run was taken away.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub withdrawn: bool,
+    /// Whether this run or an earlier one made the folder that may be in the place of the job.
     #[serde(skip)]
     pub made: bool,
 }
@@ -78,6 +81,11 @@ impl Entry {
     /// Whether the job has outputs.
     pub fn has_outputs(&self) -> bool {
         matches!(self.status, Status::Done | Status::Missed)
+    }
+
+    /// See `made`, from whether earlier runs had made the folder.
+    fn made_after(&self, former: bool) -> bool {
+        self.has_outputs() || former && !self.withdrawn
     }
 
     /// A hash of all outputs: another one after the job has run again.
@@ -109,6 +117,7 @@ impl Entry {
             inputs: Vec::new(),
             needs: Vec::new(),
             outputs: Vec::new(),
+            withdrawn: false,
             made: matches!(status, Status::Done | Status::Missed),
         }
     }
@@ -136,6 +145,7 @@ pub fn read_journals(out: &Path) -> Result<Entries> {
             let former = entries.remove(&job);
             let made = entry.made || former.as_ref().is_some_and(|former| former.made);
             let last = former.filter(|former| former.time > entry.time).unwrap_or(entry);
+            let made = last.made_after(made);
             entries.insert(job, Entry { made, ..last });
         }
     }
@@ -184,7 +194,7 @@ fn read(path: &Path) -> Result<(Entries, u64)> {
                 "names files outside of the output folder; remove the line to run its job again".into(),
             ));
         }
-        entry.made = entry.has_outputs() || entries.get(&entry.job).is_some_and(|former| former.made);
+        entry.made = entry.made_after(entries.get(&entry.job).is_some_and(|former| former.made));
         entries.insert(entry.job.clone(), entry);
     }
     Ok((entries, whole as u64))
@@ -282,7 +292,12 @@ mod tests {
         let mut part = Journal::open(out.path(), "journal-1of2.jsonl").expect("opened");
         part.append(&[&at(Status::Missed, 15.0)]).expect("written");
         assert_eq!(status(), Status::Missed);
-        assert!(read_journals(out.path()).expect("read")["a"].made);
+        let made = || read_journals(out.path()).expect("read")["a"].made;
+        assert!(made());
+        part.append(&[&at(Status::Failed, 30.0)]).expect("written");
+        assert!(made(), "its folder may still be there");
+        part.append(&[&Entry { withdrawn: true, ..at(Status::Failed, 40.0) }]).expect("written");
+        assert!(!made(), "a folder that is there now is not that of the job");
     }
 
     #[test]

@@ -107,6 +107,10 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     ];
     let (mut entries, done) = plan.chosen_done(&args.out, &hashes, true)?;
     plan.check_folders(&entries, &done)?;
+    match args.shard {
+        None => plan.listed.write(&args.out)?,
+        Some(_) => plan.listed.clone().write_part(&args.out)?,
+    }
     let journal = Journal::open(&args.out, &format!("journal{part}.jsonl"))?;
     interruption::watch(None);
     let to_do: Vec<usize> = plan.chosen.iter().copied().filter(|&k| !done[k]).collect();

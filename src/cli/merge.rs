@@ -1,8 +1,8 @@
 //! `mrvis merge DIR... --out OUT`: joins the outputs of the parts of a batch.
 
 use crate::batch::{
-    Entries, Entry, Journal, Status, begin, holds, lock, publish, publish_left, read_journals, seal, sync_up,
-    work, write_results,
+    Entries, Entry, Journal, Listed, Status, begin, holds, lock, publish, publish_left, read_journals,
+    read_listed, seal, sync_up, work, write_results,
 };
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -30,23 +30,31 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         }
     }
     let _lock = lock(out, "lock", false)?;
-    let mut entries = read_journals(out)?;
+    let former = read_journals(out)?;
+    let (mut entries, out_listed) = read_listed(out)?;
+    let mut listed = Listed::default();
     let mut journal = Journal::open(out, "journal.jsonl")?;
     let same = |a: &Path, b: &Path| a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b));
+    for folder in &args.folders {
+        listed.add(read_listed(folder)?.1);
+    }
+    // What an earlier merge took counts as long as a folder has the same job file.
+    listed.add_same_files(out_listed);
+    entries.retain(|_, entry| listed.has(entry));
+    // Before the lines: without it a merge that is ended would leave lines that do not count.
+    listed.write(out)?;
     for folder in args.folders.iter().filter(|folder| !same(folder, out)) {
-        let mut others: Vec<Entry> = read_journals(folder)?.into_values().collect();
+        let mut others: Vec<Entry> = read_listed(folder)?.0.into_values().collect();
         others.sort_by(|a, b| (a.index, &a.job).cmp(&(b.index, &b.job)));
         for entry in others {
-            take(folder, out, entry, &mut entries, &mut journal)?;
+            let made = former.get(&entry.job).is_some_and(|former| former.made);
+            take((folder, out), entry, made, &mut entries, &mut journal)?;
         }
     }
     // A batch or a merge that was ended may have left finished jobs without their place.
-    let mut lost: Vec<String> = Vec::new();
-    for entry in entries.values().filter(|entry| entry.has_outputs()) {
-        if !publish_left(out, &entry.job, &entry.outputs, true)? {
-            lost.push(entry.job.clone());
-        }
-    }
+    let is_lost =
+        |entry: &&Entry| entry.has_outputs() && !publish_left(out, &entry.job, &entry.outputs, true);
+    let lost: Vec<String> = entries.values().filter(is_lost).map(|entry| entry.job.clone()).collect();
     lost.iter().for_each(|job| drop(entries.remove(job)));
     write_results(out, entries.values())?;
     if let Some(one) = lost.iter().min() {
@@ -67,14 +75,20 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Copies a job of another folder, unless it is there.
-fn take(from: &Path, out: &Path, entry: Entry, entries: &mut Entries, journal: &mut Journal) -> Result<()> {
+/// Copies a job of the folder `from` to `out`, unless it is there. A folder in its place is replaced if a batch has `made` it.
+fn take(
+    (from, out): (&Path, &Path),
+    mut entry: Entry,
+    made: bool,
+    entries: &mut Entries,
+    journal: &mut Journal,
+) -> Result<()> {
     if let Some(known) = entries.get(&entry.job) {
         let is_same = known.key == entry.key && known.status == entry.status;
         let is_better = known.has_outputs() && !entry.has_outputs();
         // A merge that was ended may have written the line only.
         if is_better
-            || is_same && (!known.has_outputs() || publish_left(out, &known.job, &known.outputs, true)?)
+            || is_same && (!known.has_outputs() || publish_left(out, &known.job, &known.outputs, true))
         {
             return Ok(());
         }
@@ -85,8 +99,11 @@ fn take(from: &Path, out: &Path, entry: Entry, entries: &mut Entries, journal: &
         }
     }
     if entry.has_outputs() {
-        copy(from, out, &entry, entries.get(&entry.job).is_some_and(|known| known.made))?;
+        let made = made || entries.get(&entry.job).is_some_and(|known| known.made);
+        copy(from, out, &entry, made)?;
     }
+    // It says what happened to the folder in `from`.
+    entry.withdrawn = false;
     journal.append(&[&entry])?;
     if entry.has_outputs() {
         publish(out, &entry.job)?;

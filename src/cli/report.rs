@@ -1,7 +1,7 @@
 //! `mrvis report DIR`: the results of a batch on one page.
 
 use super::{args::file_name, one_line};
-use crate::batch::{Entry, Report, read_journals, report_page, rows};
+use crate::batch::{Entry, Report, read_journals, read_listed, report_page, rows};
 use crate::files::WholeFile;
 use crate::image_io::thumbnail;
 use crate::{Error, Result};
@@ -28,10 +28,10 @@ const SIDE: u32 = 320;
 const MAX_PICTURES: usize = 96;
 
 pub fn run(args: &Args) -> Result<ExitCode> {
-    let entries = read_journals(&args.folder)?;
-    if entries.is_empty() {
+    if read_journals(&args.folder)?.is_empty() {
         return Err(Error::format(&args.folder, None, "is no output folder of a batch: it has no journal"));
     }
+    let (entries, _) = read_listed(&args.folder)?;
     let page = args.out.clone().unwrap_or_else(|| args.folder.join("report.html"));
     let rows = rows(&args.folder, entries.values());
     let mut entries: Vec<&Entry> = entries.values().filter(|e| e.has_outputs()).collect();

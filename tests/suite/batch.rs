@@ -264,6 +264,7 @@ fn failures_are_kept_to_one_job() {
         "[[job]]\nname = 'fine'\ncommand = 'info'\nscene = 'cornell.obj'\n\
          [[job]]\nname = 'bad'\ncommand = 'info'\nscene = 'bad.obj'\nretry = 2\n\
          [[job]]\nname = 'after'\ncommand = 'info'\nscene = 'dark.obj'\nafter = 'bad'\n\
+         [[job]]\nname = 'last'\ncommand = 'info'\nscene = 'dark.obj'\nafter = 'after'\n\
          [[job]]\nname = 'late'\ncommand = 'solve'\nscene = 'forest.obj'\noptions = { error = 0.001 }\nlimits = { seconds = 0.5 }\n\
          [[job]]\nname = 'large'\ncommand = 'solve'\nscene = 'forest.obj'\noptions = { error = 0.001 }\nlimits = { memory = '300M', seconds = 100 }\n\
          [[job]]\nname = 'within'\ncommand = 'info'\nscene = 'cornell.obj'\nlimits = { memory = '4G', seconds = 100 }\n",
@@ -274,11 +275,12 @@ fn failures_are_kept_to_one_job() {
         "failed bad: ",
         "failed late: the time limit of 0.5 s",
         "failed large: ",
-        "skipped after: it needs bad",
+        "skipped after: it needs bad, which failed",
+        "skipped last: it needs after, which was skipped",
     ] {
         assert!(ran.stderr.contains(part), "{} lacks {part}", ran.stderr);
     }
-    assert!(ran.stdout.contains("2 jobs done, 0 were done before, 3 failed, 1 skipped"), "{}", ran.stdout);
+    assert!(ran.stdout.contains("2 jobs done, 0 were done before, 3 failed, 2 skipped"), "{}", ran.stdout);
     assert!(scratch.path("o/within/info.json").exists() && !scratch.path("o/late").exists());
     let log = std::fs::read_to_string(scratch.path("log.jsonl")).expect("a log");
     let events: Vec<Value> = log.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
@@ -287,8 +289,8 @@ fn failures_are_kept_to_one_job() {
     let line = journal(&scratch.path("o")).into_iter().find(|line| line["job"] == "within").expect("a line");
     assert!(line["peak_bytes"].as_u64().expect("a peak") > 1 << 20);
     let table = std::fs::read_to_string(scratch.path("o/results.jsonl")).expect("a table");
-    // Those of all jobs, the skipped one among them.
-    assert_eq!(table.lines().count(), 6);
+    // Those of all jobs, the skipped ones among them.
+    assert_eq!(table.lines().count(), 7);
     assert!(
         table.contains("\"status\":\"skipped\"") && table.contains("it needs bad, which failed"),
         "{table}"
@@ -310,8 +312,10 @@ fn a_full_disk_stops_the_batch_until_there_is_room() {
     let full = run("16", "o");
     assert_eq!(full.code, Some(2), "{}{}", full.stdout, full.stderr);
     assert!(full.stderr.contains("make room and run the same command again"), "{}", full.stderr);
-    let done = journal(&scratch.path("o")).iter().filter(|line| line["status"] == "done").count();
+    let lines = journal(&scratch.path("o"));
+    let done = lines.iter().filter(|line| line["status"] == "done").count();
     assert!(done < COUNT);
+    assert_eq!(lines.len(), done, "jobs without room count as not run");
     let ran = run("unlimited", "o");
     assert_eq!(ran.code, Some(0), "{}", ran.stderr);
     assert!(ran.stdout.contains(&format!("{done} were done before")), "{}", ran.stdout);

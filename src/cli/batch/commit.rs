@@ -10,6 +10,7 @@ use crate::batch::{
 };
 use crate::cli::one_line;
 use crate::{Error, Result};
+use std::path::Path;
 use std::sync::mpsc::{Receiver, Sender};
 
 /// A job whose command has ended.
@@ -42,7 +43,7 @@ pub enum Event {
     Ran(Finished),
     /// The outputs of jobs are permanent, or they failed.
     Kept(Vec<(usize, Entry)>),
-    /// No more jobs may start. The journal has no lines of so many that have ended.
+    /// No more jobs may start. So many jobs have ended without a line in the journal.
     Broken(Error, usize),
     /// All finished jobs are permanent.
     Closed,
@@ -69,7 +70,10 @@ pub fn commit(
         });
         let count = lines.len();
         let (kept, full) = match keep(plan, &mut journal, lines) {
-            Ok((kept, full)) => (Event::Kept(kept), full.map(|what| Event::Broken(make_room(&what), 0))),
+            Ok((kept, full)) => {
+                let what = full.first().map(|what| Event::Broken(make_room(what), full.len()));
+                (Event::Kept(kept), what)
+            }
             Err(error) if is_full(&error) => (Event::Broken(make_room(&one_line(&error)), count), None),
             Err(error) => (Event::Broken(error, count), None),
         };
@@ -92,7 +96,7 @@ pub fn make_room(what: &str) -> Error {
 struct Line {
     job: usize,
     entry: Entry,
-    /// The error, if there was no space for its outputs.
+    /// The error, if there was no space for its outputs: the job counts as not run.
     full: Option<String>,
 }
 
@@ -161,17 +165,19 @@ fn files(plan: &Plan, hashes: &Hashes, finished: &Finished) -> Result<(Vec<Hashe
     Ok((inputs, seal(&plan.out, &plan.jobs[finished.job].name)?))
 }
 
-/// Lines that count, and the error of a file system without space.
-type Kept = (Vec<(usize, Entry)>, Option<String>);
+/// Lines that count, and the errors of jobs without space for their outputs.
+type Kept = (Vec<(usize, Entry)>, Vec<String>);
 
-/// Writes the lines of jobs, then gives their folders their places and takes those of former runs away. Returns the lines that count, and
-/// the error of a file system without space.
+/// Writes the lines of jobs and gives their folders their places. Takes those of former runs away if a job has none now, but not if a file
+/// system without space is the reason: what an earlier run has made stays until the job has run.
 ///
 /// # Errors
 /// The journal cannot be written.
 fn keep(plan: &Plan, journal: &mut Journal, mut lines: Vec<Line>) -> Result<Kept> {
     let out = &plan.out;
-    journal.append(&lines.iter().map(|line| &line.entry).collect::<Vec<_>>())?;
+    lines.iter_mut().filter(|line| !line.entry.has_outputs()).for_each(|line| clear(out, line));
+    let of_ran = |line: &&Line| line.full.is_none();
+    journal.append(&lines.iter().filter(of_ran).map(|line| &line.entry).collect::<Vec<_>>())?;
     let each_with_outputs = |lines: &mut [Line], act: &dyn Fn(&str) -> Result<()>| -> Vec<usize> {
         let mut failed = Vec::new();
         for (k, line) in lines.iter_mut().enumerate().filter(|(_, line)| line.entry.has_outputs()) {
@@ -185,15 +191,25 @@ fn keep(plan: &Plan, journal: &mut Journal, mut lines: Vec<Line>) -> Result<Kept
     let mut failed = each_with_outputs(&mut lines, &|job| publish(out, job));
     // After all have been renamed: the first write of a shared folder serves all.
     failed.extend(each_with_outputs(&mut lines, &|job| sync_up(&out.join(job), out)));
+    // The next run finishes those that had no space.
+    failed.retain(|&k| lines[k].full.is_none());
     if !failed.is_empty() {
+        failed.iter().for_each(|&k| clear(out, &mut lines[k]));
         journal.append(&failed.iter().map(|&k| &lines[k].entry).collect::<Vec<_>>())?;
     }
-    for line in lines.iter().filter(|line| !line.entry.has_outputs()) {
-        // What an earlier run has made with other options or inputs must not pass for a result of this run. What cannot be removed is
-        // contradicted by the journal.
-        let _ = withdraw(out, &line.entry.job).and_then(|former| remove(&former));
-        let _ = remove(&work(out, &line.entry.job));
+    let (full, ran): (Vec<Line>, Vec<Line>) = lines.into_iter().partition(|line| line.full.is_some());
+    let kept = ran.into_iter().map(|line| (line.job, line.entry)).collect();
+    Ok((kept, full.into_iter().filter_map(|line| line.full).collect()))
+}
+
+/// Removes what a job without outputs has written, and what an earlier run has made with other options or inputs: it must not pass for a
+/// result of this run. Outputs of an earlier run stay if there was no space.
+fn clear(out: &Path, line: &mut Line) {
+    // What cannot be removed takes space, nothing else.
+    let _ = remove(&work(out, &line.entry.job));
+    if line.full.is_none() {
+        let former = withdraw(out, &line.entry.job);
+        line.entry.withdrawn = former.is_ok();
+        let _ = former.and_then(|former| remove(&former));
     }
-    let full = lines.iter().find_map(|line| line.full.clone());
-    Ok((lines.into_iter().map(|line| (line.job, line.entry)).collect(), full))
 }

@@ -2,8 +2,8 @@
 
 use super::words::{Grammar, Line, scene_of};
 use crate::batch::{
-    Entries, Entry, HashedFile, Hashes, Job, Places, Status, TomlSource, check, expand, hash_file, key,
-    nearest, order, parse, publish_left, read_journals, work,
+    Entries, Entry, HashedFile, Hashes, Job, Listed, Places, Status, TomlSource, check, expand, hash_file,
+    key, nearest, order, parse, publish_left, read_journals, work,
 };
 use crate::cli::{Command, one_line};
 use crate::error::quote;
@@ -33,6 +33,8 @@ pub struct Plan {
     pub shown: Vec<String>,
     /// Keys of the jobs; see [`key`].
     pub keys: Vec<String>,
+    /// The names and keys of all jobs for the output folder.
+    pub listed: Listed,
     /// Files that the command lines name.
     pub inputs: Vec<Vec<HashedFile>>,
     /// Threads that a job asks for.
@@ -64,14 +66,25 @@ impl Plan {
         }
         let (wanted, order) = (selected(&jobs, only)?, order(&jobs));
         let programs = programs()?;
-        let mut keys = vec![String::new(); count];
-        for &k in &order {
-            let needs: Vec<&str> = jobs[k].needs.iter().map(|&need| keys[need].as_str()).collect();
-            keys[k] = key(&programs, &jobs[k], &inputs[k], &needs);
-        }
+        let keys_of = |programs: &str| {
+            let mut keys = vec![String::new(); count];
+            for &k in &order {
+                let needs: Vec<&str> = jobs[k].needs.iter().map(|&need| keys[need].as_str()).collect();
+                keys[k] = key(programs, &jobs[k], &inputs[k], &needs);
+            }
+            keys
+        };
+        let keys = keys_of(&programs);
+        let names = || jobs.iter().map(|job| job.name.clone());
+        // Parts of a batch on machines with other versions of the program have the same job file.
+        let file = names().zip(keys_of("")).fold(blake3::Hasher::new(), |mut hasher, (name, key)| {
+            hasher.update(format!("{name}\n{key}\n").as_bytes());
+            hasher
+        });
+        let listed = Listed::new(&file.finalize().to_hex(), names().zip(keys.iter().cloned()));
         let chosen = order.into_iter().filter(|k| wanted.contains(k)).collect();
         let places = Places { jobs: source.folder().into(), out: out.into() };
-        Ok(Plan { out: out.into(), places, jobs, lines, shown, keys, inputs, threads, chosen })
+        Ok(Plan { out: out.into(), places, jobs, lines, shown, keys, listed, inputs, threads, chosen })
     }
 
     /// Bytes of the scene of a job, if it is there.
@@ -107,12 +120,9 @@ impl Plan {
 
     /// Whether the outputs of a job are there and are those that it would make. Finishes what a crash left between the journal and
     /// the renaming of the folder.
-    ///
-    /// # Errors
-    /// The folder cannot be renamed.
-    pub fn is_done(&self, job: usize, entries: &Entries, hashes: &Hashes, may_finish: bool) -> Result<bool> {
+    fn is_done(&self, job: usize, entries: &Entries, hashes: &Hashes, may_finish: bool) -> bool {
         let name = &self.jobs[job].name;
-        let Some(entry) = entries.get(name).filter(|e| e.key == self.keys[job]) else { return Ok(false) };
+        let Some(entry) = entries.get(name).filter(|e| e.key == self.keys[job]) else { return false };
         let same = |file: &HashedFile| {
             let now = hashes.of(&self.places.found(&file.path));
             (now.bytes, &now.blake3) == (file.bytes, &file.blake3)
@@ -121,7 +131,7 @@ impl Plan {
             || !entry.inputs.iter().all(same)
             || entry.needs != self.fingerprints(job, entries)
         {
-            return Ok(false);
+            return false;
         }
         publish_left(&self.out, name, &entry.outputs, may_finish)
     }
@@ -136,7 +146,7 @@ impl Plan {
         for &k in &self.chosen {
             // Outputs of a job that runs again are new inputs.
             done[k] = self.jobs[k].needs.iter().all(|&need| done[need])
-                && self.is_done(k, &entries, hashes, may_finish)?;
+                && self.is_done(k, &entries, hashes, may_finish);
         }
         Ok((entries, done))
     }

@@ -151,9 +151,9 @@ impl Reporter {
     }
 
     /// A job is not run because it needs a failed one.
-    pub fn skipped(&self, name: &str, needs: &str) {
+    pub fn skipped(&self, name: &str, needs: &str, why: &str) {
         self.note("skipped", json!({ "job": name, "needs": needs }));
-        self.say(&format!("skipped {name}: it needs {needs}, which failed"));
+        self.say(&format!("skipped {name}: {why}"));
     }
 
     /// The user has interrupted the batch; so many jobs are done and left.

@@ -7,7 +7,8 @@ use super::plan::{MIN_MEMORY, Plan};
 use super::ranks;
 use super::reporter::Reporter;
 use crate::batch::{
-    Capacity, Entries, Entry, Hashes, Journal, Limits, Schedule, Status, Task, begin, write_results,
+    Capacity, Entries, Entry, Hashes, Journal, Limits, Schedule, Status, Task, begin, remove, work,
+    write_results,
 };
 use crate::cli::interruption;
 #[cfg(feature = "mpi")]
@@ -257,6 +258,10 @@ impl<'a> Runner<'a> {
         }
         if ran.ended.is_full {
             self.broken.get_or_insert(make_room(ran.ended.error.as_deref().unwrap_or_default()));
+            // The job counts as not run: what an earlier run has made of it stays.
+            self.open -= 1;
+            let _ = remove(&work(&self.plan.out, &self.plan.jobs[ran.job].name));
+            return;
         }
         let retries = self.plan.jobs[ran.job].retry.max(self.settings.retry);
         if ran.ended.error.is_some() && ran.attempt <= retries && self.broken.is_none() {
@@ -270,7 +275,7 @@ impl<'a> Runner<'a> {
         self.close(Closing::Ran(ran));
     }
 
-    /// Lets the journal get the line of a job; not after the end, when what follows is known from the lines of others.
+    /// Sends a job to the thread that writes the journal, unless the batch takes no more jobs. The next run then runs or skips the job.
     fn close(&self, job: Closing) {
         if let Some(closing) = &self.closing {
             // The other end lives as long as this sender.
@@ -297,9 +302,8 @@ impl<'a> Runner<'a> {
         match entry.status {
             Status::Failed => {
                 self.summary.failed += 1;
-                for lost in self.schedule.failed(job) {
-                    self.skip(lost, &entry.job);
-                }
+                let lost = self.schedule.failed(job);
+                lost.iter().for_each(|&k| self.skip(k, job, &lost));
             }
             Status::Missed => self.summary.missed += 1,
             Status::Done => self.summary.done += 1,
@@ -311,13 +315,17 @@ impl<'a> Runner<'a> {
         entries.insert(entry.job.clone(), entry);
     }
 
-    /// A job cannot run because one that it needs failed.
-    fn skip(&mut self, job: usize, needs: &str) {
+    /// A job cannot run because it needs `failed`, or another one of the `lost` jobs that are skipped for that.
+    fn skip(&mut self, job: usize, failed: usize, lost: &[usize]) {
         self.summary.skipped += 1;
-        self.reporter.skipped(&self.plan.jobs[job].name, needs);
+        let (jobs, needs) = (&self.plan.jobs, &self.plan.jobs[job].needs);
+        let skipped = needs.iter().find(|need| lost.contains(need)).filter(|_| !needs.contains(&failed));
+        let (need, how) = skipped.map_or((failed, "failed"), |&need| (need, "was skipped"));
+        let why = format!("it needs {}, which {how}", jobs[need].name);
+        self.reporter.skipped(&jobs[job].name, &jobs[need].name, &why);
         if self.closing.is_some() {
             self.open += 1;
-            self.close(Closing::Skipped(job, format!("it needs {needs}, which failed")));
+            self.close(Closing::Skipped(job, why));
         }
     }
 }

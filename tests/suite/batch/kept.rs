@@ -93,8 +93,7 @@ fn results_of_other_options_do_not_stay() {
     scratch.write("a.obj", TRIANGLE);
     jobs(1);
     assert_eq!(ran(&scratch, "o").len(), 3);
-    // The first job cannot write its outputs now, as its work folder cannot be made: nobody may replace a mount point by a folder, so a
-    // file takes the place of the folder of all work.
+    // A file has the place of the folder of all work: the first job fails because its work folder cannot be made.
     jobs(2);
     std::fs::remove_dir_all(scratch.path("o/.mrvis-batch/work")).expect("removed");
     scratch.write("o/.mrvis-batch/work", "in the way");
@@ -114,6 +113,11 @@ fn results_of_other_options_do_not_stay() {
     let status: Vec<String> = rows.map(|row| row["status"].as_str().expect("a status").to_owned()).collect();
     assert_eq!(status, ["failed", "skipped", "done"]);
     std::fs::remove_file(scratch.path("o/.mrvis-batch/work")).expect("removed");
+    // A folder that appears in the place of a job without outputs is the user's own.
+    std::fs::create_dir(scratch.path("o/first")).expect("made");
+    let refused = batch(&scratch, &["--out", "o"]);
+    assert!(refused.stderr.contains("o/first: exists and was not made by this batch"), "{}", refused.stderr);
+    std::fs::remove_dir(scratch.path("o/first")).expect("removed");
     assert_eq!(ran(&scratch, "o"), ["first", "second"]);
 }
 
@@ -137,6 +141,18 @@ fn an_output_without_a_place_fails_its_job_only() {
     assert_eq!(ran(&scratch, "o").len(), 2);
     assert_eq!(batch(&scratch, &["--out", "p"]).code, Some(0));
     super::assert_same(&results(&scratch.path("o")), &results(&scratch.path("p")));
+    // The batch was killed between the line of a finished job and that of its failure.
+    unpublish(&scratch.path("p"), &["compared/coarse", "compared/fine"]);
+    std::fs::remove_dir(scratch.path("p/compared")).expect("removed");
+    scratch.write("p/compared", "in the way");
+    let ended = batch(&scratch, &["--out", "p"]);
+    assert_eq!(ended.code, Some(2), "{}", ended.stdout);
+    assert!(
+        ended.stdout.contains("0 jobs done, 10 were done before, 2 failed"),
+        "{}{}",
+        ended.stdout,
+        ended.stderr
+    );
 }
 
 /// Moves the folders of finished jobs back into the work folder, as a crash between the journal and the renaming leaves them.

@@ -75,6 +75,48 @@ fn the_example_of_the_page_runs() {
     assert!(ran.stdout.contains("13 jobs done"), "{}", ran.stdout);
 }
 
+/// Jobs that the file does not have any more are in no table and not on the page.
+#[test]
+fn jobs_of_a_former_file_are_not_shown() {
+    let scratch = Scratch::new();
+    scratch.write("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    let jobs = |samples: &str| {
+        let job = "[[job]]\nname = 'of-{samples}'\ncommand = 'info'\nscene = 'a.obj'\n[job.each]\nsamples = ";
+        scratch.write("jobs.toml", format!("{job}{samples}\n"));
+    };
+    let run = |arguments: &[&str]| {
+        let ran = scratch.mrvis(arguments);
+        assert_eq!(ran.code, Some(0), "{}{}", ran.stdout, ran.stderr);
+    };
+    let shown = |file: &str| {
+        let text = text(&scratch, file);
+        [1, 2, 3, 4].into_iter().filter(|n| text.contains(&format!("of-{n}"))).collect::<Vec<_>>()
+    };
+    let parts = [("1/2", "first"), ("2/2", "second"), ("1/2", "shared"), ("2/2", "shared")];
+    for (samples, want) in [("[1, 2]", vec![1, 2]), ("[3, 4]", vec![3, 4])] {
+        jobs(samples);
+        run(&["batch", "jobs.toml", "--out", "o"]);
+        run(&["report", "o"]);
+        for (part, out) in parts {
+            run(&["batch", "jobs.toml", "--out", out, "--shard", part]);
+        }
+        run(&["merge", "shared"]);
+        run(&["merge", "first", "second", "--out", "merged"]);
+        run(&["report", "merged"]);
+        for file in [
+            "o/results.csv",
+            "o/report.html",
+            "shared/results.csv",
+            "merged/results.csv",
+            "merged/report.html",
+        ] {
+            assert_eq!(shown(file), want, "{file}");
+        }
+    }
+    run(&["merge", "o"]);
+    assert_eq!(shown("o/results.csv"), [3, 4]);
+}
+
 /// A picture that was removed is named on the page; the others are shown.
 #[test]
 fn the_page_names_pictures_that_are_gone() {
