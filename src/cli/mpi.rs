@@ -188,12 +188,12 @@ impl Command {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cli::Cli;
-    use clap::Parser;
 
     #[test]
     #[cfg(not(feature = "mpi"))]
     fn programs_without_mpi_say_how_to_get_it() {
+        use crate::cli::Cli;
+        use clap::Parser as _;
         let line = ["mrvis", "solve", "a.obj", "--out", "o", "--mpi"];
         let mut command = Cli::try_parse_from(line).unwrap().command;
         let error = start(&mut command, true).unwrap_err().to_string();

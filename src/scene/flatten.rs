@@ -129,8 +129,8 @@ impl Scene {
         let (triangles, indices) = (self.visible_triangles(), u64::from(u32::MAX));
         if !self.placements.is_empty() && (triangles > max || vertices > indices || polygons > indices) {
             return Err(Error::Scene(format!(
-                "{} placements of {} meshes would become {triangles} triangles with {vertices} vertices, more than {max} \
-                 triangles or {indices} vertices: place fewer or simplify the meshes",
+                "{} placements of {} meshes would become {triangles} triangles with {vertices} vertices, more than \
+                 `max_triangles` {max} or {indices} vertices: place fewer or simplify the meshes",
                 self.placements.len(),
                 self.shared.len(),
             )));

@@ -81,7 +81,7 @@ fn models_without_present_instances_are_single() {
     let scene = scene_of(mesh(), &[away(3.0), away(6.0)]);
     let both = model(&scene, Detail::Optics);
     let refused = both.check_single("the test").expect_err("two placed meshes").to_string();
-    assert!(refused.contains("this model has 2"), "{refused}");
+    assert!(refused.contains("`model` has 2"), "{refused}");
     let gone = both
         .update(&[
             InstanceChange::Remove { instance: 1 },
