@@ -248,9 +248,11 @@ fn address_sanitizer_finds_nothing() {
         return;
     }
     let folder = folder();
-    for source in ["smoke.c", "../capi/misuse.c", "../capi/progress.c"] {
-        let flags = ["-std=c99", "-fsanitize=address", "-fno-omit-frame-pointer", "-lm"];
-        let program = compiled(&folder, "gcc", source, false, &flags);
+    let of_c = ["smoke.c", "../capi/misuse.c", "../capi/progress.c", "../capi/answers.c"];
+    let all = of_c.map(|source| ("gcc", "-std=c99", source)).into_iter();
+    for (compiler, standard, source) in all.chain([("g++", "-std=c++17", "../capi/wrapper.cpp")]) {
+        let flags = [standard, "-fsanitize=address", "-fno-omit-frame-pointer", "-lm"];
+        let program = compiled(&folder, compiler, source, false, &flags);
         // glibc keeps the last error of dlopen of each thread until it ends; a thread of a pool may still run at the end of the program.
         let known = folder.path().join("known");
         std::fs::write(&known, "leak:_dlerror_run\n").expect("written");

@@ -82,7 +82,9 @@ fn cpp_programs_get_the_answers_of_the_crate() {
 #[test]
 fn the_wrapper_refuses_other_versions() {
     let folder = tempfile::tempdir().expect("a folder");
-    printed(&compiled(&folder, "g++", "version.cpp", &["-std=c++17"]));
+    for compiler in compilers(["g++", "clang++"]) {
+        printed(&compiled(&folder, compiler, "version.cpp", &["-std=c++17"]));
+    }
 }
 
 #[test]
