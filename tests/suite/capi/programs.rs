@@ -138,7 +138,7 @@ fn check_words(message: &str) {
 }
 
 /// Arguments of functions, and the record that messages about other calls name.
-const ARGUMENTS: [&str; 45] = [
+const ARGUMENTS: [&str; 46] = [
     "answer",
     "answers",
     "approximation",
@@ -164,6 +164,7 @@ const ARGUMENTS: [&str; 45] = [
     "json",
     "kind",
     "lightmap",
+    "max_triangles",
     "mesh",
     "model",
     "mrv_load_options",
