@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Measures how a command shares its work between two MPI ranks, and estimates its time on up to 1,024.
 
-    python3 scenes/mpi.py [--binary target/release/mrvis] -- solve office.obj --error 0.01 --output none --out /tmp/office
+    python3 scenes/mpi.py [--binary target/release/mrvis] -- solve office.obj --error 0.01 --output none --out out/office
 
 runs the command with one thread alone and with `mpirun -n 2 ... --mpi`, and prints a Markdown table. The command must be built with
 `--features mpi`. Times are those of the processor, which other programs on the machine hardly change; measured times of the clock are
