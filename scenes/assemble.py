@@ -560,9 +560,9 @@ def furnished(name, catalogue, out, stamp):
     return scene
 
 
-def sponza(catalogue, out, stamp):
+def sponza(name, catalogue, out, stamp):
     source = fetch_sponza()
-    scene = Scene("sponza", catalogue, out, stamp)
+    scene = Scene(name, catalogue, out, stamp)
     for material in sorted(set(re.findall(r"^usemtl\s+(\S+)", source, re.M))):
         scene.material(material, (0.55, 0.51, 0.44))
     lines = [line for line in source.splitlines() if not line.startswith("mtllib")]
@@ -591,6 +591,14 @@ def by_formula(name, catalogue, out, stamp):
     OUTDOOR[name](scene)
     scene.write()
     return scene
+
+
+# By scene, what writes it: functions of its name, the catalogue, the folder and the fingerprint.
+MAKERS = {
+    **dict.fromkeys(layouts.SCENES, furnished),
+    "sponza": sponza,
+    **dict.fromkeys(OUTDOOR, by_formula),
+}
 
 
 def fetch_sponza():
@@ -675,7 +683,7 @@ def up_to_date(path, stamp):
 
 
 def main():
-    every = [*layouts.SCENES, "sponza", *OUTDOOR]
+    every = list(MAKERS)
     parser = argparse.ArgumentParser(description="Assembles scenes of real furniture, trees and architecture.", epilog="scenes: " + ", ".join(every))
     parser.add_argument("scenes", nargs="*", metavar="SCENE", help="scenes to assemble (default: all)")
     parser.add_argument("--out", default=os.path.join(HERE, "real"), help="folder to write into (default: scenes/real)")
@@ -694,8 +702,7 @@ def main():
             say(f"{name} is up to date")
             continue
         catalogue = Catalogue(args.furniture)  # one per scene, to free the memory of the previous one
-        make = by_formula if name in OUTDOOR else sponza if name == "sponza" else furnished
-        make(name, catalogue, args.out, stamp)
+        MAKERS[name](name, catalogue, args.out, stamp)
         vertices, triangles = check(path)
         size = os.path.getsize(path) / 1e6
         say(f"{name}: {triangles} triangles, {vertices} vertices, {size:.0f} MB, in {os.path.relpath(path)}")

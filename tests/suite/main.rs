@@ -28,6 +28,8 @@ mod pages;
 #[cfg(feature = "cli")]
 mod run;
 #[cfg(feature = "cli")]
+mod scenes;
+#[cfg(feature = "cli")]
 mod shown;
 #[cfg(feature = "cli")]
 mod target;
