@@ -118,6 +118,7 @@ test: setup need-lint need-browser need-hosts need-python need-mpi
 	cargo clippy --no-default-features -- -D warnings
 	cargo clippy --no-default-features --features reports -- -D warnings
 	cargo clippy -- -D warnings
+	cargo clippy --features capi,parquet -- -D warnings
 	cargo clippy --all-targets -- -D warnings
 	cargo clippy --features mpi --test mpi -- -D warnings
 	cargo clippy -p mrvis-python -- -D warnings

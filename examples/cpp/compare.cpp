@@ -13,6 +13,7 @@ static float draw(float low, float high) { return std::uniform_real_distribution
 
 int main(int count, char **arguments) try {
   const std::size_t leaves = count > 1 ? std::strtoul(arguments[1], nullptr, 10) : 50000, points = 2000, rays = 64;
+  if (leaves == 0) return std::fputs("usage: compare [LEAVES]\n", stderr), 2;
   std::vector<float> corners;
   std::vector<uint32_t> indices;
   for (std::size_t i = 0; i < leaves; i++) {

@@ -15,7 +15,8 @@ pub unsafe trait Record: Copy {
     const NAME: &'static str;
     /// Its size in the first version that had it: smaller ones are wrong.
     const FIRST_SIZE: usize;
-    /// Name and offset of each member.
+    /// Name and offset of each member, which tests compare with the header.
+    #[cfg(feature = "internals")]
     const MEMBERS: &'static [(&'static str, usize)];
 }
 
@@ -26,6 +27,7 @@ macro_rules! record {
         unsafe impl $crate::capi::record::Record for $name {
             const NAME: &'static str = stringify!($name);
             const FIRST_SIZE: usize = $first_size;
+            #[cfg(feature = "internals")]
             const MEMBERS: &'static [(&'static str, usize)] =
                 &[$((stringify!($member), std::mem::offset_of!($name, $member))),+];
         }
