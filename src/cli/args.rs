@@ -10,7 +10,8 @@ use crate::{
     files::{WholeFile, json_text},
     model::cache::CacheLocation,
     scene::{
-        Channels, LoadOptions, Photometry, Scene, UpAxis, parse_emitter, read_placements, unit_in_metres,
+        Channels, LoadOptions, Move, Photometry, Scene, UpAxis, parse_emitter, read_placements,
+        unit_in_metres,
     },
     threads::{MAX_THREADS, Threads},
 };
@@ -158,6 +159,9 @@ pub struct SceneArgs {
     /// NAME=60W, NAME=800lm, NAME=5000cd/m2.
     #[arg(long = "emitter", value_name = "NAME=W")]
     pub emitters: Vec<String>,
+    /// Move the object or glTF node NAME by X, Y, Z scene units and turn it about its upward axis (repeatable).
+    #[arg(long = "move", value_name = "NAME=X,Y,Z[,DEGREES]")]
+    pub moves: Vec<String>,
     /// Add luminaires with IES LM-63 or EULUMDAT files: a TOML file with [[luminaire]] tables of file, at and aim.
     #[arg(long, value_name = "FILE.toml")]
     pub luminaires: Option<PathBuf>,
@@ -203,9 +207,11 @@ impl SceneArgs {
 
     fn read(&self, common: &Common) -> Result<Scene> {
         let emitters = self.emitters.iter().map(|e| parse_emitter(e)).collect::<Result<Vec<_>>>()?;
+        let moves = self.moves.iter().map(|m| Move::parse(m)).collect::<Result<Vec<_>>>()?;
         let options = LoadOptions {
             unit: common.unit.clone(),
             emitters,
+            moves,
             luminaires: self.luminaires.as_deref().map(read_placements).transpose()?.unwrap_or_default(),
             photometry: self.photometry().unwrap_or_default(),
             up: self.up,

@@ -17,7 +17,7 @@ const GROUPS: [(&str, &[&str]); 3] = [
 ];
 
 /// Options of `solve` that only `mrvis help solve` lists.
-const ADVANCED: [&str; 18] = [
+const ADVANCED: [&str; 19] = [
     "compare",
     "feature_sizes",
     "gather_rays",
@@ -29,6 +29,7 @@ const ADVANCED: [&str; 18] = [
     "local_rays",
     "max_links",
     "min_area",
+    "moves",
     "mpi",
     "oracle",
     "rows",

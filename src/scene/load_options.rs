@@ -1,7 +1,7 @@
 //! What a file does not state.
 
 use super::read_luminaire::Luminaire;
-use super::{Channels, Photometry, Strength, UpAxis};
+use super::{Channels, Photometry, Strength, UpAxis, moves::Move};
 use glam::DVec3;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -14,6 +14,8 @@ pub struct LoadOptions {
     pub(crate) unit: String,
     /// Objects, groups or materials that become emitters, with what they send out.
     pub(crate) emitters: Vec<(String, Strength)>,
+    /// Objects and glTF nodes that are moved, in this order.
+    pub(crate) moves: Vec<Move>,
     /// Luminaires with photometric files.
     pub(crate) luminaires: Placements,
     /// How luminous quantities of the input become radiometric.
@@ -58,6 +60,7 @@ impl Default for LoadOptions {
         LoadOptions {
             unit: "m".into(),
             emitters: Vec::new(),
+            moves: Vec::new(),
             luminaires: Placements::default(),
             photometry: Photometry::default(),
             up: None,

@@ -19,6 +19,7 @@ mod load;
 mod load_options;
 mod luminaires;
 mod magnitudes;
+mod moves;
 mod mtl;
 mod overlap;
 mod photometry;
@@ -60,6 +61,7 @@ pub use load_options::LoadOptions;
 pub use luminaires::lit_from_memory;
 pub use luminaires::read_placements;
 pub(crate) use magnitudes::magnitude;
+pub(crate) use moves::Move;
 #[cfg(any(test, feature = "internals"))]
 pub use mtl::read_materials;
 pub use photometry::{Channels, Photometry};

@@ -11,7 +11,7 @@ use super::{
     connect::{self, Edges, Parts, Sets},
     emitters::{self, Faces},
     keep::Kept,
-    luminaires, overlap,
+    luminaires, moves, overlap,
     power::{self, Surfaces},
     stack::stack,
     triangulate::{Shape, Triangulator},
@@ -28,6 +28,15 @@ use glam::{DVec3, Vec3};
 /// # Errors
 /// See [`Scene::load`].
 pub fn resolve(mut soup: Soup, options: &LoadOptions) -> Result<Scene> {
+    moves::move_objects(&mut soup, options)?;
+    resolve_moved(soup, options)
+}
+
+/// [`resolve`] for a soup whose objects are where the options want them.
+///
+/// # Errors
+/// As [`resolve`].
+pub(super) fn resolve_moved(mut soup: Soup, options: &LoadOptions) -> Result<Scene> {
     luminaires::add_placed(&mut soup, options);
     resolve_as(soup, options, Role::Whole)
 }

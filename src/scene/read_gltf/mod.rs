@@ -39,8 +39,8 @@ pub(super) fn read(path: &Path, bytes: &[u8], sources: &mut Sources, options: &L
     let (repairs, materials, cameras, lights) = Default::default();
     let mut reader = Reader { path, buffers, materials, cameras, lights, hard_spots: 0, repairs };
     reader.read_materials(&document, sources)?;
-    let nodes = reader.nodes(&document)?;
-    sharing::scene(&mut reader, &document, &nodes, options)
+    let mut nodes = reader.nodes(&document)?;
+    sharing::scene(&mut reader, &document, &mut nodes, options)
 }
 
 /// The checked document, and the bytes of its buffers.

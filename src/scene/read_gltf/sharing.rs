@@ -11,7 +11,8 @@ use crate::{
     scene::{
         LoadOptions, MAX_STRETCH, Placement, Scene, Soup,
         keep::MIN_OPACITY,
-        resolve::{report_transparent, resolve, resolve_mesh},
+        moves::move_nodes,
+        resolve::{report_transparent, resolve_mesh, resolve_moved},
         stretch,
     },
 };
@@ -22,9 +23,11 @@ use std::collections::{HashMap, HashSet};
 pub(super) fn scene(
     reader: &mut Reader,
     document: &gltf::Document,
-    nodes: &[MeshNode],
+    nodes: &mut [MeshNode],
     options: &LoadOptions,
 ) -> Result<Scene> {
+    move_named(reader, document, nodes, options)?;
+    let nodes = &*nodes;
     let mut plan = Plan::of(reader, document, nodes, options);
     let shared = shared_meshes(reader, document, &mut plan, options);
     plan.report(reader);
@@ -50,9 +53,9 @@ pub(super) fn scene(
         reader.add_lights(&mut soup, placed.iter().copied().fold(own, Aabb::union), options)?;
         Ok(soup)
     };
-    let mut scene = match resolve(own_soup(reader, &plan)?, options) {
+    let mut scene = match resolve_moved(own_soup(reader, &plan)?, options) {
         // The scene's own nodes may have no usable face.
-        Err(_) if plan.copy_first() => resolve(own_soup(reader, &plan)?, options)?,
+        Err(_) if plan.copy_first() => resolve_moved(own_soup(reader, &plan)?, options)?,
         other => other?,
     };
     let number: HashMap<usize, u32> = shared.iter().enumerate().map(|(i, m)| (m.mesh, i as u32)).collect();
@@ -71,6 +74,25 @@ pub(super) fn scene(
     scene.repairs.messages.extend(messages);
     scene.place(shared.into_iter().map(|m| m.scene).collect(), placements)?;
     Ok(scene)
+}
+
+/// Moves the nodes that the options name.
+fn move_named(
+    reader: &Reader,
+    document: &gltf::Document,
+    nodes: &mut [MeshNode],
+    options: &LoadOptions,
+) -> Result<()> {
+    let meshes: Vec<usize> = nodes.iter().map(|node| node.mesh).collect();
+    let positions = |node: usize| {
+        let mut soup = Soup::default();
+        if let Some(mesh) = document.meshes().nth(meshes[node]) {
+            reader.mesh(&mut soup, "", &mesh, DAffine3::IDENTITY)?;
+        }
+        Ok(soup.positions)
+    };
+    let mut placed: Vec<_> = nodes.iter_mut().map(|node| (node.name.as_str(), &mut node.world)).collect();
+    move_nodes(&mut placed, positions, options)
 }
 
 /// Treatment of a node.

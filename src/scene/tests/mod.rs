@@ -8,6 +8,7 @@ mod instances;
 mod limits;
 mod luminaires;
 mod memory;
+mod moves;
 mod overlaps;
 mod repairs;
 
