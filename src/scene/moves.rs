@@ -1,6 +1,6 @@
 //! Objects, and nodes of glTF files, that are moved before a scene is checked: variants of one file.
 
-use super::{LoadOptions, Soup, UpAxis, power::some_names};
+use super::{Soup, UpAxis, power::some_names};
 use crate::{
     Error, Result,
     error::{figure, quote},
@@ -55,19 +55,19 @@ impl Move {
     }
 }
 
-/// Moves the objects of the soup that the options name.
+/// Moves the named objects of the soup, in the order of the moves.
 ///
 /// # Errors
-/// No object has a name of the options, or a rotation is asked for and the upward axis is not stated.
-pub(super) fn move_objects(soup: &mut Soup, options: &LoadOptions) -> Result<()> {
-    for motion in &options.moves {
+/// No object has such a name, or a rotation is asked for and the upward axis `up` is not stated.
+pub(super) fn move_objects(soup: &mut Soup, moves: &[Move], up: Option<UpAxis>) -> Result<()> {
+    for motion in moves {
         let objects = soup.objects.iter().zip(0..).filter(|(name, _)| **name == motion.name);
         let objects: Vec<u32> = objects.map(|(_, number)| number).collect();
         if objects.is_empty() {
             return Err(unknown(motion, soup.objects.iter()));
         }
         for object in objects {
-            move_object(soup, object, motion, options.up)?;
+            move_object(soup, object, motion, up)?;
         }
     }
     Ok(())
@@ -91,24 +91,24 @@ fn move_object(soup: &mut Soup, object: u32, motion: &Move, up: Option<UpAxis>) 
     Ok(())
 }
 
-/// Moves the nodes of a glTF file that the options name: names and transforms of all nodes, and the positions of a node's mesh by its
-/// number. +y is the upward axis unless the options state another.
+/// Moves the named nodes of a glTF file: names and transforms of all nodes, and the positions of a node's mesh by its number. +y is the
+/// upward axis unless `up` states another.
 ///
 /// # Errors
-/// No node has a name of the options, or as `positions`.
+/// No node has such a name, or as `positions`.
 pub(super) fn move_nodes(
     nodes: &mut [(&str, &mut DAffine3)],
     positions: impl Fn(usize) -> Result<Vec<DVec3>>,
-    options: &LoadOptions,
+    moves: &[Move],
+    up: Option<UpAxis>,
 ) -> Result<()> {
-    for motion in &options.moves {
+    for motion in moves {
         let mut found = false;
         for (number, (name, world)) in nodes.iter_mut().enumerate() {
             if **name == *motion.name {
                 found = true;
                 let placed = positions(number)?.into_iter().map(|p| world.transform_point3(p));
-                let up = options.up.or(Some(UpAxis::Y));
-                **world = motion.transform(centre(placed), up)? * **world;
+                **world = motion.transform(centre(placed), up.or(Some(UpAxis::Y)))? * **world;
             }
         }
         if !found {

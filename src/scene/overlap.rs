@@ -3,10 +3,9 @@
 //! The rule: the face whose part (connected faces) has the smaller area lies on top, of equal parts the one later in the file. The
 //! other is moved behind it by a few rounding errors and gets no light there (`stack.rs`).
 //!
-//! Examples are a rug at the height of the floor and a poster in the plane of its wall. A closed solid in contact with a face that
-//! it faces (a box on a floor) is excluded, because nothing between them is visible. Two sheets in contact are visible from both
-//! sides, also if they face each other; then there is no message, because bottoms of furniture that is not quite closed would give one
-//! for each piece.
+//! Examples are a rug at the height of the floor and a poster in the plane of its wall. Two closed solids in contact (a box on a
+//! block) are excluded, because nothing between them is visible. A sheet is visible from both sides, also if it faces what it is in
+//! contact with; then there is no message, because bottoms of furniture that is not quite closed would give one for each piece.
 //!
 //! A plane is described by two slopes and an intercept along the axis nearest to its normal. Faces with nearly equal
 //! descriptions are adjacent after sorting. Within such a group, faces with overlapping boxes are tested, found by a
@@ -236,7 +235,7 @@ fn overlap(faces: &Faces, [s, t]: [u32; 2], tolerance: &Tolerance) -> f64 {
     }
     let [p, q] = [corners(faces, s), corners(faces, t)];
     let [n, m] = [&p, &q].map(normal);
-    let from_one_side = n.dot(m) > 0.0 || ((faces.two_sided)(s) && (faces.two_sided)(t));
+    let from_one_side = n.dot(m) > 0.0 || (faces.two_sided)(s) || (faces.two_sided)(t);
     if !from_one_side || beside(&p, &q, m) || beside(&q, &p, n) {
         return 0.0;
     }

@@ -13,7 +13,7 @@ use super::{
     keep::Kept,
     luminaires, moves, overlap,
     power::{self, Surfaces},
-    stack::stack,
+    stack::{self, stack},
     triangulate::{Shape, Triangulator},
 };
 use crate::{
@@ -28,7 +28,7 @@ use glam::{DVec3, Vec3};
 /// # Errors
 /// See [`Scene::load`].
 pub fn resolve(mut soup: Soup, options: &LoadOptions) -> Result<Scene> {
-    moves::move_objects(&mut soup, options)?;
+    moves::move_objects(&mut soup, &options.moves, options.up)?;
     resolve_moved(soup, options)
 }
 
@@ -105,7 +105,12 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     };
     let found = overlap::find(&planes, &objects, &options.unit, &mut repairs);
     let areas = area_of_parts(&parts, &faces.polygon, &area);
-    stack(&found, &areas, &triangle_emitter, &mut positions, &mut triangles);
+    let surfaces = stack::Surfaces {
+        part_area: &areas,
+        emitter: &triangle_emitter,
+        two_sided: &|t| sides(part(t)) == 2,
+    };
+    stack(&found, surfaces, &mut positions, &mut triangles);
     Ok(Scene {
         path: soup.path,
         cameras: soup.cameras,

@@ -17,34 +17,46 @@ const MAX_LEVELS: u32 = 8;
 /// bent by more has an edge there.
 const MIN_COSINE: f32 = 0.999;
 
+/// What decides the order of overlapping triangles.
+pub(super) struct Surfaces<'a> {
+    /// Area of the part of each triangle.
+    pub part_area: &'a [f64],
+    /// Emitter of each triangle, or `u32::MAX`.
+    pub emitter: &'a [u32],
+    /// Whether a triangle is visible from both sides.
+    pub two_sided: &'a dyn Fn(usize) -> bool,
+}
+
 /// Moves the lower one of each two overlapping triangles behind the upper one: that of the smaller part, of equal parts the later
 /// one. Front is the front of an emitting face, so that lamps in the plane of a ceiling stay in front of it, or else the front of the
-/// lowest face. `part_area` is the area of the part of each triangle, `emitter` its
-/// emitter or `u32::MAX`. Moved triangles get vertices of their own; points in the common
-/// plane lie on the uppermost face.
+/// lowest face. A closed solid on a larger sheet that it faces stays: the sheet hides its face.
+/// Moved triangles get vertices of their own; points in the common plane lie on the uppermost face.
 pub(super) fn stack(
     found: &[Overlap],
-    part_area: &[f64],
-    emitter: &[u32],
+    Surfaces { part_area, emitter, two_sided }: Surfaces,
     positions: &mut Vec<Vec3>,
     triangles: &mut [[u32; 3]],
 ) {
-    if found.is_empty() {
+    let compared = |s: u32, t: u32| part_area[s as usize].total_cmp(&part_area[t as usize]).then(t.cmp(&s));
+    let normal = |t: u32| {
+        let [a, b, c] = triangles[t as usize].map(|v| positions[v as usize]);
+        triangle_normal(a, b, c)
+    };
+    let is_stacked = |&[upper, lower]: &[u32; 2]| {
+        let hides = two_sided(upper as usize) && emitter[upper as usize] == u32::MAX;
+        hides
+            || two_sided(lower as usize) == two_sided(upper as usize)
+            || normal(upper).dot(normal(lower)) > 0.0
+    };
+    let pairs = found.iter().map(|&(s, t, _)| if compared(s, t).is_lt() { [s, t] } else { [t, s] });
+    let mut pairs: Vec<[u32; 2]> = pairs.filter(is_stacked).collect();
+    if pairs.is_empty() {
         return;
     }
-    let compared = |s: u32, t: u32| part_area[s as usize].total_cmp(&part_area[t as usize]).then(t.cmp(&s));
-    let mut pairs: Vec<[u32; 2]> =
-        found.iter().map(|&(s, t, _)| if compared(s, t).is_lt() { [s, t] } else { [t, s] }).collect();
     // From the top: the level of the upper face is known when the lower one is reached.
     pairs.sort_by(|a, b| compared(a[1], b[1]));
     let levels = levels(&pairs);
-    let normals: HashMap<u32, Vec3> = levels
-        .keys()
-        .map(|&t| {
-            let [a, b, c] = triangles[t as usize].map(|v| positions[v as usize]);
-            (t, triangle_normal(a, b, c))
-        })
-        .collect();
+    let normals: HashMap<u32, Vec3> = levels.keys().map(|&t| (t, normal(t))).collect();
     let fronts = fronts(&pairs, &normals, emitter);
     let step = step(levels.keys().copied(), positions, triangles);
     let before = positions.len();

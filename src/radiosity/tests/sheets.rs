@@ -3,8 +3,9 @@
 use super::*;
 use crate::path_tracer;
 
-/// An open room with a rug at a height above the floor, of the same material, and a lamp. The front of the rug is above or below.
-fn rug_at(height: f64, turned: bool) -> Scene {
+/// A room with a rug at a height above the floor, of the same material, and a lamp. The front of the rug is above or below; the room
+/// has a ceiling and is then closed, or none.
+fn room_with_rug(height: f64, turned: bool, is_closed: bool) -> Scene {
     let mut soup = Soup::new("rug");
     let grey = soup.material(SoupMaterial::diffuse("grey", [0.5; 3]));
     let light = soup.material(SoupMaterial::light("light", [100.0; 3]));
@@ -21,9 +22,14 @@ fn rug_at(height: f64, turned: bool) -> Scene {
         rug.reverse();
     }
     add("rug", grey, rug);
-    let mut lamp = level(0.0, 0.0, 2.5, 0.2, 0.2);
+    let mut lamp = level(0.0, 0.0, if is_closed { 1.9 } else { 2.5 }, 0.2, 0.2);
     lamp.reverse();
     add("lamp", light, lamp);
+    if is_closed {
+        let mut ceiling = level(0.0, 0.0, 2.0, 2.0, 2.0);
+        ceiling.reverse();
+        add("ceiling", grey, ceiling);
+    }
     let corners = [(-2.0, -2.0), (2.0, -2.0), (2.0, 2.0), (-2.0, 2.0)];
     for k in 0..4 {
         let at = |k: usize, z: f64| DVec3::new(corners[k % 4].0, corners[k % 4].1, z);
@@ -41,14 +47,18 @@ fn rugs_create_no_energy() {
     // The created power of one solution has a standard deviation of about 0.8 % of the emitted power, that of four 0.4 %. Where rug
     // and floor both get the light, 12 % are created.
     let seeds = [1, 2, 3, 4];
-    for (height, turned) in [(0.0, false), (0.0, true), (1e-4, true)] {
+    let rooms =
+        [(0.0, false, false), (0.0, true, false), (1e-4, true, false), (0.0, false, true), (0.0, true, true)];
+    for (height, turned, is_closed) in rooms {
+        let scene = room_with_rug(height, turned, is_closed);
+        assert_eq!(scene.closed_parts, usize::from(is_closed));
         let (mut made, mut gone, mut given) = (0.0, 0.0, 0.0);
         for seed in seeds {
-            let outcome = solved(&rug_at(height, turned), &[], &Options { seed, ..Options::default() });
+            let outcome = solved(&scene, &[], &Options { seed, ..Options::default() });
             let Ledger { emitted, absorbed, escaped, created, .. } = outcome.record.ledger;
             (made, gone, given) = (made + created, gone + absorbed + escaped, given + emitted);
         }
-        assert!(made.abs() <= 1e-2 * given, "{height}: {made} of {given}");
+        assert!(made.abs() <= 1e-2 * given, "{height} {turned}: {made} of {given}");
         assert!((gone - given).abs() <= 1e-2 * given, "{height}: {gone} of {given}");
     }
 }
@@ -57,7 +67,7 @@ fn rugs_create_no_energy() {
 #[test]
 fn points_lie_on_the_nearest_sheet() {
     for height in [0.0, 1e-4, 1e-3] {
-        let scene = rug_at(height, false);
+        let scene = room_with_rug(height, false, false);
         // Beside the rug, on the rug, and rounded to six digits.
         let mut points = vec![at(-1.5, 1.5, 0.0), at(0.2, 0.1, height), at(0.2, 0.1, height + 3e-6)];
         if height > 0.0 {

@@ -92,7 +92,7 @@ fn move_named(
         Ok(soup.positions)
     };
     let mut placed: Vec<_> = nodes.iter_mut().map(|node| (node.name.as_str(), &mut node.world)).collect();
-    move_nodes(&mut placed, positions, options)
+    move_nodes(&mut placed, positions, &options.moves, options.up)
 }
 
 /// Treatment of a node.
