@@ -94,7 +94,7 @@ fn job(source: &TomlSource, entry: &JobEntry, inputs: Vec<String>, point: &Point
     })
 }
 
-/// What templates of a job may name: its command, its scene without folder and extension, and its options.
+/// What templates of a job may name: its command, its scene without folder and extension, the folder of its scene, and its options.
 fn fields(entry: &JobEntry, inputs: &[String], options: &[Opt]) -> Fields {
     let options = options.iter().map(|o| (o.name.clone(), plain(&o.value.shown())));
     let mut fields: Fields = options.collect();
@@ -102,6 +102,8 @@ fn fields(entry: &JobEntry, inputs: &[String], options: &[Opt]) -> Fields {
     if let Some(scene) = inputs.first() {
         let stem = Path::new(scene).file_stem().unwrap_or_default().to_string_lossy();
         fields.insert("scene".into(), plain(&stem));
+        let folder = Path::new(scene).parent().unwrap_or(Path::new("")).to_string_lossy();
+        fields.insert("folder".into(), plain(&folder));
     }
     fields
 }

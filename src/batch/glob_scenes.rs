@@ -3,8 +3,7 @@
 use super::toml_source::{Span, TomlSource};
 use crate::{Result, error::quote};
 
-/// The scenes of a pattern relative to the job file, in alphabetic order. A path without signs of a pattern is that file, which must
-/// exist; one that names outputs of a job is left as it is.
+/// The scenes of a pattern relative to the job file, in alphabetic order. A path that exists, or without signs of a pattern, is that file; one that names outputs of a job is left as it is.
 ///
 /// # Errors
 /// No file matches, or the pattern is invalid.
@@ -13,7 +12,7 @@ pub fn scenes(source: &TomlSource, pattern: &str, span: &Span) -> Result<Vec<Str
         return Ok(vec![pattern.into()]);
     }
     let folder = source.folder();
-    if !pattern.contains(['*', '?', '[']) {
+    if !pattern.contains(['*', '?', '[']) || folder.join(pattern).is_file() {
         return match std::fs::metadata(folder.join(pattern)) {
             Ok(about) if about.is_file() => Ok(vec![pattern.into()]),
             Ok(_) => Err(source.error(span, format!("`{}` is not a file", quote(pattern)))),

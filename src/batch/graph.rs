@@ -69,8 +69,9 @@ fn check_names(source: &TomlSource, jobs: &[Job]) -> Result<()> {
         }
         if let Some(other) = known.insert(job.name.to_lowercase(), job) {
             let what = format!(
-                "two jobs have the folder `{}`{}: name the options in which they differ, as in `{{scene}}-{{error}}`",
+                "two jobs have the folder `{}`{}{}: name what they differ in, as in `{{folder}}-{{scene}}-{{error}}`",
                 quote(&job.name),
+                scenes_of(other, job),
                 if other.name == job.name {
                     ""
                 } else {
@@ -90,6 +91,14 @@ fn check_names(source: &TomlSource, jobs: &[Job]) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// The scenes of two jobs of one name, if they differ.
+fn scenes_of(one: &Job, other: &Job) -> String {
+    match (one.inputs.first(), other.inputs.first()) {
+        (Some(a), Some(b)) if a != b => format!(" (of `{}` and `{}`)", quote(a), quote(b)),
+        _ => String::new(),
+    }
 }
 
 /// Jobs in an order in which each comes after those that it needs; those on circles are left out.

@@ -152,6 +152,14 @@ pub fn read_journals(out: &Path) -> Result<Entries> {
     Ok(entries)
 }
 
+/// Whether a batch has begun in this folder.
+///
+/// # Errors
+/// The folder cannot be read.
+pub fn has_journal(out: &Path) -> Result<bool> {
+    Ok(!journals(out)?.is_empty())
+}
+
 /// The journals of an output folder.
 fn journals(out: &Path) -> Result<Vec<PathBuf>> {
     let folder = out.join(FOLDER);

@@ -5,6 +5,9 @@ use std::path::{Component, Path};
 /// Folder of the batch below its output folder: journals, lock and unfinished jobs.
 pub const FOLDER: &str = ".mrvis-batch";
 
+/// Tables of all jobs in the output folder.
+pub const TABLES: [&str; 3] = ["results.csv", "results.jsonl", "results.parquet"];
+
 /// Similarity (Jaro-Winkler) from which a known name is suggested: that of clap for options and commands.
 const MIN_SIMILARITY: f64 = 0.7;
 
@@ -37,8 +40,10 @@ pub fn fault(name: &str) -> Option<String> {
         return Some("leaves the output folder, or is no plain path below it".into());
     }
     let first = name.split('/').next().unwrap_or_default();
-    let own = [FOLDER, "results.csv", "results.jsonl", "results.parquet", "report.html"];
-    own.contains(&first).then(|| format!("`{first}` is a file or folder of the batch itself"))
+    // Some file systems do not distinguish cases.
+    let is_own = |own: &&'static str| own.eq_ignore_ascii_case(first);
+    let own = [FOLDER, "report.html"].into_iter().chain(TABLES).find(is_own);
+    own.map(|own| format!("begins with `{own}`, a file or folder of the batch itself"))
 }
 
 /// A value as a part of a name: other characters than letters, digits and `-_.+=,` become `_`.

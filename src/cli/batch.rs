@@ -12,9 +12,12 @@ mod words;
 
 pub use job_run::run_requested;
 
+use super::inputs::{Inputs, Output};
 use super::mpi::MpiArgs;
-use super::{cores, interruption, limits};
-use crate::batch::{Capacity, Hashes, Journal, lock, lock_split, read_journals, write_results};
+use super::{interruption, limits};
+use crate::batch::{
+    Capacity, Hashes, Journal, Status, TABLES, lock, lock_split, read_journals, write_results,
+};
 use crate::threads::MAX_THREADS;
 use crate::{Result, memory};
 use plan::Plan;
@@ -40,13 +43,13 @@ pub struct Args {
     /// Check everything and list the jobs with what is known of their memory and time, without running any.
     #[arg(long)]
     dry_run: bool,
-    /// Threads of all jobs together [default: one per core]
+    /// Threads of all jobs together, of each process with --mpi [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MAX_THREADS as i64))]
     threads: Option<u16>,
-    /// Largest number of jobs at once [default: the number of threads]
+    /// Largest number of jobs at once, in each process with --mpi [default: the number of threads]
     #[arg(long = "jobs-at-once", value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     at_once: Option<u16>,
-    /// Memory of all jobs together, in GiB [default: 80 % of what is available]
+    /// Memory of all jobs together, of each process with --mpi, in GiB [default: 80 % of what is available]
     #[arg(long, value_name = "G", value_parser = limits::parse)]
     memory: Option<f64>,
     /// Run a failed job again, so many times at most.
@@ -69,7 +72,7 @@ impl Args {
     /// What one process runs at once. Ranks on one machine share it.
     fn capacity(&self) -> Capacity {
         let processes = self.mpi.on_machine();
-        let threads = self.threads.map_or_else(|| cores().div_ceil(processes), usize::from);
+        let threads = self.threads.map_or_else(|| self.mpi.threads(), usize::from);
         let usable = || memory::usable().map(|bytes| bytes / processes as u64);
         let budget = self.memory.map(|g| (g * limits::GIB) as u64).or_else(usable);
         Capacity {
@@ -77,6 +80,16 @@ impl Args {
             jobs: self.at_once.map_or(threads, usize::from),
             memory: budget.unwrap_or(u64::MAX),
         }
+    }
+}
+
+impl Args {
+    /// Refuses a log that would be written into an input or a table of the batch.
+    fn check_log(&self, plan: &Plan) -> Result<()> {
+        let Some(log) = &self.log else { return Ok(()) };
+        let files = plan.lines.iter().flat_map(|line| &line.files).map(PathBuf::as_path);
+        let tables = Output::within("--out", &self.out, TABLES.map(String::from));
+        Inputs::of(files.chain([self.jobs.as_path()])).check(tables.chain([Output::new("--log", log)]))
     }
 }
 
@@ -98,6 +111,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         super::print(&plan.listed(&entries, &done))?;
         return Ok(ExitCode::SUCCESS);
     }
+    args.check_log(&plan)?;
     let part = args.shard.map_or(String::new(), Shard::suffix);
     // Parts share the folder with each other, but not with a batch of all jobs.
     let _locks = [
@@ -119,6 +133,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let settings = Settings {
         capacity: args.capacity(),
         retry: args.retry,
+        tables: args.shard.is_none(),
         #[cfg(feature = "mpi")]
         world: args.mpi.world(),
     };
@@ -147,9 +162,10 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         };
         super::print(&format!("{text}; {table}\n"))?;
     }
+    let missed = |k: &usize| entries.get(&plan.jobs[*k].name).is_some_and(|e| e.status == Status::Missed);
     Ok(match summary {
-        s if s.failed + s.skipped > 0 => ExitCode::from(2),
-        s if s.missed > 0 => ExitCode::from(1),
+        s if s.failed + s.skipped > 0 => ExitCode::from(super::FAILED),
+        _ if plan.chosen.iter().any(missed) => ExitCode::from(1),
         _ => ExitCode::SUCCESS,
     })
 }

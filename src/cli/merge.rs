@@ -1,8 +1,8 @@
 //! `mrvis merge DIR... --out OUT`: joins the outputs of the parts of a batch.
 
 use crate::batch::{
-    Entries, Entry, Journal, Listed, Status, begin, holds, lock, publish, publish_left, read_journals,
-    read_listed, seal, sync_up, work, write_results,
+    Entries, Entry, Journal, Listed, Status, begin, has_journal, holds, lock, publish, publish_left,
+    read_journals, read_listed, seal, sync_up, work, write_results,
 };
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -25,7 +25,7 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<ExitCode> {
     let out = args.out.as_ref().unwrap_or(&args.folders[0]);
     for folder in &args.folders {
-        if read_journals(folder)?.is_empty() {
+        if !has_journal(folder)? {
             return Err(Error::format(folder, None, "is no output folder of a batch: it has no journal"));
         }
     }

@@ -41,6 +41,9 @@ use std::{
     sync::{Mutex, PoisonError},
 };
 
+/// Exit code after an error.
+const FAILED: u8 = 2;
+
 /// Visibility and radiosity in scenes with much small detail.
 #[derive(Parser)]
 #[command(version, max_term_width = 110, disable_help_flag = true, disable_version_flag = true)]
@@ -136,7 +139,8 @@ pub fn main() -> ExitCode {
     catch_unwind(parse_and_run).unwrap_or_else(|_| {
         let what = last().split_whitespace().collect::<Vec<_>>().join(" ");
         let _ = writeln!(std::io::stderr(), "mrvis: internal error, please report it: {what}");
-        ExitCode::from(2)
+        mpi::end_after_error();
+        ExitCode::from(FAILED)
     })
 }
 
@@ -170,7 +174,9 @@ fn parse_and_run() -> ExitCode {
         Ok(code) => mpi::end(code),
         // A reader may close the pipe early.
         Err(Error::Io { source, .. }) if source.kind() == ErrorKind::BrokenPipe => {
-            mpi::end(ExitCode::SUCCESS)
+            // Other ranks may wait for rows of this one.
+            mpi::end_after_error();
+            ExitCode::SUCCESS
         }
         Err(error) => failed(&error),
     }
@@ -180,7 +186,8 @@ fn failed(error: &Error) -> ExitCode {
     let (sign, text) = (mpi::sign(), with_flags(&one_line(error)));
     // A closed standard error is ignored.
     let _ = writeln!(std::io::stderr(), "mrvis: {sign}{text}");
-    ExitCode::from(2)
+    mpi::end_after_error();
+    ExitCode::from(FAILED)
 }
 
 /// The error in a command line, with a suggestion if there is one, without usage.

@@ -1,8 +1,7 @@
 //! `--mpi`: the processes that an MPI launcher (`mpirun`, `srun`) started share one command. Each is a rank; the first, number 0, writes
 //! and prints, the others only compute.
 //!
-//! An error of any rank ends all: a rank that exits without leaving MPI is noticed by the launcher, which then ends the others. Outputs
-//! appear whole or not at all, so that nothing half-written remains.
+//! An error of any rank ends all of them. Each output appears whole or not at all, so that nothing half-written remains.
 
 #[cfg(feature = "mpi")]
 mod world;
@@ -67,10 +66,18 @@ impl MpiArgs {
         1
     }
 
+    /// Threads of this process by default.
+    pub fn threads(self) -> usize {
+        #[cfg(feature = "mpi")]
+        return self.world().map_or_else(super::cores, World::threads);
+        #[cfg(not(feature = "mpi"))]
+        super::cores()
+    }
+
     /// All ranks, if the option is given.
     #[cfg(feature = "mpi")]
     pub fn world(self) -> Option<World> {
-        World::present().filter(|_| self.mpi)
+        self.mpi.then(World::present).flatten()
     }
 
     /// What the ranks have exchanged, if there are several.
@@ -126,7 +133,7 @@ fn join(common: Option<&mut Common>) -> Result<()> {
     let Some(common) = common else { return Ok(()) };
     let usable = crate::memory::usable().map(|bytes| bytes as f64 / GIB / world.on_machine() as f64);
     common.max_memory = common.max_memory.or(usable);
-    let threads = super::cores().div_ceil(world.on_machine());
+    let threads = world.threads();
     common.threads = common.threads.or(Some(threads.min(MAX_THREADS) as u16));
     if !world.is_first() {
         (common.quiet, common.json) = (true, None);
@@ -141,6 +148,14 @@ fn join(_: Option<&mut Common>) -> Result<()> {
          libopenmpi-dev openmpi-bin), or omit --mpi"
             .into(),
     ))
+}
+
+/// Ends all ranks after an error of this one, which has been reported. Returns without MPI.
+pub fn end_after_error() {
+    #[cfg(feature = "mpi")]
+    if let Some(world) = World::present() {
+        world.abort(super::FAILED);
+    }
 }
 
 /// The exit code of this rank once its command has ended well. Waits for all ranks.

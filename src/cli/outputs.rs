@@ -4,8 +4,8 @@ use super::args::{Common, distinct, plain};
 use crate::{
     Result,
     export::{
-        Camera, MAX_PIXELS, MAX_SIDE, Mesh, PageView, Stage, Tone, VIEW, best_view, developed, picture,
-        suitable_lightmap, write_glb, write_lightmap_mesh, write_ply, write_vtu,
+        Camera, MAX_PIXELS, MAX_SIDE, Mesh, PageView, Stage, Tone, VIEW, best_view, bytes_per_pixel,
+        developed, picture, suitable_lightmap, write_glb, write_lightmap_mesh, write_ply, write_vtu,
     },
     image_io::{Picture, write_exr_rgb, write_png},
     points::Point,
@@ -107,6 +107,14 @@ impl Files<'_> {
 pub type Gather<'a> = &'a dyn Fn(&[Point], f64) -> Option<Vec<[f64; 3]>>;
 
 impl Outputs {
+    /// Bytes that the pictures take while one of them is drawn, at most.
+    pub fn picture_bytes(&self) -> u64 {
+        let [columns, rows] = self.image_size.map(|n| n as u64);
+        let wanted =
+            self.outputs.as_ref().is_none_or(|o| o.contains(&Kind::Image) || o.contains(&Kind::Page));
+        if wanted { columns * rows * bytes_per_pixel(self.gather) as u64 } else { 0 }
+    }
+
     /// Writes the requested files into a folder, except the page, which needs the final record. `irradiance` computes the light of pixels for
     /// `--gather`; where it returns `None`, light is interpolated. Once `progress` has stopped, only `solution.vtu` is written; it does
     /// not stop for small solutions.

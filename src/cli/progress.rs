@@ -75,7 +75,7 @@ impl Progress for Bar {
 const MIN_KNOWN_PART: f64 = 0.02;
 
 /// The time that the rest of a stage takes at its mean speed so far; none before the speed is known.
-fn time_left(elapsed: Duration, part: f64) -> Option<Duration> {
+pub fn time_left(elapsed: Duration, part: f64) -> Option<Duration> {
     (part >= MIN_KNOWN_PART).then(|| elapsed.mul_f64((1.0 - part).max(0.0) / part))
 }
 

@@ -116,7 +116,7 @@ pub struct Args {
     #[command(flatten)]
     cache: CacheArgs,
     #[command(flatten)]
-    outputs: Outputs,
+    pub outputs: Outputs,
     #[command(flatten)]
     pub mpi: MpiArgs,
     #[command(flatten)]

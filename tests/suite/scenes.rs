@@ -21,7 +21,7 @@ fn scenes_without_furniture_are_assembled() {
         let info = scratch.mrvis(&["info", &format!("{name}.obj"), "--json", "-", "--quiet"]);
         assert_eq!(info.code, Some(0), "{name}: {}", info.stderr);
         let about: serde_json::Value = serde_json::from_str(&info.stdout).expect("JSON");
-        assert!(about["triangles"].as_u64().is_some_and(|count| count > 50_000), "{name}: {about}");
+        assert!(about["scene"]["triangles"].as_u64().is_some_and(|count| count > 50_000), "{name}: {about}");
         assert!(about["emitters"].as_array().is_some_and(|list| !list.is_empty()), "{name}: {about}");
     }
 }

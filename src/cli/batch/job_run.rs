@@ -60,6 +60,8 @@ pub fn in_process(line: &Line, shown: &str, threads: usize, scenes: &Arc<SharedS
         Ok(Ok(ran)) => ran,
     };
     match result {
+        // Outputs of a command that was interrupted may be those of half of the work.
+        Ok(_) if interruption::stopped() => Ended::failed("the process of the job was interrupted"),
         Ok(code) => Ended { missed: code != ExitCode::SUCCESS, read, ..Ended::default() },
         Err(error) => Ended::with_error(&error),
     }
@@ -124,6 +126,8 @@ pub fn as_process(line: &Line, shown: &str, threads: usize, limits: Limits) -> E
         let seconds = limits.seconds.unwrap_or_default();
         return Ended::failed(format!("the time limit of {seconds} s was over; raise `limits.seconds`"));
     }
+    // Some ends of the standard library are followed by a list of functions.
+    let text = text.split("stack backtrace:").next().unwrap_or_default();
     let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
     let limit = limits.memory.map_or(String::new(), |bytes| {
         format!(" (its memory limit is {:.1} GiB: `limits.memory`)", bytes as f64 / (1u64 << 30) as f64)

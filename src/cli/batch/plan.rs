@@ -37,6 +37,8 @@ pub struct Plan {
     pub listed: Listed,
     /// Files that the command lines name.
     pub inputs: Vec<Vec<HashedFile>>,
+    /// Bytes that the pictures of a job take.
+    pictures: Vec<u64>,
     /// Threads that a job asks for.
     pub threads: Vec<Option<usize>>,
     /// Indices of the jobs to be run, in an order that dependencies allow.
@@ -55,12 +57,16 @@ impl Plan {
         let (grammar, count) = (Grammar::new(), jobs.len());
         grammar.drop_foreign_defaults(&source, &mut jobs)?;
         let (mut lines, mut shown, mut threads) = (Vec::new(), Vec::new(), Vec::new());
-        let mut inputs = Vec::new();
+        let (mut inputs, mut pictures) = (Vec::new(), Vec::new());
         for job in &jobs {
             let line = grammar.line(&source, job, out, &work(out, &job.name))?;
             let command = grammar.check(&source, job, &line)?;
             shown.push(grammar.line(&source, job, out, &out.join(&job.name))?.shown());
             threads.push(threads_of(&command));
+            pictures.push(match &command {
+                Command::Solve(args) => args.outputs.picture_bytes(),
+                _ => 0,
+            });
             inputs.push(line.files.iter().map(|file| hashes.read(file)).collect::<Result<Vec<_>>>()?);
             lines.push(line);
         }
@@ -84,7 +90,19 @@ impl Plan {
         let listed = Listed::new(&file.finalize().to_hex(), names().zip(keys.iter().cloned()));
         let chosen = order.into_iter().filter(|k| wanted.contains(k)).collect();
         let places = Places { jobs: source.folder().into(), out: out.into() };
-        Ok(Plan { out: out.into(), places, jobs, lines, shown, keys, listed, inputs, threads, chosen })
+        Ok(Plan {
+            out: out.into(),
+            places,
+            jobs,
+            lines,
+            shown,
+            keys,
+            listed,
+            inputs,
+            pictures,
+            threads,
+            chosen,
+        })
     }
 
     /// Bytes of the scene of a job, if it is there.
@@ -96,7 +114,7 @@ impl Plan {
     /// Memory of a job, bytes: that of an earlier run as a process of its own, else an estimate if its scene is there.
     pub fn memory(&self, job: usize, entries: &Entries) -> Option<u64> {
         let known = entries.get(&self.jobs[job].name).and_then(|entry| entry.peak_bytes);
-        known.or_else(|| Some(MIN_MEMORY + MEMORY_PER_BYTE * self.scene_bytes(job)?))
+        known.or_else(|| Some(MIN_MEMORY + MEMORY_PER_BYTE * self.scene_bytes(job)? + self.pictures[job]))
     }
 
     /// Seconds that an earlier run of a job took.

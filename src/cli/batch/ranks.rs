@@ -8,6 +8,7 @@ use super::job_run::{Ended, as_process, in_process};
 use super::plan::Plan;
 use super::words::Line;
 use crate::batch::{Capacity, Limits, begin};
+use crate::cli::interruption;
 use crate::cli::mpi::{Mailbox, World};
 use crate::cli::shared_scenes::SharedScenes;
 use crate::ranks::Exchange;
@@ -122,12 +123,17 @@ fn request(plan: &Plan, assignment: &Assignment) -> Request {
 
 /// Runs what the first rank hands out within this capacity, until it says that there is no more.
 pub fn serve(world: World, capacity: Capacity) {
+    interruption::watch(None);
     capacities(world, capacity);
     let scenes = Arc::new(SharedScenes::new(Arc::default()));
     let (replies, ended) = channel();
     let mut mailbox = Mailbox::new(world);
     std::thread::scope(|scope| {
         loop {
+            if interruption::stopped() {
+                // Threads of running jobs cannot be waited for.
+                world.abort(interruption::INTERRUPTED);
+            }
             while let Some((_, message)) = mailbox.receive() {
                 if message.is_empty() {
                     return;

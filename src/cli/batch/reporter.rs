@@ -1,6 +1,7 @@
 //! What a batch says while it runs: lines on a terminal that change, plain lines elsewhere, and a log of JSON Lines.
 
 use crate::batch::{Entry, Status};
+use crate::cli::progress::time_left;
 use crate::{Error, Result};
 use indicatif::{HumanDuration, MultiProgress, ProgressBar, ProgressStyle};
 use serde_json::json;
@@ -152,6 +153,7 @@ impl Reporter {
 
     /// A job is not run because it needs a failed one.
     pub fn skipped(&self, name: &str, needs: &str, why: &str) {
+        self.state().ended += 1;
         self.note("skipped", json!({ "job": name, "needs": needs }));
         self.say(&format!("skipped {name}: {why}"));
     }
@@ -170,14 +172,11 @@ impl Reporter {
     }
 }
 
-/// Part of the work that must be done before the time left is estimated: before it the first few jobs decide.
-const MIN_KNOWN_PART: f64 = 0.02;
-
 impl State {
     /// The time left, in words: the work left at the mean speed so far.
     fn left(&self, elapsed: Duration) -> Option<String> {
         let part = if self.work_total > 0.0 { self.work_ended / self.work_total } else { 0.0 };
-        let known = part >= MIN_KNOWN_PART && self.ended < self.total;
-        known.then(|| format!(", {} left", HumanDuration(elapsed.mul_f64((1.0 - part).max(0.0) / part))))
+        let left = time_left(elapsed, part).filter(|_| self.ended < self.total)?;
+        Some(format!(", {} left", HumanDuration(left)))
     }
 }

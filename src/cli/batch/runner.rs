@@ -37,6 +37,8 @@ pub struct Settings {
     pub capacity: Capacity,
     /// Further runs of a failed job, if the job file states fewer.
     pub retry: u32,
+    /// Whether an interrupted batch writes tables of all jobs: parts of a batch leave them to `merge`.
+    pub tables: bool,
     /// All ranks, if others run jobs as well.
     #[cfg(feature = "mpi")]
     pub world: Option<World>,
@@ -61,6 +63,8 @@ struct Runner<'a> {
     reporter: &'a Reporter,
     schedule: Schedule,
     attempts: HashMap<usize, u32>,
+    /// Jobs that an earlier batch had begun when it was ended: it may have run out of memory in one of them.
+    begun: Vec<bool>,
     summary: Summary,
     /// Why no more jobs start.
     broken: Option<Error>,
@@ -91,6 +95,7 @@ pub fn run(
     let capacities = capacities(settings);
     // What an earlier run has made of jobs that are to be run is no result of this one.
     plan.chosen.iter().filter(|&&k| !done[k]).for_each(|&k| drop(entries.remove(&plan.jobs[k].name)));
+    let begun = plan.jobs.iter().zip(done).map(|(job, done)| !done && work(&plan.out, &job.name).exists());
     let schedule = Schedule::new(tasks, capacities.clone(), done.to_vec(), &plan.chosen);
     let mut runner = Runner {
         plan,
@@ -98,6 +103,7 @@ pub fn run(
         reporter,
         schedule,
         attempts: HashMap::new(),
+        begun: begun.collect(),
         summary: Summary::default(),
         broken: None,
         open: 0,
@@ -128,7 +134,10 @@ pub fn run(
                 runner.summary.done + runner.summary.missed,
                 runner.schedule.waiting().count() + runner.open,
             );
-            let _ = write_results(&plan.out, plan.own_entries(entries));
+            if settings.tables {
+                // The batch ends in any case, and the next run writes them again.
+                let _ = write_results(&plan.out, plan.own_entries(entries));
+            }
             std::process::exit(interruption::INTERRUPTED.into());
         }
     });
@@ -221,7 +230,7 @@ impl<'a> Runner<'a> {
             return;
         }
         self.scenes.shrink_to(spare);
-        let scenes = self.scenes.clone();
+        let (scenes, refused) = (self.scenes.clone(), events.clone());
         let work = move || {
             let start = Instant::now();
             let (line, shown) = (&plan.lines[job], &plan.shown[job]);
@@ -235,14 +244,20 @@ impl<'a> Runner<'a> {
             // Without a receiver the batch has ended.
             let _ = events.send(Event::Ran(Finished { job, attempt, threads, seconds, ended, needs }));
         };
-        scope.spawn(work);
+        if let Err(e) = std::thread::Builder::new().spawn_scoped(scope, work) {
+            let ended = Ended::with_error(&Error::io("thread of a job", e));
+            let ran = Finished { job, attempt, threads, seconds: 0.0, ended, needs: Vec::new() };
+            // The receiver is this thread.
+            let _ = refused.send(Event::Ran(ran));
+        }
     }
 
-    /// The limits of a job; one that takes much of the budget of its process has at least that limit.
+    /// The limits of a job; one that takes much of the budget of its process, or may have ended an earlier batch, has at least that
+    /// limit.
     fn limits(&self, job: usize, threads: usize, budget: u64) -> Limits {
         let mut limits = self.plan.jobs[job].limits;
         let expected = self.plan.memory(job, &Entries::new()).unwrap_or(0);
-        if expected.saturating_sub(MIN_MEMORY) > budget / MAX_SHARED_PART {
+        if self.begun[job] || expected.saturating_sub(MIN_MEMORY) > budget / MAX_SHARED_PART {
             let reserved = RESERVED_BY_THREAD.saturating_mul(threads as u64 + 1);
             limits.memory = limits.memory.or(Some(budget.saturating_add(reserved)));
         }

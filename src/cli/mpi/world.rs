@@ -16,8 +16,9 @@ use std::time::{Duration, Instant};
 static SESSION: Mutex<Option<Session>> = Mutex::new(None);
 
 struct Session {
-    universe: Universe,
-    on_machine: usize,
+    /// Ends MPI when it is dropped.
+    _universe: Universe,
+    world: World,
     sharing: Sharing,
 }
 
@@ -66,6 +67,16 @@ fn cpu_seconds() -> f64 {
     0.0
 }
 
+/// Number of processors of this machine that are switched on, as Linux lists them: `0-3,8`.
+fn online_cores() -> Option<usize> {
+    let list = std::fs::read_to_string("/sys/devices/system/cpu/online").ok()?;
+    let count = |range: &str| {
+        let (first, last) = range.split_once('-').unwrap_or((range, range));
+        Some(last.parse::<usize>().ok()?.checked_sub(first.parse().ok()?)? + 1)
+    };
+    list.trim().split(',').map(count).sum()
+}
+
 fn session() -> MutexGuard<'static, Option<Session>> {
     SESSION.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -93,18 +104,25 @@ impl World {
             || Error::Unsupported("--mpi: MPI does not start, or not for programs with threads".into());
         let (universe, threading) =
             mpi::initialize_with_threading(Threading::Serialized).ok_or_else(refused)?;
-        let on_machine = universe.world().split_shared(0).size() as usize;
-        let sharing = Sharing { ranks: universe.world().size() as usize, ..Sharing::default() };
-        *session() = Some(Session { universe, on_machine, sharing });
-        World::present().filter(|_| threading >= Threading::Serialized).ok_or_else(refused)
+        if threading < Threading::Serialized {
+            return Err(refused());
+        }
+        let all = universe.world();
+        let on_machine = all.split_shared(0).size() as usize;
+        let world = World { count: all.size() as usize, own: all.rank() as usize, on_machine };
+        let sharing = Sharing { ranks: world.count, ..Sharing::default() };
+        *session() = Some(Session { _universe: universe, world, sharing });
+        Ok(world)
     }
 
     /// The ranks, once they have joined.
     pub fn present() -> Option<World> {
-        let session = session();
-        let Session { universe, on_machine, .. } = session.as_ref()?;
-        let world = universe.world();
-        Some(World { count: world.size() as usize, own: world.rank() as usize, on_machine: *on_machine })
+        session().as_ref().map(|session| session.world)
+    }
+
+    /// Ends all ranks with this exit code: others may wait for this one.
+    pub fn abort(self, code: u8) -> ! {
+        communicator().abort(code.into())
     }
 
     /// The number of this rank.
@@ -115,6 +133,12 @@ impl World {
     /// Number of ranks on this machine, which share its memory and its cores.
     pub fn on_machine(self) -> usize {
         self.on_machine
+    }
+
+    /// Threads of a rank by default: the cores that the launcher gave it, else an equal part of those of its machine.
+    pub fn threads(self) -> usize {
+        let (usable, online) = (super::super::cores(), online_cores());
+        if online.is_some_and(|online| usable < online) { usable } else { usable.div_ceil(self.on_machine) }
     }
 
     /// Whether this is the first rank.

@@ -1,7 +1,7 @@
 //! What counts as done, and what is kept when something goes wrong with the outputs of one job.
 
-use super::{COUNT, JOBS, batch, journal, prepared, results};
-use crate::run::Scratch;
+use super::{COUNT, JOBS, batch, journal, prepared, results, started};
+use crate::run::{Outcome, Scratch};
 use serde_json::Value;
 use std::path::Path;
 
@@ -235,4 +235,102 @@ fn parts_of_two_splits_do_not_run_together() {
         "{}",
         refused.stderr
     );
+}
+
+/// The process that `parent` has started and that has worked for half a second: by then it handles interruptions.
+#[cfg(target_os = "linux")]
+fn process_at_work(parent: u32) -> Option<String> {
+    let processes = std::fs::read_dir("/proc").expect("Linux lists processes").flatten();
+    processes.map(|entry| entry.file_name().to_string_lossy().into_owned()).find(|pid| {
+        let line = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+        // After the name: state, ppid; and utime in hundredths of a second, of proc_pid_stat(5).
+        let fields: Vec<&str> = line.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
+        let number = |field: usize| fields.get(field).and_then(|n| n.parse::<u64>().ok());
+        number(1) == Some(parent.into()) && number(11).is_some_and(|hundredths| hundredths > 50)
+    })
+}
+
+/// A job whose own process is interrupted has failed: its solution is that of half of the work.
+#[test]
+#[cfg(target_os = "linux")]
+fn an_interrupted_process_of_a_job_has_failed() {
+    let scratch = prepared();
+    scratch.write(
+        "jobs.toml",
+        "[[job]]\nname = 'long'\ncommand = 'solve'\nscene = 'cornell.obj'\nlimits = { seconds = 500 }\n\
+         options = { unit = 'mm', error = 0.0002, output = ['none'], cache = 'off' }\n",
+    );
+    let mut batch = started(&scratch, &["batch", "jobs.toml", "--out", "o"]);
+    let job = loop {
+        if let Some(pid) = process_at_work(batch.id()) {
+            break pid;
+        }
+        assert!(batch.try_wait().expect("a child").is_none(), "the job is not at work");
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    };
+    let told = std::process::Command::new("kill").args(["-INT", &job]).status().expect("kill runs");
+    assert!(told.success());
+    let ended = Outcome::of(batch.wait_with_output().expect("ended"));
+    assert_eq!(ended.code, Some(2), "{}{}", ended.stdout, ended.stderr);
+    assert!(ended.stderr.contains("was interrupted"), "{}", ended.stderr);
+    assert_eq!(journal(&scratch.path("o"))[0]["status"], "failed");
+}
+
+/// A job that an ended batch had begun may have ended it, for want of memory: it runs as a process of its own.
+#[test]
+fn begun_jobs_run_apart() {
+    let scratch = prepared();
+    scratch.write("jobs.toml", "[[job]]\nname = '{unit}'\ncommand = 'info'\nscene = 'cornell.obj'\n[job.sweep]\nunit = ['m', 'cm']\n");
+    std::fs::create_dir_all(scratch.path("o/.mrvis-batch/work/cm")).expect("made");
+    assert_eq!(ran(&scratch, "o").len(), 2);
+    for line in journal(&scratch.path("o")) {
+        assert_eq!(line["peak_bytes"].is_number(), line["job"] == "cm", "{line}");
+    }
+}
+
+/// A tolerance that was missed is reported by every run, not only by the one that ran the job.
+#[test]
+fn missed_tolerances_are_reported_again() {
+    let scratch = prepared();
+    scratch.write(
+        "jobs.toml",
+        "[[job]]\nname = 'missed'\ncommand = 'solve'\nscene = 'cornell.obj'\n\
+         options = { unit = 'mm', error = 0.4, target-error = 1e-5, max-seconds = 0.1, output = ['none'], cache = 'off' }\n",
+    );
+    for _ in 0..2 {
+        let ended = batch(&scratch, &["--out", "o"]);
+        assert_eq!(ended.code, Some(1), "{}{}", ended.stdout, ended.stderr);
+    }
+    assert_eq!(journal(&scratch.path("o")).len(), 1);
+}
+
+/// The log never becomes a part of what the batch reads or writes.
+#[test]
+fn the_log_replaces_no_input() {
+    let scratch = prepared();
+    let before = std::fs::read(scratch.path("cornell.obj")).expect("the scene");
+    for log in ["cornell.obj", "jobs.toml", "o/results.csv"] {
+        let refused = batch(&scratch, &["--out", "o", "--log", log]);
+        assert_eq!(refused.code, Some(2), "{log}: {}", refused.stdout);
+        assert!(refused.stderr.contains("--log"), "{}", refused.stderr);
+    }
+    assert_eq!(std::fs::read(scratch.path("cornell.obj")).expect("the scene"), before);
+}
+
+/// Scenes of one name in several folders have names of their own by `{folder}`; a name with brackets is a file first.
+#[test]
+fn scenes_of_one_name_are_told_apart() {
+    let scratch = Scratch::new();
+    for folder in ["a", "b"] {
+        std::fs::create_dir(scratch.path(folder)).expect("made");
+        scratch.write(&format!("{folder}/room[1].obj"), TRIANGLE);
+    }
+    let job = |name: &str| {
+        format!("[[job]]\nname = '{name}'\ncommand = 'info'\nscene = ['a/room[1].obj', 'b/room[[]1].obj']\n")
+    };
+    scratch.write("jobs.toml", job("{scene}"));
+    let refused = batch(&scratch, &["--out", "o"]);
+    assert!(refused.stderr.contains("`a/room[1].obj` and `b/room[1].obj`"), "{}", refused.stderr);
+    scratch.write("jobs.toml", job("{folder}-{scene}"));
+    assert_eq!(ran(&scratch, "o"), ["a-room_1_", "b-room_1_"]);
 }

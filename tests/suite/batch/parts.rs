@@ -48,6 +48,21 @@ fn parts_make_the_whole() {
     assert!(refused.stderr.contains("solve-0.4-mr: was changed since"), "{}", refused.stderr);
 }
 
+/// Parts without a job are parts nevertheless.
+#[test]
+fn more_parts_than_jobs_make_the_whole() {
+    let scratch = prepared();
+    scratch.write("jobs.toml", "[[job]]\nname = 'one'\ncommand = 'info'\nscene = 'cornell.obj'\n");
+    for (part, out) in [("1/2", "first"), ("2/2", "second")] {
+        assert_eq!(batch(&scratch, &["--out", out, "--shard", part]).code, Some(0));
+    }
+    let merged = scratch.mrvis(&["merge", "first", "second", "--out", "all"]);
+    assert!(merged.stdout.contains("1 jobs done, 0 failed"), "{}{}", merged.stdout, merged.stderr);
+    std::fs::create_dir(scratch.path("empty")).expect("made");
+    let refused = scratch.mrvis(&["merge", "first", "empty", "--out", "all"]);
+    assert!(refused.stderr.contains("empty: is no output folder"), "{}", refused.stderr);
+}
+
 /// Runs a script of the project; `None` if it says that it cannot run here.
 fn script(scratch: &Scratch, name: &str, arguments: &[&str]) -> Option<Outcome> {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(name);
