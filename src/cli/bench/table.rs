@@ -262,19 +262,22 @@ fn headline(best: Option<&MrRow>, unit: &str) -> String {
     let Some((row, speed)) = best.and_then(|row| Some((row, row.speedup_at_same_rms?))) else {
         return "no multi-resolution row could be compared with exact at the same error".into();
     };
+    let about = if row.extrapolated { "about " } else { "" };
     let speed = match speed {
-        v if v >= NO_FASTER[1] => format!("{} times faster than", number(v)),
+        v if v >= NO_FASTER[1] => format!("{about}{} times faster than", number(v)),
         v if v > NO_FASTER[0] => "no faster than".into(),
-        v => format!("{} times slower than", number(1.0 / v)),
+        v => format!("{about}{} times slower than", number(1.0 / v)),
     };
     let gain = row.certificates_gain();
+    let extrapolated =
+        if row.extrapolated { " (more exact rays than were measured, extrapolated)" } else { "" };
     let certificates = match gain > NO_FASTER[1] {
         true => format!("; certificates alone make exact rays {} times faster", number(gain)),
         false => String::new(),
     };
     format!(
-        "best: s = {} {unit} with {} segments is {speed} {} at the same RMS error of {} % (per segment {}); {} % of its segments \
-         met averaged clusters{certificates}",
+        "best: s = {} {unit} with {} segments is {speed} {} at the same RMS error of {} %{extrapolated} (per segment {}); {} % of \
+         its segments met averaged clusters{certificates}",
         number(row.feature_size),
         row.rays,
         row.compared_in_words(),
