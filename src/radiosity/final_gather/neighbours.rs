@@ -53,17 +53,26 @@ pub struct Neighbourhood<'a> {
 }
 
 impl<'a> Neighbourhood<'a> {
-    /// Builds the trees, of which each rank has its part.
-    pub fn new(places: &'a [Place], ranks: &Ranks) -> Neighbourhood<'a> {
+    /// Builds the trees, of which each rank has its part. `None` if `late` returned true before all were begun: a tree of a million
+    /// elements takes half a second.
+    pub fn new(
+        places: &'a [Place],
+        ranks: &Ranks,
+        late: impl Fn() -> bool + Sync,
+    ) -> Option<Neighbourhood<'a>> {
         let group = |k: usize| {
+            if late() {
+                return (Vec::new(), over_boxes(&[]));
+            }
             let members: Vec<u32> =
                 (0..places.len() as u32).filter(|&i| axis(places[i as usize].normal) == k).collect();
             let boxes: Vec<Aabb> = members.iter().map(|&i| Aabb::of([places[i as usize].centre])).collect();
             let tree = over_boxes(&boxes);
             (members, tree)
         };
-        let groups = ranks.rows(6);
-        Neighbourhood { places, groups: groups.gather(groups.numbers().map(group).collect()) }
+        let rows = ranks.rows(6);
+        let groups = rows.gather(rows.numbers().map(group).collect());
+        (!late()).then_some(Neighbourhood { places, groups })
     }
 
     /// The nearest `count` neighbours of an element with their squared distances, nearest first; the first one is itself.
@@ -156,7 +165,9 @@ mod tests {
                 Place { centre: Vec3::new(x, y, 0.02 * z), normal: normal.normalize(), radius: 0.02 }
             })
             .collect();
-        let (around, mut search) = (Neighbourhood::new(&places, &Ranks::default()), Search::default());
+        let around = Neighbourhood::new(&places, &Ranks::default(), || false).expect("there is time");
+        assert!(Neighbourhood::new(&places, &Ranks::default(), || true).is_none());
+        let mut search = Search::default();
         let mut many = 0;
         for of in 0..places.len() as u32 {
             let own = &places[of as usize];
