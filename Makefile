@@ -123,7 +123,7 @@ test: setup need-lint need-browser need-hosts need-python need-mpi
 	cargo clippy --features mpi --test mpi -- -D warnings
 	cargo clippy -p mrvis-python -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps
-	@.ci/public-items $(TARGET_DIR)/doc/mrvis 220
+	@.ci/public-items $(TARGET_DIR)/doc/mrvis 221
 	cargo test
 	$(TEST_MPI)
 	@$(MAKE) --no-print-directory python-test

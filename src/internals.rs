@@ -9,7 +9,7 @@ pub mod bench {
 
 /// Clusters.
 pub mod clusters {
-    pub use crate::clusters::{Options, build};
+    pub use crate::clusters::{Builder, Options, build};
 }
 
 /// Files of measured clusters.

@@ -122,6 +122,7 @@ pub use api::{
 };
 #[cfg(feature = "reports")]
 pub use api::{BenchOptions, BenchReport, Camera, ImageOptions, Lightmap, Reference};
+pub use clusters::Builder;
 pub use error::{Error, ErrorCategory, Result};
 #[doc(no_inline)]
 pub use glam::DAffine3;

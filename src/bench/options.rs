@@ -2,6 +2,7 @@
 
 use super::pilot::pilot_bytes;
 use super::sample::Sample;
+use crate::clusters::Builder;
 use crate::error::{quote, shown};
 use crate::model::cache::CacheLocation;
 use crate::optics;
@@ -52,6 +53,8 @@ pub struct Options {
     pub unbiased: bool,
     /// Target of the error or the time of the answers, if any.
     pub target: Option<Target>,
+    /// Algorithm that builds the clusters.
+    pub builder: Builder,
     /// How cluster optics are measured.
     pub clusters: optics::Options,
     /// Where measured clusters are cached.
@@ -73,6 +76,7 @@ impl Default for Options {
             audit: 0.05,
             unbiased: false,
             target: None,
+            builder: Builder::default(),
             clusters: optics::Options::default(),
             cache: CacheLocation::Off,
             max_memory: None,

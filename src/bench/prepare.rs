@@ -6,6 +6,7 @@ use super::record::{Build, BytesPerTriangle};
 use super::rounds::timed;
 use super::sample::Sample;
 use super::workload::Workload;
+use crate::clusters;
 use crate::model::{Detail, Mesh, Model, PrepareOptions};
 use crate::visibility::{LeafMode, MultiResolution, Workspace};
 
@@ -14,6 +15,7 @@ impl Options {
     pub fn prepare(&self) -> PrepareOptions {
         PrepareOptions {
             detail: Detail::Optics,
+            clusters: clusters::Options { builder: self.builder, ..Default::default() },
             optics: self.clusters,
             cache: self.cache.clone(),
             ..PrepareOptions::default()
@@ -26,6 +28,7 @@ pub(super) fn build_of(model: &Model) -> Build {
     let report = model.report();
     Build {
         embree_s: report.embree_s,
+        builder: model.cluster_options().builder.name().into(),
         hierarchy_s: report.clusters_s,
         characterise_s: report.optics_s,
         cache_s: report.cache_s,

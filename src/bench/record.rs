@@ -86,6 +86,9 @@ pub struct Build {
     pub load_s: f64,
     /// Building Embree's tree, seconds.
     pub embree_s: f64,
+    /// Algorithm that built the clusters.
+    #[serde(default)]
+    pub builder: String,
     /// Building the cluster hierarchy, seconds.
     pub hierarchy_s: f64,
     /// Measuring cluster optics, seconds.

@@ -4,6 +4,7 @@ mod pictures;
 mod table;
 
 use super::args::{CacheArgs, Common, SceneArgs, check_folder, command_line};
+use super::cluster_args::ClusterArgs;
 use super::inputs::{Inputs, Output};
 use super::limits;
 use super::progress::Bar;
@@ -62,6 +63,8 @@ pub struct Args {
     /// Extinction of clusters
     #[arg(long, value_enum, default_value_t)]
     pub extinction: ExtinctionLaw,
+    #[command(flatten)]
+    pub clusters: ClusterArgs,
     /// Folder for images and report.html (created if missing)
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
@@ -146,6 +149,7 @@ fn run_on_all_cores(args: &Args) -> Result<ExitCode> {
             tolerance: args.tolerance,
             ..optics::Options::default()
         },
+        builder: args.clusters.builder,
         cache: args.cache.place()?,
         max_memory: limits::bytes(common.max_memory),
     };

@@ -13,11 +13,15 @@ const GROUPS: [(&str, &[&str]); 3] = [
         "Visibility and feature sizes",
         &["visibility", "compare", "feature_size", "feature_sizes", "importance", "importance_camera"],
     ),
-    ("Method", &["oracle", "rows", "inside", "light_rays", "gather_rays", "local_rays", "scaling"]),
+    (
+        "Method",
+        &["oracle", "rows", "builder", "inside", "light_rays", "gather_rays", "local_rays", "scaling"],
+    ),
 ];
 
 /// Options of `solve` that only `mrvis help solve` lists.
-const ADVANCED: [&str; 19] = [
+const ADVANCED: [&str; 20] = [
+    "builder",
     "compare",
     "feature_sizes",
     "gather_rays",

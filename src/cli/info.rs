@@ -1,8 +1,8 @@
 //! `mrvis info SCENE`: contents of a scene and its repairs.
 
 use super::args::{Common, SceneArgs, grouped};
-use super::{flags::with_flags, inputs::Inputs};
-use crate::clusters;
+use super::{cluster_args::ClusterArgs, flags::with_flags, inputs::Inputs};
+use crate::clusters::{self, Builder};
 use crate::{
     Result,
     error::{quote, shown},
@@ -24,6 +24,8 @@ pub struct Args {
     #[arg(long)]
     all: bool,
     #[command(flatten)]
+    clusters: ClusterArgs,
+    #[command(flatten)]
     pub common: Common,
 }
 
@@ -34,7 +36,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     args.common.check_outputs(&Inputs::of(scene.files.iter().map(PathBuf::as_path)), [])?;
     let counts = {
         let _spinner = args.common.spinner("clustering");
-        ClusterCounts::of(&scene)
+        ClusterCounts::of(&scene, args.clusters.builder)
     };
     let photometry = args.scene.photometry();
     let mut json = summary_json(&scene, counts, seconds);
@@ -133,7 +135,7 @@ fn stored(s: &Scene, count: impl Fn(&Scene) -> usize) -> usize {
 }
 
 fn clusters(out: &mut String, counts: ClusterCounts) -> std::fmt::Result {
-    let ClusterCounts { clusters, levels, large } = counts;
+    let ClusterCounts { clusters, levels, large, .. } = counts;
     writeln!(out, "  clusters    {:>12} in {levels} levels", grouped(clusters))?;
     writeln!(out, "  large       {:>12} triangles of large surfaces, never averaged", grouped(large))
 }
@@ -146,13 +148,16 @@ struct ClusterCounts {
     levels: usize,
     /// Triangles of large surfaces.
     large: usize,
+    /// Algorithm that built them.
+    builder: &'static str,
 }
 
 impl ClusterCounts {
-    fn of(scene: &Scene) -> ClusterCounts {
-        let mut counts = ClusterCounts::default();
+    fn of(scene: &Scene, builder: Builder) -> ClusterCounts {
+        let options = clusters::Options { builder, ..Default::default() };
+        let mut counts = ClusterCounts { builder: builder.name(), ..ClusterCounts::default() };
         for mesh in std::iter::once(scene).chain(scene.shared.iter().map(|mesh| mesh.as_ref())) {
-            let h = clusters::build(mesh, &clusters::Options::default());
+            let h = clusters::build(mesh, &options);
             counts.clusters += h.micro.clusters.len() + h.large.clusters.len();
             counts.levels = counts.levels.max(h.micro.levels()).max(h.large.levels());
             counts.large += h.large.order.len();
@@ -280,7 +285,7 @@ fn round64(value: f64) -> String {
 }
 
 fn summary_json(s: &Scene, counts: ClusterCounts, seconds: f64) -> Value {
-    let ClusterCounts { clusters, levels, large } = counts;
+    let ClusterCounts { clusters, levels, large, builder } = counts;
     let emitters: Vec<Value> = s
         .emitters
         .iter()
@@ -298,7 +303,7 @@ fn summary_json(s: &Scene, counts: ClusterCounts, seconds: f64) -> Value {
         "path": s.path, "triangles": s.triangles.len(), "vertices": stored(s, |m| m.positions.len()),
         "objects": s.objects.len(), "materials": s.materials.len(), "emitters": s.emitters.len(),
         "closed_parts": stored(s, |m| m.closed_parts), "sheet_parts": stored(s, |m| m.sheet_parts),
-        "clusters": clusters, "levels": levels, "large_surface_triangles": large,
+        "clusters": clusters, "levels": levels, "large_surface_triangles": large, "builder": builder,
         "origin": s.origin.to_array(), "min": bounds.min.to_array(), "max": bounds.max.to_array(),
         "two_sided_emission": s.two_sided_emission, "up": s.up_axis(),
         "files": s.files, "files_outside": outside(s),

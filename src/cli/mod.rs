@@ -6,6 +6,7 @@
 mod args;
 mod batch;
 mod bench;
+mod cluster_args;
 mod compare;
 mod fbem;
 mod flags;

@@ -7,6 +7,7 @@ mod summary;
 mod watch;
 
 use super::args::{CacheArgs, Common, SceneArgs, check_folder, command_line};
+use super::cluster_args::ClusterArgs;
 use super::flags::with_flags;
 use super::inputs::{Inputs, Output};
 use super::mpi::MpiArgs;
@@ -114,6 +115,8 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = Options::default().max_links)]
     max_links: usize,
     #[command(flatten)]
+    clusters: ClusterArgs,
+    #[command(flatten)]
     cache: CacheArgs,
     #[command(flatten)]
     pub outputs: Outputs,
@@ -203,6 +206,7 @@ fn options(args: &Args) -> Result<Options> {
         more_points: args.outputs.gathers(args.points.is_some()),
         target_error: args.target_error,
         max_links: args.max_links,
+        builder: args.clusters.builder,
         cache: args.cache.place()?,
         seed: args.common.seed,
     })

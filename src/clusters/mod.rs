@@ -1,14 +1,16 @@
 //! Clusters: a strict partition of the scene's triangles into a tree, built as a hierarchy of uniform grids
-//! [SD95 sec 4.1]; docs/method.md, Clusters.
+//! [SD95 sec 4.1] or by one of three other [`Builder`]s; docs/method.md, Clusters.
 //!
 //! Large planar surfaces (walls, floors, table tops) form a second tree, so that no extinction is ever computed from
 //! them. This room stores geometry and topology only: no rays, no radiosity.
 
+mod builders;
 mod check;
 mod draft;
 mod grids;
 mod large;
 pub mod placed;
+mod sketch;
 #[cfg(test)]
 mod tests;
 mod tree;
@@ -34,12 +36,36 @@ const LARGE_OBJECT_TRIANGLES: usize = FAN_OUT;
 /// (`constants.py bench`).
 const SPREAD_OBJECT_FRACTION: f32 = 0.25;
 
-/// Algorithm that builds the clusters.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// Algorithm that builds the clusters of a [`Model`](crate::Model), which multi-resolution visibility may average.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Builder {
-    /// Hierarchy of uniform grids [SD95 sec 4.1].
+    /// Hierarchy of uniform grids: objects of similar size that leave little space empty [SD95 sec 4.1].
     #[default]
-    UniformGrids,
+    Grids,
+    /// k-d tree: space is halved, what a plane cuts stays in the smallest cell that holds it [Sillion 94].
+    #[serde(rename = "kdtree")]
+    KdTree,
+    /// Bounding boxes by insertion, each triangle where a ray's box tests grow least [Goldsmith and Salmon 1987].
+    GoldsmithSalmon,
+    /// Divisions into two by the surface area heuristic, as in trees for ray tracing.
+    Sah,
+}
+
+impl Builder {
+    /// All builders, the default first.
+    pub(crate) const ALL: [Builder; 4] =
+        [Builder::Grids, Builder::KdTree, Builder::GoldsmithSalmon, Builder::Sah];
+
+    /// Name on the command line and in JSON.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Builder::Grids => "grids",
+            Builder::KdTree => "kdtree",
+            Builder::GoldsmithSalmon => "goldsmith-salmon",
+            Builder::Sah => "sah",
+        }
+    }
 }
 
 /// Options of [`build`].
@@ -87,9 +113,15 @@ pub fn build_unless(
     let boxes: Vec<Aabb> =
         (0..scene.triangles.len()).into_par_iter().map(|t| Aabb::of(scene.corners(t as u32))).collect();
     let small: Vec<u32> = (0..scene.triangles.len() as u32).filter(|&t| !is_large[t as usize]).collect();
-    let Builder::UniformGrids = options.builder;
+    let micro = match options.builder {
+        _ if small.is_empty() => Draft::default(),
+        Builder::Grids => by_objects(scene, &boxes, small, stopped)?,
+        Builder::KdTree => builders::halve_space(&small, &boxes, stopped)?,
+        Builder::GoldsmithSalmon => builders::insert_all(&small, &boxes, stopped)?,
+        Builder::Sah => builders::split_by_cost(&small, &boxes, stopped)?,
+    };
     Some(Hierarchy {
-        micro: Tree::arrange(by_objects(scene, &boxes, small, stopped)?).fit(&boxes),
+        micro: Tree::arrange(micro).fit(&boxes),
         large: Tree::arrange(grids::cluster(Draft::default(), faces(&large, &boxes), stopped)?).fit(&boxes),
     })
 }

@@ -8,11 +8,17 @@ use proptest::prelude::*;
 use rand_pcg::Pcg64Mcg;
 use std::time::Instant;
 
-/// The validator, and an independent count of the partition from the roots down.
+/// The validator, and an independent count of the partition from the roots down, for all builders; returns the clusters
+/// of the default one.
 fn check(scene: &Scene) -> Hierarchy {
-    let hierarchy = build(scene, &Options::default());
+    let [hierarchy, ..] = Builder::ALL.map(|builder| check_of(builder, scene));
+    hierarchy
+}
+
+fn check_of(builder: Builder, scene: &Scene) -> Hierarchy {
+    let hierarchy = build(scene, &Options { builder, ..Options::default() });
     if let Err(broken) = hierarchy.check(scene) {
-        panic!("{}: {broken}", scene.path.display());
+        panic!("{} by {}: {broken}", scene.path.display(), builder.name());
     }
     let mut seen = vec![0; scene.triangles.len()];
     for tree in [&hierarchy.micro, &hierarchy.large] {
@@ -114,11 +120,15 @@ fn result_does_not_depend_on_threads() {
     let mut spec = Spec::new("forest");
     (spec.trees, spec.leaves, spec.trunks) = (25, 300, true);
     for scene in [generate::build(&spec).expect("forest"), jumble(5, 3000, 1.0, false, 7)] {
-        let with = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-            format!("{:?}", pool.install(|| build(&scene, &Options::default())))
-        };
-        assert!(with(1) == with(2), "{}: differs with the number of threads", scene.path.display());
+        for builder in Builder::ALL {
+            let options = Options { builder, ..Options::default() };
+            let with = |threads| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+                format!("{:?}", pool.install(|| build(&scene, &options)))
+            };
+            let name = (scene.path.display(), builder.name());
+            assert!(with(1) == with(2), "{name:?}: differs with the number of threads");
+        }
     }
 }
 

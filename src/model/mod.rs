@@ -24,6 +24,7 @@ pub use mesh::Mesh;
 pub use prepare::{Detail, PrepareOptions, PrepareReport};
 pub use source::Source;
 
+use crate::clusters;
 use crate::embree::{CommittedScene, Device, Hits, Traversal};
 use crate::math::Aabb;
 use crate::optics;
@@ -119,6 +120,11 @@ impl Model {
     /// How the optics of clusters were measured.
     pub(crate) fn optics_options(&self) -> optics::Options {
         self.inner.options.optics
+    }
+
+    /// How clusters were built.
+    pub(crate) fn cluster_options(&self) -> clusters::Options {
+        self.inner.options.clusters
     }
 
     /// Whether the caller asked for one thread, so that the caller's will do.

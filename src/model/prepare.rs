@@ -6,6 +6,7 @@ use super::mesh::{Clusters, Measured, Mesh};
 use super::source::Source;
 use super::top_level::TopLevel;
 use super::{Inner, Model};
+use crate::clusters::Builder;
 use crate::embree::{CommittedScene, Device, SceneBuilder};
 use crate::progress::Progress;
 use crate::ranks::Ranks;
@@ -60,6 +61,14 @@ impl PrepareOptions {
     #[must_use]
     pub fn with_threads(mut self, threads: usize) -> PrepareOptions {
         self.threads = threads;
+        self
+    }
+
+    /// Algorithm that builds the clusters; default [`Builder::Grids`]. It changes what is averaged and how fast, not what exact
+    /// visibility answers.
+    #[must_use]
+    pub fn with_builder(mut self, builder: Builder) -> PrepareOptions {
+        self.clusters.builder = builder;
         self
     }
 

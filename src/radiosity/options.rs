@@ -1,5 +1,6 @@
 //! Options of a solution.
 
+use crate::clusters::Builder;
 use crate::model::cache::CacheLocation;
 use crate::{Error, Result, error::quote};
 use glam::DVec3;
@@ -78,6 +79,8 @@ pub struct Options {
     /// How row sums of form factors are normalised, along links and in the local pass.
     #[serde(rename = "rows")]
     pub row_sums: RowSums,
+    /// Algorithm that builds the clusters.
+    pub builder: Builder,
     /// The visibility engine.
     pub visibility: Visibility,
     /// Feature size of all receivers, scene units; by default each receiver's own diameter. With importance this is the size
@@ -132,6 +135,7 @@ impl Default for Options {
             oracle: Oracle::default(),
             min_area: 2e-5,
             row_sums: RowSums::default(),
+            builder: Builder::default(),
             visibility: Visibility::default(),
             feature_size: None,
             feature_sizes: Vec::new(),

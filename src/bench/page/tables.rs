@@ -25,7 +25,7 @@ pub(super) fn scene(record: &Record) -> Markup {
                 (properties("Preparation", &[
                     ("reading", seconds(build.load_s)),
                     ("Embree's tree", seconds(build.embree_s)),
-                    ("hierarchy", seconds(build.hierarchy_s)),
+                    ("hierarchy", format!("{} ({})", seconds(build.hierarchy_s), build.builder)),
                     ("measuring clusters", seconds(build.characterise_s)),
                     ("clusters' cache", cache(build)),
                     ("budget of exact rays", seconds(build.budget_s)),

@@ -127,6 +127,7 @@ fn build() -> Build {
     Build {
         load_s: 0.82,
         embree_s: 0.4,
+        builder: "grids".into(),
         hierarchy_s: 0.61,
         characterise_s: 4.2,
         cache: "made".into(),
