@@ -111,6 +111,8 @@ mod radiosity;
 mod ranks;
 mod raster;
 mod ray;
+#[cfg(feature = "cli")]
+mod reproduce;
 mod scene;
 mod simd;
 mod threads;

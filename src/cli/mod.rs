@@ -25,6 +25,7 @@ mod oracle;
 mod outputs;
 mod progress;
 mod report;
+mod reproduce;
 mod shared_scenes;
 mod solve;
 
@@ -48,7 +49,6 @@ const FAILED: u8 = 2;
 /// Visibility and radiosity in scenes with much small detail.
 #[derive(Parser)]
 #[command(version, max_term_width = 110, disable_help_flag = true, disable_version_flag = true)]
-#[command(after_help = "mrvis help COMMAND describes all options of a command at length.")]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -77,6 +77,7 @@ enum Command {
     Batch(batch::Args),
     Merge(merge::Args),
     Report(report::Args),
+    Reproduce(reproduce::Args),
     /// Write a procedural scene as OBJ and MTL; --list shows all scenes.
     Generate(generate::Args),
     /// Print the script that completes options in a shell.
@@ -100,6 +101,7 @@ impl Command {
             Command::Reference(args) => &args.common,
             Command::Compare(args) => &args.common,
             Command::FormFactors(args) => &args.common,
+            Command::Reproduce(args) => &args.common,
             Command::Generate(args) => &args.common,
             Command::Batch(_)
             | Command::Fbem(_)
@@ -124,6 +126,7 @@ fn run(command: &Command) -> Result<ExitCode> {
         Command::Batch(args) => batch::run(args),
         Command::Merge(args) => merge::run(args),
         Command::Report(args) => report::run(args),
+        Command::Reproduce(args) => reproduce::run(args),
         Command::Generate(args) => generate::run(args),
         Command::Completions(args) => manual::completions(args),
         Command::Man(args) => manual::pages(args),

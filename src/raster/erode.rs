@@ -53,7 +53,7 @@ pub(super) fn erode_by(image: &BitImage, steps: usize, mode: Morphology, outside
 }
 
 /// Expands `image` by `steps` steps: an erosion of the background. Pixels outside the image count as background.
-pub(super) fn expand_by(image: &BitImage, steps: usize, mode: Morphology) -> BitImage {
+pub fn expand_by(image: &BitImage, steps: usize, mode: Morphology) -> BitImage {
     let mut result = erode_by(&image.complement(), steps, mode, Outside::Blocked);
     result.invert();
     result

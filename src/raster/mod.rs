@@ -30,6 +30,8 @@ mod opening;
 
 pub use bits::BitImage;
 pub use edt::Edt;
+#[cfg(feature = "cli")]
+pub use erode::expand_by as expand;
 pub use fill::fill_triangle;
 pub use opening::Opener;
 

@@ -31,7 +31,7 @@ impl Default for GenerateOptions {
 
 impl Scene {
     /// Generates a scene by name, with the defaults of its kind: `cube-groups`, `forest`, `cubes`, `brick-wall`, `louvres`,
-    /// `bookshelf`, `desk-room`, `urban-block` or `cornell`. Metres, but `cornell` is in millimetres. Every scene has an emitter.
+    /// `bookshelf`, `desk-room`, `office`, `urban-block` or `cornell`. Metres, but `cornell` is in millimetres. Every scene has an emitter.
     ///
     /// # Errors
     /// [`Error::Argument`](crate::Error::Argument) if no kind has this name; the message lists the kinds.

@@ -8,7 +8,7 @@ use crate::{Result, scene::Soup};
 use glam::{DMat3, DVec3};
 
 const WALL: [f32; 3] = [0.7, 0.68, 0.65];
-const WOOD: [f32; 3] = [0.45, 0.3, 0.18];
+pub(super) const WOOD: [f32; 3] = [0.45, 0.3, 0.18];
 
 const fn at(x: f64, y: f64, z: f64) -> DVec3 {
     DVec3::new(x, y, z)
@@ -125,7 +125,7 @@ pub(super) fn desk_room(spec: &Spec) -> Result<Soup> {
 }
 
 /// Floor, ceiling and walls with inward faces, each an object.
-fn room(b: &mut Builder, size: DVec3) {
+pub(super) fn room(b: &mut Builder, size: DVec3) {
     let (h, up) = (0.5 * size, size.z * DVec3::Z);
     let (x, y) = (size.x * DVec3::X, size.y * DVec3::Y);
     let middle = h.z * DVec3::Z;
@@ -142,7 +142,7 @@ fn room(b: &mut Builder, size: DVec3) {
 }
 
 /// A table of 1.6 x 0.8 m; returns the height of its top, metres.
-fn desk(b: &mut Builder, foot: DVec3) -> f64 {
+pub(super) fn desk(b: &mut Builder, foot: DVec3) -> f64 {
     let (size, thick, leg) = (at(1.6, 0.8, 0.74), 0.03, 0.05);
     b.object("desk").material("wood", WOOD);
     let min = foot - at(0.5 * size.x, 0.5 * size.y, 0.0);
@@ -154,7 +154,7 @@ fn desk(b: &mut Builder, foot: DVec3) -> f64 {
     foot.z + size.z
 }
 
-fn things(b: &mut Builder, random: &mut Random, top: DVec3) {
+pub(super) fn things(b: &mut Builder, random: &mut Random, top: DVec3) {
     let dark = [0.08; 3];
     b.object("screen").material("plastic", dark);
     b.cuboid(top + at(-0.1, 0.16, 0.0), top + at(0.1, 0.3, 0.012));
@@ -192,7 +192,7 @@ fn things(b: &mut Builder, random: &mut Random, top: DVec3) {
     }
 }
 
-fn chair(b: &mut Builder, foot: DVec3) {
+pub(super) fn chair(b: &mut Builder, foot: DVec3) {
     b.object("chair").material("wood", WOOD);
     for (x, y) in [(-0.2, -0.2), (0.2, -0.2), (-0.2, 0.2), (0.2, 0.2)] {
         b.cuboid(foot + at(x - 0.02, y - 0.02, 0.0), foot + at(x + 0.02, y + 0.02, 0.43));

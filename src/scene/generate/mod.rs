@@ -5,6 +5,7 @@ mod cornell;
 mod cubes;
 mod forest;
 mod indoor;
+mod office;
 mod shapes;
 mod urban;
 
@@ -12,6 +13,7 @@ use super::{LoadOptions, MAX_PLACEMENTS, PlacedSoup, Scene, Soup, instances::res
 use crate::{Error, Result};
 
 pub use forest::ground_and_sky;
+pub use office::{DESKS, ROOM};
 
 /// A kind of generated scene.
 #[derive(Clone, Copy, Debug)]
@@ -63,6 +65,12 @@ pub const KINDS: &[Kind] = &[
         about: "a closed room with a desk, a chair and small things, lit by a ceiling panel",
         unit: "m",
         make: indoor::desk_room,
+    },
+    Kind {
+        name: "office",
+        about: "a closed office of 5,380 polygons: seven desks with small things, as in the paper's Figures 7 and 8",
+        unit: "m",
+        make: office::office,
     },
     Kind {
         name: "urban-block",

@@ -55,17 +55,25 @@ pub(super) struct Builder {
     pub soup: Soup,
     object: u32,
     material: u32,
+    number: usize,
 }
 
 impl Builder {
     pub fn new(name: &str) -> Self {
-        Builder { soup: Soup::new(name), object: 0, material: 0 }
+        Builder { soup: Soup::new(name), object: 0, material: 0, number: 0 }
     }
 
     /// Starts a new object.
     pub fn object(&mut self, name: impl Into<String>) -> &mut Self {
-        self.object = self.soup.object(name);
+        let name = name.into();
+        self.object =
+            self.soup.object(if self.number > 1 { format!("{name} {}", self.number) } else { name });
         self
+    }
+
+    /// Names of the next objects end with this number, if it is above 1.
+    pub fn number(&mut self, number: usize) {
+        self.number = number;
     }
 
     /// Sets the current material: the known one of this name, or a new one.

@@ -1,0 +1,195 @@
+//! Light inside clusters: Figure 10 of the paper.
+
+use super::blocks::Blocks;
+use super::item::{Item, Panel, Table};
+use super::{Context, fixed};
+use crate::Result;
+use crate::clusters;
+use crate::export::{Camera, Mesh, Stage, picture};
+use crate::metrics::Image;
+use crate::model::{Model, PrepareOptions};
+use crate::radiosity::mesh::RadiosityMesh;
+use crate::radiosity::{self, Inside, Options, Record, RowSums};
+use crate::scene::Scene;
+use glam::{DVec3, Vec3};
+
+/// Books in a row, and their least thickness, metres.
+const BOOKS: u32 = 14;
+const BOOK: DVec3 = DVec3::new(0.03, 0.18, 0.26);
+/// Columns and rows of the pictures.
+const SIZE: [usize; 2] = [360, 270];
+/// Largest error that links are refined to, relative to the mean irradiance, and how often it is halved at most.
+const COARSE: f64 = 64.0;
+const HALVINGS: i32 = 10;
+/// Solves with coarse links whose mean is taken.
+const SEEDS: u64 = 16;
+
+/// Books that stand side by side and lean on nothing, lit from above.
+fn scene() -> Result<Scene> {
+    let mut blocks = Blocks::with_reflectance("books", 0.0);
+    let mut x = -0.5 * f64::from(BOOKS) * 1.3 * BOOK.x;
+    for k in 0..BOOKS {
+        let size = BOOK * (1.0 + 0.1 * DVec3::new(f64::from(k % 5), f64::from(k % 3), f64::from(k * 7 % 4)));
+        let low = DVec3::new(x, -0.5 * size.y, 0.0);
+        blocks.cuboid(low, low + size);
+        x += size.x + 0.004;
+    }
+    blocks.rectangle(DVec3::new(0.0, 0.0, 1.6), 0.4 * DVec3::Y, 0.4 * DVec3::X, true);
+    blocks.scene()
+}
+
+/// The light on the books by one method.
+struct Lit {
+    mesh: RadiosityMesh,
+    record: Record,
+}
+
+impl Lit {
+    fn new(model: &Model, options: &Options) -> Result<Lit> {
+        let outcome = radiosity::run(model, &[], options, &())?;
+        Ok(Lit { mesh: outcome.mesh, record: outcome.record })
+    }
+
+    /// The coarsest links beyond that of the root with itself: from the light to the cluster.
+    fn coarsest(model: &Model, options: &Options) -> Result<Lit> {
+        let at = |k: i32| Lit::new(model, &Options { error: COARSE * 0.5f64.powi(k), ..options.clone() });
+        let mut lit = at(0)?;
+        for k in 1..HALVINGS {
+            if lit.record.links > 1 {
+                break;
+            }
+            lit = at(k)?;
+        }
+        Ok(lit)
+    }
+
+    /// Mean of [`Lit::received`] over solves with the same error and other random numbers: one link has few segments.
+    fn mean_received(&self, model: &Model) -> Result<[f64; 2]> {
+        let mut sums = self.received();
+        for seed in 1..SEEDS {
+            let options = Options { seed: seed + 1, ..self.record.options.clone() };
+            let [power, deviation] = Lit::new(model, &options)?.received();
+            sums = [sums[0] + power, sums[1] + deviation];
+        }
+        Ok(sums.map(|sum| sum / SEEDS as f64))
+    }
+
+    /// Power that the books receive, W, and the deviation of their irradiance relative to its mean.
+    fn received(&self) -> [f64; 2] {
+        // The first objects are the books; the light comes last.
+        let books = self.mesh.elements.iter().filter(|e| e.object < BOOKS);
+        let (mut area, mut power, mut square) = (0.0, 0.0, 0.0);
+        for e in books {
+            let irradiance = e.irradiance.iter().sum::<f64>() / 3.0;
+            area += e.area;
+            power += e.area * irradiance;
+            square += e.area * irradiance * irradiance;
+        }
+        let mean = power / area;
+        [power, (square / area - mean * mean).max(0.0).sqrt() / mean]
+    }
+
+    /// Irradiance of what a camera sees.
+    fn view(&self) -> Result<Image<'static>> {
+        let mesh = Mesh::new_unless(&self.mesh, &()).unwrap_or_default();
+        let stage = Stage::new(&mesh, &self.mesh)?;
+        let ends = [DVec3::new(0.45, -0.55, 0.55), DVec3::new(-0.02, 0.0, 0.13)];
+        let camera = Camera::towards(ends, Vec3::Z, 0.75, self.mesh.origin);
+        let frame = picture(&stage, (&camera, SIZE), &self.mesh, None, &());
+        let values =
+            frame.first.iter().map(|first| first.map_or(0.0, |f| f.irradiance.iter().sum::<f32>() / 3.0));
+        Image::new(SIZE[0], SIZE[1], 1.0, values.collect())
+    }
+}
+
+/// Figure 10: the same link with three models of the light inside the cluster, and the light by rays.
+pub fn figure_10(context: &Context) -> Result<Item> {
+    // The covers of the books shall be in clusters, large as they are in this scene.
+    let clusters = clusters::Options { large_surface: f32::INFINITY, ..Default::default() };
+    let options = PrepareOptions { clusters, ..PrepareOptions::default() };
+    let model = Model::prepare(scene()?, &options, context.progress)?;
+    let links = |inside| Options {
+        inside,
+        local_rays: Some(0),
+        audit: 0,
+        row_sums: RowSums::Sampled,
+        ..Options::default()
+    };
+    let rays = Options { audit: 0, error: if context.small { 0.1 } else { 0.02 }, ..Options::default() };
+    let cases = [
+        ("without visibility or orientation", links(Inside::Isotropic)),
+        ("without visibility", links(Inside::Oriented)),
+        ("with visibility", links(Inside::Visible)),
+        ("reference: rays", rays),
+    ];
+    let light = |(k, (_, options)): (usize, &(&str, Options))| match k {
+        3 => Lit::new(&model, options),
+        _ => Lit::coarsest(&model, options),
+    };
+    let lit = cases.iter().enumerate().map(light).collect::<Result<Vec<_>>>()?;
+    let mut item = Item {
+        here: format!(
+            "{BOOKS} black books side by side under a light of 0.4 m, with the coarsest links from the light that refinement makes, and no \
+             local pass; by `solve --inside isotropic`, `oriented` and `visible`. mrvis lets the segments of a link end on the surfaces \
+             of the cluster instead of using an item buffer. Numbers are means over {SEEDS} solves with other random numbers."
+        ),
+        ..Item::default()
+    };
+    let images = lit.iter().map(Lit::view).collect::<Result<Vec<_>>>()?;
+    let white = images[3].data().iter().fold(0.0f32, |most, v| most.max(*v));
+    let panels = images.iter().zip(&cases).map(|(image, (name, _))| Panel::scaled(image, white, *name));
+    item.row(format!("Irradiance: black 0, white {white:.0} W/m² and more"), panels.collect());
+    let columns = [
+        "light in the cluster",
+        "links",
+        "received by books, W",
+        "emitted, W",
+        "created, W",
+        "deviation / mean",
+    ];
+    let mut table = Table::new("The ledger", &columns);
+    let mut received = Vec::new();
+    for (k, (case, (name, _))) in lit.iter().zip(&cases).enumerate() {
+        let [power, deviation] = match k {
+            3 => case.received(),
+            _ => case.mean_received(&model)?,
+        };
+        received.push([power, deviation]);
+        let ledger = &case.record.ledger;
+        let numbers = [power, ledger.emitted, ledger.created, deviation].map(|v| fixed(v, 3));
+        table.push([(*name).into(), case.record.links.to_string()].into_iter().chain(numbers));
+    }
+    item.tables.push(table);
+    judge(&mut item, lit[1].record.links, &received);
+    Ok(item)
+}
+
+/// Checks of the numbers of links, and of power and deviation of the four cases.
+fn judge(item: &mut Item, links: usize, received: &[[f64; 2]]) {
+    let [isotropic, oriented, visible, truth] = [received[0], received[1], received[2], received[3]];
+    item.check(
+        "links end at clusters: fewer than one a polygon",
+        format!("{links} links"),
+        links < 6 * BOOKS as usize,
+    );
+    item.check(
+        "without visibility energy is created: the books receive over 1.2 times what rays bring",
+        format!("{} W of {}", fixed(oriented[0], 3), fixed(truth[0], 3)),
+        oriented[0] > 1.2 * truth[0],
+    );
+    item.check(
+        "with visibility energy is preserved, to 20 %",
+        format!("{} W of {}", fixed(visible[0], 3), fixed(truth[0], 3)),
+        (visible[0] / truth[0] - 1.0).abs() < 0.2,
+    );
+    item.check(
+        "illumination is uniform without visibility and orientation, and modulated with visibility",
+        format!(
+            "deviation / mean {}, {}; by rays {}",
+            fixed(isotropic[1], 2),
+            fixed(visible[1], 2),
+            fixed(truth[1], 2)
+        ),
+        isotropic[1] < 0.5 * visible[1],
+    );
+}

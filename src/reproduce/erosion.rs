@@ -1,0 +1,122 @@
+//! Erosion and expansion of features: Figures 2, 3 and 4 of the paper.
+
+use super::groups::shadow_mask;
+use super::item::{FEATURES, Item, Panel, Table};
+use super::{Context, fixed, list};
+use crate::Result;
+use crate::metrics::Morphology;
+use crate::raster::{BitImage, Opener, expand};
+
+/// Numbers of operations in the pictures.
+const STEPS: [usize; 4] = [2, 4, 8, 12];
+/// Feature sizes of Figure 4, texels.
+const MASKS: [f64; 3] = [12.0, 18.0, 24.0];
+
+fn opener(image: &BitImage) -> Opener {
+    Opener::new(image.clone(), Morphology::Paper8)
+}
+
+/// Figure 2: erosions and expansions of the shadows of the second largest cubes.
+pub fn figure_2(context: &Context) -> Result<Item> {
+    let image = shadow_mask(&context.groups()?.shadows[2], 0.0)?;
+    let mut item = Item {
+        here: "The shadow of the third group of Figure 1; eight neighbours, which the paper's in-place operators amount to."
+            .into(),
+        ..Item::default()
+    };
+    let eroded: Vec<BitImage> = STEPS.iter().map(|&n| opener(&image).core(2.0 * n as f64)).collect();
+    let expanded: Vec<BitImage> = STEPS.iter().map(|&n| expand(&image, n, Morphology::Paper8)).collect();
+    for (name, images) in [("Erosions", &eroded), ("Expansions", &expanded)] {
+        let mut panels = vec![Panel::binary(&image, "reference")];
+        panels.extend(STEPS.iter().zip(images).map(|(n, image)| Panel::binary(image, format!("n = {n}"))));
+        item.row(format!("{name} ({FEATURES})"), panels);
+    }
+    let counts = |images: &[BitImage]| images.iter().map(BitImage::count).collect::<Vec<_>>();
+    let (less, more) = (counts(&eroded), counts(&expanded));
+    item.check(
+        "each erosion removes features, until nothing is left; each expansion adds to them",
+        format!("texels of features: {less:?}; {more:?}"),
+        less.windows(2).all(|c| c[1] < c[0] || c[0] == 0)
+            && more.windows(2).all(|c| c[1] > c[0] || c[0] == image.width() * image.height()),
+    );
+    // Erosion of the background is expansion of the object, on the inside of a free border.
+    let size = opener(&image).largest() as usize;
+    let last = opener(&image).core(size as f64 - 2.0);
+    item.check(
+        "an object of diameter 2d disappears after d erosions",
+        format!(
+            "the largest has {size} texels; after {} erosions {} texels are left, after {} none",
+            size / 2 - 1,
+            last.count(),
+            size / 2
+        ),
+        last.count() > 0 && opener(&image).core(size as f64).is_empty(),
+    );
+    Ok(item)
+}
+
+/// Figure 3: erosions followed by as many expansions.
+pub fn figure_3(context: &Context) -> Result<Item> {
+    let image = shadow_mask(&context.groups()?.shadows[2], 0.0)?;
+    let mut item = Item { here: "The shadow of Figure 2.".into(), ..Item::default() };
+    let opened: Vec<BitImage> = STEPS.iter().map(|&n| opener(&image).open(2.0 * n as f64)).collect();
+    let mut panels = vec![Panel::binary(&image, "reference")];
+    panels.extend(STEPS.iter().zip(&opened).map(|(n, image)| Panel::binary(image, format!("n = {n}"))));
+    item.row(format!("n erosions, then n expansions ({FEATURES})"), panels);
+    // What is left consists of squares of more than 2n texels: opening again changes nothing.
+    let whole = STEPS.iter().zip(&opened).all(|(&n, left)| opener(left).open(2.0 * n as f64) == *left);
+    item.check(
+        "what is left consists of regions larger than 2n: the same sequence again changes nothing",
+        "",
+        whole,
+    );
+    let within = opened.iter().all(|left| {
+        let mut beyond = left.clone();
+        beyond.subtract(&image);
+        beyond.is_empty()
+    });
+    item.check("nothing is added to the reference", "", within);
+    let left: Vec<usize> = opened.iter().map(BitImage::count).collect();
+    item.check(
+        "larger n leave fewer regions",
+        format!("{left:?} of {} texels", image.count()),
+        left.windows(2).all(|c| c[1] < c[0] || c[0] == 0),
+    );
+    Ok(item)
+}
+
+/// Figure 4: feature masks of the four groups.
+pub fn figure_4(context: &Context) -> Result<Item> {
+    let groups = context.groups()?;
+    let mut item = Item { here: "The images of Figure 1.".into(), ..Item::default() };
+    let mut table =
+        Table::new("Texels of the masks", &["feature size", "group 1", "group 2", "group 3", "group 4"]);
+    let mut parts: Vec<[f64; 4]> = Vec::new();
+    for size in [0.0].into_iter().chain(MASKS) {
+        let masks =
+            groups.shadows.iter().map(|image| shadow_mask(image, size)).collect::<Result<Vec<_>>>()?;
+        let name = if size == 0.0 { "Original mask".into() } else { format!("Feature size {size}") };
+        let panels =
+            masks.iter().enumerate().map(|(k, mask)| Panel::binary(mask, format!("group {}", k + 1)));
+        item.row(format!("{name} ({FEATURES})"), panels.collect());
+        table.push([fixed(size, 0)].into_iter().chain(masks.iter().map(|mask| mask.count().to_string())));
+        parts.push(std::array::from_fn(|k| masks[k].count() as f64));
+    }
+    item.tables.push(table);
+    let kept = |i: usize, k: usize| parts[i][k] / parts[0][k];
+    item.check(
+        "each mask keeps more of larger cubes' shadows",
+        (1..4)
+            .map(|i| list(&std::array::from_fn::<_, 4, _>(|k| 100.0 * kept(i, k)), 0))
+            .collect::<Vec<_>>()
+            .join("; ")
+            + " %",
+        (1..4).all(|i| (1..4).all(|k| kept(i, k) >= kept(i, k - 1))),
+    );
+    item.check(
+        "at size 24 the smallest cubes' shadows are gone (less than a tenth is left), most of the largest cubes' is kept",
+        format!("{} and {} %", fixed(100.0 * kept(3, 0), 1), fixed(100.0 * kept(3, 3), 1)),
+        kept(3, 0) < 0.1 && kept(3, 3) > 0.5,
+    );
+    Ok(item)
+}
