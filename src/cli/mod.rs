@@ -49,6 +49,9 @@ const FAILED: u8 = 2;
 /// Visibility and radiosity in scenes with much small detail.
 #[derive(Parser)]
 #[command(version, max_term_width = 110, disable_help_flag = true, disable_version_flag = true)]
+#[command(after_help = "mrvis help COMMAND describes all options of a command at length.")]
+// The empty line of the default template before the usage is left out, so that the help fits on a screen.
+#[command(help_template = "{about-with-newline}{usage-heading} {usage}\n\n{all-args}{after-help}")]
 struct Cli {
     #[command(subcommand)]
     command: Command,

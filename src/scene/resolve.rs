@@ -13,7 +13,7 @@ use super::{
     keep::Kept,
     luminaires, moves, overlap,
     power::{self, Surfaces},
-    stack::{self, stack},
+    stack::{Order, stack},
     triangulate::{Shape, Triangulator},
 };
 use crate::{
@@ -87,30 +87,25 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
         options,
     )?;
     let (emitters, triangle_emitter) = group_emitters(&soup, &edges, &faces, &positions, &materials);
-    if role == Role::Whole {
-        summarise(&soup, &faces, &mut repairs);
-    }
+    summarise(role, &soup, &faces, &mut repairs);
     let (mut positions, mut triangles) = compact(&number, positions, faces.triangles, &mut repairs);
     let (objects, triangle_object) = used_objects(soup.objects, faces.object);
-    let sides = |part: u32| options.sides.unwrap_or(if parts.closed[part as usize] { 1 } else { 2 });
     let (component, closed) = used_parts(&parts, &faces.polygon);
     let part = |t: usize| parts.part[faces.polygon[t] as usize];
+    let sides = |t: usize| options.sides.unwrap_or(if parts.closed[part(t) as usize] { 1 } else { 2 });
     let appearance = |t: usize| (faces.reflectance[t], materials[faces.material[t] as usize].emission);
+    let two_sided = |t: usize| sides(t) == 2;
     let planes = overlap::Faces {
         positions: &positions,
         triangles: &triangles,
         object: &triangle_object,
-        two_sided: &|t| sides(part(t)) == 2,
+        two_sided: &two_sided,
         alike: &|s, t| part(s) == part(t) && appearance(s) == appearance(t),
     };
     let found = overlap::find(&planes, &objects, &options.unit, &mut repairs);
-    let areas = area_of_parts(&parts, &faces.polygon, &area);
-    let surfaces = stack::Surfaces {
-        part_area: &areas,
-        emitter: &triangle_emitter,
-        two_sided: &|t| sides(part(t)) == 2,
-    };
-    stack(&found, surfaces, &mut positions, &mut triangles);
+    let part_area = &area_of_parts(&parts, &faces.polygon, &area)[..];
+    let order = Order { part_area, emitter: &triangle_emitter, two_sided: &two_sided };
+    stack(&found, order, &mut positions, &mut triangles);
     Ok(Scene {
         path: soup.path,
         cameras: soup.cameras,
@@ -127,7 +122,7 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
         triangle_material: faces.material,
         triangle_polygon: faces.polygon.iter().map(|&p| kept.polygon[p as usize]).collect(),
         triangle_reflectance: faces.reflectance,
-        triangle_sides: (0..area.len()).map(|t| sides(part(t))).collect(),
+        triangle_sides: (0..area.len()).map(sides).collect(),
         triangle_component: component,
         closed_parts: closed.iter().filter(|&&c| c).count(),
         sheet_parts: closed.iter().filter(|&&c| !c).count(),
@@ -360,8 +355,11 @@ fn group_emitters(
     })
 }
 
-/// Writes one message for each kind of repair without one.
-fn summarise(soup: &Soup, faces: &Triangles, r: &mut Repairs) {
+/// Writes one message for each kind of repair without one. Those of a shared mesh are written with those of its scene.
+fn summarise(role: Role, soup: &Soup, faces: &Triangles, r: &mut Repairs) {
+    if role == Role::Mesh {
+        return;
+    }
     let mut say = |count: usize, what: &str| {
         if count > 0 {
             r.messages.push(format!("{count} {what}"));

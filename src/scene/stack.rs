@@ -18,7 +18,7 @@ const MAX_LEVELS: u32 = 8;
 const MIN_COSINE: f32 = 0.999;
 
 /// What decides the order of overlapping triangles.
-pub(super) struct Surfaces<'a> {
+pub(super) struct Order<'a> {
     /// Area of the part of each triangle.
     pub part_area: &'a [f64],
     /// Emitter of each triangle, or `u32::MAX`.
@@ -33,7 +33,7 @@ pub(super) struct Surfaces<'a> {
 /// Moved triangles get vertices of their own; points in the common plane lie on the uppermost face.
 pub(super) fn stack(
     found: &[Overlap],
-    Surfaces { part_area, emitter, two_sided }: Surfaces,
+    Order { part_area, emitter, two_sided }: Order,
     positions: &mut Vec<Vec3>,
     triangles: &mut [[u32; 3]],
 ) {
