@@ -102,8 +102,8 @@ fn assert_same(found: &Path, want: &Path) {
     }
 }
 
-/// Ends rank 1 of a running command without a word, once it has joined the others.
-fn kill_rank_1(scratch: &Scratch) {
+/// Sends a signal to rank 1 of a running command: `KILL` ends it without a word.
+fn signal_rank_1(signal: &str, scratch: &Scratch) {
     let folder = scratch.path("").canonicalize().expect("a folder");
     let is_it = |process: &Path| {
         let environment = std::fs::read(process.join("environ")).unwrap_or_default();
@@ -117,7 +117,7 @@ fn kill_rank_1(scratch: &Scratch) {
         if let Some(process) = processes.filter(|process| process.join("environ").exists()).find(|p| is_it(p))
         {
             let id = process.file_name().expect("a number").to_owned();
-            assert!(Command::new("kill").arg("-KILL").arg(id).status().expect("kill").success());
+            assert!(Command::new("kill").args(["-s", signal]).arg(id).status().expect("kill").success());
             return;
         }
         assert!(start.elapsed() < Duration::from_secs(60), "rank 1 does not run");
@@ -129,10 +129,10 @@ fn ended(child: Child) -> Outcome {
     Outcome::of(child.wait_with_output().expect("its output"))
 }
 
-/// Lines of the journal.
-fn journal(out: &Path) -> usize {
+/// Lines of the journal, and how many of them are about jobs that are done.
+fn journal(out: &Path) -> [usize; 2] {
     let text = std::fs::read_to_string(out.join(".mrvis-batch/journal.jsonl")).unwrap_or_default();
-    text.matches('\n').count()
+    ["\n", "\"status\":\"done\""].map(|sign| text.matches(sign).count())
 }
 
 #[test]
@@ -192,7 +192,7 @@ fn jobs_of_a_batch_run_on_all_ranks() {
         let line = [&line(out)[..], &["--mpi"]].concat();
         let ran = on_ranks(&scratch, count, &line);
         assert_eq!(ran.code, Some(0), "{}{}", ran.stdout, ran.stderr);
-        assert_eq!(journal(&scratch.path(out)), COUNT);
+        assert_eq!(journal(&scratch.path(out)), [COUNT; 2]);
         assert_same(&scratch.path(out), &scratch.path("one"));
         let again = on_ranks(&scratch, count, &line);
         assert!(again.stdout.contains("14 were done before"), "{}{}", again.stdout, again.stderr);
@@ -203,24 +203,48 @@ fn jobs_of_a_batch_run_on_all_ranks() {
 
 #[test]
 fn a_batch_goes_on_after_a_rank_has_died() {
+    let whole = prepared();
+    assert_eq!(whole.mrvis(&["batch", "jobs.toml", "--out", "whole"]).code, Some(0));
+    // An interrupted rank ends all: the solve that it was at is not done.
+    ["KILL", "INT"].into_iter().for_each(|signal| goes_on_after(signal, &whole.path("whole")));
+}
+
+fn goes_on_after(signal: &str, whole: &Path) {
     let scratch = prepared();
     let line = ["batch", "jobs.toml", "--threads", "1", "--jobs-at-once", "1", "--out", "o"];
     let child = ranks(&scratch, 2, &[&line[..], &["--mpi"]].concat()).spawn().expect("mpirun runs");
     let start = Instant::now();
-    while journal(&scratch.path("o")) < 3 {
+    while journal(&scratch.path("o"))[1] < 3 {
         assert!(start.elapsed() < Duration::from_secs(120), "no jobs end");
         std::thread::sleep(Duration::from_millis(2));
     }
-    kill_rank_1(&scratch);
-    assert_ne!(ended(child).code, Some(0));
-    let before = journal(&scratch.path("o"));
+    signal_rank_1(signal, &scratch);
+    assert_ne!(ended(child).code, Some(0), "{signal}");
+    let [_, before] = journal(&scratch.path("o"));
     assert!((3..COUNT).contains(&before), "{before} jobs were done");
     let ran = scratch.mrvis(&line);
     assert_eq!(ran.code, Some(0), "{}", ran.stderr);
     assert!(ran.stdout.contains(&format!("{before} were done before")), "{before}: {}", ran.stdout);
-    assert_eq!(journal(&scratch.path("o")), COUNT);
-    assert_eq!(scratch.mrvis(&["batch", "jobs.toml", "--out", "whole"]).code, Some(0));
-    assert_same(&scratch.path("o"), &scratch.path("whole"));
+    assert_eq!(journal(&scratch.path("o"))[1], COUNT);
+    assert_same(&scratch.path("o"), whole);
+}
+
+/// A job that fails on any rank is told and run again as often as is asked for; the others are done.
+#[test]
+fn failed_jobs_of_all_ranks_are_kept() {
+    let scratch = prepared();
+    scratch.write("bad.obj", "v 0 0 0\nv 1 0 0\nf 1 2 9\n");
+    scratch.write(
+        "jobs.toml",
+        "[[job]]\nname = '{scene}-{unit}'\ncommand = 'info'\nscene = ['bad.obj', 'cornell.obj']\nretry = 1\n\
+         [job.sweep]\nunit = ['m', 'cm', 'mm', 'km']\n",
+    );
+    let line = ["batch", "jobs.toml", "--threads", "1", "--jobs-at-once", "1", "--out", "o", "--mpi"];
+    let ran = on_ranks(&scratch, 2, &line);
+    assert_eq!(ran.code, Some(2), "{}{}", ran.stdout, ran.stderr);
+    assert!(ran.stdout.contains("4 jobs done") && ran.stdout.contains("4 failed"), "{}", ran.stdout);
+    assert_eq!(ran.stderr.matches("failed and runs again").count(), 4, "{}", ran.stderr);
+    assert_eq!(journal(&scratch.path("o")), [8, 4]);
 }
 
 #[test]
@@ -236,7 +260,7 @@ fn a_lost_rank_ends_a_solve_without_outputs() {
         std::thread::sleep(Duration::from_millis(5));
     }
     std::thread::sleep(Duration::from_millis(300));
-    kill_rank_1(&scratch);
+    signal_rank_1("KILL", &scratch);
     let outcome = ended(child);
     assert_ne!(outcome.code, Some(0));
     assert!(outcome.stderr.contains("rank 1"), "{}", outcome.stderr);
