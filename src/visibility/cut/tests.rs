@@ -88,14 +88,14 @@ fn nothing_is_averaged_without_a_size_and_answers_are_those_of_brute_force() {
     for packet in packets(2, 60, Vec3::new(0.0, 0.0, -0.09), Vec3::new(6.0, 6.0, 2.0)) {
         let (values, sums) = lanes(&cut, &packet, 9.0, None);
         assert_eq!(sums.aggregated, 0);
-        for (lane, &value) in values.iter().enumerate() {
+        for lane in 0..LANES {
             let (from, to) = (packet.point(lane, 0.0), packet.point(lane, 1.0));
             match brute.verdict(from, to - from, packet.near[lane], packet.far[lane], 1e-5) {
-                Verdict::Blocked => assert_eq!(value, 0.0, "missed {from} {to}"),
-                Verdict::Clear => assert_eq!(value, 1.0, "blocked by nothing {from} {to}"),
+                Verdict::Blocked => assert_eq!(values[lane], 0.0, "missed {from} {to}"),
+                Verdict::Clear => assert_eq!(values[lane], 1.0, "blocked by nothing {from} {to}"),
                 Verdict::Marginal => continue,
             }
-            (blocked, clear) = (blocked + usize::from(value == 0.0), clear + 1);
+            (blocked, clear) = (blocked + usize::from(values[lane] == 0.0), clear + 1);
         }
     }
     assert!(blocked > 100 && clear - blocked > 100, "{blocked} of {clear}");
@@ -172,7 +172,7 @@ fn the_cut_averages_nothing_that_the_umbra_criterion_forbids() {
         averaged += sums.aggregated;
         let width = cut.width(&Bundle::of_packet(packet, e));
         assert!(width <= e);
-        for (lane, &value) in values.iter().enumerate() {
+        for lane in 0..LANES {
             let (from, to) = (packet.point(lane, 0.0), packet.point(lane, 1.0));
             for block in opened(&cut, (from.as_dvec3(), to.as_dvec3()), (width.into(), s.into())) {
                 let block = &cut.blocks[block as usize];
@@ -184,7 +184,7 @@ fn the_cut_averages_nothing_that_the_umbra_criterion_forbids() {
                     let (near, far) = (packet.near[lane] + 1e-5, packet.far[lane] - 1e-5);
                     if one.verdict(from, to - from, near, far, 1e-5) == Verdict::Blocked {
                         tested += 1;
-                        assert_eq!(value, 0.0, "e {e}, s {s}: averaged what blocks {from} {to}");
+                        assert_eq!(values[lane], 0.0, "e {e}, s {s}: averaged what blocks {from} {to}");
                     }
                 }
             }
