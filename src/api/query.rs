@@ -3,7 +3,7 @@
 use super::positive;
 use super::visibility::{Chosen, Visibility};
 use crate::ray::{EndRule, LANES, Packet, gather_neighbours};
-use crate::visibility::{Answer, Bundle, Cost, LeafMode, Method, wilson};
+use crate::visibility::{Answer, Bundle, Cost, Method, wilson};
 use crate::{Error, Result};
 use glam::{DVec3, Vec3};
 use sobol_burley::sample_4d;
@@ -165,9 +165,7 @@ impl<'a> Query<'a> {
         let bundle = Bundle { packets: &packets, emitter_size, emitter: hull };
         let answer = model.with_workspace(|workspace| match (&chosen, size) {
             (Chosen::Clusters(engine) | Chosen::Either(engine), Some(s)) => {
-                // The average visibility of the paper has no cut.
-                let cut = if engine.leaf() == LeafMode::Exact { model.cut() } else { None };
-                engine.clone().with_cut(cut).answer(bundle, s, workspace)
+                engine.answer(bundle, s, workspace)
             }
             _ => model.exact().answer(bundle, &mut Vec::new()),
         });

@@ -24,8 +24,7 @@ pub enum Engine {
 /// Visibility of a model: the fraction of light between points that gets through.
 ///
 /// Made by [`Model::visibility`]; cheap to make and to clone. The first multi-resolution query estimates the cost of exact rays
-/// in this model once (milliseconds), and a single query makes the tree of the distance cut (about 4 s for a million triangles); the model
-/// keeps both.
+/// in this model once (milliseconds); the model keeps that.
 #[derive(Clone)]
 pub struct Visibility {
     pub(super) model: Model,

@@ -3,7 +3,7 @@
 use super::workload::{Order, Workload};
 use crate::ray::{LANES, Packet};
 use crate::scene::Scene;
-use crate::visibility::{Bundle, Choice, MultiResolution, SAMPLE_RUN, SAMPLE_RUNS, Workspace};
+use crate::visibility::{Bundle, MultiResolution, SAMPLE_RUN, SAMPLE_RUNS, Work, Workspace};
 use glam::Vec3;
 
 /// Segments of runs of neighbouring pairs, evenly spread over a workload, for each number of segments of the rows.
@@ -73,10 +73,14 @@ impl Sample {
         self.runs.iter().map(|run| run.sizes.iter().map(|size| bundle(&run.hull, size)).collect()).collect()
     }
 
-    /// How bundles like these are answered.
-    pub fn choice(&self, engine: &MultiResolution, s: f32, rays: usize) -> Choice {
+    /// Whether MR is estimated to be faster than exact rays for bundles like these.
+    pub fn pays(&self, engine: &MultiResolution, s: f32, rays: usize) -> bool {
         let runs = self.bundles(rays);
-        engine.choice(runs.iter().map(Vec::as_slice), s, &mut Workspace::default())
+        let (mut workspace, mut work) = (Workspace::default(), Work::default());
+        for run in &runs {
+            work.add(engine.work(run, &vec![s; run.len()], &mut workspace));
+        }
+        work.is_clearly_less()
     }
 }
 

@@ -50,43 +50,6 @@ pub fn sample_runs(bundles: usize) -> impl Iterator<Item = Range<usize>> {
     })
 }
 
-/// Number of classes of receivers; see [`Route::class`].
-pub(super) const CUT_CLASSES: usize = 6;
-
-/// How a bundle is answered.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Route {
-    /// By a walk that its segments share.
-    Bundle,
-    /// By the distance cut, segment by segment.
-    Cut,
-    /// By exact rays.
-    Embree,
-}
-
-impl Route {
-    /// Class of a receiver by the number of blocks of small triangles around it that the cut cannot average: none, one, and steps of
-    /// four, up to 256 and more.
-    pub fn class(blocks: u32) -> usize {
-        match blocks {
-            0 => 0,
-            n => (1 + n.ilog2() as usize / 2).min(CUT_CLASSES - 1),
-        }
-    }
-
-    /// Blocks from which on all receivers are of the last class.
-    pub const MAX_BLOCKS: u32 = 1 << (2 * (CUT_CLASSES - 2));
-}
-
-/// Where the cut is used, and its error.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct CutUse {
-    /// Classes of receivers for which it takes less time than exact rays with the same error.
-    pub classes: [bool; CUT_CLASSES],
-    /// Mean square of the model error of an answer T, relative to T (1 - T).
-    pub model: f32,
-}
-
 /// Estimated work of exact rays.
 #[derive(Clone, Copy)]
 pub(super) struct CostModel {

@@ -3,7 +3,6 @@
 use super::answer::{Answer, Bundle, Cost, Method, interval, wilson};
 use super::bundle_walks::{BundleWalks, Sizes, Walker, Workspace};
 use super::cost_model::{CostModel, Work};
-use super::cut::Cut;
 use super::exact::Exact;
 use super::instance_tree::InstanceTree;
 #[cfg(feature = "internals")]
@@ -50,10 +49,6 @@ pub struct MultiResolution {
     far: bool,
     /// Tolerance of the transmittance that feature sizes were measured for.
     tolerance: f32,
-    /// The distance cut, if the model has one.
-    pub(super) cut: Option<Arc<Cut>>,
-    /// Whether walks answer what the cut does not; else exact rays do.
-    pub(super) walks: bool,
 }
 
 impl MultiResolution {
@@ -76,8 +71,6 @@ impl MultiResolution {
             isa: Isa::detect(),
             cost: CostModel::UNCALIBRATED,
             tolerance: optics::Options::default().tolerance,
-            cut: None,
-            walks: true,
         }
     }
 
@@ -129,8 +122,12 @@ impl MultiResolution {
         answer.expect("one bundle, one answer")
     }
 
-    /// The visible fractions of several bundles by walks alone, passed to `each` in order; see [`MultiResolution::answers`].
-    pub fn walked_answers(
+    /// The visible fractions of several bundles, passed to `each` in order.
+    ///
+    /// Consecutive bundles with close ends share the upper part of the traversal; each applies the umbra criterion by
+    /// itself. Answers equal those of [`MultiResolution::answer`] up to rounding, except for bundles that only one of
+    /// the two ways hands over.
+    pub fn answers(
         &self,
         bundles: &[Bundle],
         s: f32,
