@@ -159,7 +159,7 @@ pub struct SceneArgs {
     /// NAME=60W, NAME=800lm, NAME=5000cd/m2.
     #[arg(long = "emitter", value_name = "NAME=W")]
     pub emitters: Vec<String>,
-    /// Move the object or glTF node NAME by X, Y, Z scene units and turn it about its upward axis (repeatable).
+    /// Move the object or glTF node NAME (repeatable): by X, Y, Z scene units, and turn it by DEGREES about the upward axis.
     #[arg(long = "move", value_name = "NAME=X,Y,Z[,DEGREES]")]
     pub moves: Vec<String>,
     /// Add luminaires with IES LM-63 or EULUMDAT files: a TOML file with [[luminaire]] tables of file, at and aim.
