@@ -27,7 +27,7 @@ pub(super) fn office(spec: &Spec) -> Result<Soup> {
         chair(&mut b, foot + DVec3::new(0.1, -0.85, 0.0));
     }
     b.number(0);
-    shelf(&mut b, &mut random, DVec3::new(3.2, -1.6, 0.0));
+    shelf(&mut b, &mut random, DVec3::new(3.17, -1.6, 0.0));
     let size = spec.light_size.unwrap_or(1.2);
     for k in 0..6 {
         let centre = DVec3::new(2.6 * f64::from(k % 3) - 2.6, 3.0 * f64::from(k / 3) - 1.5, ROOM.z - 0.05);
