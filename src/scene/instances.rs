@@ -6,7 +6,7 @@
 
 use super::{
     LoadOptions, MAX_COORDINATE, MIN_EXTENT, PlacedSoup, Placement, Repairs, Scene,
-    power::unknown,
+    names::unknown,
     resolve::{resolve, resolve_mesh},
 };
 use crate::{Error, Result, error::quote, math::Aabb};

@@ -21,6 +21,7 @@ mod luminaires;
 mod magnitudes;
 mod moves;
 mod mtl;
+mod names;
 mod overlap;
 mod photometry;
 mod placement;
@@ -274,7 +275,7 @@ impl Scene {
     /// Nothing has this name; the message lists some names.
     pub(crate) fn faces_named(&self, name: &str) -> Result<Vec<u32>> {
         let faces = self.faces_with_name(name);
-        if faces.is_empty() { Err(power::unknown(name, self.names())) } else { Ok(faces) }
+        if faces.is_empty() { Err(names::unknown(name, self.names())) } else { Ok(faces) }
     }
 
     /// The scene's own faces of the objects, groups or materials called `name`, ascending; maybe none.

@@ -1,6 +1,6 @@
 //! Objects, and nodes of glTF files, that are moved before a scene is checked: variants of one file.
 
-use super::{Soup, UpAxis, power::some_names};
+use super::{Soup, UpAxis, names::some_names};
 use crate::{
     Error, Result,
     error::{figure, quote},

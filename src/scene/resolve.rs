@@ -11,7 +11,7 @@ use super::{
     connect::{self, Edges, Parts, Sets},
     emitters::{self, Faces},
     keep::Kept,
-    luminaires, moves, overlap,
+    luminaires, moves, names, overlap,
     power::{self, Surfaces},
     stack::{Order, stack},
     triangulate::{Shape, Triangulator},
@@ -171,7 +171,7 @@ fn check_materials(soup: &Soup, role: Role, repairs: &mut Repairs) -> Result<Vec
     // The scene that places a mesh has the same materials and counts their repairs.
     if role == Role::Whole && !clamped.is_empty() {
         repairs.clamped_reflectances += clamped.len();
-        let names = power::some_names(clamped.iter().copied());
+        let names = names::some_names(clamped.iter().copied());
         repairs.messages.push(format!("reflectance clamped to 0..{MAX_REFLECTANCE} in {names}"));
     }
     Ok(materials)
@@ -371,7 +371,7 @@ fn summarise(role: Role, soup: &Soup, faces: &Triangles, r: &mut Repairs) {
     say(r.transparent_faces, "faces of transparent materials (d < 0.5) dropped: they do not block light");
     if r.faces_without_material > 0 {
         let missing = soup.materials.iter().filter(|m| m.missing).map(|m| &m.name);
-        let names = power::some_names(missing);
+        let names = names::some_names(missing);
         let kd = SoupMaterial::DEFAULT_REFLECTANCE[0];
         r.messages.push(format!(
             "{} faces without a material got reflectance {kd} ({names})",
@@ -390,7 +390,7 @@ fn summarise(role: Role, soup: &Soup, faces: &Triangles, r: &mut Repairs) {
 
 /// Writes a message that partly transparent materials count as opaque, if there are any.
 pub(super) fn report_transparent<'a>(names: impl Iterator<Item = &'a String>, r: &mut Repairs) {
-    let names = power::some_names(names);
+    let names = names::some_names(names);
     if !names.is_empty() {
         r.messages.push(format!("transparency is not modelled; taken as opaque (d not below 0.5): {names}"));
     }

@@ -1,0 +1,39 @@
+//! Names of objects, groups and materials in messages.
+
+use crate::{Error, error::quote};
+
+/// Similarity of two names above which one is suggested for the other, as in clap's suggestions of options; and number of
+/// names that are compared: a microsecond each.
+const SIMILAR: f64 = 0.7;
+const MAX_COMPARED: usize = 100_000;
+
+/// The error for an unknown name.
+pub(super) fn unknown<'a>(name: &str, names: impl Iterator<Item = &'a str>) -> Error {
+    let names: Vec<&str> = names.take(MAX_COMPARED).collect();
+    let similar = names.iter().map(|n| (strsim::jaro_winkler(name, n), n));
+    if let Some((likeness, similar)) = similar.max_by(|a, b| a.0.total_cmp(&b.0))
+        && likeness > SIMILAR
+    {
+        let (name, similar) = (quote(name), quote(similar));
+        return Error::Scene(format!(
+            "no object, group or material is called `{name}`; did you mean `{similar}`?"
+        ));
+    }
+    let some = some_names(names.into_iter());
+    Error::Scene(format!("no object, group or material is called `{}`; there are {some}", quote(name)))
+}
+
+/// The first few distinct names, for messages.
+pub(super) fn some_names<'a, S: AsRef<str> + ?Sized + 'a>(names: impl Iterator<Item = &'a S>) -> String {
+    let mut seen = std::collections::HashSet::new();
+    let mut list: Vec<String> = names
+        .map(AsRef::as_ref)
+        .filter(|n: &&str| seen.insert(*n))
+        .take(9)
+        .map(|n| format!("`{}`", quote(n)))
+        .collect();
+    if list.len() == 9 {
+        list[8] = "others".into();
+    }
+    list.join(", ")
+}
