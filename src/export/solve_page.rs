@@ -78,7 +78,7 @@ pub fn solve_page(
         }
         section {
             h2 { "Where the light goes" }
-            (flow::section(record, scene, solution))
+            (flow::section(&record.ledger, shown, scene, solution))
         }
         (audit::section(record)?)
         section {
@@ -106,12 +106,13 @@ pub fn solve_page(
 fn headline(record: &Record, name: &str, shown: Shown) -> Markup {
     let (light, unit) = (shown.of(record.mean_irradiance), shown.unit());
     let [red, green, blue] = record.mean_irradiance.map(number);
+    let (powers, unit_of_power) = record.ledger.shown(shown.0);
     html! {
         header {
             p.kicker { "Light in a scene" }
             h1 { (name) }
             p.lead {
-                "All surfaces together emit " strong { (number(record.ledger.emitted)) " " (record.ledger.unit) }
+                "All surfaces together emit " strong { (number(powers.emitted)) " " (unit_of_power) }
                 " and receive " strong { (number(light)) " " (unit) } " in the mean."
             }
             div.figures {

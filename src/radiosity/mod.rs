@@ -24,5 +24,8 @@ mod surroundings;
 mod tests;
 mod transport;
 
+#[cfg(feature = "reports")]
+pub(crate) use audit::Ledger;
+pub(crate) use audit::Powers;
 pub use options::{Inside, Options, Oracle, RowSums, View, Visibility};
 pub use pipeline::{Outcome, PointLight, Record, Seconds, Solution, run, solve};

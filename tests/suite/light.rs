@@ -330,6 +330,10 @@ fn photometric_outputs() {
     let json = scratch.json("s.json");
     let (lux, watts) = (&json["photometric"]["mean_illuminance_lx"], &json["mean_irradiance"][0]);
     assert!((lux.as_f64().unwrap() / watts.as_f64().unwrap() - 179.0).abs() < 1e-6, "{lux} {watts}");
+    let ledger = &json["photometric"]["ledger"];
+    assert_eq!(ledger["unit"], "lm");
+    let emitted = ledger["emitted"].as_f64().expect("a power");
+    assert!((emitted / flux - 1.0).abs() < 1e-5, "{emitted} of {flux} lm are emitted");
     done(&scratch.mrvis(&["compare", "p/irradiance.csv", "r.csv", "--tolerance", "0.2"]));
     let bad = scratch.mrvis(&["info", "dark.obj", "--luminaires", "bad.toml"]);
     assert!(bad.code == Some(2) && bad.stderr.contains("bad.toml:3: "), "{}", bad.stderr);

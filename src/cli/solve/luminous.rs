@@ -2,7 +2,7 @@
 
 use crate::bench::side_by_side::ComparedRecord;
 use crate::cli::mpi::Sharing;
-use crate::radiosity::Record;
+use crate::radiosity::{Powers, Record};
 use crate::scene::Photometry;
 use serde::Serialize;
 
@@ -26,11 +26,27 @@ pub struct Luminous {
     pub photometry: Photometry,
     /// Mean illuminance of the elements, lx.
     pub mean_illuminance_lx: f64,
+    /// Powers of the energy ledger.
+    pub ledger: LuminousLedger,
+}
+
+/// Luminous powers, summed over all surfaces.
+#[derive(Serialize)]
+pub struct LuminousLedger {
+    /// lm, or lx times scene units squared where the length of a scene unit is not known.
+    pub unit: String,
+    #[serde(flatten)]
+    pub powers: Powers<f64>,
 }
 
 impl Luminous {
     /// From the record of a solution.
     pub fn of(photometry: Photometry, record: &Record) -> Luminous {
-        Luminous { photometry, mean_illuminance_lx: photometry.of(record.mean_irradiance) }
+        let (powers, unit) = record.ledger.shown(Some(photometry));
+        Luminous {
+            photometry,
+            mean_illuminance_lx: photometry.of(record.mean_irradiance),
+            ledger: LuminousLedger { unit, powers },
+        }
     }
 }

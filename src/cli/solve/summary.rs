@@ -35,14 +35,16 @@ pub fn summary(reported: &Reported, with_points: bool) -> String {
         s.load, s.embree, s.hierarchy, s.characterise, s.elements, s.solve, s.local, s.points
     );
     let l = &r.ledger;
+    let photometry = photometric.as_ref().map(|l| l.photometry);
+    let (powers, unit) = l.shown(photometry);
     let _ = writeln!(
         text,
-        "emitted {0} {unit}, absorbed {1} {unit}, escaped {2} {unit}, created {3} {unit} (mean of the channels)",
-        number(l.emitted),
-        number(l.absorbed),
-        number(l.escaped),
-        number(l.created),
-        unit = l.unit
+        "emitted {0} {unit}, absorbed {1} {unit}, escaped {2} {unit}, created {3} {unit}{4}",
+        number(powers.emitted),
+        number(powers.absorbed),
+        number(powers.escaped),
+        number(powers.created),
+        if photometry.is_none() { " (mean of the channels)" } else { "" }
     );
     if let Some([low, high]) = l.row_sums {
         let _ = writeln!(

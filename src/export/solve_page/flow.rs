@@ -1,9 +1,10 @@
 //! The energy ledger as a flow: the emitted power at the top divides into what materials absorb and what escapes.
 
+use super::Shown;
 use crate::page::percent;
 use crate::plot::number;
-use crate::radiosity::Record;
 use crate::radiosity::mesh::RadiosityMesh;
+use crate::radiosity::{Ledger, Powers};
 use crate::scene::Scene;
 use maud::{Markup, PreEscaped, html};
 use std::fmt::Write as _;
@@ -26,28 +27,28 @@ struct Stream {
 }
 
 /// Diagram and numbers.
-pub(super) fn section(record: &Record, scene: &Scene, solution: &RadiosityMesh) -> Markup {
-    let l = &record.ledger;
-    if l.emitted <= 0.0 {
+pub(super) fn section(ledger: &Ledger, shown: Shown, scene: &Scene, solution: &RadiosityMesh) -> Markup {
+    let (powers, unit) = ledger.shown(shown.0);
+    if powers.emitted <= 0.0 {
         return html! { p { "No surface emits light." } };
     }
-    let streams = streams(record, scene, solution);
+    let streams = streams(&powers, shown, scene, solution);
     html! {
-        p { "Of " strong { (number(l.emitted)) " " (l.unit) } " that are emitted:" }
+        p { "Of " strong { (number(powers.emitted)) " " (unit) } " that are emitted:" }
         (PreEscaped(drawing(&streams)))
         div.streams {
             @for stream in &streams {
                 div {
                     span class=(format!("swatch {}", stream.colour)) {}
                     span.name { (stream.name) }
-                    span.power { (number(stream.power)) " " (l.unit) ", " (percent(stream.power / l.emitted)) }
+                    span.power { (number(stream.power)) " " (unit) ", " (percent(stream.power / powers.emitted)) }
                 }
             }
         }
         p.note {
-            "The difference of what is received and what is sent, " (number(l.created)) " " (l.unit)
+            "The difference of what is received and what is sent, " (number(powers.created)) " " (unit)
             ", is an error of the solution. "
-            @if let Some([low, high]) = l.row_sums {
+            @if let Some([low, high]) = ledger.row_sums {
                 "The form factors of an element from which no light leaves the scene sum to " (format!("{low:.4} to {high:.4}")) "; 1 is right."
             }
         }
@@ -55,10 +56,10 @@ pub(super) fn section(record: &Record, scene: &Scene, solution: &RadiosityMesh) 
 }
 
 /// Absorption by material, the largest first, then what escapes and what is lost by error.
-fn streams(record: &Record, scene: &Scene, solution: &RadiosityMesh) -> Vec<Stream> {
+fn streams(powers: &Powers<f64>, shown: Shown, scene: &Scene, solution: &RadiosityMesh) -> Vec<Stream> {
     let mut absorbed = vec![0.0; scene.materials.len()];
     for e in &solution.elements {
-        let part = (0..3).map(|c| (1.0 - f64::from(e.albedo[c])) * e.irradiance[c]).sum::<f64>() / 3.0;
+        let part = shown.of([0, 1, 2].map(|c| (1.0 - f64::from(e.albedo[c])) * e.irradiance[c]));
         if let Some(absorbed) = absorbed.get_mut(e.material as usize) {
             *absorbed += e.area * part;
         }
@@ -66,7 +67,7 @@ fn streams(record: &Record, scene: &Scene, solution: &RadiosityMesh) -> Vec<Stre
     let all = absorbed.iter().sum::<f64>().max(f64::MIN_POSITIVE);
     let mut order: Vec<usize> = (0..absorbed.len()).filter(|&m| absorbed[m] > 0.0).collect();
     order.sort_by(|&a, &b| absorbed[b].total_cmp(&absorbed[a]));
-    let power = |share: f64| share / all * record.ledger.absorbed;
+    let power = |share: f64| share / all * powers.absorbed;
     let mut streams = Vec::new();
     let mut add = |name: String, power: f64, colour: &'static str| {
         if power > 0.0 {
@@ -79,8 +80,8 @@ fn streams(record: &Record, scene: &Scene, solution: &RadiosityMesh) -> Vec<Stre
     let others = &order[order.len().min(MAX_MATERIALS)..];
     let name = format!("absorbed by {} other materials", others.len());
     add(name, power(others.iter().map(|&m| absorbed[m]).sum()), COLOURS[4]);
-    add("escaped from the scene".into(), record.ledger.escaped, COLOURS[5]);
-    add("lost by error".into(), -record.ledger.created, COLOURS[6]);
+    add("escaped from the scene".into(), powers.escaped, COLOURS[5]);
+    add("lost by error".into(), -powers.created, COLOURS[6]);
     streams
 }
 

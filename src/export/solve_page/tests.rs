@@ -45,6 +45,11 @@ fn photometric_pages_are_in_lux() {
     let mean = photometry.of(record.mean_irradiance);
     assert!(page.contains(&format!("{} lx", number(mean))) && page.contains("mean illuminance"));
     assert!(page.contains("illuminance of view") && !page.contains("mean irradiance"));
+    let (powers, unit) = record.ledger.shown(Some(photometry));
+    assert_eq!(unit, "lm");
+    // The emission of the lamp is the only power of this page that exceeds all others: it is in the head and above the flow.
+    assert_eq!(page.matches(&format!("{} lm", number(powers.emitted))).count(), 2);
+    assert!(!page.contains(&format!("{} W", number(record.ledger.emitted))));
     // The pixels have 1, 2 and 5 W/m² in each channel.
     let lux = [1.0, 2.0, 5.0].map(|e| photometry.of([e; 3]) as f32);
     assert!(page.contains(&Bands::of(lux.into_iter()).legend("Illuminance in lx:").into_string()));

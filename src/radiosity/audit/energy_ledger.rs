@@ -2,9 +2,9 @@
 
 use super::solved::{Closing, Solved};
 use crate::radiosity::elements::{RowFactors, Shape};
-use crate::radiosity::rgb::{Rgb, mean};
+use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::radiosity::surroundings::directed_share;
-use crate::scene::unit_in_metres;
+use crate::scene::{Photometry, unit_in_metres};
 
 /// Powers, summed over all surfaces; means of the channels.
 #[derive(Clone, Debug, Default, serde::Serialize)]
@@ -32,6 +32,30 @@ pub struct Ledger {
     pub row_sum_error: f64,
     /// Part of the scene's area from whose elements no light leaves the scene.
     pub closed_area: f64,
+    /// The powers of each channel, in [`Ledger::unit`].
+    #[serde(skip)]
+    pub(crate) channels: Powers<Rgb>,
+}
+
+/// The powers of a ledger.
+#[derive(Clone, Copy, Debug, Default, serde::Serialize)]
+pub(crate) struct Powers<T> {
+    pub emitted: T,
+    pub absorbed: T,
+    pub escaped: T,
+    pub created: T,
+}
+
+impl Powers<Rgb> {
+    /// One number for each power.
+    pub fn map<T>(&self, f: impl Fn(Rgb) -> T) -> Powers<T> {
+        Powers {
+            emitted: f(self.emitted),
+            absorbed: f(self.absorbed),
+            escaped: f(self.escaped),
+            created: f(self.created),
+        }
+    }
 }
 
 impl Solved {
@@ -40,7 +64,8 @@ impl Solved {
         let linked = &self.linked;
         let (elements, area) = (&linked.elements, linked.elements.area);
         let mut ledger = Ledger::default();
-        let (mut received, mut sent, mut directed, mut closed) = (0.0, 0.0, 0.0, 0.0);
+        let mut powers = Powers::<Rgb>::default();
+        let (mut received, mut sent, mut directed, mut closed) = ([0.0; 3], [0.0; 3], [0.0; 3], 0.0);
         let by_rays = matches!(self.closing, Closing::Rays(_));
         for (e, (element, state)) in elements.elements.iter().zip(elements.states.iter()).enumerate() {
             let Shape::Surface { side, .. } = element.shape else { continue };
@@ -48,22 +73,21 @@ impl Solved {
                 continue;
             }
             let s = &elements.sides[side as usize];
-            let power = |v: Rgb| element.area * mean(v);
             let absorbed: Rgb =
                 std::array::from_fn(|k| (1.0 - f64::from(s.reflectance[k])) * state.irradiance[k]);
             let RowFactors { gathers, sends } = state.factors;
             ledger.reciprocity_residual += element.area * f64::from(gathers / sends - 1.0).abs();
             let RowSums { sampled, used, sent: sent_part } = self.row_sums(e);
-            ledger.emitted += power(s.exitance);
-            ledger.absorbed += power(absorbed);
-            received += power(state.irradiance);
+            add(&mut powers.emitted, element.area, s.exitance);
+            add(&mut powers.absorbed, element.area, absorbed);
+            add(&mut received, element.area, state.irradiance);
             // Rays send the light of profiles in their directions, links as if it were diffuse.
             let directs = by_rays && s.profile.is_some();
             let emitted = if directs { s.exitance } else { [0.0; 3] };
-            let diffuse = power(std::array::from_fn(|k| state.radiosity[k] - emitted[k]));
-            directed += power(emitted);
-            sent += diffuse * sent_part.min(1.0);
-            ledger.escaped += diffuse * (1.0 - sent_part).max(0.0);
+            let diffuse: Rgb = std::array::from_fn(|k| state.radiosity[k] - emitted[k]);
+            add(&mut directed, element.area, emitted);
+            add(&mut sent, element.area * sent_part.min(1.0), diffuse);
+            add(&mut powers.escaped, element.area * (1.0 - sent_part).max(0.0), diffuse);
             if linked.surroundings.closed[side as usize] {
                 closed += element.area;
                 let covered = 1.0 - f64::from(state.row_target);
@@ -74,11 +98,11 @@ impl Solved {
                 ledger.row_sum_error_sampled += element.area * (sampled - 1.0).powi(2);
             }
         }
-        if directed > 0.0 {
+        if mean(directed) > 0.0 {
             let (length, exact) = (linked.surroundings.length, linked.engine.exact());
             let share = directed_share(elements, &exact, length, linked.settings.seed);
-            sent += directed * share;
-            ledger.escaped += directed * (1.0 - share);
+            add(&mut sent, share, directed);
+            add(&mut powers.escaped, 1.0 - share, directed);
         }
         for error in [&mut ledger.row_sum_error, &mut ledger.row_sum_error_sampled] {
             *error = if closed > 0.0 { (*error / closed).sqrt() } else { 0.0 };
@@ -87,9 +111,9 @@ impl Solved {
         if let Closing::Rays(local) = &self.closing {
             ledger.reciprocity_residual = local.reciprocity;
         }
-        ledger.created = received - sent;
+        powers.created = std::array::from_fn(|k| received[k] - sent[k]);
         ledger.closed_area = if area > 0.0 { closed / area } else { 0.0 };
-        ledger.in_watts(unit)
+        ledger.with_powers(powers, unit)
     }
 
     /// The row sums of a leaf. After a local pass both are the part of its rays that stayed in the scene; the light that meets
@@ -120,16 +144,26 @@ struct RowSums {
 }
 
 impl Ledger {
-    /// Powers in watts, if the unit of length is known.
-    fn in_watts(mut self, unit: &str) -> Ledger {
+    /// The ledger with powers in watts, if the unit of length is known. `powers` are in W/m² times squares of that unit.
+    fn with_powers(self, powers: Powers<Rgb>, unit: &str) -> Ledger {
         let (metres, unit) = match unit_in_metres(unit) {
             Some(metres) => (metres, "W".into()),
             None => (1.0, format!("W/m\u{b2} {unit}\u{b2}")),
         };
-        for power in [&mut self.emitted, &mut self.absorbed, &mut self.escaped, &mut self.created] {
-            *power *= metres * metres;
+        let channels = powers.map(|power| power.map(|p| p * metres * metres));
+        let Powers { emitted, absorbed, escaped, created } = channels.map(mean);
+        Ledger { unit, emitted, absorbed, escaped, created, channels, ..self }
+    }
+
+    /// The luminous powers and their unit: lm, or lx times scene units squared where the length of a scene unit is not known.
+    /// Without `photometry` the means of the channels.
+    pub(crate) fn shown(&self, photometry: Option<Photometry>) -> (Powers<f64>, String) {
+        match photometry {
+            None => (self.channels.map(mean), self.unit.clone()),
+            Some(photometry) if self.unit == "W" => (self.channels.map(|p| photometry.of(p)), "lm".into()),
+            Some(photometry) => {
+                (self.channels.map(|p| photometry.of(p)), self.unit.replace("W/m\u{b2}", "lx"))
+            }
         }
-        self.unit = unit;
-        self
     }
 }

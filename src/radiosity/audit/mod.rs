@@ -7,6 +7,7 @@ mod solved;
 mod uncertainty;
 
 pub use energy_ledger::Ledger;
+pub(crate) use energy_ledger::Powers;
 pub use error_bars::{AuditSize, ErrorBarAudit};
 pub use estimate::{ErrorEstimate, ErrorSource};
 pub use solved::{Closing, Solved};
