@@ -1,4 +1,4 @@
-//! Names of objects, groups and materials in messages.
+//! Names of objects, groups and materials, and counts, in messages.
 
 use crate::{Error, error::quote};
 
@@ -21,6 +21,11 @@ pub(super) fn unknown<'a>(name: &str, names: impl Iterator<Item = &'a str>) -> E
     }
     let some = some_names(names.into_iter());
     Error::Scene(format!("no object, group or material is called `{}`; there are {some}", quote(name)))
+}
+
+/// A number with its noun: "1 face", "2 faces".
+pub(super) fn counted(count: usize, noun: &str) -> String {
+    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
 }
 
 /// The first few distinct names, for messages.

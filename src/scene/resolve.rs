@@ -360,22 +360,22 @@ fn summarise(role: Role, soup: &Soup, faces: &Triangles, r: &mut Repairs) {
     if role == Role::Mesh {
         return;
     }
-    let mut say = |count: usize, what: &str| {
+    let mut say = |count: usize, noun: &str, what: &str| {
         if count > 0 {
-            r.messages.push(format!("{count} {what}"));
+            r.messages.push(format!("{} {what}", names::counted(count, noun)));
         }
     };
-    say(r.zero_area_faces, "faces without area dropped");
-    say(r.duplicate_faces, "faces dropped that occur twice");
-    say(r.broken_polygons, "polygons dropped that cross themselves");
-    say(r.transparent_faces, "faces of transparent materials (d < 0.5) dropped: they do not block light");
+    say(r.zero_area_faces, "face", "without area dropped");
+    say(r.duplicate_faces, "face", "dropped, equal to another one");
+    say(r.broken_polygons, "polygon", "dropped, crossed by its own edges");
+    say(r.transparent_faces, "face", "of transparent materials (d < 0.5) dropped: they do not block light");
     if r.faces_without_material > 0 {
         let missing = soup.materials.iter().filter(|m| m.missing).map(|m| &m.name);
         let names = names::some_names(missing);
         let kd = SoupMaterial::DEFAULT_REFLECTANCE[0];
         r.messages.push(format!(
-            "{} faces without a material got reflectance {kd} ({names})",
-            r.faces_without_material
+            "{} without a material got reflectance {kd} ({names})",
+            names::counted(r.faces_without_material, "face")
         ));
     }
     let mut used = vec![false; soup.materials.len()];

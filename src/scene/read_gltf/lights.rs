@@ -2,6 +2,7 @@
 
 use super::Reader;
 use crate::scene::luminaires::Lamp;
+use crate::scene::names::counted;
 use crate::scene::profile::{Distribution, axes};
 use crate::scene::{LoadOptions, MAX_COORDINATE, Soup, SoupMaterial};
 use crate::{Result, error::quote, math::Aabb};
@@ -122,14 +123,14 @@ impl Reader<'_> {
         }
         if self.hard_spots > 0 {
             soup.repairs.messages.push(format!(
-                "{} spot lights have an inner cone angle that is not below the outer one: it became {MAX_INNER} of the outer one",
-                self.hard_spots
+                "{} with an inner cone angle that is not below the outer one: it is taken as {MAX_INNER} of the outer one",
+                counted(self.hard_spots, "spot light")
             ));
         }
         if !self.lights.is_empty() {
-            let count = self.lights.len();
+            let count = counted(self.lights.len(), "light");
             soup.repairs.messages.push(format!(
-                "{count} lights of KHR_lights_punctual became emitters: point and spot lights squares of {PLATE} of the scene's \
+                "{count} of KHR_lights_punctual made into emitters: point and spot lights squares of {PLATE} of the scene's \
                  diagonal, directional lights squares of the size of the sun at {DISTANCE} diagonals; their ranges are not used"
             ));
         }

@@ -127,7 +127,11 @@ fn lights_and_maps_that_are_not_read_are_noted() {
     file["nodes"][0]["translation"] = json!([0, 0, 1]);
     let scene = load_bytes("gltf", file.to_string().as_bytes()).expect("a scene");
     let noted = |s: &Scene, what: &str| s.repairs.messages.iter().any(|m| m.contains(what));
-    assert!(noted(&scene, "1 lights of KHR_lights_punctual became emitters"), "{:?}", scene.repairs.messages);
+    assert!(
+        noted(&scene, "1 light of KHR_lights_punctual made into emitters"),
+        "{:?}",
+        scene.repairs.messages
+    );
     let obj = "mtllib a.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
     let maps: &[(&str, &[u8])] = &[("a.mtl", b"newmtl a\nKe 1 1 1\nmap_Ke e.png\nmap_d d.png\n")];
     let scene = load_with(obj, maps, &LoadOptions::default()).expect("a scene");

@@ -181,7 +181,7 @@ fn punctual_lights_of_gltf() {
         // Lengths are relative to the floor, not to the distance of the sun.
         assert!(scene.size() < 26.0, "{}", scene.size());
         let notes = &scene.repairs.messages;
-        assert!(notes.iter().any(|m| m.contains("1 lights of KHR_lights_punctual became")), "{notes:?}");
+        assert!(notes.iter().any(|m| m.contains("1 light of KHR_lights_punctual made into")), "{notes:?}");
         let model = model(&scene, Detail::Rays);
         let points = [DVec3::ZERO, dvec3(2.0, 0.0, 0.0)].map(|position| Point { position, normal: DVec3::Y });
         let settings = Settings { samples: 256, direct_only: true, seed: 1 };
@@ -214,9 +214,12 @@ fn punctual_lights_of_gltf() {
     near(hard[0], 100.0, 0.01);
     assert!(hard[1] == 0.0, "45 degrees are outside of the cone");
     assert!(
-        Scene::load(folder.path().join("a.gltf")).expect("a scene").repairs.messages.iter().any(|m| {
-            m.contains("1 spot lights have an inner cone angle that is not below the outer one")
-        })
+        Scene::load(folder.path().join("a.gltf"))
+            .expect("a scene")
+            .repairs
+            .messages
+            .iter()
+            .any(|m| { m.contains("1 spot light with an inner cone angle that is not below the outer one") })
     );
     let sun = value(r#"{"type":"directional","intensity":5000}"#, place);
     near(sun[0], 5000.0, 0.05);
