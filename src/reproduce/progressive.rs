@@ -20,13 +20,14 @@ pub fn multigridding(context: &Context) -> Result<Item> {
     let soup = generate::soup(&spec)?;
     let polygons = soup.polygons();
     let model = Model::prepare(generate::build(&spec)?, &PrepareOptions::default(), context.progress)?;
-    let step = if context.small { 0.02 } else { 0.05 };
+    let (step, max_links) = if context.small { (0.02, 4000) } else { (0.05, 20_000) };
     let links = Options { local_rays: Some(0), audit: 0, ..Options::default() };
-    let steps = Options { step_seconds: Some(step), max_seconds: Some(40.0 * step), ..links.clone() };
+    let steps = Options { step_seconds: Some(step), max_links, ..links.clone() };
     let record = radiosity::run(&model, &[], &steps, context.progress)?.record;
     let mut item = Item {
         here: format!(
-            "`mrvis generate urban-block --count 7000`, {polygons} polygons, links alone (`solve --step-seconds {step} --local-rays 0`). \
+            "`mrvis generate urban-block --count 7000`, {polygons} polygons, links alone (`solve --step-seconds {step} --max-links {max_links} \
+             --local-rays 0`). \
              Each step refines the links above the threshold that a histogram of their errors gives for the time; the RMS error after a \
              step, relative to the mean irradiance, is that of another solve that ends at as many links, measured by independent paths."
         ),
