@@ -1,5 +1,6 @@
 //! Arguments shared by several subcommands.
 
+use super::writable::{check_file, check_folder};
 use super::{
     flags::with_flags,
     inputs::{Inputs, Output},
@@ -271,7 +272,7 @@ impl CacheArgs {
         match &self.cache {
             None => Ok(user_cache().map_or(CacheLocation::Off, CacheLocation::Folder)),
             Some(folder) if folder == Path::new("off") => Ok(CacheLocation::Off),
-            Some(folder) => check_folder(folder).map(|()| CacheLocation::Folder(folder.clone())),
+            Some(folder) => check_folder(folder).map(|_| CacheLocation::Folder(folder.clone())),
         }
     }
 }
@@ -337,26 +338,6 @@ pub fn command_line() -> String {
     words.join(" ")
 }
 
-/// Checks that a file can be written, without changing it.
-pub fn check_file(path: &Path) -> Result<()> {
-    if path.is_dir() {
-        return Err(Error::io(path, std::io::ErrorKind::IsADirectory.into()));
-    }
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    tempfile::tempfile_in(folder).map(drop).map_err(|e| Error::io(path, e))
-}
-
-/// Checks that files can be written into a folder; creates the folder if it is missing.
-pub fn check_folder(folder: &Path) -> Result<()> {
-    let unusable =
-        |what: &str| Error::format(folder, None, format!("{what}; give a folder that can be written"));
-    if folder.exists() && !folder.is_dir() {
-        return Err(unusable("is not a folder"));
-    }
-    std::fs::create_dir_all(folder).map_err(|e| unusable(&format!("cannot be made ({e})")))?;
-    tempfile::tempfile_in(folder).map(drop).map_err(|e| unusable(&format!("cannot be written ({e})")))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -372,18 +353,5 @@ mod tests {
     fn names_of_files_are_distinct() {
         let names = ["a b", "a_b", "a/b", "A_b", "a_b-2"].map(plain);
         assert_eq!(distinct(names), ["a_b", "a_b-2", "a_b-3", "A_b-4", "a_b-2-2"]);
-    }
-
-    #[test]
-    fn outputs_are_checked_without_being_touched() {
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("a.json");
-        check_file(&file).unwrap();
-        assert!(!file.exists());
-        assert!(check_file(folder.path()).is_err());
-        assert!(check_file(&folder.path().join("missing/a.json")).is_err());
-        std::fs::write(&file, "x").unwrap();
-        assert!(check_folder(&file).is_err());
-        check_folder(&folder.path().join("new")).unwrap();
     }
 }

@@ -1,6 +1,7 @@
 //! `mrvis batch JOBS.toml --out DIR`: many jobs of other commands.
 
 mod commit;
+mod estimates;
 mod job_run;
 mod plan;
 #[cfg(feature = "mpi")]
@@ -40,7 +41,7 @@ pub struct Args {
     /// Only jobs with this tag or name, and those that they need; repeatable.
     #[arg(long, value_name = "TAG")]
     only: Vec<String>,
-    /// Check everything and list the jobs with what is known of their memory and time, without running any.
+    /// Check everything and list the jobs with estimates of their memory and time, without running any.
     #[arg(long)]
     dry_run: bool,
     /// Threads of all jobs together, of each process with --mpi [default: one per core]
@@ -69,6 +70,11 @@ pub struct Args {
 }
 
 impl Args {
+    /// Whether this process runs a part of the jobs that no other process runs.
+    pub fn has_own_part(&self) -> bool {
+        self.shard.is_some()
+    }
+
     /// What one process runs at once. Ranks on one machine share it.
     fn capacity(&self) -> Capacity {
         let processes = self.mpi.on_machine();
@@ -108,7 +114,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     }
     if args.dry_run {
         let (entries, done) = (read_journals(&args.out)?, plan.chosen_done(&args.out, &hashes, false)?.1);
-        super::print(&plan.listed(&entries, &done))?;
+        super::print(&plan.listed(&entries, &done, args.capacity().threads))?;
         return Ok(ExitCode::SUCCESS);
     }
     args.check_log(&plan)?;
@@ -128,7 +134,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let journal = Journal::open(&args.out, &format!("journal{part}.jsonl"))?;
     interruption::watch(None);
     let to_do: Vec<usize> = plan.chosen.iter().copied().filter(|&k| !done[k]).collect();
-    let work = (0..plan.jobs.len()).map(|k| plan.work(k, &entries)).collect();
+    let work = plan.work(&entries, args.capacity().threads);
     let reporter = Reporter::new(work, &to_do, args.log.as_deref(), args.quiet)?;
     let settings = Settings {
         capacity: args.capacity(),

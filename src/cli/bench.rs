@@ -3,11 +3,12 @@
 mod pictures;
 mod table;
 
-use super::args::{CacheArgs, Common, SceneArgs, check_folder, command_line};
+use super::args::{CacheArgs, Common, SceneArgs, command_line};
 use super::cluster_args::ClusterArgs;
 use super::inputs::{Inputs, Output};
 use super::limits;
 use super::progress::Bar;
+use super::writable::check_folder;
 use crate::bench::{self, Options, Target, page};
 use crate::image_io::write_atomically;
 use crate::model::Model;
@@ -160,9 +161,7 @@ fn run_on_all_cores(args: &Args) -> Result<ExitCode> {
     args.scaling.map_or(Ok(()), bench::check_scaling)?;
     args.scene.as_ref().map_or(Ok(()), SceneArgs::without_light)?;
     common.check_json()?;
-    if let Some(folder) = &args.out {
-        check_folder(folder)?;
-    }
+    let _folder = args.out.as_deref().map(check_folder).transpose()?;
     let scaling = |bar: &Bar| args.scaling.map(|n| bench::scaling(&options, n, bar)).transpose();
     let Some(scene) = &args.scene else {
         let page = args.out.as_ref().map(|folder| Output::new("--out", folder.join(REPORT)));

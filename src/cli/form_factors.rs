@@ -1,11 +1,12 @@
 //! `mrvis form-factors SCENE --out FILE`: the matrix of obstructed form factors.
 
-use super::args::{Common, SceneArgs, check_file, file_name, grouped, warn};
+use super::args::{Common, SceneArgs, file_name, grouped, warn};
 use super::inputs::{Inputs, Output};
 use super::job_context;
 use super::limits::{self, GIB};
 use super::mpi::MpiArgs;
 use super::progress::Bar;
+use super::writable::check_file;
 use crate::{
     Error, Result,
     form_factors::matrix::{
@@ -66,10 +67,38 @@ enum Enforce {
     None,
 }
 
+impl Args {
+    /// The format of the matrix.
+    ///
+    /// # Errors
+    /// The extension of the file is that of none.
+    pub fn format(&self) -> Result<Format> {
+        Format::of(&self.out)
+    }
+
+    /// What the command takes for so many facets.
+    fn settings(&self, facets: usize) -> Settings {
+        let mut settings = Settings {
+            enforce: self.enforce == Enforce::Closure,
+            seed: self.common.seed,
+            ..Settings::new(facets)
+        };
+        settings.rays = self.rays.unwrap_or(settings.rays);
+        settings.largest_bundle = self.pair_rays.unwrap_or(settings.largest_bundle);
+        settings.bundle = settings.bundle.min(settings.largest_bundle);
+        settings
+    }
+
+    /// Largest memory of the matrix of so many facets, bytes.
+    pub fn matrix_bytes(&self, facets: usize) -> u64 {
+        memory_bound(facets, &self.settings(facets))
+    }
+}
+
 pub fn run(args: &Args) -> Result<ExitCode> {
     let common = &args.common;
     args.scene.without_light()?;
-    let format = Format::of(&args.out)?;
+    let format = args.format()?;
     args.mpi.on_first(|| check_file(&args.out))?;
     common.check_json()?;
     if let Some(v) = args.tolerance.filter(|v| !(v.is_finite() && *v >= 0.0)) {
@@ -80,14 +109,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     common.check_outputs(&inputs, [Output::new("--out", &args.out)])?;
     warn(common, &scene.repairs.messages);
     let facets = Facets::new_unless(&scene, &())?;
-    let mut settings = Settings {
-        enforce: args.enforce == Enforce::Closure,
-        seed: common.seed,
-        ..Settings::new(facets.count())
-    };
-    settings.rays = args.rays.unwrap_or(settings.rays);
-    settings.largest_bundle = args.pair_rays.unwrap_or(settings.largest_bundle);
-    settings.bundle = settings.bundle.min(settings.largest_bundle);
+    let settings = args.settings(facets.count());
     let bound = memory_bound(facets.count(), &settings);
     if limits::bytes(common.max_memory).is_some_and(|limit| bound > limit) {
         return Err(Error::Argument(format!(

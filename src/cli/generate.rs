@@ -51,7 +51,26 @@ pub struct Args {
     pub common: Common,
 }
 
+impl Args {
+    /// Refuses a file of another format than the command writes.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] with the extensions that are right.
+    pub fn check_extension(&self) -> Result<()> {
+        let Some(out) = &self.out else { return Ok(()) };
+        let (right, what) = match self.instances {
+            true => {
+                (has_extension(out, &["gltf", "glb"]), ".gltf or .glb, because only these hold instances")
+            }
+            false => (has_extension(out, &["obj"]), ".obj"),
+        };
+        let message = || Error::Argument(format!("--out {}: must end in {what}", out.display()));
+        if right { Ok(()) } else { Err(message()) }
+    }
+}
+
 pub fn run(args: &Args) -> Result<ExitCode> {
+    args.check_extension()?;
     let (name, out) = match (&args.name, &args.out) {
         (Some(name), Some(out)) if !args.list => (name, out),
         _ => {
@@ -76,9 +95,6 @@ pub fn run(args: &Args) -> Result<ExitCode> {
 
 /// Writes an OBJ file.
 fn flat(args: &Args, spec: &Spec, kind: &Kind, out: &Path) -> Result<ExitCode> {
-    if !has_extension(out, &["obj"]) {
-        return Err(Error::Argument(format!("--out {}: must end in .obj", out.display())));
-    }
     let files = [out.to_owned(), mtl_path(out)].map(|path| Output::new("--out", path));
     args.common.check_outputs(&Inputs::default(), files)?;
     let spinner = args.common.spinner(format!("generating {}", kind.name));
@@ -106,12 +122,6 @@ fn flat(args: &Args, spec: &Spec, kind: &Kind, out: &Path) -> Result<ExitCode> {
 
 /// Writes a glTF file with shared meshes.
 fn with_instances(args: &Args, spec: &Spec, kind: &Kind, out: &Path) -> Result<ExitCode> {
-    if !has_extension(out, &["gltf", "glb"]) {
-        return Err(Error::Argument(format!(
-            "--out {}: must end in .gltf or .glb, because only these hold instances",
-            out.display()
-        )));
-    }
     args.common.check_outputs(&Inputs::default(), [Output::new("--out", out)])?;
     let spinner = args.common.spinner(format!("generating {}", kind.name));
     let placed = placed(spec)?;

@@ -1,6 +1,6 @@
 //! `mrvis completions SHELL` and `mrvis man --out DIR`: files that `make install` installs beside the command.
 
-use super::args::check_folder;
+use super::writable::check_folder;
 use crate::{Error, Result};
 use std::{path::PathBuf, process::ExitCode};
 
@@ -34,7 +34,7 @@ pub fn completions(args: &CompletionsArgs) -> Result<ExitCode> {
 /// # Errors
 /// A page cannot be written.
 pub fn pages(args: &ManArgs) -> Result<ExitCode> {
-    check_folder(&args.out)?;
+    let _folder = check_folder(&args.out)?;
     let command = super::help::command().disable_help_subcommand(true);
     clap_mangen::generate_to(command, &args.out).map_err(|e| Error::io(&args.out, e))?;
     Ok(ExitCode::SUCCESS)

@@ -28,6 +28,7 @@ mod report;
 mod reproduce;
 mod shared_scenes;
 mod solve;
+mod writable;
 
 use crate::{Error, Result, model::embree_version};
 use clap::{

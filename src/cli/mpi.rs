@@ -54,8 +54,8 @@ impl MpiArgs {
     ///
     /// # Errors
     /// As `work`.
-    pub fn on_first(self, work: impl FnOnce() -> Result<()>) -> Result<()> {
-        if self.is_first() { work() } else { Ok(()) }
+    pub fn on_first<T: Default>(self, work: impl FnOnce() -> Result<T>) -> Result<T> {
+        if self.is_first() { work() } else { Ok(T::default()) }
     }
 
     /// Number of ranks on this machine.
@@ -115,11 +115,14 @@ impl MpiArgs {
 /// # Errors
 /// The program was built without MPI, or MPI does not start.
 pub fn start(command: &mut Command, quiet: bool) -> Result<()> {
-    let Some((args, common)) = command.shared() else { return Ok(()) };
-    if args.mpi {
-        return join(common);
+    match command.shared() {
+        None => return Ok(()),
+        Some((args, common)) if args.mpi => return join(common),
+        Some(_) => {}
     }
-    if let (Some((0, count)), false) = (launched(), quiet) {
+    let has_own_part = matches!(command, Command::Batch(args) if args.has_own_part());
+    let launched = launched(|name| std::env::var(name).ok());
+    if let (Some((0, count)), false) = (launched, quiet || has_own_part) {
         let what = "copies of this command were started, and each does all of the work: share it with --mpi";
         // A closed standard error is ignored.
         let _ = writeln!(std::io::stderr(), "mrvis: warning: {count} {what}");
@@ -180,11 +183,19 @@ pub fn sign() -> String {
     String::new()
 }
 
-/// The number of this process and how many a launcher started, as Open MPI and MPICH tell them.
-fn launched() -> Option<(usize, usize)> {
-    let number = |name: &str| std::env::var(name).ok()?.parse::<usize>().ok();
-    let of = |kind: &str| Some((number(&format!("{kind}_RANK"))?, number(&format!("{kind}_SIZE"))?));
-    ["OMPI_COMM_WORLD", "PMI"].into_iter().find_map(of).filter(|(_, count)| *count > 1)
+/// Variables with the number of this process and how many a launcher started: of Open MPI, of MPICH, and of Slurm's `srun`, which sets
+/// no others for programs without MPI or with PMIx. Slurm's batch scripts have no number of tasks of a step.
+const LAUNCHERS: [[&str; 2]; 3] = [
+    ["OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE"],
+    ["PMI_RANK", "PMI_SIZE"],
+    ["SLURM_PROCID", "SLURM_STEP_NUM_TASKS"],
+];
+
+/// The number of this process and how many a launcher started, if it is more than one. `variable` reads the environment.
+fn launched(variable: impl Fn(&str) -> Option<String>) -> Option<(usize, usize)> {
+    let number = |name: &str| variable(name)?.parse::<usize>().ok();
+    let of = |[rank, size]: [&str; 2]| Some((number(rank)?, number(size)?));
+    LAUNCHERS.into_iter().filter_map(of).find(|(_, count)| *count > 1)
 }
 
 impl Command {
@@ -221,5 +232,21 @@ mod tests {
         assert!(several.refuse("--max-seconds", true).unwrap_err().to_string().contains("--max-seconds"));
         assert!(several.refuse("--max-seconds", false).is_ok());
         assert!(MpiArgs::default().refuse("--max-seconds", true).is_ok());
+    }
+
+    #[test]
+    fn launchers_are_known_by_their_variables() {
+        let launched = |set: &[(&str, &str)]| {
+            launched(|name| set.iter().find(|(n, _)| *n == name).map(|(_, value)| value.to_string()))
+        };
+        let alone = ("OMPI_COMM_WORLD_SIZE", "1");
+        let srun = [("SLURM_PROCID", "2"), ("SLURM_STEP_NUM_TASKS", "4")];
+        assert_eq!(launched(&srun), Some((2, 4)));
+        // `mpirun -n 1` in a step of four tasks.
+        assert_eq!(launched(&[&[("OMPI_COMM_WORLD_RANK", "0"), alone], &srun[..]].concat()), Some((2, 4)));
+        assert_eq!(launched(&[("PMI_RANK", "0"), ("PMI_SIZE", "3")]), Some((0, 3)));
+        // A batch script of Slurm for a job of four tasks.
+        assert_eq!(launched(&[("SLURM_PROCID", "0"), ("SLURM_NTASKS", "4")]), None);
+        assert_eq!(launched(&[]), None);
     }
 }

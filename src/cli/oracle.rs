@@ -1,10 +1,11 @@
 //! `mrvis reference SCENE --points FILE`: irradiance by path tracing.
 
-use super::args::{Common, SceneArgs, check_file, file_name, grouped, warn};
+use super::args::{Common, SceneArgs, file_name, grouped, warn};
 use super::inputs::{Inputs, Output};
 use super::job_context;
 use super::mpi::MpiArgs;
 use super::progress::Bar;
+use super::writable::check_file;
 use crate::{
     Result,
     model::{Detail, PrepareOptions},
@@ -21,10 +22,10 @@ pub struct Args {
     scene: SceneArgs,
     /// Points on surfaces: CSV with the header x,y,z,nx,ny,nz; scene units, unit normals.
     #[arg(long, value_name = "FILE")]
-    points: PathBuf,
+    pub points: PathBuf,
     /// Paths per point, at least 2.
     #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(2..))]
-    samples: u32,
+    pub samples: u32,
     /// Direct light from emitters only, without reflections.
     #[arg(long)]
     direct_only: bool,

@@ -1,8 +1,9 @@
 //! `mrvis reproduce --out DIR`: the figures and tables of the paper, made again.
 
-use super::args::{Common, check_folder, command_line};
+use super::args::{Common, command_line};
 use super::inputs::{Inputs, Output};
 use super::progress::Bar;
+use super::writable::check_folder;
 use crate::Result;
 use crate::files::WholeFile;
 use crate::reproduce::{Context, Item, chosen, page, run as make};
@@ -35,7 +36,7 @@ const RECORD: &str = "reproduce.json";
 
 pub fn run(args: &Args) -> Result<ExitCode> {
     let (entries, common) = (chosen(&args.only)?, &args.common);
-    check_folder(&args.out)?;
+    let _folder = check_folder(&args.out)?;
     common.check_json()?;
     let files = [PAGE, RECORD].map(String::from);
     common.check_outputs(

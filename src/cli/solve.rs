@@ -6,13 +6,14 @@ pub mod sizes;
 mod summary;
 mod watch;
 
-use super::args::{CacheArgs, Common, SceneArgs, check_folder, command_line};
+use super::args::{CacheArgs, Common, SceneArgs, command_line};
 use super::cluster_args::ClusterArgs;
 use super::flags::with_flags;
 use super::inputs::{Inputs, Output};
 use super::mpi::MpiArgs;
 use super::outputs::{Outputs, Written};
 use super::progress::Bar;
+use super::writable::check_folder;
 use crate::bench::side_by_side::{ComparedRecord, Versus, side_by_side};
 use crate::export::solve_page;
 use crate::files::{WholeFile, json_text};
@@ -240,7 +241,7 @@ fn run_on_threads(args: &Args) -> Result<ExitCode> {
     let (Some(scene), Some(out)) = (&args.scene, &args.out) else {
         return Err(Error::Argument("give a scene and --out DIR, or --scaling".into()));
     };
-    args.mpi.on_first(|| check_folder(out))?;
+    let _folder = args.mpi.on_first(|| check_folder(out))?;
     args.common.check_json()?;
     let points = args.points.as_deref().map(read_points).transpose()?.unwrap_or_default();
     let start = Instant::now();
