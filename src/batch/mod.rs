@@ -35,7 +35,7 @@ pub use job::COMMANDS;
 pub use job::{Job, Limits, Opt, Out, Reads, Value};
 pub use journal::{Entries, Entry, Journal, Status, has_journal, read_journals};
 pub use listed::{Listed, read_listed};
-pub use names::{TABLES, nearest};
+pub use names::{TABLES, suggestion};
 pub use parse::parse;
 pub use places::Places;
 pub use report::{Report, report_page};

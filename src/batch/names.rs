@@ -12,7 +12,7 @@ pub const TABLES: [&str; 3] = ["results.csv", "results.jsonl", "results.parquet"
 const MIN_SIMILARITY: f64 = 0.7;
 
 /// The known name that is most similar to an unknown one.
-pub fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let similar = known.into_iter().map(|k| (strsim::jaro_winkler(name, k), k));
     let best = similar.max_by(|a, b| a.0.total_cmp(&b.0))?;
     (best.0 >= MIN_SIMILARITY).then_some(best.1)

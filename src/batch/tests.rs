@@ -159,7 +159,7 @@ fn sweeps_beyond_all_memory_are_refused() {
     let axis = |k: usize| format!("o{k} = {{ from = 1, to = 9, steps = 1000 }}\n");
     let text = format!("{SOLVE}[job.sweep]\n{}", (0..6).map(axis).collect::<String>());
     assert!(refused(&text).contains("more than 1000000 jobs"));
-    assert_eq!(nearest("feature", ["scene", "features"]), Some("features"));
+    assert_eq!(suggestion("feature", ["scene", "features"]), "; did you mean `features`?");
 }
 
 /// The JSON Schema for editors knows the keys and commands that the parser knows.

@@ -336,7 +336,7 @@ fn nothing_starts_if_something_is_wrong() {
     std::fs::create_dir_all(scratch.path("o/reference")).expect("made");
     refused(&["--out", "o"], "o/reference: exists and was not made by this batch");
     refused(&["--out", "jobs.toml"], "jobs.toml");
-    refused(&["--out", "o", "--only", "referense"], "did you mean reference?");
+    refused(&["--out", "o", "--only", "referense"], "did you mean `reference`?");
     scratch.write("jobs.toml", JOBS.replace("error = [0.4", "eror = [0.4"));
     refused(&["--out", "o"], "jobs.toml:6:8: `{error}` is no value of this job; did you mean `eror`?");
     scratch.write("jobs.toml", JOBS.replace("[0.4, 0.3, 0.2]", "[0.4, 0.3, 0.2, 'x']"));

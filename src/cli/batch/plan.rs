@@ -1,23 +1,19 @@
 //! What a batch will do: jobs with their command lines, checked before anything starts.
 
-use super::words::{Grammar, Line, scene_of};
+use super::estimates::{Corrections, Estimate};
+use super::words::{Grammar, Line};
 use crate::batch::{
     Entries, Entry, HashedFile, Hashes, Job, Listed, Places, Status, TomlSource, check, expand, hash_file,
-    key, nearest, order, parse, publish_left, read_journals, work,
+    key, order, parse, publish_left, read_journals, suggestion, work,
 };
-use crate::cli::{Command, one_line};
+use crate::cli::one_line;
 use crate::error::quote;
 use crate::model::embree_version;
+use crate::plot::number;
 use crate::{Error, Result};
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-
-/// Bytes of memory that a job takes for each byte of its scene file: a solve takes about 1 kB for each triangle, and a triangle of a
-/// binary file is about 40 bytes long (an OBJ file has 70 to 100, for which this is an upper bound).
-const MEMORY_PER_BYTE: u64 = 25;
-/// Bytes that any job takes: the program, Embree and a small scene (`mrvis solve` of cornell.obj, resident size).
-pub const MIN_MEMORY: u64 = 60 << 20;
 
 /// A checked batch.
 pub struct Plan {
@@ -37,10 +33,8 @@ pub struct Plan {
     pub listed: Listed,
     /// Files that the command lines name.
     pub inputs: Vec<Vec<HashedFile>>,
-    /// Bytes that the pictures of a job take.
-    pictures: Vec<u64>,
-    /// Threads that a job asks for.
-    pub threads: Vec<Option<usize>>,
+    /// What the jobs will probably take.
+    pub estimates: Vec<Estimate>,
     /// Indices of the jobs to be run, in an order that dependencies allow.
     pub chosen: Vec<usize>,
 }
@@ -56,17 +50,13 @@ impl Plan {
         check(&source, &mut jobs)?;
         let (grammar, count) = (Grammar::new(), jobs.len());
         grammar.drop_foreign_defaults(&source, &mut jobs)?;
-        let (mut lines, mut shown, mut threads) = (Vec::new(), Vec::new(), Vec::new());
-        let (mut inputs, mut pictures) = (Vec::new(), Vec::new());
+        let (mut lines, mut shown) = (Vec::new(), Vec::new());
+        let (mut inputs, mut estimates) = (Vec::new(), Vec::new());
         for job in &jobs {
             let line = grammar.line(&source, job, out, &work(out, &job.name))?;
             let command = grammar.check(&source, job, &line)?;
             shown.push(grammar.line(&source, job, out, &out.join(&job.name))?.shown());
-            threads.push(threads_of(&command));
-            pictures.push(match &command {
-                Command::Solve(args) => args.outputs.picture_bytes(),
-                _ => 0,
-            });
+            estimates.push(Estimate::of(job, &line, &command));
             inputs.push(line.files.iter().map(|file| hashes.read(file)).collect::<Result<Vec<_>>>()?);
             lines.push(line);
         }
@@ -90,44 +80,28 @@ impl Plan {
         let listed = Listed::new(&file.finalize().to_hex(), names().zip(keys.iter().cloned()));
         let chosen = order.into_iter().filter(|k| wanted.contains(k)).collect();
         let places = Places { jobs: source.folder().into(), out: out.into() };
-        Ok(Plan {
-            out: out.into(),
-            places,
-            jobs,
-            lines,
-            shown,
-            keys,
-            listed,
-            inputs,
-            pictures,
-            threads,
-            chosen,
-        })
-    }
-
-    /// Bytes of the scene of a job, if it is there.
-    fn scene_bytes(&self, job: usize) -> Option<u64> {
-        let scene = scene_of(&self.jobs[job], &self.lines[job])?;
-        Some(std::fs::metadata(scene).ok()?.len())
+        Ok(Plan { out: out.into(), places, jobs, lines, shown, keys, listed, inputs, estimates, chosen })
     }
 
     /// Memory of a job, bytes: that of an earlier run as a process of its own, else an estimate if its scene is there.
     pub fn memory(&self, job: usize, entries: &Entries) -> Option<u64> {
         let known = entries.get(&self.jobs[job].name).and_then(|entry| entry.peak_bytes);
-        known.or_else(|| Some(MIN_MEMORY + MEMORY_PER_BYTE * self.scene_bytes(job)? + self.pictures[job]))
+        known.or(self.estimates[job].memory)
     }
 
     /// Seconds that an earlier run of a job took.
-    pub fn seconds(&self, job: usize, entries: &Entries) -> Option<f64> {
+    fn seconds(&self, job: usize, entries: &Entries) -> Option<f64> {
         let ran = entries.get(&self.jobs[job].name).filter(|entry| entry.status != Status::Skipped);
         ran.map(|entry| entry.seconds)
     }
 
-    /// Expected work of a job for the order in which jobs start: seconds of an earlier run, else the size of the scene at 1 MB a second,
-    /// which only compares jobs with each other.
-    pub fn work(&self, job: usize, entries: &Entries) -> f64 {
-        let by_size = || self.scene_bytes(job).unwrap_or(0) as f64 / 1e6;
-        self.seconds(job, entries).unwrap_or_else(by_size)
+    /// Expected seconds of all jobs, for the order in which they start and the time left: of an earlier run, else estimated for so many
+    /// threads, or 0 if nothing is known.
+    pub fn work(&self, entries: &Entries, threads: usize) -> Vec<f64> {
+        let corrections = Corrections::of(&self.jobs, &self.estimates, entries);
+        let estimated = |k: usize| corrections.seconds(&self.jobs[k], &self.estimates[k], threads);
+        let expected = |k: usize| self.seconds(k, entries).or_else(|| estimated(k)).unwrap_or(0.0);
+        (0..self.jobs.len()).map(expected).collect()
     }
 
     /// Fingerprints of the jobs that a job needs.
@@ -192,20 +166,28 @@ impl Plan {
         Ok(())
     }
 
-    /// The chosen jobs as text.
-    pub fn listed(&self, entries: &Entries, done: &[bool]) -> String {
+    /// The chosen jobs as text, with estimates for so many threads.
+    pub fn listed(&self, entries: &Entries, done: &[bool], threads: usize) -> String {
         let mut text = String::new();
+        let work = self.work(entries, threads);
         for &k in &self.chosen {
             let memory = self.memory(k, entries).map(|b| format!("{} MB", b.div_ceil(1_000_000)));
-            let seconds = self.seconds(k, entries).map(|s| format!("{s:.1} s in an earlier run"));
+            let seconds = match self.seconds(k, entries) {
+                Some(seconds) => Some(format!("{seconds:.1} s in an earlier run")),
+                None => (work[k] > 0.0).then(|| format!("about {} s", rounded(work[k]))),
+            };
             let state = if done[k] { "done" } else { "to do" };
             let known: Vec<String> = [Some(state.into()), memory, seconds].into_iter().flatten().collect();
             // Writing to a string cannot fail.
             let _ = writeln!(text, "{} [{}]\n  {}", self.jobs[k].name, known.join(", "), self.shown[k]);
         }
-        let left = self.chosen.iter().filter(|&&k| !done[k]).count();
-        let _ = writeln!(text, "{} of {} jobs, {left} to do", self.chosen.len(), self.jobs.len());
-        text
+        let left: Vec<usize> = self.chosen.iter().copied().filter(|&k| !done[k]).collect();
+        let _ = write!(text, "{} of {} jobs, {} to do", self.chosen.len(), self.jobs.len(), left.len());
+        let seconds: f64 = left.iter().map(|&k| work[k]).sum();
+        if seconds > 0.0 {
+            let _ = write!(text, ", about {} s", rounded(seconds));
+        }
+        text + "\n"
     }
 }
 
@@ -217,9 +199,13 @@ fn programs() -> Result<String> {
     Ok(format!("{} {hash} Embree {}", env!("CARGO_PKG_VERSION"), embree_version()?))
 }
 
-/// Threads that a command line states.
-fn threads_of(command: &Command) -> Option<usize> {
-    command.common().and_then(|common| common.threads).map(usize::from)
+/// An estimate of a time with one digit, or in whole seconds.
+fn rounded(seconds: f64) -> String {
+    if seconds < 10.0 {
+        number(format!("{seconds:.0e}").parse().unwrap_or(seconds))
+    } else {
+        format!("{seconds:.0}")
+    }
 }
 
 /// The jobs with these tags or names, and all that they need; all jobs without a choice.
@@ -234,7 +220,7 @@ fn selected(jobs: &[Job], only: &[String]) -> Result<BTreeSet<usize>> {
         waiting.extend((0..jobs.len()).filter(|&k| is_meant(&jobs[k])));
         if waiting.len() == before {
             let known = jobs.iter().flat_map(|job| job.tags.iter().chain([&job.name])).map(String::as_str);
-            let similar = nearest(wanted, known).map_or(String::new(), |k| format!("; did you mean {k}?"));
+            let similar = suggestion(wanted, known);
             return Err(Error::Argument(format!(
                 "--only {}: no job has this tag or name{similar}",
                 quote(wanted)

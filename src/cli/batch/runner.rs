@@ -1,8 +1,9 @@
 //! Runs the jobs of a plan: starts them as threads and memory allow, and follows them to their end.
 
 use super::commit::{Closing, Event, Finished, commit, make_room};
+use super::estimates::MIN_MEMORY;
 use super::job_run::{Ended, as_process, in_process};
-use super::plan::{MIN_MEMORY, Plan};
+use super::plan::Plan;
 #[cfg(feature = "mpi")]
 use super::ranks;
 use super::reporter::Reporter;
@@ -91,7 +92,8 @@ pub fn run(
     settings: &Settings,
     reporter: &Reporter,
 ) -> Result<Summary> {
-    let tasks = (0..plan.jobs.len()).map(|k| task(plan, k, entries)).collect();
+    let expected = plan.work(entries, settings.capacity.threads);
+    let tasks = expected.into_iter().enumerate().map(|(k, work)| task(plan, k, entries, work)).collect();
     let capacities = capacities(settings);
     // What an earlier run has made of jobs that are to be run is no result of this one.
     plan.chosen.iter().filter(|&&k| !done[k]).for_each(|&k| drop(entries.remove(&plan.jobs[k].name)));
@@ -153,13 +155,13 @@ fn capacities(settings: &Settings) -> Vec<Capacity> {
     vec![settings.capacity]
 }
 
-fn task(plan: &Plan, k: usize, entries: &Entries) -> Task {
+fn task(plan: &Plan, k: usize, entries: &Entries, work: f64) -> Task {
     let job = &plan.jobs[k];
     Task {
         needs: job.needs.clone(),
-        work: plan.work(k, entries),
+        work,
         memory: plan.memory(k, entries).unwrap_or(0),
-        threads: plan.threads[k],
+        threads: plan.estimates[k].threads,
         alone: job.command.name == "bench",
     }
 }

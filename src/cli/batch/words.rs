@@ -1,6 +1,6 @@
 //! Command lines of jobs: options by their long names become arguments, and clap checks them.
 
-use crate::batch::{Job, Opt, Out, Reads, TomlSource, Value, nearest, resolve_outputs};
+use crate::batch::{Job, Opt, Out, Reads, TomlSource, Value, resolve_outputs, suggestion};
 use crate::cli::{Cli, Command, args::shell_word, usage};
 use crate::{Error, Result, error::quote};
 use clap::{Arg, ArgAction, CommandFactory, Parser, error::ContextKind, error::ContextValue};
@@ -129,8 +129,7 @@ impl Grammar {
         let somewhere = |name: &str| known.values().flatten().any(|k| *k == name);
         for option in jobs.iter().flat_map(|job| &job.options).filter(|o| o.is_default) {
             if !somewhere(&option.name) {
-                let similar = nearest(&option.name, known.values().flatten().copied());
-                let similar = similar.map_or(String::new(), |k| format!("; did you mean `{k}`?"));
+                let similar = suggestion(&option.name, known.values().flatten().copied());
                 let what =
                     format!("no command of this file has the option `{}`{similar}", quote(&option.name));
                 return Err(source.error(&option.span, what));
@@ -156,8 +155,7 @@ impl Grammar {
                 return Err(fault(format!("`{}` is set by the batch itself; omit it", option.name)));
             }
             let known = command.get_arguments().filter(open).filter_map(Arg::get_long);
-            let similar = nearest(&option.name, known);
-            let similar = similar.map_or(String::new(), |k| format!("; did you mean `{k}`?"));
+            let similar = suggestion(&option.name, known);
             return Err(fault(format!("`{name}` has no option `{}`{similar}", option.name)));
         };
         let takes_value = arg.get_action().takes_values();
@@ -197,13 +195,17 @@ impl Grammar {
         }
         // Outputs of other jobs cannot be read yet.
         let readable = job.texts().all(|(text, _)| !text.contains("{out:"));
-        if let (Command::Solve(args), true) = (&command, readable) {
-            let fault = |e: Error| {
-                let text = crate::cli::flags::with_flags(&e.to_string());
-                source.error(&job.span, format!("job `{}`: {text}", job.name))
-            };
-            crate::cli::solve::check(args).map_err(fault)?;
-        }
+        let checked = match &command {
+            Command::Solve(args) if readable => crate::cli::solve::check(args),
+            Command::FormFactors(args) => args.format().map(|_| ()),
+            Command::Generate(args) => args.check_extension(),
+            _ => Ok(()),
+        };
+        let fault = |e: Error| {
+            let text = crate::cli::flags::with_flags(&e.to_string());
+            source.error(&job.span, format!("job `{}`: {text}", job.name))
+        };
+        checked.map_err(fault)?;
         Ok(command)
     }
 }
@@ -211,8 +213,12 @@ impl Grammar {
 /// The file that `out` of a job names: one in the folder of the job.
 fn own_file(source: &TomlSource, job: &Job, option: &Opt) -> Result<String> {
     let fault = |what: &str| source.error(&option.span, what);
+    let is_record = |name: &str| name.eq_ignore_ascii_case(job.command.record);
     match (&option.value, job.command.out) {
         (_, Out::Folder) => Err(fault("`out` is set by the batch itself; omit it")),
+        (Value::Text(name), _) if is_record(name) => {
+            Err(fault(&format!("`{name}` in the folder of the job is its record; name `out` differently")))
+        }
         (Value::Text(name), Out::File(_)) if !name.contains(['/', '\\']) && name != ".." && name != "." => {
             Ok(name.clone())
         }
@@ -320,6 +326,35 @@ mod tests {
             let found = job(options);
             assert!(found.contains(want), "{found}\nlacks {want}");
         }
+    }
+
+    /// A file that the command would refuse, or that the record of the job would replace, is found before the job runs.
+    #[test]
+    fn names_of_outputs_are_checked() {
+        for (command, options, want) in [
+            ("form-factors", "out = 'm.txt'", "m.txt: the extension must be .npz, .csv or .mtx"),
+            (
+                "reference",
+                "points = 'p.csv', out = 'reference.json'",
+                "jobs.toml:4:31: `reference.json` in the folder",
+            ),
+            ("reference", "points = 'p.csv', out = '../e.csv'", "`out` of a job is the name of a file"),
+        ] {
+            let text = format!("[[job]]\ncommand = '{command}'\nscene = 'a.obj'\noptions = {{ {options} }}");
+            let found = lines(&text).expect_err("refused").to_string();
+            assert!(found.contains(want), "{found} lacks {want}");
+        }
+        let generated = |out: &str, more: &str| {
+            lines(&format!(
+                "[[job]]\ncommand = 'generate'\nname = 'g'\ninputs = ['forest']\noptions = {{ out = '{out}'{more} }}"
+            ))
+        };
+        assert!(generated("f.gltf", ", instances = true").is_ok() && generated("f.obj", "").is_ok());
+        let refused = generated("f.obj", ", instances = true").expect_err("refused").to_string();
+        assert!(
+            refused.contains("jobs.toml:1:1: job `g`: ") && refused.contains("must end in .gltf or .glb"),
+            "{refused}"
+        );
     }
 
     /// Every command of jobs is a command, with the options that the batch sets.
