@@ -78,7 +78,10 @@ fn streams(powers: &Powers<f64>, shown: Shown, scene: &Scene, solution: &Radiosi
         add(format!("absorbed by {}", scene.materials[m].name), power(absorbed[m]), colour);
     }
     let others = &order[order.len().min(MAX_MATERIALS)..];
-    let name = format!("absorbed by {} other materials", others.len());
+    let name = match others {
+        [one] => format!("absorbed by {}", scene.materials[*one].name),
+        _ => format!("absorbed by {} other materials", others.len()),
+    };
     add(name, power(others.iter().map(|&m| absorbed[m]).sum()), COLOURS[4]);
     add("escaped from the scene".into(), powers.escaped, COLOURS[5]);
     add("lost by error".into(), -powers.created, COLOURS[6]);
