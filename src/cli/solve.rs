@@ -55,7 +55,7 @@ pub struct Args {
     direct_only: bool,
     /// Target error of links relative to the mean irradiance; their total error is estimated and audited.
     #[arg(long, value_name = "E", default_value_t = Options::default().error, allow_negative_numbers = true)]
-    error: f64,
+    pub error: f64,
     /// Smallest element relative to the scene's area.
     #[arg(long, value_name = "PART", default_value_t = Options::default().min_area, allow_negative_numbers = true)]
     min_area: f64,
