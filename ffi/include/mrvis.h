@@ -650,7 +650,7 @@ typedef struct mrv_bench_options {
   uint64_t points;               /* receiver points, at most 100 million; 0: 20000 */
   uint32_t rays;                 /* segments from a point to an emitter, at most 65536; 0: 16 */
   uint32_t reference_rays;       /* the same in the reference, at most 65536; 0: 1024 */
-  const double *feature_sizes;   /* scene units, above 0; none: four sizes from the scene's statistics */
+  const double *feature_sizes;   /* scene units, above 0; none: four, from 2 texels of the images to 1/5 of the largest */
   size_t feature_size_count;
   const char *const *receivers;  /* names of objects, groups or materials for shadow images; none: the largest flat surfaces */
   size_t receiver_count;

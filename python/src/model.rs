@@ -325,7 +325,7 @@ impl PyModel {
     ///
     /// points: receivers, uniform over all surfaces that do not emit, 1 to 100 million, default 20,000. rays: segments from a point to an
     /// emitter, 1 to 65,536, default 16; 4 and 16 times as many are measured as well. feature_size: a number or several, scene units, above 0,
-    /// default four from the scene's statistics. receivers: names of objects, groups or materials for shadow images, default the largest flat surfaces.
+    /// default four from two texels of the shadow images to a fifth of the largest. receivers: names of objects, groups or materials for shadow images, default the largest flat surfaces.
     /// reference_rays: from a point to an emitter in the reference, 1 to 65,536, default 1,024. threads: of the timed sections, 1 to 1,024,
     /// default 1. audit: part of the bundles, 0 to 1, on which exact rays check the intervals, default 0.05. unbiased: whether corrected
     /// estimates are measured too, default False. target_error: chooses size and segments for this RMS error of the visible fraction, above 0,

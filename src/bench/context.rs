@@ -132,6 +132,11 @@ impl Bench<'_> {
         rows.map(|(s, rays)| self.decide(sample, engine, s, rays)).collect()
     }
 
+    /// Numbers of segments of the rows of exact rays with certificates: those for which certificates may pay.
+    pub fn certified_rays(&self, sample: &Sample, engine: &MultiResolution) -> Vec<usize> {
+        self.mr_rays().into_iter().filter(|&rays| sample.certifies(engine, rays)).collect()
+    }
+
     /// Callback that reports progress of the first run of a row, with `rays` segments per pair.
     fn advance(&self, first: bool, rays: usize) -> impl Fn(usize) {
         let progress = self.progress;

@@ -5,16 +5,17 @@
 //! feature-based error.
 
 use super::context::{Bench, PlannedRow};
-use super::measure::{Queries, Timer};
+use super::measure::{MrRun, Queries, Timer};
 use super::page::{MrImage, ReceiverImages};
-use super::receivers::{self, Crop, ReceiverGrid};
+use super::receivers::{Crop, ReceiverGrid, Surfaces};
 use super::record::{self, MrRow, ReceiverFbem, interpolate_log_log, ratio};
 use super::rounds::rounds;
 use super::workload::Workload;
 use crate::embree::Traversal;
 use crate::metrics::{FbemOptions, Image, fbem, missing_features, norms};
-use crate::visibility::{Exact, MultiResolution};
-use crate::{Result, error::quote};
+use crate::model::Model;
+use crate::visibility::{Cost, Exact, MultiResolution};
+use crate::{Error, Result, error::quote};
 
 /// Rays per texel of the exact image in the report: as many as the default number of segments of MR.
 const SHOWN_RAYS: usize = 16;
@@ -26,6 +27,19 @@ const TIMED_PAIRS: usize = 40_000;
 /// one step of 8-bit grey in the mean.
 const SHOWN_REFERENCE_RAYS: [usize; 2] = [64, 256];
 
+/// Shadow images of a run.
+#[derive(Default)]
+pub(super) struct Imaged {
+    /// Errors by receiver.
+    pub errors: Vec<record::ReceiverErrors>,
+    /// Images by receiver.
+    pub shown: Vec<ReceiverImages>,
+    /// Whether a segment of an MR image met an averaged cluster.
+    pub averaged: bool,
+    /// Whether clusters were asked for every texel at the largest size and all of them were opened.
+    pub all_opened: bool,
+}
+
 /// Images by receiver.
 struct ShownImages {
     reference: Vec<Image<'static>>,
@@ -34,21 +48,29 @@ struct ShownImages {
     mr: Vec<(bool, Vec<Image<'static>>)>,
     /// If that is so at all sizes: what clusters answer at the largest.
     clusters: Option<Vec<Image<'static>>>,
+    /// See [`Imaged::averaged`].
+    averaged: bool,
+    /// See [`Imaged::all_opened`].
+    all_opened: bool,
+}
+
+/// Exact rays that select receivers.
+pub(super) fn single_rays(model: &Model) -> Exact {
+    Exact { scene: model.traced().clone(), traversal: Traversal { width: 1, coherent: false } }
 }
 
 impl Bench<'_> {
     /// Measures shadow images of the receivers, and `speedup_at_same_fbem` of the rows.
     pub fn images(
         &self,
+        surfaces: &Surfaces,
         engine: &MultiResolution,
         rows: &mut [MrRow],
         warnings: &mut Vec<String>,
-    ) -> Result<(Vec<record::ReceiverErrors>, Vec<ReceiverImages>)> {
+    ) -> Result<Imaged> {
         self.progress.stage("receivers", 0);
-        let single =
-            Exact { scene: self.model.traced().clone(), traversal: Traversal { width: 1, coherent: false } };
         let sizes = [self.sizes[0], self.sizes[self.sizes.len() - 1]];
-        let receivers = receivers::choose(self.model, &single, &self.options.receivers, sizes)?;
+        let receivers = surfaces.grids(self.model, &single_rays(self.model), sizes);
         if receivers.is_empty() {
             warnings.push("No surface that is flat, or faces one way as a terrain does, sees an emitter: there are no shadow images.".into());
         }
@@ -61,13 +83,14 @@ impl Bench<'_> {
         let timed: Vec<ReceiverGrid> = receivers.iter().zip(&parts).map(|(r, part)| r.only(*part)).collect();
         let workload = self.texels(&timed);
         if workload.pairs.is_empty() {
-            return Ok((Vec::new(), Vec::new()));
+            return Ok(Imaged::default());
         }
         self.progress.stage("choosing", 0);
         let sample = self.sample(&workload);
         let asked = self.decisions(&sample, engine);
         let shown = self.shown(&receivers, engine, &asked)?;
-        self.time(engine, rows, &asked, &Gallery { receivers: &timed, workload: &workload })?;
+        let certified = self.certified_rays(&sample, engine);
+        self.time(engine, rows, (&asked, certified), &Gallery { receivers: &timed, workload: &workload })?;
         self.gather(&receivers, shown)
     }
 
@@ -108,21 +131,27 @@ impl Bench<'_> {
         let exact16 = exact(SHOWN_RAYS)?;
         let walked = |row: &PlannedRow| {
             let advance = |pairs: usize| self.progress.advance((pairs * row.rays) as u64);
-            let run = timer.multi_resolution(queries, engine, row.s as f32, row.rays, &advance).run;
-            gallery.images(&run.visible)
+            let MrRun { run, cost, .. } =
+                timer.multi_resolution(queries, engine, row.s as f32, row.rays, &advance);
+            Ok::<_, Error>((gallery.images(&run.visible)?, cost))
         };
-        let mut mr = Vec::new();
+        let (mut mr, mut averaged) = (Vec::new(), false);
         for row in &shown {
             let images = match (row.pays, row.rays == SHOWN_RAYS) {
-                (true, _) => walked(row)?,
+                (true, _) => {
+                    let (images, cost) = walked(row)?;
+                    averaged |= cost.aggregated > 0;
+                    images
+                }
                 (false, true) => exact16.clone(),
                 (false, false) => exact(row.rays)?,
             };
             mr.push((!row.pays, images));
         }
         let largest = shown.last().filter(|_| shown.iter().all(|row| !row.pays));
-        let clusters = largest.map(|row| walked(row)).transpose()?;
-        Ok(ShownImages { reference: gallery.images(&means)?, exact16, mr, clusters })
+        let (clusters, cost) = largest.map(|row| walked(row)).transpose()?.unzip();
+        let all_opened = cost.is_some_and(|cost: Cost| cost.aggregated == 0 && cost.handed_over == 0);
+        Ok(ShownImages { reference: gallery.images(&means)?, exact16, mr, clusters, averaged, all_opened })
     }
 
     /// Times all rows on a gallery, and fills in `speedup_at_same_fbem`.
@@ -130,7 +159,7 @@ impl Bench<'_> {
         &self,
         engine: &MultiResolution,
         rows: &mut [MrRow],
-        asked: &[PlannedRow],
+        (asked, certified): (&[PlannedRow], Vec<usize>),
         gallery: &Gallery,
     ) -> Result<()> {
         let workload = gallery.workload;
@@ -142,7 +171,6 @@ impl Bench<'_> {
         let call = |rays| (rays, self.embree(workload, rays));
         let calls: Vec<(usize, Exact)> = self.exact_rays().into_iter().map(call).collect();
         let walked: Vec<&PlannedRow> = asked.iter().filter(|row| row.pays).collect();
-        let certified = self.mr_rays();
         let first_mr = calls.len() + certified.len();
         let numbers = calls.iter().map(|call| call.0).chain(certified.iter().copied());
         let all_rays: usize = numbers.chain(walked.iter().map(|row| row.rays)).sum();
@@ -187,13 +215,9 @@ impl Bench<'_> {
     }
 
     /// Errors and images by receiver.
-    fn gather(
-        &self,
-        receivers: &[ReceiverGrid],
-        shown: ShownImages,
-    ) -> Result<(Vec<record::ReceiverErrors>, Vec<ReceiverImages>)> {
+    fn gather(&self, receivers: &[ReceiverGrid], shown: ShownImages) -> Result<Imaged> {
         let (mut figures, mut images) = (Vec::new(), Vec::new());
-        let ShownImages { reference, exact16, mr, clusters } = shown;
+        let ShownImages { reference, exact16, mr, clusters, averaged, all_opened } = shown;
         for (i, ((receiver, reference), exact16)) in receivers.iter().zip(reference).zip(exact16).enumerate()
         {
             let l2 = norms(&reference, &exact16)?.l2;
@@ -227,11 +251,11 @@ impl Bench<'_> {
             let clusters = clusters.as_ref().map(|images| images[i].clone());
             images.push(ReceiverImages { name, surface, reference, exact16, mr: own, clusters });
         }
-        Ok((figures, images))
+        Ok(Imaged { errors: figures, shown: images, averaged, all_opened })
     }
 }
 
-fn fbem_of(reference: &Image, image: &Image, size: f64) -> Result<f64> {
+pub(super) fn fbem_of(reference: &Image, image: &Image, size: f64) -> Result<f64> {
     Ok(fbem(reference, image, &FbemOptions { size, ..FbemOptions::default() })?.value)
 }
 

@@ -3,6 +3,7 @@
 mod audit;
 mod context;
 mod gallery;
+mod maps;
 pub mod measure;
 mod options;
 pub mod page;
@@ -21,6 +22,7 @@ pub mod sizes;
 pub mod solve_scaling;
 mod surface;
 mod target;
+mod unaveraged;
 mod unbiased;
 pub mod workload;
 

@@ -18,6 +18,9 @@ const MR_FACTORS: [usize; 3] = [1, 4, 16];
 /// point.
 const MAX_POINTS: usize = 100_000_000;
 
+/// Most texels along the longer side of a map: images that programs open have up to 16,384.
+const MAX_MAP: usize = 16_384;
+
 /// Largest number of segments of a row to one emitter: at 10 million a second (`mrvis bench` on one core) it takes a day.
 const MAX_SEGMENTS: f64 = 1e12;
 
@@ -33,7 +36,7 @@ pub enum Target {
 /// Options of a benchmark.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Feature sizes, scene units; if empty, [`default_sizes`](super::sizes::default_sizes) chooses them.
+    /// Feature sizes, scene units; if empty, those that the shadow images show, see [`super::sizes`].
     pub feature_sizes: Vec<f64>,
     /// Segments from a point to an emitter for the MR engine; rows with 4 and 16 times as many are measured as well.
     pub rays: usize,
@@ -41,6 +44,8 @@ pub struct Options {
     pub points: usize,
     /// Names of the receivers of shadow images; if empty, [`choose`](super::receivers::choose) chooses them.
     pub receivers: Vec<String>,
+    /// Texels along the longer side of the maps; 0: no maps, `None`: 256, or fewer with more than eight emitters.
+    pub map: Option<usize>,
     /// Rays from a point to an emitter in the reference.
     pub reference_rays: usize,
     /// Threads of the timed sections; everything else uses all cores.
@@ -70,6 +75,7 @@ impl Default for Options {
             rays: 16,
             points: 20_000,
             receivers: Vec::new(),
+            map: Some(0),
             reference_rays: 1024,
             threads: 1,
             seed: 1,
@@ -98,7 +104,10 @@ impl Options {
         // The samples of the decisions (points and images), and the pilot of the unbiased rows.
         let samples = 2 * Sample::bytes(&self.mr_rays());
         let pilot = if self.unbiased { pilot_bytes() } else { 0 };
-        rows + (samples + pilot) as f64
+        // One map at a time: points of all spacings and light of some thirty rows; pairs, both halves of the reference and a row.
+        let texels = self.map.map_or(0.0, |side| (side as f64).powi(2));
+        let maps = texels * (160.0 + emitters as f64 * 64.0);
+        rows.max(maps) + (samples + pilot) as f64
     }
 
     /// Checks the options independently of a scene.
@@ -116,6 +125,9 @@ impl Options {
             if count == 0 || count > max {
                 return Err(Error::Argument(format!("{name} {count}: must lie in 1..{max}")));
             }
+        }
+        if let Some(map) = self.map.filter(|&map| map > MAX_MAP) {
+            return Err(Error::Argument(format!("map {map}: must be at most {MAX_MAP} texels")));
         }
         let segments = self.points as f64 * self.rays as f64;
         if segments > MAX_SEGMENTS {
@@ -203,6 +215,15 @@ impl Options {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn large_maps_take_memory() {
+        let fits = |map: Option<usize>| {
+            Options { map, ..Options::default() }.check_memory(4, Some(1_000_000_000)).is_ok()
+        };
+        assert!(fits(None) && fits(Some(0)) && fits(Some(512)) && !fits(Some(4096)));
+        assert!(Options { map: Some(MAX_MAP + 1), ..Options::default() }.check().is_err());
+    }
 
     /// With many rays the samples of the decisions are the larger part of the memory.
     #[test]

@@ -11,6 +11,7 @@ use crate::metrics::Image;
 use crate::page::{document, figure, file_name, length, percent, times};
 
 mod losses;
+mod maps;
 mod plots;
 mod prose;
 mod receivers;
@@ -74,6 +75,7 @@ pub fn render(record: &Record, receivers: &[ReceiverImages], command: &str) -> R
             @else { (prose::shadow_images()) }
             @for shadow in shadows { (shadow) }
         }
+        (maps::section(&record.maps, &record.unit)?)
         (losses::section(record, receivers)?)
         (scaling::section(&record.scaling, &record.unit)?)
         (prose::how_to_read())
@@ -86,7 +88,7 @@ pub fn render(record: &Record, receivers: &[ReceiverImages], command: &str) -> R
 fn headline(record: &Record) -> Markup {
     let best_of = |speed: fn(&MrRow) -> Option<f64>| {
         record
-            .mr
+            .shown_rows()
             .iter()
             .filter_map(speed)
             .filter(|v| v.is_finite())
@@ -110,6 +112,9 @@ fn headline(record: &Record) -> Markup {
 
 /// The best row in one sentence.
 fn sentence(record: &Record) -> Markup {
+    if let Some(nothing) = &record.nothing_averaged {
+        return html! { p.lead { (nothing) } };
+    }
     let Some((best, speed)) = record.best().and_then(|row| Some((row, row.speedup_at_same_rms?))) else {
         return html! { p.lead { "This run has no multi-resolution row whose speed could be compared." } };
     };

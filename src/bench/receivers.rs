@@ -42,6 +42,10 @@ const PROBE_RAYS: usize = 16;
 /// threshold of shadows of `mrvis fbem`. Selects receivers only.
 const DARK_PART: f64 = 0.02;
 
+/// Default feature sizes: a shadow of two texels is the smallest that an image shows, and of the largest five lie side by side.
+const SMALLEST_FEATURE_TEXELS: f64 = 2.0;
+const LARGEST_FEATURE_PART: f64 = 0.2;
+
 /// A receiver and its grid of texels.
 #[derive(Clone, Debug)]
 pub struct ReceiverGrid {
@@ -103,29 +107,63 @@ struct Candidate {
     shadowed: bool,
 }
 
-/// The receivers with these `names`, or the default ones, which are surfaces of the scene's own triangles; texels are for
-/// feature sizes from `sizes[0]` to `sizes[1]`.
+/// Surfaces that shadow images are made of.
+pub struct Surfaces {
+    chosen: Vec<(String, Candidate)>,
+    /// Number of images times number of emitters.
+    share: usize,
+}
+
+/// The surfaces with these `names`, or the default ones, which are of the scene's own triangles.
 ///
 /// # Errors
 /// No surface has one of the names, or it has fewer planar patches than times it was named.
-pub fn choose(
-    model: &Model,
-    exact: &dyn Occluder,
-    names: &[String],
-    sizes: [f64; 2],
-) -> Result<Vec<ReceiverGrid>> {
+pub fn choose(model: &Model, exact: &dyn Occluder, names: &[String]) -> Result<Surfaces> {
     let chosen = if names.is_empty() { by_size(model, exact) } else { by_name(model, exact, names)? };
-    let count = chosen.len();
-    let receiver = |(name, candidate): (String, Candidate)| {
-        let Candidate { patch, surfaces, rectangle, lit, .. } = candidate;
-        let surface = [rectangle.width, rectangle.height];
-        let grid = TexelGrid::new(surface, sizes, count * model.scene().emitters.len().max(1));
-        let rectangle = window::place((model, exact), (&surfaces, &patch), rectangle, &grid);
-        let TexelGrid { width, height, texel } = grid;
-        let points = patch.points(&surfaces, &rectangle, (width, height, texel));
-        ReceiverGrid { name, width, height, texel, surface, lit, points }
-    };
-    Ok(chosen.into_iter().map(receiver).collect())
+    let share = chosen.len() * model.scene().emitters.len().max(1);
+    Ok(Surfaces { chosen, share })
+}
+
+impl Surfaces {
+    /// Smallest and largest feature size that images of the whole surfaces show: two texels, and a fifth of the longest side. None
+    /// without a surface.
+    pub fn feature_sizes(&self) -> Option<[f64; 2]> {
+        let largest = |of: &dyn Fn([f64; 2]) -> f64| {
+            self.chosen.iter().map(|(_, c)| of([c.rectangle.width, c.rectangle.height])).reduce(f64::max)
+        };
+        let max = largest(&|[longer, _]| longer)? * LARGEST_FEATURE_PART;
+        let texel = largest(&|surface| TexelGrid::new(surface, [0.0, max], self.share).texel)?;
+        Some([SMALLEST_FEATURE_TEXELS * texel, max])
+    }
+
+    /// Texels for feature sizes from `sizes[0]` to `sizes[1]`.
+    pub fn grids(&self, model: &Model, exact: &dyn Occluder, sizes: [f64; 2]) -> Vec<ReceiverGrid> {
+        self.each((model, exact), |surface| TexelGrid::new(surface, sizes, self.share))
+    }
+
+    /// Texels of maps: `side` along the longer side, at most half of the smallest feature size wide.
+    pub fn maps(&self, scene: (&Model, &dyn Occluder), side: usize, smallest: f64) -> Vec<ReceiverGrid> {
+        let mut maps = self.each(scene, |surface| TexelGrid::map(surface, side, smallest));
+        maps.retain(|map| map.lit);
+        maps
+    }
+
+    fn each(
+        &self,
+        (model, exact): (&Model, &dyn Occluder),
+        texels: impl Fn([f64; 2]) -> TexelGrid,
+    ) -> Vec<ReceiverGrid> {
+        let receiver = |(name, candidate): &(String, Candidate)| {
+            let Candidate { patch, surfaces, rectangle, lit, .. } = candidate;
+            let surface = [rectangle.width, rectangle.height];
+            let grid = texels(surface);
+            let rectangle = window::place((model, exact), (surfaces, patch), *rectangle, &grid);
+            let TexelGrid { width, height, texel } = grid;
+            let points = patch.points(surfaces, &rectangle, (width, height, texel));
+            ReceiverGrid { name: name.clone(), width, height, texel, surface, lit: *lit, points }
+        };
+        self.chosen.iter().map(receiver).collect()
+    }
 }
 
 fn by_size(model: &Model, exact: &dyn Occluder) -> Vec<(String, Candidate)> {

@@ -7,11 +7,13 @@
 //! emitter at each point, in [0, 1], relative to the reference, whose noise is subtracted.
 
 mod compared;
+mod maps;
 mod scaling;
 mod trust;
 
 pub use crate::model::summary::SceneSummary;
 pub use compared::{NO_FASTER, curve, ratio};
+pub use maps::{MapExactRow, MapMrRow, MapRecord};
 pub use scaling::{ScalingRecord, ScalingRow};
 pub use trust::{
     CalibrationBin, IntervalAudit, Target, TargetAsked, TargetChoice, UnbiasedLevel, UnbiasedRow,
@@ -55,8 +57,11 @@ pub struct Record {
     /// Exact visibility with certificates. Speed-ups refer to the fastest rows of `exact` and `certified` together.
     #[serde(default)]
     pub certified: Vec<ExactRow>,
-    /// MR visibility, by number of segments and feature size.
+    /// MR visibility, by number of segments and feature size; one row if nothing is averaged at the default sizes.
     pub mr: Vec<MrRow>,
+    /// If no row averages anything: one sentence that says so.
+    #[serde(default)]
+    pub nothing_averaged: Option<String>,
     /// Unbiased rows, if requested.
     #[serde(default)]
     pub unbiased: Vec<UnbiasedRow>,
@@ -65,6 +70,9 @@ pub struct Record {
     pub target: Option<Target>,
     /// Errors of shadow images.
     pub receivers: Vec<ReceiverErrors>,
+    /// Maps of the receivers: images of whole surfaces, with set-up and interpolation.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub maps: Vec<MapRecord>,
     /// Growth of cost with the size of the scene, if requested.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub scaling: Vec<ScalingRow>,
@@ -121,6 +129,13 @@ pub struct Build {
     /// Memory by part, bytes per triangle of the scene.
     #[serde(default)]
     pub bytes_per_triangle: BytesPerTriangle,
+}
+
+impl Build {
+    /// Preparation of MR besides Embree's tree, without decisions, seconds.
+    pub fn mr_preparation(&self) -> f64 {
+        self.hierarchy_s + self.characterise_s + self.cache_s + self.budget_s
+    }
 }
 
 /// Memory during queries, bytes per triangle of the scene.

@@ -29,11 +29,15 @@ pub(super) struct Timed {
 /// Runs `rows` rows in rounds. `run` gets the index of the row and whether this is its first run; it returns the
 /// times of the row's timed sections, seconds, always the same sections.
 pub(super) fn rounds(rows: usize, run: impl FnMut(usize, bool) -> Vec<f64>) -> Timed {
-    within(MAX_TIME, rows, run)
+    rounds_within(MAX_TIME, rows, run)
 }
 
-/// [`rounds`] with a time limit.
-fn within(patience: Duration, rows: usize, mut run: impl FnMut(usize, bool) -> Vec<f64>) -> Timed {
+/// [`rounds`] with another time limit.
+pub(super) fn rounds_within(
+    patience: Duration,
+    rows: usize,
+    mut run: impl FnMut(usize, bool) -> Vec<f64>,
+) -> Timed {
     let start = Instant::now();
     let goes_on = |rounds: usize| {
         let likely_end = start.elapsed().mul_f64((rounds + 1) as f64 / rounds as f64);
@@ -93,7 +97,7 @@ mod tests {
     fn long_rows_hold_short_ones_back() {
         let mut calls = [0, 0];
         let patience = Duration::from_millis(100);
-        within(patience, 2, |row, _| {
+        rounds_within(patience, 2, |row, _| {
             calls[row] += 1;
             std::thread::sleep(if row == 0 { patience.mul_f64(0.4) } else { Duration::ZERO });
             vec![0.0]

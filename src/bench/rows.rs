@@ -35,13 +35,13 @@ impl Bench<'_> {
             calls.push((rays, engine));
         }
         let row = |rays| ExactRow { rays, mode: "certified".into(), ..Default::default() };
-        let mut certified: Vec<ExactRow> = self.mr_rays().into_iter().map(row).collect();
+        let mut certified: Vec<ExactRow> = self.certified_rays(sample, engine).into_iter().map(row).collect();
         let asked = self.decisions(sample, engine);
         let mut rows: Vec<MrRow> = asked.iter().map(PlannedRow::row).collect();
 
         let walked: Vec<usize> = (0..rows.len()).filter(|&k| asked[k].pays).collect();
         let all_rays: usize = calls.iter().map(|call| call.0).sum::<usize>()
-            + self.mr_rays().iter().sum::<usize>()
+            + certified.iter().map(|row| row.rays).sum::<usize>()
             + walked.iter().map(|&k| rows[k].rays).sum::<usize>();
         self.progress.stage("both engines", pairs * all_rays as u64);
         let (first_certified, first_mr) = (exact.len(), exact.len() + certified.len());

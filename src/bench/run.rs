@@ -1,13 +1,16 @@
 //! A benchmark run: from a model to a record and images.
 
 use super::context::Bench;
+use super::gallery::single_rays;
 use super::measure::{Queries, Timer};
 use super::options::Options;
 use super::page::ReceiverImages;
 use super::prepare::build_of;
+use super::receivers::{self, Surfaces};
 use super::record::{self, Record};
 use super::rows::Measured;
-use super::sizes::default_sizes;
+use super::sizes::{default_sizes, of_images};
+use super::unaveraged;
 use super::workload::{Workload, surface_points};
 use crate::model::Model;
 use crate::model::summary::SceneSummary;
@@ -33,7 +36,6 @@ pub fn run(
     options.check_for(scene)?;
     let timer = Timer::new(options.threads)?;
     let mut build = build_of(model);
-
     let points = surface_points(model, options.points, options.seed)?;
     let workload = Workload::new(model, points, options.seed);
     if workload.pairs.is_empty() {
@@ -43,12 +45,13 @@ pub fn run(
             shown(&scene.path)
         )));
     }
-    let sizes = sizes(model, options);
+    progress.stage("receivers", 0);
+    let surfaces = receivers::choose(model, &single_rays(model), &options.receivers)?;
+    let sizes = sizes(model, &surfaces, options);
     let mut warnings = Vec::new();
     let bench = Bench { model, scene, options, timer, sizes, progress };
     let sample = bench.sample(&workload);
     let mr = bench.engine(&workload, &sample, &mut build);
-
     go_on(progress)?;
     let every: Vec<usize> = (0..workload.pairs.len()).collect();
     let queries = Queries { scene, workload: &workload, pairs: &every };
@@ -61,13 +64,16 @@ pub fn run(
     let Measured { reference, exact, certified, mr: mut rows, rounds } = measured;
     let target = options.target.map(|target| bench.target(target, queries, &mr, &reference));
     go_on(progress)?;
-    let (receivers, images) = bench.images(&mr, &mut rows, &mut warnings)?;
+    let mut images = bench.images(&surfaces, &mr, &mut rows, &mut warnings)?;
+    go_on(progress)?;
+    let mut maps = bench.maps(&surfaces, &mr, &build)?;
     build.exact_setup_s = build.embree_s + exact.iter().map(|row| row.setup_s).sum::<f64>();
-    build.mr_setup_s = build.hierarchy_s
-        + build.characterise_s
-        + build.cache_s
-        + build.budget_s
-        + rows.iter().map(|row| row.decide_s).sum::<f64>();
+    build.mr_setup_s = build.mr_preparation() + rows.iter().map(|row| row.decide_s).sum::<f64>();
+    let nothing_averaged = unaveraged::sentence(&rows, &images, &maps, &scene.unit);
+    // Sizes that were asked for keep their rows.
+    if nothing_averaged.is_some() && options.feature_sizes.is_empty() {
+        unaveraged::keep_one(&mut rows, &mut images, &mut maps, options.rays);
+    }
     let record = Record {
         mrvis: env!("CARGO_PKG_VERSION").into(),
         embree: model.embree_version(),
@@ -78,13 +84,7 @@ pub fn run(
         scene: SceneSummary::of(model),
         scene_repairs: serde_json::to_value(&scene.repairs).unwrap_or_default(),
         warnings,
-        clusters: record::Clusters {
-            extinction: match options.clusters.extinction {
-                Extinction::Measured => "measured".into(),
-                Extinction::Analytic => "analytic".into(),
-            },
-            tolerance: options.clusters.tolerance.into(),
-        },
+        clusters: clusters_of(options),
         build,
         workload: record::Workload {
             points: options.points,
@@ -97,12 +97,25 @@ pub fn run(
         exact,
         certified,
         mr: rows,
+        nothing_averaged,
         unbiased,
         target,
-        receivers,
+        receivers: images.errors,
+        maps,
         scaling: Vec::new(),
     };
-    Ok((record, images))
+    Ok((record, images.shown))
+}
+
+/// The settings of cluster optics.
+fn clusters_of(options: &Options) -> record::Clusters {
+    record::Clusters {
+        extinction: match options.clusters.extinction {
+            Extinction::Measured => "measured".into(),
+            Extinction::Analytic => "analytic".into(),
+        },
+        tolerance: options.clusters.tolerance.into(),
+    }
 }
 
 fn go_on(progress: &dyn Progress) -> Result<()> {
@@ -113,9 +126,9 @@ fn go_on(progress: &dyn Progress) -> Result<()> {
 }
 
 /// Feature sizes of the options or by default, ascending, without duplicates.
-fn sizes(model: &Model, options: &Options) -> Vec<f64> {
+fn sizes(model: &Model, surfaces: &Surfaces, options: &Options) -> Vec<f64> {
     let mut sizes = match &options.feature_sizes[..] {
-        [] => default_sizes(model),
+        [] => surfaces.feature_sizes().map_or_else(|| default_sizes(model), of_images),
         sizes => sizes.to_vec(),
     };
     sizes.sort_by(f64::total_cmp);

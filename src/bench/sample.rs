@@ -82,6 +82,15 @@ impl Sample {
         }
         work.is_clearly_less()
     }
+
+    /// Whether certificates may make exact rays faster: their search is not given up for most bundles, as it is under a dome.
+    pub fn certifies(&self, engine: &MultiResolution, rays: usize) -> bool {
+        let (mut workspace, mut work) = (Workspace::default(), Work::default());
+        for run in &self.bundles(rays) {
+            work.add(engine.certified_work(run, &mut workspace));
+        }
+        !work.is_mostly_abandoned()
+    }
 }
 
 /// Numbers of segments of a sample, ascending.

@@ -1,6 +1,7 @@
-//! Default feature sizes of a scene.
+//! Default feature sizes: those that shadow images show ([`of_images`]), or of a scene without receivers those of its clusters
+//! ([`default_sizes`]).
 //!
-//! The smallest is the median over leaf clusters, weighted by triangles, of the blocker size averaged over the axes
+//! Of clusters the smallest is the median over leaf clusters, weighted by triangles, of the blocker size averaged over the axes
 //! (`ClusterOptics::blocker_size`): below it hardly any cluster is aggregated. The largest is the median of the
 //! same size over clusters of 300 to 3,000 triangles (a plant, the crown of a tree), or that of the root if there is
 //! none. The other two are in geometric progression. Neighbours differ by a factor of at least 1.65 (the largest is
@@ -50,6 +51,18 @@ pub fn default_sizes(model: &Model) -> Vec<f64> {
     let large = of(&|c| OBJECT_TRIANGLES.contains(&tree.clusters[c].triangles), &|_| 1.0)
         .or_else(|| of(&|c| c == 0, &|_| 1.0));
     between(small, large, f64::from(model.scene().size()))
+}
+
+/// Up to four feature sizes in geometric progression from `range[0]` to `range[1]`, which are rounded inwards to two digits.
+pub fn of_images([min, max]: [f64; 2]) -> Vec<f64> {
+    let step = |v: f64| 10f64.powf(v.log10().floor() - 1.0);
+    let (low, high) = (two_digits(min), two_digits(max));
+    let first = if low < min { two_digits(low + step(min)) } else { low };
+    let last = if high > max { two_digits(high - step(max)) } else { high };
+    let ratio = (last / first).powf(1.0 / (COUNT as f64 - 1.0));
+    let mut sizes: Vec<f64> = (0..COUNT).map(|i| two_digits(first * ratio.powi(i as i32))).collect();
+    sizes.dedup();
+    sizes
 }
 
 /// Sizes from the smallest to the largest, within the limits of a scene with this diagonal.
@@ -110,6 +123,18 @@ mod tests {
     #[test]
     fn sizes_span_what_the_scene_has() {
         assert_eq!(between(Some(0.01), Some(0.27), 100.0), [0.01, 0.03, 0.09, 0.27]);
+    }
+
+    #[test]
+    fn sizes_of_images_stay_within_them() {
+        assert_eq!(of_images([0.1, 2.7]), [0.1, 0.3, 0.9, 2.7]);
+        for range in [[0.01234, 0.4321], [2.0e-5, 1.0e-4], [99.7, 1003.0], [0.0999, 0.3001]] {
+            let sizes = of_images(range);
+            assert_eq!(sizes.len(), COUNT);
+            assert!(sizes[0] >= range[0] && sizes[0] <= 1.1 * range[0], "{range:?} {sizes:?}");
+            assert!(sizes[3] <= range[1] && sizes[3] >= 0.9 * range[1], "{range:?} {sizes:?}");
+            assert!(sizes.windows(2).all(|s| s[1] > s[0]), "{range:?} {sizes:?}");
+        }
     }
 
     #[test]

@@ -29,8 +29,8 @@ use std::time::Instant;
 pub struct Args {
     #[command(flatten)]
     pub scene: Option<SceneArgs>,
-    /// Feature size in scene units: smaller shadows may be averaged; repeatable [default: four sizes from the scene's
-    /// statistics]
+    /// Feature size in scene units: smaller shadows may be averaged; repeatable [default: four sizes, from two texels of
+    /// the shadow images to a fifth of the largest]
     #[arg(short = 's', long = "feature-size", value_name = "S")]
     pub feature_sizes: Vec<f64>,
     /// Segments from a point to an emitter; 4 and 16 times as many are measured as well
@@ -42,6 +42,10 @@ pub struct Args {
     /// Object, group or material for shadow images; repeatable [default: the largest flat surfaces, and terrain]
     #[arg(long = "receiver", value_name = "NAME")]
     pub receivers: Vec<String>,
+    /// Texels along the longer side of the maps, images of whole surfaces in which both engines interpolate; 0: no maps [default: 256, or
+    /// fewer with more than eight emitters]
+    #[arg(long, value_name = "N")]
+    pub map: Option<usize>,
     /// Rays from a point to an emitter in the reference
     #[arg(long, value_name = "N", default_value_t = 1024)]
     pub reference_rays: usize,
@@ -87,6 +91,7 @@ impl Args {
             ("target-seconds", self.target_seconds.is_some()),
             ("unbiased", self.unbiased),
             ("receiver", !self.receivers.is_empty()),
+            ("map", self.map.is_some()),
             ("audit", self.audit.is_some()),
         ];
         if let Some((name, _)) = needs_scene.into_iter().find(|&(_, given)| given) {
@@ -139,6 +144,7 @@ fn run_on_all_cores(args: &Args) -> Result<ExitCode> {
         rays: args.rays,
         points: args.points,
         receivers: args.receivers.clone(),
+        map: args.map,
         reference_rays: args.reference_rays,
         threads: common.threads.map_or(1, usize::from),
         seed: common.seed,

@@ -43,12 +43,20 @@ const ADVANCED: [&str; 20] = [
     "step_seconds",
 ];
 
+/// The same of `bench`.
+const ADVANCED_BENCH: [&str; 2] = ["builder", "extinction"];
+
 /// The command line, with options in groups and a short help of one sentence an option.
 pub fn command() -> Command {
     Cli::command().mut_subcommands(|command| {
         let name = command.get_name().to_owned();
         let solve = name == "solve";
-        let command = command.mut_args(|arg| arranged(arg, solve));
+        let advanced = match name.as_str() {
+            "solve" => &ADVANCED[..],
+            "bench" => &ADVANCED_BENCH,
+            _ => &[],
+        };
+        let command = command.mut_args(|arg| arranged(arg, solve, advanced));
         // The list of commands has one statement each.
         let about = command.get_about().map(ToString::to_string).unwrap_or_default();
         let command = command.about(first_sentence(&about).to_owned()).long_about(about);
@@ -56,7 +64,7 @@ pub fn command() -> Command {
     })
 }
 
-fn arranged(arg: Arg, solve: bool) -> Arg {
+fn arranged(arg: Arg, solve: bool, advanced: &[&str]) -> Arg {
     let id = arg.get_id().as_str().to_owned();
     let group = GROUPS.iter().find(|(_, ids)| solve && ids.contains(&id.as_str()));
     let arg = match group {
@@ -65,7 +73,7 @@ fn arranged(arg: Arg, solve: bool) -> Arg {
     };
     let Some(text) = arg.get_long_help().or(arg.get_help()).map(ToString::to_string) else { return arg };
     let short = first_sentence(&text).to_owned();
-    let hidden = solve && ADVANCED.contains(&id.as_str());
+    let hidden = advanced.contains(&id.as_str());
     arg.help(short).long_help(text).hide_short_help(hidden)
 }
 
@@ -124,7 +132,7 @@ mod tests {
             .flat_map(|c| c.get_arguments())
             .map(|a| a.get_id().as_str().to_owned())
             .collect();
-        for id in GROUPS.iter().flat_map(|(_, ids)| ids.iter()).chain(&ADVANCED) {
+        for id in GROUPS.iter().flat_map(|(_, ids)| ids.iter()).chain(&ADVANCED).chain(&ADVANCED_BENCH) {
             assert!(ids.iter().any(|i| i == id), "{id}");
         }
     }

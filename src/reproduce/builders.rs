@@ -176,7 +176,7 @@ impl Common {
         let sizes = vec![all[1], all[3]];
         let single =
             Exact { scene: model.traced().clone(), traversal: Traversal { width: 1, coherent: false } };
-        let chosen = receivers::choose(model, &single, &[], [sizes[0], sizes[1]])?;
+        let chosen = receivers::choose(model, &single, &[])?.grids(model, &single, [sizes[0], sizes[1]]);
         let texels: usize = chosen.iter().map(|r| r.points.len()).sum();
         let part = PAIRS as f64 / (texels * model.scene().emitters.len()).max(1) as f64;
         let receivers: Vec<_> = chosen.iter().map(|r| r.only(r.middle(part))).collect();

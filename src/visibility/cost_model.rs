@@ -117,6 +117,12 @@ impl Work {
         self.own < self.rays
     }
 
+    /// Whether most walks were abandoned: each counts its limit, which is twice the work of exact rays, and that of exact rays.
+    #[cfg(any(test, feature = "reports"))]
+    pub fn is_mostly_abandoned(&self) -> bool {
+        self.own > GIVE_UP_FACTOR * self.rays
+    }
+
     /// Whether this engine takes so much less work that it is faster in spite of the error of the estimate.
     pub fn is_clearly_less(&self) -> bool {
         (self.own as f64) < MAX_WORK_RATIO * self.rays as f64

@@ -179,6 +179,17 @@ impl MultiResolution {
     /// between the engines, [`Work::is_clearly_less`].
     pub fn work(&self, run: &[Bundle], sizes: &[f32], workspace: &mut Workspace) -> Work {
         self.walk_all(run, Sizes::Each(sizes), true, workspace);
+        self.walked_work(run, workspace)
+    }
+
+    /// The same for [`MultiResolution::certified`].
+    #[cfg(any(test, feature = "reports"))]
+    pub fn certified_work(&self, run: &[Bundle], workspace: &mut Workspace) -> Work {
+        self.walk_all(run, Sizes::Nothing, true, workspace);
+        self.walked_work(run, workspace)
+    }
+
+    fn walked_work(&self, run: &[Bundle], workspace: &Workspace) -> Work {
         let mut work = Work::default();
         for (bundle, walked) in run.iter().zip(&workspace.walked) {
             work.add(self.cost.of(bundle, walked));

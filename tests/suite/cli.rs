@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 const SCENE: &str = "mtllib scene.mtl\no floor\nusemtl grey\nv 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nf 1 2 3 4\n\
     o lamp\nusemtl light\nv 2 2 2\nv 2 3 2\nv 3 2 2\nf 5 6 7\n";
 const LIBRARY: &str = "newmtl grey\nKd 0.5 0.5 0.5\nnewmtl light\nKd 0 0 0\nKe 10 10 10\n";
-const QUICK: [&str; 6] = ["--points", "20", "--rays", "4", "--reference-rays", "16"];
+const QUICK: [&str; 8] = ["--points", "20", "--rays", "4", "--reference-rays", "16", "--map", "16"];
 
 fn scratch() -> Scratch {
     let scratch = Scratch::new();
@@ -98,6 +98,8 @@ fn options_out_of_range_are_refused() {
         (&["bench", "scene.obj", "--target-error", "2"], "target-error"),
         (&["bench", "scene.obj", "--target-seconds", "NaN"], "target-seconds"),
         (&["bench", "scene.obj", "--target-seconds", "1", "--target-error", "0.1"], "target"),
+        (&["bench", "scene.obj", "--map", huge], "map"),
+        (&["bench", "--scaling=10000", "--map", "64"], "--map"),
         (&["bench", "scene.obj", "--threads", huge], "threads"),
         (&["bench", "scene.obj", "--seed", "x"], "seed"),
         (&["bench", "scene.obj", "--no-such-option"], "no-such-option"),
@@ -166,6 +168,7 @@ fn help_and_version_are_no_errors() {
         "--rays",
         "--points",
         "--receiver",
+        "--map",
         "--reference-rays",
         "--out",
         "--cache",
@@ -250,12 +253,7 @@ fn bench_writes_what_it_promises() {
         ),
         ("/receivers/0", &["name", "width", "height", "texel", "l2", "fbem"]),
     ];
-    for (place, names) in keys {
-        let at = json.pointer(place).unwrap_or_else(|| panic!("the JSON has no {place}"));
-        for name in *names {
-            assert!(at.get(name).is_some(), "the JSON has no {place}/{name}");
-        }
-    }
+    holds(&json, keys);
     assert_eq!(json["scene"]["triangles"], 3);
     assert_eq!(json["workload"]["points"], 20);
     assert_eq!(json["threads"], 1, "single thread unless told otherwise");
@@ -275,6 +273,48 @@ fn bench_writes_what_it_promises() {
     }
     let quiet = scratch.mrvis(&[&["bench", "scene.obj", "--quiet"][..], &QUICK].concat());
     assert_eq!((quiet.code, quiet.stdout.as_str(), quiet.stderr.as_str()), (Some(0), "", ""));
+}
+
+/// The JSON has all these fields, by place.
+fn holds(json: &serde_json::Value, keys: &[(&str, &[&str])]) {
+    for (place, names) in keys {
+        let at = json.pointer(place).unwrap_or_else(|| panic!("the JSON has no {place}"));
+        for name in *names {
+            assert!(at.get(name).is_some(), "the JSON has no {place}/{name}");
+        }
+    }
+}
+
+/// Fields of maps; `--map 0` makes none.
+#[test]
+fn maps_are_in_the_json() {
+    let scratch = scratch();
+    let call = ["bench", "scene.obj", "--json", "r.json", "--quiet"];
+    scratch.mrvis(&[&call[..], &QUICK].concat());
+    let keys: &[(&str, &[&str])] = &[
+        ("/maps/0", &["receiver", "width", "height", "texel", "reference_rays", "reference_rms"]),
+        ("/maps/0/exact/0", &["rays", "spacing", "interpolated", "seconds", "rms", "bias"]),
+        (
+            "/maps/0/mr/0",
+            &[
+                "feature_size",
+                "rays",
+                "seconds",
+                "setup_s",
+                "rms",
+                "bias",
+                "fbem",
+                "speedup_at_same_rms",
+                "speedup_with_setup",
+                "speedup_at_same_fbem",
+            ],
+        ),
+    ];
+    let json = scratch.json("r.json");
+    holds(&json, keys);
+    assert_eq!(json["maps"][0]["width"], 16);
+    scratch.mrvis(&[&call[..], &QUICK[..6], &["--map", "0"]].concat());
+    assert!(scratch.json("r.json").get("maps").is_none());
 }
 
 /// Growth is measured with and without a scene; the smallest series has one forest each.

@@ -60,8 +60,19 @@ fn bench_reports_the_same_figures_on_any_number_of_threads() {
         let scene = scratch.generate(&spec);
         let report = |threads: &str| {
             let file = format!("{name}-{threads}.json");
-            let options =
-                ["--points", "120", "--reference-rays", "32", "--seed", "5", "--quiet", "--cache", "off"];
+            let options = [
+                "--points",
+                "120",
+                "--reference-rays",
+                "32",
+                "--map",
+                "24",
+                "--seed",
+                "5",
+                "--quiet",
+                "--cache",
+                "off",
+            ];
             let call = ["bench", &scene, "--threads", threads, "--json", &file];
             let outcome = scratch.mrvis(&[&call[..], &options].concat());
             assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);

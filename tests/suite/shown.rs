@@ -219,7 +219,10 @@ fn glass_blocks_from_one_half_on_in_every_command() {
         said(&[&["solve", "pane.obj", "--out", "s", "--quiet"], &points[..]].concat());
         said(&[&["reference", "pane.obj", "--out", "r.csv", "--quiet"], &points[..]].concat());
         said(&["form-factors", "pane.obj", "--out", "f.csv", "--by", "object", "--quiet"]);
-        said(&["bench", "pane.obj", "--points", "50", "--json", "b.json", "--cache", "off", "--quiet"]);
+        said(&[
+            "bench", "pane.obj", "--points", "50", "--map", "0", "--json", "b.json", "--cache", "off",
+            "--quiet",
+        ]);
         let (solved, traced) = (irradiance(&scratch, "s/irradiance.csv"), irradiance(&scratch, "r.csv"));
         let triangles = scratch.json("b.json")["scene"]["triangles"].as_u64();
         let factors = std::fs::read_to_string(scratch.path("f.csv")).expect("a file");

@@ -6,7 +6,8 @@ use serde_json::Value;
 
 /// Runs `bench` on a small forest; exit code and record.
 fn bench(scratch: &Scratch, scene: &str, more: &[&str]) -> (Option<i32>, Value) {
-    let options = ["--points", "600", "--reference-rays", "256", "--quiet", "--json", "found.json"];
+    let options =
+        ["--points", "600", "--reference-rays", "256", "--map", "0", "--quiet", "--json", "found.json"];
     let outcome = scratch.mrvis(&[&["bench", scene, "--cache", "off"], &options[..], more].concat());
     assert_eq!(outcome.stderr, "");
     (outcome.code, scratch.json("found.json"))

@@ -13,7 +13,7 @@ use crate::plot::number;
 pub(super) fn section(record: &Record, receivers: &[ReceiverImages]) -> Result<Markup> {
     let unit = &record.unit;
     let slow = record
-        .mr
+        .shown_rows()
         .iter()
         .filter(|row| row.speedup_per_segment < 1.0 || row.speedup_at_same_rms.is_some_and(|s| s < 1.0));
     let slow: Vec<_> = slow.collect();

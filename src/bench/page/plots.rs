@@ -20,7 +20,7 @@ pub(super) fn error_against_time(record: &Record) -> Result<Markup> {
         let points = points(&record.certified);
         series.push(Series { name: "exact with certificates".into(), points, marks: Marks::Joined });
     }
-    for row in &record.mr {
+    for row in record.shown_rows() {
         let name = format!("multi-res., {} segments", row.rays);
         let label = format!("s = {}", length(row.feature_size, &record.unit));
         let point = PlotPoint { x: row.seconds, y: row.rms, label };

@@ -40,7 +40,8 @@ pub(super) fn section(record: &Record, images: &ReceiverImages) -> Result<Markup
         rows.push(compared.row(&label, f64::from(*size), image, &mut features)?);
         shown.push((label, image));
     }
-    if let (Some(image), Some(largest)) = (clusters, mr.last()) {
+    let unlike = clusters.as_ref().filter(|image| looks_like(&shown, image).is_none());
+    if let (Some(image), Some(largest)) = (unlike, mr.last()) {
         let s = f64::from(largest.size);
         let label = format!(
             "s = {}, answered by clusters: not in the table, because exact rays are faster here",

@@ -119,7 +119,7 @@ pub(super) fn measurements(record: &Record) -> Markup {
         ("nodes", "mean number of visited clusters per segment"),
         ("in bounds", "part of the stated intervals that the reference confirms"),
     ];
-    let mr: Vec<_> = record.mr.iter().map(|row| mr_row(row, &record.unit)).collect();
+    let mr: Vec<_> = record.shown_rows().iter().map(|row| mr_row(row, &record.unit)).collect();
     let exact: Vec<_> = record.exact.iter().chain(&record.certified).map(exact_row).collect();
     html! {
         section {

@@ -180,9 +180,11 @@ fn example() -> (Record, Vec<ReceiverImages>) {
         exact: exact_rows().into(),
         certified: Vec::new(),
         mr: mr_rows().into(),
+        nothing_averaged: None,
         unbiased: vec![unbiased()],
         target: Some(target()),
         receivers: vec![ReceiverErrors { name: "lawn".into(), ..Default::default() }],
+        maps: Vec::new(),
         scaling: Vec::new(),
     };
     let images = ReceiverImages {
@@ -241,6 +243,40 @@ fn empty_and_odd_records_still_make_a_page() {
     assert!(render(&record, &receivers, "mrvis bench").is_err());
 }
 
+/// A map has one line a size, that with the largest speed-up including set-up, and exact rows that nothing surpasses.
+#[test]
+fn maps_show_their_best_rows() {
+    use crate::bench::record::{MapExactRow, MapMrRow, MapRecord};
+    let exact = |rays, spacing, seconds, rms| MapExactRow {
+        rays,
+        spacing,
+        interpolated: spacing > 1,
+        seconds,
+        rms,
+        ..MapExactRow::default()
+    };
+    let mr = |feature_size, spacing, speed| MapMrRow {
+        feature_size,
+        spacing,
+        speedup_with_setup: Some(speed),
+        ..MapMrRow::default()
+    };
+    let (mut record, receivers) = example();
+    record.maps = vec![MapRecord {
+        receiver: "<lawn>".into(),
+        exact: vec![exact(16, 1, 0.4, 0.05), exact(16, 2, 0.1, 0.04), exact(64, 1, 1.6, 0.02)],
+        mr: vec![mr(0.1, 1, 3.5), mr(0.1, 2, 12.5), mr(0.4, 1, 20.5), mr(0.4, 4, f64::NAN)],
+        ..MapRecord::default()
+    }];
+    let spacings: Vec<usize> = record.maps[0].best_by_size().iter().map(|row| row.spacing).collect();
+    assert_eq!(spacings, [2, 1]);
+    let rays: Vec<usize> = record.maps[0].best_exact().iter().map(|row| row.rays).collect();
+    assert_eq!(rays, [16, 64]);
+    let page = render(&record, &receivers, "").unwrap();
+    assert!(page.contains("<h3>&lt;lawn&gt;</h3>") && page.contains("12.5×") && page.contains("20.5×"));
+    assert!(!page.contains("3.5×"));
+}
+
 #[test]
 fn growth_has_a_plot_and_a_verdict() {
     let row = |series: &str, triangles: usize, mr: f64| ScalingRow {
@@ -273,6 +309,19 @@ fn the_headline_says_when_it_is_slower() {
     assert!(render(&record, &[], "").unwrap().contains("<strong>slower</strong>"));
     record.mr.iter_mut().for_each(|row| row.speedup_at_same_rms = Some(1.0));
     assert!(render(&record, &[], "").unwrap().contains("<strong>no faster</strong>"));
+}
+
+/// A scene in which nothing is averaged has one sentence and one row, although the sizes that were asked for keep theirs in the record.
+#[test]
+fn nothing_averaged_is_said_once() {
+    let (mut record, receivers) = example();
+    let rows =
+        |page: &str| page.matches("0.25\u{a0}m</td>").count() + page.matches("0.6\u{a0}m</td>").count();
+    let before = render(&record, &receivers, "").unwrap();
+    record.nothing_averaged = Some("Nothing may be averaged in this scene.".into());
+    let page = render(&record, &receivers, "").unwrap();
+    assert_eq!(page.matches("Nothing may be averaged in this scene.").count(), 1);
+    assert!(!page.contains("24.1×") && rows(&page) < rows(&before), "{} {}", rows(&page), rows(&before));
 }
 
 /// What certificates gain is no gain of averaging.

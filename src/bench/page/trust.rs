@@ -12,7 +12,7 @@ const MAX_SIZES: usize = 4;
 
 /// Calibration plot and table; empty without an audit.
 pub(super) fn calibration(record: &Record) -> Result<Markup> {
-    let audited = record.mr.iter().filter_map(|row| Some((row, row.audit.as_ref()?)));
+    let audited = record.shown_rows().iter().filter_map(|row| Some((row, row.audit.as_ref()?)));
     let rows: Vec<(&MrRow, &IntervalAudit)> =
         audited.filter(|(row, _)| row.rays == record.workload.rays).collect();
     let Some(&(_, any)) = rows.first() else { return Ok(html! {}) };

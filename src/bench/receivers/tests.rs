@@ -9,6 +9,16 @@ use glam::{DVec3, Vec3};
 /// Feature sizes that do not limit the texels of these scenes.
 const SIZES: [f64; 2] = [1e6, 1e6];
 
+/// The images of these surfaces.
+fn grids(
+    model: &Model,
+    exact: &dyn Occluder,
+    names: &[String],
+    sizes: [f64; 2],
+) -> Result<Vec<ReceiverGrid>> {
+    Ok(choose(model, exact, names)?.grids(model, exact, sizes))
+}
+
 fn cornell() -> Scene {
     build(&Spec::new("cornell")).unwrap()
 }
@@ -40,7 +50,7 @@ fn rectangles_fit_tilted_quads() {
 fn default_receivers_are_lit_and_distinct() {
     let scene = cornell();
     let model = testing::model(&scene, Detail::Rays);
-    let receivers = choose(&model, &Brute::new(&scene.positions, &scene.triangles), &[], SIZES).unwrap();
+    let receivers = grids(&model, &Brute::new(&scene.positions, &scene.triangles), &[], SIZES).unwrap();
     assert!(!receivers.is_empty() && receivers.len() <= DEFAULT_COUNT);
     for r in &receivers {
         assert!(r.lit && r.width == 96 && r.height <= 96, "{}", r.name);
@@ -53,7 +63,7 @@ fn names_that_nothing_has_are_errors() {
     let scene = cornell();
     let brute = Brute::new(&scene.positions, &scene.triangles);
     let model = testing::model(&scene, Detail::Rays);
-    let message = choose(&model, &brute, &["nothing".into()], SIZES).unwrap_err().to_string();
+    let message = grids(&model, &brute, &["nothing".into()], SIZES).unwrap_err().to_string();
     assert!(message.contains("nothing") && message.contains(&scene.objects[0].name), "{message}");
 }
 
@@ -108,7 +118,7 @@ fn placed_meshes_are_receivers() {
     for (name, at) in [("left", first), ("right", second), ("board", first)] {
         let options = crate::bench::Options { receivers: vec![name.into()], ..Default::default() };
         options.check_for(&scene).expect(name);
-        let receivers = choose(&model, &exact, &[name.to_owned()], SIZES).expect(name);
+        let receivers = grids(&model, &exact, &[name.to_owned()], SIZES).expect(name);
         assert!(receivers.len() == 1 && receivers[0].lit && receivers[0].name == name);
         assert!((receivers[0].surface[0] - 3.0).abs() < 1e-4, "{:?}", receivers[0].surface);
         let normal = turn * DVec3::Z;
@@ -118,7 +128,7 @@ fn placed_meshes_are_receivers() {
             assert!(point.normal.as_dvec3().dot(normal) > 0.999);
         }
     }
-    let ghost = choose(&model, &exact, &["ghost".to_owned()], SIZES).expect_err("hidden").to_string();
+    let ghost = grids(&model, &exact, &["ghost".to_owned()], SIZES).expect_err("hidden").to_string();
     assert!(ghost.contains("`ghost`") && ghost.contains("`left`"), "{ghost}");
 }
 
@@ -143,7 +153,7 @@ fn a_terrain_is_a_receiver() {
     let model = testing::model(&scene, Detail::Rays);
     let brute = Brute::new(&scene.positions, &scene.triangles);
     for names in [vec![], vec!["hills".to_owned()]] {
-        let receivers = choose(&model, &brute, &names, SIZES).expect("receivers");
+        let receivers = grids(&model, &brute, &names, SIZES).expect("receivers");
         assert_eq!(receivers.iter().map(|r| r.name.as_str()).collect::<Vec<_>>(), ["hills"]);
         let points = &receivers[0].points;
         assert_eq!(points.len(), receivers[0].width * receivers[0].height);
@@ -199,7 +209,7 @@ fn a_round_ground_is_a_receiver() {
     let model = testing::model(&scene, Detail::Rays);
     let brute = Brute::new(&scene.positions, &scene.triangles);
     for names in [vec![], vec!["ground".to_owned()]] {
-        let receivers = choose(&model, &brute, &names, SIZES).expect("receivers");
+        let receivers = grids(&model, &brute, &names, SIZES).expect("receivers");
         let ground = receivers.iter().find(|r| r.name == "ground").expect("the ground");
         assert!(ground.lit);
         let points: Vec<DVec3> = ground.points.iter().map(|p| p.position.as_dvec3() + scene.origin).collect();
@@ -221,7 +231,7 @@ fn windows_are_where_the_shadows_are() {
     let model = testing::model(&scene, Detail::Rays);
     let brute = Brute::new(&scene.positions, &scene.triangles);
     let sizes = [0.04, 0.2];
-    let receivers = choose(&model, &brute, &["floor".to_owned()], sizes).expect("the floor");
+    let receivers = grids(&model, &brute, &["floor".to_owned()], sizes).expect("the floor");
     let floor = &receivers[0];
     assert!(floor.texel <= 0.5 * sizes[0] && floor.width <= 512, "{} {}", floor.texel, floor.width);
     assert_eq!(floor.surface, [40.0, 30.0]);
@@ -233,4 +243,30 @@ fn windows_are_where_the_shadows_are() {
     let middle = floor.only(part);
     assert!((2 * middle.width).abs_diff(floor.width) <= 1 && middle.texel == floor.texel);
     assert!(middle.points.iter().all(|p| spots.contains(&(p.position.as_dvec3() + scene.origin))));
+}
+
+/// Default sizes of a floor of 40 m: images of the whole surface show them all.
+#[test]
+fn default_sizes_are_what_images_show() {
+    use crate::bench::sizes::of_images;
+    use crate::scene::testing::Pieces;
+    let mut pieces = Pieces::new();
+    pieces.object("floor").quad(DVec3::ZERO, 40.0 * DVec3::X, 30.0 * DVec3::Y);
+    pieces.object("step").quad(DVec3::new(50.0, 0.0, 0.0), 4.0 * DVec3::X, 3.0 * DVec3::Y);
+    pieces.light(DVec3::new(0.0, 0.0, 20.0), DVec3::Y, DVec3::X);
+    let scene = pieces.scene();
+    let model = testing::model(&scene, Detail::Rays);
+    let brute = Brute::new(&scene.positions, &scene.triangles);
+    let names = ["floor".to_owned(), "step".to_owned()];
+    let surfaces = choose(&model, &brute, &names).expect("both");
+    let range = surfaces.feature_sizes().expect("a range");
+    assert!((range[1] - 8.0).abs() < 1e-9, "{range:?}");
+    let sizes = of_images(range);
+    let [first, last] = [sizes[0], sizes[sizes.len() - 1]];
+    for grid in surfaces.grids(&model, &brute, [first, last]) {
+        assert!(first >= 1.999 * grid.texel, "{}: {first} and {}", grid.name, grid.texel);
+        let covered = grid.width as f64 * grid.texel;
+        assert!((covered / grid.surface[0] - 1.0).abs() < 0.01, "{}: {covered}", grid.name);
+    }
+    assert!(choose(&model, &brute, &[]).is_ok_and(|all| all.feature_sizes().is_some()));
 }

@@ -51,6 +51,14 @@ impl TexelGrid {
         let count = |n: f64| (n.round() as usize).max(1);
         TexelGrid { width: count(side(texel)), height: count(rows(texel)), texel }
     }
+
+    /// Texels of a map: `side` along the longer side of the surface. Where they would be wider than half of the smallest feature size,
+    /// a window of texels of that width.
+    pub(super) fn map(surface: [f64; 2], side: usize, smallest: f64) -> TexelGrid {
+        let texel = (surface[0] / side as f64).min(0.5 * smallest);
+        let height = ((surface[1] / texel).round() as usize).clamp(1, side);
+        TexelGrid { width: side, height, texel }
+    }
 }
 
 /// The part of a patch's rectangle that a grid covers: all, or the window with the most borders of shadows.
@@ -128,6 +136,11 @@ mod tests {
                 }
             }
         }
+        assert_eq!(
+            TexelGrid::map([8.0, 6.0], 256, 0.1),
+            TexelGrid { width: 256, height: 192, texel: 8.0 / 256.0 }
+        );
+        assert_eq!(TexelGrid::map([8.0, 6.0], 256, 0.02), TexelGrid { width: 256, height: 256, texel: 0.01 });
         // A small surface is imaged whole, however large the sizes.
         let TexelGrid { width, texel, .. } = TexelGrid::new([1.0, 1.0], [0.5, 2.0], 1);
         assert!(width >= SIDE_TEXELS[0] && (width as f64 * texel - 1.0).abs() < 0.01);

@@ -1,7 +1,7 @@
 //! The record of a benchmark as text.
 
 use super::super::args::grouped;
-use crate::bench::record::{Build, MrRow, NO_FASTER, Record, ScalingRow, Target, UnbiasedRow};
+use crate::bench::record::{Build, MapRecord, MrRow, NO_FASTER, Record, ScalingRow, Target, UnbiasedRow};
 use crate::error::quote;
 use crate::plot::number;
 use std::fmt::Write as _;
@@ -11,7 +11,8 @@ pub fn table(record: &Record) -> String {
     let unit = &record.unit;
     let mut text = head(record);
     text += &exact_rows(record);
-    text += &mr_rows(&record.mr);
+    text += &mr_rows(record.shown_rows());
+    text += &maps(&record.maps);
     text += &setup(record);
     text += &audits(&record.mr);
     text += &unbiased(&record.unbiased, unit);
@@ -22,7 +23,8 @@ pub fn table(record: &Record) -> String {
     if !record.scaling.is_empty() {
         let _ = write!(text, "\n{}", scaling(&record.scaling));
     }
-    let _ = writeln!(text, "\n{}", headline(record.best(), unit));
+    let result = record.nothing_averaged.clone().unwrap_or_else(|| headline(record.best(), unit));
+    let _ = writeln!(text, "\n{result}");
     text
 }
 
@@ -131,6 +133,45 @@ fn mr_rows(rows: &[MrRow]) -> String {
     text
 }
 
+/// Of each map the best row of each feature size.
+fn maps(maps: &[MapRecord]) -> String {
+    let mut text = String::new();
+    if maps.is_empty() {
+        return text;
+    }
+    text += "\nmaps                                                                                speed-up over exact, interpolated too, at same\n";
+    text += "                        s   rays  spacing       time    set-up        RMS      FBEM        RMS  with set-up      FBEM\n";
+    for map in maps {
+        let _ = writeln!(
+            text,
+            "{}: {} x {} texels, reference of {} rays, noise {}",
+            quote(&map.receiver),
+            map.width,
+            map.height,
+            map.reference_rays,
+            number(map.reference_rms)
+        );
+        for row in map.best_by_size() {
+            let route = if row.route == "embree" { "  by exact rays" } else { "" };
+            let _ = writeln!(
+                text,
+                "{:>25} {:>6} {:>8} {:>10} {:>9} {:>10.5} {:>9.5} {:>10} {:>12} {:>9}{route}",
+                number(row.feature_size),
+                row.rays,
+                row.spacing,
+                seconds(row.seconds),
+                seconds(row.setup_s),
+                row.rms,
+                row.fbem,
+                times(row.speedup_at_same_rms, row.extrapolated),
+                times(row.speedup_with_setup, row.extrapolated),
+                times(row.speedup_at_same_fbem, false)
+            );
+        }
+    }
+    text
+}
+
 /// Growth of cost as text.
 pub fn scaling(rows: &[ScalingRow]) -> String {
     let mut text = String::from(
@@ -225,18 +266,16 @@ fn target_result(target: &Target, unit: &str) -> String {
 /// Preparation of both engines, which the times of rows do not include, in one line.
 fn setup(record: &Record) -> String {
     let build = &record.build;
-    let decisions: f64 = record.mr.iter().map(|row| row.decide_s).sum();
     format!(
         "preparation: exact {} (Embree's tree {}, choice of ray calls {}); multi-resolution {} in addition (clusters {}, \
-         budget {}, decisions of {} rows {}); each row is the minimum of {} runs\n",
+         budget {}, decisions {}); each row is the minimum of {} runs\n",
         seconds(build.exact_setup_s),
         seconds(build.embree_s),
         seconds(build.exact_setup_s - build.embree_s),
         seconds(build.mr_setup_s),
-        seconds(build.hierarchy_s + build.characterise_s + build.cache_s),
+        seconds(build.mr_preparation() - build.budget_s),
         seconds(build.budget_s),
-        record.mr.len(),
-        seconds(decisions),
+        seconds(build.mr_setup_s - build.mr_preparation()),
         record.workload.rounds
     )
 }
@@ -312,6 +351,17 @@ mod tests {
         assert!(headline(Some(&row(0.5)), "m").contains("2 times slower"));
         assert!(headline(Some(&row(1.03)), "m").contains("no faster than exact rays"));
         assert!(headline(None, "m").contains("no multi-resolution row"));
+    }
+
+    #[test]
+    fn nothing_averaged_is_the_result() {
+        let mr = [0.1, 0.4].map(|feature_size| MrRow { feature_size, rays: 16, ..MrRow::default() });
+        let mut record =
+            Record { mr: mr.into(), nothing_averaged: Some("Nothing.".into()), ..Record::default() };
+        record.workload.rays = 16;
+        let text = table(&record);
+        assert!(text.ends_with("\nNothing.\n") && !text.contains("best:"), "{text}");
+        assert!(text.contains("\n     0.4     16") && !text.contains("\n     0.1     16"), "{text}");
     }
 
     #[test]

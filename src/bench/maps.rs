@@ -1,0 +1,200 @@
+//! Maps: shadow images of whole receivers by both engines, computed at every texel or at some and interpolated between.
+//!
+//! A map has many receiver points close together, so that both engines may interpolate, and what is prepared for it alone (choices,
+//! and later caches) counts: `speedup_with_setup`. All rows of a map are compared with one reference of independent rays at every
+//! texel.
+
+mod compare;
+mod lattice;
+
+use super::context::{Bench, PlannedRow};
+use super::gallery::single_rays;
+use super::measure::{MrRun, Queries};
+use super::options::Options;
+use super::receivers::{ReceiverGrid, Surfaces};
+use super::record::{Build, MapRecord};
+use super::reference::Reference;
+use super::rounds::rounds_within;
+use super::workload::Workload;
+use crate::Result;
+use crate::metrics::Image;
+use crate::visibility::{Exact, MultiResolution};
+use lattice::Lattice;
+use std::time::{Duration, Instant};
+
+/// Texels along the longer side of a map by default.
+const DEFAULT_SIDE: usize = 256;
+/// Largest number of texels times emitters of a map by default: with eight emitters 256 by 256 texels; limits the rows of a map to some
+/// ten seconds on one core.
+const DEFAULT_PAIRS: usize = 1 << 19;
+/// Spacings of the texels at which light is computed: steps of 2 quarter the work.
+const SPACINGS: [usize; 4] = [1, 2, 4, 8];
+/// Numbers of rays of exact rows: steps of 4 halve the noise.
+const EXACT_RAYS: [usize; 5] = [1, 4, 16, 64, 256];
+/// Largest mean number of exact rays a texel: rows beyond are extrapolated.
+const MAX_RAYS_PER_TEXEL: usize = 64;
+/// Largest number of rays from a texel in the reference, and of segments of the reference: limits its time to some seconds on two cores.
+const MAX_REFERENCE_RAYS: usize = 256;
+const MAX_REFERENCE_SEGMENTS: usize = 100_000_000;
+/// Fewest rays from a texel in the reference: noise of at most √(¼ / 16) = 13 %, which is subtracted from the errors.
+const MIN_REFERENCE_RAYS: usize = 16;
+/// A further round of the rows of a map starts only if it is expected to end within this time.
+const MAX_TIME: Duration = Duration::from_secs(3);
+
+impl Options {
+    /// Texels along the longer side of a map in a scene with so many emitters.
+    fn map_side(&self, emitters: usize) -> usize {
+        let default = || DEFAULT_SIDE.min(((DEFAULT_PAIRS / emitters.max(1)) as f64).sqrt() as usize).max(1);
+        self.map.unwrap_or_else(default)
+    }
+}
+
+/// One map with its reference, and the light at the texels of each spacing.
+struct Map<'a> {
+    grid: &'a ReceiverGrid,
+    /// Lattices of all spacings that fit, in the order of [`SPACINGS`], with the queries of their texels.
+    lattices: Vec<(usize, Lattice, Workload)>,
+    /// Light of every texel, by two halves of the rays.
+    reference: Reference,
+    image: Image<'static>,
+}
+
+/// A row to be measured.
+enum Planned {
+    Exact { lattice: usize, rays: usize, call: Exact, setup_s: f64 },
+    Mr { lattice: usize, row: PlannedRow },
+}
+
+/// Texels and error of a row.
+struct Made {
+    image: Image<'static>,
+    rms: f64,
+    bias: f64,
+    aggregated: f64,
+}
+
+impl Bench<'_> {
+    /// Measures maps of all receivers. `build` has the times of the preparation of the scene.
+    pub fn maps(
+        &self,
+        surfaces: &Surfaces,
+        engine: &MultiResolution,
+        build: &Build,
+    ) -> Result<Vec<MapRecord>> {
+        let side = self.options.map_side(self.scene.emitters.len());
+        if side == 0 {
+            return Ok(Vec::new());
+        }
+        let grids = surfaces.maps((self.model, &single_rays(self.model)), side, self.sizes[0]);
+        let maps = grids.iter().map(|grid| self.map(grid, engine, build));
+        maps.filter_map(Result::transpose).collect()
+    }
+
+    /// `None` if no light arrives anywhere.
+    fn map(&self, grid: &ReceiverGrid, engine: &MultiResolution, build: &Build) -> Result<Option<MapRecord>> {
+        let Some(map) = self.prepared(grid)? else { return Ok(None) };
+        self.progress.stage("choosing", 0);
+        let rows = self.planned(&map, engine);
+        self.progress.stage("maps", 0);
+        let mut made: Vec<Result<Made>> = Vec::new();
+        let measured: Vec<usize> = (0..rows.len()).filter(|&k| rows[k].is_measured()).collect();
+        let timed = rounds_within(MAX_TIME, measured.len(), |k, first| {
+            let (texels, aggregated, sections) = self.texels_of(&map, &rows[measured[k]], engine);
+            if first {
+                made.push(map.made(texels, aggregated));
+            }
+            sections
+        });
+        let made = made.into_iter().collect::<Result<Vec<Made>>>()?;
+        let times: Vec<f64> = timed.seconds;
+        let found = measured.iter().zip(made.iter().zip(&times)).map(|(&k, (made, &s))| (&rows[k], made, s));
+        map.record(&rows, &found.collect::<Vec<_>>(), build).map(Some)
+    }
+
+    /// The queries of a map and its reference.
+    fn prepared<'g>(&self, grid: &'g ReceiverGrid) -> Result<Option<Map<'g>>> {
+        let seed = self.options.seed ^ 0x6d61_7073;
+        let fits = |&spacing: &usize| spacing == 1 || spacing < grid.width.min(grid.height);
+        let lattices: Vec<(usize, Lattice, Workload)> = SPACINGS
+            .into_iter()
+            .filter(fits)
+            .map(|spacing| {
+                let lattice = Lattice::new(grid, spacing);
+                let workload = Workload::new(self.model, lattice.points(grid), seed);
+                (spacing, lattice, workload)
+            })
+            .collect();
+        let workload = &lattices[0].2;
+        if workload.pairs.is_empty() {
+            return Ok(None);
+        }
+        let every: Vec<usize> = (0..workload.pairs.len()).collect();
+        let affordable = (MAX_REFERENCE_SEGMENTS / every.len()).clamp(MIN_REFERENCE_RAYS, MAX_REFERENCE_RAYS);
+        let rays = affordable.min(self.options.reference_rays);
+        let queries = Queries { scene: self.scene, workload, pairs: &every };
+        let Reference { a, b, rays } = self.reference("reference maps", queries, rays);
+        let [a, b] = [a, b].map(|half| workload.weighted(&half));
+        let reference = Reference { a, b, rays };
+        let means = (0..grid.points.len()).map(|texel| reference.mean(texel)).collect();
+        let image = Image::new(grid.width, grid.height, grid.texel, means)?;
+        Ok(Some(Map { grid, lattices, reference, image }))
+    }
+
+    /// Exact rows with and without interpolation, then MR rows.
+    fn planned(&self, map: &Map, engine: &MultiResolution) -> Vec<Planned> {
+        let mut rows = Vec::new();
+        let mut all_rays = [&EXACT_RAYS[..], &[self.options.rays]].concat();
+        all_rays.sort_unstable();
+        all_rays.dedup();
+        for (lattice, (spacing, _, workload)) in map.lattices.iter().enumerate() {
+            let most = (MAX_RAYS_PER_TEXEL * spacing * spacing).max(self.options.rays);
+            for &rays in all_rays.iter().filter(|&&rays| rays <= most) {
+                let (call, setup_s) = self.embree_timed(workload, rays);
+                rows.push(Planned::Exact { lattice, rays, call, setup_s });
+            }
+        }
+        let sample = self.sample(&map.lattices[0].2);
+        for &s in &self.sizes {
+            let rays = self.options.rays;
+            let PlannedRow { pays, decide_s, .. } = self.decide(&sample, engine, s, rays);
+            for lattice in 0..map.lattices.len() {
+                rows.push(Planned::Mr { lattice, row: PlannedRow { s, rays, pays, decide_s } });
+            }
+        }
+        rows
+    }
+
+    /// Light of all texels, the part of the segments that met averaged clusters, and the times of queries and interpolation, seconds.
+    fn texels_of(&self, map: &Map, row: &Planned, engine: &MultiResolution) -> (Vec<f32>, f64, Vec<f64>) {
+        let (_, lattice, workload) = &map.lattices[row.lattice()];
+        let every: Vec<usize> = (0..workload.pairs.len()).collect();
+        let queries = Queries { scene: self.scene, workload, pairs: &every };
+        let MrRun { run, cost, .. } = match row {
+            Planned::Exact { rays, call, .. } => {
+                MrRun { run: self.exact(queries, call, *rays, false), ..MrRun::default() }
+            }
+            Planned::Mr { row, .. } => self.mr(queries, engine, row, false),
+        };
+        let start = Instant::now();
+        let texels = lattice.fill(&workload.weighted(&run.visible));
+        let mut sections = run.sections;
+        sections.push(start.elapsed().as_secs_f64());
+        (texels, cost.aggregated as f64 / cost.segments.max(1) as f64, sections)
+    }
+}
+
+impl Planned {
+    fn lattice(&self) -> usize {
+        match self {
+            Planned::Exact { lattice, .. } | Planned::Mr { lattice, .. } => *lattice,
+        }
+    }
+
+    /// Whether the row is not that of exact rays.
+    fn is_measured(&self) -> bool {
+        !matches!(self, Planned::Mr { row: PlannedRow { pays: false, .. }, .. })
+    }
+}
+
+#[cfg(test)]
+mod tests;

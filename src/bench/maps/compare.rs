@@ -1,0 +1,108 @@
+//! Rows of a map: errors, and speed-ups over the fastest exact row with the same error.
+
+use super::{Made, Map, Planned};
+use crate::Result;
+use crate::bench::gallery::fbem_of;
+use crate::bench::record::{Build, MapExactRow, MapMrRow, MapRecord, interpolate_log_log, ratio};
+use crate::metrics::Image;
+
+impl Map<'_> {
+    /// Image and errors of the light of all texels.
+    pub(super) fn made(&self, texels: Vec<f32>, aggregated: f64) -> Result<Made> {
+        let (rms, bias) = self.reference.errors(&texels);
+        let image = Image::new(self.grid.width, self.grid.height, self.grid.texel, texels)?;
+        Ok(Made { image, rms, bias, aggregated })
+    }
+
+    /// The record from all rows, and those that were measured with their times.
+    pub(super) fn record(
+        &self,
+        rows: &[Planned],
+        measured: &[(&Planned, &Made, f64)],
+        build: &Build,
+    ) -> Result<MapRecord> {
+        let exact: Vec<(usize, MapExactRow, &Made)> = measured
+            .iter()
+            .filter_map(|&(row, made, seconds)| {
+                let Planned::Exact { lattice, rays, setup_s, .. } = *row else { return None };
+                let spacing = self.lattices[lattice].0;
+                let (interpolated, rms, bias) = (spacing > 1, made.rms, made.bias);
+                let row = MapExactRow { rays, spacing, interpolated, seconds, setup_s, rms, bias };
+                Some((lattice, row, made))
+            })
+            .collect();
+        let mut mr = Vec::new();
+        let mut found = measured.iter().filter(|(row, ..)| matches!(row, Planned::Mr { .. }));
+        for planned in rows {
+            let Planned::Mr { lattice, row } = planned else { continue };
+            let as_exact = || exact.iter().find(|e| e.0 == *lattice && e.1.rays == row.rays);
+            let (made, seconds, setup_s) = if planned.is_measured() {
+                let (_, made, seconds) = found.next().expect("a run of every row that is walked");
+                (*made, *seconds, row.decide_s)
+            } else {
+                let (_, same, made) = as_exact().expect("exact rows have the number of rays of MR");
+                (*made, same.seconds, row.decide_s)
+            };
+            let spacing = self.lattices[*lattice].0;
+            mr.push(self.compared(
+                MapMrRow {
+                    feature_size: row.s,
+                    rays: row.rays,
+                    spacing,
+                    interpolated: spacing > 1,
+                    route: if planned.is_measured() { "bundle" } else { "embree" }.into(),
+                    seconds,
+                    setup_s,
+                    rms: made.rms,
+                    bias: made.bias,
+                    fbem: fbem_of(&self.image, &made.image, row.s)?,
+                    aggregated_fraction: made.aggregated,
+                    ..MapMrRow::default()
+                },
+                &exact,
+                build,
+            )?);
+        }
+        Ok(MapRecord {
+            receiver: self.grid.name.clone(),
+            width: self.grid.width,
+            height: self.grid.height,
+            texel: self.grid.texel,
+            reference_rays: self.reference.rays,
+            reference_rms: self.reference.standard_error(),
+            exact: exact.into_iter().map(|(_, row, _)| row).collect(),
+            mr,
+        })
+    }
+
+    /// The row with its speed-ups.
+    fn compared(
+        &self,
+        row: MapMrRow,
+        exact: &[(usize, MapExactRow, &Made)],
+        build: &Build,
+    ) -> Result<MapMrRow> {
+        let over = |time: &dyn Fn(&MapExactRow) -> f64, seconds: f64| {
+            let curve: Vec<(f64, f64)> = exact.iter().map(|(_, e, _)| (time(e), e.rms)).collect();
+            let same = interpolate_log_log(&curve, row.rms)?;
+            Some((ratio(same.seconds, seconds)?, same.extrapolated))
+        };
+        let mut by_features = Vec::new();
+        for (_, e, made) in exact {
+            by_features.push((e.seconds, fbem_of(&self.image, &made.image, row.feature_size)?));
+        }
+        let queries = over(&|e| e.seconds, row.seconds);
+        let with_setup = over(&|e| e.seconds, row.seconds + row.setup_s);
+        let prepared = row.seconds + row.setup_s + build.embree_s + build.mr_preparation();
+        let with_preparation = over(&|e| e.seconds + build.embree_s, prepared);
+        let same_features = interpolate_log_log(&by_features, row.fbem);
+        Ok(MapMrRow {
+            speedup_at_same_rms: queries.map(|found| found.0),
+            extrapolated: queries.is_some_and(|found| found.1),
+            speedup_with_setup: with_setup.map(|found| found.0),
+            speedup_with_preparation: with_preparation.map(|found| found.0),
+            speedup_at_same_fbem: same_features.and_then(|same| ratio(same.seconds, row.seconds)),
+            ..row
+        })
+    }
+}

@@ -1,0 +1,123 @@
+//! Maps: tables and plots.
+
+use maud::{Markup, html};
+
+use crate::Result;
+use crate::bench::record::{MapExactRow, MapMrRow, MapRecord};
+use crate::page::{Cell, chart, length, seconds, signed, table, times};
+use crate::plot::{Marks, Plot, PlotPoint, Scale, Series, number};
+
+/// All maps; empty without any.
+pub(super) fn section(maps: &[MapRecord], unit: &str) -> Result<Markup> {
+    if maps.is_empty() {
+        return Ok(html! {});
+    }
+    let articles = maps.iter().map(|map| article(map, unit)).collect::<Result<Vec<_>>>()?;
+    Ok(html! {
+        section {
+            h2 { "Maps" }
+            p {
+                "A map shows a whole surface, texel by texel. Both engines may compute the light at every second, fourth or eighth column \
+                 and row only and interpolate linearly in between. Each ratio compares with the fastest exact map of the same error, \
+                 interpolated or not; “with set-up” includes the preparation of the map, “with clusters” that of the scene as well, \
+                 which later runs read from the cache."
+            }
+            @for article in articles { (article) }
+        }
+    })
+}
+
+fn article(map: &MapRecord, unit: &str) -> Result<Markup> {
+    let exact: Vec<_> = map.best_exact().into_iter().map(exact_row).collect();
+    let mr: Vec<_> = map.best_by_size().into_iter().map(|row| mr_row(row, unit)).collect();
+    let columns = [
+        "s",
+        "segments",
+        "every",
+        "time",
+        "set-up",
+        "RMS",
+        "bias",
+        "FBEM",
+        "speed-up, same RMS",
+        "with set-up",
+        "with clusters",
+        "same FBEM",
+    ];
+    Ok(html! {
+        article {
+            h3 { (map.receiver) }
+            p.note {
+                (map.width) " × " (map.height) " texels of " (length(map.texel, unit)) "; reference of "
+                (map.reference_rays) " rays a texel, whose noise of " (number(map.reference_rms)) " is subtracted."
+            }
+            (plot(map, unit)?)
+            h4 { "Multi-resolution, the best row of each size" }
+            (table(columns, &mr))
+            h4 { "Exact, rows that no other surpasses" }
+            (table(["rays", "every", "time", "set-up", "RMS", "bias"], &exact))
+        }
+    })
+}
+
+/// Spacing of the columns and rows at which light is computed.
+fn every(spacing: usize) -> Cell {
+    if spacing == 1 { "texel".into() } else { format!("{spacing} texels").into() }
+}
+
+fn exact_row(row: &MapExactRow) -> [Cell; 6] {
+    [
+        row.rays.into(),
+        every(row.spacing),
+        seconds(row.seconds).into(),
+        seconds(row.setup_s).into(),
+        number(row.rms).into(),
+        signed(row.bias).into(),
+    ]
+}
+
+fn mr_row(row: &MapMrRow, unit: &str) -> [Cell; 12] {
+    let speed = |v: Option<f64>| {
+        let about = if row.extrapolated { "~" } else { "" };
+        Cell::from(format!("{about}{}", times(v))).loss(v.is_some_and(|v| v < 1.0))
+    };
+    [
+        length(row.feature_size, unit).into(),
+        row.rays.into(),
+        every(row.spacing),
+        seconds(row.seconds).into(),
+        seconds(row.setup_s).into(),
+        number(row.rms).into(),
+        signed(row.bias).into(),
+        number(row.fbem).into(),
+        speed(row.speedup_at_same_rms),
+        speed(row.speedup_with_setup),
+        speed(row.speedup_with_preparation),
+        Cell::from(times(row.speedup_at_same_fbem)).loss(row.speedup_at_same_fbem.is_some_and(|v| v < 1.0)),
+    ]
+}
+
+/// Error against time of exact rows, interpolated and not, and of the shown MR rows.
+fn plot(map: &MapRecord, unit: &str) -> Result<Markup> {
+    let exact = |interpolated: bool| -> Vec<PlotPoint> {
+        let rows = map.exact.iter().filter(|row| row.interpolated == interpolated);
+        rows.map(|row| PlotPoint { x: row.seconds, y: row.rms, label: format!("{} rays", row.rays) })
+            .collect()
+    };
+    let mr = map.best_by_size().into_iter().map(|row| {
+        let label = format!("s = {}", length(row.feature_size, unit));
+        PlotPoint { x: row.seconds, y: row.rms, label }
+    });
+    let plot = Plot {
+        x_label: "time of queries and interpolation, seconds".into(),
+        y_label: "error (RMS of the visible fraction)".into(),
+        x_scale: Scale::Log,
+        y_scale: Scale::Log,
+        series: vec![
+            Series { name: "exact".into(), points: exact(false), marks: Marks::Joined },
+            Series { name: "exact, interpolated".into(), points: exact(true), marks: Marks::Points },
+            Series { name: "multi-resolution".into(), points: mr.collect(), marks: Marks::Points },
+        ],
+    };
+    chart(&plot, 340, "Error against time of one map, both axes logarithmic: lower left is better.")
+}

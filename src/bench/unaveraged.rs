@@ -1,0 +1,111 @@
+//! Scenes in which nothing is averaged: all rows with as many segments are equal, and one stands for all.
+
+use super::gallery::Imaged;
+use super::record::{MapRecord, MrRow, Record};
+use crate::page::length;
+
+/// One sentence for rows, images and maps that average nothing; `None` if any averages.
+///
+/// That a row averages nothing has one of two reasons: the umbra criterion opens every cluster (certain if the largest size was walked to
+/// the end), or exact rays are expected to be faster.
+pub(super) fn sentence(rows: &[MrRow], images: &Imaged, maps: &[MapRecord], unit: &str) -> Option<String> {
+    let averaged = images.averaged
+        || rows.iter().any(|row| row.aggregated_fraction > 0.0)
+        || maps.iter().flat_map(|map| &map.mr).any(|row| row.aggregated_fraction > 0.0);
+    if averaged || rows.is_empty() {
+        return None;
+    }
+    let size = |pick: fn(f64, f64) -> f64| {
+        length(rows.iter().map(|row| row.feature_size).reduce(pick).unwrap_or_default(), unit)
+    };
+    let largest = rows.iter().map(|row| row.feature_size).fold(0.0, f64::max);
+    let opened =
+        images.all_opened || rows.iter().any(|row| row.feature_size == largest && row.handed_over == 0.0);
+    Some(match opened {
+        true => format!(
+            "Nothing may be averaged in this scene at feature sizes up to {}: the shadows of every cluster could be as large, so that all \
+             answers are exact.",
+            size(f64::max)
+        ),
+        false => format!(
+            "Nothing is averaged in this scene at feature sizes from {} to {}: exact rays are expected to be faster than clusters, so that \
+             all answers are exact.",
+            size(f64::min),
+            size(f64::max)
+        ),
+    })
+}
+
+impl Record {
+    /// The MR rows that table and page show: all, or if nothing is averaged one for all.
+    pub fn shown_rows(&self) -> &[MrRow] {
+        let of_workload = |row: &MrRow| row.rays == self.workload.rays;
+        match self.nothing_averaged.as_ref().and_then(|_| self.mr.iter().rposition(of_workload)) {
+            Some(only) => &self.mr[only..=only],
+            None => &self.mr,
+        }
+    }
+}
+
+/// Keeps the row, the errors, the images and the rows of maps of the largest size with `rays` segments.
+pub(super) fn keep_one(rows: &mut Vec<MrRow>, images: &mut Imaged, maps: &mut [MapRecord], rays: usize) {
+    let only = rows.iter().rposition(|row| row.rays == rays).map(|k| rows.swap_remove(k));
+    *rows = only.into_iter().collect();
+    let largest = rows.first().map_or(0.0, |row: &MrRow| row.feature_size);
+    maps.iter_mut().for_each(|map| map.mr.retain(|row| row.feature_size == largest));
+    for receiver in &mut images.errors {
+        receiver.fbem.drain(..receiver.fbem.len().saturating_sub(1));
+    }
+    for receiver in &mut images.shown {
+        receiver.mr.drain(..receiver.mr.len().saturating_sub(1));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::record::{MapMrRow, Workload};
+
+    fn rows() -> Vec<MrRow> {
+        let row = |(rays, feature_size)| MrRow { rays, feature_size, handed_over: 1.0, ..MrRow::default() };
+        [(16, 0.1), (16, 0.4), (64, 0.1), (64, 0.4)].map(row).into()
+    }
+
+    #[test]
+    fn only_what_averages_nothing_is_said_to() {
+        let (mut rows, mut images) = (rows(), Imaged::default());
+        let slower = sentence(&rows, &images, &[], "m").expect("a sentence");
+        assert!(slower.contains("expected to be faster") && slower.contains("0.1"), "{slower}");
+        images.all_opened = true;
+        assert!(sentence(&rows, &images, &[], "m").is_some_and(|s| s.contains("may be averaged")));
+        // A whole walk at a small size says nothing about larger ones.
+        images.all_opened = false;
+        rows[2].handed_over = 0.0;
+        assert_eq!(sentence(&rows, &images, &[], "m"), Some(slower));
+        rows[3].handed_over = 0.0;
+        assert!(sentence(&rows, &images, &[], "m").is_some_and(|s| s.contains("may be averaged")));
+        images.averaged = true;
+        assert_eq!(sentence(&rows, &images, &[], "m"), None);
+        images.averaged = false;
+        rows[1].aggregated_fraction = 1e-6;
+        assert_eq!(sentence(&rows, &images, &[], "m"), None);
+        assert_eq!(sentence(&[], &images, &[], "m"), None);
+        rows[1].aggregated_fraction = 0.0;
+        assert!(sentence(&rows, &images, &[MapRecord::default()], "m").is_some());
+        let averaged = MapMrRow { aggregated_fraction: 0.01, ..MapMrRow::default() };
+        let map = MapRecord { mr: vec![averaged], ..MapRecord::default() };
+        assert_eq!(sentence(&rows, &images, &[map], "m"), None);
+    }
+
+    #[test]
+    fn one_row_stands_for_all() {
+        let workload = Workload { rays: 16, ..Workload::default() };
+        let mut record = Record { mr: rows(), workload, ..Record::default() };
+        assert_eq!(record.shown_rows().len(), 4);
+        record.nothing_averaged = Some("Nothing.".into());
+        assert!(matches!(record.shown_rows(), [MrRow { rays: 16, feature_size: 0.4, .. }]));
+        keep_one(&mut record.mr, &mut Imaged::default(), &mut [], 16);
+        assert!(matches!(record.mr[..], [MrRow { rays: 16, feature_size: 0.4, .. }]));
+        assert_eq!(record.shown_rows().len(), 1);
+    }
+}
