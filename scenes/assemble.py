@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Assembles scenes of real furniture, trees and architecture from installable packages, and two outdoor scenes by formula.
+"""Assembles scenes of real furniture, trees and architecture from installable packages, and three outdoor scenes by formula.
 
-    python3 scenes/assemble.py [livingroom kitchen office park sponza garden valley] [--out scenes/real] [--force]
+    python3 scenes/assemble.py [livingroom kitchen office park sponza garden orchard valley] [--out scenes/real] [--force]
 
 Furniture and trees come from Debian's package sweethome3d-furniture (models under CC0 and CC-BY; every OBJ file and
 CREDITS.txt hold the credits), Sponza comes from the crate `bvh`. layouts.py lists the pieces and their positions. The
@@ -583,7 +583,7 @@ def sponza(name, catalogue, out, stamp):
     return scene
 
 
-OUTDOOR = {"garden": outdoor.garden, "valley": outdoor.valley}
+OUTDOOR = {"garden": outdoor.garden, "orchard": outdoor.orchard, "valley": outdoor.valley}
 
 
 def by_formula(name, catalogue, out, stamp):

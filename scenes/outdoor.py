@@ -1,4 +1,5 @@
-"""A garden and a mountain valley, both made by formulas and random numbers, under a closed sky of uniform colour."""
+"""A garden, an orchard and a mountain valley, made by formulas and random numbers. Garden and valley lie under a closed sky of uniform colour, the
+orchard under a bright part of the sky."""
 
 import math
 import random
@@ -40,6 +41,33 @@ def garden(scene):
     scene.quads("bench", [quad for box in boxes for quad in scene.box_quads(*box)], wood)
     scene.quads("wall", scene.box_quads(-7, 2.85, 0, -1, 3.15, 1.6), stone)
     scene.quads("house", scene.box_quads(6, -2.5, 0, 10, 2.5, 3), stone)
+
+
+def orchard(scene):
+    """Thirty trees of 3,000 leaves in five rows, two hedges of 8,000, a bench and a wall on a meadow of 36 m by 30 m. Metres."""
+    draw = random.Random(7)
+    grass, leaf = scene.material("grass", (0.2, 0.35, 0.12)), scene.material("leaf", (0.15, 0.4, 0.1))
+    wood, stone = scene.material("wood", (0.45, 0.3, 0.2)), scene.material("stone", (0.6, 0.58, 0.55))
+    scene.quads("meadow", [[(-18, -15, 0), (18, -15, 0), (18, 15, 0), (-18, 15, 0)]], grass)
+    for row in range(5):
+        for place in range(6):
+            x, y = 5.4 * (place - 2.5) + draw.uniform(-0.4, 0.4), 5.2 * (row - 2) + draw.uniform(-0.4, 0.4)
+            height, r = draw.uniform(1.4, 2.0), draw.uniform(1.1, 1.6)
+            name = f"{row + 1}_{place + 1}"
+            scene.quads(f"trunk_{name}", scene.box_quads(x - 0.08, y - 0.08, 0, x + 0.08, y + 0.08, height + 0.5 * r), wood)
+            leaves = []
+            for _ in range(3000):
+                p = in_ball(draw)
+                leaves.append(diamond(draw, (x + r * p[0], y + r * p[1], height + 0.9 * r * (1 + p[2])), 0.09))
+            scene.quads(f"crown_{name}", leaves, leaf)
+    for hedge, y in enumerate([-14.2, 14.2]):
+        at = lambda: (draw.uniform(-16, 16), y + draw.uniform(-0.35, 0.35), draw.uniform(0.05, 1.2))
+        scene.quads(f"hedge_{hedge + 1}", [diamond(draw, at(), 0.08) for _ in range(8000)], leaf)
+    boxes = [(-0.8, 2.4, 0.4, 0.8, 2.8, 0.45), (-0.73, 2.4, 0, -0.67, 2.8, 0.399), (0.67, 2.4, 0, 0.73, 2.8, 0.399)]
+    scene.quads("bench", [quad for box in boxes for quad in scene.box_quads(*box)], wood)
+    scene.quads("wall", scene.box_quads(-16.6, -12, 0, -16.3, 12, 1.8), stone)
+    sky = scene.material("sky", (0.0, 0.0, 0.0), SKY)
+    scene.quads("sky", [[(-20, 20, 40), (20, 20, 40), (20, -20, 40), (-20, -20, 40)]], sky)
 
 
 def valley(scene):
