@@ -14,7 +14,8 @@ use glam::Vec3;
 pub enum Leaves {
     /// Their triangles are tested: surface visibility.
     Surfaces,
-    /// They transmit according to their extinction: average visibility [Sillion 94].
+    /// They transmit according to their extinction: average visibility [Sillion 94]. Leaves that hold faces of emitters are
+    /// tested all the same, as in the engines: a surface does not block its own light.
     Extinction,
 }
 
@@ -24,6 +25,8 @@ pub struct PlainTree<'a> {
     tree: &'a Tree,
     boxes: Vec<Aabb>,
     extinction: Vec<f32>,
+    /// Whether a cluster holds faces of emitters.
+    emits: Vec<bool>,
     blocker_size: &'a [f32],
 }
 
@@ -72,7 +75,10 @@ impl<'a> PlainTree<'a> {
             tree.triangles_of(c).iter().map(own).sum()
         };
         let extinction = (0..boxes.len()).map(|c| optics::extinction(area(c), boxes[c])).collect();
-        PlainTree { scene, tree, boxes, extinction, blocker_size }
+        let emits =
+            |c: usize| tree.triangles_of(c).iter().any(|&t| scene.triangle_emitter[t as usize] != u32::MAX);
+        let emits = (0..boxes.len()).map(emits).collect();
+        PlainTree { scene, tree, boxes, extinction, emits, blocker_size }
     }
 
     /// Transmittance from a receiver point to an emitter point.
@@ -84,7 +90,7 @@ impl<'a> PlainTree<'a> {
             visits.clusters += 1;
             let Some((enter, leave)) = segment.overlap(self.boxes[c]) else { continue };
             let cluster = &self.tree.clusters[c];
-            if cluster.is_leaf() && descent.leaves == Leaves::Surfaces {
+            if cluster.is_leaf() && (descent.leaves == Leaves::Surfaces || self.emits[c]) {
                 let faces = self.tree.triangles_of(c);
                 visits.triangles += faces.len() as u64;
                 if faces.iter().any(|&t| segment.hits(self.scene.corners(t))) {

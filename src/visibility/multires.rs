@@ -21,7 +21,8 @@ pub enum LeafMode {
     /// Its triangles are tested.
     #[default]
     Exact,
-    /// The leaf transmits according to its extinction: the paper's average visibility [SD95 sec 5].
+    /// The leaf transmits according to its extinction: the paper's average visibility [SD95 sec 5]. Leaves that hold faces of
+    /// emitters are tested: segments end on these, and a surface does not block its own light.
     Average,
 }
 

@@ -20,7 +20,7 @@ pub(super) struct Node {
     pub child: [u32; LANES],
     /// Smallest feature size of the children along any axis: with smaller thresholds nothing can be aggregated.
     pub smallest: f32,
-    /// Mask of children that are leaves and may transmit according to their extinction.
+    /// Mask of children that are leaves without faces of emitters, and may transmit according to their extinction.
     pub soft_leaves: u32,
 }
 
@@ -113,7 +113,7 @@ impl WideTree {
         let trees = [(&hierarchy.micro, Some(optics)), (&hierarchy.large, None)];
         for (lane, (tree, optics)) in trees.into_iter().filter(|(t, _)| !t.clusters.is_empty()).enumerate() {
             let references = wide.append(scene, tree, optics);
-            wide.place(0, lane, tree, 0, optics, references[0]);
+            wide.place((0, lane), (scene, tree), 0, optics, references[0]);
         }
         wide
     }
@@ -139,7 +139,7 @@ impl WideTree {
             self.nodes.push(Node::EMPTY);
             self.optics.push(NO_OPTICS);
             for (lane, child) in cluster.child_range().enumerate() {
-                self.place(place, lane, tree, child, optics, references[child]);
+                self.place((place, lane), (scene, tree), child, optics, references[child]);
             }
         }
         references
@@ -148,9 +148,8 @@ impl WideTree {
     /// Stores a cluster in a lane of a node; clusters without optics are never aggregated.
     fn place(
         &mut self,
-        node: usize,
-        lane: usize,
-        tree: &Tree,
+        (node, lane): (usize, usize),
+        (scene, tree): (&Scene, &Tree),
         cluster: usize,
         optics: Option<&[ClusterOptics]>,
         reference: u32,
@@ -159,7 +158,8 @@ impl WideTree {
         set_box(target, lane, tree.clusters[cluster].bounds.thickened());
         target.child[lane] = reference;
         let Some(optics) = optics else { return };
-        if reference & LEAF != 0 {
+        let emits = |&t: &u32| scene.triangle_emitter[t as usize] != u32::MAX;
+        if reference & LEAF != 0 && !tree.triangles_of(cluster).iter().any(emits) {
             target.soft_leaves |= 1 << lane;
         }
         set_optics((target, &mut self.optics[node]), lane, &optics[cluster]);

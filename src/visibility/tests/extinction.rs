@@ -107,3 +107,27 @@ fn average_visibility_of_a_cloud_follows_beers_law() {
         assert!((model - expect).abs() < 0.06, "s {s}: model {model}, law {expect}");
     }
 }
+
+/// A surface does not block its own light: segments that end on an emitter in a leaf pass it with average visibility, and are
+/// averaged in the leaves before it.
+#[test]
+fn emitters_are_not_averaged() {
+    let mut pieces = cloud(9, 200, 0.05, DVec3::ONE, true);
+    let centre = DVec3::new(0.5, 0.5, 2.0);
+    pieces.light(centre, 0.1 * DVec3::Y, 0.1 * DVec3::X);
+    let stage = Stage::soft(pieces.scene());
+    let engine = stage.engine(LeafMode::Average);
+    for s in [1e-6, 0.1, 10.0] {
+        for (below, clear) in [(0.5, true), (2.2, false)] {
+            let mut packet = Packet::EMPTY;
+            for lane in 0..LANES {
+                let at = centre + DVec3::new(0.005 * lane as f64 - 0.0375, 0.002, 0.0);
+                let [from, to] = [at - below * DVec3::Z, at].map(|p| (p - stage.scene.origin).as_vec3());
+                packet.set(lane, from, to, end_rule(&stage.scene));
+            }
+            let through = engine.transmittances(&packet, 0.1, s, &mut Workspace::default());
+            let mean = through.iter().sum::<f32>() / LANES as f32;
+            assert!((mean == 1.0) == clear && mean > 0.1, "s {s}, from {below} m below: {through:?}");
+        }
+    }
+}
