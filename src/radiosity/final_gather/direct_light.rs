@@ -22,17 +22,13 @@ pub(super) struct GatherPoint {
     pub normal: Vec3,
     /// The end rule of its surface.
     pub end: EndRule,
+    /// Shadows on its surface smaller than this may be averaged, scene units.
+    pub feature_size: f32,
     /// Seed of its samples.
     pub seed: u64,
 }
 
 impl FinalGather<'_> {
-    /// A given point, with its seed, where its rays start.
-    pub(super) fn gather_point(&self, at: Vec3, normal: Vec3, seed: u64) -> GatherPoint {
-        let (at, end) = self.start(at, normal);
-        GatherPoint { at, normal, end, seed }
-    }
-
     /// By emitter, the visibility engine for points like these.
     pub(super) fn engines(&self, points: &[(Vec3, Vec3)]) -> Vec<VisibilityEngine> {
         let point = |i: usize| {
@@ -136,7 +132,7 @@ impl FinalGather<'_> {
         first: usize,
     ) -> (VisibilityQuery, [f32; LANES]) {
         let emitter_of = &self.emitters.emitters[emitter];
-        let GatherPoint { at, normal, end, seed } = view.from;
+        let GatherPoint { at, normal, end, feature_size, seed } = view.from;
         let [shift_u, shift_v, ..] = numbers(seed ^ emitter as u64, 0);
         let mut packet = Packet::EMPTY;
         let mut weights = [0.0f32; LANES];
@@ -155,9 +151,7 @@ impl FinalGather<'_> {
                 packet.set_lifted(lane, at, rules[1].lifted(y, face.normal), rules);
             }
         }
-        let query =
-            VisibilityQuery { packet, emitter_size: emitter_of.width, feature_size: self.feature_size };
-        (query, weights)
+        (VisibilityQuery { packet, emitter_size: emitter_of.width, feature_size }, weights)
     }
 }
 

@@ -1,5 +1,6 @@
-//! Where the rays of a given point start.
+//! Where the rays of a given point start, and the feature size of its surface.
 
+use super::direct_light::GatherPoint;
 use super::gatherer::FinalGather;
 use crate::embree::Hits;
 use crate::math::{on_plane, triangle_normal};
@@ -14,14 +15,14 @@ const MAX_SURFACES: usize = 64;
 const MIN_COSINE: f32 = 0.5;
 
 impl FinalGather<'_> {
-    /// The start of the rays of a given point, and its end rule: above the surface that the point lies on. That is the surface nearest to the point
-    /// along its normal within the slack, if both are about parallel. A point without one is taken as it is, lifted all the same:
-    /// its surface may end beside it.
-    pub(super) fn start(&self, at: Vec3, normal: Vec3) -> (Vec3, EndRule) {
+    /// A given point, with its seed, where its rays start: above the surface that the point lies on. That is the surface nearest to the
+    /// point along its normal within the slack, if both are about parallel. A point without one is taken as it is, lifted all the
+    /// same: its surface may end beside it.
+    pub(super) fn gather_point(&self, at: Vec3, normal: Vec3, seed: u64) -> GatherPoint {
         let (from, to) = (at + self.slack * normal, at - self.slack * normal);
         let mut packet = Packet::EMPTY;
         packet.set_between(0, from, to, [0.0, 1.0]);
-        let mut found = (at, EndRule::new(magnitude([at])));
+        let mut found = (at, EndRule::new(magnitude([at])), self.feature_size);
         let mut nearest = f32::INFINITY;
         for _ in 0..MAX_SURFACES {
             let mut hits = [Hits::NONE];
@@ -35,13 +36,22 @@ impl FinalGather<'_> {
             let end = self.end_of(triangle);
             let parallel = triangle_normal(a, b, c).dot(normal).abs() >= MIN_COSINE;
             if parallel && (t - 0.5).abs() < nearest {
-                (found, nearest) = ((on_plane(corners, packet.point(0, t)), end), (t - 0.5).abs());
+                let at = on_plane(corners, packet.point(0, t));
+                (found, nearest) = ((at, end, self.feature_size_at(triangle, at, normal)), (t - 0.5).abs());
             }
             // Surfaces nearer to each other than rounding count as one.
             packet.near[0] = (t + end.slack() / (2.0 * self.slack)).max(t.next_up());
         }
-        let (on_surface, end) = found;
-        (end.lifted(on_surface, normal), end)
+        let (on_surface, end, feature_size) = found;
+        GatherPoint { at: end.lifted(on_surface, normal), normal, end, feature_size, seed }
+    }
+
+    /// The feature size of the side of a face that a normal leaves, at a place on it.
+    fn feature_size_at(&self, triangle: u32, at: Vec3, normal: Vec3) -> f32 {
+        match self.linked.elements.met(triangle, -normal) {
+            Elements::NONE => self.feature_size,
+            side => self.feature_size_of(self.lookup.leaf(side, at)),
+        }
     }
 
     /// The end rule on a face of the scene, also on one that no light reaches.

@@ -1,6 +1,6 @@
 //! Feature sizes by importance.
 
-use super::visibility::{forest, refined};
+use super::visibility::{forest, ground, refined};
 use super::*;
 use crate::radiosity::elements::Shape;
 
@@ -101,4 +101,24 @@ fn little_is_opened_where_it_matters_little() {
     assert!(grown.bundles.exact < even.bundles.exact && grown.exact_rays < even.exact_rays);
     let [a, b] = [grown, even].map(|r| r.mean_irradiance[0]);
     assert!((a / b - 1.0).abs() < 0.01, "{a} {b}");
+}
+
+/// Shadow rays of given points ask for the feature size of the surface that the points lie on: its own, not that for all surfaces, and
+/// for surfaces of little importance a larger one.
+#[test]
+fn points_have_the_feature_size_of_their_surface() {
+    let scene = forest();
+    let points = ground(&scene, 400);
+    let light = |options: Options| {
+        let options =
+            Options { visibility: Visibility::Mr, direct_only: true, importance: Vec::new(), ..options };
+        solved(&scene, &points, &options).irradiance
+    };
+    let all = |size: f32| Options { feature_size: Some(size), ..ground_matters() };
+    let named = |name: &str, size| vec![(name.to_owned(), size)];
+    let (fine, coarse) = (light(all(SIZE)), light(all(20.0 * SIZE)));
+    assert!(fine != coarse, "nothing is averaged");
+    assert!(light(Options { feature_sizes: named("ground", SIZE), ..all(20.0 * SIZE) }) == fine);
+    assert!(light(Options { feature_sizes: named("ground", 20.0 * SIZE), ..all(SIZE) }) == coarse);
+    assert!(light(Options { feature_sizes: named("bark", SIZE), ..all(20.0 * SIZE) }) == coarse);
 }

@@ -24,7 +24,7 @@ pub(super) fn forest() -> Scene {
 }
 
 /// Points on the ground under the trees.
-fn ground(scene: &Scene, n: usize) -> Vec<Point> {
+pub(super) fn ground(scene: &Scene, n: usize) -> Vec<Point> {
     let reach = 0.5 * f64::from(scene.bounds.max.x.min(scene.bounds.max.y));
     let at = |i: usize| ((i as f64 * 0.618_034).fract() - 0.5, (i as f64 * 0.754_878).fract() - 0.5);
     let place = |(x, y): (f64, f64)| DVec3::new(reach * x, reach * y, 0.0);
