@@ -250,6 +250,7 @@ fn write_pictures(
     write_exr(&difference_exr, &signed)?;
     let point = |row: &Fbem| PlotPoint { x: row.size, y: row.value, label: String::new() };
     let plot = Plot {
+        y_reach: 0.0,
         x_label: "feature size s".into(),
         y_label: "error that features larger than s see".into(),
         x_scale: Scale::Linear,

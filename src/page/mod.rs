@@ -118,6 +118,15 @@ pub fn chart(plot: &Plot, height: u32, caption: &str) -> Result<Markup> {
     })
 }
 
+/// A chart of the width of a narrow window with its caption, to stand beside others.
+///
+/// # Errors
+/// The chart cannot be drawn.
+pub fn small_chart(plot: &Plot, caption: &str) -> Result<Markup> {
+    let svg = plot.svg(CHART_WIDTHS[1], NARROW_CHART_HEIGHT)?;
+    Ok(html! { figure.plot { (PreEscaped(svg)) figcaption { (caption) } } })
+}
+
 /// A picture as the address of inline PNG.
 ///
 /// # Errors

@@ -1,4 +1,4 @@
-//! Line charts as SVG, drawn with plotters: axes, grid, lines, labelled points.
+//! Line and bar charts as SVG, drawn with plotters: axes, grid, lines, bars, labelled points.
 //!
 //! Colours are CSS variables with fallbacks (`var(--plot-ink, #222)`): a chart inside a page follows the page's light
 //! or dark theme, and a file by itself is correct on white.
@@ -31,6 +31,8 @@ pub struct Plot {
     pub x_scale: Scale,
     /// Scale of the vertical axis.
     pub y_scale: Scale,
+    /// The vertical axis reaches at least to this value, so that charts can have the same axis; 0 for any.
+    pub y_reach: f64,
     /// The series, at most five with different colours.
     pub series: Vec<Series>,
 }
@@ -56,6 +58,8 @@ pub enum Marks {
     Joined,
     /// A line in their order, without dots.
     Line,
+    /// Bars from 0, beside those of the other series with bars.
+    Bars,
 }
 
 /// A point of a series.
@@ -72,6 +76,8 @@ pub struct PlotPoint {
 /// Font size of point labels, pixels.
 const LABEL: i32 = 13;
 
+/// Width of a bar and the space after it, pixels.
+const BAR: i32 = 18;
 /// Margins around the plotting area, pixels: left, top above the legend, right, bottom.
 const MARGIN: [i32; 4] = [74, 20, 24, 52];
 /// Height of a row of the legend, pixels.
@@ -110,13 +116,18 @@ impl Plot {
                 .filter(|p| self.x_scale.shows(p.x) && self.y_scale.shows(p.y))
         };
         let x = Axis::new(self.x_scale, shown().map(|p| p.x), left, width as i32 - right);
-        let y = Axis::new(self.y_scale, shown().map(|p| p.y), height as i32 - bottom, top);
+        let reach = Some(self.y_reach).filter(|reach| self.y_scale.shows(*reach));
+        let y = Axis::new(self.y_scale, shown().map(|p| p.y).chain(reach), height as i32 - bottom, top);
         self.draw_frame(root, &x, &y)?;
         self.draw_legend(root, &legend)?;
         let mut boxes: Vec<[i32; 4]> = Vec::new();
         for (series, (colour, _)) in self.series.iter().zip(HUES.iter().cycle()) {
             let visible = series.points.iter().filter(|p| x.scale.shows(p.x) && y.scale.shows(p.y));
             let pixels: Vec<(i32, i32)> = visible.map(|p| (x.pixel(p.x), y.pixel(p.y))).collect();
+            if series.marks == Marks::Bars {
+                self.draw_bars(root, (series, *colour), &pixels, y.pixel(0.0))?;
+                continue;
+            }
             if series.marks != Marks::Points {
                 root.draw(&PathElement::new(pixels.clone(), colour.stroke_width(2)))?;
                 for pair in pixels.windows(2) {
@@ -136,6 +147,25 @@ impl Plot {
         let limits = [left, top, width as i32 - 2, height as i32 - bottom];
         self.draw_labels(root, (&x, &y), limits, boxes)?;
         root.present()
+    }
+
+    /// Draws the bars of a series that end at these pixels.
+    fn draw_bars(
+        &self,
+        root: &Area<'_>,
+        (series, colour): (&Series, RGBColor),
+        ends: &[(i32, i32)],
+        zero: i32,
+    ) -> Drawn {
+        let barred = || self.series.iter().filter(|s| s.marks == Marks::Bars);
+        let before = barred().take_while(|s| !std::ptr::eq(*s, series)).count() as i32;
+        let shift = BAR * before - BAR * barred().count() as i32 / 2;
+        for &(u, v) in ends {
+            // A bar of no height is a line, so that a value of 0 differs from none.
+            let corners = [(u + shift, zero.min(v) - 1), (u + shift + BAR - 2, zero.max(v))];
+            root.draw(&Rectangle::new(corners, colour.filled()))?;
+        }
+        Ok(())
     }
 
     /// Writes the labels of points where there is room; `boxes` is what is drawn already.
@@ -218,10 +248,12 @@ impl Plot {
     fn draw_legend(&self, root: &Area<'_>, legend: &[LegendEntry]) -> Drawn {
         for ((series, entry), (colour, _)) in self.series.iter().zip(legend).zip(HUES.iter().cycle()) {
             let (u, v) = (entry.left, 16 + LEGEND_ROW * entry.row);
-            if series.marks != Marks::Points {
+            if matches!(series.marks, Marks::Joined | Marks::Line) {
                 root.draw(&PathElement::new([(u, v), (u + 18, v)], colour.stroke_width(2)))?;
             }
-            if series.marks != Marks::Line {
+            if series.marks == Marks::Bars {
+                root.draw(&Rectangle::new([(u + 4, v - 5), (u + 14, v + 5)], colour.filled()))?;
+            } else if series.marks != Marks::Line {
                 root.draw(&Circle::new((u + 9, v), series.marks.radius(), colour.filled()))?;
             }
             text(root, &entry.name, (u + 25, v), entry.size, INK.0, HPos::Left)?;
@@ -305,51 +337,4 @@ fn label_place((u, v): (i32, i32), label: &str, limits: [i32; 4], boxes: &[[i32;
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn point(x: f64, y: f64) -> PlotPoint {
-        PlotPoint { x, y, label: format!("label {x}") }
-    }
-
-    #[test]
-    fn any_input_gives_an_svg() {
-        let odd = vec![point(f64::NAN, 1.0), point(0.0, 0.0), point(-1.0, 2.0), point(1.0, f64::INFINITY)];
-        let inputs = [vec![], odd, vec![point(1.0, 1.0)], vec![point(1e-300, 1e300), point(1e300, 1e-300)]];
-        for points in inputs {
-            for scale in [Scale::Linear, Scale::Log] {
-                let series =
-                    vec![Series { name: "a < b & c".into(), points: points.clone(), marks: Marks::Joined }];
-                let plot = Plot { series, x_scale: scale, y_scale: scale, ..Default::default() };
-                let svg = plot.svg(0, 0).unwrap();
-                assert!(svg.starts_with("<svg ") && svg.contains("a &lt; b &amp; c") && !svg.contains("NaN"));
-            }
-        }
-    }
-
-    /// Long names of series and axes: shorter or in rows, never beyond the picture.
-    #[test]
-    fn names_stay_inside() {
-        let plot = Plot {
-            x_label: "time of the queries of a very long scene ".repeat(3),
-            series: ["exact", "exact with certificates", "multi-res., 16 segments", &"long ".repeat(40)]
-                .map(|name| Series { name: name.into(), points: vec![point(1.0, 2.0)], marks: Marks::Joined })
-                .into(),
-            ..Default::default()
-        };
-        let rows: Vec<i32> = plot.legend(352).iter().map(|entry| entry.row).collect();
-        assert_eq!(rows, [0, 0, 1, 2]);
-        assert!(plot.legend(352).iter().all(|e| e.left + 25 + text_width(&e.name, e.size) <= 352));
-        assert_eq!(fitted("short", 14, 100), ("short".into(), 14));
-        assert!(fitted(&plot.x_label, 14, 300).0.ends_with('…'));
-    }
-
-    #[test]
-    fn labels_do_not_cover_each_other() {
-        let limits = [0, 0, 400, 400];
-        let first = label_place((100, 100), "same", limits, &[]).unwrap();
-        let second = label_place((100, 100), "same", limits, &[first]).unwrap();
-        assert_ne!(first, second);
-        assert_eq!(label_place((100, 100), "same", limits, &[limits]), None);
-    }
-}
+mod tests;

@@ -92,6 +92,7 @@ fn plot(rows: &[&Row], (column, name): (&str, &str), colour: &str, label: Option
     let front = front(&all).into_iter().map(|[x, y]| PlotPoint { x, y, label: String::new() });
     series.push(Series { name: "Pareto front".into(), points: front.collect(), marks: Marks::Joined });
     Plot {
+        y_reach: 0.0,
         x_label: "time of the job, s".into(),
         y_label: name.into(),
         x_scale: scale(all.iter().map(|p| p[0])),

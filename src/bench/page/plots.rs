@@ -30,6 +30,7 @@ pub(super) fn error_against_time(record: &Record) -> Result<Markup> {
         }
     }
     let plot = Plot {
+        y_reach: 0.0,
         x_label: "time of the queries, seconds".into(),
         y_label: "error (RMS of the visible fraction)".into(),
         x_scale: Scale::Log,
@@ -54,6 +55,7 @@ pub(super) fn spectrum(exact: &[Fbem], mr: &[Fbem], unit: &str) -> Result<Markup
         marks,
     };
     let plot = Plot {
+        y_reach: 0.0,
         x_label: format!("feature size s, {unit}"),
         y_label: "feature-based error FBEM(s)".into(),
         x_scale: Scale::Linear,
@@ -83,6 +85,7 @@ pub(super) fn cross_section(images: [&Image; 3], row: usize, unit: &str) -> Resu
             Series { name: name.into(), points: (0..image.width()).map(at).collect(), marks: Marks::Line }
         });
     let plot = Plot {
+        y_reach: 0.0,
         x_label: format!("place along row {row} of the texels, {unit}"),
         y_label: "visible fraction".into(),
         x_scale: Scale::Linear,

@@ -49,6 +49,7 @@ fn plot(rows: &[ScalingRow]) -> Result<Markup> {
     }
     lines.retain(|line| !line.points.is_empty());
     let plot = Plot {
+        y_reach: 0.0,
         x_label: "triangles".into(),
         y_label: "time per bundle, microseconds".into(),
         x_scale: Scale::Log,

@@ -82,6 +82,7 @@ fn plot(rows: &[(&MrRow, &IntervalAudit)], unit: &str) -> Result<Markup> {
         marks: Marks::Joined,
     };
     let plot = Plot {
+        y_reach: 0.0,
         x_label: "claimed standard error of the visible fraction".into(),
         y_label: "observed error (RMS)".into(),
         x_scale: Scale::Log,

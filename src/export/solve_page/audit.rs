@@ -23,6 +23,7 @@ pub(super) fn section(record: &Record) -> Result<Markup> {
         marks,
     };
     let plot = Plot {
+        y_reach: 0.0,
         x_label: "error, in error bars".into(),
         y_label: "part of the elements".into(),
         x_scale: Scale::Linear,
