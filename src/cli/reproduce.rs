@@ -23,7 +23,7 @@ pub struct Args {
     /// Only this item, such as fig9; repeatable [default: all].
     #[arg(long, value_name = "NAME")]
     only: Vec<String>,
-    /// Scenes on which the item builders compares the builders of clusters [default: generated scenes]
+    /// Scenes on which the item builders compares the builders of clusters, beside generated scenes.
     #[arg(long, value_name = "FILE", num_args = 1..)]
     scenes: Vec<PathBuf>,
     #[command(flatten)]

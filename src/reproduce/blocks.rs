@@ -5,9 +5,9 @@ use crate::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
 use glam::DVec3;
 use sobol_burley::sample_4d;
 
-/// Distance between the centres of cubes of a screen, in edges, at least; and the depth in which they lie.
-const MIN_GAP: f64 = 1.25;
-const DEPTH: f64 = 0.2;
+/// Smallest distance between the centres of two cubes, edges: they do not touch. And number of places that are tried.
+const MIN_DISTANCE: f64 = 1.1;
+const TRIES: u32 = 16_384;
 
 /// A scene under construction; each box is an object.
 pub struct Blocks {
@@ -46,24 +46,6 @@ impl Blocks {
         }
     }
 
-    /// Adds a screen of cubes of one size across y: in a square of this side around `centre` one cube in each cell of a grid, at a
-    /// random place in the cell, so that they cover that part of it; gaps are at least a quarter of an edge.
-    pub fn screen_of_cubes(&mut self, coverage: f64, edge: f64, centre: DVec3, side: f64) {
-        let cell = edge / coverage.sqrt();
-        let count = (side / cell).round() as u32;
-        for k in 0..count * count {
-            let random = sample_4d(k, 0, 7).map(|u| f64::from(u) - 0.5);
-            let place = |i: u32| (f64::from(i) + 0.5 - 0.5 * f64::from(count)) * cell;
-            let free = cell - MIN_GAP * edge;
-            let at = DVec3::new(
-                place(k % count) + random[0] * free,
-                random[1] * DEPTH * edge,
-                place(k / count) + random[2] * free,
-            );
-            self.halved_cube(centre + at, edge);
-        }
-    }
-
     /// Adds a cube of two boxes without the faces between them: 24 triangles, so that it has clusters of its own.
     fn halved_cube(&mut self, centre: DVec3, edge: f64) {
         let object = self.soup.object(format!("box {}", self.soup.objects.len()));
@@ -86,31 +68,14 @@ impl Blocks {
     /// it.
     pub fn covering_cubes(&mut self, coverage: f64, edge: f64, centre: DVec3, side: f64) {
         let count = (coverage * (side / edge).powi(2)).round() as usize;
-        self.place_cubes(count, edge, (centre, side), |d| d.x.max(d.z));
+        for at in places(count, edge, side, |d| d.x.max(d.z)) {
+            self.halved_cube(centre + at, edge);
+        }
     }
 
     /// Adds cubes of one size that do not touch, at low-discrepancy places in a cubic box around `centre`; fewer if they do not fit.
     pub fn random_cubes(&mut self, count: usize, edge: f64, centre: DVec3, side: f64) {
-        self.place_cubes(count, edge, (centre, side), DVec3::max_element);
-    }
-
-    fn place_cubes(
-        &mut self,
-        count: usize,
-        edge: f64,
-        (centre, side): (DVec3, f64),
-        distance: impl Fn(DVec3) -> f64,
-    ) {
-        let mut places: Vec<DVec3> = Vec::new();
-        for k in 0..16_384 {
-            let [x, y, z, _] = sample_4d(k, 0, 7);
-            let at = (DVec3::new(x.into(), y.into(), z.into()) - 0.5) * (side - edge);
-            let apart = |other: &DVec3| distance((at - *other).abs()) > 1.1 * edge;
-            if places.len() < count && places.iter().all(apart) {
-                places.push(at);
-            }
-        }
-        for at in places {
+        for at in places(count, edge, side, DVec3::max_element) {
             self.cuboid(centre + at - 0.5 * edge, centre + at + 0.5 * edge);
         }
     }
@@ -119,4 +84,19 @@ impl Blocks {
     pub fn scene(self) -> Result<Scene> {
         resolve(self.soup, &LoadOptions::default())
     }
+}
+
+/// Centres of at most `count` cubes of one size in a cubic box of this side around the origin, low-discrepancy points whose differences have
+/// a `distance` above [`MIN_DISTANCE`].
+fn places(count: usize, edge: f64, side: f64, distance: impl Fn(DVec3) -> f64) -> Vec<DVec3> {
+    let mut places: Vec<DVec3> = Vec::new();
+    for k in 0..TRIES {
+        let [x, y, z, _] = sample_4d(k, 0, 7);
+        let at = (DVec3::new(x.into(), y.into(), z.into()) - 0.5) * (side - edge);
+        let apart = |other: &DVec3| distance((at - *other).abs()) > MIN_DISTANCE * edge;
+        if places.len() < count && places.iter().all(apart) {
+            places.push(at);
+        }
+    }
+    places
 }

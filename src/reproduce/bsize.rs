@@ -10,7 +10,7 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 /// Pixels across the longer side of a projected box.
-const PIXELS: usize = 64;
+pub const PIXELS: usize = 64;
 
 /// For each cluster the larger one of the sizes of its blocked and of its free regions in the projection along a unit vector, scene units.
 pub fn blocker_sizes(scene: &Scene, tree: &Tree, view: Vec3) -> Vec<f32> {

@@ -1,8 +1,10 @@
 //! Which builder of clusters is best for which kind of scene: FBEM at equal time.
 
+use super::groups::range;
 use super::item::{Item, Table};
 use super::shadow::{Grid, Rendered};
 use super::{Context, fixed};
+use crate::Result;
 use crate::bench::{receivers, sizes};
 use crate::clusters::{self, Builder};
 use crate::embree::Traversal;
@@ -12,27 +14,40 @@ use crate::page::file_name;
 use crate::scene::generate::{self, Spec};
 use crate::scene::{LoadOptions, Scene};
 use crate::visibility::{Exact, LeafMode};
-use crate::{Error, Result};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Generated scenes, and their kind.
 const SCENES: [(&str, &str); 6] = [
-    ("forest", "leaves"),
-    ("cubes", "solids at random"),
-    ("office", "furniture"),
-    ("bookshelf", "solids that touch"),
+    ("forest", LEAVES),
+    ("cubes", SOLIDS),
+    ("office", FURNITURE),
+    ("bookshelf", SOLIDS),
     ("louvres", "aligned sheets"),
-    ("urban-block", "tessellated walls"),
+    ("urban-block", WALLS),
 ];
-/// Segments a pair of the MR rows; exact rays of the row whose time is the equal time, and of the others around it.
+/// Kinds of scenes.
+const LEAVES: &str = "leaves";
+const SOLIDS: &str = "solids";
+const FURNITURE: &str = "furniture";
+const WALLS: &str = "walls and terrain";
+/// Kinds of the assembled scenes (scenes/README.md), by the names of their files.
+const ASSEMBLED: [(&str, &str); 7] = [
+    ("garden", LEAVES),
+    ("park", LEAVES),
+    ("kitchen", FURNITURE),
+    ("livingroom", FURNITURE),
+    ("office", FURNITURE),
+    ("sponza", WALLS),
+    ("valley", WALLS),
+];
+/// Segments a pair of the MR rows; exact rays of the row whose time is the equal time: so many that few-segment rows take less time
+/// and the others more, and errors at the equal time are interpolated.
 const SEGMENTS: [usize; 3] = [4, 16, 64];
-const EQUAL_TIME_RAYS: usize = 16;
+const EQUAL_TIME_RAYS: usize = 64;
 /// Pairs of texels and emitters that are timed, and rays of the reference.
 const PAIRS: usize = 4000;
 const REFERENCE_RAYS: usize = 512;
-/// Factor by which another builder's mean FBEM must be smaller than the default's to win clearly.
-const CLEAR: f64 = 0.9;
-
 /// Errors of the builders in one scene.
 struct Compared {
     name: String,
@@ -43,17 +58,16 @@ struct Compared {
     by: [f64; 4],
 }
 
-/// The builders on the given scenes, or on generated ones.
+/// The builders on generated scenes, and on those given.
 pub fn builders(context: &Context) -> Result<Item> {
     let mut item = Item {
         here: format!(
             "Shadow images of the largest surfaces (the receivers of `mrvis bench`), multi-resolution visibility with clusters by each \
              builder; two feature sizes from the scene's statistics; 4, 16 and 64 segments. The errors are FBEM at the time of \
              {EQUAL_TIME_RAYS} exact rays, interpolated, per cent; geometric means over feature sizes. {}",
-            if context.scenes.is_empty() {
-                "Generated scenes; `mrvis reproduce --only builders --scenes scenes/real/*.obj` compares those of `make scenes`."
-            } else {
-                "Scenes that were given."
+            match context.scenes.len() {
+                0 => "Generated scenes only.".into(),
+                n => format!("Generated scenes, and {n} that were given."),
             }
         ),
         ..Item::default()
@@ -63,55 +77,102 @@ pub fn builders(context: &Context) -> Result<Item> {
         context.progress.stage(&format!("builders: {name}"), 0);
         found.extend(compare(context, scene, name, kind)?);
     }
-    if found.is_empty() {
-        return Err(Error::Argument(
-            "no scene has a receiver and an emitter: give others with option `scenes`".into(),
-        ));
-    }
     let names = Builder::ALL.map(Builder::name);
     let mut columns = vec!["scene", "kind", "triangles", "exact rays"];
     columns.extend(names);
     columns.push("best");
-    let mut table = Table::new("FBEM at the time of 16 exact rays, %", &columns);
+    let mut table = Table::new(format!("FBEM at the time of {EQUAL_TIME_RAYS} exact rays, %"), &columns);
     for c in &found {
-        let best = (0..4).min_by(|&a, &b| c.by[a].total_cmp(&c.by[b])).unwrap_or(0);
         let errors = [c.exact].into_iter().chain(c.by).map(|e| fixed(100.0 * e, 3));
         let words = [c.name.clone(), c.kind.into(), c.triangles.to_string()];
-        table.push(words.into_iter().chain(errors).chain([names[best].to_string()]));
+        table.push(words.into_iter().chain(errors).chain([best_of(c.by).to_owned()]));
     }
-    let mean =
-        |k: usize| (found.iter().map(|c| (c.by[k] / c.by[0]).ln()).sum::<f64>() / found.len() as f64).exp();
-    let means: [f64; 4] = std::array::from_fn(mean);
-    let ratios = names.iter().zip(means).map(|(name, m)| format!("{name} {}", fixed(m, 2)));
     item.tables.push(table);
+    item.tables.push(by_kind(&found));
+    let all: Vec<&Compared> = found.iter().collect();
+    let logs = relative_to_default(&all);
+    let ratio =
+        |[mean, deviation]: [f64; 2]| format!("{} ± {} %", fixed(mean.exp(), 2), fixed(100.0 * deviation, 0));
+    let ratios = names.iter().zip(logs).skip(1).map(|(name, log)| format!("{name} {}", ratio(log)));
     item.check_time(
-        "no other builder beats the default clearly: by more than a tenth in the geometric mean over all scenes",
-        format!("FBEM relative to the default: {}", ratios.collect::<Vec<_>>().join(", ")),
-        means.iter().all(|m| *m >= CLEAR),
+        "no other builder beats the default clearly: by more than two standard errors of the geometric mean over all scenes",
+        format!("FBEM relative to the default, with standard errors: {}", ratios.collect::<Vec<_>>().join(", ")),
+        logs[1..].iter().all(|[mean, deviation]| *mean >= -2.0 * deviation),
     );
     item.check(
         "all builders were compared",
         format!("{} scenes", found.len()),
-        found.iter().all(|c| c.by.iter().all(|e| e.is_finite())),
+        !found.is_empty() && found.iter().all(|c| c.by.iter().all(|e| e.is_finite())),
     );
     Ok(item)
 }
 
-/// Scenes with name and kind.
-fn scenes(context: &Context) -> Result<Vec<(Arc<Scene>, String, &'static str)>> {
-    if context.scenes.is_empty() {
-        let count = if context.small { 2 } else { SCENES.len() };
-        let generated = SCENES.iter().skip(1).chain(&SCENES[..1]).take(count).map(|&(name, kind)| {
-            let spec = Spec { trees: 60, leaves: 500, ..Spec::new(name) };
-            Ok((Arc::new(generate::build(&spec)?), name.to_owned(), kind))
-        });
-        return generated.collect();
+/// The best builder for each kind of scene.
+fn by_kind(found: &[Compared]) -> Table {
+    let names = Builder::ALL.map(Builder::name);
+    let mut columns = vec!["kind", "scenes"];
+    columns.extend(names);
+    columns.push("best");
+    let mut table = Table::new(
+        "By kind of scene: FBEM at equal time relative to the default's, geometric means",
+        &columns,
+    );
+    let mut kinds: Vec<&str> = Vec::new();
+    for c in found {
+        if !kinds.contains(&c.kind) {
+            kinds.push(c.kind);
+        }
     }
-    let read = |path: &std::path::PathBuf| {
+    for kind in kinds {
+        let own: Vec<&Compared> = found.iter().filter(|c| c.kind == kind).collect();
+        let ratios = relative_to_default(&own).map(|[mean, _]| mean.exp());
+        let scenes: Vec<&str> = own.iter().map(|c| c.name.as_str()).collect();
+        let words = [kind.to_owned(), scenes.join(", ")];
+        let numbers = ratios.map(|ratio| fixed(ratio, 2));
+        table.push(words.into_iter().chain(numbers).chain([best_of(ratios).to_owned()]));
+    }
+    table
+}
+
+/// By builder, mean and standard error over scenes of the logarithm of the FBEM relative to that of the default.
+fn relative_to_default(found: &[&Compared]) -> [[f64; 2]; 4] {
+    let n = found.len() as f64;
+    std::array::from_fn(|k| {
+        let logs = || found.iter().map(|c| (c.by[k] / c.by[0]).ln());
+        let mean = logs().sum::<f64>() / n;
+        let square = logs().map(|log| (log - mean).powi(2)).sum::<f64>();
+        [mean, (square / (n * (n - 1.0).max(1.0))).sqrt()]
+    })
+}
+
+/// Part by which errors differ from run to run, as times do: builders whose errors differ by less are alike.
+const ALIKE: f64 = 0.03;
+
+/// The name of the builder with the smallest error.
+fn best_of(errors: [f64; 4]) -> &'static str {
+    let (least, most) = range(&errors);
+    match Builder::ALL.into_iter().zip(errors).find(|(_, error)| *error == least) {
+        Some((builder, _)) if most > least * (1.0 + ALIKE) => builder.name(),
+        _ => "all alike",
+    }
+}
+
+/// Scenes with name and kind: generated ones, then those given.
+fn scenes(context: &Context) -> Result<Vec<(Arc<Scene>, String, &'static str)>> {
+    let count = if context.small { 2 } else { SCENES.len() };
+    let generated = SCENES.iter().skip(1).chain(&SCENES[..1]).take(count).map(|&(name, kind)| {
+        let spec = Spec { trees: 60, leaves: 500, ..Spec::new(name) };
+        Ok((Arc::new(generate::build(&spec)?), name.to_owned(), kind))
+    });
+    let read = |path: &PathBuf| {
         let scene = Scene::load_with(path, &LoadOptions::default())?;
-        Ok((Arc::new(scene), file_name(&path.to_string_lossy()).to_owned(), "given"))
+        let name = file_name(&path.to_string_lossy()).to_owned();
+        let stem = path.file_stem().unwrap_or_default();
+        let kind =
+            ASSEMBLED.iter().find(|(assembled, _)| stem == *assembled).map_or("given", |(_, kind)| kind);
+        Ok((Arc::new(scene), name, kind))
     };
-    context.scenes.iter().map(read).collect()
+    generated.chain(context.scenes.iter().map(read)).collect()
 }
 
 /// `None` if the scene has no emitter or no receiver.

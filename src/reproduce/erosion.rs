@@ -1,6 +1,6 @@
 //! Erosion and expansion of features: Figures 2, 3 and 4 of the paper.
 
-use super::groups::shadow_mask;
+use super::groups::{EDGES, TEXEL, shadow_mask, shadow_widths};
 use super::item::{FEATURES, Item, Panel, Table};
 use super::{Context, fixed, list};
 use crate::Result;
@@ -63,12 +63,11 @@ pub fn figure_3(context: &Context) -> Result<Item> {
     let mut panels = vec![Panel::binary(&image, "reference")];
     panels.extend(STEPS.iter().zip(&opened).map(|(n, image)| Panel::binary(image, format!("n = {n}"))));
     item.row(format!("n erosions, then n expansions ({FEATURES})"), panels);
-    // What is left consists of squares of more than 2n texels: opening again changes nothing.
-    let whole = STEPS.iter().zip(&opened).all(|(&n, left)| opener(left).open(2.0 * n as f64) == *left);
+    let squares = STEPS.iter().map(|&n| squares_within(&image, n));
     item.check(
-        "what is left consists of regions larger than 2n: the same sequence again changes nothing",
-        "",
-        whole,
+        "what is left consists of regions wider than 2n: of all squares of 2n + 1 texels that fit into the reference",
+        opened.iter().map(|left| left.count().to_string()).collect::<Vec<_>>().join(", ") + " texels",
+        squares.zip(&opened).all(|(squares, left)| squares == *left),
     );
     let within = opened.iter().all(|left| {
         let mut beyond = left.clone();
@@ -78,11 +77,25 @@ pub fn figure_3(context: &Context) -> Result<Item> {
     item.check("nothing is added to the reference", "", within);
     let left: Vec<usize> = opened.iter().map(BitImage::count).collect();
     item.check(
-        "larger n leave fewer regions",
+        "larger n leave less, and the largest less than the smallest",
         format!("{left:?} of {} texels", image.count()),
-        left.windows(2).all(|c| c[1] < c[0] || c[0] == 0),
+        left.windows(2).all(|c| c[1] <= c[0]) && left[left.len() - 1] < left[0],
     );
     Ok(item)
+}
+
+/// The union of all squares of 2n + 1 texels that fit into the object, by their definition.
+fn squares_within(image: &BitImage, n: usize) -> BitImage {
+    let mut union = BitImage::new(image.width(), image.height());
+    let side = 2 * n + 1;
+    for top in 0..(image.height() + 1).saturating_sub(side) {
+        for left in 0..(image.width() + 1).saturating_sub(side) {
+            if (top..top + side).all(|y| (left..left + side).all(|x| image.get(x, y))) {
+                (top..top + side).for_each(|y| union.set_span(y, left, left + side));
+            }
+        }
+    }
+    union
 }
 
 /// Figure 4: feature masks of the four groups.
@@ -113,10 +126,20 @@ pub fn figure_4(context: &Context) -> Result<Item> {
             + " %",
         (1..4).all(|i| (1..4).all(|k| kept(i, k) >= kept(i, k - 1))),
     );
+    let widths = EDGES.map(|edge| shadow_widths(edge).map(|width| width / TEXEL));
+    let expected = |i: usize, k: usize| match widths[k] {
+        [least, _] if least > MASKS[i - 1] => kept(i, k) > 0.5,
+        [_, most] if most < MASKS[i - 1] => kept(i, k) < 0.5,
+        _ => true,
+    };
     item.check(
-        "at size 24 the smallest cubes' shadows are gone (less than a tenth is left), most of the largest cubes' is kept",
-        format!("{} and {} %", fixed(100.0 * kept(3, 0), 1), fixed(100.0 * kept(3, 3), 1)),
-        kept(3, 0) < 0.1 && kept(3, 3) > 0.5,
+        "a mask keeps most of a group's shadows if those of single cubes, penumbra included, are wider than its size, and less than half of \
+         them if narrower",
+        format!(
+            "widths by the formula of Figure 5: {} texels",
+            widths.map(|[least, most]| format!("{} to {}", fixed(least, 0), fixed(most, 0))).join(", ")
+        ),
+        (1..4).all(|i| (0..4).all(|k| expected(i, k))),
     );
     Ok(item)
 }

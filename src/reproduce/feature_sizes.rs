@@ -1,7 +1,7 @@
 //! Multi-resolution visibility at four feature sizes: Figure 9 of the paper and its bar charts.
 
 use super::bsize::blocker_sizes;
-use super::groups::{SIDE, lit_wall, paper_features, range, wall};
+use super::groups::{EDGES, paper_features, range, scene, shadow_widths, wall};
 use super::item::{Chart, Item, Panel, Table, VISIBLE};
 use super::plain::{Descent, Leaves, PlainTree, Visits};
 use super::shadow::{Wall, mean};
@@ -16,16 +16,18 @@ use glam::Vec3;
 /// Feature sizes of the paper, in its relative unit, and its seconds.
 const SIZES: [f64; 4] = [2.0, 2.8, 3.5, 5.0];
 const PAPER_SECONDS: [f64; 4] = [1984.0, 1648.0, 1459.0, 1356.0];
-/// Part of a group that its cubes cover. The groups of Figure 1 are sparser: the free space in clusters of theirs is
-/// larger than their cubes, so that the paper's BSIZE averages none of the larger ones.
-const COVERAGE: f64 = 0.36;
-/// The unit, metres: in it the shadows of single cubes, penumbra included, are 1.8, 2.6, 3.4 and 4.9 wide, each just below
-/// one of the sizes.
-const UNIT: f64 = 0.082;
-/// Side of a texel, metres: a 14th of the smallest feature size; in tests twice as much.
+/// Name of the images with extinction in leaves.
+const EXTINCTION: &str = "Extinction in leaves, as in the paper";
+/// Side of a texel, metres: a 13th of the smallest feature size; in tests twice as much.
 const TEXEL: f64 = 0.0125;
 /// Columns and rows of an image, 2.2 m.
 const COLUMNS: usize = 176;
+
+/// The unit of the sizes, metres: the smallest in which the shadows of single cubes of no group, penumbra included, are wider than the size
+/// of the group's number, so that each size averages one group more.
+fn unit() -> f64 {
+    EDGES.iter().zip(SIZES).map(|(&edge, s)| shadow_widths(edge)[1] / s).fold(0.0, f64::max)
+}
 
 /// Images of the four groups by one method.
 struct Walls {
@@ -57,7 +59,7 @@ impl Series9 {
         let by = |s: Option<f64>| -> Result<Walls> {
             let (mut images, mut seconds, mut visits) = (Vec::new(), 0.0, Visits::default());
             for wall in walls(context) {
-                let descent = |e| Descent { leaves, sizes: s.map(|s| (e, (s * UNIT) as f32)) };
+                let descent = |e| Descent { leaves, sizes: s.map(|s| (e, (s * unit()) as f32)) };
                 let (rendered, more) = wall.grid(model).by_plain_tree(&plain, descent, (rays, repeat))?;
                 images.push(rendered.image);
                 seconds += rendered.seconds;
@@ -70,7 +72,7 @@ impl Series9 {
         let engine = SIZES.iter().map(|s| {
             let (mut seconds, mut images) = (0.0, Vec::new());
             for wall in walls(context) {
-                let rendered = wall.grid(model).by_clusters(&engine, s * UNIT, (rays, repeat))?;
+                let rendered = wall.grid(model).by_clusters(&engine, s * unit(), (rays, repeat))?;
                 seconds += rendered.seconds;
                 images.push(rendered.image);
             }
@@ -88,7 +90,7 @@ impl Series9 {
         let of = |walls: &Walls, s: f64| -> Result<[[f64; 2]; 4]> {
             let mut errors = [[0.0; 2]; 4];
             for (k, error) in errors.iter_mut().enumerate() {
-                let options = FbemOptions::default().with_features(paper_features()).with_size(s * UNIT);
+                let options = FbemOptions::default().with_features(paper_features()).with_size(s * unit());
                 let l2 = norms(&reference[k], &walls.images[k])?.l2;
                 *error = [l2, fbem(&reference[k], &walls.images[k], &options)?.value].map(|v| 100.0 * v);
             }
@@ -102,22 +104,21 @@ impl Series9 {
 pub fn figure_9(context: &Context) -> Result<Item> {
     let mut item = Item {
         here: format!(
-            "Four groups of the cubes of Figure 1, closer together (each covers 36 % of the wall), before the back wall; s in units of {} mm, in which the shadows of single cubes are 1.8, 2.6, 3.4 and 4.9 wide \
-             (the paper does not give its unit). The paper's rule descends the clusters segment by segment with κ = ΣA/4V and one BSIZE; \
-             its time is that of one core. The times of this engine (sixteen segments at a time, measured extinction) stand beside.",
-            1000.0 * UNIT
+            "The scene of Figure 1; s in units of {} mm (the paper does not give its unit), in which the shadows of single cubes, penumbra \
+             included, are {} wide, none wider than the size of its group's number. The paper's rule descends the clusters segment by \
+             segment with κ = ΣA/4V and one BSIZE; its time is that of one core. The times of this engine (sixteen segments at a time, \
+             measured extinction) stand beside.",
+            fixed(1000.0 * unit(), 0),
+            list(&EDGES.map(|edge| shadow_widths(edge)[1] / unit()), 1)
         ),
         ..Item::default()
     };
-    let scene = lit_wall(|blocks, edge, centre| blocks.screen_of_cubes(COVERAGE, edge, centre, SIDE))?;
-    let model = Model::prepare(scene, &PrepareOptions::default(), context.progress)?;
+    let model = Model::prepare(scene()?, &PrepareOptions::default(), context.progress)?;
     let exact = walls(context)
         .iter()
         .map(|wall| Ok(wall.grid(&model).by_rays(if context.small { 64 } else { 128 }, 1, 1)?.image))
         .collect::<Result<Vec<_>>>()?;
-    for (leaves, name) in
-        [(Leaves::Extinction, "Extinction in leaves, as in the paper"), (Leaves::Surfaces, "Exact leaves")]
-    {
+    for (leaves, name) in [(Leaves::Extinction, EXTINCTION), (Leaves::Surfaces, "Exact leaves")] {
         let made = Series9::new(context, &model, leaves)?;
         let reference = if leaves == Leaves::Surfaces { &exact } else { &made.reference.images };
         show(&mut item, name, &made, reference)?;
@@ -159,7 +160,7 @@ fn show(item: &mut Item, name: &str, made: &Series9, reference: &[Image]) -> Res
     ]);
     for (k, walls) in made.sized.iter().enumerate() {
         let (own, images) = &made.engine[k];
-        let options = FbemOptions::default().with_features(paper_features()).with_size(SIZES[k] * UNIT);
+        let options = FbemOptions::default().with_features(paper_features()).with_size(SIZES[k] * unit());
         let mut worst = 0.0f64;
         for (reference, image) in reference.iter().zip(images) {
             worst = worst.max(100.0 * fbem(reference, image, &options)?.value);
@@ -182,45 +183,53 @@ fn show(item: &mut Item, name: &str, made: &Series9, reference: &[Image]) -> Res
         table.push([fixed(s, 1)].into_iter().chain(numbers));
     }
     item.tables.push(table);
-    for (m, what) in ["L2", "FBEM(s)"].into_iter().enumerate() {
-        let series = (0..4).map(|k| Series {
-            name: format!("group {}", k + 1),
-            points: errors
-                .iter()
-                .zip(SIZES)
-                .map(|(row, s)| PlotPoint { x: s, y: row[k][m], label: String::new() })
+    let y_reach = errors.iter().flatten().flatten().fold(0.0f64, |most, e| most.max(*e));
+    for (row, s) in errors.iter().zip(SIZES) {
+        let series = ["L2".into(), format!("FBEM({s})")].into_iter().enumerate().map(|(m, name)| Series {
+            name,
+            points: (0..4)
+                .map(|k| PlotPoint { x: (k + 1) as f64, y: row[k][m], label: String::new() })
                 .collect(),
-            marks: Marks::Joined,
+            marks: Marks::Bars,
         });
         let plot = Plot {
-            x_label: "feature size s".into(),
-            y_label: format!("{what}, % of the light"),
+            x_label: "group".into(),
+            y_label: "% of the light".into(),
             series: series.collect(),
+            y_reach,
             ..Plot::default()
         };
-        item.charts.push(Chart { plot, caption: format!("{name}: {what} by group and feature size.") });
+        item.charts.push(Chart { plot, caption: format!("{name}: s = {s}") });
     }
     Ok(())
 }
 
 fn judge(item: &mut Item, name: &str, made: &Series9, reference: &[Image]) -> Result<()> {
     let errors = made.errors(reference)?;
+    // The paper's times are of extinction in leaves. Time also holds what each segment costs whatever it meets.
+    let paper = PAPER_SECONDS[0] / PAPER_SECONDS[3];
+    let (least, suffix) = match name {
+        EXTINCTION => (
+            paper,
+            format!(
+                ", from the first to the last by at least the paper's factor of time, {}",
+                fixed(paper, 2)
+            ),
+        ),
+        _ => (1.0, String::new()),
+    };
+    let falls = |v: &[f64]| v.windows(2).all(|v| v[1] < v[0]);
     let visits: Vec<f64> = made.sized.iter().map(|walls| walls.visits.all() as f64 / 1e6).collect();
     item.check(
-        format!("{name}: work falls with s"),
-        format!("{} million visits", list(&visits, 2)),
-        visits.windows(2).all(|v| v[1] < v[0]),
+        format!("{name}: work falls with s{suffix}"),
+        format!("{} million visits, by a factor of {}", list(&visits, 2), fixed(visits[0] / visits[3], 2)),
+        falls(&visits) && visits[0] >= least * visits[3],
     );
     let seconds: Vec<f64> = made.sized.iter().map(|walls| walls.seconds).collect();
     item.check_time(
         format!("{name}: time falls with s"),
-        format!(
-            "{} s, from the first to the last by a factor of {} ({} in the paper)",
-            list(&seconds, 2),
-            fixed(seconds[0] / seconds[3], 2),
-            fixed(PAPER_SECONDS[0] / PAPER_SECONDS[3], 2)
-        ),
-        seconds.windows(2).all(|v| v[1] < v[0]),
+        format!("{} s, by a factor of {}", list(&seconds, 2), fixed(seconds[0] / seconds[3], 2)),
+        falls(&seconds),
     );
     let column = |k: usize, m: usize| errors.iter().map(|row| row[k][m]).collect::<Vec<f64>>();
     let rises = |v: &[f64]| v.windows(2).all(|pair| pair[1] >= 0.98 * pair[0]) && v[3] > v[0];
@@ -236,25 +245,24 @@ fn judge(item: &mut Item, name: &str, made: &Series9, reference: &[Image]) -> Re
         onsets[3] > onsets[0] && onsets.windows(2).all(|v| v[1] >= v[0]),
     );
     let averaged: Vec<[f64; 2]> = errors.iter().flatten().filter(|cell| cell[0] >= ONSET).copied().collect();
-    let of = |m: usize| averaged.iter().map(|cell| cell[m]).collect::<Vec<f64>>();
-    let mean_of = |m: usize| of(m).iter().sum::<f64>() / averaged.len() as f64;
-    let (least, most) = range(&of(1));
+    let of = |m: usize| range(&averaged.iter().map(|cell| cell[m]).collect::<Vec<f64>>());
+    let ((least, most), (_, l2)) = (of(1), of(0));
     item.check(
-        format!("{name}: where clusters are averaged, FBEM(s) is of the same magnitude over groups and sizes, within a factor of 4"),
-        format!("{} to {} %", fixed(least, 1), fixed(most, 1)),
-        most <= 4.0 * least,
+        format!("{name}: where clusters are averaged, FBEM(s) is of similar magnitude over groups and sizes: within a factor of 2"),
+        format!("{} to {} %; the largest where s is just above the size of the shadows", fixed(least, 1), fixed(most, 1)),
+        most <= 2.0 * least,
     );
     let light = |walls: &Walls| walls.images.iter().map(|image| 100.0 * mean(image) / 4.0).sum::<f64>();
     item.check(
-        format!("{name}: FBEM(s) remains low: on average at most half of L2 where clusters are averaged"),
+        format!("{name}: FBEM(s) remains low: the largest is at most half of the largest L2, which Table 1 counts as satisfactory"),
         format!(
             "{} % and {} %; mean light {} % before averaging, {} % at s = 5: e^(−κl) of a cluster is not the mean of those of its parts",
-            fixed(mean_of(1), 1),
-            fixed(mean_of(0), 1),
+            fixed(most, 1),
+            fixed(l2, 1),
             fixed(light(&made.reference), 1),
             fixed(light(&made.sized[3]), 1)
         ),
-        mean_of(1) <= 0.5 * mean_of(0),
+        most <= 0.5 * l2,
     );
     Ok(())
 }

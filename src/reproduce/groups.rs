@@ -23,7 +23,7 @@ pub const TABLE_1: [[f64; 4]; 5] = [
 ];
 /// Texels along an image. With texels of 12.5 mm the shadow of the largest cubes, 0.375 m, is 30 texels wide, as in the paper.
 const COLUMNS: usize = 176;
-const TEXEL: f64 = 0.0125;
+pub const TEXEL: f64 = 0.0125;
 /// Texels along an element of the coarse mesh: more than the largest size of the table.
 const ELEMENT: usize = 44;
 /// Distances from the wall: of the centres of the groups, and of the light.
@@ -45,27 +45,32 @@ pub struct Groups {
 /// Edges of the cubes of the groups, from left to right, metres.
 pub const EDGES: [f64; 4] = [0.1, 0.15, 0.2, 0.3];
 /// Side of the box of a group and of the light, metres.
-pub const SIDE: f64 = 2.0;
-pub const LIGHT: f64 = 0.1;
-/// Part of a group's box that its cubes cover, seen from the wall.
-const COVERAGE: f64 = 0.22;
+const SIDE: f64 = 2.0;
+const LIGHT: f64 = 0.1;
+/// Part of a group's box that its cubes cover, seen from the wall; the paper gives none. With 0.22 and 0.36 Figures 1 and 4 and Table 1 are
+/// much the same, and L2 rises as in Figure 9, where work falls by factors of 1.39, 1.68 (0.3) and 1.77.
+const COVERAGE: f64 = 0.3;
 
-/// The four groups before a wall, with a small light.
-fn scene() -> Result<Scene> {
-    lit_wall(|blocks, edge, centre| blocks.covering_cubes(COVERAGE, edge, centre, SIDE))
-}
-
-/// A wall with a small light, and four groups of cubes of an edge around a centre.
-pub fn lit_wall(group: impl Fn(&mut Blocks, f64, DVec3)) -> Result<Scene> {
+/// The four groups before a wall, with a small light: the scene of Figures 1, 4 and 9 and of Table 1.
+pub fn scene() -> Result<Scene> {
     let mut blocks = Blocks::new("four groups of cubes");
     blocks.rectangle(DVec3::new(0.0, 0.0, 2.0), 12.0 * DVec3::Z, 14.0 * DVec3::X, false);
     for (k, edge) in EDGES.into_iter().enumerate() {
         let centre = DVec3::new((k as f64 - 1.5) * PITCH, GROUP_DISTANCE, 2.0);
-        group(&mut blocks, edge, centre);
+        blocks.covering_cubes(COVERAGE, edge, centre, SIDE);
     }
     let at = DVec3::new(0.0, LIGHT_DISTANCE, 2.0);
     blocks.rectangle(at, LIGHT * DVec3::X, LIGHT * DVec3::Z, true);
     blocks.scene()
+}
+
+/// Smallest width of the shadows of single cubes, penumbra included, metres: b + (b + e) d2/d1 of the face towards the wall and of that
+/// towards the light (docs/method.md, Umbra criterion).
+pub fn shadow_widths(edge: f64) -> [f64; 2] {
+    [-0.5, 0.5].map(|side| {
+        let d2 = GROUP_DISTANCE + side * edge;
+        edge + (edge + LIGHT) * d2 / (LIGHT_DISTANCE - d2)
+    })
 }
 
 /// Where the shadow of a group lies on the back wall.
@@ -103,15 +108,24 @@ pub fn shadow_mask(image: &Image, size: f64) -> Result<BitImage> {
     Ok(FeatureSet::new(image, &paper_features())?.mask(size * image.texel()))
 }
 
+/// The smallest size, texels, whose mask holds less than half of the shadows.
+fn typical_size(image: &Image) -> Result<f64> {
+    let mut features = FeatureSet::new(image, &paper_features())?;
+    let all = features.mask(0.0).count();
+    let sizes = (1..image.width()).map(|size| size as f64);
+    Ok(sizes.into_iter().find(|size| 2 * features.mask(size * image.texel()).count() < all).unwrap_or(0.0))
+}
+
 /// Figure 1: L2 errors do not tell large shadows from small ones.
 pub fn figure_1(context: &Context) -> Result<Item> {
     let groups = context.groups()?;
     let mut item = Item {
         here: format!(
-            "Cubes of 0.1, 0.15, 0.2 and 0.3 m in four groups that cover the same part of the wall, a light of {LIGHT} m at a \
+            "Cubes of 0.1, 0.15, 0.2 and 0.3 m in four groups, each covering {1} % of its part of the wall, a light of {LIGHT} m at a \
              distance of {LIGHT_DISTANCE} m; the paper gives no dimensions. Images of {COLUMNS} x {COLUMNS} texels of 12.5 mm by exact rays; a mesh of \
              {0} x {0} elements with the mean of the reference.",
-            COLUMNS / ELEMENT
+            COLUMNS / ELEMENT,
+            fixed(100.0 * COVERAGE, 0)
         ),
         ..Item::default()
     };
@@ -129,21 +143,19 @@ pub fn figure_1(context: &Context) -> Result<Item> {
     let errors_of = |k: usize| format!("L2 error {} %", fixed(errors[k], 1));
     item.row(format!("Coarse mesh ({VISIBLE})"), panels(&groups.coarse, &errors_of));
     let (least, most) = range(&errors);
+    let similar = paper_spread();
     item.check(
-        "the four L2 errors are similar: they differ by at most 20 %",
+        format!(
+            "the four L2 errors are similar: they differ by no more than the paper's errors at its smallest feature size, {} %",
+            fixed(100.0 * (similar - 1.0), 0)
+        ),
         format!("{} to {} %", fixed(least, 1), fixed(most, 1)),
-        most <= 1.2 * least,
+        most <= similar * least,
     );
     // The sizes differ by a factor of three all the same.
-    let sizes: Vec<f64> = groups
-        .shadows
-        .iter()
-        .map(|image| {
-            Ok(f64::from(crate::raster::Opener::new(shadow_mask(image, 0.0)?, Morphology::Paper8).largest()))
-        })
-        .collect::<Result<_>>()?;
+    let sizes = groups.shadows.iter().map(typical_size).collect::<Result<Vec<f64>>>()?;
     item.check(
-        "the sizes of the largest shadows grow from the left to the right",
+        "the sizes that half of the shadows' area lies above grow from the left to the right",
         list(&sizes, 0) + " texels",
         sizes.windows(2).all(|pair| pair[0] < pair[1]),
     );
@@ -233,50 +245,64 @@ pub fn table_1(context: &Context) -> Result<Item> {
     Ok(item)
 }
 
+/// Largest error of a group relative to the smallest at the smallest size of the paper's table, which is about L2.
+fn paper_spread() -> f64 {
+    let (least, most) = range(&TABLE_1[0]);
+    most / least
+}
+
 fn judge_table_1(item: &mut Item, found: &[[f64; 4]]) {
-    let spread = |row: &[f64; 4]| {
-        let (least, most) = range(row);
-        most / least
-    };
-    let ascending = |row: &[f64; 4]| row.windows(2).all(|pair| pair[0] <= pair[1]);
+    let (least, most) = range(&found[0]);
     item.check(
-        "the smallest size does not tell the groups apart: errors differ by at most a quarter (17 % in the paper)",
-        format!("{} %", fixed(100.0 * (spread(&found[0]) - 1.0), 0)),
-        spread(&found[0]) <= 1.25,
+        format!(
+            "the smallest size does not tell the groups apart: their errors differ by no more than the paper's, {} %",
+            fixed(100.0 * (paper_spread() - 1.0), 0)
+        ),
+        format!("{} %", fixed(100.0 * (most / least - 1.0), 0)),
+        most / least <= paper_spread(),
     );
+    let falls = (0..4).all(|k| found.windows(2).all(|rows| rows[1][k] < rows[0][k]));
+    let columns: Vec<String> =
+        (0..4).map(|k| list(&found.iter().map(|row| row[k]).collect::<Vec<_>>(), 1)).collect();
     item.check(
-        "at sizes 16 and 24 the error grows with the cubes, as in the paper",
-        format!("{}; {} %", list(&found[1], 1), list(&found[2], 1)),
-        ascending(&found[1]) && ascending(&found[2]),
+        "in each group the error falls from size to size, as in the paper",
+        columns.join("; ") + " %",
+        falls,
     );
-    let falls = (0..4).all(|k| found.windows(2).all(|rows| rows[1][k] <= 1.05 * rows[0][k]));
-    item.check("in each group the error falls with the size (by rows, 5 % allowed)", "", falls);
-    let others = found[3][..3].iter().fold(0.0f64, |most, v| most.max(*v));
+    let left: [f64; 4] = std::array::from_fn(|k| 100.0 * found[3][k] / found[0][k]);
+    let paper: [f64; 4] = std::array::from_fn(|k| 100.0 * TABLE_1[3][k] / TABLE_1[0][k]);
     item.check(
-        "at size 30 only the largest cubes need more work: their error is over 1.5 times that of the others (1.9 in the paper)",
-        format!("{} to at most {}", fixed(found[3][3], 1), fixed(others, 1)),
-        found[3][3] > 1.5 * others,
+        "at size 30 only the largest cubes need more work: over half of their error at size 5 is left, and less than half of that of the \
+         others",
+        format!("{} %; in the paper {} %", list(&left, 0), list(&paper, 0)),
+        left[..3].iter().all(|part| *part < 50.0) && left[3] > 50.0,
     );
+    let [agree, all] = ordered_pairs(found);
+    item.check(
+        format!("pairs of numbers that differ by more than {RESIDUAL} in the paper, its residual error of the mesh, have its order here"),
+        format!("{agree} of {all} pairs"),
+        agree == all,
+    );
+}
+
+/// The paper's estimate of the part of its numbers that the mesh causes (section 2.3).
+const RESIDUAL: f64 = 3.0;
+
+/// Number of pairs of the table that differ by more than [`RESIDUAL`] in the paper and have its order, and of all of these pairs.
+fn ordered_pairs(found: &[[f64; 4]]) -> [usize; 2] {
     let flat = |rows: &[[f64; 4]]| rows.iter().flatten().copied().collect::<Vec<f64>>();
-    let rank = rank_correlation(&flat(found), &flat(&TABLE_1));
-    item.check(
-        "the 20 numbers have the paper's order: rank correlation of at least 0.9",
-        fixed(rank, 3),
-        rank >= 0.9,
-    );
+    let (here, paper) = (flat(found), flat(&TABLE_1));
+    let mut counts = [0; 2];
+    for (a, here_a) in here.iter().enumerate() {
+        for (_, here_b) in here.iter().enumerate().filter(|(b, _)| paper[a] > paper[*b] + RESIDUAL) {
+            counts[0] += usize::from(here_a > here_b);
+            counts[1] += 1;
+        }
+    }
+    counts
 }
 
 /// Smallest and largest value.
 pub fn range(values: &[f64]) -> (f64, f64) {
     values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &v| (a.min(v), b.max(v)))
-}
-
-/// Spearman's rank correlation of two lists without equal values.
-pub fn rank_correlation(a: &[f64], b: &[f64]) -> f64 {
-    let ranks = |values: &[f64]| -> Vec<f64> {
-        values.iter().map(|v| values.iter().filter(|other| *other < v).count() as f64).collect()
-    };
-    let (a, b, n) = (ranks(a), ranks(b), a.len() as f64);
-    let squares: f64 = a.iter().zip(&b).map(|(x, y)| (x - y).powi(2)).sum();
-    1.0 - 6.0 * squares / (n * (n * n - 1.0))
 }

@@ -9,6 +9,7 @@ mod books;
 mod bsize;
 mod builders;
 mod cells;
+mod desks;
 mod erosion;
 mod feature_sizes;
 mod groups;
@@ -16,6 +17,7 @@ mod isotropy;
 mod item;
 mod later;
 mod office;
+mod office_light;
 mod page;
 mod plain;
 mod progressive;
@@ -23,6 +25,7 @@ mod shadow;
 #[cfg(test)]
 mod tests;
 mod umbra;
+mod view;
 
 pub use item::Item;
 pub use page::page;
@@ -41,7 +44,7 @@ pub struct Context<'a> {
     pub small: bool,
     /// Receives the name of the item that is made.
     pub progress: &'a dyn Progress,
-    /// Scenes on which builders are compared; generated ones if there are none.
+    /// Scenes on which builders are compared beside generated ones.
     pub scenes: Vec<PathBuf>,
     groups: OnceLock<Groups>,
     making: Mutex<()>,

@@ -1,12 +1,16 @@
 //! The page of a reproduction: for each item the paper's claim, what was made here, and the verdict.
 
-use super::item::{Check, Item, PictureRow, Table};
+use super::item::{Chart, Check, Item, PictureRow, Table};
 use super::{Report, fixed};
 use crate::Result;
-use crate::page::{chart, data_url, document, figure, seconds};
+use crate::page::{chart, data_url, document, figure, seconds, small_chart};
 use maud::{Markup, html};
 
 const TITLE: &str = "Feature-based control of visibility error, reproduced";
+/// Characters of a cell beyond which its column is text, whose lines are broken.
+const LONG_CELL: usize = 24;
+/// Number of charts of an item beyond which they are small, side by side.
+const LARGE_CHARTS: usize = 2;
 /// Height of a chart in wide windows, pixels.
 const CHART_HEIGHT: u32 = 340;
 
@@ -68,8 +72,12 @@ fn overview(report: &Report) -> Markup {
 
 fn section(item: &Item) -> Result<Markup> {
     let pictures = item.pictures.iter().map(picture_row).collect::<Result<Vec<_>>>()?;
-    let charts =
-        item.charts.iter().map(|c| chart(&c.plot, CHART_HEIGHT, &c.caption)).collect::<Result<Vec<_>>>()?;
+    let large = item.charts.len() <= LARGE_CHARTS;
+    let drawn = |c: &Chart| match large {
+        true => chart(&c.plot, CHART_HEIGHT, &c.caption),
+        false => small_chart(&c.plot, &c.caption),
+    };
+    let charts = item.charts.iter().map(drawn).collect::<Result<Vec<_>>>()?;
     Ok(html! {
         article id=(item.name) {
             h2 { (item.title) }
@@ -78,7 +86,7 @@ fn section(item: &Item) -> Result<Markup> {
                 div { h3 { "Here" } p { (prose(&item.here)) } }
             }
             @for row in pictures { (row) }
-            @for chart in charts { (chart) }
+            @if large { @for chart in charts { (chart) } } @else { div.images { @for chart in charts { (chart) } } }
             @for table in &item.tables {
                 @if !table.title.is_empty() { h4 { (table.title) } }
                 (rows(table))
@@ -118,7 +126,8 @@ fn picture_row(row: &PictureRow) -> Result<Markup> {
 /// A table whose number of columns is known when it is made; in narrow windows rows are lists.
 fn rows(table: &Table) -> Markup {
     let class = if table.columns.len() > 6 { "rows many" } else { "rows" };
-    let words = |k: usize| k == 0;
+    let is_long = |k: usize| table.rows.iter().any(|row| row[k].chars().count() > LONG_CELL);
+    let words = |k: usize| k == 0 || is_long(k);
     html! {
         table class=(class) {
             thead { tr {

@@ -109,6 +109,7 @@ fn plot(map: &MapRecord, unit: &str) -> Result<Markup> {
         PlotPoint { x: row.seconds, y: row.rms, label }
     });
     let plot = Plot {
+        y_reach: 0.0,
         x_label: "time of queries and interpolation, seconds".into(),
         y_label: "error (RMS of the visible fraction)".into(),
         x_scale: Scale::Log,
