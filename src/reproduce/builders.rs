@@ -32,8 +32,9 @@ const SOLIDS: &str = "solids";
 const FURNITURE: &str = "furniture";
 const WALLS: &str = "walls and terrain";
 /// Kinds of the assembled scenes (scenes/README.md), by the names of their files.
-const ASSEMBLED: [(&str, &str); 7] = [
+const ASSEMBLED: [(&str, &str); 8] = [
     ("garden", LEAVES),
+    ("orchard", LEAVES),
     ("park", LEAVES),
     ("kitchen", FURNITURE),
     ("livingroom", FURNITURE),
