@@ -14,7 +14,7 @@ use crate::model::Model;
 use crate::progress::Progress;
 use crate::ray::Packet;
 use crate::scene::Scene;
-use crate::visibility::{Exact, MultiResolution, fastest_traversal};
+use crate::visibility::{Choice, Exact, MultiResolution, fastest_traversal};
 
 /// Numbers of rays of the exact rows: steps of 4 halve the error, and 256 rays bracket the errors of the MR rows, so
 /// that times at equal error are interpolated.
@@ -28,14 +28,19 @@ pub(super) struct PlannedRow {
     /// Feature size, scene units.
     pub s: f64,
     pub rays: usize,
-    /// Whether MR is estimated to be faster than exact rays. If not, all bundles are handed to Embree and the row
-    /// takes answers and time of the exact row with as many rays.
-    pub pays: bool,
+    /// How bundles are answered. If neither walks nor the cut are estimated to be faster than exact rays, all bundles are handed to
+    /// Embree and the row takes answers and time of the exact row with as many rays.
+    pub choice: Choice,
     /// Time of that decision, seconds.
     pub decide_s: f64,
 }
 
 impl PlannedRow {
+    /// Whether MR is estimated to be faster than exact rays.
+    pub fn pays(&self) -> bool {
+        self.choice.pays()
+    }
+
     /// A row without results.
     pub fn row(&self) -> MrRow {
         MrRow { feature_size: self.s, rays: self.rays, decide_s: self.decide_s, ..Default::default() }
@@ -109,6 +114,7 @@ impl Bench<'_> {
     /// Runs an MR row, after an untimed warm-up.
     pub fn mr(&self, queries: Queries, engine: &MultiResolution, row: &PlannedRow, first: bool) -> MrRun {
         let (s, rays) = (row.s as f32, row.rays);
+        let engine = &engine.with_choice(row.choice);
         self.timer.multi_resolution(queries.first(WARM_UP_PAIRS), engine, s, rays, &|_| ());
         self.timer.multi_resolution(queries, engine, s, rays, &self.advance(first, rays))
     }
@@ -122,8 +128,8 @@ impl Bench<'_> {
     /// Decides on a sample of the bundles whether MR is faster than exact rays at feature size `s`.
     pub fn decide(&self, sample: &Sample, engine: &MultiResolution, s: f64, rays: usize) -> PlannedRow {
         let mut decide_s = 0.0;
-        let pays = timed(&mut decide_s, || sample.pays(engine, s as f32, rays));
-        PlannedRow { s, rays, pays, decide_s }
+        let choice = timed(&mut decide_s, || sample.choice(engine, s as f32, rays));
+        PlannedRow { s, rays, choice, decide_s }
     }
 
     /// The decisions for all MR rows, in order.

@@ -13,7 +13,7 @@ use super::rounds::rounds;
 use super::workload::Workload;
 use crate::embree::Traversal;
 use crate::metrics::{FbemOptions, Image, fbem, missing_features, norms};
-use crate::visibility::{Exact, MultiResolution};
+use crate::visibility::{Choice, Exact, MultiResolution};
 use crate::{Result, error::quote};
 
 /// Rays per texel of the exact image in the report: as many as the default number of segments of MR.
@@ -106,22 +106,23 @@ impl Bench<'_> {
             gallery.images(&timer.exact(queries, &self.embree(&workload, rays), rays, &advance).visible)
         };
         let exact16 = exact(SHOWN_RAYS)?;
-        let walked = |row: &PlannedRow| {
+        let walked = |row: &PlannedRow, choice: Choice| {
             let advance = |pairs: usize| self.progress.advance((pairs * row.rays) as u64);
+            let engine = &engine.with_choice(choice);
             let run = timer.multi_resolution(queries, engine, row.s as f32, row.rays, &advance).run;
             gallery.images(&run.visible)
         };
         let mut mr = Vec::new();
         for row in &shown {
-            let images = match (row.pays, row.rays == SHOWN_RAYS) {
-                (true, _) => walked(row)?,
+            let images = match (row.pays(), row.rays == SHOWN_RAYS) {
+                (true, _) => walked(row, row.choice)?,
                 (false, true) => exact16.clone(),
                 (false, false) => exact(row.rays)?,
             };
-            mr.push((!row.pays, images));
+            mr.push((!row.pays(), images));
         }
-        let largest = shown.last().filter(|_| shown.iter().all(|row| !row.pays));
-        let clusters = largest.map(|row| walked(row)).transpose()?;
+        let largest = shown.last().filter(|_| shown.iter().all(|row| !row.pays()));
+        let clusters = largest.map(|row| walked(row, Choice { walks: true, cut: false })).transpose()?;
         Ok(ShownImages { reference: gallery.images(&means)?, exact16, mr, clusters })
     }
 
@@ -141,7 +142,7 @@ impl Bench<'_> {
         let references = gallery.images(&means)?;
         let call = |rays| (rays, self.embree(workload, rays));
         let calls: Vec<(usize, Exact)> = self.exact_rays().into_iter().map(call).collect();
-        let walked: Vec<&PlannedRow> = asked.iter().filter(|row| row.pays).collect();
+        let walked: Vec<&PlannedRow> = asked.iter().filter(|row| row.pays()).collect();
         let certified = self.mr_rays();
         let first_mr = calls.len() + certified.len();
         let numbers = calls.iter().map(|call| call.0).chain(certified.iter().copied());
@@ -172,7 +173,7 @@ impl Bench<'_> {
         }
         let mut walked = mr.iter().zip(&timed.seconds[first_mr..]);
         for ((row, asked), curve) in rows.iter_mut().zip(asked).zip(curves.iter().cycle()) {
-            let (images, &seconds) = if asked.pays {
+            let (images, &seconds) = if asked.pays() {
                 walked.next().expect("a run of every row that was walked")
             } else {
                 let k =

@@ -86,6 +86,11 @@ impl CostModel {
         }
     }
 
+    /// The model with this part, 1 / `part`, of the work.
+    pub fn part(self, part: u64) -> CostModel {
+        CostModel { ray_work: self.ray_work / part }
+    }
+
     /// Work of exact rays for a bundle; each packet counts as at least a quarter full.
     pub fn rays(&self, bundle: &Bundle) -> u64 {
         let lanes: usize = bundle.packets.iter().map(|p| p.len().max(LANES / 4)).sum();

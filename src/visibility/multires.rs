@@ -3,6 +3,7 @@
 use super::answer::{Answer, Bundle, Cost, Method, interval, wilson};
 use super::bundle_walks::{BundleWalks, Sizes, Walker, Workspace};
 use super::cost_model::{CostModel, Work};
+use super::cut::Cut;
 use super::exact::Exact;
 use super::instance_tree::InstanceTree;
 #[cfg(feature = "internals")]
@@ -49,6 +50,10 @@ pub struct MultiResolution {
     far: bool,
     /// Tolerance of the transmittance that feature sizes were measured for.
     tolerance: f32,
+    /// The distance cut, if the model has one.
+    pub(super) cut: Option<Arc<Cut>>,
+    /// Whether walks answer what the cut does not; else exact rays do.
+    pub(super) walks: bool,
 }
 
 impl MultiResolution {
@@ -71,6 +76,8 @@ impl MultiResolution {
             isa: Isa::detect(),
             cost: CostModel::UNCALIBRATED,
             tolerance: optics::Options::default().tolerance,
+            cut: None,
+            walks: true,
         }
     }
 
@@ -122,12 +129,8 @@ impl MultiResolution {
         answer.expect("one bundle, one answer")
     }
 
-    /// The visible fractions of several bundles, passed to `each` in order.
-    ///
-    /// Consecutive bundles with close ends share the upper part of the traversal; each applies the umbra criterion by
-    /// itself. Answers equal those of [`MultiResolution::answer`] up to rounding, except for bundles that only one of
-    /// the two ways hands over.
-    pub fn answers(
+    /// The visible fractions of several bundles by walks alone, passed to `each` in order; see [`MultiResolution::answers`].
+    pub fn walked_answers(
         &self,
         bundles: &[Bundle],
         s: f32,
@@ -151,6 +154,19 @@ impl MultiResolution {
         for (k, bundle) in bundles.iter().enumerate() {
             each(self.finish(*bundle, k, workspace));
         }
+    }
+
+    /// The answer to a bundle if it is certain without rays and found in a part of the estimated work of exact rays: 1 / `part`.
+    pub(super) fn certificate(
+        &self,
+        bundle: &Bundle,
+        part: u64,
+        workspace: &mut Workspace,
+    ) -> Option<Answer> {
+        self.walk_within(self.cost.part(part), &[*bundle], Sizes::Nothing, true, workspace);
+        let certain = workspace.shafts[0].whole && !workspace.walked[0].gave_up;
+        let certain = certain && (workspace.walked[0].clear || workspace.walked[0].covered);
+        certain.then(|| self.finish(*bundle, 0, workspace))
     }
 
     /// The visible fraction of a bundle by exact rays; for bundles for which [`MultiResolution::pays`] is false.
@@ -194,6 +210,17 @@ impl MultiResolution {
     }
 
     fn walk_all(&self, bundles: &[Bundle], sizes: Sizes, bounded: bool, workspace: &mut Workspace) {
+        self.walk_within(self.cost, bundles, sizes, bounded, workspace);
+    }
+
+    fn walk_within(
+        &self,
+        cost: CostModel,
+        bundles: &[Bundle],
+        sizes: Sizes,
+        bounded: bool,
+        workspace: &mut Workspace,
+    ) {
         let engine = Walker {
             tree: &self.tree,
             instances: self.instances.as_deref(),
@@ -201,7 +228,7 @@ impl MultiResolution {
             average: self.leaf == LeafMode::Average,
             far: self.far,
             tolerance: self.tolerance,
-            cost: self.cost,
+            cost,
         };
         dispatch(self.isa, BundleWalks { engine, bundles, sizes, bounded, workspace });
     }
