@@ -166,8 +166,8 @@ fn run_on_all_cores(args: &Args) -> Result<ExitCode> {
     }
     args.scaling.map_or(Ok(()), bench::check_scaling)?;
     args.scene.as_ref().map_or(Ok(()), SceneArgs::without_light)?;
-    common.check_json()?;
     let _folder = args.out.as_deref().map(check_folder).transpose()?;
+    common.check_json()?;
     let scaling = |bar: &Bar| args.scaling.map(|n| bench::scaling(&options, n, bar)).transpose();
     let Some(scene) = &args.scene else {
         let page = args.out.as_ref().map(|folder| Output::new("--out", folder.join(REPORT)));
