@@ -85,18 +85,7 @@ fn pages_fit_into_every_window() {
     let folder = Scratch::new();
     let scene = long_names(&folder);
     let few = ["--points", "300", "--reference-rays", "64", "--map", "64", "--quiet", "--cache", "off"];
-    let all = [
-        "bench",
-        &scene,
-        "--out",
-        "all",
-        "--unbiased",
-        "--target-error",
-        "0.1",
-        "--scaling=10000",
-        "--map",
-        "64",
-    ];
+    let all = ["bench", &scene, "--out", "all", "--unbiased", "--target-error", "0.1", "--scaling=10000"];
     folder.mrvis(&[&all[..], &few].concat());
     let forest = Spec { trees: 9, leaves: 200, ..Spec::new("forest") };
     let forest = folder.generate(&forest);
