@@ -254,6 +254,8 @@ fn bench_writes_what_it_promises() {
         ("/receivers/0", &["name", "width", "height", "texel", "l2", "fbem"]),
     ];
     holds(&json, keys);
+    holds(&json, MAP_FIELDS);
+    assert_eq!(json["maps"][0]["width"], 16);
     assert_eq!(json["scene"]["triangles"], 3);
     assert_eq!(json["workload"]["points"], 20);
     assert_eq!(json["threads"], 1, "single thread unless told otherwise");
@@ -275,6 +277,27 @@ fn bench_writes_what_it_promises() {
     assert_eq!((quiet.code, quiet.stdout.as_str(), quiet.stderr.as_str()), (Some(0), "", ""));
 }
 
+/// Fields of maps, by place.
+const MAP_FIELDS: &[(&str, &[&str])] = &[
+    ("/maps/0", &["receiver", "width", "height", "texel", "reference_rays", "reference_rms"]),
+    ("/maps/0/exact/0", &["rays", "spacing", "interpolated", "seconds", "rms", "bias"]),
+    (
+        "/maps/0/mr/0",
+        &[
+            "feature_size",
+            "rays",
+            "seconds",
+            "setup_s",
+            "rms",
+            "bias",
+            "fbem",
+            "speedup_at_same_rms",
+            "speedup_with_setup",
+            "speedup_at_same_fbem",
+        ],
+    ),
+];
+
 /// The JSON has all these fields, by place.
 fn holds(json: &serde_json::Value, keys: &[(&str, &[&str])]) {
     for (place, names) in keys {
@@ -283,38 +306,6 @@ fn holds(json: &serde_json::Value, keys: &[(&str, &[&str])]) {
             assert!(at.get(name).is_some(), "the JSON has no {place}/{name}");
         }
     }
-}
-
-/// Fields of maps; `--map 0` makes none.
-#[test]
-fn maps_are_in_the_json() {
-    let scratch = scratch();
-    let call = ["bench", "scene.obj", "--json", "r.json", "--quiet"];
-    scratch.mrvis(&[&call[..], &QUICK].concat());
-    let keys: &[(&str, &[&str])] = &[
-        ("/maps/0", &["receiver", "width", "height", "texel", "reference_rays", "reference_rms"]),
-        ("/maps/0/exact/0", &["rays", "spacing", "interpolated", "seconds", "rms", "bias"]),
-        (
-            "/maps/0/mr/0",
-            &[
-                "feature_size",
-                "rays",
-                "seconds",
-                "setup_s",
-                "rms",
-                "bias",
-                "fbem",
-                "speedup_at_same_rms",
-                "speedup_with_setup",
-                "speedup_at_same_fbem",
-            ],
-        ),
-    ];
-    let json = scratch.json("r.json");
-    holds(&json, keys);
-    assert_eq!(json["maps"][0]["width"], 16);
-    scratch.mrvis(&[&call[..], &QUICK[..6], &["--map", "0"]].concat());
-    assert!(scratch.json("r.json").get("maps").is_none());
 }
 
 /// Growth is measured with and without a scene; the smallest series has one forest each.

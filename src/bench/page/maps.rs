@@ -99,10 +99,10 @@ fn mr_row(row: &MapMrRow, unit: &str) -> [Cell; 12] {
 
 /// Error against time of exact rows, interpolated and not, and of the shown MR rows.
 fn plot(map: &MapRecord, unit: &str) -> Result<Markup> {
+    let rays = |n: usize| if n == 1 { "1 ray".to_string() } else { format!("{n} rays") };
     let exact = |interpolated: bool| -> Vec<PlotPoint> {
         let rows = map.exact.iter().filter(|row| row.interpolated == interpolated);
-        rows.map(|row| PlotPoint { x: row.seconds, y: row.rms, label: format!("{} rays", row.rays) })
-            .collect()
+        rows.map(|row| PlotPoint { x: row.seconds, y: row.rms, label: rays(row.rays) }).collect()
     };
     let mr = map.best_by_size().into_iter().map(|row| {
         let label = format!("s = {}", length(row.feature_size, unit));
