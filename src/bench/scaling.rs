@@ -144,7 +144,7 @@ fn measure(
     let (call, _) = bench.embree_timed(&workload, rays);
     let asked = bench.decide(&sample, &engine, s, rays);
     let (mut exact, mut mr) = (Run::default(), MrRun::default());
-    let timed = rounds(if asked.pays { 2 } else { 1 }, |row, first| {
+    let timed = rounds(if asked.pays() { 2 } else { 1 }, |row, first| {
         let run = match row {
             0 => MrRun { run: bench.exact(queries, &call, rays, first), ..MrRun::default() },
             _ => bench.mr(queries, &engine, &asked, first),
@@ -157,7 +157,7 @@ fn measure(
         }
         sections
     });
-    if !asked.pays {
+    if !asked.pays() {
         mr = MrRun::handed_over(exact.clone(), rays);
     }
     let seconds = [0, timed.seconds.len() - 1].map(|k| timed.seconds[k]);
