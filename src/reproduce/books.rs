@@ -138,7 +138,7 @@ pub fn figure_10(context: &Context) -> Result<Item> {
     };
     let images =
         lit.iter().map(|lit| irradiance(&lit.mesh, VIEW, ANGLE, SIZE)).collect::<Result<Vec<_>>>()?;
-    let white = images[3].data().iter().fold(0.0f32, |most, v| most.max(*v));
+    let white = images[3].data().iter().fold(0.0f32, |white, v| white.max(*v));
     let panels = images.iter().zip(&cases).map(|(image, (name, _))| Panel::scaled(image, white, *name));
     item.row(format!("Irradiance: black 0, white {white:.0} W/m² and more"), panels.collect());
     let columns = [

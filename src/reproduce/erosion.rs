@@ -128,8 +128,8 @@ pub fn figure_4(context: &Context) -> Result<Item> {
     );
     let widths = EDGES.map(|edge| shadow_widths(edge).map(|width| width / TEXEL));
     let expected = |i: usize, k: usize| match widths[k] {
-        [least, _] if least > MASKS[i - 1] => kept(i, k) > 0.5,
-        [_, most] if most < MASKS[i - 1] => kept(i, k) < 0.5,
+        [umbra, _] if umbra > MASKS[i - 1] => kept(i, k) > 0.5,
+        [_, penumbra] if penumbra < MASKS[i - 1] => kept(i, k) < 0.5,
         _ => true,
     };
     item.check(
@@ -137,7 +137,7 @@ pub fn figure_4(context: &Context) -> Result<Item> {
          them if narrower",
         format!(
             "widths by the formula of Figure 5: {} texels",
-            widths.map(|[least, most]| format!("{} to {}", fixed(least, 0), fixed(most, 0))).join(", ")
+            widths.map(|[umbra, penumbra]| format!("{} to {}", fixed(umbra, 0), fixed(penumbra, 0))).join(", ")
         ),
         (1..4).all(|i| (0..4).all(|k| expected(i, k))),
     );

@@ -142,15 +142,15 @@ pub fn figure_1(context: &Context) -> Result<Item> {
     );
     let errors_of = |k: usize| format!("L2 error {} %", fixed(errors[k], 1));
     item.row(format!("Coarse mesh ({VISIBLE})"), panels(&groups.coarse, &errors_of));
-    let (least, most) = range(&errors);
+    let (smallest, largest) = range(&errors);
     let similar = paper_spread();
     item.check(
         format!(
             "the four L2 errors are similar: they differ by no more than the paper's errors at its smallest feature size, {} %",
             fixed(100.0 * (similar - 1.0), 0)
         ),
-        format!("{} to {} %", fixed(least, 1), fixed(most, 1)),
-        most <= similar * least,
+        format!("{} to {} %", fixed(smallest, 1), fixed(largest, 1)),
+        largest <= similar * smallest,
     );
     // The sizes differ by a factor of three all the same.
     let sizes = groups.shadows.iter().map(typical_size).collect::<Result<Vec<f64>>>()?;
@@ -247,19 +247,19 @@ pub fn table_1(context: &Context) -> Result<Item> {
 
 /// Largest error of a group relative to the smallest at the smallest size of the paper's table, which is about L2.
 fn paper_spread() -> f64 {
-    let (least, most) = range(&TABLE_1[0]);
-    most / least
+    let (smallest, largest) = range(&TABLE_1[0]);
+    largest / smallest
 }
 
 fn judge_table_1(item: &mut Item, found: &[[f64; 4]]) {
-    let (least, most) = range(&found[0]);
+    let (smallest, largest) = range(&found[0]);
     item.check(
         format!(
             "the smallest size does not tell the groups apart: their errors differ by no more than the paper's, {} %",
             fixed(100.0 * (paper_spread() - 1.0), 0)
         ),
-        format!("{} %", fixed(100.0 * (most / least - 1.0), 0)),
-        most / least <= paper_spread(),
+        format!("{} %", fixed(100.0 * (largest / smallest - 1.0), 0)),
+        largest / smallest <= paper_spread(),
     );
     let falls = (0..4).all(|k| found.windows(2).all(|rows| rows[1][k] < rows[0][k]));
     let columns: Vec<String> =

@@ -131,7 +131,7 @@ pub fn footnote_3(context: &Context) -> Result<Item> {
     let (one, by_direction) = errors.split_at(SIZES.len());
     let [isotropic, others] = [
         gains[3],
-        gains[..3].iter().fold([f64::INFINITY; 2], |least, gain| [0, 1].map(|k| least[k].min(gain[k]))),
+        gains[..3].iter().fold([f64::INFINITY; 2], |smallest, gain| [0, 1].map(|k| smallest[k].min(gain[k]))),
     ];
     for (k, what) in ["BSIZE", "transmittance"].into_iter().enumerate() {
         item.check(

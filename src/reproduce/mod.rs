@@ -10,6 +10,7 @@ mod bsize;
 mod builders;
 mod cells;
 mod desks;
+mod equal_time;
 mod erosion;
 mod feature_sizes;
 mod groups;
@@ -22,6 +23,7 @@ mod page;
 mod plain;
 mod progressive;
 mod shadow;
+mod shaft;
 #[cfg(test)]
 mod tests;
 mod umbra;

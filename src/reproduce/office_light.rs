@@ -46,7 +46,7 @@ pub fn show(item: &mut Item, visibility: Visibility, context: &Context) -> Resul
         let under = contrast(&floor(&scene, &outcome.mesh)?)?;
         let seconds = fixed(outcome.record.seconds.work(), 2);
         table.push([name.into(), outcome.record.links.to_string(), seconds.clone(), fixed(100.0 * under, 1)]);
-        images.push((irradiance(&outcome.mesh, VIEW, ANGLE, SIZE)?, format!("{name}, {seconds} s")));
+        images.push((irradiance(&outcome.mesh, VIEW, ANGLE, SIZE)?, format!("{name}, {seconds}\u{a0}s")));
         contrasts.push(under);
     }
     let white = bright(&images[0].0);

@@ -139,7 +139,7 @@ fn rows(table: &Table) -> Markup {
                 @for row in &table.rows {
                     tr {
                         @for (k, (cell, name)) in row.iter().zip(&table.columns).enumerate() {
-                            td class=[words(k).then_some("text")] data-name=(name) { (cell) }
+                            td class=[words(k).then_some("text")] data-name=(name) { (prose(cell)) }
                         }
                     }
                 }

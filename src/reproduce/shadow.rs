@@ -9,6 +9,7 @@ use crate::ray::{LANES, Occluder, Packet};
 use crate::visibility::{Bundle, CALIBRATION_BUNDLES, Exact, MultiResolution, Workspace};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
@@ -29,7 +30,7 @@ pub struct Wall {
 #[derive(Clone, Debug)]
 pub struct Rendered {
     pub image: Image<'static>,
-    /// Seconds of the queries, summed over threads, the least of the repetitions.
+    /// Seconds of the queries, summed over threads; of each run of texels the shortest of the repetitions.
     pub seconds: f64,
 }
 
@@ -50,10 +51,18 @@ impl Wall {
     }
 }
 
+/// Segments from all texels to the emitters that they face, sixteen or fewer a packet, drawn once for several engines.
+pub struct Segments {
+    packets: Vec<Packet>,
+    /// First packet of each pair, in the order of [`Grid::pairs`], and the number of packets.
+    ends: Vec<usize>,
+}
+
 /// Texels and the emitters that they face.
 pub struct Grid<'a> {
     model: &'a Model,
     workload: Workload,
+    /// Emitter by emitter: neighbouring segments share the upper part of a traversal.
     pairs: Vec<usize>,
     size: [usize; 2],
     texel: f64,
@@ -63,7 +72,8 @@ impl<'a> Grid<'a> {
     /// Texels row by row from the top left: columns, rows and side.
     pub fn new(model: &'a Model, points: Vec<ReceiverPoint>, size: [usize; 2], texel: f64) -> Grid<'a> {
         let workload = Workload::new(model, points, 1);
-        let pairs = (0..workload.pairs.len()).collect();
+        let mut pairs: Vec<usize> = (0..workload.pairs.len()).collect();
+        pairs.sort_by_key(|&pair| workload.pairs[pair].emitter);
         Grid { model, workload, pairs, size, texel }
     }
 
@@ -89,8 +99,8 @@ impl<'a> Grid<'a> {
     /// The fraction of the unoccluded light of all emitters by exact rays; `stream` selects an independent sample set.
     pub fn by_rays(&self, rays: usize, stream: u64, repeat: usize) -> Result<Rendered> {
         let exact = self.model.exact();
-        self.rendered(repeat, |pairs| {
-            let mut packets = Vec::new();
+        self.rendered(repeat, |run| {
+            let (pairs, mut packets) = (&self.pairs[run], Vec::new());
             let bundles: Vec<Vec<Packet>> = pairs
                 .iter()
                 .map(|&pair| {
@@ -112,10 +122,10 @@ impl<'a> Grid<'a> {
         (rays, repeat): (usize, usize),
     ) -> Result<(Rendered, Visits)> {
         let all = Mutex::new(Visits::default());
-        let rendered = self.rendered(repeat, |pairs| {
+        let rendered = self.rendered(repeat, |run| {
             let (mut packets, mut found, mut visits) = (Vec::new(), Vec::new(), Visits::default());
             let mut seconds = 0.0;
-            for &pair in pairs {
+            for &pair in &self.pairs[run] {
                 self.workload.packed(self.model.scene(), &[pair], rays, 0, &mut packets);
                 let descent = descent(self.workload.pairs[pair].emitter_size);
                 let start = Instant::now();
@@ -143,53 +153,107 @@ impl<'a> Grid<'a> {
         s: f64,
         (rays, repeat): (usize, usize),
     ) -> Result<Rendered> {
-        self.rendered(repeat, |pairs| {
-            let (packets, ends) = self.packets(pairs, rays);
-            let bundles = self.bundles(pairs, &packets, &ends);
-            let (mut workspace, mut found) = (Workspace::default(), Vec::with_capacity(pairs.len()));
+        self.by_clusters_along(engine, s, &self.segments(rays, 0), repeat)
+    }
+
+    /// The same along segments that were drawn before.
+    pub fn by_clusters_along(
+        &self,
+        engine: &MultiResolution,
+        s: f64,
+        segments: &Segments,
+        repeat: usize,
+    ) -> Result<Rendered> {
+        self.rendered(1, |run| {
+            let bundles = self.bundles(run, segments);
+            let mut workspace = Workspace::default();
             // Memory of the workspace is not part of the time.
             engine.answers(&bundles, s as f32, &mut workspace, |_| ());
-            let start = Instant::now();
-            engine.answers(&bundles, s as f32, &mut workspace, |a| found.push(a.transmittance));
-            (found, start.elapsed().as_secs_f64())
+            let timed = |_| {
+                let mut found = Vec::with_capacity(bundles.len());
+                let start = Instant::now();
+                engine.answers(&bundles, s as f32, &mut workspace, |a| found.push(a.transmittance));
+                (found, start.elapsed().as_secs_f64())
+            };
+            let shorter = |a: (Vec<f32>, f64), b: (Vec<f32>, f64)| if b.1 < a.1 { b } else { a };
+            (0..repeat.max(1)).map(timed).reduce(shorter).unwrap_or_default()
         })
     }
 
     /// The engine with an estimate of the cost of exact rays for these texels.
     pub fn with_budget(&self, engine: MultiResolution) -> MultiResolution {
         let step = (self.pairs.len() / CALIBRATION_BUNDLES).max(1);
-        let pairs: Vec<usize> = self.pairs.iter().copied().step_by(step).collect();
-        let (packets, ends) = self.packets(&pairs, LANES);
-        engine.with_budget(&self.bundles(&pairs, &packets, &ends), &mut Workspace::default())
+        let places: Vec<usize> = (0..self.pairs.len()).step_by(step).collect();
+        let segments = self.drawn(&places, LANES, 0);
+        let bundles: Vec<Bundle> =
+            places.iter().enumerate().map(|(k, &place)| self.bundle(place, segments.of(k))).collect();
+        engine.with_budget(&bundles, &mut Workspace::default())
     }
 
-    fn packets(&self, pairs: &[usize], rays: usize) -> (Vec<Packet>, Vec<usize>) {
-        let (mut packets, mut ends) = (Vec::new(), vec![0]);
-        for &pair in pairs {
-            self.workload.add_bundle(self.model.scene(), pair, (rays, Order::Spread), 0, &mut packets);
-            ends.push(packets.len());
+    /// Segments of all pairs; `stream` selects an independent sample set.
+    pub fn segments(&self, rays: usize, stream: u64) -> Segments {
+        let places: Vec<usize> = (0..self.pairs.len()).collect();
+        let parts: Vec<Segments> =
+            places.par_chunks(RUN).map(|places| self.drawn(places, rays, stream)).collect();
+        let mut all = Segments { packets: Vec::new(), ends: vec![0] };
+        for part in parts {
+            let first = all.packets.len();
+            all.ends.extend(part.ends[1..].iter().map(|end| first + end));
+            all.packets.extend(part.packets);
         }
-        (packets, ends)
+        all
     }
 
-    fn bundles<'s>(&'s self, pairs: &[usize], packets: &'s [Packet], ends: &[usize]) -> Vec<Bundle<'s>> {
-        let bundle = |(k, &pair): (usize, &usize)| Bundle {
-            packets: &packets[ends[k]..ends[k + 1]],
+    /// Those of some pairs, which are at these places of [`Grid::pairs`].
+    fn drawn(&self, places: &[usize], rays: usize, stream: u64) -> Segments {
+        let mut drawn = Segments { packets: Vec::new(), ends: vec![0] };
+        for &place in places {
+            let (scene, pair) = (self.model.scene(), self.pairs[place]);
+            self.workload.add_bundle(scene, pair, (rays, Order::Near), stream, &mut drawn.packets);
+            drawn.ends.push(drawn.packets.len());
+        }
+        drawn
+    }
+
+    fn bundles<'s>(&'s self, run: Range<usize>, segments: &'s Segments) -> Vec<Bundle<'s>> {
+        run.map(|place| self.bundle(place, segments.of(place))).collect()
+    }
+
+    fn bundle<'s>(&'s self, place: usize, packets: &'s [Packet]) -> Bundle<'s> {
+        let pair = self.pairs[place];
+        Bundle {
+            packets,
             emitter_size: self.workload.pairs[pair].emitter_size,
             emitter: self.workload.hull(pair),
-        };
-        pairs.iter().enumerate().map(bundle).collect()
+        }
     }
 
-    /// An image of the answers for all pairs of texels and emitters, with the least sum of seconds of `repeat` repetitions.
-    fn rendered(&self, repeat: usize, run: impl Fn(&[usize]) -> (Vec<f32>, f64) + Sync) -> Result<Rendered> {
-        let (mut values, mut least) = (Vec::new(), f64::INFINITY);
+    /// An image of the answers for all pairs of texels and emitters, by runs of them, each timed `repeat` times.
+    fn rendered(
+        &self,
+        repeat: usize,
+        run: impl Fn(Range<usize>) -> (Vec<f32>, f64) + Sync,
+    ) -> Result<Rendered> {
+        let n = self.pairs.len();
+        let ranges: Vec<Range<usize>> =
+            (0..n).step_by(RUN).map(|first| first..(first + RUN).min(n)).collect();
+        let mut shortest = vec![f64::INFINITY; ranges.len()];
+        let mut values = vec![0.0; n];
         for _ in 0..repeat.max(1) {
-            let runs: Vec<(Vec<f32>, f64)> = self.pairs.par_chunks(RUN).map(&run).collect();
-            least = least.min(runs.iter().map(|(_, seconds)| seconds).sum());
-            values = runs.into_iter().flat_map(|(found, _)| found).collect();
+            let runs: Vec<(Vec<f32>, f64)> = ranges.par_iter().cloned().map(&run).collect();
+            for ((range, (found, seconds)), shortest) in ranges.iter().zip(runs).zip(&mut shortest) {
+                *shortest = shortest.min(seconds);
+                self.pairs[range.clone()].iter().zip(found).for_each(|(&pair, value)| values[pair] = value);
+            }
         }
-        Ok(Rendered { image: self.image(self.workload.weighted(&values))?, seconds: least })
+        Ok(Rendered { image: self.image(self.workload.weighted(&values))?, seconds: shortest.iter().sum() })
+    }
+}
+
+impl Segments {
+    /// Packets of the k-th pair.
+    fn of(&self, k: usize) -> &[Packet] {
+        &self.packets[self.ends[k]..self.ends[k + 1]]
     }
 }
 

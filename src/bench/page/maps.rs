@@ -66,13 +66,18 @@ fn every(spacing: usize) -> Cell {
 }
 
 fn exact_row(row: &MapExactRow) -> [Cell; 6] {
+    measured(row.rays, row.spacing, [row.seconds, row.setup_s], [row.rms, row.bias])
+}
+
+/// Segments, spacing, times and errors: columns of both tables.
+fn measured(rays: usize, spacing: usize, [time, setup]: [f64; 2], [rms, bias]: [f64; 2]) -> [Cell; 6] {
     [
-        row.rays.into(),
-        every(row.spacing),
-        seconds(row.seconds).into(),
-        seconds(row.setup_s).into(),
-        number(row.rms).into(),
-        signed(row.bias).into(),
+        rays.into(),
+        every(spacing),
+        seconds(time).into(),
+        seconds(setup).into(),
+        number(rms).into(),
+        signed(bias).into(),
     ]
 }
 
@@ -81,14 +86,16 @@ fn mr_row(row: &MapMrRow, unit: &str) -> [Cell; 12] {
         let about = if row.extrapolated { "~" } else { "" };
         Cell::from(format!("{about}{}", times(v))).loss(v.is_some_and(|v| v < 1.0))
     };
+    let [rays, spacing, time, setup, rms, bias] =
+        measured(row.rays, row.spacing, [row.seconds, row.setup_s], [row.rms, row.bias]);
     [
         length(row.feature_size, unit).into(),
-        row.rays.into(),
-        every(row.spacing),
-        seconds(row.seconds).into(),
-        seconds(row.setup_s).into(),
-        number(row.rms).into(),
-        signed(row.bias).into(),
+        rays,
+        spacing,
+        time,
+        setup,
+        rms,
+        bias,
         number(row.fbem).into(),
         speed(row.speedup_at_same_rms),
         speed(row.speedup_with_setup),
