@@ -10,7 +10,7 @@ use super::measure::{MrRun, Queries, Run, Timer};
 use super::options::Options;
 use super::prepare::build_of;
 use super::record::{ScalingRecord, ScalingRow};
-use super::rounds::rounds;
+use super::rounds::{rounds, timed};
 use super::workload::{ReceiverPoint, Workload, surface_points};
 use crate::model::Model;
 use crate::model::cache::CacheLocation;
@@ -134,7 +134,7 @@ fn measure(
     };
     let density = spec.trees as f64 / series.forest(MIN_TRIANGLES, options.seed).trees as f64;
     let workload = Workload::new(&model, points(&model, options, density)?, options.seed);
-    let sample = bench.sample(&workload);
+    let sample = timed(&mut build.budget_s, || bench.sample(&workload));
     let engine = bench.engine(&workload, &sample, &mut build);
     let (bundles, rays) = (workload.pairs.len(), options.rays);
     let every: Vec<usize> = (0..bundles).collect();

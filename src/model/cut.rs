@@ -14,8 +14,8 @@ use std::sync::{Arc, PoisonError};
 /// Points of the sample that decides for single queries, beyond those of the pilot, and their number: as many as a batch's.
 const FIRST_SAMPLED: u32 = 1 << 17;
 const SAMPLED: u32 = 256;
-/// Largest number of segments of the sample's bundles: with more the error of the model weighs more, and the plan of the cut accounts for
-/// that.
+/// Largest number of segments of a bundle that the cut answers: the error of its model does not fall with more, and is known from
+/// samples of as many.
 const MAX_SAMPLED: usize = 256;
 /// Segments of each half of what tells a visible fraction: as many as the most of a bundle, so that the noise of a half is no larger.
 const TRUTH_RAYS: usize = 256;
@@ -59,9 +59,8 @@ impl Model {
         if bundle.emitter_size <= 0.0 || engine.leaf() != LeafMode::Exact {
             return engine.clone();
         }
-        let Some(cut) = self.cut() else { return engine.clone() };
-        let n =
-            bundle.packets.iter().map(Packet::len).sum::<usize>().max(1).next_power_of_two().min(MAX_SAMPLED);
+        let n = bundle.packets.iter().map(Packet::len).sum::<usize>().max(1).next_power_of_two();
+        let Some(cut) = self.cut().filter(|_| n <= MAX_SAMPLED) else { return engine.clone() };
         let octave = s.log2().floor();
         let routes = || self.inner.engines.routes.lock().unwrap_or_else(PoisonError::into_inner);
         let known = routes().get(&(octave as i32, n)).copied();
@@ -78,7 +77,7 @@ impl Model {
 
     /// The route of an engine for bundles of `n` segments from points on surfaces.
     fn sampled_route(&self, engine: &MultiResolution, s: f32, n: usize) -> Route {
-        let surfaces = Surfaces::of(self.scene(), self.bounds());
+        let surfaces = Surfaces::receiving(self.scene(), self.bounds());
         let (magnitudes, exact) = (self.base().magnitudes(), self.exact());
         let mut blocked = Vec::new();
         let (mut asked, mut truth) = (Vec::new(), Halves::default());
@@ -97,7 +96,7 @@ impl Model {
     }
 
     fn made_cut(&self) -> Option<Cut> {
-        let surfaces = Surfaces::of(self.scene(), self.bounds());
+        let surfaces = Surfaces::receiving(self.scene(), self.bounds());
         let magnitudes = self.base().magnitudes();
         Cut::fitted(self.scene(), |k| self.candidate(&surfaces, magnitudes, k), &self.exact())
     }

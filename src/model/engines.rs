@@ -98,11 +98,21 @@ pub(super) struct Surfaces {
 }
 
 impl Surfaces {
+    /// All surfaces.
     pub fn of(scene: &Scene, bounds: Aabb) -> Surfaces {
+        Surfaces::with(scene, bounds, |_| true)
+    }
+
+    /// Surfaces that do not emit.
+    pub fn receiving(scene: &Scene, bounds: Aabb) -> Surfaces {
+        Surfaces::with(scene, bounds, |t| scene.triangle_emitter[t as usize] == u32::MAX)
+    }
+
+    fn with(scene: &Scene, bounds: Aabb, counts: impl Fn(u32) -> bool) -> Surfaces {
         let mut sum = 0.0;
         let areas = (0..scene.triangles.len() as u32).map(|t| {
             let [a, b, c] = scene.corners(t);
-            sum += crate::math::triangle_area(a, b, c);
+            sum += if counts(t) { crate::math::triangle_area(a, b, c) } else { 0.0 };
             sum
         });
         Surfaces { sums: areas.collect(), bounds }

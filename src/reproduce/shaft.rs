@@ -96,7 +96,7 @@ mod tests {
         let ends = [cube(Vec3::ZERO, 1.0), cube(10.0 * Vec3::X, 2.0)];
         for (centre, is_met) in [
             (Vec3::new(5.0, 1.9, 0.0), true),
-            (Vec3::new(5.0, 2.1, 0.0), false),
+            (Vec3::new(5.0, 2.3, 0.0), false),
             (Vec3::new(-2.0, 0.0, 0.0), false),
             (Vec3::new(12.4, 0.0, 0.0), true),
             (Vec3::new(12.6, 0.0, 0.0), false),

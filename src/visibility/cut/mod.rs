@@ -141,7 +141,8 @@ impl Sums {
             ),
         };
         let method = match (sums.blocks > 0, sums.aggregated > 0) {
-            (_, false) => Method::Exact,
+            (false, false) => Method::Clear,
+            (true, false) => Method::Exact,
             (false, true) => Method::Aggregated,
             (true, true) => Method::Mixed,
         };

@@ -24,6 +24,8 @@ const SMALLEST_AVERAGED: f64 = 0.02;
 const CANDIDATES: u32 = 1 << 15;
 /// Smallest part of the packets of a class that decides by itself: smaller ones take what was measured of all.
 const SMALLEST_PART: f32 = 0.01;
+/// Fewest packets of a class that decides by itself: factors are fitted to their mean, which a few packets do not tell.
+const FEWEST_PACKETS: f64 = 200.0;
 /// Largest error of the mean transmittance of a class, twice its standard error.
 const MAX_BIAS: f64 = 0.003;
 /// Smallest gain over Embree for which a width is kept: gains are known to a tenth.
@@ -215,6 +217,11 @@ impl Totals {
         }
     }
 
+    /// Error of the mean transmittance.
+    fn bias(&self) -> f64 {
+        self.errors[0] / self.packets
+    }
+
     /// Standard error of the mean transmittance; both sets of a receiver err alike at worst.
     fn error(&self) -> f64 {
         let [mean, square] = self.errors.map(|sum| sum / self.packets);
@@ -243,8 +250,8 @@ impl Totals {
     }
 }
 
-/// The mode of a width, and whether the means of all classes are known; none if no factor makes the mean of a class right, or if the
-/// width averages nothing.
+/// The mode of a width, and whether the means of all classes are known; none if no factor makes the means right, or if the width
+/// averages nothing.
 fn mode(pairs: &[[Set; 2]], width: usize) -> Option<(Mode, bool)> {
     let sets = || pairs.as_flattened().iter();
     if sets().all(|set| set.met[width].aggregated == 0) {
@@ -255,8 +262,9 @@ fn mode(pairs: &[[Set; 2]], width: usize) -> Option<(Mode, bool)> {
     for (class, own) in factors.iter_mut().enumerate() {
         let of_class = sets().map(|set| (set, &set.met[width])).filter(|(_, met)| met.class == class);
         let of_class: Vec<_> = of_class.collect();
-        if of_class.len() as f32 >= SMALLEST_PART * 2.0 * pairs.len() as f32 {
-            *own = factor(&of_class)?;
+        if decides(of_class.len() as f64, 2.0 * pairs.len() as f64) {
+            // Where hardly anything is averaged no factor may do; the common one then changes hardly anything.
+            *own = factor(&of_class).unwrap_or(common);
         }
     }
     let mut totals = [Totals::default(); CLASSES];
@@ -267,14 +275,20 @@ fn mode(pairs: &[[Set; 2]], width: usize) -> Option<(Mode, bool)> {
         let rare = Fit { part: (totals[class].packets / joined.packets) as f32, ..all };
         let own = totals[class].fit(factors[class], joined.packets);
         let own = own.map(|fit| Fit { power: if class == 0 { SMOOTH } else { STRATIFIED }, ..fit });
-        own.filter(|fit| fit.part >= SMALLEST_PART).unwrap_or(rare)
+        own.filter(|_| decides(totals[class].packets, joined.packets)).unwrap_or(rare)
     };
     let fits = std::array::from_fn(fit);
-    let known = totals
-        .iter()
-        .zip(&fits)
-        .all(|(totals, fit)| fit.part < SMALLEST_PART || 2.0 * totals.error() <= MAX_BIAS);
+    let deciding = || totals.iter().filter(|class| decides(class.packets, joined.packets));
+    if deciding().any(|class| class.bias().abs() > MAX_BIAS + 2.0 * class.error()) {
+        return None;
+    }
+    let known = deciding().all(|class| 2.0 * class.error() <= MAX_BIAS);
     Some((Mode { width: WIDTHS[width], fits }, known))
+}
+
+/// Whether a class with so many of all packets decides by itself.
+fn decides(packets: f64, all: f64) -> bool {
+    packets >= FEWEST_PACKETS && packets >= f64::from(SMALLEST_PART) * all
 }
 
 /// The factor with which the cut transmits as much as was visible, by bisection; none if it lies outside of the range.

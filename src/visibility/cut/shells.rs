@@ -66,7 +66,7 @@ impl Shell {
         if !self.outermost {
             return self.plane.separates_nothing(simd, bundle.packets, self.margin);
         }
-        let Some(first) = bundle.packets.first().filter(|packet| !packet.is_empty()) else { return true };
+        let Some(first) = bundle.packets.iter().find(|packet| !packet.is_empty()) else { return true };
         let receiver = first.point(first.active.trailing_zeros() as usize, 0.0);
         // Ends on an emitter of the scene lie on the inner side, as the whole scene does.
         let reach = receiver.distance(self.centre) * (1.0 + 1e-5) + self.margin;

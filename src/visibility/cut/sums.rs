@@ -164,18 +164,20 @@ impl Sums {
 impl Cut {
     /// Follows the segments of bundles, and passes the number of each bundle and its sums to `each`, in order.
     pub(super) fn each_sum(&self, bundles: &[Bundle], how: How, mut each: impl FnMut(usize, Sums)) {
-        let n = |k: usize| bundles[k].packets.iter().map(Packet::len).sum::<usize>() as f32;
+        let segments = |bundle: &Bundle| bundle.packets.iter().map(Packet::len).sum::<usize>() as f32;
         let (mut at, mut all) = (0, Sums::default());
+        let mut n = bundles.first().map_or(0.0, segments);
         self.each_packet(bundles, how, |k, packet| {
             while at < k {
                 each(at, std::mem::take(&mut all));
                 at += 1;
+                n = segments(&bundles[at]);
             }
             let mut sums = Sums::counted(packet.met, packet.segments);
             sums.transmit(packet.lanes);
             if let How::Mode(mode) = how {
                 let fit = &mode.fits[packet.class];
-                sums.variance = fit.averaged(n(k)) * packet.segments as f32;
+                sums.variance = fit.averaged(n) * packet.segments as f32;
                 sums.model = fit.model * packet.segments as f32;
                 sums.single = fit.single * packet.segments as f32;
             }
