@@ -23,6 +23,7 @@ mod instances;
 mod multires;
 #[cfg(test)]
 pub mod reference;
+mod route;
 mod routes;
 mod shaft;
 mod slabs;
@@ -48,7 +49,8 @@ pub use cut::{Mode, Sums};
 pub use exact::{Exact, fastest_traversal};
 pub use instance_tree::{Frame, InstanceTree, Instances, PlacedChange};
 pub use multires::{LeafMode, MultiResolution};
-pub use routes::{Halves, Route};
+pub use route::Route;
+pub use routes::Halves;
 #[cfg(any(test, feature = "reports"))]
 pub use unbiased::{Correction, Estimate, Unbiased};
 pub use wide::WideTree;

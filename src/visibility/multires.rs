@@ -6,7 +6,7 @@ use super::cost_model::{CostModel, Work};
 use super::cut::Cut;
 use super::exact::Exact;
 use super::instance_tree::InstanceTree;
-use super::routes::Route;
+use super::route::Route;
 #[cfg(feature = "internals")]
 use super::steps::Steps;
 use super::wide::WideTree;

@@ -5,6 +5,7 @@ use super::bundle_walks::Workspace;
 use super::cost_model::Work;
 use super::cut::{Cut, Mode, Sums, rays_for};
 use super::multires::MultiResolution;
+use super::route::Route;
 use std::sync::Arc;
 
 /// Largest time to an error, relative to that of exact rays, at which another route is taken: work is an estimate, and the mean squares
@@ -14,17 +15,6 @@ const MAX_COST_RATIO: f64 = 0.8;
 /// Fewest bundles of a sample with something averaged by which the error of averages is judged: with five its mean square is known to
 /// about a factor of two. With fewer, exact rays are taken.
 const MIN_AVERAGED: usize = 5;
-
-/// What answers many bundles.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Route {
-    /// Exact rays.
-    Exact,
-    /// Walks of the clusters by bundles.
-    Walks,
-    /// The distance cut in one of its [modes](Cut::modes), and exact rays for bundles that it does not take.
-    Cut(usize),
-}
 
 /// Visible fractions of the bundles of a sample by two independent halves of many rays.
 pub type Halves = [Vec<f32>; 2];
