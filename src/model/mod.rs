@@ -5,7 +5,6 @@
 //! factors all take a `&Model`.
 
 pub mod cache;
-mod cut;
 mod engines;
 mod instance;
 mod mesh;

@@ -1,6 +1,5 @@
 //! Models of placed meshes against models of the same triangles, each stored where it is placed.
 
-mod cut;
 mod histories;
 mod single;
 mod stopped;

@@ -11,7 +11,9 @@ mod silhouette;
 #[cfg(test)]
 mod tests;
 
-pub use axes::{AXES, AXIS_COUNT, AxisMix, axes_around};
+#[cfg(test)]
+use axes::AXES;
+pub use axes::{AXIS_COUNT, AxisMix};
 use axes::{PROBES, view};
 
 use crate::clusters::Tree;

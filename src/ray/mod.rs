@@ -150,7 +150,6 @@ impl Packet {
     }
 
     /// Whether no lane is used.
-    #[inline]
     pub fn is_empty(&self) -> bool {
         self.active == 0
     }
