@@ -136,12 +136,14 @@ pub mod simd {
 /// Visibility engines.
 pub mod visibility {
     pub use crate::visibility::steps::Steps;
-    pub use crate::visibility::{Bundle, Exact, LeafMode, MultiResolution, Workspace};
+    pub use crate::visibility::{
+        Answer, Bundle, Cut, Exact, LeafMode, Mode, MultiResolution, Sums, Workspace, fastest_traversal,
+    };
 }
 
 use crate::embree::{CommittedScene, Traversal};
 use crate::model::Model;
-use crate::visibility::{LeafMode, MultiResolution};
+use crate::visibility::{Cut, LeafMode, MultiResolution};
 
 /// The multi-resolution engine over a model with optics, without a budget.
 ///
@@ -149,6 +151,11 @@ use crate::visibility::{LeafMode, MultiResolution};
 /// If the model was prepared without optics.
 pub fn multi_resolution(model: &Model, traversal: Traversal, leaf: LeafMode) -> MultiResolution {
     model.engine(traversal, leaf).expect("optics")
+}
+
+/// The distance cut of a model, if it has one.
+pub fn cut(model: &Model) -> Option<Cut> {
+    model.cut().map(|cut| (*cut).clone())
 }
 
 /// The Embree scene of a model.

@@ -165,7 +165,7 @@ impl<'a> Query<'a> {
         let bundle = Bundle { packets: &packets, emitter_size, emitter: hull };
         let answer = model.with_workspace(|workspace| match (&chosen, size) {
             (Chosen::Clusters(engine) | Chosen::Either(engine), Some(s)) => {
-                engine.answer(bundle, s, workspace)
+                model.with_cut_for(engine, s, &bundle).answer(bundle, s, workspace)
             }
             _ => model.exact().answer(bundle, &mut Vec::new()),
         });

@@ -24,7 +24,9 @@ pub enum Engine {
 /// Visibility of a model: the fraction of light between points that gets through.
 ///
 /// Made by [`Model::visibility`]; cheap to make and to clone. The first multi-resolution query estimates the cost of exact rays
-/// in this model once (milliseconds); the model keeps that.
+/// in this model once (milliseconds). The first single query to a source makes the tree of the distance cut and measures where it pays
+/// (seconds for a million triangles), and decides whether to use it (milliseconds, once for each power of two of feature size and number
+/// of segments); the model keeps all that.
 #[derive(Clone)]
 pub struct Visibility {
     pub(super) model: Model,

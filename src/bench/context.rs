@@ -14,7 +14,7 @@ use crate::model::Model;
 use crate::progress::Progress;
 use crate::ray::Packet;
 use crate::scene::Scene;
-use crate::visibility::{Exact, MultiResolution, fastest_traversal};
+use crate::visibility::{Exact, MultiResolution, Route, fastest_traversal};
 
 /// Numbers of rays of the exact rows: steps of 4 halve the error, and 256 rays bracket the errors of the MR rows, so
 /// that times at equal error are interpolated.
@@ -24,18 +24,32 @@ const EXACT_RAYS: [usize; 5] = [1, 4, 16, 64, 256];
 const TRIAL_SEGMENTS: usize = 1 << 14;
 
 /// A multi-resolution row to be measured.
+#[derive(Clone, Copy)]
 pub(super) struct PlannedRow {
     /// Feature size, scene units.
     pub s: f64,
     pub rays: usize,
-    /// Whether MR is estimated to be faster than exact rays. If not, all bundles are handed to Embree and the row
-    /// takes answers and time of the exact row with as many rays.
-    pub pays: bool,
+    /// What answers bundles. With exact rays the row takes answers and time of the exact row with as many rays.
+    pub route: Route,
     /// Time of that decision, seconds.
     pub decide_s: f64,
 }
 
 impl PlannedRow {
+    /// Whether MR is estimated to be faster than exact rays.
+    pub fn pays(&self) -> bool {
+        self.route != Route::Exact
+    }
+
+    /// Name of the route: the cut, walks of bundles, or exact rays.
+    pub fn route_name(&self) -> &'static str {
+        match self.route {
+            Route::Cut(_) => "cut",
+            Route::Walks => "bundle",
+            Route::Exact => "embree",
+        }
+    }
+
     /// A row without results.
     pub fn row(&self) -> MrRow {
         MrRow { feature_size: self.s, rays: self.rays, decide_s: self.decide_s, ..Default::default() }
@@ -109,6 +123,7 @@ impl Bench<'_> {
     /// Runs an MR row, after an untimed warm-up.
     pub fn mr(&self, queries: Queries, engine: &MultiResolution, row: &PlannedRow, first: bool) -> MrRun {
         let (s, rays) = (row.s as f32, row.rays);
+        let engine = &engine.with_route(row.route);
         self.timer.multi_resolution(queries.first(WARM_UP_PAIRS), engine, s, rays, &|_| ());
         self.timer.multi_resolution(queries, engine, s, rays, &self.advance(first, rays))
     }
@@ -122,8 +137,8 @@ impl Bench<'_> {
     /// Decides on a sample of the bundles whether MR is faster than exact rays at feature size `s`.
     pub fn decide(&self, sample: &Sample, engine: &MultiResolution, s: f64, rays: usize) -> PlannedRow {
         let mut decide_s = 0.0;
-        let pays = timed(&mut decide_s, || sample.pays(engine, s as f32, rays));
-        PlannedRow { s, rays, pays, decide_s }
+        let route = timed(&mut decide_s, || sample.route(engine, s as f32, rays));
+        PlannedRow { s, rays, route, decide_s }
     }
 
     /// The decisions for all MR rows, in order.

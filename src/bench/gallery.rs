@@ -14,7 +14,7 @@ use super::workload::Workload;
 use crate::embree::Traversal;
 use crate::metrics::{FbemOptions, Image, fbem, missing_features, norms};
 use crate::model::Model;
-use crate::visibility::{Cost, Exact, MultiResolution};
+use crate::visibility::{Cost, Exact, MultiResolution, Route};
 use crate::{Error, Result, error::quote};
 
 /// Rays per texel of the exact image in the report: as many as the default number of segments of MR.
@@ -129,27 +129,28 @@ impl Bench<'_> {
             gallery.images(&timer.exact(queries, &self.embree(&workload, rays), rays, &advance).visible)
         };
         let exact16 = exact(SHOWN_RAYS)?;
-        let walked = |row: &PlannedRow| {
+        let walked = |row: &PlannedRow, route: Route| {
             let advance = |pairs: usize| self.progress.advance((pairs * row.rays) as u64);
+            let engine = &engine.with_route(route);
             let MrRun { run, cost, .. } =
                 timer.multi_resolution(queries, engine, row.s as f32, row.rays, &advance);
             Ok::<_, Error>((gallery.images(&run.visible)?, cost))
         };
         let (mut mr, mut averaged) = (Vec::new(), false);
         for row in &shown {
-            let images = match (row.pays, row.rays == SHOWN_RAYS) {
+            let images = match (row.pays(), row.rays == SHOWN_RAYS) {
                 (true, _) => {
-                    let (images, cost) = walked(row)?;
+                    let (images, cost) = walked(row, row.route)?;
                     averaged |= cost.aggregated > 0;
                     images
                 }
                 (false, true) => exact16.clone(),
                 (false, false) => exact(row.rays)?,
             };
-            mr.push((!row.pays, images));
+            mr.push((!row.pays(), images));
         }
-        let largest = shown.last().filter(|_| shown.iter().all(|row| !row.pays));
-        let (clusters, cost) = largest.map(|row| walked(row)).transpose()?.unzip();
+        let largest = shown.last().filter(|_| shown.iter().all(|row| !row.pays()));
+        let (clusters, cost) = largest.map(|row| walked(row, Route::Walks)).transpose()?.unzip();
         let all_opened = cost.is_some_and(|cost: Cost| cost.aggregated == 0 && cost.handed_over == 0);
         Ok(ShownImages { reference: gallery.images(&means)?, exact16, mr, clusters, averaged, all_opened })
     }
@@ -170,7 +171,7 @@ impl Bench<'_> {
         let references = gallery.images(&means)?;
         let call = |rays| (rays, self.embree(workload, rays));
         let calls: Vec<(usize, Exact)> = self.exact_rays().into_iter().map(call).collect();
-        let walked: Vec<&PlannedRow> = asked.iter().filter(|row| row.pays).collect();
+        let walked: Vec<&PlannedRow> = asked.iter().filter(|row| row.pays()).collect();
         let first_mr = calls.len() + certified.len();
         let numbers = calls.iter().map(|call| call.0).chain(certified.iter().copied());
         let all_rays: usize = numbers.chain(walked.iter().map(|row| row.rays)).sum();
@@ -200,7 +201,7 @@ impl Bench<'_> {
         }
         let mut walked = mr.iter().zip(&timed.seconds[first_mr..]);
         for ((row, asked), curve) in rows.iter_mut().zip(asked).zip(curves.iter().cycle()) {
-            let (images, &seconds) = if asked.pays {
+            let (images, &seconds) = if asked.pays() {
                 walked.next().expect("a run of every row that was walked")
             } else {
                 let k =

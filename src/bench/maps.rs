@@ -14,7 +14,7 @@ use super::options::Options;
 use super::receivers::{ReceiverGrid, Surfaces};
 use super::record::{Build, MapRecord};
 use super::reference::Reference;
-use super::rounds::rounds_within;
+use super::rounds::{rounds_within, timed};
 use super::workload::Workload;
 use crate::Result;
 use crate::metrics::Image;
@@ -153,12 +153,14 @@ impl Bench<'_> {
                 rows.push(Planned::Exact { lattice, rays, call, setup_s });
             }
         }
-        let sample = self.sample(&map.lattices[0].2);
+        let mut sample_s = 0.0;
+        let sample = timed(&mut sample_s, || self.sample(&map.lattices[0].2));
         for &s in &self.sizes {
             let rays = self.options.rays;
-            let PlannedRow { pays, decide_s, .. } = self.decide(&sample, engine, s, rays);
+            let mut row = self.decide(&sample, engine, s, rays);
+            row.decide_s += sample_s;
             for lattice in 0..map.lattices.len() {
-                rows.push(Planned::Mr { lattice, row: PlannedRow { s, rays, pays, decide_s } });
+                rows.push(Planned::Mr { lattice, row });
             }
         }
         rows
@@ -192,7 +194,10 @@ impl Planned {
 
     /// Whether the row is not that of exact rays.
     fn is_measured(&self) -> bool {
-        !matches!(self, Planned::Mr { row: PlannedRow { pays: false, .. }, .. })
+        match self {
+            Planned::Exact { .. } => true,
+            Planned::Mr { row, .. } => row.pays(),
+        }
     }
 }
 

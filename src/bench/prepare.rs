@@ -42,7 +42,7 @@ pub(super) fn build_of(model: &Model) -> Build {
 impl Bench<'_> {
     /// Sample of the workload for the decisions of all rows.
     pub fn sample(&self, workload: &Workload) -> Sample {
-        Sample::of(self.scene, workload, &self.mr_rays())
+        Sample::of(self.scene, workload, &self.mr_rays(), &self.model.exact())
     }
 
     /// The MR engine for a workload. Writes its times and sizes to `build`.
@@ -53,10 +53,12 @@ impl Bench<'_> {
         let engine = timed(&mut build.budget_s, || {
             engine.with_budget(&sample.bundles(1).concat(), &mut Workspace::default())
         });
+        let cut = timed(&mut build.characterise_s, || model.cut());
+        let engine = engine.with_cut(cut);
         let all = |of: &dyn Fn(&Mesh) -> usize| model.meshes().iter().map(|mesh| of(mesh)).sum::<usize>();
         let clusters = all(&|mesh| mesh.hierarchy().micro.bytes() + mesh.hierarchy().large.bytes());
         let optics = all(&|mesh| mesh.measured().map_or(0, |m| size_of_val(m.optics.as_slice())));
-        let (optics, wide) = (optics + model.group_bytes(), engine.bytes());
+        let (optics, wide) = (optics + model.group_bytes(), engine.bytes() + engine.cut_bytes());
         build.hierarchy_bytes = (clusters + optics + wide) as u64;
         build.bytes_per_triangle = BytesPerTriangle::of(
             all(&|mesh| mesh.scene().triangles.len()),

@@ -39,7 +39,7 @@ impl Bench<'_> {
         let asked = self.decisions(sample, engine);
         let mut rows: Vec<MrRow> = asked.iter().map(PlannedRow::row).collect();
 
-        let walked: Vec<usize> = (0..rows.len()).filter(|&k| asked[k].pays).collect();
+        let walked: Vec<usize> = (0..rows.len()).filter(|&k| asked[k].pays()).collect();
         let all_rays: usize = calls.iter().map(|call| call.0).sum::<usize>()
             + certified.iter().map(|row| row.rays).sum::<usize>()
             + walked.iter().map(|&k| rows[k].rays).sum::<usize>();
@@ -51,7 +51,7 @@ impl Bench<'_> {
                 let run = self.exact(queries, engine, rays, first);
                 exact[k].evaluate(first, &reference, &run);
                 for (row, _) in
-                    rows.iter_mut().zip(&asked).filter(|(r, a)| first && r.rays == rays && !a.pays)
+                    rows.iter_mut().zip(&asked).filter(|(r, a)| first && r.rays == rays && !a.pays())
                 {
                     row.evaluate(&reference, audit.as_ref(), &MrRun::handed_over(run.clone(), rays));
                 }
@@ -74,7 +74,7 @@ impl Bench<'_> {
         exact.iter_mut().chain(&mut certified).zip(&mut seconds).for_each(|(row, s)| row.seconds = s);
         for (row, asked) in rows.iter_mut().zip(&asked) {
             let as_many = || exact.iter().find(|e| e.rays == row.rays).map(|e| e.seconds);
-            row.seconds = if asked.pays { seconds.next() } else { as_many() }.unwrap_or(0.0);
+            row.seconds = if asked.pays() { seconds.next() } else { as_many() }.unwrap_or(0.0);
             row.compare(&exact, &certified);
         }
         Measured { reference, exact, certified, mr: rows, rounds: timed.rounds }

@@ -8,6 +8,7 @@ use super::page::ReceiverImages;
 use super::prepare::build_of;
 use super::receivers::{self, Surfaces};
 use super::record::{self, Record};
+use super::rounds::timed;
 use super::rows::Measured;
 use super::sizes::{default_sizes, of_images};
 use super::unaveraged;
@@ -50,7 +51,7 @@ pub fn run(
     let sizes = sizes(model, &surfaces, options);
     let mut warnings = Vec::new();
     let bench = Bench { model, scene, options, timer, sizes, progress };
-    let sample = bench.sample(&workload);
+    let sample = timed(&mut build.budget_s, || bench.sample(&workload));
     let mr = bench.engine(&workload, &sample, &mut build);
     go_on(progress)?;
     let every: Vec<usize> = (0..workload.pairs.len()).collect();

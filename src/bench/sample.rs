@@ -1,16 +1,27 @@
 //! Sample of a workload for decisions: runs of neighbouring bundles.
 
+use super::measure::clear_fraction;
 use super::workload::{Order, Workload};
-use crate::ray::{LANES, Packet};
+use crate::ray::{LANES, Occluder, Packet};
 use crate::scene::Scene;
-use crate::visibility::{Bundle, MultiResolution, SAMPLE_RUN, SAMPLE_RUNS, Work, Workspace};
+use crate::visibility::{
+    Bundle, Exact, Halves, MultiResolution, Route, SAMPLE_RUN, SAMPLE_RUNS, Work, Workspace,
+};
 use glam::Vec3;
 
 /// Segments of runs of neighbouring pairs, evenly spread over a workload, for each number of segments of the rows.
 pub struct Sample {
     sets: Vec<Set>,
     runs: Vec<Run>,
+    /// Visible fraction of each bundle, by [`TRUTH_RAYS`] rays of their own for each half.
+    truth: Halves,
 }
+
+/// Rays of each half of what tells the visible fraction of a bundle: as many as the most of a row, so that the noise of a half is no
+/// larger.
+const TRUTH_RAYS: usize = 256;
+/// Their sample sets: others use 0 to 9.
+const TRUTH_STREAMS: [u64; 2] = [10, 11];
 
 /// All bundles with one number of segments, in order.
 struct Set {
@@ -27,9 +38,9 @@ struct Run {
 }
 
 impl Sample {
-    /// Samples with these numbers of segments per pair, and with one packet per pair.
-    pub fn of(scene: &Scene, workload: &Workload, rays: &[usize]) -> Sample {
-        let mut sample = Sample { sets: Vec::new(), runs: Vec::new() };
+    /// Samples with these numbers of segments per pair, and with one packet per pair. `exact` traces what tells errors.
+    pub fn of(scene: &Scene, workload: &Workload, rays: &[usize], exact: &Exact) -> Sample {
+        let mut sample = Sample { sets: Vec::new(), runs: Vec::new(), truth: Halves::default() };
         let pairs = workload.pairs.len();
         let length = (SAMPLE_RUN * scene.emitters.len()).min(pairs);
         let runs = SAMPLE_RUNS.min(pairs / length.max(1));
@@ -52,6 +63,16 @@ impl Sample {
             }
             sample.sets.push(Set { rays, packets });
         }
+        let (mut packets, mut blocked) = (Vec::new(), Vec::new());
+        for (half, stream) in sample.truth.iter_mut().zip(TRUTH_STREAMS) {
+            for &pair in &chosen {
+                workload.packed(scene, &[pair], TRUTH_RAYS, stream, &mut packets);
+                blocked.clear();
+                blocked.resize(packets.len(), 0);
+                exact.occluded(&packets, &mut blocked);
+                half.push(clear_fraction(&blocked, 0, TRUTH_RAYS));
+            }
+        }
         sample
     }
 
@@ -73,14 +94,9 @@ impl Sample {
         self.runs.iter().map(|run| run.sizes.iter().map(|size| bundle(&run.hull, size)).collect()).collect()
     }
 
-    /// Whether MR is estimated to be faster than exact rays for bundles like these.
-    pub fn pays(&self, engine: &MultiResolution, s: f32, rays: usize) -> bool {
-        let runs = self.bundles(rays);
-        let (mut workspace, mut work) = (Workspace::default(), Work::default());
-        for run in &runs {
-            work.add(engine.work(run, &vec![s; run.len()], &mut workspace));
-        }
-        work.is_clearly_less()
+    /// How bundles like these are answered.
+    pub fn route(&self, engine: &MultiResolution, s: f32, rays: usize) -> Route {
+        engine.route(&self.bundles(rays), &self.truth, s, &mut Workspace::default())
     }
 
     /// Whether certificates may make exact rays faster: their search is not given up for most bundles, as it is under a dome.
@@ -113,7 +129,7 @@ mod tests {
         let model = crate::model::testing::model(&scene, crate::model::Detail::Rays);
         let points = surface_points(&model, 3000, 1).expect("points");
         let workload = Workload::new(&model, points, 1);
-        let sample = Sample::of(&scene, &workload, &[64, 256]);
+        let sample = Sample::of(&scene, &workload, &[64, 256], &model.exact());
         let ends = |bundle: &Bundle| -> Vec<[u32; 3]> {
             let of = |p: &Packet, l: usize| p.point(l, 1.0).to_array().map(f32::to_bits);
             bundle.packets.iter().flat_map(|p| p.lanes().map(|l| of(p, l))).collect()

@@ -10,7 +10,7 @@ use super::measure::{MrRun, Queries, Run, Timer};
 use super::options::Options;
 use super::prepare::build_of;
 use super::record::{ScalingRecord, ScalingRow};
-use super::rounds::rounds;
+use super::rounds::{rounds, timed};
 use super::workload::{ReceiverPoint, Workload, surface_points};
 use crate::model::Model;
 use crate::model::cache::CacheLocation;
@@ -134,7 +134,7 @@ fn measure(
     };
     let density = spec.trees as f64 / series.forest(MIN_TRIANGLES, options.seed).trees as f64;
     let workload = Workload::new(&model, points(&model, options, density)?, options.seed);
-    let sample = bench.sample(&workload);
+    let sample = timed(&mut build.budget_s, || bench.sample(&workload));
     let engine = bench.engine(&workload, &sample, &mut build);
     let (bundles, rays) = (workload.pairs.len(), options.rays);
     let every: Vec<usize> = (0..bundles).collect();
@@ -144,7 +144,7 @@ fn measure(
     let (call, _) = bench.embree_timed(&workload, rays);
     let asked = bench.decide(&sample, &engine, s, rays);
     let (mut exact, mut mr) = (Run::default(), MrRun::default());
-    let timed = rounds(if asked.pays { 2 } else { 1 }, |row, first| {
+    let timed = rounds(if asked.pays() { 2 } else { 1 }, |row, first| {
         let run = match row {
             0 => MrRun { run: bench.exact(queries, &call, rays, first), ..MrRun::default() },
             _ => bench.mr(queries, &engine, &asked, first),
@@ -157,7 +157,7 @@ fn measure(
         }
         sections
     });
-    if !asked.pays {
+    if !asked.pays() {
         mr = MrRun::handed_over(exact.clone(), rays);
     }
     let seconds = [0, timed.seconds.len() - 1].map(|k| timed.seconds[k]);

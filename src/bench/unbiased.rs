@@ -233,7 +233,7 @@ impl<'a> Pilot<'a> {
             answers.clear();
             let start = Instant::now();
             let s = (feature_size * f64::from(emitter_part)) as f32;
-            engine.answers(&bundles, s, &mut workspace, |a| answers.push(a));
+            engine.walked_answers(&bundles, s, &mut workspace, |a| answers.push(a));
             seconds = seconds.min(start.elapsed().as_secs_f64() / pairs.len() as f64);
         }
         let mut classes = vec![Class::default(); CLASSES];

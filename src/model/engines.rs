@@ -5,18 +5,24 @@ use crate::math::Aabb;
 use crate::math::sampling::on_triangle;
 use crate::ray::{LANES, Packet};
 use crate::scene::{EmitterSampler, Scene};
-use crate::visibility::{Bundle, CALIBRATION_BUNDLES, Exact, LeafMode, MultiResolution, Workspace};
+use crate::visibility::{
+    Bundle, CALIBRATION_BUNDLES, Cut, Exact, LeafMode, MultiResolution, Route, Workspace,
+};
 use glam::Vec3;
 use sobol_burley::sample_4d;
-use std::sync::{Mutex, OnceLock, PoisonError};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// Seed of their ends.
-const SEED: u32 = 0x6d72_7669;
+pub(super) const SEED: u32 = 0x6d72_7669;
 
 /// What is kept.
 #[derive(Default)]
 pub(super) struct Engines {
     multi_resolution: OnceLock<MultiResolution>,
+    pub(super) cut: OnceLock<Option<Arc<Cut>>>,
+    /// The route of single queries, by the power of two of feature size and number of segments.
+    pub(super) routes: Mutex<BTreeMap<(i32, usize), Route>>,
     samplers: OnceLock<Vec<EmitterSampler>>,
     workspaces: Mutex<Vec<Workspace>>,
 }
@@ -86,30 +92,43 @@ impl Model {
 }
 
 /// Running sums of the areas of the faces of a scene, and the box of a model.
-struct Surfaces {
+pub(super) struct Surfaces {
     sums: Vec<f64>,
     bounds: Aabb,
 }
 
 impl Surfaces {
-    fn of(scene: &Scene, bounds: Aabb) -> Surfaces {
+    /// All surfaces.
+    pub fn of(scene: &Scene, bounds: Aabb) -> Surfaces {
+        Surfaces::with(scene, bounds, |_| true)
+    }
+
+    /// Surfaces that do not emit.
+    pub fn receiving(scene: &Scene, bounds: Aabb) -> Surfaces {
+        Surfaces::with(scene, bounds, |t| scene.triangle_emitter[t as usize] == u32::MAX)
+    }
+
+    fn with(scene: &Scene, bounds: Aabb, counts: impl Fn(u32) -> bool) -> Surfaces {
         let mut sum = 0.0;
         let areas = (0..scene.triangles.len() as u32).map(|t| {
             let [a, b, c] = scene.corners(t);
-            sum += crate::math::triangle_area(a, b, c);
+            sum += if counts(t) { crate::math::triangle_area(a, b, c) } else { 0.0 };
             sum
         });
         Surfaces { sums: areas.collect(), bounds }
     }
 
+    /// The face that `u` picks by area; none in a scene without faces of its own.
+    pub fn face(&self, u: f32) -> Option<u32> {
+        let all = *self.sums.last()?;
+        let face = self.sums.partition_point(|&sum| sum <= f64::from(u) * all);
+        Some(face.min(self.sums.len() - 1) as u32)
+    }
+
     /// A point on the face that `u` picks by area; one in the box of a scene without faces of its own.
     fn point(&self, scene: &Scene, u: f32, v: f32, w: f32) -> Vec3 {
-        match self.sums.last() {
-            Some(&all) => {
-                let face =
-                    self.sums.partition_point(|&sum| sum <= f64::from(u) * all).min(self.sums.len() - 1);
-                on_triangle(scene.corners(face as u32), v, w)
-            }
+        match self.face(u) {
+            Some(face) => on_triangle(scene.corners(face), v, w),
             None => self.bounds.min + Vec3::new(u, v, w) * self.bounds.extent(),
         }
     }

@@ -5,6 +5,7 @@
 //! factors all take a `&Model`.
 
 pub mod cache;
+mod cut;
 mod engines;
 mod instance;
 mod mesh;

@@ -1,5 +1,6 @@
 //! Models of placed meshes against models of the same triangles, each stored where it is placed.
 
+mod cut;
 mod histories;
 mod single;
 mod stopped;

@@ -43,6 +43,21 @@ pub(super) fn view(k: usize) -> Vec3 {
     if k < AXIS_COUNT { AXES[k] } else { PROBES[k - AXIS_COUNT] }
 }
 
+/// Components from the largest to the smallest, by whether |x| >= |y|, |y| >= |z| and |x| >= |z| (bits 0 to 2).
+const ORDERS: [[usize; 3]; 8] =
+    [[2, 1, 0], [2, 0, 1], [1, 2, 0], [0, 1, 2], [2, 1, 0], [0, 2, 1], [1, 0, 2], [0, 1, 2]];
+
+/// Indices into [`AXES`] of the face, the edge and the corner around a direction, by the order of its components (bits as in `ORDERS`)
+/// and by whether y and z, x and z, x and y have opposite signs (bits 0 to 2).
+#[inline(always)]
+pub fn axes_around(order: usize, opposite: usize) -> [usize; 3] {
+    let [face, _, third] = ORDERS[order & 7];
+    // The edge lies in the plane of the two largest components.
+    let edge = 7 - 2 * third + (opposite >> third & 1);
+    let corner = 9 + 2 * (opposite >> 2 & 1) + (opposite >> 1 & 1);
+    [face, edge, corner]
+}
+
 /// The three axes around a direction and their barycentric weights.
 ///
 /// With |components| a >= b >= c the direction is (a-b)·face + (b-c)·edge + c·corner with the unnormalised face
@@ -57,29 +72,17 @@ pub struct AxisMix {
 
 impl AxisMix {
     /// The axes around a direction of any length; the zero vector counts as +x.
+    #[inline]
     pub fn around(d: Vec3) -> AxisMix {
         let d = if d == Vec3::ZERO { Vec3::X } else { d };
         let a = d.abs();
-        let face = if a.x >= a.y && a.x >= a.z {
-            0
-        } else if a.y >= a.z {
-            1
-        } else {
-            2
-        };
-        let (p, q) = ((face + 1) % 3, (face + 2) % 3);
-        let (second, third) = if a[p] >= a[q] { (p, q) } else { (q, p) };
-        let opposite = |i: usize, j: usize| usize::from(d[i] * d[j] < 0.0);
-        // The edge lies in the plane of the two largest components.
-        let edge = match third {
-            2 => 3 + opposite(0, 1),
-            1 => 5 + opposite(0, 2),
-            _ => 7 + opposite(1, 2),
-        };
-        let corner = 9 + 2 * opposite(0, 1) + opposite(0, 2);
+        let order = usize::from(a.x >= a.y) | usize::from(a.y >= a.z) << 1 | usize::from(a.x >= a.z) << 2;
+        let opposite = [d.y * d.z, d.x * d.z, d.x * d.y].map(|product| usize::from(product < 0.0));
+        let [face, second, third] = ORDERS[order];
+        let axes = axes_around(order, opposite[0] | opposite[1] << 1 | opposite[2] << 2);
         let largest = a[face].max(f32::MIN_POSITIVE);
         AxisMix {
-            axes: [face, edge, corner],
+            axes,
             weights: [(a[face] - a[second]) / largest, (a[second] - a[third]) / largest, a[third] / largest],
         }
     }

@@ -11,9 +11,7 @@ mod silhouette;
 #[cfg(test)]
 mod tests;
 
-#[cfg(test)]
-use axes::AXES;
-pub use axes::{AXIS_COUNT, AxisMix};
+pub use axes::{AXES, AXIS_COUNT, AxisMix, axes_around};
 use axes::{PROBES, view};
 
 use crate::clusters::Tree;

@@ -150,6 +150,7 @@ impl Packet {
     }
 
     /// Whether no lane is used.
+    #[inline]
     pub fn is_empty(&self) -> bool {
         self.active == 0
     }

@@ -74,6 +74,13 @@ impl Simd for Avx2 {
         })
     }
     #[inline(always)]
+    fn load_whole(self, v: &[u16; LANES]) -> F {
+        op!([
+            _mm256_cvtepi32_ps(_mm256_cvtepu16_epi32(_mm_loadu_si128(v.as_ptr().cast()))),
+            _mm256_cvtepi32_ps(_mm256_cvtepu16_epi32(_mm_loadu_si128(v.as_ptr().add(8).cast()))),
+        ])
+    }
+    #[inline(always)]
     fn add(self, a: F, b: F) -> F {
         both(a, b, |a, b| op!(_mm256_add_ps(a, b)))
     }

@@ -60,6 +60,10 @@ impl Simd for Avx512 {
         })
     }
     #[inline(always)]
+    fn load_whole(self, v: &[u16; LANES]) -> Self::F {
+        op!(_mm512_cvtepi32_ps(_mm512_cvtepu16_epi32(_mm256_loadu_si256(v.as_ptr().cast()))))
+    }
+    #[inline(always)]
     fn add(self, a: Self::F, b: Self::F) -> Self::F {
         op!(_mm512_add_ps(a, b))
     }

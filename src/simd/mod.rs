@@ -33,6 +33,8 @@ pub trait Simd: Copy {
     fn store(self, v: Self::F, to: &mut [f32; LANES]);
     /// Widens bfloat16 values, the upper halves of f32, to f32.
     fn load_half(self, v: &[u16; LANES]) -> Self::F;
+    /// Whole numbers from 0 to 65,535 as f32.
+    fn load_whole(self, v: &[u16; LANES]) -> Self::F;
     fn add(self, a: Self::F, b: Self::F) -> Self::F;
     fn sub(self, a: Self::F, b: Self::F) -> Self::F;
     fn mul(self, a: Self::F, b: Self::F) -> Self::F;

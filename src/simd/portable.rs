@@ -38,6 +38,10 @@ impl Simd for Portable {
         v.map(|h| f32::from_bits(u32::from(h) << 16))
     }
     #[inline(always)]
+    fn load_whole(self, v: &[u16; LANES]) -> Self::F {
+        v.map(f32::from)
+    }
+    #[inline(always)]
     fn add(self, a: Self::F, b: Self::F) -> Self::F {
         map(a, b, |a, b| a + b)
     }

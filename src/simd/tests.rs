@@ -35,6 +35,7 @@ impl Kernel for EveryOperation {
             ("splat", words(simd.splat(self.a[3]))),
             ("load", words(a)),
             ("load_half", words(simd.load_half(&self.half))),
+            ("load_whole", words(simd.load_whole(&self.half))),
             ("add", words(simd.add(a, b))),
             ("sub", words(simd.sub(a, b))),
             ("mul", words(simd.mul(a, b))),
@@ -151,6 +152,7 @@ fn operations_do_what_they_are_called() {
             let x = a[lane];
             assert_eq!(number("splat", lane), a[3]);
             assert_eq!(number("load_half", lane), 1.0);
+            assert_eq!(number("load_whole", lane), f32::from(0x3f80_u16));
             assert_eq!([number("add", lane), number("sub", lane)], [x + 2.0, x - 2.0]);
             assert_eq!([number("mul", lane), number("div", lane)], [2.0 * x, x / 2.0]);
             assert_eq!([number("min", lane), number("max", lane)], [x.min(2.0), x.max(2.0)]);

@@ -5,6 +5,8 @@
 //! * [`MultiResolution`]: clusters whose shadow features would be smaller than `s` are not opened but transmit
 //!   according to their extinction [SD95 sec 3.2]; with [`LeafMode::Average`], the paper's average visibility [SD95 sec
 //!   5].
+//! * [`Cut`]: the same rule for single segments of wide bundles, each of which stands for a part of the emitter; part of
+//!   [`MultiResolution`], which routes bundles to it.
 //! * `reference`: the same rule for single segments and nodes; the reference in tests of the fast engine, compiled for them alone.
 //!
 //! Feature size and emitter size are arguments of every query. Links, energy and materials are not known here.
@@ -13,6 +15,7 @@
 mod answer;
 mod bundle_walks;
 mod cost_model;
+mod cut;
 mod exact;
 mod front;
 mod instance_tree;
@@ -20,6 +23,8 @@ mod instances;
 mod multires;
 #[cfg(test)]
 pub mod reference;
+mod route;
+mod routes;
 mod shaft;
 mod slabs;
 #[cfg(feature = "internals")]
@@ -38,9 +43,14 @@ mod work;
 pub use answer::{Answer, Bundle, Cost, Method, wilson};
 pub use bundle_walks::{BatchBuffers, Workspace};
 pub use cost_model::{CALIBRATION_BUNDLES, SAMPLE_RUN, SAMPLE_RUNS, Work, sample_runs};
+pub use cut::{Candidate, Cut};
+#[cfg(feature = "internals")]
+pub use cut::{Mode, Sums};
 pub use exact::{Exact, fastest_traversal};
 pub use instance_tree::{Frame, InstanceTree, Instances, PlacedChange};
 pub use multires::{LeafMode, MultiResolution};
+pub use route::Route;
+pub use routes::Halves;
 #[cfg(any(test, feature = "reports"))]
 pub use unbiased::{Correction, Estimate, Unbiased};
 pub use wide::WideTree;

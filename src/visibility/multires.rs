@@ -3,8 +3,10 @@
 use super::answer::{Answer, Bundle, Cost, Method, interval, wilson};
 use super::bundle_walks::{BundleWalks, Sizes, Walker, Workspace};
 use super::cost_model::{CostModel, Work};
+use super::cut::Cut;
 use super::exact::Exact;
 use super::instance_tree::InstanceTree;
+use super::route::Route;
 #[cfg(feature = "internals")]
 use super::steps::Steps;
 use super::wide::WideTree;
@@ -50,6 +52,10 @@ pub struct MultiResolution {
     far: bool,
     /// Tolerance of the transmittance that feature sizes were measured for.
     tolerance: f32,
+    /// The distance cut, if the model has one.
+    pub(super) cut: Option<Arc<Cut>>,
+    /// What answers bundles.
+    pub(super) route: Route,
 }
 
 impl MultiResolution {
@@ -72,6 +78,8 @@ impl MultiResolution {
             isa: Isa::detect(),
             cost: CostModel::UNCALIBRATED,
             tolerance: optics::Options::default().tolerance,
+            cut: None,
+            route: Route::Walks,
         }
     }
 
@@ -123,12 +131,8 @@ impl MultiResolution {
         answer.expect("one bundle, one answer")
     }
 
-    /// The visible fractions of several bundles, passed to `each` in order.
-    ///
-    /// Consecutive bundles with close ends share the upper part of the traversal; each applies the umbra criterion by
-    /// itself. Answers equal those of [`MultiResolution::answer`] up to rounding, except for bundles that only one of
-    /// the two ways hands over.
-    pub fn answers(
+    /// The visible fractions of several bundles by walks alone, passed to `each` in order; see [`MultiResolution::answers`].
+    pub fn walked_answers(
         &self,
         bundles: &[Bundle],
         s: f32,

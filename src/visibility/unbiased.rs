@@ -98,7 +98,7 @@ impl Unbiased<'_> {
         let smaller = |b: &Bundle<'_>| b.emitter_size * self.emitter_part;
         let opened: Vec<Bundle> = bundles.iter().map(|b| Bundle { emitter_size: smaller(b), ..*b }).collect();
         let mut levels = Vec::with_capacity(bundles.len());
-        self.engine.answers(&opened, self.feature_size, workspace, |a| levels.push(Level::of(a)));
+        self.engine.walked_answers(&opened, self.feature_size, workspace, |a| levels.push(Level::of(a)));
         let (mut packets, mut sums) = (Vec::new(), workspace.sums());
         for (k, (bundle, level)) in bundles.iter().zip(&mut levels).enumerate() {
             let (own, others) = sums.split_at(bundle.packets.len());

@@ -50,7 +50,7 @@ impl Map<'_> {
                     rays: row.rays,
                     spacing,
                     interpolated: spacing > 1,
-                    route: if planned.is_measured() { "bundle" } else { "embree" }.into(),
+                    route: row.route_name().into(),
                     seconds,
                     setup_s,
                     rms: made.rms,

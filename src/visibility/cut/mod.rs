@@ -1,0 +1,178 @@
+//! The distance cut: a tree over all triangles with exact triangles in its leaves, whose children are averaged by their extinction as
+//! soon as they look small from the receiver (docs/method.md, Distance cut).
+//!
+//! A segment stands for a part of the emitter. The cut applies the umbra criterion with the width of that part and a feature size of 0.
+//! What it averages depends neither on the feature size of a query nor on its number of segments, so that the pilot that measures its
+//! errors holds for all.
+
+mod build;
+mod extinction;
+mod layout;
+mod modes;
+mod pieces;
+mod pilot;
+mod shells;
+mod sums;
+#[cfg(test)]
+mod tests;
+mod traverse;
+
+use super::answer::{Answer, Bundle, Cost, Method, interval, wilson};
+use crate::ray::Occluder;
+use crate::scene::Scene;
+use crate::simd::{Isa, dispatch};
+use layout::{Block, Extinctions, Node};
+pub use modes::Mode;
+pub(super) use modes::rays_for;
+pub use pilot::Candidate;
+use shells::Shell;
+pub use sums::Sums;
+use sums::{Bundles, How, Packeted};
+use traverse::OPAQUE_DEPTH;
+
+/// The tree of the distance cut.
+#[derive(Clone)]
+pub struct Cut {
+    nodes: Vec<Node>,
+    extinctions: Vec<Extinctions>,
+    blocks: Vec<Block>,
+    /// Surfaces that are the first children of the root.
+    shells: Vec<Shell>,
+    isa: Isa,
+    modes: Vec<Mode>,
+}
+
+impl Cut {
+    /// The tree of a scene, measured and fitted on a pilot: independent receivers by number, with exact visibility. None if it pays for no
+    /// receiver. The result does not depend on the number of threads.
+    pub fn fitted<'a>(
+        scene: &Scene,
+        candidate: impl Fn(u32) -> Option<Candidate<'a>> + Sync,
+        exact: &impl Occluder,
+    ) -> Option<Cut> {
+        let (mut cut, facts) = Cut::draft(scene);
+        if !cut.averages_enough(&candidate) {
+            return None;
+        }
+        extinction::measure(&mut cut, &facts);
+        cut.fit(candidate, exact)
+    }
+
+    /// The tree of a scene with its extinctions, without modes.
+    #[cfg(test)]
+    pub fn build(scene: &Scene) -> Cut {
+        let (mut cut, facts) = Cut::draft(scene);
+        extinction::measure(&mut cut, &facts);
+        cut
+    }
+
+    /// The tree without extinctions, and what they are made from.
+    fn draft(scene: &Scene) -> (Cut, Vec<build::Facts>) {
+        let pieces = pieces::Pieces::of(scene);
+        let (shells, of_triangle) = shells::find(scene, &pieces);
+        let draft = build::build(scene, &pieces, (shells.len() as u32, &of_triangle));
+        let build::Draft { mut nodes, extinctions, blocks, facts } = draft;
+        nodes.iter_mut().zip(extinction::stops(&facts)).for_each(|(node, stop)| node.stop = stop);
+        (Cut { nodes, extinctions, blocks, shells, isa: Isa::detect(), modes: Vec::new() }, facts)
+    }
+
+    /// Size of all arrays in bytes.
+    #[cfg(any(test, feature = "reports"))]
+    pub fn bytes(&self) -> usize {
+        size_of_val(self.nodes.as_slice())
+            + size_of_val(self.extinctions.as_slice())
+            + size_of_val(self.blocks.as_slice())
+    }
+
+    /// The modes that the pilot has measured.
+    pub fn modes(&self) -> &[Mode] {
+        &self.modes
+    }
+
+    /// Whether the cut may answer a bundle: all segments lead from the receiver to an emitter that has a width.
+    pub(super) fn takes(&self, bundle: &Bundle) -> bool {
+        bundle.emitter_size > 0.0 && bundle.packets.iter().all(|packet| packet.backwards == 0)
+    }
+
+    /// Follows the segments of a bundle in a mode.
+    #[cfg(feature = "internals")]
+    pub fn sums(&self, bundle: &Bundle, mode: &Mode) -> Sums {
+        self.sum(bundle, How::Mode(mode))
+    }
+
+    /// Follows the segments of a bundle; nothing is averaged.
+    #[cfg(feature = "internals")]
+    pub fn exact_sums(&self, bundle: &Bundle) -> Sums {
+        self.sum(bundle, How::Exact { shells: true })
+    }
+
+    /// Work that Embree takes for a bundle.
+    pub(super) fn embree_work(&self, bundle: &Bundle) -> f64 {
+        self.sum(bundle, How::Exact { shells: true }).embree_work()
+    }
+
+    /// Follows the segments of bundles and passes the number of the bundle and what those of each packet met to `each`.
+    fn each_packet(&self, bundles: &[Bundle], how: How, each: impl FnMut(usize, Packeted)) {
+        let opaque = match how {
+            How::Exact { .. } => OPAQUE_DEPTH,
+            How::Mode(mode) => OPAQUE_DEPTH / mode.smallest_factor(),
+        };
+        dispatch(self.isa, Bundles { cut: self, bundles, how, opaque, each });
+    }
+
+    /// The answers to bundles in a mode, with what they were made of, passed to `each` in order.
+    pub fn answers(&self, bundles: &[Bundle], mode: &Mode, mut each: impl FnMut(Answer, Sums)) {
+        self.each_sum(bundles, How::Mode(mode), |_, sums| each(sums.answer(), sums));
+    }
+}
+
+impl Sums {
+    fn answer(&self) -> Answer {
+        let sums = self;
+        let n = (sums.segments as f32).max(1.0);
+        let transmittance = if sums.segments == 0 { 1.0 } else { (sums.transmittance / n).min(1.0) };
+        let (lo, hi) = match sums.aggregated {
+            0 => wilson(transmittance, n),
+            _ => stated(
+                transmittance,
+                sums.square / n,
+                n,
+                [sums.variance / n, sums.single / n, sums.model / n],
+            ),
+        };
+        let method = match (sums.blocks > 0, sums.aggregated > 0) {
+            (false, false) => Method::Clear,
+            (true, false) => Method::Exact,
+            (false, true) => Method::Aggregated,
+            (true, true) => Method::Mixed,
+        };
+        let segments = u64::from(sums.segments);
+        let cost = Cost {
+            segments,
+            nodes: sums.nodes.into(),
+            exact_rays: if sums.blocks > 0 { segments } else { 0 },
+            aggregated: sums.aggregated.into(),
+            ..Cost::default()
+        };
+        Answer { transmittance, lo, hi, method, cost }
+    }
+}
+
+/// The stated interval of a mean T of n transmittances with this mean square. `averaged` is the variance of such a mean over that of a
+/// single transmittance, `usual` the variance of a single one in the class and `model` the mean square of the error of the model, both
+/// relative to T (1 - T). A mean of variance v holds as much as T (1 - T) / v values of 0 or 1; the interval is Wilson's for so many, with
+/// the error of the model.
+fn stated(mean: f32, square: f32, n: f32, [averaged, usual, model]: [f32; 3]) -> (f32, f32) {
+    let binary = mean * (1.0 - mean);
+    if binary <= 0.0 {
+        return wilson(mean, n);
+    }
+    let own = ((square - mean * mean) * n / (n - 1.0).max(1.0) / binary).clamp(0.0, 1.0);
+    let single = (n * own + PRIOR * usual.min(1.0)) / (n + PRIOR);
+    let variance = (single * averaged).min(1.0);
+    interval(mean, binary, 1.0 / variance.max(f32::MIN_POSITIVE), (model * binary).sqrt())
+}
+
+/// Segments of the variance that is usual in the class that the estimate of an answer's own variance counts in addition: as many as
+/// those of an answer of sixteen.
+const PRIOR: f32 = 16.0;

@@ -1,0 +1,71 @@
+//! Pieces of a scene: sizes of connected parts, and large surfaces, which are never aggregated.
+
+use crate::math::{triangle_area, triangle_normal};
+use crate::scene::Scene;
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Smallest cosine between the normals of neighbouring faces of one smooth surface: 26°, below the 60° between the sides of a
+/// branch of six and above those of terrain.
+const SMOOTH_COSINE: f32 = 0.9;
+/// Smallest width (root of the area) of a large surface, relative to the diagonal of the scene.
+const SURFACE_PART: f32 = 1.0 / 64.0;
+
+/// What the tree needs to know of each triangle.
+pub(super) struct Pieces {
+    /// Size of the connected part that the triangle belongs to: root of its area; length.
+    pub size: Vec<f32>,
+    /// The smooth surface that it belongs to, and the width of that: root of its area; length.
+    pub region: Vec<u32>,
+    pub width: Vec<f32>,
+    /// Whether the triangle is never averaged: its surface is large, or it emits. Facets of a lamp lie before each other at grazing angles,
+    /// where an extinction would shade the lamp by itself.
+    pub surface: Vec<bool>,
+}
+
+impl Pieces {
+    pub fn of(scene: &Scene) -> Pieces {
+        let triangles: Vec<u32> = (0..scene.triangles.len() as u32).collect();
+        let area = |&t: &u32| {
+            let [a, b, c] = scene.corners(t);
+            triangle_area(a, b, c)
+        };
+        let areas: Vec<f64> = triangles.par_iter().map(area).collect();
+        let sizes = |groups: &[u32]| -> Vec<f32> {
+            let mut sums = vec![0.0; groups.iter().max().map_or(0, |&g| g as usize + 1)];
+            groups.iter().zip(&areas).for_each(|(&group, area)| sums[group as usize] += area);
+            groups.iter().map(|&group| sums[group as usize].sqrt() as f32).collect()
+        };
+        let smallest = SURFACE_PART * scene.near_bounds().diagonal();
+        let region = smooth_surfaces(scene, &triangles);
+        let width = sizes(&region);
+        let emits = scene.triangle_emitter.iter().map(|&emitter| emitter != u32::MAX);
+        let surface = width.iter().zip(emits).map(|(&width, emits)| emits || width >= smallest).collect();
+        Pieces { region, width, surface, size: sizes(&scene.triangle_component) }
+    }
+}
+
+/// The smooth surface of each triangle: faces that meet at an edge with similar planes.
+fn smooth_surfaces(scene: &Scene, triangles: &[u32]) -> Vec<u32> {
+    let normal = |&t: &u32| {
+        let [a, b, c] = scene.corners(t);
+        triangle_normal(a, b, c)
+    };
+    let normals: Vec<Vec3> = triangles.par_iter().map(normal).collect();
+    let mut leader: Vec<u32> = triangles.to_vec();
+    fn find(leader: &mut [u32], mut i: u32) -> u32 {
+        while leader[i as usize] != i {
+            leader[i as usize] = leader[leader[i as usize] as usize];
+            i = leader[i as usize];
+        }
+        i
+    }
+    for pair in scene.edges_of(triangles).windows(2) {
+        let ((a0, b0, i), (a1, b1, j)) = (pair[0], pair[1]);
+        if (a0, b0) == (a1, b1) && normals[i as usize].dot(normals[j as usize]).abs() > SMOOTH_COSINE {
+            let (i, j) = (find(&mut leader, i), find(&mut leader, j));
+            leader[i.max(j) as usize] = i.min(j);
+        }
+    }
+    (0..triangles.len() as u32).map(|t| find(&mut leader, t)).collect()
+}

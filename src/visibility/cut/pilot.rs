@@ -1,0 +1,313 @@
+//! What the cut gains and errs, class by class, from exact segments of a scene (docs/method.md, Distance cut).
+//!
+//! Children of the cut that a segment meets one after the other belong to the same plants: they are not independent, and products of
+//! their transmittances are wrong in the mean. A factor of all extinctions makes it right, one for each class and width.
+
+use super::Cut;
+use super::modes::{CLASSES, Fit, Mode, SMOOTH, STRATIFIED};
+use super::sums::{How, Packeted, Sums};
+use super::traverse::OPAQUE_DEPTH;
+use crate::ray::{LANES, Occluder, Packet};
+use crate::visibility::answer::Bundle;
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Widths that are tried, relative to the emitter's.
+const WIDTHS: [f32; 4] = [1.0, 0.75, 0.5, 0.25];
+/// Receivers of the first look, by which scenes where no class gains are given up.
+const FIRST: u32 = 1 << 12;
+/// Receivers by which scenes are given up before extinctions are measured, and the smallest part of their segments that must meet
+/// something averaged: a class of 2 % of the receivers, all of whose segments do.
+const LOOKED_AT: u32 = 1 << 10;
+const SMALLEST_AVERAGED: f64 = 0.02;
+/// Largest number of receivers: limits the time of the pilot to that of about a hundred million tests.
+const CANDIDATES: u32 = 1 << 15;
+/// Smallest part of the packets of a class that decides by itself: smaller ones take what was measured of all.
+const SMALLEST_PART: f32 = 0.01;
+/// Fewest packets of a class that decides by itself: factors are fitted to their mean, which a few packets do not tell.
+const FEWEST_PACKETS: f64 = 200.0;
+/// Largest error of the mean transmittance of a class, twice its standard error.
+const MAX_BIAS: f64 = 0.003;
+/// Smallest gain over Embree for which a width is kept: gains are known to a tenth.
+const MIN_GAIN: f32 = 1.25;
+/// Steps of the fit of the factor: 2⁻²⁰ of its range.
+const STEPS: usize = 20;
+/// Range of the factor. A width that needs one outside is not used.
+const FACTORS: [f32; 2] = [0.25, 2.0];
+/// Bundles that a task follows: 256 segments.
+const TASK: usize = 16;
+
+/// A receiver of the pilot: two sets of sixteen segments from a point of a surface to the front of an emitter, each stratified as those of
+/// queries are, and independent of each other.
+pub struct Candidate<'a> {
+    /// The sets.
+    pub packets: [Packet; 2],
+    /// See [`Bundle::emitter_size`].
+    pub emitter_size: f32,
+    /// See [`Bundle::emitter`].
+    pub emitter: &'a [Vec3],
+}
+
+impl Candidate<'_> {
+    fn bundles(&self) -> [Bundle<'_>; 2] {
+        let bundle =
+            |packet| Bundle { emitter: self.emitter, ..Bundle::of_packet(packet, self.emitter_size) };
+        self.packets.each_ref().map(bundle)
+    }
+}
+
+/// A set of the pilot, exactly and with each width.
+struct Set {
+    visible: u32,
+    /// Work of Embree.
+    work: f64,
+    met: [SetMet; WIDTHS.len()],
+}
+
+/// What the cut found for a set with one width.
+#[derive(Clone, Copy)]
+struct SetMet {
+    depths: [f32; LANES],
+    /// Segments that are open but for aggregated children.
+    open: u32,
+    class: usize,
+    work: f64,
+    aggregated: u32,
+}
+
+impl Cut {
+    /// Whether more than a few segments of the pilot meet what the largest width averages. Extinctions need not be known.
+    pub(super) fn averages_enough<'a>(
+        &self,
+        candidate: &(impl Fn(u32) -> Option<Candidate<'a>> + Sync),
+    ) -> bool {
+        let mode = Mode::unmeasured(WIDTHS[0], FACTORS[0]);
+        let counted = |k: u32| {
+            let bundles = candidate(k)?;
+            let sums = self.sum(&bundles.bundles()[0], How::Mode(&mode));
+            Some([sums.aggregated, sums.segments])
+        };
+        let counts: Vec<[u32; 2]> = (0..LOOKED_AT).into_par_iter().filter_map(counted).collect();
+        let [averaged, all] = counts.iter().fold([0, 0], |[a, b], [c, d]| [a + c, b + d]);
+        f64::from(averaged) > SMALLEST_AVERAGED * f64::from(all)
+    }
+
+    /// Measures gains and errors on a pilot. None if it pays for no receiver.
+    pub(super) fn fit<'a>(
+        mut self,
+        candidate: impl Fn(u32) -> Option<Candidate<'a>> + Sync,
+        exact: &impl Occluder,
+    ) -> Option<Cut> {
+        let mut pairs: Vec<[Set; 2]> = Vec::new();
+        let mut next = [0, FIRST];
+        loop {
+            let found: Vec<Candidate> = (next[0]..next[1]).into_par_iter().filter_map(&candidate).collect();
+            pairs.par_extend(found.par_chunks(TASK).flat_map_iter(|part| self.sets(part, exact)));
+            let modes: Vec<(Mode, bool)> = (0..WIDTHS.len()).filter_map(|k| mode(&pairs, k)).collect();
+            // The first look knows gains of rare classes to about a fifth.
+            let hopeful = |mode: &Mode, smallest: f32| {
+                mode.fits.iter().any(|fit| fit.part >= SMALLEST_PART && fit.gain() >= smallest)
+            };
+            let known = modes.iter().all(|(mode, known)| *known || !hopeful(mode, MIN_GAIN));
+            if known || next[1] >= CANDIDATES || !modes.iter().any(|(mode, _)| hopeful(mode, 0.75 * MIN_GAIN))
+            {
+                self.modes = modes.into_iter().map(|m| m.0).filter(|mode| hopeful(mode, MIN_GAIN)).collect();
+                return (!self.modes.is_empty()).then_some(self);
+            }
+            next = [next[1], 2 * next[1]];
+        }
+    }
+
+    /// Follows the sets of some receivers.
+    fn sets(&self, part: &[Candidate], exact: &impl Occluder) -> Vec<[Set; 2]> {
+        let packets: Vec<Packet> = part.iter().flat_map(|c| c.packets.clone()).collect();
+        let mut blocked = vec![0; packets.len()];
+        exact.occluded(&packets, &mut blocked);
+        let bundles: Vec<Bundle> = part.iter().flat_map(Candidate::bundles).collect();
+        let mut work = Vec::with_capacity(bundles.len());
+        let exactly = How::Exact { shells: true };
+        self.each_sum(&bundles, exactly, |_, sums| work.push(sums.embree_work()));
+        let mut met = WIDTHS.map(|width| {
+            // Depths are needed up to those that the smallest factor makes opaque.
+            let mode = Mode::unmeasured(width, FACTORS[0]);
+            let mut all = Vec::with_capacity(bundles.len());
+            self.each_packet(&bundles, How::Mode(&mode), |_, packet| all.push(SetMet::of(&packet)));
+            all.into_iter()
+        });
+        let mut sets = packets.iter().zip(blocked).zip(work).map(|((packet, blocked), work)| Set {
+            visible: packet.active & !blocked,
+            work,
+            met: met.each_mut().map(|met| met.next().expect("a result a packet")),
+        });
+        let pair = |_: &Candidate| [(); 2].map(|()| sets.next().expect("two sets a receiver"));
+        part.iter().map(pair).collect()
+    }
+}
+
+impl SetMet {
+    fn of(&Packeted { met, segments, class, .. }: &Packeted) -> SetMet {
+        let work = Sums::counted(met, segments).work();
+        SetMet { depths: met.depths, open: met.open, class, work, aggregated: met.aggregated }
+    }
+
+    /// Transmittance of each segment with a factor of all extinctions.
+    fn transmittances(&self, factor: f32) -> [f64; LANES] {
+        std::array::from_fn(|lane| {
+            let depth = factor * self.depths[lane];
+            let open = self.open >> lane & 1 == 1 && depth <= OPAQUE_DEPTH;
+            if open { f64::from((-depth).exp()) } else { 0.0 }
+        })
+    }
+}
+
+/// Sums over the packets of a class.
+#[derive(Clone, Copy, Default)]
+struct Totals {
+    packets: f64,
+    /// Work of Embree and of the cut.
+    work: [f64; 2],
+    /// Variances of the means of sets, exact and of the cut, and of single segments of the cut.
+    exact: f64,
+    spread: f64,
+    single: f64,
+    /// Squares of the error of the model, and the squares of those.
+    model: [f64; 2],
+    /// T (1 - T).
+    binary: f64,
+    /// Errors and their squares.
+    errors: [f64; 2],
+}
+
+impl Totals {
+    /// Adds a receiver to the classes of its sets. The sets are independent: half of the square of a difference is a variance, and a
+    /// product of errors has none of theirs.
+    fn add(of_class: &mut [Totals; CLASSES], pair: &[Set; 2], width: usize, factors: &[f32; CLASSES]) {
+        let n = LANES as f64;
+        let met = pair.each_ref().map(|set| &set.met[width]);
+        let seen = pair.each_ref().map(|set| f64::from(set.visible.count_ones()) / n);
+        let values = met.map(|met| met.transmittances(factors[met.class]));
+        let means = values.map(|values| values.iter().sum::<f64>() / n);
+        let errors = [means[0] - seen[0], means[1] - seen[1]];
+        for k in 0..2 {
+            let totals = &mut of_class[met[k].class];
+            totals.packets += 1.0;
+            totals.exact += 0.5 * (seen[0] - seen[1]).powi(2);
+            totals.spread += 0.5 * (means[0] - means[1]).powi(2);
+            let model = errors[0] * errors[1];
+            totals.model = [totals.model[0] + model, totals.model[1] + model * model];
+            totals.binary += means[k] * (1.0 - means[k]);
+            let squares = values[k].iter().map(|t| t * t).sum::<f64>() / n;
+            totals.single += (squares - means[k].powi(2)) * n / (n - 1.0);
+            totals.errors = [totals.errors[0] + errors[k], totals.errors[1] + errors[k] * errors[k]];
+            totals.work = [totals.work[0] + pair[k].work, totals.work[1] + met[k].work];
+        }
+    }
+
+    fn joined(all: &[Totals; CLASSES]) -> Totals {
+        let sum = |of: fn(&Totals) -> f64| all.iter().map(of).sum::<f64>();
+        Totals {
+            packets: sum(|t| t.packets),
+            work: [sum(|t| t.work[0]), sum(|t| t.work[1])],
+            exact: sum(|t| t.exact),
+            spread: sum(|t| t.spread),
+            single: sum(|t| t.single),
+            model: [sum(|t| t.model[0]), sum(|t| t.model[1])],
+            binary: sum(|t| t.binary),
+            errors: [sum(|t| t.errors[0]), sum(|t| t.errors[1])],
+        }
+    }
+
+    /// Error of the mean transmittance.
+    fn bias(&self) -> f64 {
+        self.errors[0] / self.packets
+    }
+
+    /// Standard error of the mean transmittance; both sets of a receiver err alike at worst.
+    fn error(&self) -> f64 {
+        let [mean, square] = self.errors.map(|sum| sum / self.packets);
+        ((square - mean * mean).max(0.0) / (0.5 * self.packets - 1.0)).sqrt()
+    }
+
+    /// None for few packets, or where all segments agree.
+    fn fit(&self, factor: f32, all: f64) -> Option<Fit> {
+        if self.packets < 4.0 || self.binary <= 0.0 || self.work[1] <= 0.0 {
+            return None;
+        }
+        let relative = |sum: f64| (sum.max(0.0) / self.binary) as f32;
+        // Both sets of a receiver have the same product.
+        let [model, square] = self.model;
+        let model_error = (2.0 * (square - model * model / self.packets).max(0.0)).sqrt();
+        Some(Fit {
+            factor,
+            exact: relative(self.exact),
+            spread: relative(self.spread),
+            single: relative(self.single),
+            model: relative(model.max(0.0) + model_error),
+            work: self.work.map(|work| (work / (LANES as f64 * self.packets)) as f32),
+            power: STRATIFIED,
+            part: (self.packets / all) as f32,
+        })
+    }
+}
+
+/// The mode of a width, and whether the means of all classes are known; none if no factor makes the means right, or if the width
+/// averages nothing.
+fn mode(pairs: &[[Set; 2]], width: usize) -> Option<(Mode, bool)> {
+    let sets = || pairs.as_flattened().iter();
+    if sets().all(|set| set.met[width].aggregated == 0) {
+        return None;
+    }
+    let common = factor(&sets().map(|set| (set, &set.met[width])).collect::<Vec<_>>())?;
+    let mut factors = [common; CLASSES];
+    for (class, own) in factors.iter_mut().enumerate() {
+        let of_class = sets().map(|set| (set, &set.met[width])).filter(|(_, met)| met.class == class);
+        let of_class: Vec<_> = of_class.collect();
+        if decides(of_class.len() as f64, 2.0 * pairs.len() as f64) {
+            // Where hardly anything is averaged no factor may do; the common one then changes hardly anything.
+            *own = factor(&of_class).unwrap_or(common);
+        }
+    }
+    let mut totals = [Totals::default(); CLASSES];
+    pairs.iter().for_each(|pair| Totals::add(&mut totals, pair, width, &factors));
+    let joined = Totals::joined(&totals);
+    let all = joined.fit(common, joined.packets)?;
+    let fit = |class: usize| {
+        let rare = Fit { part: (totals[class].packets / joined.packets) as f32, ..all };
+        let own = totals[class].fit(factors[class], joined.packets);
+        let own = own.map(|fit| Fit { power: if class == 0 { SMOOTH } else { STRATIFIED }, ..fit });
+        own.filter(|_| decides(totals[class].packets, joined.packets)).unwrap_or(rare)
+    };
+    let fits = std::array::from_fn(fit);
+    let deciding = || totals.iter().filter(|class| decides(class.packets, joined.packets));
+    if deciding().any(|class| class.bias().abs() > MAX_BIAS + 2.0 * class.error()) {
+        return None;
+    }
+    let known = deciding().all(|class| 2.0 * class.error() <= MAX_BIAS);
+    Some((Mode { width: WIDTHS[width], fits }, known))
+}
+
+/// Whether a class with so many of all packets decides by itself.
+fn decides(packets: f64, all: f64) -> bool {
+    packets >= FEWEST_PACKETS && packets >= f64::from(SMALLEST_PART) * all
+}
+
+/// The factor with which the cut transmits as much as was visible, by bisection; none if it lies outside of the range.
+fn factor(all: &[(&Set, &SetMet)]) -> Option<f32> {
+    let visible: f64 = all.iter().map(|(set, _)| f64::from(set.visible.count_ones())).sum();
+    let passed = |factor: f32| -> f64 {
+        all.par_iter()
+            .map(|(_, met)| met.transmittances(factor).iter().sum::<f64>())
+            .collect::<Vec<f64>>()
+            .iter()
+            .sum()
+    };
+    let [mut low, mut high] = FACTORS;
+    if passed(low) < visible || passed(high) > visible {
+        return None;
+    }
+    for _ in 0..STEPS {
+        let middle = 0.5 * (low + high);
+        (low, high) = if passed(middle) > visible { (middle, high) } else { (low, middle) };
+    }
+    Some(0.5 * (low + high))
+}

@@ -1,0 +1,140 @@
+//! Routes of bundles: the distance cut, walks, or exact rays, whichever takes the least time to an error.
+
+use super::answer::{Answer, Bundle};
+use super::bundle_walks::Workspace;
+use super::cost_model::Work;
+use super::cut::{Cut, Mode, Sums, rays_for};
+use super::multires::MultiResolution;
+use super::route::Route;
+use std::sync::Arc;
+
+/// Largest time to an error, relative to that of exact rays, at which another route is taken: work is an estimate, and the mean squares
+/// of a sample of 256 bundles are known to about a tenth.
+const MAX_COST_RATIO: f64 = 0.8;
+
+/// Fewest bundles of a sample with something averaged by which the error of averages is judged: with five its mean square is known to
+/// about a factor of two. With fewer, exact rays are taken.
+const MIN_AVERAGED: usize = 5;
+
+/// Visible fractions of the bundles of a sample by two independent halves of many rays.
+pub type Halves = [Vec<f32>; 2];
+
+impl MultiResolution {
+    /// Adds the distance cut, if the model has one.
+    #[must_use]
+    pub fn with_cut(mut self, cut: Option<Arc<Cut>>) -> Self {
+        self.cut = cut;
+        self
+    }
+
+    /// The engine that takes this route for all bundles.
+    #[must_use]
+    pub fn with_route(&self, route: Route) -> Self {
+        let mut engine = self.clone();
+        engine.route = route;
+        engine
+    }
+
+    /// Memory of the distance cut, bytes.
+    #[cfg(any(test, feature = "reports"))]
+    pub fn cut_bytes(&self) -> usize {
+        self.cut.as_ref().map_or(0, |cut| cut.bytes())
+    }
+
+    /// The route that takes the least time to an error for bundles like those of a sample, runs of neighbouring ones, at feature size
+    /// `s`; that of exact rays unless another is clearly faster. `truth` has a fraction for each bundle, in order.
+    pub fn route(&self, runs: &[Vec<Bundle>], truth: &Halves, s: f32, workspace: &mut Workspace) -> Route {
+        let cuts = 0..self.cut.as_ref().map_or(0, |cut| cut.modes().len());
+        let taken = |cut: &Arc<Cut>| runs.iter().flatten().any(|bundle| cut.takes(bundle));
+        let cuts = if self.cut.as_ref().is_some_and(taken) { cuts } else { 0..0 };
+        let work = self.work_of(runs, s, workspace);
+        let mut cost = |route| self.with_route(route).cost(runs, (truth, work), s, workspace);
+        let limit = MAX_COST_RATIO * cost(Route::Exact);
+        let others = std::iter::once(Route::Walks).chain(cuts.map(Route::Cut));
+        let faster = others.map(|route| (cost(route), route)).filter(|(cost, _)| *cost < limit);
+        faster.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(Route::Exact, |(_, route)| route)
+    }
+
+    /// Work of walks and of exact rays for runs of bundles.
+    fn work_of(&self, runs: &[Vec<Bundle>], s: f32, workspace: &mut Workspace) -> Work {
+        let mut work = Work::default();
+        for run in runs {
+            work.add(self.work(run, &vec![s; run.len()], workspace));
+        }
+        work
+    }
+
+    /// Time for bundles times the number of rays that their mean square error takes: the time to an error but for a factor. Times are in
+    /// units of work of the cut's tree. Infinite if hardly anything is averaged.
+    fn cost(
+        &self,
+        runs: &[Vec<Bundle>],
+        ([a, b], work): (&Halves, Work),
+        s: f32,
+        workspace: &mut Workspace,
+    ) -> f64 {
+        let rays = |bundle: &Bundle| self.cut.as_ref().map_or(1.0, |cut| cut.embree_work(bundle));
+        let (mut time, mut averaged, mut found) = (0.0, 0, Vec::new());
+        for run in runs {
+            let exact = run.iter().filter(|bundle| self.mode(bundle).is_none());
+            let exact: f64 = exact.map(rays).sum();
+            let walked = self.route == Route::Walks;
+            time += if walked { exact * work.own as f64 / work.rays.max(1) as f64 } else { exact };
+            self.routed(run, s, workspace, |answer, sums| {
+                time += sums.work();
+                averaged += usize::from(answer.cost.aggregated > 0);
+                found.push(answer.transmittance);
+            });
+        }
+        if self.route != Route::Exact && averaged < MIN_AVERAGED {
+            return f64::INFINITY;
+        }
+        let n = found.len().max(1) as f64;
+        // The noise of the halves is independent: their product has no bias, but is not known to better than its own standard error.
+        let product = |((x, a), b): ((&f32, &f32), &f32)| f64::from(x - a) * f64::from(x - b);
+        let square: f64 = found.iter().zip(a).zip(b).map(product).sum();
+        let noise: f64 = a.iter().zip(b).map(|(a, b)| 0.25 * f64::from(a - b).powi(2)).sum();
+        time * rays_for(square.max(noise / n.sqrt()).max(1e-12 * n))
+    }
+
+    /// How the cut answers a bundle, if it does.
+    fn mode(&self, bundle: &Bundle) -> Option<(&Cut, &Mode)> {
+        let (Some(cut), Route::Cut(mode)) = (&self.cut, self.route) else { return None };
+        cut.takes(bundle).then(|| (&**cut, &cut.modes()[mode]))
+    }
+
+    /// The visible fractions of several bundles, passed to `each` in order.
+    ///
+    /// Walks of consecutive bundles with close ends share their upper part; each applies the umbra criterion by itself. Answers equal
+    /// those of [`MultiResolution::answer`] up to rounding, except for bundles that only one of the two ways hands over.
+    pub fn answers(
+        &self,
+        bundles: &[Bundle],
+        s: f32,
+        workspace: &mut Workspace,
+        mut each: impl FnMut(Answer),
+    ) {
+        self.routed(bundles, s, workspace, |answer, _| each(answer));
+    }
+
+    /// The answers of the route and what the cut met.
+    fn routed(
+        &self,
+        bundles: &[Bundle],
+        s: f32,
+        workspace: &mut Workspace,
+        mut each: impl FnMut(Answer, Sums),
+    ) {
+        if self.route == Route::Walks {
+            return self.walked_answers(bundles, s, workspace, |answer| each(answer, Sums::default()));
+        }
+        for group in bundles.chunk_by(|a, b| self.mode(a).is_some() == self.mode(b).is_some()) {
+            match self.mode(&group[0]) {
+                Some((cut, mode)) => cut.answers(group, mode, &mut each),
+                None => {
+                    group.iter().for_each(|&bundle| each(self.hand_over(bundle, workspace), Sums::default()));
+                }
+            }
+        }
+    }
+}
