@@ -50,6 +50,23 @@ impl PlannedRow {
         }
     }
 
+    /// Whether this row has the answers of another one: those of the distance cut do not depend on the feature size.
+    fn is_answered_as(&self, other: &Self) -> bool {
+        matches!(self.route, Route::Cut(_)) && (self.route, self.rays) == (other.route, other.rays)
+    }
+
+    /// Indices of the rows that MR answers, those with the same answers together.
+    pub fn runs(rows: &[Self]) -> Vec<Vec<usize>> {
+        let mut runs: Vec<Vec<usize>> = Vec::new();
+        for (k, row) in rows.iter().enumerate().filter(|(_, row)| row.pays()) {
+            match runs.iter_mut().find(|run| row.is_answered_as(&rows[run[0]])) {
+                Some(run) => run.push(k),
+                None => runs.push(vec![k]),
+            }
+        }
+        runs
+    }
+
     /// A row without results.
     pub fn row(&self) -> MrRow {
         MrRow { feature_size: self.s, rays: self.rays, decide_s: self.decide_s, ..Default::default() }

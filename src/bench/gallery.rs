@@ -121,7 +121,8 @@ impl Bench<'_> {
         for (k, &pair) in partly.iter().enumerate() {
             means[pair] = full.mean(k);
         }
-        let shown: Vec<&PlannedRow> = asked.iter().filter(|row| row.rays == self.options.rays).collect();
+        let shown: Vec<PlannedRow> =
+            asked.iter().filter(|row| row.rays == self.options.rays).copied().collect();
         let timer = Timer::new(rayon::current_num_threads())?;
         self.progress.stage("images", (every.len() * (SHOWN_RAYS + self.options.rays * shown.len())) as u64);
         let exact = |rays: usize| {
@@ -136,18 +137,14 @@ impl Bench<'_> {
                 timer.multi_resolution(queries, engine, row.s as f32, row.rays, &advance);
             Ok::<_, Error>((gallery.images(&run.visible)?, cost))
         };
-        let (mut mr, mut averaged) = (Vec::new(), false);
-        for row in &shown {
-            let images = match (row.pays(), row.rays == SHOWN_RAYS) {
-                (true, _) => {
-                    let (images, cost) = walked(row, row.route)?;
-                    averaged |= cost.aggregated > 0;
-                    images
-                }
-                (false, true) => exact16.clone(),
-                (false, false) => exact(row.rays)?,
-            };
-            mr.push((!row.pays(), images));
+        let shows_exact = self.options.rays != SHOWN_RAYS && shown.iter().any(|row| !row.pays());
+        let as_rows = if shows_exact { exact(self.options.rays)? } else { exact16.clone() };
+        let mut mr: Vec<_> = shown.iter().map(|row| (!row.pays(), as_rows.clone())).collect();
+        let mut averaged = false;
+        for run in PlannedRow::runs(&shown) {
+            let (images, cost) = walked(&shown[run[0]], shown[run[0]].route)?;
+            averaged |= cost.aggregated > 0;
+            run.iter().for_each(|&k| mr[k].1.clone_from(&images));
         }
         let largest = shown.last().filter(|_| shown.iter().all(|row| !row.pays()));
         let (clusters, cost) = largest.map(|row| walked(row, Route::Walks)).transpose()?.unzip();
@@ -171,17 +168,17 @@ impl Bench<'_> {
         let references = gallery.images(&means)?;
         let call = |rays| (rays, self.embree(workload, rays));
         let calls: Vec<(usize, Exact)> = self.exact_rays().into_iter().map(call).collect();
-        let walked: Vec<&PlannedRow> = asked.iter().filter(|row| row.pays()).collect();
+        let runs = PlannedRow::runs(asked);
         let first_mr = calls.len() + certified.len();
         let numbers = calls.iter().map(|call| call.0).chain(certified.iter().copied());
-        let all_rays: usize = numbers.chain(walked.iter().map(|row| row.rays)).sum();
+        let all_rays: usize = numbers.chain(runs.iter().map(|run| asked[run[0]].rays)).sum();
         self.progress.stage("timing images", (every.len() * all_rays) as u64);
         let (mut exact, mut mr) = (Vec::new(), Vec::new());
-        let timed = rounds(first_mr + walked.len(), |k, first| {
+        let timed = rounds(first_mr + runs.len(), |k, first| {
             let (run, made) = match (calls.get(k), certified.get(k.wrapping_sub(calls.len()))) {
                 (Some((rays, call)), _) => (self.exact(queries, call, *rays, first), &mut exact),
                 (_, Some(&rays)) => (self.certified(queries, engine, rays, first).run, &mut exact),
-                _ => (self.mr(queries, engine, walked[k - first_mr], first).run, &mut mr),
+                _ => (self.mr(queries, engine, &asked[runs[k - first_mr][0]], first).run, &mut mr),
             };
             if first {
                 made.push(gallery.images(&run.visible));
@@ -199,14 +196,14 @@ impl Bench<'_> {
             }
             curves.push(curve);
         }
-        let mut walked = mr.iter().zip(&timed.seconds[first_mr..]);
-        for ((row, asked), curve) in rows.iter_mut().zip(asked).zip(curves.iter().cycle()) {
-            let (images, &seconds) = if asked.pays() {
-                walked.next().expect("a run of every row that was walked")
-            } else {
-                let k =
-                    calls.iter().position(|call| call.0 == row.rays).expect("exact has all numbers of rays");
-                (&exact[k], &timed.seconds[k])
+        for ((k, row), curve) in rows.iter_mut().enumerate().zip(curves.iter().cycle()) {
+            let (images, seconds) = match runs.iter().position(|run| run.contains(&k)) {
+                Some(run) => (&mr[run], timed.seconds[first_mr + run]),
+                None => {
+                    let as_many = calls.iter().position(|call| call.0 == row.rays);
+                    let k = as_many.expect("exact has all numbers of rays");
+                    (&exact[k], timed.seconds[k])
+                }
             };
             let error = gallery.pooled_fbem(&references, images, row.feature_size)?;
             let same = interpolate_log_log(curve, error);

@@ -39,13 +39,13 @@ impl Bench<'_> {
         let asked = self.decisions(sample, engine);
         let mut rows: Vec<MrRow> = asked.iter().map(PlannedRow::row).collect();
 
-        let walked: Vec<usize> = (0..rows.len()).filter(|&k| asked[k].pays()).collect();
+        let runs = PlannedRow::runs(&asked);
         let all_rays: usize = calls.iter().map(|call| call.0).sum::<usize>()
             + certified.iter().map(|row| row.rays).sum::<usize>()
-            + walked.iter().map(|&k| rows[k].rays).sum::<usize>();
+            + runs.iter().map(|run| rows[run[0]].rays).sum::<usize>();
         self.progress.stage("both engines", pairs * all_rays as u64);
         let (first_certified, first_mr) = (exact.len(), exact.len() + certified.len());
-        let timed = rounds(first_mr + walked.len(), |k, first| {
+        let timed = rounds(first_mr + runs.len(), |k, first| {
             if k < first_certified {
                 let (rays, engine) = (calls[k].0, &calls[k].1);
                 let run = self.exact(queries, engine, rays, first);
@@ -62,9 +62,9 @@ impl Bench<'_> {
                 row.evaluate(first, &reference, &run);
                 run.sections
             } else {
-                let k = walked[k - first_mr];
-                let result = self.mr(queries, engine, &asked[k], first);
-                if first {
+                let run = &runs[k - first_mr];
+                let result = self.mr(queries, engine, &asked[run[0]], first);
+                for &k in run.iter().filter(|_| first) {
                     rows[k].evaluate(&reference, audit.as_ref(), &result);
                 }
                 result.run.sections
@@ -72,11 +72,13 @@ impl Bench<'_> {
         });
         let mut seconds = timed.seconds.iter().copied();
         exact.iter_mut().chain(&mut certified).zip(&mut seconds).for_each(|(row, s)| row.seconds = s);
-        for (row, asked) in rows.iter_mut().zip(&asked) {
-            let as_many = || exact.iter().find(|e| e.rays == row.rays).map(|e| e.seconds);
-            row.seconds = if asked.pays() { seconds.next() } else { as_many() }.unwrap_or(0.0);
-            row.compare(&exact, &certified);
+        for row in &mut rows {
+            row.seconds = exact.iter().find(|e| e.rays == row.rays).map_or(0.0, |e| e.seconds);
         }
+        for (run, seconds) in runs.iter().zip(seconds) {
+            run.iter().for_each(|&k| rows[k].seconds = seconds);
+        }
+        rows.iter_mut().for_each(|row| row.compare(&exact, &certified));
         Measured { reference, exact, certified, mr: rows, rounds: timed.rounds }
     }
 }
