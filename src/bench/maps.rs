@@ -1,11 +1,13 @@
 //! Maps: shadow images of whole receivers by both engines, computed at every texel or at some and interpolated between.
 //!
-//! A map has many receiver points close together, so that both engines may interpolate, and what is prepared for it alone (choices,
-//! and later caches) counts: `speedup_with_setup`. All rows of a map are compared with one reference of independent rays at every
+//! A map has many receiver points close together, so that both engines may interpolate, and what is prepared for it alone (choices and
+//! caches) counts: `speedup_with_setup`. All rows of a map are compared with one reference of independent rays at every
 //! texel.
 
+mod cached;
 mod compare;
 mod lattice;
+mod quadtree;
 
 use super::context::{Bench, PlannedRow};
 use super::gallery::single_rays;
@@ -19,6 +21,7 @@ use super::workload::Workload;
 use crate::Result;
 use crate::metrics::Image;
 use crate::visibility::{Exact, MultiResolution};
+use cached::CachedRow;
 use lattice::Lattice;
 use std::time::{Duration, Instant};
 
@@ -60,9 +63,10 @@ struct Map<'a> {
 }
 
 /// A row to be measured.
-enum Planned {
+enum Planned<'a> {
     Exact { lattice: usize, rays: usize, call: Exact, setup_s: f64 },
     Mr { lattice: usize, row: PlannedRow },
+    Cached(CachedRow<'a>),
 }
 
 /// Texels and error of a row.
@@ -140,8 +144,8 @@ impl Bench<'_> {
         Ok(Some(Map { grid, lattices, reference, image }))
     }
 
-    /// Exact rows with and without interpolation, then MR rows.
-    fn planned(&self, map: &Map, engine: &MultiResolution) -> Vec<Planned> {
+    /// Exact rows with and without interpolation, then MR rows, those by the far-field cache last.
+    fn planned<'b>(&'b self, map: &Map, engine: &MultiResolution) -> Vec<Planned<'b>> {
         let mut rows = Vec::new();
         let mut all_rays = [&EXACT_RAYS[..], &[self.options.rays]].concat();
         all_rays.sort_unstable();
@@ -163,39 +167,40 @@ impl Bench<'_> {
                 rows.push(Planned::Mr { lattice, row });
             }
         }
+        rows.extend(self.cached_rows(map, engine));
         rows
     }
 
     /// Light of all texels, the part of the segments that met averaged clusters, and the times of queries and interpolation, seconds.
     fn texels_of(&self, map: &Map, row: &Planned, engine: &MultiResolution) -> (Vec<f32>, f64, Vec<f64>) {
-        let (_, lattice, workload) = &map.lattices[row.lattice()];
-        let every: Vec<usize> = (0..workload.pairs.len()).collect();
-        let queries = Queries { scene: self.scene, workload, pairs: &every };
-        let MrRun { run, cost, .. } = match row {
-            Planned::Exact { rays, call, .. } => {
-                MrRun { run: self.exact(queries, call, *rays, false), ..MrRun::default() }
-            }
-            Planned::Mr { row, .. } => self.mr(queries, engine, row, false),
+        let interpolated = |lattice: usize, ask: &dyn Fn(Queries) -> MrRun| {
+            let (_, lattice, workload) = &map.lattices[lattice];
+            let every: Vec<usize> = (0..workload.pairs.len()).collect();
+            let MrRun { run, cost, .. } = ask(Queries { scene: self.scene, workload, pairs: &every });
+            let start = Instant::now();
+            let texels = lattice.fill(&workload.weighted(&run.visible));
+            let mut sections = run.sections;
+            sections.push(start.elapsed().as_secs_f64());
+            (texels, cost.aggregated as f64 / cost.segments.max(1) as f64, sections)
         };
-        let start = Instant::now();
-        let texels = lattice.fill(&workload.weighted(&run.visible));
-        let mut sections = run.sections;
-        sections.push(start.elapsed().as_secs_f64());
-        (texels, cost.aggregated as f64 / cost.segments.max(1) as f64, sections)
+        match row {
+            Planned::Exact { lattice, rays, call, .. } => interpolated(*lattice, &|queries| MrRun {
+                run: self.exact(queries, call, *rays, false),
+                ..MrRun::default()
+            }),
+            Planned::Mr { lattice, row } => {
+                interpolated(*lattice, &|queries| self.mr(queries, engine, row, false))
+            }
+            Planned::Cached(row) => self.cached_texels(map, row),
+        }
     }
 }
 
-impl Planned {
-    fn lattice(&self) -> usize {
-        match self {
-            Planned::Exact { lattice, .. } | Planned::Mr { lattice, .. } => *lattice,
-        }
-    }
-
+impl Planned<'_> {
     /// Whether the row is not that of exact rays.
     fn is_measured(&self) -> bool {
         match self {
-            Planned::Exact { .. } => true,
+            Planned::Exact { .. } | Planned::Cached(_) => true,
             Planned::Mr { row, .. } => row.pays(),
         }
     }

@@ -136,6 +136,21 @@ impl Timer {
         Ok(Timer { pool })
     }
 
+    /// The results of `make` for ranges of up to `step` of `count` items, in order.
+    pub(super) fn parts<T: Send>(
+        &self,
+        count: usize,
+        step: usize,
+        make: impl Fn(Range<usize>) -> T + Sync,
+    ) -> Vec<T> {
+        let ranges: Vec<Range<usize>> =
+            (0..count).step_by(step).map(|first| first..(first + step).min(count)).collect();
+        match &self.pool {
+            None => ranges.into_iter().map(make).collect(),
+            Some(pool) => pool.install(|| ranges.into_par_iter().map(&make).collect()),
+        }
+    }
+
     /// Exact visible fractions with `rays` segments per pair. `advance` gets the number of pairs that were answered.
     pub fn exact(&self, queries: Queries, engine: &Exact, rays: usize, advance: &dyn Fn(usize)) -> Run {
         let Queries { scene, workload, pairs } = queries;

@@ -101,6 +101,12 @@ impl EmitterSampler {
         Some((self.width * facing, weight))
     }
 
+    /// Distance of its centre from a point, scene units.
+    #[cfg(any(test, feature = "reports"))]
+    pub fn distance(&self, position: Vec3) -> f32 {
+        self.centre.distance(position)
+    }
+
     /// The faces that face a point, with their areas summed up; all faces if it is planar.
     pub fn facing<'a>(&'a self, scene: &Scene, position: Vec3) -> Facing<'a> {
         if self.planar {

@@ -17,6 +17,8 @@ mod bundle_walks;
 mod cost_model;
 mod cut;
 mod exact;
+#[cfg(any(test, feature = "reports"))]
+mod far_field;
 mod front;
 mod instance_tree;
 mod instances;
@@ -47,6 +49,8 @@ pub use cut::{Candidate, Cut};
 #[cfg(feature = "internals")]
 pub use cut::{Mode, Sums};
 pub use exact::{Exact, fastest_traversal};
+#[cfg(any(test, feature = "reports"))]
+pub use far_field::{FarField, Probe, Scratch};
 pub use instance_tree::{Frame, InstanceTree, Instances, PlacedChange};
 pub use multires::{LeafMode, MultiResolution};
 pub use route::Route;

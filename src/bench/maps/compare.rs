@@ -2,6 +2,7 @@
 
 use super::{Made, Map, Planned};
 use crate::Result;
+use crate::bench::context::PlannedRow;
 use crate::bench::gallery::fbem_of;
 use crate::bench::record::{Build, MapExactRow, MapMrRow, MapRecord, interpolate_log_log, ratio};
 use crate::metrics::Image;
@@ -32,36 +33,32 @@ impl Map<'_> {
             })
             .collect();
         let mut mr = Vec::new();
-        let mut found = measured.iter().filter(|(row, ..)| matches!(row, Planned::Mr { .. }));
+        let mut found = measured.iter().filter(|(row, ..)| !matches!(row, Planned::Exact { .. }));
         for planned in rows {
-            let Planned::Mr { lattice, row } = planned else { continue };
-            let as_exact = || exact.iter().find(|e| e.0 == *lattice && e.1.rays == row.rays);
-            let (made, seconds, setup_s) = if planned.is_measured() {
-                let (_, made, seconds) = found.next().expect("a run of every row that is walked");
-                (*made, *seconds, row.decide_s)
-            } else {
-                let (_, same, made) = as_exact().expect("exact rows have the number of rays of MR");
-                (*made, same.seconds, row.decide_s)
+            let (row, as_exact) = match planned {
+                Planned::Exact { .. } => continue,
+                Planned::Mr { lattice, row } => {
+                    let same = exact.iter().find(|e| e.0 == *lattice && e.1.rays == row.rays);
+                    (self.planned_row(*lattice, row), same)
+                }
+                Planned::Cached(row) => (row.row(), None),
             };
-            let spacing = self.lattices[*lattice].0;
-            mr.push(self.compared(
-                MapMrRow {
-                    feature_size: row.s,
-                    rays: row.rays,
-                    spacing,
-                    interpolated: spacing > 1,
-                    route: row.route_name().into(),
-                    seconds,
-                    setup_s,
-                    rms: made.rms,
-                    bias: made.bias,
-                    fbem: fbem_of(&self.image, &made.image, row.s)?,
-                    aggregated_fraction: made.aggregated,
-                    ..MapMrRow::default()
-                },
-                &exact,
-                build,
-            )?);
+            let (made, seconds) = if planned.is_measured() {
+                let (_, made, seconds) = found.next().expect("a run of every row that is measured");
+                (*made, *seconds)
+            } else {
+                let (_, same, made) = as_exact.expect("exact rows have the number of rays of MR");
+                (*made, same.seconds)
+            };
+            let row = MapMrRow {
+                seconds,
+                rms: made.rms,
+                bias: made.bias,
+                fbem: fbem_of(&self.image, &made.image, row.feature_size)?,
+                aggregated_fraction: made.aggregated,
+                ..row
+            };
+            mr.push(self.compared(row, &exact, build)?);
         }
         Ok(MapRecord {
             receiver: self.grid.name.clone(),
@@ -73,6 +70,20 @@ impl Map<'_> {
             exact: exact.into_iter().map(|(_, row, _)| row).collect(),
             mr,
         })
+    }
+
+    /// What is known of a row before it is measured.
+    fn planned_row(&self, lattice: usize, row: &PlannedRow) -> MapMrRow {
+        let spacing = self.lattices[lattice].0;
+        MapMrRow {
+            feature_size: row.s,
+            rays: row.rays,
+            spacing,
+            interpolated: spacing > 1,
+            route: row.route_name().into(),
+            setup_s: row.decide_s,
+            ..MapMrRow::default()
+        }
     }
 
     /// The row with its speed-ups.

@@ -9,6 +9,8 @@ use crate::bench::receivers::choose;
 use crate::bench::workload::{Workload, surface_points};
 use crate::model::{Detail, testing};
 use crate::scene::generate::{Spec, build};
+use crate::visibility::Cut;
+use std::sync::Arc;
 
 /// More rays err less, MR rows that are handed over are rows of exact rays, and preparation makes no row faster.
 #[test]
@@ -38,15 +40,52 @@ fn rows_of_a_map_are_consistent() {
     // Interpolation between every second texel averages noise: fewer rays in all, and a smaller error than a quarter of them at every texel.
     let halved = map.exact.iter().find(|row| row.spacing == 2 && row.rays == 16).expect("a row");
     assert!(halved.rms < every[1].rms, "{halved:?}");
-    // Two sizes, four spacings.
-    assert_eq!(map.mr.len(), 8);
+    // Two sizes, four spacings, and the rows by the cache.
+    let (cached, others): (Vec<_>, Vec<_>) = map.mr.iter().partition(|row| row.route == "cache");
+    assert_eq!(others.len(), 8);
+    assert!(cached.iter().all(|row| row.interpolated && row.setup_s > 0.0), "{cached:?}");
     assert!(map.mr.iter().any(|row| row.route == "bundle" && row.aggregated_fraction > 0.0), "{:?}", map.mr);
-    for row in &map.mr {
+    for row in others {
         let same = map.exact.iter().find(|e| (e.rays, e.spacing) == (row.rays, row.spacing)).expect("a row");
-        assert!(row.route == "bundle" || (row.rms, row.bias) == (same.rms, same.bias), "{row:?}");
+        assert!(row.route != "embree" || (row.rms, row.bias) == (same.rms, same.bias), "{row:?}");
         let speeds = [row.speedup_at_same_rms, row.speedup_with_setup];
         let [queries, prepared] = speeds.map(|speed| speed.expect("a ratio"));
         assert!(queries > 0.0 && prepared <= queries, "{row:?}");
         assert!(row.rms > 0.0 && row.fbem <= 1.0, "{row:?}");
+    }
+}
+
+/// A map by the cache is as exact as one of as many segments at every texel, answers fewer texels by segments, and has the same bits on any
+/// number of threads.
+#[test]
+fn the_cache_makes_the_same_map_on_any_number_of_threads() {
+    let mut spec = Spec::new("forest");
+    (spec.trees, spec.leaves) = (12, 300);
+    let model = testing::model(&build(&spec).expect("a forest"), Detail::Optics);
+    let options = Options { map: Some(128), reference_rays: 256, ..Options::default() };
+    let bench = |threads| Bench {
+        model: &model,
+        scene: model.scene(),
+        options: &options,
+        timer: Timer::new(threads).expect("a timer"),
+        sizes: vec![1.5],
+        progress: &(),
+    };
+    let surfaces = choose(&model, &single_rays(&model), &["ground".into()]).expect("the ground");
+    let grids = surfaces.maps((&model, &single_rays(&model)), 128, 0.3);
+    let engine = model.multi_resolution().expect("optics").clone();
+    let engine = engine.with_cut(Some(Arc::new(Cut::build(model.scene()))));
+    let found = [1, 2].map(|threads| {
+        let bench = bench(threads);
+        let map = bench.prepared(&grids[0]).expect("a map").expect("light");
+        let rows = bench.cached_rows(&map, &engine);
+        assert_eq!(rows.len(), 2, "two numbers of segments");
+        let texels: Vec<Vec<f32>> = rows.iter().map(|row| bench.texels_of(&map, row, &engine).0).collect();
+        let errors: Vec<(f64, f64)> = texels.iter().map(|texels| map.reference.errors(texels)).collect();
+        (texels, errors)
+    });
+    assert_eq!(found[0].0, found[1].0);
+    for (rms, bias) in &found[0].1 {
+        assert!(*rms < 0.05 && bias.abs() < 0.01, "{rms} {bias}");
     }
 }

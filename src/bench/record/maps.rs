@@ -53,11 +53,13 @@ pub struct MapMrRow {
     pub spacing: usize,
     /// As [`MapExactRow::interpolated`].
     pub interpolated: bool,
-    /// What answers: `bundle` (walks) or `embree` (exact rays, because they are expected to be faster; the row is then that of `exact`).
+    /// What answers: `bundle` (walks), `cut` (the distance cut), `cache` (the far-field cache: `spacing` is the largest distance between
+    /// probes, `rays` the number of segments of a texel that is not interpolated) or `embree` (exact rays, because they are expected to be
+    /// faster; the row is then that of `exact`).
     pub route: String,
     /// Time of queries and interpolation, seconds.
     pub seconds: f64,
-    /// Preparation of this map: the decision on a sample, seconds; not part of `seconds`.
+    /// Preparation of this map: the decision on a sample, or the probes of the cache and what they see, seconds; not part of `seconds`.
     pub setup_s: f64,
     /// Root mean square error.
     pub rms: f64,

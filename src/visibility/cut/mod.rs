@@ -5,6 +5,8 @@
 //! What it averages depends neither on the feature size of a query nor on its number of segments, so that the pilot that measures its
 //! errors holds for all.
 
+#[cfg(any(test, feature = "reports"))]
+mod ball;
 mod build;
 mod extinction;
 mod layout;
@@ -21,6 +23,8 @@ use super::answer::{Answer, Bundle, Cost, Method, interval, wilson};
 use crate::ray::Occluder;
 use crate::scene::Scene;
 use crate::simd::{Isa, dispatch};
+#[cfg(any(test, feature = "reports"))]
+pub(super) use ball::HalfBall;
 use layout::{Block, Extinctions, Node};
 pub use modes::Mode;
 pub(super) use modes::rays_for;
@@ -118,6 +122,12 @@ impl Cut {
             How::Mode(mode) => OPAQUE_DEPTH / mode.smallest_factor(),
         };
         dispatch(self.isa, Bundles { cut: self, bundles, how, opaque, each });
+    }
+
+    /// Whether no triangle touches a half ball.
+    #[cfg(any(test, feature = "reports"))]
+    pub(super) fn is_empty(&self, ball: HalfBall) -> bool {
+        dispatch(self.isa, ball::IsEmpty { cut: self, ball })
     }
 
     /// The answers to bundles in a mode, with what they were made of, passed to `each` in order.

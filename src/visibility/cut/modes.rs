@@ -50,6 +50,14 @@ impl Fit {
         self.work[0] / self.work[1] * (self.exact / error).powf(1.0 / STRATIFIED)
     }
 
+    /// The same for n segments, for which the error of the model weighs more.
+    #[cfg(any(test, feature = "reports"))]
+    pub(in crate::visibility) fn gain_of(&self, n: f32) -> f32 {
+        let fewer = (LANES as f32 / n).powf(self.power);
+        let error = (self.spread * fewer + self.model).max(f32::MIN_POSITIVE);
+        self.work[0] / self.work[1] * (self.exact * fewer / error).powf(1.0 / self.power)
+    }
+
     /// Variance of the mean of n segments over that of a single one.
     pub fn averaged(&self, n: f32) -> f32 {
         self.spread / self.single.max(f32::MIN_POSITIVE) * (LANES as f32 / n).powf(self.power)

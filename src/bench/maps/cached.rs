@@ -1,0 +1,160 @@
+//! Rows of maps by the far-field cache: probes at the corners of cells that have nothing close to them, and segments at the texels between
+//! other corners.
+
+use super::quadtree::{Node, Quadtree};
+use super::{Map, Planned};
+use crate::bench::context::Bench;
+use crate::bench::receivers::ReceiverGrid;
+use crate::bench::record::MapMrRow;
+use crate::bench::rounds::timed;
+use crate::visibility::{Cost, FarField, MultiResolution, Probe, Scratch};
+use std::ops::Range;
+use std::time::Instant;
+
+/// Radius around probes without anything close, relative to the distance between them and for an emitter of an angle of 1: no less than √2,
+/// so that the balls of the four corners of a cell hold every segment between it and a corner. With twice as much the RMS error is the
+/// same in the garden of `make scenes`, with twice the probes; half of the leaf forest's probes lie then amid leaves.
+const CLEARANCE: f32 = 1.5;
+/// Largest distance between probes, texels: larger cells save less than a hundredth of the probes.
+const MAX_SPACING: usize = 32;
+/// Smallest distance between probes, and texels a probe in the mean, with which a row is planned: with fewer its preparation takes as long
+/// as what it saves.
+const MIN_SPACING: usize = 4;
+const MIN_TEXELS_PER_PROBE: usize = 8;
+/// Largest number of segments at a texel.
+const MAX_RAYS: usize = 256;
+/// Probes that one thread looks from at a time.
+const PART: usize = 64;
+
+/// A row by the cache.
+pub(super) struct CachedRow<'a> {
+    pub s: f64,
+    /// Segments from a texel; from probes as many times as they are texels apart, up to sixteen.
+    pub rays: usize,
+    /// Largest distance between probes, texels.
+    pub spacing: usize,
+    /// Time to find and fill the probes, seconds.
+    pub setup_s: f64,
+    cache: Cache<'a>,
+}
+
+impl CachedRow<'_> {
+    /// What is known of the row before it is measured.
+    pub fn row(&self) -> MapMrRow {
+        let CachedRow { s, rays, spacing, setup_s, .. } = *self;
+        MapMrRow {
+            feature_size: s,
+            rays,
+            spacing,
+            interpolated: true,
+            route: "cache".into(),
+            setup_s,
+            ..MapMrRow::default()
+        }
+    }
+}
+
+struct Cache<'a> {
+    field: FarField<'a>,
+    tree: Quadtree,
+    probes: Values,
+}
+
+/// Visible fractions by emitter and node, and their cost.
+struct Values {
+    visible: Vec<Vec<f32>>,
+    cost: Cost,
+}
+
+impl Bench<'_> {
+    /// A row for each feature size that is larger than a few texels, and two numbers of segments, where probes are much fewer than texels.
+    pub(super) fn cached_rows<'b>(&'b self, map: &Map, engine: &MultiResolution) -> Vec<Planned<'b>> {
+        let rays = [self.options.rays, 4 * self.options.rays].into_iter().filter(|&n| n <= MAX_RAYS);
+        let row = |(s, rays): (f64, usize)| {
+            let steps = (s / map.grid.texel).max(1.0) as usize;
+            let spacing = (1 << steps.ilog2()).min(MAX_SPACING);
+            if spacing < MIN_SPACING {
+                return None;
+            }
+            let mut first_s = 0.0;
+            timed(&mut first_s, || self.cache(map.grid, engine, (spacing, rays)))?;
+            // The smaller time of two, as of rows.
+            let mut again_s = 0.0;
+            let cache = timed(&mut again_s, || self.cache(map.grid, engine, (spacing, rays)))?;
+            Some(Planned::Cached(CachedRow { s, rays, spacing, setup_s: first_s.min(again_s), cache }))
+        };
+        rays.flat_map(|rays| self.sizes.iter().map(move |&s| (s, rays))).filter_map(row).collect()
+    }
+
+    /// The cache of a map with at most so many texels between probes; none if its probes would be too many.
+    fn cache<'b>(
+        &'b self,
+        grid: &ReceiverGrid,
+        engine: &MultiResolution,
+        (spacing, rays): (usize, usize),
+    ) -> Option<Cache<'b>> {
+        let seed = self.options.seed as u32;
+        let field = FarField::new(engine, (self.scene, self.model.samplers()), (rays, seed))?;
+        let tree = Quadtree::new([grid.width, grid.height], spacing, |texels, side| {
+            let parts = self.timer.parts(texels.len(), PART, |range| {
+                let clear = |&[x, y]: &[usize; 2]| {
+                    let probe = grid.probe(x, y);
+                    let apart = side as f32 * grid.texel as f32;
+                    field.is_clear(&probe, CLEARANCE * apart / field.angle(&probe))
+                };
+                texels[range].iter().map(clear).collect::<Vec<bool>>()
+            });
+            parts.concat()
+        });
+        if tree.nodes().len() * MIN_TEXELS_PER_PROBE > grid.points.len() {
+            return None;
+        }
+        let probes = self.seen(grid, &field, tree.probes());
+        Some(Cache { field, tree, probes })
+    }
+
+    /// What nodes see of each emitter.
+    fn seen(&self, grid: &ReceiverGrid, field: &FarField, nodes: &[Node]) -> Values {
+        let mut cost = Cost::default();
+        let mut visible = Vec::new();
+        for emitter in 0..self.scene.emitters.len() {
+            let look = |range: Range<usize>| {
+                let (mut scratch, mut cost) = (Scratch::default(), Cost::default());
+                let value = |node: &Node| {
+                    let probe = grid.probe(node.at[0], node.at[1]);
+                    let answer = field.visible(&probe, emitter, node.sets(), &mut scratch);
+                    cost.add(answer.cost);
+                    answer.transmittance
+                };
+                let values: Vec<f32> = nodes[range].iter().map(value).collect();
+                (values, cost)
+            };
+            let parts = self.timer.parts(nodes.len(), PART, look);
+            parts.iter().for_each(|part| cost.add(part.1));
+            visible.push(parts.into_iter().flat_map(|part| part.0).collect());
+        }
+        Values { visible, cost }
+    }
+
+    /// Light of all texels, the part of the segments that met averaged clusters, and the time, seconds.
+    pub(super) fn cached_texels(&self, map: &Map, row: &CachedRow) -> (Vec<f32>, f64, Vec<f64>) {
+        let (grid, workload) = (map.grid, &map.lattices[0].2);
+        let Cache { field, tree, probes } = &row.cache;
+        let start = Instant::now();
+        let mut rest = self.seen(grid, field, tree.others());
+        let fill = |(probes, rest): (&Vec<f32>, &Vec<f32>)| tree.texels(&[&probes[..], &rest[..]].concat());
+        let images: Vec<Vec<f32>> = probes.visible.iter().zip(&rest.visible).map(fill).collect();
+        let of_pair = workload.pairs.iter().map(|pair| images[pair.emitter as usize][pair.point as usize]);
+        let texels = workload.weighted(&of_pair.collect::<Vec<f32>>());
+        let sections = vec![start.elapsed().as_secs_f64()];
+        rest.cost.add(probes.cost);
+        (texels, rest.cost.aggregated as f64 / rest.cost.segments.max(1) as f64, sections)
+    }
+}
+
+impl ReceiverGrid {
+    fn probe(&self, x: usize, y: usize) -> Probe {
+        let point = &self.points[y * self.width + x];
+        Probe::new(point.position, point.normal, point.magnitude)
+    }
+}
