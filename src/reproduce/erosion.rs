@@ -35,7 +35,7 @@ pub fn figure_2(context: &Context) -> Result<Item> {
     let (less, more) = (counts(&eroded), counts(&expanded));
     item.check(
         "each erosion removes features, until nothing is left; each expansion adds to them",
-        format!("texels of features: {less:?}; {more:?}"),
+        format!("texels of features: {}; {}", listed(&less), listed(&more)),
         less.windows(2).all(|c| c[1] < c[0] || c[0] == 0)
             && more.windows(2).all(|c| c[1] > c[0] || c[0] == image.width() * image.height()),
     );
@@ -66,7 +66,7 @@ pub fn figure_3(context: &Context) -> Result<Item> {
     let squares = STEPS.iter().map(|&n| squares_within(&image, n));
     item.check(
         "what is left consists of regions wider than 2n: of all squares of 2n + 1 texels that fit into the reference",
-        opened.iter().map(|left| left.count().to_string()).collect::<Vec<_>>().join(", ") + " texels",
+        listed(&opened.iter().map(BitImage::count).collect::<Vec<_>>()) + " texels",
         squares.zip(&opened).all(|(squares, left)| squares == *left),
     );
     let within = opened.iter().all(|left| {
@@ -78,10 +78,15 @@ pub fn figure_3(context: &Context) -> Result<Item> {
     let left: Vec<usize> = opened.iter().map(BitImage::count).collect();
     item.check(
         "larger n leave less, and the largest less than the smallest",
-        format!("{left:?} of {} texels", image.count()),
+        format!("{} of {} texels", listed(&left), image.count()),
         left.windows(2).all(|c| c[1] <= c[0]) && left[left.len() - 1] < left[0],
     );
     Ok(item)
+}
+
+/// Numbers with commas between them.
+fn listed(numbers: &[usize]) -> String {
+    numbers.iter().map(usize::to_string).collect::<Vec<_>>().join(", ")
 }
 
 /// The union of all squares of 2n + 1 texels that fit into the object, by their definition.

@@ -9,7 +9,7 @@ use maud::{Markup, html};
 const TITLE: &str = "Feature-based control of visibility error, reproduced";
 /// Characters of a cell beyond which its column is text, whose lines are broken.
 const LONG_CELL: usize = 24;
-/// Number of charts of an item beyond which they are small, side by side.
+/// Number of charts of an item beyond which they are small, two side by side.
 const LARGE_CHARTS: usize = 2;
 /// Height of a chart in wide windows, pixels.
 const CHART_HEIGHT: u32 = 340;
@@ -86,7 +86,7 @@ fn section(item: &Item) -> Result<Markup> {
                 div { h3 { "Here" } p { (prose(&item.here)) } }
             }
             @for row in pictures { (row) }
-            @if large { @for chart in charts { (chart) } } @else { div.images { @for chart in charts { (chart) } } }
+            @if large { @for chart in charts { (chart) } } @else { div.views { @for chart in charts { (chart) } } }
             @for table in &item.tables {
                 @if !table.title.is_empty() { h4 { (table.title) } }
                 (rows(table))
