@@ -62,6 +62,12 @@ impl Workspace {
     pub fn sums(&self) -> &[f32] {
         &self.buffers.sums
     }
+
+    /// 1 for each segment of a bundle of one packet that exact rays have just found to be open, 0 for the others.
+    pub(super) fn open_lanes(&self, bundle: &Bundle) -> [f32; LANES] {
+        let open = bundle.packets[0].active & !self.buffers.blocked[0];
+        std::array::from_fn(|i| (open >> i & 1) as f32)
+    }
 }
 
 /// What walks need of the engine.

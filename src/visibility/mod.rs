@@ -45,7 +45,7 @@ mod work;
 pub use answer::{Answer, Bundle, Cost, Method, wilson};
 pub use bundle_walks::{BatchBuffers, Workspace};
 pub use cost_model::{CALIBRATION_BUNDLES, SAMPLE_RUN, SAMPLE_RUNS, Work, sample_runs};
-pub use cut::{Candidate, Cut};
+pub use cut::{Candidate, Cut, rays_for};
 #[cfg(feature = "internals")]
 pub use cut::{Mode, Sums};
 pub use exact::{Exact, fastest_traversal};

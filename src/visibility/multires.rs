@@ -300,14 +300,14 @@ impl MultiResolution {
         workspace: &mut Workspace,
         mut each: impl FnMut(usize, Answer, &[f32; LANES]),
     ) {
+        if let Route::Cut(_) = self.route {
+            return self.lanes_by_cut(bundles, workspace, each);
+        }
         self.walk_all(bundles, Sizes::Each(sizes), self.leaf == LeafMode::Exact, workspace);
         for (k, bundle) in bundles.iter().enumerate() {
             let answer = self.finish(*bundle, k, workspace);
-            let mut lanes = workspace.lanes[k];
-            if answer.cost.handed_over > 0 {
-                let clear = bundle.packets[0].active & !workspace.buffers.blocked[0];
-                lanes = std::array::from_fn(|i| (clear >> i & 1) as f32);
-            }
+            let handed_over = answer.cost.handed_over > 0;
+            let lanes = if handed_over { workspace.open_lanes(bundle) } else { workspace.lanes[k] };
             each(k, answer, &lanes);
         }
     }

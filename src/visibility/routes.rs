@@ -6,6 +6,7 @@ use super::cost_model::Work;
 use super::cut::{Cut, Mode, Sums, rays_for};
 use super::multires::MultiResolution;
 use super::route::Route;
+use crate::simd::LANES;
 use std::sync::Arc;
 
 /// Largest time to an error, relative to that of exact rays, at which another route is taken: work is an estimate, and the mean squares
@@ -33,6 +34,37 @@ impl MultiResolution {
         let mut engine = self.clone();
         engine.route = route;
         engine
+    }
+
+    /// The engine by the distance cut in each of its modes, with the work of a segment over that of exact rays, as the pilot measured it.
+    pub fn by_cut(&self) -> impl Iterator<Item = (MultiResolution, f64)> {
+        let modes = self.cut.as_ref().map_or(&[][..], |cut| cut.modes());
+        modes.iter().enumerate().map(|(k, mode)| (self.with_route(Route::Cut(k)), f64::from(mode.work())))
+    }
+
+    /// [`MultiResolution::answers_lanes`] by the distance cut, and by exact rays for bundles that it does not take.
+    pub(super) fn lanes_by_cut(
+        &self,
+        bundles: &[Bundle],
+        workspace: &mut Workspace,
+        mut each: impl FnMut(usize, Answer, &[f32; LANES]),
+    ) {
+        let mut k = 0;
+        for group in bundles.chunk_by(|a, b| self.mode(a).is_some() == self.mode(b).is_some()) {
+            match self.mode(&group[0]) {
+                Some((cut, mode)) => cut.lanes(group, mode, |answer, lanes| {
+                    each(k, answer, lanes);
+                    k += 1;
+                }),
+                None => {
+                    for bundle in group {
+                        let answer = self.hand_over(*bundle, workspace);
+                        each(k, answer, &workspace.open_lanes(bundle));
+                        k += 1;
+                    }
+                }
+            }
+        }
     }
 
     /// Memory of the distance cut, bytes.
@@ -80,8 +112,10 @@ impl MultiResolution {
             let exact: f64 = exact.map(rays).sum();
             let walked = self.route == Route::Walks;
             time += if walked { exact * work.own as f64 / work.rays.max(1) as f64 } else { exact };
+            let mut at = 0;
             self.routed(run, s, workspace, |answer, sums| {
-                time += sums.work();
+                time += sums.work() + if sums.left { rays(&run[at]) } else { 0.0 };
+                at += 1;
                 averaged += usize::from(answer.cost.aggregated > 0);
                 found.push(answer.transmittance);
             });
@@ -130,7 +164,13 @@ impl MultiResolution {
         }
         for group in bundles.chunk_by(|a, b| self.mode(a).is_some() == self.mode(b).is_some()) {
             match self.mode(&group[0]) {
-                Some((cut, mode)) => cut.answers(group, mode, &mut each),
+                Some((cut, mode)) => {
+                    let mut bundles = group.iter();
+                    cut.answers_that_pay(group, mode, |answer, sums| {
+                        let bundle = bundles.next().expect("an answer a bundle");
+                        each(answer.unwrap_or_else(|| self.hand_over(*bundle, workspace)), sums);
+                    });
+                }
                 None => {
                     group.iter().for_each(|&bundle| each(self.hand_over(bundle, workspace), Sums::default()));
                 }

@@ -13,7 +13,7 @@ use std::time::Instant;
 
 /// Radius around probes without anything close, relative to the distance between them and for an emitter of an angle of 1: no less than √2,
 /// so that the balls of the four corners of a cell hold every segment between it and a corner. With twice as much the RMS error is the
-/// same in the garden of `make scenes`, with twice the probes; half of the leaf forest's probes lie then amid leaves.
+/// same in the garden of `make scenes`, with 1.7 times the probes; half of the leaf forest's probes lie then amid leaves.
 const CLEARANCE: f32 = 1.5;
 /// Largest distance between probes, texels: larger cells save less than a hundredth of the probes.
 const MAX_SPACING: usize = 32;

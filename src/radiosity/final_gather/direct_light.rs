@@ -1,12 +1,11 @@
 //! Direct light at points: Lambert's formula times the visible part, from bundles of shadow rays.
 
 use super::gatherer::FinalGather;
-use crate::math::sampling::{mix, numbers, pick, point_on};
+use crate::math::sampling::{numbers, pick, point_on};
 use crate::radiosity::elements::emission_gain;
 use crate::radiosity::links::{Scratch, VisibilityEngine, VisibilityQuery};
 use crate::radiosity::rgb::{Rgb, add, mean};
 use crate::ray::{EndRule, LANES, Packet};
-use crate::visibility::sample_runs;
 use glam::Vec3;
 
 /// Points that are gathered for together, as one task: limits the buffers of a task. 64 points are four packets.
@@ -29,24 +28,6 @@ pub(super) struct GatherPoint {
 }
 
 impl FinalGather<'_> {
-    /// By emitter, the visibility engine for points like these.
-    pub(super) fn engines(&self, points: &[(Vec3, Vec3)]) -> Vec<VisibilityEngine> {
-        let point = |i: usize| {
-            let (at, normal) = points[i];
-            self.gather_point(at, normal, mix(i as u64))
-        };
-        let runs: Vec<Vec<GatherPoint>> =
-            sample_runs(points.len()).map(|run| run.map(point).collect()).collect();
-        let of = |emitter: usize| {
-            let queries = |sample: &Vec<GatherPoint>| -> Vec<VisibilityQuery> {
-                let views = self.emitter_views(sample, emitter);
-                views.iter().map(|view| self.shadow_rays(view, emitter, 0).0).collect()
-            };
-            self.linked.engine.for_queries(runs.iter().map(queries))
-        };
-        (0..self.emitters.emitters.len()).map(of).collect()
-    }
-
     /// Direct irradiance at points, W/m². All points query an emitter together.
     pub(super) fn direct(
         &self,
@@ -59,15 +40,14 @@ impl FinalGather<'_> {
             let mut views = self.emitter_views(points, emitter);
             self.measure_visibility(&mut views, emitter, engine, scratch);
             for view in views {
-                let visible = if view.sum > 0.0 { view.seen / view.sum } else { 1.0 };
-                add(&mut values[view.point], visible, view.free);
+                add(&mut values[view.point], view.visible(), view.free);
             }
         }
         values
     }
 
     /// The points that face an emitter's front, with their unoccluded irradiance.
-    fn emitter_views(&self, points: &[GatherPoint], emitter: usize) -> Vec<EmitterView> {
+    pub(super) fn emitter_views(&self, points: &[GatherPoint], emitter: usize) -> Vec<EmitterView> {
         let faces = &self.emitters.emitters[emitter].faces;
         let mut views = Vec::new();
         for (point, &from) in points.iter().enumerate() {
@@ -97,14 +77,14 @@ impl FinalGather<'_> {
 
     /// The visible part of an emitter's irradiance: few rays, and more where they disagree, until the standard error is what all
     /// rays would leave in the worst case, 1 / (2 √n). Averaged visibility varies less and needs fewer rays.
-    fn measure_visibility(
+    pub(super) fn measure_visibility(
         &self,
         views: &mut [EmitterView],
         emitter: usize,
         engine: &VisibilityEngine,
         scratch: &mut Scratch,
     ) {
-        let tolerance = 0.5 / (self.light_rays as f64).sqrt();
+        let tolerance = self.visibility_tolerance();
         let mut left: Vec<usize> = (0..views.len()).collect();
         for first in (0..self.light_rays).step_by(LANES) {
             let (queries, weights): (Vec<VisibilityQuery>, Vec<[f32; LANES]>) =
@@ -124,8 +104,13 @@ impl FinalGather<'_> {
         }
     }
 
+    /// Largest standard error of a visible part.
+    pub(super) fn visibility_tolerance(&self) -> f64 {
+        0.5 / (self.light_rays as f64).sqrt()
+    }
+
     /// Sixteen shadow rays of a point, beginning with number `first`, and their weights.
-    fn shadow_rays(
+    pub(super) fn shadow_rays(
         &self,
         view: &EmitterView,
         emitter: usize,
@@ -156,10 +141,10 @@ impl FinalGather<'_> {
 }
 
 /// A point that faces an emitter, and the results of its shadow rays so far.
-struct EmitterView {
+pub(super) struct EmitterView {
     /// Index of the point.
     point: usize,
-    from: GatherPoint,
+    pub(super) from: GatherPoint,
     /// Unoccluded irradiance, W/m².
     free: Rgb,
     /// Running sums of the parts of the faces.
@@ -173,6 +158,11 @@ struct EmitterView {
 }
 
 impl EmitterView {
+    /// Visible part of the emitter's irradiance.
+    pub(super) fn visible(&self) -> f64 {
+        if self.sum > 0.0 { self.seen / self.sum } else { 1.0 }
+    }
+
     fn add(&mut self, packet: &Packet, weights: &[f32; LANES], through: &[f32; LANES]) {
         for lane in packet.lanes() {
             self.sum += f64::from(weights[lane]);

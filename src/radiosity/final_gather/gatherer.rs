@@ -24,6 +24,7 @@ const DIRECTION_SETS: usize = 64;
 
 /// What gathering needs of a scene and its light.
 pub struct FinalGather<'a> {
+    pub(super) model: &'a Model,
     pub(super) linked: &'a LinkedScene,
     pub(super) scene: &'a Scene,
     pub(super) traced: CommittedScene,
@@ -121,6 +122,7 @@ impl<'a> FinalGather<'a> {
                 }
             });
         FinalGather {
+            model,
             lookup: Lookup::new(elements),
             reflected: reflected.collect(),
             linked,

@@ -5,6 +5,7 @@ mod direct_light;
 mod element_light;
 mod element_rays;
 mod element_samples;
+mod engine_choice;
 mod gatherer;
 mod local_noise;
 mod local_pass;

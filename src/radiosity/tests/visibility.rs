@@ -31,6 +31,37 @@ pub(super) fn ground(scene: &Scene, n: usize) -> Vec<Point> {
     (0..n).map(|i| Point { position: place(at(i)), normal: DVec3::Z }).collect()
 }
 
+/// Skylight at many points under leaves, by the distance cut: it averages, and its mean square error exceeds that of exact rays with
+/// the same tolerance by no more than the square of the tolerance.
+#[test]
+fn skylight_under_leaves_is_averaged_within_its_tolerance() {
+    let mut spec = Spec::new("forest");
+    (spec.trees, spec.leaves) = (20, 300);
+    let scene = build(&spec).expect("a forest");
+    let points = ground(&scene, 4096);
+    let direct = |visibility, error| {
+        let options = Options { direct_only: true, error, ..with(visibility) };
+        solved(&scene, &points, &options)
+    };
+    let truth = direct(Visibility::Exact, 0.002);
+    let (exact, mr) = (direct(Visibility::Exact, 0.02), direct(Visibility::Mr, 0.02));
+    let free = truth.irradiance.iter().map(|e| mean(*e)).fold(0.0, f64::max);
+    let square = |found: &Outcome| {
+        let errors = found.irradiance.iter().zip(&truth.irradiance);
+        errors.map(|(a, b)| ((mean(*a) - mean(*b)) / free).powi(2)).sum::<f64>() / 4096.0
+    };
+    let bundles = |found: &Outcome| found.record.bundles;
+    assert!(bundles(&mr).aggregated + bundles(&mr).mixed > 4096, "{:?}", bundles(&mr));
+    assert!(
+        3 * bundles(&mr).segments < 2 * bundles(&exact).segments,
+        "{:?} {:?}",
+        bundles(&mr),
+        bundles(&exact)
+    );
+    // 0.02 allows a standard error of 1 / (2 √250).
+    assert!(square(&mr) < square(&exact) + 0.25 / 250.0, "{} {}", square(&mr), square(&exact));
+}
+
 fn with(visibility: Visibility) -> Options {
     Options { visibility, error: 0.05, ..Options::default() }
 }

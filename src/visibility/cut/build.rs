@@ -206,7 +206,7 @@ fn split(items: &mut [Item]) -> usize {
     found.clamp(1, items.len() - 1)
 }
 
-/// The best split of a small range at a multiple of sixteen, or of 256 if the range is larger, along any axis.
+/// The best split of a small range at a multiple of sixteen, of 64 if it has more than 256 triangles, along any axis.
 fn sorted(items: &mut [Item]) -> usize {
     let unit = if items.len() > LANES * LANES { 4 * LANES } else { LANES };
     let mut best = (f32::INFINITY, 0, unit);

@@ -20,14 +20,14 @@ mod tests;
 mod traverse;
 
 use super::answer::{Answer, Bundle, Cost, Method, interval, wilson};
-use crate::ray::Occluder;
+use crate::ray::{LANES, Occluder};
 use crate::scene::Scene;
 use crate::simd::{Isa, dispatch};
 #[cfg(any(test, feature = "reports"))]
 pub(super) use ball::HalfBall;
 use layout::{Block, Extinctions, Node};
 pub use modes::Mode;
-pub(super) use modes::rays_for;
+pub use modes::rays_for;
 pub use pilot::Candidate;
 use shells::Shell;
 pub use sums::Sums;
@@ -117,10 +117,7 @@ impl Cut {
 
     /// Follows the segments of bundles and passes the number of the bundle and what those of each packet met to `each`.
     fn each_packet(&self, bundles: &[Bundle], how: How, each: impl FnMut(usize, Packeted)) {
-        let opaque = match how {
-            How::Exact { .. } => OPAQUE_DEPTH,
-            How::Mode(mode) => OPAQUE_DEPTH / mode.smallest_factor(),
-        };
+        let opaque = OPAQUE_DEPTH / how.mode().map_or(1.0, Mode::smallest_factor);
         dispatch(self.isa, Bundles { cut: self, bundles, how, opaque, each });
     }
 
@@ -131,8 +128,29 @@ impl Cut {
     }
 
     /// The answers to bundles in a mode, with what they were made of, passed to `each` in order.
+    #[cfg(feature = "internals")]
     pub fn answers(&self, bundles: &[Bundle], mode: &Mode, mut each: impl FnMut(Answer, Sums)) {
         self.each_sum(bundles, How::Mode(mode), |_, sums| each(sums.answer(), sums));
+    }
+
+    /// The same, without answers to bundles of several packets for which the mode does not pay (see [`Sums::left`]).
+    pub(super) fn answers_that_pay(
+        &self,
+        bundles: &[Bundle],
+        mode: &Mode,
+        mut each: impl FnMut(Option<Answer>, Sums),
+    ) {
+        self.each_sum(bundles, How::IfItPays(mode), |_, sums| {
+            each((!sums.left).then(|| sums.answer()), sums)
+        });
+    }
+
+    /// The answers to bundles of one packet each in a mode, with the transmittance of each segment, 0 in unused lanes.
+    pub(super) fn lanes(&self, bundles: &[Bundle], mode: &Mode, mut each: impl FnMut(Answer, &[f32; LANES])) {
+        let how = How::Mode(mode);
+        self.each_packet(bundles, how, |_, packet| {
+            each(Sums::of(&packet, how, packet.segments as f32).answer(), packet.lanes);
+        });
     }
 }
 

@@ -51,7 +51,6 @@ impl Fit {
     }
 
     /// The same for n segments, for which the error of the model weighs more.
-    #[cfg(any(test, feature = "reports"))]
     pub(in crate::visibility) fn gain_of(&self, n: f32) -> f32 {
         let fewer = (LANES as f32 / n).powf(self.power);
         let error = (self.spread * fewer + self.model).max(f32::MIN_POSITIVE);
@@ -77,6 +76,12 @@ impl Mode {
     /// Averages with a width and a factor of all extinctions that nothing was measured of.
     pub fn unmeasured(width: f32, factor: f32) -> Mode {
         Mode { width, fits: [Fit { factor, ..Fit::default() }; CLASSES] }
+    }
+
+    /// Work of the cut for the segments of the pilot over that of Embree.
+    pub(in crate::visibility) fn work(&self) -> f32 {
+        let work = |of: usize| self.fits.iter().map(|fit| fit.part * fit.work[of]).sum::<f32>();
+        work(1) / work(0).max(f32::MIN_POSITIVE)
     }
 
     /// The smallest factor of a class.

@@ -12,7 +12,8 @@ use crate::visibility::answer::Bundle;
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Widths that are tried, relative to the emitter's.
+/// Widths that are tried, relative to the emitter's: the umbra criterion allows no more than 1. Steps of about a quarter: between neighbours
+/// times to an error differ by less than the routes tell apart (`cargo bench --features internals --bench distance_cut`).
 const WIDTHS: [f32; 4] = [1.0, 0.75, 0.5, 0.25];
 /// Receivers of the first look, by which scenes where no class gains are given up.
 const FIRST: u32 = 1 << 12;
@@ -32,7 +33,8 @@ const MAX_BIAS: f64 = 0.003;
 const MIN_GAIN: f32 = 1.25;
 /// Steps of the fit of the factor: 2⁻²⁰ of its range.
 const STEPS: usize = 20;
-/// Range of the factor. A width that needs one outside is not used.
+/// Range of the factor: 0.4 to 1.3 was measured in garden, park and forest. A width that needs one outside is not used: its extinctions do not
+/// describe the scene.
 const FACTORS: [f32; 2] = [0.25, 2.0];
 /// Bundles that a task follows: 256 segments.
 const TASK: usize = 16;

@@ -24,6 +24,27 @@ pub(super) enum How<'a> {
     Exact { shells: bool },
     /// A mode.
     Mode(&'a Mode),
+    /// A mode, for bundles of several packets only if that pays in the class of the first of them.
+    IfItPays(&'a Mode),
+}
+
+impl<'a> How<'a> {
+    /// The mode, if anything is averaged.
+    pub fn mode(self) -> Option<&'a Mode> {
+        match self {
+            How::Exact { .. } => None,
+            How::Mode(mode) | How::IfItPays(mode) => Some(mode),
+        }
+    }
+
+    /// Whether all packets of a bundle are followed, as one of `count` with `segments` in the class of the first.
+    #[inline(always)]
+    fn goes_on(self, class: usize, [count, segments]: [usize; 2]) -> bool {
+        match self {
+            How::IfItPays(mode) if count > 1 => mode.fits[class].gain_of(segments as f32) > 1.0,
+            _ => true,
+        }
+    }
 }
 
 /// Sums over the segments of a bundle.
@@ -50,6 +71,8 @@ pub struct Sums {
     pub(super) model: f32,
     /// Sum of the variance of single segments of the class, relative to T (1 - T), over the segments.
     pub(super) single: f32,
+    /// Whether only the first packet was followed, because exact rays take less time to an error in its class.
+    pub left: bool,
 }
 
 /// Kernel that follows the segments of bundles, and passes what those of each packet met and transmit, and their class, to `each`.
@@ -70,22 +93,27 @@ impl<F: FnMut(usize, Packeted)> Kernel for Bundles<'_, F> {
         let cut = self.cut;
         let mut stack = EMPTY_STACK;
         for (k, bundle) in self.bundles.iter().enumerate() {
-            let (width, shells) = match self.how {
-                How::Exact { shells } => (0.0, shells),
-                How::Mode(mode) => (mode.width * bundle.emitter_size, false),
-            };
+            let width = self.how.mode().map_or(0.0, |mode| mode.width * bundle.emitter_size);
+            let shells = matches!(self.how, How::Exact { shells: true });
             let rule = Rule { width, opaque: self.opaque };
             let mut left_out = 0;
             for (lane, shell) in cut.shells.iter().enumerate() {
                 left_out |= u32::from(!shells && shell.is_passive(simd, bundle)) << lane;
             }
-            for packet in bundle.packets {
+            for (number, packet) in bundle.packets.iter().enumerate() {
                 let met = trace(simd, cut, (0, left_out), packet, &rule, &mut stack);
                 let segments = packet.len() as u32;
                 let class = class(&met, segments);
-                let factor = if let How::Mode(mode) = self.how { mode.fits[class].factor } else { 1.0 };
+                let factor = self.how.mode().map_or(1.0, |mode| mode.fits[class].factor);
                 let lanes = transmittances(simd, &met, factor);
-                (self.each)(k, Packeted { met: &met, segments, class, lanes: &lanes });
+                let left = number == 0 && {
+                    let all = bundle.packets.iter().map(Packet::len).sum();
+                    !self.how.goes_on(class, [bundle.packets.len(), all])
+                };
+                (self.each)(k, Packeted { met: &met, segments, class, lanes: &lanes, left });
+                if left {
+                    break;
+                }
             }
         }
     }
@@ -97,6 +125,8 @@ pub(super) struct Packeted<'a> {
     pub segments: u32,
     pub class: usize,
     pub lanes: &'a [f32; LANES],
+    /// See [`Sums::left`].
+    pub left: bool,
 }
 
 /// What the segments of a packet transmit with a factor of all extinctions.
@@ -117,6 +147,23 @@ impl Sums {
         Sums { segments, aggregated, nodes, blocks, node_tests, block_tests, ..Sums::default() }
     }
 
+    /// Sums of a packet of a bundle of n segments.
+    pub(super) fn of(packet: &Packeted, how: How, n: f32) -> Sums {
+        let mut sums = Sums::counted(packet.met, packet.segments);
+        sums.left = packet.left;
+        for t in packet.lanes {
+            sums.transmittance += t;
+            sums.square += t * t;
+        }
+        if let Some(mode) = how.mode() {
+            let fit = &mode.fits[packet.class];
+            sums.variance = fit.averaged(n) * packet.segments as f32;
+            sums.model = fit.model * packet.segments as f32;
+            sums.single = fit.single * packet.segments as f32;
+        }
+        sums
+    }
+
     /// Adds another packet or bundle.
     pub fn add(&mut self, other: Sums) {
         self.transmittance += other.transmittance;
@@ -130,14 +177,7 @@ impl Sums {
         self.variance += other.variance;
         self.model += other.model;
         self.single += other.single;
-    }
-
-    /// Adds the transmittances of a packet.
-    pub(super) fn transmit(&mut self, lanes: &[f32; LANES]) {
-        for t in lanes {
-            self.transmittance += t;
-            self.square += t * t;
-        }
+        self.left |= other.left;
     }
 
     /// Units of work of these tests.
@@ -173,15 +213,7 @@ impl Cut {
                 at += 1;
                 n = segments(&bundles[at]);
             }
-            let mut sums = Sums::counted(packet.met, packet.segments);
-            sums.transmit(packet.lanes);
-            if let How::Mode(mode) = how {
-                let fit = &mode.fits[packet.class];
-                sums.variance = fit.averaged(n) * packet.segments as f32;
-                sums.model = fit.model * packet.segments as f32;
-                sums.single = fit.single * packet.segments as f32;
-            }
-            all.add(sums);
+            all.add(Sums::of(&packet, how, n));
         });
         while at < bundles.len() {
             each(at, std::mem::take(&mut all));

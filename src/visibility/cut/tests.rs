@@ -273,3 +273,43 @@ fn sixteen_directions_have_the_axes_of_each() {
         }
     }
 }
+
+/// Bundles of several packets are left to exact rays, after their first packet, in classes where a mode errs too much for their number of
+/// segments; where it pays, and for single packets, the answers are those of the mode.
+#[test]
+fn bundles_are_left_where_a_mode_does_not_pay() {
+    let cut = Cut::build(&yard());
+    let all = packets(9, 64, Vec3::new(0.0, 0.0, -0.05), Vec3::new(6.0, 6.0, 0.0));
+    let of = |model: f32| {
+        let fit = modes::Fit {
+            factor: 1.0,
+            exact: 1.0 / 16.0,
+            spread: 1.0 / 32.0,
+            single: 0.5,
+            model,
+            work: [40.0, 20.0],
+            power: 1.0,
+            part: 1.0,
+        };
+        Mode { width: 1.0, fits: [fit; modes::CLASSES] }
+    };
+    // Sixteen segments: 2 (1/16) / (1/32 + m). 64 segments: 2 (1/64) / (1/128 + m). The second is below 1 for m > 3/128.
+    for (model, few, many) in [(0.0, true, true), (0.02, true, true), (0.03, true, false)] {
+        let mode = of(model);
+        assert_eq!([16.0, 64.0].map(|n| mode.fits[0].gain_of(n) > 1.0), [few, many], "{model}");
+        for (packets, pays) in [(1, true), (4, many)] {
+            let bundle = |packets| Bundle { packets, emitter_size: 9.0, emitter: &[] };
+            let bundles: Vec<Bundle> = all.chunks(packets).map(bundle).collect();
+            let mut wanted = Vec::new();
+            cut.each_sum(&bundles, How::Mode(&mode), |_, sums| wanted.push(sums));
+            let mut at = wanted.iter();
+            cut.answers_that_pay(&bundles, &mode, |answer, sums| {
+                let wanted = at.next().expect("an answer a bundle");
+                assert_eq!((answer.is_some(), !sums.left), (pays, pays));
+                assert_eq!(sums.segments, if pays { wanted.segments } else { 16 });
+                assert!(answer.is_none_or(|answer| answer.transmittance == wanted.answer().transmittance));
+            });
+            assert!(at.next().is_none());
+        }
+    }
+}

@@ -94,7 +94,7 @@ impl<'a> FarField<'a> {
         let segments: usize = packets.iter().map(Packet::len).sum();
         let mut found = None;
         if let Some(mode) = self.mode(segments).filter(|_| self.cut.takes(&bundle)) {
-            self.cut.answers(&[bundle], mode, |answer, _| found = Some(answer));
+            self.cut.answers_that_pay(&[bundle], mode, |answer, _| found = answer);
         }
         found.unwrap_or_else(|| self.exact.answer(bundle, blocked))
     }

@@ -1,0 +1,114 @@
+//! Choice between the distance cut and other engines for the direct light of points.
+//!
+//! Few points of a sample ask an emitter as all points will, by each engine. The cut is taken if it needs less work to the same error,
+//! and its error is no larger than the tolerance of the visible part, which the error of its model does not keep by itself.
+
+use super::direct_light::{EmitterView, GatherPoint};
+use super::gatherer::FinalGather;
+use crate::math::sampling::mix;
+use crate::radiosity::links::{Scratch, VisibilityEngine, VisibilityQuery};
+use crate::visibility::{LeafMode, rays_for, sample_runs};
+use glam::Vec3;
+use std::sync::Arc;
+
+/// Smallest number of points for which the cut is considered: sixteen times those of a sample, so that choosing takes a small part of the
+/// time of all points.
+const MIN_CUT_POINTS: usize = 1 << 12;
+/// Largest work to an error, relative to that of exact rays, with which the cut is taken: work is an estimate, and mean squares of 256
+/// points are known to about a tenth.
+const MAX_WORK_RATIO: f64 = 0.8;
+
+/// What a sample of points found of an emitter by an engine.
+struct Trial {
+    /// Number of segments.
+    segments: f64,
+    /// Visible parts, in the order of the points.
+    visible: Vec<f64>,
+}
+
+impl FinalGather<'_> {
+    /// By emitter, the visibility engine for points like these.
+    pub(super) fn engines(&self, points: &[(Vec3, Vec3)]) -> Vec<VisibilityEngine> {
+        let point = |i: usize| {
+            let (at, normal) = points[i];
+            self.gather_point(at, normal, mix(i as u64))
+        };
+        let runs: Vec<Vec<GatherPoint>> =
+            sample_runs(points.len()).map(|run| run.map(point).collect()).collect();
+        let cut = (points.len() >= MIN_CUT_POINTS).then(|| self.engines_by_cut()).unwrap_or_default();
+        let of = |emitter: usize| {
+            let queries = |sample: &Vec<GatherPoint>| -> Vec<VisibilityQuery> {
+                let views = self.emitter_views(sample, emitter);
+                views.iter().map(|view| self.shadow_rays(view, emitter, 0).0).collect()
+            };
+            let engine = self.linked.engine.for_queries(runs.iter().map(queries));
+            self.fastest(engine, &cut, &runs.concat(), emitter)
+        };
+        (0..self.emitters.emitters.len()).map(of).collect()
+    }
+
+    /// The engines by the distance cut, with the work of a segment over that of exact rays; none unless visibility is multi-resolution.
+    fn engines_by_cut(&self) -> Vec<(VisibilityEngine, f64)> {
+        let VisibilityEngine::MultiResolution(engine) = &self.linked.engine else { return Vec::new() };
+        if engine.leaf() != LeafMode::Exact {
+            return Vec::new();
+        }
+        let engine = (**engine).clone().with_cut(self.model.cut());
+        engine.by_cut().map(|(by, work)| (VisibilityEngine::MultiResolution(Arc::new(by)), work)).collect()
+    }
+
+    /// The engine by which points like those of a sample find the visible part of an emitter in the least work to an error: `other`, or one
+    /// of those by the cut.
+    fn fastest(
+        &self,
+        other: VisibilityEngine,
+        cut: &[(VisibilityEngine, f64)],
+        sample: &[GatherPoint],
+        emitter: usize,
+    ) -> VisibilityEngine {
+        if cut.is_empty() {
+            return other;
+        }
+        let exact = VisibilityEngine::Exact(self.linked.engine.exact());
+        let mut scratch = Scratch::default();
+        // Points with other seeds have rays of their own.
+        let mut truth = [1, 2].map(|half| {
+            let seeded = sample.iter().map(|point| GatherPoint { seed: mix(point.seed ^ half), ..*point });
+            self.trial(&exact, &seeded.collect::<Vec<_>>(), emitter, &mut scratch).visible
+        });
+        let first = self.trial(&exact, sample, emitter, &mut scratch);
+        let [a, b] = &mut truth;
+        let n = first.visible.len().max(1) as f64;
+        let noise: f64 = a.iter().zip(&*b).map(|(a, b)| 0.25 * (a - b).powi(2)).sum::<f64>() / n;
+        // The noise of the halves is independent: the product has no bias, but is not known to better than its own standard error.
+        let square = |trial: &Trial| {
+            let products = trial.visible.iter().zip(&*a).zip(&*b).map(|((x, a), b)| (x - a) * (x - b));
+            (products.sum::<f64>() / n).max(noise / n.sqrt())
+        };
+        let time = |segments: f64, square: f64| segments * rays_for(square.max(f64::MIN_POSITIVE));
+        let mut best = (MAX_WORK_RATIO * time(first.segments, square(&first)), other);
+        for (engine, work) in cut {
+            let trial = self.trial(engine, sample, emitter, &mut scratch);
+            let square = square(&trial);
+            let time = time(work * trial.segments, square);
+            if time < best.0 && square <= self.visibility_tolerance().powi(2) {
+                best = (time, engine.clone());
+            }
+        }
+        best.1
+    }
+
+    fn trial(
+        &self,
+        engine: &VisibilityEngine,
+        points: &[GatherPoint],
+        emitter: usize,
+        scratch: &mut Scratch,
+    ) -> Trial {
+        let mut views = self.emitter_views(points, emitter);
+        let before = scratch.tally.segments;
+        self.measure_visibility(&mut views, emitter, engine, scratch);
+        let segments = (scratch.tally.segments - before) as f64;
+        Trial { segments, visible: views.iter().map(EmitterView::visible).collect() }
+    }
+}
