@@ -15,6 +15,7 @@ use crate::progress::Progress;
 use crate::ray::Packet;
 use crate::scene::Scene;
 use crate::visibility::{Exact, MultiResolution, Route, fastest_traversal};
+use crate::{Error, Result};
 
 /// Numbers of rays of the exact rows: steps of 4 halve the error, and 256 rays bracket the errors of the MR rows, so
 /// that times at equal error are interpolated.
@@ -69,7 +70,8 @@ impl PlannedRow {
 
     /// A row without results.
     pub fn row(&self) -> MrRow {
-        MrRow { feature_size: self.s, rays: self.rays, decide_s: self.decide_s, ..Default::default() }
+        let route = self.route_name().into();
+        MrRow { feature_size: self.s, rays: self.rays, route, decide_s: self.decide_s, ..Default::default() }
     }
 }
 
@@ -84,6 +86,15 @@ pub(super) struct Bench<'a> {
 }
 
 impl Bench<'_> {
+    /// # Errors
+    /// The caller wants the run to stop.
+    pub fn go_on(&self) -> Result<()> {
+        match self.progress.stopped() {
+            true => Err(Error::Cancelled("stopped before the benchmark was complete".into())),
+            false => Ok(()),
+        }
+    }
+
     /// Numbers of segments of the MR rows.
     pub fn mr_rays(&self) -> Vec<usize> {
         self.options.mr_rays()

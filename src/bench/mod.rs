@@ -1,6 +1,7 @@
 //! Benchmark of `mrvis bench`: exact against multi-resolution visibility on the same segments.
 
 mod audit;
+mod classes;
 mod context;
 mod gallery;
 mod maps;

@@ -10,6 +10,7 @@ use crate::Result;
 use crate::metrics::Image;
 use crate::page::{document, figure, file_name, length, percent, times};
 
+mod classes;
 mod losses;
 mod maps;
 mod plots;
@@ -66,6 +67,7 @@ pub fn render(record: &Record, receivers: &[ReceiverImages], command: &str) -> R
             (plots::error_against_time(record)?)
         }
         (tables::measurements(record))
+        (classes::section(&record.classes, &record.unit))
         (trust::calibration(record)?)
         (trust::target(record))
         (trust::unbiased(record))

@@ -6,12 +6,14 @@
 //! the scene's unit, times in seconds of wall clock. `rms` and `bias` are errors of the visible fraction of each
 //! emitter at each point, in [0, 1], relative to the reference, whose noise is subtracted.
 
+mod classes;
 mod compared;
 mod maps;
 mod scaling;
 mod trust;
 
 pub use crate::model::summary::SceneSummary;
+pub use classes::{ClassRecord, ReceiverClass};
 pub use compared::{NO_FASTER, curve, ratio};
 pub use maps::{MapExactRow, MapMrRow, MapRecord};
 pub use scaling::{ScalingRecord, ScalingRow};
@@ -59,6 +61,9 @@ pub struct Record {
     pub certified: Vec<ExactRow>,
     /// MR visibility, by number of segments and feature size; one row if nothing is averaged at the default sizes.
     pub mr: Vec<MrRow>,
+    /// Rows by what lies around the receiver points; classes of fewer than 50 points are left out.
+    #[serde(default)]
+    pub classes: Vec<ClassRecord>,
     /// If no row averages anything: one sentence that says so.
     #[serde(default)]
     pub nothing_averaged: Option<String>,
@@ -218,6 +223,9 @@ pub struct MrRow {
     pub feature_size: f64,
     /// Segments from a point to an emitter.
     pub rays: usize,
+    /// What answers: `bundle` (walks), `cut` (the distance cut) or `embree` (exact rays, because they are expected to be faster).
+    #[serde(default)]
+    pub route: String,
     /// Time of the queries, seconds.
     pub seconds: f64,
     /// Root mean square error.
@@ -310,10 +318,15 @@ pub struct ReceiverFbem {
 impl Record {
     /// The MR row with the largest `speedup_at_same_rms`.
     pub fn best(&self) -> Option<&MrRow> {
-        let speed = |row: &MrRow| row.speedup_at_same_rms.filter(|s| s.is_finite());
-        let rows = self.mr.iter().filter(|row| speed(row).is_some());
-        rows.max_by(|a, b| speed(a).partial_cmp(&speed(b)).unwrap_or(std::cmp::Ordering::Equal))
+        best_of(&self.mr)
     }
+}
+
+/// The row with the largest `speedup_at_same_rms`.
+fn best_of(rows: &[MrRow]) -> Option<&MrRow> {
+    let speed = |row: &MrRow| row.speedup_at_same_rms.filter(|s| s.is_finite());
+    let rows = rows.iter().filter(|row| speed(row).is_some());
+    rows.max_by(|a, b| speed(a).partial_cmp(&speed(b)).unwrap_or(std::cmp::Ordering::Equal))
 }
 
 /// Result of [`interpolate_log_log`].

@@ -11,7 +11,7 @@ const MIN_ROUNDS: usize = 2;
 /// Largest number of runs of each row: limits the time of a row to six times that of one run.
 const MAX_ROUNDS: usize = 6;
 /// A round starts only if the rounds are expected to end within this time: limits the duration of a benchmark.
-const MAX_TIME: Duration = Duration::from_secs(10);
+pub(super) const MAX_TIME: Duration = Duration::from_secs(10);
 
 /// Pairs that are asked, untimed, before each timed row: one chunk of [`super::measure`], which loads the upper nodes
 /// of the tree into the caches.

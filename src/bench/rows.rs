@@ -5,9 +5,10 @@ use super::context::{Bench, PlannedRow};
 use super::measure::{MrRun, Queries, Run};
 use super::record::{ExactRow, MrRow};
 use super::reference::Reference;
-use super::rounds::rounds;
+use super::rounds::rounds_within;
 use super::sample::Sample;
 use crate::visibility::MultiResolution;
+use std::time::Duration;
 
 /// Rows and the reference that gives their errors.
 pub(super) struct Measured {
@@ -21,8 +22,14 @@ pub(super) struct Measured {
 }
 
 impl Bench<'_> {
-    /// Measures all rows over the receiver points.
-    pub fn points(&self, queries: Queries, engine: &MultiResolution, sample: &Sample) -> Measured {
+    /// Measures all rows over receiver points. A further round of the rows starts only if it is expected to end within `max_time`.
+    pub fn points(
+        &self,
+        queries: Queries,
+        engine: &MultiResolution,
+        sample: &Sample,
+        max_time: Duration,
+    ) -> Measured {
         let pairs = queries.pairs.len() as u64;
         let reference = self.reference("reference", queries, self.options.reference_rays);
         let audit = self.audit(queries);
@@ -45,7 +52,7 @@ impl Bench<'_> {
             + runs.iter().map(|run| rows[run[0]].rays).sum::<usize>();
         self.progress.stage("both engines", pairs * all_rays as u64);
         let (first_certified, first_mr) = (exact.len(), exact.len() + certified.len());
-        let timed = rounds(first_mr + runs.len(), |k, first| {
+        let timed = rounds_within(max_time, first_mr + runs.len(), |k, first| {
             if k < first_certified {
                 let (rays, engine) = (calls[k].0, &calls[k].1);
                 let run = self.exact(queries, engine, rays, first);

@@ -8,7 +8,7 @@ use super::page::ReceiverImages;
 use super::prepare::build_of;
 use super::receivers::{self, Surfaces};
 use super::record::{self, Record};
-use super::rounds::timed;
+use super::rounds::{MAX_TIME, timed};
 use super::rows::Measured;
 use super::sizes::{default_sizes, of_images};
 use super::unaveraged;
@@ -53,24 +53,25 @@ pub fn run(
     let bench = Bench { model, scene, options, timer, sizes, progress };
     let sample = timed(&mut build.budget_s, || bench.sample(&workload));
     let mr = bench.engine(&workload, &sample, &mut build);
-    go_on(progress)?;
+    bench.go_on()?;
     let every: Vec<usize> = (0..workload.pairs.len()).collect();
     let queries = Queries { scene, workload: &workload, pairs: &every };
-    let measured = bench.points(queries, &mr, &sample);
-    go_on(progress)?;
+    let measured = bench.points(queries, &mr, &sample, MAX_TIME);
+    let classes = bench.classes(&workload, &mr, &measured)?;
+    bench.go_on()?;
     let unbiased = match options.unbiased {
         true => bench.unbiased(queries, &mr, &measured),
         false => Vec::new(),
     };
     let Measured { reference, exact, certified, mr: mut rows, rounds } = measured;
     let target = options.target.map(|target| bench.target(target, queries, &mr, &reference));
-    go_on(progress)?;
+    bench.go_on()?;
     let mut images = bench.images(&surfaces, &mr, &mut rows, &mut warnings)?;
-    go_on(progress)?;
+    bench.go_on()?;
     let mut maps = bench.maps(&surfaces, &mr, &build)?;
     build.exact_setup_s = build.embree_s + exact.iter().map(|row| row.setup_s).sum::<f64>();
     build.mr_setup_s = build.mr_preparation() + rows.iter().map(|row| row.decide_s).sum::<f64>();
-    let nothing_averaged = unaveraged::sentence(&rows, &images, &maps, &scene.unit);
+    let nothing_averaged = unaveraged::sentence((&rows, &classes), &images, &maps, &scene.unit);
     // Sizes that were asked for keep their rows.
     if nothing_averaged.is_some() && options.feature_sizes.is_empty() {
         unaveraged::keep_one(&mut rows, &mut images, &mut maps, options.rays);
@@ -98,6 +99,7 @@ pub fn run(
         exact,
         certified,
         mr: rows,
+        classes,
         nothing_averaged,
         unbiased,
         target,
@@ -117,13 +119,6 @@ fn clusters_of(options: &Options) -> record::Clusters {
         },
         tolerance: options.clusters.tolerance.into(),
     }
-}
-
-fn go_on(progress: &dyn Progress) -> Result<()> {
-    if progress.stopped() {
-        return Err(Error::Cancelled("stopped before the benchmark was complete".into()));
-    }
-    Ok(())
 }
 
 /// Feature sizes of the options or by default, ascending, without duplicates.

@@ -1,16 +1,22 @@
 //! Scenes in which nothing is averaged: all rows with as many segments are equal, and one stands for all.
 
 use super::gallery::Imaged;
-use super::record::{MapRecord, MrRow, Record};
+use super::record::{ClassRecord, MapRecord, MrRow, Record};
 use crate::page::length;
 
-/// One sentence for rows, images and maps that average nothing; `None` if any averages.
+/// One sentence for rows, classes, images and maps that average nothing; `None` if any averages.
 ///
 /// That a row averages nothing has one of two reasons: the umbra criterion opens every cluster (certain if the largest size was walked to
 /// the end), or exact rays are expected to be faster.
-pub(super) fn sentence(rows: &[MrRow], images: &Imaged, maps: &[MapRecord], unit: &str) -> Option<String> {
+pub(super) fn sentence(
+    (rows, classes): (&[MrRow], &[ClassRecord]),
+    images: &Imaged,
+    maps: &[MapRecord],
+    unit: &str,
+) -> Option<String> {
     let averaged = images.averaged
-        || rows.iter().any(|row| row.aggregated_fraction > 0.0)
+        || average(rows)
+        || classes.iter().any(|class| average(&class.mr))
         || maps.iter().flat_map(|map| &map.mr).any(|row| row.aggregated_fraction > 0.0);
     if averaged || rows.is_empty() {
         return None;
@@ -36,6 +42,24 @@ pub(super) fn sentence(rows: &[MrRow], images: &Imaged, maps: &[MapRecord], unit
     })
 }
 
+fn average(rows: &[MrRow]) -> bool {
+    rows.iter().any(|row| row.aggregated_fraction > 0.0)
+}
+
+impl ClassRecord {
+    /// Keeps one MR row, that of the largest size with `rays` segments, if none averages anything.
+    pub(super) fn keep_one_if_unaveraged(&mut self, rays: usize) {
+        if !average(&self.mr) {
+            keep_one_row(&mut self.mr, rays);
+        }
+    }
+}
+
+fn keep_one_row(rows: &mut Vec<MrRow>, rays: usize) {
+    let only = rows.iter().rposition(|row| row.rays == rays).map(|k| rows.swap_remove(k));
+    *rows = only.into_iter().collect();
+}
+
 impl Record {
     /// The MR rows that table and page show: all, or if nothing is averaged one for all.
     pub fn shown_rows(&self) -> &[MrRow] {
@@ -49,8 +73,7 @@ impl Record {
 
 /// Keeps the row, the errors, the images and the rows of maps of the largest size with `rays` segments.
 pub(super) fn keep_one(rows: &mut Vec<MrRow>, images: &mut Imaged, maps: &mut [MapRecord], rays: usize) {
-    let only = rows.iter().rposition(|row| row.rays == rays).map(|k| rows.swap_remove(k));
-    *rows = only.into_iter().collect();
+    keep_one_row(rows, rays);
     let largest = rows.first().map_or(0.0, |row: &MrRow| row.feature_size);
     maps.iter_mut().for_each(|map| map.mr.retain(|row| row.feature_size == largest));
     for receiver in &mut images.errors {
@@ -74,27 +97,31 @@ mod tests {
     #[test]
     fn only_what_averages_nothing_is_said_to() {
         let (mut rows, mut images) = (rows(), Imaged::default());
-        let slower = sentence(&rows, &images, &[], "m").expect("a sentence");
+        let slower = sentence((&rows, &[]), &images, &[], "m").expect("a sentence");
         assert!(slower.contains("expected to be faster") && slower.contains("0.1"), "{slower}");
         images.all_opened = true;
-        assert!(sentence(&rows, &images, &[], "m").is_some_and(|s| s.contains("may be averaged")));
+        assert!(sentence((&rows, &[]), &images, &[], "m").is_some_and(|s| s.contains("may be averaged")));
         // A whole walk at a small size says nothing about larger ones.
         images.all_opened = false;
         rows[2].handed_over = 0.0;
-        assert_eq!(sentence(&rows, &images, &[], "m"), Some(slower));
+        assert_eq!(sentence((&rows, &[]), &images, &[], "m"), Some(slower));
         rows[3].handed_over = 0.0;
-        assert!(sentence(&rows, &images, &[], "m").is_some_and(|s| s.contains("may be averaged")));
+        assert!(sentence((&rows, &[]), &images, &[], "m").is_some_and(|s| s.contains("may be averaged")));
         images.averaged = true;
-        assert_eq!(sentence(&rows, &images, &[], "m"), None);
+        assert_eq!(sentence((&rows, &[]), &images, &[], "m"), None);
         images.averaged = false;
         rows[1].aggregated_fraction = 1e-6;
-        assert_eq!(sentence(&rows, &images, &[], "m"), None);
-        assert_eq!(sentence(&[], &images, &[], "m"), None);
+        assert_eq!(sentence((&rows, &[]), &images, &[], "m"), None);
+        assert_eq!(sentence((&[], &[]), &images, &[], "m"), None);
         rows[1].aggregated_fraction = 0.0;
-        assert!(sentence(&rows, &images, &[MapRecord::default()], "m").is_some());
+        assert!(sentence((&rows, &[]), &images, &[MapRecord::default()], "m").is_some());
         let averaged = MapMrRow { aggregated_fraction: 0.01, ..MapMrRow::default() };
         let map = MapRecord { mr: vec![averaged], ..MapRecord::default() };
-        assert_eq!(sentence(&rows, &images, &[map], "m"), None);
+        assert_eq!(sentence((&rows, &[]), &images, &[map], "m"), None);
+        let mut class = ClassRecord { mr: rows.clone(), ..ClassRecord::default() };
+        assert!(sentence((&rows, std::slice::from_ref(&class)), &images, &[], "m").is_some());
+        class.mr[3].aggregated_fraction = 0.01;
+        assert_eq!(sentence((&rows, &[class]), &images, &[], "m"), None);
     }
 
     #[test]
@@ -107,5 +134,16 @@ mod tests {
         keep_one(&mut record.mr, &mut Imaged::default(), &mut [], 16);
         assert!(matches!(record.mr[..], [MrRow { rays: 16, feature_size: 0.4, .. }]));
         assert_eq!(record.shown_rows().len(), 1);
+    }
+
+    #[test]
+    fn only_a_class_that_averages_nothing_has_one_row() {
+        let mut class = ClassRecord { mr: rows(), ..ClassRecord::default() };
+        class.mr[0].aggregated_fraction = 0.5;
+        class.keep_one_if_unaveraged(16);
+        assert_eq!(class.mr.len(), 4);
+        class.mr[0].aggregated_fraction = 0.0;
+        class.keep_one_if_unaveraged(16);
+        assert!(matches!(class.mr[..], [MrRow { rays: 16, feature_size: 0.4, .. }]));
     }
 }

@@ -48,6 +48,8 @@ pub use cost_model::{CALIBRATION_BUNDLES, SAMPLE_RUN, SAMPLE_RUNS, Work, sample_
 pub use cut::{Candidate, Cut, rays_for};
 #[cfg(feature = "internals")]
 pub use cut::{Mode, Sums};
+#[cfg(any(test, feature = "reports"))]
+pub use cut::{SURFACE_PART, surface_widths};
 pub use exact::{Exact, fastest_traversal};
 #[cfg(any(test, feature = "reports"))]
 pub use far_field::{FarField, Probe, Scratch};

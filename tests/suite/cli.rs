@@ -249,7 +249,14 @@ fn bench_writes_what_it_promises() {
                 "speedup_per_segment",
                 "speedup_at_same_rms",
                 "speedup_at_same_fbem",
+                "route",
             ],
+        ),
+        ("/classes/0", &["class", "points", "measured", "reference_rms", "exact", "certified", "mr"]),
+        ("/classes/0/exact/0", &["rays", "seconds", "mode", "rms", "bias"]),
+        (
+            "/classes/0/mr/0",
+            &["feature_size", "rays", "seconds", "rms", "bias", "speedup_at_same_rms", "route"],
         ),
         ("/receivers/0", &["name", "width", "height", "texel", "l2", "fbem"]),
     ];

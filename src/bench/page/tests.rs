@@ -102,6 +102,7 @@ fn mr_rows() -> [MrRow; 4] {
     ];
     mr.map(|(s, seconds, rms, per_segment)| MrRow {
         handed_over: 0.0,
+        route: "bundle".into(),
         decide_s: 0.031,
         feature_size: s,
         rays: 16,
@@ -180,6 +181,7 @@ fn example() -> (Record, Vec<ReceiverImages>) {
         exact: exact_rows().into(),
         certified: Vec::new(),
         mr: mr_rows().into(),
+        classes: Vec::new(),
         nothing_averaged: None,
         unbiased: vec![unbiased()],
         target: Some(target()),
@@ -275,6 +277,37 @@ fn maps_show_their_best_rows() {
     let page = render(&record, &receivers, "").unwrap();
     assert!(page.contains("<h3>&lt;lawn&gt;</h3>") && page.contains("12.5×") && page.contains("20.5×"));
     assert!(!page.contains("3.5×"));
+}
+
+/// A class has one line, that with the largest speed-up; a class whose rows err nowhere has one too.
+#[test]
+fn classes_show_their_best_rows() {
+    use crate::bench::record::{ClassRecord, ReceiverClass};
+    let (mut record, receivers) = example();
+    let row = |route: &str, speed| MrRow {
+        route: route.into(),
+        speedup_at_same_rms: speed,
+        speedup_per_segment: 1.0,
+        ..MrRow::default()
+    };
+    let class = |class, mr| ClassRecord { class, points: 1234, mr, ..ClassRecord::default() };
+    record.classes = vec![
+        class(
+            ReceiverClass::Near,
+            vec![row("cut", Some(7.25)), row("cut", Some(8.25)), row("embree", Some(0.75))],
+        ),
+        class(ReceiverClass::Interior, vec![row("embree", None)]),
+    ];
+    let page = render(&record, &receivers, "").unwrap();
+    let section = page.split("Classes of receivers").nth(1).unwrap().split("</section>").next().unwrap();
+    for shown in
+        ["<dt>near</dt>", "<dt>interior</dt>", "8.25×", "0.75×", "distance cut", "exact rays", "1\u{a0}234"]
+    {
+        assert!(section.contains(shown), "{shown}: {section}");
+    }
+    assert!(!section.contains("7.25×") && !section.contains("<dt>open</dt>"), "{section}");
+    record.classes.clear();
+    assert!(!render(&record, &receivers, "").unwrap().contains("Classes of receivers"));
 }
 
 #[test]

@@ -42,6 +42,15 @@ impl MrRow {
         gain.and_then(|(plain, fastest)| ratio(plain, fastest)).unwrap_or(1.0)
     }
 
+    /// What answers, in words.
+    pub fn route_in_words(&self) -> &'static str {
+        match self.route.as_str() {
+            "cut" => "distance cut",
+            "bundle" => "walks of bundles",
+            _ => "exact rays",
+        }
+    }
+
     /// What the speed-up refers to, in words.
     pub fn compared_in_words(&self) -> &'static str {
         match self.compared_with == CERTIFIED {

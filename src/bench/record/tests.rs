@@ -7,6 +7,11 @@ fn every_key_of_the_contract_is_written() {
     let record = Record {
         exact: vec![ExactRow::default()],
         mr: vec![MrRow::default()],
+        classes: vec![ClassRecord {
+            exact: vec![ExactRow::default()],
+            mr: vec![MrRow::default()],
+            ..Default::default()
+        }],
         receivers: vec![ReceiverErrors { fbem: vec![ReceiverFbem::default()], ..Default::default() }],
         ..Default::default()
     };
@@ -26,10 +31,20 @@ fn every_key_of_the_contract_is_written() {
         "feature_size rays seconds rms bias interval_coverage aggregated_fraction exact_rays",
     );
     keys(&json["mr"][0], "nodes_per_segment speedup_per_segment speedup_at_same_rms speedup_at_same_fbem");
-    keys(&json["mr"][0], "compared_with speedup_over_plain_exact");
+    keys(&json["mr"][0], "compared_with speedup_over_plain_exact route");
+    keys(&json["classes"][0], "class points exact mr");
+    keys(&json["classes"][0]["mr"][0], "feature_size rays seconds rms bias speedup_at_same_rms route");
     keys(&json["receivers"][0], "name width height texel l2 fbem");
     keys(&json["receivers"][0]["fbem"][0], "feature_size exact16 mr");
-    assert_eq!(serde_json::from_value::<Record>(json).unwrap(), record);
+    assert_eq!(serde_json::from_value::<Record>(json.clone()).unwrap(), record);
+    // Records of earlier versions can be read.
+    let mut earlier = json;
+    earlier.as_object_mut().unwrap().remove("classes");
+    earlier["mr"][0].as_object_mut().unwrap().remove("route");
+    let earlier: Record = serde_json::from_value(earlier).unwrap();
+    assert!(earlier.classes.is_empty() && earlier.mr[0].route.is_empty());
+    let names: Vec<_> = ReceiverClass::ALL.map(|class| serde_json::to_value(class).unwrap()).into();
+    assert_eq!(names, ReceiverClass::ALL.map(|class| serde_json::Value::from(class.name())));
 }
 
 /// Rows of an ideal method: error rays^(−1/2), one second per ray.

@@ -1,5 +1,7 @@
 //! The record of a benchmark as text.
 
+mod classes;
+
 use super::super::args::grouped;
 use crate::bench::record::{Build, MapRecord, MrRow, NO_FASTER, Record, ScalingRow, Target, UnbiasedRow};
 use crate::error::quote;
@@ -12,6 +14,7 @@ pub fn table(record: &Record) -> String {
     let mut text = head(record);
     text += &exact_rows(record);
     text += &mr_rows(record.shown_rows());
+    text += &classes::lines(&record.classes, unit);
     text += &maps(&record.maps);
     text += &setup(record);
     text += &audits(&record.mr);

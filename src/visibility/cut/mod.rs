@@ -28,6 +28,8 @@ pub(super) use ball::HalfBall;
 use layout::{Block, Extinctions, Node};
 pub use modes::Mode;
 pub use modes::rays_for;
+#[cfg(any(test, feature = "reports"))]
+pub use pieces::{SURFACE_PART, surface_widths};
 pub use pilot::Candidate;
 use shells::Shell;
 pub use sums::Sums;

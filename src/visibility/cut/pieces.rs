@@ -10,7 +10,7 @@ use rayon::prelude::*;
 const SMOOTH_COSINE: f32 = 0.9;
 /// Smallest width (root of the area) of a large surface, relative to the diagonal of the scene: blockers of 1/64 of a scene cast shadows
 /// that its images show. Changes time and error, which the pilot measures, not what is correct.
-const SURFACE_PART: f32 = 1.0 / 64.0;
+pub const SURFACE_PART: f32 = 1.0 / 64.0;
 
 /// What the tree needs to know of each triangle.
 pub(super) struct Pieces {
@@ -26,34 +26,47 @@ pub(super) struct Pieces {
 
 impl Pieces {
     pub fn of(scene: &Scene) -> Pieces {
-        let triangles: Vec<u32> = (0..scene.triangles.len() as u32).collect();
-        let area = |&t: &u32| {
-            let [a, b, c] = scene.corners(t);
-            triangle_area(a, b, c)
-        };
-        let areas: Vec<f64> = triangles.par_iter().map(area).collect();
-        let sizes = |groups: &[u32]| -> Vec<f32> {
-            let mut sums = vec![0.0; groups.iter().max().map_or(0, |&g| g as usize + 1)];
-            groups.iter().zip(&areas).for_each(|(&group, area)| sums[group as usize] += area);
-            groups.iter().map(|&group| sums[group as usize].sqrt() as f32).collect()
-        };
+        let areas = areas(scene);
         let smallest = SURFACE_PART * scene.near_bounds().diagonal();
-        let region = smooth_surfaces(scene, &triangles);
-        let width = sizes(&region);
+        let region = smooth_surfaces(scene);
+        let width = widths(&region, &areas);
         let emits = scene.triangle_emitter.iter().map(|&emitter| emitter != u32::MAX);
         let surface = width.iter().zip(emits).map(|(&width, emits)| emits || width >= smallest).collect();
-        Pieces { region, width, surface, size: sizes(&scene.triangle_component) }
+        Pieces { region, width, surface, size: widths(&scene.triangle_component, &areas) }
     }
 }
 
+/// The width of the smooth surface that each triangle belongs to: root of its area; length.
+#[cfg(any(test, feature = "reports"))]
+pub fn surface_widths(scene: &Scene) -> Vec<f32> {
+    widths(&smooth_surfaces(scene), &areas(scene))
+}
+
+/// The area of each triangle.
+fn areas(scene: &Scene) -> Vec<f64> {
+    let area = |t| {
+        let [a, b, c] = scene.corners(t);
+        triangle_area(a, b, c)
+    };
+    (0..scene.triangles.len() as u32).into_par_iter().map(area).collect()
+}
+
+/// Root of the area of the group that each triangle belongs to.
+fn widths(groups: &[u32], areas: &[f64]) -> Vec<f32> {
+    let mut sums = vec![0.0; groups.iter().max().map_or(0, |&g| g as usize + 1)];
+    groups.iter().zip(areas).for_each(|(&group, area)| sums[group as usize] += area);
+    groups.iter().map(|&group| sums[group as usize].sqrt() as f32).collect()
+}
+
 /// The smooth surface of each triangle: faces that meet at an edge with similar planes.
-fn smooth_surfaces(scene: &Scene, triangles: &[u32]) -> Vec<u32> {
+fn smooth_surfaces(scene: &Scene) -> Vec<u32> {
+    let triangles: Vec<u32> = (0..scene.triangles.len() as u32).collect();
     let normal = |&t: &u32| {
         let [a, b, c] = scene.corners(t);
         triangle_normal(a, b, c)
     };
     let normals: Vec<Vec3> = triangles.par_iter().map(normal).collect();
-    let mut leader: Vec<u32> = triangles.to_vec();
+    let mut leader: Vec<u32> = triangles.clone();
     fn find(leader: &mut [u32], mut i: u32) -> u32 {
         while leader[i as usize] != i {
             leader[i as usize] = leader[leader[i as usize] as usize];
@@ -61,12 +74,12 @@ fn smooth_surfaces(scene: &Scene, triangles: &[u32]) -> Vec<u32> {
         }
         i
     }
-    for pair in scene.edges_of(triangles).windows(2) {
+    for pair in scene.edges_of(&triangles).windows(2) {
         let ((a0, b0, i), (a1, b1, j)) = (pair[0], pair[1]);
         if (a0, b0) == (a1, b1) && normals[i as usize].dot(normals[j as usize]).abs() > SMOOTH_COSINE {
             let (i, j) = (find(&mut leader, i), find(&mut leader, j));
             leader[i.max(j) as usize] = i.min(j);
         }
     }
-    (0..triangles.len() as u32).map(|t| find(&mut leader, t)).collect()
+    triangles.iter().map(|&t| find(&mut leader, t)).collect()
 }
