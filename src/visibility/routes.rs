@@ -13,9 +13,9 @@ use std::sync::Arc;
 /// of a sample of 256 bundles are known to about a tenth.
 const MAX_COST_RATIO: f64 = 0.8;
 
-/// Fewest bundles of a sample with something averaged by which the error of averages is judged: with five its mean square is known to
-/// about a factor of two. With fewer, exact rays are taken.
-const MIN_AVERAGED: usize = 5;
+/// Fewest runs of a sample with something averaged by which the error of averages is judged. The bundles of a run are neighbours and err
+/// alike; by five runs a mean square is known to about a factor of two. With fewer, exact rays are taken.
+const MIN_AVERAGED_RUNS: usize = 5;
 
 /// Visible fractions of the bundles of a sample by two independent halves of many rays.
 pub type Halves = [Vec<f32>; 2];
@@ -106,27 +106,34 @@ impl MultiResolution {
         workspace: &mut Workspace,
     ) -> f64 {
         let rays = |bundle: &Bundle| self.cut.as_ref().map_or(1.0, |cut| cut.embree_work(bundle));
-        let (mut time, mut averaged, mut found) = (0.0, 0, Vec::new());
+        let (mut time, mut averaged, mut n) = (0.0, 0, 0);
+        let mut squares = Vec::with_capacity(runs.len());
         for run in runs {
             let exact = run.iter().filter(|bundle| self.mode(bundle).is_none());
             let exact: f64 = exact.map(rays).sum();
             let walked = self.route == Route::Walks;
             time += if walked { exact * work.own as f64 / work.rays.max(1) as f64 } else { exact };
-            let mut at = 0;
+            let (mut at, mut averages, mut square) = (0, false, 0.0);
             self.routed(run, s, workspace, |answer, sums| {
                 time += sums.work() + if sums.left { rays(&run[at]) } else { 0.0 };
+                averages |= answer.cost.aggregated > 0;
+                // The noise of the halves is independent: their product has no bias.
+                let [a, b] = [a, b].map(|half| f64::from(answer.transmittance - half[n + at]));
+                square += a * b;
                 at += 1;
-                averaged += usize::from(answer.cost.aggregated > 0);
-                found.push(answer.transmittance);
             });
+            averaged += usize::from(averages);
+            n += at;
+            squares.push(square);
         }
-        if self.route != Route::Exact && averaged < MIN_AVERAGED {
+        if self.route != Route::Exact && averaged < MIN_AVERAGED_RUNS {
             return f64::INFINITY;
         }
-        let n = found.len().max(1) as f64;
-        // The noise of the halves is independent: their product has no bias, but is not known to better than its own standard error.
-        let product = |((x, a), b): ((&f32, &f32), &f32)| f64::from(x - a) * f64::from(x - b);
-        let square: f64 = found.iter().zip(a).zip(b).map(product).sum();
+        // Few bundles with large errors may have been missed: one standard error more, which is known from the runs.
+        let (sum, count) = (squares.iter().sum::<f64>(), squares.len().max(1) as f64);
+        let spread: f64 = squares.iter().map(|square| (square - sum / count).powi(2)).sum();
+        let square = sum + (spread * count / (count - 1.0).max(1.0)).sqrt();
+        let n = n.max(1) as f64;
         let noise: f64 = a.iter().zip(b).map(|(a, b)| 0.25 * f64::from(a - b).powi(2)).sum();
         time * rays_for(square.max(noise / n.sqrt()).max(1e-12 * n))
     }
