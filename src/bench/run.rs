@@ -59,10 +59,7 @@ pub fn run(
     let measured = bench.points(queries, &mr, &sample, MAX_TIME);
     let classes = bench.classes(&workload, &mr, &measured)?;
     bench.go_on()?;
-    let unbiased = match options.unbiased {
-        true => bench.unbiased(queries, &mr, &measured),
-        false => Vec::new(),
-    };
+    let unbiased = if options.unbiased { bench.unbiased(queries, &mr, &measured) } else { Vec::new() };
     let Measured { reference, exact, certified, mr: mut rows, rounds } = measured;
     let target = options.target.map(|target| bench.target(target, queries, &mr, &reference));
     bench.go_on()?;

@@ -1,11 +1,13 @@
 //! What lies around receiver points.
 //!
-//! From each point 64 stratified rays, with the density of the cosine over its hemisphere, find what they meet first. A surface is large
-//! if its smooth part is at least a 64th of the scene wide, as in the distance cut, which never averages it. A point is
+//! From each point 64 stratified rays, with the density of the cosine over its hemisphere, find what they meet. A surface is large if its
+//! smooth part is at least a 64th of the scene wide, as in the distance cut, which never averages it; others that do not emit are small. A
+//! point is
 //! * `interior` if large surfaces enclose it: less than a quarter of the rays leave the scene or end on an emitter, and more than half
-//!   end on large surfaces;
-//! * else `inside` if it lies on a surface that is not large: a leaf, a twig, a blade of grass;
-//! * else `near` if a ray ends within a 64th of the scene on a surface that is neither large nor emits;
+//!   end on large surfaces. The rays pass up to four small surfaces on the way, and from a point on a small surface as many start on its
+//!   back: the underside of a leaf sees nothing but the lawn, and is not in a room;
+//! * else `inside` if it lies on a small surface: a leaf, a twig, a blade of grass;
+//! * else `near` if a ray meets a small surface within a 64th of the scene;
 //! * else `open`.
 //!
 //! Classes are found before anything is timed, and are the same for both engines.
@@ -23,6 +25,8 @@ use rayon::prelude::*;
 /// √(¼ / 64) = 6 %.
 const ACROSS: usize = 8;
 const RAYS: usize = ACROSS * ACROSS;
+/// Small surfaces that a ray passes on its way to a large one: both sides of two objects of a room.
+const MAX_PASSED: usize = 4;
 
 /// Surfaces of a model by size.
 pub(super) struct Surroundings<'a> {
@@ -34,12 +38,38 @@ pub(super) struct Surroundings<'a> {
 }
 
 /// What a ray meets first.
+#[derive(Clone, Copy, PartialEq, Eq)]
 enum Met {
     Nothing,
     Emitter,
     Large,
     /// A surface that is not large.
     Small,
+}
+
+/// Counts of the rays of a point.
+#[derive(Clone, Copy, Default)]
+struct Seen {
+    rays: usize,
+    /// Rays that leave the scene or end on an emitter, small surfaces passed.
+    lit: usize,
+    /// Rays that end on a large surface, small ones passed.
+    large: usize,
+    /// Whether a ray meets a small surface near.
+    near: bool,
+}
+
+impl Seen {
+    fn add(&mut self, other: Seen) {
+        self.rays += other.rays;
+        self.lit += other.lit;
+        self.large += other.large;
+    }
+
+    /// Whether large surfaces are around on nearly all sides.
+    fn encloses(&self) -> bool {
+        4 * self.lit < self.rays && 2 * self.large > self.rays
+    }
 }
 
 impl<'a> Surroundings<'a> {
@@ -55,38 +85,66 @@ impl<'a> Surroundings<'a> {
     }
 
     fn class(&self, point: &ReceiverPoint, seed: u64) -> ReceiverClass {
+        let own = self.surface_of(point);
+        let front = self.seen(point, seed);
+        let mut around = front;
+        if own == Met::Small {
+            let back = ReceiverPoint { normal: -point.normal, ..*point };
+            around.add(self.seen(&back, mix(seed)));
+        }
+        if around.encloses() {
+            ReceiverClass::Interior
+        } else if own == Met::Small {
+            ReceiverClass::Inside
+        } else if front.near {
+            ReceiverClass::Near
+        } else {
+            ReceiverClass::Open
+        }
+    }
+
+    /// The surface that a point lies on.
+    fn surface_of(&self, point: &ReceiverPoint) -> Met {
+        let rule = EndRule::new(point.magnitude);
+        let mut packet = Packet::EMPTY;
+        packet.set_ray(0, rule.lifted(point.position, point.normal), -point.normal);
+        packet.far[0] = 2.0 * rule.height();
+        let mut hits = [Hits::NONE];
+        self.model.traced().first_hits(self.model.widest_packets(), &[packet], &mut hits);
+        self.met(&hits[0], 0)
+    }
+
+    /// What rays from a point see on the side of its normal.
+    fn seen(&self, point: &ReceiverPoint, seed: u64) -> Seen {
         let rule = EndRule::new(point.magnitude);
         let from = rule.lifted(point.position, point.normal);
-        let mut packets = [Packet::EMPTY; RAYS / LANES + 1];
+        let mut packets = [Packet::EMPTY; RAYS / LANES];
         for k in 0..RAYS {
             let [u, v, ..] = numbers(seed, k as u64);
             let place = |cell: usize, within: f32| (cell as f32 + within) / ACROSS as f32;
             let towards = cosine_direction(point.normal, place(k % ACROSS, u), place(k / ACROSS, v));
             packets[k / LANES].set_ray(k % LANES, from, towards);
         }
-        // The last ray leads back to the surface that the point lies on.
-        packets[RAYS / LANES].set_ray(0, from, -point.normal);
-        packets[RAYS / LANES].far[0] = 2.0 * rule.height();
-        let mut hits = [Hits::NONE; RAYS / LANES + 1];
-        self.model.traced().first_hits(self.model.widest_packets(), &packets, &mut hits);
-        let (mut lit, mut large, mut near) = (0, 0, false);
-        for k in 0..RAYS {
-            let (hits, lane) = (&hits[k / LANES], k % LANES);
-            match self.met(hits, lane) {
-                Met::Nothing | Met::Emitter => lit += 1,
-                Met::Large => large += 1,
-                Met::Small => near |= hits.t[lane] <= self.large,
+        let mut seen = Seen { rays: RAYS, ..Seen::default() };
+        for passed in 0..=MAX_PASSED {
+            let mut hits = [Hits::NONE; RAYS / LANES];
+            self.model.traced().first_hits(self.model.widest_packets(), &packets, &mut hits);
+            for (packet, hits) in packets.iter_mut().zip(&hits) {
+                for lane in packet.lanes() {
+                    match self.met(hits, lane) {
+                        Met::Small => {
+                            seen.near |= passed == 0 && hits.t[lane] <= self.large;
+                            packet.near[lane] = hits.t[lane] + rule.left_out();
+                            continue;
+                        }
+                        Met::Large => seen.large += 1,
+                        Met::Nothing | Met::Emitter => seen.lit += 1,
+                    }
+                    packet.active &= !(1 << lane);
+                }
             }
         }
-        if 4 * lit < RAYS && 2 * large > RAYS {
-            ReceiverClass::Interior
-        } else if matches!(self.met(&hits[RAYS / LANES], 0), Met::Small) {
-            ReceiverClass::Inside
-        } else if near {
-            ReceiverClass::Near
-        } else {
-            ReceiverClass::Open
-        }
+        seen
     }
 
     fn met(&self, hits: &Hits, lane: usize) -> Met {

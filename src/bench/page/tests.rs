@@ -301,7 +301,7 @@ fn classes_show_their_best_rows() {
     let page = render(&record, &receivers, "").unwrap();
     let section = page.split("Classes of receivers").nth(1).unwrap().split("</section>").next().unwrap();
     for shown in
-        ["<dt>near</dt>", "<dt>interior</dt>", "8.25×", "0.75×", "distance cut", "exact rays", "1\u{a0}234"]
+        ["<dt>near</dt>", "<dt>interior</dt>", "8.25×", "0.75×", "distance cut", "exact rays", "1\u{202f}234"]
     {
         assert!(section.contains(shown), "{shown}: {section}");
     }
