@@ -71,6 +71,6 @@ fn line(text: &mut String, item: &Item) {
     let verdict = if item.holds { "holds" } else { "fails" };
     let _ = writeln!(text, "{verdict}  {:5.1} s  {}", item.seconds, item.title);
     for check in item.checks.iter().filter(|check| !check.holds) {
-        let _ = writeln!(text, "         not so: {} ({})", check.statement, check.measured);
+        let _ = writeln!(text, "         {}", check.failure());
     }
 }

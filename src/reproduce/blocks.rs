@@ -5,8 +5,9 @@ use crate::scene::{LoadOptions, Scene, Soup, SoupMaterial, resolve};
 use glam::DVec3;
 use sobol_burley::sample_4d;
 
-/// Smallest distance between the centres of two cubes, edges: they do not touch. And number of places that are tried.
+/// Smallest distance between the centres of two cubes, edges: they do not touch.
 const MIN_DISTANCE: f64 = 1.1;
+/// Number of places that are tried.
 const TRIES: u32 = 16_384;
 
 /// A scene under construction; each box is an object.

@@ -1,7 +1,9 @@
 //! Which builder of clusters is best for which kind of scene: FBEM at equal time.
 
+use super::builder_statistics::{Ratio, UNDECIDED, best, ratio, sampling_error};
 use super::equal_time::{Compared, EQUAL_TIME_RAYS, MAX_RAYS, MIN_RAYS, SIZES, compare};
-use super::item::{Item, Table};
+use super::item::Item;
+use super::table::{Table, count, number};
 use super::{Context, fixed};
 use crate::Result;
 use crate::clusters::Builder;
@@ -51,8 +53,10 @@ pub fn builders(context: &Context) -> Result<Item> {
              smaller feature size would be narrower than two texels; feature sizes of {} of a fifth of the surface's longer side. Objects that \
              no segment between it and the emitters can meet are left out. {MIN_RAYS} to {MAX_RAYS} segments by clusters of each builder; the \
              errors are FBEM at the time of {EQUAL_TIME_RAYS} exact rays, without preparation, interpolated; geometric means over feature \
-             sizes. The sampling error of a ratio between builders comes from two independent sets of segments, each with its own times; \
-             that of a kind of scene from the scatter between scenes. {}",
+             sizes. The sampling error of a ratio between builders comes from two independent sets of segments, each with its own times, \
+             pooled over all scenes; that of a kind of scene from the scatter of the ratio between scenes, if it is larger. Best are the \
+             builder with the smallest error and those whose ratio to it is within the 95 % interval of Student's t, or whose error is within \
+             twice the noise of the reference; one scene does not decide about its kind. {}",
             SIZES.map(|part| format!("1/{:.0}", 1.0 / part)).join(" and "),
             match context.scenes.len() {
                 0 => "Generated scenes only.".into(),
@@ -61,34 +65,53 @@ pub fn builders(context: &Context) -> Result<Item> {
         ),
         ..Item::default()
     };
-    let mut found = Vec::new();
+    if context.scenes.is_empty() {
+        let warning = "The scenes of `make scenes` are missing, on which the choice of the default rests: \
+             `mrvis reproduce --only builders --scenes scenes/real/*.obj --out DIR` compares the builders on them as well.";
+        item.warnings.push(warning.into());
+    }
+    let (mut found, mut left_out) = (Vec::new(), Vec::new());
     for scene in scenes(context) {
         let (scene, name, kind) = scene?;
         context.progress.stage(&format!("builders: {name}"), 0);
-        let compared = compare(context, scene)?;
-        found.extend(compared.map(|compared| Row { name, kind, compared }));
+        match compare(context, scene)? {
+            Some(compared) => found.push(Row { name, kind, compared }),
+            None => left_out.push(name),
+        }
     }
     item.tables.push(by_scene(&found));
     item.tables.push(by_kind(&found));
     item.tables.push(preparation(&found));
-    let all: Vec<&Row> = found.iter().collect();
-    let logs = relative_to_default(&all);
-    let ratio = |(builder, [mean, deviation]): (Builder, [f64; 2])| {
-        format!("{} {} ± {} %", builder.name(), fixed(mean.exp(), 2), fixed(100.0 * deviation, 0))
+    judge(&mut item, &compared(&found), &left_out);
+    Ok(item)
+}
+
+/// What was measured, without names.
+fn compared(rows: &[Row]) -> Vec<&Compared> {
+    rows.iter().map(|row| &row.compared).collect()
+}
+
+/// Whether the default is right, and all scenes were compared.
+fn judge(item: &mut Item, all: &[&Compared], left_out: &[String]) {
+    let ratios = [1, 2, 3].map(|k| (Builder::ALL[k], ratio(all, all, k, 0)));
+    let shown = |(builder, Ratio { mean, error, .. }): (Builder, Ratio)| {
+        format!("{} {} ± {} %", builder.name(), fixed(mean.exp(), 2), fixed(100.0 * error, 0))
     };
-    let ratios: Vec<String> = Builder::ALL.into_iter().zip(logs).skip(1).map(ratio).collect();
     item.check_time(
         "no other builder beats the default clearly: by more than two standard errors of the geometric mean over all scenes",
-        format!("FBEM relative to the default, with standard errors: {}", ratios.join(", ")),
-        logs[1..].iter().all(|[mean, deviation]| *mean >= -2.0 * deviation),
+        format!("FBEM relative to the default, with standard errors: {}", ratios.map(shown).join(", ")),
+        !all.is_empty() && ratios.iter().all(|(_, ratio)| ratio.mean >= -2.0 * ratio.error),
     );
-    let errors = || found.iter().flat_map(|row| row.compared.by);
-    item.check(
-        "all builders were compared",
-        format!("{} scenes", found.len()),
-        !found.is_empty() && errors().all(f64::is_finite),
+    let is_finite = |scene: &&Compared| scene.logs.iter().flatten().all(|log| log.is_finite());
+    let check = item.check(
+        "all builders were compared in all scenes",
+        format!("{} of {} scenes", all.len(), all.len() + left_out.len()),
+        !all.is_empty() && left_out.is_empty() && all.iter().all(is_finite),
     );
-    Ok(item)
+    check.if_not(|| match left_out {
+        [] => "no scene, or an error that is not a number".into(),
+        names => format!("{}: no emitter, or no surface with shadows", names.join(", ")),
+    });
 }
 
 /// Columns of a table: words, then a number for each builder, then words.
@@ -98,19 +121,22 @@ fn columns(first: &[&'static str], last: &[&'static str]) -> Vec<&'static str> {
 
 /// Errors of the builders in each scene.
 fn by_scene(found: &[Row]) -> Table {
-    let columns = columns(
-        &["scene", "kind", "exact rays"],
-        &["± of a ratio", "noise of reference", "best builder", "better"],
+    let columns =
+        columns(&["scene", "kind", "exact rays"], &["noise of reference, %", "best builder", "better"]);
+    let all = compared(found);
+    let title = format!(
+        "FBEM at the time of {EQUAL_TIME_RAYS} exact rays, %; standard error of a ratio between builders in one scene {} %",
+        fixed(100.0 * sampling_error(&all), 1)
     );
-    let mut table = Table::new(format!("FBEM at the time of {EQUAL_TIME_RAYS} exact rays, %"), &columns);
+    let mut table = Table::new(title, &columns);
     for row in found {
-        let Compared { exact, by, deviation, noise, .. } = row.compared;
-        let errors = [exact].into_iter().chain(by).map(|e| fixed(100.0 * e, 2));
-        let best = best_of(by.map(|e| [e.ln(), deviation]));
-        let than_rays =
-            if by.into_iter().fold(f64::INFINITY, f64::min) < exact { "clusters" } else { "exact rays" };
-        let last = [fixed(100.0 * deviation, 1), fixed(100.0 * noise, 2), best, than_rays.into()];
-        table.push([row.name.clone(), row.kind.into()].into_iter().chain(errors).chain(last));
+        let errors = (0..4).map(|k| row.compared.error(k));
+        let smallest = errors.clone().fold(f64::INFINITY, f64::min);
+        let better = if smallest < row.compared.exact { "clusters" } else { "exact rays" };
+        let numbers = [row.compared.exact].into_iter().chain(errors).map(|e| number(100.0 * e, 2));
+        let last =
+            [number(100.0 * row.compared.noise, 2), best(&[&row.compared], &all).into(), better.into()];
+        table.push([row.name.as_str().into(), row.kind.into()].into_iter().chain(numbers).chain(last));
     }
     table
 }
@@ -119,8 +145,8 @@ fn by_scene(found: &[Row]) -> Table {
 fn preparation(found: &[Row]) -> Table {
     let mut table = Table::new("Seconds of clusters and optics", &columns(&["scene", "triangles"], &[]));
     for row in found {
-        let seconds = row.compared.preparation.map(|seconds| fixed(seconds, 2));
-        table.push([row.name.clone(), row.compared.triangles.to_string()].into_iter().chain(seconds));
+        let seconds = row.compared.preparation.map(|seconds| number(seconds, 2));
+        table.push([row.name.as_str().into(), count(row.compared.triangles)].into_iter().chain(seconds));
     }
     table
 }
@@ -136,41 +162,23 @@ fn by_kind(found: &[Row]) -> Table {
             kinds.push(row.kind);
         }
     }
+    let all = compared(found);
     for kind in kinds {
         let own: Vec<&Row> = found.iter().filter(|row| row.kind == kind).collect();
-        let logs = relative_to_default(&own);
+        let of_kind: Vec<&Compared> = own.iter().map(|row| &row.compared).collect();
         let scenes: Vec<&str> = own.iter().map(|row| row.name.as_str()).collect();
-        let number = |[mean, deviation]: [f64; 2]| match deviation {
-            0.0 => fixed(mean.exp(), 2),
-            _ => format!("{} ± {}", fixed(mean.exp(), 2), fixed(mean.exp() * deviation, 2)),
+        let shown = |k: usize| {
+            let Ratio { mean, error, .. } = ratio(&of_kind, &all, k, 0);
+            match k {
+                0 => number(mean.exp(), 2),
+                _ => format!("{} ± {}", fixed(mean.exp(), 2), fixed(mean.exp() * error, 2)).into(),
+            }
         };
-        let words = [kind.to_owned(), scenes.join(", ")];
-        table.push(words.into_iter().chain(logs.map(number)).chain([best_of(logs)]));
+        let best = if of_kind.len() < 2 { UNDECIDED.into() } else { best(&of_kind, &all) };
+        let words = [kind.into(), scenes.join(", ").into()];
+        table.push(words.into_iter().chain((0..4).map(shown)).chain([best.into()]));
     }
     table
-}
-
-/// By builder, mean and standard error over scenes of the logarithm of the FBEM relative to that of the default: from the scatter between
-/// scenes, but at least the sampling error.
-fn relative_to_default(found: &[&Row]) -> [[f64; 2]; 4] {
-    let n = found.len() as f64;
-    let sampling = found.iter().map(|row| row.compared.deviation.powi(2)).sum::<f64>().sqrt() / n;
-    std::array::from_fn(|k| {
-        let logs = || found.iter().map(|row| (row.compared.by[k] / row.compared.by[0]).ln());
-        let mean = logs().sum::<f64>() / n;
-        let square = logs().map(|log| (log - mean).powi(2)).sum::<f64>();
-        let scatter = (square / (n * (n - 1.0).max(1.0))).sqrt();
-        [mean, if k == 0 { 0.0 } else { scatter.max(sampling) }]
-    })
-}
-
-/// The names of the builders whose logarithms of errors exceed the smallest by no more than two standard errors.
-fn best_of(logs: [[f64; 2]; 4]) -> String {
-    let smallest = logs.into_iter().fold([f64::INFINITY, 0.0], |a, b| if b[0] < a[0] { b } else { a });
-    let is_best = |log: &[f64; 2]| log[0] - smallest[0] <= 2.0 * log[1].max(smallest[1]);
-    let best: Vec<&str> =
-        Builder::ALL.into_iter().zip(logs).filter(|(_, log)| is_best(log)).map(|(b, _)| b.name()).collect();
-    if best.len() == logs.len() { "all alike".into() } else { best.join(", ") }
 }
 
 /// A scene with name and kind.
@@ -192,4 +200,31 @@ fn scenes<'a>(context: &'a Context) -> impl Iterator<Item = Result<Given>> + 'a 
         Ok((Arc::new(scene), name, kind))
     };
     generated.chain(context.scenes.iter().map(read))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::builder_statistics::tests::scene;
+    use super::*;
+
+    /// Which of the two checks hold.
+    fn judged(errors: [f64; 4], left_out: &[String]) -> [bool; 2] {
+        let scenes = [1.01, 1.02, 1.01].map(|factor| scene(errors, factor, 0.001));
+        let mut item = Item::default();
+        judge(&mut item, &scenes.iter().collect::<Vec<_>>(), left_out);
+        assert!(item.checks[0].timed);
+        [0, 1].map(|k| item.checks[k].holds)
+    }
+
+    #[test]
+    fn better_builders_and_omitted_scenes_are_found() {
+        assert_eq!(judged([0.1, 0.2, 0.1, 0.1], &[]), [true, true]);
+        assert_eq!(judged([0.1, 0.2, 0.1, 0.05], &[]), [false, true]);
+        assert_eq!(judged([0.1, 0.2, 0.1, 0.1], &["cave".into()]), [true, false]);
+        assert_eq!(judged([0.1, 0.2, 0.1, f64::NAN], &[]), [false, false]);
+        let mut item = Item::default();
+        judge(&mut item, &[], &["cave".into()]);
+        assert!(item.checks.iter().all(|check| !check.holds));
+        assert!(item.checks[1].failure().contains("cave"), "{}", item.checks[1].failure());
+    }
 }

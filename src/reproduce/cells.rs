@@ -21,7 +21,8 @@ struct Cell {
 }
 
 /// The tree over some triangles of a scene: cells are halved in the middle of their longest edge until they hold at most
-/// [`FAN_OUT`] triangles; what the plane cuts stays in the cell. Leaves may hold more than other leaves do.
+/// [`FAN_OUT`] triangles; what the plane cuts becomes a cell that is not divided, so that leaves may hold more triangles
+/// than that.
 pub fn cell_tree(scene: &Scene, faces: &[u32]) -> Tree {
     let bounds = |faces: &[u32]| Aabb::of(faces.iter().flat_map(|&t| scene.corners(t)));
     let first = Cell { bounds: bounds(faces), parent: 0, faces: faces.to_vec(), halvings: 0, is_cut: false };

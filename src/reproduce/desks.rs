@@ -8,9 +8,9 @@ use crate::scene::generate::{DESKS, ROOM};
 /// Planar surfaces of the shell of the room, which never block, stay outside the clusters; the tops of desks, with an inscribed
 /// disc of 0.08 of the diagonal, do not.
 pub const SHELL: f32 = 0.15;
-/// Half of the area under a desk, of 1.6 x 0.8 m, that the penumbra of its edges leaves; and of the inner and outer border of the floor
-/// around it, up to the next desk; metres.
+/// Half of the area under a desk, of 1.6 x 0.8 m, that the penumbra of its edges leaves, metres.
 const UNDER: [f64; 2] = [0.5, 0.2];
+/// Half of the inner and outer border of the floor around a desk, up to the next one, metres.
 const AROUND: [[f64; 2]; 2] = [[0.9, 0.5], [1.2, 0.8]];
 
 /// Loss of light under the desks, relative to the floor around them.

@@ -12,20 +12,23 @@ use crate::scene::Scene;
 use crate::visibility::LeafMode;
 use std::sync::Arc;
 
-/// Segments a pair: fourfold until they take longer than the exact rays, so that errors at equal time are interpolated.
+/// Smallest number of segments a pair: fourfold until they take longer than the exact rays, so that errors at equal time are interpolated.
 pub const MIN_RAYS: usize = 4;
+/// Largest number of segments a pair.
 pub const MAX_RAYS: usize = 256;
 /// Exact rays a pair, whose time is the equal time.
 pub const EQUAL_TIME_RAYS: usize = 64;
 /// Feature sizes relative to the largest that images of the receivers show, a fifth of their longest side: 9 and 35 cm on a floor of 7 m.
 pub const SIZES: [f64; 2] = [1.0 / 16.0, 1.0 / 4.0];
-/// Pairs of texels and emitters, and in tests; rays of each of two references.
+/// Pairs of texels and emitters, and in tests.
 const PAIRS: [usize; 2] = [4000, 1000];
+/// Rays a pair of each of two references.
 const REFERENCE_RAYS: usize = 128;
 /// Repetitions of each measurement, of which the shortest time of each run of texels counts: other processes interrupt some.
 const REPEAT: usize = 2;
-/// Sets of segments, whose differences tell the sampling error; those of the references.
+/// Sets of segments, whose differences tell the sampling error.
 const STREAMS: [u64; 2] = [0, 2];
+/// Those of the references.
 const REFERENCES: [u64; 2] = [1, 3];
 
 /// Errors of the builders in one scene: FBEM, geometric means over feature sizes.
@@ -33,16 +36,33 @@ const REFERENCES: [u64; 2] = [1, 3];
 pub struct Compared {
     /// Of exact rays.
     pub exact: f64,
-    /// By builder, at the time of the exact rays.
-    pub by: [f64; 4],
-    /// Standard error of the logarithm of a ratio between builders.
-    pub deviation: f64,
+    /// Logarithms by builder and set of segments, at the time of the exact rays.
+    pub logs: [[f64; 2]; 4],
     /// FBEM of the reference by its own noise.
     pub noise: f64,
     /// Number of triangles that segments can meet, which clusters are built of.
     pub triangles: usize,
     /// Seconds of clusters and optics by builder.
     pub preparation: [f64; 4],
+}
+
+impl Compared {
+    /// Logarithm of the error of a builder.
+    pub fn log(&self, builder: usize) -> f64 {
+        0.5 * (self.logs[builder][0] + self.logs[builder][1])
+    }
+
+    /// FBEM of a builder.
+    pub fn error(&self, builder: usize) -> f64 {
+        self.log(builder).exp()
+    }
+
+    /// Half the difference between the two sets of segments in the logarithm of the ratio of two builders: an estimate of the standard
+    /// error of their mean with one degree of freedom.
+    pub fn half_difference(&self, builder: usize, other: usize) -> f64 {
+        let ratio = |set: usize| self.logs[builder][set] - self.logs[other][set];
+        0.5 * (ratio(0) - ratio(1))
+    }
 }
 
 /// `None` if the scene has no emitter or no receiver.
@@ -71,13 +91,9 @@ pub fn compare(context: &Context, scene: Arc<Scene>) -> Result<Option<Compared>>
         }
     }
     let Some(common) = common else { return Ok(None) };
-    // Of a ratio between a builder and the first: half the difference between the two sets is the standard error of their mean.
-    let half = |log: [f64; 2]| 0.5 * ((log[0] - logs[0][0]) - (log[1] - logs[0][1]));
-    let square = logs[1..].iter().map(|&log| half(log).powi(2)).sum::<f64>() / 3.0;
     Ok(Some(Compared {
         exact: geometric_mean(&common.exact),
-        by: logs.map(|log| (0.5 * (log[0] + log[1])).exp()),
-        deviation: square.sqrt(),
+        logs,
         noise: geometric_mean(&common.noise),
         triangles: scene.triangles.len(),
         preparation,

@@ -1,7 +1,8 @@
 //! Erosion and expansion of features: Figures 2, 3 and 4 of the paper.
 
 use super::groups::{EDGES, TEXEL, shadow_mask, shadow_widths};
-use super::item::{FEATURES, Item, Panel, Table};
+use super::item::{FEATURES, Item, Panel};
+use super::table::{Table, count, number};
 use super::{Context, fixed, list};
 use crate::Result;
 use crate::metrics::Morphology;
@@ -107,8 +108,10 @@ fn squares_within(image: &BitImage, n: usize) -> BitImage {
 pub fn figure_4(context: &Context) -> Result<Item> {
     let groups = context.groups()?;
     let mut item = Item { here: "The images of Figure 1.".into(), ..Item::default() };
-    let mut table =
-        Table::new("Texels of the masks", &["feature size", "group 1", "group 2", "group 3", "group 4"]);
+    let mut table = Table::new(
+        "Texels of the masks",
+        &["feature size, texels", "group 1", "group 2", "group 3", "group 4"],
+    );
     let mut parts: Vec<[f64; 4]> = Vec::new();
     for size in [0.0].into_iter().chain(MASKS) {
         let masks =
@@ -117,7 +120,7 @@ pub fn figure_4(context: &Context) -> Result<Item> {
         let panels =
             masks.iter().enumerate().map(|(k, mask)| Panel::binary(mask, format!("group {}", k + 1)));
         item.row(format!("{name} ({FEATURES})"), panels.collect());
-        table.push([fixed(size, 0)].into_iter().chain(masks.iter().map(|mask| mask.count().to_string())));
+        table.push([number(size, 0)].into_iter().chain(masks.iter().map(|mask| count(mask.count()))));
         parts.push(std::array::from_fn(|k| masks[k].count() as f64));
     }
     item.tables.push(table);

@@ -1,10 +1,12 @@
 //! What an item of the paper consists of: the claim, pictures, charts and tables made here, and a verdict of checks.
 
+use super::table::Table;
 use crate::image_io::{Picture, grey};
 use crate::metrics::Image;
 use crate::plot::Plot;
 use crate::raster::BitImage;
-use serde::Serialize;
+use serde::ser::SerializeMap;
+use serde::{Serialize, Serializer};
 
 /// A figure, table or section of the paper, reproduced.
 #[derive(Clone, Debug, Default, Serialize)]
@@ -17,11 +19,12 @@ pub struct Item {
     pub claim: &'static str,
     /// What was built and measured here, and how it differs from the paper.
     pub here: String,
+    /// What this run leaves out.
+    pub warnings: Vec<String>,
     /// Rows of pictures.
     pub pictures: Vec<PictureRow>,
-    /// Charts.
-    #[serde(skip)]
-    pub charts: Vec<Chart>,
+    /// Rows of charts.
+    pub charts: Vec<ChartRow>,
     /// Tables.
     pub tables: Vec<Table>,
     /// The verdict: it holds if all checks hold.
@@ -41,6 +44,8 @@ pub struct Check {
     pub measured: String,
     /// Whether the statement holds.
     pub holds: bool,
+    /// Why it does not hold; none if it holds.
+    pub reason: Option<String>,
     /// Whether the numbers are times, which vary from run to run.
     pub timed: bool,
 }
@@ -64,6 +69,15 @@ pub struct Panel {
     pub caption: String,
 }
 
+/// Charts that belong together.
+#[derive(Clone, Debug, Serialize)]
+pub struct ChartRow {
+    /// Heading, may be empty.
+    pub title: String,
+    /// The charts.
+    pub charts: Vec<Chart>,
+}
+
 /// A chart with its caption.
 #[derive(Clone, Debug)]
 pub struct Chart {
@@ -73,51 +87,89 @@ pub struct Chart {
     pub caption: String,
 }
 
-/// A table.
-#[derive(Clone, Debug, Default, Serialize)]
-pub struct Table {
-    /// Heading.
-    pub title: String,
-    /// Names of the columns.
-    pub columns: Vec<String>,
-    /// The rows.
-    pub rows: Vec<Vec<String>>,
+/// The series of a chart as numbers.
+#[derive(Serialize)]
+struct Points<'a> {
+    name: &'a str,
+    points: Vec<[f64; 2]>,
 }
 
-/// Names of the colour scales.
+impl Serialize for Chart {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let series = self.plot.series.iter();
+        let series: Vec<Points> = series
+            .map(|s| Points { name: &s.name, points: s.points.iter().map(|p| [p.x, p.y]).collect() })
+            .collect();
+        let mut map = serializer.serialize_map(Some(4))?;
+        map.serialize_entry("caption", &self.caption)?;
+        map.serialize_entry("x", &self.plot.x_label)?;
+        map.serialize_entry("y", &self.plot.y_label)?;
+        map.serialize_entry("series", &series)?;
+        map.end()
+    }
+}
+
+/// Name of the colour scale of visible fractions.
 pub const VISIBLE: &str = "visible fraction of the light: black 0, white 1";
-/// Black and white pictures of features.
+/// Name of the colour scale of features.
 pub const FEATURES: &str = "features: black";
 
 impl Item {
     /// Adds a check of numbers.
-    pub fn check(&mut self, statement: impl Into<String>, measured: impl Into<String>, holds: bool) {
+    pub fn check(
+        &mut self,
+        statement: impl Into<String>,
+        measured: impl Into<String>,
+        holds: bool,
+    ) -> &mut Check {
         let (statement, measured) = (statement.into(), measured.into());
-        self.checks.push(Check { statement, measured, holds, timed: false });
+        let last = self.checks.len();
+        self.checks.push(Check { statement, measured, holds, reason: None, timed: false });
+        &mut self.checks[last]
     }
 
     /// Adds a check of times.
-    pub fn check_time(&mut self, statement: impl Into<String>, measured: impl Into<String>, holds: bool) {
-        self.check(statement, measured, holds);
-        self.checks.iter_mut().last().into_iter().for_each(|check| check.timed = true);
+    pub fn check_time(
+        &mut self,
+        statement: impl Into<String>,
+        measured: impl Into<String>,
+        holds: bool,
+    ) -> &mut Check {
+        let check = self.check(statement, measured, holds);
+        check.timed = true;
+        check
     }
 
     /// Adds a row of pictures.
     pub fn row(&mut self, title: impl Into<String>, panels: Vec<Panel>) {
         self.pictures.push(PictureRow { title: title.into(), panels });
     }
+
+    /// Adds a chart.
+    pub fn chart(&mut self, plot: Plot, caption: impl Into<String>) {
+        let charts = vec![Chart { plot, caption: caption.into() }];
+        self.charts.push(ChartRow { title: String::new(), charts });
+    }
 }
 
-impl Table {
-    /// An empty table.
-    pub fn new(title: impl Into<String>, columns: &[&str]) -> Table {
-        let columns = columns.iter().map(|&name| name.into()).collect();
-        Table { title: title.into(), columns, rows: Vec::new() }
+impl Check {
+    /// States why the check does not hold, if it does not.
+    pub fn if_not(&mut self, reason: impl FnOnce() -> String) {
+        if !self.holds {
+            self.reason = Some(reason());
+        }
     }
 
-    /// Adds a row.
-    pub fn push(&mut self, row: impl IntoIterator<Item = String>) {
-        self.rows.push(row.into_iter().collect());
+    /// The statement that does not hold, with the numbers and the reason.
+    pub fn failure(&self) -> String {
+        let mut text = format!("not so: {}", self.statement);
+        if !self.measured.is_empty() {
+            text += &format!(" ({})", self.measured);
+        }
+        if let Some(reason) = &self.reason {
+            text += &format!(": {reason}");
+        }
+        text
     }
 }
 

@@ -1,7 +1,8 @@
 //! Radiosity in the office with clusters by three builders: the pictures of Figures 7 and 8.
 
 use super::desks::{SHELL, contrast};
-use super::item::{Item, Panel, Table};
+use super::item::{Item, Panel};
+use super::table::{Table, count, number};
 use super::view::irradiance;
 use super::{Context, fixed};
 use crate::Result;
@@ -25,15 +26,17 @@ const BUILDERS: [(Builder, &str); 3] = [
 const ERROR: f64 = 0.1;
 /// Side of a texel of the floor, metres: about the side of the smallest elements.
 const TEXEL: f64 = 0.05;
-/// Columns and rows of a picture; the camera in the doorway, what it looks at, and its angle of view.
-const SIZE: [usize; 2] = [360, 270];
-const VIEW: [DVec3; 2] = [DVec3::new(0.0, -2.9, 1.9), DVec3::new(-0.6, 1.0, 0.3)];
-const ANGLE: f64 = 1.1;
+/// Columns and rows of a picture.
+pub const SIZE: [usize; 2] = [360, 270];
+/// The camera in the doorway, and what it looks at.
+pub const VIEW: [DVec3; 2] = [DVec3::new(0.0, -2.9, 1.9), DVec3::new(-0.6, 1.0, 0.3)];
+/// Its vertical angle of view.
+pub const ANGLE: f64 = 1.1;
 
 /// Adds pictures and numbers of radiosity solutions with this visibility; returns the contrast under desks, by builder.
 pub fn show(item: &mut Item, visibility: Visibility, context: &Context) -> Result<Vec<f64>> {
     let scene = Arc::new(generate::build(&Spec::new("office"))?);
-    let columns = ["clusters by", "links", "seconds", "contrast under desks, %"];
+    let columns = ["clusters by", "links", "time, s", "contrast under desks, %"];
     let mut table = Table::new("Radiosity along links", &columns);
     let (mut images, mut contrasts) = (Vec::new(), Vec::new());
     for (builder, name) in BUILDERS.into_iter().take(if context.small { 1 } else { 3 }) {
@@ -44,9 +47,10 @@ pub fn show(item: &mut Item, visibility: Visibility, context: &Context) -> Resul
             Options { visibility, error: ERROR, local_rays: Some(0), audit: 0, ..Options::default() };
         let outcome = radiosity::run(&model, &[], &options, context.progress)?;
         let under = contrast(&floor(&scene, &outcome.mesh)?)?;
-        let seconds = fixed(outcome.record.seconds.work(), 2);
-        table.push([name.into(), outcome.record.links.to_string(), seconds.clone(), fixed(100.0 * under, 1)]);
-        images.push((irradiance(&outcome.mesh, VIEW, ANGLE, SIZE)?, format!("{name}, {seconds}\u{a0}s")));
+        let seconds = outcome.record.seconds.work();
+        table.push([name.into(), count(outcome.record.links), number(seconds, 2), number(100.0 * under, 1)]);
+        let caption = format!("{name}, {}\u{a0}s", fixed(seconds, 2));
+        images.push((irradiance(&outcome.mesh, VIEW, ANGLE, SIZE)?, caption));
         contrasts.push(under);
     }
     let white = bright(&images[0].0);
@@ -60,7 +64,7 @@ pub fn show(item: &mut Item, visibility: Visibility, context: &Context) -> Resul
 }
 
 /// The irradiance that all but one per cent of the pixels do not exceed.
-fn bright(image: &Image) -> f32 {
+pub fn bright(image: &Image) -> f32 {
     let mut values = image.data().to_vec();
     values.sort_by(f32::total_cmp);
     values[values.len() * 99 / 100]

@@ -1,6 +1,7 @@
 //! The page of a reproduction: for each item the paper's claim, what was made here, and the verdict.
 
-use super::item::{Chart, Check, Item, PictureRow, Table};
+use super::item::{Chart, ChartRow, Check, Item, PictureRow};
+use super::table::Table;
 use super::{Report, fixed};
 use crate::Result;
 use crate::page::{chart, data_url, document, figure, seconds, small_chart};
@@ -9,8 +10,10 @@ use maud::{Markup, html};
 const TITLE: &str = "Feature-based control of visibility error, reproduced";
 /// Characters of a cell beyond which its column is text, whose lines are broken.
 const LONG_CELL: usize = 24;
-/// Number of charts of an item beyond which they are small, two side by side.
+/// Number of charts of a row beyond which they are small, two side by side.
 const LARGE_CHARTS: usize = 2;
+/// Said of checks of times.
+const TIMED: &str = "timed: varies from run to run";
 /// Height of a chart in wide windows, pixels.
 const CHART_HEIGHT: u32 = 340;
 
@@ -36,7 +39,7 @@ pub fn page(report: &Report, command: &str) -> Result<String> {
         }
         @for item in &failed {
             p.warning { a href={ "#" (item.name) } { (item.title) } " fails: "
-                (item.checks.iter().filter(|check| !check.holds).map(reason).collect::<Vec<_>>().join("; ")) }
+                (item.checks.iter().filter(|check| !check.holds).map(Check::failure).collect::<Vec<_>>().join("; ")) }
         }
         h2 { "Verdicts" }
         (overview(report))
@@ -47,24 +50,16 @@ pub fn page(report: &Report, command: &str) -> Result<String> {
     Ok(document(TITLE, &body))
 }
 
-/// Why a check fails.
-fn reason(check: &Check) -> String {
-    match check.measured.as_str() {
-        "" => format!("not so: {}", check.statement),
-        measured => format!("not so: {} ({measured})", check.statement),
-    }
-}
-
 fn overview(report: &Report) -> Markup {
     let mut table = Table::new("", &["item", "verdict", "checks", "time"]);
     for item in &report.items {
         let held = item.checks.iter().filter(|check| check.holds).count();
         let verdict = if item.holds { "holds" } else { "fails" };
         table.push([
-            item.title.to_owned(),
+            item.title.into(),
             verdict.into(),
-            format!("{held} of {}", item.checks.len()),
-            seconds(item.seconds),
+            format!("{held} of {}", item.checks.len()).into(),
+            seconds(item.seconds).into(),
         ]);
     }
     rows(&table)
@@ -72,12 +67,7 @@ fn overview(report: &Report) -> Markup {
 
 fn section(item: &Item) -> Result<Markup> {
     let pictures = item.pictures.iter().map(picture_row).collect::<Result<Vec<_>>>()?;
-    let large = item.charts.len() <= LARGE_CHARTS;
-    let drawn = |c: &Chart| match large {
-        true => chart(&c.plot, CHART_HEIGHT, &c.caption),
-        false => small_chart(&c.plot, &c.caption),
-    };
-    let charts = item.charts.iter().map(drawn).collect::<Result<Vec<_>>>()?;
+    let charts = item.charts.iter().map(chart_row).collect::<Result<Vec<_>>>()?;
     Ok(html! {
         article id=(item.name) {
             h2 { (item.title) }
@@ -85,19 +75,43 @@ fn section(item: &Item) -> Result<Markup> {
                 div { h3 { "The paper" } p { (item.claim) } }
                 div { h3 { "Here" } p { (prose(&item.here)) } }
             }
+            @for warning in &item.warnings { p.warning { (prose(warning)) } }
             @for row in pictures { (row) }
-            @if large { @for chart in charts { (chart) } } @else { div.views { @for chart in charts { (chart) } } }
+            @for row in charts { (row) }
             @for table in &item.tables {
                 @if !table.title.is_empty() { h4 { (table.title) } }
                 (rows(table))
             }
             h4 { "Verdict: " @if item.holds { "holds" } @else { span.loss { "fails" } } ", " (fixed(item.seconds, 1)) " s" }
-            @for check in &item.checks {
-                @let numbers = html! { @if !check.measured.is_empty() { br; span.note { (check.measured) } } };
-                @if check.holds { p { "✓ " (check.statement) (numbers) } }
-                @else { p.warning { "✗ not so: " (check.statement) (numbers) } }
-            }
+            @for check in &item.checks { (checked(check)) }
         }
+    })
+}
+
+/// A check, with its numbers and the reason of a failure.
+fn checked(check: &Check) -> Markup {
+    let details = html! {
+        @if check.timed { " (" (TIMED) ")" }
+        @if !check.measured.is_empty() { br; span.note { (check.measured) } }
+        @if let Some(reason) = &check.reason { br; span.note { "Reason: " (reason) } }
+    };
+    match check.holds {
+        true => html! { p { "✓ " (check.statement) (details) } },
+        false => html! { p.warning { "✗ not so: " (check.statement) (details) } },
+    }
+}
+
+/// The charts of a row, small ones side by side.
+fn chart_row(row: &ChartRow) -> Result<Markup> {
+    let large = row.charts.len() <= LARGE_CHARTS;
+    let drawn = |c: &Chart| match large {
+        true => chart(&c.plot, CHART_HEIGHT, &c.caption),
+        false => small_chart(&c.plot, &c.caption),
+    };
+    let charts = row.charts.iter().map(drawn).collect::<Result<Vec<_>>>()?;
+    Ok(html! {
+        @if !row.title.is_empty() { h4 { (row.title) } }
+        @if large { @for chart in charts { (chart) } } @else { div.views { @for chart in charts { (chart) } } }
     })
 }
 
@@ -126,20 +140,20 @@ fn picture_row(row: &PictureRow) -> Result<Markup> {
 /// A table whose number of columns is known when it is made; in narrow windows rows are lists.
 fn rows(table: &Table) -> Markup {
     let class = if table.columns.len() > 6 { "rows many" } else { "rows" };
-    let is_long = |k: usize| table.rows.iter().any(|row| row[k].chars().count() > LONG_CELL);
+    let is_long = |k: usize| table.rows.iter().any(|row| row[k].text().chars().count() > LONG_CELL);
     let words = |k: usize| k == 0 || is_long(k);
     html! {
         table class=(class) {
             thead { tr {
-                @for (k, name) in table.columns.iter().enumerate() {
-                    th scope="col" class=[words(k).then_some("text")] { (name) }
+                @for (k, column) in table.columns.iter().enumerate() {
+                    th scope="col" class=[words(k).then_some("text")] { (column.label()) }
                 }
             } }
             tbody {
                 @for row in &table.rows {
                     tr {
-                        @for (k, (cell, name)) in row.iter().zip(&table.columns).enumerate() {
-                            td class=[words(k).then_some("text")] data-name=(name) { (prose(cell)) }
+                        @for (k, (cell, column)) in row.iter().zip(&table.columns).enumerate() {
+                            td class=[words(k).then_some("text")] data-name=(column.label()) { (prose(&cell.text())) }
                         }
                     }
                 }

@@ -19,6 +19,16 @@ pub enum Leaves {
     Extinction,
 }
 
+impl Leaves {
+    /// Name of images.
+    pub fn name(self) -> &'static str {
+        match self {
+            Leaves::Surfaces => "Exact leaves",
+            Leaves::Extinction => "Extinction in leaves, as in the paper",
+        }
+    }
+}
+
 /// A cluster tree with extinction and blocker sizes.
 pub struct PlainTree<'a> {
     scene: &'a Scene,
@@ -96,7 +106,7 @@ impl<'a> PlainTree<'a> {
                 if faces.iter().any(|&t| segment.hits(self.scene.corners(t))) {
                     return 0.0;
                 }
-            } else if cluster.is_leaf() || self.is_averaged(c, (enter, leave), descent) {
+            } else if cluster.is_leaf() || self.is_averaged(c, &segment, (enter, leave), descent) {
                 depth += self.extinction[c] * (leave - enter) * segment.length;
             } else {
                 stack.extend(cluster.child_range());
@@ -105,13 +115,16 @@ impl<'a> PlainTree<'a> {
         (-depth).exp()
     }
 
-    /// Whether the umbra of the fictitious blocker at the middle of the overlap is smaller than the feature size [SD95 sec 3.2]. A
-    /// cluster that holds an end of the segment is opened.
-    fn is_averaged(&self, c: usize, (enter, leave): (f32, f32), descent: Descent) -> bool {
+    /// Whether the umbra of the fictitious blocker at the centre of the cluster, projected onto the segment, is smaller than the feature
+    /// size [SD95 sec 3.2]. A cluster that holds an end of the segment is opened.
+    fn is_averaged(&self, c: usize, segment: &Segment, (enter, leave): (f32, f32), descent: Descent) -> bool {
         let Some((e, s)) = descent.sizes else { return false };
-        let (middle, b) = (0.5 * (enter + leave), self.blocker_size[c]);
+        let (centre, b) = (
+            segment.nearest(0.5 * (self.boxes[c].min + self.boxes[c].max)).clamp(enter, leave),
+            self.blocker_size[c],
+        );
         // The receiver is at parameter 0: d2/d1 = t / (1 − t).
-        enter > 0.0 && leave < 1.0 && b + (b - e) * middle / (1.0 - middle) < s
+        enter > 0.0 && leave < 1.0 && b + (b - e) * centre / (1.0 - centre) < s
     }
 }
 
@@ -126,6 +139,11 @@ struct Segment {
 const END: f32 = 1e-5;
 
 impl Segment {
+    /// Parameter of the point of the line that is nearest to `point`.
+    fn nearest(&self, point: Vec3) -> f32 {
+        (point - self.from).dot(self.direction) / (self.length * self.length)
+    }
+
     fn overlap(&self, bounds: Aabb) -> Option<(f32, f32)> {
         let inverse = 1.0 / self.direction;
         let (a, b) = ((bounds.min - self.from) * inverse, (bounds.max - self.from) * inverse);

@@ -2,8 +2,9 @@
 
 use super::blocks::Blocks;
 use super::bsize::{PIXELS, sizes};
-use super::item::{Item, Panel, Table, VISIBLE};
+use super::item::{Item, Panel, VISIBLE};
 use super::shadow::Wall;
+use super::table::{Table, count, number};
 use super::{Context, fixed};
 use crate::Result;
 use crate::metrics::{Image, Morphology};
@@ -77,7 +78,7 @@ pub fn figure_5(context: &Context) -> Result<Item> {
         ..Plot::default()
     };
     let mut table =
-        Table::new("Widths in metres", &["case", "d1", "umbra", "formula", "penumbra", "formula"]);
+        Table::new("Widths", &["case", "d1, m", "umbra, m", "formula, m", "penumbra, m", "formula, m"]);
     let (wall, mut worst) = (floor(texels), [0.0f64; 2]);
     let mut vanishes = Vec::new();
     for (case, e, b) in [("a: b > e", 0.6, 1.0), ("b: b < e", 1.0, 0.5)] {
@@ -94,14 +95,8 @@ pub fn figure_5(context: &Context) -> Result<Item> {
             }
             measured.push(PlotPoint { x: d1, y: found[0], label: String::new() });
             predicted.push(PlotPoint { x: d1, y: expected[0], label: String::new() });
-            table.push([
-                case.into(),
-                fixed(d1, 1),
-                fixed(found[0], 2),
-                fixed(expected[0], 2),
-                fixed(found[1], 2),
-                fixed(expected[1], 2),
-            ]);
+            let widths = [found[0], expected[0], found[1], expected[1]].map(|width| number(width, 2));
+            table.push([case.into(), number(d1, 1)].into_iter().chain(widths));
             panels.push(Panel::visible(&image, format!("d1 = {d1} m, umbra {} m", fixed(found[0], 2))));
         }
         item.row(format!("Case {case}: e = {e} m, b = {b} m ({VISIBLE})"), panels);
@@ -116,8 +111,7 @@ pub fn figure_5(context: &Context) -> Result<Item> {
             marks: Marks::Points,
         });
     }
-    item.charts
-        .push(super::item::Chart { plot, caption: "Umbra against the position of the blocker.".into() });
+    item.chart(plot, "Umbra against the position of the blocker.");
     item.tables.push(table);
     for (what, worst) in ["umbra", "outline of the penumbra"].into_iter().zip(worst) {
         item.check(
@@ -142,19 +136,35 @@ fn rays() -> PrepareOptions {
     PrepareOptions::default().with_detail(crate::model::Detail::Rays)
 }
 
-/// Side of the cluster's box, width of the emitter and edge of the cubes of Figure 6, metres.
+/// Side of the cluster's box, metres.
 const CLUSTER: f64 = 1.0;
+/// Width of the emitter of Figure 6, metres.
 const EMITTER: f64 = 0.1;
 /// Distances of the cluster from the emitter, metres.
 const CLUSTER_AT: [f64; 2] = [2.0, 2.8];
 
-/// The largest umbra in a rendered shadow, those of the fictitious blocker at the cluster's far and near side, and the resolution of
-/// both, metres.
+/// The largest umbra in a rendered shadow, and those of fictitious blockers, metres.
 struct Between {
     rendered: f64,
-    far: f64,
-    near: f64,
+    /// Of the size of the blocked regions, at the far side, the centre and the near side of the cluster.
+    blocked: [f64; 3],
+    /// Of BSIZE, the larger one of the sizes of blocked and free regions, at the centre.
+    bsize: f64,
+    /// Resolution of the image and of the projection.
     slack: f64,
+}
+
+impl Between {
+    /// The fictitious blockers of a cluster with these sizes of blocked and free regions.
+    fn new([blocked, free]: [f64; 2], d1: f64, rendered: f64, texel: f64) -> Between {
+        let at = |b: f64, side: f64| formula(EMITTER, b, d1 + side * CLUSTER)[0];
+        Between {
+            rendered,
+            blocked: [0.5, 0.0, -0.5].map(|side| at(blocked, side)),
+            bsize: at(blocked.max(free), 0.0),
+            slack: texel + CLUSTER / PIXELS as f64 * DISTANCE / d1,
+        }
+    }
 }
 
 /// Figure 6: a cluster of cubes, and the fictitious blocker in its place.
@@ -162,61 +172,120 @@ pub fn figure_6(context: &Context) -> Result<Item> {
     let texels = if context.small { 128 } else { 256 };
     let mut item = Item {
         here: format!(
-            "Cubes in a box of {CLUSTER} m between an emitter of {EMITTER} m and a floor, {DISTANCE} m apart. BSIZE is measured as \
-             in the paper, by erosions of an orthographic projection along the line to the floor; so is the largest umbra in the \
-             rendered shadow ({texels} x {texels} texels)."
+            "Cubes in a box of {CLUSTER} m between an emitter of {EMITTER} m and a floor, {DISTANCE} m apart. The sizes of the blocked and \
+             of the free regions are measured as in the paper, by erosions of an orthographic projection along the line to the floor; \
+             BSIZE is the larger one (section 3.2). The largest umbra in the rendered shadow ({texels} x {texels} texels) is measured by \
+             erosions as well; it is a blocked region, so that the size of these stands beside BSIZE."
         ),
         ..Item::default()
     };
     let mut table = Table::new(
-        "Diameters in metres",
-        &["cubes", "edge", "d1", "BSIZE", "predicted umbra", "rendered umbra"],
+        "Diameters",
+        &[
+            "cubes",
+            "edge, m",
+            "d1, m",
+            "blocked size, m",
+            "BSIZE, m",
+            "umbra of blocked size, m",
+            "umbra of BSIZE, m",
+            "rendered umbra, m",
+        ],
     );
     let wall = Wall { texel: 3.2 / texels as f64, columns: texels, rows: texels, ..floor(texels) };
     let (mut panels, mut found) = (Vec::new(), Vec::new());
-    for (count, edge) in [(40, 0.15), (12, 0.3)] {
+    for (cubes, edge) in [(40, 0.15), (12, 0.3)] {
         for d1 in CLUSTER_AT {
-            let centre = DVec3::new(0.0, 0.0, DISTANCE - d1);
-            let mut blocks = Blocks::new("umbra of a cluster");
-            blocks.rectangle(DVec3::ZERO, RECEIVER * DVec3::X, RECEIVER * DVec3::Y, false);
-            blocks.random_cubes(count, edge, centre, CLUSTER);
-            light(&mut blocks, EMITTER);
-            let model = Model::prepare(blocks.scene()?, &rays(), context.progress)?;
-            let scene = model.scene();
-            let is_cube =
-                |&t: &u32| scene.objects[scene.triangle_object[t as usize] as usize].name.starts_with("box");
-            let cubes: Vec<u32> = (0..scene.triangles.len() as u32).filter(is_cube).collect();
-            let b = f64::from(sizes(scene, &cubes, Vec3::Z)[0]);
-            let image = wall.grid(&model).sees(&lattice(EMITTER, 5))?;
+            let (size, image) = cluster_shadow(context, &wall, (cubes, edge, d1))?;
             let dark = BitImage::from_fn(texels, texels, |x, y| image.at(x, y) == 0.0);
             let rendered = f64::from(Opener::new(dark, Morphology::Paper8).largest()) * wall.texel;
-            let predicted = formula(EMITTER, b, d1)[0];
-            let [far, near] = [0.5, -0.5].map(|side| formula(EMITTER, b, d1 + side * CLUSTER)[0]);
-            found.push(Between {
-                rendered,
-                far,
-                near,
-                slack: wall.texel + CLUSTER / PIXELS as f64 * DISTANCE / d1,
-            });
-            let numbers = [d1, b, predicted, rendered].map(|v| fixed(v, 3));
-            table.push([count.to_string(), fixed(edge, 2)].into_iter().chain(numbers));
-            panels.push(Panel::visible(
-                &image,
-                format!("{count} cubes, d1 = {d1} m: umbra {} m", fixed(rendered, 2)),
-            ));
+            let between = Between::new(size, d1, rendered, wall.texel);
+            let numbers = [size[0], size[0].max(size[1]), between.blocked[1], between.bsize, rendered]
+                .map(|v| number(v, 3));
+            let first = [count(cubes), number(edge, 2), number(d1, 1)];
+            table.push(first.into_iter().chain(numbers));
+            found.push(between);
+            let caption = format!("{cubes} cubes, d1 = {d1} m: umbra {} m", fixed(rendered, 2));
+            panels.push(Panel::visible(&image, caption));
         }
     }
     item.row(format!("Shadows ({VISIBLE})"), panels);
     item.tables.push(table);
-    item.check(
-        "the umbra of the cluster lies between those of the fictitious blocker at its far and at its near side, to a texel and a pixel of \
-         the projection",
-        found
-            .iter()
-            .map(|f| format!("{} m in {} to {}", fixed(f.rendered, 2), fixed(f.far, 2), fixed(f.near, 2)))
-            .collect::<Vec<_>>()
-            .join("; "),
-        found.iter().all(|f| (f.far - f.slack..=f.near + f.slack).contains(&f.rendered)),
-    );
+    judge_figure_6(&mut item, &found);
     Ok(item)
+}
+
+/// Sizes of the blocked and free regions of a cluster of cubes with these number, edge and distance from the emitter, and its shadow.
+fn cluster_shadow(
+    context: &Context,
+    wall: &Wall,
+    (cubes, edge, d1): (usize, f64, f64),
+) -> Result<([f64; 2], Image<'static>)> {
+    let centre = DVec3::new(0.0, 0.0, DISTANCE - d1);
+    let mut blocks = Blocks::new("umbra of a cluster");
+    blocks.rectangle(DVec3::ZERO, RECEIVER * DVec3::X, RECEIVER * DVec3::Y, false);
+    blocks.random_cubes(cubes, edge, centre, CLUSTER);
+    light(&mut blocks, EMITTER);
+    let model = Model::prepare(blocks.scene()?, &rays(), context.progress)?;
+    let scene = model.scene();
+    let is_cube =
+        |&t: &u32| scene.objects[scene.triangle_object[t as usize] as usize].name.starts_with("box");
+    let cubes: Vec<u32> = (0..scene.triangles.len() as u32).filter(is_cube).collect();
+    let image = wall.grid(&model).sees(&lattice(EMITTER, 5))?;
+    Ok((sizes(scene, &cubes, Vec3::Z).map(f64::from), image))
+}
+
+/// Whether rendered umbrae are those of the fictitious blockers.
+fn judge_figure_6(item: &mut Item, found: &[Between]) {
+    let listed = |text: &dyn Fn(&Between) -> String| found.iter().map(text).collect::<Vec<_>>().join("; ");
+    item.check(
+        "the umbra of the cluster lies between those of a fictitious blocker of the blocked size at its far and at its near side, to a texel \
+         and a pixel of the projection",
+        listed(&|f| {
+            let [far, _, near] = f.blocked;
+            format!("{} m in {} to {}", fixed(f.rendered, 2), fixed(far, 2), fixed(near, 2))
+        }),
+        found.iter().all(|f| (f.blocked[0] - f.slack..=f.blocked[2] + f.slack).contains(&f.rendered)),
+    );
+    let beyond = |f: &Between, predicted: f64| (f.rendered - predicted) / f.slack;
+    let check = item.check(
+        "BSIZE at the centre gives the maximum: no umbra is wider than that of this fictitious blocker, to the same resolution",
+        listed(&|f| format!("{} m of {}", fixed(f.rendered, 2), fixed(f.bsize, 2))),
+        found.iter().all(|f| beyond(f, f.bsize) <= 1.0),
+    );
+    check.if_not(|| format!("umbrae are wider by {} resolutions", listed(&|f| fixed(beyond(f, f.bsize), 1))));
+    let check = item.check(
+        "the umbra is that of the blocked size at the centre, to the same resolution",
+        listed(&|f| format!("{} m of {}", fixed(f.rendered, 2), fixed(f.blocked[1], 2))),
+        found.iter().all(|f| beyond(f, f.blocked[1]).abs() <= 1.0),
+    );
+    check.if_not(|| {
+        format!(
+            "umbrae differ by {} resolutions: what blocks lies anywhere between the sides of the cluster, whose fictitious blockers differ \
+             by {} m",
+            listed(&|f| fixed(beyond(f, f.blocked[1]), 1)),
+            listed(&|f| fixed(f.blocked[2] - f.blocked[0], 2))
+        )
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn umbrae_beyond_the_fictitious_blockers_are_found() {
+        let failing = |rendered: f64| {
+            let mut item = Item::default();
+            // Umbrae of 0.37 to 0.25 m of the blocked size, 0.55 m of BSIZE, and a resolution of 0.04 m.
+            judge_figure_6(&mut item, &[Between::new([0.2, 0.325], 2.0, rendered, 0.01)]);
+            assert!(item.checks[1..].iter().all(|check| check.holds != check.reason.is_some()));
+            (0..3).filter(|&k| !item.checks[k].holds).collect::<Vec<_>>()
+        };
+        assert_eq!(failing(0.3), [0; 0]);
+        assert_eq!(failing(0.36), [2]);
+        assert_eq!(failing(0.5), [0, 2]);
+        assert_eq!(failing(0.6), [0, 1, 2]);
+        assert_eq!(failing(0.1), [0, 2]);
+    }
 }

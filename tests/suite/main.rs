@@ -26,6 +26,8 @@ mod package;
 #[cfg(feature = "cli")]
 mod pages;
 #[cfg(feature = "cli")]
+mod reproduced;
+#[cfg(feature = "cli")]
 mod run;
 #[cfg(feature = "cli")]
 mod scenes;

@@ -1,0 +1,104 @@
+//! `mrvis reproduce`, and clusters by other builders.
+
+use crate::run::Scratch;
+use mrvis::internals::scene::generate::Spec;
+use serde_json::Value;
+
+/// The items asked for are made: page, record, exit code and text agree.
+#[test]
+fn items_are_made_with_a_page_and_numbers() {
+    let scratch = Scratch::new();
+    let call =
+        ["reproduce", "--only", "fig3", "--only", "fig5", "--out", "paper", "--json", "all.json", "--quiet"];
+    let made = scratch.mrvis(&call);
+    assert_eq!(made.code, Some(0), "{}{}", made.stdout, made.stderr);
+    assert!(made.stdout.contains("2 of 2 verdicts hold"), "{}", made.stdout);
+    let record = scratch.json("paper/reproduce.json");
+    assert_eq!(record, scratch.json("all.json"));
+    let items = record["items"].as_array().expect("items");
+    assert_eq!(items.iter().map(|item| &item["name"]).collect::<Vec<_>>(), ["fig3", "fig5"]);
+    for item in items {
+        assert_eq!(item["holds"], true);
+        let checks = item["checks"].as_array().expect("checks");
+        assert!(
+            !checks.is_empty()
+                && checks.iter().all(|check| check["holds"] == true && check["reason"].is_null())
+        );
+    }
+    // Tables and charts are numbers with units.
+    let table = &items[1]["tables"][0];
+    assert_eq!((&table["columns"][1]["name"], &table["columns"][1]["unit"]), (&"d1".into(), &"m".into()));
+    assert!(table["rows"].as_array().is_some_and(|rows| rows.iter().all(|row| row[1].is_f64())));
+    let points = &items[1]["charts"][0]["charts"][0]["series"][0]["points"];
+    assert!(points.as_array().is_some_and(|points| points.len() > 2 && points[0][1].is_f64()));
+    let page = std::fs::read_to_string(scratch.path("paper/paper.html")).expect("a page");
+    for text in ["2 of 2", "Figure 3", "Figure 5", "--only fig3 --only fig5"] {
+        assert!(page.contains(text), "{text}");
+    }
+    assert!(!page.contains("src=\"http") && !page.contains("Figure 9"));
+    // A second run replaces the files of the first.
+    let again = scratch.mrvis(&["reproduce", "--only", "fig3", "--out", "paper", "--quiet"]);
+    assert_eq!(again.code, Some(0), "{}", again.stderr);
+    assert_eq!(scratch.json("paper/reproduce.json")["items"].as_array().map(Vec::len), Some(1));
+}
+
+/// Unknown items, unusable folders, and outputs that would replace inputs are refused before anything is made.
+#[test]
+fn what_cannot_be_made_is_refused() {
+    let scratch = Scratch::new();
+    scratch.write("reproduce.json", "an input");
+    scratch.write("file", "not a folder");
+    let calls: [(&[&str], &str); 3] = [
+        (&["reproduce", "--only", "fig99", "--out", "paper"], "fig99"),
+        (
+            &["reproduce", "--only", "builders", "--scenes", "reproduce.json", "--out", "."],
+            "would be replaced",
+        ),
+        (&["reproduce", "--only", "fig3", "--out", "file"], "file"),
+    ];
+    for (call, word) in calls {
+        let refused = scratch.mrvis(call);
+        assert_eq!(refused.code, Some(2), "{call:?}: {}", refused.stdout);
+        assert!(
+            refused.stderr.contains(word) && refused.stderr.trim_end().lines().count() == 1,
+            "{}",
+            refused.stderr
+        );
+    }
+    assert_eq!(std::fs::read_to_string(scratch.path("reproduce.json")).expect("the input"), "an input");
+    assert!(!scratch.path("paper").exists());
+}
+
+/// A builder is named in the JSON of `info`, `bench` and `solve`, changes the clusters, and leaves exact answers as they are.
+#[test]
+fn builders_change_clusters_and_no_exact_answer() {
+    let scratch = Scratch::new();
+    let scene = scratch.generate(&Spec { count: Some(60), ..Spec::new("cubes") });
+    scratch.write("points.csv", "0,0,0.001,0,0,1\n0.5,0.3,0.001,0,0,1\n-0.4,0.6,0.001,0,0,1\n");
+    let by = |builder: &str| -> [Value; 4] {
+        let call = |arguments: &[&str]| {
+            let made = scratch.mrvis(&[arguments, &["--builder", builder, "--quiet"]].concat());
+            assert_eq!(made.code, Some(0), "{arguments:?}: {}", made.stderr);
+        };
+        let json = |name: &str| format!("{builder}-{name}.json");
+        let [info, bench, out] = ["info", "bench", "solve"].map(json);
+        call(&["info", &scene, "--json", &info]);
+        let quick = ["--points", "50", "--rays", "16", "--reference-rays", "64", "--map", "0"];
+        call(&[&["bench", &scene, "--json", &bench][..], &quick].concat());
+        let direct = ["--points", "points.csv", "--direct-only", "--light-rays", "64"];
+        call(&[&["solve", &scene, "--out", builder, "--json", &out][..], &direct].concat());
+        let irradiance =
+            std::fs::read_to_string(scratch.path(&format!("{builder}/irradiance.csv"))).expect("irradiance");
+        [scratch.json(&info), scratch.json(&bench), scratch.json(&out), irradiance.into()]
+    };
+    let [grids, kdtree] = ["grids", "kdtree"].map(by);
+    for (name, [info, bench, solve, _]) in [("grids", &grids), ("kdtree", &kdtree)] {
+        assert_eq!(info["scene"]["builder"], name);
+        assert_eq!(bench["build"]["builder"], name);
+        assert_eq!(solve["options"]["builder"], name);
+    }
+    assert_ne!(grids[0]["scene"]["clusters"], kdtree[0]["scene"]["clusters"]);
+    assert_eq!(grids[1]["exact"][0]["rms"], kdtree[1]["exact"][0]["rms"]);
+    assert!(grids[1]["exact"][0]["rms"].is_f64());
+    assert_eq!(grids[3], kdtree[3]);
+}
