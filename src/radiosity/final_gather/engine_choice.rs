@@ -35,7 +35,7 @@ impl FinalGather<'_> {
         };
         let runs: Vec<Vec<GatherPoint>> =
             sample_runs(points.len()).map(|run| run.map(point).collect()).collect();
-        let cut = (points.len() >= MIN_CUT_POINTS).then(|| self.engines_by_cut()).unwrap_or_default();
+        let cut = if points.len() >= MIN_CUT_POINTS { self.engines_by_cut() } else { Vec::new() };
         let of = |emitter: usize| {
             let queries = |sample: &Vec<GatherPoint>| -> Vec<VisibilityQuery> {
                 let views = self.emitter_views(sample, emitter);
