@@ -1,7 +1,7 @@
 //! Multi-resolution visibility at four feature sizes: Figure 9 of the paper and its bar charts.
 
 use super::bsize::blocker_sizes;
-use super::feature_verdict::{Measured, judge, judge_coverage};
+use super::feature_verdict::{Measured, PAPER_SECONDS, SIZES, judge, judge_coverage};
 use super::groups::{COVERAGE, EDGES, covering_scene, paper_features, shadow_widths, wall};
 use super::item::{Chart, ChartRow, Item, Panel, VISIBLE};
 use super::plain::{Descent, Leaves, PlainTree, Visits};
@@ -15,10 +15,6 @@ use crate::plot::{Marks, Plot, PlotPoint, Series};
 use crate::visibility::LeafMode;
 use glam::Vec3;
 
-/// Feature sizes of the paper, in its relative unit.
-pub const SIZES: [f64; 4] = [2.0, 2.8, 3.5, 5.0];
-/// The paper's seconds for these sizes.
-pub const PAPER_SECONDS: [f64; 4] = [1984.0, 1648.0, 1459.0, 1356.0];
 /// Other coverages of the groups, for which the work is counted as well.
 const OTHER_COVERAGES: [f64; 2] = [0.22, 0.36];
 /// Segments a texel with which it is counted: the ratio of two numbers of visits needs no more.

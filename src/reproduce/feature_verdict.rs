@@ -1,10 +1,14 @@
 //! The checks of Figure 9, of numbers alone.
 
-use super::feature_sizes::{PAPER_SECONDS, SIZES};
 use super::groups::COVERAGE;
 use super::item::Item;
 use super::plain::Leaves;
 use super::{fixed, list};
+
+/// Feature sizes of the paper, in its relative unit.
+pub const SIZES: [f64; 4] = [2.0, 2.8, 3.5, 5.0];
+/// The paper's seconds for these sizes.
+pub const PAPER_SECONDS: [f64; 4] = [1984.0, 1648.0, 1459.0, 1356.0];
 
 /// What is judged, for one treatment of leaves, by feature size.
 #[derive(Clone, Debug)]

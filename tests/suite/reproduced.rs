@@ -8,8 +8,7 @@ use serde_json::Value;
 #[test]
 fn items_are_made_with_a_page_and_numbers() {
     let scratch = Scratch::new();
-    let call =
-        ["reproduce", "--only", "fig3", "--only", "fig5", "--out", "paper", "--json", "all.json", "--quiet"];
+    let call = ["reproduce", "--only", "fig3", "--only", "fig5", "--out", "paper", "--json", "all.json"];
     let made = scratch.mrvis(&call);
     assert_eq!(made.code, Some(0), "{}{}", made.stdout, made.stderr);
     assert!(made.stdout.contains("2 of 2 verdicts hold"), "{}", made.stdout);
@@ -74,7 +73,8 @@ fn what_cannot_be_made_is_refused() {
 fn builders_change_clusters_and_no_exact_answer() {
     let scratch = Scratch::new();
     let scene = scratch.generate(&Spec { count: Some(60), ..Spec::new("cubes") });
-    scratch.write("points.csv", "0,0,0.001,0,0,1\n0.5,0.3,0.001,0,0,1\n-0.4,0.6,0.001,0,0,1\n");
+    scratch
+        .write("points.csv", "x,y,z,nx,ny,nz\n0,0,0.001,0,0,1\n0.5,0.3,0.001,0,0,1\n-0.4,0.6,0.001,0,0,1\n");
     let by = |builder: &str| -> [Value; 4] {
         let call = |arguments: &[&str]| {
             let made = scratch.mrvis(&[arguments, &["--builder", builder, "--quiet"]].concat());
