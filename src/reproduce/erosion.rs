@@ -3,7 +3,7 @@
 use super::groups::{EDGES, TEXEL, shadow_mask, shadow_widths};
 use super::item::{FEATURES, Item, Panel};
 use super::table::{Table, count, number};
-use super::{Context, fixed, list};
+use super::{Context, counts_of, fixed, list};
 use crate::Result;
 use crate::metrics::Morphology;
 use crate::raster::{BitImage, Opener, expand};
@@ -36,7 +36,7 @@ pub fn figure_2(context: &Context) -> Result<Item> {
     let (less, more) = (counts(&eroded), counts(&expanded));
     item.check(
         "each erosion removes features, until nothing is left; each expansion adds to them",
-        format!("texels of features: {}; {}", listed(&less), listed(&more)),
+        format!("texels of features: {}; {}", counts_of(&less), counts_of(&more)),
         less.windows(2).all(|c| c[1] < c[0] || c[0] == 0)
             && more.windows(2).all(|c| c[1] > c[0] || c[0] == image.width() * image.height()),
     );
@@ -67,7 +67,7 @@ pub fn figure_3(context: &Context) -> Result<Item> {
     let squares = STEPS.iter().map(|&n| squares_within(&image, n));
     item.check(
         "what is left consists of regions wider than 2n: of all squares of 2n + 1 texels that fit into the reference",
-        listed(&opened.iter().map(BitImage::count).collect::<Vec<_>>()) + " texels",
+        counts_of(&opened.iter().map(BitImage::count).collect::<Vec<_>>()) + " texels",
         squares.zip(&opened).all(|(squares, left)| squares == *left),
     );
     let within = opened.iter().all(|left| {
@@ -79,15 +79,10 @@ pub fn figure_3(context: &Context) -> Result<Item> {
     let left: Vec<usize> = opened.iter().map(BitImage::count).collect();
     item.check(
         "larger n leave less, and the largest less than the smallest",
-        format!("{} of {} texels", listed(&left), image.count()),
+        format!("{} of {} texels", counts_of(&left), image.count()),
         left.windows(2).all(|c| c[1] <= c[0]) && left[left.len() - 1] < left[0],
     );
     Ok(item)
-}
-
-/// Numbers with commas between them.
-fn listed(numbers: &[usize]) -> String {
-    numbers.iter().map(usize::to_string).collect::<Vec<_>>().join(", ")
 }
 
 /// The union of all squares of 2n + 1 texels that fit into the object, by their definition.

@@ -278,3 +278,8 @@ fn fixed(value: f64, digits: usize) -> String {
 fn list(values: &[f64], digits: usize) -> String {
     values.iter().map(|v| fixed(*v, digits)).collect::<Vec<_>>().join(", ")
 }
+
+/// Whole numbers with commas between them.
+fn counts_of<N: ToString>(numbers: &[N]) -> String {
+    numbers.iter().map(N::to_string).collect::<Vec<_>>().join(", ")
+}

@@ -7,7 +7,7 @@ use super::office_verdict::{self, Contrasts};
 use super::plain::{Descent, Leaves, PlainTree, Visits};
 use super::shadow::{Rendered, Wall};
 use super::table::{Table, count, number};
-use super::{Context, fixed, office_light};
+use super::{Context, counts_of, fixed, office_light};
 use crate::Result;
 use crate::clusters::{self, Builder};
 use crate::metrics::{FbemOptions, Image, fbem};
@@ -174,7 +174,7 @@ pub fn figure_7(context: &Context) -> Result<Item> {
     item.check(
         "surface visibility tests triangles, so that light straight on the floor is that of exact rays along the same segments with every \
          hierarchy: less than 0.1 % of the texels differ",
-        format!("{differing:?} of {} texels", floors.exact.data().len()),
+        format!("{} of {} texels", counts_of(&differing), floors.exact.data().len()),
         differing.iter().all(|&n| 1000 * n < floors.exact.data().len()),
     );
     let in_radiosity = office_light::show(&mut item, Visibility::Exact, context)?;
