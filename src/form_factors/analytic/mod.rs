@@ -6,6 +6,7 @@
 
 #[cfg(test)]
 mod discs;
+mod far;
 mod pair;
 mod polygon;
 #[cfg(test)]
@@ -13,6 +14,7 @@ mod rectangles;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use far::point_to_far_polygon;
 pub use pair::{clip, polygon_to_polygon};
 pub use polygon::point_to_polygon;
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! A face that emits.
 
 use super::profiles::profile_factor;
-use crate::form_factors::analytic::point_to_polygon;
+use crate::form_factors::analytic::{point_to_far_polygon, point_to_polygon};
 use crate::radiosity::rgb::{Rgb, mean};
 use crate::ray::EndRule;
 use crate::scene::Profile;
@@ -29,12 +29,16 @@ pub struct EmitterFace {
 }
 
 impl EmitterFace {
-    /// Form factor from a point (position, unit normal) to the face: of a diffuse face in closed form, of one with a profile
-    /// with its radiance relative to a diffuse face as weight.
+    /// Form factor from a point (position, unit normal) to the face: of a diffuse face in closed form, or by quadrature to 0.1 % if it is
+    /// far; of one with a profile with its radiance relative to a diffuse face as weight.
     pub fn factor(&self, at: DVec3, normal: DVec3) -> f64 {
+        let polygon = &self.polygon[..self.count];
         match &self.profile {
-            None => point_to_polygon(at, normal, &self.polygon[..self.count]).max(0.0),
-            Some(profile) => profile_factor(profile, (at, normal), &self.polygon[..self.count]),
+            None => {
+                let far = point_to_far_polygon(at, normal, polygon);
+                far.unwrap_or_else(|| point_to_polygon(at, normal, polygon)).max(0.0)
+            }
+            Some(profile) => profile_factor(profile, (at, normal), polygon),
         }
     }
 }
