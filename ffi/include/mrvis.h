@@ -243,6 +243,13 @@ typedef struct mrv_model mrv_model;
 #define MRV_DETAIL_CLUSTERS 2 /* also radiosity with exact visibility */
 #define MRV_DETAIL_OPTICS 3   /* also multi-resolution and average visibility */
 
+/* Algorithms that build clusters. They change what is averaged and how fast, not what exact visibility answers. */
+#define MRV_BUILDER_DEFAULT 0         /* MRV_BUILDER_GRIDS */
+#define MRV_BUILDER_GRIDS 1           /* hierarchy of uniform grids */
+#define MRV_BUILDER_KDTREE 2          /* k-d tree */
+#define MRV_BUILDER_GOLDSMITH_SALMON 3 /* bounding boxes by insertion */
+#define MRV_BUILDER_SAH 4             /* divisions into two by the surface area heuristic */
+
 typedef struct mrv_prepare_options {
   size_t struct_size;
   int32_t detail;        /* MRV_DETAIL_...: how much is prepared */
@@ -250,6 +257,8 @@ typedef struct mrv_prepare_options {
   const char *cache;     /* folder for measured clusters, which makes the next preparation faster; NULL: no files */
   mrv_progress progress; /* may be NULL; if it cancels, MRV_ERROR_CANCELLED is returned */
   void *user;            /* first argument of `progress` */
+  int32_t builder;       /* MRV_BUILDER_...: how clusters are built */
+  uint32_t reserved;
 } mrv_prepare_options;
 
 /* Prepares a scene. `options` may be NULL. MRV_ERROR_UNSUPPORTED if Embree is too old, MRV_ERROR_DEVICE if it fails. */

@@ -51,6 +51,14 @@ enum class detail_level : int32_t {
   optics = MRV_DETAIL_OPTICS
 };
 
+enum class cluster_builder : int32_t {
+  standard = MRV_BUILDER_DEFAULT,
+  grids = MRV_BUILDER_GRIDS,
+  kdtree = MRV_BUILDER_KDTREE,
+  goldsmith_salmon = MRV_BUILDER_GOLDSMITH_SALMON,
+  sah = MRV_BUILDER_SAH
+};
+
 enum class engine : int32_t {
   automatic = MRV_ENGINE_AUTOMATIC,
   exact = MRV_ENGINE_EXACT,

@@ -39,6 +39,7 @@ class _PrepareOptions(TypedDict, total=False):
     detail: Literal["rays", "clusters", "optics"] | None
     threads: int | None
     cache: str | PathLike[str] | None
+    builder: Literal["grids", "kdtree", "goldsmith-salmon", "sah"] | None
 
 class _VisibilityOptions(TypedDict, total=False):
     feature_size: float | ArrayLike | None

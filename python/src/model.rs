@@ -9,7 +9,7 @@ use crate::solution::{PySolution, class, solve_options, surface_points};
 use crate::source::SourceAsk;
 use crate::visibility::{Ask, PyVisibility};
 use crate::work::long;
-use mrvis::{BenchOptions, Detail, Instance, InstanceChange, Model, PrepareOptions};
+use mrvis::{BenchOptions, Builder, Detail, Instance, InstanceChange, Model, PrepareOptions};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -18,13 +18,21 @@ use std::path::PathBuf;
 const DETAILS: [(&str, Detail); 3] =
     [("rays", Detail::Rays), ("clusters", Detail::Clusters), ("optics", Detail::Optics)];
 
-/// Model(scene, *, detail="optics", threads=0, cache=None, progress=None)
+const BUILDERS: [(&str, Builder); 4] = [
+    ("grids", Builder::Grids),
+    ("kdtree", Builder::KdTree),
+    ("goldsmith-salmon", Builder::GoldsmithSalmon),
+    ("sah", Builder::Sah),
+];
+
+/// Model(scene, *, detail="optics", threads=0, cache=None, builder="grids", progress=None)
 ///
 /// A scene prepared for queries. Immutable; several threads may ask at once.
 ///
 /// detail: "rays" for exact visibility and form factors, "clusters" also for `solve`, "optics" (default) also for multi-resolution and average
 /// visibility. threads: of the preparation and of all queries, 0 for one a core; no result depends on it. cache: a folder that keeps measured
-/// clusters for the next time. progress: called as progress(stage, fraction) on the calling thread when a stage begins and every 50 ms; if it
+/// clusters for the next time. builder: how clusters are built: "grids" (default, a hierarchy of uniform grids), "kdtree", "goldsmith-salmon" or
+/// "sah"; exact visibility does not depend on it. progress: called as progress(stage, fraction) on the calling thread when a stage begins and every 50 ms; if it
 /// returns False, CancelledError is raised; what it raises is raised here, KeyboardInterrupt too.
 #[pyclass(frozen, module = "mrvis", name = "Model")]
 pub struct PyModel {
@@ -89,6 +97,7 @@ impl PyModel {
                 "detail" => prepare.with_detail(word(&name, &given, &DETAILS)?),
                 "threads" => prepare.with_threads(whole(&name, &given)?),
                 "cache" => prepare.with_cache(value::<PathBuf>(&name, &given)?),
+                "builder" => prepare.with_builder(word(&name, &given, &BUILDERS)?),
                 _ => return unknown("Model", &name),
             };
         }

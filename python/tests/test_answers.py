@@ -47,6 +47,15 @@ def test_all_layouts_give_the_same_bits(cubes, ground):
     assert np.array_equal(one.transmittance, cubes.visibility(origins, np.tile(targets[0], (len(origins), 1)), engine="exact").transmittance)
 
 
+@pytest.mark.parametrize("builder", ["kdtree", "goldsmith-salmon", "sah"])
+def test_builders_change_clusters_and_no_exact_answer(cubes, ground, builder):
+    other = mrvis.Model(cubes.scene, builder=builder)
+    exact, averaged = ({"engine": "exact"}, {"engine": "multi_resolution", "feature_size": 1.0})
+    ask = lambda model, how: model.visibility(*ground, **how).transmittance
+    assert np.array_equal(ask(other, exact), ask(cubes, exact))
+    assert not np.array_equal(ask(other, averaged), ask(cubes, averaged))
+
+
 @pytest.mark.parametrize("height", [0.5, 1.0, 3.0])
 def test_form_factor_of_squares(height):
     factors = mrvis.Model(squares(height), detail="rays").form_factors(grouping="object")

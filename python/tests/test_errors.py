@@ -119,6 +119,7 @@ def test_other_inputs(model, light):
         ("`format`", lambda: mrvis.Scene.from_bytes(b"", "stl")),
         ("`threads` 9999", lambda: mrvis.Model(model.scene, threads=9999)),
         ("`threads` -1", lambda: mrvis.Model(model.scene, threads=-1)),
+        ('`builder` "octree"', lambda: mrvis.Model(model.scene, builder="octree")),
         ('`detail` "all"', lambda: mrvis.Model(model.scene, detail="all")),
         ("^`error` -1: must be", lambda: model.solve(error=-1)),
         ("^`error` NaN: must be", lambda: model.solve(error=np.nan)),

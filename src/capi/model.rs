@@ -1,12 +1,13 @@
 //! Models: scenes prepared for queries.
 
-use super::arguments::{Place, optional_text, wrong};
+use super::arguments::{Place, no_reserved, optional_text, wrong};
 use super::call_progress::{mrv_progress, with_progress};
 use super::guard::{Outcome, guard, quiet};
 use super::handle::{Opaque, give, object, release, retain};
 use super::record::{RecordPlace, read_optional, record};
 use super::scene::{NamedScene, mrv_scene};
 use super::status::mrv_status;
+use crate::Builder;
 use crate::model::{Detail, Model, PrepareOptions};
 use std::ffi::{CString, c_char, c_void};
 use std::sync::OnceLock;
@@ -39,6 +40,12 @@ pub const MRV_DETAIL_RAYS: i32 = 1;
 pub const MRV_DETAIL_CLUSTERS: i32 = 2;
 pub const MRV_DETAIL_OPTICS: i32 = 3;
 
+pub const MRV_BUILDER_DEFAULT: i32 = 0;
+pub const MRV_BUILDER_GRIDS: i32 = 1;
+pub const MRV_BUILDER_KDTREE: i32 = 2;
+pub const MRV_BUILDER_GOLDSMITH_SALMON: i32 = 3;
+pub const MRV_BUILDER_SAH: i32 = 4;
+
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct mrv_prepare_options {
@@ -48,8 +55,13 @@ pub struct mrv_prepare_options {
     pub cache: *const c_char,
     pub progress: mrv_progress,
     pub user: *mut c_void,
+    pub builder: i32,
+    pub reserved: u32,
 }
-record!(mrv_prepare_options: 40, struct_size, detail, threads, cache, progress, user);
+record!(
+    mrv_prepare_options: 40,
+    struct_size, detail, threads, cache, progress, user, builder, reserved
+);
 
 /// The options of a caller.
 ///
@@ -66,7 +78,20 @@ unsafe fn prepare_options(given: &mrv_prepare_options) -> Outcome<PrepareOptions
             ));
         }
     };
-    let options = PrepareOptions::default().with_detail(detail).with_threads(given.threads as usize);
+    let builder = match given.builder {
+        MRV_BUILDER_DEFAULT | MRV_BUILDER_GRIDS => Builder::Grids,
+        MRV_BUILDER_KDTREE => Builder::KdTree,
+        MRV_BUILDER_GOLDSMITH_SALMON => Builder::GoldsmithSalmon,
+        MRV_BUILDER_SAH => Builder::Sah,
+        other => {
+            return wrong(format!(
+                "`options.builder` {other}: give 0 or one of MRV_BUILDER_GRIDS to MRV_BUILDER_SAH"
+            ));
+        }
+    };
+    no_reserved(given.reserved, "options.reserved")?;
+    let options = PrepareOptions::default().with_detail(detail).with_builder(builder);
+    let options = options.with_threads(given.threads as usize);
     // SAFETY: as for this function.
     Ok(match unsafe { optional_text(given.cache, "options.cache") }? {
         Some(folder) => options.with_cache(folder),

@@ -49,8 +49,10 @@ const MESH: Members = (
         "reserved",
     ],
 );
-const PREPARE_OPTIONS: Members =
-    ("mrv_prepare_options", &["struct_size", "detail", "threads", "cache", "progress", "user"]);
+const PREPARE_OPTIONS: Members = (
+    "mrv_prepare_options",
+    &["struct_size", "detail", "threads", "cache", "progress", "user", "builder", "reserved"],
+);
 const SEGMENTS: Members = (
     "mrv_segments",
     &[

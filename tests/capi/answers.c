@@ -216,7 +216,7 @@ static void print_solution(const mrv_model *model) {
 }
 
 static void print_form_factors(void) {
-  mrv_prepare_options prepare = {sizeof prepare, MRV_DETAIL_RAYS, 1, NULL, NULL, NULL};
+  mrv_prepare_options prepare = {sizeof prepare, MRV_DETAIL_RAYS, 1, NULL, NULL, NULL, 0, 0};
   mrv_form_factor_options options;
   mrv_form_factor_arrays a;
   mrv_scene *scene;
@@ -347,7 +347,7 @@ static void print_updates(void) {
 }
 
 int main(void) {
-  mrv_prepare_options options = {sizeof options, MRV_DETAIL_OPTICS, 2, NULL, NULL, NULL};
+  mrv_prepare_options options = {sizeof options, MRV_DETAIL_OPTICS, 2, NULL, NULL, NULL, 0, 0};
   mrv_scene *scene = box_scene();
   mrv_model *model;
   CHECK(mrv_version() == MRV_VERSION);

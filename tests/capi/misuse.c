@@ -149,6 +149,9 @@ static void sizes_and_numbers(void) {
   newer.known.detail = 77;
   WRONG(mrv_model_prepare(scene, &newer.known, &m), "detail` 77");
   newer.known.detail = 0;
+  newer.known.builder = 9;
+  WRONG(mrv_model_prepare(scene, &newer.known, &m), "builder` 9");
+  newer.known.builder = 0;
   newer.known.threads = 1u << 20;
   WRONG(mrv_model_prepare(scene, &newer.known, &m), "`options.threads` 1048576");
   WRONG(mrv_scene_get_name(scene, 9, 0, &name), "kind` 9");
@@ -251,7 +254,7 @@ static void handles(void) {
   mrv_scene *s;
   mrv_scene_info info = {sizeof info, 0, 0, 0, 0, 0, 0, 0, {0}, {0}, {0}};
   mrv_model *m;
-  mrv_prepare_options rays = {sizeof rays, MRV_DETAIL_RAYS, 1, NULL, NULL, NULL};
+  mrv_prepare_options rays = {sizeof rays, MRV_DETAIL_RAYS, 1, NULL, NULL, NULL, 0, 0};
   char memory[64] = {0};
   OK(mrv_scene_generate("cornell", &s));
   OK(mrv_model_prepare(s, &rays, &m));
@@ -491,7 +494,7 @@ static void flattened(const mrv_scene *placed) {
   mrv_model *m;
   mrv_form_factors *f;
   mrv_scene_info info = {sizeof info, 0, 0, 0, 0, 0, 0, 0, {0}, {0}, {0}};
-  const mrv_prepare_options rays = {sizeof rays, MRV_DETAIL_RAYS, 1, NULL, NULL, NULL};
+  const mrv_prepare_options rays = {sizeof rays, MRV_DETAIL_RAYS, 1, NULL, NULL, NULL, 0, 0};
   OK(mrv_model_prepare(placed, &rays, &m));
   WRONG(mrv_model_form_factors(m, NULL, &f), "placed");
   mrv_model_release(m);
@@ -683,7 +686,7 @@ static void cancelling(void) {
   mrv_solution *light;
   mrv_form_factors *f = NULL;
   mrv_solution_info info = {sizeof info, 0, 0, {0}, 0, 0, 0, 0};
-  mrv_prepare_options prepare = {sizeof prepare, 0, 0, NULL, stop_at_once, &calls};
+  mrv_prepare_options prepare = {sizeof prepare, 0, 0, NULL, stop_at_once, &calls, 0, 0};
   mrv_form_factor_options factors;
   mrv_solve_options solve;
   CHECK(mrv_model_prepare(scene, &prepare, &m) == MRV_ERROR_CANCELLED && m == NULL && calls == 1);
@@ -767,7 +770,7 @@ static long resident(void) {
 static void live(int i) {
   const float at[9] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
   const uint32_t corners[3] = {0, 1, 2};
-  mrv_prepare_options rays = {sizeof rays, MRV_DETAIL_RAYS, 1, NULL, NULL, NULL};
+  mrv_prepare_options rays = {sizeof rays, MRV_DETAIL_RAYS, 1, NULL, NULL, NULL, 0, 0};
   mrv_load_options load;
   mrv_scene_builder *b;
   mrv_scene *s;
@@ -817,7 +820,7 @@ static void growth(int lives) {
 
 int main(int count, char **arguments) {
   const int lives = count > 1 ? atoi(arguments[1]) : 10000;
-  const mrv_prepare_options options = {sizeof options, MRV_DETAIL_OPTICS, 2, NULL, NULL, NULL};
+  const mrv_prepare_options options = {sizeof options, MRV_DETAIL_OPTICS, 2, NULL, NULL, NULL, 0, 0};
   mrv_scene *s = box_scene();
   mrv_model *m;
   CHECK(strcmp(mrv_error_message(), "") == 0);

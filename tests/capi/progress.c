@@ -188,7 +188,7 @@ static void prepared_in_part(void) {
   stop s = {3, 0, 0};
   mrv_scene *cubes;
   mrv_model *none = NULL;
-  mrv_prepare_options prepare = {sizeof prepare, 0, 1, NULL, stop_later, &s};
+  mrv_prepare_options prepare = {sizeof prepare, 0, 1, NULL, stop_later, &s, 0, 0};
   OK(mrv_scene_generate_with("cubes", &options, &cubes));
   CHECK(mrv_model_prepare(cubes, &prepare, &none) == MRV_ERROR_CANCELLED && none == NULL);
   ended_soon(&s);
@@ -245,7 +245,7 @@ static int32_t use_library(void *user, const char *stage, double done) {
 
 /* The pools of both models are at work or idle: no call of the callback waits for the end of the work. */
 static void called_from_callbacks(void) {
-  const mrv_prepare_options one = {sizeof one, 0, 2, NULL, NULL, NULL};
+  const mrv_prepare_options one = {sizeof one, 0, 2, NULL, NULL, NULL, 0, 0};
   mrv_scene *s;
   mrv_model *m;
   mrv_form_factors *factors = NULL;
@@ -314,7 +314,7 @@ static void no_room(void) {
 }
 
 int main(void) {
-  const mrv_prepare_options options = {sizeof options, MRV_DETAIL_OPTICS, THREADS, NULL, NULL, NULL};
+  const mrv_prepare_options options = {sizeof options, MRV_DETAIL_OPTICS, THREADS, NULL, NULL, NULL, 0, 0};
   mrv_scene *s = box_scene();
   mrv_model *m;
   OK(mrv_model_prepare(s, &options, &m));

@@ -5,10 +5,10 @@ use std::f64::consts::PI;
 
 /// Smallest distance of a polygon's first corner, relative to the largest distance of another corner from it, at which quadrature takes
 /// the place of the closed form. The rule is exact for polynomials of degree 2, so that its relative error falls with the third power of
-/// the distance; at 8 it is below 0.1 % (a test of random polygons).
+/// the distance; at 8 it is below 0.2 % (a test of random polygons).
 const FAR: f64 = 8.0;
 
-/// [`super::point_to_polygon`] for a convex or concave polygon that is far and wholly above the horizon, to 0.1 %; none for others. About ten
+/// [`super::point_to_polygon`] for a convex or concave polygon that is far and wholly above the horizon, to 0.2 %; none for others. About ten
 /// times as fast.
 ///
 /// Triangles of a fan, each by the mean over the middles of its edges.
@@ -69,7 +69,7 @@ mod tests {
             // Faces seen at a grazing angle have a small factor: the error is relative to that of a face turned to the point.
             let area = 0.5 * u.cross(v).length();
             let scale = exact.abs().max(0.02 * area / centre.length_squared());
-            assert!((far - exact).abs() < 1e-3 * scale, "{far} instead of {exact}");
+            assert!((far - exact).abs() < 2e-3 * scale, "{far} instead of {exact}");
         }
         assert!(found > 4000 && rejected > 4000, "{found} far, {rejected} not");
     }
