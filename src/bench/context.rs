@@ -37,23 +37,30 @@ pub(super) struct PlannedRow {
 }
 
 impl PlannedRow {
-    /// Whether MR is estimated to be faster than exact rays.
+    /// Whether the engine is estimated to be faster than exact rays.
     pub fn pays(&self) -> bool {
         self.route != Route::Exact
     }
 
-    /// Name of the route: the cut, walks of bundles, or exact rays.
+    /// Whether the engine averages.
+    pub fn averages(&self) -> bool {
+        self.pays() && self.route != Route::Certified
+    }
+
+    /// Name of the route: the cut, walks of bundles, or exact rays with or without certificates.
     pub fn route_name(&self) -> &'static str {
         match self.route {
             Route::Cut(_) => "cut",
-            Route::Walks => "bundle",
+            Route::Walks { .. } => "bundle",
             Route::Exact => "embree",
+            Route::Certified => "certified",
         }
     }
 
-    /// Whether this row has the answers of another one: those of the distance cut do not depend on the feature size.
+    /// Whether this row has the answers of another one: those of the distance cut and of exact rays do not depend on the feature size.
     fn is_answered_as(&self, other: &Self) -> bool {
-        matches!(self.route, Route::Cut(_)) && (self.route, self.rays) == (other.route, other.rays)
+        matches!(self.route, Route::Cut(_) | Route::Certified)
+            && (self.route, self.rays) == (other.route, other.rays)
     }
 
     /// Indices of the rows that MR answers, those with the same answers together.

@@ -139,15 +139,15 @@ impl Bench<'_> {
         };
         let shows_exact = self.options.rays != SHOWN_RAYS && shown.iter().any(|row| !row.pays());
         let as_rows = if shows_exact { exact(self.options.rays)? } else { exact16.clone() };
-        let mut mr: Vec<_> = shown.iter().map(|row| (!row.pays(), as_rows.clone())).collect();
+        let mut mr: Vec<_> = shown.iter().map(|row| (!row.averages(), as_rows.clone())).collect();
         let mut averaged = false;
         for run in PlannedRow::runs(&shown) {
             let (images, cost) = walked(&shown[run[0]], shown[run[0]].route)?;
             averaged |= cost.aggregated > 0;
             run.iter().for_each(|&k| mr[k].1.clone_from(&images));
         }
-        let largest = shown.last().filter(|_| shown.iter().all(|row| !row.pays()));
-        let (clusters, cost) = largest.map(|row| walked(row, Route::Walks)).transpose()?.unzip();
+        let largest = shown.last().filter(|_| shown.iter().all(|row| !row.averages()));
+        let (clusters, cost) = largest.map(|row| walked(row, Route::WALKS)).transpose()?.unzip();
         let all_opened = cost.is_some_and(|cost: Cost| cost.aggregated == 0 && cost.handed_over == 0);
         Ok(ShownImages { reference: gallery.images(&means)?, exact16, mr, clusters, averaged, all_opened })
     }

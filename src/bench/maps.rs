@@ -17,6 +17,7 @@ use super::receivers::{ReceiverGrid, Surfaces};
 use super::record::{Build, MapRecord};
 use super::reference::Reference;
 use super::rounds::{rounds_within, timed};
+use super::sample::{Extent, Sample};
 use super::workload::Workload;
 use crate::Result;
 use crate::metrics::Image;
@@ -34,6 +35,10 @@ const DEFAULT_PAIRS: usize = 1 << 19;
 const SPACINGS: [usize; 4] = [1, 2, 4, 8];
 /// Numbers of rays of exact rows: steps of 4 halve the noise.
 const EXACT_RAYS: [usize; 5] = [1, 4, 16, 64, 256];
+/// Rows of interpolated maps with so many times the segments of the others: as many a texel with every second column and row.
+const MORE_SEGMENTS: usize = 4;
+/// Largest number of segments of rows with more.
+const MAX_SEGMENTS: usize = 256;
 /// Largest mean number of exact rays a texel: rows beyond are extrapolated.
 const MAX_RAYS_PER_TEXEL: usize = 64;
 /// Largest number of rays from a texel in the reference, and of segments of the reference: limits its time to some seconds on two cores.
@@ -147,7 +152,10 @@ impl Bench<'_> {
     /// Exact rows with and without interpolation, then MR rows, those by the far-field cache last.
     fn planned<'b>(&'b self, map: &Map, engine: &MultiResolution) -> Vec<Planned<'b>> {
         let mut rows = Vec::new();
-        let mut all_rays = [&EXACT_RAYS[..], &[self.options.rays]].concat();
+        let more = MORE_SEGMENTS * self.options.rays;
+        let mr_rays =
+            if more <= MAX_SEGMENTS { vec![self.options.rays, more] } else { vec![self.options.rays] };
+        let mut all_rays = [&EXACT_RAYS[..], &mr_rays].concat();
         all_rays.sort_unstable();
         all_rays.dedup();
         for (lattice, (spacing, _, workload)) in map.lattices.iter().enumerate() {
@@ -158,12 +166,15 @@ impl Bench<'_> {
             }
         }
         let mut sample_s = 0.0;
-        let sample = timed(&mut sample_s, || self.sample(&map.lattices[0].2));
-        for &s in &self.sizes {
-            let rays = self.options.rays;
+        let sample = timed(&mut sample_s, || {
+            let how = (&mr_rays[..], Extent::MAP);
+            Sample::of(self.scene, &map.lattices[0].2, how, &self.model.exact())
+        });
+        for (&s, rays) in self.sizes.iter().flat_map(|s| mr_rays.iter().map(move |&rays| (s, rays))) {
             let mut row = self.decide(&sample, engine, s, rays);
             row.decide_s += sample_s;
-            for lattice in 0..map.lattices.len() {
+            let at_most_one_set = |spacing: usize| rays <= self.options.rays * spacing * spacing;
+            for lattice in (0..map.lattices.len()).filter(|&k| at_most_one_set(map.lattices[k].0)) {
                 rows.push(Planned::Mr { lattice, row });
             }
         }

@@ -4,7 +4,7 @@ use super::context::Bench;
 use super::options::Options;
 use super::record::{Build, BytesPerTriangle};
 use super::rounds::timed;
-use super::sample::Sample;
+use super::sample::{Extent, Sample};
 use super::workload::Workload;
 use crate::clusters;
 use crate::model::{Detail, Mesh, Model, PrepareOptions};
@@ -42,7 +42,7 @@ pub(super) fn build_of(model: &Model) -> Build {
 impl Bench<'_> {
     /// Sample of the workload for the decisions of all rows.
     pub fn sample(&self, workload: &Workload) -> Sample {
-        Sample::of(self.scene, workload, &self.mr_rays(), &self.model.exact())
+        Sample::of(self.scene, workload, (&self.mr_rays(), Extent::POINTS), &self.model.exact())
     }
 
     /// The MR engine for a workload. Writes its times and sizes to `build`.

@@ -223,7 +223,8 @@ pub struct MrRow {
     pub feature_size: f64,
     /// Segments from a point to an emitter.
     pub rays: usize,
-    /// What answers: `bundle` (walks), `cut` (the distance cut) or `embree` (exact rays, because they are expected to be faster).
+    /// What answers: `bundle` (walks), `cut` (the distance cut), `certified` (exact rays with certificates) or `embree` (exact rays,
+    /// because they are expected to be faster).
     #[serde(default)]
     pub route: String,
     /// Time of the queries, seconds.

@@ -4,22 +4,35 @@ use super::measure::clear_fraction;
 use super::workload::{Order, Workload};
 use crate::ray::{LANES, Occluder, Packet};
 use crate::scene::Scene;
-use crate::visibility::{
-    Bundle, Exact, Halves, MultiResolution, Route, SAMPLE_RUN, SAMPLE_RUNS, Work, Workspace,
-};
+use crate::visibility::{Bundle, Exact, Halves, MultiResolution, Route, RouteSample, Work, Workspace};
 use glam::Vec3;
 
 /// Segments of runs of neighbouring pairs, evenly spread over a workload, for each number of segments of the rows.
 pub struct Sample {
     sets: Vec<Set>,
     runs: Vec<Run>,
-    /// Visible fraction of each bundle, by [`TRUTH_RAYS`] rays of their own for each half.
+    /// Visible fraction of each bundle, by [`extent.truth_rays`] rays of their own for each half.
     truth: Halves,
 }
 
-/// Rays of each half of what tells the visible fraction of a bundle: as many as the most of a row, so that the noise of a half is no
-/// larger.
-const TRUTH_RAYS: usize = 256;
+/// Size of a sample.
+#[derive(Clone, Copy)]
+pub struct Extent {
+    /// Largest number of runs, and of bundles of a run.
+    runs: usize,
+    run: usize,
+    /// Rays of each half of what tells the visible fraction of a bundle.
+    truth_rays: usize,
+}
+
+impl Extent {
+    /// For points: 256 bundles, so that mean squares are known to a tenth, and as many rays as the most of a row, so that the noise of a half
+    /// is no larger. Bundles of a run share their traversal as those of rows do; runs are many because their bundles err alike.
+    pub const POINTS: Extent = Extent { runs: 32, run: 8, truth_rays: 256 };
+    /// For a map, which is interpolated between as few as a thousand bundles of sixteen segments: about as many rays as those.
+    pub const MAP: Extent = Extent { runs: 16, run: 4, truth_rays: 64 };
+}
+
 /// Their sample sets: others use 0 to 9.
 const TRUTH_STREAMS: [u64; 2] = [10, 11];
 
@@ -39,11 +52,16 @@ struct Run {
 
 impl Sample {
     /// Samples with these numbers of segments per pair, and with one packet per pair. `exact` traces what tells errors.
-    pub fn of(scene: &Scene, workload: &Workload, rays: &[usize], exact: &Exact) -> Sample {
+    pub fn of(
+        scene: &Scene,
+        workload: &Workload,
+        (rays, extent): (&[usize], Extent),
+        exact: &Exact,
+    ) -> Sample {
         let mut sample = Sample { sets: Vec::new(), runs: Vec::new(), truth: Halves::default() };
         let pairs = workload.pairs.len();
-        let length = (SAMPLE_RUN * scene.emitters.len()).min(pairs);
-        let runs = SAMPLE_RUNS.min(pairs / length.max(1));
+        let length = (extent.run * scene.emitters.len()).min(pairs);
+        let runs = extent.runs.min(pairs / length.max(1));
         let mut chosen = Vec::new();
         for k in 0..runs {
             let first = (pairs - length) * k / (runs - 1).max(1);
@@ -51,7 +69,7 @@ impl Sample {
             let emitter = workload.pairs[first].emitter;
             let same = (first..first + length).filter(|&pair| workload.pairs[pair].emitter == emitter);
             let first_of_run = chosen.len();
-            chosen.extend(same.take(SAMPLE_RUN));
+            chosen.extend(same.take(extent.run));
             let sizes =
                 chosen[first_of_run..].iter().map(|&pair| workload.pairs[pair].emitter_size).collect();
             sample.runs.push(Run { hull: workload.hull(first).to_vec(), sizes });
@@ -66,11 +84,11 @@ impl Sample {
         let (mut packets, mut blocked) = (Vec::new(), Vec::new());
         for (half, stream) in sample.truth.iter_mut().zip(TRUTH_STREAMS) {
             for &pair in &chosen {
-                workload.packed(scene, &[pair], TRUTH_RAYS, stream, &mut packets);
+                workload.packed(scene, &[pair], extent.truth_rays, stream, &mut packets);
                 blocked.clear();
                 blocked.resize(packets.len(), 0);
                 exact.occluded(&packets, &mut blocked);
-                half.push(clear_fraction(&blocked, 0, TRUTH_RAYS));
+                half.push(clear_fraction(&blocked, 0, extent.truth_rays));
             }
         }
         sample
@@ -79,7 +97,7 @@ impl Sample {
     /// Upper bound of the memory of a sample with these numbers of segments, bytes.
     pub fn bytes(rays: &[usize]) -> usize {
         let packets: usize = numbers(rays).iter().map(|n| n.div_ceil(LANES)).sum();
-        SAMPLE_RUNS * SAMPLE_RUN * packets * size_of::<Packet>()
+        Extent::POINTS.runs * Extent::POINTS.run * packets * size_of::<Packet>()
     }
 
     /// The bundles with `rays` segments, run by run; with one packet if the sample has no such number.
@@ -96,7 +114,9 @@ impl Sample {
 
     /// How bundles like these are answered.
     pub fn route(&self, engine: &MultiResolution, s: f32, rays: usize) -> Route {
-        engine.route(&self.bundles(rays), &self.truth, s, &mut Workspace::default())
+        let most = self.sets.iter().map(|set| set.rays).max().unwrap_or(rays);
+        let (runs, finest) = (self.bundles(rays), self.bundles(most));
+        engine.route(&RouteSample { runs, finest, truth: &self.truth }, s, &mut Workspace::default())
     }
 
     /// Whether certificates may make exact rays faster: their search is not given up for most bundles, as it is under a dome.
@@ -129,7 +149,7 @@ mod tests {
         let model = crate::model::testing::model(&scene, crate::model::Detail::Rays);
         let points = surface_points(&model, 3000, 1).expect("points");
         let workload = Workload::new(&model, points, 1);
-        let sample = Sample::of(&scene, &workload, &[64, 256], &model.exact());
+        let sample = Sample::of(&scene, &workload, (&[64, 256], Extent::POINTS), &model.exact());
         let ends = |bundle: &Bundle| -> Vec<[u32; 3]> {
             let of = |p: &Packet, l: usize| p.point(l, 1.0).to_array().map(f32::to_bits);
             bundle.packets.iter().flat_map(|p| p.lanes().map(|l| of(p, l))).collect()

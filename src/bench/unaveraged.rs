@@ -25,8 +25,10 @@ pub(super) fn sentence(
         length(rows.iter().map(|row| row.feature_size).reduce(pick).unwrap_or_default(), unit)
     };
     let largest = rows.iter().map(|row| row.feature_size).fold(0.0, f64::max);
-    let opened =
-        images.all_opened || rows.iter().any(|row| row.feature_size == largest && row.handed_over == 0.0);
+    let opened = images.all_opened
+        || rows
+            .iter()
+            .any(|row| row.feature_size == largest && row.route != "certified" && row.handed_over == 0.0);
     Some(match opened {
         true => format!(
             "Nothing may be averaged in this scene at feature sizes up to {}: the shadows of every cluster could be as large, so that all \

@@ -7,7 +7,7 @@ use super::handle::{Opaque, give, object, release, retain};
 use super::record::{RecordPlace, read_optional, record};
 use super::scene::{NamedScene, mrv_scene};
 use super::status::mrv_status;
-use crate::Builder;
+use crate::clusters::Builder;
 use crate::model::{Detail, Model, PrepareOptions};
 use std::ffi::{CString, c_char, c_void};
 use std::sync::OnceLock;

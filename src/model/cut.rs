@@ -6,7 +6,7 @@ use crate::math::sampling::on_triangle;
 use crate::math::triangle_normal;
 use crate::ray::{EndRule, LANES, Packet, gather_neighbours};
 use crate::threads::Threads;
-use crate::visibility::{Bundle, Candidate, Cut, Halves, LeafMode, MultiResolution, Route};
+use crate::visibility::{Bundle, Candidate, Cut, Halves, LeafMode, MultiResolution, Route, RouteSample};
 use glam::Vec3;
 use sobol_burley::sample_4d;
 use std::sync::{Arc, PoisonError};
@@ -72,7 +72,10 @@ impl Model {
             route
         });
         // Walks hand bundles that they take longer for to exact rays by themselves, and find certain answers.
-        if matches!(route, Route::Cut(_)) { engine.with_route(route) } else { engine }
+        match route {
+            Route::Walks { .. } | Route::Cut(_) => engine.with_route(route),
+            Route::Exact | Route::Certified => engine,
+        }
     }
 
     /// The route of an engine for bundles of `n` segments from points on surfaces.
@@ -92,7 +95,8 @@ impl Model {
         }
         // Points do not lie together: each bundle is walked by itself.
         let runs: Vec<Vec<Bundle>> = asked.iter().map(|own| vec![own.bundle()]).collect();
-        self.with_workspace(|workspace| engine.route(&runs, &truth, s, workspace))
+        let sample = RouteSample { finest: runs.clone(), runs, truth: &truth };
+        self.with_workspace(|workspace| engine.route(&sample, s, workspace))
     }
 
     fn made_cut(&self) -> Option<Cut> {

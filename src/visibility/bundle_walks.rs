@@ -80,6 +80,8 @@ pub(super) struct Walker<'a> {
     pub magnitude: f32,
     /// Whether leaves are answered by their extinction.
     pub average: bool,
+    /// Factor of all extinctions.
+    pub factor: f32,
     /// Whether all trees together are larger than the caches near a core.
     pub far: bool,
     /// Tolerance of the transmittance that feature sizes were measured for.
@@ -166,8 +168,8 @@ impl Kernel for BundleWalks<'_> {
                 }
                 let s = sizes.of(k);
                 let limit = if bounded { engine.cost.limit(&bundles[k]) } else { u64::MAX };
-                let (e, tolerance) = (size(&bundles[k]), engine.tolerance);
-                let rule = Rule { e, s, soft, limit, fetch, enter, tolerance };
+                let (e, factor, tolerance) = (size(&bundles[k]), engine.factor, engine.tolerance);
+                let rule = Rule { e, s, factor, soft, limit, fetch, enter, tolerance };
                 let mut found = match engine.instances {
                     None => walk(simd, engine.tree, shared, (packets, &shafts[k]), &rule, buffers),
                     Some(instances) => {

@@ -15,8 +15,8 @@ use std::ops::Range;
 
 /// Runs of neighbouring bundles that represent all bundles when the engine is chosen, and bundles of each run: 256 bundles in all
 /// limit the time of the choice, and the bundles of a run share their traversal as all bundles do.
-pub const SAMPLE_RUNS: usize = 16;
-pub const SAMPLE_RUN: usize = 16;
+const SAMPLE_RUNS: usize = 16;
+const SAMPLE_RUN: usize = 16;
 /// Largest part of the bundles in the sample, except for its first run: an eighth, so that the choice takes little of the time.
 const MAX_SAMPLE_PART: usize = 8;
 

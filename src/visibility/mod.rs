@@ -39,12 +39,13 @@ mod triangles;
 #[cfg(any(test, feature = "reports"))]
 mod unbiased;
 mod walk;
+mod walk_factor;
 mod wide;
 mod work;
 
 pub use answer::{Answer, Bundle, Cost, Method, wilson};
 pub use bundle_walks::{BatchBuffers, Workspace};
-pub use cost_model::{CALIBRATION_BUNDLES, SAMPLE_RUN, SAMPLE_RUNS, Work, sample_runs};
+pub use cost_model::{CALIBRATION_BUNDLES, Work, sample_runs};
 pub use cut::{Candidate, Cut, rays_for};
 #[cfg(feature = "internals")]
 pub use cut::{Mode, Sums};
@@ -56,7 +57,7 @@ pub use far_field::{FarField, Probe, Scratch};
 pub use instance_tree::{Frame, InstanceTree, Instances, PlacedChange};
 pub use multires::{LeafMode, MultiResolution};
 pub use route::Route;
-pub use routes::Halves;
+pub use routes::{Halves, RouteSample};
 #[cfg(any(test, feature = "reports"))]
 pub use unbiased::{Correction, Estimate, Unbiased};
 pub use wide::WideTree;

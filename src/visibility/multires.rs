@@ -79,7 +79,7 @@ impl MultiResolution {
             cost: CostModel::UNCALIBRATED,
             tolerance: optics::Options::default().tolerance,
             cut: None,
-            route: Route::Walks,
+            route: Route::WALKS,
         }
     }
 
@@ -188,10 +188,14 @@ impl MultiResolution {
     }
 
     /// The same for [`MultiResolution::certified`].
-    #[cfg(any(test, feature = "reports"))]
     pub fn certified_work(&self, run: &[Bundle], workspace: &mut Workspace) -> Work {
         self.walk_all(run, Sizes::Nothing, true, workspace);
         self.walked_work(run, workspace)
+    }
+
+    /// Estimated work of exact rays for a bundle, in units of work of walks.
+    pub(super) fn rays_of(&self, bundle: &Bundle) -> u64 {
+        self.cost.rays(bundle)
     }
 
     fn walked_work(&self, run: &[Bundle], workspace: &Workspace) -> Work {
@@ -215,6 +219,7 @@ impl MultiResolution {
             instances: self.instances.as_deref(),
             magnitude: self.magnitude,
             average: self.leaf == LeafMode::Average,
+            factor: self.route.factor(),
             far: self.far,
             tolerance: self.tolerance,
             cost: self.cost,

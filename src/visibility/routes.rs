@@ -6,7 +6,7 @@ use super::cost_model::Work;
 use super::cut::{Cut, Mode, Sums, rays_for};
 use super::multires::MultiResolution;
 use super::route::Route;
-use crate::simd::LANES;
+use crate::ray::{LANES, Packet};
 use std::sync::Arc;
 
 /// Largest time to an error, relative to that of exact rays, at which another route is taken: work is an estimate, and the mean squares
@@ -17,8 +17,29 @@ const MAX_COST_RATIO: f64 = 0.8;
 /// alike; by five runs a mean square is known to about a factor of two. With fewer, exact rays are taken.
 const MIN_AVERAGED_RUNS: usize = 5;
 
+/// Time of a unit of work of walks, and beside it of a segment, in units of work of the cut's tree: 5.8 ns to 2.3 ns. Times of rows of park,
+/// orchard and leaf forest with 16, 64 and 256 segments are those of this formula to a fifth (`mrvis bench`).
+const WALK_WORK: f64 = 2.5;
+
 /// Visible fractions of the bundles of a sample by two independent halves of many rays.
 pub type Halves = [Vec<f32>; 2];
+
+/// Bundles like those that are to be answered.
+pub struct RouteSample<'a> {
+    /// Runs of neighbouring bundles.
+    pub runs: Vec<Vec<Bundle<'a>>>,
+    /// The same bundles with as many segments as are known, which tell their mean best.
+    pub finest: Vec<Vec<Bundle<'a>>>,
+    /// A fraction for each bundle, in order.
+    pub truth: &'a Halves,
+}
+
+/// Standard error of a sum of independent values.
+pub(super) fn standard_error(values: &[f64]) -> f64 {
+    let (sum, count) = (values.iter().sum::<f64>(), values.len().max(1) as f64);
+    let spread: f64 = values.iter().map(|value| (value - sum / count).powi(2)).sum();
+    (spread * count / (count - 1.0).max(1.0)).sqrt()
+}
 
 impl MultiResolution {
     /// Adds the distance cut, if the model has one.
@@ -73,69 +94,89 @@ impl MultiResolution {
         self.cut.as_ref().map_or(0, |cut| cut.bytes())
     }
 
-    /// The route that takes the least time to an error for bundles like those of a sample, runs of neighbouring ones, at feature size
-    /// `s`; that of exact rays unless another is clearly faster. `truth` has a fraction for each bundle, in order.
-    pub fn route(&self, runs: &[Vec<Bundle>], truth: &Halves, s: f32, workspace: &mut Workspace) -> Route {
+    /// The route that takes the least time to an error for bundles like those of a sample at feature size `s`; that of exact rays unless
+    /// another is clearly faster.
+    pub fn route(&self, sample: &RouteSample, s: f32, workspace: &mut Workspace) -> Route {
         let cuts = 0..self.cut.as_ref().map_or(0, |cut| cut.modes().len());
-        let taken = |cut: &Arc<Cut>| runs.iter().flatten().any(|bundle| cut.takes(bundle));
+        let taken = |cut: &Arc<Cut>| sample.runs.iter().flatten().any(|bundle| cut.takes(bundle));
         let cuts = if self.cut.as_ref().is_some_and(taken) { cuts } else { 0..0 };
-        let work = self.work_of(runs, s, workspace);
-        let mut cost = |route| self.with_route(route).cost(runs, (truth, work), s, workspace);
+        let walks = self.fitted_walks(sample, s, workspace);
+        let others = [Route::Certified, walks].into_iter().chain(cuts.map(Route::Cut));
+        let rays = sample.runs.iter().flatten().map(|bundle| self.rays_work(bundle)).collect::<Vec<f64>>();
+        let mut cost = |route| self.with_route(route).cost((sample, &rays), s, workspace);
         let limit = MAX_COST_RATIO * cost(Route::Exact);
-        let others = std::iter::once(Route::Walks).chain(cuts.map(Route::Cut));
         let faster = others.map(|route| (cost(route), route)).filter(|(cost, _)| *cost < limit);
         faster.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(Route::Exact, |(_, route)| route)
     }
 
-    /// Work of walks and of exact rays for runs of bundles.
-    fn work_of(&self, runs: &[Vec<Bundle>], s: f32, workspace: &mut Workspace) -> Work {
-        let mut work = Work::default();
-        for run in runs {
-            work.add(self.work(run, &vec![s; run.len()], workspace));
+    /// Work of exact rays for a bundle, in units of work of the cut's tree.
+    fn rays_work(&self, bundle: &Bundle) -> f64 {
+        match &self.cut {
+            Some(cut) => cut.embree_work(bundle),
+            None => WALK_WORK * self.rays_of(bundle) as f64,
         }
-        work
     }
 
     /// Time for bundles times the number of rays that their mean square error takes: the time to an error but for a factor. Times are in
-    /// units of work of the cut's tree. Infinite if hardly anything is averaged.
-    fn cost(
-        &self,
-        runs: &[Vec<Bundle>],
-        ([a, b], work): (&Halves, Work),
-        s: f32,
-        workspace: &mut Workspace,
-    ) -> f64 {
-        let rays = |bundle: &Bundle| self.cut.as_ref().map_or(1.0, |cut| cut.embree_work(bundle));
-        let (mut time, mut averaged, mut n) = (0.0, 0, 0);
+    /// units of work of the cut's tree, `rays` those of exact rays. Infinite for averages that hardly average anything.
+    fn cost(&self, (sample, rays): (&RouteSample, &[f64]), s: f32, workspace: &mut Workspace) -> f64 {
+        let RouteSample { runs, truth: [a, b], .. } = sample;
+        let walked = |work: Work| {
+            let segments: usize =
+                runs.iter().flatten().flat_map(|bundle| bundle.packets).map(Packet::len).sum();
+            WALK_WORK * (work.own as f64 + segments as f64)
+        };
+        let mut time = match self.route {
+            Route::Walks { .. } => {
+                walked(self.work_of(runs, |run, ws| self.work(run, &vec![s; run.len()], ws), workspace))
+            }
+            Route::Certified => walked(self.work_of(runs, |run, ws| self.certified_work(run, ws), workspace)),
+            Route::Exact | Route::Cut(_) => 0.0,
+        };
+        let traced = |bundle: &Bundle| match self.route {
+            Route::Exact => true,
+            Route::Cut(_) => self.mode(bundle).is_none(),
+            Route::Walks { .. } | Route::Certified => false,
+        };
+        let (mut averaged, mut n) = (0, 0);
         let mut squares = Vec::with_capacity(runs.len());
         for run in runs {
-            let exact = run.iter().filter(|bundle| self.mode(bundle).is_none());
-            let exact: f64 = exact.map(rays).sum();
-            let walked = self.route == Route::Walks;
-            time += if walked { exact * work.own as f64 / work.rays.max(1) as f64 } else { exact };
-            let (mut at, mut averages, mut square) = (0, false, 0.0);
+            let (mut averages, mut square) = (false, 0.0);
+            let mut bundles = run.iter();
             self.routed(run, s, workspace, |answer, sums| {
-                time += sums.work() + if sums.left { rays(&run[at]) } else { 0.0 };
+                let bundle = bundles.next().expect("an answer a bundle");
+                time += sums.work() + if sums.left || traced(bundle) { rays[n] } else { 0.0 };
                 averages |= answer.cost.aggregated > 0;
                 // The noise of the halves is independent: their product has no bias.
-                let [a, b] = [a, b].map(|half| f64::from(answer.transmittance - half[n + at]));
+                let [a, b] = [a, b].map(|half| f64::from(answer.transmittance - half[n]));
                 square += a * b;
-                at += 1;
+                n += 1;
             });
             averaged += usize::from(averages);
-            n += at;
             squares.push(square);
         }
-        if self.route != Route::Exact && averaged < MIN_AVERAGED_RUNS {
-            return f64::INFINITY;
-        }
-        // Few bundles with large errors may have been missed: one standard error more, which is known from the runs.
-        let (sum, count) = (squares.iter().sum::<f64>(), squares.len().max(1) as f64);
-        let spread: f64 = squares.iter().map(|square| (square - sum / count).powi(2)).sum();
-        let square = sum + (spread * count / (count - 1.0).max(1.0)).sqrt();
+        let sum = squares.iter().sum::<f64>();
+        let square = match self.route {
+            Route::Exact | Route::Certified => sum,
+            Route::Walks { .. } | Route::Cut(_) if averaged < MIN_AVERAGED_RUNS => return f64::INFINITY,
+            // Few bundles with large errors may have been missed: one standard error more, which is known from the runs.
+            Route::Walks { .. } | Route::Cut(_) => sum + standard_error(&squares),
+        };
         let n = n.max(1) as f64;
         let noise: f64 = a.iter().zip(b).map(|(a, b)| 0.25 * f64::from(a - b).powi(2)).sum();
         time * rays_for(square.max(noise / n.sqrt()).max(1e-12 * n))
+    }
+
+    /// Sum of the work for runs of bundles.
+    fn work_of(
+        &self,
+        runs: &[Vec<Bundle>],
+        of: impl Fn(&[Bundle], &mut Workspace) -> Work,
+        workspace: &mut Workspace,
+    ) -> Work {
+        let mut work = Work::default();
+        runs.iter().for_each(|run| work.add(of(run, workspace)));
+        work
     }
 
     /// How the cut answers a bundle, if it does.
@@ -166,8 +207,14 @@ impl MultiResolution {
         workspace: &mut Workspace,
         mut each: impl FnMut(Answer, Sums),
     ) {
-        if self.route == Route::Walks {
-            return self.walked_answers(bundles, s, workspace, |answer| each(answer, Sums::default()));
+        match self.route {
+            Route::Walks { .. } => {
+                return self.walked_answers(bundles, s, workspace, |answer| each(answer, Sums::default()));
+            }
+            Route::Certified => {
+                return self.certified(bundles, workspace, |answer| each(answer, Sums::default()));
+            }
+            Route::Exact | Route::Cut(_) => {}
         }
         for group in bundles.chunk_by(|a, b| self.mode(a).is_some() == self.mode(b).is_some()) {
             match self.mode(&group[0]) {

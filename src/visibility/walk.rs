@@ -28,6 +28,8 @@ pub(super) struct Rule {
     /// Emitter size and feature size, scene units.
     pub e: f32,
     pub s: f32,
+    /// Factor of all extinctions.
+    pub factor: f32,
     /// Whether leaves always transmit according to their extinction.
     pub soft: bool,
     /// Work at which the walk is abandoned.
@@ -232,6 +234,7 @@ pub(super) fn visit<S: Simd>(
             let place = simd.min(simd.max(shaft.places(simd, node), zero), one);
             let beam = simd.max(simd.mul(simd.splat(rule.e), place), simd.splat(f32::MIN_POSITIVE));
             let error = simd.div(simd.mul(simd.splat(rule.tolerance), sizes), beam);
+            let extinctions = simd.mul(simd.splat(rule.factor), extinctions);
             slabs.add(simd, (node, small), from, (extinctions, simd.min(error, one)));
         }
     }

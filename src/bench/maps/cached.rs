@@ -2,7 +2,7 @@
 //! other corners.
 
 use super::quadtree::{Node, Quadtree};
-use super::{Map, Planned};
+use super::{MAX_SEGMENTS, MORE_SEGMENTS, Map, Planned};
 use crate::bench::context::Bench;
 use crate::bench::receivers::ReceiverGrid;
 use crate::bench::record::MapMrRow;
@@ -21,8 +21,6 @@ const MAX_SPACING: usize = 32;
 /// as what it saves.
 const MIN_SPACING: usize = 4;
 const MIN_TEXELS_PER_PROBE: usize = 8;
-/// Largest number of segments at a texel.
-const MAX_RAYS: usize = 256;
 /// Probes that one thread looks from at a time.
 const PART: usize = 64;
 
@@ -69,7 +67,8 @@ struct Values {
 impl Bench<'_> {
     /// A row for each feature size that is larger than a few texels, and two numbers of segments, where probes are much fewer than texels.
     pub(super) fn cached_rows<'b>(&'b self, map: &Map, engine: &MultiResolution) -> Vec<Planned<'b>> {
-        let rays = [self.options.rays, 4 * self.options.rays].into_iter().filter(|&n| n <= MAX_RAYS);
+        let rays =
+            [self.options.rays, MORE_SEGMENTS * self.options.rays].into_iter().filter(|&n| n <= MAX_SEGMENTS);
         let row = |(s, rays): (f64, usize)| {
             let steps = (s / map.grid.texel).max(1.0) as usize;
             let spacing = (1 << steps.ilog2()).min(MAX_SPACING);

@@ -40,9 +40,9 @@ fn rows_of_a_map_are_consistent() {
     // Interpolation between every second texel averages noise: fewer rays in all, and a smaller error than a quarter of them at every texel.
     let halved = map.exact.iter().find(|row| row.spacing == 2 && row.rays == 16).expect("a row");
     assert!(halved.rms < every[1].rms, "{halved:?}");
-    // Two sizes, four spacings, and the rows by the cache.
+    // Two sizes, four spacings and three of them with more segments, and the rows by the cache.
     let (cached, others): (Vec<_>, Vec<_>) = map.mr.iter().partition(|row| row.route == "cache");
-    assert_eq!(others.len(), 8);
+    assert_eq!(others.len(), 14);
     assert!(cached.iter().all(|row| row.interpolated && row.setup_s > 0.0), "{cached:?}");
     assert!(map.mr.iter().any(|row| row.route == "bundle" && row.aggregated_fraction > 0.0), "{:?}", map.mr);
     for row in others {

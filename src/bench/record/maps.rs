@@ -54,8 +54,8 @@ pub struct MapMrRow {
     /// As [`MapExactRow::interpolated`].
     pub interpolated: bool,
     /// What answers: `bundle` (walks), `cut` (the distance cut), `cache` (the far-field cache: `spacing` is the largest distance between
-    /// probes, `rays` the number of segments of a texel that is not interpolated) or `embree` (exact rays, because they are expected to be
-    /// faster; the row is then that of `exact`).
+    /// probes, `rays` the number of segments of a texel that is not interpolated), `certified` (exact rays with certificates) or `embree`
+    /// (exact rays, because they are expected to be faster; the row is then that of `exact`).
     pub route: String,
     /// Time of queries and interpolation, seconds.
     pub seconds: f64,

@@ -8,6 +8,7 @@ mod ends;
 mod extinction;
 mod folded;
 mod instances;
+mod routes;
 mod rule;
 mod same_bits;
 mod solid;
