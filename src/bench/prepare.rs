@@ -42,7 +42,9 @@ pub(super) fn build_of(model: &Model) -> Build {
 impl Bench<'_> {
     /// Sample of the workload for the decisions of all rows.
     pub fn sample(&self, workload: &Workload) -> Sample {
-        Sample::of(self.scene, workload, (&self.mr_rays(), Extent::POINTS), &self.model.exact())
+        let exact = self.model.exact();
+        let sample = Sample::of(self.scene, workload, (&self.mr_rays(), Extent::POINTS), &exact);
+        sample.with_mean(self.scene, workload, &exact)
     }
 
     /// The MR engine for a workload. Writes its times and sizes to `build`.

@@ -11,8 +11,10 @@ use glam::Vec3;
 pub struct Sample {
     sets: Vec<Set>,
     runs: Vec<Run>,
-    /// Visible fraction of each bundle, by [`extent.truth_rays`] rays of their own for each half.
+    /// Visible fraction of each bundle, by [`Extent::truth_rays`] rays of their own for each half.
     truth: Halves,
+    /// More bundles, to which walks are fitted.
+    mean: Option<Box<Sample>>,
 }
 
 /// Size of a sample.
@@ -21,7 +23,7 @@ pub struct Extent {
     /// Largest number of runs, and of bundles of a run.
     runs: usize,
     run: usize,
-    /// Rays of each half of what tells the visible fraction of a bundle.
+    /// Rays of each half of what tells the visible fraction of a bundle; 0 for none.
     truth_rays: usize,
 }
 
@@ -29,11 +31,16 @@ impl Extent {
     /// For points: 256 bundles, so that mean squares are known to a tenth, and as many rays as the most of a row, so that the noise of a half
     /// is no larger. Bundles of a run share their traversal as those of rows do; runs are many because their bundles err alike.
     pub const POINTS: Extent = Extent { runs: 32, run: 8, truth_rays: 256 };
+    /// For the mean of walks, which is compared with exact rays along the same segments: amid leaves a bundle of 64 differs by 0.04, so that
+    /// 2,048 bundles tell the mean to 0.001.
+    const MEAN: Extent = Extent { runs: 256, run: 8, truth_rays: 0 };
     /// For a map, which is interpolated between as few as a thousand bundles of sixteen segments: about as many rays as those.
     pub const MAP: Extent = Extent { runs: 16, run: 4, truth_rays: 64 };
 }
 
-/// Their sample sets: others use 0 to 9.
+/// Segments of the bundles of [`Extent::MEAN`].
+const MEAN_SEGMENTS: usize = 64;
+/// Sample sets of [`Extent::truth_rays`]: others use 0 to 9.
 const TRUTH_STREAMS: [u64; 2] = [10, 11];
 
 /// All bundles with one number of segments, in order.
@@ -58,7 +65,7 @@ impl Sample {
         (rays, extent): (&[usize], Extent),
         exact: &Exact,
     ) -> Sample {
-        let mut sample = Sample { sets: Vec::new(), runs: Vec::new(), truth: Halves::default() };
+        let mut sample = Sample { sets: Vec::new(), runs: Vec::new(), truth: Halves::default(), mean: None };
         let pairs = workload.pairs.len();
         let length = (extent.run * scene.emitters.len()).min(pairs);
         let runs = extent.runs.min(pairs / length.max(1));
@@ -81,6 +88,9 @@ impl Sample {
             }
             sample.sets.push(Set { rays, packets });
         }
+        if extent.truth_rays == 0 {
+            return sample;
+        }
         let (mut packets, mut blocked) = (Vec::new(), Vec::new());
         for (half, stream) in sample.truth.iter_mut().zip(TRUTH_STREAMS) {
             for &pair in &chosen {
@@ -94,10 +104,19 @@ impl Sample {
         sample
     }
 
-    /// Upper bound of the memory of a sample with these numbers of segments, bytes.
+    /// Adds the bundles to which walks are fitted. Without, they are fitted to those by which routes are chosen.
+    #[must_use]
+    pub fn with_mean(mut self, scene: &Scene, workload: &Workload, exact: &Exact) -> Sample {
+        self.mean = Some(Box::new(Sample::of(scene, workload, (&[MEAN_SEGMENTS], Extent::MEAN), exact)));
+        self
+    }
+
+    /// Upper bound of the memory of a sample of points with these numbers of segments, bytes.
     pub fn bytes(rays: &[usize]) -> usize {
         let packets: usize = numbers(rays).iter().map(|n| n.div_ceil(LANES)).sum();
-        Extent::POINTS.runs * Extent::POINTS.run * packets * size_of::<Packet>()
+        let bundles = |extent: Extent| extent.runs * extent.run;
+        let mean = (LANES + MEAN_SEGMENTS) / LANES * bundles(Extent::MEAN);
+        (bundles(Extent::POINTS) * packets + mean) * size_of::<Packet>()
     }
 
     /// The bundles with `rays` segments, run by run; with one packet if the sample has no such number.
@@ -114,9 +133,10 @@ impl Sample {
 
     /// How bundles like these are answered.
     pub fn route(&self, engine: &MultiResolution, s: f32, rays: usize) -> Route {
-        let most = self.sets.iter().map(|set| set.rays).max().unwrap_or(rays);
-        let (runs, finest) = (self.bundles(rays), self.bundles(most));
-        engine.route(&RouteSample { runs, finest, truth: &self.truth }, s, &mut Workspace::default())
+        let sample = RouteSample { runs: self.bundles(rays), truth: &self.truth };
+        let mean = self.mean.as_deref().unwrap_or(self);
+        let mean = mean.bundles(mean.sets.last().map_or(rays, |set| set.rays));
+        engine.route(&sample, &mean, s, &mut Workspace::default())
     }
 
     /// Whether certificates may make exact rays faster: their search is not given up for most bundles, as it is under a dome.

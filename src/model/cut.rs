@@ -95,8 +95,8 @@ impl Model {
         }
         // Points do not lie together: each bundle is walked by itself.
         let runs: Vec<Vec<Bundle>> = asked.iter().map(|own| vec![own.bundle()]).collect();
-        let sample = RouteSample { finest: runs.clone(), runs, truth: &truth };
-        self.with_workspace(|workspace| engine.route(&sample, s, workspace))
+        let sample = RouteSample { runs, truth: &truth };
+        self.with_workspace(|workspace| engine.route(&sample, &sample.runs, s, workspace))
     }
 
     fn made_cut(&self) -> Option<Cut> {

@@ -28,8 +28,6 @@ pub type Halves = [Vec<f32>; 2];
 pub struct RouteSample<'a> {
     /// Runs of neighbouring bundles.
     pub runs: Vec<Vec<Bundle<'a>>>,
-    /// The same bundles with as many segments as are known, which tell their mean best.
-    pub finest: Vec<Vec<Bundle<'a>>>,
     /// A fraction for each bundle, in order.
     pub truth: &'a Halves,
 }
@@ -95,12 +93,18 @@ impl MultiResolution {
     }
 
     /// The route that takes the least time to an error for bundles like those of a sample at feature size `s`; that of exact rays unless
-    /// another is clearly faster.
-    pub fn route(&self, sample: &RouteSample, s: f32, workspace: &mut Workspace) -> Route {
+    /// another is clearly faster. Walks are fitted to the mean of runs of bundles.
+    pub fn route(
+        &self,
+        sample: &RouteSample,
+        mean: &[Vec<Bundle>],
+        s: f32,
+        workspace: &mut Workspace,
+    ) -> Route {
         let cuts = 0..self.cut.as_ref().map_or(0, |cut| cut.modes().len());
         let taken = |cut: &Arc<Cut>| sample.runs.iter().flatten().any(|bundle| cut.takes(bundle));
         let cuts = if self.cut.as_ref().is_some_and(taken) { cuts } else { 0..0 };
-        let walks = self.fitted_walks(sample, s, workspace);
+        let walks = self.fitted_walks(mean, s, workspace);
         let others = [Route::Certified, walks].into_iter().chain(cuts.map(Route::Cut));
         let rays = sample.runs.iter().flatten().map(|bundle| self.rays_work(bundle)).collect::<Vec<f64>>();
         let mut cost = |route| self.with_route(route).cost((sample, &rays), s, workspace);
@@ -120,7 +124,7 @@ impl MultiResolution {
     /// Time for bundles times the number of rays that their mean square error takes: the time to an error but for a factor. Times are in
     /// units of work of the cut's tree, `rays` those of exact rays. Infinite for averages that hardly average anything.
     fn cost(&self, (sample, rays): (&RouteSample, &[f64]), s: f32, workspace: &mut Workspace) -> f64 {
-        let RouteSample { runs, truth: [a, b], .. } = sample;
+        let RouteSample { runs, truth: [a, b] } = sample;
         let walked = |work: Work| {
             let segments: usize =
                 runs.iter().flatten().flat_map(|bundle| bundle.packets).map(Packet::len).sum();

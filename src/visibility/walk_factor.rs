@@ -4,7 +4,7 @@ use super::answer::Bundle;
 use super::bundle_walks::Workspace;
 use super::multires::MultiResolution;
 use super::route::Route;
-use super::routes::{RouteSample, standard_error};
+use super::routes::standard_error;
 
 /// Smallest and largest factor, and the first other one that is tried: factors from 0.8 to 1.05 were fitted in park, orchard and leaf forest.
 const RANGE: [f32; 2] = [0.5, 2.0];
@@ -13,12 +13,16 @@ const FIRST_STEP: f32 = 0.9;
 const STEPS: usize = 2;
 
 impl MultiResolution {
-    /// Walks at feature size `s` with the factor with which the mean transmittance of a sample is right; with the extinctions of the clusters
-    /// if it is right to its standard error without.
-    pub(super) fn fitted_walks(&self, sample: &RouteSample, s: f32, workspace: &mut Workspace) -> Route {
-        let mut errors = |factor: f32| self.walk_errors(sample, (s, factor), workspace);
-        let first = errors(1.0);
+    /// Walks at feature size `s` with the factor with which the mean transmittance of runs of neighbouring bundles is that of exact rays along
+    /// the same segments; with the extinctions of the clusters if it is so without, to the standard error of the difference.
+    pub(super) fn fitted_walks(&self, runs: &[Vec<Bundle>], s: f32, workspace: &mut Workspace) -> Route {
+        let seen = self.with_route(Route::Exact).sums(runs, s, workspace);
+        let mut errors = |factor: f32| -> Vec<f64> {
+            let passed = self.with_route(Route::Walks { factor }).sums(runs, s, workspace);
+            passed.iter().zip(&seen).map(|(passed, seen)| passed - seen).collect()
+        };
         let mean = |errors: &[f64]| errors.iter().sum::<f64>();
+        let first = errors(1.0);
         if mean(&first).abs() <= standard_error(&first) {
             return Route::WALKS;
         }
@@ -37,23 +41,13 @@ impl MultiResolution {
         Route::Walks { factor: next }
     }
 
-    /// Sum of the errors of the transmittances of each run with a factor of all extinctions: the bundles of a run are neighbours and err
-    /// alike.
-    fn walk_errors(
-        &self,
-        sample: &RouteSample,
-        (s, factor): (f32, f32),
-        workspace: &mut Workspace,
-    ) -> Vec<f64> {
-        let engine = self.with_route(Route::Walks { factor });
-        let mut truth = sample.truth[0].iter().zip(&sample.truth[1]).map(|(a, b)| 0.5 * f64::from(a + b));
-        let error = |run: &Vec<Bundle>| {
+    /// Sum of the transmittances of the bundles of each run: neighbours err alike.
+    fn sums(&self, runs: &[Vec<Bundle>], s: f32, workspace: &mut Workspace) -> Vec<f64> {
+        let sum = |run: &Vec<Bundle>| {
             let mut sum = 0.0;
-            engine.walked_answers(run, s, workspace, |answer| {
-                sum += f64::from(answer.transmittance) - truth.next().expect("a fraction a bundle");
-            });
+            self.answers(run, s, workspace, |answer| sum += f64::from(answer.transmittance));
             sum
         };
-        sample.finest.iter().map(error).collect()
+        runs.iter().map(sum).collect()
     }
 }

@@ -22,22 +22,42 @@ fn answers(engine: &MultiResolution, runs: &[Vec<Bundle>], s: f32) -> Vec<Answer
     found
 }
 
-/// If what is seen is what walks with some factor of all extinctions see, that factor is found, and walks are taken.
+/// The fitted factor makes the mean of walks that of exact rays along the same segments.
 #[test]
-fn the_factor_of_walks_is_found() {
+fn fitted_walks_have_the_mean_of_exact_rays() {
+    let (stage, packets) = forest();
+    let (engine, runs) = (stage.engine(LeafMode::Exact).with_patience(), runs(&stage, &packets));
+    let mean = |route: Route, s: f32| {
+        let found = answers(&engine.with_route(route), &runs, s);
+        found.iter().map(|answer| f64::from(answer.transmittance)).sum::<f64>() / found.len() as f64
+    };
+    let mut fitted = 0;
+    for s in stage.sizes() {
+        let walks = engine.fitted_walks(&runs, s, &mut Workspace::default());
+        let [exact, plain, found] = [Route::Exact, Route::WALKS, walks].map(|route| mean(route, s));
+        let (before, after) = ((plain - exact).abs(), (found - exact).abs());
+        if walks == Route::WALKS {
+            assert!(before < 0.01, "{s}: {before}");
+        } else {
+            assert!(after < 2e-4 && before > 3.0 * after, "{s} {walks:?}: {before} before, {after} after");
+            fitted += 1;
+        }
+    }
+    assert!(fitted > 0);
+}
+
+/// If what is seen is what walks see, walks are taken.
+#[test]
+fn walks_without_error_are_taken() {
     let (stage, packets) = forest();
     let (engine, s) = (stage.engine(LeafMode::Exact).with_patience(), SIZE * stage.size());
     let runs = runs(&stage, &packets);
-    for factor in [0.8, 1.0, 1.15] {
-        let seen = answers(&engine.with_route(Route::Walks { factor }), &runs, s);
-        let seen: Vec<f32> = seen.iter().map(|answer| answer.transmittance).collect();
-        let truth = [seen.clone(), seen];
-        let sample = RouteSample { runs: runs.clone(), finest: runs.clone(), truth: &truth };
-        match engine.route(&sample, s, &mut Workspace::default()) {
-            Route::Walks { factor: found } => assert!((found - factor).abs() < 0.005, "{found} for {factor}"),
-            other => panic!("{other:?} for {factor}"),
-        }
-    }
+    let walks = engine.fitted_walks(&runs, s, &mut Workspace::default());
+    let seen = answers(&engine.with_route(walks), &runs, s);
+    let seen: Vec<f32> = seen.iter().map(|answer| answer.transmittance).collect();
+    let truth = [seen.clone(), seen];
+    let sample = RouteSample { runs: runs.clone(), truth: &truth };
+    assert_eq!(engine.route(&sample, &runs, s, &mut Workspace::default()), walks);
 }
 
 /// Walks whose answers have nothing to do with what is seen are not taken.
@@ -49,8 +69,8 @@ fn walks_that_err_are_not_taken() {
     let exact = answers(&engine.with_route(Route::Exact), &runs, s);
     let seen: Vec<f32> = exact.iter().map(|answer| answer.transmittance).collect();
     let truth = [seen.clone(), seen];
-    let sample = RouteSample { runs: runs.clone(), finest: runs.clone(), truth: &truth };
-    let route = engine.route(&sample, s, &mut Workspace::default());
+    let sample = RouteSample { runs: runs.clone(), truth: &truth };
+    let route = engine.route(&sample, &runs, s, &mut Workspace::default());
     assert!(matches!(route, Route::Exact | Route::Certified), "{route:?}");
 }
 
