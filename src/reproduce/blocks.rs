@@ -65,13 +65,9 @@ impl Blocks {
         }
     }
 
-    /// Adds cubes of one size in a cubic box around `centre`, of which no two overlap seen along y, as many as cover this part of
-    /// it.
-    pub fn covering_cubes(&mut self, coverage: f64, edge: f64, centre: DVec3, side: f64) {
-        let count = (coverage * (side / edge).powi(2)).round() as usize;
-        for at in places(count, edge, side, |d| d.x.max(d.z)) {
-            self.halved_cube(centre + at, edge);
-        }
+    /// Adds cubes of one size.
+    pub fn halved_cubes(&mut self, centres: &[DVec3], edge: f64) {
+        centres.iter().for_each(|&centre| self.halved_cube(centre, edge));
     }
 
     /// Adds cubes of one size that do not touch, at low-discrepancy places in a cubic box around `centre`; fewer if they do not fit.
@@ -85,6 +81,11 @@ impl Blocks {
     pub fn scene(self) -> Result<Scene> {
         resolve(self.soup, &LoadOptions::default())
     }
+}
+
+/// Centres of at most `count` cubes of one size in a cubic box around `centre`, of which no two overlap seen along y.
+pub fn apart_along_y(count: usize, edge: f64, centre: DVec3, side: f64) -> Vec<DVec3> {
+    places(count, edge, side, |d| d.x.max(d.z)).into_iter().map(|at| centre + at).collect()
 }
 
 /// Centres of at most `count` cubes of one size in a cubic box of this side around the origin, low-discrepancy points whose differences have

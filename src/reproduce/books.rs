@@ -4,17 +4,21 @@ use super::blocks::Blocks;
 use super::item::{Item, Panel};
 use super::table::{Table, count, number};
 use super::view::irradiance;
-use super::{Context, fixed, list};
+use super::{Context, counts_of, fixed};
 use crate::Result;
-use crate::clusters::{self, FAN_OUT};
+use crate::clusters;
+use crate::math::triangle_area;
+use crate::metrics::Image;
 use crate::model::{Model, PrepareOptions};
-use crate::radiosity::mesh::RadiosityMesh;
-use crate::radiosity::{self, Inside, Options, Record, RowSums};
+use crate::radiosity::{self, Inside, Options, Outcome, RowSums};
 use crate::scene::Scene;
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// Books in a row.
 const BOOKS: u32 = 14;
+/// Their polygons, the first of the scene.
+const POLYGONS: usize = 6 * BOOKS as usize;
 /// Size of the smallest book, metres.
 const BOOK: DVec3 = DVec3::new(0.03, 0.18, 0.26);
 /// Columns and rows of the pictures.
@@ -25,12 +29,18 @@ const VIEW: [DVec3; 2] = [DVec3::new(0.45, -0.55, 0.55), DVec3::new(-0.02, 0.0, 
 const ANGLE: f64 = 0.75;
 /// Largest error that links are refined to, relative to the mean irradiance.
 const COARSE: f64 = 64.0;
-/// By what it is multiplied until links are refined.
+/// Factor by which the error shrinks until links are refined.
 const FINER: f64 = 0.5;
-/// How often at most.
+/// Largest number of these steps.
 const TRIES: i32 = 11;
-/// Solves with coarse links whose mean is taken.
-const SEEDS: u64 = 32;
+/// Number of solves by links at a time, and in tests; their mean picture is shown.
+const BATCH: [usize; 2] = [32, 32];
+/// Largest number of solves by links.
+const SOLVES: [usize; 2] = [1024, 32];
+/// Standard error of the mean power at which solves end, as a part of the power by rays.
+const PRECISE: f64 = 0.01;
+/// Solves by rays.
+const BY_RAYS: [usize; 2] = [8, 2];
 
 /// Books that stand side by side and lean on nothing, lit from above.
 fn scene() -> Result<Scene> {
@@ -46,90 +56,141 @@ fn scene() -> Result<Scene> {
     blocks.scene()
 }
 
-/// What the books receive by one method, and its ledger: means over solves.
+/// What the books receive by one method: means over solves.
 #[derive(Clone, Copy, Debug, Default)]
 struct Received {
+    solves: usize,
     /// Links, the largest number.
     links: usize,
-    /// Links that were replaced by links between parts, the largest number.
-    replaced: usize,
+    /// Links that end at the light, the largest number.
+    of_light: usize,
+    /// Polygons of the books that receive light in some solve.
+    lit: usize,
     /// Power, W, and its standard error.
     power: f64,
     error: f64,
-    /// Deviation of the irradiance relative to its mean.
+    /// Deviation of the mean irradiance of the polygons relative to its mean.
     deviation: f64,
-    /// Emitted, absorbed, escaped and created power of the ledger, W.
-    ledger: [f64; 4],
+    /// Emitted, absorbed and escaped power of the ledger, W.
+    ledger: [f64; 3],
 }
 
-/// The light on the books by one method.
-struct Lit {
-    mesh: RadiosityMesh,
-    record: Record,
+/// Solves by one method with different random numbers.
+#[derive(Default)]
+struct Solves {
+    /// Sum of their pictures, of the first [`BATCH`].
+    picture: Vec<f64>,
+    pictures: usize,
+    /// Power of each polygon of the books, summed over solves.
+    polygons: Vec<f64>,
+    /// Power of all books by solve.
+    powers: Vec<f64>,
+    links: usize,
+    of_light: usize,
+    ledger: [f64; 3],
 }
 
-impl Lit {
-    fn new(model: &Model, options: &Options) -> Result<Lit> {
-        let outcome = radiosity::run(model, &[], options, &())?;
-        Ok(Lit { mesh: outcome.mesh, record: outcome.record })
-    }
-
-    /// The coarsest links beyond that of the root with itself, which are those from the light to the cluster.
-    fn coarsest(model: &Model, options: &Options) -> Result<Lit> {
-        let at = |k: i32| Lit::new(model, &Options { error: COARSE * FINER.powi(k), ..options.clone() });
-        let mut lit = at(0)?;
-        for k in 1..TRIES {
-            if lit.record.links > 1 {
-                break;
+impl Solves {
+    /// Adds solves in the order of their seeds until the standard error of the power is at most `precise`, or there are `most`.
+    fn new(model: &Model, options: &Options, (batch, most): (usize, usize), precise: f64) -> Result<Solves> {
+        let mut all = Solves::default();
+        while all.powers.len() < most && (all.powers.len() < 2 || all.power()[1] > precise) {
+            let first = all.powers.len() as u64 + 1;
+            let seeds: Vec<u64> = (first..first + batch as u64).collect();
+            let made = seeds
+                .par_iter()
+                .map(|&seed| radiosity::run(model, &[], &Options { seed, ..options.clone() }, &()));
+            for outcome in made.collect::<Result<Vec<_>>>()? {
+                all.add(model.scene(), &outcome)?;
             }
-            lit = at(k)?;
         }
-        Ok(lit)
+        Ok(all)
     }
 
-    /// Means over `count` solves with the same error and other random numbers: one link has few segments.
-    fn mean_received(&self, model: &Model, count: u64) -> Result<Received> {
-        let mut all = vec![self.received()];
-        for seed in 1..count {
-            let options = Options { seed: seed + 1, ..self.record.options.clone() };
-            all.push(Lit::new(model, &options)?.received());
+    fn add(&mut self, scene: &Scene, outcome: &Outcome) -> Result<()> {
+        let (mesh, record) = (&outcome.mesh, &outcome.record);
+        if self.powers.len() < BATCH[0] {
+            let picture = irradiance(mesh, VIEW, ANGLE, SIZE)?;
+            self.picture.resize(picture.data().len(), 0.0);
+            self.picture.iter_mut().zip(picture.data()).for_each(|(sum, v)| *sum += f64::from(*v));
+            self.pictures += 1;
         }
-        let n = all.len() as f64;
-        let mean = |of: &dyn Fn(&Received) -> f64| all.iter().map(of).sum::<f64>() / n;
-        let power = mean(&|r| r.power);
-        let square = all.iter().map(|r| (r.power - power).powi(2)).sum::<f64>();
-        Ok(Received {
-            links: all.iter().map(|r| r.links).max().unwrap_or(0),
-            replaced: all.iter().map(|r| r.replaced).max().unwrap_or(0),
-            power,
-            error: (square / (n * (n - 1.0).max(1.0))).sqrt(),
-            deviation: mean(&|r| r.deviation),
-            ledger: std::array::from_fn(|k| mean(&|r| r.ledger[k])),
-        })
-    }
-
-    /// What the books receive in this solve.
-    fn received(&self) -> Received {
         // The first objects are the books; the light comes last.
-        let books = self.mesh.elements.iter().filter(|e| e.object < BOOKS);
-        let (mut area, mut power, mut square) = (0.0, 0.0, 0.0);
-        for e in books {
-            let irradiance = e.irradiance.iter().sum::<f64>() / 3.0;
-            area += e.area;
-            power += e.area * irradiance;
-            square += e.area * irradiance * irradiance;
+        self.polygons.resize(POLYGONS, 0.0);
+        let mut power = 0.0;
+        for e in &mesh.elements {
+            if e.object < BOOKS {
+                let received = e.area * e.irradiance.iter().sum::<f64>() / 3.0;
+                self.polygons[scene.triangle_polygon[e.triangle as usize] as usize] += received;
+                power += received;
+            } else {
+                self.of_light = self.of_light.max(e.links as usize);
+            }
         }
+        self.powers.push(power);
+        self.links = self.links.max(record.links);
+        let ledger = &record.ledger;
+        for (sum, power) in self.ledger.iter_mut().zip([ledger.emitted, ledger.absorbed, ledger.escaped]) {
+            *sum += power;
+        }
+        Ok(())
+    }
+
+    /// Mean power of the books and its standard error.
+    fn power(&self) -> [f64; 2] {
+        let n = self.powers.len() as f64;
+        let mean = self.powers.iter().sum::<f64>() / n;
+        let square = self.powers.iter().map(|power| (power - mean).powi(2)).sum::<f64>();
+        [mean, (square / (n * (n - 1.0).max(1.0))).sqrt()]
+    }
+
+    /// The mean picture.
+    fn picture(&self) -> Result<Image<'static>> {
+        let values = self.picture.iter().map(|sum| (sum / self.pictures.max(1) as f64) as f32).collect();
+        Image::new(SIZE[0], SIZE[1], 1.0, values)
+    }
+
+    fn received(&self, areas: &[f64]) -> Received {
+        let n = self.powers.len() as f64;
+        let [power, error] = self.power();
+        let area: f64 = areas.iter().sum();
         let mean = power / area;
-        let ledger = &self.record.ledger;
+        let deviation = |(power, area): (&f64, &f64)| area * (power / n / area - mean).powi(2);
+        let square: f64 = self.polygons.iter().zip(areas).map(deviation).sum();
         Received {
-            links: self.record.links,
-            replaced: self.record.iterations.iter().map(|iteration| iteration.refined).sum(),
+            solves: self.powers.len(),
+            links: self.links,
+            of_light: self.of_light,
+            lit: self.polygons.iter().filter(|power| **power > 0.0).count(),
             power,
-            error: 0.0,
-            deviation: (square / area - mean * mean).max(0.0).sqrt() / mean,
-            ledger: [ledger.emitted, ledger.absorbed, ledger.escaped, ledger.created],
+            error,
+            deviation: (square / area).sqrt() / mean,
+            ledger: self.ledger.map(|sum| sum / n),
         }
     }
+}
+
+/// Areas of the polygons of the books.
+fn areas(scene: &Scene) -> Vec<f64> {
+    let mut areas = vec![0.0; POLYGONS];
+    for t in 0..scene.triangles.len() {
+        if scene.triangle_object[t] < BOOKS {
+            let [a, b, c] = scene.corners(t as u32);
+            areas[scene.triangle_polygon[t] as usize] += triangle_area(a, b, c);
+        }
+    }
+    areas
+}
+
+/// The largest error to which links beyond that of the root with itself are refined: those from the light to the cluster.
+fn coarsest(model: &Model, options: &Options) -> Result<f64> {
+    for k in 0..TRIES {
+        let error = COARSE * FINER.powi(k);
+        if radiosity::run(model, &[], &Options { error, ..options.clone() }, &())?.record.links > 1 {
+            return Ok(error);
+        }
+    }
+    Ok(COARSE * FINER.powi(TRIES))
 }
 
 /// Figure 10: links from the light to clusters with three models of the light inside them, and the light by rays.
@@ -146,133 +207,111 @@ pub fn figure_10(context: &Context) -> Result<Item> {
         ..Options::default()
     };
     let rays = Options { audit: 0, error: if context.small { 0.1 } else { 0.02 }, ..Options::default() };
-    let cases = [
-        ("without visibility or orientation", links(Inside::Isotropic)),
-        ("without visibility", links(Inside::Oriented)),
-        ("with visibility", links(Inside::Visible)),
-        ("reference: rays", rays),
-    ];
-    let light = |(k, (_, options)): (usize, &(&str, Options))| match k {
-        3 => Lit::new(&model, options),
-        _ => Lit::coarsest(&model, options),
+    let small = usize::from(context.small);
+    let by_rays = Solves::new(&model, &rays, (BY_RAYS[small], BY_RAYS[small]), 0.0)?;
+    let precise = PRECISE * by_rays.power()[0];
+    // The same error in all cases.
+    let error = coarsest(&model, &links(Inside::Visible))?;
+    let by_links = |inside: Inside, precise: f64| {
+        let options = Options { error, ..links(inside) };
+        Solves::new(&model, &options, (BATCH[small], SOLVES[small]), precise)
     };
-    let lit = cases.iter().enumerate().map(light).collect::<Result<Vec<_>>>()?;
-    let seeds = |k: usize| if k == 3 { 1 } else { SEEDS };
-    let received = lit.iter().enumerate().map(|(k, lit)| lit.mean_received(&model, seeds(k)));
-    let received = received.collect::<Result<Vec<_>>>()?;
+    let isotropic = by_links(Inside::Isotropic, precise)?;
+    let oriented = by_links(Inside::Oriented, precise)?;
+    // A quarter of the margin of equality.
+    let margin = EQUAL * (oriented.power()[0] - by_rays.power()[0]).abs();
+    let all = [isotropic, oriented, by_links(Inside::Visible, 0.25 * margin)?, by_rays];
+    let areas = areas(model.scene());
+    let received = all.each_ref().map(|solves| solves.received(&areas));
     let mut item = Item {
         here: format!(
-            "{BOOKS} black books side by side under a light of 0.4 m, with the coarsest links that refinement makes, and no local pass; by \
-             values `isotropic`, `oriented` and `visible` of option `inside` of a solve. mrvis lets the segments of a link end on the surfaces \
-             of the cluster instead of using an item buffer. Numbers are means over {SEEDS} solves with other random numbers. The books absorb \
-             all light, so that what they receive beyond the light of the rays is created. A link carries the same power in both directions, \
-             so that the ledger counts what the books receive in excess as power that did not leave the scene."
+            "{BOOKS} black books side by side under a light of 0.4 m, with the coarsest links that refinement makes, to an error of {error} of \
+             the mean irradiance in all cases, and no local pass; by values `isotropic`, `oriented` and `visible` of option `inside` of a solve. \
+             mrvis lets the segments of a link end on the surfaces of the cluster instead of using an item buffer. Numbers and pictures are means \
+             over solves with other random numbers, so many that the standard error of the power is at most {} % of the power by rays (with \
+             visibility, a quarter of the margin of equality), and no more than {}. The books absorb all light. The ledger of a solution cannot show what is created inside a cluster: a link carries the \
+             same power in both directions, and what the books receive in excess counts as power that did not leave the scene. So the power on \
+             the books is compared with that by rays.",
+            100.0 * PRECISE,
+            SOLVES[small]
         ),
         ..Item::default()
     };
-    let images =
-        lit.iter().map(|lit| irradiance(&lit.mesh, VIEW, ANGLE, SIZE)).collect::<Result<Vec<_>>>()?;
+    let images = all.iter().map(Solves::picture).collect::<Result<Vec<_>>>()?;
     let white = images[3].data().iter().fold(0.0f32, |white, v| white.max(*v));
-    let panels = images.iter().zip(&cases).map(|(image, (name, _))| Panel::scaled(image, white, *name));
-    item.row(format!("Irradiance: black 0, white {white:.0} W/m² and more"), panels.collect());
-    item.tables.push(ledger(&received, &cases.map(|(name, _)| name)));
+    let names =
+        ["without visibility or orientation", "without visibility", "with visibility", "reference: rays"];
+    let panels = images.iter().zip(names).map(|(image, name)| Panel::scaled(image, white, name));
+    item.row(
+        format!("Irradiance, means over up to {} solves: black 0, white {white:.0} W/m² and more", BATCH[0]),
+        panels.collect(),
+    );
+    item.tables.push(table(&received, &names));
     judge(&mut item, &received);
     Ok(item)
 }
 
 /// The power on the books and the ledger's numbers.
-fn ledger(received: &[Received], names: &[&str]) -> Table {
+fn table(received: &[Received], names: &[&str]) -> Table {
     let columns = [
         "light in the cluster",
+        "solves",
         "links",
-        "replaced",
+        "of the light",
         "books receive, W",
+        "standard error, W",
         "more than by rays, W",
         "deviation / mean",
         "emitted, W",
         "absorbed, W",
         "escaped, W",
-        "created, W",
     ];
     let mut table = Table::new("The books, and the ledger of the scene", &columns);
     let truth = received.last().map_or(0.0, |r| r.power);
     for (r, name) in received.iter().zip(names) {
-        let numbers = [r.power, r.power - truth, r.deviation].into_iter().chain(r.ledger);
-        table.push(
-            [(*name).into(), count(r.links), count(r.replaced)]
-                .into_iter()
-                .chain(numbers.map(|v| number(v, 3))),
-        );
+        let numbers = [r.power, r.error, r.power - truth, r.deviation].into_iter().chain(r.ledger);
+        let counts = [r.solves, r.links, r.of_light].map(count);
+        table.push([(*name).into()].into_iter().chain(counts).chain(numbers.map(|v| number(v, 3))));
     }
     table
 }
 
-/// Standard errors within which numbers count as equal.
+/// Standard errors by which a difference is certain.
 const CERTAIN: f64 = 3.0;
-/// Largest standard error of a power, as a part of the power by rays, for which equality within [`CERTAIN`] says anything.
-const PRECISE: f64 = 0.05;
-/// Part of the emitted power to which the ledger must balance: sums of 32-bit factors.
-const BALANCED: f64 = 1e-4;
+/// Part of what is created without visibility up to which powers count as equal: ours.
+const EQUAL: f64 = 0.1;
 
 /// Checks of the numbers of the four cases.
-fn judge(item: &mut Item, received: &[Received]) {
-    let [isotropic, oriented, visible, truth] = [0, 1, 2, 3].map(|k| &received[k]);
-    let polygons = 6 * BOOKS as usize;
-    let replaced = [isotropic, oriented, visible].map(|r| r.replaced);
+fn judge(item: &mut Item, received: &[Received; 4]) {
+    let [isotropic, oriented, visible, truth] = received;
+    let links = [isotropic, oriented, visible].map(|r| r.of_light);
+    let lit = [isotropic, oriented, visible].map(|r| r.lit);
     item.check(
-        format!(
-            "the same number of links is replaced in all three cases, so few that links end at clusters: at most {FAN_OUT} ends for each, \
-             fewer than there are polygons"
-        ),
-        format!("{} replaced, {polygons} polygons", replaced.map(|n| n.to_string()).join(", ")),
-        replaced.iter().all(|&n| n == replaced[0] && n > 0 && n * FAN_OUT < polygons),
+        "few links bring light to the books in all three cases: fewer end at the light than polygons of the books receive light, so that \
+         their other ends are clusters",
+        format!("{} links, {} polygons", counts_of(&links), counts_of(&lit)),
+        links.iter().zip(&lit).all(|(n, lit)| *n > 0 && n < lit),
+        || "links from the light are refined to the polygons, or carry no light".into(),
     );
     let of = |r: &Received| format!("{} ± {} W", fixed(r.power, 3), fixed(r.error, 3));
-    let by_rays = format!("{} W by rays", fixed(truth.power, 3));
+    let by_rays = format!("{} by rays", of(truth));
+    let excess = |r: &Received| [r.power - truth.power, r.error.hypot(truth.error)];
     for (name, case) in [("", oriented), (" or orientation", isotropic)] {
-        let check = item.check(
+        let [more, error] = excess(case);
+        item.check(
             format!(
                 "without visibility{name} energy is created: the books receive more than rays bring, by over three standard errors"
             ),
             format!("{}, {by_rays}", of(case)),
-            case.power - truth.power > CERTAIN * case.error,
+            more > CERTAIN * error,
+            || format!("the excess is {} standard errors after {} solves", fixed(more / error, 1), case.solves),
         );
-        check.if_not(|| {
-            format!("the excess is {} standard errors", fixed((case.power - truth.power) / case.error, 1))
-        });
     }
-    let created = oriented.power - truth.power;
-    let check = item.check(
-        "with visibility energy is preserved: the books receive what rays bring, to three standard errors of at most 5 %, which are less \
-         than what is created without",
-        format!("{}, {by_rays}", of(visible)),
-        (visible.power - truth.power).abs() <= CERTAIN * visible.error
-            && visible.error <= PRECISE * truth.power
-            && CERTAIN * visible.error < created,
-    );
-    check.if_not(|| {
-        format!(
-            "the difference is {} standard errors",
-            fixed((visible.power - truth.power) / visible.error, 1)
-        )
-    });
-    let ledgers = received.iter().map(|r| r.ledger);
-    let gaps: Vec<f64> =
-        ledgers.map(|[out, absorbed, escaped, created]| out + created - absorbed - escaped).collect();
-    item.check(
-        "the ledger balances in all cases: emitted and created power is absorbed or escapes, to 0.01 % of what is emitted",
-        format!("differences {} W", list(&gaps, 5)),
-        gaps.iter().zip(received).all(|(gap, r)| gap.abs() <= BALANCED * r.ledger[0]),
-    );
-    item.check(
-        "with visibility the ledger creates less than what the books receive in excess without",
-        format!("{} W and {} W", fixed(visible.ledger[3], 4), fixed(created, 3)),
-        visible.ledger[3].abs() < created,
-    );
+    judge_preserved(item, [oriented, visible].map(excess), &format!("{}, {by_rays}", of(visible)));
     item.check(
         "illumination is more uniform without visibility than with it, whose modulation is nearer to that by rays",
         format!(
-            "deviation / mean {} without visibility and orientation, {} without visibility, {} with it; {} by rays",
+            "deviation / mean of the polygons {} without visibility and orientation, {} without visibility, {} with it; {} by rays",
             fixed(isotropic.deviation, 2),
             fixed(oriented.deviation, 2),
             fixed(visible.deviation, 2),
@@ -281,6 +320,33 @@ fn judge(item: &mut Item, received: &[Received]) {
         isotropic.deviation < oriented.deviation
             && oriented.deviation < visible.deviation
             && (visible.deviation - truth.deviation).abs() < (oriented.deviation - truth.deviation).abs(),
+        || "what polygons of one link receive differs by the noise of its segments more than by their visibility".into(),
+    );
+}
+
+/// Whether the power with visibility is that by rays; what is received in excess without and with visibility, with standard errors.
+fn judge_preserved(item: &mut Item, [[created, _], [more, error]]: [[f64; 2]; 2], measured: &str) {
+    let margin = EQUAL * created;
+    item.check(
+        format!(
+            "with visibility energy is preserved: with two standard errors the power on the books differs from that by rays by at most a tenth \
+             of what is created without (our margin), {} W",
+            fixed(margin, 3)
+        ),
+        measured,
+        more.abs() + 2.0 * error <= margin,
+        || {
+            format!(
+                "the difference is {} ± {} W, {} % of what is created without: {}",
+                fixed(more, 3),
+                fixed(error, 3),
+                fixed(100.0 * more / created, 0),
+                match more.abs() - 2.0 * error > margin {
+                    true => "segments of coarse links miss a part of the light that rays find",
+                    false => "the solves do not tell whether it is smaller than the margin",
+                }
+            )
+        },
     );
 }
 
@@ -291,14 +357,16 @@ mod tests {
     /// Numbers like those of the paper's picture.
     fn like_the_paper() -> [Received; 4] {
         let of = |power: f64, deviation: f64| Received {
+            solves: 100,
             links: 40,
-            replaced: 1,
+            of_light: 15,
+            lit: 40,
             power,
-            error: 0.01,
+            error: 0.002,
             deviation,
-            ledger: [50.0, power, 50.0 - power, 0.0],
+            ledger: [50.0, power, 50.0 - power],
         };
-        [of(1.1, 1.0), of(1.2, 2.0), of(0.98, 3.0), Received { error: 0.0, ..of(1.0, 3.1) }]
+        [of(1.1, 1.0), of(1.2, 2.0), of(0.99, 3.0), of(1.0, 3.1)]
     }
 
     fn failing(change: impl Fn(&mut [Received; 4])) -> Vec<usize> {
@@ -312,15 +380,13 @@ mod tests {
     #[test]
     fn each_check_fails_by_numbers_of_its_own() {
         assert_eq!(failing(|_| ()), [0; 0]);
-        assert_eq!(failing(|r| r[0].replaced = 2), [0]);
-        assert_eq!(failing(|r| r[..3].iter_mut().for_each(|r| r.replaced = 6)), [0]);
-        assert_eq!(failing(|r| r[..3].iter_mut().for_each(|r| r.replaced = 0)), [0]);
+        assert_eq!(failing(|r| r[0].of_light = 40), [0]);
+        assert_eq!(failing(|r| r[2].lit = 15), [0]);
         assert_eq!(failing(|r| r[1].error = 0.1), [1]);
         assert_eq!(failing(|r| r[0].error = 0.1), [2]);
-        assert_eq!(failing(|r| r[2].power = 0.9), [3]);
-        assert_eq!(failing(|r| r[2].error = 0.06), [3]);
-        assert_eq!(failing(|r| r[3].ledger[2] -= 0.1), [4]);
-        assert_eq!(failing(|r| r[2].ledger = [50.0, 1.2, 49.1, 0.3]), [5]);
-        assert_eq!(failing(|r| r[0].deviation = 2.1), [6]);
+        assert_eq!(failing(|r| r[2].power = 0.97), [3]);
+        assert_eq!(failing(|r| r[2].error = 0.02), [3]);
+        assert_eq!(failing(|r| r[3].error = 0.02), [3]);
+        assert_eq!(failing(|r| r[0].deviation = 2.1), [4]);
     }
 }

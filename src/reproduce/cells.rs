@@ -20,7 +20,7 @@ struct Cell {
     is_cut: bool,
 }
 
-/// The tree over some triangles of a scene: cells are halved in the middle of their longest edge until they hold at most
+/// The tree over some triangles of a scene, as we read [Sillion 94]: cells are halved in the middle of their longest edge until they hold at most
 /// [`FAN_OUT`] triangles; what the plane cuts becomes a cell that is not divided, so that leaves may hold more triangles
 /// than that.
 pub fn cell_tree(scene: &Scene, faces: &[u32]) -> Tree {

@@ -9,7 +9,7 @@ use crate::clusters::{self, Builder};
 use crate::metrics::{FbemOptions, Image, fbem};
 use crate::model::{Detail, Model, PrepareOptions};
 use crate::scene::Scene;
-use crate::visibility::LeafMode;
+use crate::visibility::{LeafMode, MultiResolution};
 use std::sync::Arc;
 
 /// Smallest number of segments a pair: fourfold until they take longer than the exact rays, so that errors at equal time are interpolated.
@@ -22,22 +22,24 @@ pub const EQUAL_TIME_RAYS: usize = 64;
 pub const SIZES: [f64; 2] = [1.0 / 16.0, 1.0 / 4.0];
 /// Pairs of texels and emitters, and in tests.
 const PAIRS: [usize; 2] = [4000, 1000];
-/// Rays a pair of each of two references.
-const REFERENCE_RAYS: usize = 128;
+/// Rays a pair of each of two references, and in tests.
+const REFERENCE_RAYS: [usize; 2] = [2048, 256];
 /// Repetitions of each measurement, of which the shortest time of each run of texels counts: other processes interrupt some.
 const REPEAT: usize = 2;
-/// Sets of segments, whose differences tell the sampling error.
+/// Segments of the repeated measurements, whose differences tell the error.
 const STREAMS: [u64; 2] = [0, 2];
 /// Those of the references.
 const REFERENCES: [u64; 2] = [1, 3];
 
-/// Errors of the builders in one scene: FBEM, geometric means over feature sizes.
+/// Errors of the builders in one scene: FBEM without the noise of the reference, geometric means over feature sizes.
 #[derive(Clone, Copy, Debug)]
 pub struct Compared {
     /// Of exact rays.
     pub exact: f64,
-    /// Logarithms by builder and set of segments, at the time of the exact rays.
+    /// Logarithms by builder and measurement, at the time of the exact rays.
     pub logs: [[f64; 2]; 4],
+    /// By builder, part of the segments that are handed over to exact rays.
+    pub handed_over: [f64; 4],
     /// FBEM of the reference by its own noise.
     pub noise: f64,
     /// Number of triangles that segments can meet, which clusters are built of.
@@ -57,7 +59,7 @@ impl Compared {
         self.log(builder).exp()
     }
 
-    /// Half the difference between the two sets of segments in the logarithm of the ratio of two builders: an estimate of the standard
+    /// Half the difference between the two measurements in the logarithm of the ratio of two builders: an estimate of the standard
     /// error of their mean with one degree of freedom.
     pub fn half_difference(&self, builder: usize, other: usize) -> f64 {
         let ratio = |set: usize| self.logs[builder][set] - self.logs[other][set];
@@ -72,32 +74,40 @@ pub fn compare(context: &Context, scene: Arc<Scene>) -> Result<Option<Compared>>
     }
     let Some((receiver, sizes)) = receiver(context, &scene)? else { return Ok(None) };
     let scene = part_between(&scene, std::slice::from_ref(&receiver));
-    let (mut logs, mut preparation) = ([[0.0; 2]; 4], [0.0; 4]);
-    let mut common = None;
-    for (k, builder) in Builder::ALL.into_iter().enumerate() {
-        let clusters = clusters::Options { builder, ..Default::default() };
-        let options = PrepareOptions { clusters, ..PrepareOptions::default() };
-        let model = Model::prepare(scene.clone(), &options, context.progress)?;
-        let report = model.report();
-        preparation[k] = report.clusters_s + report.optics_s;
-        let grid =
-            Grid::new(&model, receiver.points.clone(), [receiver.width, receiver.height], receiver.texel);
-        let common = match &mut common {
-            Some(common) => common,
-            none => none.insert(Common::new(&grid, sizes)?),
-        };
-        for (set, log) in logs[k].iter_mut().enumerate() {
-            *log = geometric_mean(&common.errors(&model, &grid, set)?).ln();
+    let rays = PrepareOptions::default().with_detail(Detail::Rays);
+    let rays = Model::prepare(scene.clone(), &rays, context.progress)?;
+    let truth = Truth::new(&grid_of(&rays, &receiver), sizes, REFERENCE_RAYS[usize::from(context.small)])?;
+    let (mut logs, mut preparation, mut handed_over) = ([[0.0; 2]; 4], [0.0; 4], [0.0; 4]);
+    let mut exact = Vec::new();
+    // All of a measurement is repeated: preparation, decisions about exact rays, segments and times.
+    for (set, stream) in STREAMS.into_iter().enumerate() {
+        let measurement = Measurement::new(&grid_of(&rays, &receiver), &truth, stream)?;
+        exact.extend(measurement.exact);
+        for (k, builder) in Builder::ALL.into_iter().enumerate() {
+            let clusters = clusters::Options { builder, ..Default::default() };
+            let options = PrepareOptions { clusters, ..PrepareOptions::default() };
+            let model = Model::prepare(scene.clone(), &options, context.progress)?;
+            let report = model.report();
+            preparation[k] += 0.5 * (report.clusters_s + report.optics_s);
+            let grid = grid_of(&model, &receiver);
+            let engine = model.engine(model.widest_packets(), LeafMode::Exact).expect("optics");
+            let engine = grid.with_budget(engine, stream);
+            logs[k][set] = geometric_mean(&measurement.errors(&engine, &grid, &truth)?).ln();
+            handed_over[k] += 0.5 * measurement.handed_over(&engine, &grid, &truth);
         }
     }
-    let Some(common) = common else { return Ok(None) };
     Ok(Some(Compared {
-        exact: geometric_mean(&common.exact),
+        exact: geometric_mean(&exact),
         logs,
-        noise: geometric_mean(&common.noise),
+        handed_over,
+        noise: geometric_mean(&truth.noise),
         triangles: scene.triangles.len(),
         preparation,
     }))
+}
+
+fn grid_of<'a>(model: &'a Model, receiver: &ReceiverGrid) -> Grid<'a> {
+    Grid::new(model, receiver.points.clone(), [receiver.width, receiver.height], receiver.texel)
 }
 
 /// The largest surface with shadows, or a window of it, and the feature sizes; none if no surface is lit.
@@ -113,58 +123,78 @@ fn receiver(context: &Context, scene: &Arc<Scene>) -> Result<Option<(ReceiverGri
 }
 
 /// What all builders are compared with.
-struct Common {
+struct Truth {
     reference: Image<'static>,
     sizes: [f64; 2],
-    /// By set, segments of all pairs with growing numbers a pair.
-    segments: [Vec<Segments>; 2],
-    /// Seconds of the exact rays; by size their FBEM, and that of the reference.
-    seconds: f64,
-    exact: [f64; 2],
+    /// By size, FBEM of the reference by its noise.
     noise: [f64; 2],
 }
 
-impl Common {
-    fn new(grid: &Grid, sizes: [f64; 2]) -> Result<Common> {
-        let numbers =
-            || std::iter::successors(Some(MIN_RAYS), |n| Some(4 * n)).take_while(|n| *n <= MAX_RAYS);
-        let [one, two] = REFERENCES.map(|stream| grid.by_rays(REFERENCE_RAYS, stream, 1));
+impl Truth {
+    fn new(grid: &Grid, sizes: [f64; 2], rays: usize) -> Result<Truth> {
+        let [one, two] = REFERENCES.map(|stream| grid.by_rays(rays, stream, 1));
         let (one, two) = (one?.image, two?.image);
-        let reference = mean_of(&one, &two)?;
-        let [a, b] = STREAMS.map(|stream| grid.by_rays(EQUAL_TIME_RAYS, stream, REPEAT));
-        let (a, b) = (a?, b?);
-        let (mut exact, mut noise) = ([0.0; 2], [0.0; 2]);
-        for (k, &s) in sizes.iter().enumerate() {
-            exact[k] = geometric_mean(&[error(&reference, &a.image, s)?, error(&reference, &b.image, s)?]);
+        let mut noise = [0.0; 2];
+        for (noise, s) in noise.iter_mut().zip(sizes) {
             // The mean of two references has half the difference between them as its standard error.
-            noise[k] = 0.5 * error(&one, &two, s)?;
+            *noise = (0.5 * fbem_of(&one, &two, s)?).max(MIN_ERROR);
         }
-        let segments = STREAMS.map(|stream| numbers().map(|rays| grid.segments(rays, stream)).collect());
-        Ok(Common { reference, sizes, segments, seconds: a.seconds.min(b.seconds), exact, noise })
+        Ok(Truth { reference: mean_of(&one, &two)?, sizes, noise })
     }
 
-    /// By size, the error at the time of the exact rays along one set of segments.
-    fn errors(&self, model: &Model, grid: &Grid, set: usize) -> Result<Vec<f64>> {
-        let engine = model.engine(model.widest_packets(), LeafMode::Exact).expect("optics");
-        let engine = grid.with_budget(engine);
-        let error_at = |&s: &f64| -> Result<f64> {
+    /// FBEM of an image at a size, without the noise of the reference, whose squares add up; no less than half of that noise.
+    fn error(&self, image: &Image, k: usize) -> Result<f64> {
+        let (found, noise) = (fbem_of(&self.reference, image, self.sizes[k])?, self.noise[k]);
+        Ok((found * found - noise * noise).max(0.25 * noise * noise).sqrt())
+    }
+}
+
+/// Segments and times of one measurement.
+struct Measurement {
+    /// Of all pairs, with growing numbers a pair.
+    segments: Vec<Segments>,
+    /// Seconds of the exact rays; by size their error.
+    seconds: f64,
+    exact: [f64; 2],
+}
+
+impl Measurement {
+    fn new(grid: &Grid, truth: &Truth, stream: u64) -> Result<Measurement> {
+        let numbers = std::iter::successors(Some(MIN_RAYS), |n| Some(4 * n)).take_while(|n| *n <= MAX_RAYS);
+        let exact = grid.by_rays(EQUAL_TIME_RAYS, stream, REPEAT)?;
+        Ok(Measurement {
+            segments: numbers.map(|rays| grid.segments(rays, stream)).collect(),
+            seconds: exact.seconds,
+            exact: [truth.error(&exact.image, 0)?, truth.error(&exact.image, 1)?],
+        })
+    }
+
+    /// Part of the segments that are handed over to exact rays, mean over sizes; [`MIN_RAYS`] a pair.
+    fn handed_over(&self, engine: &MultiResolution, grid: &Grid, truth: &Truth) -> f64 {
+        let parts = truth.sizes.map(|s| grid.handed_over(engine, s, &self.segments[0]));
+        0.5 * (parts[0] + parts[1])
+    }
+
+    /// By size, the error at the time of the exact rays.
+    fn errors(&self, engine: &MultiResolution, grid: &Grid, truth: &Truth) -> Result<Vec<f64>> {
+        let error_at = |k: usize| -> Result<f64> {
             let mut curve: Vec<(f64, f64)> = Vec::new();
-            for segments in &self.segments[set] {
-                let made = grid.by_clusters_along(&engine, s, segments, REPEAT)?;
-                curve.push((made.seconds, error(&self.reference, &made.image, s)?));
+            for segments in &self.segments {
+                let made = grid.by_clusters_along(engine, truth.sizes[k], segments, REPEAT)?;
+                curve.push((made.seconds, truth.error(&made.image, k)?));
                 if curve.len() > 1 && made.seconds > self.seconds {
                     break;
                 }
             }
             Ok(at_time(&curve, self.seconds))
         };
-        self.sizes.iter().map(error_at).collect()
+        (0..truth.sizes.len()).map(error_at).collect()
     }
 }
 
 /// FBEM of an image.
-fn error(reference: &Image, image: &Image, s: f64) -> Result<f64> {
-    Ok(fbem(reference, image, &FbemOptions::default().with_size(s))?.value.max(MIN_ERROR))
+fn fbem_of(reference: &Image, image: &Image, s: f64) -> Result<f64> {
+    Ok(fbem(reference, image, &FbemOptions::default().with_size(s))?.value)
 }
 
 fn mean_of(one: &Image, two: &Image) -> Result<Image<'static>> {
@@ -172,7 +202,7 @@ fn mean_of(one: &Image, two: &Image) -> Result<Image<'static>> {
     Image::from_fn(one.width(), one.height(), one.texel(), mean)
 }
 
-/// Errors below this visible fraction count as it: a hundredth of a step of 8-bit grey, so that logarithms exist.
+/// A noise below this visible fraction counts as it: a hundredth of a step of 8-bit grey, so that logarithms exist.
 const MIN_ERROR: f64 = 4e-5;
 
 /// The error at a time, interpolated between logarithms; beyond the ends that of the nearest line.

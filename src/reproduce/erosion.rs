@@ -1,6 +1,7 @@
 //! Erosion and expansion of features: Figures 2, 3 and 4 of the paper.
 
-use super::groups::{EDGES, TEXEL, shadow_mask, shadow_widths};
+use super::cubes::{EDGES, TEXEL, shadow_widths};
+use super::groups::shadow_mask;
 use super::item::{FEATURES, Item, Panel};
 use super::table::{Table, count, number};
 use super::{Context, counts_of, fixed, list};
@@ -12,6 +13,8 @@ use crate::raster::{BitImage, Opener, expand};
 const STEPS: [usize; 4] = [2, 4, 8, 12];
 /// Feature sizes of Figure 4, texels.
 const MASKS: [f64; 3] = [12.0, 18.0, 24.0];
+/// Numbers d of erosions of squares of 2d and 2d + 1 texels.
+const SQUARES: [usize; 4] = [1, 3, 8, 20];
 
 fn opener(image: &BitImage) -> Opener {
     Opener::new(image.clone(), Morphology::Paper8)
@@ -33,27 +36,59 @@ pub fn figure_2(context: &Context) -> Result<Item> {
         item.row(format!("{name} ({FEATURES})"), panels);
     }
     let counts = |images: &[BitImage]| images.iter().map(BitImage::count).collect::<Vec<_>>();
-    let (less, more) = (counts(&eroded), counts(&expanded));
-    item.check(
-        "each erosion removes features, until nothing is left; each expansion adds to them",
-        format!("texels of features: {}; {}", counts_of(&less), counts_of(&more)),
-        less.windows(2).all(|c| c[1] < c[0] || c[0] == 0)
-            && more.windows(2).all(|c| c[1] > c[0] || c[0] == image.width() * image.height()),
-    );
-    // Erosion of the background is expansion of the object, on the inside of a free border.
-    let size = opener(&image).largest() as usize;
-    let last = opener(&image).core(size as f64 - 2.0);
-    item.check(
-        "an object of diameter 2d disappears after d erosions",
-        format!(
-            "the largest has {size} texels; after {} erosions {} texels are left, after {} none",
-            size / 2 - 1,
-            last.count(),
-            size / 2
-        ),
-        last.count() > 0 && opener(&image).core(size as f64).is_empty(),
-    );
+    let texels = [image.count(), image.width() * image.height()];
+    judge_steps(&mut item, texels, &counts(&eroded), &counts(&expanded));
+    judge_squares(&mut item, &SQUARES.map(|d| [left_of_square(2 * d, d - 1), left_of_square(2 * d, d)]));
+    judge_odd_squares(&mut item, &SQUARES.map(|d| left_of_square(2 * d + 1, d)));
     Ok(item)
+}
+
+/// Texels that `n` erosions leave of a square of this side.
+fn left_of_square(side: usize, n: usize) -> usize {
+    let mut square = BitImage::new(side + 4, side + 4);
+    (2..side + 2).for_each(|y| square.set_span(y, 2, side + 2));
+    opener(&square).core(2.0 * n as f64).count()
+}
+
+/// Texels of features and of the image, and of features after growing numbers of erosions and of expansions.
+fn judge_steps(item: &mut Item, [first, all]: [usize; 2], less: &[usize], more: &[usize]) {
+    let eroded: Vec<usize> = [first].iter().chain(less).copied().collect();
+    let expanded: Vec<usize> = [first].iter().chain(more).copied().collect();
+    item.check(
+        "each number of erosions leaves fewer texels of features than a smaller number, as long as any are left; each number of expansions \
+         gives more, as long as any are missing",
+        format!("{first} texels; {}; {}", counts_of(less), counts_of(more)),
+        eroded.windows(2).all(|c| c[1] < c[0] || c[0] == 0)
+            && expanded.windows(2).all(|c| c[1] > c[0] || c[0] == all),
+        || "an operation leaves features as they are".into(),
+    );
+}
+
+/// Texels that are left of squares of 2d texels by d − 1 and by d erosions.
+fn judge_squares(item: &mut Item, left: &[[usize; 2]]) {
+    let shown: Vec<String> = left.iter().map(|[before, after]| format!("{before} and {after}")).collect();
+    item.check(
+        format!(
+            "an object of diameter 2d disappears after d erosions, and not before: squares of {} texels",
+            counts_of(&SQUARES.map(|d| 2 * d))
+        ),
+        format!("after d − 1 and after d erosions {} texels are left", shown.join(", ")),
+        left.iter().all(|[before, after]| *before > 0 && *after == 0),
+        || "erosion takes more or fewer than one texel off each side".into(),
+    );
+}
+
+/// Texels that are left of squares of 2d + 1 texels by d erosions.
+fn judge_odd_squares(item: &mut Item, left: &[usize]) {
+    item.check(
+        format!(
+            "of an object of diameter 2d + 1 one texel is left after d erosions: squares of {} texels",
+            counts_of(&SQUARES.map(|d| 2 * d + 1))
+        ),
+        format!("{} texels", counts_of(left)),
+        left.iter().all(|left| *left == 1),
+        || "erosion takes more or fewer than one texel off each side".into(),
+    );
 }
 
 /// Figure 3: erosions followed by as many expansions.
@@ -64,25 +99,43 @@ pub fn figure_3(context: &Context) -> Result<Item> {
     let mut panels = vec![Panel::binary(&image, "reference")];
     panels.extend(STEPS.iter().zip(&opened).map(|(n, image)| Panel::binary(image, format!("n = {n}"))));
     item.row(format!("n erosions, then n expansions ({FEATURES})"), panels);
-    let squares = STEPS.iter().map(|&n| squares_within(&image, n));
+    judge_opened(&mut item, &image, &opened);
+    Ok(item)
+}
+
+/// What n erosions and n expansions leave of an image, by the numbers of [`STEPS`].
+fn judge_opened(item: &mut Item, image: &BitImage, opened: &[BitImage]) {
+    let differing: Vec<String> = STEPS
+        .iter()
+        .zip(opened)
+        .filter(|(n, left)| squares_within(image, **n) != **left)
+        .map(|(n, _)| n.to_string())
+        .collect();
     item.check(
         "what is left consists of regions wider than 2n: of all squares of 2n + 1 texels that fit into the reference",
         counts_of(&opened.iter().map(BitImage::count).collect::<Vec<_>>()) + " texels",
-        squares.zip(&opened).all(|(squares, left)| squares == *left),
+        differing.is_empty(),
+        || format!("other texels are left by n = {}", differing.join(", ")),
     );
-    let within = opened.iter().all(|left| {
+    let beyond = |left: &BitImage| {
         let mut beyond = left.clone();
-        beyond.subtract(&image);
-        beyond.is_empty()
-    });
-    item.check("nothing is added to the reference", "", within);
+        beyond.subtract(image);
+        beyond.count()
+    };
+    let added: Vec<usize> = opened.iter().map(beyond).collect();
+    item.check(
+        "nothing is added to the reference",
+        format!("{} texels", counts_of(&added)),
+        added.iter().all(|n| *n == 0),
+        || "expansion reaches beyond what erosion took".into(),
+    );
     let left: Vec<usize> = opened.iter().map(BitImage::count).collect();
     item.check(
         "larger n leave less, and the largest less than the smallest",
         format!("{} of {} texels", counts_of(&left), image.count()),
-        left.windows(2).all(|c| c[1] <= c[0]) && left[left.len() - 1] < left[0],
+        left.windows(2).all(|c| c[1] <= c[0]) && left.last() < left.first(),
+        || "all regions of the reference are wider than the largest n, or texels come back".into(),
     );
-    Ok(item)
 }
 
 /// The union of all squares of 2n + 1 texels that fit into the object, by their definition.
@@ -119,22 +172,31 @@ pub fn figure_4(context: &Context) -> Result<Item> {
         parts.push(std::array::from_fn(|k| masks[k].count() as f64));
     }
     item.tables.push(table);
-    let kept = |i: usize, k: usize| parts[i][k] / parts[0][k];
+    let kept = [1, 2, 3].map(|i| std::array::from_fn(|k| parts[i][k] / parts[0][k]));
+    judge_masks(&mut item, &kept);
+    Ok(item)
+}
+
+/// By mask, the parts of the shadows of the groups that it keeps.
+fn judge_masks(item: &mut Item, kept: &[[f64; 4]; 3]) {
+    let percentages = |row: &[f64; 4]| list(&row.map(|part| 100.0 * part), 0);
     item.check(
         "each mask keeps more of larger cubes' shadows",
-        (1..4)
-            .map(|i| list(&std::array::from_fn::<_, 4, _>(|k| 100.0 * kept(i, k)), 0))
-            .collect::<Vec<_>>()
-            .join("; ")
-            + " %",
-        (1..4).all(|i| (1..4).all(|k| kept(i, k) >= kept(i, k - 1))),
+        kept.iter().map(percentages).collect::<Vec<_>>().join("; ") + " %",
+        kept.iter().all(|row| row.windows(2).all(|pair| pair[1] >= pair[0])),
+        || "shadows of smaller cubes join into wider ones".into(),
     );
     let widths = EDGES.map(|edge| shadow_widths(edge).map(|width| width / TEXEL));
-    let expected = |i: usize, k: usize| match widths[k] {
-        [umbra, _] if umbra > MASKS[i - 1] => kept(i, k) > 0.5,
-        [_, penumbra] if penumbra < MASKS[i - 1] => kept(i, k) < 0.5,
+    let is_expected = |i: usize, k: usize| match widths[k] {
+        [umbra, _] if umbra > MASKS[i] => kept[i][k] > 0.5,
+        [_, penumbra] if penumbra < MASKS[i] => kept[i][k] < 0.5,
         _ => true,
     };
+    let wrong: Vec<String> = (0..3)
+        .flat_map(|i| (0..4).map(move |k| (i, k)))
+        .filter(|&(i, k)| !is_expected(i, k))
+        .map(|(i, k)| format!("group {} at size {}", k + 1, MASKS[i]))
+        .collect();
     item.check(
         "a mask keeps most of a group's shadows if those of single cubes, penumbra included, are wider than its size, and less than half of \
          them if narrower",
@@ -142,7 +204,62 @@ pub fn figure_4(context: &Context) -> Result<Item> {
             "widths by the formula of Figure 5: {} texels",
             widths.map(|[umbra, penumbra]| format!("{} to {}", fixed(umbra, 0), fixed(penumbra, 0))).join(", ")
         ),
-        (1..4).all(|i| (0..4).all(|k| expected(i, k))),
+        wrong.is_empty(),
+        || format!("{}: shadows of several cubes join, or hide parts of one another", wrong.join(", ")),
     );
-    Ok(item)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn failing(judge: impl Fn(&mut Item)) -> Vec<usize> {
+        let mut item = Item::default();
+        judge(&mut item);
+        (0..item.checks.len()).filter(|&k| !item.checks[k].holds).collect()
+    }
+
+    #[test]
+    fn erosions_that_leave_too_much_or_too_little_are_found() {
+        let steps = |less: &[usize], more: &[usize]| failing(|item| judge_steps(item, [50, 100], less, more));
+        assert_eq!(steps(&[40, 10, 0, 0], &[60, 90, 100, 100]), [0; 0]);
+        assert_eq!(steps(&[40, 40, 0, 0], &[60, 90, 100, 100]), [0]);
+        assert_eq!(steps(&[40, 10, 0, 0], &[50, 90, 100, 100]), [0]);
+        for (left, expected) in [([4, 0], vec![]), ([0, 0], vec![0]), ([4, 1], vec![0])] {
+            assert_eq!(failing(|item| judge_squares(item, &[left])), expected);
+        }
+        assert_eq!(failing(|item| judge_odd_squares(item, &[1, 1])), [0; 0]);
+        assert_eq!(failing(|item| judge_odd_squares(item, &[1, 9])), [0]);
+    }
+
+    #[test]
+    fn regions_that_are_not_opened_are_found() {
+        let square = |from: usize, to: usize| {
+            BitImage::from_fn(64, 64, |x, y| (from..to).contains(&x.min(y)) && x.max(y) < to)
+        };
+        let image = square(10, 30);
+        let opened = STEPS.map(|n| opener(&image).open(2.0 * n as f64));
+        let with = |k: usize, left: BitImage| {
+            let mut opened = opened.clone();
+            opened[k] = left;
+            failing(|item| judge_opened(item, &image, &opened))
+        };
+        assert_eq!(with(0, opened[0].clone()), [0; 0]);
+        assert_eq!(with(3, square(12, 28)), [0]);
+        assert_eq!(with(0, square(9, 31)), [0, 1]);
+        assert_eq!(with(3, image.clone()), [0, 2]);
+    }
+
+    #[test]
+    fn masks_of_other_sizes_are_found() {
+        let kept = [[0.7, 0.9, 0.95, 1.0], [0.2, 0.4, 0.9, 1.0], [0.0, 0.0, 0.3, 1.0]];
+        let with = |i: usize, k: usize, part: f64| {
+            let mut kept = kept;
+            kept[i][k] = part;
+            failing(|item| judge_masks(item, &kept))
+        };
+        assert_eq!(with(0, 0, 0.7), [0; 0]);
+        assert_eq!(with(0, 1, 0.6), [0]);
+        assert_eq!(with(2, 2, 0.6), [1]);
+    }
 }

@@ -1,39 +1,20 @@
-//! Four groups of cubes: Figure 1, Appendix A and Table 1 of the paper.
+//! Images of four groups of cubes: Figure 1 and Appendix A of the paper.
 
-use super::blocks::Blocks;
+use super::cubes::{
+    COLUMNS, COVERAGE, EDGES, LIGHT, LIGHT_DISTANCE, TEXEL, coverage_tolerance, covering_scene, light, wall,
+};
 use super::item::{Item, Panel, VISIBLE};
-use super::shadow::{Wall, mean, meshed};
+use super::shadow::{Wall, mean, meshed, paper_features};
 use super::table::{Table, count, number};
+use super::table_1::{paper_spread, range};
 use super::{Context, fixed, list};
 use crate::Result;
-use crate::metrics::{FbemOptions, FeatureOptions, FeatureSet, Features, Image, Morphology, norms, spectrum};
+use crate::metrics::{FeatureSet, Image, norms};
 use crate::model::{Detail, Model, PrepareOptions};
 use crate::raster::BitImage;
-use crate::scene::Scene;
-use glam::DVec3;
 
-/// Feature sizes of Table 1, texels.
-pub const SIZES: [f64; 5] = [5.0, 16.0, 24.0, 30.0, 40.0];
-/// Table 1 of the paper: for each size the errors of the groups, smallest cubes first.
-pub const TABLE_1: [[f64; 4]; 5] = [
-    [14.76, 16.34, 17.25, 17.31],
-    [9.37, 12.24, 15.76, 15.80],
-    [4.78, 6.50, 9.06, 14.74],
-    [4.23, 3.16, 6.90, 13.37],
-    [3.65, 2.33, 3.35, 6.94],
-];
-/// Texels along an image.
-const COLUMNS: usize = 176;
-/// Side of a texel, metres: the shadow of the largest cubes, 0.375 m, is 30 texels wide, as in the paper.
-pub const TEXEL: f64 = 0.0125;
-/// Texels along an element of the coarse mesh: more than the largest size of the table.
+/// Texels along an element of the coarse mesh: more than the largest size of Table 1.
 const ELEMENT: usize = 44;
-/// Distance of the centres of the groups from the wall, metres.
-const GROUP_DISTANCE: f64 = 1.6;
-/// Distance of the light from the wall, metres.
-const LIGHT_DISTANCE: f64 = 8.0;
-/// Distance between the centres of two groups.
-const PITCH: f64 = 2.6;
 
 /// The images of the four groups.
 pub struct Groups {
@@ -43,46 +24,6 @@ pub struct Groups {
     pub points: [Image<'static>; 4],
     /// Means over the elements of the coarse mesh.
     pub coarse: [Image<'static>; 4],
-}
-
-/// Edges of the cubes of the groups, from left to right, metres.
-pub const EDGES: [f64; 4] = [0.1, 0.15, 0.2, 0.3];
-/// Side of the box of a group, metres.
-const SIDE: f64 = 2.0;
-/// Side of the light, metres.
-const LIGHT: f64 = 0.1;
-/// Part of a group's box that its cubes cover, seen from the wall. The paper gives none; how much work Figure 9 saves depends on it, and the
-/// item gives the numbers for others.
-pub const COVERAGE: f64 = 0.3;
-
-/// The four groups before a wall, with a small light: the scene of Figures 1, 4 and 9 and of Table 1, with this coverage.
-pub fn covering_scene(coverage: f64) -> Result<Scene> {
-    let mut blocks = Blocks::new("four groups of cubes");
-    blocks.rectangle(DVec3::new(0.0, 0.0, 2.0), 12.0 * DVec3::Z, 14.0 * DVec3::X, false);
-    for (k, edge) in EDGES.into_iter().enumerate() {
-        let centre = DVec3::new((k as f64 - 1.5) * PITCH, GROUP_DISTANCE, 2.0);
-        blocks.covering_cubes(coverage, edge, centre, SIDE);
-    }
-    let at = DVec3::new(0.0, LIGHT_DISTANCE, 2.0);
-    blocks.rectangle(at, LIGHT * DVec3::X, LIGHT * DVec3::Z, true);
-    blocks.scene()
-}
-
-/// Smallest width of the shadows of single cubes, penumbra included, metres: b + (b + e) d2/d1 of the face towards the wall and of that
-/// towards the light (docs/method.md, Umbra criterion).
-pub fn shadow_widths(edge: f64) -> [f64; 2] {
-    [-0.5, 0.5].map(|side| {
-        let d2 = GROUP_DISTANCE + side * edge;
-        edge + (edge + LIGHT) * d2 / (LIGHT_DISTANCE - d2)
-    })
-}
-
-/// Where the shadow of a group lies on the back wall.
-pub fn wall(group: usize, columns: usize, texel: f64) -> Wall {
-    let across = (group as f64 - 1.5) * PITCH * LIGHT_DISTANCE / (LIGHT_DISTANCE - GROUP_DISTANCE);
-    // The wall is seen from the light, which has +x on its left.
-    let centre = DVec3::new(across, 0.0, 2.0);
-    Wall { centre, right: -DVec3::X, up: DVec3::Z, columns, rows: columns, texel }
 }
 
 impl Groups {
@@ -95,16 +36,10 @@ impl Groups {
             Ok(images.try_into().expect("four groups"))
         };
         let shadows = four(&|wall| Ok(wall.grid(&model).by_rays(rays, 1, 1)?.image))?;
-        let light = DVec3::new(0.0, LIGHT_DISTANCE, 2.0);
-        let points = four(&|wall| wall.grid(&model).sees(&[light]))?;
+        let points = four(&|wall| wall.grid(&model).sees(&[light()]))?;
         let coarse = shadows.iter().map(|image| meshed(image, ELEMENT)).collect::<Result<Vec<_>>>()?;
         Ok(Groups { shadows, points, coarse: coarse.try_into().expect("four groups") })
     }
-}
-
-/// Features as the paper defines them: shadows, sized by erosions with eight neighbours.
-pub fn paper_features() -> FeatureOptions {
-    FeatureOptions::default().with_features(Features::Shadow).with_morphology(Morphology::Paper8)
 }
 
 /// The shadows of an image as features.
@@ -113,7 +48,7 @@ pub fn shadow_mask(image: &Image, size: f64) -> Result<BitImage> {
 }
 
 /// The smallest size, texels, whose mask holds less than half of the shadows.
-fn typical_size(image: &Image) -> Result<f64> {
+fn median_size(image: &Image) -> Result<f64> {
     let mut features = FeatureSet::new(image, &paper_features())?;
     let all = features.mask(0.0).count();
     let sizes = (1..image.width()).map(|size| size as f64);
@@ -125,9 +60,9 @@ pub fn figure_1(context: &Context) -> Result<Item> {
     let groups = context.groups()?;
     let mut item = Item {
         here: format!(
-            "Cubes of 0.1, 0.15, 0.2 and 0.3 m in four groups, each covering {1} % of its part of the wall, a light of {LIGHT} m at a \
-             distance of {LIGHT_DISTANCE} m; the paper gives no dimensions. Images of {COLUMNS} x {COLUMNS} texels of 12.5 mm by exact rays; a mesh of \
-             {0} x {0} elements with the mean of the reference.",
+            "Cubes of 0.1, 0.15, 0.2 and 0.3 m in four groups, so many that each group hides {1} % of its image from the centre of a light of \
+             {LIGHT} m at a distance of {LIGHT_DISTANCE} m; the paper gives no dimensions. Images of {COLUMNS} x {COLUMNS} texels of 12.5 mm by \
+             exact rays; a mesh of {0} x {0} elements with the mean of the reference.",
             COLUMNS / ELEMENT,
             fixed(100.0 * COVERAGE, 0)
         ),
@@ -136,17 +71,37 @@ pub fn figure_1(context: &Context) -> Result<Item> {
     let errors: Vec<f64> = (0..4)
         .map(|k| Ok(100.0 * norms(&groups.shadows[k], &groups.coarse[k])?.l2))
         .collect::<Result<_>>()?;
+    let covered: Vec<f64> = groups.points.iter().map(|image| 1.0 - mean(image)).collect();
     let names = ["0.1 m", "0.15 m", "0.2 m", "0.3 m"];
     let panels = |images: &[Image; 4], caption: &dyn Fn(usize) -> String| {
         images.iter().enumerate().map(|(k, image)| Panel::visible(image, caption(k))).collect()
     };
     item.row(
         format!("Reference ({VISIBLE})"),
-        panels(&groups.shadows, &|k| format!("cubes of {}", names[k])),
+        panels(&groups.shadows, &|k| {
+            format!("cubes of {}, {} % hidden", names[k], fixed(100.0 * covered[k], 1))
+        }),
     );
     let errors_of = |k: usize| format!("L2 error {} %", fixed(errors[k], 1));
     item.row(format!("Coarse mesh ({VISIBLE})"), panels(&groups.coarse, &errors_of));
-    let (smallest, largest) = range(&errors);
+    let sizes = groups.shadows.iter().map(median_size).collect::<Result<Vec<f64>>>()?;
+    judge_figure_1(&mut item, &covered, &errors, &sizes);
+    Ok(item)
+}
+
+/// Covered parts of the images, L2 errors in per cent, and median feature sizes in texels, by group.
+fn judge_figure_1(item: &mut Item, covered: &[f64], errors: &[f64], sizes: &[f64]) {
+    let tolerance = coverage_tolerance(EDGES[3]);
+    item.check(
+        format!(
+            "the groups hide equal parts of their images from the centre of the light, to half of the shadow of one of the largest cubes, {} %",
+            fixed(100.0 * tolerance, 1)
+        ),
+        list(&covered.iter().map(|part| 100.0 * part).collect::<Vec<_>>(), 1) + " %",
+        covered.iter().all(|part| (part - COVERAGE).abs() <= tolerance),
+        || format!("a group cannot hide {} % with cubes that lie apart", fixed(100.0 * COVERAGE, 0)),
+    );
+    let (smallest, largest) = range(errors);
     let similar = paper_spread();
     item.check(
         format!(
@@ -155,15 +110,17 @@ pub fn figure_1(context: &Context) -> Result<Item> {
         ),
         format!("{} to {} %", fixed(smallest, 1), fixed(largest, 1)),
         largest <= similar * smallest,
+        || {
+            let spread = fixed(100.0 * (largest / smallest - 1.0), 0);
+            format!("they differ by {spread} %: elements of the mesh resolve the shadows of some groups better than those of others")
+        },
     );
-    // The sizes differ by a factor of three all the same.
-    let sizes = groups.shadows.iter().map(typical_size).collect::<Result<Vec<f64>>>()?;
     item.check(
-        "the sizes that half of the shadows' area lies above grow from the left to the right",
-        list(&sizes, 0) + " texels",
+        "the median feature size of the shadows, by area, grows from group to group",
+        list(sizes, 0) + " texels",
         sizes.windows(2).all(|pair| pair[0] < pair[1]),
+        || "shadows of several cubes join, and are as wide as those of larger cubes".into(),
     );
-    Ok(item)
 }
 
 /// Appendix A: L1 and L2 errors of a mean follow from the mean alone.
@@ -194,133 +151,52 @@ pub fn appendix_a(context: &Context) -> Result<Item> {
         }
     }
     item.tables.push(table);
+    judge_appendix_a(&mut item, off, excess);
+    Ok(item)
+}
+
+/// Largest difference between a norm and its formula with a point light, and largest norm less its formula with an area light.
+fn judge_appendix_a(item: &mut Item, off: f64, excess: f64) {
     item.check(
         "a point light: both norms equal the formulas to 0.0001",
         format!("largest difference {off:.1e}"),
         off < 1e-4,
+        || "texels see a part of the point, or norms are rounded".into(),
     );
     item.check(
         "a light with an area: both norms are below the formulas",
         format!("largest norm less its formula {}", fixed(excess, 4)),
         excess <= 0.0,
+        || "the values are not in the interval from 0 to 1".into(),
     );
-    Ok(item)
 }
 
-/// Table 1: the feature-based error metric tells the groups apart.
-pub fn table_1(context: &Context) -> Result<Item> {
-    let groups = context.groups()?;
-    let mut item = Item {
-        here: "The images of Figure 1; FBEM with the paper's features (shadows, erosions with eight neighbours), per cent of the \
-               unoccluded value. The paper gives neither the scene nor the unit of its numbers, so that ordering and fall-off \
-               are compared, not values."
-            .into(),
-        ..Item::default()
-    };
-    let options = FbemOptions::default().with_features(paper_features());
-    let sizes = SIZES.map(|s| s * TEXEL);
-    let columns: Vec<Vec<f64>> = (0..4)
-        .map(|k| {
-            let found = spectrum(&groups.shadows[k], &groups.coarse[k], &sizes, &options)?;
-            Ok(found.iter().map(|fbem| 100.0 * fbem.value).collect())
-        })
-        .collect::<Result<_>>()?;
-    let found: Vec<[f64; 4]> = (0..5).map(|i| std::array::from_fn(|k| columns[k][i])).collect();
-    let mut table = Table::new(
-        "FBEM here, and in the paper",
-        &[
-            "feature size, texels",
-            "group 1, %",
-            "group 2, %",
-            "group 3, %",
-            "group 4, %",
-            "paper 1, %",
-            "paper 2, %",
-            "paper 3, %",
-            "paper 4, %",
-        ],
-    );
-    for (i, s) in SIZES.iter().enumerate() {
-        let numbers = found[i].iter().chain(&TABLE_1[i]).map(|v| number(*v, 2));
-        table.push([number(*s, 0)].into_iter().chain(numbers));
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn failing(judge: impl Fn(&mut Item)) -> Vec<usize> {
+        let mut item = Item::default();
+        judge(&mut item);
+        (0..item.checks.len()).filter(|&k| !item.checks[k].holds).collect()
     }
-    item.tables.push(table);
-    judge_table_1(&mut item, &found);
-    Ok(item)
-}
 
-/// Largest error of a group relative to the smallest at the smallest size of the paper's table, which is about L2.
-fn paper_spread() -> f64 {
-    let (smallest, largest) = range(&TABLE_1[0]);
-    largest / smallest
-}
+    #[test]
+    fn each_check_of_figure_1_fails_by_numbers_of_its_own() {
+        let of = |covered: [f64; 4], errors: [f64; 4], sizes: [f64; 4]| {
+            failing(|item| judge_figure_1(item, &covered, &errors, &sizes))
+        };
+        let (covered, errors, sizes) = ([COVERAGE; 4], [40.0, 42.0, 41.0, 43.0], [10.0, 15.0, 20.0, 30.0]);
+        assert_eq!(of(covered, errors, sizes), [0; 0]);
+        assert_eq!(of([0.4, 0.34, 0.4, 0.4], errors, sizes), [0]);
+        assert_eq!(of(covered, [40.0, 48.0, 41.0, 43.0], sizes), [1]);
+        assert_eq!(of(covered, errors, [10.0, 15.0, 15.0, 30.0]), [2]);
+    }
 
-fn judge_table_1(item: &mut Item, found: &[[f64; 4]]) {
-    let (smallest, largest) = range(&found[0]);
-    item.check(
-        format!(
-            "the smallest size does not tell the groups apart: their errors differ by no more than the paper's, {} %",
-            fixed(100.0 * (paper_spread() - 1.0), 0)
-        ),
-        format!("{} %", fixed(100.0 * (largest / smallest - 1.0), 0)),
-        largest / smallest <= paper_spread(),
-    );
-    let falls = (0..4).all(|k| found.windows(2).all(|rows| rows[1][k] < rows[0][k]));
-    let columns: Vec<String> =
-        (0..4).map(|k| list(&found.iter().map(|row| row[k]).collect::<Vec<_>>(), 1)).collect();
-    item.check(
-        "in each group the error falls from size to size, as in the paper",
-        columns.join("; ") + " %",
-        falls,
-    );
-    let left: [f64; 4] = std::array::from_fn(|k| 100.0 * found[3][k] / found[0][k]);
-    let paper: [f64; 4] = std::array::from_fn(|k| 100.0 * TABLE_1[3][k] / TABLE_1[0][k]);
-    item.check(
-        "at size 30 only the largest cubes need more work: over half of their error at size 5 is left, and less than half of that of the \
-         others",
-        format!("{} %; in the paper {} %", list(&left, 0), list(&paper, 0)),
-        left[..3].iter().all(|part| *part < 50.0) && left[3] > 50.0,
-    );
-    judge_fall_off(item, found);
-    let [agree, all] = ordered_pairs(found);
-    item.check(
-        format!("pairs of numbers that differ by more than {RESIDUAL} in the paper, its residual error of the mesh, have its order here"),
-        format!("{agree} of {all} pairs"),
-        agree == all,
-    );
-}
-
-/// Whether errors of smaller objects fall faster: what is left of the error at size 5 grows from group to group.
-fn judge_fall_off(item: &mut Item, found: &[[f64; 4]]) {
-    let left = |table: &[[f64; 4]], i: usize| -> [f64; 4] {
-        std::array::from_fn(|k| 100.0 * table[i][k] / table[0][k])
-    };
-    let rows = |table: &[[f64; 4]]| (1..4).map(|i| list(&left(table, i), 0)).collect::<Vec<_>>().join("; ");
-    item.check(
-        "at sizes 16, 24 and 30 the part of the error at size 5 that is left grows from each group to the next, of larger cubes",
-        format!("{} %; in the paper {} %", rows(found), rows(&TABLE_1)),
-        (1..4).all(|i| left(found, i).windows(2).all(|pair| pair[0] < pair[1])),
-    );
-}
-
-/// The paper's estimate of the part of its numbers that the mesh causes (section 2.3).
-const RESIDUAL: f64 = 3.0;
-
-/// Number of pairs of the table that differ by more than [`RESIDUAL`] in the paper and have its order, and of all of these pairs.
-fn ordered_pairs(found: &[[f64; 4]]) -> [usize; 2] {
-    let flat = |rows: &[[f64; 4]]| rows.iter().flatten().copied().collect::<Vec<f64>>();
-    let (here, paper) = (flat(found), flat(&TABLE_1));
-    let mut counts = [0; 2];
-    for (a, here_a) in here.iter().enumerate() {
-        for (_, here_b) in here.iter().enumerate().filter(|(b, _)| paper[a] > paper[*b] + RESIDUAL) {
-            counts[0] += usize::from(here_a > here_b);
-            counts[1] += 1;
+    #[test]
+    fn norms_beside_the_formulas_are_found() {
+        for (off, excess, expected) in [(0.0, -0.1, vec![]), (2e-4, -0.1, vec![0]), (0.0, 0.001, vec![1])] {
+            assert_eq!(failing(|item| judge_appendix_a(item, off, excess)), expected);
         }
     }
-    counts
-}
-
-/// Smallest and largest value.
-pub fn range(values: &[f64]) -> (f64, f64) {
-    values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), &v| (a.min(v), b.max(v)))
 }

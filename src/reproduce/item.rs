@@ -46,7 +46,7 @@ pub struct Check {
     pub holds: bool,
     /// Why it does not hold; none if it holds.
     pub reason: Option<String>,
-    /// Whether the numbers are times, which vary from run to run.
+    /// Whether the numbers are times or depend on them, and vary from run to run.
     pub timed: bool,
 }
 
@@ -115,29 +115,31 @@ pub const VISIBLE: &str = "visible fraction of the light: black 0, white 1";
 pub const FEATURES: &str = "features: black";
 
 impl Item {
-    /// Adds a check of numbers.
+    /// Adds a check of numbers, with the reason that is given if it does not hold.
     pub fn check(
         &mut self,
         statement: impl Into<String>,
         measured: impl Into<String>,
         holds: bool,
-    ) -> &mut Check {
+        reason: impl FnOnce() -> String,
+    ) {
         let (statement, measured) = (statement.into(), measured.into());
-        let last = self.checks.len();
-        self.checks.push(Check { statement, measured, holds, reason: None, timed: false });
-        &mut self.checks[last]
+        let reason = (!holds).then(reason);
+        self.checks.push(Check { statement, measured, holds, reason, timed: false });
     }
 
-    /// Adds a check of times.
+    /// Adds a check of numbers that depend on measured times.
     pub fn check_time(
         &mut self,
         statement: impl Into<String>,
         measured: impl Into<String>,
         holds: bool,
-    ) -> &mut Check {
-        let check = self.check(statement, measured, holds);
-        check.timed = true;
-        check
+        reason: impl FnOnce() -> String,
+    ) {
+        self.check(statement, measured, holds, reason);
+        if let Some(check) = self.checks.last_mut() {
+            check.timed = true;
+        }
     }
 
     /// Adds a row of pictures.
@@ -153,13 +155,6 @@ impl Item {
 }
 
 impl Check {
-    /// States why the check does not hold, if it does not.
-    pub fn if_not(&mut self, reason: impl FnOnce() -> String) {
-        if !self.holds {
-            self.reason = Some(reason());
-        }
-    }
-
     /// The statement that does not hold, with the numbers and the reason.
     pub fn failure(&self) -> String {
         let mut text = format!("not so: {}", self.statement);

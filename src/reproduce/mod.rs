@@ -10,6 +10,7 @@ mod bsize;
 mod builder_statistics;
 mod builders;
 mod cells;
+mod cubes;
 mod desks;
 mod equal_time;
 mod erosion;
@@ -29,6 +30,7 @@ mod progressive;
 mod shadow;
 mod shaft;
 mod table;
+mod table_1;
 #[cfg(test)]
 mod tests;
 mod umbra;
@@ -104,7 +106,7 @@ pub const ENTRIES: &[Entry] = &[
         title: "Table 1: the feature-based error metric",
         claim: "FBEM values are equivalent for small feature sizes and decrease at different rates: faster for groups of smaller \
                 objects. For a feature size of 30 only the group of the largest cubes needs more work (section 2.3).",
-        make: groups::table_1,
+        make: table_1::table_1,
     },
     Entry {
         names: &["fig2"],

@@ -9,7 +9,7 @@ use crate::Result;
 use crate::clusters::{self, Builder};
 use crate::metrics::Image;
 use crate::model::{Model, PrepareOptions};
-use crate::radiosity::mesh::RadiosityMesh;
+use crate::radiosity::mesh::{Element, RadiosityMesh};
 use crate::radiosity::{self, Options, Visibility};
 use crate::scene::Scene;
 use crate::scene::generate::{self, ROOM, Spec};
@@ -24,6 +24,10 @@ const BUILDERS: [(Builder, &str); 3] = [
 ];
 /// Error that links are refined to: a high tolerance, as in the paper.
 const ERROR: f64 = 0.1;
+/// That of the solution by rays.
+const REFERENCE_ERROR: f64 = 0.02;
+/// Heading of pictures and numbers.
+const TITLE: &str = "Radiosity solutions";
 /// Side of a texel of the floor, metres: about the side of the smallest elements.
 const TEXEL: f64 = 0.05;
 /// Columns and rows of a picture.
@@ -33,18 +37,34 @@ pub const VIEW: [DVec3; 2] = [DVec3::new(0.0, -2.9, 1.9), DVec3::new(-0.6, 1.0, 
 /// Its vertical angle of view.
 pub const ANGLE: f64 = 1.1;
 
-/// Adds pictures and numbers of radiosity solutions with this visibility; returns the contrast under desks, by builder.
-pub fn show(item: &mut Item, visibility: Visibility, context: &Context) -> Result<Vec<f64>> {
+/// Contrasts of the shadows under the desks in radiosity solutions.
+#[derive(Clone, Debug)]
+pub struct InRadiosity {
+    /// By builder, of light along links: uniform grids, and fitted boxes of the k-d tree and of Goldsmith and Salmon; two if small.
+    pub by: Vec<f64>,
+    /// Of elements that gather their light by rays; none beside average visibility.
+    pub by_rays: Option<f64>,
+}
+
+/// Adds pictures and numbers of radiosity solutions with this visibility; beside exact visibility of one by rays.
+pub fn show(item: &mut Item, visibility: Visibility, context: &Context) -> Result<InRadiosity> {
     let scene = Arc::new(generate::build(&Spec::new("office"))?);
     let columns = ["clusters by", "links", "time, s", "contrast under desks, %"];
-    let mut table = Table::new("Radiosity along links", &columns);
+    let mut table = Table::new(TITLE, &columns);
     let (mut images, mut contrasts) = (Vec::new(), Vec::new());
-    for (builder, name) in BUILDERS.into_iter().take(if context.small { 1 } else { 3 }) {
+    // The last one is the reference of exact visibility, with a last pass by rays.
+    let links = BUILDERS.into_iter().take(if context.small { 2 } else { 3 });
+    let links = links.map(|(builder, name)| {
+        (builder, name, Options { visibility, error: ERROR, local_rays: Some(0), ..Options::default() })
+    });
+    let rays = Options { error: if context.small { ERROR } else { REFERENCE_ERROR }, ..Options::default() };
+    let rays = (visibility == Visibility::Exact).then_some((Builder::Grids, "reference: rays", rays));
+    let has_reference = rays.is_some();
+    for (builder, name, options) in links.chain(rays) {
         let clusters = clusters::Options { builder, large_surface: SHELL };
-        let options = PrepareOptions { clusters, ..PrepareOptions::default() };
-        let model = Model::prepare(scene.clone(), &options, context.progress)?;
-        let options =
-            Options { visibility, error: ERROR, local_rays: Some(0), audit: 0, ..Options::default() };
+        let prepare = PrepareOptions { clusters, ..PrepareOptions::default() };
+        let model = Model::prepare(scene.clone(), &prepare, context.progress)?;
+        let options = Options { audit: 0, ..options };
         let outcome = radiosity::run(&model, &[], &options, context.progress)?;
         let under = contrast(&floor(&scene, &outcome.mesh)?)?;
         let seconds = outcome.record.seconds.work();
@@ -53,14 +73,15 @@ pub fn show(item: &mut Item, visibility: Visibility, context: &Context) -> Resul
         images.push((irradiance(&outcome.mesh, VIEW, ANGLE, SIZE)?, caption));
         contrasts.push(under);
     }
+    let by_rays = if has_reference { contrasts.pop() } else { None };
     let white = bright(&images[0].0);
     let panels = images.iter().map(|(image, caption)| Panel::scaled(image, white, caption.clone()));
     item.row(
-        format!("Radiosity along links, error {ERROR}; irradiance: black 0, white {white:.0} W/m² and more"),
+        format!("{TITLE}, error {ERROR} along links; irradiance: black 0, white {white:.0} W/m² and more"),
         panels.collect(),
     );
     item.tables.push(table);
-    Ok(contrasts)
+    Ok(InRadiosity { by: contrasts, by_rays })
 }
 
 /// The irradiance that all but one per cent of the pixels do not exceed.
@@ -74,7 +95,9 @@ pub fn bright(image: &Image) -> f32 {
 fn floor(scene: &Scene, mesh: &RadiosityMesh) -> Result<Image<'static>> {
     let [columns, rows] = [ROOM.x, ROOM.y].map(|length| (length / TEXEL).round() as usize);
     let mut values = vec![0.0f32; columns * rows];
-    let elements = mesh.elements.iter().filter(|e| scene.objects[e.object as usize].name == "floor");
+    // Its lower side is an element as well if rays reach it.
+    let is_floor = |e: &&Element| e.front && scene.objects[e.object as usize].name == "floor";
+    let elements = mesh.elements.iter().filter(is_floor);
     for element in elements {
         let corners = element.corners.map(|c| mesh.vertices[c as usize].as_dvec3() + mesh.origin);
         let low = corners.iter().fold(DVec3::INFINITY, |low, c| low.min(*c));

@@ -1,6 +1,7 @@
 //! The checks of Figures 7 and 8, of numbers alone.
 
 use super::item::Item;
+use super::office_light::InRadiosity;
 use super::{fixed, list};
 
 /// Contrast of a shadow that counts as missing: the default threshold of shadows of the feature-based error.
@@ -10,75 +11,107 @@ const PAPER_GAIN: f64 = 4.0;
 
 /// Contrasts of the shadows under the desks, as parts of the light beside them.
 pub struct Contrasts {
-    /// By rays.
+    /// Of light straight on the floor, by rays.
     pub exact: f64,
     /// Of light straight on the floor: uniform grids, cells of the k-d tree, fitted boxes of the k-d tree, Goldsmith and Salmon.
     pub by: Vec<f64>,
-    /// Of radiosity solutions: uniform grids, and fitted boxes of the k-d tree and of Goldsmith and Salmon, unless small.
-    pub in_radiosity: Vec<f64>,
+    pub in_radiosity: InRadiosity,
+}
+
+/// What a segment costs on average, and all of them.
+#[derive(Clone, Copy)]
+pub struct Cost {
+    /// Visits per segment.
+    pub visits: f64,
+    pub seconds: f64,
+    /// Triangles of the leaf that holds most of them.
+    pub largest_leaf: usize,
 }
 
 fn percentages(parts: &[f64]) -> String {
     list(&parts.iter().map(|part| 100.0 * part).collect::<Vec<_>>(), 1)
 }
 
-/// Whether radiosity solutions with surface visibility show the shadows alike.
-pub fn judge_quality(item: &mut Item, contrasts: &Contrasts) {
-    let Contrasts { exact, in_radiosity, .. } = contrasts;
-    let measured =
-        || format!("contrast {} % of {} % by rays", percentages(in_radiosity), percentages(&[*exact]));
+/// Whether radiosity solutions with surface visibility show the shadows alike, and as rays do.
+pub fn judge_quality(item: &mut Item, in_radiosity: &InRadiosity) {
+    let (by, by_rays) = (&in_radiosity.by, in_radiosity.by_rays.unwrap_or(f64::NAN));
+    let threshold = fixed(100.0 * NO_SHADOW, 0);
+    let apart = |other: f64| by.iter().map(|c| (c - other).abs()).fold(0.0, f64::max);
+    let first = by.first().copied().unwrap_or(f64::NAN);
     item.check(
-        "in radiosity solutions, whose links may end at clusters, the shadows under the desks are comparable with all hierarchies: their \
-         contrasts differ by less than the threshold of a shadow, 2 %",
-        measured(),
-        !in_radiosity.is_empty() && in_radiosity.iter().all(|c| (c - in_radiosity[0]).abs() < NO_SHADOW),
+        format!(
+            "in radiosity solutions, whose links may end at clusters, the shadows under the desks are comparable with all hierarchies: their \
+             contrasts differ by less than the threshold of a shadow, {threshold} %"
+        ),
+        format!("contrast {} %", percentages(by)),
+        by.len() > 1 && apart(first) < NO_SHADOW,
+        || format!("they differ by up to {} percentage points", fixed(100.0 * apart(first), 1)),
     );
     item.check(
-        "and nearer to those by rays than to none: more than half of their contrast",
-        measured(),
-        !in_radiosity.is_empty() && in_radiosity.iter().all(|c| *c > 0.5 * exact),
+        format!("their contrasts are those of radiosity by rays, to the same threshold, {threshold} %"),
+        format!("contrast {} %, by rays {} %", percentages(by), percentages(&[by_rays])),
+        by.len() > 1 && in_radiosity.by_rays.is_some() && apart(by_rays) < NO_SHADOW,
+        || {
+            format!(
+                "they differ by up to {} percentage points: links with a high tolerance end at clusters and elements that are as large as the \
+                 shadows",
+                fixed(100.0 * apart(by_rays), 1)
+            )
+        },
     );
 }
 
-/// Visits per segment, and seconds.
-type Cost = (f64, f64);
-
-/// Whether surface visibility is faster with the new hierarchy than with the k-d tree.
-pub fn judge_surface_speed(item: &mut Item, new: Cost, kd: Cost) {
-    item.check(
-        "with surface visibility the new hierarchy needs fewer visits than the k-d tree",
-        format!("{} and {} a segment", fixed(new.0, 1), fixed(kd.0, 1)),
-        new.0 < kd.0,
-    );
-    item.check_time(
-        "the new hierarchy is faster than the k-d tree",
-        format!("{} s and {} s", fixed(new.1, 2), fixed(kd.1, 2)),
-        new.1 < kd.1,
-    );
+/// Whether surface visibility is faster with the new hierarchy than with the k-d trees: cells, and fitted boxes.
+pub fn judge_surface_speed(item: &mut Item, new: Cost, kd: [Cost; 2]) {
+    for (name, kd) in ["k-d tree with cells", "k-d tree with fitted boxes"].into_iter().zip(kd) {
+        let reason = || {
+            format!(
+                "leaves of this k-d tree hold up to {} triangles, those of the new hierarchy up to {}, and a segment needs {} and {} visits",
+                kd.largest_leaf,
+                new.largest_leaf,
+                fixed(kd.visits, 1),
+                fixed(new.visits, 1)
+            )
+        };
+        item.check(
+            format!("with surface visibility the new hierarchy needs fewer visits than the {name}"),
+            format!("{} and {} a segment", fixed(new.visits, 1), fixed(kd.visits, 1)),
+            new.visits < kd.visits,
+            reason,
+        );
+        item.check_time(
+            format!("the new hierarchy is faster than the {name}"),
+            format!("{} s and {} s", fixed(new.seconds, 2), fixed(kd.seconds, 2)),
+            new.seconds < kd.seconds,
+            reason,
+        );
+    }
 }
 
 /// Whether average visibility loses shadows with the k-d tree and keeps them with the new hierarchy.
 pub fn judge_shadows(item: &mut Item, contrasts: &Contrasts) {
     let Contrasts { exact, by, in_radiosity } = contrasts;
     let [new, cells] = [by[0], by[1]];
-    let check = item.check(
+    let threshold = fixed(100.0 * NO_SHADOW, 0);
+    item.check(
         format!(
-            "shadows are completely missing from under the desks with the k-d tree: their contrast is below the threshold of a shadow, {} %",
-            fixed(100.0 * NO_SHADOW, 0)
+            "shadows are completely missing from under the desks with the k-d tree: their contrast is below the threshold of a shadow, \
+             {threshold} %"
         ),
         format!("contrast {} % with cells", percentages(&[cells])),
         cells < NO_SHADOW,
+        || {
+            format!(
+                "the cells keep {} % of the contrast by rays: extinction of what they hold is spread over more air, but not lost",
+                fixed(100.0 * cells / exact, 0)
+            )
+        },
     );
-    check.if_not(|| {
-        format!(
-            "the cells keep {} % of the contrast by rays: extinction of what they hold is spread over more air, but not lost",
-            fixed(100.0 * cells / exact, 0)
-        )
-    });
     let kept = 1.0 - (-0.5f64).exp();
     let measured =
         |found: &[f64]| format!("contrast {} % of {} % by rays", percentages(found), percentages(&[*exact]));
     let keeps = |found: &[f64]| !found.is_empty() && found.iter().all(|c| *c >= kept * exact);
+    let part = |found: &[f64]| list(&found.iter().map(|c| 100.0 * c / exact).collect::<Vec<_>>(), 0);
     item.check(
         format!(
             "the k-d tree is not suited to the extinction model: it keeps less of their contrast with the floor around than 1 − e^(−1/2) = {} %, \
@@ -87,52 +120,61 @@ pub fn judge_shadows(item: &mut Item, contrasts: &Contrasts) {
         ),
         measured(&[cells]),
         cells < kept * exact,
+        || format!("it keeps {} %: desk tops are in cells that are hardly larger", part(&[cells])),
     );
     item.check(
         "the new hierarchy represents the shadows: it keeps at least that part of their contrast",
         measured(&[new]),
         keeps(&[new]),
+        || format!("it keeps {} %: desk tops share clusters with other things", part(&[new])),
     );
     item.check(
-        "what the k-d tree lacks is boxes fitted to their contents: with them it and Goldsmith and Salmon's construction keep that part",
+        "boxes fitted to their contents mend that: the k-d tree and Goldsmith and Salmon's construction with such boxes keep at least that part",
         measured(&by[2..]),
         keeps(&by[2..]),
+        || format!("they keep {} %: desk tops share boxes with other things", part(&by[2..])),
     );
+    let by = &in_radiosity.by;
     item.check(
-        "radiosity solutions with average visibility keep it with all fitted boxes, too",
-        measured(in_radiosity),
-        keeps(in_radiosity),
+        format!(
+            "radiosity solutions with average visibility show the shadows with all fitted boxes: their contrast is above the threshold of a \
+             shadow, {threshold} %"
+        ),
+        format!("contrast {} %", percentages(by)),
+        !by.is_empty() && by.iter().all(|c| *c >= NO_SHADOW),
+        || "links end at clusters in which the desks' shadows are averaged".into(),
     );
 }
 
-/// Times of average visibility with the new hierarchy and with cells of the k-d tree, and of surface visibility with the new hierarchy.
+/// Costs of average visibility with the new hierarchy and with cells of the k-d tree, and of surface visibility with the new hierarchy.
 pub fn judge_average_speed(item: &mut Item, [new, cells, surface]: [Cost; 3]) {
-    let check = item.check_time(
+    item.check_time(
         "with average visibility the new hierarchy is slower than the k-d tree (section 4.2)",
-        format!("{} s and {} s", fixed(new.1, 2), fixed(cells.1, 2)),
-        new.1 > cells.1,
+        format!("{} s and {} s", fixed(new.seconds, 2), fixed(cells.seconds, 2)),
+        new.seconds > cells.seconds,
+        || {
+            format!(
+                "a segment visits {} clusters of the new hierarchy on average, and {} cells of the k-d tree",
+                fixed(new.visits, 1),
+                fixed(cells.visits, 1)
+            )
+        },
     );
-    check.if_not(|| {
-        format!(
-            "a segment visits {} clusters of the new hierarchy on average, and {} cells of the k-d tree",
-            fixed(new.0, 1),
-            fixed(cells.0, 1)
-        )
-    });
-    let check = item.check_time(
+    let gain = surface.seconds / new.seconds;
+    item.check_time(
         format!(
             "average visibility is faster than surface visibility with the new hierarchy, by at least the paper's factor of {PAPER_GAIN}"
         ),
-        format!("{} s and {} s, {} times", fixed(new.1, 2), fixed(surface.1, 2), fixed(surface.1 / new.1, 2)),
-        PAPER_GAIN * new.1 <= surface.1,
+        format!("{} s and {} s, {} times", fixed(new.seconds, 2), fixed(surface.seconds, 2), fixed(gain, 2)),
+        gain >= PAPER_GAIN,
+        || {
+            format!(
+                "a segment visits {} clusters on average, and {} clusters and triangles with surface visibility, which ends at the first hit",
+                fixed(new.visits, 1),
+                fixed(surface.visits, 1)
+            )
+        },
     );
-    check.if_not(|| {
-        format!(
-            "a segment visits {} clusters on average, and {} clusters and triangles with surface visibility, which ends at the first hit",
-            fixed(new.0, 1),
-            fixed(surface.0, 1)
-        )
-    });
 }
 
 #[cfg(test)]
@@ -147,18 +189,14 @@ mod tests {
 
     #[test]
     fn solutions_are_comparable_or_not() {
-        let of = |in_radiosity: Vec<f64>| Contrasts { exact: 0.6, by: Vec::new(), in_radiosity };
-        for (contrasts, expected) in [
+        for (by, expected) in [
             (vec![0.5, 0.51, 0.49], vec![]),
-            (vec![0.5, 0.53], vec![0]),
-            (vec![0.3, 0.29], vec![1]),
-            (vec![], vec![0, 1]),
+            (vec![0.51, 0.535], vec![0, 1]),
+            (vec![0.49, 0.485, 0.475], vec![1]),
+            (vec![0.5], vec![0, 1]),
         ] {
-            assert_eq!(
-                failing(|item| judge_quality(item, &of(contrasts.clone()))),
-                expected,
-                "{contrasts:?}"
-            );
+            let found = InRadiosity { by: by.clone(), by_rays: Some(0.5) };
+            assert_eq!(failing(|item| judge_quality(item, &found)), expected, "{by:?}");
         }
     }
 
@@ -167,7 +205,7 @@ mod tests {
         let of = |by: [f64; 4], in_radiosity: f64| Contrasts {
             exact: 1.0,
             by: by.to_vec(),
-            in_radiosity: vec![in_radiosity; 3],
+            in_radiosity: InRadiosity { by: vec![in_radiosity; 3], by_rays: Some(0.5) },
         };
         for (contrasts, expected) in [
             (of([0.5, 0.0, 0.5, 0.5], 0.5), vec![]),
@@ -175,7 +213,7 @@ mod tests {
             (of([0.5, 0.5, 0.5, 0.5], 0.5), vec![0, 1]),
             (of([0.3, 0.0, 0.5, 0.5], 0.5), vec![2]),
             (of([0.5, 0.0, 0.3, 0.5], 0.5), vec![3]),
-            (of([0.5, 0.0, 0.5, 0.5], 0.3), vec![4]),
+            (of([0.5, 0.0, 0.5, 0.5], 0.01), vec![4]),
         ] {
             assert_eq!(failing(|item| judge_shadows(item, &contrasts)), expected, "{:?}", contrasts.by);
         }
@@ -183,9 +221,11 @@ mod tests {
 
     #[test]
     fn times_are_judged() {
-        let (one, two, nine) = ((10.0, 1.0), (20.0, 2.0), (90.0, 9.0));
-        assert_eq!(failing(|item| judge_surface_speed(item, one, two)), [0; 0]);
-        assert_eq!(failing(|item| judge_surface_speed(item, two, one)), [0, 1]);
+        let of = |visits: f64, seconds: f64| Cost { visits, seconds, largest_leaf: 16 };
+        let (one, two, nine) = (of(10.0, 1.0), of(20.0, 2.0), of(90.0, 9.0));
+        assert_eq!(failing(|item| judge_surface_speed(item, one, [two, nine])), [0; 0]);
+        assert_eq!(failing(|item| judge_surface_speed(item, two, [nine, one])), [2, 3]);
+        assert_eq!(failing(|item| judge_surface_speed(item, two, [one, nine])), [0, 1]);
         assert_eq!(failing(|item| judge_average_speed(item, [two, one, nine])), [0; 0]);
         assert_eq!(failing(|item| judge_average_speed(item, [one, two, two])), [0, 1]);
     }

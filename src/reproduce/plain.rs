@@ -1,7 +1,7 @@
 //! The paper's visibility in its plainest form: each segment descends the clusters by itself.
 //!
-//! The engines of [`crate::visibility`] answer bundles of segments sixteen at a time and hand costly ones to Embree; what
-//! the paper states about times of clusters, leaves and feature sizes shows without these only.
+//! The engines of [`crate::visibility`] answer bundles of segments sixteen at a time and hand costly ones to Embree. Both hide how the time
+//! depends on clusters, leaves and feature sizes, which the paper makes statements about.
 
 use crate::clusters::Tree;
 use crate::math::{Aabb, triangle_area};

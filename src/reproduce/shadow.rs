@@ -3,7 +3,7 @@
 use super::plain::{Descent, PlainTree, Visits};
 use crate::Result;
 use crate::bench::workload::{Order, ReceiverPoint, Workload};
-use crate::metrics::Image;
+use crate::metrics::{FeatureOptions, Features, Image, Morphology};
 use crate::model::Model;
 use crate::ray::{LANES, Occluder, Packet};
 use crate::visibility::{Bundle, CALIBRATION_BUNDLES, Exact, MultiResolution, Workspace};
@@ -180,11 +180,28 @@ impl<'a> Grid<'a> {
         })
     }
 
-    /// The engine with an estimate of the cost of exact rays for these texels.
-    pub fn with_budget(&self, engine: MultiResolution) -> MultiResolution {
+    /// Part of these segments that the engine hands over to exact rays at a feature size.
+    pub fn handed_over(&self, engine: &MultiResolution, s: f64, segments: &Segments) -> f64 {
+        let starts: Vec<usize> = (0..self.pairs.len()).step_by(RUN).collect();
+        let count = |&first: &usize| {
+            let bundles = self.bundles(first..(first + RUN).min(self.pairs.len()), segments);
+            let (mut handed_over, mut all) = (0, 0);
+            engine.answers(&bundles, s as f32, &mut Workspace::default(), |answer| {
+                handed_over += answer.cost.handed_over;
+                all += answer.cost.segments;
+            });
+            [handed_over, all]
+        };
+        let add = |a: [u64; 2], b: [u64; 2]| [a[0] + b[0], a[1] + b[1]];
+        let [handed_over, all] = starts.par_iter().map(count).reduce(|| [0, 0], add);
+        handed_over as f64 / all.max(1) as f64
+    }
+
+    /// The engine with an estimate of the cost of exact rays for these texels; `stream` selects an independent sample set.
+    pub fn with_budget(&self, engine: MultiResolution, stream: u64) -> MultiResolution {
         let step = (self.pairs.len() / CALIBRATION_BUNDLES).max(1);
         let places: Vec<usize> = (0..self.pairs.len()).step_by(step).collect();
-        let segments = self.drawn(&places, LANES, 0);
+        let segments = self.drawn(&places, LANES, stream);
         let bundles: Vec<Bundle> =
             places.iter().enumerate().map(|(k, &place)| self.bundle(place, segments.of(k))).collect();
         engine.with_budget(&bundles, &mut Workspace::default())
@@ -266,6 +283,11 @@ fn blocked(exact: &Exact, packets: &[Packet]) -> u32 {
 
 /// Neighbouring texels that share the upper part of a traversal, as in `bench`.
 const RUN: usize = 64;
+
+/// Features as the paper defines them: shadows, sized by erosions with eight neighbours.
+pub fn paper_features() -> FeatureOptions {
+    FeatureOptions::default().with_features(Features::Shadow).with_morphology(Morphology::Paper8)
+}
 
 /// Mean of an image.
 pub fn mean(image: &Image) -> f64 {

@@ -34,12 +34,13 @@ pub enum Cell {
 
 impl Table {
     /// An empty table; names of columns may end in a comma and a unit.
-    pub fn new(title: impl Into<String>, columns: &[&str]) -> Table {
-        let column = |&label: &&str| {
+    pub fn new(title: impl Into<String>, columns: &[impl AsRef<str>]) -> Table {
+        let column = |label: &str| {
             let (name, unit) = label.rsplit_once(", ").unwrap_or((label, ""));
             Column { name: name.into(), unit: unit.into() }
         };
-        Table { title: title.into(), columns: columns.iter().map(column).collect(), rows: Vec::new() }
+        let columns = columns.iter().map(|label| column(label.as_ref())).collect();
+        Table { title: title.into(), columns, rows: Vec::new() }
     }
 
     /// Adds a row.

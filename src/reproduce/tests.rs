@@ -1,5 +1,6 @@
 //! Small versions of all items: what the paper states comes out.
 
+use super::item::Check;
 use super::*;
 
 /// Makes a small version of an item, and asserts all checks that are not of times.
@@ -14,10 +15,10 @@ fn judged(name: &str, failing: &[&str]) {
     let report = run(&entries, &context).expect(name);
     let item = &report.items[0];
     assert!(!item.checks.is_empty() && !item.here.is_empty(), "{name}");
-    for check in item.checks.iter().filter(|check| !check.timed) {
-        let expected = !failing.iter().any(|text| check.statement.contains(text));
-        assert!(check.holds == expected, "{name}: {}: {}", check.statement, check.measured);
-    }
+    let expected = |check: &&Check| !failing.iter().any(|text| check.statement.contains(text));
+    let unexpected = item.checks.iter().filter(|check| !check.timed && check.holds != expected(check));
+    let unexpected: Vec<String> = unexpected.map(|c| format!("{}: {}", c.statement, c.measured)).collect();
+    assert!(unexpected.is_empty(), "{name}: {}", unexpected.join("\n"));
     let page = page(&report, "mrvis reproduce").expect("a page");
     assert!(page.contains(item.title) && !page.contains("src=\"http"), "{name}");
 }
@@ -26,9 +27,9 @@ fn judged(name: &str, failing: &[&str]) {
 #[test]
 fn failures_are_shown() {
     let mut item = Item { name: "x", title: "title", warnings: vec!["no moon".into()], ..Item::default() };
-    item.check("the moon is made of cheese", "0 % cheese", false).if_not(|| "it is made of rock".into());
-    item.check("the moon is round", "", true).if_not(|| "it is cut in half".into());
-    item.check_time("the moon is fast", "28 days", true);
+    item.check("the moon is made of cheese", "0 % cheese", false, || "it is made of rock".into());
+    item.check("the moon is round", "", true, || "it is cut in half".into());
+    item.check_time("the moon is fast", "28 days", true, || "it stands still".into());
     let report = Report { items: vec![item], ..Report::default() };
     let page = page(&report, "").expect("a page");
     for text in
@@ -90,9 +91,10 @@ fn fig6_holds_but_for_the_blocker_at_the_centre() {
     judged("fig6", &["BSIZE at the centre", "blocked size at the centre"]);
 }
 
+/// Links with a high tolerance blur the shadows under the desks.
 #[test]
-fn fig7_holds() {
-    holds("fig7");
+fn fig7_holds_but_for_the_contrast_of_rays() {
+    judged("fig7", &["are those of radiosity by rays"]);
 }
 
 /// Cells of the k-d tree blur the shadows under the desks over whole rows of desks; some of their contrast is left.
@@ -105,20 +107,16 @@ fn fig8_holds_but_for_shadows_completely_missing() {
 /// shadows average them little. And how much work is saved depends on how much the cubes cover.
 #[test]
 fn fig9_holds_but_for_low_errors() {
-    judged(
-        "fig9",
-        &[
-            "FBEM(s) remains low",
-            "Exact leaves: where clusters are averaged, FBEM(s) is of similar",
-            "with other coverages",
-        ],
-    );
+    judged("fig9", &["FBEM(s) remains low", "hide other parts of their images"]);
 }
 
-/// The excess without orientation is less than three standard errors of the solves.
+/// Few solves do not tell what is created without orientation, and whether the power with visibility is that by rays.
 #[test]
-fn fig10_holds_but_for_what_isotropic_clusters_create() {
-    judged("fig10", &["without visibility or orientation energy is created"]);
+fn fig10_holds_but_for_what_few_solves_do_not_tell() {
+    judged(
+        "fig10",
+        &["without visibility or orientation energy is created", "with visibility energy is preserved"],
+    );
 }
 
 #[test]
@@ -126,20 +124,22 @@ fn multigridding_holds() {
     holds("multigridding");
 }
 
+/// Importance makes links elsewhere so coarse that the light of the desk changes, and pictures differ from seed to seed.
 #[test]
-fn importance_holds() {
-    holds("importance");
+fn importance_holds_but_for_quality() {
+    judged("importance", &["the quality of the picture", "with importance the quality on the desk top"]);
 }
 
-/// What interpolation takes off the error of BSIZE depends on the direction more than on the scene.
+/// What interpolation takes off the error of the transmittance differs between the clusters of a bookshelf.
 #[test]
-fn isotropy_holds_but_for_sizes() {
-    judged("isotropy", &["lowers the error of BSIZE"]);
+fn isotropy_holds_but_for_the_transmittance() {
+    judged("isotropy", &["lowers the error of the transmittance"]);
 }
 
+/// Solutions along few links receive other power than they send, and few texels of a forest floor are averaged.
 #[test]
-fn later_holds() {
-    holds("later");
+fn later_holds_but_for_the_balance_of_few_links_and_for_averages() {
+    judged("later", &["consistent whenever it ends", "extinction in clusters of leaves alone"]);
 }
 
 #[test]
@@ -163,7 +163,7 @@ fn builders_compare_given_scenes_and_name_those_left_out() {
     context.scenes.push(folder.path().join("dark.obj"));
     let report = run(&chosen(&["builders".into()]).expect("an item"), &context).expect("an item");
     let item = &report.items[0];
-    assert!(item.warnings.is_empty(), "{:?}", item.warnings);
+    assert!(item.warnings.len() == 1 && item.warnings[0].contains("orchard"), "{:?}", item.warnings);
     let rows: Vec<String> = item.tables[0].rows.iter().map(|row| row[0].text()).collect();
     assert!(rows.contains(&"cubes.obj".into()) && !rows.contains(&"dark.obj".into()), "{rows:?}");
     let check = &item.checks[1];
