@@ -104,7 +104,7 @@ impl Sample {
         sample
     }
 
-    /// Adds the bundles to which walks are fitted. Without, they are fitted to those by which routes are chosen.
+    /// Adds the bundles to which walks are fitted. Without, they are fitted to the bundles of this sample.
     #[must_use]
     pub fn with_mean(mut self, scene: &Scene, workload: &Workload, exact: &Exact) -> Sample {
         self.mean = Some(Box::new(Sample::of(scene, workload, (&[MEAN_SEGMENTS], Extent::MEAN), exact)));
