@@ -50,7 +50,7 @@ def test_all_layouts_give_the_same_bits(cubes, ground):
 @pytest.mark.parametrize("builder", ["kdtree", "goldsmith-salmon", "sah"])
 def test_builders_change_clusters_and_no_exact_answer(cubes, ground, builder):
     other = mrvis.Model(cubes.scene, builder=builder)
-    exact, averaged = ({"engine": "exact"}, {"engine": "multi_resolution", "feature_size": 1.0})
+    exact, averaged = ({"engine": "exact"}, {"engine": "mr", "feature_size": 1.0})
     ask = lambda model, how: model.visibility(*ground, **how).transmittance
     assert np.array_equal(ask(other, exact), ask(cubes, exact))
     assert not np.array_equal(ask(other, averaged), ask(cubes, averaged))
