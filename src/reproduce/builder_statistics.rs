@@ -60,13 +60,26 @@ pub fn ratio(some: &[&Compared], all: &[&Compared], builder: usize, other: usize
 
 /// The builders that are not certainly worse than the one with the smallest error; [`UNDECIDED`] if these are all.
 pub fn best(some: &[&Compared], all: &[&Compared]) -> String {
-    let sum = |builder: usize| some.iter().map(|scene| scene.log(builder)).sum::<f64>();
-    let Some(smallest) = (0..BUILDERS).min_by(|&a, &b| sum(a).total_cmp(&sum(b))) else {
-        return String::new();
-    };
-    let may_be_best = |&builder: &usize| !ratio(some, all, builder, smallest).is_worse();
-    let best: Vec<&str> = (0..BUILDERS).filter(may_be_best).map(|k| Builder::ALL[k].name()).collect();
+    let best: Vec<&str> = (0..BUILDERS).filter(|&k| may_be_best(some, all, k)).map(name).collect();
     if best.len() == BUILDERS { UNDECIDED.into() } else { best.join(", ") }
+}
+
+/// The builders that are not certainly worse than the one with the smallest error in any single scene.
+pub fn never_worse(some: &[&Compared], all: &[&Compared]) -> String {
+    let in_all = |k: &usize| some.iter().all(|scene| may_be_best(&[scene], all, *k));
+    let names: Vec<&str> = (0..BUILDERS).filter(in_all).map(name).collect();
+    if names.is_empty() { "none".into() } else { names.join(", ") }
+}
+
+/// Whether a builder is not certainly worse than the one with the smallest error.
+fn may_be_best(some: &[&Compared], all: &[&Compared], builder: usize) -> bool {
+    let sum = |builder: usize| some.iter().map(|scene| scene.log(builder)).sum::<f64>();
+    let smallest = (0..BUILDERS).min_by(|&a, &b| sum(a).total_cmp(&sum(b)));
+    smallest.is_some_and(|smallest| !ratio(some, all, builder, smallest).is_worse())
+}
+
+fn name(builder: usize) -> &'static str {
+    Builder::ALL[builder].name()
 }
 
 /// What tables say if no builder is certainly worse than another, or one scene stands for a kind.
@@ -121,6 +134,17 @@ pub mod tests {
         // The scatter of one builder does not hide that of others.
         let one_scatters = [[0.1, 0.05, 0.2, 0.2], [0.1, 0.4, 0.2, 0.2], [0.1, 0.3, 0.2, 0.2]];
         assert_eq!(best_of(&one_scatters.map(|e| scene(e, 1.01, 0.001))), "grids, kdtree");
+    }
+
+    /// A builder that is best in some scenes and worse in others is named for none of them together.
+    #[test]
+    fn builders_that_are_worse_in_one_scene_are_not_named() {
+        let scenes = [[0.1, 0.1, 0.2, 0.2], [0.1, 0.2, 0.2, 0.1]].map(|e| scene(e, 1.01, 0.001));
+        let all: Vec<&Compared> = scenes.iter().collect();
+        assert_eq!(never_worse(&all, &all), "grids");
+        let scenes = [[0.1, 0.2, 0.2, 0.2], [0.2, 0.1, 0.2, 0.2]].map(|e| scene(e, 1.01, 0.001));
+        let all: Vec<&Compared> = scenes.iter().collect();
+        assert_eq!(never_worse(&all, &all), "none");
     }
 
     /// Two equal sets by chance do not make a scene certain: errors are pooled.

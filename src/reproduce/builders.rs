@@ -1,6 +1,6 @@
 //! Which builder of clusters is best for which kind of scene: FBEM at equal time.
 
-use super::builder_statistics::{UNDECIDED, best, measurement_error, ratio};
+use super::builder_statistics::{UNDECIDED, best, measurement_error, never_worse, ratio};
 use super::equal_time::{Compared, EQUAL_TIME_RAYS, MAX_RAYS, MIN_RAYS, SIZES, compare};
 use super::item::Item;
 use super::table::{Table, count, number};
@@ -69,7 +69,8 @@ pub fn builders(context: &Context) -> Result<Item> {
              tell its standard error, and the scatter between scenes that of a kind of scene, if it is larger. One rule decides everywhere: a \
              builder is worse than another one if the mean logarithm of the ratio of their errors exceeds the 95 % interval of Student's t and \
              what the noise of the reference can change. Best are the builder with the smallest error and those that are not worse; one scene \
-             does not decide about its kind. {}",
+             does not decide about its kind, and two do only if builders differ alike in both. Beside stand the builders that are among the best \
+             in each scene of a kind. {}",
             SIZES.map(|part| format!("1/{:.0}", 1.0 / part)).join(" and "),
             match context.scenes.len() {
                 0 => "Generated scenes only.".into(),
@@ -205,7 +206,7 @@ fn by_kind(found: &[Row]) -> Table {
         columns.push(builder.name().to_owned());
         columns.push(format!("± of {}", builder.name()));
     }
-    columns.push("best".to_owned());
+    columns.extend(["best", "not worse in any of them"].map(str::to_owned));
     let mut table = Table::new(title, &columns);
     let mut kinds: Vec<&str> = Vec::new();
     for row in found {
@@ -221,7 +222,8 @@ fn by_kind(found: &[Row]) -> Table {
         let numbers = ratios.flat_map(|r| [r.mean.exp(), r.mean.exp() * r.error]).map(|v| number(v, 2));
         let best = if of_kind.len() < 2 { UNDECIDED.into() } else { best(&of_kind, &all) };
         let words = [kind.into(), scenes.join(", ").into()];
-        table.push(words.into_iter().chain(numbers).chain([best.into()]));
+        let last = [best.into(), never_worse(&of_kind, &all).into()];
+        table.push(words.into_iter().chain(numbers).chain(last));
     };
     for kind in kinds {
         push(kind, &found.iter().filter(|row| row.kind == kind).collect::<Vec<_>>());

@@ -23,7 +23,7 @@ pub const SIZES: [f64; 2] = [1.0 / 16.0, 1.0 / 4.0];
 /// Pairs of texels and emitters, and in tests.
 const PAIRS: [usize; 2] = [4000, 1000];
 /// Rays a pair of each of two references, and in tests.
-const REFERENCE_RAYS: [usize; 2] = [2048, 256];
+const REFERENCE_RAYS: [usize; 2] = [1024, 256];
 /// Repetitions of each measurement, of which the shortest time of each run of texels counts: other processes interrupt some.
 const REPEAT: usize = 2;
 /// Segments of the repeated measurements, whose differences tell the error.
