@@ -246,8 +246,8 @@ pub struct MrRow {
     pub certified_fraction: f64,
     /// Segments of bundles for which triangles were tested, by this engine or by Embree.
     pub exact_rays: u64,
-    /// Part of the segments, in [0, 1], handed to Embree in whole bundles. At 1 the row takes answers and time of the
-    /// exact row with as many rays.
+    /// Part of the segments, in [0, 1], handed to Embree in whole bundles. At 1 the row takes the answers of the
+    /// exact row with as many rays, and the smaller time of that row and the one with certificates.
     #[serde(default)]
     pub handed_over: f64,
     /// Time to decide on a sample whether MR is faster, seconds; not part of `seconds`.

@@ -79,9 +79,10 @@ impl Bench<'_> {
         });
         let mut seconds = timed.seconds.iter().copied();
         exact.iter_mut().chain(&mut certified).zip(&mut seconds).for_each(|(row, s)| row.seconds = s);
-        for row in &mut rows {
-            row.seconds = exact.iter().find(|e| e.rays == row.rays).map_or(0.0, |e| e.seconds);
-        }
+        rows.iter_mut()
+            .zip(&asked)
+            .filter(|(_, a)| !a.pays())
+            .for_each(|(row, _)| row.take_time(&exact, &certified));
         for (run, seconds) in runs.iter().zip(seconds) {
             run.iter().for_each(|&k| rows[k].seconds = seconds);
         }
@@ -100,6 +101,12 @@ impl ExactRow {
 }
 
 impl MrRow {
+    /// Takes the time of exact rays with as many segments, with certificates if these took less: they see the same.
+    fn take_time(&mut self, exact: &[ExactRow], certified: &[ExactRow]) {
+        let as_many = exact.iter().chain(certified).filter(|row| row.rays == self.rays);
+        self.seconds = as_many.map(|row| row.seconds).min_by(f64::total_cmp).unwrap_or(0.0);
+    }
+
     /// Computes errors, interval coverage and cost fractions of a run.
     fn evaluate(&mut self, reference: &Reference, audit: Option<&AuditRays>, result: &MrRun) {
         let cost = result.cost;

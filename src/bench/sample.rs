@@ -31,9 +31,9 @@ impl Extent {
     /// For points: 256 bundles, so that mean squares are known to a tenth, and as many rays as the most of a row, so that the noise of a half
     /// is no larger. Bundles of a run share their traversal as those of rows do; runs are many because their bundles err alike.
     pub const POINTS: Extent = Extent { runs: 32, run: 8, truth_rays: 256 };
-    /// For the mean of walks, which is compared with exact rays along the same segments: amid leaves a bundle of 64 differs by 0.04, so that
-    /// 2,048 bundles tell the mean to 0.001.
-    const MEAN: Extent = Extent { runs: 256, run: 8, truth_rays: 0 };
+    /// For the mean of walks, which is compared with exact rays along the same segments: amid leaves a run of neighbours differs by 0.04 to
+    /// 0.08, so that 1,024 runs tell the mean to 0.001 to 0.0025.
+    const MEAN: Extent = Extent { runs: 1024, run: 2, truth_rays: 0 };
     /// For a map, which is interpolated between as few as a thousand bundles of sixteen segments: about as many rays as those.
     pub const MAP: Extent = Extent { runs: 16, run: 4, truth_rays: 64 };
 }

@@ -352,6 +352,7 @@ fn judge_preserved(item: &mut Item, [[created, _], [more, error]]: [[f64; 2]; 2]
 
 #[cfg(test)]
 mod tests {
+    use super::super::item::failing_checks;
     use super::*;
 
     /// Numbers like those of the paper's picture.
@@ -372,9 +373,7 @@ mod tests {
     fn failing(change: impl Fn(&mut [Received; 4])) -> Vec<usize> {
         let mut received = like_the_paper();
         change(&mut received);
-        let mut item = Item::default();
-        judge(&mut item, &received);
-        (0..item.checks.len()).filter(|&k| !item.checks[k].holds).collect()
+        failing_checks(|item| judge(item, &received))
     }
 
     #[test]

@@ -211,25 +211,21 @@ fn judge_masks(item: &mut Item, kept: &[[f64; 4]; 3]) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::item::failing_checks;
     use super::*;
-
-    fn failing(judge: impl Fn(&mut Item)) -> Vec<usize> {
-        let mut item = Item::default();
-        judge(&mut item);
-        (0..item.checks.len()).filter(|&k| !item.checks[k].holds).collect()
-    }
 
     #[test]
     fn erosions_that_leave_too_much_or_too_little_are_found() {
-        let steps = |less: &[usize], more: &[usize]| failing(|item| judge_steps(item, [50, 100], less, more));
+        let steps =
+            |less: &[usize], more: &[usize]| failing_checks(|item| judge_steps(item, [50, 100], less, more));
         assert_eq!(steps(&[40, 10, 0, 0], &[60, 90, 100, 100]), [0; 0]);
         assert_eq!(steps(&[40, 40, 0, 0], &[60, 90, 100, 100]), [0]);
         assert_eq!(steps(&[40, 10, 0, 0], &[50, 90, 100, 100]), [0]);
         for (left, expected) in [([4, 0], vec![]), ([0, 0], vec![0]), ([4, 1], vec![0])] {
-            assert_eq!(failing(|item| judge_squares(item, &[left])), expected);
+            assert_eq!(failing_checks(|item| judge_squares(item, &[left])), expected);
         }
-        assert_eq!(failing(|item| judge_odd_squares(item, &[1, 1])), [0; 0]);
-        assert_eq!(failing(|item| judge_odd_squares(item, &[1, 9])), [0]);
+        assert_eq!(failing_checks(|item| judge_odd_squares(item, &[1, 1])), [0; 0]);
+        assert_eq!(failing_checks(|item| judge_odd_squares(item, &[1, 9])), [0]);
     }
 
     #[test]
@@ -242,7 +238,7 @@ mod tests {
         let with = |k: usize, left: BitImage| {
             let mut opened = opened.clone();
             opened[k] = left;
-            failing(|item| judge_opened(item, &image, &opened))
+            failing_checks(|item| judge_opened(item, &image, &opened))
         };
         assert_eq!(with(0, opened[0].clone()), [0; 0]);
         assert_eq!(with(3, square(12, 28)), [0]);
@@ -256,7 +252,7 @@ mod tests {
         let with = |i: usize, k: usize, part: f64| {
             let mut kept = kept;
             kept[i][k] = part;
-            failing(|item| judge_masks(item, &kept))
+            failing_checks(|item| judge_masks(item, &kept))
         };
         assert_eq!(with(0, 0, 0.7), [0; 0]);
         assert_eq!(with(0, 1, 0.6), [0]);

@@ -173,18 +173,13 @@ fn judge_appendix_a(item: &mut Item, off: f64, excess: f64) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::item::failing_checks;
     use super::*;
-
-    fn failing(judge: impl Fn(&mut Item)) -> Vec<usize> {
-        let mut item = Item::default();
-        judge(&mut item);
-        (0..item.checks.len()).filter(|&k| !item.checks[k].holds).collect()
-    }
 
     #[test]
     fn each_check_of_figure_1_fails_by_numbers_of_its_own() {
         let of = |covered: [f64; 4], errors: [f64; 4], sizes: [f64; 4]| {
-            failing(|item| judge_figure_1(item, &covered, &errors, &sizes))
+            failing_checks(|item| judge_figure_1(item, &covered, &errors, &sizes))
         };
         let (covered, errors, sizes) = ([COVERAGE; 4], [40.0, 42.0, 41.0, 43.0], [10.0, 15.0, 20.0, 30.0]);
         assert_eq!(of(covered, errors, sizes), [0; 0]);
@@ -196,7 +191,7 @@ mod tests {
     #[test]
     fn norms_beside_the_formulas_are_found() {
         for (off, excess, expected) in [(0.0, -0.1, vec![]), (2e-4, -0.1, vec![0]), (0.0, 0.001, vec![1])] {
-            assert_eq!(failing(|item| judge_appendix_a(item, off, excess)), expected);
+            assert_eq!(failing_checks(|item| judge_appendix_a(item, off, excess)), expected);
         }
     }
 }

@@ -277,6 +277,7 @@ fn difference(reference: &[[f64; 3]], other: &[[f64; 3]]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::item::failing_checks;
     use super::*;
 
     fn failing(change: impl Fn(&mut [Solve; 4])) -> Vec<usize> {
@@ -295,9 +296,7 @@ mod tests {
             of("looked", 1.01, 100.0),
         ];
         change(&mut found);
-        let mut item = Item::default();
-        judge(&mut item, 2.0, &found);
-        (0..item.checks.len()).filter(|&k| !item.checks[k].holds).collect()
+        failing_checks(|item| judge(item, 2.0, &found))
     }
 
     #[test]

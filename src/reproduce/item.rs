@@ -187,3 +187,11 @@ impl Panel {
         Panel { picture: Picture { width, height, pixels }, caption: caption.into() }
     }
 }
+
+/// Indices of the checks that fail of an item that is judged so.
+#[cfg(test)]
+pub fn failing_checks(judge: impl Fn(&mut Item)) -> Vec<usize> {
+    let mut item = Item::default();
+    judge(&mut item);
+    (0..item.checks.len()).filter(|&k| !item.checks[k].holds).collect()
+}

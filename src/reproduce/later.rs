@@ -291,18 +291,13 @@ fn judge_below(item: &mut Item, below: &Below) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::item::failing_checks;
     use super::*;
-
-    fn failing(judge: impl Fn(&mut Item)) -> Vec<usize> {
-        let mut item = Item::default();
-        judge(&mut item);
-        (0..item.checks.len()).filter(|&k| !item.checks[k].holds).collect()
-    }
 
     #[test]
     fn moves_and_averages_are_judged() {
         let moved = |changed: usize, update_s: f64| {
-            failing(|item| judge_move(item, &Moved { texels: 64, changed, prepare_s: 0.1, update_s }))
+            failing_checks(|item| judge_move(item, &Moved { texels: 64, changed, prepare_s: 0.1, update_s }))
         };
         assert_eq!(moved(0, 0.01), [0; 0]);
         assert_eq!(moved(1, 0.01), [0]);
@@ -311,7 +306,7 @@ mod tests {
             [(4.0, 60.0, vec![]), (6.0, 60.0, vec![0]), (4.0, 40.0, vec![0])]
         {
             let below = Below { rays: 5.0, clusters, averaged, handed_over: 0.0 };
-            assert_eq!(failing(|item| judge_below(item, &below)), expected, "{clusters}");
+            assert_eq!(failing_checks(|item| judge_below(item, &below)), expected, "{clusters}");
         }
     }
 
@@ -320,7 +315,7 @@ mod tests {
         let ends = |created: f64, row_sums: f64| {
             let of =
                 |links: usize, created: f64, row_sums: f64| End { links, created, row_sums: [row_sums, 0.0] };
-            failing(|item| judge_ends(item, &[of(100, 0.0, 0.2), of(1000, created, row_sums)]))
+            failing_checks(|item| judge_ends(item, &[of(100, 0.0, 0.2), of(1000, created, row_sums)]))
         };
         assert_eq!(ends(1e-6, 0.1), [0; 0]);
         assert_eq!(ends(-2e-4, 0.1), [0]);

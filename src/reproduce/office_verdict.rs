@@ -179,13 +179,8 @@ pub fn judge_average_speed(item: &mut Item, [new, cells, surface]: [Cost; 3]) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::item::failing_checks;
     use super::*;
-
-    fn failing(judge: impl Fn(&mut Item)) -> Vec<usize> {
-        let mut item = Item::default();
-        judge(&mut item);
-        (0..item.checks.len()).filter(|&k| !item.checks[k].holds).collect()
-    }
 
     #[test]
     fn solutions_are_comparable_or_not() {
@@ -196,7 +191,7 @@ mod tests {
             (vec![0.5], vec![0, 1]),
         ] {
             let found = InRadiosity { by: by.clone(), by_rays: Some(0.5) };
-            assert_eq!(failing(|item| judge_quality(item, &found)), expected, "{by:?}");
+            assert_eq!(failing_checks(|item| judge_quality(item, &found)), expected, "{by:?}");
         }
     }
 
@@ -215,7 +210,12 @@ mod tests {
             (of([0.5, 0.0, 0.3, 0.5], 0.5), vec![3]),
             (of([0.5, 0.0, 0.5, 0.5], 0.01), vec![4]),
         ] {
-            assert_eq!(failing(|item| judge_shadows(item, &contrasts)), expected, "{:?}", contrasts.by);
+            assert_eq!(
+                failing_checks(|item| judge_shadows(item, &contrasts)),
+                expected,
+                "{:?}",
+                contrasts.by
+            );
         }
     }
 
@@ -223,10 +223,10 @@ mod tests {
     fn times_are_judged() {
         let of = |visits: f64, seconds: f64| Cost { visits, seconds, largest_leaf: 16 };
         let (one, two, nine) = (of(10.0, 1.0), of(20.0, 2.0), of(90.0, 9.0));
-        assert_eq!(failing(|item| judge_surface_speed(item, one, [two, nine])), [0; 0]);
-        assert_eq!(failing(|item| judge_surface_speed(item, two, [nine, one])), [2, 3]);
-        assert_eq!(failing(|item| judge_surface_speed(item, two, [one, nine])), [0, 1]);
-        assert_eq!(failing(|item| judge_average_speed(item, [two, one, nine])), [0; 0]);
-        assert_eq!(failing(|item| judge_average_speed(item, [one, two, two])), [0, 1]);
+        assert_eq!(failing_checks(|item| judge_surface_speed(item, one, [two, nine])), [0; 0]);
+        assert_eq!(failing_checks(|item| judge_surface_speed(item, two, [nine, one])), [2, 3]);
+        assert_eq!(failing_checks(|item| judge_surface_speed(item, two, [one, nine])), [0, 1]);
+        assert_eq!(failing_checks(|item| judge_average_speed(item, [two, one, nine])), [0; 0]);
+        assert_eq!(failing_checks(|item| judge_average_speed(item, [one, two, two])), [0, 1]);
     }
 }

@@ -189,14 +189,13 @@ fn ordered_pairs(found: &[[f64; 4]]) -> [usize; 2] {
 
 #[cfg(test)]
 mod tests {
+    use super::super::item::failing_checks;
     use super::*;
 
     fn failing(change: impl Fn(&mut [[f64; 4]; 5])) -> Vec<usize> {
         let mut found = TABLE_1;
         change(&mut found);
-        let mut item = Item::default();
-        judge(&mut item, &found);
-        (0..item.checks.len()).filter(|&k| !item.checks[k].holds).collect()
+        failing_checks(|item| judge(item, &found))
     }
 
     #[test]

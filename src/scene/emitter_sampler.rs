@@ -102,7 +102,6 @@ impl EmitterSampler {
     }
 
     /// Distance of its centre from a point, scene units.
-    #[cfg(any(test, feature = "reports"))]
     pub fn distance(&self, position: Vec3) -> f32 {
         self.centre.distance(position)
     }

@@ -23,6 +23,7 @@ mod front;
 mod instance_tree;
 mod instances;
 mod multires;
+mod probe;
 #[cfg(test)]
 pub mod reference;
 mod route;
@@ -53,9 +54,10 @@ pub use cut::{Mode, Sums};
 pub use cut::{SURFACE_PART, surface_widths};
 pub use exact::{Exact, fastest_traversal};
 #[cfg(any(test, feature = "reports"))]
-pub use far_field::{FarField, Probe, Scratch};
+pub use far_field::{FarField, Scratch};
 pub use instance_tree::{Frame, InstanceTree, Instances, PlacedChange};
 pub use multires::{LeafMode, MultiResolution};
+pub use probe::Probe;
 pub use route::Route;
 pub use routes::{Halves, RouteSample};
 #[cfg(any(test, feature = "reports"))]

@@ -2,7 +2,6 @@
 
 use super::answer::{Answer, Bundle};
 use super::bundle_walks::Workspace;
-use super::cost_model::Work;
 use super::cut::{Cut, Mode, Sums, rays_for};
 use super::multires::MultiResolution;
 use super::route::Route;
@@ -30,6 +29,32 @@ pub struct RouteSample<'a> {
     pub runs: Vec<Vec<Bundle<'a>>>,
     /// A fraction for each bundle, in order.
     pub truth: &'a Halves,
+}
+
+/// What a route takes for the bundles of a sample, and how it errs.
+struct Trial {
+    /// Units of work of the cut's tree; infinite for averages that hardly average anything.
+    time: f64,
+    /// Sum of the squares of the errors.
+    square: f64,
+    /// What is added to it for its own error.
+    doubt: f64,
+    /// Part of it that is due to the mean error.
+    mean: f64,
+    /// Smallest sum of squares that the noise of the truth can tell from none.
+    floor: f64,
+}
+
+impl Trial {
+    /// Time to an error but for a factor: the time times the number of rays that the mean square error takes.
+    fn cost(&self) -> f64 {
+        self.time * rays_for((self.square + self.doubt).max(self.floor))
+    }
+
+    /// The same route if its mean error were none.
+    fn without_mean(self) -> Trial {
+        Trial { square: self.square - self.mean.max(0.0), ..self }
+    }
 }
 
 /// Standard error of a sum of independent values.
@@ -104,13 +129,23 @@ impl MultiResolution {
         let cuts = 0..self.cut.as_ref().map_or(0, |cut| cut.modes().len());
         let taken = |cut: &Arc<Cut>| sample.runs.iter().flatten().any(|bundle| cut.takes(bundle));
         let cuts = if self.cut.as_ref().is_some_and(taken) { cuts } else { 0..0 };
-        let walks = self.fitted_walks(mean, s, workspace);
-        let others = [Route::Certified, walks].into_iter().chain(cuts.map(Route::Cut));
         let rays = sample.runs.iter().flatten().map(|bundle| self.rays_work(bundle)).collect::<Vec<f64>>();
-        let mut cost = |route| self.with_route(route).cost((sample, &rays), s, workspace);
-        let limit = MAX_COST_RATIO * cost(Route::Exact);
-        let faster = others.map(|route| (cost(route), route)).filter(|(cost, _)| *cost < limit);
-        faster.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(Route::Exact, |(_, route)| route)
+        let mut trial = |route, limit| self.with_route(route).trial((sample, &rays), s, limit, workspace);
+        let mut best = (MAX_COST_RATIO * trial(Route::Exact, f64::INFINITY).cost(), Route::Exact);
+        for route in cuts.map(Route::Cut).chain([Route::Certified]) {
+            let cost = trial(route, best.0).cost();
+            if cost < best.0 {
+                best = (cost, route);
+            }
+        }
+        // Fitting takes longer than a trial, and takes no more off the mean square than the square of the mean.
+        if trial(Route::WALKS, best.0).without_mean().cost() < best.0 {
+            let walks = self.fitted_walks(mean, s, workspace);
+            if self.with_route(walks).trial((sample, &rays), s, best.0, workspace).cost() < best.0 {
+                return walks;
+            }
+        }
+        best.1
     }
 
     /// Work of exact rays for a bundle, in units of work of the cut's tree.
@@ -121,66 +156,72 @@ impl MultiResolution {
         }
     }
 
-    /// Time for bundles times the number of rays that their mean square error takes: the time to an error but for a factor. Times are in
-    /// units of work of the cut's tree, `rays` those of exact rays. Infinite for averages that hardly average anything.
-    fn cost(&self, (sample, rays): (&RouteSample, &[f64]), s: f32, workspace: &mut Workspace) -> f64 {
+    /// Time and errors of this route. `rays` are the times of exact rays for each bundle, in units of work of the cut's tree. Ends early,
+    /// with an infinite time, if the cost exceeds `limit` whatever the errors are.
+    fn trial(
+        &self,
+        (sample, rays): (&RouteSample, &[f64]),
+        s: f32,
+        limit: f64,
+        workspace: &mut Workspace,
+    ) -> Trial {
         let RouteSample { runs, truth: [a, b] } = sample;
-        let walked = |work: Work| {
-            let segments: usize =
-                runs.iter().flatten().flat_map(|bundle| bundle.packets).map(Packet::len).sum();
-            WALK_WORK * (work.own as f64 + segments as f64)
-        };
-        let mut time = match self.route {
-            Route::Walks { .. } => {
-                walked(self.work_of(runs, |run, ws| self.work(run, &vec![s; run.len()], ws), workspace))
-            }
-            Route::Certified => walked(self.work_of(runs, |run, ws| self.certified_work(run, ws), workspace)),
-            Route::Exact | Route::Cut(_) => 0.0,
-        };
+        let averages = matches!(self.route, Route::Walks { .. } | Route::Cut(_));
         let traced = |bundle: &Bundle| match self.route {
             Route::Exact => true,
             Route::Cut(_) => self.mode(bundle).is_none(),
             Route::Walks { .. } | Route::Certified => false,
         };
-        let (mut averaged, mut n) = (0, 0);
+        let noise: f64 = a.iter().zip(b).map(|(a, b)| 0.25 * f64::from(a - b).powi(2)).sum();
+        let all = rays.len().max(1) as f64;
+        let mut trial = Trial {
+            time: 0.0,
+            square: 0.0,
+            doubt: 0.0,
+            mean: 0.0,
+            floor: (noise / all.sqrt()).max(1e-12 * all),
+        };
+        let (mut averaged, mut n, mut means) = (0, 0, [0.0; 2]);
         let mut squares = Vec::with_capacity(runs.len());
         for run in runs {
-            let (mut averages, mut square) = (false, 0.0);
+            trial.time += self.walk_time(run, s, workspace);
+            if trial.cost() > limit {
+                return Trial { time: f64::INFINITY, ..trial };
+            }
+            let (mut is_averaged, mut square) = (false, 0.0);
             let mut bundles = run.iter();
             self.routed(run, s, workspace, |answer, sums| {
                 let bundle = bundles.next().expect("an answer a bundle");
-                time += sums.work() + if sums.left || traced(bundle) { rays[n] } else { 0.0 };
-                averages |= answer.cost.aggregated > 0;
+                trial.time += sums.work() + if sums.left || traced(bundle) { rays[n] } else { 0.0 };
+                is_averaged |= answer.cost.aggregated > 0;
                 // The noise of the halves is independent: their product has no bias.
                 let [a, b] = [a, b].map(|half| f64::from(answer.transmittance - half[n]));
                 square += a * b;
+                means = [means[0] + a, means[1] + b];
                 n += 1;
             });
-            averaged += usize::from(averages);
+            averaged += usize::from(is_averaged);
             squares.push(square);
         }
-        let sum = squares.iter().sum::<f64>();
-        let square = match self.route {
-            Route::Exact | Route::Certified => sum,
-            Route::Walks { .. } | Route::Cut(_) if averaged < MIN_AVERAGED_RUNS => return f64::INFINITY,
-            // Few bundles with large errors may have been missed: one standard error more, which is known from the runs.
-            Route::Walks { .. } | Route::Cut(_) => sum + standard_error(&squares),
-        };
-        let n = n.max(1) as f64;
-        let noise: f64 = a.iter().zip(b).map(|(a, b)| 0.25 * f64::from(a - b).powi(2)).sum();
-        time * rays_for(square.max(noise / n.sqrt()).max(1e-12 * n))
+        if averages && averaged < MIN_AVERAGED_RUNS {
+            trial.time = f64::INFINITY;
+        }
+        trial.square = squares.iter().sum();
+        // Few bundles with large errors may have been missed: one standard error more, which is known from the runs.
+        trial.doubt = if averages { standard_error(&squares) } else { 0.0 };
+        trial.mean = means[0] * means[1] / all;
+        trial
     }
 
-    /// Sum of the work for runs of bundles.
-    fn work_of(
-        &self,
-        runs: &[Vec<Bundle>],
-        of: impl Fn(&[Bundle], &mut Workspace) -> Work,
-        workspace: &mut Workspace,
-    ) -> Work {
-        let mut work = Work::default();
-        runs.iter().for_each(|run| work.add(of(run, workspace)));
-        work
+    /// Time of walks of a run of bundles, in units of work of the cut's tree; 0 for other routes.
+    fn walk_time(&self, run: &[Bundle], s: f32, workspace: &mut Workspace) -> f64 {
+        let work = match self.route {
+            Route::Walks { .. } => self.work(run, &vec![s; run.len()], workspace),
+            Route::Certified => self.certified_work(run, workspace),
+            Route::Exact | Route::Cut(_) => return 0.0,
+        };
+        let segments: usize = run.iter().flat_map(|bundle| bundle.packets).map(Packet::len).sum();
+        WALK_WORK * (work.own as f64 + segments as f64)
     }
 
     /// How the cut answers a bundle, if it does.

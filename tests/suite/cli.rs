@@ -300,6 +300,7 @@ const MAP_FIELDS: &[(&str, &[&str])] = &[
             "fbem",
             "speedup_at_same_rms",
             "speedup_with_setup",
+            "speedup_over_texels",
             "speedup_at_same_fbem",
         ],
     ),

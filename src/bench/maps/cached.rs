@@ -11,10 +11,6 @@ use crate::visibility::{Cost, FarField, MultiResolution, Probe, Scratch};
 use std::ops::Range;
 use std::time::Instant;
 
-/// Radius around probes without anything close, relative to the distance between them and for an emitter of an angle of 1: no less than √2,
-/// so that the balls of the four corners of a cell hold every segment between it and a corner. With twice as much the RMS error is the
-/// same in the garden of `make scenes`, with 1.7 times the probes; half of the leaf forest's probes lie then amid leaves.
-const CLEARANCE: f32 = 1.5;
 /// Largest distance between probes, texels: larger cells save less than a hundredth of the probes.
 const MAX_SPACING: usize = 32;
 /// Smallest distance between probes, and texels a probe in the mean, with which a row is planned: with fewer its preparation takes as long
@@ -96,11 +92,8 @@ impl Bench<'_> {
         let field = FarField::new(engine, (self.scene, self.model.samplers()), (rays, seed))?;
         let tree = Quadtree::new([grid.width, grid.height], spacing, |texels, side| {
             let parts = self.timer.parts(texels.len(), PART, |range| {
-                let clear = |&[x, y]: &[usize; 2]| {
-                    let probe = grid.probe(x, y);
-                    let apart = side as f32 * grid.texel as f32;
-                    field.is_clear(&probe, CLEARANCE * apart / field.angle(&probe))
-                };
+                let clear =
+                    |&[x, y]: &[usize; 2]| field.is_clear(&grid.probe(x, y), side as f32 * grid.texel as f32);
                 texels[range].iter().map(clear).collect::<Vec<bool>>()
             });
             parts.concat()

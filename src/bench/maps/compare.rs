@@ -93,8 +93,10 @@ impl Map<'_> {
         exact: &[(usize, MapExactRow, &Made)],
         build: &Build,
     ) -> Result<MapMrRow> {
-        let over = |time: &dyn Fn(&MapExactRow) -> f64, seconds: f64| {
-            let curve: Vec<(f64, f64)> = exact.iter().map(|(_, e, _)| (time(e), e.rms)).collect();
+        // Over exact rows whose texels are at most so far apart.
+        let over = |spacing: usize, time: &dyn Fn(&MapExactRow) -> f64, seconds: f64| {
+            let rows = exact.iter().filter(|(_, e, _)| e.spacing <= spacing);
+            let curve: Vec<(f64, f64)> = rows.map(|(_, e, _)| (time(e), e.rms)).collect();
             let same = interpolate_log_log(&curve, row.rms)?;
             Some((ratio(same.seconds, seconds)?, same.extrapolated))
         };
@@ -102,15 +104,17 @@ impl Map<'_> {
         for (_, e, made) in exact {
             by_features.push((e.seconds, fbem_of(&self.image, &made.image, row.feature_size)?));
         }
-        let queries = over(&|e| e.seconds, row.seconds);
-        let with_setup = over(&|e| e.seconds, row.seconds + row.setup_s);
+        let queries = over(usize::MAX, &|e| e.seconds, row.seconds);
+        let with_setup =
+            |spacing| over(spacing, &|e| e.seconds, row.seconds + row.setup_s).map(|found| found.0);
         let prepared = row.seconds + row.setup_s + build.embree_s + build.mr_preparation();
-        let with_preparation = over(&|e| e.seconds + build.embree_s, prepared);
+        let with_preparation = over(usize::MAX, &|e| e.seconds + build.embree_s, prepared);
         let same_features = interpolate_log_log(&by_features, row.fbem);
         Ok(MapMrRow {
             speedup_at_same_rms: queries.map(|found| found.0),
             extrapolated: queries.is_some_and(|found| found.1),
-            speedup_with_setup: with_setup.map(|found| found.0),
+            speedup_with_setup: with_setup(usize::MAX),
+            speedup_over_texels: with_setup(1),
             speedup_with_preparation: with_preparation.map(|found| found.0),
             speedup_at_same_fbem: same_features.and_then(|same| ratio(same.seconds, row.seconds)),
             ..row

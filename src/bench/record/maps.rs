@@ -73,6 +73,8 @@ pub struct MapMrRow {
     pub speedup_at_same_rms: Option<f64>,
     /// The same with `setup_s` in the time of MR. Exact rays need no preparation: the choice of their call is not counted.
     pub speedup_with_setup: Option<f64>,
+    /// As `speedup_with_setup`, over exact rays at every texel: what a program gains that does not interpolate its exact light.
+    pub speedup_over_texels: Option<f64>,
     /// The same with the preparation of the scene as well: Embree's tree in both times; clusters and optics, which the cache saves in
     /// later runs, in that of MR.
     pub speedup_with_preparation: Option<f64>,

@@ -1,7 +1,7 @@
 //! Direct light at points: Lambert's formula times the visible part, from bundles of shadow rays.
 
 use super::gatherer::FinalGather;
-use crate::math::sampling::{numbers, pick, point_on};
+use crate::math::sampling::{mix, numbers, pick, point_on};
 use crate::radiosity::elements::emission_gain;
 use crate::radiosity::links::{Scratch, VisibilityEngine, VisibilityQuery};
 use crate::radiosity::rgb::{Rgb, add, mean};
@@ -28,19 +28,23 @@ pub(super) struct GatherPoint {
 }
 
 impl FinalGather<'_> {
-    /// Direct irradiance at points, W/m². All points query an emitter together.
+    /// Direct irradiance at points, W/m², as the mean over so many sets of shadow rays. All points query an emitter together.
     pub(super) fn direct(
         &self,
         points: &[GatherPoint],
+        sets: u64,
         engines: &[VisibilityEngine],
         scratch: &mut Scratch,
     ) -> Vec<Rgb> {
         let mut values = vec![[0.0; 3]; points.len()];
         for (emitter, engine) in engines.iter().enumerate() {
-            let mut views = self.emitter_views(points, emitter);
-            self.measure_visibility(&mut views, emitter, engine, scratch);
-            for view in views {
-                add(&mut values[view.point], view.visible(), view.free);
+            let views = self.emitter_views(points, emitter);
+            for set in 0..sets {
+                let mut views: Vec<EmitterView> = views.iter().map(|view| view.with_set(set)).collect();
+                self.measure_visibility(&mut views, emitter, engine, scratch);
+                for view in views {
+                    add(&mut values[view.point], view.visible() / sets as f64, view.free);
+                }
             }
         }
         values
@@ -141,6 +145,7 @@ impl FinalGather<'_> {
 }
 
 /// A point that faces an emitter, and the results of its shadow rays so far.
+#[derive(Clone)]
 pub(super) struct EmitterView {
     /// Index of the point.
     point: usize,
@@ -158,6 +163,12 @@ pub(super) struct EmitterView {
 }
 
 impl EmitterView {
+    /// The same view with another set of shadow rays; the first set is its own.
+    fn with_set(&self, set: u64) -> EmitterView {
+        let seed = if set == 0 { self.from.seed } else { mix(self.from.seed ^ set) };
+        EmitterView { from: GatherPoint { seed, ..self.from }, ..self.clone() }
+    }
+
     /// Visible part of the emitter's irradiance.
     pub(super) fn visible(&self) -> f64 {
         if self.sum > 0.0 { self.seen / self.sum } else { 1.0 }

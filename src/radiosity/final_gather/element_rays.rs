@@ -171,8 +171,7 @@ impl FinalGather<'_> {
     ) -> Vec<(Vec3, f32)> {
         let Buffers { vertices, scratch, .. } = buffers;
         let mut parts = vec![(Vec3::ZERO, 0.0); vertices.len()];
-        let scattered = self.linked.engine.scattered();
-        let engine = if self.emitters.emitters.len() == 1 { &self.linked.engine } else { &scattered };
+        let engine = self.of_elements.get_or_init(|| self.engine_of_elements());
         // Exact rays of several leaves fill packets together; other engines take one feature size a packet.
         let mixes = matches!(engine, VisibilityEngine::Exact(_));
         let (mut packet, mut rays) = (Packet::EMPTY, [0usize; LANES]);

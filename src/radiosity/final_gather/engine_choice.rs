@@ -6,14 +6,16 @@
 use super::direct_light::{EmitterView, GatherPoint};
 use super::gatherer::FinalGather;
 use crate::math::sampling::mix;
+use crate::radiosity::elements::Shape;
 use crate::radiosity::links::{Scratch, VisibilityEngine, VisibilityQuery};
-use crate::visibility::{LeafMode, rays_for, sample_runs};
+use crate::visibility::{Cut, LeafMode, rays_for, sample_runs};
 use glam::Vec3;
 use std::sync::Arc;
 
-/// Smallest number of points for which the cut is considered: sixteen times those of a sample, so that choosing takes a small part of the
-/// time of all points.
-const MIN_CUT_POINTS: usize = 1 << 12;
+/// Smallest number of points for which the cut is made, and the number of triangles for one more: by exact rays so many points take about
+/// twice the time of making it, 1 s on each of two processors for the garden of `make scenes` and 6 s for its park of 1.9 million triangles.
+const MIN_CUT_POINTS: usize = 1 << 14;
+const TRIANGLES_PER_POINT: usize = 16;
 /// Largest work to an error, relative to that of exact rays, with which the cut is taken: work is an estimate, and mean squares of 256
 /// points are known to about a tenth.
 const MAX_WORK_RATIO: f64 = 0.8;
@@ -27,15 +29,40 @@ struct Trial {
 }
 
 impl FinalGather<'_> {
-    /// By emitter, the visibility engine for points like these.
-    pub(super) fn engines(&self, points: &[(Vec3, Vec3)]) -> Vec<VisibilityEngine> {
+    /// The distance cut, if so many points are asked for that it is worth making, and visibility is multi-resolution.
+    pub(super) fn cut_for(&self, points: usize) -> Option<Arc<Cut>> {
+        match &self.linked.engine {
+            VisibilityEngine::MultiResolution(engine) if engine.leaf() == LeafMode::Exact => {}
+            _ => return None,
+        }
+        let enough = MIN_CUT_POINTS + self.scene.triangles.len() / TRIANGLES_PER_POINT;
+        (points >= enough).then(|| self.model.cut()).flatten()
+    }
+
+    /// The engine for rays from elements to emitters: rays of one leaf end on one emitter only if there is no other one.
+    pub(super) fn engine_of_elements(&self) -> VisibilityEngine {
+        let elements = &self.linked.elements;
+        if self.emitters.emitters.len() != 1 {
+            return self.linked.engine.scattered();
+        }
+        let centre = |leaf: u32| {
+            let element = &elements.elements[leaf as usize];
+            let Shape::Surface { side, .. } = element.shape else { unreachable!("leaves are surfaces") };
+            (element.centre, elements.sides[side as usize].normal)
+        };
+        let centres: Vec<(Vec3, Vec3)> = self.linked.leaves().into_iter().map(centre).collect();
+        self.engines(&centres, None).swap_remove(0)
+    }
+
+    /// By emitter, the visibility engine for points like these, which may use the cut.
+    pub(super) fn engines(&self, points: &[(Vec3, Vec3)], cut: Option<Arc<Cut>>) -> Vec<VisibilityEngine> {
         let point = |i: usize| {
             let (at, normal) = points[i];
             self.gather_point(at, normal, mix(i as u64))
         };
         let runs: Vec<Vec<GatherPoint>> =
             sample_runs(points.len()).map(|run| run.map(point).collect()).collect();
-        let cut = if points.len() >= MIN_CUT_POINTS { self.engines_by_cut() } else { Vec::new() };
+        let cut = self.engines_by_cut(cut);
         let of = |emitter: usize| {
             let queries = |sample: &Vec<GatherPoint>| -> Vec<VisibilityQuery> {
                 let views = self.emitter_views(sample, emitter);
@@ -48,12 +75,9 @@ impl FinalGather<'_> {
     }
 
     /// The engines by the distance cut, with the work of a segment over that of exact rays; none unless visibility is multi-resolution.
-    fn engines_by_cut(&self) -> Vec<(VisibilityEngine, f64)> {
+    fn engines_by_cut(&self, cut: Option<Arc<Cut>>) -> Vec<(VisibilityEngine, f64)> {
         let VisibilityEngine::MultiResolution(engine) = &self.linked.engine else { return Vec::new() };
-        if engine.leaf() != LeafMode::Exact {
-            return Vec::new();
-        }
-        let engine = (**engine).clone().with_cut(self.model.cut());
+        let engine = (**engine).clone().with_cut(cut);
         engine.by_cut().map(|(by, work)| (VisibilityEngine::MultiResolution(Arc::new(by)), work)).collect()
     }
 

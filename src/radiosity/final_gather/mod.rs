@@ -14,6 +14,7 @@ mod paths;
 mod points;
 mod ray_rows;
 mod sharing;
+mod smooth_light;
 mod starts;
 mod untraced;
 

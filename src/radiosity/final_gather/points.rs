@@ -5,7 +5,7 @@ use super::gatherer::{Buffers, FinalGather};
 use crate::embree::Hits;
 use crate::math::sampling::{mix, numbers};
 use crate::radiosity::deadline::Deadline;
-use crate::radiosity::links::Tally;
+use crate::radiosity::links::{Tally, VisibilityEngine};
 use crate::radiosity::options::Options;
 use crate::radiosity::rgb::{Rgb, add};
 use crate::ray::{LANES, Packet};
@@ -34,35 +34,52 @@ impl FinalGather<'_> {
     /// Irradiance (W/m²) at points (scene units relative to the scene's origin, unit normals), in their order, and how visibility
     /// was answered. `done` learns of how many points more it is known.
     pub fn irradiance(&self, points: &[(Vec3, Vec3)], done: &(dyn Fn(usize) + Sync)) -> (Vec<Rgb>, Tally) {
-        let engines = self.engines(points);
+        let cut = self.cut_for(points.len());
+        let engines = self.engines(points, cut.clone());
+        let smooth = cut.map(|cut| self.smooth_light(points, &cut, &engines)).unwrap_or_default();
         let rows = self.ranks.rows(points.len().div_ceil(CHUNK));
         let made: Vec<(Vec<Rgb>, Tally)> = rows
             .numbers()
             .map_init(Buffers::default, |buffers, chunk| {
-                let points = &points[CHUNK * chunk..points.len().min(CHUNK * (chunk + 1))];
                 buffers.scratch.tally = Tally::default();
-                let seed = |i: usize| mix(self.linked.settings.seed ^ (CHUNK * chunk + i) as u64);
-                let points: Vec<GatherPoint> = points
-                    .iter()
-                    .enumerate()
-                    .map(|(i, &(at, normal))| self.gather_point(at, normal, seed(i)))
-                    .collect();
-                let mut values = self.direct(&points, &engines, &mut buffers.scratch);
-                if !self.hemispheres.is_empty() {
-                    for (value, point) in values.iter_mut().zip(&points) {
-                        add(value, 1.0, self.reflected_irradiance(point, buffers));
-                    }
-                }
+                let range = CHUNK * chunk..points.len().min(CHUNK * (chunk + 1));
+                let points = &points[range.clone()];
+                let known: Vec<Option<Rgb>> = range.map(|i| smooth.at(i)).collect();
+                let values = self.light_of_chunk((points, chunk), &known, &engines, buffers);
                 done(rows.steps(points.len()));
                 (values, buffers.scratch.tally)
             })
             .collect();
-        let (mut values, mut tally) = (Vec::with_capacity(points.len()), Tally::default());
+        let (mut values, mut tally) = (Vec::with_capacity(points.len()), smooth.tally);
         for (part, counts) in rows.gather(made) {
             values.extend(part);
             tally.add(counts);
         }
         (values, tally)
+    }
+
+    /// Irradiance at the points of a chunk, the direct part of which is `known` at some.
+    fn light_of_chunk(
+        &self,
+        (points, chunk): (&[(Vec3, Vec3)], usize),
+        known: &[Option<Rgb>],
+        engines: &[VisibilityEngine],
+        buffers: &mut Buffers,
+    ) -> Vec<Rgb> {
+        let seed = |k: usize| mix(self.linked.settings.seed ^ (CHUNK * chunk + k) as u64);
+        let point = |k: usize| self.gather_point(points[k].0, points[k].1, seed(k));
+        let by_rays: Vec<usize> = (0..points.len()).filter(|&k| known[k].is_none()).collect();
+        let asked: Vec<GatherPoint> = by_rays.iter().map(|&k| point(k)).collect();
+        let mut values: Vec<Rgb> = known.iter().map(|value| value.unwrap_or_default()).collect();
+        for (k, light) in by_rays.into_iter().zip(self.direct(&asked, 1, engines, &mut buffers.scratch)) {
+            values[k] = light;
+        }
+        if !self.hemispheres.is_empty() {
+            for (k, value) in values.iter_mut().enumerate() {
+                add(value, 1.0, self.reflected_irradiance(&point(k), buffers));
+            }
+        }
+        values
     }
 
     /// Options with fewer rays, if the time is too short for all rays at these points.

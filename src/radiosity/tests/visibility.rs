@@ -14,6 +14,7 @@ use crate::radiosity::refinement::{
 };
 use crate::radiosity::surroundings::probe;
 use crate::scene::generate::{Spec, build};
+use crate::scene::testing::Pieces;
 use glam::Vec3;
 
 /// A few trees under a sky.
@@ -31,6 +32,21 @@ pub(super) fn ground(scene: &Scene, n: usize) -> Vec<Point> {
     (0..n).map(|i| Point { position: place(at(i)), normal: DVec3::Z }).collect()
 }
 
+/// Number of points for which the distance cut is made in scenes of up to 8,000 triangles, and of those that are judged.
+const MANY: usize = (1 << 14) + 512;
+const JUDGED: usize = 2048;
+
+/// Largest irradiance.
+fn largest(found: &Outcome) -> f64 {
+    found.irradiance.iter().map(|e| mean(*e)).fold(0.0, f64::max)
+}
+
+/// Mean square error of the first points, relative to the square of `free`.
+fn mean_square(found: &Outcome, truth: &Outcome, free: f64) -> f64 {
+    let errors = found.irradiance.iter().zip(&truth.irradiance);
+    errors.map(|(a, b)| ((mean(*a) - mean(*b)) / free).powi(2)).sum::<f64>() / truth.irradiance.len() as f64
+}
+
 /// Skylight at many points under leaves, by the distance cut: it averages, and its mean square error exceeds that of exact rays with
 /// the same tolerance by no more than the square of the tolerance.
 #[test]
@@ -38,20 +54,15 @@ fn skylight_under_leaves_is_averaged_within_its_tolerance() {
     let mut spec = Spec::new("forest");
     (spec.trees, spec.leaves) = (20, 300);
     let scene = build(&spec).expect("a forest");
-    let points = ground(&scene, 4096);
-    let direct = |visibility, error| {
+    let points = ground(&scene, MANY);
+    let direct = |points: &[Point], visibility, error| {
         let options = Options { direct_only: true, error, ..with(visibility) };
-        solved(&scene, &points, &options)
+        solved(&scene, points, &options)
     };
-    let truth = direct(Visibility::Exact, 0.002);
-    let (exact, mr) = (direct(Visibility::Exact, 0.02), direct(Visibility::Mr, 0.02));
-    let free = truth.irradiance.iter().map(|e| mean(*e)).fold(0.0, f64::max);
-    let square = |found: &Outcome| {
-        let errors = found.irradiance.iter().zip(&truth.irradiance);
-        errors.map(|(a, b)| ((mean(*a) - mean(*b)) / free).powi(2)).sum::<f64>() / 4096.0
-    };
+    let truth = direct(&points[..JUDGED], Visibility::Exact, 0.002);
+    let (exact, mr) = (direct(&points, Visibility::Exact, 0.02), direct(&points, Visibility::Mr, 0.02));
     let bundles = |found: &Outcome| found.record.bundles;
-    assert!(bundles(&mr).aggregated + bundles(&mr).mixed > 4096, "{:?}", bundles(&mr));
+    assert!(bundles(&mr).aggregated + bundles(&mr).mixed > MANY as u64, "{:?}", bundles(&mr));
     assert!(
         3 * bundles(&mr).segments < 2 * bundles(&exact).segments,
         "{:?} {:?}",
@@ -59,7 +70,46 @@ fn skylight_under_leaves_is_averaged_within_its_tolerance() {
         bundles(&exact)
     );
     // 0.02 allows a standard error of 1 / (2 √250).
-    assert!(square(&mr) < square(&exact) + 0.25 / 250.0, "{} {}", square(&mr), square(&exact));
+    let [exact, mr] = [&exact, &mr].map(|found| mean_square(found, &truth, largest(&truth)));
+    assert!(mr < exact + 0.25 / 250.0, "{mr} {exact}");
+}
+
+/// Light at dense points on a floor with a wall and leaves high above: it is interpolated away from the wall, with an error that
+/// exceeds that of exact rays by no more than the tolerance, and nothing leaks through the wall into the dark behind it.
+#[test]
+fn light_of_dense_points_is_interpolated_and_leaks_through_no_wall() {
+    let room = |leaves: u32| {
+        let mut pieces = Pieces::new();
+        pieces.object("floor").quad(DVec3::ZERO, DVec3::X * 20.0, DVec3::Y * 20.0);
+        pieces.object("wall").quad(DVec3::new(2.0, 0.0, 4.0), DVec3::Y * 20.0, DVec3::Z * 8.0);
+        pieces.object("leaves");
+        for k in 0..leaves {
+            let at = |factor: f64| (f64::from(k) * factor).fract() - 0.5;
+            let place = DVec3::new(5.0 * at(0.618_034) - 4.0, 8.0 * at(0.754_878), 5.0 + at(0.569_840));
+            pieces.quad(place, DVec3::new(0.1, 0.1 * at(0.3), 0.05), DVec3::new(0.1 * at(0.7), 0.1, -0.05));
+        }
+        pieces.light(DVec3::new(-4.0, 0.0, 8.0), DVec3::X * 4.0, DVec3::Y * -4.0);
+        pieces.scene()
+    };
+    let scene = room(3000);
+    // In an order in which the first points are spread over all.
+    let place = |i: usize| {
+        let k = i * 6_101 % (130 * 130);
+        DVec3::new((k % 130) as f64 / 10.0 - 6.5, (k / 130) as f64 / 10.0 - 6.5, 0.0)
+    };
+    let points: Vec<Point> = (0..130 * 130).map(|i| Point { position: place(i), normal: DVec3::Z }).collect();
+    let options =
+        |visibility, error| Options { direct_only: true, error, feature_size: Some(1.0), ..with(visibility) };
+    let direct = |points: &[Point], visibility, error| solved(&scene, points, &options(visibility, error));
+    let free = largest(&solved(&room(0), &points, &options(Visibility::Exact, 0.1)));
+    let truth = direct(&points[..JUDGED], Visibility::Exact, 0.002);
+    let (exact, mr) = (direct(&points, Visibility::Exact, 0.02), direct(&points, Visibility::Mr, 0.02));
+    let segments = [&exact, &mr].map(|found| found.record.bundles.segments);
+    assert!(3 * segments[1] < segments[0], "{segments:?}");
+    let [by_rays, smooth] = [&exact, &mr].map(|found| mean_square(found, &truth, free));
+    assert!(smooth < by_rays + 0.25 / 250.0, "{smooth} {by_rays}");
+    let dark = (0..points.len()).filter(|&i| place(i).x > 2.0);
+    assert!(dark.clone().count() > 4000 && dark.clone().all(|i| mean(mr.irradiance[i]) == 0.0));
 }
 
 fn with(visibility: Visibility) -> Options {

@@ -5,7 +5,6 @@
 //! What it averages depends neither on the feature size of a query nor on its number of segments, so that the pilot that measures its
 //! errors holds for all.
 
-#[cfg(any(test, feature = "reports"))]
 mod ball;
 mod build;
 mod extinction;
@@ -23,7 +22,6 @@ use super::answer::{Answer, Bundle, Cost, Method, interval, wilson};
 use crate::ray::{LANES, Occluder};
 use crate::scene::Scene;
 use crate::simd::{Isa, dispatch};
-#[cfg(any(test, feature = "reports"))]
 pub(super) use ball::HalfBall;
 use layout::{Block, Extinctions, Node};
 pub use modes::Mode;
@@ -124,7 +122,6 @@ impl Cut {
     }
 
     /// Whether no triangle touches a half ball.
-    #[cfg(any(test, feature = "reports"))]
     pub(super) fn is_empty(&self, ball: HalfBall) -> bool {
         dispatch(self.isa, ball::IsEmpty { cut: self, ball })
     }

@@ -6,39 +6,25 @@ mod targets;
 mod tests;
 
 use super::answer::{Answer, Bundle};
-use super::cut::{Cut, HalfBall, Mode};
+use super::cut::{Cut, Mode};
 use super::exact::Exact;
 use super::multires::MultiResolution;
-use crate::ray::{EndRule, Packet};
+use super::probe::Probe;
+use crate::ray::Packet;
 use crate::scene::{EmitterSampler, Scene};
-use glam::Vec3;
 use std::sync::Arc;
 use targets::Targets;
 
 /// Smallest gain at which the cut looks from probes: the pilot knows gains to about a tenth.
 const MIN_GAIN: f32 = 1.25;
 
-/// A point of a surface, lifted off it.
-#[derive(Clone, Copy, Debug)]
-pub struct Probe {
-    at: Vec3,
-    normal: Vec3,
-    rule: EndRule,
-}
-
-impl Probe {
-    /// A point of a surface with faces of this magnitude, see [`EndRule`].
-    pub fn new(position: Vec3, normal: Vec3, magnitude: f32) -> Probe {
-        let rule = EndRule::new(magnitude);
-        Probe { at: rule.lifted(position, normal), normal, rule }
-    }
-}
-
 /// What probes of a model are made with.
 pub struct FarField<'a> {
     cut: Arc<Cut>,
     exact: Exact,
-    emitters: Vec<(&'a EmitterSampler, Targets)>,
+    emitters: &'a [EmitterSampler],
+    /// By emitter.
+    targets: Vec<Targets>,
 }
 
 /// Memory of segments, kept between probes.
@@ -52,28 +38,20 @@ impl<'a> FarField<'a> {
     /// Segments of all probes end in `cells` cells of each emitter. `None` if the engine has no distance cut.
     pub fn new(
         engine: &MultiResolution,
-        (scene, samplers): (&Scene, &'a [EmitterSampler]),
+        (scene, emitters): (&Scene, &'a [EmitterSampler]),
         (cells, seed): (usize, u32),
     ) -> Option<FarField<'a>> {
         let cut = engine.cut.clone()?;
-        let emitter = |(k, sampler): (u32, &'a EmitterSampler)| {
-            (sampler, Targets::new(scene, sampler, cells, seed ^ k.wrapping_mul(0x9e37_79b9)))
+        let targets = |(k, emitter): (u32, &EmitterSampler)| {
+            Targets::new(scene, emitter, cells, seed ^ k.wrapping_mul(0x9e37_79b9))
         };
-        Some(FarField { cut, exact: engine.exact(), emitters: (0..).zip(samplers).map(emitter).collect() })
+        let targets = (0..).zip(emitters).map(targets).collect();
+        Some(FarField { cut, exact: engine.exact(), emitters, targets })
     }
 
-    /// Whether nothing lies within this radius of a probe above its surface. A triangle close to the ball may count.
-    pub fn is_clear(&self, probe: &Probe, radius: f32) -> bool {
-        let Probe { at, normal, rule } = *probe;
-        self.cut.is_empty(HalfBall { at, radius, normal, depth: 0.5 * rule.height() })
-    }
-
-    /// Smallest angle of an emitter seen from a probe, radians, at most 1.
-    pub fn angle(&self, probe: &Probe) -> f32 {
-        let angle = |(sampler, _): &(&EmitterSampler, Targets)| {
-            sampler.size_from(probe.at) / sampler.distance(probe.at).max(f32::MIN_POSITIVE)
-        };
-        self.emitters.iter().map(angle).fold(1.0, f32::min)
+    /// [`Probe::is_clear`] for probes of this far field.
+    pub fn is_clear(&self, probe: &Probe, apart: f32) -> bool {
+        probe.is_clear(&self.cut, self.emitters, apart)
     }
 
     /// Fraction of an emitter that a probe sees, by one or several sets of segments.
@@ -85,7 +63,7 @@ impl<'a> FarField<'a> {
         scratch: &mut Scratch,
     ) -> Answer {
         let Scratch { packets, blocked } = scratch;
-        let (sampler, targets) = &self.emitters[emitter];
+        let (sampler, targets) = (&self.emitters[emitter], &self.targets[emitter]);
         packets.clear();
         sets.for_each(|set| targets.add_segments(probe, set, packets));
         Packet::share_slack(packets);

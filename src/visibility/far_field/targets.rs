@@ -1,9 +1,9 @@
 //! Points on an emitter in cells of equal area: ends of the segments of all probes.
 
-use super::Probe;
 use crate::math::sampling::mix;
 use crate::ray::{EndRule, LANES, Packet, gather_neighbours};
 use crate::scene::{EmitterSampler, Scene};
+use crate::visibility::probe::Probe;
 use glam::Vec3;
 use sobol_burley::sample_4d;
 

@@ -5,7 +5,7 @@ use crate::ray::LANES;
 use crate::scene::testing::{Pieces, unit};
 use crate::visibility::LeafMode;
 use crate::visibility::testing::Stage;
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use rand_pcg::Pcg64Mcg;
 
 /// A floor, a square lamp of 4 by 4 at a height of 10 above its centre, and what is added.
@@ -42,7 +42,7 @@ fn a_ball_is_clear_up_to_the_nearest_wall() {
     for x in [-9.0, -3.0, 0.0, 1.9, 2.2, 5.0] {
         let distance = (x - 2.0f32).abs();
         for (part, clear) in [(0.3, true), (0.99, true), (1.01, false), (1.5, false)] {
-            assert_eq!(field.is_clear(&on_floor(x, 1.0), part * distance), clear, "{x} {part}");
+            assert_eq!(on_floor(x, 1.0).is_empty_within(&field.cut, part * distance), clear, "{x} {part}");
         }
     }
 }
@@ -75,7 +75,7 @@ fn nothing_blocks_segments_in_clear_balls() {
             packet.set_between(lane, a, b, [0.0, 1.0]);
         }
         let answer = engine.exact().answer(Bundle::of_packet(&packet, 0.0), &mut blocked);
-        if field.is_clear(&probe, radius) {
+        if probe.is_empty_within(&field.cut, radius) {
             assert_eq!(answer.transmittance, 1.0);
             clear += 1;
         }
