@@ -42,13 +42,13 @@ const COVERED: [[&str; 3]; 6] = [
     ],
     [
         "1997: a consistent solution results whatever time is allocated",
-        "covered: steps of limited time, an end at any time or number of links",
+        "covered in part: steps of limited time, an end at any time or number of links; power received is not always power sent",
         "`mrvis reproduce --only later --out DIR`; `mrvis generate office --out office.obj` and \
          `mrvis solve office.obj --step-seconds 0.1 --max-seconds 2 --out DIR`",
     ],
     [
         "Daubert et al. 1997: plants as clusters",
-        "covered: leaves as two-sided surfaces, measured extinction, instances of plants",
+        "covered: leaves as two-sided surfaces, measured extinction, instances of plants; averaged where that takes less time to an error",
         "`mrvis reproduce --only later --out DIR`; `mrvis generate forest --instances --out forest.obj` and \
          `mrvis bench forest.obj --out DIR`",
     ],

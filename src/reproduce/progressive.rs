@@ -1,7 +1,7 @@
 //! Progressive multi-gridding: section 6.2 of the paper.
 
 use super::item::Item;
-use super::table::{Table, count, number};
+use super::table::{Cell, Table, count, number};
 use super::{Context, counts_of, fixed, list};
 use crate::Result;
 use crate::model::{Model, PrepareOptions};
@@ -34,6 +34,11 @@ impl Audited {
     fn error(&self) -> f64 {
         0.5 * (self.errors[0] + self.errors[1])
     }
+
+    /// The error in a table.
+    fn cell(&self) -> Cell {
+        if self.error().is_finite() { number(self.error(), 1) } else { "unknown".into() }
+    }
 }
 
 /// What is judged.
@@ -43,6 +48,8 @@ struct Measured {
     step: f64,
     /// Of the solve in steps of limited time, by iteration: seconds, links and replaced links.
     iterations: Vec<(f64, usize, usize)>,
+    /// By iteration, of solves that end at as many links.
+    after: Vec<Audited>,
     /// Of solves that end at growing numbers of links.
     ends: Vec<Audited>,
     /// Of the stepped solve in the end, and of solves with as many links that are refined without limits of time, and by the light that
@@ -75,6 +82,7 @@ pub fn multigridding(context: &Context) -> Result<Item> {
         polygons,
         step,
         iterations: record.iterations.iter().map(|i| (i.seconds, i.links, i.refined)).collect(),
+        after: record.iterations.iter().map(|i| end(i.links, Oracle::Error)).collect::<Result<_>>()?,
         ends: ENDS[small].iter().map(|&n| end(n, Oracle::Error)).collect::<Result<_>>()?,
         own,
         other: end(own.links, Oracle::Error)?,
@@ -86,7 +94,7 @@ pub fn multigridding(context: &Context) -> Result<Item> {
              0). A solve in steps (options `step_seconds` {step}, `max_links` {max_links}): each refines the links above the threshold that a \
              histogram of their errors gives for the time. The record of a solve does not hold the number of links k that a step plans, so that \
              the first sentence of the claim is tested by unit tests of the histogram, not here. RMS errors, relative to the mean irradiance, \
-             are those of solves that end at given numbers of links, measured by independent paths at {AUDITED} elements; means of two solves \
+             are those of solves that end at given numbers of links, and at those of the iterations, measured by independent paths at {AUDITED} elements; means of two solves \
              with other random numbers, whose differences, pooled, tell the noise. In the end that of the stepped solve itself stands beside, \
              and that of links refined by the light that they transport (BF refinement of P. Hanrahan and others 1991, option `oracle`)."
         ),
@@ -118,15 +126,17 @@ fn plot(measured: &Measured) -> Plot {
 
 /// The iterations of the solve in steps.
 fn iterations(measured: &Measured) -> Table {
-    let columns = ["iteration", "time, s", "paper, s", "links", "refined"];
+    let columns = ["iteration", "time, s", "paper, s", "links", "refined", "RMS error after it, %"];
     let mut table = Table::new("Iterations in steps of limited time", &columns);
-    for (k, (seconds, links, refined)) in measured.iterations.iter().enumerate() {
+    for (k, ((seconds, links, refined), after)) in measured.iterations.iter().zip(&measured.after).enumerate()
+    {
         table.push([
             count(k + 1),
             number(*seconds, 2),
             number(PAPER_SECONDS, 0),
             count(*links),
             count(*refined),
+            after.cell(),
         ]);
     }
     table
@@ -137,8 +147,7 @@ fn errors(measured: &Measured) -> Table {
     let title = format!("Errors; standard error {} % of each", fixed(100.0 * noise(measured), 1));
     let mut table = Table::new(title, &["links refined by", "links", "RMS error, %"]);
     let mut push = |name: &str, of: &Audited| {
-        let error = if of.error().is_finite() { number(of.error(), 1) } else { "unknown".into() };
-        table.push([name.into(), count(of.links), error]);
+        table.push([name.into(), count(of.links), of.cell()]);
     };
     measured.ends.iter().for_each(|end| push("error bounds", end));
     push("error bounds, in steps", &measured.own);
@@ -236,6 +245,7 @@ mod tests {
         let mut measured = Measured {
             polygons: 7000,
             step: 0.5,
+            after: vec![of(1, 200.0), of(100, 100.0), of(400, 50.0)],
             iterations: vec![(0.5, 1, 0), (0.6, 100, 30), (0.5, 400, 100)],
             ends: vec![of(1, 200.0), of(100, 100.0), of(400, 50.0)],
             own: of(400, 51.0),

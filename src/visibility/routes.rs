@@ -138,7 +138,7 @@ impl MultiResolution {
                 best = (cost, route);
             }
         }
-        // Fitting takes longer than a trial, and takes no more off the mean square than the square of the mean.
+        // Fitting takes longer than a trial, so that walks which would be too slow without their mean error are not fitted.
         if trial(Route::WALKS, best.0).without_mean().cost() < best.0 {
             let walks = self.fitted_walks(mean, s, workspace);
             if self.with_route(walks).trial((sample, &rays), s, best.0, workspace).cost() < best.0 {

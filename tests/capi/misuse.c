@@ -151,6 +151,9 @@ static void sizes_and_numbers(void) {
   newer.known.detail = 0;
   newer.known.builder = 9;
   WRONG(mrv_model_prepare(scene, &newer.known, &m), "builder` 9");
+  newer.known.builder = MRV_BUILDER_SAH;
+  OK(mrv_model_prepare(scene, &newer.known, &m));
+  mrv_model_release(m);
   newer.known.builder = 0;
   newer.known.threads = 1u << 20;
   WRONG(mrv_model_prepare(scene, &newer.known, &m), "`options.threads` 1048576");

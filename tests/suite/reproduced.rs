@@ -91,14 +91,18 @@ fn builders_change_clusters_and_no_exact_answer() {
             std::fs::read_to_string(scratch.path(&format!("{builder}/irradiance.csv"))).expect("irradiance");
         [scratch.json(&info), scratch.json(&bench), scratch.json(&out), irradiance.into()]
     };
-    let [grids, kdtree] = ["grids", "kdtree"].map(by);
-    for (name, [info, bench, solve, _]) in [("grids", &grids), ("kdtree", &kdtree)] {
-        assert_eq!(info["scene"]["builder"], name);
-        assert_eq!(bench["build"]["builder"], name);
-        assert_eq!(solve["options"]["builder"], name);
+    let names = ["grids", "kdtree", "goldsmith-salmon", "sah"];
+    let all = names.map(by);
+    for (k, (name, [info, bench, solve, irradiance])) in names.iter().zip(&all).enumerate() {
+        assert_eq!(info["scene"]["builder"], *name);
+        assert_eq!(bench["build"]["builder"], *name);
+        assert_eq!(solve["options"]["builder"], *name);
+        assert!(bench["exact"][0]["rms"].is_f64());
+        assert_eq!(bench["exact"][0]["rms"], all[0][1]["exact"][0]["rms"]);
+        assert_eq!(irradiance, &all[0][3]);
+        assert!(
+            all[..k].iter().all(|other| other[0]["scene"]["clusters"] != info["scene"]["clusters"]),
+            "{name}"
+        );
     }
-    assert_ne!(grids[0]["scene"]["clusters"], kdtree[0]["scene"]["clusters"]);
-    assert_eq!(grids[1]["exact"][0]["rms"], kdtree[1]["exact"][0]["rms"]);
-    assert!(grids[1]["exact"][0]["rms"].is_f64());
-    assert_eq!(grids[3], kdtree[3]);
 }

@@ -105,16 +105,16 @@ impl Map<'_> {
             by_features.push((e.seconds, fbem_of(&self.image, &made.image, row.feature_size)?));
         }
         let queries = over(usize::MAX, &|e| e.seconds, row.seconds);
-        let with_setup =
-            |spacing| over(spacing, &|e| e.seconds, row.seconds + row.setup_s).map(|found| found.0);
+        let with_setup = |spacing| over(spacing, &|e| e.seconds, row.seconds + row.setup_s);
         let prepared = row.seconds + row.setup_s + build.embree_s + build.mr_preparation();
         let with_preparation = over(usize::MAX, &|e| e.seconds + build.embree_s, prepared);
         let same_features = interpolate_log_log(&by_features, row.fbem);
         Ok(MapMrRow {
             speedup_at_same_rms: queries.map(|found| found.0),
             extrapolated: queries.is_some_and(|found| found.1),
-            speedup_with_setup: with_setup(usize::MAX),
-            speedup_over_texels: with_setup(1),
+            speedup_with_setup: with_setup(usize::MAX).map(|found| found.0),
+            speedup_over_texels: with_setup(1).map(|found| found.0),
+            texels_extrapolated: with_setup(1).is_some_and(|found| found.1),
             speedup_with_preparation: with_preparation.map(|found| found.0),
             speedup_at_same_fbem: same_features.and_then(|same| ratio(same.seconds, row.seconds)),
             ..row

@@ -84,10 +84,11 @@ fn measured(rays: usize, spacing: usize, [time, setup]: [f64; 2], [rms, bias]: [
 }
 
 fn mr_row(row: &MapMrRow, unit: &str) -> [Cell; 13] {
-    let speed = |v: Option<f64>| {
-        let about = if row.extrapolated { "~" } else { "" };
+    let about = |v: Option<f64>, extrapolated: bool| {
+        let about = if extrapolated { "~" } else { "" };
         Cell::from(format!("{about}{}", times(v))).loss(v.is_some_and(|v| v < 1.0))
     };
+    let speed = |v: Option<f64>| about(v, row.extrapolated);
     let [rays, spacing, time, setup, rms, bias] =
         measured(row.rays, row.spacing, [row.seconds, row.setup_s], [row.rms, row.bias]);
     [
@@ -101,7 +102,7 @@ fn mr_row(row: &MapMrRow, unit: &str) -> [Cell; 13] {
         number(row.fbem).into(),
         speed(row.speedup_at_same_rms),
         speed(row.speedup_with_setup),
-        times(row.speedup_over_texels).into(),
+        about(row.speedup_over_texels, row.texels_extrapolated),
         speed(row.speedup_with_preparation),
         Cell::from(times(row.speedup_at_same_fbem)).loss(row.speedup_at_same_fbem.is_some_and(|v| v < 1.0)),
     ]

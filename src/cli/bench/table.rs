@@ -168,7 +168,7 @@ fn maps(maps: &[MapRecord]) -> String {
                 row.fbem,
                 times(row.speedup_at_same_rms, row.extrapolated),
                 times(row.speedup_with_setup, row.extrapolated),
-                times(row.speedup_over_texels, false),
+                times(row.speedup_over_texels, row.texels_extrapolated),
                 times(row.speedup_at_same_fbem, false)
             );
         }

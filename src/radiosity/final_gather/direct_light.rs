@@ -50,6 +50,12 @@ impl FinalGather<'_> {
         values
     }
 
+    /// Irradiance at a point if nothing blocked the light, mean over the channels, W/m².
+    pub(super) fn unblocked_at(&self, point: &GatherPoint) -> f64 {
+        let views = |emitter| self.emitter_views(std::slice::from_ref(point), emitter);
+        (0..self.emitters.emitters.len()).flat_map(views).map(|view| f64::from(mean(view.free) as f32)).sum()
+    }
+
     /// The points that face an emitter's front, with their unoccluded irradiance.
     pub(super) fn emitter_views(&self, points: &[GatherPoint], emitter: usize) -> Vec<EmitterView> {
         let faces = &self.emitters.emitters[emitter].faces;

@@ -29,14 +29,14 @@ struct Trial {
 }
 
 impl FinalGather<'_> {
-    /// The distance cut, if so many points are asked for that it is worth making, and visibility is multi-resolution.
+    /// The distance cut, if so many points are asked for that it is worth making, there is time, and visibility is multi-resolution.
     pub(super) fn cut_for(&self, points: usize) -> Option<Arc<Cut>> {
         match &self.linked.engine {
             VisibilityEngine::MultiResolution(engine) if engine.leaf() == LeafMode::Exact => {}
             _ => return None,
         }
         let enough = MIN_CUT_POINTS + self.scene.triangles.len() / TRIANGLES_PER_POINT;
-        (points >= enough).then(|| self.model.cut()).flatten()
+        (self.has_time && points >= enough).then(|| self.model.cut()).flatten()
     }
 
     /// The engine for rays from elements to emitters: rays of one leaf end on one emitter only if there is no other one.

@@ -31,6 +31,8 @@ pub struct FinalGather<'a> {
     pub(super) traversal: Traversal,
     pub(super) lookup: Lookup,
     pub(super) emitters: Arc<Emitters>,
+    /// Whether there is time to make a distance cut: nothing limits the time of the solve.
+    pub(super) has_time: bool,
     /// [`FinalGather::engine_of_elements`], once it is asked for.
     pub(super) of_elements: OnceLock<VisibilityEngine>,
     /// Reflected radiosity by element, W/m².
@@ -132,6 +134,7 @@ impl<'a> FinalGather<'a> {
             traced: model.traced().clone(),
             traversal: model.widest_packets(),
             emitters: linked.emitters(scene),
+            has_time: options.max_seconds.is_none(),
             of_elements: OnceLock::new(),
             table,
             light_rays: options.light_rays(),

@@ -2,6 +2,7 @@
 
 use super::direct_light::{CHUNK, GatherPoint};
 use super::gatherer::{Buffers, FinalGather};
+use super::smooth_light::SmoothLight;
 use crate::embree::Hits;
 use crate::math::sampling::{mix, numbers};
 use crate::radiosity::deadline::Deadline;
@@ -11,6 +12,7 @@ use crate::radiosity::rgb::{Rgb, add};
 use crate::ray::{LANES, Packet};
 use glam::Vec3;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Points whose rays are timed for an estimate: a quarter of the points of one task. Used with a time limit only.
 const TIMED_POINTS: usize = CHUNK / 4;
@@ -30,27 +32,53 @@ pub fn with_fewer_rays(options: &Options, part: f64) -> Options {
     }
 }
 
+/// How direct light is found at many points.
+pub struct DirectLight {
+    /// By emitter.
+    engines: Vec<VisibilityEngine>,
+    smooth: SmoothLight,
+}
+
 impl FinalGather<'_> {
     /// Irradiance (W/m²) at points (scene units relative to the scene's origin, unit normals), in their order, and how visibility
     /// was answered. `done` learns of how many points more it is known.
     pub fn irradiance(&self, points: &[(Vec3, Vec3)], done: &(dyn Fn(usize) + Sync)) -> (Vec<Rgb>, Tally) {
+        let direct = self.direct_light_for(points);
+        let (values, mut tally) = self.irradiance_of(points, 0..points.len(), &direct, done);
+        tally.add(direct.smooth.tally);
+        (values, tally)
+    }
+
+    /// How direct light is found at all of these points.
+    pub fn direct_light_for(&self, points: &[(Vec3, Vec3)]) -> DirectLight {
         let cut = self.cut_for(points.len());
         let engines = self.engines(points, cut.clone());
         let smooth = cut.map(|cut| self.smooth_light(points, &cut, &engines)).unwrap_or_default();
-        let rows = self.ranks.rows(points.len().div_ceil(CHUNK));
+        DirectLight { engines, smooth }
+    }
+
+    /// [`FinalGather::irradiance`] of a part of the points, without the cost of what was made for all of them.
+    pub fn irradiance_of(
+        &self,
+        points: &[(Vec3, Vec3)],
+        part: Range<usize>,
+        direct: &DirectLight,
+        done: &(dyn Fn(usize) + Sync),
+    ) -> (Vec<Rgb>, Tally) {
+        let rows = self.ranks.rows(part.len().div_ceil(CHUNK));
         let made: Vec<(Vec<Rgb>, Tally)> = rows
             .numbers()
             .map_init(Buffers::default, |buffers, chunk| {
                 buffers.scratch.tally = Tally::default();
-                let range = CHUNK * chunk..points.len().min(CHUNK * (chunk + 1));
-                let points = &points[range.clone()];
-                let known: Vec<Option<Rgb>> = range.map(|i| smooth.at(i)).collect();
-                let values = self.light_of_chunk((points, chunk), &known, &engines, buffers);
-                done(rows.steps(points.len()));
+                let first = part.start + CHUNK * chunk;
+                let range = first..part.end.min(first + CHUNK);
+                let count = range.len();
+                let values = self.light_of_chunk(points, range, direct, buffers);
+                done(rows.steps(count));
                 (values, buffers.scratch.tally)
             })
             .collect();
-        let (mut values, mut tally) = (Vec::with_capacity(points.len()), smooth.tally);
+        let (mut values, mut tally) = (Vec::with_capacity(part.len()), Tally::default());
         for (part, counts) in rows.gather(made) {
             values.extend(part);
             tally.add(counts);
@@ -58,25 +86,39 @@ impl FinalGather<'_> {
         (values, tally)
     }
 
-    /// Irradiance at the points of a chunk, the direct part of which is `known` at some.
+    /// Irradiance at a few of the points.
     fn light_of_chunk(
         &self,
-        (points, chunk): (&[(Vec3, Vec3)], usize),
-        known: &[Option<Rgb>],
-        engines: &[VisibilityEngine],
+        points: &[(Vec3, Vec3)],
+        range: Range<usize>,
+        DirectLight { engines, smooth }: &DirectLight,
         buffers: &mut Buffers,
     ) -> Vec<Rgb> {
-        let seed = |k: usize| mix(self.linked.settings.seed ^ (CHUNK * chunk + k) as u64);
-        let point = |k: usize| self.gather_point(points[k].0, points[k].1, seed(k));
-        let by_rays: Vec<usize> = (0..points.len()).filter(|&k| known[k].is_none()).collect();
-        let asked: Vec<GatherPoint> = by_rays.iter().map(|&k| point(k)).collect();
-        let mut values: Vec<Rgb> = known.iter().map(|value| value.unwrap_or_default()).collect();
-        for (k, light) in by_rays.into_iter().zip(self.direct(&asked, 1, engines, &mut buffers.scratch)) {
-            values[k] = light;
+        let reflects = !self.hemispheres.is_empty();
+        let point = |i: usize| {
+            let seed = mix(self.linked.settings.seed ^ i as u64);
+            self.gather_point(points[i].0, points[i].1, seed)
+        };
+        let (mut values, mut asked, mut places) = (Vec::new(), Vec::new(), Vec::new());
+        let mut all = Vec::new();
+        for i in range {
+            let known = smooth.at(i);
+            if known.is_none() || reflects {
+                let point = point(i);
+                if known.is_none() {
+                    asked.push(point);
+                    places.push(values.len());
+                }
+                all.push(point);
+            }
+            values.push(known.unwrap_or_default());
         }
-        if !self.hemispheres.is_empty() {
-            for (k, value) in values.iter_mut().enumerate() {
-                add(value, 1.0, self.reflected_irradiance(&point(k), buffers));
+        for (place, light) in places.into_iter().zip(self.direct(&asked, 1, engines, &mut buffers.scratch)) {
+            values[place] = light;
+        }
+        if reflects {
+            for (value, point) in values.iter_mut().zip(&all) {
+                add(value, 1.0, self.reflected_irradiance(point, buffers));
             }
         }
         values

@@ -1,7 +1,7 @@
 //! Direct light of many points on a plane: found by rays at the corners of cells that have nothing close to them, and interpolated at the
 //! points in between (docs/method.md, Far-field cache).
 
-use super::direct_light::CHUNK;
+use super::direct_light::{CHUNK, GatherPoint};
 use super::gatherer::{Buffers, FinalGather};
 use crate::math::sampling::mix;
 use crate::radiosity::links::{Tally, VisibilityEngine};
@@ -9,20 +9,27 @@ use crate::radiosity::rgb::Rgb;
 use crate::visibility::{Cut, Probe};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Sets of shadow rays at a corner: the mean of four corners errs by a quarter of what a point by itself does, a corner by half.
 const SETS: u64 = 4;
-/// Fewest points of a cell: its light takes about as long as that of one corner, which is twice as much for as many points.
+/// Fewest points of a cell. A corner costs as much as as many points as it has sets, and a lattice has one corner a cell: the light of
+/// cells with this many points takes half as long as by rays.
 const MIN_POINTS: usize = 2 * SETS as usize;
 /// Largest number of halvings of a plane.
 const MAX_LEVEL: u32 = 16;
 
+/// The corners of the cell of a point, and their weights.
+type Place = ([u32; 4], [f32; 4]);
+
+/// A corner with nothing close to it, and the light there without blockers, W/m².
+type Clear = (GatherPoint, f64);
+
 /// Direct light that is interpolated.
 #[derive(Default)]
 pub(super) struct SmoothLight {
-    /// By point, the corners of its cell and their weights; none for points whose light is found by rays.
-    places: Vec<Option<([u32; 4], [f32; 4])>>,
+    /// By point; none for points whose light is found by rays.
+    places: Vec<Option<Place>>,
     /// Irradiance at the corners, W/m².
     corners: Vec<Rgb>,
     /// Cost of the rays.
@@ -67,6 +74,12 @@ impl Cell {
         [[x, y], [x + 1, y], [x, y + 1], [x + 1, y + 1]].map(|at| at.map(|k| k << (MAX_LEVEL - self.level)))
     }
 
+    /// Its centre, as column and row of the finest level.
+    fn centre(&self) -> [u32; 2] {
+        let half = (1 << (MAX_LEVEL - self.level)) / 2;
+        self.corners()[0].map(|k| k + half)
+    }
+
     /// Weights of the corners at a place of the plane.
     fn weights(&self, place: Vec2) -> [f32; 4] {
         let within = place * (1u32 << self.level) as f32 - Vec2::new(self.at[0] as f32, self.at[1] as f32);
@@ -100,66 +113,89 @@ impl FinalGather<'_> {
     ) -> SmoothLight {
         let mut smooth = SmoothLight { places: vec![None; points.len()], ..SmoothLight::default() };
         let mut corners = Vec::new();
-        for plane in planes(points, 8.0 * self.slack) {
+        for plane in planes(points, 2.0 * self.slack) {
             self.add_plane(plane, cut, &mut corners, &mut smooth.places);
         }
-        let made: Vec<(Vec<Rgb>, Tally)> = corners
-            .par_chunks(CHUNK)
-            .map_init(Buffers::default, |buffers, corners| {
+        let rows = self.ranks.rows(corners.len().div_ceil(CHUNK));
+        let made: Vec<(Vec<Rgb>, Tally)> = rows
+            .numbers()
+            .map_init(Buffers::default, |buffers, chunk| {
                 buffers.scratch.tally = Tally::default();
-                let points: Vec<_> = corners
-                    .iter()
-                    .map(|&(at, normal): &(Vec3, Vec3)| self.gather_point(at, normal, seed_of(at)))
-                    .collect();
-                (self.direct(&points, SETS, engines, &mut buffers.scratch), buffers.scratch.tally)
+                let corners = &corners[CHUNK * chunk..corners.len().min(CHUNK * (chunk + 1))];
+                (self.direct(corners, SETS, engines, &mut buffers.scratch), buffers.scratch.tally)
             })
             .collect();
-        for (light, tally) in made {
+        for (light, tally) in rows.gather(made) {
             smooth.corners.extend(light);
             smooth.tally.add(tally);
         }
         smooth
     }
 
-    /// Divides a plane into cells; adds the corners of those with nothing close to them, and the places of their points. Cells are no larger
-    /// than the feature size, because shadows as wide as a cell are blurred.
+    /// Divides a plane into cells; adds the corners of those in which light is smooth, and the places of their points.
     fn add_plane(
         &self,
         plane: Plane,
         cut: &Cut,
-        corners: &mut Vec<(Vec3, Vec3)>,
-        places: &mut [Option<([u32; 4], [f32; 4])>],
+        corners: &mut Vec<GatherPoint>,
+        places: &mut [Option<Place>],
     ) {
         let Plane { normal, corner, axes, side, points } = plane;
         let at = |[x, y]: [u32; 2]| {
             let part = |k: u32| side * k as f32 / (1u32 << MAX_LEVEL) as f32;
-            corner + part(x) * axes[0] + part(y) * axes[1]
+            let at = corner + part(x) * axes[0] + part(y) * axes[1];
+            self.gather_point(at, normal, mix(self.linked.settings.seed ^ seed_of(at)))
         };
         let mut numbers: BTreeMap<[u32; 2], u32> = BTreeMap::new();
         let mut cells = vec![Cell { level: 0, at: [0; 2], points }];
-        while let Some(cell) = cells.pop() {
-            if cell.points.len() < MIN_POINTS {
-                continue;
-            }
-            let apart = side / (1u32 << cell.level) as f32;
-            let clear = cell.corners().iter().all(|&corner| {
-                let point = self.gather_point(at(corner), normal, 0);
-                let probe = Probe::lifted(point.at, normal, point.end);
-                apart <= point.feature_size && probe.is_clear(cut, self.model.samplers(), apart)
-            });
-            if clear {
-                let of_cell = cell.corners().map(|corner| {
-                    *numbers.entry(corner).or_insert_with(|| {
-                        corners.push((at(corner), normal));
+        for level in 0..=MAX_LEVEL {
+            cells.retain(|cell| cell.points.len() >= MIN_POINTS);
+            let apart = side / (1u32 << level) as f32;
+            // Whether nothing is close, for the corners and the centre of a cell, and the light there without blockers.
+            let asked: BTreeSet<[u32; 2]> = cells.iter().flat_map(Cell::corners).collect();
+            let probes: Vec<([u32; 2], Option<Clear>)> = asked
+                .into_par_iter()
+                .map(|place| {
+                    let point = at(place);
+                    let probe = Probe::lifted(point.at, normal, point.end);
+                    let clear =
+                        apart <= point.feature_size && probe.is_clear(cut, self.model.samplers(), apart);
+                    (place, clear.then(|| (point, self.unblocked_at(&point))))
+                })
+                .collect();
+            let probes: BTreeMap<[u32; 2], Option<Clear>> = probes.into_iter().collect();
+            let smooth: Vec<Option<[Clear; 4]>> = cells
+                .par_iter()
+                .map(|cell| {
+                    let [a, b, c, d] = cell.corners().map(|corner| probes[&corner]);
+                    let found = [a?, b?, c?, d?];
+                    let centre = at(cell.centre());
+                    let mean = 0.25 * found.iter().map(|(_, free)| free).sum::<f64>();
+                    let free = self.unblocked_at(&centre);
+                    let linear = (mean - free).abs() <= self.visibility_tolerance() * free;
+                    (linear && apart <= centre.feature_size).then_some(found)
+                })
+                .collect();
+            let mut parts = Vec::new();
+            for (cell, smooth) in cells.into_iter().zip(smooth) {
+                let Some(found) = smooth else {
+                    if level < MAX_LEVEL {
+                        parts.extend(cell.parts());
+                    }
+                    continue;
+                };
+                let places_of = cell.corners();
+                let of_cell = std::array::from_fn(|k| {
+                    *numbers.entry(places_of[k]).or_insert_with(|| {
+                        corners.push(found[k].0);
                         corners.len() as u32 - 1
                     })
                 });
                 for &(point, place) in &cell.points {
                     places[point as usize] = Some((of_cell, cell.weights(place)));
                 }
-            } else if cell.level < MAX_LEVEL {
-                cells.extend(cell.parts());
             }
+            cells = parts;
         }
     }
 }
@@ -182,8 +218,12 @@ fn planes(points: &[(Vec3, Vec3)], tolerance: f32) -> Vec<Plane> {
         let low = places.iter().fold(Vec2::INFINITY, |low, place| low.min(*place));
         let high = places.iter().fold(Vec2::NEG_INFINITY, |high, place| high.max(*place));
         let side = (high - low).max_element().max(tolerance);
+        // Corners lie as deep as the deepest point, so that what lies above that one is close to them.
+        let height = |k: &u32| normal.dot(points[*k as usize].0 - first);
+        let depth = of.iter().map(height).fold(f32::INFINITY, f32::min);
+        let corner = first + low.x * axes[0] + low.y * axes[1] + depth * normal;
         let points = of.into_iter().zip(places).map(|(k, place)| (k, (place - low) / side)).collect();
-        Plane { normal, corner: first + low.x * axes[0] + low.y * axes[1], axes, side, points }
+        Plane { normal, corner, axes, side, points }
     };
     groups.into_values().filter(|of| of.len() >= MIN_POINTS).map(plane).collect()
 }
@@ -191,4 +231,45 @@ fn planes(points: &[(Vec3, Vec3)], tolerance: f32) -> Vec<Plane> {
 /// Seed of a corner: neighbours have different ones, whatever other points there are.
 fn seed_of(at: Vec3) -> u64 {
     at.to_array().iter().fold(0, |seed, x| mix(seed ^ u64::from(x.to_bits())))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Nothing that lies above the deepest point of a plane is below its corners, in whichever order points come.
+    #[test]
+    fn planes_lie_at_their_deepest_points() {
+        let place = |k: usize| Vec3::new((k % 5) as f32, (k / 5) as f32, if k < 10 { 1e-4 } else { 0.0 });
+        let mut points: Vec<(Vec3, Vec3)> = (0..20).map(|k| (place(k), Vec3::Z)).collect();
+        for _ in 0..2 {
+            let planes = planes(&points, 1e-3);
+            assert_eq!((planes.len(), planes[0].points.len()), (1, 20));
+            assert!(planes[0].corner.z.abs() < 1e-6 && planes[0].side == 4.0, "{:?}", planes[0].corner);
+            points.reverse();
+        }
+        points[0].0.z = 0.1;
+        points[1].1 = -Vec3::Z;
+        assert_eq!(planes(&points, 1e-3)[0].points.len(), 18);
+    }
+
+    /// The weights of the corners sum to 1, and are those of the corner at a corner; each quarter holds the points in it.
+    #[test]
+    fn cells_hold_their_points() {
+        let points: Vec<(u32, Vec2)> =
+            (0..100).map(|k| (k, Vec2::new((k % 10) as f32, (k / 10) as f32) / 9.0)).collect();
+        let cell = Cell { level: 0, at: [0; 2], points };
+        assert_eq!(cell.weights(Vec2::new(1.0, 0.0)), [0.0, 1.0, 0.0, 0.0]);
+        let parts = cell.parts();
+        assert_eq!(parts.iter().map(|part| part.points.len()).sum::<usize>(), 100);
+        for part in &parts {
+            for &(_, place) in &part.points {
+                let weights = part.weights(place);
+                assert!((weights.iter().sum::<f32>() - 1.0).abs() < 1e-6);
+                let corners = part.corners().map(|c| Vec2::new(c[0] as f32, c[1] as f32) / 65_536.0);
+                let mean: Vec2 = weights.iter().zip(corners).map(|(w, c)| *w * c).sum();
+                assert!((mean - place).length() < 1e-6, "{mean} {place}");
+            }
+        }
+    }
 }

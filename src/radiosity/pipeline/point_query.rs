@@ -71,11 +71,14 @@ impl Solution {
         let gather = if possible < 1.0 { gather(&hurried) } else { all };
         let mut irradiance = Vec::with_capacity(points.len());
         deadline.stage("light at pixels", points.len());
-        for some in points.chunks((RAYS_PER_CHECK / rays(&hurried)).max(1)) {
+        let direct = gather.direct_light_for(&points);
+        let step = (RAYS_PER_CHECK / rays(&hurried)).max(1);
+        for first in (0..points.len()).step_by(step) {
             if deadline.with_grace().late() {
                 return self.nothing(points.len(), &deadline);
             }
-            irradiance.extend(gather.irradiance(some, &|n| deadline.advance(n)).0);
+            let part = first..points.len().min(first + step);
+            irradiance.extend(gather.irradiance_of(&points, part, &direct, &|n| deadline.advance(n)).0);
         }
         let note = (possible < 1.0).then(|| {
             let (few, many) = (rays(&hurried), rays(&self.options));
