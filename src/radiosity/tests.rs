@@ -208,7 +208,7 @@ fn cameras_make_important_what_they_see() {
 #[test]
 fn steps_are_cut_short_when_time_is_up() {
     let hurry =
-        Options { error: 1e-3, step_seconds: Some(1e-6), max_seconds: Some(1.5), ..Options::default() };
+        Options { error: 1e-3, step_seconds: Some(1e-6), max_seconds: Some(6.0), ..Options::default() };
     let outcome = solved(&room(true), &[], &hurry);
     let steps = &outcome.record.iterations;
     assert!(steps.len() > 3 && steps.iter().all(|s| (1..=64).contains(&s.refined)), "{}", steps.len());
