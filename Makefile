@@ -7,7 +7,7 @@ DEMO_SCENE ?= orchard
 DEMO_OPTIONS ?= --points 8000 --reference-rays 512
 
 FUZZ_SECONDS ?= 3600
-# How often `make kills` ends a batch; `make test` does so 10 times.
+# How often `make kills` ends a batch; `make test` does so six times.
 KILLS ?= 50
 
 TARGET_DIR := $(or $(CARGO_TARGET_DIR),target)
@@ -25,7 +25,7 @@ CRATES := $(or $(CARGO_HOME),$(HOME)/.cargo)/registry/src
 export PATH := $(PATH):$(HOME)/.cargo/bin
 SHELL := /bin/bash
 
-.PHONY: help demo test build scenes install install-files dist python python-test fuzz kills batch-speed clean distclean
+.PHONY: help demo test test-room test-long setup-tests build scenes install install-files dist python python-test fuzz kills batch-speed clean distclean
 .PHONY: setup need-cargo need-packages need-embree need-furniture need-lint need-browser need-install need-hosts need-python need-mpi
 .DEFAULT_GOAL := help
 
@@ -33,7 +33,9 @@ help:
 	@echo "mrvis: visibility and radiosity in scenes full of small detail"
 	@echo
 	@echo "  make demo      set up, build, assemble an orchard, measure it, print the path of the report"
-	@echo "  make test      set up, then check formatting, lints and documentation and run all tests"
+	@echo "  make test      set up, then check formatting, lints and documentation and run the tests (15 minutes)"
+	@echo "  make test-room test one folder of src after a change, as make test-room ROOM=radiosity"
+	@echo "  make test-long make test, and what takes hours: checkers of memory, fuzzing, large scenes, the whole reproduction"
 	@echo "  make build     set up and build the command ($(BINARY)) and the C library beside it"
 	@echo "  make scenes    assemble the scenes in scenes/real (a selection: make scenes SCENES=\"park sponza\")"
 	@echo "  make python    build the Python package as a wheel in $(TARGET_DIR)/wheels"
@@ -110,24 +112,19 @@ demo: build $(if $(filter garden orchard valley,$(DEMO_SCENE)),,need-furniture)
 	$(BINARY) bench scenes/real/$(DEMO_SCENE).obj $(DEMO_OPTIONS) --out out/demo --json out/demo/bench.json || [ $$? = 1 ]
 	@python3 .ci/headline out/demo/bench.json out/demo/report.html
 
-# The tests of MPI have a build of the crate of their own, with little optimisation; they take all other crates from that of the suite.
-TEST_MPI := cargo test --features mpi --test mpi --config 'profile.test.package.mrvis.opt-level=1'
+# Everything that can be tested in minutes; the last lines are times by stage. After a change in one folder of src: `make test-room
+# ROOM=radiosity`, for example.
+test: setup-tests
+	@.ci/stages
 
-# The tests come last, so that the output ends with their results.
-test: setup need-lint need-browser need-hosts need-python need-mpi
-	cargo fmt --all --check
-	cargo clippy --no-default-features -- -D warnings
-	cargo clippy --no-default-features --features reports -- -D warnings
-	cargo clippy -- -D warnings
-	cargo clippy --features capi,parquet -- -D warnings
-	cargo clippy --all-targets -- -D warnings
-	cargo clippy --features mpi --test mpi -- -D warnings
-	cargo clippy -p mrvis-python -- -D warnings
-	RUSTDOCFLAGS="-D warnings" cargo doc --no-deps
-	@.ci/public-items $(TARGET_DIR)/doc/mrvis 221
-	cargo test
-	$(TEST_MPI)
-	@$(MAKE) --no-print-directory python-test
+test-room: setup-tests
+	@.ci/stages --room "$(ROOM)"
+
+# What makes sense at full size alone; takes hours.
+test-long: setup-tests
+	@.ci/stages --long
+
+setup-tests: setup need-lint need-browser need-hosts need-python need-mpi
 
 # --- the Python package: its own virtual environment; nothing else needs Python packages ------------------------------
 
@@ -141,11 +138,8 @@ python: setup $(PYTHON_DIR)/bin/pip
 	"$(PYTHON_DIR)/bin/pip" -q wheel --no-deps --wheel-dir "$(WHEELS)" ./python
 	@echo "mrvis: $$(ls -t "$(WHEELS)"/mrvis-*.whl | head -n 1)"
 
-# Built as `cargo test` builds the crate, whose result it takes: the profile `dev` with the settings of `test`, because Cargo makes a
-# program with tests of a library in the profile `test`. What users install is built for release.
 python-test: setup $(PYTHON_DIR)/bin/pip
-	CARGO_PROFILE_DEV_OPT_LEVEL=3 CARGO_PROFILE_DEV_DEBUG=line-tables-only MATURIN_PEP517_ARGS="--profile dev --features tests" \
-	  "$(PYTHON_DIR)/bin/pip" -q install "./python[test]"
+	"$(PYTHON_DIR)/bin/pip" -q install "./python[test]"
 	"$(PYTHON_DIR)/bin/pytest" -q python
 
 install: build need-install
@@ -176,7 +170,7 @@ dist: build need-install
 	@ffi/package/dist out/dist/stage out/dist "$(MAINTAINER)"
 	@rm -rf out/dist/stage
 
-# libFuzzer, guided by the code that is reached; `cargo test` runs the same readers for a minute without guidance. Inputs that
+# libFuzzer, guided by the code that is reached; `make test` runs the same readers for seconds without guidance. Inputs that
 # fail are kept as target/fuzz/READER-crash-… and the like, others that reach new code in target/fuzz/corpus.
 FUZZ_READERS := obj mtl ply gltf glb cache csv toml ies ldt placements
 FUZZ_FLAGS := -Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 -Cllvm-args=-sanitizer-coverage-trace-compares \

@@ -4,7 +4,7 @@
 /// The measurement behind `mrvis bench`.
 pub mod bench {
     pub use crate::bench::workload::{Order, Workload, surface_points};
-    pub use crate::bench::{Options, run};
+    pub use crate::bench::{Options, Record, run};
 }
 
 /// Clusters.

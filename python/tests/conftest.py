@@ -1,9 +1,22 @@
 """Models that several tests ask."""
 
+import os
+
 import mrvis
 import numpy as np
 import pytest
 from known import squares
+
+MAX_SECONDS = 20  # of processor time, with that of programs that a test starts
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item):
+    before = sum(os.times()[:4])
+    outcome = yield
+    seconds = sum(os.times()[:4]) - before
+    assert seconds < MAX_SECONDS, f"{item.name} took {seconds:.0f} s of processor time, at most {MAX_SECONDS} s"
+    return outcome
 
 
 @pytest.fixture(scope="session")

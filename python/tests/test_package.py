@@ -17,6 +17,7 @@ def run(*command, **options):
     return done.stdout
 
 
+@pytest.mark.wheel
 def test_it_loads_its_own_embree(tmp_path):
     code = "import mrvis; print(mrvis.Model(mrvis.Scene.generate('cornell'), detail='rays').embree_version); print(open('/proc/self/maps').read())"
     shown = run(sys.executable, "-c", code, cwd=tmp_path, env={})
@@ -48,8 +49,16 @@ def test_example(tmp_path):
     pytest.importorskip("matplotlib")
     picture = tmp_path / "curve.png"
     environment = {**os.environ, "MPLBACKEND": "Agg"}
-    run(sys.executable, PROJECT / "examples/python/exact_against_mr.py", "--points", 64, "--out", picture, cwd=tmp_path, env=environment)
-    assert picture.read_bytes()[:4] == b"\x89PNG" and picture.stat().st_size > 10_000
+    # A panel over a few hundred leaves.
+    squares = [(0, 0, 9, 9, -1)] + [(k % 20 * 0.9, k // 20 * 0.9, 2 + k % 7 / 9, 0.2, 1) for k in range(300)]
+    lines = ["mtllib leaves.mtl"]
+    for x, y, z, size, turn in squares:
+        corners = [(x, y), (x + size, y), (x + size, y + size), (x, y + size)][::turn]
+        lines += [f"v {a} {b} {z}" for a, b in corners] + ["usemtl " + ("panel" if turn < 0 else "leaf"), "f -4 -3 -2 -1"]
+    (tmp_path / "leaves.obj").write_text("\n".join(lines))
+    (tmp_path / "leaves.mtl").write_text("newmtl panel\nKe 1 1 1\nnewmtl leaf\nKd .5 .5 .5\n")
+    run(sys.executable, PROJECT / "examples/python/exact_against_mr.py", "leaves.obj", "--points", 64, "--out", picture, cwd=tmp_path, env=environment)
+    assert picture.read_bytes()[:4] == b"\x89PNG"
 
 
 def test_first_program(tmp_path):

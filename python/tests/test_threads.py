@@ -140,7 +140,7 @@ def takes_longer(call, seconds):
         process.wait()
 
 
-@pytest.mark.parametrize("call", LONG)
+@pytest.mark.parametrize("call", [call if call in ("solve", "visibility") else pytest.param(call, marks=pytest.mark.long) for call in LONG])
 def test_ctrl_c(call):
     presses, late = interrupted(call, 1)
     # An interruption that acts when the work is over is as late as the work is long.

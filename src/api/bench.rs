@@ -10,7 +10,7 @@ use crate::{Error, Result};
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct BenchOptions {
-    options: Options,
+    pub(super) options: Options,
 }
 
 impl BenchOptions {

@@ -304,7 +304,7 @@ fn form_factors_have_rows() {
         &(),
     );
     let model = model.unwrap();
-    let found = model.form_factors(&FormFactorOptions::default(), &()).unwrap();
+    let found = model.form_factors(&FormFactorOptions::default().with_rays(1024), &()).unwrap();
     assert!(found.names().is_empty() && found.len() == found.areas().len());
     for from in 0..found.len() {
         let (columns, factors) = found.row(from);
@@ -315,7 +315,7 @@ fn form_factors_have_rows() {
             assert!((there - back).abs() <= 1e-5 * there.abs(), "{from} {to}: {there} {back}");
         }
     }
-    let objects = FormFactorOptions::default().with_grouping(Grouping::Object);
+    let objects = FormFactorOptions::default().with_rays(1024).with_grouping(Grouping::Object);
     let found = model.form_factors(&objects, &()).unwrap();
     let names: Vec<&str> = model.scene().object_names().collect();
     assert_eq!(found.names(), names);

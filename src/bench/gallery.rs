@@ -9,7 +9,7 @@ use super::measure::{MrRun, Queries, Timer};
 use super::page::{MrImage, ReceiverImages};
 use super::receivers::{Crop, ReceiverGrid, Surfaces};
 use super::record::{self, MrRow, ReceiverFbem, interpolate_log_log, ratio};
-use super::rounds::rounds;
+use super::rounds::{MAX_TIME, rounds};
 use super::workload::Workload;
 use crate::embree::Traversal;
 use crate::metrics::{FbemOptions, Image, fbem, missing_features, norms};
@@ -174,7 +174,7 @@ impl Bench<'_> {
         let all_rays: usize = numbers.chain(runs.iter().map(|run| asked[run[0]].rays)).sum();
         self.progress.stage("timing images", (every.len() * all_rays) as u64);
         let (mut exact, mut mr) = (Vec::new(), Vec::new());
-        let timed = rounds(first_mr + runs.len(), |k, first| {
+        let timed = rounds(self.options.rounds, MAX_TIME, first_mr + runs.len(), |k, first| {
             let (run, made) = match (calls.get(k), certified.get(k.wrapping_sub(calls.len()))) {
                 (Some((rays, call)), _) => (self.exact(queries, call, *rays, first), &mut exact),
                 (_, Some(&rays)) => (self.certified(queries, engine, rays, first).run, &mut exact),

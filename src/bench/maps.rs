@@ -16,7 +16,7 @@ use super::options::Options;
 use super::receivers::{ReceiverGrid, Surfaces};
 use super::record::{Build, MapRecord};
 use super::reference::Reference;
-use super::rounds::{rounds_within, timed};
+use super::rounds::{rounds, timed};
 use super::sample::{Extent, Sample};
 use super::workload::Workload;
 use crate::Result;
@@ -107,7 +107,7 @@ impl Bench<'_> {
         self.progress.stage("maps", 0);
         let mut made: Vec<Result<Made>> = Vec::new();
         let measured: Vec<usize> = (0..rows.len()).filter(|&k| rows[k].is_measured()).collect();
-        let timed = rounds_within(MAX_TIME, measured.len(), |k, first| {
+        let timed = rounds(self.options.rounds, MAX_TIME, measured.len(), |k, first| {
             let (texels, aggregated, sections) = self.texels_of(&map, &rows[measured[k]], engine);
             if first {
                 made.push(map.made(texels, aggregated));

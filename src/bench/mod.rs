@@ -28,5 +28,6 @@ mod unbiased;
 pub mod workload;
 
 pub use options::{Options, Target};
+pub use record::Record;
 pub use run::run;
 pub use scaling::{check_scaling, scaling};

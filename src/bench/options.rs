@@ -1,6 +1,7 @@
 //! Options of a benchmark and their validity for a scene.
 
 use super::pilot::pilot_bytes;
+use super::rounds::MAX_ROUNDS;
 use super::sample::Sample;
 use crate::clusters::Builder;
 use crate::error::{quote, shown};
@@ -48,6 +49,8 @@ pub struct Options {
     pub map: Option<usize>,
     /// Rays from a point to an emitter in the reference.
     pub reference_rays: usize,
+    /// Largest number of times that each timed row is run, at least 1; the smallest of its times counts.
+    pub rounds: usize,
     /// Threads of the timed sections; everything else uses all cores.
     pub threads: usize,
     /// Seed of every random choice.
@@ -77,6 +80,7 @@ impl Default for Options {
             receivers: Vec::new(),
             map: Some(0),
             reference_rays: 1024,
+            rounds: MAX_ROUNDS,
             threads: 1,
             seed: 1,
             audit: 0.05,
@@ -119,6 +123,7 @@ impl Options {
             ("rays", self.rays, MAX_RAYS),
             ("reference_rays", self.reference_rays, MAX_RAYS),
             ("points", self.points, MAX_POINTS),
+            ("rounds", self.rounds, MAX_ROUNDS),
             ("threads", self.threads, MAX_THREADS),
         ];
         for (name, count, max) in counts {

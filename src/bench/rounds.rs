@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 /// Smallest number of runs of each row: the smaller of two times is without a single disturbance. Changes times only.
 const MIN_ROUNDS: usize = 2;
 /// Largest number of runs of each row: limits the time of a row to six times that of one run.
-const MAX_ROUNDS: usize = 6;
+pub(super) const MAX_ROUNDS: usize = 6;
 /// A round starts only if the rounds are expected to end within this time: limits the duration of a benchmark.
 pub(super) const MAX_TIME: Duration = Duration::from_secs(10);
 
@@ -26,22 +26,18 @@ pub(super) struct Timed {
     pub rounds: usize,
 }
 
-/// Runs `rows` rows in rounds. `run` gets the index of the row and whether this is its first run; it returns the
-/// times of the row's timed sections, seconds, always the same sections.
-pub(super) fn rounds(rows: usize, run: impl FnMut(usize, bool) -> Vec<f64>) -> Timed {
-    rounds_within(MAX_TIME, rows, run)
-}
-
-/// [`rounds`] with another time limit.
-pub(super) fn rounds_within(
-    patience: Duration,
+/// Runs `rows` rows in at most `max_rounds` rounds. `run` gets the index of the row and whether this is its first run; it
+/// returns the times of the row's timed sections, seconds, always the same sections.
+pub(super) fn rounds(
+    max_rounds: usize,
+    max_time: Duration,
     rows: usize,
     mut run: impl FnMut(usize, bool) -> Vec<f64>,
 ) -> Timed {
     let start = Instant::now();
     let goes_on = |rounds: usize| {
         let likely_end = start.elapsed().mul_f64((rounds + 1) as f64 / rounds as f64);
-        rounds < MIN_ROUNDS || rounds < MAX_ROUNDS && likely_end < patience
+        rounds < max_rounds && (rounds < MIN_ROUNDS || likely_end < max_time)
     };
     let mut best: Vec<Vec<f64>> = (0..rows).map(|row| run(row, true)).collect();
     let mut rounds = 1;
@@ -81,7 +77,7 @@ mod tests {
     #[test]
     fn rows_take_turns_and_are_run_equally_often() {
         let mut calls = Vec::new();
-        let timed = rounds(3, |row, first| {
+        let timed = rounds(MAX_ROUNDS, MAX_TIME, 3, |row, first| {
             calls.push((row, first));
             vec![1.0 + row as f64]
         });
@@ -89,7 +85,7 @@ mod tests {
         let turns: Vec<(usize, bool)> =
             (0..MAX_ROUNDS).flat_map(|round| (0..3).map(move |row| (row, round == 0))).collect();
         assert_eq!(calls, turns);
-        assert!(rounds(0, |_, _| Vec::new()).seconds.is_empty());
+        assert!(rounds(MAX_ROUNDS, MAX_TIME, 0, |_, _| Vec::new()).seconds.is_empty());
     }
 
     /// A long row is run as often as a short one.
@@ -97,7 +93,7 @@ mod tests {
     fn long_rows_hold_short_ones_back() {
         let mut calls = [0, 0];
         let patience = Duration::from_millis(100);
-        rounds_within(patience, 2, |row, _| {
+        rounds(MAX_ROUNDS, patience, 2, |row, _| {
             calls[row] += 1;
             std::thread::sleep(if row == 0 { patience.mul_f64(0.4) } else { Duration::ZERO });
             vec![0.0]

@@ -5,7 +5,7 @@ use super::context::{Bench, PlannedRow};
 use super::measure::{MrRun, Queries, Run};
 use super::record::{ExactRow, MrRow};
 use super::reference::Reference;
-use super::rounds::rounds_within;
+use super::rounds::rounds;
 use super::sample::Sample;
 use crate::visibility::MultiResolution;
 use std::time::Duration;
@@ -52,7 +52,7 @@ impl Bench<'_> {
             + runs.iter().map(|run| rows[run[0]].rays).sum::<usize>();
         self.progress.stage("both engines", pairs * all_rays as u64);
         let (first_certified, first_mr) = (exact.len(), exact.len() + certified.len());
-        let timed = rounds_within(max_time, first_mr + runs.len(), |k, first| {
+        let timed = rounds(self.options.rounds, max_time, first_mr + runs.len(), |k, first| {
             if k < first_certified {
                 let (rays, engine) = (calls[k].0, &calls[k].1);
                 let run = self.exact(queries, engine, rays, first);

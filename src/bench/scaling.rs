@@ -10,7 +10,7 @@ use super::measure::{MrRun, Queries, Run, Timer};
 use super::options::Options;
 use super::prepare::build_of;
 use super::record::{ScalingRecord, ScalingRow};
-use super::rounds::{rounds, timed};
+use super::rounds::{MAX_TIME, rounds, timed};
 use super::workload::{ReceiverPoint, Workload, surface_points};
 use crate::model::Model;
 use crate::model::cache::CacheLocation;
@@ -144,7 +144,7 @@ fn measure(
     let (call, _) = bench.embree_timed(&workload, rays);
     let asked = bench.decide(&sample, &engine, s, rays);
     let (mut exact, mut mr) = (Run::default(), MrRun::default());
-    let timed = rounds(if asked.pays() { 2 } else { 1 }, |row, first| {
+    let timed = rounds(options.rounds, MAX_TIME, if asked.pays() { 2 } else { 1 }, |row, first| {
         let run = match row {
             0 => MrRun { run: bench.exact(queries, &call, rays, first), ..MrRun::default() },
             _ => bench.mr(queries, &engine, &asked, first),
@@ -204,10 +204,11 @@ mod tests {
 
     fn rows(series: Series, sizes: &[usize], s: f64) -> Vec<ScalingRow> {
         let options = Options {
-            points: 2000,
+            points: 500,
             rays: 64,
             reference_rays: 64,
             feature_sizes: vec![s],
+            rounds: 1,
             ..Options::default()
         };
         let mut record = ScalingRecord::default();
@@ -234,11 +235,11 @@ mod tests {
         }
     }
 
-    /// Measured in visited clusters, independent of the clock: a forest of eight times the size is less than one
+    /// Measured in visited clusters, independent of the clock: a forest of nine times the size is less than one
     /// level deeper.
     #[test]
     fn a_wider_forest_costs_a_level_and_memory_in_proportion() {
-        let rows = rows(Series::Wider, &[9_000, 64_000], 0.5);
+        let rows = rows(Series::Wider, &[4_000, 36_000], 0.5);
         let [small, large] = &rows[..] else { panic!("two rows") };
         let [few, many] = [small, large].map(|r| r.rays as f64 * r.nodes_per_segment);
         assert!(few > 0.0 && many - few < 3.0, "{few} and {many} clusters a bundle");
@@ -256,7 +257,7 @@ mod tests {
     /// Detail far below the feature size does not add visited clusters.
     #[test]
     fn finer_leaves_cost_nothing() {
-        let rows = rows(Series::Finer, &[50_000, 200_000], 1.0);
+        let rows = rows(Series::Finer, &[10_000, 40_000], 1.0);
         let nodes: Vec<f64> = rows.iter().map(|r| r.nodes_per_segment).collect();
         assert!(nodes[0] > 0.0 && nodes[1] < 1.15 * nodes[0], "{nodes:?} clusters a segment");
     }

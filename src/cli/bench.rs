@@ -49,6 +49,9 @@ pub struct Args {
     /// Rays from a point to an emitter in the reference
     #[arg(long, value_name = "N", default_value_t = 1024)]
     pub reference_rays: usize,
+    /// Largest number of runs of each timed row; tests that compare no times run each row once
+    #[arg(long, value_name = "N", hide = true, default_value_t = Options::default().rounds)]
+    pub rounds: usize,
     /// Check the stated intervals by independent exact rays on this part of the bundles; 0: no check [default: 0.05]
     #[arg(long, value_name = "FRACTION")]
     pub audit: Option<f64>,
@@ -147,6 +150,7 @@ fn run_on_all_cores(args: &Args) -> Result<ExitCode> {
         map: args.map,
         reference_rays: args.reference_rays,
         threads: common.threads.map_or(1, usize::from),
+        rounds: args.rounds,
         seed: common.seed,
         audit: args.audit.unwrap_or(Options::default().audit),
         unbiased: args.unbiased,

@@ -69,6 +69,11 @@ fn floor(n: usize) -> Vec<Point> {
     (0..n).map(|i| Point { position: at(i), normal: DVec3::Z }).collect()
 }
 
+/// Default options but for a fortieth of the rays of the local pass, elements no smaller than these rays light, and no audit.
+fn quick() -> Options {
+    Options { min_area: 1e-3, audit: 0, local_rays: Some(350_000), ..Options::default() }
+}
+
 fn solved(scene: &Scene, points: &[Point], options: &Options) -> Outcome {
     run(&model_for(scene, options), points, options, &()).expect("a solution")
 }
@@ -77,7 +82,8 @@ fn solved(scene: &Scene, points: &[Point], options: &Options) -> Outcome {
 fn a_furnace_has_the_same_light_everywhere() {
     for reflectance in [0.0, 0.5, 0.95] {
         let scene = furnace(reflectance);
-        let outcome = solved(&scene, &floor(40), &Options::default());
+        let options = Options { local_rays: Some(1_500_000), audit: 0, ..Options::default() };
+        let outcome = solved(&scene, &floor(20), &options);
         // Radiosity M / (1 - ρ), and as much irradiance.
         let want = 1.0 / (1.0 - f64::from(reflectance));
         for element in &outcome.mesh.elements {
@@ -97,7 +103,8 @@ fn a_furnace_has_the_same_light_everywhere() {
 
 #[test]
 fn no_energy_is_made_or_lost() {
-    let outcome = solved(&room(true), &[], &Options::default());
+    let options = Options { local_rays: Some(1_000_000), audit: 0, ..Options::default() };
+    let outcome = solved(&room(true), &[], &options);
     let Ledger { emitted, absorbed, escaped, created, row_sums, .. } = outcome.record.ledger;
     assert!((emitted - 10.0 * std::f64::consts::PI).abs() < 1e-3 * emitted, "{emitted}");
     assert!(created.abs() < 2e-3 * emitted, "created {created} of {emitted}");
@@ -114,7 +121,8 @@ fn threads_do_not_matter() {
     for scene in [room(true), cluttered] {
         let with = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-            pool.install(|| solved(&scene, &floor(20), &Options { error: 0.1, ..Options::default() }))
+            let options = Options { error: 0.2, audit: 20, ..Options::default() };
+            pool.install(|| solved(&scene, &floor(20), &options))
         };
         let (one, two) = (with(1), with(3));
         assert_eq!(one.irradiance, two.irradiance);
@@ -207,11 +215,20 @@ fn cameras_make_important_what_they_see() {
 
 #[test]
 fn steps_are_cut_short_when_time_is_up() {
-    let hurry =
-        Options { error: 1e-3, step_seconds: Some(1e-6), max_seconds: Some(6.0), ..Options::default() };
+    // Links alone; their number ends the last step.
+    let hurry = Options {
+        error: 1e-3,
+        step_seconds: Some(1e-6),
+        max_links: 3000,
+        local_rays: Some(0),
+        audit: 0,
+        ..Options::default()
+    };
     let outcome = solved(&room(true), &[], &hurry);
     let steps = &outcome.record.iterations;
-    assert!(steps.len() > 3 && steps.iter().all(|s| (1..=64).contains(&s.refined)), "{}", steps.len());
+    let refined: Vec<usize> = steps.iter().map(|step| step.refined).collect();
+    let [first @ .., last] = &refined[..] else { panic!("no steps") };
+    assert!(first.len() > 10 && first.iter().all(|n| (1..=64).contains(n)) && *last <= 64, "{refined:?}");
     assert!(outcome.record.ledger.created.abs() < 5e-3 * outcome.record.ledger.emitted);
 }
 

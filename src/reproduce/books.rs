@@ -34,9 +34,9 @@ const FINER: f64 = 0.5;
 /// Largest number of these steps.
 const TRIES: i32 = 11;
 /// Number of solves by links at a time, and in tests; their mean picture is shown.
-const BATCH: [usize; 2] = [32, 32];
+const BATCH: [usize; 2] = [32, 8];
 /// Largest number of solves by links.
-const SOLVES: [usize; 2] = [1024, 32];
+const SOLVES: [usize; 2] = [1024, 8];
 /// Standard error of the mean power at which solves end, as a part of the power by rays.
 const PRECISE: f64 = 0.01;
 /// Solves by rays.

@@ -56,17 +56,23 @@ fn bench_reports_the_same_figures_on_any_number_of_threads() {
     let scratch = Scratch::new();
     for name in ["forest", "desk-room"] {
         let mut spec = Spec::new(name);
-        (spec.trees, spec.leaves) = (9, 150);
+        (spec.trees, spec.leaves) = (4, 100);
         let scene = scratch.generate(&spec);
         let report = |threads: &str| {
             let file = format!("{name}-{threads}.json");
             let options = [
                 "--points",
                 "120",
+                "--rays",
+                "4",
+                "--feature-size",
+                "0.2",
                 "--reference-rays",
                 "32",
                 "--map",
                 "24",
+                "--rounds",
+                "1",
                 "--seed",
                 "5",
                 "--quiet",
@@ -97,8 +103,9 @@ fn bench_reports_the_same_figures_with_a_cache() {
     let scene = scratch.generate(&spec);
     let report = |cache: &[&str], want: &str| {
         let options =
-            ["--points", "60", "--rays", "1", "--reference-rays", "8", "--quiet", "--json", "r.json"];
-        let outcome = scratch.mrvis(&[&["bench", &scene][..], &options, cache].concat());
+            ["--points", "60", "--rays", "1", "--reference-rays", "8", "--map", "0", "--rounds", "1"];
+        let options = [&options[..], &["--feature-size", "0.2", "--quiet", "--json", "r.json"]].concat();
+        let outcome = scratch.mrvis(&[&["bench", &scene][..], &options[..], cache].concat());
         assert_eq!(outcome.code, Some(0), "{}", outcome.stderr);
         let mut json = scratch.json("r.json");
         assert_eq!(json["build"]["cache"], want);

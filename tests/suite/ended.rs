@@ -44,6 +44,7 @@ fn forest(scratch: &Scratch) -> String {
 
 /// Whenever a solve is interrupted, it ends soon with a consistent solution, or says that there is none yet.
 #[test]
+#[ignore = "long: full size"]
 fn an_interrupted_solve_ends_soon() {
     let scratch = Scratch::new();
     let scene = forest(&scratch);
@@ -93,7 +94,22 @@ fn an_interrupted_picture_is_left_out() {
     let scene = scratch.generate(&Spec::new("cornell"));
     let child = started(
         &scratch,
-        &["solve", &scene, "--unit", "mm", "--out", "o", "--output", "image", "--image-size", "5792x5792"],
+        &[
+            &[
+                "solve",
+                &scene,
+                "--unit",
+                "mm",
+                "--out",
+                "o",
+                "--output",
+                "image",
+                "--image-size",
+                "5792x5792",
+            ][..],
+            &["--audit", "0", "--local-rays", "20000"],
+        ]
+        .concat(),
     );
     let start = Instant::now();
     while !scratch.path("o/solution.json").exists() && start.elapsed() < 4 * LATEST_END {
@@ -109,8 +125,8 @@ fn an_interrupted_picture_is_left_out() {
 #[test]
 fn an_aborted_call_has_the_code_of_errors() {
     let scratch = Scratch::new();
-    let scene = forest(&scratch);
-    let child = started(&scratch, &["solve", &scene, "--error", "0.002", "--out", "o", "--output", "none"]);
+    let scene = scratch.generate(&Spec::new("desk-room"));
+    let child = started(&scratch, &["solve", &scene, "--error", "1e-5", "--out", "o", "--output", "none"]);
     wait(1.0);
     let sent = Command::new("kill").args(["-ABRT", &child.id().to_string()]).status();
     assert!(sent.expect("kill").success());
@@ -119,6 +135,7 @@ fn an_aborted_call_has_the_code_of_errors() {
 
 /// Of a large solution an interruption leaves out the files that take long, and says which; the elements are written.
 #[test]
+#[ignore = "long: full size"]
 fn an_interrupted_large_solution_is_written_as_elements() {
     let scratch = Scratch::new();
     let scene = forest(&scratch);

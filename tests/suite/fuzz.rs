@@ -1,6 +1,6 @@
 //! Readers of files never panic, hang or take much memory, whatever a file holds.
 //!
-//! Each reader gets the files of `tests/corpus/READER` and random changes of them for a part of [`SECONDS`]. An input with an
+//! Each reader gets the files of `tests/corpus/READER` and random changes of them for a part of ten seconds, or of MRVIS_FUZZ_SECONDS. An input with an
 //! outcome that no other had (scene, or error without its numbers) joins the files that are changed. `make fuzz` searches for
 //! an hour instead, guided by the code that is reached (`tests/fuzz`).
 
@@ -13,7 +13,10 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 /// Seconds of all readers together.
-const SECONDS: f64 = 60.0;
+fn seconds() -> f64 {
+    std::env::var("MRVIS_FUZZ_SECONDS").map_or(10.0, |n| n.parse().expect("MRVIS_FUZZ_SECONDS is a number"))
+}
+
 /// Longest time for an input of at most [`MAX_BYTES`].
 const MAX_TIME: Duration = Duration::from_secs(20);
 /// Largest input that changes make.
@@ -196,7 +199,7 @@ fn fuzz(reader: &'static str) {
     }
     let good = fuzzer.outcomes.contains("");
     let (start, mut inputs) = (Instant::now(), 0);
-    while start.elapsed().as_secs_f64() < SECONDS / NAMES.len() as f64 {
+    while start.elapsed().as_secs_f64() < seconds() / NAMES.len() as f64 {
         let bytes = fuzzer.input();
         if fuzzer.run(&bytes) && bytes.len() <= MAX_BYTES {
             fuzzer.pool.push(bytes);

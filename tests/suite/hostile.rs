@@ -11,7 +11,20 @@ pub const LIBRARY: &str = "newmtl grey\nKd 0.5 0.5 0.5\nnewmtl light\nKd 0 0 0\n
 pub const POINTS: &str = "x,y,z,nx,ny,nz\n1,1,0,0,0,1\n2,2,0,0,0,1\n";
 pub const IES: &str = "IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 2 1 1 2 0.1 0.1 0\n1 1 20\n0 90\n0\n100 0\n";
 pub const LIGHTS: &str = "[[luminaire]]\nfile = \"lamp.ies\"\nat = [1, 1, 1.5]\naim = [0, 0, -1]\n";
-pub const QUICK: [&str; 8] = ["--points", "20", "--rays", "4", "--reference-rays", "16", "--map", "16"];
+pub const QUICK: [&str; 12] = [
+    "--points",
+    "20",
+    "--rays",
+    "4",
+    "--reference-rays",
+    "16",
+    "--map",
+    "16",
+    "--rounds",
+    "1",
+    "--feature-size",
+    "1",
+];
 
 pub fn scratch() -> Scratch {
     let scratch = Scratch::new();

@@ -244,13 +244,26 @@ fn a_host_has_its_own_embree_and_tbb() {
 /// Hosts compiled with AddressSanitizer: no error, and no block that nothing points to.
 #[test]
 fn address_sanitizer_finds_nothing() {
+    address_sanitizer(&[
+        ("gcc", "-std=c99", "../capi/misuse.c"),
+        ("g++", "-std=c++17", "../capi/wrapper.cpp"),
+    ]);
+}
+
+#[test]
+#[ignore = "long: all programs"]
+fn address_sanitizer_finds_nothing_in_more() {
+    address_sanitizer(
+        &["smoke.c", "../capi/progress.c", "../capi/answers.c"].map(|c| ("gcc", "-std=c99", c)),
+    );
+}
+
+fn address_sanitizer(programs: &[(&str, &str, &str)]) {
     if installed().is_none() {
         return;
     }
     let folder = folder();
-    let of_c = ["smoke.c", "../capi/misuse.c", "../capi/progress.c", "../capi/answers.c"];
-    let all = of_c.map(|source| ("gcc", "-std=c99", source)).into_iter();
-    for (compiler, standard, source) in all.chain([("g++", "-std=c++17", "../capi/wrapper.cpp")]) {
+    for &(compiler, standard, source) in programs {
         let flags = [standard, "-fsanitize=address", "-fno-omit-frame-pointer", "-lm"];
         let program = compiled(&folder, compiler, source, false, &flags);
         // glibc keeps the last error of dlopen of each thread until it ends; a thread of a pool may still run at the end of the program.
@@ -265,6 +278,7 @@ fn address_sanitizer_finds_nothing() {
 
 /// Embree and TBB give Valgrind no reason for suppressions.
 #[test]
+#[ignore = "long: Valgrind"]
 fn valgrind_finds_nothing() {
     if installed().is_none() {
         return;

@@ -83,7 +83,8 @@ fn builders_change_clusters_and_no_exact_answer() {
         let json = |name: &str| format!("{builder}-{name}.json");
         let [info, bench, out] = ["info", "bench", "solve"].map(json);
         call(&["info", &scene, "--json", &info]);
-        let quick = ["--points", "50", "--rays", "16", "--reference-rays", "64", "--map", "0"];
+        let quick = ["--points", "50", "--rays", "1", "--reference-rays", "8", "--map", "0", "--rounds", "1"];
+        let quick = [&quick[..], &["--feature-size", "1"]].concat();
         call(&[&["bench", &scene, "--json", &bench][..], &quick].concat());
         let direct = ["--points", "points.csv", "--direct-only", "--light-rays", "64"];
         call(&[&["solve", &scene, "--out", builder, "--json", &out][..], &direct].concat());

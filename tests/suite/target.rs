@@ -6,8 +6,19 @@ use serde_json::Value;
 
 /// Runs `bench` on a small forest; exit code and record.
 fn bench(scratch: &Scratch, scene: &str, more: &[&str]) -> (Option<i32>, Value) {
-    let options =
-        ["--points", "600", "--reference-rays", "256", "--map", "0", "--quiet", "--json", "found.json"];
+    let options = [
+        "--points",
+        "300",
+        "--reference-rays",
+        "256",
+        "--map",
+        "0",
+        "--rounds",
+        "1",
+        "--quiet",
+        "--json",
+        "found.json",
+    ];
     let outcome = scratch.mrvis(&[&["bench", scene, "--cache", "off"], &options[..], more].concat());
     assert_eq!(outcome.stderr, "");
     (outcome.code, scratch.json("found.json"))
@@ -17,10 +28,10 @@ fn bench(scratch: &Scratch, scene: &str, more: &[&str]) -> (Option<i32>, Value) 
 fn targets_are_met_or_said_to_be_missed() {
     let scratch = Scratch::new();
     let mut spec = Spec::new("forest");
-    (spec.trees, spec.leaves) = (9, 200);
+    (spec.trees, spec.leaves) = (4, 200);
     let scene = scratch.generate(&spec);
 
-    let (code, record) = bench(&scratch, &scene, &["--target-error", "0.05"]);
+    let (code, record) = bench(&scratch, &scene, &["--target-error", "0.05", "--feature-size", "1"]);
     let target = &record["target"];
     let value = |key: &str| target[key].as_f64().expect(key);
     assert_eq!(
@@ -36,7 +47,8 @@ fn targets_are_met_or_said_to_be_missed() {
     assert!(audit("observed_lo") <= value("rms_hi") && value("rms_lo") <= audit("observed_hi"), "{target}");
 
     // No plan meets a target time of 0.1 µs.
-    let (code, record) = bench(&scratch, &scene, &["--target-seconds", "1e-7", "--audit", "0"]);
+    let (code, record) =
+        bench(&scratch, &scene, &["--target-seconds", "1e-7", "--audit", "0", "--feature-size", "1"]);
     let target = &record["target"];
     assert_eq!(
         (code, &target["met"], &target["reachable"]),
@@ -49,10 +61,13 @@ fn targets_are_met_or_said_to_be_missed() {
 fn estimates_without_bias_have_none() {
     let scratch = Scratch::new();
     let mut spec = Spec::new("forest");
-    (spec.trees, spec.leaves) = (9, 200);
+    (spec.trees, spec.leaves) = (4, 200);
     let scene = scratch.generate(&spec);
-    let (code, record) =
-        bench(&scratch, &scene, &["--unbiased", "--tolerance", "0.2", "--extinction", "analytic"]);
+    let (code, record) = bench(
+        &scratch,
+        &scene,
+        &["--unbiased", "--tolerance", "0.2", "--extinction", "analytic", "--feature-size", "1"],
+    );
     assert_eq!(code, Some(0));
     assert_eq!(record["clusters"]["extinction"], "analytic");
     let rows = record["unbiased"].as_array().expect("rows");

@@ -25,12 +25,13 @@ fn benchmarks_have_a_record_and_a_page() {
     let model_of = |detail| model(build(&spec).unwrap(), detail);
     let optics = model_of(Detail::Optics);
     let options = BenchOptions::default().with_points(60).with_rays(2).with_reference_rays(16);
-    let options = options.with_feature_size(0.3).with_feature_size(0.1).with_audit(0.0);
+    let mut options = options.with_feature_size(1.0).with_feature_size(0.5).with_audit(0.0);
+    options.options.rounds = 1;
     let report = optics.bench(&options, &()).unwrap();
     let record: serde_json::Value = serde_json::from_str(&report.json()).unwrap();
     assert_eq!((&record["workload"]["points"], &record["seed"]), (&60.into(), &1.into()));
     let sizes = record["mr"].as_array().unwrap().iter().map(|row| row["feature_size"].as_f64().unwrap());
-    assert!(sizes.clone().all(|s| s == 0.1 || s == 0.3) && sizes.count() == 6);
+    assert!(sizes.clone().all(|s| s == 0.5 || s == 1.0) && sizes.count() == 6);
     assert!(report.page().starts_with("<!DOCTYPE html>") && !report.page().contains("<pre>"));
     assert_eq!(report.target_met(), None);
 

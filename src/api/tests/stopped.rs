@@ -66,7 +66,7 @@ fn cornell(detail: Detail) -> Model {
 #[test]
 fn form_factors_stop_at_any_step() {
     let model = cornell(Detail::Rays);
-    let options = FormFactorOptions::default();
+    let options = FormFactorOptions::default().with_rays(256);
     let all = after(u64::MAX);
     let facets = model.form_factors(&options, &all).expect("form factors").len() as u64;
     assert_eq!(all.done.load(Ordering::Relaxed), 2 * facets);

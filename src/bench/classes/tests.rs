@@ -73,10 +73,18 @@ fn leaves_are_small_and_walls_are_not() {
 #[test]
 fn a_forest_has_rows_by_class() {
     let mut spec = Spec::new("forest");
-    (spec.trees, spec.leaves) = (12, 300);
+    (spec.trees, spec.leaves) = (9, 200);
     let scene = build(&spec).expect("a forest");
     let model = testing::model(&scene, Detail::Optics);
-    let options = Options { points: 600, reference_rays: 64, ..Options::default() };
+    let options = Options {
+        points: 600,
+        rays: 4,
+        feature_sizes: vec![1.0],
+        reference_rays: 64,
+        rounds: 1,
+        audit: 0.0,
+        ..Options::default()
+    };
     let (record, _) = crate::bench::run(&model, &options, &()).expect("a record");
     let workload = Workload::new(&model, surface_points(&model, 600, options.seed).expect("points"), 1);
     let (all, points) =

@@ -19,7 +19,7 @@ fn rows_of_a_map_are_consistent() {
     (spec.trees, spec.leaves) = (12, 300);
     let scene = build(&spec).expect("a forest");
     let model = testing::model(&scene, Detail::Optics);
-    let options = Options { map: Some(48), rays: 64, ..Options::default() };
+    let options = Options { map: Some(48), rays: 64, rounds: 1, ..Options::default() };
     let sizes = vec![0.2, 1.0];
     let timer = Timer::new(1).expect("a timer");
     let bench = Bench { model: &model, scene: model.scene(), options: &options, timer, sizes, progress: &() };
@@ -67,7 +67,7 @@ fn the_cache_makes_the_same_map_on_any_number_of_threads() {
     let mut spec = Spec::new("forest");
     (spec.trees, spec.leaves) = (12, 300);
     let model = testing::model(&build(&spec).expect("a forest"), Detail::Optics);
-    let options = Options { map: Some(128), reference_rays: 256, ..Options::default() };
+    let options = Options { map: Some(128), reference_rays: 128, ..Options::default() };
     let bench = |threads| Bench {
         model: &model,
         scene: model.scene(),

@@ -60,9 +60,12 @@ fn choosing_is_part_of_the_time() {
     let scene = build(&spec).expect("a forest");
     let with = |seconds: f64| {
         let options = Options {
-            points: 300,
+            points: 100,
+            rays: 4,
             reference_rays: 16,
-            feature_sizes: vec![0.5],
+            feature_sizes: vec![1.0],
+            rounds: 1,
+            audit: 0.0,
             target: Some(Target::Seconds(seconds)),
             ..Options::default()
         };

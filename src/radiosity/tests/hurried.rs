@@ -49,13 +49,14 @@ impl Progress for In {
 /// whole pass within the error bars, and notes say what it is.
 #[test]
 fn an_interrupted_pass_of_many_elements_keeps_its_light() {
-    let scene = build(&Spec { trees: 30, leaves: 2000, ..Spec::new("forest") }).expect("a forest");
+    let scene = build(&Spec { trees: 27, leaves: 1200, ..Spec::new("forest") }).expect("a forest");
     let options = Options { error: 0.1, audit: 0, ..Options::default() };
     let model = model_for(&scene, &options);
     let solve = |stop: &dyn Progress| run(&model, &[], &options, stop).expect("a solution");
     let all = solve(&());
     let leaves = all.mesh.elements.len();
-    assert!(leaves > 150_000, "{leaves} elements");
+    // No more than 100,000 have rays all the same.
+    assert!(leaves > 105_000, "{leaves} elements");
     for steps in [0, leaves / 2] {
         let Outcome { mesh, record, .. } = solve(&In::new("local pass, rays", steps));
         assert!(record.interrupted && record.ended != Ended::Interrupted, "{:?}", record.ended);
@@ -82,9 +83,10 @@ fn an_interrupted_pass_of_many_elements_keeps_its_light() {
 #[test]
 fn late_passes_trace_what_is_large() {
     let scene = room(true);
-    let options = Options { max_seconds: Some(1e-6), audit: 0, ..Options::default() };
+    let whole = Options { error: 0.05, audit: 0, ..Options::default() };
+    let options = Options { max_seconds: Some(1e-6), ..whole.clone() };
     let late = solved(&scene, &[], &options).record;
-    let all = solved(&scene, &[], &Options { audit: 0, ..Options::default() }).record;
+    let all = solved(&scene, &[], &whole).record;
     let ratio = mean(late.mean_irradiance) / mean(all.mean_irradiance);
     assert!((ratio - 1.0).abs() < 0.1 && late.exact_rays < all.exact_rays / 2, "{ratio}");
     assert!(!late.warnings.join(" ").contains("have no rays"), "{:?}", late.warnings);

@@ -42,24 +42,35 @@ fn at(x: f64, y: f64, z: f64) -> Point {
     Point { position: DVec3::new(x, y, z), normal: DVec3::Z }
 }
 
+/// The created power of one solution has a standard deviation of about 0.8 % of the emitted power. Where rug and floor both get the light,
+/// 12 % are created.
 #[test]
 fn rugs_create_no_energy() {
-    // The created power of one solution has a standard deviation of about 0.8 % of the emitted power, that of four 0.4 %. Where rug
-    // and floor both get the light, 12 % are created.
-    let seeds = [1, 2, 3, 4];
+    check_rugs(&[1], 0.03, &Options { local_rays: Some(100_000), audit: 0, ..Options::default() });
+}
+
+/// That of four solutions has one of 0.4 %.
+#[test]
+#[ignore = "long: four solutions of each room with all rays"]
+fn rugs_create_no_energy_to_a_hundredth() {
+    check_rugs(&[1, 2, 3, 4], 0.01, &Options::default());
+}
+
+/// Solves rooms with these seeds; the power that is created in their mean is no larger than this part of the emitted power.
+fn check_rugs(seeds: &[u64], limit: f64, options: &Options) {
     let rooms =
         [(0.0, false, false), (0.0, true, false), (1e-4, true, false), (0.0, false, true), (0.0, true, true)];
     for (height, turned, is_closed) in rooms {
         let scene = room_with_rug(height, turned, is_closed);
         assert_eq!(scene.closed_parts, usize::from(is_closed));
         let (mut made, mut gone, mut given) = (0.0, 0.0, 0.0);
-        for seed in seeds {
-            let outcome = solved(&scene, &[], &Options { seed, ..Options::default() });
+        for &seed in seeds {
+            let outcome = solved(&scene, &[], &Options { seed, ..options.clone() });
             let Ledger { emitted, absorbed, escaped, created, .. } = outcome.record.ledger;
             (made, gone, given) = (made + created, gone + absorbed + escaped, given + emitted);
         }
-        assert!(made.abs() <= 1e-2 * given, "{height} {turned}: {made} of {given}");
-        assert!((gone - given).abs() <= 1e-2 * given, "{height}: {gone} of {given}");
+        assert!(made.abs() <= limit * given, "{height} {turned}: {made} of {given}");
+        assert!((gone - given).abs() <= limit * given, "{height}: {gone} of {given}");
     }
 }
 
@@ -73,7 +84,7 @@ fn points_lie_on_the_nearest_sheet() {
         if height > 0.0 {
             points.push(at(0.2, 0.1, 0.0));
         }
-        let found = solved(&scene, &points, &Options::default()).irradiance;
+        let found = solved(&scene, &points, &quick()).irradiance;
         let settings = path_tracer::Settings { samples: 4096, direct_only: false, seed: 1 };
         let model = model_for(&scene, &Options::default());
         let truth = path_tracer::irradiance(&model, &points, settings, &()).expect("irradiance").values;
@@ -94,7 +105,7 @@ fn points_lie_on_the_nearest_sheet() {
 /// A plate near the floor under a distant lamp: its shadow is black.
 #[test]
 fn a_distant_lamp_does_not_shine_through_plates() {
-    for (gap, height) in [(0.09, 1e3), (0.09, 5e4), (0.01, 5e3), (0.005, 5e3), (0.004, 5e3)] {
+    for (gap, height) in [(0.09, 1e3), (0.09, 5e4), (0.01, 5e3), (0.004, 5e3)] {
         check_plate(gap, height);
     }
 }
@@ -113,7 +124,7 @@ fn check_plate(gap: f64, height: f64) {
     soup.polygon(lamp, light, &corners.map(|(x, y)| DVec3::new(x, y, height)));
     let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
     let points = [at(0.0, 0.0, 0.0), at(0.5, 0.5, 0.0), at(3.0, 3.0, 0.0)];
-    let found = solved(&scene, &points, &Options::default()).irradiance;
+    let found = solved(&scene, &points, &Options { error: 0.3, ..quick() }).irradiance;
     let settings = path_tracer::Settings { samples: 256, direct_only: false, seed: 1 };
     let model = model_for(&scene, &Options::default());
     let truth = path_tracer::irradiance(&model, &points, settings, &()).expect("irradiance").values;

@@ -48,7 +48,7 @@ fn rooms_with_a_weak_lamp_of_their_own_are_not_dark() {
     soup.polygon(lamp, glow, &[corner(6.0, 1.0), corner(6.0, 1.1), corner(6.1, 1.1), corner(6.1, 1.0)]);
     let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
     let point = Point { position: DVec3::new(6.5, 2.0, 0.0), normal: DVec3::Z };
-    let outcome = solved(&scene, &[point], &Options { audit: 0, ..Options::default() });
+    let outcome = solved(&scene, &[point], &quick());
     let e = outcome.irradiance[0][0];
     assert!(e > 0.0 && e < 1e-6, "{e}");
     let there = |e: &&Element| e.object == 0 && e.irradiance[0] > 0.0 && e.irradiance[0] < 1e-5;
@@ -108,7 +108,7 @@ fn a_sheet_with_a_door_keeps_rooms_apart() {
             .map(|position| Point { position, normal: DVec3::Z })
             .collect();
         let want = limits::truth(&scene, &points, 1024);
-        let outcome = solved(&scene, &points, &Options { audit: 0, ..Options::default() });
+        let outcome = solved(&scene, &points, &Options { min_area: 2e-5, ..quick() });
         let (rms, bias) = limits::off(&outcome.irradiance, &want);
         assert!(bias.abs() < off && rms < rough, "{door}: {rms} {bias}");
     }

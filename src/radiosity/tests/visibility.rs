@@ -232,11 +232,22 @@ fn visibility_is_kept_with_the_link() {
 /// the answer does not get worse when more is asked for, as brute force sees it.
 #[test]
 fn less_tolerance_is_not_worse() {
+    check_tolerances(Some(100_000));
+}
+
+#[test]
+#[ignore = "long: the rays of the local pass for an error of 1 %"]
+fn less_tolerance_is_not_worse_with_all_rays() {
+    check_tolerances(None);
+}
+
+/// Errors of points with growing demands, and so many rays of the local pass.
+fn check_tolerances(local_rays: Option<usize>) {
     let scene = room(true);
     let points = floor(60);
     let want = super::limits::truth(&scene, &points, 4096);
     let rms = |error: f64| {
-        let options = Options { error, audit: 0, ..Options::default() };
+        let options = Options { error, audit: 0, local_rays, ..Options::default() };
         super::limits::off(&solved(&scene, &points, &options).irradiance, &want).0
     };
     let [coarse, middle, fine] = [2.0, 0.2, 0.01].map(rms);

@@ -10,11 +10,11 @@ use std::time::{Duration, Instant};
 /// Two jobs, of which the second waits for the first; between them `change` happens.
 fn with_change(change: impl FnOnce(&Scratch)) -> (Scratch, Outcome) {
     let scratch = Scratch::new();
-    scratch.generate(&Spec { trees: 20, leaves: 500, ..Spec::new("forest") });
+    scratch.generate(&Spec { trees: 6, leaves: 300, ..Spec::new("forest") });
     scratch.generate(&Spec::new("cornell"));
     scratch.write(
         "jobs.toml",
-        "[[job]]\nname = 'first'\ncommand = 'solve'\nscene = 'forest.obj'\noptions = { audit = 0, output = 'none' }\n\
+        "[[job]]\nname = 'first'\ncommand = 'solve'\nscene = 'forest.obj'\noptions = { audit = 0, local-rays = 0, output = 'none' }\n\
          [[job]]\nname = 'second'\ncommand = 'info'\nscene = 'cornell.obj'\nafter = 'first'\n",
     );
     let child = started(&scratch, &["batch", "jobs.toml", "--out", "o", "--log", "log.jsonl"]);

@@ -15,9 +15,13 @@ fn solids(list: &[Vec<Vec<DVec3>>]) -> Scene {
     resolve(soup, &LoadOptions::default()).expect("a scene")
 }
 
-/// Form factors between the objects of a scene, without adjustment.
+/// Form factors between the objects of a scene, without adjustment, by an eighth of the rays.
 fn between(scene: &Scene) -> Matrix {
-    run(scene, |s| s.enforce = false).0.grouped(scene, &Facets::new(scene), Grouping::Object, &()).unwrap()
+    let fewer = |s: &mut Settings| {
+        (s.enforce, s.rays) = (false, s.rays / 4);
+        (s.bundle, s.largest_bundle) = ((s.bundle / 8).max(64), (s.largest_bundle / 8).max(256));
+    };
+    run(scene, fewer).0.grouped(scene, &Facets::new(scene), Grouping::Object, &()).unwrap()
 }
 
 /// An octahedron subdivided `halved` times with its corners on a sphere; reversed if `inward`.
@@ -91,7 +95,7 @@ fn coaxial_cylinders_converge_to_published_values() {
             near(m.get(1, 0) * outer, m.get(0, 1) * inner, 1e-5, "reciprocity");
             m.get(0, 1) / want - 1.0
         };
-        let (coarse, fine) = (off(16), off(64));
+        let (coarse, fine) = (off(12), off(48));
         assert!(fine.abs() < 1e-3 && fine.abs() < 0.2 * coarse.abs() + 2e-4, "{}: {coarse} {fine}", &row[0]);
         tried += 1;
     }
