@@ -190,10 +190,10 @@ fuzz: setup
 	done
 
 kills: setup
-	MRVIS_KILLS=$(KILLS) cargo test --test suite nothing_is_lost_when_the_batch_is_killed
+	MRVIS_KILLS=$(KILLS) cargo test --features internals --test suite nothing_is_lost_when_the_batch_is_killed
 
 batch-speed: setup
-	cargo bench --bench batch
+	cargo bench --features internals --bench batch
 
 clean: need-cargo
 	cargo clean

@@ -1,5 +1,6 @@
 //! Speed of `mrvis batch`: the same solves of a small scene, on two threads, as jobs of a batch and by calls of the library in one process,
-//! in turn: `cargo bench --bench batch`. Then short jobs, whose time is that of the batch itself, and a batch that is done already.
+//! in turn: `cargo bench --features internals --bench batch`. Then short jobs, whose time is that of the batch
+//! itself, and a batch that is done already.
 //!
 //! Promised, and an error if it does not hold: at least 95 % of the throughput in one process, at most 5 ms for each job besides its work, and at most 1 s for a batch of
 //! 200 jobs that is done. Other load of the machine makes times differ: the ratio is the median of pairs, and that of processor times is

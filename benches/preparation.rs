@@ -1,4 +1,4 @@
-//! Times of preparing a scene: clusters, optics, and reading both from a cache file: `cargo bench --bench
+//! Times of preparing a scene: clusters, optics, and reading both from a cache file: `cargo bench --features internals --bench
 //! preparation`.
 
 use divan::{Bencher, counter::ItemsCount};

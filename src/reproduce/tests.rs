@@ -143,12 +143,14 @@ fn fig10_holds_as_far_as_few_solves_tell() {
 }
 
 #[test]
+#[ignore = "long: many solves"]
 fn multigridding_holds() {
     holds("multigridding");
 }
 
 /// With importance links are so few that the light of the desk may change; two solves do not tell how much.
 #[test]
+#[ignore = "long: many solves"]
 fn importance_holds_whatever_the_quality() {
     holds_but("importance", &["with importance the quality"]);
 }

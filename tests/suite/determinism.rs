@@ -54,7 +54,7 @@ fn differences(a: &Value, b: &Value, place: String, found: &mut Vec<String>) {
 #[test]
 fn bench_reports_the_same_figures_on_any_number_of_threads() {
     let scratch = Scratch::new();
-    for name in ["forest", "desk-room"] {
+    for name in ["forest", "cubes"] {
         let mut spec = Spec::new(name);
         (spec.trees, spec.leaves) = (4, 100);
         let scene = scratch.generate(&spec);

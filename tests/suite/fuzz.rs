@@ -1,8 +1,8 @@
 //! Readers of files never panic, hang or take much memory, whatever a file holds.
 //!
-//! Each reader gets the files of `tests/corpus/READER` and random changes of them for a part of ten seconds, or of MRVIS_FUZZ_SECONDS. An input with an
-//! outcome that no other had (scene, or error without its numbers) joins the files that are changed. `make fuzz` searches for
-//! an hour instead, guided by the code that is reached (`tests/fuzz`).
+//! Each reader gets the files of `tests/corpus/READER` and random changes of them for a part of ten seconds, or of
+//! MRVIS_FUZZ_SECONDS. An input with an outcome that no other had (scene, or error without its numbers) joins the files that are changed.
+//! `make fuzz` searches for an hour instead, guided by the code that is reached (`tests/fuzz`).
 
 use mrvis::internals::readers::{NAMES, read, sample_cache};
 use rand_pcg::Pcg64Mcg;

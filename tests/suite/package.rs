@@ -143,7 +143,7 @@ fn examples_in_cpp_are_built_and_run() {
         assert!(done.contains("\ndone: mean irradiance "), "{done}");
         let cancelled = said("solve", &["box.obj", "0"]);
         assert!(cancelled.contains("\ncancelled; so far: mean irradiance "), "{cancelled}");
-        let times = said("compare", &["5000"]);
+        let times = said("compare", &["1000"]);
         assert!(times.starts_with("exact ") && times.contains("RMS difference 0.0"), "{times}");
     }
 }
