@@ -95,10 +95,18 @@ impl Error {
     }
 }
 
+/// Whether a terminal or a browser obeys a character instead of showing it: control characters, and the marks that turn the direction of the
+/// text after them (Unicode Standard Annex 9), with which a name can look like another.
+pub(crate) fn is_obeyed(c: char) -> bool {
+    let turns =
+        matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    c.is_control() || turns
+}
+
 /// A path for a message: without control characters; of one with more than [`MAX_QUOTED`] characters the end, which has the name of
 /// the file.
 pub(crate) fn shown(path: &Path) -> String {
-    let text: Vec<char> = path.display().to_string().chars().filter(|c| !c.is_control()).collect();
+    let text: Vec<char> = path.display().to_string().chars().filter(|c| !is_obeyed(*c)).collect();
     match text.len().checked_sub(MAX_QUOTED) {
         None | Some(0) => text.into_iter().collect(),
         Some(more) => std::iter::once('…').chain(text.into_iter().skip(more + 1)).collect(),
@@ -110,7 +118,7 @@ pub(crate) const MAX_QUOTED: usize = 80;
 
 /// Text of a file for a message: without control characters, at most [`MAX_QUOTED`] characters.
 pub(crate) fn quote(text: &str) -> String {
-    let mut shown = text.chars().filter(|c| !c.is_control());
+    let mut shown = text.chars().filter(|c| !is_obeyed(*c));
     let mut short: String = shown.by_ref().take(MAX_QUOTED - 1).collect();
     match (shown.next(), shown.next()) {
         (Some(last), None) => short.push(last),

@@ -84,6 +84,27 @@ pub fn triangle_normal(a: Vec3, b: Vec3, c: Vec3) -> Vec3 {
     (b - a).cross(c - a).normalize_or_zero().as_vec3()
 }
 
+/// Distance by which points are moved off the edges of a face with this largest coordinate: twice the height at which rays start above
+/// faces in the path tracer (2e-6 of the coordinate), so that a wall through the edge is met like any other; scene units.
+pub fn edge_distance(magnitude: f32) -> f32 {
+    4e-6 * magnitude
+}
+
+/// A point on a triangle or its edge, moved by `distance` towards the centre of the triangle, at most half of the way: the light at an edge or in
+/// a corner is the limit from inside the face.
+pub fn off_edges([a, b, c]: [Vec3; 3], point: Vec3, distance: f32) -> Vec3 {
+    let inward = (a + b + c) / 3.0 - point;
+    point + inward * (distance / inward.length()).min(0.5)
+}
+
+/// Where the face of a point is looked for: at the point, and if it lies on the edge of a face that rays miss, around it in the plane of
+/// `normal`.
+pub fn places_around(point: Vec3, normal: Vec3, distance: f32) -> [Vec3; 9] {
+    let (x, y) = normal.any_orthonormal_pair();
+    let around = [(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (-1, -1), (1, -1)];
+    around.map(|(u, v)| point + distance * (u as f32 * x + v as f32 * y))
+}
+
 /// A point that rounding moved off the plane of a triangle, moved back onto it along the triangle's normal.
 pub fn on_plane([a, b, c]: [Vec3; 3], point: Vec3) -> Vec3 {
     let normal = triangle_normal(a, b, c);

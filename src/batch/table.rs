@@ -5,7 +5,7 @@ use super::row::{Row, cell};
 #[cfg(feature = "parquet")]
 use super::table_parquet::parquet;
 use super::template::outputs_of;
-use crate::files::WholeFile;
+use crate::files::{WholeFile, csv_text};
 use crate::{Error, Result};
 use serde_json::Value as Json;
 use std::collections::HashMap;
@@ -73,10 +73,10 @@ fn write_tables(out: &Path, rows: &[Row]) -> Result<()> {
     Ok(())
 }
 
-/// A value in a cell of CSV. Spreadsheets compute texts that begin with these characters as formulas: an apostrophe keeps them texts.
+/// A value in a cell of CSV.
 fn csv_cell(value: Option<&Json>) -> String {
     match value {
-        Some(Json::String(text)) if text.starts_with(['=', '+', '-', '@', '\t', '\r']) => format!("'{text}"),
+        Some(Json::String(text)) => csv_text(text).into_owned(),
         _ => cell(value),
     }
 }

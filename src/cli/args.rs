@@ -8,6 +8,7 @@ use super::{
 };
 use crate::{
     Error, Result,
+    error::is_obeyed,
     files::{WholeFile, json_text},
     model::cache::CacheLocation,
     scene::{
@@ -135,10 +136,10 @@ impl Common {
     }
 }
 
-/// A text without control characters, which a terminal could obey, besides ends of lines and tabs. Names and messages from files are
+/// A text without characters that a terminal could obey, besides ends of lines and tabs. Names and messages from files are
 /// in it.
 fn printable(text: &str) -> String {
-    text.chars().filter(|&c| !c.is_control() || c == '\n' || c == '\t').collect()
+    text.chars().filter(|&c| !is_obeyed(c) || c == '\n' || c == '\t').collect()
 }
 
 /// A spinner on the terminal; see [`Common::spinner`].

@@ -30,6 +30,7 @@ mod shared_scenes;
 mod solve;
 mod writable;
 
+use crate::error::is_obeyed;
 use crate::{Error, Result, model::embree_version};
 use clap::{
     FromArgMatches, Parser, Subcommand,
@@ -230,7 +231,7 @@ fn one_line(error: &Error) -> String {
         cause = e.source();
     }
     let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
-    text.chars().filter(|c| !c.is_control()).take(MAX_MESSAGE).collect()
+    text.chars().filter(|c| !is_obeyed(*c)).take(MAX_MESSAGE).collect()
 }
 
 /// Feature sizes by name from the content of a file; see `solve --feature-sizes`.

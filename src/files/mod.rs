@@ -4,6 +4,7 @@ pub mod input;
 
 use crate::{Error, Result};
 use std::{
+    borrow::Cow,
     fs::File,
     io::{self, BufWriter, Write},
     path::{Path, PathBuf},
@@ -13,6 +14,14 @@ use tempfile::NamedTempFile;
 /// The text of a JSON file: indented, with a line feed at its end.
 pub fn json_text(value: &impl serde::Serialize) -> serde_json::Result<String> {
     Ok(serde_json::to_string_pretty(value)? + "\n")
+}
+
+/// A text for a cell of CSV. Spreadsheets compute texts that begin with these characters as formulas: an apostrophe keeps them texts.
+pub fn csv_text(text: &str) -> Cow<'_, str> {
+    match text.starts_with(['=', '+', '-', '@', '\t', '\r']) {
+        true => format!("'{text}").into(),
+        false => text.into(),
+    }
 }
 
 /// A buffered file being written. The data go to a temporary file until [`WholeFile::commit`]; a file that is dropped

@@ -9,6 +9,7 @@ mod text;
 pub use text::{bytes, count, file_name, length, percent, seconds, signed, times};
 
 use crate::Result;
+use crate::error::is_obeyed;
 use crate::image_io::Picture;
 use crate::plot::Plot;
 use base64::Engine;
@@ -36,7 +37,7 @@ pub fn document(title: &str, body: &Markup) -> String {
             body { main { (body) } }
         }
     };
-    page.into_string()
+    page.into_string().replace(|c| is_obeyed(c) && !matches!(c, '\n' | '\r' | '\t'), "")
 }
 
 /// A short table of names and values under a heading.

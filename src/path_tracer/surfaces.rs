@@ -1,7 +1,7 @@
 //! Traced geometry with normals, reflectances and emission of hit points.
 
 use crate::embree::{CommittedScene, Hits, Traversal};
-use crate::math::triangle_normal;
+use crate::math::{edge_distance, off_edges, places_around, triangle_normal};
 use crate::model::Model;
 use crate::ray::Packet;
 use crate::scene::Profile;
@@ -34,6 +34,8 @@ pub struct SurfaceHit<'a> {
     pub emission: [f32; 3],
     /// Directions in which the front emits; none for a diffuse face.
     pub profile: Option<&'a Profile>,
+    /// Corners of the face where it stands, scene units.
+    pub corners: [Vec3; 3],
     /// Cosine between the face's front normal and the reverse ray direction, positive on the front.
     pub cosine: f32,
 }
@@ -67,8 +69,23 @@ impl<'a> Surfaces<'a> {
 
     /// The start of the paths of a given point, above the surface that the point lies on: of the surfaces whose normals are
     /// within 60° of that of the point, the nearest one along the normal of the point, within 1e-5 of the scene's diagonal.
-    /// Without one, the point is taken as it is, lifted. Also returns the distance of the start from the surface.
+    /// Without one, the point is taken as it is, lifted. On an edge or in a corner the start is inside the surface. Also returns its distance
+    /// from the surface.
     pub fn start(&self, given: Vec3, normal: Vec3) -> (Vec3, f32) {
+        let distance =
+            |points: &[Vec3]| edge_distance(points.iter().map(|p| p.abs().max_element()).fold(0.0, f32::max));
+        let places = places_around(given, normal, distance(&[given]));
+        let found = places.into_iter().find_map(|place| Some((place, self.nearest(place, normal)?)));
+        let Some((place, (depth, hit))) = found else {
+            let skin = skin([given]);
+            return (given + skin * normal, skin);
+        };
+        let inside = off_edges(hit.corners, place - depth * normal, distance(&hit.corners));
+        (inside + hit.skin * normal, hit.skin)
+    }
+
+    /// The nearest of the surfaces along the normal of a point that are about parallel to it, and its distance against the normal.
+    fn nearest(&self, given: Vec3, normal: Vec3) -> Option<(f32, SurfaceHit<'_>)> {
         /// Largest number of surfaces that are tried.
         const MAX_SURFACES: usize = 64;
         // One search on either side of the point, so that the nearest surface is met first.
@@ -81,23 +98,16 @@ impl<'a> Surfaces<'a> {
                 self.intersect(std::slice::from_ref(&ray), std::slice::from_mut(&mut hits));
                 let hit = self.place(&ray, &hits, 0, -side * normal)?;
                 if hit.cosine.abs() >= 0.5 {
-                    return Some((side * hits.t[0], hit.skin));
+                    return Some((side * hits.t[0], hit));
                 }
                 ray.near[0] = hits.t[0].next_up();
             }
             None
         });
-        let (depth, skin) = match nearest {
-            [Some(below), Some(above)] => {
-                if below.0 <= -above.0 {
-                    below
-                } else {
-                    above
-                }
-            }
-            [below, above] => below.or(above).unwrap_or((0.0, skin([given]))),
-        };
-        (given - depth * normal + skin * normal, skin)
+        match nearest {
+            [Some(below), Some(above)] => Some(if below.0 <= -above.0 { below } else { above }),
+            [below, above] => below.or(above),
+        }
     }
 
     /// Sets `blocked[k]` to the mask of blocked lanes of `packets[k]`.
@@ -150,6 +160,7 @@ impl<'a> Surfaces<'a> {
             reflectance,
             emission,
             profile,
+            corners: placed,
             cosine,
         })
     }

@@ -278,3 +278,27 @@ fn options_out_of_range_are_refused() {
 fn model_for(scene: &Scene, options: &Options) -> Model {
     Model::prepare(scene.clone(), &options.prepare(), &()).expect("a model")
 }
+
+/// Points on edges and in corners have the light of points beside them, inside the room; by the solver and by paths.
+#[test]
+fn light_on_edges_is_the_limit_from_inside() {
+    let scene = room(true);
+    let on = |x: f64, y: f64, z: f64, normal: DVec3| Point { position: DVec3::new(x, y, z), normal };
+    let pairs = [
+        (on(3.0, 2.0, 0.0, DVec3::Z), on(2.999, 2.0, 0.0, DVec3::Z)),
+        (on(0.0, 1.7, 0.0, DVec3::Z), on(0.001, 1.7, 0.0, DVec3::Z)),
+        (on(3.0, 4.0, 0.0, DVec3::Z), on(2.999, 3.999, 0.0, DVec3::Z)),
+        (on(0.0, 0.0, 0.0, DVec3::Z), on(0.001, 0.001, 0.0, DVec3::Z)),
+        (on(0.0, 0.0, 1.3, DVec3::X), on(0.0, 0.001, 1.3, DVec3::X)),
+        (on(1.0, 4.0, 2.5, -DVec3::Y), on(1.0, 4.0, 2.499, -DVec3::Y)),
+    ];
+    let points: Vec<Point> = pairs.iter().flat_map(|&(edge, inside)| [edge, inside]).collect();
+    let settings = crate::path_tracer::Settings { samples: 4096, direct_only: false, seed: 1 };
+    let model = model_for(&scene, &Options::default());
+    let traced = crate::path_tracer::irradiance(&model, &points, settings, &()).expect("irradiance").values;
+    for light in [solved(&scene, &points, &quick()).irradiance, traced] {
+        for (k, pair) in light.chunks_exact(2).enumerate() {
+            assert!((pair[0][0] / pair[1][0] - 1.0).abs() < 0.04, "{:?}: {pair:?}", points[2 * k]);
+        }
+    }
+}

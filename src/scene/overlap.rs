@@ -6,6 +6,7 @@
 //! Examples are a rug at the height of the floor and a poster in the plane of its wall. Two closed solids in contact (a box on a
 //! block) are excluded, because nothing between them is visible. A sheet is visible from both sides, also if it faces what it is in
 //! contact with; then there is no message, because bottoms of furniture that is not quite closed would give one for each piece.
+//! Faces of one part that lie in one place and face away from each other are the two sides of one sheet.
 //!
 //! A plane is described by two slopes and an intercept along the axis nearest to its normal. Faces with nearly equal
 //! descriptions are adjacent after sorting. Within such a group, faces with overlapping boxes are tested, found by a
@@ -27,8 +28,10 @@ pub(super) struct Faces<'a> {
     pub object: &'a [u32],
     /// Whether a triangle is visible from both sides.
     pub two_sided: &'a (dyn Fn(usize) -> bool + Sync),
-    /// Whether the overlap of two triangles is not looked for: triangles of one part with equal materials.
-    pub alike: &'a (dyn Fn(usize, usize) -> bool + Sync),
+    /// Part (connected faces) of a triangle.
+    pub part: &'a (dyn Fn(usize) -> u32 + Sync),
+    /// Whether two triangles reflect and emit alike.
+    pub appear_alike: &'a (dyn Fn(usize, usize) -> bool + Sync),
 }
 
 /// Two overlapping triangles, the smaller index first, and the area of their overlap, scene units squared.
@@ -74,6 +77,12 @@ fn faces_alike(faces: &Faces, pair: [u32; 2]) -> bool {
     n.dot(m) > 0.0
 }
 
+/// Whether it does not matter which of two coplanar triangles a ray hits: they belong to one part, face the same way and look alike.
+fn makes_no_difference(faces: &Faces, s: usize, t: usize) -> bool {
+    let same = (faces.part)(s) == (faces.part)(t) && (faces.appear_alike)(s, t);
+    same && faces_alike(faces, [s as u32, t as u32])
+}
+
 /// Normal of a triangle, of twice its area's length.
 fn normal([a, b, c]: &[DVec3; 3]) -> DVec3 {
     (b - a).cross(c - a)
@@ -90,7 +99,7 @@ fn overlaps(faces: &Faces) -> Vec<Overlap> {
     keys.par_sort_unstable();
     let groups = keys.chunk_by(|a, b| a.0 == b.0).filter(|group| {
         let first = group[0].1 as usize;
-        group.len() > 1 && group[1..].iter().any(|&(_, t)| !(faces.alike)(first, t as usize))
+        group.len() > 1 && group[1..].iter().any(|&(_, t)| !makes_no_difference(faces, first, t as usize))
     });
     let groups: Vec<&[(u64, u32)]> = groups.collect();
     // A face near the border of its cell is in several groups; each pair counts once.
@@ -230,12 +239,13 @@ fn distance_of(p: &[DVec3; 3], q: &[DVec3; 3]) -> f64 {
 /// Area of the overlap of two nearly coplanar faces; 0 if it is below the limits.
 fn overlap(faces: &Faces, [s, t]: [u32; 2], tolerance: &Tolerance) -> f64 {
     let [s, t] = [s as usize, t as usize];
-    if (faces.alike)(s, t) {
+    if makes_no_difference(faces, s, t) {
         return 0.0;
     }
     let [p, q] = [corners(faces, s), corners(faces, t)];
     let [n, m] = [&p, &q].map(normal);
-    let from_one_side = n.dot(m) > 0.0 || (faces.two_sided)(s) || (faces.two_sided)(t);
+    let is_sheet = (faces.part)(s) == (faces.part)(t);
+    let from_one_side = n.dot(m) > 0.0 || is_sheet || (faces.two_sided)(s) || (faces.two_sided)(t);
     if !from_one_side || beside(&p, &q, m) || beside(&q, &p, n) {
         return 0.0;
     }

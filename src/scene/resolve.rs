@@ -93,18 +93,18 @@ fn resolve_as(mut soup: Soup, options: &LoadOptions, role: Role) -> Result<Scene
     let (component, closed) = used_parts(&parts, &faces.polygon);
     let part = |t: usize| parts.part[faces.polygon[t] as usize];
     let sides = |t: usize| options.sides.unwrap_or(if parts.closed[part(t) as usize] { 1 } else { 2 });
-    let appearance = |t: usize| (faces.reflectance[t], materials[faces.material[t] as usize].emission);
-    let two_sided = |t: usize| sides(t) == 2;
+    let looks = |t: usize| (faces.reflectance[t], materials[faces.material[t] as usize].emission);
     let planes = overlap::Faces {
         positions: &positions,
         triangles: &triangles,
         object: &triangle_object,
-        two_sided: &two_sided,
-        alike: &|s, t| part(s) == part(t) && appearance(s) == appearance(t),
+        two_sided: &|t| sides(t) == 2,
+        part: &part,
+        appear_alike: &|s, t| looks(s) == looks(t),
     };
     let found = overlap::find(&planes, &objects, &options.unit, &mut repairs);
-    let part_area = &area_of_parts(&parts, &faces.polygon, &area)[..];
-    let order = Order { part_area, emitter: &triangle_emitter, two_sided: &two_sided };
+    let part_area = &area_of_parts(&parts, &faces.polygon, &area);
+    let order = Order { part: &part, part_area, emitter: &triangle_emitter, two_sided: &|t| sides(t) == 2 };
     stack(&found, order, &mut positions, &mut triangles);
     Ok(Scene {
         path: soup.path,

@@ -3,8 +3,9 @@
 //! All are read here, so that each is a regular file below the limit of size, is decoded once, and is listed.
 
 use super::{Repairs, texture::Texture};
+use crate::error::{is_obeyed, shown};
 use crate::files::input::{Input, MAX_SMALL_FILE, guarded};
-use crate::{Error, Result, error::shown, memory};
+use crate::{Error, Result, memory};
 use indexmap::IndexSet;
 use std::{
     collections::HashMap,
@@ -153,7 +154,7 @@ impl Repairs {
         self.missing_files += 1;
         match self.missing_files {
             n if n <= MAX_MESSAGES => {
-                self.messages.push(message.chars().filter(|c| !c.is_control()).collect())
+                self.messages.push(message.chars().filter(|c| !is_obeyed(*c)).collect())
             }
             n if n == MAX_MESSAGES + 1 => self.messages.push("more files could not be read".into()),
             _ => {}

@@ -17,8 +17,14 @@ const MAX_LEVELS: u32 = 8;
 /// bent by more has an edge there.
 const MIN_COSINE: f32 = 0.999;
 
+/// Smallest part of the area of faces turned away from each other that overlaps if they are the two sides of one sheet. Borders that
+/// were rounded or drawn by hand leave less than a hundredth.
+const MIN_SHEET_COVER: f64 = 0.99;
+
 /// What decides the order of overlapping triangles.
 pub(super) struct Order<'a> {
+    /// Part (connected faces) of a triangle.
+    pub part: &'a dyn Fn(usize) -> u32,
     /// Area of the part of each triangle.
     pub part_area: &'a [f64],
     /// Emitter of each triangle, or `u32::MAX`.
@@ -30,10 +36,11 @@ pub(super) struct Order<'a> {
 /// Moves the lower one of each two overlapping triangles behind the upper one: that of the smaller part, of equal parts the later
 /// one. Front is the front of an emitting face, so that lamps in the plane of a ceiling stay in front of it, or else the front of the
 /// lowest face. A closed solid on a larger sheet that it faces stays: the sheet hides its face.
+/// Faces that are turned away from each other and cover each other are the two sides of one sheet: each stays on its own side.
 /// Moved triangles get vertices of their own; points in the common plane lie on the uppermost face.
 pub(super) fn stack(
     found: &[Overlap],
-    Order { part_area, emitter, two_sided }: Order,
+    Order { part, part_area, emitter, two_sided }: Order,
     positions: &mut Vec<Vec3>,
     triangles: &mut [[u32; 3]],
 ) {
@@ -57,7 +64,8 @@ pub(super) fn stack(
     pairs.sort_by(|a, b| compared(a[1], b[1]));
     let levels = levels(&pairs);
     let normals: HashMap<u32, Vec3> = levels.keys().map(|&t| (t, normal(t))).collect();
-    let fronts = fronts(&pairs, &normals, emitter);
+    let sheets = sheets(found, part, part_area, &normal);
+    let fronts = fronts(&pairs, &normals, emitter, &sheets);
     let step = step(levels.keys().copied(), positions, triangles);
     let before = positions.len();
     let mut moved: Vec<(u32, u32)> = levels.into_iter().filter(|&(_, level)| level > 0).collect();
@@ -101,10 +109,39 @@ fn drop_unused(positions: &mut Vec<Vec3>, triangles: &mut [[u32; 3]]) {
     triangles.iter_mut().flatten().for_each(|v| *v = number[*v as usize]);
 }
 
+/// The pairs of overlapping triangles, the smaller index first, that are two sides of one sheet: they are turned away from each other, and
+/// belong to one part or to two that such triangles cover.
+fn sheets(
+    found: &[Overlap],
+    part: &dyn Fn(usize) -> u32,
+    part_area: &[f64],
+    normal: &dyn Fn(u32) -> Vec3,
+) -> HashSet<[u32; 2]> {
+    let away = |&&(s, t, _): &&Overlap| normal(s).dot(normal(t)) < 0.0;
+    let mut covered = HashMap::<u32, f64>::new();
+    for &(s, t, area) in found.iter().filter(away) {
+        [s, t].into_iter().for_each(|t| *covered.entry(part(t as usize)).or_default() += area);
+    }
+    let is_covered = |t: u32| covered[&part(t as usize)] >= MIN_SHEET_COVER * part_area[t as usize];
+    let is_sheet = |s: u32, t: u32| part(s as usize) == part(t as usize) || is_covered(s) && is_covered(t);
+    found.iter().filter(away).filter(|&&(s, t, _)| is_sheet(s, t)).map(|&(s, t, _)| [s, t]).collect()
+}
+
 /// The fronts of all faces of pairs of an upper and a lower face, sorted by the lower one from top to bottom.
-fn fronts(pairs: &[[u32; 2]], normals: &HashMap<u32, Vec3>, emitter: &[u32]) -> HashMap<u32, Vec3> {
+fn fronts(
+    pairs: &[[u32; 2]],
+    normals: &HashMap<u32, Vec3>,
+    emitter: &[u32],
+    sheets: &HashSet<[u32; 2]>,
+) -> HashMap<u32, Vec3> {
     let turned = |t: u32, front: Vec3| if normals[&t].dot(front) < 0.0 { -normals[&t] } else { normals[&t] };
     let mut fronts = HashMap::<u32, Vec3>::new();
+    // Seen from the front of the upper side of a sheet, the lower one lies behind it and faces away.
+    for &[upper, lower] in pairs.iter().filter(|[s, t]| sheets.contains(&[*s.min(t), *s.max(t)])) {
+        [upper, lower].into_iter().for_each(|t| {
+            fronts.entry(t).or_insert(turned(t, normals[&upper]));
+        });
+    }
     for &pair in pairs {
         if let Some(lamp) = pair.into_iter().find(|&t| emitter[t as usize] != u32::MAX) {
             pair.into_iter().for_each(|t| {

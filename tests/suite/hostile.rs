@@ -178,6 +178,40 @@ fn messages_quote_little_of_a_file() {
     assert!(told.stderr.chars().count() < 200, "{}", told.stderr);
 }
 
+/// Names that turn the direction of text, or that a spreadsheet would compute, reach neither terminals nor pages nor tables as they are.
+#[test]
+fn names_cannot_deceive() {
+    let scratch = scratch();
+    let turned = "\u{202e}gnp.exe\u{2066}";
+    scratch
+        .write("turned.obj", SCENE.replace("o floor", &format!("o {turned}")).replace("o lamp", "o =cmd|x"));
+    let told = scratch.mrvis(&["info", "turned.obj", "--all"]);
+    done(&told);
+    assert!(
+        told.stdout.contains("gnp.exe") && !told.stdout.contains(['\u{202e}', '\u{2066}']),
+        "{}",
+        told.stdout
+    );
+    let call = [
+        "solve",
+        "turned.obj",
+        "--out",
+        "o",
+        "--output",
+        "page",
+        "--image-size",
+        "16x12",
+        "--local-rays",
+        "0",
+    ];
+    done(&scratch.mrvis(&[&call[..], &["--audit", "0"]].concat()));
+    let page = std::fs::read_to_string(scratch.path("o/solution.html")).expect("a page");
+    assert!(!page.contains(['\u{202e}', '\u{2066}']));
+    done(&scratch.mrvis(&["form-factors", "turned.obj", "--by", "object", "--out", "f.csv"]));
+    let table = std::fs::read_to_string(scratch.path("f.csv")).expect("a table");
+    assert!(table.contains("'=cmd|x") && !table.contains(",=cmd") && !table.contains("\n=cmd"), "{table}");
+}
+
 /// Nothing is written beside the scene; a link of the former name of a cache file leads nowhere.
 #[test]
 fn caches_are_in_the_folder_of_the_user() {

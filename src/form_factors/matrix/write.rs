@@ -1,7 +1,9 @@
 //! Matrices in files.
 
 use super::{Labels, Matrix};
-use crate::{Error, Result, files::WholeFile};
+use crate::error::is_obeyed;
+use crate::files::{WholeFile, csv_text};
+use crate::{Error, Result};
 use std::io::Write;
 use std::path::Path;
 
@@ -60,12 +62,13 @@ fn csv(out: &mut impl Write, m: &Matrix, labels: Option<&Labels>) -> std::io::Re
     let mut out = csv::Writer::from_writer(out);
     let of_facets = labels.map(|_| ["from_object", "to_object"]).into_iter().flatten();
     out.write_record(["from", "to", "factor"].into_iter().chain(of_facets))?;
-    let name = |i: usize| m.names.get(i).cloned().unwrap_or_else(|| i.to_string());
+    let name = |i: usize| m.names.get(i).map_or_else(|| i.to_string(), |name| csv_text(name).into_owned());
     for i in 0..m.len() {
         let from = name(i);
         for (j, f) in m.row(i) {
             let (to, factor) = (name(j), (f as f32).to_string());
-            let objects = labels.map(|l| [l.object(i), l.object(j)]).into_iter().flatten();
+            let objects = labels.map(|l| [l.object(i), l.object(j)].map(csv_text));
+            let objects = objects.iter().flatten().map(AsRef::as_ref);
             out.write_record([&from, &to, &factor].map(String::as_str).into_iter().chain(objects))?;
         }
     }
@@ -75,7 +78,7 @@ fn csv(out: &mut impl Write, m: &Matrix, labels: Option<&Labels>) -> std::io::Re
 fn mtx(out: &mut impl Write, m: &Matrix, labels: Option<&Labels>) -> std::io::Result<()> {
     writeln!(out, "%%MatrixMarket matrix coordinate real general")?;
     // A line break in a name would end the comment.
-    let printable = |name: &str| -> String { name.chars().filter(|c| !c.is_control()).collect() };
+    let printable = |name: &str| -> String { name.chars().filter(|c| !is_obeyed(*c)).collect() };
     for i in 0..m.len() {
         let name = labels.map(|l| l.object(i)).or(m.names.get(i).map(String::as_str)).unwrap_or_default();
         writeln!(out, "% {} {}", i + 1, printable(name))?;

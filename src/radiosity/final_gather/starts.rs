@@ -3,7 +3,7 @@
 use super::direct_light::GatherPoint;
 use super::gatherer::FinalGather;
 use crate::embree::Hits;
-use crate::math::{on_plane, triangle_normal};
+use crate::math::{edge_distance, off_edges, on_plane, places_around, triangle_normal};
 use crate::radiosity::elements::Elements;
 use crate::ray::{EndRule, Packet};
 use crate::scene::magnitude;
@@ -17,12 +17,21 @@ const MIN_COSINE: f32 = 0.5;
 impl FinalGather<'_> {
     /// A given point, with its seed, where its rays start: above the surface that the point lies on. That is the surface nearest to the
     /// point along its normal within the slack, if both are about parallel. A point without one is taken as it is, lifted all the
-    /// same: its surface may end beside it.
+    /// same: its surface may end beside it. On an edge or in a corner the light is the limit from inside the surface.
     pub(super) fn gather_point(&self, at: Vec3, normal: Vec3, seed: u64) -> GatherPoint {
+        let places = places_around(at, normal, edge_distance(magnitude([at])));
+        let found = places.into_iter().find_map(|place| self.surface_near(place, normal));
+        let unknown = || (at, EndRule::new(magnitude([at])), self.feature_size);
+        let (on_surface, end, feature_size) = found.unwrap_or_else(unknown);
+        GatherPoint { at: end.lifted(on_surface, normal), normal, end, feature_size, seed }
+    }
+
+    /// The place on the surface nearest to a point along its normal, the end rule there and the feature size of its side.
+    fn surface_near(&self, at: Vec3, normal: Vec3) -> Option<(Vec3, EndRule, f32)> {
         let (from, to) = (at + self.slack * normal, at - self.slack * normal);
         let mut packet = Packet::EMPTY;
         packet.set_between(0, from, to, [0.0, 1.0]);
-        let mut found = (at, EndRule::new(magnitude([at])), self.feature_size);
+        let mut found = None;
         let mut nearest = f32::INFINITY;
         for _ in 0..MAX_SURFACES {
             let mut hits = [Hits::NONE];
@@ -37,13 +46,14 @@ impl FinalGather<'_> {
             let parallel = triangle_normal(a, b, c).dot(normal).abs() >= MIN_COSINE;
             if parallel && (t - 0.5).abs() < nearest {
                 let at = on_plane(corners, packet.point(0, t));
-                (found, nearest) = ((at, end, self.feature_size_at(triangle, at, normal)), (t - 0.5).abs());
+                let at = off_edges(corners, at, edge_distance(magnitude(corners)));
+                (found, nearest) =
+                    (Some((at, end, self.feature_size_at(triangle, at, normal))), (t - 0.5).abs());
             }
             // Surfaces nearer to each other than rounding count as one.
             packet.near[0] = (t + end.slack() / (2.0 * self.slack)).max(t.next_up());
         }
-        let (on_surface, end, feature_size) = found;
-        GatherPoint { at: end.lifted(on_surface, normal), normal, end, feature_size, seed }
+        found
     }
 
     /// The feature size of the side of a face that a normal leaves, at a place on it.

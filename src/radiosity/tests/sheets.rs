@@ -134,3 +134,55 @@ fn check_plate(gap: f64, height: f64) {
         assert!((values[2][0] / (1e5 * 4.0 / height.powi(2)) - 1.0).abs() < 0.01, "{values:?}");
     }
 }
+
+/// A room in two halves, each with a lamp. The wall between them is white on the left and black on the right: two faces with a gap.
+fn room_in_halves(gap: f64, white_first: bool) -> Scene {
+    let mut soup = Soup::new("halves");
+    let grey = soup.material(SoupMaterial::diffuse("grey", [0.6; 3]));
+    let white = soup.material(SoupMaterial::diffuse("white", [0.9; 3]));
+    let black = soup.material(SoupMaterial::diffuse("black", [0.02; 3]));
+    let light = soup.material(SoupMaterial::light("light", [10.0; 3]));
+    let walls = soup.object("walls");
+    inward(&mut soup, walls, grey, DVec3::ZERO, DVec3::new(4.0, 3.0, 2.5));
+    for x in [0.5, 2.7] {
+        let lamp = soup.object("lamp");
+        let at = |u: f64, v: f64| DVec3::new(x + u, 1.0 + v, 2.4);
+        soup.polygon(lamp, light, &[at(0.0, 0.0), at(0.0, 1.0), at(1.0, 1.0), at(1.0, 0.0)]);
+    }
+    let mut side = |name: &str, material: u32, x: f64, to_the_left: bool| {
+        let object = soup.object(name);
+        let mut corners = [(0.0, 0.0), (3.0, 0.0), (3.0, 2.5), (0.0, 2.5)].map(|(y, z)| DVec3::new(x, y, z));
+        if to_the_left {
+            corners.reverse();
+        }
+        soup.polygon(object, material, &corners);
+    };
+    let white_side = |side: &mut dyn FnMut(&str, u32, f64, bool)| side("left", white, 2.2 - 0.5 * gap, true);
+    if white_first {
+        white_side(&mut side);
+    }
+    side("right", black, 2.2 + 0.5 * gap, false);
+    if !white_first {
+        white_side(&mut side);
+    }
+    resolve(soup, &LoadOptions::default()).expect("a scene")
+}
+
+/// Faces in one place that are turned away from each other are those of a wall with a gap of a millimetre, by the solver and by paths.
+#[test]
+fn faces_back_to_back_are_two_sides_of_a_wall() {
+    let points = [at(1.0, 1.5, 0.0), at(1.9, 1.2, 0.0), at(2.5, 1.2, 0.0), at(3.2, 1.5, 0.0)];
+    let light = |gap: f64, white_first: bool| {
+        let scene = room_in_halves(gap, white_first);
+        let settings = path_tracer::Settings { samples: 2048, direct_only: false, seed: 1 };
+        let model = model_for(&scene, &Options::default());
+        let traced = path_tracer::irradiance(&model, &points, settings, &()).expect("irradiance").values;
+        [solved(&scene, &points, &quick()).irradiance, traced]
+    };
+    let wanted = light(1e-3, true);
+    for white_first in [false, true] {
+        for (found, wanted) in light(0.0, white_first).iter().flatten().zip(wanted.iter().flatten()) {
+            assert!((found[0] / wanted[0] - 1.0).abs() < 0.05, "{found:?} {wanted:?}");
+        }
+    }
+}

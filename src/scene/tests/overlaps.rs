@@ -145,3 +145,27 @@ fn tiles_touch_and_a_rug_covers_them() {
     let scene = resolve(soup, &LoadOptions::default()).expect("a scene");
     assert!(said(&scene).is_some_and(|m| m.contains("16 m²")), "{:?}", said(&scene));
 }
+
+/// Two rectangles in one place that are turned away from each other are the sides of a sheet, also if one of them is in two pieces: each
+/// is met from its own side.
+#[test]
+fn faces_back_to_back_are_seen_from_their_own_sides() {
+    let up = ("up", DVec3::ZERO, 2.0 * X, Y);
+    let down = ("down", DVec3::ZERO, Y, 2.0 * X);
+    let pieces = [("left", -X, Y, X), ("right", X, Y, X)];
+    for list in
+        [vec![up, down], vec![down, up], vec![up, pieces[0], pieces[1]], vec![pieces[0], up, pieces[1]]]
+    {
+        let scene = sheets(DMat3::from_rotation_x(0.4), DVec3::new(1.0, 2.0, 3.0), &list);
+        let normal = DMat3::from_rotation_x(0.4).z_axis.as_vec3();
+        let heights = |is_up: bool| -> Vec<f32> {
+            let own = (0..scene.triangles.len() as u32).filter(|&t| {
+                (scene.objects[scene.triangle_object[t as usize] as usize].name == "up") == is_up
+            });
+            own.flat_map(|t| scene.corners(t).map(|p| p.dot(normal))).collect()
+        };
+        let lowest = heights(true).into_iter().fold(f32::MAX, f32::min);
+        let highest = heights(false).into_iter().fold(f32::MIN, f32::max);
+        assert!(lowest > highest + 1e-5 && lowest < highest + 1e-3, "{lowest} {highest}");
+    }
+}
