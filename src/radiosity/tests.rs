@@ -122,7 +122,7 @@ fn threads_do_not_matter() {
         let with = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
             let options = Options { error: 0.2, audit: 20, ..Options::default() };
-            pool.install(|| solved(&scene, &floor(20), &options))
+            pool.install(|| solved(&scene, &floor(200), &options))
         };
         let (one, two) = (with(1), with(3));
         assert_eq!(one.irradiance, two.irradiance);
