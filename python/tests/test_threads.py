@@ -147,6 +147,7 @@ def test_ctrl_c(call):
     assert presses == 1 and takes_longer(call, 0.5 + 5 * late), f"{late} s late"
 
 
+@pytest.mark.long
 def test_a_second_ctrl_c_leaves_work_that_does_not_stop():
     # The error metric does not look whether it shall stop; it is left to itself half a second after the first interruption.
     presses, late = interrupted("fbem", 2)
