@@ -100,7 +100,7 @@ need-lint: need-cargo
 # --- build, demo, test, install ---------------------------------------------------------------------------------------
 
 build: setup
-	cargo build --release --features capi,parquet --config 'build.rustflags=["--remap-path-prefix=$(CRATES)=crates"]'
+	cargo build --release --features capi --config 'build.rustflags=["--remap-path-prefix=$(CRATES)=crates"]'
 
 scenes: need-furniture
 	@python3 scenes/assemble.py $(SCENES) --out scenes/real

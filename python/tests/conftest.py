@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from known import squares
 
-MAX_SECONDS = 40  # of processor time, with that of programs that a test starts
+MAX_SECONDS = 20  # of processor time, with that of programs that a test starts
 
 
 @pytest.hookimpl(wrapper=True)

@@ -19,8 +19,6 @@ mod report;
 mod row;
 mod schedule;
 mod table;
-#[cfg(feature = "parquet")]
-mod table_parquet;
 mod template;
 mod toml_source;
 

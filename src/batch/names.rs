@@ -6,7 +6,7 @@ use std::path::{Component, Path};
 pub const FOLDER: &str = ".mrvis-batch";
 
 /// Tables of all jobs in the output folder.
-pub const TABLES: [&str; 3] = ["results.csv", "results.jsonl", "results.parquet"];
+pub const TABLES: [&str; 2] = ["results.csv", "results.jsonl"];
 
 /// Similarity (Jaro-Winkler) from which a known name is suggested: that of clap for options and commands.
 const MIN_SIMILARITY: f64 = 0.7;

@@ -1,9 +1,7 @@
-//! The tables of all jobs: `results.csv`, `results.jsonl` and, with the feature `parquet`, `results.parquet`.
+//! The tables of all jobs: `results.csv` and `results.jsonl`.
 
 use super::journal::Entry;
 use super::row::{Row, cell};
-#[cfg(feature = "parquet")]
-use super::table_parquet::parquet;
 use super::template::outputs_of;
 use crate::files::{WholeFile, csv_text};
 use crate::{Error, Result};
@@ -67,10 +65,7 @@ fn write_tables(out: &Path, rows: &[Row]) -> Result<()> {
         table.write_record(columns.iter().map(|name| csv_cell(row.get(name)))).map_err(at)?;
     }
     let text = table.into_inner().map_err(|e| Error::format(&path, None, e.to_string()))?;
-    WholeFile::write(&path, text)?;
-    #[cfg(feature = "parquet")]
-    WholeFile::write(&out.join("results.parquet"), parquet(&columns, rows)?)?;
-    Ok(())
+    WholeFile::write(&path, text)
 }
 
 /// A value in a cell of CSV.

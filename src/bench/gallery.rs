@@ -9,7 +9,7 @@ use super::measure::{MrRun, Queries, Timer};
 use super::page::{MrImage, ReceiverImages};
 use super::receivers::{Crop, ReceiverGrid, Surfaces};
 use super::record::{self, MrRow, ReceiverFbem, interpolate_log_log, ratio};
-use super::rounds::{MAX_TIME, rounds};
+use super::rounds::{MAX_ROUNDS, MAX_TIME, rounds};
 use super::workload::Workload;
 use crate::embree::Traversal;
 use crate::metrics::{FbemOptions, Image, fbem, missing_features, norms};
@@ -19,7 +19,7 @@ use crate::{Error, Result, error::quote};
 
 /// Rays per texel of the exact image in the report: as many as the default number of segments of MR.
 const SHOWN_RAYS: usize = 16;
-/// Pairs of the parts of the images on which rows are timed: about 70 million segments of all rows a round, some ten
+/// Pairs of the parts of the images on which rows are timed, fewer in proportion where fewer rounds are asked for: about 70 million segments of all rows a round, some ten
 /// seconds on one core.
 const TIMED_PAIRS: usize = 40_000;
 /// Rays per pair of the shown reference that decide whether the emitter is partly visible there, and rays where it is.
@@ -78,7 +78,8 @@ impl Bench<'_> {
             warnings.push(format!("No light arrives at the receiver `{}`.", quote(&receiver.name)));
         }
         let texels: usize = receivers.iter().map(|r| r.points.len()).sum();
-        let part = TIMED_PAIRS as f64 / (texels * self.scene.emitters.len()).max(1) as f64;
+        let pairs = TIMED_PAIRS * self.options.rounds / MAX_ROUNDS;
+        let part = pairs as f64 / (texels * self.scene.emitters.len()).max(1) as f64;
         let parts: Vec<Crop> = receivers.iter().map(|r| r.middle(part)).collect();
         let timed: Vec<ReceiverGrid> = receivers.iter().zip(&parts).map(|(r, part)| r.only(*part)).collect();
         let workload = self.texels(&timed);

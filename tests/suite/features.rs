@@ -68,7 +68,7 @@ fn check_features(((trees, leaves), sizes): ((usize, usize), &[f64]), scenes: &[
         let mut spec = Spec::new(name);
         (spec.trees, spec.leaves) = (trees, leaves);
         let scene = generate::build(&spec).expect(name);
-        let few = Options { points: 200, rays: 16, reference_rays: 128, rounds: 1, ..Options::default() };
+        let few = Options { points: 200, rays: 16, reference_rays: 64, rounds: 1, ..Options::default() };
         let options = Options { feature_sizes: sizes.to_vec(), ..few };
         let model = Model::prepare(scene, &options.prepare(), &()).expect(name);
         let (record, _) = bench::run(&model, &options, &()).expect(name);

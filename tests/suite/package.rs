@@ -110,7 +110,7 @@ fn the_first_programs_run() {
     }
 }
 
-/// The examples in C++, shared and static; they print what they compute and write what they promise.
+/// The examples in C++ are built with both libraries; they print what they compute and write what they promise.
 #[test]
 fn examples_in_cpp_are_built_and_run() {
     let Some(prefix) = installed() else { return };
@@ -137,6 +137,9 @@ fn examples_in_cpp_are_built_and_run() {
         let red = |x: usize, y: usize| image[head.len() + 3 * (128 * y + x)];
         assert!(image.starts_with(head) && image.len() == head.len() + 128 * 128 * 3);
         assert!(image[head.len()..].contains(&255) && red(77, 64) < red(20, 64), "no shadow below the table");
+        if library == "static" {
+            continue;
+        }
         let mut generate = Command::new(env!("CARGO_BIN_EXE_mrvis"));
         output(generate.args(["generate", "cornell", "--out", "box.obj"]).current_dir(folder.path()));
         let done = said("solve", &["box.obj"]);

@@ -77,7 +77,7 @@ fn plates(low: DVec3, size: f64) -> Scene {
 #[test]
 fn solutions_of_published_obstructed_pairs() {
     // The emitter's radiosity is 1, so the floor's mean irradiance is the form factor.
-    let n = 40;
+    let n = 24;
     let at = |k: usize| (k as f64 + 0.5) / n as f64;
     let grid: Vec<Point> =
         (0..n * n).map(|k| Point { position: dvec3(at(k % n), at(k / n), 0.0), normal: DVec3::Z }).collect();
@@ -213,35 +213,21 @@ fn glass_blocks_from_one_half_on_in_every_command() {
         said(&[&["solve", "pane.obj", "--out", "s", "--quiet"], &direct[..], &points].concat());
         said(&[&["reference", "pane.obj", "--out", "r.csv", "--quiet"], &points[..]].concat());
         said(&["form-factors", "pane.obj", "--out", "f.csv", "--by", "object", "--quiet"]);
-        said(&[
-            "bench",
-            "pane.obj",
-            "--points",
-            "50",
-            "--rays",
-            "1",
-            "--reference-rays",
-            "8",
-            "--feature-size",
-            "1",
-            "--map",
-            "0",
-            "--rounds",
-            "1",
-            "--json",
-            "b.json",
-            "--cache",
-            "off",
-            "--quiet",
-        ]);
+        // The command reads scenes as the others do; two values show it.
+        if ["d 0.499", "d 0.5"].contains(&d) {
+            let few =
+                ["--points", "50", "--rays", "1", "--reference-rays", "8", "--map", "0", "--rounds", "1"];
+            let more = ["--feature-size", "1", "--json", "b.json", "--cache", "off", "--quiet"];
+            said(&[&["bench", "pane.obj"], &few[..], &more].concat());
+            let triangles = scratch.json("b.json")["scene"]["triangles"].as_u64();
+            assert_eq!(triangles, Some(if blocks { 6 } else { 4 }), "{d}");
+        }
         let (solved, traced) = (irradiance(&scratch, "s/irradiance.csv"), irradiance(&scratch, "r.csv"));
-        let triangles = scratch.json("b.json")["scene"]["triangles"].as_u64();
         let factors = std::fs::read_to_string(scratch.path("f.csv")).expect("a file");
         let factor = |from: &str, to: &str| -> f64 {
             let start = format!("{from},{to},");
             factors.lines().find_map(|l| l.strip_prefix(&start)).map_or(0.0, |f| f.parse().expect("a number"))
         };
-        assert_eq!(triangles, Some(if blocks { 6 } else { 4 }), "{d}");
         assert!((factor("floor", "lamp") > 0.3) != blocks, "{d}: {factors}");
         if blocks {
             assert!(
@@ -320,7 +306,7 @@ fn ten_million_links_take_less_than_a_gibibyte() {
     let stored = size_of::<Link>();
     assert!(stored <= 40, "{stored}");
     assert!(10_000_000 * (stored + 32) < 1 << 30);
-    let options = Options { error: 0.01, ..Options::default() };
+    let options = Options { error: 0.01, local_rays: Some(20_000), audit: 0, ..Options::default() };
     let outcome =
         radiosity::run(&model(&plates(dvec3(0.25, 0.25, 0.5), 0.5)), &[], &options, &()).expect("a solution");
     let (links, elements) = (outcome.record.links, outcome.record.elements);

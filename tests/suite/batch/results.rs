@@ -60,8 +60,6 @@ fn check_examples(only: &[&str]) {
         assert!(row["compared.rms"].as_f64().is_some_and(|rms| rms > 0.0), "{row}");
         assert!(row["seconds.solve"].is_number() && row["output_blake3"].is_string(), "{row}");
     }
-    let parquet = std::fs::read(scratch.path("compare/results.parquet")).expect("a table");
-    assert!(parquet.starts_with(b"PAR1") && parquet.ends_with(b"PAR1"));
 
     let refused = scratch.mrvis(&["report", "."]);
     assert_eq!(refused.code, Some(2));
@@ -84,8 +82,11 @@ fn the_example_of_the_page_runs() {
     }
     let listed = scratch.mrvis(&["batch", "jobs.toml", "--out", "results", "--dry-run"]);
     assert!(listed.stdout.contains("29 of 29 jobs, 29 to do"), "{}{}", listed.stdout, listed.stderr);
-    // All commands of the example, with one of the scenes.
-    scratch.write("jobs.toml", example.replace("\"rooms/*.obj\", ", ""));
+    // All commands of the example, with one of the scenes, in the time that few rays take.
+    let few = example
+        .replace("\"rooms/*.obj\", ", "")
+        .replace("\"160x120\"", "\"160x120\", audit = 0, local-rays = 20000");
+    scratch.write("jobs.toml", few);
     let ran = scratch.mrvis(&["batch", "jobs.toml", "--out", "results"]);
     assert_eq!(ran.code, Some(0), "{}{}", ran.stdout, ran.stderr);
     assert!(ran.stdout.contains("13 jobs done"), "{}", ran.stdout);
